@@ -1,0 +1,182 @@
+# Copyright 2026 retrolidar_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""What the sensor sees: frames of distance, signal, ambient and status, and the zones' angles.
+
+Zones are numbered row-major, row 0 at the top and column 0 at the left of the scene as seen
+from the sensor. Directions are in the optical frame: x right, y down, z forward.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from enum import IntEnum
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+Floats = NDArray[np.float64]
+
+ZONE_SHAPES = ((4, 4), (8, 8))
+_FIELD_OF_VIEW_TANGENT = 4 * 0.21498  # full width, in tangents: 46.5°
+
+
+class Status(IntEnum):
+    """The sensor's target status codes that the package tells apart (ST UM3109 §5.5)."""
+
+    NOT_UPDATED = 0
+    SIGNAL_TOO_LOW_ON_ARRAY = 1
+    SIGMA_TOO_HIGH = 3
+    VALID = 5
+    FIRST_RANGE = 6  # no wrap-around check: the previous frame had no target here
+    SIGNAL_TOO_LOW = 8
+    MERGED = 9  # valid, large pulse: perhaps two targets nearer than 600 mm to each other
+    NO_PREVIOUS_TARGET = 10  # valid, but the previous range showed no target
+    NO_TARGET = 255
+
+
+@dataclass(frozen=True)
+class ZoneGrid:
+    """The directions in which the zones of a VL53L8CX look.
+
+    Zones are equal steps in the tangent of the angle, so a grid is flat at any distance.
+    """
+
+    rows: int = 4
+    columns: int = 4
+
+    def __post_init__(self) -> None:
+        """Raise ValueError for a shape that the sensor does not have."""
+        if (self.rows, self.columns) not in ZONE_SHAPES:
+            raise ValueError(f'{self.rows}x{self.columns} zones: the sensor has 4x4 or 8x8')
+
+    @property
+    def zones(self) -> int:
+        """How many zones there are."""
+        return self.rows * self.columns
+
+    @property
+    def pitch(self) -> float:
+        """Width and height of a zone, as a tangent."""
+        return _FIELD_OF_VIEW_TANGENT / self.columns
+
+    @cached_property
+    def tangents(self) -> Floats:
+        """Centre of each zone as (x/z, y/z), shape (zones, 2)."""
+        row, column = np.divmod(np.arange(self.zones), self.columns)
+        steps = [column - (self.columns - 1) / 2, row - (self.rows - 1) / 2]
+        tangents: Floats = self.pitch * np.stack(steps, axis=-1)
+        return tangents
+
+    @cached_property
+    def directions(self) -> Floats:
+        """Unit vector to the centre of each zone, shape (zones, 3)."""
+        rays = np.concatenate([self.tangents, np.ones((self.zones, 1))], axis=-1)
+        return rays / np.linalg.norm(rays, axis=-1, keepdims=True)
+
+    @cached_property
+    def z_per_range(self) -> Floats:
+        """Reported distance over radial range of each zone, shape (zones,).
+
+        The sensor turns the radial range of whatever it saw into a distance along the optical
+        axis by one factor a zone, wherever in the zone the target is: the factor that brings the
+        mean radial range of a flat wall, which is the mean secant over the zone, to its depth.
+        """
+        steps = (np.arange(16) + 0.5) / 16 - 0.5
+        across, down = np.meshgrid(self.pitch * steps, self.pitch * steps)
+        x = self.tangents[:, 0, None] + across.ravel()
+        y = self.tangents[:, 1, None] + down.ravel()
+        mean_secant: Floats = np.sqrt(1 + x * x + y * y).mean(axis=-1)
+        return 1 / mean_secant
+
+
+@dataclass(frozen=True, eq=False)
+class Frame:
+    """One frame of the sensor, of every zone the quadruple (D, I, A, S) of paper §2.1.
+
+    The arrays have the shape (zones,), in the order of the scene.
+    """
+
+    stamp_ns: int
+    """Middle of the exposure [ns]: the sensor's clock until a driver maps it to ROS time."""
+    sequence: int
+    """The sensor's frame counter, 32 bits; a jump means lost frames."""
+    sensor_time_us: int
+    """The sensor's clock at the middle of the exposure [µs]."""
+    grid: ZoneGrid
+    distance: NDArray[np.float32]
+    """Along the optical axis [m]; NaN where there is no target."""
+    signal: NDArray[np.float32]
+    """Received signal [kcps/SPAD]."""
+    ambient: NDArray[np.float32]
+    """Ambient light [kcps/SPAD]."""
+    status: NDArray[np.uint8]
+    """The sensor's target status codes, see `Status`."""
+
+
+@dataclass(frozen=True, eq=False)
+class Recording:
+    """Consecutive frames of one sensor, stacked: the arrays have a leading time axis."""
+
+    stamp_ns: NDArray[np.int64]
+    sequence: NDArray[np.int64]
+    sensor_time_us: NDArray[np.int64]
+    grid: ZoneGrid
+    distance: NDArray[np.float32]
+    signal: NDArray[np.float32]
+    ambient: NDArray[np.float32]
+    status: NDArray[np.uint8]
+
+    @classmethod
+    def of(cls, frames: list[Frame]) -> Recording:
+        """Stack frames.
+
+        Raises
+        ------
+        ValueError
+            If there are none, or their zone grids differ.
+        """
+        if not frames:
+            raise ValueError('a recording needs at least one frame')
+        grid = frames[0].grid
+        if any(frame.grid != grid for frame in frames):
+            raise ValueError('the frames have different zone grids')
+        return cls(
+            stamp_ns=np.array([frame.stamp_ns for frame in frames]),
+            sequence=np.array([frame.sequence for frame in frames]),
+            sensor_time_us=np.array([frame.sensor_time_us for frame in frames]),
+            grid=grid,
+            distance=np.stack([frame.distance for frame in frames]),
+            signal=np.stack([frame.signal for frame in frames]),
+            ambient=np.stack([frame.ambient for frame in frames]),
+            status=np.stack([frame.status for frame in frames]),
+        )
+
+    def __len__(self) -> int:
+        """Return the number of frames."""
+        return len(self.stamp_ns)
+
+    def __iter__(self) -> Iterator[Frame]:
+        """Go through the frames in order of time."""
+        for index in range(len(self)):
+            yield Frame(
+                stamp_ns=int(self.stamp_ns[index]),
+                sequence=int(self.sequence[index]),
+                sensor_time_us=int(self.sensor_time_us[index]),
+                grid=self.grid,
+                distance=self.distance[index],
+                signal=self.signal[index],
+                ambient=self.ambient[index],
+                status=self.status[index],
+            )
+
+
+def check_frame_arrays(grid: ZoneGrid, **arrays: ArrayLike) -> None:
+    """Raise ValueError naming the first array that does not hold one value a zone."""
+    for name, values in arrays.items():
+        if np.shape(values) != (grid.zones,):
+            raise ValueError(
+                f'{name} has shape {np.shape(values)}; '
+                f'{grid.rows}x{grid.columns} zones need ({grid.zones},)'
+            )
