@@ -1,0 +1,113 @@
+# Copyright 2026 retrolidar_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""From the sensor's clock to the host's, with messages going one way only.
+
+A frame reaches the host some varying time after its exposure, never before. So the true line
+from sensor time to host time lies below all pairs of them, and the lower convex hull of the
+pairs supports it: Zhang, Liu and Xia, Clock synchronization algorithms for network
+measurements, INFOCOM 2002. What remains is a constant, the smallest delay that ever occurred.
+"""
+
+from __future__ import annotations
+
+WINDOW_S = 60.0
+"""How far back pairs are kept: long against the delay's jitter, short against drifts."""
+MAX_SKEW = 0.05
+"""Largest relative error of a sensor's clock that is believed."""
+# A stall of the transport is shorter; were it not, the next frames would mend the offset.
+_STEP_NS = 250_000_000
+_YOUNG_NS = 1_000_000_000
+
+
+class ClockMap:
+    """Maps a sensor's time to host time, learning from each frame's arrival.
+
+    A sensor that restarts, a counter that wraps or a host clock that is set makes the map begin
+    anew; `restarts` counts how often.
+    """
+
+    def __init__(self, least_delay_s: float = 0.0) -> None:
+        """Start without knowledge.
+
+        Parameters
+        ----------
+        least_delay_s : float
+            The known part of the delay from the middle of the exposure to the arrival, which
+            is taken off every stamp [s].
+        """
+        self.restarts = 0
+        self._least_delay_ns = round(least_delay_s * 1e9)
+        self._last_stamp_ns: int | None = None
+        self._hull: list[tuple[int, int]] = []
+        self._last_pair = (0, 0)
+
+    @property
+    def skew(self) -> float:
+        """Host seconds per sensor second, less one; 0 while unknown."""
+        if not self._hull:
+            return 0.0
+        rate, _ = self._line()
+        return rate - 1.0
+
+    def map(self, sensor_time_us: int, arrival_ns: int) -> int:
+        """Return the host time [ns] of a sensor time, given when the frame arrived.
+
+        Stamps never go back unless the map begins anew.
+
+        Parameters
+        ----------
+        sensor_time_us : int
+            The sensor's clock at the middle of the exposure [µs].
+        arrival_ns : int
+            The host's clock when the frame had arrived [ns].
+        """
+        sensor_ns = sensor_time_us * 1000
+        if self._hull and self._is_restart(sensor_ns, arrival_ns):
+            self._hull.clear()
+            self._last_stamp_ns = None
+            self.restarts += 1
+        self._last_pair = (sensor_ns, arrival_ns)
+        self._add(sensor_ns, arrival_ns)
+        rate, (origin_sensor_ns, origin_host_ns) = self._line()
+        # Differences are taken in integers: ROS time in nanoseconds exceeds a float's precision.
+        since_origin_ns = round(rate * (sensor_ns - origin_sensor_ns))
+        stamp_ns = min(origin_host_ns + since_origin_ns, arrival_ns) - self._least_delay_ns
+        if self._last_stamp_ns is not None:
+            stamp_ns = max(stamp_ns, self._last_stamp_ns + 1)
+        self._last_stamp_ns = stamp_ns
+        return stamp_ns
+
+    def _is_restart(self, sensor_ns: int, arrival_ns: int) -> bool:
+        """Tell whether the two clocks went on differently since the last frame."""
+        sensor_step = sensor_ns - self._last_pair[0]
+        host_step = arrival_ns - self._last_pair[1]
+        tolerance = _STEP_NS + MAX_SKEW * abs(host_step)
+        return sensor_step <= 0 or abs(host_step - sensor_step) > tolerance
+
+    def _add(self, sensor_ns: int, arrival_ns: int) -> None:
+        """Add a pair at the right end of the lower convex hull and drop what has become old."""
+        hull = self._hull
+        while len(hull) > 1:
+            (x0, y0), (x1, y1) = hull[-2], hull[-1]
+            if (y1 - y0) * (sensor_ns - x0) < (arrival_ns - y0) * (x1 - x0):
+                break
+            hull.pop()
+        hull.append((sensor_ns, arrival_ns))
+        while len(hull) > 2 and sensor_ns - hull[1][0] > WINDOW_S * 1e9:
+            del hull[0]
+
+    def _line(self) -> tuple[float, tuple[int, int]]:
+        """Return rate and one point of the supporting line: the hull's edge over its middle.
+
+        Of all lines below the pairs this one is nearest to them on average. Until the hull is
+        a second long, the rate is taken to be 1 and only the offset is learned.
+        """
+        hull = self._hull
+        (first_ns, _), (last_ns, _) = hull[0], hull[-1]
+        if last_ns - first_ns < _YOUNG_NS:
+            return 1.0, min(hull, key=lambda pair: pair[1] - pair[0])
+        middle_ns = (first_ns + last_ns) // 2
+        right = next(index for index, pair in enumerate(hull) if pair[0] > middle_ns)
+        (x0, y0), (x1, y1) = hull[right - 1], hull[right]
+        rate = (y1 - y0) / (x1 - x0)
+        return min(max(rate, 1 - MAX_SKEW), 1 + MAX_SKEW), (x0, y0)

@@ -1,0 +1,12 @@
+# Copyright 2026 retrolidar_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""The smallest model of marker, sensor and room that a scene asks for.
+
+`description` says what a scene may name, `transmission` what a marker's liquid crystal lets
+through, `optics` how much of it reaches which zone, and `simulation` what the sensor reports.
+"""
+
+from retrolidar_ros.scene.description import Scene, SceneError, parse_scene
+from retrolidar_ros.scene.simulation import Simulation
+
+__all__ = ['Scene', 'SceneError', 'Simulation', 'parse_scene']

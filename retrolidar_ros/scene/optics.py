@@ -1,0 +1,113 @@
+# Copyright 2026 retrolidar_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""How much light of a marker comes back, and how it is shared between the zones."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from retrolidar_ros.frame import Floats, ZoneGrid
+from retrolidar_ros.scene.description import Marker
+
+# From paper §3.2 and §4: a bare 3 cm × 3 cm retroreflector returns 100.4 times what a board
+# does, which is 4 kcps/SPAD at 1.4 m; the crystal's polarisers let a quarter of it pass.
+SIGNAL_AT_1_M = 360.0  # [kcps/SPAD], 9 cm² facing the sensor
+REFERENCE_AREA_M2 = 9e-4
+DISTANCE_EXPONENT = -3.8  # measured beyond 1.5 m (paper Fig. 5a)
+# Signal declines rapidly beyond 50° of yaw and is gone at 60° (paper Fig. 11b).
+_YAW_GOOD_RAD = math.radians(50)
+_YAW_DEAD_RAD = math.radians(60)
+
+
+def received_signal(range_m: Floats, area_m2: float, yaw_rad: float) -> Floats:
+    """Return the signal of a bright marker wholly within one zone.
+
+    Parameters
+    ----------
+    range_m : array, shape (...)
+        Radial distance [m].
+    area_m2 : float
+        Area of the retroreflector [m²].
+    yaw_rad : float
+        Angle between the marker's normal and the line of sight [rad].
+
+    Returns
+    -------
+    array, shape (...)
+        [kcps/SPAD]
+    """
+    decline = (_YAW_DEAD_RAD - abs(yaw_rad)) / (_YAW_DEAD_RAD - _YAW_GOOD_RAD)
+    facing = math.cos(yaw_rad) * min(1.0, max(0.0, decline))
+    at_1_m = SIGNAL_AT_1_M * area_m2 / REFERENCE_AREA_M2 * facing
+    return at_1_m * range_m**DISTANCE_EXPONENT
+
+
+def position_at(marker: Marker, time_s: Floats) -> Floats:
+    """Return where a marker is at times of shape (n,): x, y, z [m], shape (n, 3).
+
+    One that does not move is at one place, shape (1, 3).
+    """
+    rest = np.array(marker.position_m)
+    if marker.wander is None:
+        return rest[None]
+    wander = marker.wander
+    turn = 2 * math.pi / wander.period_s * time_s
+    golden = (1 + math.sqrt(5)) / 2
+    across_x = wander.across_m * np.sin(turn)
+    across_y = wander.across_m * np.sin(turn / golden + 1)
+    along_z = wander.along_m * np.sin(turn / math.sqrt(2) + 2)
+    return rest + np.stack([across_x, across_y, along_z], axis=-1)
+
+
+_erf = np.vectorize(math.erf, otypes=[np.float64])
+
+
+def _ramp(distance: Floats, sigma: float) -> Floats:
+    """Integrate the cumulative normal distribution, or the unit step where sigma is 0."""
+    if sigma == 0:
+        return np.maximum(distance, 0.0)
+    scaled = distance / sigma
+    cumulative = (1 + _erf(scaled / math.sqrt(2))) / 2
+    density = np.exp(-scaled * scaled / 2) / math.sqrt(2 * math.pi)
+    ramp: Floats = sigma * (scaled * cumulative + density)
+    return ramp
+
+
+def _share_per_step(
+    centre: Floats, width: Floats, steps: int, pitch: float, sigma: float
+) -> Floats:
+    """Share a blurred line of given centre and width, shape (n,), between steps: (n, steps)."""
+    edges = pitch * (np.arange(steps + 1) - steps / 2)
+    beyond = edges - centre[:, None]
+    half = width[:, None] / 2
+    below = (_ramp(beyond + half, sigma) - _ramp(beyond - half, sigma)) / width[:, None]
+    return np.diff(below, axis=-1)
+
+
+def zone_shares(position_m: Floats, size_m: float, grid: ZoneGrid, blur: float) -> Floats:
+    """Return the share of a square marker's light that falls into each zone.
+
+    Parameters
+    ----------
+    position_m : array, shape (n, 3)
+        Places of the marker [m].
+    size_m : float
+        Its edge [m].
+    grid : ZoneGrid
+        The zones.
+    blur : float
+        Standard deviation of the optical blur, as a share of a zone's width.
+
+    Returns
+    -------
+    array, shape (n, zones)
+        Sums to 1 where the whole spot is within the field of view.
+    """
+    depth = position_m[:, 2]
+    width = size_m / depth
+    sigma = blur * grid.pitch
+    across = _share_per_step(position_m[:, 0] / depth, width, grid.columns, grid.pitch, sigma)
+    down = _share_per_step(position_m[:, 1] / depth, width, grid.rows, grid.pitch, sigma)
+    return (down[:, :, None] * across[:, None, :]).reshape(len(position_m), grid.zones)

@@ -1,0 +1,192 @@
+# Copyright 2026 retrolidar_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""What the sensor reports of a scene, frame after frame."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+from numpy.typing import NDArray
+
+from retrolidar_ros.frame import Floats, Recording, Status
+from retrolidar_ros.scene.description import Marker, Scene, Surface
+from retrolidar_ros.scene.optics import position_at, received_signal, zone_shares
+from retrolidar_ros.scene.transmission import Transmission, visible_share
+
+# Two targets in one zone are told apart from this distance on (ST UM3109).
+SEPARABLE_M = 0.6
+# A pulse counts as merged when its strongest target is less than this share of it.
+_PURE_SHARE = 0.95
+# Codes that the sensor gives to measurements it does not trust.
+_ABNORMAL = np.array(
+    [Status.NOT_UPDATED, Status.SIGNAL_TOO_LOW_ON_ARRAY, Status.SIGMA_TOO_HIGH, 4, 7, 8, 11],
+    dtype=np.uint8,
+)
+_GARBAGE_SIGNAL = 100.0  # [kcps/SPAD]
+_GARBAGE_DISTANCE_M = 4.0
+
+
+class Simulation:
+    """A running scene. Blocks of frames follow each other without a seam.
+
+    Samples come from one seeded generator, in the order of frames, so a scene gives the same
+    frames in blocks of the same sizes.
+    """
+
+    def __init__(self, scene: Scene, rng: np.random.Generator | None = None) -> None:
+        """Start `scene` at its time zero, with its own seed unless a generator is given."""
+        self.scene = scene
+        self._rng = np.random.default_rng(scene.seed) if rng is None else rng
+        self._frames_done = 0
+        self._transmissions = [Transmission(marker) for marker in scene.markers]
+        self._had_target = np.ones(scene.sensor.grid.zones, dtype=bool)
+
+    @property
+    def period_s(self) -> float:
+        """The true frame period [s]."""
+        return self.scene.sensor.period_s * (1 + self.scene.sensor.period_error)
+
+    def exposure_times(self, count: int) -> tuple[NDArray[np.int64], Floats]:
+        """Return sequence numbers and true middles [s] of the next exposures, and go past them."""
+        sensor = self.scene.sensor
+        sequence: NDArray[np.int64] = np.arange(self._frames_done, self._frames_done + count)
+        self._frames_done += count
+        middle_s: Floats = (sequence + 0.5) * self.period_s
+        if sensor.jitter_s:
+            # Bounded, so that no frame overtakes the next one.
+            deviation = np.clip(self._rng.standard_normal(count), -2, 2)
+            middle_s = middle_s + sensor.jitter_s * deviation
+        if sensor.lost:
+            kept = self._rng.random(count) >= sensor.lost
+            sequence, middle_s = sequence[kept], middle_s[kept]
+        return sequence, middle_s
+
+    def advance(self, count: int) -> Recording:
+        """Return the next `count` frames, less those that the scene loses."""
+        scene, sensor = self.scene, self.scene.sensor
+        sequence, middle_s = self.exposure_times(count)
+        signals, distances = self._targets(middle_s)
+        signal, distance, merged = _reported_pulse(signals, distances)
+        signal = self._noisy(signal)
+        if sensor.ranging is not None:
+            shot = np.divide(
+                sensor.ranging.shot, signal, out=np.full_like(signal, np.inf), where=signal > 0
+            )
+            sigma = np.minimum(np.hypot(shot, sensor.ranging.floor), _GARBAGE_DISTANCE_M)
+            distance = distance + sigma * self._rng.standard_normal(signal.shape)
+        status = np.where(merged, Status.MERGED, Status.VALID).astype(np.uint8)
+        self._drop_weak(signal, distance, status)
+        if sensor.abnormal:
+            self._add_garbage(signal, distance, status)
+        sensor_time_us = np.rint(middle_s * (1 + sensor.clock_error) * 1e6).astype(np.int64)
+        return Recording(
+            stamp_ns=sensor_time_us * 1000,
+            sequence=sequence,
+            sensor_time_us=sensor_time_us,
+            grid=sensor.grid,
+            distance=distance.astype(np.float32),
+            signal=signal.astype(np.float32),
+            ambient=np.full(signal.shape, scene.ambient, dtype=np.float32),
+            status=status,
+        )
+
+    def blocks(self, duration_s: float, block_frames: int = 1024) -> Iterator[Recording]:
+        """Yield the frames of a duration [s] in blocks."""
+        remaining = round(duration_s / self.period_s)
+        while remaining > 0:
+            count = min(block_frames, remaining)
+            remaining -= count
+            yield self.advance(count)
+
+    def run(self, duration_s: float) -> Recording:
+        """Return the frames of a duration [s] as one recording."""
+        return self.advance(round(duration_s / self.period_s))
+
+    def _targets(self, middle_s: Floats) -> tuple[Floats, Floats]:
+        """Return signal [kcps/SPAD] and z [m] of every target: shape (targets, frames, zones)."""
+        scene = self.scene
+        shape = (len(middle_s), scene.sensor.grid.zones)
+        seen = [
+            self._see_marker(marker, transmission, middle_s)
+            for marker, transmission in zip(scene.markers, self._transmissions, strict=True)
+        ] + [self._see_surface(surface) for surface in scene.surfaces]
+        signals = np.zeros((len(seen), *shape))
+        distances = np.zeros((len(seen), *shape))
+        for index, (signal, distance) in enumerate(seen):
+            signals[index] = signal
+            distances[index] = distance
+        return signals, distances
+
+    def _see_marker(
+        self, marker: Marker, transmission: Transmission, middle_s: Floats
+    ) -> tuple[Floats, Floats]:
+        sensor = self.scene.sensor
+        position_m = position_at(marker, middle_s)
+        range_m = np.linalg.norm(position_m, axis=-1)
+        light = transmission.mean(middle_s, self.period_s)
+        if marker.occlusion is not None:
+            light = light * visible_share(marker.occlusion, middle_s, self.period_s)
+        light = light * received_signal(range_m, marker.size_m**2, marker.yaw_rad)
+        shares = zone_shares(position_m, marker.size_m, sensor.grid, sensor.blur)
+        return light[:, None] * shares, range_m[:, None] * sensor.grid.z_per_range
+
+    def _see_surface(self, surface: Surface) -> tuple[Floats, Floats]:
+        zones = self.scene.sensor.grid.zones
+        seen = np.zeros(zones)
+        seen[slice(None) if surface.zones is None else list(surface.zones)] = surface.signal
+        return seen, np.full(zones, surface.distance_m)
+
+    def _noisy(self, signal: Floats) -> Floats:
+        """Add the sensor's noise; a signal is never reported as negative."""
+        noise = self.scene.sensor.noise
+        if noise is None:
+            return signal
+        sigma = np.sqrt(noise.floor + noise.slope * signal)
+        return np.maximum(signal + sigma * self._rng.standard_normal(signal.shape), 0.0)
+
+    def _drop_weak(self, signal: Floats, distance: Floats, status: NDArray[np.uint8]) -> None:
+        """Report no target below the threshold, and mark the first range after it (in place)."""
+        threshold = self.scene.sensor.target_threshold
+        none = (signal < threshold) | np.isnan(distance)
+        if none.any():
+            before = np.concatenate([self._had_target[None], ~none[:-1]])
+            status[~none & ~before] = Status.NO_PREVIOUS_TARGET
+            status[none] = Status.NO_TARGET
+            signal[none] = 0.0
+            distance[none] = np.nan
+        if len(none):
+            self._had_target = ~none[-1]
+
+    def _add_garbage(self, signal: Floats, distance: Floats, status: NDArray[np.uint8]) -> None:
+        """Replace samples by meaningless ones with an abnormal status (in place)."""
+        hit = self._rng.random(signal.shape) < self.scene.sensor.abnormal
+        count = np.count_nonzero(hit)
+        signal[hit] = _GARBAGE_SIGNAL * self._rng.random(count)
+        distance[hit] = _GARBAGE_DISTANCE_M * self._rng.random(count)
+        status[hit] = self._rng.choice(_ABNORMAL, count)
+
+
+def _reported_pulse(signals: Floats, distances: Floats) -> tuple[Floats, Floats, NDArray[np.bool_]]:
+    """Return signal, z [m] and whether it is merged, of the strongest pulse in each zone.
+
+    Targets too near to each other to be told apart make one pulse: signals add, and the
+    distance is their mean weighted by signal. NaN distance where nothing reflects.
+
+    Parameters
+    ----------
+    signals, distances : array, shape (targets, frames, zones)
+        Of each target [kcps/SPAD], [m].
+    """
+    best_signal = np.zeros(signals.shape[1:])
+    best_distance = np.full(signals.shape[1:], np.nan)
+    best_merged = np.zeros(signals.shape[1:], dtype=bool)
+    for around in distances:
+        pulse = np.where(np.abs(distances - around) < SEPARABLE_M, signals, 0.0)
+        signal = pulse.sum(axis=0)
+        stronger = signal > best_signal
+        weighted = (pulse * distances).sum(axis=0)
+        best_distance[stronger] = weighted[stronger] / signal[stronger]
+        best_merged[stronger] = (pulse.max(axis=0) < _PURE_SHARE * signal)[stronger]
+        best_signal[stronger] = signal[stronger]
+    return best_signal, best_distance, best_merged

@@ -1,0 +1,85 @@
+# Copyright 2026 retrolidar_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""YAML files to scenes and parameter defaults."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+from retrolidar_ros.resources import shared_file
+from retrolidar_ros.scene import Scene, SceneError, parse_scene
+
+
+class _UniqueKeyLoader(yaml.SafeLoader):
+    """Refuses a key that stands twice in one mapping; plain YAML lets the last one win."""
+
+    def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict[Any, Any]:
+        seen = set()
+        for key_node, _ in node.value:
+            key = self.construct_object(key_node, deep=True)
+            if key in seen:
+                raise yaml.constructor.ConstructorError(
+                    None, None, f'key {key!r} stands here a second time', key_node.start_mark
+                )
+            seen.add(key)
+        return super().construct_mapping(node, deep=deep)
+
+
+def load_yaml(path: Path) -> Any:
+    """Return the content of a YAML file.
+
+    Raises
+    ------
+    OSError
+        If it cannot be read.
+    ValueError
+        If it is not YAML, or a key stands twice in one mapping; the message names the line.
+    """
+    with path.open(encoding='utf-8') as file:
+        try:
+            return yaml.load(file, Loader=_UniqueKeyLoader)
+        except (yaml.YAMLError, UnicodeDecodeError) as error:
+            raise ValueError(f'{path} is not a YAML file: {error}') from error
+
+
+def find_scene(name: str) -> Path:
+    """Return the file of a scene: a path, or the name of one that ships with the package.
+
+    Raises
+    ------
+    FileNotFoundError
+        If there is neither; the message lists the names there are.
+    """
+    if Path(name).is_file():
+        return Path(name)
+    shipped = shared_file('config/scenes')
+    if (shipped / f'{name}.yaml').is_file():
+        return shipped / f'{name}.yaml'
+    known = ', '.join(sorted(path.stem for path in shipped.glob('*.yaml')))
+    raise FileNotFoundError(f'there is no scene {name}; give a file, or one of {known}')
+
+
+def load_scene(name: str) -> Scene:
+    """Return a scene by the path of its file, or by name if it ships with the package.
+
+    Raises
+    ------
+    FileNotFoundError
+        If there is no such scene.
+    SceneError
+        If the scene cannot be; the message names the file and the key.
+    """
+    path = find_scene(name)
+    try:
+        return parse_scene(load_yaml(path))
+    except ValueError as error:
+        raise SceneError(f'{path}: {error}') from error
+
+
+def load_parameter_defaults(path: Path, kind: str) -> dict[str, Any]:
+    """Return the parameters that a ROS parameter file gives to the nodes of one kind."""
+    parameters: dict[str, Any] = load_yaml(path)[f'/**/{kind}']['ros__parameters']
+    return parameters
