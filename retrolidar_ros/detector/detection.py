@@ -1,0 +1,54 @@
+# Copyright 2026 retrolidar_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""What a detector says of a marker that it has read, and what it counts."""
+
+from __future__ import annotations
+
+from collections import Counter
+from dataclasses import dataclass, field
+from typing import Protocol
+
+from retrolidar_ros.detector.place import Place
+from retrolidar_ros.frame import Frame
+
+
+@dataclass(frozen=True, eq=False)
+class Detection:
+    """One marker, read once; the fields mirror `MarkerDetection.msg`."""
+
+    id: int
+    stamp_ns: int
+    """Time of the last frame used [ns]."""
+    start_ns: int
+    """When the (first) packet began [ns]."""
+    place: Place
+    snr_db: float
+    """Modulation over noise, per sample: 20 log10 of amplitude over standard deviation [dB]."""
+    score: float
+    """Normalised correlation of the samples with the sent packet, 0 to 1."""
+    likelihood: float
+    """The paper's l at the start of the packet."""
+    corrected_bits: int
+    packets: int
+    zones: tuple[int, ...]
+    """Indices of the zones used, strongest first."""
+
+
+@dataclass
+class DetectorCounts:
+    """What became of the candidates so far."""
+
+    candidates: int = 0
+    """Packet starts that were found, one for every zone that saw one."""
+    accepted: int = 0
+    rejected: Counter[str] = field(default_factory=Counter)
+    """Candidates that were not read, by reason."""
+
+
+class Detector(Protocol):
+    """Frames in, detections out: what every method offers."""
+
+    counts: DetectorCounts
+
+    def update(self, frame: Frame) -> list[Detection]:
+        """Take the next frame; return the detections that became certain with it."""
