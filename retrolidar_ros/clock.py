@@ -36,18 +36,12 @@ class ClockMap:
             is taken off every stamp [s].
         """
         self.restarts = 0
+        self.skew = 0.0
+        """Host seconds per sensor second, less one; 0 while unknown."""
         self._least_delay_ns = round(least_delay_s * 1e9)
         self._last_stamp_ns: int | None = None
         self._hull: list[tuple[int, int]] = []
         self._last_pair = (0, 0)
-
-    @property
-    def skew(self) -> float:
-        """Host seconds per sensor second, less one; 0 while unknown."""
-        if not self._hull:
-            return 0.0
-        rate, _ = self._line()
-        return rate - 1.0
 
     def map(self, sensor_time_us: int, arrival_ns: int) -> int:
         """Return the host time [ns] of a sensor time, given when the frame arrived.
@@ -69,6 +63,7 @@ class ClockMap:
         self._last_pair = (sensor_ns, arrival_ns)
         self._add(sensor_ns, arrival_ns)
         rate, (origin_sensor_ns, origin_host_ns) = self._line()
+        self.skew = rate - 1.0
         # Differences are taken in integers: ROS time in nanoseconds exceeds a float's precision.
         since_origin_ns = round(rate * (sensor_ns - origin_sensor_ns))
         stamp_ns = min(origin_host_ns + since_origin_ns, arrival_ns) - self._least_delay_ns
@@ -78,14 +73,14 @@ class ClockMap:
         return stamp_ns
 
     def _is_restart(self, sensor_ns: int, arrival_ns: int) -> bool:
-        """Tell whether the two clocks went on differently since the last frame."""
+        """Tell whether one clock went back since the last frame, or the two went on differently."""
         sensor_step = sensor_ns - self._last_pair[0]
         host_step = arrival_ns - self._last_pair[1]
         tolerance = _STEP_NS + MAX_SKEW * abs(host_step)
-        return sensor_step <= 0 or abs(host_step - sensor_step) > tolerance
+        return sensor_step <= 0 or host_step < 0 or abs(host_step - sensor_step) > tolerance
 
     def _add(self, sensor_ns: int, arrival_ns: int) -> None:
-        """Add a pair at the right end of the lower convex hull and drop what has become old."""
+        """Add a pair at the right end of the lower convex hull and cut off what has become old."""
         hull = self._hull
         while len(hull) > 1:
             (x0, y0), (x1, y1) = hull[-2], hull[-1]
@@ -93,8 +88,13 @@ class ClockMap:
                 break
             hull.pop()
         hull.append((sensor_ns, arrival_ns))
-        while len(hull) > 2 and sensor_ns - hull[1][0] > WINDOW_S * 1e9:
+        oldest_ns = sensor_ns - round(WINDOW_S * 1e9)
+        while len(hull) > 2 and hull[1][0] <= oldest_ns:
             del hull[0]
+        if hull[0][0] < oldest_ns:
+            # The edge itself may be hours long: on steady clocks all pairs lie on one line.
+            (x0, y0), (x1, y1) = hull[0], hull[1]
+            hull[0] = (oldest_ns, y0 + (y1 - y0) * (oldest_ns - x0) // (x1 - x0))
 
     def _line(self) -> tuple[float, tuple[int, int]]:
         """Return rate and one point of the supporting line: the hull's edge over its middle.
@@ -110,4 +110,4 @@ class ClockMap:
         right = next(index for index, pair in enumerate(hull) if pair[0] > middle_ns)
         (x0, y0), (x1, y1) = hull[right - 1], hull[right]
         rate = (y1 - y0) / (x1 - x0)
-        return min(max(rate, 1 - MAX_SKEW), 1 + MAX_SKEW), (x0, y0)
+        return min(max(rate, 1 / (1 + MAX_SKEW)), 1 / (1 - MAX_SKEW)), (x0, y0)

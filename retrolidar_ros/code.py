@@ -84,7 +84,8 @@ def _coset_leaders() -> tuple[NDArray[np.int64], NDArray[np.int8]]:
 
 def _syndromes(words: NDArray[np.int64]) -> NDArray[np.int64]:
     """Return the 12-bit syndromes of packed words: the parity sent against that expected."""
-    return _PARITY_OF_ID[words >> ID_BITS] ^ (words & (IDS - 1))
+    expected: NDArray[np.int64] = _PARITY_OF_ID[words >> ID_BITS]
+    return expected ^ (words & (IDS - 1))
 
 
 _ERROR_OF_SYNDROME, _WEIGHT_OF_SYNDROME = _coset_leaders()

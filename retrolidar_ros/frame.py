@@ -73,7 +73,8 @@ class ZoneGrid:
     def directions(self) -> Floats:
         """Unit vector to the centre of each zone, shape (zones, 3)."""
         rays = np.concatenate([self.tangents, np.ones((self.zones, 1))], axis=-1)
-        return rays / np.linalg.norm(rays, axis=-1, keepdims=True)
+        directions: Floats = rays / np.linalg.norm(rays, axis=-1, keepdims=True)
+        return directions
 
     @cached_property
     def z_per_range(self) -> Floats:

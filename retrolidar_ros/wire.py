@@ -19,7 +19,7 @@ from retrolidar_ros.frame import ZONE_SHAPES, Frame, Status, ZoneGrid, check_fra
 
 KIND_FRAME = 1
 DELIMITER = b'\0'
-MAX_PACKET_BYTES = 4096  # a frame of 8x8 zones has 726; longer kinds may come one day
+MAX_PACKET_BYTES = 4096  # a frame of 8x8 zones has 724; longer kinds may come one day
 
 _HEADER = Struct('<BIQBB')  # kind, sequence, sensor time, rows, columns
 _ZONE = np.dtype([('distance', '<i2'), ('signal', '<u4'), ('ambient', '<u4'), ('status', 'u1')])
@@ -48,14 +48,16 @@ def cobs_decode(encoded: bytes) -> bytes:
     Raises
     ------
     ValueError
-        If a length byte is zero or points beyond the end.
+        If there is a zero, or a length byte points beyond the end.
     """
+    if DELIMITER in encoded:
+        raise ValueError(f'COBS data has a zero at {encoded.index(DELIMITER)}')
     data = bytearray()
     position = 0
     while position < len(encoded):
         length = encoded[position]
         following = position + length
-        if length == 0 or following > len(encoded):
+        if following > len(encoded):
             raise ValueError(f'COBS length byte {length} at {position} of {len(encoded)}')
         data += encoded[position + 1 : following]
         if length < 255 and following < len(encoded):
@@ -80,7 +82,8 @@ def encode_frame(frame: Frame) -> bytes:
     Raises
     ------
     ValueError
-        If an array has not one value a zone, or a signal or ambient light is not finite.
+        If an array has not one value a zone, a signal or ambient light is not finite, a distance
+        is NaN where the status is not 255, or a counter does not fit.
     """
     grid = frame.grid
     zones = np.zeros(grid.zones, dtype=_ZONE)
@@ -91,13 +94,21 @@ def encode_frame(frame: Frame) -> bytes:
         ambient=frame.ambient,
         status=frame.status,
     )
-    quarter_mm = np.rint(np.nan_to_num(frame.distance) * _DISTANCE_PER_M)
+    missing = np.isnan(frame.distance)
+    if (frame.status[missing] != Status.NO_TARGET).any():
+        raise ValueError('a distance is NaN where the status is not 255, no target')
+    distance_m = np.where(missing, 0.0, frame.distance.astype(np.float64))
+    quarter_mm = np.rint(distance_m * _DISTANCE_PER_M)
     zones['distance'] = np.clip(quarter_mm, -(2**15), 2**15 - 1)
     for name, kcps in (('signal', frame.signal), ('ambient', frame.ambient)):
         if not np.isfinite(kcps).all():
             raise ValueError(f'{name} {kcps[~np.isfinite(kcps)][0]} is not finite')
         zones[name] = np.clip(np.rint(kcps.astype(np.float64) * _SIGNAL_PER_KCPS), 0, 2**32 - 1)
     zones['status'] = frame.status
+    if not (0 <= frame.sequence < 2**32 and 0 <= frame.sensor_time_us < 2**64):
+        raise ValueError(
+            f'sequence {frame.sequence} or sensor time {frame.sensor_time_us} µs does not fit'
+        )
     header = _HEADER.pack(KIND_FRAME, frame.sequence, frame.sensor_time_us, grid.rows, grid.columns)
     sensor_order = zones.reshape(grid.rows, grid.columns)[:, ::-1]
     return encode_packet(header + sensor_order.tobytes())
@@ -151,7 +162,8 @@ class WireCounts:
 class FrameReader:
     """Finds frames in a stream of bytes, whatever the bytes are.
 
-    Damage costs the packet it is in; the next whole packet is read. Memory is bounded.
+    Damage costs the packet it is in, and the next as well if it hit the delimiter between them;
+    the packet after that is read. Memory is bounded.
     """
 
     def __init__(self) -> None:

@@ -4,6 +4,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Hashable
 from pathlib import Path
 from typing import Any
 
@@ -19,7 +20,11 @@ class _UniqueKeyLoader(yaml.SafeLoader):
     def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict[Any, Any]:
         seen = set()
         for key_node, _ in node.value:
+            if key_node.tag == 'tag:yaml.org,2002:merge':
+                continue  # what is merged in may be overridden
             key = self.construct_object(key_node, deep=True)
+            if not isinstance(key, Hashable):
+                continue  # refused by the base class
             if key in seen:
                 raise yaml.constructor.ConstructorError(
                     None, None, f'key {key!r} stands here a second time', key_node.start_mark
@@ -41,7 +46,7 @@ def load_yaml(path: Path) -> Any:
     with path.open(encoding='utf-8') as file:
         try:
             return yaml.load(file, Loader=_UniqueKeyLoader)
-        except (yaml.YAMLError, UnicodeDecodeError) as error:
+        except (yaml.YAMLError, ValueError, RecursionError) as error:
             raise ValueError(f'{path} is not a YAML file: {error}') from error
 
 
@@ -74,8 +79,12 @@ def load_scene(name: str) -> Scene:
     """
     path = find_scene(name)
     try:
-        return parse_scene(load_yaml(path))
+        content = load_yaml(path)
     except ValueError as error:
+        raise SceneError(str(error)) from error
+    try:
+        return parse_scene(content)
+    except SceneError as error:
         raise SceneError(f'{path}: {error}') from error
 
 

@@ -23,7 +23,10 @@ class Detection:
     """When the (first) packet began [ns]."""
     place: Place
     snr_db: float
-    """Modulation over noise, per sample: 20 log10 of amplitude over standard deviation [dB]."""
+    """Modulation over noise, per sample: 20 log10 of amplitude over standard deviation [dB].
+
+    Noise is all that the fitted packet leaves over.
+    """
     score: float
     """Normalised correlation of the samples with the sent packet, 0 to 1."""
     likelihood: float

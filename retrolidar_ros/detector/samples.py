@@ -4,6 +4,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -38,56 +40,70 @@ class SampleRing:
         self._normal = np.zeros(256, dtype=bool)
         self._normal[list(NORMAL_STATUS)] = True
 
-    def push(self, frame: Frame) -> int:
-        """Append a frame; return how many samples it made, or 0 if the samples begin anew.
+    def push(self, frame: Frame) -> Iterator[int]:
+        """Append a frame, and before it what a gap in the stamps has lost, sample by sample.
 
-        Abnormal samples repeat the zone's previous signal (paper §3.5). The same is done for
-        the samples of lost frames, which are counted by the stamps: half a period early or
-        late is still the next sample. Where the stamps go back or leave a gap longer than
-        the ring, nothing that was held belongs to the same packet any more.
+        Abnormal samples repeat the zone's previous signal (paper §3.5), and so do those of lost
+        frames. How many were lost is told by the stamps: a frame half a period early or late is
+        still the next one. Where the stamps go back or leave a gap as long as the ring, nothing
+        that was held belongs to the same packet any more, and the samples begin anew.
+
+        Yields
+        ------
+        int
+            How many samples there are since the beginning, after each one.
         """
         normal = self._normal[frame.status]
-        steps = 1
-        if self.count:
-            last_ns = self._stamp_ns[(self.count - 1) % self.length]
-            steps = max(1, round((frame.stamp_ns - last_ns) / self._period_ns))
-            if frame.stamp_ns <= last_ns or steps > self.length:
-                self.count = 0
-                steps = 0
-        if self.count:
-            previous = self._signal[(self.count - 1) % self.length].copy()
-        else:
+        previous = self._signal[self._index].copy()
+        last_ns = int(self._stamp_ns[self._index])
+        steps = max(1, round((frame.stamp_ns - last_ns) / self._period_ns))
+        if self.count == 0 or frame.stamp_ns <= last_ns or steps > self.length:
+            self.count = 0
+            steps = 1
             previous = np.where(normal, frame.signal, 0.0)
-        for _ in range(steps - 1):
-            self._append(previous, np.nan, frame.stamp_ns)
+        for step in range(1, steps):
+            self._append(previous, np.nan, last_ns + round(step * self._period_ns))
+            yield self.count
         signal = np.where(normal, frame.signal, previous)
         distance = np.where(normal, frame.distance, np.nan)
         self._append(signal, distance, frame.stamp_ns)
-        return steps
+        yield self.count
+
+    @property
+    def _index(self) -> int:
+        """Where the newest sample lies in the first half."""
+        return (self.count - 1) % self.length
 
     def _append(
         self, signal: NDArray[np.floating], distance: NDArray[np.floating] | float, stamp_ns: int
     ) -> None:
-        first = self.count % self.length
-        for row in (first, first + self.length):
+        self.count += 1
+        for row in (self._index, self._index + self.length):
             self._signal[row] = signal
             self._distance[row] = distance
             self._stamp_ns[row] = stamp_ns
-        self.count += 1
 
-    def _last(self, samples: int, until: int) -> slice:
-        """Return where `samples` samples lie that end `until` samples before the newest."""
-        end = (self.count - 1) % self.length + 1 + self.length - until
+    def _last(self, samples: int, before: int) -> slice:
+        """Return where `samples` samples lie, with `before` newer ones after them."""
+        end = self._index + 1 + self.length - before
         return slice(end - samples, end)
 
-    def signal(self, samples: int, until: int = 0) -> NDArray[np.float64]:
-        """Return signals [kcps/SPAD], shape (samples, zones), a view."""
-        return self._signal[self._last(samples, until)]
+    def signal(self, samples: int, before: int = 0) -> NDArray[np.float64]:
+        """Return signals [kcps/SPAD], shape (samples, zones), a view.
 
-    def distance(self, samples: int, until: int = 0) -> NDArray[np.float64]:
-        """Return distances [m], NaN where none was measured, shape (samples, zones), a view."""
-        return self._distance[self._last(samples, until)]
+        Parameters
+        ----------
+        samples : int
+            How many.
+        before : int
+            How many newer ones to leave out.
+        """
+        return self._signal[self._last(samples, before)]
 
-    def stamp_ns(self, samples: int, until: int = 0) -> NDArray[np.int64]:
-        """Return times [ns], shape (samples,), a view; those of a gap are of the frame after."""
-        return self._stamp_ns[self._last(samples, until)]
+    def distance(self, samples: int) -> NDArray[np.float64]:
+        """Return the last distances [m], NaN where none was measured, (samples, zones), a view."""
+        return self._distance[self._last(samples, 0)]
+
+    def stamp_ns(self, samples: int) -> NDArray[np.int64]:
+        """Return the times [ns] of the last samples, shape (samples,), a view."""
+        return self._stamp_ns[self._last(samples, 0)]

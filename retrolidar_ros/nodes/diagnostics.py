@@ -1,0 +1,44 @@
+# Copyright 2026 retrolidar_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""The state of a node on `/diagnostics`, once a second."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import NamedTuple
+
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
+from rclpy.node import Node
+
+OK = DiagnosticStatus.OK
+WARN = DiagnosticStatus.WARN
+ERROR = DiagnosticStatus.ERROR
+PERIOD_S = 1.0
+
+
+class Health(NamedTuple):
+    """What a node says of itself."""
+
+    level: bytes
+    summary: str
+    values: dict[str, str]
+
+
+def publish_health(node: Node, hardware_id: str, examine: Callable[[], Health]) -> None:
+    """Publish what `examine` returns once a second, for as long as the node lives."""
+    publisher = node.create_publisher(DiagnosticArray, '/diagnostics', 10)
+
+    def publish() -> None:
+        health = examine()
+        status = DiagnosticStatus(
+            level=health.level,
+            name=f'{node.get_fully_qualified_name()}: frames',
+            message=health.summary,
+            hardware_id=hardware_id,
+            values=[KeyValue(key=key, value=value) for key, value in health.values.items()],
+        )
+        message = DiagnosticArray(status=[status])
+        message.header.stamp = node.get_clock().now().to_msg()
+        publisher.publish(message)
+
+    node.create_timer(PERIOD_S, publish)

@@ -1,0 +1,48 @@
+# Copyright 2026 retrolidar_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""Parameters whose defaults live in one place, `config/retrolidar.yaml`."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescriptor
+from rclpy.node import Node
+
+from retrolidar_ros.resources import shared_file
+from retrolidar_ros.yaml_files import load_parameter_defaults
+
+
+class Parameters:
+    """Declares the parameters of a node, each with the default of the shipped file."""
+
+    def __init__(self, node: Node, kind: str) -> None:
+        """Read the defaults of the nodes of one `kind`, such as driver."""
+        self._node = node
+        self._defaults = load_parameter_defaults(shared_file('config/retrolidar.yaml'), kind)
+
+    def text(self, name: str, description: str, among: tuple[str, ...] = ()) -> str:
+        """Declare a read-only string and return its value; ValueError if it is not `among`."""
+        constraints = f'one of {", ".join(among)}' if among else ''
+        value = str(self._declare(name, description, additional_constraints=constraints))
+        if among and value not in among:
+            raise ValueError(f'{name}: {value!r} is not {constraints}')
+        return value
+
+    def flag(self, name: str, description: str) -> bool:
+        """Declare a read-only boolean and return its value."""
+        return bool(self._declare(name, description))
+
+    def integer(self, name: str, description: str, minimum: int, maximum: int) -> int:
+        """Declare a read-only integer within limits and return its value."""
+        limits = IntegerRange(from_value=minimum, to_value=maximum, step=0)
+        return int(self._declare(name, description, integer_range=[limits]))
+
+    def number(self, name: str, description: str, minimum: float, maximum: float) -> float:
+        """Declare a read-only float within limits and return its value."""
+        limits = FloatingPointRange(from_value=minimum, to_value=maximum, step=0.0)
+        return float(self._declare(name, description, floating_point_range=[limits]))
+
+    def _declare(self, name: str, description: str, **constraints: Any) -> Any:
+        descriptor = ParameterDescriptor(description=description, read_only=True, **constraints)
+        return self._node.declare_parameter(name, self._defaults[name], descriptor).value

@@ -1,0 +1,34 @@
+# Copyright 2026 retrolidar_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""The life of a node's process: start, spin, end without a traceback."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import rclpy
+from rclpy.exceptions import InvalidParameterTypeException, InvalidParameterValueException
+from rclpy.executors import ExternalShutdownException
+from rclpy.node import Node
+
+
+def run(create: Callable[[], Node]) -> int:
+    """Spin a node until it is interrupted; return the exit code of the process.
+
+    A parameter that cannot be is one line in the log and the exit code 2.
+    """
+    rclpy.init()
+    node = None
+    try:
+        node = create()
+        rclpy.spin(node)
+    except (KeyboardInterrupt, ExternalShutdownException):
+        pass
+    except (ValueError, InvalidParameterTypeException, InvalidParameterValueException) as error:
+        rclpy.logging.get_logger('retrolidar_ros').fatal(str(error))
+        return 2
+    finally:
+        if node is not None:
+            node.destroy_node()
+        rclpy.try_shutdown()
+    return 0

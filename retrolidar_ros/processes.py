@@ -1,0 +1,113 @@
+# Copyright 2026 retrolidar_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""Child processes that do not outlive their parent's work."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+from contextlib import suppress
+from pathlib import Path
+from types import FrameType, TracebackType
+
+_PATIENCE_S = 5.0
+
+
+class ProcessError(RuntimeError):
+    """A process ended that should have run on; the message holds the end of its log."""
+
+
+class ProcessGroup:
+    """Runs programs, each with its output in a log file, and ends all of them on exit.
+
+    A SIGTERM to this process while the group is open ends the group, too.
+    """
+
+    def __init__(self, logs: Path) -> None:
+        """Write logs into the directory `logs`."""
+        self._logs = logs
+        self._running: dict[str, subprocess.Popen[bytes]] = {}
+
+    def __enter__(self) -> ProcessGroup:
+        """Turn SIGTERM into SystemExit, so that leaving the block ends the processes."""
+        self._old_handler = signal.signal(signal.SIGTERM, _exit)
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        traceback: TracebackType | None,
+    ) -> None:
+        """End all processes: by SIGINT, and by SIGKILL what does not heed it."""
+        try:
+            for name in list(self._running):
+                self.stop(name)
+        finally:  # a second Ctrl-C or SIGTERM cuts the patience short
+            for process in self._running.values():
+                _signal(process.pid, signal.SIGKILL)
+                process.wait()
+            self._running.clear()
+            signal.signal(signal.SIGTERM, self._old_handler)
+
+    def start(self, name: str, command: list[str]) -> None:
+        """Run a command under a name of one's choice.
+
+        Raises
+        ------
+        ValueError
+            If a process of this name has not been stopped.
+        """
+        if name in self._running:
+            raise ValueError(f'{name} has been started already')
+        with self.log(name).open('wb') as log:
+            # A group of its own: Ctrl-C in a terminal reaches this process only, which then
+            # ends the others in order, their own children included.
+            self._running[name] = subprocess.Popen(
+                command,
+                stdin=subprocess.DEVNULL,
+                stdout=log,
+                stderr=subprocess.STDOUT,
+                start_new_session=True,
+            )
+
+    def log(self, name: str) -> Path:
+        """Return the file with the output of a process."""
+        return self._logs / f'{name}.log'
+
+    def pid(self, name: str) -> int:
+        """Return the process ID of a running process."""
+        return self._running[name].pid
+
+    def stop(self, name: str) -> int:
+        """End one process and its children; return its exit code."""
+        process = self._running[name]
+        _signal(process.pid, signal.SIGINT)
+        try:
+            process.wait(_PATIENCE_S)
+        except subprocess.TimeoutExpired:
+            process.kill()
+        _signal(process.pid, signal.SIGKILL)  # children that it may have left
+        code = process.wait()
+        del self._running[name]
+        return code
+
+    def check(self) -> None:
+        """Raise ProcessError if a process has ended by itself."""
+        for name, process in self._running.items():
+            if process.poll() is not None:
+                lines = self.log(name).read_text(errors='replace').splitlines()[-15:]
+                raise ProcessError(
+                    f'{name} ended with exit code {process.returncode}:\n' + '\n'.join(lines)
+                )
+
+
+def _signal(group: int, number: signal.Signals) -> None:
+    """Send a signal to a process group that may be gone."""
+    with suppress(ProcessLookupError):
+        os.killpg(group, number)
+
+
+def _exit(number: int, frame: FrameType | None) -> None:
+    raise SystemExit(128 + number)

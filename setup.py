@@ -1,0 +1,45 @@
+# Copyright 2026 retrolidar_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""Install the part that needs no ROS: the Python package and the `retrolidar` command.
+
+With ROS, CMakeLists.txt installs everything; pip is for a laptop without it.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from setuptools import find_packages, setup
+
+BAGS = ['mcap', 'rosbags']
+EVALUATION = ['tqdm']
+TEST = ['cobs', 'hypothesis', 'komm', 'pytest', 'pytest-timeout']
+
+
+def shared_files() -> list[tuple[str, list[str]]]:
+    """Return what goes to share/retrolidar_ros, in the layout that ament gives it."""
+    files = [Path('package.xml')]
+    for directory in ('config', 'launch', 'msg'):
+        files += (path for path in Path(directory).rglob('*') if path.is_file())
+    share = Path('share/retrolidar_ros')
+    return [(str(share / path.parent), [str(path)]) for path in files if path.suffix != '.pyc']
+
+
+setup(
+    name='retrolidar_ros',
+    version='0.1.0',
+    description='Reads liquid-crystal markers with a VL53L8CX time-of-flight sensor',
+    author='retrolidar_ros maintainers',
+    author_email='maintainers@users.noreply.github.com',
+    license='Apache-2.0',
+    python_requires='>=3.10',
+    packages=find_packages(include=['retrolidar_ros', 'retrolidar_ros.*']),
+    data_files=shared_files(),
+    install_requires=['matplotlib', 'numpy', 'pyserial', 'pyyaml'],
+    extras_require={
+        'bags': BAGS,
+        'evaluation': [*BAGS, *EVALUATION],
+        'test': [*BAGS, *EVALUATION, *TEST],
+    },
+    entry_points={'console_scripts': ['retrolidar=retrolidar_ros.cli:main']},
+)

@@ -1,0 +1,160 @@
+# Copyright 2026 retrolidar_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""A sensor that a test plugs, pulls and disturbs, and what is asserted of driver and detector.
+
+The assertions are the same whether a launch file or a plain process runner started the nodes.
+"""
+
+import threading
+import time
+from pathlib import Path
+
+import numpy as np
+
+from retrolidar_ros.emulator import PortLink, frames_in_real_time
+from retrolidar_ros.nodes.conversion import to_ns
+from retrolidar_ros.nodes.listener import Listener
+from retrolidar_ros.scene.description import Scene
+from retrolidar_ros.wire import encode_frame
+
+STAMP_ERROR_S = 0.050
+RECONNECT_S = 2.0
+PATIENCE_S = 30.0
+
+
+class Sensor:
+    """Emulates a scene in a thread, and knows when each frame was really exposed."""
+
+    def __init__(self, scene: Scene, port: Path) -> None:
+        self.middle_ns: dict[int, int] = {}
+        """True middle of the exposure of each frame that was sent undamaged, by sequence."""
+        self.damaged: set[int] = set()
+        self.corrupt_share = 0.0
+        """Share of bytes that are overwritten by noise, in bursts as long as a packet."""
+        self._scene = scene
+        self._path = port
+        self._port: PortLink | None = None
+        self._lock = threading.Lock()
+        self._stop = threading.Event()
+        self._rng = np.random.default_rng(1)
+        self._thread = threading.Thread(target=self._run)
+
+    def __enter__(self) -> 'Sensor':
+        self.plug()
+        self._thread.start()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._stop.set()
+        self._thread.join()
+        self.pull()
+
+    def plug(self) -> None:
+        with self._lock:
+            self._port = PortLink(self._path)
+
+    def pull(self) -> None:
+        with self._lock:
+            if self._port is not None:
+                self._port.close()
+            self._port = None
+
+    def _run(self) -> None:
+        frames = frames_in_real_time(self._scene, None, time.time_ns(), time.time_ns)
+        for frame, middle_ns in frames:
+            if self._stop.is_set():
+                return
+            data = bytearray(encode_frame(frame))
+            damaged = self._rng.random() < self.corrupt_share
+            if damaged:
+                data[:-1] = self._rng.integers(0, 256, len(data) - 1, dtype=np.uint8).tobytes()
+            with self._lock:
+                if self._port is None or not self._port.write(bytes(data)):
+                    continue
+            if damaged:
+                self.damaged.add(frame.sequence)
+            else:
+                self.middle_ns[frame.sequence] = middle_ns
+
+
+def wait_for_nodes(listener: Listener) -> None:
+    assert listener.spin_until(listener.is_connected, PATIENCE_S), 'driver or detector is missing'
+
+
+def wait_for_readings(listener: Listener, ids: set[int]) -> None:
+    def all_read() -> bool:
+        heard = [reading for reading in listener.heard() if reading.id in ids]
+        return {one.id for one in heard} == ids and all(one.has_transform for one in heard)
+
+    assert listener.spin_until(all_read, PATIENCE_S), f'read only {listener.heard()}'
+
+
+def check_frames(listener: Listener, sensor: Sensor, frame_id: str) -> None:
+    """Frames are whole, in order, and stamped with the time of their exposure."""
+    assert len(listener.frames) > 20
+    stamps = [to_ns(message.header.stamp) for message, _ in listener.frames]
+    assert stamps == sorted(set(stamps))
+    for message, received_ns in listener.frames:
+        assert message.header.frame_id == frame_id
+        assert (message.rows, message.columns) == (4, 4)
+        for values in (message.distance, message.signal, message.ambient, message.status):
+            assert len(values) == 16
+        stamp_ns = to_ns(message.header.stamp)
+        assert stamp_ns < received_ns
+        error_s = (stamp_ns - sensor.middle_ns[message.sequence]) * 1e-9
+        assert abs(error_s) < STAMP_ERROR_S, f'frame {message.sequence}: {error_s * 1e3:.1f} ms'
+
+
+def check_detections(listener: Listener, scene: Scene, frame_id: str) -> None:
+    """Detections of the scene's markers are placed, timed and named as they should be."""
+    frame_stamps = {to_ns(message.header.stamp) for message, _ in listener.frames}
+    transforms = {(t.child_frame_id, to_ns(t.header.stamp)): t for t in listener.transforms}
+    for marker in scene.markers:
+        messages = [message for message, _ in listener.markers if message.id == marker.id]
+        assert messages
+        for message in messages:
+            assert message.header.frame_id == frame_id
+            assert message.child_frame_id == f'marker_{marker.id}'
+            stamp_ns = to_ns(message.header.stamp)
+            assert stamp_ns in frame_stamps
+            assert abs((stamp_ns - to_ns(message.start)) * 1e-9 - 1.302) < 0.05
+            assert abs(message.range - np.linalg.norm(marker.position_m)) < 0.01
+            position = message.pose.pose.position
+            place = np.array([position.x, position.y, position.z])
+            covariance = np.array(message.pose.covariance).reshape(6, 6)
+            assert np.linalg.eigvalsh(covariance).min() > 0
+            # Anywhere in the zone: half its diagonal at most.
+            assert np.linalg.norm(place - marker.position_m) < 0.16 * message.range
+            transform = transforms[message.child_frame_id, stamp_ns]
+            assert transform.header.frame_id == frame_id
+            assert transform.transform.translation.x == position.x
+            assert transform.transform.rotation == message.pose.pose.orientation
+
+
+def check_cable_pull(listener: Listener, sensor: Sensor) -> None:
+    """Frames flow again soon after the cable is back."""
+    sensor.pull()
+    listener.spin_until(lambda: False, 1.0)
+    seen = len(listener.frames)
+    sensor.plug()
+    back = time.monotonic()
+    assert listener.spin_until(lambda: len(listener.frames) > seen, PATIENCE_S)
+    assert time.monotonic() - back < RECONNECT_S
+
+
+def check_corruption(listener: Listener, sensor: Sensor, share: float) -> None:
+    """With a share of the bytes overwritten, exactly the frames that were hit are missing."""
+    sensor.damaged.clear()
+    sensor.corrupt_share = share
+    first = max(sensor.middle_ns) + 1
+    assert listener.spin_until(lambda: len(sensor.damaged) >= 5, PATIENCE_S)
+    sensor.corrupt_share = 0.0
+    last = max(sensor.middle_ns) + 10
+
+    def received() -> set[int]:
+        return {message.sequence for message, _ in listener.frames}
+
+    assert listener.spin_until(lambda: max(received()) >= last, PATIENCE_S)
+    sent = {sequence for sequence in sensor.middle_ns if first <= sequence <= last}
+    assert sent - received() == set()
+    assert received() & sensor.damaged == set()
