@@ -11,9 +11,9 @@ from pathlib import Path
 
 from setuptools import find_packages, setup
 
-BAGS = ['mcap', 'rosbags']
+BAGS = ['rosbags>=0.11']
 EVALUATION = ['tqdm']
-TEST = ['cobs', 'hypothesis', 'komm', 'pytest', 'pytest-timeout']
+TEST = ['cobs', 'hypothesis', 'komm', 'mcap', 'pytest', 'pytest-timeout']
 
 
 def shared_files() -> list[tuple[str, list[str]]]:

@@ -9,7 +9,7 @@ import os
 import sys
 from pathlib import Path
 
-from retrolidar_ros.bag import FRAMES_TOPIC, BagError
+from retrolidar_ros.bag import FRAMES_TOPIC, STORAGES, BagError
 from retrolidar_ros.detector import METHODS
 from retrolidar_ros.scene import SceneError
 
@@ -22,6 +22,7 @@ def _demo(arguments: argparse.Namespace) -> int:
 
 def _emulate(arguments: argparse.Namespace) -> int:
     from retrolidar_ros.emulator import emulate, record
+    from retrolidar_ros.interrupts import interrupted_once
     from retrolidar_ros.yaml_files import load_scene
 
     scene = load_scene(arguments.scene)
@@ -31,7 +32,8 @@ def _emulate(arguments: argparse.Namespace) -> int:
         print(f'{frames} frames of {duration_s:g} s in {arguments.bag}')
         return 0
     print(f'a sensor is at {arguments.port_link}; Ctrl-C unplugs it', flush=True)
-    sent, lost = emulate(scene, arguments.port_link, arguments.duration)
+    with interrupted_once():
+        sent, lost = emulate(scene, arguments.port_link, arguments.duration)
     print(f'{sent} frames sent, {lost} found no listener')
     return 0
 
@@ -110,7 +112,7 @@ def _parser() -> argparse.ArgumentParser:
     where.add_argument('--port-link', type=Path, help='in real time, at a serial port linked here')
     where.add_argument('--bag', type=Path, help='at once, into a new rosbag2 directory')
     emulate.add_argument(
-        '--storage', choices=('mcap', 'sqlite3'), default='mcap', help='of the bag (default: mcap)'
+        '--storage', choices=STORAGES, default=STORAGES[0], help='of the bag (default: %(default)s)'
     )
     emulate.add_argument('--duration', type=_seconds, help='stop after [s]')
     emulate.set_defaults(run=_emulate)

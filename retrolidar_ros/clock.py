@@ -14,8 +14,9 @@ WINDOW_S = 60.0
 """How far back pairs are kept: long against the delay's jitter, short against drifts."""
 MAX_SKEW = 0.05
 """Largest relative error of a sensor's clock that is believed."""
-# A stall of the transport is shorter; were it not, the next frames would mend the offset.
-_STEP_NS = 250_000_000
+# Frames come early only if a clock was set; late also while the transport stalls, but not long.
+_STEP_NS = 100_000_000
+_STALL_NS = 1_000_000_000
 _YOUNG_NS = 1_000_000_000
 
 
@@ -41,7 +42,9 @@ class ClockMap:
         self._least_delay_ns = round(least_delay_s * 1e9)
         self._last_stamp_ns: int | None = None
         self._hull: list[tuple[int, int]] = []
+        self._rate, self._origin = 1.0, (0, 0)
         self._last_pair = (0, 0)
+        self._punctual_ns = 0
 
     def map(self, sensor_time_us: int, arrival_ns: int) -> int:
         """Return the host time [ns] of a sensor time, given when the frame arrived.
@@ -60,24 +63,37 @@ class ClockMap:
             self._hull.clear()
             self._last_stamp_ns = None
             self.restarts += 1
+        if not self._hull:
+            self._punctual_ns = sensor_ns
         self._last_pair = (sensor_ns, arrival_ns)
         self._add(sensor_ns, arrival_ns)
-        rate, (origin_sensor_ns, origin_host_ns) = self._line()
-        self.skew = rate - 1.0
-        # Differences are taken in integers: ROS time in nanoseconds exceeds a float's precision.
-        since_origin_ns = round(rate * (sensor_ns - origin_sensor_ns))
-        stamp_ns = min(origin_host_ns + since_origin_ns, arrival_ns) - self._least_delay_ns
+        self._rate, self._origin = self._line()
+        self.skew = self._rate - 1.0
+        stamp_ns = min(self._on_line(sensor_ns), arrival_ns) - self._least_delay_ns
         if self._last_stamp_ns is not None:
             stamp_ns = max(stamp_ns, self._last_stamp_ns + 1)
         self._last_stamp_ns = stamp_ns
         return stamp_ns
 
+    def _on_line(self, sensor_ns: int) -> int:
+        """Return the host time of a sensor time, were nothing delayed."""
+        origin_sensor_ns, origin_host_ns = self._origin
+        # Differences are taken in integers: ROS time in nanoseconds exceeds a float's precision.
+        return origin_host_ns + round(self._rate * (sensor_ns - origin_sensor_ns))
+
     def _is_restart(self, sensor_ns: int, arrival_ns: int) -> bool:
-        """Tell whether one clock went back since the last frame, or the two went on differently."""
+        """Tell whether a clock was set: it went back, or a frame is early, or all are late.
+
+        A step of less than 0.1 s goes unnoticed and is mended as the window moves on.
+        """
         sensor_step = sensor_ns - self._last_pair[0]
-        host_step = arrival_ns - self._last_pair[1]
-        tolerance = _STEP_NS + MAX_SKEW * abs(host_step)
-        return sensor_step <= 0 or host_step < 0 or abs(host_step - sensor_step) > tolerance
+        late_ns = arrival_ns - self._on_line(sensor_ns)
+        tolerance = _STEP_NS + MAX_SKEW * sensor_step
+        if sensor_step <= 0 or arrival_ns < self._last_pair[1] or late_ns < -tolerance:
+            return True
+        if late_ns <= tolerance:
+            self._punctual_ns = sensor_ns
+        return late_ns > tolerance + _STALL_NS or sensor_ns - self._punctual_ns > _STALL_NS
 
     def _add(self, sensor_ns: int, arrival_ns: int) -> None:
         """Add a pair at the right end of the lower convex hull and cut off what has become old."""
@@ -91,8 +107,9 @@ class ClockMap:
         oldest_ns = sensor_ns - round(WINDOW_S * 1e9)
         while len(hull) > 2 and hull[1][0] <= oldest_ns:
             del hull[0]
-        if hull[0][0] < oldest_ns:
-            # The edge itself may be hours long: on steady clocks all pairs lie on one line.
+        # The first edge itself may be hours long, for on steady clocks all pairs lie on one line.
+        # An edge to the newest pair is left whole: the pair may be late, and the next replace it.
+        if len(hull) > 2 and hull[0][0] < oldest_ns:
             (x0, y0), (x1, y1) = hull[0], hull[1]
             hull[0] = (oldest_ns, y0 + (y1 - y0) * (oldest_ns - x0) // (x1 - x0))
 

@@ -11,6 +11,7 @@ import termios
 import time
 import tty
 from collections.abc import Callable, Iterator
+from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 from types import TracebackType
@@ -21,6 +22,7 @@ from retrolidar_ros.scene import Scene, Simulation
 from retrolidar_ros.wire import DELIMITER, encode_frame
 
 _BLOCK_S = 0.25  # computed ahead at a time
+_LINGER_S = 0.25  # a hang-up discards what is still on the line
 
 
 class PortLink:
@@ -81,8 +83,7 @@ class PortLink:
         if not events:
             return False
         if events[0][1] & select.POLLHUP:
-            # What the last listener left unread is not for the next one.
-            termios.tcflush(self._master, termios.TCOFLUSH)
+            self._forget_unread()
             return False
         if self._torn:
             data = DELIMITER + data
@@ -94,6 +95,12 @@ class PortLink:
             return False
         self._torn = False
         return True
+
+    def _forget_unread(self) -> None:
+        """Discard what the last listener left: a real port buffers nothing for the next one."""
+        slave = os.open(self._port, os.O_RDWR | os.O_NOCTTY)
+        termios.tcflush(slave, termios.TCIFLUSH)
+        os.close(slave)
 
 
 def frames_in_real_time(
@@ -129,20 +136,21 @@ def frames_in_real_time(
 
 
 def emulate(scene: Scene, link: Path, duration_s: float | None = None) -> tuple[int, int]:
-    """Serve a scene at a port until it ends; return how many frames were sent and how many lost.
+    """Serve a scene at a port until it ends or is interrupted; return frames sent and lost.
 
     Frames that nobody takes are lost, as on a real line.
     """
     sent = lost = 0
     with PortLink(link) as port:
-        for frame, _ in frames_in_real_time(
-            scene, duration_s, time.monotonic_ns(), time.monotonic_ns
-        ):
-            if port.write(encode_frame(frame)):
-                sent += 1
-            else:
-                lost += 1
-        time.sleep(scene.sensor.period_s)  # a hang-up discards what is still on the line
+        with suppress(KeyboardInterrupt):
+            for frame, _ in frames_in_real_time(
+                scene, duration_s, time.monotonic_ns(), time.monotonic_ns
+            ):
+                if port.write(encode_frame(frame)):
+                    sent += 1
+                else:
+                    lost += 1
+        time.sleep(_LINGER_S)
     return sent, lost
 
 

@@ -228,6 +228,8 @@ def test_other_tools_read_what_is_written(tmp_path: Path, storage: Storage, type
             assert (decoded.sequence, decoded.rows, decoded.columns) == (frame.sequence, 8, 8)
             np.testing.assert_array_equal(decoded.distance, frame.distance)
             np.testing.assert_array_equal(decoded.status, frame.status)
+    metadata = yaml.safe_load((tmp_path / 'bag' / 'metadata.yaml').read_text())
+    assert metadata['rosbag2_bagfile_information']['version'] == 8  # which Humble reads
 
 
 @both_storages
@@ -272,6 +274,35 @@ def mcap_file(types: Any, frames: Iterable[Frame], **options: Any) -> bytes:
         writer.add_message(channel, time, data, time)
     writer.finish()
     return stream.getvalue()
+
+
+@pytest.mark.parametrize('jitter', [0, 40, 1000])
+@pytest.mark.parametrize('direction', [1, -1])
+def test_messages_out_of_order(tmp_path: Path, jitter: int, direction: int, types: Any) -> None:
+    frames = make_frames(200)  # in 14 chunks
+    rng = random.Random(4)
+    keys = {frame.sequence: direction * frame.sequence + rng.uniform(0, jitter) for frame in frames}
+    recorded = sorted(frames, key=lambda frame: keys[frame.sequence])
+    file = tmp_path / 'a.mcap'
+    file.write_bytes(mcap_file(types, recorded))
+    assert equal(read_frames(file), frames)
+
+
+def test_a_chunk_is_read_when_its_time_has_come(tmp_path: Path, types: Any) -> None:
+    frames = make_frames(200)
+    file = tmp_path / 'a.mcap'
+    data = mcap_file(types, frames)
+    file.write_bytes(data)
+    reader = read_frames(file)
+    first = next(reader)
+    with file.open('r+b') as stream:  # what is lazy sees this
+        stream.seek(len(data) // 2)
+        stream.write(bytes(100))
+    rest: list[Frame] = []
+    with pytest.raises(BagError):
+        rest.extend(reader)
+    assert equal([first, *rest], frames[: 1 + len(rest)])
+    assert 50 < len(rest) < 150
 
 
 @pytest.mark.parametrize(
@@ -391,6 +422,23 @@ def test_a_truncated_compressed_file_is_read_to_the_cut(
     assert assert_good_until(file, frames, '') == 0
 
 
+@pytest.mark.parametrize('page', [512, 65536])
+def test_a_lost_end_is_told_though_no_frame_was_in_it(tmp_path: Path, page: int) -> None:
+    frames = make_frames(20)
+    file = write_bag(tmp_path / 'bag', frames, 'sqlite3')
+    connection = sqlite3.connect(file)
+    connection.execute(f'PRAGMA page_size = {page}')
+    connection.execute('VACUUM')
+    connection.execute('CREATE TABLE appendix (content)')
+    connection.execute('INSERT INTO appendix VALUES (?)', (bytes(200_000),))
+    connection.commit()
+    connection.close()
+    data = file.read_bytes()
+    file.write_bytes(data[:-page])
+    says = f'ends at byte {len(data) - page} of {len(data)}'
+    assert assert_good_until(file, frames, says) == len(frames)
+
+
 @pytest.mark.parametrize('compression', ['NONE', 'LZ4', 'ZSTD'])
 def test_a_damaged_chunk_ends_the_frames(tmp_path: Path, compression: str, types: Any) -> None:
     frames = make_frames(200)
@@ -404,6 +452,34 @@ def test_a_damaged_chunk_ends_the_frames(tmp_path: Path, compression: str, types
     assert len(frames) // 2 - count < 20  # a chunk holds 15
 
 
+def test_a_disk_error_ends_the_frames(
+    tmp_path: Path, types: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    class FailingDisk(BytesIO):
+        def read(self, size: int | None = -1) -> bytes:
+            if size is not None and size > 1000 and self.tell() > len(data) // 2:
+                raise OSError('Input/output error')
+            return super().read(size)
+
+    frames = make_frames(200)
+    data = mcap_file(types, frames)
+    file = tmp_path / 'a.mcap'
+    file.write_bytes(data)
+    monkeypatch.setattr(Path, 'open', lambda *_: FailingDisk(data))
+    assert 80 < assert_good_until(file, frames, 'Input/output error') < 120
+
+
+def test_a_chunk_of_the_wrong_size_is_damaged(tmp_path: Path, types: Any) -> None:
+    data = bytearray(mcap_file(types, make_frames(200)))
+    chunk = 8 + 9 + int.from_bytes(data[9:17], 'little')
+    assert data[chunk] == 6
+    data[chunk + 9 + 16] ^= 1  # the uncompressed size
+    file = tmp_path / 'a.mcap'
+    file.write_bytes(data)
+    _, error = read_all(file)
+    assert f'the record at byte {chunk + 9}' in str(error)
+
+
 def test_a_tail_of_zeros_ends_the_frames(tmp_path: Path) -> None:
     # So file systems leave a file after a power cut.
     frames = make_frames(400)
@@ -412,6 +488,9 @@ def test_a_tail_of_zeros_ends_the_frames(tmp_path: Path) -> None:
     size = len(data) // 2
     file.write_bytes(data[:size] + bytes(len(data) - size))
     assert assert_good_until(file, frames, '') >= data[:size].count(FRAME_ID) - 1
+    footer = len(data) - 37
+    file.write_bytes(data[:footer] + bytes(1000))
+    assert assert_good_until(file, frames, f'no whole record at byte {footer}') == len(frames)
 
 
 @both_storages
@@ -544,7 +623,7 @@ def test_an_existing_path_is_left_alone(tmp_path: Path) -> None:
 
 def test_an_unknown_storage_is_refused(tmp_path: Path) -> None:
     storage: Any = 'rosbag1'
-    with pytest.raises(BagError, match="'rosbag1' is neither mcap nor sqlite3"):
+    with pytest.raises(BagError, match="'rosbag1' is not mcap or sqlite3"):
         FrameWriter(tmp_path / 'bag', storage)
 
 
@@ -568,8 +647,9 @@ def test_numbers_that_do_not_fit_are_refused(tmp_path: Path, storage: Storage) -
         ):
             with pytest.raises(BagError):
                 writer.write(Frame(**{**vars(frames[0]), **changes}))
-        with pytest.raises(BagError, match='-5 ns'):
-            writer.write(frames[0], received_ns=-5)
+        for received_ns in (-5, 2**63):
+            with pytest.raises(BagError, match=f'{received_ns} ns'):
+                writer.write(frames[0], received_ns=received_ns)
         with pytest.raises(ValueError, match='signal has shape'):
             writer.write(Frame(**{**vars(frames[0]), 'signal': np.zeros(3, np.float32)}))
         writer.write(frames[1])

@@ -54,9 +54,11 @@ def listener() -> Iterator[Listener]:
 def diagnostics(listener: Listener) -> list[DiagnosticStatus]:
     """Collect what the driver says of itself."""
     heard: list[DiagnosticStatus] = []
-    listener.node.create_subscription(
-        DiagnosticArray, '/diagnostics', lambda message: heard.extend(message.status), 10
-    )
+
+    def take(message: DiagnosticArray) -> None:
+        heard.extend(message.status)
+
+    listener.node.create_subscription(DiagnosticArray, '/diagnostics', take, 10)
     return heard
 
 

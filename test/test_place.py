@@ -11,7 +11,8 @@ GRIDS = [ZoneGrid(4, 4), ZoneGrid(8, 8)]
 
 def rotate(quaternion: Floats, vector: Floats) -> Floats:
     axis, w = quaternion[:3], quaternion[3]
-    return vector + 2 * np.cross(axis, np.cross(axis, vector) + w * vector)
+    rotated: Floats = vector + 2 * np.cross(axis, np.cross(axis, vector) + w * vector)
+    return rotated
 
 
 @pytest.mark.parametrize('grid', GRIDS)

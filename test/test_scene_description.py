@@ -4,7 +4,7 @@ import copy
 import math
 import re
 from collections.abc import Iterator
-from dataclasses import asdict, is_dataclass
+from dataclasses import asdict
 from typing import Any
 
 import numpy as np
@@ -131,20 +131,46 @@ def with_value(path: Path, value: Any) -> dict[str, Any]:
     return content
 
 
+def outcome(content: Any) -> Scene | str:
+    """Return the scene, or the message of its refusal."""
+    try:
+        return parse_scene(content)
+    except SceneError as error:
+        return str(error)
+
+
 def refusal(content: Any) -> str:
-    with pytest.raises(SceneError) as caught:
-        parse_scene(content)
-    return str(caught.value)
+    message = outcome(content)
+    assert isinstance(message, str)
+    return message
 
 
 LEAVES = list(leaves(FULL))
 QUANTITIES = [(path, value) for path, value in LEAVES if re.match(r'-?[\d.]+ ', str(value))]
+NEEDED = {
+    ('noise', 'floor'),
+    ('noise', 'slope'),
+    ('ranging', 'shot'),
+    ('ranging', 'floor'),
+    (0, 'id'),
+    (0, 'position'),
+    ('response', 'dark'),
+    ('response', 'bright'),
+    ('wander', 'across'),
+    ('wander', 'along'),
+    ('wander', 'period'),
+    ('occlusion', 'every'),
+    ('occlusion', 'lasting'),
+    (0, 'distance'),
+    (0, 'signal'),
+}
+COMPLETE = parse_scene(FULL)
 KEYS = [(*path, key) for path in sections(FULL) for key in at(FULL, path)]
 
 
 def test_every_key_is_read() -> None:
     assert len(QUANTITIES) == 31
-    read = dict(leaves(asdict(parse_scene(FULL))))
+    read = dict(leaves(asdict(COMPLETE)))
     expected = dict(leaves(EXPECTED))
     assert read.keys() == expected.keys()
     for path, value in expected.items():
@@ -157,12 +183,8 @@ def test_every_key_can_be_left_out_or_is_said_to_be_missing(path: Path) -> None:
     del at(content, path[:-1])[path[-1]]
     if path == ('sensor',) or path == ('sensor', 'zones'):
         content['surfaces'] = []  # zone 63 would be too many
-    try:
-        scene = parse_scene(content)
-    except SceneError as error:
-        assert str(error) == f'{dotted(path)}: is missing'
-    else:
-        assert scene != parse_scene(FULL)
+    result = outcome(content)
+    assert result == f'{dotted(path)}: is missing' if path[-2:] in NEEDED else result != COMPLETE
 
 
 def test_an_empty_scene_has_an_ideal_sensor_and_nothing_to_see() -> None:
@@ -358,7 +380,7 @@ def test_forms_of_a_quantity(text: str, seconds: float) -> None:
     'text', ['ms', '1,5 ms', '0x10 ms', '1 m s', 'nan s', 'inf s', '- 5 ms', '.']
 )
 def test_what_is_no_quantity(text: str) -> None:
-    with pytest.raises(SceneError, match='key: .*(s or ms or us)'):
+    with pytest.raises(SceneError, match=r'^key: .*s or ms or us'):
         quantity('time')(text, 'key')
 
 
@@ -391,22 +413,16 @@ CONTENTS = st.recursive(
 @settings(max_examples=100, deadline=None, derandomize=True)
 @given(st.dictionaries(NAMES, CONTENTS, max_size=4) | CONTENTS)
 def test_whatever_is_no_scene_is_a_scene_error(content: Any) -> None:
-    try:
-        scene = parse_scene(content)
-    except SceneError as error:
-        assert str(error)
-    else:
-        assert is_dataclass(scene)
+    assert outcome(content)
 
 
 @settings(max_examples=100, deadline=None, derandomize=True)
 @given(st.data())
 def test_a_damaged_scene_is_refused_by_the_name_of_its_key(data: st.DataObject) -> None:
     path = data.draw(st.sampled_from([*KEYS, *(path for path, _ in LEAVES)]))
-    try:
-        parse_scene(with_value(path, data.draw(CONTENTS)))
-    except SceneError as error:
-        assert str(error).startswith((dotted(path), 'surfaces[0].zones', dotted(path[:-1])))
+    result = outcome(with_value(path, data.draw(CONTENTS)))
+    if isinstance(result, str):
+        assert result.startswith((dotted(path), 'surfaces[0].zones', dotted(path[:-1])))
 
 
 @settings(
@@ -423,10 +439,9 @@ def test_an_accepted_scene_gives_frames_for_the_wire(data: st.DataObject) -> Non
         exponent = data.draw(st.integers(-6, 9))
         number = data.draw(st.sampled_from([f'1e{exponent}', f'-1e{exponent}', '0']))
         at(content, path[:-1])[path[-1]] = f'{number} {value.split(" ")[1]}'
-    try:
-        scene = parse_scene(content)
-    except SceneError:
-        assume(False)
+    scene = outcome(content)
+    assume(isinstance(scene, Scene))
+    assert isinstance(scene, Scene)
     recording = Simulation(scene).advance(12)
     assert (recording.signal >= 0).all()
     assert (np.isnan(recording.distance) == (recording.status == 255)).all()

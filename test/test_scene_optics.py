@@ -54,7 +54,7 @@ def test_yaw_is_good_to_50_and_dead_from_60_degrees() -> None:
 def by_chance(position_m: Floats, size_m: float, grid: ZoneGrid, blur: float) -> Floats:
     """Sample points of the marker, blur each, and count in which zone they are seen."""
     rng = np.random.default_rng(4)
-    points = position_m[:2] + size_m * rng.uniform(-0.5, 0.5, (150_000, 2))
+    points = position_m[:2] + size_m * rng.uniform(-0.5, 0.5, (80_000, 2))
     tangents = points / position_m[2] + blur * grid.pitch * rng.standard_normal(points.shape)
     index = np.floor(tangents / grid.pitch + grid.columns / 2).astype(int)
     inside = ((index >= 0) & (index < grid.columns)).all(axis=-1)
@@ -81,7 +81,7 @@ def test_shares_are_those_of_scattered_points(
     shares = zone_shares(np.array([position]), size, grid, blur)
     assert shares.shape == (1, grid.zones)
     # Four standard deviations of a share of one half.
-    assert shares[0] == pytest.approx(by_chance(np.array(position), size, grid, blur), abs=5.2e-3)
+    assert shares[0] == pytest.approx(by_chance(np.array(position), size, grid, blur), abs=7.1e-3)
 
 
 @pytest.mark.parametrize('grid', GRIDS)

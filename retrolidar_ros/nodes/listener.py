@@ -42,9 +42,10 @@ class Listener:
         self.node.create_subscription(
             MarkerDetection, 'markers', lambda m: self.markers.append((m, time.time_ns())), reliable
         )
-        self.node.create_subscription(
-            TFMessage, '/tf', lambda m: self.transforms.extend(m.transforms), reliable
-        )
+        self.node.create_subscription(TFMessage, '/tf', self._take_transforms, reliable)
+
+    def _take_transforms(self, message: TFMessage) -> None:
+        self.transforms.extend(message.transforms)
 
     def spin_until(self, done: Callable[[], bool], timeout_s: float) -> bool:
         """Handle messages until `done` returns true; return False after the timeout."""

@@ -11,6 +11,8 @@ from rclpy.exceptions import InvalidParameterTypeException, InvalidParameterValu
 from rclpy.executors import ExternalShutdownException
 from rclpy.node import Node
 
+from retrolidar_ros.interrupts import ignore_requests
+
 
 def run(create: Callable[[], Node]) -> int:
     """Spin a node until it is interrupted; return the exit code of the process.
@@ -28,6 +30,7 @@ def run(create: Callable[[], Node]) -> int:
         rclpy.logging.get_logger('retrolidar_ros').fatal(str(error))
         return 2
     finally:
+        ignore_requests()
         if node is not None:
             node.destroy_node()
         rclpy.try_shutdown()

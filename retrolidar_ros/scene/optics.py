@@ -58,7 +58,8 @@ def position_at(marker: Marker, time_s: Floats) -> Floats:
     across_x = wander.across_m * np.sin(turn)
     across_y = wander.across_m * np.sin(turn / golden + 1)
     along_z = wander.along_m * np.sin(turn / math.sqrt(2) + 2)
-    return rest + np.stack([across_x, across_y, along_z], axis=-1)
+    position: Floats = rest + np.stack([across_x, across_y, along_z], axis=-1)
+    return position
 
 
 _erf = np.vectorize(math.erf, otypes=[np.float64])

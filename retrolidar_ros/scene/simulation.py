@@ -139,7 +139,7 @@ class Simulation:
         noise = self.scene.sensor.noise
         if noise is None:
             return signal
-        sigma = np.sqrt(noise.floor + noise.slope * signal)
+        sigma: Floats = np.sqrt(noise.floor + noise.slope * signal)
         return np.maximum(signal + sigma * self._rng.standard_normal(signal.shape), 0.0)
 
     def _deviating(self, distance: Floats, signal: Floats) -> Floats:
@@ -148,7 +148,7 @@ class Simulation:
         if ranging is None:
             return distance
         shot = np.divide(ranging.shot, signal, out=np.zeros_like(signal), where=signal > 0)
-        sigma = np.hypot(shot, ranging.floor)
+        sigma: Floats = np.hypot(shot, ranging.floor)
         return distance + sigma * self._rng.standard_normal(signal.shape)
 
     def _drop_weak(self, signal: Floats, distance: Floats, status: NDArray[np.uint8]) -> None:

@@ -85,7 +85,8 @@ def visible_share(occlusion: Occlusion, middle_s: Floats, exposure_s: float) -> 
 
     def hidden_until(time_s: Floats) -> Floats:
         times, phase = np.divmod(time_s, occlusion.every_s)
-        return times * occlusion.lasting_s + np.minimum(phase, occlusion.lasting_s)
+        hidden: Floats = times * occlusion.lasting_s + np.minimum(phase, occlusion.lasting_s)
+        return hidden
 
     half = exposure_s / 2
     hidden: Floats = hidden_until(middle_s + half) - hidden_until(middle_s - half)

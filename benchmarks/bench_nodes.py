@@ -1,0 +1,91 @@
+# Copyright 2026 retrolidar_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""Driver and detector with an emulated sensor: losses, stamps, latency and CPU share.
+
+embedded/run python benchmarks/bench_nodes.py [SECONDS]
+"""
+
+from __future__ import annotations
+
+import os
+import sys
+import time
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+import numpy as np
+
+from retrolidar_ros.demo import NAMESPACE, start_emulator, start_nodes
+from retrolidar_ros.nodes.conversion import to_ns
+from retrolidar_ros.nodes.listener import Listener
+from retrolidar_ros.processes import ProcessGroup
+from retrolidar_ros.yaml_files import find_scene
+
+SETTLING_S = 5.0
+HALF_EXPOSURE_S = 0.0105
+
+
+def cpu_seconds(pid: int) -> float:
+    """Return the processor time that a process has used [s]."""
+    fields = Path(f'/proc/{pid}/stat').read_text().rpartition(')')[2].split()
+    return (int(fields[11]) + int(fields[12])) / os.sysconf('SC_CLK_TCK')
+
+
+def main() -> None:
+    """Measure and print."""
+    duration_s = float(sys.argv[1]) if len(sys.argv) > 1 else 60.0
+    listener = Listener(NAMESPACE)
+    with TemporaryDirectory() as directory, ProcessGroup(Path(directory)) as processes:
+        port = Path(directory) / 'port'
+        start_nodes(processes, port)
+        if not listener.spin_until(listener.is_connected, 30.0):
+            sys.exit('driver and detector did not start')
+        start_emulator(processes, str(find_scene('coffee')), port)
+        if not listener.spin_until(lambda: bool(listener.frames), 30.0):
+            sys.exit('no frames came')
+        listener.spin_until(lambda: False, SETTLING_S)
+        settled = len(listener.frames)
+        pids = {name: processes.pid(name) for name in ('driver', 'detector', 'emulator')}
+        before = {name: cpu_seconds(pid) for name, pid in pids.items()}
+        began = time.monotonic()
+        listener.spin_until(lambda: False, duration_s)
+        elapsed_s = time.monotonic() - began
+        shares = {name: (cpu_seconds(pid) - before[name]) / elapsed_s for name, pid in pids.items()}
+    frames = listener.frames[settled:]
+    markers = [
+        pair for pair in listener.markers if to_ns(pair[0].start) > to_ns(frames[0][0].header.stamp)
+    ]
+    listener.close()
+
+    sequence = np.array([message.sequence for message, _ in frames])
+    stamp_s = np.array([to_ns(message.header.stamp) for message, _ in frames]) * 1e-9
+    sensor_s = np.array([message.sensor_time for message, _ in frames]) * 1e-6
+    line = np.polyfit(sensor_s - sensor_s[0], stamp_s - stamp_s[0], 1)
+    error_ms = 1e3 * (stamp_s - stamp_s[0] - np.polyval(line, sensor_s - sensor_s[0]))
+    arrival_s = np.array([received for _, received in frames]) * 1e-9
+    delay_ms = 1e3 * (arrival_s - stamp_s - HALF_EXPOSURE_S)
+    latency_ms = 1e3 * np.array(
+        [
+            (received - to_ns(message.header.stamp)) * 1e-9 - HALF_EXPOSURE_S
+            for message, received in markers
+        ]
+    )
+    lost = int(sequence[-1] - sequence[0] + 1 - len(sequence))
+    rate = (len(sequence) - 1) / (stamp_s[-1] - stamp_s[0])
+    print(f'{elapsed_s:.0f} s, {len(sequence)} frames at {rate:.1f} Hz, {lost} lost')
+    print(
+        f'stamps against the exposure: standard deviation {error_ms.std():.3f} ms, '
+        f'largest {np.abs(error_ms).max():.3f} ms'
+    )
+    for what, values in (('Frame', delay_ms), ('MarkerDetection', latency_ms)):
+        median, p99 = np.percentile(values, [50, 99])
+        print(
+            f'end of the (last) exposure to {what} received: median {median:.1f} ms, '
+            f'p99 {p99:.1f} ms, {len(values)} messages'
+        )
+    for name, share in shares.items():
+        print(f'CPU share of {name}: {share:.1%} of one core')
+
+
+if __name__ == '__main__':
+    main()

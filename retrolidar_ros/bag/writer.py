@@ -1,0 +1,169 @@
+# Copyright 2026 retrolidar_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""Frames to bags."""
+
+from __future__ import annotations
+
+import sqlite3
+import struct
+from collections.abc import Iterator
+from contextlib import contextmanager
+from functools import cache
+from pathlib import Path
+from types import TracebackType
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from retrolidar_ros.bag.errors import INSTALL, BagError
+from retrolidar_ros.bag.reader import FRAMES_TOPIC
+from retrolidar_ros.bag.serialized import FRAME_TYPE
+from retrolidar_ros.frame import Frame, check_frame_arrays
+from retrolidar_ros.resources import shared_file
+
+if TYPE_CHECKING:
+    from rosbags.typesys.store import Typestore
+
+STORAGES = ('mcap', 'sqlite3')
+
+
+@cache
+def _type_store() -> Typestore:
+    """Return the ROS types and ours."""
+    from rosbags import typesys
+
+    definition = shared_file('msg/Frame.msg').read_text(encoding='utf-8')
+    types = typesys.get_typestore(typesys.Stores.ROS2_JAZZY)
+    types.register(typesys.get_types_from_msg(definition, FRAME_TYPE))
+    return types
+
+
+class FrameWriter:
+    """Writes frames to a new bag; a context manager.
+
+    What was written is kept when the block ends with an exception.
+    """
+
+    def __init__(
+        self,
+        path: str | Path,
+        storage: str = STORAGES[0],
+        topic: str = FRAMES_TOPIC,
+        frame_id: str = 'retrolidar_optical_frame',
+    ) -> None:
+        """Prepare a bag; it is made on entering the block.
+
+        Parameters
+        ----------
+        path
+            The directory to make; its parents are made if need be.
+        storage
+            The kind of file that holds the messages: one of `STORAGES`.
+        topic
+            Absolute name of the topic.
+        frame_id
+            The optical frame, for the messages' headers.
+
+        Raises
+        ------
+        BagError
+            If the path exists, the storage is unknown, or `rosbags` is not installed.
+        """
+        try:
+            from rosbags import interfaces, rosbag2
+        except ImportError as error:
+            raise BagError(f'writing a bag needs the rosbags library: {INSTALL}') from error
+        self._errors = (OSError, sqlite3.Error, struct.error, rosbag2.WriterError)
+        if storage not in STORAGES:
+            raise BagError(f'storage {storage!r} is not {" or ".join(STORAGES)}')
+        with self._bag_errors():
+            # Version 8 is the last whose QoS profiles ROS 2 Humble can read.
+            self._writer = rosbag2.Writer(
+                path, version=8, storage_plugin=rosbag2.StoragePlugin[storage.upper()]
+            )
+            self._types = _type_store()
+        unspecified = interfaces.QosTime(0, 0)
+        self._qos = interfaces.Qos(
+            history=interfaces.QosHistory.KEEP_LAST,
+            depth=10,
+            reliability=interfaces.QosReliability.RELIABLE,
+            durability=interfaces.QosDurability.VOLATILE,
+            deadline=unspecified,
+            lifespan=unspecified,
+            liveliness=interfaces.QosLiveliness.AUTOMATIC,
+            liveliness_lease_duration=unspecified,
+            avoid_ros_namespace_conventions=False,
+        )
+        self._topic = topic
+        self._frame_id = frame_id
+
+    @contextmanager
+    def _bag_errors(self) -> Iterator[None]:
+        """Turn the errors of the libraries into `BagError`."""
+        try:
+            yield
+        except self._errors as error:
+            raise BagError(str(error)) from error
+
+    def __enter__(self) -> FrameWriter:
+        """Make the bag; BagError if that fails."""
+        with self._bag_errors():
+            self._writer.open()
+            self._connection = self._writer.add_connection(
+                self._topic, FRAME_TYPE, typestore=self._types, offered_qos_profiles=[self._qos]
+            )
+        return self
+
+    def write(self, frame: Frame, received_ns: int | None = None) -> None:
+        """Append a frame.
+
+        Parameters
+        ----------
+        frame
+            Its `stamp_ns` becomes the header's stamp.
+        received_ns
+            The bag's own timestamp of the message [ns]; the stamp if not given.
+
+        Raises
+        ------
+        ValueError
+            If an array has not one value a zone.
+        BagError
+            If a number does not fit the message, or the file cannot be written.
+        """
+        grid = frame.grid
+        arrays: dict[str, NDArray[Any]] = {
+            'distance': np.ascontiguousarray(frame.distance, np.float32),
+            'signal': np.ascontiguousarray(frame.signal, np.float32),
+            'ambient': np.ascontiguousarray(frame.ambient, np.float32),
+            'status': np.ascontiguousarray(frame.status, np.uint8),
+        }
+        check_frame_arrays(grid, **arrays)
+        received_ns = frame.stamp_ns if received_ns is None else received_ns
+        for time_ns in (frame.stamp_ns, received_ns):
+            if not 0 <= time_ns < 2**63:
+                raise BagError(f'frame {frame.sequence}: {time_ns} ns is no ROS time')
+        types = self._types.types
+        stamp = types['builtin_interfaces/msg/Time'](*divmod(frame.stamp_ns, 10**9))
+        message = types[FRAME_TYPE](
+            header=types['std_msgs/msg/Header'](stamp, self._frame_id),
+            sequence=frame.sequence,
+            sensor_time=frame.sensor_time_us,
+            rows=grid.rows,
+            columns=grid.columns,
+            **arrays,
+        )
+        with self._bag_errors():
+            data = self._types.serialize_cdr(message, FRAME_TYPE)
+            self._writer.write(self._connection, received_ns, data)
+
+    def __exit__(
+        self,
+        exc_type: type[BaseException] | None,
+        exc_value: BaseException | None,
+        traceback: TracebackType | None,
+    ) -> None:
+        """Close the bag; BagError if that fails."""
+        with self._bag_errors():
+            self._writer.close()

@@ -1,0 +1,38 @@
+# Copyright 2026 retrolidar_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""Ending on request, once and tidily."""
+
+from __future__ import annotations
+
+import signal
+from collections.abc import Iterator
+from contextlib import contextmanager
+from types import FrameType
+
+REQUESTS = (signal.SIGINT, signal.SIGTERM)
+
+
+def ignore_requests() -> None:
+    """Ignore further requests to end.
+
+    `ros2 launch` passes on the interrupt that a terminal has sent to everybody already; the
+    second one must not cut the tidying short.
+    """
+    for request in REQUESTS:
+        signal.signal(request, signal.SIG_IGN)
+
+
+@contextmanager
+def interrupted_once() -> Iterator[None]:
+    """Raise KeyboardInterrupt at the first request to end, and ignore the others."""
+
+    def interrupt(number: int, frame: FrameType | None) -> None:
+        ignore_requests()
+        raise KeyboardInterrupt
+
+    before = {request: signal.signal(request, interrupt) for request in REQUESTS}
+    try:
+        yield
+    finally:
+        for request, handler in before.items():
+            signal.signal(request, handler)

@@ -1,0 +1,65 @@
+# Copyright 2026 retrolidar_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""The launch file with an emulated sensor, and with a parameter file of one's own."""
+
+import sys
+import tempfile
+import unittest
+from pathlib import Path
+
+import pytest
+
+pytest.importorskip('launch_testing', reason='needs launch_testing, which has no wheel')
+
+import launch_testing.actions  # noqa: E402
+import launch_testing.asserts  # noqa: E402
+from launch import LaunchDescription  # noqa: E402
+from launch.actions import IncludeLaunchDescription  # noqa: E402
+from launch.substitutions import PathJoinSubstitution  # noqa: E402
+from launch_ros.substitutions import FindPackageShare  # noqa: E402
+
+sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
+
+from harness import check_detections, wait_for_nodes, wait_for_readings  # noqa: E402
+
+from retrolidar_ros.nodes.listener import Listener  # noqa: E402
+from retrolidar_ros.yaml_files import load_scene  # noqa: E402
+
+FRAME_ID = 'gripper_lidar'
+
+
+@pytest.mark.launch_test
+def generate_test_description():
+    parameters = Path(tempfile.mkdtemp()) / 'parameters.yaml'
+    parameters.write_text(f'/**/driver:\n  ros__parameters:\n    frame_id: {FRAME_ID}\n')
+    launch_file = PathJoinSubstitution(
+        [FindPackageShare('retrolidar_ros'), 'launch', 'retrolidar.launch.py']
+    )
+    arguments = {'emulate': 'coffee', 'params_file': str(parameters), 'namespace': 'emulated'}
+    return LaunchDescription(
+        [
+            IncludeLaunchDescription(launch_file, launch_arguments=arguments.items()),
+            launch_testing.actions.ReadyToTest(),
+        ]
+    )
+
+
+class TestEmulated(unittest.TestCase):
+    """All markers of the scene are read, in the frame that the parameter file names."""
+
+    def test_markers(self):
+        scene = load_scene('coffee')
+        listener = Listener('/emulated')
+        self.addCleanup(listener.close)
+        wait_for_nodes(listener)
+        wait_for_readings(listener, {marker.id for marker in scene.markers})
+        check_detections(listener, scene, FRAME_ID)
+
+
+@launch_testing.post_shutdown_test()
+class TestEnd(unittest.TestCase):
+    """What is left behind."""
+
+    def test_exit_codes(self, proc_info):
+        # A command that is interrupted says so.
+        launch_testing.asserts.assertExitCodes(proc_info, allowable_exit_codes=[0, 130])

@@ -1,0 +1,75 @@
+# Copyright 2026 retrolidar_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""The launch file with a sensor that this test plugs, pulls and disturbs."""
+
+import sys
+import tempfile
+import unittest
+from pathlib import Path
+
+import pytest
+
+pytest.importorskip('launch_testing', reason='needs launch_testing, which has no wheel')
+
+import launch_testing.actions  # noqa: E402
+import launch_testing.asserts  # noqa: E402
+from launch import LaunchDescription  # noqa: E402
+from launch.actions import IncludeLaunchDescription  # noqa: E402
+from launch.substitutions import PathJoinSubstitution  # noqa: E402
+from launch_ros.substitutions import FindPackageShare  # noqa: E402
+
+sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
+
+from harness import (  # noqa: E402
+    Sensor,
+    check_cable_pull,
+    check_corruption,
+    check_detections,
+    check_frames,
+    wait_for_nodes,
+    wait_for_readings,
+)
+
+from retrolidar_ros.nodes.listener import Listener  # noqa: E402
+from retrolidar_ros.yaml_files import load_scene  # noqa: E402
+
+PORT = Path(tempfile.mkdtemp()) / 'port'
+FRAME_ID = 'retrolidar_optical_frame'
+
+
+@pytest.mark.launch_test
+def generate_test_description():
+    launch_file = PathJoinSubstitution(
+        [FindPackageShare('retrolidar_ros'), 'launch', 'retrolidar.launch.py']
+    )
+    arguments = {'serial_port': str(PORT), 'namespace': 'launched'}
+    return LaunchDescription(
+        [
+            IncludeLaunchDescription(launch_file, launch_arguments=arguments.items()),
+            launch_testing.actions.ReadyToTest(),
+        ]
+    )
+
+
+class TestChain(unittest.TestCase):
+    """The assertions that the plain process runner makes, too."""
+
+    def test_chain(self):
+        scene = load_scene('coffee')
+        listener = Listener('/launched')
+        self.addCleanup(listener.close)
+        wait_for_nodes(listener)
+        with Sensor(scene, PORT) as sensor:
+            wait_for_readings(listener, {marker.id for marker in scene.markers})
+            check_frames(listener, sensor, FRAME_ID)
+            check_detections(listener, scene, FRAME_ID)
+            check_cable_pull(listener, sensor)
+            check_corruption(listener, sensor, 0.05)
+
+
+@launch_testing.post_shutdown_test()
+class TestEnd(unittest.TestCase):
+    """What is left behind."""
+
+    def test_exit_codes(self, proc_info):
+        launch_testing.asserts.assertExitCodes(proc_info)
