@@ -13,8 +13,8 @@ import pytest
 pytest.importorskip('rclpy', reason='needs ROS 2')
 pytest.importorskip('retrolidar_ros.msg', reason='needs the messages: colcon build')
 
-from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus  # noqa: E402
-from harness import (  # noqa: E402
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+from harness import (
     Sensor,
     check_cable_pull,
     check_corruption,
@@ -24,11 +24,11 @@ from harness import (  # noqa: E402
     wait_for_readings,
 )
 
-from retrolidar_ros.demo import NAMESPACE, executable, start_nodes  # noqa: E402
-from retrolidar_ros.nodes.listener import Listener  # noqa: E402
-from retrolidar_ros.processes import ProcessGroup  # noqa: E402
-from retrolidar_ros.scene.description import Scene  # noqa: E402
-from retrolidar_ros.yaml_files import load_scene  # noqa: E402
+from retrolidar_ros.demo import NAMESPACE, executable, start_nodes
+from retrolidar_ros.nodes.listener import Listener
+from retrolidar_ros.processes import ProcessGroup
+from retrolidar_ros.scene.description import Scene
+from retrolidar_ros.yaml_files import load_scene
 
 FRAME_ID = 'retrolidar_optical_frame'
 

@@ -11,19 +11,19 @@ import pytest
 
 pytest.importorskip('launch_testing', reason='needs launch_testing, which has no wheel')
 
-import launch_testing.actions  # noqa: E402
-import launch_testing.asserts  # noqa: E402
-from launch import LaunchDescription  # noqa: E402
-from launch.actions import IncludeLaunchDescription  # noqa: E402
-from launch.substitutions import PathJoinSubstitution  # noqa: E402
-from launch_ros.substitutions import FindPackageShare  # noqa: E402
+import launch_testing.actions
+import launch_testing.asserts
+from launch import LaunchDescription
+from launch.actions import IncludeLaunchDescription
+from launch.substitutions import PathJoinSubstitution
+from launch_ros.substitutions import FindPackageShare
 
 sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
 
-from harness import check_detections, wait_for_nodes, wait_for_readings  # noqa: E402
+from harness import check_detections, wait_for_nodes, wait_for_readings
 
-from retrolidar_ros.nodes.listener import Listener  # noqa: E402
-from retrolidar_ros.yaml_files import load_scene  # noqa: E402
+from retrolidar_ros.nodes.listener import Listener
+from retrolidar_ros.yaml_files import load_scene
 
 FRAME_ID = 'gripper_lidar'
 

@@ -11,16 +11,16 @@ import pytest
 
 pytest.importorskip('launch_testing', reason='needs launch_testing, which has no wheel')
 
-import launch_testing.actions  # noqa: E402
-import launch_testing.asserts  # noqa: E402
-from launch import LaunchDescription  # noqa: E402
-from launch.actions import IncludeLaunchDescription  # noqa: E402
-from launch.substitutions import PathJoinSubstitution  # noqa: E402
-from launch_ros.substitutions import FindPackageShare  # noqa: E402
+import launch_testing.actions
+import launch_testing.asserts
+from launch import LaunchDescription
+from launch.actions import IncludeLaunchDescription
+from launch.substitutions import PathJoinSubstitution
+from launch_ros.substitutions import FindPackageShare
 
 sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
 
-from harness import (  # noqa: E402
+from harness import (
     Sensor,
     check_cable_pull,
     check_corruption,
@@ -30,8 +30,8 @@ from harness import (  # noqa: E402
     wait_for_readings,
 )
 
-from retrolidar_ros.nodes.listener import Listener  # noqa: E402
-from retrolidar_ros.yaml_files import load_scene  # noqa: E402
+from retrolidar_ros.nodes.listener import Listener
+from retrolidar_ros.yaml_files import load_scene
 
 PORT = Path(tempfile.mkdtemp()) / 'port'
 FRAME_ID = 'retrolidar_optical_frame'
