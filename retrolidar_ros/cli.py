@@ -161,6 +161,10 @@ def main(arguments: list[str] | None = None) -> int:
         sys.stdout.flush()
         print(f'retrolidar: {error}', file=sys.stderr)
         return 2
+    except ModuleNotFoundError as error:
+        install = 'pip install "retrolidar_ros[evaluation]" brings it'
+        print(f'retrolidar: the Python package {error.name} is missing; {install}', file=sys.stderr)
+        return 2
     return code
 
 

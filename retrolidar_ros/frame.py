@@ -12,12 +12,13 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from enum import IntEnum
 from functools import cached_property
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-Floats = NDArray[np.floating[Any]]
+# In quotes: numpy's number types take no parameter at run time before 1.22 (Ubuntu 22.04).
+Floats: TypeAlias = 'NDArray[np.floating[Any]]'
 
 ZONE_SHAPES = ((4, 4), (8, 8))
 _FIELD_OF_VIEW_TANGENT = 4 * 0.21498  # full width, in tangents: 46.5°

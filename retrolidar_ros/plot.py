@@ -45,14 +45,14 @@ class Reading(NamedTuple):
 
 def _zone_of_interest(axes: Any, grid: ZoneGrid, modulation: Floats) -> None:
     """Draw the zones as seen from the sensor, shaded by how much their signal varies."""
+    from matplotlib.colors import LogNorm
+
     half = grid.pitch * grid.columns / 2
     image = axes.imshow(
         modulation.reshape(grid.rows, grid.columns),
         extent=(-half, half, half, -half),
         cmap='Greys',
-        norm='log',
-        vmin=max(float(modulation.min()), 0.1),
-        vmax=max(float(modulation.max()) * 3, 1.0),
+        norm=LogNorm(max(float(modulation.min()), 0.1), max(float(modulation.max()) * 3, 1.0)),
     )
     edges = grid.pitch * (np.arange(grid.columns + 1) - grid.columns / 2)
     axes.hlines(edges, -half, half, colors='0.6', linewidth=0.6)
@@ -158,7 +158,13 @@ def plot_readings(
     for name, (x, y, z) in (truth_m or {}).items():
         zones.plot(x / z, y / z, marker='s', markersize=9, fillstyle='none', color='black')
         zones.annotate(
-            name, (x / z, y / z), xytext=(0, 9), textcoords='offset points', ha='center', fontsize=9
+            name,
+            (x / z, y / z),
+            xytext=(0, 9),
+            textcoords='offset points',
+            ha='center',
+            fontsize=9,
+            bbox={'facecolor': 'white', 'alpha': 0.8, 'edgecolor': 'none', 'pad': 1},
         )
     for index, reading in enumerate(chosen):
         colour = _COLOURS[index % len(_COLOURS)]
@@ -172,5 +178,6 @@ def plot_readings(
         zones.set_title('nothing was read', fontsize=10)
     elif truth_m:
         zones.set_title('square: marker, cross: read', fontsize=10)
+    path.parent.mkdir(parents=True, exist_ok=True)
     figure.savefig(path, dpi=110)
     plt.close(figure)

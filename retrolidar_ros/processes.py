@@ -84,11 +84,9 @@ class ProcessGroup:
         """End one process and its children; return its exit code."""
         process = self._running[name]
         _signal(process.pid, signal.SIGINT)
-        try:
+        with suppress(subprocess.TimeoutExpired):
             process.wait(_PATIENCE_S)
-        except subprocess.TimeoutExpired:
-            process.kill()
-        _signal(process.pid, signal.SIGKILL)  # children that it may have left
+        _signal(process.pid, signal.SIGKILL)  # whoever did not heed that, children included
         code = process.wait()
         del self._running[name]
         return code

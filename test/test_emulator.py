@@ -208,6 +208,19 @@ def test_a_listener_that_does_not_read_costs_whole_packets(link: Path) -> None:
         os.close(descriptor)
 
 
+def test_a_packet_that_was_cut_off_does_not_cost_the_next(link: Path) -> None:
+    reader = FrameReader()
+    with PortLink(link) as port:
+        descriptor = raw_reader(link)
+        assert not port.write(b'x' * 100_000)  # more than any terminal takes
+        while select.select([descriptor], [], [], 0.1)[0]:
+            assert reader.feed(os.read(descriptor, 65536)) == []
+        assert port.write(packets(1)[0])
+        assert sequences(read_raw(descriptor, reader, 1)) == [0]
+        assert reader.counts.damaged == 1
+        os.close(descriptor)
+
+
 def test_a_slow_listener_gets_some_packets_and_never_a_wrong_one(link: Path) -> None:
     sent = packets(1000)
     reader = FrameReader()

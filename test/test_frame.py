@@ -4,7 +4,7 @@
 
 from __future__ import annotations
 
-from dataclasses import FrozenInstanceError, fields
+from dataclasses import FrozenInstanceError, fields, replace
 from typing import Any
 
 import numpy as np
@@ -12,7 +12,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from retrolidar_ros.frame import Frame, Recording, ZoneGrid, check_frame_arrays
+from retrolidar_ros.frame import Frame, Recording, Status, ZoneGrid, check_frame_arrays
 
 GRIDS = [ZoneGrid(4, 4), ZoneGrid(8, 8)]
 both_grids = pytest.mark.parametrize('grid', GRIDS, ids=['4x4', '8x8'])
@@ -111,6 +111,20 @@ def test_shapes_that_the_sensor_has_not(shape: tuple[int, int]) -> None:
         ZoneGrid(*shape)
 
 
+def test_status_codes_are_those_of_the_sensor() -> None:
+    assert {status.name: status.value for status in Status} == {
+        'NOT_UPDATED': 0,
+        'SIGNAL_TOO_LOW_ON_ARRAY': 1,
+        'SIGMA_TOO_HIGH': 3,
+        'VALID': 5,
+        'FIRST_RANGE': 6,
+        'SIGNAL_TOO_LOW': 8,
+        'MERGED': 9,
+        'NO_PREVIOUS_TARGET': 10,
+        'NO_TARGET': 255,
+    }
+
+
 @both_grids
 def test_a_recording_gives_back_its_frames(grid: ZoneGrid) -> None:
     frames = make_frames(5, grid)
@@ -159,9 +173,18 @@ def test_a_recording_of_another_shape_than_its_grid() -> None:
         Recording.of([good, bad])
 
 
-def test_frames_cannot_be_changed() -> None:
-    with pytest.raises(FrozenInstanceError):
-        make_frames(1)[0].sequence = 3  # type: ignore[misc]
+def test_frames_and_recordings_cannot_be_changed() -> None:
+    frames = make_frames(1)
+    for thing in (frames[0], Recording.of(frames)):
+        with pytest.raises(FrozenInstanceError):
+            thing.sequence = 3  # type: ignore[misc]
+
+
+def test_frames_and_recordings_equal_themselves_only() -> None:
+    frames = make_frames(1)
+    for thing in (frames[0], Recording.of(frames)):
+        assert thing == thing
+        assert thing != replace(thing)
 
 
 @both_grids

@@ -147,7 +147,9 @@ def test_a_child_that_ignores_sigint_is_killed(
 
 def test_a_second_ctrl_c_is_no_way_out_for_the_children(tmp_path: Path, line: LifeLine) -> None:
     # Instead of ending, the first child interrupts the waiting for it.
-    impatient = f"trap 'kill -INT {os.getpid()}' INT; echo ready >&3; while :; do sleep 60; done"
+    impatient = (
+        f"trap 'kill -INT {os.getpid()}' INT; echo ready >&3; while :; do sleep 60 & wait; done"
+    )
 
     def work() -> None:
         with ProcessGroup(tmp_path) as group:

@@ -410,13 +410,13 @@ CONTENTS = st.recursive(
 )
 
 
-@settings(max_examples=100, deadline=None, derandomize=True)
+@settings(max_examples=60, deadline=None, derandomize=True)
 @given(st.dictionaries(NAMES, CONTENTS, max_size=4) | CONTENTS)
 def test_whatever_is_no_scene_is_a_scene_error(content: Any) -> None:
     assert outcome(content)
 
 
-@settings(max_examples=100, deadline=None, derandomize=True)
+@settings(max_examples=60, deadline=None, derandomize=True)
 @given(st.data())
 def test_a_damaged_scene_is_refused_by_the_name_of_its_key(data: st.DataObject) -> None:
     path = data.draw(st.sampled_from([*KEYS, *(path for path, _ in LEAVES)]))

@@ -131,6 +131,8 @@ def test_a_wall_is_reported_exactly() -> None:
 def test_a_surface_is_seen_in_its_zones_only() -> None:
     recording = simulate(Scene(surfaces=(Surface(1, 5, zones=(2, 7)),)), 3)
     assert np.flatnonzero(recording.signal[0]).tolist() == [2, 7]
+    # Nothing is known of what was before the first frame, so it is no first range.
+    assert (recording.status[:, [2, 7]] == Status.VALID).all()
     assert not simulate(Scene(surfaces=(Surface(1, 5, zones=()),)), 3).signal.any()
 
 
@@ -340,7 +342,7 @@ def test_something_weak_between_two_targets_does_not_join_them(between: float) -
     assert recording.distance[0] == pytest.approx(1, abs=0.1)
 
 
-@settings(max_examples=100, deadline=None, derandomize=True)
+@settings(max_examples=60, deadline=None, derandomize=True)
 @given(
     st.lists(st.tuples(st.floats(0.1, 4), st.sampled_from([0.0, 1.0, 5.0, 7.0, 50.0])), max_size=5)
 )
@@ -378,7 +380,6 @@ def test_below_the_threshold_there_is_no_target_and_after_it_no_previous_one() -
     assert (status[1:][first] == Status.NO_PREVIOUS_TARGET).all()
     others = status[1:][~absent[1:] & ~first]
     assert (others == Status.VALID).all()
-    assert status[0] != Status.NO_PREVIOUS_TARGET  # nothing is known of what was before
     # Where the wall alone is seen, it is too weak all the time.
     assert (recording.status[:, 0] == Status.NO_TARGET).all()
     assert bright.any()

@@ -77,7 +77,7 @@ def test_mean_is_that_of_the_integral_and_within_0_and_1(marker: Marker, exposur
     assert mean == pytest.approx((halves[0] + halves[1]) / 2, abs=1e-9)
 
 
-@settings(max_examples=100, deadline=None, derandomize=True)
+@settings(max_examples=60, deadline=None, derandomize=True)
 @given(
     st.integers(0, 4095),
     st.integers(0, 5),

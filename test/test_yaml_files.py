@@ -149,7 +149,7 @@ def test_what_is_no_text_is_a_value_error_with_the_file(file: Path) -> None:
 
 
 @settings(
-    max_examples=100,
+    max_examples=60,
     deadline=None,
     derandomize=True,
     suppress_health_check=[HealthCheck.function_scoped_fixture],
