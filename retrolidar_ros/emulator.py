@@ -34,10 +34,12 @@ class PortLink:
         Raises
         ------
         FileExistsError
-            If there is something else than a link at `path`.
+            If there is something else at `path` than a link to a pseudo-terminal, which an
+            emulator that was killed may have left.
         """
-        if path.exists() and not path.is_symlink():
-            raise FileExistsError(f'{path} exists and is not a link to a port')
+        is_ours = path.is_symlink() and Path(os.readlink(path)).parent == Path('/dev/pts')
+        if os.path.lexists(path) and not is_ours:
+            raise FileExistsError(f'{path} exists; give a path where nothing is yet')
         self._path = path
         self._master, slave = pty.openpty()
         tty.setraw(slave)

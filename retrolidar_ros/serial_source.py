@@ -25,8 +25,7 @@ def explain(error: OSError, port: str) -> str:
         return f'{port} does not exist; is the sensor plugged in?'
     if error.errno == errno.EACCES:
         return f'no permission to open {port}; add yourself to the group that owns it (dialout)'
-    # pyserial wraps the failed lock of an exclusive open without keeping its number.
-    if error.errno in (errno.EBUSY, errno.EAGAIN) or 'exclusively lock' in str(error):
+    if error.errno in (errno.EBUSY, errno.EAGAIN):
         return f'{port} is in use by another program'
     return f'{port}: {error}'
 

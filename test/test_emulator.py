@@ -121,11 +121,18 @@ def test_hanging_up_ends_the_listener(link: Path) -> None:
     line.close()
 
 
-@pytest.mark.parametrize('goal', ['/dev/null', 'nowhere'])
-def test_an_old_link_is_replaced(link: Path, goal: str) -> None:
-    link.symlink_to(goal)
+def test_a_link_that_a_killed_emulator_left_is_replaced(link: Path) -> None:
+    link.symlink_to('/dev/pts/9999')
     with PortLink(link) as port, listen(link):
         assert port.write(b'x')
+
+
+@pytest.mark.parametrize('goal', ['/dev/null', 'nowhere'])
+def test_the_link_of_another_device_is_refused_and_kept(link: Path, goal: str) -> None:
+    link.symlink_to(goal)
+    with pytest.raises(FileExistsError, match='port exists; give a path'):
+        PortLink(link)
+    assert os.readlink(link) == goal
 
 
 def test_the_link_of_a_later_port_is_left_alone(link: Path) -> None:
@@ -145,14 +152,14 @@ def test_a_removed_link_does_not_matter(link: Path) -> None:
 
 def test_a_regular_file_is_refused_and_kept(link: Path) -> None:
     link.write_text('precious')
-    with pytest.raises(FileExistsError, match=r'port exists and is not a link to a port'):
+    with pytest.raises(FileExistsError, match='port exists; give a path'):
         PortLink(link)
     assert link.read_text() == 'precious'
 
 
 def test_a_directory_is_refused(link: Path) -> None:
     link.mkdir()
-    with pytest.raises(FileExistsError, match='is not a link'):
+    with pytest.raises(FileExistsError, match='port exists; give a path'):
         emulate(WALL, link, 1.0)
 
 
