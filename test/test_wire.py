@@ -318,6 +318,21 @@ def test_any_value_arrives_rounded_and_clipped(distance: Any, light: Any) -> Non
     np.testing.assert_allclose(frame.signal, expected, rtol=1e-6, atol=1 / 4096)
 
 
+def test_values_are_clipped_to_the_units_of_the_wire() -> None:
+    distance = np.full(16, 1.0, np.float32)
+    light = np.full(16, 1.0, np.float32)
+    distance[:8] = [np.inf, 8.192, 8.19175, 0.0002, 0.0001, -0.0002, -8.192, -np.inf]
+    light[:8] = [3e38, 4e6, 2097152, 2097151.5, 0.0003, 0.0002, -0.0003, -3e38]
+    packet = encode_frame(make_frame(distance=distance, signal=light, ambient=light))
+    zones = list(struct.iter_unpack('<hIIB', cobs_decode(packet[:-1])[15:-2]))
+    in_order = [zones[n] for n in (3, 2, 1, 0, 7, 6, 5, 4)]
+    assert [zone[0] for zone in in_order] == [32767, 32767, 32767, 1, 0, -1, -32768, -32768]
+    for field in (1, 2):
+        highest = 2**32 - 1
+        raw = [highest, highest, highest, highest - 1023, 1, 0, 0, 0]
+        assert [zone[field] for zone in in_order] == raw
+
+
 @both_grids
 def test_only_status_255_means_that_there_is_no_distance(side: int) -> None:
     for first in range(0, 256, side**2):
@@ -379,6 +394,13 @@ def test_any_split_of_a_stream_gives_the_same(stream: bytes, data: st.DataObject
     frames = [frame for piece in pieces for frame in reader.feed(piece)]
     assert sequences(frames) == sequences(whole)
     assert reader.counts == counts
+
+
+def test_damaged_are_all_but_frames_and_unknown_kinds() -> None:
+    counts = WireCounts(
+        frames=1, bad_framing=2, bad_crc=4, bad_shape=8, unknown_kind=16, overlong=32
+    )
+    assert counts.damaged == 2 + 4 + 8 + 32
 
 
 @law
