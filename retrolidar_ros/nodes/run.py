@@ -29,6 +29,10 @@ def run(create: Callable[[], Node]) -> int:
     except (ValueError, InvalidParameterTypeException, InvalidParameterValueException) as error:
         rclpy.logging.get_logger('retrolidar_ros').fatal(str(error))
         return 2
+    except Exception:
+        # A request to end that comes while the node is being made lets that fail somewhere.
+        if rclpy.ok():
+            raise
     finally:
         ignore_requests()
         if node is not None:
