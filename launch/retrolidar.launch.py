@@ -7,7 +7,7 @@ import sys
 import tempfile
 
 from launch import LaunchDescription
-from launch.actions import DeclareLaunchArgument, ExecuteProcess, OpaqueFunction
+from launch.actions import DeclareLaunchArgument, ExecuteProcess, OpaqueFunction, Shutdown
 from launch.substitutions import LaunchConfiguration, PathJoinSubstitution
 from launch_ros.actions import Node
 from launch_ros.substitutions import FindPackageShare
@@ -17,8 +17,11 @@ def _nodes(context):
     """Return the processes to start, now that the arguments have values."""
     serial_port = LaunchConfiguration('serial_port').perform(context)
     scene = LaunchConfiguration('emulate').perform(context)
+    params_file = LaunchConfiguration('params_file').perform(context)
+    if not os.path.isfile(params_file):
+        raise RuntimeError(f'params_file {params_file} does not exist')
     namespace = LaunchConfiguration('namespace')
-    parameters = [LaunchConfiguration('params_file')]
+    parameters = [params_file]
     actions = []
     if scene:
         # The driver opens the emulator's port as it would open a sensor's.
@@ -28,7 +31,10 @@ def _nodes(context):
         emulator = [sys.executable, '-m', 'retrolidar_ros.cli', 'emulate', scene]
         actions.append(
             ExecuteProcess(
-                cmd=[*emulator, '--port-link', serial_port], name='emulator', output='screen'
+                cmd=[*emulator, '--port-link', serial_port],
+                name='emulator',
+                output='screen',
+                on_exit=Shutdown(reason='the emulated sensor has ended'),
             )
         )
     driver_parameters = parameters + ([{'serial_port': serial_port}] if serial_port else [])

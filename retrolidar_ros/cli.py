@@ -31,9 +31,12 @@ def _emulate(arguments: argparse.Namespace) -> int:
         frames = record(scene, arguments.bag, arguments.storage, duration_s)
         print(f'{frames} frames of {duration_s:g} s in {arguments.bag}')
         return 0
-    print(f'a sensor is at {arguments.port_link}; Ctrl-C unplugs it', flush=True)
+
+    def say_ready() -> None:
+        print(f'a sensor is at {arguments.port_link}; Ctrl-C unplugs it', flush=True)
+
     with interrupted_once():
-        sent, lost = emulate(scene, arguments.port_link, arguments.duration)
+        sent, lost = emulate(scene, arguments.port_link, arguments.duration, say_ready)
     print(f'{sent} frames sent, {lost} found no listener')
     return 0
 
@@ -42,9 +45,10 @@ def _decode(arguments: argparse.Namespace) -> int:
     from retrolidar_ros.bag import read_frames
     from retrolidar_ros.decoding import TEXT_HEADER, detect, to_json, to_text
 
-    if not arguments.json:
-        print(TEXT_HEADER)
-    for detection in detect(read_frames(arguments.bag, arguments.topic), arguments.method):
+    detections = detect(read_frames(arguments.bag, arguments.topic), arguments.method)
+    for index, detection in enumerate(detections):
+        if index == 0 and not arguments.json:
+            print(TEXT_HEADER)
         print(to_json(detection) if arguments.json else to_text(detection))
     return 0
 
@@ -85,7 +89,8 @@ def _evaluate(arguments: argparse.Namespace) -> int:
     return 0
 
 
-def _seconds(text: str) -> float:
+def seconds(text: str) -> float:
+    """Parse a duration in seconds."""
     value = float(text)
     if not value > 0:
         raise argparse.ArgumentTypeError(f'{text} is no positive number of seconds')
@@ -103,7 +108,7 @@ def _parser() -> argparse.ArgumentParser:
     )
     demo.add_argument('scene', nargs='?', default='coffee', help='name or file (default: coffee)')
     demo.add_argument('-o', '--output', type=Path, help='picture (default: demo_SCENE.png)')
-    demo.add_argument('--timeout', type=_seconds, default=60.0, help='give up after [s]')
+    demo.add_argument('--timeout', type=seconds, default=60.0, help='give up after [s]')
     demo.set_defaults(run=_demo)
 
     emulate = commands.add_parser('emulate', help='be a sensor that sees a scene')
@@ -114,7 +119,7 @@ def _parser() -> argparse.ArgumentParser:
     emulate.add_argument(
         '--storage', choices=STORAGES, default=STORAGES[0], help='of the bag (default: %(default)s)'
     )
-    emulate.add_argument('--duration', type=_seconds, help='stop after [s]')
+    emulate.add_argument('--duration', type=seconds, help='stop after [s]')
     emulate.set_defaults(run=_emulate)
 
     def add_bag_command(name: str, summary: str) -> argparse.ArgumentParser:
@@ -162,8 +167,7 @@ def main(arguments: list[str] | None = None) -> int:
         print(f'retrolidar: {error}', file=sys.stderr)
         return 2
     except ModuleNotFoundError as error:
-        install = 'pip install "retrolidar_ros[evaluation]" brings it'
-        print(f'retrolidar: the Python package {error.name} is missing; {install}', file=sys.stderr)
+        print(f'retrolidar: a library is missing: pip install {error.name}', file=sys.stderr)
         return 2
     return code
 

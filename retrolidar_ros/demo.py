@@ -29,6 +29,9 @@ NAMESPACE = '/retrolidar'
 READINGS = 3
 """How often each marker is to be read before the demo ends."""
 MAX_RANGE_ERROR_M = 0.01
+_TAKEN = (
+    f'another driver publishes {NAMESPACE}/frames; end it, or set ROS_DOMAIN_ID to a free number'
+)
 
 
 class Heard(NamedTuple):
@@ -53,7 +56,7 @@ class Outcome(NamedTuple):
     range_m: float
     """True range, mean over the readings; NaN for a ghost."""
     error_m: float
-    """Measured less true range, median over the readings; NaN for a ghost or without any."""
+    """Measured less true range, of the reading in which it is largest; NaN without truth."""
     snr_db: float
     first_reading_s: float
     """From the first frame to the end of the first reading; NaN without any."""
@@ -93,7 +96,7 @@ def judge(scene: Scene, recording: Recording, heard: Sequence[Heard]) -> list[Ou
                 name='ghost' if marker is None else marker.name,
                 readings=len(own),
                 range_m=float(truth.mean()) if own else np.nan,
-                error_m=float(np.median(ranges - truth)) if own else np.nan,
+                error_m=max((ranges - truth).tolist(), key=abs) if own else np.nan,
                 snr_db=float(np.median([r.snr_db for r in own])) if own else np.nan,
                 first_reading_s=(own[0].stamp_ns - origin_ns) * 1e-9 if own else np.nan,
                 has_transforms=all(reading.has_transform for reading in own),
@@ -104,7 +107,7 @@ def judge(scene: Scene, recording: Recording, heard: Sequence[Heard]) -> list[Ou
 
 def table(outcomes: Sequence[Outcome]) -> str:
     """Return outcomes as lines of text."""
-    lines = ['     id  name        range [m]  error [mm]  SNR [dB]  first read [s]  readings  TF']
+    lines = ['     id  name        range [m]  worst [mm]  SNR [dB]  first read [s]  readings  TF']
     lines += [
         f'   {one.id:4d}  {one.name:10}  {one.range_m:9.3f}  {one.error_m * 1e3:10.1f}  '
         f'{one.snr_db:8.1f}  {one.first_reading_s:14.2f}  {one.readings:8d}  '
@@ -174,6 +177,9 @@ def run_demo(scene_name: str, picture: Path | None, timeout_s: float) -> int:
         try:
             with ProcessGroup(Path(directory)) as processes:
                 port = Path(directory) / 'port'
+                if listener.spin_until(lambda: listener.node.count_publishers('frames') > 0, 1.0):
+                    print(f'retrolidar: {_TAKEN}', file=sys.stderr)
+                    return 1
                 start_nodes(processes, port)
                 if not listener.spin_until(lambda: _is_ready(listener, processes), timeout_s):
                     print(f'retrolidar: no nodes within {timeout_s:g} s', file=sys.stderr)

@@ -37,9 +37,11 @@ class PortLink:
             If there is something else at `path` than a link to a pseudo-terminal, which an
             emulator that was killed may have left.
         """
-        is_ours = path.is_symlink() and Path(os.readlink(path)).parent == Path('/dev/pts')
-        if os.path.lexists(path) and not is_ours:
+        is_left_over = path.is_symlink() and Path(os.readlink(path)).parent == Path('/dev/pts')
+        if path.exists() or (path.is_symlink() and not is_left_over):
             raise FileExistsError(f'{path} exists; give a path where nothing is yet')
+        if not path.parent.is_dir():
+            raise FileNotFoundError(f'there is no directory {path.parent} for the port {path.name}')
         self._path = path
         self._master, slave = pty.openpty()
         tty.setraw(slave)
@@ -137,13 +139,19 @@ def frames_in_real_time(
             yield frame, middle_ns
 
 
-def emulate(scene: Scene, link: Path, duration_s: float | None = None) -> tuple[int, int]:
+def emulate(
+    scene: Scene,
+    link: Path,
+    duration_s: float | None = None,
+    ready: Callable[[], None] = lambda: None,
+) -> tuple[int, int]:
     """Serve a scene at a port until it ends or is interrupted; return frames sent and lost.
 
     Frames that nobody takes are lost, as on a real line.
     """
     sent = lost = 0
     with PortLink(link) as port:
+        ready()
         with suppress(KeyboardInterrupt):
             for frame, _ in frames_in_real_time(
                 scene, duration_s, time.monotonic_ns(), time.monotonic_ns

@@ -36,7 +36,7 @@ class Reading(NamedTuple):
         x, y, z = detection.place.position_m.tolist()
         return cls(
             id=detection.id,
-            name=f'marker_{detection.id}',
+            name='marker',
             start_s=(detection.start_ns - origin_ns) * 1e-9,
             position_m=(x, y, z),
             zone=detection.zones[0],
@@ -107,7 +107,7 @@ def _signal_with_bits(
         )
     axes.set_ylabel('kcps/SPAD', fontsize=9)
     axes.set_title(
-        f'{reading.name}: ID {reading.id} in zone {reading.zone}',
+        f'{reading.name}, ID {reading.id}, zone {reading.zone}',
         loc='left',
         fontsize=10,
         color=colour,

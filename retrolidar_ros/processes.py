@@ -12,6 +12,7 @@ from pathlib import Path
 from types import FrameType, TracebackType
 
 _PATIENCE_S = 5.0
+_ENDING = (signal.SIGTERM, signal.SIGHUP)
 
 
 class ProcessError(RuntimeError):
@@ -21,7 +22,7 @@ class ProcessError(RuntimeError):
 class ProcessGroup:
     """Runs programs, each with its output in a log file, and ends all of them on exit.
 
-    A SIGTERM to this process while the group is open ends the group, too.
+    A SIGTERM or SIGHUP to this process while the group is open ends the group, too.
     """
 
     def __init__(self, logs: Path) -> None:
@@ -30,8 +31,8 @@ class ProcessGroup:
         self._running: dict[str, subprocess.Popen[bytes]] = {}
 
     def __enter__(self) -> ProcessGroup:
-        """Turn SIGTERM into SystemExit, so that leaving the block ends the processes."""
-        self._old_handler = signal.signal(signal.SIGTERM, _exit)
+        """Turn both signals into SystemExit, so that leaving the block ends the processes."""
+        self._old_handlers = {number: signal.signal(number, _exit) for number in _ENDING}
         return self
 
     def __exit__(
@@ -49,7 +50,8 @@ class ProcessGroup:
                 _signal(process.pid, signal.SIGKILL)
                 process.wait()
             self._running.clear()
-            signal.signal(signal.SIGTERM, self._old_handler)
+            for number, handler in self._old_handlers.items():
+                signal.signal(number, handler)
 
     def start(self, name: str, command: list[str]) -> None:
         """Run a command under a name of one's choice.

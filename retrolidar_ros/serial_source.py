@@ -27,6 +27,8 @@ def explain(error: OSError, port: str) -> str:
         return f'no permission to open {port}; add yourself to the group that owns it (dialout)'
     if error.errno in (errno.EBUSY, errno.EAGAIN):
         return f'{port} is in use by another program'
+    if error.errno == errno.ENOTTY:
+        return f'{port} is not a serial port'
     return f'{port}: {error}'
 
 
@@ -69,8 +71,9 @@ class SerialSource:
                     report(f'reading {self.port}')
                     self._read(line, take, stop)
             except OSError as error:
-                lost = f'{self.port} was lost: {error}'
+                lost = f'{self.port} was lost; is the sensor still plugged in?'
                 problem = lost if self.is_open else explain(error, self.port)
+                self.is_open = False
                 if problem != self.problem:
                     report(f'{problem}; retrying')
                 self.problem = problem

@@ -51,7 +51,7 @@ PACKET = bytes.fromhex(
     """
 )
 
-law = settings(derandomize=True, deadline=None)
+law = settings(derandomize=True, deadline=None, max_examples=60)
 both_grids = pytest.mark.parametrize('side', [4, 8])
 
 
@@ -568,7 +568,7 @@ def test_random_bytes_are_no_frames() -> None:
     assert sequences(reader.feed(DELIMITER + make_packets(1)[0])) == [0]
 
 
-@pytest.mark.parametrize('seed', range(4))
+@pytest.mark.parametrize('seed', range(3))
 def test_what_is_whole_in_a_damaged_stream_is_read(seed: int) -> None:
     rng = random.Random(seed)
     packets = make_packets(600) + make_packets(100, side=8)

@@ -4,7 +4,7 @@
 
 from __future__ import annotations
 
-INSTALL = 'pip install "retrolidar_ros[bags]"'
+INSTALL = 'pip install rosbags'
 
 
 class BagError(ValueError):

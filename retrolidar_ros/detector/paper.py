@@ -14,12 +14,23 @@ A free-running stream
 Ties of the likelihood
     The earliest start wins.
 DC offset
-    Taken from a packet's length of samples before the start, as `baseline` tells; a marker may
-    have been silent then or not. It is held while a candidate is open.
+    Taken from a packet's length of samples before the start (from fewer, at least four, soon
+    after the beginning), as `baseline` tells; a marker may have been silent then or not. It is
+    held while a candidate is open.
+Abnormal frames
+    "No target" is one of them, so a marker whose dark bits leave nothing to see is not read:
+    its bright level is held through them. Before its first normal sample a zone counts as
+    having been as bright as then.
 Lost frames
-    Samples repeat the previous one, as for abnormal frames.
+    Samples repeat the previous one, as for abnormal frames. Frames that follow each other are
+    successive samples, however long the period really is.
+Sign of c
+    A marker's dark bits make it negative, but l knows only its square, and so does the method.
+Reserved IDs
+    The words of 0 and 4095 are constant: any step of the signal ends in one of them. They are
+    refused.
 Range
-    The mean of all measured distances of the packet, whatever the target was.
+    The mean of the distances that were measured during the packet, whatever the target was.
 Several zones
     Each zone reads alone. Zones that read the same ID with the same frame make one detection,
     placed in the zone with the largest modulation; a zone that ends the same packet later
@@ -31,7 +42,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from retrolidar_ros.code import BIT_PERIOD_S, PREAMBLE, decode
+from retrolidar_ros.code import BIT_PERIOD_S, PREAMBLE, RESERVED_IDS, decode
 from retrolidar_ros.detector.baseline import silent_level
 from retrolidar_ros.detector.demodulation import PACKET_SAMPLES, fit_packets, threshold_bits
 from retrolidar_ros.detector.detection import Detection, DetectorCounts
@@ -44,6 +55,9 @@ from retrolidar_ros.frame import Frame, ZoneGrid
 # false starts about as often as paper Fig. 8c has them; a higher one reads less far.
 LIKELIHOOD_THRESHOLD = 0.38
 _LEAST_HISTORY = 4
+_LEAST_DISTANCES = 2
+# The sensor's distances are multiples of a quarter millimetre.
+_RESOLUTION_M = 0.25e-3 / np.sqrt(12)
 
 
 class PaperDetector:
@@ -66,11 +80,11 @@ class PaperDetector:
         self._ring = SampleRing(
             grid.zones, PREAMBLE_SAMPLES + PACKET_SAMPLES, bit_period_s / SAMPLES_PER_BIT
         )
-        self._last_start_ns: dict[int, int] = {}
         self._begin()
 
     def _begin(self) -> None:
-        """Forget all candidates."""
+        """Forget all candidates and readings."""
+        self._last_start_ns: dict[int, int] = {}
         zones = self._grid.zones
         self._open = np.zeros(zones, dtype=bool)
         self._likelihood = np.zeros(zones)
@@ -92,10 +106,10 @@ class PaperDetector:
                 f'for {self._grid.rows}x{self._grid.columns}'
             )
         detections = []
-        for count in self._ring.push(frame):
+        for count, stamp_ns in self._ring.push(frame):
             if count == 1:
                 self._begin()
-            detections += self._advance(count, frame.stamp_ns)
+            detections += self._advance(count, stamp_ns)
         return detections
 
     def _advance(self, count: int, stamp_ns: int) -> list[Detection]:
@@ -127,9 +141,11 @@ class PaperDetector:
         signal = self._ring.signal(PACKET_SAMPLES)[:, zones]
         bits = threshold_bits(signal, self._d[zones], self._c[zones])
         ids, corrected_bits = decode(bits[:, len(PREAMBLE) :])
-        readable = ids >= 0
+        reserved = np.isin(ids, RESERVED_IDS)
+        readable = (ids >= 0) & ~reserved
         self.counts.candidates += len(zones)
-        self.counts.rejected['golay'] += int(np.count_nonzero(~readable))
+        self.counts.rejected['golay'] += int(np.count_nonzero(ids < 0))
+        self.counts.rejected['reserved'] += int(np.count_nonzero(reserved))
         start_ns = int(self._ring.stamp_ns(PACKET_SAMPLES)[0]) - self._half_sample_ns
         detections = []
         for identity in np.unique(ids[readable]).tolist():
@@ -137,13 +153,15 @@ class PaperDetector:
             fit = fit_packets(signal[:, read], ids[read])
             order = np.argsort(-np.abs(fit.amplitude), kind='stable')
             best = order[0]
+            distance = self._ring.distance(PACKET_SAMPLES)[:, zones[read[best]]]
+            measured = distance[np.isfinite(distance)]
+            if len(measured) < _LEAST_DISTANCES:
+                self.counts.rejected['distance'] += len(read)
+                continue
             self.counts.accepted += len(read)
             if self._is_known(identity, start_ns):
                 continue
-            distance = self._ring.distance(PACKET_SAMPLES)[:, zones[read[best]]]
-            measured = distance[np.isfinite(distance)]
-            if not len(measured):
-                continue
+            deviation = np.hypot(measured.std(ddof=1), _RESOLUTION_M) / np.sqrt(len(measured))
             detections.append(
                 Detection(
                     id=identity,
@@ -152,7 +170,7 @@ class PaperDetector:
                     place=place_in_zone(
                         int(zones[read[best]]),
                         float(measured.mean()),
-                        float(measured.std() / np.sqrt(len(measured))),
+                        float(deviation),
                         self._grid,
                     ),
                     snr_db=float(fit.snr_db[best]),

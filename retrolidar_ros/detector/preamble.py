@@ -21,7 +21,7 @@ class PreambleFit(NamedTuple):
     """Least-squares fits of the preamble, each field of shape (zones,)."""
 
     c: Floats
-    """Channel coefficient: what a dark bit adds to the signal, negative [kcps/SPAD]."""
+    """Channel coefficient: what a dark bit adds to the signal, less than 0 [kcps/SPAD]."""
     e: Floats
     """Root of the summed squared error [kcps/SPAD]."""
     likelihood: Floats

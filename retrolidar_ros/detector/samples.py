@@ -37,37 +37,50 @@ class SampleRing:
         self._signal = np.zeros((2 * length, zones))
         self._distance = np.full((2 * length, zones), np.nan)
         self._stamp_ns = np.zeros(2 * length, dtype=np.int64)
+        self._seen = np.zeros(zones, dtype=bool)
         self._normal = np.zeros(256, dtype=bool)
         self._normal[list(NORMAL_STATUS)] = True
 
-    def push(self, frame: Frame) -> Iterator[int]:
+    def push(self, frame: Frame) -> Iterator[tuple[int, int]]:
         """Append a frame, and before it what a gap in the stamps has lost, sample by sample.
 
         Abnormal samples repeat the zone's previous signal (paper §3.5), and so do those of lost
         frames. How many were lost is told by the stamps: a frame half a period early or late is
         still the next one. Where the stamps go back or leave a gap as long as the ring, nothing
-        that was held belongs to the same packet any more, and the samples begin anew.
+        that was held belongs to the same packet any more, and the samples begin anew. A frame
+        with the stamp of the one before is the same frame again, and makes no sample.
 
         Yields
         ------
-        int
+        count : int
             How many samples there are since the beginning, after each one.
+        stamp_ns : int
+            Time of the last frame up to this sample [ns].
         """
-        normal = self._normal[frame.status]
+        normal = self._normal[frame.status] & np.isfinite(frame.signal)
         previous = self._signal[self._index].copy()
         last_ns = int(self._stamp_ns[self._index])
+        if self.count and frame.stamp_ns == last_ns:
+            return
         steps = max(1, round((frame.stamp_ns - last_ns) / self._period_ns))
-        if self.count == 0 or frame.stamp_ns <= last_ns or steps > self.length:
+        if self.count == 0 or frame.stamp_ns < last_ns or steps > self.length:
             self.count = 0
             steps = 1
-            previous = np.where(normal, frame.signal, 0.0)
+            self._seen[:] = False
+        first_seen = normal & ~self._seen
+        if first_seen.any():
+            # Before its first normal sample a zone is taken to have been as bright as then: a
+            # rise from nothing would look like the end of a dark bit.
+            self._signal[:, first_seen] = frame.signal[first_seen]
+            previous[first_seen] = frame.signal[first_seen]
+            self._seen |= first_seen
         for step in range(1, steps):
             self._append(previous, np.nan, last_ns + round(step * self._period_ns))
-            yield self.count
+            yield self.count, last_ns
         signal = np.where(normal, frame.signal, previous)
         distance = np.where(normal, frame.distance, np.nan)
         self._append(signal, distance, frame.stamp_ns)
-        yield self.count
+        yield self.count, frame.stamp_ns
 
     @property
     def _index(self) -> int:

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 from tqdm import tqdm
 
 from retrolidar_ros.code import BIT_PERIOD_S, IDS, PACKET_BITS, PREAMBLE, packet
@@ -24,18 +25,19 @@ PACKETS_IN_A_ROW = 10
 NEVER_S = 1e9
 
 
-def _read(scene: Scene, rng: np.random.Generator, duration_s: float) -> tuple[int, int]:
-    """Return how many readings named the marker of their zone, and how many another one."""
+def _read(scene: Scene, rng: np.random.Generator, duration_s: float) -> NDArray[np.int64]:
+    """Return how many readings named the marker of their zone and how many another one.
+
+    Shape (2, zones).
+    """
     detector = create_detector(METHOD, scene.sensor.grid)
     own = {zone: marker.id for zone, marker in enumerate(scene.markers)}
-    right = wrong = 0
+    readings = np.zeros((2, scene.sensor.grid.zones), dtype=np.int64)
     for frame in Simulation(scene, rng).run(duration_s):
         for detection in detector.update(frame):
-            if detection.id == own[detection.zones[0]]:
-                right += 1
-            else:
-                wrong += 1
-    return right, wrong
+            zone = detection.zones[0]
+            readings[0 if detection.id == own[zone] else 1, zone] += 1
+    return readings
 
 
 def _at_distance(range_m: float, scenes: int, rng: np.random.Generator) -> dict[str, Any]:
@@ -45,9 +47,10 @@ def _at_distance(range_m: float, scenes: int, rng: np.random.Generator) -> dict[
     zones = 0
     for _ in range(scenes):
         lone = marker_in_each_zone(range_m, rng, start_s=(SILENCE_S, SILENCE_S + 0.5))
-        woken += _read(lone, rng, SILENCE_S + 0.5 + PACKET_S + 0.5)
+        woken += np.count_nonzero(_read(lone, rng, SILENCE_S + 0.5 + PACKET_S + 0.5), axis=-1)
         endless = marker_in_each_zone(range_m, rng, start_s=(0.0, PACKET_S), packets=None)
-        repeating += _read(endless, rng, (PACKETS_IN_A_ROW + 1) * PACKET_S)
+        readings = _read(endless, rng, (PACKETS_IN_A_ROW + 1) * PACKET_S)
+        repeating += np.minimum(readings, PACKETS_IN_A_ROW).sum(axis=-1)
         zones += len(lone.markers)
     # A marker that starts late in the first packet's time completes ten packets and no more.
     packets = zones * PACKETS_IN_A_ROW
@@ -55,11 +58,11 @@ def _at_distance(range_m: float, scenes: int, rng: np.random.Generator) -> dict[
         'range_m': range_m,
         'woken': {
             'identified': rate(int(woken[0]), zones),
-            'wrong': rate(min(int(woken[1]), zones), zones),
+            'wrong': rate(int(woken[1]), zones),
         },
         'repeating': {
-            'identified': rate(min(int(repeating[0]), packets), packets),
-            'wrong': rate(min(int(repeating[1]), packets), packets),
+            'identified': rate(int(repeating[0]), packets),
+            'wrong': rate(int(repeating[1]), packets),
         },
     }
 

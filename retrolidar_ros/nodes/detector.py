@@ -5,7 +5,7 @@
 from __future__ import annotations
 
 from rclpy.node import Node
-from rclpy.qos import QoSProfile, ReliabilityPolicy, qos_profile_sensor_data
+from rclpy.qos import QoSProfile, ReliabilityPolicy
 
 from retrolidar_ros.detector import METHODS, Detector, create_detector
 from retrolidar_ros.frame import ZoneGrid
@@ -43,10 +43,19 @@ class DetectorNode(Node):
             if parameters.flag('publish_tf', 'Send a transform for every detection.')
             else None
         )
-        self.create_subscription(FrameMsg, 'frames', self._detect, qos_profile_sensor_data)
+        parameters.warn_of_unknown()
+        self.get_logger().info(f'reading markers by method {self._method}')
+        self.create_subscription(
+            FrameMsg,
+            'frames',
+            self._detect,
+            QoSProfile(depth=10, reliability=ReliabilityPolicy.BEST_EFFORT),
+        )
 
     def _detect(self, message: FrameMsg) -> None:
         try:
+            if not message.header.frame_id:
+                raise ValueError('its frame_id is empty')
             frame = from_frame_msg(message)
         except ValueError as error:
             self.get_logger().error(f'frame dropped: {error}', throttle_duration_sec=5.0)

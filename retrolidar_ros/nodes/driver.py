@@ -8,6 +8,7 @@ import time
 from dataclasses import replace
 from threading import Event, Thread
 
+import rclpy
 from rclpy.node import Node
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 
@@ -44,6 +45,7 @@ class DriverNode(Node):
             0.0,
             1.0,
         )
+        parameters.warn_of_unknown()
         if not self._frame_id:
             raise ValueError('frame_id is empty; TF needs a name')
         self._publisher = self.create_publisher(
@@ -56,11 +58,7 @@ class DriverNode(Node):
         self._examined = (time.monotonic(), 0, 0, 0)
         publish_health(self, port, self._examine)
         self._stop = Event()
-        self._thread = Thread(
-            target=self._source.run,
-            args=(self._publish, self.get_logger().info, self._stop),
-            daemon=True,
-        )
+        self._thread = Thread(target=self._read, daemon=True)
         self._thread.start()
 
     def destroy_node(self) -> None:
@@ -68,6 +66,20 @@ class DriverNode(Node):
         self._stop.set()
         self._thread.join()
         super().destroy_node()
+
+    def _read(self) -> None:
+        """Read until the node ends, whichever of the two ends first."""
+        try:
+            self._source.run(self._publish, self._report, self._stop)
+        except Exception as error:
+            # A request to end invalidates the publisher before this thread hears of it.
+            if rclpy.ok():
+                self.get_logger().fatal(f'reading has failed: {error!r}')
+                rclpy.try_shutdown()
+
+    def _report(self, line: str) -> None:
+        log = self.get_logger()
+        (log.info if self._source.is_open else log.warning)(line)
 
     def _publish(self, frames: list[Frame], arrival_ns: int) -> None:
         for frame in frames:

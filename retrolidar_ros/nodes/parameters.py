@@ -4,6 +4,7 @@
 
 from __future__ import annotations
 
+from difflib import get_close_matches
 from typing import Any
 
 from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescriptor
@@ -42,6 +43,14 @@ class Parameters:
         """Declare a read-only float within limits and return its value."""
         limits = FloatingPointRange(from_value=minimum, to_value=maximum, step=0.0)
         return float(self._declare(name, description, floating_point_range=[limits]))
+
+    def warn_of_unknown(self) -> None:
+        """Log a warning for each parameter that was set but that no node of the kind has."""
+        for name in self._node._parameter_overrides:
+            if not self._node.has_parameter(name) and not name.startswith('qos_overrides.'):
+                near = get_close_matches(name, self._defaults, n=1)
+                hint = f'did you mean {near[0]}?' if near else f'known: {", ".join(self._defaults)}'
+                self._node.get_logger().warning(f'parameter {name} is unknown; {hint}')
 
     def _declare(self, name: str, description: str, **constraints: Any) -> Any:
         descriptor = ParameterDescriptor(description=description, read_only=True, **constraints)

@@ -190,7 +190,7 @@ def _sensor(value: Any, path: str) -> Sensor:
         noise=section.take('noise', None, _noise),
         ranging=section.take('ranging', None, _ranging),
         target_threshold=section.take('target_threshold', 0.0, quantity('signal', 0)),
-        lost=section.take('lost', 0.0, share),
+        lost=section.take('lost', 0.0, quantity('share', 0, 0.99)),
         abnormal=section.take('abnormal', 0.0, share),
     )
     section.end()
