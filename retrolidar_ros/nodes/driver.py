@@ -78,8 +78,10 @@ class DriverNode(Node):
                 rclpy.try_shutdown()
 
     def _report(self, line: str) -> None:
-        log = self.get_logger()
-        (log.info if self._source.is_open else log.warning)(line)
+        if self._source.is_open:
+            self.get_logger().info(line)
+        else:
+            self.get_logger().warning(line)
 
     def _publish(self, frames: list[Frame], arrival_ns: int) -> None:
         for frame in frames:
