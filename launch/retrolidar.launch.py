@@ -12,6 +12,8 @@ from launch.substitutions import LaunchConfiguration, PathJoinSubstitution
 from launch_ros.actions import Node
 from launch_ros.substitutions import FindPackageShare
 
+from retrolidar_ros.yaml_files import load_scene
+
 
 def _nodes(context):
     """Return the processes to start, now that the arguments have values."""
@@ -24,6 +26,7 @@ def _nodes(context):
     parameters = [params_file]
     actions = []
     if scene:
+        load_scene(scene)  # says what is wrong with it before anything is started
         # The driver opens the emulator's port as it would open a sensor's.
         serial_port = serial_port or os.path.join(
             tempfile.gettempdir(), f'retrolidar_{os.getpid()}'
