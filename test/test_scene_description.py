@@ -294,7 +294,7 @@ MARKER = ('markers', 0)
         (('sensor', 'ranging', 'shot'), '-1 mm', 'at least 0'),
         (('sensor', 'ranging', 'floor'), '-1 mm', 'at least 0'),
         (('sensor', 'target_threshold'), '-1 kcps/SPAD', 'at least 0'),
-        (('sensor', 'lost'), '101 %', 'at most 100'),
+        (('sensor', 'lost'), '100 %', 'at most 99'),
         (('sensor', 'abnormal'), '-1 %', 'at least 0'),
         ((*MARKER, 'id'), 4096, '0 to 4095'),
         ((*MARKER, 'id'), -1, '0 to 4095'),
