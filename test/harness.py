@@ -81,6 +81,14 @@ def wait_for_nodes(listener: Listener) -> None:
     assert listener.spin_until(listener.is_connected, PATIENCE_S), 'driver or detector is missing'
 
 
+def wait_for_traffic(listener: Listener) -> None:
+    """Join a chain that runs already: what was read before all topics are heard does not count."""
+    assert listener.spin_until(
+        lambda: bool(listener.frames and listener.markers and listener.transforms), PATIENCE_S
+    ), 'a topic is silent'
+    listener.markers.clear()
+
+
 def wait_for_readings(listener: Listener, ids: set[int]) -> None:
     def all_read() -> bool:
         heard = [reading for reading in listener.heard() if reading.id in ids]

@@ -20,7 +20,7 @@ from launch_ros.substitutions import FindPackageShare
 
 sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
 
-from harness import check_detections, wait_for_nodes, wait_for_readings
+from harness import check_detections, wait_for_nodes, wait_for_readings, wait_for_traffic
 
 from retrolidar_ros.nodes.listener import Listener
 from retrolidar_ros.yaml_files import load_scene
@@ -52,6 +52,7 @@ class TestEmulated(unittest.TestCase):
         listener = Listener('/emulated')
         self.addCleanup(listener.close)
         wait_for_nodes(listener)
+        wait_for_traffic(listener)
         wait_for_readings(listener, {marker.id for marker in scene.markers})
         check_detections(listener, scene, FRAME_ID)
 
