@@ -89,6 +89,41 @@ def _evaluate(arguments: argparse.Namespace) -> int:
     return 0
 
 
+def _ids(arguments: argparse.Namespace) -> int:
+    from retrolidar_ros.code import RESERVED_IDS
+    from retrolidar_ros.dictionary import SAFE_DISTANCE, choose_ids, confusable_pairs, distances
+
+    if arguments.count is not None:
+        ids, least = choose_ids(arguments.count, arguments.min_distance)
+        print(*ids, sep='\n')
+        print(f'IDs: {len(ids)}, least distance: {least} bits', file=sys.stderr)
+        return 0
+
+    limit = SAFE_DISTANCE if arguments.min_distance is None else arguments.min_distance
+    pairs = confusable_pairs(arguments.check, limit)
+    reserved = sorted(set(arguments.check) & set(RESERVED_IDS))
+    least = int(distances(arguments.check).min())
+    print(f'IDs: {len(arguments.check)}, least distance: {least} bits')
+    for marker_id in reserved:
+        print(f'{marker_id} is reserved: after the preamble it never changes')
+    for first, second, distance, shift in pairs:
+        if distance == 0:
+            print(f'{first} is there more than once')
+        else:
+            other = 'itself' if second == first else second
+            print(f'{first} read from bit {shift} differs from {other} in {distance} bits')
+    return 1 if reserved or pairs else 0
+
+
+def marker_ids(text: str) -> list[int]:
+    """Parse IDs between commas."""
+    try:
+        return [int(part) for part in text.split(',')]
+    except ValueError:
+        message = f'{text!r} is no list of IDs such as 3,17,42'
+        raise argparse.ArgumentTypeError(message) from None
+
+
 def seconds(text: str) -> float:
     """Parse a duration in seconds."""
     value = float(text)
@@ -138,6 +173,31 @@ def _parser() -> argparse.ArgumentParser:
     plot = add_bag_command('plot', 'draw what was read in a bag')
     plot.add_argument('-o', '--output', type=Path, required=True, help='PNG file')
     plot.set_defaults(run=_plot)
+
+    ids = commands.add_parser(
+        'ids',
+        help='choose marker IDs that are hard to confuse, or check those in use',
+        description='The distance of two IDs is the fewest bits, of 31, in which the packet of one '
+        'differs from that of the other when the reading of a repeating marker starts at any bit. '
+        'At a distance of 8, which the Golay code has when read from the first bit, three wrong '
+        'bits do not turn one into the other; at 6 two, at 4 one, at 2 none. An ID has a distance '
+        'to itself too, read from any bit but the first.',
+    )
+    task = ids.add_mutually_exclusive_group(required=True)
+    task.add_argument('--count', type=int, metavar='N', help='print so many IDs, one a line')
+    task.add_argument(
+        '--check',
+        type=marker_ids,
+        metavar='ID,ID,…',
+        help='name the pairs that are too near; exit code 1 if there are any',
+    )
+    ids.add_argument(
+        '--min-distance',
+        type=int,
+        metavar='BITS',
+        help='least distance allowed (default: to choose, the largest possible; to check, 8)',
+    )
+    ids.set_defaults(run=_ids)
 
     evaluate = commands.add_parser('evaluate', help='run experiments and draw their charts')
     evaluate.add_argument('names', nargs='*', metavar='NAME', help='(default: all)')

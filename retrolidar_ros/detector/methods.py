@@ -4,12 +4,22 @@
 
 from __future__ import annotations
 
+import math
+
+from numpy.typing import ArrayLike
+
 from retrolidar_ros.code import BIT_PERIOD_S
 from retrolidar_ros.detector.detection import Detector
+from retrolidar_ros.detector.evidence import NoiseLaw
 from retrolidar_ros.detector.paper import LIKELIHOOD_THRESHOLD, PaperDetector
+from retrolidar_ros.detector.reader import FOLDS, Reader
+from retrolidar_ros.detector.search import JointSearch, Search, StartSearch
+from retrolidar_ros.detector.words import WordBank
 from retrolidar_ros.frame import ZoneGrid
 
-METHODS = ('paper',)
+MAX_PACKETS = FOLDS[-1]
+METHODS = ('joint', 'soft', 'hard', 'paper')
+"""The default first."""
 
 
 def create_detector(
@@ -18,6 +28,10 @@ def create_detector(
     *,
     bit_period_s: float = BIT_PERIOD_S,
     likelihood_threshold: float = LIKELIHOOD_THRESHOLD,
+    false_ids_per_hour: float = 0.1,
+    max_packets: int = 8,
+    registered_ids: ArrayLike | None = None,
+    noise: NoiseLaw | None = None,
 ) -> Detector:
     """Return a new detector.
 
@@ -31,6 +45,14 @@ def create_detector(
         How long a marker holds a bit [s].
     likelihood_threshold : float
         Least likelihood l of a preamble (method `paper`).
+    false_ids_per_hour : float
+        How many IDs noise alone may make in an hour, over all zones (all but `paper`).
+    max_packets : int
+        How many packets of a repeating marker may be combined, 1 to 8 (method `joint`).
+    registered_ids : array of int, optional
+        The only IDs that may come; the fewer, the farther they are read (all but `paper`).
+    noise : NoiseLaw, optional
+        Of the sensor; that of a VL53L8CX unless given (all but `paper`).
 
     Raises
     ------
@@ -39,8 +61,32 @@ def create_detector(
     """
     if method not in METHODS:
         raise ValueError(f'unknown method {method!r}; there is {", ".join(METHODS)}')
-    if not bit_period_s > 0:
+    if not 0 < bit_period_s < math.inf:
         raise ValueError(f'bit_period of {bit_period_s} s: it must be positive')
     if not likelihood_threshold > 0:
         raise ValueError(f'likelihood_threshold of {likelihood_threshold}: it must be positive')
-    return PaperDetector(grid, bit_period_s=bit_period_s, likelihood_threshold=likelihood_threshold)
+    if not false_ids_per_hour > 0:
+        raise ValueError(f'false_ids_per_hour of {false_ids_per_hour}: it must be positive')
+    if not 1 <= max_packets <= MAX_PACKETS:
+        raise ValueError(f'max_packets of {max_packets}: it must be 1 to {MAX_PACKETS}')
+    bank = WordBank(registered_ids)
+    if method == 'paper':
+        return PaperDetector(
+            grid, bit_period_s=bit_period_s, likelihood_threshold=likelihood_threshold
+        )
+    joint = method == 'joint'
+    search: Search = (
+        JointSearch(bank, bit_period_s)
+        if joint
+        else StartSearch(bank, bit_period_s, hard=method == 'hard')
+    )
+    return Reader(
+        grid,
+        search,
+        bank,
+        bit_period_s=bit_period_s,
+        false_ids_per_hour=false_ids_per_hour,
+        max_packets=max_packets,
+        any_start=joint,
+        noise=noise,
+    )

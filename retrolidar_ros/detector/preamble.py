@@ -13,8 +13,7 @@ from retrolidar_ros.frame import Floats
 
 SAMPLES_PER_BIT = 2  # the marker sends at half the frame rate (paper §3.4)
 PREAMBLE_SAMPLES = SAMPLES_PER_BIT * len(PREAMBLE)
-_TEMPLATE: Floats = np.repeat(PREAMBLE, SAMPLES_PER_BIT).astype(np.float64)
-_TEMPLATE_ENERGY = float(_TEMPLATE @ _TEMPLATE)
+PREAMBLE_TEMPLATE: Floats = np.repeat(PREAMBLE, SAMPLES_PER_BIT).astype(np.float64)
 
 
 class PreambleFit(NamedTuple):
@@ -27,7 +26,7 @@ class PreambleFit(NamedTuple):
     likelihood: Floats
 
 
-def fit_preamble(signal: Floats, d: Floats) -> PreambleFit:
+def fit_preamble(signal: Floats, d: Floats, template: Floats = PREAMBLE_TEMPLATE) -> PreambleFit:
     """Fit the preamble to samples and return the likelihood that it begins with the first one.
 
     The equations of paper §3.5, unnumbered there, in their order::
@@ -40,10 +39,12 @@ def fit_preamble(signal: Floats, d: Floats) -> PreambleFit:
 
     Parameters
     ----------
-    signal : array, shape (14, zones)
+    signal : array, shape (samples, zones)
         The cropped sequence I [kcps/SPAD].
     d : array, shape (zones,)
         DC offset: the signal while the marker does not transmit [kcps/SPAD].
+    template : array, shape (samples,)
+        The paper's p; of 14 samples in step with the bits unless given.
 
     Returns
     -------
@@ -51,8 +52,8 @@ def fit_preamble(signal: Floats, d: Floats) -> PreambleFit:
         Likelihood 0 where d is 0: nothing is received there.
     """
     s = signal - d
-    c = _TEMPLATE @ s / _TEMPLATE_ENERGY
-    residual = s - _TEMPLATE[:, None] * c
+    c = template @ s / max(template @ template, 1e-9)
+    residual = s - template[:, None] * c
     e = np.sqrt(np.einsum('tz,tz->z', residual, residual))
     likelihood = np.divide(c * c, (e + 1) * d, out=np.zeros_like(d), where=d > 0)
     return PreambleFit(c, e, likelihood)

@@ -13,7 +13,7 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from retrolidar_ros.evaluation import reading
+from retrolidar_ros.evaluation import reading, roc, speed_accuracy, stability, time_to_id
 
 
 class Experiment(Protocol):
@@ -29,7 +29,13 @@ class Experiment(Protocol):
         """Return the figures as lines of text."""
 
 
-EXPERIMENTS: dict[str, Experiment] = {'reading': reading}
+EXPERIMENTS: dict[str, Experiment] = {
+    'reading': reading,
+    'stability': stability,
+    'speed-accuracy': speed_accuracy,
+    'roc': roc,
+    'time-to-id': time_to_id,
+}
 
 
 def run_experiments(

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from tqdm import tqdm
 
 from retrolidar_ros.code import BIT_PERIOD_S, IDS, PACKET_BITS, PREAMBLE, packet
-from retrolidar_ros.detector import create_detector
+from retrolidar_ros.evaluation.detectors import new_detector
 from retrolidar_ros.evaluation.reference import marker_in_each_zone
 from retrolidar_ros.evaluation.statistics import rate
 from retrolidar_ros.scene import Scene, Simulation
@@ -30,7 +30,7 @@ def _read(scene: Scene, rng: np.random.Generator, duration_s: float) -> NDArray[
 
     Shape (2, zones).
     """
-    detector = create_detector(METHOD, scene.sensor.grid)
+    detector = new_detector(METHOD, scene.sensor.grid)
     own = {zone: marker.id for zone, marker in enumerate(scene.markers)}
     readings = np.zeros((2, scene.sensor.grid.zones), dtype=np.int64)
     for frame in Simulation(scene, rng).run(duration_s):
@@ -74,7 +74,7 @@ def _silent(
     scene = marker_in_each_zone(range_m, rng, start_s=(NEVER_S, NEVER_S))
     if not with_marker:
         scene = replace(scene, markers=())
-    detector = create_detector(METHOD, scene.sensor.grid)
+    detector = new_detector(METHOD, scene.sensor.grid)
     false_ids = 0
     for block in Simulation(scene, rng).blocks(hours * 3600):
         for frame in block:

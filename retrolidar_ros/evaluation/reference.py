@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from retrolidar_ros.code import IDS
+from retrolidar_ros.code import BIT_PERIOD_S, IDS
 from retrolidar_ros.frame import ZoneGrid
 from retrolidar_ros.scene.description import (
     Marker,
@@ -24,7 +24,8 @@ from retrolidar_ros.scene.description import (
 )
 
 WALL_SIGNAL = 4.0  # [kcps/SPAD]
-SENSOR = Sensor(noise=Noise(floor=4.6, slope=0.22), ranging=Ranging(shot=0.490, floor=0.0016))
+NOISE = Noise(floor=4.6, slope=0.22)
+SENSOR = Sensor(noise=NOISE, ranging=Ranging(shot=0.490, floor=0.0016))
 RESPONSE = Response(dark_s=0.0005, bright_s=0.0035)
 
 
@@ -43,6 +44,8 @@ def marker_in_each_zone(
     start_s: tuple[float, float],
     packets: int | None = 1,
     size_m: float = 0.03,
+    sensor: Sensor = SENSOR,
+    bit_period_s: float = BIT_PERIOD_S,
 ) -> Scene:
     """Return the reference scene with random usable IDs and random starts, one of each a zone.
 
@@ -58,8 +61,12 @@ def marker_in_each_zone(
         How many packets each sends; None = without end.
     size_m : float
         Edge of the markers [m].
+    sensor : Sensor
+        What sees them.
+    bit_period_s : float
+        How long they hold a bit [s].
     """
-    grid = SENSOR.grid
+    grid = sensor.grid
     ids = 1 + rng.choice(IDS - 2, grid.zones, replace=False)
     starts = rng.uniform(*start_s, grid.zones)
     markers = tuple(
@@ -68,10 +75,11 @@ def marker_in_each_zone(
             position_m=(float(place[0]), float(place[1]), float(place[2])),
             name=f'marker_{identity}',
             size_m=size_m,
+            bit_period_s=bit_period_s,
             start_s=float(start),
             packets=packets,
             response=RESPONSE,
         )
         for identity, start, place in zip(ids, starts, range_m * grid.directions, strict=True)
     )
-    return Scene(sensor=SENSOR, markers=markers, surfaces=walls(range_m, grid))
+    return Scene(sensor=sensor, markers=markers, surfaces=walls(range_m, grid))

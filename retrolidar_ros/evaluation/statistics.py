@@ -1,10 +1,11 @@
 # Copyright 2026 retrolidar_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""Rates with their confidence."""
+"""Rates with their confidence, and where they fall below a level."""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import TypedDict
 
 
@@ -40,3 +41,61 @@ def rate(hits: int, trials: int) -> Rate:
         low=max(0.0, (centre - spread) / scale),
         high=min(1.0, (centre + spread) / scale),
     )
+
+
+class Frequency(TypedDict):
+    """Events counted over a time, with the bounds of the 95 % confidence interval an hour."""
+
+    events: int
+    hours: float
+    per_hour: float
+    low: float
+    high: float
+
+
+def frequency(events: int, hours: float) -> Frequency:
+    """Return events an hour with Byar's interval of a Poisson count (Breslow and Day 1987).
+
+    Raises
+    ------
+    ValueError
+        If the time is not positive, or the count is negative.
+    """
+    if events < 0 or not hours > 0:
+        raise ValueError(f'{events} events in {hours} h')
+    z = 1.959964
+    low = 0.0
+    if events:
+        low = events * max(0.0, 1 - 1 / (9 * events) - z / (3 * math.sqrt(events))) ** 3
+    more = events + 1
+    high = more * (1 - 1 / (9 * more) + z / (3 * math.sqrt(more))) ** 3
+    return Frequency(
+        events=events, hours=hours, per_hour=events / hours, low=low / hours, high=high / hours
+    )
+
+
+def falls_below(level: float, places: Sequence[float], shares: Sequence[float]) -> float | None:
+    """Return where a share, linear between its places, first falls below a level.
+
+    Parameters
+    ----------
+    level : float
+        What the share falls below.
+    places : sequence of float
+        In the order of the way, up or down.
+    shares : sequence of float
+        The share at each place.
+
+    Returns
+    -------
+    float or None
+        None where it begins below the level or stays above it.
+    """
+    for index in range(1, len(places)):
+        before, after = shares[index - 1], shares[index]
+        if before < level:
+            return None
+        if after < level:
+            step = (before - level) / (before - after)
+            return places[index - 1] + step * (places[index] - places[index - 1])
+    return None

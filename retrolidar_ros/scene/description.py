@@ -10,6 +10,7 @@ from typing import Any
 
 from retrolidar_ros.code import BIT_PERIOD_S, IDS
 from retrolidar_ros.frame import ZONE_SHAPES, ZoneGrid
+from retrolidar_ros.liquid_crystal import Response
 from retrolidar_ros.scene.section import SceneError, Section, integer, items, quantity, text
 
 __all__ = [
@@ -71,14 +72,6 @@ class Sensor:
     """Share of frames that never arrive."""
     abnormal: float = 0.0
     """Share of samples with an abnormal status and meaningless values."""
-
-
-@dataclass(frozen=True)
-class Response:
-    """Times from 10 to 90 % in which the liquid crystal darkens and brightens."""
-
-    dark_s: float
-    bright_s: float
 
 
 @dataclass(frozen=True)

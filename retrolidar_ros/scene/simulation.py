@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from retrolidar_ros.frame import Floats, Recording, Status
 from retrolidar_ros.scene.description import Marker, Scene, Surface
+from retrolidar_ros.scene.noise import deviating, noisy
 from retrolidar_ros.scene.optics import position_at, received_signal, zone_shares
 from retrolidar_ros.scene.transmission import Transmission, visible_share
 
@@ -68,10 +69,10 @@ class Simulation:
         """Return the next `count` frames, less those that the scene loses."""
         scene, sensor = self.scene, self.scene.sensor
         sequence, middle_s = self.exposure_times(count)
-        signals, distances = self._targets(middle_s)
+        signals, distances = _seen_in_each_zone(*self._targets(middle_s))
         signal, distance, merged = _reported_pulse(signals, distances)
-        distance = self._deviating(distance, signal)
-        signal = self._noisy(signal)
+        distance = deviating(distance, signal, sensor.ranging, self._rng)
+        signal = noisy(signal, sensor.noise, self._rng)
         status = np.where(merged, Status.MERGED, Status.VALID).astype(np.uint8)
         self._drop_weak(signal, distance, status)
         if sensor.abnormal:
@@ -134,23 +135,6 @@ class Simulation:
         seen[slice(None) if surface.zones is None else list(surface.zones)] = surface.signal
         return seen, np.full(zones, surface.distance_m)
 
-    def _noisy(self, signal: Floats) -> Floats:
-        """Add the sensor's noise; a signal is never reported as negative."""
-        noise = self.scene.sensor.noise
-        if noise is None:
-            return signal
-        sigma: Floats = np.sqrt(noise.floor + noise.slope * signal)
-        return np.maximum(signal + sigma * self._rng.standard_normal(signal.shape), 0.0)
-
-    def _deviating(self, distance: Floats, signal: Floats) -> Floats:
-        """Add the ranging deviation that belongs to a signal."""
-        ranging = self.scene.sensor.ranging
-        if ranging is None:
-            return distance
-        shot = np.divide(ranging.shot, signal, out=np.zeros_like(signal), where=signal > 0)
-        sigma: Floats = np.hypot(shot, ranging.floor)
-        return distance + sigma * self._rng.standard_normal(signal.shape)
-
     def _drop_weak(self, signal: Floats, distance: Floats, status: NDArray[np.uint8]) -> None:
         """Report no target below the threshold, and mark the first range after it (in place)."""
         threshold = self.scene.sensor.target_threshold
@@ -171,6 +155,21 @@ class Simulation:
         signal[hit] = _GARBAGE_SIGNAL * self._rng.random(count)
         distance[hit] = _GARBAGE_DISTANCE_M * self._rng.random(count)
         status[hit] = self._rng.choice(_ABNORMAL, count)
+
+
+def _seen_in_each_zone(signals: Floats, distances: Floats) -> tuple[Floats, Floats]:
+    """Return the targets that each zone sees, in their order, and no more than the most of them.
+
+    Of many markers most zones see one or two, and only those can make a pulse.
+
+    Parameters
+    ----------
+    signals, distances : array, shape (targets, frames, zones)
+        Of each target [kcps/SPAD], [m].
+    """
+    seen = signals.any(axis=1)
+    order = np.argsort(~seen, axis=0, kind='stable')[: seen.sum(axis=0).max(), None]
+    return np.take_along_axis(signals, order, axis=0), np.take_along_axis(distances, order, axis=0)
 
 
 def _reported_pulse(signals: Floats, distances: Floats) -> tuple[Floats, Floats, NDArray[np.bool_]]:

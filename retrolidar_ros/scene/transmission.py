@@ -10,10 +10,10 @@ import numpy as np
 
 from retrolidar_ros.code import packet
 from retrolidar_ros.frame import Floats
+from retrolidar_ros.liquid_crystal import Response
 from retrolidar_ros.scene.description import Marker, Occlusion
 
-# An exponential runs from 10 to 90 % in ln 9 time constants.
-_TIME_CONSTANTS_10_TO_90 = math.log(9)
+_AT_ONCE = Response(dark_s=0.0, bright_s=0.0)
 
 
 class Transmission:
@@ -30,23 +30,15 @@ class Transmission:
         bits = np.concatenate([packet(marker.id), np.zeros(marker.gap_bits, dtype=np.uint8)])
         self._bright = 1.0 - bits
         self._before = np.roll(self._bright, 1)
-        response = marker.response
-        dark_s, bright_s = (response.dark_s, response.bright_s) if response else (0.0, 0.0)
-        self._dark_tau_s = dark_s / _TIME_CONSTANTS_10_TO_90
-        self._bright_tau_s = bright_s / _TIME_CONSTANTS_10_TO_90
+        self._response = marker.response or _AT_ONCE
         self._bits_sent = math.inf if marker.packets is None else marker.packets * len(bits)
-        whole_bits = self._within_bit(self._before, self._bright, np.full(len(bits), self._bit_s))
+        whole_bits = self._response.integral(
+            self._before, self._bright, np.full(len(bits), self._bit_s)
+        )
         self._elapsed = np.concatenate([[0.0], np.cumsum(whole_bits)])
         # The very first bit follows the bright state of a silent marker.
-        first = self._within_bit(np.ones(1), self._bright[:1], np.full(1, self._bit_s))
+        first = self._response.integral(np.ones(1), self._bright[:1], np.full(1, self._bit_s))
         self._first_excess = float(first[0] - whole_bits[0])
-
-    def _within_bit(self, before: Floats, level: Floats, elapsed_s: Floats) -> Floats:
-        """Integrate the relaxation from one level to the next over the time since the edge."""
-        tau = np.where(level < before, self._dark_tau_s, self._bright_tau_s)
-        share = np.divide(elapsed_s, tau, out=np.full_like(elapsed_s, np.inf), where=tau > 0)
-        integral: Floats = level * elapsed_s - (before - level) * tau * np.expm1(-share)
-        return integral
 
     def integral(self, time_s: Floats) -> Floats:
         """Return the integral of the transmission from the first packet's start to each time.
@@ -70,7 +62,7 @@ class Transmission:
         before = np.where(bits == 0, 1.0, self._before[index])
         sent = cycles * self._elapsed[-1] + self._elapsed[index]
         sent = sent + np.where(bits > 0, self._first_excess, 0.0)
-        within = self._within_bit(before, level, np.maximum(since - bits * self._bit_s, 0.0))
+        within = self._response.integral(before, level, np.maximum(since - bits * self._bit_s, 0.0))
         return np.where(since < 0, since, sent + within)
 
     def mean(self, middle_s: Floats, exposure_s: float) -> Floats:

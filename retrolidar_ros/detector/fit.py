@@ -1,0 +1,191 @@
+# Copyright 2026 retrolidar_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""Stage 4: the exact fit of candidates: start, clock, gain, offset and what is left over."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from retrolidar_ros.code import packet
+from retrolidar_ros.detector.evidence import NoiseLaw, nats
+from retrolidar_ros.detector.template import packet_light
+from retrolidar_ros.frame import Floats
+
+MAX_SKEW = 0.013
+"""Largest clock error that a fit may end with; markers have 1 % (RC oscillators)."""
+_STEPS = 3
+_MAX_SHIFT = 0.75  # of a sample, away from where the search has found the packet
+# Share of the modulation by which a template may be wrong: the response of another liquid
+# crystal, a stamp that is late, a marker that moves.
+_TEMPLATE_ERROR = 0.04
+
+
+class Candidates(NamedTuple):
+    """Packets that a search has found, each field of shape (candidates,)."""
+
+    zone: NDArray[np.intp]
+    ids: NDArray[np.int64]
+    start_s: Floats
+    """When the frame (preamble and word) starts that lies first in the window, or before it."""
+    bit_s: Floats
+    begin_s: Floats
+    """Of the window in which the packet was looked for, the silence before it included [s]."""
+    end_s: Floats
+    packets: NDArray[np.int64]
+    repeats: NDArray[np.bool_]
+    """Whether the window is any stretch of a repeating packet."""
+    still: NDArray[np.bool_]
+    """Whether nothing but a constant was taken off (`soft_bits`)."""
+    correlation: Floats
+    """As the search has found it, with coarse templates."""
+
+    def at(self, index: NDArray[np.intp] | NDArray[np.bool_]) -> Candidates:
+        """Return some of them."""
+        return Candidates(*(field[index] for field in self))
+
+
+class Fit(NamedTuple):
+    """Candidates as they fit best, each field of shape (candidates,) or more."""
+
+    start_s: Floats
+    bit_s: Floats
+    gain: Floats
+    """Bright minus dark [kcps/SPAD]."""
+    dark: Floats
+    """Level of the dark bits in the middle of the packet [kcps/SPAD]."""
+    score: Floats
+    """Normalised correlation."""
+    nats: Floats
+    """Logarithm of the likelihood ratio against no packet."""
+    samples: Floats
+    """How many samples tell, less the parameters that take something off."""
+    residual: Floats
+    """χ² per degree of freedom against the noise law."""
+    deviation: Floats
+    """Standard deviation of what is left over [kcps/SPAD]."""
+    light: Floats
+    """The template, shape (candidates, samples)."""
+    weight: Floats
+    """Which samples tell, shape (candidates, samples)."""
+
+
+def fit_candidates(
+    candidates: Candidates,
+    begin_s: Floats,
+    end_s: Floats,
+    signal: Floats,
+    weight: Floats,
+    law: NoiseLaw,
+    noise_scale: float,
+) -> Fit:
+    """Fit packets to samples by Gauss-Newton steps on start and bit period.
+
+    Parameters
+    ----------
+    candidates : Candidates
+    begin_s, end_s : array, shape (samples,)
+        Of the exposures [s].
+    signal, weight : array, shape (candidates, samples)
+        What each candidate's zone received [kcps/SPAD]; weight 0 for erasures.
+    law : NoiseLaw
+        Of the sensor.
+    noise_scale : float
+        How many times that variance the sensor has.
+    """
+    middle_s = (begin_s + end_s) / 2
+    sample_s = candidates.bit_s / 2
+    inside = (middle_s >= candidates.begin_s[:, None]) & (middle_s < candidates.end_s[:, None])
+    weight = weight * inside
+    centre_s = (candidates.begin_s + candidates.end_s) / 2
+    line = (middle_s - centre_s[:, None]) / (candidates.end_s - candidates.begin_s)[:, None]
+    bits = packet(candidates.ids)
+    ones = np.ones_like(line)
+    # Fitting about the middle of the packets parts the start from the bit period.
+    length = candidates.packets * 31.0
+    offset = np.where(candidates.repeats, (centre_s - candidates.start_s) / candidates.bit_s, 15.5)
+    nominal_s = candidates.bit_s
+    shift, stretch = np.zeros(len(bits)), np.zeros(len(bits))
+
+    def light(shift: Floats, stretch: Floats) -> Floats:
+        bit_s = nominal_s * (1 + stretch)
+        start_s = candidates.start_s + shift + (nominal_s - bit_s) * offset
+        return packet_light(bits, start_s, bit_s, candidates.repeats, begin_s, end_s)
+
+    slope = np.where(candidates.still[:, None], 0.0, line)
+    small_shift = sample_s / 16
+    small_stretch = 0.25 / (16 * length)
+    for _ in range(_STEPS):
+        template = light(shift, stretch)
+        columns = np.stack(
+            [
+                template,
+                light(shift + small_shift, stretch) - template,
+                light(shift, stretch + small_stretch) - template,
+                ones,
+                slope,
+            ],
+            axis=-1,
+        )
+        answer = _least_squares(columns, signal, weight)
+        gain = np.maximum(answer[:, 0], 1e-9)
+        limit = 0.4 * sample_s
+        shift = shift + np.clip(answer[:, 1] / gain * small_shift, -limit, limit)
+        shift = np.clip(shift, -_MAX_SHIFT * sample_s, _MAX_SHIFT * sample_s)
+        limit = 0.8 / (4 * length)
+        stretch = stretch + np.clip(answer[:, 2] / gain * small_stretch, -limit, limit)
+        stretch = np.clip(stretch, -1.6 / (4 * length), 1.6 / (4 * length))
+    template = light(shift, stretch)
+    plain = np.stack([ones, slope], axis=-1)
+    rest = _without(plain, signal, weight)
+    pure = _without(plain, template, weight)
+    energy = np.einsum('cn,cn->c', rest, rest)
+    pure_energy = np.einsum('cn,cn->c', pure, pure)
+    common = np.einsum('cn,cn->c', pure, rest)
+    score = common / np.sqrt(np.maximum(energy * pure_energy, 1e-12))
+    samples = weight.sum(axis=1) - np.where(candidates.still, 0.0, 1.0)
+    gain = common / np.maximum(pure_energy, 1e-12)
+    # A marker on the move changes its gain within the packet, too: that is no misfit.
+    full = np.stack([template, template * line, ones, line], axis=-1)
+    answer = _least_squares(full, signal, weight)
+    fitted = np.einsum('cnk,ck->cn', full, answer)
+    left = (signal - fitted) * weight
+    variance = noise_scale * law.variance(fitted) + (_TEMPLATE_ERROR * gain[:, None]) ** 2
+    freedom = np.maximum(weight.sum(axis=1) - 6, 1.0)
+    residual = np.einsum('cn,cn->c', left, left / variance) / freedom
+    deviation = np.sqrt(np.einsum('cn,cn->c', left, left) / freedom)
+    bit_s = nominal_s * (1 + stretch)
+    return Fit(
+        start_s=candidates.start_s + shift + (nominal_s - bit_s) * offset,
+        bit_s=bit_s,
+        gain=gain,
+        dark=answer[:, 2],
+        score=score,
+        nats=nats(score, samples),
+        samples=samples,
+        residual=residual,
+        deviation=deviation,
+        light=template,
+        weight=weight,
+    )
+
+
+def _least_squares(columns: Floats, signal: Floats, weight: Floats) -> Floats:
+    """Solve for the coefficients of columns (candidates, samples, k): shape (candidates, k)."""
+    weighted = columns * weight[..., None]
+    normal = np.einsum('cnk,cnl->ckl', weighted, columns)
+    # A column of zeros gets the coefficient 0.
+    size = normal.shape[-1]
+    normal += (1e-9 + 1e-9 * np.einsum('ckk->c', normal))[:, None, None] * np.eye(size)
+    right = np.einsum('cnk,cn->ck', weighted, signal)
+    answer: Floats = np.linalg.solve(normal, right[..., None])[..., 0]
+    return answer
+
+
+def _without(columns: Floats, values: Floats, weight: Floats) -> Floats:
+    """Return values (candidates, samples) less their projection onto columns, 0 if weightless."""
+    answer = _least_squares(columns, values, weight)
+    left: Floats = (values - np.einsum('cnk,ck->cn', columns, answer)) * weight
+    return left

@@ -1,0 +1,266 @@
+# Copyright 2026 retrolidar_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""What turns a candidate into a reading, or says why not."""
+
+from __future__ import annotations
+
+from collections import Counter
+from typing import NamedTuple
+
+import numpy as np
+
+from retrolidar_ros.code import PACKET_BITS, packet
+from retrolidar_ros.detector.evidence import (
+    NoiseLaw,
+    correlation_threshold,
+    group_threshold,
+    nats,
+)
+from retrolidar_ros.detector.fit import Candidates, Fit, fit_candidates
+from retrolidar_ros.detector.rivals import SHIFTS, Rivals, Window
+from retrolidar_ros.detector.search import PACKET_SAMPLES
+from retrolidar_ros.detector.soft_bits import SILENT_BITS, SoftBits, soft_bits
+from retrolidar_ros.detector.view import View
+from retrolidar_ros.detector.words import WordBank
+from retrolidar_ros.frame import Floats, ZoneGrid
+
+# A zone next to the one in question joins when chance would make its part once in 300 times.
+_LEAST_COMPANION_NATS = 4.5
+# Most that a packet may leave over, as χ² per degree of freedom.
+_MOST_RESIDUAL = 2.0
+# Median of the bright samples less that of the dark ones, as a share of the fitted gain.
+_LEAST_STEP = 0.5
+# A rival this many times less likely leaves one wrong ID in ten thousand.
+_LEAST_MARGIN_NATS = float(np.log(1e4))
+
+
+class Reading(NamedTuple):
+    """A packet that was read."""
+
+    candidate: Candidates
+    """One."""
+    fit: Fit
+    """Of the zones together."""
+    zones: tuple[int, ...]
+    """Strongest first."""
+    corrected_bits: int
+
+
+class Judge:
+    """Fits candidates, lets zones that see the same one combine, and tests them."""
+
+    def __init__(self, bank: WordBank, grid: ZoneGrid, law: NoiseLaw) -> None:
+        """Judge packets of `bank` that zones of `grid` with noise of `law` see."""
+        self._bank = bank
+        self._rivals = Rivals(bank)
+        self._law = law
+        row, column = np.divmod(np.arange(grid.zones), grid.columns)
+        near = (np.abs(np.subtract.outer(row, row)) <= 1) & (
+            np.abs(np.subtract.outer(column, column)) <= 1
+        )
+        np.fill_diagonal(near, False)
+        self._near = [np.flatnonzero(row) for row in near]
+
+    def judge(
+        self,
+        candidates: Candidates,
+        everything: View,
+        chance: float,
+        noise_scale: float,
+        rejected: Counter[str],
+    ) -> list[Reading]:
+        """Return what is read, the clearest first, and count what is not by its reason.
+
+        Parameters
+        ----------
+        candidates : Candidates
+            With zones of the sensor.
+        everything : View
+            Of all zones.
+        chance : float
+            How likely white noise may be to pass, for one packet in question.
+        noise_scale : float
+            How many times the variance of the noise law the sensor has.
+        rejected : Counter
+            Counted into.
+        """
+        fits = fit_candidates(
+            candidates,
+            everything.begin_s,
+            everything.end_s,
+            everything.signal[:, candidates.zone].T,
+            everything.weight[:, candidates.zone].T,
+            self._law,
+            noise_scale,
+        )
+        readings = []
+        for index in np.argsort(-fits.nats, kind='stable').tolist():
+            one = np.array([index])
+            reading = self._test(
+                candidates.at(one),
+                Fit(*(field[one] for field in fits)),
+                everything,
+                chance,
+                noise_scale,
+            )
+            if isinstance(reading, str):
+                rejected[reading] += 1
+            else:
+                readings.append(reading)
+        return readings
+
+    def _test(
+        self,
+        candidate: Candidates,
+        fit: Fit,
+        everything: View,
+        chance: float,
+        noise_scale: float,
+    ) -> Reading | str:
+        """Return the reading, or why there is none."""
+        zone = int(candidate.zone[0])
+        if not fit.gain[0] > 0:
+            return 'no modulation'
+        parts, gains = self._parts(zone, fit, everything, noise_scale)
+        seen = [zone, *(int(near) for near in self._near[zone][parts[1:] > _LEAST_COMPANION_NATS])]
+        view = everything
+        column = zone
+        if len(seen) > 1:
+            view, column = self._combined(zone, seen, gains, fit, everything), 0
+            candidate, fit = self._again(candidate, fit, view, noise_scale)
+            parts, gains = self._parts(zone, fit, everything, noise_scale)
+        total = float(fit.nats[0]) if len(seen) == 1 else self._sum(seen, zone, parts)
+        samples = int(fit.samples[0])
+        least = float(nats(np.asarray(correlation_threshold(samples, chance)), np.asarray(samples)))
+        if total < group_threshold(least, len(seen)):
+            return 'score'
+        if fit.residual[0] > _MOST_RESIDUAL:
+            return 'residual'
+        told = fit.weight[0] > 0
+        light = fit.light[0]
+        signal = view.signal[:, column]
+        bright, dark = signal[told & (light > 0.5)], signal[told & (light <= 0.5)]
+        if np.median(bright) - np.median(dark) < _LEAST_STEP * fit.gain[0]:
+            return 'no modulation'
+        margin, corrected_bits = self._margin(candidate, fit, view, column)
+        if margin is None:
+            return 'incomplete'
+        if chance < 0.5 and margin < _LEAST_MARGIN_NATS:
+            return 'ambiguous'
+        order = sorted(seen, key=lambda seer: -gains[seer])
+        return Reading(candidate, fit, tuple(order), corrected_bits)
+
+    def _parts(
+        self, zone: int, fit: Fit, everything: View, noise_scale: float
+    ) -> tuple[Floats, dict[int, float]]:
+        """Return the likelihood ratios and gains of the template in a zone and its neighbours."""
+        zones = np.concatenate([[zone], self._near[zone]])
+        signal = everything.signal[:, zones]
+        weight = everything.weight[:, zones] * (fit.weight[0] > 0)[:, None]
+        told = np.maximum(weight.sum(axis=0), 1.0)
+        template = fit.light[0][:, None] - (weight * fit.light[0][:, None]).sum(axis=0) / told
+        template = template * weight
+        centred = (signal - (weight * signal).sum(axis=0) / told) * weight
+        common = np.einsum('nz,nz->z', template, centred)
+        power = np.maximum(np.einsum('nz,nz->z', template, template), 1e-9)
+        energy = np.maximum(np.einsum('nz,nz->z', centred, centred), 1e-9)
+        parts = nats(common / np.sqrt(power * energy), told)
+        # What else a zone sees must be noise, or it sees something else.
+        left = (energy - common * common / power) / told
+        noise = noise_scale * self._law.variance(signal.mean(axis=0))
+        parts[1:][left[1:] > _MOST_RESIDUAL * noise[1:]] = 0.0
+        return parts, dict(zip(zones.tolist(), (common / power).tolist(), strict=True))
+
+    def _sum(self, seen: list[int], zone: int, parts: Floats) -> float:
+        near = np.isin(np.concatenate([[zone], self._near[zone]]), seen)
+        return float(parts[near].sum())
+
+    def _combined(
+        self, zone: int, seen: list[int], gains: dict[int, float], fit: Fit, everything: View
+    ) -> View:
+        """Return the sum of zones in which a packet's amplitude stands out most of their noise."""
+        gain = np.array([gains[seer] for seer in seen])
+        mean = (everything.signal[:, seen] * everything.weight[:, seen]).sum(axis=0)
+        mean /= np.maximum(everything.weight[:, seen].sum(axis=0), 1.0)
+        weights = gain / self._law.variance(mean)
+        # In the scale of a single zone's noise, for which the noise law holds.
+        weights /= np.sqrt((weights**2 * self._law.variance(mean)).sum())
+        weights *= np.sqrt(self._law.variance(mean[0]))
+        signal = everything.signal[:, seen] - mean
+        combined = (signal @ weights + mean[0])[:, None]
+        weight = everything.weight[:, seen].min(axis=1)[:, None]
+        return View(np.array([zone]), everything.begin_s, everything.end_s, combined, weight)
+
+    def _again(
+        self, candidate: Candidates, fit: Fit, view: View, noise_scale: float
+    ) -> tuple[Candidates, Fit]:
+        """Look for the word once more, now that the zones are combined, and fit it."""
+        edges_s, soft = self._window_bits(candidate, fit, view)
+        row = _folded(soft.value[0, :, 0], int(candidate.packets[0]))
+        rows = row[SHIFTS] if candidate.repeats[0] else row[None]
+        phases = np.full(len(rows), soft.phase[0])
+        best = self._bank.best(rows, np.ones(len(rows)), phases, PACKET_SAMPLES)
+        shift = int(best.correlation.argmax())
+        start_s = edges_s[:1] + fit.bit_s * (shift - PACKET_BITS if shift > 0 else 0)
+        candidate = candidate._replace(
+            ids=best.ids[shift : shift + 1], start_s=start_s, bit_s=fit.bit_s
+        )
+        return candidate, fit_candidates(
+            candidate,
+            view.begin_s,
+            view.end_s,
+            view.signal.T,
+            view.weight.T,
+            self._law,
+            noise_scale,
+        )
+
+    def _margin(
+        self, candidate: Candidates, fit: Fit, view: View, column: int
+    ) -> tuple[float | None, int]:
+        """Return the lead over the nearest rival [nats], and how many hard bits are wrong.
+
+        No lead where the packet has not ended yet, or has ended before.
+        """
+        packets = int(candidate.packets[0])
+        edges_s, soft = self._window_bits(candidate, fit, view)
+        row = _folded(soft.value[0, :, column], packets)
+        before = SILENT_BITS if candidate.still[0] else 0
+        begin_s = edges_s[0]
+        if before:
+            # The silence tells, too.
+            edges_s = edges_s[0] + fit.bit_s[0] * np.arange(-before, PACKET_BITS + 1)
+            soft = soft_bits(view.integral, view.squares, edges_s[None], line=False)
+        present = view.present(edges_s[:1], edges_s[-1:])[0]
+        present = float(np.broadcast_to(present, (view.signal.shape[1],))[column])
+        nominal = 2 * (len(edges_s) - 1)
+        window = Window(
+            soft=soft.value[0, :, column] if before else row,
+            energy=float(soft.energy[0, column]) * present / nominal * packets,
+            phase=float(soft.phase[0]),
+            samples=present,
+            first=before + round((fit.start_s[0] - begin_s) / fit.bit_s[0]) % PACKET_BITS,
+            repeats=bool(candidate.repeats[0]),
+            packets=packets,
+        )
+        margin = self._rivals.margin(window, int(candidate.ids[0]))
+        level = -np.roll(row, before - window.first)
+        bits = packet(candidate.ids[0])
+        middle = (level[bits == 1].mean() + level[bits == 0].mean()) / 2
+        wrong = int(np.count_nonzero((level < middle) != (bits == 1)))
+        return margin, wrong
+
+    def _window_bits(self, candidate: Candidates, fit: Fit, view: View) -> tuple[Floats, SoftBits]:
+        """Cut the window, without the silence, into the bits of the fit."""
+        packets = int(candidate.packets[0])
+        bit_s = fit.bit_s[0]
+        first = fit.start_s[0]
+        if candidate.repeats[0]:
+            first += np.rint((candidate.begin_s[0] - first) / bit_s) * bit_s
+        edges_s = first + bit_s * np.arange(PACKET_BITS * packets + 1)
+        return edges_s, soft_bits(view.integral, view.squares, edges_s[None], line=packets > 1)
+
+
+def _folded(value: Floats, packets: int) -> Floats:
+    folded: Floats = value.reshape(packets, PACKET_BITS).sum(axis=0)
+    return folded

@@ -1,0 +1,398 @@
+# Copyright 2026 retrolidar_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""The detector that weighs its evidence: a search, then the same tests whatever the search.
+
+Samples (`window`) of zones that modulate are cut into soft bits (`soft_bits`), a search
+(`search`) names packets that may be there, an exact fit (`fit`) tells how well they are, other
+zones that see the same add to it, and a packet is read if
+
+* chance makes such a correlation less often than the budget of false IDs allows,
+* what it leaves over is no more than the sensor's noise,
+* its samples hold two levels, and
+* no other ID explains them nearly as well (`rivals`).
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from retrolidar_ros.code import BIT_PERIOD_S, PACKET_BITS, PREAMBLE
+from retrolidar_ros.detector.detection import Detection, DetectorCounts
+from retrolidar_ros.detector.evidence import NoiseLaw, NoiseScale, correlation_threshold
+from retrolidar_ros.detector.fit import Candidates
+from retrolidar_ros.detector.judge import Judge, Reading
+from retrolidar_ros.detector.place import place_in_zone
+from retrolidar_ros.detector.preamble import fit_preamble
+from retrolidar_ros.detector.search import (
+    PACKET_SAMPLES,
+    Demand,
+    FoldSearch,
+    Search,
+)
+from retrolidar_ros.detector.soft_bits import SILENT_BITS
+from retrolidar_ros.detector.view import View
+from retrolidar_ros.detector.window import Samples, SampleWindow
+from retrolidar_ros.detector.words import WordBank
+from retrolidar_ros.frame import Floats, Frame, Recording, ZoneGrid
+
+# What 62 samples must deviate more than the noise law, to be looked at.
+_LEAST_VARIANCE = 1.3
+# Share of the zones and hours in which that is expected of noise and of what is not noise.
+_MODULATED = 1 / 16
+# How many independent hypotheses a search tries with each sample, for every word: phases,
+# clocks, with and without silence before. Measured on white noise (`evaluate roc`).
+_HYPOTHESES_A_SAMPLE = 4.0
+_HYPOTHESES_A_FOLD = 31 * 4.0
+# How a budget of false IDs is shared: packets that have just ended, and folds of any stretch.
+_ENDED_SHARE = 0.5
+FOLDS = (1, 2, 3, 5, 8)
+# Bits between two looks at the last 31, where a marker may be repeating.
+_FOLD_BITS = 8
+_BRIGHT = 0.75
+_LEAST_DISTANCES = 2
+# The sensor's own steps are the least noise that a fit can claim.
+_RESOLUTION_M = 0.25e-3 / np.sqrt(12)
+_RESOLUTION_SIGNAL = 1 / 2048 / np.sqrt(12)  # [kcps/SPAD]
+# Standard deviations by which a zone must stand out of white noise over several packets.
+_LEAST_REPETITION = 1.7
+# Frames that are looked at together where there are many.
+_BLOCK = 16
+
+
+class Reader:
+    """Reads markers in all zones at once, frame by frame or many frames at a time."""
+
+    def __init__(
+        self,
+        grid: ZoneGrid,
+        search: Search,
+        bank: WordBank,
+        *,
+        bit_period_s: float = BIT_PERIOD_S,
+        false_ids_per_hour: float = 0.1,
+        max_packets: int = 1,
+        any_start: bool = False,
+        noise: NoiseLaw | None = None,
+    ) -> None:
+        """Prepare for frames of `grid`.
+
+        Parameters
+        ----------
+        grid : ZoneGrid
+        search : Search
+            What finds packets that have just ended.
+        bank : WordBank
+            The packets that may come.
+        bit_period_s : float
+            How long a marker holds a bit [s].
+        false_ids_per_hour : float
+            What noise alone may make, over all zones.
+        max_packets : int
+            How many packets of a repeating marker may be combined.
+        any_start : bool
+            Whether a repeating marker is read from any 31 bits.
+        noise : NoiseLaw, optional
+            Of the sensor.
+        """
+        self.counts = DetectorCounts()
+        self._grid = grid
+        self._bit_s = bit_period_s
+        self._sample_s = bit_period_s / 2
+        self._search = search
+        self._folds = [fold for fold in FOLDS if fold <= max_packets] if any_start else []
+        self._fold_search = FoldSearch(bank, bit_period_s)
+        self._law = NoiseLaw() if noise is None else noise
+        self._scale = NoiseScale(self._law)
+        self._judge = Judge(bank, grid, self._law)
+        self._chance = self._chances(false_ids_per_hour, len(bank.ids))
+        longest = PACKET_SAMPLES * max([1, *self._folds])
+        self._window = SampleWindow(
+            grid.zones, round(1.03 * longest) + 2 * SILENT_BITS + _BLOCK + 8, bit_period_s
+        )
+        self._free_s = np.full(grid.zones, -np.inf)
+        self._searched_s = -np.inf
+        self._last_start_s: dict[int, float] = {}
+        self._last_ns = 0
+
+    def _chances(self, budget: float, words: int) -> dict[int, float]:
+        """Return what chance each hypothesis is granted, by packets; 0 for packets just ended."""
+        zone_hours = self._grid.zones * _MODULATED * 3600
+        ended = zone_hours / self._sample_s * _HYPOTHESES_A_SAMPLE * words
+        chances = {0: budget * (_ENDED_SHARE if self._folds else 1.0) / ended}
+        for fold in self._folds:
+            every_bits = _FOLD_BITS if fold == 1 else 4 * _FOLD_BITS
+            looks = zone_hours / (every_bits * self._bit_s)
+            share = (1 - _ENDED_SHARE) / len(self._folds)
+            chances[fold] = budget * share / (looks * _HYPOTHESES_A_FOLD * words)
+        return chances
+
+    def update(self, frame: Frame) -> list[Detection]:
+        """Take the next frame; return the detections that became certain with it.
+
+        Raises
+        ------
+        ValueError
+            If the frame has another zone grid than the detector.
+        """
+        self._check(frame.grid)
+        return self._take(
+            np.array([frame.stamp_ns]),
+            frame.signal[None],
+            frame.distance[None],
+            frame.status[None],
+        )
+
+    def update_all(self, recording: Recording) -> list[Detection]:
+        """Take many frames, at less cost than one after the other.
+
+        Raises
+        ------
+        ValueError
+            If the frames have another zone grid than the detector.
+        """
+        self._check(recording.grid)
+        detections = []
+        for first in range(0, len(recording), _BLOCK):
+            rows = slice(first, first + _BLOCK)
+            detections += self._take(
+                recording.stamp_ns[rows],
+                recording.signal[rows],
+                recording.distance[rows],
+                recording.status[rows],
+            )
+        return detections
+
+    def _check(self, grid: ZoneGrid) -> None:
+        if grid != self._grid:
+            raise ValueError(
+                f'a frame of {grid.rows}x{grid.columns} zones came to a detector '
+                f'for {self._grid.rows}x{self._grid.columns}'
+            )
+
+    def _take(
+        self,
+        stamp_ns: NDArray[np.int64],
+        signal: NDArray[np.float32],
+        distance: NDArray[np.float32],
+        status: NDArray[np.uint8],
+    ) -> list[Detection]:
+        """Append frames, in parts where time jumps, and look at each part."""
+        before = np.concatenate([[self._last_ns], stamp_ns[:-1]])
+        step = stamp_ns - before
+        again = step == 0
+        if len(self._window) == 0:
+            again[0] = False
+        if again.any():
+            kept = ~again
+            if not kept.any():
+                return []
+            stamp_ns, signal, distance, status = (
+                values[kept] for values in (stamp_ns, signal, distance, status)
+            )
+            step = step[kept]
+        longest_ns = PACKET_SAMPLES * self._sample_s * 1e9
+        jumps = np.flatnonzero((step < 0) | (step > longest_ns))
+        if len(self._window) == 0:
+            jumps = np.union1d([0], jumps)
+        self._last_ns = int(stamp_ns[-1])
+        detections = []
+        edges = [0, *(int(jump) for jump in jumps if jump > 0), len(stamp_ns)]
+        for first, last in zip(edges[:-1], edges[1:], strict=True):
+            if first in jumps:
+                self._begin(int(stamp_ns[first]))
+            rows = slice(first, last)
+            self._window.append(stamp_ns[rows], signal[rows], distance[rows], status[rows])
+            detections += self._look(last - first)
+        return detections
+
+    def _begin(self, origin_ns: int) -> None:
+        """Forget what came before a jump in time."""
+        self._window.clear(origin_ns)
+        self._free_s[:] = -np.inf
+        self._searched_s = -np.inf
+        self._last_start_s.clear()
+
+    def _look(self, frames: int) -> list[Detection]:
+        """Look for what became certain with the last frames."""
+        recent = self._window.last(PACKET_SAMPLES + frames - 1)
+        last_s = float(recent.time_s[-1]) + self._sample_s / 2
+        from_s, self._searched_s = self._searched_s, last_s
+        if len(recent.time_s) < PACKET_SAMPLES // 2 or not np.isfinite(from_s):
+            return []
+        packet_s = PACKET_BITS * self._bit_s
+        if math.floor(last_s / packet_s) != math.floor(from_s / packet_s):
+            self._scale.learn(self._window.last(PACKET_SAMPLES))
+        readings = []
+        active = self._active(recent, frames)
+        if len(active):
+            readings += self._ended(active, from_s, last_s, frames)
+        turn = math.floor(last_s / (_FOLD_BITS * self._bit_s))
+        if self._folds and turn != math.floor(from_s / (_FOLD_BITS * self._bit_s)):
+            readings += self._folded(active, turn, last_s)
+        return [
+            detection for reading in readings if (detection := self._detection(reading)) is not None
+        ]
+
+    def _active(self, recent: Samples, frames: int) -> NDArray[np.intp]:
+        """Return the zones that deviate by more than noise in any window ending in `frames`."""
+        weight, signal = recent.weight, recent.signal
+        if frames == 1:
+            count = weight.sum(axis=0)
+            total = signal.sum(axis=0)  # 0 where the weight is
+            square = np.einsum('tz,tz->z', signal, signal)
+        else:
+            count, total, square = (
+                _moving_sum(values, min(PACKET_SAMPLES, len(values)))
+                for values in (weight, signal, signal * signal)
+            )
+        count = np.maximum(count, 1.0)
+        mean = total / count
+        variance = square / count - mean * mean
+        modulated = variance > _LEAST_VARIANCE * self._scale.value * self._law.variance(mean)
+        return np.flatnonzero(modulated if frames == 1 else modulated.any(axis=0))
+
+    def _ended(
+        self, active: NDArray[np.intp], from_s: float, last_s: float, frames: int
+    ) -> list[Reading]:
+        """Look for packets that have ended since the last look."""
+        span = PACKET_SAMPLES + 2 * SILENT_BITS + frames + 4
+        samples = self._window.last(span)
+        eighth_s = self._bit_s / 8
+        first = math.floor(from_s / eighth_s) + 1
+        # After a gap, what ended in it is still found.
+        first = max(first, math.floor((last_s - (span - 80) * self._sample_s) / eighth_s))
+        ends_s = np.arange(first, math.floor(last_s / eighth_s) + 1) * eighth_s
+        if not len(ends_s):
+            return []
+        view = View.of(samples, active, self._sample_s)
+        candidates = self._search.ended(view, ends_s, self._demand(0, PACKET_SAMPLES, view))
+        return self._judged(candidates, samples, view, 0)
+
+    def _folded(self, active: NDArray[np.intp], turn: int, last_s: float) -> list[Reading]:
+        """Look at any stretch, of one packet's length and of several, in zones that may repeat."""
+        readings = []
+        for fold in self._folds:
+            span = math.ceil(1.02 * PACKET_SAMPLES * fold) + 4
+            samples = self._window.last(span)
+            reach_s = (1.01 * PACKET_BITS * fold + 1) * self._bit_s
+            begin_s = last_s - reach_s
+            if samples.time_s[0] > begin_s + 2 * self._bit_s:
+                break
+            zones = active if fold == 1 else self._may_repeat(samples, turn)
+            zones = zones[self._free_s[zones] <= begin_s + 2 * self._bit_s]
+            if not len(zones):
+                continue
+            view = View.of(samples, zones, self._sample_s)
+            demand = self._demand(fold, PACKET_SAMPLES * fold, view)
+            candidates = self._fold_search.folded(view, last_s, fold, demand)
+            readings += self._judged(candidates, samples, view, fold)
+        return readings
+
+    def _may_repeat(self, samples: Samples, turn: int) -> NDArray[np.intp]:
+        """Return the zones whose turn it is and that are not just noise over many packets.
+
+        Both the variance beyond the noise law and the likeness of neighbouring samples count,
+        each in its standard deviations; but a law that promises too much noise counts nothing.
+        """
+        zones = np.arange(self._grid.zones)
+        zones = zones[(zones + turn) % 4 == 0]
+        signal = samples.signal[:, zones]
+        count = len(signal)
+        mean = signal.mean(axis=0)
+        deviation = signal - mean
+        power = np.maximum(np.einsum('tz,tz->z', deviation, deviation), 1e-9)
+        lagged = np.einsum('tz,tz->z', deviation[1:], deviation[:-1])
+        noise = self._scale.value * self._law.variance(mean)
+        excess = (power / count / noise - 1) * math.sqrt(count / 2)
+        likeness = lagged / power * math.sqrt(count)
+        return zones[np.maximum(excess, 0.0) + likeness > _LEAST_REPETITION]
+
+    def _demand(self, fold: int, samples: int, view: View) -> Demand:
+        noise = self._scale.value * self._law.variance(view.mean)
+        return Demand(correlation_threshold(samples, self._chance[fold]), noise)
+
+    def _judged(
+        self, candidates: Candidates | None, samples: Samples, view: View, fold: int
+    ) -> list[Reading]:
+        """Judge candidates whose zones are those of a view."""
+        if candidates is None:
+            return []
+        zone = view.zones[candidates.zone]
+        candidates = candidates._replace(zone=zone)
+        # A packet that was read is not read again from samples of its own.
+        first_s = candidates.start_s if fold == 0 else candidates.begin_s
+        new = first_s >= self._free_s[zone] - 1.5 * self._bit_s
+        if not new.any():
+            return []
+        candidates = candidates.at(new)
+        self.counts.candidates += len(candidates.zone)
+        everything = View.of(samples, np.arange(self._grid.zones), self._sample_s)
+        readings = self._judge.judge(
+            candidates, everything, self._chance[fold], self._scale.value, self.counts.rejected
+        )
+        self.counts.accepted += len(readings)
+        for reading in readings:
+            end_s = float(reading.candidate.end_s[0])
+            if not reading.candidate.repeats[0]:
+                end_s = float(reading.fit.start_s[0] + PACKET_BITS * reading.fit.bit_s[0])
+            seen = list(reading.zones)
+            self._free_s[seen] = np.maximum(self._free_s[seen], end_s)
+        return readings
+
+    def _detection(self, reading: Reading) -> Detection | None:
+        """Return what is published of a reading; None if another zone has said it already."""
+        candidate, fit = reading.candidate, reading.fit
+        identity = int(candidate.ids[0])
+        start_s, bit_s = float(fit.start_s[0]), float(fit.bit_s[0])
+        end_s = float(candidate.end_s[0]) if candidate.repeats[0] else start_s + PACKET_BITS * bit_s
+        last_start_s = self._last_start_s.get(identity, -np.inf)
+        if abs(start_s - last_start_s) < PACKET_BITS * bit_s / 2:
+            return None
+        samples = self._window.last(len(fit.light[0]))
+        begin_s, stop_s = samples.exposures(self._sample_s)
+        within = (stop_s > start_s) & (begin_s < end_s)
+        distance = samples.distance[:, reading.zones[0]]
+        seen = within & (fit.weight[0] > 0) & (fit.light[0] > _BRIGHT) & np.isfinite(distance)
+        measured = distance[seen]
+        if len(measured) < _LEAST_DISTANCES:
+            self.counts.rejected['distance'] += 1
+            return None
+        self._last_start_s[identity] = start_s
+        deviation = np.hypot(measured.std(ddof=1), _RESOLUTION_M) / np.sqrt(len(measured))
+        last = int(np.flatnonzero(within)[-1])
+        return Detection(
+            id=identity,
+            stamp_ns=self._window.origin_ns + round(float(samples.time_s[last]) * 1e9),
+            start_ns=self._window.origin_ns + round(start_s * 1e9),
+            place=place_in_zone(
+                reading.zones[0], float(measured.mean()), float(deviation), self._grid
+            ),
+            snr_db=20 * math.log10(fit.gain[0] / max(fit.deviation[0], _RESOLUTION_SIGNAL)),
+            score=float(fit.score[0]),
+            likelihood=self._likelihood(reading, samples),
+            corrected_bits=reading.corrected_bits,
+            packets=int(candidate.packets[0]),
+            zones=reading.zones,
+        )
+
+    def _likelihood(self, reading: Reading, samples: Samples) -> float:
+        """Return the paper's l of the first preamble in the window."""
+        fit = reading.fit
+        start_s, bit_s = float(fit.start_s[0]), float(fit.bit_s[0])
+        if reading.candidate.repeats[0] and start_s < reading.candidate.begin_s[0]:
+            start_s += PACKET_BITS * bit_s
+        since = samples.time_s - start_s
+        rows = (since > 0) & (since < len(PREAMBLE) * bit_s) & (fit.weight[0] > 0)
+        signal = samples.signal[rows][:, reading.zones[:1]]
+        bright = fit.dark + fit.gain
+        return float(fit_preamble(signal, bright, 1.0 - fit.light[0][rows]).likelihood[0])
+
+
+def _moving_sum(values: Floats, length: int) -> Floats:
+    """Return the sums over `length` successive rows."""
+    total = np.concatenate([np.zeros((1, values.shape[1])), np.cumsum(values, axis=0)])
+    moving: Floats = total[length:] - total[:-length]
+    return moving

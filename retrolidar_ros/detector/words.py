@@ -1,0 +1,170 @@
+# Copyright 2026 retrolidar_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""Stage 3: how well every packet in question explains soft bits."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from retrolidar_ros.code import IDS, PREAMBLE, RESERVED_IDS, WORDS, check_ids, packet
+from retrolidar_ros.frame import Floats
+
+_PHASES = 4
+_ROWS_AT_ONCE = 64  # so that the products of one block stay in a cache of a megabyte
+_PREAMBLE = PREAMBLE.astype(float)
+_PREAMBLE_BITS = len(PREAMBLE)
+
+
+class Best(NamedTuple):
+    """The packets that explain rows of soft bits best, each field of shape (rows,)."""
+
+    ids: NDArray[np.int64]
+    correlation: Floats
+    """Normalised, -1 to 1."""
+
+
+class WordBank:
+    """The packets that may come, and their energies."""
+
+    def __init__(self, registered_ids: ArrayLike | None = None) -> None:
+        """Take the registered IDs; all usable ones without."""
+        ids = np.arange(IDS) if registered_ids is None else np.unique(check_ids(registered_ids))
+        self.ids = ids[~np.isin(ids, RESERVED_IDS)]
+        if not len(self.ids):
+            raise ValueError('registered_ids holds no usable ID (0 and 4095 cannot be read)')
+        self.bits = packet(self.ids)
+        self._dark = self.bits.sum(axis=1, dtype=float)
+        pairs = self.bits * np.roll(self.bits, -1, axis=1)
+        self._pairs = pairs.sum(axis=1, dtype=float)
+        self._templates: dict[int, NDArray[np.float32]] = {}
+        self._block = np.empty((_ROWS_AT_ONCE, len(self.ids)), dtype=np.float32)
+
+    def _normalised(self, samples: int) -> NDArray[np.float32]:
+        """Return templates over the root of their energies, with means over so many samples.
+
+        Shape (phases, 25, words): the 24 bits of the word, and the preamble as one.
+        """
+        if samples not in self._templates:
+            energy = template_energy(self._dark, self._pairs, samples)
+            parts = np.concatenate([np.ones((1, len(self.ids))), WORDS[self.ids].T])
+            scaled = parts / np.sqrt(energy)[:, None, :]
+            self._templates[samples] = np.ascontiguousarray(scaled, dtype=np.float32)
+        return self._templates[samples]
+
+    def bound(self, value: Floats, samples: int) -> Floats:
+        """Return more than any packet can explain, in the units of `best`.
+
+        Parameters
+        ----------
+        value : array, shape (hypotheses, 31, zones)
+            Soft bits.
+        samples : int
+            Over which the mean was taken.
+
+        Returns
+        -------
+        array, shape (hypotheses, zones)
+            The best word picks no other than the positive soft bits.
+        """
+        word = np.maximum(value[:, _PREAMBLE_BITS:], 0.0).sum(axis=1)
+        preamble = np.einsum('b,hbz->hz', _PREAMBLE, value[:, :_PREAMBLE_BITS])
+        bound: Floats = (preamble + word) * float(self._normalised(samples)[:, 0].max())
+        return bound
+
+    def correlations(self, rows: Floats, phase: float, samples: int) -> NDArray[np.float32]:
+        """Return what every packet explains of rows of soft bits, not yet over their energy.
+
+        Parameters
+        ----------
+        rows : array, shape (rows, 31)
+        phase : float
+            Of the bits in an exposure, 0 to 1.
+        samples : int
+            Over which the mean was taken.
+
+        Returns
+        -------
+        array of float32, shape (rows, words)
+        """
+        product: NDArray[np.float32] = _parts(rows) @ self._normalised(samples)[phase_step(phase)]
+        return product
+
+    def explained(
+        self, rows: Floats, column: NDArray[np.intp], phase: Floats, samples: int
+    ) -> Floats:
+        """Return what one packet of the bank explains of each row, as `correlations` does."""
+        templates = self._normalised(samples)[phase_step(phase), :, column]
+        explained: Floats = np.einsum('rb,rb->r', _parts(rows), templates)
+        return explained
+
+    def best(self, rows: Floats, energy: Floats, phase: Floats, samples: int) -> Best:
+        """Return the packets of maximum likelihood, gain and offset being free.
+
+        Parameters
+        ----------
+        rows : array, shape (rows, 31)
+            Soft bits.
+        energy : array, shape (rows,)
+            Of the samples behind them.
+        phase : array, shape (rows,)
+            Of the bits in an exposure, 0 to 1.
+        samples : int
+            Over which the mean was taken.
+        """
+        index = np.empty(len(rows), dtype=np.intp)
+        explained = np.empty(len(rows), dtype=np.float32)
+        parts = _parts(rows)
+        step = phase_step(phase)
+        templates = self._normalised(samples)
+        for phased in range(_PHASES):
+            alike = np.flatnonzero(step == phased)
+            for first in range(0, len(alike), _ROWS_AT_ONCE):
+                some = alike[first : first + _ROWS_AT_ONCE]
+                block = self._block[: len(some)]
+                np.matmul(parts[some], templates[phased], out=block)
+                top = block.argmax(axis=1)
+                index[some] = top
+                explained[some] = block[np.arange(len(some)), top]
+        return Best(self.ids[index], explained / np.sqrt(energy))
+
+
+def template_energy(dark: Floats, pairs: Floats, samples: int) -> Floats:
+    """Return the energy of templates of packets about their mean, two samples a bit.
+
+    Bits that begin at phase f of an exposure are trapezoids. The sum of their squares is, for n1
+    dark bits of which n11 follow another::
+
+        ((1 - f)² + 1 + f²)·n1 + 2·f·(1 - f)·n11 - (2·n1)² / samples
+
+    Parameters
+    ----------
+    dark, pairs : array, shape (...)
+        n1 and n11.
+    samples : int
+        Over which the mean is taken.
+
+    Returns
+    -------
+    array, shape (phases, ...)
+    """
+    f = (np.arange(_PHASES) / _PHASES).reshape(-1, *(1,) * dark.ndim)
+    squares = ((1 - f) ** 2 + 1 + f * f) * dark + 2 * f * (1 - f) * pairs
+    energy: Floats = squares - (2 * dark) ** 2 / samples
+    return energy
+
+
+def _parts(rows: Floats) -> NDArray[np.float32]:
+    """Return the preamble's share and the 24 bits of the word, shape (rows, 25)."""
+    parts = np.empty((len(rows), 1 + rows.shape[1] - _PREAMBLE_BITS), dtype=np.float32)
+    parts[:, 0] = rows[:, :_PREAMBLE_BITS] @ _PREAMBLE
+    parts[:, 1:] = rows[:, _PREAMBLE_BITS:]
+    return parts
+
+
+def phase_step(phase: Floats | float) -> NDArray[np.intp]:
+    """Return the nearest phase for which there are templates."""
+    step: NDArray[np.intp] = np.rint(np.asarray(phase) * _PHASES).astype(np.intp) % _PHASES
+    return step

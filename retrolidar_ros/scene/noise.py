@@ -1,0 +1,29 @@
+# Copyright 2026 retrolidar_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""What the sensor's own noise makes of signals and distances."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from retrolidar_ros.frame import Floats
+from retrolidar_ros.scene.description import Noise, Ranging
+
+
+def noisy(signal: Floats, noise: Noise | None, rng: np.random.Generator) -> Floats:
+    """Add noise to signals [kcps/SPAD] of any shape; a signal is never reported as negative."""
+    if noise is None:
+        return signal
+    sigma: Floats = np.sqrt(noise.floor + noise.slope * signal)
+    return np.maximum(signal + sigma * rng.standard_normal(signal.shape), 0.0)
+
+
+def deviating(
+    distance: Floats, signal: Floats, ranging: Ranging | None, rng: np.random.Generator
+) -> Floats:
+    """Add to distances [m] of any shape the deviation that belongs to their signals."""
+    if ranging is None:
+        return distance
+    shot = np.divide(ranging.shot, signal, out=np.zeros_like(signal), where=signal > 0)
+    sigma: Floats = np.hypot(shot, ranging.floor)
+    return distance + sigma * rng.standard_normal(signal.shape)
