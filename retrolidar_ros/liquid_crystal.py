@@ -39,7 +39,12 @@ class Response:
         array, shape (...)
             [s]
         """
-        tau = np.where(level < before, self.dark_s, self.bright_s) / _TIME_CONSTANTS_10_TO_90
+        return self.relaxation(before, level, elapsed_s)[0]
+
+    def relaxation(self, before: Floats, level: Floats, elapsed_s: Floats) -> tuple[Floats, Floats]:
+        """Return the integral of the relaxation [s], and where it has come to, 0 to 1."""
+        step = before - level
+        tau = np.where(step > 0, self.dark_s, self.bright_s) / _TIME_CONSTANTS_10_TO_90
         share = np.divide(elapsed_s, tau, out=np.full_like(elapsed_s, np.inf), where=tau > 0)
-        integral: Floats = level * elapsed_s - (before - level) * tau * np.expm1(-share)
-        return integral
+        gone = np.expm1(-share)
+        return level * elapsed_s - step * tau * gone, level + step * (gone + 1.0)

@@ -134,7 +134,9 @@ class NoiseScale:
         white = (lagged < self._WHITE * power) & (power > 0) & samples.weight.all(axis=0)
         if np.count_nonzero(white) < self._LEAST_ZONES:
             return
-        variance = power[white] / (len(signal) - 1)
-        scale = float(np.median(variance / self._law.variance(mean[white])))
+        # What a weak marker adds is alike in the two samples of a bit, and cancels here.
+        variance = (power - 2 * lagged)[white] / (len(signal) - 1)
+        scales = np.sort(variance / self._law.variance(mean[white]))
+        scale = float(scales[len(scales) // 2])
         scale = min(max(scale, self._LEAST), self._MOST)
         self.value += self._NEWEST * (scale - self.value)

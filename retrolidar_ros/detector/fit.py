@@ -11,12 +11,10 @@ from numpy.typing import NDArray
 
 from retrolidar_ros.code import packet
 from retrolidar_ros.detector.evidence import NoiseLaw, nats
-from retrolidar_ros.detector.template import packet_light
+from retrolidar_ros.detector.template import Light, packet_light
 from retrolidar_ros.frame import Floats
 
-MAX_SKEW = 0.013
-"""Largest clock error that a fit may end with; markers have 1 % (RC oscillators)."""
-_STEPS = 3
+_STEPS = 2
 _MAX_SHIFT = 0.75  # of a sample, away from where the search has found the packet
 # Share of the modulation by which a template may be wrong: the response of another liquid
 # crystal, a stamp that is late, a marker that moves.
@@ -41,6 +39,8 @@ class Candidates(NamedTuple):
     """Whether nothing but a constant was taken off (`soft_bits`)."""
     correlation: Floats
     """As the search has found it, with coarse templates."""
+    rival: Floats
+    """The same of the best other ID that the search has found in the zone, 0 without."""
 
     def at(self, index: NDArray[np.intp] | NDArray[np.bool_]) -> Candidates:
         """Return some of them."""
@@ -109,35 +109,31 @@ def fit_candidates(
     nominal_s = candidates.bit_s
     shift, stretch = np.zeros(len(bits)), np.zeros(len(bits))
 
-    def light(shift: Floats, stretch: Floats) -> Floats:
+    def light() -> Light:
         bit_s = nominal_s * (1 + stretch)
         start_s = candidates.start_s + shift + (nominal_s - bit_s) * offset
         return packet_light(bits, start_s, bit_s, candidates.repeats, begin_s, end_s)
 
     slope = np.where(candidates.still[:, None], 0.0, line)
-    small_shift = sample_s / 16
-    small_stretch = 0.25 / (16 * length)
+    columns = np.empty((*weight.shape, 5))
+    columns[:, :, 3] = 1.0
+    columns[:, :, 4] = slope
     for _ in range(_STEPS):
-        template = light(shift, stretch)
-        columns = np.stack(
-            [
-                template,
-                light(shift + small_shift, stretch) - template,
-                light(shift, stretch + small_stretch) - template,
-                ones,
-                slope,
-            ],
-            axis=-1,
-        )
+        seen = light()
+        columns[:, :, 0] = seen.mean
+        columns[:, :, 1] = seen.per_start
+        # With the middle of the packets held, a longer bit is an earlier start, too.
+        columns[:, :, 2] = seen.per_bit - seen.per_start * offset[:, None]
+        columns[:, :, 1:3] *= nominal_s[:, None, None]
         answer = _least_squares(columns, signal, weight)
         gain = np.maximum(answer[:, 0], 1e-9)
         limit = 0.4 * sample_s
-        shift = shift + np.clip(answer[:, 1] / gain * small_shift, -limit, limit)
+        shift = shift + np.clip(answer[:, 1] / gain * nominal_s, -limit, limit)
         shift = np.clip(shift, -_MAX_SHIFT * sample_s, _MAX_SHIFT * sample_s)
         limit = 0.8 / (4 * length)
-        stretch = stretch + np.clip(answer[:, 2] / gain * small_stretch, -limit, limit)
+        stretch = stretch + np.clip(answer[:, 2] / gain, -limit, limit)
         stretch = np.clip(stretch, -1.6 / (4 * length), 1.6 / (4 * length))
-    template = light(shift, stretch)
+    template = light().mean
     plain = np.stack([ones, slope], axis=-1)
     rest = _without(plain, signal, weight)
     pure = _without(plain, template, weight)

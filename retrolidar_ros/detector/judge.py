@@ -19,19 +19,25 @@ from retrolidar_ros.detector.evidence import (
 from retrolidar_ros.detector.fit import Candidates, Fit, fit_candidates
 from retrolidar_ros.detector.rivals import SHIFTS, Rivals, Window
 from retrolidar_ros.detector.search import PACKET_SAMPLES
-from retrolidar_ros.detector.soft_bits import SILENT_BITS, SoftBits, soft_bits
+from retrolidar_ros.detector.soft_bits import SILENT_BITS, SoftBits
 from retrolidar_ros.detector.view import View
 from retrolidar_ros.detector.words import WordBank
 from retrolidar_ros.frame import Floats, ZoneGrid
 
 # A zone next to the one in question joins when chance would make its part once in 300 times.
 _LEAST_COMPANION_NATS = 4.5
+# Share of what a neighbour sees beyond noise that the packet must explain.
+_LEAST_SHARE = 0.5
 # Most that a packet may leave over, as χ² per degree of freedom.
 _MOST_RESIDUAL = 2.0
 # Median of the bright samples less that of the dark ones, as a share of the fitted gain.
 _LEAST_STEP = 0.5
-# A rival this many times less likely leaves one wrong ID in ten thousand.
-_LEAST_MARGIN_NATS = float(np.log(1e4))
+# How much likelier than its nearest rival a packet must be [nats]. Where more packets may come,
+# one in ten thousand is the most that may be wrong; a marker at the limit of the reach is left to
+# them, so few that are read at all are near that limit when the last ones have come.
+_LEAD_OF_LONE = float(np.log(1e3))
+_LEAD_OF_MORE_TO_COME = float(np.log(1e4))
+_LEAD_OF_ALL = float(np.log(250))
 
 
 class Reading(NamedTuple):
@@ -49,8 +55,12 @@ class Reading(NamedTuple):
 class Judge:
     """Fits candidates, lets zones that see the same one combine, and tests them."""
 
-    def __init__(self, bank: WordBank, grid: ZoneGrid, law: NoiseLaw) -> None:
-        """Judge packets of `bank` that zones of `grid` with noise of `law` see."""
+    def __init__(self, bank: WordBank, grid: ZoneGrid, law: NoiseLaw, max_packets: int) -> None:
+        """Judge packets of `bank` that zones of `grid` with noise of `law` see.
+
+        At most `max_packets` of them are combined.
+        """
+        self._max_packets = max_packets
         self._bank = bank
         self._rivals = Rivals(bank)
         self._law = law
@@ -123,10 +133,9 @@ class Judge:
             return 'no modulation'
         parts, gains = self._parts(zone, fit, everything, noise_scale)
         seen = [zone, *(int(near) for near in self._near[zone][parts[1:] > _LEAST_COMPANION_NATS])]
-        view = everything
-        column = zone
+        view = everything.only(zone)
         if len(seen) > 1:
-            view, column = self._combined(zone, seen, gains, fit, everything), 0
+            view = self._combined(zone, seen, gains, everything)
             candidate, fit = self._again(candidate, fit, view, noise_scale)
             parts, gains = self._parts(zone, fit, everything, noise_scale)
         total = float(fit.nats[0]) if len(seen) == 1 else self._sum(seen, zone, parts)
@@ -138,17 +147,26 @@ class Judge:
             return 'residual'
         told = fit.weight[0] > 0
         light = fit.light[0]
-        signal = view.signal[:, column]
+        signal = view.signal[:, 0]
         bright, dark = signal[told & (light > 0.5)], signal[told & (light <= 0.5)]
         if np.median(bright) - np.median(dark) < _LEAST_STEP * fit.gain[0]:
             return 'no modulation'
-        margin, corrected_bits = self._margin(candidate, fit, view, column)
+        found = nats(np.concatenate([candidate.correlation, candidate.rival]), np.full(2, samples))
+        margin, corrected_bits = self._margin(candidate, fit, view)
         if margin is None:
             return 'incomplete'
-        if chance < 0.5 and margin < _LEAST_MARGIN_NATS:
+        if chance < 0.5 and min(margin, found[0] - found[1]) < self._lead(candidate):
             return 'ambiguous'
         order = sorted(seen, key=lambda seer: -gains[seer])
         return Reading(candidate, fit, tuple(order), corrected_bits)
+
+    def _lead(self, candidate: Candidates) -> float:
+        """Return by how much a packet must be likelier than its nearest rival [nats]."""
+        if not candidate.repeats[0] or self._max_packets == 1:
+            return _LEAD_OF_LONE
+        if candidate.packets[0] < self._max_packets:
+            return _LEAD_OF_MORE_TO_COME
+        return _LEAD_OF_ALL
 
     def _parts(
         self, zone: int, fit: Fit, everything: View, noise_scale: float
@@ -165,10 +183,10 @@ class Judge:
         power = np.maximum(np.einsum('nz,nz->z', template, template), 1e-9)
         energy = np.maximum(np.einsum('nz,nz->z', centred, centred), 1e-9)
         parts = nats(common / np.sqrt(power * energy), told)
-        # What else a zone sees must be noise, or it sees something else.
-        left = (energy - common * common / power) / told
+        # Most of what a zone sees beyond noise must be the packet, or it sees something else.
         noise = noise_scale * self._law.variance(signal.mean(axis=0))
-        parts[1:][left[1:] > _MOST_RESIDUAL * noise[1:]] = 0.0
+        modulation = energy / told - noise
+        parts[1:][(common * common / power / told < _LEAST_SHARE * modulation)[1:]] = 0.0
         return parts, dict(zip(zones.tolist(), (common / power).tolist(), strict=True))
 
     def _sum(self, seen: list[int], zone: int, parts: Floats) -> float:
@@ -176,7 +194,7 @@ class Judge:
         return float(parts[near].sum())
 
     def _combined(
-        self, zone: int, seen: list[int], gains: dict[int, float], fit: Fit, everything: View
+        self, zone: int, seen: list[int], gains: dict[int, float], everything: View
     ) -> View:
         """Return the sum of zones in which a packet's amplitude stands out most of their noise."""
         gain = np.array([gains[seer] for seer in seen])
@@ -196,7 +214,9 @@ class Judge:
     ) -> tuple[Candidates, Fit]:
         """Look for the word once more, now that the zones are combined, and fit it."""
         edges_s, soft = self._window_bits(candidate, fit, view)
-        row = _folded(soft.value[0, :, 0], int(candidate.packets[0]))
+        packets = int(candidate.packets[0])
+        level = soft.drifting() if packets > 1 else soft.steady(1)
+        row = _folded(level.value[0, :, 0], packets)
         rows = row[SHIFTS] if candidate.repeats[0] else row[None]
         phases = np.full(len(rows), soft.phase[0])
         best = self._bank.best(rows, np.ones(len(rows)), phases, PACKET_SAMPLES)
@@ -215,40 +235,42 @@ class Judge:
             noise_scale,
         )
 
-    def _margin(
-        self, candidate: Candidates, fit: Fit, view: View, column: int
-    ) -> tuple[float | None, int]:
+    def _margin(self, candidate: Candidates, fit: Fit, view: View) -> tuple[float | None, int]:
         """Return the lead over the nearest rival [nats], and how many hard bits are wrong.
 
         No lead where the packet has not ended yet, or has ended before.
         """
         packets = int(candidate.packets[0])
         edges_s, soft = self._window_bits(candidate, fit, view)
-        row = _folded(soft.value[0, :, column], packets)
+        level = soft.drifting() if packets > 1 else soft.steady(1)
+        row = _folded(level.value[0, :, 0], packets)
+        window = row
         before = SILENT_BITS if candidate.still[0] else 0
         begin_s = edges_s[0]
         if before:
             # The silence tells, too.
             edges_s = edges_s[0] + fit.bit_s[0] * np.arange(-before, PACKET_BITS + 1)
-            soft = soft_bits(view.integral, view.squares, edges_s[None], line=False)
-        present = view.present(edges_s[:1], edges_s[-1:])[0]
-        present = float(np.broadcast_to(present, (view.signal.shape[1],))[column])
-        nominal = 2 * (len(edges_s) - 1)
-        window = Window(
-            soft=soft.value[0, :, column] if before else row,
-            energy=float(soft.energy[0, column]) * present / nominal * packets,
-            phase=float(soft.phase[0]),
-            samples=present,
-            first=before + round((fit.start_s[0] - begin_s) / fit.bit_s[0]) % PACKET_BITS,
-            repeats=bool(candidate.repeats[0]),
-            packets=packets,
+            soft = view.soft_bits(edges_s[None])
+            level = soft.steady(1)
+            window = level.value[0, :, 0]
+        told = float(level.told[0, 0])
+        first = before + round((fit.start_s[0] - begin_s) / fit.bit_s[0]) % PACKET_BITS
+        margin = self._rivals.margin(
+            Window(
+                soft=window,
+                energy=float(level.energy[0, 0]) * told / (2 * (len(edges_s) - 1)) * packets,
+                phase=float(soft.phase[0]),
+                samples=told,
+                first=first,
+                repeats=bool(candidate.repeats[0]),
+                packets=packets,
+            ),
+            int(candidate.ids[0]),
         )
-        margin = self._rivals.margin(window, int(candidate.ids[0]))
-        level = -np.roll(row, before - window.first)
         bits = packet(candidate.ids[0])
-        middle = (level[bits == 1].mean() + level[bits == 0].mean()) / 2
-        wrong = int(np.count_nonzero((level < middle) != (bits == 1)))
-        return margin, wrong
+        dark = np.roll(row, before - first)
+        middle = (dark[bits == 1].mean() + dark[bits == 0].mean()) / 2
+        return margin, int(np.count_nonzero((dark > middle) != (bits == 1)))
 
     def _window_bits(self, candidate: Candidates, fit: Fit, view: View) -> tuple[Floats, SoftBits]:
         """Cut the window, without the silence, into the bits of the fit."""
@@ -258,7 +280,7 @@ class Judge:
         if candidate.repeats[0]:
             first += np.rint((candidate.begin_s[0] - first) / bit_s) * bit_s
         edges_s = first + bit_s * np.arange(PACKET_BITS * packets + 1)
-        return edges_s, soft_bits(view.integral, view.squares, edges_s[None], line=packets > 1)
+        return edges_s, view.soft_bits(edges_s[None])
 
 
 def _folded(value: Floats, packets: int) -> Floats:

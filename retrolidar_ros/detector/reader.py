@@ -14,6 +14,7 @@ zones that see the same add to it, and a packet is read if
 
 from __future__ import annotations
 
+import itertools
 import math
 
 import numpy as np
@@ -33,6 +34,7 @@ from retrolidar_ros.detector.search import (
     Search,
 )
 from retrolidar_ros.detector.soft_bits import SILENT_BITS
+from retrolidar_ros.detector.starts import EIGHTHS, Starts
 from retrolidar_ros.detector.view import View
 from retrolidar_ros.detector.window import Samples, SampleWindow
 from retrolidar_ros.detector.words import WordBank
@@ -45,21 +47,24 @@ _MODULATED = 1 / 16
 # How many independent hypotheses a search tries with each sample, for every word: phases,
 # clocks, with and without silence before. Measured on white noise (`evaluate roc`).
 _HYPOTHESES_A_SAMPLE = 4.0
-_HYPOTHESES_A_FOLD = 31 * 4.0
+# And with each look at a fold: any of 31 bits, eight phases and up to eleven clocks.
+_HYPOTHESES_A_FOLD = 31 * 8 * 11.0
 # How a budget of false IDs is shared: packets that have just ended, and folds of any stretch.
 _ENDED_SHARE = 0.5
 FOLDS = (1, 2, 3, 5, 8)
-# Bits between two looks at the last 31, where a marker may be repeating.
-_FOLD_BITS = 8
+# Bits between two looks for starts, and for any stretch of a repeating packet.
+_TURN_BITS = 8
 _BRIGHT = 0.75
 _LEAST_DISTANCES = 2
 # The sensor's own steps are the least noise that a fit can claim.
 _RESOLUTION_M = 0.25e-3 / np.sqrt(12)
 _RESOLUTION_SIGNAL = 1 / 2048 / np.sqrt(12)  # [kcps/SPAD]
 # Standard deviations by which a zone must stand out of white noise over several packets.
-_LEAST_REPETITION = 1.7
+_LEAST_REPETITION = 2.0
 # Frames that are looked at together where there are many.
 _BLOCK = 16
+# A packet that ended in a gap is found after it, if the gap is no longer than this.
+_LONGEST_GAP_BITS = 16
 
 
 class Reader:
@@ -106,12 +111,15 @@ class Reader:
         self._fold_search = FoldSearch(bank, bit_period_s)
         self._law = NoiseLaw() if noise is None else noise
         self._scale = NoiseScale(self._law)
-        self._judge = Judge(bank, grid, self._law)
+        self._judge = Judge(bank, grid, self._law, max([1, *self._folds]))
         self._chance = self._chances(false_ids_per_hour, len(bank.ids))
         longest = PACKET_SAMPLES * max([1, *self._folds])
         self._window = SampleWindow(
             grid.zones, round(1.03 * longest) + 2 * SILENT_BITS + _BLOCK + 8, bit_period_s
         )
+        self._all_zones = np.arange(grid.zones)
+        self._starts = Starts(grid.zones, bit_period_s)
+        self._longest_gap_ns = round(PACKET_BITS * bit_period_s * 1e9)
         self._free_s = np.full(grid.zones, -np.inf)
         self._searched_s = -np.inf
         self._last_start_s: dict[int, float] = {}
@@ -123,7 +131,7 @@ class Reader:
         ended = zone_hours / self._sample_s * _HYPOTHESES_A_SAMPLE * words
         chances = {0: budget * (_ENDED_SHARE if self._folds else 1.0) / ended}
         for fold in self._folds:
-            every_bits = _FOLD_BITS if fold == 1 else 4 * _FOLD_BITS
+            every_bits = _TURN_BITS if fold == 1 else 4 * _TURN_BITS
             looks = zone_hours / (every_bits * self._bit_s)
             share = (1 - _ENDED_SHARE) / len(self._folds)
             chances[fold] = budget * share / (looks * _HYPOTHESES_A_FOLD * words)
@@ -138,12 +146,13 @@ class Reader:
             If the frame has another zone grid than the detector.
         """
         self._check(frame.grid)
-        return self._take(
-            np.array([frame.stamp_ns]),
-            frame.signal[None],
-            frame.distance[None],
-            frame.status[None],
+        if frame.stamp_ns == self._last_ns and len(self._window):
+            return []
+        self._begin_after_jump(frame.stamp_ns)
+        self._window.append(
+            np.array([frame.stamp_ns]), frame.signal[None], frame.distance[None], frame.status[None]
         )
+        return self._look(1)
 
     def update_all(self, recording: Recording) -> list[Detection]:
         """Take many frames, at less cost than one after the other.
@@ -154,15 +163,22 @@ class Reader:
             If the frames have another zone grid than the detector.
         """
         self._check(recording.grid)
+        step_ns = np.diff(recording.stamp_ns, prepend=np.int64(self._last_ns))
+        new = np.flatnonzero(step_ns != 0) if len(self._window) else np.arange(len(step_ns))
+        jumps = np.flatnonzero((step_ns[new] < 0) | (step_ns[new] > self._longest_gap_ns))
+        edges = np.union1d(np.concatenate([jumps, [len(new)]]), np.arange(0, len(new), _BLOCK))
         detections = []
-        for first in range(0, len(recording), _BLOCK):
-            rows = slice(first, first + _BLOCK)
-            detections += self._take(
+        for first, last in itertools.pairwise(edges.tolist()):
+            rows = new[first:last]
+            self._begin_after_jump(int(recording.stamp_ns[rows[0]]))
+            self._window.append(
                 recording.stamp_ns[rows],
                 recording.signal[rows],
                 recording.distance[rows],
                 recording.status[rows],
             )
+            self._last_ns = int(recording.stamp_ns[rows[-1]])
+            detections += self._look(len(rows))
         return detections
 
     def _check(self, grid: ZoneGrid) -> None:
@@ -172,76 +188,83 @@ class Reader:
                 f'for {self._grid.rows}x{self._grid.columns}'
             )
 
-    def _take(
-        self,
-        stamp_ns: NDArray[np.int64],
-        signal: NDArray[np.float32],
-        distance: NDArray[np.float32],
-        status: NDArray[np.uint8],
-    ) -> list[Detection]:
-        """Append frames, in parts where time jumps, and look at each part."""
-        before = np.concatenate([[self._last_ns], stamp_ns[:-1]])
-        step = stamp_ns - before
-        again = step == 0
-        if len(self._window) == 0:
-            again[0] = False
-        if again.any():
-            kept = ~again
-            if not kept.any():
-                return []
-            stamp_ns, signal, distance, status = (
-                values[kept] for values in (stamp_ns, signal, distance, status)
-            )
-            step = step[kept]
-        longest_ns = PACKET_SAMPLES * self._sample_s * 1e9
-        jumps = np.flatnonzero((step < 0) | (step > longest_ns))
-        if len(self._window) == 0:
-            jumps = np.union1d([0], jumps)
-        self._last_ns = int(stamp_ns[-1])
-        detections = []
-        edges = [0, *(int(jump) for jump in jumps if jump > 0), len(stamp_ns)]
-        for first, last in zip(edges[:-1], edges[1:], strict=True):
-            if first in jumps:
-                self._begin(int(stamp_ns[first]))
-            rows = slice(first, last)
-            self._window.append(stamp_ns[rows], signal[rows], distance[rows], status[rows])
-            detections += self._look(last - first)
-        return detections
-
-    def _begin(self, origin_ns: int) -> None:
-        """Forget what came before a jump in time."""
-        self._window.clear(origin_ns)
+    def _begin_after_jump(self, stamp_ns: int) -> None:
+        """Forget what came before, where the time goes back or leaves out a packet."""
+        step_ns = stamp_ns - self._last_ns
+        self._last_ns = stamp_ns
+        if len(self._window) and 0 < step_ns <= self._longest_gap_ns:
+            return
+        self._window.clear(stamp_ns)
+        self._starts.clear()
         self._free_s[:] = -np.inf
         self._searched_s = -np.inf
         self._last_start_s.clear()
 
     def _look(self, frames: int) -> list[Detection]:
         """Look for what became certain with the last frames."""
-        recent = self._window.last(PACKET_SAMPLES + frames - 1)
-        last_s = float(recent.time_s[-1]) + self._sample_s / 2
+        newest = self._window.last(1)
+        last_s = float(newest.end_s[0])
         from_s, self._searched_s = self._searched_s, last_s
-        if len(recent.time_s) < PACKET_SAMPLES // 2 or not np.isfinite(from_s):
+        if not np.isfinite(from_s):
             return []
         packet_s = PACKET_BITS * self._bit_s
         if math.floor(last_s / packet_s) != math.floor(from_s / packet_s):
             self._scale.learn(self._window.last(PACKET_SAMPLES))
-        readings = []
-        active = self._active(recent, frames)
-        if len(active):
-            readings += self._ended(active, from_s, last_s, frames)
-        turn = math.floor(last_s / (_FOLD_BITS * self._bit_s))
-        if self._folds and turn != math.floor(from_s / (_FOLD_BITS * self._bit_s)):
-            readings += self._folded(active, turn, last_s)
+        turn = math.floor(last_s / (_TURN_BITS * self._bit_s))
+        new_turn = turn != math.floor(from_s / (_TURN_BITS * self._bit_s))
+        if new_turn:
+            self._find_starts(last_s)
+        readings = self._ended(from_s, last_s, frames)
+        if self._folds and new_turn:
+            readings += self._folded(turn, last_s)
+        if not readings:
+            return []
         return [
             detection for reading in readings if (detection := self._detection(reading)) is not None
         ]
 
-    def _active(self, recent: Samples, frames: int) -> NDArray[np.intp]:
-        """Return the zones that deviate by more than noise in any window ending in `frames`."""
-        weight, signal = recent.weight, recent.signal
+    def _find_starts(self, last_s: float) -> None:
+        """Look for preambles, many frames at once; their packets end long after."""
+        since_s = last_s - self._starts.looked_s + len(PREAMBLE) * self._bit_s
+        samples = self._window.last(math.ceil(since_s / self._sample_s) + 2)
+        view = View.of(samples, self._all_zones)
+        self._starts.look(view, last_s, self._law, self._scale.value)
+
+    def _ended(self, from_s: float, last_s: float, frames: int) -> list[Reading]:
+        """Look for packets that have ended since the last look."""
+        eighth_s = self._bit_s / EIGHTHS
+        # After a gap, what ended in it is still found.
+        first = math.floor(max(from_s, last_s - _LONGEST_GAP_BITS * self._bit_s) / eighth_s) + 1
+        last = math.floor(last_s / eighth_s)
+        if last < first:
+            return []
+        credible = self._starts.ended(first, last)
+        zones = np.flatnonzero(credible.any(axis=0))
+        if not len(zones):
+            return []
+        bits = PACKET_BITS + SILENT_BITS + (last - first) / EIGHTHS
+        samples = self._window.last(math.ceil(2 * bits) + 4)
+        zones = zones[self._modulated(samples, zones, frames)]
+        if not len(zones):
+            return []
+        view = View.of(samples, zones)
+        candidates = self._search.ended(
+            view,
+            np.arange(first, last + 1) * eighth_s,
+            credible[:, zones],
+            self._demand(0, PACKET_SAMPLES, view),
+        )
+        return self._judged(candidates, samples, view, 0)
+
+    def _modulated(
+        self, samples: Samples, zones: NDArray[np.intp], frames: int
+    ) -> NDArray[np.bool_]:
+        """Return which zones deviate by more than noise in a packet's length before any frame."""
+        recent = slice(max(0, len(samples.time_s) - PACKET_SAMPLES - frames + 1), None)
+        weight, signal = samples.weight[recent, zones], samples.signal[recent, zones]
         if frames == 1:
             count = weight.sum(axis=0)
-            total = signal.sum(axis=0)  # 0 where the weight is
+            total = signal.sum(axis=0)  # it is 0 where the weight is
             square = np.einsum('tz,tz->z', signal, signal)
         else:
             count, total, square = (
@@ -252,53 +275,43 @@ class Reader:
         mean = total / count
         variance = square / count - mean * mean
         modulated = variance > _LEAST_VARIANCE * self._scale.value * self._law.variance(mean)
-        return np.flatnonzero(modulated if frames == 1 else modulated.any(axis=0))
+        return modulated if frames == 1 else modulated.any(axis=0)
 
-    def _ended(
-        self, active: NDArray[np.intp], from_s: float, last_s: float, frames: int
-    ) -> list[Reading]:
-        """Look for packets that have ended since the last look."""
-        span = PACKET_SAMPLES + 2 * SILENT_BITS + frames + 4
-        samples = self._window.last(span)
-        eighth_s = self._bit_s / 8
-        first = math.floor(from_s / eighth_s) + 1
-        # After a gap, what ended in it is still found.
-        first = max(first, math.floor((last_s - (span - 80) * self._sample_s) / eighth_s))
-        ends_s = np.arange(first, math.floor(last_s / eighth_s) + 1) * eighth_s
-        if not len(ends_s):
-            return []
-        view = View.of(samples, active, self._sample_s)
-        candidates = self._search.ended(view, ends_s, self._demand(0, PACKET_SAMPLES, view))
-        return self._judged(candidates, samples, view, 0)
+    def _folded(self, turn: int, last_s: float) -> list[Reading]:
+        """Look at any stretch, of one packet's length and of several, in zones that may repeat.
 
-    def _folded(self, active: NDArray[np.intp], turn: int, last_s: float) -> list[Reading]:
-        """Look at any stretch, of one packet's length and of several, in zones that may repeat."""
+        A single packet's length is looked at every turn. Several are as soon as a zone has so
+        many samples, and then every fourth turn; the more there are, the surer.
+        """
         readings = []
-        for fold in self._folds:
-            span = math.ceil(1.02 * PACKET_SAMPLES * fold) + 4
-            samples = self._window.last(span)
+        first_s = float(self._window.first_s)
+        for fold in reversed(self._folds):
             reach_s = (1.01 * PACKET_BITS * fold + 1) * self._bit_s
-            begin_s = last_s - reach_s
-            if samples.time_s[0] > begin_s + 2 * self._bit_s:
-                break
-            zones = active if fold == 1 else self._may_repeat(samples, turn)
-            zones = zones[self._free_s[zones] <= begin_s + 2 * self._bit_s]
+            since_s = np.maximum(self._free_s - 2 * self._bit_s, first_s)
+            ready = since_s <= last_s - reach_s
+            if fold > 1:
+                waited = since_s > last_s - reach_s - _TURN_BITS * self._bit_s
+                ready &= waited | ((self._all_zones + turn) % 4 == 0)
+            zones = np.flatnonzero(ready)
             if not len(zones):
                 continue
-            view = View.of(samples, zones, self._sample_s)
+            samples = self._window.last(math.ceil(1.02 * PACKET_SAMPLES * fold) + 4)
+            zones = zones[self._may_repeat(samples, zones)]
+            if not len(zones):
+                continue
+            view = View.of(samples, zones)
             demand = self._demand(fold, PACKET_SAMPLES * fold, view)
             candidates = self._fold_search.folded(view, last_s, fold, demand)
             readings += self._judged(candidates, samples, view, fold)
         return readings
 
-    def _may_repeat(self, samples: Samples, turn: int) -> NDArray[np.intp]:
-        """Return the zones whose turn it is and that are not just noise over many packets.
+    def _may_repeat(self, samples: Samples, zones: NDArray[np.intp]) -> NDArray[np.bool_]:
+        """Return which zones are not just noise.
 
-        Both the variance beyond the noise law and the likeness of neighbouring samples count,
-        each in its standard deviations; but a law that promises too much noise counts nothing.
+        The variance beyond the noise law, the likeness of neighbouring samples and, where there
+        are several packets, of samples a packet apart all count, in standard deviations; but a
+        law that promises too much noise counts nothing.
         """
-        zones = np.arange(self._grid.zones)
-        zones = zones[(zones + turn) % 4 == 0]
         signal = samples.signal[:, zones]
         count = len(signal)
         mean = signal.mean(axis=0)
@@ -307,8 +320,18 @@ class Reader:
         lagged = np.einsum('tz,tz->z', deviation[1:], deviation[:-1])
         noise = self._scale.value * self._law.variance(mean)
         excess = (power / count / noise - 1) * math.sqrt(count / 2)
-        likeness = lagged / power * math.sqrt(count)
-        return zones[np.maximum(excess, 0.0) + likeness > _LEAST_REPETITION]
+        alike = lagged
+        if count > 2 * PACKET_SAMPLES:
+            # A sample more or less, for a clock that is off.
+            apart = [
+                np.einsum('tz,tz->z', deviation[lag:], deviation[:-lag])
+                for lag in (PACKET_SAMPLES - 1, PACKET_SAMPLES, PACKET_SAMPLES + 1)
+            ]
+            alike = lagged + np.maximum(np.maximum(apart[0], apart[1]), apart[2])
+        repeats: NDArray[np.bool_] = (
+            np.maximum(excess, 0.0) + alike / power * math.sqrt(count) > _LEAST_REPETITION
+        )
+        return repeats
 
     def _demand(self, fold: int, samples: int, view: View) -> Demand:
         noise = self._scale.value * self._law.variance(view.mean)
@@ -329,7 +352,7 @@ class Reader:
             return []
         candidates = candidates.at(new)
         self.counts.candidates += len(candidates.zone)
-        everything = View.of(samples, np.arange(self._grid.zones), self._sample_s)
+        everything = View.of(samples, self._all_zones)
         readings = self._judge.judge(
             candidates, everything, self._chance[fold], self._scale.value, self.counts.rejected
         )
@@ -352,8 +375,7 @@ class Reader:
         if abs(start_s - last_start_s) < PACKET_BITS * bit_s / 2:
             return None
         samples = self._window.last(len(fit.light[0]))
-        begin_s, stop_s = samples.exposures(self._sample_s)
-        within = (stop_s > start_s) & (begin_s < end_s)
+        within = (samples.end_s > start_s) & (samples.begin_s < end_s)
         distance = samples.distance[:, reading.zones[0]]
         seen = within & (fit.weight[0] > 0) & (fit.light[0] > _BRIGHT) & np.isfinite(distance)
         measured = distance[seen]

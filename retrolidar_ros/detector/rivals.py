@@ -11,12 +11,15 @@ from numpy.typing import NDArray
 
 from retrolidar_ros.code import PACKET_BITS, PREAMBLE
 from retrolidar_ros.detector.evidence import nats
+from retrolidar_ros.detector.search import PACKET_SAMPLES
 from retrolidar_ros.detector.soft_bits import SILENT_BITS
-from retrolidar_ros.detector.words import WordBank, phase_step, template_energy
+from retrolidar_ros.detector.words import PHASES, WordBank, phase_step, template_energy
 from retrolidar_ros.frame import Floats
 
 # A lone packet may have begun before the window, or end after it, by up to so many bits.
 _MOST_CUT = 16
+# Nobody asks for a greater lead.
+_ENOUGH_NATS = 15.0
 # A part of a lone packet that explains this share of what a repeating one does is as likely.
 _AS_GOOD = 0.99
 SHIFTS = (np.arange(PACKET_BITS)[:, None] + np.arange(PACKET_BITS)) % PACKET_BITS
@@ -65,57 +68,70 @@ class Rivals:
         window holds a part, is as likely: it has not ended yet, or has before.
         """
         column = int(np.searchsorted(self._bank.ids, identity))
-        own, nearest = 0.0, 0.0
-        if len(window.soft) == PACKET_BITS:
-            own, nearest = self._repeating(window, column)
-        if window.packets == 1:
-            lone, other = self._lone_ones(window, column)
+        repeating = len(window.soft) == PACKET_BITS
+        lone = window.packets == 1
+        own = self._own_repeating(window, column) if repeating else 0.0
+        if lone:
+            own_lone = self._own_lone(window, column)
             if not window.repeats:
-                own = lone
-            elif lone > _AS_GOOD * own:
+                own = own_lone
+            elif own_lone > _AS_GOOD * own:
                 return None
-            nearest = max(nearest, other)
         root = np.sqrt(window.energy)
-        ours, theirs = nats(np.array([own, nearest]) / root, np.full(2, window.samples))
-        return float(ours - theirs)
+        samples = np.asarray(window.samples)
+        ours = float(nats(np.asarray(own / root), samples))
+        # What leads by more than anybody asks need not be known exactly.
+        enough = max(ours - _ENOUGH_NATS, 0.0)
+        least = root * np.sqrt(-np.expm1(-2 * enough / window.samples))
+        nearest = least
+        if repeating:
+            nearest = max(nearest, self._nearest_repeating(window, column, least))
+        if lone:
+            nearest = max(nearest, self._nearest_lone(window, column, least))
+        return ours - float(nats(np.asarray(nearest / root), samples))
 
-    def _repeating(self, window: Window, column: int) -> tuple[float, float]:
-        """Return what the packet explains if it repeats, and another one at most, at any bit."""
-        count = len(window.soft)
-        rows = window.soft[SHIFTS]
-        first = window.first % PACKET_BITS
-        own = self._bank.correlations(rows[first : first + 1], window.phase, 2 * count)[0]
-        explained = float(own[column])
-        own[column] = 0.0
-        nearest = float(own.max())
-        # Rows that cannot come near are not looked at.
-        worth = self._bank.bound(rows[:, :, None], 2 * count)[:, 0] > nearest
-        worth[first] = False
-        if worth.any():
-            others = self._bank.correlations(rows[worth], window.phase, 2 * count)
-            others[:, column] = 0.0
-            nearest = max(nearest, float(others.max()))
-        return explained, nearest
+    def _own_repeating(self, window: Window, column: int) -> float:
+        """Return what the packet explains if it repeats."""
+        own = np.roll(window.soft, -window.first)[None]
+        return float(self._bank.correlations(own, window.phase, PACKET_SAMPLES)[0, column])
 
-    def _lone_ones(self, window: Window, column: int) -> tuple[float, float]:
-        """Return what the packet explains if it is alone, and another one at most.
+    def _own_lone(self, window: Window, column: int) -> float:
+        """Return what the packet explains if it is alone.
 
-        A packet that was found alone begins where it was found; one that was taken for a
-        repeating one may be alone anywhere else.
+        One that was found alone begins where it was found; one that was taken for a repeating
+        one may be alone anywhere.
         """
         lone = self._lone[len(window.soft)]
-        padded = np.zeros(len(window.soft) + 2 * PACKET_BITS)
-        padded[PACKET_BITS:-PACKET_BITS] = window.soft
-        rows = padded[lone.first[:, None] + PACKET_BITS + np.arange(PACKET_BITS)]
-        head = rows[:, : len(PREAMBLE)] @ PREAMBLE
-        word = rows[:, len(PREAMBLE) :].astype(np.float32)
-        explained = word @ self._words
-        explained += head[:, None].astype(np.float32)
-        explained *= lone.scale[phase_step(window.phase)]
-        ours = explained[:, column]
-        own = float(ours.max() if window.repeats else ours[lone.first == window.first].max())
+        explained = lone.rows(window.soft) @ self._bank.bits[column]
+        explained = explained * lone.scale[phase_step(window.phase)][:, column]
+        at = lone.first == window.first
+        return float((explained if window.repeats else explained[at]).max())
+
+    def _nearest_repeating(self, window: Window, column: int, least: float) -> float:
+        """Return what another packet explains at most if it repeats, read from any bit."""
+        rows = window.soft[SHIFTS]
+        worth = self._bank.bound(rows[:, :, None], PACKET_SAMPLES)[:, 0] > least
+        if not worth.any():
+            return 0.0
+        explained = self._bank.correlations(rows[worth], window.phase, PACKET_SAMPLES)
         explained[:, column] = 0.0
-        return own, float(explained.max())
+        return float(explained.max())
+
+    def _nearest_lone(self, window: Window, column: int, least: float) -> float:
+        """Return what another packet explains at most if it is alone."""
+        lone = self._lone[len(window.soft)]
+        rows = lone.rows(window.soft)
+        head = rows[:, : len(PREAMBLE)] @ PREAMBLE
+        step = int(phase_step(window.phase))
+        most = head + np.maximum(rows[:, len(PREAMBLE) :], 0.0).sum(axis=1)
+        worth = np.flatnonzero(most * lone.most_scale[step] > least)
+        if not len(worth):
+            return 0.0
+        explained = rows[worth, len(PREAMBLE) :].astype(np.float32) @ self._words
+        explained += head[worth, None].astype(np.float32)
+        explained *= lone.scale[step][worth]
+        explained[:, column] = 0.0
+        return float(explained.max())
 
 
 class _LonePackets:
@@ -135,7 +151,15 @@ class _LonePackets:
         bits = bank.bits.astype(float)
         dark = sent.astype(float) @ bits.T
         pairs = both.astype(float) @ (bits * np.roll(bits, -1, axis=1)).T
-        energy = template_energy(dark, pairs, 2 * window_bits)
+        energy = template_energy(dark, pairs, 2 * window_bits, PHASES[:, None, None])
         # A packet that shows nothing dark in the window explains nothing.
         inverse = np.divide(1.0, energy, out=np.zeros_like(energy), where=energy > 1.0)
         self.scale = np.sqrt(inverse).astype(np.float32)
+        self.most_scale: Floats = self.scale.max(axis=2)
+
+    def rows(self, soft: Floats) -> Floats:
+        """Return the soft bits of each place, 0 beyond the window, shape (places, 31)."""
+        padded = np.zeros(len(soft) + 2 * PACKET_BITS)
+        padded[PACKET_BITS:-PACKET_BITS] = soft
+        rows: Floats = padded[self.first[:, None] + PACKET_BITS + np.arange(PACKET_BITS)]
+        return rows

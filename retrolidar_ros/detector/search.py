@@ -12,15 +12,17 @@ from numpy.typing import NDArray
 from retrolidar_ros.code import PACKET_BITS, PREAMBLE, WORD_BITS, decode
 from retrolidar_ros.detector.evidence import nats
 from retrolidar_ros.detector.fit import Candidates
-from retrolidar_ros.detector.soft_bits import SILENT_BITS, SoftBits, soft_bits
+from retrolidar_ros.detector.soft_bits import SILENT_BITS
 from retrolidar_ros.detector.view import View
-from retrolidar_ros.detector.words import WordBank
+from retrolidar_ros.detector.words import WordBank, template_energy
 from retrolidar_ros.frame import Floats
 
 PACKET_SAMPLES = 2 * PACKET_BITS
 _STILL_SAMPLES = 2 * (PACKET_BITS + SILENT_BITS)
 # Whoever has lost more of a packet than this has nothing to judge by.
 _LEAST_PRESENT = 0.45
+# Share of the best correlation below which another ID is no rival.
+_RIVAL = 0.75
 # What the coarse templates of a search may miss of what an exact one explains.
 COARSE = 0.94
 
@@ -33,7 +35,12 @@ class Demand(NamedTuple):
     noise: Floats
     """Variance that the sensor's noise has in each zone of the view, shape (zones,)."""
 
-    def least_correlation(self, energy: Floats, samples: Floats) -> Floats:
+    @property
+    def least(self) -> Floats:
+        """Least coarse correlation of what the search returns, shape (zones,)."""
+        return np.full(len(self.noise), COARSE * self.correlation)
+
+    def least_correlation(self, energy: Floats, told: Floats) -> Floats:
         """Return the least coarse correlation for energies (hypotheses, zones).
 
         Apart from the least for evidence, what a packet leaves over must be noise, so the
@@ -41,23 +48,27 @@ class Demand(NamedTuple):
         """
         if self.correlation <= 0:
             return np.zeros_like(energy)
-        noisy = 2.5 * self.noise * np.maximum(samples, 1.0)[:, None] / energy
-        return np.sqrt(np.maximum((COARSE * self.correlation) ** 2, 0.93 - noisy))
+        noisy = 2.5 * self.noise * told / energy
+        return np.sqrt(np.maximum((COARSE * self.correlation) ** 2, 0.9 - noisy))
 
 
 class Search(Protocol):
     """Finds packets in a view."""
 
-    def ended(self, view: View, end_s: Floats, demand: Demand) -> Candidates | None:
-        """Return packets that ended at one of some times (ends,), on a grid of eighths of bits."""
+    def ended(
+        self, view: View, end_s: Floats, credible: NDArray[np.bool_], demand: Demand
+    ) -> Candidates | None:
+        """Return packets that have just ended.
 
-
-def _rows(
-    soft: SoftBits, chosen: tuple[NDArray[np.intp], NDArray[np.intp]]
-) -> tuple[Floats, Floats, Floats]:
-    """Return soft bits, energies and phases of chosen (hypotheses, zones), a row each."""
-    hypothesis, zone = chosen
-    return soft.value[hypothesis, :, zone], soft.energy[hypothesis, zone], soft.phase[hypothesis]
+        Parameters
+        ----------
+        view : View
+        end_s : array, shape (ends,)
+            When they may have, on a grid of eighths of bits [s].
+        credible : array of bool, shape (ends, zones)
+            Whether there was a preamble at the time (`Starts`).
+        demand : Demand
+        """
 
 
 class JointSearch:
@@ -71,49 +82,49 @@ class JointSearch:
         self._bank = bank
         self._bit_s = bit_s
 
-    def ended(self, view: View, end_s: Floats, demand: Demand) -> Candidates | None:
-        """Return packets that ended at one of some times, one a zone and time at most."""
+    def ended(
+        self, view: View, end_s: Floats, credible: NDArray[np.bool_], demand: Demand
+    ) -> Candidates | None:
+        """Return packets that have just ended, as `Search.ended`."""
         bit_s = np.tile(self._bit_s * (1 + self._SKEWS), len(end_s))
         ends_s = np.repeat(end_s, len(self._SKEWS))
         start_s = ends_s - PACKET_BITS * bit_s
         edges_s = start_s[:, None] + bit_s[:, None] * self._BITS
+        maybe = np.repeat(credible, len(self._SKEWS), axis=0)
+        silent_s = SILENT_BITS * self._bit_s
+        soft = view.soft_bits(edges_s, silent_s)
         found = []
-        for silent_s, samples in (
-            (0.0, PACKET_SAMPLES),
-            (SILENT_BITS * self._bit_s, _STILL_SAMPLES),
-        ):
-            soft = soft_bits(
-                view.integral, view.squares, edges_s, silent_s=silent_s, line=not silent_s
-            )
-            begin_s = start_s - silent_s
-            present = view.present(begin_s, ends_s)
-            fill = np.maximum(present / samples, 1e-9)
-            energy = soft.energy * fill
-            bound = self._bank.bound(soft.value, samples)
-            least = demand.least_correlation(soft.energy, soft.samples)
-            chosen = np.nonzero((bound > least * np.sqrt(energy)) & (fill > _LEAST_PRESENT))
-            if not len(chosen[0]):
+        for still in (False, True):
+            level = soft.steady(0) if still else soft.drifting()
+            samples = _STILL_SAMPLES if still else PACKET_SAMPLES
+            energy = level.energy * level.told * (1 / samples)
+            least = demand.least_correlation(level.energy, level.told)
+            bound = self._bank.bound(level.value, samples, line=not still)
+            good = bound > least * np.sqrt(energy)
+            good &= level.told > _LEAST_PRESENT * samples
+            good &= maybe
+            if not good.any():
                 continue
-            rows, _, phase = _rows(soft, chosen)
-            best = self._bank.best(rows, energy[chosen], phase, samples)
-            kept = best.correlation > least[chosen]
-            h, z = chosen[0][kept], chosen[1][kept]
-            count = len(h)
+            h, z = np.nonzero(good)
+            best = self._bank.best(
+                level.value[h, :, z], energy[h, z], soft.phase[h], samples, line=not still
+            )
             found.append(
                 Candidates(
                     zone=z,
-                    ids=best.ids[kept],
+                    ids=best.ids,
                     start_s=start_s[h],
                     bit_s=bit_s[h],
-                    begin_s=begin_s[h],
+                    begin_s=start_s[h] - silent_s if still else start_s[h],
                     end_s=ends_s[h],
-                    packets=np.ones(count, dtype=np.int64),
-                    repeats=np.zeros(count, dtype=bool),
-                    still=np.full(count, silent_s > 0),
-                    correlation=best.correlation[kept],
+                    packets=np.ones(len(h), dtype=np.int64),
+                    repeats=np.zeros(len(h), dtype=bool),
+                    still=np.full(len(h), still),
+                    correlation=best.correlation,
+                    rival=np.zeros(len(h)),
                 )
             )
-        return joined(found)
+        return joined(found, demand.least)
 
 
 class StartSearch:
@@ -135,8 +146,10 @@ class StartSearch:
         preamble = PREAMBLE - PREAMBLE.mean()
         self._preamble = preamble / np.sqrt(preamble @ preamble)
 
-    def ended(self, view: View, end_s: Floats, demand: Demand) -> Candidates | None:
-        """Return packets that ended with one of the frames."""
+    def ended(
+        self, view: View, end_s: Floats, credible: NDArray[np.bool_], demand: Demand
+    ) -> Candidates | None:
+        """Return packets that ended with one of the frames, as `Search.ended`."""
         # Of the eighths of bits, those at which an exposure ends.
         sample_s = self._bit_s / 2
         frames = view.end_s[np.searchsorted(view.end_s, end_s[0] - sample_s / 8) :]
@@ -145,17 +158,19 @@ class StartSearch:
             return None
         start_s = frames - PACKET_BITS * self._bit_s
         edges_s = start_s[:, None] + self._bit_s * self._BITS
-        soft = soft_bits(view.integral, view.squares, edges_s, line=False)
-        head = soft.value[:, : len(PREAMBLE)]
+        soft = view.soft_bits(edges_s)
+        level = soft.steady(1)
+        head = level.value[:, : len(PREAMBLE)]
         head = head - head.mean(axis=1, keepdims=True)
         norm = np.sqrt(np.einsum('hbz,hbz->hz', head, head)) + 1e-9
-        likeness = np.einsum('b,hbz->hz', self._preamble, head) / norm
-        fill = view.present(start_s, frames) / PACKET_SAMPLES
-        chosen = np.nonzero((likeness > self._LEAST_PREAMBLE) & (fill > _LEAST_PRESENT))
-        if not len(chosen[0]):
+        good = np.matmul(self._preamble, head) > self._LEAST_PREAMBLE * norm
+        good &= level.told > _LEAST_PRESENT * PACKET_SAMPLES
+        good &= credible[np.clip(np.searchsorted(end_s, frames), 0, len(end_s) - 1)]
+        if not good.any():
             return None
-        rows, energy, phase = _rows(soft, chosen)
-        energy = energy * np.broadcast_to(fill, soft.energy.shape)[chosen]
+        chosen = np.nonzero(good)
+        rows, phase = level.value[chosen[0], :, chosen[1]], soft.phase[chosen[0]]
+        energy = (level.energy * level.told / PACKET_SAMPLES)[chosen]
         if self._hard:
             # The preamble tells the level between bright and dark: it has both.
             levels = rows[:, : len(PREAMBLE)]
@@ -189,15 +204,17 @@ class StartSearch:
                     repeats=np.zeros(count, dtype=bool),
                     still=np.zeros(count, dtype=bool),
                     correlation=correlation[kept],
+                    rival=np.zeros(count),
                 )
-            ]
+            ],
+            demand.least,
         )
 
 
 class FoldSearch:
     """Any stretch of a repeating packet, or several such packets laid on top of each other."""
 
-    _KEPT = 2  # starts and clocks whose fold stands out most, of every zone
+    _KEPT = 3  # starts and clocks whose fold stands out most, of every zone
     _MOST_SKEW = 0.01
 
     def __init__(self, bank: WordBank, bit_s: float) -> None:
@@ -219,12 +236,18 @@ class FoldSearch:
         bit_s = np.tile(self._bit_s * (1 + skews), 8)
         first_s = middles_s - bits / 2 * bit_s
         edges_s = first_s[:, None] + bit_s[:, None] * np.arange(bits + 1)
-        soft = soft_bits(view.integral, view.squares, edges_s)
-        hypotheses, zones = soft.energy.shape
-        value = soft.value.reshape(hypotheses, packets, PACKET_BITS, zones).sum(axis=1)
-        present = view.present(first_s, edges_s[:, -1]) / (2 * bits)
-        energy = soft.energy * np.maximum(present, 1e-9) * packets
-        standing = np.einsum('hbz,hbz->hz', value, value) / energy
+        soft = view.soft_bits(edges_s)
+        # A line takes off some of a single packet, which one depends on where it begins.
+        level = soft.drifting() if packets > 1 else soft.steady(1)
+        hypotheses, zones = level.energy.shape
+        value = level.value.reshape(hypotheses, packets, PACKET_BITS, zones).sum(axis=1)
+        present = level.told / (2 * bits)
+        energy = level.energy * present * packets
+        # A template that begins within exposures is weaker, and so are the bits cut there.
+        half, quarter = np.array(PACKET_BITS / 2), np.array(PACKET_BITS / 4)
+        strength = template_energy(half, quarter, PACKET_SAMPLES, soft.phase)
+        standing = np.einsum('hbz,hbz->hz', value, value) / np.maximum(energy, 1e-9)
+        standing /= strength[:, None]
         kept = min(self._KEPT, hypotheses)
         top = np.argpartition(-standing, kept - 1, axis=0)[:kept]
         column = np.broadcast_to(np.arange(zones), top.shape)
@@ -235,7 +258,7 @@ class FoldSearch:
             return None
         rows = value[h, :, z][:, self._shifts]  # (chosen, shifts, bits)
         bound = self._bank.bound(np.moveaxis(rows, 0, 2), PACKET_SAMPLES).T
-        least = demand.least_correlation(soft.energy, soft.samples)[h, z]
+        least = demand.least_correlation(level.energy, level.told)[h, z]
         root = np.sqrt(energy[h, z])
         chosen, shift = np.nonzero(bound > (least * root)[:, None])
         if not len(chosen):
@@ -243,16 +266,15 @@ class FoldSearch:
         best = self._bank.best(
             rows[chosen, shift], energy[h, z][chosen], soft.phase[h][chosen], PACKET_SAMPLES
         )
-        good = best.correlation > least[chosen]
-        h, z, shift = h[chosen[good]], z[chosen[good]], shift[good]
+        h, z = h[chosen], z[chosen]
         # The frame that began before the window, or with it.
         start_s = first_s[h] + bit_s[h] * np.where(shift > 0, shift - PACKET_BITS, 0)
         count = len(h)
-        return joined(
+        candidates = joined(
             [
                 Candidates(
                     zone=z,
-                    ids=best.ids[good],
+                    ids=best.ids,
                     start_s=start_s,
                     bit_s=bit_s[h],
                     begin_s=first_s[h],
@@ -260,30 +282,69 @@ class FoldSearch:
                     packets=np.full(count, packets),
                     repeats=np.ones(count, dtype=bool),
                     still=np.zeros(count, dtype=bool),
-                    correlation=best.correlation[good],
+                    correlation=best.correlation,
+                    rival=np.zeros(count),
                 )
-            ]
+            ],
+            demand.least,
         )
+        if candidates is None:
+            return None
+        rival = [
+            self._rival(value[:, :, zone], energy[:, zone], soft.phase, identity, correlation)
+            for zone, identity, correlation in zip(
+                candidates.zone, candidates.ids, candidates.correlation, strict=True
+            )
+        ]
+        return candidates._replace(rival=np.array(rival))
+
+    def _rival(
+        self, value: Floats, energy: Floats, phase: Floats, identity: int, correlation: float
+    ) -> float:
+        """Return the correlation of the best other ID in one zone, of any start and clock.
+
+        A wrong word may win where start and clock are wrong, too: that is no fair comparison.
+        """
+        rows = value[:, self._shifts].reshape(-1, PACKET_BITS)
+        root = np.sqrt(energy).repeat(PACKET_BITS)
+        bound = self._bank.bound(rows[:, :, None], PACKET_SAMPLES)[:, 0]
+        worth = np.flatnonzero(bound > _RIVAL * correlation * root)
+        best = self._bank.best(
+            rows[worth],
+            energy.repeat(PACKET_BITS)[worth],
+            phase.repeat(PACKET_BITS)[worth],
+            PACKET_SAMPLES,
+        )
+        return float(best.correlation[best.ids != identity].max(initial=0.0))
 
 
-def joined(found: list[Candidates]) -> Candidates | None:
+def joined(found: list[Candidates], least: Floats) -> Candidates | None:
     """Return the best candidate of each zone and packet among all that were found.
 
-    What overlaps by more than half a packet in a zone is the same packet found more than once.
+    What overlaps by more than half a packet in a zone is the same packet found more than once,
+    or a rival. Only what correlates by more than `least` (zones,) is returned.
     """
     found = [candidates for candidates in found if len(candidates.zone)]
     if not found:
         return None
     together = Candidates(*(np.concatenate(fields) for fields in zip(*found, strict=True)))
     samples = 2 * (together.end_s - together.begin_s) / together.bit_s
-    order = np.argsort(-nats(together.correlation, samples), kind='stable')
+    evidence = nats(together.correlation, samples)
+    order = np.argsort(-evidence, kind='stable')
     kept: list[int] = []
+    rival = np.zeros(len(order))
     for index in order.tolist():
         half_s = together.bit_s[index] * PACKET_BITS / 2
-        if all(
-            together.zone[other] != together.zone[index]
-            or abs(together.end_s[other] - together.end_s[index]) > half_s
+        same = [
+            other
             for other in kept
-        ):
+            if together.zone[other] == together.zone[index]
+            and abs(together.end_s[other] - together.end_s[index]) <= half_s
+        ]
+        if not same:
             kept.append(index)
-    return together.at(np.array(kept, dtype=np.intp))
+        elif together.ids[index] != together.ids[same[0]] and not rival[same[0]]:
+            rival[same[0]] = together.correlation[index]
+    best = together._replace(rival=rival).at(np.array(kept, dtype=np.intp))
+    best = best.at(best.correlation > least[best.zone])
+    return best if len(best.zone) else None

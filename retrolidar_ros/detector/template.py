@@ -4,6 +4,8 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -14,6 +16,17 @@ from retrolidar_ros.liquid_crystal import Response
 _RESPONSE = Response()
 
 
+class Light(NamedTuple):
+    """Mean transmission of markers during exposures, each field of shape (packets, samples)."""
+
+    mean: Floats
+    """0 to 1."""
+    per_start: Floats
+    """Its derivative by the start of the packet [1/s]."""
+    per_bit: Floats
+    """Its derivative by the bit period [1/s]."""
+
+
 def packet_light(
     bits: NDArray[np.uint8],
     start_s: Floats,
@@ -21,8 +34,8 @@ def packet_light(
     repeats: NDArray[np.bool_],
     begin_s: Floats,
     end_s: Floats,
-) -> Floats:
-    """Return the mean transmission of markers during exposures.
+) -> Light:
+    """Return what exposures see of packets.
 
     Parameters
     ----------
@@ -34,32 +47,44 @@ def packet_light(
         Whether it is one of many back to back; a lone one has a bright marker before and after.
     begin_s, end_s : array, shape (samples,)
         Of the exposures [s].
-
-    Returns
-    -------
-    array, shape (packets, samples)
-        0 to 1.
     """
     packets = len(bits)
     level = np.ones((packets, PACKET_BITS + 1))
     level[:, :-1] -= bits
     before = np.roll(level, 1, axis=1)
     before[:, 0] = np.where(repeats, level[:, PACKET_BITS - 1], 1.0)
-    whole_bit = np.broadcast_to(bit_s[:, None], (packets, PACKET_BITS))
-    within = _RESPONSE.integral(before[:, :-1], level[:, :-1], whole_bit)
+    bit_s = bit_s[:, None]
     elapsed = np.zeros((packets, PACKET_BITS + 1))
+    whole_bit = np.broadcast_to(bit_s, (packets, PACKET_BITS))
+    within = _RESPONSE.integral(before[:, :-1], level[:, :-1], whole_bit)
     np.cumsum(within, axis=1, out=elapsed[:, 1:])
-
-    def integral(time_s: Floats) -> Floats:
-        since = time_s[None, :] - start_s[:, None]
-        bit = np.floor(since / bit_s[:, None])
-        cycles = np.where(repeats[:, None], bit // PACKET_BITS, 0.0)
-        bit = np.clip(bit - cycles * PACKET_BITS, 0, PACKET_BITS).astype(np.intp)
-        rows = np.arange(packets)[:, None]
-        passed = since - (cycles * PACKET_BITS + bit) * bit_s[:, None]
-        partial = _RESPONSE.integral(before[rows, bit], level[rows, bit], np.maximum(passed, 0.0))
-        sent = cycles * elapsed[:, -1:] + elapsed[rows, bit] + partial
-        return np.where(repeats[:, None] | (since >= 0), sent, since)
-
-    light: Floats = (integral(end_s) - integral(begin_s)) / (end_s - begin_s)
-    return light
+    since = np.concatenate([begin_s, end_s]) - start_s[:, None]
+    bit = np.floor(since / bit_s)
+    passed = since - bit * bit_s
+    sent = 0.0
+    if repeats.any():
+        cycles = np.where(repeats[:, None], np.floor(bit / PACKET_BITS), 0.0)
+        bit -= cycles * PACKET_BITS
+        sent = cycles * elapsed[:, -1:]
+    # A marker that sleeps is bright: its transmission integrates to the time.
+    late = bit - np.minimum(bit, PACKET_BITS)
+    early = np.minimum(bit, 0.0)
+    passed = passed + late * bit_s
+    index = (bit - late - early).astype(np.intp)
+    row = np.arange(packets)[:, None]
+    now, was = level[row, index], before[row, index]
+    if (early < 0).any():
+        asleep = early < 0
+        now[asleep] = was[asleep] = 1.0
+        passed = passed + early * bit_s
+    integral, transmission = _RESPONSE.relaxation(was, now, passed)
+    integral += elapsed[row, index] + sent
+    # The integral is the bit period times a function of the time in bits.
+    stretched = integral / bit_s - since / bit_s * transmission
+    inverse = 1 / (end_s - begin_s)
+    samples = len(begin_s)
+    return Light(
+        mean=(integral[:, samples:] - integral[:, :samples]) * inverse,
+        per_start=(transmission[:, :samples] - transmission[:, samples:]) * inverse,
+        per_bit=(stretched[:, samples:] - stretched[:, :samples]) * inverse,
+    )

@@ -4,10 +4,12 @@
 
 from __future__ import annotations
 
+from functools import cached_property
+
 import numpy as np
 from numpy.typing import NDArray
 
-from retrolidar_ros.detector.soft_bits import Integral
+from retrolidar_ros.detector.soft_bits import Integral, SoftBits
 from retrolidar_ros.detector.window import Samples
 from retrolidar_ros.frame import Floats
 
@@ -30,33 +32,50 @@ class View:
         self.zones = zones
         self.begin_s, self.end_s = begin_s, end_s
         self.signal, self.weight = signal, weight
-        self.complete = bool(weight.all())
-        if self.complete:
-            self.mean: Floats = signal.mean(axis=0)
-            centred = signal - self.mean
-        else:
-            told = np.maximum(weight.sum(axis=0), 1.0)
-            self.mean = (signal * weight).sum(axis=0) / told
-            centred = (signal - self.mean) * weight
-            self._presence = Integral(begin_s, end_s, weight)
-        self.integral = Integral(begin_s, end_s, centred)
-        self.squares = Integral(begin_s, end_s, centred * centred)
 
     @classmethod
-    def of(cls, samples: Samples, zones: NDArray[np.intp], exposure_s: float) -> View:
+    def of(cls, samples: Samples, zones: NDArray[np.intp]) -> View:
         """Look at some zones of `samples`."""
-        begin_s, end_s = samples.exposures(exposure_s)
         signal = _of_one_target(samples.signal[:, zones], samples.distance[:, zones])
-        return cls(zones, begin_s, end_s, signal, samples.weight[:, zones])
+        return cls(zones, samples.begin_s, samples.end_s, signal, samples.weight[:, zones])
 
-    def present(self, begin_s: Floats, end_s: Floats) -> Floats:
-        """Return the samples that are no erasures between times (...): shape (..., zones or 1)."""
-        index, share = self.integral.locate(np.stack([begin_s, end_s]))
-        if self.complete:
-            position = index + share
-            return (position[1] - position[0])[..., None]
-        total = self._presence.until(index, share)
-        return total[1] - total[0]
+    def only(self, zone: int) -> View:
+        """Return the view of one of all zones."""
+        column = np.array([zone])
+        return View(
+            column, self.begin_s, self.end_s, self.signal[:, column], self.weight[:, column]
+        )
+
+    @cached_property
+    def mean(self) -> Floats:
+        """Mean signal [kcps/SPAD], shape (zones,)."""
+        told = np.maximum(self.weight.sum(axis=0), 1.0)
+        mean: Floats = (self.signal * self.weight).sum(axis=0) / told
+        return mean
+
+    @cached_property
+    def _integral(self) -> Integral:
+        # About the mean, sums of squares keep their precision; and erasures lie on it.
+        centred = self.signal - self.mean
+        if self.weight.all():
+            columns = [centred, centred * centred]
+        else:
+            centred *= self.weight
+            columns = [centred, centred * centred, self.weight]
+        return Integral(self.begin_s, self.end_s, np.concatenate(columns, axis=1))
+
+    def cumulated(self, time_s: Floats) -> tuple[Floats, Floats]:
+        """Return integrals, and exposures passed, until times (times,).
+
+        The integrals are of the signal about its mean, of its square and, if there are
+        erasures, of the weights: shape (times, zones · 2 or 3).
+        """
+        index, share = self._integral.locate(time_s)
+        return self._integral.until(index, share, slice(None)), index + share
+
+    def soft_bits(self, edges_s: Floats, silent_s: float = 0.0) -> SoftBits:
+        """Return the bits between edges (hypotheses, bits + 1) [s], and the silence before."""
+        return SoftBits(self._integral, len(self.zones), edges_s, silent_s)
 
 
 def _of_one_target(signal: Floats, distance: Floats) -> Floats:

@@ -28,16 +28,10 @@ class Samples(NamedTuple):
     """1, or 0 for an erasure, shape (samples, zones)."""
     distance: Floats
     """[m], NaN where none was measured, shape (samples, zones)."""
-
-    def exposures(self, exposure_s: float) -> tuple[Floats, Floats]:
-        """Return begin and end of each exposure [s]; they never overlap."""
-        half = exposure_s / 2
-        between = (self.time_s[1:] + self.time_s[:-1]) / 2
-        begin = self.time_s - half
-        end = self.time_s + half
-        np.maximum(begin[1:], between, out=begin[1:])
-        np.minimum(end[:-1], between, out=end[:-1])
-        return begin, end
+    begin_s: Floats
+    """When each exposure began [s], shape (samples,)."""
+    end_s: Floats
+    """When it ended; exposures never overlap [s], shape (samples,)."""
 
 
 class SampleWindow:
@@ -56,9 +50,20 @@ class SampleWindow:
         self._signal = np.zeros((capacity, zones))
         self._weight = np.zeros((capacity, zones))
         self._distance = np.full((capacity, zones), np.nan)
+        self._begin_s = np.zeros(capacity)
+        self._end_s = np.zeros(capacity)
+        self._half_s = bit_period_s / 4  # of an exposure, two of which make a bit
         self._dark_s = _DARK_BITS * bit_period_s
         self._usable = np.zeros(256, dtype=bool)
         self._usable[list(NORMAL_STATUS)] = True
+        self._arrays = (
+            self._time_s,
+            self._signal,
+            self._weight,
+            self._distance,
+            self._begin_s,
+            self._end_s,
+        )
         self.clear(0)
 
     def clear(self, origin_ns: int) -> None:
@@ -72,6 +77,11 @@ class SampleWindow:
     def __len__(self) -> int:
         """Return how many samples there are."""
         return self._count
+
+    @property
+    def first_s(self) -> float:
+        """When the oldest exposure that is held for sure began [s]; there must be one."""
+        return float(self._begin_s[max(0, self._count - self._length)])
 
     def append(
         self,
@@ -92,13 +102,14 @@ class SampleWindow:
         frames = len(stamp_ns)
         if self._count + frames > len(self._time_s):
             kept = slice(self._count - self._length, self._count)
-            for held in (self._time_s, self._signal, self._weight, self._distance):
+            for held in self._arrays:
                 held[: self._length] = held[kept]
             self._count = self._length
         rows = slice(self._count, self._count + frames)
         self._count += frames
         time_s = (stamp_ns - self.origin_ns) * 1e-9
         self._time_s[rows] = time_s
+        self._place(rows)
         usable = self._usable[status] & np.isfinite(signal)
         self._distance[rows] = np.where(usable, distance, np.nan)
         if usable.all():
@@ -121,9 +132,17 @@ class SampleWindow:
         ever = usable.any(axis=0)
         self._last_signal[ever] = signal[last, np.arange(len(last))][ever]
 
+    def _place(self, rows: slice) -> None:
+        """Tell when exposures began and ended: half-way between two frames where they are near."""
+        self._begin_s[rows] = self._time_s[rows] - self._half_s
+        self._end_s[rows] = self._time_s[rows] + self._half_s
+        first = max(rows.start, 1)
+        between = (self._time_s[first : rows.stop] + self._time_s[first - 1 : rows.stop - 1]) / 2
+        begin, end = self._begin_s[first : rows.stop], self._end_s[first - 1 : rows.stop - 1]
+        np.maximum(begin, between, out=begin)
+        np.minimum(end, between, out=end)
+
     def last(self, samples: int) -> Samples:
         """Return views of the newest samples, fewer where there are not so many."""
         rows = slice(max(0, self._count - samples), self._count)
-        return Samples(
-            self._time_s[rows], self._signal[rows], self._weight[rows], self._distance[rows]
-        )
+        return Samples(*(held[rows] for held in self._arrays))

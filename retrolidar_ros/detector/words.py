@@ -9,10 +9,12 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from retrolidar_ros.code import IDS, PREAMBLE, RESERVED_IDS, WORDS, check_ids, packet
+from retrolidar_ros.code import IDS, PACKET_BITS, PREAMBLE, RESERVED_IDS, WORDS, check_ids, packet
 from retrolidar_ros.frame import Floats
 
 _PHASES = 4
+PHASES: Floats = np.arange(_PHASES) / _PHASES
+"""For which there are templates."""
 _ROWS_AT_ONCE = 64  # so that the products of one block stay in a cache of a megabyte
 _PREAMBLE = PREAMBLE.astype(float)
 _PREAMBLE_BITS = len(PREAMBLE)
@@ -39,22 +41,32 @@ class WordBank:
         self._dark = self.bits.sum(axis=1, dtype=float)
         pairs = self.bits * np.roll(self.bits, -1, axis=1)
         self._pairs = pairs.sum(axis=1, dtype=float)
-        self._templates: dict[int, NDArray[np.float32]] = {}
+        ramp = np.arange(PACKET_BITS) - (PACKET_BITS - 1) / 2
+        self._sloping: Floats = 2 * (self.bits @ ramp) ** 2 / (ramp @ ramp)
+        self._templates: dict[tuple[int, bool], NDArray[np.float32]] = {}
         self._block = np.empty((_ROWS_AT_ONCE, len(self.ids)), dtype=np.float32)
 
-    def _normalised(self, samples: int) -> NDArray[np.float32]:
-        """Return templates over the root of their energies, with means over so many samples.
+    def _normalised(self, samples: int, line: bool) -> NDArray[np.float32]:
+        """Return templates over the root of their energies, as is left of them with a mean.
 
-        Shape (phases, 25, words): the 24 bits of the word, and the preamble as one.
+        That is taken over so many samples, and a straight line may be taken off, too. Shape
+        (phases, 25, words): the 24 bits of the word, and the preamble as one.
         """
-        if samples not in self._templates:
-            energy = template_energy(self._dark, self._pairs, samples)
+        if (samples, line) not in self._templates:
+            energy = self._energy(slice(None), samples, line, PHASES[:, None])
             parts = np.concatenate([np.ones((1, len(self.ids))), WORDS[self.ids].T])
             scaled = parts / np.sqrt(energy)[:, None, :]
-            self._templates[samples] = np.ascontiguousarray(scaled, dtype=np.float32)
-        return self._templates[samples]
+            self._templates[samples, line] = np.ascontiguousarray(scaled, dtype=np.float32)
+        return self._templates[samples, line]
 
-    def bound(self, value: Floats, samples: int) -> Floats:
+    def _energy(
+        self, column: NDArray[np.intp] | slice, samples: int, line: bool, phase: Floats
+    ) -> Floats:
+        """Return the energies of packets as is left of them with a mean, and a line."""
+        energy = template_energy(self._dark[column], self._pairs[column], samples, phase)
+        return energy - self._sloping[column] if line else energy
+
+    def bound(self, value: Floats, samples: int, line: bool = False) -> Floats:
         """Return more than any packet can explain, in the units of `best`.
 
         Parameters
@@ -63,6 +75,8 @@ class WordBank:
             Soft bits.
         samples : int
             Over which the mean was taken.
+        line : bool
+            Whether a straight line was taken off, too.
 
         Returns
         -------
@@ -71,7 +85,7 @@ class WordBank:
         """
         word = np.maximum(value[:, _PREAMBLE_BITS:], 0.0).sum(axis=1)
         preamble = np.einsum('b,hbz->hz', _PREAMBLE, value[:, :_PREAMBLE_BITS])
-        bound: Floats = (preamble + word) * float(self._normalised(samples)[:, 0].max())
+        bound: Floats = (preamble + word) * float(self._normalised(samples, line)[:, 0].max())
         return bound
 
     def correlations(self, rows: Floats, phase: float, samples: int) -> NDArray[np.float32]:
@@ -89,18 +103,23 @@ class WordBank:
         -------
         array of float32, shape (rows, words)
         """
-        product: NDArray[np.float32] = _parts(rows) @ self._normalised(samples)[phase_step(phase)]
+        product: NDArray[np.float32] = (
+            _parts(rows) @ self._normalised(samples, False)[phase_step(phase)]
+        )
         return product
 
     def explained(
         self, rows: Floats, column: NDArray[np.intp], phase: Floats, samples: int
     ) -> Floats:
-        """Return what one packet of the bank explains of each row, as `correlations` does."""
-        templates = self._normalised(samples)[phase_step(phase), :, column]
-        explained: Floats = np.einsum('rb,rb->r', _parts(rows), templates)
+        """Return what one packet of the bank explains of each row, at its very phase."""
+        bits = self.bits[column]
+        energy = self._energy(column, samples, False, phase)
+        explained: Floats = np.einsum('rb,rb->r', rows, bits) / np.sqrt(energy)
         return explained
 
-    def best(self, rows: Floats, energy: Floats, phase: Floats, samples: int) -> Best:
+    def best(
+        self, rows: Floats, energy: Floats, phase: Floats, samples: int, line: bool = False
+    ) -> Best:
         """Return the packets of maximum likelihood, gain and offset being free.
 
         Parameters
@@ -113,12 +132,14 @@ class WordBank:
             Of the bits in an exposure, 0 to 1.
         samples : int
             Over which the mean was taken.
+        line : bool
+            Whether a straight line was taken off, too.
         """
         index = np.empty(len(rows), dtype=np.intp)
         explained = np.empty(len(rows), dtype=np.float32)
         parts = _parts(rows)
         step = phase_step(phase)
-        templates = self._normalised(samples)
+        templates = self._normalised(samples, line)
         for phased in range(_PHASES):
             alike = np.flatnonzero(step == phased)
             for first in range(0, len(alike), _ROWS_AT_ONCE):
@@ -128,10 +149,13 @@ class WordBank:
                 top = block.argmax(axis=1)
                 index[some] = top
                 explained[some] = block[np.arange(len(some)), top]
-        return Best(self.ids[index], explained / np.sqrt(energy))
+        # Between two phases there is another energy, which concerns the best word alone.
+        coarse = self._energy(index, samples, line, PHASES[step])
+        exact = self._energy(index, samples, line, phase)
+        return Best(self.ids[index], explained * np.sqrt(coarse / exact / energy))
 
 
-def template_energy(dark: Floats, pairs: Floats, samples: int) -> Floats:
+def template_energy(dark: Floats, pairs: Floats, samples: int, phase: Floats) -> Floats:
     """Return the energy of templates of packets about their mean, two samples a bit.
 
     Bits that begin at phase f of an exposure are trapezoids. The sum of their squares is, for n1
@@ -145,12 +169,14 @@ def template_energy(dark: Floats, pairs: Floats, samples: int) -> Floats:
         n1 and n11.
     samples : int
         Over which the mean is taken.
+    phase : array, shape (...)
+        f.
 
     Returns
     -------
-    array, shape (phases, ...)
+    array, shape (...)
     """
-    f = (np.arange(_PHASES) / _PHASES).reshape(-1, *(1,) * dark.ndim)
+    f = phase
     squares = ((1 - f) ** 2 + 1 + f * f) * dark + 2 * f * (1 - f) * pairs
     energy: Floats = squares - (2 * dark) ** 2 / samples
     return energy
