@@ -9,6 +9,10 @@ import os
 import sys
 from pathlib import Path
 
+# Many threads make the detector's small matrix products slower. numpy reads this once, when it is
+# imported.
+os.environ.setdefault('OPENBLAS_NUM_THREADS', '1')
+
 from retrolidar_ros.bag import FRAMES_TOPIC, STORAGES, BagError
 from retrolidar_ros.detector import METHODS
 from retrolidar_ros.scene import SceneError

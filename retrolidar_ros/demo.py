@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from retrolidar_ros.code import BIT_PERIOD_S, PACKET_BITS
 from retrolidar_ros.frame import Floats, Recording
 from retrolidar_ros.plot import Reading, plot_readings
 from retrolidar_ros.processes import ProcessError, ProcessGroup
@@ -29,6 +30,9 @@ NAMESPACE = '/retrolidar'
 READINGS = 3
 """How often each marker is to be read before the demo ends."""
 MAX_RANGE_ERROR_M = 0.01
+_PACKET_NS = PACKET_BITS * BIT_PERIOD_S * 1e9
+# Moments of a reading at which the true range is asked.
+_PARTS = (np.arange(32) + 0.5) / 32
 _TAKEN = (
     f'another driver publishes {NAMESPACE}/frames; end it, or set ROS_DOMAIN_ID to a free number'
 )
@@ -40,6 +44,7 @@ class Heard(NamedTuple):
     id: int
     start_ns: int
     stamp_ns: int
+    packets: int
     range_m: float
     snr_db: float
     position_m: tuple[float, float, float]
@@ -69,11 +74,12 @@ class Outcome(NamedTuple):
 
 
 def true_range(scene: Scene, marker: Marker, recording: Recording, stamps: Floats) -> Floats:
-    """Return a marker's true range [m] at stamps [ns after the recording's first], shape (n,)."""
+    """Return a marker's true range [m] at stamps [ns after the recording's first], any shape."""
     elapsed = (recording.stamp_ns - recording.stamp_ns[0]).astype(np.float64)
     sensor_s = np.interp(stamps, elapsed, recording.sensor_time_us * 1e-6)
-    positions = position_at(marker, sensor_s / (1 + scene.sensor.clock_error))
-    return np.broadcast_to(np.linalg.norm(positions, axis=-1), stamps.shape)
+    positions = position_at(marker, sensor_s.ravel() / (1 + scene.sensor.clock_error))
+    ranges = np.linalg.norm(positions, axis=-1)
+    return np.broadcast_to(ranges, stamps.size).reshape(stamps.shape)
 
 
 def judge(scene: Scene, recording: Recording, heard: Sequence[Heard]) -> list[Outcome]:
@@ -85,10 +91,13 @@ def judge(scene: Scene, recording: Recording, heard: Sequence[Heard]) -> list[Ou
     outcomes = []
     for identity, marker in markers.items():
         own = [reading for reading in heard if reading.id == identity]
-        middles = np.array([(r.start_ns + r.stamp_ns) / 2 - origin_ns for r in own])
         truth: Floats = np.full(len(own), np.nan)
         if marker is not None:
-            truth = true_range(scene, marker, recording, middles)
+            # A range is the mean over the packets read; the first may have begun before these.
+            ends = np.array([reading.stamp_ns - origin_ns for reading in own], dtype=float)
+            lengths = _PACKET_NS * np.array([reading.packets for reading in own])
+            stamps = ends[:, None] - lengths[:, None] * _PARTS
+            truth = true_range(scene, marker, recording, stamps).mean(axis=-1)
         ranges: NDArray[np.float64] = np.array([reading.range_m for reading in own])
         outcomes.append(
             Outcome(

@@ -46,5 +46,5 @@ class Response:
         step = before - level
         tau = np.where(step > 0, self.dark_s, self.bright_s) / _TIME_CONSTANTS_10_TO_90
         share = np.divide(elapsed_s, tau, out=np.full_like(elapsed_s, np.inf), where=tau > 0)
-        gone = np.expm1(-share)
+        gone = np.expm1(-np.maximum(share, 0.0))  # before the edge nothing has changed
         return level * elapsed_s - step * tau * gone, level + step * (gone + 1.0)

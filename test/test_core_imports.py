@@ -9,7 +9,16 @@ import pytest
 import retrolidar_ros
 
 PACKAGE = Path(retrolidar_ros.__file__).parent
-CORE = ['code.py', 'frame.py', 'wire.py', 'clock.py', 'detector', 'scene']
+CORE = [
+    'code.py',
+    'frame.py',
+    'wire.py',
+    'clock.py',
+    'liquid_crystal.py',
+    'dictionary.py',
+    'detector',
+    'scene',
+]
 ROS = {'rclpy', 'tf2_ros', 'tf2_msgs', 'ament_index_python'}
 
 

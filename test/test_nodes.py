@@ -3,10 +3,14 @@
 """The real executables over a real pseudo-terminal and real DDS."""
 
 import os
+import re
 import signal
 import subprocess
+import sys
+from collections import defaultdict
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -23,14 +27,22 @@ from harness import (
     wait_for_nodes,
     wait_for_readings,
 )
+from rcl_interfaces.msg import ParameterType
+from rcl_interfaces.srv import GetParameters
+from retrolidar_ros.msg import Frame as FrameMsg
 
 from retrolidar_ros.demo import NAMESPACE, executable, start_nodes
+from retrolidar_ros.nodes.conversion import to_frame_msg
 from retrolidar_ros.nodes.listener import Listener
 from retrolidar_ros.processes import ProcessGroup
+from retrolidar_ros.scene import Simulation
 from retrolidar_ros.scene.description import Scene
 from retrolidar_ros.yaml_files import load_scene
 
 FRAME_ID = 'retrolidar_optical_frame'
+DRIVER = f'{NAMESPACE}/driver: frames'
+DETECTOR = f'{NAMESPACE}/detector: markers'
+Diagnostics = defaultdict[str, list[DiagnosticStatus]]
 
 
 @pytest.fixture(scope='module')
@@ -51,36 +63,40 @@ def listener() -> Iterator[Listener]:
 
 
 @pytest.fixture(scope='module')
-def diagnostics(listener: Listener) -> list[DiagnosticStatus]:
-    """Collect what the driver says of itself."""
-    heard: list[DiagnosticStatus] = []
+def diagnostics(listener: Listener) -> Diagnostics:
+    """Collect what the nodes say of themselves, by name."""
+    heard: Diagnostics = defaultdict(list)
 
     def take(message: DiagnosticArray) -> None:
-        heard.extend(message.status)
+        for status in message.status:
+            heard[status.name].append(status)
 
     listener.node.create_subscription(DiagnosticArray, '/diagnostics', take, 10)
     return heard
 
 
+def values_of(status: DiagnosticStatus) -> dict[str, str]:
+    return {value.key: value.value for value in status.values}
+
+
 @pytest.fixture(scope='module')
 def sensor(
-    scene: Scene, port: Path, listener: Listener, diagnostics: list[DiagnosticStatus]
+    scene: Scene, port: Path, listener: Listener, diagnostics: Diagnostics
 ) -> Iterator[Sensor]:
     """Start the nodes, wait until they are there, and plug in a sensor."""
     with ProcessGroup(port.parent) as processes:
         start_nodes(processes, port)
         wait_for_nodes(listener)
-        assert listener.spin_until(lambda: bool(diagnostics), 5.0)
+        assert listener.spin_until(lambda: {DRIVER, DETECTOR} <= set(diagnostics), 5.0)
         with Sensor(scene, port) as sensor:
             yield sensor
         processes.check()
 
 
 def test_an_absent_port_is_said_and_waited_for(
-    sensor: Sensor, diagnostics: list[DiagnosticStatus], port: Path
+    sensor: Sensor, diagnostics: Diagnostics, port: Path
 ) -> None:
-    first = diagnostics[0]
-    assert first.name == f'{NAMESPACE}/driver: frames'
+    first = diagnostics[DRIVER][0]
     assert first.level == DiagnosticStatus.ERROR
     assert f'{port} does not exist' in first.message
 
@@ -93,24 +109,73 @@ def test_frames_and_detections_are_as_they_should_be(
     check_detections(listener, scene, FRAME_ID)
 
 
+def test_the_detector_says_what_became_of_candidates(
+    sensor: Sensor, listener: Listener, diagnostics: Diagnostics
+) -> None:
+    first = diagnostics[DETECTOR][0]
+    assert first.level == DiagnosticStatus.WARN
+    assert first.message == 'no frame has come yet'
+    latest = len(diagnostics[DETECTOR])
+    assert listener.spin_until(lambda: len(diagnostics[DETECTOR]) > latest, 5.0)
+    status = diagnostics[DETECTOR][-1]
+    assert status.level == DiagnosticStatus.OK
+    values = values_of(status)
+    assert values['method'] == 'joint'
+    assert int(values['frames']) > 20
+    assert 3 <= int(values['accepted']) <= int(values['candidates'])
+    reasons = [key for key in values if key.startswith('rejected: ')]
+    refused = sum(int(values[reason]) for reason in reasons)
+    assert int(values['accepted']) + refused >= int(values['candidates'])
+
+
+def test_the_detector_warns_while_no_frames_come(
+    sensor: Sensor, listener: Listener, diagnostics: Diagnostics
+) -> None:
+    sensor.pull()
+    silent = len(diagnostics[DETECTOR])
+    assert listener.spin_until(
+        lambda: any(
+            status.level == DiagnosticStatus.WARN
+            and status.message.startswith('no frame has come for ')
+            for status in diagnostics[DETECTOR][silent:]
+        ),
+        5.0,
+    )
+    sensor.plug()
+
+
+def test_an_empty_list_is_a_value_like_any_other(sensor: Sensor, listener: Listener) -> None:
+    client = listener.node.create_client(GetParameters, f'{NAMESPACE}/detector/get_parameters')
+    assert client.wait_for_service(5.0)
+    future: Any = client.call_async(GetParameters.Request(names=['registered_ids', 'method']))
+    assert listener.spin_until(future.done, 5.0)
+    ids, method = future.result().values
+    assert ids.type == ParameterType.PARAMETER_INTEGER_ARRAY
+    assert list(ids.integer_array_value) == []
+    assert method.string_value == 'joint'
+
+
 def test_a_pulled_cable_costs_two_seconds_at_most(sensor: Sensor, listener: Listener) -> None:
     check_cable_pull(listener, sensor)
 
 
 def test_damaged_bytes_cost_their_own_packets_only(
-    sensor: Sensor, listener: Listener, diagnostics: list[DiagnosticStatus]
+    sensor: Sensor, listener: Listener, diagnostics: Diagnostics
 ) -> None:
     check_corruption(listener, sensor, 0.05)
 
     def damage_counted() -> bool:
-        values = {value.key: value.value for value in diagnostics[-1].values}
+        values = values_of(diagnostics[DRIVER][-1])
         errors = int(values['packets with CRC errors']) + int(values['packets with framing errors'])
         return errors >= len(sensor.damaged)
 
     assert listener.spin_until(damage_counted, 5.0)
-    recovered = len(diagnostics)
+    recovered = len(diagnostics[DRIVER])
     assert listener.spin_until(
-        lambda: any(status.level == DiagnosticStatus.OK for status in diagnostics[recovered:]), 5.0
+        lambda: any(
+            status.level == DiagnosticStatus.OK for status in diagnostics[DRIVER][recovered:]
+        ),
+        5.0,
     )
 
 
@@ -124,8 +189,13 @@ def test_markers_are_still_read_afterwards(
 @pytest.mark.parametrize(
     ('node', 'parameter', 'message'),
     [
-        ('detector', 'method:=magic', "method: 'magic' is not one of paper"),
+        ('detector', 'method:=magic', "method: 'magic' is not one of joint, soft, hard, paper"),
         ('detector', 'bit_period:=-1.0', 'bit_period'),
+        ('detector', 'max_packets:=9', 'max_packets'),
+        ('detector', 'noise_floor:=0.0', 'noise_floor'),
+        ('detector', 'registered_ids:=[7,5000]', 'registered_ids: 5000 is not within 0 to 4095'),
+        ('detector', 'registered_ids:=[0]', 'registered_ids holds no usable ID'),
+        ('detector', 'registered_ids:=7', 'registered_ids'),
         ('driver', 'serial_baud:=fast', 'serial_baud'),
         ('driver', "frame_id:=''", 'frame_id'),
     ],
@@ -160,3 +230,69 @@ def test_a_node_ends_without_a_traceback(
     _, errors = process.communicate(timeout=10)
     assert 'Traceback' not in errors
     assert process.returncode == 0
+
+
+def test_frames_that_do_not_suit_the_bits_are_warned_of_once(
+    scene: Scene, listener: Listener, diagnostics: Diagnostics
+) -> None:
+    process = subprocess.Popen(
+        [executable('detector'), '--ros-args', '-r', '__ns:=/slow', '-p', 'bit_period:=0.05'],
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+    try:
+        publisher = listener.node.create_publisher(FrameMsg, '/slow/frames', 10)
+        assert listener.spin_until(lambda: publisher.get_subscription_count() > 0, 30.0)
+        for frame in Simulation(scene).run(2.0):
+            publisher.publish(to_frame_msg(frame, FRAME_ID))
+            listener.spin_until(lambda: False, 0.005)
+
+        def enough_came() -> bool:
+            heard = diagnostics['/slow/detector: markers']
+            return bool(heard) and int(values_of(heard[-1])['frames']) > 50
+
+        assert listener.spin_until(enough_came, 5.0)
+    finally:
+        process.terminate()
+        _, errors = process.communicate(timeout=10)
+    (line,) = (line for line in errors.splitlines() if 'a frame comes every' in line)
+    assert 'WARN' in line
+    assert re.search(r'a frame comes every 2[01]\.\d ms, but half of bit_period is 25\.0 ms', line)
+
+
+SPY = """
+import os, runpy, sys
+
+class Spy:
+    def find_spec(self, name, path=None, target=None):
+        if name == 'numpy':
+            print('threads:', os.environ.get('OPENBLAS_NUM_THREADS'))
+
+sys.meta_path.insert(0, Spy())
+runpy.run_path(sys.argv[1], run_name='__main__')
+"""
+
+
+@pytest.mark.parametrize(
+    ('name', 'arguments'),
+    [
+        ('driver', ['--ros-args', '-p', "frame_id:=''"]),
+        ('detector', ['--ros-args', '-p', 'method:=magic']),
+        ('retrolidar', ['decode', 'nowhere']),
+    ],
+)
+def test_numpy_is_told_to_use_one_thread_before_it_is_imported(
+    name: str, arguments: list[str], tmp_path: Path
+) -> None:
+    environment = {key: value for key, value in os.environ.items() if 'NUM_THREADS' not in key}
+    result = subprocess.run(
+        [sys.executable, '-c', SPY, executable(name), *arguments],
+        capture_output=True,
+        text=True,
+        timeout=30,
+        check=False,
+        env=environment,
+        cwd=tmp_path,  # here would be the sources, without the messages
+    )
+    assert result.returncode == 2
+    assert result.stdout.splitlines()[0] == 'threads: 1'

@@ -1,6 +1,7 @@
 # Copyright 2026 retrolidar_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 from contextlib import suppress
+from inspect import signature
 from pathlib import Path
 
 import pytest
@@ -8,6 +9,8 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from retrolidar_ros.code import RESERVED_IDS
+from retrolidar_ros.detector import METHODS, create_detector
+from retrolidar_ros.detector.evidence import NoiseLaw
 from retrolidar_ros.resources import shared_file
 from retrolidar_ros.scene import Scene, SceneError, Simulation
 from retrolidar_ros.yaml_files import find_scene, load_parameter_defaults, load_scene, load_yaml
@@ -175,3 +178,14 @@ def test_parameter_defaults_of_the_nodes(kind: str, name: str) -> None:
     parameters = load_parameter_defaults(shared_file('config/retrolidar.yaml'), kind)
     assert isinstance(parameters[name], str)
     assert all(isinstance(key, str) for key in parameters)
+
+
+def test_the_detector_node_and_the_library_have_the_same_defaults() -> None:
+    parameters = load_parameter_defaults(shared_file('config/retrolidar.yaml'), 'detector')
+    library = signature(create_detector).parameters
+    assert parameters['method'] == METHODS[0]
+    assert parameters['bit_period'] == library['bit_period_s'].default
+    for name in ('likelihood_threshold', 'false_ids_per_hour', 'max_packets'):
+        assert parameters[name] == library[name].default
+    assert NoiseLaw(parameters['noise_floor'], parameters['noise_slope']) == NoiseLaw()
+    assert parameters['registered_ids'] == []

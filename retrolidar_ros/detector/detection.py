@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 from typing import Protocol
 
 from retrolidar_ros.detector.place import Place
-from retrolidar_ros.frame import Frame
+from retrolidar_ros.frame import Frame, Recording
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,3 +55,6 @@ class Detector(Protocol):
 
     def update(self, frame: Frame) -> list[Detection]:
         """Take the next frame; return the detections that became certain with it."""
+
+    def update_all(self, recording: Recording) -> list[Detection]:
+        """Take many frames; return the detections that became certain with them."""

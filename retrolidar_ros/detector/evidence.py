@@ -36,7 +36,8 @@ def correlation_threshold(samples: int, chance: float) -> float:
     density = np.exp((samples - 4) / 2 * np.log1p(-grid * grid))
     tail = np.cumsum(density[::-1])[::-1]
     above = tail / (2 * tail[0])
-    return float(grid[np.searchsorted(-above, -chance)])
+    index = int(np.searchsorted(-above, -chance))
+    return index / _STEPS
 
 
 def nats(correlation: Floats, samples: Floats) -> Floats:

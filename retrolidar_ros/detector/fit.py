@@ -4,7 +4,7 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -44,7 +44,8 @@ class Candidates(NamedTuple):
 
     def at(self, index: NDArray[np.intp] | NDArray[np.bool_]) -> Candidates:
         """Return some of them."""
-        return Candidates(*(field[index] for field in self))
+        fields: dict[str, Any] = {name: values[index] for name, values in self._asdict().items()}
+        return Candidates(**fields)
 
 
 class Fit(NamedTuple):
@@ -78,6 +79,7 @@ def fit_candidates(
     end_s: Floats,
     signal: Floats,
     weight: Floats,
+    ceiling: Floats,
     law: NoiseLaw,
     noise_scale: float,
 ) -> Fit:
@@ -90,6 +92,8 @@ def fit_candidates(
         Of the exposures [s].
     signal, weight : array, shape (candidates, samples)
         What each candidate's zone received [kcps/SPAD]; weight 0 for erasures.
+    ceiling : array, shape (candidates, samples)
+        Where it is not known but that it was less than this [kcps/SPAD]; 0 elsewhere.
     law : NoiseLaw
         Of the sensor.
     noise_scale : float
@@ -107,7 +111,8 @@ def fit_candidates(
     length = candidates.packets * 31.0
     offset = np.where(candidates.repeats, (centre_s - candidates.start_s) / candidates.bit_s, 15.5)
     nominal_s = candidates.bit_s
-    shift, stretch = np.zeros(len(bits)), np.zeros(len(bits))
+    shift: Floats = np.zeros(len(bits))
+    stretch: Floats = np.zeros(len(bits))
 
     def light() -> Light:
         bit_s = nominal_s * (1 + stretch)
@@ -142,13 +147,14 @@ def fit_candidates(
     common = np.einsum('cn,cn->c', pure, rest)
     score = common / np.sqrt(np.maximum(energy * pure_energy, 1e-12))
     samples = weight.sum(axis=1) - np.where(candidates.still, 0.0, 1.0)
-    gain = common / np.maximum(pure_energy, 1e-12)
+    best_gain: Floats = common / np.maximum(pure_energy, 1e-12)
     # A marker on the move changes its gain within the packet, too: that is no misfit.
     full = np.stack([template, template * line, ones, line], axis=-1)
     answer = _least_squares(full, signal, weight)
     fitted = np.einsum('cnk,ck->cn', full, answer)
-    left = (signal - fitted) * weight
-    variance = noise_scale * law.variance(fitted) + (_TEMPLATE_ERROR * gain[:, None]) ** 2
+    # Of a marker that was outshone, any level up to what outshone it is no misfit.
+    left = np.where(fitted < ceiling, 0.0, signal - fitted) * weight
+    variance = noise_scale * law.variance(fitted) + (_TEMPLATE_ERROR * best_gain[:, None]) ** 2
     freedom = np.maximum(weight.sum(axis=1) - 6, 1.0)
     residual = np.einsum('cn,cn->c', left, left / variance) / freedom
     deviation = np.sqrt(np.einsum('cn,cn->c', left, left) / freedom)
@@ -156,7 +162,7 @@ def fit_candidates(
     return Fit(
         start_s=candidates.start_s + shift + (nominal_s - bit_s) * offset,
         bit_s=bit_s,
-        gain=gain,
+        gain=best_gain,
         dark=answer[:, 2],
         score=score,
         nats=nats(score, samples),

@@ -4,12 +4,14 @@
 
 from __future__ import annotations
 
+import math
 from collections import Counter
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
-from retrolidar_ros.code import PACKET_BITS, packet
+from retrolidar_ros.code import PACKET_BITS, PREAMBLE, packet
 from retrolidar_ros.detector.evidence import (
     NoiseLaw,
     correlation_threshold,
@@ -26,12 +28,20 @@ from retrolidar_ros.frame import Floats, ZoneGrid
 
 # A zone next to the one in question joins when chance would make its part once in 300 times.
 _LEAST_COMPANION_NATS = 4.5
+# Share of a packet's changes between bright and dark that must not be erased.
+_LEAST_CHANGES = 0.6
+# First bits of the parts of a packet, each of which must show the modulation by itself: by this
+# share of the gain of the whole, or less by so many standard deviations of its own.
+_PARTS = np.array([0, len(PREAMBLE), 15, 23])
+_LEAST_PART = 0.7
+_PART_DEVIATIONS = 1.75
 # Share of what a neighbour sees beyond noise that the packet must explain.
 _LEAST_SHARE = 0.5
 # Most that a packet may leave over, as χ² per degree of freedom.
 _MOST_RESIDUAL = 2.0
 # Median of the bright samples less that of the dark ones, as a share of the fitted gain.
 _LEAST_STEP = 0.5
+USUAL_FALSE_IDS_PER_HOUR = 0.1
 # How much likelier than its nearest rival a packet must be [nats]. Where more packets may come,
 # one in ten thousand is the most that may be wrong; a marker at the limit of the reach is left to
 # them, so few that are read at all are near that limit when the last ones have come.
@@ -55,12 +65,22 @@ class Reading(NamedTuple):
 class Judge:
     """Fits candidates, lets zones that see the same one combine, and tests them."""
 
-    def __init__(self, bank: WordBank, grid: ZoneGrid, law: NoiseLaw, max_packets: int) -> None:
+    def __init__(
+        self,
+        bank: WordBank,
+        grid: ZoneGrid,
+        law: NoiseLaw,
+        *,
+        max_packets: int,
+        false_ids_per_hour: float,
+    ) -> None:
         """Judge packets of `bank` that zones of `grid` with noise of `law` see.
 
-        At most `max_packets` of them are combined.
+        At most `max_packets` of them are combined. Whoever allows more `false_ids_per_hour` than
+        usual is content with less of a lead over rivals, too.
         """
         self._max_packets = max_packets
+        self._lenience = math.log(false_ids_per_hour / USUAL_FALSE_IDS_PER_HOUR)
         self._bank = bank
         self._rivals = Rivals(bank)
         self._law = law
@@ -100,6 +120,7 @@ class Judge:
             everything.end_s,
             everything.signal[:, candidates.zone].T,
             everything.weight[:, candidates.zone].T,
+            everything.ceiling[:, candidates.zone].T,
             self._law,
             noise_scale,
         )
@@ -131,6 +152,12 @@ class Judge:
         zone = int(candidate.zone[0])
         if not fit.gain[0] > 0:
             return 'no modulation'
+        told = fit.weight[0] > 0
+        lit = fit.light[0][told] > 0.5
+        changes = np.count_nonzero(np.diff(packet(candidate.ids[0]))) * candidate.packets[0]
+        if np.count_nonzero(lit[1:] != lit[:-1]) < _LEAST_CHANGES * changes:
+            # A single step is a packet of which nothing but an edge is left.
+            return 'erased'
         parts, gains = self._parts(zone, fit, everything, noise_scale)
         seen = [zone, *(int(near) for near in self._near[zone][parts[1:] > _LEAST_COMPANION_NATS])]
         view = everything.only(zone)
@@ -151,14 +178,16 @@ class Judge:
         bright, dark = signal[told & (light > 0.5)], signal[told & (light <= 0.5)]
         if np.median(bright) - np.median(dark) < _LEAST_STEP * fit.gain[0]:
             return 'no modulation'
+        if not _coherent(candidate, fit, view):
+            return 'incoherent'
         found = nats(np.concatenate([candidate.correlation, candidate.rival]), np.full(2, samples))
-        margin, corrected_bits = self._margin(candidate, fit, view)
+        margin, dark = self._margin(candidate, fit, view)
         if margin is None:
             return 'incomplete'
-        if chance < 0.5 and min(margin, found[0] - found[1]) < self._lead(candidate):
+        if min(margin, found[0] - found[1]) < self._lead(candidate) - self._lenience:
             return 'ambiguous'
         order = sorted(seen, key=lambda seer: -gains[seer])
-        return Reading(candidate, fit, tuple(order), corrected_bits)
+        return Reading(candidate, fit, tuple(order), _hard_errors(dark, packet(candidate.ids[0])))
 
     def _lead(self, candidate: Candidates) -> float:
         """Return by how much a packet must be likelier than its nearest rival [nats]."""
@@ -207,7 +236,14 @@ class Judge:
         signal = everything.signal[:, seen] - mean
         combined = (signal @ weights + mean[0])[:, None]
         weight = everything.weight[:, seen].min(axis=1)[:, None]
-        return View(np.array([zone]), everything.begin_s, everything.end_s, combined, weight)
+        return View(
+            np.array([zone]),
+            everything.begin_s,
+            everything.end_s,
+            combined,
+            weight,
+            everything.ceiling[:, [zone]],
+        )
 
     def _again(
         self, candidate: Candidates, fit: Fit, view: View, noise_scale: float
@@ -231,11 +267,12 @@ class Judge:
             view.end_s,
             view.signal.T,
             view.weight.T,
+            view.ceiling.T,
             self._law,
             noise_scale,
         )
 
-    def _margin(self, candidate: Candidates, fit: Fit, view: View) -> tuple[float | None, int]:
+    def _margin(self, candidate: Candidates, fit: Fit, view: View) -> tuple[float | None, Floats]:
         """Return the lead over the nearest rival [nats], and how many hard bits are wrong.
 
         No lead where the packet has not ended yet, or has ended before.
@@ -267,10 +304,7 @@ class Judge:
             ),
             int(candidate.ids[0]),
         )
-        bits = packet(candidate.ids[0])
-        dark = np.roll(row, before - first)
-        middle = (dark[bits == 1].mean() + dark[bits == 0].mean()) / 2
-        return margin, int(np.count_nonzero((dark > middle) != (bits == 1)))
+        return margin, np.roll(row, before - first)
 
     def _window_bits(self, candidate: Candidates, fit: Fit, view: View) -> tuple[Floats, SoftBits]:
         """Cut the window, without the silence, into the bits of the fit."""
@@ -281,6 +315,37 @@ class Judge:
             first += np.rint((candidate.begin_s[0] - first) / bit_s) * bit_s
         edges_s = first + bit_s * np.arange(PACKET_BITS * packets + 1)
         return edges_s, view.soft_bits(edges_s[None])
+
+
+def _hard_errors(dark: Floats, bits: NDArray[np.uint8]) -> int:
+    """Return how many soft bits (31,) a receiver would take for the other ones."""
+    middle = (dark[bits == 1].mean() + dark[bits == 0].mean()) / 2
+    return int(np.count_nonzero((dark > middle) != (bits == 1)))
+
+
+def _coherent(candidate: Candidates, fit: Fit, view: View) -> bool:
+    """Tell whether each part of the packet modulates as the whole does.
+
+    A shape that is no packet, such as one long gap, may correlate with one by its longest runs
+    alone; but then the preamble, or another part that changes fast, is missing.
+    """
+    signal, weight, light = view.signal[:, 0], fit.weight[0], fit.light[0]
+    bit = np.floor(((view.begin_s + view.end_s) / 2 - fit.start_s[0]) / fit.bit_s[0])
+    told = (weight > 0) & ((bit >= 0) | candidate.repeats[0])
+    bit = bit[told].astype(np.intp)
+    part = np.searchsorted(_PARTS, bit % PACKET_BITS, side='right') - 1
+    place = (bit // PACKET_BITS) * len(_PARTS) + part
+    place -= place.min()
+    count, light_sum, signal_sum = (
+        np.bincount(place, values) for values in (weight[told], light[told], signal[told])
+    )
+    filled = np.maximum(count, 1.0)
+    within = light[told] - (light_sum / filled)[place]
+    common = np.bincount(part, within * (signal[told] - (signal_sum / filled)[place]), len(_PARTS))
+    energy = np.bincount(part, within * within, len(_PARTS))
+    deviation = fit.deviation[0] / np.sqrt(np.maximum(energy, 1e-9))
+    gain = common / np.maximum(energy, 1e-9)
+    return bool((gain + _PART_DEVIATIONS * deviation > _LEAST_PART * fit.gain[0]).all())
 
 
 def _folded(value: Floats, packets: int) -> Floats:

@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike
 from retrolidar_ros.code import BIT_PERIOD_S
 from retrolidar_ros.detector.detection import Detector
 from retrolidar_ros.detector.evidence import NoiseLaw
+from retrolidar_ros.detector.judge import USUAL_FALSE_IDS_PER_HOUR
 from retrolidar_ros.detector.paper import LIKELIHOOD_THRESHOLD, PaperDetector
 from retrolidar_ros.detector.reader import FOLDS, Reader
 from retrolidar_ros.detector.search import JointSearch, Search, StartSearch
@@ -28,7 +29,7 @@ def create_detector(
     *,
     bit_period_s: float = BIT_PERIOD_S,
     likelihood_threshold: float = LIKELIHOOD_THRESHOLD,
-    false_ids_per_hour: float = 0.1,
+    false_ids_per_hour: float = USUAL_FALSE_IDS_PER_HOUR,
     max_packets: int = 8,
     registered_ids: ArrayLike | None = None,
     noise: NoiseLaw | None = None,

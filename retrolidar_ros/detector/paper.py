@@ -49,7 +49,7 @@ from retrolidar_ros.detector.detection import Detection, DetectorCounts
 from retrolidar_ros.detector.place import place_in_zone
 from retrolidar_ros.detector.preamble import PREAMBLE_SAMPLES, SAMPLES_PER_BIT, fit_preamble
 from retrolidar_ros.detector.samples import SampleRing
-from retrolidar_ros.frame import Frame, ZoneGrid
+from retrolidar_ros.frame import Frame, Recording, ZoneGrid
 
 # The paper does not give its threshold. With this one the bare wall of the reference scene shows
 # false starts about as often as paper Fig. 8c has them; a higher one reads less far.
@@ -111,6 +111,16 @@ class PaperDetector:
                 self._begin()
             detections += self._advance(count, stamp_ns)
         return detections
+
+    def update_all(self, recording: Recording) -> list[Detection]:
+        """Take many frames, one after the other.
+
+        Raises
+        ------
+        ValueError
+            If the frames have another zone grid than the detector.
+        """
+        return [detection for frame in recording for detection in self.update(frame)]
 
     def _advance(self, count: int, stamp_ns: int) -> list[Detection]:
         """Judge the start whose preamble ends with the newest of `count` samples."""

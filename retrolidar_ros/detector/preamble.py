@@ -52,7 +52,7 @@ def fit_preamble(signal: Floats, d: Floats, template: Floats = PREAMBLE_TEMPLATE
         Likelihood 0 where d is 0: nothing is received there.
     """
     s = signal - d
-    c = template @ s / max(template @ template, 1e-9)
+    c = template @ s / max(float(template @ template), 1e-9)
     residual = s - template[:, None] * c
     e = np.sqrt(np.einsum('tz,tz->z', residual, residual))
     likelihood = np.divide(c * c, (e + 1) * d, out=np.zeros_like(d), where=d > 0)

@@ -24,7 +24,7 @@ from retrolidar_ros.code import BIT_PERIOD_S, PACKET_BITS, PREAMBLE
 from retrolidar_ros.detector.detection import Detection, DetectorCounts
 from retrolidar_ros.detector.evidence import NoiseLaw, NoiseScale, correlation_threshold
 from retrolidar_ros.detector.fit import Candidates
-from retrolidar_ros.detector.judge import Judge, Reading
+from retrolidar_ros.detector.judge import USUAL_FALSE_IDS_PER_HOUR, Judge, Reading
 from retrolidar_ros.detector.place import place_in_zone
 from retrolidar_ros.detector.preamble import fit_preamble
 from retrolidar_ros.detector.search import (
@@ -44,10 +44,8 @@ from retrolidar_ros.frame import Floats, Frame, Recording, ZoneGrid
 _LEAST_VARIANCE = 1.3
 # Share of the zones and hours in which that is expected of noise and of what is not noise.
 _MODULATED = 1 / 16
-# How many independent hypotheses a search tries with each sample, for every word: phases,
-# clocks, with and without silence before. Measured on white noise (`evaluate roc`).
-_HYPOTHESES_A_SAMPLE = 4.0
-# And with each look at a fold: any of 31 bits, eight phases and up to eleven clocks.
+# How many hypotheses a look at a fold tries, for every word: any of 31 bits, eight phases and up
+# to eleven clocks.
 _HYPOTHESES_A_FOLD = 31 * 8 * 11.0
 # How a budget of false IDs is shared: packets that have just ended, and folds of any stretch.
 _ENDED_SHARE = 0.5
@@ -60,7 +58,7 @@ _LEAST_DISTANCES = 2
 _RESOLUTION_M = 0.25e-3 / np.sqrt(12)
 _RESOLUTION_SIGNAL = 1 / 2048 / np.sqrt(12)  # [kcps/SPAD]
 # Standard deviations by which a zone must stand out of white noise over several packets.
-_LEAST_REPETITION = 2.0
+_LEAST_REPETITION = 3.5
 # Frames that are looked at together where there are many.
 _BLOCK = 16
 # A packet that ended in a gap is found after it, if the gap is no longer than this.
@@ -77,7 +75,7 @@ class Reader:
         bank: WordBank,
         *,
         bit_period_s: float = BIT_PERIOD_S,
-        false_ids_per_hour: float = 0.1,
+        false_ids_per_hour: float = USUAL_FALSE_IDS_PER_HOUR,
         max_packets: int = 1,
         any_start: bool = False,
         noise: NoiseLaw | None = None,
@@ -111,7 +109,13 @@ class Reader:
         self._fold_search = FoldSearch(bank, bit_period_s)
         self._law = NoiseLaw() if noise is None else noise
         self._scale = NoiseScale(self._law)
-        self._judge = Judge(bank, grid, self._law, max([1, *self._folds]))
+        self._judge = Judge(
+            bank,
+            grid,
+            self._law,
+            max_packets=max([1, *self._folds]),
+            false_ids_per_hour=false_ids_per_hour,
+        )
         self._chance = self._chances(false_ids_per_hour, len(bank.ids))
         longest = PACKET_SAMPLES * max([1, *self._folds])
         self._window = SampleWindow(
@@ -128,7 +132,7 @@ class Reader:
     def _chances(self, budget: float, words: int) -> dict[int, float]:
         """Return what chance each hypothesis is granted, by packets; 0 for packets just ended."""
         zone_hours = self._grid.zones * _MODULATED * 3600
-        ended = zone_hours / self._sample_s * _HYPOTHESES_A_SAMPLE * words
+        ended = zone_hours / self._sample_s * self._search.hypotheses_a_sample * words
         chances = {0: budget * (_ENDED_SHARE if self._folds else 1.0) / ended}
         for fold in self._folds:
             every_bits = _TURN_BITS if fold == 1 else 4 * _TURN_BITS
@@ -274,8 +278,10 @@ class Reader:
         count = np.maximum(count, 1.0)
         mean = total / count
         variance = square / count - mean * mean
-        modulated = variance > _LEAST_VARIANCE * self._scale.value * self._law.variance(mean)
-        return modulated if frames == 1 else modulated.any(axis=0)
+        modulated: NDArray[np.bool_] = (
+            variance > _LEAST_VARIANCE * self._scale.value * self._law.variance(mean)
+        )
+        return modulated if frames == 1 else np.asarray(modulated.any(axis=0))
 
     def _folded(self, turn: int, last_s: float) -> list[Reading]:
         """Look at any stretch, of one packet's length and of several, in zones that may repeat.
@@ -358,9 +364,10 @@ class Reader:
         )
         self.counts.accepted += len(readings)
         for reading in readings:
-            end_s = float(reading.candidate.end_s[0])
-            if not reading.candidate.repeats[0]:
-                end_s = float(reading.fit.start_s[0] + PACKET_BITS * reading.fit.bit_s[0])
+            # What comes after the last frame that was read whole is free to be read.
+            start_s, packet_s = reading.fit.start_s[0], PACKET_BITS * reading.fit.bit_s[0]
+            ended = (reading.candidate.end_s[0] - start_s) / packet_s if fold else 1.0
+            end_s = float(start_s + max(math.floor(ended + 0.02), 1) * packet_s)
             seen = list(reading.zones)
             self._free_s[seen] = np.maximum(self._free_s[seen], end_s)
         return readings

@@ -102,6 +102,7 @@ class SoftBits:
         total = self._outer[:, 2] - self._outer[:, first]
         samples = np.maximum(self._position[:, 2] - self._position[:, first], 1e-3)[:, None]
         told = total[:, 2 * zones :] if total.shape[1] > 2 * zones else samples
+        told = np.maximum(told, 1e-3)
         return total[:, :zones], total[:, zones : 2 * zones], told, samples
 
     def drifting(self) -> Level:

@@ -109,7 +109,5 @@ class Starts:
 
     def ended(self, first: int, last: int) -> NDArray[np.bool_]:
         """Return which packets may have ended at eighths first..last, shape (ends, zones)."""
-        begin = first % len(self._ends)
-        if begin + last - first < len(self._ends):
-            return self._ends[begin : begin + last - first + 1]
-        return self._ends[np.arange(first, last + 1) % len(self._ends)]
+        ended: NDArray[np.bool_] = self._ends[np.arange(first, last + 1) % len(self._ends)]
+        return ended

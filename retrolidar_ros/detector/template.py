@@ -61,11 +61,11 @@ def packet_light(
     since = np.concatenate([begin_s, end_s]) - start_s[:, None]
     bit = np.floor(since / bit_s)
     passed = since - bit * bit_s
-    sent = 0.0
+    sent: Floats = np.zeros((packets, 1))
     if repeats.any():
         cycles = np.where(repeats[:, None], np.floor(bit / PACKET_BITS), 0.0)
         bit -= cycles * PACKET_BITS
-        sent = cycles * elapsed[:, -1:]
+        sent = sent + cycles * elapsed[:, -1:]
     # A marker that sleeps is bright: its transmission integrates to the time.
     late = bit - np.minimum(bit, PACKET_BITS)
     early = np.minimum(bit, 0.0)

@@ -15,6 +15,8 @@ from retrolidar_ros.frame import Floats
 
 # Distances further apart than this are two targets; the sensor parts them from 0.6 m on.
 _GAP_M = 0.5
+# A nearer target in a smaller share of the frames than this is passing by.
+_HIDING = 0.2
 
 
 class View:
@@ -27,23 +29,42 @@ class View:
         end_s: Floats,
         signal: Floats,
         weight: Floats,
+        ceiling: Floats,
     ) -> None:
-        """Look at signals (samples, zones) with their weights in exposures from begin to end."""
+        """Look at `zones` in exposures (samples,) from begin to end [s].
+
+        Parameters
+        ----------
+        zones : array of int, shape (zones,)
+        begin_s, end_s : array, shape (samples,)
+        signal, weight : array, shape (samples, zones)
+            [kcps/SPAD]; weight 0 for erasures.
+        ceiling : array, shape (samples, zones)
+            Where another target outshone the marker: what its signal was less than
+            [kcps/SPAD]; 0 elsewhere.
+        """
         self.zones = zones
         self.begin_s, self.end_s = begin_s, end_s
-        self.signal, self.weight = signal, weight
+        self.signal, self.weight, self.ceiling = signal, weight, ceiling
 
     @classmethod
     def of(cls, samples: Samples, zones: NDArray[np.intp]) -> View:
         """Look at some zones of `samples`."""
-        signal = _of_one_target(samples.signal[:, zones], samples.distance[:, zones])
-        return cls(zones, samples.begin_s, samples.end_s, signal, samples.weight[:, zones])
+        signal, weight, ceiling = _of_one_target(
+            samples.signal[:, zones], samples.weight[:, zones], samples.distance[:, zones]
+        )
+        return cls(zones, samples.begin_s, samples.end_s, signal, weight, ceiling)
 
     def only(self, zone: int) -> View:
         """Return the view of one of all zones."""
         column = np.array([zone])
         return View(
-            column, self.begin_s, self.end_s, self.signal[:, column], self.weight[:, column]
+            column,
+            self.begin_s,
+            self.end_s,
+            self.signal[:, column],
+            self.weight[:, column],
+            self.ceiling[:, column],
         )
 
     @cached_property
@@ -56,7 +77,8 @@ class View:
     @cached_property
     def _integral(self) -> Integral:
         # About the mean, sums of squares keep their precision; and erasures lie on it.
-        centred = self.signal - self.mean
+        centred: Floats = self.signal - self.mean
+        columns: list[Floats]
         if self.weight.all():
             columns = [centred, centred * centred]
         else:
@@ -78,18 +100,23 @@ class View:
         return SoftBits(self._integral, len(self.zones), edges_s, silent_s)
 
 
-def _of_one_target(signal: Floats, distance: Floats) -> Floats:
-    """Return the signal of the target that is the brighter one, 0 where another is reported.
+def _of_one_target(
+    signal: Floats, weight: Floats, distance: Floats
+) -> tuple[Floats, Floats, Floats]:
+    """Return signal, weight and ceiling (`View`) of the target that may be a marker.
 
     When a marker turns dark and what stands behind it or before it is stronger, the sensor
-    reports that instead, and its distance says so. However bright that is, the marker is dark.
+    reports that instead, and its distance says so. However bright that is, the marker is dark,
+    or at least no brighter. Something nearer that is seen for a short while only has hidden the
+    marker: what it sent then is not known.
     """
+    ceiling = np.zeros_like(signal)
     nearest = np.fmin.reduce(distance, axis=0)
     spread = np.fmax.reduce(distance, axis=0) - nearest
     two = np.flatnonzero(spread > _GAP_M)
     if not len(two):
-        return signal
-    signal = signal.copy()
+        return signal, weight, ceiling
+    signal, weight = signal.copy(), weight.copy()
     for zone in two:
         ordered = np.sort(distance[:, zone])
         ordered = ordered[np.isfinite(ordered)]
@@ -97,9 +124,15 @@ def _of_one_target(signal: Floats, distance: Floats) -> Floats:
         widest = int(gaps.argmax())
         if gaps[widest] < _GAP_M:
             continue
+        measured = np.isfinite(distance[:, zone])
         with np.errstate(invalid='ignore'):
             far = distance[:, zone] > (ordered[widest] + ordered[widest + 1]) / 2
-        near = np.isfinite(distance[:, zone]) & ~far
+        near = measured & ~far
+        if np.count_nonzero(near) < _HIDING * len(ordered):
+            signal[near, zone] = 0.0
+            weight[near, zone] = 0.0
+            continue
         other = far if signal[near, zone].mean() >= signal[far, zone].mean() else near
+        ceiling[other, zone] = signal[other, zone]
         signal[other, zone] = 0.0
-    return signal
+    return signal, weight, ceiling

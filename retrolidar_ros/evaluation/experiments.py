@@ -13,7 +13,7 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from retrolidar_ros.evaluation import reading, roc, speed_accuracy, stability, time_to_id
+from retrolidar_ros.evaluation import bound, reading, roc, speed_accuracy, stability, time_to_id
 
 
 class Experiment(Protocol):
@@ -31,6 +31,7 @@ class Experiment(Protocol):
 
 EXPERIMENTS: dict[str, Experiment] = {
     'reading': reading,
+    'bound': bound,
     'stability': stability,
     'speed-accuracy': speed_accuracy,
     'roc': roc,

@@ -27,5 +27,5 @@ def wall_blocks(
 
 def false_ids(detector: Detector, blocks: Iterable[Recording], hours: float) -> Frequency:
     """Play a stream without marker, which lasts some sensor-hours, and count what is read."""
-    events = sum(len(detector.update(frame)) for block in blocks for frame in block)
+    events = sum(len(detector.update_all(block)) for block in blocks)
     return frequency(events, hours)

@@ -128,9 +128,8 @@ def read(trial: Trial, detector: Detector) -> list[Reading]:
     for index, marker in enumerate(trial.scene.markers):
         own[index % zones].add(marker.id)
     return [
-        Reading(frame.stamp_ns, detection.zones[0], detection.id in own[detection.zones[0]])
-        for frame in trial.recording
-        for detection in detector.update(frame)
+        Reading(detection.stamp_ns, detection.zones[0], detection.id in own[detection.zones[0]])
+        for detection in detector.update_all(trial.recording)
     ]
 
 

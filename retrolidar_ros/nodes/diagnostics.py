@@ -24,15 +24,17 @@ class Health(NamedTuple):
     values: dict[str, str]
 
 
-def publish_health(node: Node, hardware_id: str, examine: Callable[[], Health]) -> None:
-    """Publish what `examine` returns once a second, for as long as the node lives."""
+def publish_health(
+    node: Node, subject: str, hardware_id: str, examine: Callable[[], Health]
+) -> None:
+    """Publish what `examine` returns of a subject once a second, for as long as the node lives."""
     publisher = node.create_publisher(DiagnosticArray, '/diagnostics', 10)
 
     def publish() -> None:
         health = examine()
         status = DiagnosticStatus(
             level=health.level,
-            name=f'{node.get_fully_qualified_name()}: frames',
+            name=f'{node.get_fully_qualified_name()}: {subject}',
             message=health.summary,
             hardware_id=hardware_id,
             values=[KeyValue(key=key, value=value) for key, value in health.values.items()],

@@ -56,7 +56,7 @@ class DriverNode(Node):
         self._last_sequence: int | None = None
         self._lost = 0
         self._examined = (time.monotonic(), 0, 0, 0)
-        publish_health(self, port, self._examine)
+        publish_health(self, 'frames', port, self._examine)
         self._stop = Event()
         self._thread = Thread(target=self._read, daemon=True)
         self._thread.start()

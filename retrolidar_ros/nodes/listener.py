@@ -81,6 +81,7 @@ class Listener:
                     id=message.id,
                     start_ns=to_ns(message.start),
                     stamp_ns=stamp_ns,
+                    packets=message.packets,
                     range_m=message.range,
                     snr_db=message.snr,
                     position_m=(position.x, position.y, position.z),

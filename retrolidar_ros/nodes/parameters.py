@@ -9,6 +9,7 @@ from typing import Any
 
 from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescriptor
 from rclpy.node import Node
+from rclpy.parameter import Parameter
 
 from retrolidar_ros.resources import shared_file
 from retrolidar_ros.yaml_files import load_parameter_defaults
@@ -38,6 +39,35 @@ class Parameters:
         """Declare a read-only integer within limits and return its value."""
         limits = IntegerRange(from_value=minimum, to_value=maximum, step=0)
         return int(self._declare(name, description, integer_range=[limits]))
+
+    def integers(self, name: str, description: str, minimum: int, maximum: int) -> list[int]:
+        """Declare a read-only list of integers and return its value, which may be empty.
+
+        Raises
+        ------
+        ValueError
+            If one is not within the limits, which ROS knows for single numbers only.
+        """
+        kind = Parameter.Type.INTEGER_ARRAY
+        descriptor = {
+            'description': description,
+            'type': kind.value,
+            'additional_constraints': f'each {minimum} to {maximum}',
+        }
+        # An empty list is taken for bytes as a default, and comes without a value from a file. So
+        # the type is declared, and the empty list set afterwards: a parameter without a value
+        # would keep the tools from reading the others, too.
+        parameter = self._node.declare_parameter(
+            name, self._defaults[name] or kind, ParameterDescriptor(**descriptor)
+        )
+        if parameter.value is None:
+            self._node.set_parameters([Parameter(name, kind, [])])
+        self._node.set_descriptor(name, ParameterDescriptor(**descriptor, read_only=True))
+        numbers = [int(number) for number in self._node.get_parameter(name).value]
+        for number in numbers:
+            if not minimum <= number <= maximum:
+                raise ValueError(f'{name}: {number} is not within {minimum} to {maximum}')
+        return numbers
 
     def number(self, name: str, description: str, minimum: float, maximum: float) -> float:
         """Declare a read-only float within limits and return its value."""
