@@ -135,9 +135,9 @@ def fit_candidates(
         limit = 0.4 * sample_s
         shift = shift + np.clip(answer[:, 1] / gain * nominal_s, -limit, limit)
         shift = np.clip(shift, -_MAX_SHIFT * sample_s, _MAX_SHIFT * sample_s)
-        limit = 0.8 / (4 * length)
-        stretch = stretch + np.clip(answer[:, 2] / gain, -limit, limit)
-        stretch = np.clip(stretch, -1.6 / (4 * length), 1.6 / (4 * length))
+        most = 0.4 / length
+        stretch = stretch + np.clip(answer[:, 2] / gain, -most / 2, most / 2)
+        stretch = np.clip(stretch, -most, most)
     template = light().mean
     plain = np.stack([ones, slope], axis=-1)
     rest = _without(plain, signal, weight)

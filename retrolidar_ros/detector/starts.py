@@ -18,6 +18,8 @@ EIGHTHS = 8
 # Least correlation of fourteen samples with the preamble. What is read at the limit of the reach
 # has 0.77 ± 0.12; noise passes in one of twenty places.
 _LEAST = 0.45
+# What a preamble must deviate more than the noise law. At the limit of the reach it is 2.2 ± 0.8.
+_LEAST_VARIANCE = 1.15
 # The preamble alone may be hidden: whoever has lost half of it is not judged by it.
 _LEAST_TOLD = 8.0
 _HEAD_SAMPLES = 2 * len(PREAMBLE)
@@ -91,6 +93,7 @@ class Starts:
         least = np.maximum(_LEAST**2, 0.75 - 2.5 * noise * told / np.maximum(energy, 1e-9))
         full = energy * template[:, None] * (told / _HEAD_SAMPLES)
         credible = (common > 0) & (common * common > least * full)
+        credible &= energy > _LEAST_VARIANCE * noise * told
         credible |= told < _LEAST_TOLD
         self._mark(first, credible)
 

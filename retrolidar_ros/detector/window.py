@@ -111,13 +111,14 @@ class SampleWindow:
         self._time_s[rows] = time_s
         self._place(rows)
         usable = self._usable[status] & np.isfinite(signal)
-        self._distance[rows] = np.where(usable, distance, np.nan)
         if usable.all():
+            self._distance[rows] = distance
             self._signal[rows] = signal
             self._weight[rows] = 1.0
             self._last_seen_s[:] = time_s[-1]
             self._last_signal[:] = signal[-1]
             return
+        self._distance[rows] = np.where(usable, distance, np.nan)
         seen_s = np.where(usable, time_s[:, None], -np.inf)
         np.maximum.accumulate(seen_s, axis=0, out=seen_s)
         np.maximum(seen_s, self._last_seen_s, out=seen_s)
@@ -134,13 +135,15 @@ class SampleWindow:
 
     def _place(self, rows: slice) -> None:
         """Tell when exposures began and ended: half-way between two frames where they are near."""
-        self._begin_s[rows] = self._time_s[rows] - self._half_s
-        self._end_s[rows] = self._time_s[rows] + self._half_s
-        first = max(rows.start, 1)
-        between = (self._time_s[first : rows.stop] + self._time_s[first - 1 : rows.stop - 1]) / 2
-        begin, end = self._begin_s[first : rows.stop], self._end_s[first - 1 : rows.stop - 1]
-        np.maximum(begin, between, out=begin)
-        np.minimum(end, between, out=end)
+        time_s, begin_s, end_s = self._time_s, self._begin_s, self._end_s
+        for row in range(rows.start, rows.stop):
+            middle_s = float(time_s[row])
+            begin_s[row] = middle_s - self._half_s
+            end_s[row] = middle_s + self._half_s
+            if row:
+                between_s = (middle_s + float(time_s[row - 1])) / 2
+                begin_s[row] = max(float(begin_s[row]), between_s)
+                end_s[row - 1] = min(float(end_s[row - 1]), between_s)
 
     def last(self, samples: int) -> Samples:
         """Return views of the newest samples, fewer where there are not so many."""
