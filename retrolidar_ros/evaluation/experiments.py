@@ -13,7 +13,15 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from retrolidar_ros.evaluation import bound, reading, roc, speed_accuracy, stability, time_to_id
+from retrolidar_ros.evaluation import (
+    bound,
+    reach,
+    reading,
+    roc,
+    speed_accuracy,
+    stability,
+    time_to_id,
+)
 
 
 class Experiment(Protocol):
@@ -31,6 +39,7 @@ class Experiment(Protocol):
 
 EXPERIMENTS: dict[str, Experiment] = {
     'reading': reading,
+    'reach': reach,
     'bound': bound,
     'stability': stability,
     'speed-accuracy': speed_accuracy,

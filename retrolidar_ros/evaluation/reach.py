@@ -1,0 +1,151 @@
+# Copyright 2026 retrolidar_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""How far the default method reads, in one packet, in three and in eight, and the paper's does."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from tqdm import tqdm
+
+from retrolidar_ros.code import BIT_PERIOD_S, PACKET_BITS
+from retrolidar_ros.detector import METHODS, create_detector
+from retrolidar_ros.evaluation.charts import LEVEL, draw_shares, look, new_chart
+from retrolidar_ros.evaluation.link import Trial, lone_trial, outcome
+from retrolidar_ros.evaluation.reference import marker_in_each_zone
+from retrolidar_ros.evaluation.statistics import falls_below, rate
+from retrolidar_ros.scene import Simulation
+
+COMPARED = (METHODS[0], 'paper')
+PACKET_S = PACKET_BITS * BIT_PERIOD_S
+WAKING_S = (2.0, 2.5)
+LOOK_S = 0.45  # after the last packet: when the next look at several of them is due, at the latest
+PACKETS = (1, 3, 8)
+_RANGES_M = {
+    0.03: (1.0, 2.0, 2.4, 2.6, 2.7, 2.8, 3.0, 3.2, 3.3, 3.4, 3.6, 3.8, 4.0),
+    0.01: (1.0, 1.3, 1.5, 1.6, 1.8, 2.0, 2.1, 2.2),
+}
+_QUICK_RANGES_M = {0.03: (1.0, 2.7, 3.3), 0.01: (1.5,)}
+_SCENES, _QUICK_SCENES = 6, 1
+_STYLES = {1: '-', 3: '--', 8: ':'}
+
+
+def trial_at(range_m: float, size_m: float, packets: int, rng: np.random.Generator) -> Trial:
+    """Return markers that wake for one packet, or that repeat it for a time of several."""
+    if packets == 1:
+        return lone_trial(marker_in_each_zone(range_m, rng, start_s=WAKING_S, size_m=size_m), rng)
+    scene = marker_in_each_zone(range_m, rng, start_s=(-PACKET_S, 0.0), packets=None, size_m=size_m)
+    return Trial(scene, Simulation(scene, rng).run(packets * PACKET_S + LOOK_S))
+
+
+def run(rng: np.random.Generator, *, quick: bool) -> dict[str, Any]:
+    """Return shares of right and wrong readings over distance, marker size and packets."""
+    ranges = _QUICK_RANGES_M if quick else _RANGES_M
+    scenes = _QUICK_SCENES if quick else _SCENES
+    rows = []
+    total = sum(map(len, ranges.values())) * len(PACKETS)
+    with tqdm(total=total, desc='reach', leave=False) as progress:
+        for size_m, places in ranges.items():
+            for range_m in places:
+                for packets in PACKETS:
+                    rows.append(_at(range_m, size_m, packets, scenes, rng))
+                    progress.update()
+    return {'points': rows, 'reach_m': _reaches(rows)}
+
+
+def _at(
+    range_m: float, size_m: float, packets: int, scenes: int, rng: np.random.Generator
+) -> dict[str, Any]:
+    """Play the same scenes to both methods."""
+    counts = {method: [0, 0, 0] for method in COMPARED}
+    for _ in range(scenes):
+        trial = trial_at(range_m, size_m, packets, rng)
+        for method in COMPARED:
+            detector = create_detector(method, trial.recording.grid, max_packets=packets)
+            came = outcome(trial, detector)
+            for index, hits in enumerate((came.right.sum(), came.wrong.sum(), len(came.right))):
+                counts[method][index] += int(hits)
+    return {
+        'range_m': range_m,
+        'size_m': size_m,
+        'packets': packets,
+        **{
+            method: {'right': rate(right, trials), 'wrong': rate(wrong, trials)}
+            for method, (right, wrong, trials) in counts.items()
+        },
+    }
+
+
+def _curve(rows: list[dict[str, Any]], size_m: float, packets: int) -> list[dict[str, Any]]:
+    return [row for row in rows if (row['size_m'], row['packets']) == (size_m, packets)]
+
+
+def _reaches(rows: list[dict[str, Any]]) -> list[dict[str, Any]]:
+    """Return to what distance four of five are read."""
+    reaches = []
+    for size_m in sorted({row['size_m'] for row in rows}, reverse=True):
+        for packets in PACKETS:
+            curve = _curve(rows, size_m, packets)
+            places = [row['range_m'] for row in curve]
+            reaches.append(
+                {
+                    'size_m': size_m,
+                    'packets': packets,
+                    **{
+                        method: falls_below(
+                            LEVEL, places, [row[method]['right']['rate'] for row in curve]
+                        )
+                        for method in COMPARED
+                    },
+                }
+            )
+    return reaches
+
+
+def summarise(figures: dict[str, Any]) -> str:
+    """Return a table of the figures."""
+    lines = ['marker  packets  range [m]   ' + '   '.join(f'{m}: right  wrong' for m in COMPARED)]
+    for row in figures['points']:
+        shares = '   '.join(
+            f'{row[method]["right"]["rate"]:{len(method) + 7}.1%} '
+            f'{row[method]["wrong"]["rate"]:6.1%}'
+            for method in COMPARED
+        )
+        lines.append(
+            f'{100 * row["size_m"]:4.0f} cm  {row["packets"]:7d}  {row["range_m"]:9.1f}   {shares}'
+        )
+    lines.append(f'{LEVEL:.0%} are read to')
+    for reach in figures['reach_m']:
+        ends = ', '.join(
+            f'{method} {"-" if reach[method] is None else f"{reach[method]:.2f} m"}'
+            for method in COMPARED
+        )
+        lines.append(f'  {100 * reach["size_m"]:.0f} cm, {reach["packets"]} packets: {ends}')
+    return '\n'.join(lines)
+
+
+def draw(figures: dict[str, Any], path: Path) -> None:
+    """Draw identification over distance, a panel for each size of the marker."""
+    sizes = sorted({row['size_m'] for row in figures['points']}, reverse=True)
+    figure, (panels,) = new_chart(1, len(sizes), 12, 5)
+    for axes, size_m in zip(panels, sizes, strict=True):
+        for method in COMPARED:
+            for packets in PACKETS:
+                curve = _curve(figures['points'], size_m, packets)
+                draw_shares(
+                    axes,
+                    [row['range_m'] for row in curve],
+                    [row[method]['right'] for row in curve],
+                    linestyle=_STYLES[packets],
+                    label=f'{method}, {packets} packet{"s" if packets > 1 else ""}',
+                    **look(method),
+                )
+        axes.axhline(100 * LEVEL, color='0.6', linewidth=0.8)
+        axes.set_xlabel('distance [m]')
+        axes.set_ylim(0, 103)
+        axes.set_title(f'marker of {100 * size_m:.0f} cm', fontsize=11)
+    panels[0].set_ylabel('markers read rightly [%]')
+    panels[0].legend(fontsize=8, loc='lower left')
+    figure.savefig(path)
