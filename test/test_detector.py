@@ -11,6 +11,7 @@ from retrolidar_ros.code import PREAMBLE, packet
 from retrolidar_ros.detector import METHODS, Detection, Detector, create_detector
 from retrolidar_ros.detector.baseline import silent_level
 from retrolidar_ros.detector.demodulation import fit_packets, threshold_bits
+from retrolidar_ros.detector.evidence import NoiseLaw
 from retrolidar_ros.detector.preamble import fit_preamble
 from retrolidar_ros.frame import Floats, Frame, Recording, Status, ZoneGrid
 from retrolidar_ros.scene import Scene, Simulation
@@ -113,13 +114,131 @@ def test_a_frame_of_another_grid_is_refused(method: str) -> None:
         run(simulate(a_scene(), 0.1), detector)
 
 
+@pytest.mark.parametrize('method', METHODS)
+def test_many_frames_at_a_time_read_the_same_as_one_by_one(method: str) -> None:
+    scene = a_scene(start_s=0.0, packets=None)
+    other = replace(
+        scene.markers[0], id=2096, position_m=(0.39, -0.39, 1.2), start_s=2.3, packets=1
+    )
+    recording = simulate(replace(scene, markers=(*scene.markers, other)), 8.0)
+    one_by_one = run(recording, create_detector(method, GRID))
+    together = create_detector(method, GRID).update_all(recording)
+    assert {detection.id for detection in together} == {ID, 2096}
+    # What becomes certain within a block is told at its end, so only the order may differ.
+    assert {d.id: d.zones for d in together} == {d.id: d.zones for d in one_by_one}
+    for identity in (ID, 2096):
+        counts = [sum(d.id == identity for d in read) for read in (together, one_by_one)]
+        assert abs(counts[0] - counts[1]) <= 1
+
+
+@pytest.mark.parametrize('method', METHODS)
+def test_blocks_of_any_length_follow_each_other_without_a_seam(method: str) -> None:
+    frames = list(simulate(a_scene()))
+    for length in (1, 7, 60, 1000):
+        detector = create_detector(method, GRID)
+        read: list[Detection] = []
+        for first in range(0, len(frames), length):
+            read += detector.update_all(Recording.of(frames[first : first + length]))
+        assert [detection.id for detection in read] == [ID]
+
+
+@pytest.mark.parametrize('method', METHODS)
+def test_a_recording_of_another_grid_is_refused(method: str) -> None:
+    detector = create_detector(method, ZoneGrid(8, 8))
+    with pytest.raises(ValueError, match='4x4 zones came to a detector for 8x8'):
+        detector.update_all(simulate(a_scene(), 0.1))
+
+
+@pytest.mark.parametrize('method', METHODS)
+@pytest.mark.parametrize('garbage', [np.nan, np.inf, -1e30, 3e38])
+def test_garbage_neither_stops_nor_fools_a_detector(method: str, garbage: float) -> None:
+    recording = simulate(a_scene(start_s=0.0, packets=None), 8.0)
+    signal, distance = recording.signal.copy(), recording.distance.copy()
+    status = recording.status.copy()
+    hit = slice(100, 110)
+    signal[hit], distance[hit] = garbage, garbage
+    status[105:110] = 77  # the other half claims to be normal
+    spoilt = replace(recording, signal=signal, distance=distance, status=status)
+    for read in (
+        run(spoilt, create_detector(method, GRID)),
+        create_detector(method, GRID).update_all(spoilt),
+    ):
+        assert {detection.id for detection in read} == {ID}
+        late = [d for d in read if d.start_ns > recording.stamp_ns[110]]
+        assert len(late) >= 2
+        for d in late:
+            assert np.isfinite([d.score, d.snr_db, d.likelihood, d.place.range_m]).all()
+
+
+@pytest.mark.parametrize('method', METHODS)
+def test_frames_of_one_stamp_count_once(method: str) -> None:
+    recording = simulate(a_scene())
+    stuck = replace(recording, stamp_ns=np.full_like(recording.stamp_ns, recording.stamp_ns[0]))
+    assert run(stuck, create_detector(method, GRID)) == []
+    assert create_detector(method, GRID).update_all(stuck) == []
+    twice = Recording.of([frame for frame in recording for _ in range(2)])
+    read = create_detector(method, GRID).update_all(twice)
+    assert [detection.id for detection in read] == [ID]
+
+
+@pytest.mark.parametrize('method', METHODS)
+def test_zones_that_never_see_anything_do_no_harm(method: str) -> None:
+    recording = simulate(a_scene())
+    blind = np.arange(GRID.zones) != ZONE
+    signal, distance = recording.signal.copy(), recording.distance.copy()
+    status = recording.status.copy()
+    signal[:, blind], distance[:, blind], status[:, blind] = 0, np.nan, Status.NO_TARGET
+    partly = replace(recording, signal=signal, distance=distance, status=status)
+    assert [detection.id for detection in run(partly, create_detector(method, GRID))] == [ID]
+    nothing = replace(
+        recording,
+        signal=np.zeros_like(signal),
+        distance=np.full_like(distance, np.nan),
+        status=np.full_like(status, Status.NO_TARGET),
+    )
+    assert run(nothing, create_detector(method, GRID)) == []
+    assert create_detector(method, GRID).update_all(nothing) == []
+
+
 def test_an_impossible_request_is_refused() -> None:
-    with pytest.raises(ValueError, match="unknown method 'magic'; there is paper"):
+    with pytest.raises(ValueError, match="unknown method 'magic'; there is joint, soft, hard, pap"):
         create_detector('magic', GRID)
-    with pytest.raises(ValueError, match='bit_period of 0 s'):
-        create_detector('paper', GRID, bit_period_s=0)
     with pytest.raises(ValueError, match='likelihood_threshold of nan'):
         create_detector('paper', GRID, likelihood_threshold=float('nan'))
+
+
+@pytest.mark.parametrize('method', METHODS)
+def test_every_method_refuses_impossible_parameters(method: str) -> None:
+    for period_s in (0.0, -0.042, np.inf, np.nan):
+        with pytest.raises(ValueError, match='bit_period of'):
+            create_detector(method, GRID, bit_period_s=period_s)
+    for budget in (0.0, -1.0, np.nan):
+        with pytest.raises(ValueError, match='false_ids_per_hour of'):
+            create_detector(method, GRID, false_ids_per_hour=budget)
+    for packets in (0, 9, -1):
+        with pytest.raises(ValueError, match=f'max_packets of {packets}: it must be 1 to 8'):
+            create_detector(method, GRID, max_packets=packets)
+    for ids in ([0, 4095], []):
+        with pytest.raises(ValueError, match=r'no usable ID|must be an integer'):
+            create_detector(method, GRID, registered_ids=ids)
+    for outside in (-1, 4096):
+        with pytest.raises(ValueError, match=f'marker ID {outside} is outside'):
+            create_detector(method, GRID, registered_ids=[ID, outside])
+
+
+def test_an_impossible_noise_law_is_refused() -> None:
+    for floor, slope in ((0.0, 0.22), (4.6, -0.1), (np.nan, 0.22), (4.6, np.nan)):
+        with pytest.raises(ValueError, match='the floor must be positive'):
+            create_detector('joint', GRID, noise=NoiseLaw(floor, slope))
+
+
+@pytest.mark.parametrize('method', ['joint', 'soft', 'hard'])
+def test_only_registered_ids_are_read(method: str) -> None:
+    recording = simulate(a_scene())
+    others = [identity for identity in range(1, 200) if identity != ID]
+    assert run(recording, create_detector(method, GRID, registered_ids=others)) == []
+    among = create_detector(method, GRID, registered_ids=[*others, ID])
+    assert [detection.id for detection in run(recording, among)] == [ID]
 
 
 def test_a_slower_bit_is_read_at_a_slower_frame_rate() -> None:

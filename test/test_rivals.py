@@ -44,7 +44,7 @@ def test_the_beginning_of_a_lone_packet_is_no_other_packet_that_repeats(rivals: 
     shifted = np.stack([np.roll(packets, first, axis=1) for first in range(PACKET_BITS)])
     signs = (1 - 2 * shifted.reshape(-1, PACKET_BITS).astype(np.float32)).T
     near = 0
-    for identity in np.random.default_rng(0).choice(ids, 150, replace=False).tolist():
+    for identity in np.random.default_rng(0).choice(ids, 300, replace=False).tolist():
         bits = beginning(identity)
         differing = (PACKET_BITS - (1 - 2 * bits.astype(np.float32)) @ signs) / 2
         for place in np.flatnonzero(differing <= 2).tolist():

@@ -4,12 +4,12 @@
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from retrolidar_ros.code import packet
+from retrolidar_ros.detector.candidates import Candidates
 from retrolidar_ros.detector.evidence import NoiseLaw, nats
 from retrolidar_ros.detector.template import Light, packet_light
 from retrolidar_ros.frame import Floats
@@ -19,33 +19,6 @@ _MAX_SHIFT = 0.75  # of a sample, away from where the search has found the packe
 # Share of the modulation by which a template may be wrong: the response of another liquid
 # crystal, a stamp that is late, a marker that moves.
 _TEMPLATE_ERROR = 0.04
-
-
-class Candidates(NamedTuple):
-    """Packets that a search has found, each field of shape (candidates,)."""
-
-    zone: NDArray[np.intp]
-    ids: NDArray[np.int64]
-    start_s: Floats
-    """When the frame (preamble and word) starts that lies first in the window, or before it."""
-    bit_s: Floats
-    begin_s: Floats
-    """Of the window in which the packet was looked for, the silence before it included [s]."""
-    end_s: Floats
-    packets: NDArray[np.int64]
-    repeats: NDArray[np.bool_]
-    """Whether the window is any stretch of a repeating packet."""
-    still: NDArray[np.bool_]
-    """Whether nothing but a constant was taken off (`soft_bits`)."""
-    correlation: Floats
-    """As the search has found it, with coarse templates."""
-    rival: Floats
-    """The same of the best other ID that the search has found in the zone, 0 without."""
-
-    def at(self, index: NDArray[np.intp] | NDArray[np.bool_]) -> Candidates:
-        """Return some of them."""
-        fields: dict[str, Any] = {name: values[index] for name, values in self._asdict().items()}
-        return Candidates(**fields)
 
 
 class Fit(NamedTuple):

@@ -9,16 +9,17 @@ from collections import Counter
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-from retrolidar_ros.code import PACKET_BITS, PREAMBLE, packet
+from retrolidar_ros.code import PACKET_BITS, packet
+from retrolidar_ros.detector.candidates import Candidates
+from retrolidar_ros.detector.coherence import coherent, hard_errors
 from retrolidar_ros.detector.evidence import (
     NoiseLaw,
     correlation_threshold,
     group_threshold,
     nats,
 )
-from retrolidar_ros.detector.fit import Candidates, Fit, fit_candidates
+from retrolidar_ros.detector.fit import Fit, fit_candidates
 from retrolidar_ros.detector.rivals import SHIFTS, Rivals, Window
 from retrolidar_ros.detector.search import PACKET_SAMPLES
 from retrolidar_ros.detector.soft_bits import SILENT_BITS, SoftBits
@@ -30,11 +31,6 @@ from retrolidar_ros.frame import Floats, ZoneGrid
 _LEAST_COMPANION_NATS = 4.5
 # Share of a packet's changes between bright and dark that must not be erased.
 _LEAST_CHANGES = 0.6
-# First bits of the parts of a packet, each of which must show the modulation by itself: by this
-# share of the gain of the whole, or less by so many standard deviations of its own.
-_PARTS = np.array([0, len(PREAMBLE), 15, 23])
-_LEAST_PART = 0.7
-_PART_DEVIATIONS = 1.75
 # Share of what a neighbour sees beyond noise that the packet must explain.
 _LEAST_SHARE = 0.5
 # Most that a packet may leave over, as χ² per degree of freedom.
@@ -178,7 +174,7 @@ class Judge:
         bright, dark = signal[told & (light > 0.5)], signal[told & (light <= 0.5)]
         if np.median(bright) - np.median(dark) < _LEAST_STEP * fit.gain[0]:
             return 'no modulation'
-        if not _coherent(candidate, fit, view):
+        if not coherent(candidate, fit, view):
             return 'incoherent'
         found = nats(np.concatenate([candidate.correlation, candidate.rival]), np.full(2, samples))
         margin, dark = self._margin(candidate, fit, view)
@@ -187,7 +183,7 @@ class Judge:
         if min(margin, found[0] - found[1]) < self._lead(candidate) - self._lenience:
             return 'ambiguous'
         order = sorted(seen, key=lambda seer: -gains[seer])
-        return Reading(candidate, fit, tuple(order), _hard_errors(dark, packet(candidate.ids[0])))
+        return Reading(candidate, fit, tuple(order), hard_errors(dark, packet(candidate.ids[0])))
 
     def _lead(self, candidate: Candidates) -> float:
         """Return by how much a packet must be likelier than its nearest rival [nats]."""
@@ -315,37 +311,6 @@ class Judge:
             first += np.rint((candidate.begin_s[0] - first) / bit_s) * bit_s
         edges_s = first + bit_s * np.arange(PACKET_BITS * packets + 1)
         return edges_s, view.soft_bits(edges_s[None])
-
-
-def _hard_errors(dark: Floats, bits: NDArray[np.uint8]) -> int:
-    """Return how many soft bits (31,) a receiver would take for the other ones."""
-    middle = (dark[bits == 1].mean() + dark[bits == 0].mean()) / 2
-    return int(np.count_nonzero((dark > middle) != (bits == 1)))
-
-
-def _coherent(candidate: Candidates, fit: Fit, view: View) -> bool:
-    """Tell whether each part of the packet modulates as the whole does.
-
-    A shape that is no packet, such as one long gap, may correlate with one by its longest runs
-    alone; but then the preamble, or another part that changes fast, is missing.
-    """
-    signal, weight, light = view.signal[:, 0], fit.weight[0], fit.light[0]
-    bit = np.floor(((view.begin_s + view.end_s) / 2 - fit.start_s[0]) / fit.bit_s[0])
-    told = (weight > 0) & ((bit >= 0) | candidate.repeats[0])
-    bit = bit[told].astype(np.intp)
-    part = np.searchsorted(_PARTS, bit % PACKET_BITS, side='right') - 1
-    place = (bit // PACKET_BITS) * len(_PARTS) + part
-    place -= place.min()
-    count, light_sum, signal_sum = (
-        np.bincount(place, values) for values in (weight[told], light[told], signal[told])
-    )
-    filled = np.maximum(count, 1.0)
-    within = light[told] - (light_sum / filled)[place]
-    common = np.bincount(part, within * (signal[told] - (signal_sum / filled)[place]), len(_PARTS))
-    energy = np.bincount(part, within * within, len(_PARTS))
-    deviation = fit.deviation[0] / np.sqrt(np.maximum(energy, 1e-9))
-    gain = common / np.maximum(energy, 1e-9)
-    return bool((gain + _PART_DEVIATIONS * deviation > _LEAST_PART * fit.gain[0]).all())
 
 
 def _folded(value: Floats, packets: int) -> Floats:

@@ -2,14 +2,16 @@
 # SPDX-License-Identifier: Apache-2.0
 """The detector that weighs its evidence: a search, then the same tests whatever the search.
 
-Samples (`window`) of zones that modulate are cut into soft bits (`soft_bits`), a search
-(`search`) names packets that may be there, an exact fit (`fit`) tells how well they are, other
-zones that see the same add to it, and a packet is read if
+Samples (`window`) of zones that modulate are cut into soft bits (`soft_bits`), a search (`search`,
+`fold`) names packets that may be there, an exact fit (`fit`) tells how well they are, other zones
+that see the same add to it, and a packet is read if
 
 * chance makes such a correlation less often than the budget of false IDs allows,
 * what it leaves over is no more than the sensor's noise,
-* its samples hold two levels, and
+* its samples hold two levels, in all parts of the packet (`coherence`), and
 * no other ID explains them nearly as well (`rivals`).
+
+`judge` applies these tests, and `report` says where and when.
 """
 
 from __future__ import annotations
@@ -21,18 +23,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from retrolidar_ros.code import BIT_PERIOD_S, PACKET_BITS, PREAMBLE
+from retrolidar_ros.detector.candidates import Candidates
 from retrolidar_ros.detector.detection import Detection, DetectorCounts
 from retrolidar_ros.detector.evidence import NoiseLaw, NoiseScale, correlation_threshold
-from retrolidar_ros.detector.fit import Candidates
+from retrolidar_ros.detector.fold import FoldSearch
 from retrolidar_ros.detector.judge import USUAL_FALSE_IDS_PER_HOUR, Judge, Reading
-from retrolidar_ros.detector.place import place_in_zone
-from retrolidar_ros.detector.preamble import fit_preamble
-from retrolidar_ros.detector.search import (
-    PACKET_SAMPLES,
-    Demand,
-    FoldSearch,
-    Search,
-)
+from retrolidar_ros.detector.report import detection_of
+from retrolidar_ros.detector.search import PACKET_SAMPLES, Demand, Search
 from retrolidar_ros.detector.soft_bits import SILENT_BITS
 from retrolidar_ros.detector.starts import EIGHTHS, Starts
 from retrolidar_ros.detector.view import View
@@ -52,11 +49,6 @@ _ENDED_SHARE = 0.5
 FOLDS = (1, 2, 3, 5, 8)
 # Bits between two looks for starts, and for any stretch of a repeating packet.
 _TURN_BITS = 8
-_BRIGHT = 0.75
-_LEAST_DISTANCES = 2
-# The sensor's own steps are the least noise that a fit can claim.
-_RESOLUTION_M = 0.25e-3 / np.sqrt(12)
-_RESOLUTION_SIGNAL = 1 / 2048 / np.sqrt(12)  # [kcps/SPAD]
 # Standard deviations by which a zone must stand out of white noise over several packets.
 _LEAST_REPETITION = 3.5
 # Frames that are looked at together where there are many.
@@ -224,7 +216,7 @@ class Reader:
         if not readings:
             return []
         return [
-            detection for reading in readings if (detection := self._detection(reading)) is not None
+            detection for reading in readings if (detection := self._published(reading)) is not None
         ]
 
     def _find_starts(self, last_s: float) -> None:
@@ -372,52 +364,20 @@ class Reader:
             self._free_s[seen] = np.maximum(self._free_s[seen], end_s)
         return readings
 
-    def _detection(self, reading: Reading) -> Detection | None:
-        """Return what is published of a reading; None if another zone has said it already."""
-        candidate, fit = reading.candidate, reading.fit
-        identity = int(candidate.ids[0])
-        start_s, bit_s = float(fit.start_s[0]), float(fit.bit_s[0])
-        end_s = float(candidate.end_s[0]) if candidate.repeats[0] else start_s + PACKET_BITS * bit_s
-        last_start_s = self._last_start_s.get(identity, -np.inf)
-        if abs(start_s - last_start_s) < PACKET_BITS * bit_s / 2:
+    def _published(self, reading: Reading) -> Detection | None:
+        """Return the detection of a reading; None if another zone has said it already."""
+        identity = int(reading.candidate.ids[0])
+        start_s = float(reading.fit.start_s[0])
+        half_packet_s = PACKET_BITS * float(reading.fit.bit_s[0]) / 2
+        if abs(start_s - self._last_start_s.get(identity, -np.inf)) < half_packet_s:
             return None
-        samples = self._window.last(len(fit.light[0]))
-        within = (samples.end_s > start_s) & (samples.begin_s < end_s)
-        distance = samples.distance[:, reading.zones[0]]
-        seen = within & (fit.weight[0] > 0) & (fit.light[0] > _BRIGHT) & np.isfinite(distance)
-        measured = distance[seen]
-        if len(measured) < _LEAST_DISTANCES:
+        samples = self._window.last(len(reading.fit.light[0]))
+        detection = detection_of(reading, samples, self._window.origin_ns, self._grid)
+        if detection is None:
             self.counts.rejected['distance'] += 1
-            return None
-        self._last_start_s[identity] = start_s
-        deviation = np.hypot(measured.std(ddof=1), _RESOLUTION_M) / np.sqrt(len(measured))
-        last = int(np.flatnonzero(within)[-1])
-        return Detection(
-            id=identity,
-            stamp_ns=self._window.origin_ns + round(float(samples.time_s[last]) * 1e9),
-            start_ns=self._window.origin_ns + round(start_s * 1e9),
-            place=place_in_zone(
-                reading.zones[0], float(measured.mean()), float(deviation), self._grid
-            ),
-            snr_db=20 * math.log10(fit.gain[0] / max(fit.deviation[0], _RESOLUTION_SIGNAL)),
-            score=float(fit.score[0]),
-            likelihood=self._likelihood(reading, samples),
-            corrected_bits=reading.corrected_bits,
-            packets=int(candidate.packets[0]),
-            zones=reading.zones,
-        )
-
-    def _likelihood(self, reading: Reading, samples: Samples) -> float:
-        """Return the paper's l of the first preamble in the window."""
-        fit = reading.fit
-        start_s, bit_s = float(fit.start_s[0]), float(fit.bit_s[0])
-        if reading.candidate.repeats[0] and start_s < reading.candidate.begin_s[0]:
-            start_s += PACKET_BITS * bit_s
-        since = samples.time_s - start_s
-        rows = (since > 0) & (since < len(PREAMBLE) * bit_s) & (fit.weight[0] > 0)
-        signal = samples.signal[rows][:, reading.zones[:1]]
-        bright = fit.dark + fit.gain
-        return float(fit_preamble(signal, bright, 1.0 - fit.light[0][rows]).likelihood[0])
+        else:
+            self._last_start_s[identity] = start_s
+        return detection
 
 
 def _moving_sum(values: Floats, length: int) -> Floats:

@@ -10,19 +10,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from retrolidar_ros.code import PACKET_BITS, PREAMBLE, WORD_BITS, decode
-from retrolidar_ros.detector.evidence import nats
-from retrolidar_ros.detector.fit import Candidates
+from retrolidar_ros.detector.candidates import Candidates, joined
 from retrolidar_ros.detector.soft_bits import SILENT_BITS
 from retrolidar_ros.detector.view import View
-from retrolidar_ros.detector.words import WordBank, template_energy
+from retrolidar_ros.detector.words import WordBank
 from retrolidar_ros.frame import Floats
 
 PACKET_SAMPLES = 2 * PACKET_BITS
 _STILL_SAMPLES = 2 * (PACKET_BITS + SILENT_BITS)
 # Whoever has lost more of a packet than this has nothing to judge by.
-_LEAST_PRESENT = 0.45
-# Share of the best correlation below which another ID is no rival.
-_RIVAL = 0.75
+LEAST_PRESENT = 0.45
 # What the coarse templates of a search may miss of what an exact one explains.
 COARSE = 0.94
 
@@ -82,7 +79,7 @@ class Search(Protocol):
 class JointSearch:
     """Start, phase, clock and word together: the packet that explains the samples best."""
 
-    hypotheses_a_sample = 4.0
+    hypotheses_a_sample = 0.8
     _SKEWS = np.array([0.0, -0.0067, 0.0067])
     _BITS = np.arange(PACKET_BITS + 1)
 
@@ -110,7 +107,7 @@ class JointSearch:
             least = demand.least_correlation(level.energy, level.told)
             bound = self._bank.bound(level.value, samples, line=not still)
             good = bound > least * np.sqrt(energy)
-            good &= level.told > _LEAST_PRESENT * samples
+            good &= level.told > LEAST_PRESENT * samples
             good &= maybe
             if not good.any():
                 continue
@@ -152,7 +149,7 @@ class StartSearch:
         self._bank = bank
         self._bit_s = bit_s
         self._hard = hard
-        self.hypotheses_a_sample = 0.25 if hard else 0.5
+        self.hypotheses_a_sample = 0.03 if hard else 0.08
         preamble = PREAMBLE - PREAMBLE.mean()
         self._preamble = preamble / np.sqrt(preamble @ preamble)
 
@@ -174,7 +171,7 @@ class StartSearch:
         head = head - head.mean(axis=1, keepdims=True)
         norm = np.sqrt(np.einsum('hbz,hbz->hz', head, head)) + 1e-9
         good = np.matmul(self._preamble, head) > self._LEAST_PREAMBLE * norm
-        good &= level.told > _LEAST_PRESENT * PACKET_SAMPLES
+        good &= level.told > LEAST_PRESENT * PACKET_SAMPLES
         good &= credible[np.clip(np.searchsorted(end_s, frames), 0, len(end_s) - 1)]
         if not good.any():
             return None
@@ -219,143 +216,3 @@ class StartSearch:
             ],
             demand.least,
         )
-
-
-class FoldSearch:
-    """Any stretch of a repeating packet, or several such packets laid on top of each other."""
-
-    _KEPT = 3  # starts and clocks whose fold stands out most, of every zone
-    _MOST_SKEW = 0.01
-
-    def __init__(self, bank: WordBank, bit_s: float) -> None:
-        """Look for the packets of `bank` with bits of about `bit_s`."""
-        self._bank = bank
-        self._bit_s = bit_s
-        self._shifts = (np.arange(PACKET_BITS)[:, None] + np.arange(PACKET_BITS)) % PACKET_BITS
-
-    def folded(self, view: View, end_s: float, packets: int, demand: Demand) -> Candidates | None:
-        """Return packets that repeated in the last `packets` times their length."""
-        # A quarter of a sample at either end of the window is the most that a clock may miss.
-        steps = int(np.ceil(self._MOST_SKEW / (0.016 / packets) - 0.3))
-        skews = np.linspace(-self._MOST_SKEW, self._MOST_SKEW, 2 * steps + 1)
-        if packets == 1:
-            skews = skews * 0.67
-        bits = PACKET_BITS * packets
-        middle_s = end_s - bits * self._bit_s * (1 + self._MOST_SKEW) / 2
-        middles_s = np.repeat(middle_s - np.arange(8) * self._bit_s / 8, len(skews))
-        bit_s = np.tile(self._bit_s * (1 + skews), 8)
-        first_s = middles_s - bits / 2 * bit_s
-        edges_s = first_s[:, None] + bit_s[:, None] * np.arange(bits + 1)
-        soft = view.soft_bits(edges_s)
-        # A line takes off some of a single packet, which one depends on where it begins.
-        level = soft.drifting() if packets > 1 else soft.steady(1)
-        hypotheses, zones = level.energy.shape
-        value = level.value.reshape(hypotheses, packets, PACKET_BITS, zones).sum(axis=1)
-        present = level.told / (2 * bits)
-        energy = level.energy * present * packets
-        # A template that begins within exposures is weaker, and so are the bits cut there.
-        half, quarter = np.array(PACKET_BITS / 2), np.array(PACKET_BITS / 4)
-        strength = template_energy(half, quarter, PACKET_SAMPLES, soft.phase)
-        standing = np.einsum('hbz,hbz->hz', value, value) / np.maximum(energy, 1e-9)
-        standing /= strength[:, None]
-        kept = min(self._KEPT, hypotheses)
-        top = np.argpartition(-standing, kept - 1, axis=0)[:kept]
-        column = np.broadcast_to(np.arange(zones), top.shape)
-        h: NDArray[np.intp] = top.ravel()
-        z: NDArray[np.intp] = column.ravel()
-        complete = np.broadcast_to(present, standing.shape)[h, z] > _LEAST_PRESENT
-        h, z = h[complete], z[complete]
-        if not len(h):
-            return None
-        rows = value[h, :, z][:, self._shifts]  # (chosen, shifts, bits)
-        bound = self._bank.bound(np.moveaxis(rows, 0, 2), PACKET_SAMPLES).T
-        least = demand.least_correlation(level.energy, level.told)[h, z]
-        root = np.sqrt(energy[h, z])
-        chosen, shift = np.nonzero(bound > (least * root)[:, None])
-        if not len(chosen):
-            return None
-        best = self._bank.best(
-            rows[chosen, shift], energy[h, z][chosen], soft.phase[h][chosen], PACKET_SAMPLES
-        )
-        h, z = h[chosen], z[chosen]
-        # The frame that began before the window, or with it.
-        start_s = first_s[h] + bit_s[h] * np.where(shift > 0, shift - PACKET_BITS, 0)
-        count = len(h)
-        candidates = joined(
-            [
-                Candidates(
-                    zone=z,
-                    ids=best.ids,
-                    start_s=start_s,
-                    bit_s=bit_s[h],
-                    begin_s=first_s[h],
-                    end_s=edges_s[h, -1],
-                    packets=np.full(count, packets),
-                    repeats=np.ones(count, dtype=bool),
-                    still=np.zeros(count, dtype=bool),
-                    correlation=best.correlation,
-                    rival=np.zeros(count),
-                )
-            ],
-            demand.least,
-        )
-        if candidates is None:
-            return None
-        rival = [
-            self._rival(value[:, :, zone], energy[:, zone], soft.phase, identity, correlation)
-            for zone, identity, correlation in zip(
-                candidates.zone, candidates.ids, candidates.correlation, strict=True
-            )
-        ]
-        return candidates._replace(rival=np.array(rival))
-
-    def _rival(
-        self, value: Floats, energy: Floats, phase: Floats, identity: int, correlation: float
-    ) -> float:
-        """Return the correlation of the best other ID in one zone, of any start and clock.
-
-        A wrong word may win where start and clock are wrong, too: that is no fair comparison.
-        """
-        rows = value[:, self._shifts].reshape(-1, PACKET_BITS)
-        root = np.sqrt(energy).repeat(PACKET_BITS)
-        bound = self._bank.bound(rows[:, :, None], PACKET_SAMPLES)[:, 0]
-        worth = np.flatnonzero(bound > _RIVAL * correlation * root)
-        best = self._bank.best(
-            rows[worth],
-            energy.repeat(PACKET_BITS)[worth],
-            phase.repeat(PACKET_BITS)[worth],
-            PACKET_SAMPLES,
-        )
-        return float(best.correlation[best.ids != identity].max(initial=0.0))
-
-
-def joined(found: list[Candidates], least: Floats) -> Candidates | None:
-    """Return the best candidate of each zone and packet among all that were found.
-
-    What overlaps by more than half a packet in a zone is the same packet found more than once,
-    or a rival. Only what correlates by more than `least` (zones,) is returned.
-    """
-    found = [candidates for candidates in found if len(candidates.zone)]
-    if not found:
-        return None
-    together = Candidates(*(np.concatenate(fields) for fields in zip(*found, strict=True)))
-    samples = 2 * (together.end_s - together.begin_s) / together.bit_s
-    evidence = nats(together.correlation, samples)
-    order = np.argsort(-evidence, kind='stable')
-    kept: list[int] = []
-    rival = np.zeros(len(order))
-    for index in order.tolist():
-        half_s = together.bit_s[index] * PACKET_BITS / 2
-        same = [
-            other
-            for other in kept
-            if together.zone[other] == together.zone[index]
-            and abs(together.end_s[other] - together.end_s[index]) <= half_s
-        ]
-        if not same:
-            kept.append(index)
-        elif together.ids[index] != together.ids[same[0]] and not rival[same[0]]:
-            rival[same[0]] = together.correlation[index]
-    best = together._replace(rival=rival).at(np.array(kept, dtype=np.intp))
-    best = best.at(best.correlation > least[best.zone])
-    return best if len(best.zone) else None

@@ -1,0 +1,77 @@
+# Copyright 2026 retrolidar_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""Stage 6: what is published of a reading: when and where, and how sure."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from retrolidar_ros.code import PACKET_BITS, PREAMBLE
+from retrolidar_ros.detector.detection import Detection
+from retrolidar_ros.detector.judge import Reading
+from retrolidar_ros.detector.place import place_in_zone
+from retrolidar_ros.detector.preamble import fit_preamble
+from retrolidar_ros.detector.window import Samples
+from retrolidar_ros.frame import ZoneGrid
+
+# Samples with less of the light than this have seen what stands behind the marker, too.
+_BRIGHT = 0.75
+_LEAST_DISTANCES = 2
+# The sensor's own steps are the least noise that a fit can claim.
+_RESOLUTION_M = 0.25e-3 / np.sqrt(12)
+_RESOLUTION_SIGNAL = 1 / 2048 / np.sqrt(12)  # [kcps/SPAD]
+
+
+def detection_of(
+    reading: Reading, samples: Samples, origin_ns: int, grid: ZoneGrid
+) -> Detection | None:
+    """Return a reading as a detection; None where the marker's distance was not measured.
+
+    Parameters
+    ----------
+    reading : Reading
+    samples : Samples
+        Those that it was read from.
+    origin_ns : int
+        From which their times count [ns].
+    grid : ZoneGrid
+        The zones.
+    """
+    candidate, fit = reading.candidate, reading.fit
+    start_s, bit_s = float(fit.start_s[0]), float(fit.bit_s[0])
+    end_s = float(candidate.end_s[0]) if candidate.repeats[0] else start_s + PACKET_BITS * bit_s
+    within = (samples.end_s > start_s) & (samples.begin_s < end_s)
+    distance = samples.distance[:, reading.zones[0]]
+    seen = within & (fit.weight[0] > 0) & (fit.light[0] > _BRIGHT) & np.isfinite(distance)
+    measured = distance[seen]
+    if len(measured) < _LEAST_DISTANCES:
+        return None
+    deviation = np.hypot(measured.std(ddof=1), _RESOLUTION_M) / np.sqrt(len(measured))
+    last = int(np.flatnonzero(within)[-1])
+    return Detection(
+        id=int(candidate.ids[0]),
+        stamp_ns=origin_ns + round(float(samples.time_s[last]) * 1e9),
+        start_ns=origin_ns + round(start_s * 1e9),
+        place=place_in_zone(reading.zones[0], float(measured.mean()), float(deviation), grid),
+        snr_db=20 * math.log10(fit.gain[0] / max(fit.deviation[0], _RESOLUTION_SIGNAL)),
+        score=float(fit.score[0]),
+        likelihood=_likelihood(reading, samples),
+        corrected_bits=reading.corrected_bits,
+        packets=int(candidate.packets[0]),
+        zones=reading.zones,
+    )
+
+
+def _likelihood(reading: Reading, samples: Samples) -> float:
+    """Return the paper's l of the first preamble in the window."""
+    fit = reading.fit
+    start_s, bit_s = float(fit.start_s[0]), float(fit.bit_s[0])
+    if reading.candidate.repeats[0] and start_s < reading.candidate.begin_s[0]:
+        start_s += PACKET_BITS * bit_s
+    since = samples.time_s - start_s
+    rows = (since > 0) & (since < len(PREAMBLE) * bit_s) & (fit.weight[0] > 0)
+    signal = samples.signal[rows][:, reading.zones[:1]]
+    bright = fit.dark + fit.gain
+    return float(fit_preamble(signal, bright, 1.0 - fit.light[0][rows]).likelihood[0])
