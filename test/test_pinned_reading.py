@@ -104,7 +104,7 @@ def test_stress_costs_few_readings_and_makes_none_wrong(
 
 
 def test_a_marker_behind_a_hand_is_read_or_silent_but_never_wrong() -> None:
-    for lasting_ms in (42.0, 210.0, 450.0):
+    for lasting_ms in (42.0, 210.0, 300.0):
         _, wrong = counts(lambda rng, ms=lasting_ms: PANEL['hand'].trial(ms, rng), scenes=1)  # type: ignore[misc]
         assert wrong == 0
 
@@ -150,7 +150,7 @@ def test_whoever_registers_ids_reads_them_farther() -> None:
 
 def border_recording(seed: int) -> Recording:
     """Return frames of a weak marker half of which zone 9 sees, and half zone 10."""
-    range_m = 2.45
+    range_m = 2.4
     marker = Marker(
         id=2073,
         position_m=(0.0, range_m * float(GRID.tangents[9, 1]), range_m),
@@ -182,7 +182,8 @@ def test_two_zones_that_share_a_weak_marker_read_it_together() -> None:
             alone[zone] += len(joint().update_all(without(recording, other)))
     assert {detection.id for detection in together} == {2073}
     assert all({9, 10} <= set(detection.zones) for detection in together)
-    assert len(together) >= 1.5 * max(alone.values())
+    assert len(together) >= 10
+    assert len(together) > max(alone.values()) > 0
 
 
 # No marker
@@ -190,16 +191,18 @@ def test_two_zones_that_share_a_weak_marker_read_it_together() -> None:
 
 def test_white_noise_is_no_marker() -> None:
     detector = joint()
-    assert [d.id for block in wall_blocks(180, np.random.default_rng(0)) for d in
-            detector.update_all(block)] == []
+    for block in wall_blocks(180, np.random.default_rng(0)):
+        assert detector.update_all(block) == []
 
 
-def test_a_budget_of_false_ids_is_kept_within_a_factor_of_three() -> None:
-    detector = joint(false_ids_per_hour=1000)
-    blocks = wall_blocks(72, np.random.default_rng(0))
-    events = sum(len(detector.update_all(block)) for block in blocks)
-    # Twenty are allowed: a third of that less, or thrice it more, three standard deviations.
-    assert 1 <= events <= 90
+def test_a_budget_of_false_ids_is_neither_exceeded_nor_left_unused() -> None:
+    events = 0
+    for seed in range(3):
+        detector = joint(false_ids_per_hour=1000)
+        for block in wall_blocks(72, np.random.default_rng(seed)):
+            events += len(detector.update_all(block))
+    # Sixty are allowed. From a fifth to thrice that, and what Poisson adds in one of 1000 cases.
+    assert 3 <= events <= 225
 
 
 def test_moving_hands_are_no_markers() -> None:
@@ -212,25 +215,26 @@ def test_moving_hands_are_no_markers() -> None:
 # Memory
 
 
-def test_a_detector_does_not_grow() -> None:
-    def size(thing: object, seen: set[int]) -> int:
-        """Return the bytes of all arrays, and the number of all items, that a thing holds."""
-        if id(thing) in seen:
-            return 0
-        seen.add(id(thing))
-        if isinstance(thing, np.ndarray):
-            return thing.nbytes
-        if isinstance(thing, dict):
-            return len(thing) + sum(size(value, seen) for value in thing.values())
-        if isinstance(thing, list | tuple | set):
-            return len(thing) + sum(size(item, seen) for item in thing)
-        return size(vars(thing), seen) if hasattr(thing, '__dict__') else 0
+def held_bytes(thing: object, seen: set[int]) -> int:
+    """Return the bytes of all arrays that a thing holds."""
+    if id(thing) in seen:
+        return 0
+    seen.add(id(thing))
+    if isinstance(thing, np.ndarray):
+        return thing.nbytes
+    if isinstance(thing, dict):
+        thing = list(thing.values())
+    if isinstance(thing, list | tuple):
+        return sum(held_bytes(item, seen) for item in thing)
+    return held_bytes(vars(thing), seen) if hasattr(thing, '__dict__') else 0
 
+
+def test_a_detector_does_not_grow() -> None:
     detector = joint()
     sizes = []
-    for block in wall_blocks(5 * 4096 * SENSOR.period_s, np.random.default_rng(0)):
+    for block in wall_blocks(20_480 * SENSOR.period_s, np.random.default_rng(0)):
         detector.update_all(block)
-        sizes.append(size(detector, set()))
+        sizes.append(held_bytes(detector, set()))
     assert len(sizes) >= 5
-    assert sizes[0] > 100_000
-    assert sizes[-1] == sizes[1]
+    assert sizes[1] > 1_000_000
+    assert sizes[1:] == [sizes[1]] * (len(sizes) - 1)

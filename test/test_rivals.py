@@ -29,6 +29,7 @@ def window_of(bits: NDArray[np.uint8], first: int, *, repeats: bool) -> Window:
         first=first,
         repeats=repeats,
         packets=1,
+        presence=np.ones(PACKET_BITS),
     )
 
 
@@ -44,17 +45,18 @@ def test_the_beginning_of_a_lone_packet_is_no_other_packet_that_repeats(rivals: 
     shifted = np.stack([np.roll(packets, first, axis=1) for first in range(PACKET_BITS)])
     signs = (1 - 2 * shifted.reshape(-1, PACKET_BITS).astype(np.float32)).T
     near = 0
-    for identity in np.random.default_rng(0).choice(ids, 300, replace=False).tolist():
-        bits = beginning(identity)
+    chosen = np.random.default_rng(0).choice(ids, 400, replace=False)
+    windows = np.array([beginning(identity) for identity in chosen.tolist()])
+    for row, bits in enumerate(windows):
         differing = (PACKET_BITS - (1 - 2 * bits.astype(np.float32)) @ signs) / 2
         for place in np.flatnonzero(differing <= 2).tolist():
             first, column = divmod(place, len(ids))
-            if ids[column] == identity:
+            if ids[column] == chosen[row]:
                 continue
             near += 1
             margin = rivals.margin(window_of(bits, first, repeats=True), int(ids[column]))
             assert margin is None or margin < LEAST_LEAD
-    assert near >= 20
+    assert near >= 10
 
 
 def test_the_beginning_of_a_lone_packet_is_not_its_whole_that_repeats(rivals: Rivals) -> None:

@@ -85,7 +85,8 @@ def boxes(bits: Floats, phase: float, *, repeats: bool) -> Floats:
         seen = np.roll(np.concatenate([dark, dark]), late)[: (PACKET_SAMPLES + 1) * fine]
     else:
         seen = np.concatenate([np.zeros(late), dark, np.zeros(fine - late)])
-    return seen.reshape(PACKET_SAMPLES + 1, fine).mean(axis=1)
+    shares: Floats = seen.reshape(PACKET_SAMPLES + 1, fine).mean(axis=1)
+    return shares
 
 
 @pytest.mark.parametrize('phase', PHASES)

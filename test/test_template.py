@@ -80,6 +80,5 @@ def test_derivatives_are_differences(repeats: bool, by: str, rng: np.random.Gene
     difference = (mean(step_s) - mean(-step_s)) / (2 * step_s)
     assert np.abs(derivative).max() > 1 / EXPOSURE_S * 0.9
     error = np.abs(derivative - difference) / np.abs(derivative).max()
-    # Near an edge of a bit the transmission bends within the step.
-    assert np.quantile(error, 0.99) < 1e-5
-    assert error.max() < 1e-3
+    # That by the bit period lets the liquid crystal's response stretch along with the bits.
+    assert error.max() < (1e-5 if by == 'start' else 3e-3)

@@ -12,7 +12,7 @@ import numpy as np
 
 from retrolidar_ros.code import PACKET_BITS, packet
 from retrolidar_ros.detector.candidates import Candidates
-from retrolidar_ros.detector.coherence import coherent, hard_errors
+from retrolidar_ros.detector.coherence import coherent, hard_errors, longest_erasure
 from retrolidar_ros.detector.evidence import (
     NoiseLaw,
     correlation_threshold,
@@ -31,6 +31,8 @@ from retrolidar_ros.frame import Floats, ZoneGrid
 _LEAST_COMPANION_NATS = 4.5
 # Share of a packet's changes between bright and dark that must not be erased.
 _LEAST_CHANGES = 0.6
+# Bits in a row that may be erased: with more, words that differ there only are hard to tell.
+_MOST_ERASED_BITS = 7
 # Share of what a neighbour sees beyond noise that the packet must explain.
 _LEAST_SHARE = 0.5
 # Most that a packet may leave over, as χ² per degree of freedom.
@@ -177,7 +179,9 @@ class Judge:
         if not coherent(candidate, fit, view):
             return 'incoherent'
         found = nats(np.concatenate([candidate.correlation, candidate.rival]), np.full(2, samples))
-        margin, dark = self._margin(candidate, fit, view)
+        margin, dark, presence = self._margin(candidate, fit, view)
+        if longest_erasure(presence) > _MOST_ERASED_BITS:
+            return 'erased'
         if margin is None:
             return 'incomplete'
         if min(margin, found[0] - found[1]) < self._lead(candidate) - self._lenience:
@@ -286,6 +290,7 @@ class Judge:
             soft = view.soft_bits(edges_s[None])
             level = soft.steady(1)
             window = level.value[0, :, 0]
+        presence = _folded(view.presence(edges_s), 1 if before else packets) / packets
         told = float(level.told[0, 0])
         first = before + round((fit.start_s[0] - begin_s) / fit.bit_s[0]) % PACKET_BITS
         margin = self._rivals.margin(
@@ -297,10 +302,11 @@ class Judge:
                 first=first,
                 repeats=bool(candidate.repeats[0]),
                 packets=packets,
+                presence=presence,
             ),
             int(candidate.ids[0]),
         )
-        return margin, np.roll(row, before - first)
+        return margin, np.roll(row, before - first), presence
 
     def _window_bits(self, candidate: Candidates, fit: Fit, view: View) -> tuple[Floats, SoftBits]:
         """Cut the window, without the silence, into the bits of the fit."""
@@ -314,5 +320,6 @@ class Judge:
 
 
 def _folded(value: Floats, packets: int) -> Floats:
-    folded: Floats = value.reshape(packets, PACKET_BITS).sum(axis=0)
+    """Lay packets on top of each other."""
+    folded: Floats = value.reshape(packets, -1).sum(axis=0)
     return folded

@@ -160,7 +160,9 @@ class Reader:
         """
         self._check(recording.grid)
         step_ns = np.diff(recording.stamp_ns, prepend=np.int64(self._last_ns))
-        new = np.flatnonzero(step_ns != 0) if len(self._window) else np.arange(len(step_ns))
+        changed = step_ns != 0
+        changed[:1] |= not len(self._window)
+        new = np.flatnonzero(changed)
         jumps = np.flatnonzero((step_ns[new] < 0) | (step_ns[new] > self._longest_gap_ns))
         edges = np.union1d(np.concatenate([jumps, [len(new)]]), np.arange(0, len(new), _BLOCK))
         detections = []

@@ -18,6 +18,11 @@ from retrolidar_ros.frame import Floats
 
 # A lone packet may have begun before the window, or end after it, by up to so many bits.
 _MOST_CUT = 16
+# A window is whole if each bit has this share of its samples.
+_WHOLE = 0.9
+_WHOLE_PACKET: Floats = np.ones((1, PACKET_BITS))
+# What is left of a template where bits are erased may correlate so much more than the bound says.
+_ERASED_BOUND = 0.75
 # Nobody asks for a greater lead.
 _ENOUGH_NATS = 15.0
 # A part of a lone packet that explains this share of what a repeating one does is as likely.
@@ -43,6 +48,8 @@ class Window(NamedTuple):
     """Whether the window is any stretch of a repeating packet."""
     packets: int
     """How many it holds; only a single one may be a lone one."""
+    presence: Floats
+    """Share of each bit that was not erased, of the shape of `soft`."""
 
 
 class Rivals:
@@ -83,6 +90,8 @@ class Rivals:
         # What leads by more than anybody asks need not be known exactly.
         enough = max(ours - _ENOUGH_NATS, 0.0)
         least = root * np.sqrt(-np.expm1(-2 * enough / window.samples))
+        if window.presence.min() <= _WHOLE:
+            least *= _ERASED_BOUND
         nearest = least
         if repeating:
             nearest = max(nearest, self._nearest_repeating(window, column, least))
@@ -93,7 +102,38 @@ class Rivals:
     def _own_repeating(self, window: Window, column: int) -> float:
         """Return what the packet explains if it repeats."""
         own = np.roll(window.soft, -window.first)[None]
-        return float(self._bank.correlations(own, window.phase, PACKET_SAMPLES)[0, column])
+        explained = self._bank.correlations(own, window.phase, PACKET_SAMPLES)[0, column]
+        there = np.roll(window.presence, -window.first)[None]
+        return float(
+            explained
+            * self._unerased(there, _WHOLE_PACKET, window, slice(column, column + 1))[0, 0]
+        )
+
+    def _unerased(self, there: Floats, sent: Floats, window: Window, words: slice) -> Floats:
+        """Return what correlations (rows, words) are to be scaled by where bits were erased.
+
+        An erased bit adds nothing to what a packet explains, so it must not count in the energy
+        of its template either, or packets that are bright there would seem the better ones. The
+        samples' own energy was scaled for the mean of all packets, which is undone here.
+
+        Parameters
+        ----------
+        there, sent : array, shape (rows, 31)
+            Share of each bit of a packet that tells, and whether the window holds it.
+        window : Window
+        words : slice
+            Of the bank.
+        """
+        if window.presence.min() > _WHOLE:
+            return np.ones((1, 1), dtype=np.float32)
+        bits = self._bank.bits[words].T.astype(float)
+        total = 2.0 * len(window.presence)
+        told = 2.0 * window.presence.sum()
+        full, left = 2.0 * sent @ bits, 2.0 * there @ bits
+        full = np.maximum(full - full * full / total, 1.0)
+        left = np.maximum(left - left * left / told, 1.0)
+        factor: Floats = np.sqrt(full / left * (told / total)).astype(np.float32)
+        return factor
 
     def _own_lone(self, window: Window, column: int) -> float:
         """Return what the packet explains if it is alone.
@@ -104,6 +144,8 @@ class Rivals:
         lone = self._lone[len(window.soft)]
         explained = lone.rows(window.soft) @ self._bank.bits[column]
         explained = explained * lone.scale[phase_step(window.phase)][:, column]
+        there = lone.rows(window.presence)
+        explained *= self._unerased(there, lone.sent, window, slice(column, column + 1))[:, 0]
         at = lone.first == window.first
         return float((explained if window.repeats else explained[at]).max())
 
@@ -114,6 +156,9 @@ class Rivals:
         if not worth.any():
             return 0.0
         explained = self._bank.correlations(rows[worth], window.phase, PACKET_SAMPLES)
+        explained *= self._unerased(
+            window.presence[SHIFTS][worth], _WHOLE_PACKET, window, slice(None)
+        )
         explained[:, column] = 0.0
         return float(explained.max())
 
@@ -130,6 +175,9 @@ class Rivals:
         explained = rows[worth, len(PREAMBLE) :].astype(np.float32) @ self._words
         explained += head[worth, None].astype(np.float32)
         explained *= lone.scale[step][worth]
+        explained *= self._unerased(
+            lone.rows(window.presence)[worth], lone.sent[worth], window, slice(None)
+        )
         explained[:, column] = 0.0
         return float(explained.max())
 
@@ -146,10 +194,11 @@ class _LonePackets:
         self.first = np.arange(-_MOST_CUT, window_bits - PACKET_BITS + _MOST_CUT + 1)
         position = self.first[:, None] + np.arange(PACKET_BITS)
         sent = (position >= 0) & (position < window_bits)
+        self.sent: Floats = sent.astype(float)
         both = sent & np.roll(sent, -1, axis=1)
         both[:, -1] = False
         bits = bank.bits.astype(float)
-        dark = sent.astype(float) @ bits.T
+        dark = self.sent @ bits.T
         pairs = both.astype(float) @ (bits * np.roll(bits, -1, axis=1)).T
         energy = template_energy(dark, pairs, 2 * window_bits, PHASES[:, None, None])
         # A packet that shows nothing dark in the window explains nothing.

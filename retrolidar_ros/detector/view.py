@@ -95,6 +95,15 @@ class View:
         index, share = self._integral.locate(time_s)
         return self._integral.until(index, share, slice(None)), index + share
 
+    def presence(self, edges_s: Floats) -> Floats:
+        """Return the share of each bit between edges (bits + 1) that tells, shape (bits,).
+
+        Of a view of one zone.
+        """
+        total, position = self.cumulated(edges_s)
+        share: Floats = np.diff(total[:, 2] if total.shape[1] > 2 else position) / 2
+        return share
+
     def soft_bits(self, edges_s: Floats, silent_s: float = 0.0) -> SoftBits:
         """Return the bits between edges (hypotheses, bits + 1) [s], and the silence before."""
         return SoftBits(self._integral, len(self.zones), edges_s, silent_s)
@@ -118,20 +127,21 @@ def _of_one_target(
         return signal, weight, ceiling
     signal, weight = signal.copy(), weight.copy()
     for zone in two:
-        ordered = np.sort(distance[:, zone])
-        ordered = ordered[np.isfinite(ordered)]
+        range_m = distance[:, zone]
+        ordered = np.sort(range_m[np.isfinite(range_m)])
+        with np.errstate(invalid='ignore'):
+            passing = range_m < ordered[len(ordered) // 2] - _GAP_M
+        if 0 < np.count_nonzero(passing) < _HIDING * len(ordered):
+            signal[passing, zone] = 0.0
+            weight[passing, zone] = 0.0
+            ordered = ordered[np.count_nonzero(passing) :]
         gaps = np.diff(ordered)
         widest = int(gaps.argmax())
         if gaps[widest] < _GAP_M:
             continue
-        measured = np.isfinite(distance[:, zone])
         with np.errstate(invalid='ignore'):
-            far = distance[:, zone] > (ordered[widest] + ordered[widest + 1]) / 2
-        near = measured & ~far
-        if np.count_nonzero(near) < _HIDING * len(ordered):
-            signal[near, zone] = 0.0
-            weight[near, zone] = 0.0
-            continue
+            far = range_m > (ordered[widest] + ordered[widest + 1]) / 2
+        near = np.isfinite(range_m) & ~far & (weight[:, zone] > 0)
         other = far if signal[near, zone].mean() >= signal[far, zone].mean() else near
         ceiling[other, zone] = signal[other, zone]
         signal[other, zone] = 0.0

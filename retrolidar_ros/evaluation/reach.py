@@ -28,7 +28,7 @@ _RANGES_M = {
     0.01: (1.0, 1.3, 1.5, 1.6, 1.8, 2.0, 2.1, 2.2),
 }
 _QUICK_RANGES_M = {0.03: (1.0, 2.7, 3.3), 0.01: (1.5,)}
-_SCENES, _QUICK_SCENES = 6, 1
+_SCENES, _QUICK_SCENES = 4, 1
 _STYLES = {1: '-', 3: '--', 8: ':'}
 
 
