@@ -272,8 +272,10 @@ class Judge:
             noise_scale,
         )
 
-    def _margin(self, candidate: Candidates, fit: Fit, view: View) -> tuple[float | None, Floats]:
-        """Return the lead over the nearest rival [nats], and how many hard bits are wrong.
+    def _margin(
+        self, candidate: Candidates, fit: Fit, view: View
+    ) -> tuple[float | None, Floats, Floats]:
+        """Return the lead over the nearest rival [nats], the soft bits and their presence.
 
         No lead where the packet has not ended yet, or has ended before.
         """
