@@ -1,7 +1,6 @@
 # Copyright 2026 retrolidar_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 import inspect
-from collections.abc import Iterator
 from dataclasses import replace
 from typing import cast
 
@@ -22,7 +21,7 @@ from retrolidar_ros.evaluation.link import (
 )
 from retrolidar_ros.evaluation.panels import SLOW_BIT_PERIOD_S, SLOW_SENSOR
 from retrolidar_ros.evaluation.reference import SENSOR, WALL_SIGNAL
-from retrolidar_ros.frame import Frame
+from retrolidar_ros.frame import Recording
 from retrolidar_ros.scene import Simulation
 from retrolidar_ros.scene.description import Surface
 
@@ -91,14 +90,17 @@ class Oracle:
         self._frame = frame
         self._readings = readings
 
-    def update(self, frame: Frame) -> Iterator[Detection]:
-        for identity, zone in self._readings if frame.sequence == self._frame else ():
-            yield cast(Detection, Reading(identity, zone))
+    def update_all(self, recording: Recording) -> list[Detection]:
+        stamp_ns = int(recording.stamp_ns[self._frame])
+        return [
+            cast(Detection, Reading(identity, zone, stamp_ns)) for identity, zone in self._readings
+        ]
 
 
 class Reading:
-    def __init__(self, identity: int, zone: int) -> None:
+    def __init__(self, identity: int, zone: int, stamp_ns: int) -> None:
         self.id = identity
+        self.stamp_ns = stamp_ns
         self.zones = (zone, (zone + 1) % 16)
 
 
