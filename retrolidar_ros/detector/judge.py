@@ -175,6 +175,8 @@ class Judge:
         light = fit.light[0]
         signal = view.signal[:, 0]
         bright, dark = signal[told & (light > 0.5)], signal[told & (light <= 0.5)]
+        if not (len(bright) and len(dark)):
+            return 'no modulation'
         if np.median(bright) - np.median(dark) < _LEAST_STEP * fit.gain[0]:
             return 'no modulation'
         if not coherent(candidate, fit, view):
