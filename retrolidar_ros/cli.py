@@ -15,7 +15,7 @@ os.environ.setdefault('OPENBLAS_NUM_THREADS', '1')
 
 from retrolidar_ros.bag import FRAMES_TOPIC, STORAGES, BagError
 from retrolidar_ros.detector import METHODS
-from retrolidar_ros.scene import SceneError
+from retrolidar_ros.section import ConfigError
 
 
 def _demo(arguments: argparse.Namespace) -> int:
@@ -226,7 +226,7 @@ def main(arguments: list[str] | None = None) -> int:
         # Who read our output wants no more of it; the interpreter must not flush into the pipe.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 0
-    except (BagError, SceneError, OSError, ValueError) as error:
+    except (BagError, ConfigError, OSError, ValueError) as error:
         sys.stdout.flush()
         print(f'retrolidar: {error}', file=sys.stderr)
         return 2

@@ -21,6 +21,8 @@ from numpy.typing import ArrayLike, NDArray
 Floats: TypeAlias = 'NDArray[np.floating[Any]]'
 
 ZONE_SHAPES = ((4, 4), (8, 8))
+SEPARABLE_M = 0.6
+"""Two targets in one zone are told apart from this distance on (ST UM3109); nearer ones merge."""
 _FIELD_OF_VIEW_TANGENT = 4 * 0.21498  # full width, in tangents: 46.5°
 
 

@@ -1,17 +1,21 @@
 # Copyright 2026 retrolidar_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""YAML files to scenes and parameter defaults."""
+"""YAML files to scenes, known markers and parameter defaults."""
 
 from __future__ import annotations
 
-from collections.abc import Hashable
+from collections.abc import Callable, Hashable
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import yaml
 
+from retrolidar_ros.markers import KnownMarker, parse_markers
 from retrolidar_ros.resources import shared_file
-from retrolidar_ros.scene import Scene, SceneError, parse_scene
+from retrolidar_ros.scene import Scene, parse_scene
+from retrolidar_ros.section import ConfigError
+
+T = TypeVar('T')
 
 
 class _UniqueKeyLoader(yaml.SafeLoader):
@@ -74,18 +78,34 @@ def load_scene(name: str) -> Scene:
     ------
     FileNotFoundError
         If there is no such scene.
-    SceneError
+    ConfigError
         If the scene cannot be; the message names the file and the key.
     """
-    path = find_scene(name)
+    return _parsed(find_scene(name), parse_scene)
+
+
+def load_markers(path: Path) -> dict[int, KnownMarker]:
+    """Return the markers that a marker file names, by their IDs.
+
+    Raises
+    ------
+    OSError
+        If it cannot be read.
+    ConfigError
+        If a marker cannot be, or stands there twice; the message names the file and the key.
+    """
+    return _parsed(path, parse_markers)
+
+
+def _parsed(path: Path, parse: Callable[[Any], T]) -> T:
     try:
         content = load_yaml(path)
     except ValueError as error:
-        raise SceneError(str(error)) from error
+        raise ConfigError(str(error)) from error
     try:
-        return parse_scene(content)
-    except SceneError as error:
-        raise SceneError(f'{path}: {error}') from error
+        return parse(content)
+    except ConfigError as error:
+        raise ConfigError(f'{path}: {error}') from error
 
 
 def load_parameter_defaults(path: Path, kind: str) -> dict[str, Any]:

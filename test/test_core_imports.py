@@ -16,6 +16,8 @@ CORE = [
     'clock.py',
     'liquid_crystal.py',
     'dictionary.py',
+    'markers.py',
+    'section.py',
     'detector',
     'scene',
 ]

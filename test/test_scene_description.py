@@ -13,8 +13,8 @@ from hypothesis import HealthCheck, assume, given, settings
 from hypothesis import strategies as st
 
 from retrolidar_ros.frame import ZoneGrid
-from retrolidar_ros.scene import Scene, SceneError, Simulation, parse_scene
-from retrolidar_ros.scene.section import UNITS, quantity
+from retrolidar_ros.scene import ConfigError, Scene, Simulation, parse_scene
+from retrolidar_ros.section import UNITS, quantity
 from retrolidar_ros.wire import encode_frame
 
 # Every key there is, none at its default.
@@ -135,7 +135,7 @@ def outcome(content: Any) -> Scene | str:
     """Return the scene, or the message of its refusal."""
     try:
         return parse_scene(content)
-    except SceneError as error:
+    except ConfigError as error:
         return str(error)
 
 
@@ -380,7 +380,7 @@ def test_forms_of_a_quantity(text: str, seconds: float) -> None:
     'text', ['ms', '1,5 ms', '0x10 ms', '1 m s', 'nan s', 'inf s', '- 5 ms', '.']
 )
 def test_what_is_no_quantity(text: str) -> None:
-    with pytest.raises(SceneError, match=r'^key: .*s or ms or us'):
+    with pytest.raises(ConfigError, match=r'^key: .*s or ms or us'):
         quantity('time')(text, 'key')
 
 
@@ -391,7 +391,7 @@ def test_units_scale(kind_and_unit: tuple[str, str], data: st.DataObject) -> Non
     assert quantity(kind)(f'{number!r} {unit}', 'key') == number * UNITS[kind][unit]
 
 
-# Refusals are SceneErrors, and what is accepted can be simulated
+# Refusals are ConfigErrors, and what is accepted can be simulated
 
 NUMBERS = st.one_of(
     st.integers(-3, 70), st.floats(), st.sampled_from([0.0, 1e-3, 1e9, 1e-300, 1e300, 4096])

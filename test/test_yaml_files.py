@@ -12,7 +12,7 @@ from retrolidar_ros.code import RESERVED_IDS
 from retrolidar_ros.detector import METHODS, create_detector
 from retrolidar_ros.detector.evidence import NoiseLaw
 from retrolidar_ros.resources import shared_file
-from retrolidar_ros.scene import Scene, SceneError, Simulation
+from retrolidar_ros.scene import ConfigError, Scene, Simulation
 from retrolidar_ros.yaml_files import find_scene, load_parameter_defaults, load_scene, load_yaml
 
 SHIPPED = sorted(path.stem for path in shared_file('config/scenes').glob('*.yaml'))
@@ -74,13 +74,13 @@ def test_a_missing_scene_lists_those_that_ship(name: str) -> None:
 
 def test_an_empty_file_is_no_scene(file: Path) -> None:
     file.write_text('')
-    with pytest.raises(SceneError, match=f'^{file}: scene: needs keys with values, not None$'):
+    with pytest.raises(ConfigError, match=f'^{file}: scene: needs keys with values, not None$'):
         load_scene(str(file))
 
 
 def test_a_scene_error_names_file_and_key(file: Path) -> None:
     file.write_text('sensor: {period: 21}')
-    with pytest.raises(SceneError, match=f'^{file}: sensor.period: 21 has no unit; write 21 s$'):
+    with pytest.raises(ConfigError, match=f'^{file}: sensor.period: 21 has no unit; write 21 s$'):
         load_scene(str(file))
 
 
@@ -101,7 +101,7 @@ def test_a_key_that_stands_twice_is_refused_with_its_line(
         load_yaml(file)
     assert f'line {line}, ' in str(caught.value)
     assert str(caught.value).startswith(f'{file} is not a YAML file: ')
-    with pytest.raises(SceneError, match=f'^{file} is not a YAML file: '):
+    with pytest.raises(ConfigError, match=f'^{file} is not a YAML file: '):
         load_scene(str(file))
 
 
@@ -141,7 +141,7 @@ def test_what_is_no_yaml_is_a_value_error_with_the_file(file: Path, text: str) -
     file.write_text(text)
     with pytest.raises(ValueError, match=f'^{file} is not a YAML file: '):
         load_yaml(file)
-    with pytest.raises(SceneError, match=f'^{file} is not a YAML file: '):
+    with pytest.raises(ConfigError, match=f'^{file} is not a YAML file: '):
         load_scene(str(file))
 
 
@@ -162,7 +162,7 @@ def test_any_text_is_content_or_a_value_error(file: Path, text: str) -> None:
     file.write_text(text, encoding='utf-8')
     with suppress(ValueError):
         load_yaml(file)
-    with pytest.raises(SceneError, match=f'^{file}'):
+    with pytest.raises(ConfigError, match=f'^{file}'):
         load_scene(str(file))
 
 

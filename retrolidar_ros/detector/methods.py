@@ -5,6 +5,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 
 from numpy.typing import ArrayLike
 
@@ -33,6 +34,7 @@ def create_detector(
     max_packets: int = 8,
     registered_ids: ArrayLike | None = None,
     noise: NoiseLaw | None = None,
+    marker_sizes_m: Mapping[int, float] | None = None,
 ) -> Detector:
     """Return a new detector.
 
@@ -54,6 +56,8 @@ def create_detector(
         The only IDs that may come; the fewer, the farther they are read (all but `paper`).
     noise : NoiseLaw, optional
         Of the sensor; that of a VL53L8CX unless given (all but `paper`).
+    marker_sizes_m : mapping, optional
+        Edges of markers by their IDs [m], where they are not the usual 3 cm (all but `paper`).
 
     Raises
     ------
@@ -90,4 +94,5 @@ def create_detector(
         max_packets=max_packets,
         any_start=joint,
         noise=noise,
+        sizes_m=marker_sizes_m,
     )

@@ -44,9 +44,10 @@ from numpy.typing import NDArray
 
 from retrolidar_ros.code import BIT_PERIOD_S, PREAMBLE, RESERVED_IDS, decode
 from retrolidar_ros.detector.baseline import silent_level
+from retrolidar_ros.detector.bearing import zone_bearing
 from retrolidar_ros.detector.demodulation import PACKET_SAMPLES, fit_packets, threshold_bits
 from retrolidar_ros.detector.detection import Detection, DetectorCounts
-from retrolidar_ros.detector.place import place_in_zone
+from retrolidar_ros.detector.place import place
 from retrolidar_ros.detector.preamble import PREAMBLE_SAMPLES, SAMPLES_PER_BIT, fit_preamble
 from retrolidar_ros.detector.samples import SampleRing
 from retrolidar_ros.frame import Frame, Recording, ZoneGrid
@@ -163,7 +164,8 @@ class PaperDetector:
             fit = fit_packets(signal[:, read], ids[read])
             order = np.argsort(-np.abs(fit.amplitude), kind='stable')
             best = order[0]
-            distance = self._ring.distance(PACKET_SAMPLES)[:, zones[read[best]]]
+            zone = int(zones[read[best]])
+            distance = self._ring.distance(PACKET_SAMPLES)[:, zone]
             measured = distance[np.isfinite(distance)]
             if len(measured) < _LEAST_DISTANCES:
                 self.counts.rejected['distance'] += len(read)
@@ -172,20 +174,20 @@ class PaperDetector:
             if self._is_known(identity, start_ns):
                 continue
             deviation = np.hypot(measured.std(ddof=1), _RESOLUTION_M) / np.sqrt(len(measured))
+            per_depth = 1 / float(self._grid.z_per_range[zone])
             detections.append(
                 Detection(
                     id=identity,
                     stamp_ns=stamp_ns,
                     start_ns=start_ns,
-                    place=place_in_zone(
-                        int(zones[read[best]]),
-                        float(measured.mean()),
-                        float(deviation),
-                        self._grid,
+                    place=place(
+                        zone_bearing(zone, self._grid),
+                        float(measured.mean()) * per_depth,
+                        float(deviation) * per_depth,
                     ),
                     snr_db=float(fit.snr_db[best]),
                     score=float(max(fit.score[best], 0.0)),
-                    likelihood=float(self._likelihood[zones[read[best]]]),
+                    likelihood=float(self._likelihood[zone]),
                     corrected_bits=int(corrected_bits[read[best]]),
                     packets=1,
                     zones=tuple(zones[read[order]].tolist()),

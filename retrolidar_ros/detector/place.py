@@ -1,6 +1,6 @@
 # Copyright 2026 retrolidar_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""Where a marker is: from a zone's direction and its distance to a pose with covariance."""
+"""Where a marker is: from its bearing and its range to a pose with covariance."""
 
 from __future__ import annotations
 
@@ -9,7 +9,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from retrolidar_ros.frame import Floats, ZoneGrid
+from retrolidar_ros.detector.bearing import Bearing
+from retrolidar_ros.frame import Floats
 
 # Yaw and pitch of a marker cannot be seen, but beyond 60° it cannot be read (paper Fig. 11b);
 # its roll can be anything. Variances of the uniform distributions [rad²].
@@ -40,43 +41,35 @@ def facing_sensor(direction: Floats) -> Floats:
     return unit
 
 
-def place_in_zone(zone: int, distance_m: float, stddev_m: float, grid: ZoneGrid) -> Place:
-    """Place a marker that one zone saw: it is anywhere in the zone, at the measured range.
+def place(bearing: Bearing, range_m: float, range_stddev_m: float) -> Place:
+    """Place a marker, with the variance of what is not known of it.
 
     Parameters
     ----------
-    zone : int
-        Index of the zone.
-    distance_m : float
-        As the sensor reports it, along the optical axis [m].
-    stddev_m : float
-        Standard deviation of that distance [m].
-    grid : ZoneGrid
-        The zones.
-
-    Returns
-    -------
-    Place
-        At the zone's centre, with the variance of a uniform distribution over the zone.
+    bearing : Bearing
+        Which way it is.
+    range_m, range_stddev_m : float
+        How far it is, radially, and the standard deviation of that [m].
     """
-    # Undo the sensor's own projection, whose factor is that of the zone and not of the target.
-    range_m = distance_m / grid.z_per_range[zone]
-    range_stddev_m = stddev_m / grid.z_per_range[zone]
-    direction = grid.directions[zone]
-    secant = 1 / direction[2]
+    ray = np.append(bearing.tangent, 1.0)
+    secant = float(np.linalg.norm(ray))
+    direction = ray / secant
     # Derivative of the unit vector with respect to the tangents, shape (3, 2).
     per_tangent = (np.eye(3)[:, :2] - np.outer(direction, direction[:2])) / secant
-    across = range_m**2 * grid.pitch**2 / 12 * per_tangent @ per_tangent.T
-    along = range_stddev_m**2 * np.outer(direction, direction)
     line_of_sight = np.outer(direction, direction)
     turning = _TILT_VARIANCE * (np.eye(3) - line_of_sight) + _ROLL_VARIANCE * line_of_sight
+    across = (per_tangent * bearing.variance) @ per_tangent.T
+    # Whatever the bearing, the marker is on a sphere, which bends away from the plane across: by
+    # half the square of the angle, whose own mean square is this of a normal distribution.
+    bend = (np.trace(across) ** 2 + 2 * np.trace(across @ across)) / 4
+    along = range_stddev_m**2 + range_m**2 * bend
     covariance = np.zeros((6, 6))
-    covariance[:3, :3] = across + along
+    covariance[:3, :3] = range_m**2 * across + along * line_of_sight
     covariance[3:, 3:] = turning
     return Place(
         position_m=range_m * direction,
         orientation=facing_sensor(direction),
         covariance=covariance,
-        range_m=float(range_m),
-        range_stddev_m=float(range_stddev_m),
+        range_m=range_m,
+        range_stddev_m=range_stddev_m,
     )

@@ -18,6 +18,7 @@ from __future__ import annotations
 
 import itertools
 import math
+from collections.abc import Mapping
 
 import numpy as np
 from numpy.typing import NDArray
@@ -36,6 +37,7 @@ from retrolidar_ros.detector.view import View
 from retrolidar_ros.detector.window import Samples, SampleWindow
 from retrolidar_ros.detector.words import WordBank
 from retrolidar_ros.frame import Floats, Frame, Recording, ZoneGrid
+from retrolidar_ros.markers import MARKER_SIZE_M
 
 # What 62 samples must deviate more than the noise law, to be looked at.
 _LEAST_VARIANCE = 1.3
@@ -71,6 +73,7 @@ class Reader:
         max_packets: int = 1,
         any_start: bool = False,
         noise: NoiseLaw | None = None,
+        sizes_m: Mapping[int, float] | None = None,
     ) -> None:
         """Prepare for frames of `grid`.
 
@@ -91,7 +94,10 @@ class Reader:
             Whether a repeating marker is read from any 31 bits.
         noise : NoiseLaw, optional
             Of the sensor.
+        sizes_m : mapping, optional
+            Edges of markers by their IDs [m], where they are not of the usual size.
         """
+        self._sizes_m = {} if sizes_m is None else sizes_m
         self.counts = DetectorCounts()
         self._grid = grid
         self._bit_s = bit_period_s
@@ -374,7 +380,13 @@ class Reader:
         if abs(start_s - self._last_start_s.get(identity, -np.inf)) < half_packet_s:
             return None
         samples = self._window.last(len(reading.fit.light[0]))
-        detection = detection_of(reading, samples, self._window.origin_ns, self._grid)
+        detection = detection_of(
+            reading,
+            samples,
+            self._window.origin_ns,
+            self._grid,
+            self._sizes_m.get(identity, MARKER_SIZE_M),
+        )
         if detection is None:
             self.counts.rejected['distance'] += 1
         else:

@@ -33,6 +33,10 @@ class Samples(NamedTuple):
     end_s: Floats
     """When it ended; exposures never overlap [s], shape (samples,)."""
 
+    def at(self, rows: NDArray[np.bool_]) -> Samples:
+        """Return some of the samples."""
+        return Samples(*(values[rows] for values in self))
+
 
 class SampleWindow:
     """The newest samples of all zones; older ones are forgotten.

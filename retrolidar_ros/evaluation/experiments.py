@@ -15,6 +15,7 @@ import numpy as np
 
 from retrolidar_ros.evaluation import (
     bound,
+    place,
     reach,
     reading,
     roc,
@@ -41,6 +42,7 @@ EXPERIMENTS: dict[str, Experiment] = {
     'reading': reading,
     'reach': reach,
     'bound': bound,
+    'place': place,
     'stability': stability,
     'speed-accuracy': speed_accuracy,
     'roc': roc,

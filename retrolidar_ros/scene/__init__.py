@@ -7,7 +7,7 @@ through, `optics` how much of it reaches which zone, `noise` what the sensor add
 `simulation` what the sensor reports.
 """
 
-from retrolidar_ros.scene.description import Scene, SceneError, parse_scene
+from retrolidar_ros.scene.description import Scene, parse_scene
 from retrolidar_ros.scene.simulation import Simulation
 
-__all__ = ['Scene', 'SceneError', 'Simulation', 'parse_scene']
+__all__ = ['Scene', 'Simulation', 'parse_scene']

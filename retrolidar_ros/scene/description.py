@@ -11,7 +11,8 @@ from typing import Any
 from retrolidar_ros.code import BIT_PERIOD_S, IDS
 from retrolidar_ros.frame import ZONE_SHAPES, ZoneGrid
 from retrolidar_ros.liquid_crystal import Response
-from retrolidar_ros.scene.section import SceneError, Section, integer, items, quantity, text
+from retrolidar_ros.markers import MARKER_SIZE_M
+from retrolidar_ros.section import ConfigError, Section, integer, items, quantity, text
 
 __all__ = [
     'Marker',
@@ -20,7 +21,6 @@ __all__ = [
     'Ranging',
     'Response',
     'Scene',
-    'SceneError',
     'Sensor',
     'Surface',
     'Wander',
@@ -101,7 +101,7 @@ class Marker:
     position_m: tuple[float, float, float]
     """In the optical frame: x right, y down, z forward."""
     name: str
-    size_m: float = 0.03
+    size_m: float = MARKER_SIZE_M
     """Edge of the square retroreflector."""
     yaw_rad: float = 0.0
     bit_period_s: float = BIT_PERIOD_S
@@ -145,7 +145,7 @@ class Scene:
 def _grid(value: Any, path: str) -> ZoneGrid:
     shapes = {f'{rows}x{columns}': ZoneGrid(rows, columns) for rows, columns in ZONE_SHAPES}
     if not isinstance(value, str) or value not in shapes:
-        raise SceneError(f'{path}: {value!r} is not {" or ".join(shapes)}')
+        raise ConfigError(f'{path}: {value!r} is not {" or ".join(shapes)}')
     return shapes[value]
 
 
@@ -188,17 +188,17 @@ def _sensor(value: Any, path: str) -> Sensor:
     )
     section.end()
     if sensor.jitter_s * 4 >= sensor.period_s * (1 + sensor.period_error):
-        raise SceneError(f'{path}.jitter: frames would overtake each other; less than period / 4')
+        raise ConfigError(f'{path}.jitter: frames would overtake each other; less than period / 4')
     return sensor
 
 
 def _position(value: Any, path: str) -> tuple[float, float, float]:
     parts = items(value, path)
     if len(parts) != 3:
-        raise SceneError(f'{path}: needs x, y and z, not {len(parts)} values')
+        raise ConfigError(f'{path}: needs x, y and z, not {len(parts)} values')
     x, y, z = (quantity('length')(*part) for part in parts)
     if z < _NEAREST_M:
-        raise SceneError(f'{path}: z of {z:g} m is impossible; at least {_NEAREST_M:g} m')
+        raise ConfigError(f'{path}: z of {z:g} m is impossible; at least {_NEAREST_M:g} m')
     return x, y, z
 
 
@@ -229,7 +229,7 @@ def _occlusion(value: Any, path: str) -> Occlusion:
     )
     section.end()
     if occlusion.lasting_s >= occlusion.every_s:
-        raise SceneError(f'{path}.lasting: the marker would never be seen; less than every')
+        raise ConfigError(f'{path}.lasting: the marker would never be seen; less than every')
     return occlusion
 
 
@@ -253,11 +253,11 @@ def _marker(value: Any, path: str) -> Marker:
     )
     section.end()
     if marker.wander and marker.position_m[2] - marker.wander.along_m < _NEAREST_M:
-        raise SceneError(f'{path}.wander.along: the marker would reach the sensor')
+        raise ConfigError(f'{path}.wander.along: the marker would reach the sensor')
     if marker.response:
         slowest_s = max(marker.response.dark_s, marker.response.bright_s)
         if slowest_s > marker.bit_period_s / 2:
-            raise SceneError(f'{path}.response: too slow to follow the bits; at most half a bit')
+            raise ConfigError(f'{path}.response: too slow to follow the bits; at most half a bit')
     return marker
 
 
@@ -282,7 +282,7 @@ def parse_scene(content: object) -> Scene:
 
     Raises
     ------
-    SceneError
+    ConfigError
         For an unknown key, a missing unit or an impossible value; it names the key.
     """
     section = Section(content)

@@ -26,7 +26,7 @@ _LARGEST = 1e9  # of any quantity, in the code's own unit: what is computed from
 _QUANTITY = re.compile(r'\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*(\S.*?)?\s*')
 
 
-class SceneError(ValueError):
+class ConfigError(ValueError):
     """A scene that cannot be; the message names the key and what to write instead."""
 
 
@@ -36,7 +36,7 @@ class Section:
     def __init__(self, content: object, path: str = '') -> None:
         """Wrap `content`, found under the dotted `path`."""
         if not isinstance(content, Mapping):
-            raise SceneError(f'{path or "scene"}: needs keys with values, not {content!r}')
+            raise ConfigError(f'{path or "scene"}: needs keys with values, not {content!r}')
         self._content = dict(content)
         self._path = path
         self._taken: list[str] = []
@@ -55,16 +55,16 @@ class Section:
     def need(self, key: str, parse: Callable[[Any, str], T]) -> T:
         """Return the parsed value of a key that must be there."""
         if key not in self._content:
-            raise SceneError(f'{self.path(key)}: is missing')
+            raise ConfigError(f'{self.path(key)}: is missing')
         self._taken.append(key)
         return parse(self._content.pop(key), self.path(key))
 
     def end(self) -> None:
-        """Raise SceneError for the first key that nobody took."""
+        """Raise ConfigError for the first key that nobody took."""
         for key in self._content:
             near = get_close_matches(str(key), self._taken, n=1)
             hint = f'did you mean {near[0]}?' if near else 'known are ' + ', '.join(self._taken)
-            raise SceneError(f'{self.path(str(key))}: unknown key; {hint}')
+            raise ConfigError(f'{self.path(str(key))}: unknown key; {hint}')
 
 
 def quantity(
@@ -77,16 +77,16 @@ def quantity(
         known = ' or '.join(units)
         match = _QUANTITY.fullmatch(str(value))
         if match is None:
-            raise SceneError(f'{path}: {value!r} is not a number with a unit ({known})')
+            raise ConfigError(f'{path}: {value!r} is not a number with a unit ({known})')
         number, unit = match.groups()
         if unit is None:
-            raise SceneError(f'{path}: {value!r} has no unit; write {number} {next(iter(units))}')
+            raise ConfigError(f'{path}: {value!r} has no unit; write {number} {next(iter(units))}')
         if unit not in units:
-            raise SceneError(f'{path}: {value!r} is in {unit}; it needs {known}')
+            raise ConfigError(f'{path}: {value!r} is in {unit}; it needs {known}')
         size = float(number) * units[unit]
         if not minimum <= size <= maximum:
             limit, word = (minimum, 'least') if size < minimum else (maximum, 'most')
-            raise SceneError(f'{path}: {value!r} is impossible; at {word} {limit / units[unit]:g}')
+            raise ConfigError(f'{path}: {value!r} is impossible; at {word} {limit / units[unit]:g}')
         return size
 
     return parse
@@ -97,9 +97,9 @@ def integer(minimum: int, maximum: int) -> Callable[[Any, str], int]:
 
     def parse(value: Any, path: str) -> int:
         if isinstance(value, bool) or not isinstance(value, int):
-            raise SceneError(f'{path}: {value!r} is not a whole number')
+            raise ConfigError(f'{path}: {value!r} is not a whole number')
         if not minimum <= value <= maximum:
-            raise SceneError(f'{path}: {value} is impossible; {minimum} to {maximum}')
+            raise ConfigError(f'{path}: {value} is impossible; {minimum} to {maximum}')
         return value
 
     return parse
@@ -108,12 +108,12 @@ def integer(minimum: int, maximum: int) -> Callable[[Any, str], int]:
 def text(value: Any, path: str) -> str:
     """Parse a non-empty string."""
     if not isinstance(value, str) or not value:
-        raise SceneError(f'{path}: {value!r} is not a text')
+        raise ConfigError(f'{path}: {value!r} is not a text')
     return value
 
 
 def items(value: Any, path: str) -> list[tuple[Any, str]]:
     """Parse a list into its items, each with its own path."""
     if not isinstance(value, list):
-        raise SceneError(f'{path}: needs a list, not {value!r}')
+        raise ConfigError(f'{path}: needs a list, not {value!r}')
     return [(item, f'{path}[{index}]') for index, item in enumerate(value)]

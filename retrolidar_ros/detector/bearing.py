@@ -1,0 +1,148 @@
+# Copyright 2026 retrolidar_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""Which way a marker is: below a zone, from how its light is shared with the zones around.
+
+Only what blinks as the marker does counts, so the background cancels. A marker's spot is mostly
+smaller than a zone, and then the zones say much near their edges and little in their middle. So
+the answer is the mean and the variance of all bearings that agree with the shares: a marker that
+one zone sees alone is anywhere in it but near those edges where a neighbour would have seen it.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from retrolidar_ros.frame import Floats, ZoneGrid
+
+# How far the optics may blur a spot, as standard deviations in widths of a zone: it differs from
+# lens to lens, with the sharpener's setting, and a marker on the move smears its own spot.
+_BLURS = np.array([0.03, 0.05, 0.08, 0.12, 0.18, 0.25, 0.35])
+# Bearings tried across the strongest zone and a bit beyond, in widths of a zone; denser near its
+# edges, where the shares of two zones tell them apart.
+_PLACES = np.concatenate(
+    [
+        np.linspace(-0.7, -0.6, 5, endpoint=False),
+        np.linspace(-0.6, -0.4, 50, endpoint=False),
+        np.linspace(-0.4, 0.4, 40, endpoint=False),
+        np.linspace(0.4, 0.6, 50, endpoint=False),
+        np.linspace(0.6, 0.7, 6),
+    ]
+)
+_PRIOR = np.gradient(_PLACES)
+# Share of the light by which a zone may miss what the model says.
+_MODEL_ERROR = 0.02
+
+# The integral of the cumulative normal distribution, less that of the unit step.
+_SCORES = np.linspace(-5.0, 5.0, 1001)
+_RAMP_EXCESS = np.array(
+    [
+        math.exp(-score * score / 2) / math.sqrt(2 * math.pi)
+        - abs(score) * math.erfc(abs(score) / math.sqrt(2)) / 2
+        for score in _SCORES.tolist()
+    ]
+)
+
+
+class Bearing(NamedTuple):
+    """A direction as tangents to the optical axis, x/z and y/z."""
+
+    tangent: Floats
+    """Shape (2,)."""
+    variance: Floats
+    """Of each tangent, shape (2,)."""
+
+
+def zone_bearing(zone: int, grid: ZoneGrid) -> Bearing:
+    """Return the bearing of a marker that may be anywhere in a zone."""
+    return Bearing(grid.tangents[zone], np.full(2, grid.pitch**2 / 12))
+
+
+def shared_bearing(
+    zone: int, amplitude: Floats, variance: Floats, spot: float, grid: ZoneGrid
+) -> Bearing:
+    """Return the bearing of a marker from its share in every zone.
+
+    Parameters
+    ----------
+    zone : int
+        The one that sees it best.
+    amplitude, variance : array, shape (zones,)
+        How strongly each zone blinks as the marker does [kcps/SPAD], and how well that is known
+        [(kcps/SPAD)²].
+    spot : float
+        Width of the marker, as a tangent.
+    grid : ZoneGrid
+        The zones.
+    """
+    row, column = divmod(zone, grid.columns)
+    rows = slice(max(row - 1, 0), row + 2)
+    columns = slice(max(column - 1, 0), column + 2)
+    shape = (grid.rows, grid.columns)
+    light = amplitude.reshape(shape)
+    doubt = variance.reshape(shape) + (_MODEL_ERROR * amplitude[zone]) ** 2
+    width = spot / grid.pitch
+    # Neighbours across and down say it all, as the shares of others are products of theirs.
+    across, across_belief = _belief(
+        light[row, columns], doubt[row, columns], columns, column, width
+    )
+    down, down_belief = _belief(light[rows, column], doubt[rows, column], rows, row, width)
+    # The less blur, the less room for a bearing between zones: without this, a marker that is
+    # there would be proof of a large one.
+    blur = across_belief * down_belief / np.sqrt(_BLURS)
+    blur /= blur.sum()
+    mean = np.empty(2)
+    spread = np.empty(2)
+    for axis, belief in enumerate((across, down)):
+        chance = blur @ belief
+        mean[axis] = chance @ _PLACES
+        spread[axis] = chance @ (_PLACES - mean[axis]) ** 2
+    return Bearing(grid.tangents[zone] + grid.pitch * mean, grid.pitch**2 * spread)
+
+
+def _belief(
+    light: Floats, doubt: Floats, steps: slice, centre: int, width: float
+) -> tuple[Floats, Floats]:
+    """Return how likely each place along one axis is, given each blur, and each blur by itself.
+
+    Parameters
+    ----------
+    light, doubt : array, shape (n,)
+        Light in the rows or columns `steps` of the grid, and its variance.
+    steps : slice
+        Which rows or columns those are.
+    centre : int
+        The one of the strongest zone.
+    width : float
+        Of the marker, in widths of a zone.
+
+    Returns
+    -------
+    belief : array, shape (blurs, places)
+        Each row sums to 1.
+    likelihood : array, shape (blurs,)
+        Up to a factor.
+    """
+    edges = np.arange(steps.start, steps.start + len(light) + 1) - centre - 0.5
+    beyond = edges - _PLACES[:, None]
+    below = (_ramp(beyond + width / 2) - _ramp(beyond - width / 2)) / width
+    share = np.diff(below, axis=-1)
+    # The strength that fits best is taken for each place: shape (blurs, places).
+    common = share @ (light / doubt)
+    energy = (share * share) @ (1 / doubt)
+    fitness = np.maximum(common, 0.0) ** 2 / np.maximum(energy, 1e-30) / 2
+    likelihood = _PRIOR * np.exp(fitness - fitness.max())
+    total = likelihood.sum(axis=1)
+    belief: Floats = likelihood / np.maximum(total, 1e-300)[:, None]
+    return belief, total
+
+
+def _ramp(distance: Floats) -> Floats:
+    """Integrate the blurred unit step up to distances (...): shape (blurs, ...)."""
+    blurs = _BLURS.reshape(-1, *[1] * distance.ndim)
+    ramp: Floats = np.maximum(distance, 0.0) + blurs * np.interp(
+        distance / blurs, _SCORES, _RAMP_EXCESS
+    )
+    return ramp

@@ -1,0 +1,104 @@
+# Copyright 2026 retrolidar_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""How far a marker is: the distance of what blinks, and not of what stands behind it.
+
+A target nearer to the marker than the sensor can part merges with it, and the distance reported
+is the mean of both, weighted by signal. So signal times distance is a sum, of which the marker's
+part rises and falls with its light while the other's stays: the ratio of the two modulations,
+that of signal times distance and that of the signal, is the distance of the marker alone.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from retrolidar_ros.frame import SEPARABLE_M, Floats, ZoneGrid
+
+# Samples with more of the light than the first have seen the marker; with less than the second,
+# what stands behind it.
+BRIGHT, _DARK = 0.75, 0.25
+_LEAST_DISTANCES = 2
+# So near to the limit it is not known whether two targets have merged.
+_UNSURE_M = 0.05
+# The sensor's own steps are the least noise that there can be.
+_RESOLUTION_M = 0.25e-3 / np.sqrt(12)
+
+
+def modulated_range(
+    light: Floats, weight: Floats, signal: Floats, distance: Floats, zone: int, grid: ZoneGrid
+) -> tuple[float, float] | None:
+    """Return a marker's radial range and its standard deviation [m]; None without distances.
+
+    Parameters
+    ----------
+    light : array, shape (samples,)
+        How bright the marker was, 0 to 1.
+    weight : array, shape (samples,)
+        0 for samples that tell nothing.
+    signal : array, shape (samples,)
+        [kcps/SPAD]; 0 where there was no target.
+    distance : array, shape (samples,)
+        As reported, along the optical axis [m]; NaN where there was no target.
+    zone : int
+        The zone that these are of.
+    grid : ZoneGrid
+        The zones.
+    """
+    measured = np.isfinite(distance)
+    seen = measured & (weight > 0) & (light > BRIGHT)
+    if not seen.any():
+        return None
+    ordered = np.sort(distance[seen])
+    about = float(ordered[len(ordered) // 2])
+    own = seen.copy()
+    own[seen] = np.abs(distance[seen] - about) < SEPARABLE_M
+    count = np.count_nonzero(own)
+    if count < _LEAST_DISTANCES:
+        return None
+    depth = float(distance[own].mean())
+    variance = float(distance[own].var(ddof=1)) / count
+    dark = (weight > 0) & (light < _DARK)
+    parted = _without_background(light, signal, distance, own | dark, depth)
+    if parted is not None:
+        other, other_variance = parted
+        behind = distance[dark & measured]
+        apart = abs(float(np.median(behind)) - other) if len(behind) else 0.0
+        # Whether what stands behind is a part of the pulse.
+        merged = min(max(0.5 - (apart - SEPARABLE_M) / (2 * _UNSURE_M), 0.0), 1.0)
+        step = other - depth
+        depth += merged * step
+        variance += merged * (other_variance - variance) + merged * (1 - merged) * step**2
+    # Undo the sensor's own projection, whose factor is that of the zone and not of the target.
+    per_depth = 1 / float(grid.z_per_range[zone])
+    deviation = np.sqrt(variance + _RESOLUTION_M**2 / count)
+    return depth * per_depth, float(deviation) * per_depth
+
+
+def _without_background(
+    light: Floats, signal: Floats, distance: Floats, told: NDArray[np.bool_], about: float
+) -> tuple[float, float] | None:
+    """Return the distance of what blinks [m] and its variance [m²]; None where nothing does.
+
+    Parameters
+    ----------
+    light, signal, distance : array, shape (samples,)
+    told : array of bool, shape (samples,)
+        The samples to be used.
+    about : float
+        A first guess [m].
+    """
+    light, signal, distance = light[told], signal[told], distance[told]
+    change = light - light.mean()
+    energy = change @ change
+    if not energy > 0 or not (gain := change @ signal / energy) > 0:
+        return None
+    # Distances count from the marker, so that noise of the signal moves nothing; the second time
+    # they do, and what is left over tells how sure the result is.
+    for _ in range(2):
+        product = np.where(np.isfinite(distance), signal * (distance - about), 0.0)
+        slope = change @ product / energy
+        about += float(slope / gain)
+    left = product - product.mean() - slope * change
+    variance = left @ left / max(len(left) - 2, 1) / energy / gain**2
+    return about, float(variance)
