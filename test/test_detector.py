@@ -9,10 +9,10 @@ from numpy.typing import NDArray
 
 from retrolidar_ros.code import PREAMBLE, packet
 from retrolidar_ros.detector import METHODS, Detection, Detector, create_detector
-from retrolidar_ros.detector.baseline import silent_level
-from retrolidar_ros.detector.demodulation import fit_packets, threshold_bits
 from retrolidar_ros.detector.evidence import NoiseLaw
-from retrolidar_ros.detector.preamble import fit_preamble
+from retrolidar_ros.detector.paper.baseline import silent_level
+from retrolidar_ros.detector.paper.demodulation import fit_packets, threshold_bits
+from retrolidar_ros.detector.paper.preamble import fit_preamble
 from retrolidar_ros.frame import Floats, Frame, Recording, Status, ZoneGrid
 from retrolidar_ros.scene import Scene, Simulation
 from retrolidar_ros.scene.description import Marker, Noise, Response, Sensor, Surface

@@ -11,8 +11,8 @@ import numpy as np
 from retrolidar_ros.code import PACKET_BITS, PREAMBLE
 from retrolidar_ros.detector.detection import Detection
 from retrolidar_ros.detector.judge import Reading
+from retrolidar_ros.detector.paper import fit_preamble
 from retrolidar_ros.detector.place import place_in_zone
-from retrolidar_ros.detector.preamble import fit_preamble
 from retrolidar_ros.detector.window import Samples
 from retrolidar_ros.frame import ZoneGrid
 

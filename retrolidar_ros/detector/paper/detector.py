@@ -43,12 +43,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from retrolidar_ros.code import BIT_PERIOD_S, PREAMBLE, RESERVED_IDS, decode
-from retrolidar_ros.detector.baseline import silent_level
-from retrolidar_ros.detector.demodulation import PACKET_SAMPLES, fit_packets, threshold_bits
 from retrolidar_ros.detector.detection import Detection, DetectorCounts
+from retrolidar_ros.detector.paper.baseline import silent_level
+from retrolidar_ros.detector.paper.demodulation import PACKET_SAMPLES, fit_packets, threshold_bits
+from retrolidar_ros.detector.paper.preamble import PREAMBLE_SAMPLES, SAMPLES_PER_BIT, fit_preamble
+from retrolidar_ros.detector.paper.samples import SampleRing
 from retrolidar_ros.detector.place import place_in_zone
-from retrolidar_ros.detector.preamble import PREAMBLE_SAMPLES, SAMPLES_PER_BIT, fit_preamble
-from retrolidar_ros.detector.samples import SampleRing
 from retrolidar_ros.frame import Frame, Recording, ZoneGrid
 
 # The paper does not give its threshold. With this one the bare wall of the reference scene shows
