@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 
 from retrolidar_ros.code import BIT_PERIOD_S, PACKET_BITS, PREAMBLE
 from retrolidar_ros.detector.candidates import Candidates
-from retrolidar_ros.detector.detection import Detection, DetectorCounts
+from retrolidar_ros.detector.detection import Detection, DetectorCounts, check_grid
 from retrolidar_ros.detector.evidence import NoiseLaw, NoiseScale, correlation_threshold
 from retrolidar_ros.detector.fold import FoldSearch
 from retrolidar_ros.detector.judge import USUAL_FALSE_IDS_PER_HOUR, Judge, Reading
@@ -141,7 +141,7 @@ class Reader:
         ValueError
             If the frame has another zone grid than the detector.
         """
-        self._check(frame.grid)
+        check_grid(frame.grid, self._grid)
         if frame.stamp_ns == self._last_ns and len(self._window):
             return []
         self._begin_after_jump(frame.stamp_ns)
@@ -158,7 +158,7 @@ class Reader:
         ValueError
             If the frames have another zone grid than the detector.
         """
-        self._check(recording.grid)
+        check_grid(recording.grid, self._grid)
         step_ns = np.diff(recording.stamp_ns, prepend=np.int64(self._last_ns))
         changed = step_ns != 0
         changed[:1] |= not len(self._window)
@@ -178,13 +178,6 @@ class Reader:
             self._last_ns = int(recording.stamp_ns[rows[-1]])
             detections += self._look(len(rows))
         return detections
-
-    def _check(self, grid: ZoneGrid) -> None:
-        if grid != self._grid:
-            raise ValueError(
-                f'a frame of {grid.rows}x{grid.columns} zones came to a detector '
-                f'for {self._grid.rows}x{self._grid.columns}'
-            )
 
     def _begin_after_jump(self, stamp_ns: int) -> None:
         """Forget what came before, where the time goes back or leaves out a packet."""

@@ -43,7 +43,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from retrolidar_ros.code import BIT_PERIOD_S, PREAMBLE, RESERVED_IDS, decode
-from retrolidar_ros.detector.detection import Detection, DetectorCounts
+from retrolidar_ros.detector.detection import Detection, DetectorCounts, check_grid
 from retrolidar_ros.detector.paper.baseline import silent_level
 from retrolidar_ros.detector.paper.demodulation import PACKET_SAMPLES, fit_packets, threshold_bits
 from retrolidar_ros.detector.paper.preamble import PREAMBLE_SAMPLES, SAMPLES_PER_BIT, fit_preamble
@@ -100,11 +100,7 @@ class PaperDetector:
         ValueError
             If the frame has another zone grid than the detector.
         """
-        if frame.grid != self._grid:
-            raise ValueError(
-                f'a frame of {frame.grid.rows}x{frame.grid.columns} zones came to a detector '
-                f'for {self._grid.rows}x{self._grid.columns}'
-            )
+        check_grid(frame.grid, self._grid)
         detections = []
         for count, stamp_ns in self._ring.push(frame):
             if count == 1:
