@@ -11,9 +11,9 @@ from numpy.typing import ArrayLike
 from retrolidar_ros.code import BIT_PERIOD_S
 from retrolidar_ros.detector.detection import Detector
 from retrolidar_ros.detector.evidence import NoiseLaw
+from retrolidar_ros.detector.evidence_detector import FOLDS, EvidenceDetector
 from retrolidar_ros.detector.judge import USUAL_FALSE_IDS_PER_HOUR
 from retrolidar_ros.detector.paper import LIKELIHOOD_THRESHOLD, PaperDetector
-from retrolidar_ros.detector.reader import FOLDS, Reader
 from retrolidar_ros.detector.search import JointSearch, Search, StartSearch
 from retrolidar_ros.detector.words import WordBank
 from retrolidar_ros.frame import ZoneGrid
@@ -81,7 +81,7 @@ def create_detector(
         if joint
         else StartSearch(bank, bit_period_s, hard=method == 'hard')
     )
-    return Reader(
+    return EvidenceDetector(
         grid,
         search,
         bank,
@@ -89,5 +89,5 @@ def create_detector(
         false_ids_per_hour=false_ids_per_hour,
         max_packets=max_packets,
         any_start=joint,
-        noise=noise,
+        noise=NoiseLaw() if noise is None else noise,
     )

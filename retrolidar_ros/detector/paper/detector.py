@@ -42,7 +42,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from retrolidar_ros.code import BIT_PERIOD_S, PREAMBLE, RESERVED_IDS, decode
+from retrolidar_ros.code import PREAMBLE, RESERVED_IDS, decode
 from retrolidar_ros.detector.detection import Detection, DetectorCounts, check_grid
 from retrolidar_ros.detector.paper.baseline import silent_level
 from retrolidar_ros.detector.paper.demodulation import PACKET_SAMPLES, fit_packets, threshold_bits
@@ -67,8 +67,8 @@ class PaperDetector:
         self,
         grid: ZoneGrid,
         *,
-        bit_period_s: float = BIT_PERIOD_S,
-        likelihood_threshold: float = LIKELIHOOD_THRESHOLD,
+        bit_period_s: float,
+        likelihood_threshold: float,
     ) -> None:
         """Prepare for frames of `grid`, of markers that send a bit every `bit_period_s`."""
         self.counts = DetectorCounts()

@@ -2,9 +2,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """The detector that weighs its evidence: a search, then the same tests whatever the search.
 
-Samples (`window`) of zones that modulate are cut into soft bits (`soft_bits`), a search (`search`,
-`fold`) names packets that may be there, an exact fit (`fit`) tells how well they are, other zones
-that see the same add to it, and a packet is read if
+Samples (`window`) of zones that modulate (`activity`) are cut into soft bits (`soft_bits`), a
+search (`search`, `fold`) names packets that may be there, an exact fit (`fit`) tells how well they
+are, other zones that see the same add to it, and a packet is read if
 
 * chance makes such a correlation less often than the budget of false IDs allows,
 * what it leaves over is no more than the sensor's noise,
@@ -20,14 +20,14 @@ import itertools
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
-from retrolidar_ros.code import BIT_PERIOD_S, PACKET_BITS, PREAMBLE
+from retrolidar_ros.code import PACKET_BITS, PREAMBLE
+from retrolidar_ros.detector.activity import may_repeat, modulated
 from retrolidar_ros.detector.candidates import Candidates
 from retrolidar_ros.detector.detection import Detection, DetectorCounts, check_grid
 from retrolidar_ros.detector.evidence import NoiseLaw, NoiseScale, correlation_threshold
 from retrolidar_ros.detector.fold import FoldSearch
-from retrolidar_ros.detector.judge import USUAL_FALSE_IDS_PER_HOUR, Judge, Reading
+from retrolidar_ros.detector.judge import Judge, Reading
 from retrolidar_ros.detector.report import detection_of
 from retrolidar_ros.detector.search import PACKET_SAMPLES, Demand, Search
 from retrolidar_ros.detector.soft_bits import SILENT_BITS
@@ -35,11 +35,9 @@ from retrolidar_ros.detector.starts import EIGHTHS, Starts
 from retrolidar_ros.detector.view import View
 from retrolidar_ros.detector.window import Samples, SampleWindow
 from retrolidar_ros.detector.words import WordBank
-from retrolidar_ros.frame import Floats, Frame, Recording, ZoneGrid
+from retrolidar_ros.frame import Frame, Recording, ZoneGrid
 
-# What 62 samples must deviate more than the noise law, to be looked at.
-_LEAST_VARIANCE = 1.3
-# Share of the zones and hours in which that is expected of noise and of what is not noise.
+# Share of the zones and hours that are expected to look active, for noise or for what is not noise.
 _MODULATED = 1 / 16
 # How many hypotheses a look at a fold tries, for every word: any of 31 bits, eight phases and up
 # to eleven clocks.
@@ -49,15 +47,13 @@ _ENDED_SHARE = 0.5
 FOLDS = (1, 2, 3, 5, 8)
 # Bits between two looks for starts, and for any stretch of a repeating packet.
 _TURN_BITS = 8
-# Standard deviations by which a zone must stand out of white noise over several packets.
-_LEAST_REPETITION = 3.5
 # Frames that are looked at together where there are many.
 _BLOCK = 16
 # A packet that ended in a gap is found after it, if the gap is no longer than this.
 _LONGEST_GAP_BITS = 16
 
 
-class Reader:
+class EvidenceDetector:
     """Reads markers in all zones at once, frame by frame or many frames at a time."""
 
     def __init__(
@@ -66,11 +62,11 @@ class Reader:
         search: Search,
         bank: WordBank,
         *,
-        bit_period_s: float = BIT_PERIOD_S,
-        false_ids_per_hour: float = USUAL_FALSE_IDS_PER_HOUR,
-        max_packets: int = 1,
-        any_start: bool = False,
-        noise: NoiseLaw | None = None,
+        bit_period_s: float,
+        false_ids_per_hour: float,
+        max_packets: int,
+        any_start: bool,
+        noise: NoiseLaw,
     ) -> None:
         """Prepare for frames of `grid`.
 
@@ -89,7 +85,7 @@ class Reader:
             How many packets of a repeating marker may be combined.
         any_start : bool
             Whether a repeating marker is read from any 31 bits.
-        noise : NoiseLaw, optional
+        noise : NoiseLaw
             Of the sensor.
         """
         self.counts = DetectorCounts()
@@ -99,12 +95,12 @@ class Reader:
         self._search = search
         self._folds = [fold for fold in FOLDS if fold <= max_packets] if any_start else []
         self._fold_search = FoldSearch(bank, bit_period_s)
-        self._law = NoiseLaw() if noise is None else noise
-        self._scale = NoiseScale(self._law)
+        self._law = noise
+        self._scale = NoiseScale(noise)
         self._judge = Judge(
             bank,
             grid,
-            self._law,
+            noise,
             max_packets=max([1, *self._folds]),
             false_ids_per_hour=false_ids_per_hour,
         )
@@ -235,7 +231,7 @@ class Reader:
             return []
         bits = PACKET_BITS + SILENT_BITS + (last - first) / EIGHTHS
         samples = self._window.last(math.ceil(2 * bits) + 4)
-        zones = zones[self._modulated(samples, zones, frames)]
+        zones = zones[modulated(samples, zones, frames, self._scale)]
         if not len(zones):
             return []
         view = View.of(samples, zones)
@@ -246,29 +242,6 @@ class Reader:
             self._demand(0, PACKET_SAMPLES, view),
         )
         return self._judged(candidates, samples, view, 0)
-
-    def _modulated(
-        self, samples: Samples, zones: NDArray[np.intp], frames: int
-    ) -> NDArray[np.bool_]:
-        """Return which zones deviate by more than noise in a packet's length before any frame."""
-        recent = slice(max(0, len(samples.time_s) - PACKET_SAMPLES - frames + 1), None)
-        weight, signal = samples.weight[recent, zones], samples.signal[recent, zones]
-        if frames == 1:
-            count = weight.sum(axis=0)
-            total = signal.sum(axis=0)  # it is 0 where the weight is
-            square = np.einsum('tz,tz->z', signal, signal)
-        else:
-            count, total, square = (
-                _moving_sum(values, min(PACKET_SAMPLES, len(values)))
-                for values in (weight, signal, signal * signal)
-            )
-        count = np.maximum(count, 1.0)
-        mean = total / count
-        variance = square / count - mean * mean
-        modulated: NDArray[np.bool_] = (
-            variance > _LEAST_VARIANCE * self._scale.value * self._law.variance(mean)
-        )
-        return modulated if frames == 1 else np.asarray(modulated.any(axis=0))
 
     def _folded(self, turn: int, last_s: float) -> list[Reading]:
         """Look at any stretch, of one packet's length and of several, in zones that may repeat.
@@ -289,7 +262,7 @@ class Reader:
             if not len(zones):
                 continue
             samples = self._window.last(math.ceil(1.02 * PACKET_SAMPLES * fold) + 4)
-            zones = zones[self._may_repeat(samples, zones)]
+            zones = zones[may_repeat(samples, zones, self._scale)]
             if not len(zones):
                 continue
             view = View.of(samples, zones)
@@ -298,37 +271,9 @@ class Reader:
             readings += self._judged(candidates, samples, view, fold)
         return readings
 
-    def _may_repeat(self, samples: Samples, zones: NDArray[np.intp]) -> NDArray[np.bool_]:
-        """Return which zones are not just noise.
-
-        The variance beyond the noise law, the likeness of neighbouring samples and, where there
-        are several packets, of samples a packet apart all count, in standard deviations; but a
-        law that promises too much noise counts nothing.
-        """
-        signal = samples.signal[:, zones]
-        count = len(signal)
-        mean = signal.mean(axis=0)
-        deviation = signal - mean
-        power = np.maximum(np.einsum('tz,tz->z', deviation, deviation), 1e-9)
-        lagged = np.einsum('tz,tz->z', deviation[1:], deviation[:-1])
-        noise = self._scale.value * self._law.variance(mean)
-        excess = (power / count / noise - 1) * math.sqrt(count / 2)
-        alike = lagged
-        if count > 2 * PACKET_SAMPLES:
-            # A sample more or less, for a clock that is off.
-            apart = [
-                np.einsum('tz,tz->z', deviation[lag:], deviation[:-lag])
-                for lag in (PACKET_SAMPLES - 1, PACKET_SAMPLES, PACKET_SAMPLES + 1)
-            ]
-            alike = lagged + np.maximum(np.maximum(apart[0], apart[1]), apart[2])
-        repeats: NDArray[np.bool_] = (
-            np.maximum(excess, 0.0) + alike / power * math.sqrt(count) > _LEAST_REPETITION
-        )
-        return repeats
-
     def _demand(self, fold: int, samples: int, view: View) -> Demand:
-        noise = self._scale.value * self._law.variance(view.mean)
-        return Demand(correlation_threshold(samples, self._chance[fold]), noise)
+        threshold = correlation_threshold(samples, self._chance[fold])
+        return Demand(threshold, self._scale.variance(view.mean))
 
     def _judged(
         self, candidates: Candidates | None, samples: Samples, view: View, fold: int
@@ -373,10 +318,3 @@ class Reader:
         else:
             self._last_start_s[identity] = start_s
         return detection
-
-
-def _moving_sum(values: Floats, length: int) -> Floats:
-    """Return the sums over `length` successive rows."""
-    total = np.concatenate([np.zeros((1, values.shape[1])), np.cumsum(values, axis=0)])
-    moving: Floats = total[length:] - total[:-length]
-    return moving
