@@ -7,7 +7,7 @@ weights, `view` some zones of it, `activity` picks those that may hold a packet,
 them into bits, `starts` finds preambles ahead, `words` holds packets against soft bits, `search`
 and `fold` name `candidates`, `fit` fits them with the exact `template`, `judge` tests them by their
 `evidence`, `rivals` and `coherence`, `report` makes detections, and `evidence_detector` composes
-them. `place` gives the pose, for both.
+them, within its `budget` of false IDs. `place` gives the pose, for both.
 """
 
 from retrolidar_ros.detector.detection import Detection, Detector, DetectorCounts

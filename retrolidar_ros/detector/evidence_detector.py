@@ -18,11 +18,13 @@ from __future__ import annotations
 
 import itertools
 import math
+from collections.abc import Sequence
 
 import numpy as np
 
 from retrolidar_ros.code import PACKET_BITS, PREAMBLE
 from retrolidar_ros.detector.activity import may_repeat, modulated
+from retrolidar_ros.detector.budget import granted_chances
 from retrolidar_ros.detector.candidates import Candidates
 from retrolidar_ros.detector.detection import Detection, DetectorCounts, check_grid
 from retrolidar_ros.detector.evidence import NoiseLaw, NoiseScale, correlation_threshold
@@ -37,16 +39,10 @@ from retrolidar_ros.detector.window import Samples, SampleWindow
 from retrolidar_ros.detector.words import WordBank
 from retrolidar_ros.frame import Frame, Recording, ZoneGrid
 
-# Share of the zones and hours that are expected to look active, for noise or for what is not noise.
-_MODULATED = 1 / 16
-# How many hypotheses a look at a fold tries, for every word: any of 31 bits, eight phases and up
-# to eleven clocks.
-_HYPOTHESES_A_FOLD = 31 * 8 * 11.0
-# How a budget of false IDs is shared: packets that have just ended, and folds of any stretch.
-_ENDED_SHARE = 0.5
-FOLDS = (1, 2, 3, 5, 8)
 # Bits between two looks for starts, and for any stretch of a repeating packet.
 _TURN_BITS = 8
+# Such turns between two looks at the same stretch of several packets.
+_SEVERAL_TURNS = 4
 # Frames that are looked at together where there are many.
 _BLOCK = 16
 # A packet that ended in a gap is found after it, if the gap is no longer than this.
@@ -64,8 +60,7 @@ class EvidenceDetector:
         *,
         bit_period_s: float,
         false_ids_per_hour: float,
-        max_packets: int,
-        any_start: bool,
+        folds: Sequence[int],
         noise: NoiseLaw,
     ) -> None:
         """Prepare for frames of `grid`.
@@ -81,10 +76,8 @@ class EvidenceDetector:
             How long a marker holds a bit [s].
         false_ids_per_hour : float
             What noise alone may make, over all zones.
-        max_packets : int
-            How many packets of a repeating marker may be combined.
-        any_start : bool
-            Whether a repeating marker is read from any 31 bits.
+        folds : sequence of int
+            How many packets of a repeating marker are combined, rising; each is read from any bit.
         noise : NoiseLaw
             Of the sensor.
         """
@@ -93,22 +86,26 @@ class EvidenceDetector:
         self._bit_s = bit_period_s
         self._sample_s = bit_period_s / 2
         self._search = search
-        self._folds = [fold for fold in FOLDS if fold <= max_packets] if any_start else []
+        self._folds = folds
         self._fold_search = FoldSearch(bank, bit_period_s)
         self._law = noise
         self._scale = NoiseScale(noise)
+        most_packets = max([1, *folds])
         self._judge = Judge(
-            bank,
-            grid,
-            noise,
-            max_packets=max([1, *self._folds]),
-            false_ids_per_hour=false_ids_per_hour,
+            bank, grid, noise, max_packets=most_packets, false_ids_per_hour=false_ids_per_hour
         )
-        self._chance = self._chances(false_ids_per_hour, len(bank.ids))
-        longest = PACKET_SAMPLES * max([1, *self._folds])
-        self._window = SampleWindow(
-            grid.zones, round(1.03 * longest) + 2 * SILENT_BITS + _BLOCK + 8, bit_period_s
+        self._chance = granted_chances(
+            false_ids_per_hour,
+            zones=grid.zones,
+            words=len(bank.ids),
+            bit_s=bit_period_s,
+            hypotheses_a_sample=search.hypotheses_a_sample,
+            fold_bits={
+                fold: _TURN_BITS if fold == 1 else _SEVERAL_TURNS * _TURN_BITS for fold in folds
+            },
         )
+        longest = round(1.03 * PACKET_SAMPLES * most_packets) + 2 * SILENT_BITS
+        self._window = SampleWindow(grid.zones, longest + _BLOCK + 8, bit_period_s)
         self._all_zones = np.arange(grid.zones)
         self._starts = Starts(grid.zones, bit_period_s)
         self._longest_gap_ns = round(PACKET_BITS * bit_period_s * 1e9)
@@ -116,18 +113,6 @@ class EvidenceDetector:
         self._searched_s = -np.inf
         self._last_start_s: dict[int, float] = {}
         self._last_ns = 0
-
-    def _chances(self, budget: float, words: int) -> dict[int, float]:
-        """Return what chance each hypothesis is granted, by packets; 0 for packets just ended."""
-        zone_hours = self._grid.zones * _MODULATED * 3600
-        ended = zone_hours / self._sample_s * self._search.hypotheses_a_sample * words
-        chances = {0: budget * (_ENDED_SHARE if self._folds else 1.0) / ended}
-        for fold in self._folds:
-            every_bits = _TURN_BITS if fold == 1 else 4 * _TURN_BITS
-            looks = zone_hours / (every_bits * self._bit_s)
-            share = (1 - _ENDED_SHARE) / len(self._folds)
-            chances[fold] = budget * share / (looks * _HYPOTHESES_A_FOLD * words)
-        return chances
 
     def update(self, frame: Frame) -> list[Detection]:
         """Take the next frame; return the detections that became certain with it.
@@ -189,8 +174,7 @@ class EvidenceDetector:
 
     def _look(self, frames: int) -> list[Detection]:
         """Look for what became certain with the last frames."""
-        newest = self._window.last(1)
-        last_s = float(newest.end_s[0])
+        last_s = float(self._window.last(1).end_s[0])
         from_s, self._searched_s = self._searched_s, last_s
         if not np.isfinite(from_s):
             return []
@@ -204,8 +188,6 @@ class EvidenceDetector:
         readings = self._ended(from_s, last_s, frames)
         if self._folds and new_turn:
             readings += self._folded(turn, last_s)
-        if not readings:
-            return []
         return [
             detection for reading in readings if (detection := self._published(reading)) is not None
         ]
@@ -236,10 +218,7 @@ class EvidenceDetector:
             return []
         view = View.of(samples, zones)
         candidates = self._search.ended(
-            view,
-            np.arange(first, last + 1) * eighth_s,
-            credible[:, zones],
-            self._demand(0, PACKET_SAMPLES, view),
+            view, np.arange(first, last + 1) * eighth_s, credible[:, zones], self._demand(0, view)
         )
         return self._judged(candidates, samples, view, 0)
 
@@ -257,7 +236,7 @@ class EvidenceDetector:
             ready = since_s <= last_s - reach_s
             if fold > 1:
                 waited = since_s > last_s - reach_s - _TURN_BITS * self._bit_s
-                ready &= waited | ((self._all_zones + turn) % 4 == 0)
+                ready &= waited | ((self._all_zones + turn) % _SEVERAL_TURNS == 0)
             zones = np.flatnonzero(ready)
             if not len(zones):
                 continue
@@ -266,13 +245,13 @@ class EvidenceDetector:
             if not len(zones):
                 continue
             view = View.of(samples, zones)
-            demand = self._demand(fold, PACKET_SAMPLES * fold, view)
-            candidates = self._fold_search.folded(view, last_s, fold, demand)
+            candidates = self._fold_search.folded(view, last_s, fold, self._demand(fold, view))
             readings += self._judged(candidates, samples, view, fold)
         return readings
 
-    def _demand(self, fold: int, samples: int, view: View) -> Demand:
-        threshold = correlation_threshold(samples, self._chance[fold])
+    def _demand(self, fold: int, view: View) -> Demand:
+        """Return what noise must not reach; `fold` is 0 for packets that have just ended."""
+        threshold = correlation_threshold(PACKET_SAMPLES * max(1, fold), self._chance[fold])
         return Demand(threshold, self._scale.variance(view.mean))
 
     def _judged(

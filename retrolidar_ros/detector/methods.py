@@ -11,14 +11,16 @@ from numpy.typing import ArrayLike
 from retrolidar_ros.code import BIT_PERIOD_S
 from retrolidar_ros.detector.detection import Detector
 from retrolidar_ros.detector.evidence import NoiseLaw
-from retrolidar_ros.detector.evidence_detector import FOLDS, EvidenceDetector
+from retrolidar_ros.detector.evidence_detector import EvidenceDetector
 from retrolidar_ros.detector.judge import USUAL_FALSE_IDS_PER_HOUR
 from retrolidar_ros.detector.paper import LIKELIHOOD_THRESHOLD, PaperDetector
 from retrolidar_ros.detector.search import JointSearch, Search, StartSearch
 from retrolidar_ros.detector.words import WordBank
 from retrolidar_ros.frame import ZoneGrid
 
-MAX_PACKETS = FOLDS[-1]
+# How many packets are laid on top of each other, as far as `max_packets` allows.
+_FOLDS = (1, 2, 3, 5, 8)
+MAX_PACKETS = _FOLDS[-1]
 METHODS = ('joint', 'soft', 'hard', 'paper')
 """The default first."""
 
@@ -87,7 +89,6 @@ def create_detector(
         bank,
         bit_period_s=bit_period_s,
         false_ids_per_hour=false_ids_per_hour,
-        max_packets=max_packets,
-        any_start=joint,
+        folds=[fold for fold in _FOLDS if fold <= max_packets] if joint else [],
         noise=NoiseLaw() if noise is None else noise,
     )
