@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from retrolidar_ros.code import PACKET_BITS
 from retrolidar_ros.detector.candidates import Candidates, joined
 from retrolidar_ros.detector.search import LEAST_PRESENT, PACKET_SAMPLES, Demand
+from retrolidar_ros.detector.starts import EIGHTHS
 from retrolidar_ros.detector.view import View
 from retrolidar_ros.detector.words import WordBank, template_energy
 from retrolidar_ros.frame import Floats
@@ -39,8 +40,8 @@ class FoldSearch:
             skews = skews * 0.67
         bits = PACKET_BITS * packets
         middle_s = end_s - bits * self._bit_s * (1 + self._MOST_SKEW) / 2
-        middles_s = np.repeat(middle_s - np.arange(8) * self._bit_s / 8, len(skews))
-        bit_s = np.tile(self._bit_s * (1 + skews), 8)
+        middles_s = np.repeat(middle_s - np.arange(EIGHTHS) * self._bit_s / EIGHTHS, len(skews))
+        bit_s = np.tile(self._bit_s * (1 + skews), EIGHTHS)
         first_s = middles_s - bits / 2 * bit_s
         edges_s = first_s[:, None] + bit_s[:, None] * np.arange(bits + 1)
         soft = view.soft_bits(edges_s)
