@@ -12,7 +12,7 @@ from retrolidar_ros.detector.candidates import Candidates, joined
 from retrolidar_ros.detector.search import LEAST_PRESENT, PACKET_SAMPLES, Demand
 from retrolidar_ros.detector.starts import EIGHTHS
 from retrolidar_ros.detector.view import View
-from retrolidar_ros.detector.words import WordBank, template_energy
+from retrolidar_ros.detector.words import SHIFTS, WordBank, template_energy
 from retrolidar_ros.frame import Floats
 
 # Share of the best correlation below which another ID is no rival.
@@ -29,7 +29,6 @@ class FoldSearch:
         """Look for the packets of `bank` with bits of about `bit_s`."""
         self._bank = bank
         self._bit_s = bit_s
-        self._shifts = (np.arange(PACKET_BITS)[:, None] + np.arange(PACKET_BITS)) % PACKET_BITS
 
     def folded(self, view: View, end_s: float, packets: int, demand: Demand) -> Candidates | None:
         """Return packets that repeated in the last `packets` times their length."""
@@ -65,7 +64,7 @@ class FoldSearch:
         h, z = h[complete], z[complete]
         if not len(h):
             return None
-        rows = value[h, :, z][:, self._shifts]  # (chosen, shifts, bits)
+        rows = value[h, :, z][:, SHIFTS]  # (chosen, shifts, bits)
         bound = self._bank.bound(np.moveaxis(rows, 0, 2), PACKET_SAMPLES).T
         least = demand.least_correlation(level.energy, level.told)[h, z]
         root = np.sqrt(energy[h, z])
@@ -114,7 +113,7 @@ class FoldSearch:
 
         A wrong word may win where start and clock are wrong, too: that is no fair comparison.
         """
-        rows = value[:, self._shifts].reshape(-1, PACKET_BITS)
+        rows = value[:, SHIFTS].reshape(-1, PACKET_BITS)
         root = np.sqrt(energy).repeat(PACKET_BITS)
         bound = self._bank.bound(rows[:, :, None], PACKET_SAMPLES)[:, 0]
         worth = np.flatnonzero(bound > _RIVAL * correlation * root)

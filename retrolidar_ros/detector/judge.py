@@ -20,11 +20,11 @@ from retrolidar_ros.detector.evidence import (
     nats,
 )
 from retrolidar_ros.detector.fit import Fit, fit_candidates
-from retrolidar_ros.detector.rivals import SHIFTS, Rivals, Window
+from retrolidar_ros.detector.rivals import Rivals, Window
 from retrolidar_ros.detector.search import PACKET_SAMPLES
 from retrolidar_ros.detector.soft_bits import SILENT_BITS, SoftBits
 from retrolidar_ros.detector.view import View
-from retrolidar_ros.detector.words import WordBank
+from retrolidar_ros.detector.words import SHIFTS, WordBank
 from retrolidar_ros.frame import Floats, ZoneGrid
 
 # A zone next to the one in question joins when chance would make its part once in 300 times.
