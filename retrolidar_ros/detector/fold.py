@@ -51,8 +51,7 @@ class FoldSearch:
         present = level.told / (2 * bits)
         energy = level.energy * present * packets
         # A template that begins within exposures is weaker, and so are the bits cut there.
-        half, quarter = np.array(PACKET_BITS / 2), np.array(PACKET_BITS / 4)
-        strength = template_energy(half, quarter, PACKET_SAMPLES, soft.phase)
+        strength = template_energy(PACKET_BITS / 2, PACKET_BITS / 4, PACKET_SAMPLES, soft.phase)
         standing = np.einsum('hbz,hbz->hz', value, value) / np.maximum(energy, 1e-9)
         standing /= strength[:, None]
         kept = min(self._KEPT, hypotheses)

@@ -157,7 +157,9 @@ class WordBank:
         return Best(self.ids[index], explained * np.sqrt(coarse / exact / energy))
 
 
-def template_energy(dark: Floats, pairs: Floats, samples: int, phase: Floats) -> Floats:
+def template_energy(
+    dark: Floats | float, pairs: Floats | float, samples: int, phase: Floats
+) -> Floats:
     """Return the energy of templates of packets about their mean, two samples a bit.
 
     Bits that begin at phase f of an exposure are trapezoids. The sum of their squares is, for n1
