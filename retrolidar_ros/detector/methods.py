@@ -53,7 +53,8 @@ def create_detector(
     max_packets : int
         How many packets of a repeating marker may be combined, 1 to 8 (method `joint`).
     registered_ids : array of int, optional
-        The only IDs that may come; the fewer, the farther they are read (all but `paper`).
+        The only IDs that may come; the fewer, the farther they are read. Of method `paper`,
+        others are dropped after decoding, and the reach stays the same.
     noise : NoiseLaw, optional
         Of the sensor; that of a VL53L8CX unless given (all but `paper`).
 
@@ -75,7 +76,10 @@ def create_detector(
     bank = WordBank(registered_ids)
     if method == 'paper':
         return PaperDetector(
-            grid, bit_period_s=bit_period_s, likelihood_threshold=likelihood_threshold
+            grid,
+            bit_period_s=bit_period_s,
+            likelihood_threshold=likelihood_threshold,
+            registered_ids=bank.ids,
         )
     joint = method == 'joint'
     search: Search = (

@@ -29,6 +29,9 @@ Sign of c
 Reserved IDs
     The words of 0 and 4095 are constant: any step of the signal ends in one of them. They are
     refused.
+Unregistered IDs
+    The paper knows no list of the markers that may come. Where there is one, other IDs are
+    refused once they are decoded; the search and the code make no use of it.
 Range
     The mean of the distances that were measured during the packet, whatever the target was.
 Several zones
@@ -69,11 +72,24 @@ class PaperDetector:
         *,
         bit_period_s: float,
         likelihood_threshold: float,
+        registered_ids: NDArray[np.int64],
     ) -> None:
-        """Prepare for frames of `grid`, of markers that send a bit every `bit_period_s`."""
+        """Prepare for frames of `grid`.
+
+        Parameters
+        ----------
+        grid : ZoneGrid
+        bit_period_s : float
+            How long a marker holds a bit [s].
+        likelihood_threshold : float
+            Least likelihood of a preamble.
+        registered_ids : array of int, shape (ids,)
+            The only ones that are read.
+        """
         self.counts = DetectorCounts()
         self._grid = grid
         self._threshold = likelihood_threshold
+        self._registered_ids = set(registered_ids.tolist())
         # A sample's stamp is the middle of its exposure, which began half a sample earlier.
         self._half_sample_ns = round(bit_period_s * 1e9 / SAMPLES_PER_BIT / 2)
         self._half_packet_ns = bit_period_s * 1e9 * PACKET_SAMPLES / SAMPLES_PER_BIT / 2
@@ -156,6 +172,9 @@ class PaperDetector:
         detections = []
         for identity in np.unique(ids[readable]).tolist():
             read = np.flatnonzero(ids == identity)
+            if identity not in self._registered_ids:
+                self.counts.rejected['unregistered'] += len(read)
+                continue
             fit = fit_packets(signal[:, read], ids[read])
             order = np.argsort(-np.abs(fit.amplitude), kind='stable')
             best = order[0]
