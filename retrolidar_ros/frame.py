@@ -40,6 +40,19 @@ class Status(IntEnum):
     NO_TARGET = 255
 
 
+NORMAL_STATUS = (
+    Status.VALID,
+    Status.FIRST_RANGE,
+    Status.MERGED,
+    Status.NO_PREVIOUS_TARGET,
+)
+"""Statuses whose signal and distance are to be believed.
+
+A blinking marker itself makes the sensor report "first range" and "no previous target" at its
+dark-to-bright edges: to disbelieve these would erase what is to be read.
+"""
+
+
 @dataclass(frozen=True)
 class ZoneGrid:
     """The directions in which the zones of a VL53L8CX look.

@@ -9,10 +9,10 @@ from numpy.typing import NDArray
 
 from retrolidar_ros.code import PREAMBLE, packet
 from retrolidar_ros.detector import METHODS, Detection, Detector, create_detector
-from retrolidar_ros.detector.baseline import silent_level
-from retrolidar_ros.detector.demodulation import fit_packets, threshold_bits
 from retrolidar_ros.detector.evidence import NoiseLaw
-from retrolidar_ros.detector.preamble import fit_preamble
+from retrolidar_ros.detector.paper.baseline import silent_level
+from retrolidar_ros.detector.paper.demodulation import fit_packets, threshold_bits
+from retrolidar_ros.detector.paper.preamble import fit_preamble
 from retrolidar_ros.frame import Floats, Frame, Recording, Status, ZoneGrid
 from retrolidar_ros.scene import Scene, Simulation
 from retrolidar_ros.scene.description import Marker, Noise, Response, Sensor, Surface
@@ -232,13 +232,25 @@ def test_an_impossible_noise_law_is_refused() -> None:
             create_detector('joint', GRID, noise=NoiseLaw(floor, slope))
 
 
-@pytest.mark.parametrize('method', ['joint', 'soft', 'hard'])
+@pytest.mark.parametrize('method', METHODS)
 def test_only_registered_ids_are_read(method: str) -> None:
     recording = simulate(a_scene())
     others = [identity for identity in range(1, 200) if identity != ID]
     assert run(recording, create_detector(method, GRID, registered_ids=others)) == []
     among = create_detector(method, GRID, registered_ids=[*others, ID])
     assert [detection.id for detection in run(recording, among)] == [ID]
+
+
+def test_the_papers_method_counts_what_it_reads_but_is_not_registered() -> None:
+    scene = a_scene()
+    other = replace(scene.markers[0], id=2096, position_m=(0.39, -0.39, 1.2), start_s=2.3)
+    recording = simulate(replace(scene, markers=(*scene.markers, other)))
+    detector = create_detector('paper', GRID, registered_ids=[2096])
+    assert [detection.id for detection in run(recording, detector)] == [2096]
+    counts = detector.counts
+    assert counts.accepted == 1
+    assert counts.rejected['unregistered'] == 1
+    assert counts.candidates == counts.accepted + sum(counts.rejected.values())
 
 
 def test_a_slower_bit_is_read_at_a_slower_frame_rate() -> None:

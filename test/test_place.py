@@ -73,7 +73,8 @@ def test_covariance_is_symmetric_and_positive_definite() -> None:
 
 def shares(grid: ZoneGrid, tangent: Floats, blur: float) -> Floats:
     position_m = np.append(tangent, 1.0)[None]
-    return zone_shares(position_m, SPOT, grid, blur)[0]
+    light: Floats = zone_shares(position_m, SPOT, grid, blur)[0]
+    return light
 
 
 @pytest.mark.parametrize('grid', GRIDS)

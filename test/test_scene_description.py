@@ -13,8 +13,8 @@ from hypothesis import HealthCheck, assume, given, settings
 from hypothesis import strategies as st
 
 from retrolidar_ros.frame import ZoneGrid
-from retrolidar_ros.scene import ConfigError, Scene, Simulation, parse_scene
-from retrolidar_ros.section import UNITS, quantity
+from retrolidar_ros.scene import Scene, Simulation, parse_scene
+from retrolidar_ros.section import UNITS, ConfigError, quantity
 from retrolidar_ros.wire import encode_frame
 
 # Every key there is, none at its default.

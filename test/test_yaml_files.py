@@ -12,7 +12,8 @@ from retrolidar_ros.code import RESERVED_IDS
 from retrolidar_ros.detector import METHODS, create_detector
 from retrolidar_ros.detector.evidence import NoiseLaw
 from retrolidar_ros.resources import shared_file
-from retrolidar_ros.scene import ConfigError, Scene, Simulation
+from retrolidar_ros.scene import Scene, Simulation
+from retrolidar_ros.section import ConfigError
 from retrolidar_ros.yaml_files import find_scene, load_parameter_defaults, load_scene, load_yaml
 
 SHIPPED = sorted(path.stem for path in shared_file('config/scenes').glob('*.yaml'))

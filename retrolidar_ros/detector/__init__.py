@@ -2,14 +2,12 @@
 # SPDX-License-Identifier: Apache-2.0
 """Frames in, detections out: one stage a file.
 
-Of the paper's method, `samples` keeps what the zones saw, `baseline` their silent level,
-`preamble` finds starts, `demodulation` turns samples into bits, and `paper` composes them.
-
-Of the others, `window` keeps the samples with their times and weights, `view` some zones of it,
-`soft_bits` cuts them into bits, `starts` finds preambles ahead, `words` holds packets against
-soft bits, `search` and `fold` name `candidates`, `fit` fits them with the exact `template`,
-`judge` tests them by their `evidence`, `rivals` and `coherence`, `report` makes detections, and
-`reader` composes them. `place` gives the pose, for both.
+The paper's method is in `paper`. Of the others, `window` keeps the samples with their times and
+weights, `view` some zones of it, `activity` picks those that may hold a packet, `soft_bits` cuts
+them into bits, `starts` finds preambles ahead, `words` holds packets against soft bits, `search`
+and `fold` name `candidates`, `fit` fits them with the exact `template`, `judge` tests them by their
+`evidence`, `rivals` and `coherence`, `report` makes detections, and `evidence_detector` composes
+them, within its `budget` of false IDs. `place` gives the pose, for both.
 """
 
 from retrolidar_ros.detector.detection import Detection, Detector, DetectorCounts

@@ -41,11 +41,11 @@ class Candidates(NamedTuple):
         return Candidates(**fields)
 
 
-def joined(found: list[Candidates], least: Floats) -> Candidates | None:
+def joined(found: list[Candidates], least: float) -> Candidates | None:
     """Return the best candidate of each zone and packet among all that were found.
 
     What overlaps by more than half a packet in a zone is the same packet found more than once,
-    or a rival. Only what correlates by more than `least` (zones,) is returned.
+    or a rival. Only what correlates by more than `least` is returned.
     """
     found = [candidates for candidates in found if len(candidates.zone)]
     if not found:
@@ -69,5 +69,5 @@ def joined(found: list[Candidates], least: Floats) -> Candidates | None:
         elif together.ids[index] != together.ids[same[0]] and not rival[same[0]]:
             rival[same[0]] = together.correlation[index]
     best = together._replace(rival=rival).at(np.array(kept, dtype=np.intp))
-    best = best.at(best.correlation > least[best.zone])
+    best = best.at(best.correlation > least)
     return best if len(best.zone) else None

@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 from typing import Protocol
 
 from retrolidar_ros.detector.place import Place
-from retrolidar_ros.frame import Frame, Recording
+from retrolidar_ros.frame import Frame, Recording, ZoneGrid
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,3 +58,12 @@ class Detector(Protocol):
 
     def update_all(self, recording: Recording) -> list[Detection]:
         """Take many frames; return the detections that became certain with them."""
+
+
+def check_grid(grid: ZoneGrid, expected: ZoneGrid) -> None:
+    """Raise ValueError if a frame has another zone grid than the detector that it came to."""
+    if grid != expected:
+        raise ValueError(
+            f'a frame of {grid.rows}x{grid.columns} zones came to a detector '
+            f'for {expected.rows}x{expected.columns}'
+        )

@@ -125,6 +125,10 @@ class NoiseScale:
         self._law = law
         self.value = 1.0
 
+    def variance(self, signal: Floats) -> Floats:
+        """Return the variance [(kcps/SPAD)²] at signals [kcps/SPAD] of any shape."""
+        return self.value * self._law.variance(signal)
+
     def learn(self, samples: Samples) -> None:
         """Take in a packet's length of samples of all zones."""
         signal = samples.signal

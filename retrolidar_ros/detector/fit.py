@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from retrolidar_ros.code import packet
+from retrolidar_ros.code import PACKET_BITS, packet
 from retrolidar_ros.detector.candidates import Candidates
 from retrolidar_ros.detector.evidence import NoiseLaw, nats
 from retrolidar_ros.detector.template import Light, packet_light
@@ -81,8 +81,9 @@ def fit_candidates(
     bits = packet(candidates.ids)
     ones = np.ones_like(line)
     # Fitting about the middle of the packets parts the start from the bit period.
-    length = candidates.packets * 31.0
-    offset = np.where(candidates.repeats, (centre_s - candidates.start_s) / candidates.bit_s, 15.5)
+    length = candidates.packets * PACKET_BITS
+    middle = (centre_s - candidates.start_s) / candidates.bit_s
+    offset = np.where(candidates.repeats, middle, PACKET_BITS / 2)
     nominal_s = candidates.bit_s
     shift: Floats = np.zeros(len(bits))
     stretch: Floats = np.zeros(len(bits))

@@ -10,8 +10,9 @@ from numpy.typing import NDArray
 from retrolidar_ros.code import PACKET_BITS
 from retrolidar_ros.detector.candidates import Candidates, joined
 from retrolidar_ros.detector.search import LEAST_PRESENT, PACKET_SAMPLES, Demand
+from retrolidar_ros.detector.starts import EIGHTHS
 from retrolidar_ros.detector.view import View
-from retrolidar_ros.detector.words import WordBank, template_energy
+from retrolidar_ros.detector.words import SHIFTS, WordBank, template_energy
 from retrolidar_ros.frame import Floats
 
 # Share of the best correlation below which another ID is no rival.
@@ -28,7 +29,6 @@ class FoldSearch:
         """Look for the packets of `bank` with bits of about `bit_s`."""
         self._bank = bank
         self._bit_s = bit_s
-        self._shifts = (np.arange(PACKET_BITS)[:, None] + np.arange(PACKET_BITS)) % PACKET_BITS
 
     def folded(self, view: View, end_s: float, packets: int, demand: Demand) -> Candidates | None:
         """Return packets that repeated in the last `packets` times their length."""
@@ -39,8 +39,8 @@ class FoldSearch:
             skews = skews * 0.67
         bits = PACKET_BITS * packets
         middle_s = end_s - bits * self._bit_s * (1 + self._MOST_SKEW) / 2
-        middles_s = np.repeat(middle_s - np.arange(8) * self._bit_s / 8, len(skews))
-        bit_s = np.tile(self._bit_s * (1 + skews), 8)
+        middles_s = np.repeat(middle_s - np.arange(EIGHTHS) * self._bit_s / EIGHTHS, len(skews))
+        bit_s = np.tile(self._bit_s * (1 + skews), EIGHTHS)
         first_s = middles_s - bits / 2 * bit_s
         edges_s = first_s[:, None] + bit_s[:, None] * np.arange(bits + 1)
         soft = view.soft_bits(edges_s)
@@ -51,8 +51,7 @@ class FoldSearch:
         present = level.told / (2 * bits)
         energy = level.energy * present * packets
         # A template that begins within exposures is weaker, and so are the bits cut there.
-        half, quarter = np.array(PACKET_BITS / 2), np.array(PACKET_BITS / 4)
-        strength = template_energy(half, quarter, PACKET_SAMPLES, soft.phase)
+        strength = template_energy(PACKET_BITS / 2, PACKET_BITS / 4, PACKET_SAMPLES, soft.phase)
         standing = np.einsum('hbz,hbz->hz', value, value) / np.maximum(energy, 1e-9)
         standing /= strength[:, None]
         kept = min(self._KEPT, hypotheses)
@@ -64,7 +63,7 @@ class FoldSearch:
         h, z = h[complete], z[complete]
         if not len(h):
             return None
-        rows = value[h, :, z][:, self._shifts]  # (chosen, shifts, bits)
+        rows = value[h, :, z][:, SHIFTS]  # (chosen, shifts, bits)
         bound = self._bank.bound(np.moveaxis(rows, 0, 2), PACKET_SAMPLES).T
         least = demand.least_correlation(level.energy, level.told)[h, z]
         root = np.sqrt(energy[h, z])
@@ -113,7 +112,7 @@ class FoldSearch:
 
         A wrong word may win where start and clock are wrong, too: that is no fair comparison.
         """
-        rows = value[:, self._shifts].reshape(-1, PACKET_BITS)
+        rows = value[:, SHIFTS].reshape(-1, PACKET_BITS)
         root = np.sqrt(energy).repeat(PACKET_BITS)
         bound = self._bank.bound(rows[:, :, None], PACKET_SAMPLES)[:, 0]
         worth = np.flatnonzero(bound > _RIVAL * correlation * root)

@@ -20,11 +20,11 @@ from retrolidar_ros.detector.evidence import (
     nats,
 )
 from retrolidar_ros.detector.fit import Fit, fit_candidates
-from retrolidar_ros.detector.rivals import SHIFTS, Rivals, Window
+from retrolidar_ros.detector.rivals import Rivals, Window
 from retrolidar_ros.detector.search import PACKET_SAMPLES
-from retrolidar_ros.detector.soft_bits import SILENT_BITS, SoftBits
+from retrolidar_ros.detector.soft_bits import SILENT_BITS, Level
 from retrolidar_ros.detector.view import View
-from retrolidar_ros.detector.words import WordBank
+from retrolidar_ros.detector.words import SHIFTS, WordBank
 from retrolidar_ros.frame import Floats, ZoneGrid
 
 # A zone next to the one in question joins when chance would make its part once in 300 times.
@@ -59,6 +59,19 @@ class Reading(NamedTuple):
     zones: tuple[int, ...]
     """Strongest first."""
     corrected_bits: int
+
+
+class _WindowBits(NamedTuple):
+    """The soft bits of a window in which a packet was found."""
+
+    edges_s: Floats
+    """Where the bits begin, and the last one ends [s]."""
+    phase: float
+    """Of the bits in an exposure, 0 to 1."""
+    level: Level
+    """Of one hypothesis and zone."""
+    row: Floats
+    """Its soft bits, the packets on top of each other, shape (31,)."""
 
 
 class Judge:
@@ -252,12 +265,9 @@ class Judge:
         self, candidate: Candidates, fit: Fit, view: View, noise_scale: float
     ) -> tuple[Candidates, Fit]:
         """Look for the word once more, now that the zones are combined, and fit it."""
-        edges_s, soft = self._window_bits(candidate, fit, view)
-        packets = int(candidate.packets[0])
-        level = soft.drifting() if packets > 1 else soft.steady(1)
-        row = _folded(level.value[0, :, 0], packets)
+        edges_s, phase, _, row = self._window_bits(candidate, fit, view)
         rows = row[SHIFTS] if candidate.repeats[0] else row[None]
-        phases = np.full(len(rows), soft.phase[0])
+        phases = np.full(len(rows), phase)
         best = self._bank.best(rows, np.ones(len(rows)), phases, PACKET_SAMPLES)
         shift = int(best.correlation.argmax())
         start_s = edges_s[:1] + fit.bit_s * (shift - PACKET_BITS if shift > 0 else 0)
@@ -283,9 +293,7 @@ class Judge:
         No lead where the packet has not ended yet, or has ended before.
         """
         packets = int(candidate.packets[0])
-        edges_s, soft = self._window_bits(candidate, fit, view)
-        level = soft.drifting() if packets > 1 else soft.steady(1)
-        row = _folded(level.value[0, :, 0], packets)
+        edges_s, phase, level, row = self._window_bits(candidate, fit, view)
         window = row
         before = SILENT_BITS if candidate.still[0] else 0
         begin_s = edges_s[0]
@@ -293,6 +301,7 @@ class Judge:
             # The silence tells, too.
             edges_s = edges_s[0] + fit.bit_s[0] * np.arange(-before, PACKET_BITS + 1)
             soft = view.soft_bits(edges_s[None])
+            phase = float(soft.phase[0])
             level = soft.steady(1)
             window = level.value[0, :, 0]
         presence = _folded(view.presence(edges_s), 1 if before else packets) / packets
@@ -302,7 +311,7 @@ class Judge:
             Window(
                 soft=window,
                 energy=float(level.energy[0, 0]) * told / (2 * (len(edges_s) - 1)) * packets,
-                phase=float(soft.phase[0]),
+                phase=phase,
                 samples=told,
                 first=first,
                 repeats=bool(candidate.repeats[0]),
@@ -313,7 +322,7 @@ class Judge:
         )
         return margin, np.roll(row, before - first), presence
 
-    def _window_bits(self, candidate: Candidates, fit: Fit, view: View) -> tuple[Floats, SoftBits]:
+    def _window_bits(self, candidate: Candidates, fit: Fit, view: View) -> _WindowBits:
         """Cut the window, without the silence, into the bits of the fit."""
         packets = int(candidate.packets[0])
         bit_s = fit.bit_s[0]
@@ -321,7 +330,11 @@ class Judge:
         if candidate.repeats[0]:
             first += np.rint((candidate.begin_s[0] - first) / bit_s) * bit_s
         edges_s = first + bit_s * np.arange(PACKET_BITS * packets + 1)
-        return edges_s, view.soft_bits(edges_s[None])
+        soft = view.soft_bits(edges_s[None])
+        level = soft.drifting() if packets > 1 else soft.steady(1)
+        return _WindowBits(
+            edges_s, float(soft.phase[0]), level, _folded(level.value[0, :, 0], packets)
+        )
 
 
 def _folded(value: Floats, packets: int) -> Floats:

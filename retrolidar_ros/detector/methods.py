@@ -12,14 +12,16 @@ from numpy.typing import ArrayLike
 from retrolidar_ros.code import BIT_PERIOD_S
 from retrolidar_ros.detector.detection import Detector
 from retrolidar_ros.detector.evidence import NoiseLaw
+from retrolidar_ros.detector.evidence_detector import EvidenceDetector
 from retrolidar_ros.detector.judge import USUAL_FALSE_IDS_PER_HOUR
 from retrolidar_ros.detector.paper import LIKELIHOOD_THRESHOLD, PaperDetector
-from retrolidar_ros.detector.reader import FOLDS, Reader
 from retrolidar_ros.detector.search import JointSearch, Search, StartSearch
 from retrolidar_ros.detector.words import WordBank
 from retrolidar_ros.frame import ZoneGrid
 
-MAX_PACKETS = FOLDS[-1]
+# How many packets are laid on top of each other, as far as `max_packets` allows.
+_FOLDS = (1, 2, 3, 5, 8)
+MAX_PACKETS = _FOLDS[-1]
 METHODS = ('joint', 'soft', 'hard', 'paper')
 """The default first."""
 
@@ -53,7 +55,8 @@ def create_detector(
     max_packets : int
         How many packets of a repeating marker may be combined, 1 to 8 (method `joint`).
     registered_ids : array of int, optional
-        The only IDs that may come; the fewer, the farther they are read (all but `paper`).
+        The only IDs that may come; the fewer, the farther they are read. Of method `paper`,
+        others are dropped after decoding, and the reach stays the same.
     noise : NoiseLaw, optional
         Of the sensor; that of a VL53L8CX unless given (all but `paper`).
     marker_sizes_m : mapping, optional
@@ -77,7 +80,10 @@ def create_detector(
     bank = WordBank(registered_ids)
     if method == 'paper':
         return PaperDetector(
-            grid, bit_period_s=bit_period_s, likelihood_threshold=likelihood_threshold
+            grid,
+            bit_period_s=bit_period_s,
+            likelihood_threshold=likelihood_threshold,
+            registered_ids=bank.ids,
         )
     joint = method == 'joint'
     search: Search = (
@@ -85,14 +91,13 @@ def create_detector(
         if joint
         else StartSearch(bank, bit_period_s, hard=method == 'hard')
     )
-    return Reader(
+    return EvidenceDetector(
         grid,
         search,
         bank,
         bit_period_s=bit_period_s,
         false_ids_per_hour=false_ids_per_hour,
-        max_packets=max_packets,
-        any_start=joint,
-        noise=noise,
-        sizes_m=marker_sizes_m,
+        folds=[fold for fold in _FOLDS if fold <= max_packets] if joint else [],
+        noise=NoiseLaw() if noise is None else noise,
+        sizes_m={} if marker_sizes_m is None else marker_sizes_m,
     )

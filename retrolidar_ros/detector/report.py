@@ -13,8 +13,8 @@ from retrolidar_ros.code import PACKET_BITS, PREAMBLE
 from retrolidar_ros.detector.bearing import shared_bearing
 from retrolidar_ros.detector.detection import Detection
 from retrolidar_ros.detector.judge import Reading
+from retrolidar_ros.detector.paper import fit_preamble
 from retrolidar_ros.detector.place import Place, place
-from retrolidar_ros.detector.preamble import fit_preamble
 from retrolidar_ros.detector.ranging import BRIGHT, modulated_range
 from retrolidar_ros.detector.view import View
 from retrolidar_ros.detector.window import Samples

@@ -13,7 +13,7 @@ from retrolidar_ros.code import PACKET_BITS, PREAMBLE
 from retrolidar_ros.detector.evidence import nats
 from retrolidar_ros.detector.search import PACKET_SAMPLES
 from retrolidar_ros.detector.soft_bits import SILENT_BITS
-from retrolidar_ros.detector.words import PHASES, WordBank, phase_step, template_energy
+from retrolidar_ros.detector.words import PHASES, SHIFTS, WordBank, phase_step, template_energy
 from retrolidar_ros.frame import Floats
 
 # A lone packet may have begun before the window, or end after it, by up to so many bits.
@@ -27,8 +27,6 @@ _ERASED_BOUND = 0.75
 _ENOUGH_NATS = 15.0
 # A part of a lone packet that explains this share of what a repeating one does is as likely.
 _AS_GOOD = 0.99
-SHIFTS = (np.arange(PACKET_BITS)[:, None] + np.arange(PACKET_BITS)) % PACKET_BITS
-"""Bits of a window that begins with any bit of a packet, shape (31, 31)."""
 
 
 class Window(NamedTuple):

@@ -33,9 +33,9 @@ class Demand(NamedTuple):
     """Variance that the sensor's noise has in each zone of the view, shape (zones,)."""
 
     @property
-    def least(self) -> Floats:
-        """Least coarse correlation of what the search returns, shape (zones,)."""
-        return np.full(len(self.noise), COARSE * self.correlation)
+    def least(self) -> float:
+        """Least coarse correlation of what the search returns."""
+        return COARSE * self.correlation
 
     def least_correlation(self, energy: Floats, told: Floats) -> Floats:
         """Return the least coarse correlation for energies (hypotheses, zones).
@@ -46,7 +46,7 @@ class Demand(NamedTuple):
         if self.correlation <= 0:
             return np.zeros_like(energy)
         noisy = 2.5 * self.noise * told / energy
-        least: Floats = np.sqrt(np.maximum((COARSE * self.correlation) ** 2, 0.9 - noisy))
+        least: Floats = np.sqrt(np.maximum(self.least**2, 0.9 - noisy))
         return least
 
 

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from retrolidar_ros.code import PACKET_BITS, PREAMBLE
 from retrolidar_ros.detector.evidence import NoiseLaw
 from retrolidar_ros.detector.view import View
+from retrolidar_ros.detector.words import template_energy
 
 EIGHTHS = 8
 """Steps of a bit at which packets are looked for: quarters of a sample."""
@@ -87,8 +88,8 @@ class Starts:
             dark_samples += at[EIGHTHS:] - at[:-EIGHTHS]
         common = dark_samples[:, None] * mean - dark
         phase = position[:count] % 1.0
-        squares = ((1 - phase) ** 2 + 1 + phase**2) * np.count_nonzero(PREAMBLE)
-        template = squares - (2 * np.count_nonzero(PREAMBLE)) ** 2 / _HEAD_SAMPLES
+        # No two dark bits of the preamble follow each other.
+        template = template_energy(np.count_nonzero(PREAMBLE), 0, _HEAD_SAMPLES, phase)
         noise = noise_scale * law.variance(mean + view.mean)
         least = np.maximum(_LEAST**2, 0.75 - 2.5 * noise * told / np.maximum(energy, 1e-9))
         full = energy * template[:, None] * (told / _HEAD_SAMPLES)

@@ -9,8 +9,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from retrolidar_ros.detector.samples import NORMAL_STATUS
-from retrolidar_ros.frame import Floats, Status
+from retrolidar_ros.frame import NORMAL_STATUS, Floats, Status
 
 # A zone that has seen something not longer ago than this may be looking at a dark bit when it
 # sees nothing; no packet is dark for longer than nine bits at a stretch.

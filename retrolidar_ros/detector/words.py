@@ -15,6 +15,8 @@ from retrolidar_ros.frame import Floats
 _PHASES = 4
 PHASES: Floats = np.arange(_PHASES) / _PHASES
 """For which there are templates."""
+SHIFTS = (np.arange(PACKET_BITS)[:, None] + np.arange(PACKET_BITS)) % PACKET_BITS
+"""Bits of a window that begins with any bit of a packet, shape (31, 31)."""
 _ROWS_AT_ONCE = 64  # so that the products of one block stay in a cache of a megabyte
 _PREAMBLE = PREAMBLE.astype(float)
 _PREAMBLE_BITS = len(PREAMBLE)
@@ -155,7 +157,9 @@ class WordBank:
         return Best(self.ids[index], explained * np.sqrt(coarse / exact / energy))
 
 
-def template_energy(dark: Floats, pairs: Floats, samples: int, phase: Floats) -> Floats:
+def template_energy(
+    dark: Floats | float, pairs: Floats | float, samples: int, phase: Floats
+) -> Floats:
     """Return the energy of templates of packets about their mean, two samples a bit.
 
     Bits that begin at phase f of an exposure are trapezoids. The sum of their squares is, for n1

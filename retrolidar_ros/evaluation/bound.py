@@ -19,6 +19,7 @@ from tqdm import tqdm
 from retrolidar_ros.code import BIT_PERIOD_S, IDS, packet
 from retrolidar_ros.detector.evidence import nats
 from retrolidar_ros.detector.search import Demand, JointSearch
+from retrolidar_ros.detector.starts import EIGHTHS
 from retrolidar_ros.detector.template import packet_light
 from retrolidar_ros.detector.view import View
 from retrolidar_ros.detector.window import SampleWindow
@@ -32,7 +33,6 @@ _SNRS_DB = (8.0, 7.0, 6.5, 6.0, 5.5, 5.0, 4.5, 4.0, 3.5, 3.0, 2.0)
 _QUICK_SNRS_DB = (6.0, 3.0)
 _SCENES, _QUICK_SCENES = 16, 2
 _USABLE = np.arange(1, IDS - 1)
-_EIGHTHS = 8
 _ENDS_AT_ONCE = 64
 _LOOKS = {'told': {'color': '0.35', 'marker': 'x', 'markersize': 5}, 'joint': look('joint')}
 
@@ -50,7 +50,7 @@ def view_of(trial: Trial) -> View:
 def joint_ids(view: View, search: JointSearch) -> NDArray[np.int64]:
     """Return the ID that explains each zone best, wherever its packet ends, shape (zones,)."""
     zones = len(view.zones)
-    step_s = BIT_PERIOD_S / _EIGHTHS
+    step_s = BIT_PERIOD_S / EIGHTHS
     ends_s = np.arange(view.begin_s[0] + 48 * BIT_PERIOD_S, view.end_s[-1], step_s)
     demand = Demand(0.0, np.ones(zones))
     ids = np.zeros(zones, dtype=np.int64)

@@ -1,6 +1,6 @@
 # Copyright 2026 retrolidar_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""Stage 1: the last samples of every zone, abnormal ones eliminated, gaps filled."""
+"""Stage 1 of the paper's method: the last samples of every zone, without gaps."""
 
 from __future__ import annotations
 
@@ -9,16 +9,7 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import NDArray
 
-from retrolidar_ros.frame import Frame, Status
-
-# A blinking marker itself makes the sensor report "first range" and "no previous target" at its
-# dark-to-bright edges: to hold the previous value there would erase what is to be read.
-NORMAL_STATUS = (
-    Status.VALID,
-    Status.FIRST_RANGE,
-    Status.MERGED,
-    Status.NO_PREVIOUS_TARGET,
-)
+from retrolidar_ros.frame import NORMAL_STATUS, Frame
 
 
 class SampleRing:

@@ -2,9 +2,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """The detector that weighs its evidence: a search, then the same tests whatever the search.
 
-Samples (`window`) of zones that modulate are cut into soft bits (`soft_bits`), a search (`search`,
-`fold`) names packets that may be there, an exact fit (`fit`) tells how well they are, other zones
-that see the same add to it, and a packet is read if
+Samples (`window`) of zones that modulate (`activity`) are cut into soft bits (`soft_bits`), a
+search (`search`, `fold`) names packets that may be there, an exact fit (`fit`) tells how well they
+are, other zones that see the same add to it, and a packet is read if
 
 * chance makes such a correlation less often than the budget of false IDs allows,
 * what it leaves over is no more than the sensor's noise,
@@ -18,17 +18,18 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
-from retrolidar_ros.code import BIT_PERIOD_S, PACKET_BITS, PREAMBLE
+from retrolidar_ros.code import PACKET_BITS, PREAMBLE
+from retrolidar_ros.detector.activity import may_repeat, modulated
+from retrolidar_ros.detector.budget import granted_chances
 from retrolidar_ros.detector.candidates import Candidates
-from retrolidar_ros.detector.detection import Detection, DetectorCounts
+from retrolidar_ros.detector.detection import Detection, DetectorCounts, check_grid
 from retrolidar_ros.detector.evidence import NoiseLaw, NoiseScale, correlation_threshold
 from retrolidar_ros.detector.fold import FoldSearch
-from retrolidar_ros.detector.judge import USUAL_FALSE_IDS_PER_HOUR, Judge, Reading
+from retrolidar_ros.detector.judge import Judge, Reading
 from retrolidar_ros.detector.report import detection_of
 from retrolidar_ros.detector.search import PACKET_SAMPLES, Demand, Search
 from retrolidar_ros.detector.soft_bits import SILENT_BITS
@@ -36,30 +37,20 @@ from retrolidar_ros.detector.starts import EIGHTHS, Starts
 from retrolidar_ros.detector.view import View
 from retrolidar_ros.detector.window import Samples, SampleWindow
 from retrolidar_ros.detector.words import WordBank
-from retrolidar_ros.frame import Floats, Frame, Recording, ZoneGrid
+from retrolidar_ros.frame import Frame, Recording, ZoneGrid
 from retrolidar_ros.markers import MARKER_SIZE_M
 
-# What 62 samples must deviate more than the noise law, to be looked at.
-_LEAST_VARIANCE = 1.3
-# Share of the zones and hours in which that is expected of noise and of what is not noise.
-_MODULATED = 1 / 16
-# How many hypotheses a look at a fold tries, for every word: any of 31 bits, eight phases and up
-# to eleven clocks.
-_HYPOTHESES_A_FOLD = 31 * 8 * 11.0
-# How a budget of false IDs is shared: packets that have just ended, and folds of any stretch.
-_ENDED_SHARE = 0.5
-FOLDS = (1, 2, 3, 5, 8)
 # Bits between two looks for starts, and for any stretch of a repeating packet.
 _TURN_BITS = 8
-# Standard deviations by which a zone must stand out of white noise over several packets.
-_LEAST_REPETITION = 3.5
+# Such turns between two looks at the same stretch of several packets.
+_SEVERAL_TURNS = 4
 # Frames that are looked at together where there are many.
 _BLOCK = 16
 # A packet that ended in a gap is found after it, if the gap is no longer than this.
 _LONGEST_GAP_BITS = 16
 
 
-class Reader:
+class EvidenceDetector:
     """Reads markers in all zones at once, frame by frame or many frames at a time."""
 
     def __init__(
@@ -68,12 +59,11 @@ class Reader:
         search: Search,
         bank: WordBank,
         *,
-        bit_period_s: float = BIT_PERIOD_S,
-        false_ids_per_hour: float = USUAL_FALSE_IDS_PER_HOUR,
-        max_packets: int = 1,
-        any_start: bool = False,
-        noise: NoiseLaw | None = None,
-        sizes_m: Mapping[int, float] | None = None,
+        bit_period_s: float,
+        false_ids_per_hour: float,
+        folds: Sequence[int],
+        noise: NoiseLaw,
+        sizes_m: Mapping[int, float],
     ) -> None:
         """Prepare for frames of `grid`.
 
@@ -88,37 +78,39 @@ class Reader:
             How long a marker holds a bit [s].
         false_ids_per_hour : float
             What noise alone may make, over all zones.
-        max_packets : int
-            How many packets of a repeating marker may be combined.
-        any_start : bool
-            Whether a repeating marker is read from any 31 bits.
-        noise : NoiseLaw, optional
+        folds : sequence of int
+            How many packets of a repeating marker are combined, rising; each is read from any bit.
+        noise : NoiseLaw
             Of the sensor.
-        sizes_m : mapping, optional
+        sizes_m : mapping
             Edges of markers by their IDs [m], where they are not of the usual size.
         """
-        self._sizes_m = {} if sizes_m is None else sizes_m
         self.counts = DetectorCounts()
+        self._sizes_m = sizes_m
         self._grid = grid
         self._bit_s = bit_period_s
         self._sample_s = bit_period_s / 2
         self._search = search
-        self._folds = [fold for fold in FOLDS if fold <= max_packets] if any_start else []
+        self._folds = folds
         self._fold_search = FoldSearch(bank, bit_period_s)
-        self._law = NoiseLaw() if noise is None else noise
-        self._scale = NoiseScale(self._law)
+        self._law = noise
+        self._scale = NoiseScale(noise)
+        most_packets = max([1, *folds])
         self._judge = Judge(
-            bank,
-            grid,
-            self._law,
-            max_packets=max([1, *self._folds]),
-            false_ids_per_hour=false_ids_per_hour,
+            bank, grid, noise, max_packets=most_packets, false_ids_per_hour=false_ids_per_hour
         )
-        self._chance = self._chances(false_ids_per_hour, len(bank.ids))
-        longest = PACKET_SAMPLES * max([1, *self._folds])
-        self._window = SampleWindow(
-            grid.zones, round(1.03 * longest) + 2 * SILENT_BITS + _BLOCK + 8, bit_period_s
+        self._chance = granted_chances(
+            false_ids_per_hour,
+            zones=grid.zones,
+            words=len(bank.ids),
+            bit_s=bit_period_s,
+            hypotheses_a_sample=search.hypotheses_a_sample,
+            fold_bits={
+                fold: _TURN_BITS if fold == 1 else _SEVERAL_TURNS * _TURN_BITS for fold in folds
+            },
         )
+        longest = round(1.03 * PACKET_SAMPLES * most_packets) + 2 * SILENT_BITS
+        self._window = SampleWindow(grid.zones, longest + _BLOCK + 8, bit_period_s)
         self._all_zones = np.arange(grid.zones)
         self._starts = Starts(grid.zones, bit_period_s)
         self._longest_gap_ns = round(PACKET_BITS * bit_period_s * 1e9)
@@ -126,18 +118,6 @@ class Reader:
         self._searched_s = -np.inf
         self._last_start_s: dict[int, float] = {}
         self._last_ns = 0
-
-    def _chances(self, budget: float, words: int) -> dict[int, float]:
-        """Return what chance each hypothesis is granted, by packets; 0 for packets just ended."""
-        zone_hours = self._grid.zones * _MODULATED * 3600
-        ended = zone_hours / self._sample_s * self._search.hypotheses_a_sample * words
-        chances = {0: budget * (_ENDED_SHARE if self._folds else 1.0) / ended}
-        for fold in self._folds:
-            every_bits = _TURN_BITS if fold == 1 else 4 * _TURN_BITS
-            looks = zone_hours / (every_bits * self._bit_s)
-            share = (1 - _ENDED_SHARE) / len(self._folds)
-            chances[fold] = budget * share / (looks * _HYPOTHESES_A_FOLD * words)
-        return chances
 
     def update(self, frame: Frame) -> list[Detection]:
         """Take the next frame; return the detections that became certain with it.
@@ -147,7 +127,7 @@ class Reader:
         ValueError
             If the frame has another zone grid than the detector.
         """
-        self._check(frame.grid)
+        check_grid(frame.grid, self._grid)
         if frame.stamp_ns == self._last_ns and len(self._window):
             return []
         self._begin_after_jump(frame.stamp_ns)
@@ -164,7 +144,7 @@ class Reader:
         ValueError
             If the frames have another zone grid than the detector.
         """
-        self._check(recording.grid)
+        check_grid(recording.grid, self._grid)
         step_ns = np.diff(recording.stamp_ns, prepend=np.int64(self._last_ns))
         changed = step_ns != 0
         changed[:1] |= not len(self._window)
@@ -185,13 +165,6 @@ class Reader:
             detections += self._look(len(rows))
         return detections
 
-    def _check(self, grid: ZoneGrid) -> None:
-        if grid != self._grid:
-            raise ValueError(
-                f'a frame of {grid.rows}x{grid.columns} zones came to a detector '
-                f'for {self._grid.rows}x{self._grid.columns}'
-            )
-
     def _begin_after_jump(self, stamp_ns: int) -> None:
         """Forget what came before, where the time goes back or leaves out a packet."""
         step_ns = stamp_ns - self._last_ns
@@ -206,8 +179,7 @@ class Reader:
 
     def _look(self, frames: int) -> list[Detection]:
         """Look for what became certain with the last frames."""
-        newest = self._window.last(1)
-        last_s = float(newest.end_s[0])
+        last_s = float(self._window.last(1).end_s[0])
         from_s, self._searched_s = self._searched_s, last_s
         if not np.isfinite(from_s):
             return []
@@ -221,8 +193,6 @@ class Reader:
         readings = self._ended(from_s, last_s, frames)
         if self._folds and new_turn:
             readings += self._folded(turn, last_s)
-        if not readings:
-            return []
         return [
             detection for reading in readings if (detection := self._published(reading)) is not None
         ]
@@ -248,40 +218,14 @@ class Reader:
             return []
         bits = PACKET_BITS + SILENT_BITS + (last - first) / EIGHTHS
         samples = self._window.last(math.ceil(2 * bits) + 4)
-        zones = zones[self._modulated(samples, zones, frames)]
+        zones = zones[modulated(samples, zones, frames, self._scale)]
         if not len(zones):
             return []
         view = View.of(samples, zones)
         candidates = self._search.ended(
-            view,
-            np.arange(first, last + 1) * eighth_s,
-            credible[:, zones],
-            self._demand(0, PACKET_SAMPLES, view),
+            view, np.arange(first, last + 1) * eighth_s, credible[:, zones], self._demand(0, view)
         )
         return self._judged(candidates, samples, view, 0)
-
-    def _modulated(
-        self, samples: Samples, zones: NDArray[np.intp], frames: int
-    ) -> NDArray[np.bool_]:
-        """Return which zones deviate by more than noise in a packet's length before any frame."""
-        recent = slice(max(0, len(samples.time_s) - PACKET_SAMPLES - frames + 1), None)
-        weight, signal = samples.weight[recent, zones], samples.signal[recent, zones]
-        if frames == 1:
-            count = weight.sum(axis=0)
-            total = signal.sum(axis=0)  # it is 0 where the weight is
-            square = np.einsum('tz,tz->z', signal, signal)
-        else:
-            count, total, square = (
-                _moving_sum(values, min(PACKET_SAMPLES, len(values)))
-                for values in (weight, signal, signal * signal)
-            )
-        count = np.maximum(count, 1.0)
-        mean = total / count
-        variance = square / count - mean * mean
-        modulated: NDArray[np.bool_] = (
-            variance > _LEAST_VARIANCE * self._scale.value * self._law.variance(mean)
-        )
-        return modulated if frames == 1 else np.asarray(modulated.any(axis=0))
 
     def _folded(self, turn: int, last_s: float) -> list[Reading]:
         """Look at any stretch, of one packet's length and of several, in zones that may repeat.
@@ -297,51 +241,23 @@ class Reader:
             ready = since_s <= last_s - reach_s
             if fold > 1:
                 waited = since_s > last_s - reach_s - _TURN_BITS * self._bit_s
-                ready &= waited | ((self._all_zones + turn) % 4 == 0)
+                ready &= waited | ((self._all_zones + turn) % _SEVERAL_TURNS == 0)
             zones = np.flatnonzero(ready)
             if not len(zones):
                 continue
             samples = self._window.last(math.ceil(1.02 * PACKET_SAMPLES * fold) + 4)
-            zones = zones[self._may_repeat(samples, zones)]
+            zones = zones[may_repeat(samples, zones, self._scale)]
             if not len(zones):
                 continue
             view = View.of(samples, zones)
-            demand = self._demand(fold, PACKET_SAMPLES * fold, view)
-            candidates = self._fold_search.folded(view, last_s, fold, demand)
+            candidates = self._fold_search.folded(view, last_s, fold, self._demand(fold, view))
             readings += self._judged(candidates, samples, view, fold)
         return readings
 
-    def _may_repeat(self, samples: Samples, zones: NDArray[np.intp]) -> NDArray[np.bool_]:
-        """Return which zones are not just noise.
-
-        The variance beyond the noise law, the likeness of neighbouring samples and, where there
-        are several packets, of samples a packet apart all count, in standard deviations; but a
-        law that promises too much noise counts nothing.
-        """
-        signal = samples.signal[:, zones]
-        count = len(signal)
-        mean = signal.mean(axis=0)
-        deviation = signal - mean
-        power = np.maximum(np.einsum('tz,tz->z', deviation, deviation), 1e-9)
-        lagged = np.einsum('tz,tz->z', deviation[1:], deviation[:-1])
-        noise = self._scale.value * self._law.variance(mean)
-        excess = (power / count / noise - 1) * math.sqrt(count / 2)
-        alike = lagged
-        if count > 2 * PACKET_SAMPLES:
-            # A sample more or less, for a clock that is off.
-            apart = [
-                np.einsum('tz,tz->z', deviation[lag:], deviation[:-lag])
-                for lag in (PACKET_SAMPLES - 1, PACKET_SAMPLES, PACKET_SAMPLES + 1)
-            ]
-            alike = lagged + np.maximum(np.maximum(apart[0], apart[1]), apart[2])
-        repeats: NDArray[np.bool_] = (
-            np.maximum(excess, 0.0) + alike / power * math.sqrt(count) > _LEAST_REPETITION
-        )
-        return repeats
-
-    def _demand(self, fold: int, samples: int, view: View) -> Demand:
-        noise = self._scale.value * self._law.variance(view.mean)
-        return Demand(correlation_threshold(samples, self._chance[fold]), noise)
+    def _demand(self, fold: int, view: View) -> Demand:
+        """Return what noise must not reach; `fold` is 0 for packets that have just ended."""
+        threshold = correlation_threshold(PACKET_SAMPLES * max(1, fold), self._chance[fold])
+        return Demand(threshold, self._scale.variance(view.mean))
 
     def _judged(
         self, candidates: Candidates | None, samples: Samples, view: View, fold: int
@@ -392,10 +308,3 @@ class Reader:
         else:
             self._last_start_s[identity] = start_s
         return detection
-
-
-def _moving_sum(values: Floats, length: int) -> Floats:
-    """Return the sums over `length` successive rows."""
-    total = np.concatenate([np.zeros((1, values.shape[1])), np.cumsum(values, axis=0)])
-    moving: Floats = total[length:] - total[:-length]
-    return moving

@@ -29,6 +29,9 @@ Sign of c
 Reserved IDs
     The words of 0 and 4095 are constant: any step of the signal ends in one of them. They are
     refused.
+Unregistered IDs
+    The paper knows no list of the markers that may come. Where there is one, other IDs are
+    refused once they are decoded; the search and the code make no use of it.
 Range
     The mean of the distances that were measured during the packet, whatever the target was.
 Several zones
@@ -42,14 +45,14 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from retrolidar_ros.code import BIT_PERIOD_S, PREAMBLE, RESERVED_IDS, decode
-from retrolidar_ros.detector.baseline import silent_level
+from retrolidar_ros.code import PREAMBLE, RESERVED_IDS, decode
 from retrolidar_ros.detector.bearing import zone_bearing
-from retrolidar_ros.detector.demodulation import PACKET_SAMPLES, fit_packets, threshold_bits
-from retrolidar_ros.detector.detection import Detection, DetectorCounts
+from retrolidar_ros.detector.detection import Detection, DetectorCounts, check_grid
+from retrolidar_ros.detector.paper.baseline import silent_level
+from retrolidar_ros.detector.paper.demodulation import PACKET_SAMPLES, fit_packets, threshold_bits
+from retrolidar_ros.detector.paper.preamble import PREAMBLE_SAMPLES, SAMPLES_PER_BIT, fit_preamble
+from retrolidar_ros.detector.paper.samples import SampleRing
 from retrolidar_ros.detector.place import place
-from retrolidar_ros.detector.preamble import PREAMBLE_SAMPLES, SAMPLES_PER_BIT, fit_preamble
-from retrolidar_ros.detector.samples import SampleRing
 from retrolidar_ros.frame import Frame, Recording, ZoneGrid
 
 # The paper does not give its threshold. With this one the bare wall of the reference scene shows
@@ -68,13 +71,26 @@ class PaperDetector:
         self,
         grid: ZoneGrid,
         *,
-        bit_period_s: float = BIT_PERIOD_S,
-        likelihood_threshold: float = LIKELIHOOD_THRESHOLD,
+        bit_period_s: float,
+        likelihood_threshold: float,
+        registered_ids: NDArray[np.int64],
     ) -> None:
-        """Prepare for frames of `grid`, of markers that send a bit every `bit_period_s`."""
+        """Prepare for frames of `grid`.
+
+        Parameters
+        ----------
+        grid : ZoneGrid
+        bit_period_s : float
+            How long a marker holds a bit [s].
+        likelihood_threshold : float
+            Least likelihood of a preamble.
+        registered_ids : array of int, shape (ids,)
+            The only ones that are read.
+        """
         self.counts = DetectorCounts()
         self._grid = grid
         self._threshold = likelihood_threshold
+        self._registered_ids = set(registered_ids.tolist())
         # A sample's stamp is the middle of its exposure, which began half a sample earlier.
         self._half_sample_ns = round(bit_period_s * 1e9 / SAMPLES_PER_BIT / 2)
         self._half_packet_ns = bit_period_s * 1e9 * PACKET_SAMPLES / SAMPLES_PER_BIT / 2
@@ -101,11 +117,7 @@ class PaperDetector:
         ValueError
             If the frame has another zone grid than the detector.
         """
-        if frame.grid != self._grid:
-            raise ValueError(
-                f'a frame of {frame.grid.rows}x{frame.grid.columns} zones came to a detector '
-                f'for {self._grid.rows}x{self._grid.columns}'
-            )
+        check_grid(frame.grid, self._grid)
         detections = []
         for count, stamp_ns in self._ring.push(frame):
             if count == 1:
@@ -161,6 +173,9 @@ class PaperDetector:
         detections = []
         for identity in np.unique(ids[readable]).tolist():
             read = np.flatnonzero(ids == identity)
+            if identity not in self._registered_ids:
+                self.counts.rejected['unregistered'] += len(read)
+                continue
             fit = fit_packets(signal[:, read], ids[read])
             order = np.argsort(-np.abs(fit.amplitude), kind='stable')
             best = order[0]

@@ -1,6 +1,6 @@
 # Copyright 2026 retrolidar_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""Stage 3: from the samples of a packet to bits, and how well they fit what was sent."""
+"""Stage 3 of the paper's method: from samples to bits, and how well they fit what was sent."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from retrolidar_ros.code import PACKET_BITS, packet
-from retrolidar_ros.detector.preamble import SAMPLES_PER_BIT
+from retrolidar_ros.detector.paper.preamble import SAMPLES_PER_BIT
 from retrolidar_ros.frame import Floats
 
 PACKET_SAMPLES = SAMPLES_PER_BIT * PACKET_BITS
