@@ -10,6 +10,8 @@ that of signal times distance and that of the signal, is the distance of the mar
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -19,7 +21,7 @@ from retrolidar_ros.frame import SEPARABLE_M, Floats, ZoneGrid
 # what stands behind it.
 BRIGHT, _DARK = 0.75, 0.25
 _LEAST_DISTANCES = 2
-# So near to the limit it is not known whether two targets have merged.
+# So near to the limit noise may hide whether two targets have merged.
 _UNSURE_M = 0.05
 # The sensor's own steps are the least noise that there can be.
 _RESOLUTION_M = 0.25e-3 / np.sqrt(12)
@@ -60,19 +62,37 @@ def modulated_range(
     variance = float(distance[own].var(ddof=1)) / count
     dark = (weight > 0) & (light < _DARK)
     parted = _without_background(light, signal, distance, own | dark, depth)
-    if parted is not None:
-        other, other_variance = parted
-        behind = distance[dark & measured]
-        apart = abs(float(np.median(behind)) - other) if len(behind) else 0.0
-        # Whether what stands behind is a part of the pulse.
-        merged = min(max(0.5 - (apart - SEPARABLE_M) / (2 * _UNSURE_M), 0.0), 1.0)
-        step = other - depth
-        depth += merged * step
-        variance += merged * (other_variance - variance) + merged * (1 - merged) * step**2
+    behind = distance[dark & measured]
+    if parted is not None and not _is_apart(behind, depth, *parted):
+        depth, variance = parted
     # Undo the sensor's own projection, whose factor is that of the zone and not of the target.
     per_depth = 1 / float(grid.z_per_range[zone])
     deviation = np.sqrt(variance + _RESOLUTION_M**2 / count)
     return depth * per_depth, float(deviation) * per_depth
+
+
+def _is_apart(behind: Floats, depth: float, parted_m: float, parted_variance: float) -> bool:
+    """Tell whether what stands behind was told from the marker, and so is no part of its pulse.
+
+    Near the limit it was if taking it off put the marker beyond the limit.
+
+    Parameters
+    ----------
+    behind : array
+        Distances while the marker was dark [m].
+    depth : float
+        Mean distance while it was bright [m].
+    parted_m, parted_variance : float
+        Distance of the marker if the two have merged [m], and its variance [m²].
+    """
+    if not len(behind):
+        return False
+    wall_m = float(np.median(behind))
+    gap_m = abs(wall_m - depth)
+    if gap_m < SEPARABLE_M - _UNSURE_M:
+        return False
+    beyond = abs(wall_m - parted_m) - 3 * math.sqrt(parted_variance) > SEPARABLE_M
+    return gap_m >= SEPARABLE_M or beyond
 
 
 def _without_background(

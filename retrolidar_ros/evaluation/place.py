@@ -16,15 +16,12 @@ from retrolidar_ros.detector import Detection, create_detector
 from retrolidar_ros.evaluation.charts import new_chart
 from retrolidar_ros.evaluation.reference import NOISE, RESPONSE, SENSOR
 from retrolidar_ros.evaluation.statistics import rate
-from retrolidar_ros.frame import Floats
+from retrolidar_ros.frame import Floats, ZoneGrid
 from retrolidar_ros.scene import Scene, Simulation
 from retrolidar_ros.scene.description import Marker, Sensor, Surface
-from retrolidar_ros.scene.optics import zone_shares
 
 DURATION_S = 2.9  # a marker that repeats is read once
 ELLIPSOID = 7.815  # 95 % of a normal distribution in three dimensions lie within
-SHARED = 0.05
-"""A marker is between two columns or rows if the second of them has as much of its light."""
 _BLURS = (0.05, 0.25)
 _RANGES_M = (0.4, 2.6)
 _MARKERS, _QUICK_MARKERS = 600, 60
@@ -54,15 +51,10 @@ def random_scene(blur: float, rng: np.random.Generator) -> Scene:
     return Scene(sensor=sensor, markers=(marker,), surfaces=(wall,))
 
 
-def shared_axes(scene: Scene) -> tuple[bool, bool]:
-    """Tell whether more than one column, and more than one row, sees the marker of a scene."""
-    (marker,) = scene.markers
-    sensor = scene.sensor
-    place = np.array([marker.position_m])
-    shares = zone_shares(place, marker.size_m, sensor.grid, sensor.blur)
-    table = shares.reshape(sensor.grid.rows, sensor.grid.columns)
-    across, down = (np.sort(table.sum(axis=axis))[-2] > SHARED for axis in (0, 1))
-    return bool(across), bool(down)
+def seen_by_two(detection: Detection, grid: ZoneGrid) -> tuple[bool, bool]:
+    """Tell whether zones of two columns, and of two rows, have read a marker."""
+    rows, columns = np.divmod(np.array(detection.zones), grid.columns)
+    return bool(np.ptp(columns)), bool(np.ptp(rows))
 
 
 def first_reading(scene: Scene, rng: np.random.Generator) -> Detection | None:
@@ -85,7 +77,7 @@ class Error(NamedTuple):
     """Across and down."""
     centre_deg: tuple[float, float]
     """The same of the centre of the strongest zone."""
-    shared: tuple[bool, bool]
+    between: tuple[bool, bool]
     """Whether two columns and two rows saw the marker."""
 
 
@@ -107,7 +99,7 @@ def error_of(detection: Detection, scene: Scene) -> Error:
         range_score=(place.range_m - range_m) / place.range_stddev_m,
         bearing_deg=wrong_by(place.position_m[:2] / place.position_m[2]),
         centre_deg=wrong_by(grid.tangents[detection.zones[0]]),
-        shared=shared_axes(scene),
+        between=seen_by_two(detection, grid),
     )
 
 
@@ -117,22 +109,22 @@ def _rms(values: ArrayLike) -> float:
 
 def _figures(blur: float, rows: list[Error]) -> dict[str, Any]:
     """Sum up the errors of markers that a sensor of some blur has seen."""
-    shared = np.array([row.shared for row in rows])
+    axes = np.array([row.between for row in rows])
     bearing = np.abs([row.bearing_deg for row in rows])
     centre = np.abs([row.centre_deg for row in rows])
     distance = np.array([row.squared_distance for row in rows])
-    between = shared.any(axis=1)
-    axes = {'alone': ~shared, 'between': shared}
+    between = axes.any(axis=1)
+    along = {'alone': ~axes, 'between': axes}
     return {
         'blur': blur,
         'ellipsoid_holds': {
             name: rate(int(np.count_nonzero(distance[group] <= ELLIPSOID)), int(group.sum()))
             for name, group in (('alone', ~between), ('between', between))
         },
-        'bearing_rms_deg': {name: _rms(bearing[group]) for name, group in axes.items()},
-        'centre_rms_deg': {name: _rms(centre[group]) for name, group in axes.items()},
+        'bearing_rms_deg': {name: _rms(bearing[group]) for name, group in along.items()},
+        'centre_rms_deg': {name: _rms(centre[group]) for name, group in along.items()},
         'bearing_deg': {
-            name: np.sort(np.round(bearing[group], 3)).tolist() for name, group in axes.items()
+            name: np.sort(np.round(bearing[group], 3)).tolist() for name, group in along.items()
         },
         'squared_distance': {
             'alone': np.sort(np.round(distance[~between], 3)).tolist(),

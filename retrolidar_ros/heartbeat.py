@@ -1,0 +1,59 @@
+# Copyright 2026 retrolidar_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""Readings of one marker as heartbeats: in how many windows of time they came (paper §7.2)."""
+
+from __future__ import annotations
+
+WINDOW_S = 10.0
+"""Of the paper's detection rate."""
+
+
+class Heartbeat:
+    """Counts windows with and without a reading, and the longest silence.
+
+    Time begins with the first call and is told by the caller, so it may be that of a recording.
+    """
+
+    def __init__(self, window_s: float = WINDOW_S) -> None:
+        """Count windows of `window_s` [s]."""
+        self.window_s = window_s
+        self._begin(0.0)
+        self._begun = False
+
+    def _begin(self, time_s: float) -> None:
+        """Count from a time on."""
+        self._begun = True
+        self.beats = 0
+        self.windows = 0
+        """Whole windows that have passed."""
+        self.windows_alive = 0
+        """Those of them in which at least one reading came."""
+        self._window_start_s = self._last_s = time_s
+        self._longest_s = 0.0
+        self._beats_in_window = 0
+
+    def beat(self, time_s: float) -> None:
+        """Take a reading."""
+        self.advance(time_s)
+        self._longest_s = max(self._longest_s, time_s - self._last_s)
+        self._last_s = max(self._last_s, time_s)
+        self._beats_in_window += 1
+        self.beats += 1
+
+    def advance(self, time_s: float) -> None:
+        """Let time pass; a jump back begins the count anew, as a replay does."""
+        if not self._begun or time_s < self._window_start_s:
+            self._begin(time_s)
+        while time_s >= self._window_start_s + self.window_s:
+            self._window_start_s += self.window_s
+            self.windows += 1
+            self.windows_alive += self._beats_in_window > 0
+            self._beats_in_window = 0
+
+    def silence_s(self, time_s: float) -> float:
+        """Return how long ago the last reading came, or the count began without any [s]."""
+        return max(time_s - self._last_s, 0.0)
+
+    def longest_silence_s(self, time_s: float) -> float:
+        """Return the longest time without a reading so far, the present one included [s]."""
+        return max(self._longest_s, self.silence_s(time_s))

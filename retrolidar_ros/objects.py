@@ -1,0 +1,100 @@
+# Copyright 2026 retrolidar_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""Objects that a task needs, and whether all of them are placed well enough (paper §7.1)."""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from retrolidar_ros.frame import Floats
+
+
+class Sighting(NamedTuple):
+    """Where an object was last seen."""
+
+    stamp_ns: int
+    position_m: Floats
+    """In one frame for all objects, shape (3,)."""
+    stddev_m: float
+    """Standard deviation of the position along the axis in which it is largest."""
+
+
+def largest_stddev(covariance: Floats) -> float:
+    """Return the square root of the largest eigenvalue of a covariance of shape (3, 3)."""
+    return math.sqrt(max(float(np.linalg.eigvalsh(covariance)[-1]), 0.0))
+
+
+class ObjectBoard:
+    """Keeps the latest sighting of each object, and says what is still missing."""
+
+    def __init__(self, names: Sequence[str], max_stddev_m: float, stale_after_s: float) -> None:
+        """Wait for objects by name.
+
+        Parameters
+        ----------
+        names : sequence of str
+        max_stddev_m : float
+            How uncertain a position may be [m], as `Sighting.stddev_m`.
+        stale_after_s : float
+            How long a sighting counts [s].
+
+        Raises
+        ------
+        ValueError
+            If there is no name, or one comes twice.
+        """
+        if not names:
+            raise ValueError('objects: there is no name; name at least one')
+        for name in names:
+            if names.count(name) > 1:
+                raise ValueError(f'objects: {name} comes twice')
+        self.names = tuple(names)
+        self.max_stddev_m = max_stddev_m
+        self.stale_after_s = stale_after_s
+        self._sightings: dict[str, Sighting] = {}
+
+    def see(self, name: str, stamp_ns: int, position_m: Floats, covariance: Floats) -> None:
+        """Take a sighting of one of the objects, unless a newer one is known.
+
+        Parameters
+        ----------
+        name : str
+        stamp_ns : int
+            When it was seen [ns].
+        position_m : array, shape (3,)
+        covariance : array, shape (3, 3)
+            Of the position [m²].
+        """
+        known = self._sightings.get(name)
+        if known is None or stamp_ns >= known.stamp_ns:
+            self._sightings[name] = Sighting(stamp_ns, position_m, largest_stddev(covariance))
+
+    def missing(self, now_ns: int) -> dict[str, str]:
+        """Return what is wrong with each object that is not placed well enough, by its name."""
+        reasons = {}
+        for name in self.names:
+            sighting = self._sightings.get(name)
+            if sighting is None:
+                reasons[name] = 'has not been seen'
+                continue
+            age_s = (now_ns - sighting.stamp_ns) * 1e-9
+            if age_s > self.stale_after_s:
+                reasons[name] = f'was last seen {age_s:.0f} s ago'
+            elif sighting.stddev_m > self.max_stddev_m:
+                reasons[name] = (
+                    f'is known to {sighting.stddev_m:.2f} m only; {self.max_stddev_m:.2f} m wanted'
+                )
+        return reasons
+
+    def offsets(self) -> dict[tuple[str, str], Floats]:
+        """Return the way from one object to another for each pair seen, in order of the names."""
+        seen = [name for name in self.names if name in self._sightings]
+        return {
+            (one, other): self._sightings[other].position_m - self._sightings[one].position_m
+            for one, other in itertools.combinations(seen, 2)
+        }
