@@ -14,40 +14,53 @@ from launch_ros.substitutions import FindPackageShare
 
 from retrolidar_ros.yaml_files import load_scene
 
+# Launch arguments that go before what the parameter file says, if they are given.
+_OVERRIDES = {
+    'driver': ('serial_port', 'frame_id'),
+    'detector': ('marker_file', 'child_frame'),
+}
+
+
+def _end(context):
+    """Return the end of the launch, unless it is ending; a second request can hang it."""
+    return [] if context.is_shutdown else [Shutdown(reason='the emulated sensor has ended')]
+
 
 def _nodes(context):
     """Return the processes to start, now that the arguments have values."""
-    serial_port = LaunchConfiguration('serial_port').perform(context)
-    scene = LaunchConfiguration('emulate').perform(context)
-    params_file = LaunchConfiguration('params_file').perform(context)
-    if not os.path.isfile(params_file):
-        raise RuntimeError(f'params_file {params_file} does not exist')
-    namespace = LaunchConfiguration('namespace')
-    parameters = [params_file]
+
+    def value(name):
+        return LaunchConfiguration(name).perform(context)
+
+    if not os.path.isfile(value('params_file')):
+        raise RuntimeError(f'params_file {value("params_file")} does not exist')
+    overrides = {name: value(name) for names in _OVERRIDES.values() for name in names}
     actions = []
-    if scene:
-        load_scene(scene)  # says what is wrong with it before anything is started
+    if value('emulate'):
+        load_scene(value('emulate'))  # says what is wrong with it before anything is started
         # The driver opens the emulator's port as it would open a sensor's.
-        serial_port = serial_port or os.path.join(
-            tempfile.gettempdir(), f'retrolidar_{os.getpid()}'
+        name = f'retrolidar_{os.getpid()}_{value("namespace").strip("/").replace("/", "_")}'
+        overrides['serial_port'] = overrides['serial_port'] or os.path.join(
+            tempfile.gettempdir(), name
         )
-        emulator = [sys.executable, '-m', 'retrolidar_ros.cli', 'emulate', scene]
+        emulator = [sys.executable, '-m', 'retrolidar_ros.cli', 'emulate', value('emulate')]
         actions.append(
             ExecuteProcess(
-                cmd=[*emulator, '--port-link', serial_port],
+                cmd=[*emulator, '--port-link', overrides['serial_port']],
                 name='emulator',
                 output='screen',
-                on_exit=Shutdown(reason='the emulated sensor has ended'),
+                on_exit=OpaqueFunction(function=_end),
             )
         )
-    driver_parameters = parameters + ([{'serial_port': serial_port}] if serial_port else [])
-    for name, node_parameters in (('driver', driver_parameters), ('detector', parameters)):
+    for name, names in _OVERRIDES.items():
+        given = {key: overrides[key] for key in names if overrides[key]}
         actions.append(
             Node(
                 package='retrolidar_ros',
                 executable=name,
-                namespace=namespace,
-                parameters=node_parameters,
+                namespace=value('namespace'),
+                parameters=[value('params_file')] + ([given] if given else []),
+                remappings=[('markers', value('markers'))] if name == 'detector' else [],
                 output='screen',
             )
         )
@@ -59,24 +72,20 @@ def generate_launch_description():
     params_file = PathJoinSubstitution(
         [FindPackageShare('retrolidar_ros'), 'config', 'retrolidar.yaml']
     )
+    arguments = {
+        'params_file': (params_file, 'Parameters of the nodes.'),
+        'serial_port': ('', 'Device of the sensor; empty = as in the parameter file.'),
+        'frame_id': ('', 'TF frame of the sensor; empty = as in the parameter file.'),
+        'marker_file': ('', 'YAML file of the known markers; empty = as in the parameter file.'),
+        'child_frame': ('', 'TF frame of a marker; empty = as in the parameter file.'),
+        'namespace': ('retrolidar', 'Of nodes and topics.'),
+        'markers': ('markers', 'Topic of the detections.'),
+        'emulate': ('', 'A scene to emulate instead of a sensor: a file, or the name of one.'),
+    }
     return LaunchDescription(
         [
-            DeclareLaunchArgument(
-                'params_file', default_value=params_file, description='Parameters of the nodes.'
-            ),
-            DeclareLaunchArgument(
-                'serial_port',
-                default_value='',
-                description='Device of the sensor; empty = as in the parameter file.',
-            ),
-            DeclareLaunchArgument(
-                'namespace', default_value='retrolidar', description='Of nodes and topics.'
-            ),
-            DeclareLaunchArgument(
-                'emulate',
-                default_value='',
-                description='A scene to emulate instead of a sensor: a file, or the name of one.',
-            ),
-            OpaqueFunction(function=_nodes),
+            DeclareLaunchArgument(name, default_value=default, description=description)
+            for name, (default, description) in arguments.items()
         ]
+        + [OpaqueFunction(function=_nodes)]
     )

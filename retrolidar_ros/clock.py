@@ -18,13 +18,15 @@ MAX_SKEW = 0.05
 _STEP_NS = 100_000_000
 _STALL_NS = 1_000_000_000
 _YOUNG_NS = 1_000_000_000
+# After which a microcontroller's counter of microseconds begins at zero: 71.6 minutes.
+_TURN_NS = 2**32 * 1000
 
 
 class ClockMap:
     """Maps a sensor's time to host time, learning from each frame's arrival.
 
-    A sensor that restarts, a counter that wraps or a host clock that is set makes the map begin
-    anew; `restarts` counts how often.
+    A sensor that restarts or a host clock that is set makes the map begin anew; `restarts` counts
+    how often. A sensor's clock of 32 bits that wraps is followed.
     """
 
     def __init__(self, least_delay_s: float = 0.0) -> None:
@@ -39,7 +41,11 @@ class ClockMap:
         self.restarts = 0
         self.skew = 0.0
         """Host seconds per sensor second, less one; 0 while unknown."""
-        self._least_delay_ns = round(least_delay_s * 1e9)
+        self.least_delay_s = least_delay_s
+        """May be set at any time."""
+        self.offset_s = 0.0
+        """Host time less sensor time, of the last frame."""
+        self._turns_ns = 0
         self._last_stamp_ns: int | None = None
         self._hull: list[tuple[int, int]] = []
         self._rate, self._origin = 1.0, (0, 0)
@@ -58,7 +64,7 @@ class ClockMap:
         arrival_ns : int
             The host's clock when the frame had arrived [ns].
         """
-        sensor_ns = sensor_time_us * 1000
+        sensor_ns = self._unwrapped(sensor_time_us * 1000, arrival_ns)
         if self._hull and self._is_restart(sensor_ns, arrival_ns):
             self._hull.clear()
             self._last_stamp_ns = None
@@ -69,11 +75,24 @@ class ClockMap:
         self._add(sensor_ns, arrival_ns)
         self._rate, self._origin = self._line()
         self.skew = self._rate - 1.0
-        stamp_ns = min(self._on_line(sensor_ns), arrival_ns) - self._least_delay_ns
+        stamp_ns = min(self._on_line(sensor_ns), arrival_ns) - round(self.least_delay_s * 1e9)
         if self._last_stamp_ns is not None:
             stamp_ns = max(stamp_ns, self._last_stamp_ns + 1)
         self._last_stamp_ns = stamp_ns
+        self.offset_s = (stamp_ns - sensor_time_us * 1000) * 1e-9
         return stamp_ns
+
+    def _unwrapped(self, sensor_ns: int, arrival_ns: int) -> int:
+        """Return a sensor time that goes on where a clock of 32 bits began at zero again."""
+        went_back = self._hull and sensor_ns + self._turns_ns < self._last_pair[0]
+        if went_back:
+            step_ns = sensor_ns + self._turns_ns + _TURN_NS - self._last_pair[0]
+            passed_ns = arrival_ns - self._last_pair[1]
+            if abs(step_ns - passed_ns) < _STALL_NS:
+                self._turns_ns += _TURN_NS
+            else:
+                self._turns_ns = 0
+        return sensor_ns + self._turns_ns
 
     def _on_line(self, sensor_ns: int) -> int:
         """Return the host time of a sensor time, were nothing delayed."""

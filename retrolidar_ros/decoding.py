@@ -8,14 +8,13 @@ import json
 from collections.abc import Iterable, Iterator
 
 from retrolidar_ros.detector import Detection, Detector, create_detector
-from retrolidar_ros.frame import Frame, Recording
-
-# Frames that a detector is given at once, which costs it less than one after the other.
-_BLOCK = 64
+from retrolidar_ros.frame import Frame
 
 
 def detect(frames: Iterable[Frame], method: str) -> Iterator[Detection]:
     """Yield the detections in frames as they become certain.
+
+    Frames are taken one by one, as the node does: so both detect the same.
 
     Raises
     ------
@@ -24,28 +23,11 @@ def detect(frames: Iterable[Frame], method: str) -> Iterator[Detection]:
     """
     detector: Detector | None = None
     grid = None
-    for block in _blocks(frames):
-        if detector is None or block.grid != grid:
-            grid = block.grid
+    for frame in frames:
+        if detector is None or frame.grid != grid:
+            grid = frame.grid
             detector = create_detector(method, grid)
-        yield from detector.update_all(block)
-
-
-def _blocks(frames: Iterable[Frame]) -> Iterator[Recording]:
-    """Yield frames in blocks of one zone grid; where reading them fails, those before it first."""
-    block: list[Frame] = []
-    try:
-        for frame in frames:
-            if block and (len(block) == _BLOCK or frame.grid != block[0].grid):
-                yield Recording.of(block)
-                block = []
-            block.append(frame)
-    except Exception:
-        if block:
-            yield Recording.of(block)
-        raise
-    if block:
-        yield Recording.of(block)
+        yield from detector.update(frame)
 
 
 def to_json(detection: Detection) -> str:

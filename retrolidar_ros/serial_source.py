@@ -8,6 +8,7 @@ import errno
 import termios
 import time
 from collections.abc import Callable
+from pathlib import Path
 from threading import Event
 
 import serial
@@ -24,7 +25,7 @@ def explain(error: OSError, port: str) -> str:
     if error.errno == errno.ENOENT:
         return f'{port} does not exist; is the sensor plugged in?'
     if error.errno == errno.EACCES:
-        return f'no permission to open {port}; add yourself to the group that owns it (dialout)'
+        return f'no permission to open {port}; {_remedy(port)}'
     if error.errno in (errno.EBUSY, errno.EAGAIN):
         return f'{port} is in use by another program'
     if error.errno == errno.ENOTTY:
@@ -32,11 +33,21 @@ def explain(error: OSError, port: str) -> str:
     return f'{port}: {error}'
 
 
+def _remedy(port: str) -> str:
+    """Say how to get the permission to open a port."""
+    try:
+        group = Path(port).group()
+    except (OSError, KeyError):  # gone by now, or of a group that has no name
+        group = 'dialout'
+    return f'it belongs to the group {group}: sudo usermod -aG {group} $USER, and log in again'
+
+
 class SerialSource:
     """Reads frames from a port, and opens it again whenever that is needed."""
 
-    def __init__(self, port: str, baud: int) -> None:
-        """Prepare to read `port`; nothing is opened yet."""
+    def __init__(self, port: str, baud: int, now_ns: Callable[[], int] = time.time_ns) -> None:
+        """Prepare to read `port`; nothing is opened yet. `now_ns` tells when frames arrive."""
+        self._now_ns = now_ns
         self.port = port
         self.baud = baud
         self.reader = FrameReader()
@@ -56,7 +67,7 @@ class SerialSource:
         Parameters
         ----------
         take : callable
-            Gets the frames of each read, and the host time [ns] at which it returned.
+            Gets the frames of each read, and the time [ns] at which it returned.
         report : callable
             Gets a line whenever the port opens, or a new reason why it cannot be read.
         stop : threading.Event
@@ -97,6 +108,6 @@ class SerialSource:
         """Pass on frames until the port fails or `stop` is set."""
         while not stop.is_set():
             data = line.read(max(1, line.in_waiting))
-            arrival_ns = time.time_ns()
+            arrival_ns = self._now_ns()
             if frames := self.reader.feed(data):
                 take(frames, arrival_ns)

@@ -220,8 +220,10 @@ def test_a_missing_permission_says_what_to_do(
     with PortLink(link):
         monkeypatch.setattr(os, 'open', refusing)
         reading = read(link)
-        expected = 'add yourself to the group that owns it (dialout); retrying'
-        assert reading.report() == f'no permission to open {link}; {expected}'
+        expected = f'it belongs to the group {link.group()}: sudo usermod -aG {link.group()} $USER'
+        assert reading.report() == (
+            f'no permission to open {link}; {expected}, and log in again; retrying'
+        )
         monkeypatch.undo()
         assert reading.report() == f'reading {link}'
 
@@ -338,7 +340,11 @@ def test_a_source_that_is_stopped_before_it_runs_opens_nothing(link: Path) -> No
     ('number', 'expected'),
     [
         (errno.ENOENT, 'p does not exist; is the sensor plugged in?'),
-        (errno.EACCES, 'no permission to open p; add yourself to the group that owns it (dialout)'),
+        (
+            errno.EACCES,
+            'no permission to open p; it belongs to the group dialout: '
+            'sudo usermod -aG dialout $USER, and log in again',
+        ),
         (errno.EBUSY, 'p is in use by another program'),
         (errno.EAGAIN, 'p is in use by another program'),
         (errno.EIO, 'p: [Errno 5] Input/output error'),

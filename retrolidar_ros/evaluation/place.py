@@ -16,12 +16,14 @@ from retrolidar_ros.detector import Detection, create_detector
 from retrolidar_ros.evaluation.charts import new_chart
 from retrolidar_ros.evaluation.reference import NOISE, RESPONSE, SENSOR
 from retrolidar_ros.evaluation.statistics import rate
-from retrolidar_ros.frame import Floats, ZoneGrid
+from retrolidar_ros.frame import Floats
 from retrolidar_ros.scene import Scene, Simulation
 from retrolidar_ros.scene.description import Marker, Sensor, Surface
+from retrolidar_ros.scene.optics import zone_shares
 
 DURATION_S = 2.9  # a marker that repeats is read once
 ELLIPSOID = 7.815  # 95 % of a normal distribution in three dimensions lie within
+_FAIR_SHARE = 0.05
 _BLURS = (0.05, 0.25)
 _RANGES_M = (0.4, 2.6)
 _MARKERS, _QUICK_MARKERS = 600, 60
@@ -51,10 +53,20 @@ def random_scene(blur: float, rng: np.random.Generator) -> Scene:
     return Scene(sensor=sensor, markers=(marker,), surfaces=(wall,))
 
 
-def seen_by_two(detection: Detection, grid: ZoneGrid) -> tuple[bool, bool]:
-    """Tell whether zones of two columns, and of two rows, have read a marker."""
+def seen_by_two(detection: Detection, scene: Scene) -> tuple[bool, bool]:
+    """Tell whether zones of two columns, and of two rows, have seen the marker of a scene.
+
+    They have if they have read it, and the second got a fair share of the light: traces of light
+    beside a bright marker tell nothing.
+    """
+    (marker,) = scene.markers
+    sensor, grid = scene.sensor, scene.sensor.grid
+    places = np.array([marker.position_m])
+    light = zone_shares(places, marker.size_m, grid, sensor.blur).reshape(grid.rows, grid.columns)
     rows, columns = np.divmod(np.array(detection.zones), grid.columns)
-    return bool(np.ptp(columns)), bool(np.ptp(rows))
+    across = np.ptp(columns) > 0 and np.sort(light.sum(axis=0))[-2] > _FAIR_SHARE
+    down = np.ptp(rows) > 0 and np.sort(light.sum(axis=1))[-2] > _FAIR_SHARE
+    return bool(across), bool(down)
 
 
 def first_reading(scene: Scene, rng: np.random.Generator) -> Detection | None:
@@ -99,7 +111,7 @@ def error_of(detection: Detection, scene: Scene) -> Error:
         range_score=(place.range_m - range_m) / place.range_stddev_m,
         bearing_deg=wrong_by(place.position_m[:2] / place.position_m[2]),
         centre_deg=wrong_by(grid.tangents[detection.zones[0]]),
-        between=seen_by_two(detection, grid),
+        between=seen_by_two(detection, scene),
     )
 
 

@@ -9,11 +9,15 @@ from array import array
 import numpy as np
 from builtin_interfaces.msg import Time
 from geometry_msgs.msg import TransformStamped
+from sensor_msgs.msg import Image, PointCloud2, PointField
+from std_msgs.msg import Header
 
 from retrolidar_ros.detector import Detection
-from retrolidar_ros.frame import Frame, ZoneGrid, check_frame_arrays
+from retrolidar_ros.frame import NORMAL_STATUS, Frame, ZoneGrid, check_frame_arrays
 from retrolidar_ros.msg import Frame as FrameMsg
 from retrolidar_ros.msg import MarkerDetection
+
+_POINT_FIELDS = ('x', 'y', 'z', 'signal', 'ambient')
 
 
 def to_time(stamp_ns: int) -> Time:
@@ -70,6 +74,50 @@ def from_frame_msg(message: FrameMsg) -> Frame:
         status=frame.status,
     )
     return frame
+
+
+def to_point_cloud(frame: Frame, header: Header) -> PointCloud2:
+    """Return a point for each zone in rows and columns of the grid, NaN where there is no target.
+
+    A point is on the axis of its zone, at the distance that the sensor reports along its own axis.
+    """
+    grid = frame.grid
+    normal = np.isin(frame.status, NORMAL_STATUS)
+    depth = np.where(normal, frame.distance, np.nan).astype(np.float32)
+    points = np.empty((grid.zones, len(_POINT_FIELDS)), dtype='<f4')
+    points[:, :2] = grid.tangents * depth[:, None]
+    points[:, 2] = depth
+    points[:, 3] = frame.signal
+    points[:, 4] = frame.ambient
+    fields = [
+        PointField(name=name, offset=4 * index, datatype=PointField.FLOAT32, count=1)
+        for index, name in enumerate(_POINT_FIELDS)
+    ]
+    return PointCloud2(
+        header=header,
+        height=grid.rows,
+        width=grid.columns,
+        fields=fields,
+        is_bigendian=False,
+        point_step=4 * len(_POINT_FIELDS),
+        row_step=4 * len(_POINT_FIELDS) * grid.columns,
+        data=array('B', points.tobytes()),
+        is_dense=bool(normal.all() and np.isfinite(depth).all()),
+    )
+
+
+def to_signal_image(frame: Frame, header: Header) -> Image:
+    """Return the signal of each zone [kcps/SPAD] as an image of floats, 32FC1."""
+    grid = frame.grid
+    return Image(
+        header=header,
+        height=grid.rows,
+        width=grid.columns,
+        encoding='32FC1',
+        is_bigendian=0,
+        step=4 * grid.columns,
+        data=array('B', frame.signal.astype('<f4').tobytes()),
+    )
 
 
 def to_detection_msg(detection: Detection, frame_id: str, child_frame_id: str) -> MarkerDetection:

@@ -1,33 +1,52 @@
 # Copyright 2026 retrolidar_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""The `detector` node: from `frames` to `markers` and TF."""
+"""The `detector` node: from `frames` to `markers`, TF and what people look at."""
 
 from __future__ import annotations
 
 import time
-from functools import partial
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 from rclpy.node import Node
 from rclpy.qos import QoSProfile, ReliabilityPolicy
+from rclpy.time import Time
+from visualization_msgs.msg import MarkerArray
 
 from retrolidar_ros.code import IDS
-from retrolidar_ros.detector import METHODS, create_detector
+from retrolidar_ros.detector import METHODS, Detection, Detector, create_detector
 from retrolidar_ros.detector.evidence import NoiseLaw
 from retrolidar_ros.detector.methods import MAX_PACKETS
 from retrolidar_ros.frame import ZoneGrid
+from retrolidar_ros.markers import KnownMarker, frame_of
 from retrolidar_ros.msg import Frame as FrameMsg
 from retrolidar_ros.msg import MarkerDetection
 from retrolidar_ros.nodes.conversion import from_frame_msg, to_detection_msg, to_transform
-from retrolidar_ros.nodes.diagnostics import OK, WARN, Health, publish_health
+from retrolidar_ros.nodes.diagnostics import OK, STALE, WARN, Health, publish_health
 from retrolidar_ros.nodes.parameters import Parameters
 from retrolidar_ros.nodes.run import run
-from retrolidar_ros.nodes.transforms import transform_sender
+from retrolidar_ros.nodes.transforms import TransformSender
+from retrolidar_ros.nodes.visualization import marker_shapes
+from retrolidar_ros.yaml_files import load_markers
 
 # Frames that tell how fast they come, by the median of the times between them: a few may be lost.
 _RATE_FRAMES = 33
 _MOST_RATE_ERROR = 0.1
 _SILENCE_S = 2.0
+_NAME = '{name}'
+# What a change of these costs: the frames that the detector has seen so far.
+_OF_DETECTOR = (
+    'method',
+    'bit_period',
+    'false_ids_per_hour',
+    'max_packets',
+    'registered_ids',
+    'only_registered',
+    'noise_floor',
+    'noise_slope',
+    'likelihood_threshold',
+)
 
 
 class DetectorNode(Node):
@@ -37,69 +56,27 @@ class DetectorNode(Node):
         """Declare parameters and subscribe."""
         super().__init__('detector')
         parameters = Parameters(self, 'detector')
-        self._method = parameters.text('method', 'How markers are read.', METHODS)
-        self._bit_period = parameters.number(
-            'bit_period', 'How long a marker holds a bit: two frames [s].', 0.002, 10.0
-        )
-        registered_ids = parameters.integers(
-            'registered_ids',
-            'The only IDs that may come; empty = all (all but paper).',
-            0,
-            IDS - 1,
-        )
-        self._new_detector = partial(
-            create_detector,
-            self._method,
-            bit_period_s=self._bit_period,
-            likelihood_threshold=parameters.number(
-                'likelihood_threshold', 'Least likelihood of a preamble (paper).', 1e-6, 1e6
-            ),
-            false_ids_per_hour=parameters.number(
-                'false_ids_per_hour',
-                'How many IDs noise alone may make in an hour, over all zones (all but paper).',
-                1e-6,
-                1e6,
-            ),
-            max_packets=parameters.integer(
-                'max_packets',
-                'How many packets of a repeating marker may be combined (joint).',
-                1,
-                MAX_PACKETS,
-            ),
-            registered_ids=registered_ids or None,
-            noise=NoiseLaw(
-                parameters.number(
-                    'noise_floor',
-                    'Variance of a signal of nothing [(kcps/SPAD)^2] (all but paper).',
-                    1e-6,
-                    1e6,
-                ),
-                parameters.number(
-                    'noise_slope',
-                    'By how much the variance grows with the signal [kcps/SPAD] (all but paper).',
-                    0.0,
-                    1e6,
-                ),
-            ),
-        )
+        _declare(parameters)
+        parameters.warn_of_unknown()
+        self._values = parameters.values
+        if self._values['child_frame'].count(_NAME) != 1:
+            raise ValueError(f'child_frame: {self._values["child_frame"]!r} needs {_NAME} once')
+        self._known = _known_markers(self._values['marker_file'])
         # The zones are known with the first frame, but what cannot be is to be said at the start.
         self._grid = ZoneGrid()
-        self._detector = self._new_detector(self._grid)
+        self._detector = self._new_detector(self._values, self._grid)
+        self._transforms = TransformSender(self)
+        parameters.follow(self._change)
         self._frames = 0
         self._heard_s = time.monotonic()
         self._first_stamps_ns: list[int] = []
-        self._publisher = self.create_publisher(
-            MarkerDetection,
-            'markers',
-            QoSProfile(depth=100, reliability=ReliabilityPolicy.RELIABLE),
-        )
-        self._send_transforms = (
-            transform_sender(self)
-            if parameters.flag('publish_tf', 'Send a transform for every detection.')
-            else None
-        )
-        parameters.warn_of_unknown()
-        self.get_logger().info(f'reading markers by method {self._method}')
+        self._busy_s = self._age_s = 0.0
+        self._examined_frames = 0
+        self._read_s: dict[int, float] = {}
+        reliable = QoSProfile(depth=100, reliability=ReliabilityPolicy.RELIABLE)
+        self._publisher = self.create_publisher(MarkerDetection, 'markers', reliable)
+        self._shapes = self.create_publisher(MarkerArray, 'marker_array', reliable)
+        self.get_logger().info(f'reading markers by method {self._values["method"]}')
         publish_health(self, 'markers', '', self._examine)
         self.create_subscription(
             FrameMsg,
@@ -107,6 +84,37 @@ class DetectorNode(Node):
             self._detect,
             QoSProfile(depth=10, reliability=ReliabilityPolicy.BEST_EFFORT),
         )
+
+    def _new_detector(self, values: dict[str, Any], grid: ZoneGrid) -> Detector:
+        registered = self._registered(values)
+        return create_detector(
+            values['method'],
+            grid,
+            bit_period_s=values['bit_period'],
+            likelihood_threshold=values['likelihood_threshold'],
+            false_ids_per_hour=values['false_ids_per_hour'],
+            max_packets=values['max_packets'],
+            registered_ids=registered or None,
+            noise=NoiseLaw(values['noise_floor'], values['noise_slope']),
+            marker_sizes_m={marker.id: marker.size_m for marker in self._known.values()},
+        )
+
+    def _registered(self, values: dict[str, Any]) -> list[int]:
+        """Return the only IDs that may come; empty = all."""
+        registered = set(values['registered_ids'])
+        if values['only_registered']:
+            if not self._known:
+                raise ValueError('only_registered: there is no marker_file with markers')
+            registered |= set(self._known)
+        return sorted(registered)
+
+    def _change(self, values: dict[str, Any]) -> None:
+        """Take new values; ValueError if they cannot be."""
+        if any(values[name] != self._values[name] for name in _OF_DETECTOR):
+            self._detector = self._new_detector(values, self._grid)
+            self._first_stamps_ns.clear()
+            self.get_logger().info('the detector begins anew with other parameters')
+        self._values = values
 
     def _detect(self, message: FrameMsg) -> None:
         try:
@@ -116,20 +124,35 @@ class DetectorNode(Node):
         except ValueError as error:
             self.get_logger().error(f'frame dropped: {error}', throttle_duration_sec=5.0)
             return
+        began_s = time.perf_counter()
         self._frames += 1
         self._heard_s = time.monotonic()
+        now = self.get_clock().now()
+        self._age_s += (now - Time.from_msg(message.header.stamp)).nanoseconds * 1e-9
         self._check_rate(frame.stamp_ns)
         if frame.grid != self._grid:
             self._grid = frame.grid
-            self._detector = self._new_detector(frame.grid)
-        detections = [
-            to_detection_msg(detection, message.header.frame_id, f'marker_{detection.id}')
-            for detection in self._detector.update(frame)
-        ]
+            self._detector = self._new_detector(self._values, frame.grid)
+        detections = self._detector.update(frame)
+        if detections:
+            self._publish(detections, message.header.frame_id)
+        self._busy_s += time.perf_counter() - began_s
+
+    def _publish(self, detections: list[Detection], frame_id: str) -> None:
+        messages = []
         for detection in detections:
-            self._publisher.publish(detection)
-        if detections and self._send_transforms is not None:
-            self._send_transforms([to_transform(detection) for detection in detections])
+            name = frame_of(detection.id, self._known)
+            child_frame_id = self._values['child_frame'].replace(_NAME, name)
+            messages.append(to_detection_msg(detection, frame_id, child_frame_id))
+            self._read_s[detection.id] = time.monotonic()
+        for message in messages:
+            self._publisher.publish(message)
+        if self._values['publish_tf']:
+            self._transforms.send([to_transform(message) for message in messages])
+        if self._shapes.get_subscription_count():
+            stale_after_s = self._values['stale_after']
+            shapes = [shape for one in messages for shape in marker_shapes(one, stale_after_s)]
+            self._shapes.publish(MarkerArray(markers=shapes))
 
     def _check_rate(self, stamp_ns: int) -> None:
         """Warn once if a bit does not last two frames, as all methods suppose."""
@@ -139,7 +162,7 @@ class DetectorNode(Node):
         if len(self._first_stamps_ns) < _RATE_FRAMES:
             return
         period_s = float(np.median(np.diff(self._first_stamps_ns))) * 1e-9
-        expected_s = self._bit_period / 2
+        expected_s = self._values['bit_period'] / 2
         if abs(period_s - expected_s) > _MOST_RATE_ERROR * expected_s:
             self.get_logger().warning(
                 f'a frame comes every {period_s * 1e3:.1f} ms, but half of bit_period is '
@@ -150,20 +173,94 @@ class DetectorNode(Node):
     def _examine(self) -> Health:
         """Tell what became of the candidates, and whether there are frames."""
         counts = self._detector.counts
+        frames = self._frames - self._examined_frames
         values = {
-            'method': self._method,
+            'method': self._values['method'],
             'frames': str(self._frames),
+            'processing [ms a frame]': f'{1e3 * self._busy_s / max(frames, 1):.2f}',
+            'age of frames when processed [ms]': f'{1e3 * self._age_s / max(frames, 1):.1f}',
             'candidates': str(counts.candidates),
             'accepted': str(counts.accepted),
         }
+        self._examined_frames, self._busy_s, self._age_s = self._frames, 0.0, 0.0
         for reason, number in sorted(counts.rejected.items()):
             values[f'rejected: {reason}'] = str(number)
-        silence_s = time.monotonic() - self._heard_s
+        now_s = time.monotonic()
+        for identity in sorted({*self._known, *self._registered(self._values)}):
+            read_s = self._read_s.get(identity)
+            age = 'never' if read_s is None else f'{now_s - read_s:.1f}'
+            values[f'since last reading of {frame_of(identity, self._known)} [s]'] = age
+        silence_s = now_s - self._heard_s
         if not self._frames:
             return Health(WARN, 'no frame has come yet', values)
         if silence_s > _SILENCE_S:
-            return Health(WARN, f'no frame has come for {silence_s:.0f} s', values)
+            return Health(STALE, f'no frame has come for {silence_s:.0f} s', values)
         return Health(OK, f'{counts.accepted} of {counts.candidates} candidates accepted', values)
+
+
+def _known_markers(path: str) -> dict[int, KnownMarker]:
+    if not path:
+        return {}
+    try:
+        return load_markers(Path(path))
+    except OSError as error:
+        raise ValueError(f'marker_file: {error}') from error
+
+
+def _declare(parameters: Parameters) -> None:
+    parameters.text('method', 'How markers are read.', METHODS, live=True)
+    parameters.number(
+        'bit_period', 'How long a marker holds a bit: two frames [s].', 0.002, 10.0, live=True
+    )
+    parameters.number(
+        'false_ids_per_hour',
+        'How many IDs noise alone may make in an hour, over all zones (all but paper).',
+        1e-6,
+        1e6,
+        live=True,
+    )
+    parameters.integer(
+        'max_packets',
+        'How many packets of a repeating marker may be combined (joint).',
+        1,
+        MAX_PACKETS,
+        live=True,
+    )
+    parameters.text('marker_file', 'YAML file of the known markers; empty = none.')
+    parameters.flag(
+        'only_registered',
+        'Let only markers of the marker file come, and registered_ids.',
+        live=True,
+    )
+    parameters.integers(
+        'registered_ids', 'The only IDs that may come; [] = all.', 0, IDS - 1, live=True
+    )
+    parameters.number(
+        'noise_floor',
+        'Variance of a signal of nothing [(kcps/SPAD)^2] (all but paper).',
+        1e-6,
+        1e6,
+        live=True,
+    )
+    parameters.number(
+        'noise_slope',
+        'By how much the variance grows with the signal [kcps/SPAD] (all but paper).',
+        0.0,
+        1e6,
+        live=True,
+    )
+    parameters.number(
+        'likelihood_threshold', 'Least likelihood of a preamble (paper).', 1e-6, 1e6, live=True
+    )
+    parameters.flag('publish_tf', 'Send a transform for every detection.', live=True)
+    parameters.text('child_frame', 'TF frame of a marker; {name} stands for its name.')
+    parameters.number(
+        'stale_after',
+        'How long marker_array shows a marker after a reading [s].',
+        0.1,
+        3600.0,
+        live=True,
+    )
 
 
 def main() -> int:

@@ -13,6 +13,7 @@ from rclpy.node import Node
 OK = DiagnosticStatus.OK
 WARN = DiagnosticStatus.WARN
 ERROR = DiagnosticStatus.ERROR
+STALE = DiagnosticStatus.STALE
 PERIOD_S = 1.0
 
 

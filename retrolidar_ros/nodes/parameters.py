@@ -4,10 +4,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterable, Sequence
 from difflib import get_close_matches
 from typing import Any
 
-from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescriptor
+from rcl_interfaces.msg import (
+    FloatingPointRange,
+    IntegerRange,
+    ParameterDescriptor,
+    SetParametersResult,
+)
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 
@@ -16,63 +22,105 @@ from retrolidar_ros.yaml_files import load_parameter_defaults
 
 
 class Parameters:
-    """Declares the parameters of a node, each with the default of the shipped file."""
+    """Declares the parameters of a node, each with the default of the shipped file.
+
+    They are read-only but those declared `live`, which may be set while the node runs.
+    """
 
     def __init__(self, node: Node, kind: str) -> None:
         """Read the defaults of the nodes of one `kind`, such as driver."""
+        self.values: dict[str, Any] = {}
+        """Of all parameters declared so far."""
         self._node = node
         self._defaults = load_parameter_defaults(shared_file('config/retrolidar.yaml'), kind)
+        self._checks: dict[str, Callable[[Any], Any]] = {}
 
-    def text(self, name: str, description: str, among: tuple[str, ...] = ()) -> str:
-        """Declare a read-only string and return its value; ValueError if it is not `among`."""
+    def text(
+        self, name: str, description: str, among: tuple[str, ...] = (), *, live: bool = False
+    ) -> None:
+        """Declare a string; ValueError if it is not `among`."""
         constraints = f'one of {", ".join(among)}' if among else ''
-        value = str(self._declare(name, description, additional_constraints=constraints))
-        if among and value not in among:
-            raise ValueError(f'{name}: {value!r} is not {constraints}')
-        return value
 
-    def flag(self, name: str, description: str) -> bool:
-        """Declare a read-only boolean and return its value."""
-        return bool(self._declare(name, description))
+        def check(value: Any) -> str:
+            if among and value not in among:
+                raise ValueError(f'{name}: {value!r} is not {constraints}')
+            return str(value)
 
-    def integer(self, name: str, description: str, minimum: int, maximum: int) -> int:
-        """Declare a read-only integer within limits and return its value."""
+        self._declare(name, description, check, live, additional_constraints=constraints)
+
+    def flag(self, name: str, description: str, *, live: bool = False) -> None:
+        """Declare a boolean."""
+        self._declare(name, description, bool, live)
+
+    def integer(
+        self, name: str, description: str, minimum: int, maximum: int, *, live: bool = False
+    ) -> None:
+        """Declare an integer within limits."""
         limits = IntegerRange(from_value=minimum, to_value=maximum, step=0)
-        return int(self._declare(name, description, integer_range=[limits]))
+        self._declare(name, description, int, live, integer_range=[limits])
 
-    def integers(self, name: str, description: str, minimum: int, maximum: int) -> list[int]:
-        """Declare a read-only list of integers and return its value, which may be empty.
-
-        Raises
-        ------
-        ValueError
-            If one is not within the limits, which ROS knows for single numbers only.
-        """
-        kind = Parameter.Type.INTEGER_ARRAY
-        descriptor = {
-            'description': description,
-            'type': kind.value,
-            'additional_constraints': f'each {minimum} to {maximum}',
-        }
-        # An empty list is taken for bytes as a default, and comes without a value from a file. So
-        # the type is declared, and the empty list set afterwards: a parameter without a value
-        # would keep the tools from reading the others, too.
-        parameter = self._node.declare_parameter(
-            name, self._defaults[name] or kind, ParameterDescriptor(**descriptor)
-        )
-        if parameter.value is None:
-            self._node.set_parameters([Parameter(name, kind, [])])
-        self._node.set_descriptor(name, ParameterDescriptor(**descriptor, read_only=True))
-        numbers = [int(number) for number in self._node.get_parameter(name).value]
-        for number in numbers:
-            if not minimum <= number <= maximum:
-                raise ValueError(f'{name}: {number} is not within {minimum} to {maximum}')
-        return numbers
-
-    def number(self, name: str, description: str, minimum: float, maximum: float) -> float:
-        """Declare a read-only float within limits and return its value."""
+    def number(
+        self, name: str, description: str, minimum: float, maximum: float, *, live: bool = False
+    ) -> None:
+        """Declare a float within limits."""
         limits = FloatingPointRange(from_value=minimum, to_value=maximum, step=0.0)
-        return float(self._declare(name, description, floating_point_range=[limits]))
+        self._declare(name, description, float, live, floating_point_range=[limits])
+
+    def integers(
+        self, name: str, description: str, minimum: int, maximum: int, *, live: bool = False
+    ) -> None:
+        """Declare a list of integers, which may be empty; ValueError if one exceeds the limits."""
+        constraints = f'integers of {minimum} to {maximum}, or []'
+
+        def check(value: Any) -> list[int]:
+            for number in _listed(name, value):
+                if isinstance(number, bool) or not isinstance(number, int):
+                    raise ValueError(f'{name}: {number!r} is not a whole number')
+                if not minimum <= number <= maximum:
+                    raise ValueError(f'{name}: {number} is not within {minimum} to {maximum}')
+            return list(value)
+
+        self._declare_list(
+            name, description, Parameter.Type.INTEGER_ARRAY, check, live, constraints
+        )
+
+    def texts(self, name: str, description: str) -> None:
+        """Declare a list of strings, which may be empty."""
+
+        def check(value: Any) -> list[str]:
+            for one in _listed(name, value):
+                if not isinstance(one, str) or not one:
+                    raise ValueError(f'{name}: {one!r} is not a text')
+            return list(value)
+
+        self._declare_list(
+            name, description, Parameter.Type.STRING_ARRAY, check, False, 'texts, or []'
+        )
+
+    def follow(self, apply: Callable[[dict[str, Any]], None]) -> None:
+        """Let live parameters be set.
+
+        Parameters
+        ----------
+        apply : callable
+            Gets the values of all parameters as they would be; what it refuses by a ValueError
+            is not set, and the error's text is the reason.
+        """
+
+        def change(parameters: Sequence[Parameter]) -> SetParametersResult:
+            values = dict(self.values)
+            try:
+                for parameter in parameters:
+                    if parameter.name in self._checks:
+                        check = self._checks[parameter.name]
+                        values[parameter.name] = check(parameter.value)
+                apply(values)
+            except ValueError as error:
+                return SetParametersResult(successful=False, reason=str(error))
+            self.values = values
+            return SetParametersResult(successful=True)
+
+        self._node.add_on_set_parameters_callback(change)
 
     def warn_of_unknown(self) -> None:
         """Log a warning for each parameter that was set but that no node of the kind has."""
@@ -82,6 +130,45 @@ class Parameters:
                 hint = f'did you mean {near[0]}?' if near else f'known: {", ".join(self._defaults)}'
                 self._node.get_logger().warning(f'parameter {name} is unknown; {hint}')
 
-    def _declare(self, name: str, description: str, **constraints: Any) -> Any:
-        descriptor = ParameterDescriptor(description=description, read_only=True, **constraints)
-        return self._node.declare_parameter(name, self._defaults[name], descriptor).value
+    def _declare(
+        self,
+        name: str,
+        description: str,
+        check: Callable[[Any], Any],
+        live: bool,
+        **constraints: Any,
+    ) -> None:
+        descriptor = ParameterDescriptor(description=description, read_only=not live, **constraints)
+        parameter = self._node.declare_parameter(name, self._defaults[name], descriptor)
+        self._checks[name] = check
+        self.values[name] = check(parameter.value)
+
+    def _declare_list(
+        self,
+        name: str,
+        description: str,
+        kind: Parameter.Type,
+        check: Callable[[Any], Any],
+        live: bool,
+        constraints: str,
+    ) -> None:
+        # An empty list has no type of its own: as a default it is taken for bytes, from a file it
+        # comes without a value, and from the tools as a list of booleans. So the type is left
+        # open and checked here, and an empty list is given the type afterwards.
+        texts = {'description': description, 'additional_constraints': constraints}
+        open_type = ParameterDescriptor(dynamic_typing=True, **texts)
+        value = self._node.declare_parameter(name, self._defaults[name], open_type).value
+        values = check([] if value is None else value)
+        if not values:
+            self._node.set_parameters([Parameter(name, kind, [])])
+        self._node.set_descriptor(
+            name, ParameterDescriptor(dynamic_typing=True, read_only=not live, **texts)
+        )
+        self._checks[name] = check
+        self.values[name] = values
+
+
+def _listed(name: str, value: Any) -> list[Any]:
+    if isinstance(value, str) or not isinstance(value, Iterable):
+        raise ValueError(f'{name}: {value!r} is not a list')
+    return list(value)

@@ -4,6 +4,7 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Callable
 
 import rclpy
@@ -17,9 +18,15 @@ from retrolidar_ros.interrupts import ignore_requests
 def run(create: Callable[[], Node]) -> int:
     """Spin a node until it is interrupted; return the exit code of the process.
 
-    A parameter that cannot be is one line in the log and the exit code 2.
+    A parameter or a parameter file that cannot be is one clear line and the exit code 2.
     """
-    rclpy.init()
+    try:
+        rclpy.init()
+    except RuntimeError as error:
+        # A parameter file that cannot be read, say; where in rcl's sources is no help.
+        reason = str(error).partition(', at /')[0].removeprefix('failed to initialize rcl: ')
+        print(f'retrolidar_ros: {reason}', file=sys.stderr)
+        return 2
     node = None
     try:
         node = create()

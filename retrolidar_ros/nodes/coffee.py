@@ -1,0 +1,204 @@
+# Copyright 2026 retrolidar_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""The `coffee` node: waits until all objects of a task are placed, and says where (paper §7.1)."""
+
+from __future__ import annotations
+
+import re
+from collections import deque
+from typing import NamedTuple
+
+import numpy as np
+from geometry_msgs.msg import PoseWithCovarianceStamped, Vector3Stamped
+from rclpy.node import Node
+from rclpy.qos import DurabilityPolicy, QoSProfile
+from rclpy.time import Time
+from std_msgs.msg import Bool, Header, String
+
+from retrolidar_ros.frame import Floats
+from retrolidar_ros.msg import MarkerDetection
+from retrolidar_ros.nodes.diagnostics import OK, WARN, Health, publish_health
+from retrolidar_ros.nodes.parameters import Parameters
+from retrolidar_ros.nodes.run import run
+from retrolidar_ros.nodes.transforms import TransformFinder
+from retrolidar_ros.objects import ObjectBoard
+from retrolidar_ros.rotation import matrix_of, product
+
+_TICK_S = 0.1
+# How long a detection waits for the transform of its time.
+_PATIENCE_S = 1.0
+_LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+
+
+class _Pose(NamedTuple):
+    position_m: Floats
+    orientation: Floats
+    """Quaternion (x, y, z, w)."""
+    covariance: Floats
+    """Shape (6, 6)."""
+
+
+class CoffeeNode(Node):
+    """Publishes poses and offsets of named objects, and whether all of them are placed."""
+
+    def __init__(self) -> None:
+        """Declare parameters and subscribe."""
+        super().__init__('coffee')
+        parameters = Parameters(self, 'coffee')
+        parameters.texts('objects', 'TF frames of the markers on the objects.')
+        parameters.text('target_frame', "Frame of the poses; empty = the sensor's.")
+        parameters.number(
+            'max_stddev',
+            'How uncertain a position may be, along any axis [m].',
+            1e-4,
+            10.0,
+            live=True,
+        )
+        parameters.number(
+            'stale_after', 'How long a detection counts [s].', 0.1, 86400.0, live=True
+        )
+        parameters.warn_of_unknown()
+        values = parameters.values
+        self._board = ObjectBoard(values['objects'], values['max_stddev'], values['stale_after'])
+        parameters.follow(self._change)
+        self._target = values['target_frame']
+        self._finder = TransformFinder(self)
+        if self._target and not self._finder.is_there:
+            self.get_logger().warning(
+                f"target_frame {self._target}: tf2_ros is not installed; poses are in the sensor's"
+            )
+            self._target = ''
+        self._waiting: deque[tuple[MarkerDetection, Time]] = deque()
+        self._frame_id = ''
+        self._told: tuple[str, ...] | None = None
+        self._ready = self.create_publisher(Bool, '~/ready', _LATCHED)
+        self._missing = self.create_publisher(String, '~/missing', _LATCHED)
+        self._poses = {
+            name: self.create_publisher(
+                PoseWithCovarianceStamped, f'~/objects/{_topic(name)}', _LATCHED
+            )
+            for name in self._board.names
+        }
+        self._offsets = {
+            (one, other): self.create_publisher(
+                Vector3Stamped, f'~/offsets/{_topic(one)}_to_{_topic(other)}', _LATCHED
+            )
+            for index, one in enumerate(self._board.names)
+            for other in self._board.names[index + 1 :]
+        }
+        publish_health(self, 'objects', '', self._examine)
+        self.create_subscription(MarkerDetection, 'markers', self._take, 100)
+        self.create_timer(_TICK_S, self._tick)
+
+    def _change(self, values: dict[str, float]) -> None:
+        self._board.max_stddev_m = values['max_stddev']
+        self._board.stale_after_s = values['stale_after']
+
+    def _take(self, message: MarkerDetection) -> None:
+        if message.child_frame_id in self._poses:
+            self._waiting.append((message, self.get_clock().now()))
+            self._tick()
+
+    def _tick(self) -> None:
+        """Place what waits, as far as its transforms are known, and say what is missing."""
+        now = self.get_clock().now()
+        for _ in range(len(self._waiting)):
+            message, came = self._waiting.popleft()
+            if not self._place(message):
+                if (now - came).nanoseconds * 1e-9 < _PATIENCE_S:
+                    self._waiting.append((message, came))
+                else:
+                    self.get_logger().warning(
+                        f'no transform from {message.header.frame_id} to {self._target} for '
+                        f'{message.child_frame_id}; it is left out',
+                        throttle_duration_sec=5.0,
+                    )
+        self._tell(self._board.missing(now.nanoseconds))
+
+    def _place(self, message: MarkerDetection) -> bool:
+        """Publish where an object is; return whether that could be told."""
+        pose = _pose_of(message)
+        header = Header(stamp=message.header.stamp, frame_id=message.header.frame_id)
+        if self._target and self._target != header.frame_id:
+            found = self._finder.find(
+                self._target, header.frame_id, Time.from_msg(message.header.stamp)
+            )
+            if found is None:
+                return False
+            pose = _moved(pose, *found)
+            header.frame_id = self._target
+        if header.frame_id != self._frame_id:
+            if self._frame_id:
+                self.get_logger().warning(
+                    f'objects are seen in {self._frame_id} and in {header.frame_id}; set '
+                    f'target_frame, or listen to one sensor',
+                    throttle_duration_sec=10.0,
+                )
+            self._frame_id = header.frame_id
+        name = message.child_frame_id
+        stamp_ns = Time.from_msg(header.stamp).nanoseconds
+        self._board.see(name, stamp_ns, pose.position_m, pose.covariance[:3, :3])
+        self._poses[name].publish(_message(header, pose))
+        for (one, other), offset in self._board.offsets().items():
+            if name in (one, other):
+                way = Vector3Stamped(header=header)
+                way.vector.x, way.vector.y, way.vector.z = offset.tolist()
+                self._offsets[one, other].publish(way)
+        return True
+
+    def _tell(self, missing: dict[str, str]) -> None:
+        """Publish and log what is missing whenever that is something else."""
+        if self._told == tuple(missing):
+            return
+        self._told = tuple(missing)
+        text = '; '.join(f'{name} {reason}' for name, reason in missing.items())
+        self._missing.publish(String(data=text))
+        self._ready.publish(Bool(data=not missing))
+        self.get_logger().info(f'waiting: {text}' if missing else 'all objects are placed')
+
+    def _examine(self) -> Health:
+        missing = self._board.missing(self.get_clock().now().nanoseconds)
+        values = {name: missing.get(name, 'placed') for name in self._board.names}
+        if missing:
+            return Health(WARN, f'{len(missing)} of {len(values)} objects missing', values)
+        return Health(OK, f'{len(values)} objects placed', values)
+
+
+def _topic(name: str) -> str:
+    """Return a TF frame as a part of a topic's name, which takes fewer characters."""
+    part = re.sub(r'\W', '_', name, flags=re.ASCII)
+    return f'_{part}' if part[0].isdigit() else part
+
+
+def _pose_of(message: MarkerDetection) -> _Pose:
+    place, turn = message.pose.pose.position, message.pose.pose.orientation
+    return _Pose(
+        np.array([place.x, place.y, place.z]),
+        np.array([turn.x, turn.y, turn.z, turn.w]),
+        np.array(message.pose.covariance).reshape(6, 6),
+    )
+
+
+def _moved(pose: _Pose, rotation: Floats, translation: Floats) -> _Pose:
+    """Return a pose in a frame to which `rotation` and `translation` lead."""
+    matrix = matrix_of(rotation)
+    turning = np.kron(np.eye(2), matrix)
+    return _Pose(
+        matrix @ pose.position_m + translation,
+        product(rotation, pose.orientation),
+        turning @ pose.covariance @ turning.T,
+    )
+
+
+def _message(header: Header, pose: _Pose) -> PoseWithCovarianceStamped:
+    message = PoseWithCovarianceStamped(header=header)
+    place, turn = message.pose.pose.position, message.pose.pose.orientation
+    place.x, place.y, place.z = pose.position_m.tolist()
+    turn.x, turn.y, turn.z, turn.w = pose.orientation.tolist()
+    message.pose.covariance = pose.covariance.ravel()
+    return message
+
+
+def main() -> int:
+    """Run the node; return the exit code of the process."""
+    return run(CoffeeNode)

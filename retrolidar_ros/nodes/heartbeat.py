@@ -1,0 +1,92 @@
+# Copyright 2026 retrolidar_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""The `heartbeat` node: warns when a marker is overdue, and counts how often it came (§7.2)."""
+
+from __future__ import annotations
+
+from rclpy.node import Node
+from rclpy.qos import DurabilityPolicy, QoSProfile
+from std_msgs.msg import Bool
+
+from retrolidar_ros.heartbeat import Heartbeat
+from retrolidar_ros.msg import MarkerDetection
+from retrolidar_ros.nodes.diagnostics import OK, WARN, Health, publish_health
+from retrolidar_ros.nodes.parameters import Parameters
+from retrolidar_ros.nodes.run import run
+
+_TICK_S = 0.1
+
+
+class HeartbeatNode(Node):
+    """Publishes whether all of some markers have been read lately."""
+
+    def __init__(self) -> None:
+        """Declare parameters and subscribe."""
+        super().__init__('heartbeat')
+        parameters = Parameters(self, 'heartbeat')
+        parameters.texts('markers', 'TF frames of the markers to watch.')
+        parameters.number(
+            'overdue_after', 'Silence after which a marker is overdue [s].', 0.1, 3600.0, live=True
+        )
+        parameters.number('window', 'Length of the windows that are counted [s].', 0.1, 3600.0)
+        parameters.warn_of_unknown()
+        names = parameters.values['markers']
+        if not names:
+            raise ValueError('markers: there is no name; name at least one')
+        self._overdue_after_s = parameters.values['overdue_after']
+        parameters.follow(self._change)
+        self._hearts = {name: Heartbeat(parameters.values['window']) for name in names}
+        self._overdue: set[str] | None = None
+        latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+        self._alive = self.create_publisher(Bool, '~/alive', latched)
+        publish_health(self, 'markers', '', self._examine)
+        self.create_subscription(MarkerDetection, 'markers', self._take, 100)
+        self.create_timer(_TICK_S, self._tick)
+
+    def _change(self, values: dict[str, float]) -> None:
+        self._overdue_after_s = values['overdue_after']
+
+    def _now_s(self) -> float:
+        return float(self.get_clock().now().nanoseconds) * 1e-9
+
+    def _take(self, message: MarkerDetection) -> None:
+        if message.child_frame_id in self._hearts:
+            self._hearts[message.child_frame_id].beat(self._now_s())
+            self._tick()
+
+    def _tick(self) -> None:
+        """Let time pass, and say who has become overdue and who is back."""
+        now_s = self._now_s()
+        overdue = set()
+        for name, heart in self._hearts.items():
+            heart.advance(now_s)
+            if heart.silence_s(now_s) > self._overdue_after_s:
+                overdue.add(name)
+        if overdue == self._overdue:
+            return
+        before = self._overdue or set()
+        for name in sorted(overdue - before):
+            self.get_logger().warning(
+                f'{name} is overdue: not read for {self._hearts[name].silence_s(now_s):.1f} s'
+            )
+        for name in sorted(before - overdue):
+            self.get_logger().info(f'{name} is back')
+        self._overdue = overdue
+        self._alive.publish(Bool(data=not overdue))
+
+    def _examine(self) -> Health:
+        now_s = self._now_s()
+        values = {}
+        for name, heart in self._hearts.items():
+            values[f'{name}: readings'] = str(heart.beats)
+            values[f'{name}: windows with a reading'] = f'{heart.windows_alive} of {heart.windows}'
+            values[f'{name}: silence [s]'] = f'{heart.silence_s(now_s):.1f}'
+            values[f'{name}: longest silence [s]'] = f'{heart.longest_silence_s(now_s):.1f}'
+        if self._overdue:
+            return Health(WARN, f'overdue: {", ".join(sorted(self._overdue))}', values)
+        return Health(OK, 'all markers are read', values)
+
+
+def main() -> int:
+    """Run the node; return the exit code of the process."""
+    return run(HeartbeatNode)
