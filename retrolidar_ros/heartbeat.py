@@ -4,6 +4,8 @@
 
 from __future__ import annotations
 
+import math
+
 WINDOW_S = 10.0
 """Of the paper's detection rate."""
 
@@ -44,9 +46,10 @@ class Heartbeat:
         """Let time pass; a jump back begins the count anew, as a replay does."""
         if not self._begun or time_s < self._window_start_s:
             self._begin(time_s)
-        while time_s >= self._window_start_s + self.window_s:
-            self._window_start_s += self.window_s
-            self.windows += 1
+        passed = math.floor((time_s - self._window_start_s) / self.window_s)
+        if passed:
+            self._window_start_s += passed * self.window_s
+            self.windows += passed
             self.windows_alive += self._beats_in_window > 0
             self._beats_in_window = 0
 

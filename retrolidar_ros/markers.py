@@ -17,6 +17,8 @@ MARKER_SIZE_M = 0.03
 # What TF takes for a name; a leading slash it does not.
 _FRAME = re.compile(r'[A-Za-z0-9_.-][A-Za-z0-9_./-]*')
 
+_USUAL_FRAME = re.compile(r'marker_([0-9]+)')
+
 
 @dataclass(frozen=True)
 class KnownMarker:
@@ -56,6 +58,11 @@ def _markers(value: Any, path: str) -> dict[int, KnownMarker]:
     known = {identity: _marker(identity, one, path) for identity, one in value.items()}
     owners: dict[str, int] = {}
     for marker in known.values():
+        usual = _USUAL_FRAME.fullmatch(marker.frame)
+        if usual and int(usual[1]) != marker.id:
+            raise ConfigError(
+                f'{path}.{marker.id}.frame: {marker.frame} is what marker {usual[1]} is called'
+            )
         other = owners.setdefault(marker.frame, marker.id)
         if other != marker.id:
             raise ConfigError(

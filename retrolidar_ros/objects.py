@@ -25,7 +25,12 @@ class Sighting(NamedTuple):
 
 
 def largest_stddev(covariance: Floats) -> float:
-    """Return the square root of the largest eigenvalue of a covariance of shape (3, 3)."""
+    """Return the square root of the largest eigenvalue of a covariance of shape (3, 3).
+
+    It is infinite if the covariance is not a number.
+    """
+    if not np.isfinite(covariance).all():
+        return math.inf
     return math.sqrt(max(float(np.linalg.eigvalsh(covariance)[-1]), 0.0))
 
 
@@ -71,7 +76,8 @@ class ObjectBoard:
             Of the position [m²].
         """
         known = self._sightings.get(name)
-        if known is None or stamp_ns >= known.stamp_ns:
+        # Much older ones are of a clock that was set back, or of a bag that began anew.
+        if known is None or not 0 < known.stamp_ns - stamp_ns < self.stale_after_s * 1e9:
             self._sightings[name] = Sighting(stamp_ns, position_m, largest_stddev(covariance))
 
     def missing(self, now_ns: int) -> dict[str, str]:
@@ -83,11 +89,11 @@ class ObjectBoard:
                 reasons[name] = 'has not been seen'
                 continue
             age_s = (now_ns - sighting.stamp_ns) * 1e-9
-            if age_s > self.stale_after_s:
+            if abs(age_s) > self.stale_after_s:
                 reasons[name] = f'was last seen {age_s:.0f} s ago'
             elif sighting.stddev_m > self.max_stddev_m:
                 reasons[name] = (
-                    f'is known to {sighting.stddev_m:.2f} m only; {self.max_stddev_m:.2f} m wanted'
+                    f'is known to {sighting.stddev_m:.4f} m only; {self.max_stddev_m:g} m wanted'
                 )
         return reasons
 

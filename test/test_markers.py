@@ -94,18 +94,20 @@ def test_frame_and_note_are_texts(key: str, value: object) -> None:
     refused({5: {key: value}}, f'markers.5.{key}: {value!r} is not a text')
 
 
-@pytest.mark.parametrize(
-    ('one', 'other', 'frame'),
-    [
-        ({'frame': 'mug'}, {'frame': 'mug'}, 'mug'),
-        ({'frame': 'marker_6'}, {}, 'marker_6'),
-        ({}, {'frame': 'marker_5'}, 'marker_5'),
-    ],
-)
-def test_two_markers_cannot_have_one_frame(
-    one: dict[str, str], other: dict[str, str], frame: str
-) -> None:
-    refused({5: one, 6: other}, f'markers.6.frame: marker 5 has the frame {frame}, too')
+def test_two_markers_cannot_have_one_frame() -> None:
+    refused(
+        {5: {'frame': 'mug'}, 6: {'frame': 'mug'}},
+        'markers.6.frame: marker 5 has the frame mug, too',
+    )
+
+
+@pytest.mark.parametrize('other', [6, 77])
+def test_a_marker_cannot_have_the_usual_frame_of_another(other: int) -> None:
+    refused(
+        {5: {'frame': f'marker_{other}'}},
+        f'markers.5.frame: marker_{other} is what marker {other} is called',
+    )
+    assert parse_markers({'markers': {5: {'frame': 'marker_5'}}})[5].frame == 'marker_5'
 
 
 @pytest.mark.parametrize(

@@ -76,7 +76,7 @@ def test_an_uncertain_place_is_missing_until_it_is_seen_better() -> None:
     board = new_board()
     see_all(board, 0)
     board.see('mug', S, np.zeros(3), np.diag([1e-4, 0.09, 1e-4]))
-    assert board.missing(S) == {'mug': 'is known to 0.30 m only; 0.15 m wanted'}
+    assert board.missing(S) == {'mug': 'is known to 0.3000 m only; 0.15 m wanted'}
     # The latest counts, not the best.
     board.see('mug', 2 * S, np.zeros(3), SHARP)
     assert board.missing(2 * S) == {}

@@ -259,7 +259,7 @@ def test_a_section_needs_keys_with_values(path: Path, value: Any) -> None:
 
 @pytest.mark.parametrize('content', [None, 5, 'text', [], [{}]])
 def test_a_scene_needs_keys_with_values(content: Any) -> None:
-    assert refusal(content) == f'scene: needs keys with values, not {content!r}'
+    assert refusal(content) == f'the file: needs keys with values, not {content!r}'
 
 
 @pytest.mark.parametrize('key', ['markers', 'surfaces'])

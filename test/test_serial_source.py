@@ -336,15 +336,15 @@ def test_a_source_that_is_stopped_before_it_runs_opens_nothing(link: Path) -> No
     assert source.problem == f'{link} has not been opened yet'
 
 
+GROUP = 'it belongs to the group dialout'
+JOIN_DIALOUT = f'{GROUP}: sudo usermod -aG dialout $USER, and log in again'
+
+
 @pytest.mark.parametrize(
     ('number', 'expected'),
     [
         (errno.ENOENT, 'p does not exist; is the sensor plugged in?'),
-        (
-            errno.EACCES,
-            'no permission to open p; it belongs to the group dialout: '
-            'sudo usermod -aG dialout $USER, and log in again',
-        ),
+        (errno.EACCES, f'no permission to open p; {JOIN_DIALOUT}'),
         (errno.EBUSY, 'p is in use by another program'),
         (errno.EAGAIN, 'p is in use by another program'),
         (errno.EIO, 'p: [Errno 5] Input/output error'),

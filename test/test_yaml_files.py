@@ -75,7 +75,7 @@ def test_a_missing_scene_lists_those_that_ship(name: str) -> None:
 
 def test_an_empty_file_is_no_scene(file: Path) -> None:
     file.write_text('')
-    with pytest.raises(ConfigError, match=f'^{file}: scene: needs keys with values, not None$'):
+    with pytest.raises(ConfigError, match=f'^{file}: the file: needs keys with values, not None$'):
         load_scene(str(file))
 
 

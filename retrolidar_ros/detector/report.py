@@ -120,7 +120,10 @@ def _amplitudes(light: Floats, weight: Floats, signal: Floats) -> tuple[Floats, 
     energy = np.maximum((change * change).sum(axis=0), 1e-9)
     amplitude = (change * signal).sum(axis=0) / energy
     left = (signal - (signal * weight).sum(axis=0) / count - amplitude * change) * weight
-    variance = (left * left).sum(axis=0) / np.maximum(count - 2, 1.0)
+    power = (left * left).sum(axis=0)
+    # What is left over may be another marker, whose samples come in pairs and tell half as much.
+    alike = np.maximum((left[1:] * left[:-1]).sum(axis=0) / np.maximum(power, 1e-9), 0.0)
+    variance = power * (1 + 2 * alike) / np.maximum(count - 2, 1.0)
     return amplitude, np.maximum(variance, _RESOLUTION_SIGNAL**2) / energy
 
 
