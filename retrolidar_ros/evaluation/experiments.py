@@ -15,6 +15,8 @@ import numpy as np
 
 from retrolidar_ros.evaluation import (
     bound,
+    coffee,
+    drone,
     place,
     reach,
     reading,
@@ -47,6 +49,8 @@ EXPERIMENTS: dict[str, Experiment] = {
     'speed-accuracy': speed_accuracy,
     'roc': roc,
     'time-to-id': time_to_id,
+    'coffee': coffee,
+    'drone': drone,
 }
 
 
