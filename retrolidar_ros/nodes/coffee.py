@@ -10,6 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 from geometry_msgs.msg import PoseWithCovarianceStamped, Vector3Stamped
+from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from rclpy.time import Time
@@ -88,7 +89,7 @@ class CoffeeNode(Node):
         }
         publish_health(self, 'objects', '', self._examine)
         self.create_subscription(MarkerDetection, 'markers', self._take, 100)
-        self.create_timer(_TICK_S, self._tick)
+        self.create_timer(_TICK_S, self._tick, clock=Clock(clock_type=ClockType.STEADY_TIME))
 
     def _change(self, values: dict[str, float]) -> None:
         self._board.max_stddev_m = values['max_stddev']

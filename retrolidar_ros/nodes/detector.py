@@ -26,7 +26,7 @@ from retrolidar_ros.nodes.conversion import from_frame_msg, to_detection_msg, to
 from retrolidar_ros.nodes.diagnostics import OK, STALE, WARN, Health, publish_health
 from retrolidar_ros.nodes.parameters import Parameters
 from retrolidar_ros.nodes.run import run
-from retrolidar_ros.nodes.transforms import TransformSender
+from retrolidar_ros.nodes.transforms import transform_sender
 from retrolidar_ros.nodes.visualization import marker_shapes
 from retrolidar_ros.yaml_files import load_markers
 
@@ -65,7 +65,7 @@ class DetectorNode(Node):
         # The zones are known with the first frame, but what cannot be is to be said at the start.
         self._grid = ZoneGrid()
         self._detector = self._new_detector(self._values, self._grid)
-        self._transforms = TransformSender(self)
+        self._send_transforms = transform_sender(self) if self._values['publish_tf'] else None
         parameters.follow(self._change)
         self._frames = 0
         self._heard_s = time.monotonic()
@@ -114,6 +114,8 @@ class DetectorNode(Node):
             self._detector = self._new_detector(values, self._grid)
             self._first_stamps_ns.clear()
             self.get_logger().info('the detector begins anew with other parameters')
+        if values['publish_tf'] != self._values['publish_tf']:
+            self._send_transforms = transform_sender(self) if values['publish_tf'] else None
         self._values = values
 
     def _detect(self, message: FrameMsg) -> None:
@@ -147,8 +149,8 @@ class DetectorNode(Node):
             self._read_s[detection.id] = time.monotonic()
         for message in messages:
             self._publisher.publish(message)
-        if self._values['publish_tf']:
-            self._transforms.send([to_transform(message) for message in messages])
+        if self._send_transforms is not None:
+            self._send_transforms([to_transform(message) for message in messages])
         if self._shapes.get_subscription_count():
             stale_after_s = self._values['stale_after']
             shapes = [shape for one in messages for shape in marker_shapes(one, stale_after_s)]

@@ -4,6 +4,7 @@
 
 from __future__ import annotations
 
+from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from std_msgs.msg import Bool
@@ -41,7 +42,7 @@ class HeartbeatNode(Node):
         self._alive = self.create_publisher(Bool, '~/alive', latched)
         publish_health(self, 'markers', '', self._examine)
         self.create_subscription(MarkerDetection, 'markers', self._take, 100)
-        self.create_timer(_TICK_S, self._tick)
+        self.create_timer(_TICK_S, self._tick, clock=Clock(clock_type=ClockType.STEADY_TIME))
 
     def _change(self, values: dict[str, float]) -> None:
         self._overdue_after_s = values['overdue_after']

@@ -51,9 +51,10 @@ class Listener:
         """Handle messages until `done` returns true; return False after the timeout."""
         deadline = time.monotonic() + timeout_s
         while not done():
-            if time.monotonic() > deadline:
+            remaining_s = deadline - time.monotonic()
+            if remaining_s < 0:
                 return False
-            self._executor.spin_once(timeout_sec=0.1)
+            self._executor.spin_once(timeout_sec=min(remaining_s, 0.1))
         return True
 
     def is_connected(self) -> bool:

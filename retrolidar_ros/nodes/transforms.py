@@ -15,22 +15,8 @@ from rclpy.time import Time
 from retrolidar_ros.frame import Floats
 
 
-class TransformSender:
-    """Sends transforms to `/tf`, and joins that topic with the first one."""
-
-    def __init__(self, node: Node) -> None:
-        """Send in the name of `node`."""
-        self._node = node
-        self._send: Callable[[list[TransformStamped]], None] | None = None
-
-    def send(self, transforms: list[TransformStamped]) -> None:
-        """Send transforms."""
-        if self._send is None:
-            self._send = _sender(self._node)
-        self._send(transforms)
-
-
-def _sender(node: Node) -> Callable[[list[TransformStamped]], None]:
+def transform_sender(node: Node) -> Callable[[list[TransformStamped]], None]:
+    """Return a function that sends transforms to `/tf`."""
     try:
         from tf2_ros import TransformBroadcaster
     except ImportError:
