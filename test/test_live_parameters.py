@@ -15,7 +15,13 @@ pytest.importorskip('rclpy', reason='needs ROS 2')
 pytest.importorskip('retrolidar_ros.msg', reason='needs the messages: colcon build')
 
 from harness import Sensor
-from rcl_interfaces.msg import ParameterDescriptor, ParameterValue, SetParametersResult
+from rcl_interfaces.msg import Parameter as ParameterMsg
+from rcl_interfaces.msg import (
+    ParameterDescriptor,
+    ParameterType,
+    ParameterValue,
+    SetParametersResult,
+)
 from rcl_interfaces.srv import (
     DescribeParameters,
     GetParameters,
@@ -25,6 +31,7 @@ from rcl_interfaces.srv import (
 )
 from rclpy.parameter import Parameter
 from retrolidar_ros.msg import Frame as FrameMsg
+from retrolidar_ros.msg import MarkerDetection
 from test_node_features import (
     FRAME_ID,
     MARKER_FILE,
@@ -57,13 +64,28 @@ READ_ONLY = {
     HEARTBEAT: {'markers', 'window'},
 }
 NODES = pytest.mark.parametrize('node', READ_ONLY)
-Changes = dict[str, Any]
-"""Values by name; a parameter of rclpy where the type is to be another than the value's."""
 
 
 def defaults_of(node: str) -> dict[str, Any]:
     kind = node.rpartition('/')[2]
     return load_parameter_defaults(shared_file('config/retrolidar.yaml'), kind)
+
+
+def messages_of(changes: dict[str, Any]) -> list[ParameterMsg]:
+    """Return parameters of values, be they plain or of a type of one's choice."""
+    return [
+        ParameterMsg(
+            name=name,
+            value=value
+            if isinstance(value, ParameterValue)
+            else Parameter(name, value=value).get_parameter_value(),
+        )
+        for name, value in changes.items()
+    ]
+
+
+def empty_list(kind: int) -> ParameterValue:
+    return ParameterValue(type=kind)
 
 
 class Live:
@@ -104,22 +126,15 @@ class Live:
         answer = self.call(node, GetParameters, 'get_parameters', request)
         return dict(zip(names, answer.values, strict=True))
 
-    def try_to_set(self, node: str, **changes: Any) -> SetParametersResult:
-        """Set parameters all at once, or none of them."""
-        messages = [
-            (value if isinstance(value, Parameter) else Parameter(name, value=value))
-            for name, value in changes.items()
-        ]
-        request = SetParametersAtomically.Request(
-            parameters=[message.to_parameter_msg() for message in messages]
-        )
-        kind = SetParametersAtomically
-        return self.call(node, kind, 'set_parameters_atomically', request).result
+    def try_to_set(self, node: str, **changes: Any) -> list[SetParametersResult]:
+        """Set parameters one after the other."""
+        request = SetParameters.Request(parameters=messages_of(changes))
+        return list(self.call(node, SetParameters, 'set_parameters', request).results)
 
     def set(self, node: str, **changes: Any) -> None:
         """Set parameters, and forget what was read before."""
-        result = self.try_to_set(node, **changes)
-        assert result.successful, result.reason
+        for result in self.try_to_set(node, **changes):
+            assert result.successful, result.reason
         self.pass_time(0.3)
         self.listener.markers.clear()
         self.listener.transforms.clear()
@@ -171,8 +186,8 @@ def live(nodes: Live) -> Iterator[Live]:
     yield nodes
     changeable = defaults_of(DETECTOR).keys() - READ_ONLY[DETECTOR] - {'registered_ids'}
     before = {name: defaults_of(DETECTOR)[name] for name in changeable}
-    empty = Parameter('registered_ids', Parameter.Type.INTEGER_ARRAY, [])
-    nodes.set(DETECTOR, **before, registered_ids=empty)
+    none = empty_list(ParameterType.PARAMETER_INTEGER_ARRAY)
+    nodes.set(DETECTOR, **before, registered_ids=none)
 
 
 @NODES
@@ -200,14 +215,164 @@ def test_every_parameter_is_described_and_limited(nodes: Live, node: str) -> Non
 def test_what_is_read_only_refuses_and_the_rest_does_not(nodes: Live, node: str) -> None:
     before = nodes.get(node)
     for name, value in before.items():
-        message = Parameter.from_parameter_msg(_message(name, value))
-        result = nodes.try_to_set(node, **{name: message})
+        (result,) = nodes.try_to_set(node, **{name: value})
         if name in READ_ONLY[node]:
             assert not result.successful, name
             assert result.reason == f'Trying to set a read-only parameter: {name}.'
         else:
             assert result.successful, result.reason
     assert nodes.get(node) == before
+
+
+@pytest.mark.parametrize('method', METHODS)
+def test_another_method_goes_on_reading(live: Live, method: str) -> None:
+    live.set(DETECTOR, method=method)
+    live.wait_for_readings(1, *NAMES)
+    name = f'{DETECTOR}: markers'
+    live.wait(
+        lambda: values_of(live.diagnostics[name][-1])['method'] == method, 'the method to be told'
+    )
+
+
+@pytest.mark.parametrize('method', ['joint', 'paper'])
+@pytest.mark.parametrize(
+    'allowed', [{'only_registered': True}, {'registered_ids': [2073, 2096]}], ids=str
+)
+def test_what_is_not_allowed_never_comes(live: Live, method: str, allowed: dict[str, Any]) -> None:
+    live.set(DETECTOR, method=method, **allowed)
+    live.wait_for_readings(3, 2073, 2096)
+    assert set(live.read()) == {2073, 2096}
+
+
+def test_the_file_and_the_list_add_up(live: Live) -> None:
+    live.set(DETECTOR, only_registered=True, registered_ids=[2107])
+    live.wait_for_readings(1, *NAMES)
+    live.set(DETECTOR, only_registered=False)
+    live.wait_for_readings(3, 2107)
+    assert set(live.read()) == {2107}
+
+
+@pytest.mark.parametrize(
+    'kind',
+    [
+        ParameterType.PARAMETER_INTEGER_ARRAY,
+        ParameterType.PARAMETER_BOOL_ARRAY,
+        ParameterType.PARAMETER_BYTE_ARRAY,
+        ParameterType.PARAMETER_STRING_ARRAY,
+    ],
+)
+def test_an_empty_list_of_any_type_lets_all_come_again(live: Live, kind: int) -> None:
+    live.set(DETECTOR, registered_ids=[2107])
+    live.wait_for_readings(2, 2107)
+    assert set(live.read()) == {2107}
+    live.set(DETECTOR, registered_ids=empty_list(kind))
+    live.wait_for_readings(1, *NAMES)
+
+
+def test_tf_may_be_left_alone_for_a_while(live: Live) -> None:
+    live.set(DETECTOR, publish_tf=False)
+    live.wait_for_readings(2, *NAMES)
+    assert live.listener.transforms == []
+    live.set(DETECTOR, publish_tf=True)
+    live.wait(
+        lambda: {one.child_frame_id for one in live.listener.transforms} == set(NAMES.values()),
+        'transforms',
+    )
+
+
+def test_shapes_last_as_long_as_is_said(live: Live) -> None:
+    live.set(DETECTOR, stale_after=7.25)
+    with subscribed(live.listener, MarkerArray, '/live/marker_array') as arrays:
+        live.wait(lambda: bool(arrays), 'shapes')
+    for shape in arrays[0].markers:
+        assert (shape.lifetime.sec, shape.lifetime.nanosec) == (7, 250_000_000)
+
+
+REFUSED: list[tuple[dict[str, Any], str]] = [
+    ({'method': 'magic'}, "method: 'magic' is not one of joint, soft, hard, paper"),
+    ({'max_packets': 9}, 'max_packets out of range'),
+    ({'max_packets': 0}, 'max_packets out of range'),
+    ({'max_packets': 2.0}, 'Wrong parameter type'),
+    ({'bit_period': -1.0}, 'bit_period out of range'),
+    ({'noise_floor': math.nan}, 'noise_floor out of range'),
+    ({'stale_after': math.inf}, 'stale_after out of range'),
+    ({'publish_tf': 'no'}, 'Wrong parameter type'),
+    ({'registered_ids': [7, 5000]}, 'registered_ids: 5000 is not within 0 to 4095'),
+    ({'registered_ids': [0]}, 'registered_ids holds no usable ID'),
+    ({'registered_ids': 7}, 'registered_ids: 7 is not a list'),
+    ({'registered_ids': 'mug'}, "registered_ids: 'mug' is not a list"),
+    ({'registered_ids': [True]}, 'registered_ids: True is not a whole number'),
+    ({'registered_ids': ParameterValue()}, 'registered_ids: None is not a list'),
+    ({'method': ParameterValue()}, 'cannot be undeclared'),
+]
+
+
+@pytest.mark.parametrize(('changes', 'reason'), REFUSED, ids=str)
+def test_what_is_refused_changes_nothing(live: Live, changes: dict[str, Any], reason: str) -> None:
+    before = live.get(DETECTOR)
+    (result,) = live.try_to_set(DETECTOR, **changes)
+    assert not result.successful
+    assert reason in result.reason
+    assert '\n' not in result.reason
+    assert live.get(DETECTOR) == before
+
+
+def test_one_refusal_spoils_all_that_is_to_be_set_at_once(live: Live) -> None:
+    before = live.get(DETECTOR)
+    request = SetParametersAtomically.Request(
+        parameters=messages_of({'publish_tf': False, 'registered_ids': [2107], 'method': 'magic'})
+    )
+    kind = SetParametersAtomically
+    answer = live.call(DETECTOR, kind, 'set_parameters_atomically', request)
+    assert not answer.result.successful
+    assert live.get(DETECTOR) == before
+    live.set(DETECTOR, stale_after=5.0)  # and with the next change, they do not come after all
+    live.wait_for_readings(1, *NAMES)
+    live.wait(lambda: bool(live.listener.transforms), 'transforms')
+
+
+def test_an_allow_list_without_a_file_is_refused_and_detection_goes_on(live: Live) -> None:
+    (result,) = live.try_to_set(BARE, only_registered=True)
+    assert not result.successful
+    assert result.reason == 'only_registered: there is no marker_file with markers'
+    with subscribed(live.listener, MarkerDetection, '/bare/markers') as readings:
+        live.wait(lambda: {one.id for one in readings} == set(NAMES), 'all markers')
+
+
+def test_the_ends_of_all_ranges_can_be_borne(live: Live) -> None:
+    """Bits of 2 ms or 10 s read nothing, but they do not end the node."""
+    for descriptor in live.describe(DETECTOR):
+        limits = [*descriptor.integer_range, *descriptor.floating_point_range]
+        for value in [end for limit in limits for end in (limit.from_value, limit.to_value)]:
+            live.set(DETECTOR, **{descriptor.name: value})
+            live.pass_time(0.2)
+        if limits:
+            live.set(DETECTOR, **{descriptor.name: defaults_of(DETECTOR)[descriptor.name]})
+    live.wait_for_readings(1, *NAMES)
+
+
+def test_a_transport_delay_is_taken_off_from_now_on(nodes: Live, port: Path) -> None:
+    def error_s() -> float:
+        """Return the median error of the stamps of the next second."""
+        with subscribed(nodes.listener, FrameMsg, '/real/frames') as frames:
+            nodes.wait(lambda: len(frames) >= 48, 'frames')
+        errors_ns = [to_ns(one.header.stamp) - sensor.middle_ns[one.sequence] for one in frames]
+        return float(np.median(errors_ns)) * 1e-9
+
+    with Sensor(load_scene('coffee'), port) as sensor:
+        nodes.wait(lambda: bool(sensor.middle_ns), 'the driver to listen')
+        nodes.pass_time(1.5)
+        before_s = error_s()
+        assert abs(before_s) < 0.01
+        nodes.set(DRIVER, transport_delay=0.0505)
+        nodes.pass_time(0.5)
+        assert error_s() - before_s == pytest.approx(-0.04, abs=0.005)
+        (result,) = nodes.try_to_set(DRIVER, transport_delay=-0.1)
+        assert not result.successful
+        assert 'transport_delay out of range' in result.reason
+        nodes.set(DRIVER, transport_delay=0.0105)
+        nodes.pass_time(0.5)
+        assert error_s() == pytest.approx(before_s, abs=0.005)
 
 
 @pytest.mark.parametrize(
@@ -244,5 +409,3 @@ def test_what_cannot_be_is_one_clear_message(
     assert 'Traceback' not in output
     said = [line for line in output.splitlines() if '[rcl]: Failed to parse' not in line]
     assert len(said) - ('twice.yaml' in output) == 1, output
-
-
