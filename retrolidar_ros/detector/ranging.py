@@ -23,6 +23,8 @@ BRIGHT, _DARK = 0.75, 0.25
 _LEAST_DISTANCES = 2
 # So near to the limit noise may hide whether two targets have merged.
 _UNSURE_M = 0.05
+# How far from a marker the surface is that it is mounted on.
+_MOUNTING_M = 0.01
 # The sensor's own steps are the least noise that there can be.
 _RESOLUTION_M = 0.25e-3 / np.sqrt(12)
 
@@ -64,7 +66,8 @@ def modulated_range(
     parted = _without_background(light, signal, distance, own | dark, depth)
     behind = distance[dark & measured]
     if parted is not None and not _is_apart(behind, depth, *parted):
-        depth, variance = parted
+        share = signal[dark].mean() / max(float(signal[own].mean()), 1e-9)
+        depth, variance = _weighed(depth, variance, *parted, max(float(share), 1e-3))
     # Undo the sensor's own projection, whose factor is that of the zone and not of the target.
     per_depth = 1 / float(grid.z_per_range[zone])
     deviation = np.sqrt(variance + _RESOLUTION_M**2 / count)
@@ -93,6 +96,38 @@ def _is_apart(behind: Floats, depth: float, parted_m: float, parted_variance: fl
         return False
     beyond = abs(wall_m - parted_m) - 3 * math.sqrt(parted_variance) > SEPARABLE_M
     return gap_m >= SEPARABLE_M or beyond
+
+
+def _weighed(
+    plain_m: float, plain_variance: float, parted_m: float, parted_variance: float, share: float
+) -> tuple[float, float]:
+    """Return a distance and its variance, where it is open whether anything need be taken off.
+
+    What is behind a marker in the same pulse is mostly what it is mounted on, at its own distance,
+    and then taking it off adds noise only. So both are held against the step from one to the
+    other: that it is all noise and mounting, or that anything may be there.
+
+    Parameters
+    ----------
+    plain_m, plain_variance : float
+        Mean of the bright samples [m], and its variance.
+    parted_m, parted_variance : float
+        Without what stands behind.
+    share : float
+        Of the signal that this has while the marker is bright.
+    """
+    step = parted_m - plain_m
+    noise = max(parted_variance - plain_variance, 0.0)
+    mounting = (_MOUNTING_M * share) ** 2
+    spread = noise + mounting
+    mounted = math.exp(-step * step / (2 * spread)) / math.sqrt(2 * math.pi * spread)
+    free = 1 / (2 * SEPARABLE_M * share)
+    chance = free / (mounted + free)
+    near_m = plain_m + step * mounting / spread
+    near_variance = plain_variance + noise * mounting / spread
+    apart_m = parted_m - near_m
+    variance = (1 - chance) * near_variance + chance * parted_variance
+    return near_m + chance * apart_m, variance + chance * (1 - chance) * apart_m**2
 
 
 def _without_background(

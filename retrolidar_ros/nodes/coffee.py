@@ -71,7 +71,7 @@ class CoffeeNode(Node):
             self._target = ''
         self._waiting: deque[tuple[MarkerDetection, Time]] = deque()
         self._frame_id = ''
-        self._told: tuple[str, ...] | None = None
+        self._told: dict[str, str] | None = None
         self._ready = self.create_publisher(Bool, '~/ready', _LATCHED)
         self._missing = self.create_publisher(String, '~/missing', _LATCHED)
         self._poses = {
@@ -148,11 +148,12 @@ class CoffeeNode(Node):
         return True
 
     def _tell(self, missing: dict[str, str]) -> None:
-        """Publish and log what is missing whenever that is something else."""
-        if self._told == tuple(missing):
+        """Publish and log what is missing, and why, whenever more than a number has changed."""
+        told = {name: re.sub(r'[\d.]+', '', reason) for name, reason in missing.items()}
+        if self._told == told:
             return
-        self._told = tuple(missing)
-        text = '; '.join(f'{name} {reason}' for name, reason in missing.items())
+        self._told = told
+        text = ', '.join(f'{name} {reason}' for name, reason in missing.items())
         self._missing.publish(String(data=text))
         self._ready.publish(Bool(data=not missing))
         self.get_logger().info(f'waiting: {text}' if missing else 'all objects are placed')
