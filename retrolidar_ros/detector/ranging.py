@@ -24,7 +24,7 @@ _LEAST_DISTANCES = 2
 # So near to the limit noise may hide whether two targets have merged.
 _UNSURE_M = 0.05
 # How far from a marker the surface is that it is mounted on.
-_MOUNTING_M = 0.01
+_MOUNTING_M = 0.005
 # The sensor's own steps are the least noise that there can be.
 _RESOLUTION_M = 0.25e-3 / np.sqrt(12)
 
