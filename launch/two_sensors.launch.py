@@ -7,7 +7,12 @@ as left_mug and right_mug, for TF allows a frame but one parent.
 """
 
 from launch import LaunchDescription
-from launch.actions import DeclareLaunchArgument, GroupAction, IncludeLaunchDescription
+from launch.actions import (
+    DeclareLaunchArgument,
+    GroupAction,
+    IncludeLaunchDescription,
+    OpaqueFunction,
+)
 from launch.substitutions import LaunchConfiguration, PathJoinSubstitution
 from launch_ros.substitutions import FindPackageShare
 
@@ -15,27 +20,32 @@ _SHARE = FindPackageShare('retrolidar_ros')
 _SIDES = ('left', 'right')
 
 
-def _sensor(side):
-    """Return driver and detector of one side."""
-    namespace = LaunchConfiguration('namespace')
-    arguments = {
-        'params_file': LaunchConfiguration('params_file'),
-        'marker_file': LaunchConfiguration('marker_file'),
-        'serial_port': LaunchConfiguration(f'{side}_port'),
-        'frame_id': LaunchConfiguration(f'{side}_frame'),
-        'emulate': LaunchConfiguration(f'{side}_emulate'),
-        'child_frame': side + '_{name}',
-        'namespace': [namespace, '/' + side],
-        'markers': ['/', namespace, '/markers'],
-    }
-    return GroupAction(
-        [
-            IncludeLaunchDescription(
-                PathJoinSubstitution([_SHARE, 'launch', 'retrolidar.launch.py']),
-                launch_arguments=arguments.items(),
-            )
-        ]
-    )
+def _sensors(context):
+    """Return driver and detector of each side, now that the arguments have values."""
+
+    def value(name):
+        return LaunchConfiguration(name).perform(context)
+
+    namespace = value('namespace').strip('/')
+    above = f'/{namespace}' if namespace else ''
+    groups = []
+    for side in _SIDES:
+        arguments = {
+            'params_file': value('params_file'),
+            'marker_file': value('marker_file'),
+            'serial_port': value(f'{side}_port'),
+            'frame_id': value(f'{side}_frame'),
+            'emulate': value(f'{side}_emulate'),
+            'child_frame': side + '_{name}',
+            'namespace': f'{above}/{side}',
+            'markers': f'{above}/markers',
+        }
+        include = IncludeLaunchDescription(
+            PathJoinSubstitution([_SHARE, 'launch', 'retrolidar.launch.py']),
+            launch_arguments=arguments.items(),
+        )
+        groups.append(GroupAction([include]))
+    return groups
 
 
 def generate_launch_description():
@@ -57,5 +67,5 @@ def generate_launch_description():
             DeclareLaunchArgument(name, default_value=default, description=description)
             for name, (default, description) in arguments.items()
         ]
-        + [_sensor(side) for side in _SIDES]
+        + [OpaqueFunction(function=_sensors)]
     )

@@ -3,7 +3,6 @@
 """What driver and detector offer beside frames and markers, and what they say when they cannot."""
 
 import os
-import time
 from collections import defaultdict
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -30,7 +29,7 @@ from visualization_msgs.msg import Marker, MarkerArray
 
 from retrolidar_ros.demo import NAMESPACE, executable
 from retrolidar_ros.emulator import PortLink
-from retrolidar_ros.frame import Floats, ZoneGrid
+from retrolidar_ros.frame import Floats, Frame, ZoneGrid
 from retrolidar_ros.nodes import detector as detector_module
 from retrolidar_ros.nodes import driver as driver_module
 from retrolidar_ros.nodes.conversion import to_frame_msg, to_ns
@@ -80,6 +79,12 @@ def scene_with_dark_zones() -> Scene:
     assert wall.zones is not None
     seen = tuple(zone for zone in wall.zones if zone not in DARK_ZONES)
     return replace(scene, surfaces=(*scene.surfaces[:-1], replace(wall, zones=seen)))
+
+
+def endless(scene: Scene) -> Iterator[Frame]:
+    simulation = Simulation(scene)
+    while True:
+        yield from simulation.advance(100)
 
 
 @contextmanager
@@ -222,7 +227,7 @@ def test_detections_are_drawn_with_their_uncertainty(chain: Chain) -> None:
             assert (shape.lifetime.sec, shape.lifetime.nanosec) == (4, 0)
             assert shape.color.a > 0
         assert (ellipsoid.type, label.type) == (Marker.SPHERE, Marker.TEXT_VIEW_FACING)
-        assert label.text == f'{NAMES[detection.id]}\n{detection.range:.3f} m'
+        assert label.text == f'{detection.child_frame_id}\n{detection.range:.3f} m'
         assert ellipsoid.pose.position == detection.pose.pose.position
         covariance = np.array(detection.pose.covariance).reshape(6, 6)[:3, :3]
         np.testing.assert_allclose(drawn_covariance(ellipsoid), covariance, atol=0.0025**2)
@@ -239,7 +244,7 @@ def drawn_covariance(ellipsoid: Marker) -> Floats:
 def test_a_known_marker_goes_by_its_name(chain: Chain) -> None:
     chain.wait_for_readings(NAMESPACE, 1, *NAMES)
     for detection in chain.readings[NAMESPACE]:
-        assert detection.child_frame_id == NAMES[detection.id]
+        assert detection.child_frame_id == NAMES.get(detection.id, f'marker_{detection.id}')
     chain.wait(
         lambda: set(NAMES.values()) <= {one.child_frame_id for one in chain.listener.transforms},
         'transforms',
@@ -282,7 +287,7 @@ def test_the_driver_tells_latency_clock_offset_and_abnormal_zones(chain: Chain) 
     assert status.level == DiagnosticStatus.OK, status.message
     assert 0 < float(values['latency [ms]']) < 50
     assert float(values['abnormal zones [%]']) == pytest.approx(100 * len(DARK_ZONES) / 16, abs=0.1)
-    message, _ = chain.listener.frames[-1]
+    message, _ = chain.listener.frames[-5]
     true_ns = chain.sensor.middle_ns[message.sequence] - message.sensor_time * 1000
     assert float(values['clock offset [s]']) == pytest.approx(true_ns * 1e-9, abs=0.05)
 
@@ -300,7 +305,7 @@ def test_the_detector_tells_how_old_the_readings_of_known_markers_are(chain: Cha
     known = ages(NAMESPACE)
     assert set(known) == {'beans', 'machine', 'drone'}
     assert known.pop('drone') == 'never'
-    assert all(0 <= float(age) < 10 for age in known.values())
+    assert all(0 <= float(age) < PATIENCE_S for age in known.values())
     assert set(ages('/mute')) == {'marker_2096', 'marker_2107'}
 
 
@@ -314,10 +319,10 @@ def test_a_detector_without_frames_is_stale(chain: Chain) -> None:
 
 
 @contextmanager
-def in_this_process(kind: type[Node], *arguments: str) -> Iterator[SingleThreadedExecutor]:
+def in_this_process(make: Callable[[], Node], *arguments: str) -> Iterator[SingleThreadedExecutor]:
     """Make a node here, where its functions can be replaced; it turns when it is spun."""
     rclpy.init(args=['--ros-args', '-r', '__ns:=/lazy', *arguments])
-    node, executor = kind(), SingleThreadedExecutor()
+    node, executor = make(), SingleThreadedExecutor()
     executor.add_node(node)
     try:
         yield executor
@@ -352,7 +357,7 @@ def test_points_and_image_are_made_only_for_those_who_listen(
 ) -> None:
     points = counting(monkeypatch, driver_module, 'to_point_cloud')
     images = counting(monkeypatch, driver_module, 'to_signal_image')
-    packets = (encode_frame(frame) for frame in Simulation(scene_with_dark_zones()).run(60.0))
+    packets = map(encode_frame, endless(scene_with_dark_zones()))
 
     def send_until(done: Callable[[], bool]) -> None:
         def sent_and_done() -> bool:
@@ -389,7 +394,7 @@ def test_shapes_are_made_only_for_those_who_listen(
     lazy: Listener, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     drawn = counting(monkeypatch, detector_module, 'marker_shapes')
-    frames = iter(Simulation(load_scene('coffee')).run(60.0))
+    frames = endless(load_scene('coffee'))
     publisher = lazy.node.create_publisher(FrameMsg, 'frames', 10)
     with in_this_process(detector_module.DetectorNode) as executor:
 
@@ -401,22 +406,26 @@ def test_shapes_are_made_only_for_those_who_listen(
 
             assert lazy.spin_until(fed_and_done, PATIENCE_S)
 
+        def pass_readings() -> None:
+            seen = len(lazy.markers) + 3
+            feed_until(lambda: len(lazy.markers) >= seen)
+
         assert lazy.spin_until(lambda: publisher.get_subscription_count() > 1, PATIENCE_S)
-        feed_until(lambda: len(lazy.markers) >= 2)
+        pass_readings()
         assert not drawn
         with subscribed(lazy, MarkerArray, 'marker_array') as arrays:
             feed_until(lambda: bool(arrays))
+        assert drawn
+        pass_readings()
         made = len(drawn)
-        assert made > 0
-        read = len(lazy.markers)
-        feed_until(lambda: len(lazy.markers) >= read + 3)
-        assert len(drawn) <= made + 1
+        pass_readings()
+        assert len(drawn) == made
 
 
 def test_a_port_in_use_is_said_once_and_tried_again(chain: Chain, tmp_path: Path) -> None:
     held, link = tmp_path / 'held', tmp_path / 'port'
     name = '/busy/driver: frames'
-    packets = (encode_frame(frame) for frame in Simulation(load_scene('coffee')).run(60.0))
+    packets = map(encode_frame, endless(load_scene('coffee')))
     with ProcessGroup(tmp_path) as processes, PortLink(held) as port:
         with serial.Serial(str(held), exclusive=True):
             processes.start('driver', node_command('driver', '/busy', serial_port=link))
@@ -428,15 +437,12 @@ def test_a_port_in_use_is_said_once_and_tried_again(chain: Chain, tmp_path: Path
             chain.wait(lambda: chain.diagnostics[name][-1].message == busy, busy)
             assert chain.diagnostics[name][-1].level == DiagnosticStatus.ERROR
             chain.next_diagnostics(name)
-            chain.next_diagnostics(name)
-        freed_s = time.monotonic()
 
         def is_well() -> bool:
             port.write(next(packets))
             return bool(chain.diagnostics[name][-1].level == DiagnosticStatus.OK)
 
         chain.wait(is_well, 'frames')
-        assert time.monotonic() - freed_s < 4
         processes.check()
         log = processes.log('driver').read_text()
     said = [log.count(line) for line in (f'{absent}; retrying', f'{busy}; retrying')]

@@ -128,14 +128,14 @@ def test_the_detector_says_what_became_of_candidates(
     assert int(values['accepted']) + refused >= int(values['candidates'])
 
 
-def test_the_detector_warns_while_no_frames_come(
+def test_the_detector_is_stale_while_no_frames_come(
     sensor: Sensor, listener: Listener, diagnostics: Diagnostics
 ) -> None:
     sensor.pull()
     silent = len(diagnostics[DETECTOR])
     assert listener.spin_until(
         lambda: any(
-            status.level == DiagnosticStatus.WARN
+            status.level == DiagnosticStatus.STALE
             and status.message.startswith('no frame has come for ')
             for status in diagnostics[DETECTOR][silent:]
         ),

@@ -22,6 +22,7 @@ from retrolidar_ros.evaluation.restless import restless_blocks
 from retrolidar_ros.frame import Recording
 from retrolidar_ros.scene import Scene, Simulation
 from retrolidar_ros.scene.description import Marker
+from retrolidar_ros.yaml_files import load_scene
 
 GRID = SENSOR.grid
 PACKET_S = PACKET_BITS * 0.042
@@ -110,6 +111,24 @@ def test_a_marker_behind_a_hand_is_read_or_silent_but_never_wrong() -> None:
 
 
 # Which ID it is
+
+
+def test_frames_lost_in_bursts_make_no_wrong_id() -> None:
+    # In this run a packet of which eleven bits were lost was once read as another ID.
+    scene = load_scene('coffee')
+    rng = np.random.default_rng(3)
+    simulation = Simulation(scene)
+    frames = [frame for _ in range(8) for frame in simulation.advance(200)]
+    kept = ~np.logical_xor.accumulate(rng.random(len(frames)) < 0.1)
+    detector = joint()
+    read = [
+        detection.id
+        for frame, keep in zip(frames, kept.tolist(), strict=True)
+        if keep
+        for detection in detector.update(frame)
+    ]
+    assert set(read) == {marker.id for marker in scene.markers}
+    assert len(read) > 20
 
 
 def test_a_hundred_ids_are_read_and_none_is_taken_for_another() -> None:

@@ -135,7 +135,7 @@ def blinking(
 
 
 @pytest.mark.parametrize('wall', [0.0, 4.0, 60.0])
-@pytest.mark.parametrize('wall_m', [1.45, 1.51, 1.8, 1.95, 2.3])
+@pytest.mark.parametrize('wall_m', [1.45, 1.505, 1.8, 1.95, 2.3])
 def test_what_stands_behind_does_not_shift_the_range(wall_m: float, wall: float) -> None:
     grid = GRIDS[0]
     scores = []

@@ -35,6 +35,7 @@ _PRIOR = np.gradient(_PLACES)
 # Share of the light by which a zone may miss what the model says.
 _MODEL_ERROR = 0.02
 
+_LEAST_DOUBT = 1e-6  # [kcps/SPAD]
 # The integral of the cumulative normal distribution, less that of the unit step.
 _SCORES = np.linspace(-5.0, 5.0, 1001)
 _RAMP_EXCESS = np.array(
@@ -82,7 +83,7 @@ def shared_bearing(
     columns = slice(max(column - 1, 0), column + 2)
     shape = (grid.rows, grid.columns)
     light = amplitude.reshape(shape)
-    doubt = variance.reshape(shape) + (_MODEL_ERROR * amplitude[zone]) ** 2
+    doubt = variance.reshape(shape) + max(_MODEL_ERROR * float(amplitude[zone]), _LEAST_DOUBT) ** 2
     width = spot / grid.pitch
     # Neighbours across and down say it all, as the shares of others are products of theirs.
     across, across_belief = _belief(

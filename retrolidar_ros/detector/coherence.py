@@ -26,11 +26,9 @@ def hard_errors(dark: Floats, bits: NDArray[np.uint8]) -> int:
     return int(np.count_nonzero((dark > middle) != (bits == 1)))
 
 
-def longest_erasure(presence: Floats) -> int:
-    """Return how many bits in a row are for the most part erased, of presences (bits,)."""
-    erased = np.concatenate([[False], presence < 0.5, [False]])
-    edges = np.flatnonzero(erased[1:] != erased[:-1])
-    return int(np.diff(edges)[::2].max(initial=0))
+def erased_bits(presence: Floats) -> int:
+    """Return how many bits are all but erased, of presences (bits,)."""
+    return int(np.count_nonzero(presence < 0.25))
 
 
 def coherent(candidate: Candidates, fit: Fit, view: View) -> bool:

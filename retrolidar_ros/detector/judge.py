@@ -12,7 +12,7 @@ import numpy as np
 
 from retrolidar_ros.code import PACKET_BITS, packet
 from retrolidar_ros.detector.candidates import Candidates
-from retrolidar_ros.detector.coherence import coherent, hard_errors, longest_erasure
+from retrolidar_ros.detector.coherence import coherent, erased_bits, hard_errors
 from retrolidar_ros.detector.evidence import (
     NoiseLaw,
     correlation_threshold,
@@ -31,7 +31,8 @@ from retrolidar_ros.frame import Floats, ZoneGrid
 _LEAST_COMPANION_NATS = 4.5
 # Share of a packet's changes between bright and dark that must not be erased.
 _LEAST_CHANGES = 0.6
-# Bits in a row that may be erased: with more, words that differ there only are hard to tell.
+# Bits that may be erased: so many leave all words of a code of distance 8 apart. With more, lost
+# frames in bursts made wrong IDs.
 _MOST_ERASED_BITS = 7
 # Share of what a neighbour sees beyond noise that the packet must explain.
 _LEAST_SHARE = 0.5
@@ -196,7 +197,7 @@ class Judge:
             return 'incoherent'
         found = nats(np.concatenate([candidate.correlation, candidate.rival]), np.full(2, samples))
         margin, dark, presence = self._margin(candidate, fit, view)
-        if longest_erasure(presence) > _MOST_ERASED_BITS:
+        if erased_bits(presence) > _MOST_ERASED_BITS:
             return 'erased'
         if margin is None:
             return 'incomplete'

@@ -114,8 +114,8 @@ class DetectorNode(Node):
             self._detector = self._new_detector(values, self._grid)
             self._first_stamps_ns.clear()
             self.get_logger().info('the detector begins anew with other parameters')
-        if values['publish_tf'] != self._values['publish_tf']:
-            self._send_transforms = transform_sender(self) if values['publish_tf'] else None
+        if values['publish_tf'] and self._send_transforms is None:
+            self._send_transforms = transform_sender(self)
         self._values = values
 
     def _detect(self, message: FrameMsg) -> None:
@@ -149,7 +149,7 @@ class DetectorNode(Node):
             self._read_s[detection.id] = time.monotonic()
         for message in messages:
             self._publisher.publish(message)
-        if self._send_transforms is not None:
+        if self._values['publish_tf'] and self._send_transforms is not None:
             self._send_transforms([to_transform(message) for message in messages])
         if self._shapes.get_subscription_count():
             stale_after_s = self._values['stale_after']

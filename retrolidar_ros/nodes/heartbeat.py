@@ -37,7 +37,8 @@ class HeartbeatNode(Node):
         self._overdue_after_s = parameters.values['overdue_after']
         parameters.follow(self._change)
         self._hearts = {name: Heartbeat(parameters.values['window']) for name in names}
-        self._overdue: set[str] | None = None
+        self._overdue: set[str] = set()
+        self._is_alive: bool | None = None
         latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
         self._alive = self.create_publisher(Bool, '~/alive', latched)
         publish_health(self, 'markers', '', self._examine)
@@ -63,17 +64,17 @@ class HeartbeatNode(Node):
             heart.advance(now_s)
             if heart.silence_s(now_s) > self._overdue_after_s:
                 overdue.add(name)
-        if overdue == self._overdue:
-            return
-        before = self._overdue or set()
-        for name in sorted(overdue - before):
+        for name in sorted(overdue - self._overdue):
             self.get_logger().warning(
                 f'{name} is overdue: not read for {self._hearts[name].silence_s(now_s):.1f} s'
             )
-        for name in sorted(before - overdue):
+        for name in sorted(self._overdue - overdue):
             self.get_logger().info(f'{name} is back')
         self._overdue = overdue
-        self._alive.publish(Bool(data=not overdue))
+        is_alive = not overdue and all(heart.beats for heart in self._hearts.values())
+        if is_alive != self._is_alive:
+            self._is_alive = is_alive
+            self._alive.publish(Bool(data=is_alive))
 
     def _examine(self) -> Health:
         now_s = self._now_s()
@@ -85,6 +86,8 @@ class HeartbeatNode(Node):
             values[f'{name}: longest silence [s]'] = f'{heart.longest_silence_s(now_s):.1f}'
         if self._overdue:
             return Health(WARN, f'overdue: {", ".join(sorted(self._overdue))}', values)
+        if not self._is_alive:
+            return Health(WARN, 'not all markers have been read yet', values)
         return Health(OK, 'all markers are read', values)
 
 
