@@ -41,8 +41,7 @@ class ClockMap:
         self.restarts = 0
         self.skew = 0.0
         """Host seconds per sensor second, less one; 0 while unknown."""
-        self.least_delay_s = least_delay_s
-        """May be set at any time."""
+        self._least_delay_ns = round(least_delay_s * 1e9)
         self.offset_s = 0.0
         """Host time less sensor time, of the last frame."""
         self._turns_ns = 0
@@ -51,6 +50,11 @@ class ClockMap:
         self._rate, self._origin = 1.0, (0, 0)
         self._last_pair = (0, 0)
         self._punctual_ns = 0
+
+    def set_least_delay(self, least_delay_s: float) -> None:
+        """Take another delay off the stamps to come, which may so go back once."""
+        self._least_delay_ns = round(least_delay_s * 1e9)
+        self._last_stamp_ns = None
 
     def map(self, sensor_time_us: int, arrival_ns: int) -> int:
         """Return the host time [ns] of a sensor time, given when the frame arrived.
@@ -75,7 +79,7 @@ class ClockMap:
         self._add(sensor_ns, arrival_ns)
         self._rate, self._origin = self._line()
         self.skew = self._rate - 1.0
-        stamp_ns = min(self._on_line(sensor_ns), arrival_ns) - round(self.least_delay_s * 1e9)
+        stamp_ns = min(self._on_line(sensor_ns), arrival_ns) - self._least_delay_ns
         if self._last_stamp_ns is not None:
             stamp_ns = max(stamp_ns, self._last_stamp_ns + 1)
         self._last_stamp_ns = stamp_ns

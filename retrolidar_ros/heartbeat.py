@@ -8,6 +8,8 @@ import math
 
 WINDOW_S = 10.0
 """Of the paper's detection rate."""
+# Time that goes on by more windows at once has not passed: a clock was set.
+_MOST_WINDOWS = 100
 
 
 class Heartbeat:
@@ -43,11 +45,13 @@ class Heartbeat:
         self.beats += 1
 
     def advance(self, time_s: float) -> None:
-        """Let time pass; a jump back begins the count anew, as a replay does."""
+        """Let time pass; a jump, as of a replay or a clock that is set, begins anew."""
         if not self._begun or time_s < self._window_start_s:
             self._begin(time_s)
         passed = math.floor((time_s - self._window_start_s) / self.window_s)
-        if passed:
+        if passed > _MOST_WINDOWS:
+            self._begin(time_s)
+        elif passed:
             self._window_start_s += passed * self.window_s
             self.windows += passed
             self.windows_alive += self._beats_in_window > 0

@@ -18,8 +18,9 @@ class Sighting(NamedTuple):
     """Where an object was last seen."""
 
     stamp_ns: int
+    frame_id: str
     position_m: Floats
-    """In one frame for all objects, shape (3,)."""
+    """In that frame, shape (3,)."""
     stddev_m: float
     """Standard deviation of the position along the axis in which it is largest."""
 
@@ -63,26 +64,38 @@ class ObjectBoard:
         self.stale_after_s = stale_after_s
         self._sightings: dict[str, Sighting] = {}
 
-    def see(self, name: str, stamp_ns: int, position_m: Floats, covariance: Floats) -> None:
-        """Take a sighting of one of the objects, unless a newer one is known.
+    def see(
+        self, name: str, stamp_ns: int, frame_id: str, position_m: Floats, covariance: Floats
+    ) -> bool:
+        """Take a sighting of one of the objects, and tell whether it is news.
+
+        It is not if a newer one is known, or if it is not a number.
 
         Parameters
         ----------
         name : str
         stamp_ns : int
             When it was seen [ns].
+        frame_id : str
+            In which frame.
         position_m : array, shape (3,)
         covariance : array, shape (3, 3)
             Of the position [m²].
         """
+        if not np.isfinite(position_m).all():
+            return False
         known = self._sightings.get(name)
         # Much older ones are of a clock that was set back, or of a bag that began anew.
-        if known is None or not 0 < known.stamp_ns - stamp_ns < self.stale_after_s * 1e9:
-            self._sightings[name] = Sighting(stamp_ns, position_m, largest_stddev(covariance))
+        if known is not None and 0 < known.stamp_ns - stamp_ns < self.stale_after_s * 1e9:
+            return False
+        stddev_m = largest_stddev(covariance)
+        self._sightings[name] = Sighting(stamp_ns, frame_id, position_m, stddev_m)
+        return True
 
     def missing(self, now_ns: int) -> dict[str, str]:
         """Return what is wrong with each object that is not placed well enough, by its name."""
         reasons = {}
+        newest = max(self._sightings.values(), key=lambda one: one.stamp_ns, default=None)
         for name in self.names:
             sighting = self._sightings.get(name)
             if sighting is None:
@@ -91,16 +104,19 @@ class ObjectBoard:
             age_s = (now_ns - sighting.stamp_ns) * 1e-9
             if abs(age_s) > self.stale_after_s:
                 reasons[name] = f'was last seen {age_s:.0f} s ago'
+            elif newest is not None and sighting.frame_id != newest.frame_id:
+                reasons[name] = f'was seen in {sighting.frame_id}, others in {newest.frame_id}'
             elif sighting.stddev_m > self.max_stddev_m:
                 reasons[name] = (
                     f'is known to {sighting.stddev_m:.4f} m only; {self.max_stddev_m:g} m wanted'
                 )
         return reasons
 
-    def offsets(self) -> dict[tuple[str, str], Floats]:
-        """Return the way from one object to another for each pair seen, in order of the names."""
-        seen = [name for name in self.names if name in self._sightings]
+    def offsets(self, now_ns: int) -> dict[tuple[str, str], Floats]:
+        """Return the way from one object to another for each pair placed, in order of names."""
+        missing = self.missing(now_ns)
+        placed = [name for name in self.names if name not in missing]
         return {
             (one, other): self._sightings[other].position_m - self._sightings[one].position_m
-            for one, other in itertools.combinations(seen, 2)
+            for one, other in itertools.combinations(placed, 2)
         }

@@ -12,7 +12,8 @@ from retrolidar_ros.heartbeat import WINDOW_S, Heartbeat
 law = settings(deadline=None)
 # Halves and quarters of seconds add up exactly.
 quarters = st.integers(0, 400).map(lambda count: count / 4)
-windows = st.sampled_from([0.5, 1.0, 2.5, 10.0])
+# So long that no jump is taken for a clock that was set.
+windows = st.sampled_from([1.0, 1.5, 2.5, 10.0])
 beats = st.lists(quarters, min_size=1, max_size=30).map(sorted)
 
 
@@ -75,6 +76,13 @@ def test_windows_pass_without_a_reading() -> None:
     heart.beat(48.0)
     heart.advance(53.0)
     assert counts(heart) == (2, 5, 2)
+
+
+def test_a_clock_that_is_set_forward_begins_anew() -> None:
+    heart = beaten([0.0, 1.0])
+    heart.beat(1.8e9)
+    assert counts(heart) == (1, 0, 0)
+    assert heart.longest_silence_s(1.8e9) == 0
 
 
 def test_silence_is_since_the_last_reading_and_the_longest_is_kept() -> None:

@@ -23,7 +23,7 @@ def new_board() -> ObjectBoard:
 
 def see_all(board: ObjectBoard, stamp_ns: int) -> None:
     for place, name in enumerate(board.names):
-        board.see(name, stamp_ns, np.full(3, float(place)), SHARP)
+        board.see(name, stamp_ns, 'base', np.full(3, float(place)), SHARP)
 
 
 def test_a_board_needs_names_and_each_but_once() -> None:
@@ -48,14 +48,14 @@ def test_nothing_is_missing_once_all_are_seen_well() -> None:
 
 def test_one_that_is_not_seen_is_missing() -> None:
     board = new_board()
-    board.see('machine', 0, np.zeros(3), SHARP)
+    board.see('machine', 0, 'base', np.zeros(3), SHARP)
     assert set(board.missing(0)) == {'beans', 'mug'}
 
 
 def test_a_sighting_counts_until_it_is_stale() -> None:
     board = new_board()
     see_all(board, 5 * S)
-    board.see('mug', 8 * S, np.zeros(3), SHARP)
+    board.see('mug', 8 * S, 'base', np.zeros(3), SHARP)
     assert board.missing(15 * S) == {}
     assert board.missing(17 * S) == {
         'beans': 'was last seen 12 s ago',
@@ -75,10 +75,10 @@ def test_a_stamp_ahead_of_the_clock_is_not_stale() -> None:
 def test_an_uncertain_place_is_missing_until_it_is_seen_better() -> None:
     board = new_board()
     see_all(board, 0)
-    board.see('mug', S, np.zeros(3), np.diag([1e-4, 0.09, 1e-4]))
+    board.see('mug', S, 'base', np.zeros(3), np.diag([1e-4, 0.09, 1e-4]))
     assert board.missing(S) == {'mug': 'is known to 0.3000 m only; 0.15 m wanted'}
     # The latest counts, not the best.
-    board.see('mug', 2 * S, np.zeros(3), SHARP)
+    board.see('mug', 2 * S, 'base', np.zeros(3), SHARP)
     assert board.missing(2 * S) == {}
     board.max_stddev_m = 0.005
     assert set(board.missing(2 * S)) == set(NAMES)
@@ -86,45 +86,45 @@ def test_an_uncertain_place_is_missing_until_it_is_seen_better() -> None:
 
 def test_what_is_just_good_enough_is_not_missing() -> None:
     board = ObjectBoard(['mug'], max_stddev_m=0.25, stale_after_s=8.0)
-    board.see('mug', 0, np.zeros(3), 0.0625 * np.eye(3))
+    board.see('mug', 0, 'base', np.zeros(3), 0.0625 * np.eye(3))
     assert board.missing(8 * S) == {}
 
 
 def test_stale_goes_before_uncertain() -> None:
     board = ObjectBoard(['mug'], max_stddev_m=0.1, stale_after_s=1.0)
-    board.see('mug', 0, np.zeros(3), np.eye(3))
+    board.see('mug', 0, 'base', np.zeros(3), np.eye(3))
     assert board.missing(3 * S) == {'mug': 'was last seen 3 s ago'}
 
 
 def test_an_object_nobody_asked_for_changes_nothing() -> None:
     board = new_board()
-    board.see('cup', 0, np.ones(3), SHARP)
+    board.see('cup', 0, 'base', np.ones(3), SHARP)
     assert tuple(board.missing(0)) == NAMES
-    assert board.offsets() == {}
+    assert board.offsets(0) == {}
 
 
 def test_an_older_sighting_does_not_replace_a_newer_one() -> None:
     board = ObjectBoard(['beans', 'mug'], 0.15, 10.0)
-    board.see('beans', 0, np.zeros(3), SHARP)
-    board.see('mug', 5 * S, np.array([1.0, 0.0, 0.0]), SHARP)
-    board.see('mug', 4 * S, np.array([2.0, 0.0, 0.0]), np.eye(3))
-    assert board.offsets()['beans', 'mug'].tolist() == [1, 0, 0]
+    board.see('beans', 0, 'base', np.zeros(3), SHARP)
+    board.see('mug', 5 * S, 'base', np.array([1.0, 0.0, 0.0]), SHARP)
+    board.see('mug', 4 * S, 'base', np.array([2.0, 0.0, 0.0]), np.eye(3))
+    assert board.offsets(0)['beans', 'mug'].tolist() == [1, 0, 0]
     assert board.missing(5 * S) == {}
     # Of the same time the later call counts.
-    board.see('mug', 5 * S, np.array([3.0, 0.0, 0.0]), SHARP)
-    assert board.offsets()['beans', 'mug'].tolist() == [3, 0, 0]
+    board.see('mug', 5 * S, 'base', np.array([3.0, 0.0, 0.0]), SHARP)
+    assert board.offsets(0)['beans', 'mug'].tolist() == [3, 0, 0]
 
 
 def test_offsets_are_of_the_pairs_seen_in_order_of_the_names() -> None:
     board = new_board()
-    assert board.offsets() == {}
-    board.see('mug', 0, np.array([0.6, 0.2, 1.9]), SHARP)
-    assert board.offsets() == {}
-    board.see('beans', 0, np.array([-0.1, 0.1, 1.0]), SHARP)
-    assert list(board.offsets()) == [('beans', 'mug')]
-    assert board.offsets()['beans', 'mug'] == pytest.approx([0.7, 0.1, 0.9])
-    board.see('machine', 0, np.zeros(3), SHARP)
-    assert list(board.offsets()) == [('beans', 'machine'), ('beans', 'mug'), ('machine', 'mug')]
+    assert board.offsets(0) == {}
+    board.see('mug', 0, 'base', np.array([0.6, 0.2, 1.9]), SHARP)
+    assert board.offsets(0) == {}
+    board.see('beans', 0, 'base', np.array([-0.1, 0.1, 1.0]), SHARP)
+    assert list(board.offsets(0)) == [('beans', 'mug')]
+    assert board.offsets(0)['beans', 'mug'] == pytest.approx([0.7, 0.1, 0.9])
+    board.see('machine', 0, 'base', np.zeros(3), SHARP)
+    assert list(board.offsets(0)) == [('beans', 'machine'), ('beans', 'mug'), ('machine', 'mug')]
 
 
 @given(positions, positions, positions)
@@ -133,8 +133,8 @@ def test_ways_add_up_and_go_from_one_to_the_other(
 ) -> None:
     board = new_board()
     for name, place in zip(NAMES, (beans, machine, mug), strict=True):
-        board.see(name, 0, place, SHARP)
-    ways = board.offsets()
+        board.see(name, 0, 'base', place, SHARP)
+    ways = board.offsets(0)
     assert beans + ways['beans', 'mug'] == pytest.approx(mug, abs=1e-12)
     assert ways['beans', 'machine'] + ways['machine', 'mug'] == pytest.approx(
         ways['beans', 'mug'], abs=1e-12
@@ -160,8 +160,31 @@ def test_a_covariance_a_hair_below_zero_is_zero() -> None:
 @given(st.permutations(range(5)), st.integers(0, 20))
 def test_the_order_in_which_sightings_come_does_not_matter(order: list[int], now_s: int) -> None:
     board = ObjectBoard(['beans', 'mug'], 0.15, 10.0)
-    board.see('beans', 0, np.zeros(3), SHARP)
+    board.see('beans', 0, 'base', np.zeros(3), SHARP)
     for second in order:
-        board.see('mug', second * S, np.full(3, float(second)), SHARP)
-    assert board.offsets()['beans', 'mug'].tolist() == [4, 4, 4]
+        board.see('mug', second * S, 'base', np.full(3, float(second)), SHARP)
+    assert board.offsets(0)['beans', 'mug'].tolist() == [4, 4, 4]
     assert ('mug' in board.missing(now_s * S)) == (now_s - 4 > 10)
+
+
+def test_objects_in_two_frames_are_not_set_against_each_other() -> None:
+    board = ObjectBoard(['beans', 'mug'], 0.15, 10.0)
+    assert board.see('beans', 0, 'left', np.zeros(3), SHARP)
+    assert board.see('mug', S, 'right', np.ones(3), SHARP)
+    assert board.missing(S) == {'beans': 'was seen in left, others in right'}
+    assert board.offsets(S) == {}
+
+
+def test_offsets_are_of_objects_that_are_placed() -> None:
+    board = ObjectBoard(['beans', 'mug'], 0.15, 10.0)
+    board.see('beans', 0, 'base', np.zeros(3), SHARP)
+    board.see('mug', S, 'base', np.ones(3), SHARP)
+    assert len(board.offsets(S)) == 1
+    assert board.offsets(11 * S) == {}
+
+
+def test_what_is_no_number_is_no_sighting() -> None:
+    board = ObjectBoard(['mug'], 0.15, 10.0)
+    assert not board.see('mug', 0, 'base', np.array([0.0, np.nan, 1.0]), SHARP)
+    board.see('mug', 0, 'base', np.ones(3), np.full((3, 3), np.nan))
+    assert 'mug' in board.missing(0)

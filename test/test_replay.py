@@ -48,24 +48,33 @@ class Counter:
                 self.frames = int(values['frames'])
 
 
-@pytest.fixture(scope='module')
-def live(tmp_path_factory: pytest.TempPathFactory) -> Listener:
-    """Everything that was heard of an emulated sensor until it was unplugged."""
-    path = tmp_path_factory.mktemp('live')
-    listener = Listener('/live')
-    counter = Counter(listener, '/live')
+def watch(path: Path, namespace: str) -> Listener | None:
+    """Return what was heard of an emulated sensor until it was unplugged.
+
+    None if the detector has missed a frame: it takes them by best effort, and the first may come
+    before both ends of a connection know of each other.
+    """
+    listener = Listener(namespace)
+    counter = Counter(listener, namespace)
     port = path / 'port'
     with ProcessGroup(path) as processes:
-        command = ['--ros-args', '-r', '__ns:=/live', '-p', f'serial_port:={port}']
+        command = ['--ros-args', '-r', f'__ns:={namespace}', '-p', f'serial_port:={port}']
         for node in ('driver', 'detector'):
             processes.start(node, [executable(node), *command])
         wait_for_nodes(listener)
         with Sensor(load_scene('coffee'), port):
             assert listener.spin_until(lambda: len(listener.frames) >= LIVE_FRAMES, PATIENCE_S)
-        assert listener.spin_until(lambda: counter.frames >= len(listener.frames), PATIENCE_S)
-        assert counter.frames == len(listener.frames)
+        complete = listener.spin_until(lambda: counter.frames >= len(listener.frames), 5.0)
     listener.close()
-    return listener
+    return listener if complete and counter.frames == len(listener.frames) else None
+
+
+@pytest.fixture(scope='module')
+def live(tmp_path_factory: pytest.TempPathFactory) -> Listener:
+    for attempt in range(3):
+        if (listener := watch(tmp_path_factory.mktemp('live'), f'/live_{attempt}')) is not None:
+            return listener
+    raise AssertionError('the detector missed a frame three times')
 
 
 @pytest.fixture(scope='module')

@@ -65,7 +65,7 @@ def modulated_range(
     dark = (weight > 0) & (light < _DARK)
     parted = _without_background(light, signal, distance, own | dark, depth)
     behind = distance[dark & measured]
-    if parted is not None and not _is_apart(behind, depth, *parted):
+    if parted is not None and dark.any() and not _is_apart(behind, depth, *parted):
         share = signal[dark].mean() / max(float(signal[own].mean()), 1e-9)
         depth, variance = _weighed(depth, variance, *parted, max(float(share), 1e-3))
     # Undo the sensor's own projection, whose factor is that of the zone and not of the target.

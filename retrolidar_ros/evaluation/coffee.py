@@ -61,6 +61,7 @@ def place_all(method: str, recording: Recording, scene: Scene, pose: Pose) -> Ou
     errors: dict[str, PlaceError] = {}
     wrong_ids = 0
     time_s = math.inf
+    known_ns = int(recording.stamp_ns[0])
     for known_ns, detection in read_live(new_detector(method, recording.grid), recording):
         marker = markers.get(detection.id)
         if marker is None:
@@ -69,7 +70,7 @@ def place_all(method: str, recording: Recording, scene: Scene, pose: Pose) -> Ou
         place = detection.place
         covariance = pose.rotation @ place.covariance[:3, :3] @ pose.rotation.T
         position_m = pose.to_world(place.position_m)
-        board.see(marker.name, detection.stamp_ns, position_m, covariance)
+        board.see(marker.name, detection.stamp_ns, 'world', position_m, covariance)
         errors[marker.name] = place_error(place, np.array([marker.position_m]))
         if not board.missing(known_ns):
             time_s = (known_ns - int(recording.stamp_ns[0])) * 1e-9
@@ -77,7 +78,7 @@ def place_all(method: str, recording: Recording, scene: Scene, pose: Pose) -> Ou
     truth_m = {one.name: pose.to_world(np.array(one.position_m)) for one in scene.markers}
     offset_errors_m = {
         f'{one} to {other}': float(np.linalg.norm(offset - (truth_m[other] - truth_m[one])))
-        for (one, other), offset in board.offsets().items()
+        for (one, other), offset in board.offsets(known_ns).items()
     }
     return Outcome(time_s, errors, offset_errors_m, wrong_ids)
 

@@ -18,6 +18,7 @@ from std_msgs.msg import Bool, Header, String
 
 from retrolidar_ros.frame import Floats
 from retrolidar_ros.msg import MarkerDetection
+from retrolidar_ros.nodes.conversion import to_ns
 from retrolidar_ros.nodes.diagnostics import OK, WARN, Health, publish_health
 from retrolidar_ros.nodes.parameters import Parameters
 from retrolidar_ros.nodes.run import run
@@ -63,14 +64,14 @@ class CoffeeNode(Node):
         self._board = ObjectBoard(values['objects'], values['max_stddev'], values['stale_after'])
         parameters.follow(self._change)
         self._target = values['target_frame']
-        self._finder = TransformFinder(self)
-        if self._target and not self._finder.is_there:
+        self._finder = TransformFinder(self) if self._target else None
+        if self._finder is not None and not self._finder.is_there:
             self.get_logger().warning(
                 f"target_frame {self._target}: tf2_ros is not installed; poses are in the sensor's"
             )
-            self._target = ''
+            self._finder = None
+        self._ticked = self.get_clock().now()
         self._waiting: deque[tuple[MarkerDetection, Time]] = deque()
-        self._frame_id = ''
         self._told: dict[str, str] | None = None
         self._ready = self.create_publisher(Bool, '~/ready', _LATCHED)
         self._missing = self.create_publisher(String, '~/missing', _LATCHED)
@@ -96,13 +97,16 @@ class CoffeeNode(Node):
         self._board.stale_after_s = values['stale_after']
 
     def _take(self, message: MarkerDetection) -> None:
-        if message.child_frame_id in self._poses:
+        if message.child_frame_id in self._poses and to_ns(message.header.stamp) >= 0:
             self._waiting.append((message, self.get_clock().now()))
             self._tick()
 
     def _tick(self) -> None:
         """Place what waits, as far as its transforms are known, and say what is missing."""
         now = self.get_clock().now()
+        if now < self._ticked and self._finder is not None:
+            self._finder.forget()
+        self._ticked = now
         for _ in range(len(self._waiting)):
             message, came = self._waiting.popleft()
             if not self._place(message):
@@ -120,7 +124,7 @@ class CoffeeNode(Node):
         """Publish where an object is; return whether that could be told."""
         pose = _pose_of(message)
         header = Header(stamp=message.header.stamp, frame_id=message.header.frame_id)
-        if self._target and self._target != header.frame_id:
+        if self._finder is not None and self._target != header.frame_id:
             found = self._finder.find(
                 self._target, header.frame_id, Time.from_msg(message.header.stamp)
             )
@@ -128,19 +132,13 @@ class CoffeeNode(Node):
                 return False
             pose = _moved(pose, *found)
             header.frame_id = self._target
-        if header.frame_id != self._frame_id:
-            if self._frame_id:
-                self.get_logger().warning(
-                    f'objects are seen in {self._frame_id} and in {header.frame_id}; set '
-                    f'target_frame, or listen to one sensor',
-                    throttle_duration_sec=10.0,
-                )
-            self._frame_id = header.frame_id
         name = message.child_frame_id
-        stamp_ns = Time.from_msg(header.stamp).nanoseconds
-        self._board.see(name, stamp_ns, pose.position_m, pose.covariance[:3, :3])
+        stamp_ns, now_ns = to_ns(header.stamp), self.get_clock().now().nanoseconds
+        position_m, covariance = pose.position_m, pose.covariance[:3, :3]
+        if not self._board.see(name, stamp_ns, header.frame_id, position_m, covariance):
+            return True
         self._poses[name].publish(_message(header, pose))
-        for (one, other), offset in self._board.offsets().items():
+        for (one, other), offset in self._board.offsets(now_ns).items():
             if name in (one, other):
                 way = Vector3Stamped(header=header)
                 way.vector.x, way.vector.y, way.vector.z = offset.tolist()

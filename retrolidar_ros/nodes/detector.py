@@ -11,7 +11,6 @@ from typing import Any
 import numpy as np
 from rclpy.node import Node
 from rclpy.qos import QoSProfile, ReliabilityPolicy
-from rclpy.time import Time
 from visualization_msgs.msg import MarkerArray
 
 from retrolidar_ros.code import IDS
@@ -68,6 +67,7 @@ class DetectorNode(Node):
         self._send_transforms = transform_sender(self) if self._values['publish_tf'] else None
         parameters.follow(self._change)
         self._frames = 0
+        self._frame_id = ''
         self._heard_s = time.monotonic()
         self._first_stamps_ns: list[int] = []
         self._busy_s = self._age_s = 0.0
@@ -123,21 +123,29 @@ class DetectorNode(Node):
             if not message.header.frame_id:
                 raise ValueError('its frame_id is empty')
             frame = from_frame_msg(message)
+            if frame.stamp_ns < 0:
+                raise ValueError(f'its stamp of {frame.stamp_ns} ns is negative')
         except ValueError as error:
             self.get_logger().error(f'frame dropped: {error}', throttle_duration_sec=5.0)
             return
         began_s = time.perf_counter()
         self._frames += 1
         self._heard_s = time.monotonic()
-        now = self.get_clock().now()
-        self._age_s += (now - Time.from_msg(message.header.stamp)).nanoseconds * 1e-9
+        self._age_s += (self.get_clock().now().nanoseconds - frame.stamp_ns) * 1e-9
         self._check_rate(frame.stamp_ns)
-        if frame.grid != self._grid:
-            self._grid = frame.grid
+        frame_id = message.header.frame_id
+        if self._frame_id not in ('', frame_id):
+            self.get_logger().warning(
+                f'frames come from {self._frame_id} and from {frame_id}: one detector reads one '
+                f'sensor; the detector begins anew',
+                throttle_duration_sec=5.0,
+            )
+        if frame.grid != self._grid or frame_id != self._frame_id:
+            self._grid, self._frame_id = frame.grid, frame_id
             self._detector = self._new_detector(self._values, frame.grid)
         detections = self._detector.update(frame)
         if detections:
-            self._publish(detections, message.header.frame_id)
+            self._publish(detections, frame_id)
         self._busy_s += time.perf_counter() - began_s
 
     def _publish(self, detections: list[Detection], frame_id: str) -> None:

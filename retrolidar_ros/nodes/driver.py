@@ -52,6 +52,8 @@ class DriverNode(Node):
     def __init__(self) -> None:
         """Declare parameters and start to read."""
         super().__init__('driver')
+        self.failed = False
+        """Whether reading has ended by an error that nobody expected."""
         parameters = Parameters(self, 'driver')
         parameters.text('serial_port', 'Device of the sensor; a path under by-id is best.')
         parameters.integer('serial_baud', 'Speed of the line [bit/s].', 9600, 12_000_000)
@@ -94,7 +96,7 @@ class DriverNode(Node):
         super().destroy_node()
 
     def _change(self, values: dict[str, Any]) -> None:
-        self._clock_map.least_delay_s = values['transport_delay']
+        self._clock_map.set_least_delay(values['transport_delay'])
 
     def _read(self) -> None:
         """Read until the node ends, whichever of the two ends first."""
@@ -103,6 +105,7 @@ class DriverNode(Node):
         except Exception as error:
             # A request to end invalidates the publisher before this thread hears of it.
             if rclpy.ok():
+                self.failed = True
                 self.get_logger().fatal(f'reading has failed: {error!r}')
                 rclpy.try_shutdown()
 
@@ -121,13 +124,15 @@ class DriverNode(Node):
             return
         for frame in frames:
             stamp_ns = self._clock_map.map(frame.sensor_time_us, arrival_ns)
+            if stamp_ns < 0:  # exposed before a simulated clock began
+                continue
             message = to_frame_msg(replace(frame, stamp_ns=stamp_ns), self._frame_id)
             self._publisher.publish(message)
             if self._points.get_subscription_count():
                 self._points.publish(to_point_cloud(frame, message.header))
             if self._image.get_subscription_count():
                 self._image.publish(to_signal_image(frame, message.header))
-            self._count(frame, arrival_ns - stamp_ns)
+            self._count(frame, int(self.get_clock().now().nanoseconds) - stamp_ns)
 
     def _count(self, frame: Frame, latency_ns: int) -> None:
         tally = self._tally

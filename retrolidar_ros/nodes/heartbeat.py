@@ -52,13 +52,15 @@ class HeartbeatNode(Node):
         return float(self.get_clock().now().nanoseconds) * 1e-9
 
     def _take(self, message: MarkerDetection) -> None:
-        if message.child_frame_id in self._hearts:
+        if message.child_frame_id in self._hearts and self._now_s():
             self._hearts[message.child_frame_id].beat(self._now_s())
             self._tick()
 
     def _tick(self) -> None:
         """Let time pass, and say who has become overdue and who is back."""
         now_s = self._now_s()
+        if not now_s:  # a simulated clock that does not tick yet
+            return
         overdue = set()
         for name, heart in self._hearts.items():
             heart.advance(now_s)

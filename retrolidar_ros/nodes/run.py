@@ -29,13 +29,14 @@ def run(create: Callable[[], Node]) -> int:
         return 2
     node = None
     try:
-        node = create()
+        try:
+            node = create()
+        except (ValueError, InvalidParameterTypeException, InvalidParameterValueException) as error:
+            rclpy.logging.get_logger('retrolidar_ros').fatal(str(error))
+            return 2
         rclpy.spin(node)
     except (KeyboardInterrupt, ExternalShutdownException):
         pass
-    except (ValueError, InvalidParameterTypeException, InvalidParameterValueException) as error:
-        rclpy.logging.get_logger('retrolidar_ros').fatal(str(error))
-        return 2
     except Exception:
         # A request to end that comes while the node is being made lets that fail somewhere.
         if rclpy.ok():
@@ -45,4 +46,4 @@ def run(create: Callable[[], Node]) -> int:
         if node is not None:
             node.destroy_node()
         rclpy.try_shutdown()
-    return 0
+    return 1 if getattr(node, 'failed', False) else 0

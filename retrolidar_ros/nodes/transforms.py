@@ -41,6 +41,11 @@ class TransformFinder:
         self._buffer = Buffer()
         self._listener = TransformListener(self._buffer, node)
 
+    def forget(self) -> None:
+        """Forget all transforms, whose time has not come any more."""
+        if self._buffer is not None:
+            self._buffer.clear()
+
     @property
     def is_there(self) -> bool:
         """Whether tf2_ros is installed."""
