@@ -1,0 +1,8 @@
+# Copyright 2026 retrolidar_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+import signal
+
+# A shell lets its background jobs ignore SIGINT, and so do all that these start; but the tests
+# end processes by it.
+if signal.getsignal(signal.SIGINT) == signal.SIG_IGN:
+    signal.signal(signal.SIGINT, signal.default_int_handler)
