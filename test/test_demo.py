@@ -5,9 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from retrolidar_ros.demo import Heard, judge, true_range
 from retrolidar_ros.scene import Simulation
 from retrolidar_ros.scene.optics import position_at
+from retrolidar_ros.truth import Heard, judge, true_range
 from retrolidar_ros.yaml_files import load_scene
 
 

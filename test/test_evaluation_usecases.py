@@ -10,7 +10,6 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from retrolidar_ros.demo import true_range
 from retrolidar_ros.detector.bearing import zone_bearing
 from retrolidar_ros.detector.place import place
 from retrolidar_ros.evaluation import EXPERIMENTS, coffee, drone, run_experiments
@@ -27,6 +26,7 @@ from retrolidar_ros.evaluation.hand import (
 from retrolidar_ros.evaluation.live import PlaceError, held, place_error, read_live
 from retrolidar_ros.frame import Floats, ZoneGrid
 from retrolidar_ros.scene import Simulation
+from retrolidar_ros.truth import true_range
 from retrolidar_ros.yaml_files import load_scene
 
 WORLD = load_scene('coffee')

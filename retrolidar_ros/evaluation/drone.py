@@ -12,7 +12,6 @@ from typing import Any, NamedTuple
 import numpy as np
 from tqdm import tqdm
 
-from retrolidar_ros.code import BIT_PERIOD_S, PACKET_BITS
 from retrolidar_ros.detector import METHODS, Detection
 from retrolidar_ros.detector.place import Place
 from retrolidar_ros.evaluation.charts import look, new_chart, shared_legend
@@ -31,6 +30,7 @@ from retrolidar_ros.heartbeat import WINDOW_S, Heartbeat
 from retrolidar_ros.scene import Scene, Simulation
 from retrolidar_ros.scene.description import Marker
 from retrolidar_ros.scene.optics import position_at, zone_shares
+from retrolidar_ros.truth import PACKET_S, moments
 from retrolidar_ros.yaml_files import load_scene
 
 SHOWN = ('joint', 'paper')
@@ -41,9 +41,6 @@ _WINDOWS_S = (2.0, 5.0, WINDOW_S)
 _RUNS, _QUICK_RUNS = 4, 1
 _QUICK_DURATION_S = 40.0
 _STEP_S = 0.02  # in which the motion is told
-_PACKET_S = PACKET_BITS * BIT_PERIOD_S
-# Moments of a reading at which the true place is asked.
-_PARTS = (np.arange(32) + 0.5) / 32
 
 
 def places_during(marker: Marker, detection: Detection) -> Floats:
@@ -51,9 +48,8 @@ def places_during(marker: Marker, detection: Detection) -> Floats:
 
     The stamps are those of a simulation whose sensor's clock is right.
     """
-    return position_at(
-        marker, detection.stamp_ns * 1e-9 - detection.packets * _PACKET_S * _PARTS
-    ) + np.zeros((len(_PARTS), 3))
+    times_s = 1e-9 * moments(detection.stamp_ns, detection.packets)
+    return np.broadcast_to(position_at(marker, times_s), (len(times_s), 3))
 
 
 class Reading(NamedTuple):
@@ -88,7 +84,7 @@ def follow(method: str, recording: Recording, marker: Marker) -> Flight:
         if detection.id != marker.id:
             wrong_ids += 1
             continue
-        length_s = detection.packets * _PACKET_S
+        length_s = detection.packets * PACKET_S
         readings.append(
             Reading(
                 known_s=(known_ns - origin_ns) * 1e-9,

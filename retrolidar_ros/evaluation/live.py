@@ -4,7 +4,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from typing import NamedTuple
 
 import numpy as np
@@ -12,9 +12,11 @@ from numpy.typing import ArrayLike
 
 from retrolidar_ros.detector import Detection, Detector
 from retrolidar_ros.detector.place import Place
-from retrolidar_ros.evaluation.place import ELLIPSOID
 from retrolidar_ros.evaluation.statistics import Rate, rate
 from retrolidar_ros.frame import Floats, Recording
+
+ELLIPSOID = 7.815
+"""95 % of a normal distribution in three dimensions are within so many squared deviations."""
 
 
 class LiveReading(NamedTuple):
@@ -72,10 +74,10 @@ def millimetres(lengths_m: ArrayLike) -> list[float]:
     return rounded
 
 
-def held(squared_distances: Sequence[float]) -> Rate | None:
+def held(squared_distances: ArrayLike) -> Rate | None:
     """Return in how many places the truth is within the 95 % ellipsoid; None without any."""
-    within = sum(distance <= ELLIPSOID for distance in squared_distances)
-    return rate(within, len(squared_distances)) if squared_distances else None
+    squared = np.asarray(squared_distances)
+    return rate(int(np.count_nonzero(squared <= ELLIPSOID)), squared.size) if squared.size else None
 
 
 def told_held(share: Rate | None) -> str:

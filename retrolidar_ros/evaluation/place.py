@@ -14,15 +14,14 @@ from tqdm import tqdm
 from retrolidar_ros.code import IDS
 from retrolidar_ros.detector import Detection, create_detector
 from retrolidar_ros.evaluation.charts import new_chart
+from retrolidar_ros.evaluation.live import ELLIPSOID, held, place_error
 from retrolidar_ros.evaluation.reference import NOISE, RESPONSE, SENSOR
-from retrolidar_ros.evaluation.statistics import rate
 from retrolidar_ros.frame import Floats
 from retrolidar_ros.scene import Scene, Simulation
 from retrolidar_ros.scene.description import Marker, Sensor, Surface
 from retrolidar_ros.scene.optics import zone_shares
 
 DURATION_S = 2.9  # a marker that repeats is read once
-ELLIPSOID = 7.815  # 95 % of a normal distribution in three dimensions lie within
 _FAIR_SHARE = 0.05
 _BLURS = (0.05, 0.25)
 _RANGES_M = (0.4, 2.6)
@@ -97,8 +96,7 @@ def error_of(detection: Detection, scene: Scene) -> Error:
     """Return by how much the place of the only marker of a scene is wrong."""
     place, grid = detection.place, scene.sensor.grid
     truth_m = np.array(scene.markers[0].position_m)
-    range_m = float(np.linalg.norm(truth_m))
-    offset = place.position_m - truth_m
+    wrong = place_error(place, truth_m[None])
     angles = np.degrees(np.arctan(truth_m[:2] / truth_m[2]))
 
     def wrong_by(tangents: Floats) -> tuple[float, float]:
@@ -106,9 +104,9 @@ def error_of(detection: Detection, scene: Scene) -> Error:
         return across, down
 
     return Error(
-        squared_distance=float(offset @ np.linalg.solve(place.covariance[:3, :3], offset)),
-        range_m=place.range_m - range_m,
-        range_score=(place.range_m - range_m) / place.range_stddev_m,
+        squared_distance=wrong.squared_distance,
+        range_m=wrong.range_m,
+        range_score=wrong.range_m / place.range_stddev_m,
         bearing_deg=wrong_by(place.position_m[:2] / place.position_m[2]),
         centre_deg=wrong_by(grid.tangents[detection.zones[0]]),
         between=seen_by_two(detection, scene),
@@ -130,7 +128,7 @@ def _figures(blur: float, rows: list[Error]) -> dict[str, Any]:
     return {
         'blur': blur,
         'ellipsoid_holds': {
-            name: rate(int(np.count_nonzero(distance[group] <= ELLIPSOID)), int(group.sum()))
+            name: held(distance[group])
             for name, group in (('alone', ~between), ('between', between))
         },
         'bearing_rms_deg': {name: _rms(bearing[group]) for name, group in along.items()},
