@@ -87,9 +87,17 @@ def _plot(arguments: argparse.Namespace) -> int:
 
 
 def _evaluate(arguments: argparse.Namespace) -> int:
-    from retrolidar_ros.evaluation import run_experiments
+    from retrolidar_ros.evaluation import EXPERIMENTS, run_experiments, write_page
 
-    run_experiments(arguments.names, arguments.output, quick=arguments.quick, seed=arguments.seed)
+    if not arguments.names and not arguments.all:
+        for name, experiment in EXPERIMENTS.items():
+            print(f'{name:16}{experiment.TITLE:44}{experiment.SOURCE}'.rstrip())
+        return 0
+    # A quick look is not to take the place of the report that stands in the repository.
+    output = arguments.output or Path('report_quick' if arguments.quick else 'docs/report')
+    names = list(EXPERIMENTS) if arguments.all else arguments.names
+    run_experiments(names, output, quick=arguments.quick, seed=arguments.seed)
+    print(f'{write_page(output) if arguments.all else output}')
     return 0
 
 
@@ -203,12 +211,23 @@ def _parser() -> argparse.ArgumentParser:
     )
     ids.set_defaults(run=_ids)
 
-    evaluate = commands.add_parser('evaluate', help='run experiments and draw their charts')
-    evaluate.add_argument('names', nargs='*', metavar='NAME', help='(default: all)')
-    evaluate.add_argument('--quick', action='store_true', help='small sizes, in seconds')
+    evaluate = commands.add_parser(
+        'evaluate',
+        help='run experiments and draw their charts',
+        description='Run experiments on emulated frames; without any name, list them. Each writes '
+        'NAME.json and NAME.png; --all also writes a page of Markdown that tells of all of them.',
+    )
+    which = evaluate.add_mutually_exclusive_group()
+    which.add_argument('names', nargs='*', default=[], metavar='NAME', help='which to run')
+    which.add_argument('--all', action='store_true', help='all of them, and the page')
+    evaluate.add_argument('--quick', action='store_true', help='few trials: a look at each')
     evaluate.add_argument('--seed', type=int, default=1, help='(default: %(default)s)')
     evaluate.add_argument(
-        '-o', '--output', type=Path, default=Path('docs/report'), help='(default: %(default)s)'
+        '-o',
+        '--output',
+        type=Path,
+        metavar='DIR',
+        help='(default: docs/report, with --quick report_quick)',
     )
     evaluate.set_defaults(run=_evaluate)
     return parser

@@ -10,7 +10,7 @@ import pytest
 
 from retrolidar_ros.evaluation import EXPERIMENTS, run_experiments
 from retrolidar_ros.evaluation.detectors import new_detector
-from retrolidar_ros.evaluation.false_alarms import false_ids, wall_blocks
+from retrolidar_ros.evaluation.false_ids import false_ids, wall_blocks
 from retrolidar_ros.evaluation.panels import PANELS
 from retrolidar_ros.evaluation.reference import SENSOR, WALL_SIGNAL
 from retrolidar_ros.evaluation.time_to_id import (

@@ -14,7 +14,7 @@ import pytest
 
 from retrolidar_ros.code import IDS, PACKET_BITS
 from retrolidar_ros.detector import Detection, Detector, create_detector
-from retrolidar_ros.evaluation.false_alarms import wall_blocks
+from retrolidar_ros.evaluation.false_ids import wall_blocks
 from retrolidar_ros.evaluation.link import Trial, link_scene, lone_trial, outcome
 from retrolidar_ros.evaluation.panels import PANELS
 from retrolidar_ros.evaluation.reference import RESPONSE, SENSOR, marker_in_each_zone, walls

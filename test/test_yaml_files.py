@@ -188,5 +188,6 @@ def test_the_detector_node_and_the_library_have_the_same_defaults() -> None:
     assert parameters['bit_period'] == library['bit_period_s'].default
     for name in ('likelihood_threshold', 'false_ids_per_hour', 'max_packets'):
         assert parameters[name] == library[name].default
-    assert NoiseLaw(parameters['noise_floor'], parameters['noise_slope']) == NoiseLaw()
+    names = ('noise_floor', 'noise_slope', 'noise_ambient')
+    assert NoiseLaw(*(parameters[name] for name in names)) == NoiseLaw()
     assert parameters['registered_ids'] == []

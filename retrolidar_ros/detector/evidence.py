@@ -85,20 +85,29 @@ def group_threshold(threshold_nats: float, zones: int) -> float:
 
 @dataclass(frozen=True)
 class NoiseLaw:
-    """Frame-to-frame variance of the signal S of a zone: floor + slope · S."""
+    """Frame-to-frame variance of the signal S of a zone in ambient light A: floor + a·S + b·A.
+
+    Photons of either kind arrive alike at random, so a and b are the same unless told otherwise.
+    """
 
     floor: float = 4.6
     """[(kcps/SPAD)²]"""
     slope: float = 0.22
-    """[kcps/SPAD]"""
+    """a [kcps/SPAD]"""
+    ambient: float = 0.22
+    """b [kcps/SPAD]"""
 
     def __post_init__(self) -> None:
         """Raise ValueError for a law that allows no noise."""
-        if not (self.floor > 0 and self.slope >= 0):
+        if not (self.floor > 0 and self.slope >= 0 and self.ambient >= 0):
             raise ValueError(
-                f'noise of floor {self.floor}, slope {self.slope}: the floor must be positive '
-                'and the slope not negative'
+                f'noise of floor {self.floor}, slope {self.slope}, ambient {self.ambient}: the '
+                'floor must be positive and the others not negative'
             )
+
+    def lit(self, ambient: float) -> NoiseLaw:
+        """Return the law in ambient light [kcps/SPAD], whose noise is part of its floor."""
+        return NoiseLaw(self.floor + self.ambient * ambient, self.slope, 0.0)
 
     def variance(self, signal: Floats) -> Floats:
         """Return the variance [(kcps/SPAD)²] at signals [kcps/SPAD] of any shape."""
@@ -122,12 +131,12 @@ class NoiseScale:
 
     def __init__(self, law: NoiseLaw) -> None:
         """Start from the law as it is."""
-        self._law = law
+        self.law = law
         self.value = 1.0
 
     def variance(self, signal: Floats) -> Floats:
         """Return the variance [(kcps/SPAD)²] at signals [kcps/SPAD] of any shape."""
-        return self.value * self._law.variance(signal)
+        return self.value * self.law.variance(signal)
 
     def learn(self, samples: Samples) -> None:
         """Take in a packet's length of samples of all zones."""
@@ -141,7 +150,7 @@ class NoiseScale:
             return
         # What a weak marker adds is alike in the two samples of a bit, and cancels here.
         variance = (power - 2 * lagged)[white] / (len(signal) - 1)
-        scales = np.sort(variance / self._law.variance(mean[white]))
+        scales = np.sort(variance / self.law.variance(mean[white]))
         scale = float(scales[len(scales) // 2])
         scale = min(max(scale, self._LEAST), self._MOST)
         self.value += self._NEWEST * (scale - self.value)

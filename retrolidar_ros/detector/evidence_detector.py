@@ -93,7 +93,7 @@ class EvidenceDetector:
         self._search = search
         self._folds = folds
         self._fold_search = FoldSearch(bank, bit_period_s)
-        self._law = noise
+        self._dark_law = self._law = noise
         self._scale = NoiseScale(noise)
         most_packets = max([1, *folds])
         self._judge = Judge(
@@ -116,6 +116,7 @@ class EvidenceDetector:
         self._longest_gap_ns = round(PACKET_BITS * bit_period_s * 1e9)
         self._free_s = np.full(grid.zones, -np.inf)
         self._searched_s = -np.inf
+        self._ambient = np.zeros(grid.zones, dtype=np.float32)
         self._last_start_s: dict[int, float] = {}
         self._last_ns = 0
 
@@ -131,6 +132,7 @@ class EvidenceDetector:
         if frame.stamp_ns == self._last_ns and len(self._window):
             return []
         self._begin_after_jump(frame.stamp_ns)
+        self._ambient = frame.ambient
         self._window.append(
             np.array([frame.stamp_ns]), frame.signal[None], frame.distance[None], frame.status[None]
         )
@@ -161,6 +163,7 @@ class EvidenceDetector:
                 recording.distance[rows],
                 recording.status[rows],
             )
+            self._ambient = recording.ambient[rows[-1]]
             self._last_ns = int(recording.stamp_ns[rows[-1]])
             detections += self._look(len(rows))
         return detections
@@ -182,9 +185,11 @@ class EvidenceDetector:
         last_s = float(self._window.last(1).end_s[0])
         from_s, self._searched_s = self._searched_s, last_s
         if not np.isfinite(from_s):
+            self._adapt_to_light()
             return []
         packet_s = PACKET_BITS * self._bit_s
         if math.floor(last_s / packet_s) != math.floor(from_s / packet_s):
+            self._adapt_to_light()
             self._scale.learn(self._window.last(PACKET_SAMPLES))
         turn = math.floor(last_s / (_TURN_BITS * self._bit_s))
         new_turn = turn != math.floor(from_s / (_TURN_BITS * self._bit_s))
@@ -196,6 +201,13 @@ class EvidenceDetector:
         return [
             detection for reading in readings if (detection := self._published(reading)) is not None
         ]
+
+    def _adapt_to_light(self) -> None:
+        """Expect the noise that belongs to the ambient light of the newest frame."""
+        ambient = float(np.median(self._ambient))
+        if math.isfinite(ambient):
+            self._law = self._dark_law.lit(max(ambient, 0.0))
+            self._scale.law = self._judge.law = self._law
 
     def _find_starts(self, last_s: float) -> None:
         """Look for preambles, many frames at once; their packets end long after."""

@@ -96,7 +96,7 @@ class Judge:
         self._lenience = math.log(false_ids_per_hour / USUAL_FALSE_IDS_PER_HOUR)
         self._bank = bank
         self._rivals = Rivals(bank)
-        self._law = law
+        self.law = law
         row, column = np.divmod(np.arange(grid.zones), grid.columns)
         near = (np.abs(np.subtract.outer(row, row)) <= 1) & (
             np.abs(np.subtract.outer(column, column)) <= 1
@@ -134,7 +134,7 @@ class Judge:
             everything.signal[:, candidates.zone].T,
             everything.weight[:, candidates.zone].T,
             everything.ceiling[:, candidates.zone].T,
-            self._law,
+            self.law,
             noise_scale,
         )
         readings = []
@@ -230,7 +230,7 @@ class Judge:
         energy = np.maximum(np.einsum('nz,nz->z', centred, centred), 1e-9)
         parts = nats(common / np.sqrt(power * energy), told)
         # Most of what a zone sees beyond noise must be the packet, or it sees something else.
-        noise = noise_scale * self._law.variance(signal.mean(axis=0))
+        noise = noise_scale * self.law.variance(signal.mean(axis=0))
         modulation = energy / told - noise
         parts[1:][(common * common / power / told < _LEAST_SHARE * modulation)[1:]] = 0.0
         return parts, dict(zip(zones.tolist(), (common / power).tolist(), strict=True))
@@ -246,10 +246,10 @@ class Judge:
         gain = np.array([gains[seer] for seer in seen])
         mean = (everything.signal[:, seen] * everything.weight[:, seen]).sum(axis=0)
         mean /= np.maximum(everything.weight[:, seen].sum(axis=0), 1.0)
-        weights = gain / self._law.variance(mean)
+        weights = gain / self.law.variance(mean)
         # In the scale of a single zone's noise, for which the noise law holds.
-        weights /= np.sqrt((weights**2 * self._law.variance(mean)).sum())
-        weights *= np.sqrt(self._law.variance(mean[0]))
+        weights /= np.sqrt((weights**2 * self.law.variance(mean)).sum())
+        weights *= np.sqrt(self.law.variance(mean[0]))
         signal = everything.signal[:, seen] - mean
         combined = (signal @ weights + mean[0])[:, None]
         weight = everything.weight[:, seen].min(axis=1)[:, None]
@@ -282,7 +282,7 @@ class Judge:
             view.signal.T,
             view.weight.T,
             view.ceiling.T,
-            self._law,
+            self.law,
             noise_scale,
         )
 

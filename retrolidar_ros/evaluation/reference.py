@@ -25,7 +25,8 @@ from retrolidar_ros.scene.description import (
 
 WALL_SIGNAL = 4.0  # [kcps/SPAD]
 NOISE = Noise(floor=4.6, slope=0.22)
-SENSOR = Sensor(noise=NOISE, ranging=Ranging(shot=0.490, floor=0.0016))
+RANGING = Ranging(shot=0.490, floor=0.0016)
+SENSOR = Sensor(noise=NOISE, ranging=RANGING)
 RESPONSE = Response(dark_s=0.0005, bright_s=0.0035)
 
 

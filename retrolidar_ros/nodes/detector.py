@@ -44,6 +44,7 @@ _OF_DETECTOR = (
     'only_registered',
     'noise_floor',
     'noise_slope',
+    'noise_ambient',
     'likelihood_threshold',
 )
 
@@ -95,7 +96,9 @@ class DetectorNode(Node):
             false_ids_per_hour=values['false_ids_per_hour'],
             max_packets=values['max_packets'],
             registered_ids=registered or None,
-            noise=NoiseLaw(values['noise_floor'], values['noise_slope']),
+            noise=NoiseLaw(
+                values['noise_floor'], values['noise_slope'], values['noise_ambient']
+            ),
             marker_sizes_m={marker.id: marker.size_m for marker in self._known.values()},
         )
 
@@ -255,6 +258,13 @@ def _declare(parameters: Parameters) -> None:
     parameters.number(
         'noise_slope',
         'By how much the variance grows with the signal [kcps/SPAD] (all but paper).',
+        0.0,
+        1e6,
+        live=True,
+    )
+    parameters.number(
+        'noise_ambient',
+        'By how much the variance grows with the ambient light [kcps/SPAD] (all but paper).',
         0.0,
         1e6,
         live=True,

@@ -32,11 +32,13 @@ _NEAREST_M = 1e-3
 
 @dataclass(frozen=True)
 class Noise:
-    """Frame-to-frame variance of the signal: floor + slope · signal."""
+    """Frame-to-frame variance of the signal: floor + slope · signal + ambient · ambient light."""
 
     floor: float
     """[(kcps/SPAD)²]"""
     slope: float
+    """[kcps/SPAD]"""
+    ambient: float = 0.0
     """[kcps/SPAD]"""
 
 
@@ -154,6 +156,7 @@ def _noise(value: Any, path: str) -> Noise:
     noise = Noise(
         floor=section.need('floor', quantity('variance', 0)),
         slope=section.need('slope', quantity('signal', 0)),
+        ambient=section.take('ambient', 0.0, quantity('signal', 0)),
     )
     section.end()
     return noise

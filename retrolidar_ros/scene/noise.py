@@ -10,11 +10,16 @@ from retrolidar_ros.frame import Floats
 from retrolidar_ros.scene.description import Noise, Ranging
 
 
-def noisy(signal: Floats, noise: Noise | None, rng: np.random.Generator) -> Floats:
-    """Add noise to signals [kcps/SPAD] of any shape; a signal is never reported as negative."""
+def noisy(
+    signal: Floats, noise: Noise | None, rng: np.random.Generator, ambient: float = 0.0
+) -> Floats:
+    """Add noise to signals of any shape, in ambient light; none is ever reported as negative.
+
+    Signals and ambient light are in kcps/SPAD.
+    """
     if noise is None:
         return signal
-    sigma: Floats = np.sqrt(noise.floor + noise.slope * signal)
+    sigma: Floats = np.sqrt(noise.floor + noise.slope * signal + noise.ambient * ambient)
     return np.maximum(signal + sigma * rng.standard_normal(signal.shape), 0.0)
 
 

@@ -70,7 +70,7 @@ class Simulation:
         signals, distances = _seen_in_each_zone(*self._targets(middle_s))
         signal, distance, merged = _reported_pulse(signals, distances)
         distance = deviating(distance, signal, sensor.ranging, self._rng)
-        signal = noisy(signal, sensor.noise, self._rng)
+        signal = noisy(signal, sensor.noise, self._rng, scene.ambient)
         status = np.where(merged, Status.MERGED, Status.VALID).astype(np.uint8)
         self._drop_weak(signal, distance, status)
         if sensor.abnormal:
