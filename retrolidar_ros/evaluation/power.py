@@ -31,11 +31,11 @@ _DAY_H = 24.0
 _YEAR_H = 365.25 * _DAY_H
 _PROMISED_H = 2 * _YEAR_H
 _TWO_MONTHS_H = _YEAR_H / 6
-_RARE_LOOKS = replace(PROTOTYPE, detection=OPTIMISED_MA)
-_ALL_OPTIMISED = replace(_RARE_LOOKS, active=OPTIMISED_MA)
+_CHEAP_LOOKS = replace(PROTOTYPE, detection=OPTIMISED_MA)
+_ALL_OPTIMISED = replace(_CHEAP_LOOKS, active=OPTIMISED_MA)
 _PARTS = {
     'prototype': PROTOTYPE,
-    '100 µA in detection': _RARE_LOOKS,
+    '100 µA in detection': _CHEAP_LOOKS,
     '100 µA in detection and active': _ALL_OPTIMISED,
 }
 _QUERIES = tuple(float(queries) for queries in np.geomspace(0.01, 2000, 54))
@@ -56,8 +56,8 @@ def run(rng: np.random.Generator, *, quick: bool) -> dict[str, Any]:
     """Return lives of the cell; nothing is random, and nothing takes long."""
     hourly = active_share(1)
     most_ma = CELL_MAH / _PROMISED_H
-    silent = drawn(0.0, _RARE_LOOKS).total
-    asleep = drawn(hourly, _RARE_LOOKS)
+    silent = drawn(0.0, _CHEAP_LOOKS).total
+    asleep = drawn(hourly, _CHEAP_LOOKS)
     return {
         'once_an_hour': [_life(name, parts, hourly) for name, parts in _PARTS.items()],
         'busy': [_life(name, parts, BUSY_SHARE) for name, parts in _PARTS.items()],
