@@ -5,6 +5,7 @@
 from __future__ import annotations
 
 import argparse
+import json
 import os
 import sys
 from pathlib import Path
@@ -127,6 +128,17 @@ def _ids(arguments: argparse.Namespace) -> int:
     return 1 if reserved or pairs else 0
 
 
+def _budget(arguments: argparse.Namespace) -> int:
+    from retrolidar_ros.marker_budget import budget, parse_case, to_json, to_text
+
+    case = parse_case(
+        arguments.size, arguments.yaw, arguments.distance, arguments.cell, arguments.queries
+    )
+    found = budget(case)
+    print(json.dumps(to_json(found)) if arguments.json else to_text(found))
+    return 0
+
+
 def marker_ids(text: str) -> list[int]:
     """Parse IDs between commas."""
     try:
@@ -210,6 +222,23 @@ def _parser() -> argparse.ArgumentParser:
         help='least distance allowed (default: to choose, the largest possible; to check, 8)',
     )
     ids.set_defaults(run=_ids)
+
+    expected = commands.add_parser(
+        'budget',
+        help='tell what to expect of a marker: its link, its waking and its battery',
+        description='The link is simulated: markers before a wall, each awake for one packet. '
+        'Quantities carry their units, as in scene files.',
+    )
+    for name, default, what in (
+        ('size', '3 cm', 'edge of the retroreflector'),
+        ('yaw', '0 deg', "angle between the marker's normal and the line of sight"),
+        ('distance', '2 m', 'from the sensor'),
+        ('cell', '90 mAh', 'capacity of the battery'),
+        ('queries', '1', 'packets an hour'),
+    ):
+        expected.add_argument(f'--{name}', default=default, help=f'{what} (default: %(default)s)')
+    expected.add_argument('--json', action='store_true', help='one JSON object')
+    expected.set_defaults(run=_budget)
 
     evaluate = commands.add_parser(
         'evaluate',

@@ -19,6 +19,7 @@ UNITS: dict[str, dict[str, float]] = {
     'share': {'%': 1e-2},
     'signal': {'kcps/SPAD': 1.0},
     'variance': {'(kcps/SPAD)^2': 1.0},
+    'charge': {'mAh': 1.0},
 }
 """Units of each kind of quantity, and their size in the unit that the code uses."""
 

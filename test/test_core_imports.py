@@ -21,6 +21,8 @@ CORE = [
     'heartbeat.py',
     'rotation.py',
     'section.py',
+    'wakeup.py',
+    'battery.py',
     'detector',
     'scene',
 ]

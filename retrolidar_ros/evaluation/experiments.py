@@ -25,6 +25,7 @@ from retrolidar_ros.evaluation import (
     false_alarms,
     link_budget,
     place,
+    power,
     ranging,
     reach,
     reading,
@@ -34,6 +35,7 @@ from retrolidar_ros.evaluation import (
     speed_accuracy,
     stability,
     time_to_id,
+    wake_up,
     yaw,
 )
 from retrolidar_ros.evaluation.claims import Claim
@@ -74,6 +76,8 @@ EXPERIMENTS: dict[str, Experiment] = {
     'yaw': yaw,
     'ambient': ambient,
     'coding': coding,
+    'wake-up': wake_up,
+    'power': power,
     'coffee': coffee,
     'drone': drone,
     'reach': reach,

@@ -64,16 +64,17 @@ def _section(name: str, figures: dict[str, Any]) -> str:
     run = figures['run']
     alone = ', alone on the machine' if name in TIMED else ''
     source = f'{experiment.SOURCE[0].upper()}{experiment.SOURCE[1:]}. ' if experiment.SOURCE else ''
+    made = f'`{_command(name, run)}`, {run["seconds"]:.0f} s{alone}; '
     return '\n\n'.join(
         [
             f'## {experiment.TITLE}',
-            f'{source}`{_command(name, run)}`, {run["seconds"]:.0f} s{alone}; '
-            f'figures: [{name}.json]({name}.json).',
+            f'{source}{made}figures: [{name}.json]({name}.json).',
             table(experiment.compare(figures)),
             f'![{experiment.TITLE}]({name}.png)',
             experiment.comment(figures),
-            '<details><summary>All figures of the chart</summary>\n\n'
-            f'```text\n{experiment.summarise(figures)}\n```\n\n</details>',
+            '<details><summary>All figures of the chart</summary>',
+            f'```text\n{experiment.summarise(figures)}\n```',
+            '</details>',
         ]
     )
 

@@ -45,6 +45,7 @@ def marker_in_each_zone(
     start_s: tuple[float, float],
     packets: int | None = 1,
     size_m: float = 0.03,
+    yaw_rad: float = 0.0,
     sensor: Sensor = SENSOR,
     bit_period_s: float = BIT_PERIOD_S,
 ) -> Scene:
@@ -62,6 +63,8 @@ def marker_in_each_zone(
         How many packets each sends; None = without end.
     size_m : float
         Edge of the markers [m].
+    yaw_rad : float
+        Between each marker's normal and the line of sight [rad].
     sensor : Sensor
         What sees them.
     bit_period_s : float
@@ -76,6 +79,7 @@ def marker_in_each_zone(
             position_m=(float(place[0]), float(place[1]), float(place[2])),
             name=f'marker_{identity}',
             size_m=size_m,
+            yaw_rad=yaw_rad,
             bit_period_s=bit_period_s,
             start_s=float(start),
             packets=packets,

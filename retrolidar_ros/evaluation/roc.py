@@ -21,6 +21,7 @@ from retrolidar_ros.evaluation.link import SNR, Trial, link_scene, lone_trial, o
 from retrolidar_ros.evaluation.reference import SENSOR
 from retrolidar_ros.evaluation.restless import restless_blocks
 from retrolidar_ros.evaluation.statistics import rate
+from retrolidar_ros.evaluation.sweep import COMPARED
 
 TITLE = 'Identification against false IDs'
 SOURCE = ''
@@ -59,9 +60,10 @@ def run(rng: np.random.Generator, *, quick: bool) -> dict[str, Any]:
     }
     seed = int(rng.integers(2**32))
     methods = {}
-    steps = sum(len(knob(method)[1]) for method in METHODS)
+    names = COMPARED if quick else METHODS
+    steps = sum(len(knob(method)[1]) for method in names)
     with tqdm(total=steps, desc='roc', leave=False) as progress:
-        for method in METHODS:
+        for method in names:
             name, values = knob(method)
             points = []
             for index, strictness in enumerate(values):

@@ -96,9 +96,7 @@ class DetectorNode(Node):
             false_ids_per_hour=values['false_ids_per_hour'],
             max_packets=values['max_packets'],
             registered_ids=registered or None,
-            noise=NoiseLaw(
-                values['noise_floor'], values['noise_slope'], values['noise_ambient']
-            ),
+            noise=NoiseLaw(values['noise_floor'], values['noise_slope'], values['noise_ambient']),
             marker_sizes_m={marker.id: marker.size_m for marker in self._known.values()},
         )
 

@@ -1,0 +1,194 @@
+# Copyright 2026 retrolidar_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""What to expect of a marker before it is built: its link, its waking and its battery."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import asdict, dataclass
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from retrolidar_ros.battery import Drawn, active_share, drawn, life_h
+from retrolidar_ros.detector import METHODS, create_detector
+from retrolidar_ros.evaluation.link import SNR, lone_trial, outcome
+from retrolidar_ros.evaluation.reference import NOISE, SENSOR, WALL_SIGNAL, marker_in_each_zone
+from retrolidar_ros.scene.optics import received_signal
+from retrolidar_ros.section import ConfigError, quantity
+from retrolidar_ros.wakeup import THRESHOLD_V, voltage_v, wakeup_range_m
+
+COMPARED = (METHODS[0], 'paper')
+TRIALS = 64
+_START_S = (2.0, 2.5)
+_SEED = 1  # the same question has the same answer
+
+
+@dataclass(frozen=True)
+class Case:
+    """A marker and how it is used."""
+
+    size_m: float
+    yaw_rad: float
+    distance_m: float
+    cell_mah: float
+    queries_per_hour: float
+
+
+class Link(NamedTuple):
+    """Signals [kcps/SPAD] before the wall of the reference scene, and what is read of them."""
+
+    bright: float
+    dark: float
+    noise: float
+    """Standard deviation at the mean of both."""
+    snr_db: float
+    """c over sigma; minus infinity if nothing comes back."""
+    trials: int
+    identified: dict[str, int]
+    """In how many trials each method read the ID, of a single packet."""
+
+
+class WakeUp(NamedTuple):
+    """The photodiode indoors, with the paper's threshold."""
+
+    voltage_v: float
+    threshold_v: float
+    woken: bool
+    range_m: float
+    """To what distance it wakes at this yaw."""
+
+
+class Battery(NamedTuple):
+    """Mean currents [mA] with a packet a query, and how long the cell lasts."""
+
+    drawn_ma: Drawn
+    life_h: float
+
+
+class Budget(NamedTuple):
+    """All of it."""
+
+    case: Case
+    link: Link
+    wake_up: WakeUp
+    battery: Battery
+
+
+def parse_case(size: str, yaw: str, distance: str, cell: str, queries: str) -> Case:
+    """Return the case that the command's options tell, units as in scene files.
+
+    A marker may be as large as a zone is at its distance.
+
+    Raises
+    ------
+    ConfigError
+        If one cannot be; the message names the option and its value.
+    """
+    distance_m = quantity('length', 0.1, 100.0)(distance, '--distance')
+    zone_m = distance_m * float((SENSOR.grid.pitch * SENSOR.grid.z_per_range).min())
+    return Case(
+        size_m=quantity('length', 1e-3, zone_m)(size, '--size'),
+        yaw_rad=quantity('angle', -math.pi / 2, math.pi / 2)(yaw, '--yaw'),
+        distance_m=distance_m,
+        cell_mah=quantity('charge', 1.0)(cell, '--cell'),
+        queries_per_hour=_rate(queries, '--queries'),
+    )
+
+
+def _rate(text: str, path: str) -> float:
+    """Parse how many packets a marker is asked for in an hour."""
+    try:
+        value = float(text)
+    except ValueError:
+        raise ConfigError(f'{path}: {text!r} is not a number') from None
+    try:
+        active_share(value)
+    except ValueError as error:
+        raise ConfigError(f'{path}: {error}') from None
+    return value
+
+
+def budget(case: Case) -> Budget:
+    """Compute the budget of a case; the link is simulated, which takes some seconds."""
+    currents = drawn(active_share(case.queries_per_hour))
+    voltage = float(voltage_v(np.array(case.distance_m), case.yaw_rad))
+    return Budget(
+        case=case,
+        link=_link(case),
+        wake_up=WakeUp(
+            voltage_v=voltage,
+            threshold_v=THRESHOLD_V,
+            woken=voltage >= THRESHOLD_V,
+            range_m=wakeup_range_m(angle_rad=case.yaw_rad),
+        ),
+        battery=Battery(currents, life_h(case.cell_mah, currents.total)),
+    )
+
+
+def _link(case: Case) -> Link:
+    swing = float(received_signal(np.array(case.distance_m), case.size_m**2, case.yaw_rad))
+    noise = math.sqrt(NOISE.floor + NOISE.slope * (WALL_SIGNAL + swing / 2))
+    rng = np.random.default_rng(_SEED)
+    identified = dict.fromkeys(COMPARED, 0)
+    trials = 0
+    while trials < TRIALS:
+        scene = marker_in_each_zone(
+            case.distance_m, rng, start_s=_START_S, size_m=case.size_m, yaw_rad=case.yaw_rad
+        )
+        trial = lone_trial(scene, rng)
+        for method in COMPARED:
+            detector = create_detector(method, trial.recording.grid)
+            identified[method] += int(outcome(trial, detector).right.sum())
+        trials += trial.recording.grid.zones
+    return Link(
+        bright=WALL_SIGNAL + swing,
+        dark=WALL_SIGNAL,
+        noise=noise,
+        snr_db=20 * math.log10(swing / noise) if swing else -math.inf,
+        trials=trials,
+        identified=identified,
+    )
+
+
+def to_json(found: Budget) -> dict[str, Any]:
+    """Return a budget fit for JSON; null stands for a link without any signal."""
+    link = found.link._asdict()
+    if not math.isfinite(found.link.snr_db):
+        link['snr_db'] = None
+    return {
+        **asdict(found.case),
+        'link': link,
+        'wake_up': found.wake_up._asdict(),
+        'battery': {
+            'drawn_ma': found.battery.drawn_ma._asdict(),
+            'total_ma': found.battery.drawn_ma.total,
+            'life_h': found.battery.life_h,
+        },
+    }
+
+
+def to_text(found: Budget) -> str:
+    """Return a budget as lines for the terminal."""
+    case, link, wake_up, battery = found
+    ratio = f'{link.snr_db:.1f} dB' if math.isfinite(link.snr_db) else 'nothing comes back'
+    identified = ', '.join(f'{method} {hits}' for method, hits in link.identified.items())
+    reach = f'up to {wake_up.range_m:.2f} m' if wake_up.range_m else 'at no distance'
+    drawn_ua = ', '.join(
+        f'{name} {1e3 * part:.1f}' for name, part in battery.drawn_ma._asdict().items()
+    )
+    awake = 'wakes' if wake_up.woken else 'stays asleep'
+    rows = (
+        ('marker', f'{100 * case.size_m:g} cm at {case.distance_m:g} m'),
+        ('', f'yaw {math.degrees(case.yaw_rad):g}°'),
+        ('link', f'bright {link.bright:.1f}, dark {link.dark:.1f} kcps/SPAD'),
+        ('', f'noise {link.noise:.1f} kcps/SPAD, {SNR} {ratio}'),
+        ('', f'identified once awake, of {link.trials} simulated packets: {identified}'),
+        ('wake-up', f'{1e3 * wake_up.voltage_v:.1f} mV indoors'),
+        ('', f'threshold {1e3 * wake_up.threshold_v:.1f} mV: it {awake}'),
+        ('', f'at this yaw it wakes {reach}'),
+        ('battery', f'{drawn_ua}, together {1e3 * battery.drawn_ma.total:.1f} µA'),
+        ('', f'queries an hour: {case.queries_per_hour:g}, a packet each'),
+        ('', f'{case.cell_mah:g} mAh last {battery.life_h:.0f} h, {battery.life_h / 24:.1f} days'),
+    )
+    return '\n'.join(f'{subject:8}{value}' for subject, value in rows)
