@@ -1,0 +1,124 @@
+# Copyright 2026 retrolidar_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""What it gives, and costs, to name the only IDs that may come.
+
+Run it from the repository's root: `PYTHONPATH=. python3 benchmarks/bench_registered.py`. It prints,
+without registered IDs and with 64 and 3, how many single packets are read over the link, how many
+of markers that are not registered are read as one that is, and, with `--restless-hours`, how many
+IDs are read of restless scenes without a marker, three quarters of an hour of which take half an
+hour to compute.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+from collections.abc import Sequence
+from dataclasses import replace
+
+# Threads only get in each other's way in products of this size.
+os.environ.setdefault('OPENBLAS_NUM_THREADS', '1')
+
+import numpy as np
+
+from retrolidar_ros.detector import Detector, create_detector
+from retrolidar_ros.dictionary import choose_ids
+from retrolidar_ros.evaluation.link import Trial, link_scene, lone_trial
+from retrolidar_ros.evaluation.reference import SENSOR
+from retrolidar_ros.evaluation.restless import restless_blocks
+from retrolidar_ros.evaluation.statistics import frequency
+from retrolidar_ros.scene import Scene
+
+SCENES = {64: 6, 3: 16}
+LINKS_DB = {64: (5.0, 6.0, 7.0, 8.0, 9.0), 3: (4.0, 5.0, 6.0, 7.0, 8.0)}
+# Three markers stand apart: zones that see the same ID side by side would add up.
+ZONES = {64: tuple(range(16)), 3: (0, 6, 13)}
+STRANGER_SCENES = 6
+STRANGER_LINKS_DB = (6.0, 8.0, 10.0, 14.0, 20.0)
+
+
+def detector(registered: Sequence[int] | None) -> Detector:
+    """Return a new detector of the default method."""
+    return create_detector('joint', SENSOR.grid, registered_ids=registered)
+
+
+def relabelled(scene: Scene, ids: Sequence[int], zones: Sequence[int]) -> Scene:
+    """Return a scene with the markers of some zones only, under other IDs."""
+    markers = (
+        replace(scene.markers[zone], id=int(identity), name=f'marker_{identity}')
+        for zone, identity in zip(zones, ids, strict=True)
+    )
+    return replace(scene, markers=tuple(markers))
+
+
+def rightly_read(trial: Trial, zones: Sequence[int], registered: Sequence[int] | None) -> int:
+    """Count the markers that are read in their zones under their IDs."""
+    told = {zone: one.id for zone, one in zip(zones, trial.scene.markers, strict=True)}
+    readings = detector(registered).update_all(trial.recording)
+    read = {(reading.zones[0], reading.id) for reading in readings}  # some come twice
+    return len(read & set(told.items()))
+
+
+def compare_links(count: int, rng: np.random.Generator) -> None:
+    """Print how many are read with `count` registered IDs and with none, of the same frames."""
+    known, zones = choose_ids(count)[0], ZONES[count]
+    for snr_db in LINKS_DB[count]:
+        free = registered = 0
+        for _ in range(SCENES[count]):
+            scene = link_scene(snr_db, rng)
+            ids = known if count == len(zones) else rng.choice(known, len(zones), replace=False)
+            trial = lone_trial(relabelled(scene, ids.tolist(), zones), rng)
+            free += rightly_read(trial, zones, None)
+            registered += rightly_read(trial, zones, sorted(known.tolist()))
+        total = SCENES[count] * len(zones)
+        print(f'{snr_db:4.0f} dB: {free} of {total} free, {registered} with {count} registered')
+
+
+def count_strangers(rng: np.random.Generator) -> None:
+    """Print how many packets of markers that are not registered are read as one that is."""
+    for snr_db in STRANGER_LINKS_DB:
+        misread = dict.fromkeys(SCENES, 0)
+        for _ in range(STRANGER_SCENES):
+            trial = lone_trial(link_scene(snr_db, rng), rng)
+            there = {marker.id for marker in trial.scene.markers}
+            for count in misread:
+                absent = sorted(set(choose_ids(count)[0].tolist()) - there)
+                misread[count] += len(detector(absent).update_all(trial.recording))
+        told = ', '.join(f'{wrong} with {count} registered' for count, wrong in misread.items())
+        print(f'{snr_db:4.0f} dB: of {STRANGER_SCENES * SENSOR.grid.zones} strangers {told}')
+
+
+def count_restless(count: int | None, hours: float, rng: np.random.Generator) -> None:
+    """Print what is read of restless scenes without a marker, with `count` registered IDs."""
+    judge = detector(None if count is None else sorted(choose_ids(count)[0].tolist()))
+    ids = [
+        reading.id
+        for block in restless_blocks(hours * 3600, rng)
+        for reading in judge.update_all(block)
+    ]
+    found = frequency(len(ids), hours)
+    print(
+        f'{count or "none"} registered: {len(ids)} in {hours:g} h, {found["per_hour"]:.1f} an hour '
+        f'({found["low"]:.2g} to {found["high"]:.2g}), IDs {ids}'
+    )
+
+
+def main() -> None:
+    """Print all figures."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument('--restless-hours', type=float, default=0.0, help='of each (default: 0)')
+    hours = parser.parse_args().restless_hours
+    rng = np.random.default_rng(1)
+    print('single packets read')
+    for count in SCENES:
+        compare_links(count, rng)
+    print('strangers read as registered markers')
+    count_strangers(rng)
+    if hours > 0:
+        print('restless scenes without a marker')
+        for registered in (None, *SCENES):
+            count_restless(registered, hours, np.random.default_rng(2))
+
+
+if __name__ == '__main__':
+    main()
