@@ -21,6 +21,7 @@ import math
 from collections.abc import Mapping, Sequence
 
 import numpy as np
+from numpy.typing import NDArray
 
 from retrolidar_ros.code import PACKET_BITS, PREAMBLE
 from retrolidar_ros.detector.activity import may_repeat, modulated
@@ -116,7 +117,7 @@ class EvidenceDetector:
         self._longest_gap_ns = round(PACKET_BITS * bit_period_s * 1e9)
         self._free_s = np.full(grid.zones, -np.inf)
         self._searched_s = -np.inf
-        self._ambient = np.zeros(grid.zones, dtype=np.float32)
+        self._ambient: NDArray[np.float32] = np.zeros(grid.zones, dtype=np.float32)
         self._last_start_s: dict[int, float] = {}
         self._last_ns = 0
 

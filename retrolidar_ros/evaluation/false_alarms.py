@@ -142,7 +142,7 @@ def comment(figures: dict[str, Any]) -> str:
         f'moving hands are not white: there it read {joint["events"]} in {joint["hours"]:g} h '
         f'(95 %: {joint["low"]:.0f} to {joint["high"]:.0f} an hour), the paper '
         f'{hands["paper"]["false_ids"]["events"]}. Naming the IDs that may come (`registered_ids`) '
-        'lowers this in proportion.'
+        'does not lower this: what it saves buys reach (docs/choosing.md).'
     )
 
 
