@@ -160,7 +160,7 @@ def draw(figures: dict[str, Any], path: Path) -> None:
         axis.set_ylabel('packets read rightly [%]')
         axis.set_title(f'{method}: wrong bits of right readings', fontsize=12)
         axis.grid(axis='x', visible=False)
-    axes[0, 0].legend(title='wrong bits', fontsize=10, loc='lower left')
+    axes[0, 1].legend(title='wrong bits', fontsize=10, loc='lower left', framealpha=1)
     methods = axes[0, 2]
     for method in METHODS:
         rates = [row[method]['identified'] for row in points]

@@ -259,7 +259,7 @@ def draw(figures: dict[str, Any], path: Path) -> None:
     for axis, mode in ((woken, 'woken'), (repeating, 'repeating')):
         draw_reads(axis, _points(figures['by_range'], mode), 'range_m')
         axis.axvline(PAPER_REACH_M, color='0.6', linewidth=0.8)
-        axis.text(PAPER_REACH_M + 0.02, 96, "paper's 80 %", color='0.35', fontsize=9)
+        axis.text(PAPER_REACH_M - 0.02, 4, "paper's 80 %", color='0.35', fontsize=9, ha='right')
         axis.set_xlabel('distance of a marker of 3 cm [m]')
     places = [row['range_m'] for row in figures['by_range']]
     found = [100 * row['detected']['rate'] for row in figures['by_range']]

@@ -236,7 +236,8 @@ def comment(figures: dict[str, Any]) -> str:
         f'{enough}. At 1 to {faintest["share"]:g} the fainter is found in '
         f"{faintest['joint']['fainter']['rate']:.0%}. The paper's method reads "
         f'{_wrong(figures, "paper", "two")} wrong IDs here, the default '
-        f'{_wrong(figures, "joint", "two")}. '
+        f'{_wrong(figures, "joint", "two")}: where a second marker adds a tenth or more, the default '
+        'refuses what the other guesses. '
         'Markers that are to be told apart belong in zones of their own.'
     )
 
