@@ -14,13 +14,16 @@ import os
 # Threads only get in each other's way in products of this size.
 os.environ.setdefault('OPENBLAS_NUM_THREADS', '1')
 
+import argparse
 import resource
 import time
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 
 from retrolidar_ros.detector import METHODS, create_detector
+from retrolidar_ros.evaluation.machine import write_figures
 from retrolidar_ros.evaluation.reference import SENSOR, marker_in_each_zone
 from retrolidar_ros.frame import Recording, ZoneGrid
 from retrolidar_ros.scene import Simulation
@@ -94,6 +97,10 @@ def growth_megabytes(method: str) -> float:
 
 def main() -> None:
     """Print the tables."""
+    parser = argparse.ArgumentParser(description=__doc__.partition('\n')[0])
+    parser.add_argument('--json', type=Path, metavar='FILE', help='write the figures, too')
+    arguments = parser.parse_args()
+    rows = []
     print('µs a frame: one by one | at once (times real time)')
     for zones in ZONES:
         for talking, name in ((0, 'quiet'), (3, 'three markers')):
@@ -101,12 +108,26 @@ def main() -> None:
             for method in METHODS:
                 single = microseconds(method, frames, at_once=False)
                 many = microseconds(method, frames, at_once=True)
+                speed = PERIOD_S / many * 1e6
                 print(
                     f'{zones:5d} zones  {name:13s}  {method:5s}  {single:7.0f} | {many:7.0f} '
-                    f'({PERIOD_S / many * 1e6:.0f})',
+                    f'({speed:.0f})',
                     flush=True,
                 )
-    print(f'{METHODS[0]} grows by {growth_megabytes(METHODS[0]):.1f} MB in half an hour')
+                rows.append(
+                    {
+                        'zones': zones,
+                        'talking': talking,
+                        'method': method,
+                        'frame_us': single,
+                        'frame_at_once_us': many,
+                        'times_real_time': speed,
+                    }
+                )
+    growth = growth_megabytes(METHODS[0])
+    print(f'{METHODS[0]} grows by {growth:.1f} MB in half an hour')
+    if arguments.json is not None:
+        write_figures(arguments.json, {'rows': rows, 'growth_mb': growth})
 
 
 if __name__ == '__main__':

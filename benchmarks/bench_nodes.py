@@ -2,11 +2,12 @@
 # SPDX-License-Identifier: Apache-2.0
 """Driver and detector with an emulated sensor: losses, stamps, latency and CPU share.
 
-embedded/run python benchmarks/bench_nodes.py [SECONDS]
+embedded/run python benchmarks/bench_nodes.py [--seconds SECONDS] [--json FILE]
 """
 
 from __future__ import annotations
 
+import argparse
 import os
 import sys
 import time
@@ -16,6 +17,7 @@ from tempfile import TemporaryDirectory
 import numpy as np
 
 from retrolidar_ros.demo import NAMESPACE, start_emulator, start_nodes
+from retrolidar_ros.evaluation.machine import write_figures
 from retrolidar_ros.nodes.conversion import to_ns
 from retrolidar_ros.nodes.listener import Listener
 from retrolidar_ros.processes import ProcessGroup
@@ -33,7 +35,11 @@ def cpu_seconds(pid: int) -> float:
 
 def main() -> None:
     """Measure and print."""
-    duration_s = float(sys.argv[1]) if len(sys.argv) > 1 else 60.0
+    parser = argparse.ArgumentParser(description=__doc__.partition('\n')[0])
+    parser.add_argument('--seconds', type=float, default=60.0, help='(default: %(default)s)')
+    parser.add_argument('--json', type=Path, metavar='FILE', help='write the figures, too')
+    arguments = parser.parse_args()
+    duration_s = arguments.seconds
     listener = Listener(NAMESPACE)
     with TemporaryDirectory() as directory, ProcessGroup(Path(directory)) as processes:
         port = Path(directory) / 'port'
@@ -77,14 +83,28 @@ def main() -> None:
         f'stamps against the exposure: standard deviation {error_ms.std():.3f} ms, '
         f'largest {np.abs(error_ms).max():.3f} ms'
     )
+    delays = {}
     for what, values in (('Frame', delay_ms), ('MarkerDetection', latency_ms)):
         median, p99 = np.percentile(values, [50, 99])
+        delays[what] = {'median_ms': float(median), 'p99_ms': float(p99), 'messages': len(values)}
         print(
             f'end of the (last) exposure to {what} received: median {median:.1f} ms, '
             f'p99 {p99:.1f} ms, {len(values)} messages'
         )
     for name, share in shares.items():
         print(f'CPU share of {name}: {share:.1%} of one core')
+    if arguments.json is not None:
+        figures = {
+            'seconds': elapsed_s,
+            'frames': len(sequence),
+            'rate_hz': float(rate),
+            'lost': lost,
+            'stamp_stddev_ms': float(error_ms.std()),
+            'stamp_worst_ms': float(np.abs(error_ms).max()),
+            'delays': delays,
+            'core_shares': shares,
+        }
+        write_figures(arguments.json, figures)
 
 
 if __name__ == '__main__':

@@ -38,6 +38,7 @@ from many_sensors import PERIOD_S, SCENE, CountListener, Counts, NodePairs, Repl
 from numpy.typing import NDArray
 
 from retrolidar_ros.detector import create_detector
+from retrolidar_ros.evaluation.machine import write_figures
 from retrolidar_ros.nodes.conversion import to_ns
 from retrolidar_ros.processes import ProcessGroup
 from retrolidar_ros.wire import FrameReader
@@ -253,10 +254,13 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.partition('\n')[0])
     parser.add_argument('--seconds', type=float, default=20.0, help='of every measurement')
     parser.add_argument('--most', type=int, default=PAIRS[-1], help='pairs of nodes')
+    parser.add_argument('--json', type=Path, metavar='FILE', help='write the figures, too')
     arguments = parser.parse_args()
     if arguments.most < 1:
         parser.error('--most must be at least 1')
     load = measure_loads(arguments.most, arguments.seconds)
+    if arguments.json is not None:
+        write_figures(arguments.json, load._asdict())
     print(
         f'\n{STREAMS} sensors in one process without DDS\n'
         'method  markers  a sensor  sensors a core  longest round ms  MB a sensor'

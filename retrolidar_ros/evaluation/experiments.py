@@ -39,7 +39,7 @@ from retrolidar_ros.evaluation import (
     yaw,
 )
 from retrolidar_ros.evaluation.claims import Claim
-from retrolidar_ros.evaluation.machine import machine
+from retrolidar_ros.evaluation.machine import write_figures
 
 
 class Experiment(Protocol):
@@ -98,17 +98,13 @@ def run_experiment(name: str, directory: Path, *, quick: bool, seed: int) -> str
     experiment = EXPERIMENTS[name]
     began_s = time.monotonic()
     figures = experiment.run(np.random.default_rng(seed), quick=quick)
-    figures['run'] = {
-        'seed': seed,
-        'quick': quick,
-        'seconds': round(time.monotonic() - began_s, 1),
-        **machine(),
-    }
+    seconds = round(time.monotonic() - began_s, 1)
+    path = directory / f'{name}.json'
+    write_figures(path, figures, seed=seed, quick=quick, seconds=seconds)
     # Readers get what is written, not what was computed: a tuple is a list, a key is text.
-    text = json.dumps(figures, indent=1)
-    (directory / f'{name}.json').write_text(text + '\n', encoding='utf-8')
-    experiment.draw(json.loads(text), directory / f'{name}.png')
-    return experiment.summarise(json.loads(text))
+    written = json.loads(path.read_text(encoding='utf-8'))
+    experiment.draw(written, directory / f'{name}.png')
+    return experiment.summarise(written)
 
 
 def run_experiments(

@@ -4,8 +4,10 @@
 
 from __future__ import annotations
 
+import json
 import os
 import platform
+from collections.abc import Mapping
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
@@ -24,6 +26,12 @@ def machine() -> dict[str, Any]:
         'python': platform.python_version(),
         'versions': {package: _version(package) for package in _PACKAGES},
     }
+
+
+def write_figures(path: Path, figures: Mapping[str, Any], **run: Any) -> None:
+    """Write figures as JSON, with what they were measured on and whatever else is said of it."""
+    text = json.dumps({**figures, 'run': {**run, **machine()}}, indent=1)
+    path.write_text(text + '\n', encoding='utf-8')
 
 
 def _version(package: str) -> str | None:
