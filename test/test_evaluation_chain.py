@@ -23,7 +23,7 @@ from retrolidar_ros.scene.description import Surface
 DOCS = Path(__file__).parent.parent / 'docs'
 DOCUMENT = (DOCS / 'how_it_works.md').read_text(encoding='utf-8')
 # A measured number is followed by its place in the figures, in a comment that nobody sees.
-MEASURED = re.compile(r'(-?\d+(?:\.\d+)?)<!--([\w.]+)-->')
+MEASURED = re.compile(r'(-?\d+(?:\.\d+)?(?:e-\d+)?)<!--([\w.]+)-->')
 
 
 @pytest.fixture(scope='module')
@@ -165,8 +165,9 @@ def test_the_documents_numbers_are_those_of_the_report() -> None:
     measured = MEASURED.findall(DOCUMENT)
     assert len(measured) == DOCUMENT.count('<!--') > 50
     for text, path in measured:
-        digits = len(text.partition('.')[2])
-        assert f'{at(figures, path):.{digits}f}' == text, path
+        kind = 'e' if 'e' in text else 'f'
+        digits = len(text.partition('e')[0].partition('.')[2])
+        assert f'{at(figures, path):.{digits}{kind}}' == text, path
 
 
 def test_the_document_shows_every_stage_and_is_no_longer_than_it_may_be() -> None:

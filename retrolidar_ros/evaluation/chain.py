@@ -194,14 +194,15 @@ def comment(figures: dict[str, Any]) -> str:
     example, fold = mislock['example'], figures['fold']
     wall_mm = place['wall_mm'] - place['truth_mm']
     return f"""\
-One packet on its way through every stage, with the samples that the stages really had; `docs/\
-how_it_works.md` tells it step by step. Single pictures of the stages lie beside this chart.
+One packet on its way through every stage, with the samples that the stages really had; \
+`docs/how_it_works.md` tells it step by step. Single pictures of the stages lie beside this chart.
 
 The marker stands {wall_mm:.0f} mm before a wall of \
 {figures['marker']['wall_signal']:g} kcps/SPAD, and the two merge into one pulse. The paper's \
 mean of all distances is then {place['mean_mm'] - place['truth_mm']:.0f} mm too long; with the \
-background taken off the error is {place['range_error_mm']:.1f} mm. The paper does not say what \
-stood behind its markers; before nothing, or on a board, the mean is right.
+background taken off the error is {place['range_error_mm']:.1f} mm. The paper's \
+markers were on tripods (§6), and it does not say what stood behind them; before nothing, or on a \
+board, the mean is right.
 
 A payload that begins with 01 goes on like the preamble 1010101, so l two bits late is as large as \
 at the start, up to noise and the phase of the exposures. Of {mislock['packets']} packets at this \

@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from retrolidar_ros.code import ID_BITS, PREAMBLE
+from retrolidar_ros.detector.rivals import ENOUGH_NATS
 from retrolidar_ros.evaluation.charts import look
 from retrolidar_ros.evaluation.live import ELLIPSOID
 from retrolidar_ros.frame import Floats, Status
@@ -208,7 +209,7 @@ def draw_evidence(figure: Any, figures: dict[str, Any]) -> None:
         ('left over, χ² per d.o.f.', f'{stage["residual"]:.2f}', f'≤ {stage["most_residual"]:.1f}'),
         (
             'against the next ID [nats]',
-            _at_most(stage['lead']),
+            _lead(stage['lead']),
             f'≥ {stage["least_lead"]:.1f}',
         ),
     ]
@@ -224,12 +225,9 @@ def draw_evidence(figure: Any, figures: dict[str, Any]) -> None:
     drawn.scale(1, 2)
 
 
-def _at_most(lead: float) -> str:
-    """Return a lead as text; the search for rivals stops at 15 nats."""
-    return f'{lead:.1f}' if lead < _KNOWN_NATS else f'over {_KNOWN_NATS:.0f}'
-
-
-_KNOWN_NATS = 14.9
+def _lead(lead: float) -> str:
+    """Return a lead as text; beyond some point it is not known exactly."""
+    return f'{lead:.1f}' if lead < ENOUGH_NATS else f'≥ {ENOUGH_NATS:.0f}'
 
 
 def draw_fold(figure: Any, figures: dict[str, Any]) -> None:

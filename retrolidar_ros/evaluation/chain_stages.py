@@ -62,7 +62,13 @@ def find(played: Played) -> Found:
     candidate = search.ended(view, ends_s, np.ones((len(ends_s), 1), dtype=bool), demand)
     if candidate is None:
         raise ValueError('the search does not find what was read')
-    fit = fit_candidates(
+    fit = _fitted(played, view, candidate)
+    return Found(candidate, demand, fit, played.judged(only_zone(candidate, played.zone)))
+
+
+def _fitted(played: Played, view: View, candidate: Candidates) -> Fit:
+    """Fit one packet to what the zone saw."""
+    return fit_candidates(
         candidate,
         view.begin_s,
         view.end_s,
@@ -72,7 +78,6 @@ def find(played: Played) -> Found:
         NoiseLaw(),
         played.noise_scale,
     )
-    return Found(candidate, demand, fit, played.judged(only_zone(candidate, played.zone)))
 
 
 def _level(view: View, start_s: float, bit_s: float, still: bool) -> tuple[Level, float, int]:
@@ -155,13 +160,12 @@ def search_stage(played: Played, found: Found) -> dict[str, Any]:
     first = (SILENT_BITS + PACKET_BITS + 1) * EIGHTHS
     ends_s = _EIGHTH_S * np.arange(first, math.floor(everything.end_s[-1] / _EIGHTH_S))
     anything = Demand(0.0, found.demand.noise)
-    starts_s, best, ids = [], [], []
+    starts_s, found_there = [], []
     for end_s in ends_s:
         one = search.ended(everything, np.array([end_s]), np.ones((1, 1), dtype=bool), anything)
         if one is not None:
             starts_s.append(float(end_s) - PACKET_BITS * BIT_PERIOD_S)
-            best.append(float(one.correlation[0]))
-            ids.append(int(one.ids[0]))
+            found_there.append(one)
     candidate = found.candidate
     start_s, bit_s = float(candidate.start_s[0]), float(candidate.bit_s[0])
     still = bool(candidate.still[0])
@@ -172,14 +176,18 @@ def search_stage(played: Played, found: Found) -> dict[str, Any]:
     own = packet(candidate.ids)
     distance = (packet(played.bank.ids[order]) != own).sum(axis=1)
     likelihood = nats(correlation[order], np.asarray(found.fit.samples[0]))
-    right = np.array(ids) == played.marker.id
+    best = np.array([one.correlation[0] for one in found_there])
+    right = np.array([one.ids[0] for one in found_there]) == played.marker.id
     wrong = int(np.where(right, -1.0, best).argmax())
     return {
         'start_s': rounded(starts_s, 4),
         'best': rounded(best, 3),
         'right': right.astype(int).tolist(),
-        'most_of_wrong': round(best[wrong], 3),
-        'wrong_id': ids[wrong],
+        'most_of_wrong': round(float(best[wrong]), 3),
+        'wrong_id': int(found_there[wrong].ids[0]),
+        'wrong_residual': round(
+            float(_fitted(played, everything, found_there[wrong]).residual[0]), 1
+        ),
         'wrong_bits_late': round((starts_s[wrong] - played.truth_start_s) / bit_s, 1),
         'id': int(candidate.ids[0]),
         'correlation': round(float(candidate.correlation[0]), 3),
