@@ -13,7 +13,7 @@ import pytest
 from retrolidar_ros.code import PACKET_BITS, PREAMBLE, packet
 from retrolidar_ros.detector.report import detection_of
 from retrolidar_ros.evaluation import chain
-from retrolidar_ros.evaluation.chain_pictures import STAGES
+from retrolidar_ros.evaluation.chain import STAGES
 from retrolidar_ros.evaluation.chain_played import Played, marker_before_wall, play
 from retrolidar_ros.evaluation.chain_stages import find
 from retrolidar_ros.evaluation.live import ELLIPSOID

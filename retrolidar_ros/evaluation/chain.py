@@ -13,7 +13,17 @@ from retrolidar_ros.code import BIT_PERIOD_S
 from retrolidar_ros.detector.evidence import NoiseLaw
 from retrolidar_ros.evaluation.chain_fold import fold_stage
 from retrolidar_ros.evaluation.chain_paper import mislock_stage, paper_stage
-from retrolidar_ros.evaluation.chain_pictures import STAGES
+from retrolidar_ros.evaluation.chain_paper_picture import draw_paper
+from retrolidar_ros.evaluation.chain_pictures import (
+    draw_bits,
+    draw_evidence,
+    draw_fit,
+    draw_fold,
+    draw_samples,
+    draw_search,
+    draw_soft,
+)
+from retrolidar_ros.evaluation.chain_place_picture import draw_place
 from retrolidar_ros.evaluation.chain_played import CLOCK_ERROR, marker_before_wall, play
 from retrolidar_ros.evaluation.chain_stages import (
     bits_stage,
@@ -31,6 +41,18 @@ from retrolidar_ros.scene.description import Surface
 
 TITLE = 'The chain on one zone'
 SOURCE = 'paper §3.4, §3.5'
+STAGES = {
+    'samples': draw_samples,
+    'bits': draw_bits,
+    'soft': draw_soft,
+    'search': draw_search,
+    'fit': draw_fit,
+    'evidence': draw_evidence,
+    'fold': draw_fold,
+    'place': draw_place,
+    'paper': draw_paper,
+}
+"""What draws each stage, in order."""
 
 # One of the IDs that the paper's method reads best, near the edge of a zone.
 _ID = 2096

@@ -8,15 +8,17 @@ import math
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from retrolidar_ros.code import BIT_PERIOD_S, PACKET_BITS, packet
+from retrolidar_ros.detector.coherence import hard_errors
 from retrolidar_ros.detector.fold import FoldSearch
 from retrolidar_ros.detector.search import Demand
 from retrolidar_ros.evaluation.chain_played import Played, only_zone, rounded
 from retrolidar_ros.frame import Floats
 
 
-def _contrast(value: Floats, dark: Floats) -> float:
+def _contrast(value: Floats, dark: NDArray[np.uint8]) -> float:
     """Return how far dark and bright soft bits (31,) are apart, over their spread within."""
     one, other = value[dark == 1], value[dark == 0]
     squares = ((one - one.mean()) ** 2).sum() + ((other - other.mean()) ** 2).sum()
@@ -72,8 +74,8 @@ def fold_stage(played: Played) -> dict[str, Any]:
         'mean_row_snr_db': _decibels(sum(contrasts) / packets),
         'folded_snr_db': _decibels(_contrast(folded, bits)),
         'expected_gain_db': round(10 * math.log10(packets), 1),
-        'hard_errors': [_errors(row, bits) for row in rows],
-        'folded_hard_errors': _errors(folded, bits),
+        'hard_errors': [hard_errors(row, bits) for row in rows],
+        'folded_hard_errors': hard_errors(folded, bits),
         'single_ids': [identity for identity, _ in singles],
         'single_correlation': [correlation for _, correlation in singles],
         'single_threshold': round(alone.correlation, 3),
@@ -81,9 +83,3 @@ def fold_stage(played: Played) -> dict[str, Any]:
         'threshold': round(demand.correlation, 3),
         'sample_snr_db': round(played.detection.snr_db, 1),
     }
-
-
-def _errors(value: Floats, bits: Floats) -> int:
-    """Return how many soft bits (31,) are on the wrong side of the middle."""
-    middle = (value[bits == 1].mean() + value[bits == 0].mean()) / 2
-    return int(np.count_nonzero((value > middle) != (bits == 1)))

@@ -7,13 +7,14 @@ from __future__ import annotations
 from typing import Any, NamedTuple, cast
 
 import numpy as np
+from numpy.typing import NDArray
 
 from retrolidar_ros.code import BIT_PERIOD_S, PACKET_BITS, PREAMBLE, decode, packet
 from retrolidar_ros.detector import METHODS, Detection, create_detector
 from retrolidar_ros.detector.paper import LIKELIHOOD_THRESHOLD, PaperDetector
 from retrolidar_ros.detector.paper.demodulation import PACKET_SAMPLES, threshold_bits
 from retrolidar_ros.detector.paper.preamble import PREAMBLE_SAMPLES, SAMPLES_PER_BIT
-from retrolidar_ros.evaluation.chain_played import CLOCK_ERROR, rounded
+from retrolidar_ros.evaluation.chain_played import rounded
 from retrolidar_ros.evaluation.link import Trial, lone_trial, outcome
 from retrolidar_ros.evaluation.reach import WAKING_S
 from retrolidar_ros.evaluation.reference import marker_in_each_zone
@@ -57,7 +58,7 @@ class Decided(NamedTuple):
 
     start: int
     """The sample with which it begins."""
-    bits: Floats
+    bits: NDArray[np.uint8]
     """Shape (31,)."""
     id: int
     """-1 where the word was refused."""
@@ -156,7 +157,6 @@ def mislock_stage(
         'wrong': wrong,
         'default_right': default_right,
         'default_wrong': default_wrong,
-        'clock_error_of_others': CLOCK_ERROR,
         'example': example,
     }
 
