@@ -132,7 +132,7 @@ def test_what_was_readable_before_the_damage_is_drawn(
             'no scene nowhere; .* coffee, drone, range',
         ),
         (['demo', 'nowhere'], 'no scene nowhere'),
-        (['evaluate', 'nothing'], "unknown experiment 'nothing'; there is reading"),
+        (['evaluate', 'nothing'], "unknown experiment 'nothing'; there is chain"),
     ],
 )
 def test_unusable_input_is_one_line_and_exit_code_2(
@@ -168,9 +168,11 @@ def test_an_experiment_writes_chart_and_figures(
     assert main(['evaluate', 'reading', '--quick', '-o', str(tmp_path)]) == 0
     figures = json.loads((tmp_path / 'reading.json').read_text())
     assert (tmp_path / 'reading.png').read_bytes().startswith(PNG)
-    by_range = {row['range_m']: row for row in figures['by_range']}
+    woken = {row['range_m']: row['woken'] for row in figures['by_range']}
     # The paper's chain mislocks near by as well, and fades towards its reach.
-    assert 0.6 < by_range[1.0]['woken']['identified']['rate'] < 0.95
-    assert by_range[1.0]['woken']['wrong']['rate'] > 0.03
+    assert 0.5 < woken[1.0]['paper']['right']['rate'] < 0.95
+    assert woken[1.0]['paper']['wrong']['rate'] > 0.03
+    assert woken[1.0]['joint']['right']['rate'] == 1.0
+    assert woken[1.0]['joint']['wrong']['rate'] == 0.0
     assert figures['run']['seed'] == 1
     assert 'repeating' in capsys.readouterr().out

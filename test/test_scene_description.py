@@ -154,7 +154,6 @@ QUANTITIES = [(path, value) for path, value in LEAVES if re.match(r'-?[\d.]+ ', 
 NEEDED = {
     ('noise', 'floor'),
     ('noise', 'slope'),
-    ('noise', 'ambient'),
     ('ranging', 'shot'),
     ('ranging', 'floor'),
     (0, 'id'),
@@ -174,7 +173,7 @@ KEYS = [(*path, key) for path in sections(FULL) for key in at(FULL, path)]
 
 
 def test_every_key_is_read() -> None:
-    assert len(QUANTITIES) == 31
+    assert len(QUANTITIES) == 32
     read = dict(leaves(asdict(COMPLETE)))
     expected = dict(leaves(EXPECTED))
     assert read.keys() == expected.keys()

@@ -95,12 +95,13 @@ class EvidenceDetector:
         self._folds = folds
         self._fold_search = FoldSearch(bank, bit_period_s)
         self._dark_law = self._law = noise
-        self._scale = NoiseScale(noise)
+        self.noise = NoiseScale(noise)
+        """Of the sensor, as it has been learnt so far."""
         most_packets = max([1, *folds])
         self._judge = Judge(
             bank, grid, noise, max_packets=most_packets, false_ids_per_hour=false_ids_per_hour
         )
-        self._chance = granted_chances(
+        self.chance = granted_chances(
             false_ids_per_hour,
             zones=grid.zones,
             words=len(bank.ids),
@@ -110,6 +111,7 @@ class EvidenceDetector:
                 fold: _TURN_BITS if fold == 1 else _SEVERAL_TURNS * _TURN_BITS for fold in folds
             },
         )
+        """What noise is granted with each hypothesis, by packets folded, 0 for those just ended."""
         longest = round(1.03 * PACKET_SAMPLES * most_packets) + 2 * SILENT_BITS
         self._window = SampleWindow(grid.zones, longest + _BLOCK + 8, bit_period_s)
         self._all_zones = np.arange(grid.zones)
@@ -191,7 +193,7 @@ class EvidenceDetector:
         packet_s = PACKET_BITS * self._bit_s
         if math.floor(last_s / packet_s) != math.floor(from_s / packet_s):
             self._adapt_to_light()
-            self._scale.learn(self._window.last(PACKET_SAMPLES))
+            self.noise.learn(self._window.last(PACKET_SAMPLES))
         turn = math.floor(last_s / (_TURN_BITS * self._bit_s))
         new_turn = turn != math.floor(from_s / (_TURN_BITS * self._bit_s))
         if new_turn:
@@ -208,14 +210,14 @@ class EvidenceDetector:
         ambient = float(np.median(self._ambient))
         if math.isfinite(ambient):
             self._law = self._dark_law.lit(max(ambient, 0.0))
-            self._scale.law = self._judge.law = self._law
+            self.noise.law = self._judge.law = self._law
 
     def _find_starts(self, last_s: float) -> None:
         """Look for preambles, many frames at once; their packets end long after."""
         since_s = last_s - self._starts.looked_s + len(PREAMBLE) * self._bit_s
         samples = self._window.last(math.ceil(since_s / self._sample_s) + 2)
         view = View.of(samples, self._all_zones)
-        self._starts.look(view, last_s, self._law, self._scale.value)
+        self._starts.look(view, last_s, self._law, self.noise.value)
 
     def _ended(self, from_s: float, last_s: float, frames: int) -> list[Reading]:
         """Look for packets that have ended since the last look."""
@@ -231,7 +233,7 @@ class EvidenceDetector:
             return []
         bits = PACKET_BITS + SILENT_BITS + (last - first) / EIGHTHS
         samples = self._window.last(math.ceil(2 * bits) + 4)
-        zones = zones[modulated(samples, zones, frames, self._scale)]
+        zones = zones[modulated(samples, zones, frames, self.noise)]
         if not len(zones):
             return []
         view = View.of(samples, zones)
@@ -259,7 +261,7 @@ class EvidenceDetector:
             if not len(zones):
                 continue
             samples = self._window.last(math.ceil(1.02 * PACKET_SAMPLES * fold) + 4)
-            zones = zones[may_repeat(samples, zones, self._scale)]
+            zones = zones[may_repeat(samples, zones, self.noise)]
             if not len(zones):
                 continue
             view = View.of(samples, zones)
@@ -269,8 +271,8 @@ class EvidenceDetector:
 
     def _demand(self, fold: int, view: View) -> Demand:
         """Return what noise must not reach; `fold` is 0 for packets that have just ended."""
-        threshold = correlation_threshold(PACKET_SAMPLES * max(1, fold), self._chance[fold])
-        return Demand(threshold, self._scale.variance(view.mean))
+        threshold = correlation_threshold(PACKET_SAMPLES * max(1, fold), self.chance[fold])
+        return Demand(threshold, self.noise.variance(view.mean))
 
     def _judged(
         self, candidates: Candidates | None, samples: Samples, view: View, fold: int
@@ -289,7 +291,7 @@ class EvidenceDetector:
         self.counts.candidates += len(candidates.zone)
         everything = View.of(samples, self._all_zones)
         readings = self._judge.judge(
-            candidates, everything, self._chance[fold], self._scale.value, self.counts.rejected
+            candidates, everything, self.chance[fold], self.noise.value, self.counts.rejected
         )
         self.counts.accepted += len(readings)
         for reading in readings:

@@ -42,6 +42,10 @@ class Fit(NamedTuple):
     """Standard deviation of what is left over [kcps/SPAD]."""
     light: Floats
     """The template, shape (candidates, samples)."""
+    expected: Floats
+    """What the packet makes of the samples [kcps/SPAD], shape (candidates, samples)."""
+    variance: Floats
+    """By which these may miss that [(kcps/SPAD)²], shape (candidates, samples)."""
     weight: Floats
     """Which samples tell, shape (candidates, samples)."""
 
@@ -144,6 +148,8 @@ def fit_candidates(
         residual=residual,
         deviation=deviation,
         light=template,
+        expected=fitted,
+        variance=variance,
         weight=weight,
     )
 

@@ -38,7 +38,7 @@ _MOST_ERASED_BITS = 7
 _LEAST_SHARE = 0.5
 # Most that a packet may leave over, as χ² per degree of freedom: of a true one it is 1.0 ± 0.2.
 # With 2.0, markers with a bit period wrong by 5 % were read as other IDs.
-_MOST_RESIDUAL = 1.6
+MOST_RESIDUAL = 1.6
 # Median of the bright samples less that of the dark ones, as a share of the fitted gain.
 _LEAST_STEP = 0.5
 USUAL_FALSE_IDS_PER_HOUR = 0.1
@@ -48,6 +48,17 @@ USUAL_FALSE_IDS_PER_HOUR = 0.1
 _LEAD_OF_LONE = float(np.log(1e3))
 _LEAD_OF_MORE_TO_COME = float(np.log(1e4))
 _LEAD_OF_ALL = float(np.log(250))
+
+
+class Tests(NamedTuple):
+    """By how much a packet has passed, each beside its limit."""
+
+    nats: float
+    """Logarithm of the likelihood ratio against noise, all zones together."""
+    least_nats: float
+    lead: float
+    """The same against the nearest other ID."""
+    least_lead: float
 
 
 class Reading(NamedTuple):
@@ -60,6 +71,7 @@ class Reading(NamedTuple):
     zones: tuple[int, ...]
     """Strongest first."""
     corrected_bits: int
+    tests: Tests
 
 
 class _WindowBits(NamedTuple):
@@ -181,9 +193,10 @@ class Judge:
         total = float(fit.nats[0]) if len(seen) == 1 else self._sum(seen, zone, parts)
         samples = int(fit.samples[0])
         least = float(nats(np.asarray(correlation_threshold(samples, chance)), np.asarray(samples)))
-        if total < group_threshold(least, len(seen)):
+        least = group_threshold(least, len(seen))
+        if total < least:
             return 'score'
-        if fit.residual[0] > _MOST_RESIDUAL:
+        if fit.residual[0] > MOST_RESIDUAL:
             return 'residual'
         told = fit.weight[0] > 0
         light = fit.light[0]
@@ -201,10 +214,14 @@ class Judge:
             return 'erased'
         if margin is None:
             return 'incomplete'
-        if min(margin, found[0] - found[1]) < self._lead(candidate) - self._lenience:
+        lead = min(margin, float(found[0] - found[1]))
+        least_lead = self._lead(candidate) - self._lenience
+        if lead < least_lead:
             return 'ambiguous'
         order = sorted(seen, key=lambda seer: -gains[seer])
-        return Reading(candidate, fit, tuple(order), hard_errors(dark, packet(candidate.ids[0])))
+        errors = hard_errors(dark, packet(candidate.ids[0]))
+        tests = Tests(total, least, lead, least_lead)
+        return Reading(candidate, fit, tuple(order), errors, tests)
 
     def _lead(self, candidate: Candidates) -> float:
         """Return by how much a packet must be likelier than its nearest rival [nats]."""

@@ -61,7 +61,7 @@ def placement(
     surety = stddev_m**-2
     mean_m = float(surety @ range_m / surety.sum())
     view = View.of(samples.at(within), np.arange(grid.zones))
-    amplitude, variance = _amplitudes(light, view.weight * told[:, None], view.signal)
+    amplitude, variance = amplitudes(light, view.weight * told[:, None], view.signal)
     # Where another target is reported when the marker is bright, the marker may be nearly so.
     with np.errstate(invalid='ignore'):
         hidden = np.abs(distance - mean_m * grid.z_per_range) >= SEPARABLE_M
@@ -72,7 +72,7 @@ def placement(
     return place(bearing, mean_m, float(surety.sum() ** -0.5))
 
 
-def _amplitudes(light: Floats, weight: Floats, signal: Floats) -> tuple[Floats, Floats]:
+def amplitudes(light: Floats, weight: Floats, signal: Floats) -> tuple[Floats, Floats]:
     """Return by how much each zone's signal rises with the light, and the variance of that.
 
     Parameters

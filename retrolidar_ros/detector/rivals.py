@@ -23,8 +23,8 @@ _WHOLE = 0.9
 _WHOLE_PACKET: Floats = np.ones((1, PACKET_BITS))
 # What is left of a template where bits are erased may correlate so much more than the bound says.
 _ERASED_BOUND = 0.75
-# Nobody asks for a greater lead.
-_ENOUGH_NATS = 15.0
+ENOUGH_NATS = 15.0
+"""Nobody asks for a greater lead, so a greater one need not be known exactly."""
 # A part of a lone packet that explains this share of what a repeating one does is as likely.
 _AS_GOOD = 0.99
 
@@ -86,7 +86,7 @@ class Rivals:
         samples = np.asarray(window.samples)
         ours = float(nats(np.asarray(own / root), samples))
         # What leads by more than anybody asks need not be known exactly.
-        enough = max(ours - _ENOUGH_NATS, 0.0)
+        enough = max(ours - ENOUGH_NATS, 0.0)
         least = root * np.sqrt(-np.expm1(-2 * enough / window.samples))
         if window.presence.min() <= _WHOLE:
             least *= _ERASED_BOUND

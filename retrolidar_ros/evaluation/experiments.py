@@ -19,6 +19,7 @@ from tqdm import tqdm
 from retrolidar_ros.evaluation import (
     ambient,
     bound,
+    chain,
     coding,
     coffee,
     drone,
@@ -67,6 +68,7 @@ class Experiment(Protocol):
 
 
 EXPERIMENTS: dict[str, Experiment] = {
+    'chain': chain,
     'link': link_budget,
     'reading': reading,
     'false-alarms': false_alarms,

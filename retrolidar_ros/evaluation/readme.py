@@ -82,11 +82,15 @@ def reach(report: Report) -> str:
     needed = report['bound']['needed_db']
     lines += [
         '',
-        f'The largest share of markers of which a wrong ID was read: {wrong["joint"]:.1%}, and '
-        f'{wrong["paper"]:.0%} by `paper`. Within 3 or 8 packets means `max_packets` of as many.',
-        'Without any test of acceptance the search needs '
-        f'{needed["joint"] - needed["told"]:.1f} dB more signal than a receiver that is told all '
-        'but the word.',
+        (
+            f'The largest share of markers of which a wrong ID was read: {wrong["joint"]:.1%}, and '
+            f'{wrong["paper"]:.0%} by `paper`. Within 3 or 8 packets means `max_packets` of as many.'
+        ),
+        (
+            'Without any test of acceptance the search needs '
+            f'{needed["joint"] - needed["told"]:.1f} dB more signal than a receiver that is told all '
+            'but the word.'
+        ),
     ]
     return '\n'.join(lines)
 
@@ -110,17 +114,23 @@ def speed(report: Report) -> str:
     bench = '`embedded/run python benchmarks/bench_nodes.py`'
     rows = [
         (
-            f'{nodes["seconds"]:.0f} s at {nodes["rate_hz"]:.1f} Hz through port, driver, detector '
-            f'and DDS, {nodes["run"]["cores"]} cores',
-            f'{nodes["lost"]} frames lost; driver {shares["driver"]:.0%}, detector '
-            f'{shares["detector"]:.0%} of a core',
+            (
+                f'{nodes["seconds"]:.0f} s at {nodes["rate_hz"]:.1f} Hz through port, driver, detector '
+                f'and DDS, {nodes["run"]["cores"]} cores'
+            ),
+            (
+                f'{nodes["lost"]} frames lost; driver {shares["driver"]:.0%}, detector '
+                f'{shares["detector"]:.0%} of a core'
+            ),
             bench,
         ),
         *(
             (
                 what,
-                f'{cost[talking]["frame_us"] / 1e3:.2f} ms of processor time (median '
-                f'{median[name]["frame_us"][name] / 1e3:.2f} ms)',
+                (
+                    f'{cost[talking]["frame_us"] / 1e3:.2f} ms of processor time (median '
+                    f'{median[name]["frame_us"][name] / 1e3:.2f} ms)'
+                ),
                 f'{detector} (`retrolidar evaluate speed-accuracy`)',
             )
             for talking, name, what in (
@@ -145,8 +155,10 @@ def speed(report: Report) -> str:
         ),
         (
             'stamps against the true exposure, once settled',
-            f'{nodes["stamp_stddev_ms"]:.2f} ms standard deviation, '
-            f'{nodes["stamp_worst_ms"]:.2f} ms at most',
+            (
+                f'{nodes["stamp_stddev_ms"]:.2f} ms standard deviation, '
+                f'{nodes["stamp_worst_ms"]:.2f} ms at most'
+            ),
             bench,
         ),
     ]

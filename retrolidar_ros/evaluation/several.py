@@ -236,8 +236,8 @@ def comment(figures: dict[str, Any]) -> str:
         f'{enough}. At 1 to {faintest["share"]:g} the fainter is found in '
         f"{faintest['joint']['fainter']['rate']:.0%}. The paper's method reads "
         f'{_wrong(figures, "paper", "two")} wrong IDs here, the default '
-        f'{_wrong(figures, "joint", "two")}: where a second marker adds a tenth or more, the default '
-        'refuses what the other guesses. '
+        f'{_wrong(figures, "joint", "two")}: it refuses what the other guesses, and so reads less '
+        'than the other of two unlike markers. '
         'Markers that are to be told apart belong in zones of their own.'
     )
 

@@ -50,10 +50,15 @@ from retrolidar_ros.detector.bearing import zone_bearing
 from retrolidar_ros.detector.detection import Detection, DetectorCounts, check_grid
 from retrolidar_ros.detector.paper.baseline import silent_level
 from retrolidar_ros.detector.paper.demodulation import PACKET_SAMPLES, fit_packets, threshold_bits
-from retrolidar_ros.detector.paper.preamble import PREAMBLE_SAMPLES, SAMPLES_PER_BIT, fit_preamble
+from retrolidar_ros.detector.paper.preamble import (
+    PREAMBLE_SAMPLES,
+    SAMPLES_PER_BIT,
+    PreambleFit,
+    fit_preamble,
+)
 from retrolidar_ros.detector.paper.samples import SampleRing
 from retrolidar_ros.detector.place import place
-from retrolidar_ros.frame import Frame, Recording, ZoneGrid
+from retrolidar_ros.frame import Floats, Frame, Recording, ZoneGrid
 
 # The paper does not give its threshold. With this one the bare wall of the reference scene shows
 # false starts about as often as paper Fig. 8c has them; a higher one reads less far.
@@ -108,6 +113,13 @@ class PaperDetector:
         self._start = np.zeros(zones, dtype=np.int64)
         self._c = np.zeros(zones)
         self._d = np.zeros(zones)
+        self.newest = PreambleFit(np.zeros(zones), np.zeros(zones), np.zeros(zones))
+        """How well a preamble fits that ends with the newest sample."""
+
+    @property
+    def silent(self) -> Floats:
+        """The DC offset d in use [kcps/SPAD], shape (zones,)."""
+        return self._d.copy()
 
     def update(self, frame: Frame) -> list[Detection]:
         """Take the next frame; return the detections that became certain with it.
@@ -144,6 +156,7 @@ class PaperDetector:
         history = self._ring.signal(min(start, PACKET_SAMPLES), before=PREAMBLE_SAMPLES)
         self._d[idle] = silent_level(history[:, idle])
         fit = fit_preamble(self._ring.signal(PREAMBLE_SAMPLES), self._d)
+        self.newest = fit
         likely = fit.likelihood >= self._threshold
         if likely.any():
             better = likely & (fit.likelihood > self._likelihood)
