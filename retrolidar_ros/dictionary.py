@@ -120,6 +120,18 @@ def choose_ids(count: int, min_distance: int | None = None) -> tuple[NDArray[np.
     return USABLE_IDS[chosen], int(apart[np.ix_(chosen, chosen)].min())
 
 
+def largest_set(min_distance: int) -> NDArray[np.int64]:
+    """Return all IDs that the search of `choose_ids` finds at a least distance, in its order.
+
+    Raises
+    ------
+    ValueError
+        If the distance is out of range.
+    """
+    _check_distance(min_distance)
+    return USABLE_IDS[_choose(_usable_distances(), min_distance, len(USABLE_IDS))]
+
+
 def confusable_pairs(ids: ArrayLike, min_distance: int = SAFE_DISTANCE) -> list[ConfusablePair]:
     """Find the pairs of a set that are nearer than `min_distance`.
 

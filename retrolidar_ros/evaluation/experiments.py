@@ -24,6 +24,7 @@ from retrolidar_ros.evaluation import (
     coffee,
     drone,
     false_alarms,
+    ids,
     link_budget,
     place,
     power,
@@ -69,6 +70,7 @@ class Experiment(Protocol):
 
 EXPERIMENTS: dict[str, Experiment] = {
     'chain': chain,
+    'ids': ids,
     'link': link_budget,
     'reading': reading,
     'false-alarms': false_alarms,

@@ -167,7 +167,8 @@ def comment(figures: dict[str, Any]) -> str:
         f'{figures["board_frame_mm"]:.0f} mm a frame. A median of 1 mm needs more than twenty '
         'times that signal: the two figures of the paper do not fit each other under this law, '
         'so either the sensor ranges weak targets better than the law says, or the board was '
-        f'brighter. If so, the {far["joint"]["median_mm"]:.1f} mm at 2.6 m are too pessimistic as well.'
+        f'brighter. If so, the {far["joint"]["median_mm"]:.1f} mm at 2.6 m are too pessimistic, '
+        'too.'
     )
 
 

@@ -46,7 +46,7 @@ _RANGES_M = tuple(round(1 + 0.2 * step, 1) for step in range(13))
 _QUICK_RANGES_M = (1.0, 2.0, 2.6)
 _ANGLES_DEG = (0, 4, 8, 12, 16, 20, 21, 22, 23, 24, 25, 26, 28)
 _QUICK_ANGLES_DEG = (0, 22, 26)
-_SCENES, _QUICK_SCENES = 16, 1
+_SCENES, _QUICK_SCENES = 8, 1
 _TURNED, _QUICK_TURNED = 40, 4
 _BLUR = 0.05
 

@@ -84,15 +84,27 @@ def reach(report: Report) -> str:
         '',
         (
             f'The largest share of markers of which a wrong ID was read: {wrong["joint"]:.1%}, and '
-            f'{wrong["paper"]:.0%} by `paper`. Within 3 or 8 packets means `max_packets` of as many.'
+            f'{wrong["paper"]:.0%} by `paper`. Within 3 or 8 packets means `max_packets` of as '
+            'many.'
         ),
         (
             'Without any test of acceptance the search needs '
-            f'{needed["joint"] - needed["told"]:.1f} dB more signal than a receiver that is told all '
-            'but the word.'
+            f'{needed["joint"] - needed["told"]:.1f} dB more signal than a receiver that is told '
+            'all but the word.'
         ),
     ]
     return '\n'.join(lines)
+
+
+def ids(report: Report) -> str:
+    """Return how many IDs keep each distance."""
+    sets = report['ids']['sets']
+    lines = [
+        ['least distance', *(str(row['distance']) for row in sets)],
+        ['---'] * (len(sets) + 1),
+        ['IDs found', *(str(row['ids']) for row in sets)],
+    ]
+    return '\n'.join(f'| {" | ".join(line)} |' for line in lines)
 
 
 def speed(report: Report) -> str:
@@ -115,8 +127,8 @@ def speed(report: Report) -> str:
     rows = [
         (
             (
-                f'{nodes["seconds"]:.0f} s at {nodes["rate_hz"]:.1f} Hz through port, driver, detector '
-                f'and DDS, {nodes["run"]["cores"]} cores'
+                f'{nodes["seconds"]:.0f} s at {nodes["rate_hz"]:.1f} Hz through port, driver, '
+                f'detector and DDS, {nodes["run"]["cores"]} cores'
             ),
             (
                 f'{nodes["lost"]} frames lost; driver {shares["driver"]:.0%}, detector '
@@ -166,7 +178,7 @@ def speed(report: Report) -> str:
     return '\n'.join(lines)
 
 
-_BLOCKS = {'headlines': headlines, 'jobs': jobs, 'reach': reach, 'speed': speed}
+_BLOCKS = {'headlines': headlines, 'jobs': jobs, 'ids': ids, 'reach': reach, 'speed': speed}
 
 
 def renewed(text: str, report: Report) -> str:
