@@ -12,7 +12,7 @@ from pathlib import Path
 from setuptools import find_packages, setup
 
 BAGS = ['rosbags>=0.11']
-EVALUATION = ['tqdm']
+EVALUATION = ['pupil-apriltags', 'pyzbar', 'segno', 'tqdm']
 TEST = ['cobs', 'hypothesis', 'komm', 'mcap', 'pytest', 'pytest-timeout']
 
 
