@@ -214,12 +214,13 @@ class Window(NamedTuple):
         return CENTRE_PX[0] - self.left, CENTRE_PX[1] - self.top
 
 
-def _window(side_m: float, pose: Pose) -> Window:
+def _window(side_m: float, pose: Pose, margin_px: int, alignment_px: int) -> Window:
+    """Return what holds a plate and a margin, with edges at multiples of the alignment."""
     half = side_m / 2
     corners = [(-half, -half), (half, -half), (half, half), (-half, half)]
     places = transform(pose.homography, corners)
-    low = np.floor((places.min(axis=0) - _SURROUNDINGS_PX) / _ALIGNMENT) * _ALIGNMENT
-    high = np.ceil((places.max(axis=0) + _SURROUNDINGS_PX) / _ALIGNMENT) * _ALIGNMENT
+    low = np.floor((places.min(axis=0) - margin_px) / alignment_px) * alignment_px
+    high = np.ceil((places.max(axis=0) + margin_px) / alignment_px) * alignment_px
     left, top = np.maximum(low, 0).astype(int)
     right, bottom = np.minimum(high, [WIDTH, HEIGHT]).astype(int)
     return Window(int(top), int(left), int(bottom), int(right))
@@ -252,23 +253,23 @@ class Background:
         window : Window
             The plate and its surroundings.
         """
-        window = _window(side_m, pose)
-        sharp = self._sharp[window.slices]
+        window = _window(side_m, pose, _SURROUNDINGS_PX, _ALIGNMENT)
+        inner = _window(side_m, pose, 1, 1)
+        sharp = self._sharp[inner.slices]
         rows, columns = sharp.shape
-        x = window.left + (np.arange(columns * _SUBSAMPLES) + 0.5) / _SUBSAMPLES
-        y = window.top + (np.arange(rows * _SUBSAMPLES) + 0.5) / _SUBSAMPLES
+        x = inner.left + (np.arange(columns * _SUBSAMPLES) + 0.5) / _SUBSAMPLES
+        y = inner.top + (np.arange(rows * _SUBSAMPLES) + 0.5) / _SUBSAMPLES
         to_plate = np.linalg.inv(pose.homography)[:, :, None, None]
         right, down, scale = to_plate[:, 0] * x + to_plate[:, 1] * y[:, None] + to_plate[:, 2]
         column = np.floor(len(cells) * (right / scale / side_m + 0.5)).astype(int)
         row = np.floor(len(cells) * (down / scale / side_m + 0.5)).astype(int)
-        around = np.pad(cells, 1)  # without light: the background's is added below
-        low, high = 0, len(cells) + 1
-        light = around[np.clip(row + 1, low, high), np.clip(column + 1, low, high)]
-        light = _pixel_means(light)
-        cover = _pixel_means(
-            (row >= 0) & (row < len(cells)) & (column >= 0) & (column < len(cells))
-        )
-        return self.light[window.slices] + blur(light - cover * sharp), window
+        inside = (row >= 0) & (row < len(cells)) & (column >= 0) & (column < len(cells))
+        light = np.zeros(inside.shape)
+        light[inside] = cells[row[inside], column[inside]]
+        change = np.zeros((window.bottom - window.top, window.right - window.left))
+        part = change[inner.top - window.top :, inner.left - window.left :][:rows, :columns]
+        part += _pixel_means(light) - _pixel_means(inside) * sharp
+        return self.light[window.slices] + blur(change), window
 
 
 def _pixel_means(samples: NDArray[Any]) -> Floats:

@@ -13,7 +13,8 @@ from retrolidar_ros.detector import METHODS
 from retrolidar_ros.evaluation.camera import Background
 from retrolidar_ros.evaluation.charts import LEVEL
 from retrolidar_ros.evaluation.peers_chart import draw, draw_speed_accuracy
-from retrolidar_ros.evaluation.peers_text import comment, compare, summarise
+from retrolidar_ros.evaluation.peers_claims import compare
+from retrolidar_ros.evaluation.peers_text import comment, summarise
 from retrolidar_ros.evaluation.peers_trials import (
     PACKET_S,
     PICTURES_OF_A_PACKET,
@@ -46,16 +47,16 @@ _RANGES_M = {
     0.01: (0.3, 0.4, 0.5, 0.6, 0.8, 0.9, 1.0, 1.1, 1.2, 1.4, 1.6, 1.8, 2.1),
 }
 _QUICK_RANGES_M = {0.03: (1.0, 2.0, 3.0), 0.01: (0.9,)}
-_PICTURES, _QUICK_PICTURES = 64, 12
-_SCENES, _QUICK_SCENES = 3, 1
+_PICTURES, _QUICK_PICTURES = 80, 12
+_SCENES, _QUICK_SCENES = 4, 1
 _TIMED_PICTURES, _QUICK_TIMED_PICTURES = 3, 1
 _TIMED_FRAMES, _QUICK_TIMED_FRAMES = 100, 50
 
 # Light and glare are swept where all read nearly everything.
 _SWEEP = {'range_m': 1.0, 'size_m': 0.03}
-_LUXES = (300.0, 30.0, 10.0, 3.0, 1.0, 0.3, 0.1, 0.03)
-_QUICK_LUXES = (300.0, 1.0, 0.03)
-_VEILS = (0.0, 0.2, 0.4, 0.6, 0.8, 1.0, 1.1, 1.2)
+_LUXES = (300.0, 30.0, 10.0, 3.0, 1.7, 1.0, 0.6, 0.3, 0.1)
+_QUICK_LUXES = (300.0, 1.0, 0.1)
+_VEILS = (0.0, 0.2, 0.4, 0.6, 0.8, 0.9, 1.0, 1.1, 1.2)
 _QUICK_VEILS = (0.0, 0.8, 1.2)
 _GAMMA = 2.2  # of a usual picture
 
@@ -128,10 +129,15 @@ def _reading(name: str, places: list[dict[str, Any]], quiet_cpu_ms: float | None
     reach = {}
     for size_m in sorted({place['size_m'] for place in places}, reverse=True):
         curve = [place for place in places if place['size_m'] == size_m]
+        ranges_m = [place['range_m'] for place in curve]
         results = [place['results'][name] for place in curve]
+        single = [result['read']['rate'] for result in results]
         reach[f'{100 * size_m:.0f} cm'] = {
-            'single': _reach_m(curve, [result['read']['rate'] for result in results]),
-            'packet_time': _reach_m(curve, [result['in_packet_time'] for result in results]),
+            'single': _reach_m(LEVEL, ranges_m, single),
+            'single_half': _reach_m(0.5, ranges_m, single),
+            'packet_time': _reach_m(
+                LEVEL, ranges_m, [result['in_packet_time'] for result in results]
+            ),
         }
     return {
         'reach_m': reach,
@@ -141,8 +147,8 @@ def _reading(name: str, places: list[dict[str, Any]], quiet_cpu_ms: float | None
     }
 
 
-def _reach_m(curve: list[dict[str, Any]], shares: list[float]) -> float | None:
+def _reach_m(level: float, ranges_m: list[float], shares: list[float]) -> float | None:
     """Return to what distance enough are read, at most the last; None = too few at the first."""
-    if min(shares) >= LEVEL:
-        return float(curve[-1]['range_m'])
-    return falls_below(LEVEL, [place['range_m'] for place in curve], shares)
+    if min(shares) >= level:
+        return ranges_m[-1]
+    return falls_below(level, ranges_m, shares)

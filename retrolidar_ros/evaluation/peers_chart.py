@@ -17,7 +17,18 @@ _PEER_LOOKS = {
     APRILTAG_FINE: {'color': '#56b4e9', 'marker': 'P', 'markersize': 4},
     QR: {'color': '0.2', 'marker': 'X', 'markersize': 4},
 }
+_DOTTED = {'linestyle': ':', 'marker': ''}
 COMPARED_AT_M = 2.0
+# Offset [points], and which side of the text is there; they keep the names apart.
+_LABEL_PLACES = {
+    'joint': ((13, 0), 'left', 'center'),
+    'soft': ((-12, 4), 'right', 'center'),
+    'hard': ((0, -13), 'center', 'top'),
+    'paper': ((13, 8), 'left', 'center'),
+    APRILTAG: ((0, -13), 'center', 'top'),
+    APRILTAG_FINE: ((0, 13), 'center', 'bottom'),
+    QR: ((0, 13), 'center', 'bottom'),
+}
 
 
 def _look(name: str) -> dict[str, Any]:
@@ -59,15 +70,14 @@ def draw(figures: dict[str, Any], path: Path) -> None:
 def _draw_errors(panel: Any, curve: list[dict[str, Any]], names: list[str]) -> None:
     for name in names:
         places = [place for place in curve if place['results'][name]['error_mm']]
-        for which, style in (('median', '-'), ('p95', ':')):
+        for which, how in (('median', {}), ('p95', _DOTTED)):
             panel.plot(
                 [place['range_m'] for place in places],
                 [place['results'][name]['error_mm'][which] for place in places],
-                linestyle=style,
-                **_look(name),
+                **{**_look(name), **how},
             )
     panel.set_yscale('log')
-    panel.set_title('markers of 3 cm: median (solid), 95 % (dotted)', fontsize=12)
+    panel.set_title('3 cm: median (solid), 95 % (dotted)', fontsize=12)
     panel.set_xlabel('distance [m]', fontsize=11)
     panel.set_ylabel('error of range, where read [mm]', fontsize=11)
 
@@ -92,24 +102,23 @@ def _draw_sweeps(panels: Any, figures: dict[str, Any]) -> None:
         panels[0].axhline(100 * share, color=_look(name)['color'], linestyle='--', linewidth=1.2)
     panels[0].set_xscale('log')
     panels[0].invert_xaxis()
-    panels[0].set_title(f'{where}, into the dark (LiDAR, dashed: its own light)', fontsize=12)
+    panels[0].set_title(f'{where}, in the dark (dashed: LiDAR, own light)', fontsize=12)
     panels[0].set_xlabel('light on the marker [lux]', fontsize=11)
     panels[1].set_title(f'{where}, under glare', fontsize=12)
     panels[1].set_xlabel('veil of glare, as a share of white paper', fontsize=11)
 
 
 def _draw_costs(panel: Any, figures: dict[str, Any], names: list[str]) -> None:
-    for place_size, style in ((0.03, '-'), (0.01, ':')):
-        curve = _curve(figures, place_size)
+    for size_m, how in ((0.03, {}), (0.01, _DOTTED)):
+        curve = _curve(figures, size_m)
         for name in names:
             panel.plot(
                 [place['range_m'] for place in curve],
                 [place['cpu_ms'][name] for place in curve],
-                linestyle=style,
-                **_look(name),
+                **{**_look(name), **how},
             )
     panel.set_yscale('log')
-    panel.set_title('cost; 3 cm (solid), 1 cm (dotted)', fontsize=12)
+    panel.set_title('3 cm (solid), 1 cm (dotted); LiDAR: three talking', fontsize=12)
     panel.set_xlabel('distance [m]', fontsize=11)
     panel.set_ylabel('processor time per second of watching [ms]', fontsize=11)
 
@@ -130,37 +139,47 @@ def _legend(figure: Any, names: list[str]) -> None:
 
 
 def draw_speed_accuracy(figures: dict[str, Any], path: Path) -> None:
-    """Draw reach and range error of everything over its processor time."""
+    """Draw reach and range error of everything over its processor time.
+
+    What never reaches the level stands at the bottom with an empty sign; what is not read at
+    `COMPARED_AT_M` is missing on the right.
+    """
     figure, ((reach, error),) = new_chart(1, 2, 14, 6)
     place = next(place for place in _curve(figures, 0.03) if place['range_m'] == COMPARED_AT_M)
-    for name in (*figures['methods'], *figures['readers']):
-        reading = figures['reading'][name]
-        how = {**_look(name), 'markersize': 13, 'linestyle': ''}
+    costs_ms = {name: figures['reading'][name]['cpu_ms'] for name in figures['reading']}
+    for name, cost_ms in costs_ms.items():
+        how = {**_look(name), 'markersize': 14, 'linestyle': '', 'clip_on': False}
+        reach_m = figures['reading'][name]['reach_m']['3 cm']['single']
+        if reach_m is None:
+            how['markerfacecolor'] = 'white'
+        reach.plot(cost_ms, reach_m or 0.0, **how)
+        _label(reach, name, (cost_ms, reach_m or 0.0), '' if reach_m else ': never surely')
         errors = place['results'][name]['error_mm']
-        values = (
-            (reach, reading['reach_m']['3 cm']['single']),
-            (error, errors and errors['median']),
-        )
-        for panel, value in values:
-            if value is None:
-                continue
-            panel.plot(reading['cpu_ms'], value, **how)
-            panel.annotate(
-                name,
-                (reading['cpu_ms'], value),
-                (0, 12),
-                textcoords='offset points',
-                ha='center',
-                fontsize=13,
-                color=how['color'],
-            )
-    reach.set_title('How far 80 % are read, 3 cm [m]', fontsize=15)
-    reach.set_ylim(0, None)
-    error.set_title(f'Median error of range at {COMPARED_AT_M:.0f} m [mm]', fontsize=15)
-    error.set_ylim(0, None)
+        if errors:
+            error.plot(cost_ms, errors['median'], **{**how, 'markerfacecolor': how['color']})
+            _label(error, name, (cost_ms, errors['median']))
+    reach.set_title(f'How far {LEVEL:.0%} of markers of 3 cm are read [m]', fontsize=16)
+    error.set_title(f'Median error of range at {COMPARED_AT_M:.0f} m [mm]', fontsize=16)
     for panel in (reach, error):
         panel.set_xscale('log')
-        panel.margins(x=0.2, y=0.2)
-        panel.tick_params(labelsize=12)
-        panel.set_xlabel('processor time per second of watching [ms]', fontsize=13)
+        panel.xaxis.set_major_formatter('{x:g}')
+        panel.set_xlim(min(costs_ms.values()) / 3, 4 * max(costs_ms.values()))
+        panel.set_ylim(0, 1.15 * panel.dataLim.ymax)
+        panel.tick_params(labelsize=13)
+        panel.set_xlabel('processor time per second of watching [ms]', fontsize=14)
     figure.savefig(path)
+
+
+def _label(panel: Any, name: str, point: tuple[float, float], more: str = '') -> None:
+    """Write a name beside its point."""
+    offset, across, up = _LABEL_PLACES[name]
+    panel.annotate(
+        f'LiDAR, {name}{more}' if name in METHODS else name,
+        point,
+        offset,
+        textcoords='offset points',
+        ha=across,
+        va=up,
+        fontsize=14,
+        color=_look(name)['color'],
+    )
