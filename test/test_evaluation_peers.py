@@ -36,6 +36,7 @@ from retrolidar_ros.evaluation.visual_markers import (
     square_range,
 )
 
+pytest.importorskip('pupil_apriltags', reason='needs pupil-apriltags, which is a pip extra')
 READERS = {reader.name: reader for reader in find_readers()[0]}
 ALL = pytest.mark.parametrize(
     'name',

@@ -38,7 +38,7 @@ __all__ = [
     'summarise',
 ]
 
-TITLE = 'Beside visual markers'
+TITLE = 'LiDAR markers beside visual ones'
 SOURCE = 'paper §6.3, Fig. 9 and 10'
 
 _LUX = 300.0  # a room with its lamps on

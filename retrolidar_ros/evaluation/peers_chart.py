@@ -23,9 +23,9 @@ COMPARED_AT_M = 2.0
 _LABEL_PLACES = {
     'joint': ((13, 0), 'left', 'center'),
     'soft': ((-12, 4), 'right', 'center'),
-    'hard': ((0, -13), 'center', 'top'),
-    'paper': ((13, 8), 'left', 'center'),
-    APRILTAG: ((0, -13), 'center', 'top'),
+    'hard': ((8, -13), 'right', 'top'),
+    'paper': ((13, 0), 'left', 'center'),
+    APRILTAG: ((-12, 0), 'right', 'center'),
     APRILTAG_FINE: ((0, 13), 'center', 'bottom'),
     QR: ((0, 13), 'center', 'bottom'),
 }
@@ -153,7 +153,7 @@ def draw_speed_accuracy(figures: dict[str, Any], path: Path) -> None:
         if reach_m is None:
             how['markerfacecolor'] = 'white'
         reach.plot(cost_ms, reach_m or 0.0, **how)
-        _label(reach, name, (cost_ms, reach_m or 0.0), '' if reach_m else ': never surely')
+        _label(reach, name, (cost_ms, reach_m or 0.0), '' if reach_m else ': nowhere')
         errors = place['results'][name]['error_mm']
         if errors:
             error.plot(cost_ms, errors['median'], **{**how, 'markerfacecolor': how['color']})
@@ -164,7 +164,7 @@ def draw_speed_accuracy(figures: dict[str, Any], path: Path) -> None:
         panel.set_xscale('log')
         panel.xaxis.set_major_formatter('{x:g}')
         panel.set_xlim(min(costs_ms.values()) / 3, 4 * max(costs_ms.values()))
-        panel.set_ylim(0, 1.15 * panel.dataLim.ymax)
+        panel.set_ylim(-0.06 * panel.dataLim.ymax, 1.15 * panel.dataLim.ymax)
         panel.tick_params(labelsize=13)
         panel.set_xlabel('processor time per second of watching [ms]', fontsize=14)
     figure.savefig(path)

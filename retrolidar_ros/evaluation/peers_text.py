@@ -29,8 +29,8 @@ def summarise(figures: dict[str, Any]) -> str:
                 f'({100 * result["in_packet_time"]:3.0f})'
                 + (f'{error["median"]:8.1f} {error["p95"]:7.1f}' if error else '')
             )
-    for rows, key, unit in ((figures['lights'], 'lux', 'lux'), (figures['glares'], 'veil', 'veil')):
-        lines.append(f'right [%] over {unit}: ' + ', '.join(f'{row[key]:g}' for row in rows))
+    for rows, key in ((figures['lights'], 'lux'), (figures['glares'], 'veil')):
+        lines.append(f'right [%] over {key}: ' + ', '.join(f'{row[key]:g}' for row in rows))
         lines += [
             f'  {name:{wide}}'
             + ' '.join(f'{100 * row["results"][name]["read"]["rate"]:4.0f}' for row in rows)
@@ -56,7 +56,9 @@ def comment(figures: dict[str, Any]) -> str:
     parts = [_setting(figures), _table(figures)]
     if APRILTAG not in figures['missing']:
         parts += [_beside_tags(figures), _tags_of_the_paper(figures)]
-    parts += [_light(figures), _cost(figures)]
+    if figures['readers']:
+        parts.append(_light(figures))
+    parts.append(_cost(figures))
     if figures['missing']:
         reasons = '; '.join(f'{name}: {reason}' for name, reason in figures['missing'].items())
         parts.append(f'Left out of this run: {reasons}.')
