@@ -12,7 +12,7 @@ from pathlib import Path
 from setuptools import find_packages, setup
 
 BAGS = ['rosbags>=0.11']
-EVALUATION = ['tqdm>=4.66']
+EVALUATION = ['pupil-apriltags', 'pyzbar', 'segno', 'tqdm>=4.66']
 TEST = ['cobs', 'hypothesis', 'komm', 'mcap', 'pytest', 'pytest-timeout']
 
 

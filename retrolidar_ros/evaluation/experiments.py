@@ -26,6 +26,7 @@ from retrolidar_ros.evaluation import (
     false_alarms,
     ids,
     link_budget,
+    peers,
     place,
     power,
     ranging,
@@ -82,6 +83,7 @@ EXPERIMENTS: dict[str, Experiment] = {
     'coding': coding,
     'wake-up': wake_up,
     'power': power,
+    'peers': peers,
     'coffee': coffee,
     'drone': drone,
     'reach': reach,
@@ -93,7 +95,7 @@ EXPERIMENTS: dict[str, Experiment] = {
     'place': place,
 }
 """Those of the paper first, in its order."""
-TIMED = ('speed-accuracy',)
+TIMED = ('peers', 'speed-accuracy')
 """Those that measure processor time, and so run alone."""
 
 

@@ -32,6 +32,7 @@ _HEADLINES = {
     'coffee': (0,),
     'drone': (0,),
     'power': (0,),
+    'peers': (4, 5, 6, 10, 13),
 }
 """Experiments, and which lines of their comparison go to the first screen."""
 _BLOCK = re.compile(r'(<!-- figures: (\S+) -->\n).*?(\n<!-- end of figures -->)', re.DOTALL)

@@ -1,0 +1,149 @@
+# Copyright 2026 retrolidar_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""The committed report and README against the figures, and the figures against the code."""
+
+import json
+import re
+import shutil
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from retrolidar_ros.cli import main
+from retrolidar_ros.evaluation import EXPERIMENTS, write_page
+from retrolidar_ros.evaluation.claims import NOTHING, Claim
+from retrolidar_ros.evaluation.experiments import run_experiment
+from retrolidar_ros.evaluation.page import PAGE, load, table
+from retrolidar_ros.evaluation.readme import BENCHMARKS, load_report, renewed
+
+ROOT = Path(__file__).parent.parent
+COMMITTED = ROOT / 'docs' / 'report'
+README = (ROOT / 'README.md').read_text(encoding='utf-8')
+# Numbers of what is told in the README's measured parts that no experiment measures: the package's
+# own constants, the sizes of what is compared, and the numbers of paragraphs.
+TOLD = {'2', '3', '4', '4096', '24', '12', '7.1', '7.2', '8', '9'}
+
+
+def assert_alike(found: Any, expected: Any, path: str = '') -> None:
+    """Compare figures; numbers may differ by rounding."""
+    if isinstance(expected, dict):
+        assert found.keys() == expected.keys(), path
+        for key, value in expected.items():
+            assert_alike(found[key], value, f'{path}.{key}')
+    elif isinstance(expected, list):
+        assert len(found) == len(expected), path
+        for index, value in enumerate(expected):
+            assert_alike(found[index], value, f'{path}[{index}]')
+    elif isinstance(expected, float):
+        assert found == pytest.approx(expected, rel=1e-6, abs=1e-9), path
+    else:
+        assert found == expected, path
+
+
+@pytest.mark.parametrize('name', ['link', 'coffee'])
+def test_the_code_gives_the_committed_figures(name: str, tmp_path: Path) -> None:
+    committed = json.loads((COMMITTED / f'{name}.json').read_text(encoding='utf-8'))
+    run_experiment(name, tmp_path, quick=False, seed=committed['run']['seed'])
+    found = json.loads((tmp_path / f'{name}.json').read_text(encoding='utf-8'))
+    del committed['run'], found['run']
+    assert_alike(found, committed)
+
+
+def test_the_committed_page_tells_the_committed_figures(tmp_path: Path) -> None:
+    for path in COMMITTED.glob('*.json'):
+        shutil.copy(path, tmp_path)
+    assert write_page(tmp_path).read_text(encoding='utf-8') == (COMMITTED / PAGE).read_text(
+        encoding='utf-8'
+    )
+
+
+def test_the_committed_run_is_whole_and_says_of_what() -> None:
+    report = load(COMMITTED)
+    assert report.keys() == EXPERIMENTS.keys()
+    for name, figures in report.items():
+        assert figures['run']['quick'] is False, name
+        assert (COMMITTED / f'{name}.png').exists()
+    page = (COMMITTED / PAGE).read_text(encoding='utf-8')
+    run = report['reading']['run']
+    for said in (run['processor'], run['python'], run['versions']['numpy'], f'seed {run["seed"]}'):
+        assert said in page
+
+
+@pytest.mark.parametrize('name', EXPERIMENTS)
+def test_every_experiment_sets_the_paper_beside_ours(name: str) -> None:
+    figures = load(COMMITTED)[name]
+    experiment = EXPERIMENTS[name]
+    claims = experiment.compare(figures)
+    assert all(isinstance(claim, Claim) and claim.default != NOTHING for claim in claims[:1])
+    assert len(experiment.comment(figures)) > 80
+    assert experiment.TITLE
+    if experiment.SOURCE:
+        assert re.match(r'paper §\d', experiment.SOURCE)
+        assert any(claim.paper != NOTHING for claim in claims)
+
+
+def test_readme_figures_are_those_of_the_report() -> None:
+    assert renewed(README, load_report(COMMITTED)) == README
+
+
+def test_renewing_overwrites_what_is_wrong() -> None:
+    broken = re.sub(r'\d', '5', README)
+    for name in ('headlines', 'jobs', 'ids', 'reach', 'speed'):
+        assert f'<!-- figures: {name} -->' in README
+    blocks = re.findall(r'<!-- figures: .*?<!-- end of figures -->', README, re.DOTALL)
+    renewed_blocks = re.findall(
+        r'<!-- figures: .*?<!-- end of figures -->',
+        renewed(broken, load_report(COMMITTED)),
+        re.DOTALL,
+    )
+    assert renewed_blocks == blocks
+
+
+@pytest.mark.parametrize('heading', ['What it reads', 'Does it keep up?', 'Two jobs'])
+def test_measured_parts_of_the_readme_have_no_figures_of_their_own(heading: str) -> None:
+    (part,) = re.findall(rf'^## {re.escape(heading)}\n(.*?)^## ', README, re.DOTALL | re.MULTILINE)
+    plain = re.sub(r'<!-- figures: .*?<!-- end of figures -->', '', part, flags=re.DOTALL)
+    plain = re.sub(r'`[^`]*`|\]\([^)]*\)|^    .*$', '', plain, flags=re.MULTILINE)
+    numbers = set(re.findall(r'(?<![\w.])\d+(?:\.\d+)?', plain))
+    assert numbers <= TOLD | {'53'}, numbers - TOLD
+
+
+def test_figures_of_benchmarks_say_on_what_they_were_measured() -> None:
+    report = load_report(COMMITTED)
+    for name in BENCHMARKS:
+        assert report[name]['run']['processor']
+
+
+def test_a_table_leaves_out_columns_that_say_nothing() -> None:
+    claims = [Claim('reach', default='2 m'), Claim('angle', default='3°')]
+    assert table(claims).splitlines()[0] == '|  | default, `joint` |'
+    claims.append(Claim('time', '5 s', '6 s', '7 s'))
+    assert table(claims).splitlines()[-1] == '| time | 5 s | 6 s | 7 s |'
+
+
+def test_without_a_name_the_experiments_are_listed(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(['evaluate']) == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert [line.split()[0] for line in lines] == list(EXPERIMENTS)
+
+
+def test_a_quick_look_does_not_overwrite_the_report(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert main(['evaluate', 'power', '--quick']) == 0
+    assert sorted(path.name for path in tmp_path.iterdir()) == ['report_quick']
+    assert (tmp_path / 'report_quick' / 'power.png').exists()
+    assert capsys.readouterr().out.endswith('report_quick\n')
+
+
+def test_several_experiments_at_once_are_the_same_as_one_by_one(tmp_path: Path) -> None:
+    together, alone = tmp_path / 'together', tmp_path / 'alone'
+    alone.mkdir()
+    assert main(['evaluate', 'power', 'ids', '--quick', '-o', str(together)]) == 0
+    for name in ('power', 'ids'):
+        run_experiment(name, alone, quick=True, seed=1)
+        one, other = (json.loads((at / f'{name}.json').read_text()) for at in (together, alone))
+        del one['run'], other['run']
+        assert one == other
