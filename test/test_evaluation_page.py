@@ -5,6 +5,7 @@
 import json
 import re
 import shutil
+import subprocess
 from pathlib import Path
 from typing import Any
 
@@ -147,3 +148,11 @@ def test_several_experiments_at_once_are_the_same_as_one_by_one(tmp_path: Path) 
         one, other = (json.loads((at / f'{name}.json').read_text()) for at in (together, alone))
         del one['run'], other['run']
         assert one == other
+
+
+@pytest.mark.skipif(shutil.which('retrolidar') is None, reason='retrolidar is not installed')
+def test_the_installed_command_runs_several_at_once(tmp_path: Path) -> None:
+    command = ['retrolidar', 'evaluate', 'power', 'ids', '--quick', '-o', str(tmp_path)]
+    finished = subprocess.run(command, check=True, capture_output=True, text=True, timeout=60)
+    assert sorted(path.name for path in tmp_path.glob('*.json')) == ['ids.json', 'power.json']
+    assert finished.stdout.count('power\n') == 1
