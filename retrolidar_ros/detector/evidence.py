@@ -87,7 +87,8 @@ def group_threshold(threshold_nats: float, zones: int) -> float:
 class NoiseLaw:
     """Frame-to-frame variance of the signal S of a zone in ambient light A: floor + a·S + b·A.
 
-    Photons of either kind arrive alike at random, so a and b are the same unless told otherwise.
+    Photons of either kind arrive at random; b is taken to be a, as if both were counted in the
+    same gate. A sensor that counts ambient light over a longer time has a smaller b.
     """
 
     floor: float = 4.6

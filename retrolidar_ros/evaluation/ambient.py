@@ -128,12 +128,13 @@ def comment(figures: dict[str, Any]) -> str:
     return (
         'Ambient light is counted like signal: it adds its own shot noise, '
         f'{figures["noise_a_light"]:g} (kcps/SPAD)² for each kcps/SPAD, which is what a signal '
-        'adds. That is physics and not fitted; that the sensor reports both on one scale is an '
-        'assumption. It gives the loss that the paper has in daylight. Where the sensor itself '
+        'adds. Shot noise is physics, and this is not fitted; but that a kcps/SPAD of either adds '
+        'the same noise assumes that both are counted in the same gate. If the sensor counts '
+        'ambient light over its whole histogram, this is the upper end. Where the sensor itself '
         'gives up, as in direct sun, is not modelled. The default takes the noise to be expected '
         f'from the ambient light that comes with every frame; its wrong IDs: {wrong:.1%} at most. '
-        "A dash means less than 80 % at every distance: mislocks keep the paper's method at "
-        f'{best:.0%} at best.'
+        'A dash means less than 80 % at the nearest distance; the most that the method of the '
+        f'paper reads anywhere here is {best:.0%}.'
     )
 
 

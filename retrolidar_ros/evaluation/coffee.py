@@ -207,7 +207,7 @@ def compare(figures: dict[str, Any]) -> list[Claim]:
     ]
     names = list(methods[COMPARED[0]]['objects'])
     for key, kind, said in (
-        ('range_mm', 'range', '"millimetre-level"'),
+        ('range_mm', 'range', '"millimeter-level"'),
         ('position_mm', 'position', NOTHING),
     ):
         claims.append(
@@ -235,14 +235,15 @@ def comment(figures: dict[str, Any]) -> str:
     """Say what "one shot" means."""
     joint = figures['methods']['joint']
     holds = joint['ellipsoid_holds']
+    held = 'no case' if holds is None else f'{holds["hits"]} of {holds["trials"]} cases'
     return (
         'The paper tells the latency of all, 5.3 s, and that 3 s of it are the arm. Here the hand '
         'is at random places and angles, and nothing moves while it looks. Ranges are good to '
         'millimetres; positions are not, as a marker that one zone sees alone may be anywhere in '
         'it. "One-shot localization with millimeter-level accuracy" holds for the range only: a '
         'hand that is to grasp must come nearer, or move until the marker lies between zones. '
-        f'The truth is within the 95 % ellipsoid in {holds["hits"]} of {holds["trials"]} cases, '
-        'fewer than it claims: a marker that blinks in the neighbouring zone pulls the bearing.'
+        f'The truth is within the 95 % ellipsoid in {held}; a marker that blinks in the '
+        'neighbouring zone pulls the bearing.'
     )
 
 

@@ -12,6 +12,7 @@ import numpy as np
 from tqdm import tqdm
 
 from retrolidar_ros.detector import create_detector
+from retrolidar_ros.detector.judge import USUAL_FALSE_IDS_PER_HOUR
 from retrolidar_ros.evaluation.charts import look, new_chart
 from retrolidar_ros.evaluation.claims import Claim
 from retrolidar_ros.evaluation.link_budget import NEVER_S
@@ -131,14 +132,22 @@ def comment(figures: dict[str, Any]) -> str:
     ids = wall['paper']['false_ids']['events']
     share = f'{ids / candidates:.0%}' if candidates else 'none'
     joint = hands['joint']['false_ids']
+    still = [row for row in figures['rows'] if row['scene'] == 'silent markers']
+    near = sum(row['paper']['false_detections']['hits'] for row in still)
+    silent = (
+        f'{sum(row["joint"]["false_ids"]["events"] for row in still)} in '
+        f'{sum(row["hours"] for row in still):g} h'
+    )
     return (
         'The paper calls the chance of a valid ID after a false preamble negligible. **That claim '
         'does not survive**: 56.8 % of all words of 24 bits are within three bits of a code word, '
         f'and of {candidates} false preambles before a bare wall {share} gave an ID. '
-        'That the paper saw none is no contradiction: with its 0.5 % of false preambles, a hundred '
-        'packets at each of nine distances would give two or three. Silent markers on a wall make '
-        'no false preambles here, as the likelihood has the received light in its denominator.\n\n'
-        f'The default asks {1 / 10:g} false IDs an hour of white noise, over all zones. Signals of '
+        'With 0.5 % of false preambles, some 900 tries would give two or three, and none with a '
+        'chance of about 8 %; how many tries the paper made is not told. Silent markers on a wall '
+        f'made {near} false preambles here: the likelihood has the received light in its '
+        'denominator.\n\n'
+        f'The default allows {USUAL_FALSE_IDS_PER_HOUR:g} false IDs an hour of white noise, over '
+        f'all zones; of silent markers it read {silent}. Signals of '
         f'moving hands are not white: there it read {joint["events"]} in {joint["hours"]:g} h '
         f'(95 %: {joint["low"]:.0f} to {joint["high"]:.0f} an hour), the paper '
         f'{hands["paper"]["false_ids"]["events"]}. Naming the IDs that may come (`registered_ids`) '

@@ -16,7 +16,7 @@ from retrolidar_ros.evaluation.charts import look, new_chart
 from retrolidar_ros.evaluation.claims import Claim
 
 TITLE = 'Sets of IDs, and what the code accepts'
-SOURCE = 'paper §3.4'
+SOURCE = 'paper §3.4, §6.2'
 PAPER_IDS = 4096
 _DISTANCES = (12, 10, 8, 6, 4, 2)
 _WORDS, _QUICK_WORDS = 1_000_000, 100_000

@@ -154,9 +154,9 @@ def comment(figures: dict[str, Any]) -> str:
     return (
         "This checks the simulation, not the world: the exponent is the paper's own and is put "
         'in, so are the proportion to area and the whiteness of the noise, and the fits are of '
-        'simulated frames. Nearer than 1.5 m the paper sees less signal than its law, as the '
-        'retroreflected beam of 1° partly misses the receiver beside the laser. The simulation '
-        'does not have that: a marker close to the sensor is brighter here than it would be. '
+        'simulated frames. Nearer than 1.5 m the paper sees deviations, which it puts '
+        'down to the narrow retroreflected beam and the receiver beside the laser. The simulation '
+        'does not have them, so a marker close to the sensor is likely too bright here. '
         f'The offset of {area["offset"]:.1f} kcps/SPAD is the wall of '
         f'{figures["wall_signal"]:g} kcps/SPAD behind the markers; in the paper it is the tripod.'
     )

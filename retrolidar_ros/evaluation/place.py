@@ -216,11 +216,12 @@ def comment(figures: dict[str, Any]) -> str:
     """Say what a place is worth."""
     centre = figures['blurs'][0]['centre_rms_deg']['alone']
     return (
-        'The paper gives ranges, and no error of the bearing. A marker that one zone sees alone '
+        'The paper gives ranges, and no error of the bearing; the millimetre of its Tab. 6 stands '
+        'beside full positions of other systems, but is a range. A marker that one zone sees alone '
         f'may be anywhere in it: {centre:.1f}° rms from the middle of the zone, a decimetre at '
-        '2 m. Millimetres hold along the line of sight only. Range errors are larger on average '
-        'than in the median: where a wall stands within centimetres of what the sensor tells '
-        'apart, the two merge now and then.'
+        '2 m. Millimetres hold along the line of sight only. Where a wall stands within '
+        'centimetres of what the sensor tells apart, the two merge now and then, and range errors '
+        'are large.'
     )
 
 

@@ -169,7 +169,7 @@ def comment(figures: dict[str, Any]) -> str:
     return f"""\
 **Two months hold.** One packet of {PACKET_S:g} s an hour draws {1e3 * prototype['total_ma']:.1f} \
 µA in the mean, {_days(prototype['life_h'])} of {CELL_MAH:g} mAh; active for {BUSY_SHARE:.1%} of \
-the time, as Tab. 2 has it at most, {_days(busy[0]['life_h'])}. {looking:.0%} of the hourly \
+the time, as Tab. 2 has it for example, {_days(busy[0]['life_h'])}. {looking:.0%} of the hourly \
 charge goes into looking for a sensor.
 
 **Two years hold only if the active current falls, too.** They allow {1e3 * bound['mean_ma']:.1f} \

@@ -22,7 +22,7 @@ from retrolidar_ros.evaluation.page import table
 from retrolidar_ros.evaluation.sweep import COMPARED, told
 
 Report = Mapping[str, dict[str, Any]]
-BENCHMARKS = ('bench-detector', 'bench-nodes', 'bench-scale')
+BENCHMARKS = ('bench-detector', 'bench-nodes')
 _HEADLINES = {
     'reading': (0, 2),
     'size': (0,),
@@ -110,7 +110,7 @@ def ids(report: Report) -> str:
 
 def speed(report: Report) -> str:
     """Return whether it keeps up."""
-    nodes, scale = report['bench-nodes'], report['bench-scale']
+    nodes = report['bench-nodes']
     cost = {
         row['talking']: row
         for row in report['bench-detector']['rows']
@@ -160,11 +160,6 @@ def speed(report: Report) -> str:
             'from the end of the exposure to the detection, median and 99 %',
             f'{seen["median_ms"]:.0f} and {seen["p99_ms"]:.0f} ms',
             bench,
-        ),
-        (
-            f'pairs of nodes that {scale["run"]["cores"]} cores hold',
-            f'{scale["pairs"]}: [docs/scale.md](docs/scale.md)',
-            '`embedded/run python benchmarks/bench_scale.py`',
         ),
         (
             'stamps against the true exposure, once settled',

@@ -123,7 +123,7 @@ def compare(figures: dict[str, Any]) -> list[Claim]:
     claims += [
         Claim(
             f'{_TITLES[stream]}, an hour',
-            'none seen' if stream == 'wall' else NOTHING,
+            'none seen of silent markers' if stream == 'wall' else NOTHING,
             *(
                 f'{point[stream]["per_hour"]:.0f} ({point[stream]["low"]:.0f} to '
                 f'{point[stream]["high"]:.0f})'
@@ -140,8 +140,7 @@ def comment(figures: dict[str, Any]) -> str:
     return (
         'Every method has a knob between too many readings and too few: `likelihood_threshold` of '
         '`paper`, `false_ids_per_hour` of the others. The table has them as shipped; the chart has '
-        'all. A stricter likelihood loses markers faster than false IDs, since what it measures '
-        'is the light of one preamble.'
+        'all of them.'
     )
 
 

@@ -101,10 +101,10 @@ def comment(figures: dict[str, Any]) -> str:
     return (
         f'The reach of the default grows with area to the power {exponent:.2f}; the link budget '
         f'says 1/3.8 = {-1 / PAPER_EXPONENT:.2f} where noise does not change with the signal. The '
-        f"paper's {small:g} and {large:g} m make {paper:.2f}: its smallest marker, an LCM of 9 cm² "
-        'with all but 1 cm² covered, reads less far than its link budget has it. A dash means that '
-        'the method reads less than 80 % at every distance: it mislocks near by as well '
-        '(experiment `reading`).'
+        f"paper's {small:g} and {large:g} m make {paper:.2f}: from {large:g} m its own law gives "
+        f'{large * 9 ** (1 / PAPER_EXPONENT):.2f} m for 1 cm². A dash means that the method reads '
+        'less than 80 % at the nearest distance: it mislocks near by as well (experiment '
+        '`reading`).'
     )
 
 

@@ -181,7 +181,8 @@ def comment(figures: dict[str, Any]) -> str:
         'Each stress grows from harmless until nothing is read; "always" means that the method '
         f'reads less than {figures["level"]:.0%} even where the stress is harmless, "never" that '
         'it bears the most of it. The largest share of wrong IDs in any of these: '
-        f'{shares}. The paper has none of these stresses but distance.'
+        f'{shares}. The paper sweeps none of these but distance; its drone has motion and '
+        'occlusion in one trial.'
     )
 
 

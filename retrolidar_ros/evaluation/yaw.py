@@ -91,11 +91,12 @@ def comment(figures: dict[str, Any]) -> str:
     """Say what of this is put in."""
     near = figures['ranges'][0]['limit_deg']['joint']
     return (
-        f"The loss of light with yaw is the paper's own and is put in: cos yaw to {PAPER_GOOD_DEG}°"
-        f', from there linearly down to nothing at {PAPER_DEAD_DEG}°. What is measured is how much '
+        f'The loss of light with yaw is put in: the projected area (cos yaw) to {PAPER_GOOD_DEG}°, '
+        f'from there a straight line of ours to nothing at {PAPER_DEAD_DEG}°; the paper gives the '
+        'two angles. What is measured is how much '
         'of that the methods bear. At 1 m there is light to spare, and the default reads to '
-        f'{told(near, "°", 1)}. A dash means less than 80 % at every angle, for the reasons given '
-        'under `reading`.'
+        f'{told(near, "°", 1)}. A dash means less than 80 % at no yaw, for the reasons given under '
+        '`reading`.'
     )
 
 

@@ -125,7 +125,7 @@ def compare(figures: dict[str, Any]) -> list[Claim]:
         ),
         both(
             'LiDAR at 2.4 m: median error of range, of that of AprilTag',
-            '-85 %',
+            '-85 %, at no named distance',
             '{:+.0%}',
             lambda n: more(
                 error_mm(figures, n, 2.4, 'median'), error_mm(figures, APRILTAG, 2.4, 'median')

@@ -71,9 +71,11 @@ def _setting(figures: dict[str, Any]) -> str:
     many = figures['pictures_of_a_packet']
     return (
         'All markers face the sensor, at the same distances and with the same edge. Full-HD '
-        'pictures with a horizontal field of view of ±25° are computed from a pinhole, a blur, '
-        f'and the photons of {figures["lux"]:.0f} lux, before a background of dead leaves; '
-        'AprilTag 3 runs with its defaults and searching in all pixels, zbar as it is. '
+        'pictures with a field of view of ±25° across are computed from a pinhole, a blur, '
+        f'and the photons of {figures["lux"]:.0f} lux, before a background of dead leaves. '
+        'The paper gives ±25° without an axis; were it the lower one, tags would have fewer pixels '
+        'and a shorter reach. AprilTag 3 runs with its defaults and searching in all pixels, zbar '
+        'as it is. '
         'A reading of the LiDAR takes a whole packet of '
         f'{figures["packet_s"]:.1f} s, a picture 33 ms, and the paper compares these two. To be '
         f'fair to the camera, the table also asks whether it reads one of the {many} pictures '
@@ -137,7 +139,7 @@ def _beside_tags(figures: dict[str, Any]) -> str:
         if beaten:
             sentences.append(
                 f'One picture gives {name} more than a whole packet gives `{default}`, beyond '
-                f"doubt, for {', '.join(beaten)}: there the paper's lead does not survive."
+                f"doubt, for {', '.join(beaten)}: in these pictures the paper's lead is gone there."
             )
     sentences.append(_plateau(figures))
     return ' '.join(sentences)
@@ -174,9 +176,9 @@ def _tags_of_the_paper(figures: dict[str, Any]) -> str:
         "focus, still, and neither smoothed nor compressed. AprilTag's error of range at 2.4 m "
         f'is {text(tag_mm, form)} in the median (paper: 11.7 mm) and {text(largest_mm, form)} '
         f'at most (paper: 156.2 mm). `{default}` has {text(ours_mm, form)}, '
-        f'{text(more(ours_mm, tag_mm), "{:+.0%}")} where the paper says -85 %. Our '
-        'simulated LiDAR has the random deviation of a VL53L8CX and no bias; a real one has '
-        f'both. Levels are proportional to light here. With the gamma of '
+        f'{text(more(ours_mm, tag_mm), "{:+.0%}")} where the paper says -85 %, at no '
+        'named distance. Our simulated LiDAR has the random deviation of a VL53L8CX and no bias; '
+        'a real one has both. Levels are proportional to light here. With the gamma of '
         f'{figures["gamma"]["gamma"]:.1f} that usual pictures have, blurred edges move to the '
         f"dark side, and the tag's median error at {at:.0f} m becomes "
         f'{text(curved and curved["median"], form)} instead of '
