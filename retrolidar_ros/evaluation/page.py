@@ -17,10 +17,11 @@ _HEADER = ('', "the paper's own", 'method `paper`', 'default, `joint`')
 _INTRODUCTION = """\
 Every figure here is of frames that the package's own emulator makes: a link budget derived from the
 paper's figures, the noise of a VL53L8CX as measured at 8×8 zones and 10 Hz, a liquid crystal that
-takes time to turn, walls that merge with the marker. No real sensor was used. Where the simulation only gives back what was put
-into it, the text says so. In the tables, "the paper's own" is what its text reports; method `paper`
-is our implementation of its detector, and the default is ours, both on the same frames. Shares of
-trials come with 95 % confidence in the JSON; bands in the charts show it.\
+takes time to turn, walls that merge with the marker. No real sensor was used. Where the simulation
+only gives back what was put into it, the text says so. In the tables, "the paper's own" is what its
+text reports; method `paper` is our implementation of its detector, and the default is ours, both on
+the same frames. Shares of trials come with 95 % confidence in the JSON; bands in the charts show
+it.\
 """
 
 
