@@ -52,14 +52,21 @@ def _claims(report: Report, name: str) -> list[Claim]:
 
 def headlines(report: Report) -> str:
     """Return the most telling lines of the paper's experiments."""
-    return table([_claims(report, name)[row] for name, rows in _HEADLINES.items() for row in rows])
+    claims = []
+    for name, rows in _HEADLINES.items():
+        for row in rows:
+            claim = _claims(report, name)[row]
+            # Their lines say little without what they are about.
+            about = f'{EXPERIMENTS[name].TITLE}: ' if name in ('coffee', 'drone') else ''
+            claims.append(claim._replace(what=about + claim.what))
+    return table(claims)
 
 
 def jobs(report: Report) -> str:
     """Return all lines of the coffee arm and of the drone."""
     return table(
         [
-            claim._replace(what=f'{name}: {claim.what}')
+            claim._replace(what=f'{EXPERIMENTS[name].TITLE}: {claim.what}')
             for name in ('coffee', 'drone')
             for claim in _claims(report, name)
         ]
