@@ -29,7 +29,7 @@ DURATION_S = 2.9  # a marker that repeats is read once
 _FAIR_SHARE = 0.05
 _BLURS = (0.05, 0.25)
 _RANGES_M = (0.4, 2.6)
-_MARKERS, _QUICK_MARKERS = 600, 30
+_MARKERS, _QUICK_MARKERS = 600, 60
 # From a wall that a marker merges with to one that the sensor tells apart.
 _BEHIND_M = (0.005, 1.5)
 _WALL_SIGNALS = (1.0, 40.0)  # [kcps/SPAD]
