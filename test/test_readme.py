@@ -132,7 +132,7 @@ def test_every_diagnostic_value() -> None:
 
 
 def test_every_experiment() -> None:
-    (line,) = (line for line in README.splitlines() if line.startswith('| `retrolidar evaluate'))
+    (line,) = (line for line in README.splitlines() if line.startswith('| `retrolidar evaluate ['))
     assert quoted(line)[1:] == list(EXPERIMENTS)
 
 
