@@ -111,7 +111,11 @@ def write_page(directory: Path) -> Path:
         + (f', {EXPERIMENTS[name].SOURCE}' if EXPERIMENTS[name].SOURCE else '')
         for name in report
     ]
-    headlines = [EXPERIMENTS[name].compare(report[name])[0] for name in paper]
+    headlines = []
+    for name in paper:
+        first = EXPERIMENTS[name].compare(report[name])[0]
+        title = EXPERIMENTS[name].TITLE
+        headlines.append(first._replace(what=f'[{title}](#{_anchor(title)}): {first.what}'))
     quick = any(figures['run']['quick'] for figures in report.values())
     parts = [
         '# The evaluation',
