@@ -14,7 +14,7 @@ from threading import Event
 import serial
 
 from retrolidar_ros.frame import Frame
-from retrolidar_ros.wire import DELIMITER, FrameReader
+from retrolidar_ros.protocols import Reader
 
 RETRY_S = 0.5
 _READ_TIMEOUT_S = 0.2
@@ -45,12 +45,14 @@ def _remedy(port: str) -> str:
 class SerialSource:
     """Reads frames from a port, and opens it again whenever that is needed."""
 
-    def __init__(self, port: str, baud: int, now_ns: Callable[[], int] = time.time_ns) -> None:
+    def __init__(
+        self, port: str, baud: int, reader: Reader, now_ns: Callable[[], int] = time.time_ns
+    ) -> None:
         """Prepare to read `port`; nothing is opened yet. `now_ns` tells when frames arrive."""
         self._now_ns = now_ns
         self.port = port
         self.baud = baud
-        self.reader = FrameReader()
+        self.reader = reader
         self.is_open = False
         self.problem = f'{port} has not been opened yet'
         """Why the port is not open; empty while it is."""
@@ -99,7 +101,7 @@ class SerialSource:
             line = serial.Serial(self.port, self.baud, timeout=_READ_TIMEOUT_S, exclusive=True)
         except (ValueError, termios.error) as error:  # a baud rate it cannot do; a port just gone
             raise OSError(*error.args) from error
-        self.reader.feed(DELIMITER)  # ends the packet in which the port was lost
+        self.reader.restart()  # ends the packet in which the port was lost
         return line
 
     def _read(
@@ -111,3 +113,5 @@ class SerialSource:
             arrival_ns = self._now_ns()
             if frames := self.reader.feed(data):
                 take(frames, arrival_ns)
+            if request := self.reader.request():
+                line.write(request)

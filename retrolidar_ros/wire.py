@@ -189,6 +189,14 @@ class FrameReader:
         self._append(rest)
         return frames
 
+    def restart(self) -> None:
+        """Forget a frame that was cut off: the next bytes do not continue it."""
+        self.feed(DELIMITER)
+
+    def request(self) -> bytes:
+        """Return nothing: the sensor is never spoken to."""
+        return b''
+
     def _append(self, data: bytes) -> None:
         """Keep bytes of an unfinished packet, unless it has become impossibly long."""
         if self._discarding:

@@ -21,7 +21,7 @@ from retrolidar_ros.frame import Frame
 from retrolidar_ros.scene import Scene, Simulation
 from retrolidar_ros.scene.description import Surface
 from retrolidar_ros.serial_source import SerialSource, explain
-from retrolidar_ros.wire import encode_frame
+from retrolidar_ros.wire import FrameReader, encode_frame
 
 PACKETS = [encode_frame(frame) for frame in Simulation(Scene(surfaces=(Surface(1, 9),))).advance(9)]
 
@@ -30,7 +30,7 @@ class Reading:
     """A source that runs in a thread, and queues of what it says and takes."""
 
     def __init__(self, port: Path) -> None:
-        self.source = SerialSource(str(port), 115200)
+        self.source = SerialSource(str(port), 115200, FrameReader())
         self.reports: Queue[str] = Queue()
         self.frames: Queue[tuple[Frame, int]] = Queue()
         self.stop = Event()
@@ -279,7 +279,7 @@ def test_whatever_pyserial_raises_is_a_reason_to_try_again(
 
 
 def test_an_error_of_the_taker_is_not_hidden(link: Path) -> None:
-    source = SerialSource(str(link), 115200)
+    source = SerialSource(str(link), 115200, FrameReader())
 
     def take(frames: list[Frame], arrival_ns: int) -> None:
         raise ValueError('taken wrongly')
@@ -330,7 +330,7 @@ def test_a_source_that_is_stopped_before_it_runs_opens_nothing(link: Path) -> No
     stop = Event()
     stop.set()
     reports: list[str] = []
-    source = SerialSource(str(link), 115200)
+    source = SerialSource(str(link), 115200, FrameReader())
     source.run(lambda frames, arrival_ns: None, reports.append, stop)
     assert reports == []
     assert source.problem == f'{link} has not been opened yet'

@@ -22,6 +22,7 @@ from retrolidar_ros.nodes.conversion import to_frame_msg, to_point_cloud, to_sig
 from retrolidar_ros.nodes.diagnostics import ERROR, OK, WARN, Health, publish_health
 from retrolidar_ros.nodes.parameters import Parameters
 from retrolidar_ros.nodes.run import run
+from retrolidar_ros.protocols import PROTOCOLS
 from retrolidar_ros.serial_source import SerialSource
 
 _COUNTER = 2**32
@@ -57,6 +58,7 @@ class DriverNode(Node):
         parameters = Parameters(self, 'driver')
         parameters.text('serial_port', 'Device of the sensor; a path under by-id is best.')
         parameters.integer('serial_baud', 'Speed of the line [bit/s].', 9600, 12_000_000)
+        parameters.text('protocol', 'What the sensor speaks.', tuple(PROTOCOLS))
         parameters.text('frame_id', 'TF frame of the sensor: x right, y down, z forward.')
         parameters.number(
             'transport_delay',
@@ -76,11 +78,9 @@ class DriverNode(Node):
         self._publisher = self.create_publisher(FrameMsg, 'frames', reliable)
         self._points = self.create_publisher(PointCloud2, 'points', reliable)
         self._image = self.create_publisher(Image, 'signal_image', reliable)
-        # ROS time: with use_sim_time that of /clock, 0 until it ticks.
+        reader = PROTOCOLS[values['protocol']](self._now_ns)
         self._source = SerialSource(
-            values['serial_port'],
-            values['serial_baud'],
-            lambda: int(self.get_clock().now().nanoseconds),
+            values['serial_port'], values['serial_baud'], reader, self._now_ns
         )
         self._last_sequence: int | None = None
         self._tally = self._examined = _Tally(time.monotonic())
@@ -94,6 +94,10 @@ class DriverNode(Node):
         self._stop.set()
         self._thread.join()
         super().destroy_node()
+
+    def _now_ns(self) -> int:
+        """Return ROS time: with use_sim_time that of /clock, 0 until it ticks."""
+        return int(self.get_clock().now().nanoseconds)
 
     def _change(self, values: dict[str, Any]) -> None:
         self._clock_map.set_least_delay(values['transport_delay'])
@@ -132,7 +136,7 @@ class DriverNode(Node):
                 self._points.publish(to_point_cloud(frame, message.header))
             if self._image.get_subscription_count():
                 self._image.publish(to_signal_image(frame, message.header))
-            self._count(frame, int(self.get_clock().now().nanoseconds) - stamp_ns)
+            self._count(frame, self._now_ns() - stamp_ns)
 
     def _count(self, frame: Frame, latency_ns: int) -> None:
         tally = self._tally
