@@ -243,15 +243,17 @@ def test_frames_that_do_not_suit_the_bits_are_warned_of_once(
     try:
         publisher = listener.node.create_publisher(FrameMsg, '/slow/frames', 10)
         assert listener.spin_until(lambda: publisher.get_subscription_count() > 0, 30.0)
-        for frame in Simulation(scene).run(2.0):
-            publisher.publish(to_frame_msg(frame, FRAME_ID))
-            listener.spin_until(lambda: False, 0.005)
 
         def enough_came() -> bool:
             heard = diagnostics['/slow/detector: markers']
             return bool(heard) and int(values_of(heard[-1])['frames']) > 50
 
-        assert listener.spin_until(enough_came, 5.0)
+        # A busy machine may lose some frames: as many are sent as it takes.
+        for frame in Simulation(scene).run(60.0):
+            publisher.publish(to_frame_msg(frame, FRAME_ID))
+            if listener.spin_until(enough_came, 0.005):
+                break
+        assert enough_came()
     finally:
         process.terminate()
         _, errors = process.communicate(timeout=10)
