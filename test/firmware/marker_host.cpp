@@ -1,0 +1,47 @@
+// Copyright 2026 retrolidar_ros contributors
+// SPDX-License-Identifier: Apache-2.0
+//
+// Runs the marker's sketch: marker_host SECONDS LIGHT_FROM_US LIGHT_UNTIL_US [TYPED...]
+// Prints a line for each change of a pin: time [us], pin, level; what is said on the serial line,
+// after a #; and at the end, after a $, how long the processor slept deeply and waited [us]. Each
+// TYPED is a line on the console at the beginning.
+#include "../../firmware/marker/marker.ino"
+
+#include <cstdio>
+#include <cstdlib>
+
+#include "arduino_host.h"
+
+int main(int count, char **arguments)
+{
+    const uint64_t end_us = 1000000 * std::strtoull(arguments[1], nullptr, 10);
+    const uint64_t from_us = std::strtoull(arguments[2], nullptr, 10);
+    const uint64_t until_us = std::strtoull(arguments[3], nullptr, 10);
+    for (int i = 4; i < count; i++) {
+        world.typed += std::string(arguments[i]) + "\r\n";
+    }
+    uint32_t levels[32] = {};
+    uint64_t powered_us = 0;
+    world.on_pin = [&](uint32_t pin, uint32_t value) {
+        if (levels[pin] != value) {
+            levels[pin] = value;
+            std::printf("%llu %u %u\n", static_cast<unsigned long long>(world.now_us), pin, value);
+            if (pin == FRONTEND_PIN && value == HIGH) {
+                powered_us = world.now_us;
+            }
+        }
+    };
+    world.level = [&](uint32_t pin) {
+        // The comparator answers 0.4 ms after it has power (paper section 5).
+        return pin == LIGHT_PIN && levels[FRONTEND_PIN] == HIGH && world.now_us >= powered_us + 400 &&
+               world.now_us >= from_us && world.now_us < until_us;
+    };
+    world.on_serial = [&](const uint8_t *bytes, size_t size) {
+        std::printf("#%.*s\n", static_cast<int>(size), reinterpret_cast<const char *>(bytes));
+    };
+    for (setup(); world.now_us < end_us;) {
+        loop();
+    }
+    std::printf("$%llu %llu\n", static_cast<unsigned long long>(world.deep_sleep_us),
+                static_cast<unsigned long long>(world.waited_us));
+}

@@ -1,0 +1,182 @@
+# Copyright 2026 retrolidar_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""The firmware compiled for this machine, with sanitizers, and spoken to from Python."""
+
+from __future__ import annotations
+
+import os
+import re
+import shutil
+import subprocess
+from pathlib import Path
+from types import TracebackType
+
+import numpy as np
+import pytest
+
+from retrolidar_ros.code import IDS, PACKET_BITS
+from retrolidar_ros.frame import Frame, Status
+from retrolidar_ros.wire import FrameReader
+
+ROOT = Path(__file__).resolve().parent.parent
+FIRMWARE = ROOT / 'firmware'
+TIME_LIMIT_S = 60.0
+
+
+def compile_firmware(target: str, build: Path, *, firmware: Path = FIRMWARE) -> str:
+    """Make a target of the firmware's Makefile; return what it printed, or fail with that."""
+    tools = {'host': ('cc', 'c++'), 'size': ('arm-none-eabi-gcc',)}[target]
+    for tool in ('make', *tools):
+        if shutil.which(tool) is None:
+            pytest.skip(f'needs {tool}, which is not installed')
+    # What colcon or a person set for other builds is not for this one.
+    unwanted = ('CFLAGS', 'CXXFLAGS', 'LDFLAGS', 'MAKEFLAGS', 'MFLAGS')
+    made = subprocess.run(
+        ['make', '-C', str(firmware), target, f'BUILD={build}'],
+        capture_output=True,
+        text=True,
+        check=False,
+        timeout=TIME_LIMIT_S,
+        env={name: value for name, value in os.environ.items() if name not in unwanted},
+    )
+    assert made.returncode == 0, made.stdout + made.stderr
+    return made.stdout
+
+
+def run_host(program: Path, *arguments: object, given: str = '', **environment: str) -> bytes:
+    """Run a compiled sketch; return its output, and fail if a sanitizer complains."""
+    ended = subprocess.run(
+        [program, *map(str, arguments)],
+        input=given.encode(),
+        capture_output=True,
+        check=False,
+        timeout=TIME_LIMIT_S,
+        env={**os.environ, **environment},
+    )
+    assert not ended.stderr, ended.stderr.decode()
+    return ended.stdout
+
+
+class Core:
+    """A process that answers questions to the core."""
+
+    def __init__(self, program: Path) -> None:
+        """Start it."""
+        self._process = subprocess.Popen(
+            [program], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
+        )
+
+    def __enter__(self) -> Core:
+        """Return itself."""
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        """End it; a leak is told only then, by its exit code."""
+        assert self._process.stdin is not None
+        assert self._process.stdout is not None
+        self._process.stdin.close()
+        self._process.stdout.close()
+        code = self._process.wait(TIME_LIMIT_S)
+        assert code == 0 or kind is not None
+
+    def ask(self, *words: object) -> str:
+        """Return the answer to one question."""
+        assert self._process.stdin is not None
+        assert self._process.stdout is not None
+        print(*words, file=self._process.stdin, flush=True)
+        answer = self._process.stdout.readline()
+        assert answer, 'the core has crashed; see the standard error output'
+        return answer.rstrip('\n')
+
+    def packets(self) -> np.ndarray:
+        """Return the packets of all IDs as bits, shape (4096, 31)."""
+        numbers = np.array([int(self.ask('packet', number)) for number in range(IDS)])
+        shifts = np.arange(PACKET_BITS - 1, -1, -1)
+        bits: np.ndarray = (numbers[:, None] >> shifts & 1).astype(np.uint8)
+        return bits
+
+    def encode(
+        self, raw: RawFrame, capacity: int | None = None, targets: np.ndarray | None = None
+    ) -> bytes:
+        """Return a frame as the core puts it on the line."""
+        zones = raw.zones
+        if targets is None:
+            targets = raw.status != Status.NO_TARGET
+        if capacity is None:
+            capacity = int(self.ask('capacity', zones))
+        columns = (
+            targets.astype(int),
+            raw.distance.astype(int) + 2**15,  # the program reads no minus signs
+            raw.signal,
+            raw.ambient,
+            raw.status,
+        )
+        words = np.stack([column.astype(np.int64) for column in columns], axis=1).ravel()
+        answer = self.ask('frame', raw.sequence, raw.time_us, raw.rows, capacity, *words)
+        return bytes.fromhex(answer)
+
+
+class RawFrame:
+    """A frame in the sensor's raw units, its zones in the sensor's own order."""
+
+    def __init__(
+        self,
+        sequence: int,
+        time_us: int,
+        distance: np.ndarray,
+        signal: np.ndarray,
+        ambient: np.ndarray,
+        status: np.ndarray,
+    ) -> None:
+        """Take arrays of shape (zones,)."""
+        self.sequence = sequence
+        self.time_us = time_us
+        self.distance = distance
+        self.signal = signal
+        self.ambient = ambient
+        self.status = status
+
+    @property
+    def zones(self) -> int:
+        """How many there are."""
+        return len(self.status)
+
+    @property
+    def rows(self) -> int:
+        """Of zones."""
+        return int(self.zones**0.5)
+
+    @classmethod
+    def of(cls, frame: Frame) -> RawFrame:
+        """Return what the sensor must have said for a frame to come out."""
+        shape = (frame.grid.rows, frame.grid.columns)
+
+        def turned(values: np.ndarray, scale: float) -> np.ndarray:
+            raw = np.rint(np.nan_to_num(values.astype(np.float64)) * scale).astype(np.int64)
+            return raw.reshape(shape)[:, ::-1].ravel()
+
+        return cls(
+            frame.sequence,
+            frame.sensor_time_us,
+            turned(frame.distance, 4000.0),
+            turned(frame.signal, 2048.0),
+            turned(frame.ambient, 2048.0),
+            turned(frame.status, 1.0),
+        )
+
+
+def read_line(data: bytes) -> tuple[list[Frame], FrameReader]:
+    """Return all frames on the line, and the reader with its counts."""
+    reader = FrameReader()
+    return reader.feed(data), reader
+
+
+def sizes(printed: str) -> dict[str, tuple[int, int]]:
+    """Return flash and static RAM [bytes] by image from what `make size` printed."""
+    rows = re.findall(r'^\s*(\d+)\s+(\d+)\s+(\d+)\s+\d+\s+\w+\s+\S*?(\w+)\.elf$', printed, re.M)
+    return {name: (int(text) + int(data), int(data) + int(bss)) for text, data, bss, name in rows}
