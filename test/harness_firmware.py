@@ -10,9 +10,11 @@ import shutil
 import subprocess
 from pathlib import Path
 from types import TracebackType
+from typing import Any, TypeAlias
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
 from retrolidar_ros.code import IDS, PACKET_BITS
 from retrolidar_ros.frame import Frame, Status
@@ -21,6 +23,8 @@ from retrolidar_ros.wire import FrameReader
 ROOT = Path(__file__).resolve().parent.parent
 FIRMWARE = ROOT / 'firmware'
 TIME_LIMIT_S = 60.0
+
+IntArray: TypeAlias = 'NDArray[np.integer[Any]]'
 
 
 def compile_firmware(target: str, build: Path, *, firmware: Path = FIRMWARE) -> str:
@@ -93,15 +97,15 @@ class Core:
         assert answer, 'the core has crashed; see the standard error output'
         return answer.rstrip('\n')
 
-    def packets(self) -> np.ndarray:
+    def packets(self) -> IntArray:
         """Return the packets of all IDs as bits, shape (4096, 31)."""
         numbers = np.array([int(self.ask('packet', number)) for number in range(IDS)])
         shifts = np.arange(PACKET_BITS - 1, -1, -1)
-        bits: np.ndarray = (numbers[:, None] >> shifts & 1).astype(np.uint8)
+        bits: IntArray = (numbers[:, None] >> shifts & 1).astype(np.uint8)
         return bits
 
     def encode(
-        self, raw: RawFrame, capacity: int | None = None, targets: np.ndarray | None = None
+        self, raw: RawFrame, capacity: int | None = None, targets: IntArray | None = None
     ) -> bytes:
         """Return a frame as the core puts it on the line."""
         zones = raw.zones
@@ -128,10 +132,10 @@ class RawFrame:
         self,
         sequence: int,
         time_us: int,
-        distance: np.ndarray,
-        signal: np.ndarray,
-        ambient: np.ndarray,
-        status: np.ndarray,
+        distance: IntArray,
+        signal: IntArray,
+        ambient: IntArray,
+        status: IntArray,
     ) -> None:
         """Take arrays of shape (zones,)."""
         self.sequence = sequence
@@ -156,7 +160,7 @@ class RawFrame:
         """Return what the sensor must have said for a frame to come out."""
         shape = (frame.grid.rows, frame.grid.columns)
 
-        def turned(values: np.ndarray, scale: float) -> np.ndarray:
+        def turned(values: NDArray[Any], scale: float) -> IntArray:
             raw = np.rint(np.nan_to_num(values.astype(np.float64)) * scale).astype(np.int64)
             return raw.reshape(shape)[:, ::-1].ravel()
 

@@ -2,6 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """The firmware's core in C against the package's own code, byte for byte."""
 
+from __future__ import annotations
+
 import json
 import re
 import subprocess
@@ -11,7 +13,7 @@ from struct import pack
 
 import numpy as np
 import pytest
-from harness_firmware import Core, RawFrame, compile_firmware, read_line, sizes
+from harness_firmware import Core, IntArray, RawFrame, compile_firmware, read_line, sizes
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays
@@ -75,10 +77,10 @@ def test_the_command_that_sets_an_id(core: Core, line: str, wanted: int) -> None
 def raw_frames(draw: st.DrawFn, most_signal: int = 2**32 - 1) -> RawFrame:
     zones = draw(st.sampled_from([16, 64]))
 
-    def column(least: int, most: int) -> np.ndarray:
+    def column(least: int, most: int) -> IntArray:
         # Zeros and bytes of ones are what COBS treats differently.
         elements = st.integers(least, most) | st.sampled_from([least, most, max(least, 0)])
-        values: np.ndarray = draw(arrays.arrays(np.int64, zones, elements=elements))
+        values: IntArray = draw(arrays.arrays(np.int64, zones, elements=elements))
         return values
 
     status = column(0, 255)
@@ -250,7 +252,7 @@ def test_decode_reads_a_recording_whose_packets_and_bytes_the_core_made(
     monkeypatch: pytest.MonkeyPatch,
     capsys: pytest.CaptureFixture[str],
 ) -> None:
-    def driven(marker_id: int) -> np.ndarray:
+    def driven(marker_id: int) -> IntArray:
         ticks = core.ask('drive', marker_id, 1, TICKS_PER_BIT)
         dark = [ticks[start] != '0' for start in range(0, len(ticks), TICKS_PER_BIT)]
         return np.array(dark, dtype=np.uint8)
