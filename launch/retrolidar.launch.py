@@ -16,7 +16,7 @@ from retrolidar_ros.yaml_files import load_scene
 
 # Launch arguments that go before what the parameter file says, if they are given.
 _OVERRIDES = {
-    'driver': ('serial_port', 'frame_id'),
+    'driver': ('serial_port', 'protocol', 'frame_id'),
     'detector': ('marker_file', 'child_frame'),
 }
 
@@ -38,11 +38,12 @@ def _nodes(context):
     actions = []
     if value('emulate'):
         load_scene(value('emulate'))  # says what is wrong with it before anything is started
-        # The driver opens the emulator's port as it would open a sensor's.
+        # The driver opens the emulator's port as it would open that of a sensor with our protocol.
         name = f'retrolidar_{os.getpid()}_{value("namespace").strip("/").replace("/", "_")}'
         overrides['serial_port'] = overrides['serial_port'] or os.path.join(
             tempfile.gettempdir(), name
         )
+        overrides['protocol'] = 'retrolidar'
         emulator = [sys.executable, '-m', 'retrolidar_ros.cli', 'emulate', value('emulate')]
         actions.append(
             ExecuteProcess(
@@ -75,6 +76,7 @@ def generate_launch_description():
     arguments = {
         'params_file': (params_file, 'Parameters of the nodes.'),
         'serial_port': ('', 'Device of the sensor; empty = as in the parameter file.'),
+        'protocol': ('', 'What the sensor speaks; empty = as in the parameter file.'),
         'frame_id': ('', 'TF frame of the sensor; empty = as in the parameter file.'),
         'marker_file': ('', 'YAML file of the known markers; empty = as in the parameter file.'),
         'child_frame': ('', 'TF frame of a marker; empty = as in the parameter file.'),

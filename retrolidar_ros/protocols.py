@@ -8,6 +8,7 @@ from collections.abc import Callable
 from typing import Protocol
 
 from retrolidar_ros.frame import Frame
+from retrolidar_ros.st_example import StExampleReader
 from retrolidar_ros.wire import FrameReader, WireCounts
 
 
@@ -27,10 +28,16 @@ class Reader(Protocol):
     def request(self) -> bytes:
         """Return what is to be sent to the sensor now; nothing, most often."""
 
+    def notice(self) -> str:
+        """Return what the user is to be warned of now; nothing, most often."""
+
 
 def _retrolidar(_: Callable[[], int]) -> Reader:
     return FrameReader()
 
 
-PROTOCOLS: dict[str, Callable[[Callable[[], int]], Reader]] = {'retrolidar': _retrolidar}
+PROTOCOLS: dict[str, Callable[[Callable[[], int]], Reader]] = {
+    'retrolidar': _retrolidar,
+    'st_example': StExampleReader,
+}
 """By name, what makes a reader of a clock: a function that returns the host's time [ns]."""

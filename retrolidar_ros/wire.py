@@ -10,6 +10,7 @@ nowhere else. Zone 0 of the sensor sees the scene's top right, so columns are tu
 from __future__ import annotations
 
 from binascii import crc_hqx
+from collections.abc import Iterator
 from dataclasses import dataclass
 from struct import Struct
 
@@ -141,22 +142,57 @@ def _decode_frame(content: bytes) -> Frame:
 
 @dataclass
 class WireCounts:
-    """What a reader has met so far, in packets."""
+    """What a reader has met so far, in packets; of text, in frames and lines."""
 
     frames: int = 0
     bad_framing: int = 0
-    """Not valid COBS."""
+    """Not valid COBS; a line that is no text."""
     bad_crc: int = 0
     bad_shape: int = 0
     """A frame whose zones or length cannot be."""
     unknown_kind: int = 0
     overlong: int = 0
-    """More than `MAX_PACKET_BYTES` without a delimiter."""
+    """More than `MAX_PACKET_BYTES`, or than a line can have, without a delimiter."""
 
     @property
     def damaged(self) -> int:
         """Packets that were lost to damage on the line."""
         return self.bad_framing + self.bad_crc + self.bad_shape + self.overlong
+
+
+class Splitter:
+    """Cuts a stream of bytes at a delimiter, in bounded memory."""
+
+    def __init__(self, delimiter: bytes, longest: int) -> None:
+        """Start between pieces, none of which is longer than `longest` bytes."""
+        self._delimiter = delimiter
+        self._longest = longest
+        self._pending = bytearray()
+        self._discarding = False
+
+    def split(self, data: bytes) -> Iterator[bytes | None]:
+        """Take the next bytes; yield the pieces they end, and None for one that is too long."""
+        *ends, rest = data.split(self._delimiter)
+        for end in ends:
+            if not self._append(end):
+                yield None
+            if not self._discarding:
+                yield bytes(self._pending)
+            self._pending.clear()
+            self._discarding = False
+        if not self._append(rest):
+            yield None
+
+    def _append(self, data: bytes) -> bool:
+        """Keep bytes of an unfinished piece; return False if that makes it too long."""
+        if self._discarding:
+            return True
+        self._discarding = len(self._pending) + len(data) > self._longest
+        if self._discarding:
+            self._pending.clear()
+        else:
+            self._pending += data
+        return not self._discarding
 
 
 class FrameReader:
@@ -169,24 +205,16 @@ class FrameReader:
     def __init__(self) -> None:
         """Start between packets, or in the middle of one."""
         self.counts = WireCounts()
-        self._pending = bytearray()
-        self._discarding = False
+        self._packets = Splitter(DELIMITER, MAX_PACKET_BYTES)
 
     def feed(self, data: bytes) -> list[Frame]:
         """Take the next bytes of the stream; return the frames they complete, oldest first."""
         frames = []
-        *ends, rest = data.split(DELIMITER)
-        for end in ends:
-            self._append(end)
-            packet = bytes(self._pending)
-            self._pending.clear()
-            if self._discarding:
-                self._discarding = False
-            elif packet:
-                frame = self._read_packet(packet)
-                if frame is not None:
-                    frames.append(frame)
-        self._append(rest)
+        for packet in self._packets.split(data):
+            if packet is None:
+                self.counts.overlong += 1
+            elif packet and (frame := self._read_packet(packet)) is not None:
+                frames.append(frame)
         return frames
 
     def restart(self) -> None:
@@ -197,16 +225,9 @@ class FrameReader:
         """Return nothing: the sensor is never spoken to."""
         return b''
 
-    def _append(self, data: bytes) -> None:
-        """Keep bytes of an unfinished packet, unless it has become impossibly long."""
-        if self._discarding:
-            return
-        if len(self._pending) + len(data) > MAX_PACKET_BYTES:
-            self._pending.clear()
-            self._discarding = True
-            self.counts.overlong += 1
-        else:
-            self._pending += data
+    def notice(self) -> str:
+        """Return nothing: frames of this protocol come as fast as the sensor makes them."""
+        return ''
 
     def _read_packet(self, packet: bytes) -> Frame | None:
         """Return the frame of one packet, or count why there is none."""

@@ -13,6 +13,7 @@ CORE = [
     'code.py',
     'frame.py',
     'wire.py',
+    'st_example.py',
     'clock.py',
     'liquid_crystal.py',
     'dictionary.py',

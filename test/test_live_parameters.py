@@ -60,7 +60,7 @@ COFFEE, HEARTBEAT = '/live/coffee', '/live/heartbeat'
 FEED_PERIOD_S = 0.007
 SETTLING_S = 0.2  # until what was on its way has come
 READ_ONLY = {
-    DRIVER: {'serial_port', 'serial_baud', 'frame_id'},
+    DRIVER: {'serial_port', 'serial_baud', 'protocol', 'frame_id'},
     DETECTOR: {'marker_file', 'child_frame'},
     COFFEE: {'objects', 'target_frame'},
     HEARTBEAT: {'markers', 'window'},

@@ -7,6 +7,7 @@ import re
 import signal
 import subprocess
 import sys
+import threading
 from collections import defaultdict
 from collections.abc import Iterator
 from pathlib import Path
@@ -30,9 +31,10 @@ from harness import (
 from rcl_interfaces.msg import ParameterType
 from rcl_interfaces.srv import GetParameters
 from retrolidar_ros.msg import Frame as FrameMsg
+from st_board import Board, Zone
 
 from retrolidar_ros.demo import NAMESPACE, executable, start_nodes
-from retrolidar_ros.nodes.conversion import to_frame_msg
+from retrolidar_ros.nodes.conversion import to_frame_msg, to_ns
 from retrolidar_ros.nodes.listener import Listener
 from retrolidar_ros.processes import ProcessGroup
 from retrolidar_ros.scene import Simulation
@@ -197,6 +199,7 @@ def test_markers_are_still_read_afterwards(
         ('detector', 'registered_ids:=[0]', 'registered_ids holds no usable ID'),
         ('detector', 'registered_ids:=7', 'registered_ids'),
         ('driver', 'serial_baud:=fast', 'serial_baud'),
+        ('driver', 'protocol:=magic', "protocol: 'magic' is not one of retrolidar, st_example"),
         ('driver', "frame_id:=''", 'frame_id'),
     ],
 )
@@ -260,6 +263,54 @@ def test_frames_that_do_not_suit_the_bits_are_warned_of_once(
     (line,) = (line for line in errors.splitlines() if 'a frame comes every' in line)
     assert 'WARN' in line
     assert re.search(r'a frame comes every 2[01]\.\d ms, but half of bit_period is 25\.0 ms', line)
+
+
+def test_the_text_of_the_example_is_published_and_its_period_warned_of(
+    listener: Listener, diagnostics: Diagnostics
+) -> None:
+    messages: list[FrameMsg] = []
+    subscription = listener.node.create_subscription(FrameMsg, '/kit/frames', messages.append, 100)
+    zones: list[Zone | None] = [None] * 16
+    zones[3] = Zone(700, signal_kcps=250, ambient_kcps=4)  # at the scene's top left
+    health = diagnostics['/kit/driver: frames']
+    stop = threading.Event()
+    with Board(zones) as board:
+        command = [executable('driver'), '--ros-args', '-r', '__ns:=/kit']
+        command += ['-p', f'serial_port:={board.path}', '-p', 'protocol:=st_example']
+        process = subprocess.Popen(command, stderr=subprocess.PIPE, text=True)
+        printing = threading.Thread(target=board.run, args=(stop, 0.05))
+        printing.start()
+        try:
+            assert listener.spin_until(
+                lambda: sum(message.signal[0] > 0 for message in messages) > 30, 30.0
+            )
+            heard = len(health)
+            assert listener.spin_until(lambda: len(health) > heard, 5.0)
+        finally:
+            stop.set()
+            printing.join()
+            process.terminate()
+            _, errors = process.communicate(timeout=10)
+            listener.node.destroy_subscription(subscription)
+        assert board.keys == b's'
+    lit = [message.signal[0] > 0 for message in messages]
+    assert lit == sorted(lit)  # once switched on, it stays on
+    for message in messages:
+        assert (message.rows, message.columns) == (4, 4)
+        assert message.distance[0] == pytest.approx(0.7)
+        assert list(message.status) == [5] + [255] * 15
+    assert (messages[-1].signal[0], messages[-1].ambient[0]) == (250, 4)
+    stamps = [to_ns(message.header.stamp) for message in messages]
+    assert stamps == sorted(set(stamps))
+    values = values_of(health[-1])
+    assert int(values['frames']) >= 30
+    assert values['clock restarts'] == '0'
+    warning, *_ = (line for line in errors.splitlines() if "ST's example sends" in line)
+    assert 'WARN' in warning
+    told = re.search(r'sends a frame every (\d+) ms.* bit_period to ([\d.]+\d)', warning)
+    assert told
+    assert int(told[1]) >= 50
+    assert float(told[2]) == pytest.approx(int(told[1]) * 2e-3, abs=2e-3)
 
 
 SPY = """

@@ -137,6 +137,8 @@ class DriverNode(Node):
             if self._image.get_subscription_count():
                 self._image.publish(to_signal_image(frame, message.header))
             self._count(frame, self._now_ns() - stamp_ns)
+        if notice := self._source.reader.notice():
+            self.get_logger().warning(notice)
 
     def _count(self, frame: Frame, latency_ns: int) -> None:
         tally = self._tally

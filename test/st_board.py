@@ -1,0 +1,123 @@
+# Copyright 2026 retrolidar_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""ST's `53L8A1_SimpleRanging` as far as a serial line tells: what it prints, and its keys.
+
+Written from what the example does (X-CUBE-TOF1, `app_tof.c`, `vl53l8cx.c`), not from its reader.
+"""
+
+import os
+import pty
+import select
+import threading
+import tty
+from collections.abc import Sequence
+from contextlib import suppress
+from typing import NamedTuple
+
+DASHES = ' -----------------'
+BLANKS = '|                 '
+
+
+class Zone(NamedTuple):
+    """What the sensor has of a zone with a target."""
+
+    distance_mm: int
+    status: int = 5
+    signal_kcps: int = 100
+    ambient_kcps: int = 3
+
+
+Zones = Sequence[Zone | None]
+"""In the sensor's order, 16 or 64: the first is at the scene's top right. None has no target."""
+
+
+def mapped(status: int) -> int:
+    return {5: 0, 9: 0, 0: 255}.get(status, status)
+
+
+def text_of(zones: Zones, light: bool, line_end: str = '\n') -> bytes:
+    """Return what the example prints of one frame."""
+    side = {16: 4, 64: 8}[len(zones)]
+    lines = [
+        '\x1b[2H53L8A1 Simple Ranging demo application',
+        '--------------------------------------',
+        '',
+        'Use the following keys to control application',
+        " 'r' : change resolution",
+        " 's' : enable signal and ambient",
+        " 'c' : clear screen",
+        '',
+        'Cell Format :',
+        '',
+        f' \x1b[38;5;10m{"Distance [mm]":>20}\x1b[0m : {"Status":>20}',
+    ]
+    if light:
+        lines.append(f' {"Signal [kcps/spad]":>20} : {"Ambient [kcps/spad]":>20}')
+    lines += ['', '']
+    nothing = f'| {"X":>5}  :  {"X":>5} '
+    for first in range(0, side * side, side):
+        row = [zones[first + k] for k in range(side - 1, -1, -1)]
+        lines += [DASHES * side, BLANKS * side + '|']
+        ranging = (
+            f'| \x1b[38;5;10m{zone.distance_mm:5d}\x1b[0m  :  {mapped(zone.status):5d} '
+            if zone
+            else nothing
+            for zone in row
+        )
+        lines.append(''.join(ranging) + '|')
+        if light:
+            rates = (
+                f'| {zone.signal_kcps:5d}  :  {zone.ambient_kcps:5d} ' if zone else nothing
+                for zone in row
+            )
+            lines.append(''.join(rates) + '|')
+    lines.append(DASHES * side)
+    return ''.join(line + line_end for line in lines).encode('ascii')
+
+
+class Board:
+    """A board at a pseudo-terminal, whose loop is called turn by turn."""
+
+    def __init__(self, zones: Zones) -> None:
+        self.zones = zones
+        self.light = False
+        self.keys = b''
+        """The keys it has heeded."""
+        self._master, self._slave = pty.openpty()
+        tty.setraw(self._slave)
+        os.set_blocking(self._master, False)
+        self.path = os.ttyname(self._slave)
+
+    def __enter__(self) -> 'Board':
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        os.close(self._master)
+        os.close(self._slave)
+
+    def print_frame(self) -> None:
+        self._send(text_of(self.zones, self.light))
+
+    def _send(self, data: bytes) -> None:
+        """Send bytes; a line does not wait for who does not read, so they may be lost."""
+        with suppress(BlockingIOError):
+            while data:
+                data = data[os.write(self._master, data) :]
+
+    def heed_key(self, timeout_s: float) -> bool:
+        """Do what a key says if one comes in time; return whether one came."""
+        ready, _, _ = select.select([self._master], [], [], timeout_s)
+        if not ready:
+            return False
+        key = os.read(self._master, 1)
+        self.keys += key
+        if key == b's':
+            self.light = not self.light
+            self._send(b'\x1b[2J')
+        return True
+
+    def run(self, stop: threading.Event, pause_s: float) -> None:
+        """Print frames and heed keys until `stop` is set, as the example does for ever."""
+        while not stop.wait(pause_s):
+            self.print_frame()
+            self.heed_key(0)
