@@ -27,7 +27,8 @@ _ROUNDS = 5
 def modulation_db(view: View, law: NoiseLaw) -> Floats:
     """Return by how much zones vary beyond noise, as the SNR of a marker that did so.
 
-    Half of a marker's bits are dark, so an amplitude of c makes a variance of c²/4. A hand that passes varies, too.
+    Half of a marker's bits are dark, so an amplitude of c makes a variance of c²/4. A hand that
+    passes makes one, too.
 
     Parameters
     ----------

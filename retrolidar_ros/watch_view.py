@@ -78,8 +78,8 @@ class Snapshot:
     """Packets that held no frame."""
     frame: Frame | None = None
     """The newest."""
-    modulation_db: Floats | None = None
-    """How much each zone blinks [dB], shape (zones,); there if there is a frame."""
+    modulation_db: Floats = field(default_factory=lambda: np.empty(0))
+    """How much each zone of that frame blinks [dB], shape (zones,)."""
     zone: int | None = None
     """The one whose bits are shown; None while none blinks and none is asked for."""
     bits: NewestBits | None = None
@@ -99,7 +99,7 @@ def screen(snapshot: Snapshot, symbols: Symbols) -> list[str]:
     return [
         *lines,
         'seen from the sensor: zone, blinking, status / signal [kcps/SPAD], distance [m]',
-        *_zones(snapshot, symbols),
+        *_zones(snapshot, snapshot.frame, symbols),
         *_bits(snapshot, symbols),
         *_readings(snapshot),
     ]
@@ -109,12 +109,10 @@ def line(snapshot: Snapshot) -> str:
     """Return the most important of it in one line."""
     parts = [snapshot.trouble] if snapshot.trouble else []
     parts.append(_flow(snapshot))
-    if snapshot.frame is not None and snapshot.modulation_db is not None:
-        zone = snapshot.zone
-        if zone is None:
+    if (frame := snapshot.frame) is not None and snapshot.rate_hz > 0:
+        if (zone := snapshot.zone) is None:
             parts.append('no zone blinks')
         else:
-            frame = snapshot.frame
             parts.append(
                 f'zone {zone}: {_number(frame.signal[zone])} kcps/SPAD, '
                 f'{_number(frame.distance[zone], 3)} m, status {frame.status[zone]}, '
@@ -137,36 +135,35 @@ def _flow(snapshot: Snapshot) -> str:
 
 def _trouble(snapshot: Snapshot) -> list[str]:
     """Return what is wrong in lines that fit; a path that does not fit is broken."""
-    return textwrap.wrap(f'! {snapshot.trouble}', COLUMNS - 1) if snapshot.trouble else ['']
+    if not snapshot.trouble:
+        return ['']
+    return textwrap.wrap(f'! {snapshot.trouble}', COLUMNS, break_on_hyphens=False)
 
 
-def _zones(snapshot: Snapshot, symbols: Symbols) -> Iterator[str]:
+def _zones(snapshot: Snapshot, frame: Frame, symbols: Symbols) -> Iterator[str]:
     """Yield the zones in rows and columns, each in two lines."""
-    assert snapshot.frame is not None
-    grid = snapshot.frame.grid
+    grid = frame.grid
     rule = symbols.cross.join([symbols.across * _CELL[grid.columns]] * grid.columns)
     for row in range(grid.rows):
         # The rows of a larger grid would not fit on a screen with a line between them.
         if row and grid.rows == 4:
             yield rule
         zones = range(row * grid.columns, (row + 1) * grid.columns)
-        cells = [_cell(snapshot, zone, symbols) for zone in zones]
+        cells = [_cell(snapshot, frame, zone, symbols) for zone in zones]
         yield symbols.down.join(top for top, _ in cells)
         yield symbols.down.join(bottom for _, bottom in cells)
 
 
-def _cell(snapshot: Snapshot, zone: int, symbols: Symbols) -> tuple[str, str]:
+def _cell(snapshot: Snapshot, frame: Frame, zone: int, symbols: Symbols) -> tuple[str, str]:
     """Return the two lines of a zone."""
-    frame, modulation_db = snapshot.frame, snapshot.modulation_db
-    assert frame is not None
-    assert modulation_db is not None
     width = _CELL[frame.grid.columns]
     bar = width - 8
-    halves = round(2 * bar * min(max(float(modulation_db[zone]), 0.0) / _FULL_BAR_DB, 1.0))
+    halves = round(2 * bar * min(max(float(snapshot.modulation_db[zone]), 0.0) / _FULL_BAR_DB, 1.0))
     blinking = symbols.bar * (halves // 2) + symbols.half * (halves % 2)
     mark = '>' if zone == snapshot.zone else ' '
     top = f'{mark}{zone:<2} {blinking:<{bar}} {frame.status[zone]:>3}'
-    signal, distance = _number(frame.signal[zone]), _number(frame.distance[zone], 3)
+    decimals = 3 if frame.grid.columns == 4 else 2
+    signal, distance = _number(frame.signal[zone]), _number(frame.distance[zone], decimals)
     return top, f'{signal:>6}{distance:>{width - 6}}'
 
 
