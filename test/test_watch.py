@@ -145,6 +145,23 @@ def test_the_zone_that_blinks_most_is_chosen_and_read() -> None:
     assert f'last ID {ID} at 1.0' in line(known)
 
 
+def test_a_zone_stays_chosen_until_another_blinks_far_more() -> None:
+    def blinking(number: int, other: float) -> Frame:
+        one = frame(ZoneGrid(), number)
+        dark = number // 2 % 2
+        one.signal[[2, 5]] = (10.0, 10.0) if dark else (110.0, other)
+        return one
+
+    state = watch_of([blinking(number, 60.0) for number in range(80)])
+    chosen = [state.snapshot().zone]
+    for first, other in ((80, 130.0), (160, 400.0)):
+        begin_ns = time.monotonic_ns() - (first + 80) * 21_000_000
+        for number in range(first, first + 80):
+            state.take([blinking(number, other)], begin_ns + number * 21_000_000)
+        chosen.append(state.snapshot().zone)
+    assert chosen == [2, 2, 5]
+
+
 def test_nothing_is_chosen_where_nothing_blinks() -> None:
     known = watch_of(list(Simulation(replace(SCENE, markers=())).advance(100))).snapshot()
     assert known.zone is None
@@ -155,6 +172,34 @@ def test_nothing_is_chosen_where_nothing_blinks() -> None:
 def test_the_zone_that_is_asked_for_is_shown() -> None:
     known = watch_of(list(Simulation(SCENE).advance(100)), zone=3).snapshot()
     assert known.zone == 3
+
+
+def test_silence_is_told_and_what_may_be_the_reason() -> None:
+    reader = PROTOCOLS['retrolidar'](time.monotonic_ns)
+    source = SerialSource('port', 460800, reader)
+    source.problem = ''  # as while it is open
+    state = Watch(source, None, BIT_PERIOD_S)
+    state.take([frame(ZoneGrid())], time.monotonic_ns())
+    assert state.snapshot().trouble == ''
+    state.take([frame(ZoneGrid(), 1)], time.monotonic_ns() - 3_000_000_000)
+    assert state.snapshot().trouble.startswith('no frames come for 3 s; the sensor is silent')
+    reader.feed(b'12 | 345 : 6\r\n\0')
+    known = state.snapshot()
+    assert known.damaged == 1
+    assert 'no frame of this protocol, or of another --baud' in known.trouble
+
+
+def test_a_bit_period_that_does_not_suit_the_frames_is_told() -> None:
+    source = SerialSource('port', 460800, PROTOCOLS['retrolidar'](time.monotonic_ns))
+    source.problem = ''
+    state = Watch(source, None, 0.1)
+    begin_ns = time.monotonic_ns() - 40 * 21_000_000
+    for number in range(40):
+        state.take([frame(ZoneGrid(), number)], begin_ns + number * 21_000_000)
+    assert state.snapshot().trouble == (
+        'a frame comes every 21.0 ms, but half of bit_period is 50.0 ms: '
+        'set --bit-period to how long the markers hold a bit [s]'
+    )
 
 
 def test_lost_frames_are_counted() -> None:
