@@ -15,7 +15,10 @@ from pathlib import Path
 os.environ.setdefault('OPENBLAS_NUM_THREADS', '1')
 
 from retrolidar_ros.bag import FRAMES_TOPIC, STORAGES, BagError
+from retrolidar_ros.code import BIT_PERIOD_LIMITS_S, BIT_PERIOD_S
 from retrolidar_ros.detector import METHODS
+from retrolidar_ros.frame import ZONE_SHAPES
+from retrolidar_ros.protocols import PROTOCOLS
 from retrolidar_ros.section import ConfigError
 
 
@@ -43,6 +46,25 @@ def _emulate(arguments: argparse.Namespace) -> int:
     with interrupted_once():
         sent, lost = emulate(scene, arguments.port_link, arguments.duration, say_ready)
     print(f'{sent} frames sent, {lost} found no listener')
+    return 0
+
+
+def _watch(arguments: argparse.Namespace) -> int:
+    from contextlib import suppress
+
+    from retrolidar_ros.interrupts import interrupted_once
+    from retrolidar_ros.watch import watch
+
+    with suppress(KeyboardInterrupt), interrupted_once():
+        watch(
+            arguments.port,
+            sys.stdout,
+            baud=arguments.baud,
+            protocol=arguments.protocol,
+            zone=arguments.zone,
+            bit_period_s=arguments.bit_period,
+            duration_s=arguments.duration,
+        )
     return 0
 
 
@@ -156,6 +178,24 @@ def seconds(text: str) -> float:
     return value
 
 
+def zone_index(text: str) -> int:
+    """Parse the index of a zone of the largest grid."""
+    value = int(text)
+    most = max(rows * columns for rows, columns in ZONE_SHAPES) - 1
+    if not 0 <= value <= most:
+        raise argparse.ArgumentTypeError(f'{text} is no zone: they are 0 to 15, or 0 to {most}')
+    return value
+
+
+def bit_period(text: str) -> float:
+    """Parse how long a marker holds a bit in seconds."""
+    value = float(text)
+    least, most = BIT_PERIOD_LIMITS_S
+    if not least <= value <= most:
+        raise argparse.ArgumentTypeError(f'{text} s is not within {least:g} to {most:g} s')
+    return value
+
+
 def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
         prog='retrolidar', description='Read liquid-crystal fiducial markers with a LiDAR.'
@@ -180,6 +220,36 @@ def _parser() -> argparse.ArgumentParser:
     )
     emulate.add_argument('--duration', type=seconds, help='stop after [s]')
     emulate.set_defaults(run=_emulate)
+
+    look = commands.add_parser(
+        'watch',
+        help='show live what a sensor sees, zone by zone and bit by bit',
+        description='On a terminal a picture five times a second, else a line a second. Ctrl-C '
+        'ends it.',
+    )
+    look.add_argument('port', metavar='PORT', help='device of the sensor')
+    look.add_argument('--baud', type=int, default=460800, help='bit/s (default: %(default)s)')
+    look.add_argument(
+        '--protocol',
+        choices=PROTOCOLS,
+        default='retrolidar',
+        help='what the sensor speaks (default: %(default)s)',
+    )
+    look.add_argument(
+        '--zone',
+        type=zone_index,
+        metavar='N',
+        help='whose bits to show (default: the one that blinks most)',
+    )
+    look.add_argument(
+        '--bit-period',
+        type=bit_period,
+        default=BIT_PERIOD_S,
+        metavar='S',
+        help='how long a marker holds a bit: two frames [s] (default: %(default)s)',
+    )
+    look.add_argument('--duration', type=seconds, metavar='S', help='stop after [s]')
+    look.set_defaults(run=_watch)
 
     def add_bag_command(name: str, summary: str) -> argparse.ArgumentParser:
         command = commands.add_parser(name, help=summary)

@@ -20,6 +20,7 @@ MAX_CORRECTED_BITS = 3
 PREAMBLE: NDArray[np.uint8] = np.array([1, 0, 1, 0, 1, 0, 1], dtype=np.uint8)
 PACKET_BITS = len(PREAMBLE) + WORD_BITS
 BIT_PERIOD_S = 0.042  # two 21 ms frames (paper §3.4 and §5)
+BIT_PERIOD_LIMITS_S = (0.002, 10.0)
 # Their words are all bright and all dark: nothing is modulated after the preamble.
 RESERVED_IDS = (0, IDS - 1)
 

@@ -12,6 +12,7 @@ PACKAGE = Path(retrolidar_ros.__file__).parent
 CORE = [
     'code.py',
     'frame.py',
+    'frame_rate.py',
     'wire.py',
     'st_example.py',
     'clock.py',
@@ -24,6 +25,7 @@ CORE = [
     'section.py',
     'wakeup.py',
     'battery.py',
+    'blinking.py',
     'detector',
     'scene',
 ]

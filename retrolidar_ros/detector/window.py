@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from retrolidar_ros.frame import NORMAL_STATUS, Floats, Status
+from retrolidar_ros.frame import NORMAL_STATUS, Floats, Recording, Status
 
 # A zone that has seen something not longer ago than this may be looking at a dark bit when it
 # sees nothing; no packet is dark for longer than nine bits at a stretch.
@@ -152,3 +152,17 @@ class SampleWindow:
         """Return views of the newest samples, fewer where there are not so many."""
         rows = slice(max(0, self._count - samples), self._count)
         return Samples(*(held[rows] for held in self._arrays))
+
+
+def placed(recording: Recording, frames: int, bit_period_s: float) -> Samples:
+    """Return the samples of the first frames of a recording, as a detector holds them."""
+    window = SampleWindow(recording.grid.zones, frames, bit_period_s)
+    window.clear(int(recording.stamp_ns[0]))
+    rows = slice(0, frames)
+    window.append(
+        recording.stamp_ns[rows],
+        recording.signal[rows],
+        recording.distance[rows],
+        recording.status[rows],
+    )
+    return window.last(frames)

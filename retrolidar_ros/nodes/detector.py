@@ -8,16 +8,16 @@ import time
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 from rclpy.node import Node
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 from visualization_msgs.msg import MarkerArray
 
-from retrolidar_ros.code import IDS
+from retrolidar_ros.code import BIT_PERIOD_LIMITS_S, IDS
 from retrolidar_ros.detector import METHODS, Detection, Detector, create_detector
 from retrolidar_ros.detector.evidence import NoiseLaw
 from retrolidar_ros.detector.methods import MAX_PACKETS
 from retrolidar_ros.frame import ZoneGrid
+from retrolidar_ros.frame_rate import RATE_FRAMES, rate_mismatch
 from retrolidar_ros.markers import KnownMarker, frame_of
 from retrolidar_ros.msg import Frame as FrameMsg
 from retrolidar_ros.msg import MarkerDetection
@@ -29,9 +29,6 @@ from retrolidar_ros.nodes.transforms import transform_sender
 from retrolidar_ros.nodes.visualization import marker_shapes
 from retrolidar_ros.yaml_files import load_markers
 
-# Frames that tell how fast they come, by the median of the times between them: a few may be lost.
-_RATE_FRAMES = 33
-_MOST_RATE_ERROR = 0.1
 _SILENCE_S = 2.0
 _NAME = '{name}'
 # What a change of these costs: the frames that the detector has seen so far.
@@ -167,17 +164,14 @@ class DetectorNode(Node):
 
     def _check_rate(self, stamp_ns: int) -> None:
         """Warn once if a bit does not last two frames, as all methods suppose."""
-        if len(self._first_stamps_ns) == _RATE_FRAMES:
+        if len(self._first_stamps_ns) == RATE_FRAMES:
             return
         self._first_stamps_ns.append(stamp_ns)
-        if len(self._first_stamps_ns) < _RATE_FRAMES:
+        if len(self._first_stamps_ns) < RATE_FRAMES:
             return
-        period_s = float(np.median(np.diff(self._first_stamps_ns))) * 1e-9
-        expected_s = self._values['bit_period'] / 2
-        if abs(period_s - expected_s) > _MOST_RATE_ERROR * expected_s:
+        if mismatch := rate_mismatch(self._first_stamps_ns, self._values['bit_period']):
             self.get_logger().warning(
-                f'a frame comes every {period_s * 1e3:.1f} ms, but half of bit_period is '
-                f'{expected_s * 1e3:.1f} ms: set bit_period to how long the markers hold a bit '
+                f'{mismatch}: set bit_period to how long the markers hold a bit '
                 f'[s], and let the sensor measure twice in that time'
             )
 
@@ -221,7 +215,10 @@ def _known_markers(path: str) -> dict[int, KnownMarker]:
 def _declare(parameters: Parameters) -> None:
     parameters.text('method', 'How markers are read.', METHODS, live=True)
     parameters.number(
-        'bit_period', 'How long a marker holds a bit: two frames [s].', 0.002, 10.0, live=True
+        'bit_period',
+        'How long a marker holds a bit: two frames [s].',
+        *BIT_PERIOD_LIMITS_S,
+        live=True,
     )
     parameters.number(
         'false_ids_per_hour',

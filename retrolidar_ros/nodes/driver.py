@@ -17,6 +17,7 @@ from sensor_msgs.msg import Image, PointCloud2
 
 from retrolidar_ros.clock import ClockMap
 from retrolidar_ros.frame import NORMAL_STATUS, Frame
+from retrolidar_ros.frame_rate import missing_frames
 from retrolidar_ros.msg import Frame as FrameMsg
 from retrolidar_ros.nodes.conversion import to_frame_msg, to_point_cloud, to_signal_image
 from retrolidar_ros.nodes.diagnostics import ERROR, OK, WARN, Health, publish_health
@@ -25,7 +26,6 @@ from retrolidar_ros.nodes.run import run
 from retrolidar_ros.protocols import PROTOCOLS
 from retrolidar_ros.serial_source import SerialSource
 
-_COUNTER = 2**32
 # Share of abnormal zones from which on something is wrong with the sensor or before it: looking
 # into a room, a quarter of them is usual.
 _MANY_ABNORMAL = 0.75
@@ -142,18 +142,13 @@ class DriverNode(Node):
 
     def _count(self, frame: Frame, latency_ns: int) -> None:
         tally = self._tally
-        missed = 0
-        if self._last_sequence is not None:
-            missed = (frame.sequence - self._last_sequence - 1) % _COUNTER
-            # A counter that went back is a sensor that restarted, not four billion lost frames.
-            if missed >= _COUNTER // 2:
-                missed = 0
+        missing = missing_frames(self._last_sequence, frame.sequence)
         self._last_sequence = frame.sequence
         normal = int(np.count_nonzero(np.isin(frame.status, NORMAL_STATUS)))
         # One assignment, for the executor reads it in another thread.
         self._tally = tally._replace(
             frames=tally.frames + 1,
-            lost=tally.lost + missed,
+            lost=tally.lost + missing,
             zones=tally.zones + frame.grid.zones,
             abnormal=tally.abnormal + frame.grid.zones - normal,
             latency_s=tally.latency_s + latency_ns * 1e-9,

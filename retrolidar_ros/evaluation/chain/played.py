@@ -23,7 +23,7 @@ from retrolidar_ros.detector.judge import USUAL_FALSE_IDS_PER_HOUR, Judge, Readi
 from retrolidar_ros.detector.methods import MAX_PACKETS
 from retrolidar_ros.detector.search import PACKET_SAMPLES, Demand
 from retrolidar_ros.detector.view import View
-from retrolidar_ros.detector.window import Samples, SampleWindow
+from retrolidar_ros.detector.window import Samples, placed
 from retrolidar_ros.detector.words import WordBank
 from retrolidar_ros.evaluation.live import read_live
 from retrolidar_ros.evaluation.reference import RESPONSE
@@ -69,20 +69,6 @@ def marker_before_wall(
         response=RESPONSE,
     )
     return Scene(sensor=load_scene('coffee').sensor, markers=(marker,), surfaces=(wall,))
-
-
-def placed(recording: Recording, frames: int) -> Samples:
-    """Return the samples of the first frames of a recording, as a detector holds them."""
-    window = SampleWindow(recording.grid.zones, frames, BIT_PERIOD_S)
-    window.clear(int(recording.stamp_ns[0]))
-    rows = slice(0, frames)
-    window.append(
-        recording.stamp_ns[rows],
-        recording.signal[rows],
-        recording.distance[rows],
-        recording.status[rows],
-    )
-    return window.last(frames)
 
 
 class Played(NamedTuple):
@@ -183,7 +169,7 @@ def play(
             scene=scene,
             recording=recording,
             frames=frames,
-            samples=placed(recording, frames),
+            samples=placed(recording, frames, BIT_PERIOD_S),
             detection=detection,
             chance=detector.chance,
             noise_scale=detector.noise.value,

@@ -21,7 +21,8 @@ from retrolidar_ros.detector.soft_bits import SILENT_BITS, Level
 from retrolidar_ros.detector.starts import EIGHTHS
 from retrolidar_ros.detector.template import packet_light
 from retrolidar_ros.detector.view import View
-from retrolidar_ros.evaluation.chain.played import Played, only_zone, placed, rounded
+from retrolidar_ros.detector.window import placed
+from retrolidar_ros.evaluation.chain.played import Played, only_zone, rounded
 from retrolidar_ros.evaluation.live import place_error
 from retrolidar_ros.frame import Floats
 
@@ -155,7 +156,7 @@ def soft_stage(played: Played, found: Found) -> dict[str, Any]:
 
 def search_stage(played: Played, found: Found) -> dict[str, Any]:
     """Return the best correlation of any ID at every start, and of every ID at the best one."""
-    everything = played.view(placed(played.recording, len(played.recording)))
+    everything = played.view(placed(played.recording, len(played.recording), BIT_PERIOD_S))
     search = JointSearch(played.bank, BIT_PERIOD_S)
     first = (SILENT_BITS + PACKET_BITS + 1) * EIGHTHS
     ends_s = _EIGHTH_S * np.arange(first, math.floor(everything.end_s[-1] / _EIGHTH_S))

@@ -1,0 +1,49 @@
+# Copyright 2026 retrolidar_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""Whether frames come as a detector needs them: none left out, and two in every bit."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+RATE_FRAMES = 33
+"""So many frames tell how fast they come, by the median of the times between them."""
+_COUNTER = 2**32
+_MOST_RATE_ERROR = 0.1
+
+
+def missing_frames(before: int | None, after: int) -> int:
+    """Return how many frames are missing between two that came one after the other.
+
+    Parameters
+    ----------
+    before, after : int
+        Their sequence counters of 32 bits; None before the first frame. A counter that went back
+        is a sensor that restarted, not four billion lost frames.
+    """
+    if before is None:
+        return 0
+    missing = (after - before - 1) % _COUNTER
+    return missing if missing < _COUNTER // 2 else 0
+
+
+def rate_mismatch(stamps_ns: Sequence[int], bit_period_s: float) -> str:
+    """Say if a bit does not last two frames, as all methods suppose; empty if it does.
+
+    Parameters
+    ----------
+    stamps_ns : sequence of int
+        Of successive frames [ns]: of `RATE_FRAMES`, as some may be lost.
+    bit_period_s : float
+        How long a marker holds a bit [s].
+    """
+    period_s = float(np.median(np.diff(stamps_ns))) * 1e-9
+    expected_s = bit_period_s / 2
+    if abs(period_s - expected_s) <= _MOST_RATE_ERROR * expected_s:
+        return ''
+    return (
+        f'a frame comes every {period_s * 1e3:.1f} ms, but half of bit_period is '
+        f'{expected_s * 1e3:.1f} ms'
+    )

@@ -1,0 +1,282 @@
+# Copyright 2026 retrolidar_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""A sensor watched in a terminal: frames from a port, through the detector, onto the screen."""
+
+from __future__ import annotations
+
+import math
+import os
+import shutil
+import time
+from collections import Counter, deque
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
+from dataclasses import replace
+from queue import Empty, SimpleQueue
+from threading import Event, Thread
+from typing import NamedTuple, TextIO, cast
+
+import numpy as np
+
+from retrolidar_ros.blinking import BitReader, modulation_db
+from retrolidar_ros.clock import ClockMap
+from retrolidar_ros.code import PACKET_BITS
+from retrolidar_ros.detector import METHODS, Detection, create_detector
+from retrolidar_ros.detector.evidence import NoiseLaw, correlation_threshold
+from retrolidar_ros.detector.evidence_detector import EvidenceDetector
+from retrolidar_ros.detector.search import PACKET_SAMPLES
+from retrolidar_ros.detector.view import View
+from retrolidar_ros.detector.window import placed
+from retrolidar_ros.frame import Frame, Recording
+from retrolidar_ros.frame_rate import RATE_FRAMES, missing_frames, rate_mismatch
+from retrolidar_ros.protocols import PROTOCOLS
+from retrolidar_ros.serial_source import SerialSource
+from retrolidar_ros.watch_view import BLINKING_DB, LastReading, Snapshot, Symbols, line, screen
+
+_SCREEN_S, _LINE_S = 0.2, 1.0  # between two pictures, or two lines of a log
+# The newest samples that are kept: a packet, and what the search needs at its ends.
+_KEPT = PACKET_SAMPLES + 10
+_KEPT_BITS = PACKET_BITS + 5
+_RATE_S = 2.0
+"""Over which frames are counted for their rate."""
+_SILENCE_S = 1.0
+# Another zone has to blink by so much more than that which is shown.
+_MORE_DB = 3.0
+
+
+class _Tally(NamedTuple):
+    """What has been counted until some time."""
+
+    time_s: float
+    frames: int
+    damaged: int
+    restarts: int
+
+
+class Watch:
+    """What is known of a sensor, from its frames."""
+
+    def __init__(self, source: SerialSource, zone: int | None, bit_period_s: float) -> None:
+        """Begin without frames; `zone` is the one to look at, None for that which blinks most."""
+        self._source = source
+        self._asked, self._chosen = zone, zone
+        self._bit_s = bit_period_s
+        self._clock = ClockMap()
+        self._bits = BitReader(bit_period_s)
+        self._detector: EvidenceDetector | None = None
+        self._frames: deque[Frame] = deque(maxlen=_KEPT)
+        self._last: dict[int, Detection] = {}
+        self._times: Counter[int] = Counter()
+        self._counted = self._lost = 0
+        self._sequence: int | None = None
+        self._heard_s = time.monotonic()
+        self._tallies = deque([_Tally(self._heard_s, 0, 0, 0)])
+
+    def take(self, frames: list[Frame], arrival_ns: int) -> None:
+        """Take frames that arrived together.
+
+        Raises
+        ------
+        ValueError
+            If there is no such zone as was asked for.
+        """
+        for frame in frames:
+            stamp_ns = self._clock.map(frame.sensor_time_us, arrival_ns)
+            self._take(replace(frame, stamp_ns=stamp_ns))
+        self._heard_s = arrival_ns * 1e-9
+
+    def _take(self, frame: Frame) -> None:
+        grid = frame.grid
+        self._counted += 1
+        self._lost += missing_frames(self._sequence, frame.sequence)
+        self._sequence = frame.sequence
+        last = self._frames[-1] if self._frames else None
+        if last is None or last.grid != grid:
+            if self._asked is not None and self._asked >= grid.zones:
+                raise ValueError(
+                    f'--zone {self._asked}: the sensor has {grid.rows}x{grid.columns} zones, '
+                    f'0 to {grid.zones - 1}'
+                )
+            self._detector = cast(
+                EvidenceDetector, create_detector(METHODS[0], grid, bit_period_s=self._bit_s)
+            )
+            self._chosen = self._asked
+        if last is not None and (last.grid != grid or last.stamp_ns >= frame.stamp_ns):
+            self._frames.clear()
+        self._frames.append(frame)
+        assert self._detector is not None
+        for detection in self._detector.update(frame):
+            self._last[detection.id] = detection
+            self._times[detection.id] += 1
+
+    def snapshot(self) -> Snapshot:
+        """Return what is known now."""
+        now_ns = time.monotonic_ns()
+        counts = self._source.reader.counts
+        damaged = counts.damaged + counts.unknown_kind
+        now = _Tally(now_ns * 1e-9, self._counted, damaged, self._clock.restarts)
+        self._tallies.append(now)
+        while self._tallies[1].time_s <= now.time_s - _RATE_S:
+            self._tallies.popleft()
+        then = self._tallies[0]
+        snapshot = Snapshot(
+            port=self._source.port,
+            trouble=self._trouble(then, now),
+            rate_hz=(now.frames - then.frames) / max(now.time_s - then.time_s, 1e-3),
+            frames=now.frames,
+            lost=self._lost,
+            damaged=damaged,
+        )
+        if not self._frames or self._detector is None:
+            return snapshot
+        return self._with_zones(snapshot, self._detector, now_ns)
+
+    def _trouble(self, then: _Tally, now: _Tally) -> str:
+        """Return what is wrong since `then`."""
+        if problem := self._source.problem:
+            return f'{problem}; retrying'
+        silence_s = now.time_s - self._heard_s
+        if silence_s > _SILENCE_S:
+            reason = (
+                'what comes is no frame of this protocol, or of another --baud'
+                if now.damaged > then.damaged
+                else 'the sensor is silent: not started, or of another --baud'
+            )
+            return f'no frames come for {silence_s:.0f} s; {reason}'
+        if now.restarts - then.restarts > 1:
+            return "the sensor's clock jumps again and again; are its times in microseconds?"
+        if len(self._frames) >= RATE_FRAMES:
+            stamps_ns = [frame.stamp_ns for frame in self._frames]
+            if mismatch := rate_mismatch(stamps_ns, self._bit_s):
+                return f'{mismatch}: set --bit-period to how long the markers hold a bit [s]'
+        return ''
+
+    def _with_zones(self, snapshot: Snapshot, detector: EvidenceDetector, now_ns: int) -> Snapshot:
+        """Add zones, bits and readings."""
+        newest = self._frames[-1]
+        since_ns = newest.stamp_ns - round(_KEPT_BITS * self._bit_s * 1e9)
+        recent = Recording.of([frame for frame in self._frames if frame.stamp_ns > since_ns])
+        samples = placed(recent, len(recent), self._bit_s)
+        view = View.of(samples, np.arange(newest.grid.zones))
+        ambient = float(np.median(newest.ambient))
+        law = NoiseLaw().lit(max(ambient, 0.0) if math.isfinite(ambient) else 0.0)
+        blinking = modulation_db(view, law)
+        if self._asked is None:
+            most = int(blinking.argmax())
+            if blinking[most] < BLINKING_DB:
+                self._chosen = None
+            elif self._chosen is None or blinking[most] > blinking[self._chosen] + _MORE_DB:
+                self._chosen = most
+        zone = self._chosen
+        readings = [
+            LastReading(detection, (now_ns - detection.stamp_ns) * 1e-9, self._times[identity])
+            for identity, detection in self._last.items()
+        ]
+        return replace(
+            snapshot,
+            frame=newest,
+            modulation_db=blinking,
+            zone=zone,
+            bits=None if zone is None else self._bits.read(view.only(zone), law),
+            least_correlation=correlation_threshold(PACKET_SAMPLES, detector.chance[1]),
+            readings=readings,
+            rejected=detector.counts.rejected,
+        )
+
+
+@contextmanager
+def _display(output: TextIO) -> Iterator[Callable[[Snapshot], None]]:
+    """Give what shows a snapshot: on the whole screen of a terminal, else as a line of a log."""
+    if not is_screen(output):
+        yield lambda snapshot: print(line(snapshot), file=output, flush=True)
+        return
+    symbols = Symbols.of(output.encoding)
+
+    def draw(snapshot: Snapshot) -> None:
+        columns, rows = shutil.get_terminal_size()
+        lines = [text[:columns] for text in screen(snapshot, symbols)[:rows]]
+        # Home; each line and the end of the one before; then the rest of the screen.
+        output.write('\x1b[H' + '\x1b[K\r\n'.join(lines) + '\x1b[J')
+        output.flush()
+
+    output.write('\x1b[?25l\x1b[2J')  # no cursor, no text
+    try:
+        yield draw
+    finally:
+        output.write('\r\n\x1b[?25h')
+        output.flush()
+
+
+def is_screen(output: TextIO) -> bool:
+    """Tell whether an output is a terminal that can be drawn on."""
+    return output.isatty() and os.environ.get('TERM', 'dumb') != 'dumb'
+
+
+def watch(
+    port: str,
+    output: TextIO,
+    *,
+    baud: int,
+    protocol: str,
+    zone: int | None,
+    bit_period_s: float,
+    duration_s: float | None,
+) -> None:
+    """Show what a sensor sees until the duration is over, or KeyboardInterrupt.
+
+    Parameters
+    ----------
+    port : str
+        Its device.
+    output : text stream
+        Where to show it: in pictures on a terminal, else in lines.
+    baud : int
+        Speed of the line [bit/s].
+    protocol : str
+        One of `PROTOCOLS`.
+    zone : int or None
+        Whose bits to show; None = those of the zone that blinks most.
+    bit_period_s : float
+        How long a marker holds a bit [s].
+    duration_s : float or None
+        When to end [s]; None = never.
+
+    Raises
+    ------
+    ValueError
+        If the sensor has no such zone.
+    """
+    arrived: SimpleQueue[tuple[list[Frame], int] | Exception] = SimpleQueue()
+    stop = Event()
+    source = SerialSource(port, baud, PROTOCOLS[protocol](time.monotonic_ns), time.monotonic_ns)
+
+    def read() -> None:
+        try:
+            source.run(lambda frames, at_ns: arrived.put((frames, at_ns)), lambda _: None, stop)
+        except Exception as error:  # it must not end unheard
+            arrived.put(error)
+
+    state = Watch(source, zone, bit_period_s)
+    thread = Thread(target=read, daemon=True)
+    thread.start()
+    interval_s = _SCREEN_S if is_screen(output) else _LINE_S
+    begin_s = time.monotonic()
+    end_s = math.inf if duration_s is None else begin_s + duration_s
+    due_s = min(begin_s + interval_s, end_s)
+    try:
+        with _display(output) as show:
+            while True:
+                with suppress(Empty):
+                    news = arrived.get(timeout=max(due_s - time.monotonic(), 0.0))
+                    if isinstance(news, Exception):
+                        raise news
+                    state.take(*news)
+                now_s = time.monotonic()
+                if now_s >= due_s:
+                    show(state.snapshot())
+                    if now_s >= end_s:
+                        return
+                    due_s = min(now_s + interval_s, end_s)
+    finally:
+        stop.set()
+        thread.join()
