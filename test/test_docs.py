@@ -36,7 +36,7 @@ GUIDES = [DOCS / f'{name}.md' for name in ('hardware', 'choosing', 'troubleshoot
 JUDGE = ROOT / 'retrolidar_ros' / 'detector' / 'judge.py'
 # What the guides name that is not ours.
 FOREIGN = {'map', 'base_link', '--clock', '--once', 'OPENBLAS_NUM_THREADS=1', 'id', 'header.stamp'}
-PROGRAMS = ('ros2 ', 'ls ', 'python3 ', 'xxd ', 'retrolidar ')
+PROGRAMS = ('ros2 ', 'ls ', 'make ', 'python3 ', 'xxd ', 'retrolidar ')
 
 
 def name_of(path: Path) -> str:
@@ -191,6 +191,21 @@ def topics() -> set[str]:
     )
 
 
+@cache
+def sketches() -> str:
+    """Return the code of both sketches."""
+    paths = sorted((ROOT / 'firmware').glob('*/*.ino'))
+    return '\n'.join(path.read_text(encoding='utf-8') for path in paths)
+
+
+def is_in_a_sketch(quoted: str) -> bool:
+    """Tell whether a sketch has a constant of that name, or says it with … for what varies."""
+    if re.search(rf'\b{re.escape(quoted)} = ', sketches()):
+        return True
+    said = re.findall(r'"([^"\n]+)"', sketches())
+    return all(any(part.strip() in text for text in said) for part in quoted.split('…'))
+
+
 @pytest.mark.parametrize('guide', GUIDES, ids=name_of)
 def test_what_stands_in_backticks_exists(guide: Path) -> None:
     strange = [
@@ -201,6 +216,7 @@ def test_what_stands_in_backticks_exists(guide: Path) -> None:
             or span.startswith(PROGRAMS)
             or is_path(span)
             or is_said(span)
+            or is_in_a_sketch(span)
         )
     ]
     assert not strange
@@ -322,3 +338,12 @@ def test_bytes_of_a_frame(shape: str, zones: int) -> None:
 
 def test_no_chosen_id_is_one_that_looks_like_a_gap() -> None:
     assert not {1, 4094} & set(choose_ids(314, 8)[0].tolist())
+
+
+def test_the_pins_of_the_wiring_tables_are_those_of_the_sketches() -> None:
+    rows = re.findall(
+        r'^\| (\w+) \| `(\w+_PIN)` \|', (ROOT / 'docs/hardware.md').read_text('utf-8'), re.M
+    )
+    assert sorted((name, pin) for pin, name in rows) == sorted(
+        re.findall(r'(\w+_PIN) = (\w+)', sketches())
+    )
