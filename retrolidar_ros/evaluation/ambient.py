@@ -153,8 +153,9 @@ def draw(figures: dict[str, Any], path: Path) -> None:
             )
         axis.axhline(80, color='0.6', linewidth=0.8)
         axis.set_ylim(-2, 103)
+        axis.set_xlim(0.3, None)  # room for the legend
         axis.set_xlabel('distance of a marker of 3 cm [m]')
         axis.set_ylabel('lone packets identified [%]')
         axis.set_title(method, fontsize=12)
-        axis.legend(fontsize=9, loc='lower left')
+        axis.legend(fontsize=9, loc='upper left', bbox_to_anchor=(0.02, 0.6))
     figure.savefig(path)
