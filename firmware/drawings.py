@@ -122,11 +122,12 @@ def draw_reader(path: Path) -> None:
         ('MISO', 'SPI MISO', '-|>'),
         ('SELECT', 'SPI select', '<|-'),
         ('POWER', 'power enable', '<|-'),
+        ('LPN', 'enable (LPn)', '<|-'),
         ('INTERRUPT', 'frame ready', '-|>'),
     )
     for row, (name, label, style) in enumerate(wires):
-        share = 0.78 - 0.142 * row
-        color = POWER if name == 'POWER' else SIGNAL
+        share = 0.79 - 0.121 * row
+        color = POWER if name in ('POWER', 'LPN') else SIGNAL
         join(axes, sensor.side('right', share), board.side('left', share), label, color, style)
         x, y = board.side('left', share)
         axes.text(x + 0.08, y, pin[name], va='center', fontsize=9, weight='bold', color=color)

@@ -35,7 +35,16 @@ PAGES = [ROOT / 'README.md', *sorted(DOCS.rglob('*.md'))]
 GUIDES = [DOCS / f'{name}.md' for name in ('hardware', 'choosing', 'troubleshooting')]
 JUDGE = ROOT / 'retrolidar_ros' / 'detector' / 'judge.py'
 # What the guides name that is not ours.
-FOREIGN = {'map', 'base_link', '--clock', '--once', 'OPENBLAS_NUM_THREADS=1', 'id', 'header.stamp'}
+FOREIGN = {
+    'map',
+    'base_link',
+    '--clock',
+    '--once',
+    'OPENBLAS_NUM_THREADS=1',
+    'id',
+    'header.stamp',
+    ',upload_method=OpenOCDSTLink',
+}
 PROGRAMS = ('ros2 ', 'ls ', 'make ', 'python3 ', 'xxd ', 'retrolidar ')
 
 

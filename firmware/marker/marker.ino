@@ -1,12 +1,13 @@
 // Copyright 2026 retrolidar_ros contributors
 // SPDX-License-Identifier: Apache-2.0
 //
-// The marker, on a NUCLEO-L031K6 or another small STM32: two pins to the driver of the liquid
-// crystal, the comparator's output, and a pin that powers the amplifiers.
+// The marker, on a NUCLEO-L031K6: two pins to the driver of the liquid crystal, the comparator's
+// output, and a pin that powers the amplifiers.
 //
-// Libraries: STM32duino Low Power 1.4.0 with STM32duino RTC 1.8.0, and ../core.
+// Libraries: STM32duino Low Power 1.5.0 with STM32duino RTC 1.9.0, and ../core.
 
 #include <EEPROM.h>
+#include <IWatchdog.h>
 #include <STM32LowPower.h>
 #include <retrolidar_command.h>
 #include <retrolidar_drive.h>
@@ -21,15 +22,18 @@ constexpr uint32_t FIRST_PIN = D9, SECOND_PIN = D10; // electrodes, through driv
 constexpr uint32_t FRONTEND_PIN = D3;                // powers photodiode, amplifiers, comparator
 constexpr uint32_t LIGHT_PIN = D2;                   // comparator; tied high, the marker always sends
 
-// The comparator is asked every SAMPLE_US of a look. Its circuit needs 0.4 ms to answer, so of 20
-// samples 12 can be high.
+// A look of 1 ms begins with what the circuit needs to come up and to answer; what it says until then
+// tells nothing. Then the comparator is asked every SAMPLE_US.
+constexpr uint32_t SETTLE_US = 400;
 constexpr uint32_t SAMPLE_US = 50;
 constexpr rl_wakeup_settings WAKEUP = {
     99000, // sleep [us]
-    1000,  // look [us]
+    600,   // look [us]: 12 samples
     6,     // samples with light that wake
     3,     // so many fewer keep it awake
 };
+// A program that hangs in a dark bit would leave direct voltage on the crystal. Sleeps are shorter.
+constexpr uint32_t WATCHDOG_US = 2000000;
 
 constexpr uint32_t CONSOLE_BAUD = 115200;
 constexpr uint32_t LISTEN_MS = 5000;
@@ -43,6 +47,10 @@ static rl_drive drive;
 static rl_wakeup wakeup;
 static uint16_t id;
 static volatile bool sending;
+
+// The library waits for 10 ms, at full speed, after every deep sleep: ten times as long as a look.
+// Nothing else that is used here waits in this way.
+extern "C" void HAL_Delay(uint32_t) {}
 
 // The pin that goes low goes first: both high would short nothing, but both low is the rest state.
 static void on_half_period()
@@ -102,9 +110,11 @@ static void listen()
         last_ms = millis();
         const char typed = static_cast<char>(Serial.read());
         if (typed != '\r' && typed != '\n') {
-            // What is too long for the line is none of the commands, and stays so.
-            line[length] = typed;
-            length += length < sizeof line - 1;
+            if (length < sizeof line - 1) {
+                line[length++] = typed;
+            } else {
+                line[0] = '?'; // too long to be a command, even if its beginning is one
+            }
         } else if (length > 0) {
             line[length] = '\0';
             length = 0;
@@ -118,6 +128,7 @@ static void look()
 {
     uint16_t lit = 0;
     digitalWrite(FRONTEND_PIN, HIGH);
+    delayMicroseconds(SETTLE_US);
     do {
         delayMicroseconds(SAMPLE_US);
         lit += digitalRead(LIGHT_PIN) == HIGH;
@@ -131,6 +142,7 @@ static void send()
     half_period.setCount(0);
     half_period.resume();
     while (sending) {
+        IWatchdog.reload();
         __WFI(); // until the next interrupt
     }
     half_period.pause();
@@ -143,7 +155,7 @@ void setup()
         pinMode(pin, OUTPUT);
         digitalWrite(pin, LOW);
     }
-    pinMode(LIGHT_PIN, INPUT);
+    pinMode(LIGHT_PIN, INPUT_PULLDOWN); // no circuit, no light
     load_id();
     listen();
 
@@ -152,14 +164,24 @@ void setup()
     half_period.setOverflow(HALF_PERIOD_US, MICROSEC_FORMAT);
     half_period.attachInterrupt(on_half_period);
     rl_wakeup_start(&wakeup, &WAKEUP);
+    IWatchdog.begin(WATCHDOG_US);
+}
+
+static void sleep_until_next_look()
+{
+    // Its tick would end the deep sleep at once where a debugger has left the clocks running.
+    HAL_SuspendTick();
+    LowPower.deepSleep(WAKEUP.sleep_us / 1000);
+    HAL_ResumeTick();
+    rl_wakeup_step(&wakeup, WAKEUP.sleep_us, 0);
 }
 
 void loop()
 {
+    IWatchdog.reload();
     switch (wakeup.mode) {
     case RL_SLEEP:
-        LowPower.deepSleep(WAKEUP.sleep_us / 1000);
-        rl_wakeup_step(&wakeup, WAKEUP.sleep_us, 0);
+        sleep_until_next_look();
         break;
     case RL_DETECT:
         look();

@@ -25,13 +25,17 @@ constexpr uint32_t BAUD = 460800;
 
 // As the X-NUCLEO-53L8A1 wires its sensor.
 constexpr uint32_t MOSI_PIN = D4, MISO_PIN = D5, CLOCK_PIN = D3, SELECT_PIN = D10;
-constexpr uint32_t POWER_PIN = D11, INTERRUPT_PIN = A2;
+constexpr uint32_t POWER_PIN = D11, LPN_PIN = A3, INTERRUPT_PIN = A2;
+
+// The driver checks neither.
+static_assert(ROWS == 4 || ROWS == 8, "the sensor has 4x4 or 8x8 zones");
+static_assert(RATE_HZ <= (ROWS == 4 ? 60 : 15), "the sensor is not as fast");
 
 constexpr uint8_t ZONES = ROWS * ROWS;
 constexpr uint32_t FRAME_US = 1000000 / RATE_HZ;
 
 static SPIClass bus(MOSI_PIN, MISO_PIN, CLOCK_PIN);
-static VL53L8CX sensor(&bus, SELECT_PIN);
+static VL53L8CX sensor(&bus, SELECT_PIN, LPN_PIN);
 // Of 32 bits, and used by nothing else. It never stops, so it is the sensor's clock.
 static HardwareTimer clock_us(TIM5);
 
@@ -72,7 +76,7 @@ void setup()
     bus.begin();
     sensor.begin();
     require(sensor.init(), "start");
-    require(sensor.set_resolution(ZONES), "resolution"); // before the rate, whose limit it sets
+    require(sensor.set_resolution(ZONES), "resolution"); // before the rate, whose meaning it sets
     require(sensor.set_ranging_frequency_hz(RATE_HZ), "rate");
     require(sensor.set_ranging_mode(VL53L8CX_RANGING_MODE_CONTINUOUS), "mode");
     // A dark marker must be able to fall behind the wall behind it.

@@ -2,51 +2,83 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "arduino_host.h"
 
+#include <cstdio>
+#include <cstdlib>
 #include <cstring>
 
 #include "EEPROM.h"
+#include "IWatchdog.h"
 #include "STM32LowPower.h"
 
 World world;
 HardwareSerial Serial;
 EEPROMClass EEPROM = {};
 STM32LowPower LowPower;
+IWatchdogClass IWatchdog;
 TIM_TypeDef *const TIM2 = nullptr;
 TIM_TypeDef *const TIM5 = nullptr;
 
+constexpr uint32_t TIMER_HZ = 84000000;
 // A sketch has one timer.
 static struct {
     bool runs;
-    uint32_t period_us;
+    uint32_t prescaler = 1;
+    uint64_t period_ticks = 1ull << 32;
     uint64_t next_us;
     std::function<void()> callback;
+
+    uint64_t ticks() const { return world.now_us * (TIMER_HZ / 1000000) / prescaler; }
+    uint64_t period_us() const { return period_ticks * prescaler / (TIMER_HZ / 1000000); }
 } timer;
-static uint32_t levels[32];
+static struct {
+    uint64_t timeout_us;
+    uint64_t reloaded_us;
+} watchdog;
+static bool tick_runs = true;
+static bool low_power_is_ready;
+
+void demand(bool is_so, const char *what)
+{
+    if (!is_so) {
+        std::fflush(stdout);
+        std::fprintf(stderr, "%s\n", what);
+        std::exit(4);
+    }
+}
 
 void World::pass(uint64_t microseconds)
 {
     const uint64_t end_us = now_us + microseconds;
     while (timer.runs && timer.callback && timer.next_us <= end_us) {
         now_us = timer.next_us;
-        timer.next_us += timer.period_us;
+        timer.next_us += timer.period_us();
         timer.callback();
     }
     now_us = end_us;
+    demand(watchdog.timeout_us == 0 || now_us - watchdog.reloaded_us < watchdog.timeout_us,
+           "the watchdog was not reloaded in time");
 }
 
-void pinMode(uint32_t, uint32_t) {}
+void pinMode(uint32_t pin, uint32_t mode) { world.modes[pin] = mode; }
 void digitalWrite(uint32_t pin, uint32_t value)
 {
-    levels[pin] = value;
+    demand(world.modes[pin] == OUTPUT, "a pin is written that is no output");
+    world.levels[pin] = value;
     world.on_pin(pin, value);
 }
 int digitalRead(uint32_t pin)
 {
-    return pin == LED_BUILTIN ? static_cast<int>(levels[pin]) : world.level(pin);
+    if (world.modes[pin] == OUTPUT) {
+        return static_cast<int>(world.levels[pin]);
+    }
+    demand(world.modes[pin] != INPUT, "an input without a circuit would float");
+    return world.level(pin);
 }
 uint32_t digitalPinToInterrupt(uint32_t pin) { return pin; }
-void attachInterrupt(uint32_t, std::function<void()> callback, uint32_t)
+void attachInterrupt(uint32_t pin, std::function<void()> callback, uint32_t mode)
 {
+    world.interrupt_pin = pin;
+    world.interrupt_edge = mode;
     world.on_interrupt = callback;
 }
 void noInterrupts() {}
@@ -60,12 +92,17 @@ uint32_t millis()
 }
 void __WFI()
 {
-    world.waited_us += timer.next_us - world.now_us;
-    world.pass(timer.next_us - world.now_us);
+    demand(timer.runs, "nothing would end the waiting");
+    const uint64_t until_us = timer.next_us - world.now_us;
+    world.waited_us += until_us;
+    world.pass(until_us);
 }
+__attribute__((weak)) void HAL_Delay(uint32_t milliseconds) { delay(milliseconds); }
+void HAL_SuspendTick() { tick_runs = false; }
+void HAL_ResumeTick() { tick_runs = true; }
 
-void HardwareSerial::begin(unsigned long) {}
-void HardwareSerial::end() {}
+void HardwareSerial::begin(unsigned long baud) { world.baud = baud; }
+void HardwareSerial::end() { world.baud = 0; }
 int HardwareSerial::available() { return static_cast<int>(world.typed.size()); }
 int HardwareSerial::read()
 {
@@ -77,6 +114,7 @@ int HardwareSerial::availableForWrite() { return world.writable(); }
 size_t HardwareSerial::write(uint8_t byte) { return write(&byte, 1); }
 size_t HardwareSerial::write(const uint8_t *bytes, size_t count)
 {
+    demand(world.baud != 0, "the serial line is not open");
     world.on_serial(bytes, count);
     return count;
 }
@@ -91,18 +129,40 @@ void HardwareTimer::pause() { timer.runs = false; }
 void HardwareTimer::resume()
 {
     timer.runs = true;
-    timer.next_us = world.now_us + timer.period_us;
+    timer.next_us = world.now_us + timer.period_us();
 }
-void HardwareTimer::setPrescaleFactor(uint32_t) {}
-void HardwareTimer::setOverflow(uint32_t value, TimerFormat_t) { timer.period_us = value; }
+void HardwareTimer::setPrescaleFactor(uint32_t prescaler) { timer.prescaler = prescaler; }
+void HardwareTimer::setOverflow(uint32_t value, TimerFormat_t format)
+{
+    const uint64_t per_us = TIMER_HZ / 1000000;
+    timer.period_ticks = format == TICK_FORMAT       ? value
+                         : format == MICROSEC_FORMAT ? value * per_us / timer.prescaler
+                                                     : TIMER_HZ / timer.prescaler / value;
+}
 void HardwareTimer::setCount(uint32_t, TimerFormat_t) {}
-uint32_t HardwareTimer::getCount(TimerFormat_t) { return static_cast<uint32_t>(world.now_us); }
-uint32_t HardwareTimer::getTimerClkFreq() { return 84000000; }
+uint32_t HardwareTimer::getCount(TimerFormat_t)
+{
+    demand(timer.runs, "a timer is read that stands still");
+    return static_cast<uint32_t>(timer.ticks() % timer.period_ticks);
+}
+uint32_t HardwareTimer::getTimerClkFreq() { return TIMER_HZ; }
 void HardwareTimer::attachInterrupt(std::function<void()> callback) { timer.callback = callback; }
 
-void STM32LowPower::begin() {}
+void STM32LowPower::begin() { low_power_is_ready = true; }
 void STM32LowPower::deepSleep(uint32_t milliseconds)
 {
-    world.deep_sleep_us += uint64_t{1000} * milliseconds;
-    delay(milliseconds);
+    demand(low_power_is_ready, "deep sleep was not begun");
+    demand(world.baud == 0, "the serial line would keep the processor awake");
+    // As version 1.5.0: the tick ends it early where a debugger was, and it waits afterwards.
+    const uint32_t slept = tick_runs ? 1 : milliseconds;
+    world.deep_sleep_us += uint64_t{1000} * slept;
+    delay(slept);
+    HAL_Delay(10);
 }
+
+void IWatchdogClass::begin(uint32_t timeout_us)
+{
+    watchdog.timeout_us = timeout_us;
+    reload();
+}
+void IWatchdogClass::reload() { watchdog.reloaded_us = world.now_us; }

@@ -22,7 +22,7 @@ static unsigned long long number(void)
 
 static void drive(void)
 {
-    struct rl_drive state;
+    struct rl_drive state = {0};
     uint16_t id = (uint16_t)number();
     uint16_t packets = (uint16_t)number();
     if (!rl_drive_start(&state, id, packets, (uint16_t)number())) {
@@ -31,6 +31,10 @@ static void drive(void)
     }
     for (;;) {
         enum rl_electrodes electrodes = rl_drive_tick(&state);
+        if (state.busy && rl_drive_start(&state, id, 1, 2)) {
+            puts("started twice");
+            return;
+        }
         if (!state.busy) {
             break;
         }

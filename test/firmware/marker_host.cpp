@@ -4,7 +4,9 @@
 // Runs the marker's sketch: marker_host SECONDS LIGHT_FROM_US LIGHT_UNTIL_US [TYPED...]
 // Prints a line for each change of a pin: time [us], pin, level; what is said on the serial line,
 // after a #; and at the end, after a $, how long the processor slept deeply and waited [us]. Each
-// TYPED is a line on the console at the beginning.
+// TYPED is a line on the console at the beginning. KEPT_ID in the environment is in the memory from
+// an earlier run; ERASED is the byte that it holds otherwise. For TRANSIENT_US after it gets power,
+// the comparator says that there is light.
 #include "../../firmware/marker/marker.ino"
 
 #include <cstdio>
@@ -12,8 +14,19 @@
 
 #include "arduino_host.h"
 
+static uint64_t setting(const char *name)
+{
+    const char *text = std::getenv(name);
+    return text == nullptr ? 0 : std::strtoull(text, nullptr, 10);
+}
+
 int main(int count, char **arguments)
 {
+    const uint64_t transient_us = setting("TRANSIENT_US");
+    std::memset(EEPROM.bytes, static_cast<int>(setting("ERASED")), sizeof EEPROM.bytes);
+    if (setting("KEPT_ID") != 0) {
+        EEPROM.put(0, static_cast<uint16_t>(setting("KEPT_ID")));
+    }
     const uint64_t end_us = 1000000 * std::strtoull(arguments[1], nullptr, 10);
     const uint64_t from_us = std::strtoull(arguments[2], nullptr, 10);
     const uint64_t until_us = std::strtoull(arguments[3], nullptr, 10);
@@ -33,8 +46,9 @@ int main(int count, char **arguments)
     };
     world.level = [&](uint32_t pin) {
         // The comparator answers 0.4 ms after it has power (paper section 5).
-        return pin == LIGHT_PIN && levels[FRONTEND_PIN] == HIGH && world.now_us >= powered_us + 400 &&
-               world.now_us >= from_us && world.now_us < until_us;
+        const uint64_t for_us = world.now_us - powered_us;
+        const bool is_lit = world.now_us >= from_us && world.now_us < until_us && for_us >= 400;
+        return pin == LIGHT_PIN && levels[FRONTEND_PIN] == HIGH && (is_lit || for_us < transient_us);
     };
     world.on_serial = [&](const uint8_t *bytes, size_t size) {
         std::printf("#%.*s\n", static_cast<int>(size), reinterpret_cast<const char *>(bytes));

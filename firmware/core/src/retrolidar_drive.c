@@ -5,7 +5,7 @@
 
 bool rl_drive_start(struct rl_drive *drive, uint16_t id, uint16_t packets, uint16_t ticks_per_bit)
 {
-    if (ticks_per_bit == 0 || ticks_per_bit % 2 != 0) {
+    if (drive->busy || ticks_per_bit == 0 || ticks_per_bit % 2 != 0) {
         return false;
     }
     rl_schedule_start(&drive->schedule, rl_packet(id), packets);

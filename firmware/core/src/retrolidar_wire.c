@@ -36,7 +36,7 @@ static void put(struct encoder *encoder, uint64_t value, uint8_t bytes)
 {
     for (; bytes > 0; bytes--, value >>= 8) {
         uint8_t byte = (uint8_t)value;
-        encoder->crc ^= (uint16_t)(byte << 8);
+        encoder->crc ^= (uint16_t)((uint16_t)byte << 8);
         for (uint8_t bit = 0; bit < 8; bit++) {
             uint16_t carry = (encoder->crc & 0x8000u) ? 0x1021u : 0u;
             encoder->crc = (uint16_t)((uint16_t)(encoder->crc << 1) ^ carry);

@@ -10,9 +10,9 @@
 #include <functional>
 
 enum { LOW, HIGH };
-enum { INPUT, OUTPUT, INPUT_PULLUP };
+enum { INPUT, OUTPUT, INPUT_PULLUP, INPUT_PULLDOWN };
 enum { CHANGE = 1, FALLING, RISING };
-enum : uint32_t { D2 = 2, D3, D4, D5, D9 = 9, D10, D11, LED_BUILTIN = 13, A2 = 16 };
+enum : uint32_t { D2 = 2, D3, D4, D5, D9 = 9, D10, D11, LED_BUILTIN = 13, A2 = 16, A3 };
 
 void pinMode(uint32_t pin, uint32_t mode);
 void digitalWrite(uint32_t pin, uint32_t value);
@@ -25,6 +25,11 @@ void delay(uint32_t milliseconds);
 void delayMicroseconds(uint32_t microseconds);
 uint32_t millis();
 void __WFI();
+extern "C" {
+void HAL_Delay(uint32_t milliseconds);
+void HAL_SuspendTick();
+void HAL_ResumeTick();
+}
 
 class HardwareSerial {
 public:
