@@ -161,14 +161,14 @@ def draw_marker(path: Path) -> None:
     join(axes, last.side('right'), compare.side('left'))
     join(axes, (0.81, 4.55), (0.81, top + 0.95), "the sensor's light", LIGHT)
 
-    processor = put(axes, Box(4.3, 0.3, 2.3, 1.75), 'NUCLEO-L031K6', 'or another small STM32', MARK)
+    processor = put(axes, Box(4.3, 0.45, 2.3, 1.75), 'NUCLEO-L031K6', 'or another STM32', MARK)
     x, y = compare.side('bottom', 0.25)
-    axes.plot([x, x], [y, 1.45], color=SIGNAL, linewidth=1.4)
-    join(axes, (x, 1.45), processor.side('right', (1.45 - 0.3) / 1.75))
+    axes.plot([x, x], [y, 1.6], color=SIGNAL, linewidth=1.4)
+    join(axes, (x, 1.6), processor.side('right', (1.6 - 0.45) / 1.75))
     axes.text(
-        6.5, 1.45, pin['LIGHT'], ha='right', va='center', fontsize=9, weight='bold', color=SIGNAL
+        6.5, 1.6, pin['LIGHT'], ha='right', va='center', fontsize=9, weight='bold', color=SIGNAL
     )
-    axes.text(7.05, 1.48, 'light', ha='center', va='bottom', fontsize=9, color=SIGNAL)
+    axes.text(7.05, 1.63, 'light', ha='center', va='bottom', fontsize=9, color=SIGNAL)
 
     start = processor.side('top', 0.12)
     join(axes, start, (start[0], top - 0.2), f'{pin["FRONTEND"]}: power while looking', POWER)
@@ -178,18 +178,22 @@ def draw_marker(path: Path) -> None:
 
     driver = put(
         axes,
-        Box(2.3, 0.3, 1.15, 1.75),
+        Box(2.3, 0.45, 1.15, 1.75),
         'Driver',
         'two gates\nof 5 V, such\nas 74AHCT\n\npull-downs',
     )
-    crystal = put(axes, Box(0.2, 0.3, 1.2, 1.75), 'Liquid\ncrystal', 'electrodes')
+    axes.text(2.875, 0.12, '5 V, GND', ha='center', va='center', fontsize=9, color=POWER)
+    join(axes, (2.875, 0.2), driver.side('bottom'), '', POWER)
+    axes.text(5.45, 0.12, '3.3 V, GND', ha='center', va='center', fontsize=9, color=POWER)
+    join(axes, (5.45, 0.2), processor.side('bottom'), '', POWER)
+    crystal = put(axes, Box(0.2, 0.45, 1.2, 1.75), 'Liquid\ncrystal', 'electrodes')
     for name, label, share in (('FIRST', 'first', 0.55), ('SECOND', 'second', 0.2)):
         join(axes, processor.side('left', share), driver.side('right', share), label)
         join(axes, driver.side('left', share), crystal.side('right', share), '0 or 5 V')
         x, y = processor.side('left', share)
         axes.text(x + 0.08, y, pin[name], va='center', fontsize=9, weight='bold', color=SIGNAL)
     join(
-        axes, (8.45, 0.65), processor.side('right', 0.2), 'USB: the ID is set here', SIGNAL, '<|-|>'
+        axes, (8.45, 0.8), processor.side('right', 0.2), 'USB: the ID is set here', SIGNAL, '<|-|>'
     )
     figure.savefig(path, dpi=DPI)
 

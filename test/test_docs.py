@@ -45,7 +45,7 @@ FOREIGN = {
     'header.stamp',
     ',upload_method=OpenOCDSTLink',
 }
-PROGRAMS = ('ros2 ', 'ls ', 'make ', 'python3 ', 'xxd ', 'retrolidar ')
+PROGRAMS = ('ros2 ', 'ls ', 'make ', 'python3 ', 'xxd ', 'retrolidar ', 'stty ')
 
 
 def name_of(path: Path) -> str:

@@ -169,7 +169,7 @@ void setup()
 
 static void sleep_until_next_look()
 {
-    // Its tick would end the deep sleep at once where a debugger has left the clocks running.
+    // The tick would end it at once where a debugger has left the clocks running.
     HAL_SuspendTick();
     LowPower.deepSleep(WAKEUP.sleep_us / 1000);
     HAL_ResumeTick();
