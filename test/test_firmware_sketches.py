@@ -207,6 +207,8 @@ class Marker(NamedTuple):
     said: str
     deep_sleep_us: int
     waited_us: int
+    kept_id: int
+    """In the memory that outlives a reset."""
 
     def high_us(self, pin: int) -> IntArray:
         """Return from when to when a pin was high, shape (times, 2)."""
@@ -236,9 +238,9 @@ def run_marker(
         .split('\n')
     )
     events = [list(map(int, line.split())) for line in lines if re.match(r'\d', line)]
-    deep_sleep_us, waited_us = map(int, next(x for x in lines if x[:1] == '$')[1:].split())
+    deep_sleep_us, waited_us, kept_id = map(int, next(x for x in lines if x[:1] == '$')[1:].split())
     said = ''.join(line[1:] for line in lines if line[:1] == '#')
-    return Marker(np.array(events).reshape(-1, 3), said, deep_sleep_us, waited_us)
+    return Marker(np.array(events).reshape(-1, 3), said, deep_sleep_us, waited_us, kept_id)
 
 
 def bits_sent(marker: Marker) -> IntArray:
@@ -338,6 +340,7 @@ def test_its_id_is_set_over_the_serial_line(
 ) -> None:
     marker = run_marker(programs, 12, 6_000_000, 6_100_000, typed)
     assert said in marker.said
+    assert marker.kept_id == (marker_id if 'is kept' in said else 0)
     np.testing.assert_array_equal(bits_sent(marker)[:31], packet(marker_id))
 
 

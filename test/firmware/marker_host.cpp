@@ -3,7 +3,7 @@
 //
 // Runs the marker's sketch: marker_host SECONDS LIGHT_FROM_US LIGHT_UNTIL_US [TYPED...]
 // Prints a line for each change of a pin: time [us], pin, level; what is said on the serial line,
-// after a #; and at the end, after a $, how long the processor slept deeply and waited [us]. Each
+// after a #; and at the end, after a $, how long the processor slept deeply and waited [us], and the ID in its memory. Each
 // TYPED is a line on the console at the beginning. KEPT_ID in the environment is in the memory from
 // an earlier run; ERASED is the byte that it holds otherwise. For TRANSIENT_US after it gets power,
 // the comparator says that there is light.
@@ -56,6 +56,7 @@ int main(int count, char **arguments)
     for (setup(); world.now_us < end_us;) {
         loop();
     }
-    std::printf("$%llu %llu\n", static_cast<unsigned long long>(world.deep_sleep_us),
-                static_cast<unsigned long long>(world.waited_us));
+    uint16_t kept = 0;
+    std::printf("$%llu %llu %u\n", static_cast<unsigned long long>(world.deep_sleep_us),
+                static_cast<unsigned long long>(world.waited_us), EEPROM.get(0, kept));
 }
