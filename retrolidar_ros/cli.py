@@ -8,6 +8,7 @@ import argparse
 import json
 import os
 import sys
+from contextlib import suppress
 from pathlib import Path
 
 # Many threads make the detector's small matrix products slower. numpy reads this once, when it is
@@ -50,13 +51,11 @@ def _emulate(arguments: argparse.Namespace) -> int:
 
 
 def _watch(arguments: argparse.Namespace) -> int:
-    from contextlib import suppress
-
     from retrolidar_ros.interrupts import interrupted_once
     from retrolidar_ros.watch import watch
 
     with suppress(KeyboardInterrupt), interrupted_once():
-        watch(
+        frames = watch(
             arguments.port,
             sys.stdout,
             baud=arguments.baud,
@@ -65,6 +64,7 @@ def _watch(arguments: argparse.Namespace) -> int:
             bit_period_s=arguments.bit_period,
             duration_s=arguments.duration,
         )
+        return 0 if frames else 1
     return 0
 
 
@@ -170,9 +170,17 @@ def marker_ids(text: str) -> list[int]:
         raise argparse.ArgumentTypeError(message) from None
 
 
+def number_of_seconds(text: str) -> float:
+    """Parse a time in seconds."""
+    try:
+        return float(text)
+    except ValueError:
+        raise argparse.ArgumentTypeError(f'{text} is no number of seconds') from None
+
+
 def seconds(text: str) -> float:
     """Parse a duration in seconds."""
-    value = float(text)
+    value = number_of_seconds(text)
     if not value > 0:
         raise argparse.ArgumentTypeError(f'{text} is no positive number of seconds')
     return value
@@ -180,16 +188,16 @@ def seconds(text: str) -> float:
 
 def zone_index(text: str) -> int:
     """Parse the index of a zone of the largest grid."""
-    value = int(text)
-    most = max(rows * columns for rows, columns in ZONE_SHAPES) - 1
-    if not 0 <= value <= most:
-        raise argparse.ArgumentTypeError(f'{text} is no zone: they are 0 to 15, or 0 to {most}')
-    return value
+    zones = range(max(rows * columns for rows, columns in ZONE_SHAPES))
+    with suppress(ValueError):
+        if (zone := int(text)) in zones:
+            return zone
+    raise argparse.ArgumentTypeError(f'{text} is no zone: they are 0 to 15, or 0 to {zones[-1]}')
 
 
 def bit_period(text: str) -> float:
     """Parse how long a marker holds a bit in seconds."""
-    value = float(text)
+    value = number_of_seconds(text)
     least, most = BIT_PERIOD_LIMITS_S
     if not least <= value <= most:
         raise argparse.ArgumentTypeError(f'{text} s is not within {least:g} to {most:g} s')
@@ -225,7 +233,7 @@ def _parser() -> argparse.ArgumentParser:
         'watch',
         help='show live what a sensor sees, zone by zone and bit by bit',
         description='On a terminal a picture five times a second, else a line a second. Ctrl-C '
-        'ends it.',
+        'ends it. Exit code 1 if a duration ends without any frame.',
     )
     look.add_argument('port', metavar='PORT', help='device of the sensor')
     look.add_argument('--baud', type=int, default=460800, help='bit/s (default: %(default)s)')
@@ -334,6 +342,8 @@ def _parser() -> argparse.ArgumentParser:
 
 def main(arguments: list[str] | None = None) -> int:
     """Run the command; return its exit code: 2 for input that cannot be used."""
+    if sys.stdout is None:  # the shell has closed it
+        sys.stdout = open(os.devnull, 'w')  # noqa: SIM115 - until the process ends
     options = _parser().parse_args(arguments)
     try:
         code: int = options.run(options)

@@ -28,7 +28,7 @@ def explain(error: OSError, port: str) -> str:
         return f'no permission to open {port}; {_remedy(port)}'
     if error.errno in (errno.EBUSY, errno.EAGAIN):
         return f'{port} is in use by another program'
-    if error.errno == errno.ENOTTY:
+    if error.errno in (errno.ENOTTY, errno.EISDIR):
         return f'{port} is not a serial port'
     return f'{port}: {error}'
 
@@ -57,6 +57,8 @@ class SerialSource:
         self.problem = f'{port} has not been opened yet'
         """Why the port is not open; empty while it is."""
         self.openings = 0
+        self.received = 0
+        """How many bytes have come."""
 
     def run(
         self,
@@ -101,6 +103,11 @@ class SerialSource:
             line = serial.Serial(self.port, self.baud, timeout=_READ_TIMEOUT_S, exclusive=True)
         except (ValueError, termios.error) as error:  # a baud rate it cannot do; a port just gone
             raise OSError(*error.args) from error
+        except serial.SerialException as error:
+            # Of what is no terminal pyserial tells in its text only what the system has said.
+            if isinstance(error.__context__, termios.error):
+                raise OSError(*error.__context__.args) from error
+            raise
         self.reader.restart()  # ends the packet in which the port was lost
         return line
 
@@ -111,6 +118,7 @@ class SerialSource:
         while not stop.is_set():
             data = line.read(max(1, line.in_waiting))
             arrival_ns = self._now_ns()
+            self.received += len(data)
             if frames := self.reader.feed(data):
                 take(frames, arrival_ns)
             if request := self.reader.request():

@@ -24,6 +24,8 @@ SWITCH_LIGHT = b's'
 """Switches the signal and the ambient light on, or off again."""
 PATIENCE_FRAMES = 5
 """So many more frames without signal come until it is asked for again: some were on the way."""
+REQUESTS = 2
+"""So many requests are waited for before frames without signal are passed on."""
 PERIODS = 11
 """So many periods of frames are measured before one is told: odd, so the median is one of them."""
 _NEWS = 0.25  # relative change of the period that is told
@@ -160,13 +162,21 @@ def slow_text(period_s: float) -> str:
     )
 
 
+UNHEEDED = (
+    'signal and ambient light are off, and the board does not heed the key s that switches them '
+    'on: press it in a terminal, or restart the board'
+)
+
+
 class StExampleReader:
     """Finds frames in the text of ST's example, whatever the bytes are.
 
     The text has the left of the scene first, as a `Frame` has. It has neither time nor counter:
     a frame bears the host's time at the end of its last row, and `sequence` counts the frames that
-    were read. Status 9, merged, comes as 5, valid. Signal and ambient light are 0 where there is no
-    target, and everywhere until the example has switched them on, which the reader asks for.
+    were passed on. Status 9, merged, comes as 5, valid. Signal and ambient light are 0 where there
+    is no target. The example has to switch them on, which the reader asks for; a frame without them
+    is withheld meanwhile, for a step of the signal would look as if every zone blinked. Only if
+    `REQUESTS` were not heeded such frames are passed on, with 0 everywhere.
 
     There is no checksum. A table that does not fit together is dropped and counted, but a digit
     that became another one is not noticed. Memory is bounded.
@@ -198,7 +208,7 @@ class StExampleReader:
         self._lines = Splitter(_LINE_END, MAX_LINE_BYTES)
         self._table = None
         self._period = FramePeriod()
-        self._notice = ''
+        self._notices: list[str] = []
         self._dark_frames = 0
         """Frames without signal since one with it."""
         self._is_light_wanted = False
@@ -212,9 +222,9 @@ class StExampleReader:
         return SWITCH_LIGHT if is_wanted else b''
 
     def notice(self) -> str:
-        """Return what the frames' period means, when it is known and when it has changed."""
-        notice, self._notice = self._notice, ''
-        return notice
+        """Return what is news: what the frames' period means, and that there is no signal."""
+        notices, self._notices = self._notices, []
+        return '; '.join(notices)
 
     def _read_line(self, line: str) -> Frame | None:
         """Return the frame that a line completes, if it does."""
@@ -234,12 +244,18 @@ class StExampleReader:
             self._table = None
             return None
         now_us = self._now_ns() // 1000
-        frame = self._table.frame(self.counts.frames % 2**32, now_us)
-        self._ask_for_light(self._table.has_light)
-        self._table = None
-        self.counts.frames += 1
+        table, self._table = self._table, None
+        self._ask_for_light(table.has_light)
         if (period_s := self._period.take(now_us)) is not None:
-            self._notice = slow_text(period_s)
+            self._notices.append(slow_text(period_s))
+        unheeded = self._dark_frames - REQUESTS * PATIENCE_FRAMES
+        if not table.has_light and unheeded <= 0:
+            self.counts.withheld += 1
+            return None
+        if unheeded == 1:
+            self._notices.append(UNHEEDED)
+        frame = table.frame(self.counts.frames % 2**32, now_us)
+        self.counts.frames += 1
         return frame
 
     def _ask_for_light(self, has_light: bool) -> None:

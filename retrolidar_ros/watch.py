@@ -31,7 +31,15 @@ from retrolidar_ros.frame import Frame, Recording
 from retrolidar_ros.frame_rate import RATE_FRAMES, missing_frames, rate_mismatch
 from retrolidar_ros.protocols import PROTOCOLS
 from retrolidar_ros.serial_source import SerialSource
-from retrolidar_ros.watch_view import BLINKING_DB, LastReading, Snapshot, Symbols, line, screen
+from retrolidar_ros.watch_view import (
+    BLINKING_DB,
+    LastReading,
+    Snapshot,
+    Symbols,
+    fitted,
+    line,
+    screen,
+)
 
 _SCREEN_S, _LINE_S = 0.2, 1.0  # between two pictures, or two lines of a log
 # The newest samples that are kept: a packet, and what the search needs at its ends.
@@ -40,6 +48,8 @@ _KEPT_BITS = PACKET_BITS + 5
 _RATE_S = 2.0
 """Over which frames are counted for their rate."""
 _SILENCE_S = 1.0
+_NOTICE_S = 30.0
+"""How long a notice of the reader stays, unless there is worse."""
 # Another zone has to blink by so much more than that which is shown.
 _MORE_DB = 3.0
 
@@ -51,6 +61,8 @@ class _Tally(NamedTuple):
     frames: int
     damaged: int
     restarts: int
+    received: int
+    withheld: int
 
 
 class Watch:
@@ -70,10 +82,16 @@ class Watch:
         self._counted = self._lost = 0
         self._sequence: int | None = None
         self._heard_s = time.monotonic()
-        self._tallies = deque([_Tally(self._heard_s, 0, 0, 0)])
+        self._notice, self._noticed_s = '', -math.inf
+        self._tallies = deque([_Tally(self._heard_s, 0, 0, 0, 0, 0)])
 
-    def take(self, frames: list[Frame], arrival_ns: int) -> None:
-        """Take frames that arrived together.
+    @property
+    def frames(self) -> int:
+        """How many frames have come."""
+        return self._counted
+
+    def take(self, frames: list[Frame], arrival_ns: int, notice: str = '') -> None:
+        """Take frames that arrived together, and what the reader then had to tell.
 
         Raises
         ------
@@ -84,6 +102,8 @@ class Watch:
             stamp_ns = self._clock.map(frame.sensor_time_us, arrival_ns)
             self._take(replace(frame, stamp_ns=stamp_ns))
         self._heard_s = arrival_ns * 1e-9
+        if notice:
+            self._notice, self._noticed_s = notice, self._heard_s
 
     def _take(self, frame: Frame) -> None:
         grid = frame.grid
@@ -114,7 +134,14 @@ class Watch:
         now_ns = time.monotonic_ns()
         counts = self._source.reader.counts
         damaged = counts.damaged + counts.unknown_kind
-        now = _Tally(now_ns * 1e-9, self._counted, damaged, self._clock.restarts)
+        now = _Tally(
+            now_ns * 1e-9,
+            self._counted,
+            damaged,
+            self._clock.restarts,
+            self._source.received,
+            counts.withheld,
+        )
         self._tallies.append(now)
         while self._tallies[1].time_s <= now.time_s - _RATE_S:
             self._tallies.popleft()
@@ -137,14 +164,11 @@ class Watch:
             return f'{problem}; retrying'
         silence_s = now.time_s - self._heard_s
         if silence_s > _SILENCE_S:
-            reason = (
-                'what comes is no frame of this protocol, or of another --baud'
-                if now.damaged > then.damaged
-                else 'the sensor is silent: not started, or of another --baud'
-            )
-            return f'no frames come for {silence_s:.0f} s; {reason}'
+            return f'no frames come for {silence_s:.0f} s; {_reason(then, now)}'
         if now.restarts - then.restarts > 1:
             return "the sensor's clock jumps again and again; are its times in microseconds?"
+        if now.time_s - self._noticed_s < _NOTICE_S:
+            return self._notice
         if len(self._frames) >= RATE_FRAMES:
             stamps_ns = [frame.stamp_ns for frame in self._frames]
             if mismatch := rate_mismatch(stamps_ns, self._bit_s):
@@ -184,6 +208,18 @@ class Watch:
         )
 
 
+def _reason(then: _Tally, now: _Tally) -> str:
+    """Return why no frames have come since `then`."""
+    if now.withheld > then.withheld:
+        return 'those that come have no signal, which the sensor has been asked for'
+    if now.damaged > then.damaged:
+        return 'what comes is no frame of this protocol, or of another --baud'
+    if now.received > then.received:
+        protocols = ' or '.join(f'--protocol {name}' for name in PROTOCOLS)
+        return f'bytes come, but no frame ends: another --baud, {protocols}?'
+    return 'the sensor is silent: not started, or of another --baud'
+
+
 @contextmanager
 def _display(output: TextIO) -> Iterator[Callable[[Snapshot], None]]:
     """Give what shows a snapshot: on the whole screen of a terminal, else as a line of a log."""
@@ -194,7 +230,7 @@ def _display(output: TextIO) -> Iterator[Callable[[Snapshot], None]]:
 
     def draw(snapshot: Snapshot) -> None:
         columns, rows = shutil.get_terminal_size()
-        lines = [text[:columns] for text in screen(snapshot, symbols)[:rows]]
+        lines = fitted(screen(snapshot, symbols), columns, rows)
         # Home; each line and the end of the one before; then the rest of the screen.
         output.write('\x1b[H' + '\x1b[K\r\n'.join(lines) + '\x1b[J')
         output.flush()
@@ -221,7 +257,7 @@ def watch(
     zone: int | None,
     bit_period_s: float,
     duration_s: float | None,
-) -> None:
+) -> int:
     """Show what a sensor sees until the duration is over, or KeyboardInterrupt.
 
     Parameters
@@ -241,18 +277,26 @@ def watch(
     duration_s : float or None
         When to end [s]; None = never.
 
+    Returns
+    -------
+    int
+        How many frames came.
+
     Raises
     ------
     ValueError
         If the sensor has no such zone.
     """
-    arrived: SimpleQueue[tuple[list[Frame], int] | Exception] = SimpleQueue()
+    arrived: SimpleQueue[tuple[list[Frame], int, str] | Exception] = SimpleQueue()
     stop = Event()
     source = SerialSource(port, baud, PROTOCOLS[protocol](time.monotonic_ns), time.monotonic_ns)
 
+    def pass_on(frames: list[Frame], arrival_ns: int) -> None:
+        arrived.put((frames, arrival_ns, source.reader.notice()))
+
     def read() -> None:
         try:
-            source.run(lambda frames, at_ns: arrived.put((frames, at_ns)), lambda _: None, stop)
+            source.run(pass_on, lambda _: None, stop)
         except Exception as error:  # it must not end unheard
             arrived.put(error)
 
@@ -275,7 +319,7 @@ def watch(
                 if now_s >= due_s:
                     show(state.snapshot())
                     if now_s >= end_s:
-                        return
+                        return state.frames
                     due_s = min(now_s + interval_s, end_s)
     finally:
         stop.set()

@@ -19,6 +19,8 @@ from retrolidar_ros.frame import Floats, Frame
 
 COLUMNS = 80
 """Width of lines that are made to fit: of 8x8 zones they are wider."""
+ROWS = 24
+"""As many lines as 4x4 zones need when nothing is wrong."""
 BLINKING_DB = 3.0
 """A zone of less is not said to blink: noise alone may reach it."""
 _FULL_BAR_DB = 40.0
@@ -70,7 +72,7 @@ class Snapshot:
 
     port: str
     trouble: str
-    """What is wrong, and what to do about it; empty if nothing is."""
+    """What is wrong or to be known, and what to do about it; empty if nothing is."""
     rate_hz: float
     frames: int
     lost: int
@@ -93,7 +95,7 @@ class Snapshot:
 
 def screen(snapshot: Snapshot, symbols: Symbols) -> list[str]:
     """Return a picture of all that is known, in lines of at most 100 characters."""
-    lines = [f'{snapshot.port}: {_flow(snapshot)}', *_trouble(snapshot)]
+    lines = [_head(snapshot), *_trouble(snapshot)]
     if snapshot.frame is None:
         return lines
     return [
@@ -103,6 +105,16 @@ def screen(snapshot: Snapshot, symbols: Symbols) -> list[str]:
         *_bits(snapshot, symbols),
         *_readings(snapshot),
     ]
+
+
+def fitted(lines: list[str], columns: int, rows: int) -> list[str]:
+    """Return what a terminal can show of a picture, and if that is not all what size would."""
+    longest = max(map(len, lines))
+    shown = [text[:columns] for text in lines[:rows]]
+    if longest > columns or len(lines) > rows:
+        needed = f'enlarge the terminal to {max(COLUMNS, longest)}x{max(ROWS, len(lines))}'
+        shown[-1] = needed[:columns]
+    return shown
 
 
 def line(snapshot: Snapshot) -> str:
@@ -124,6 +136,14 @@ def line(snapshot: Snapshot) -> str:
             f'last ID {detection.id} at {detection.place.range_m:.3f} m, {age_s:.1f} s ago'
         )
     return '; '.join(parts)
+
+
+def _head(snapshot: Snapshot) -> str:
+    """Return the numbers, and as much of the port's end as has room behind them."""
+    flow = f'{_flow(snapshot)} at '
+    room = max(COLUMNS - len(flow), 10)
+    port = snapshot.port
+    return flow + (port if len(port) <= room else f'...{port[3 - room :]}')
 
 
 def _flow(snapshot: Snapshot) -> str:

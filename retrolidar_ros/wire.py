@@ -153,6 +153,8 @@ class WireCounts:
     unknown_kind: int = 0
     overlong: int = 0
     """More than `MAX_PACKET_BYTES`, or than a line can have, without a delimiter."""
+    withheld: int = 0
+    """Frames without signal, held back while the sensor is asked for it."""
 
     @property
     def damaged(self) -> int:
@@ -199,13 +201,16 @@ class FrameReader:
     """Finds frames in a stream of bytes, whatever the bytes are.
 
     Damage costs the packet it is in, and the next as well if it hit the delimiter between them;
-    the packet after that is read. Memory is bounded.
+    the packet after that is read. What stands before the first delimiter may be the rest of a
+    packet: it is read if it is whole, and else no damage. Memory is bounded.
     """
 
     def __init__(self) -> None:
         """Start between packets, or in the middle of one."""
         self.counts = WireCounts()
         self._packets = Splitter(DELIMITER, MAX_PACKET_BYTES)
+        self._is_in_step = False
+        """Whether the next packet is known to come from its beginning."""
 
     def feed(self, data: bytes) -> list[Frame]:
         """Take the next bytes of the stream; return the frames they complete, oldest first."""
@@ -215,11 +220,13 @@ class FrameReader:
                 self.counts.overlong += 1
             elif packet and (frame := self._read_packet(packet)) is not None:
                 frames.append(frame)
+            self._is_in_step = True
         return frames
 
     def restart(self) -> None:
         """Forget a frame that was cut off: the next bytes do not continue it."""
         self.feed(DELIMITER)
+        self._is_in_step = False
 
     def request(self) -> bytes:
         """Return nothing: the sensor is never spoken to."""
@@ -234,11 +241,11 @@ class FrameReader:
         try:
             data = cobs_decode(packet)
         except ValueError:
-            self.counts.bad_framing += 1
+            self.counts.bad_framing += self._is_in_step
             return None
         content, checksum = data[:-_CRC_BYTES], data[-_CRC_BYTES:]
         if not content or crc16(content) != int.from_bytes(checksum, 'little'):
-            self.counts.bad_crc += 1
+            self.counts.bad_crc += self._is_in_step
             return None
         if content[0] != KIND_FRAME:
             self.counts.unknown_kind += 1

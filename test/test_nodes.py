@@ -313,6 +313,34 @@ def test_the_text_of_the_example_is_published_and_its_period_warned_of(
     assert float(told[2]) == pytest.approx(int(told[1]) * 2e-3, abs=2e-3)
 
 
+def test_text_to_a_driver_that_expects_packets_is_told(
+    listener: Listener, diagnostics: Diagnostics
+) -> None:
+    health = diagnostics['/text/driver: frames']
+    stop = threading.Event()
+    with Board([Zone(700)] * 16) as board:
+        command = [executable('driver'), '--ros-args', '-r', '__ns:=/text']
+        command += ['-p', f'serial_port:={board.path}']
+        process = subprocess.Popen(command)
+        printing = threading.Thread(target=board.run, args=(stop, 0.05))
+
+        def told(pattern: str) -> bool:
+            return any(re.fullmatch(pattern, status.message) for status in health)
+
+        silence = 'the port is open, but no frames come'
+        try:
+            assert listener.spin_until(lambda: told(silence), 30.0)
+            printing.start()
+            told_of = rf'{silence}, though \d+ bytes did: another serial_baud or protocol\?'
+            assert listener.spin_until(lambda: told(told_of), 10.0)
+        finally:
+            stop.set()
+            if printing.ident is not None:
+                printing.join()
+            process.terminate()
+            process.wait(10)
+
+
 SPY = """
 import os, runpy, sys
 

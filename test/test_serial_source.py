@@ -103,6 +103,7 @@ def test_frames_come_with_the_time_of_their_arrival(
             assert frame.sequence == sequence
             np.testing.assert_array_equal(frame.signal, np.full(16, 9))
         assert reading.source.openings == 1
+        assert reading.source.received == sum(map(len, PACKETS))
         assert reading.source.reader.counts.frames == len(PACKETS)
 
 
@@ -228,19 +229,18 @@ def test_a_missing_permission_says_what_to_do(
         assert reading.report() == f'reading {link}'
 
 
-@pytest.mark.parametrize('kind', [stat.S_IFREG, stat.S_IFDIR])
+@pytest.mark.parametrize('kind', [stat.S_IFREG, stat.S_IFDIR, stat.S_IFCHR])
 def test_what_is_no_port_is_refused_in_one_line(
     link: Path, read: Callable[[Path], Reading], kind: int
 ) -> None:
     if kind == stat.S_IFDIR:
         link.mkdir()
-    else:
+    elif kind == stat.S_IFREG:
         link.write_bytes(PACKETS[0])
+    else:
+        link.symlink_to('/dev/null')
     reading = read(link)
-    report = reading.report()
-    assert report.startswith(f'{link}: ')
-    assert report.endswith('; retrying')
-    assert '\n' not in report
+    assert reading.report() == f'{link} is not a serial port; retrying'
     assert reading.frames.empty()
 
 
@@ -347,6 +347,8 @@ JOIN_DIALOUT = f'{GROUP}: sudo usermod -aG dialout $USER, and log in again'
         (errno.EACCES, f'no permission to open p; {JOIN_DIALOUT}'),
         (errno.EBUSY, 'p is in use by another program'),
         (errno.EAGAIN, 'p is in use by another program'),
+        (errno.ENOTTY, 'p is not a serial port'),
+        (errno.EISDIR, 'p is not a serial port'),
         (errno.EIO, 'p: [Errno 5] Input/output error'),
     ],
 )

@@ -1,5 +1,6 @@
 # Copyright 2026 retrolidar_ros contributors
 # SPDX-License-Identifier: Apache-2.0
+import io
 import os
 import pty
 import re
@@ -8,17 +9,19 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from fcntl import ioctl
 from pathlib import Path
 from struct import pack
 from termios import TIOCSWINSZ
+from threading import Event, Thread
 
 import numpy as np
 import pytest
 import yaml
 from numpy.typing import NDArray
+from st_board import Board, Zone
 
 from retrolidar_ros.blinking import BitReader, NewestBits, modulation_db
 from retrolidar_ros.cli import _parser, main
@@ -33,8 +36,19 @@ from retrolidar_ros.resources import shared_file
 from retrolidar_ros.scene import Scene, Simulation
 from retrolidar_ros.scene.description import Marker, Noise, Sensor, Surface
 from retrolidar_ros.serial_source import SerialSource
-from retrolidar_ros.watch import Watch
-from retrolidar_ros.watch_view import ASCII, BLOCKS, Snapshot, Symbols, line, screen
+from retrolidar_ros.watch import Watch, watch
+from retrolidar_ros.watch_view import (
+    ASCII,
+    BLOCKS,
+    COLUMNS,
+    ROWS,
+    LastReading,
+    Snapshot,
+    Symbols,
+    fitted,
+    line,
+    screen,
+)
 
 ID, ZONE = 2073, 10
 SCENE = Scene(
@@ -91,6 +105,10 @@ def watch_of(frames: list[Frame], zone: int | None = None) -> Watch:
     for one in frames:
         state.take([one], begin_ns + one.sensor_time_us * 1000)
     return state
+
+
+def known_readings() -> Sequence[LastReading]:
+    return watch_of(list(Simulation(SCENE).advance(200))).snapshot().readings
 
 
 # Bits
@@ -183,7 +201,15 @@ def test_silence_is_told_and_what_may_be_the_reason() -> None:
     assert state.snapshot().trouble == ''
     state.take([frame(ZoneGrid(), 1)], time.monotonic_ns() - 3_000_000_000)
     assert state.snapshot().trouble.startswith('no frames come for 3 s; the sensor is silent')
-    reader.feed(b'12 | 345 : 6\r\n\0')
+    source.received += 14
+    assert state.snapshot().trouble.endswith(
+        'bytes come, but no frame ends: another --baud, --protocol retrolidar or '
+        '--protocol st_example?'
+    )
+    reader.counts.withheld += 1
+    assert 'no signal, which the sensor has been asked for' in state.snapshot().trouble
+    reader.counts.withheld -= 1
+    reader.feed(b'\x0012 | 345 : 6\r\n\0')
     known = state.snapshot()
     assert known.damaged == 1
     assert 'no frame of this protocol, or of another --baud' in known.trouble
@@ -200,6 +226,44 @@ def test_a_bit_period_that_does_not_suit_the_frames_is_told() -> None:
         'a frame comes every 21.0 ms, but half of bit_period is 50.0 ms: '
         'set --bit-period to how long the markers hold a bit [s]'
     )
+
+
+def test_what_the_reader_tells_is_shown_for_a_while(monkeypatch: pytest.MonkeyPatch) -> None:
+    source = SerialSource('port', 460800, PROTOCOLS['retrolidar'](time.monotonic_ns))
+    source.problem = ''
+    state = Watch(source, None, BIT_PERIOD_S)
+    begin_ns = time.monotonic_ns()
+    state.take([frame(ZoneGrid())], begin_ns, 'slow text')
+    assert state.snapshot().trouble == 'slow text'
+    later_ns = begin_ns + 31_000_000_000
+    monkeypatch.setattr(time, 'monotonic_ns', lambda: later_ns)
+    state.take([frame(ZoneGrid(), 1)], later_ns)
+    assert state.snapshot().trouble == ''
+
+
+def test_a_still_scene_before_st_s_example_does_not_blink() -> None:
+    shown = io.StringIO()
+    stop = Event()
+    with Board([Zone(700, signal_kcps=250)] * 16) as board:
+        printing = Thread(target=board.run, args=(stop, 0.05))
+        printing.start()
+        try:
+            frames = watch(
+                board.path,
+                shown,
+                baud=460800,
+                protocol='st_example',
+                zone=None,
+                bit_period_s=0.1,
+                duration_s=3.0,
+            )
+        finally:
+            stop.set()
+            printing.join()
+    assert frames > 10
+    last = shown.getvalue().splitlines()[-1]
+    assert "ST's example sends a frame every" in last
+    assert last.endswith('no zone blinks')
 
 
 def test_lost_frames_are_counted() -> None:
@@ -311,6 +375,32 @@ def test_trouble_is_told_in_lines_that_fit() -> None:
     assert ' '.join(lines).endswith(f'! {trouble}')
 
 
+def test_the_numbers_are_before_the_port_s_end() -> None:
+    assert screen(snapshot(ZoneGrid()), ASCII)[0].endswith('0 damaged packets at port')
+    port = '/dev/serial/by-id/usb-STMicroelectronics_STM32_STLink_0672FF-if02'
+    head = screen(replace(snapshot(ZoneGrid()), port=port), ASCII)[0]
+    assert head.startswith('47.6 frames/s, 100 frames, 0 lost, 0 damaged packets at ...')
+    assert head.endswith('_0672FF-if02')
+    assert len(head) == COLUMNS
+
+
+def test_a_picture_that_is_cut_says_what_size_it_needs() -> None:
+    (detection,) = (one.detection for one in known_readings())
+    readings = [LastReading(detection, 1.0, 1)] * 3
+    lines = screen(replace(snapshot(ZoneGrid(), 9), readings=readings), ASCII)
+    assert len(lines) == ROWS
+    assert fitted(lines, 80, 24) == lines
+    assert fitted(lines, 80, 20) == [*lines[:19], 'enlarge the terminal to 80x24']
+    narrow = fitted(lines, 60, 24)
+    assert narrow[:-1] == [text[:60] for text in lines[:-1]]
+    assert narrow[-1] == 'enlarge the terminal to 80x24'
+    assert fitted(lines, 7, 1) == ['enlarge']
+    large = screen(snapshot(ZoneGrid(8, 8)), ASCII)
+    assert fitted(large, 80, 40)[-1] == f'enlarge the terminal to 95x{len(large)}'
+    troubled = screen(replace(snapshot(ZoneGrid(), 9), trouble='a ' * 79, readings=readings), ASCII)
+    assert fitted(troubled, 80, 24)[-1] == 'enlarge the terminal to 80x25'
+
+
 # The command
 
 
@@ -330,6 +420,9 @@ def test_the_defaults_are_those_of_the_nodes() -> None:
     [
         (['--zone', '64'], '64 is no zone'),
         (['--zone=-1'], '-1 is no zone'),
+        (['--zone', 'x'], 'x is no zone: they are 0 to 15, or 0 to 63'),
+        (['--bit-period', '42ms'], '42ms is no number of seconds'),
+        (['--duration', '1min'], '1min is no number of seconds'),
         (['--bit-period', '0.001'], '0.001 s is not within 0.002 to 10 s'),
         (['--bit-period', '11'], '11 s is not within'),
         (['--protocol', 'magic'], 'choose from'),
@@ -346,9 +439,16 @@ def test_an_impossible_option_is_named(
 def test_a_port_that_is_not_there_is_explained(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    assert main(['watch', str(tmp_path / 'port'), '--duration', '0.3']) == 0
+    assert main(['watch', str(tmp_path / 'port'), '--duration', '0.3']) == 1
     (told,) = capsys.readouterr().out.splitlines()
     assert 'port does not exist; is the sensor plugged in?; retrying; 0.0 frames/s' in told
+
+
+def test_an_output_that_is_closed_is_no_error(tmp_path: Path) -> None:
+    command = [*COMMAND, 'watch', str(tmp_path / 'port'), '--duration', '0.1']
+    shell = ['sh', '-c', '"$@" >&-', 'sh', *command]
+    result = subprocess.run(shell, stderr=subprocess.PIPE, text=True, timeout=PATIENCE_S)
+    assert (result.returncode, result.stderr) == (1, '')
 
 
 @pytest.fixture(scope='module')

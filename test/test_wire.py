@@ -124,9 +124,16 @@ def frames_of_whole_units(draw: st.DrawFn) -> Frame:
     )
 
 
-def read(stream: bytes) -> tuple[list[Frame], WireCounts]:
-    """Read a stream that comes in one piece."""
+def reader_in_step() -> FrameReader:
+    """Return a reader that knows where the next packet begins."""
     reader = FrameReader()
+    assert reader.feed(DELIMITER) == []
+    return reader
+
+
+def read(stream: bytes) -> tuple[list[Frame], WireCounts]:
+    """Read a stream that comes in one piece, from a packet's beginning."""
+    reader = reader_in_step()
     return reader.feed(stream), reader.counts
 
 
@@ -389,7 +396,7 @@ def garbage() -> st.SearchStrategy[bytes]:
 def test_any_split_of_a_stream_gives_the_same(stream: bytes, data: st.DataObject) -> None:
     whole, counts = read(stream)
     cuts = data.draw(st.lists(st.integers(0, len(stream)), max_size=20).map(sorted))
-    reader = FrameReader()
+    reader = reader_in_step()
     pieces = [stream[a:b] for a, b in zip([0, *cuts], [*cuts, len(stream)], strict=True)]
     frames = [frame for piece in pieces for frame in reader.feed(piece)]
     assert sequences(frames) == sequences(whole)
@@ -445,12 +452,18 @@ def test_a_packet_cut_off_with_its_delimiter_costs_the_next_too() -> None:
         assert counts.damaged == 1
 
 
-def test_a_stream_joined_anywhere_costs_that_packet_only() -> None:
+def test_a_stream_joined_anywhere_costs_that_packet_only_and_is_no_damage() -> None:
     first, second, third = make_packets(3)
+    reader = FrameReader()
     for start in range(1, len(first) - 1):
-        frames, counts = read(first[start:] + second + third)
-        assert sequences(frames) == [1, 2], start
-        assert counts.damaged == 1
+        assert sequences(reader.feed(first[start:] + second + third)) == [1, 2], start
+        assert reader.counts.damaged == 0
+        reader.restart()
+    assert sequences(reader.feed(first + second[1:])) == [0]  # the first was whole
+    assert reader.counts.damaged == 1
+    assert sequences(reader.feed(second[:50])) == []
+    reader.restart()
+    assert reader.counts.damaged == 2  # it was begun, and cut off
 
 
 @both_grids
@@ -498,7 +511,7 @@ def test_a_bit_flip_in_the_delimiter_costs_two_packets() -> None:
     ],
 )
 def test_whole_packets_that_are_no_frames(content: bytes, counts: WireCounts) -> None:
-    reader = FrameReader()
+    reader = reader_in_step()
     assert reader.feed(encode_packet(content)) == []
     assert reader.counts == counts
     assert sequences(reader.feed(make_packets(1)[0])) == [0]
@@ -559,7 +572,7 @@ def test_an_unfinished_packet_at_its_longest_is_kept_once() -> None:
 
 def test_random_bytes_are_no_frames() -> None:
     rng = random.Random(2)
-    reader = FrameReader()
+    reader = reader_in_step()
     noise = rng.randbytes(1_000_000)
     assert [frame for piece in in_pieces(noise, rng, 4096) for frame in reader.feed(piece)] == []
     assert counted(reader.counts) == len(ended_packets(noise))
@@ -579,7 +592,7 @@ def test_what_is_whole_in_a_damaged_stream_is_read(seed: int) -> None:
         for sequence, packet in enumerate(sent)
     }
     stream = damage(b''.join(packets), rng)
-    reader = FrameReader()
+    reader = reader_in_step()
     frames = [frame for piece in in_pieces(stream, rng, 700) for frame in reader.feed(piece)]
     arrived = ended_packets(stream)
     expected = [numbers[packet] for packet in arrived if packet in numbers]

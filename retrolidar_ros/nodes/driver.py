@@ -37,6 +37,8 @@ class _Tally(NamedTuple):
     time_s: float
     frames: int = 0
     damaged: int = 0
+    received: int = 0
+    withheld: int = 0
     lost: int = 0
     zones: int = 0
     abnormal: int = 0
@@ -157,7 +159,12 @@ class DriverNode(Node):
     def _examine(self) -> Health:
         """Judge the last second."""
         counts = self._source.reader.counts
-        now = self._tally._replace(time_s=time.monotonic(), damaged=counts.damaged)
+        now = self._tally._replace(
+            time_s=time.monotonic(),
+            damaged=counts.damaged,
+            received=self._source.received,
+            withheld=counts.withheld,
+        )
         then, self._examined = self._examined, now
         frames = now.frames - then.frames
         rate = frames / (now.time_s - then.time_s)
@@ -183,12 +190,22 @@ class DriverNode(Node):
         if not self._source.is_open:
             return Health(ERROR, self._source.problem, values)
         if not frames:
-            return Health(ERROR, 'the port is open, but no frames come', values)
+            return Health(ERROR, _silence(then, now), values)
         if damaged or lost:
             return Health(WARN, f'{damaged} damaged packets, {lost} lost frames', values)
         if abnormal > _MANY_ABNORMAL:
             return Health(WARN, f'{100 * abnormal:.0f} % of the zones are abnormal', values)
         return Health(OK, f'{rate:.1f} frames a second', values)
+
+
+def _silence(then: _Tally, now: _Tally) -> str:
+    """Say that no frames have come since `then`, and what came instead."""
+    silence = 'the port is open, but no frames come'
+    if now.withheld > then.withheld:
+        return f'{silence} with signal, which the sensor has been asked for'
+    if received := now.received - then.received:
+        return f'{silence}, though {received} bytes did: another serial_baud or protocol?'
+    return silence
 
 
 def main() -> int:
