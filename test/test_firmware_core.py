@@ -252,6 +252,8 @@ def test_decode_reads_a_recording_whose_packets_and_bytes_the_core_made(
     monkeypatch: pytest.MonkeyPatch,
     capsys: pytest.CaptureFixture[str],
 ) -> None:
+    pytest.importorskip('rosbags', reason='bags are written with rosbags')
+
     def driven(marker_id: int) -> IntArray:
         ticks = core.ask('drive', marker_id, 1, TICKS_PER_BIT)
         dark = [ticks[start] != '0' for start in range(0, len(ticks), TICKS_PER_BIT)]
