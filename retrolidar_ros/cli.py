@@ -1,11 +1,10 @@
 # Copyright 2026 retrolidar_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""The `retrolidar` command. What a subcommand needs is imported when it runs."""
+"""The `retrolidar` command: its arguments and its errors."""
 
 from __future__ import annotations
 
 import argparse
-import json
 import os
 import sys
 from contextlib import suppress
@@ -15,150 +14,13 @@ from pathlib import Path
 # imported.
 os.environ.setdefault('OPENBLAS_NUM_THREADS', '1')
 
+from retrolidar_ros import commands
 from retrolidar_ros.bag import FRAMES_TOPIC, STORAGES, BagError
 from retrolidar_ros.code import BIT_PERIOD_LIMITS_S, BIT_PERIOD_S
 from retrolidar_ros.detector import METHODS
 from retrolidar_ros.frame import ZONE_SHAPES
 from retrolidar_ros.protocols import PROTOCOLS
 from retrolidar_ros.section import ConfigError
-
-
-def _demo(arguments: argparse.Namespace) -> int:
-    from retrolidar_ros.demo import run_demo
-
-    return run_demo(arguments.scene, arguments.output, arguments.timeout)
-
-
-def _emulate(arguments: argparse.Namespace) -> int:
-    from retrolidar_ros.emulator import emulate, record
-    from retrolidar_ros.interrupts import interrupted_once
-    from retrolidar_ros.yaml_files import load_scene
-
-    scene = load_scene(arguments.scene)
-    if arguments.bag is not None:
-        duration_s = scene.duration_s if arguments.duration is None else arguments.duration
-        frames = record(scene, arguments.bag, arguments.storage, duration_s)
-        print(f'{frames} frames of {duration_s:g} s in {arguments.bag}')
-        return 0
-
-    def say_ready() -> None:
-        print(f'a sensor is at {arguments.port_link}; Ctrl-C unplugs it', flush=True)
-
-    with interrupted_once():
-        sent, lost = emulate(scene, arguments.port_link, arguments.duration, say_ready)
-    print(f'{sent} frames sent, {lost} found no listener')
-    return 0
-
-
-def _watch(arguments: argparse.Namespace) -> int:
-    from retrolidar_ros.interrupts import interrupted_once
-    from retrolidar_ros.watch import watch
-
-    with suppress(KeyboardInterrupt), interrupted_once():
-        frames = watch(
-            arguments.port,
-            sys.stdout,
-            baud=arguments.baud,
-            protocol=arguments.protocol,
-            zone=arguments.zone,
-            bit_period_s=arguments.bit_period,
-            duration_s=arguments.duration,
-        )
-        return 0 if frames else 1
-    return 0
-
-
-def _decode(arguments: argparse.Namespace) -> int:
-    from retrolidar_ros.bag import read_frames
-    from retrolidar_ros.decoding import TEXT_HEADER, detect, to_json, to_text
-
-    detections = detect(read_frames(arguments.bag, arguments.topic), arguments.method)
-    for index, detection in enumerate(detections):
-        if index == 0 and not arguments.json:
-            print(TEXT_HEADER)
-        print(to_json(detection) if arguments.json else to_text(detection))
-    return 0
-
-
-def _plot(arguments: argparse.Namespace) -> int:
-    from retrolidar_ros.bag import read_frames
-    from retrolidar_ros.decoding import detect
-    from retrolidar_ros.frame import Frame, Recording
-    from retrolidar_ros.plot import Reading, plot_readings
-
-    frames: list[Frame] = []
-    damage = None
-    try:
-        frames.extend(read_frames(arguments.bag, arguments.topic))
-    except BagError as error:
-        if not frames:
-            raise
-        damage = error
-    origin_ns = frames[0].stamp_ns
-    readings = [Reading.of(detection, origin_ns) for detection in detect(frames, arguments.method)]
-    plot_readings(
-        Recording.of(frames),
-        readings,
-        arguments.output,
-        origin_ns=origin_ns,
-        title=f'{arguments.bag.name}: {len(frames)} frames, {len(readings)} readings',
-    )
-    print(f'{arguments.output}: {len(frames)} frames, {len(readings)} readings')
-    if damage is not None:
-        raise damage
-    return 0
-
-
-def _evaluate(arguments: argparse.Namespace) -> int:
-    from retrolidar_ros.evaluation import EXPERIMENTS, run_experiments, write_page
-
-    if not arguments.names and not arguments.all:
-        for name, experiment in EXPERIMENTS.items():
-            print(f'{name:16}{experiment.TITLE:44}{experiment.SOURCE}'.rstrip())
-        return 0
-    # A quick look is not to take the place of the report that stands in the repository.
-    output = arguments.output or Path('report_quick' if arguments.quick else 'docs/report')
-    names = list(EXPERIMENTS) if arguments.all else arguments.names
-    run_experiments(names, output, quick=arguments.quick, seed=arguments.seed)
-    print(f'{write_page(output) if arguments.all else output}')
-    return 0
-
-
-def _ids(arguments: argparse.Namespace) -> int:
-    from retrolidar_ros.code import RESERVED_IDS
-    from retrolidar_ros.dictionary import SAFE_DISTANCE, choose_ids, confusable_pairs, distances
-
-    if arguments.count is not None:
-        ids, least = choose_ids(arguments.count, arguments.min_distance)
-        print(*ids, sep='\n')
-        print(f'IDs: {len(ids)}, least distance: {least} bits', file=sys.stderr)
-        return 0
-
-    limit = SAFE_DISTANCE if arguments.min_distance is None else arguments.min_distance
-    pairs = confusable_pairs(arguments.check, limit)
-    reserved = sorted(set(arguments.check) & set(RESERVED_IDS))
-    least = int(distances(arguments.check).min())
-    print(f'IDs: {len(arguments.check)}, least distance: {least} bits')
-    for marker_id in reserved:
-        print(f'{marker_id} is reserved: after the preamble it never changes')
-    for first, second, distance, shift in pairs:
-        if distance == 0:
-            print(f'{first} is there more than once')
-        else:
-            other = 'itself' if second == first else second
-            print(f'{first} read from bit {shift} differs from {other} in {distance} bits')
-    return 1 if reserved or pairs else 0
-
-
-def _budget(arguments: argparse.Namespace) -> int:
-    from retrolidar_ros.marker_budget import budget, parse_case, to_json, to_text
-
-    case = parse_case(
-        arguments.size, arguments.yaw, arguments.distance, arguments.cell, arguments.queries
-    )
-    found = budget(case)
-    print(json.dumps(to_json(found)) if arguments.json else to_text(found))
-    return 0
 
 
 def marker_ids(text: str) -> list[int]:
@@ -208,17 +70,17 @@ def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
         prog='retrolidar', description='Read liquid-crystal fiducial markers with a LiDAR.'
     )
-    commands = parser.add_subparsers(required=True, metavar='COMMAND')
+    subparsers = parser.add_subparsers(required=True, metavar='COMMAND')
 
-    demo = commands.add_parser(
+    demo = subparsers.add_parser(
         'demo', help='run emulated sensor, driver and detector, and compare with the truth'
     )
     demo.add_argument('scene', nargs='?', default='coffee', help='name or file (default: coffee)')
     demo.add_argument('-o', '--output', type=Path, help='picture (default: demo_SCENE.png)')
     demo.add_argument('--timeout', type=seconds, default=60.0, help='give up after [s]')
-    demo.set_defaults(run=_demo)
+    demo.set_defaults(run=commands.demo)
 
-    emulate = commands.add_parser('emulate', help='be a sensor that sees a scene')
+    emulate = subparsers.add_parser('emulate', help='be a sensor that sees a scene')
     emulate.add_argument('scene', help='name or file')
     where = emulate.add_mutually_exclusive_group(required=True)
     where.add_argument('--port-link', type=Path, help='in real time, at a serial port linked here')
@@ -227,9 +89,9 @@ def _parser() -> argparse.ArgumentParser:
         '--storage', choices=STORAGES, default=STORAGES[0], help='of the bag (default: %(default)s)'
     )
     emulate.add_argument('--duration', type=seconds, help='stop after [s]')
-    emulate.set_defaults(run=_emulate)
+    emulate.set_defaults(run=commands.emulate)
 
-    look = commands.add_parser(
+    look = subparsers.add_parser(
         'watch',
         help='show live what a sensor sees, zone by zone and bit by bit',
         description='On a terminal a picture five times a second, else a line a second. Ctrl-C '
@@ -257,10 +119,10 @@ def _parser() -> argparse.ArgumentParser:
         help='how long a marker holds a bit: two frames [s] (default: %(default)s)',
     )
     look.add_argument('--duration', type=seconds, metavar='S', help='stop after [s]')
-    look.set_defaults(run=_watch)
+    look.set_defaults(run=commands.watch)
 
     def add_bag_command(name: str, summary: str) -> argparse.ArgumentParser:
-        command = commands.add_parser(name, help=summary)
+        command = subparsers.add_parser(name, help=summary)
         command.add_argument('bag', type=Path, help='rosbag2 directory, .mcap or .db3 file')
         command.add_argument('--topic', default=FRAMES_TOPIC, help='(default: %(default)s)')
         command.add_argument(
@@ -270,13 +132,13 @@ def _parser() -> argparse.ArgumentParser:
 
     decode = add_bag_command('decode', 'read the markers in a bag')
     decode.add_argument('--json', action='store_true', help='one JSON object a line')
-    decode.set_defaults(run=_decode)
+    decode.set_defaults(run=commands.decode)
 
     plot = add_bag_command('plot', 'draw what was read in a bag')
     plot.add_argument('-o', '--output', type=Path, required=True, help='PNG file')
-    plot.set_defaults(run=_plot)
+    plot.set_defaults(run=commands.plot)
 
-    ids = commands.add_parser(
+    ids = subparsers.add_parser(
         'ids',
         help='choose marker IDs that are hard to confuse, or check those in use',
         description='The distance of two IDs is the fewest bits, of 31, in which the packet of one '
@@ -299,9 +161,9 @@ def _parser() -> argparse.ArgumentParser:
         metavar='BITS',
         help='least distance allowed (default: to choose, the largest possible; to check, 8)',
     )
-    ids.set_defaults(run=_ids)
+    ids.set_defaults(run=commands.ids)
 
-    expected = commands.add_parser(
+    expected = subparsers.add_parser(
         'budget',
         help='tell what to expect of a marker: its link, its waking and its battery',
         description='The link is simulated: markers before a wall, each awake for one packet. '
@@ -316,9 +178,9 @@ def _parser() -> argparse.ArgumentParser:
     ):
         expected.add_argument(f'--{name}', default=default, help=f'{what} (default: %(default)s)')
     expected.add_argument('--json', action='store_true', help='one JSON object')
-    expected.set_defaults(run=_budget)
+    expected.set_defaults(run=commands.budget)
 
-    evaluate = commands.add_parser(
+    evaluate = subparsers.add_parser(
         'evaluate',
         help='run experiments and draw their charts',
         description='Run experiments on emulated frames; without any name, list them. Each writes '
@@ -336,7 +198,7 @@ def _parser() -> argparse.ArgumentParser:
         metavar='DIR',
         help='(default: docs/report, with --quick report_quick)',
     )
-    evaluate.set_defaults(run=_evaluate)
+    evaluate.set_defaults(run=commands.evaluate)
     return parser
 
 

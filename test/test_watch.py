@@ -36,7 +36,8 @@ from retrolidar_ros.resources import shared_file
 from retrolidar_ros.scene import Scene, Simulation
 from retrolidar_ros.scene.description import Marker, Noise, Sensor, Surface
 from retrolidar_ros.serial_source import SerialSource
-from retrolidar_ros.watch import Watch, watch
+from retrolidar_ros.watch import watch
+from retrolidar_ros.watch_state import Watch
 from retrolidar_ros.watch_view import (
     ASCII,
     BLOCKS,
