@@ -13,6 +13,7 @@ import numpy as np
 from retrolidar_ros.code import PACKET_BITS, packet
 from retrolidar_ros.detector.candidates import Candidates
 from retrolidar_ros.detector.coherence import coherent, erased_bits, hard_errors
+from retrolidar_ros.detector.companions import Companions, combined, seeing
 from retrolidar_ros.detector.evidence import (
     NoiseLaw,
     correlation_threshold,
@@ -27,15 +28,11 @@ from retrolidar_ros.detector.view import View
 from retrolidar_ros.detector.words import SHIFTS, WordBank
 from retrolidar_ros.frame import Floats, ZoneGrid
 
-# A zone next to the one in question joins when chance would make its part once in 300 times.
-_LEAST_COMPANION_NATS = 4.5
 # Share of a packet's changes between bright and dark that must not be erased.
 _LEAST_CHANGES = 0.6
 # Bits that may be erased: so many leave all words of a code of distance 8 apart. With more, lost
 # frames in bursts made wrong IDs.
 _MOST_ERASED_BITS = 7
-# Share of what a neighbour sees beyond noise that the packet must explain.
-_LEAST_SHARE = 0.5
 # Most that a packet may leave over, as χ² per degree of freedom: of a true one it is 1.0 ± 0.2.
 # With 2.0, markers with a bit period wrong by 5 % were read as other IDs.
 MOST_RESIDUAL = 1.6
@@ -109,12 +106,7 @@ class Judge:
         self._bank = bank
         self._rivals = Rivals(bank)
         self.law = law
-        row, column = np.divmod(np.arange(grid.zones), grid.columns)
-        near = (np.abs(np.subtract.outer(row, row)) <= 1) & (
-            np.abs(np.subtract.outer(column, column)) <= 1
-        )
-        np.fill_diagonal(near, False)
-        self._near = [np.flatnonzero(row) for row in near]
+        self._companions = Companions(grid)
 
     def judge(
         self,
@@ -183,14 +175,14 @@ class Judge:
         if np.count_nonzero(lit[1:] != lit[:-1]) < _LEAST_CHANGES * changes:
             # A single step is a packet of which nothing but an edge is left.
             return 'erased'
-        parts, gains = self._parts(zone, fit, everything, noise_scale)
-        seen = [zone, *(int(near) for near in self._near[zone][parts[1:] > _LEAST_COMPANION_NATS])]
+        parts, gains = self._companions.parts(zone, fit, everything, self.law, noise_scale)
+        seen = seeing(zone, parts)
         view = everything.only(zone)
         if len(seen) > 1:
-            view = self._combined(zone, seen, gains, everything)
+            view = combined(seen, gains, everything, self.law)
             candidate, fit = self._again(candidate, fit, view, noise_scale)
-            parts, gains = self._parts(zone, fit, everything, noise_scale)
-        total = float(fit.nats[0]) if len(seen) == 1 else self._sum(seen, zone, parts)
+            parts, gains = self._companions.parts(zone, fit, everything, self.law, noise_scale)
+        total = float(fit.nats[0]) if len(seen) == 1 else sum(parts[seer] for seer in seen)
         samples = int(fit.samples[0])
         least = float(nats(np.asarray(correlation_threshold(samples, chance)), np.asarray(samples)))
         least = group_threshold(least, len(seen))
@@ -230,54 +222,6 @@ class Judge:
         if candidate.packets[0] < self._max_packets:
             return _LEAD_OF_MORE_TO_COME
         return _LEAD_OF_ALL
-
-    def _parts(
-        self, zone: int, fit: Fit, everything: View, noise_scale: float
-    ) -> tuple[Floats, dict[int, float]]:
-        """Return the likelihood ratios and gains of the template in a zone and its neighbours."""
-        zones = np.concatenate([[zone], self._near[zone]])
-        signal = everything.signal[:, zones]
-        weight = everything.weight[:, zones] * (fit.weight[0] > 0)[:, None]
-        told = np.maximum(weight.sum(axis=0), 1.0)
-        template = fit.light[0][:, None] - (weight * fit.light[0][:, None]).sum(axis=0) / told
-        template = template * weight
-        centred = (signal - (weight * signal).sum(axis=0) / told) * weight
-        common = np.einsum('nz,nz->z', template, centred)
-        power = np.maximum(np.einsum('nz,nz->z', template, template), 1e-9)
-        energy = np.maximum(np.einsum('nz,nz->z', centred, centred), 1e-9)
-        parts = nats(common / np.sqrt(power * energy), told)
-        # Most of what a zone sees beyond noise must be the packet, or it sees something else.
-        noise = noise_scale * self.law.variance(signal.mean(axis=0))
-        modulation = energy / told - noise
-        parts[1:][(common * common / power / told < _LEAST_SHARE * modulation)[1:]] = 0.0
-        return parts, dict(zip(zones.tolist(), (common / power).tolist(), strict=True))
-
-    def _sum(self, seen: list[int], zone: int, parts: Floats) -> float:
-        near = np.isin(np.concatenate([[zone], self._near[zone]]), seen)
-        return float(parts[near].sum())
-
-    def _combined(
-        self, zone: int, seen: list[int], gains: dict[int, float], everything: View
-    ) -> View:
-        """Return the sum of zones in which a packet's amplitude stands out most of their noise."""
-        gain = np.array([gains[seer] for seer in seen])
-        mean = (everything.signal[:, seen] * everything.weight[:, seen]).sum(axis=0)
-        mean /= np.maximum(everything.weight[:, seen].sum(axis=0), 1.0)
-        weights = gain / self.law.variance(mean)
-        # In the scale of a single zone's noise, for which the noise law holds.
-        weights /= np.sqrt((weights**2 * self.law.variance(mean)).sum())
-        weights *= np.sqrt(self.law.variance(mean[0]))
-        signal = everything.signal[:, seen] - mean
-        combined = (signal @ weights + mean[0])[:, None]
-        weight = everything.weight[:, seen].min(axis=1)[:, None]
-        return View(
-            np.array([zone]),
-            everything.begin_s,
-            everything.end_s,
-            combined,
-            weight,
-            everything.ceiling[:, [zone]],
-        )
 
     def _again(
         self, candidate: Candidates, fit: Fit, view: View, noise_scale: float
