@@ -23,6 +23,10 @@ Floats: TypeAlias = 'NDArray[np.floating[Any]]'
 ZONE_SHAPES = ((4, 4), (8, 8))
 SEPARABLE_M = 0.6
 """Two targets in one zone are told apart from this distance on (ST UM3109); nearer ones merge."""
+MOST_SIGNAL = 2.0**21
+"""The most that 32 bits of 1/2048 kcps/SPAD hold [kcps/SPAD]."""
+MOST_DISTANCE_M = 8.192
+"""What 16 bits of quarter millimetres do not reach [m]."""
 _FIELD_OF_VIEW_TANGENT = 4 * 0.21498  # full width, in tangents: 46.5°
 
 
@@ -51,6 +55,31 @@ NORMAL_STATUS = (
 A blinking marker itself makes the sensor report "first range" and "no previous target" at its
 dark-to-bright edges: to disbelieve these would erase what is to be read.
 """
+_IS_NORMAL: NDArray[np.bool_] = np.isin(np.arange(256), NORMAL_STATUS)
+
+
+def valid_samples(
+    signal: Floats, distance: Floats, status: NDArray[np.uint8]
+) -> tuple[NDArray[np.bool_], int]:
+    """Tell which samples are to be believed; the others are erasures.
+
+    Parameters
+    ----------
+    signal, distance, status : array, shape (...)
+        As in a `Frame`.
+
+    Returns
+    -------
+    valid : array of bool, shape (...)
+        Of a normal status, and with values that the sensor can have measured.
+    impossible : int
+        How many are of a normal status and have other values.
+    """
+    normal: NDArray[np.bool_] = _IS_NORMAL[status]
+    # Comparisons with NaN are false: of a signal that is an erasure, of a distance no target.
+    possible = (signal >= 0) & (signal <= MOST_SIGNAL)
+    possible &= ((distance > 0) & (distance < MOST_DISTANCE_M)) | np.isnan(distance)
+    return normal & possible, int(np.count_nonzero(normal & ~possible))
 
 
 @dataclass(frozen=True)

@@ -171,6 +171,22 @@ def test_garbage_neither_stops_nor_fools_a_detector(method: str, garbage: float)
 
 
 @pytest.mark.parametrize('method', METHODS)
+@pytest.mark.parametrize('distance_m', [0.0, -0.5, np.inf, -np.inf, 3e38, 8.192])
+@pytest.mark.parametrize('share', [0.3, 1.0])
+def test_impossible_distances_are_erasures_and_counted(
+    method: str, distance_m: float, share: float
+) -> None:
+    recording = simulate(a_scene(start_s=0.0, packets=None), 8.0)
+    hit = np.random.default_rng(4).random(recording.distance.shape) < share
+    spoilt = replace(recording, distance=np.where(hit, np.float32(distance_m), recording.distance))
+    single, together = (create_detector(method, GRID) for _ in range(2))
+    read = [*run(spoilt, single), *together.update_all(spoilt)]
+    assert single.counts.impossible == together.counts.impossible == np.count_nonzero(hit)
+    assert all(0 < detection.place.range_m < 4 for detection in read)
+    assert bool(read) == (share < 1)
+
+
+@pytest.mark.parametrize('method', METHODS)
 def test_frames_of_one_stamp_count_once(method: str) -> None:
     recording = simulate(a_scene())
     stuck = replace(recording, stamp_ns=np.full_like(recording.stamp_ns, recording.stamp_ns[0]))

@@ -46,6 +46,8 @@ class DetectorCounts:
     accepted: int = 0
     rejected: Counter[str] = field(default_factory=Counter)
     """Candidates that were not read, by reason."""
+    impossible: int = 0
+    """Samples of a normal status whose signal or distance no sensor measures: erasures."""
 
 
 class Detector(Protocol):

@@ -185,6 +185,7 @@ class EvidenceDetector:
 
     def _look(self, frames: int) -> list[Detection]:
         """Look for what became certain with the last frames."""
+        self.counts.impossible = self._window.impossible
         last_s = float(self._window.last(1).end_s[0])
         from_s, self._searched_s = self._searched_s, last_s
         if not np.isfinite(from_s):

@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from retrolidar_ros.frame import NORMAL_STATUS, Floats, Recording, Status
+from retrolidar_ros.frame import Floats, Recording, Status, valid_samples
 
 # A zone that has seen something not longer ago than this may be looking at a dark bit when it
 # sees nothing; no packet is dark for longer than nine bits at a stretch.
@@ -57,8 +57,8 @@ class SampleWindow:
         self._end_s = np.zeros(capacity)
         self._half_s = bit_period_s / 4  # of an exposure, two of which make a bit
         self._dark_s = _DARK_BITS * bit_period_s
-        self._usable = np.zeros(256, dtype=bool)
-        self._usable[list(NORMAL_STATUS)] = True
+        self.impossible = 0
+        """Samples so far that `valid_samples` calls impossible."""
         self._arrays = (
             self._time_s,
             self._signal,
@@ -113,7 +113,8 @@ class SampleWindow:
         time_s = (stamp_ns - self.origin_ns) * 1e-9
         self._time_s[rows] = time_s
         self._place(rows)
-        usable = self._usable[status] & np.isfinite(signal)
+        usable, impossible = valid_samples(signal, distance, status)
+        self.impossible += impossible
         if usable.all():
             self._distance[rows] = distance
             self._signal[rows] = signal

@@ -186,6 +186,7 @@ class DetectorNode(Node):
             'age of frames when processed [ms]': f'{1e3 * self._age_s / max(frames, 1):.1f}',
             'candidates': str(counts.candidates),
             'accepted': str(counts.accepted),
+            'impossible samples': str(counts.impossible),
         }
         self._examined_frames, self._busy_s, self._age_s = self._frames, 0.0, 0.0
         for reason, number in sorted(counts.rejected.items()):

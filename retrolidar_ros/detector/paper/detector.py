@@ -135,6 +135,7 @@ class PaperDetector:
             if count == 1:
                 self._begin()
             detections += self._advance(count, stamp_ns)
+        self.counts.impossible = self._ring.impossible
         return detections
 
     def update_all(self, recording: Recording) -> list[Detection]:

@@ -9,7 +9,7 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import NDArray
 
-from retrolidar_ros.frame import NORMAL_STATUS, Frame
+from retrolidar_ros.frame import Frame, valid_samples
 
 
 class SampleRing:
@@ -29,8 +29,8 @@ class SampleRing:
         self._distance = np.full((2 * length, zones), np.nan)
         self._stamp_ns = np.zeros(2 * length, dtype=np.int64)
         self._seen = np.zeros(zones, dtype=bool)
-        self._normal = np.zeros(256, dtype=bool)
-        self._normal[list(NORMAL_STATUS)] = True
+        self.impossible = 0
+        """Samples so far that `valid_samples` calls impossible."""
 
     def push(self, frame: Frame) -> Iterator[tuple[int, int]]:
         """Append a frame, and before it what a gap in the stamps has lost, sample by sample.
@@ -48,11 +48,12 @@ class SampleRing:
         stamp_ns : int
             Time of the last frame up to this sample [ns].
         """
-        normal = self._normal[frame.status] & np.isfinite(frame.signal)
+        normal, impossible = valid_samples(frame.signal, frame.distance, frame.status)
         previous = self._signal[self._index].copy()
         last_ns = int(self._stamp_ns[self._index])
         if self.count and frame.stamp_ns == last_ns:
             return
+        self.impossible += impossible
         steps = max(1, round((frame.stamp_ns - last_ns) / self._period_ns))
         if self.count == 0 or frame.stamp_ns < last_ns or steps > self.length:
             self.count = 0
