@@ -99,3 +99,51 @@ def falls_below(level: float, places: Sequence[float], shares: Sequence[float]) 
             step = (before - level) / (before - after)
             return places[index - 1] + step * (places[index] - places[index - 1])
     return None
+
+
+def exact_frequency(events: int, hours: float) -> Frequency:
+    """Return events an hour with the exact interval of a Poisson count (Garwood 1936).
+
+    Raises
+    ------
+    ValueError
+        If the time is not positive, or the count is negative.
+    """
+    if events < 0 or not hours > 0:
+        raise ValueError(f'{events} events in {hours} h')
+
+    def mean_with(most: int, chance: float) -> float:
+        """Return the mean of which no more than so many events have a chance."""
+        low, high = 0.0, 10.0 + 2 * most + 10 * math.sqrt(most + 1)
+        while high - low > 1e-9 * high:
+            mean = (low + high) / 2
+            terms = (
+                math.exp(n * math.log(mean) - mean - math.lgamma(n + 1)) for n in range(most + 1)
+            )
+            low, high = (mean, high) if sum(terms) > chance else (low, mean)
+        return high
+
+    return Frequency(
+        events=events,
+        hours=hours,
+        per_hour=events / hours,
+        low=mean_with(events - 1, 0.975) / hours if events else 0.0,
+        high=mean_with(events, 0.025) / hours,
+    )
+
+
+def chance_of_fall(before: Rate, after: Rate) -> float:
+    """Return how probable a share falls at least so far by chance (Fisher's exact test)."""
+    hits = before['hits'] + after['hits']
+
+    def log_choose(trials: int, chosen: int) -> float:
+        return math.lgamma(trials + 1) - math.lgamma(chosen + 1) - math.lgamma(trials - chosen + 1)
+
+    ways = log_choose(before['trials'] + after['trials'], hits)
+    return sum(
+        math.exp(
+            log_choose(before['trials'], found) + log_choose(after['trials'], hits - found) - ways
+        )
+        for found in range(before['hits'], min(before['trials'], hits) + 1)
+        if hits - found <= after['trials']
+    )
