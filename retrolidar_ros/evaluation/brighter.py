@@ -48,9 +48,9 @@ class Counts(NamedTuple):
     """Processor time of the detector."""
 
 
-def judged(sent: Sent, setup: Setup) -> Counts:
+def judged(sent: Sent, setup: Setup, **options: Any) -> Counts:
     """Play a recording to a new detector and compare what it reads with what was sent."""
-    detector = setup.detector(sent.recording.grid)
+    detector = setup.detector(sent.recording.grid, **options)
     began_s = time.process_time()
     detections = detector.update_all(sent.recording)
     detector_s = time.process_time() - began_s
