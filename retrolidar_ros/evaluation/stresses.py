@@ -208,8 +208,15 @@ def record(
         sends one packet, at a random time.
     grid : ZoneGrid
         The sensor's zones.
+
+    Raises
+    ------
+    ValueError
+        If there are fewer IDs than zones.
     """
     zones = grid.zones
+    if len(ids) < zones:
+        raise ValueError(f'{len(ids)} IDs for {zones} zones, each with a marker of its own')
     bit_s = BIT_PERIOD_S * (1 + stress.clock_error)
     packet_s = PACKET_BITS * bit_s
     own = rng.choice(ids, zones, replace=False)
