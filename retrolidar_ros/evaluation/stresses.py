@@ -79,8 +79,8 @@ class Stress:
 PLAIN = Stress('plain')
 STRESSES = (
     PLAIN,
-    Stress('sways 50 % in 2.6 s', sway=0.5, sway_s=2.6),
-    Stress('sways 50 % in 0.9 s', sway=0.5, sway_s=0.9),
+    Stress('sways ±50 % in 2.6 s', sway=0.5, sway_s=2.6),
+    Stress('sways ±50 % in 0.9 s', sway=0.5, sway_s=0.9),
     *(Stress(f'second marker {share:.0%}', second=share) for share in (0.1, 0.25, 0.5, 0.7)),
     Stress('clipped at 70 %', clip=0.7),
     Stress('wall wanders', wander=0.1),
@@ -95,6 +95,8 @@ STRESSES = (
     Stress('occluded as drone', occlusion=Occlusion(every_s=1.7, lasting_s=0.06)),
     Stress('noise variance / 8', noise=1 / 8),
     Stress('noise variance × 8', noise=8.0),
+    Stress('sways ±25 % in 2.6 s', sway=0.25, sway_s=2.6),
+    Stress('sways ±25 % in 0.9 s', sway=0.25, sway_s=0.9),
 )
 
 
