@@ -46,4 +46,4 @@ benchmark: build
 	done
 
 clean:
-	rm -rf .venv build install log
+	rm -rf .venv build install log retrolidar_ros/_core.*.so

@@ -10,6 +10,8 @@ from __future__ import annotations
 from pathlib import Path
 
 from setuptools import find_packages, setup
+from setuptools.command.build_ext import build_ext
+from setuptools.errors import CompileError
 
 BAGS = ['rosbags>=0.11']
 EVALUATION = ['pupil-apriltags', 'pyzbar', 'segno', 'tqdm>=4.66']
@@ -25,6 +27,20 @@ def shared_files() -> list[tuple[str, list[str]]]:
     return [(str(share / path.parent), [str(path)]) for path in files if path.suffix != '.pyc']
 
 
+class BuildCore(build_ext):  # type: ignore[misc]  # setuptools has no types
+    """Compiles the core, or says what that needs."""
+
+    def build_extensions(self) -> None:
+        """Compile."""
+        try:
+            super().build_extensions()
+        except CompileError as error:
+            raise CompileError(
+                f'retrolidar_ros needs a C compiler and the headers of Python ({error}): '
+                'apt install build-essential python3-dev'
+            ) from None
+
+
 setup(
     name='retrolidar_ros',
     version='0.1.0',
@@ -35,7 +51,9 @@ setup(
     python_requires='>=3.10',
     packages=find_packages(include=['retrolidar_ros', 'retrolidar_ros.*']),
     data_files=shared_files(),
-    install_requires=['matplotlib', 'numpy', 'pyserial', 'pyyaml'],
+    cffi_modules=['core/binding.py:ffi'],
+    cmdclass={'build_ext': BuildCore},
+    install_requires=['cffi', 'matplotlib', 'numpy', 'pyserial', 'pyyaml'],
     extras_require={
         'bags': BAGS,
         'evaluation': [*BAGS, *EVALUATION],

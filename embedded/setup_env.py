@@ -30,7 +30,10 @@ REQUIREMENTS = ROOT / 'embedded' / 'requirements.txt'
 
 LINKED = ('retrolidar_ros', 'launch', 'config')
 """What is installed as symbolic links: only another set of files needs another build."""
-COMPILED = ('package.xml', 'CMakeLists.txt', 'msg', 'embedded/tf2_msgs', 'embedded/setup_env.py')
+COMPILED = (
+    *('package.xml', 'CMakeLists.txt', 'core', 'msg', 'embedded/tf2_msgs'),
+    'embedded/setup_env.py',
+)
 
 TAIL_LINES = 30
 
@@ -139,6 +142,15 @@ def build() -> None:
     for path in INSTALL.rglob('*'):
         if path.is_symlink() and not path.exists():  # what it was made for has been deleted
             path.unlink()
+    link_core()
+
+
+def link_core() -> None:
+    """Link the compiled core into the sources, which Python finds first when run in the root."""
+    for module in INSTALL.glob('lib/python3.*/site-packages/retrolidar_ros/_core.*.so'):
+        link = ROOT / 'retrolidar_ros' / module.name
+        link.unlink(missing_ok=True)
+        link.symlink_to(module)
 
 
 def numpy_headers() -> Path:
@@ -195,11 +207,11 @@ def digest(texts: list[str]) -> str:
 
 
 def source_files(names: tuple[str, ...]) -> Iterator[Path]:
-    """Yield files, and those in directories, that are not Python's cache."""
+    """Yield files, and those in directories, that are neither Python's cache nor compiled."""
     for name in names:
         path = ROOT / name
         files = sorted(path.rglob('*')) if path.is_dir() else [path]
-        yield from (file for file in files if file.is_file() and file.suffix != '.pyc')
+        yield from (file for file in files if file.is_file() and file.suffix not in ('.pyc', '.so'))
 
 
 if __name__ == '__main__':

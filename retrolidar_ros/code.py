@@ -13,41 +13,21 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-ID_BITS = 12
-WORD_BITS = 24
+from retrolidar_ros.core import lib
+
+ID_BITS: int = lib.RL_ID_BITS
+WORD_BITS: int = lib.RL_WORD_BITS
+PACKET_BITS: int = lib.RL_PACKET_BITS
 IDS = 1 << ID_BITS
 MAX_CORRECTED_BITS = 3
-PREAMBLE: NDArray[np.uint8] = np.array([1, 0, 1, 0, 1, 0, 1], dtype=np.uint8)
-PACKET_BITS = len(PREAMBLE) + WORD_BITS
 BIT_PERIOD_S = 0.042  # two 21 ms frames (paper §3.4 and §5)
 BIT_PERIOD_LIMITS_S = (0.002, 10.0)
-# Their words are all bright and all dark: nothing is modulated after the preamble.
-RESERVED_IDS = (0, IDS - 1)
 
 
-def _parity_matrix() -> NDArray[np.uint8]:
-    """Return the bordered circulant B of the generator [I | B], shape (12, 12).
-
-    Its circulant is symmetric, entry (i, j) depending on i + j mod 11. Any rotation of the rows
-    makes a Golay code, but with this one no packet comes within one bit of a cyclic shift of
-    another, and 3593 of the 4096 keep four bits away from all of them.
-    """
-    row_plus_column = np.add.outer(np.arange(11), np.arange(11)) % 11
-    matrix = np.ones((ID_BITS, ID_BITS), dtype=np.uint8)
-    matrix[:11, :11] = np.isin(row_plus_column, (0, 2, 6, 7, 8, 10))
-    matrix[11, 11] = 0
-    return matrix
-
-
-PARITY = _parity_matrix()
-GENERATOR: NDArray[np.uint8] = np.hstack([np.eye(ID_BITS, dtype=np.uint8), PARITY])
-PARITY_CHECK: NDArray[np.uint8] = np.hstack([PARITY.T, np.eye(ID_BITS, dtype=np.uint8)])
-
-
-def _to_bits(numbers: NDArray[np.int64], width: int) -> NDArray[np.uint8]:
-    """Expand integers of any shape (...) to bits (..., width), most significant bit first."""
+def _to_bits(numbers: list[int], width: int) -> NDArray[np.uint8]:
+    """Expand integers to bits of shape (len(numbers), width), most significant bit first."""
     shifts = np.arange(width - 1, -1, -1)
-    bits: NDArray[np.uint8] = ((numbers[..., None] >> shifts) & 1).astype(np.uint8)
+    bits: NDArray[np.uint8] = ((np.array(numbers)[:, None] >> shifts) & 1).astype(np.uint8)
     return bits
 
 
@@ -58,8 +38,14 @@ def _to_numbers(bits: NDArray[np.uint8]) -> NDArray[np.int64]:
     return numbers
 
 
-WORDS: NDArray[np.uint8] = _to_bits(np.arange(IDS), ID_BITS) @ GENERATOR % 2
+WORDS = _to_bits([lib.rl_golay_word(marker_id) for marker_id in range(IDS)], WORD_BITS)
 """The words of all IDs, shape (4096, 24)."""
+
+_PACKETS = _to_bits([lib.rl_packet(marker_id) for marker_id in range(IDS)], PACKET_BITS)
+PREAMBLE = _PACKETS[0, : PACKET_BITS - WORD_BITS]
+
+# Their words are all bright and all dark: nothing is modulated after the preamble.
+RESERVED_IDS = tuple(marker_id for marker_id in range(IDS) if not lib.rl_id_is_usable(marker_id))
 
 _PARITY_OF_ID = _to_numbers(WORDS[:, ID_BITS:])
 
@@ -141,9 +127,7 @@ def packet(ids: ArrayLike) -> NDArray[np.uint8]:
     ValueError
         If an ID is no integer or outside 0..4095.
     """
-    words = encode(ids)
-    preamble = np.broadcast_to(PREAMBLE, (*words.shape[:-1], len(PREAMBLE)))
-    return np.concatenate([preamble, words], axis=-1)
+    return _PACKETS[check_ids(ids)]
 
 
 def decode(words: ArrayLike) -> Decoded:

@@ -16,10 +16,8 @@ from hypothesis.extra import numpy as hnp
 from numpy.typing import NDArray
 
 from retrolidar_ros.code import (
-    GENERATOR,
     IDS,
     PACKET_BITS,
-    PARITY_CHECK,
     PREAMBLE,
     RESERVED_IDS,
     WORD_BITS,
@@ -33,6 +31,8 @@ from retrolidar_ros.code import (
 Bits = NDArray[np.uint8]
 
 VECTORS = Path(__file__).parent / 'vectors'
+GENERATOR: Bits = WORDS[1 << np.arange(11, -1, -1)]
+PARITY_CHECK: Bits = np.hstack([GENERATOR[:, 12:].T, np.eye(12, dtype=np.uint8)])
 COSETS = {0: 1, 1: 24, 2: 276, 3: 2024, 4: 1771}  # Conway and Sloane 1988, by leader's weight
 
 law = settings(derandomize=True, deadline=None)

@@ -1,6 +1,6 @@
 # Copyright 2026 retrolidar_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""The firmware's core in C against the package's own code, byte for byte."""
+"""The core in C, compiled with sanitizers, against the package, byte for byte."""
 
 from __future__ import annotations
 

@@ -12,15 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 import pytest
-from harness_firmware import (
-    FIRMWARE,
-    ROOT,
-    IntArray,
-    RawFrame,
-    compile_firmware,
-    read_line,
-    run_host,
-)
+from harness_firmware import ROOT, IntArray, RawFrame, compile_firmware, read_line, run_host
 
 from retrolidar_ros.battery import CELL_MAH, PROTOTYPE, active_share, drawn, life_h
 from retrolidar_ros.code import BIT_PERIOD_S, packet
@@ -174,8 +166,8 @@ def test_a_sensor_that_does_not_answer_is_complained_of(programs: Path) -> None:
 
 def test_one_constant_makes_it_8x8_at_15_hz(tmp_path: Path) -> None:
     copy = tmp_path / 'package'
-    shutil.copytree(FIRMWARE, copy / 'firmware')
-    shutil.copytree(ROOT / 'test' / 'firmware', copy / 'test' / 'firmware')
+    for directory in ('core', 'firmware', 'test/firmware'):
+        shutil.copytree(ROOT / directory, copy / directory)
     sketch = copy / 'firmware' / 'reader' / 'reader.ino'
     before = sketch.read_text()
     after = before.replace('constexpr uint8_t ROWS = 4;', 'constexpr uint8_t ROWS = 8;')

@@ -14,6 +14,7 @@
 extern "C" {
 #endif
 
+/* binding */
 enum { RL_PACKET_BITS = 31, RL_WORD_BITS = 24, RL_ID_BITS = 12, RL_PREAMBLE = 0x55 };
 
 /* Whether an ID can be sent: 0 and 4095 are all bright and all dark after the preamble. */
@@ -24,6 +25,7 @@ uint32_t rl_golay_word(uint16_t id);
 
 /* Preamble and word of an ID of 0 to 4095, in the lower 31 bits. */
 uint32_t rl_packet(uint16_t id);
+/* end of binding */
 
 /* Packets on their way, back to back. */
 struct rl_schedule {

