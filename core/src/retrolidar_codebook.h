@@ -1,0 +1,60 @@
+/* Copyright 2026 retrolidar_ros contributors
+ * SPDX-License-Identifier: Apache-2.0
+ */
+/* The packets that may come, and which of them explains soft bits best. */
+#ifndef RETROLIDAR_CODEBOOK_H
+#define RETROLIDAR_CODEBOOK_H
+
+#include <stdbool.h>
+#include <stdint.h>
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+enum { RL_MOST_WORDS = 4096, RL_BITS = 31 };
+
+/* Energy of a sum of bits, taken as stationary:
+ *     own n_1 + 2 adjacent n_11 - sum over lags of smooth[lag] n_lag
+ * where n_lag counts pairs of dark bits that far apart. The first two are of the light that falls
+ * in each exposure, the last of what whitening takes off it.
+ */
+struct rl_energy {
+    float own, adjacent;
+    float smooth[RL_BITS]; /* pairs counted in both orders */
+};
+
+struct rl_codebook {
+    int words;
+    uint16_t id[RL_MOST_WORDS];
+    uint32_t packet[RL_MOST_WORDS];
+    float dark[RL_MOST_WORDS];  /* n_1 */
+    float pairs[RL_MOST_WORDS]; /* 2 n_11 */
+};
+
+/* Take IDs, rising and usable ones only; all usable ones if there are none. */
+void rl_codebook_start(struct rl_codebook *codebook, const uint16_t *ids, int count);
+
+/* Tabulate the last sum of the energy of each packet. */
+void rl_codebook_smooth(const struct rl_codebook *codebook, const struct rl_energy *energy,
+                        float *smooth);
+
+float rl_energy_of(const struct rl_energy *energy, uint32_t bits);
+
+struct rl_word {
+    int index;     /* in the codebook; -1 = none explains anything */
+    float squared; /* of the sum of its dark soft bits, over its energy */
+};
+
+/* The two best packets for soft bits (31, positive = dark); smooth: as tabulated. */
+void rl_codebook_best(const struct rl_codebook *codebook, const struct rl_energy *energy,
+                      const float *smooth, const float *soft, struct rl_word best[2]);
+
+/* The packet, of another ID than this, with the greatest sum of weights (31) over its dark bits. */
+int rl_codebook_heaviest(const struct rl_codebook *codebook, const float *weight, uint16_t id);
+
+#ifdef __cplusplus
+}
+#endif
+
+#endif

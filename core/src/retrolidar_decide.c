@@ -1,0 +1,403 @@
+/* Copyright 2026 retrolidar_ros contributors
+ * SPDX-License-Identifier: Apache-2.0
+ */
+#include "retrolidar_decide.h"
+
+#include "retrolidar_packet.h"
+
+#include <math.h>
+#include <string.h>
+
+enum {
+    SILENT_BITS = 16,
+    MOST_BITS = SILENT_BITS + RL_BITS, /* that a window is cut into */
+    MOST_ERASED_BITS = 7, /* so many leave words of a code of distance 8 apart */
+    RIVALS = 3,           /* that are tried exactly */
+    ROUNDS = 4,           /* bits that are turned to make a better sequence */
+};
+
+/* Share of the samples of a window that must be valid. */
+static const double LEAST_VALID = 0.6;
+/* Another zone counts if it adds so much, and such a share of what there is: where there is another
+ * marker, some of it looks like this one. It has a gain of its own, which costs some.
+ */
+static const double LEAST_ADDED = 8.0, LEAST_ADDED_SHARE = 0.1, COST_OF_GAIN = 2.0;
+/* Part of the last bit that need not have come yet. */
+static const double NOT_YET_BITS = 0.25;
+/* By how much a part of a lone packet may be worse than a whole one to be as good [nats]. */
+static const double AS_GOOD = 1.0;
+/* A refined clock may be off by so much more than one that is searched. */
+static const double SKEW_SLACK = 0.005;
+/* Nobody asks for more, so it need not be known exactly [nats]. */
+static const double ENOUGH = 30.0;
+
+/* A window cut into the bits of the packet in question, in the order of time. */
+struct bits {
+    int count;   /* 31, or the silence before, too */
+    double begin_s; /* of the first [s] */
+    bool repeats;
+    float turned[MOST_BITS]; /* log likelihood if a bit were the other one, less that as it is */
+    bool dark[MOST_BITS];
+};
+
+struct rival {
+    float nats; /* about, less those of the packet in question */
+    struct rl_sending sending;
+    uint16_t id;
+};
+
+static uint32_t bit_of(int bit)
+{
+    return 1u << (RL_BITS - 1 - bit);
+}
+
+static struct rl_sending with_bits(const struct rl_sending *sending, uint32_t bits)
+{
+    struct rl_sending other = *sending;
+    other.bits = bits;
+    return other;
+}
+
+static int least_rows(const struct rl_window *window)
+{
+    return (int)(LEAST_VALID * window->rows);
+}
+
+static double refine(struct rl_window *window, const struct rl_demands *demands,
+                     struct rl_sending *sending, double half_bits)
+{
+    return rl_window_refine(window, sending, half_bits,
+                            demands->bit_s * (1.0 - demands->most_skew - SKEW_SLACK),
+                            demands->bit_s * (1.0 + demands->most_skew + SKEW_SLACK));
+}
+
+/* Log likelihood of the best sequence of bits that the search has found, of a packet or not. */
+static double any_sequence(struct rl_window *window, const struct rl_demands *demands,
+                           const struct rl_sending *sending, double half_bits,
+                           const struct rl_hits *hits)
+{
+    struct rl_sending any = *sending;
+    any.bits = hits->any_bits;
+    any.repeats = hits->any.repeats;
+    any.start_s = hits->any.start_s;
+    any.bit_s = hits->any.bit_s;
+    return refine(window, demands, &any, half_bits);
+}
+
+/* Open the window that a hit was found in; for a lone packet that with the silence before it, if it
+ * is the better one.
+ */
+static double open_window(struct rl_window *window, int source, struct rl_sending *sending,
+                          int packets, double free_s, double to_s, const struct rl_demands *demands,
+                          double *silent_bits)
+{
+    const double window_bits = RL_BITS * packets;
+    *silent_bits = 0.0;
+    if (sending->repeats) {
+        const double from_s = to_s - window_bits * sending->bit_s;
+        rl_window_open(window, source, from_s, to_s);
+        return refine(window, demands, sending,
+                      (to_s - sending->start_s) / sending->bit_s - window_bits / 2) - window->null;
+    }
+    const double end_s = sending->start_s + RL_BITS * sending->bit_s;
+    rl_window_open(window, source, sending->start_s, end_s);
+    const double tight = refine(window, demands, sending, RL_BITS / 2.0) -
+                         window->null;
+    const double silence_s = fmin(SILENT_BITS * sending->bit_s, sending->start_s - free_s);
+    if (silence_s < sending->bit_s) {
+        return tight;
+    }
+    struct rl_sending lone = *sending;
+    rl_window_open(window, source, lone.start_s - silence_s, lone.start_s + RL_BITS * lone.bit_s);
+    const double wide = refine(window, demands, &lone, RL_BITS / 2.0) -
+                        window->null;
+    if (wide > tight) {
+        *sending = lone;
+        *silent_bits = floor(silence_s / lone.bit_s);
+        return wide;
+    }
+    rl_window_open(window, source, sending->start_s, sending->start_s + RL_BITS * sending->bit_s);
+    return refine(window, demands, sending, RL_BITS / 2.0) - window->null;
+}
+
+/* Add zones near by that see the same packet; return the evidence of all. */
+static double add_zones(struct rl_window *window, const struct rl_sending *sending, double evidence)
+{
+    const struct rl_samples *samples = window->samples;
+    const struct rl_source *of = &samples->source[window->source[0]];
+    if (of->zones > 1) {
+        return evidence;
+    }
+    const int row = of->zone[0] / samples->columns_of_zones;
+    const int column = of->zone[0] % samples->columns_of_zones;
+    for (int down = -1; down <= 1; down++) {
+        for (int right = -1; right <= 1; right++) {
+            const int r = row + down, c = column + right;
+            const int before = window->sources;
+            if (r < 0 || c < 0 || r >= samples->rows_of_zones || c >= samples->columns_of_zones) {
+                continue;
+            }
+            rl_window_add(window, r * samples->columns_of_zones + c);
+            if (window->sources == before) {
+                continue;
+            }
+            const double together = rl_window_try(window, sending) - window->null;
+            if (window->whitened[before].samples < least_rows(window) ||
+                together - evidence < fmax(LEAST_ADDED, LEAST_ADDED_SHARE * evidence)) {
+                rl_window_drop(window);
+            } else {
+                evidence = together;
+            }
+        }
+    }
+    return evidence;
+}
+
+static bool too_much_erased(const struct rl_window *window, const struct rl_sending *sending)
+{
+    const struct rl_whitened *whitened = &window->whitened[0];
+    double known[RL_BITS] = {0.0}, all[RL_BITS] = {0.0};
+    const struct rl_samples *samples = window->samples;
+    int sample = 0, erased = 0;
+    if (whitened->samples < least_rows(window)) {
+        return true;
+    }
+    for (int row = 0; row < window->rows; row++) {
+        const bool valid = sample < whitened->samples && whitened->row[sample] == row;
+        sample += valid;
+        const double middle_s =
+            (samples->begin_s[window->first + row] + samples->end_s[window->first + row]) / 2;
+        const double since = floor((middle_s - sending->start_s) / sending->bit_s);
+        if (!sending->repeats && (since < 0.0 || since >= RL_BITS)) {
+            continue;
+        }
+        const int bit = (int)(since - RL_BITS * floor(since / RL_BITS));
+        all[bit] += 1.0;
+        known[bit] += valid;
+    }
+    for (int bit = 0; bit < RL_BITS; bit++) {
+        erased += known[bit] < 0.25 * all[bit] || all[bit] == 0.0;
+    }
+    return erased > MOST_ERASED_BITS;
+}
+
+/* Cut the window into bits and turn each; return how much better another sequence of the packet's
+ * own bits may be.
+ *
+ * begin: which bit of the packet the window begins with, after so many silent bits
+ */
+static double turn_bits(struct rl_window *window, const struct rl_sending *sending, double own,
+                        int begin, int silent_bits, double enough, struct bits *bits)
+{
+    double better = 0.0;
+    float first[RL_BITS]; /* of each bit of the packet */
+    uint32_t sequence = sending->bits;
+    bits->count = silent_bits + RL_BITS;
+    bits->begin_s = sending->start_s + (begin - silent_bits) * sending->bit_s;
+    bits->repeats = sending->repeats;
+    for (int bit = 0; bit < RL_BITS; bit++) {
+        const uint32_t turned = bit_of((begin + bit) % RL_BITS);
+        const struct rl_sending other = with_bits(sending, sequence ^ turned);
+        bits->dark[silent_bits + bit] = (sequence & turned) != 0;
+        bits->turned[silent_bits + bit] = (float)(rl_window_try(window, &other) - own);
+        first[(begin + bit) % RL_BITS] = bits->turned[silent_bits + bit];
+    }
+    for (int bit = 0; bit < silent_bits; bit++) {
+        /* What a dark bit there would do is not tried: about as much as in the packet. */
+        bits->dark[bit] = false;
+        bits->turned[bit] = first[1];
+    }
+    for (int round = 0; round < ROUNDS && better < enough; round++) {
+        int best = -1;
+        double most = better;
+        for (int bit = 0; bit < RL_BITS; bit++) {
+            if (round == 0 || first[bit] > -ENOUGH) {
+                const struct rl_sending other = with_bits(sending, sequence ^ bit_of(bit));
+                const double gained =
+                    round == 0 ? (double)first[bit] : rl_window_try(window, &other) - own;
+                if (gained > most) {
+                    most = gained;
+                    best = bit;
+                }
+            }
+        }
+        if (best < 0) {
+            break;
+        }
+        sequence ^= bit_of(best);
+        better = most;
+    }
+    return better;
+}
+
+static void keep_rival(struct rival *rivals, const struct rival *rival)
+{
+    struct rival kept = *rival;
+    for (int i = 0; i < RIVALS; i++) {
+        if (kept.nats > rivals[i].nats) {
+            const struct rival worse = rivals[i];
+            rivals[i] = kept;
+            kept = worse;
+        }
+    }
+}
+
+/* Find the packet, not of the ID in question, that is likeliest if it begins at a bit of the window,
+ * by the sum over the bits that it turns.
+ */
+static void find_rival(const struct rl_codebook *codebook, const struct bits *bits,
+                       const struct rl_sending *sending, uint16_t id, int begin, bool repeats,
+                       struct rival *rivals)
+{
+    float weight[RL_BITS], all = 0.0f, most;
+    memset(weight, 0, sizeof weight);
+    for (int bit = 0; bit < bits->count; bit++) {
+        /* All bright first; then what a dark bit adds. */
+        all += bits->dark[bit] ? bits->turned[bit] : 0.0f;
+        const int of = repeats ? ((bit - begin) % RL_BITS + RL_BITS) % RL_BITS : bit - begin;
+        if (of >= 0 && of < RL_BITS) {
+            weight[of] += bits->dark[bit] ? -bits->turned[bit] : bits->turned[bit];
+        }
+    }
+    most = all + weight[0] + weight[2] + weight[4] + weight[6];
+    for (int bit = RL_BITS - RL_WORD_BITS; bit < RL_BITS; bit++) {
+        most += fmaxf(weight[bit], 0.0f);
+    }
+    if (most < -(float)ENOUGH || most <= rivals[RIVALS - 1].nats) {
+        return;
+    }
+    const int word = rl_codebook_heaviest(codebook, weight, id);
+    if (word < 0) {
+        return;
+    }
+    float nats = all;
+    for (int bit = 0; bit < RL_BITS; bit++) {
+        nats += codebook->packet[word] & bit_of(bit) ? weight[bit] : 0.0f;
+    }
+    struct rival rival = {nats, with_bits(sending, codebook->packet[word]), codebook->id[word]};
+    rival.sending.repeats = repeats;
+    rival.sending.start_s = bits->begin_s + begin * sending->bit_s;
+    keep_rival(rivals, &rival);
+}
+
+/* How much likelier a packet is than one of any other ID: begun at any bit, cut by the window or
+ * repeating, or found by the search with another start and clock.
+ */
+static double margin_of(struct rl_window *window, const struct rl_codebook *codebook,
+                        const struct rl_demands *demands, const struct bits *bits,
+                        const struct rl_sending *sending, int packets, double own, double half_bits,
+                        uint16_t id, const struct rl_hits *hits)
+{
+    struct rival rivals[RIVALS];
+    for (int i = 0; i < RIVALS; i++) {
+        rivals[i].nats = -INFINITY;
+    }
+    for (int begin = 1 - RL_BITS; begin < bits->count; begin++) {
+        if (packets == 1) {
+            find_rival(codebook, bits, sending, id, begin, false, rivals);
+        }
+        if (bits->repeats && begin >= 0) {
+            find_rival(codebook, bits, sending, id, begin, true, rivals);
+        }
+    }
+    double nearest = own - ENOUGH;
+    for (int i = 0; i < RIVALS + hits->count; i++) {
+        struct rl_sending other;
+        if (i < RIVALS) {
+            if (!(rivals[i].nats > -ENOUGH)) {
+                continue;
+            }
+            other = rivals[i].sending;
+        } else {
+            const struct rl_hit *hit = &hits->hit[i - RIVALS];
+            if (hit->id == id) {
+                continue;
+            }
+            other = *sending;
+            other.bits = rl_packet(hit->id);
+            other.repeats = hit->repeats;
+            other.start_s = hit->start_s;
+            other.bit_s = hit->bit_s;
+        }
+        double likelihood = rl_window_try(window, &other);
+        if (likelihood > nearest - ENOUGH / 2) {
+            likelihood = refine(window, demands, &other, half_bits);
+        }
+        nearest = fmax(nearest, likelihood);
+    }
+    return own - nearest;
+}
+
+/* Whether a packet that was taken for one of many may as well be a lone one that has not ended yet,
+ * or has ended before.
+ */
+static bool may_be_cut(struct rl_window *window, const struct rl_sending *sending, double own)
+{
+    struct rl_sending lone = *sending;
+    lone.repeats = false;
+    for (int packet = 0; packet < 2; packet++) {
+        lone.start_s = sending->start_s + packet * RL_BITS * sending->bit_s;
+        if (rl_window_try(window, &lone) > own - AS_GOOD) {
+            return true;
+        }
+    }
+    return false;
+}
+
+struct rl_verdict rl_decide(struct rl_window *window, const struct rl_codebook *codebook,
+                            const struct rl_demands *demands, int source, const struct rl_hit *hit,
+                            const struct rl_hits *hits, int packets, double free_s, double to_s)
+{
+    struct rl_verdict verdict = {.reason = RL_EVIDENCE, .id = hit->id, .packets = packets};
+    struct rl_sending *sending = &verdict.sending;
+    struct bits bits;
+    double silent_bits;
+    *sending = (struct rl_sending){rl_packet(hit->id), hit->repeats, hit->start_s, hit->bit_s, 0.0035};
+    verdict.evidence =
+        open_window(window, source, sending, packets, free_s, to_s, demands, &silent_bits);
+    verdict.end_s = sending->repeats ? to_s : sending->start_s + RL_BITS * sending->bit_s;
+    verdict.evidence = add_zones(window, sending, verdict.evidence);
+    verdict.evidence -= COST_OF_GAIN * (window->sources - 1);
+    if (verdict.evidence < demands->evidence) {
+        return verdict;
+    }
+    verdict.reason = RL_INCOMPLETE;
+    if (!sending->repeats && verdict.end_s > to_s + NOT_YET_BITS * sending->bit_s) {
+        return verdict;
+    }
+    verdict.reason = RL_ERASED;
+    if (too_much_erased(window, sending)) {
+        return verdict;
+    }
+    const double half_bits =
+        sending->repeats ? (to_s - sending->start_s) / sending->bit_s - RL_BITS * packets / 2.0
+                         : RL_BITS / 2.0;
+    const double own = refine(window, demands, sending, half_bits);
+    verdict.sources = window->sources;
+    memcpy(verdict.source, window->source, sizeof verdict.source);
+    memcpy(verdict.fit, window->fit, sizeof verdict.fit);
+    if (sending->repeats && packets == 1 && may_be_cut(window, sending, own)) {
+        verdict.reason = RL_INCOMPLETE;
+        return verdict;
+    }
+    verdict.reason = RL_NOT_A_WORD;
+    verdict.word = any_sequence(window, demands, sending, half_bits, hits) - own;
+    if (verdict.word > demands->word) {
+        return verdict;
+    }
+    const double since_bits =
+        (to_s - RL_BITS * packets * sending->bit_s - sending->start_s) / sending->bit_s;
+    const int begin = sending->repeats ? (int)floor(since_bits + 0.5) % RL_BITS : 0;
+    verdict.word =
+        turn_bits(window, sending, own, begin, (int)silent_bits, 3.0 * demands->word, &bits);
+    if (verdict.word > demands->word) {
+        return verdict;
+    }
+    verdict.reason = RL_MARGIN;
+    verdict.margin = margin_of(window, codebook, demands, &bits, sending, packets, own, half_bits,
+                               hit->id, hits);
+    if (verdict.margin >= demands->margin) {
+        verdict.reason = RL_REASONS;
+    }
+    return verdict;
+}

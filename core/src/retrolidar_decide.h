@@ -1,0 +1,58 @@
+/* Copyright 2026 retrolidar_ros contributors
+ * SPDX-License-Identifier: Apache-2.0
+ */
+/* Whether a packet is read: three questions to one likelihood.
+ *
+ * Evidence: is something there that wandering does not explain? Word: does no other sequence of
+ * bits explain it much better? Margin: does no packet of another ID explain it nearly as well?
+ */
+#ifndef RETROLIDAR_DECIDE_H
+#define RETROLIDAR_DECIDE_H
+
+#include "retrolidar_search.h"
+#include "retrolidar_window.h"
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+/* binding */
+enum { RL_EVIDENCE, RL_NOT_A_WORD, RL_MARGIN, RL_INCOMPLETE, RL_ERASED, RL_REASONS };
+/* end of binding */
+
+struct rl_demands {
+    double evidence;  /* [nats] */
+    double word;      /* by how much another sequence of bits may be better [nats] */
+    double margin;    /* by how much a packet must be better than one of any other ID [nats] */
+    double bit_s;     /* as expected [s] */
+    double most_skew; /* by how much a clock may be off */
+};
+
+struct rl_verdict {
+    int reason; /* why it is not read, or RL_REASONS */
+    struct rl_sending sending;
+    uint16_t id;
+    int packets;
+    double evidence, word, margin; /* [nats], as far as it came */
+    double end_s;   /* of what was used */
+    int sources;
+    int source[RL_MOST_ZONES_TOGETHER];
+    struct rl_gain fit[RL_MOST_ZONES_TOGETHER];
+};
+
+/* Judge a hit of a source.
+ *
+ * hits: those that were found with it, rivals if they are of other IDs
+ * packets: that the window holds
+ * free_s: before that, samples belong to packets that have been read [s]
+ * to_s: end of the newest exposure [s]
+ */
+struct rl_verdict rl_decide(struct rl_window *window, const struct rl_codebook *codebook,
+                            const struct rl_demands *demands, int source, const struct rl_hit *hit,
+                            const struct rl_hits *hits, int packets, double free_s, double to_s);
+
+#ifdef __cplusplus
+}
+#endif
+
+#endif

@@ -1,0 +1,479 @@
+/* Copyright 2026 retrolidar_ros contributors
+ * SPDX-License-Identifier: Apache-2.0
+ */
+#include "retrolidar_detector.h"
+
+#include "retrolidar_packet.h"
+
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+enum {
+    READINGS = 32,   /* that one frame may bring */
+    RECENT = 64,     /* readings that are remembered, not to be told twice */
+    FOLDS = 5,
+    LOOK_BITS = 4,   /* between two looks at stretches of one packet */
+    WORDS_A_FRAME = 200000, /* that are searched, and ... */
+    DECISIONS_A_FRAME = 12, /* ... candidates that are judged, at the most */
+};
+static const int FOLD[FOLDS] = {1, 2, 3, 5, 8};
+/* A source that varies by less than so many times its noise holds no packet by itself. */
+static const double ACTIVE = 1.5;
+/* Share of the evidence in demand that a coarse template must find. */
+static const double COARSE = 0.8;
+/* By how much less a packet may be where another one has yet to be taken off. */
+static const double TENTATIVE = 0.5;
+/* Bits by which a packet may begin before the one before it has ended. */
+static const double OVERLAP_BITS = 1.5;
+/* Search finds no word where others are so much better [nats]. */
+static const double BEYOND_COARSE = 6.0;
+static const double MOST_SKEW = 0.03;
+
+struct recent {
+    uint16_t id;
+    double start_s, end_s;
+};
+
+struct pending {
+    int source, packets;
+    struct rl_hits hits;
+};
+
+struct rl_detector {
+    struct rl_settings settings;
+    struct rl_samples samples;
+    struct rl_search search;
+    struct rl_window window;
+    struct rl_demands demands;
+    struct rl_counts counts;
+    int64_t last_ns;
+    double looked_s, learnt_s;
+    int64_t turn;
+    double free_s[RL_MOST_SOURCES];
+    struct recent recent[RECENT];
+    int recents;
+    int readings, decisions_left;
+    struct rl_reading reading[READINGS];
+    int candidates;
+    struct rl_candidate candidate[2 * DECISIONS_A_FRAME];
+    struct pending pending[RL_MOST_SOURCES * 2];
+    int pendings;
+    float *taken; /* signals before a packet was taken off them */
+    double *light;
+};
+
+struct rl_detector *rl_detector_create(const struct rl_settings *settings, const uint16_t *ids,
+                                       int32_t count)
+{
+    const struct rl_noise_law law = {settings->noise_floor, settings->noise_slope,
+                                     settings->noise_ambient};
+    const int rows = settings->kept;
+    const int64_t head = ((int64_t)sizeof(struct rl_detector) + 15) / 16 * 16;
+    const int64_t samples = (rl_samples_bytes(settings->rows, settings->columns, rows) + 15) / 16 * 16;
+    const int64_t search = (rl_search_bytes(rows) + 15) / 16 * 16;
+    const int64_t window = (rl_window_bytes(rows) + 15) / 16 * 16;
+    const int64_t light = (int64_t)rows * (int64_t)sizeof(double);
+    const int64_t taken = (int64_t)rows * RL_MOST_ZONES_TOGETHER * (int64_t)sizeof(float);
+    char *memory = calloc(1, (size_t)(head + samples + search + window + light + taken));
+    if (memory == NULL) {
+        return NULL;
+    }
+    struct rl_detector *detector = (struct rl_detector *)memory;
+    detector->settings = *settings;
+    detector->demands = (struct rl_demands){settings->evidence, settings->word, settings->margin,
+                                            settings->bit_s, MOST_SKEW};
+    memory += head;
+    rl_samples_start(&detector->samples, settings->rows, settings->columns, rows, memory, &law,
+                     settings->bit_s);
+    memory += samples;
+    rl_codebook_start(&detector->search.codebook, ids, count);
+    rl_search_start(&detector->search, &detector->samples, rows, settings->bit_s, memory);
+    memory += search;
+    rl_window_start(&detector->window, &detector->samples, rows, memory);
+    memory += window;
+    detector->light = (double *)memory;
+    detector->taken = (float *)(memory + light);
+    return detector;
+}
+
+void rl_detector_destroy(struct rl_detector *detector)
+{
+    free(detector);
+}
+
+static void begin_anew(struct rl_detector *detector, int64_t stamp_ns)
+{
+    rl_samples_clear(&detector->samples, stamp_ns);
+    detector->recents = 0;
+    detector->looked_s = detector->learnt_s = -INFINITY;
+    for (int source = 0; source < RL_MOST_SOURCES; source++) {
+        detector->free_s[source] = -INFINITY;
+    }
+}
+
+/* Whether a packet of an ID was read already, by its time. */
+static bool is_known(const struct rl_detector *detector, uint16_t id, double start_s, double end_s)
+{
+    const int first = detector->recents > RECENT ? detector->recents - RECENT : 0;
+    for (int i = first; i < detector->recents; i++) {
+        const struct recent *recent = &detector->recent[i % RECENT];
+        const double overlap_s = fmin(end_s, recent->end_s) - fmax(start_s, recent->start_s);
+        if (recent->id == id && overlap_s > RL_BITS * detector->settings.bit_s / 2) {
+            return true;
+        }
+    }
+    return false;
+}
+
+static double window_begin(const struct rl_verdict *verdict)
+{
+    return verdict->sending.repeats
+               ? verdict->end_s - RL_BITS * verdict->packets * verdict->sending.bit_s
+               : verdict->sending.start_s;
+}
+
+static void add_reading(struct rl_detector *detector, const struct rl_verdict *verdict)
+{
+    const struct rl_samples *samples = &detector->samples;
+    detector->counts.accepted++;
+    if (detector->readings == READINGS) {
+        return;
+    }
+    struct rl_reading *reading = &detector->reading[detector->readings++];
+    memset(reading, 0, sizeof *reading);
+    reading->id = verdict->id;
+    reading->repeats = verdict->sending.repeats;
+    reading->packets = verdict->packets;
+    reading->start_s = verdict->sending.start_s;
+    reading->bit_s = verdict->sending.bit_s;
+    reading->brightening_s = verdict->sending.brightening_s;
+    reading->begin_s = window_begin(verdict);
+    reading->end_s = verdict->end_s;
+    reading->evidence = verdict->evidence;
+    reading->margin = verdict->margin;
+    reading->gain = verdict->fit[0].gain;
+    reading->variance = verdict->fit[0].variance;
+    const struct rl_source *source = &samples->source[verdict->source[0]];
+    if (source->zones > 1) {
+        /* Those that it sums; the placement tells which saw how much. */
+        reading->zones = source->zones < 16 ? source->zones : 16;
+        for (int i = 0; i < reading->zones; i++) {
+            reading->zone[i] = source->zone[i];
+        }
+    } else {
+        double gains[RL_MOST_ZONES_TOGETHER];
+        for (int i = 0; i < verdict->sources; i++) {
+            int at = reading->zones++;
+            for (; at > 0 && gains[at - 1] < verdict->fit[i].gain; at--) {
+                gains[at] = gains[at - 1];
+                reading->zone[at] = reading->zone[at - 1];
+            }
+            gains[at] = verdict->fit[i].gain;
+            reading->zone[at] = verdict->source[i];
+        }
+        for (int i = 0; i < verdict->sources; i++) {
+            if (verdict->source[i] == reading->zone[0]) {
+                reading->gain = verdict->fit[i].gain;
+                reading->variance = verdict->fit[i].variance;
+            }
+        }
+    }
+    detector->recent[detector->recents++ % RECENT] =
+        (struct recent){verdict->id, reading->begin_s, reading->end_s};
+    /* What was read is not read again, nor by sums that hold it. */
+    for (int other = 0; other < samples->sources; other++) {
+        for (int i = 0; i < reading->zones; i++) {
+            for (int j = 0; j < samples->source[other].zones; j++) {
+                if (samples->source[other].zone[j] == reading->zone[i]) {
+                    detector->free_s[other] = fmax(detector->free_s[other], reading->end_s);
+                }
+            }
+        }
+    }
+}
+
+/* Take a packet off the samples of its sources, or put it back. */
+static void take_off(struct rl_detector *detector, const struct rl_verdict *verdict, bool back)
+{
+    struct rl_samples *samples = &detector->samples;
+    const int first = rl_samples_row(samples, window_begin(verdict));
+    int rows = rl_samples_row(samples, verdict->end_s) + 1;
+    rows = (rows < samples->count ? rows : samples->count) - first;
+    if (rows > samples->kept) {
+        return;
+    }
+    rl_template(&verdict->sending, samples->begin_s + first, samples->end_s + first, rows,
+                detector->light);
+    for (int i = 0; i < verdict->sources; i++) {
+        for (int row = 0; row < rows; row++) {
+            float *signal = samples->signal + (size_t)(first + row) * (size_t)samples->width +
+                            verdict->source[i];
+            float *taken = detector->taken + (size_t)row * RL_MOST_ZONES_TOGETHER + i;
+            if (back) {
+                *signal = *taken;
+            } else {
+                *taken = *signal;
+                *signal += (float)(verdict->fit[i].gain * (1.0 - detector->light[row]));
+            }
+        }
+    }
+}
+
+static struct rl_verdict decide(struct rl_detector *detector, int source, int packets,
+                                const struct rl_hit *hit, const struct rl_hits *hits, double to_s)
+{
+    struct rl_demands demands = detector->demands;
+    if (hit->repeats && packets < detector->settings.max_packets) {
+        demands.margin = detector->settings.margin_of_more;
+    }
+    const struct rl_verdict verdict =
+        rl_decide(&detector->window, &detector->search.codebook, &demands, source, hit, hits,
+                  packets, detector->free_s[source], to_s);
+    if (detector->candidates < 2 * DECISIONS_A_FRAME) {
+        detector->candidate[detector->candidates++] = (struct rl_candidate){
+            verdict.id,      source,
+            packets,         verdict.reason,
+            verdict.sending.start_s, verdict.sending.bit_s,
+            verdict.evidence, verdict.word,
+            verdict.margin,
+        };
+    }
+    return verdict;
+}
+
+/* Look for another packet in the zone of one that was found, now that this one is taken off. */
+static bool look_behind(struct rl_detector *detector, const struct rl_verdict *before,
+                        struct rl_verdict *behind)
+{
+    const int source = before->source[0];
+    const double to_s = fmin(before->end_s, detector->looked_s);
+    struct rl_hits hits;
+    bool found = false;
+    take_off(detector, before, false);
+    for (int packets = 1; packets >= 0 && !found; packets--) {
+        const double from_s = to_s - (packets ? 0.0 : 2.0) * detector->settings.bit_s;
+        rl_search_look(&detector->search, &source, 1, packets, from_s, to_s,
+                       COARSE * detector->demands.evidence, BEYOND_COARSE + detector->demands.word,
+                       &hits);
+        for (int i = 0; i < hits.count && !found && detector->decisions_left > 0; i++) {
+            if (hits.hit[i].id == before->id) {
+                continue;
+            }
+            detector->decisions_left--;
+            *behind = decide(detector, source, 1, &hits.hit[i], &hits, to_s);
+            found = behind->reason == RL_REASONS &&
+                    !is_known(detector, behind->id, window_begin(behind), behind->end_s);
+        }
+    }
+    take_off(detector, before, true);
+    return found;
+}
+
+/* Judge the hits of a source, the best first; return whether one is read. */
+static bool judge(struct rl_detector *detector, const struct pending *pending, double to_s)
+{
+    const struct rl_hit *hit = &pending->hits.hit[0];
+    const double begin_s =
+        hit->repeats ? to_s - RL_BITS * pending->packets * hit->bit_s : hit->start_s;
+    if (begin_s < detector->free_s[pending->source] - OVERLAP_BITS * hit->bit_s ||
+        is_known(detector, hit->id, begin_s, begin_s + RL_BITS * pending->packets * hit->bit_s)) {
+        return false;
+    }
+    detector->counts.candidates++;
+    detector->decisions_left--;
+    struct rl_verdict verdict =
+        decide(detector, pending->source, pending->packets, hit, &pending->hits, to_s);
+    struct rl_verdict behind;
+    const bool is_alone = pending->packets > 1 ||
+                          detector->samples.source[pending->source].zones > 1 ||
+                          verdict.sources == 0 ||
+                          verdict.evidence < TENTATIVE * detector->demands.evidence;
+    const bool has_other = !is_alone && look_behind(detector, &verdict, &behind);
+    if (has_other && verdict.reason != RL_REASONS) {
+        take_off(detector, &behind, false);
+        verdict = decide(detector, pending->source, pending->packets, hit, &pending->hits, to_s);
+        take_off(detector, &behind, true);
+    }
+    if (verdict.reason == RL_REASONS) {
+        add_reading(detector, &verdict);
+    } else {
+        detector->counts.refused[verdict.reason]++;
+    }
+    if (has_other) {
+        detector->counts.candidates++;
+        add_reading(detector, &behind);
+    }
+    return verdict.reason == RL_REASONS;
+}
+
+static void search(struct rl_detector *detector, const int *sources, int count, int packets,
+                   double from_s, double to_s)
+{
+    struct rl_hits hits[RL_LANES];
+    for (int first = 0; first < count; first += RL_LANES) {
+        const int lanes = count - first < RL_LANES ? count - first : RL_LANES;
+        rl_search_look(&detector->search, sources + first, lanes, packets, from_s, to_s,
+                       COARSE * detector->demands.evidence, BEYOND_COARSE + detector->demands.word,
+                       hits);
+        for (int lane = 0; lane < lanes; lane++) {
+            if (hits[lane].count > 0 && detector->pendings < RL_MOST_SOURCES * 2) {
+                detector->pending[detector->pendings++] = (struct pending){
+                    sources[first + lane], packets > 0 ? packets : 1, hits[lane]};
+            }
+        }
+    }
+}
+
+/* Sources that have not been read for so long, and are active if that is asked. */
+static int ready(const struct rl_detector *detector, double bits, double to_s, bool active,
+                 int most_zones, int *sources)
+{
+    int count = 0;
+    const double since_s = to_s - bits * detector->settings.bit_s;
+    for (int source = 0; source < detector->samples.sources; source++) {
+        if (detector->free_s[source] <= since_s &&
+            detector->samples.source[source].zones <= most_zones &&
+            (!active || rl_samples_variation(&detector->samples, source) > ACTIVE)) {
+            sources[count++] = source;
+        }
+    }
+    return count;
+}
+
+static void look(struct rl_detector *detector)
+{
+    const struct rl_samples *samples = &detector->samples;
+    const double bit_s = detector->settings.bit_s;
+    const double to_s = samples->end_s[samples->count - 1];
+    const double from_s = fmax(detector->looked_s, to_s - RL_BITS * bit_s);
+    const double held_s = to_s - samples->begin_s[samples->count > samples->kept
+                                                      ? samples->count - samples->kept
+                                                      : 0];
+    int sources[RL_MOST_SOURCES];
+    detector->pendings = 0;
+    detector->search.words_left = WORDS_A_FRAME;
+    detector->decisions_left = DECISIONS_A_FRAME;
+    detector->looked_s = to_s;
+    if (to_s - detector->learnt_s > RL_BITS * bit_s) {
+        rl_samples_learn(&detector->samples);
+        detector->learnt_s = to_s;
+    }
+    const double packet_bits = RL_BITS * (1.0 - MOST_SKEW) - OVERLAP_BITS;
+    if (held_s < packet_bits * bit_s) {
+        return;
+    }
+    int count = ready(detector, packet_bits, to_s, true, RL_MOST_ZONES, sources);
+    search(detector, sources, count, 0, from_s, to_s);
+    const int64_t turn = (int64_t)floor(to_s / (LOOK_BITS * bit_s));
+    if (turn != detector->turn) {
+        detector->turn = turn;
+        count = ready(detector, packet_bits, to_s, true, RL_MOST_ZONES, sources);
+        search(detector, sources, count, 1, from_s, to_s);
+        /* More packets are looked at in turn, each number of them once in a packet's time. */
+        const int fold = (int)(turn % (RL_BITS / LOOK_BITS + 1));
+        if (fold >= 1 && fold < FOLDS && FOLD[fold] <= detector->settings.max_packets) {
+            const double bits = RL_BITS * FOLD[fold] * (1.0 + MOST_SKEW) + 1.0;
+            if (held_s > bits * bit_s && bits * bit_s < samples->kept * samples->period_s) {
+                count = ready(detector, bits - OVERLAP_BITS, to_s, false, 1, sources);
+                search(detector, sources, count, FOLD[fold], from_s, to_s);
+            }
+        }
+    }
+    while (detector->pendings > 0 && detector->decisions_left > 0) {
+        int best = 0;
+        for (int i = 1; i < detector->pendings; i++) {
+            if (detector->pending[i].hits.hit[0].nats > detector->pending[best].hits.hit[0].nats) {
+                best = i;
+            }
+        }
+        const struct pending pending = detector->pending[best];
+        detector->pending[best] = detector->pending[--detector->pendings];
+        judge(detector, &pending, to_s);
+    }
+    detector->counts.cut_short += detector->pendings > 0;
+}
+
+int32_t rl_detector_push(struct rl_detector *detector, int32_t frames, const int64_t *stamp_ns,
+                         const float *signal, const float *distance, const float *ambient,
+                         const uint8_t *status)
+{
+    const size_t zones = (size_t)detector->samples.zones;
+    const int64_t longest_ns = (int64_t)(RL_BITS * detector->settings.bit_s * 1e9);
+    detector->readings = detector->candidates = 0;
+    for (int32_t frame = 0; frame < frames; frame++) {
+        const int64_t stamp = stamp_ns[frame];
+        if (detector->samples.count > 0 && stamp == detector->last_ns) {
+            continue;
+        }
+        if (detector->samples.count == 0 || stamp < detector->last_ns ||
+            (uint64_t)stamp - (uint64_t)detector->last_ns > (uint64_t)longest_ns) {
+            begin_anew(detector, stamp);
+        }
+        detector->last_ns = stamp;
+        const size_t at = (size_t)frame * zones;
+        rl_samples_push(&detector->samples, stamp, signal + at, distance + at, ambient + at,
+                        status + at);
+        look(detector);
+        if (detector->candidates > 0) {
+            return frame + 1;
+        }
+    }
+    return frames;
+}
+
+int32_t rl_detector_readings(const struct rl_detector *detector)
+{
+    return detector->readings;
+}
+
+struct rl_reading rl_detector_reading(const struct rl_detector *detector, int32_t index)
+{
+    return detector->reading[index];
+}
+
+int32_t rl_detector_candidates(const struct rl_detector *detector)
+{
+    return detector->candidates;
+}
+
+struct rl_candidate rl_detector_candidate(const struct rl_detector *detector, int32_t index)
+{
+    return detector->candidate[index];
+}
+
+struct rl_held rl_detector_held(const struct rl_detector *detector)
+{
+    const struct rl_samples *samples = &detector->samples;
+    return (struct rl_held){
+        .first = samples->count > samples->kept ? samples->count - samples->kept : 0,
+        .count = samples->count,
+        .width = samples->width,
+        .zones = samples->zones,
+        .origin_ns = samples->origin_ns,
+        .noise_scale = samples->noise_scale,
+        .period_s = samples->period_s,
+        .begin_s = samples->begin_s,
+        .end_s = samples->end_s,
+        .signal = samples->signal,
+        .valid = samples->valid,
+        .distance = samples->distance,
+    };
+}
+
+void rl_detector_light(const struct rl_detector *detector, const struct rl_reading *reading,
+                       int32_t first, int32_t count, double *light)
+{
+    const struct rl_sending sending = {rl_packet(reading->id), reading->repeats, reading->start_s,
+                                       reading->bit_s, reading->brightening_s};
+    rl_template(&sending, detector->samples.begin_s + first, detector->samples.end_s + first, count,
+                light);
+}
+
+struct rl_counts rl_detector_counts(const struct rl_detector *detector)
+{
+    struct rl_counts counts = detector->counts;
+    counts.impossible = detector->samples.impossible;
+    counts.cut_short += detector->search.cut_short;
+    return counts;
+}

@@ -1,0 +1,101 @@
+/* Copyright 2026 retrolidar_ros contributors
+ * SPDX-License-Identifier: Apache-2.0
+ */
+/* Frames in, packets out: reads the markers in all zones of a sensor. */
+#ifndef RETROLIDAR_DETECTOR_H
+#define RETROLIDAR_DETECTOR_H
+
+#include <stdbool.h>
+#include <stdint.h>
+
+#include "retrolidar_decide.h"
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+/* binding */
+struct rl_settings {
+    int32_t rows, columns; /* of zones */
+    int32_t max_packets;   /* that may be combined, 1 to 8 */
+    int32_t kept;          /* rows of samples that are held */
+    double bit_s;          /* how long markers hold a bit [s] */
+    double noise_floor, noise_slope, noise_ambient; /* law of the sensor's noise */
+    double evidence, word, margin, margin_of_more;  /* demands [nats] */
+};
+
+/* A packet that was read. */
+struct rl_reading {
+    uint16_t id;
+    bool repeats;
+    int32_t packets;   /* combined */
+    double start_s, bit_s, brightening_s; /* of what is sent [s] */
+    double begin_s, end_s; /* of the samples that were used [s] */
+    double evidence, margin; /* [nats] */
+    double gain, variance; /* of the strongest zone [kcps/SPAD] and its square */
+    int32_t zones;
+    int32_t zone[16]; /* strongest first */
+};
+
+/* A packet that was judged, read or not. */
+struct rl_candidate {
+    uint16_t id;
+    int32_t source, packets;
+    int32_t reason; /* why it is not read, RL_REASONS if it is */
+    double start_s, bit_s;
+    double evidence, word, margin; /* [nats], 0 where it has not come so far */
+};
+
+/* The samples that are held, row by row; `first` is the oldest that is sure. */
+struct rl_held {
+    int32_t first, count, width, zones;
+    int64_t origin_ns;
+    double noise_scale, period_s;
+    const double *begin_s, *end_s;
+    const float *signal; /* width columns a row, the zones first */
+    const uint8_t *valid;
+    const float *distance; /* zones columns a row */
+};
+
+struct rl_detector;
+
+/* Memory is taken here and never after; NULL if there is none, or the settings cannot be. */
+struct rl_detector *rl_detector_create(const struct rl_settings *settings, const uint16_t *ids,
+                                       int32_t count);
+void rl_detector_destroy(struct rl_detector *detector);
+
+/* Take frames, one after the other, until candidates are judged with one of them; return how many frames
+ * were taken. The arrays are of shape (frames) and (frames, zones). Stamps that do not rise are no
+ * new frames; after a jump back, or forward by more than a packet, it begins anew.
+ */
+int32_t rl_detector_push(struct rl_detector *detector, int32_t frames, const int64_t *stamp_ns,
+                         const float *signal, const float *distance, const float *ambient,
+                         const uint8_t *status);
+
+/* What was read with the frame that was taken last. */
+int32_t rl_detector_readings(const struct rl_detector *detector);
+struct rl_reading rl_detector_reading(const struct rl_detector *detector, int32_t index);
+
+/* What was judged with that frame. */
+int32_t rl_detector_candidates(const struct rl_detector *detector);
+struct rl_candidate rl_detector_candidate(const struct rl_detector *detector, int32_t index);
+
+struct rl_held rl_detector_held(const struct rl_detector *detector);
+
+/* Mean light of what was sent with a reading, during `count` exposures from row `first` on. */
+void rl_detector_light(const struct rl_detector *detector, const struct rl_reading *reading,
+                       int32_t first, int32_t count, double *light);
+
+/* Counters: candidates that were judged, refused for each reason, and so on. */
+struct rl_counts {
+    uint64_t candidates, accepted, impossible, cut_short;
+    uint64_t refused[5];
+};
+struct rl_counts rl_detector_counts(const struct rl_detector *detector);
+/* end of binding */
+
+#ifdef __cplusplus
+}
+#endif
+
+#endif

@@ -1,0 +1,67 @@
+/* Copyright 2026 retrolidar_ros contributors
+ * SPDX-License-Identifier: Apache-2.0
+ */
+/* How likely samples are of a packet, or of nothing but noise and a level that wanders.
+ *
+ *     x_k = a + g T_k + l_k + n_k,   g > 0 with a packet, g = 0 without
+ *
+ * n is white, of variance s; l is a random walk of variance q s for each frame period; a is
+ * unknown. This is the local level model (Harvey 1989; Durbin and Koopman 2012): for a given q, one
+ * pass of a scalar Kalman filter whitens the samples, and the template by the same gains.
+ */
+#ifndef RETROLIDAR_LIKELIHOOD_H
+#define RETROLIDAR_LIKELIHOOD_H
+
+#include <stdint.h>
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+enum {
+    RL_WALKS = 9,       /* values of q that are tried */
+    RL_WALK_LANES = 10, /* the same, made even */
+    RL_MOST_ZONES_TOGETHER = 4,
+};
+
+/* Samples of a source in a window, whitened for every q. */
+struct rl_whitened {
+    int samples;         /* valid ones */
+    int *row;            /* of each, in the window */
+    double (*gain)[RL_WALK_LANES]; /* of the filter, for each sample */
+    double (*scale)[RL_WALK_LANES]; /* 1 over the deviation of each innovation */
+    double (*signal)[RL_WALK_LANES]; /* whitened */
+    double squares[RL_WALK_LANES];
+    double log_scales[RL_WALK_LANES]; /* sum of the logarithms of 1/deviation */
+    double least;        /* variance of noise that a fit may claim at least */
+    double null;         /* log likelihood without a packet, the best of all q */
+};
+
+/* How much better a template explains samples than nothing does. */
+struct rl_gain {
+    double log_likelihood; /* with the packet, the best of all q */
+    double gain;           /* g at that q, not negative */
+    double variance;       /* s at that q */
+    int walk;              /* which q that is */
+};
+
+/* Memory that a window of so many rows takes, in doubles. */
+int64_t rl_whitened_doubles(int rows);
+void rl_whitened_start(struct rl_whitened *whitened, int rows, double *memory);
+
+/* Whiten a window.
+ *
+ * signal, valid: of each row, `stride` apart; middle_s: of each row
+ * period_s: of the frames; least: variance of noise that there is at least
+ */
+void rl_whiten(struct rl_whitened *whitened, const float *signal, const uint8_t *valid, int stride,
+               const double *begin_s, const double *end_s, int rows, double period_s, double least);
+
+/* Fit a template, the light of each row of the window. */
+struct rl_gain rl_fit_gain(const struct rl_whitened *whitened, const double *light);
+
+#ifdef __cplusplus
+}
+#endif
+
+#endif

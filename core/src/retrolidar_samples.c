@@ -1,0 +1,369 @@
+/* Copyright 2026 retrolidar_ros contributors
+ * SPDX-License-Identifier: Apache-2.0
+ */
+#include "retrolidar_samples.h"
+
+#include <math.h>
+#include <string.h>
+
+/* ST's codes of samples whose signal and distance are to be believed; of these, a blinking marker
+ * itself causes "first range" (6) and "no previous target" (10).
+ */
+enum { VALID = 5, FIRST_RANGE = 6, SIGNAL_TOO_LOW = 8, MERGED = 9, NO_PREVIOUS = 10 };
+enum { NO_TARGET = 255 };
+
+static const float MOST_SIGNAL = 2097152.0f; /* 32 bits of 1/2048 kcps/SPAD */
+static const float MOST_DISTANCE = 8.192f;   /* 16 bits of a quarter of a millimetre */
+
+/* Dark bits that no packet exceeds at a stretch, and some more. */
+static const double DARK_BITS = 12.0;
+/* Samples are white if neighbours correlate by less; so they do by chance, 0 +- 0.13. */
+static const double WHITE = 0.15;
+static const int LEAST_WHITE_ZONES = 3;
+static const double LEAST_SCALE = 1.0 / 16, MOST_SCALE = 16.0;
+static const double NEWEST_SHARE = 0.3; /* of what is learnt of the scale */
+
+static int sources_of(int rows, int columns, struct rl_source *source)
+{
+    int count = 0;
+    for (; count < rows * columns; count++) {
+        source[count].zones = 1;
+        source[count].zone[0] = (uint8_t)count;
+    }
+    for (int row = 0; row + 1 < rows; row++) {
+        for (int column = 0; column + 1 < columns; column++) {
+            const int corner = row * columns + column;
+            const int block[4] = {corner, corner + 1, corner + columns, corner + columns + 1};
+            source[count].zones = 4;
+            for (int i = 0; i < 4; i++) {
+                source[count].zone[i] = (uint8_t)block[i];
+            }
+            count++;
+        }
+    }
+    source[count].zones = rows * columns;
+    for (int zone = 0; zone < rows * columns; zone++) {
+        source[count].zone[zone] = (uint8_t)zone;
+    }
+    return count + 1;
+}
+
+static int width_of(int sources)
+{
+    return (sources + RL_LANES - 1) / RL_LANES * RL_LANES;
+}
+
+int64_t rl_samples_bytes(int rows, int columns, int kept)
+{
+    const int64_t zones = (int64_t)rows * columns;
+    const int64_t width = width_of((int)(zones + (int64_t)(rows - 1) * (columns - 1) + 1));
+    const int64_t a_row = 2 * (int64_t)sizeof(double) + width * (int64_t)(sizeof(float) + 1) +
+                          zones * (int64_t)sizeof(float) + 1;
+    return 2 * width * (int64_t)sizeof(double) + 4 * (int64_t)kept * a_row;
+}
+
+void rl_samples_start(struct rl_samples *samples, int rows, int columns, int kept, void *memory,
+                      const struct rl_noise_law *law, double bit_s)
+{
+    memset(samples, 0, sizeof *samples);
+    samples->rows_of_zones = rows;
+    samples->columns_of_zones = columns;
+    samples->zones = rows * columns;
+    samples->sources = sources_of(rows, columns, samples->source);
+    samples->width = width_of(samples->sources);
+    samples->kept = kept;
+    samples->capacity = 4 * kept;
+    samples->law = *law;
+    samples->noise_scale = 1.0;
+    samples->period_s = bit_s / 2;
+    samples->dark_s = DARK_BITS * bit_s;
+    double *wide = memory;
+    samples->sum = wide;
+    samples->square = samples->sum + samples->width;
+    samples->begin_s = samples->square + samples->width;
+    samples->end_s = samples->begin_s + samples->capacity;
+    samples->signal = (float *)(samples->end_s + samples->capacity);
+    samples->distance = samples->signal + (size_t)samples->capacity * (size_t)samples->width;
+    samples->valid = (uint8_t *)(samples->distance + (size_t)samples->capacity * (size_t)samples->zones);
+    samples->frame = samples->valid + (size_t)samples->capacity * (size_t)samples->width;
+    rl_samples_clear(samples, 0);
+}
+
+void rl_samples_clear(struct rl_samples *samples, int64_t stamp_ns)
+{
+    samples->origin_ns = stamp_ns;
+    samples->count = 0;
+    samples->variance_rows = 0;
+    samples->steps = 0;
+    for (int source = 0; source < samples->width; source++) {
+        samples->sum[source] = samples->square[source] = 0.0;
+    }
+    for (int zone = 0; zone < samples->zones; zone++) {
+        samples->last_seen_s[zone] = -INFINITY;
+        samples->last_signal[zone] = 0.0f;
+    }
+}
+
+/* Move the rows that are kept to the front. */
+static void make_room(struct rl_samples *samples)
+{
+    const int first = samples->count - samples->kept;
+    const size_t kept = (size_t)samples->kept, from = (size_t)first;
+    const size_t width = (size_t)samples->width, zones = (size_t)samples->zones;
+    memmove(samples->begin_s, samples->begin_s + from, kept * sizeof(double));
+    memmove(samples->end_s, samples->end_s + from, kept * sizeof(double));
+    memmove(samples->signal, samples->signal + from * width, kept * width * sizeof(float));
+    memmove(samples->valid, samples->valid + from * width, kept * width);
+    memmove(samples->distance, samples->distance + from * zones, kept * zones * sizeof(float));
+    memmove(samples->frame, samples->frame + from, kept);
+    samples->count = samples->kept;
+}
+
+static void change_sums(struct rl_samples *samples, int row, double sign)
+{
+    const float *signal = samples->signal + (size_t)row * (size_t)samples->width;
+    for (int source = 0; source < samples->width; source++) {
+        const double value = signal[source];
+        samples->sum[source] += sign * value;
+        samples->square[source] += sign * value * value;
+    }
+}
+
+/* Let the sums be those of the newest rows, as many as `wanted`, computed anew after a move. */
+static void follow_sums(struct rl_samples *samples, int wanted, bool anew)
+{
+    if (anew || samples->variance_rows > wanted) {
+        for (int source = 0; source < samples->width; source++) {
+            samples->sum[source] = samples->square[source] = 0.0;
+        }
+        samples->variance_rows = 0;
+        const int first = samples->count > wanted ? samples->count - wanted : 0;
+        for (int row = first; row < samples->count; row++) {
+            change_sums(samples, row, 1.0);
+            samples->variance_rows++;
+        }
+        return;
+    }
+    change_sums(samples, samples->count - 1, 1.0);
+    if (samples->variance_rows < wanted) {
+        samples->variance_rows++;
+    } else {
+        change_sums(samples, samples->count - 1 - wanted, -1.0);
+    }
+}
+
+static void sum_zones(struct rl_samples *samples, int row)
+{
+    float *signal = samples->signal + (size_t)row * (size_t)samples->width;
+    uint8_t *valid = samples->valid + (size_t)row * (size_t)samples->width;
+    for (int source = samples->zones; source < samples->sources; source++) {
+        const struct rl_source *sum = &samples->source[source];
+        float total = 0.0f;
+        int erased = 0;
+        for (int i = 0; i < sum->zones; i++) {
+            total += signal[sum->zone[i]];
+            /* A zone that sees nothing for long is dark, and no reason to believe less. */
+            erased += !valid[sum->zone[i]] &&
+                      samples->end_s[row] - samples->last_seen_s[sum->zone[i]] < samples->dark_s;
+        }
+        signal[source] = total;
+        valid[source] = 2 * erased < sum->zones;
+    }
+}
+
+/* Place a row about a time; exposures never overlap. */
+static int place_row(struct rl_samples *samples, double middle_s, bool frame)
+{
+    const int row = samples->count++;
+    const double half_s = samples->period_s / 2;
+    samples->begin_s[row] = middle_s - half_s;
+    samples->end_s[row] = middle_s + half_s;
+    if (row > 0 && samples->begin_s[row] < samples->end_s[row - 1]) {
+        const double before_s = (samples->begin_s[row - 1] + samples->end_s[row - 1]) / 2;
+        const double between_s = fmax((before_s + middle_s) / 2, samples->begin_s[row - 1] + 1e-6);
+        samples->end_s[row - 1] = samples->begin_s[row] = between_s;
+        samples->end_s[row] = fmax(samples->end_s[row], between_s + 1e-6);
+    }
+    samples->frame[row] = frame;
+    return row;
+}
+
+static void fill_row(struct rl_samples *samples, int row, double time_s, const float *signals,
+                     const float *distances, const uint8_t *status)
+{
+    float *signal = samples->signal + (size_t)row * (size_t)samples->width;
+    float *distance = samples->distance + (size_t)row * (size_t)samples->zones;
+    uint8_t *valid = samples->valid + (size_t)row * (size_t)samples->width;
+    for (int zone = 0; zone < samples->zones; zone++) {
+        const uint8_t code = status[zone];
+        const float s = signals[zone], d = distances[zone];
+        const bool normal =
+            code == VALID || code == FIRST_RANGE || code == MERGED || code == NO_PREVIOUS;
+        const bool possible =
+            s >= 0.0f && s <= MOST_SIGNAL && ((d > 0.0f && d < MOST_DISTANCE) || isnan(d));
+        samples->impossible += normal && !possible;
+        valid[zone] = normal && possible;
+        distance[zone] = valid[zone] ? d : NAN;
+        if (valid[zone]) {
+            samples->last_seen_s[zone] = time_s;
+            samples->last_signal[zone] = signal[zone] = s;
+            continue;
+        }
+        /* A marker that blocks the light leaves nothing to see. */
+        const bool nothing = code == NO_TARGET ||
+                             (code == SIGNAL_TOO_LOW && !(s >= samples->last_signal[zone] / 2));
+        const bool dark = nothing && time_s - samples->last_seen_s[zone] < samples->dark_s;
+        valid[zone] = dark;
+        signal[zone] = nothing ? 0.0f : samples->last_signal[zone];
+    }
+    sum_zones(samples, row);
+}
+
+static void fill_gap(struct rl_samples *samples, int row)
+{
+    const size_t width = (size_t)samples->width, zones = (size_t)samples->zones;
+    memcpy(samples->signal + (size_t)row * width, samples->signal + (size_t)(row - 1) * width,
+           width * sizeof(float));
+    memset(samples->valid + (size_t)row * width, 0, width);
+    for (size_t zone = 0; zone < zones; zone++) {
+        samples->distance[(size_t)row * zones + zone] = NAN;
+    }
+}
+
+static double median(double *values, int count)
+{
+    for (int i = 1; i < count; i++) {
+        const double value = values[i];
+        int j = i;
+        for (; j > 0 && values[j - 1] > value; j--) {
+            values[j] = values[j - 1];
+        }
+        values[j] = value;
+    }
+    return values[count / 2];
+}
+
+static void follow_period(struct rl_samples *samples, double step_s)
+{
+    const int newest = (int)(sizeof samples->step_s / sizeof *samples->step_s);
+    samples->step_s[samples->steps % newest] = step_s;
+    if (++samples->steps % newest == 0) {
+        double steps[sizeof samples->step_s / sizeof *samples->step_s];
+        memcpy(steps, samples->step_s, sizeof steps);
+        const double share = samples->steps == newest ? 1.0 : 0.2;
+        samples->period_s += share * (median(steps, newest) - samples->period_s);
+    }
+}
+
+static void follow_ambient(struct rl_samples *samples, const float *ambient)
+{
+    double values[RL_MOST_ZONES];
+    int count = 0;
+    for (int zone = 0; zone < samples->zones; zone++) {
+        if (isfinite(ambient[zone]) && ambient[zone] >= 0.0f) {
+            values[count++] = ambient[zone];
+        }
+    }
+    samples->ambient = count > 0 ? median(values, count) : 0.0;
+}
+
+int rl_samples_push(struct rl_samples *samples, int64_t stamp_ns, const float *signal,
+                    const float *distance, const float *ambient, const uint8_t *status)
+{
+    const double time_s = (double)(stamp_ns - samples->origin_ns) * 1e-9;
+    int rows = 1;
+    if (samples->count > 0) {
+        const int last = samples->count - 1;
+        const double before_s = (samples->begin_s[last] + samples->end_s[last]) / 2;
+        const double periods = fmin((time_s - before_s) / samples->period_s + 0.4, samples->kept / 2);
+        follow_period(samples, time_s - before_s);
+        rows = periods < 1.0 ? 1 : (int)periods;
+        const double step_s = (time_s - before_s) / rows;
+        for (int missing = 1; missing < rows; missing++) {
+            if (samples->count == samples->capacity) {
+                make_room(samples);
+            }
+            const int row = place_row(samples, before_s + missing * step_s, false);
+            fill_gap(samples, row);
+            follow_sums(samples, samples->variance_rows, false);
+        }
+    }
+    const bool full = samples->count == samples->capacity;
+    if (full) {
+        make_room(samples);
+    }
+    const int row = place_row(samples, time_s, true);
+    fill_row(samples, row, time_s, signal, distance, status);
+    follow_ambient(samples, ambient);
+    const int packet = (int)(31.0 * samples->dark_s / DARK_BITS / samples->period_s + 0.5);
+    follow_sums(samples, packet < samples->kept ? packet : samples->kept, full);
+    return rows;
+}
+
+double rl_samples_noise(const struct rl_samples *samples, int source, double signal)
+{
+    const struct rl_noise_law *law = &samples->law;
+    const double zones = samples->source[source].zones;
+    return zones * (law->floor + law->ambient * samples->ambient) + law->slope * fmax(signal, 0.0);
+}
+
+double rl_samples_variation(const struct rl_samples *samples, int source)
+{
+    const double rows = samples->variance_rows;
+    if (rows < 2.0) {
+        return 0.0;
+    }
+    const double mean = samples->sum[source] / rows;
+    const double variance = (samples->square[source] - samples->sum[source] * mean) / (rows - 1.0);
+    return variance / (samples->noise_scale * rl_samples_noise(samples, source, mean));
+}
+
+void rl_samples_learn(struct rl_samples *samples)
+{
+    double scales[RL_MOST_ZONES];
+    int white = 0;
+    const int rows = samples->variance_rows;
+    const int first = samples->count - rows;
+    if (rows < 16) {
+        return;
+    }
+    for (int zone = 0; zone < samples->zones; zone++) {
+        const double mean = samples->sum[zone] / rows;
+        const float *signal = samples->signal + (size_t)first * (size_t)samples->width + zone;
+        const uint8_t *valid = samples->valid + (size_t)first * (size_t)samples->width + zone;
+        double power = 0.0, lagged = 0.0, before = 0.0;
+        bool whole = true;
+        for (int row = 0; row < rows && whole; row++) {
+            const double deviation = (double)signal[(size_t)row * (size_t)samples->width] - mean;
+            power += deviation * deviation;
+            lagged += deviation * before;
+            before = deviation;
+            whole = valid[(size_t)row * (size_t)samples->width] ||
+                    !samples->frame[first + row]; /* a lost frame is no reason */
+        }
+        if (!whole || !(power > 0.0) || lagged >= WHITE * power) {
+            continue;
+        }
+        /* What a weak marker adds is alike in the two samples of a bit, and cancels here. */
+        scales[white++] = (power - 2.0 * lagged) / (rows - 1) / rl_samples_noise(samples, zone, mean);
+    }
+    if (white < LEAST_WHITE_ZONES) {
+        return;
+    }
+    const double scale = fmin(fmax(median(scales, white), LEAST_SCALE), MOST_SCALE);
+    samples->noise_scale += NEWEST_SHARE * (scale - samples->noise_scale);
+}
+
+int rl_samples_row(const struct rl_samples *samples, double time_s)
+{
+    int low = 0, high = samples->count;
+    while (low < high) {
+        const int middle = (low + high) / 2;
+        if (samples->end_s[middle] > time_s) {
+            high = middle;
+        } else {
+            low = middle + 1;
+        }
+    }
+    return low;
+}

@@ -1,0 +1,93 @@
+/* Copyright 2026 retrolidar_ros contributors
+ * SPDX-License-Identifier: Apache-2.0
+ */
+/* The newest samples of all zones, placed by their times, and of sums of zones beside them. */
+#ifndef RETROLIDAR_SAMPLES_H
+#define RETROLIDAR_SAMPLES_H
+
+#include <stdbool.h>
+#include <stdint.h>
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+enum {
+    RL_MOST_ZONES = 64,
+    RL_MOST_SOURCES = 116, /* zones, blocks of 2x2 of them, the whole view; a multiple of RL_LANES */
+    RL_LANES = 4,          /* sources that are computed side by side */
+};
+
+/* A source is what is searched for packets: a zone, or a sum of zones, which sees the whole of a
+ * packet of a marker that crosses from zone to zone.
+ */
+struct rl_source {
+    int zones; /* how many it sums */
+    uint8_t zone[RL_MOST_ZONES];
+};
+
+struct rl_noise_law {
+    double floor;   /* variance of a signal of nothing [(kcps/SPAD)^2] */
+    double slope;   /* by how much it grows with the signal [kcps/SPAD] */
+    double ambient; /* and with the ambient light [kcps/SPAD] */
+};
+
+/* Rows are frame periods: a lost frame is a row of erasures. The arrays over rows and sources have
+ * `width` columns.
+ */
+struct rl_samples {
+    int rows_of_zones, columns_of_zones, zones;
+    int sources, width;
+    struct rl_source source[RL_MOST_SOURCES];
+    int kept;     /* rows that are held for sure */
+    int capacity; /* rows that there is memory for */
+    int count;    /* rows that are held */
+    int64_t origin_ns; /* from which times count */
+    double period_s;   /* of the frames, as measured */
+    double *begin_s, *end_s; /* of each exposure [s] */
+    float *signal;     /* [kcps/SPAD]; of an erasure, the last one before it */
+    uint8_t *valid;    /* 0 = erasure */
+    float *distance;   /* of zones only, NaN where none was measured [m] */
+    uint8_t *frame;    /* of each row: 1 = a frame came */
+    int variance_rows; /* how many of the newest rows the sums below are of */
+    double *sum, *square;
+    struct rl_noise_law law;
+    double noise_scale; /* how many times that law's variance the sensor has, as learnt */
+    double ambient;     /* median of the newest frame [kcps/SPAD] */
+    uint64_t impossible; /* samples of a normal status that no sensor measures */
+    double dark_s;      /* no packet is dark for longer at a stretch */
+    double last_seen_s[RL_MOST_ZONES];
+    float last_signal[RL_MOST_ZONES];
+    double step_s[15]; /* the newest times from frame to frame */
+    int steps;
+};
+
+/* How much memory the arrays take, and where they begin in it, all zeros at first. */
+int64_t rl_samples_bytes(int rows, int columns, int kept);
+void rl_samples_start(struct rl_samples *samples, int rows, int columns, int kept, void *memory,
+                      const struct rl_noise_law *law, double bit_s);
+
+/* Forget all; times count from this stamp now. */
+void rl_samples_clear(struct rl_samples *samples, int64_t stamp_ns);
+
+/* Append a frame that is later than all before; return how many rows it has made. */
+int rl_samples_push(struct rl_samples *samples, int64_t stamp_ns, const float *signal,
+                    const float *distance, const float *ambient, const uint8_t *status);
+
+/* Variance of the noise of a source at a signal [(kcps/SPAD)^2], as the law says. */
+double rl_samples_noise(const struct rl_samples *samples, int source, double signal);
+
+/* By how many times its noise a source varies over the newest `variance_rows`. */
+double rl_samples_variation(const struct rl_samples *samples, int source);
+
+/* Learn the scale of the noise from the newest rows of zones that are white. */
+void rl_samples_learn(struct rl_samples *samples);
+
+/* Number of the first row whose exposure ends after a time. */
+int rl_samples_row(const struct rl_samples *samples, double time_s);
+
+#ifdef __cplusplus
+}
+#endif
+
+#endif

@@ -1,0 +1,32 @@
+/* Copyright 2026 retrolidar_ros contributors
+ * SPDX-License-Identifier: Apache-2.0
+ */
+/* What exposures see of a packet, the response of the liquid crystal included. */
+#ifndef RETROLIDAR_TEMPLATE_H
+#define RETROLIDAR_TEMPLATE_H
+
+#include <stdbool.h>
+#include <stdint.h>
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+/* Bits that a marker sends, and when. */
+struct rl_sending {
+    uint32_t bits; /* 31 of them, the first one the most significant; 1 = dark */
+    bool repeats;  /* back to back without end; a lone packet is bright before and after */
+    double start_s; /* when a packet begins [s] */
+    double bit_s;   /* how long a bit lasts [s] */
+    double brightening_s; /* from 10 to 90 % [s] */
+};
+
+/* Mean transmission, 0 to 1, during exposures from begin_s to end_s; both of so many rows. */
+void rl_template(const struct rl_sending *sending, const double *begin_s, const double *end_s,
+                 int rows, double *light);
+
+#ifdef __cplusplus
+}
+#endif
+
+#endif

@@ -1,0 +1,180 @@
+/* Copyright 2026 retrolidar_ros contributors
+ * SPDX-License-Identifier: Apache-2.0
+ */
+#include "retrolidar_window.h"
+
+#include "retrolidar_target.h"
+
+#include <math.h>
+#include <string.h>
+
+/* Crystals that are tried: how long they take to brighten [s]. */
+static const double BRIGHTENING_S[] = {0.0035, 0.008, 0.014, 0.020};
+/* Share of the sensor's noise that a fit may not fall short of. */
+static const double LEAST_NOISE = 0.5;
+static const int ROUNDS = 4; /* of a refinement, each with half the steps of the one before */
+/* A crystal other than the usual one must be likelier by so much [nats]. */
+static const double OTHER_CRYSTAL = 1.0;
+
+int64_t rl_window_bytes(int rows)
+{
+    return RL_MOST_ZONES_TOGETHER * rl_whitened_doubles(rows) * (int64_t)sizeof(double) +
+           (int64_t)rows * ((int64_t)sizeof(double) + 2 * (int64_t)sizeof(float) + 1);
+}
+
+void rl_window_start(struct rl_window *window, const struct rl_samples *samples, int rows,
+                     void *memory)
+{
+    double *next = memory;
+    memset(window, 0, sizeof *window);
+    window->samples = samples;
+    window->most_rows = rows;
+    for (int i = 0; i < RL_MOST_ZONES_TOGETHER; i++) {
+        rl_whitened_start(&window->whitened[i], rows, next);
+        next += rl_whitened_doubles(rows);
+    }
+    window->light = next;
+    window->signal = (float *)(next + rows);
+    window->scratch = window->signal + rows;
+    window->valid = (uint8_t *)(window->scratch + rows);
+}
+
+void rl_window_add(struct rl_window *window, int source)
+{
+    const struct rl_samples *samples = window->samples;
+    for (int i = 0; i < window->sources; i++) {
+        if (window->source[i] == source) {
+            return;
+        }
+    }
+    if (window->sources == RL_MOST_ZONES_TOGETHER) {
+        return;
+    }
+    double sum = 0.0;
+    rl_target_column(samples, source, window->first, window->rows, window->signal, window->valid,
+                     window->scratch);
+    for (int row = 0; row < window->rows; row++) {
+        sum += (double)window->signal[row];
+    }
+    const double noise = rl_samples_noise(samples, source, sum / fmax(window->rows, 1.0));
+    struct rl_whitened *whitened = &window->whitened[window->sources];
+    rl_whiten(whitened, window->signal, window->valid, 1, samples->begin_s + window->first,
+              samples->end_s + window->first, window->rows, samples->period_s, LEAST_NOISE * noise);
+    window->source[window->sources++] = source;
+    window->null += whitened->null;
+}
+
+void rl_window_drop(struct rl_window *window)
+{
+    window->null -= window->whitened[--window->sources].null;
+}
+
+void rl_window_open(struct rl_window *window, int source, double from_s, double to_s)
+{
+    const struct rl_samples *samples = window->samples;
+    const double tiny_s = 0.02 * samples->period_s;
+    const int end = rl_samples_row(samples, to_s - tiny_s) + 1;
+    window->first = rl_samples_row(samples, from_s + tiny_s);
+    window->rows = (end < samples->count ? end : samples->count) - window->first;
+    if (window->rows > window->most_rows) {
+        window->first += window->rows - window->most_rows;
+        window->rows = window->most_rows;
+    }
+    if (window->rows < 0) {
+        window->rows = 0;
+    }
+    window->sources = 0;
+    window->null = 0.0;
+    rl_window_add(window, source);
+}
+
+double rl_window_try(struct rl_window *window, const struct rl_sending *sending)
+{
+    double total = 0.0;
+    rl_template(sending, window->samples->begin_s + window->first,
+                window->samples->end_s + window->first, window->rows, window->light);
+    for (int i = 0; i < window->sources; i++) {
+        window->fit[i] = rl_fit_gain(&window->whitened[i], window->light);
+        total += window->fit[i].log_likelihood;
+    }
+    return total;
+}
+
+/* Move the middle of the window by some time, and the bit period by another. */
+static struct rl_sending moved(const struct rl_sending *sending, double half_bits, double later_s,
+                               double longer_s)
+{
+    struct rl_sending other = *sending;
+    other.start_s += later_s - half_bits * longer_s;
+    other.bit_s += longer_s;
+    return other;
+}
+
+/* Where a parabola through three points that are a step apart is highest, in steps. */
+static double summit(double before, double here, double after)
+{
+    const double bend = before - 2.0 * here + after;
+    return bend < 0.0 ? fmin(fmax(0.5 * (before - after) / bend, -1.0), 1.0) : 0.0;
+}
+
+static double climb(struct rl_window *window, struct rl_sending *sending, double half_bits,
+                    double least_bit_s, double most_bit_s, int rounds)
+{
+    double best = rl_window_try(window, sending);
+    double later_s = sending->bit_s / 8;
+    for (int round = 0; round < rounds; round++, later_s /= 2) {
+        for (int axis = 0; axis < 2; axis++) {
+            const double longer_s = axis ? later_s / half_bits : 0.0;
+            const double shift_s = axis ? 0.0 : later_s;
+            struct rl_sending one = moved(sending, half_bits, -shift_s, -longer_s);
+            struct rl_sending other = moved(sending, half_bits, shift_s, longer_s);
+            if (one.bit_s < least_bit_s || other.bit_s > most_bit_s) {
+                continue;
+            }
+            const double before = rl_window_try(window, &one);
+            const double after = rl_window_try(window, &other);
+            const double at = summit(before, best, after);
+            struct rl_sending tried = moved(sending, half_bits, at * shift_s, at * longer_s);
+            double likelihood = at == 0.0 ? best : rl_window_try(window, &tried);
+            if (before > likelihood) {
+                likelihood = before;
+                tried = one;
+            }
+            if (after > likelihood) {
+                likelihood = after;
+                tried = other;
+            }
+            if (likelihood > best) {
+                best = likelihood;
+                *sending = tried;
+            }
+        }
+    }
+    return best;
+}
+
+double rl_window_refine(struct rl_window *window, struct rl_sending *sending, double half_bits,
+                        double least_bit_s, double most_bit_s)
+{
+    const double best = climb(window, sending, half_bits, least_bit_s, most_bit_s, ROUNDS);
+    const struct rl_sending usual = *sending;
+    struct rl_sending likeliest = usual;
+    double most = best + OTHER_CRYSTAL;
+    for (size_t i = 0; i < sizeof BRIGHTENING_S / sizeof *BRIGHTENING_S; i++) {
+        struct rl_sending other = usual;
+        other.brightening_s = BRIGHTENING_S[i];
+        /* Half of the edges come later by the mean delay of the crystal. */
+        other.start_s -= (other.brightening_s - usual.brightening_s) / 4;
+        const double likelihood = rl_window_try(window, &other);
+        if (likelihood > most) {
+            most = likelihood;
+            likeliest = other;
+        }
+    }
+    if (likeliest.brightening_s != usual.brightening_s) {
+        *sending = likeliest;
+        climb(window, sending, half_bits, least_bit_s, most_bit_s, ROUNDS - 1);
+    }
+    /* So that `fit` and `light` are of what is returned. */
+    return rl_window_try(window, sending);
+}

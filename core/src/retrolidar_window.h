@@ -1,0 +1,59 @@
+/* Copyright 2026 retrolidar_ros contributors
+ * SPDX-License-Identifier: Apache-2.0
+ */
+/* A window of samples of one or more sources, and how well packets explain it. */
+#ifndef RETROLIDAR_WINDOW_H
+#define RETROLIDAR_WINDOW_H
+
+#include "retrolidar_likelihood.h"
+#include "retrolidar_samples.h"
+#include "retrolidar_template.h"
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+struct rl_window {
+    const struct rl_samples *samples;
+    int most_rows;
+    int first, rows; /* in the samples */
+    int sources;
+    int source[RL_MOST_ZONES_TOGETHER];
+    struct rl_whitened whitened[RL_MOST_ZONES_TOGETHER];
+    struct rl_gain fit[RL_MOST_ZONES_TOGETHER]; /* of the template that was tried last */
+    double null;   /* log likelihood without a packet */
+    double *light; /* of the template that was tried last */
+    float *signal, *scratch;
+    uint8_t *valid;
+};
+
+int64_t rl_window_bytes(int rows);
+void rl_window_start(struct rl_window *window, const struct rl_samples *samples, int rows,
+                     void *memory);
+
+/* Look at the exposures from one time to another, at first in one source. */
+void rl_window_open(struct rl_window *window, int source, double from_s, double to_s);
+
+/* Look at another source, too, if it is none of them and there is room; else do nothing. */
+void rl_window_add(struct rl_window *window, int source);
+
+/* Look no longer at the source that was added last. */
+void rl_window_drop(struct rl_window *window);
+
+/* Log likelihood of what is sent, each source having its own gain, noise and wandering level. */
+double rl_window_try(struct rl_window *window, const struct rl_sending *sending);
+
+/* Find the start, the bit period and the crystal's brightening that are likeliest, near to those
+ * given; return the log likelihood.
+ *
+ * half_bits: half of the bits that the window holds
+ * least_bit_s, most_bit_s: limits of the bit period
+ */
+double rl_window_refine(struct rl_window *window, struct rl_sending *sending, double half_bits,
+                        double least_bit_s, double most_bit_s);
+
+#ifdef __cplusplus
+}
+#endif
+
+#endif
