@@ -11,7 +11,7 @@ from pathlib import Path
 
 from cffi import FFI
 
-HEADERS = ('retrolidar_packet.h',)
+HEADERS = ('retrolidar_packet.h', 'retrolidar_decide.h', 'retrolidar_detector.h')
 """Those that Python sees, each after those that it needs."""
 
 CORE = Path(__file__).parent

@@ -109,7 +109,8 @@ def plot(arguments: argparse.Namespace) -> int:
 
 def evaluate(arguments: argparse.Namespace) -> int:
     """Run experiments, or list them."""
-    from retrolidar_ros.evaluation import EXPERIMENTS, run_experiments, write_page
+    from retrolidar_ros.evaluation.experiments import EXPERIMENTS, run_experiments
+    from retrolidar_ros.evaluation.page import write_page
 
     if not arguments.names and not arguments.all:
         for name, experiment in EXPERIMENTS.items():

@@ -26,7 +26,7 @@ from retrolidar_ros import cli, wire
 from retrolidar_ros.code import PREAMBLE, packet
 from retrolidar_ros.detector import METHODS
 from retrolidar_ros.dictionary import choose_ids
-from retrolidar_ros.evaluation import EXPERIMENTS
+from retrolidar_ros.evaluation.experiments import EXPERIMENTS
 
 ROOT = Path(__file__).parent.parent
 DOCS = ROOT / 'docs'

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from retrolidar_ros.evaluation import EXPERIMENTS, run_experiments
+from retrolidar_ros.evaluation.experiments import EXPERIMENTS, run_experiments
 from retrolidar_ros.evaluation.detectors import new_detector
 from retrolidar_ros.evaluation.false_ids import false_ids, wall_blocks
 from retrolidar_ros.evaluation.panels import PANELS

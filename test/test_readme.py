@@ -11,7 +11,7 @@ from typing import Any
 import pytest
 import yaml
 
-from retrolidar_ros.evaluation import EXPERIMENTS
+from retrolidar_ros.evaluation.experiments import EXPERIMENTS
 from retrolidar_ros.resources import shared_file
 
 ROOT = Path(__file__).parent.parent

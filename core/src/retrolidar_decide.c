@@ -18,10 +18,12 @@ enum {
 
 /* Share of the samples of a window that must be valid. */
 static const double LEAST_VALID = 0.6;
-/* Another zone counts if it adds so much, and such a share of what there is: where there is another
- * marker, some of it looks like this one. It has a gain of its own, which costs some.
+/* Share of the evidence in demand that one source must have by itself. */
+static const double LEAST_ALONE = 0.4;
+/* Another zone counts if it adds so much to the evidence, and the packet explains such a share of how
+ * it varies beyond noise, or it sees something else. It has a gain of its own, which costs some.
  */
-static const double LEAST_ADDED = 8.0, LEAST_ADDED_SHARE = 0.1, COST_OF_GAIN = 2.0;
+static const double LEAST_ADDED = 4.0, LEAST_SHARE = 0.5, COST_OF_GAIN = 2.0;
 /* Part of the last bit that need not have come yet. */
 static const double NOT_YET_BITS = 0.25;
 /* By how much a part of a lone packet may be worse than a whole one to be as good [nats]. */
@@ -120,6 +122,21 @@ static double open_window(struct rl_window *window, int source, struct rl_sendin
     return refine(window, demands, sending, RL_BITS / 2.0) - window->null;
 }
 
+/* Whether most of how a source varies beyond noise is the template that was tried last. */
+static bool is_seen(const struct rl_window *window, int index)
+{
+    const struct rl_whitened *whitened = &window->whitened[index];
+    double sum = 0.0, square = 0.0;
+    for (int row = 0; row < window->rows; row++) {
+        sum += window->light[row];
+        square += window->light[row] * window->light[row];
+    }
+    const double gain = window->fit[index].gain;
+    const double explained = gain * gain * (square - sum * sum / window->rows) / window->rows;
+    const double noise = 2.0 * whitened->least;
+    return explained > LEAST_SHARE * (whitened->squares[0] / (whitened->samples - 1) - noise);
+}
+
 /* Add zones near by that see the same packet; return the evidence of all. */
 static double add_zones(struct rl_window *window, const struct rl_sending *sending, double evidence)
 {
@@ -143,7 +160,7 @@ static double add_zones(struct rl_window *window, const struct rl_sending *sendi
             }
             const double together = rl_window_try(window, sending) - window->null;
             if (window->whitened[before].samples < least_rows(window) ||
-                together - evidence < fmax(LEAST_ADDED, LEAST_ADDED_SHARE * evidence)) {
+                together - evidence < LEAST_ADDED || !is_seen(window, before)) {
                 rl_window_drop(window);
             } else {
                 evidence = together;
@@ -344,6 +361,13 @@ static bool may_be_cut(struct rl_window *window, const struct rl_sending *sendin
     return false;
 }
 
+static void note_fit(struct rl_verdict *verdict, const struct rl_window *window)
+{
+    verdict->sources = window->sources;
+    memcpy(verdict->source, window->source, sizeof verdict->source);
+    memcpy(verdict->fit, window->fit, sizeof verdict->fit);
+}
+
 struct rl_verdict rl_decide(struct rl_window *window, const struct rl_codebook *codebook,
                             const struct rl_demands *demands, int source, const struct rl_hit *hit,
                             const struct rl_hits *hits, int packets, double free_s, double to_s)
@@ -356,13 +380,14 @@ struct rl_verdict rl_decide(struct rl_window *window, const struct rl_codebook *
     verdict.evidence =
         open_window(window, source, sending, packets, free_s, to_s, demands, &silent_bits);
     verdict.end_s = sending->repeats ? to_s : sending->start_s + RL_BITS * sending->bit_s;
-    verdict.evidence = add_zones(window, sending, verdict.evidence);
-    verdict.evidence -= COST_OF_GAIN * (window->sources - 1);
-    if (verdict.evidence < demands->evidence) {
+    note_fit(&verdict, window);
+    if (verdict.evidence < LEAST_ALONE * demands->evidence) {
         return verdict;
     }
     verdict.reason = RL_INCOMPLETE;
-    if (!sending->repeats && verdict.end_s > to_s + NOT_YET_BITS * sending->bit_s) {
+    double own = verdict.evidence + window->null;
+    if (sending->repeats ? packets == 1 && may_be_cut(window, sending, own)
+                         : verdict.end_s > to_s + NOT_YET_BITS * sending->bit_s) {
         return verdict;
     }
     verdict.reason = RL_ERASED;
@@ -372,19 +397,21 @@ struct rl_verdict rl_decide(struct rl_window *window, const struct rl_codebook *
     const double half_bits =
         sending->repeats ? (to_s - sending->start_s) / sending->bit_s - RL_BITS * packets / 2.0
                          : RL_BITS / 2.0;
-    const double own = refine(window, demands, sending, half_bits);
-    verdict.sources = window->sources;
-    memcpy(verdict.source, window->source, sizeof verdict.source);
-    memcpy(verdict.fit, window->fit, sizeof verdict.fit);
-    if (sending->repeats && packets == 1 && may_be_cut(window, sending, own)) {
-        verdict.reason = RL_INCOMPLETE;
-        return verdict;
-    }
+    /* Before others are asked: two zones may see different packets of which this one is a bit. */
     verdict.reason = RL_NOT_A_WORD;
     verdict.word = any_sequence(window, demands, sending, half_bits, hits) - own;
     if (verdict.word > demands->word) {
         return verdict;
     }
+    verdict.reason = RL_EVIDENCE;
+    verdict.evidence = add_zones(window, sending, verdict.evidence);
+    verdict.evidence -= COST_OF_GAIN * (window->sources - 1);
+    own = refine(window, demands, sending, half_bits);
+    note_fit(&verdict, window);
+    if (verdict.evidence < demands->evidence) {
+        return verdict;
+    }
+    verdict.reason = RL_NOT_A_WORD;
     const double since_bits =
         (to_s - RL_BITS * packets * sending->bit_s - sending->start_s) / sending->bit_s;
     const int begin = sending->repeats ? (int)floor(since_bits + 0.5) % RL_BITS : 0;

@@ -4,6 +4,7 @@
 #include "retrolidar_detector.h"
 
 #include "retrolidar_packet.h"
+#include "retrolidar_target.h"
 
 #include <math.h>
 #include <stdlib.h>
@@ -285,15 +286,17 @@ static bool judge(struct rl_detector *detector, const struct pending *pending, d
     struct rl_verdict verdict =
         decide(detector, pending->source, pending->packets, hit, &pending->hits, to_s);
     struct rl_verdict behind;
-    const bool is_alone = pending->packets > 1 ||
-                          detector->samples.source[pending->source].zones > 1 ||
-                          verdict.sources == 0 ||
-                          verdict.evidence < TENTATIVE * detector->demands.evidence;
-    const bool has_other = !is_alone && look_behind(detector, &verdict, &behind);
+    const bool may_hide = pending->packets == 1 &&
+                          detector->samples.source[pending->source].zones == 1 &&
+                          verdict.reason != RL_INCOMPLETE && verdict.reason != RL_ERASED &&
+                          verdict.evidence > TENTATIVE * detector->demands.evidence;
+    bool has_other = may_hide && look_behind(detector, &verdict, &behind);
     if (has_other && verdict.reason != RL_REASONS) {
+        /* Two that hide each other are read together, or neither is. */
         take_off(detector, &behind, false);
         verdict = decide(detector, pending->source, pending->packets, hit, &pending->hits, to_s);
         take_off(detector, &behind, true);
+        has_other = verdict.reason == RL_REASONS;
     }
     if (verdict.reason == RL_REASONS) {
         add_reading(detector, &verdict);
@@ -391,7 +394,7 @@ static void look(struct rl_detector *detector)
         detector->pending[best] = detector->pending[--detector->pendings];
         judge(detector, &pending, to_s);
     }
-    detector->counts.cut_short += detector->pendings > 0;
+    detector->counts.overloads += detector->pendings > 0 || detector->search.words_left == 0;
 }
 
 int32_t rl_detector_push(struct rl_detector *detector, int32_t frames, const int64_t *stamp_ns,
@@ -470,10 +473,24 @@ void rl_detector_light(const struct rl_detector *detector, const struct rl_readi
                 light);
 }
 
+void rl_detector_columns(struct rl_detector *detector, int32_t first, int32_t count, float *signal,
+                         uint8_t *valid)
+{
+    struct rl_window *window = &detector->window;
+    const int zones = detector->samples.zones;
+    for (int zone = 0; zone < zones; zone++) {
+        rl_target_column(&detector->samples, zone, first, count, window->signal, window->valid,
+                         window->scratch);
+        for (int32_t row = 0; row < count; row++) {
+            signal[(int64_t)row * zones + zone] = window->signal[row];
+            valid[(int64_t)row * zones + zone] = window->valid[row];
+        }
+    }
+}
+
 struct rl_counts rl_detector_counts(const struct rl_detector *detector)
 {
     struct rl_counts counts = detector->counts;
     counts.impossible = detector->samples.impossible;
-    counts.cut_short += detector->search.cut_short;
     return counts;
 }

@@ -86,9 +86,15 @@ struct rl_held rl_detector_held(const struct rl_detector *detector);
 void rl_detector_light(const struct rl_detector *detector, const struct rl_reading *reading,
                        int32_t first, int32_t count, double *light);
 
+/* The columns of all zones in rows from `first` on, of that target which may be a marker; both of
+ * `count` rows and as many columns as there are zones.
+ */
+void rl_detector_columns(struct rl_detector *detector, int32_t first, int32_t count, float *signal,
+                         uint8_t *valid);
+
 /* Counters: candidates that were judged, refused for each reason, and so on. */
 struct rl_counts {
-    uint64_t candidates, accepted, impossible, cut_short;
+    uint64_t candidates, accepted, impossible, overloads;
     uint64_t refused[5];
 };
 struct rl_counts rl_detector_counts(const struct rl_detector *detector);

@@ -22,7 +22,7 @@ enum {
 static const double STRONG = 4.0;
 static const float FAINT_WALK = 0.01f, STRONG_WALK = 0.1f;
 /* Coarse templates explain no more than this, and some words more than the bound by this factor. */
-static const float MOST_EXPLAINED = 0.97f, BOUND_SLACK = 1.1f;
+static const float MOST_EXPLAINED = 0.995f, BOUND_SLACK = 1.1f;
 /* Steps between clocks, such that the ends of a window are off by a quarter of a bit at the most. */
 static const double CLOCK_BITS = 0.25;
 
@@ -53,7 +53,6 @@ void rl_search_start(struct rl_search *search, const struct rl_samples *samples,
     search->bit_s = bit_s;
     search->most_skew = 0.03;
     search->frames_a_bit = 0.0;
-    search->cut_short = 0;
     search->whitening[0].walk = FAINT_WALK;
     search->whitening[1].walk = STRONG_WALK;
     view->light = memory;
@@ -219,6 +218,40 @@ static uint32_t dark_bits(const float *soft, int first)
     return dark;
 }
 
+/* The sequence of bits that explains most: from the signs of the soft bits, by turning one at a time.
+ * In a long run the level is taken for the light of its bits, and their signs tell little.
+ */
+static uint32_t best_sequence(const struct rl_energy *energy, const float *soft)
+{
+    uint32_t bits = dark_bits(soft, 0);
+    float sum = 0.0f;
+    for (int bit = 0; bit < RL_BITS; bit++) {
+        sum += fmaxf(soft[bit], 0.0f);
+    }
+    float best = bits ? sum * sum / rl_energy_of(energy, bits) : 0.0f;
+    for (int turned = 0; turned >= 0;) {
+        float sum_then = sum;
+        turned = -1;
+        for (int bit = 0; bit < RL_BITS; bit++) {
+            const uint32_t mask = 1u << (RL_BITS - 1 - bit);
+            const float other = bits & mask ? sum - soft[bit] : sum + soft[bit];
+            const float squared = other > 0.0f && (bits ^ mask) != 0
+                                      ? other * other / rl_energy_of(energy, bits ^ mask)
+                                      : 0.0f;
+            if (squared > best) {
+                best = squared;
+                turned = bit;
+                sum_then = other;
+            }
+        }
+        if (turned >= 0) {
+            bits ^= 1u << (RL_BITS - 1 - turned);
+            sum = sum_then;
+        }
+    }
+    return bits;
+}
+
 static void keep(struct rl_hits *hits, const struct rl_hit *hit)
 {
     int at = hits->count;
@@ -271,7 +304,7 @@ static void search_words(struct rl_search *search, const struct trial *trial,
     }
     if (free_nats > hits->any.nats) {
         hits->any = (struct rl_hit){free_nats, 0, repeats, start_s, trial->bit_s};
-        hits->any_bits = dark_bits(soft, 0);
+        hits->any_bits = best_sequence(&trial->energy, soft);
     }
     for (int shift = 0; shift < (repeats ? RL_BITS : 1); shift++) {
         const float *turned = soft + shift;
@@ -288,7 +321,6 @@ static void search_words(struct rl_search *search, const struct trial *trial,
             continue;
         }
         if (search->words_left == 0) {
-            search->cut_short++;
             return;
         }
         search->words_left--; extern long WC[4][2]; WC[trial->packets>1?2:repeats][power>2000.f]++;

@@ -62,7 +62,6 @@ struct rl_search {
     double most_skew;    /* by how much a clock may be off */
     struct rl_view view;
     int words_left; /* that may still be searched with this frame */
-    uint64_t cut_short; /* how often that was too few */
 };
 
 /* How much memory a search takes besides, and begin with it. */

@@ -1,58 +1,45 @@
 # Copyright 2026 retrolidar_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""How a budget of false IDs is shared by all that is tried."""
+"""What is demanded of a packet, so that chance makes no more IDs than the budget allows."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import math
+from typing import NamedTuple
 
-from retrolidar_ros.code import PACKET_BITS
-from retrolidar_ros.detector.starts import EIGHTHS
+from retrolidar_ros.code import BIT_PERIOD_S, IDS, RESERVED_IDS
 
-# Share of the zones and hours that are expected to look active (`activity`), for noise or for what
-# is not noise.
-_ACTIVE = 1 / 16
-# How many hypotheses a look at a fold tries, for every word: any of 31 bits, eight phases and up
-# to eleven clocks.
-_HYPOTHESES_A_FOLD = PACKET_BITS * EIGHTHS * 11.0
-# How the budget is shared: packets that have just ended, and folds of any stretch.
-_ENDED_SHARE = 0.5
+USUAL_FALSE_IDS_PER_HOUR = 0.1
+_USUAL_WORDS = IDS - len(RESERVED_IDS)
+_USUAL_ZONES = 16
 
 
-def granted_chances(
-    false_ids_per_hour: float,
-    *,
-    zones: int,
-    words: int,
-    bit_s: float,
-    hypotheses_a_sample: float,
-    fold_bits: Mapping[int, int],
-) -> dict[int, float]:
-    """Return what chance noise is granted with each hypothesis.
+class Demands(NamedTuple):
+    """Log likelihood ratios [nats]."""
 
-    Parameters
-    ----------
-    false_ids_per_hour : float
-        The budget, over all zones.
-    zones, words : int
-        How many.
-    bit_s : float
-        How long a bit is [s].
-    hypotheses_a_sample : float
-        How many the search for packets that have just ended tries, for every word.
-    fold_bits : mapping of int to int
-        Bits between two looks at any stretch, by how many packets are folded.
+    evidence: float
+    """Least, against nothing but noise and a level that wanders."""
+    word: float
+    """Most by which any other sequence of bits may be likelier."""
+    margin: float
+    """Least, against any other ID."""
+    margin_of_more: float
+    """The same where more packets may come, and a doubtful one can wait for them."""
 
-    Returns
-    -------
-    dict
-        By how many packets are folded, 0 for packets that have just ended.
+
+def demands(false_ids_per_hour: float, *, zones: int, words: int, bit_s: float) -> Demands:
+    """Return what is demanded for a budget of false IDs, over all zones.
+
+    The constants are calibrated by simulation (`evaluate family`).
     """
-    active_s = zones * _ACTIVE * 3600
-    ended = active_s / (bit_s / 2) * hypotheses_a_sample * words
-    chances = {0: false_ids_per_hour * (_ENDED_SHARE if fold_bits else 1.0) / ended}
-    for fold, every_bits in fold_bits.items():
-        looks = active_s / (every_bits * bit_s)
-        share = (1 - _ENDED_SHARE) / len(fold_bits)
-        chances[fold] = false_ids_per_hour * share / (looks * _HYPOTHESES_A_FOLD * words)
-    return chances
+    trials = (
+        zones / _USUAL_ZONES * words / _USUAL_WORDS * BIT_PERIOD_S / bit_s
+        / (false_ids_per_hour / USUAL_FALSE_IDS_PER_HOUR)
+    )
+    lenience = min(max(math.log(false_ids_per_hour / USUAL_FALSE_IDS_PER_HOUR), -4.0), 4.0)
+    return Demands(
+        evidence=28.0 + math.log(trials),
+        word=8.0,
+        margin=math.log(1e3) - lenience,
+        margin_of_more=math.log(1e4) - lenience,
+    )

@@ -18,15 +18,23 @@ class Detection:
 
     id: int
     stamp_ns: int
-    """Time of the last frame used [ns]."""
+    """When the place holds: the mean time of the samples that it is made of [ns]."""
     start_ns: int
     """When the (first) packet began [ns]."""
+    end_ns: int
+    """Time of the last frame used [ns]."""
     place: Place
     snr_db: float
     """Modulation over noise, per sample: 20 log10 of amplitude over standard deviation [dB].
 
     Noise is all that the fitted packet leaves over.
     """
+    evidence: float
+    """Log likelihood ratio against no packet [nats]; NaN where a method has none."""
+    decision_margin: float
+    """The same against the nearest other ID [nats]; NaN likewise."""
+    bit_period_s: float
+    """How long the marker holds a bit, as measured [s]."""
     score: float
     """Normalised correlation of the samples with the sent packet, 0 to 1."""
     likelihood: float
@@ -48,6 +56,8 @@ class DetectorCounts:
     """Candidates that were not read, by reason."""
     impossible: int = 0
     """Samples of a normal status whose signal or distance no sensor measures: erasures."""
+    overloads: int = 0
+    """Frames with so much that looked like packets that the least promising was left out."""
 
 
 class Detector(Protocol):

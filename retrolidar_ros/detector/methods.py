@@ -10,19 +10,15 @@ from collections.abc import Mapping
 from numpy.typing import ArrayLike
 
 from retrolidar_ros.code import BIT_PERIOD_S
+from retrolidar_ros.detector.budget import USUAL_FALSE_IDS_PER_HOUR
 from retrolidar_ros.detector.detection import Detector
-from retrolidar_ros.detector.evidence import NoiseLaw
-from retrolidar_ros.detector.evidence_detector import EvidenceDetector
-from retrolidar_ros.detector.judge import USUAL_FALSE_IDS_PER_HOUR
+from retrolidar_ros.detector.likelihood_detector import LikelihoodDetector, usable_ids
+from retrolidar_ros.detector.noise import NoiseLaw
 from retrolidar_ros.detector.paper import LIKELIHOOD_THRESHOLD, PaperDetector
-from retrolidar_ros.detector.search import JointSearch, Search, StartSearch
-from retrolidar_ros.detector.words import WordBank
 from retrolidar_ros.frame import ZoneGrid
 
-# How many packets are laid on top of each other, as far as `max_packets` allows.
-_FOLDS = (1, 2, 3, 5, 8)
-MAX_PACKETS = _FOLDS[-1]
-METHODS = ('joint', 'soft', 'hard', 'paper')
+MAX_PACKETS = 8
+METHODS = ('joint', 'paper')
 """The default first."""
 
 
@@ -33,7 +29,7 @@ def create_detector(
     bit_period_s: float = BIT_PERIOD_S,
     likelihood_threshold: float = LIKELIHOOD_THRESHOLD,
     false_ids_per_hour: float = USUAL_FALSE_IDS_PER_HOUR,
-    max_packets: int = 8,
+    max_packets: int = MAX_PACKETS,
     registered_ids: ArrayLike | None = None,
     noise: NoiseLaw | None = None,
     marker_sizes_m: Mapping[int, float] | None = None,
@@ -51,16 +47,16 @@ def create_detector(
     likelihood_threshold : float
         Least likelihood l of a preamble (method `paper`).
     false_ids_per_hour : float
-        How many IDs noise alone may make in an hour, over all zones (all but `paper`).
+        How many IDs chance alone may make in an hour, over all zones (method `joint`).
     max_packets : int
         How many packets of a repeating marker may be combined, 1 to 8 (method `joint`).
     registered_ids : array of int, optional
         The only IDs that may come; the fewer, the farther they are read. Of method `paper`,
         others are dropped after decoding, and the reach stays the same.
     noise : NoiseLaw, optional
-        Of the sensor; that of a VL53L8CX unless given (all but `paper`).
+        Of the sensor; that of a VL53L8CX unless given (method `joint`).
     marker_sizes_m : mapping, optional
-        Edges of markers by their IDs [m], where they are not the usual 3 cm (all but `paper`).
+        Edges of markers by their IDs [m], where they are not the usual 3 cm (method `joint`).
 
     Raises
     ------
@@ -77,27 +73,19 @@ def create_detector(
         raise ValueError(f'false_ids_per_hour of {false_ids_per_hour}: it must be positive')
     if not 1 <= max_packets <= MAX_PACKETS:
         raise ValueError(f'max_packets of {max_packets}: it must be 1 to {MAX_PACKETS}')
-    bank = WordBank(registered_ids)
     if method == 'paper':
         return PaperDetector(
             grid,
             bit_period_s=bit_period_s,
             likelihood_threshold=likelihood_threshold,
-            registered_ids=bank.ids,
+            registered_ids=usable_ids(registered_ids),
         )
-    joint = method == 'joint'
-    search: Search = (
-        JointSearch(bank, bit_period_s)
-        if joint
-        else StartSearch(bank, bit_period_s, hard=method == 'hard')
-    )
-    return EvidenceDetector(
+    return LikelihoodDetector(
         grid,
-        search,
-        bank,
         bit_period_s=bit_period_s,
         false_ids_per_hour=false_ids_per_hour,
-        folds=[fold for fold in _FOLDS if fold <= max_packets] if joint else [],
+        max_packets=max_packets,
+        registered_ids=registered_ids,
         noise=NoiseLaw() if noise is None else noise,
         sizes_m={} if marker_sizes_m is None else marker_sizes_m,
     )

@@ -1,57 +1,115 @@
 # Copyright 2026 retrolidar_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""Stage 6: where the marker of a reading is, from what all zones saw of it."""
+"""When and where the marker of a reading is, from what all zones saw of it."""
 
 from __future__ import annotations
+
+import math
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from retrolidar_ros.code import PACKET_BITS, PREAMBLE, packet
+from retrolidar_ros.core import ffi, lib
 from retrolidar_ros.detector.bearing import shared_bearing
-from retrolidar_ros.detector.judge import Reading
-from retrolidar_ros.detector.place import Place, place
+from retrolidar_ros.detector.detection import Detection
+from retrolidar_ros.detector.paper import fit_preamble
+from retrolidar_ros.detector.place import place
 from retrolidar_ros.detector.ranging import BRIGHT, modulated_range
-from retrolidar_ros.detector.view import View
-from retrolidar_ros.detector.window import Samples
 from retrolidar_ros.frame import SEPARABLE_M, Floats, ZoneGrid
 
-SIGNAL_RESOLUTION = 1 / 2048 / np.sqrt(12)
+SIGNAL_RESOLUTION = 1 / 2048 / math.sqrt(12)
 """The sensor's own step is the least noise that a fit can claim [kcps/SPAD]."""
 
 
-def placement(
-    reading: Reading,
-    samples: Samples,
-    within: NDArray[np.bool_],
-    grid: ZoneGrid,
-    size_m: float,
-) -> Place | None:
-    """Return where the marker of a reading is; None where its distance was not measured.
+class Window(NamedTuple):
+    """The samples that a packet was read from, oldest first."""
+
+    time_s: Floats
+    """Middle of each exposure since the origin of the core's times [s], shape (samples,)."""
+    light: Floats
+    """How bright the marker was, 0 to 1, shape (samples,)."""
+    signal: Floats
+    """Of the target that may be a marker [kcps/SPAD], shape (samples, zones)."""
+    valid: NDArray[np.bool_]
+    """Whether each is no erasure, shape (samples, zones)."""
+    measured: Floats
+    """Signal as it was measured, whatever the target [kcps/SPAD], shape (samples, zones)."""
+    distance: Floats
+    """[m], NaN where none was measured, shape (samples, zones)."""
+
+    @classmethod
+    def of(cls, core: Any, held: Any, reading: Any) -> Window:
+        """Return the samples of a reading, from those that the core holds."""
+        begin_s = _array(held.begin_s, np.float64, held.count)
+        end_s = _array(held.end_s, np.float64, held.count)
+        first = int(np.searchsorted(end_s, reading.begin_s, side='right'))
+        last = int(np.searchsorted(begin_s, reading.end_s))
+        count, zones = last - first, held.zones
+        rows = slice(first, last)
+        light = np.empty(count)
+        signal = np.empty((count, zones), dtype=np.float32)
+        valid = np.empty((count, zones), dtype=np.uint8)
+        single = ffi.new('struct rl_reading *', reading)
+        lib.rl_detector_light(core, single, first, count, ffi.from_buffer('double[]', light))
+        lib.rl_detector_columns(
+            core,
+            first,
+            count,
+            ffi.from_buffer('float[]', signal),
+            ffi.from_buffer('uint8_t[]', valid),
+        )
+        measured = _array(held.signal + first * held.width, np.float32, count * held.width)
+        distance = _array(held.distance + first * zones, np.float32, count * zones)
+        return cls(
+            time_s=(begin_s[rows] + end_s[rows]) / 2,
+            light=light,
+            signal=signal.astype(np.float64),
+            valid=valid.astype(bool),
+            measured=measured.reshape(count, held.width)[:, :zones].astype(np.float64),
+            distance=distance.reshape(count, zones).astype(np.float64),
+        )
+
+
+def _array(pointer: Any, dtype: Any, count: int) -> NDArray[Any]:
+    """Return memory of the core as an array that lives as long as the next frame."""
+    return np.frombuffer(ffi.buffer(pointer, count * np.dtype(dtype).itemsize), dtype=dtype)
+
+
+def detection_of(
+    reading: Any, window: Window, origin_ns: int, grid: ZoneGrid, size_m: float
+) -> Detection | None:
+    """Return a reading as a detection; None where the marker's distance was not measured.
 
     Every zone that has read it tells its range, and all zones around the strongest its bearing.
 
     Parameters
     ----------
-    reading : Reading
-    samples : Samples
-        Those that it was read from.
-    within : array of bool, shape (samples,)
-        Which of them are of its packets.
+    reading : struct rl_reading
+        Of the core.
+    window : Window
+        What it was read from.
+    origin_ns : int
+        From which the core's times count [ns].
     grid : ZoneGrid
         The zones.
     size_m : float
         Edge of the marker [m].
     """
-    light = reading.fit.light[0][within]
-    told = reading.fit.weight[0][within] > 0
-    signal, distance = samples.signal[within], samples.distance[within]
-    weight = samples.weight[within] * told[:, None]
+    amplitude, variance = amplitudes(window.light, window.valid, window.signal)
+    zones = _zones_of(reading, amplitude, variance)
     ranges = [
         measured
-        for zone in reading.zones
+        for zone in zones
         if (
             measured := modulated_range(
-                light, weight[:, zone], signal[:, zone], distance[:, zone], zone, grid
+                window.light,
+                window.valid[:, zone],
+                window.measured[:, zone],
+                window.distance[:, zone],
+                zone,
+                grid,
             )
         )
     ]
@@ -60,35 +118,103 @@ def placement(
     range_m, stddev_m = np.array(ranges).T
     surety = stddev_m**-2
     mean_m = float(surety @ range_m / surety.sum())
-    view = View.of(samples.at(within), np.arange(grid.zones))
-    amplitude, variance = amplitudes(light, view.weight * told[:, None], view.signal)
+    strongest = zones[0]
+    bright = window.light > BRIGHT
     # Where another target is reported when the marker is bright, the marker may be nearly so.
     with np.errstate(invalid='ignore'):
-        hidden = np.abs(distance - mean_m * grid.z_per_range) >= SEPARABLE_M
-    bright = light > BRIGHT
-    variance += (signal[bright] * hidden[bright]).mean(axis=0) ** 2
-    variance[reading.zones[0]] = 0.0
-    bearing = shared_bearing(reading.zones[0], amplitude, variance, size_m / mean_m, grid)
-    return place(bearing, mean_m, float(surety.sum() ** -0.5))
+        hidden = np.abs(window.distance - mean_m * grid.z_per_range) >= SEPARABLE_M
+    variance += (window.measured[bright] * hidden[bright]).mean(axis=0) ** 2
+    variance[strongest] = 0.0
+    bearing = shared_bearing(strongest, amplitude, variance, size_m / mean_m, grid)
+    seen = bright & window.valid[:, strongest] & np.isfinite(window.distance[:, strongest])
+    stamp_s = float(window.time_s[seen if seen.any() else bright].mean())
+    deviation = max(math.sqrt(reading.variance), SIGNAL_RESOLUTION)
+    return Detection(
+        id=reading.id,
+        stamp_ns=origin_ns + round(stamp_s * 1e9),
+        start_ns=origin_ns + round(reading.start_s * 1e9),
+        end_ns=origin_ns + round(float(window.time_s[-1]) * 1e9),
+        place=place(bearing, mean_m, float(surety.sum() ** -0.5)),
+        snr_db=20 * math.log10(max(reading.gain, SIGNAL_RESOLUTION) / deviation),
+        evidence=reading.evidence,
+        decision_margin=reading.margin,
+        bit_period_s=reading.bit_s,
+        score=_score(window, strongest),
+        likelihood=_likelihood(reading, window, strongest),
+        corrected_bits=_corrected_bits(reading, window, strongest),
+        packets=reading.packets,
+        zones=tuple(zones),
+    )
 
 
-def amplitudes(light: Floats, weight: Floats, signal: Floats) -> tuple[Floats, Floats]:
+def _zones_of(reading: Any, amplitude: Floats, variance: Floats) -> list[int]:
+    """Return the zones that saw the packet, strongest first."""
+    zones = [reading.zone[index] for index in range(reading.zones)]
+    strongest = max(zones, key=lambda zone: float(amplitude[zone]))
+    sure = [
+        zone
+        for zone in zones
+        if zone == strongest or amplitude[zone] > 3 * math.sqrt(float(variance[zone]))
+    ]
+    return sorted(sure, key=lambda zone: -float(amplitude[zone]))
+
+
+def amplitudes(light: Floats, valid: NDArray[np.bool_], signal: Floats) -> tuple[Floats, Floats]:
     """Return by how much each zone's signal rises with the light, and the variance of that.
 
     Parameters
     ----------
     light : array, shape (samples,)
         0 to 1.
-    weight, signal : array, shape (samples, zones)
+    valid, signal : array, shape (samples, zones)
         [kcps/SPAD]
     """
-    count = np.maximum(weight.sum(axis=0), 1.0)
-    change = (light[:, None] - light @ weight / count) * weight
+    count = np.maximum(valid.sum(axis=0), 1.0)
+    change = (light[:, None] - light @ valid / count) * valid
     energy = np.maximum((change * change).sum(axis=0), 1e-9)
     amplitude = (change * signal).sum(axis=0) / energy
-    left = (signal - (signal * weight).sum(axis=0) / count - amplitude * change) * weight
+    left = (signal - (signal * valid).sum(axis=0) / count - amplitude * change) * valid
     power = (left * left).sum(axis=0)
     # What is left over may be another marker, whose samples come in pairs and tell half as much.
     alike = np.maximum((left[1:] * left[:-1]).sum(axis=0) / np.maximum(power, 1e-9), 0.0)
     variance = power * (1 + 2 * alike) / np.maximum(count - 2, 1.0)
     return amplitude, np.maximum(variance, SIGNAL_RESOLUTION**2) / energy
+
+
+def _score(window: Window, zone: int) -> float:
+    """Return the correlation of a zone's samples with the light of the packet, 0 to 1."""
+    valid = window.valid[:, zone]
+    light = window.light[valid] - window.light[valid].mean()
+    signal = window.signal[valid, zone] - window.signal[valid, zone].mean()
+    power = float(light @ light) * float(signal @ signal)
+    return max(float(light @ signal) / math.sqrt(power), 0.0) if power > 0 else 0.0
+
+
+def _likelihood(reading: Any, window: Window, zone: int) -> float:
+    """Return the paper's l of the first whole preamble in the window."""
+    start_s = reading.start_s
+    if start_s < reading.begin_s:
+        start_s += PACKET_BITS * reading.bit_s
+    since = window.time_s - start_s
+    rows = (since > 0) & (since < len(PREAMBLE) * reading.bit_s) & window.valid[:, zone]
+    signal = window.signal[rows, zone][:, None]
+    bright = window.light > BRIGHT
+    level = float(window.signal[bright, zone].mean()) if bright.any() else 0.0
+    return float(fit_preamble(signal, np.array([level]), 1.0 - window.light[rows]).likelihood[0])
+
+
+def _corrected_bits(reading: Any, window: Window, zone: int) -> int:
+    """Return how many bits of the last packet a receiver would take for the other ones."""
+    valid = window.valid[:, zone]
+    bit = np.floor((window.time_s[valid] - reading.start_s) / reading.bit_s).astype(np.intp)
+    last = bit > bit[-1] - PACKET_BITS
+    bit = bit[last] % PACKET_BITS
+    signal = window.signal[valid, zone][last]
+    count = np.bincount(bit, minlength=PACKET_BITS)
+    known = count > 0
+    mean = np.bincount(bit, signal, minlength=PACKET_BITS)[known] / count[known]
+    dark = packet(reading.id)[known] == 1
+    if not (dark.any() and (~dark).any()):
+        return 0
+    middle = (mean[dark].mean() + mean[~dark].mean()) / 2
+    return int(np.count_nonzero((mean < middle) != dark))

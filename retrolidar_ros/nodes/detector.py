@@ -14,8 +14,8 @@ from visualization_msgs.msg import MarkerArray
 
 from retrolidar_ros.code import BIT_PERIOD_LIMITS_S, IDS
 from retrolidar_ros.detector import METHODS, Detection, Detector, create_detector
-from retrolidar_ros.detector.evidence import NoiseLaw
 from retrolidar_ros.detector.methods import MAX_PACKETS
+from retrolidar_ros.detector.noise import NoiseLaw
 from retrolidar_ros.frame import ZoneGrid
 from retrolidar_ros.frame_rate import RATE_FRAMES, rate_mismatch
 from retrolidar_ros.markers import KnownMarker, frame_of

@@ -42,6 +42,8 @@ Several zones
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -207,14 +209,18 @@ class PaperDetector:
             detections.append(
                 Detection(
                     id=identity,
-                    stamp_ns=stamp_ns,
+                    stamp_ns=(start_ns + self._half_sample_ns + stamp_ns) // 2,
                     start_ns=start_ns,
+                    end_ns=stamp_ns,
                     place=place(
                         zone_bearing(zone, self._grid),
                         float(measured.mean()) * per_depth,
                         float(deviation) * per_depth,
                     ),
                     snr_db=float(fit.snr_db[best]),
+                    evidence=math.nan,
+                    decision_margin=math.nan,
+                    bit_period_s=2e-9 * SAMPLES_PER_BIT * self._half_sample_ns,
                     score=float(max(fit.score[best], 0.0)),
                     likelihood=float(self._likelihood[zone]),
                     corrected_bits=int(corrected_bits[read[best]]),

@@ -1,0 +1,234 @@
+# Copyright 2026 retrolidar_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""The detector of the core: one likelihood decides what is read.
+
+The core (`core/src/retrolidar_detector.h`) searches the samples of all zones and decides; here are
+its memory, frames on their way in, and readings on their way out to a place.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from retrolidar_ros.code import IDS, RESERVED_IDS, check_ids
+from retrolidar_ros.core import ffi, lib
+from retrolidar_ros.detector.budget import demands
+from retrolidar_ros.detector.detection import Detection, DetectorCounts, check_grid
+from retrolidar_ros.detector.noise import NoiseLaw
+from retrolidar_ros.detector.placement import Window, detection_of
+from retrolidar_ros.detector.reason import REASONS, Reason
+from retrolidar_ros.frame import Frame, Recording, ZoneGrid
+from retrolidar_ros.markers import MARKER_SIZE_M
+
+# Rows of samples that are held: eight packets at two frames a bit, or one at more than thirty.
+_LEAST_HELD = 1100
+
+
+class Candidate(NamedTuple):
+    """A packet that was judged."""
+
+    id: int
+    zone: int
+    """Which zone, or sum of zones from `zones` on, was searched."""
+    packets: int
+    reason: Reason | None
+    """Why it was not read; None if it was."""
+    start_ns: int
+    bit_period_s: float
+    evidence: float
+    """[nats]; this and the next two are 0 where it was refused before."""
+    word: float
+    """By how much another sequence of bits is likelier [nats]."""
+    margin: float
+    """[nats]"""
+
+
+class LikelihoodDetector:
+    """Reads markers in all zones at once, frame by frame or many frames at a time."""
+
+    def __init__(
+        self,
+        grid: ZoneGrid,
+        *,
+        bit_period_s: float,
+        false_ids_per_hour: float,
+        max_packets: int,
+        registered_ids: ArrayLike | None,
+        noise: NoiseLaw,
+        sizes_m: Mapping[int, float],
+    ) -> None:
+        """Prepare for frames of `grid`.
+
+        Parameters
+        ----------
+        grid : ZoneGrid
+        bit_period_s : float
+            How long a marker holds a bit, to 3 % [s].
+        false_ids_per_hour : float
+            What chance may make, over all zones.
+        max_packets : int
+            How many packets of a repeating marker may be combined.
+        registered_ids : array of int, optional
+            The only IDs that may come.
+        noise : NoiseLaw
+            Of the sensor, to a factor of 8.
+        sizes_m : mapping
+            Edges of markers by their IDs [m], where they are not of the usual size.
+        """
+        self.counts = DetectorCounts()
+        self.candidates: list[Candidate] = []
+        """Those that were judged with the frames that were taken last."""
+        self._grid = grid
+        self._sizes_m = sizes_m
+        self._unplaced = 0
+        ids = usable_ids(registered_ids)
+        self.demands = demands(
+            false_ids_per_hour, zones=grid.zones, words=len(ids), bit_s=bit_period_s
+        )
+        settings = ffi.new(
+            'struct rl_settings *',
+            {
+                'rows': grid.rows,
+                'columns': grid.columns,
+                'max_packets': max_packets,
+                'kept': _LEAST_HELD,
+                'bit_s': bit_period_s,
+                'noise_floor': noise.floor,
+                'noise_slope': noise.slope,
+                'noise_ambient': noise.ambient,
+                **self.demands._asdict(),
+            },
+        )
+        numbers = ids.astype(np.uint16)
+        core = lib.rl_detector_create(settings, ffi.from_buffer('uint16_t[]', numbers), len(ids))
+        if core == ffi.NULL:
+            raise MemoryError('no memory for the samples of the detector')
+        self._core = ffi.gc(core, lib.rl_detector_destroy)
+
+    def update(self, frame: Frame) -> list[Detection]:
+        """Take the next frame; return the detections that became certain with it.
+
+        Raises
+        ------
+        ValueError
+            If the frame has another zone grid than the detector.
+        """
+        check_grid(frame.grid, self._grid)
+        stamp_ns = np.array([frame.stamp_ns], dtype=np.int64)
+        return self._push(stamp_ns, frame.signal, frame.distance, frame.ambient, frame.status)
+
+    def update_all(self, recording: Recording) -> list[Detection]:
+        """Take many frames, at less cost than one after the other.
+
+        Raises
+        ------
+        ValueError
+            If the frames have another zone grid than the detector.
+        """
+        check_grid(recording.grid, self._grid)
+        return self._push(
+            recording.stamp_ns,
+            recording.signal,
+            recording.distance,
+            recording.ambient,
+            recording.status,
+        )
+
+    def _push(
+        self,
+        stamp_ns: NDArray[np.int64],
+        signal: NDArray[np.float32],
+        distance: NDArray[np.float32],
+        ambient: NDArray[np.float32],
+        status: NDArray[np.uint8],
+    ) -> list[Detection]:
+        """Take frames, their arrays of shape (frames, zones) or, of one, (zones,)."""
+        zones = self._grid.zones
+        stamps = _pointer('int64_t[]', stamp_ns, np.int64)
+        arrays = [_pointer('float[]', values, np.float32) for values in (signal, distance, ambient)]
+        statuses = _pointer('uint8_t[]', status, np.uint8)
+        detections: list[Detection] = []
+        self.candidates = []
+        taken, frames = 0, len(stamp_ns)
+        while taken < frames:
+            at = taken * zones
+            taken += lib.rl_detector_push(
+                self._core,
+                frames - taken,
+                stamps + taken,
+                *(array + at for array in arrays),
+                statuses + at,
+            )
+            if lib.rl_detector_candidates(self._core):
+                detections += self._take()
+        self._count()
+        return detections
+
+    def _take(self) -> list[Detection]:
+        """Return what was read with the newest frame, and note what was judged."""
+        held = lib.rl_detector_held(self._core)
+        for index in range(lib.rl_detector_candidates(self._core)):
+            judged = lib.rl_detector_candidate(self._core, index)
+            reason = REASONS.get(judged.reason)
+            self.candidates.append(
+                Candidate(
+                    id=judged.id,
+                    zone=judged.source,
+                    packets=judged.packets,
+                    reason=reason,
+                    start_ns=held.origin_ns + round(judged.start_s * 1e9),
+                    bit_period_s=judged.bit_s,
+                    evidence=judged.evidence,
+                    word=judged.word,
+                    margin=judged.margin,
+                )
+            )
+        detections = []
+        for index in range(lib.rl_detector_readings(self._core)):
+            reading = lib.rl_detector_reading(self._core, index)
+            window = Window.of(self._core, held, reading)
+            size_m = self._sizes_m.get(reading.id, MARKER_SIZE_M)
+            detection = detection_of(reading, window, held.origin_ns, self._grid, size_m)
+            if detection is None:
+                self._unplaced += 1
+            else:
+                detections.append(detection)
+        return detections
+
+    def _count(self) -> None:
+        """Follow the counters of the core."""
+        counts = lib.rl_detector_counts(self._core)
+        self.counts.candidates = counts.candidates
+        self.counts.accepted = counts.accepted - self._unplaced
+        self.counts.impossible = counts.impossible
+        self.counts.overloads = counts.overloads
+        refused = {reason: counts.refused[number] for number, reason in REASONS.items()}
+        refused[Reason.DISTANCE] = self._unplaced
+        self.counts.rejected.update(
+            {reason.value: count - self.counts.rejected[reason.value]
+             for reason, count in refused.items() if count}
+        )
+
+
+def usable_ids(registered_ids: ArrayLike | None) -> NDArray[np.int64]:
+    """Return the IDs that may come, rising; all usable ones without a choice.
+
+    Raises
+    ------
+    ValueError
+        If one cannot be, or none can be used.
+    """
+    ids = np.arange(IDS) if registered_ids is None else np.unique(check_ids(registered_ids))
+    ids = ids[~np.isin(ids, RESERVED_IDS)]
+    if not len(ids):
+        raise ValueError('registered_ids holds no usable ID (0 and 4095 cannot be read)')
+    return ids
+
+
+def _pointer(kind: str, values: NDArray[Any], dtype: type) -> Any:
+    """Return values as memory of the core, copied only if they are not laid out as that."""
+    return ffi.from_buffer(kind, np.ascontiguousarray(values, dtype=dtype))

@@ -1,0 +1,43 @@
+# Copyright 2026 retrolidar_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""How much noise the sensor itself makes."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from retrolidar_ros.frame import Floats
+
+
+@dataclass(frozen=True)
+class NoiseLaw:
+    """Frame-to-frame variance of the signal S of a zone in ambient light A: floor + a·S + b·A.
+
+    Photons of either kind arrive at random; b is taken to be a, as if both were counted in the
+    same gate. A sensor that counts ambient light over a longer time has a smaller b.
+    """
+
+    floor: float = 4.6
+    """[(kcps/SPAD)²]"""
+    slope: float = 0.22
+    """a [kcps/SPAD]"""
+    ambient: float = 0.22
+    """b [kcps/SPAD]"""
+
+    def __post_init__(self) -> None:
+        """Raise ValueError for a law that allows no noise."""
+        if not (self.floor > 0 and self.slope >= 0 and self.ambient >= 0):
+            raise ValueError(
+                f'noise of floor {self.floor}, slope {self.slope}, ambient {self.ambient}: the '
+                'floor must be positive and the others not negative'
+            )
+
+    def lit(self, ambient: float) -> NoiseLaw:
+        """Return the law in ambient light [kcps/SPAD], whose noise is part of its floor."""
+        return NoiseLaw(self.floor + self.ambient * ambient, self.slope, 0.0)
+
+    def variance(self, signal: Floats) -> Floats:
+        """Return the variance [(kcps/SPAD)²] at signals [kcps/SPAD] of any shape."""
+        return self.floor + self.slope * np.maximum(signal, 0.0)

@@ -1,0 +1,36 @@
+# Copyright 2026 retrolidar_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""Why a candidate is not read."""
+
+from __future__ import annotations
+
+from enum import Enum
+
+from retrolidar_ros.core import lib
+
+
+class Reason(str, Enum):
+    """The word that diagnostics and tables use for each reason."""
+
+    EVIDENCE = 'evidence'
+    """Noise and a wandering level explain the samples nearly as well."""
+    NOT_A_WORD = 'not a word'
+    """Another sequence of bits, of no packet, explains them much better."""
+    MARGIN = 'margin'
+    """A packet of another ID explains them nearly as well."""
+    INCOMPLETE = 'incomplete'
+    """The packet may not have ended yet."""
+    ERASED = 'erased'
+    """Too many of its samples are not valid."""
+    DISTANCE = 'distance'
+    """It was read, but no distance was measured."""
+
+
+REASONS = {
+    int(lib.RL_EVIDENCE): Reason.EVIDENCE,
+    int(lib.RL_NOT_A_WORD): Reason.NOT_A_WORD,
+    int(lib.RL_MARGIN): Reason.MARGIN,
+    int(lib.RL_INCOMPLETE): Reason.INCOMPLETE,
+    int(lib.RL_ERASED): Reason.ERASED,
+}
+"""By their numbers in the core."""
