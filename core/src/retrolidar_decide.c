@@ -12,6 +12,7 @@ enum {
     SILENT_BITS = 16,
     MOST_BITS = SILENT_BITS + RL_BITS, /* that a window is cut into */
     MOST_ERASED_BITS = 7, /* so many leave words of a code of distance 8 apart */
+    MOST_HIDDEN_BITS = 5, /* half a bit at either end is left out, too */
     RIVALS = 3,           /* that are tried exactly */
     ROUNDS = 4,           /* bits that are turned to make a better sequence */
 };
@@ -24,6 +25,10 @@ static const double LEAST_ALONE = 0.4;
  * it varies beyond noise, or it sees something else. It has a gain of its own, which costs some.
  */
 static const double LEAST_ADDED = 4.0, LEAST_SHARE = 0.5, COST_OF_GAIN = 2.0;
+/* A bit is wrong if the other one is better by so much; to leave out a stretch of such costs some, as
+ * it might be any.
+ */
+static const double LEAST_TURNED = 2.0, COST_OF_BURST = 5.0;
 /* Part of the last bit that need not have come yet. */
 static const double NOT_YET_BITS = 0.25;
 /* By how much a part of a lone packet may be worse than a whole one to be as good [nats]. */
@@ -247,6 +252,27 @@ static double turn_bits(struct rl_window *window, const struct rl_sending *sendi
     return better;
 }
 
+/* Leave out a stretch of a few bits in which everything is darker than it should be: something has
+ * hidden the marker for a while.
+ */
+static bool hide_burst(struct rl_window *window, const struct rl_sending *sending,
+                       const struct bits *bits)
+{
+    int first = bits->count, last = -1;
+    for (int bit = 0; bit < bits->count; bit++) {
+        if (!bits->dark[bit] && (double)bits->turned[bit] > LEAST_TURNED) {
+            first = bit < first ? bit : first;
+            last = bit;
+        }
+    }
+    if (last < 0 || last - first >= MOST_HIDDEN_BITS) {
+        return false;
+    }
+    rl_window_hide(window, bits->begin_s + (first - 0.5) * sending->bit_s,
+                   bits->begin_s + (last + 1.5) * sending->bit_s);
+    return true;
+}
+
 static void keep_rival(struct rival *rivals, const struct rival *rival)
 {
     struct rival kept = *rival;
@@ -345,14 +371,15 @@ static double margin_of(struct rl_window *window, const struct rl_codebook *code
     return own - nearest;
 }
 
-/* Whether a packet that was taken for one of many may as well be a lone one that has not ended yet,
+/* Whether packets that were taken for some of many may as well be a lone one, which has not ended yet
  * or has ended before.
  */
-static bool may_be_cut(struct rl_window *window, const struct rl_sending *sending, double own)
+static bool may_be_lone(struct rl_window *window, const struct rl_sending *sending, int packets,
+                        double own)
 {
     struct rl_sending lone = *sending;
     lone.repeats = false;
-    for (int packet = 0; packet < 2; packet++) {
+    for (int packet = 0; packet <= packets; packet++) {
         lone.start_s = sending->start_s + packet * RL_BITS * sending->bit_s;
         if (rl_window_try(window, &lone) > own - AS_GOOD) {
             return true;
@@ -386,7 +413,7 @@ struct rl_verdict rl_decide(struct rl_window *window, const struct rl_codebook *
     }
     verdict.reason = RL_INCOMPLETE;
     double own = verdict.evidence + window->null;
-    if (sending->repeats ? packets == 1 && may_be_cut(window, sending, own)
+    if (sending->repeats ? may_be_lone(window, sending, packets, own)
                          : verdict.end_s > to_s + NOT_YET_BITS * sending->bit_s) {
         return verdict;
     }
@@ -397,24 +424,35 @@ struct rl_verdict rl_decide(struct rl_window *window, const struct rl_codebook *
     const double half_bits =
         sending->repeats ? (to_s - sending->start_s) / sending->bit_s - RL_BITS * packets / 2.0
                          : RL_BITS / 2.0;
+    const double since_bits =
+        (to_s - RL_BITS * packets * sending->bit_s - sending->start_s) / sending->bit_s;
+    const int begin = sending->repeats ? (int)floor(since_bits + 0.5) % RL_BITS : 0;
+    double asked = demands->evidence;
     /* Before others are asked: two zones may see different packets of which this one is a bit. */
     verdict.reason = RL_NOT_A_WORD;
     verdict.word = any_sequence(window, demands, sending, half_bits, hits) - own;
     if (verdict.word > demands->word) {
-        return verdict;
+        turn_bits(window, sending, own, begin, (int)silent_bits, 0.0, &bits);
+        if (packets > 1 || !hide_burst(window, sending, &bits)) {
+            return verdict;
+        }
+        own = refine(window, demands, sending, half_bits);
+        verdict.evidence = own - window->null;
+        asked += COST_OF_BURST;
+        verdict.word = any_sequence(window, demands, sending, half_bits, hits) - own;
+        if (verdict.word > demands->word) {
+            return verdict;
+        }
     }
     verdict.reason = RL_EVIDENCE;
     verdict.evidence = add_zones(window, sending, verdict.evidence);
     verdict.evidence -= COST_OF_GAIN * (window->sources - 1);
     own = refine(window, demands, sending, half_bits);
     note_fit(&verdict, window);
-    if (verdict.evidence < demands->evidence) {
+    if (verdict.evidence < asked) {
         return verdict;
     }
     verdict.reason = RL_NOT_A_WORD;
-    const double since_bits =
-        (to_s - RL_BITS * packets * sending->bit_s - sending->start_s) / sending->bit_s;
-    const int begin = sending->repeats ? (int)floor(since_bits + 0.5) % RL_BITS : 0;
     verdict.word =
         turn_bits(window, sending, own, begin, (int)silent_bits, 3.0 * demands->word, &bits);
     if (verdict.word > demands->word) {

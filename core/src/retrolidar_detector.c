@@ -5,6 +5,7 @@
 
 #include "retrolidar_packet.h"
 #include "retrolidar_target.h"
+#include "retrolidar_track.h"
 
 #include <math.h>
 #include <stdlib.h>
@@ -25,6 +26,8 @@ static const double ACTIVE = 1.5;
 static const double COARSE = 0.8;
 /* By how much less a packet may be where another one has yet to be taken off. */
 static const double TENTATIVE = 0.5;
+/* Share of how a zone varies that a packet must explain which a sum shows that it is part of. */
+static const double LEAST_IN_ZONE = 0.5;
 /* Bits by which a packet may begin before the one before it has ended. */
 static const double OVERLAP_BITS = 1.5;
 /* Search finds no word where others are so much better [nats]. */
@@ -194,19 +197,45 @@ static void add_reading(struct rl_detector *detector, const struct rl_verdict *v
     }
 }
 
+/* Rows of the samples that a verdict is of, and the light of its packet in each. */
+static int light_of(struct rl_detector *detector, const struct rl_verdict *verdict, int *first)
+{
+    const struct rl_samples *samples = &detector->samples;
+    *first = rl_samples_row(samples, window_begin(verdict));
+    int rows = rl_samples_row(samples, verdict->end_s) + 1;
+    rows = (rows < samples->count ? rows : samples->count) - *first;
+    rows = rows < samples->kept ? rows : samples->kept;
+    rl_template(&verdict->sending, samples->begin_s + *first, samples->end_s + *first, rows,
+                detector->light);
+    return rows;
+}
+
+/* Share of how a zone varies from sample to sample that a packet explains if its gain may change. */
+static double track(struct rl_detector *detector, int zone, int first, int rows,
+                    double gain[RL_KNOTS])
+{
+    const struct rl_samples *samples = &detector->samples;
+    struct rl_window *window = &detector->window;
+    double sum = 0.0;
+    rl_target_column(samples, zone, first, rows, window->signal, window->valid, window->scratch);
+    for (int row = 0; row < rows; row++) {
+        sum += (double)window->signal[row];
+    }
+    const double noise = samples->noise_scale * rl_samples_noise(samples, zone, sum / rows);
+    return rl_track_fit(window->signal, window->valid, detector->light, rows, noise, gain);
+}
+
 /* Take a packet off the samples of its sources, or put it back. */
 static void take_off(struct rl_detector *detector, const struct rl_verdict *verdict, bool back)
 {
     struct rl_samples *samples = &detector->samples;
-    const int first = rl_samples_row(samples, window_begin(verdict));
-    int rows = rl_samples_row(samples, verdict->end_s) + 1;
-    rows = (rows < samples->count ? rows : samples->count) - first;
-    if (rows > samples->kept) {
-        return;
-    }
-    rl_template(&verdict->sending, samples->begin_s + first, samples->end_s + first, rows,
-                detector->light);
+    int first;
+    const int rows = light_of(detector, verdict, &first);
     for (int i = 0; i < verdict->sources; i++) {
+        double gain[RL_KNOTS];
+        if (!back) {
+            track(detector, verdict->source[i], first, rows, gain);
+        }
         for (int row = 0; row < rows; row++) {
             float *signal = samples->signal + (size_t)(first + row) * (size_t)samples->width +
                             verdict->source[i];
@@ -215,10 +244,28 @@ static void take_off(struct rl_detector *detector, const struct rl_verdict *verd
                 *signal = *taken;
             } else {
                 *taken = *signal;
-                *signal += (float)(verdict->fit[i].gain * (1.0 - detector->light[row]));
+                *signal += (float)(rl_track_gain(gain, row, rows) * (1.0 - detector->light[row]));
             }
         }
     }
+}
+
+/* Whether a packet that a sum of zones shows is what these zones see: two that each see another
+ * packet make a third one.
+ */
+static bool is_in_zones(struct rl_detector *detector, const struct rl_verdict *verdict)
+{
+    const struct rl_source *sum = &detector->samples.source[verdict->source[0]];
+    int first;
+    const int rows = light_of(detector, verdict, &first);
+    for (int i = 0; sum->zones > 1 && i < sum->zones; i++) {
+        double gain[RL_KNOTS];
+        if (rl_samples_variation(&detector->samples, sum->zone[i]) > ACTIVE &&
+            track(detector, sum->zone[i], first, rows, gain) < LEAST_IN_ZONE) {
+            return false;
+        }
+    }
+    return true;
 }
 
 static struct rl_verdict decide(struct rl_detector *detector, int source, int packets,
@@ -228,9 +275,12 @@ static struct rl_verdict decide(struct rl_detector *detector, int source, int pa
     if (hit->repeats && packets < detector->settings.max_packets) {
         demands.margin = detector->settings.margin_of_more;
     }
-    const struct rl_verdict verdict =
+    struct rl_verdict verdict =
         rl_decide(&detector->window, &detector->search.codebook, &demands, source, hit, hits,
                   packets, detector->free_s[source], to_s);
+    if (verdict.reason == RL_REASONS && !is_in_zones(detector, &verdict)) {
+        verdict.reason = RL_NOT_A_WORD;
+    }
     if (detector->candidates < 2 * DECISIONS_A_FRAME) {
         detector->candidate[detector->candidates++] = (struct rl_candidate){
             verdict.id,      source,

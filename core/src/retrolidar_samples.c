@@ -21,7 +21,7 @@ static const double DARK_BITS = 12.0;
 static const double WHITE = 0.15;
 static const int LEAST_WHITE_ZONES = 3;
 static const double LEAST_SCALE = 1.0 / 16, MOST_SCALE = 16.0;
-static const double NEWEST_SHARE = 0.3; /* of what is learnt of the scale */
+static const double NEWEST_SHARE = 0.2; /* of what is learnt of the scale, later on */
 
 static int sources_of(int rows, int columns, struct rl_source *source)
 {
@@ -351,7 +351,8 @@ void rl_samples_learn(struct rl_samples *samples)
         return;
     }
     const double scale = fmin(fmax(median(scales, white), LEAST_SCALE), MOST_SCALE);
-    samples->noise_scale += NEWEST_SHARE * (scale - samples->noise_scale);
+    const double share = fmax(NEWEST_SHARE, 1.0 / ++samples->lessons);
+    samples->noise_scale += share * (scale - samples->noise_scale);
 }
 
 int rl_samples_row(const struct rl_samples *samples, double time_s)

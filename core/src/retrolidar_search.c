@@ -304,7 +304,8 @@ static void search_words(struct rl_search *search, const struct trial *trial,
     }
     if (free_nats > hits->any.nats) {
         hits->any = (struct rl_hit){free_nats, 0, repeats, start_s, trial->bit_s};
-        hits->any_bits = best_sequence(&trial->energy, soft);
+        memcpy(hits->any_soft, soft, sizeof hits->any_soft);
+        hits->any_energy = trial->energy;
     }
     for (int shift = 0; shift < (repeats ? RL_BITS : 1); shift++) {
         const float *turned = soft + shift;
@@ -375,8 +376,10 @@ static void window_sums(const struct rl_view *view, const struct trial *trial,
 {
     const int from = edges[0].row, to = edges[RL_BITS * trial->packets].row + 1;
     for (int lane = 0; lane < RL_LANES; lane++) {
-        power[lane] = fmaxf(view->power[to][lane] - view->power[from][lane], 1e-6f);
         samples[lane] = view->valid[to][lane] - view->valid[from][lane];
+        /* Bits of which samples are missing have so much less energy. */
+        const float share = samples[lane] / (float)(to - from);
+        power[lane] = fmaxf(share * (view->power[to][lane] - view->power[from][lane]), 1e-6f);
     }
 }
 
@@ -507,6 +510,9 @@ void rl_search_look(struct rl_search *search, const int *sources, int count, int
             look_at_ended(search, lanes, from_s, to_s, &demand, &trial, found);
         }
         for (int lane = 0; lane < lanes; lane++) {
+            if (found[lane].count > 0) {
+                found[lane].any_bits = best_sequence(&found[lane].any_energy, found[lane].any_soft);
+            }
             hits[lane_of[lane]] = found[lane];
         }
     }

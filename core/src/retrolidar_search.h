@@ -32,6 +32,8 @@ struct rl_hits {
     struct rl_hit hit[RL_HITS];
     struct rl_hit any; /* without an ID */
     uint32_t any_bits;
+    float any_soft[RL_BITS]; /* its soft bits, and their energy */
+    struct rl_energy any_energy;
 };
 
 /* Samples of some sources side by side, less the level that wanders. */
