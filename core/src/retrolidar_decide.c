@@ -12,13 +12,15 @@ enum {
     SILENT_BITS = 16,
     MOST_BITS = SILENT_BITS + RL_BITS, /* that a window is cut into */
     MOST_ERASED_BITS = 7, /* so many leave words of a code of distance 8 apart */
-    MOST_HIDDEN_BITS = 5, /* half a bit at either end is left out, too */
+    MOST_HIDDEN_BITS = 3, /* half a bit at either end is left out, too */
     RIVALS = 3,           /* that are tried exactly */
     ROUNDS = 4,           /* bits that are turned to make a better sequence */
 };
 
 /* Share of the samples of a window that must be valid. */
 static const double LEAST_VALID = 0.6;
+/* Bits before a stretch that tell whether its packet has repeated. */
+static const double LEAST_BEFORE_BITS = 4.0;
 /* Share of the evidence in demand that one source must have by itself. */
 static const double LEAST_ALONE = 0.4;
 /* Another zone counts if it adds so much to the evidence, and the packet explains such a share of how
@@ -83,12 +85,17 @@ static double any_sequence(struct rl_window *window, const struct rl_demands *de
                            const struct rl_sending *sending, double half_bits,
                            const struct rl_hits *hits)
 {
-    struct rl_sending any = *sending;
-    any.bits = hits->any_bits;
-    any.repeats = hits->any.repeats;
-    any.start_s = hits->any.start_s;
-    any.bit_s = hits->any.bit_s;
-    return refine(window, demands, &any, half_bits);
+    double best = -INFINITY;
+    for (int i = 0; i < hits->sequences; i++) {
+        const struct rl_sequence *sequence = &hits->sequence[i];
+        struct rl_sending any = *sending;
+        any.bits = sequence->bits;
+        any.repeats = sequence->repeats;
+        any.start_s = sequence->start_s;
+        any.bit_s = sequence->bit_s;
+        best = fmax(best, refine(window, demands, &any, half_bits));
+    }
+    return best;
 }
 
 /* Open the window that a hit was found in; for a lone packet that with the silence before it, if it
@@ -388,6 +395,39 @@ static bool may_be_lone(struct rl_window *window, const struct rl_sending *sendi
     return false;
 }
 
+/* Whether the samples before a stretch speak for a packet that repeats, as those in it do. A lone
+ * packet whose end has not come yet may look like another one that repeats.
+ */
+static bool has_repeated(struct rl_window *window, const struct rl_sending *sending, double evidence,
+                         double since_s, double to_s)
+{
+    const struct rl_samples *samples = window->samples;
+    const int held = samples->count > samples->kept ? samples->count - samples->kept : 0;
+    const double begin_s = to_s - RL_BITS * sending->bit_s;
+    const double from_s =
+        fmax(fmax(begin_s - SILENT_BITS * sending->bit_s, samples->begin_s[held]), since_s);
+    if (begin_s - from_s < LEAST_BEFORE_BITS * sending->bit_s) {
+        return true;
+    }
+    rl_window_open(window, window->source[0], from_s, to_s);
+    const double longer = rl_window_try(window, sending) - window->null;
+    rl_window_open(window, window->source[0], begin_s, to_s);
+    rl_window_try(window, sending);
+    return longer > evidence - AS_GOOD;
+}
+
+/* What speaks against a packet in one source by itself: RL_REASONS if nothing does. */
+static int doubt(struct rl_window *window, const struct rl_demands *demands,
+                 const struct rl_sending *sending, int packets, double own, double half_bits,
+                 const struct rl_hits *hits, double *word)
+{
+    if (sending->repeats && may_be_lone(window, sending, packets, own)) {
+        return RL_INCOMPLETE;
+    }
+    *word = any_sequence(window, demands, sending, half_bits, hits) - own;
+    return *word > demands->word ? RL_NOT_A_WORD : RL_REASONS;
+}
+
 static void note_fit(struct rl_verdict *verdict, const struct rl_window *window)
 {
     verdict->sources = window->sources;
@@ -397,7 +437,8 @@ static void note_fit(struct rl_verdict *verdict, const struct rl_window *window)
 
 struct rl_verdict rl_decide(struct rl_window *window, const struct rl_codebook *codebook,
                             const struct rl_demands *demands, int source, const struct rl_hit *hit,
-                            const struct rl_hits *hits, int packets, double free_s, double to_s)
+                            const struct rl_hits *hits, int packets, double free_s, double since_s,
+                            double to_s)
 {
     struct rl_verdict verdict = {.reason = RL_EVIDENCE, .id = hit->id, .packets = packets};
     struct rl_sending *sending = &verdict.sending;
@@ -413,8 +454,11 @@ struct rl_verdict rl_decide(struct rl_window *window, const struct rl_codebook *
     }
     verdict.reason = RL_INCOMPLETE;
     double own = verdict.evidence + window->null;
-    if (sending->repeats ? may_be_lone(window, sending, packets, own)
-                         : verdict.end_s > to_s + NOT_YET_BITS * sending->bit_s) {
+    if (!sending->repeats && verdict.end_s > to_s + NOT_YET_BITS * sending->bit_s) {
+        return verdict;
+    }
+    if (sending->repeats && packets == 1 &&
+        !has_repeated(window, sending, verdict.evidence, since_s, to_s)) {
         return verdict;
     }
     verdict.reason = RL_ERASED;
@@ -429,20 +473,19 @@ struct rl_verdict rl_decide(struct rl_window *window, const struct rl_codebook *
     const int begin = sending->repeats ? (int)floor(since_bits + 0.5) % RL_BITS : 0;
     double asked = demands->evidence;
     /* Before others are asked: two zones may see different packets of which this one is a bit. */
-    verdict.reason = RL_NOT_A_WORD;
-    verdict.word = any_sequence(window, demands, sending, half_bits, hits) - own;
-    if (verdict.word > demands->word) {
+    verdict.reason = doubt(window, demands, sending, packets, own, half_bits, hits, &verdict.word);
+    if (verdict.reason == RL_NOT_A_WORD && packets == 1) {
         turn_bits(window, sending, own, begin, (int)silent_bits, 0.0, &bits);
-        if (packets > 1 || !hide_burst(window, sending, &bits)) {
-            return verdict;
+        if (hide_burst(window, sending, &bits)) {
+            own = refine(window, demands, sending, half_bits);
+            verdict.evidence = own - window->null;
+            asked += COST_OF_BURST;
+            verdict.reason =
+                doubt(window, demands, sending, packets, own, half_bits, hits, &verdict.word);
         }
-        own = refine(window, demands, sending, half_bits);
-        verdict.evidence = own - window->null;
-        asked += COST_OF_BURST;
-        verdict.word = any_sequence(window, demands, sending, half_bits, hits) - own;
-        if (verdict.word > demands->word) {
-            return verdict;
-        }
+    }
+    if (verdict.reason != RL_REASONS) {
+        return verdict;
     }
     verdict.reason = RL_EVIDENCE;
     verdict.evidence = add_zones(window, sending, verdict.evidence);

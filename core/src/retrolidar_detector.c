@@ -269,7 +269,8 @@ static bool is_in_zones(struct rl_detector *detector, const struct rl_verdict *v
 }
 
 static struct rl_verdict decide(struct rl_detector *detector, int source, int packets,
-                                const struct rl_hit *hit, const struct rl_hits *hits, double to_s)
+                                const struct rl_hit *hit, const struct rl_hits *hits,
+                                double since_s, double to_s)
 {
     struct rl_demands demands = detector->demands;
     if (hit->repeats && packets < detector->settings.max_packets) {
@@ -277,7 +278,7 @@ static struct rl_verdict decide(struct rl_detector *detector, int source, int pa
     }
     struct rl_verdict verdict =
         rl_decide(&detector->window, &detector->search.codebook, &demands, source, hit, hits,
-                  packets, detector->free_s[source], to_s);
+                  packets, detector->free_s[source], since_s, to_s);
     if (verdict.reason == RL_REASONS && !is_in_zones(detector, &verdict)) {
         verdict.reason = RL_NOT_A_WORD;
     }
@@ -312,7 +313,7 @@ static bool look_behind(struct rl_detector *detector, const struct rl_verdict *b
                 continue;
             }
             detector->decisions_left--;
-            *behind = decide(detector, source, 1, &hits.hit[i], &hits, to_s);
+            *behind = decide(detector, source, 1, &hits.hit[i], &hits, window_begin(before), to_s);
             found = behind->reason == RL_REASONS &&
                     !is_known(detector, behind->id, window_begin(behind), behind->end_s);
         }
@@ -334,7 +335,7 @@ static bool judge(struct rl_detector *detector, const struct pending *pending, d
     detector->counts.candidates++;
     detector->decisions_left--;
     struct rl_verdict verdict =
-        decide(detector, pending->source, pending->packets, hit, &pending->hits, to_s);
+        decide(detector, pending->source, pending->packets, hit, &pending->hits, -INFINITY, to_s);
     struct rl_verdict behind;
     const bool may_hide = pending->packets == 1 &&
                           detector->samples.source[pending->source].zones == 1 &&
@@ -344,7 +345,8 @@ static bool judge(struct rl_detector *detector, const struct pending *pending, d
     if (has_other && verdict.reason != RL_REASONS) {
         /* Two that hide each other are read together, or neither is. */
         take_off(detector, &behind, false);
-        verdict = decide(detector, pending->source, pending->packets, hit, &pending->hits, to_s);
+        verdict = decide(detector, pending->source, pending->packets, hit, &pending->hits,
+                         window_begin(&behind), to_s);
         take_off(detector, &behind, true);
         has_other = verdict.reason == RL_REASONS;
     }
