@@ -26,10 +26,14 @@ static const double ACTIVE = 1.5;
 static const double COARSE = 0.8;
 /* By how much less a packet may be where another one has yet to be taken off. */
 static const double TENTATIVE = 0.5;
-/* Share of how a zone varies that a packet must explain which a sum shows that it is part of. */
-static const double LEAST_IN_ZONE = 0.5;
+/* Share of how zones vary that a packet must explain which their sum shows. */
+static const double LEAST_IN_ZONES = 0.7;
+/* Sums are asked after zones that explain nearly as much. */
+static const float SUM_SHARE = 0.8f;
 /* Bits by which a packet may begin before the one before it has ended. */
 static const double OVERLAP_BITS = 1.5;
+/* Readings of one ID that overlap by more are of the same packet. */
+static const double SAME_BITS = 4.0;
 /* Search finds no word where others are so much better [nats]. */
 static const double BEYOND_COARSE = 6.0;
 static const double MOST_SKEW = 0.03;
@@ -123,7 +127,7 @@ static bool is_known(const struct rl_detector *detector, uint16_t id, double sta
     for (int i = first; i < detector->recents; i++) {
         const struct recent *recent = &detector->recent[i % RECENT];
         const double overlap_s = fmin(end_s, recent->end_s) - fmax(start_s, recent->start_s);
-        if (recent->id == id && overlap_s > RL_BITS * detector->settings.bit_s / 2) {
+        if (recent->id == id && overlap_s > SAME_BITS * detector->settings.bit_s) {
             return true;
         }
     }
@@ -210,8 +214,8 @@ static int light_of(struct rl_detector *detector, const struct rl_verdict *verdi
     return rows;
 }
 
-/* Share of how a zone varies from sample to sample that a packet explains if its gain may change. */
-static double track(struct rl_detector *detector, int zone, int first, int rows,
+/* How much of how a zone varies from sample to sample a packet explains if its gain may change. */
+static struct rl_track track(struct rl_detector *detector, int zone, int first, int rows,
                     double gain[RL_KNOTS])
 {
     const struct rl_samples *samples = &detector->samples;
@@ -258,14 +262,14 @@ static bool is_in_zones(struct rl_detector *detector, const struct rl_verdict *v
     const struct rl_source *sum = &detector->samples.source[verdict->source[0]];
     int first;
     const int rows = light_of(detector, verdict, &first);
+    double explained = 0.0, all = 0.0;
     for (int i = 0; sum->zones > 1 && i < sum->zones; i++) {
         double gain[RL_KNOTS];
-        if (rl_samples_variation(&detector->samples, sum->zone[i]) > ACTIVE &&
-            track(detector, sum->zone[i], first, rows, gain) < LEAST_IN_ZONE) {
-            return false;
-        }
+        const struct rl_track seen = track(detector, sum->zone[i], first, rows, gain);
+        explained += seen.explained;
+        all += seen.all;
     }
-    return true;
+    return sum->zones == 1 || explained > LEAST_IN_ZONES * all;
 }
 
 static struct rl_verdict decide(struct rl_detector *detector, int source, int packets,
@@ -396,6 +400,28 @@ static int ready(const struct rl_detector *detector, double bits, double to_s, b
     return count;
 }
 
+/* Of some sources, those in which a packet's time has passed since the last one that was read. */
+static int due(const struct rl_detector *detector, int *sources, int count, double from_s,
+               double to_s)
+{
+    int kept = 0;
+    for (int i = 0; i < count; i++) {
+        const double since_s = detector->free_s[sources[i]] + RL_BITS * detector->settings.bit_s;
+        if (since_s > from_s && since_s <= to_s) {
+            sources[kept++] = sources[i];
+        }
+    }
+    return kept;
+}
+
+/* How promising a candidate is. */
+static float rank(const struct rl_detector *detector, int index)
+{
+    const struct pending *pending = &detector->pending[index];
+    const bool is_sum = detector->samples.source[pending->source].zones > 1;
+    return (is_sum ? SUM_SHARE : 1.0f) * pending->hits.hit[0].nats;
+}
+
 static void look(struct rl_detector *detector)
 {
     const struct rl_samples *samples = &detector->samples;
@@ -421,24 +447,27 @@ static void look(struct rl_detector *detector)
     int count = ready(detector, packet_bits, to_s, true, RL_MOST_ZONES, sources);
     search(detector, sources, count, 0, from_s, to_s);
     const int64_t turn = (int64_t)floor(to_s / (LOOK_BITS * bit_s));
-    if (turn != detector->turn) {
-        detector->turn = turn;
-        count = ready(detector, packet_bits, to_s, true, RL_MOST_ZONES, sources);
-        search(detector, sources, count, 1, from_s, to_s);
-        /* More packets are looked at in turn, each number of them once in a packet's time. */
-        const int fold = (int)(turn % (RL_BITS / LOOK_BITS + 1));
-        if (fold >= 1 && fold < FOLDS && FOLD[fold] <= detector->settings.max_packets) {
-            const double bits = RL_BITS * FOLD[fold] * (1.0 + MOST_SKEW) + 1.0;
-            if (held_s > bits * bit_s && bits * bit_s < samples->kept * samples->period_s) {
-                count = ready(detector, bits - OVERLAP_BITS, to_s, false, 1, sources);
-                search(detector, sources, count, FOLD[fold], from_s, to_s);
-            }
+    const bool is_turn = turn != detector->turn;
+    detector->turn = turn;
+    count = ready(detector, packet_bits, to_s, true, RL_MOST_ZONES, sources);
+    if (!is_turn) {
+        /* Where a packet was read, another one of the same marker may just have come. */
+        count = due(detector, sources, count, from_s, to_s);
+    }
+    search(detector, sources, count, 1, from_s, to_s);
+    /* More packets are looked at in turn, each number of them once in a packet's time. */
+    const int fold = (int)(turn % (RL_BITS / LOOK_BITS + 1));
+    if (is_turn && fold >= 1 && fold < FOLDS && FOLD[fold] <= detector->settings.max_packets) {
+        const double bits = RL_BITS * FOLD[fold] * (1.0 + MOST_SKEW) + 1.0;
+        if (held_s > bits * bit_s && bits * bit_s < samples->kept * samples->period_s) {
+            count = ready(detector, bits - OVERLAP_BITS, to_s, false, 1, sources);
+            search(detector, sources, count, FOLD[fold], from_s, to_s);
         }
     }
     while (detector->pendings > 0 && detector->decisions_left > 0) {
         int best = 0;
         for (int i = 1; i < detector->pendings; i++) {
-            if (detector->pending[i].hits.hit[0].nats > detector->pending[best].hits.hit[0].nats) {
+            if (rank(detector, i) > rank(detector, best)) {
                 best = i;
             }
         }

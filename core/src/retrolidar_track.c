@@ -52,8 +52,8 @@ static void solve(double matrix[RL_KNOTS][RL_KNOTS], double right[RL_KNOTS])
     }
 }
 
-double rl_track_fit(const float *signal, const uint8_t *valid, const double *light, int rows,
-                    double noise, double gain[RL_KNOTS])
+struct rl_track rl_track_fit(const float *signal, const uint8_t *valid, const double *light,
+                             int rows, double noise, double gain[RL_KNOTS])
 {
     double normal[RL_KNOTS][RL_KNOTS], right[RL_KNOTS], total = 0.0, energy = 0.0;
     int before = -1, steps = 0;
@@ -93,15 +93,13 @@ double rl_track_fit(const float *signal, const uint8_t *valid, const double *lig
         }
     }
     solve(normal, right);
-    double explained = 0.0;
+    /* As many gains explain so much of the noise. */
+    double explained = -2.0 * noise * RL_KNOTS;
     for (int i = 0; i < RL_KNOTS; i++) {
         gain[i] = right[i];
         explained += right[i] * sums[i];
     }
-    /* As many gains explain so much of the noise. */
-    explained -= 2.0 * noise * RL_KNOTS;
-    const double beyond = total - 2.0 * noise * steps;
-    return beyond > 0.0 ? explained / beyond : 1.0;
+    return (struct rl_track){explained, total - 2.0 * noise * steps};
 }
 
 double rl_track_gain(const double gain[RL_KNOTS], int row, int rows)

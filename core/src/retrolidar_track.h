@@ -13,15 +13,19 @@ extern "C" {
 
 enum { RL_KNOTS = 7 };
 
+struct rl_track {
+    double explained, all;
+};
+
 /* Fit a gain that is linear between so many knots, equally spaced over the rows, to the steps from
  * row to row, on which a level that wanders has little bearing.
  *
  * light: of the packet in each row; noise: variance of a sample
  *
- * Return the share of the steps' variance beyond noise that it explains.
+ * Return how much of the sum of their squares it explains, and how much there is, beyond noise.
  */
-double rl_track_fit(const float *signal, const uint8_t *valid, const double *light, int rows,
-                    double noise, double gain[RL_KNOTS]);
+struct rl_track rl_track_fit(const float *signal, const uint8_t *valid, const double *light,
+                             int rows, double noise, double gain[RL_KNOTS]);
 
 /* The gain in a row. */
 double rl_track_gain(const double gain[RL_KNOTS], int row, int rows);
