@@ -19,8 +19,10 @@ enum {
 
 /* Share of the samples of a window that must be valid. */
 static const double LEAST_VALID = 0.6;
-/* Bits before a stretch that tell whether its packet has repeated. */
-static const double LEAST_BEFORE_BITS = 4.0;
+/* Bits before a stretch that tell whether its packet has repeated, and share of its evidence that
+ * there must be with them.
+ */
+static const double LEAST_BEFORE_BITS = 4.0, LEAST_LONGER = 0.9;
 /* Share of the evidence in demand that one source must have by itself. */
 static const double LEAST_ALONE = 0.4;
 /* Another zone counts if it adds so much to the evidence, and the packet explains such a share of how
@@ -413,7 +415,7 @@ static bool has_repeated(struct rl_window *window, const struct rl_sending *send
     const double longer = rl_window_try(window, sending) - window->null;
     rl_window_open(window, window->source[0], begin_s, to_s);
     rl_window_try(window, sending);
-    return longer > evidence - AS_GOOD;
+    return longer > LEAST_LONGER * evidence - AS_GOOD;
 }
 
 /* What speaks against a packet in one source by itself: RL_REASONS if nothing does. */

@@ -17,6 +17,7 @@ enum {
     FOLDS = 5,
     LOOK_BITS = 4,   /* between two looks at stretches of one packet */
     WORDS_A_FRAME = 300, /* that are searched, and ... */
+    BEHIND = 3, /* hits that are judged behind another packet */
     DECISIONS_A_FRAME = 12, /* ... candidates that are judged, at the most */
 };
 static const int FOLD[FOLDS] = {1, 2, 3, 5, 8};
@@ -32,6 +33,8 @@ static const double LEAST_IN_ZONES = 0.7;
 static const float SUM_SHARE = 0.8f;
 /* Bits by which a packet may begin before the one before it has ended. */
 static const double OVERLAP_BITS = 1.5;
+/* Bits before a stretch that a search of it may reach. */
+static const double MARGIN_BITS = 4.0;
 /* Readings of one ID that overlap by more are of the same packet. */
 static const double SAME_BITS = 4.0;
 /* Search finds no word where others are so much better [nats]. */
@@ -65,7 +68,7 @@ struct rl_detector {
     struct rl_reading reading[READINGS];
     int candidates;
     struct rl_candidate candidate[2 * DECISIONS_A_FRAME];
-    struct rl_hits hits[RL_MOST_SOURCES];
+    struct rl_hits hits[RL_MOST_SOURCES], behind;
     struct pending pending[RL_MOST_SOURCES * 2];
     int pendings;
     float *taken; /* signals before a packet was taken off them */
@@ -202,11 +205,14 @@ static void add_reading(struct rl_detector *detector, const struct rl_verdict *v
     }
 }
 
-/* Rows of the samples that a verdict is of, and the light of its packet in each. */
+/* Rows of the samples that a verdict is of, and the light of its packet in each. One that repeats was
+ * sent some bits before, too, at which a search for others looks.
+ */
 static int light_of(struct rl_detector *detector, const struct rl_verdict *verdict, int *first)
 {
     const struct rl_samples *samples = &detector->samples;
-    *first = rl_samples_row(samples, window_begin(verdict));
+    const double before_s = verdict->sending.repeats ? MARGIN_BITS * verdict->sending.bit_s : 0.0;
+    *first = rl_samples_row(samples, window_begin(verdict) - before_s);
     int rows = rl_samples_row(samples, verdict->end_s) + 1;
     rows = (rows < samples->count ? rows : samples->count) - *first;
     rows = rows < samples->kept ? rows : samples->kept;
@@ -299,72 +305,83 @@ static struct rl_verdict decide(struct rl_detector *detector, int source, int pa
     return verdict;
 }
 
-/* Look for another packet in the zone of one that was found, now that this one is taken off. */
-static bool look_behind(struct rl_detector *detector, const struct rl_verdict *before,
-                        struct rl_verdict *behind)
+/* Judge a hit while another packet is taken off. */
+static struct rl_verdict decide_without(struct rl_detector *detector, const struct rl_verdict *other,
+                                        const struct rl_hit *hit, const struct rl_hits *hits,
+                                        double to_s)
 {
-    const int source = before->source[0];
-    const double to_s = fmin(before->end_s, detector->looked_s);
-    struct rl_hits hits;
-    bool found = false;
-    take_off(detector, before, false);
-    for (int packets = 1; packets >= 0 && !found; packets--) {
-        const double from_s = to_s - (packets ? 0.0 : 2.0) * detector->settings.bit_s;
-        rl_search_look(&detector->search, &source, 1, packets, from_s, to_s,
-                       COARSE * detector->demands.evidence, BEYOND_COARSE + detector->demands.word,
-                       &hits);
-        for (int i = 0; i < hits.count && !found && detector->decisions_left > 0; i++) {
-            if (hits.hit[i].id == before->id) {
-                continue;
-            }
-            detector->decisions_left--;
-            *behind = decide(detector, source, 1, &hits.hit[i], &hits, window_begin(before), to_s);
-            found = behind->reason == RL_REASONS &&
-                    !is_known(detector, behind->id, window_begin(behind), behind->end_s);
-        }
-    }
-    take_off(detector, before, true);
-    return found;
+    take_off(detector, other, false);
+    const struct rl_verdict verdict =
+        decide(detector, other->source[0], 1, hit, hits, window_begin(other), to_s);
+    take_off(detector, other, true);
+    return verdict;
 }
 
-/* Judge the hits of a source, the best first; return whether one is read. */
-static bool judge(struct rl_detector *detector, const struct pending *pending, double to_s)
+/* Look for another packet in the zone of one that was found, which hide each other: each is judged
+ * with the other one taken off, twice over. Return whether both are read.
+ */
+static bool look_behind(struct rl_detector *detector, const struct pending *pending, double to_s,
+                        struct rl_verdict *before, struct rl_verdict *behind)
+{
+    const int source = before->source[0];
+    struct rl_hits *hits = &detector->behind;
+    take_off(detector, before, false);
+    rl_search_look(&detector->search, &source, 1, 1, to_s, to_s,
+                   TENTATIVE * detector->demands.evidence,
+                   2.0 * (BEYOND_COARSE + detector->demands.word), hits);
+    take_off(detector, before, true);
+    for (int i = 0; i < hits->count && i < BEHIND && detector->decisions_left > 0; i++) {
+        const struct rl_hit *hit = &hits->hit[i];
+        if (hit->id == before->id) {
+            continue;
+        }
+        detector->decisions_left -= 3;
+        *behind = decide_without(detector, before, hit, hits, to_s);
+        if (behind->evidence < TENTATIVE * detector->demands.evidence ||
+            is_known(detector, behind->id, window_begin(behind), behind->end_s)) {
+            continue;
+        }
+        const struct rl_verdict again = decide_without(detector, behind, &pending->hits.hit[0],
+                                                       &pending->hits, to_s);
+        if (again.reason != RL_REASONS || again.evidence < before->evidence) {
+            continue;
+        }
+        *behind = decide_without(detector, &again, hit, hits, to_s);
+        if (behind->reason == RL_REASONS) {
+            *before = again;
+            return true;
+        }
+    }
+    return false;
+}
+
+/* Judge the best hit of a source, and what it may hide. */
+static void judge(struct rl_detector *detector, const struct pending *pending, double to_s)
 {
     const struct rl_hit *hit = &pending->hits.hit[0];
     const double begin_s =
         hit->repeats ? to_s - RL_BITS * pending->packets * hit->bit_s : hit->start_s;
     if (begin_s < detector->free_s[pending->source] - OVERLAP_BITS * hit->bit_s ||
         is_known(detector, hit->id, begin_s, begin_s + RL_BITS * pending->packets * hit->bit_s)) {
-        return false;
+        return;
     }
     detector->counts.candidates++;
     detector->decisions_left--;
-    struct rl_verdict verdict =
-        decide(detector, pending->source, pending->packets, hit, &pending->hits, -INFINITY, to_s);
-    struct rl_verdict behind;
+    struct rl_verdict behind, verdict = decide(detector, pending->source, pending->packets, hit,
+                                               &pending->hits, -INFINITY, to_s);
     const bool may_hide = pending->packets == 1 &&
                           detector->samples.source[pending->source].zones == 1 &&
                           verdict.reason != RL_INCOMPLETE && verdict.reason != RL_ERASED &&
                           verdict.evidence > TENTATIVE * detector->demands.evidence;
-    bool has_other = may_hide && look_behind(detector, &verdict, &behind);
-    if (has_other && verdict.reason != RL_REASONS) {
-        /* Two that hide each other are read together, or neither is. */
-        take_off(detector, &behind, false);
-        verdict = decide(detector, pending->source, pending->packets, hit, &pending->hits,
-                         window_begin(&behind), to_s);
-        take_off(detector, &behind, true);
-        has_other = verdict.reason == RL_REASONS;
+    if (may_hide && look_behind(detector, pending, to_s, &verdict, &behind)) {
+        detector->counts.candidates++;
+        add_reading(detector, &behind);
     }
     if (verdict.reason == RL_REASONS) {
         add_reading(detector, &verdict);
     } else {
         detector->counts.refused[verdict.reason]++;
     }
-    if (has_other) {
-        detector->counts.candidates++;
-        add_reading(detector, &behind);
-    }
-    return verdict.reason == RL_REASONS;
 }
 
 static void search(struct rl_detector *detector, const int *sources, int count, int packets,

@@ -4,10 +4,14 @@
 #include "retrolidar_track.h"
 
 #include <math.h>
+#include <stdbool.h>
 #include <string.h>
 
 /* What keeps the gain of a knot near to those beside it, as a share of the mean energy. */
 static const double STIFFNESS = 0.02;
+
+/* Share of what a steady gain leaves over that may be left if the gain is to change. */
+static const double LEAST_LEFT = 0.6;
 
 /* Which knot is the last one before a row, and how far beyond it the row is, 0 to 1. */
 static int knot_of(int row, int rows, double *beyond)
@@ -79,10 +83,14 @@ struct rl_track rl_track_fit(const float *signal, const uint8_t *valid, const do
         }
         before = row;
     }
-    double sums[RL_KNOTS];
+    double sums[RL_KNOTS], all = 0.0, common = 0.0;
     memcpy(sums, right, sizeof sums);
     for (int i = 0; i < RL_KNOTS; i++) {
         energy += normal[i][i] / RL_KNOTS;
+        common += right[i];
+        for (int j = 0; j < RL_KNOTS; j++) {
+            all += normal[i][j];
+        }
     }
     for (int i = 0; i < RL_KNOTS; i++) {
         const double stiff = STIFFNESS * energy + 1e-9;
@@ -93,13 +101,18 @@ struct rl_track rl_track_fit(const float *signal, const uint8_t *valid, const do
         }
     }
     solve(normal, right);
-    /* As many gains explain so much of the noise. */
-    double explained = -2.0 * noise * RL_KNOTS;
+    double explained = 0.0;
     for (int i = 0; i < RL_KNOTS; i++) {
-        gain[i] = right[i];
         explained += right[i] * sums[i];
     }
-    return (struct rl_track){explained, total - 2.0 * noise * steps};
+    /* Seven gains take a part of whatever is there besides; so they must be worth it. */
+    const double steady = all > 0.0 ? common * common / all : 0.0;
+    const bool changes = total - explained < LEAST_LEFT * (total - steady);
+    for (int i = 0; i < RL_KNOTS; i++) {
+        gain[i] = changes ? right[i] : all > 0.0 ? common / all : 0.0;
+    }
+    const double beyond = 2.0 * noise * (changes ? RL_KNOTS : 1);
+    return (struct rl_track){(changes ? explained : steady) - beyond, total - 2.0 * noise * steps};
 }
 
 double rl_track_gain(const double gain[RL_KNOTS], int row, int rows)
