@@ -23,12 +23,10 @@ import yaml
 from numpy.typing import NDArray
 from st_board import Board, Zone
 
-from retrolidar_ros.blinking import BitReader, NewestBits, modulation_db
+from retrolidar_ros.blinking import BitReader, NewestBits, Samples, modulation_db
 from retrolidar_ros.cli import _parser, main
 from retrolidar_ros.code import BIT_PERIOD_S, PACKET_BITS, packet
-from retrolidar_ros.detector.evidence import NoiseLaw
-from retrolidar_ros.detector.view import View
-from retrolidar_ros.detector.window import placed
+from retrolidar_ros.detector.noise import NoiseLaw
 from retrolidar_ros.frame import Frame, Recording, Status, ZoneGrid
 from retrolidar_ros.frame_rate import missing_frames, rate_mismatch
 from retrolidar_ros.protocols import PROTOCOLS
@@ -89,13 +87,8 @@ def snapshot(grid: ZoneGrid, zone: int | None = None) -> Snapshot:
     return Snapshot('port', '', 47.6, 100, 0, 0, frame(grid), blinking, zone)
 
 
-def view_of(frames: list[Frame]) -> View:
-    samples = placed(Recording.of(frames), len(frames), BIT_PERIOD_S)
-    return View.of(samples, np.arange(frames[0].grid.zones))
-
-
-def seen(scene: Scene, frames: int) -> View:
-    return view_of(list(Simulation(scene).advance(frames))[-72:])
+def seen(scene: Scene, frames: int) -> Samples:
+    return Samples.of(Recording.of(list(Simulation(scene).advance(frames))[-68:]))
 
 
 def watch_of(frames: list[Frame], zone: int | None = None) -> Watch:
@@ -117,7 +110,7 @@ def known_readings() -> Sequence[LastReading]:
 
 @pytest.mark.parametrize('frames', range(100, 170, 7))
 def test_the_newest_bits_are_the_packet_from_some_bit_on(frames: int) -> None:
-    bits = BitReader(BIT_PERIOD_S).read(seen(SCENE, frames).only(ZONE), NoiseLaw())
+    bits = BitReader(BIT_PERIOD_S).read(seen(SCENE, frames), ZONE, NoiseLaw())
     assert bits is not None
     assert bits.hard.tolist() == (np.roll(packet(ID), -bits.first) == 1).tolist()
     assert (bits.id, bits.differing) == (ID, 0)
@@ -129,7 +122,8 @@ def test_the_newest_bits_are_the_packet_from_some_bit_on(frames: int) -> None:
 
 def test_lost_bits_are_unknown_and_do_not_count_as_wrong() -> None:
     frames = list(Simulation(SCENE).advance(140))[-72:]
-    bits = BitReader(BIT_PERIOD_S).read(view_of(frames[:30] + frames[36:]).only(ZONE), NoiseLaw())
+    samples = Samples.of(Recording.of(frames[:30] + frames[36:]))
+    bits = BitReader(BIT_PERIOD_S).read(samples, ZONE, NoiseLaw())
     assert bits is not None
     assert 2 <= np.count_nonzero(bits.erased) <= 4
     assert (bits.id, bits.differing) == (ID, 0)
@@ -137,7 +131,8 @@ def test_lost_bits_are_unknown_and_do_not_count_as_wrong() -> None:
 
 def test_a_zone_without_light_has_no_bits() -> None:
     dark = [replace(frame(ZoneGrid(), n), signal=np.zeros(16, np.float32)) for n in range(72)]
-    assert BitReader(BIT_PERIOD_S).read(view_of(dark).only(3), NoiseLaw()) is None
+    samples = Samples.of(Recording.of(dark))
+    assert BitReader(BIT_PERIOD_S).read(samples, 3, NoiseLaw()) is None
 
 
 def test_blinking_is_the_marker_s_and_noise_is_none() -> None:
