@@ -72,7 +72,7 @@ def main() -> None:
     delay_ms = 1e3 * (arrival_s - stamp_s - HALF_EXPOSURE_S)
     latency_ms = 1e3 * np.array(
         [
-            (received - to_ns(message.header.stamp)) * 1e-9 - HALF_EXPOSURE_S
+            (received - to_ns(message.end)) * 1e-9 - HALF_EXPOSURE_S
             for message, received in markers
         ]
     )

@@ -182,7 +182,7 @@ class Watch:
                 self._chosen = most
         zone = self._chosen
         readings = [
-            LastReading(detection, (now_ns - detection.stamp_ns) * 1e-9, self._times[identity])
+            LastReading(detection, (now_ns - detection.end_ns) * 1e-9, self._times[identity])
             for identity, detection in self._last.items()
         ]
         return replace(
