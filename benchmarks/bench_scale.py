@@ -29,7 +29,7 @@ from itertools import islice
 from multiprocessing import get_context
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import Any, NamedTuple, TypeVar
+from typing import NamedTuple, TypeVar
 
 import numpy as np
 from bench_nodes import HALF_EXPOSURE_S, SETTLING_S, cpu_seconds

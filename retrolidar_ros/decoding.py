@@ -65,7 +65,8 @@ def _or_none(value: float) -> float | None:
 
 
 TEXT_HEADER = (
-    '        stamp [s]    id  range [m]  SNR [dB]  evidence  margin  score  corrected  packets  zones'
+    '        stamp [s]    id  range [m]  SNR [dB]  evidence  margin  score  corrected  packets'
+    '  zones'
 )
 
 

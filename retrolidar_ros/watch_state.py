@@ -162,7 +162,8 @@ class Watch:
                 return f'{mismatch}: set --bit-period to how long the markers hold a bit [s]'
         return ''
 
-    def _with_zones(self, snapshot: Snapshot, detector: LikelihoodDetector, now_ns: int
+    def _with_zones(
+        self, snapshot: Snapshot, detector: LikelihoodDetector, now_ns: int
     ) -> Snapshot:
         """Add zones, bits and readings."""
         newest = self._frames[-1]

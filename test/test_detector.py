@@ -6,10 +6,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from numpy.typing import NDArray
+from retrolidar_ros.detector.evidence import NoiseLaw
 
 from retrolidar_ros.code import PREAMBLE, packet
 from retrolidar_ros.detector import METHODS, Detection, Detector, create_detector
-from retrolidar_ros.detector.evidence import NoiseLaw
 from retrolidar_ros.detector.paper.baseline import silent_level
 from retrolidar_ros.detector.paper.demodulation import fit_packets, threshold_bits
 from retrolidar_ros.detector.paper.preamble import fit_preamble

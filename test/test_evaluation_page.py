@@ -12,11 +12,9 @@ from typing import Any
 import pytest
 
 from retrolidar_ros.cli import main
-from retrolidar_ros.evaluation.experiments import EXPERIMENTS
-from retrolidar_ros.evaluation.page import write_page
 from retrolidar_ros.evaluation.claims import NOTHING, Claim
-from retrolidar_ros.evaluation.experiments import run_experiment
-from retrolidar_ros.evaluation.page import PAGE, load, table
+from retrolidar_ros.evaluation.experiments import EXPERIMENTS, run_experiment
+from retrolidar_ros.evaluation.page import PAGE, load, table, write_page
 from retrolidar_ros.evaluation.readme import BENCHMARKS, load_report, renewed
 
 ROOT = Path(__file__).parent.parent

@@ -13,8 +13,8 @@ from hypothesis import strategies as st
 from retrolidar_ros.detector.bearing import zone_bearing
 from retrolidar_ros.detector.place import place
 from retrolidar_ros.evaluation import coffee, drone
-from retrolidar_ros.evaluation.experiments import EXPERIMENTS, run_experiments
 from retrolidar_ros.evaluation.detectors import new_detector
+from retrolidar_ros.evaluation.experiments import EXPERIMENTS, run_experiments
 from retrolidar_ros.evaluation.hand import (
     Pose,
     markers_at,

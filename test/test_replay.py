@@ -165,6 +165,8 @@ def test_decoding_the_bag_says_what_was_said_live(live: Listener, bag: Path) -> 
             assert one[key] == (pytest.approx(value, rel=1e-6) if value != 0 else 0), key
 
 
-def test_the_last_frames_used_are_among_those_sent(live: Listener, replayed: list[MarkerDetection]) -> None:
+def test_the_last_frames_used_are_among_those_sent(
+    live: Listener, replayed: list[MarkerDetection]
+) -> None:
     frames = {to_ns(message.header.stamp) for message, _ in live.frames}
     assert {to_ns(message.end) for message in replayed} <= frames

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 from tqdm import tqdm
 
-from retrolidar_ros.code import BIT_PERIOD_S, IDS, PACKET_BITS, packet
+from retrolidar_ros.code import BIT_PERIOD_S, IDS, PACKET_BITS
 from retrolidar_ros.detector.likelihood_detector import LikelihoodDetector
 from retrolidar_ros.detector.methods import MAX_PACKETS
 from retrolidar_ros.detector.noise import NoiseLaw
@@ -26,7 +26,7 @@ from retrolidar_ros.evaluation.link import SNR, Trial, amplitude, link_scene, lo
 from retrolidar_ros.evaluation.reference import RESPONSE, WALL_SIGNAL
 from retrolidar_ros.evaluation.statistics import falls_below, rate
 from retrolidar_ros.evaluation.sweep import told
-from retrolidar_ros.frame import Floats
+from retrolidar_ros.evaluation.transmissions import transmission
 
 TITLE = 'The search against the bound'
 SOURCE = ''
@@ -61,50 +61,20 @@ def joint_ids(trial: Trial) -> NDArray[np.int64]:
     return ids
 
 
-def packet_light(bits: NDArray[np.uint8], bit_s: float, begin_s: Floats, end_s: Floats) -> Floats:
-    """Return the mean light of lone packets during exposures.
-
-    Parameters
-    ----------
-    bits : array, shape (packets, 31)
-    bit_s : float
-        How long each is held [s].
-    begin_s, end_s : array, shape (samples,)
-        Of the exposures, since the packet's start [s].
-
-    Returns
-    -------
-    array, shape (packets, samples)
-        0 to 1.
-    """
-    level = np.pad(1.0 - bits, ((0, 0), (1, 1)), constant_values=1.0)
-    before, level = level[:, :-1], level[:, 1:]
-    whole = RESPONSE.integral(before, level, np.full(level.shape, bit_s))
-    elapsed = np.pad(np.cumsum(whole, axis=1), ((0, 0), (1, 0)))
-
-    def integral(since_s: Floats) -> Floats:
-        bit = np.clip(np.floor(since_s / bit_s), 0, PACKET_BITS).astype(np.intp)
-        within_s = np.broadcast_to(np.maximum(since_s - bit * bit_s, 0.0), (len(bits), len(bit)))
-        within = RESPONSE.integral(before[:, bit], level[:, bit], within_s)
-        return np.where(since_s < 0, since_s, elapsed[:, bit] + within)
-
-    light: Floats = (integral(end_s) - integral(begin_s)) / (end_s - begin_s)
-    return light
-
-
 def told_ids(trial: Trial, signal: float) -> NDArray[np.int64]:
     """Return the words of maximum likelihood when all else is known, shape (zones,)."""
-    bits = packet(_USABLE)
     recording, noise = trial.recording, trial.scene.sensor.noise
     assert noise is not None
     half_s = trial.scene.sensor.period_s / 2
+    nothing = np.zeros(len(_USABLE))
     ids = []
     for zone, marker in enumerate(trial.scene.markers):
         bit_s = marker.bit_period_s * (1 + marker.clock_error)
         since_s = recording.stamp_ns * 1e-9 - marker.start_s
         inside = (since_s > -half_s) & (since_s < (PACKET_BITS + 0.2) * bit_s + half_s)
-        light = packet_light(bits, bit_s, since_s[inside] - half_s, since_s[inside] + half_s)
-        level = WALL_SIGNAL + signal * light
+        edges_s = np.append(since_s[inside] - half_s, since_s[inside][-1] + half_s)
+        light = transmission(edges_s, _USABLE, nothing, np.full(len(_USABLE), bit_s), RESPONSE)
+        level = WALL_SIGNAL + signal * light.T
         variance = noise.floor + noise.slope * level
         misfit = ((recording.signal[inside, zone] - level) ** 2 / variance + np.log(variance)).sum(
             axis=1

@@ -34,7 +34,6 @@ from retrolidar_ros.yaml_files import load_scene
 TITLE = 'Coffee arm'
 SOURCE = 'paper §7.1, Fig. 13a'
 
-METHODS = ('joint', 'paper')
 TIMEOUT_S = 20.0
 WITHIN_S = 10.0
 MAX_STDDEV_M, STALE_AFTER_S = 0.15, 10.0

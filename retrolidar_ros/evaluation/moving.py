@@ -125,9 +125,7 @@ def follow(case: Case) -> Followed:
     stamps_s = 1e-9 * np.array([detection.stamp_ns for detection in own], dtype=np.float64)
     truth_m = position_at(marker, stamps_s)
     errors = [place_error(detection.place, truth_m[index]) for index, detection in enumerate(own)]
-    late_s = [
-        1e-9 * (one.end_ns - one.start_ns) - one.packets * packet_s for one in own
-    ]
+    late_s = [1e-9 * (one.end_ns - one.start_ns) - one.packets * packet_s for one in own]
     return Followed(
         read=len(intervals_read(own, marker) & set(range(1, packets + 1))),
         packets=packets,

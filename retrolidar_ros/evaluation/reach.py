@@ -120,8 +120,7 @@ def compare(figures: dict[str, Any]) -> list[Claim]:
 def comment(figures: dict[str, Any]) -> str:
     """Say what repeating brings."""
     wrong = {
-        method: max(row[method]['wrong']['rate'] for row in figures['points'])
-        for method in METHODS
+        method: max(row[method]['wrong']['rate'] for row in figures['points']) for method in METHODS
     }
     return (
         'Packets of a marker that repeats are added up before they are decoded; the method of the '

@@ -85,8 +85,7 @@ def reach(report: Report) -> str:
         ends = ' | '.join(told(row[method]) for method in METHODS)
         lines.append(f'| {100 * row["size_m"]:g} cm, {packets} | {ends} |')
     wrong = {
-        method: max(row[method]['wrong']['rate'] for row in figures['points'])
-        for method in METHODS
+        method: max(row[method]['wrong']['rate'] for row in figures['points']) for method in METHODS
     }
     needed = report['bound']['needed_db']
     lines += [

@@ -152,10 +152,7 @@ def compare(figures: dict[str, Any]) -> list[Claim]:
         Claim(
             f'{panel["title"]}: below {figures["level"]:.0%} from, {panel["axis"]}',
             NOTHING,
-            *(
-                _told(panel['methods'][method]['breaks'])
-                for method in ('paper', METHODS[0])
-            ),
+            *(_told(panel['methods'][method]['breaks']) for method in ('paper', METHODS[0])),
         )
         for panel in figures['panels']
     ]
