@@ -13,7 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from retrolidar_ros.code import PACKET_BITS, packet
+from retrolidar_ros.code import PACKET_BITS
 from retrolidar_ros.frame import Floats
 from retrolidar_ros.liquid_crystal import Response
 

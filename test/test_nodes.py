@@ -191,7 +191,7 @@ def test_markers_are_still_read_afterwards(
 @pytest.mark.parametrize(
     ('node', 'parameter', 'message'),
     [
-        ('detector', 'method:=magic', "method: 'magic' is not one of joint, soft, hard, paper"),
+        ('detector', 'method:=magic', "method: 'magic' is not one of joint, paper"),
         ('detector', 'bit_period:=-1.0', 'bit_period'),
         ('detector', 'max_packets:=9', 'max_packets'),
         ('detector', 'noise_floor:=0.0', 'noise_floor'),

@@ -214,13 +214,16 @@ def draw(figures: dict[str, Any], path: Path) -> None:
     figure, axes = new_chart(4, 1, 11, 12)
     _draw_samples(axes[0, 0], figures)
     asked = figures['demands']
+    # Each question is asked of those only that have answered the one before.
+    worded = (_READ, Reason.MARGIN.value, Reason.NOT_A_WORD.value)
     panels = (
-        ('evidence', 'evidence [nats]', 'at least'),
-        ('word', 'better sequence of bits [nats]', 'at most'),
-        ('margin', 'decision margin [nats]', 'at least'),
+        ('evidence', 'evidence [nats]', 'at least', tuple(_SIGNS)),
+        ('word', 'better sequence of bits [nats]', 'at most', worded),
+        ('margin', 'decision margin [nats]', 'at least', worded[:2]),
     )
-    for axis, (name, label, limit) in zip(axes[1:, 0], panels, strict=True):
-        for reason, (sign, colour) in _SIGNS.items():
+    for axis, (name, label, limit, asked_of) in zip(axes[1:, 0], panels, strict=True):
+        for reason in asked_of:
+            sign, colour = _SIGNS[reason]
             rows = [row for row in figures['candidates'] if row['reason'] == reason]
             if rows:
                 times_s = [row['time_s'] for row in rows]
