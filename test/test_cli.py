@@ -72,6 +72,8 @@ def test_decode_prints_a_table(bag: Path, capsys: pytest.CaptureFixture[str]) ->
         '[m]',
         'SNR',
         '[dB]',
+        'evidence',
+        'margin',
         'score',
         'corrected',
         'packets',

@@ -14,7 +14,7 @@ from retrolidar_ros.detector import Detection, create_detector
 from retrolidar_ros.detector.likelihood_detector import Candidate, LikelihoodDetector
 from retrolidar_ros.detector.reason import Reason
 from retrolidar_ros.evaluation.charts import look, new_chart
-from retrolidar_ros.evaluation.claims import Claim
+from retrolidar_ros.evaluation.claims import NOTHING, Claim
 from retrolidar_ros.evaluation.live import place_error
 from retrolidar_ros.evaluation.reference import RESPONSE
 from retrolidar_ros.evaluation.transmissions import transmission
@@ -136,10 +136,11 @@ def run(rng: np.random.Generator, *, quick: bool) -> dict[str, Any]:
                 100 * (detection.bit_period_s / (BIT_PERIOD_S * (1 + _CLOCK_ERROR)) - 1), 3
             ),
             'score': round(detection.score, 3),
+            'corrected_bits': detection.corrected_bits,
             'range_error_mm': round(1e3 * wrong.range_m, 1),
             'position_error_mm': round(1e3 * wrong.position_m, 1),
         },
-        'paper_ids': [one.id for one in by_paper],
+        'paper': [{'id': one.id, 'corrected_bits': one.corrected_bits} for one in by_paper],
     }
 
 
@@ -166,8 +167,14 @@ def compare(figures: dict[str, Any]) -> list[Claim]:
     return [
         Claim(
             f'ID {marker["id"]} at {marker["range_m"]:.2f} m',
-            method=', '.join(map(str, figures['paper_ids'])) or 'not read',
+            method=', '.join(str(one['id']) for one in figures['paper']) or 'not read',
             default=', '.join(map(str, reading['ids'])),
+        ),
+        Claim(
+            'bits corrected',
+            paper='up to 3',
+            method=', '.join(str(one['corrected_bits']) for one in figures['paper']) or NOTHING,
+            default=str(reading['corrected_bits']),
         ),
         Claim(
             f'evidence, of {asked["evidence"]:.1f} nats that are asked',
