@@ -28,8 +28,15 @@ class Samples(NamedTuple):
     signal: Floats
 
 
-def light(samples: Samples, bits: Floats, start_s: float, bit_s: float, *,
-          repeats: bool = False, brightening_s: float = 0.0035) -> Floats:
+def light(
+    samples: Samples,
+    bits: Floats,
+    start_s: float,
+    bit_s: float,
+    *,
+    repeats: bool = False,
+    brightening_s: float = 0.0035,
+) -> Floats:
     """Return the mean transmission during each exposure, by integrating finely, (samples,)."""
     fine = 2000
     step_s = bit_s / fine
@@ -52,11 +59,15 @@ def light(samples: Samples, bits: Floats, start_s: float, bit_s: float, *,
         outside: Floats = time_s - np.clip(time_s, edges_s[0], edges_s[-1])
         return inside + outside
 
-    mean: Floats = (until(samples.end_s) - until(samples.begin_s)) / (samples.end_s - samples.begin_s)
+    mean: Floats = (until(samples.end_s) - until(samples.begin_s)) / (
+        samples.end_s - samples.begin_s
+    )
     return mean
 
 
-def log_likelihood(samples: Samples, template: Floats | None, period_s: float, least: float) -> float:
+def log_likelihood(
+    samples: Samples, template: Floats | None, period_s: float, least: float
+) -> float:
     """Return the best log likelihood of all walks; `least` is the least variance of the noise."""
     middle_s = (samples.begin_s + samples.end_s) / 2
     apart = np.diff(middle_s) / period_s

@@ -177,8 +177,8 @@ def compare(figures: dict[str, Any]) -> list[Claim]:
 def comment(figures: dict[str, Any]) -> str:
     """Say what is bought with the time."""
     return (
-        'The times are those of this machine. False IDs are counted before a bare wall. Where a method '
-        f'has no value it is below {figures["level"]:.0%} at the strongest link.'
+        'The times are those of this machine. False IDs are counted before a bare wall. Where a '
+        f'method has no value it is below {figures["level"]:.0%} at the strongest link.'
     )
 
 
