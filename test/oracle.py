@@ -81,12 +81,12 @@ def log_likelihood(
         factor = np.linalg.cholesky(difference @ covariance @ difference.T)
         white = np.linalg.solve(factor, difference @ samples.signal)
         log_scale = -np.log(np.diag(factor)).sum()
-        squares, free = white @ white, 0
+        squares, free = float(white @ white), 0
         if template is not None:
             sent = np.linalg.solve(factor, difference @ template)
             if not (white @ sent > 0 and sent @ sent > 1e-9):
                 continue
-            squares, free = squares - (white @ sent) ** 2 / (sent @ sent), 1
+            squares, free = squares - float(white @ sent) ** 2 / float(sent @ sent), 1
         variance = max(squares / (count - 1 - free), least)
         likelihood = log_scale - 0.5 * (count - 1) * np.log(variance) - 0.5 * squares / variance
         best = max(best, float(likelihood))
