@@ -12,18 +12,25 @@ enum {
     SILENT_BITS = 16,
     MOST_BITS = SILENT_BITS + RL_BITS, /* that a window is cut into */
     MOST_ERASED_BITS = 7, /* so many leave words of a code of distance 8 apart */
+    MOST_HIDDEN_BITS = 3, /* half a bit at either end is left out, too */
     RIVALS = 3,           /* that are tried exactly */
     ROUNDS = 4,           /* bits that are turned to make a better sequence */
 };
 
 /* Share of the samples of a window that must be valid. */
 static const double LEAST_VALID = 0.6;
+/* Bits before a stretch that tell whether its packet has repeated. */
+static const double LEAST_BEFORE_BITS = 4.0;
 /* Share of the evidence in demand that one source must have by itself. */
 static const double LEAST_ALONE = 0.4;
 /* Another zone counts if it adds so much to the evidence, and the packet explains such a share of how
  * it varies beyond noise, or it sees something else. It has a gain of its own, which costs some.
  */
 static const double LEAST_ADDED = 4.0, LEAST_SHARE = 0.5, COST_OF_GAIN = 2.0;
+/* A bit is wrong if the other one is better by so much; to leave out a stretch of such costs some, as
+ * it might be any.
+ */
+static const double LEAST_TURNED = 2.0, COST_OF_BURST = 5.0;
 /* Part of the last bit that need not have come yet. */
 static const double NOT_YET_BITS = 0.25;
 /* By how much a part of a lone packet may be worse than a whole one to be as good [nats]. */
@@ -78,12 +85,17 @@ static double any_sequence(struct rl_window *window, const struct rl_demands *de
                            const struct rl_sending *sending, double half_bits,
                            const struct rl_hits *hits)
 {
-    struct rl_sending any = *sending;
-    any.bits = hits->any_bits;
-    any.repeats = hits->any.repeats;
-    any.start_s = hits->any.start_s;
-    any.bit_s = hits->any.bit_s;
-    return refine(window, demands, &any, half_bits);
+    double best = -INFINITY;
+    for (int i = 0; i < hits->sequences; i++) {
+        const struct rl_sequence *sequence = &hits->sequence[i];
+        struct rl_sending any = *sending;
+        any.bits = sequence->bits;
+        any.repeats = sequence->repeats;
+        any.start_s = sequence->start_s;
+        any.bit_s = sequence->bit_s;
+        best = fmax(best, refine(window, demands, &any, half_bits));
+    }
+    return best;
 }
 
 /* Open the window that a hit was found in; for a lone packet that with the silence before it, if it
@@ -247,6 +259,27 @@ static double turn_bits(struct rl_window *window, const struct rl_sending *sendi
     return better;
 }
 
+/* Leave out a stretch of a few bits in which everything is darker than it should be: something has
+ * hidden the marker for a while.
+ */
+static bool hide_burst(struct rl_window *window, const struct rl_sending *sending,
+                       const struct bits *bits)
+{
+    int first = bits->count, last = -1;
+    for (int bit = 0; bit < bits->count; bit++) {
+        if (!bits->dark[bit] && (double)bits->turned[bit] > LEAST_TURNED) {
+            first = bit < first ? bit : first;
+            last = bit;
+        }
+    }
+    if (last < 0 || last - first >= MOST_HIDDEN_BITS) {
+        return false;
+    }
+    rl_window_hide(window, bits->begin_s + (first - 0.5) * sending->bit_s,
+                   bits->begin_s + (last + 1.5) * sending->bit_s);
+    return true;
+}
+
 static void keep_rival(struct rival *rivals, const struct rival *rival)
 {
     struct rival kept = *rival;
@@ -345,20 +378,54 @@ static double margin_of(struct rl_window *window, const struct rl_codebook *code
     return own - nearest;
 }
 
-/* Whether a packet that was taken for one of many may as well be a lone one that has not ended yet,
+/* Whether packets that were taken for some of many may as well be a lone one, which has not ended yet
  * or has ended before.
  */
-static bool may_be_cut(struct rl_window *window, const struct rl_sending *sending, double own)
+static bool may_be_lone(struct rl_window *window, const struct rl_sending *sending, int packets,
+                        double own)
 {
     struct rl_sending lone = *sending;
     lone.repeats = false;
-    for (int packet = 0; packet < 2; packet++) {
+    for (int packet = 0; packet <= packets; packet++) {
         lone.start_s = sending->start_s + packet * RL_BITS * sending->bit_s;
         if (rl_window_try(window, &lone) > own - AS_GOOD) {
             return true;
         }
     }
     return false;
+}
+
+/* Whether the samples before a stretch speak for a packet that repeats, as those in it do. A lone
+ * packet whose end has not come yet may look like another one that repeats.
+ */
+static bool has_repeated(struct rl_window *window, const struct rl_sending *sending, double evidence,
+                         double since_s, double to_s)
+{
+    const struct rl_samples *samples = window->samples;
+    const int held = samples->count > samples->kept ? samples->count - samples->kept : 0;
+    const double begin_s = to_s - RL_BITS * sending->bit_s;
+    const double from_s =
+        fmax(fmax(begin_s - SILENT_BITS * sending->bit_s, samples->begin_s[held]), since_s);
+    if (begin_s - from_s < LEAST_BEFORE_BITS * sending->bit_s) {
+        return true;
+    }
+    rl_window_open(window, window->source[0], from_s, to_s);
+    const double longer = rl_window_try(window, sending) - window->null;
+    rl_window_open(window, window->source[0], begin_s, to_s);
+    rl_window_try(window, sending);
+    return longer > evidence - AS_GOOD;
+}
+
+/* What speaks against a packet in one source by itself: RL_REASONS if nothing does. */
+static int doubt(struct rl_window *window, const struct rl_demands *demands,
+                 const struct rl_sending *sending, int packets, double own, double half_bits,
+                 const struct rl_hits *hits, double *word)
+{
+    if (sending->repeats && may_be_lone(window, sending, packets, own)) {
+        return RL_INCOMPLETE;
+    }
+    *word = any_sequence(window, demands, sending, half_bits, hits) - own;
+    return *word > demands->word ? RL_NOT_A_WORD : RL_REASONS;
 }
 
 static void note_fit(struct rl_verdict *verdict, const struct rl_window *window)
@@ -370,7 +437,8 @@ static void note_fit(struct rl_verdict *verdict, const struct rl_window *window)
 
 struct rl_verdict rl_decide(struct rl_window *window, const struct rl_codebook *codebook,
                             const struct rl_demands *demands, int source, const struct rl_hit *hit,
-                            const struct rl_hits *hits, int packets, double free_s, double to_s)
+                            const struct rl_hits *hits, int packets, double free_s, double since_s,
+                            double to_s)
 {
     struct rl_verdict verdict = {.reason = RL_EVIDENCE, .id = hit->id, .packets = packets};
     struct rl_sending *sending = &verdict.sending;
@@ -386,8 +454,11 @@ struct rl_verdict rl_decide(struct rl_window *window, const struct rl_codebook *
     }
     verdict.reason = RL_INCOMPLETE;
     double own = verdict.evidence + window->null;
-    if (sending->repeats ? packets == 1 && may_be_cut(window, sending, own)
-                         : verdict.end_s > to_s + NOT_YET_BITS * sending->bit_s) {
+    if (!sending->repeats && verdict.end_s > to_s + NOT_YET_BITS * sending->bit_s) {
+        return verdict;
+    }
+    if (sending->repeats && packets == 1 &&
+        !has_repeated(window, sending, verdict.evidence, since_s, to_s)) {
         return verdict;
     }
     verdict.reason = RL_ERASED;
@@ -397,10 +468,23 @@ struct rl_verdict rl_decide(struct rl_window *window, const struct rl_codebook *
     const double half_bits =
         sending->repeats ? (to_s - sending->start_s) / sending->bit_s - RL_BITS * packets / 2.0
                          : RL_BITS / 2.0;
+    const double since_bits =
+        (to_s - RL_BITS * packets * sending->bit_s - sending->start_s) / sending->bit_s;
+    const int begin = sending->repeats ? (int)floor(since_bits + 0.5) % RL_BITS : 0;
+    double asked = demands->evidence;
     /* Before others are asked: two zones may see different packets of which this one is a bit. */
-    verdict.reason = RL_NOT_A_WORD;
-    verdict.word = any_sequence(window, demands, sending, half_bits, hits) - own;
-    if (verdict.word > demands->word) {
+    verdict.reason = doubt(window, demands, sending, packets, own, half_bits, hits, &verdict.word);
+    if (verdict.reason == RL_NOT_A_WORD && packets == 1) {
+        turn_bits(window, sending, own, begin, (int)silent_bits, 0.0, &bits);
+        if (hide_burst(window, sending, &bits)) {
+            own = refine(window, demands, sending, half_bits);
+            verdict.evidence = own - window->null;
+            asked += COST_OF_BURST;
+            verdict.reason =
+                doubt(window, demands, sending, packets, own, half_bits, hits, &verdict.word);
+        }
+    }
+    if (verdict.reason != RL_REASONS) {
         return verdict;
     }
     verdict.reason = RL_EVIDENCE;
@@ -408,13 +492,10 @@ struct rl_verdict rl_decide(struct rl_window *window, const struct rl_codebook *
     verdict.evidence -= COST_OF_GAIN * (window->sources - 1);
     own = refine(window, demands, sending, half_bits);
     note_fit(&verdict, window);
-    if (verdict.evidence < demands->evidence) {
+    if (verdict.evidence < asked) {
         return verdict;
     }
     verdict.reason = RL_NOT_A_WORD;
-    const double since_bits =
-        (to_s - RL_BITS * packets * sending->bit_s - sending->start_s) / sending->bit_s;
-    const int begin = sending->repeats ? (int)floor(since_bits + 0.5) % RL_BITS : 0;
     verdict.word =
         turn_bits(window, sending, own, begin, (int)silent_bits, 3.0 * demands->word, &bits);
     if (verdict.word > demands->word) {

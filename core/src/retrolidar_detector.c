@@ -5,6 +5,7 @@
 
 #include "retrolidar_packet.h"
 #include "retrolidar_target.h"
+#include "retrolidar_track.h"
 
 #include <math.h>
 #include <stdlib.h>
@@ -25,8 +26,14 @@ static const double ACTIVE = 1.5;
 static const double COARSE = 0.8;
 /* By how much less a packet may be where another one has yet to be taken off. */
 static const double TENTATIVE = 0.5;
+/* Share of how zones vary that a packet must explain which their sum shows. */
+static const double LEAST_IN_ZONES = 0.7;
+/* Sums are asked after zones that explain nearly as much. */
+static const float SUM_SHARE = 0.8f;
 /* Bits by which a packet may begin before the one before it has ended. */
 static const double OVERLAP_BITS = 1.5;
+/* Readings of one ID that overlap by more are of the same packet. */
+static const double SAME_BITS = 4.0;
 /* Search finds no word where others are so much better [nats]. */
 static const double BEYOND_COARSE = 6.0;
 static const double MOST_SKEW = 0.03;
@@ -120,7 +127,7 @@ static bool is_known(const struct rl_detector *detector, uint16_t id, double sta
     for (int i = first; i < detector->recents; i++) {
         const struct recent *recent = &detector->recent[i % RECENT];
         const double overlap_s = fmin(end_s, recent->end_s) - fmax(start_s, recent->start_s);
-        if (recent->id == id && overlap_s > RL_BITS * detector->settings.bit_s / 2) {
+        if (recent->id == id && overlap_s > SAME_BITS * detector->settings.bit_s) {
             return true;
         }
     }
@@ -194,19 +201,45 @@ static void add_reading(struct rl_detector *detector, const struct rl_verdict *v
     }
 }
 
+/* Rows of the samples that a verdict is of, and the light of its packet in each. */
+static int light_of(struct rl_detector *detector, const struct rl_verdict *verdict, int *first)
+{
+    const struct rl_samples *samples = &detector->samples;
+    *first = rl_samples_row(samples, window_begin(verdict));
+    int rows = rl_samples_row(samples, verdict->end_s) + 1;
+    rows = (rows < samples->count ? rows : samples->count) - *first;
+    rows = rows < samples->kept ? rows : samples->kept;
+    rl_template(&verdict->sending, samples->begin_s + *first, samples->end_s + *first, rows,
+                detector->light);
+    return rows;
+}
+
+/* How much of how a zone varies from sample to sample a packet explains if its gain may change. */
+static struct rl_track track(struct rl_detector *detector, int zone, int first, int rows,
+                    double gain[RL_KNOTS])
+{
+    const struct rl_samples *samples = &detector->samples;
+    struct rl_window *window = &detector->window;
+    double sum = 0.0;
+    rl_target_column(samples, zone, first, rows, window->signal, window->valid, window->scratch);
+    for (int row = 0; row < rows; row++) {
+        sum += (double)window->signal[row];
+    }
+    const double noise = samples->noise_scale * rl_samples_noise(samples, zone, sum / rows);
+    return rl_track_fit(window->signal, window->valid, detector->light, rows, noise, gain);
+}
+
 /* Take a packet off the samples of its sources, or put it back. */
 static void take_off(struct rl_detector *detector, const struct rl_verdict *verdict, bool back)
 {
     struct rl_samples *samples = &detector->samples;
-    const int first = rl_samples_row(samples, window_begin(verdict));
-    int rows = rl_samples_row(samples, verdict->end_s) + 1;
-    rows = (rows < samples->count ? rows : samples->count) - first;
-    if (rows > samples->kept) {
-        return;
-    }
-    rl_template(&verdict->sending, samples->begin_s + first, samples->end_s + first, rows,
-                detector->light);
+    int first;
+    const int rows = light_of(detector, verdict, &first);
     for (int i = 0; i < verdict->sources; i++) {
+        double gain[RL_KNOTS];
+        if (!back) {
+            track(detector, verdict->source[i], first, rows, gain);
+        }
         for (int row = 0; row < rows; row++) {
             float *signal = samples->signal + (size_t)(first + row) * (size_t)samples->width +
                             verdict->source[i];
@@ -215,22 +248,44 @@ static void take_off(struct rl_detector *detector, const struct rl_verdict *verd
                 *signal = *taken;
             } else {
                 *taken = *signal;
-                *signal += (float)(verdict->fit[i].gain * (1.0 - detector->light[row]));
+                *signal += (float)(rl_track_gain(gain, row, rows) * (1.0 - detector->light[row]));
             }
         }
     }
 }
 
+/* Whether a packet that a sum of zones shows is what these zones see: two that each see another
+ * packet make a third one.
+ */
+static bool is_in_zones(struct rl_detector *detector, const struct rl_verdict *verdict)
+{
+    const struct rl_source *sum = &detector->samples.source[verdict->source[0]];
+    int first;
+    const int rows = light_of(detector, verdict, &first);
+    double explained = 0.0, all = 0.0;
+    for (int i = 0; sum->zones > 1 && i < sum->zones; i++) {
+        double gain[RL_KNOTS];
+        const struct rl_track seen = track(detector, sum->zone[i], first, rows, gain);
+        explained += seen.explained;
+        all += seen.all;
+    }
+    return sum->zones == 1 || explained > LEAST_IN_ZONES * all;
+}
+
 static struct rl_verdict decide(struct rl_detector *detector, int source, int packets,
-                                const struct rl_hit *hit, const struct rl_hits *hits, double to_s)
+                                const struct rl_hit *hit, const struct rl_hits *hits,
+                                double since_s, double to_s)
 {
     struct rl_demands demands = detector->demands;
     if (hit->repeats && packets < detector->settings.max_packets) {
         demands.margin = detector->settings.margin_of_more;
     }
-    const struct rl_verdict verdict =
+    struct rl_verdict verdict =
         rl_decide(&detector->window, &detector->search.codebook, &demands, source, hit, hits,
-                  packets, detector->free_s[source], to_s);
+                  packets, detector->free_s[source], since_s, to_s);
+    if (verdict.reason == RL_REASONS && !is_in_zones(detector, &verdict)) {
+        verdict.reason = RL_NOT_A_WORD;
+    }
     if (detector->candidates < 2 * DECISIONS_A_FRAME) {
         detector->candidate[detector->candidates++] = (struct rl_candidate){
             verdict.id,      source,
@@ -262,7 +317,7 @@ static bool look_behind(struct rl_detector *detector, const struct rl_verdict *b
                 continue;
             }
             detector->decisions_left--;
-            *behind = decide(detector, source, 1, &hits.hit[i], &hits, to_s);
+            *behind = decide(detector, source, 1, &hits.hit[i], &hits, window_begin(before), to_s);
             found = behind->reason == RL_REASONS &&
                     !is_known(detector, behind->id, window_begin(behind), behind->end_s);
         }
@@ -284,7 +339,7 @@ static bool judge(struct rl_detector *detector, const struct pending *pending, d
     detector->counts.candidates++;
     detector->decisions_left--;
     struct rl_verdict verdict =
-        decide(detector, pending->source, pending->packets, hit, &pending->hits, to_s);
+        decide(detector, pending->source, pending->packets, hit, &pending->hits, -INFINITY, to_s);
     struct rl_verdict behind;
     const bool may_hide = pending->packets == 1 &&
                           detector->samples.source[pending->source].zones == 1 &&
@@ -294,7 +349,8 @@ static bool judge(struct rl_detector *detector, const struct pending *pending, d
     if (has_other && verdict.reason != RL_REASONS) {
         /* Two that hide each other are read together, or neither is. */
         take_off(detector, &behind, false);
-        verdict = decide(detector, pending->source, pending->packets, hit, &pending->hits, to_s);
+        verdict = decide(detector, pending->source, pending->packets, hit, &pending->hits,
+                         window_begin(&behind), to_s);
         take_off(detector, &behind, true);
         has_other = verdict.reason == RL_REASONS;
     }
@@ -344,6 +400,28 @@ static int ready(const struct rl_detector *detector, double bits, double to_s, b
     return count;
 }
 
+/* Of some sources, those in which a packet's time has passed since the last one that was read. */
+static int due(const struct rl_detector *detector, int *sources, int count, double from_s,
+               double to_s)
+{
+    int kept = 0;
+    for (int i = 0; i < count; i++) {
+        const double since_s = detector->free_s[sources[i]] + RL_BITS * detector->settings.bit_s;
+        if (since_s > from_s && since_s <= to_s) {
+            sources[kept++] = sources[i];
+        }
+    }
+    return kept;
+}
+
+/* How promising a candidate is. */
+static float rank(const struct rl_detector *detector, int index)
+{
+    const struct pending *pending = &detector->pending[index];
+    const bool is_sum = detector->samples.source[pending->source].zones > 1;
+    return (is_sum ? SUM_SHARE : 1.0f) * pending->hits.hit[0].nats;
+}
+
 static void look(struct rl_detector *detector)
 {
     const struct rl_samples *samples = &detector->samples;
@@ -369,24 +447,27 @@ static void look(struct rl_detector *detector)
     int count = ready(detector, packet_bits, to_s, true, RL_MOST_ZONES, sources);
     search(detector, sources, count, 0, from_s, to_s);
     const int64_t turn = (int64_t)floor(to_s / (LOOK_BITS * bit_s));
-    if (turn != detector->turn) {
-        detector->turn = turn;
-        count = ready(detector, packet_bits, to_s, true, RL_MOST_ZONES, sources);
-        search(detector, sources, count, 1, from_s, to_s);
-        /* More packets are looked at in turn, each number of them once in a packet's time. */
-        const int fold = (int)(turn % (RL_BITS / LOOK_BITS + 1));
-        if (fold >= 1 && fold < FOLDS && FOLD[fold] <= detector->settings.max_packets) {
-            const double bits = RL_BITS * FOLD[fold] * (1.0 + MOST_SKEW) + 1.0;
-            if (held_s > bits * bit_s && bits * bit_s < samples->kept * samples->period_s) {
-                count = ready(detector, bits - OVERLAP_BITS, to_s, false, 1, sources);
-                search(detector, sources, count, FOLD[fold], from_s, to_s);
-            }
+    const bool is_turn = turn != detector->turn;
+    detector->turn = turn;
+    count = ready(detector, packet_bits, to_s, true, RL_MOST_ZONES, sources);
+    if (!is_turn) {
+        /* Where a packet was read, another one of the same marker may just have come. */
+        count = due(detector, sources, count, from_s, to_s);
+    }
+    search(detector, sources, count, 1, from_s, to_s);
+    /* More packets are looked at in turn, each number of them once in a packet's time. */
+    const int fold = (int)(turn % (RL_BITS / LOOK_BITS + 1));
+    if (is_turn && fold >= 1 && fold < FOLDS && FOLD[fold] <= detector->settings.max_packets) {
+        const double bits = RL_BITS * FOLD[fold] * (1.0 + MOST_SKEW) + 1.0;
+        if (held_s > bits * bit_s && bits * bit_s < samples->kept * samples->period_s) {
+            count = ready(detector, bits - OVERLAP_BITS, to_s, false, 1, sources);
+            search(detector, sources, count, FOLD[fold], from_s, to_s);
         }
     }
     while (detector->pendings > 0 && detector->decisions_left > 0) {
         int best = 0;
         for (int i = 1; i < detector->pendings; i++) {
-            if (detector->pending[i].hits.hit[0].nats > detector->pending[best].hits.hit[0].nats) {
+            if (rank(detector, i) > rank(detector, best)) {
                 best = i;
             }
         }

@@ -15,13 +15,15 @@ enum { NO_TARGET = 255 };
 static const float MOST_SIGNAL = 2097152.0f; /* 32 bits of 1/2048 kcps/SPAD */
 static const float MOST_DISTANCE = 8.192f;   /* 16 bits of a quarter of a millimetre */
 
+/* A signal that is called too low is about nothing, or something is wrong with it [kcps/SPAD]. */
+static const float LOW_SIGNAL = 8.0f;
 /* Dark bits that no packet exceeds at a stretch, and some more. */
 static const double DARK_BITS = 12.0;
 /* Samples are white if neighbours correlate by less; so they do by chance, 0 +- 0.13. */
 static const double WHITE = 0.15;
 static const int LEAST_WHITE_ZONES = 3;
 static const double LEAST_SCALE = 1.0 / 16, MOST_SCALE = 16.0;
-static const double NEWEST_SHARE = 0.3; /* of what is learnt of the scale */
+static const double NEWEST_SHARE = 0.2; /* of what is learnt of the scale, later on */
 
 static int sources_of(int rows, int columns, struct rl_source *source)
 {
@@ -211,7 +213,7 @@ static void fill_row(struct rl_samples *samples, int row, double time_s, const f
         }
         /* A marker that blocks the light leaves nothing to see. */
         const bool nothing = code == NO_TARGET ||
-                             (code == SIGNAL_TOO_LOW && !(s >= samples->last_signal[zone] / 2));
+                             (code == SIGNAL_TOO_LOW && !(s >= LOW_SIGNAL));
         const bool dark = nothing && time_s - samples->last_seen_s[zone] < samples->dark_s;
         valid[zone] = dark;
         signal[zone] = nothing ? 0.0f : samples->last_signal[zone];
@@ -351,7 +353,8 @@ void rl_samples_learn(struct rl_samples *samples)
         return;
     }
     const double scale = fmin(fmax(median(scales, white), LEAST_SCALE), MOST_SCALE);
-    samples->noise_scale += NEWEST_SHARE * (scale - samples->noise_scale);
+    const double share = fmax(NEWEST_SHARE, 1.0 / ++samples->lessons);
+    samples->noise_scale += share * (scale - samples->noise_scale);
 }
 
 int rl_samples_row(const struct rl_samples *samples, double time_s)

@@ -52,7 +52,8 @@ struct rl_samples {
     int variance_rows; /* how many of the newest rows the sums below are of */
     double *sum, *square;
     struct rl_noise_law law;
-    double noise_scale; /* how many times that law's variance the sensor has, as learnt */
+    double noise_scale; /* how many times that law's variance the sensor has, as learnt ... */
+    int lessons;        /* ... so often */
     double ambient;     /* median of the newest frame [kcps/SPAD] */
     uint64_t impossible; /* samples of a normal status that no sensor measures */
     double dark_s;      /* no packet is dark for longer at a stretch */

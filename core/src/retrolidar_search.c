@@ -221,7 +221,7 @@ static uint32_t dark_bits(const float *soft, int first)
 /* The sequence of bits that explains most: from the signs of the soft bits, by turning one at a time.
  * In a long run the level is taken for the light of its bits, and their signs tell little.
  */
-static uint32_t best_sequence(const struct rl_energy *energy, const float *soft)
+static uint32_t best_bits(const struct rl_energy *energy, const float *soft)
 {
     uint32_t bits = dark_bits(soft, 0);
     float sum = 0.0f;
@@ -277,18 +277,50 @@ static void keep(struct rl_hits *hits, const struct rl_hit *hit)
     hits->hit[at] = *hit;
 }
 
+static void keep_sequence(struct rl_hits *hits, const struct trial *trial, const float *soft,
+                          float nats, bool repeats)
+{
+    int at = 0;
+    for (; at < hits->sequences; at++) {
+        if (hits->sequence[at].bit_s == trial->bit_s) {
+            break;
+        }
+    }
+    if (at == RL_SEQUENCES) {
+        at = 0;
+        for (int i = 1; i < RL_SEQUENCES; i++) {
+            at = hits->sequence[i].nats < hits->sequence[at].nats ? i : at;
+        }
+    }
+    if (at == hits->sequences) {
+        hits->sequences++;
+    } else if (nats <= hits->sequence[at].nats) {
+        return;
+    }
+    struct rl_sequence *sequence = &hits->sequence[at];
+    sequence->nats = nats;
+    sequence->repeats = repeats;
+    sequence->start_s = trial->end_s - RL_BITS * trial->packets * trial->bit_s;
+    sequence->bit_s = trial->bit_s;
+    memcpy(sequence->soft, soft, sizeof sequence->soft);
+    sequence->energy = trial->energy;
+}
+
 /* What is asked of a hit. */
 struct demand {
     float least, most_beyond;
     const float *word_smooth;
 };
 
-/* Search the words of one lane of a trial, from any bit if it is a stretch. */
+/* Search one lane of a trial: for sequences of bits, and for words that begin with one of its first
+ * `shifts` bits; all 31 if it is a stretch.
+ */
 static void search_words(struct rl_search *search, const struct trial *trial,
                          float soft_lanes[RL_BITS][RL_LANES], int lane, float power,
-                         float samples, bool repeats, const struct demand *demand,
+                         float samples, int shifts, const struct demand *demand,
                          struct rl_hits *hits)
 {
+    const bool repeats = shifts == RL_BITS;
     float soft[2 * RL_BITS], free = 0.0f;
     for (int bit = 0; bit < RL_BITS; bit++) {
         soft[bit] = soft[bit + RL_BITS] = soft_lanes[bit][lane];
@@ -302,11 +334,8 @@ static void search_words(struct rl_search *search, const struct trial *trial,
     if (BOUND_SLACK * free_nats < demand->least) {
         return;
     }
-    if (free_nats > hits->any.nats) {
-        hits->any = (struct rl_hit){free_nats, 0, repeats, start_s, trial->bit_s};
-        hits->any_bits = best_sequence(&trial->energy, soft);
-    }
-    for (int shift = 0; shift < (repeats ? RL_BITS : 1); shift++) {
+    keep_sequence(hits, trial, soft, free_nats, repeats);
+    for (int shift = 0; shift < shifts; shift++) {
         const float *turned = soft + shift;
         float bound = turned[0] + turned[2] + turned[4] + turned[6];
         for (int bit = PREAMBLE_BITS; bit < RL_BITS; bit++) {
@@ -375,8 +404,10 @@ static void window_sums(const struct rl_view *view, const struct trial *trial,
 {
     const int from = edges[0].row, to = edges[RL_BITS * trial->packets].row + 1;
     for (int lane = 0; lane < RL_LANES; lane++) {
-        power[lane] = fmaxf(view->power[to][lane] - view->power[from][lane], 1e-6f);
         samples[lane] = view->valid[to][lane] - view->valid[from][lane];
+        /* Bits of which samples are missing have so much less energy. */
+        const float share = samples[lane] / (float)(to - from);
+        power[lane] = fmaxf(share * (view->power[to][lane] - view->power[from][lane]), 1e-6f);
     }
 }
 
@@ -388,16 +419,27 @@ static void look_at_ended(struct rl_search *search, int count, double from_s, do
     const double eighth_s = search->bit_s / EIGHTHS;
     const int clocks = (int)(search->most_skew * RL_BITS / 2 / CLOCK_BITS + 0.999);
     const double skew = search->most_skew / clocks;
-    for (double end = floor(to_s / eighth_s); end * eighth_s > from_s; end -= 1.0) {
+    const double newest = floor(to_s / eighth_s);
+    bool found = false;
+    for (int back = 0; back < EIGHTHS; back++) {
+        const double end_s = (newest - back) * eighth_s;
+        /* Words end with the newest samples, but what else these may be begins with any phase. */
+        const bool has_ended = end_s > from_s;
+        if (!has_ended && !found) {
+            return;
+        }
         for (int clock = -clocks; clock <= clocks; clock++) {
-            trial->end_s = end * eighth_s;
+            trial->end_s = end_s;
             trial->bit_s = search->bit_s * (1.0 + clock * skew);
             cut(search, trial, edges);
             integrate(&search->view, trial, edges, soft);
             window_sums(&search->view, trial, edges, power, samples);
             for (int lane = 0; lane < count; lane++) {
-                search_words(search, trial, soft, lane, power[lane], samples[lane], false, demand,
-                             &hits[lane]);
+                if (has_ended || hits[lane].count > 0) {
+                    search_words(search, trial, soft, lane, power[lane], samples[lane],
+                                 has_ended ? 1 : 0, demand, &hits[lane]);
+                    found |= hits[lane].count > 0;
+                }
             }
         }
     }
@@ -464,7 +506,7 @@ static void look_at_stretches(struct rl_search *search, int count, double to_s,
             cut(search, trial, edges);
             integrate(&search->view, trial, edges, soft);
             window_sums(&search->view, trial, edges, power, samples);
-            search_words(search, trial, soft, lane, power[lane], samples[lane], true, demand,
+            search_words(search, trial, soft, lane, power[lane], samples[lane], RL_BITS, demand,
                          &hits[lane]);
         }
     }
@@ -489,8 +531,7 @@ void rl_search_look(struct rl_search *search, const int *sources, int count, int
         for (int i = 0; i < count; i++) {
             if ((rl_samples_variation(samples, sources[i]) > STRONG) == strong) {
                 whiten_lane(search, sources[i], lanes, search->whitening[strong].walk);
-                found[lanes].count = 0;
-                found[lanes].any.nats = 0.0f;
+                found[lanes].count = found[lanes].sequences = 0;
                 lane_of[lanes++] = i;
             }
         }
@@ -507,6 +548,10 @@ void rl_search_look(struct rl_search *search, const int *sources, int count, int
             look_at_ended(search, lanes, from_s, to_s, &demand, &trial, found);
         }
         for (int lane = 0; lane < lanes; lane++) {
+            for (int i = 0; found[lane].count > 0 && i < found[lane].sequences; i++) {
+                struct rl_sequence *sequence = &found[lane].sequence[i];
+                sequence->bits = best_bits(&sequence->energy, sequence->soft);
+            }
             hits[lane_of[lane]] = found[lane];
         }
     }

@@ -14,7 +14,7 @@
 extern "C" {
 #endif
 
-enum { RL_HITS = 6, RL_MOST_PACKETS = 8 };
+enum { RL_HITS = 6, RL_SEQUENCES = 3, RL_MOST_PACKETS = 8 };
 
 /* A packet that may be there. */
 struct rl_hit {
@@ -24,14 +24,23 @@ struct rl_hit {
     double start_s, bit_s;
 };
 
-/* The best hits of different IDs in one source, the best first; and any sequence of 31 bits, of a
- * packet or not, that explains the samples best.
+/* A sequence of 31 bits, of a packet or not. */
+struct rl_sequence {
+    float nats;
+    uint32_t bits;
+    bool repeats;
+    double start_s, bit_s;
+    float soft[RL_BITS]; /* the bits before any decision, and their energy */
+    struct rl_energy energy;
+};
+
+/* The best hits of different IDs in one source, the best first; and the sequences that explain the
+ * samples best, each of another clock.
  */
 struct rl_hits {
-    int count;
+    int count, sequences;
     struct rl_hit hit[RL_HITS];
-    struct rl_hit any; /* without an ID */
-    uint32_t any_bits;
+    struct rl_sequence sequence[RL_SEQUENCES];
 };
 
 /* Samples of some sources side by side, less the level that wanders. */

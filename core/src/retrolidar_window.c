@@ -39,29 +39,50 @@ void rl_window_start(struct rl_window *window, const struct rl_samples *samples,
     window->valid = (uint8_t *)(window->scratch + rows);
 }
 
-void rl_window_add(struct rl_window *window, int source)
+/* Whiten the samples of a source that is the next one. */
+static void add(struct rl_window *window, int source)
 {
     const struct rl_samples *samples = window->samples;
-    for (int i = 0; i < window->sources; i++) {
-        if (window->source[i] == source) {
-            return;
-        }
-    }
-    if (window->sources == RL_MOST_ZONES_TOGETHER) {
-        return;
-    }
+    const double *begin_s = samples->begin_s + window->first, *end_s = samples->end_s + window->first;
     double sum = 0.0;
     rl_target_column(samples, source, window->first, window->rows, window->signal, window->valid,
                      window->scratch);
     for (int row = 0; row < window->rows; row++) {
         sum += (double)window->signal[row];
+        if (begin_s[row] < window->hidden_to_s && end_s[row] > window->hidden_from_s) {
+            window->valid[row] = 0;
+        }
     }
     const double noise = rl_samples_noise(samples, source, sum / fmax(window->rows, 1.0));
     struct rl_whitened *whitened = &window->whitened[window->sources];
-    rl_whiten(whitened, window->signal, window->valid, 1, samples->begin_s + window->first,
-              samples->end_s + window->first, window->rows, samples->period_s, LEAST_NOISE * noise);
+    rl_whiten(whitened, window->signal, window->valid, 1, begin_s, end_s, window->rows,
+              samples->period_s, LEAST_NOISE * noise);
     window->source[window->sources++] = source;
     window->null += whitened->null;
+}
+
+void rl_window_add(struct rl_window *window, int source)
+{
+    for (int i = 0; i < window->sources; i++) {
+        if (window->source[i] == source) {
+            return;
+        }
+    }
+    if (window->sources < RL_MOST_ZONES_TOGETHER) {
+        add(window, source);
+    }
+}
+
+void rl_window_hide(struct rl_window *window, double from_s, double to_s)
+{
+    const int sources = window->sources;
+    window->hidden_from_s = from_s;
+    window->hidden_to_s = to_s;
+    window->sources = 0;
+    window->null = 0.0;
+    for (int i = 0; i < sources; i++) {
+        add(window, window->source[i]);
+    }
 }
 
 void rl_window_drop(struct rl_window *window)
@@ -83,9 +104,10 @@ void rl_window_open(struct rl_window *window, int source, double from_s, double 
     if (window->rows < 0) {
         window->rows = 0;
     }
+    window->hidden_from_s = window->hidden_to_s = 0.0;
     window->sources = 0;
     window->null = 0.0;
-    rl_window_add(window, source);
+    add(window, source);
 }
 
 double rl_window_try(struct rl_window *window, const struct rl_sending *sending)

@@ -1,0 +1,110 @@
+/* Copyright 2026 retrolidar_ros contributors
+ * SPDX-License-Identifier: Apache-2.0
+ */
+#include "retrolidar_track.h"
+
+#include <math.h>
+#include <string.h>
+
+/* What keeps the gain of a knot near to those beside it, as a share of the mean energy. */
+static const double STIFFNESS = 0.02;
+
+/* Which knot is the last one before a row, and how far beyond it the row is, 0 to 1. */
+static int knot_of(int row, int rows, double *beyond)
+{
+    const double at = rows > 1 ? (double)row * (RL_KNOTS - 1) / (rows - 1) : 0.0;
+    const int knot = at < RL_KNOTS - 1 ? (int)at : RL_KNOTS - 2;
+    *beyond = at - knot;
+    return knot;
+}
+
+static void add_light(double column[RL_KNOTS], int row, int rows, double light)
+{
+    double beyond;
+    const int knot = knot_of(row, rows, &beyond);
+    column[knot] += (1.0 - beyond) * light;
+    column[knot + 1] += beyond * light;
+}
+
+/* Solve a symmetric positive system in place, by Cholesky's factors. */
+static void solve(double matrix[RL_KNOTS][RL_KNOTS], double right[RL_KNOTS])
+{
+    for (int i = 0; i < RL_KNOTS; i++) {
+        for (int j = 0; j <= i; j++) {
+            double sum = matrix[i][j];
+            for (int k = 0; k < j; k++) {
+                sum -= matrix[i][k] * matrix[j][k];
+            }
+            matrix[i][j] = i == j ? sqrt(fmax(sum, 1e-12)) : sum / matrix[j][j];
+        }
+    }
+    for (int i = 0; i < RL_KNOTS; i++) {
+        for (int k = 0; k < i; k++) {
+            right[i] -= matrix[i][k] * right[k];
+        }
+        right[i] /= matrix[i][i];
+    }
+    for (int i = RL_KNOTS - 1; i >= 0; i--) {
+        for (int k = i + 1; k < RL_KNOTS; k++) {
+            right[i] -= matrix[k][i] * right[k];
+        }
+        right[i] /= matrix[i][i];
+    }
+}
+
+struct rl_track rl_track_fit(const float *signal, const uint8_t *valid, const double *light,
+                             int rows, double noise, double gain[RL_KNOTS])
+{
+    double normal[RL_KNOTS][RL_KNOTS], right[RL_KNOTS], total = 0.0, energy = 0.0;
+    int before = -1, steps = 0;
+    memset(normal, 0, sizeof normal);
+    memset(right, 0, sizeof right);
+    for (int row = 0; row < rows; row++) {
+        if (!valid[row]) {
+            continue;
+        }
+        if (before >= 0) {
+            double column[RL_KNOTS] = {0.0};
+            const double step = (double)signal[row] - (double)signal[before];
+            add_light(column, row, rows, light[row]);
+            add_light(column, before, rows, -light[before]);
+            for (int i = 0; i < RL_KNOTS; i++) {
+                for (int j = 0; column[i] != 0.0 && j < RL_KNOTS; j++) {
+                    normal[i][j] += column[i] * column[j];
+                }
+                right[i] += column[i] * step;
+            }
+            total += step * step;
+            steps++;
+        }
+        before = row;
+    }
+    double sums[RL_KNOTS];
+    memcpy(sums, right, sizeof sums);
+    for (int i = 0; i < RL_KNOTS; i++) {
+        energy += normal[i][i] / RL_KNOTS;
+    }
+    for (int i = 0; i < RL_KNOTS; i++) {
+        const double stiff = STIFFNESS * energy + 1e-9;
+        normal[i][i] += (i > 0 && i + 1 < RL_KNOTS ? 2.0 : 1.0) * stiff;
+        if (i > 0) {
+            normal[i][i - 1] -= stiff;
+            normal[i - 1][i] -= stiff;
+        }
+    }
+    solve(normal, right);
+    /* As many gains explain so much of the noise. */
+    double explained = -2.0 * noise * RL_KNOTS;
+    for (int i = 0; i < RL_KNOTS; i++) {
+        gain[i] = right[i];
+        explained += right[i] * sums[i];
+    }
+    return (struct rl_track){explained, total - 2.0 * noise * steps};
+}
+
+double rl_track_gain(const double gain[RL_KNOTS], int row, int rows)
+{
+    double beyond;
+    const int knot = knot_of(row, rows, &beyond);
+    return (1.0 - beyond) * gain[knot] + beyond * gain[knot + 1];
+}

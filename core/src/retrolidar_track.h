@@ -1,0 +1,37 @@
+/* Copyright 2026 retrolidar_ros contributors
+ * SPDX-License-Identifier: Apache-2.0
+ */
+/* How the gain of a packet changes while it is sent: a marker that moves, or a light that sways. */
+#ifndef RETROLIDAR_TRACK_H
+#define RETROLIDAR_TRACK_H
+
+#include <stdint.h>
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+enum { RL_KNOTS = 7 };
+
+struct rl_track {
+    double explained, all;
+};
+
+/* Fit a gain that is linear between so many knots, equally spaced over the rows, to the steps from
+ * row to row, on which a level that wanders has little bearing.
+ *
+ * light: of the packet in each row; noise: variance of a sample
+ *
+ * Return how much of the sum of their squares it explains, and how much there is, beyond noise.
+ */
+struct rl_track rl_track_fit(const float *signal, const uint8_t *valid, const double *light,
+                             int rows, double noise, double gain[RL_KNOTS]);
+
+/* The gain in a row. */
+double rl_track_gain(const double gain[RL_KNOTS], int row, int rows);
+
+#ifdef __cplusplus
+}
+#endif
+
+#endif
