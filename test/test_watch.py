@@ -26,7 +26,10 @@ from st_board import Board, Zone
 from retrolidar_ros.blinking import BitReader, NewestBits, Samples, modulation_db
 from retrolidar_ros.cli import _parser, main
 from retrolidar_ros.code import BIT_PERIOD_S, PACKET_BITS, packet
+from retrolidar_ros.detector.budget import Demands
+from retrolidar_ros.detector.likelihood_detector import Candidate
 from retrolidar_ros.detector.noise import NoiseLaw
+from retrolidar_ros.detector.reason import Reason
 from retrolidar_ros.frame import Frame, Recording, Status, ZoneGrid
 from retrolidar_ros.frame_rate import missing_frames, rate_mismatch
 from retrolidar_ros.protocols import PROTOCOLS
@@ -351,6 +354,26 @@ def test_a_wrong_bit_differs() -> None:
     sent = packet(ID)
     sent[12] ^= 1
     assert bits_of(sent, 0).differing == 1
+
+
+@pytest.mark.parametrize(
+    ('reason', 'told'),
+    [
+        (Reason.EVIDENCE, 'evidence 20.5 of 28.0 nats'),
+        (Reason.NOT_A_WORD, 'not a word, 41.5 nats, 8.0 allowed'),
+        (Reason.MARGIN, 'margin 3.5 of 6.9 nats'),
+        (Reason.ERASED, 'erased'),
+    ],
+)
+def test_how_far_the_last_candidate_was_from_being_read(reason: Reason, told: str) -> None:
+    known = replace(
+        snapshot(ZoneGrid()),
+        rejected={reason.value: 3},
+        refused=Candidate(77, 9, 1, reason, 0, 0.042, 20.5, 41.5, 3.5),
+        demands=Demands(28.0, 8.0, 6.9, 9.2),
+    )
+    shown = '\n'.join(screen(known, ASCII))
+    assert f'  refused so far: {reason.value} 3; last ID 77: {told}\n' in shown
 
 
 @pytest.mark.parametrize(
