@@ -3,6 +3,7 @@
  */
 #include "retrolidar_codebook.h"
 
+#include "retrolidar_math.h"
 #include "retrolidar_packet.h"
 
 #include <math.h>
@@ -19,7 +20,7 @@ static int count_bits(uint32_t bits)
 
 void rl_codebook_start(struct rl_codebook *codebook, const uint16_t *ids, int count)
 {
-    codebook->words = 0;
+    codebook->words = codebook->groups = 0;
     for (int index = 0; index < (count > 0 ? count : IDS); index++) {
         const uint16_t id = count > 0 ? ids[index] : (uint16_t)index;
         if (!rl_id_is_usable(id)) {
@@ -31,6 +32,14 @@ void rl_codebook_start(struct rl_codebook *codebook, const uint16_t *ids, int co
         codebook->packet[word] = packet;
         codebook->dark[word] = (float)count_bits(packet);
         codebook->pairs[word] = 2.0f * (float)count_bits(packet & packet >> 1);
+        struct rl_group *group = &codebook->group[codebook->groups - 1];
+        if (word == 0 || group->high != id >> 4) {
+            group = &codebook->group[codebook->groups++];
+            *group = (struct rl_group){word, 0, (uint8_t)(id >> 4), INFINITY, INFINITY};
+        }
+        group->count++;
+        group->dark = rl_minf(group->dark, codebook->dark[word]);
+        group->pairs = rl_minf(group->pairs, codebook->pairs[word]);
     }
 }
 
@@ -44,10 +53,15 @@ static float smooth_of(const struct rl_energy *energy, uint32_t bits)
 }
 
 void rl_codebook_smooth(const struct rl_codebook *codebook, const struct rl_energy *energy,
-                        float *smooth)
+                        struct rl_smooth *smooth)
 {
-    for (int word = 0; word < codebook->words; word++) {
-        smooth[word] = smooth_of(energy, codebook->packet[word]);
+    for (int g = 0; g < codebook->groups; g++) {
+        const struct rl_group *group = &codebook->group[g];
+        smooth->group[g] = 0.0f;
+        for (int word = group->first; word < group->first + group->count; word++) {
+            smooth->word[word] = smooth_of(energy, codebook->packet[word]);
+            smooth->group[g] = rl_maxf(smooth->group[g], smooth->word[word]);
+        }
     }
 }
 
@@ -69,29 +83,49 @@ static void tabulate(const float *weight, float *table)
     }
 }
 
+static float most_of(const float *table)
+{
+    float most = 0.0f;
+    for (int byte = 0; byte < 256; byte++) {
+        most = rl_maxf(most, table[byte]);
+    }
+    return most;
+}
+
 void rl_codebook_best(const struct rl_codebook *codebook, const struct rl_energy *energy,
-                      const float *smooth, const float *soft, struct rl_word best[2])
+                      const struct rl_smooth *smooth, const float *soft, float least,
+                      struct rl_word best[2])
 {
     float table[3][256];
     for (int byte = 0; byte < 3; byte++) {
         tabulate(soft + PREAMBLE_BITS + 8 * byte, table[byte]);
     }
     const float preamble = soft[0] + soft[2] + soft[4] + soft[6];
-    best[0] = best[1] = (struct rl_word){-1, 0.0f};
-    for (int word = 0; word < codebook->words; word++) {
-        const uint32_t packet = codebook->packet[word];
-        const float sum = preamble + table[0][packet >> 16 & 255u] + table[1][packet >> 8 & 255u] +
-                          table[2][packet & 255u];
-        const float power = energy->own * codebook->dark[word] +
-                            energy->adjacent * codebook->pairs[word] - smooth[word];
-        if (!(sum > 0.0f) || sum * sum <= best[1].squared * power) {
+    const float most_low = most_of(table[1]) + most_of(table[2]);
+    best[0] = best[1] = (struct rl_word){-1, least};
+    for (int g = 0; g < codebook->groups; g++) {
+        const struct rl_group *group = &codebook->group[g];
+        const float high = preamble + table[0][group->high];
+        const float least_power = energy->own * group->dark + energy->adjacent * group->pairs -
+                                  smooth->group[g];
+        const float most = high + most_low;
+        if (most <= 0.0f || most * most <= best[1].squared * least_power) {
             continue;
         }
-        best[1] = (struct rl_word){word, sum * sum / power};
-        if (best[1].squared > best[0].squared) {
-            const struct rl_word better = best[1];
-            best[1] = best[0];
-            best[0] = better;
+        for (int word = group->first; word < group->first + group->count; word++) {
+            const uint32_t packet = codebook->packet[word];
+            const float sum = high + table[1][packet >> 8 & 255u] + table[2][packet & 255u];
+            const float power = energy->own * codebook->dark[word] +
+                                energy->adjacent * codebook->pairs[word] - smooth->word[word];
+            if (sum <= 0.0f || sum * sum <= best[1].squared * power) {
+                continue;
+            }
+            best[1] = (struct rl_word){word, sum * sum / power};
+            if (best[1].squared > best[0].squared) {
+                const struct rl_word better = best[1];
+                best[1] = best[0];
+                best[0] = better;
+            }
         }
     }
 }

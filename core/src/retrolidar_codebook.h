@@ -12,7 +12,7 @@
 extern "C" {
 #endif
 
-enum { RL_MOST_WORDS = 4096, RL_BITS = 31 };
+enum { RL_MOST_WORDS = 4096, RL_GROUPS = 256, RL_BITS = 31 };
 
 /* Energy of a sum of bits, taken as stationary:
  *     own n_1 + 2 adjacent n_11 - sum over lags of smooth[lag] n_lag
@@ -24,12 +24,26 @@ struct rl_energy {
     float smooth[RL_BITS]; /* pairs counted in both orders */
 };
 
+/* Words whose IDs differ in the last four bits alone, and bounds of their energies. */
+struct rl_group {
+    int first, count;
+    uint8_t high; /* the other eight bits */
+    float dark, pairs; /* least of all */
+};
+
 struct rl_codebook {
-    int words;
+    int words, groups;
     uint16_t id[RL_MOST_WORDS];
     uint32_t packet[RL_MOST_WORDS];
     float dark[RL_MOST_WORDS];  /* n_1 */
     float pairs[RL_MOST_WORDS]; /* 2 n_11 */
+    struct rl_group group[RL_GROUPS];
+};
+
+/* What whitening takes off the energy of each word, and the most of each group. */
+struct rl_smooth {
+    float word[RL_MOST_WORDS];
+    float group[RL_GROUPS];
 };
 
 /* Take IDs, rising and usable ones only; all usable ones if there are none. */
@@ -37,7 +51,7 @@ void rl_codebook_start(struct rl_codebook *codebook, const uint16_t *ids, int co
 
 /* Tabulate the last sum of the energy of each packet. */
 void rl_codebook_smooth(const struct rl_codebook *codebook, const struct rl_energy *energy,
-                        float *smooth);
+                        struct rl_smooth *smooth);
 
 float rl_energy_of(const struct rl_energy *energy, uint32_t bits);
 
@@ -46,9 +60,10 @@ struct rl_word {
     float squared; /* of the sum of its dark soft bits, over its energy */
 };
 
-/* The two best packets for soft bits (31, positive = dark); smooth: as tabulated. */
+/* The two best packets for soft bits (31, positive = dark), of those that exceed `least`. */
 void rl_codebook_best(const struct rl_codebook *codebook, const struct rl_energy *energy,
-                      const float *smooth, const float *soft, struct rl_word best[2]);
+                      const struct rl_smooth *smooth, const float *soft, float least,
+                      struct rl_word best[2]);
 
 /* The packet, of another ID than this, with the greatest sum of weights (31) over its dark bits. */
 int rl_codebook_heaviest(const struct rl_codebook *codebook, const float *weight, uint16_t id);

@@ -16,7 +16,7 @@ enum {
     RECENT = 64,     /* readings that are remembered, not to be told twice */
     FOLDS = 5,
     LOOK_BITS = 4,   /* between two looks at stretches of one packet */
-    WORDS_A_FRAME = 200000, /* that are searched, and ... */
+    WORDS_A_FRAME = 300, /* that are searched, and ... */
     DECISIONS_A_FRAME = 12, /* ... candidates that are judged, at the most */
 };
 static const int FOLD[FOLDS] = {1, 2, 3, 5, 8};
@@ -65,6 +65,7 @@ struct rl_detector {
     struct rl_reading reading[READINGS];
     int candidates;
     struct rl_candidate candidate[2 * DECISIONS_A_FRAME];
+    struct rl_hits hits[RL_MOST_SOURCES];
     struct pending pending[RL_MOST_SOURCES * 2];
     int pendings;
     float *taken; /* signals before a packet was taken off them */
@@ -96,7 +97,7 @@ struct rl_detector *rl_detector_create(const struct rl_settings *settings, const
                      settings->bit_s);
     memory += samples;
     rl_codebook_start(&detector->search.codebook, ids, count);
-    rl_search_start(&detector->search, &detector->samples, rows, settings->bit_s, memory);
+    rl_search_start(&detector->search, &detector->samples, settings->bit_s, MOST_SKEW, memory);
     memory += search;
     rl_window_start(&detector->window, &detector->samples, rows, memory);
     memory += window;
@@ -369,17 +370,16 @@ static bool judge(struct rl_detector *detector, const struct pending *pending, d
 static void search(struct rl_detector *detector, const int *sources, int count, int packets,
                    double from_s, double to_s)
 {
-    struct rl_hits hits[RL_LANES];
-    for (int first = 0; first < count; first += RL_LANES) {
-        const int lanes = count - first < RL_LANES ? count - first : RL_LANES;
-        rl_search_look(&detector->search, sources + first, lanes, packets, from_s, to_s,
-                       COARSE * detector->demands.evidence, BEYOND_COARSE + detector->demands.word,
-                       hits);
-        for (int lane = 0; lane < lanes; lane++) {
-            if (hits[lane].count > 0 && detector->pendings < RL_MOST_SOURCES * 2) {
-                detector->pending[detector->pendings++] = (struct pending){
-                    sources[first + lane], packets > 0 ? packets : 1, hits[lane]};
-            }
+    struct rl_hits *hits = detector->hits;
+    if (count == 0) {
+        return;
+    }
+    rl_search_look(&detector->search, sources, count, packets, from_s, to_s,
+                   COARSE * detector->demands.evidence, BEYOND_COARSE + detector->demands.word, hits);
+    for (int i = 0; i < count; i++) {
+        if (hits[i].count > 0 && detector->pendings < RL_MOST_SOURCES * 2) {
+            detector->pending[detector->pendings++] =
+                (struct pending){sources[i], packets > 0 ? packets : 1, hits[i]};
         }
     }
 }

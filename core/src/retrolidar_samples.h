@@ -15,7 +15,7 @@ extern "C" {
 enum {
     RL_MOST_ZONES = 64,
     RL_MOST_SOURCES = 116, /* zones, blocks of 2x2 of them, the whole view; a multiple of RL_LANES */
-    RL_LANES = 4,          /* sources that are computed side by side */
+    RL_LANES = 4, /* columns are filled up to a multiple of this */
 };
 
 /* A source is what is searched for packets: a zone, or a sum of zones, which sees the whole of a

@@ -1,0 +1,219 @@
+/* Copyright 2026 retrolidar_ros contributors
+ * SPDX-License-Identifier: Apache-2.0
+ */
+#include "retrolidar_hits.h"
+
+#include "retrolidar_math.h"
+#include "retrolidar_packet.h"
+
+#include <math.h>
+#include <string.h>
+
+enum { PREAMBLE_BITS = RL_BITS - RL_WORD_BITS };
+
+static const uint32_t PREAMBLE = (uint32_t)RL_PREAMBLE << RL_WORD_BITS;
+/* Coarse templates explain no more than this, and some words more than the bound by this factor. */
+static const float MOST_EXPLAINED = 0.995f, BOUND_SLACK = 1.1f;
+
+/* Half of the samples times the logarithm of what is left of the variance. */
+static float nats_of(float squared, const struct rl_lane *lane)
+{
+    return -0.5f * lane->samples * log1pf(-rl_minf(squared / lane->power, MOST_EXPLAINED));
+}
+
+static struct rl_energy energy_of(const struct rl_demand *demand, const struct rl_trial *trial)
+{
+    struct rl_energy energy = demand->energy;
+    energy.own = trial->own;
+    energy.adjacent = trial->adjacent;
+    return energy;
+}
+
+/* Turn the soft bits such that the packet begins with the first; return the dark ones from `from`
+ * on, and their sum.
+ */
+static uint32_t dark_bits(const float *soft, int from, float *sum)
+{
+    uint32_t dark = 0;
+    *sum = 0.0f;
+    for (int bit = from; bit < RL_BITS; bit++) {
+        dark |= soft[bit] > 0.0f ? 1u << (RL_BITS - 1 - bit) : 0u;
+        *sum += rl_maxf(soft[bit], 0.0f);
+    }
+    return dark;
+}
+
+static void keep_promise(struct rl_promise *kept, int *count, int most, float nats, int shift,
+                         const struct rl_trial *trial, const struct rl_lane *lane)
+{
+    int at = *count;
+    while (at > 0 && kept[at - 1].nats < nats) {
+        at--;
+    }
+    if (at == most) {
+        return;
+    }
+    *count += *count < most;
+    memmove(kept + at + 1, kept + at, (size_t)(*count - 1 - at) * sizeof *kept);
+    kept[at] = (struct rl_promise){nats, shift, *trial, *lane};
+}
+
+/* Keep the best sequence of each clock. */
+static void keep_sequence(struct rl_promises *promises, float nats, const struct rl_trial *trial,
+                          const struct rl_lane *lane)
+{
+    for (int i = 0; i < promises->sequences; i++) {
+        if (promises->sequence[i].trial.bit_s == trial->bit_s) {
+            if (promises->sequence[i].nats >= nats) {
+                return;
+            }
+            promises->sequences--;
+            memmove(promises->sequence + i, promises->sequence + i + 1,
+                    (size_t)(promises->sequences - i) * sizeof *promises->sequence);
+            break;
+        }
+    }
+    keep_promise(promises->sequence, &promises->sequences, RL_SEQUENCES, nats, 0, trial, lane);
+}
+
+void rl_promise_add(struct rl_promises *promises, const struct rl_demand *demand,
+                    const struct rl_trial *trial, const struct rl_lane *lane, int shifts)
+{
+    float twice[2 * RL_BITS], any;
+    const float packets = (float)trial->packets;
+    const uint32_t dark = dark_bits(lane->soft, 0, &any);
+    const float least = lane->power * (1.0f - expf(-2.0f * demand->least / BOUND_SLACK / lane->samples));
+    /* A bit has at most the energy `own`, so this is more than any sequence explains ... */
+    if (dark == 0 || lane->samples < 2.0f) {
+        return;
+    }
+    const struct rl_energy energy = energy_of(demand, trial);
+    const float any_squared = any * any / (rl_energy_of(&energy, dark) * packets);
+    if (any_squared < least) {
+        return;
+    }
+    const float any_nats = nats_of(any_squared, lane);
+    keep_sequence(promises, any_nats, trial, lane);
+    memcpy(twice, lane->soft, sizeof lane->soft);
+    memcpy(twice + RL_BITS, lane->soft, sizeof lane->soft);
+    for (int shift = 0; shift < shifts; shift++) {
+        float sum;
+        const float *soft = twice + shift;
+        const uint32_t word = dark_bits(soft, PREAMBLE_BITS, &sum);
+        sum += soft[0] + soft[2] + soft[4] + soft[6];
+        if (sum <= 0.0f) {
+            continue;
+        }
+        const float squared = sum * sum / (rl_energy_of(&energy, PREAMBLE | word) * packets);
+        if (squared < least) {
+            continue;
+        }
+        const float nats = nats_of(squared, lane);
+        if (any_nats - nats <= demand->most_beyond) {
+            keep_promise(promises->word, &promises->words, RL_PROMISES, nats, shift, trial, lane);
+        }
+    }
+}
+
+/* The sequence of bits that explains most: from the signs of the soft bits, by turning one at a time.
+ * In a long run the level is taken for the light of its bits, and their signs tell little.
+ */
+static uint32_t best_bits(const struct rl_energy *energy, const float *soft)
+{
+    float sum;
+    uint32_t bits = dark_bits(soft, 0, &sum);
+    float best = sum * sum / rl_energy_of(energy, bits);
+    for (int turned = 0; turned >= 0;) {
+        float best_sum = sum;
+        turned = -1;
+        for (int bit = 0; bit < RL_BITS; bit++) {
+            const uint32_t other = bits ^ 1u << (RL_BITS - 1 - bit);
+            const float other_sum = other & ~bits ? sum + soft[bit] : sum - soft[bit];
+            if (other == 0 || other_sum <= 0.0f) {
+                continue;
+            }
+            const float squared = other_sum * other_sum / rl_energy_of(energy, other);
+            if (squared > best) {
+                best = squared;
+                turned = bit;
+                best_sum = other_sum;
+            }
+        }
+        if (turned >= 0) {
+            bits ^= 1u << (RL_BITS - 1 - turned);
+            sum = best_sum;
+        }
+    }
+    return bits;
+}
+
+static double start_of(const struct rl_trial *trial)
+{
+    return trial->end_s - RL_BITS * trial->packets * trial->bit_s;
+}
+
+static void keep_hit(struct rl_hits *hits, const struct rl_hit *hit)
+{
+    int at = 0;
+    while (at < hits->count && hits->hit[at].id != hit->id) {
+        at++;
+    }
+    if (at == hits->count) {
+        hits->count += hits->count < RL_HITS;
+        at = hits->count - 1;
+        if (at == RL_HITS - 1 && hits->hit[at].nats >= hit->nats && hits->hit[at].id != 0) {
+            return;
+        }
+    } else if (hits->hit[at].nats >= hit->nats) {
+        return;
+    }
+    for (; at > 0 && hits->hit[at - 1].nats < hit->nats; at--) {
+        hits->hit[at] = hits->hit[at - 1];
+    }
+    hits->hit[at] = *hit;
+}
+
+int rl_hits_find(struct rl_hits *hits, const struct rl_promises *promises,
+                 const struct rl_codebook *codebook, const struct rl_demand *demand, int most)
+{
+    int searched = 0;
+    memset(hits->hit, 0, sizeof hits->hit);
+    hits->count = hits->sequences = 0;
+    for (; searched < promises->words && searched < most; searched++) {
+        const struct rl_promise *promise = &promises->word[searched];
+        const struct rl_trial *trial = &promise->trial;
+        const struct rl_energy energy = energy_of(demand, trial);
+        const float packets = (float)trial->packets;
+        const float least =
+            promise->lane.power * (1.0f - expf(-2.0f * demand->least / promise->lane.samples));
+        float soft[RL_BITS];
+        for (int bit = 0; bit < RL_BITS; bit++) {
+            soft[bit] = promise->lane.soft[(bit + promise->shift) % RL_BITS];
+        }
+        struct rl_word best[2];
+        rl_codebook_best(codebook, &energy, demand->smooth, soft, least * packets, best);
+        for (int i = 0; i < 2 && best[i].index >= 0; i++) {
+            /* The packet that began first in the window, or before it. */
+            const int begin = promise->shift > 0 ? promise->shift - RL_BITS : 0;
+            const struct rl_hit hit = {
+                .nats = nats_of(best[i].squared / packets, &promise->lane),
+                .id = codebook->id[best[i].index],
+                .repeats = demand->repeats,
+                .start_s = start_of(trial) + begin * trial->bit_s,
+                .bit_s = trial->bit_s,
+            };
+            keep_hit(hits, &hit);
+        }
+    }
+    for (int i = 0; hits->count > 0 && i < promises->sequences; i++) {
+        const struct rl_promise *promise = &promises->sequence[i];
+        const struct rl_energy energy = energy_of(demand, &promise->trial);
+        hits->sequence[hits->sequences++] = (struct rl_sequence){
+            .bits = best_bits(&energy, promise->lane.soft),
+            .repeats = demand->repeats,
+            .start_s = start_of(&promise->trial),
+            .bit_s = promise->trial.bit_s,
+        };
+    }
+    return searched;
+}

@@ -1,0 +1,79 @@
+/* Copyright 2026 retrolidar_ros contributors
+ * SPDX-License-Identifier: Apache-2.0
+ */
+/* What a search has found in one source, the most promising first. */
+#ifndef RETROLIDAR_HITS_H
+#define RETROLIDAR_HITS_H
+
+#include "retrolidar_codebook.h"
+#include "retrolidar_view.h"
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+enum { RL_HITS = 6, RL_SEQUENCES = 3, RL_PROMISES = 4 };
+
+/* A packet that may be there. */
+struct rl_hit {
+    float nats; /* about by how much it explains the samples better than noise does */
+    uint16_t id;
+    bool repeats; /* read from any bit of a packet that repeats */
+    double start_s, bit_s;
+};
+
+/* Soft bits of a trial, from one on. */
+struct rl_promise {
+    float nats; /* that no packet exceeds by much, or that any sequence of bits reaches */
+    int shift;  /* bit of the window with which the packet begins */
+    struct rl_trial trial;
+    struct rl_lane lane;
+};
+
+/* A sequence of 31 bits, of a packet or not. */
+struct rl_sequence {
+    uint32_t bits;
+    bool repeats;
+    double start_s, bit_s;
+};
+
+/* The best hits of different IDs; and the sequences that explain the samples best, each of another
+ * clock.
+ */
+struct rl_hits {
+    int count, sequences;
+    struct rl_hit hit[RL_HITS];
+    struct rl_sequence sequence[RL_SEQUENCES];
+};
+
+/* What is to be looked at once all trials are known. */
+struct rl_promises {
+    int words, sequences;
+    struct rl_promise word[RL_PROMISES];
+    struct rl_promise sequence[RL_SEQUENCES];
+};
+
+/* What is asked of a hit. */
+struct rl_demand {
+    float least;       /* nats */
+    float most_beyond; /* nats by which any sequence of bits may be better */
+    bool repeats;      /* whether the window is any stretch of a packet that repeats */
+    struct rl_energy energy; /* of the whitening */
+    const struct rl_smooth *smooth;
+};
+
+/* Note what a trial may hold: sequences, and packets that begin with one of its first bits. */
+void rl_promise_add(struct rl_promises *promises, const struct rl_demand *demand,
+                    const struct rl_trial *trial, const struct rl_lane *lane, int shifts);
+
+/* Search the words of promises, and find the best sequences of bits if there is one; return how
+ * many promises were searched.
+ */
+int rl_hits_find(struct rl_hits *hits, const struct rl_promises *promises,
+                 const struct rl_codebook *codebook, const struct rl_demand *demand, int most);
+
+#ifdef __cplusplus
+}
+#endif
+
+#endif
