@@ -533,7 +533,9 @@ def test_a_terminal_shows_the_ids_and_gets_its_cursor_back(
         return shown.decode(errors='replace').split('\x1b[H')
 
     def read_all() -> bool:
-        return len(pictures()) > 2 and all(identity in pictures()[-2] for identity in COFFEE)
+        # Markers may be read before the last of 31 bits has come.
+        wanted = {*COFFEE, '1010101 100000011001 001100100001'}
+        return len(pictures()) > 2 and all(text in pictures()[-2] for text in wanted)
 
     try:
         while not read_all():
@@ -551,4 +553,3 @@ def test_a_terminal_shows_the_ids_and_gets_its_cursor_back(
     picture = [text.removesuffix('\x1b[K') for text in pictures()[-2].split('\r\n')]
     assert max(map(len, picture)) <= 100
     assert any('>9  ███' in text for text in picture)
-    assert any('1010101 100000011001 001100100001' in text for text in picture)
