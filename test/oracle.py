@@ -13,7 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from retrolidar_ros.code import PACKET_BITS, packet
+from retrolidar_ros.code import PACKET_BITS
 from retrolidar_ros.frame import Floats
 from retrolidar_ros.liquid_crystal import Response
 
@@ -28,8 +28,15 @@ class Samples(NamedTuple):
     signal: Floats
 
 
-def light(samples: Samples, bits: Floats, start_s: float, bit_s: float, *,
-          repeats: bool = False, brightening_s: float = 0.0035) -> Floats:
+def light(
+    samples: Samples,
+    bits: Floats,
+    start_s: float,
+    bit_s: float,
+    *,
+    repeats: bool = False,
+    brightening_s: float = 0.0035,
+) -> Floats:
     """Return the mean transmission during each exposure, by integrating finely, (samples,)."""
     fine = 2000
     step_s = bit_s / fine
@@ -52,11 +59,15 @@ def light(samples: Samples, bits: Floats, start_s: float, bit_s: float, *,
         outside: Floats = time_s - np.clip(time_s, edges_s[0], edges_s[-1])
         return inside + outside
 
-    mean: Floats = (until(samples.end_s) - until(samples.begin_s)) / (samples.end_s - samples.begin_s)
+    mean: Floats = (until(samples.end_s) - until(samples.begin_s)) / (
+        samples.end_s - samples.begin_s
+    )
     return mean
 
 
-def log_likelihood(samples: Samples, template: Floats | None, period_s: float, least: float) -> float:
+def log_likelihood(
+    samples: Samples, template: Floats | None, period_s: float, least: float
+) -> float:
     """Return the best log likelihood of all walks; `least` is the least variance of the noise."""
     middle_s = (samples.begin_s + samples.end_s) / 2
     apart = np.diff(middle_s) / period_s
@@ -70,12 +81,12 @@ def log_likelihood(samples: Samples, template: Floats | None, period_s: float, l
         factor = np.linalg.cholesky(difference @ covariance @ difference.T)
         white = np.linalg.solve(factor, difference @ samples.signal)
         log_scale = -np.log(np.diag(factor)).sum()
-        squares, free = white @ white, 0
+        squares, free = float(white @ white), 0
         if template is not None:
             sent = np.linalg.solve(factor, difference @ template)
             if not (white @ sent > 0 and sent @ sent > 1e-9):
                 continue
-            squares, free = squares - (white @ sent) ** 2 / (sent @ sent), 1
+            squares, free = squares - float(white @ sent) ** 2 / float(sent @ sent), 1
         variance = max(squares / (count - 1 - free), least)
         likelihood = log_scale - 0.5 * (count - 1) * np.log(variance) - 0.5 * squares / variance
         best = max(best, float(likelihood))
