@@ -9,11 +9,13 @@
 #include <string.h>
 
 enum {
-    SILENT_BITS = 16,
+    SILENT_BITS = 31, /* before a lone packet, which tell its bright level */
+    BEFORE_BITS = 16, /* before a stretch, which tell whether its packet has repeated */
     MOST_BITS = SILENT_BITS + RL_BITS, /* that a window is cut into */
     MOST_ERASED_BITS = 7, /* so many leave words of a code of distance 8 apart */
     MOST_HIDDEN_BITS = 3, /* half a bit at either end is left out, too */
     RIVALS = 3,           /* that are tried exactly */
+    USUAL_CHANGES = 12, /* that all words but those of IDs 1 and 4094 have */
     ROUNDS = 4,           /* bits that are turned to make a better sequence */
 };
 
@@ -33,6 +35,8 @@ static const double LEAST_ADDED = 4.0, LEAST_SHARE = 0.5, COST_OF_GAIN = 2.0;
  * it might be any.
  */
 static const double LEAST_TURNED = 2.0, COST_OF_BURST = 5.0;
+/* [nats] a change that a word has less. */
+static const double COST_OF_CHANGE = 5.0;
 /* Part of the last bit that need not have come yet. */
 static const double NOT_YET_BITS = 0.25;
 /* By how much a part of a lone packet may be worse than a whole one to be as good [nats]. */
@@ -407,7 +411,7 @@ static bool has_repeated(struct rl_window *window, const struct rl_sending *send
     const int held = samples->count > samples->kept ? samples->count - samples->kept : 0;
     const double begin_s = to_s - RL_BITS * sending->bit_s;
     const double from_s =
-        fmax(fmax(begin_s - SILENT_BITS * sending->bit_s, samples->begin_s[held]), since_s);
+        fmax(fmax(begin_s - BEFORE_BITS * sending->bit_s, samples->begin_s[held]), since_s);
     if (begin_s - from_s < LEAST_BEFORE_BITS * sending->bit_s) {
         return true;
     }
@@ -428,6 +432,18 @@ static int doubt(struct rl_window *window, const struct rl_demands *demands,
     }
     *word = any_sequence(window, demands, sending, half_bits, hits) - own;
     return *word > demands->word ? RL_NOT_A_WORD : RL_REASONS;
+}
+
+/* Evidence that a packet of few changes needs besides: the fewer, the sooner do steps of what moves
+ * make one.
+ */
+static double cost_of_changes(uint32_t bits)
+{
+    int changes = 0;
+    for (int bit = 0; bit + 1 < RL_BITS; bit++) {
+        changes += ((bits >> bit ^ bits >> (bit + 1)) & 1u) != 0;
+    }
+    return changes < USUAL_CHANGES ? COST_OF_CHANGE * (USUAL_CHANGES - changes) : 0.0;
 }
 
 static void note_fit(struct rl_verdict *verdict, const struct rl_window *window)
@@ -473,7 +489,7 @@ struct rl_verdict rl_decide(struct rl_window *window, const struct rl_codebook *
     const double since_bits =
         (to_s - RL_BITS * packets * sending->bit_s - sending->start_s) / sending->bit_s;
     const int begin = sending->repeats ? (int)floor(since_bits + 0.5) % RL_BITS : 0;
-    double asked = demands->evidence;
+    double asked = demands->evidence + cost_of_changes(sending->bits);
     /* Before others are asked: two zones may see different packets of which this one is a bit. */
     verdict.reason = doubt(window, demands, sending, packets, own, half_bits, hits, &verdict.word);
     if (verdict.reason == RL_NOT_A_WORD && packets == 1) {

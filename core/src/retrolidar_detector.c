@@ -24,9 +24,9 @@ static const int FOLD[FOLDS] = {1, 2, 3, 5, 8};
 /* A source that varies by less than so many times its noise holds no packet by itself. */
 static const double ACTIVE = 1.5;
 /* Share of the evidence in demand that a coarse template must find. */
-static const double COARSE = 0.8;
-/* By how much less a packet may be where another one has yet to be taken off. */
-static const double TENTATIVE = 0.5;
+static const double COARSE = 0.7;
+/* Share of the evidence in demand that a packet must have which another one hides. */
+static const double HIDDEN = 0.7;
 /* Share of how zones vary that a packet must explain which their sum shows. */
 static const double LEAST_IN_ZONES = 0.7;
 /* Sums are asked after zones that explain nearly as much. */
@@ -59,7 +59,7 @@ struct rl_detector {
     struct rl_demands demands;
     struct rl_counts counts;
     int64_t last_ns;
-    double looked_s, learnt_s;
+    double looked_s, learnt_s, begun_s;
     int64_t turn;
     double free_s[RL_MOST_SOURCES];
     struct recent recent[RECENT];
@@ -119,6 +119,7 @@ static void begin_anew(struct rl_detector *detector, int64_t stamp_ns)
     rl_samples_clear(&detector->samples, stamp_ns);
     detector->recents = 0;
     detector->looked_s = detector->learnt_s = -INFINITY;
+    detector->begun_s = 0.0;
     for (int source = 0; source < RL_MOST_SOURCES; source++) {
         detector->free_s[source] = -INFINITY;
     }
@@ -327,7 +328,7 @@ static bool look_behind(struct rl_detector *detector, const struct pending *pend
     struct rl_hits *hits = &detector->behind;
     take_off(detector, before, false);
     rl_search_look(&detector->search, &source, 1, 1, to_s, to_s,
-                   TENTATIVE * detector->demands.evidence,
+                   HIDDEN * detector->demands.evidence,
                    2.0 * (BEYOND_COARSE + detector->demands.word), hits);
     take_off(detector, before, true);
     for (int i = 0; i < hits->count && i < BEHIND && detector->decisions_left > 0; i++) {
@@ -337,7 +338,7 @@ static bool look_behind(struct rl_detector *detector, const struct pending *pend
         }
         detector->decisions_left -= 3;
         *behind = decide_without(detector, before, hit, hits, to_s);
-        if (behind->evidence < TENTATIVE * detector->demands.evidence ||
+        if (behind->evidence < HIDDEN * detector->demands.evidence ||
             is_known(detector, behind->id, window_begin(behind), behind->end_s)) {
             continue;
         }
@@ -372,7 +373,7 @@ static void judge(struct rl_detector *detector, const struct pending *pending, d
     const bool may_hide = pending->packets == 1 &&
                           detector->samples.source[pending->source].zones == 1 &&
                           verdict.reason != RL_INCOMPLETE && verdict.reason != RL_ERASED &&
-                          verdict.evidence > TENTATIVE * detector->demands.evidence;
+                          verdict.evidence > HIDDEN * detector->demands.evidence;
     if (may_hide && look_behind(detector, pending, to_s, &verdict, &behind)) {
         detector->counts.candidates++;
         add_reading(detector, &behind);
@@ -417,13 +418,16 @@ static int ready(const struct rl_detector *detector, double bits, double to_s, b
     return count;
 }
 
-/* Of some sources, those in which a packet's time has passed since the last one that was read. */
-static int due(const struct rl_detector *detector, int *sources, int count, double from_s,
-               double to_s)
+/* Of some sources, those in which so many bits have just come since the last packet that was read, or
+ * since the first sample.
+ */
+static int due(const struct rl_detector *detector, int *sources, int count, double bits,
+               double from_s, double to_s)
 {
     int kept = 0;
     for (int i = 0; i < count; i++) {
-        const double since_s = detector->free_s[sources[i]] + RL_BITS * detector->settings.bit_s;
+        const double begin_s = fmax(detector->free_s[sources[i]], detector->begun_s);
+        const double since_s = begin_s + bits * detector->settings.bit_s;
         if (since_s > from_s && since_s <= to_s) {
             sources[kept++] = sources[i];
         }
@@ -468,18 +472,20 @@ static void look(struct rl_detector *detector)
     detector->turn = turn;
     count = ready(detector, packet_bits, to_s, true, RL_MOST_ZONES, sources);
     if (!is_turn) {
-        /* Where a packet was read, another one of the same marker may just have come. */
-        count = due(detector, sources, count, from_s, to_s);
+        count = due(detector, sources, count, RL_BITS, from_s, to_s);
     }
     search(detector, sources, count, 1, from_s, to_s);
-    /* More packets are looked at in turn, each number of them once in a packet's time. */
-    const int fold = (int)(turn % (RL_BITS / LOOK_BITS + 1));
-    if (is_turn && fold >= 1 && fold < FOLDS && FOLD[fold] <= detector->settings.max_packets) {
+    /* More packets are looked at as soon as there are as many, and then in turn. */
+    for (int fold = 1; fold < FOLDS && FOLD[fold] <= detector->settings.max_packets; fold++) {
         const double bits = RL_BITS * FOLD[fold] * (1.0 + MOST_SKEW) + 1.0;
-        if (held_s > bits * bit_s && bits * bit_s < samples->kept * samples->period_s) {
-            count = ready(detector, bits - OVERLAP_BITS, to_s, false, 1, sources);
-            search(detector, sources, count, FOLD[fold], from_s, to_s);
+        if (held_s < bits * bit_s || bits * bit_s > samples->kept * samples->period_s) {
+            break;
         }
+        count = ready(detector, bits - OVERLAP_BITS, to_s, false, 1, sources);
+        if (!is_turn || turn % (RL_BITS / LOOK_BITS + 1) != fold) {
+            count = due(detector, sources, count, bits, from_s, to_s);
+        }
+        search(detector, sources, count, FOLD[fold], from_s, to_s);
     }
     while (detector->pendings > 0 && detector->decisions_left > 0) {
         int best = 0;

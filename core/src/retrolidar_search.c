@@ -10,12 +10,14 @@ enum {
     EIGHTHS = 8,  /* of a bit, by which packets that ended are tried */
     QUARTERS = 4, /* of a bit, by which stretches are tried first */
     KEPT = 4,     /* stretches of a source that are looked at more closely */
-    BEFORE_BITS = 12, /* of samples before a packet, to tell the level */
+    BEFORE_BITS = 31, /* of samples before a packet, to tell the level */
 };
 
 /* Variance of a source, in that of its noise, from which it is strong. */
 static const double STRONG = 4.0;
-static const float FAINT_WALK = 0.01f, STRONG_WALK = 0.1f;
+/* The longer the silence before a faint packet is remembered, the surer its bright level. */
+static const float WALKS[] = {0.01f, 0.1f, 0.002f};
+enum { WALK_COUNT = 3, FAINT_LONE = 2 };
 /* By how much the ends of a window may be off between two clocks that are tried [bits]. */
 static const double CLOCK_BITS = 0.25;
 
@@ -38,8 +40,9 @@ void rl_search_start(struct rl_search *search, const struct rl_samples *samples,
     search->bit_s = bit_s;
     search->most_skew = most_skew;
     search->frames_a_bit = 0.0;
-    search->whitening[0].walk = FAINT_WALK;
-    search->whitening[1].walk = STRONG_WALK;
+    for (int which = 0; which < WALK_COUNT; which++) {
+        search->whitening[which].walk = WALKS[which];
+    }
     rl_view_start(&search->view, samples, memory);
 }
 
@@ -54,7 +57,7 @@ static void plan(struct rl_search *search)
         return;
     }
     search->frames_a_bit = frames;
-    for (int which = 0; which < 2; which++) {
+    for (int which = 0; which < WALK_COUNT; which++) {
         struct rl_whitening *whitening = &search->whitening[which];
         const double q = (double)whitening->walk;
         const double memory = 1.0 + q / 2 - sqrt(q + q * q / 4);
@@ -190,7 +193,8 @@ void rl_search_look(struct rl_search *search, const int *sources, int count, int
                                     : RL_BITS * (1.0 + search->most_skew) + BEFORE_BITS + 1.0;
     plan(search);
     for (int strong = 0; strong < 2; strong++) {
-        const struct rl_whitening *whitening = &search->whitening[strong];
+        const struct rl_whitening *whitening =
+            &search->whitening[!strong && packets == 0 ? FAINT_LONE : strong];
         int chosen[RL_MOST_SOURCES], index[RL_MOST_SOURCES], lanes = 0;
         for (int i = 0; i < count; i++) {
             if ((rl_samples_variation(search->samples, sources[i]) > STRONG) == strong) {

@@ -38,7 +38,7 @@ def demands(false_ids_per_hour: float, *, zones: int, words: int, bit_s: float) 
     )
     lenience = min(max(math.log(false_ids_per_hour / USUAL_FALSE_IDS_PER_HOUR), -4.0), 4.0)
     return Demands(
-        evidence=28.0 + math.log(trials),
+        evidence=26.0 + math.log(trials),
         word=8.0,
         margin=math.log(1e3) - lenience,
         margin_of_more=math.log(1e4) - lenience,
