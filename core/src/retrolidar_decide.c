@@ -20,7 +20,7 @@ enum {
 };
 
 /* Share of the samples of a window that must be valid. */
-static const double LEAST_VALID = 0.6;
+static const double LEAST_VALID = 0.5;
 /* Bits before a stretch that tell whether its packet has repeated, and share of its evidence that
  * there must be with them.
  */
@@ -472,7 +472,9 @@ struct rl_verdict rl_decide(struct rl_window *window, const struct rl_codebook *
     }
     verdict.reason = RL_INCOMPLETE;
     double own = verdict.evidence + window->null;
-    if (!sending->repeats && verdict.end_s > to_s + NOT_YET_BITS * sending->bit_s) {
+    if ((!sending->repeats && verdict.end_s > to_s + NOT_YET_BITS * sending->bit_s) ||
+        fabs(sending->bit_s / demands->bit_s - 1.0) > demands->most_skew + SKEW_SLACK / 2) {
+        /* A packet that has begun looks like a faster one of another ID. */
         return verdict;
     }
     if (sending->repeats && packets == 1 &&

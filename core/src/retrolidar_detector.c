@@ -29,6 +29,8 @@ static const double COARSE = 0.7;
 static const double HIDDEN = 0.7;
 /* Share of how zones vary that a packet must explain which their sum shows. */
 static const double LEAST_IN_ZONES = 0.7;
+/* A zone has a part in a sum if the packet explains this share of what it does where most. */
+static const double LEAST_PART = 0.1;
 /* Sums are asked after zones that explain nearly as much. */
 static const float SUM_SHARE = 0.8f;
 /* Bits by which a packet may begin before the one before it has ended. */
@@ -146,66 +148,6 @@ static double window_begin(const struct rl_verdict *verdict)
                : verdict->sending.start_s;
 }
 
-static void add_reading(struct rl_detector *detector, const struct rl_verdict *verdict)
-{
-    const struct rl_samples *samples = &detector->samples;
-    detector->counts.accepted++;
-    if (detector->readings == READINGS) {
-        return;
-    }
-    struct rl_reading *reading = &detector->reading[detector->readings++];
-    memset(reading, 0, sizeof *reading);
-    reading->id = verdict->id;
-    reading->repeats = verdict->sending.repeats;
-    reading->packets = verdict->packets;
-    reading->start_s = verdict->sending.start_s;
-    reading->bit_s = verdict->sending.bit_s;
-    reading->brightening_s = verdict->sending.brightening_s;
-    reading->begin_s = window_begin(verdict);
-    reading->end_s = verdict->end_s;
-    reading->evidence = verdict->evidence;
-    reading->margin = verdict->margin;
-    reading->gain = verdict->fit[0].gain;
-    reading->variance = verdict->fit[0].variance;
-    const struct rl_source *source = &samples->source[verdict->source[0]];
-    if (source->zones > 1) {
-        /* Those that it sums; the placement tells which saw how much. */
-        reading->zones = source->zones < 16 ? source->zones : 16;
-        for (int i = 0; i < reading->zones; i++) {
-            reading->zone[i] = source->zone[i];
-        }
-    } else {
-        double gains[RL_MOST_ZONES_TOGETHER];
-        for (int i = 0; i < verdict->sources; i++) {
-            int at = reading->zones++;
-            for (; at > 0 && gains[at - 1] < verdict->fit[i].gain; at--) {
-                gains[at] = gains[at - 1];
-                reading->zone[at] = reading->zone[at - 1];
-            }
-            gains[at] = verdict->fit[i].gain;
-            reading->zone[at] = verdict->source[i];
-        }
-        for (int i = 0; i < verdict->sources; i++) {
-            if (verdict->source[i] == reading->zone[0]) {
-                reading->gain = verdict->fit[i].gain;
-                reading->variance = verdict->fit[i].variance;
-            }
-        }
-    }
-    detector->recent[detector->recents++ % RECENT] =
-        (struct recent){verdict->id, reading->begin_s, reading->end_s};
-    /* What was read is not read again, nor by sums that hold it. */
-    for (int other = 0; other < samples->sources; other++) {
-        for (int i = 0; i < reading->zones; i++) {
-            for (int j = 0; j < samples->source[other].zones; j++) {
-                if (samples->source[other].zone[j] == reading->zone[i]) {
-                    detector->free_s[other] = fmax(detector->free_s[other], reading->end_s);
-                }
-            }
-        }
-    }
-}
-
 /* Rows of the samples that a verdict is of, and the light of its packet in each. One that repeats was
  * sent some bits before, too, at which a search for others looks.
  */
@@ -235,6 +177,86 @@ static struct rl_track track(struct rl_detector *detector, int zone, int first, 
     }
     const double noise = samples->noise_scale * rl_samples_noise(samples, zone, sum / rows);
     return rl_track_fit(window->signal, window->valid, detector->light, rows, noise, gain);
+}
+
+/* The zones that saw a packet, and how strongly; of a sum those with a part in it. */
+static int zones_of(struct rl_detector *detector, const struct rl_verdict *verdict, int *zones,
+                    double *gains)
+{
+    const struct rl_source *sum = &detector->samples.source[verdict->source[0]];
+    if (sum->zones == 1) {
+        for (int i = 0; i < verdict->sources; i++) {
+            zones[i] = verdict->source[i];
+            gains[i] = verdict->fit[i].gain;
+        }
+        return verdict->sources;
+    }
+    int first, seen = 0;
+    double most = 0.0, explained[RL_MOST_ZONES];
+    const int rows = light_of(detector, verdict, &first);
+    for (int i = 0; i < sum->zones; i++) {
+        double gain[RL_KNOTS];
+        explained[i] = track(detector, sum->zone[i], first, rows, gain).explained;
+        most = fmax(most, explained[i]);
+    }
+    for (int i = 0; i < sum->zones; i++) {
+        if (explained[i] >= LEAST_PART * most) {
+            zones[seen] = sum->zone[i];
+            gains[seen++] = explained[i];
+        }
+    }
+    return seen;
+}
+
+static void add_reading(struct rl_detector *detector, const struct rl_verdict *verdict)
+{
+    const struct rl_samples *samples = &detector->samples;
+    detector->counts.accepted++;
+    if (detector->readings == READINGS) {
+        return;
+    }
+    struct rl_reading *reading = &detector->reading[detector->readings++];
+    memset(reading, 0, sizeof *reading);
+    reading->id = verdict->id;
+    reading->repeats = verdict->sending.repeats;
+    reading->packets = verdict->packets;
+    reading->start_s = verdict->sending.start_s;
+    reading->bit_s = verdict->sending.bit_s;
+    reading->brightening_s = verdict->sending.brightening_s;
+    reading->begin_s = window_begin(verdict);
+    reading->end_s = verdict->end_s;
+    reading->evidence = verdict->evidence;
+    reading->margin = verdict->margin;
+    int zones[RL_MOST_ZONES];
+    double gains[RL_MOST_ZONES];
+    const int seen = zones_of(detector, verdict, zones, gains);
+    for (int i = 0; i < seen; i++) {
+        int at = i;
+        for (; at > 0 && gains[at - 1] < gains[i]; at--) {
+        }
+        const int zone = zones[i];
+        const double gain = gains[i];
+        memmove(zones + at + 1, zones + at, (size_t)(i - at) * sizeof *zones);
+        memmove(gains + at + 1, gains + at, (size_t)(i - at) * sizeof *gains);
+        zones[at] = zone;
+        gains[at] = gain;
+    }
+    reading->zones = seen < RL_MOST_READ ? seen : RL_MOST_READ;
+    for (int i = 0; i < reading->zones; i++) {
+        reading->zone[i] = zones[i];
+    }
+    detector->recent[detector->recents++ % RECENT] =
+        (struct recent){verdict->id, reading->begin_s, reading->end_s};
+    /* What was read is not read again, nor by sums that hold it. */
+    for (int other = 0; other < samples->sources; other++) {
+        for (int i = 0; i < reading->zones; i++) {
+            for (int j = 0; j < samples->source[other].zones; j++) {
+                if (samples->source[other].zone[j] == reading->zone[i]) {
+                    detector->free_s[other] = fmax(detector->free_s[other], reading->end_s);
+                }
+            }
+        }
+    }
 }
 
 /* Take a packet off the samples of its sources, or put it back. */
@@ -562,6 +584,7 @@ struct rl_held rl_detector_held(const struct rl_detector *detector)
         .period_s = samples->period_s,
         .begin_s = samples->begin_s,
         .end_s = samples->end_s,
+        .stamp_ns = samples->stamp_ns,
         .signal = samples->signal,
         .valid = samples->valid,
         .distance = samples->distance,

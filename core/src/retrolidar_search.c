@@ -8,7 +8,8 @@
 
 enum {
     EIGHTHS = 8,  /* of a bit, by which packets that ended are tried */
-    QUARTERS = 4, /* of a bit, by which stretches are tried first */
+    QUARTERS = 4, /* of a bit, by which stretches are tried first, ... */
+    AHEAD_QUARTERS = 6, /* ... and packets whose end has not come yet */
     KEPT = 4,     /* stretches of a source that are looked at more closely */
     BEFORE_BITS = 31, /* of samples before a packet, to tell the level */
 };
@@ -94,33 +95,47 @@ static void keep_trial(struct kept *kept, int most, const struct rl_trial *trial
     kept->trial[at] = *trial;
 }
 
+/* Try packets that end at one time, at all clocks, in all lanes or in those that hold promise. */
+static void try_ends(struct rl_search *search, int count, double end_s, bool all, int shifts,
+                     const struct rl_demand *demand)
+{
+    const int clocks = (int)(search->most_skew * RL_BITS / 2 / CLOCK_BITS + 0.999);
+    struct rl_trial trial = {.end_s = end_s, .packets = 1};
+    for (int clock = -clocks; clock <= clocks; clock++) {
+        trial.bit_s = search->bit_s * (1.0 + clock * search->most_skew / clocks);
+        if (all) {
+            rl_view_cut(&search->view, &trial, &search->sums);
+        }
+        for (int lane = 0; lane < count; lane++) {
+            struct rl_lane one;
+            if (all) {
+                rl_lane_of(&search->view, &search->sums, lane, &one);
+            } else if (search->promises[lane].words > 0) {
+                rl_view_cut_lane(&search->view, &trial, lane, &one);
+            } else {
+                continue;
+            }
+            rl_promise_add(&search->promises[lane], demand, &trial, &one, shifts);
+        }
+    }
+}
+
 static void look_at_ended(struct rl_search *search, int count, double from_s, double to_s,
                           const struct rl_demand *demand)
 {
     const double eighth_s = search->bit_s / EIGHTHS;
-    const int clocks = (int)(search->most_skew * RL_BITS / 2 / CLOCK_BITS + 0.999);
     const double newest = floor(to_s / eighth_s);
-    bool found = false;
-    for (int back = 0; back < EIGHTHS; back++) {
-        struct rl_trial trial = {.end_s = (newest - back) * eighth_s, .packets = 1};
-        /* Words end with the newest samples, but what else these may be begins with any phase. */
-        const bool has_ended = trial.end_s > from_s;
-        if (!has_ended && !found) {
-            return;
-        }
-        for (int clock = -clocks; clock <= clocks; clock++) {
-            trial.bit_s = search->bit_s * (1.0 + clock * search->most_skew / clocks);
-            rl_view_cut(&search->view, &trial, &search->sums);
-            for (int lane = 0; lane < count; lane++) {
-                struct rl_promises *promises = &search->promises[lane];
-                if (has_ended || promises->words > 0) {
-                    struct rl_lane one;
-                    rl_lane_of(&search->view, &search->sums, lane, &one);
-                    rl_promise_add(promises, demand, &trial, &one, has_ended ? 1 : 0);
-                    found |= promises->words > 0;
-                }
-            }
-        }
+    int back = 0;
+    for (; (newest - back) * eighth_s > from_s; back++) {
+        try_ends(search, count, (newest - back) * eighth_s, true, 1, demand);
+    }
+    /* What else these may be: sequences of any phase, and packets that have not quite ended. */
+    for (; back < EIGHTHS; back++) {
+        try_ends(search, count, (newest - back) * eighth_s, false, 0, demand);
+    }
+    for (int ahead = 1; ahead <= AHEAD_QUARTERS; ahead++) {
+        const double later_s = ahead * search->bit_s / QUARTERS;
+        try_ends(search, count, newest * eighth_s + later_s, false, 1, demand);
     }
 }
 

@@ -33,7 +33,12 @@ def demands(false_ids_per_hour: float, *, zones: int, words: int, bit_s: float) 
     The constants are calibrated by simulation (`evaluate family`).
     """
     trials = (
-        zones / _USUAL_ZONES * words / _USUAL_WORDS * BIT_PERIOD_S / bit_s
+        zones
+        / _USUAL_ZONES
+        * words
+        / _USUAL_WORDS
+        * BIT_PERIOD_S
+        / bit_s
         / (false_ids_per_hour / USUAL_FALSE_IDS_PER_HOUR)
     )
     lenience = min(max(math.log(false_ids_per_hour / USUAL_FALSE_IDS_PER_HOUR), -4.0), 4.0)
