@@ -15,6 +15,7 @@ enum {
     MOST_ERASED_BITS = 7, /* so many leave words of a code of distance 8 apart */
     MOST_HIDDEN_BITS = 3, /* half a bit at either end is left out, too */
     RIVALS = 3,           /* that are tried exactly */
+    WANDERING = 3, /* walk from which on what a packet leaves over is more than noise */
     USUAL_CHANGES = 12, /* that all words but those of IDs 1 and 4094 have */
     ROUNDS = 4,           /* bits that are turned to make a better sequence */
 };
@@ -512,6 +513,7 @@ struct rl_verdict rl_decide(struct rl_window *window, const struct rl_codebook *
     verdict.evidence -= COST_OF_GAIN * (window->sources - 1);
     own = refine(window, demands, sending, half_bits);
     note_fit(&verdict, window);
+    asked += window->fit[0].walk >= WANDERING ? demands->wandering : 0.0;
     if (verdict.evidence < asked) {
         return verdict;
     }

@@ -27,6 +27,8 @@ static const double ACTIVE = 1.5;
 static const double COARSE = 0.7;
 /* Share of the evidence in demand that a packet must have which another one hides. */
 static const double HIDDEN = 0.7;
+/* Evidence that two need besides of which none is read by itself: there are so many pairs. */
+static const double COST_OF_PAIR = 8.0;
 /* Share of how zones vary that a packet must explain which their sum shows. */
 static const double LEAST_IN_ZONES = 0.7;
 /* A zone has a part in a sum if the packet explains this share of what it does where most. */
@@ -95,8 +97,14 @@ struct rl_detector *rl_detector_create(const struct rl_settings *settings, const
     }
     struct rl_detector *detector = (struct rl_detector *)memory;
     detector->settings = *settings;
-    detector->demands = (struct rl_demands){settings->evidence, settings->word, settings->margin,
-                                            settings->bit_s, MOST_SKEW};
+    detector->demands = (struct rl_demands){
+        .evidence = settings->evidence,
+        .wandering = settings->wandering,
+        .word = settings->word,
+        .margin = settings->margin,
+        .bit_s = settings->bit_s,
+        .most_skew = MOST_SKEW,
+    };
     memory += head;
     rl_samples_start(&detector->samples, settings->rows, settings->columns, rows, memory, &law,
                      settings->bit_s);
@@ -370,7 +378,10 @@ static bool look_behind(struct rl_detector *detector, const struct pending *pend
             continue;
         }
         *behind = decide_without(detector, &again, hit, hits, to_s);
-        if (behind->reason == RL_REASONS) {
+        const double least = detector->demands.evidence + COST_OF_PAIR;
+        if (behind->reason == RL_REASONS &&
+            (before->reason == RL_REASONS ||
+             (again.evidence > least && behind->evidence > least))) {
             *before = again;
             return true;
         }

@@ -23,7 +23,7 @@ struct rl_settings {
     int32_t kept;          /* rows of samples that are held */
     double bit_s;          /* how long markers hold a bit [s] */
     double noise_floor, noise_slope, noise_ambient; /* law of the sensor's noise */
-    double evidence, word, margin, margin_of_more;  /* demands [nats] */
+    double evidence, wandering, word, margin, margin_of_more; /* `rl_demands` [nats] */
 };
 
 /* A packet that was read. */

@@ -16,6 +16,8 @@ enum {
 
 /* Variance of a source, in that of its noise, from which it is strong. */
 static const double STRONG = 4.0;
+/* What stands out of strong samples is asked for more: it is better known. */
+static const double STRONG_SHARE = 1.3;
 /* The longer the silence before a faint packet is remembered, the surer its bright level. */
 static const float WALKS[] = {0.01f, 0.1f, 0.002f};
 enum { WALK_COUNT = 3, FAINT_LONE = 2 };
@@ -221,7 +223,8 @@ void rl_search_look(struct rl_search *search, const int *sources, int count, int
         if (lanes == 0) {
             continue;
         }
-        const struct rl_demand demand = {(float)least, (float)most_beyond, packets > 0,
+        const double asked = strong ? STRONG_SHARE * least : least;
+        const struct rl_demand demand = {(float)asked, (float)most_beyond, packets > 0,
                                          whitening->energy, &whitening->smooth};
         rl_view_open(&search->view, chosen, lanes, to_s - bits * search->bit_s, to_s,
                      whitening->walk);

@@ -107,6 +107,7 @@ def detection_of(
         for zone in zones
         if (
             measured := modulated_range(
+                window.time_s,
                 window.light,
                 window.valid[:, zone].astype(np.float64),
                 window.measured[:, zone],
@@ -118,7 +119,7 @@ def detection_of(
     ]
     if not ranges:
         return None
-    range_m, stddev_m = np.array(ranges).T
+    range_m, stddev_m, time_s = np.array(ranges).T
     surety = stddev_m**-2
     mean_m = float(surety @ range_m / surety.sum())
     strongest = zones[0]
@@ -129,8 +130,7 @@ def detection_of(
     variance += (window.measured[bright] * hidden[bright]).mean(axis=0) ** 2
     variance[strongest] = 0.0
     bearing = shared_bearing(strongest, amplitude, variance, size_m / mean_m, grid)
-    seen = bright & window.valid[:, strongest] & np.isfinite(window.distance[:, strongest])
-    stamp_s = float(window.time_s[seen if seen.any() else bright].mean())
+    stamp_s = float(surety @ time_s / surety.sum())
     snr = max(float(amplitude[strongest]), SIGNAL_RESOLUTION) / math.sqrt(noise[strongest])
     return Detection(
         id=reading.id,
