@@ -57,7 +57,7 @@ def light(sending: Sending, begin_s: Floats, end_s: Floats) -> Floats:
         first, last = np.floor(cycles).astype(int)
         level = np.tile(level, last - first + 1)
         before: Floats = np.roll(level, 1)
-        lasting_s = np.full(len(level), bit_s)
+        lasting_s: Floats = np.full(len(level), bit_s)
     else:
         first = 0
         before = np.append(1.0, level)
