@@ -28,8 +28,12 @@ LEAST_NOISE = 0.5
 """Share of the noise law's variance that a fit may not fall short of."""
 
 
-def compile_core(program: str, build: Path) -> Path:
-    """Make one of the programs; return its path, or fail with what the compiler said."""
+def compile_core(program: str, directories: pytest.TempPathFactory) -> Path:
+    """Make one of the programs; return its path, or fail with what the compiler said.
+
+    All of them are made in one directory, as they have most in common.
+    """
+    build = directories.getbasetemp() / 'core'
     for tool in ('make', 'cc'):
         if shutil.which(tool) is None:
             pytest.skip(f'needs {tool}, which is not installed')

@@ -35,8 +35,7 @@ COST_OF_GAIN = 2.0
 
 @pytest.fixture(scope='module')
 def core(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Statistics]:
-    program = compile_core('window_host', tmp_path_factory.mktemp('core'))
-    with Core(program) as process:
+    with Core(compile_core('window_host', tmp_path_factory)) as process:
         yield Statistics(process)
 
 

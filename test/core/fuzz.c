@@ -105,30 +105,59 @@ void free(void *memory)
 }
 #endif
 
-/* What is sent to a zone: garbage, or something that blinks like a packet. */
+/* What a zone sees: garbage, or something that blinks like a packet. */
 struct zone {
     int kind;
-    uint32_t bits;
+    uint32_t bits, second; /* of two packets */
+    int cycle, second_cycle; /* bits after which each begins again */
     double bright, dark, noise, start_s, bit_s, distance;
+    double second_share; /* of the other packet's light */
+    double sway_s, phase; /* of the light; 0 = steady */
 };
 
-enum { GARBAGE, LEVEL, PACKET, PREAMBLES, RANDOM_BITS, KINDS };
+enum { GARBAGE, LEVEL, PACKET, LONE_PACKET, TWO_PACKETS, PREAMBLES, RANDOM_BITS, KINDS };
+
+static uint16_t ids[4096]; /* that are registered; none = any may come */
+static int id_count;
+
+static uint32_t any_packet(void)
+{
+    return rl_packet(id_count > 0 && below(4) ? ids[below(id_count)] : (uint16_t)below(4096));
+}
 
 static struct zone any_zone(double bit_s)
 {
     static const double CLOCKS[] = {1.0, 1.0, 0.97, 1.03, 0.5};
-    struct zone zone = {.kind = below(KINDS)};
-    zone.bits = zone.kind == PACKET      ? rl_packet((uint16_t)below(4096))
-                : zone.kind == PREAMBLES ? 0x55555555u >> below(2)
-                                         : (uint32_t)any();
-    zone.bits &= 0x7FFFFFFFu;
+    struct zone zone = {.kind = below(KINDS), .cycle = 31, .second_cycle = 31};
+    zone.bits = any_packet();
+    if (zone.kind == PREAMBLES) {
+        zone.bits = 0x55555555u >> below(2) & 0x7FFFFFFFu;
+    } else if (zone.kind == RANDOM_BITS) {
+        zone.bits = (uint32_t)(any() >> 33);
+    } else if (zone.kind == LONE_PACKET) {
+        zone.cycle = 40 + below(60);
+    } else if (zone.kind == TWO_PACKETS) {
+        zone.second = any_packet();
+        zone.second_cycle = below(2) ? 31 : 50;
+        zone.second_share = scaled(0.05, 1.0);
+    }
     zone.bright = scaled(1e-3, 4e6);
     zone.dark = below(2) ? 0.0 : zone.bright * share();
     zone.noise = zone.bright * (below(3) ? scaled(1e-9, 1.0) : 0.0);
     zone.start_s = share() * 62.0 * bit_s;
     zone.bit_s = bit_s * CLOCKS[below(5)];
     zone.distance = scaled(1e-3, 20.0);
+    zone.sway_s = below(3) ? 0.0 : bit_s * scaled(10.0, 1000.0);
     return zone;
+}
+
+/* Another zone that sees the same, of a gain of its own that changes as the marker moves. */
+static struct zone beside(const struct zone *zone)
+{
+    struct zone other = *zone;
+    other.phase = 6.3 * share();
+    other.bright *= scaled(0.1, 1.0);
+    return other;
 }
 
 static float garbage(void)
@@ -155,40 +184,54 @@ static uint8_t any_status(void)
     return below(20) ? USUAL[below((int)sizeof USUAL)] : (uint8_t)below(256);
 }
 
+static int is_dark(uint32_t bits, int cycle, double since_bits)
+{
+    const int bit = (int)(since_bits - cycle * floor(since_bits / cycle));
+    return bit < 31 && (bits >> (30 - bit) & 1u) != 0;
+}
+
 static float light(const struct zone *zone, double time_s)
 {
-    const double bits = floor((time_s - zone->start_s) / zone->bit_s);
-    const int bit = (int)(bits - 31.0 * floor(bits / 31.0));
-    const int dark = zone->kind != LEVEL && (zone->bits >> (30 - bit) & 1u) != 0;
-    return (float)((dark ? zone->dark : zone->bright) + zone->noise * (share() - 0.5));
+    const double since = (time_s - zone->start_s) / zone->bit_s;
+    const double swayed = 0.5 + 0.5 * sin(6.3 * time_s / zone->sway_s + zone->phase);
+    const double sway = zone->sway_s > 0.0 ? swayed : 1.0;
+    const int dark = zone->kind != LEVEL && is_dark(zone->bits, zone->cycle, since);
+    const int second_dark = is_dark(zone->second, zone->second_cycle, since * 1.003 + 7.3);
+    const double first = dark ? zone->dark : zone->bright;
+    const double second = second_dark ? 0.0 : zone->second_share * zone->bright;
+    return (float)(sway * (first + second) + zone->noise * (share() - 0.5));
 }
 
 /* How stamps go on, for a while. */
+enum { STANDING, JITTERING, LOSING, JUMPING, FALLING_BACK, REGULAR, STAMP_KINDS };
+
+static int any_kind(void)
+{
+    return below(2) ? REGULAR : below(STAMP_KINDS);
+}
+
 static int64_t next_stamp(int64_t stamp_ns, int kind, int64_t period_ns)
 {
     static const int64_t EXTREME[] = {INT64_MIN, INT64_MAX, 0, -1, INT64_MIN + 1, INT64_MAX - 1};
     uint64_t step = (uint64_t)period_ns;
-    if (below(200) == 0) {
-        kind = below(6);
-    }
-    switch (kind) {
-    case 0:
+    switch (below(200) ? kind : below(STAMP_KINDS)) {
+    case STANDING:
         step = below(4) ? 1 : 0;
         break;
-    case 1:
+    case JITTERING:
         step = (uint64_t)((double)period_ns * (0.5 + share()));
         break;
-    case 2:
-        step = (uint64_t)period_ns * (uint64_t)(1 + (below(30) ? 0 : below(40)));
+    case LOSING:
+        step *= (uint64_t)(1 + (below(30) ? 0 : below(40)));
         break;
-    case 3:
+    case JUMPING:
         if (below(100) == 0) {
             return EXTREME[below(6)];
         }
         break;
-    case 4:
+    case FALLING_BACK:
         if (below(100) == 0) {
-            step = (uint64_t)-period_ns;
+            step = 0 - step;
         }
         break;
     default:
@@ -197,8 +240,7 @@ static int64_t next_stamp(int64_t stamp_ns, int kind, int64_t period_ns)
     return (int64_t)((uint64_t)stamp_ns + step);
 }
 
-static void check(const struct rl_detector *detector, const struct rl_settings *settings,
-                  const uint16_t *ids, int count)
+static void check(const struct rl_detector *detector, const struct rl_settings *settings)
 {
     const int zones = settings->rows * settings->columns;
     const int sources = zones + (settings->rows - 1) * (settings->columns - 1) + 1;
@@ -237,8 +279,8 @@ static void check(const struct rl_detector *detector, const struct rl_settings *
     }
     for (int i = 0; i < rl_detector_readings(detector); i++) {
         const struct rl_reading one = rl_detector_reading(detector, i);
-        int known = count == 0;
-        for (int j = 0; j < count; j++) {
+        int known = id_count == 0;
+        for (int j = 0; j < id_count; j++) {
             known |= ids[j] == one.id;
         }
         EXPECT(known && one.id >= LEAST_ID && one.id <= MOST_ID);
@@ -305,14 +347,13 @@ static struct rl_settings any_settings(void)
     };
 }
 
-static int any_ids(uint16_t *ids)
+static void register_ids(void)
 {
     const int every = below(3) == 0 ? 1 + below(3) : 1 + below(4094);
-    int count = 0;
-    for (int id = LEAST_ID + below(every); id <= MOST_ID; id += every) {
-        ids[count++] = (uint16_t)id;
+    id_count = 0;
+    for (int id = LEAST_ID + below(every); id <= MOST_ID && every < 4000; id += every) {
+        ids[id_count++] = (uint16_t)id;
     }
-    return below(4) ? count : 0;
 }
 
 #ifdef ISOLATED
@@ -380,24 +421,28 @@ static void give_back(void)
 
 static void try_one(int number, int frames)
 {
-    static uint16_t ids[4096];
     static int64_t stamp_ns[BLOCK];
     static float signal[BLOCK * ZONES], distance[BLOCK * ZONES], ambient[BLOCK * ZONES];
     static uint8_t status[BLOCK * ZONES];
     const struct rl_settings settings = any_settings();
-    const int count = any_ids(ids), zones = settings.rows * settings.columns;
-    const int64_t period_ns = 1 + (int64_t)(1e9 * settings.bit_s * (below(3) ? 0.5 : scaled(0.02, 2.0)));
+    const int zones = settings.rows * settings.columns;
+    /* Two frames a bit; or so many that a packet just about fits in what is kept; or any. */
+    const double bits_a_frame = below(3)   ? 0.5
+                                : below(3) ? 31.0 / KEPT * (0.9 + 0.2 * share())
+                                           : scaled(0.02, 2.0);
+    const int64_t period_ns = 1 + (int64_t)(1e9 * settings.bit_s * bits_a_frame);
     const int garbage_share = below(3) ? 1 + below(100) : 10000;
     const int alike = below(2);
     struct zone zone[ZONES];
     int64_t stamp = below(2) ? 0 : (int64_t)any();
     double time_s = 0.0;
-    int kind = below(6), read = 0, candidates = 0;
+    int kind = any_kind(), read = 0, candidates = 0;
+    register_ids();
 #ifdef NO_HEAP
     used = 0;
     closed = 0;
 #endif
-    struct rl_detector *detector = rl_detector_create(&settings, ids, count);
+    struct rl_detector *detector = rl_detector_create(&settings, ids, id_count);
     EXPECT(detector != NULL);
 #ifdef NO_HEAP
     closed = 1;
@@ -406,7 +451,7 @@ static void try_one(int number, int frames)
     isolate(detector);
 #endif
     for (int i = 0; i < zones; i++) {
-        zone[i] = i > 0 && alike && below(8) ? zone[0] : any_zone(settings.bit_s);
+        zone[i] = i > 0 && alike && below(8) ? beside(&zone[0]) : any_zone(settings.bit_s);
     }
     for (int done = 0; done < frames;) {
         const int block = 1 + below(BLOCK);
@@ -421,29 +466,31 @@ static void try_one(int number, int frames)
                 const int at = frame * zones + i;
                 const int strange = zone[i].kind == GARBAGE || below(garbage_share) == 0;
                 signal[at] = strange ? garbage() : light(&zone[i], time_s);
-                distance[at] = strange ? garbage() : (float)(zone[i].distance * (1.0 + 0.1 * share()));
+                distance[at] =
+                    strange ? garbage() : (float)(zone[i].distance * (1.0 + 0.1 * share()));
                 ambient[at] = strange ? garbage() : 1.0f;
                 status[at] = strange ? any_status() : 5;
             }
         }
         for (int taken = 0; taken < block;) {
             const int at = taken * zones;
-            const int more = rl_detector_push(detector, block - taken, stamp_ns + taken, signal + at,
-                                              distance + at, ambient + at, status + at);
+            const int more =
+                rl_detector_push(detector, block - taken, stamp_ns + taken, signal + at,
+                                 distance + at, ambient + at, status + at);
             EXPECT(more > 0 && more <= block - taken);
             taken += more;
             read += rl_detector_readings(detector);
             candidates += rl_detector_candidates(detector);
             ask(detector);
         }
-        check(detector, &settings, ids, count);
+        check(detector, &settings);
         done += block;
         if (below(10) == 0) {
-            kind = below(6);
+            kind = any_kind();
             zone[below(zones)] = any_zone(settings.bit_s);
         }
     }
-    printf("%d: %d zones, %d IDs, bits of %g s: %d candidates, %d read\n", number, zones, count,
+    printf("%d: %d zones, %d IDs, bits of %g s: %d candidates, %d read\n", number, zones, id_count,
            settings.bit_s, candidates, read);
     rl_detector_destroy(detector);
 #ifdef ISOLATED

@@ -172,8 +172,8 @@ static void decide(void)
         hit->start_s = number();
         hit->bit_s = number();
     }
-    verdict = rl_decide(&window, &codebook, &demands, source, &hits.hit[0], &hits, packets, -INFINITY,
-                        -INFINITY, to_s);
+    verdict = rl_decide(&window, &codebook, &demands, source, &hits.hit[0], &hits, packets,
+                        -INFINITY, -INFINITY, to_s);
     tell(verdict.reason);
     tell(verdict.evidence);
     tell(verdict.word);
