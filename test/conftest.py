@@ -1,6 +1,10 @@
 # Copyright 2026 retrolidar_ros contributors
 # SPDX-License-Identifier: Apache-2.0
+import os
 import signal
+
+# Of small matrices many threads only make more work; to be said before numpy is imported.
+os.environ.setdefault('OPENBLAS_NUM_THREADS', '1')
 
 # A shell lets its background jobs ignore SIGINT, and so do all that these start; but the tests
 # end processes by it.

@@ -3,12 +3,14 @@
 """The three questions of the detector in plain numpy: what the core has to agree with.
 
 Samples are x = a + g·T + l + n: white noise n of variance s, a level l that walks at random with
-variance q·s a frame period, a of any value (local level model: Harvey 1989). One likelihood
-answers all: is there a packet (`evidence`), is it a word (`word`), and is it this one (`margin`).
+variance q·s a frame period, and a of any value (local level model: Harvey 1989). One likelihood
+answers all: is something there (`evidence`), is it a word (`word`), and is it this one (`margin`)?
+Each zone has a, g, s and q of its own; the likelihoods of zones are multiplied.
 """
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -18,76 +20,153 @@ from retrolidar_ros.frame import Floats
 from retrolidar_ros.liquid_crystal import Response
 
 WALKS = (0.0, 0.003, 0.01, 0.03, 0.1, 0.3, 1.0, 3.0, 30.0)
+"""Values of q that are tried."""
+FLIPS = 4
+"""So many bits are turned to make a better sequence of a word."""
 
 
-class Samples(NamedTuple):
-    """Valid samples of a zone in a window, each field of shape (samples,)."""
+class Sending(NamedTuple):
+    """What a marker sends, and when."""
 
-    begin_s: Floats
-    end_s: Floats
-    signal: Floats
+    bits: Floats
+    """1 = dark, shape (31,)."""
+    repeats: bool
+    """Back to back without end; a lone packet is bright before and after."""
+    start_s: float
+    bit_s: float
+    brightening_s: float = 0.0035
+    """From 10 to 90 % [s]."""
 
 
-def light(
-    samples: Samples,
-    bits: Floats,
-    start_s: float,
-    bit_s: float,
-    *,
-    repeats: bool = False,
-    brightening_s: float = 0.0035,
-) -> Floats:
-    """Return the mean transmission during each exposure, by integrating finely, (samples,)."""
-    fine = 2000
-    step_s = bit_s / fine
-    cycles = 3 if repeats else 1
-    sent = np.tile(1.0 - bits, cycles)
-    idle = 1.0 - bits[-1] if repeats else 1.0
-    level = np.concatenate([[idle], sent, [sent[0] if repeats else 1.0]])
-    response = Response(bright_s=brightening_s)
-    since_s = (np.arange(fine) + 0.5) * step_s
-    shape = (len(level) - 1, fine)
-    before = np.broadcast_to(level[:-1, None], shape)
-    after = np.broadcast_to(level[1:, None], shape)
-    transmission = response.relaxation(before, after, np.broadcast_to(since_s, shape))[1].ravel()
-    first_s = start_s - (PACKET_BITS * bit_s if repeats else 0.0)
-    edges_s = first_s + step_s * np.arange(len(transmission) + 1)
-    total = np.concatenate([[0.0], np.cumsum(transmission) * step_s])
+class Fit(NamedTuple):
+    """How well a zone's samples are explained."""
+
+    log_likelihood: float
+    gain: float
+    """g [kcps/SPAD]; 0 where the packet explains nothing."""
+    variance: float
+    """s [(kcps/SPAD)²]"""
+
+
+def light(sending: Sending, begin_s: Floats, end_s: Floats) -> Floats:
+    """Return the mean transmission during exposures, 0 to 1; all of shape (exposures,)."""
+    bit_s = sending.bit_s
+    level: Floats = 1.0 - np.asarray(sending.bits, dtype=np.float64)
+    if sending.repeats:
+        cycles = (np.array([begin_s[0], end_s[-1]]) - sending.start_s) / (PACKET_BITS * bit_s)
+        first, last = np.floor(cycles).astype(int)
+        level = np.tile(level, last - first + 1)
+        before: Floats = np.roll(level, 1)
+        lasting_s: Floats = np.full(len(level), bit_s)
+    else:
+        first = 0
+        before = np.append(1.0, level)
+        level = np.append(level, 1.0)
+        lasting_s = np.append(np.full(PACKET_BITS, bit_s), np.inf)
+    start_s = sending.start_s + bit_s * (first * PACKET_BITS + np.arange(len(level)))
+    response = Response(bright_s=sending.brightening_s)
 
     def until(time_s: Floats) -> Floats:
-        inside: Floats = np.interp(time_s, edges_s, total)
-        outside: Floats = time_s - np.clip(time_s, edges_s[0], edges_s[-1])
-        return inside + outside
+        in_bit_s = np.clip(time_s[:, None] - start_s, 0.0, lasting_s)
+        before_s = np.minimum(time_s - start_s[0], 0.0)
+        total: Floats = before_s + response.integral(before, level, in_bit_s).sum(axis=1)
+        return total
 
-    mean: Floats = (until(samples.end_s) - until(samples.begin_s)) / (
-        samples.end_s - samples.begin_s
-    )
+    mean: Floats = (until(end_s) - until(begin_s)) / (end_s - begin_s)
     return mean
 
 
-def log_likelihood(
-    samples: Samples, template: Floats | None, period_s: float, least: float
-) -> float:
-    """Return the best log likelihood of all walks; `least` is the least variance of the noise."""
-    middle_s = (samples.begin_s + samples.end_s) / 2
-    apart = np.diff(middle_s) / period_s
-    count = len(middle_s)
-    best = -np.inf
-    for walk in WALKS:
-        # Innovations of differences: the covariance of x[k] - x[0] is that of noise and walk.
-        until = np.concatenate([[0.0], np.cumsum(apart)])
-        covariance = np.eye(count) + walk * np.minimum.outer(until, until)
-        difference = np.hstack([-np.ones((count - 1, 1)), np.eye(count - 1)])
-        factor = np.linalg.cholesky(difference @ covariance @ difference.T)
-        white = np.linalg.solve(factor, difference @ samples.signal)
-        log_scale = -np.log(np.diag(factor)).sum()
-        squares, free = float(white @ white), 0
-        if template is not None:
-            sent = np.linalg.solve(factor, difference @ template)
-            if not (white @ sent > 0 and sent @ sent > 1e-9):
-                continue
-            squares, free = squares - float(white @ sent) ** 2 / float(sent @ sent), 1
-        variance = max(squares / (count - 1 - free), least)
-        likelihood = log_scale - 0.5 * (count - 1) * np.log(variance) - 0.5 * squares / variance
-        best = max(best, float(likelihood))
-    return best
+class Zone:
+    """The valid samples of a zone in a window, whitened for every walk."""
+
+    def __init__(
+        self, begin_s: Floats, end_s: Floats, signal: Floats, *, period_s: float, least: float
+    ) -> None:
+        """Take exposures [s] and signals [kcps/SPAD], all of shape (samples,).
+
+        Parameters
+        ----------
+        period_s : float
+            Of the frames, in which a level walks by q·s [s].
+        least : float
+            Variance of the noise that there is at least [(kcps/SPAD)²].
+        """
+        self._exposures = (begin_s, end_s)
+        self._signal = signal
+        self._least = least
+        samples = len(signal)
+        middle_s = (begin_s + end_s) / 2
+        since = (middle_s - middle_s[:1]) / period_s
+        # The offset is unknown, so only differences to the first sample tell something.
+        difference = np.eye(samples)[1:]
+        difference[:, :1] = -1.0
+        self._whitening = []
+        for walk in WALKS:
+            covariance = np.eye(samples) + walk * np.minimum.outer(since, since)
+            factor = np.linalg.cholesky(difference @ covariance @ difference.T)
+            white = np.linalg.solve(factor, difference)
+            log_scale = -float(np.log(np.diag(factor)).sum())
+            self._whitening.append((white, log_scale))
+
+    def _fit(self, squares: float, log_scale: float, gain: float, parameters: int) -> Fit:
+        """Return the likelihood of innovations whose sum of squares is left over."""
+        count = len(self._signal) - 1
+        variance = max(squares / max(count - parameters, 1), self._least)
+        likelihood = log_scale - 0.5 * count * np.log(variance) - 0.5 * squares / variance
+        return Fit(float(likelihood), gain, variance)
+
+    def fit(self, sending: Sending | None) -> Fit:
+        """Return the best fit of all walks; a packet has a positive gain, or none."""
+        signal = [white @ self._signal for white, _ in self._whitening]
+        scales = [log_scale for _, log_scale in self._whitening]
+        best = max(
+            self._fit(float(x @ x), scale, 0.0, 0) for x, scale in zip(signal, scales, strict=True)
+        )
+        if sending is None or len(self._signal) < 3:
+            return best
+        template = light(sending, *self._exposures)
+        for x, (white, scale) in zip(signal, self._whitening, strict=True):
+            t = white @ template
+            if x @ t > 0 and t @ t > 1e-9:
+                gain = float(x @ t / (t @ t))
+                left = max(float(x @ x - gain * (x @ t)), 0.0)
+                best = max(best, self._fit(left, scale, gain, 1))
+        return best
+
+
+def log_likelihood(zones: Iterable[Zone], sending: Sending | None) -> float:
+    """Return the log likelihood of what is sent, or of nothing [nats]."""
+    return sum(zone.fit(sending).log_likelihood for zone in zones)
+
+
+def evidence(zones: Sequence[Zone], sending: Sending) -> float:
+    """Return by how much a packet is likelier than anything that just wanders [nats]."""
+    return log_likelihood(zones, sending) - log_likelihood(zones, None)
+
+
+def word(zones: Sequence[Zone], sending: Sending) -> float:
+    """Return by how much another sequence of bits is likelier, found by turning one at a time."""
+    own = best = log_likelihood(zones, sending)
+    for _ in range(FLIPS):
+        turned = [
+            sending._replace(bits=np.abs(sending.bits - flip)) for flip in np.eye(PACKET_BITS)
+        ]
+        likelihoods = [log_likelihood(zones, other) for other in turned]
+        if max(likelihoods) <= best:
+            break
+        best = max(likelihoods)
+        sending = turned[int(np.argmax(likelihoods))]
+    return best - own
+
+
+def margin(zones: Sequence[Zone], sending: Sending, others: Iterable[Sending]) -> float:
+    """Return by how much a packet is likelier than the likeliest of others [nats]."""
+    own = log_likelihood(zones, sending)
+    return own - max(log_likelihood(zones, other) for other in others)
+
+
+def without(
+    sending: Sending, begin_s: Floats, end_s: Floats, signal: Floats, gain: float
+) -> Floats:
+    """Return signals as if a marker of that gain had been bright all the time."""
+    return signal - gain * (light(sending, begin_s, end_s) - 1.0)

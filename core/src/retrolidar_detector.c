@@ -231,7 +231,9 @@ static void add_reading(struct rl_detector *detector, const struct rl_verdict *v
     reading->start_s = verdict->sending.start_s;
     reading->bit_s = verdict->sending.bit_s;
     reading->brightening_s = verdict->sending.brightening_s;
-    reading->begin_s = window_begin(verdict);
+    /* A packet of many frames may have begun before what is held. */
+    const int oldest = samples->count > samples->kept ? samples->count - samples->kept : 0;
+    reading->begin_s = fmax(window_begin(verdict), samples->begin_s[oldest]);
     reading->end_s = verdict->end_s;
     reading->evidence = verdict->evidence;
     reading->margin = verdict->margin;

@@ -89,7 +89,7 @@ void rl_detector_light(const struct rl_detector *detector, const struct rl_readi
                        int32_t first, int32_t count, double *light);
 
 /* The columns of all zones in rows from `first` on, of that target which may be a marker; both of
- * `count` rows and as many columns as there are zones.
+ * `count` rows, no more than are kept, and as many columns as there are zones.
  */
 void rl_detector_columns(struct rl_detector *detector, int32_t first, int32_t count, float *signal,
                          uint8_t *valid);

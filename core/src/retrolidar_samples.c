@@ -24,6 +24,7 @@ static const double WHITE = 0.15;
 static const int LEAST_WHITE_ZONES = 3;
 static const double LEAST_SCALE = 1.0 / 16, MOST_SCALE = 16.0;
 static const double NEWEST_SHARE = 0.2; /* of what is learnt of the scale, later on */
+static const double LEAST_EXPOSURE_S = 1e-6;
 
 static int sources_of(int rows, int columns, struct rl_source *source)
 {
@@ -190,9 +191,10 @@ static int place_row(struct rl_samples *samples, double middle_s, int64_t stamp_
     samples->end_s[row] = middle_s + half_s;
     if (row > 0 && samples->begin_s[row] < samples->end_s[row - 1]) {
         const double before_s = middle_of(samples, row - 1);
-        const double between_s = fmax((before_s + middle_s) / 2, samples->begin_s[row - 1] + 1e-6);
+        const double between_s =
+            fmax((before_s + middle_s) / 2, samples->begin_s[row - 1] + LEAST_EXPOSURE_S);
         samples->end_s[row - 1] = samples->begin_s[row] = between_s;
-        samples->end_s[row] = fmax(samples->end_s[row], between_s + 1e-6);
+        samples->end_s[row] = fmax(samples->end_s[row], between_s + LEAST_EXPOSURE_S);
     }
     samples->stamp_ns[row] = stamp_ns;
     return row;
@@ -256,7 +258,7 @@ static double median(double *values, int count)
 static void follow_period(struct rl_samples *samples, double step_s)
 {
     const int newest = (int)(sizeof samples->step_s / sizeof *samples->step_s);
-    samples->step_s[samples->steps % newest] = step_s;
+    samples->step_s[samples->steps % newest] = fmax(step_s, LEAST_EXPOSURE_S);
     if (++samples->steps % newest == 0) {
         double steps[sizeof samples->step_s / sizeof *samples->step_s];
         memcpy(steps, samples->step_s, sizeof steps);

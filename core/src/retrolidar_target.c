@@ -4,17 +4,34 @@
 #include "retrolidar_target.h"
 
 #include <math.h>
-#include <stdlib.h>
+#include <stddef.h>
 
 /* Distances further apart are two targets; the sensor parts them from 0.6 m on (ST UM3109). */
 static const float GAP_M = 0.5f;
 /* A nearer target in a smaller share of the frames is passing by. */
 static const double PASSING = 0.2;
 
-static int compare(const void *one, const void *other)
+/* Heapsort: unlike qsort of some C libraries, it takes no memory. */
+static void sort(float *values, int count)
 {
-    const float a = *(const float *)one, b = *(const float *)other;
-    return (a > b) - (a < b);
+    for (int root = count / 2 - 1, last = count - 1; last > 0; root--) {
+        if (root < 0) {
+            const float most = values[0];
+            values[0] = values[last];
+            values[last--] = most;
+        }
+        int parent = root < 0 ? 0 : root, child = 2 * parent + 1;
+        const float value = values[parent];
+        for (; child <= last; child = 2 * parent + 1) {
+            child += child < last && values[child + 1] > values[child];
+            if (values[child] <= value) {
+                break;
+            }
+            values[parent] = values[child];
+            parent = child;
+        }
+        values[parent] = value;
+    }
 }
 
 static void part(const float *distance, int stride, int rows, float *signal, uint8_t *valid,
@@ -26,7 +43,7 @@ static void part(const float *distance, int stride, int rows, float *signal, uin
             ordered[count++] = distance[(size_t)row * (size_t)stride];
         }
     }
-    qsort(ordered, (size_t)count, sizeof *ordered, compare);
+    sort(ordered, count);
     const float nearer = ordered[count / 2] - GAP_M;
     int passing = 0;
     while (ordered[passing] < nearer) {

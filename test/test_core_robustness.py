@@ -1,0 +1,98 @@
+# Copyright 2026 retrolidar_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""Whatever the core is given: no fault, no memory taken, no state but its own; on any processor."""
+
+from __future__ import annotations
+
+import re
+import shutil
+import subprocess
+from pathlib import Path
+
+import pytest
+from harness_core import SOURCES, TIME_LIMIT_S, compile_core
+
+STRICT = ['-std=c99', '-Wall', '-Wextra', '-Wpedantic', '-Wconversion', '-Wshadow', '-Werror']
+RUNS = ((0, 12, 200), (1001, 1, 1200))
+"""First detector, how many, and frames of each; the last reads a packet of more than are held."""
+LISTED = re.compile(r'\d+: \d+ zones, \d+ IDs, bits of \S+ s: (\d+) candidates, (\d+) read')
+PROCESSORS = {
+    'x86-64 or this one': ('cc', ()),
+    'ARM64': ('aarch64-linux-gnu-gcc', ()),
+    'Cortex-M4': ('arm-none-eabi-gcc', ('-mcpu=cortex-m4', '-mthumb')),
+}
+
+
+def fuzzed(program: Path) -> tuple[int, int]:
+    """Give garbage to detectors; return how many candidates they judged and how many they read."""
+    candidates = read = 0
+    for run in RUNS:
+        ended = subprocess.run(
+            [program, *map(str, run)],
+            capture_output=True,
+            text=True,
+            check=False,
+            timeout=TIME_LIMIT_S,
+        )
+        assert ended.returncode == 0, ended.stdout + ended.stderr
+        listed = LISTED.findall(ended.stdout)
+        assert len(listed) == run[1]
+        candidates += sum(int(judged) for judged, _ in listed)
+        read += sum(int(known) for _, known in listed)
+    return candidates, read
+
+
+def test_frames_of_garbage_do_no_harm(tmp_path_factory: pytest.TempPathFactory) -> None:
+    candidates, read = fuzzed(compile_core('fuzz', tmp_path_factory))
+    # Else it would have seen little of the core.
+    assert candidates > 300
+    assert read > 10
+
+
+def test_no_memory_is_taken_after_creation(tmp_path_factory: pytest.TempPathFactory) -> None:
+    fuzzed(compile_core('fuzz_no_heap', tmp_path_factory))
+
+
+def test_the_core_has_no_state_outside_its_detectors(
+    tmp_path_factory: pytest.TempPathFactory,
+) -> None:
+    program = compile_core('fuzz_no_heap', tmp_path_factory)
+    if shutil.which('nm') is None:
+        pytest.skip('needs nm, which is not installed')
+    objects = sorted(program.parent.glob('plain/*.o'))
+    assert len(objects) == len(list(SOURCES.glob('*.c')))
+    ended = subprocess.run(
+        ['nm', *objects], capture_output=True, text=True, check=True, timeout=TIME_LIMIT_S
+    )
+    assert re.findall(r'^\S* [bBcCdDsSgG] .*$', ended.stdout, re.M) == []
+
+
+def has_library(compiler: str) -> bool:
+    """Tell whether a compiler comes with the headers of a C library."""
+    tried = subprocess.run(
+        [compiler, '-E', '-xc', '-'],
+        input='#include <math.h>\n#include <stdlib.h>\n#include <string.h>\n',
+        capture_output=True,
+        text=True,
+        check=False,
+        timeout=TIME_LIMIT_S,
+    )
+    return tried.returncode == 0
+
+
+@pytest.mark.parametrize('processor', PROCESSORS)
+def test_the_core_compiles_without_a_warning(processor: str, tmp_path: Path) -> None:
+    compiler, options = PROCESSORS[processor]
+    if shutil.which(compiler) is None:
+        pytest.skip(f'needs {compiler}, which is not installed')
+    if not has_library(compiler):
+        pytest.skip(f'needs a C library for {compiler}')
+    ended = subprocess.run(
+        [compiler, *STRICT, '-O2', *options, f'-I{SOURCES}', '-c', *SOURCES.glob('*.c')],
+        cwd=tmp_path,
+        capture_output=True,
+        text=True,
+        check=False,
+        timeout=TIME_LIMIT_S,
+    )
+    assert ended.returncode == 0, ended.stderr
