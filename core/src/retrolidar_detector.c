@@ -73,6 +73,8 @@ struct rl_detector {
     int candidates;
     struct rl_candidate candidate[2 * DECISIONS_A_FRAME];
     struct rl_hits hits[RL_MOST_SOURCES], behind;
+    struct rl_hit past[RL_MOST_SOURCES][RL_PAST]; /* judged and not read, as rivals of later ones */
+    int pasts[RL_MOST_SOURCES];
     struct pending pending[RL_MOST_SOURCES * 2];
     int pendings;
     float *taken; /* signals before a packet was taken off them */
@@ -132,6 +134,7 @@ static void begin_anew(struct rl_detector *detector, int64_t stamp_ns)
     detector->begun_s = 0.0;
     for (int source = 0; source < RL_MOST_SOURCES; source++) {
         detector->free_s[source] = -INFINITY;
+        detector->pasts[source] = 0;
     }
 }
 
@@ -317,12 +320,25 @@ static struct rl_verdict decide(struct rl_detector *detector, int source, int pa
                                 double since_s, double to_s)
 {
     struct rl_demands demands = detector->demands;
+    struct rl_hits rivals = *hits;
+    const int pasts = detector->pasts[source];
+    for (int i = pasts > RL_PAST ? pasts - RL_PAST : 0; packets == 1 && i < pasts; i++) {
+        const struct rl_hit *past = &detector->past[source][i % RL_PAST];
+        if (past->start_s + RL_BITS * past->bit_s > hit->start_s) {
+            rivals.hit[rivals.count++] = *past;
+        }
+    }
     if (hit->repeats && packets < detector->settings.max_packets) {
         demands.margin = detector->settings.margin_of_more;
     }
     struct rl_verdict verdict =
-        rl_decide(&detector->window, &detector->search.codebook, &demands, source, hit, hits,
+        rl_decide(&detector->window, &detector->search.codebook, &demands, source, hit, &rivals,
                   packets, detector->free_s[source], since_s, to_s);
+    if (verdict.reason != RL_REASONS && verdict.reason != RL_EVIDENCE && packets == 1) {
+        detector->past[source][detector->pasts[source]++ % RL_PAST] = (struct rl_hit){
+            0.0f, verdict.id, verdict.sending.repeats, verdict.sending.start_s,
+            verdict.sending.bit_s};
+    }
     if (verdict.reason == RL_REASONS && !is_in_zones(detector, &verdict)) {
         verdict.reason = RL_NOT_A_WORD;
     }

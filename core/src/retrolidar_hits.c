@@ -159,9 +159,9 @@ static void keep_hit(struct rl_hits *hits, const struct rl_hit *hit)
         at++;
     }
     if (at == hits->count) {
-        hits->count += hits->count < RL_HITS;
+        hits->count += hits->count < RL_FOUND;
         at = hits->count - 1;
-        if (at == RL_HITS - 1 && hits->hit[at].nats >= hit->nats && hits->hit[at].id != 0) {
+        if (at == RL_FOUND - 1 && hits->hit[at].nats >= hit->nats && hits->hit[at].id != 0) {
             return;
         }
     } else if (hits->hit[at].nats >= hit->nats) {

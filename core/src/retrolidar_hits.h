@@ -12,7 +12,13 @@
 extern "C" {
 #endif
 
-enum { RL_HITS = 6, RL_SEQUENCES = 3, RL_PROMISES = 6 };
+enum {
+    RL_FOUND = 6, /* hits of a search ... */
+    RL_PAST = 4,  /* ... and of those before */
+    RL_HITS = RL_FOUND + RL_PAST,
+    RL_SEQUENCES = 3,
+    RL_PROMISES = 6,
+};
 
 /* A packet that may be there. */
 struct rl_hit {
