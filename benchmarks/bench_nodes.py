@@ -71,10 +71,7 @@ def main() -> None:
     arrival_s = np.array([received for _, received in frames]) * 1e-9
     delay_ms = 1e3 * (arrival_s - stamp_s - HALF_EXPOSURE_S)
     latency_ms = 1e3 * np.array(
-        [
-            (received - to_ns(message.header.stamp)) * 1e-9 - HALF_EXPOSURE_S
-            for message, received in markers
-        ]
+        [(received - to_ns(message.end)) * 1e-9 - HALF_EXPOSURE_S for message, received in markers]
     )
     lost = int(sequence[-1] - sequence[0] + 1 - len(sequence))
     rate = (len(sequence) - 1) / (stamp_s[-1] - stamp_s[0])

@@ -29,10 +29,11 @@ from itertools import islice
 from multiprocessing import get_context
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import Any, NamedTuple, TypeVar
+from typing import NamedTuple, TypeVar
 
 import numpy as np
 from bench_nodes import HALF_EXPOSURE_S, SETTLING_S, cpu_seconds
+from builtin_interfaces.msg import Time
 from dds_traffic import Traffic, measure_traffic, print_traffic
 from many_sensors import PERIOD_S, SCENE, CountListener, Counts, NodePairs, Replay
 from numpy.typing import NDArray
@@ -101,14 +102,14 @@ def frame_rate(before: Counts, after: Counts) -> float:
     return rate
 
 
-def delay_ms(messages: list[tuple[Any, int]], percent: float) -> float:
+def delay_ms(received: list[tuple[Time, int]], percent: float) -> float:
     """Return a percentile of the time from the (last) exposure's end to receipt [ms].
 
     If there are no messages, as on a machine that is far too busy, it is NaN.
     """
     delays = [
-        1e-6 * (received - to_ns(message.header.stamp)) - 1e3 * HALF_EXPOSURE_S
-        for message, received in messages
+        1e-6 * (received_ns - to_ns(stamp)) - 1e3 * HALF_EXPOSURE_S
+        for stamp, received_ns in received
     ]
     return float(np.percentile(delays, percent)) if delays else math.nan
 
@@ -157,8 +158,8 @@ def measure_load(pairs: int, seconds: float) -> Load:
         sensors=shares['sensors'],
         busy=busy / total,
         lost=max(0.0, 1 - rates[1] / rates[0]),
-        frame_ms=delay_ms(listener.frames[frames:], 95),
-        marker_ms=delay_ms(listener.markers[markers:], 50),
+        frame_ms=delay_ms([(m.header.stamp, at) for m, at in listener.frames[frames:]], 95),
+        marker_ms=delay_ms([(m.end, at) for m, at in listener.markers[markers:]], 50),
         pair_mb=memory_mb / pairs,
     )
 

@@ -5,6 +5,7 @@
 from __future__ import annotations
 
 import json
+import math
 from collections.abc import Iterable, Iterator
 
 from retrolidar_ros.detector import Detection, Detector, create_detector
@@ -31,7 +32,10 @@ def detect(frames: Iterable[Frame], method: str) -> Iterator[Detection]:
 
 
 def to_json(detection: Detection) -> str:
-    """Return a detection as one line of JSON: metres, decibels, seconds of ROS time."""
+    """Return a detection as one line of JSON: metres, decibels, nats, seconds of ROS time.
+
+    What a method does not measure is null.
+    """
     x, y, z = detection.place.position_m.tolist()
     return json.dumps(
         {
@@ -43,16 +47,27 @@ def to_json(detection: Detection) -> str:
             'range': detection.place.range_m,
             'range_stddev': detection.place.range_stddev_m,
             'snr': detection.snr_db,
+            'evidence': _or_none(detection.evidence),
+            'decision_margin': _or_none(detection.decision_margin),
             'score': detection.score,
+            'bit_period': detection.bit_period_s,
             'corrected_bits': detection.corrected_bits,
             'packets': detection.packets,
             'zones': list(detection.zones),
             'start': detection.start_ns * 1e-9,
+            'end': detection.end_ns * 1e-9,
         }
     )
 
 
-TEXT_HEADER = '        stamp [s]    id  range [m]  SNR [dB]  score  corrected  packets  zones'
+def _or_none(value: float) -> float | None:
+    return value if math.isfinite(value) else None
+
+
+TEXT_HEADER = (
+    '        stamp [s]    id  range [m]  SNR [dB]  evidence  margin  score  corrected  packets'
+    '  zones'
+)
 
 
 def to_text(detection: Detection) -> str:
@@ -60,6 +75,6 @@ def to_text(detection: Detection) -> str:
     zones = ','.join(map(str, detection.zones))
     return (
         f'{detection.stamp_ns * 1e-9:17.3f}  {detection.id:4d}  {detection.place.range_m:9.3f}  '
-        f'{detection.snr_db:8.1f}  {detection.score:5.2f}  {detection.corrected_bits:9d}  '
-        f'{detection.packets:7d}  {zones}'
+        f'{detection.snr_db:8.1f}  {detection.evidence:8.1f}  {detection.decision_margin:6.1f}  '
+        f'{detection.score:5.2f}  {detection.corrected_bits:9d}  {detection.packets:7d}  {zones}'
     )

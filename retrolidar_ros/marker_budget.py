@@ -18,7 +18,7 @@ from retrolidar_ros.scene.optics import received_signal
 from retrolidar_ros.section import ConfigError, quantity
 from retrolidar_ros.wakeup import THRESHOLD_V, voltage_v, wakeup_range_m
 
-COMPARED = (METHODS[0], 'paper')
+METHODS = (METHODS[0], 'paper')
 TRIALS = 64
 _START_S = (2.0, 2.5)
 _SEED = 1  # the same question has the same answer
@@ -130,14 +130,14 @@ def _link(case: Case) -> Link:
     swing = float(received_signal(np.array(case.distance_m), case.size_m**2, case.yaw_rad))
     noise = math.sqrt(NOISE.floor + NOISE.slope * (WALL_SIGNAL + swing / 2))
     rng = np.random.default_rng(_SEED)
-    identified = dict.fromkeys(COMPARED, 0)
+    identified = dict.fromkeys(METHODS, 0)
     trials = 0
     while trials < TRIALS:
         scene = marker_in_each_zone(
             case.distance_m, rng, start_s=_START_S, size_m=case.size_m, yaw_rad=case.yaw_rad
         )
         trial = lone_trial(scene, rng)
-        for method in COMPARED:
+        for method in METHODS:
             detector = create_detector(method, trial.recording.grid)
             identified[method] += int(outcome(trial, detector).right.sum())
         trials += trial.recording.grid.zones

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from retrolidar_ros.code import BIT_PERIOD_S, PACKET_BITS
 from retrolidar_ros.frame import Floats, Recording
@@ -18,8 +18,6 @@ from retrolidar_ros.scene.optics import position_at
 
 MAX_RANGE_ERROR_M = 0.01
 PACKET_S = PACKET_BITS * BIT_PERIOD_S
-# Moments of a reading at which the truth is asked.
-_PARTS = (np.arange(32) + 0.5) / 32
 
 
 class Heard(NamedTuple):
@@ -28,7 +26,7 @@ class Heard(NamedTuple):
     id: int
     start_ns: int
     stamp_ns: int
-    packets: int
+    end_ns: int
     range_m: float
     snr_db: float
     position_m: tuple[float, float, float]
@@ -57,24 +55,6 @@ class Outcome(NamedTuple):
         return self.readings > 0 and self.has_transforms and abs(self.error_m) < MAX_RANGE_ERROR_M
 
 
-def moments(end_ns: ArrayLike, packets: ArrayLike) -> Floats:
-    """Return times within the packets of readings [ns], shape (..., 32).
-
-    A place is the mean over them. The first packet may have begun before these, for a marker that
-    repeats is read from any bit.
-
-    Parameters
-    ----------
-    end_ns : array, shape (...)
-        Stamps of the readings [ns].
-    packets : array, shape (...)
-        How many each was read from.
-    """
-    length_ns = PACKET_S * 1e9 * np.asarray(packets)
-    between: Floats = np.asarray(end_ns)[..., None] - length_ns[..., None] * _PARTS
-    return between
-
-
 def true_range(scene: Scene, marker: Marker, recording: Recording, stamps: Floats) -> Floats:
     """Return a marker's true range [m] at stamps [ns after the recording's first], any shape."""
     elapsed = (recording.stamp_ns - recording.stamp_ns[0]).astype(np.float64)
@@ -95,9 +75,8 @@ def judge(scene: Scene, recording: Recording, heard: Sequence[Heard]) -> list[Ou
         own = [reading for reading in heard if reading.id == identity]
         truth: Floats = np.full(len(own), np.nan)
         if marker is not None:
-            ends = np.array([reading.stamp_ns - origin_ns for reading in own], dtype=float)
-            packets = np.array([reading.packets for reading in own])
-            truth = true_range(scene, marker, recording, moments(ends, packets)).mean(axis=-1)
+            stamps = np.array([reading.stamp_ns - origin_ns for reading in own], dtype=float)
+            truth = true_range(scene, marker, recording, stamps)
         ranges: NDArray[np.float64] = np.array([reading.range_m for reading in own])
         outcomes.append(
             Outcome(
@@ -107,7 +86,7 @@ def judge(scene: Scene, recording: Recording, heard: Sequence[Heard]) -> list[Ou
                 range_m=float(truth.mean()) if own else np.nan,
                 error_m=max((ranges - truth).tolist(), key=abs) if own else np.nan,
                 snr_db=float(np.median([r.snr_db for r in own])) if own else np.nan,
-                first_reading_s=(own[0].stamp_ns - origin_ns) * 1e-9 if own else np.nan,
+                first_reading_s=(own[0].end_ns - origin_ns) * 1e-9 if own else np.nan,
                 has_transforms=all(reading.has_transform for reading in own),
             )
         )

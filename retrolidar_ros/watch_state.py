@@ -12,24 +12,21 @@ from typing import NamedTuple, cast
 
 import numpy as np
 
-from retrolidar_ros.blinking import BitReader, modulation_db
+from retrolidar_ros.blinking import BitReader, Samples, modulation_db
 from retrolidar_ros.clock import ClockMap
 from retrolidar_ros.code import PACKET_BITS
 from retrolidar_ros.detector import METHODS, Detection, create_detector
-from retrolidar_ros.detector.evidence import NoiseLaw, correlation_threshold
-from retrolidar_ros.detector.evidence_detector import EvidenceDetector
-from retrolidar_ros.detector.search import PACKET_SAMPLES
-from retrolidar_ros.detector.view import View
-from retrolidar_ros.detector.window import placed
+from retrolidar_ros.detector.likelihood_detector import Candidate, LikelihoodDetector
+from retrolidar_ros.detector.noise import NoiseLaw
 from retrolidar_ros.frame import Frame, Recording
 from retrolidar_ros.frame_rate import RATE_FRAMES, missing_frames, rate_mismatch
 from retrolidar_ros.protocols import PROTOCOLS
 from retrolidar_ros.serial_source import SerialSource
 from retrolidar_ros.watch_view import BLINKING_DB, LastReading, Snapshot
 
-# The newest samples that are kept: a packet, and what the search needs at its ends.
-_KEPT = PACKET_SAMPLES + 10
-_KEPT_BITS = PACKET_BITS + 5
+# The newest samples that are kept: a packet, and a bit or two as its end may be anywhere.
+_KEPT_BITS = PACKET_BITS + 3
+_KEPT = 2 * _KEPT_BITS
 _RATE_S = 2.0
 """Over which frames are counted for their rate."""
 _SILENCE_S = 1.0
@@ -60,7 +57,8 @@ class Watch:
         self._bit_s = bit_period_s
         self._clock = ClockMap()
         self._bits = BitReader(bit_period_s)
-        self._detector: EvidenceDetector | None = None
+        self._detector: LikelihoodDetector | None = None
+        self._refused: Candidate | None = None
         self._frames: deque[Frame] = deque(maxlen=_KEPT)
         self._last: dict[int, Detection] = {}
         self._times: Counter[int] = Counter()
@@ -103,9 +101,10 @@ class Watch:
                     f'0 to {grid.zones - 1}'
                 )
             self._detector = cast(
-                EvidenceDetector, create_detector(METHODS[0], grid, bit_period_s=self._bit_s)
+                LikelihoodDetector, create_detector(METHODS[0], grid, bit_period_s=self._bit_s)
             )
             self._chosen = self._asked
+            self._refused = None
         if last is not None and (last.grid != grid or last.stamp_ns >= frame.stamp_ns):
             self._frames.clear()
         self._frames.append(frame)
@@ -113,6 +112,9 @@ class Watch:
         for detection in self._detector.update(frame):
             self._last[detection.id] = detection
             self._times[detection.id] += 1
+        for candidate in self._detector.candidates:
+            if candidate.reason is not None:
+                self._refused = candidate
 
     def snapshot(self) -> Snapshot:
         """Return what is known now."""
@@ -160,16 +162,19 @@ class Watch:
                 return f'{mismatch}: set --bit-period to how long the markers hold a bit [s]'
         return ''
 
-    def _with_zones(self, snapshot: Snapshot, detector: EvidenceDetector, now_ns: int) -> Snapshot:
+    def _with_zones(
+        self, snapshot: Snapshot, detector: LikelihoodDetector, now_ns: int
+    ) -> Snapshot:
         """Add zones, bits and readings."""
         newest = self._frames[-1]
         since_ns = newest.stamp_ns - round(_KEPT_BITS * self._bit_s * 1e9)
-        recent = Recording.of([frame for frame in self._frames if frame.stamp_ns > since_ns])
-        samples = placed(recent, len(recent), self._bit_s)
-        view = View.of(samples, np.arange(newest.grid.zones))
+        recent = [frame for frame in self._frames if frame.stamp_ns > since_ns]
+        if len(recent) < 2:
+            return snapshot
+        samples = Samples.of(Recording.of(recent))
         ambient = float(np.median(newest.ambient))
         law = NoiseLaw().lit(max(ambient, 0.0) if math.isfinite(ambient) else 0.0)
-        blinking = modulation_db(view, law)
+        blinking = modulation_db(samples, law)
         if self._asked is None:
             most = int(blinking.argmax())
             if blinking[most] < BLINKING_DB:
@@ -178,7 +183,7 @@ class Watch:
                 self._chosen = most
         zone = self._chosen
         readings = [
-            LastReading(detection, (now_ns - detection.stamp_ns) * 1e-9, self._times[identity])
+            LastReading(detection, (now_ns - detection.end_ns) * 1e-9, self._times[identity])
             for identity, detection in self._last.items()
         ]
         return replace(
@@ -186,10 +191,11 @@ class Watch:
             frame=newest,
             modulation_db=blinking,
             zone=zone,
-            bits=None if zone is None else self._bits.read(view.only(zone), law),
-            least_correlation=correlation_threshold(PACKET_SAMPLES, detector.chance[1]),
+            bits=None if zone is None else self._bits.read(samples, zone, law),
             readings=readings,
             rejected=detector.counts.rejected,
+            refused=self._refused,
+            demands=detector.demands,
         )
 
 

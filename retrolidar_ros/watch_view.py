@@ -15,6 +15,9 @@ import numpy as np
 from retrolidar_ros.blinking import NewestBits
 from retrolidar_ros.code import ID_BITS, PACKET_BITS, PREAMBLE
 from retrolidar_ros.detector import Detection
+from retrolidar_ros.detector.budget import Demands
+from retrolidar_ros.detector.likelihood_detector import Candidate
+from retrolidar_ros.detector.reason import Reason
 from retrolidar_ros.frame import Floats, Frame
 
 COLUMNS = 80
@@ -86,11 +89,13 @@ class Snapshot:
     """The one whose bits are shown; None while none blinks and none is asked for."""
     bits: NewestBits | None = None
     """Of that zone; None while there are too few."""
-    least_correlation: float = 0.0
-    """From which on a packet is read."""
     readings: Sequence[LastReading] = ()
     rejected: Mapping[str, int] = field(default_factory=dict)
     """How many candidates the detector has refused in all zones so far, by reason."""
+    refused: Candidate | None = None
+    """The last of them."""
+    demands: Demands | None = None
+    """What is asked of a candidate."""
 
 
 def screen(snapshot: Snapshot, symbols: Symbols) -> list[str]:
@@ -218,7 +223,7 @@ def _bits(snapshot: Snapshot, symbols: Symbols) -> list[str]:
         f'  packet  {packet}  turned as ID {bits.id} has it',
         (
             f'  nearest ID {bits.id}: {bits.differing} of {PACKET_BITS} bits differ, correlation '
-            f'{bits.correlation:.2f} ({snapshot.least_correlation:.2f} to be read)'
+            f'{bits.correlation:.2f}'
         ),
     ]
 
@@ -226,9 +231,8 @@ def _bits(snapshot: Snapshot, symbols: Symbols) -> list[str]:
 def _readings(snapshot: Snapshot) -> list[str]:
     """Return the last reading of each of the markers that were read last."""
     newest = sorted(snapshot.readings, key=lambda reading: reading.age_s)[:_READINGS]
-    reasons = [f'{reason} {count}' for reason, count in sorted(snapshot.rejected.items())]
     lines = [
-        f'  refused so far: {", ".join(reasons) or "nothing"}',
+        *_refused(snapshot),
         'read   ID  times  s ago  range [m]  score  SNR [dB]  corrected  packets  zones',
     ]
     # By ID, so that they stay where they are.
@@ -241,6 +245,21 @@ def _readings(snapshot: Snapshot) -> list[str]:
     if not newest:
         lines[-1] = 'nothing has been read yet'
     return lines
+
+
+def _refused(snapshot: Snapshot) -> list[str]:
+    """Return how many candidates were refused, and how far the last was from being read."""
+    reasons = [f'{reason} {count}' for reason, count in sorted(snapshot.rejected.items())]
+    text = f'refused so far: {", ".join(reasons) or "nothing"}'
+    last, asked = snapshot.refused, snapshot.demands
+    if last is not None and last.reason is not None and asked is not None:
+        shortfall = {
+            Reason.EVIDENCE: f' {last.evidence:.1f} of {asked.evidence:.1f} nats',
+            Reason.NOT_A_WORD: f', {last.word:.1f} nats, {asked.word:.1f} allowed',
+            Reason.MARGIN: f' {last.margin:.1f} of {asked.margin:.1f} nats',
+        }
+        text += f'; last ID {last.id}: {last.reason.value}{shortfall.get(last.reason, "")}'
+    return textwrap.wrap(text, COLUMNS, initial_indent='  ', subsequent_indent='    ')
 
 
 def _number(value: float, decimals: int = 1) -> str:

@@ -152,9 +152,11 @@ def check_detections(listener: Listener, scene: Scene, frame_id: str) -> None:
             assert message.header.frame_id == frame_id
             assert message.child_frame_id == f'marker_{marker.id}'
             stamp_ns = to_ns(message.header.stamp)
-            assert stamp_ns in frame_stamps
+            start_ns, end_ns = to_ns(message.start), to_ns(message.end)
+            assert end_ns in frame_stamps
+            assert start_ns < stamp_ns < end_ns
             # From any bit of a repeating marker on, so the first packet may have begun earlier.
-            packets = (stamp_ns - to_ns(message.start)) * 1e-9 / 1.302
+            packets = (end_ns - start_ns) * 1e-9 / 1.302
             assert message.packets - 0.04 < packets < message.packets + 1.04
             assert abs(message.range - np.linalg.norm(marker.position_m)) < 0.01
             position = message.pose.pose.position

@@ -366,7 +366,7 @@ def check_two_sensors(listener: Listener, scene: Scene, namespace: str) -> None:
         marker = markers[message.child_frame_id]
         assert (message.id, name) == (marker.id, marker.name)
         assert message.header.frame_id == f'{side}_optical_frame'
-        assert to_ns(message.header.stamp) in stamps[side]
+        assert to_ns(message.end) in stamps[side]
         position = _vector(message.pose.pose.position)
         truth = np.array(marker.position_m)
         check_place(position, _covariance(message)[:3, :3], truth, np.zeros(3))

@@ -18,11 +18,15 @@ FIELDS = [
     'range',
     'range_stddev',
     'snr',
+    'evidence',
+    'decision_margin',
     'score',
+    'bit_period',
     'corrected_bits',
     'packets',
     'zones',
     'start',
+    'end',
 ]
 PNG = b'\x89PNG\r\n\x1a\n'
 
@@ -46,10 +50,10 @@ def test_decode_prints_one_json_object_a_detection(
         place = [detection['x'], detection['y'], detection['z']]
         assert np.linalg.norm(place) == pytest.approx(detection['range'])
         # From any bit of a repeating marker on, so the first packet may have begun earlier.
-        packets = (detection['stamp'] - detection['start']) / 1.302
+        packets = (detection['end'] - detection['start']) / 1.302
         assert detection['packets'] - 0.04 < packets < detection['packets'] + 1.04
-    stamps = [detection['stamp'] for detection in detections]
-    assert stamps == sorted(stamps)
+    ends = [detection['end'] for detection in detections]
+    assert ends == sorted(ends)
 
 
 @pytest.mark.parametrize('method', METHODS)
@@ -72,6 +76,8 @@ def test_decode_prints_a_table(bag: Path, capsys: pytest.CaptureFixture[str]) ->
         '[m]',
         'SNR',
         '[dB]',
+        'evidence',
+        'margin',
         'score',
         'corrected',
         'packets',

@@ -1,12 +1,13 @@
 # Copyright 2026 retrolidar_ros contributors
 # SPDX-License-Identifier: Apache-2.0
+import json
 from collections.abc import Iterator
 from dataclasses import replace
 
 import pytest
 
 from retrolidar_ros.bag import BagError
-from retrolidar_ros.decoding import detect
+from retrolidar_ros.decoding import TEXT_HEADER, detect, to_json, to_text
 from retrolidar_ros.detector import METHODS
 from retrolidar_ros.frame import Frame, ZoneGrid
 from retrolidar_ros.scene import Scene, Simulation
@@ -52,3 +53,27 @@ def test_detections_come_before_the_last_frame() -> None:
     source = iter(frames(10.0))
     assert next(detect(source, METHODS[0])).id == ID
     assert len(list(source)) > 200
+
+
+@pytest.mark.parametrize('method', METHODS)
+def test_what_a_method_does_not_measure_is_null(method: str) -> None:
+    detection = next(detect(frames(), method))
+
+    def refuse(word: str) -> None:
+        pytest.fail(f'{word} is no JSON')
+
+    said = json.loads(to_json(detection), parse_constant=refuse)
+    assert said['bit_period'] == pytest.approx(0.042, rel=0.003)
+    assert said['start'] < said['stamp'] < said['end']
+    if method == 'paper':
+        assert said['evidence'] is said['decision_margin'] is None
+    else:
+        assert said['evidence'] > 28
+        assert said['decision_margin'] > 6
+
+
+@pytest.mark.parametrize('method', METHODS)
+def test_a_line_of_text_fits_its_header(method: str) -> None:
+    line = to_text(next(detect(frames(), method)))
+    assert line.index(f' {ID} ') == TEXT_HEADER.index(' id ') - 2
+    assert line.rindex('  ') + 2 == TEXT_HEADER.index('zones')

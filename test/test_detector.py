@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from retrolidar_ros.code import PREAMBLE, packet
 from retrolidar_ros.detector import METHODS, Detection, Detector, create_detector
-from retrolidar_ros.detector.evidence import NoiseLaw
+from retrolidar_ros.detector.noise import NoiseLaw
 from retrolidar_ros.detector.paper.baseline import silent_level
 from retrolidar_ros.detector.paper.demodulation import fit_packets, threshold_bits
 from retrolidar_ros.detector.paper.preamble import fit_preamble
@@ -54,7 +54,13 @@ def test_every_method_reads_identity_place_and_time_of_a_lone_packet(method: str
     assert detection.place.range_m == pytest.approx(1.2, abs=2e-3)
     assert detection.place.position_m == pytest.approx(1.2 * GRID.directions[ZONE], abs=2e-3)
     assert detection.start_ns == pytest.approx(2.0e9, abs=25e6)
-    assert detection.stamp_ns == pytest.approx(2.0e9 + 31 * 42e6, abs=25e6)
+    # The place holds at the mean time of the bright samples.
+    light = 1 - packet(ID)
+    middle_bits = (light * (np.arange(31) + 0.5)).sum() / light.sum()
+    middle_ns = 2.0e9 + (middle_bits if method == 'joint' else 15.5) * 42e6
+    assert detection.stamp_ns == pytest.approx(middle_ns, abs=50e6)
+    assert detection.end_ns == pytest.approx(2.0e9 + 31 * 42e6, abs=25e6)
+    assert detection.bit_period_s == pytest.approx(0.042, rel=0.003)
     assert detection.packets == 1
     assert 0.9 < detection.score <= 1
 
@@ -74,7 +80,7 @@ def test_every_method_decides_with_the_last_frame_of_the_packet(method: str) -> 
     detector = create_detector(method, GRID)
     for frame in simulate(a_scene()):
         for detection in detector.update(frame):
-            assert detection.stamp_ns == frame.stamp_ns
+            assert detection.end_ns == frame.stamp_ns
 
 
 @pytest.mark.parametrize('method', METHODS)
@@ -217,7 +223,7 @@ def test_zones_that_never_see_anything_do_no_harm(method: str) -> None:
 
 
 def test_an_impossible_request_is_refused() -> None:
-    with pytest.raises(ValueError, match="unknown method 'magic'; there is joint, soft, hard, pap"):
+    with pytest.raises(ValueError, match="unknown method 'magic'; there is joint, paper"):
         create_detector('magic', GRID)
     with pytest.raises(ValueError, match='likelihood_threshold of nan'):
         create_detector('paper', GRID, likelihood_threshold=float('nan'))
@@ -314,7 +320,7 @@ def test_range_is_the_mean_of_all_distances_of_the_packet() -> None:
     distance = np.random.default_rng(6).uniform(1, 2, recording.distance.shape).astype(np.float32)
     distance[::7] = np.nan
     (detection,) = run(replace(recording, distance=distance), create_detector('paper', GRID))
-    used = (recording.stamp_ns >= detection.start_ns) & (recording.stamp_ns <= detection.stamp_ns)
+    used = (recording.stamp_ns >= detection.start_ns) & (recording.stamp_ns <= detection.end_ns)
     assert used.sum() == 62
     expected = np.nanmean(distance[used, ZONE]) / GRID.z_per_range[ZONE]
     assert detection.place.range_m == pytest.approx(expected, rel=1e-6)
@@ -476,13 +482,13 @@ def test_a_zone_whose_first_samples_are_abnormal_begins_with_the_first_normal_on
     assert detector.counts.candidates == 0
 
 
-def test_the_stamp_is_of_a_frame_that_was_used() -> None:
+def test_the_end_is_that_of_a_frame_that_was_used() -> None:
     frames = list(simulate(a_scene()))
     (detection,) = run(frames, create_detector('paper', GRID))
-    last = next(i for i, frame in enumerate(frames) if frame.stamp_ns == detection.stamp_ns)
+    last = next(i for i, frame in enumerate(frames) if frame.stamp_ns == detection.end_ns)
     (late,) = run(frames[:last] + frames[last + 30 :], create_detector('paper', GRID))
     assert late.id == ID
-    assert late.stamp_ns == frames[last - 1].stamp_ns
+    assert late.end_ns == frames[last - 1].stamp_ns
 
 
 def test_the_range_deviation_is_never_nothing() -> None:

@@ -1,23 +1,15 @@
 # Copyright 2026 retrolidar_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""The documents against what they quote: code, commands, figures and links.
-
-A figure is held by a comment behind it, which Markdown does not show: `<!-- FILE.json PATH -->` for
-a value of a report, or `<!-- = EXPRESSION -->`, in which `{FILE.json PATH}` stands for one. A PATH
-goes down by `.key`, `[index]` and `[key=value,…]`, which finds the row with these values.
-"""
+"""The documents against what they quote: code, commands and links."""
 
 from __future__ import annotations
 
 import argparse
 import ast
-import json
-import math
 import re
 from collections.abc import Iterator
 from functools import cache
 from pathlib import Path
-from typing import Any
 
 import pytest
 import yaml
@@ -25,15 +17,14 @@ import yaml
 from retrolidar_ros import cli, wire
 from retrolidar_ros.code import PREAMBLE, packet
 from retrolidar_ros.detector import METHODS
+from retrolidar_ros.detector.reason import Reason
 from retrolidar_ros.dictionary import choose_ids
 from retrolidar_ros.evaluation.experiments import EXPERIMENTS
 
 ROOT = Path(__file__).parent.parent
 DOCS = ROOT / 'docs'
-REPORT = DOCS / 'report'
 PAGES = [ROOT / 'README.md', *sorted(DOCS.rglob('*.md'))]
 GUIDES = [DOCS / f'{name}.md' for name in ('hardware', 'choosing', 'troubleshooting')]
-JUDGE = ROOT / 'retrolidar_ros' / 'detector' / 'judge.py'
 # What the guides name that is not ours.
 FOREIGN = {
     'map',
@@ -64,71 +55,6 @@ def spans(path: Path) -> list[str]:
 
 def is_path(text: str) -> bool:
     return '/' in text and (ROOT / text).exists()
-
-
-# Figures
-
-
-def step_into(value: Any, step: str) -> Any:
-    """Go one step down a path."""
-    if not step.startswith('['):
-        return value[step]
-    inside = step[1:-1]
-    if '=' not in inside:
-        return value[int(inside)]
-    wanted = dict(pair.split('=') for pair in inside.split(','))
-    (found,) = (
-        row
-        for row in value
-        if all(
-            str(row[key]) == text or (text[0].isdigit() and row[key] == float(text))
-            for key, text in wanted.items()
-        )
-    )
-    return found
-
-
-@cache
-def report(file: str) -> Any:
-    return json.loads((REPORT / file).read_text(encoding='utf-8'))
-
-
-def value_at(reference: str) -> float:
-    """Return the value that FILE.json PATH means."""
-    file, path = reference.split()
-    value = report(file)
-    for step in re.findall(r'\[[^]]*\]|[^.[\]]+', path):
-        value = step_into(value, step)
-    return float(value)
-
-
-def meant(comment: str) -> float:
-    """Return the value that a comment behind a figure means."""
-    if not comment.startswith('='):
-        return value_at(comment)
-    filled = re.sub(r'{([^}]+)}', lambda match: repr(value_at(match[1])), comment[1:])
-    names = {name: getattr(math, name) for name in ('pi', 'sqrt', 'sin', 'cos')}
-    return float(eval(filled.strip(), {'__builtins__': {}}, names))
-
-
-def figures() -> Iterator[tuple[str, str, str]]:
-    """Yield the figures of all pages that say where they are from."""
-    for page in PAGES:
-        text = page.read_text(encoding='utf-8')
-        for comment in re.finditer(r'<!-- (=.+?|\S+\.json .+?) -->', text):
-            before = re.search(r'(-?\d[\d.]*)[^\d|<>]*$', text[: comment.start()])
-            assert before, f'{name_of(page)}: no figure before {comment[0]}'
-            yield name_of(page), before[1], comment[1]
-
-
-@pytest.mark.parametrize(('page', 'figure', 'comment'), sorted(set(figures())))
-def test_every_figure_is_what_its_source_says(page: str, figure: str, comment: str) -> None:
-    decimals = len(figure.partition('.')[2])
-    assert abs(float(figure) - meant(comment)) <= 0.5 * 10.0**-decimals + 1e-9
-
-
-def test_figures_are_found() -> None:
-    assert len(list(figures())) > 60
 
 
 # What is quoted from the code
@@ -233,16 +159,17 @@ def test_what_stands_in_backticks_exists(guide: Path) -> None:
 
 def reasons() -> set[str]:
     """Return all for which a candidate is refused."""
-    found = set()
-    for source in (ROOT / 'retrolidar_ros' / 'detector').rglob('*.py'):
-        text = source.read_text(encoding='utf-8')
-        found |= set(re.findall(r"rejected\['([^']+)'\]", text))
-    for node in ast.walk(ast.parse(JUDGE.read_text(encoding='utf-8'))):
-        if isinstance(node, ast.FunctionDef) and node.name == '_test':
-            for inner in ast.walk(node):
-                if isinstance(inner, ast.Return) and isinstance(inner.value, ast.Constant):
-                    found.add(str(inner.value.value))
+    found = {reason.value for reason in Reason}
+    for source in (ROOT / 'retrolidar_ros' / 'detector' / 'paper').glob('*.py'):
+        found |= set(re.findall(r"rejected\['([^']+)'\]", source.read_text(encoding='utf-8')))
     return found
+
+
+def test_every_reason_of_the_default_is_explained() -> None:
+    text = (DOCS / 'evidence.md').read_text(encoding='utf-8').split('## Reasons')[1]
+    assert re.findall(r'^\| `([^`]+)` \|', text, flags=re.MULTILINE) == [
+        reason.value for reason in Reason
+    ]
 
 
 def test_the_table_of_reasons_is_complete() -> None:

@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from retrolidar_ros.evaluation.experiments import EXPERIMENTS, run_experiments
 from retrolidar_ros.evaluation.detectors import new_detector
+from retrolidar_ros.evaluation.experiments import EXPERIMENTS, run_experiments
 from retrolidar_ros.evaluation.false_ids import false_ids, wall_blocks
 from retrolidar_ros.evaluation.panels import PANELS
 from retrolidar_ros.evaluation.reference import SENSOR, WALL_SIGNAL

@@ -91,16 +91,16 @@ class Oracle:
         self._readings = readings
 
     def update_all(self, recording: Recording) -> list[Detection]:
-        stamp_ns = int(recording.stamp_ns[self._frame])
+        end_ns = int(recording.stamp_ns[self._frame])
         return [
-            cast(Detection, Reading(identity, zone, stamp_ns)) for identity, zone in self._readings
+            cast(Detection, Reading(identity, zone, end_ns)) for identity, zone in self._readings
         ]
 
 
 class Reading:
-    def __init__(self, identity: int, zone: int, stamp_ns: int) -> None:
+    def __init__(self, identity: int, zone: int, end_ns: int) -> None:
         self.id = identity
-        self.stamp_ns = stamp_ns
+        self.end_ns = end_ns
         self.zones = (zone, (zone + 1) % 16)
 
 
@@ -115,7 +115,7 @@ def test_a_reading_is_judged_by_the_markers_of_its_first_zone(rng: np.random.Gen
         (5, True),
         (5, False),
     ]
-    assert {reading.stamp_ns for reading in readings} == {trial.recording.stamp_ns[7]}
+    assert {reading.end_ns for reading in readings} == {trial.recording.stamp_ns[7]}
     result = outcome(trial, oracle)
     assert np.flatnonzero(result.right).tolist() == [3, 5]
     assert np.flatnonzero(result.wrong).tolist() == [4, 5]

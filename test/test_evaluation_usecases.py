@@ -13,8 +13,8 @@ from hypothesis import strategies as st
 from retrolidar_ros.detector.bearing import zone_bearing
 from retrolidar_ros.detector.place import place
 from retrolidar_ros.evaluation import coffee, drone
-from retrolidar_ros.evaluation.experiments import EXPERIMENTS, run_experiments
 from retrolidar_ros.evaluation.detectors import new_detector
+from retrolidar_ros.evaluation.experiments import EXPERIMENTS, run_experiments
 from retrolidar_ros.evaluation.hand import (
     Pose,
     markers_at,
@@ -102,15 +102,13 @@ def test_the_hand_sees_all_from_every_place() -> None:
 
 def test_errors_of_a_place() -> None:
     found = place(zone_bearing(5, ZoneGrid()), 1.5, 0.002)
-    right = place_error(found, found.position_m[None])
+    right = place_error(found, found.position_m)
     assert right == pytest.approx(PlaceError(0, 0, 0, 0), abs=1e-6)
-    # Two moments whose mean is 3 cm farther along the line of sight.
-    moments = np.stack([found.position_m, found.position_m * 1.56 / 1.5])
-    farther = place_error(found, moments)
+    farther = place_error(found, found.position_m * 1.53 / 1.5)
     assert farther.range_m == pytest.approx(-0.03)
     assert farther.position_m == pytest.approx(0.03)
     assert farther.bearing_deg == pytest.approx(0, abs=1e-6)
-    behind = place_error(found, -found.position_m[None])
+    behind = place_error(found, -found.position_m)
     assert behind.bearing_deg == pytest.approx(180)
 
 
@@ -127,7 +125,8 @@ def test_frames_one_by_one_give_each_reading_as_soon_as_all_of_it_was_seen() -> 
     assert {one.detection.id for one in readings} == {one.id for one in WORLD.markers}
     for known_ns, detection in readings:
         assert known_ns in recording.stamp_ns
-        assert 0 <= known_ns - detection.stamp_ns < 0.5e9
+        assert detection.start_ns < detection.stamp_ns < detection.end_ns
+        assert 0 <= known_ns - detection.end_ns < 0.5e9
 
 
 def test_quick_trials_place_all_objects() -> None:
@@ -164,14 +163,11 @@ def test_the_drone_is_where_the_demo_says() -> None:
     readings = list(read_live(new_detector('joint', recording.grid), recording))
     assert readings
     for _, detection in readings:
-        places_m = drone.places_during(marker, detection)
-        parts = (np.arange(len(places_m)) + 0.5) / len(places_m)
-        length_ns = detection.packets * 1.302e9
-        ends_ns = float(detection.stamp_ns - recording.stamp_ns[0])
-        ranges_m = true_range(scene, marker, recording, ends_ns - length_ns * parts)
-        mean_m = np.linalg.norm(places_m, axis=1).mean()
-        assert mean_m == pytest.approx(ranges_m.mean(), abs=1e-5)
-        assert abs(place_error(detection.place, places_m).range_m) < 0.01
+        place_m = drone.true_place(marker, detection)
+        since_ns = np.array([float(detection.stamp_ns - recording.stamp_ns[0])])
+        (range_m,) = true_range(scene, marker, recording, since_ns)
+        assert np.linalg.norm(place_m) == pytest.approx(range_m, abs=1e-5)
+        assert abs(place_error(detection.place, place_m).range_m) < 0.01
 
 
 def test_the_drone_drifts_over_more_than_20_cm_and_four_zones() -> None:

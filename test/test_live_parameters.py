@@ -310,7 +310,7 @@ def test_shapes_last_as_long_as_is_said(live: Live) -> None:
 
 
 REFUSED: list[tuple[dict[str, Any], str]] = [
-    ({'method': 'magic'}, "method: 'magic' is not one of joint, soft, hard, paper"),
+    ({'method': 'magic'}, "method: 'magic' is not one of joint, paper"),
     ({'max_packets': 9}, 'max_packets out of range'),
     ({'max_packets': 0}, 'max_packets out of range'),
     ({'max_packets': 2.0}, 'Wrong parameter type'),
@@ -341,7 +341,7 @@ def test_what_is_refused_changes_nothing(nodes: Live, changes: dict[str, Any], r
 def test_one_refusal_spoils_all_that_is_to_be_set_at_once(live: Live) -> None:
     before = live.get(DETECTOR)
     request = SetParametersAtomically.Request(
-        parameters=messages_of({'publish_tf': False, 'method': 'hard', 'registered_ids': [0]})
+        parameters=messages_of({'publish_tf': False, 'method': 'paper', 'registered_ids': [0]})
     )
     kind = SetParametersAtomically
     answer = live.call(DETECTOR, kind, 'set_parameters_atomically', request)
@@ -411,7 +411,7 @@ def test_a_transport_delay_is_taken_off_from_now_on(nodes: Live, port: Path) -> 
     [
         ('driver', ['--params-file', '{}/nowhere.yaml'], 'nowhere.yaml'),
         ('detector', ['--params-file', '{}/broken.yaml'], 'broken.yaml'),
-        ('detector', ['-p', 'method:=magic'], "method: 'magic' is not one of joint, soft"),
+        ('detector', ['-p', 'method:=magic'], "method: 'magic' is not one of joint, paper"),
         ('detector', ['-p', 'marker_file:={}/nowhere.yaml'], 'marker_file: [Errno 2] No such file'),
         ('detector', ['-p', 'marker_file:={}/twice.yaml'], 'key 2073 stands here a second time'),
         ('detector', ['-p', 'marker_file:={}/same.yaml'], 'marker 2073 has the frame mug, too'),

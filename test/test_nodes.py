@@ -34,6 +34,7 @@ from retrolidar_ros.msg import Frame as FrameMsg
 from st_board import Board, Zone
 
 from retrolidar_ros.demo import NAMESPACE, executable, start_nodes
+from retrolidar_ros.detector.reason import Reason
 from retrolidar_ros.nodes.conversion import to_frame_msg, to_ns
 from retrolidar_ros.nodes.listener import Listener
 from retrolidar_ros.processes import ProcessGroup
@@ -191,7 +192,7 @@ def test_markers_are_still_read_afterwards(
 @pytest.mark.parametrize(
     ('node', 'parameter', 'message'),
     [
-        ('detector', 'method:=magic', "method: 'magic' is not one of joint, soft, hard, paper"),
+        ('detector', 'method:=magic', "method: 'magic' is not one of joint, paper"),
         ('detector', 'bit_period:=-1.0', 'bit_period'),
         ('detector', 'max_packets:=9', 'max_packets'),
         ('detector', 'noise_floor:=0.0', 'noise_floor'),
@@ -263,6 +264,40 @@ def test_frames_that_do_not_suit_the_bits_are_warned_of_once(
     (line,) = (line for line in errors.splitlines() if 'a frame comes every' in line)
     assert 'WARN' in line
     assert re.search(r'a frame comes every 2[01]\.\d ms, but half of bit_period is 25\.0 ms', line)
+
+
+def test_every_candidate_that_is_refused_is_logged_for_debugging(
+    scene: Scene, listener: Listener, diagnostics: Diagnostics, tmp_path: Path
+) -> None:
+    name = '/refused/detector: markers'
+    command = [executable('detector'), '--ros-args', '-r', '__ns:=/refused']
+    log = tmp_path / 'log'
+    with log.open('w') as errors:
+        process = subprocess.Popen([*command, '--log-level', 'debug'], stderr=errors)
+        try:
+            publisher = listener.node.create_publisher(FrameMsg, '/refused/frames', 10)
+            assert listener.spin_until(lambda: publisher.get_subscription_count() > 0, 30.0)
+
+            def is_refused() -> bool:
+                heard = diagnostics[name]
+                return bool(heard) and any('rejected' in key for key in values_of(heard[-1]))
+
+            for frame in Simulation(scene).run(60.0):
+                publisher.publish(to_frame_msg(frame, FRAME_ID))
+                if listener.spin_until(is_refused, 0.005):
+                    break
+            assert is_refused()
+        finally:
+            process.terminate()
+            process.wait(10)
+    reasons = '|'.join(reason.value for reason in Reason)
+    logged = re.findall(
+        rf'refused: ({reasons}): ID \d+, evidence \S+, word \S+, margin \S+ nats', log.read_text()
+    )
+    counted = sum(
+        int(count) for key, count in values_of(diagnostics[name][-1]).items() if 'rejected' in key
+    )
+    assert len(logged) >= counted > 0
 
 
 def test_the_text_of_the_example_is_published_and_its_period_warned_of(

@@ -141,9 +141,9 @@ def test_what_stands_behind_does_not_shift_the_range(wall_m: float, wall: float)
     scores = []
     for seed in range(40):
         blink = blinking(wall_m, wall, np.random.default_rng(seed))
-        found = modulated_range(*blink, 0, grid)
+        found = modulated_range(np.arange(len(blink[0])) * 0.021, *blink, 0, grid)
         assert found is not None
-        range_m, stddev_m = found
+        range_m, stddev_m, _ = found
         assert stddev_m < 0.006
         scores.append((range_m * grid.z_per_range[0] - 1.5) / stddev_m)
     assert abs(np.mean(scores)) < 0.6
@@ -153,8 +153,14 @@ def test_what_stands_behind_does_not_shift_the_range(wall_m: float, wall: float)
 def test_a_range_needs_distances() -> None:
     light = np.tile([0.0, 1.0], 10)
     nothing = np.full(20, np.nan)
-    assert modulated_range(light, np.ones(20), 50 * light, nothing, 0, GRIDS[0]) is None
-    assert modulated_range(light, np.zeros(20), 50 * light, light + 1, 0, GRIDS[0]) is None
+    assert (
+        modulated_range(np.arange(20.0), light, np.ones(20), 50 * light, nothing, 0, GRIDS[0])
+        is None
+    )
+    assert (
+        modulated_range(np.arange(20.0), light, np.zeros(20), 50 * light, light + 1, 0, GRIDS[0])
+        is None
+    )
 
 
 def test_the_ellipsoid_holds_and_bearings_are_sharp() -> None:

@@ -112,7 +112,11 @@ def test_a_drone_that_falls_silent_is_overdue(tmp_path: Path) -> None:
         nodes.wait_for('frames', 2)
         nodes.wait_for('markers', 2)
         # Who was never there is overdue as well.
-        wait(nodes.listener, lambda: alive.data()[-1:] == [False], lambda: 'a first silence')
+        wait(
+            nodes.listener,
+            lambda: 'drone is overdue' in nodes.log('heartbeat'),
+            lambda: 'a first silence',
+        )
         with Sensor(scene, nodes.port()):
             check_heartbeat(nodes.listener, alive, health, scene)
         log = nodes.log('heartbeat')

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from retrolidar_ros.code import RESERVED_IDS
 from retrolidar_ros.detector import METHODS, create_detector
-from retrolidar_ros.detector.evidence import NoiseLaw
+from retrolidar_ros.detector.noise import NoiseLaw
 from retrolidar_ros.resources import shared_file
 from retrolidar_ros.scene import Scene, Simulation
 from retrolidar_ros.section import ConfigError

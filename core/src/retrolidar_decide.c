@@ -9,16 +9,19 @@
 #include <string.h>
 
 enum {
-    SILENT_BITS = 16,
+    SILENT_BITS = 31, /* before a lone packet, which tell its bright level */
+    BEFORE_BITS = 16, /* before a stretch, which tell whether its packet has repeated */
     MOST_BITS = SILENT_BITS + RL_BITS, /* that a window is cut into */
     MOST_ERASED_BITS = 7, /* so many leave words of a code of distance 8 apart */
     MOST_HIDDEN_BITS = 3, /* half a bit at either end is left out, too */
     RIVALS = 3,           /* that are tried exactly */
+    WANDERING = 3, /* walk from which on what a packet leaves over is more than noise */
+    USUAL_CHANGES = 12, /* that all words but those of IDs 1 and 4094 have */
     ROUNDS = 4,           /* bits that are turned to make a better sequence */
 };
 
 /* Share of the samples of a window that must be valid. */
-static const double LEAST_VALID = 0.6;
+static const double LEAST_VALID = 0.5;
 /* Bits before a stretch that tell whether its packet has repeated, and share of its evidence that
  * there must be with them.
  */
@@ -33,6 +36,8 @@ static const double LEAST_ADDED = 4.0, LEAST_SHARE = 0.5, COST_OF_GAIN = 2.0;
  * it might be any.
  */
 static const double LEAST_TURNED = 2.0, COST_OF_BURST = 5.0;
+/* [nats] a change that a word has less. */
+static const double COST_OF_CHANGE = 5.0;
 /* Part of the last bit that need not have come yet. */
 static const double NOT_YET_BITS = 0.25;
 /* By how much a part of a lone packet may be worse than a whole one to be as good [nats]. */
@@ -409,7 +414,7 @@ static bool has_repeated(struct rl_window *window, const struct rl_sending *send
     const struct rl_samples *samples = window->samples;
     const int held = samples->count > samples->kept ? samples->count - samples->kept : 0;
     const double from_s =
-        fmax(fmax(begin_s - SILENT_BITS * sending->bit_s, samples->begin_s[held]), since_s);
+        fmax(fmax(begin_s - BEFORE_BITS * sending->bit_s, samples->begin_s[held]), since_s);
     if (begin_s - from_s < LEAST_BEFORE_BITS * sending->bit_s) {
         return true;
     }
@@ -430,6 +435,18 @@ static int doubt(struct rl_window *window, const struct rl_demands *demands,
     }
     *word = any_sequence(window, demands, sending, half_bits, hits) - own;
     return *word > demands->word ? RL_NOT_A_WORD : RL_REASONS;
+}
+
+/* Evidence that a packet of few changes needs besides: the fewer, the sooner do steps of what moves
+ * make one.
+ */
+static double cost_of_changes(uint32_t bits)
+{
+    int changes = 0;
+    for (int bit = 0; bit + 1 < RL_BITS; bit++) {
+        changes += ((bits >> bit ^ bits >> (bit + 1)) & 1u) != 0;
+    }
+    return changes < USUAL_CHANGES ? COST_OF_CHANGE * (USUAL_CHANGES - changes) : 0.0;
 }
 
 static void note_fit(struct rl_verdict *verdict, const struct rl_window *window)
@@ -458,7 +475,9 @@ struct rl_verdict rl_decide(struct rl_window *window, const struct rl_codebook *
     }
     verdict.reason = RL_INCOMPLETE;
     double own = verdict.evidence + window->null;
-    if (!sending->repeats && verdict.end_s > to_s + NOT_YET_BITS * sending->bit_s) {
+    if ((!sending->repeats && verdict.end_s > to_s + NOT_YET_BITS * sending->bit_s) ||
+        fabs(sending->bit_s / demands->bit_s - 1.0) > demands->most_skew + SKEW_SLACK / 2) {
+        /* A packet that has begun looks like a faster one of another ID. */
         return verdict;
     }
     if (sending->repeats && packets == 1 &&
@@ -476,7 +495,7 @@ struct rl_verdict rl_decide(struct rl_window *window, const struct rl_codebook *
     const double since_bits =
         (to_s - RL_BITS * packets * sending->bit_s - sending->start_s) / sending->bit_s;
     const int begin = sending->repeats ? (int)floor(since_bits + 0.5) % RL_BITS : 0;
-    double asked = demands->evidence;
+    double asked = demands->evidence + cost_of_changes(sending->bits);
     /* Before others are asked: two zones may see different packets of which this one is a bit. */
     verdict.reason = doubt(window, demands, sending, packets, own, half_bits, hits, &verdict.word);
     if (verdict.reason == RL_NOT_A_WORD && packets == 1) {
@@ -497,6 +516,7 @@ struct rl_verdict rl_decide(struct rl_window *window, const struct rl_codebook *
     verdict.evidence -= COST_OF_GAIN * (window->sources - 1);
     own = refine(window, demands, sending, half_bits);
     note_fit(&verdict, window);
+    asked += window->fit[0].walk >= WANDERING ? demands->wandering : 0.0;
     if (verdict.evidence < asked) {
         return verdict;
     }

@@ -22,6 +22,7 @@ enum { RL_EVIDENCE, RL_NOT_A_WORD, RL_MARGIN, RL_INCOMPLETE, RL_ERASED, RL_REASO
 
 struct rl_demands {
     double evidence;  /* [nats] */
+    double wandering; /* more of it where the level wanders besides [nats] */
     double word;      /* by how much another sequence of bits may be better [nats] */
     double margin;    /* by how much a packet must be better than one of any other ID [nats] */
     double bit_s;     /* as expected [s] */

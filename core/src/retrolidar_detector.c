@@ -24,11 +24,15 @@ static const int FOLD[FOLDS] = {1, 2, 3, 5, 8};
 /* A source that varies by less than so many times its noise holds no packet by itself. */
 static const double ACTIVE = 1.5;
 /* Share of the evidence in demand that a coarse template must find. */
-static const double COARSE = 0.8;
-/* By how much less a packet may be where another one has yet to be taken off. */
-static const double TENTATIVE = 0.5;
+static const double COARSE = 0.7;
+/* Share of the evidence in demand that a packet must have which another one hides. */
+static const double HIDDEN = 0.7;
+/* Evidence that two need besides of which none is read by itself: there are so many pairs. */
+static const double COST_OF_PAIR = 8.0;
 /* Share of how zones vary that a packet must explain which their sum shows. */
 static const double LEAST_IN_ZONES = 0.7;
+/* A zone has a part in a sum if the packet explains this share of what it does where most. */
+static const double LEAST_PART = 0.1;
 /* Sums are asked after zones that explain nearly as much. */
 static const float SUM_SHARE = 0.8f;
 /* Bits by which a packet may begin before the one before it has ended. */
@@ -59,7 +63,7 @@ struct rl_detector {
     struct rl_demands demands;
     struct rl_counts counts;
     int64_t last_ns;
-    double looked_s, learnt_s;
+    double looked_s, learnt_s, begun_s;
     int64_t turn;
     double free_s[RL_MOST_SOURCES];
     struct recent recent[RECENT];
@@ -93,8 +97,14 @@ struct rl_detector *rl_detector_create(const struct rl_settings *settings, const
     }
     struct rl_detector *detector = (struct rl_detector *)memory;
     detector->settings = *settings;
-    detector->demands = (struct rl_demands){settings->evidence, settings->word, settings->margin,
-                                            settings->bit_s, MOST_SKEW};
+    detector->demands = (struct rl_demands){
+        .evidence = settings->evidence,
+        .wandering = settings->wandering,
+        .word = settings->word,
+        .margin = settings->margin,
+        .bit_s = settings->bit_s,
+        .most_skew = MOST_SKEW,
+    };
     memory += head;
     rl_samples_start(&detector->samples, settings->rows, settings->columns, rows, memory, &law,
                      settings->bit_s);
@@ -119,6 +129,7 @@ static void begin_anew(struct rl_detector *detector, int64_t stamp_ns)
     rl_samples_clear(&detector->samples, stamp_ns);
     detector->recents = 0;
     detector->looked_s = detector->learnt_s = -INFINITY;
+    detector->begun_s = 0.0;
     for (int source = 0; source < RL_MOST_SOURCES; source++) {
         detector->free_s[source] = -INFINITY;
     }
@@ -143,68 +154,6 @@ static double window_begin(const struct rl_verdict *verdict)
     return verdict->sending.repeats
                ? verdict->end_s - RL_BITS * verdict->packets * verdict->sending.bit_s
                : verdict->sending.start_s;
-}
-
-static void add_reading(struct rl_detector *detector, const struct rl_verdict *verdict)
-{
-    const struct rl_samples *samples = &detector->samples;
-    detector->counts.accepted++;
-    if (detector->readings == READINGS) {
-        return;
-    }
-    struct rl_reading *reading = &detector->reading[detector->readings++];
-    memset(reading, 0, sizeof *reading);
-    reading->id = verdict->id;
-    reading->repeats = verdict->sending.repeats;
-    reading->packets = verdict->packets;
-    reading->start_s = verdict->sending.start_s;
-    reading->bit_s = verdict->sending.bit_s;
-    reading->brightening_s = verdict->sending.brightening_s;
-    /* A packet of many frames may have begun before what is held. */
-    const int oldest = samples->count > samples->kept ? samples->count - samples->kept : 0;
-    reading->begin_s = fmax(window_begin(verdict), samples->begin_s[oldest]);
-    reading->end_s = verdict->end_s;
-    reading->evidence = verdict->evidence;
-    reading->margin = verdict->margin;
-    reading->gain = verdict->fit[0].gain;
-    reading->variance = verdict->fit[0].variance;
-    const struct rl_source *source = &samples->source[verdict->source[0]];
-    if (source->zones > 1) {
-        /* Those that it sums; the placement tells which saw how much. */
-        reading->zones = source->zones < 16 ? source->zones : 16;
-        for (int i = 0; i < reading->zones; i++) {
-            reading->zone[i] = source->zone[i];
-        }
-    } else {
-        double gains[RL_MOST_ZONES_TOGETHER];
-        for (int i = 0; i < verdict->sources; i++) {
-            int at = reading->zones++;
-            for (; at > 0 && gains[at - 1] < verdict->fit[i].gain; at--) {
-                gains[at] = gains[at - 1];
-                reading->zone[at] = reading->zone[at - 1];
-            }
-            gains[at] = verdict->fit[i].gain;
-            reading->zone[at] = verdict->source[i];
-        }
-        for (int i = 0; i < verdict->sources; i++) {
-            if (verdict->source[i] == reading->zone[0]) {
-                reading->gain = verdict->fit[i].gain;
-                reading->variance = verdict->fit[i].variance;
-            }
-        }
-    }
-    detector->recent[detector->recents++ % RECENT] =
-        (struct recent){verdict->id, reading->begin_s, reading->end_s};
-    /* What was read is not read again, nor by sums that hold it. */
-    for (int other = 0; other < samples->sources; other++) {
-        for (int i = 0; i < reading->zones; i++) {
-            for (int j = 0; j < samples->source[other].zones; j++) {
-                if (samples->source[other].zone[j] == reading->zone[i]) {
-                    detector->free_s[other] = fmax(detector->free_s[other], reading->end_s);
-                }
-            }
-        }
-    }
 }
 
 /* Rows of the samples that a verdict is of, and the light of its packet in each. One that repeats was
@@ -236,6 +185,88 @@ static struct rl_track track(struct rl_detector *detector, int zone, int first, 
     }
     const double noise = samples->noise_scale * rl_samples_noise(samples, zone, sum / rows);
     return rl_track_fit(window->signal, window->valid, detector->light, rows, noise, gain);
+}
+
+/* The zones that saw a packet, and how strongly; of a sum those with a part in it. */
+static int zones_of(struct rl_detector *detector, const struct rl_verdict *verdict, int *zones,
+                    double *gains)
+{
+    const struct rl_source *sum = &detector->samples.source[verdict->source[0]];
+    if (sum->zones == 1) {
+        for (int i = 0; i < verdict->sources; i++) {
+            zones[i] = verdict->source[i];
+            gains[i] = verdict->fit[i].gain;
+        }
+        return verdict->sources;
+    }
+    int first, seen = 0;
+    double most = 0.0, explained[RL_MOST_ZONES];
+    const int rows = light_of(detector, verdict, &first);
+    for (int i = 0; i < sum->zones; i++) {
+        double gain[RL_KNOTS];
+        explained[i] = track(detector, sum->zone[i], first, rows, gain).explained;
+        most = fmax(most, explained[i]);
+    }
+    for (int i = 0; i < sum->zones; i++) {
+        if (explained[i] >= LEAST_PART * most) {
+            zones[seen] = sum->zone[i];
+            gains[seen++] = explained[i];
+        }
+    }
+    return seen;
+}
+
+static void add_reading(struct rl_detector *detector, const struct rl_verdict *verdict)
+{
+    const struct rl_samples *samples = &detector->samples;
+    detector->counts.accepted++;
+    if (detector->readings == READINGS) {
+        return;
+    }
+    struct rl_reading *reading = &detector->reading[detector->readings++];
+    memset(reading, 0, sizeof *reading);
+    reading->id = verdict->id;
+    reading->repeats = verdict->sending.repeats;
+    reading->packets = verdict->packets;
+    reading->start_s = verdict->sending.start_s;
+    reading->bit_s = verdict->sending.bit_s;
+    reading->brightening_s = verdict->sending.brightening_s;
+    /* A packet of many frames may have begun before what is held. */
+    const int oldest = samples->count > samples->kept ? samples->count - samples->kept : 0;
+    reading->begin_s = fmax(window_begin(verdict), samples->begin_s[oldest]);
+    reading->end_s = verdict->end_s;
+    reading->evidence = verdict->evidence;
+    reading->margin = verdict->margin;
+    int zones[RL_MOST_ZONES];
+    double gains[RL_MOST_ZONES];
+    const int seen = zones_of(detector, verdict, zones, gains);
+    for (int i = 0; i < seen; i++) {
+        int at = i;
+        for (; at > 0 && gains[at - 1] < gains[i]; at--) {
+        }
+        const int zone = zones[i];
+        const double gain = gains[i];
+        memmove(zones + at + 1, zones + at, (size_t)(i - at) * sizeof *zones);
+        memmove(gains + at + 1, gains + at, (size_t)(i - at) * sizeof *gains);
+        zones[at] = zone;
+        gains[at] = gain;
+    }
+    reading->zones = seen < RL_MOST_READ ? seen : RL_MOST_READ;
+    for (int i = 0; i < reading->zones; i++) {
+        reading->zone[i] = zones[i];
+    }
+    detector->recent[detector->recents++ % RECENT] =
+        (struct recent){verdict->id, reading->begin_s, reading->end_s};
+    /* What was read is not read again, nor by sums that hold it. */
+    for (int other = 0; other < samples->sources; other++) {
+        for (int i = 0; i < reading->zones; i++) {
+            for (int j = 0; j < samples->source[other].zones; j++) {
+                if (samples->source[other].zone[j] == reading->zone[i]) {
+                    detector->free_s[other] = fmax(detector->free_s[other], reading->end_s);
+                }
+            }
+        }
+    }
 }
 
 /* Take a packet off the samples of its sources, or put it back. */
@@ -329,7 +360,7 @@ static bool look_behind(struct rl_detector *detector, const struct pending *pend
     struct rl_hits *hits = &detector->behind;
     take_off(detector, before, false);
     rl_search_look(&detector->search, &source, 1, 1, to_s, to_s,
-                   TENTATIVE * detector->demands.evidence,
+                   HIDDEN * detector->demands.evidence,
                    2.0 * (BEYOND_COARSE + detector->demands.word), hits);
     take_off(detector, before, true);
     for (int i = 0; i < hits->count && i < BEHIND && detector->decisions_left > 0; i++) {
@@ -339,7 +370,7 @@ static bool look_behind(struct rl_detector *detector, const struct pending *pend
         }
         detector->decisions_left -= 3;
         *behind = decide_without(detector, before, hit, hits, to_s);
-        if (behind->evidence < TENTATIVE * detector->demands.evidence ||
+        if (behind->evidence < HIDDEN * detector->demands.evidence ||
             is_known(detector, behind->id, window_begin(behind), behind->end_s)) {
             continue;
         }
@@ -349,7 +380,10 @@ static bool look_behind(struct rl_detector *detector, const struct pending *pend
             continue;
         }
         *behind = decide_without(detector, &again, hit, hits, to_s);
-        if (behind->reason == RL_REASONS) {
+        const double least = detector->demands.evidence + COST_OF_PAIR;
+        if (behind->reason == RL_REASONS &&
+            (before->reason == RL_REASONS ||
+             (again.evidence > least && behind->evidence > least))) {
             *before = again;
             return true;
         }
@@ -374,7 +408,7 @@ static void judge(struct rl_detector *detector, const struct pending *pending, d
     const bool may_hide = pending->packets == 1 &&
                           detector->samples.source[pending->source].zones == 1 &&
                           verdict.reason != RL_INCOMPLETE && verdict.reason != RL_ERASED &&
-                          verdict.evidence > TENTATIVE * detector->demands.evidence;
+                          verdict.evidence > HIDDEN * detector->demands.evidence;
     if (may_hide && look_behind(detector, pending, to_s, &verdict, &behind)) {
         detector->counts.candidates++;
         add_reading(detector, &behind);
@@ -419,13 +453,16 @@ static int ready(const struct rl_detector *detector, double bits, double to_s, b
     return count;
 }
 
-/* Of some sources, those in which a packet's time has passed since the last one that was read. */
-static int due(const struct rl_detector *detector, int *sources, int count, double from_s,
-               double to_s)
+/* Of some sources, those in which so many bits have just come since the last packet that was read, or
+ * since the first sample.
+ */
+static int due(const struct rl_detector *detector, int *sources, int count, double bits,
+               double from_s, double to_s)
 {
     int kept = 0;
     for (int i = 0; i < count; i++) {
-        const double since_s = detector->free_s[sources[i]] + RL_BITS * detector->settings.bit_s;
+        const double begin_s = fmax(detector->free_s[sources[i]], detector->begun_s);
+        const double since_s = begin_s + bits * detector->settings.bit_s;
         if (since_s > from_s && since_s <= to_s) {
             sources[kept++] = sources[i];
         }
@@ -470,18 +507,20 @@ static void look(struct rl_detector *detector)
     detector->turn = turn;
     count = ready(detector, packet_bits, to_s, true, RL_MOST_ZONES, sources);
     if (!is_turn) {
-        /* Where a packet was read, another one of the same marker may just have come. */
-        count = due(detector, sources, count, from_s, to_s);
+        count = due(detector, sources, count, RL_BITS, from_s, to_s);
     }
     search(detector, sources, count, 1, from_s, to_s);
-    /* More packets are looked at in turn, each number of them once in a packet's time. */
-    const int fold = (int)(turn % (RL_BITS / LOOK_BITS + 1));
-    if (is_turn && fold >= 1 && fold < FOLDS && FOLD[fold] <= detector->settings.max_packets) {
+    /* More packets are looked at as soon as there are as many, and then in turn. */
+    for (int fold = 1; fold < FOLDS && FOLD[fold] <= detector->settings.max_packets; fold++) {
         const double bits = RL_BITS * FOLD[fold] * (1.0 + MOST_SKEW) + 1.0;
-        if (held_s > bits * bit_s && bits * bit_s < samples->kept * samples->period_s) {
-            count = ready(detector, bits - OVERLAP_BITS, to_s, false, 1, sources);
-            search(detector, sources, count, FOLD[fold], from_s, to_s);
+        if (held_s < bits * bit_s || bits * bit_s > samples->kept * samples->period_s) {
+            break;
         }
+        count = ready(detector, bits - OVERLAP_BITS, to_s, false, 1, sources);
+        if (!is_turn || turn % (RL_BITS / LOOK_BITS + 1) != fold) {
+            count = due(detector, sources, count, bits, from_s, to_s);
+        }
+        search(detector, sources, count, FOLD[fold], from_s, to_s);
     }
     while (detector->pendings > 0 && detector->decisions_left > 0) {
         int best = 0;
@@ -558,6 +597,7 @@ struct rl_held rl_detector_held(const struct rl_detector *detector)
         .period_s = samples->period_s,
         .begin_s = samples->begin_s,
         .end_s = samples->end_s,
+        .stamp_ns = samples->stamp_ns,
         .signal = samples->signal,
         .valid = samples->valid,
         .distance = samples->distance,

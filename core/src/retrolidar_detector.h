@@ -15,13 +15,15 @@ extern "C" {
 #endif
 
 /* binding */
+enum { RL_MOST_READ = 16 };
+
 struct rl_settings {
     int32_t rows, columns; /* of zones */
     int32_t max_packets;   /* that may be combined, 1 to 8 */
     int32_t kept;          /* rows of samples that are held */
     double bit_s;          /* how long markers hold a bit [s] */
     double noise_floor, noise_slope, noise_ambient; /* law of the sensor's noise */
-    double evidence, word, margin, margin_of_more;  /* demands [nats] */
+    double evidence, wandering, word, margin, margin_of_more; /* `rl_demands` [nats] */
 };
 
 /* A packet that was read. */
@@ -32,9 +34,8 @@ struct rl_reading {
     double start_s, bit_s, brightening_s; /* of what is sent [s] */
     double begin_s, end_s; /* of the samples that were used [s] */
     double evidence, margin; /* [nats] */
-    double gain, variance; /* of the strongest zone [kcps/SPAD] and its square */
     int32_t zones;
-    int32_t zone[16]; /* strongest first */
+    int32_t zone[RL_MOST_READ]; /* strongest first */
 };
 
 /* A packet that was judged, read or not. */
@@ -52,6 +53,7 @@ struct rl_held {
     int64_t origin_ns;
     double noise_scale, period_s;
     const double *begin_s, *end_s;
+    const int64_t *stamp_ns; /* 0 where no frame came */
     const float *signal; /* width columns a row, the zones first */
     const uint8_t *valid;
     const float *distance; /* zones columns a row */

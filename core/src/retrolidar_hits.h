@@ -12,7 +12,7 @@
 extern "C" {
 #endif
 
-enum { RL_HITS = 6, RL_SEQUENCES = 3, RL_PROMISES = 4 };
+enum { RL_HITS = 6, RL_SEQUENCES = 3, RL_PROMISES = 6 };
 
 /* A packet that may be there. */
 struct rl_hit {

@@ -60,8 +60,8 @@ int64_t rl_samples_bytes(int rows, int columns, int kept)
 {
     const int64_t zones = (int64_t)rows * columns;
     const int64_t width = width_of((int)(zones + (int64_t)(rows - 1) * (columns - 1) + 1));
-    const int64_t a_row = 2 * (int64_t)sizeof(double) + width * (int64_t)(sizeof(float) + 1) +
-                          zones * (int64_t)sizeof(float) + 1;
+    const int64_t a_row = 3 * (int64_t)sizeof(double) + width * (int64_t)(sizeof(float) + 1) +
+                          zones * (int64_t)sizeof(float);
     return 2 * width * (int64_t)sizeof(double) + 4 * (int64_t)kept * a_row;
 }
 
@@ -85,10 +85,10 @@ void rl_samples_start(struct rl_samples *samples, int rows, int columns, int kep
     samples->square = samples->sum + samples->width;
     samples->begin_s = samples->square + samples->width;
     samples->end_s = samples->begin_s + samples->capacity;
-    samples->signal = (float *)(samples->end_s + samples->capacity);
+    samples->stamp_ns = (int64_t *)(samples->end_s + samples->capacity);
+    samples->signal = (float *)(samples->stamp_ns + samples->capacity);
     samples->distance = samples->signal + (size_t)samples->capacity * (size_t)samples->width;
     samples->valid = (uint8_t *)(samples->distance + (size_t)samples->capacity * (size_t)samples->zones);
-    samples->frame = samples->valid + (size_t)samples->capacity * (size_t)samples->width;
     rl_samples_clear(samples, 0);
 }
 
@@ -118,7 +118,7 @@ static void make_room(struct rl_samples *samples)
     memmove(samples->signal, samples->signal + from * width, kept * width * sizeof(float));
     memmove(samples->valid, samples->valid + from * width, kept * width);
     memmove(samples->distance, samples->distance + from * zones, kept * zones * sizeof(float));
-    memmove(samples->frame, samples->frame + from, kept);
+    memmove(samples->stamp_ns, samples->stamp_ns + from, kept * sizeof(int64_t));
     samples->count = samples->kept;
 }
 
@@ -174,21 +174,29 @@ static void sum_zones(struct rl_samples *samples, int row)
     }
 }
 
+/* When a frame was, or would have been. */
+static double middle_of(const struct rl_samples *samples, int row)
+{
+    return samples->stamp_ns[row] != 0
+               ? (double)(samples->stamp_ns[row] - samples->origin_ns) * 1e-9
+               : (samples->begin_s[row] + samples->end_s[row]) / 2;
+}
+
 /* Place a row about a time; exposures never overlap. */
-static int place_row(struct rl_samples *samples, double middle_s, bool frame)
+static int place_row(struct rl_samples *samples, double middle_s, int64_t stamp_ns)
 {
     const int row = samples->count++;
     const double half_s = samples->period_s / 2;
     samples->begin_s[row] = middle_s - half_s;
     samples->end_s[row] = middle_s + half_s;
     if (row > 0 && samples->begin_s[row] < samples->end_s[row - 1]) {
-        const double before_s = (samples->begin_s[row - 1] + samples->end_s[row - 1]) / 2;
+        const double before_s = middle_of(samples, row - 1);
         const double between_s =
             fmax((before_s + middle_s) / 2, samples->begin_s[row - 1] + LEAST_EXPOSURE_S);
         samples->end_s[row - 1] = samples->begin_s[row] = between_s;
         samples->end_s[row] = fmax(samples->end_s[row], between_s + LEAST_EXPOSURE_S);
     }
-    samples->frame[row] = frame;
+    samples->stamp_ns[row] = stamp_ns;
     return row;
 }
 
@@ -277,8 +285,7 @@ int rl_samples_push(struct rl_samples *samples, int64_t stamp_ns, const float *s
     const double time_s = (double)(stamp_ns - samples->origin_ns) * 1e-9;
     int rows = 1;
     if (samples->count > 0) {
-        const int last = samples->count - 1;
-        const double before_s = (samples->begin_s[last] + samples->end_s[last]) / 2;
+        const double before_s = middle_of(samples, samples->count - 1);
         const double periods = fmin((time_s - before_s) / samples->period_s + 0.4, samples->kept / 2);
         follow_period(samples, time_s - before_s);
         rows = periods < 1.0 ? 1 : (int)periods;
@@ -287,7 +294,7 @@ int rl_samples_push(struct rl_samples *samples, int64_t stamp_ns, const float *s
             if (samples->count == samples->capacity) {
                 make_room(samples);
             }
-            const int row = place_row(samples, before_s + missing * step_s, false);
+            const int row = place_row(samples, before_s + missing * step_s, 0);
             fill_gap(samples, row);
             follow_sums(samples, samples->variance_rows, false);
         }
@@ -296,7 +303,7 @@ int rl_samples_push(struct rl_samples *samples, int64_t stamp_ns, const float *s
     if (full) {
         make_room(samples);
     }
-    const int row = place_row(samples, time_s, true);
+    const int row = place_row(samples, time_s, stamp_ns);
     fill_row(samples, row, time_s, signal, distance, status);
     follow_ambient(samples, ambient);
     const int packet = (int)(31.0 * samples->dark_s / DARK_BITS / samples->period_s + 0.5);
@@ -343,7 +350,7 @@ void rl_samples_learn(struct rl_samples *samples)
             lagged += deviation * before;
             before = deviation;
             whole = valid[(size_t)row * (size_t)samples->width] ||
-                    !samples->frame[first + row]; /* a lost frame is no reason */
+                    samples->stamp_ns[first + row] == 0; /* a lost frame is no reason */
         }
         if (!whole || !(power > 0.0) || lagged >= WHITE * power) {
             continue;

@@ -44,11 +44,11 @@ struct rl_samples {
     int count;    /* rows that are held */
     int64_t origin_ns; /* from which times count */
     double period_s;   /* of the frames, as measured */
+    int64_t *stamp_ns;       /* of each frame; 0 = none came */
     double *begin_s, *end_s; /* of each exposure [s] */
     float *signal;     /* [kcps/SPAD]; of an erasure, the last one before it */
     uint8_t *valid;    /* 0 = erasure */
     float *distance;   /* of zones only, NaN where none was measured [m] */
-    uint8_t *frame;    /* of each row: 1 = a frame came */
     int variance_rows; /* how many of the newest rows the sums below are of */
     double *sum, *square;
     struct rl_noise_law law;

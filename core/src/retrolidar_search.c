@@ -8,14 +8,19 @@
 
 enum {
     EIGHTHS = 8,  /* of a bit, by which packets that ended are tried */
-    QUARTERS = 4, /* of a bit, by which stretches are tried first */
+    QUARTERS = 4, /* of a bit, by which stretches are tried first, ... */
+    AHEAD_QUARTERS = 6, /* ... and packets whose end has not come yet */
     KEPT = 4,     /* stretches of a source that are looked at more closely */
-    BEFORE_BITS = 12, /* of samples before a packet, to tell the level */
+    BEFORE_BITS = 31, /* of samples before a packet, to tell the level */
 };
 
 /* Variance of a source, in that of its noise, from which it is strong. */
 static const double STRONG = 4.0;
-static const float FAINT_WALK = 0.01f, STRONG_WALK = 0.1f;
+/* What stands out of strong samples is asked for more: it is better known. */
+static const double STRONG_SHARE = 1.3;
+/* The longer the silence before a faint packet is remembered, the surer its bright level. */
+static const float WALKS[] = {0.01f, 0.1f, 0.002f};
+enum { WALK_COUNT = 3, FAINT_LONE = 2 };
 /* By how much the ends of a window may be off between two clocks that are tried [bits]. */
 static const double CLOCK_BITS = 0.25;
 
@@ -38,8 +43,9 @@ void rl_search_start(struct rl_search *search, const struct rl_samples *samples,
     search->bit_s = bit_s;
     search->most_skew = most_skew;
     search->frames_a_bit = 0.0;
-    search->whitening[0].walk = FAINT_WALK;
-    search->whitening[1].walk = STRONG_WALK;
+    for (int which = 0; which < WALK_COUNT; which++) {
+        search->whitening[which].walk = WALKS[which];
+    }
     rl_view_start(&search->view, samples, memory);
 }
 
@@ -54,7 +60,7 @@ static void plan(struct rl_search *search)
         return;
     }
     search->frames_a_bit = frames;
-    for (int which = 0; which < 2; which++) {
+    for (int which = 0; which < WALK_COUNT; which++) {
         struct rl_whitening *whitening = &search->whitening[which];
         const double q = (double)whitening->walk;
         const double memory = 1.0 + q / 2 - sqrt(q + q * q / 4);
@@ -91,33 +97,47 @@ static void keep_trial(struct kept *kept, int most, const struct rl_trial *trial
     kept->trial[at] = *trial;
 }
 
+/* Try packets that end at one time, at all clocks, in all lanes or in those that hold promise. */
+static void try_ends(struct rl_search *search, int count, double end_s, bool all, int shifts,
+                     const struct rl_demand *demand)
+{
+    const int clocks = (int)(search->most_skew * RL_BITS / 2 / CLOCK_BITS + 0.999);
+    struct rl_trial trial = {.end_s = end_s, .packets = 1};
+    for (int clock = -clocks; clock <= clocks; clock++) {
+        trial.bit_s = search->bit_s * (1.0 + clock * search->most_skew / clocks);
+        if (all) {
+            rl_view_cut(&search->view, &trial, &search->sums);
+        }
+        for (int lane = 0; lane < count; lane++) {
+            struct rl_lane one;
+            if (all) {
+                rl_lane_of(&search->view, &search->sums, lane, &one);
+            } else if (search->promises[lane].words > 0) {
+                rl_view_cut_lane(&search->view, &trial, lane, &one);
+            } else {
+                continue;
+            }
+            rl_promise_add(&search->promises[lane], demand, &trial, &one, shifts);
+        }
+    }
+}
+
 static void look_at_ended(struct rl_search *search, int count, double from_s, double to_s,
                           const struct rl_demand *demand)
 {
     const double eighth_s = search->bit_s / EIGHTHS;
-    const int clocks = (int)(search->most_skew * RL_BITS / 2 / CLOCK_BITS + 0.999);
     const double newest = floor(to_s / eighth_s);
-    bool found = false;
-    for (int back = 0; back < EIGHTHS; back++) {
-        struct rl_trial trial = {.end_s = (newest - back) * eighth_s, .packets = 1};
-        /* Words end with the newest samples, but what else these may be begins with any phase. */
-        const bool has_ended = trial.end_s > from_s;
-        if (!has_ended && !found) {
-            return;
-        }
-        for (int clock = -clocks; clock <= clocks; clock++) {
-            trial.bit_s = search->bit_s * (1.0 + clock * search->most_skew / clocks);
-            rl_view_cut(&search->view, &trial, &search->sums);
-            for (int lane = 0; lane < count; lane++) {
-                struct rl_promises *promises = &search->promises[lane];
-                if (has_ended || promises->words > 0) {
-                    struct rl_lane one;
-                    rl_lane_of(&search->view, &search->sums, lane, &one);
-                    rl_promise_add(promises, demand, &trial, &one, has_ended ? 1 : 0);
-                    found |= promises->words > 0;
-                }
-            }
-        }
+    int back = 0;
+    for (; (newest - back) * eighth_s > from_s; back++) {
+        try_ends(search, count, (newest - back) * eighth_s, true, 1, demand);
+    }
+    /* What else these may be: sequences of any phase, and packets that have not quite ended. */
+    for (; back < EIGHTHS; back++) {
+        try_ends(search, count, (newest - back) * eighth_s, false, 0, demand);
+    }
+    for (int ahead = 1; ahead <= AHEAD_QUARTERS; ahead++) {
+        const double later_s = ahead * search->bit_s / QUARTERS;
+        try_ends(search, count, newest * eighth_s + later_s, false, 1, demand);
     }
 }
 
@@ -190,7 +210,8 @@ void rl_search_look(struct rl_search *search, const int *sources, int count, int
                                     : RL_BITS * (1.0 + search->most_skew) + BEFORE_BITS + 1.0;
     plan(search);
     for (int strong = 0; strong < 2; strong++) {
-        const struct rl_whitening *whitening = &search->whitening[strong];
+        const struct rl_whitening *whitening =
+            &search->whitening[!strong && packets == 0 ? FAINT_LONE : strong];
         int chosen[RL_MOST_SOURCES], index[RL_MOST_SOURCES], lanes = 0;
         for (int i = 0; i < count; i++) {
             if ((rl_samples_variation(search->samples, sources[i]) > STRONG) == strong) {
@@ -202,7 +223,8 @@ void rl_search_look(struct rl_search *search, const int *sources, int count, int
         if (lanes == 0) {
             continue;
         }
-        const struct rl_demand demand = {(float)least, (float)most_beyond, packets > 0,
+        const double asked = strong ? STRONG_SHARE * least : least;
+        const struct rl_demand demand = {(float)asked, (float)most_beyond, packets > 0,
                                          whitening->energy, &whitening->smooth};
         rl_view_open(&search->view, chosen, lanes, to_s - bits * search->bit_s, to_s,
                      whitening->walk);

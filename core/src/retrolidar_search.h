@@ -23,7 +23,7 @@ struct rl_whitening {
 struct rl_search {
     const struct rl_samples *samples;
     struct rl_codebook codebook;
-    struct rl_whitening whitening[2]; /* for faint and for strong sources */
+    struct rl_whitening whitening[3]; /* for faint and strong sources, and faint lone packets */
     double frames_a_bit; /* that the whitening is for */
     double bit_s;        /* as expected [s] */
     double most_skew;    /* by how much a clock may be off */

@@ -19,6 +19,8 @@ class Demands(NamedTuple):
 
     evidence: float
     """Least, against nothing but noise and a level that wanders."""
+    wandering: float
+    """More of it, where the level wanders besides."""
     word: float
     """Most by which any other sequence of bits may be likelier."""
     margin: float
@@ -33,12 +35,18 @@ def demands(false_ids_per_hour: float, *, zones: int, words: int, bit_s: float) 
     The constants are calibrated by simulation (`evaluate family`).
     """
     trials = (
-        zones / _USUAL_ZONES * words / _USUAL_WORDS * BIT_PERIOD_S / bit_s
+        zones
+        / _USUAL_ZONES
+        * words
+        / _USUAL_WORDS
+        * BIT_PERIOD_S
+        / bit_s
         / (false_ids_per_hour / USUAL_FALSE_IDS_PER_HOUR)
     )
     lenience = min(max(math.log(false_ids_per_hour / USUAL_FALSE_IDS_PER_HOUR), -4.0), 4.0)
     return Demands(
-        evidence=28.0 + math.log(trials),
+        evidence=26.0 + math.log(trials),
+        wandering=6.0,
         word=8.0,
         margin=math.log(1e3) - lenience,
         margin_of_more=math.log(1e4) - lenience,

@@ -209,8 +209,11 @@ class LikelihoodDetector:
         refused = {reason: counts.refused[number] for number, reason in REASONS.items()}
         refused[Reason.DISTANCE] = self._unplaced
         self.counts.rejected.update(
-            {reason.value: count - self.counts.rejected[reason.value]
-             for reason, count in refused.items() if count}
+            {
+                reason.value: count - self.counts.rejected[reason.value]
+                for reason, count in refused.items()
+                if count
+            }
         )
 
 

@@ -28,6 +28,8 @@ class Window(NamedTuple):
 
     time_s: Floats
     """Middle of each exposure since the origin of the core's times [s], shape (samples,)."""
+    stamp_ns: NDArray[np.int64]
+    """Of each frame [ns], 0 where none came, shape (samples,)."""
     light: Floats
     """How bright the marker was, 0 to 1, shape (samples,)."""
     signal: Floats
@@ -64,6 +66,7 @@ class Window(NamedTuple):
         distance = _array(held.distance + first * zones, np.float32, count * zones)
         return cls(
             time_s=(begin_s[rows] + end_s[rows]) / 2,
+            stamp_ns=_array(held.stamp_ns + first, np.int64, count),
             light=light,
             signal=signal.astype(np.float64),
             valid=valid.astype(bool),
@@ -97,15 +100,16 @@ def detection_of(
     size_m : float
         Edge of the marker [m].
     """
-    amplitude, variance = amplitudes(window.light, window.valid, window.signal)
+    amplitude, variance, noise = amplitudes(window.light, window.valid, window.signal)
     zones = _zones_of(reading, amplitude, variance)
     ranges = [
         measured
         for zone in zones
         if (
             measured := modulated_range(
+                window.time_s,
                 window.light,
-                window.valid[:, zone],
+                window.valid[:, zone].astype(np.float64),
                 window.measured[:, zone],
                 window.distance[:, zone],
                 zone,
@@ -115,7 +119,7 @@ def detection_of(
     ]
     if not ranges:
         return None
-    range_m, stddev_m = np.array(ranges).T
+    range_m, stddev_m, time_s = np.array(ranges).T
     surety = stddev_m**-2
     mean_m = float(surety @ range_m / surety.sum())
     strongest = zones[0]
@@ -126,16 +130,15 @@ def detection_of(
     variance += (window.measured[bright] * hidden[bright]).mean(axis=0) ** 2
     variance[strongest] = 0.0
     bearing = shared_bearing(strongest, amplitude, variance, size_m / mean_m, grid)
-    seen = bright & window.valid[:, strongest] & np.isfinite(window.distance[:, strongest])
-    stamp_s = float(window.time_s[seen if seen.any() else bright].mean())
-    deviation = max(math.sqrt(reading.variance), SIGNAL_RESOLUTION)
+    stamp_s = float(surety @ time_s / surety.sum())
+    snr = max(float(amplitude[strongest]), SIGNAL_RESOLUTION) / math.sqrt(noise[strongest])
     return Detection(
         id=reading.id,
         stamp_ns=origin_ns + round(stamp_s * 1e9),
         start_ns=origin_ns + round(reading.start_s * 1e9),
-        end_ns=origin_ns + round(float(window.time_s[-1]) * 1e9),
+        end_ns=int(window.stamp_ns[window.stamp_ns > 0][-1]),
         place=place(bearing, mean_m, float(surety.sum() ** -0.5)),
-        snr_db=20 * math.log10(max(reading.gain, SIGNAL_RESOLUTION) / deviation),
+        snr_db=20 * math.log10(snr),
         evidence=reading.evidence,
         decision_margin=reading.margin,
         bit_period_s=reading.bit_s,
@@ -159,8 +162,12 @@ def _zones_of(reading: Any, amplitude: Floats, variance: Floats) -> list[int]:
     return sorted(sure, key=lambda zone: -float(amplitude[zone]))
 
 
-def amplitudes(light: Floats, valid: NDArray[np.bool_], signal: Floats) -> tuple[Floats, Floats]:
-    """Return by how much each zone's signal rises with the light, and the variance of that.
+def amplitudes(
+    light: Floats, valid: NDArray[np.bool_], signal: Floats
+) -> tuple[Floats, Floats, Floats]:
+    """Return by how much each zone's signal rises with the light, the variance of that, and the noise.
+
+    The noise is the variance of all that the packet leaves over.
 
     Parameters
     ----------
@@ -177,8 +184,8 @@ def amplitudes(light: Floats, valid: NDArray[np.bool_], signal: Floats) -> tuple
     power = (left * left).sum(axis=0)
     # What is left over may be another marker, whose samples come in pairs and tell half as much.
     alike = np.maximum((left[1:] * left[:-1]).sum(axis=0) / np.maximum(power, 1e-9), 0.0)
-    variance = power * (1 + 2 * alike) / np.maximum(count - 2, 1.0)
-    return amplitude, np.maximum(variance, SIGNAL_RESOLUTION**2) / energy
+    noise = np.maximum(power / np.maximum(count - 2, 1.0), SIGNAL_RESOLUTION**2)
+    return amplitude, noise * (1 + 2 * alike) / energy, noise
 
 
 def _score(window: Window, zone: int) -> float:

@@ -11,6 +11,7 @@ that of signal times distance and that of the signal, is the distance of the mar
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,6 +22,8 @@ from retrolidar_ros.frame import SEPARABLE_M, Floats, ZoneGrid
 # what stands behind it.
 BRIGHT, _DARK = 0.75, 0.25
 _LEAST_DISTANCES = 2
+# A zone sees the marker while its signal has this share of that at this quantile.
+_IN_ZONE, _BRIGHTEST = 0.5, 0.9
 # So near to the limit noise may hide whether two targets have merged.
 _UNSURE_M = 0.05
 # How far from a marker the surface is that it is mounted on.
@@ -29,13 +32,31 @@ _MOUNTING_M = 0.005
 _RESOLUTION_M = 0.25e-3 / np.sqrt(12)
 
 
+class Ranged(NamedTuple):
+    """How far a marker was, as one zone saw it."""
+
+    range_m: float
+    """Radial distance."""
+    stddev_m: float
+    time_s: float
+    """When it was so far: the mean time of the samples that tell."""
+
+
 def modulated_range(
-    light: Floats, weight: Floats, signal: Floats, distance: Floats, zone: int, grid: ZoneGrid
-) -> tuple[float, float] | None:
-    """Return a marker's radial range and its standard deviation [m]; None without distances.
+    time_s: Floats,
+    light: Floats,
+    weight: Floats,
+    signal: Floats,
+    distance: Floats,
+    zone: int,
+    grid: ZoneGrid,
+) -> Ranged | None:
+    """Return how far a marker is; None without distances.
 
     Parameters
     ----------
+    time_s : array, shape (samples,)
+        Middle of each exposure [s].
     light : array, shape (samples,)
         How bright the marker was, 0 to 1.
     weight : array, shape (samples,)
@@ -51,6 +72,10 @@ def modulated_range(
     """
     measured = np.isfinite(distance)
     seen = measured & (weight > 0) & (light > BRIGHT)
+    if not seen.any():
+        return None
+    # A marker on the move is in the zone for a part of the time.
+    seen &= signal > _IN_ZONE * np.quantile(signal[seen], _BRIGHTEST)
     if not seen.any():
         return None
     ordered = np.sort(distance[seen])
@@ -71,7 +96,7 @@ def modulated_range(
     # Undo the sensor's own projection, whose factor is that of the zone and not of the target.
     per_depth = 1 / float(grid.z_per_range[zone])
     deviation = np.sqrt(variance + _RESOLUTION_M**2 / count)
-    return depth * per_depth, float(deviation) * per_depth
+    return Ranged(depth * per_depth, float(deviation) * per_depth, float(time_s[own].mean()))
 
 
 def _is_apart(behind: Floats, depth: float, parted_m: float, parted_variance: float) -> bool:

@@ -12,13 +12,13 @@ from typing import Any
 import numpy as np
 from tqdm import tqdm
 
+from retrolidar_ros.detector import METHODS
 from retrolidar_ros.evaluation.charts import look, new_chart
 from retrolidar_ros.evaluation.claims import Claim
 from retrolidar_ros.evaluation.link import Trial, lone_trial
 from retrolidar_ros.evaluation.link_budget import PAPER_EXPONENT
 from retrolidar_ros.evaluation.reference import NOISE, SENSOR, WALL_SIGNAL, marker_in_each_zone
 from retrolidar_ros.evaluation.sweep import (
-    COMPARED,
     WAKING_S,
     most_wrong,
     reach,
@@ -76,10 +76,10 @@ def run(rng: np.random.Generator, *, quick: bool) -> dict[str, Any]:
                     'light': name,
                     'ambient': light,
                     'points': points,
-                    'reach_m': {method: reach(method, points) for method in COMPARED},
+                    'reach_m': {method: reach(method, points) for method in METHODS},
                     'best': {
                         method: max(point[method]['right']['rate'] for point in points)
-                        for method in COMPARED
+                        for method in METHODS
                     },
                 }
             )
@@ -88,10 +88,10 @@ def run(rng: np.random.Generator, *, quick: bool) -> dict[str, Any]:
 
 def summarise(figures: dict[str, Any]) -> str:
     """Return how far four of five are read, by light."""
-    lines = ['80 % of lone packets are read to ' + ''.join(f'{method:>12}' for method in COMPARED)]
+    lines = ['80 % of lone packets are read to ' + ''.join(f'{method:>12}' for method in METHODS)]
     lines += [
         f'{row["light"]:20} {row["ambient"]:6g} kcps/SPAD'
-        + ''.join(f'{told(row["reach_m"][method]):>12}' for method in COMPARED)
+        + ''.join(f'{told(row["reach_m"][method]):>12}' for method in METHODS)
         for row in figures['lights']
     ]
     return '\n'.join(lines)
@@ -105,7 +105,7 @@ def _reach(figures: dict[str, Any], light: str, method: str) -> float | None:
 def compare(figures: dict[str, Any]) -> list[Claim]:
     """Set what daylight costs beside the paper's."""
     losses = []
-    for method in reversed(COMPARED):
+    for method in reversed(METHODS):
         dark, day = (_reach(figures, light, method) for light in _QUICK)
         losses.append(told(None if dark is None or day is None else dark - day))
     claims = [Claim('reach that daylight in a room costs', f'{PAPER_LOSS_M:g} m', *losses)]
@@ -115,7 +115,7 @@ def compare(figures: dict[str, Any]) -> list[Claim]:
             Claim(
                 f'80 % are read to, {row["light"]} ({row["ambient"]:g} kcps/SPAD)',
                 f'over {PAPER_OUTDOORS_M:g} m' if outdoors else 'not told',
-                *(told(row['reach_m'][method]) for method in reversed(COMPARED)),
+                *(told(row['reach_m'][method]) for method in reversed(METHODS)),
             )
         )
     return claims
@@ -140,9 +140,9 @@ def comment(figures: dict[str, Any]) -> str:
 
 def draw(figures: dict[str, Any], path: Path) -> None:
     """Draw identification over distance, a line for each light and method."""
-    figure, (panels,) = new_chart(1, len(COMPARED), 14, 4.8)
+    figure, (panels,) = new_chart(1, len(METHODS), 14, 4.8)
     shades = np.linspace(1, 0.35, len(figures['lights']))
-    for axis, method in zip(panels, COMPARED, strict=True):
+    for axis, method in zip(panels, METHODS, strict=True):
         for row, shade in zip(figures['lights'], shades, strict=True):
             axis.plot(
                 [point['range_m'] for point in row['points']],

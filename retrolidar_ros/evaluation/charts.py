@@ -12,8 +12,8 @@ from retrolidar_ros.evaluation.statistics import Rate
 
 LEVEL = 0.8  # of identification; what is less counts as broken
 # Told apart with any colour vision (Okabe and Ito), and by their signs without any.
-_COLOURS = ('#0072b2', '#d55e00', '#009e73', '#cc79a7')
-_SIGNS = ('o', 's', '^', 'D')
+_COLOURS = ('#0072b2', '#cc79a7')
+_SIGNS = ('o', 'D')
 
 
 def look(method: str) -> dict[str, Any]:

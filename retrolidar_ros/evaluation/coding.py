@@ -1,6 +1,6 @@
 # Copyright 2026 retrolidar_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""What the code corrects: bit errors of readings over distance, and what soft decisions add."""
+"""What the code corrects: bit errors of readings over distance, and what likelihood adds."""
 
 from __future__ import annotations
 
@@ -127,14 +127,14 @@ def compare(figures: dict[str, Any]) -> list[Claim]:
 
 
 def comment(figures: dict[str, Any]) -> str:
-    """Say what the four ways of decoding make of the same packets."""
+    """Say what both ways of decoding make of the same packets."""
     far = _at(figures, PAPER_FAR_M)
     shares = ', '.join(f'`{method}` {far[method]["identified"]["rate"]:.0%}' for method in METHODS)
     beyond = far['joint']['errors'][MOST]
     return (
-        f'Of the same packets at {far["range_m"]:g} m are identified: {shares}. `hard` and `paper` '
-        'decide each bit and let the Golay code correct three; `soft` and `joint` weigh all '
-        f'samples, and {beyond} of the readings of `joint` there had {MOST} wrong bits or more, '
+        f'Of the same packets at {far["range_m"]:g} m are identified: {shares}. `paper` '
+        'decides each bit and lets the Golay code correct three; `joint` weighs all samples, '
+        f'and {beyond} of its readings there had {MOST} wrong bits or more, '
         'which the code alone does not correct. Wrong bits are counted after a matched filter by '
         'the default, and after one threshold for all samples by `paper`.'
     )

@@ -11,6 +11,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from tqdm import tqdm
 
+from retrolidar_ros.detector import METHODS
 from retrolidar_ros.evaluation.charts import look, new_chart
 from retrolidar_ros.evaluation.claims import NOTHING, Claim
 from retrolidar_ros.evaluation.detectors import new_detector
@@ -33,7 +34,6 @@ from retrolidar_ros.yaml_files import load_scene
 TITLE = 'Coffee arm'
 SOURCE = 'paper §7.1, Fig. 13a'
 
-COMPARED = ('joint', 'paper')
 TIMEOUT_S = 20.0
 WITHIN_S = 10.0
 MAX_STDDEV_M, STALE_AFTER_S = 0.15, 10.0
@@ -76,7 +76,7 @@ def place_all(method: str, recording: Recording, scene: Scene, pose: Pose) -> Ou
         covariance = pose.rotation @ place.covariance[:3, :3] @ pose.rotation.T
         position_m = pose.to_world(place.position_m)
         board.see(marker.name, detection.stamp_ns, 'world', position_m, covariance)
-        errors[marker.name] = place_error(place, np.array([marker.position_m]))
+        errors[marker.name] = place_error(place, np.array(marker.position_m))
         if not board.missing(known_ns):
             time_s = (known_ns - int(recording.stamp_ns[0])) * 1e-9
             break
@@ -122,7 +122,7 @@ def run(rng: np.random.Generator, *, quick: bool) -> dict[str, Any]:
     """Return times and errors of both methods from the same places of the hand."""
     trials = _QUICK_TRIALS if quick else _TRIALS
     world = load_scene('coffee')
-    outcomes: dict[str, list[Outcome]] = {method: [] for method in COMPARED}
+    outcomes: dict[str, list[Outcome]] = {method: [] for method in METHODS}
     ranges_m: list[float] = []
     yaws_deg: list[float] = []
     for _ in tqdm(range(trials), desc='coffee', leave=False):
@@ -131,7 +131,7 @@ def run(rng: np.random.Generator, *, quick: bool) -> dict[str, Any]:
         recording = Simulation(scene, rng).run(TIMEOUT_S)
         ranges_m += np.linalg.norm(markers_at(scene), axis=1).tolist()
         yaws_deg += [math.degrees(marker.yaw_rad) for marker in scene.markers]
-        for method in COMPARED:
+        for method in METHODS:
             outcomes[method].append(place_all(method, recording, scene, pose))
     names = [marker.name for marker in world.markers]
     return {
@@ -192,7 +192,7 @@ def summarise(figures: dict[str, Any]) -> str:
 def compare(figures: dict[str, Any]) -> list[Claim]:
     """Set times and errors beside the paper's."""
     paper, methods = figures['paper'], figures['methods']
-    both = [methods[method] for method in reversed(COMPARED)]
+    both = [methods[method] for method in reversed(METHODS)]
     looking_s = paper['total_s'] - paper['arm_s']
     claims = [
         Claim(
@@ -205,7 +205,7 @@ def compare(figures: dict[str, Any]) -> list[Claim]:
             ),
         )
     ]
-    names = list(methods[COMPARED[0]]['objects'])
+    names = list(methods[METHODS[0]]['objects'])
     for key, kind, said in (
         ('range_mm', 'range', '"millimeter-level"'),
         ('position_mm', 'position', NOTHING),

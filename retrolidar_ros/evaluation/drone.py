@@ -30,7 +30,6 @@ from retrolidar_ros.heartbeat import WINDOW_S, Heartbeat
 from retrolidar_ros.scene import Scene, Simulation
 from retrolidar_ros.scene.description import Marker
 from retrolidar_ros.scene.optics import position_at, zone_shares
-from retrolidar_ros.truth import PACKET_S, moments
 from retrolidar_ros.yaml_files import load_scene
 
 __all__ = ['SOURCE', 'TITLE', 'comment', 'compare', 'draw', 'run', 'summarise']
@@ -46,13 +45,13 @@ _QUICK_DURATION_S = 40.0
 _STEP_S = 0.02  # in which the motion is told
 
 
-def places_during(marker: Marker, detection: Detection) -> Floats:
-    """Return where a marker was while it was read [m], shape (32, 3).
+def true_place(marker: Marker, detection: Detection) -> Floats:
+    """Return where a marker was at the stamp of a reading [m], shape (3,).
 
     The stamps are those of a simulation whose sensor's clock is right.
     """
-    times_s = 1e-9 * moments(detection.stamp_ns, detection.packets)
-    return np.broadcast_to(position_at(marker, times_s), (len(times_s), 3))
+    place_m: Floats = position_at(marker, np.array([1e-9 * detection.stamp_ns])).reshape(3)
+    return place_m
 
 
 class Reading(NamedTuple):
@@ -61,7 +60,7 @@ class Reading(NamedTuple):
     known_s: float
     """From the first frame until it came."""
     moment_s: float
-    """Middle of what it was read from, from the first frame."""
+    """When its place holds, from the first frame."""
     place: Place
     """As measured."""
     error: PlaceError
@@ -87,13 +86,12 @@ def follow(method: str, recording: Recording, marker: Marker) -> Flight:
         if detection.id != marker.id:
             wrong_ids += 1
             continue
-        length_s = detection.packets * PACKET_S
         readings.append(
             Reading(
                 known_s=(known_ns - origin_ns) * 1e-9,
-                moment_s=(detection.stamp_ns - origin_ns) * 1e-9 - length_s / 2,
+                moment_s=(detection.stamp_ns - origin_ns) * 1e-9,
                 place=detection.place,
-                error=place_error(detection.place, places_during(marker, detection)),
+                error=place_error(detection.place, true_place(marker, detection)),
             )
         )
     return Flight(readings, wrong_ids, detector.counts.rejected)

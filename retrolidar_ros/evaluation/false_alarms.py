@@ -11,15 +11,14 @@ from typing import Any
 import numpy as np
 from tqdm import tqdm
 
-from retrolidar_ros.detector import create_detector
-from retrolidar_ros.detector.judge import USUAL_FALSE_IDS_PER_HOUR
+from retrolidar_ros.detector import METHODS, create_detector
+from retrolidar_ros.detector.budget import USUAL_FALSE_IDS_PER_HOUR
 from retrolidar_ros.evaluation.charts import look, new_chart
 from retrolidar_ros.evaluation.claims import Claim
 from retrolidar_ros.evaluation.link_budget import NEVER_S
 from retrolidar_ros.evaluation.reference import SENSOR, marker_in_each_zone
 from retrolidar_ros.evaluation.restless import restless_blocks
 from retrolidar_ros.evaluation.statistics import frequency, rate
-from retrolidar_ros.evaluation.sweep import COMPARED
 from retrolidar_ros.frame import Recording
 from retrolidar_ros.scene import Simulation
 from retrolidar_ros.truth import PACKET_S
@@ -50,7 +49,7 @@ def _watch(
     blocks = _blocks(scene, range_m or max(_RANGES_M), hours, rng)
     looks = max(1, round(hours * 3600 / PACKET_S)) * ZONES
     row: dict[str, Any] = {'scene': scene, 'range_m': range_m, 'hours': hours}
-    for method in COMPARED:
+    for method in METHODS:
         detector = create_detector(method, SENSOR.grid)
         ids = sum(len(detector.update_all(block)) for block in blocks)
         row[method] = {'false_ids': frequency(ids, hours)}
@@ -103,14 +102,14 @@ def compare(figures: dict[str, Any]) -> list[Claim]:
             *(
                 f'{sum(row[m]["false_ids"]["events"] for row in silent)} in '
                 f'{sum(row["hours"] for row in silent):g} h'
-                for m in reversed(COMPARED)
+                for m in reversed(METHODS)
             ),
         )
     ]
     for row in figures['rows']:
         if row in silent:
             continue
-        told = [_told(row[method]['false_ids']) for method in reversed(COMPARED)]
+        told = [_told(row[method]['false_ids']) for method in reversed(METHODS)]
         claims.append(Claim(f'false IDs, {row["scene"]}', 'not told', *told))
         if row['scene'] == 'bare wall':
             false = row['paper']['false_detections']['rate']
@@ -146,9 +145,9 @@ def comment(figures: dict[str, Any]) -> str:
         'chance of about 8 %; how many tries the paper made is not told. Silent markers on a wall '
         f'made {near} false preambles here: the likelihood has the received light in its '
         'denominator.\n\n'
-        f'The default allows {USUAL_FALSE_IDS_PER_HOUR:g} false IDs an hour of white noise, over '
-        f'all zones; of silent markers it read {silent}. Signals of '
-        f'moving hands are not white: there it read {joint["events"]} in {joint["hours"]:g} h '
+        f'The default allows {USUAL_FALSE_IDS_PER_HOUR:g} false IDs an hour over all zones, '
+        f'before whatever wanders; of silent markers it read {silent}, '
+        f'before moving hands {joint["events"]} in {joint["hours"]:g} h '
         f'(95 %: {joint["low"]:.0f} to {joint["high"]:.0f} an hour), the paper '
         f'{hands["paper"]["false_ids"]["events"]}. Naming the IDs that may come (`registered_ids`) '
         'does not lower this: what it saves buys reach (docs/choosing.md).'
@@ -159,7 +158,7 @@ def draw(figures: dict[str, Any], path: Path) -> None:
     """Draw false IDs an hour of every scene, with their confidence."""
     figure, ((axis,),) = new_chart(1, 1, 11, 4.8)
     rows = figures['rows']
-    for offset, method in zip((-0.12, 0.12), COMPARED, strict=True):
+    for offset, method in zip((-0.12, 0.12), METHODS, strict=True):
         how = {**look(method), 'markersize': 7, 'linestyle': ''}
         for index, row in enumerate(rows):
             ids = row[method]['false_ids']

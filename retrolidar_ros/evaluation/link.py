@@ -111,8 +111,8 @@ def lone_trial(scene: Scene, rng: np.random.Generator) -> Trial:
 class Reading(NamedTuple):
     """An ID that was read in a zone."""
 
-    stamp_ns: int
-    """Of the frame with which the reading came [ns]."""
+    end_ns: int
+    """Of the last frame that it needed [ns]."""
     zone: int
     right: bool
     """Whether a marker of the zone has this ID."""
@@ -128,7 +128,7 @@ def read(trial: Trial, detector: Detector) -> list[Reading]:
     for index, marker in enumerate(trial.scene.markers):
         own[index % zones].add(marker.id)
     return [
-        Reading(detection.stamp_ns, detection.zones[0], detection.id in own[detection.zones[0]])
+        Reading(detection.end_ns, detection.zones[0], detection.id in own[detection.zones[0]])
         for detection in detector.update_all(trial.recording)
     ]
 

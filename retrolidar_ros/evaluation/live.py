@@ -53,17 +53,16 @@ def place_error(place: Place, truth_m: Floats) -> PlaceError:
     Parameters
     ----------
     place : Place
-    truth_m : array, shape (n, 3)
-        Where the marker was while it was read, in the sensor's frame [m]; its mean counts.
+    truth_m : array, shape (3,)
+        Where the marker was at the stamp of the reading, in the sensor's frame [m].
     """
-    range_m = float(np.linalg.norm(truth_m, axis=-1).mean())
-    position_m = truth_m.mean(axis=0)
-    offset = place.position_m - position_m
-    across = float(np.linalg.norm(np.cross(place.position_m, position_m)))
+    range_m = float(np.linalg.norm(truth_m))
+    offset = place.position_m - truth_m
+    across = float(np.linalg.norm(np.cross(place.position_m, truth_m)))
     return PlaceError(
         range_m=place.range_m - range_m,
         position_m=float(np.linalg.norm(offset)),
-        bearing_deg=float(np.degrees(np.arctan2(across, place.position_m @ position_m))),
+        bearing_deg=float(np.degrees(np.arctan2(across, place.position_m @ truth_m))),
         squared_distance=float(offset @ np.linalg.solve(place.covariance[:3, :3], offset)),
     )
 

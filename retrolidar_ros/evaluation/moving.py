@@ -124,8 +124,8 @@ def follow(case: Case) -> Followed:
     own = [detection for detection in detections if detection.id == marker.id]
     stamps_s = 1e-9 * np.array([detection.stamp_ns for detection in own], dtype=np.float64)
     truth_m = position_at(marker, stamps_s)
-    errors = [place_error(detection.place, truth_m[[index]]) for index, detection in enumerate(own)]
-    ends_s = [1e-9 * one.start_ns + one.packets * packet_s for one in own]
+    errors = [place_error(detection.place, truth_m[index]) for index, detection in enumerate(own)]
+    late_s = [1e-9 * (one.end_ns - one.start_ns) - one.packets * packet_s for one in own]
     return Followed(
         read=len(intervals_read(own, marker) & set(range(1, packets + 1))),
         packets=packets,
@@ -133,7 +133,7 @@ def follow(case: Case) -> Followed:
         wrong=len(detections) - len(own),
         range_m=[error.range_m for error in errors],
         position_m=[error.position_m for error in errors],
-        latencies_s=(stamps_s - ends_s).tolist(),
+        latencies_s=late_s,
         frames=len(recording),
         detector_s=detector_s,
     )

@@ -100,7 +100,7 @@ def error_of(detection: Detection, scene: Scene) -> Error:
     """Return by how much the place of the only marker of a scene is wrong."""
     place, grid = detection.place, scene.sensor.grid
     truth_m = np.array(scene.markers[0].position_m)
-    wrong = place_error(place, truth_m[None])
+    wrong = place_error(place, truth_m)
     angles = np.degrees(np.arctan(truth_m[:2] / truth_m[2]))
 
     def wrong_by(tangents: Floats) -> tuple[float, float]:

@@ -10,13 +10,13 @@ from typing import Any
 import numpy as np
 from tqdm import tqdm
 
-from retrolidar_ros.detector import create_detector
+from retrolidar_ros.detector import METHODS, create_detector
 from retrolidar_ros.evaluation.charts import look, new_chart
 from retrolidar_ros.evaluation.claims import Claim
 from retrolidar_ros.evaluation.link import lone_trial
 from retrolidar_ros.evaluation.link_budget import NEVER_S
 from retrolidar_ros.evaluation.reference import RANGING, SENSOR, marker_in_each_zone
-from retrolidar_ros.evaluation.sweep import COMPARED, WAKING_S
+from retrolidar_ros.evaluation.sweep import WAKING_S
 from retrolidar_ros.frame import Floats
 from retrolidar_ros.scene import Scene, Simulation
 from retrolidar_ros.scene.description import Surface
@@ -83,7 +83,7 @@ def run(rng: np.random.Generator, *, quick: bool) -> dict[str, Any]:
     for range_m in tqdm(ranges, desc='ranging', leave=False):
         silent = marker_in_each_zone(range_m, rng, start_s=(NEVER_S, NEVER_S))
         row: dict[str, Any] = {'range_m': range_m}
-        for method in COMPARED:
+        for method in METHODS:
             row[method] = _errors_mm(
                 [read_range_errors(method, range_m, rng) for _ in range(scenes)]
             )
@@ -98,7 +98,7 @@ def run(rng: np.random.Generator, *, quick: bool) -> dict[str, Any]:
     }
 
 
-_KINDS = (*COMPARED, 'silent', 'board')
+_KINDS = (*METHODS, 'silent', 'board')
 
 
 def _told(one: dict[str, Any], key: str) -> str:
@@ -124,7 +124,7 @@ def compare(figures: dict[str, Any]) -> list[Claim]:
     """Set medians and worst errors beside the paper's."""
     rows = {row['range_m']: row for row in figures['rows']}
     nearer = [row for row in figures['rows'] if row['range_m'] < 2.6]
-    worst = {m: max(row[m]['median_mm'] for row in nearer) for m in (*COMPARED, 'silent')}
+    worst = {m: max(row[m]['median_mm'] for row in nearer) for m in (*METHODS, 'silent')}
     plain = rows[BOARD_AT_M]['board']
     return [
         Claim(
@@ -175,7 +175,7 @@ def comment(figures: dict[str, Any]) -> str:
 def draw(figures: dict[str, Any], path: Path) -> None:
     """Draw medians and 95 % of the errors over distance."""
     figure, ((axis,),) = new_chart(1, 1, 9, 5)
-    looks: dict[str, dict[str, Any]] = {method: look(method) for method in COMPARED}
+    looks: dict[str, dict[str, Any]] = {method: look(method) for method in METHODS}
     looks['silent'] = {'color': '0.35', 'marker': 'v', 'markersize': 5}
     looks['board'] = {'color': '0.6', 'marker': 'x', 'markersize': 6}
     names = {'silent': 'silent marker', 'board': 'bare board'}

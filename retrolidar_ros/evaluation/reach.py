@@ -11,12 +11,13 @@ from typing import Any
 import numpy as np
 from tqdm import tqdm
 
+from retrolidar_ros.detector import METHODS
 from retrolidar_ros.evaluation.charts import LEVEL, draw_shares, look, new_chart
 from retrolidar_ros.evaluation.claims import NOTHING, Claim
 from retrolidar_ros.evaluation.link import Trial, lone_trial
 from retrolidar_ros.evaluation.reference import marker_in_each_zone
 from retrolidar_ros.evaluation.size import PAPER_REACH_M
-from retrolidar_ros.evaluation.sweep import COMPARED, WAKING_S, reach, read_shares, told
+from retrolidar_ros.evaluation.sweep import WAKING_S, reach, read_shares, told
 from retrolidar_ros.scene import Simulation
 from retrolidar_ros.truth import PACKET_S
 
@@ -75,26 +76,26 @@ def _reaches(rows: list[dict[str, Any]]) -> list[dict[str, Any]]:
     for size_m in sorted({row['size_m'] for row in rows}, reverse=True):
         for packets in PACKETS:
             curve = _curve(rows, size_m, packets)
-            found = {method: reach(method, curve) for method in COMPARED}
+            found = {method: reach(method, curve) for method in METHODS}
             reaches.append({'size_m': size_m, 'packets': packets, **found})
     return reaches
 
 
 def summarise(figures: dict[str, Any]) -> str:
     """Return a table of the figures."""
-    lines = ['marker  packets  range [m]   ' + '   '.join(f'{m}: right  wrong' for m in COMPARED)]
+    lines = ['marker  packets  range [m]   ' + '   '.join(f'{m}: right  wrong' for m in METHODS)]
     for row in figures['points']:
         shares = '   '.join(
             f'{row[method]["right"]["rate"]:{len(method) + 7}.1%} '
             f'{row[method]["wrong"]["rate"]:6.1%}'
-            for method in COMPARED
+            for method in METHODS
         )
         lines.append(
             f'{100 * row["size_m"]:4.0f} cm  {row["packets"]:7d}  {row["range_m"]:9.1f}   {shares}'
         )
     lines.append(f'{LEVEL:.0%} are read to')
     for row in figures['reach_m']:
-        ends = ', '.join(f'{method} {told(row[method])}' for method in COMPARED)
+        ends = ', '.join(f'{method} {told(row[method])}' for method in METHODS)
         lines.append(f'  {100 * row["size_m"]:.0f} cm, {row["packets"]} packets: {ends}')
     return '\n'.join(lines)
 
@@ -110,7 +111,7 @@ def compare(figures: dict[str, Any]) -> list[Claim]:
             Claim(
                 f'{LEVEL:.0%} of markers of {100 * row["size_m"]:g} cm are read from {packets} to',
                 paper,
-                *(told(row[method]) for method in reversed(COMPARED)),
+                *(told(row[method]) for method in reversed(METHODS)),
             )
         )
     return claims
@@ -119,8 +120,7 @@ def compare(figures: dict[str, Any]) -> list[Claim]:
 def comment(figures: dict[str, Any]) -> str:
     """Say what repeating brings."""
     wrong = {
-        method: max(row[method]['wrong']['rate'] for row in figures['points'])
-        for method in COMPARED
+        method: max(row[method]['wrong']['rate'] for row in figures['points']) for method in METHODS
     }
     return (
         'Packets of a marker that repeats are added up before they are decoded; the method of the '
@@ -137,7 +137,7 @@ def draw(figures: dict[str, Any], path: Path) -> None:
     sizes = sorted({row['size_m'] for row in figures['points']}, reverse=True)
     figure, (panels,) = new_chart(1, len(sizes), 12, 5)
     for axes, size_m in zip(panels, sizes, strict=True):
-        for method in COMPARED:
+        for method in METHODS:
             for packets in PACKETS:
                 curve = _curve(figures['points'], size_m, packets)
                 draw_shares(

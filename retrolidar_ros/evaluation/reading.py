@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from tqdm import tqdm
 
 from retrolidar_ros.code import IDS, PACKET_BITS, PREAMBLE, packet
-from retrolidar_ros.detector import create_detector
+from retrolidar_ros.detector import METHODS, create_detector
 from retrolidar_ros.evaluation.charts import new_chart
 from retrolidar_ros.evaluation.claims import Claim
 from retrolidar_ros.evaluation.link import Trial, lone_trial, outcome
@@ -26,7 +26,6 @@ from retrolidar_ros.evaluation.reference import (
 )
 from retrolidar_ros.evaluation.statistics import rate
 from retrolidar_ros.evaluation.sweep import (
-    COMPARED,
     WAKING_S,
     Read,
     draw_reads,
@@ -58,15 +57,15 @@ def _shares(counts: NDArray[np.int64], trials: int) -> Read:
 
 def _at_distance(range_m: float, scenes: int, rng: np.random.Generator) -> dict[str, Any]:
     """Read markers that wake for one packet, and markers that never pause."""
-    woken = np.zeros((len(COMPARED), 2), dtype=np.int64)
-    repeating = np.zeros((len(COMPARED), 2), dtype=np.int64)
+    woken = np.zeros((len(METHODS), 2), dtype=np.int64)
+    repeating = np.zeros((len(METHODS), 2), dtype=np.int64)
     seen = markers = 0
     for _ in range(scenes):
         lone = lone_trial(marker_in_each_zone(range_m, rng, start_s=WAKING_S), rng)
         endless = marker_in_each_zone(range_m, rng, start_s=(0.0, PACKET_S), packets=None)
         packets = Trial(endless, Simulation(endless, rng).run((PACKETS_IN_A_ROW + 1) * PACKET_S))
         zones = lone.recording.grid.zones
-        for row, method in enumerate(COMPARED):
+        for row, method in enumerate(METHODS):
             detector = create_detector(method, lone.recording.grid)
             woken[row] += np.count_nonzero(outcome(lone, detector), axis=-1)
             repeating[row] += _packets_read(method, packets)
@@ -78,8 +77,8 @@ def _at_distance(range_m: float, scenes: int, rng: np.random.Generator) -> dict[
     return {
         'range_m': range_m,
         'detected': rate(seen, markers),
-        'woken': {m: _shares(woken[row], markers) for row, m in enumerate(COMPARED)},
-        'repeating': {m: _shares(repeating[row], sent) for row, m in enumerate(COMPARED)},
+        'woken': {m: _shares(woken[row], markers) for row, m in enumerate(METHODS)},
+        'repeating': {m: _shares(repeating[row], sent) for row, m in enumerate(METHODS)},
     }
 
 
@@ -113,17 +112,17 @@ def turned_scene(angle_deg: float, rng: np.random.Generator) -> Scene:
 
 def _at_angle(angle_deg: float, trials: int, rng: np.random.Generator) -> dict[str, Any]:
     """Read one marker at an angle."""
-    counts = np.zeros((len(COMPARED), 2), dtype=np.int64)
+    counts = np.zeros((len(METHODS), 2), dtype=np.int64)
     for _ in range(trials):
         trial = lone_trial(turned_scene(angle_deg, rng), rng)
         (marker,) = trial.scene.markers
-        for row, method in enumerate(COMPARED):
+        for row, method in enumerate(METHODS):
             detector = create_detector(method, trial.recording.grid)
             ids = {detection.id for detection in detector.update_all(trial.recording)}
             counts[row] += marker.id in ids, bool(ids - {marker.id})
     return {
         'angle_deg': angle_deg,
-        **{m: _shares(counts[row], trials) for row, m in enumerate(COMPARED)},
+        **{m: _shares(counts[row], trials) for row, m in enumerate(METHODS)},
     }
 
 
@@ -158,10 +157,10 @@ def run(rng: np.random.Generator, *, quick: bool) -> dict[str, Any]:
         'by_range': by_range,
         'by_angle': by_angle,
         'reach_m': {
-            mode: {m: reach(m, _points(by_range, mode)) for m in COMPARED}
+            mode: {m: reach(m, _points(by_range, mode)) for m in METHODS}
             for mode in ('woken', 'repeating')
         },
-        'widest_deg': {m: reach(m, by_angle, 'angle_deg') for m in COMPARED},
+        'widest_deg': {m: reach(m, by_angle, 'angle_deg') for m in METHODS},
         'preambles_elsewhere': _preambles_elsewhere(),
     }
 
@@ -172,12 +171,12 @@ def _points(by_range: list[dict[str, Any]], mode: str) -> list[dict[str, Any]]:
 
 def summarise(figures: dict[str, Any]) -> str:
     """Return a table of the figures."""
-    lines = ['share of packets     ' + ''.join(f'{m:>26}' for m in COMPARED) + '   preamble found']
+    lines = ['share of packets     ' + ''.join(f'{m:>26}' for m in METHODS) + '   preamble found']
     for mode in ('woken', 'repeating'):
         for row in figures['by_range']:
             cells = ''.join(
                 f'{row[mode][m]["right"]["rate"]:13.1%}, wrong {row[mode][m]["wrong"]["rate"]:5.1%}'
-                for m in COMPARED
+                for m in METHODS
             )
             found = f'{row["detected"]["rate"]:17.1%}' if mode == 'woken' else ''
             lines.append(f'{mode:10} {row["range_m"]:4.1f} m    {cells}{found}')
@@ -185,7 +184,7 @@ def summarise(figures: dict[str, Any]) -> str:
         f'at 1 m     {row["angle_deg"]:4d} °    '
         + ''.join(
             f'{row[m]["right"]["rate"]:13.1%}, wrong {row[m]["wrong"]["rate"]:5.1%}'
-            for m in COMPARED
+            for m in METHODS
         )
         for row in figures['by_angle']
     ]

@@ -16,10 +16,11 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+from retrolidar_ros.detector import METHODS
 from retrolidar_ros.evaluation.claims import Claim
 from retrolidar_ros.evaluation.experiments import EXPERIMENTS
 from retrolidar_ros.evaluation.page import table
-from retrolidar_ros.evaluation.sweep import COMPARED, told
+from retrolidar_ros.evaluation.sweep import told
 
 Report = Mapping[str, dict[str, Any]]
 BENCHMARKS = ('bench-detector', 'bench-nodes')
@@ -81,11 +82,10 @@ def reach(report: Report) -> str:
         packets = (
             'one packet (1.3 s)' if row['packets'] == 1 else f'within {row["packets"]} packets'
         )
-        ends = ' | '.join(told(row[method]) for method in COMPARED)
+        ends = ' | '.join(told(row[method]) for method in METHODS)
         lines.append(f'| {100 * row["size_m"]:g} cm, {packets} | {ends} |')
     wrong = {
-        method: max(row[method]['wrong']['rate'] for row in figures['points'])
-        for method in COMPARED
+        method: max(row[method]['wrong']['rate'] for row in figures['points']) for method in METHODS
     }
     needed = report['bound']['needed_db']
     lines += [

@@ -12,13 +12,13 @@ import numpy as np
 from tqdm import tqdm
 
 from retrolidar_ros.code import IDS
-from retrolidar_ros.detector import create_detector
+from retrolidar_ros.detector import METHODS, create_detector
 from retrolidar_ros.evaluation.charts import look, new_chart
 from retrolidar_ros.evaluation.claims import Claim
 from retrolidar_ros.evaluation.link import lone_trial
 from retrolidar_ros.evaluation.reference import NOISE, RANGING, RESPONSE, WALL_SIGNAL
 from retrolidar_ros.evaluation.statistics import rate
-from retrolidar_ros.evaluation.sweep import COMPARED, WAKING_S
+from retrolidar_ros.evaluation.sweep import WAKING_S
 from retrolidar_ros.frame import Recording
 from retrolidar_ros.scene import Scene, Simulation
 from retrolidar_ros.scene.description import Marker, Sensor, Surface
@@ -96,12 +96,12 @@ def _ids_read(method: str, recording: Recording) -> set[int]:
 
 def _three(arrangement: str, trials: int, rng: np.random.Generator) -> dict[str, Any]:
     """Count how often each of three markers is read, and wrong IDs."""
-    read = np.zeros((len(COMPARED), len(ARRANGEMENTS[arrangement])), dtype=int)
-    wrong = np.zeros(len(COMPARED), dtype=int)
+    read = np.zeros((len(METHODS), len(ARRANGEMENTS[arrangement])), dtype=int)
+    wrong = np.zeros(len(METHODS), dtype=int)
     for _ in range(trials):
         trial = lone_trial(three_markers(arrangement, rng), rng)
         own = [marker.id for marker in trial.scene.markers]
-        for row, method in enumerate(COMPARED):
+        for row, method in enumerate(METHODS):
             ids = _ids_read(method, trial.recording)
             read[row] += [identity in ids for identity in own]
             wrong[row] += len(ids - set(own))
@@ -112,20 +112,20 @@ def _three(arrangement: str, trials: int, rng: np.random.Generator) -> dict[str,
                 'read': [rate(hits, trials) for hits in read[row].tolist()],
                 'wrong_ids': int(wrong[row]),
             }
-            for row, method in enumerate(COMPARED)
+            for row, method in enumerate(METHODS)
         },
     }
 
 
 def _pair(share: float, trials: int, rng: np.random.Generator) -> dict[str, Any]:
     """Count how often both, the brighter and the fainter of two markers are read in a time."""
-    counts = np.zeros((len(COMPARED), 3), dtype=int)
-    wrong = np.zeros(len(COMPARED), dtype=int)
+    counts = np.zeros((len(METHODS), 3), dtype=int)
+    wrong = np.zeros(len(METHODS), dtype=int)
     for _ in range(trials):
         scene = two_in_a_zone(share, rng)
         recording = Simulation(scene, rng).run(_WATCHED_S)
         bright, faint = (marker.id for marker in scene.markers)
-        for row, method in enumerate(COMPARED):
+        for row, method in enumerate(METHODS):
             ids = _ids_read(method, recording)
             counts[row] += bright in ids, faint in ids, {bright, faint} <= ids
             wrong[row] += len(ids - {bright, faint})
@@ -137,7 +137,7 @@ def _pair(share: float, trials: int, rng: np.random.Generator) -> dict[str, Any]
                 **{name: rate(hits, trials) for name, hits in zip(names, row, strict=True)},
                 'wrong_ids': int(wrong[index]),
             }
-            for index, (method, row) in enumerate(zip(COMPARED, counts.tolist(), strict=True))
+            for index, (method, row) in enumerate(zip(METHODS, counts.tolist(), strict=True))
         },
     }
 
@@ -167,12 +167,12 @@ def _wrong(figures: dict[str, Any], method: str, scene: str) -> int:
 
 def summarise(figures: dict[str, Any]) -> str:
     """Return a table of the figures."""
-    lines = ['three markers, a packet each: ' + ''.join(f'{method:>28}' for method in COMPARED)]
+    lines = ['three markers, a packet each: ' + ''.join(f'{method:>28}' for method in METHODS)]
     for row in figures['three']:
         cells = (
             ' '.join(f'{one["rate"]:.0%}' for one in row[method]['read'])
             + f', {row[method]["wrong_ids"]:3d} wrong'
-            for method in COMPARED
+            for method in METHODS
         )
         lines.append(f'  {row["arrangement"]:28}' + ''.join(f'{cell:>28}' for cell in cells))
     lines.append(f'two in one zone, {figures["watched_s"]:g} s: brighter, fainter, both')
@@ -180,7 +180,7 @@ def summarise(figures: dict[str, Any]) -> str:
         cells = (
             ' '.join(f'{row[method][name]["rate"]:.0%}' for name in ('brighter', 'fainter', 'both'))
             + f', {row[method]["wrong_ids"]:3d} wrong'
-            for method in COMPARED
+            for method in METHODS
         )
         lines.append(
             f'  signals as 1 to {row["share"]:<13g}' + ''.join(f'{cell:>28}' for cell in cells)
@@ -190,28 +190,28 @@ def summarise(figures: dict[str, Any]) -> str:
 
 def compare(figures: dict[str, Any]) -> list[Claim]:
     """Set the rates beside the paper's."""
-    told = {method: _all_read(figures, method) for method in COMPARED}
+    told = {method: _all_read(figures, method) for method in METHODS}
     packets = figures['trials'] * len(told['joint'])
     return [
         Claim(
             'three markers, one packet: mean identification',
             f'{PAPER_MEAN:.1%}, mean of Tab. 3',
-            *(f'{float(np.mean(told[method])):.1%}' for method in reversed(COMPARED)),
+            *(f'{float(np.mean(told[method])):.1%}' for method in reversed(METHODS)),
         ),
         Claim(
             'the worst of the 15',
             f'{PAPER_LEAST:.0%}',
-            *(f'{min(told[method]):.0%}' for method in reversed(COMPARED)),
+            *(f'{min(told[method]):.0%}' for method in reversed(METHODS)),
         ),
         Claim(
             f'wrong IDs in {packets} packets',
             'not told',
-            *(f'{_wrong(figures, method, "three")}' for method in reversed(COMPARED)),
+            *(f'{_wrong(figures, method, "three")}' for method in reversed(METHODS)),
         ),
         Claim(
             f'two equal markers in one zone, both read in {figures["watched_s"]:g} s',
             'left out',
-            *(f'{figures["two"][0][method]["both"]["rate"]:.0%}' for method in reversed(COMPARED)),
+            *(f'{figures["two"][0][method]["both"]["rate"]:.0%}' for method in reversed(METHODS)),
         ),
     ]
 
@@ -245,7 +245,7 @@ def comment(figures: dict[str, Any]) -> str:
 def draw(figures: dict[str, Any], path: Path) -> None:
     """Draw the rates of the arrangements, and of two in a zone over their ratio."""
     figure, ((three, two),) = new_chart(1, 2, 15, 5)
-    for offset, method in zip((-0.14, 0.14), COMPARED, strict=True):
+    for offset, method in zip((-0.14, 0.14), METHODS, strict=True):
         how = {**look(method), 'linestyle': '', 'markersize': 6}
         for index, row in enumerate(figures['three']):
             places = index + offset + np.linspace(-0.08, 0.08, len(row[method]['read']))
@@ -262,7 +262,7 @@ def draw(figures: dict[str, Any], path: Path) -> None:
     three.legend(fontsize=10, loc='lower left')
     styles = {'brighter': '-', 'fainter': ':', 'both': '--'}
     shares = [row['share'] for row in figures['two']]
-    for method in COMPARED:
+    for method in METHODS:
         for name, style in styles.items():
             values = [100 * row[method][name]['rate'] for row in figures['two']]
             two.plot(shares, values, style, label=f'{method}, {name}', **look(method))

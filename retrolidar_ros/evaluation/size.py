@@ -11,12 +11,13 @@ from typing import Any
 import numpy as np
 from tqdm import tqdm
 
+from retrolidar_ros.detector import METHODS
 from retrolidar_ros.evaluation.charts import look, new_chart
 from retrolidar_ros.evaluation.claims import Claim
 from retrolidar_ros.evaluation.link import Trial, lone_trial
 from retrolidar_ros.evaluation.link_budget import PAPER_EXPONENT, fit_line
 from retrolidar_ros.evaluation.reference import marker_in_each_zone
-from retrolidar_ros.evaluation.sweep import COMPARED, WAKING_S, reach, read_shares, told
+from retrolidar_ros.evaluation.sweep import WAKING_S, reach, read_shares, told
 
 TITLE = 'Size of the marker'
 SOURCE = 'paper §6.4, Fig. 11a'
@@ -59,7 +60,7 @@ def run(rng: np.random.Generator, *, quick: bool) -> dict[str, Any]:
                     'size_m': edge_m,
                     'area_cm2': round(1e4 * edge_m**2, 4),
                     'points': points,
-                    'reach_m': {method: reach(method, points) for method in COMPARED},
+                    'reach_m': {method: reach(method, points) for method in METHODS},
                 }
             )
     return {'sizes': sizes}
@@ -67,10 +68,10 @@ def run(rng: np.random.Generator, *, quick: bool) -> dict[str, Any]:
 
 def summarise(figures: dict[str, Any]) -> str:
     """Return how far four of five are read, by size."""
-    lines = ['80 % of lone packets are read to ' + ''.join(f'{method:>12}' for method in COMPARED)]
+    lines = ['80 % of lone packets are read to ' + ''.join(f'{method:>12}' for method in METHODS)]
     lines += [
         f'{row["area_cm2"]:8.2f} cm²                     '
-        + ''.join(f'{told(row["reach_m"][method]):>12}' for method in COMPARED)
+        + ''.join(f'{told(row["reach_m"][method]):>12}' for method in METHODS)
         for row in figures['sizes']
     ]
     return '\n'.join(lines)
@@ -82,7 +83,7 @@ def compare(figures: dict[str, Any]) -> list[Claim]:
         Claim(
             f'80 % of lone packets of {row["area_cm2"]:g} cm² are identified to',
             f'{PAPER_REACH_M[row["size_m"]]:g} m',
-            *(told(row['reach_m'][method]) for method in reversed(COMPARED)),
+            *(told(row['reach_m'][method]) for method in reversed(METHODS)),
         )
         for row in figures['sizes']
         if row['size_m'] in PAPER_REACH_M
@@ -113,7 +114,7 @@ def draw(figures: dict[str, Any], path: Path) -> None:
     figure, ((over, reaches),) = new_chart(1, 2, 15, 5)
     shades = np.linspace(0.35, 1, len(figures['sizes']))
     for row, shade in zip(figures['sizes'], shades, strict=True):
-        for method in COMPARED:
+        for method in METHODS:
             over.plot(
                 [point['range_m'] for point in row['points']],
                 [100 * point[method]['right']['rate'] for point in row['points']],
@@ -132,7 +133,7 @@ def draw(figures: dict[str, Any], path: Path) -> None:
     over.set_ylim(-2, 103)
     over.set_xlabel('distance [m]')
     over.set_ylabel('lone packets identified [%]')
-    for method in COMPARED:
+    for method in METHODS:
         known = [row for row in figures['sizes'] if row['reach_m'][method]]
         reaches.plot(
             [row['area_cm2'] for row in known],

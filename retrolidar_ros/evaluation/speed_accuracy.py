@@ -177,10 +177,8 @@ def compare(figures: dict[str, Any]) -> list[Claim]:
 def comment(figures: dict[str, Any]) -> str:
     """Say what is bought with the time."""
     return (
-        'The times are those of this machine. False IDs are counted before a bare wall. `soft` '
-        'and `hard` look for a preamble as `paper` does, so they suit markers that wake for one '
-        'packet after a silence. Where a method has no value it is below '
-        f'{figures["level"]:.0%} at the strongest link.'
+        'The times are those of this machine. False IDs are counted before a bare wall. Where a '
+        f'method has no value it is below {figures["level"]:.0%} at the strongest link.'
     )
 
 

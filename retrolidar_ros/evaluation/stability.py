@@ -5,7 +5,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -21,7 +20,6 @@ from retrolidar_ros.evaluation.panels import FAR_WALL_M, PANELS, SNR_DB, Panel
 from retrolidar_ros.evaluation.reference import WALL_SIGNAL
 from retrolidar_ros.evaluation.statistics import Rate, falls_below, rate
 from retrolidar_ros.evaluation.stress import HAND_DISTANCE_M, HAND_SIGNAL
-from retrolidar_ros.evaluation.sweep import COMPARED
 
 TITLE = 'Where methods fail'
 SOURCE = ''
@@ -29,7 +27,6 @@ SOURCE = ''
 _TRIALS = 32
 _QUICK_TRIALS = 16
 _QUICK_STRIDE = 4
-_QUICK_METHODS = COMPARED
 _COLUMNS = 4
 
 
@@ -64,24 +61,23 @@ def breaking_points(panel: Panel, places: list[float], rates: list[Rate]) -> dic
 def _sweep(
     panel: Panel,
     values: list[float],
-    methods: Sequence[str],
     trials: int,
     rng: np.random.Generator,
     progress: Any,
 ) -> dict[str, Any]:
     """Give every method the same recordings at every value of a stress."""
     scenes = math.ceil(trials / panel.grid.zones)
-    counts = np.zeros((len(values), len(methods), 2), dtype=int)
+    counts = np.zeros((len(values), len(METHODS), 2), dtype=int)
     for row, value in enumerate(values):
         for _ in range(scenes):
             trial = panel.trial(value, rng)
-            for column, method in enumerate(methods):
+            for column, method in enumerate(METHODS):
                 detector = new_detector(method, panel.grid, bit_period_s=panel.bit_period_s)
                 counts[row, column] += np.count_nonzero(outcome(trial, detector), axis=-1)
         progress.update()
     zones = scenes * panel.grid.zones
     results = {}
-    for column, method in enumerate(methods):
+    for column, method in enumerate(METHODS):
         right = [rate(int(hits), zones) for hits in counts[:, column, 0]]
         results[method] = {
             'identified': right,
@@ -102,13 +98,11 @@ def _sweep(
 
 def run(rng: np.random.Generator, *, quick: bool) -> dict[str, Any]:
     """Return identification and wrong-ID rates of lone packets under every stress."""
-    stride, trials, methods = (
-        (_QUICK_STRIDE, _QUICK_TRIALS, _QUICK_METHODS) if quick else (1, _TRIALS, METHODS)
-    )
+    stride, trials = (_QUICK_STRIDE, _QUICK_TRIALS) if quick else (1, _TRIALS)
     sweeps = [(panel, list(panel.values[::stride])) for panel in PANELS]
     points = sum(len(values) for _, values in sweeps)
     with tqdm(total=points, desc='stability', leave=False) as progress:
-        panels = [_sweep(panel, values, methods, trials, rng, progress) for panel, values in sweeps]
+        panels = [_sweep(panel, values, trials, rng, progress) for panel, values in sweeps]
     return {
         'snr_db': SNR_DB,
         'marker_m': RANGE_M,
@@ -158,11 +152,7 @@ def compare(figures: dict[str, Any]) -> list[Claim]:
         Claim(
             f'{panel["title"]}: below {figures["level"]:.0%} from, {panel["axis"]}',
             NOTHING,
-            *(
-                _told(panel['methods'][method]['breaks'])
-                for method in ('paper', METHODS[0])
-                if method in panel['methods']
-            ),
+            *(_told(panel['methods'][method]['breaks']) for method in ('paper', METHODS[0])),
         )
         for panel in figures['panels']
     ]

@@ -15,8 +15,6 @@ from retrolidar_ros.evaluation.claims import NOTHING
 from retrolidar_ros.evaluation.link import Trial, outcome
 from retrolidar_ros.evaluation.statistics import Rate, falls_below, rate
 
-COMPARED = (METHODS[0], 'paper')
-"""The default, and the paper's method."""
 WAKING_S = (2.0, 2.5)
 """When lone packets begin."""
 
@@ -47,16 +45,16 @@ def read_shares(
     max_packets : int
         How many packets the default method may combine.
     """
-    counts = np.zeros((len(COMPARED), 3), dtype=int)
+    counts = np.zeros((len(METHODS), 3), dtype=int)
     for _ in range(scenes):
         trial = make(rng)
-        for row, method in enumerate(COMPARED):
+        for row, method in enumerate(METHODS):
             detector = create_detector(method, trial.recording.grid, max_packets=max_packets)
             came = outcome(trial, detector)
             counts[row] += came.right.sum(), came.wrong.sum(), len(came.right)
     return {
         method: Read(right=rate(right, trials), wrong=rate(wrong, trials))
-        for method, (right, wrong, trials) in zip(COMPARED, counts.tolist(), strict=True)
+        for method, (right, wrong, trials) in zip(METHODS, counts.tolist(), strict=True)
     }
 
 
@@ -66,7 +64,7 @@ def reach(method: str, points: Sequence[dict[str, Any]], place: str = 'range_m')
     Parameters
     ----------
     method : str
-        One of `COMPARED`.
+        One of `METHODS`.
     points : sequence of dict
         In the order of their places.
     place : str
@@ -99,7 +97,7 @@ def draw_reads(
 ) -> None:
     """Draw right and, dashed, wrong shares of both methods over a place."""
     places = [point[place] for point in points]
-    for method in COMPARED:
+    for method in METHODS:
         draw_shares(
             axes, places, [point[method]['right'] for point in points], label=method, **look(method)
         )

@@ -52,7 +52,7 @@ def first_ids(trial: Trial, detector: Detector) -> tuple[NDArray[np.float64], in
     wrong = 0
     for reading in read(trial, detector):
         if reading.right:
-            since_s = reading.stamp_ns * 1e-9 - VIEW_S
+            since_s = reading.end_ns * 1e-9 - VIEW_S
             times_s[reading.zone] = min(times_s[reading.zone], since_s)
         else:
             wrong += 1

@@ -13,12 +13,12 @@ from typing import Any
 import numpy as np
 from tqdm import tqdm
 
+from retrolidar_ros.detector import METHODS
 from retrolidar_ros.evaluation.charts import new_chart
 from retrolidar_ros.evaluation.claims import Claim
 from retrolidar_ros.evaluation.link import Trial, lone_trial
 from retrolidar_ros.evaluation.reference import marker_in_each_zone
 from retrolidar_ros.evaluation.sweep import (
-    COMPARED,
     WAKING_S,
     draw_reads,
     reach,
@@ -54,7 +54,7 @@ def run(rng: np.random.Generator, *, quick: bool) -> dict[str, Any]:
                 shares = read_shares(partial(turned, range_m, yaw_deg), scenes, rng)
                 points.append({'yaw_deg': yaw_deg, **shares})
                 progress.update()
-            limits = {method: reach(method, points, 'yaw_deg') for method in COMPARED}
+            limits = {method: reach(method, points, 'yaw_deg') for method in METHODS}
             ranges.append({'range_m': range_m, 'points': points, 'limit_deg': limits})
     return {'ranges': ranges}
 
@@ -65,11 +65,11 @@ def summarise(figures: dict[str, Any]) -> str:
     for row in figures['ranges']:
         lines.append(
             f'at {row["range_m"]:g} m, 80 % are read to '
-            + ', '.join(f'{told(row["limit_deg"][m], "°", 1)} ({m})' for m in COMPARED)
+            + ', '.join(f'{told(row["limit_deg"][m], "°", 1)} ({m})' for m in METHODS)
         )
         lines += [
             f'  {point["yaw_deg"]:3d}°  '
-            + '   '.join(f'{m} {point[m]["right"]["rate"]:6.1%}' for m in COMPARED)
+            + '   '.join(f'{m} {point[m]["right"]["rate"]:6.1%}' for m in METHODS)
             for point in row['points']
         ]
     return '\n'.join(lines)
@@ -81,7 +81,7 @@ def compare(figures: dict[str, Any]) -> list[Claim]:
         Claim(
             f'80 % of lone packets are identified at {row["range_m"]:g} m to a yaw of',
             f'about ±{PAPER_GOOD_DEG}°' if row['range_m'] == 1.0 else 'not told',
-            *(told(row['limit_deg'][method], '°', 1) for method in reversed(COMPARED)),
+            *(told(row['limit_deg'][method], '°', 1) for method in reversed(METHODS)),
         )
         for row in figures['ranges']
     ]

@@ -135,12 +135,16 @@ def to_detection_msg(detection: Detection, frame_id: str, child_frame_id: str) -
     message.range = place.range_m
     message.range_stddev = place.range_stddev_m
     message.snr = detection.snr_db
+    message.evidence = detection.evidence
+    message.decision_margin = detection.decision_margin
     message.score = detection.score
     message.likelihood = detection.likelihood
+    message.bit_period = detection.bit_period_s
     message.corrected_bits = detection.corrected_bits
     message.packets = detection.packets
     message.zones = array('B', detection.zones)
     message.start = to_time(detection.start_ns)
+    message.end = to_time(detection.end_ns)
     return message
 
 

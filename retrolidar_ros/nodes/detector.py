@@ -8,12 +8,14 @@ import time
 from pathlib import Path
 from typing import Any
 
+from rclpy.logging import LoggingSeverity
 from rclpy.node import Node
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 from visualization_msgs.msg import MarkerArray
 
 from retrolidar_ros.code import BIT_PERIOD_LIMITS_S, IDS
 from retrolidar_ros.detector import METHODS, Detection, Detector, create_detector
+from retrolidar_ros.detector.likelihood_detector import LikelihoodDetector
 from retrolidar_ros.detector.methods import MAX_PACKETS
 from retrolidar_ros.detector.noise import NoiseLaw
 from retrolidar_ros.frame import ZoneGrid
@@ -142,6 +144,8 @@ class DetectorNode(Node):
             self._grid, self._frame_id = frame.grid, frame_id
             self._detector = self._new_detector(self._values, frame.grid)
         detections = self._detector.update(frame)
+        if self.get_logger().is_enabled_for(LoggingSeverity.DEBUG):
+            self._log_refused()
         if detections:
             self._publish(detections, frame_id)
         self._busy_s += time.perf_counter() - began_s
@@ -161,6 +165,18 @@ class DetectorNode(Node):
             stale_after_s = self._values['stale_after']
             shapes = [shape for one in messages for shape in marker_shapes(one, stale_after_s)]
             self._shapes.publish(MarkerArray(markers=shapes))
+
+    def _log_refused(self) -> None:
+        """Log the candidates that the newest frame has made judged and refused."""
+        if not isinstance(self._detector, LikelihoodDetector):
+            return
+        for candidate in self._detector.candidates:
+            if candidate.reason is not None:
+                self.get_logger().debug(
+                    f'refused: {candidate.reason.value}: ID {candidate.id}, '
+                    f'evidence {candidate.evidence:.1f}, word {candidate.word:.1f}, '
+                    f'margin {candidate.margin:.1f} nats'
+                )
 
     def _check_rate(self, stamp_ns: int) -> None:
         """Warn once if a bit does not last two frames, as all methods suppose."""
@@ -187,6 +203,7 @@ class DetectorNode(Node):
             'candidates': str(counts.candidates),
             'accepted': str(counts.accepted),
             'impossible samples': str(counts.impossible),
+            'overloads': str(counts.overloads),
         }
         self._examined_frames, self._busy_s, self._age_s = self._frames, 0.0, 0.0
         for reason, number in sorted(counts.rejected.items()):
@@ -223,7 +240,7 @@ def _declare(parameters: Parameters) -> None:
     )
     parameters.number(
         'false_ids_per_hour',
-        'How many IDs noise alone may make in an hour, over all zones (all but paper).',
+        'How many false IDs may come in an hour, over all zones (joint).',
         1e-6,
         1e6,
         live=True,
@@ -246,21 +263,21 @@ def _declare(parameters: Parameters) -> None:
     )
     parameters.number(
         'noise_floor',
-        'Variance of a signal of nothing [(kcps/SPAD)^2] (all but paper).',
+        'Variance of a signal of nothing [(kcps/SPAD)^2] (joint).',
         1e-6,
         1e6,
         live=True,
     )
     parameters.number(
         'noise_slope',
-        'By how much the variance grows with the signal [kcps/SPAD] (all but paper).',
+        'By how much the variance grows with the signal [kcps/SPAD] (joint).',
         0.0,
         1e6,
         live=True,
     )
     parameters.number(
         'noise_ambient',
-        'By how much the variance grows with the ambient light [kcps/SPAD] (all but paper).',
+        'By how much the variance grows with the ambient light [kcps/SPAD] (joint).',
         0.0,
         1e6,
         live=True,

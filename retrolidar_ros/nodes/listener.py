@@ -82,7 +82,7 @@ class Listener:
                     id=message.id,
                     start_ns=to_ns(message.start),
                     stamp_ns=stamp_ns,
-                    packets=message.packets,
+                    end_ns=to_ns(message.end),
                     range_m=message.range,
                     snr_db=message.snr,
                     position_m=(position.x, position.y, position.z),

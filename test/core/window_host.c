@@ -161,7 +161,13 @@ static void decide(void)
 {
     const int source = whole(), packets = whole();
     const double to_s = number();
-    const struct rl_demands demands = {1e-3, 1e6, -1e6, samples.dark_s / 12.0, 0.03};
+    const struct rl_demands demands = {
+        .evidence = 1e-3,
+        .word = 1e6,
+        .margin = -1e6,
+        .bit_s = samples.dark_s / 12.0,
+        .most_skew = 0.03,
+    };
     struct rl_hits hits;
     struct rl_verdict verdict;
     memset(&hits, 0, sizeof hits);

@@ -11,7 +11,7 @@ from retrolidar_ros.detector import METHODS
 from retrolidar_ros.evaluation.charts import LEVEL, draw_shares, look, new_chart
 from retrolidar_ros.evaluation.peers.visual_markers import APRILTAG, APRILTAG_FINE, QR
 
-COMPARED = (METHODS[0], 'paper')
+METHODS = (METHODS[0], 'paper')
 SPEED_ACCURACY = 'speed.png'
 """The chart of reach and error over processor time, beside the other one."""
 _PEER_LOOKS = {
@@ -24,8 +24,6 @@ COMPARED_AT_M = 2.0
 # Offset [points], and which side of the text is there; they keep the names apart.
 _LABEL_PLACES = {
     'joint': ((13, 0), 'left', 'center'),
-    'soft': ((-12, 4), 'right', 'center'),
-    'hard': ((8, -13), 'right', 'top'),
     'paper': ((13, 0), 'left', 'center'),
     APRILTAG: ((-12, 0), 'right', 'center'),
     APRILTAG_FINE: ((0, 13), 'center', 'bottom'),
@@ -44,7 +42,7 @@ def _curve(figures: dict[str, Any], size_m: float) -> list[dict[str, Any]]:
 def draw(figures: dict[str, Any], path: Path) -> None:
     """Draw identification over distance, light and glare, range error, and processor time."""
     figure, axes = new_chart(2, 3, 15, 9)
-    names = [*COMPARED, *figures['readers']]
+    names = [*METHODS, *figures['readers']]
     sizes = sorted({place['size_m'] for place in figures['places']}, reverse=True)
     for panel, size_m in zip(axes[0], sizes, strict=False):
         curve = _curve(figures, size_m)
@@ -100,7 +98,7 @@ def _draw_sweeps(panels: Any, figures: dict[str, Any]) -> None:
                 **_look(name),
             )
     place = next(place for place in figures['places'] if at.items() <= place.items())
-    for name in COMPARED:
+    for name in METHODS:
         share = place['results'][name]['read']['rate']
         panels[0].axhline(100 * share, color=_look(name)['color'], linestyle='--', linewidth=1.2)
     panels[0].set_xscale('log')
