@@ -99,7 +99,7 @@ def random_recording(
             bits=packet(rng.choice(USABLE)).astype(np.float64),
             repeats=bool(rng.random() < 0.5) if repeats is None else repeats,
             start_s=SILENCE_S + BIT_PERIOD_S * rng.uniform(-2, 2),
-            bit_s=BIT_PERIOD_S * rng.uniform(0.97, 1.03),
+            bit_s=BIT_PERIOD_S * rng.uniform(0.98, 1.02),
             brightening_s=rng.uniform(0.0035, 0.020),
         )
         sendings.append(sendings[0] if alike and sendings else sending)
