@@ -422,13 +422,15 @@ static bool may_be_lone(struct rl_window *window, const struct rl_sending *sendi
 
 /* Whether the samples before a stretch speak for a packet that repeats, as those in it do. A lone
  * packet whose end has not come yet may look like another one that repeats.
+ *
+ * begin_s: of the stretch, as the window was opened; it is opened so again, as likelihoods of other
+ *     samples cannot be compared
  */
 static bool has_repeated(struct rl_window *window, const struct rl_sending *sending, double evidence,
-                         double since_s, double to_s)
+                         double begin_s, double since_s, double to_s)
 {
     const struct rl_samples *samples = window->samples;
     const int held = samples->count > samples->kept ? samples->count - samples->kept : 0;
-    const double begin_s = to_s - RL_BITS * sending->bit_s;
     const double from_s =
         fmax(fmax(begin_s - BEFORE_BITS * sending->bit_s, samples->begin_s[held]), since_s);
     if (begin_s - from_s < LEAST_BEFORE_BITS * sending->bit_s) {
@@ -497,7 +499,8 @@ struct rl_verdict rl_decide(struct rl_window *window, const struct rl_codebook *
         return verdict;
     }
     if (sending->repeats && packets == 1 &&
-        !has_repeated(window, sending, verdict.evidence, since_s, to_s)) {
+        !has_repeated(window, sending, verdict.evidence, to_s - RL_BITS * hit->bit_s, since_s,
+                      to_s)) {
         return verdict;
     }
     verdict.reason = RL_ERASED;
