@@ -23,6 +23,9 @@ NO_FRAME = np.iinfo(np.int64).min
 SIGNAL_RESOLUTION = 1 / 2048 / math.sqrt(12)
 """The sensor's own step is the least noise that a fit can claim [kcps/SPAD]."""
 
+# Share of an exposure that must be of the packet.
+_LEAST_INSIDE = 0.25
+
 
 class Window(NamedTuple):
     """The samples that a packet was read from, oldest first."""
@@ -47,8 +50,10 @@ class Window(NamedTuple):
         """Return the samples of a reading, from those that the core holds."""
         begin_s = _array(held.begin_s, np.float64, held.count)
         end_s = _array(held.end_s, np.float64, held.count)
-        first = int(np.searchsorted(end_s, reading.begin_s, side='right'))
-        last = int(np.searchsorted(begin_s, reading.end_s))
+        # What lies for the most part outside may be of the packet before or after.
+        most_s = _LEAST_INSIDE * held.period_s
+        first = int(np.searchsorted(end_s, reading.begin_s + most_s, side='right'))
+        last = int(np.searchsorted(begin_s, reading.end_s - most_s))
         count, zones = last - first, held.zones
         rows = slice(first, last)
         light = np.empty(count)
