@@ -38,6 +38,8 @@ static const double LEAST_ADDED = 4.0, LEAST_SHARE = 0.5, COST_OF_GAIN = 2.0;
 static const double LEAST_TURNED = 2.0, COST_OF_BURST = 5.0;
 /* [nats] a change that a word has less. */
 static const double COST_OF_CHANGE = 5.0;
+/* Several packets are tried at several numbers of them, and at more clocks [nats]. */
+static const double COST_OF_FOLDS = 1.5;
 /* Part of the last bit that need not have come yet. */
 static const double NOT_YET_BITS = 0.25;
 /* By how much a part of a lone packet may be worse than a whole one to be as good [nats]. */
@@ -266,24 +268,40 @@ static double turn_bits(struct rl_window *window, const struct rl_sending *sendi
     return better;
 }
 
-/* Leave out a stretch of a few bits in which everything is darker than it should be: something has
- * hidden the marker for a while.
+/* Leave out the stretch of a few bits which would be likeliest if all of it were dark: something has
+ * hidden the marker for a while. Return whether there is one.
  */
-static bool hide_burst(struct rl_window *window, const struct rl_sending *sending,
-                       const struct bits *bits)
+static bool hide_burst(struct rl_window *window, const struct rl_sending *sending, double own)
 {
-    int first = bits->count, last = -1;
-    for (int bit = 0; bit < bits->count; bit++) {
-        if (!bits->dark[bit] && (double)bits->turned[bit] > LEAST_TURNED) {
-            first = bit < first ? bit : first;
-            last = bit;
+    double most = own + LEAST_TURNED;
+    int first = -1, last = -1;
+    for (int length = 1; length <= MOST_HIDDEN_BITS; length++) {
+        for (int begin = 0; begin + length <= RL_BITS; begin++) {
+            uint32_t dark = sending->bits;
+            for (int bit = begin; bit < begin + length; bit++) {
+                dark |= bit_of(bit);
+            }
+            if (dark != sending->bits) {
+                const struct rl_sending other = with_bits(sending, dark);
+                const double likelihood = rl_window_try(window, &other);
+                if (likelihood > most) {
+                    most = likelihood;
+                    first = begin;
+                    last = begin + length - 1;
+                }
+            }
         }
     }
-    if (last < 0 || last - first >= MOST_HIDDEN_BITS) {
+    if (first < 0) {
         return false;
     }
-    rl_window_hide(window, bits->begin_s + (first - 0.5) * sending->bit_s,
-                   bits->begin_s + (last + 1.5) * sending->bit_s);
+    /* Of a packet that repeats, the window holds the bits of the one that began before or in it. */
+    const double begin_s = (window->samples->begin_s[window->first]);
+    double from_s = sending->start_s + (first - 0.5) * sending->bit_s;
+    if (sending->repeats && from_s + (last - first + 2) * sending->bit_s < begin_s) {
+        from_s += RL_BITS * sending->bit_s;
+    }
+    rl_window_hide(window, from_s, from_s + (last - first + 2) * sending->bit_s);
     return true;
 }
 
@@ -404,13 +422,15 @@ static bool may_be_lone(struct rl_window *window, const struct rl_sending *sendi
 
 /* Whether the samples before a stretch speak for a packet that repeats, as those in it do. A lone
  * packet whose end has not come yet may look like another one that repeats.
+ *
+ * begin_s: of the stretch, as the window was opened; it is opened so again, as likelihoods of other
+ *     samples cannot be compared
  */
 static bool has_repeated(struct rl_window *window, const struct rl_sending *sending, double evidence,
-                         double since_s, double to_s)
+                         double begin_s, double since_s, double to_s)
 {
     const struct rl_samples *samples = window->samples;
     const int held = samples->count > samples->kept ? samples->count - samples->kept : 0;
-    const double begin_s = to_s - RL_BITS * sending->bit_s;
     const double from_s =
         fmax(fmax(begin_s - BEFORE_BITS * sending->bit_s, samples->begin_s[held]), since_s);
     if (begin_s - from_s < LEAST_BEFORE_BITS * sending->bit_s) {
@@ -479,7 +499,8 @@ struct rl_verdict rl_decide(struct rl_window *window, const struct rl_codebook *
         return verdict;
     }
     if (sending->repeats && packets == 1 &&
-        !has_repeated(window, sending, verdict.evidence, since_s, to_s)) {
+        !has_repeated(window, sending, verdict.evidence, to_s - RL_BITS * hit->bit_s, since_s,
+                      to_s)) {
         return verdict;
     }
     verdict.reason = RL_ERASED;
@@ -492,12 +513,12 @@ struct rl_verdict rl_decide(struct rl_window *window, const struct rl_codebook *
     const double since_bits =
         (to_s - RL_BITS * packets * sending->bit_s - sending->start_s) / sending->bit_s;
     const int begin = sending->repeats ? (int)floor(since_bits + 0.5) % RL_BITS : 0;
-    double asked = demands->evidence + cost_of_changes(sending->bits);
+    double asked = demands->evidence + cost_of_changes(sending->bits) +
+                   (packets > 1 ? COST_OF_FOLDS : 0.0);
     /* Before others are asked: two zones may see different packets of which this one is a bit. */
     verdict.reason = doubt(window, demands, sending, packets, own, half_bits, hits, &verdict.word);
-    if (verdict.reason == RL_NOT_A_WORD && packets == 1) {
-        turn_bits(window, sending, own, begin, (int)silent_bits, 0.0, &bits);
-        if (hide_burst(window, sending, &bits)) {
+    if (verdict.reason == RL_NOT_A_WORD && packets == 1 && verdict.evidence > asked) {
+        if (hide_burst(window, sending, own)) {
             own = refine(window, demands, sending, half_bits);
             verdict.evidence = own - window->null;
             asked += COST_OF_BURST;

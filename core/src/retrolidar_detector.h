@@ -53,7 +53,7 @@ struct rl_held {
     int64_t origin_ns;
     double noise_scale, period_s;
     const double *begin_s, *end_s;
-    const int64_t *stamp_ns; /* 0 where no frame came */
+    const int64_t *stamp_ns; /* the least of all where no frame came */
     const float *signal; /* width columns a row, the zones first */
     const uint8_t *valid;
     const float *distance; /* zones columns a row */

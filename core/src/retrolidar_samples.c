@@ -177,7 +177,7 @@ static void sum_zones(struct rl_samples *samples, int row)
 /* When a frame was, or would have been. */
 static double middle_of(const struct rl_samples *samples, int row)
 {
-    return samples->stamp_ns[row] != 0
+    return samples->stamp_ns[row] != RL_NO_FRAME
                ? (double)(samples->stamp_ns[row] - samples->origin_ns) * 1e-9
                : (samples->begin_s[row] + samples->end_s[row]) / 2;
 }
@@ -294,7 +294,7 @@ int rl_samples_push(struct rl_samples *samples, int64_t stamp_ns, const float *s
             if (samples->count == samples->capacity) {
                 make_room(samples);
             }
-            const int row = place_row(samples, before_s + missing * step_s, 0);
+            const int row = place_row(samples, before_s + missing * step_s, RL_NO_FRAME);
             fill_gap(samples, row);
             follow_sums(samples, samples->variance_rows, false);
         }
@@ -350,7 +350,7 @@ void rl_samples_learn(struct rl_samples *samples)
             lagged += deviation * before;
             before = deviation;
             whole = valid[(size_t)row * (size_t)samples->width] ||
-                    samples->stamp_ns[first + row] == 0; /* a lost frame is no reason */
+                    samples->stamp_ns[first + row] == RL_NO_FRAME; /* a lost frame is no reason */
         }
         if (!whole || !(power > 0.0) || lagged >= WHITE * power) {
             continue;

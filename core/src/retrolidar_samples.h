@@ -18,6 +18,9 @@ enum {
     RL_LANES = 4, /* columns are filled up to a multiple of this */
 };
 
+/* In place of the stamp of a frame: 0 is one like others. */
+#define RL_NO_FRAME INT64_MIN
+
 /* A source is what is searched for packets: a zone, or a sum of zones, which sees the whole of a
  * packet of a marker that crosses from zone to zone.
  */
@@ -44,7 +47,7 @@ struct rl_samples {
     int count;    /* rows that are held */
     int64_t origin_ns; /* from which times count */
     double period_s;   /* of the frames, as measured */
-    int64_t *stamp_ns;       /* of each frame; 0 = none came */
+    int64_t *stamp_ns;       /* of each frame; RL_NO_FRAME = none came */
     double *begin_s, *end_s; /* of each exposure [s] */
     float *signal;     /* [kcps/SPAD]; of an erasure, the last one before it */
     uint8_t *valid;    /* 0 = erasure */

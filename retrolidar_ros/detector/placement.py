@@ -19,6 +19,7 @@ from retrolidar_ros.detector.place import place
 from retrolidar_ros.detector.ranging import BRIGHT, modulated_range
 from retrolidar_ros.frame import SEPARABLE_M, Floats, ZoneGrid
 
+NO_FRAME = np.iinfo(np.int64).min
 SIGNAL_RESOLUTION = 1 / 2048 / math.sqrt(12)
 """The sensor's own step is the least noise that a fit can claim [kcps/SPAD]."""
 
@@ -29,7 +30,7 @@ class Window(NamedTuple):
     time_s: Floats
     """Middle of each exposure since the origin of the core's times [s], shape (samples,)."""
     stamp_ns: NDArray[np.int64]
-    """Of each frame [ns], 0 where none came, shape (samples,)."""
+    """Of each frame [ns], `NO_FRAME` where none came, shape (samples,)."""
     light: Floats
     """How bright the marker was, 0 to 1, shape (samples,)."""
     signal: Floats
@@ -136,7 +137,7 @@ def detection_of(
         id=reading.id,
         stamp_ns=origin_ns + round(stamp_s * 1e9),
         start_ns=origin_ns + round(reading.start_s * 1e9),
-        end_ns=int(window.stamp_ns[window.stamp_ns > 0][-1]),
+        end_ns=int(window.stamp_ns[window.stamp_ns != NO_FRAME][-1]),
         place=place(bearing, mean_m, float(surety.sum() ** -0.5)),
         snr_db=20 * math.log10(snr),
         evidence=reading.evidence,
