@@ -370,7 +370,7 @@ def test_how_far_the_last_candidate_was_from_being_read(reason: Reason, told: st
         snapshot(ZoneGrid()),
         rejected={reason.value: 3},
         refused=Candidate(77, 9, 1, reason, 0, 0.042, 20.5, 41.5, 3.5),
-        demands=Demands(28.0, 8.0, 6.9, 9.2),
+        demands=Demands(28.0, 6.0, 8.0, 6.9, 9.2),
     )
     shown = '\n'.join(screen(known, ASCII))
     assert f'  refused so far: {reason.value} 3; last ID 77: {told}\n' in shown

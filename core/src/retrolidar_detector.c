@@ -513,7 +513,7 @@ static void look(struct rl_detector *detector)
         detector->learnt_s = to_s;
     }
     const double packet_bits = RL_BITS * (1.0 - MOST_SKEW) - OVERLAP_BITS;
-    if (held_s < packet_bits * bit_s) {
+    if (held_s < (RL_BITS - 0.5) * bit_s) {
         return;
     }
     int count = ready(detector, packet_bits, to_s, true, RL_MOST_ZONES, sources);

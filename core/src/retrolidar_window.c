@@ -9,7 +9,7 @@
 #include <string.h>
 
 /* Crystals that are tried: how long they take to brighten [s]. */
-static const double BRIGHTENING_S[] = {0.0035, 0.008, 0.014, 0.020};
+static const double BRIGHTENING_S[] = {0.0035, 0.0005, 0.008, 0.014, 0.020};
 /* Share of the sensor's noise that a fit may not fall short of. */
 static const double LEAST_NOISE = 0.5;
 static const int ROUNDS = 4; /* of a refinement, each with half the steps of the one before */
