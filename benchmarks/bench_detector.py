@@ -1,10 +1,12 @@
 # Copyright 2026 retrolidar_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""What the detection methods cost, side by side in one run.
+"""What the detection methods cost, and the default one beside an earlier revision, in one run.
 
 Run it from the repository's root: `PYTHONPATH=. python3 benchmarks/bench_detector.py`. It prints
-for each method and number of zones the time a frame takes when nothing modulates and when three
-markers talk, frame by frame and many frames at a time, and the growth of memory over an hour.
+what a frame costs the default method and the one of an earlier revision, in turns over the same
+frames, and how fast a bag becomes JSON; for each method and number of zones the time a frame takes
+when nothing modulates and when three markers talk, frame by frame and many frames at a time; and
+the growth of memory over half an hour.
 """
 
 from __future__ import annotations
@@ -15,45 +17,50 @@ import os
 os.environ.setdefault('OPENBLAS_NUM_THREADS', '1')
 
 import argparse
+import json
 import resource
+import subprocess
+import sys
 import time
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager
 from dataclasses import replace
 from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any
 
+import frame_times
 import numpy as np
 
+from retrolidar_ros.bag import FrameWriter
 from retrolidar_ros.detector import METHODS, create_detector
 from retrolidar_ros.evaluation.machine import write_figures
+from retrolidar_ros.evaluation.readme import against_table
 from retrolidar_ros.evaluation.reference import SENSOR, marker_in_each_zone
+from retrolidar_ros.evaluation.restless import restless_blocks
 from retrolidar_ros.frame import Recording, ZoneGrid
 from retrolidar_ros.scene import Simulation
 
 PERIOD_S = SENSOR.period_s
 RANGE_M = 2.0
 TALKING = (0, 6, 11)
-ZONES = (16, 64, 256, 1024)
-FRAMES = 500
+GRIDS = (ZoneGrid(4, 4), ZoneGrid(8, 8))
+FRAMES = 1000
 REPEATS = 2
-HOUR_FRAMES = round(3600 / PERIOD_S)
+HALF_HOUR_FRAMES = round(1800 / PERIOD_S)
+BEFORE_THE_CORE = 'f723e5a'
+COMPARED_FRAMES = 2000  # four times what eight packets take
+ROOT = Path(__file__).parent.parent
 
 
-class WideGrid(ZoneGrid):
-    """More zones than the sensor has, for the cost to grow."""
-
-    def __post_init__(self) -> None:
-        """Accept any shape."""
-
-
-def recording(zones: int, talking: int, frames: int) -> Recording:
+def recording(grid: ZoneGrid, talking: int, frames: int) -> Recording:
     """Return frames of a wall, tiled from those of 16 zones, of which some hold a marker."""
     tiles = []
-    for tile in range(zones // 16):
+    for tile in range(grid.zones // 16):
         rng = np.random.default_rng(tile)
         scene = marker_in_each_zone(RANGE_M, rng, start_s=(-1.3, 0.0), packets=None)
         markers = tuple(scene.markers[zone] for zone in TALKING[:talking]) if tile == 0 else ()
         tiles.append(Simulation(replace(scene, markers=markers), rng).run(frames * PERIOD_S))
-    side = round(zones**0.5)
-    grid = ZoneGrid(4, 4) if zones == 16 else WideGrid(side, side)
     first = tiles[0]
     return Recording(
         stamp_ns=first.stamp_ns,
@@ -84,39 +91,145 @@ def microseconds(method: str, frames: Recording, *, at_once: bool) -> float:
 
 
 def growth_megabytes(method: str) -> float:
-    """Return by how much the process grows in the second half of an hour of three markers."""
-    block = recording(16, 3, 4 * FRAMES)
+    """Return by how much the process grows in the second half of half an hour of three markers."""
+    block = recording(GRIDS[0], len(TALKING), 2 * FRAMES)
     detector = create_detector(method, block.grid)
     length_ns = int(block.stamp_ns[-1]) + round(PERIOD_S * 1e9)
     peaks = []
-    for turn in range(HOUR_FRAMES // len(block)):
+    for turn in range(HALF_HOUR_FRAMES // len(block)):
         detector.update_all(replace(block, stamp_ns=block.stamp_ns + turn * length_ns))
         peaks.append(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024)
     return peaks[-1] - peaks[len(peaks) // 2]
+
+
+def cases() -> Iterator[tuple[str, Recording]]:
+    """Yield what both revisions are given, by name."""
+    for grid in GRIDS:
+        zones = f'{grid.rows}×{grid.columns} zones'
+        yield f'{zones}, quiet', recording(grid, 0, COMPARED_FRAMES)
+        yield f'{zones}, three markers', recording(grid, len(TALKING), COMPARED_FRAMES)
+    hands = restless_blocks(COMPARED_FRAMES * PERIOD_S, np.random.default_rng(1))
+    yield '4×4 zones, moving hands', next(hands)
+
+
+def export(revision: str, directory: Path) -> None:
+    """Write the sources of a revision to a directory, and build its core if it has one.
+
+    Raises
+    ------
+    subprocess.CalledProcessError
+        If there is no such revision, or it cannot be built.
+    """
+    archive = subprocess.run(
+        ['git', 'archive', revision], cwd=ROOT, stdout=subprocess.PIPE, check=True
+    )
+    subprocess.run(['tar', '-x', '-C', str(directory)], input=archive.stdout, check=True)
+    if (directory / 'core' / 'binding.py').exists():
+        build = [sys.executable, 'setup.py', '-q', 'build_ext', '--inplace']
+        subprocess.run(build, cwd=directory, check=True)
+
+
+class Timer:
+    """Some sources, in a process of their own."""
+
+    def __init__(self, process: subprocess.Popen[str]) -> None:
+        self._process = process
+
+    @classmethod
+    @contextmanager
+    def of(cls, directory: Path | None) -> Iterator[Timer]:
+        """Start it with the sources in a directory; None = with these."""
+        environment = dict(os.environ)
+        if directory is not None:
+            environment['PYTHONPATH'] = str(directory)
+        with subprocess.Popen(
+            [sys.executable, frame_times.__file__],
+            env=environment,
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            text=True,
+        ) as process:
+            yield cls(process)
+
+    def ask(self, kind: str, path: Path) -> Any:
+        """Return the answer of `frame_times` to a line.
+
+        Raises
+        ------
+        RuntimeError
+            If it ended.
+        """
+        assert self._process.stdin is not None
+        assert self._process.stdout is not None
+        self._process.stdin.write(f'{kind} {path}\n')
+        self._process.stdin.flush()
+        if not (answer := self._process.stdout.readline()):
+            raise RuntimeError(f'no answer to {kind} {path.name}')
+        return json.loads(answer)
+
+
+def compared(revision: str) -> list[dict[str, Any]]:
+    """Return times of a revision and of these sources, in turns over the same frames."""
+    rows = []
+    with TemporaryDirectory() as text, ExitStack() as stack:
+        directory = Path(text)
+        (directory / 'old').mkdir()
+        export(revision, directory / 'old')
+        timers = {
+            age: stack.enter_context(Timer.of(sources))
+            for age, sources in (('old', directory / 'old'), ('new', None))
+        }
+        for number, (name, frames) in enumerate(cases()):
+            file, bag = directory / f'{number}.npz', directory / f'{number}'
+            frame_times.save(file, frames)
+            with FrameWriter(bag) as writer:
+                for frame in frames:
+                    writer.write(frame)
+            row: dict[str, Any] = {'case': name}
+            taken: dict[str, list[list[int]]] = {age: [] for age in timers}
+            decoded: dict[str, list[int]] = {age: [] for age in timers}
+            for _ in range(REPEATS):
+                for age, timer in timers.items():
+                    taken[age].append(timer.ask('frames', file))
+                    decoded[age].append(timer.ask('bag', bag))
+            for age in timers:
+                # What else the machine does makes a frame longer and never shorter.
+                row[age] = {
+                    'frame_us': 1e-3 * min(sum(times) for times in taken[age]) / len(frames),
+                    'longest_us': 1e-3 * max(map(min, zip(*taken[age], strict=True))),
+                    'bag_times_real_time': len(frames) * PERIOD_S / (1e-9 * min(decoded[age])),
+                }
+            rows.append(row)
+    return rows
 
 
 def main() -> None:
     """Print the tables."""
     parser = argparse.ArgumentParser(description=__doc__.partition('\n')[0])
     parser.add_argument('--json', type=Path, metavar='FILE', help='write the figures, too')
+    parser.add_argument(
+        '--against', metavar='REV', default=BEFORE_THE_CORE, help='earlier one (%(default)s)'
+    )
     arguments = parser.parse_args()
+    against = {'revision': arguments.against, 'rows': compared(arguments.against)}
+    print(against_table(against), flush=True)
     rows = []
     print('µs a frame: one by one | at once (times real time)')
-    for zones in ZONES:
-        for talking, name in ((0, 'quiet'), (3, 'three markers')):
-            frames = recording(zones, talking, FRAMES)
+    for grid in GRIDS:
+        for talking, name in ((0, 'quiet'), (len(TALKING), 'three markers')):
+            frames = recording(grid, talking, FRAMES)
             for method in METHODS:
                 single = microseconds(method, frames, at_once=False)
                 many = microseconds(method, frames, at_once=True)
                 speed = PERIOD_S / many * 1e6
                 print(
-                    f'{zones:5d} zones  {name:13s}  {method:5s}  {single:7.0f} | {many:7.0f} '
+                    f'{grid.zones:5d} zones  {name:13s}  {method:5s}  {single:7.0f} | {many:7.0f} '
                     f'({speed:.0f})',
                     flush=True,
                 )
                 rows.append(
                     {
-                        'zones': zones,
+                        'zones': grid.zones,
                         'talking': talking,
                         'method': method,
                         'frame_us': single,
@@ -125,9 +238,10 @@ def main() -> None:
                     }
                 )
     growth = growth_megabytes(METHODS[0])
-    print(f'{METHODS[0]} grows by {growth:.1f} MB in half an hour')
+    print(f'{METHODS[0]} grows by {growth:.1f} MB in a quarter of an hour')
     if arguments.json is not None:
-        write_figures(arguments.json, {'rows': rows, 'growth_mb': growth})
+        figures = {'rows': rows, 'growth_mb': growth, 'against': against}
+        write_figures(arguments.json, figures)
 
 
 if __name__ == '__main__':

@@ -37,7 +37,8 @@ _MODEL_ERROR = 0.02
 
 _LEAST_DOUBT = 1e-6  # [kcps/SPAD]
 # The integral of the cumulative normal distribution, less that of the unit step.
-_SCORES = np.linspace(-5.0, 5.0, 1001)
+_MOST_SCORE, _STEPS_A_SCORE = 5, 100
+_SCORES = np.linspace(-_MOST_SCORE, _MOST_SCORE, 2 * _MOST_SCORE * _STEPS_A_SCORE + 1)
 _RAMP_EXCESS = np.array(
     [
         math.exp(-score * score / 2) / math.sqrt(2 * math.pi)
@@ -45,6 +46,9 @@ _RAMP_EXCESS = np.array(
         for score in _SCORES.tolist()
     ]
 )
+_RAMP_STEPS = np.append(np.diff(_RAMP_EXCESS), 0.0)
+# The edges of three zones in a row, from the middle one's centre, seen from each place.
+_EDGES = np.array([-1.5, -0.5, 0.5, 1.5]) - _PLACES[:, None]
 
 
 class Bearing(NamedTuple):
@@ -79,17 +83,19 @@ def shared_bearing(
         The zones.
     """
     row, column = divmod(zone, grid.columns)
-    rows = slice(max(row - 1, 0), row + 2)
-    columns = slice(max(column - 1, 0), column + 2)
+    rows = slice(max(row - 1, 0), min(row + 2, grid.rows))
+    columns = slice(max(column - 1, 0), min(column + 2, grid.columns))
     shape = (grid.rows, grid.columns)
     light = amplitude.reshape(shape)
     doubt = variance.reshape(shape) + max(_MODEL_ERROR * float(amplitude[zone]), _LEAST_DOUBT) ** 2
-    width = spot / grid.pitch
+    shares = _shares(spot / grid.pitch)
     # Neighbours across and down say it all, as the shares of others are products of theirs.
     across, across_belief = _belief(
-        light[row, columns], doubt[row, columns], columns, column, width
+        light[row, columns], doubt[row, columns], _from_middle(shares, columns, column)
     )
-    down, down_belief = _belief(light[rows, column], doubt[rows, column], rows, row, width)
+    down, down_belief = _belief(
+        light[rows, column], doubt[rows, column], _from_middle(shares, rows, row)
+    )
     # The less blur, the less room for a bearing between zones: without this, a marker that is
     # there would be proof of a large one.
     blur = across_belief * down_belief / np.sqrt(_BLURS)
@@ -103,21 +109,39 @@ def shared_bearing(
     return Bearing(grid.tangents[zone] + grid.pitch * mean, grid.pitch**2 * spread)
 
 
-def _belief(
-    light: Floats, doubt: Floats, steps: slice, centre: int, width: float
-) -> tuple[Floats, Floats]:
+def _shares(width: float) -> Floats:
+    """Return what each of three zones in a row sees of a marker at places around the middle one.
+
+    Parameters
+    ----------
+    width : float
+        Of the marker, in widths of a zone.
+
+    Returns
+    -------
+    share : array, shape (blurs, places, 3)
+        Of its light.
+    """
+    distance = np.stack([_EDGES + width / 2, _EDGES - width / 2])
+    upper, lower = _ramp(distance).swapaxes(0, 1)
+    share: Floats = np.diff((upper - lower) / width, axis=-1)
+    return share
+
+
+def _from_middle(shares: Floats, steps: slice, centre: int) -> Floats:
+    """Return the shares of those rows or columns around the central one that the grid has."""
+    return shares[..., steps.start - centre + 1 : steps.stop - centre + 1]
+
+
+def _belief(light: Floats, doubt: Floats, share: Floats) -> tuple[Floats, Floats]:
     """Return how likely each place along one axis is, given each blur, and each blur by itself.
 
     Parameters
     ----------
     light, doubt : array, shape (n,)
-        Light in the rows or columns `steps` of the grid, and its variance.
-    steps : slice
-        Which rows or columns those are.
-    centre : int
-        The one of the strongest zone.
-    width : float
-        Of the marker, in widths of a zone.
+        Light in neighbouring rows or columns, and its variance.
+    share : array, shape (blurs, places, n)
+        What each of them sees of a marker.
 
     Returns
     -------
@@ -126,10 +150,6 @@ def _belief(
     likelihood : array, shape (blurs,)
         Up to a factor.
     """
-    edges = np.arange(steps.start, steps.start + len(light) + 1) - centre - 0.5
-    beyond = edges - _PLACES[:, None]
-    below = (_ramp(beyond + width / 2) - _ramp(beyond - width / 2)) / width
-    share = np.diff(below, axis=-1)
     # The strength that fits best is taken for each place: shape (blurs, places).
     common = share @ (light / doubt)
     energy = (share * share) @ (1 / doubt)
@@ -143,7 +163,9 @@ def _belief(
 def _ramp(distance: Floats) -> Floats:
     """Integrate the blurred unit step up to distances (...): shape (blurs, ...)."""
     blurs = _BLURS.reshape(-1, *[1] * distance.ndim)
-    ramp: Floats = np.maximum(distance, 0.0) + blurs * np.interp(
-        distance / blurs, _SCORES, _RAMP_EXCESS
-    )
+    # The excess is interpolated; its scores are equal steps, so nothing need be searched.
+    step = np.clip((distance / blurs + _MOST_SCORE) * _STEPS_A_SCORE, 0, len(_SCORES) - 1)
+    before = step.astype(np.intp)
+    excess = _RAMP_EXCESS[before] + (step - before) * _RAMP_STEPS[before]
+    ramp: Floats = np.maximum(distance, 0.0) + blurs * excess
     return ramp

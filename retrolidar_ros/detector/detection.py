@@ -63,7 +63,9 @@ class DetectorCounts:
 class Detector(Protocol):
     """Frames in, detections out: what every method offers."""
 
-    counts: DetectorCounts
+    @property
+    def counts(self) -> DetectorCounts:
+        """What became of the candidates so far."""
 
     def update(self, frame: Frame) -> list[Detection]:
         """Take the next frame; return the detections that became certain with it."""
@@ -74,7 +76,7 @@ class Detector(Protocol):
 
 def check_grid(grid: ZoneGrid, expected: ZoneGrid) -> None:
     """Raise ValueError if a frame has another zone grid than the detector that it came to."""
-    if grid != expected:
+    if grid is not expected and grid != expected:
         raise ValueError(
             f'a frame of {grid.rows}x{grid.columns} zones came to a detector '
             f'for {expected.rows}x{expected.columns}'

@@ -8,6 +8,7 @@ its memory, frames on their way in, and readings on their way out to a place.
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Mapping
 from typing import Any, NamedTuple
 
@@ -47,6 +48,31 @@ class Candidate(NamedTuple):
     """[nats]"""
 
 
+class _OneFrame:
+    """Memory that the core takes one frame from."""
+
+    def __init__(self, zones: int) -> None:
+        self._stamp_ns = np.empty(1, dtype=np.int64)
+        self._signal, self._distance, self._ambient = np.empty((3, zones), dtype=np.float32)
+        self._status = np.empty(zones, dtype=np.uint8)
+        self.pointers = (
+            ffi.from_buffer('int64_t[]', self._stamp_ns),
+            *(
+                ffi.from_buffer('float[]', array)
+                for array in (self._signal, self._distance, self._ambient)
+            ),
+            ffi.from_buffer('uint8_t[]', self._status),
+        )
+
+    def fill(self, frame: Frame) -> None:
+        """Copy a frame."""
+        self._stamp_ns[0] = frame.stamp_ns
+        self._signal[:] = frame.signal
+        self._distance[:] = frame.distance
+        self._ambient[:] = frame.ambient
+        self._status[:] = frame.status
+
+
 class LikelihoodDetector:
     """Reads markers in all zones at once, frame by frame or many frames at a time."""
 
@@ -79,7 +105,6 @@ class LikelihoodDetector:
         sizes_m : mapping
             Edges of markers by their IDs [m], where they are not of the usual size.
         """
-        self.counts = DetectorCounts()
         self.candidates: list[Candidate] = []
         """Those that were judged with the frames that were taken last."""
         self._grid = grid
@@ -108,6 +133,21 @@ class LikelihoodDetector:
         if core == ffi.NULL:
             raise MemoryError('no memory for the samples of the detector')
         self._core = ffi.gc(core, lib.rl_detector_destroy)
+        self._frame = _OneFrame(grid.zones)
+
+    @property
+    def counts(self) -> DetectorCounts:
+        """What became of the candidates so far."""
+        counts = lib.rl_detector_counts(self._core)
+        refused = {reason: counts.refused[number] for number, reason in REASONS.items()}
+        refused[Reason.DISTANCE] = self._unplaced
+        return DetectorCounts(
+            candidates=counts.candidates,
+            accepted=counts.accepted - self._unplaced,
+            rejected=Counter({reason.value: count for reason, count in refused.items() if count}),
+            impossible=counts.impossible,
+            overloads=counts.overloads,
+        )
 
     def update(self, frame: Frame) -> list[Detection]:
         """Take the next frame; return the detections that became certain with it.
@@ -118,8 +158,10 @@ class LikelihoodDetector:
             If the frame has another zone grid than the detector.
         """
         check_grid(frame.grid, self._grid)
-        stamp_ns = np.array([frame.stamp_ns], dtype=np.int64)
-        return self._push(stamp_ns, frame.signal, frame.distance, frame.ambient, frame.status)
+        self._frame.fill(frame)
+        self.candidates = []
+        lib.rl_detector_push(self._core, 1, *self._frame.pointers)
+        return self._take() if lib.rl_detector_candidates(self._core) else []
 
     def update_all(self, recording: Recording) -> list[Detection]:
         """Take many frames, at less cost than one after the other.
@@ -130,30 +172,14 @@ class LikelihoodDetector:
             If the frames have another zone grid than the detector.
         """
         check_grid(recording.grid, self._grid)
-        return self._push(
-            recording.stamp_ns,
-            recording.signal,
-            recording.distance,
-            recording.ambient,
-            recording.status,
-        )
-
-    def _push(
-        self,
-        stamp_ns: NDArray[np.int64],
-        signal: NDArray[np.float32],
-        distance: NDArray[np.float32],
-        ambient: NDArray[np.float32],
-        status: NDArray[np.uint8],
-    ) -> list[Detection]:
-        """Take frames, their arrays of shape (frames, zones) or, of one, (zones,)."""
         zones = self._grid.zones
-        stamps = _pointer('int64_t[]', stamp_ns, np.int64)
-        arrays = [_pointer('float[]', values, np.float32) for values in (signal, distance, ambient)]
-        statuses = _pointer('uint8_t[]', status, np.uint8)
+        stamps = _pointer('int64_t[]', recording.stamp_ns, np.int64)
+        values = (recording.signal, recording.distance, recording.ambient)
+        arrays = [_pointer('float[]', array, np.float32) for array in values]
+        statuses = _pointer('uint8_t[]', recording.status, np.uint8)
         detections: list[Detection] = []
         self.candidates = []
-        taken, frames = 0, len(stamp_ns)
+        taken, frames = 0, len(recording)
         while taken < frames:
             at = taken * zones
             taken += lib.rl_detector_push(
@@ -165,7 +191,6 @@ class LikelihoodDetector:
             )
             if lib.rl_detector_candidates(self._core):
                 detections += self._take()
-        self._count()
         return detections
 
     def _take(self) -> list[Detection]:
@@ -198,23 +223,6 @@ class LikelihoodDetector:
             else:
                 detections.append(detection)
         return detections
-
-    def _count(self) -> None:
-        """Follow the counters of the core."""
-        counts = lib.rl_detector_counts(self._core)
-        self.counts.candidates = counts.candidates
-        self.counts.accepted = counts.accepted - self._unplaced
-        self.counts.impossible = counts.impossible
-        self.counts.overloads = counts.overloads
-        refused = {reason: counts.refused[number] for number, reason in REASONS.items()}
-        refused[Reason.DISTANCE] = self._unplaced
-        self.counts.rejected.update(
-            {
-                reason.value: count - self.counts.rejected[reason.value]
-                for reason, count in refused.items()
-                if count
-            }
-        )
 
 
 def usable_ids(registered_ids: ArrayLike | None) -> NDArray[np.int64]:

@@ -171,7 +171,7 @@ def _zones_of(reading: Any, amplitude: Floats, variance: Floats) -> list[int]:
 def amplitudes(
     light: Floats, valid: NDArray[np.bool_], signal: Floats
 ) -> tuple[Floats, Floats, Floats]:
-    """Return by how much each zone's signal rises with the light, the variance of that, and the noise.
+    """Return by how much each zone's signal rises with the light, its variance, and the noise.
 
     The noise is the variance of all that the packet leaves over.
 

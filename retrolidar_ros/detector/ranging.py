@@ -75,7 +75,7 @@ def modulated_range(
     if not seen.any():
         return None
     # A marker on the move is in the zone for a part of the time.
-    seen &= signal > _IN_ZONE * np.quantile(signal[seen], _BRIGHTEST)
+    seen &= signal > _IN_ZONE * _quantile(signal[seen], _BRIGHTEST)
     if not seen.any():
         return None
     ordered = np.sort(distance[seen])
@@ -99,6 +99,15 @@ def modulated_range(
     return Ranged(depth * per_depth, float(deviation) * per_depth, float(time_s[own].mean()))
 
 
+def _quantile(values: Floats, share: float) -> float:
+    """Return the value that a share of the values are below, as `numpy.quantile`, but faster."""
+    ordered = np.sort(values)
+    place = share * (len(ordered) - 1)
+    before = int(place)
+    low, high = ordered[before], ordered[min(before + 1, len(ordered) - 1)]
+    return float(low + (place - before) * (high - low))
+
+
 def _is_apart(behind: Floats, depth: float, parted_m: float, parted_variance: float) -> bool:
     """Tell whether what stands behind was told from the marker, and so is no part of its pulse.
 
@@ -115,7 +124,7 @@ def _is_apart(behind: Floats, depth: float, parted_m: float, parted_variance: fl
     """
     if not len(behind):
         return False
-    wall_m = float(np.median(behind))
+    wall_m = _quantile(behind, 0.5)
     gap_m = abs(wall_m - depth)
     if gap_m < SEPARABLE_M - _UNSURE_M:
         return False

@@ -1,6 +1,6 @@
 # Copyright 2026 retrolidar_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""The figures of the README, written from those of the report.
+"""The figures of the README and of docs/scale.md, written from those of the report.
 
     python3 -m retrolidar_ros.evaluation.readme
 
@@ -181,11 +181,44 @@ def speed(report: Report) -> str:
     return '\n'.join(lines)
 
 
-_BLOCKS = {'headlines': headlines, 'jobs': jobs, 'ids': ids, 'reach': reach, 'speed': speed}
+def against_table(against: Mapping[str, Any]) -> str:
+    """Return what frames cost an earlier revision and this one."""
+    lines = [
+        f'| method `joint` | revision {against["revision"]} | now | ratio |',
+        '|---|---|---|---|',
+    ]
+    for row in against['rows']:
+        old, new = row['old'], row['new']
+        lines += [
+            f'| {row["case"]}: {what} | {old[key]:{form}} | {new[key]:{form}} '
+            f'| {max(old[key] / new[key], new[key] / old[key]):.1f} |'
+            for key, what, form in (
+                ('frame_us', 'processor time of a frame [µs]', '.0f'),
+                ('longest_us', 'longest frame [µs]', '.0f'),
+                ('bag_times_real_time', 'from a bag to JSON [times real time]', '.0f'),
+            )
+        ]
+    return '\n'.join(lines)
+
+
+def revisions(report: Report) -> str:
+    """Return what the default method costs beside an earlier revision."""
+    return against_table(report['bench-detector']['against'])
+
+
+_BLOCKS = {
+    'headlines': headlines,
+    'jobs': jobs,
+    'ids': ids,
+    'reach': reach,
+    'speed': speed,
+    'revisions': revisions,
+}
+_DOCUMENTS = (Path('README.md'), Path('docs/scale.md'))
 
 
 def renewed(text: str, report: Report) -> str:
-    """Return a README with its figures from a report.
+    """Return a document with its figures from a report.
 
     Raises
     ------
@@ -196,8 +229,8 @@ def renewed(text: str, report: Report) -> str:
 
 
 if __name__ == '__main__':
-    README = Path('README.md')
-    README.write_text(
-        renewed(README.read_text(encoding='utf-8'), load_report(Path('docs/report'))),
-        encoding='utf-8',
-    )
+    FIGURES = load_report(Path('docs/report'))
+    for document in _DOCUMENTS:
+        document.write_text(
+            renewed(document.read_text(encoding='utf-8'), FIGURES), encoding='utf-8'
+        )

@@ -1,0 +1,72 @@
+# Copyright 2026 retrolidar_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""What frames cost the default detector of whichever sources are on the path.
+
+bench_detector.py runs it once for each revision, with the revision's sources in PYTHONPATH, and
+so it asks nothing of them that only one has. It takes lines of a kind and a path, and answers each
+with a line of JSON:
+
+- `frames FILE`: processor time of each frame of a recording (.npz) [ns], taken one by one;
+- `bag PATH`: processor time of all of it, from the disk to lines of JSON [ns].
+"""
+
+from __future__ import annotations
+
+import json
+import sys
+from pathlib import Path
+from time import process_time_ns
+
+import numpy as np
+
+from retrolidar_ros.bag import read_frames
+from retrolidar_ros.decoding import detect, to_json
+from retrolidar_ros.detector import create_detector
+from retrolidar_ros.frame import Recording, ZoneGrid
+
+METHOD = 'joint'
+ARRAYS = ('stamp_ns', 'sequence', 'sensor_time_us', 'distance', 'signal', 'ambient', 'status')
+
+
+def save(file: Path, recording: Recording) -> None:
+    """Write a recording for whichever revision."""
+    grid = np.array([recording.grid.rows, recording.grid.columns])
+    np.savez(file, grid=grid, **{name: getattr(recording, name) for name in ARRAYS})
+
+
+def load(file: Path) -> Recording:
+    """Return a recording that was saved."""
+    with np.load(file) as saved:
+        grid = ZoneGrid(*saved['grid'].tolist())
+        return Recording(grid=grid, **{name: saved[name] for name in ARRAYS})
+
+
+def time_frames(file: Path) -> list[int]:
+    """Return the processor time of each frame of a recording [ns]."""
+    recording = load(file)
+    detector = create_detector(METHOD, recording.grid)
+    stamps = [process_time_ns()]
+    for frame in list(recording):
+        detector.update(frame)
+        stamps.append(process_time_ns())
+    return [int(taken) for taken in np.diff(stamps)]
+
+
+def time_bag(path: Path) -> int:
+    """Return the processor time from a bag on disk to lines of JSON [ns]."""
+    begin = process_time_ns()
+    for detection in detect(read_frames(path), METHOD):
+        to_json(detection)
+    return process_time_ns() - begin
+
+
+def main() -> None:
+    """Answer the lines of the standard input."""
+    kinds = {'frames': time_frames, 'bag': time_bag}
+    for line in sys.stdin:
+        kind, _, path = line.rstrip('\n').partition(' ')
+        print(json.dumps(kinds[kind](Path(path))), flush=True)
+
+
+if __name__ == '__main__':
+    main()
