@@ -312,7 +312,7 @@ static bool is_in_zones(struct rl_detector *detector, const struct rl_verdict *v
         explained += seen.explained;
         all += seen.all;
     }
-    return sum->zones == 1 || explained > LEAST_IN_ZONES * all;
+    return sum->zones == 1 || explained > LEAST_IN_ZONES * fmax(all, 0.0);
 }
 
 static struct rl_verdict decide(struct rl_detector *detector, int source, int packets,
