@@ -141,7 +141,8 @@ class Timer:
         """Start it with the sources in a directory; None = with these."""
         environment = dict(os.environ)
         if directory is not None:
-            environment['PYTHONPATH'] = str(directory)
+            paths = [str(directory), environment.get('PYTHONPATH', '')]
+            environment['PYTHONPATH'] = os.pathsep.join(filter(None, paths))
         with subprocess.Popen(
             [sys.executable, frame_times.__file__],
             env=environment,

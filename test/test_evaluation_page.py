@@ -64,6 +64,16 @@ def test_the_figures_of_the_readme_are_renewed() -> None:
         assert table_of_it.startswith('|')
 
 
+def test_the_figures_of_docs_are_renewed() -> None:
+    text = (ROOT / 'docs' / 'scale.md').read_text(encoding='utf-8')
+    (table_of_it,) = re.findall(
+        r'<!-- figures: revisions -->\n(.*?)\n<!-- end of figures -->',
+        renewed(text, load_report(COMMITTED)),
+        re.DOTALL,
+    )
+    assert table_of_it.startswith('| method `joint` | revision')
+
+
 def test_figures_of_benchmarks_say_on_what_they_were_measured() -> None:
     report = load_report(COMMITTED)
     for name in BENCHMARKS:
