@@ -76,6 +76,18 @@ static void keep_sequence(struct rl_promises *promises, float nats, const struct
     keep_promise(promises->sequence, &promises->sequences, RL_SEQUENCES, nats, 0, trial, lane);
 }
 
+float rl_any_nats(const struct rl_demand *demand, const struct rl_trial *trial,
+                  const struct rl_lane *lane)
+{
+    float any;
+    const uint32_t dark = dark_bits(lane->soft, 0, &any);
+    if (dark == 0 || lane->samples < 2.0f) {
+        return 0.0f;
+    }
+    const struct rl_energy energy = energy_of(demand, trial);
+    return nats_of(any * any / (rl_energy_of(&energy, dark) * (float)trial->packets), lane);
+}
+
 void rl_promise_add(struct rl_promises *promises, const struct rl_demand *demand,
                     const struct rl_trial *trial, const struct rl_lane *lane, int shifts)
 {

@@ -68,6 +68,10 @@ struct rl_demand {
     const struct rl_smooth *smooth;
 };
 
+/* About by how much any sequence of bits explains a trial better than noise does [nats]. */
+float rl_any_nats(const struct rl_demand *demand, const struct rl_trial *trial,
+                  const struct rl_lane *lane);
+
 /* Note what a trial may hold: sequences, and packets that begin with one of its first bits. */
 void rl_promise_add(struct rl_promises *promises, const struct rl_demand *demand,
                     const struct rl_trial *trial, const struct rl_lane *lane, int shifts);

@@ -16,6 +16,8 @@ enum {
 
 /* Variance of a source, in that of its noise, from which it is strong. */
 static const double STRONG = 4.0;
+/* Share of the demand that a stretch must reach before it is looked at more closely. */
+static const float LEAST_COARSE = 0.75f;
 /* What stands out of strong samples is asked for more: it is better known. */
 static const double STRONG_SHARE = 1.3;
 /* The longer the silence before a faint packet is remembered, the surer its bright level. */
@@ -156,6 +158,11 @@ static void look_closely(struct rl_search *search, int lane, const struct kept *
 {
     struct rl_lane one;
     for (int i = 0; i < kept->count; i++) {
+        struct rl_trial coarse = kept->trial[i];
+        rl_view_cut_lane(&search->view, &coarse, lane, &one);
+        if (rl_any_nats(demand, &coarse, &one) < LEAST_COARSE * demand->least) {
+            continue;
+        }
         /* Between those that were tried there may be a better one. */
         struct kept best = {.count = 0};
         for (int step = -1; step <= 1; step++) {
