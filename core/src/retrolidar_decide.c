@@ -11,7 +11,7 @@
 enum {
     SILENT_BITS = 31, /* before a lone packet, which tell its bright level */
     BEFORE_BITS = 16, /* before a stretch, which tell whether its packet has repeated */
-    MOST_BITS = SILENT_BITS + RL_BITS, /* that a window is cut into */
+    MOST_BITS = SILENT_BITS + RL_PACKET_BITS, /* that a window is cut into */
     MOST_ERASED_BITS = 7, /* so many leave words of a code of distance 8 apart */
     MOST_HIDDEN_BITS = 3, /* half a bit at either end is left out, too */
     RIVALS = 3,           /* that are tried exactly */
@@ -64,11 +64,6 @@ struct rival {
     uint16_t id;
 };
 
-static uint32_t bit_of(int bit)
-{
-    return 1u << (RL_BITS - 1 - bit);
-}
-
 static struct rl_sending with_bits(const struct rl_sending *sending, uint32_t bits)
 {
     struct rl_sending other = *sending;
@@ -114,7 +109,7 @@ static double open_window(struct rl_window *window, int source, struct rl_sendin
                           int packets, double free_s, double to_s, const struct rl_demands *demands,
                           double *silent_bits)
 {
-    const double window_bits = RL_BITS * packets;
+    const double window_bits = RL_PACKET_BITS * packets;
     *silent_bits = 0.0;
     if (sending->repeats) {
         const double from_s = to_s - window_bits * sending->bit_s;
@@ -122,25 +117,25 @@ static double open_window(struct rl_window *window, int source, struct rl_sendin
         return refine(window, demands, sending,
                       (to_s - sending->start_s) / sending->bit_s - window_bits / 2) - window->null;
     }
-    const double end_s = sending->start_s + RL_BITS * sending->bit_s;
+    const double end_s = sending->start_s + RL_PACKET_BITS * sending->bit_s;
     rl_window_open(window, source, sending->start_s, end_s);
-    const double tight = refine(window, demands, sending, RL_BITS / 2.0) -
+    const double tight = refine(window, demands, sending, RL_PACKET_BITS / 2.0) -
                          window->null;
     const double silence_s = fmin(SILENT_BITS * sending->bit_s, sending->start_s - free_s);
     if (silence_s < sending->bit_s) {
         return tight;
     }
     struct rl_sending lone = *sending;
-    rl_window_open(window, source, lone.start_s - silence_s, lone.start_s + RL_BITS * lone.bit_s);
-    const double wide = refine(window, demands, &lone, RL_BITS / 2.0) -
+    rl_window_open(window, source, lone.start_s - silence_s, lone.start_s + RL_PACKET_BITS * lone.bit_s);
+    const double wide = refine(window, demands, &lone, RL_PACKET_BITS / 2.0) -
                         window->null;
     if (wide > tight) {
         *sending = lone;
         *silent_bits = floor(silence_s / lone.bit_s);
         return wide;
     }
-    rl_window_open(window, source, sending->start_s, sending->start_s + RL_BITS * sending->bit_s);
-    return refine(window, demands, sending, RL_BITS / 2.0) - window->null;
+    rl_window_open(window, source, sending->start_s, sending->start_s + RL_PACKET_BITS * sending->bit_s);
+    return refine(window, demands, sending, RL_PACKET_BITS / 2.0) - window->null;
 }
 
 /* Whether most of how a source varies beyond noise is the template that was tried last. */
@@ -194,7 +189,7 @@ static double add_zones(struct rl_window *window, const struct rl_sending *sendi
 static bool too_much_erased(const struct rl_window *window, const struct rl_sending *sending)
 {
     const struct rl_whitened *whitened = &window->whitened[0];
-    double known[RL_BITS] = {0.0}, all[RL_BITS] = {0.0};
+    double known[RL_PACKET_BITS] = {0.0}, all[RL_PACKET_BITS] = {0.0};
     const struct rl_samples *samples = window->samples;
     int sample = 0, erased = 0;
     if (whitened->samples < least_rows(window)) {
@@ -206,14 +201,14 @@ static bool too_much_erased(const struct rl_window *window, const struct rl_send
         const double middle_s =
             (samples->begin_s[window->first + row] + samples->end_s[window->first + row]) / 2;
         const double since = floor((middle_s - sending->start_s) / sending->bit_s);
-        if (!sending->repeats && (since < 0.0 || since >= RL_BITS)) {
+        if (!sending->repeats && (since < 0.0 || since >= RL_PACKET_BITS)) {
             continue;
         }
-        const int bit = (int)(since - RL_BITS * floor(since / RL_BITS));
+        const int bit = (int)(since - RL_PACKET_BITS * floor(since / RL_PACKET_BITS));
         all[bit] += 1.0;
         known[bit] += valid;
     }
-    for (int bit = 0; bit < RL_BITS; bit++) {
+    for (int bit = 0; bit < RL_PACKET_BITS; bit++) {
         erased += known[bit] < 0.25 * all[bit] || all[bit] == 0.0;
     }
     return erased > MOST_ERASED_BITS;
@@ -228,17 +223,17 @@ static double turn_bits(struct rl_window *window, const struct rl_sending *sendi
                         int begin, int silent_bits, double enough, struct bits *bits)
 {
     double better = 0.0;
-    float first[RL_BITS]; /* of each bit of the packet */
+    float first[RL_PACKET_BITS]; /* of each bit of the packet */
     uint32_t sequence = sending->bits;
-    bits->count = silent_bits + RL_BITS;
+    bits->count = silent_bits + RL_PACKET_BITS;
     bits->begin_s = sending->start_s + (begin - silent_bits) * sending->bit_s;
     bits->repeats = sending->repeats;
-    for (int bit = 0; bit < RL_BITS; bit++) {
-        const uint32_t turned = bit_of((begin + bit) % RL_BITS);
+    for (int bit = 0; bit < RL_PACKET_BITS; bit++) {
+        const uint32_t turned = rl_packet_bit((begin + bit) % RL_PACKET_BITS);
         const struct rl_sending other = with_bits(sending, sequence ^ turned);
         bits->dark[silent_bits + bit] = (sequence & turned) != 0;
         bits->turned[silent_bits + bit] = (float)(rl_window_try(window, &other) - own);
-        first[(begin + bit) % RL_BITS] = bits->turned[silent_bits + bit];
+        first[(begin + bit) % RL_PACKET_BITS] = bits->turned[silent_bits + bit];
     }
     for (int bit = 0; bit < silent_bits; bit++) {
         /* What a dark bit there would do is not tried: about as much as in the packet. */
@@ -248,9 +243,9 @@ static double turn_bits(struct rl_window *window, const struct rl_sending *sendi
     for (int round = 0; round < ROUNDS && better < enough; round++) {
         int best = -1;
         double most = better;
-        for (int bit = 0; bit < RL_BITS; bit++) {
+        for (int bit = 0; bit < RL_PACKET_BITS; bit++) {
             if (round == 0 || first[bit] > -ENOUGH) {
-                const struct rl_sending other = with_bits(sending, sequence ^ bit_of(bit));
+                const struct rl_sending other = with_bits(sending, sequence ^ rl_packet_bit(bit));
                 const double gained =
                     round == 0 ? (double)first[bit] : rl_window_try(window, &other) - own;
                 if (gained > most) {
@@ -262,7 +257,7 @@ static double turn_bits(struct rl_window *window, const struct rl_sending *sendi
         if (best < 0) {
             break;
         }
-        sequence ^= bit_of(best);
+        sequence ^= rl_packet_bit(best);
         better = most;
     }
     return better;
@@ -276,10 +271,10 @@ static bool hide_burst(struct rl_window *window, const struct rl_sending *sendin
     double most = own + LEAST_TURNED;
     int first = -1, last = -1;
     for (int length = 1; length <= MOST_HIDDEN_BITS; length++) {
-        for (int begin = 0; begin + length <= RL_BITS; begin++) {
+        for (int begin = 0; begin + length <= RL_PACKET_BITS; begin++) {
             uint32_t dark = sending->bits;
             for (int bit = begin; bit < begin + length; bit++) {
-                dark |= bit_of(bit);
+                dark |= rl_packet_bit(bit);
             }
             if (dark != sending->bits) {
                 const struct rl_sending other = with_bits(sending, dark);
@@ -299,7 +294,7 @@ static bool hide_burst(struct rl_window *window, const struct rl_sending *sendin
     const double begin_s = (window->samples->begin_s[window->first]);
     double from_s = sending->start_s + (first - 0.5) * sending->bit_s;
     if (sending->repeats && from_s + (last - first + 2) * sending->bit_s < begin_s) {
-        from_s += RL_BITS * sending->bit_s;
+        from_s += RL_PACKET_BITS * sending->bit_s;
     }
     rl_window_hide(window, from_s, from_s + (last - first + 2) * sending->bit_s);
     return true;
@@ -324,18 +319,18 @@ static void find_rival(const struct rl_codebook *codebook, const struct bits *bi
                        const struct rl_sending *sending, uint16_t id, int begin, bool repeats,
                        struct rival *rivals)
 {
-    float weight[RL_BITS], all = 0.0f, most;
+    float weight[RL_PACKET_BITS], all = 0.0f, most;
     memset(weight, 0, sizeof weight);
     for (int bit = 0; bit < bits->count; bit++) {
         /* All bright first; then what a dark bit adds. */
         all += bits->dark[bit] ? bits->turned[bit] : 0.0f;
-        const int of = repeats ? ((bit - begin) % RL_BITS + RL_BITS) % RL_BITS : bit - begin;
-        if (of >= 0 && of < RL_BITS) {
+        const int of = repeats ? ((bit - begin) % RL_PACKET_BITS + RL_PACKET_BITS) % RL_PACKET_BITS : bit - begin;
+        if (of >= 0 && of < RL_PACKET_BITS) {
             weight[of] += bits->dark[bit] ? -bits->turned[bit] : bits->turned[bit];
         }
     }
     most = all + weight[0] + weight[2] + weight[4] + weight[6];
-    for (int bit = RL_BITS - RL_WORD_BITS; bit < RL_BITS; bit++) {
+    for (int bit = RL_PACKET_BITS - RL_WORD_BITS; bit < RL_PACKET_BITS; bit++) {
         most += fmaxf(weight[bit], 0.0f);
     }
     if (most < -(float)ENOUGH || most <= rivals[RIVALS - 1].nats) {
@@ -346,8 +341,8 @@ static void find_rival(const struct rl_codebook *codebook, const struct bits *bi
         return;
     }
     float nats = all;
-    for (int bit = 0; bit < RL_BITS; bit++) {
-        nats += codebook->packet[word] & bit_of(bit) ? weight[bit] : 0.0f;
+    for (int bit = 0; bit < RL_PACKET_BITS; bit++) {
+        nats += codebook->packet[word] & rl_packet_bit(bit) ? weight[bit] : 0.0f;
     }
     struct rival rival = {nats, with_bits(sending, codebook->packet[word]), codebook->id[word]};
     rival.sending.repeats = repeats;
@@ -367,7 +362,7 @@ static double margin_of(struct rl_window *window, const struct rl_codebook *code
     for (int i = 0; i < RIVALS; i++) {
         rivals[i].nats = -INFINITY;
     }
-    for (int begin = 1 - RL_BITS; begin < bits->count; begin++) {
+    for (int begin = 1 - RL_PACKET_BITS; begin < bits->count; begin++) {
         if (packets == 1) {
             find_rival(codebook, bits, sending, id, begin, false, rivals);
         }
@@ -412,7 +407,7 @@ static bool may_be_lone(struct rl_window *window, const struct rl_sending *sendi
     struct rl_sending lone = *sending;
     lone.repeats = false;
     for (int packet = 0; packet <= packets; packet++) {
-        lone.start_s = sending->start_s + packet * RL_BITS * sending->bit_s;
+        lone.start_s = sending->start_s + packet * RL_PACKET_BITS * sending->bit_s;
         if (rl_window_try(window, &lone) > own - AS_GOOD) {
             return true;
         }
@@ -461,7 +456,7 @@ static int doubt(struct rl_window *window, const struct rl_demands *demands,
 static double cost_of_changes(uint32_t bits)
 {
     int changes = 0;
-    for (int bit = 0; bit + 1 < RL_BITS; bit++) {
+    for (int bit = 0; bit + 1 < RL_PACKET_BITS; bit++) {
         changes += ((bits >> bit ^ bits >> (bit + 1)) & 1u) != 0;
     }
     return changes < USUAL_CHANGES ? COST_OF_CHANGE * (USUAL_CHANGES - changes) : 0.0;
@@ -486,7 +481,7 @@ struct rl_verdict rl_decide(struct rl_window *window, const struct rl_codebook *
     *sending = (struct rl_sending){rl_packet(hit->id), hit->repeats, hit->start_s, hit->bit_s, 0.0035};
     verdict.evidence =
         open_window(window, source, sending, packets, free_s, to_s, demands, &silent_bits);
-    verdict.end_s = sending->repeats ? to_s : sending->start_s + RL_BITS * sending->bit_s;
+    verdict.end_s = sending->repeats ? to_s : sending->start_s + RL_PACKET_BITS * sending->bit_s;
     note_fit(&verdict, window);
     if (verdict.evidence < LEAST_ALONE * demands->evidence) {
         return verdict;
@@ -499,7 +494,7 @@ struct rl_verdict rl_decide(struct rl_window *window, const struct rl_codebook *
         return verdict;
     }
     if (sending->repeats && packets == 1 &&
-        !has_repeated(window, sending, verdict.evidence, to_s - RL_BITS * hit->bit_s, since_s,
+        !has_repeated(window, sending, verdict.evidence, to_s - RL_PACKET_BITS * hit->bit_s, since_s,
                       to_s)) {
         return verdict;
     }
@@ -508,11 +503,11 @@ struct rl_verdict rl_decide(struct rl_window *window, const struct rl_codebook *
         return verdict;
     }
     const double half_bits =
-        sending->repeats ? (to_s - sending->start_s) / sending->bit_s - RL_BITS * packets / 2.0
-                         : RL_BITS / 2.0;
+        sending->repeats ? (to_s - sending->start_s) / sending->bit_s - RL_PACKET_BITS * packets / 2.0
+                         : RL_PACKET_BITS / 2.0;
     const double since_bits =
-        (to_s - RL_BITS * packets * sending->bit_s - sending->start_s) / sending->bit_s;
-    const int begin = sending->repeats ? (int)floor(since_bits + 0.5) % RL_BITS : 0;
+        (to_s - RL_PACKET_BITS * packets * sending->bit_s - sending->start_s) / sending->bit_s;
+    const int begin = sending->repeats ? (int)floor(since_bits + 0.5) % RL_PACKET_BITS : 0;
     double asked = demands->evidence + cost_of_changes(sending->bits) +
                    (packets > 1 ? COST_OF_FOLDS : 0.0);
     /* Before others are asked: two zones may see different packets of which this one is a bit. */

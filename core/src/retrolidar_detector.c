@@ -155,7 +155,7 @@ static bool is_known(const struct rl_detector *detector, uint16_t id, double sta
 static double window_begin(const struct rl_verdict *verdict)
 {
     return verdict->sending.repeats
-               ? verdict->end_s - RL_BITS * verdict->packets * verdict->sending.bit_s
+               ? verdict->end_s - RL_PACKET_BITS * verdict->packets * verdict->sending.bit_s
                : verdict->sending.start_s;
 }
 
@@ -324,7 +324,7 @@ static struct rl_verdict decide(struct rl_detector *detector, int source, int pa
     const int pasts = detector->pasts[source];
     for (int i = pasts > RL_PAST ? pasts - RL_PAST : 0; packets == 1 && i < pasts; i++) {
         const struct rl_hit *past = &detector->past[source][i % RL_PAST];
-        if (past->start_s + RL_BITS * past->bit_s > hit->start_s) {
+        if (past->start_s + RL_PACKET_BITS * past->bit_s > hit->start_s) {
             rivals.hit[rivals.count++] = *past;
         }
     }
@@ -412,9 +412,9 @@ static void judge(struct rl_detector *detector, const struct pending *pending, d
 {
     const struct rl_hit *hit = &pending->hits.hit[0];
     const double begin_s =
-        hit->repeats ? to_s - RL_BITS * pending->packets * hit->bit_s : hit->start_s;
+        hit->repeats ? to_s - RL_PACKET_BITS * pending->packets * hit->bit_s : hit->start_s;
     if (begin_s < detector->free_s[pending->source] - OVERLAP_BITS * hit->bit_s ||
-        is_known(detector, hit->id, begin_s, begin_s + RL_BITS * pending->packets * hit->bit_s)) {
+        is_known(detector, hit->id, begin_s, begin_s + RL_PACKET_BITS * pending->packets * hit->bit_s)) {
         return;
     }
     detector->counts.candidates++;
@@ -499,7 +499,7 @@ static void look(struct rl_detector *detector)
     const struct rl_samples *samples = &detector->samples;
     const double bit_s = detector->settings.bit_s;
     const double to_s = samples->end_s[samples->count - 1];
-    const double from_s = fmax(detector->looked_s, to_s - RL_BITS * bit_s);
+    const double from_s = fmax(detector->looked_s, to_s - RL_PACKET_BITS * bit_s);
     const double held_s = to_s - samples->begin_s[samples->count > samples->kept
                                                       ? samples->count - samples->kept
                                                       : 0];
@@ -508,11 +508,11 @@ static void look(struct rl_detector *detector)
     detector->search.words_left = WORDS_A_FRAME;
     detector->decisions_left = DECISIONS_A_FRAME;
     detector->looked_s = to_s;
-    if (to_s - detector->learnt_s > RL_BITS * bit_s) {
+    if (to_s - detector->learnt_s > RL_PACKET_BITS * bit_s) {
         rl_samples_learn(&detector->samples);
         detector->learnt_s = to_s;
     }
-    const double packet_bits = RL_BITS * (1.0 - MOST_SKEW) - OVERLAP_BITS;
+    const double packet_bits = RL_PACKET_BITS * (1.0 - MOST_SKEW) - OVERLAP_BITS;
     if (held_s < packet_bits * bit_s) {
         return;
     }
@@ -523,17 +523,17 @@ static void look(struct rl_detector *detector)
     detector->turn = turn;
     count = ready(detector, packet_bits, to_s, true, RL_MOST_ZONES, sources);
     if (!is_turn) {
-        count = due(detector, sources, count, RL_BITS, from_s, to_s);
+        count = due(detector, sources, count, RL_PACKET_BITS, from_s, to_s);
     }
     search(detector, sources, count, 1, from_s, to_s);
     /* More packets are looked at as soon as there are as many, and then in turn. */
     for (int fold = 1; fold < FOLDS && FOLD[fold] <= detector->settings.max_packets; fold++) {
-        const double bits = RL_BITS * FOLD[fold] * (1.0 + MOST_SKEW) + 1.0;
+        const double bits = RL_PACKET_BITS * FOLD[fold] * (1.0 + MOST_SKEW) + 1.0;
         if (held_s < bits * bit_s || bits * bit_s > samples->kept * samples->period_s) {
             break;
         }
         count = ready(detector, bits - OVERLAP_BITS, to_s, false, 1, sources);
-        if (!is_turn || turn % (RL_BITS / LOOK_BITS + 1) != fold) {
+        if (!is_turn || turn % (RL_PACKET_BITS / LOOK_BITS + 1) != fold) {
             count = due(detector, sources, count, bits, from_s, to_s);
         }
         search(detector, sources, count, FOLD[fold], from_s, to_s);
@@ -557,7 +557,7 @@ int32_t rl_detector_push(struct rl_detector *detector, int32_t frames, const int
                          const uint8_t *status)
 {
     const size_t zones = (size_t)detector->samples.zones;
-    const int64_t longest_ns = (int64_t)(RL_BITS * detector->settings.bit_s * 1e9);
+    const int64_t longest_ns = (int64_t)(RL_PACKET_BITS * detector->settings.bit_s * 1e9);
     detector->readings = detector->candidates = 0;
     for (int32_t frame = 0; frame < frames; frame++) {
         const int64_t stamp = stamp_ns[frame];

@@ -3,6 +3,8 @@
  */
 #include "retrolidar_samples.h"
 
+#include "retrolidar_packet.h"
+
 #include <math.h>
 #include <string.h>
 
@@ -306,7 +308,7 @@ int rl_samples_push(struct rl_samples *samples, int64_t stamp_ns, const float *s
     const int row = place_row(samples, time_s, stamp_ns);
     fill_row(samples, row, time_s, signal, distance, status);
     follow_ambient(samples, ambient);
-    const int packet = (int)(31.0 * samples->dark_s / DARK_BITS / samples->period_s + 0.5);
+    const int packet = (int)(RL_PACKET_BITS * samples->dark_s / DARK_BITS / samples->period_s + 0.5);
     follow_sums(samples, packet < samples->kept ? packet : samples->kept, full);
     return rows;
 }

@@ -43,7 +43,8 @@ void rl_window_start(struct rl_window *window, const struct rl_samples *samples,
 static void add(struct rl_window *window, int source)
 {
     const struct rl_samples *samples = window->samples;
-    const double *begin_s = samples->begin_s + window->first, *end_s = samples->end_s + window->first;
+    const double *begin_s = samples->begin_s + window->first;
+    const double *end_s = samples->end_s + window->first;
     double sum = 0.0;
     rl_target_column(samples, source, window->first, window->rows, window->signal, window->valid,
                      window->scratch);

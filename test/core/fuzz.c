@@ -128,7 +128,8 @@ static uint32_t any_packet(void)
 static struct zone any_zone(double bit_s)
 {
     static const double CLOCKS[] = {1.0, 1.0, 0.97, 1.03, 0.5};
-    struct zone zone = {.kind = below(KINDS), .cycle = 31, .second_cycle = 31};
+    struct zone zone = {.kind = below(KINDS), .cycle = RL_PACKET_BITS,
+                        .second_cycle = RL_PACKET_BITS};
     zone.bits = any_packet();
     if (zone.kind == PREAMBLES) {
         zone.bits = 0x55555555u >> below(2) & 0x7FFFFFFFu;
@@ -138,7 +139,7 @@ static struct zone any_zone(double bit_s)
         zone.cycle = 40 + below(60);
     } else if (zone.kind == TWO_PACKETS) {
         zone.second = any_packet();
-        zone.second_cycle = below(2) ? 31 : 50;
+        zone.second_cycle = below(2) ? RL_PACKET_BITS : 50;
         zone.second_share = scaled(0.05, 1.0);
     }
     zone.bright = scaled(1e-3, 4e6);
@@ -187,7 +188,7 @@ static uint8_t any_status(void)
 static int is_dark(uint32_t bits, int cycle, double since_bits)
 {
     const int bit = (int)(since_bits - cycle * floor(since_bits / cycle));
-    return bit < 31 && (bits >> (30 - bit) & 1u) != 0;
+    return bit < RL_PACKET_BITS && (bits & rl_packet_bit(bit)) != 0;
 }
 
 static float light(const struct zone *zone, double time_s)
@@ -427,7 +428,7 @@ static void try_one(int number, int frames)
     const int zones = settings.rows * settings.columns;
     /* Two frames a bit; or so many that a packet just about fits in what is kept; or any. */
     const double bits_a_frame = below(3)   ? 0.5
-                                : below(3) ? 31.0 / KEPT * (0.9 + 0.2 * share())
+                                : below(3) ? (double)RL_PACKET_BITS / KEPT * (0.9 + 0.2 * share())
                                            : scaled(0.02, 2.0);
     const int64_t period_ns = 1 + (int64_t)(1e9 * settings.bit_s * bits_a_frame);
     const int garbage_share = below(3) ? 1 + below(100) : 10000;
