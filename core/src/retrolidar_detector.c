@@ -3,6 +3,7 @@
  */
 #include "retrolidar_detector.h"
 
+#include "retrolidar_noise.h"
 #include "retrolidar_packet.h"
 #include "retrolidar_target.h"
 #include "retrolidar_track.h"
@@ -152,13 +153,6 @@ static bool is_known(const struct rl_detector *detector, uint16_t id, double sta
     return false;
 }
 
-static double window_begin(const struct rl_verdict *verdict)
-{
-    return verdict->sending.repeats
-               ? verdict->end_s - RL_PACKET_BITS * verdict->packets * verdict->sending.bit_s
-               : verdict->sending.start_s;
-}
-
 /* Rows of the samples that a verdict is of, and the light of its packet in each. One that repeats was
  * sent some bits before, too, at which a search for others looks.
  */
@@ -166,7 +160,7 @@ static int light_of(struct rl_detector *detector, const struct rl_verdict *verdi
 {
     const struct rl_samples *samples = &detector->samples;
     const double before_s = verdict->sending.repeats ? MARGIN_BITS * verdict->sending.bit_s : 0.0;
-    *first = rl_samples_row(samples, window_begin(verdict) - before_s);
+    *first = rl_samples_row(samples, rl_verdict_begin(verdict) - before_s);
     int rows = rl_samples_row(samples, verdict->end_s) + 1;
     rows = (rows < samples->count ? rows : samples->count) - *first;
     rows = rows < samples->kept ? rows : samples->kept;
@@ -186,7 +180,7 @@ static struct rl_track track(struct rl_detector *detector, int zone, int first, 
     for (int row = 0; row < rows; row++) {
         sum += (double)window->signal[row];
     }
-    const double noise = samples->noise_scale * rl_samples_noise(samples, zone, sum / rows);
+    const double noise = samples->noise_scale * rl_noise_variance(samples, zone, sum / rows);
     return rl_track_fit(window->signal, window->valid, detector->light, rows, noise, gain);
 }
 
@@ -236,7 +230,7 @@ static void add_reading(struct rl_detector *detector, const struct rl_verdict *v
     reading->brightening_s = verdict->sending.brightening_s;
     /* A packet of many frames may have begun before what is held. */
     const int oldest = samples->count > samples->kept ? samples->count - samples->kept : 0;
-    reading->begin_s = fmax(window_begin(verdict), samples->begin_s[oldest]);
+    reading->begin_s = fmax(rl_verdict_begin(verdict), samples->begin_s[oldest]);
     reading->end_s = verdict->end_s;
     reading->evidence = verdict->evidence;
     reading->margin = verdict->margin;
@@ -361,7 +355,7 @@ static struct rl_verdict decide_without(struct rl_detector *detector, const stru
 {
     take_off(detector, other, false);
     const struct rl_verdict verdict =
-        decide(detector, other->source[0], 1, hit, hits, window_begin(other), to_s);
+        decide(detector, other->source[0], 1, hit, hits, rl_verdict_begin(other), to_s);
     take_off(detector, other, true);
     return verdict;
 }
@@ -387,7 +381,7 @@ static bool look_behind(struct rl_detector *detector, const struct pending *pend
         detector->decisions_left -= 3;
         *behind = decide_without(detector, before, hit, hits, to_s);
         if (behind->evidence < HIDDEN * detector->demands.evidence ||
-            is_known(detector, behind->id, window_begin(behind), behind->end_s)) {
+            is_known(detector, behind->id, rl_verdict_begin(behind), behind->end_s)) {
             continue;
         }
         const struct rl_verdict again = decide_without(detector, behind, &pending->hits.hit[0],
@@ -462,7 +456,7 @@ static int ready(const struct rl_detector *detector, double bits, double to_s, b
     for (int source = 0; source < detector->samples.sources; source++) {
         if (detector->free_s[source] <= since_s &&
             detector->samples.source[source].zones <= most_zones &&
-            (!active || rl_samples_variation(&detector->samples, source) > ACTIVE)) {
+            (!active || rl_noise_variation(&detector->samples, source) > ACTIVE)) {
             sources[count++] = source;
         }
     }
@@ -509,7 +503,7 @@ static void look(struct rl_detector *detector)
     detector->decisions_left = DECISIONS_A_FRAME;
     detector->looked_s = to_s;
     if (to_s - detector->learnt_s > RL_PACKET_BITS * bit_s) {
-        rl_samples_learn(&detector->samples);
+        rl_noise_learn(&detector->samples);
         detector->learnt_s = to_s;
     }
     const double packet_bits = RL_PACKET_BITS * (1.0 - MOST_SKEW) - OVERLAP_BITS;

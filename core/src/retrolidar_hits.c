@@ -115,8 +115,8 @@ void rl_promise_add(struct rl_promises *promises, const struct rl_demand *demand
     }
 }
 
-/* The sequence of bits that explains most: from the signs of the soft bits, by turning one at a time.
- * In a long run the level is taken for the light of its bits, and their signs tell little.
+/* The sequence of bits that explains most: from the signs of the soft bits, by turning one at a
+ * time. In a long run the level is taken for the light of its bits, and their signs tell little.
  */
 static uint32_t best_bits(const struct rl_energy *energy, const float *soft)
 {

@@ -3,6 +3,8 @@
  */
 #include "retrolidar_search.h"
 
+#include "retrolidar_noise.h"
+
 #include <math.h>
 #include <string.h>
 
@@ -216,7 +218,7 @@ void rl_search_look(struct rl_search *search, const int *sources, int count, int
             &search->whitening[!strong && packets == 0 ? FAINT_LONE : strong];
         int chosen[RL_MOST_SOURCES], index[RL_MOST_SOURCES], lanes = 0;
         for (int i = 0; i < count; i++) {
-            if ((rl_samples_variation(search->samples, sources[i]) > STRONG) == strong) {
+            if ((rl_noise_variation(search->samples, sources[i]) > STRONG) == strong) {
                 chosen[lanes] = sources[i];
                 search->promises[lanes].words = search->promises[lanes].sequences = 0;
                 index[lanes++] = i;

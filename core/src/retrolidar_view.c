@@ -38,7 +38,8 @@ void rl_view_start(struct rl_view *view, const struct rl_samples *samples, void 
 }
 
 /* Take the level off the samples of a lane: z = x - l, where l is the smoothest of all levels,
- * the sum of squares of z and of steps of l over `walk` being least. It solves a tridiagonal system.
+ * the sum of squares of z and of steps of l over `walk` being least. It solves a tridiagonal
+ * system.
  */
 static void whiten_lane(struct rl_view *view, int source, int lane, float walk)
 {
