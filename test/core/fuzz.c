@@ -5,23 +5,17 @@
  *
  * fuzz SEED DETECTORS FRAMES
  *
- * Of every detector it prints what came of it. With -DISOLATED it includes the source of the
- * detector, to give every array a block of memory of its own, where a sanitizer sees a sample too
- * many. With -DNO_HEAP nothing may be allocated once a detector is created.
+ * Of every detector it prints what came of it. With -DISOLATED it gives every array of a detector
+ * a block of memory of its own, where a sanitizer sees a sample too many. With -DNO_HEAP nothing may
+ * be allocated once a detector is created.
  */
-#ifdef ISOLATED
-#include "../../core/src/retrolidar_detector.c"
-#else
+#include <inttypes.h>
 #include <math.h>
+#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
-#include "retrolidar_detector.h"
-#include "retrolidar_packet.h"
-#endif
-
-#include <inttypes.h>
-#include <stdio.h>
+#include "retrolidar_detector_state.h"
 
 enum { KEPT = 1100, BLOCK = 64, ZONES = 64, LEAST_ID = 1, MOST_ID = 4094 };
 
@@ -407,8 +401,8 @@ static void isolate(struct rl_detector *detector)
     ALONE(window->signal, kept);
     ALONE(window->scratch, kept);
     ALONE(window->valid, kept);
-    ALONE(detector->taken, kept * RL_MOST_ZONES_TOGETHER);
-    ALONE(detector->light, kept);
+    ALONE(detector->shares.taken, kept * RL_MOST_ZONES_TOGETHER);
+    ALONE(detector->shares.light, kept);
 }
 
 static void give_back(void)
