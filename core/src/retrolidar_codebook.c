@@ -4,11 +4,10 @@
 #include "retrolidar_codebook.h"
 
 #include "retrolidar_math.h"
-#include "retrolidar_packet.h"
 
 #include <math.h>
 
-enum { IDS = 1 << RL_ID_BITS, PREAMBLE_BITS = RL_BITS - RL_WORD_BITS };
+enum { IDS = 1 << RL_ID_BITS, PREAMBLE_BITS = RL_PACKET_BITS - RL_WORD_BITS };
 
 static int count_bits(uint32_t bits)
 {
@@ -46,7 +45,7 @@ void rl_codebook_start(struct rl_codebook *codebook, const uint16_t *ids, int co
 static float smooth_of(const struct rl_energy *energy, uint32_t bits)
 {
     float sum = 0.0f;
-    for (int lag = 0; lag < RL_BITS; lag++) {
+    for (int lag = 0; lag < RL_PACKET_BITS; lag++) {
         sum += energy->smooth[lag] * (float)count_bits(bits & bits >> lag);
     }
     return sum;

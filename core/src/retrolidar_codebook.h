@@ -5,14 +5,13 @@
 #ifndef RETROLIDAR_CODEBOOK_H
 #define RETROLIDAR_CODEBOOK_H
 
-#include <stdbool.h>
-#include <stdint.h>
+#include "retrolidar_packet.h"
 
 #ifdef __cplusplus
 extern "C" {
 #endif
 
-enum { RL_MOST_WORDS = 4096, RL_GROUPS = 256, RL_BITS = 31 };
+enum { RL_MOST_WORDS = 4096, RL_GROUPS = 256 };
 
 /* Energy of a sum of bits, taken as stationary:
  *     own n_1 + 2 adjacent n_11 - sum over lags of smooth[lag] n_lag
@@ -21,7 +20,7 @@ enum { RL_MOST_WORDS = 4096, RL_GROUPS = 256, RL_BITS = 31 };
  */
 struct rl_energy {
     float own, adjacent;
-    float smooth[RL_BITS]; /* pairs counted in both orders */
+    float smooth[RL_PACKET_BITS]; /* pairs counted in both orders */
 };
 
 /* Words whose IDs differ in the last four bits alone, and bounds of their energies. */

@@ -54,6 +54,9 @@ struct rl_verdict rl_decide(struct rl_window *window, const struct rl_codebook *
                             const struct rl_hits *hits, int packets, double free_s, double since_s,
                             double to_s);
 
+/* Begin of what was used [s]. */
+double rl_verdict_begin(const struct rl_verdict *verdict);
+
 #ifdef __cplusplus
 }
 #endif

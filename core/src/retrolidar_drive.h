@@ -27,7 +27,8 @@ struct rl_drive {
  *
  * ticks_per_bit: half periods of the square wave in a bit. It must be even and above 0, so that
  * each dark bit has as much of one polarity as of the other; else nothing starts, and the answer
- * is false. So it is while packets are being sent: a bit that is cut off would leave direct voltage.
+ * is false. So it is while packets are being sent: a bit that is cut off would leave direct
+ * voltage.
  */
 bool rl_drive_start(struct rl_drive *drive, uint16_t id, uint16_t packets, uint16_t ticks_per_bit);
 

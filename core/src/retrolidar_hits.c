@@ -4,12 +4,11 @@
 #include "retrolidar_hits.h"
 
 #include "retrolidar_math.h"
-#include "retrolidar_packet.h"
 
 #include <math.h>
 #include <string.h>
 
-enum { PREAMBLE_BITS = RL_BITS - RL_WORD_BITS };
+enum { PREAMBLE_BITS = RL_PACKET_BITS - RL_WORD_BITS };
 
 static const uint32_t PREAMBLE = (uint32_t)RL_PREAMBLE << RL_WORD_BITS;
 /* Coarse templates explain no more than this, and some words more than the bound by this factor. */
@@ -36,8 +35,8 @@ static uint32_t dark_bits(const float *soft, int from, float *sum)
 {
     uint32_t dark = 0;
     *sum = 0.0f;
-    for (int bit = from; bit < RL_BITS; bit++) {
-        dark |= soft[bit] > 0.0f ? 1u << (RL_BITS - 1 - bit) : 0u;
+    for (int bit = from; bit < RL_PACKET_BITS; bit++) {
+        dark |= soft[bit] > 0.0f ? rl_packet_bit(bit) : 0u;
         *sum += rl_maxf(soft[bit], 0.0f);
     }
     return dark;
@@ -91,10 +90,11 @@ float rl_any_nats(const struct rl_demand *demand, const struct rl_trial *trial,
 void rl_promise_add(struct rl_promises *promises, const struct rl_demand *demand,
                     const struct rl_trial *trial, const struct rl_lane *lane, int shifts)
 {
-    float twice[2 * RL_BITS], any;
+    float twice[2 * RL_PACKET_BITS], any;
     const float packets = (float)trial->packets;
     const uint32_t dark = dark_bits(lane->soft, 0, &any);
-    const float least = lane->power * (1.0f - expf(-2.0f * demand->least / BOUND_SLACK / lane->samples));
+    const float least =
+        lane->power * (1.0f - expf(-2.0f * demand->least / BOUND_SLACK / lane->samples));
     /* A bit has at most the energy `own`, so this is more than any sequence explains ... */
     if (dark == 0 || lane->samples < 2.0f) {
         return;
@@ -107,7 +107,7 @@ void rl_promise_add(struct rl_promises *promises, const struct rl_demand *demand
     const float any_nats = nats_of(any_squared, lane);
     keep_sequence(promises, any_nats, trial, lane);
     memcpy(twice, lane->soft, sizeof lane->soft);
-    memcpy(twice + RL_BITS, lane->soft, sizeof lane->soft);
+    memcpy(twice + RL_PACKET_BITS, lane->soft, sizeof lane->soft);
     for (int shift = 0; shift < shifts; shift++) {
         float sum;
         const float *soft = twice + shift;
@@ -127,8 +127,8 @@ void rl_promise_add(struct rl_promises *promises, const struct rl_demand *demand
     }
 }
 
-/* The sequence of bits that explains most: from the signs of the soft bits, by turning one at a time.
- * In a long run the level is taken for the light of its bits, and their signs tell little.
+/* The sequence of bits that explains most: from the signs of the soft bits, by turning one at a
+ * time. In a long run the level is taken for the light of its bits, and their signs tell little.
  */
 static uint32_t best_bits(const struct rl_energy *energy, const float *soft)
 {
@@ -138,8 +138,8 @@ static uint32_t best_bits(const struct rl_energy *energy, const float *soft)
     for (int turned = 0; turned >= 0;) {
         float best_sum = sum;
         turned = -1;
-        for (int bit = 0; bit < RL_BITS; bit++) {
-            const uint32_t other = bits ^ 1u << (RL_BITS - 1 - bit);
+        for (int bit = 0; bit < RL_PACKET_BITS; bit++) {
+            const uint32_t other = bits ^ rl_packet_bit(bit);
             const float other_sum = other & ~bits ? sum + soft[bit] : sum - soft[bit];
             if (other == 0 || other_sum <= 0.0f) {
                 continue;
@@ -152,7 +152,7 @@ static uint32_t best_bits(const struct rl_energy *energy, const float *soft)
             }
         }
         if (turned >= 0) {
-            bits ^= 1u << (RL_BITS - 1 - turned);
+            bits ^= rl_packet_bit(turned);
             sum = best_sum;
         }
     }
@@ -161,7 +161,7 @@ static uint32_t best_bits(const struct rl_energy *energy, const float *soft)
 
 static double start_of(const struct rl_trial *trial)
 {
-    return trial->end_s - RL_BITS * trial->packets * trial->bit_s;
+    return trial->end_s - RL_PACKET_BITS * trial->packets * trial->bit_s;
 }
 
 static void keep_hit(struct rl_hits *hits, const struct rl_hit *hit)
@@ -198,15 +198,15 @@ int rl_hits_find(struct rl_hits *hits, const struct rl_promises *promises,
         const float packets = (float)trial->packets;
         const float least =
             promise->lane.power * (1.0f - expf(-2.0f * demand->least / promise->lane.samples));
-        float soft[RL_BITS];
-        for (int bit = 0; bit < RL_BITS; bit++) {
-            soft[bit] = promise->lane.soft[(bit + promise->shift) % RL_BITS];
+        float soft[RL_PACKET_BITS];
+        for (int bit = 0; bit < RL_PACKET_BITS; bit++) {
+            soft[bit] = promise->lane.soft[(bit + promise->shift) % RL_PACKET_BITS];
         }
         struct rl_word best[2];
         rl_codebook_best(codebook, &energy, demand->smooth, soft, least * packets, best);
         for (int i = 0; i < 2 && best[i].index >= 0; i++) {
             /* The packet that began first in the window, or before it. */
-            const int begin = promise->shift > 0 ? promise->shift - RL_BITS : 0;
+            const int begin = promise->shift > 0 ? promise->shift - RL_PACKET_BITS : 0;
             const struct rl_hit hit = {
                 .nats = nats_of(best[i].squared / packets, &promise->lane),
                 .id = codebook->id[best[i].index],

@@ -1,10 +1,13 @@
 /* Copyright 2026 retrolidar_ros contributors
  * SPDX-License-Identifier: Apache-2.0
  */
-/* Minimum and maximum that compile to an instruction: unlike fmin and fmax, a NaN may come through. */
+/* What <math.h> lacks. */
 #ifndef RETROLIDAR_MATH_H
 #define RETROLIDAR_MATH_H
 
+/* Minimum and maximum that compile to an instruction; unlike with fmin and fmax, a NaN may come
+ * through.
+ */
 static inline float rl_minf(float a, float b)
 {
     return a < b ? a : b;
@@ -13,6 +16,20 @@ static inline float rl_minf(float a, float b)
 static inline float rl_maxf(float a, float b)
 {
     return a > b ? a : b;
+}
+
+/* The middle one of some values, which it sorts; the upper one of two. */
+static inline double rl_median(double *values, int count)
+{
+    for (int i = 1; i < count; i++) {
+        const double value = values[i];
+        int j = i;
+        for (; j > 0 && values[j - 1] > value; j--) {
+            values[j] = values[j - 1];
+        }
+        values[j] = value;
+    }
+    return values[count / 2];
 }
 
 #endif

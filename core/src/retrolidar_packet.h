@@ -27,6 +27,12 @@ uint32_t rl_golay_word(uint16_t id);
 uint32_t rl_packet(uint16_t id);
 /* end of binding */
 
+/* One bit of a packet, the first one being 0. */
+static inline uint32_t rl_packet_bit(int bit)
+{
+    return (uint32_t)1 << (RL_PACKET_BITS - 1 - bit);
+}
+
 /* Packets on their way, back to back. */
 struct rl_schedule {
     uint32_t packet;

@@ -3,6 +3,10 @@
  */
 #include "retrolidar_samples.h"
 
+#include "retrolidar_math.h"
+#include "retrolidar_noise.h"
+#include "retrolidar_packet.h"
+
 #include <math.h>
 #include <string.h>
 
@@ -19,11 +23,6 @@ static const float MOST_DISTANCE = 8.192f;   /* 16 bits of a quarter of a millim
 static const float LOW_SIGNAL = 8.0f;
 /* Dark bits that no packet exceeds at a stretch, and some more. */
 static const double DARK_BITS = 12.0;
-/* Samples are white if neighbours correlate by less; so they do by chance, 0 +- 0.13. */
-static const double WHITE = 0.15;
-static const int LEAST_WHITE_ZONES = 3;
-static const double LEAST_SCALE = 1.0 / 16, MOST_SCALE = 16.0;
-static const double NEWEST_SHARE = 0.2; /* of what is learnt of the scale, later on */
 static const double LEAST_EXPOSURE_S = 1e-6;
 
 static int sources_of(int rows, int columns, struct rl_source *source)
@@ -88,7 +87,8 @@ void rl_samples_start(struct rl_samples *samples, int rows, int columns, int kep
     samples->stamp_ns = (int64_t *)(samples->end_s + samples->capacity);
     samples->signal = (float *)(samples->stamp_ns + samples->capacity);
     samples->distance = samples->signal + (size_t)samples->capacity * (size_t)samples->width;
-    samples->valid = (uint8_t *)(samples->distance + (size_t)samples->capacity * (size_t)samples->zones);
+    samples->valid =
+        (uint8_t *)(samples->distance + (size_t)samples->capacity * (size_t)samples->zones);
     rl_samples_clear(samples, 0);
 }
 
@@ -120,39 +120,6 @@ static void make_room(struct rl_samples *samples)
     memmove(samples->distance, samples->distance + from * zones, kept * zones * sizeof(float));
     memmove(samples->stamp_ns, samples->stamp_ns + from, kept * sizeof(int64_t));
     samples->count = samples->kept;
-}
-
-static void change_sums(struct rl_samples *samples, int row, double sign)
-{
-    const float *signal = samples->signal + (size_t)row * (size_t)samples->width;
-    for (int source = 0; source < samples->width; source++) {
-        const double value = signal[source];
-        samples->sum[source] += sign * value;
-        samples->square[source] += sign * value * value;
-    }
-}
-
-/* Let the sums be those of the newest rows, as many as `wanted`, computed anew after a move. */
-static void follow_sums(struct rl_samples *samples, int wanted, bool anew)
-{
-    if (anew || samples->variance_rows > wanted) {
-        for (int source = 0; source < samples->width; source++) {
-            samples->sum[source] = samples->square[source] = 0.0;
-        }
-        samples->variance_rows = 0;
-        const int first = samples->count > wanted ? samples->count - wanted : 0;
-        for (int row = first; row < samples->count; row++) {
-            change_sums(samples, row, 1.0);
-            samples->variance_rows++;
-        }
-        return;
-    }
-    change_sums(samples, samples->count - 1, 1.0);
-    if (samples->variance_rows < wanted) {
-        samples->variance_rows++;
-    } else {
-        change_sums(samples, samples->count - 1 - wanted, -1.0);
-    }
 }
 
 static void sum_zones(struct rl_samples *samples, int row)
@@ -242,19 +209,6 @@ static void fill_gap(struct rl_samples *samples, int row)
     }
 }
 
-static double median(double *values, int count)
-{
-    for (int i = 1; i < count; i++) {
-        const double value = values[i];
-        int j = i;
-        for (; j > 0 && values[j - 1] > value; j--) {
-            values[j] = values[j - 1];
-        }
-        values[j] = value;
-    }
-    return values[count / 2];
-}
-
 static void follow_period(struct rl_samples *samples, double step_s)
 {
     const int newest = (int)(sizeof samples->step_s / sizeof *samples->step_s);
@@ -263,7 +217,7 @@ static void follow_period(struct rl_samples *samples, double step_s)
         double steps[sizeof samples->step_s / sizeof *samples->step_s];
         memcpy(steps, samples->step_s, sizeof steps);
         const double share = samples->steps == newest ? 1.0 : 0.2;
-        samples->period_s += share * (median(steps, newest) - samples->period_s);
+        samples->period_s += share * (rl_median(steps, newest) - samples->period_s);
     }
 }
 
@@ -276,7 +230,7 @@ static void follow_ambient(struct rl_samples *samples, const float *ambient)
             values[count++] = ambient[zone];
         }
     }
-    samples->ambient = count > 0 ? median(values, count) : 0.0;
+    samples->ambient = count > 0 ? rl_median(values, count) : 0.0;
 }
 
 int rl_samples_push(struct rl_samples *samples, int64_t stamp_ns, const float *signal,
@@ -286,7 +240,8 @@ int rl_samples_push(struct rl_samples *samples, int64_t stamp_ns, const float *s
     int rows = 1;
     if (samples->count > 0) {
         const double before_s = middle_of(samples, samples->count - 1);
-        const double periods = fmin((time_s - before_s) / samples->period_s + 0.4, samples->kept / 2);
+        const double periods =
+            fmin((time_s - before_s) / samples->period_s + 0.4, samples->kept / 2);
         follow_period(samples, time_s - before_s);
         rows = periods < 1.0 ? 1 : (int)periods;
         const double step_s = (time_s - before_s) / rows;
@@ -296,7 +251,7 @@ int rl_samples_push(struct rl_samples *samples, int64_t stamp_ns, const float *s
             }
             const int row = place_row(samples, before_s + missing * step_s, RL_NO_FRAME);
             fill_gap(samples, row);
-            follow_sums(samples, samples->variance_rows, false);
+            rl_noise_follow(samples, samples->variance_rows, false);
         }
     }
     const bool full = samples->count == samples->capacity;
@@ -306,64 +261,15 @@ int rl_samples_push(struct rl_samples *samples, int64_t stamp_ns, const float *s
     const int row = place_row(samples, time_s, stamp_ns);
     fill_row(samples, row, time_s, signal, distance, status);
     follow_ambient(samples, ambient);
-    const int packet = (int)(31.0 * samples->dark_s / DARK_BITS / samples->period_s + 0.5);
-    follow_sums(samples, packet < samples->kept ? packet : samples->kept, full);
+    const int packet =
+        (int)(RL_PACKET_BITS * samples->dark_s / DARK_BITS / samples->period_s + 0.5);
+    rl_noise_follow(samples, packet < samples->kept ? packet : samples->kept, full);
     return rows;
 }
 
-double rl_samples_noise(const struct rl_samples *samples, int source, double signal)
+int rl_samples_oldest(const struct rl_samples *samples)
 {
-    const struct rl_noise_law *law = &samples->law;
-    const double zones = samples->source[source].zones;
-    return zones * (law->floor + law->ambient * samples->ambient) + law->slope * fmax(signal, 0.0);
-}
-
-double rl_samples_variation(const struct rl_samples *samples, int source)
-{
-    const double rows = samples->variance_rows;
-    if (rows < 2.0) {
-        return 0.0;
-    }
-    const double mean = samples->sum[source] / rows;
-    const double variance = (samples->square[source] - samples->sum[source] * mean) / (rows - 1.0);
-    return variance / (samples->noise_scale * rl_samples_noise(samples, source, mean));
-}
-
-void rl_samples_learn(struct rl_samples *samples)
-{
-    double scales[RL_MOST_ZONES];
-    int white = 0;
-    const int rows = samples->variance_rows;
-    const int first = samples->count - rows;
-    if (rows < 16) {
-        return;
-    }
-    for (int zone = 0; zone < samples->zones; zone++) {
-        const double mean = samples->sum[zone] / rows;
-        const float *signal = samples->signal + (size_t)first * (size_t)samples->width + zone;
-        const uint8_t *valid = samples->valid + (size_t)first * (size_t)samples->width + zone;
-        double power = 0.0, lagged = 0.0, before = 0.0;
-        bool whole = true;
-        for (int row = 0; row < rows && whole; row++) {
-            const double deviation = (double)signal[(size_t)row * (size_t)samples->width] - mean;
-            power += deviation * deviation;
-            lagged += deviation * before;
-            before = deviation;
-            whole = valid[(size_t)row * (size_t)samples->width] ||
-                    samples->stamp_ns[first + row] == RL_NO_FRAME; /* a lost frame is no reason */
-        }
-        if (!whole || !(power > 0.0) || lagged >= WHITE * power) {
-            continue;
-        }
-        /* What a weak marker adds is alike in the two samples of a bit, and cancels here. */
-        scales[white++] = (power - 2.0 * lagged) / (rows - 1) / rl_samples_noise(samples, zone, mean);
-    }
-    if (white < LEAST_WHITE_ZONES) {
-        return;
-    }
-    const double scale = fmin(fmax(median(scales, white), LEAST_SCALE), MOST_SCALE);
-    const double share = fmax(NEWEST_SHARE, 1.0 / ++samples->lessons);
-    samples->noise_scale += share * (scale - samples->noise_scale);
+    return samples->count > samples->kept ? samples->count - samples->kept : 0;
 }
 
 int rl_samples_row(const struct rl_samples *samples, double time_s)

@@ -14,7 +14,7 @@ extern "C" {
 
 enum {
     RL_MOST_ZONES = 64,
-    RL_MOST_SOURCES = 116, /* zones, blocks of 2x2 of them, the whole view; a multiple of RL_LANES */
+    RL_MOST_SOURCES = 116, /* zones, blocks of 2x2, the whole view; a multiple of RL_LANES */
     RL_LANES = 4, /* columns are filled up to a multiple of this */
 };
 
@@ -78,14 +78,8 @@ void rl_samples_clear(struct rl_samples *samples, int64_t stamp_ns);
 int rl_samples_push(struct rl_samples *samples, int64_t stamp_ns, const float *signal,
                     const float *distance, const float *ambient, const uint8_t *status);
 
-/* Variance of the noise of a source at a signal [(kcps/SPAD)^2], as the law says. */
-double rl_samples_noise(const struct rl_samples *samples, int source, double signal);
-
-/* By how many times its noise a source varies over the newest `variance_rows`. */
-double rl_samples_variation(const struct rl_samples *samples, int source);
-
-/* Learn the scale of the noise from the newest rows of zones that are white. */
-void rl_samples_learn(struct rl_samples *samples);
+/* Number of the first row that is held for sure. */
+int rl_samples_oldest(const struct rl_samples *samples);
 
 /* Number of the first row whose exposure ends after a time. */
 int rl_samples_row(const struct rl_samples *samples, double time_s);

@@ -3,6 +3,8 @@
  */
 #include "retrolidar_search.h"
 
+#include "retrolidar_noise.h"
+
 #include <math.h>
 #include <string.h>
 
@@ -67,7 +69,7 @@ static void plan(struct rl_search *search)
         const double q = (double)whitening->walk;
         const double memory = 1.0 + q / 2 - sqrt(q + q * q / 4);
         const double height = (1.0 - memory) / (1.0 + memory);
-        for (int lag = 0; lag < RL_BITS; lag++) {
+        for (int lag = 0; lag < RL_PACKET_BITS; lag++) {
             double sum = 0.0;
             for (int i = 0; i < FINE; i++) {
                 for (int j = 0; j < FINE; j++) {
@@ -103,7 +105,7 @@ static void keep_trial(struct kept *kept, int most, const struct rl_trial *trial
 static void try_ends(struct rl_search *search, int count, double end_s, bool all, int shifts,
                      const struct rl_demand *demand)
 {
-    const int clocks = (int)(search->most_skew * RL_BITS / 2 / CLOCK_BITS + 0.999);
+    const int clocks = (int)(search->most_skew * RL_PACKET_BITS / 2 / CLOCK_BITS + 0.999);
     struct rl_trial trial = {.end_s = end_s, .packets = 1};
     for (int clock = -clocks; clock <= clocks; clock++) {
         trial.bit_s = search->bit_s * (1.0 + clock * search->most_skew / clocks);
@@ -147,7 +149,7 @@ static void look_at_ended(struct rl_search *search, int count, double from_s, do
 static float stand_out(const struct rl_trial *trial, const struct rl_lane *lane)
 {
     float squares = 0.0f;
-    for (int bit = 0; bit < RL_BITS; bit++) {
+    for (int bit = 0; bit < RL_PACKET_BITS; bit++) {
         squares += lane->soft[bit] * lane->soft[bit];
     }
     return squares / (trial->own * (float)trial->packets * lane->power);
@@ -176,7 +178,7 @@ static void look_closely(struct rl_search *search, int lane, const struct kept *
             }
         }
         rl_view_cut_lane(&search->view, &best.trial[0], lane, &one);
-        rl_promise_add(&search->promises[lane], demand, &best.trial[0], &one, RL_BITS);
+        rl_promise_add(&search->promises[lane], demand, &best.trial[0], &one, RL_PACKET_BITS);
     }
 }
 
@@ -184,7 +186,7 @@ static void look_at_stretches(struct rl_search *search, int count, int packets, 
                               const struct rl_demand *demand)
 {
     struct kept kept[RL_MOST_SOURCES];
-    const double half_bits = RL_BITS * packets / 2.0;
+    const double half_bits = RL_PACKET_BITS * packets / 2.0;
     const int clocks = (int)(search->most_skew * half_bits / (2 * CLOCK_BITS) + 0.999);
     const double skew = search->most_skew / clocks;
     /* All stretches have the same middle, or up to a bit before. */
@@ -194,7 +196,8 @@ static void look_at_stretches(struct rl_search *search, int count, int packets, 
     }
     for (int clock = -clocks; clock <= clocks; clock++) {
         for (int quarter = 0; quarter < QUARTERS; quarter++) {
-            struct rl_trial trial = {.packets = packets, .bit_s = search->bit_s * (1.0 + clock * skew)};
+            struct rl_trial trial = {.packets = packets,
+                                     .bit_s = search->bit_s * (1.0 + clock * skew)};
             trial.end_s = middle_s - quarter * search->bit_s / QUARTERS + half_bits * trial.bit_s;
             rl_view_cut(&search->view, &trial, &search->sums);
             for (int lane = 0; lane < count; lane++) {
@@ -213,15 +216,16 @@ void rl_search_look(struct rl_search *search, const int *sources, int count, int
                     double from_s, double to_s, double least, double most_beyond,
                     struct rl_hits *hits)
 {
-    const double bits = packets > 0 ? RL_BITS * packets * (1.0 + search->most_skew) + 2.0
-                                    : RL_BITS * (1.0 + search->most_skew) + BEFORE_BITS + 1.0;
+    const double longest_bits =
+        RL_PACKET_BITS * (packets > 0 ? packets : 1) * (1.0 + search->most_skew);
+    const double bits = packets > 0 ? longest_bits + 2.0 : longest_bits + BEFORE_BITS + 1.0;
     plan(search);
     for (int strong = 0; strong < 2; strong++) {
         const struct rl_whitening *whitening =
             &search->whitening[!strong && packets == 0 ? FAINT_LONE : strong];
         int chosen[RL_MOST_SOURCES], index[RL_MOST_SOURCES], lanes = 0;
         for (int i = 0; i < count; i++) {
-            if ((rl_samples_variation(search->samples, sources[i]) > STRONG) == strong) {
+            if ((rl_noise_variation(search->samples, sources[i]) > STRONG) == strong) {
                 chosen[lanes] = sources[i];
                 search->promises[lanes].words = search->promises[lanes].sequences = 0;
                 index[lanes++] = i;
@@ -241,9 +245,8 @@ void rl_search_look(struct rl_search *search, const int *sources, int count, int
             look_at_ended(search, lanes, from_s, to_s, &demand);
         }
         for (int lane = 0; lane < lanes; lane++) {
-            search->words_left -=
-                rl_hits_find(&hits[index[lane]], &search->promises[lane], &search->codebook, &demand,
-                             search->words_left);
+            search->words_left -= rl_hits_find(&hits[index[lane]], &search->promises[lane],
+                                               &search->codebook, &demand, search->words_left);
         }
     }
 }

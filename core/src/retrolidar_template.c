@@ -3,18 +3,19 @@
  */
 #include "retrolidar_template.h"
 
-#include <math.h>
+#include "retrolidar_packet.h"
 
-enum { BITS = 31 };
+#include <math.h>
 
 /* From 10 to 90 % an exponential takes ln 9 time constants (paper 2.2: 0.5 ms and 3.5 ms). */
 static const double LN_9 = 2.1972245773362196;
 static const double DARKENING_S = 0.0005;
 
 struct packet {
-    double level[BITS + 1];   /* that each bit goes to, the idle after them included */
-    double before[BITS + 1];  /* that it comes from */
-    double elapsed[BITS + 1]; /* integral from the start of the packet to that of each bit [s] */
+    /* Of each bit, and of the idle after them: what it goes to, comes from, and when it begins, as
+     * the integral since the start of the packet [s].
+     */
+    double level[RL_PACKET_BITS + 1], before[RL_PACKET_BITS + 1], elapsed[RL_PACKET_BITS + 1];
 };
 
 /* The integral of an exponential step over a time since it began [s]. */
@@ -30,13 +31,13 @@ static double relaxed(double before, double level, double brightening_s, double 
 
 static void lay_out(const struct rl_sending *sending, struct packet *packet)
 {
-    for (int bit = 0; bit < BITS; bit++) {
-        packet->level[bit] = (sending->bits >> (BITS - 1 - bit)) & 1u ? 0.0 : 1.0;
+    for (int bit = 0; bit < RL_PACKET_BITS; bit++) {
+        packet->level[bit] = sending->bits & rl_packet_bit(bit) ? 0.0 : 1.0;
     }
-    packet->level[BITS] = 1.0;
-    packet->before[0] = sending->repeats ? packet->level[BITS - 1] : 1.0;
+    packet->level[RL_PACKET_BITS] = 1.0;
+    packet->before[0] = sending->repeats ? packet->level[RL_PACKET_BITS - 1] : 1.0;
     packet->elapsed[0] = 0.0;
-    for (int bit = 0; bit < BITS; bit++) {
+    for (int bit = 0; bit < RL_PACKET_BITS; bit++) {
         packet->before[bit + 1] = packet->level[bit];
         packet->elapsed[bit + 1] =
             packet->elapsed[bit] + relaxed(packet->before[bit], packet->level[bit],
@@ -45,21 +46,21 @@ static void lay_out(const struct rl_sending *sending, struct packet *packet)
 }
 
 /* The integral of the transmission from the start of the packet to a time since then [s]. */
-static double integral(const struct rl_sending *sending, const struct packet *packet, double since_s)
+static double integral(const struct rl_sending *sending, const struct packet *packet,
+                       double since_s)
 {
     double sent = 0.0;
     if (sending->repeats) {
-        const double length_s = BITS * sending->bit_s;
+        const double length_s = RL_PACKET_BITS * sending->bit_s;
         const double cycles = floor(since_s / length_s);
         since_s -= cycles * length_s;
-        sent = cycles * packet->elapsed[BITS];
+        sent = cycles * packet->elapsed[RL_PACKET_BITS];
     } else if (since_s <= 0.0) {
         return since_s;
     }
-    int bit = (int)(since_s / sending->bit_s);
-    if (bit > BITS - (sending->repeats ? 1 : 0)) {
-        bit = BITS - (sending->repeats ? 1 : 0);
-    }
+    const int last = RL_PACKET_BITS - (sending->repeats ? 1 : 0);
+    const int at = (int)(since_s / sending->bit_s);
+    const int bit = at < last ? at : last;
     return sent + packet->elapsed[bit] +
            relaxed(packet->before[bit], packet->level[bit], sending->brightening_s,
                    fmax(since_s - bit * sending->bit_s, 0.0));

@@ -38,7 +38,8 @@ void rl_view_start(struct rl_view *view, const struct rl_samples *samples, void 
 }
 
 /* Take the level off the samples of a lane: z = x - l, where l is the smoothest of all levels,
- * the sum of squares of z and of steps of l over `walk` being least. It solves a tridiagonal system.
+ * the sum of squares of z and of steps of l over `walk` being least. It solves a tridiagonal
+ * system.
  */
 static void whiten_lane(struct rl_view *view, int source, int lane, float walk)
 {
@@ -102,7 +103,7 @@ void rl_view_open(struct rl_view *view, const int *sources, int count, double fr
 
 static void find_edges(const struct rl_view *view, struct rl_trial *trial, struct edge *edges)
 {
-    const int bits = RL_BITS * trial->packets;
+    const int bits = RL_PACKET_BITS * trial->packets;
     const float bit_s = (float)trial->bit_s;
     const float first_s =
         (float)(trial->end_s - bits * trial->bit_s - view->samples->begin_s[view->first]);
@@ -145,9 +146,9 @@ void rl_view_cut(const struct rl_view *view, struct rl_trial *trial, struct rl_s
     struct edge edges[RL_MOST_EDGES];
     float before[RL_MOST_SOURCES];
     const size_t lanes = (size_t)view->lanes;
-    const int bits = RL_BITS * trial->packets;
+    const int bits = RL_PACKET_BITS * trial->packets;
     find_edges(view, trial, edges);
-    memset(sums->soft, 0, RL_BITS * lanes * sizeof *sums->soft);
+    memset(sums->soft, 0, RL_PACKET_BITS * lanes * sizeof *sums->soft);
     for (int edge = 0, bit = 0; edge <= bits; edge++) {
         const float *light = view->light + (size_t)edges[edge].row * lanes;
         const float *total = view->total + (size_t)edges[edge].row * lanes;
@@ -158,7 +159,7 @@ void rl_view_cut(const struct rl_view *view, struct rl_trial *trial, struct rl_s
             soft[lane] += edge > 0 ? before[lane] - until : 0.0f;
             before[lane] = until;
         }
-        bit = edge == 0 || bit + 1 == RL_BITS ? 0 : bit + 1;
+        bit = edge == 0 || bit + 1 == RL_PACKET_BITS ? 0 : bit + 1;
     }
     const int from = edges[0].row, to = edges[bits].row + 1;
     for (int lane = 0; lane < view->lanes; lane++) {
@@ -175,7 +176,7 @@ void rl_view_cut_lane(const struct rl_view *view, struct rl_trial *trial, int la
 {
     struct edge edges[RL_MOST_EDGES];
     const size_t lanes = (size_t)view->lanes, column = (size_t)lane;
-    const int bits = RL_BITS * trial->packets;
+    const int bits = RL_PACKET_BITS * trial->packets;
     float before = 0.0f;
     find_edges(view, trial, edges);
     memset(sums->soft, 0, sizeof sums->soft);
@@ -183,7 +184,7 @@ void rl_view_cut_lane(const struct rl_view *view, struct rl_trial *trial, int la
         const size_t at = (size_t)edges[edge].row * lanes + column;
         const float until = view->total[at] + edges[edge].share * view->light[at];
         if (edge > 0) {
-            sums->soft[(edge - 1) % RL_BITS] += before - until;
+            sums->soft[(edge - 1) % RL_PACKET_BITS] += before - until;
         }
         before = until;
     }
@@ -196,7 +197,7 @@ void rl_view_cut_lane(const struct rl_view *view, struct rl_trial *trial, int la
 void rl_lane_of(const struct rl_view *view, const struct rl_sums *sums, int lane,
                 struct rl_lane *one)
 {
-    for (int bit = 0; bit < RL_BITS; bit++) {
+    for (int bit = 0; bit < RL_PACKET_BITS; bit++) {
         one->soft[bit] = sums->soft[(size_t)bit * (size_t)view->lanes + (size_t)lane];
     }
     one->power = sums->power[lane];

@@ -12,7 +12,7 @@
 extern "C" {
 #endif
 
-enum { RL_MOST_PACKETS = 8, RL_MOST_EDGES = RL_BITS * RL_MOST_PACKETS + 1 };
+enum { RL_MOST_PACKETS = 8, RL_MOST_EDGES = RL_PACKET_BITS * RL_MOST_PACKETS + 1 };
 
 /* Arrays over rows and lanes; a lane is a source. */
 struct rl_view {
@@ -37,14 +37,14 @@ struct rl_trial {
 
 /* What a trial makes of all lanes. */
 struct rl_sums {
-    float soft[RL_BITS * RL_MOST_SOURCES]; /* light of each bit and lane, positive = dark */
+    float soft[RL_PACKET_BITS * RL_MOST_SOURCES]; /* light of each bit and lane, positive = dark */
     float power[RL_MOST_SOURCES];   /* of the samples in the window */
     float samples[RL_MOST_SOURCES]; /* valid ones */
 };
 
 /* What a trial makes of one lane. */
 struct rl_lane {
-    float soft[RL_BITS];
+    float soft[RL_PACKET_BITS];
     float power, samples;
 };
 

@@ -3,6 +3,7 @@
  */
 #include "retrolidar_window.h"
 
+#include "retrolidar_noise.h"
 #include "retrolidar_target.h"
 
 #include <math.h>
@@ -43,7 +44,8 @@ void rl_window_start(struct rl_window *window, const struct rl_samples *samples,
 static void add(struct rl_window *window, int source)
 {
     const struct rl_samples *samples = window->samples;
-    const double *begin_s = samples->begin_s + window->first, *end_s = samples->end_s + window->first;
+    const double *begin_s = samples->begin_s + window->first;
+    const double *end_s = samples->end_s + window->first;
     double sum = 0.0;
     rl_target_column(samples, source, window->first, window->rows, window->signal, window->valid,
                      window->scratch);
@@ -53,7 +55,7 @@ static void add(struct rl_window *window, int source)
             window->valid[row] = 0;
         }
     }
-    const double noise = rl_samples_noise(samples, source, sum / fmax(window->rows, 1.0));
+    const double noise = rl_noise_variance(samples, source, sum / fmax(window->rows, 1.0));
     struct rl_whitened *whitened = &window->whitened[window->sources];
     rl_whiten(whitened, window->signal, window->valid, 1, begin_s, end_s, window->rows,
               samples->period_s, LEAST_NOISE * noise);
@@ -122,6 +124,13 @@ double rl_window_try(struct rl_window *window, const struct rl_sending *sending)
     return total;
 }
 
+double rl_window_try_bits(struct rl_window *window, const struct rl_sending *sending, uint32_t bits)
+{
+    struct rl_sending other = *sending;
+    other.bits = bits;
+    return rl_window_try(window, &other);
+}
+
 /* Move the middle of the window by some time, and the bit period by another. */
 static struct rl_sending moved(const struct rl_sending *sending, double half_bits, double later_s,
                                double longer_s)
@@ -140,7 +149,7 @@ static double summit(double before, double here, double after)
 }
 
 static double climb(struct rl_window *window, struct rl_sending *sending, double half_bits,
-                    double least_bit_s, double most_bit_s, int rounds)
+                    int rounds)
 {
     double best = rl_window_try(window, sending);
     double later_s = sending->bit_s / 8;
@@ -150,7 +159,7 @@ static double climb(struct rl_window *window, struct rl_sending *sending, double
             const double shift_s = axis ? 0.0 : later_s;
             struct rl_sending one = moved(sending, half_bits, -shift_s, -longer_s);
             struct rl_sending other = moved(sending, half_bits, shift_s, longer_s);
-            if (one.bit_s < least_bit_s || other.bit_s > most_bit_s) {
+            if (one.bit_s < window->least_bit_s || other.bit_s > window->most_bit_s) {
                 continue;
             }
             const double before = rl_window_try(window, &one);
@@ -175,10 +184,9 @@ static double climb(struct rl_window *window, struct rl_sending *sending, double
     return best;
 }
 
-double rl_window_refine(struct rl_window *window, struct rl_sending *sending, double half_bits,
-                        double least_bit_s, double most_bit_s)
+double rl_window_refine(struct rl_window *window, struct rl_sending *sending, double half_bits)
 {
-    const double best = climb(window, sending, half_bits, least_bit_s, most_bit_s, ROUNDS);
+    const double best = climb(window, sending, half_bits, ROUNDS);
     const struct rl_sending usual = *sending;
     struct rl_sending likeliest = usual;
     double most = best + OTHER_CRYSTAL;
@@ -195,7 +203,7 @@ double rl_window_refine(struct rl_window *window, struct rl_sending *sending, do
     }
     if (likeliest.brightening_s != usual.brightening_s) {
         *sending = likeliest;
-        climb(window, sending, half_bits, least_bit_s, most_bit_s, ROUNDS - 1);
+        climb(window, sending, half_bits, ROUNDS - 1);
     }
     /* So that `fit` and `light` are of what is returned. */
     return rl_window_try(window, sending);

@@ -22,6 +22,7 @@ struct rl_window {
     struct rl_whitened whitened[RL_MOST_ZONES_TOGETHER];
     struct rl_gain fit[RL_MOST_ZONES_TOGETHER]; /* of the template that was tried last */
     double hidden_from_s, hidden_to_s; /* exposures in between are left out */
+    double least_bit_s, most_bit_s; /* limits of a refinement */
     double null;   /* log likelihood without a packet */
     double *light; /* of the template that was tried last */
     float *signal, *scratch;
@@ -47,14 +48,16 @@ void rl_window_drop(struct rl_window *window);
 /* Log likelihood of what is sent, each source having its own gain, noise and wandering level. */
 double rl_window_try(struct rl_window *window, const struct rl_sending *sending);
 
+/* The same of other bits. */
+double rl_window_try_bits(struct rl_window *window, const struct rl_sending *sending,
+                          uint32_t bits);
+
 /* Find the start, the bit period and the crystal's brightening that are likeliest, near to those
- * given; return the log likelihood.
+ * given; return the log likelihood. The limits of the bit period are to be set before.
  *
- * half_bits: half of the bits that the window holds
- * least_bit_s, most_bit_s: limits of the bit period
+ * half_bits: from the start to the middle of the window
  */
-double rl_window_refine(struct rl_window *window, struct rl_sending *sending, double half_bits,
-                        double least_bit_s, double most_bit_s);
+double rl_window_refine(struct rl_window *window, struct rl_sending *sending, double half_bits);
 
 #ifdef __cplusplus
 }

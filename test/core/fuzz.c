@@ -5,23 +5,17 @@
  *
  * fuzz SEED DETECTORS FRAMES
  *
- * Of every detector it prints what came of it. With -DISOLATED it includes the source of the
- * detector, to give every array a block of memory of its own, where a sanitizer sees a sample too
- * many. With -DNO_HEAP nothing may be allocated once a detector is created.
+ * Of every detector it prints what came of it. With -DISOLATED it gives every array of a detector
+ * a block of memory of its own, where a sanitizer sees a sample too many. With -DNO_HEAP nothing may
+ * be allocated once a detector is created.
  */
-#ifdef ISOLATED
-#include "../../core/src/retrolidar_detector.c"
-#else
+#include <inttypes.h>
 #include <math.h>
+#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
-#include "retrolidar_detector.h"
-#include "retrolidar_packet.h"
-#endif
-
-#include <inttypes.h>
-#include <stdio.h>
+#include "retrolidar_detector_state.h"
 
 enum { KEPT = 1100, BLOCK = 64, ZONES = 64, LEAST_ID = 1, MOST_ID = 4094 };
 
@@ -128,7 +122,8 @@ static uint32_t any_packet(void)
 static struct zone any_zone(double bit_s)
 {
     static const double CLOCKS[] = {1.0, 1.0, 0.97, 1.03, 0.5};
-    struct zone zone = {.kind = below(KINDS), .cycle = 31, .second_cycle = 31};
+    struct zone zone = {.kind = below(KINDS), .cycle = RL_PACKET_BITS,
+                        .second_cycle = RL_PACKET_BITS};
     zone.bits = any_packet();
     if (zone.kind == PREAMBLES) {
         zone.bits = 0x55555555u >> below(2) & 0x7FFFFFFFu;
@@ -138,7 +133,7 @@ static struct zone any_zone(double bit_s)
         zone.cycle = 40 + below(60);
     } else if (zone.kind == TWO_PACKETS) {
         zone.second = any_packet();
-        zone.second_cycle = below(2) ? 31 : 50;
+        zone.second_cycle = below(2) ? RL_PACKET_BITS : 50;
         zone.second_share = scaled(0.05, 1.0);
     }
     zone.bright = scaled(1e-3, 4e6);
@@ -187,7 +182,7 @@ static uint8_t any_status(void)
 static int is_dark(uint32_t bits, int cycle, double since_bits)
 {
     const int bit = (int)(since_bits - cycle * floor(since_bits / cycle));
-    return bit < 31 && (bits >> (30 - bit) & 1u) != 0;
+    return bit < RL_PACKET_BITS && (bits & rl_packet_bit(bit)) != 0;
 }
 
 static float light(const struct zone *zone, double time_s)
@@ -406,8 +401,8 @@ static void isolate(struct rl_detector *detector)
     ALONE(window->signal, kept);
     ALONE(window->scratch, kept);
     ALONE(window->valid, kept);
-    ALONE(detector->taken, kept * RL_MOST_ZONES_TOGETHER);
-    ALONE(detector->light, kept);
+    ALONE(detector->shares.taken, kept * RL_MOST_ZONES_TOGETHER);
+    ALONE(detector->shares.light, kept);
 }
 
 static void give_back(void)
@@ -427,7 +422,7 @@ static void try_one(int number, int frames)
     const int zones = settings.rows * settings.columns;
     /* Two frames a bit; or so many that a packet just about fits in what is kept; or any. */
     const double bits_a_frame = below(3)   ? 0.5
-                                : below(3) ? 31.0 / KEPT * (0.9 + 0.2 * share())
+                                : below(3) ? (double)RL_PACKET_BITS / KEPT * (0.9 + 0.2 * share())
                                            : scaled(0.02, 2.0);
     const int64_t period_ns = 1 + (int64_t)(1e9 * settings.bit_s * bits_a_frame);
     const int garbage_share = below(3) ? 1 + below(100) : 10000;

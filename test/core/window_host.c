@@ -234,14 +234,14 @@ static void best(void)
     static struct rl_smooth smooth;
     struct rl_energy energy;
     struct rl_word words[2];
-    float soft[RL_BITS];
+    float soft[RL_PACKET_BITS];
     const float least = (float)number();
     energy.own = (float)number();
     energy.adjacent = (float)number();
-    for (int lag = 0; lag < RL_BITS; lag++) {
+    for (int lag = 0; lag < RL_PACKET_BITS; lag++) {
         energy.smooth[lag] = (float)number();
     }
-    for (int bit = 0; bit < RL_BITS; bit++) {
+    for (int bit = 0; bit < RL_PACKET_BITS; bit++) {
         soft[bit] = (float)number();
     }
     rl_codebook_smooth(&codebook, &energy, &smooth);
@@ -255,9 +255,9 @@ static void best(void)
 /* An ID that is none, then weights of bits: the ID of the heaviest packet. */
 static void heaviest(void)
 {
-    float weight[RL_BITS];
+    float weight[RL_PACKET_BITS];
     const uint16_t id = (uint16_t)whole();
-    for (int bit = 0; bit < RL_BITS; bit++) {
+    for (int bit = 0; bit < RL_PACKET_BITS; bit++) {
         weight[bit] = (float)number();
     }
     const int word = rl_codebook_heaviest(&codebook, weight, id);

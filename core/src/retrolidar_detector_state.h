@@ -1,0 +1,66 @@
+/* Copyright 2026 retrolidar_ros contributors
+ * SPDX-License-Identifier: Apache-2.0
+ */
+/* What a detector holds, for the files that it is made of. */
+#ifndef RETROLIDAR_DETECTOR_STATE_H
+#define RETROLIDAR_DETECTOR_STATE_H
+
+#include "retrolidar_detector.h"
+#include "retrolidar_search.h"
+#include "retrolidar_shares.h"
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+enum {
+    RL_READINGS = 32,  /* that one frame may bring */
+    RL_DECISIONS = 12, /* candidates that are judged with one frame, at the most */
+    RL_RECENT = 64,    /* readings that are remembered, not to be told twice */
+    RL_MOST_PENDING = 2 * RL_MOST_SOURCES,
+};
+/* Bits by which a packet may begin before the one before it has ended. */
+static const double RL_OVERLAP_BITS = 1.5;
+
+struct rl_recent {
+    uint16_t id;
+    double start_s, end_s;
+};
+
+/* What a search has found in a source, and nobody has judged. */
+struct rl_pending {
+    int source, packets;
+    struct rl_hits hits;
+};
+
+struct rl_detector {
+    struct rl_settings settings;
+    struct rl_samples samples;
+    struct rl_search search;
+    struct rl_window window;
+    struct rl_shares shares;
+    struct rl_demands demands;
+    struct rl_counts counts;
+    int64_t last_ns;
+    double looked_s, learnt_s;
+    int64_t turn;
+    double most_beyond; /* nats by which other sequences than the hits of a search may be better */
+    double free_s[RL_MOST_SOURCES]; /* before that, samples belong to what was read */
+    struct rl_recent recent[RL_RECENT];
+    int recents;
+    int readings, decisions_left;
+    struct rl_reading reading[RL_READINGS];
+    int candidates;
+    struct rl_candidate candidate[2 * RL_DECISIONS];
+    struct rl_hits hits[RL_MOST_SOURCES], behind;
+    struct rl_hit past[RL_MOST_SOURCES][RL_PAST]; /* judged and not read: rivals of later ones */
+    int pasts[RL_MOST_SOURCES];
+    struct rl_pending pending[RL_MOST_PENDING];
+    int pendings;
+};
+
+#ifdef __cplusplus
+}
+#endif
+
+#endif

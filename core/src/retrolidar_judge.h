@@ -1,0 +1,21 @@
+/* Copyright 2026 retrolidar_ros contributors
+ * SPDX-License-Identifier: Apache-2.0
+ */
+/* What becomes of a hit of the search: it is read, alone or with one that it hides, or refused. */
+#ifndef RETROLIDAR_JUDGE_H
+#define RETROLIDAR_JUDGE_H
+
+#include "retrolidar_detector_state.h"
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+/* Judge the best hit of a source, and what it may hide. */
+void rl_judge(struct rl_detector *detector, const struct rl_pending *pending, double to_s);
+
+#ifdef __cplusplus
+}
+#endif
+
+#endif

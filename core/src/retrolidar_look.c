@@ -1,0 +1,137 @@
+/* Copyright 2026 retrolidar_ros contributors
+ * SPDX-License-Identifier: Apache-2.0
+ */
+#include "retrolidar_look.h"
+
+#include "retrolidar_judge.h"
+#include "retrolidar_noise.h"
+
+#include <math.h>
+
+enum {
+    FOLDS = 5,
+    LOOK_BITS = 4,       /* between two looks at stretches of one packet */
+    WORDS_A_FRAME = 300, /* that are searched, at the most */
+};
+static const int FOLD[FOLDS] = {1, 2, 3, 5, 8};
+/* A source that varies by less than so many times its noise holds no packet by itself. */
+static const double ACTIVE = 1.5;
+/* Share of the evidence in demand that a coarse template must find. */
+static const double COARSE = 0.7;
+/* Sums are asked after zones that explain nearly as much. */
+static const float SUM_SHARE = 0.8f;
+
+static void search(struct rl_detector *detector, const int *sources, int count, int packets,
+                   double from_s, double to_s)
+{
+    struct rl_hits *hits = detector->hits;
+    if (count == 0) {
+        return;
+    }
+    rl_search_look(&detector->search, sources, count, packets, from_s, to_s,
+                   COARSE * detector->demands.evidence, detector->most_beyond, hits);
+    for (int i = 0; i < count; i++) {
+        if (hits[i].count > 0 && detector->pendings < RL_MOST_PENDING) {
+            detector->pending[detector->pendings++] =
+                (struct rl_pending){sources[i], packets > 0 ? packets : 1, hits[i]};
+        }
+    }
+}
+
+/* Sources that have not been read for so long, and are active if that is asked. */
+static int ready(const struct rl_detector *detector, double bits, double to_s, bool active,
+                 int most_zones, int *sources)
+{
+    int count = 0;
+    const double since_s = to_s - bits * detector->settings.bit_s;
+    for (int source = 0; source < detector->samples.sources; source++) {
+        if (detector->free_s[source] <= since_s &&
+            detector->samples.source[source].zones <= most_zones &&
+            (!active || rl_noise_variation(&detector->samples, source) > ACTIVE)) {
+            sources[count++] = source;
+        }
+    }
+    return count;
+}
+
+/* Of some sources, those in which so many bits have just come since the last packet that was read,
+ * or since the first sample, at 0.
+ */
+static int due(const struct rl_detector *detector, int *sources, int count, double bits,
+               double from_s, double to_s)
+{
+    int kept = 0;
+    for (int i = 0; i < count; i++) {
+        const double since_s =
+            fmax(detector->free_s[sources[i]], 0.0) + bits * detector->settings.bit_s;
+        if (since_s > from_s && since_s <= to_s) {
+            sources[kept++] = sources[i];
+        }
+    }
+    return kept;
+}
+
+/* How promising a candidate is. */
+static float rank(const struct rl_detector *detector, int index)
+{
+    const struct rl_pending *pending = &detector->pending[index];
+    const bool is_sum = detector->samples.source[pending->source].zones > 1;
+    return (is_sum ? SUM_SHARE : 1.0f) * pending->hits.hit[0].nats;
+}
+
+void rl_look(struct rl_detector *detector)
+{
+    const struct rl_samples *samples = &detector->samples;
+    const double bit_s = detector->settings.bit_s;
+    const double to_s = samples->end_s[samples->count - 1];
+    const double from_s = fmax(detector->looked_s, to_s - RL_PACKET_BITS * bit_s);
+    const double held_s = to_s - samples->begin_s[rl_samples_oldest(samples)];
+    const double most_skew = detector->demands.most_skew;
+    int sources[RL_MOST_SOURCES];
+    detector->pendings = 0;
+    detector->search.words_left = WORDS_A_FRAME;
+    detector->decisions_left = RL_DECISIONS;
+    detector->looked_s = to_s;
+    if (to_s - detector->learnt_s > RL_PACKET_BITS * bit_s) {
+        rl_noise_learn(&detector->samples);
+        detector->learnt_s = to_s;
+    }
+    const double packet_bits = RL_PACKET_BITS * (1.0 - most_skew) - RL_OVERLAP_BITS;
+    if (held_s < (RL_PACKET_BITS - 0.5) * bit_s) {
+        return;
+    }
+    int count = ready(detector, packet_bits, to_s, true, RL_MOST_ZONES, sources);
+    search(detector, sources, count, 0, from_s, to_s);
+    const int64_t turn = (int64_t)floor(to_s / (LOOK_BITS * bit_s));
+    const bool is_turn = turn != detector->turn;
+    detector->turn = turn;
+    count = ready(detector, packet_bits, to_s, true, RL_MOST_ZONES, sources);
+    if (!is_turn) {
+        count = due(detector, sources, count, RL_PACKET_BITS, from_s, to_s);
+    }
+    search(detector, sources, count, 1, from_s, to_s);
+    /* More packets are looked at as soon as there are as many, and then in turn. */
+    for (int fold = 1; fold < FOLDS && FOLD[fold] <= detector->settings.max_packets; fold++) {
+        const double bits = RL_PACKET_BITS * FOLD[fold] * (1.0 + most_skew) + 1.0;
+        if (held_s < bits * bit_s || bits * bit_s > samples->kept * samples->period_s) {
+            break;
+        }
+        count = ready(detector, bits - RL_OVERLAP_BITS, to_s, false, 1, sources);
+        if (!is_turn || turn % (RL_PACKET_BITS / LOOK_BITS + 1) != fold) {
+            count = due(detector, sources, count, bits, from_s, to_s);
+        }
+        search(detector, sources, count, FOLD[fold], from_s, to_s);
+    }
+    while (detector->pendings > 0 && detector->decisions_left > 0) {
+        int best = 0;
+        for (int i = 1; i < detector->pendings; i++) {
+            if (rank(detector, i) > rank(detector, best)) {
+                best = i;
+            }
+        }
+        const struct rl_pending pending = detector->pending[best];
+        detector->pending[best] = detector->pending[--detector->pendings];
+        rl_judge(detector, &pending, to_s);
+    }
+    detector->counts.overloads += detector->pendings > 0 || detector->search.words_left == 0;
+}

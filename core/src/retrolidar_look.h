@@ -1,0 +1,21 @@
+/* Copyright 2026 retrolidar_ros contributors
+ * SPDX-License-Identifier: Apache-2.0
+ */
+/* What is searched when: after each frame, the sources in which a packet may have ended or come. */
+#ifndef RETROLIDAR_LOOK_H
+#define RETROLIDAR_LOOK_H
+
+#include "retrolidar_detector_state.h"
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+/* Search the newest samples, and judge what is found, the most promising first. */
+void rl_look(struct rl_detector *detector);
+
+#ifdef __cplusplus
+}
+#endif
+
+#endif

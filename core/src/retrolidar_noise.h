@@ -1,0 +1,32 @@
+/* Copyright 2026 retrolidar_ros contributors
+ * SPDX-License-Identifier: Apache-2.0
+ */
+/* How much samples vary: by the law of the sensor's noise, as learnt, and in fact. */
+#ifndef RETROLIDAR_NOISE_H
+#define RETROLIDAR_NOISE_H
+
+#include "retrolidar_samples.h"
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+/* Variance of the noise of a source at a signal [(kcps/SPAD)^2], as the law says. */
+double rl_noise_variance(const struct rl_samples *samples, int source, double signal);
+
+/* After a row was appended: let the sums be those of the newest rows, as many as `wanted`, computed
+ * anew after a move.
+ */
+void rl_noise_follow(struct rl_samples *samples, int wanted, bool anew);
+
+/* By how many times its noise a source varies over the newest `variance_rows`. */
+double rl_noise_variation(const struct rl_samples *samples, int source);
+
+/* Learn the scale of the noise from the newest rows of zones that are white. */
+void rl_noise_learn(struct rl_samples *samples);
+
+#ifdef __cplusplus
+}
+#endif
+
+#endif

@@ -1,0 +1,163 @@
+/* Copyright 2026 retrolidar_ros contributors
+ * SPDX-License-Identifier: Apache-2.0
+ */
+#include "retrolidar_rivals.h"
+
+#include <math.h>
+#include <stddef.h>
+
+enum {
+    RIVALS = 3, /* that are tried exactly */
+    ROUNDS = 4, /* bits that are turned to make a better sequence */
+};
+
+/* Nobody asks for more, so it need not be known exactly [nats]. */
+static const double ENOUGH = 30.0;
+
+struct rival {
+    float nats; /* about, less those of the packet in question */
+    struct rl_sending sending;
+};
+
+double rl_rivals_sequence(struct rl_window *window, const struct rl_sending *sending,
+                          double half_bits, const struct rl_hits *hits)
+{
+    double best = -INFINITY;
+    for (int i = 0; i < hits->sequences; i++) {
+        const struct rl_sequence *sequence = &hits->sequence[i];
+        struct rl_sending any = {sequence->bits, sequence->repeats, sequence->start_s,
+                                 sequence->bit_s, sending->brightening_s};
+        best = fmax(best, rl_window_refine(window, &any, half_bits));
+    }
+    return best;
+}
+
+double rl_rivals_turn(struct rl_window *window, const struct rl_sending *sending, double own,
+                      int begin, int silent_bits, double enough, struct rl_bits *bits)
+{
+    double better = 0.0;
+    float first[RL_PACKET_BITS]; /* of each bit of the packet */
+    uint32_t sequence = sending->bits;
+    bits->count = silent_bits + RL_PACKET_BITS;
+    bits->begin_s = sending->start_s + (begin - silent_bits) * sending->bit_s;
+    for (int bit = 0; bit < RL_PACKET_BITS; bit++) {
+        const uint32_t turned = rl_packet_bit((begin + bit) % RL_PACKET_BITS);
+        bits->dark[silent_bits + bit] = (sequence & turned) != 0;
+        bits->turned[silent_bits + bit] =
+            (float)(rl_window_try_bits(window, sending, sequence ^ turned) - own);
+        first[(begin + bit) % RL_PACKET_BITS] = bits->turned[silent_bits + bit];
+    }
+    for (int bit = 0; bit < silent_bits; bit++) {
+        /* What a dark bit there would do is not tried: about as much as in the packet. */
+        bits->dark[bit] = false;
+        bits->turned[bit] = first[1];
+    }
+    for (int round = 0; round < ROUNDS && better < enough; round++) {
+        int best = -1;
+        double most = better;
+        for (int bit = 0; bit < RL_PACKET_BITS; bit++) {
+            if (round == 0 || first[bit] > -ENOUGH) {
+                const uint32_t other = sequence ^ rl_packet_bit(bit);
+                const double gained = round == 0
+                                          ? (double)first[bit]
+                                          : rl_window_try_bits(window, sending, other) - own;
+                if (gained > most) {
+                    most = gained;
+                    best = bit;
+                }
+            }
+        }
+        if (best < 0) {
+            break;
+        }
+        sequence ^= rl_packet_bit(best);
+        better = most;
+    }
+    return better;
+}
+
+static void keep_rival(struct rival *rivals, struct rival kept)
+{
+    for (int i = 0; i < RIVALS; i++) {
+        if (kept.nats > rivals[i].nats) {
+            const struct rival worse = rivals[i];
+            rivals[i] = kept;
+            kept = worse;
+        }
+    }
+}
+
+/* Find the packet, not of the ID in question, that is likeliest if it begins at a bit of the
+ * window, by the sum over the bits that it turns.
+ */
+static void find_rival(const struct rl_codebook *codebook, const struct rl_bits *bits,
+                       const struct rl_sending *sending, uint16_t id, int begin, bool repeats,
+                       struct rival *rivals)
+{
+    float weight[RL_PACKET_BITS] = {0.0f}, all = 0.0f;
+    for (int bit = 0; bit < bits->count; bit++) {
+        /* All bright first; then what a dark bit adds. */
+        all += bits->dark[bit] ? bits->turned[bit] : 0.0f;
+        int of = bit - begin;
+        if (repeats) {
+            of = (of % RL_PACKET_BITS + RL_PACKET_BITS) % RL_PACKET_BITS;
+        }
+        if (of >= 0 && of < RL_PACKET_BITS) {
+            weight[of] += bits->dark[bit] ? -bits->turned[bit] : bits->turned[bit];
+        }
+    }
+    float most = all + weight[0] + weight[2] + weight[4] + weight[6];
+    for (int bit = RL_PACKET_BITS - RL_WORD_BITS; bit < RL_PACKET_BITS; bit++) {
+        most += fmaxf(weight[bit], 0.0f);
+    }
+    if (most < -(float)ENOUGH || most <= rivals[RIVALS - 1].nats) {
+        return;
+    }
+    const int word = rl_codebook_heaviest(codebook, weight, id);
+    if (word < 0) {
+        return;
+    }
+    float nats = all;
+    for (int bit = 0; bit < RL_PACKET_BITS; bit++) {
+        nats += codebook->packet[word] & rl_packet_bit(bit) ? weight[bit] : 0.0f;
+    }
+    const struct rl_sending other = {codebook->packet[word], repeats,
+                                     bits->begin_s + begin * sending->bit_s, sending->bit_s,
+                                     sending->brightening_s};
+    keep_rival(rivals, (struct rival){nats, other});
+}
+
+double rl_rivals_margin(struct rl_window *window, const struct rl_codebook *codebook,
+                        const struct rl_bits *bits, const struct rl_sending *sending, int packets,
+                        double own, double half_bits, uint16_t id, const struct rl_hits *hits)
+{
+    struct rival rivals[RIVALS];
+    for (int i = 0; i < RIVALS; i++) {
+        rivals[i].nats = -INFINITY;
+    }
+    for (int begin = 1 - RL_PACKET_BITS; begin < bits->count; begin++) {
+        if (packets == 1) {
+            find_rival(codebook, bits, sending, id, begin, false, rivals);
+        }
+        if (sending->repeats && begin >= 0) {
+            find_rival(codebook, bits, sending, id, begin, true, rivals);
+        }
+    }
+    double nearest = own - ENOUGH;
+    for (int i = 0; i < RIVALS + hits->count; i++) {
+        const struct rl_hit *hit = i < RIVALS ? NULL : &hits->hit[i - RIVALS];
+        if (hit == NULL ? !(rivals[i].nats > -ENOUGH) : hit->id == id) {
+            continue;
+        }
+        struct rl_sending other =
+            hit == NULL ? rivals[i].sending
+                        : (struct rl_sending){rl_packet(hit->id), hit->repeats, hit->start_s,
+                                              hit->bit_s, sending->brightening_s};
+        double likelihood = rl_window_try(window, &other);
+        if (likelihood > nearest - ENOUGH / 2) {
+            likelihood = rl_window_refine(window, &other, half_bits);
+        }
+        nearest = fmax(nearest, likelihood);
+    }
+    return own - nearest;
+}

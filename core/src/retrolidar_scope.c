@@ -1,0 +1,176 @@
+/* Copyright 2026 retrolidar_ros contributors
+ * SPDX-License-Identifier: Apache-2.0
+ */
+#include "retrolidar_scope.h"
+
+#include "retrolidar_packet.h"
+
+#include <math.h>
+
+enum {
+    MOST_ERASED_BITS = 7, /* so many leave words of a code of distance 8 apart */
+    MOST_HIDDEN_BITS = 3, /* half a bit at either end is left out, too */
+};
+
+/* Share of the samples of a window that must be valid. */
+static const double LEAST_VALID = 0.5;
+/* Another zone counts if it adds so much to the evidence, and the packet explains such a share of
+ * how it varies beyond noise, or it sees something else.
+ */
+static const double LEAST_ADDED = 4.0, LEAST_SHARE = 0.5;
+/* All bits of a stretch were hidden if it is better by so much that all are dark [nats]. */
+static const double LEAST_TURNED = 2.0;
+
+double rl_scope_half_bits(const struct rl_sending *sending, int packets, double to_s)
+{
+    return sending->repeats
+               ? (to_s - sending->start_s) / sending->bit_s - RL_PACKET_BITS * packets / 2.0
+               : RL_PACKET_BITS / 2.0;
+}
+
+/* Open the window of a lone packet and of the silence before it; return its evidence. */
+static double open_lone(struct rl_window *window, int source, struct rl_sending *sending,
+                        double silence_s)
+{
+    rl_window_open(window, source, sending->start_s - silence_s,
+                   sending->start_s + RL_PACKET_BITS * sending->bit_s);
+    return rl_window_refine(window, sending, RL_PACKET_BITS / 2.0) - window->null;
+}
+
+double rl_scope_open(struct rl_window *window, int source, struct rl_sending *sending, int packets,
+                     double free_s, double to_s, int *silent_bits)
+{
+    *silent_bits = 0;
+    if (sending->repeats) {
+        rl_window_open(window, source, to_s - RL_PACKET_BITS * packets * sending->bit_s, to_s);
+        return rl_window_refine(window, sending, rl_scope_half_bits(sending, packets, to_s)) -
+               window->null;
+    }
+    const double tight = open_lone(window, source, sending, 0.0);
+    const double silence_s = fmin(RL_SILENT_BITS * sending->bit_s, sending->start_s - free_s);
+    if (silence_s < sending->bit_s) {
+        return tight;
+    }
+    struct rl_sending lone = *sending;
+    const double wide = open_lone(window, source, &lone, silence_s);
+    if (wide > tight) {
+        *sending = lone;
+        *silent_bits = (int)floor(silence_s / lone.bit_s);
+        return wide;
+    }
+    return open_lone(window, source, sending, 0.0);
+}
+
+static int least_rows(const struct rl_window *window)
+{
+    return (int)(LEAST_VALID * window->rows);
+}
+
+bool rl_scope_is_erased(const struct rl_window *window, const struct rl_sending *sending)
+{
+    const struct rl_whitened *whitened = &window->whitened[0];
+    double known[RL_PACKET_BITS] = {0.0}, all[RL_PACKET_BITS] = {0.0};
+    const struct rl_samples *samples = window->samples;
+    int sample = 0, erased = 0;
+    if (whitened->samples < least_rows(window)) {
+        return true;
+    }
+    for (int row = 0; row < window->rows; row++) {
+        const bool valid = sample < whitened->samples && whitened->row[sample] == row;
+        sample += valid;
+        const double middle_s =
+            (samples->begin_s[window->first + row] + samples->end_s[window->first + row]) / 2;
+        const double since = floor((middle_s - sending->start_s) / sending->bit_s);
+        if (!sending->repeats && (since < 0.0 || since >= RL_PACKET_BITS)) {
+            continue;
+        }
+        const int bit = (int)(since - RL_PACKET_BITS * floor(since / RL_PACKET_BITS));
+        all[bit] += 1.0;
+        known[bit] += valid;
+    }
+    for (int bit = 0; bit < RL_PACKET_BITS; bit++) {
+        erased += known[bit] < 0.25 * all[bit] || all[bit] == 0.0;
+    }
+    return erased > MOST_ERASED_BITS;
+}
+
+bool rl_scope_hide_burst(struct rl_window *window, const struct rl_sending *sending, double own)
+{
+    double most = own + LEAST_TURNED;
+    int first = -1, last = -1;
+    for (int length = 1; length <= MOST_HIDDEN_BITS; length++) {
+        for (int begin = 0; begin + length <= RL_PACKET_BITS; begin++) {
+            uint32_t dark = sending->bits;
+            for (int bit = begin; bit < begin + length; bit++) {
+                dark |= rl_packet_bit(bit);
+            }
+            if (dark != sending->bits) {
+                const double likelihood = rl_window_try_bits(window, sending, dark);
+                if (likelihood > most) {
+                    most = likelihood;
+                    first = begin;
+                    last = begin + length - 1;
+                }
+            }
+        }
+    }
+    if (first < 0) {
+        return false;
+    }
+    /* Of a packet that repeats, the window holds the bits of the one that began before or in it. */
+    const double lasting_s = (last - first + 2) * sending->bit_s;
+    double from_s = sending->start_s + (first - 0.5) * sending->bit_s;
+    if (sending->repeats && from_s + lasting_s < window->samples->begin_s[window->first]) {
+        from_s += RL_PACKET_BITS * sending->bit_s;
+    }
+    rl_window_hide(window, from_s, from_s + lasting_s);
+    return true;
+}
+
+/* Whether most of how a source varies beyond noise is the template that was tried last. */
+static bool is_seen(const struct rl_window *window, int index)
+{
+    const struct rl_whitened *whitened = &window->whitened[index];
+    double sum = 0.0, square = 0.0;
+    for (int row = 0; row < window->rows; row++) {
+        sum += window->light[row];
+        square += window->light[row] * window->light[row];
+    }
+    const double gain = window->fit[index].gain;
+    const double explained = gain * gain * (square - sum * sum / window->rows) / window->rows;
+    const double noise = 2.0 * whitened->least;
+    return explained > LEAST_SHARE * (whitened->squares[0] / (whitened->samples - 1) - noise);
+}
+
+double rl_scope_add_zones(struct rl_window *window, const struct rl_sending *sending,
+                          double evidence)
+{
+    const struct rl_samples *samples = window->samples;
+    const struct rl_source *of = &samples->source[window->source[0]];
+    if (of->zones > 1) {
+        return evidence;
+    }
+    const int row = of->zone[0] / samples->columns_of_zones;
+    const int column = of->zone[0] % samples->columns_of_zones;
+    for (int down = -1; down <= 1; down++) {
+        for (int right = -1; right <= 1; right++) {
+            const int r = row + down, c = column + right;
+            const int before = window->sources;
+            if (r < 0 || c < 0 || r >= samples->rows_of_zones || c >= samples->columns_of_zones) {
+                continue;
+            }
+            rl_window_add(window, r * samples->columns_of_zones + c);
+            if (window->sources == before) {
+                continue;
+            }
+            const double together = rl_window_try(window, sending) - window->null;
+            if (window->whitened[before].samples < least_rows(window) ||
+                together - evidence < LEAST_ADDED || !is_seen(window, before)) {
+                rl_window_drop(window);
+            } else {
+                evidence = together;
+            }
+        }
+    }
+    return evidence;
+}

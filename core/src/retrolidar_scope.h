@@ -1,0 +1,48 @@
+/* Copyright 2026 retrolidar_ros contributors
+ * SPDX-License-Identifier: Apache-2.0
+ */
+/* The samples that a packet is judged by: from when to when, in which zones, and without those in
+ * which something hid it.
+ */
+#ifndef RETROLIDAR_SCOPE_H
+#define RETROLIDAR_SCOPE_H
+
+#include "retrolidar_window.h"
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+enum { RL_SILENT_BITS = 31 }; /* before a lone packet, which tell its bright level */
+
+/* Bits from the start of what is sent to the middle of the window that it was found in. */
+double rl_scope_half_bits(const struct rl_sending *sending, int packets, double to_s);
+
+/* Open the window that a packet was found in, and refine it; for a lone packet that with the
+ * silence before it, if it is the better one. Return its evidence.
+ *
+ * free_s: before that, samples belong to others [s]
+ * silent_bits: set to how many the window has before the packet
+ */
+double rl_scope_open(struct rl_window *window, int source, struct rl_sending *sending, int packets,
+                     double free_s, double to_s, int *silent_bits);
+
+/* Whether too many samples are erasures to tell the word. */
+bool rl_scope_is_erased(const struct rl_window *window, const struct rl_sending *sending);
+
+/* Leave out the stretch of a few bits which would be likeliest if all of it were dark: something
+ * has hidden the marker for a while. Return whether there is one.
+ *
+ * own: log likelihood of the packet as it is
+ */
+bool rl_scope_hide_burst(struct rl_window *window, const struct rl_sending *sending, double own);
+
+/* Add zones near by that see the same packet; return the evidence of all. */
+double rl_scope_add_zones(struct rl_window *window, const struct rl_sending *sending,
+                          double evidence);
+
+#ifdef __cplusplus
+}
+#endif
+
+#endif

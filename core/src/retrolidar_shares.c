@@ -1,0 +1,130 @@
+/* Copyright 2026 retrolidar_ros contributors
+ * SPDX-License-Identifier: Apache-2.0
+ */
+#include "retrolidar_shares.h"
+
+#include "retrolidar_noise.h"
+#include "retrolidar_target.h"
+#include "retrolidar_track.h"
+
+#include <math.h>
+#include <stddef.h>
+
+/* Share of how zones vary that a packet must explain which their sum shows. */
+static const double LEAST_IN_ZONES = 0.7;
+/* A zone has a part in a sum if the packet explains this share of what it does where most. */
+static const double LEAST_PART = 0.1;
+/* Bits before a stretch that a search of it may reach. */
+static const double MARGIN_BITS = 4.0;
+
+int64_t rl_shares_bytes(int rows)
+{
+    return rows * (int64_t)(sizeof(double) + RL_MOST_ZONES_TOGETHER * sizeof(float));
+}
+
+void rl_shares_start(struct rl_shares *shares, struct rl_samples *samples,
+                     struct rl_window *window, int rows, void *memory)
+{
+    shares->samples = samples;
+    shares->window = window;
+    shares->light = memory;
+    shares->taken = (float *)(shares->light + rows);
+}
+
+/* Rows of the samples that a verdict is of, and the light of its packet in each. One that repeats
+ * was sent some bits before, too, at which a search for others looks.
+ */
+static int light_of(struct rl_shares *shares, const struct rl_verdict *verdict, int *first)
+{
+    const struct rl_samples *samples = shares->samples;
+    const double before_s = verdict->sending.repeats ? MARGIN_BITS * verdict->sending.bit_s : 0.0;
+    *first = rl_samples_row(samples, rl_verdict_begin(verdict) - before_s);
+    int rows = rl_samples_row(samples, verdict->end_s) + 1;
+    rows = (rows < samples->count ? rows : samples->count) - *first;
+    rows = rows < samples->kept ? rows : samples->kept;
+    rl_template(&verdict->sending, samples->begin_s + *first, samples->end_s + *first, rows,
+                shares->light);
+    return rows;
+}
+
+/* How much of how a zone varies from sample to sample a packet explains if its gain may change. */
+static struct rl_track track(struct rl_shares *shares, int zone, int first, int rows,
+                             double gain[RL_KNOTS])
+{
+    const struct rl_samples *samples = shares->samples;
+    struct rl_window *window = shares->window;
+    double sum = 0.0;
+    rl_target_column(samples, zone, first, rows, window->signal, window->valid, window->scratch);
+    for (int row = 0; row < rows; row++) {
+        sum += (double)window->signal[row];
+    }
+    const double noise = samples->noise_scale * rl_noise_variance(samples, zone, sum / rows);
+    return rl_track_fit(window->signal, window->valid, shares->light, rows, noise, gain);
+}
+
+int rl_shares_zones(struct rl_shares *shares, const struct rl_verdict *verdict, int *zones,
+                    double *gains)
+{
+    const struct rl_source *sum = &shares->samples->source[verdict->source[0]];
+    if (sum->zones == 1) {
+        for (int i = 0; i < verdict->sources; i++) {
+            zones[i] = verdict->source[i];
+            gains[i] = verdict->fit[i].gain;
+        }
+        return verdict->sources;
+    }
+    int first, seen = 0;
+    double most = 0.0, explained[RL_MOST_ZONES];
+    const int rows = light_of(shares, verdict, &first);
+    for (int i = 0; i < sum->zones; i++) {
+        double gain[RL_KNOTS];
+        explained[i] = track(shares, sum->zone[i], first, rows, gain).explained;
+        most = fmax(most, explained[i]);
+    }
+    for (int i = 0; i < sum->zones; i++) {
+        if (explained[i] >= LEAST_PART * most) {
+            zones[seen] = sum->zone[i];
+            gains[seen++] = explained[i];
+        }
+    }
+    return seen;
+}
+
+bool rl_shares_agree(struct rl_shares *shares, const struct rl_verdict *verdict)
+{
+    const struct rl_source *sum = &shares->samples->source[verdict->source[0]];
+    int first;
+    const int rows = light_of(shares, verdict, &first);
+    double explained = 0.0, all = 0.0;
+    for (int i = 0; sum->zones > 1 && i < sum->zones; i++) {
+        double gain[RL_KNOTS];
+        const struct rl_track seen = track(shares, sum->zone[i], first, rows, gain);
+        explained += seen.explained;
+        all += seen.all;
+    }
+    return sum->zones == 1 || explained > LEAST_IN_ZONES * fmax(all, 0.0);
+}
+
+void rl_shares_take_off(struct rl_shares *shares, const struct rl_verdict *verdict, bool back)
+{
+    const struct rl_samples *samples = shares->samples;
+    int first;
+    const int rows = light_of(shares, verdict, &first);
+    for (int i = 0; i < verdict->sources; i++) {
+        double gain[RL_KNOTS];
+        if (!back) {
+            track(shares, verdict->source[i], first, rows, gain);
+        }
+        for (int row = 0; row < rows; row++) {
+            float *signal = samples->signal + (size_t)(first + row) * (size_t)samples->width +
+                            verdict->source[i];
+            float *taken = shares->taken + (size_t)row * RL_MOST_ZONES_TOGETHER + i;
+            if (back) {
+                *signal = *taken;
+            } else {
+                *taken = *signal;
+                *signal += (float)(rl_track_gain(gain, row, rows) * (1.0 - shares->light[row]));
+            }
+        }
+    }
+}

@@ -1,0 +1,43 @@
+/* Copyright 2026 retrolidar_ros contributors
+ * SPDX-License-Identifier: Apache-2.0
+ */
+/* What a packet that was judged is of the samples of each zone. */
+#ifndef RETROLIDAR_SHARES_H
+#define RETROLIDAR_SHARES_H
+
+#include "retrolidar_decide.h"
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+struct rl_shares {
+    struct rl_samples *samples;
+    struct rl_window *window; /* whose columns are used */
+    double *light; /* of a packet in each row */
+    float *taken;  /* signals before a packet was taken off them */
+};
+
+int64_t rl_shares_bytes(int rows);
+void rl_shares_start(struct rl_shares *shares, struct rl_samples *samples,
+                     struct rl_window *window, int rows, void *memory);
+
+/* Find the zones that saw a packet, and how strongly; of a sum those with a part in it. Return how
+ * many there are; both arrays are of RL_MOST_ZONES.
+ */
+int rl_shares_zones(struct rl_shares *shares, const struct rl_verdict *verdict, int *zones,
+                    double *gains);
+
+/* Whether a packet that a sum of zones shows is what these zones see: two that each see another
+ * packet make a third one.
+ */
+bool rl_shares_agree(struct rl_shares *shares, const struct rl_verdict *verdict);
+
+/* Take a packet off the samples of its sources, or put it back. */
+void rl_shares_take_off(struct rl_shares *shares, const struct rl_verdict *verdict, bool back);
+
+#ifdef __cplusplus
+}
+#endif
+
+#endif
