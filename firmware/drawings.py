@@ -21,8 +21,8 @@ from matplotlib.patches import FancyBboxPatch, Polygon, Rectangle
 FIRMWARE = Path(__file__).resolve().parent
 sys.path.insert(0, str(FIRMWARE.parent))  # without ROS, the package is not installed
 
-from retrolidar_ros.code import packet  # noqa: E402
-from retrolidar_ros.liquid_crystal import Response  # noqa: E402
+from retrolidar_ros.marker.code import packet  # noqa: E402
+from retrolidar_ros.marker.liquid_crystal import Response  # noqa: E402
 
 IMAGES = FIRMWARE.parent / 'docs' / 'images'
 DPI = 130
