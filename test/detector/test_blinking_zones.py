@@ -9,8 +9,8 @@ import pytest
 
 from retrolidar_ros.detector.blinking_zones import blinking_zones, unread
 from retrolidar_ros.detector.noise import NoiseLaw
-from retrolidar_ros.frame import Recording, ZoneGrid
 from retrolidar_ros.scene import Simulation, parse_scene
+from retrolidar_ros.sensor.frame import Recording, ZoneGrid
 
 
 def recorded(period: str, bit: str, zones: str = '4x4', seconds: float = 20.0) -> Recording:
