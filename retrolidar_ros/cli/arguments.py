@@ -11,6 +11,7 @@ from typing import TypeAlias
 
 from retrolidar_ros.bag import FRAMES_TOPIC
 from retrolidar_ros.detector import METHODS
+from retrolidar_ros.sensor.protocols import PROTOCOLS
 
 Subparsers: TypeAlias = 'argparse._SubParsersAction[argparse.ArgumentParser]'
 Run = Callable[[argparse.Namespace], int]
@@ -30,6 +31,18 @@ def seconds(text: str) -> float:
     if not value > 0:
         raise argparse.ArgumentTypeError(f'{text} is no positive number of seconds')
     return value
+
+
+def add_port(command: argparse.ArgumentParser) -> None:
+    """Add where a sensor is, and what it speaks."""
+    command.add_argument('port', metavar='PORT', help='device of the sensor')
+    command.add_argument('--baud', type=int, default=460800, help='bit/s (default: %(default)s)')
+    command.add_argument(
+        '--protocol',
+        choices=PROTOCOLS,
+        default='retrolidar',
+        help='what the sensor speaks (default: %(default)s)',
+    )
 
 
 def add_bag_command(
