@@ -8,12 +8,9 @@ import math
 
 import numpy as np
 
-from retrolidar_ros.scene.description import Marker
+from retrolidar_ros.scene.description import SIGNAL_AT_1_M, Marker
 from retrolidar_ros.sensor.frame import Floats, ZoneGrid
 
-# From paper §3.2 and §4: a bare 3 cm × 3 cm retroreflector returns 100.4 times what a board
-# does, which is 4 kcps/SPAD at 1.4 m; the crystal's polarisers let a quarter of it pass.
-SIGNAL_AT_1_M = 360.0  # [kcps/SPAD], 9 cm² facing the sensor
 REFERENCE_AREA_M2 = 9e-4
 DISTANCE_EXPONENT = -3.8  # measured beyond 1.5 m (paper Fig. 5a)
 # Signal declines rapidly beyond 50° of yaw and is gone at 60° (paper Fig. 11b).
@@ -21,7 +18,9 @@ _YAW_GOOD_RAD = math.radians(50)
 _YAW_DEAD_RAD = math.radians(60)
 
 
-def received_signal(range_m: Floats, area_m2: float, yaw_rad: float) -> Floats:
+def received_signal(
+    range_m: Floats, area_m2: float, yaw_rad: float, signal_at_1_m: float = SIGNAL_AT_1_M
+) -> Floats:
     """Return the signal of a bright marker wholly within one zone.
 
     Parameters
@@ -32,6 +31,8 @@ def received_signal(range_m: Floats, area_m2: float, yaw_rad: float) -> Floats:
         Area of the retroreflector [m²].
     yaw_rad : float
         Angle between the marker's normal and the line of sight [rad].
+    signal_at_1_m : float
+        Of a bright 3 cm marker that faces the sensor [kcps/SPAD].
 
     Returns
     -------
@@ -40,7 +41,7 @@ def received_signal(range_m: Floats, area_m2: float, yaw_rad: float) -> Floats:
     """
     decline = (_YAW_DEAD_RAD - abs(yaw_rad)) / (_YAW_DEAD_RAD - _YAW_GOOD_RAD)
     facing = math.cos(yaw_rad) * min(1.0, max(0.0, decline))
-    at_1_m = SIGNAL_AT_1_M * area_m2 / REFERENCE_AREA_M2 * facing
+    at_1_m = signal_at_1_m * area_m2 / REFERENCE_AREA_M2 * facing
     return at_1_m * range_m**DISTANCE_EXPONENT
 
 

@@ -35,7 +35,13 @@ FULL: dict[str, Any] = {
             'slope': '0.22 kcps/SPAD',
             'ambient': '0.1 kcps/SPAD',
         },
-        'ranging': {'shot': '490 mm', 'floor': '1.6 mm'},
+        'ranging': {'shot': '490 mm', 'floor': '1.6 mm', 'offset': '-12 mm'},
+        'saturation': '3000 kcps/SPAD',
+        'crosstalk': '6 kcps/SPAD',
+        'second_sensor': {'ambient': '20 kcps/SPAD', 'period': '33 ms', 'lasting': '20 ms'},
+        'path': [
+            {'time': '0 s', 'position': ['0 m', '1 cm', '0 m'], 'yaw': '5 deg', 'pitch': '-2 deg'},
+        ],
         'target_threshold': '2 kcps/SPAD',
         'lost': '1 %',
         'abnormal': '2 %',
@@ -52,12 +58,21 @@ FULL: dict[str, Any] = {
             'start': '300 ms',
             'packets': 4,
             'gap_bits': 9,
+            'signal_at_1_m': '250 kcps/SPAD',
+            'contrast': '90 %',
             'response': {'dark': '0.5 ms', 'bright': '3.5 ms'},
             'wander': {'across': '12 cm', 'along': '20 mm', 'period': '13 s'},
             'occlusion': {'every': '1.7 s', 'lasting': '60 ms'},
         }
     ],
     'surfaces': [{'distance': '2.5 m', 'signal': '4 kcps/SPAD', 'zones': [0, 63]}],
+    'moving_surfaces': [
+        {
+            'width': '10 cm',
+            'signal': '60 kcps/SPAD',
+            'path': [{'time': '1 s', 'position': ['0.2 m', '0 m', '50 cm']}],
+        }
+    ],
 }
 EXPECTED: dict[str, Any] = {
     'description': 'a room',
@@ -72,7 +87,18 @@ EXPECTED: dict[str, Any] = {
         'jitter_s': 0.0009,
         'blur': 0.07,
         'noise': {'floor': 4.6, 'slope': 0.22, 'ambient': 0.1},
-        'ranging': {'shot': 0.49, 'floor': 0.0016},
+        'ranging': {'shot': 0.49, 'floor': 0.0016, 'offset': -0.012},
+        'saturation': 3000.0,
+        'crosstalk': 6.0,
+        'second_sensor': {'ambient': 20.0, 'period_s': 0.033, 'lasting_s': 0.02},
+        'path': [
+            {
+                'time_s': 0.0,
+                'position_m': [0.0, 0.01, 0.0],
+                'yaw_rad': math.radians(5),
+                'pitch_rad': math.radians(-2),
+            }
+        ],
         'target_threshold': 2.0,
         'lost': 0.01,
         'abnormal': 0.02,
@@ -89,12 +115,23 @@ EXPECTED: dict[str, Any] = {
             'start_s': 0.3,
             'packets': 4,
             'gap_bits': 9,
+            'signal_at_1_m': 250.0,
+            'contrast': 0.9,
             'response': {'dark_s': 0.0005, 'bright_s': 0.0035},
             'wander': {'across_m': 0.12, 'along_m': 0.02, 'period_s': 13.0},
             'occlusion': {'every_s': 1.7, 'lasting_s': 0.06},
         }
     ],
     'surfaces': [{'distance_m': 2.5, 'signal': 4.0, 'zones': [0, 63]}],
+    'moving_surfaces': [
+        {
+            'width_m': 0.1,
+            'signal': 60.0,
+            'path': [
+                {'time_s': 1.0, 'position_m': [0.2, 0.0, 0.5], 'yaw_rad': 0.0, 'pitch_rad': 0.0}
+            ],
+        }
+    ],
 }
 
 Path = tuple[str | int, ...]
@@ -167,13 +204,19 @@ NEEDED = {
     ('occlusion', 'lasting'),
     (0, 'distance'),
     (0, 'signal'),
+    (0, 'width'),
+    (0, 'path'),
+    (0, 'time'),
+    ('second_sensor', 'ambient'),
+    ('second_sensor', 'period'),
+    ('second_sensor', 'lasting'),
 }
 COMPLETE = parse_scene(FULL)
 KEYS = [(*path, key) for path in sections(FULL) for key in at(FULL, path)]
 
 
 def test_every_key_is_read() -> None:
-    assert len(QUANTITIES) == 32
+    assert len(QUANTITIES) == 52
     read = dict(leaves(asdict(COMPLETE)))
     expected = dict(leaves(EXPECTED))
     assert read.keys() == expected.keys()
