@@ -51,7 +51,8 @@ def _command(name: str, run: Mapping[str, Any]) -> str:
     options = ['--quick'] if run['quick'] else []
     if run['seed'] != 1:
         options.append(f'--seed {run["seed"]}')
-    return ' '.join(['retrolidar evaluate', name, *options])
+    arguments = ' '.join([name, *options])
+    return 'make evaluate ARGS=' + (f"'{arguments}'" if options else arguments)
 
 
 def _anchor(title: str) -> str:

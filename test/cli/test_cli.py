@@ -138,7 +138,6 @@ def test_what_was_readable_before_the_damage_is_drawn(
             'no scene nowhere; .* coffee, drone, range',
         ),
         (['demo', 'nowhere'], 'no scene nowhere'),
-        (['evaluate', 'nothing'], "unknown experiment 'nothing'; there is chain"),
     ],
 )
 def test_unusable_input_is_one_line_and_exit_code_2(
@@ -166,19 +165,3 @@ def test_an_unknown_choice_names_the_choices(
     with pytest.raises(SystemExit, match='2'):
         main([*command, option, 'magic'])
     assert 'choose from' in capsys.readouterr().err
-
-
-def test_an_experiment_writes_chart_and_figures(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    assert main(['evaluate', 'reading', '--quick', '-o', str(tmp_path)]) == 0
-    figures = json.loads((tmp_path / 'reading.json').read_text())
-    assert (tmp_path / 'reading.png').read_bytes().startswith(PNG)
-    woken = {row['range_m']: row['woken'] for row in figures['by_range']}
-    # The paper's chain mislocks near by as well, and fades towards its reach.
-    assert 0.5 < woken[1.0]['paper']['right']['rate'] < 0.95
-    assert woken[1.0]['paper']['wrong']['rate'] > 0.03
-    assert woken[1.0]['joint']['right']['rate'] == 1.0
-    assert woken[1.0]['joint']['wrong']['rate'] == 0.0
-    assert figures['run']['seed'] == 1
-    assert 'repeating' in capsys.readouterr().out

@@ -221,9 +221,6 @@ def test_every_command_and_option_exists(page: Path) -> None:
         for word in words[1:]:
             if word.startswith('--') and word != '--help':
                 assert word in parsers[words[0]]._option_string_actions, ' '.join(words)
-        if words[0] == 'evaluate':
-            told = [word for word in words[1:] if word[0].islower()]
-            assert set(told) <= set(EXPERIMENTS), ' '.join(words)
 
 
 # Links

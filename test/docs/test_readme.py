@@ -11,7 +11,6 @@ from typing import Any
 import pytest
 import yaml
 
-from evaluation.experiments.registry import EXPERIMENTS
 from retrolidar_ros.settings.resources import shared_file
 
 ROOT = Path(__file__).parents[2]
@@ -129,11 +128,6 @@ def test_every_diagnostic_value() -> None:
                 plain = re.sub(r'\[.*\]', '', key).replace('when processed', '')
                 for word in re.findall(r'\w+', plain):
                     assert {word, word.removesuffix('s')} & words, f'{name}: {key}'
-
-
-def test_every_experiment() -> None:
-    (line,) = (line for line in README.splitlines() if line.startswith('| `retrolidar evaluate ['))
-    assert quoted(line)[1:] == list(EXPERIMENTS)
 
 
 def test_every_path_and_link_leads_somewhere() -> None:

@@ -6,15 +6,16 @@ import json
 import re
 import shutil
 import subprocess
+import sys
 from pathlib import Path
 
 import pytest
 
+from evaluation.command import main
 from evaluation.experiments.registry import EXPERIMENTS, run_experiment
 from evaluation.report.claims import NOTHING, Claim
 from evaluation.report.page import PAGE, load, table, write_page
 from evaluation.report.readme import BENCHMARKS, load_report, renewed
-from retrolidar_ros.cli.main import main
 
 ROOT = Path(__file__).parents[2]
 COMMITTED = ROOT / 'docs' / 'report'
@@ -88,7 +89,7 @@ def test_a_table_leaves_out_columns_that_say_nothing() -> None:
 
 
 def test_without_a_name_the_experiments_are_listed(capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(['evaluate']) == 0
+    assert main([]) == 0
     lines = capsys.readouterr().out.splitlines()
     assert [line.split()[0] for line in lines] == list(EXPERIMENTS)
 
@@ -97,7 +98,7 @@ def test_a_quick_look_does_not_overwrite_the_report(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    assert main(['evaluate', 'power', '--quick']) == 0
+    assert main(['power', '--quick']) == 0
     assert sorted(path.name for path in tmp_path.iterdir()) == ['report_quick']
     assert (tmp_path / 'report_quick' / 'power.png').exists()
     assert capsys.readouterr().out.endswith('report_quick\n')
@@ -106,7 +107,7 @@ def test_a_quick_look_does_not_overwrite_the_report(
 def test_several_experiments_at_once_are_the_same_as_one_by_one(tmp_path: Path) -> None:
     together, alone = tmp_path / 'together', tmp_path / 'alone'
     alone.mkdir()
-    assert main(['evaluate', 'power', 'ids', '--quick', '-o', str(together)]) == 0
+    assert main(['power', 'ids', '--quick', '-o', str(together)]) == 0
     for name in ('power', 'ids'):
         run_experiment(name, alone, quick=True, seed=1)
         one, other = (json.loads((at / f'{name}.json').read_text()) for at in (together, alone))
@@ -114,9 +115,31 @@ def test_several_experiments_at_once_are_the_same_as_one_by_one(tmp_path: Path) 
         assert one == other
 
 
-@pytest.mark.skipif(shutil.which('retrolidar') is None, reason='retrolidar is not installed')
-def test_the_installed_command_runs_several_at_once(tmp_path: Path) -> None:
-    command = ['retrolidar', 'evaluate', 'power', 'ids', '--quick', '-o', str(tmp_path)]
-    finished = subprocess.run(command, check=True, capture_output=True, text=True, timeout=60)
+def test_the_command_runs_several_at_once(tmp_path: Path) -> None:
+    command = [sys.executable, '-m', 'evaluation', 'power', 'ids', '--quick', '-o', str(tmp_path)]
+    finished = subprocess.run(
+        command, check=True, capture_output=True, text=True, timeout=60, cwd=ROOT
+    )
     assert sorted(path.name for path in tmp_path.glob('*.json')) == ['ids.json', 'power.json']
     assert finished.stdout.count('power\n') == 1
+
+
+def test_an_experiment_writes_chart_and_figures(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(['reading', '--quick', '-o', str(tmp_path)]) == 0
+    figures = json.loads((tmp_path / 'reading.json').read_text())
+    assert (tmp_path / 'reading.png').read_bytes().startswith(b'\x89PNG\r\n\x1a\n')
+    woken = {row['range_m']: row['woken'] for row in figures['by_range']}
+    # The paper's chain mislocks near by as well, and fades towards its reach.
+    assert 0.5 < woken[1.0]['paper']['right']['rate'] < 0.95
+    assert woken[1.0]['paper']['wrong']['rate'] > 0.03
+    assert woken[1.0]['joint']['right']['rate'] == 1.0
+    assert woken[1.0]['joint']['wrong']['rate'] == 0.0
+    assert figures['run']['seed'] == 1
+    assert 'repeating' in capsys.readouterr().out
+
+
+def test_an_unknown_experiment_is_named(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(['nothing']) == 2
+    assert "unknown experiment 'nothing'; there is chain" in capsys.readouterr().err
