@@ -66,9 +66,9 @@ def position_at(marker: Marker, time_s: Floats) -> Floats:
 _erf = np.vectorize(math.erf, otypes=[np.float64])
 
 
-def _ramp(distance: Floats, sigma: float) -> Floats:
+def _ramp(distance: Floats, sigma: Floats | float) -> Floats:
     """Integrate the cumulative normal distribution, or the unit step where sigma is 0."""
-    if sigma == 0:
+    if np.all(sigma == 0):
         return np.maximum(distance, 0.0)
     scaled = distance / sigma
     cumulative = (1 + _erf(scaled / math.sqrt(2))) / 2
@@ -77,10 +77,13 @@ def _ramp(distance: Floats, sigma: float) -> Floats:
     return ramp
 
 
-def _share_per_step(
-    centre: Floats, width: Floats, steps: int, pitch: float, sigma: float
+def line_shares(
+    centre: Floats, width: Floats, steps: int, pitch: float, sigma: Floats | float
 ) -> Floats:
-    """Share a blurred line of given centre and width, shape (n,), between steps: (n, steps)."""
+    """Share a line of given centre and width, shape (n,), between steps: shape (n, steps).
+
+    It is blurred by `sigma`, one or of shape (n, 1).
+    """
     edges = pitch * (np.arange(steps + 1) - steps / 2)
     beyond = edges - centre[:, None]
     half = width[:, None] / 2
@@ -110,6 +113,6 @@ def zone_shares(position_m: Floats, size_m: float, grid: ZoneGrid, blur: float) 
     depth = position_m[:, 2]
     width = size_m / depth
     sigma = blur * grid.pitch
-    across = _share_per_step(position_m[:, 0] / depth, width, grid.columns, grid.pitch, sigma)
-    down = _share_per_step(position_m[:, 1] / depth, width, grid.rows, grid.pitch, sigma)
+    across = line_shares(position_m[:, 0] / depth, width, grid.columns, grid.pitch, sigma)
+    down = line_shares(position_m[:, 1] / depth, width, grid.rows, grid.pitch, sigma)
     return (down[:, :, None] * across[:, None, :]).reshape(len(position_m), grid.zones)

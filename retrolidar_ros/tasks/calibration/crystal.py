@@ -27,6 +27,7 @@ from retrolidar_ros.tasks.calibration.estimate import Estimate
 
 _MOST_ZONES = 4
 _LEAST_SHARE = 0.15  # of the strongest zone's gain, that a zone is used
+_SEEN = 0.02  # of it, that a zone counts as one that sees the marker
 _SAME_PACKETS = 0.2  # bits by which packets of one train may be off
 _ROUNDS = 12
 _OUTLIER = 5.0  # standard deviations
@@ -61,6 +62,8 @@ class Sent(NamedTuple):
     """Signal of a dark crystal in each of them [kcps/SPAD]."""
     gain: dict[int, Estimate]
     """By how much a bright one exceeds it [kcps/SPAD]."""
+    total: float
+    """The same, of all zones that see it together [kcps/SPAD]."""
     flips: float
     """Share of dark samples at another distance than bright ones: something behind is seen."""
     packets: int
@@ -147,6 +150,7 @@ def fit_crystal(recording: Recording, readings: Sequence[Detection], law: NoiseL
     values, linear, deviation = _fit(seen, values, samples, law, bit_s)
     whole = np.full(len(time_s), np.nan)
     whole[rows] = seen(values, samples.time_s)
+    all_gains = _gains(whole[rows], signal[rows], valid[rows])
     count = len(zones)
     return Sent(
         id=identity,
@@ -164,6 +168,7 @@ def fit_crystal(recording: Recording, readings: Sequence[Detection], law: NoiseL
             zone: Estimate(float(linear[1, i]), float(deviation[4 + count + i]))
             for i, zone in enumerate(zones)
         },
+        total=float(all_gains[all_gains > _SEEN * all_gains.max()].sum()),
         flips=_flips(recording.distance[:, zones[0]], valid[:, zones[0]], whole),
         packets=packets,
     )

@@ -19,6 +19,10 @@ class Estimate(NamedTuple):
         """Return it in another unit."""
         return Estimate(self.value * factor, self.stddev * abs(factor))
 
+    def inverse(self, of: float) -> Estimate:
+        """Return a number divided by it."""
+        return Estimate(of / self.value, abs(of) * self.stddev / self.value**2)
+
     @property
     def interval(self) -> tuple[float, float]:
         """The truth is between these in 95 of 100 cases."""
