@@ -28,7 +28,8 @@ from retrolidar_ros.tasks.calibration.estimate import Estimate
 _MOST_ZONES = 4
 _LEAST_SHARE = 0.15  # of the strongest zone's gain, that a zone is used
 _SEEN = 0.02  # of it, that a zone counts as one that sees the marker
-_SAME_PACKETS = 0.2  # bits by which packets of one train may be off
+# Bits by which packets of one train may be off, from one to the next and from all.
+_SAME_TRAIN, _SAME_PACKETS = 0.45, 0.3
 _ROUNDS = 12
 _OUTLIER = 5.0  # standard deviations
 _LEAST_S = 5e-5  # a response that is faster is not told from none
@@ -91,17 +92,19 @@ def train_of(readings: Sequence[Detection], origin_ns: int) -> tuple[float, floa
             number, last = trains[-1][-1]
             packets = round((start - last) / (PACKET_BITS * bit_s))
             error_s = start - last - packets * PACKET_BITS * bit_s
-            # The clock is known better the longer it has run.
-            if abs(error_s) < _SAME_PACKETS * bit_s * max(packets, 1):
+            if abs(error_s) < _SAME_TRAIN * bit_s * max(packets, 1):
                 trains[-1].append((number + packets, start))
                 continue
         trains.append([(0, start)])
     longest = max(trains, key=len)
     number, begin = np.array(longest).T
-    if number[-1] > 0:
-        slope, offset = np.polyfit(number, begin, 1)
-        return float(slope) / PACKET_BITS, float(offset), int(number[-1]) + 1
-    return bit_s, float(begin[0]), 1
+    if number[-1] == 0:
+        return bit_s, float(begin[0]), 1
+    line = np.polyfit(number, begin, 1)
+    near = np.abs(begin - np.polyval(line, number)) < _SAME_PACKETS * bit_s
+    if np.ptp(number[near]) > 0:
+        line = np.polyfit(number[near], begin[near], 1)
+    return float(line[0]) / PACKET_BITS, float(line[1]), int(number[-1]) + 1
 
 
 def fit_crystal(recording: Recording, readings: Sequence[Detection], law: NoiseLaw) -> Sent:

@@ -26,8 +26,8 @@ def read_markers(
 ) -> dict[int, list[Detection]]:
     """Return the readings of each marker, by its ID.
 
-    A wrong period may let a wrong ID be read, again and again. So markers of another period than the
-    one with the most evidence are kept only if they are elsewhere and nearly as sure.
+    A wrong period may let a wrong ID be read, again and again. So markers of another period than
+    the one with the most evidence are kept only if they are elsewhere and nearly as sure.
 
     Parameters
     ----------

@@ -24,8 +24,10 @@ from retrolidar_ros.tasks.calibration.estimate import Estimate
 _WINDOW_BITS = 6  # in which a marker's light in each zone is measured
 _LEAST_BORDERS = 2
 _SEEN = 0.3  # of its most light, that a marker is within the view
+_LEAST_WINDOWS = 6
 _ROUNDS = 25
 _STEP = 1e-4
+_UNEVEN = 0.01  # of its speed, by which a sweep is off
 _BLURS = (0.005, 0.6)
 _MODEL_ERROR = 0.01  # of the light
 
@@ -90,6 +92,7 @@ def sweep_of(
     if speed_m_s is not None:
         tangent_s = speed_m_s / depth_m
         pitch = _mean([rate.inverse(tangent_s) for _, rate in found])
+        pitch = Estimate(pitch.value, math.hypot(pitch.stddev, _UNEVEN * pitch.value))
     return Sweep(_mean([blur for blur, _ in found]), pitch, len(found))
 
 
@@ -109,7 +112,7 @@ def _in_windows(recording: Recording, sent: Sent, window_s: float) -> tuple[Floa
     signal = recording.signal.astype(np.float64)
     known = np.flatnonzero(np.isfinite(sent.light))
     times, lights, noises = [], [], []
-    for begin_s in np.arange(time_s[known[0]], time_s[known[-1]] - window_s, window_s / 2):
+    for begin_s in np.arange(time_s[known[0]], time_s[known[-1]] - window_s, window_s):
         rows = known[(time_s[known] >= begin_s) & (time_s[known] < begin_s + window_s)]
         seen = sent.light[rows][:, None]
         use = valid[rows]
@@ -160,6 +163,8 @@ def _passes(time_s: Floats, light: Floats, noise: Floats) -> list[_Pass]:
         middle_s = (when[0] + when[-1]) / 2
         margin_s = 0.4 * (when[-1] - when[0]) / (len(run) - 1)
         inside = (time_s > when[0] - margin_s) & (time_s < when[-1] + margin_s)
+        if np.count_nonzero(inside) < _LEAST_WINDOWS:
+            continue
         path = np.polyfit(when - middle_s, border, min(len(run) - 1, 2))
         path = np.concatenate([np.zeros(3 - len(path)), path])
         doubt = np.hypot(noise[inside], _MODEL_ERROR * total[inside, None])
@@ -189,7 +194,7 @@ def _fit(one: _Pass, spot: float, window_s: float) -> tuple[Estimate, Estimate]:
         width = np.full_like(place, spot)
         share = line_shares(place - steps / 2, width, steps, 1.0, blur[:, None])
         strength = (share * one.light / one.noise**2).sum(axis=1)
-        strength /= (share**2 / one.noise**2).sum(axis=1)
+        strength /= np.maximum((share**2 / one.noise**2).sum(axis=1), 1e-12)
         left: Floats = (one.light - strength[:, None] * share) / one.noise
         return left.ravel()
 
