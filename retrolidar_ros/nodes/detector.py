@@ -5,7 +5,6 @@
 from __future__ import annotations
 
 import time
-from pathlib import Path
 from typing import Any
 
 from rclpy.logging import LoggingSeverity
@@ -13,12 +12,10 @@ from rclpy.node import Node
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 from visualization_msgs.msg import MarkerArray
 
-from retrolidar_ros.detector import METHODS, Detection, Detector, create_detector
+from retrolidar_ros.detector import Detection
 from retrolidar_ros.detector.likelihood_detector import LikelihoodDetector
-from retrolidar_ros.detector.methods import MAX_PACKETS
-from retrolidar_ros.detector.noise import NoiseLaw
-from retrolidar_ros.marker.code import BIT_PERIOD_LIMITS_S, IDS
-from retrolidar_ros.marker.known_markers import KnownMarker, frame_of, load_markers
+from retrolidar_ros.detector.settings import PARAMETERS, detector_of, known_markers, registered
+from retrolidar_ros.marker.known_markers import frame_of
 from retrolidar_ros.msg import Frame as FrameMsg
 from retrolidar_ros.msg import MarkerDetection
 from retrolidar_ros.nodes.conversion import from_frame_msg, to_detection_msg, to_transform
@@ -32,19 +29,6 @@ from retrolidar_ros.sensor.frame_rate import RATE_FRAMES, rate_mismatch
 
 _SILENCE_S = 2.0
 _NAME = '{name}'
-# What a change of these costs: the frames that the detector has seen so far.
-_OF_DETECTOR = (
-    'method',
-    'bit_period',
-    'false_ids_per_hour',
-    'max_packets',
-    'registered_ids',
-    'only_registered',
-    'noise_floor',
-    'noise_slope',
-    'noise_ambient',
-    'likelihood_threshold',
-)
 
 
 class DetectorNode(Node):
@@ -59,10 +43,10 @@ class DetectorNode(Node):
         self._values = parameters.values
         if self._values['child_frame'].count(_NAME) != 1:
             raise ValueError(f'child_frame: {self._values["child_frame"]!r} needs {_NAME} once')
-        self._known = _known_markers(self._values['marker_file'])
+        self._known = known_markers(self._values)
         # The zones are known with the first frame, but what cannot be is to be said at the start.
         self._grid = ZoneGrid()
-        self._detector = self._new_detector(self._values, self._grid)
+        self._detector = detector_of(self._values, self._grid, self._known)
         self._send_transforms = transform_sender(self) if self._values['publish_tf'] else None
         parameters.follow(self._change)
         self._frames = 0
@@ -84,33 +68,11 @@ class DetectorNode(Node):
             QoSProfile(depth=10, reliability=ReliabilityPolicy.BEST_EFFORT),
         )
 
-    def _new_detector(self, values: dict[str, Any], grid: ZoneGrid) -> Detector:
-        registered = self._registered(values)
-        return create_detector(
-            values['method'],
-            grid,
-            bit_period_s=values['bit_period'],
-            likelihood_threshold=values['likelihood_threshold'],
-            false_ids_per_hour=values['false_ids_per_hour'],
-            max_packets=values['max_packets'],
-            registered_ids=registered or None,
-            noise=NoiseLaw(values['noise_floor'], values['noise_slope'], values['noise_ambient']),
-            marker_sizes_m={marker.id: marker.size_m for marker in self._known.values()},
-        )
-
-    def _registered(self, values: dict[str, Any]) -> list[int]:
-        """Return the only IDs that may come; empty = all."""
-        registered = set(values['registered_ids'])
-        if values['only_registered']:
-            if not self._known:
-                raise ValueError('only_registered: there is no marker_file with markers')
-            registered |= set(self._known)
-        return sorted(registered)
-
     def _change(self, values: dict[str, Any]) -> None:
         """Take new values; ValueError if they cannot be."""
-        if any(values[name] != self._values[name] for name in _OF_DETECTOR):
-            self._detector = self._new_detector(values, self._grid)
+        # This costs the frames that the detector has seen so far.
+        if any(values[name] != self._values[name] for name in PARAMETERS):
+            self._detector = detector_of(values, self._grid, self._known)
             self._first_stamps_ns.clear()
             self.get_logger().info('the detector begins anew with other parameters')
         if values['publish_tf'] and self._send_transforms is None:
@@ -141,7 +103,7 @@ class DetectorNode(Node):
             )
         if frame.grid != self._grid or frame_id != self._frame_id:
             self._grid, self._frame_id = frame.grid, frame_id
-            self._detector = self._new_detector(self._values, frame.grid)
+            self._detector = detector_of(self._values, frame.grid, self._known)
         detections = self._detector.update(frame)
         if self.get_logger().is_enabled_for(LoggingSeverity.DEBUG):
             self._log_refused()
@@ -208,7 +170,7 @@ class DetectorNode(Node):
         for reason, number in sorted(counts.rejected.items()):
             values[f'rejected: {reason}'] = str(number)
         now_s = time.monotonic()
-        for identity in sorted({*self._known, *self._registered(self._values)}):
+        for identity in sorted({*self._known, *registered(self._values, self._known)}):
             read_s = self._read_s.get(identity)
             age = 'never' if read_s is None else f'{now_s - read_s:.1f}'
             values[f'since last reading of {frame_of(identity, self._known)} [s]'] = age
@@ -220,70 +182,17 @@ class DetectorNode(Node):
         return Health(OK, f'{counts.accepted} of {counts.candidates} candidates accepted', values)
 
 
-def _known_markers(path: str) -> dict[int, KnownMarker]:
-    if not path:
-        return {}
-    try:
-        return load_markers(Path(path))
-    except OSError as error:
-        raise ValueError(f'marker_file: {error}') from error
-
-
 def _declare(parameters: Parameters) -> None:
-    parameters.text('method', 'How markers are read.', METHODS, live=True)
-    parameters.number(
-        'bit_period',
-        'How long a marker holds a bit: two frames [s].',
-        *BIT_PERIOD_LIMITS_S,
-        live=True,
-    )
-    parameters.number(
-        'false_ids_per_hour',
-        'How many false IDs may come in an hour, over all zones (joint).',
-        1e-6,
-        1e6,
-        live=True,
-    )
-    parameters.integer(
-        'max_packets',
-        'How many packets of a repeating marker may be combined (joint).',
-        1,
-        MAX_PACKETS,
-        live=True,
-    )
-    parameters.text('marker_file', 'YAML file of the known markers; empty = none.')
-    parameters.flag(
-        'only_registered',
-        'Let only markers of the marker file come, and registered_ids.',
-        live=True,
-    )
-    parameters.integers(
-        'registered_ids', 'The only IDs that may come; [] = all.', 0, IDS - 1, live=True
-    )
-    parameters.number(
-        'noise_floor',
-        'Variance of a signal of nothing [(kcps/SPAD)^2] (joint).',
-        1e-6,
-        1e6,
-        live=True,
-    )
-    parameters.number(
-        'noise_slope',
-        'By how much the variance grows with the signal [kcps/SPAD] (joint).',
-        0.0,
-        1e6,
-        live=True,
-    )
-    parameters.number(
-        'noise_ambient',
-        'By how much the variance grows with the ambient light [kcps/SPAD] (joint).',
-        0.0,
-        1e6,
-        live=True,
-    )
-    parameters.number(
-        'likelihood_threshold', 'Least likelihood of a preamble (paper).', 1e-6, 1e6, live=True
-    )
+    for name, one in PARAMETERS.items():
+        if one.kind is str:
+            parameters.text(name, one.description, one.among, live=one.live)
+        elif one.kind is bool:
+            parameters.flag(name, one.description, live=one.live)
+        elif one.kind is float:
+            parameters.number(name, one.description, *one.limits, live=one.live)
+        else:
+            declare = parameters.integer if one.kind is int else parameters.integers
+            declare(name, one.description, *map(int, one.limits), live=one.live)
     parameters.flag('publish_tf', 'Send a transform for every detection.', live=True)
     parameters.text('child_frame', 'TF frame of a marker; {name} stands for its name.')
     parameters.number(
