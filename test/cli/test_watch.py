@@ -23,6 +23,7 @@ import yaml
 from numpy.typing import NDArray
 from st_board import Board, Zone
 
+from retrolidar_ros.cli.arguments import detector_values
 from retrolidar_ros.cli.main import main, parser
 from retrolidar_ros.cli.watch import watch
 from retrolidar_ros.cli.watch_state import Watch
@@ -43,6 +44,7 @@ from retrolidar_ros.detector.budget import Demands
 from retrolidar_ros.detector.likelihood_detector import Candidate
 from retrolidar_ros.detector.noise import NoiseLaw
 from retrolidar_ros.detector.reason import Reason
+from retrolidar_ros.detector.settings import defaults
 from retrolidar_ros.marker.code import BIT_PERIOD_S, PACKET_BITS, packet
 from retrolidar_ros.scene import Scene, Simulation
 from retrolidar_ros.scene.description import Marker, Noise, Sensor, Surface
@@ -97,7 +99,7 @@ def seen(scene: Scene, frames: int) -> Samples:
 def watch_of(frames: list[Frame], zone: int | None = None) -> Watch:
     """Return what is known after frames that come when they were exposed."""
     source = SerialSource('port', 460800, PROTOCOLS['retrolidar'](time.monotonic_ns))
-    state = Watch(source, zone, BIT_PERIOD_S)
+    state = Watch(source, zone, defaults())
     begin_ns = time.monotonic_ns() - frames[-1].sensor_time_us * 1000
     for one in frames:
         state.take([one], begin_ns + one.sensor_time_us * 1000)
@@ -195,7 +197,7 @@ def test_silence_is_told_and_what_may_be_the_reason() -> None:
     reader = PROTOCOLS['retrolidar'](time.monotonic_ns)
     source = SerialSource('port', 460800, reader)
     source.problem = ''  # as while it is open
-    state = Watch(source, None, BIT_PERIOD_S)
+    state = Watch(source, None, defaults())
     state.take([frame(ZoneGrid())], time.monotonic_ns())
     assert state.snapshot().trouble == ''
     state.take([frame(ZoneGrid(), 1)], time.monotonic_ns() - 3_000_000_000)
@@ -217,12 +219,12 @@ def test_silence_is_told_and_what_may_be_the_reason() -> None:
 def test_a_bit_period_that_does_not_suit_the_frames_is_told() -> None:
     source = SerialSource('port', 460800, PROTOCOLS['retrolidar'](time.monotonic_ns))
     source.problem = ''
-    state = Watch(source, None, 0.1)
+    state = Watch(source, None, {**defaults(), 'bit_period': 0.03})
     begin_ns = time.monotonic_ns() - 40 * 21_000_000
     for number in range(40):
         state.take([frame(ZoneGrid(), number)], begin_ns + number * 21_000_000)
     assert state.snapshot().trouble == (
-        'a frame comes every 21.0 ms, but half of bit_period is 50.0 ms: '
+        'a frame comes every 21.0 ms, but bit_period is 30.0 ms: 1.4 frames, and not two to eight: '
         'set --bit-period to how long the markers hold a bit [s]'
     )
 
@@ -230,7 +232,7 @@ def test_a_bit_period_that_does_not_suit_the_frames_is_told() -> None:
 def test_what_the_reader_tells_is_shown_for_a_while(monkeypatch: pytest.MonkeyPatch) -> None:
     source = SerialSource('port', 460800, PROTOCOLS['retrolidar'](time.monotonic_ns))
     source.problem = ''
-    state = Watch(source, None, BIT_PERIOD_S)
+    state = Watch(source, None, defaults())
     begin_ns = time.monotonic_ns()
     state.take([frame(ZoneGrid())], begin_ns, 'slow text')
     assert state.snapshot().trouble == 'slow text'
@@ -253,7 +255,7 @@ def test_a_still_scene_before_st_s_example_does_not_blink() -> None:
                 baud=460800,
                 protocol='st_example',
                 zone=None,
-                bit_period_s=0.1,
+                values={**defaults(), 'bit_period': 0.1},
                 duration_s=3.0,
             )
         finally:
@@ -296,8 +298,10 @@ def test_missing_frames(before: int | None, after: int, missing: int) -> None:
 def test_frames_that_do_not_come_twice_a_bit_are_told() -> None:
     stamps_ns = [21_000_000 * number for number in range(33) if number != 7]
     assert rate_mismatch(stamps_ns, 0.042) == ''
-    expected = 'a frame comes every 21.0 ms, but half of bit_period is 33.3 ms'
-    assert rate_mismatch(stamps_ns, 0.0666) == expected
+    expected = 'a frame comes every 21.0 ms, but bit_period is 33.3 ms'
+    assert rate_mismatch(stamps_ns, 0.0333).startswith(expected)
+    assert rate_mismatch(stamps_ns, 0.168) == ''
+    assert '14.3 frames' in rate_mismatch(stamps_ns, 0.3)
 
 
 # What is shown
@@ -431,7 +435,7 @@ def test_the_defaults_are_those_of_the_nodes() -> None:
     options = parser().parse_args(['watch', 'port'])
     assert options.baud == values['serial_baud']
     assert options.protocol == values['protocol']
-    assert options.bit_period == values['bit_period']
+    assert detector_values(options)['bit_period'] == values['bit_period']
 
 
 @pytest.mark.parametrize(
@@ -440,10 +444,10 @@ def test_the_defaults_are_those_of_the_nodes() -> None:
         (['--zone', '64'], '64 is no zone'),
         (['--zone=-1'], '-1 is no zone'),
         (['--zone', 'x'], 'x is no zone: they are 0 to 15, or 0 to 63'),
-        (['--bit-period', '42ms'], '42ms is no number of seconds'),
+        (['--bit-period', '42ms'], '42ms is no NUMBER'),
         (['--duration', '1min'], '1min is no number of seconds'),
-        (['--bit-period', '0.001'], '0.001 s is not within 0.002 to 10 s'),
-        (['--bit-period', '11'], '11 s is not within'),
+        (['--bit-period', '0.001'], '0.001 is not within 0.002 to 10'),
+        (['--bit-period', '11'], '11.0 is not within'),
         (['--protocol', 'magic'], 'choose from'),
     ],
 )
