@@ -173,7 +173,8 @@ def unread(zones: list[BlinkingZone], frame_period_s: float, bit_period_s: float
         How often frames come, and what the detector has been told of the bits [s].
     """
     found = []
-    if bit_period_s < _LEAST_FRAMES_A_BIT * frame_period_s:
+    told = any(clock_mismatch(zone.periods, bit_period_s) for zone in zones)
+    if bit_period_s < _LEAST_FRAMES_A_BIT * frame_period_s and not told:
         found.append(
             f'a frame comes every {1e3 * frame_period_s:.1f} ms, but bits of '
             f'{1e3 * bit_period_s:.1f} ms need two of them: let the sensor measure faster, or the '
