@@ -11,10 +11,18 @@
 /* A source varies by so much less without a packet that is sent. */
 static const double LESS = 0.9;
 
-void rl_going_on_begin(struct rl_going_on *going_on, const struct rl_verdict *read, double gain)
+void rl_going_on_add(struct rl_going_on going_on[RL_GOING_ON], const struct rl_verdict *read,
+                     double gain)
 {
-    *going_on = (struct rl_going_on){read->id, read->sending, gain};
-    going_on->sending.repeats = true;
+    int at = 0;
+    while (at < RL_GOING_ON - 1 && going_on[at].id != read->id) {
+        at++;
+    }
+    for (; at > 0; at--) {
+        going_on[at] = going_on[at - 1];
+    }
+    going_on[0] = (struct rl_going_on){read->id, read->sending, gain, read->end_s};
+    going_on[0].sending.repeats = true;
 }
 
 struct rl_hit rl_going_on_hit(const struct rl_going_on *going_on)

@@ -11,14 +11,19 @@
 extern "C" {
 #endif
 
-/* What was read last in a source. */
+enum { RL_GOING_ON = 2 }; /* so many are remembered of a source */
+
+/* What was read in a source. */
 struct rl_going_on {
     uint16_t id; /* 0: nothing was read */
     struct rl_sending sending;
     double gain;
+    double end_s;
 };
 
-void rl_going_on_begin(struct rl_going_on *going_on, const struct rl_verdict *read, double gain);
+/* Remember what was read as the newest of a source. */
+void rl_going_on_add(struct rl_going_on going_on[RL_GOING_ON], const struct rl_verdict *read,
+                     double gain);
 
 struct rl_hit rl_going_on_hit(const struct rl_going_on *going_on);
 

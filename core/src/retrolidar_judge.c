@@ -82,7 +82,7 @@ static void add_reading(struct rl_detector *detector, const struct rl_verdict *v
             for (int j = 0; j < samples->source[other].zones; j++) {
                 if (samples->source[other].zone[j] == reading->zone[i]) {
                     detector->free_s[other] = fmax(detector->free_s[other], reading->end_s);
-                    rl_going_on_begin(&detector->going_on[other], verdict, gains[i]);
+                    rl_going_on_add(detector->going_on[other], verdict, gains[i]);
                 }
             }
         }
@@ -102,8 +102,10 @@ static struct rl_verdict decide(struct rl_detector *detector, int source, int pa
             rivals.hit[rivals.count++] = *past;
         }
     }
-    if (packets == 1 && detector->going_on[source].id != 0) {
-        rivals.hit[rivals.count++] = rl_going_on_hit(&detector->going_on[source]);
+    for (int i = 0; packets == 1 && i < RL_GOING_ON; i++) {
+        if (detector->going_on[source][i].id != 0) {
+            rivals.hit[rivals.count++] = rl_going_on_hit(&detector->going_on[source][i]);
+        }
     }
     if (hit->repeats && packets < detector->settings.max_packets) {
         demands.margin = detector->settings.margin_of_more;
@@ -173,14 +175,14 @@ static bool look_behind(struct rl_detector *detector, const struct rl_hits *foun
         }
         const struct rl_verdict again =
             decide_without(detector, behind, &found->hit[0], found, to_s);
-        if ((again.reason != RL_REASONS && again.id != detector->going_on[source].id) ||
+        if ((again.reason != RL_REASONS && !before->steady) ||
             again.evidence < before->evidence) {
             continue;
         }
         *behind = decide_without(detector, &again, hit, hits, to_s);
         const double least = detector->demands.evidence + COST_OF_PAIR;
         if (behind->reason == RL_REASONS &&
-            (before->reason == RL_REASONS || again.id == detector->going_on[source].id ||
+            (before->reason == RL_REASONS ||
              (again.evidence > least && behind->evidence > least))) {
             *before = again;
             return true;
@@ -189,31 +191,39 @@ static bool look_behind(struct rl_detector *detector, const struct rl_hits *foun
     return false;
 }
 
-/* Whether what was read last in a zone is sent on; how it is taken off, and how much is left. */
-static bool goes_on(struct rl_detector *detector, int source, double to_s,
+/* What was read in a zone and is sent on, other than an ID: how it is taken off, if at all, and how
+ * the zone varies without it, over what is noise.
+ */
+static bool goes_on(struct rl_detector *detector, int source, uint16_t but, double to_s,
                     struct rl_verdict *known, double *rest)
 {
-    const struct rl_going_on *going_on = &detector->going_on[source];
-    return going_on->id != 0 && detector->samples.source[source].zones == 1 &&
-           detector->free_s[source] > to_s - GOING_ON_BITS * detector->settings.bit_s &&
-           rl_going_on_is_sent(going_on, &detector->shares, source, to_s, known, rest);
+    for (int i = 0; i < RL_GOING_ON; i++) {
+        const struct rl_going_on *going_on = &detector->going_on[source][i];
+        if (going_on->id != 0 && going_on->id != but &&
+            detector->samples.source[source].zones == 1 &&
+            going_on->end_s > to_s - GOING_ON_BITS * detector->settings.bit_s &&
+            rl_going_on_is_sent(going_on, &detector->shares, source, to_s, known, rest)) {
+            return true;
+        }
+    }
+    return false;
 }
 
 void rl_judge_behind(struct rl_detector *detector, int source, double from_s, double to_s)
 {
-    const struct rl_going_on going_on = detector->going_on[source];
-    const struct rl_hits known = {.count = 1, .hit = {rl_going_on_hit(&going_on)}};
     struct rl_verdict before, behind;
     double rest;
-    if (!goes_on(detector, source, to_s, &before, &rest) || rest < MUCH) {
+    if (!goes_on(detector, source, 0, to_s, &before, &rest) || rest < MUCH) {
         return;
     }
+    const struct rl_hits known = {
+        .count = 1,
+        .hit = {{0.0f, before.id, true, before.sending.start_s, before.sending.bit_s}}};
     detector->decisions_left--;
     for (int packets = 0; packets <= 1; packets++) {
         if (look_behind(detector, &known, packets, from_s, to_s, &before, &behind)) {
             detector->counts.candidates++;
             add_reading(detector, &behind);
-            detector->going_on[source] = going_on;
             return;
         }
     }
@@ -232,10 +242,9 @@ void rl_judge(struct rl_detector *detector, const struct rl_pending *pending, do
     detector->decisions_left--;
     struct rl_verdict behind, verdict = decide(detector, pending->source, pending->packets, hit,
                                                &pending->hits, -INFINITY, to_s);
-    const uint16_t known_id = detector->going_on[pending->source].id;
     struct rl_verdict known;
     double rest;
-    const bool others = goes_on(detector, pending->source, to_s, &known, &rest);
+    const bool others = goes_on(detector, pending->source, hit->id, to_s, &known, &rest);
     const bool may_hide = pending->packets == 1 &&
                           detector->samples.source[pending->source].zones == 1 &&
                           verdict.reason != RL_INCOMPLETE && verdict.reason != RL_ERASED &&
@@ -243,11 +252,11 @@ void rl_judge(struct rl_detector *detector, const struct rl_pending *pending, do
     /* Where a marker goes on, others are to be there without it, too. */
     struct rl_verdict first = verdict;
     if (may_hide && look_behind(detector, &pending->hits, 1, to_s, to_s, &first, &behind) &&
-        (!others || first.id == known_id || behind.id == known_id)) {
+        (!others || behind.id == known.id)) {
         verdict = first;
         detector->counts.candidates++;
         add_reading(detector, &behind);
-    } else if (others && verdict.id != known_id && verdict.reason == RL_REASONS) {
+    } else if (others && verdict.reason == RL_REASONS) {
         verdict = decide_without(detector, &known, hit, &pending->hits, to_s);
     }
     if (verdict.reason == RL_REASONS) {
