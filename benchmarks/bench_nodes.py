@@ -16,12 +16,12 @@ from tempfile import TemporaryDirectory
 
 import numpy as np
 
-from retrolidar_ros.demo import NAMESPACE, start_emulator, start_nodes
-from retrolidar_ros.evaluation.machine import write_figures
+from evaluation.bench.machine import write_figures
+from retrolidar_ros.cli.demo import NAMESPACE, start_emulator, start_nodes
+from retrolidar_ros.cli.processes import ProcessGroup
 from retrolidar_ros.nodes.conversion import to_ns
 from retrolidar_ros.nodes.listener import Listener
-from retrolidar_ros.processes import ProcessGroup
-from retrolidar_ros.yaml_files import find_scene
+from retrolidar_ros.scene.files import find_scene
 
 SETTLING_S = 5.0
 HALF_EXPOSURE_S = 0.0105

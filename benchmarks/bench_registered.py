@@ -21,13 +21,13 @@ os.environ.setdefault('OPENBLAS_NUM_THREADS', '1')
 
 import numpy as np
 
+from evaluation.bench.link import Trial, link_scene, lone_trial
+from evaluation.bench.rates import frequency
+from evaluation.bench.restless import restless_blocks
 from retrolidar_ros.detector import Detector, create_detector
-from retrolidar_ros.dictionary import choose_ids
-from retrolidar_ros.evaluation.link import Trial, link_scene, lone_trial
-from retrolidar_ros.evaluation.reference import SENSOR
-from retrolidar_ros.evaluation.restless import restless_blocks
-from retrolidar_ros.evaluation.statistics import frequency
+from retrolidar_ros.marker.dictionary import choose_ids
 from retrolidar_ros.scene import Scene
+from retrolidar_ros.scene.reference import SENSOR
 
 SCENES = {64: 6, 3: 16}
 LINKS_DB = {64: (5.0, 6.0, 7.0, 8.0, 9.0), 3: (4.0, 5.0, 6.0, 7.0, 8.0)}

@@ -38,11 +38,11 @@ from dds_traffic import Traffic, measure_traffic, print_traffic
 from many_sensors import PERIOD_S, SCENE, CountListener, Counts, NodePairs, Replay
 from numpy.typing import NDArray
 
+from evaluation.bench.machine import write_figures
+from retrolidar_ros.cli.processes import ProcessGroup
 from retrolidar_ros.detector import create_detector
-from retrolidar_ros.evaluation.machine import write_figures
 from retrolidar_ros.nodes.conversion import to_ns
-from retrolidar_ros.processes import ProcessGroup
-from retrolidar_ros.wire import FrameReader
+from retrolidar_ros.sensor.wire import FrameReader
 
 REPORT_TIMEOUT_S = 30.0
 PAIRS = (1, *range(2, 20, 2), *range(20, 65, 4))

@@ -12,9 +12,9 @@ import sys
 import time
 from dataclasses import replace
 
-from retrolidar_ros.frame import ZoneGrid
 from retrolidar_ros.scene import Scene, Simulation
-from retrolidar_ros.yaml_files import load_scene
+from retrolidar_ros.scene.files import load_scene
+from retrolidar_ros.sensor.frame import ZoneGrid
 
 SIMULATED_S = 100.0
 REPEATS = 5

@@ -15,10 +15,10 @@ from typing import NamedTuple
 from bench_nodes import SETTLING_S
 from diagnostic_msgs.msg import DiagnosticArray
 from many_sensors import NodePairs
-from retrolidar_ros.msg import MarkerDetection
 
+from retrolidar_ros.cli.processes import ProcessGroup
+from retrolidar_ros.msg import MarkerDetection
 from retrolidar_ros.nodes.listener import Listener
-from retrolidar_ros.processes import ProcessGroup
 
 IDLE_PAIRS = (2, 4)
 ANNOUNCEMENT_S = 3.0  # every participant announces itself so often

@@ -20,9 +20,9 @@ from time import process_time_ns
 import numpy as np
 
 from retrolidar_ros.bag import read_frames
-from retrolidar_ros.decoding import detect, to_json
 from retrolidar_ros.detector import create_detector
-from retrolidar_ros.frame import Recording, ZoneGrid
+from retrolidar_ros.detector.decoding import detect, to_json
+from retrolidar_ros.sensor.frame import Recording, ZoneGrid
 
 METHOD = 'joint'
 ARRAYS = ('stamp_ns', 'sequence', 'sensor_time_us', 'distance', 'signal', 'ambient', 'status')

@@ -24,15 +24,15 @@ from typing import TypeAlias
 from diagnostic_msgs.msg import DiagnosticArray
 from rclpy.node import Node
 
-from retrolidar_ros.demo import executable
-from retrolidar_ros.emulator import PortLink
+from retrolidar_ros.cli.demo import executable
+from retrolidar_ros.cli.processes import ProcessGroup
 from retrolidar_ros.nodes.conversion import to_ns
 from retrolidar_ros.nodes.listener import Listener
-from retrolidar_ros.processes import ProcessGroup
-from retrolidar_ros.resources import shared_file
 from retrolidar_ros.scene import Scene, Simulation
-from retrolidar_ros.wire import DELIMITER, cobs_decode, encode_frame, encode_packet
-from retrolidar_ros.yaml_files import load_scene
+from retrolidar_ros.scene.emulator import PortLink
+from retrolidar_ros.scene.files import load_scene
+from retrolidar_ros.sensor.wire import DELIMITER, cobs_decode, encode_frame, encode_packet
+from retrolidar_ros.settings.resources import shared_file
 
 SCENE = load_scene('coffee')
 PERIOD_S = SCENE.sensor.period_s

@@ -12,7 +12,7 @@ from launch.substitutions import LaunchConfiguration, PathJoinSubstitution
 from launch_ros.actions import Node
 from launch_ros.substitutions import FindPackageShare
 
-from retrolidar_ros.yaml_files import load_scene
+from retrolidar_ros.scene.files import load_scene
 
 # Launch arguments that go before what the parameter file says, if they are given.
 _OVERRIDES = {
@@ -44,7 +44,7 @@ def _nodes(context):
             tempfile.gettempdir(), name
         )
         overrides['protocol'] = 'retrolidar'
-        emulator = [sys.executable, '-m', 'retrolidar_ros.cli', 'emulate', value('emulate')]
+        emulator = [sys.executable, '-m', 'retrolidar_ros.cli.main', 'emulate', value('emulate')]
         actions.append(
             ExecuteProcess(
                 cmd=[*emulator, '--port-link', overrides['serial_port']],

@@ -12,12 +12,12 @@ from pathlib import Path
 
 import numpy as np
 
-from retrolidar_ros.emulator import PortLink, frames_in_real_time
-from retrolidar_ros.frame import Frame
 from retrolidar_ros.nodes.conversion import to_ns
 from retrolidar_ros.nodes.listener import Listener
 from retrolidar_ros.scene.description import Scene
-from retrolidar_ros.wire import encode_frame
+from retrolidar_ros.scene.emulator import PortLink, frames_in_real_time
+from retrolidar_ros.sensor.frame import Frame
+from retrolidar_ros.sensor.wire import encode_frame
 
 STAMP_ERROR_S = 0.050
 RECONNECT_S = 2.0

@@ -18,7 +18,7 @@ from oracle import Sending, Zone
 
 from retrolidar_ros.core import lib
 from retrolidar_ros.detector.noise import NoiseLaw
-from retrolidar_ros.frame import Floats, Recording
+from retrolidar_ros.sensor.frame import Floats, Recording
 
 ROOT = Path(__file__).resolve().parent.parent
 SOURCES = ROOT / 'core' / 'src'

@@ -16,9 +16,9 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from retrolidar_ros.code import IDS, PACKET_BITS
-from retrolidar_ros.frame import Frame, Status
-from retrolidar_ros.wire import FrameReader
+from retrolidar_ros.marker.code import IDS, PACKET_BITS
+from retrolidar_ros.sensor.frame import Frame, Status
+from retrolidar_ros.sensor.wire import FrameReader
 
 ROOT = Path(__file__).resolve().parent.parent
 FIRMWARE = ROOT / 'firmware'

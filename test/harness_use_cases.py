@@ -16,17 +16,18 @@ from harness import PATIENCE_S
 from rcl_interfaces.msg import Parameter, ParameterType, ParameterValue
 from rcl_interfaces.srv import SetParameters
 from rclpy.qos import DurabilityPolicy, QoSProfile
-from retrolidar_ros.msg import Frame as FrameMsg
 from std_msgs.msg import Bool, String
 from tf2_msgs.msg import TFMessage
 
-from retrolidar_ros.frame import Floats
+from retrolidar_ros.msg import Frame as FrameMsg
 from retrolidar_ros.nodes.conversion import to_ns
 from retrolidar_ros.nodes.listener import Listener
-from retrolidar_ros.resources import shared_file
-from retrolidar_ros.rotation import matrix_of
 from retrolidar_ros.scene.description import Marker, Scene
-from retrolidar_ros.yaml_files import find_scene, load_yaml
+from retrolidar_ros.scene.files import find_scene
+from retrolidar_ros.sensor.frame import Floats
+from retrolidar_ros.sensor.rotation import matrix_of
+from retrolidar_ros.settings.resources import shared_file
+from retrolidar_ros.settings.yaml_files import load_yaml
 
 SENSOR_FRAME = 'retrolidar_optical_frame'
 OBJECTS = ('beans', 'machine', 'mug')

@@ -10,7 +10,7 @@ from pathlib import Path
 from retrolidar_ros.bag.directory import read_messages
 from retrolidar_ros.bag.errors import BagError, DamageError
 from retrolidar_ros.bag.serialized import FRAME_TYPE, decode_frame
-from retrolidar_ros.frame import Frame
+from retrolidar_ros.sensor.frame import Frame
 
 FRAMES_TOPIC = '/retrolidar/frames'
 

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from retrolidar_ros.bag.errors import DamageError
-from retrolidar_ros.frame import ZONE_SHAPES, Frame, ZoneGrid
+from retrolidar_ros.sensor.frame import ZONE_SHAPES, Frame, ZoneGrid
 
 FRAME_TYPE = 'retrolidar_ros/msg/Frame'
 

@@ -19,8 +19,8 @@ from numpy.typing import NDArray
 from retrolidar_ros.bag.errors import INSTALL, BagError
 from retrolidar_ros.bag.reader import FRAMES_TOPIC
 from retrolidar_ros.bag.serialized import FRAME_TYPE
-from retrolidar_ros.frame import Frame, check_frame_arrays
-from retrolidar_ros.resources import shared_file
+from retrolidar_ros.sensor.frame import Frame, check_frame_arrays
+from retrolidar_ros.settings.resources import shared_file
 
 if TYPE_CHECKING:
     from rosbags.typesys.store import Typestore

@@ -15,7 +15,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from retrolidar_ros.frame import Floats, ZoneGrid
+from retrolidar_ros.sensor.frame import Floats, ZoneGrid
 
 # How far the optics may blur a spot, as standard deviations in widths of a zone: it differs from
 # lens to lens, with the sharpener's setting, and a marker on the move smears its own spot.

@@ -7,7 +7,7 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-from retrolidar_ros.code import BIT_PERIOD_S, IDS, RESERVED_IDS
+from retrolidar_ros.marker.code import BIT_PERIOD_S, IDS, RESERVED_IDS
 
 USUAL_FALSE_IDS_PER_HOUR = 0.1
 _USUAL_WORDS = IDS - len(RESERVED_IDS)

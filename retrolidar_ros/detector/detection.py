@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 from typing import Protocol
 
 from retrolidar_ros.detector.place import Place
-from retrolidar_ros.frame import Frame, Recording, ZoneGrid
+from retrolidar_ros.sensor.frame import Frame, Recording, ZoneGrid
 
 
 @dataclass(frozen=True, eq=False)

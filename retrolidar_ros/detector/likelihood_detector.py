@@ -15,15 +15,15 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from retrolidar_ros.code import IDS, RESERVED_IDS, check_ids
 from retrolidar_ros.core import ffi, lib
 from retrolidar_ros.detector.budget import demands
 from retrolidar_ros.detector.detection import Detection, DetectorCounts, check_grid
 from retrolidar_ros.detector.noise import NoiseLaw
 from retrolidar_ros.detector.placement import Window, detection_of
 from retrolidar_ros.detector.reason import REASONS, Reason
-from retrolidar_ros.frame import Frame, Recording, ZoneGrid
-from retrolidar_ros.markers import MARKER_SIZE_M
+from retrolidar_ros.marker.code import IDS, RESERVED_IDS, check_ids
+from retrolidar_ros.marker.known_markers import MARKER_SIZE_M
+from retrolidar_ros.sensor.frame import Frame, Recording, ZoneGrid
 
 # Rows of samples that are held: eight packets at two frames a bit, or one at more than thirty.
 _LEAST_HELD = 1100

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from retrolidar_ros.frame import Floats
+from retrolidar_ros.sensor.frame import Floats
 
 
 @dataclass(frozen=True)

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from retrolidar_ros.detector.bearing import Bearing
-from retrolidar_ros.frame import Floats
+from retrolidar_ros.sensor.frame import Floats
 
 # Yaw and pitch of a marker cannot be seen, but beyond 60° it cannot be read (paper Fig. 11b);
 # its roll can be anything. Variances of the uniform distributions [rad²].

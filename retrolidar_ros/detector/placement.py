@@ -10,14 +10,14 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from retrolidar_ros.code import PACKET_BITS, PREAMBLE, packet
 from retrolidar_ros.core import ffi, lib
 from retrolidar_ros.detector.bearing import shared_bearing
 from retrolidar_ros.detector.detection import Detection
 from retrolidar_ros.detector.paper import fit_preamble
 from retrolidar_ros.detector.place import place
 from retrolidar_ros.detector.ranging import BRIGHT, modulated_range
-from retrolidar_ros.frame import SEPARABLE_M, Floats, ZoneGrid
+from retrolidar_ros.marker.code import PACKET_BITS, PREAMBLE, packet
+from retrolidar_ros.sensor.frame import SEPARABLE_M, Floats, ZoneGrid
 
 NO_FRAME = np.iinfo(np.int64).min
 SIGNAL_RESOLUTION = 1 / 2048 / math.sqrt(12)

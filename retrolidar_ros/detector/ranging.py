@@ -16,7 +16,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from retrolidar_ros.frame import SEPARABLE_M, Floats, ZoneGrid
+from retrolidar_ros.sensor.frame import SEPARABLE_M, Floats, ZoneGrid
 
 # Samples with more of the light than the first have seen the marker; with less than the second,
 # what stands behind it.

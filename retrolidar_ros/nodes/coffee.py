@@ -16,15 +16,15 @@ from rclpy.qos import DurabilityPolicy, QoSProfile
 from rclpy.time import Time
 from std_msgs.msg import Bool, Header, String
 
-from retrolidar_ros.frame import Floats
 from retrolidar_ros.msg import MarkerDetection
 from retrolidar_ros.nodes.conversion import to_ns
 from retrolidar_ros.nodes.diagnostics import OK, WARN, Health, publish_health
 from retrolidar_ros.nodes.parameters import Parameters
 from retrolidar_ros.nodes.run import run
 from retrolidar_ros.nodes.transforms import TransformFinder
-from retrolidar_ros.objects import ObjectBoard
-from retrolidar_ros.rotation import matrix_of, product
+from retrolidar_ros.sensor.frame import Floats
+from retrolidar_ros.sensor.rotation import matrix_of, product
+from retrolidar_ros.tasks.objects import ObjectBoard
 
 _TICK_S = 0.1
 # How long a detection waits for the transform of its time.

@@ -13,9 +13,9 @@ from sensor_msgs.msg import Image, PointCloud2, PointField
 from std_msgs.msg import Header
 
 from retrolidar_ros.detector import Detection
-from retrolidar_ros.frame import NORMAL_STATUS, Frame, ZoneGrid, check_frame_arrays
 from retrolidar_ros.msg import Frame as FrameMsg
 from retrolidar_ros.msg import MarkerDetection
+from retrolidar_ros.sensor.frame import NORMAL_STATUS, Frame, ZoneGrid, check_frame_arrays
 
 _POINT_FIELDS = ('x', 'y', 'z', 'signal', 'ambient')
 

@@ -13,14 +13,12 @@ from rclpy.node import Node
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 from visualization_msgs.msg import MarkerArray
 
-from retrolidar_ros.code import BIT_PERIOD_LIMITS_S, IDS
 from retrolidar_ros.detector import METHODS, Detection, Detector, create_detector
 from retrolidar_ros.detector.likelihood_detector import LikelihoodDetector
 from retrolidar_ros.detector.methods import MAX_PACKETS
 from retrolidar_ros.detector.noise import NoiseLaw
-from retrolidar_ros.frame import ZoneGrid
-from retrolidar_ros.frame_rate import RATE_FRAMES, rate_mismatch
-from retrolidar_ros.markers import KnownMarker, frame_of
+from retrolidar_ros.marker.code import BIT_PERIOD_LIMITS_S, IDS
+from retrolidar_ros.marker.known_markers import KnownMarker, frame_of, load_markers
 from retrolidar_ros.msg import Frame as FrameMsg
 from retrolidar_ros.msg import MarkerDetection
 from retrolidar_ros.nodes.conversion import from_frame_msg, to_detection_msg, to_transform
@@ -29,7 +27,8 @@ from retrolidar_ros.nodes.parameters import Parameters
 from retrolidar_ros.nodes.run import run
 from retrolidar_ros.nodes.transforms import transform_sender
 from retrolidar_ros.nodes.visualization import marker_shapes
-from retrolidar_ros.yaml_files import load_markers
+from retrolidar_ros.sensor.frame import ZoneGrid
+from retrolidar_ros.sensor.frame_rate import RATE_FRAMES, rate_mismatch
 
 _SILENCE_S = 2.0
 _NAME = '{name}'

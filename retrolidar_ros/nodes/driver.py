@@ -15,16 +15,16 @@ from rclpy.node import Node
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 from sensor_msgs.msg import Image, PointCloud2
 
-from retrolidar_ros.clock import ClockMap
-from retrolidar_ros.frame import NORMAL_STATUS, Frame
-from retrolidar_ros.frame_rate import missing_frames
 from retrolidar_ros.msg import Frame as FrameMsg
 from retrolidar_ros.nodes.conversion import to_frame_msg, to_point_cloud, to_signal_image
 from retrolidar_ros.nodes.diagnostics import ERROR, OK, WARN, Health, publish_health
 from retrolidar_ros.nodes.parameters import Parameters
 from retrolidar_ros.nodes.run import run
-from retrolidar_ros.protocols import PROTOCOLS
-from retrolidar_ros.serial_source import SerialSource
+from retrolidar_ros.sensor.clock import ClockMap
+from retrolidar_ros.sensor.frame import NORMAL_STATUS, Frame
+from retrolidar_ros.sensor.frame_rate import missing_frames
+from retrolidar_ros.sensor.protocols import PROTOCOLS
+from retrolidar_ros.sensor.serial_source import SerialSource
 
 # Share of abnormal zones from which on something is wrong with the sensor or before it: looking
 # into a room, a quarter of them is usual.

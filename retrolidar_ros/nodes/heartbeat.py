@@ -9,11 +9,11 @@ from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from std_msgs.msg import Bool
 
-from retrolidar_ros.heartbeat import Heartbeat
 from retrolidar_ros.msg import MarkerDetection
 from retrolidar_ros.nodes.diagnostics import OK, WARN, Health, publish_health
 from retrolidar_ros.nodes.parameters import Parameters
 from retrolidar_ros.nodes.run import run
+from retrolidar_ros.tasks.heartbeat import Heartbeat
 
 _TICK_S = 0.1
 

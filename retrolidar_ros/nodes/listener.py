@@ -14,11 +14,11 @@ from rclpy.node import Node
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 from tf2_msgs.msg import TFMessage
 
-from retrolidar_ros.frame import Recording
 from retrolidar_ros.msg import Frame as FrameMsg
 from retrolidar_ros.msg import MarkerDetection
 from retrolidar_ros.nodes.conversion import from_frame_msg, to_ns
-from retrolidar_ros.truth import Heard
+from retrolidar_ros.scene.truth import Heard
+from retrolidar_ros.sensor.frame import Recording
 
 
 class Listener:

@@ -17,8 +17,8 @@ from rcl_interfaces.msg import (
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 
-from retrolidar_ros.resources import shared_file
-from retrolidar_ros.yaml_files import load_parameter_defaults
+from retrolidar_ros.settings.resources import shared_file
+from retrolidar_ros.settings.yaml_files import load_parameter_defaults
 
 
 class Parameters:

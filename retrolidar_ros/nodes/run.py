@@ -12,7 +12,7 @@ from rclpy.exceptions import InvalidParameterTypeException, InvalidParameterValu
 from rclpy.executors import ExternalShutdownException
 from rclpy.node import Node
 
-from retrolidar_ros.interrupts import ignore_requests
+from retrolidar_ros.settings.interrupts import ignore_requests
 
 
 def run(create: Callable[[], Node]) -> int:

@@ -12,7 +12,7 @@ from geometry_msgs.msg import TransformStamped
 from rclpy.node import Node
 from rclpy.time import Time
 
-from retrolidar_ros.frame import Floats
+from retrolidar_ros.sensor.frame import Floats
 
 
 def transform_sender(node: Node) -> Callable[[list[TransformStamped]], None]:

@@ -9,7 +9,7 @@ from builtin_interfaces.msg import Duration
 from visualization_msgs.msg import Marker
 
 from retrolidar_ros.msg import MarkerDetection
-from retrolidar_ros.rotation import quaternion_of
+from retrolidar_ros.sensor.rotation import quaternion_of
 
 _DEVIATIONS = 2.0  # half axes of the drawn ellipsoid, in standard deviations
 _LEAST_DIAMETER_M = 0.01

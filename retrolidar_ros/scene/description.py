@@ -8,11 +8,11 @@ import math
 from dataclasses import dataclass
 from typing import Any
 
-from retrolidar_ros.code import BIT_PERIOD_S, IDS
-from retrolidar_ros.frame import ZONE_SHAPES, ZoneGrid
-from retrolidar_ros.liquid_crystal import Response
-from retrolidar_ros.markers import MARKER_SIZE_M
-from retrolidar_ros.section import ConfigError, Section, integer, items, quantity, text
+from retrolidar_ros.marker.code import BIT_PERIOD_S, IDS
+from retrolidar_ros.marker.known_markers import MARKER_SIZE_M
+from retrolidar_ros.marker.liquid_crystal import Response
+from retrolidar_ros.sensor.frame import ZONE_SHAPES, ZoneGrid
+from retrolidar_ros.settings.section import ConfigError, Section, integer, items, quantity, text
 
 __all__ = [
     'Marker',

@@ -6,8 +6,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from retrolidar_ros.frame import Floats
 from retrolidar_ros.scene.description import Noise, Ranging
+from retrolidar_ros.sensor.frame import Floats
 
 
 def noisy(

@@ -8,8 +8,8 @@ import math
 
 import numpy as np
 
-from retrolidar_ros.frame import Floats, ZoneGrid
 from retrolidar_ros.scene.description import Marker
+from retrolidar_ros.sensor.frame import Floats, ZoneGrid
 
 # From paper §3.2 and §4: a bare 3 cm × 3 cm retroreflector returns 100.4 times what a board
 # does, which is 4 kcps/SPAD at 1.4 m; the crystal's polarisers let a quarter of it pass.

@@ -9,11 +9,11 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import NDArray
 
-from retrolidar_ros.frame import SEPARABLE_M, Floats, Recording, Status
 from retrolidar_ros.scene.description import Marker, Scene, Surface
 from retrolidar_ros.scene.noise import deviating, noisy
 from retrolidar_ros.scene.optics import position_at, received_signal, zone_shares
 from retrolidar_ros.scene.transmission import Transmission, visible_share
+from retrolidar_ros.sensor.frame import SEPARABLE_M, Floats, Recording, Status
 
 # A pulse counts as merged when its strongest target is less than this share of it.
 _PURE_SHARE = 0.95

@@ -8,10 +8,10 @@ import math
 
 import numpy as np
 
-from retrolidar_ros.code import packet
-from retrolidar_ros.frame import Floats
-from retrolidar_ros.liquid_crystal import Response
+from retrolidar_ros.marker.code import packet
+from retrolidar_ros.marker.liquid_crystal import Response
 from retrolidar_ros.scene.description import Marker, Occlusion
+from retrolidar_ros.sensor.frame import Floats
 
 _AT_ONCE = Response(dark_s=0.0, bright_s=0.0)
 

@@ -23,7 +23,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
 from harness_use_cases import BASE_VIEW, SENSOR_VIEW, check_coffee, publish_base
 
 from retrolidar_ros.nodes.listener import Listener
-from retrolidar_ros.yaml_files import load_scene
+from retrolidar_ros.scene.files import load_scene
 
 
 def _namespace(target_frame):

@@ -30,7 +30,7 @@ from harness_use_cases import (
 )
 
 from retrolidar_ros.nodes.listener import Listener
-from retrolidar_ros.yaml_files import load_scene
+from retrolidar_ros.scene.files import load_scene
 
 NAMESPACE = '/launched_drone'
 DIRECTORY = Path(tempfile.mkdtemp())

@@ -23,7 +23,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
 from harness import check_detections, wait_for_nodes, wait_for_readings, wait_for_traffic
 
 from retrolidar_ros.nodes.listener import Listener
-from retrolidar_ros.yaml_files import load_scene
+from retrolidar_ros.scene.files import load_scene
 
 FRAME_ID = 'gripper_lidar'
 

@@ -31,7 +31,7 @@ from harness import (
 )
 
 from retrolidar_ros.nodes.listener import Listener
-from retrolidar_ros.yaml_files import load_scene
+from retrolidar_ros.scene.files import load_scene
 
 PORT = Path(tempfile.mkdtemp()) / 'port'
 FRAME_ID = 'retrolidar_optical_frame'

@@ -22,8 +22,8 @@ sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
 from harness_use_cases import SIDES, check_two_sensors
 
 from retrolidar_ros.nodes.listener import Listener
-from retrolidar_ros.resources import shared_file
-from retrolidar_ros.yaml_files import load_scene
+from retrolidar_ros.scene.files import load_scene
+from retrolidar_ros.settings.resources import shared_file
 
 NAMESPACE = 'launched_two'
 

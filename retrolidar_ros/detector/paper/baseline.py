@@ -6,7 +6,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from retrolidar_ros.frame import Floats
+from retrolidar_ros.sensor.frame import Floats
 
 # Autocorrelation at one sample above which a zone transmits. A marker holds every bit for two
 # samples, so that of a packet with any usable ID is at least 0.145; that of white noise is 0, and

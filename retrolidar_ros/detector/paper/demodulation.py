@@ -9,9 +9,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from retrolidar_ros.code import PACKET_BITS, packet
 from retrolidar_ros.detector.paper.preamble import SAMPLES_PER_BIT
-from retrolidar_ros.frame import Floats
+from retrolidar_ros.marker.code import PACKET_BITS, packet
+from retrolidar_ros.sensor.frame import Floats
 
 PACKET_SAMPLES = SAMPLES_PER_BIT * PACKET_BITS
 # The sensor's own resolution is the least noise that a fit can claim [kcps/SPAD].

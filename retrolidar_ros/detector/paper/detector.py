@@ -47,7 +47,6 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from retrolidar_ros.code import PREAMBLE, RESERVED_IDS, decode
 from retrolidar_ros.detector.bearing import zone_bearing
 from retrolidar_ros.detector.detection import Detection, DetectorCounts, check_grid
 from retrolidar_ros.detector.paper.baseline import silent_level
@@ -60,7 +59,8 @@ from retrolidar_ros.detector.paper.preamble import (
 )
 from retrolidar_ros.detector.paper.samples import SampleRing
 from retrolidar_ros.detector.place import place
-from retrolidar_ros.frame import Floats, Frame, Recording, ZoneGrid
+from retrolidar_ros.marker.code import PREAMBLE, RESERVED_IDS, decode
+from retrolidar_ros.sensor.frame import Floats, Frame, Recording, ZoneGrid
 
 # The paper does not give its threshold. With this one the bare wall of the reference scene shows
 # false starts about as often as paper Fig. 8c has them; a higher one reads less far.

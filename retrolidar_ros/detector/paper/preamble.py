@@ -8,8 +8,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from retrolidar_ros.code import PREAMBLE
-from retrolidar_ros.frame import Floats
+from retrolidar_ros.marker.code import PREAMBLE
+from retrolidar_ros.sensor.frame import Floats
 
 SAMPLES_PER_BIT = 2  # the marker sends at half the frame rate (paper §3.4)
 PREAMBLE_SAMPLES = SAMPLES_PER_BIT * len(PREAMBLE)

@@ -9,7 +9,7 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import NDArray
 
-from retrolidar_ros.frame import Frame, valid_samples
+from retrolidar_ros.sensor.frame import Frame, valid_samples
 
 
 class SampleRing:

@@ -1,0 +1,3 @@
+# Copyright 2026 retrolidar_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""The experiments: each runs, compares with the paper, and draws."""

@@ -1,0 +1,46 @@
+# Copyright 2026 retrolidar_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""Be a sensor that sees a scene."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+from retrolidar_ros.bag import STORAGES
+from retrolidar_ros.cli.arguments import Subparsers, seconds
+from retrolidar_ros.scene.emulator import emulate, record
+from retrolidar_ros.scene.files import load_scene
+from retrolidar_ros.settings.interrupts import interrupted_once
+
+
+def add_command(subparsers: Subparsers) -> None:
+    """Add `retrolidar emulate`."""
+    command = subparsers.add_parser('emulate', help='be a sensor that sees a scene')
+    command.add_argument('scene', help='name or file')
+    where = command.add_mutually_exclusive_group(required=True)
+    where.add_argument('--port-link', type=Path, help='in real time, at a serial port linked here')
+    where.add_argument('--bag', type=Path, help='at once, into a new rosbag2 directory')
+    command.add_argument(
+        '--storage', choices=STORAGES, default=STORAGES[0], help='of the bag (default: %(default)s)'
+    )
+    command.add_argument('--duration', type=seconds, help='stop after [s]')
+    command.set_defaults(run=run)
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Be a sensor at a serial port, or write a bag."""
+    scene = load_scene(arguments.scene)
+    if arguments.bag is not None:
+        duration_s = scene.duration_s if arguments.duration is None else arguments.duration
+        frames = record(scene, arguments.bag, arguments.storage, duration_s)
+        print(f'{frames} frames of {duration_s:g} s in {arguments.bag}')
+        return 0
+
+    def say_ready() -> None:
+        print(f'a sensor is at {arguments.port_link}; Ctrl-C unplugs it', flush=True)
+
+    with interrupted_once():
+        sent, lost = emulate(scene, arguments.port_link, arguments.duration, say_ready)
+    print(f'{sent} frames sent, {lost} found no listener')
+    return 0

@@ -1,0 +1,58 @@
+# Copyright 2026 retrolidar_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""The `retrolidar` command: its subcommands and its errors."""
+
+from __future__ import annotations
+
+import argparse
+import os
+import sys
+
+# Many threads make small matrix products slower. numpy reads this once, when it is imported.
+os.environ.setdefault('OPENBLAS_NUM_THREADS', '1')
+
+from retrolidar_ros.bag import BagError
+from retrolidar_ros.cli import budget, decode, demo, emulate, ids, plot, watch
+from retrolidar_ros.settings.section import ConfigError
+
+COMMANDS = (demo, emulate, watch, decode, plot, ids, budget)
+"""Modules with `add_command(subparsers)`, which sets `run`: from the arguments to the exit code."""
+
+
+def parser() -> argparse.ArgumentParser:
+    """Return the parser of the command line."""
+    whole = argparse.ArgumentParser(
+        prog='retrolidar', description='Read liquid-crystal fiducial markers with a LiDAR.'
+    )
+    subparsers = whole.add_subparsers(required=True, metavar='COMMAND')
+    for command in COMMANDS:
+        command.add_command(subparsers)
+    return whole
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Run the command; return its exit code: 2 for input that cannot be used."""
+    if sys.stdout is None:  # the shell has closed it
+        sys.stdout = open(os.devnull, 'w')  # noqa: SIM115 - until the process ends
+    options = parser().parse_args(arguments)
+    try:
+        code: int = options.run(options)
+        sys.stdout.flush()
+    except KeyboardInterrupt:
+        return 130
+    except BrokenPipeError:
+        # Who read our output wants no more of it; the interpreter must not flush into the pipe.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return 0
+    except (BagError, ConfigError, OSError, ValueError) as error:
+        sys.stdout.flush()
+        print(f'retrolidar: {error}', file=sys.stderr)
+        return 2
+    except ModuleNotFoundError as error:
+        print(f'retrolidar: a library is missing: pip install {error.name}', file=sys.stderr)
+        return 2
+    return code
+
+
+if __name__ == '__main__':
+    sys.exit(main())

@@ -1,0 +1,201 @@
+# Copyright 2026 retrolidar_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""A sensor watched in a terminal: frames from a port, through the detector, onto the screen."""
+
+from __future__ import annotations
+
+import argparse
+import math
+import os
+import shutil
+import sys
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
+from queue import Empty, SimpleQueue
+from threading import Event, Thread
+from typing import TextIO
+
+from retrolidar_ros.cli.arguments import Subparsers, number_of_seconds, seconds
+from retrolidar_ros.cli.watch_state import Watch
+from retrolidar_ros.cli.watch_view import Snapshot, Symbols, fitted, line, screen
+from retrolidar_ros.marker.code import BIT_PERIOD_LIMITS_S, BIT_PERIOD_S
+from retrolidar_ros.sensor.frame import ZONE_SHAPES, Frame
+from retrolidar_ros.sensor.protocols import PROTOCOLS
+from retrolidar_ros.sensor.serial_source import SerialSource
+from retrolidar_ros.settings.interrupts import interrupted_once
+
+_SCREEN_S, _LINE_S = 0.2, 1.0  # between two pictures, or two lines of a log
+
+
+def zone_index(text: str) -> int:
+    """Parse the index of a zone of the largest grid."""
+    zones = range(max(rows * columns for rows, columns in ZONE_SHAPES))
+    with suppress(ValueError):
+        if (zone := int(text)) in zones:
+            return zone
+    raise argparse.ArgumentTypeError(f'{text} is no zone: they are 0 to 15, or 0 to {zones[-1]}')
+
+
+def bit_period(text: str) -> float:
+    """Parse how long a marker holds a bit in seconds."""
+    value = number_of_seconds(text)
+    least, most = BIT_PERIOD_LIMITS_S
+    if not least <= value <= most:
+        raise argparse.ArgumentTypeError(f'{text} s is not within {least:g} to {most:g} s')
+    return value
+
+
+def add_command(subparsers: Subparsers) -> None:
+    """Add `retrolidar watch`."""
+    command = subparsers.add_parser(
+        'watch',
+        help='show live what a sensor sees, zone by zone and bit by bit',
+        description='On a terminal a picture five times a second, else a line a second. Ctrl-C '
+        'ends it. Exit code 1 if a duration ends without any frame.',
+    )
+    command.add_argument('port', metavar='PORT', help='device of the sensor')
+    command.add_argument('--baud', type=int, default=460800, help='bit/s (default: %(default)s)')
+    command.add_argument(
+        '--protocol',
+        choices=PROTOCOLS,
+        default='retrolidar',
+        help='what the sensor speaks (default: %(default)s)',
+    )
+    command.add_argument(
+        '--zone',
+        type=zone_index,
+        metavar='N',
+        help='whose bits to show (default: the one that blinks most)',
+    )
+    command.add_argument(
+        '--bit-period',
+        type=bit_period,
+        default=BIT_PERIOD_S,
+        metavar='S',
+        help='how long a marker holds a bit: two frames [s] (default: %(default)s)',
+    )
+    command.add_argument('--duration', type=seconds, metavar='S', help='stop after [s]')
+    command.set_defaults(run=run)
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Show live what a sensor sees."""
+    with suppress(KeyboardInterrupt), interrupted_once():
+        frames = watch(
+            arguments.port,
+            sys.stdout,
+            baud=arguments.baud,
+            protocol=arguments.protocol,
+            zone=arguments.zone,
+            bit_period_s=arguments.bit_period,
+            duration_s=arguments.duration,
+        )
+        return 0 if frames else 1
+    return 0
+
+
+@contextmanager
+def _display(output: TextIO) -> Iterator[Callable[[Snapshot], None]]:
+    """Give what shows a snapshot: on the whole screen of a terminal, else as a line of a log."""
+    if not is_screen(output):
+        yield lambda snapshot: print(line(snapshot), file=output, flush=True)
+        return
+    symbols = Symbols.of(output.encoding)
+
+    def draw(snapshot: Snapshot) -> None:
+        columns, rows = shutil.get_terminal_size()
+        lines = fitted(screen(snapshot, symbols), columns, rows)
+        # Home; each line and the end of the one before; then the rest of the screen.
+        output.write('\x1b[H' + '\x1b[K\r\n'.join(lines) + '\x1b[J')
+        output.flush()
+
+    output.write('\x1b[?25l\x1b[2J')  # no cursor, no text
+    try:
+        yield draw
+    finally:
+        output.write('\r\n\x1b[?25h')
+        output.flush()
+
+
+def is_screen(output: TextIO) -> bool:
+    """Tell whether an output is a terminal that can be drawn on."""
+    return output.isatty() and os.environ.get('TERM', 'dumb') != 'dumb'
+
+
+def watch(
+    port: str,
+    output: TextIO,
+    *,
+    baud: int,
+    protocol: str,
+    zone: int | None,
+    bit_period_s: float,
+    duration_s: float | None,
+) -> int:
+    """Show what a sensor sees until the duration is over, or KeyboardInterrupt.
+
+    Parameters
+    ----------
+    port : str
+        Its device.
+    output : text stream
+        Where to show it: in pictures on a terminal, else in lines.
+    baud : int
+        Speed of the line [bit/s].
+    protocol : str
+        One of `PROTOCOLS`.
+    zone : int or None
+        Whose bits to show; None = those of the zone that blinks most.
+    bit_period_s : float
+        How long a marker holds a bit [s].
+    duration_s : float or None
+        When to end [s]; None = never.
+
+    Returns
+    -------
+    int
+        How many frames came.
+
+    Raises
+    ------
+    ValueError
+        If the sensor has no such zone.
+    """
+    arrived: SimpleQueue[tuple[list[Frame], int, str] | Exception] = SimpleQueue()
+    stop = Event()
+    source = SerialSource(port, baud, PROTOCOLS[protocol](time.monotonic_ns), time.monotonic_ns)
+
+    def pass_on(frames: list[Frame], arrival_ns: int) -> None:
+        arrived.put((frames, arrival_ns, source.reader.notice()))
+
+    def read() -> None:
+        try:
+            source.run(pass_on, lambda _: None, stop)
+        except Exception as error:  # it must not end unheard
+            arrived.put(error)
+
+    state = Watch(source, zone, bit_period_s)
+    thread = Thread(target=read, daemon=True)
+    thread.start()
+    interval_s = _SCREEN_S if is_screen(output) else _LINE_S
+    begin_s = time.monotonic()
+    end_s = math.inf if duration_s is None else begin_s + duration_s
+    due_s = min(begin_s + interval_s, end_s)
+    try:
+        with _display(output) as show:
+            while True:
+                with suppress(Empty):
+                    news = arrived.get(timeout=max(due_s - time.monotonic(), 0.0))
+                    if isinstance(news, Exception):
+                        raise news
+                    state.take(*news)
+                now_s = time.monotonic()
+                if now_s >= due_s:
+                    show(state.snapshot())
+                    if now_s >= end_s:
+                        return state.frames
+                    due_s = min(now_s + interval_s, end_s)
+    finally:
+        stop.set()
+        thread.join()

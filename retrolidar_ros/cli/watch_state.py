@@ -1,0 +1,211 @@
+# Copyright 2026 retrolidar_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""What is known of a sensor that is watched: its frames, through the detector."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections import Counter, deque
+from dataclasses import replace
+from typing import NamedTuple, cast
+
+import numpy as np
+
+from retrolidar_ros.cli.watch_view import BLINKING_DB, LastReading, Snapshot
+from retrolidar_ros.detector import METHODS, Detection, create_detector
+from retrolidar_ros.detector.blinking import BitReader, Samples, modulation_db
+from retrolidar_ros.detector.likelihood_detector import Candidate, LikelihoodDetector
+from retrolidar_ros.detector.noise import NoiseLaw
+from retrolidar_ros.marker.code import PACKET_BITS
+from retrolidar_ros.sensor.clock import ClockMap
+from retrolidar_ros.sensor.frame import Frame, Recording
+from retrolidar_ros.sensor.frame_rate import RATE_FRAMES, missing_frames, rate_mismatch
+from retrolidar_ros.sensor.protocols import PROTOCOLS
+from retrolidar_ros.sensor.serial_source import SerialSource
+
+# The newest samples that are kept: a packet, and a bit or two as its end may be anywhere.
+_KEPT_BITS = PACKET_BITS + 3
+_KEPT = 2 * _KEPT_BITS
+_RATE_S = 2.0
+"""Over which frames are counted for their rate."""
+_SILENCE_S = 1.0
+_NOTICE_S = 30.0
+"""How long a notice of the reader stays, unless there is worse."""
+# Another zone has to blink by so much more than that which is shown.
+_MORE_DB = 3.0
+
+
+class _Tally(NamedTuple):
+    """What has been counted until some time."""
+
+    time_s: float
+    frames: int
+    damaged: int
+    restarts: int
+    received: int
+    withheld: int
+
+
+class Watch:
+    """What is known of a sensor, from its frames."""
+
+    def __init__(self, source: SerialSource, zone: int | None, bit_period_s: float) -> None:
+        """Begin without frames; `zone` is the one to look at, None for that which blinks most."""
+        self._source = source
+        self._asked, self._chosen = zone, zone
+        self._bit_s = bit_period_s
+        self._clock = ClockMap()
+        self._bits = BitReader(bit_period_s)
+        self._detector: LikelihoodDetector | None = None
+        self._refused: Candidate | None = None
+        self._frames: deque[Frame] = deque(maxlen=_KEPT)
+        self._last: dict[int, Detection] = {}
+        self._times: Counter[int] = Counter()
+        self._counted = self._lost = 0
+        self._sequence: int | None = None
+        self._heard_s = time.monotonic()
+        self._notice, self._noticed_s = '', -math.inf
+        self._tallies = deque([_Tally(self._heard_s, 0, 0, 0, 0, 0)])
+
+    @property
+    def frames(self) -> int:
+        """How many frames have come."""
+        return self._counted
+
+    def take(self, frames: list[Frame], arrival_ns: int, notice: str = '') -> None:
+        """Take frames that arrived together, and what the reader then had to tell.
+
+        Raises
+        ------
+        ValueError
+            If there is no such zone as was asked for.
+        """
+        for frame in frames:
+            stamp_ns = self._clock.map(frame.sensor_time_us, arrival_ns)
+            self._take(replace(frame, stamp_ns=stamp_ns))
+        self._heard_s = arrival_ns * 1e-9
+        if notice:
+            self._notice, self._noticed_s = notice, self._heard_s
+
+    def _take(self, frame: Frame) -> None:
+        grid = frame.grid
+        self._counted += 1
+        self._lost += missing_frames(self._sequence, frame.sequence)
+        self._sequence = frame.sequence
+        last = self._frames[-1] if self._frames else None
+        if last is None or last.grid != grid:
+            if self._asked is not None and self._asked >= grid.zones:
+                raise ValueError(
+                    f'--zone {self._asked}: the sensor has {grid.rows}x{grid.columns} zones, '
+                    f'0 to {grid.zones - 1}'
+                )
+            self._detector = cast(
+                LikelihoodDetector, create_detector(METHODS[0], grid, bit_period_s=self._bit_s)
+            )
+            self._chosen = self._asked
+            self._refused = None
+        if last is not None and (last.grid != grid or last.stamp_ns >= frame.stamp_ns):
+            self._frames.clear()
+        self._frames.append(frame)
+        assert self._detector is not None
+        for detection in self._detector.update(frame):
+            self._last[detection.id] = detection
+            self._times[detection.id] += 1
+        for candidate in self._detector.candidates:
+            if candidate.reason is not None:
+                self._refused = candidate
+
+    def snapshot(self) -> Snapshot:
+        """Return what is known now."""
+        now_ns = time.monotonic_ns()
+        counts = self._source.reader.counts
+        damaged = counts.damaged + counts.unknown_kind
+        now = _Tally(
+            now_ns * 1e-9,
+            self._counted,
+            damaged,
+            self._clock.restarts,
+            self._source.received,
+            counts.withheld,
+        )
+        self._tallies.append(now)
+        while self._tallies[1].time_s <= now.time_s - _RATE_S:
+            self._tallies.popleft()
+        then = self._tallies[0]
+        snapshot = Snapshot(
+            port=self._source.port,
+            trouble=self._trouble(then, now),
+            rate_hz=(now.frames - then.frames) / max(now.time_s - then.time_s, 1e-3),
+            frames=now.frames,
+            lost=self._lost,
+            damaged=damaged,
+        )
+        if not self._frames or self._detector is None:
+            return snapshot
+        return self._with_zones(snapshot, self._detector, now_ns)
+
+    def _trouble(self, then: _Tally, now: _Tally) -> str:
+        """Return what is wrong since `then`."""
+        if problem := self._source.problem:
+            return f'{problem}; retrying'
+        silence_s = now.time_s - self._heard_s
+        if silence_s > _SILENCE_S:
+            return f'no frames come for {silence_s:.0f} s; {_reason(then, now)}'
+        if now.restarts - then.restarts > 1:
+            return "the sensor's clock jumps again and again; are its times in microseconds?"
+        if now.time_s - self._noticed_s < _NOTICE_S:
+            return self._notice
+        if len(self._frames) >= RATE_FRAMES:
+            stamps_ns = [frame.stamp_ns for frame in self._frames]
+            if mismatch := rate_mismatch(stamps_ns, self._bit_s):
+                return f'{mismatch}: set --bit-period to how long the markers hold a bit [s]'
+        return ''
+
+    def _with_zones(
+        self, snapshot: Snapshot, detector: LikelihoodDetector, now_ns: int
+    ) -> Snapshot:
+        """Add zones, bits and readings."""
+        newest = self._frames[-1]
+        since_ns = newest.stamp_ns - round(_KEPT_BITS * self._bit_s * 1e9)
+        recent = [frame for frame in self._frames if frame.stamp_ns > since_ns]
+        if len(recent) < 2:
+            return snapshot
+        samples = Samples.of(Recording.of(recent))
+        ambient = float(np.median(newest.ambient))
+        law = NoiseLaw().lit(max(ambient, 0.0) if math.isfinite(ambient) else 0.0)
+        blinking = modulation_db(samples, law)
+        if self._asked is None:
+            most = int(blinking.argmax())
+            if blinking[most] < BLINKING_DB:
+                self._chosen = None
+            elif self._chosen is None or blinking[most] > blinking[self._chosen] + _MORE_DB:
+                self._chosen = most
+        zone = self._chosen
+        readings = [
+            LastReading(detection, (now_ns - detection.end_ns) * 1e-9, self._times[identity])
+            for identity, detection in self._last.items()
+        ]
+        return replace(
+            snapshot,
+            frame=newest,
+            modulation_db=blinking,
+            zone=zone,
+            bits=None if zone is None else self._bits.read(samples, zone, law),
+            readings=readings,
+            rejected=detector.counts.rejected,
+            refused=self._refused,
+            demands=detector.demands,
+        )
+
+
+def _reason(then: _Tally, now: _Tally) -> str:
+    """Return why no frames have come since `then`."""
+    if now.withheld > then.withheld:
+        return 'those that come have no signal, which the sensor has been asked for'
+    if now.damaged > then.damaged:
+        return 'what comes is no frame of this protocol, or of another --baud'
+    if now.received > then.received:
+        protocols = ' or '.join(f'--protocol {name}' for name in PROTOCOLS)
+        return f'bytes come, but no frame ends: another --baud, {protocols}?'
+    return 'the sensor is silent: not started, or of another --baud'

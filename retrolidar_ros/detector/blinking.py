@@ -1,0 +1,213 @@
+# Copyright 2026 retrolidar_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""How much every zone blinks, and the newest bits of one, before anything is decided of them."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from retrolidar_ros.detector.noise import NoiseLaw
+from retrolidar_ros.marker.code import IDS, PACKET_BITS, RESERVED_IDS, packet
+from retrolidar_ros.sensor.frame import Floats, Recording, valid_samples
+
+# Alignments of bits that are tried: where the last one ends, and how far the clock is off.
+_PHASES = np.arange(8) / 8
+_CLOCKS = 1 + 0.007 * np.arange(-4, 5)
+# Valid samples that a bit must have, of its two; of an erased one it is not known what it is.
+_LEAST_VALID = 0.5
+# Rounds in which the level between dark and bright settles.
+_ROUNDS = 5
+
+
+class Samples(NamedTuple):
+    """The newest samples of all zones, oldest first."""
+
+    begin_s: Floats
+    """Begin of each exposure since the first [s], shape (samples,)."""
+    end_s: Floats
+    """End of each exposure [s], shape (samples,)."""
+    signal: Floats
+    """[kcps/SPAD]; 0 of an erasure; shape (samples, zones)."""
+    valid: NDArray[np.bool_]
+    """Whether each is no erasure, shape (samples, zones)."""
+
+    @classmethod
+    def of(cls, recording: Recording) -> Samples:
+        """Return the samples of at least two frames; an exposure lasts a frame period."""
+        time_s = (recording.stamp_ns - recording.stamp_ns[0]) * 1e-9
+        half_s = float(np.median(np.diff(time_s))) / 2
+        valid, _ = valid_samples(recording.signal, recording.distance, recording.status)
+        return cls(
+            begin_s=time_s - half_s,
+            end_s=time_s + half_s,
+            signal=np.where(valid, recording.signal, 0.0),
+            valid=valid,
+        )
+
+
+def modulation_db(samples: Samples, law: NoiseLaw) -> Floats:
+    """Return by how much zones vary beyond noise, as the SNR of a marker that did so.
+
+    Half of a marker's bits are dark, so an amplitude of c makes a variance of c²/4. A hand that
+    passes makes one, too.
+
+    Parameters
+    ----------
+    samples : Samples
+    law : NoiseLaw
+        Of the sensor.
+
+    Returns
+    -------
+    array, shape (zones,)
+        20 log10 of amplitude over the noise's standard deviation [dB]; -inf where there is
+        nothing but noise.
+    """
+    count = np.maximum(samples.valid.sum(axis=0), 1)
+    mean = samples.signal.sum(axis=0) / count
+    deviation = (samples.signal - mean) * samples.valid
+    noise = law.variance(mean)
+    excess = np.maximum((deviation * deviation).sum(axis=0) / count - noise, 0.0)
+    with np.errstate(divide='ignore'):
+        decibels: Floats = 10 * np.log10(4 * excess / noise)
+    return decibels
+
+
+class NewestBits(NamedTuple):
+    """The last 31 bits that a zone saw, oldest first, and the packet that is nearest to them."""
+
+    signal: Floats
+    """Mean of each bit [kcps/SPAD], NaN where it was erased, shape (31,)."""
+    dark: float
+    """Level of dark bits [kcps/SPAD]."""
+    bright: float
+    """Level of bright bits [kcps/SPAD]."""
+    snr_db: float
+    """Amplitude over the noise of a sample, by these levels and the noise law [dB]."""
+    id: int
+    """Whose packet, begun with any bit, correlates best with them."""
+    correlation: float
+    """With that packet, 0 to 1."""
+    first: int
+    """Which bit of that packet the oldest bit is, 0 to 30."""
+
+    @property
+    def erased(self) -> NDArray[np.bool_]:
+        """Which bits are not known, shape (31,)."""
+        return np.isnan(self.signal)
+
+    @property
+    def darkness(self) -> Floats:
+        """Soft bits: 0 at the bright level and 1 at the dark one, shape (31,)."""
+        darkness: Floats = (self.bright - self.signal) / (self.bright - self.dark)
+        return darkness
+
+    @property
+    def hard(self) -> NDArray[np.bool_]:
+        """Whether each bit is nearer to dark: a bit 1; shape (31,)."""
+        return self.darkness > 0.5
+
+    @property
+    def differing(self) -> int:
+        """How many bits differ from those of the packet that is nearest."""
+        nearest = np.roll(packet(self.id), -self.first) == 1
+        return int(np.count_nonzero((self.hard != nearest) & ~self.erased))
+
+
+class BitReader:
+    """Cuts the newest samples of a zone into bits, and names the packet that is nearest."""
+
+    def __init__(self, bit_period_s: float) -> None:
+        """Expect bits of about `bit_period_s` [s]."""
+        self._bit_s = bit_period_s
+        self._ids = np.setdiff1d(np.arange(IDS), RESERVED_IDS)
+        self._light = 1.0 - packet(self._ids)
+
+    def read(self, samples: Samples, zone: int, law: NoiseLaw) -> NewestBits | None:
+        """Return the last bits of a zone; None if they are too few, or all alike."""
+        signal = self._aligned(samples, zone)
+        known = ~np.isnan(signal)
+        if np.count_nonzero(known) < PACKET_BITS // 2:
+            return None
+        dark, bright = _levels(signal[known])
+        if not bright > dark:
+            return None
+        noise = float(law.variance(np.asarray((dark + bright) / 2)))
+        correlation = self._correlations(signal)
+        first, nearest = np.unravel_index(correlation.argmax(), correlation.shape)
+        return NewestBits(
+            signal=signal,
+            dark=dark,
+            bright=bright,
+            snr_db=20 * math.log10((bright - dark) / math.sqrt(noise)),
+            id=int(self._ids[nearest]),
+            correlation=float(correlation.max()),
+            first=int(first),
+        )
+
+    def _aligned(self, samples: Samples, zone: int) -> Floats:
+        """Return the mean signal of each bit, NaN of erased ones, cut where these vary most.
+
+        Returns
+        -------
+        array, shape (31,)
+            [kcps/SPAD]
+        """
+        bit_s, phase = (grid.ravel() for grid in np.meshgrid(self._bit_s * _CLOCKS, _PHASES))
+        # Shape (alignments, bits + 1).
+        edge_s = samples.end_s[-1] - bit_s[:, None] * (
+            phase[:, None] + np.arange(PACKET_BITS, -1, -1)
+        )
+        # How much of each exposure is in each bit, shape (alignments, bits, samples).
+        period_s = samples.end_s[0] - samples.begin_s[0]
+        begin = np.maximum(samples.begin_s, edge_s[:, :-1, None])
+        end = np.minimum(samples.end_s, edge_s[:, 1:, None])
+        share = np.maximum(end - begin, 0.0) / period_s * samples.valid[:, zone]
+        count = share.sum(axis=-1)
+        total = share @ samples.signal[:, zone]
+        signal = np.full(count.shape, np.nan)
+        np.divide(total, count, out=signal, where=count > _LEAST_VALID)
+        known = ~np.isnan(signal)
+        number = np.maximum(known.sum(axis=-1), 1)
+        mean = np.nansum(signal, axis=-1) / number
+        power = np.nansum((signal - mean[:, None]) ** 2, axis=-1) / number
+        best: Floats = signal[power.argmax()]
+        return best
+
+    def _correlations(self, signal: Floats) -> Floats:
+        """Return the correlation of bits with every packet, begun with any bit.
+
+        Parameters
+        ----------
+        signal : array, shape (31,)
+            NaN of erased bits.
+
+        Returns
+        -------
+        array, shape (31, packets)
+            By which bit of the packet the oldest is.
+        """
+        known = ~np.isnan(signal)
+        change = np.where(known, signal - signal[known].mean(), 0.0)
+        turned = np.stack([np.roll(change, first) for first in range(PACKET_BITS)])
+        counted = np.stack([np.roll(known, first) for first in range(PACKET_BITS)])
+        bright = counted @ self._light.T
+        energy = bright - bright**2 / np.count_nonzero(known)
+        power = np.sqrt(np.maximum(energy, 1e-9) * (change @ change))
+        correlation: Floats = turned @ self._light.T / power
+        return correlation
+
+
+def _levels(signal: Floats) -> tuple[float, float]:
+    """Return the means of the darker and of the brighter ones of signals (bits,)."""
+    dark, bright = float(signal.min()), float(signal.max())
+    for _ in range(_ROUNDS):
+        is_bright = signal > (dark + bright) / 2
+        if is_bright.all() or not is_bright.any():
+            break
+        dark, bright = float(signal[~is_bright].mean()), float(signal[is_bright].mean())
+    return dark, bright

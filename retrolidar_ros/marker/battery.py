@@ -1,0 +1,86 @@
+# Copyright 2026 retrolidar_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""What a marker draws from its cell, and how long that lasts (paper §5, Tab. 2).
+
+It sleeps, looks for the sensor's light in short regular windows, and is active while it sends
+packets; it does not look meanwhile. The cell gives all of its capacity: self-discharge and what
+is left below the least voltage are not modelled.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+from retrolidar_ros.marker.code import BIT_PERIOD_S, PACKET_BITS
+from retrolidar_ros.marker.wakeup import LOOK_EVERY_S, LOOK_S
+
+CELL_MAH = 90.0  # the paper's
+PACKET_S = PACKET_BITS * BIT_PERIOD_S
+_HOUR_S = 3600.0
+
+
+@dataclass(frozen=True)
+class Currents:
+    """What a marker draws in each mode [mA]."""
+
+    sleep: float = 0.001
+    detection: float = 3.98
+    active: float = 12.7
+
+
+PROTOTYPE = Currents()
+"""The paper's (Tab. 2)."""
+
+
+class Drawn(NamedTuple):
+    """Mean current by the mode that draws it [mA]."""
+
+    sleep: float
+    detection: float
+    active: float
+
+    @property
+    def total(self) -> float:
+        """Their sum [mA]."""
+        return sum(self)
+
+
+def active_share(queries_per_hour: float, packets: int = 1) -> float:
+    """Return the share of the time in which the marker sends.
+
+    Parameters
+    ----------
+    queries_per_hour : float
+        How often it is woken.
+    packets : int
+        How many packets it sends each time.
+
+    Raises
+    ------
+    ValueError
+        If there are fewer than no queries, or more than fit into an hour.
+    """
+    share = queries_per_hour * packets * PACKET_S / _HOUR_S
+    if not 0 <= share <= 1:
+        most = _HOUR_S / (packets * PACKET_S)
+        raise ValueError(
+            f'{queries_per_hour:g} queries an hour are impossible; 0 to {most:.0f}, '
+            f'as each takes {packets * PACKET_S:g} s'
+        )
+    return share
+
+
+def drawn(active: float, currents: Currents = PROTOTYPE) -> Drawn:
+    """Return the mean currents [mA] of a marker that is active for a share of the time."""
+    looking = LOOK_S / LOOK_EVERY_S
+    return Drawn(
+        sleep=currents.sleep * (1 - looking) * (1 - active),
+        detection=currents.detection * looking * (1 - active),
+        active=currents.active * active,
+    )
+
+
+def life_h(cell_mah: float, current_ma: float) -> float:
+    """Return how long a cell [mAh] feeds a mean current [mA], in hours."""
+    return cell_mah / current_ma

@@ -1,0 +1,204 @@
+# Copyright 2026 retrolidar_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""Sets of marker IDs that stay apart wherever a reading starts.
+
+A marker that repeats its packet may be read from any of its 31 bits. Read from its first bit, two
+IDs differ in eight bits or more, as the Golay code has it; read from another, one may come close
+to the packet of a second one, or to its own. So the distance of two IDs is the fewest bits in
+which the packet of one differs from any cyclic shift of the packet of the other, and that of an
+ID to itself the fewest over all shifts but none. As words and preamble have an even number of
+dark bits, all distances are even. At a distance of 8 three wrong bits leave every reading nearer
+to what was sent than to anything else in the set, at 6 two, at 4 one, at 2 none.
+"""
+
+from __future__ import annotations
+
+from functools import lru_cache
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from retrolidar_ros.marker.code import IDS, PACKET_BITS, RESERVED_IDS, check_ids, packet
+
+SAFE_DISTANCE = 8
+"""What the Golay code gives at the right start: three wrong bits do no harm."""
+
+USABLE_IDS: NDArray[np.int64] = np.setdiff1d(np.arange(IDS), RESERVED_IDS)
+
+_ROWS_AT_ONCE = 512  # of a matrix product, 8 MB for all IDs
+
+
+class ConfusablePair(NamedTuple):
+    """Two markers, or one with itself, that come close at some start of the reading."""
+
+    first: int
+    second: int
+    """The higher ID, or again the first."""
+    distance: int
+    """In how many bits they differ; 0 if the ID is in the set more than once."""
+    shift: int
+    """From which bit of `first`, 0 to 30, a reading comes so close to the packet of `second`."""
+
+
+def distances(ids: ArrayLike) -> NDArray[np.uint8]:
+    """Return the distance of every ID to every other and, on the diagonal, to itself.
+
+    Parameters
+    ----------
+    ids : array of int, shape (n,)
+        0..4095, one or more. One that occurs twice is at distance 0 of its double.
+
+    Returns
+    -------
+    array of uint8, shape (n, n)
+        In bits, symmetric.
+
+    Raises
+    ------
+    ValueError
+        If there is no ID, or one is no integer or outside 0..4095.
+    """
+    # Bits as ±1: the product of two packets is how many bits agree less how many differ, and as
+    # integers below 2^24 are exact in float32, so is the product.
+    signs = 1 - 2 * packet(_listed(ids)).astype(np.float32)
+    agreement = np.full((len(signs), len(signs)), -PACKET_BITS, dtype=np.int8)
+    # The other half of the shifts are these with the two IDs exchanged.
+    for shift in range(PACKET_BITS // 2 + 1):
+        shifted = np.roll(signs, shift, axis=1).T
+        for start in range(0, len(signs), _ROWS_AT_ONCE):
+            rows = slice(start, start + _ROWS_AT_ONCE)
+            products = (signs[rows] @ shifted).astype(np.int8)
+            if shift == 0:
+                np.fill_diagonal(products[:, start:], -PACKET_BITS)
+            np.maximum(agreement[rows], products, out=agreement[rows])
+    differing: NDArray[np.int8] = (PACKET_BITS - np.maximum(agreement, agreement.T)) // 2
+    return differing.astype(np.uint8)
+
+
+def choose_ids(count: int, min_distance: int | None = None) -> tuple[NDArray[np.int64], int]:
+    """Choose usable IDs that are far apart, each also from its own shifts.
+
+    The next ID is always the one that rules out the fewest of those left, the lowest of several.
+    So there may be larger sets than are found, but the choice is the same everywhere, and with
+    the same `min_distance` a smaller set is the beginning of a larger one: a set can grow later.
+
+    Parameters
+    ----------
+    count : int
+        How many, 1..4094.
+    min_distance : int, optional
+        The least distance allowed, 1..31 bits; without it the largest at which so many are found.
+
+    Returns
+    -------
+    ids : array of int64, shape (count,)
+        In the order of choice.
+    distance : int
+        The least distance among them.
+
+    Raises
+    ------
+    ValueError
+        If the number or the distance is out of range, or so many are not found.
+    """
+    if not 1 <= count <= len(USABLE_IDS):
+        raise ValueError(f'{count} IDs cannot be chosen: ask for 1 to {len(USABLE_IDS)}')
+    apart = _usable_distances()
+    if min_distance is None:
+        wanted = int(apart.max())
+        while len(chosen := _choose(apart, wanted, count)) < count:
+            wanted -= 2  # there are no odd ones
+    else:
+        _check_distance(min_distance)
+        chosen = _choose(apart, min_distance, count)
+        if len(chosen) < count:
+            raise ValueError(
+                f'{count} IDs at a distance of {min_distance} bits were not found, only '
+                f'{len(chosen)}: ask for fewer, or for a smaller distance'
+            )
+    return USABLE_IDS[chosen], int(apart[np.ix_(chosen, chosen)].min())
+
+
+def largest_set(min_distance: int) -> NDArray[np.int64]:
+    """Return all IDs that the search of `choose_ids` finds at a least distance, in its order.
+
+    Raises
+    ------
+    ValueError
+        If the distance is out of range.
+    """
+    _check_distance(min_distance)
+    return USABLE_IDS[_choose(_usable_distances(), min_distance, len(USABLE_IDS))]
+
+
+def confusable_pairs(ids: ArrayLike, min_distance: int = SAFE_DISTANCE) -> list[ConfusablePair]:
+    """Find the pairs of a set that are nearer than `min_distance`.
+
+    Parameters
+    ----------
+    ids : array of int, shape (n,)
+        0..4095, one or more, in any order. Reserved ones are compared like all others.
+    min_distance : int
+        The least distance that is not reported, 1..31 bits.
+
+    Returns
+    -------
+    list of ConfusablePair
+        Nearest first. An ID that is near its own shifts is paired with itself, and so, at distance
+        and shift 0, is one that occurs more than once.
+
+    Raises
+    ------
+    ValueError
+        If there is no ID, one is no integer or outside 0..4095, or the distance is out of range.
+    """
+    _check_distance(min_distance)
+    unique, occurrences = np.unique(_listed(ids), return_counts=True)
+    pairs = [ConfusablePair(marker, marker, 0, 0) for marker in unique[occurrences > 1].tolist()]
+    first, second = np.nonzero(np.triu(distances(unique) < min_distance))
+    sent, other = packet(unique[first]), packet(unique[second])
+    differing = np.array(
+        [(np.roll(sent, -shift, axis=1) != other).sum(axis=1) for shift in range(PACKET_BITS)]
+    )
+    differing[0, first == second] = PACKET_BITS
+    found = (unique[first], unique[second], differing.min(axis=0), differing.argmin(axis=0))
+    pairs += map(ConfusablePair, *(column.tolist() for column in found))
+    return sorted(pairs, key=lambda pair: (pair.distance, pair.first, pair.second))
+
+
+@lru_cache(maxsize=1)
+def _usable_distances() -> NDArray[np.uint8]:
+    """Return the distances among the usable IDs, 16 MB that take a second."""
+    apart = distances(USABLE_IDS)
+    apart.flags.writeable = False
+    return apart
+
+
+def _choose(apart: NDArray[np.uint8], min_distance: int, count: int) -> list[int]:
+    """Choose up to `count` rows of the symmetric `apart`, shape (n, n), as `choose_ids` does."""
+    near = apart < min_distance
+    left = ~near.diagonal()
+    conflicts = near[left].sum(axis=0)
+    chosen: list[int] = []
+    while len(chosen) < count and left.any():
+        best = int(np.where(left, conflicts, len(near)).argmin())
+        chosen.append(best)
+        taken = left & near[best]
+        taken[best] = True
+        left &= ~taken
+        conflicts -= near[taken].sum(axis=0)
+    return chosen
+
+
+def _listed(ids: ArrayLike) -> NDArray[np.int64]:
+    """Return IDs as integers of shape (n,), or raise ValueError."""
+    numbers = np.asarray(ids)
+    if numbers.ndim != 1 or not numbers.size:
+        raise ValueError(f'one or more marker IDs in a list are wanted, not shape {numbers.shape}')
+    return check_ids(numbers)
+
+
+def _check_distance(min_distance: int) -> None:
+    if not 1 <= min_distance <= PACKET_BITS:
+        raise ValueError(f'a distance of {min_distance} bits is outside 1..{PACKET_BITS}')

@@ -1,0 +1,111 @@
+# Copyright 2026 retrolidar_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""The markers that a robot knows: what they are called, and how large they are."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from retrolidar_ros.marker.code import IDS, RESERVED_IDS
+from retrolidar_ros.settings.section import ConfigError, Section, quantity, text
+from retrolidar_ros.settings.yaml_files import load_parsed
+
+MARKER_SIZE_M = 0.03
+"""Edge of the paper's retroreflector (§5)."""
+# What TF takes for a name; a leading slash it does not.
+_FRAME = re.compile(r'[A-Za-z0-9_.-][A-Za-z0-9_./-]*')
+
+_USUAL_FRAME = re.compile(r'marker_([0-9]+)')
+
+
+@dataclass(frozen=True)
+class KnownMarker:
+    """One line of a marker file."""
+
+    id: int
+    frame: str
+    """Its TF frame."""
+    note: str = ''
+    size_m: float = MARKER_SIZE_M
+    """Edge of the square retroreflector."""
+
+
+def frame_of(marker_id: int, known: Mapping[int, KnownMarker]) -> str:
+    """Return the TF frame of a marker, be it known or not."""
+    return known[marker_id].frame if marker_id in known else f'marker_{marker_id}'
+
+
+def parse_markers(content: object) -> dict[int, KnownMarker]:
+    """Return the markers that nested mappings describe, as read from a YAML file.
+
+    Raises
+    ------
+    ConfigError
+        For an ID that cannot be, a frame that two markers have, an unknown key or a missing unit;
+        it names the key.
+    """
+    section = Section(content)
+    known = section.need('markers', _markers)
+    section.end()
+    return known
+
+
+def _markers(value: Any, path: str) -> dict[int, KnownMarker]:
+    if not isinstance(value, Mapping):
+        raise ConfigError(f'{path}: needs an ID and what is known of it a line, not {value!r}')
+    known = {identity: _marker(identity, one, path) for identity, one in value.items()}
+    owners: dict[str, int] = {}
+    for marker in known.values():
+        usual = _USUAL_FRAME.fullmatch(marker.frame)
+        if usual and int(usual[1]) != marker.id:
+            raise ConfigError(
+                f'{path}.{marker.id}.frame: {marker.frame} is what marker {usual[1]} is called'
+            )
+        other = owners.setdefault(marker.frame, marker.id)
+        if other != marker.id:
+            raise ConfigError(
+                f'{path}.{marker.id}.frame: marker {other} has the frame {marker.frame}, too'
+            )
+    return known
+
+
+def _marker(identity: Any, value: Any, path: str) -> KnownMarker:
+    if isinstance(identity, bool) or not isinstance(identity, int):
+        raise ConfigError(f'{path}: {identity!r} is not an ID; it needs a number of 1 to {IDS - 2}')
+    if not 0 <= identity < IDS or identity in RESERVED_IDS:
+        raise ConfigError(f'{path}: {identity} is not an ID; 1 to {IDS - 2} are')
+    section = Section(value, f'{path}.{identity}')
+    marker = KnownMarker(
+        id=identity,
+        frame=section.take('frame', f'marker_{identity}', _frame),
+        note=section.take('note', '', text),
+        size_m=section.take('size', MARKER_SIZE_M, quantity('length', 1e-3, 1)),
+    )
+    section.end()
+    return marker
+
+
+def _frame(value: Any, path: str) -> str:
+    name = text(value, path)
+    if not _FRAME.fullmatch(name):
+        raise ConfigError(
+            f'{path}: {name!r} cannot be a TF frame; letters, digits and _ . - / within'
+        )
+    return name
+
+
+def load_markers(path: Path) -> dict[int, KnownMarker]:
+    """Return the markers that a marker file names, by their IDs.
+
+    Raises
+    ------
+    OSError
+        If it cannot be read.
+    ConfigError
+        If a marker cannot be, or stands there twice; the message names the file and the key.
+    """
+    return load_parsed(path, parse_markers)

@@ -1,0 +1,50 @@
+# Copyright 2026 retrolidar_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""How a liquid crystal turns from bright to dark and back: exponentially (paper §2.2)."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from retrolidar_ros.sensor.frame import Floats
+
+# An exponential runs from 10 to 90 % in ln 9 time constants.
+_TIME_CONSTANTS_10_TO_90 = math.log(9)
+
+
+@dataclass(frozen=True)
+class Response:
+    """Times from 10 to 90 % in which the liquid crystal darkens and brightens [s]."""
+
+    dark_s: float = 0.0005
+    bright_s: float = 0.0035
+
+    def integral(self, before: Floats, level: Floats, elapsed_s: Floats) -> Floats:
+        """Integrate the relaxation from one level to the next over the time since the edge.
+
+        A bit lasts many time constants, so the level of the bit before it is where it starts.
+
+        Parameters
+        ----------
+        before, level : array, shape (...)
+            Transmission of the bit before and of this one, 0 to 1.
+        elapsed_s : array, shape (...)
+            Time since the edge between them [s].
+
+        Returns
+        -------
+        array, shape (...)
+            [s]
+        """
+        return self.relaxation(before, level, elapsed_s)[0]
+
+    def relaxation(self, before: Floats, level: Floats, elapsed_s: Floats) -> tuple[Floats, Floats]:
+        """Return the integral of the relaxation [s], and where it has come to, 0 to 1."""
+        step = before - level
+        tau = np.where(step > 0, self.dark_s, self.bright_s) / _TIME_CONSTANTS_10_TO_90
+        share = np.divide(elapsed_s, tau, out=np.full_like(elapsed_s, np.inf), where=tau > 0)
+        gone = np.expm1(-np.maximum(share, 0.0))  # before the edge nothing has changed
+        return level * elapsed_s - step * tau * gone, level + step * (gone + 1.0)

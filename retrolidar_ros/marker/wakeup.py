@@ -1,0 +1,86 @@
+# Copyright 2026 retrolidar_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""What wakes a marker: the sensor's light on its photodiode against a threshold (paper §3.3).
+
+All voltages are root mean squares behind both filters. Light and noise do not know of each other,
+so their powers add: V² = noise² + light². The light falls with the square of the distance (paper
+§6.5) and with the area that the photodiode shows. How the amplifier saturates near by is not
+modelled.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from retrolidar_ros.sensor.frame import Floats
+
+# Paper Tab. 5, both filters [V].
+NOISE_V = {'dark': 14.812e-3, 'indoors': 16.443e-3, 'LED': 16.895e-3, 'outdoors': 36.695e-3}
+"""Noise by surroundings; LED is an infrared camera's."""
+GUARD_V = 1e-3
+THRESHOLD_V = NOISE_V['indoors'] + GUARD_V
+"""The paper's (§6.5)."""
+REACH_M = 2.25
+"""To what distance the paper's threshold is passed (§6.5)."""
+LARGEST_ANGLE_RAD = math.radians(55)
+"""Angle beyond which the photodiode receives nothing (§6.5)."""
+LOOK_S = 1e-3
+LOOK_EVERY_S = 0.1
+LATENCY_S = 0.4e-3  # of the circuit (paper §5)
+WAKING_S = LOOK_EVERY_S + LATENCY_S
+"""Longest time from the first light to the first bit."""
+
+
+def needed_light_v(threshold_v: float, noise_v: float) -> float:
+    """Return the light's voltage [V] that lifts a noise to a threshold; 0 if it is there alone."""
+    return math.sqrt(max(0.0, threshold_v**2 - noise_v**2))
+
+
+LIGHT_AT_1_M_V = REACH_M**2 * needed_light_v(THRESHOLD_V, NOISE_V['indoors'])
+
+
+def light_v(range_m: Floats, angle_rad: float = 0.0) -> Floats:
+    """Return the voltage that the sensor's light alone makes.
+
+    Parameters
+    ----------
+    range_m : array, shape (...)
+        Distance from the sensor, above 0 [m].
+    angle_rad : float
+        Between the marker's normal and the line of sight [rad].
+
+    Returns
+    -------
+    array, shape (...)
+        [V]
+    """
+    return LIGHT_AT_1_M_V * _facing(angle_rad) / np.square(range_m)
+
+
+def voltage_v(
+    range_m: Floats, angle_rad: float = 0.0, noise_v: float = NOISE_V['indoors']
+) -> Floats:
+    """Return the voltage of light and noise [V], shape (...); parameters as of `light_v`."""
+    return np.hypot(noise_v, light_v(range_m, angle_rad))
+
+
+def wakeup_range_m(
+    threshold_v: float = THRESHOLD_V,
+    noise_v: float = NOISE_V['indoors'],
+    angle_rad: float = 0.0,
+) -> float:
+    """Return to what distance the marker wakes [m].
+
+    Infinite where the noise alone passes the threshold, so that the marker never sleeps; 0 where
+    the marker faces away.
+    """
+    needed_v = needed_light_v(threshold_v, noise_v)
+    if needed_v == 0:
+        return math.inf
+    return math.sqrt(LIGHT_AT_1_M_V * _facing(angle_rad) / needed_v)
+
+
+def _facing(angle_rad: float) -> float:
+    return math.cos(angle_rad) if abs(angle_rad) <= LARGEST_ANGLE_RAD else 0.0

@@ -1,0 +1,182 @@
+# Copyright 2026 retrolidar_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""A sensor on a pseudo-terminal: it speaks protocol 1 in real time about a scene."""
+
+from __future__ import annotations
+
+import os
+import pty
+import select
+import termios
+import time
+import tty
+from collections.abc import Callable, Iterator
+from contextlib import suppress
+from dataclasses import replace
+from pathlib import Path
+from types import TracebackType
+
+from retrolidar_ros.bag import FrameWriter
+from retrolidar_ros.scene import Scene, Simulation
+from retrolidar_ros.sensor.frame import Frame
+from retrolidar_ros.sensor.wire import DELIMITER, encode_frame
+
+_BLOCK_S = 0.25  # computed ahead at a time
+_LINGER_S = 0.25  # a hang-up discards what is still on the line
+
+
+class PortLink:
+    """A pseudo-terminal under a path of one's choice, like a serial port that comes and goes."""
+
+    def __init__(self, path: Path) -> None:
+        """Open a terminal and link `path` to it.
+
+        Raises
+        ------
+        FileExistsError
+            If there is something else at `path` than a link to a pseudo-terminal, which an
+            emulator that was killed may have left.
+        """
+        is_left_over = path.is_symlink() and Path(os.readlink(path)).parent == Path('/dev/pts')
+        if path.exists() or (path.is_symlink() and not is_left_over):
+            raise FileExistsError(f'{path} exists; give a path where nothing is yet')
+        if not path.parent.is_dir():
+            raise FileNotFoundError(f'there is no directory {path.parent} for the port {path.name}')
+        self._path = path
+        self._master, slave = pty.openpty()
+        tty.setraw(slave)
+        # Opened and closed once, the terminal tells from now on whether somebody listens.
+        self._port = os.ttyname(slave)
+        os.close(slave)
+        os.set_blocking(self._master, False)
+        self._torn = False
+        try:
+            path.unlink(missing_ok=True)
+            path.symlink_to(self._port)
+        except OSError:
+            os.close(self._master)
+            raise
+
+    def __enter__(self) -> PortLink:
+        """Return the open port."""
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        traceback: TracebackType | None,
+    ) -> None:
+        """Pull the cable."""
+        self.close()
+
+    def close(self) -> None:
+        """Remove the link, unless it is another's by now, and hang up."""
+        if self._path.is_symlink() and os.readlink(self._path) == self._port:
+            self._path.unlink()
+        os.close(self._master)
+
+    def write(self, data: bytes) -> bool:
+        """Send bytes; return False if nobody listens or the listener does not keep up.
+
+        A packet that was cut off is ended by a delimiter, so that it does not cost the next.
+        """
+        poll = select.poll()
+        poll.register(self._master, select.POLLOUT)
+        events = poll.poll(0)
+        if not events:
+            return False
+        if events[0][1] & select.POLLHUP:
+            self._forget_unread()
+            return False
+        if self._torn:
+            data = DELIMITER + data
+        self._torn = True
+        try:
+            while data:
+                data = data[os.write(self._master, data) :]
+        except BlockingIOError:
+            return False
+        self._torn = False
+        return True
+
+    def _forget_unread(self) -> None:
+        """Discard what the last listener left: a real port buffers nothing for the next one."""
+        slave = os.open(self._port, os.O_RDWR | os.O_NOCTTY)
+        termios.tcflush(slave, termios.TCIFLUSH)
+        os.close(slave)
+
+
+def frames_in_real_time(
+    scene: Scene, duration_s: float | None, start_ns: int, clock: Callable[[], int]
+) -> Iterator[tuple[Frame, int]]:
+    """Yield each frame of a scene when its exposure ends, with the true time of its middle [ns].
+
+    Parameters
+    ----------
+    scene : Scene
+        What the sensor sees.
+    duration_s : float or None
+        When to stop; None = never.
+    start_ns : int
+        Host time of the scene's time zero [ns].
+    clock : callable
+        Returns the host time now [ns].
+    """
+    simulation = Simulation(scene)
+    block_frames = max(1, round(_BLOCK_S / simulation.period_s))
+    remaining = None if duration_s is None else round(duration_s / simulation.period_s)
+    while remaining is None or remaining > 0:
+        count = block_frames if remaining is None else min(block_frames, remaining)
+        if remaining is not None:
+            remaining -= count
+        for frame in simulation.advance(count):
+            true_s = frame.sensor_time_us * 1e-6 / (1 + scene.sensor.clock_error)
+            middle_ns = start_ns + round(true_s * 1e9)
+            wait_s = (middle_ns - clock()) * 1e-9 + simulation.period_s / 2
+            if wait_s > 0:
+                time.sleep(wait_s)
+            yield frame, middle_ns
+
+
+def emulate(
+    scene: Scene,
+    link: Path,
+    duration_s: float | None = None,
+    ready: Callable[[], None] = lambda: None,
+) -> tuple[int, int]:
+    """Serve a scene at a port until it ends or is interrupted; return frames sent and lost.
+
+    Frames that nobody takes are lost, as on a real line.
+    """
+    sent = lost = 0
+    with PortLink(link) as port:
+        ready()
+        with suppress(KeyboardInterrupt):
+            for frame, _ in frames_in_real_time(
+                scene, duration_s, time.monotonic_ns(), time.monotonic_ns
+            ):
+                if port.write(encode_frame(frame)):
+                    sent += 1
+                else:
+                    lost += 1
+        time.sleep(_LINGER_S)
+    return sent, lost
+
+
+def record(scene: Scene, path: Path, storage: str, duration_s: float) -> int:
+    """Write a scene to a new rosbag2, as if it had begun at the host's present time.
+
+    Returns
+    -------
+    int
+        How many frames were written.
+    """
+    start_ns = time.time_ns()
+    frames = 0
+    with FrameWriter(path, storage=storage) as bag:
+        for block in Simulation(scene).blocks(duration_s):
+            for frame in block:
+                bag.write(replace(frame, stamp_ns=start_ns + frame.stamp_ns))
+                frames += 1
+    return frames

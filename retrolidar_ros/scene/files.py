@@ -1,0 +1,41 @@
+# Copyright 2026 retrolidar_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""Scene files, by path or by name."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from retrolidar_ros.scene.description import Scene, parse_scene
+from retrolidar_ros.settings.resources import shared_file
+from retrolidar_ros.settings.yaml_files import load_parsed
+
+
+def find_scene(name: str) -> Path:
+    """Return the file of a scene: a path, or the name of one that ships with the package.
+
+    Raises
+    ------
+    FileNotFoundError
+        If there is neither; the message lists the names there are.
+    """
+    if Path(name).is_file():
+        return Path(name)
+    shipped = shared_file('config/scenes')
+    if (shipped / f'{name}.yaml').is_file():
+        return shipped / f'{name}.yaml'
+    known = ', '.join(sorted(path.stem for path in shipped.glob('*.yaml')))
+    raise FileNotFoundError(f'there is no scene {name}; give a file, or one of {known}')
+
+
+def load_scene(name: str) -> Scene:
+    """Return a scene by the path of its file, or by name if it ships with the package.
+
+    Raises
+    ------
+    FileNotFoundError
+        If there is no such scene.
+    ConfigError
+        If the scene cannot be; the message names the file and the key.
+    """
+    return load_parsed(find_scene(name), parse_scene)

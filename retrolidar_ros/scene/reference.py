@@ -1,0 +1,90 @@
+# Copyright 2026 retrolidar_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""The reference scene: what every experiment starts from.
+
+One 3 cm × 3 cm marker in the middle of every zone, all at the same range, each on a wall of
+4 kcps/SPAD (paper §3.2) so that marker and wall merge into one pulse; the signal's variance and
+the ranging deviation are those of a VL53L8CX. Every zone is a reading of its own.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from retrolidar_ros.marker.code import BIT_PERIOD_S, IDS
+from retrolidar_ros.scene.description import (
+    Marker,
+    Noise,
+    Ranging,
+    Response,
+    Scene,
+    Sensor,
+    Surface,
+)
+from retrolidar_ros.sensor.frame import ZoneGrid
+
+WALL_SIGNAL = 4.0  # [kcps/SPAD]
+NOISE = Noise(floor=4.6, slope=0.22)
+RANGING = Ranging(shot=0.490, floor=0.0016)
+SENSOR = Sensor(noise=NOISE, ranging=RANGING)
+RESPONSE = Response(dark_s=0.0005, bright_s=0.0035)
+
+
+def walls(range_m: float, grid: ZoneGrid) -> tuple[Surface, ...]:
+    """Return a background in every zone at the distance that the sensor reports for a range."""
+    return tuple(
+        Surface(float(range_m * factor), WALL_SIGNAL, (zone,))
+        for zone, factor in enumerate(grid.z_per_range)
+    )
+
+
+def marker_in_each_zone(
+    range_m: float,
+    rng: np.random.Generator,
+    *,
+    start_s: tuple[float, float],
+    packets: int | None = 1,
+    size_m: float = 0.03,
+    yaw_rad: float = 0.0,
+    sensor: Sensor = SENSOR,
+    bit_period_s: float = BIT_PERIOD_S,
+) -> Scene:
+    """Return the reference scene with random usable IDs and random starts, one of each a zone.
+
+    Parameters
+    ----------
+    range_m : float
+        Radial distance of all markers [m].
+    rng : numpy.random.Generator
+        Where IDs and starts come from.
+    start_s : (float, float)
+        Earliest and latest start of a marker's first packet [s].
+    packets : int or None
+        How many packets each sends; None = without end.
+    size_m : float
+        Edge of the markers [m].
+    yaw_rad : float
+        Between each marker's normal and the line of sight [rad].
+    sensor : Sensor
+        What sees them.
+    bit_period_s : float
+        How long they hold a bit [s].
+    """
+    grid = sensor.grid
+    ids = 1 + rng.choice(IDS - 2, grid.zones, replace=False)
+    starts = rng.uniform(*start_s, grid.zones)
+    markers = tuple(
+        Marker(
+            id=int(identity),
+            position_m=(float(place[0]), float(place[1]), float(place[2])),
+            name=f'marker_{identity}',
+            size_m=size_m,
+            yaw_rad=yaw_rad,
+            bit_period_s=bit_period_s,
+            start_s=float(start),
+            packets=packets,
+            response=RESPONSE,
+        )
+        for identity, start, place in zip(ids, starts, range_m * grid.directions, strict=True)
+    )
+    return Scene(sensor=sensor, markers=markers, surfaces=walls(range_m, grid))

@@ -1,0 +1,105 @@
+# Copyright 2026 retrolidar_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""What was read of a scene, set beside the truth."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from retrolidar_ros.marker.code import BIT_PERIOD_S, PACKET_BITS
+from retrolidar_ros.scene import Scene
+from retrolidar_ros.scene.description import Marker
+from retrolidar_ros.scene.optics import position_at
+from retrolidar_ros.sensor.frame import Floats, Recording
+
+MAX_RANGE_ERROR_M = 0.01
+PACKET_S = PACKET_BITS * BIT_PERIOD_S
+
+
+class Heard(NamedTuple):
+    """One `MarkerDetection`, as far as the demo judges it."""
+
+    id: int
+    start_ns: int
+    stamp_ns: int
+    end_ns: int
+    range_m: float
+    snr_db: float
+    position_m: tuple[float, float, float]
+    zone: int
+    has_transform: bool
+
+
+class Outcome(NamedTuple):
+    """What became of one ID: a marker of the scene, or a ghost that no marker sent."""
+
+    id: int
+    name: str
+    readings: int
+    range_m: float
+    """True range, mean over the readings; NaN for a ghost."""
+    error_m: float
+    """Measured less true range, of the reading in which it is largest; NaN without truth."""
+    snr_db: float
+    first_reading_s: float
+    """From the first frame to the end of the first reading; NaN without any."""
+    has_transforms: bool
+
+    @property
+    def good(self) -> bool:
+        """Whether a marker was read, placed by TF, and ranged well."""
+        return self.readings > 0 and self.has_transforms and abs(self.error_m) < MAX_RANGE_ERROR_M
+
+
+def true_range(scene: Scene, marker: Marker, recording: Recording, stamps: Floats) -> Floats:
+    """Return a marker's true range [m] at stamps [ns after the recording's first], any shape."""
+    elapsed = (recording.stamp_ns - recording.stamp_ns[0]).astype(np.float64)
+    sensor_s = np.interp(stamps, elapsed, recording.sensor_time_us * 1e-6)
+    positions = position_at(marker, sensor_s.ravel() / (1 + scene.sensor.clock_error))
+    ranges = np.linalg.norm(positions, axis=-1)
+    return np.broadcast_to(ranges, stamps.size).reshape(stamps.shape)
+
+
+def judge(scene: Scene, recording: Recording, heard: Sequence[Heard]) -> list[Outcome]:
+    """Set what was heard beside the truth: markers of the scene first, then ghosts."""
+    origin_ns = int(recording.stamp_ns[0])
+    markers: dict[int, Marker | None] = {marker.id: marker for marker in scene.markers}
+    for ghost in sorted({reading.id for reading in heard} - set(markers)):
+        markers[ghost] = None
+    outcomes = []
+    for identity, marker in markers.items():
+        own = [reading for reading in heard if reading.id == identity]
+        truth: Floats = np.full(len(own), np.nan)
+        if marker is not None:
+            stamps = np.array([reading.stamp_ns - origin_ns for reading in own], dtype=float)
+            truth = true_range(scene, marker, recording, stamps)
+        ranges: NDArray[np.float64] = np.array([reading.range_m for reading in own])
+        outcomes.append(
+            Outcome(
+                id=identity,
+                name='ghost' if marker is None else marker.name,
+                readings=len(own),
+                range_m=float(truth.mean()) if own else np.nan,
+                error_m=max((ranges - truth).tolist(), key=abs) if own else np.nan,
+                snr_db=float(np.median([r.snr_db for r in own])) if own else np.nan,
+                first_reading_s=(own[0].end_ns - origin_ns) * 1e-9 if own else np.nan,
+                has_transforms=all(reading.has_transform for reading in own),
+            )
+        )
+    return outcomes
+
+
+def table(outcomes: Sequence[Outcome]) -> str:
+    """Return outcomes as lines of text."""
+    lines = ['     id  name        range [m]  worst [mm]  SNR [dB]  first read [s]  readings  TF']
+    lines += [
+        f'   {one.id:4d}  {one.name:10}  {one.range_m:9.3f}  {one.error_m * 1e3:10.1f}  '
+        f'{one.snr_db:8.1f}  {one.first_reading_s:14.2f}  {one.readings:8d}  '
+        f'{"yes" if one.readings and one.has_transforms else "no"}'
+        for one in outcomes
+    ]
+    return '\n'.join(lines)

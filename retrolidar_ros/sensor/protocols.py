@@ -1,0 +1,43 @@
+# Copyright 2026 retrolidar_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""The protocols that a sensor on a serial line may speak."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Protocol
+
+from retrolidar_ros.sensor.frame import Frame
+from retrolidar_ros.sensor.st_example import StExampleReader
+from retrolidar_ros.sensor.wire import FrameReader, WireCounts
+
+
+class Reader(Protocol):
+    """Finds frames in a stream of bytes, whatever the bytes are."""
+
+    @property
+    def counts(self) -> WireCounts:
+        """What the reader has met so far."""
+
+    def feed(self, data: bytes) -> list[Frame]:
+        """Take the next bytes of the stream; return the frames they complete, oldest first."""
+
+    def restart(self) -> None:
+        """Forget a frame that was cut off: the next bytes do not continue it."""
+
+    def request(self) -> bytes:
+        """Return what is to be sent to the sensor now; nothing, most often."""
+
+    def notice(self) -> str:
+        """Return what the user is to be warned of now; nothing, most often."""
+
+
+def _retrolidar(_: Callable[[], int]) -> Reader:
+    return FrameReader()
+
+
+PROTOCOLS: dict[str, Callable[[Callable[[], int]], Reader]] = {
+    'retrolidar': _retrolidar,
+    'st_example': StExampleReader,
+}
+"""By name, what makes a reader of a clock: a function that returns the host's time [ns]."""

@@ -1,0 +1,46 @@
+# Copyright 2026 retrolidar_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""Rotations as unit quaternions (x, y, z, w)."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from retrolidar_ros.sensor.frame import Floats
+
+
+def matrix_of(quaternion: Floats) -> Floats:
+    """Return the rotation matrix, shape (3, 3), of a quaternion of shape (4,)."""
+    x, y, z, w = quaternion / np.linalg.norm(quaternion)
+    return np.array(
+        [
+            [1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
+            [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)],
+            [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)],
+        ]
+    )
+
+
+def quaternion_of(matrix: Floats) -> Floats:
+    """Return the quaternion, shape (4,), of a rotation matrix of shape (3, 3).
+
+    It is the eigenvector of the largest eigenvalue of a symmetric matrix (Bar-Itzhack 2000).
+    """
+    (xx, xy, xz), (yx, yy, yz), (zx, zy, zz) = matrix
+    symmetric = np.array(
+        [
+            [xx - yy - zz, xy + yx, xz + zx, zy - yz],
+            [xy + yx, yy - xx - zz, yz + zy, xz - zx],
+            [xz + zx, yz + zy, zz - xx - yy, yx - xy],
+            [zy - yz, xz - zx, yx - xy, xx + yy + zz],
+        ]
+    )
+    quaternion: Floats = np.linalg.eigh(symmetric)[1][:, -1]
+    return quaternion
+
+
+def product(first: Floats, second: Floats) -> Floats:
+    """Return the quaternion that turns by `second`, then by `first`; shapes (4,)."""
+    u, v = first[:3], second[:3]
+    vector = first[3] * v + second[3] * u + np.cross(u, v)
+    return np.append(vector, first[3] * second[3] - u @ v)

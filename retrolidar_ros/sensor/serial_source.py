@@ -1,0 +1,125 @@
+# Copyright 2026 retrolidar_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""Frames from a serial port that may be absent, vanish, and come back."""
+
+from __future__ import annotations
+
+import errno
+import termios
+import time
+from collections.abc import Callable
+from pathlib import Path
+from threading import Event
+
+import serial
+
+from retrolidar_ros.sensor.frame import Frame
+from retrolidar_ros.sensor.protocols import Reader
+
+RETRY_S = 0.5
+_READ_TIMEOUT_S = 0.2
+
+
+def explain(error: OSError, port: str) -> str:
+    """Say what is wrong with a port and what to do about it, in one line."""
+    if error.errno == errno.ENOENT:
+        return f'{port} does not exist; is the sensor plugged in?'
+    if error.errno == errno.EACCES:
+        return f'no permission to open {port}; {_remedy(port)}'
+    if error.errno in (errno.EBUSY, errno.EAGAIN):
+        return f'{port} is in use by another program'
+    if error.errno in (errno.ENOTTY, errno.EISDIR):
+        return f'{port} is not a serial port'
+    return f'{port}: {error}'
+
+
+def _remedy(port: str) -> str:
+    """Say how to get the permission to open a port."""
+    try:
+        group = Path(port).group()
+    except (OSError, KeyError):  # gone by now, or of a group that has no name
+        group = 'dialout'
+    return f'it belongs to the group {group}: sudo usermod -aG {group} $USER, and log in again'
+
+
+class SerialSource:
+    """Reads frames from a port, and opens it again whenever that is needed."""
+
+    def __init__(
+        self, port: str, baud: int, reader: Reader, now_ns: Callable[[], int] = time.time_ns
+    ) -> None:
+        """Prepare to read `port`; nothing is opened yet. `now_ns` tells when frames arrive."""
+        self._now_ns = now_ns
+        self.port = port
+        self.baud = baud
+        self.reader = reader
+        self.is_open = False
+        self.problem = f'{port} has not been opened yet'
+        """Why the port is not open; empty while it is."""
+        self.openings = 0
+        self.received = 0
+        """How many bytes have come."""
+
+    def run(
+        self,
+        take: Callable[[list[Frame], int], None],
+        report: Callable[[str], None],
+        stop: Event,
+    ) -> None:
+        """Read until `stop` is set.
+
+        Parameters
+        ----------
+        take : callable
+            Gets the frames of each read, and the time [ns] at which it returned.
+        report : callable
+            Gets a line whenever the port opens, or a new reason why it cannot be read.
+        stop : threading.Event
+            Ends the reading within the read's timeout.
+        """
+        while not stop.is_set():
+            try:
+                with self._open() as line:
+                    self.is_open = True
+                    self.problem = ''
+                    self.openings += 1
+                    report(f'reading {self.port}')
+                    self._read(line, take, stop)
+            except OSError as error:
+                lost = f'{self.port} was lost; is the sensor still plugged in?'
+                problem = lost if self.is_open else explain(error, self.port)
+                self.is_open = False
+                if problem != self.problem:
+                    report(f'{problem}; retrying')
+                self.problem = problem
+            finally:
+                self.is_open = False
+            stop.wait(RETRY_S)
+
+    def _open(self) -> serial.Serial:
+        """Open the port for this program alone; OSError if that cannot be."""
+        try:
+            # This empties the buffers: old bytes arrive at a time that tells nothing.
+            line = serial.Serial(self.port, self.baud, timeout=_READ_TIMEOUT_S, exclusive=True)
+        except (ValueError, termios.error) as error:  # a baud rate it cannot do; a port just gone
+            raise OSError(*error.args) from error
+        except serial.SerialException as error:
+            # Of what is no terminal pyserial tells in its text only what the system has said.
+            if isinstance(error.__context__, termios.error):
+                raise OSError(*error.__context__.args) from error
+            raise
+        self.reader.restart()  # ends the packet in which the port was lost
+        return line
+
+    def _read(
+        self, line: serial.Serial, take: Callable[[list[Frame], int], None], stop: Event
+    ) -> None:
+        """Pass on frames until the port fails or `stop` is set."""
+        while not stop.is_set():
+            data = line.read(max(1, line.in_waiting))
+            arrival_ns = self._now_ns()
+            self.received += len(data)
+            if frames := self.reader.feed(data):
+                take(frames, arrival_ns)
+            if request := self.reader.request():
+                line.write(request)

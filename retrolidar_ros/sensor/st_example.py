@@ -1,0 +1,266 @@
+# Copyright 2026 retrolidar_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""Frames from the text that ST's own example prints, so that a kit needs no other firmware.
+
+The example is `53L8A1_SimpleRanging` of X-CUBE-TOF1 (NUCLEO-F401RE, `Src/app_tof.c`): a banner, the
+format of a cell, and a table with two lines of cells a row, one of distance and status, one of
+signal and ambient light once the key `s` has switched these on.
+"""
+
+from __future__ import annotations
+
+import re
+from collections import deque
+from collections.abc import Callable
+
+import numpy as np
+
+from retrolidar_ros.marker.code import BIT_PERIOD_S
+from retrolidar_ros.sensor.frame import ZONE_SHAPES, Frame, Status, ZoneGrid
+from retrolidar_ros.sensor.wire import Splitter, WireCounts
+
+MAX_LINE_BYTES = 512  # one of eight cells has 258, if its numbers have five digits
+SWITCH_LIGHT = b's'
+"""Switches the signal and the ambient light on, or off again."""
+PATIENCE_FRAMES = 5
+"""So many more frames without signal come until it is asked for again: some were on the way."""
+REQUESTS = 2
+"""So many requests are waited for before frames without signal are passed on."""
+PERIODS = 11
+"""So many periods of frames are measured before one is told: odd, so the median is one of them."""
+_NEWS = 0.25  # relative change of the period that is told
+
+_LINE_END = b'\n'
+_TEXT = re.compile(rb'[\x1b\r\x20-\x7e]*')
+_HOME = '\x1b[2H'
+_TABLE_TITLE = 'Cell Format'
+_LIGHT_TITLE = 'Signal ['
+# A distance is green, so a line of distances is never taken for one of signals.
+_RANGING = re.compile(r' *\x1b\[38;5;10m *(-?\d{1,10})\x1b\[0m *: *(\d{1,10}) *')
+_LIGHT = re.compile(r' *(\d{1,10}|X) *: *(\d{1,10}|X) *')
+_NOTHING = re.compile(r' *X *: *X *')
+# What ST's driver makes of the sensor's statuses, undone: it gives 5 and 9 the same number.
+_STATUSES = {0: Status.VALID, 255: Status.NOT_UPDATED}
+_MAX_DISTANCE_MM = 2**15  # the sensor's driver has it in 16 bits
+
+_Cell = tuple[float, float]
+
+
+def _ranging(cell: str) -> _Cell:
+    """Return distance [m] and status of a cell; ValueError if it is none."""
+    if _NOTHING.fullmatch(cell):
+        return np.nan, Status.NO_TARGET
+    match = _RANGING.fullmatch(cell)
+    if not match:
+        raise ValueError(f'{cell!r} is no distance and status')
+    distance_mm, status = int(match[1]), int(match[2])
+    if abs(distance_mm) > _MAX_DISTANCE_MM or status > 255:
+        raise ValueError(f'distance {distance_mm} mm or status {status} cannot be')
+    return distance_mm / 1000, _STATUSES.get(status, status)
+
+
+def _light(cell: str) -> _Cell:
+    """Return signal and ambient light [kcps/SPAD] of a cell; ValueError if it is none."""
+    match = _LIGHT.fullmatch(cell)
+    if not match:
+        raise ValueError(f'{cell!r} is no signal and ambient light')
+    signal, ambient = (0.0 if text == 'X' else float(text) for text in match.groups())
+    return signal, ambient
+
+
+class _Table:
+    """The table of one frame, line by line."""
+
+    def __init__(self) -> None:
+        """Start before its title."""
+        self.has_title = False
+        self.has_light = False
+        self._rows: list[list[list[_Cell]]] = []
+        """Of each row its lines of cells."""
+
+    def take(self, line: str) -> bool:
+        """Take a line; return whether it completes the table.
+
+        Raises
+        ------
+        ValueError
+            If it cannot follow the lines before it.
+        """
+        line = line.strip()
+        if not line.startswith('|'):
+            self.has_title |= _TABLE_TITLE in line
+            self.has_light |= _LIGHT_TITLE in line
+            return False
+        row_is_whole = not self._rows or len(self._rows[-1]) == 1 + self.has_light
+        cells = line[1:-1].split('|')
+        if not ''.join(cells).strip():  # above each row there is a line of empty cells
+            if not row_is_whole:
+                raise ValueError('a row ends before its last line')
+            self._rows.append([])
+            return False
+        if row_is_whole:
+            raise ValueError('a line of cells is in no row')
+        columns = len(cells)
+        if (columns, columns) not in ZONE_SHAPES or not line.endswith('|'):
+            raise ValueError(f'a line of {columns} cells')
+        row = self._rows[-1]
+        row.append([(_light if row else _ranging)(cell) for cell in cells])
+        if len(self._rows[0][0]) != columns:
+            raise ValueError(f'lines of {len(self._rows[0][0])} and {columns} cells')
+        return len(self._rows) == columns and len(row) == 1 + self.has_light
+
+    def frame(self, sequence: int, now_us: int) -> Frame:
+        """Return the frame of a complete table."""
+        side = len(self._rows)
+        lines = np.array(self._rows, dtype=np.float64)  # rows, lines, columns, two values
+        ranging = lines[:, 0].reshape(-1, 2)
+        light = lines[:, -1].reshape(-1, 2) if self.has_light else np.zeros_like(ranging)
+        return Frame(
+            stamp_ns=now_us * 1000,
+            sequence=sequence,
+            sensor_time_us=now_us,
+            grid=ZoneGrid(side, side),
+            distance=ranging[:, 0].astype(np.float32),
+            signal=light[:, 0].astype(np.float32),
+            ambient=light[:, 1].astype(np.float32),
+            status=ranging[:, 1].astype(np.uint8),
+        )
+
+
+class FramePeriod:
+    """Measures the time between frames, and tells it when that is news."""
+
+    def __init__(self) -> None:
+        """Start without knowledge."""
+        self._times_us: deque[int] = deque(maxlen=PERIODS + 1)
+        self._told_s = 0.0
+
+    def take(self, time_us: int) -> float | None:
+        """Take the time of a frame [µs]; return the period [s] if it has not been told yet.
+
+        It is the median of the last `PERIODS`, so a pause or a lost frame does not change it.
+        """
+        self._times_us.append(time_us)
+        if len(self._times_us) <= PERIODS:
+            return None
+        period_s = float(np.median(np.diff(list(self._times_us)))) * 1e-6
+        if period_s <= 0 or abs(period_s - self._told_s) <= _NEWS * self._told_s:
+            return None
+        self._told_s = period_s
+        return period_s
+
+
+def slow_text(period_s: float) -> str:
+    """Say what it means that a frame comes as text every `period_s` [s]."""
+    bit_period_s = 2 * period_s
+    return (
+        f"ST's example sends a frame every {period_s * 1e3:.0f} ms; the "
+        f'{BIT_PERIOD_S / 2 * 1e3:.0f} ms of the RetroLiDAR paper are out of reach of its text. To '
+        f'be read, markers must hold each bit for two frames, {bit_period_s:.3f} s: set '
+        f"the detector's bit_period to {bit_period_s:.3f}, or flash a firmware that speaks "
+        f'protocol retrolidar'
+    )
+
+
+UNHEEDED = (
+    'signal and ambient light are off, and the board does not heed the key s that switches them '
+    'on: press it in a terminal, or restart the board'
+)
+
+
+class StExampleReader:
+    """Finds frames in the text of ST's example, whatever the bytes are.
+
+    The text has the left of the scene first, as a `Frame` has. It has neither time nor counter:
+    a frame bears the host's time at the end of its last row, and `sequence` counts the frames that
+    were passed on. Status 9, merged, comes as 5, valid. Signal and ambient light are 0 where there
+    is no target. The example has to switch them on, which the reader asks for; a frame without them
+    is withheld meanwhile, for a step of the signal would look as if every zone blinked. Only if
+    `REQUESTS` were not heeded such frames are passed on, with 0 everywhere.
+
+    There is no checksum. A table that does not fit together is dropped and counted, but a digit
+    that became another one is not noticed. Memory is bounded.
+    """
+
+    def __init__(self, now_ns: Callable[[], int]) -> None:
+        """Start anywhere in the text; `now_ns` returns the host's time [ns]."""
+        self.counts = WireCounts()
+        self._now_ns = now_ns
+        self._table: _Table | None = None
+        self.restart()
+
+    def feed(self, data: bytes) -> list[Frame]:
+        """Take the next bytes of the stream; return the frames they complete, oldest first."""
+        frames = []
+        for line in self._lines.split(data):
+            if line is None:
+                self.counts.overlong += 1
+                self._table = None
+            elif not _TEXT.fullmatch(line):
+                self.counts.bad_framing += 1
+                self._table = None
+            elif (frame := self._read_line(line.decode('ascii'))) is not None:
+                frames.append(frame)
+        return frames
+
+    def restart(self) -> None:
+        """Forget a frame that was cut off, and what was asked of the sensor and told of it."""
+        self._lines = Splitter(_LINE_END, MAX_LINE_BYTES)
+        self._table = None
+        self._period = FramePeriod()
+        self._notices: list[str] = []
+        self._dark_frames = 0
+        """Frames without signal since one with it."""
+        self._is_light_wanted = False
+
+    def request(self) -> bytes:
+        """Return the key that switches the signal on, if it is off and was not just pressed.
+
+        The key is a switch: pressed once more while its effect is on the way, it would undo it.
+        """
+        is_wanted, self._is_light_wanted = self._is_light_wanted, False
+        return SWITCH_LIGHT if is_wanted else b''
+
+    def notice(self) -> str:
+        """Return what is news: what the frames' period means, and that there is no signal."""
+        notices, self._notices = self._notices, []
+        return '; '.join(notices)
+
+    def _read_line(self, line: str) -> Frame | None:
+        """Return the frame that a line completes, if it does."""
+        _, home, line = line.rpartition(_HOME)
+        is_title = _TABLE_TITLE in line
+        if home or (is_title and (self._table is None or self._table.has_title)):
+            if self._table is not None:
+                self.counts.bad_shape += 1
+            self._table = _Table()
+        if self._table is None:
+            return None
+        try:
+            if not self._table.take(line):
+                return None
+        except ValueError:
+            self.counts.bad_shape += 1
+            self._table = None
+            return None
+        now_us = self._now_ns() // 1000
+        table, self._table = self._table, None
+        self._ask_for_light(table.has_light)
+        if (period_s := self._period.take(now_us)) is not None:
+            self._notices.append(slow_text(period_s))
+        unheeded = self._dark_frames - REQUESTS * PATIENCE_FRAMES
+        if not table.has_light and unheeded <= 0:
+            self.counts.withheld += 1
+            return None
+        if unheeded == 1:
+            self._notices.append(UNHEEDED)
+        frame = table.frame(self.counts.frames % 2**32, now_us)
+        self.counts.frames += 1
+        return frame
+
+    def _ask_for_light(self, has_light: bool) -> None:
+        """Want the signal switched on at the first frame without it, and at every fifth after."""
+        self._is_light_wanted = not has_light and (
+            self._is_light_wanted or self._dark_frames % PATIENCE_FRAMES == 0
+        )
+        self._dark_frames = 0 if has_light else self._dark_frames + 1

@@ -1,0 +1,259 @@
+# Copyright 2026 retrolidar_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""Bytes on the serial line to and from frames: protocol version 1.
+
+A packet is a header, the zones in the sensor's own order, and a checksum, all little-endian;
+it travels COBS-encoded (Cheshire and Baker 1999), so that 0x00 ends a packet and occurs
+nowhere else. Zone 0 of the sensor sees the scene's top right, so columns are turned round.
+"""
+
+from __future__ import annotations
+
+from binascii import crc_hqx
+from collections.abc import Iterator
+from dataclasses import dataclass
+from struct import Struct
+
+import numpy as np
+
+from retrolidar_ros.sensor.frame import ZONE_SHAPES, Frame, Status, ZoneGrid, check_frame_arrays
+
+KIND_FRAME = 1
+DELIMITER = b'\0'
+MAX_PACKET_BYTES = 4096  # a frame of 8x8 zones has 724; longer kinds may come one day
+
+_HEADER = Struct('<BIQBB')  # kind, sequence, sensor time, rows, columns
+_ZONE = np.dtype([('distance', '<i2'), ('signal', '<u4'), ('ambient', '<u4'), ('status', 'u1')])
+_CRC_BYTES = 2
+_DISTANCE_PER_M = 4000.0  # quarter millimetres
+_SIGNAL_PER_KCPS = 2048.0
+
+
+def cobs_encode(data: bytes) -> bytes:
+    """Encode bytes so that none of them is zero, at the cost of one byte in 254."""
+    encoded = bytearray()
+    for chunk in data.split(DELIMITER):
+        full, rest = divmod(len(chunk), 254)
+        for block in range(full):
+            encoded += b'\xff' + chunk[block * 254 : (block + 1) * 254]
+        encoded.append(rest + 1)
+        encoded += chunk[len(chunk) - rest :]
+    if full and not rest:
+        encoded.pop()  # a full block stands for no zero, so at the end it needs no successor
+    return bytes(encoded)
+
+
+def cobs_decode(encoded: bytes) -> bytes:
+    """Undo `cobs_encode`.
+
+    Raises
+    ------
+    ValueError
+        If there is a zero, or a length byte points beyond the end.
+    """
+    if DELIMITER in encoded:
+        raise ValueError(f'COBS data has a zero at {encoded.index(DELIMITER)}')
+    data = bytearray()
+    position = 0
+    while position < len(encoded):
+        length = encoded[position]
+        following = position + length
+        if following > len(encoded):
+            raise ValueError(f'COBS length byte {length} at {position} of {len(encoded)}')
+        data += encoded[position + 1 : following]
+        if length < 255 and following < len(encoded):
+            data.append(0)
+        position = following
+    return bytes(data)
+
+
+def crc16(data: bytes) -> int:
+    """Return the CRC-16/CCITT-FALSE of bytes (0x29B1 for the digits 1 to 9)."""
+    return crc_hqx(data, 0xFFFF)
+
+
+def encode_packet(content: bytes) -> bytes:
+    """Return a packet of any kind as it goes on the line: checksum, COBS and delimiter added."""
+    return cobs_encode(content + crc16(content).to_bytes(2, 'little')) + DELIMITER
+
+
+def encode_frame(frame: Frame) -> bytes:
+    """Return a frame as it goes on the line; values beyond the wire's range are clipped.
+
+    Raises
+    ------
+    ValueError
+        If an array has not one value a zone, a signal or ambient light is not finite, a distance
+        is NaN where the status is not 255, or a counter does not fit.
+    """
+    grid = frame.grid
+    zones = np.zeros(grid.zones, dtype=_ZONE)
+    check_frame_arrays(
+        grid,
+        distance=frame.distance,
+        signal=frame.signal,
+        ambient=frame.ambient,
+        status=frame.status,
+    )
+    missing = np.isnan(frame.distance)
+    if (frame.status[missing] != Status.NO_TARGET).any():
+        raise ValueError('a distance is NaN where the status is not 255, no target')
+    distance_m = np.where(missing, 0.0, frame.distance.astype(np.float64))
+    quarter_mm = np.rint(distance_m * _DISTANCE_PER_M)
+    zones['distance'] = np.clip(quarter_mm, -(2**15), 2**15 - 1)
+    for name, kcps in (('signal', frame.signal), ('ambient', frame.ambient)):
+        if not np.isfinite(kcps).all():
+            raise ValueError(f'{name} {kcps[~np.isfinite(kcps)][0]} is not finite')
+        zones[name] = np.clip(np.rint(kcps.astype(np.float64) * _SIGNAL_PER_KCPS), 0, 2**32 - 1)
+    zones['status'] = frame.status
+    if not (0 <= frame.sequence < 2**32 and 0 <= frame.sensor_time_us < 2**64):
+        raise ValueError(
+            f'sequence {frame.sequence} or sensor time {frame.sensor_time_us} µs does not fit'
+        )
+    header = _HEADER.pack(KIND_FRAME, frame.sequence, frame.sensor_time_us, grid.rows, grid.columns)
+    sensor_order = zones.reshape(grid.rows, grid.columns)[:, ::-1]
+    return encode_packet(header + sensor_order.tobytes())
+
+
+def _decode_frame(content: bytes) -> Frame:
+    """Return the frame in a packet's content, checksum removed; ValueError for a wrong shape."""
+    if len(content) < _HEADER.size:
+        raise ValueError(f'a frame of {len(content)} bytes has no whole header')
+    _, sequence, sensor_time_us, rows, columns = _HEADER.unpack_from(content)
+    expected = _HEADER.size + rows * columns * _ZONE.itemsize
+    if (rows, columns) not in ZONE_SHAPES or len(content) != expected:
+        raise ValueError(f'a frame of {rows}x{columns} zones in {len(content)} bytes')
+    sensor_order = np.frombuffer(content, dtype=_ZONE, offset=_HEADER.size)
+    zones = sensor_order.reshape(rows, columns)[:, ::-1].ravel()
+    status = zones['status'].copy()
+    distance = (zones['distance'] / _DISTANCE_PER_M).astype(np.float32)
+    distance[status == Status.NO_TARGET] = np.nan
+    return Frame(
+        stamp_ns=sensor_time_us * 1000,
+        sequence=sequence,
+        sensor_time_us=sensor_time_us,
+        grid=ZoneGrid(rows, columns),
+        distance=distance,
+        signal=(zones['signal'] / _SIGNAL_PER_KCPS).astype(np.float32),
+        ambient=(zones['ambient'] / _SIGNAL_PER_KCPS).astype(np.float32),
+        status=status,
+    )
+
+
+@dataclass
+class WireCounts:
+    """What a reader has met so far, in packets; of text, in frames and lines."""
+
+    frames: int = 0
+    bad_framing: int = 0
+    """Not valid COBS; a line that is no text."""
+    bad_crc: int = 0
+    bad_shape: int = 0
+    """A frame whose zones or length cannot be."""
+    unknown_kind: int = 0
+    overlong: int = 0
+    """More than `MAX_PACKET_BYTES`, or than a line can have, without a delimiter."""
+    withheld: int = 0
+    """Frames without signal, held back while the sensor is asked for it."""
+
+    @property
+    def damaged(self) -> int:
+        """Packets that were lost to damage on the line."""
+        return self.bad_framing + self.bad_crc + self.bad_shape + self.overlong
+
+
+class Splitter:
+    """Cuts a stream of bytes at a delimiter, in bounded memory."""
+
+    def __init__(self, delimiter: bytes, longest: int) -> None:
+        """Start between pieces, none of which is longer than `longest` bytes."""
+        self._delimiter = delimiter
+        self._longest = longest
+        self._pending = bytearray()
+        self._discarding = False
+
+    def split(self, data: bytes) -> Iterator[bytes | None]:
+        """Take the next bytes; yield the pieces they end, and None for one that is too long."""
+        *ends, rest = data.split(self._delimiter)
+        for end in ends:
+            if not self._append(end):
+                yield None
+            if not self._discarding:
+                yield bytes(self._pending)
+            self._pending.clear()
+            self._discarding = False
+        if not self._append(rest):
+            yield None
+
+    def _append(self, data: bytes) -> bool:
+        """Keep bytes of an unfinished piece; return False if that makes it too long."""
+        if self._discarding:
+            return True
+        self._discarding = len(self._pending) + len(data) > self._longest
+        if self._discarding:
+            self._pending.clear()
+        else:
+            self._pending += data
+        return not self._discarding
+
+
+class FrameReader:
+    """Finds frames in a stream of bytes, whatever the bytes are.
+
+    Damage costs the packet it is in, and the next as well if it hit the delimiter between them;
+    the packet after that is read. What stands before the first delimiter may be the rest of a
+    packet: it is read if it is whole, and else no damage. Memory is bounded.
+    """
+
+    def __init__(self) -> None:
+        """Start between packets, or in the middle of one."""
+        self.counts = WireCounts()
+        self._packets = Splitter(DELIMITER, MAX_PACKET_BYTES)
+        self._is_in_step = False
+        """Whether the next packet is known to come from its beginning."""
+
+    def feed(self, data: bytes) -> list[Frame]:
+        """Take the next bytes of the stream; return the frames they complete, oldest first."""
+        frames = []
+        for packet in self._packets.split(data):
+            if packet is None:
+                self.counts.overlong += 1
+            elif packet and (frame := self._read_packet(packet)) is not None:
+                frames.append(frame)
+            self._is_in_step = True
+        return frames
+
+    def restart(self) -> None:
+        """Forget a frame that was cut off: the next bytes do not continue it."""
+        self.feed(DELIMITER)
+        self._is_in_step = False
+
+    def request(self) -> bytes:
+        """Return nothing: the sensor is never spoken to."""
+        return b''
+
+    def notice(self) -> str:
+        """Return nothing: frames of this protocol come as fast as the sensor makes them."""
+        return ''
+
+    def _read_packet(self, packet: bytes) -> Frame | None:
+        """Return the frame of one packet, or count why there is none."""
+        try:
+            data = cobs_decode(packet)
+        except ValueError:
+            self.counts.bad_framing += self._is_in_step
+            return None
+        content, checksum = data[:-_CRC_BYTES], data[-_CRC_BYTES:]
+        if not content or crc16(content) != int.from_bytes(checksum, 'little'):
+            self.counts.bad_crc += self._is_in_step
+            return None
+        if content[0] != KIND_FRAME:
+            self.counts.unknown_kind += 1
+            return None
+        try:
+            frame = _decode_frame(content)
+        except ValueError:
+            self.counts.bad_shape += 1
+            return None
+        self.counts.frames += 1
+        return frame

@@ -1,0 +1,37 @@
+# Copyright 2026 retrolidar_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""Where the files that ship with the package are: messages, launch and parameter files.
+
+They stand beside the Python package in the source tree, and in `share/retrolidar_ros` of the
+prefix under which the Python package was installed, be it by colcon or by pip.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+_PACKAGE = Path(__file__).absolute().parent.parent
+
+
+def shared_file(name: str) -> Path:
+    """Return the path of a file or directory that ships with the package.
+
+    Parameters
+    ----------
+    name
+        Relative to the repository's root, such as `msg/Frame.msg`.
+
+    Raises
+    ------
+    FileNotFoundError
+        If it is nowhere; the message says where it was looked for.
+    """
+    beside = _PACKAGE.parent
+    directories = [parent / 'share' / _PACKAGE.name for parent in beside.parents]
+    if (beside / 'package.xml').is_file():
+        directories.insert(0, beside)
+    for directory in directories:
+        if (directory / name).exists():
+            return directory / name
+    places = ', '.join(map(str, directories))
+    raise FileNotFoundError(f'{name} of {_PACKAGE.name} is missing; looked for it in {places}')

@@ -1,0 +1,51 @@
+# Copyright 2026 retrolidar_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from retrolidar_ros.scene import Simulation
+from retrolidar_ros.scene.files import load_scene
+from retrolidar_ros.scene.optics import position_at
+from retrolidar_ros.scene.truth import Heard, judge, true_range
+
+
+def test_truth_is_the_range_at_the_stamp() -> None:
+    scene = load_scene('drone')
+    (marker,) = scene.markers
+    recording = Simulation(scene).run(14.0)
+    origin_ns = int(recording.stamp_ns[0])
+    end_ns = int(recording.stamp_ns[-10])
+    stamp_ns = int(recording.stamp_ns[-40])
+    sensor_s = recording.sensor_time_us[-40:-39] * 1e-6
+    places = position_at(marker, sensor_s / (1 + scene.sensor.clock_error))
+    truth = float(np.linalg.norm(places))
+    reading = Heard(
+        id=marker.id,
+        start_ns=end_ns - round(1.302e9),
+        stamp_ns=stamp_ns,
+        end_ns=end_ns,
+        range_m=truth + 0.004,
+        snr_db=20.0,
+        position_m=(0.0, 0.0, 1.0),
+        zone=5,
+        has_transform=True,
+    )
+    ghost = reading._replace(id=7)
+    outcome, other = judge(scene, recording, [reading, ghost])
+    assert outcome.range_m == pytest.approx(truth, abs=3e-4)
+    assert outcome.error_m == pytest.approx(0.004, abs=3e-4)
+    assert outcome.good
+    assert outcome.first_reading_s == pytest.approx((end_ns - origin_ns) * 1e-9)
+    assert (other.id, other.name, other.good) == (7, 'ghost', False)
+    (unread,) = judge(scene, recording, [])
+    assert (unread.readings, unread.good) == (0, False)
+
+
+def test_a_marker_at_rest_has_one_range_at_all_times() -> None:
+    scene = load_scene('drone')
+    marker = replace(scene.markers[0], wander=None)
+    recording = Simulation(scene).run(1.0)
+    ranges = true_range(scene, marker, recording, np.array([[0.0, 1e8], [2e8, 3e8]]))
+    assert ranges == pytest.approx(np.full((2, 2), np.linalg.norm(marker.position_m)))

@@ -1,0 +1,256 @@
+# Copyright 2026 retrolidar_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+import os
+import select
+import signal
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from retrolidar_ros.cli import processes
+from retrolidar_ros.cli.processes import ProcessError, ProcessGroup
+
+# Programs of a shell. Descriptor 3 is the life line: it reaches its end when all who hold it,
+# children's children included, have ended.
+SLEEPER = 'echo ready >&3; exec sleep 60'
+PARENT = 'sleep 60 & echo ready >&3; wait'
+STUBBORN = "trap '' INT; echo ready >&3; while :; do sleep 60; done"
+# Its own child outlives its parent, and ignores SIGINT as all background jobs of a shell do.
+ABANDONING = 'sleep 60 & echo ready >&3; exit 0'
+
+
+class LifeLine:
+    """A pipe by name, of which the children hold the other end."""
+
+    def __init__(self, path: Path) -> None:
+        os.mkfifo(path)
+        self.path = path
+        self._end = os.open(path, os.O_RDONLY | os.O_NONBLOCK)
+
+    def command(self, program: str) -> list[str]:
+        return ['sh', '-c', f'exec 3>"{self.path}"; {program}']
+
+    def wait_for(self, text: str, timeout_s: float = 10) -> None:
+        """Read until `text` has come."""
+        data = b''
+        deadline_s = time.monotonic() + timeout_s
+        while text not in data.decode():
+            assert self._readable(deadline_s), f'no {text} in {data!r}'
+            chunk = os.read(self._end, 4096)
+            assert chunk, f'all ended after {data!r}'
+            data += chunk
+
+    def all_gone(self, timeout_s: float = 10) -> bool:
+        """Wait until nobody holds the other end; return False after the timeout."""
+        deadline_s = time.monotonic() + timeout_s
+        while self._readable(deadline_s):
+            if not os.read(self._end, 4096):
+                return True
+        return False
+
+    def _readable(self, deadline_s: float) -> bool:
+        return bool(select.select([self._end], [], [], max(0, deadline_s - time.monotonic()))[0])
+
+    def close(self) -> None:
+        os.close(self._end)
+
+
+@pytest.fixture
+def line(tmp_path: Path) -> Iterator[LifeLine]:
+    line = LifeLine(tmp_path / 'line')
+    yield line
+    line.close()
+
+
+def await_end(group: ProcessGroup, name: str) -> None:
+    """Wait until a process has ended, but leave it to the group to take note of that."""
+    os.waitid(os.P_PID, group.pid(name), os.WEXITED | os.WNOWAIT)
+
+
+@pytest.mark.parametrize('program', [SLEEPER, PARENT, ABANDONING])
+def test_leaving_the_block_ends_children_and_their_children(
+    tmp_path: Path, line: LifeLine, program: str
+) -> None:
+    with ProcessGroup(tmp_path) as group:
+        group.start('one', line.command(program))
+        group.start('other', line.command(program))
+        line.wait_for('ready\nready')
+        assert not line.all_gone(0.05)
+    assert line.all_gone()
+
+
+@pytest.mark.parametrize('error', [ValueError, KeyboardInterrupt, SystemExit])
+def test_an_exception_ends_them_too_and_passes_on(
+    tmp_path: Path, line: LifeLine, error: type[BaseException]
+) -> None:
+    def work() -> None:
+        with ProcessGroup(tmp_path) as group:
+            group.start('parent', line.command(PARENT))
+            line.wait_for('ready')
+            raise error('for a reason')
+
+    with pytest.raises(error, match='for a reason'):
+        work()
+    assert line.all_gone()
+
+
+def test_ctrl_c_ends_them(tmp_path: Path, line: LifeLine) -> None:
+    def work() -> None:
+        with ProcessGroup(tmp_path) as group:
+            group.start('parent', line.command(PARENT))
+            line.wait_for('ready')
+            signal.raise_signal(signal.SIGINT)
+
+    with pytest.raises(KeyboardInterrupt):
+        work()
+    assert line.all_gone()
+
+
+def test_sigterm_ends_them_and_its_handler_is_put_back(tmp_path: Path, line: LifeLine) -> None:
+    before = signal.getsignal(signal.SIGTERM)
+
+    def work() -> None:
+        with ProcessGroup(tmp_path) as group:
+            group.start('parent', line.command(PARENT))
+            line.wait_for('ready')
+            signal.raise_signal(signal.SIGTERM)
+
+    with pytest.raises(SystemExit) as caught:
+        work()
+    assert caught.value.code == 128 + signal.SIGTERM
+    assert line.all_gone()
+    assert signal.getsignal(signal.SIGTERM) is before
+
+
+def test_children_are_asked_by_sigint_first(tmp_path: Path, line: LifeLine) -> None:
+    tidy = "trap 'echo tidied >&3; exit 7' INT; echo ready >&3; sleep 60 & wait"
+    with ProcessGroup(tmp_path) as group:
+        group.start('tidy', line.command(tidy))
+        line.wait_for('ready')
+        assert group.stop('tidy') == 7
+        line.wait_for('tidied')
+        assert line.all_gone()
+
+
+def test_a_child_that_ignores_sigint_is_killed(
+    tmp_path: Path, line: LifeLine, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(processes, '_PATIENCE_S', 0.1)
+    with ProcessGroup(tmp_path) as group:
+        group.start('stubborn', line.command(STUBBORN))
+        line.wait_for('ready')
+        assert group.stop('stubborn') == -signal.SIGKILL
+        assert line.all_gone()
+
+
+def test_a_second_ctrl_c_is_no_way_out_for_the_children(tmp_path: Path, line: LifeLine) -> None:
+    # Instead of ending, the first child interrupts the waiting for it.
+    impatient = (
+        f"trap 'kill -INT {os.getpid()}' INT; echo ready >&3; while :; do sleep 60 & wait; done"
+    )
+
+    def work() -> None:
+        with ProcessGroup(tmp_path) as group:
+            group.start('impatient', line.command(impatient))
+            group.start('stubborn', line.command(STUBBORN))
+            line.wait_for('ready\nready')
+
+    begin_s = time.monotonic()
+    with pytest.raises(KeyboardInterrupt):
+        work()
+    assert line.all_gone()
+    assert time.monotonic() - begin_s < processes._PATIENCE_S
+
+
+def test_check_passes_while_all_run(tmp_path: Path, line: LifeLine) -> None:
+    with ProcessGroup(tmp_path) as group:
+        group.check()
+        group.start('sleeper', line.command(SLEEPER))
+        line.wait_for('ready')
+        group.check()
+
+
+def test_check_reports_who_ended_and_the_end_of_its_log(tmp_path: Path, line: LifeLine) -> None:
+    program = 'for i in $(seq 1 40); do echo "line $i"; done; echo oops >&2; exit 3'
+    with ProcessGroup(tmp_path) as group:
+        group.start('sleeper', line.command(SLEEPER))
+        group.start('failing', ['sh', '-c', program])
+        await_end(group, 'failing')
+        lines = '\n'.join(f'line {number}' for number in range(27, 41))
+        with pytest.raises(ProcessError) as caught:
+            group.check()
+        assert str(caught.value) == f'failing ended with exit code 3:\n{lines}\noops'
+        line.wait_for('ready')
+    assert line.all_gone()
+
+
+def test_check_reports_a_process_that_was_killed(tmp_path: Path, line: LifeLine) -> None:
+    with ProcessGroup(tmp_path) as group:
+        group.start('sleeper', line.command(SLEEPER))
+        line.wait_for('ready')
+        os.kill(group.pid('sleeper'), signal.SIGKILL)
+        await_end(group, 'sleeper')
+        with pytest.raises(ProcessError, match='sleeper ended with exit code -9'):
+            group.check()
+
+
+def test_a_log_of_any_bytes_can_be_reported(tmp_path: Path) -> None:
+    with ProcessGroup(tmp_path) as group:
+        group.start('odd', ['sh', '-c', r"printf 'a\377b'"])
+        await_end(group, 'odd')
+        with pytest.raises(ProcessError, match='odd ended with exit code 0:\na�b'):
+            group.check()
+
+
+def test_a_stopped_process_is_no_failure_and_may_be_started_again(
+    tmp_path: Path, line: LifeLine
+) -> None:
+    again = LifeLine(tmp_path / 'again')
+    with ProcessGroup(tmp_path) as group:
+        for one in (line, again):
+            group.start('sleeper', one.command(SLEEPER))
+            one.wait_for('ready')
+            assert group.stop('sleeper') == -signal.SIGINT
+            group.check()
+            assert one.all_gone()
+    again.close()
+
+
+def test_a_name_is_not_given_twice(tmp_path: Path, line: LifeLine) -> None:
+    with ProcessGroup(tmp_path) as group:
+        group.start('sleeper', line.command(SLEEPER))
+        line.wait_for('ready')
+        with pytest.raises(ValueError, match='sleeper has been started already'):
+            group.start('sleeper', line.command(SLEEPER))
+    assert line.all_gone()
+
+
+def test_a_program_that_is_missing_ends_the_others(tmp_path: Path, line: LifeLine) -> None:
+    def work() -> None:
+        with ProcessGroup(tmp_path) as group:
+            group.start('sleeper', line.command(SLEEPER))
+            line.wait_for('ready')
+            group.start('missing', [str(tmp_path / 'nothing')])
+
+    with pytest.raises(FileNotFoundError):
+        work()
+    assert line.all_gone()
+
+
+def test_both_outputs_are_in_the_log_and_there_is_no_input(tmp_path: Path) -> None:
+    with ProcessGroup(tmp_path) as group:
+        group.start('talker', ['sh', '-c', 'echo out; echo err >&2; read line || echo end'])
+        await_end(group, 'talker')
+        assert group.log('talker') == tmp_path / 'talker.log'
+        assert group.log('talker').read_text() == 'out\nerr\nend\n'
+
+
+def test_children_have_a_process_group_of_their_own(tmp_path: Path, line: LifeLine) -> None:
+    # So Ctrl-C in a terminal does not reach them past the group.
+    with ProcessGroup(tmp_path) as group:
+        group.start('sleeper', line.command(SLEEPER))
+        line.wait_for('ready')
+        pid = group.pid('sleeper')
+        assert os.getpgid(pid) == pid != os.getpgrp()

@@ -1,0 +1,64 @@
+# Copyright 2026 retrolidar_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""The core in C is bound to Python, and whoever lacks it is told what to do."""
+
+from __future__ import annotations
+
+import importlib
+import os
+import runpy
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from retrolidar_ros import core
+
+ROOT = Path(__file__).resolve().parents[2]
+BINDING = ROOT / 'core' / 'binding.py'
+TIME_LIMIT_S = 60.0
+
+
+def test_arguments_that_the_types_do_not_hold_are_refused() -> None:
+    assert core.lib.rl_packet(2073) >> core.lib.RL_WORD_BITS == core.lib.RL_PREAMBLE
+    with pytest.raises(OverflowError):
+        core.lib.rl_packet(2**16)
+
+
+def test_a_missing_core_is_told_in_one_line(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, 'retrolidar_ros._core', None)
+    with pytest.raises(ImportError, match=r'compiled core is missing.*build-essential') as told:
+        importlib.reload(core)
+    assert '\n' not in str(told.value)
+
+
+def test_a_header_without_marks_is_named() -> None:
+    pytest.importorskip('cffi')
+    declarations = runpy.run_path(str(BINDING))['declarations']
+    with pytest.raises(ValueError, match=r'retrolidar_wire\.h marks nothing to bind'):
+        declarations('retrolidar_wire.h')
+
+
+def test_an_installation_without_a_compiler_says_what_to_install(tmp_path: Path) -> None:
+    pytest.importorskip('cffi')
+    pytest.importorskip('setuptools')
+    ended = subprocess.run(
+        [
+            sys.executable,
+            'setup.py',
+            'build_ext',
+            '--build-temp',
+            tmp_path,
+            '--build-lib',
+            tmp_path,
+        ],
+        cwd=ROOT,
+        env={**os.environ, 'CC': '/nonexistent'},
+        capture_output=True,
+        text=True,
+        check=False,
+        timeout=TIME_LIMIT_S,
+    )
+    assert ended.returncode == 1
+    assert ended.stderr.splitlines()[-1].startswith('error: retrolidar_ros needs a C compiler')

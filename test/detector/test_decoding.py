@@ -1,0 +1,79 @@
+# Copyright 2026 retrolidar_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+import json
+from collections.abc import Iterator
+from dataclasses import replace
+
+import pytest
+
+from retrolidar_ros.bag import BagError
+from retrolidar_ros.detector import METHODS
+from retrolidar_ros.detector.decoding import TEXT_HEADER, detect, to_json, to_text
+from retrolidar_ros.scene import Scene, Simulation
+from retrolidar_ros.scene.description import Marker, Noise, Sensor, Surface
+from retrolidar_ros.sensor.frame import Frame, ZoneGrid
+
+ID = 2073
+SCENE = Scene(
+    sensor=Sensor(noise=Noise(floor=4.6, slope=0.22)),
+    markers=(Marker(id=ID, position_m=(0.05, 0.04, 1.0), name='marker', start_s=1.0, packets=1),),
+    surfaces=(Surface(1.0, 4.0),),
+)
+
+
+def frames(duration_s: float = 3.0, rows: int = 4) -> list[Frame]:
+    scene = replace(SCENE, sensor=replace(SCENE.sensor, grid=ZoneGrid(rows, rows)))
+    return list(Simulation(scene).run(duration_s))
+
+
+@pytest.mark.parametrize('method', METHODS)
+def test_another_zone_grid_begins_anew(method: str) -> None:
+    several = [*frames(), *frames(rows=8), *frames()]
+    read = [detection.id for detection in detect(several, method)]
+    assert read.count(ID) == 3
+
+
+def test_no_frames_are_no_detections() -> None:
+    assert list(detect([], METHODS[0])) == []
+
+
+def test_all_frames_before_an_error_count() -> None:
+    def damaged() -> Iterator[Frame]:
+        # The packet has just ended: its last frames are in a block that is not full.
+        yield from frames(1.0 + 31 * 0.042 + 0.05)
+        raise BagError('cut off')
+
+    detections = detect(damaged(), METHODS[0])
+    assert next(detections).id == ID
+    with pytest.raises(BagError, match='cut off'):
+        next(detections)
+
+
+def test_detections_come_before_the_last_frame() -> None:
+    source = iter(frames(10.0))
+    assert next(detect(source, METHODS[0])).id == ID
+    assert len(list(source)) > 200
+
+
+@pytest.mark.parametrize('method', METHODS)
+def test_what_a_method_does_not_measure_is_null(method: str) -> None:
+    detection = next(detect(frames(), method))
+
+    def refuse(word: str) -> None:
+        pytest.fail(f'{word} is no JSON')
+
+    said = json.loads(to_json(detection), parse_constant=refuse)
+    assert said['bit_period'] == pytest.approx(0.042, rel=0.003)
+    assert said['start'] < said['stamp'] < said['end']
+    if method == 'paper':
+        assert said['evidence'] is said['decision_margin'] is None
+    else:
+        assert said['evidence'] > 28
+        assert said['decision_margin'] > 6
+
+
+@pytest.mark.parametrize('method', METHODS)
+def test_a_line_of_text_fits_its_header(method: str) -> None:
+    line = to_text(next(detect(frames(), method)))
+    assert line.index(f' {ID} ') == TEXT_HEADER.index(' id ') - 2
+    assert line.rindex('  ') + 2 == TEXT_HEADER.index('zones')

@@ -1,0 +1,192 @@
+# Copyright 2026 retrolidar_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""What does not concern a packet changes nothing; and the brighter it is, the surer it is read."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any, NamedTuple
+
+import numpy as np
+import pytest
+from hypothesis import assume, given, settings
+from hypothesis import strategies as st
+from numpy.typing import NDArray
+
+from evaluation.bench.rates import Rate, chance_of_fall, rate
+from evaluation.bench.setup import Setup
+from evaluation.bench.stresses import STRESSES, record
+from evaluation.experiments.brighter import Cell, measure
+from retrolidar_ros.detector import Detection, Detector, create_detector
+from retrolidar_ros.detector.noise import NoiseLaw
+from retrolidar_ros.marker.code import IDS, RESERVED_IDS
+from retrolidar_ros.sensor.frame import Recording
+
+USABLE = np.setdiff1d(np.arange(IDS), RESERVED_IDS)
+LAW = NoiseLaw()
+STRESS = {stress.name: stress for stress in STRESSES}
+PLAYED = ('plain', 'sways ±50 % in 2.6 s', 'second marker 25%', '20 % lost')
+NATS = 0.01
+"""What rounding may change of the evidence."""
+ARRAYS = ('stamp_ns', 'sequence', 'sensor_time_us', 'distance', 'signal', 'ambient', 'status')
+
+
+class Told(NamedTuple):
+    """What is told of a marker, in the order of zones."""
+
+    zones: tuple[int, ...]
+    id: int
+    packets: int
+    start_ns: int
+    evidence: float
+
+
+few = settings(max_examples=5, deadline=None, derandomize=True)
+
+
+class Case(NamedTuple):
+    """Which recording is played."""
+
+    stress: str
+    signal: float
+    repeated_s: float | None
+    seed: int
+
+    def recording(self) -> Recording:
+        """Return frames of a marker in every zone, whose signals are whole sixteenths."""
+        sent = record(
+            STRESS[self.stress],
+            self.signal,
+            np.random.default_rng(self.seed),
+            USABLE,
+            repeated_s=self.repeated_s,
+        )
+        # So that sums and products of the tests are exact.
+        signal = np.rint(16 * sent.recording.signal) / 16
+        return replace(sent.recording, signal=signal.astype(np.float32))
+
+
+def cases(stresses: tuple[str, ...] = PLAYED) -> st.SearchStrategy[Case]:
+    return st.builds(
+        Case,
+        stress=st.sampled_from(stresses),
+        signal=st.sampled_from([15.0, 40.0, 150.0, 600.0]),
+        repeated_s=st.sampled_from([None, 4.0]),
+        seed=st.integers(0, 2**32 - 1),
+    )
+
+
+def detector(recording: Recording, noise: NoiseLaw = LAW) -> Detector:
+    return create_detector('joint', recording.grid, noise=noise)
+
+
+def told(detections: list[Detection]) -> list[Told]:
+    return sorted(
+        Told(one.zones, one.id, one.packets, one.start_ns, one.evidence) for one in detections
+    )
+
+
+def read(recording: Recording, noise: NoiseLaw = LAW) -> list[Told]:
+    return told(detector(recording, noise).update_all(recording))
+
+
+def assert_alike(found: list[Told], expected: list[Told]) -> None:
+    """Compare all that is told, but for what rounding changes."""
+    assert [one[:3] for one in found] == [one[:3] for one in expected]
+    for one, other in zip(found, expected, strict=True):
+        assert one.start_ns == pytest.approx(other.start_ns, abs=1e5)
+        assert one.evidence == pytest.approx(other.evidence, abs=NATS)
+
+
+@few
+@given(case=cases(), pedestal=st.sampled_from([1.0, 8.0, 16.0]))
+def test_a_pedestal_changes_nothing(case: Case, pedestal: float) -> None:
+    recording = case.recording()
+    raised = replace(recording, signal=recording.signal + np.float32(pedestal))
+    # The pedestal itself makes no noise here, so the law must not expect any of it.
+    law = replace(LAW, floor=LAW.floor - LAW.slope * pedestal)
+    assert_alike(read(raised, law), read(recording))
+
+
+@few
+@given(case=cases(), gain=st.sampled_from([0.25, 0.5, 4.0, 64.0]))
+def test_a_gain_changes_nothing(case: Case, gain: float) -> None:
+    recording = case.recording()
+    scaled = replace(recording, signal=recording.signal * np.float32(gain))
+    law = NoiseLaw(LAW.floor * gain**2, LAW.slope * gain, LAW.ambient * gain**2)
+    assert_alike(read(scaled, law), read(recording))
+
+
+@few
+@given(case=cases(), shift_ns=st.integers(-(2**62), 2**62))
+def test_a_shift_in_time_changes_nothing_else(case: Case, shift_ns: int) -> None:
+    recording = case.recording()
+    shifted = replace(recording, stamp_ns=recording.stamp_ns + shift_ns)
+    moved = [one._replace(start_ns=one.start_ns - shift_ns) for one in read(shifted)]
+    assert moved == read(recording)
+
+
+@few
+@given(case=cases(), seed=st.integers(0, 2**32 - 1))
+def test_frames_that_come_again_change_nothing(case: Case, seed: int) -> None:
+    recording = case.recording()
+    times = np.random.default_rng(seed).choice([1, 1, 2, 3], len(recording))
+    again = at_rows(recording, np.repeat(np.arange(len(recording)), times))
+    assert read(again) == read(recording)
+
+
+@few
+@given(case=cases((*PLAYED, '20 % abnormal')), cuts=st.lists(st.integers(0, 300), max_size=20))
+def test_it_does_not_matter_where_a_recording_is_split(case: Case, cuts: list[int]) -> None:
+    recording = case.recording()
+    whole = detector(recording)
+    expected = told(whole.update_all(recording))
+    parted = detector(recording)
+    detections: list[Detection] = []
+    for rows in np.split(np.arange(len(recording)), sorted(cuts)):
+        detections += parted.update_all(at_rows(recording, rows))
+    assert told(detections) == expected
+    assert parted.counts == whole.counts
+    single = detector(recording)
+    assert told([one for frame in recording for one in single.update(frame)]) == expected
+
+
+@few
+@given(case=cases(), axis=st.sampled_from([1, 2]))
+def test_a_mirrored_view_changes_nothing_else(case: Case, axis: int) -> None:
+    recording, names = case.recording(), ('distance', 'signal', 'ambient', 'status')
+    grid = recording.grid
+    rng = np.random.default_rng(case.seed)
+    # Four markers: where there is too much for one frame, what is left out depends on the order.
+    walls = rng.choice(grid.zones, grid.zones - 4, replace=False)
+    noise = np.rint(16 * np.abs(4 + 2.3 * rng.standard_normal((len(recording), len(walls))))) / 16
+    recording.signal[:, walls] = noise
+    order = np.flip(np.arange(grid.zones).reshape(1, grid.rows, grid.columns), axis).ravel()
+    turned = replace(recording, **{name: getattr(recording, name)[:, order] for name in names})
+    usual = detector(recording)
+    expected = told(usual.update_all(recording))
+    assume(usual.counts.overloads == 0)
+    mirrored = [
+        one._replace(zones=tuple(int(order[zone]) for zone in one.zones)) for one in read(turned)
+    ]
+    assert_alike(sorted(mirrored), expected)
+
+
+def at_rows(recording: Recording, rows: NDArray[np.intp]) -> Recording:
+    """Return those frames of a recording."""
+    arrays: dict[str, Any] = {name: getattr(recording, name)[rows] for name in ARRAYS}
+    return replace(recording, **arrays)
+
+
+@pytest.mark.parametrize('name', ['second marker 25%', 'clipped at 70 %', 'sways ±25 % in 0.9 s'])
+def test_the_brighter_the_surer(name: str) -> None:
+    dim, bright, brightest = (read_share(name, signal) for signal in (40.0, 150.0, 600.0))
+    for surer in (bright, brightest):
+        assert surer['hits'] >= 0.9 * surer['trials']
+        assert chance_of_fall(dim, surer) > 0.01
+
+
+def read_share(name: str, signal: float) -> Rate:
+    """Return how many of 16 lone packets are read under a stress."""
+    counts = measure(Cell(STRESS[name], signal, 1, Setup()))
+    return rate(counts.read, counts.packets)

@@ -1,0 +1,91 @@
+# Copyright 2026 retrolidar_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""The law of the sensor's noise, and how much of it the core finds."""
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from retrolidar_ros.core import lib
+from retrolidar_ros.detector.likelihood_detector import LikelihoodDetector
+from retrolidar_ros.detector.methods import MAX_PACKETS
+from retrolidar_ros.detector.noise import NoiseLaw
+from retrolidar_ros.marker.code import BIT_PERIOD_S, packet
+from retrolidar_ros.sensor.frame import Floats, Recording, Status, ZoneGrid
+
+GRID = ZoneGrid()
+LAW = NoiseLaw()
+FRAMES = 40 * 62
+
+
+@pytest.fixture
+def rng() -> np.random.Generator:
+    return np.random.default_rng(0)
+
+
+def learnt_scale(signal: Floats, status: NDArray[np.uint8] | None = None) -> float:
+    """Return by how much noisier than the law the core takes the sensor for."""
+    detector = LikelihoodDetector(
+        GRID,
+        bit_period_s=BIT_PERIOD_S,
+        false_ids_per_hour=0.1,
+        max_packets=MAX_PACKETS,
+        registered_ids=None,
+        noise=LAW,
+        sizes_m={},
+    )
+    count = np.arange(len(signal))
+    if status is None:
+        status = np.full(signal.shape, Status.VALID, dtype=np.uint8)
+    detector.update_all(
+        Recording(
+            stamp_ns=21_000_000 * count,
+            sequence=count,
+            sensor_time_us=21_000 * count,
+            grid=GRID,
+            distance=np.ones(signal.shape, dtype=np.float32),
+            signal=np.maximum(signal, 0.0).astype(np.float32),
+            ambient=np.zeros(signal.shape, dtype=np.float32),
+            status=status,
+        )
+    )
+    return float(lib.rl_detector_held(detector._core).noise_scale)
+
+
+@pytest.mark.parametrize(('floor', 'slope'), [(0.0, 0.2), (-1.0, 0.2), (1.0, -0.1)])
+def test_a_law_that_allows_no_noise_is_refused(floor: float, slope: float) -> None:
+    with pytest.raises(ValueError, match='the floor must be positive'):
+        NoiseLaw(floor, slope)
+
+
+def test_not_a_number_is_no_noise_law() -> None:
+    with pytest.raises(ValueError, match='the floor must be positive'):
+        NoiseLaw(float('nan'), 0.2)
+
+
+def test_ambient_light_raises_the_floor() -> None:
+    assert LAW.lit(10.0).variance(np.array(0.0)) == pytest.approx(LAW.floor + 10 * LAW.ambient)
+    assert LAW.lit(10.0).slope == LAW.slope
+
+
+@pytest.mark.parametrize('factor', [0.5, 1.0, 2.0])
+def test_the_scale_of_the_noise_is_learnt(factor: float, rng: np.random.Generator) -> None:
+    mean = np.linspace(20, 60, GRID.zones)
+    deviation = np.sqrt(factor * LAW.variance(mean))
+    signal = mean + deviation * rng.standard_normal((FRAMES, GRID.zones))
+    assert learnt_scale(signal) == pytest.approx(factor, rel=0.15)
+
+
+@pytest.mark.parametrize('amplitude', [30.0, 100.0])
+def test_blinking_zones_do_not_pass_for_noise(amplitude: float, rng: np.random.Generator) -> None:
+    ids = rng.integers(1, 4095, GRID.zones // 2)
+    light = np.ones((FRAMES, GRID.zones))
+    light[:, ::2] = np.tile(1 - np.repeat(packet(ids), 2, axis=1).T, (FRAMES // 62, 1))
+    mean = 20 + amplitude * light
+    noise = np.sqrt(LAW.variance(mean)) * rng.standard_normal(mean.shape)
+    assert learnt_scale(mean + noise) == pytest.approx(1.0, rel=0.25)
+
+
+def test_the_scale_is_not_learnt_from_erasures(rng: np.random.Generator) -> None:
+    signal = 100 + 100 * np.abs(rng.standard_normal((FRAMES, GRID.zones)))
+    assert learnt_scale(signal, np.full(signal.shape, Status.NO_TARGET, dtype=np.uint8)) == 1.0

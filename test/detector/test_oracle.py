@@ -1,0 +1,440 @@
+# Copyright 2026 retrolidar_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""The core's statistics against the oracle in numpy, on random and on recorded windows."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+import pytest
+from harness_core import Statistics, compile_core
+from harness_firmware import Core
+from numpy.typing import NDArray
+from oracle import Sending, Zone, evidence, light, log_likelihood, margin, without, word
+
+from retrolidar_ros.detector.noise import NoiseLaw
+from retrolidar_ros.marker.code import (
+    BIT_PERIOD_S,
+    IDS,
+    PACKET_BITS,
+    PREAMBLE,
+    RESERVED_IDS,
+    packet,
+)
+from retrolidar_ros.scene import Simulation
+from retrolidar_ros.scene.files import load_scene
+from retrolidar_ros.sensor.frame import Floats, Recording, Status, ZoneGrid
+
+LAW = NoiseLaw()
+GRID = ZoneGrid()
+PERIOD_S = 0.021
+PACKET_S = PACKET_BITS * BIT_PERIOD_S
+SILENCE_S = 1.0  # before the first packet in question
+NATS = 1e-3
+"""By how much core and oracle may differ."""
+USABLE = np.setdiff1d(np.arange(IDS), RESERVED_IDS)
+KNOTS = 7
+COST_OF_GAIN = 2.0
+
+
+@pytest.fixture(scope='module')
+def core(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Statistics]:
+    with Core(compile_core('window_host', tmp_path_factory)) as process:
+        yield Statistics(process)
+
+
+# --- Windows
+
+
+class Sent(NamedTuple):
+    """A recording, and what was sent in each of its zones."""
+
+    recording: Recording
+    sendings: list[Sending]
+
+
+def stamps_ns(rng: np.random.Generator, lasting_s: float) -> NDArray[np.int64]:
+    """Return stamps that jitter, of which some are lost."""
+    middle_s = np.arange(PERIOD_S / 2, lasting_s, PERIOD_S)
+    middle_s += np.clip(rng.standard_normal(len(middle_s)), -2, 2) * rng.uniform(0, 0.004)
+    kept = rng.random(len(middle_s)) >= rng.choice([0.0, 0.1, 0.3])
+    stamps: NDArray[np.int64] = np.rint(middle_s[kept] * 1e9).astype(np.int64)
+    return stamps
+
+
+def recording_of(stamp_ns: NDArray[np.int64], signal: Floats, distance: Floats) -> Recording:
+    """Return frames of signals and distances of shape (frames, 16), all valid."""
+    sequence = np.arange(len(stamp_ns))
+    return Recording(
+        stamp_ns=stamp_ns,
+        sequence=sequence,
+        sensor_time_us=stamp_ns // 1000,
+        grid=GRID,
+        distance=distance.astype(np.float32),
+        signal=signal.astype(np.float32),
+        ambient=np.zeros(signal.shape, dtype=np.float32),
+        status=np.full(signal.shape, Status.VALID, dtype=np.uint8),
+    )
+
+
+def random_recording(
+    rng: np.random.Generator, packets: int, *, repeats: bool | None = None, alike: bool = False
+) -> Sent:
+    """Return markers of all kinds, on levels that wander, with samples that are missing.
+
+    Parameters
+    ----------
+    rng : numpy.random.Generator
+    packets : int
+        How long the recording is after a silence.
+    repeats : bool, optional
+        Whether markers send more than one; some do unless told.
+    alike : bool
+        Whether all zones see the same marker.
+    """
+    lasting_s = SILENCE_S + (packets + 1) * PACKET_S
+    stamp_ns = stamps_ns(rng, lasting_s)
+    middle_s = stamp_ns * 1e-9
+    shape = (len(stamp_ns), GRID.zones)
+    sendings: list[Sending] = []
+    signal = np.empty(shape)
+    for zone in range(GRID.zones):
+        sending = Sending(
+            bits=packet(rng.choice(USABLE)).astype(np.float64),
+            repeats=bool(rng.random() < 0.5) if repeats is None else repeats,
+            start_s=SILENCE_S + BIT_PERIOD_S * rng.uniform(-2, 2),
+            bit_s=BIT_PERIOD_S * rng.uniform(0.98, 1.02),
+            brightening_s=rng.uniform(0.0035, 0.020),
+        )
+        sendings.append(sendings[0] if alike and sendings else sending)
+        bright = 10 ** rng.uniform(0.5, 3)
+        walk = rng.choice([0.0, 0.02, 0.2]) * bright
+        sway = 1 + rng.uniform(0, 0.5) * np.sin(rng.uniform(1, 8) * middle_s)
+        sent = light(sendings[-1], middle_s - PERIOD_S / 2, middle_s + PERIOD_S / 2)
+        mean = rng.choice([4.0, 40.0]) + bright * sway * sent
+        mean += np.cumsum(walk * rng.standard_normal(len(mean)))
+        mean = np.maximum(mean, 0)
+        noise = rng.choice([0.2, 1.0, 3.0]) * np.sqrt(LAW.variance(mean))
+        signal[:, zone] = mean + noise * rng.standard_normal(len(mean))
+    recording = recording_of(stamp_ns, np.maximum(signal, 0), np.ones(shape))
+    missing = rng.random(shape) < rng.choice([0.0, 0.05, 0.3], GRID.zones)
+    recording.status[missing] = rng.choice([0, 4, Status.NO_TARGET], np.count_nonzero(missing))
+    return Sent(recording, sendings)
+
+
+def assert_agrees(core: Statistics, zones: list[Zone], null: float, tried: list[Sending]) -> None:
+    """Compare what both make of sendings in the window that the core has open."""
+    assert null == pytest.approx(log_likelihood(zones, None), abs=NATS)
+    for sending in tried:
+        total, fits = core.attempt(sending)
+        wanted = [zone.fit(sending) for zone in zones]
+        assert total == pytest.approx(sum(fit.log_likelihood for fit in wanted), abs=NATS)
+        for (likelihood, gain, variance), fit in zip(fits, wanted, strict=True):
+            assert likelihood == pytest.approx(fit.log_likelihood, abs=NATS)
+            if fit.gain > 0:
+                assert gain == pytest.approx(fit.gain, rel=1e-4)
+                assert variance == pytest.approx(fit.variance, rel=1e-4)
+            else:
+                assert gain == 0
+
+
+def around(sending: Sending, rng: np.random.Generator) -> list[Sending]:
+    """Return a sending, and some that are like it or not."""
+    other = packet(rng.choice(USABLE)).astype(np.float64)
+    return [
+        sending,
+        sending._replace(start_s=sending.start_s + rng.uniform(-0.5, 0.5) * BIT_PERIOD_S),
+        sending._replace(bits=other, bit_s=BIT_PERIOD_S),
+        sending._replace(bits=1 - sending.bits),
+        sending._replace(repeats=not sending.repeats, brightening_s=0.0035),
+    ]
+
+
+@pytest.mark.parametrize(('seed', 'packets'), enumerate([1] * 6 + [2, 5]))
+def test_likelihoods_of_random_windows(core: Statistics, seed: int, packets: int) -> None:
+    rng = np.random.default_rng(seed)
+    sent = random_recording(rng, packets)
+    core.take(sent.recording, LAW, BIT_PERIOD_S)
+    for zone in rng.choice(GRID.zones, 6 if packets == 1 else 2, replace=False):
+        sending = sent.sendings[zone]
+        from_s = sending.start_s - rng.uniform(0, 16) * BIT_PERIOD_S
+        to_s = sending.start_s + packets * PACKET_S + rng.uniform(-5, 5) * BIT_PERIOD_S
+        null, rows = core.open(from_s, to_s, zone)
+        zones = [core.rows(zone).zone(LAW, rows)]
+        assert_agrees(core, zones, null, around(sending, rng))
+
+
+def test_likelihoods_of_zones_together(core: Statistics) -> None:
+    rng = np.random.default_rng(10)
+    sent = random_recording(rng, 1)
+    core.take(sent.recording, LAW, BIT_PERIOD_S)
+    sources = [0, 5, 17, 25]  # zones, a block and the whole view
+    null, rows = core.open(SILENCE_S - 0.4, SILENCE_S + PACKET_S, *sources)
+    laws = [replace(LAW, floor=LAW.floor * of) for of in (1, 1, 4, 16)]
+    zones = [core.rows(source).zone(law, rows) for source, law in zip(sources, laws, strict=True)]
+    assert_agrees(core, zones, null, around(sent.sendings[0], rng))
+
+
+def test_likelihoods_where_a_stretch_is_hidden(core: Statistics) -> None:
+    rng = np.random.default_rng(11)
+    sent = random_recording(rng, 1)
+    core.take(sent.recording, LAW, BIT_PERIOD_S)
+    core.open(SILENCE_S, SILENCE_S + PACKET_S, 3)
+    hidden_s = (SILENCE_S + 0.3, SILENCE_S + 0.45)
+    null, rows = core.hide(*hidden_s)
+    zones = [core.rows(3).zone(LAW, rows, hidden_s)]
+    assert_agrees(core, zones, null, around(sent.sendings[3], rng))
+
+
+@pytest.mark.parametrize('samples', [0, 1, 2, 3])
+def test_likelihoods_of_next_to_no_samples(core: Statistics, samples: int) -> None:
+    rng = np.random.default_rng(samples)
+    sent = random_recording(rng, 1)
+    sent.recording.status[samples:] = 0
+    core.take(sent.recording, LAW, BIT_PERIOD_S)
+    null, rows = core.open(0.0, SILENCE_S + PACKET_S, 0)
+    sending = sent.sendings[0]._replace(start_s=0.0)
+    if samples:
+        assert_agrees(core, [core.rows(0).zone(LAW, rows)], null, [sending])
+    else:
+        assert core.attempt(sending)[0] == null
+
+
+@pytest.mark.parametrize('name', ['coffee', 'range', 'drone'])
+def test_likelihoods_of_recorded_scenes(core: Statistics, name: str) -> None:
+    rng = np.random.default_rng(1)
+    scene = load_scene(name)
+    recording = Simulation(scene).advance(300)
+    core.take(recording, LAW, BIT_PERIOD_S)
+    # Zones that see one target only, the busiest of them.
+    spread_m = np.nanmax(recording.distance, axis=0) - np.nanmin(recording.distance, axis=0)
+    busy = np.argsort(-recording.signal.std(axis=0) * (spread_m < 0.5))
+    for marker, zone in zip(scene.markers, busy, strict=False):
+        sending = Sending(
+            bits=packet(marker.id).astype(np.float64),
+            repeats=marker.packets is None,
+            start_s=marker.start_s - recording.stamp_ns[0] * 1e-9,
+            bit_s=marker.bit_period_s * (1 + marker.clock_error),
+        )
+        from_s = 2.0 + rng.random()
+        null, rows = core.open(from_s, from_s + 1.5 * PACKET_S, zone)
+        assert_agrees(core, [core.rows(zone).zone(LAW, rows)], null, around(sending, rng))
+
+
+# --- Decisions
+
+
+@pytest.mark.parametrize(
+    ('packets', 'repeats', 'alike'),
+    [(1, False, False), (1, False, True), (1, True, False), (3, True, False)],
+)
+def test_word_and_margin_of_a_decision(
+    core: Statistics, packets: int, repeats: bool, alike: bool
+) -> None:
+    core.ask('codebook')
+    rng = np.random.default_rng(20)
+    sent = random_recording(rng, packets, repeats=repeats, alike=alike)
+    core.take(sent.recording, LAW, BIT_PERIOD_S)
+    judged, together = 0, 0
+    for zone in range(0, GRID.zones, 2):
+        # A search finds clocks in steps.
+        sending, off = sent.sendings[zone], rng.uniform(-0.01, 0.01)
+        sending = sending._replace(
+            start_s=sending.start_s - off * packets * PACKET_S / 2,
+            bit_s=sending.bit_s * (1 + off),
+        )
+        others = rng.choice(USABLE, 3, replace=False)
+        rivals = [sending._replace(bits=packet(other).astype(np.float64)) for other in others]
+        own = int(USABLE[(packet(USABLE) == sending.bits).all(axis=1)][0])
+        to_s = sending.start_s + packets * PACKET_BITS * sending.bit_s + 0.02
+        hits = [(own, sending), *zip(others, rivals, strict=True)]
+        verdict = core.decide(zone, packets, to_s, hits)
+        if verdict.reason != core.read:
+            continue
+        judged += 1
+        together += len(verdict.sources) > 1
+        zones = [core.rows(source).zone(LAW, verdict.rows) for source in verdict.sources]
+        final = sending._replace(
+            start_s=verdict.start_s, bit_s=verdict.bit_s, brightening_s=verdict.brightening_s
+        )
+        assert verdict.word == pytest.approx(word(zones, final), abs=NATS)
+        # It is refined once more after that is noted, and each gain but the first costs some.
+        noted = verdict.evidence + COST_OF_GAIN * (len(zones) - 1)
+        assert noted < evidence(zones, final) + NATS
+        # There may be likelier ones than those that were given.
+        assert verdict.margin < margin(zones, final, rivals) + NATS
+    assert judged >= 4
+    assert (together > 0) == alike
+
+
+@pytest.mark.parametrize('share', [0.7, 0.3])
+def test_a_packet_that_is_taken_off_leaves_the_other_one(core: Statistics, share: float) -> None:
+    rng = np.random.default_rng(30)
+    begin_s = PERIOD_S * np.arange(80)
+    exposures = (begin_s, begin_s + PERIOD_S)
+    first, second = (
+        Sending(packet(number).astype(np.float64), True, start_s, bit_s)
+        for number, start_s, bit_s in ((2073, -0.31, 0.0421), (1234, -0.77, 0.0418))
+    )
+    mean = 10 + 200 * (light(first, *exposures) + share * light(second, *exposures))
+    signal = mean + np.sqrt(LAW.variance(mean)) * rng.standard_normal(80)
+    fitted = Zone(*exposures, signal, period_s=PERIOD_S, least=1.0).fit(first)
+    left = without(first, *exposures, signal, fitted.gain)
+    stamp_ns = np.rint(1e9 * (begin_s + PERIOD_S / 2)).astype(np.int64)
+    both = np.stack([signal, left] * 8, axis=1)
+    core.take(recording_of(stamp_ns, both, np.ones((80, 16))), LAW, BIT_PERIOD_S)
+    # Times of the core count from the middle of the first exposure.
+    tried = [
+        sending._replace(start_s=sending.start_s - PERIOD_S / 2) for sending in (first, second)
+    ]
+    nats = []
+    for zone in (0, 1):
+        null, rows = core.open(0.1, 1.6, zone)
+        zones = [core.rows(zone).zone(LAW, rows)]
+        assert_agrees(core, zones, null, tried)
+        nats.append([evidence(zones, sending) for sending in tried])
+    assert nats[0][0] > nats[0][1]
+    assert nats[1][0] < 8 < 28 < nats[1][1]
+    assert nats[1][1] > nats[0][1]
+
+
+# --- Gains that change
+
+
+def tracked(signal: Floats, valid: Floats, sent: Floats, noise: float) -> Floats:
+    """Return what `rl_track_fit` does: explained, all, and the gains of the knots."""
+    at = np.arange(len(signal)) * (KNOTS - 1) / (len(signal) - 1)
+    hats = np.maximum(1 - np.abs(at[:, None] - np.arange(KNOTS)), 0)
+    kept = valid > 0
+    columns = np.diff((hats * sent[:, None])[kept], axis=0)
+    steps = np.diff(signal[kept])
+    normal, right, total = columns.T @ columns, columns.T @ steps, steps @ steps
+    stiff = 0.02 * np.trace(normal) / KNOTS + 1e-9
+    bends = np.diff(np.eye(KNOTS), axis=0)
+    gains = np.linalg.solve(normal + stiff * bends.T @ bends, right)
+    explained, steady = right @ gains, right.sum() ** 2 / normal.sum()
+    changes = total - explained < 0.6 * (total - steady)
+    if not changes:
+        explained, gains = steady, np.full(KNOTS, right.sum() / normal.sum())
+    beyond = 2 * noise * (KNOTS if changes else 1)
+    return np.array([explained - beyond, total - 2 * noise * len(steps), *gains])
+
+
+@pytest.mark.parametrize('sway', [0.0, 0.5, 0.9])
+def test_a_gain_that_changes_is_followed(core: Statistics, sway: float) -> None:
+    rng = np.random.default_rng(40)
+    begin_s = PERIOD_S * np.arange(70)
+    sending = Sending(packet(2073).astype(np.float64), True, -0.3, BIT_PERIOD_S)
+    sent = light(sending, begin_s, begin_s + PERIOD_S)
+    gain = 100 * (1 + sway * np.sin(5 * begin_s))
+    signal = (20 + gain * sent + 3 * rng.standard_normal(70)).astype(np.float32)
+    valid = (rng.random(70) > 0.1).astype(np.float64)
+    fitted = core.ask('track', 9.0, *np.stack([signal, valid, sent], axis=1).ravel())
+    assert fitted == pytest.approx(
+        tracked(signal.astype(np.float64), valid, sent, 9.0), rel=1e-5, abs=1e-3
+    )
+    assert (np.ptp(fitted[2:]) > 0) == (sway > 0)
+
+
+# --- Targets
+
+
+def column_of(core: Statistics, signal: Floats, distance: Floats) -> tuple[Floats, Floats]:
+    """Return signal and validity of zone 0, whose frames these are, as a window sees it."""
+    frames = len(signal)
+    stamp_ns = np.rint(1e9 * PERIOD_S * np.arange(frames)).astype(np.int64)
+    shape = (frames, GRID.zones)
+    signals, distances = np.full(shape, 5.0), np.ones(shape)
+    signals[:, 0], distances[:, 0] = signal, distance
+    core.take(recording_of(stamp_ns, signals, distances), LAW, BIT_PERIOD_S)
+    seen, valid = np.array(core.ask('column', 0)).reshape(-1, 2).T
+    return seen, valid
+
+
+def test_of_two_targets_by_turns_the_dimmer_one_is_the_dark_marker(core: Statistics) -> None:
+    rng = np.random.default_rng(50)
+    dark = rng.random(90) < 0.5
+    signal = np.where(dark, 30.0, 100.0) + rng.uniform(0, 5, 90)
+    distance = np.where(dark, 3.0, 1.0) + rng.uniform(-0.1, 0.1, 90)
+    for turned in (distance, 4.0 - distance):
+        seen, valid = column_of(core, signal, turned)
+        assert valid.all()
+        np.testing.assert_allclose(seen, np.where(dark, 0.0, signal), rtol=1e-6)
+
+
+def test_one_target_is_taken_as_it_is(core: Statistics) -> None:
+    rng = np.random.default_rng(51)
+    signal, distance = rng.uniform(0, 100, 90), rng.uniform(2.0, 2.45, 90)
+    seen, valid = column_of(core, signal, distance)
+    assert valid.all()
+    np.testing.assert_allclose(seen, signal, rtol=1e-6)
+
+
+def test_what_passes_before_a_marker_is_an_erasure(core: Statistics) -> None:
+    rng = np.random.default_rng(52)
+    signal = rng.uniform(50, 100, 90)
+    distance = np.where(np.arange(90) // 10 == 4, 0.5, 2.0)
+    seen, valid = column_of(core, signal, distance)
+    np.testing.assert_array_equal(valid, distance > 1)
+    np.testing.assert_allclose(seen[valid > 0], signal[valid > 0], rtol=1e-6)
+    np.testing.assert_allclose(seen[valid == 0], signal[39], rtol=1e-6)
+
+
+# --- Codebook
+
+
+def energies(own: float, adjacent: float, smooth: Floats, ids: NDArray[np.int64]) -> Floats:
+    """Return the energy of each packet, of shape (ids,), from its pairs of dark bits."""
+    bits = packet(ids).astype(np.float64)
+    pairs = np.stack(
+        [(bits[:, lag:] * bits[:, : PACKET_BITS - lag]).sum(axis=1) for lag in range(PACKET_BITS)]
+    )
+    energy: Floats = own * pairs[0] + 2 * adjacent * pairs[1] - smooth @ pairs
+    return energy
+
+
+@pytest.mark.parametrize('registered', [4094, 300, 30, 3, 1])
+def test_the_codebook_finds_the_two_best_packets(core: Statistics, registered: int) -> None:
+    rng = np.random.default_rng(registered)
+    ids = np.sort(rng.choice(USABLE, registered, replace=False))
+    assert core.ask('codebook', *ids) == [registered]
+    for case in range(40):
+        own, adjacent = rng.uniform(1.2, 2.0), rng.uniform(0, 0.3)
+        smooth, pair, decay = rng.uniform(0, [0.1, 0.1, 0.9])
+        lags = np.append(smooth, pair * decay ** np.arange(PACKET_BITS - 1))
+        soft = rng.standard_normal(PACKET_BITS)
+        if case % 2:
+            soft += rng.uniform(0, 3) * (2.0 * packet(rng.choice(ids)) - 1)
+        sums = packet(ids) @ soft
+        squared = np.where(sums > 0, sums**2 / energies(own, adjacent, lags, ids), 0)
+        least = rng.choice([0.0, 0.5 * squared.max(), 2 * squared.max()])
+        expected = np.sort(squared[squared > least])[::-1][:2]
+        answer = core.ask('best', least, own, adjacent, smooth, pair, decay, *soft)
+        answered = np.reshape(answer, (2, 2))
+        found = answered[answered[:, 0] >= 0]
+        np.testing.assert_allclose(found[:, 1], expected, rtol=1e-4)
+        at = np.searchsorted(ids, found[:, 0])
+        np.testing.assert_allclose(squared[at], expected, rtol=1e-4)
+
+
+@pytest.mark.parametrize('registered', [4094, 30, 1])
+def test_the_codebook_finds_the_heaviest_packet_of_another_id(
+    core: Statistics, registered: int
+) -> None:
+    rng = np.random.default_rng(registered)
+    ids = np.sort(rng.choice(USABLE, registered, replace=False))
+    core.ask('codebook', *ids)
+    for _ in range(40):
+        weight = rng.standard_normal(PACKET_BITS)
+        # The preamble is the same in all.
+        heavy = packet(ids)[:, len(PREAMBLE) :] @ weight[len(PREAMBLE) :]
+        excluded = rng.choice([ids[np.argmax(heavy)], 0])
+        heavy[ids == excluded] = -np.inf
+        (found,) = core.ask('heaviest', excluded, *weight)
+        if np.isfinite(heavy).any():
+            assert heavy[ids == found] == pytest.approx(heavy.max(), rel=1e-5)
+        else:
+            assert found == -1

@@ -1,0 +1,174 @@
+# Copyright 2026 retrolidar_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from evaluation.experiments import place as experiment
+from retrolidar_ros.detector.bearing import Bearing, shared_bearing, zone_bearing
+from retrolidar_ros.detector.place import facing_sensor, place
+from retrolidar_ros.detector.ranging import modulated_range
+from retrolidar_ros.scene.optics import zone_shares
+from retrolidar_ros.sensor.frame import Floats, ZoneGrid
+
+GRIDS = [ZoneGrid(4, 4), ZoneGrid(8, 8)]
+SPOT = 0.03  # of a marker of 3 cm in 1 m, as a tangent
+
+
+def rotate(quaternion: Floats, vector: Floats) -> Floats:
+    axis, w = quaternion[:3], quaternion[3]
+    rotated: Floats = vector + 2 * np.cross(axis, np.cross(axis, vector) + w * vector)
+    return rotated
+
+
+@pytest.mark.parametrize('grid', GRIDS)
+def test_position_is_along_the_bearing_at_the_range(grid: ZoneGrid) -> None:
+    for zone in range(grid.zones):
+        placed = place(zone_bearing(zone, grid), 1.5, 0.01)
+        assert placed.range_m == 1.5
+        assert placed.range_stddev_m == 0.01
+        assert np.linalg.norm(placed.position_m) == pytest.approx(1.5)
+        assert placed.position_m[:2] / placed.position_m[2] == pytest.approx(grid.tangents[zone])
+
+
+@pytest.mark.parametrize('grid', GRIDS)
+def test_orientation_faces_the_sensor(grid: ZoneGrid) -> None:
+    for direction in grid.directions:
+        quaternion = facing_sensor(direction)
+        assert np.linalg.norm(quaternion) == pytest.approx(1)
+        assert rotate(quaternion, np.array([0.0, 0.0, 1.0])) == pytest.approx(direction)
+    assert facing_sensor(np.array([0.0, 0.0, 1.0])) == pytest.approx([0, 0, 0, 1])
+
+
+@pytest.mark.parametrize('zone', [0, 5, 15])
+@pytest.mark.parametrize('stddev_m', [1e-4, 0.05])
+def test_covariance_is_the_mean_square_error_of_such_markers(zone: int, stddev_m: float) -> None:
+    rng = np.random.default_rng(1)
+    bearing = zone_bearing(zone, GRIDS[0])
+    placed = place(bearing, 1.5, stddev_m)
+    tangents = bearing.tangent + np.sqrt(bearing.variance) * rng.standard_normal((100_000, 2))
+    rays = np.concatenate([tangents, np.ones((100_000, 1))], axis=-1)
+    rays /= np.linalg.norm(rays, axis=-1, keepdims=True)
+    ranges = 1.5 + stddev_m * rng.standard_normal((100_000, 1))
+    offsets = ranges * rays - placed.position_m
+    sampled = offsets.T @ offsets / len(offsets)
+    # To second order in the angle, which is up to half a zone.
+    scale = np.trace(sampled)
+    assert np.abs(placed.covariance[:3, :3] - sampled).max() < 0.06 * scale
+    direction = placed.position_m / 1.5
+    along = direction @ placed.covariance[:3, :3] @ direction
+    assert along == pytest.approx(direction @ sampled @ direction, rel=0.25)
+    assert along >= stddev_m**2
+
+
+def test_covariance_is_symmetric_and_positive_definite() -> None:
+    placed = place(Bearing(np.array([0.3, -0.3]), np.array([1e-6, 1e-2])), 2.0, 0.002)
+    assert placed.covariance == pytest.approx(placed.covariance.T)
+    assert np.linalg.eigvalsh(placed.covariance).min() > 0
+    # Roll about the line of sight is not seen at all, tilt hardly.
+    direction = placed.position_m / 2.0
+    assert direction @ placed.covariance[3:, 3:] @ direction == pytest.approx(np.pi**2 / 3)
+
+
+def shares(grid: ZoneGrid, tangent: Floats, blur: float) -> Floats:
+    position_m = np.append(tangent, 1.0)[None]
+    light: Floats = zone_shares(position_m, SPOT, grid, blur)[0]
+    return light
+
+
+@pytest.mark.parametrize('grid', GRIDS)
+@pytest.mark.parametrize('blur', [0.05, 0.25])
+def test_a_marker_on_a_border_is_found_there_whatever_the_blur(grid: ZoneGrid, blur: float) -> None:
+    zone = grid.columns + 1
+    corner = grid.tangents[zone] + grid.pitch / 2
+    light = 100 * shares(grid, corner, blur)
+    bearing = shared_bearing(zone, light, np.ones(grid.zones), SPOT, grid)
+    assert bearing.tangent == pytest.approx(corner, abs=0.01 * grid.pitch)
+    assert np.all(bearing.variance < (0.05 * grid.pitch) ** 2)
+
+
+@given(
+    across=st.floats(-0.5, 0.5),
+    down=st.floats(-0.5, 0.5),
+    blur=st.floats(0.05, 0.3),
+    zone=st.sampled_from([5, 6, 9, 10]),
+)
+def test_the_truth_is_always_within_three_deviations(
+    across: float, down: float, blur: float, zone: int
+) -> None:
+    grid = GRIDS[0]
+    tangent = grid.tangents[zone] + grid.pitch * np.array([across, down])
+    light = 200 * shares(grid, tangent, blur)
+    strongest = int(light.argmax())
+    bearing = shared_bearing(strongest, light, np.ones(grid.zones), SPOT, grid)
+    assert np.all(np.abs(bearing.tangent - tangent) < 3 * np.sqrt(bearing.variance) + 1e-3)
+
+
+def test_a_lone_zone_without_noise_leaves_little_but_its_middle_open() -> None:
+    grid = GRIDS[0]
+    light = np.zeros(grid.zones)
+    light[5] = 100.0
+    bearing = shared_bearing(5, light, np.full(grid.zones, 0.01), SPOT, grid)
+    assert bearing.tangent == pytest.approx(grid.tangents[5], abs=1e-6)
+    wide = shared_bearing(5, light, np.full(grid.zones, 1e6), SPOT, grid)
+    # All that is known then is the zone, and a bit beyond, should a neighbour see more of it.
+    assert np.all(bearing.variance < zone_bearing(5, grid).variance)
+    assert np.all(wide.variance > zone_bearing(5, grid).variance)
+
+
+def blinking(
+    wall_m: float, wall: float, rng: np.random.Generator
+) -> tuple[Floats, Floats, Floats, Floats]:
+    """Return light, weight, signal and distance of a marker at 1.5 m before a wall."""
+    light = rng.integers(0, 2, 200).astype(float)
+    own = 100.0 * light
+    if abs(wall_m - 1.5) < 0.6:
+        signal = own + wall
+        distance = (own * 1.5 + wall * wall_m) / np.maximum(signal, 1e-9)
+    else:
+        signal = np.where(own > wall, own, wall)
+        distance = np.where(own > wall, 1.5, wall_m)
+    distance = distance + 0.49 / np.maximum(signal, 1.0) * rng.standard_normal(200)
+    distance[signal == 0] = np.nan
+    return light, np.ones(200), signal, distance
+
+
+@pytest.mark.parametrize('wall', [0.0, 4.0, 60.0])
+@pytest.mark.parametrize('wall_m', [1.45, 1.505, 1.8, 1.95, 2.3])
+def test_what_stands_behind_does_not_shift_the_range(wall_m: float, wall: float) -> None:
+    grid = GRIDS[0]
+    scores = []
+    for seed in range(40):
+        blink = blinking(wall_m, wall, np.random.default_rng(seed))
+        found = modulated_range(np.arange(len(blink[0])) * 0.021, *blink, 0, grid)
+        assert found is not None
+        range_m, stddev_m, _ = found
+        assert stddev_m < 0.006
+        scores.append((range_m * grid.z_per_range[0] - 1.5) / stddev_m)
+    assert abs(np.mean(scores)) < 0.6
+    assert 0.6 < np.sqrt(np.mean(np.square(scores))) < 1.5
+
+
+def test_a_range_needs_distances() -> None:
+    light = np.tile([0.0, 1.0], 10)
+    nothing = np.full(20, np.nan)
+    assert (
+        modulated_range(np.arange(20.0), light, np.ones(20), 50 * light, nothing, 0, GRIDS[0])
+        is None
+    )
+    assert (
+        modulated_range(np.arange(20.0), light, np.zeros(20), 50 * light, light + 1, 0, GRIDS[0])
+        is None
+    )
+
+
+def test_the_ellipsoid_holds_and_bearings_are_sharp() -> None:
+    figures = experiment.run(np.random.default_rng(3), quick=True)
+    for row in figures['blurs']:
+        hits = sum(holds['hits'] for holds in row['ellipsoid_holds'].values())
+        trials = sum(holds['trials'] for holds in row['ellipsoid_holds'].values())
+        assert trials >= 40
+        assert hits / trials >= 0.88
+        assert row['range_median_m'] < 0.003
+        assert row['bearing_rms_deg']['between'] < row['centre_rms_deg']['between']

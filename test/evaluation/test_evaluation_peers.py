@@ -1,0 +1,283 @@
+# Copyright 2026 retrolidar_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+import ctypes.util
+import math
+import sys
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from evaluation import peers
+from evaluation.peers.camera import (
+    CENTRE_PX,
+    FOCAL_PX,
+    HEIGHT,
+    WIDTH,
+    Background,
+    Pose,
+    blur,
+    expose,
+    facing_pose,
+    paper_electrons,
+    transform,
+)
+from evaluation.peers.trials import errors, in_some, read_lidar, read_pictures
+from evaluation.peers.visual_markers import (
+    APRILTAG,
+    APRILTAG_FINE,
+    IDS,
+    QR,
+    AprilTagReader,
+    Reader,
+    find_readers,
+    square_range,
+)
+from retrolidar_ros.detector import METHODS
+
+pytest.importorskip('pupil_apriltags', reason='needs pupil-apriltags, which is a pip extra')
+READERS = {reader.name: reader for reader in find_readers()[0]}
+ALL = pytest.mark.parametrize(
+    'name',
+    [
+        pytest.param(
+            name, marks=pytest.mark.skipif(name not in READERS, reason=f'no reader of {name}')
+        )
+        for name in (APRILTAG, APRILTAG_FINE, QR)
+    ],
+)
+SQUARE = np.array([(-0.5, -0.5), (0.5, -0.5), (0.5, 0.5), (-0.5, 0.5)])
+
+
+@pytest.fixture
+def rng() -> np.random.Generator:
+    return np.random.default_rng(3)
+
+
+@pytest.fixture(scope='module')
+def background() -> Background:
+    return Background(np.random.default_rng(0))
+
+
+def pose_at(range_m: float, rng: np.random.Generator) -> Pose:
+    return facing_pose(range_m, 300, math.radians(10), rng)
+
+
+def tilted(pose: Pose, yaw_rad: float) -> Pose:
+    sine, cosine = math.sin(yaw_rad), math.cos(yaw_rad)
+    yaw = np.array([[cosine, 0, sine], [0, 1, 0], [-sine, 0, cosine]])
+    return pose._replace(rotation=pose.rotation @ yaw)
+
+
+def test_the_picture_is_50_degrees_wide() -> None:
+    ahead = Pose(np.array([0.0, 0.0, 2.0]), np.eye(3))
+    half_m = 2 * math.tan(math.radians(25))
+    assert np.allclose(transform(ahead.homography, (0, 0)), CENTRE_PX)
+    assert np.allclose(transform(ahead.homography, (half_m, 0)), (WIDTH, HEIGHT / 2))
+    # Below the axis is lower in the picture, at the same scale.
+    assert transform(ahead.homography, (0, 0.1))[1] == pytest.approx(HEIGHT / 2 + FOCAL_PX * 0.05)
+
+
+def test_a_plate_faces_the_camera_at_its_range(rng: np.random.Generator) -> None:
+    for _ in range(20):
+        pose = pose_at(1.5, rng)
+        assert np.linalg.norm(pose.position_m) == pytest.approx(1.5)
+        assert np.allclose(pose.rotation.T @ pose.rotation, np.eye(3))
+        assert np.linalg.det(pose.rotation) == pytest.approx(1)
+        assert np.allclose(1.5 * pose.rotation[:, 2], pose.position_m)
+        assert math.degrees(math.acos(pose.rotation[1, 1] / np.hypot(*pose.rotation[1, :2]))) < 10.5
+
+
+def test_photoelectrons_follow_light_and_time() -> None:
+    # By hand: 100 lux on paper of 0.9 through f/1.8 with 0.9 of the light leave 6.25 lux; for
+    # 1/30 s on (1/300 mm)², half of 683 W⁻¹ lm of 555 nm photons count.
+    photons_j = 6.62607e-34 * 2.99792e8 / 555e-9
+    expected = 0.5 * 6.25 / 683 / photons_j * (1e-3 / 300) ** 2 / 30
+    assert paper_electrons(100, 1 / 30) == pytest.approx(expected, rel=1e-4)
+    assert paper_electrons(50, 1 / 60) == pytest.approx(expected / 4, rel=1e-4)
+
+
+def test_exposure_puts_paper_below_white_until_the_gain_ends(rng: np.random.Generator) -> None:
+    paper = np.ones((200, 200))
+    levels = [expose(paper, lux, rng).mean() for lux in (1000, 10, 0.1, 0.01)]
+    assert levels[0] == pytest.approx(levels[1], abs=0.5) == pytest.approx(204, abs=0.5)
+    assert levels[3] < levels[2] < 20
+
+
+@pytest.mark.parametrize('lux', [300.0, 10.0])
+def test_noise_is_that_of_the_photons(lux: float, rng: np.random.Generator) -> None:
+    picture = expose(np.ones((400, 400)), lux, rng).astype(float)
+    white = min(paper_electrons(lux, 1 / 30), 16_000)
+    noise = math.sqrt(white + 25) / white
+    rounding = 1 / math.sqrt(12)
+    assert picture.std() == pytest.approx(math.hypot(204 * noise, rounding), rel=0.05)
+
+
+def test_glare_adds_light_until_all_is_white(rng: np.random.Generator) -> None:
+    stripes = np.tile([0.05, 1.0], (50, 50))
+    plain, veiled, blind = (expose(stripes, 300, rng, veil=veil) for veil in (0, 0.2, 1.3))
+    dark = slice(0, None, 2)
+    assert veiled[:, dark].mean() - plain[:, dark].mean() == pytest.approx(204 * 0.2, abs=1)
+    assert blind.min() == 255
+
+
+def test_blur_halves_the_contrast_at_half_of_nyquist() -> None:
+    # A pixel averages a wave of 4 pixels down to sin(π/4)/(π/4); the Gaussian does the rest.
+    wave = np.tile(np.cos(np.pi / 2 * np.arange(64)), (64, 1))
+    left = blur(wave)[32, 20:44].max() * math.sin(math.pi / 4) / (math.pi / 4)
+    assert left == pytest.approx(0.5, abs=0.03)
+    assert blur(np.ones((30, 30)))[15, 15] == pytest.approx(1)
+
+
+def test_the_tag_is_where_the_homography_puts_it(
+    background: Background, rng: np.random.Generator
+) -> None:
+    reader = READERS[APRILTAG]
+    assert isinstance(reader, AprilTagReader)
+    for _ in range(5):
+        plate, pose = reader.plate(7, 0.03), pose_at(0.4, rng)
+        light, window = background.with_plate(plate.cells, plate.side_m, pose)
+        (tag,) = reader.detector.detect(expose(light, 300, rng))
+        border_m = 0.03 * 5 / 9
+        corners = transform(pose.homography, border_m * SQUARE) - (window.left, window.top)
+        # The library begins at the lower left one.
+        assert np.abs(tag.corners - corners[[3, 2, 1, 0]]).max() < 0.5
+
+
+@ALL
+def test_a_clean_picture_gives_id_and_range(
+    name: str, background: Background, rng: np.random.Generator
+) -> None:
+    reader = READERS[name]
+    for identity in (0, 42, IDS - 1):
+        plate = reader.plate(identity, 0.03)
+        light, window = background.with_plate(plate.cells, plate.side_m, pose_at(0.5, rng))
+        (seen,) = reader.read(expose(light, 300, rng), window.centre_px, 0.03)
+        assert seen.id == identity
+        assert seen.range_m == pytest.approx(0.5, rel=0.01)
+
+
+@ALL
+def test_surroundings_read_as_the_whole_picture(
+    name: str, background: Background, rng: np.random.Generator
+) -> None:
+    reader = READERS[name]
+    plate, pose = reader.plate(99, 0.03), pose_at(1.0, rng)
+    light, window = background.with_plate(plate.cells, plate.side_m, pose)
+    whole = background.light.copy()
+    whole[window.slices] = light
+    picture = expose(whole, 300, rng)
+    (seen,) = reader.read(picture, CENTRE_PX, 0.03)
+    (again,) = reader.read(np.ascontiguousarray(picture[window.slices]), window.centre_px, 0.03)
+    assert seen.id == again.id == 99
+    assert seen.range_m == pytest.approx(again.range_m, rel=0.003)
+
+
+@pytest.mark.parametrize('yaw_deg', [0, 20, 40])
+def test_the_range_of_a_square_holds_when_it_is_tilted(
+    yaw_deg: float, rng: np.random.Generator
+) -> None:
+    pose = tilted(pose_at(1.0, rng), math.radians(yaw_deg))
+    corners = transform(pose.homography, 0.03 * SQUARE)
+    assert square_range(corners, CENTRE_PX, 0.03) == pytest.approx(1.0, rel=0.001)
+    assert square_range(corners[::-1], CENTRE_PX, 0.03) == pytest.approx(1.0, rel=0.001)
+
+
+@ALL
+def test_plates_have_a_white_margin_around_the_size(name: str) -> None:
+    plate = READERS[name].plate(5, 0.03)
+    margin = 4 if name == QR else 1
+    cells = len(plate.cells) - 2 * margin
+    assert cells == (21 if name == QR else 9)
+    assert plate.side_m == pytest.approx(0.03 * len(plate.cells) / cells)
+    assert (plate.cells[:margin] == 1).all()
+    assert (plate.cells[margin:-margin, margin] < 1).any()
+
+
+def test_missing_zbar_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
+    for module in [name for name in sys.modules if name.startswith('pyzbar')]:
+        monkeypatch.delitem(sys.modules, module)
+    monkeypatch.setattr(ctypes.util, 'find_library', lambda name: None)
+    readers, missing = find_readers()
+    assert [reader.name for reader in readers] == [APRILTAG, APRILTAG_FINE]
+    assert list(missing) == [QR]
+    assert 'zbar' in missing[QR]
+    assert 'apt install libzbar0' in missing[QR]
+
+
+def test_missing_apriltag_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, 'pupil_apriltags', None)
+    _, missing = find_readers()
+    assert 'pip install pupil-apriltags' in missing[APRILTAG]
+    assert 'pip install pupil-apriltags' in missing[APRILTAG_FINE]
+
+
+@pytest.mark.parametrize(
+    ('hits', 'trials', 'chosen', 'chance'),
+    [(0, 64, 39, 0.0), (1, 64, 39, 39 / 64), (64, 64, 39, 1.0), (1, 12, 39, 1.0), (2, 4, 1, 0.5)],
+)
+def test_chance_of_a_hit_among_some(hits: int, trials: int, chosen: int, chance: float) -> None:
+    assert in_some(hits, trials, chosen) == pytest.approx(chance)
+
+
+def test_errors_are_absolute_and_in_millimetres() -> None:
+    assert errors([]) is None
+    assert errors([-0.003, 0.001, 0.002]) == pytest.approx(
+        {'median': 2.0, 'p95': 2.9, 'largest': 3.0}
+    )
+
+
+class Liar:
+    """Reads another ID than is there."""
+
+    name = kind = 'liar'
+
+    def plate(self, identity: int, size_m: float) -> Any:
+        return READERS[APRILTAG].plate(identity, size_m)
+
+    def read(self, picture: Any, centre_px: Any, size_m: float) -> Any:
+        (seen,) = READERS[APRILTAG].read(picture, centre_px, size_m)
+        return [seen._replace(id=seen.id + 1)]
+
+
+def test_wrong_ids_are_counted(background: Background, rng: np.random.Generator) -> None:
+    readers: list[Reader] = [READERS[APRILTAG], Liar()]
+    results = read_pictures(readers, background, 4, rng, range_m=0.6, size_m=0.03, lux=300)
+    assert (results[APRILTAG]['read']['hits'], results[APRILTAG]['wrong']) == (4, 0)
+    assert (results['liar']['read']['hits'], results['liar']['wrong']) == (0, 4)
+    assert results['liar']['error_mm'] is None
+
+
+def test_tags_end_in_the_dark(background: Background, rng: np.random.Generator) -> None:
+    where = {'range_m': 1.0, 'size_m': 0.03}
+    rates = [
+        read_pictures([READERS[APRILTAG]], background, 5, rng, lux=lux, **where)[APRILTAG]['read']
+        for lux in (300, 0.01)
+    ]
+    assert [rate['hits'] for rate in rates] == [5, 0]
+
+
+def test_lidar_markers_are_read_and_ranged_near(rng: np.random.Generator) -> None:
+    results = read_lidar(1.0, 0.03, 1, rng)
+    assert set(results) == set(METHODS)
+    near = results[METHODS[0]]
+    assert near['read']['hits'] == near['read']['trials'] == 16
+    assert near['error_mm'] is not None
+    assert near['error_mm']['median'] < 5
+
+
+@pytest.mark.timeout(120)
+def test_the_experiment_reports_what_is_left_out(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, rng: np.random.Generator
+) -> None:
+    kept = [reader for reader in READERS.values() if reader.name != QR]
+    monkeypatch.setattr(peers, 'find_readers', lambda: (kept, {QR: 'no zbar here'}))
+    figures = peers.run(rng, quick=True)
+    assert 'left out: QR code: no zbar here' in peers.summarise(figures)
+    assert 'no zbar here' in peers.comment(figures)
+    claims = {claim.what: claim for claim in peers.compare(figures)}
+    assert claims['QR code, 3 cm: 80% are read to'].default == '–'
+    peers.draw(figures, tmp_path / 'all.png')
+    peers.draw_speed_accuracy(figures, tmp_path / 'speed.png')
+    assert (tmp_path / 'all.png').stat().st_size > 50_000

@@ -1,0 +1,358 @@
+# Copyright 2026 retrolidar_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""The sketches themselves, run on this machine against stand-ins for an Arduino's libraries."""
+
+from __future__ import annotations
+
+import re
+import shutil
+from collections.abc import Sequence
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+import pytest
+from harness_firmware import ROOT, IntArray, RawFrame, compile_firmware, read_line, run_host
+
+from retrolidar_ros.marker.battery import CELL_MAH, PROTOTYPE, active_share, drawn, life_h
+from retrolidar_ros.marker.code import BIT_PERIOD_S, packet
+from retrolidar_ros.marker.wakeup import LOOK_EVERY_S, LOOK_S, WAKING_S
+from retrolidar_ros.sensor.frame import Frame, Status
+from retrolidar_ros.sensor.wire import FrameReader
+
+FRAME_US = 20_833
+
+
+@pytest.fixture(scope='module')
+def programs(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Compile both sketches, which is what checks their types."""
+    build = tmp_path_factory.mktemp('sketches')
+    compile_firmware('host', build)
+    return build
+
+
+# --- Reader
+
+
+def raw_frames(count: int, zones: int = 16, seed: int = 1) -> list[RawFrame]:
+    rng = np.random.default_rng(seed)
+    return [
+        RawFrame(
+            0,
+            0,
+            rng.integers(0, 16_000, zones),
+            rng.integers(0, 2**24, zones),
+            rng.integers(0, 2**16, zones),
+            rng.choice([5, 6, 9, 10, 8], zones),
+        )
+        for _ in range(count)
+    ]
+
+
+def told_by_driver(
+    frames: Sequence[RawFrame], status: Sequence[int], targets: IntArray | None = None
+) -> str:
+    """Return what the reader's program reads as the results of ST's driver."""
+    lines = []
+    for frame, failure in zip(frames, status, strict=True):
+        counts = np.ones(frame.zones, dtype=int) if targets is None else targets
+        zones = np.stack(
+            [counts, frame.distance, frame.signal, frame.ambient, frame.status], axis=1
+        )
+        lines.append(' '.join(map(str, [failure, *zones.ravel()])))
+    return '\n'.join(lines)
+
+
+def read_by(
+    program: Path,
+    frames: Sequence[RawFrame],
+    *,
+    status: Sequence[int] | None = None,
+    targets: IntArray | None = None,
+    start_us: int = 0,
+    baud: int | None = None,
+    period_us: int = FRAME_US,
+) -> tuple[list[Frame], FrameReader]:
+    """Return the frames that come out of the line when a reader sees these."""
+    told = told_by_driver(frames, status or [0] * len(frames), targets)
+    slow = [] if baud is None else [baud]
+    return read_line(run_host(program, start_us, period_us, *slow, given=told))
+
+
+def assert_same_zones(frame: Frame, raw: RawFrame) -> None:
+    again = RawFrame.of(frame)
+    for name in ('distance', 'signal', 'ambient', 'status'):
+        np.testing.assert_array_equal(getattr(again, name), getattr(raw, name))
+
+
+def test_every_frame_of_the_sensor_comes_out_of_the_line(programs: Path) -> None:
+    sent = raw_frames(50)
+    frames, reader = read_by(programs / 'reader_host', sent)
+    assert reader.counts.damaged == 0
+    assert [frame.sequence for frame in frames] == list(range(1, 51))
+    for frame, raw in zip(frames, sent, strict=True):
+        assert_same_zones(frame, raw)
+
+
+def test_stamps_are_of_the_middle_of_the_exposure_and_never_go_back(programs: Path) -> None:
+    start_us = 2**32 - 500_000  # the counter of the timer wraps after half a second
+    frames, _ = read_by(programs / 'reader_host', raw_frames(50), start_us=start_us)
+    times = np.array([frame.sensor_time_us for frame in frames])
+    # The timer counts to 2^32 - 2 and not to 2^32 - 1, so it gains a microsecond when it wraps.
+    assert set(np.diff(times)) == {FRAME_US, FRAME_US + 1}
+    interrupts = times[0] + FRAME_US // 2
+    # Between the start and the first frame, the sketch waited for the sensor's power only.
+    assert 0 < interrupts - start_us - FRAME_US < 20_000
+
+
+def test_zones_without_a_target_are_told_as_such(programs: Path) -> None:
+    (raw,) = raw_frames(1)
+    targets = np.arange(16) % 2
+    (frame,), _ = read_by(programs / 'reader_host', [raw], targets=targets)
+    read = RawFrame.of(frame)
+    np.testing.assert_array_equal(read.status == Status.NO_TARGET, targets == 0)
+    np.testing.assert_array_equal(read.signal, raw.signal * targets)
+
+
+def test_a_frame_that_the_driver_could_not_read_is_a_gap_in_the_sequence(programs: Path) -> None:
+    sent = raw_frames(10)
+    frames, reader = read_by(
+        programs / 'reader_host', sent, status=[0, 0, 2, 0, 0, 255, 2, 0, 0, 0]
+    )
+    assert reader.counts.damaged == 0
+    assert [frame.sequence for frame in frames] == [1, 2, 4, 5, 8, 9, 10]
+    for frame in frames:
+        assert_same_zones(frame, sent[frame.sequence - 1])
+
+
+def test_a_frame_that_another_one_overtook_is_not_sent(programs: Path) -> None:
+    sent = raw_frames(10)
+    frames, reader = read_by(
+        programs / 'reader_host', sent, status=[0, 256, 0, 0, 256, 0, 0, 0, 0, 0]
+    )
+    assert reader.counts.damaged == 0
+    # What was read third is the frame that was made while the second one was read.
+    order = [0, 2, 3, 5, 6, 7, 8, 9]
+    assert [frame.sequence for frame in frames] == [number + 1 for number in order]
+    for frame, place in zip(frames, order, strict=True):
+        assert_same_zones(frame, sent[place])
+
+
+@pytest.mark.parametrize('baud', [9_600, 57_600])
+def test_a_slow_line_loses_whole_frames_and_nothing_else(programs: Path, baud: int) -> None:
+    sent = raw_frames(200)
+    frames, reader = read_by(programs / 'reader_host', sent, baud=baud)
+    assert reader.counts.damaged == 0
+    for frame in frames:
+        assert_same_zones(frame, sent[frame.sequence - 1])
+    bytes_sent = 200 * FRAME_US * 1e-6 * baud / 10
+    assert len(frames) * 195 > bytes_sent  # what the line can carry is carried
+    assert len(frames) < 200
+
+
+def test_the_line_of_the_sketch_carries_every_frame(programs: Path) -> None:
+    frames, _ = read_by(programs / 'reader_host', raw_frames(500))
+    assert len(frames) == 500
+
+
+def test_a_sensor_that_does_not_answer_is_complained_of(programs: Path) -> None:
+    line = run_host(programs / 'reader_host', 0, FRAME_US, NO_SENSOR='1')
+    assert re.search(rb'VL53L8CX: start failed; check the jumpers', line)
+    # Before the first delimiter there may be the rest of a packet, which is no damage.
+    frames, reader = read_line(b'\0' + line)
+    assert not frames
+    assert reader.counts.damaged == 1
+
+
+def test_one_constant_makes_it_8x8_at_15_hz(tmp_path: Path) -> None:
+    copy = tmp_path / 'package'
+    for directory in ('core', 'firmware', 'test/firmware'):
+        shutil.copytree(ROOT / directory, copy / directory)
+    sketch = copy / 'firmware' / 'reader' / 'reader.ino'
+    before = sketch.read_text()
+    after = before.replace('constexpr uint8_t ROWS = 4;', 'constexpr uint8_t ROWS = 8;')
+    assert after != before
+    sketch.write_text(after)
+    build = tmp_path / 'build'
+    compile_firmware('host', build, firmware=copy / 'firmware')
+    sent = raw_frames(20, zones=64)
+    frames, reader = read_by(build / 'reader_host', sent, period_us=66_667)
+    assert reader.counts.damaged == 0
+    assert len(frames) == 20
+    for frame, raw in zip(frames, sent, strict=True):
+        assert_same_zones(frame, raw)
+
+
+# --- Marker
+
+FIRST_PIN, SECOND_PIN, FRONTEND_PIN = 9, 10, 3
+LISTEN_US = 5_000_000
+ID = 2073
+PACKETS = 2
+TRAIN_US = PACKETS * round(31 * BIT_PERIOD_S * 1e6)
+
+
+class Marker(NamedTuple):
+    """What a run of the marker's sketch did."""
+
+    events: IntArray
+    """Time [µs], pin and level of each change, shape (changes, 3)."""
+    said: str
+    deep_sleep_us: int
+    waited_us: int
+    kept_id: int
+    """In the memory that outlives a reset."""
+
+    def high_us(self, pin: int) -> IntArray:
+        """Return from when to when a pin was high, shape (times, 2)."""
+        own = self.events[self.events[:, 1] == pin]
+        pairs: IntArray = own[: len(own) // 2 * 2, 0].reshape(-1, 2)
+        return pairs
+
+
+def run_marker(
+    programs: Path,
+    seconds: int,
+    light_from_us: int = 0,
+    light_until_us: int = 0,
+    typed: Sequence[str] = (),
+    **environment: str,
+) -> Marker:
+    lines = (
+        run_host(
+            programs / 'marker_host',
+            seconds,
+            light_from_us,
+            light_until_us,
+            *typed,
+            **environment,
+        )
+        .decode()
+        .split('\n')
+    )
+    events = [list(map(int, line.split())) for line in lines if re.match(r'\d', line)]
+    deep_sleep_us, waited_us, kept_id = map(int, next(x for x in lines if x[:1] == '$')[1:].split())
+    said = ''.join(line[1:] for line in lines if line[:1] == '#')
+    return Marker(np.array(events).reshape(-1, 3), said, deep_sleep_us, waited_us, kept_id)
+
+
+def bits_sent(marker: Marker) -> IntArray:
+    """Return which bits were dark, from the first dark one on, checking their voltages."""
+    first, second = marker.high_us(FIRST_PIN), marker.high_us(SECOND_PIN)
+    start_us = first[0, 0]
+    bit_us = round(BIT_PERIOD_S * 1e6)
+    bits = round((second[-1, 1] - start_us) / bit_us)
+    dark = np.zeros(bits, dtype=np.uint8)
+    for bit in range(bits):
+        inside = [
+            (np.clip(times, start_us + bit * bit_us, start_us + (bit + 1) * bit_us) @ [-1, 1]).sum()
+            for times in (first, second)
+        ]
+        assert inside[0] == inside[1]  # no direct voltage over any bit
+        assert inside[0] in (0, bit_us / 2)
+        dark[bit] = inside[0] > 0
+    return dark
+
+
+def test_a_flash_of_light_is_answered_with_packets(programs: Path) -> None:
+    marker = run_marker(programs, 12, 6_000_000, 6_100_000)
+    dark = bits_sent(marker)
+    expected = np.tile(packet(ID), PACKETS)
+    expected = expected[: np.flatnonzero(expected)[-1] + 1]
+    np.testing.assert_array_equal(dark, expected)
+    assert marker.waited_us == pytest.approx(TRAIN_US, abs=1000)
+
+
+def test_electrodes_are_never_both_high_and_rest_low(programs: Path) -> None:
+    events = run_marker(programs, 12, 6_000_000, 6_100_000).events
+    levels = {FIRST_PIN: 0, SECOND_PIN: 0}
+    for _, pin, level in events[np.isin(events[:, 1], list(levels))]:
+        levels[int(pin)] = int(level)
+        assert sum(levels.values()) < 2
+    assert not any(levels.values())
+
+
+@pytest.mark.parametrize('light_from_us', [6_000_000, 6_033_000, 6_077_700])
+def test_it_wakes_within_the_time_that_the_budget_counts_with(
+    programs: Path, light_from_us: int
+) -> None:
+    marker = run_marker(programs, 8, light_from_us, light_from_us + 1_000_000)
+    waking_us = marker.high_us(FIRST_PIN)[0, 0] - light_from_us
+    # The budget's, the six samples that the light is asked for, and the timer's first period.
+    assert 0 < waking_us <= WAKING_S * 1e6 + 6 * 50 + 500
+
+
+def test_while_there_is_light_packets_follow_each_other(programs: Path) -> None:
+    marker = run_marker(programs, 20, 6_000_000, 60_000_000)
+    looks = marker.high_us(FRONTEND_PIN)[:, 0]
+    looks = looks[looks > marker.high_us(FIRST_PIN)[0, 0]]
+    assert len(looks) >= 4
+    pauses_us = np.diff(looks) - TRAIN_US
+    assert (pauses_us > 0).all()
+    assert (pauses_us < 2_000).all()
+
+
+def test_no_light_no_packet(programs: Path) -> None:
+    marker = run_marker(programs, 20)
+    assert not len(marker.high_us(FIRST_PIN))
+    looks = marker.high_us(FRONTEND_PIN)
+    assert len(looks) == (20_000_000 - LISTEN_US) // 100_000
+    np.testing.assert_allclose(looks @ [-1, 1], LOOK_S * 1e6)
+    np.testing.assert_allclose(np.diff(looks[:, 0]), LOOK_EVERY_S * 1e6)
+
+
+def test_a_marker_draws_what_the_paper_says_and_lives_as_long(programs: Path) -> None:
+    hour_us = 3_600_000_000
+    marker = run_marker(programs, 3600 + 5, 1_800_000_000, 1_800_100_000)
+    assert marker.deep_sleep_us + marker.waited_us < hour_us
+    looking_us = (marker.high_us(FRONTEND_PIN) @ [-1, 1]).sum()
+    assert looking_us + marker.deep_sleep_us + marker.waited_us == pytest.approx(hour_us, rel=1e-4)
+    mean_ma = (
+        marker.deep_sleep_us * PROTOTYPE.sleep
+        + looking_us * PROTOTYPE.detection
+        + marker.waited_us * PROTOTYPE.active
+    ) / hour_us
+    assert mean_ma == pytest.approx(drawn(active_share(1, PACKETS)).total, rel=0.001)
+    assert life_h(CELL_MAH, mean_ma) / 24 > 60  # the paper's two months
+
+
+@pytest.mark.parametrize(
+    ('typed', 'marker_id', 'said'),
+    [
+        ([], ID, 'marker, id 2073'),
+        (['id 7'], 7, 'id 7 is kept'),
+        (['id 7', 'id 4094'], 4094, 'id 4094 is kept'),
+        (['id 0', 'help', 'id 4095', 'id 99999999999999999999'], ID, 'not understood'),
+        (['id 8888 and much more than the line holds', 'id 9'], 9, 'id 9 is kept'),
+        (['', 'id 5'], 5, 'id 5 is kept'),
+        (['id 0000000000012'], ID, 'not understood'),  # its first 15 characters are a command
+    ],
+)
+def test_its_id_is_set_over_the_serial_line(
+    programs: Path, typed: list[str], marker_id: int, said: str
+) -> None:
+    marker = run_marker(programs, 12, 6_000_000, 6_100_000, typed)
+    assert said in marker.said
+    assert marker.kept_id == (marker_id if 'is kept' in said else 0)
+    np.testing.assert_array_equal(bits_sent(marker)[:31], packet(marker_id))
+
+
+@pytest.mark.parametrize(
+    ('memory', 'marker_id'),
+    [
+        ({'KEPT_ID': '7'}, 7),
+        ({'ERASED': '0'}, ID),
+        ({'ERASED': '255'}, ID),
+        ({'KEPT_ID': '4095'}, ID),
+    ],
+)
+def test_its_id_outlives_a_reset(programs: Path, memory: dict[str, str], marker_id: int) -> None:
+    marker = run_marker(programs, 12, 6_000_000, 6_100_000, **memory)
+    assert f'marker, id {marker_id}' in marker.said
+    np.testing.assert_array_equal(bits_sent(marker)[:31], packet(marker_id))
+
+
+def test_what_the_comparator_says_while_it_gets_power_is_no_light(programs: Path) -> None:
+    marker = run_marker(programs, 10, TRANSIENT_US='399')
+    assert not len(marker.high_us(FIRST_PIN))
+    assert run_marker(programs, 10, TRANSIENT_US='900').waited_us  # the test would see it

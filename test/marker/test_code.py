@@ -1,0 +1,248 @@
+# Copyright 2026 retrolidar_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""The code has the published properties of the Golay code and the committed form."""
+
+from __future__ import annotations
+
+import runpy
+from itertools import combinations
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from hypothesis.extra import numpy as hnp
+from numpy.typing import NDArray
+
+from retrolidar_ros.marker.code import (
+    IDS,
+    PACKET_BITS,
+    PREAMBLE,
+    RESERVED_IDS,
+    WORD_BITS,
+    WORDS,
+    check_ids,
+    decode,
+    encode,
+    packet,
+)
+
+Bits = NDArray[np.uint8]
+
+VECTORS = Path(__file__).parents[1] / 'vectors'
+GENERATOR: Bits = WORDS[1 << np.arange(11, -1, -1)]
+PARITY_CHECK: Bits = np.hstack([GENERATOR[:, 12:].T, np.eye(12, dtype=np.uint8)])
+COSETS = {0: 1, 1: 24, 2: 276, 3: 2024, 4: 1771}  # Conway and Sloane 1988, by leader's weight
+
+law = settings(derandomize=True, deadline=None)
+ids = st.integers(0, IDS - 1)
+words = hnp.arrays(np.uint8, WORD_BITS, elements=st.integers(0, 1))
+
+
+def committed_words() -> dict[int, int]:
+    lines = (VECTORS / 'golay.txt').read_text().splitlines()
+    pairs = (line.split() for line in lines if not line.startswith('#'))
+    return {int(marker_id): int(word, 16) for marker_id, word in pairs}
+
+
+def to_bits(number: int, width: int) -> Bits:
+    return np.array([int(digit) for digit in f'{number:0{width}b}'], dtype=np.uint8)
+
+
+def error_patterns(weight: int) -> Bits:
+    places = np.array(list(combinations(range(WORD_BITS), weight)), dtype=np.intp)
+    patterns = np.zeros((len(places), WORD_BITS), dtype=np.uint8)
+    np.put_along_axis(patterns, places, 1, axis=1)
+    return patterns
+
+
+def test_all_words_are_the_committed_ones() -> None:
+    committed = committed_words()
+    assert list(committed) == list(range(IDS))
+    expected = np.array([to_bits(word, WORD_BITS) for word in committed.values()])
+    np.testing.assert_array_equal(encode(np.arange(IDS)), expected)
+
+
+def test_the_committed_words_are_those_of_an_independent_library(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    pytest.importorskip('komm', reason='komm computes the vectors')
+    runpy.run_path(str(VECTORS / 'make_golay.py'), run_name='__main__')
+    made = [line for line in capsys.readouterr().out.splitlines() if not line.startswith('#')]
+    assert made == (VECTORS / 'golay.txt').read_text().splitlines()[-IDS:]
+
+
+def test_weights_of_the_words_are_those_published() -> None:
+    weights, counts = np.unique(WORDS.sum(axis=1), return_counts=True)
+    assert dict(zip(weights.tolist(), counts.tolist(), strict=True)) == {
+        0: 1,
+        8: 759,
+        12: 2576,
+        16: 759,
+        24: 1,
+    }
+
+
+def test_weights_of_the_coset_leaders_are_those_published() -> None:
+    leaders = np.full(IDS, -1)
+    for weight in reversed(COSETS):
+        syndromes = error_patterns(weight) @ PARITY_CHECK.T % 2 @ (1 << np.arange(12))
+        leaders[syndromes] = weight
+    weights, counts = np.unique(leaders, return_counts=True)
+    assert dict(zip(weights.tolist(), counts.tolist(), strict=True)) == COSETS
+
+
+def test_parity_checks_are_orthogonal_to_the_generator() -> None:
+    assert not (GENERATOR @ PARITY_CHECK.T % 2).any()
+    np.testing.assert_array_equal(GENERATOR[:, :12], np.eye(12))
+    np.testing.assert_array_equal(PARITY_CHECK[:, 12:], np.eye(12))
+
+
+@pytest.mark.parametrize('weight', [0, 1, 2, 3])
+def test_every_pattern_of_up_to_three_errors_is_corrected(weight: int) -> None:
+    patterns = error_patterns(weight)
+    assert len(patterns) == COSETS[weight]
+    sent = np.random.default_rng(weight).integers(0, IDS, (8, len(patterns)))
+    decoded = decode(encode(sent) ^ patterns)
+    np.testing.assert_array_equal(decoded.ids, sent)
+    assert (decoded.corrected_bits == weight).all()
+
+
+def test_every_pattern_of_four_errors_is_refused() -> None:
+    patterns = error_patterns(4)
+    sent = np.random.default_rng(4).integers(0, IDS, len(patterns))
+    decoded = decode(encode(sent) ^ patterns)
+    assert (decoded.ids == -1).all()
+    assert (decoded.corrected_bits == -1).all()
+
+
+def test_five_errors_are_never_taken_for_fewer_than_three() -> None:
+    patterns = error_patterns(5)
+    sent = np.random.default_rng(5).integers(0, IDS, len(patterns))
+    decoded = decode(encode(sent) ^ patterns)
+    assert (decoded.corrected_bits == 3).all()
+    assert (decoded.ids != sent).all()
+
+
+def test_a_decoded_word_differs_from_the_received_one_in_the_corrected_bits() -> None:
+    received = np.random.default_rng(6).integers(0, 2, (20_000, WORD_BITS), dtype=np.uint8)
+    found, corrected_bits = decode(received)
+    accepted = found >= 0
+    np.testing.assert_array_equal(accepted, corrected_bits >= 0)
+    distance = (encode(found[accepted]) != received[accepted]).sum(axis=1)
+    np.testing.assert_array_equal(distance, corrected_bits[accepted])
+
+
+def test_random_words_decode_as_often_as_counting_says() -> None:
+    received = np.random.default_rng(7).integers(0, 2, (100_000, WORD_BITS), dtype=np.uint8)
+    _, corrected_bits = decode(received)
+    for weight in range(4):
+        share = COSETS[weight] / IDS
+        deviation = np.sqrt(share * (1 - share) / len(received))
+        assert (corrected_bits == weight).mean() == pytest.approx(share, abs=4 * deviation)
+    assert (corrected_bits >= 0).mean() == pytest.approx(0.568, abs=0.006)
+
+
+def test_no_packet_has_a_twin_at_another_cyclic_shift() -> None:
+    packets = packet(np.arange(IDS))
+    nearest = np.full(IDS, PACKET_BITS)
+    for shift in range(1, PACKET_BITS):
+        shifted = np.roll(packets, shift, axis=1)
+        wrong_preamble_bits = (shifted[:, : len(PREAMBLE)] != PREAMBLE).sum(axis=1)
+        _, wrong_word_bits = decode(shifted[:, len(PREAMBLE) :])
+        wrong_word_bits = np.where(wrong_word_bits < 0, 4, wrong_word_bits)  # never more
+        nearest = np.minimum(nearest, wrong_preamble_bits + wrong_word_bits)
+    assert nearest.min() == 2
+    assert (nearest >= 4).sum() == 3593
+
+
+def test_a_packet_is_the_preamble_and_the_word_most_significant_bit_first() -> None:
+    np.testing.assert_array_equal(PREAMBLE, [1, 0, 1, 0, 1, 0, 1])
+    bits = packet(0b1000_0000_0011)
+    assert ''.join(map(str, bits)) == '1010101' + '100000000011' + '100011011000'
+    assert bits.dtype == np.uint8
+    assert PACKET_BITS == 31
+
+
+def test_reserved_ids_have_words_without_modulation() -> None:
+    constant = np.flatnonzero(np.ptp(WORDS, axis=1) == 0)
+    assert tuple(constant) == RESERVED_IDS
+
+
+@law
+@given(shape=hnp.array_shapes(min_dims=0, max_dims=4, min_side=0, max_side=4), data=st.data())
+def test_any_batch_shape(shape: tuple[int, ...], data: st.DataObject) -> None:
+    sent = data.draw(hnp.arrays(np.int64, shape, elements=ids))
+    assert encode(sent).shape == (*shape, WORD_BITS)
+    assert packet(sent).shape == (*shape, PACKET_BITS)
+    decoded = decode(packet(sent)[..., len(PREAMBLE) :])
+    assert decoded.ids.shape == decoded.corrected_bits.shape == shape
+    np.testing.assert_array_equal(decoded.ids, sent)
+
+
+@law
+@given(word=words, added=ids)
+def test_adding_a_word_of_the_code_adds_its_id(word: Bits, added: int) -> None:
+    plain, other = decode(word), decode(word ^ encode(added))
+    assert other.corrected_bits == plain.corrected_bits
+    if plain.ids >= 0:
+        assert other.ids == plain.ids ^ added
+    else:
+        assert other.ids == -1
+
+
+@pytest.mark.parametrize('kind', [bool, np.int8, np.uint64, np.float32])
+def test_words_may_be_of_any_number_type(kind: type) -> None:
+    decoded = decode(encode(1234).astype(kind))
+    assert decoded.ids == 1234
+    assert decoded.corrected_bits == 0
+
+
+@pytest.mark.parametrize('kind', [np.uint16, np.int32, np.uint64])
+def test_ids_may_be_of_any_integer_type(kind: type) -> None:
+    checked = check_ids(np.array([0, 4095], dtype=kind))
+    assert checked.dtype == np.int64
+    np.testing.assert_array_equal(checked, [0, 4095])
+
+
+def test_what_is_returned_may_be_written_to() -> None:
+    for marker_id in (77, [77]):
+        word = encode(marker_id)
+        word[...] = 0
+        assert encode(77).any()
+
+
+@pytest.mark.parametrize(
+    ('wrong', 'message'),
+    [
+        (-1, r'marker ID -1 is outside 0\.\.4095'),
+        ([[5, 4096]], r'marker ID 4096 is outside 0\.\.4095'),
+        (2**63, r'marker ID 9223372036854775808 is outside'),
+        (2**64, 'must be an integer, not object'),
+        (1.0, 'must be an integer, not float64'),
+        (True, 'must be an integer, not bool'),
+        ('7', 'must be an integer, not <U1'),
+    ],
+)
+def test_ids_that_are_none(wrong: object, message: str) -> None:
+    for function in (check_ids, encode, packet):
+        with pytest.raises(ValueError, match=message):
+            function(wrong)  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize(
+    ('wrong', 'message'),
+    [
+        (1, r'24 bits on its last axis, not shape \(\)'),
+        (np.zeros(23), r'24 bits on its last axis, not shape \(23,\)'),
+        (np.zeros((24, 2)), r'24 bits on its last axis, not shape \(24, 2\)'),
+        (np.full(24, 2), 'only 0 and 1'),
+        (np.full(24, -1), 'only 0 and 1'),
+        (np.full((2, 24), 0.5), 'only 0 and 1'),
+        (np.full(24, np.nan), 'only 0 and 1'),
+    ],
+)
+def test_words_that_are_none(wrong: object, message: str) -> None:
+    with pytest.raises(ValueError, match=message):
+        decode(wrong)  # type: ignore[arg-type]

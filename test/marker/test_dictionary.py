@@ -1,0 +1,282 @@
+# Copyright 2026 retrolidar_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""Chosen IDs keep their distance by an independent count, and those too near are named."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from numpy.typing import NDArray
+
+from retrolidar_ros.cli.main import main
+from retrolidar_ros.marker.code import IDS, RESERVED_IDS
+from retrolidar_ros.marker.dictionary import (
+    USABLE_IDS,
+    ConfusablePair,
+    choose_ids,
+    confusable_pairs,
+    distances,
+)
+
+PREAMBLE = '1010101'
+FOUND = {2: 4094, 4: 3857, 6: 1708, 8: 314, 10: 15, 12: 4, 14: 1}  # README.md, too
+
+law = settings(derandomize=True, deadline=None, max_examples=30)
+ids = st.integers(0, IDS - 1)
+sets = st.lists(ids, min_size=1, max_size=6, unique=True)
+limits = st.integers(1, 31)
+
+
+def committed_packets() -> list[str]:
+    lines = (Path(__file__).parents[1] / 'vectors' / 'golay.txt').read_text().splitlines()
+    words = (line.split()[1] for line in lines if not line.startswith('#'))
+    return [f'{PREAMBLE}{int(word, 16):024b}' for word in words]
+
+
+PACKETS = committed_packets()
+
+
+@pytest.fixture(scope='module')
+def everything() -> NDArray[np.uint8]:
+    return distances(np.arange(IDS))
+
+
+def counted(first: int, second: int) -> list[tuple[int, int]]:
+    """Count, in text, how many bits differ at each shift, as pairs of distance and shift."""
+    sent, other = PACKETS[first], PACKETS[second]
+    return [
+        (sum(a != b for a, b in zip(sent[shift:] + sent[:shift], other, strict=True)), shift)
+        for shift in range(1 if first == second else 0, len(sent))
+    ]
+
+
+@law
+@given(chosen=sets)
+def test_distances_are_those_counted_bit_by_bit(chosen: list[int]) -> None:
+    expected = [[min(counted(a, b))[0] for b in chosen] for a in chosen]
+    np.testing.assert_array_equal(distances(chosen), expected)
+
+
+@law
+@given(chosen=sets, limit=limits)
+def test_the_confusable_pairs_are_those_counted_bit_by_bit(chosen: list[int], limit: int) -> None:
+    expected = [
+        ConfusablePair(a, b, *min(counted(a, b)))
+        for a in chosen
+        for b in chosen
+        if a <= b and min(counted(a, b))[0] < limit
+    ]
+    expected.sort(key=lambda pair: (pair.distance, pair.first, pair.second))
+    assert confusable_pairs(chosen, limit) == expected
+
+
+@law
+@given(chosen=st.lists(ids, min_size=1, max_size=40))
+def test_distances_are_symmetric_and_even(chosen: list[int]) -> None:
+    found = distances(chosen)
+    np.testing.assert_array_equal(found, found.T)
+    assert not (found % 2).any()
+
+
+@law
+@given(chosen=sets, limit=limits, data=st.data())
+def test_the_order_of_a_set_does_not_matter(
+    chosen: list[int], limit: int, data: st.DataObject
+) -> None:
+    shuffled = data.draw(st.permutations(chosen))
+    assert confusable_pairs(shuffled, limit) == confusable_pairs(chosen, limit)
+
+
+def test_all_ids_keep_the_published_distances(everything: NDArray[np.uint8]) -> None:
+    assert (everything == everything.T).all()
+    nearest = everything.min(axis=1)
+    assert nearest.min() == 2
+    assert (nearest >= 4).sum() == 3593
+    # A matrix in blocks gives what a matrix in one gives, over their borders too.
+    some = np.array([0, 1, 510, 511, 512, 513, 4094, 4095])
+    np.testing.assert_array_equal(distances(some), everything[np.ix_(some, some)])
+
+
+@pytest.mark.parametrize(('min_distance', 'count'), FOUND.items())
+def test_as_many_ids_are_found_as_published(
+    min_distance: int, count: int, everything: NDArray[np.uint8]
+) -> None:
+    chosen, distance = choose_ids(count, min_distance)
+    assert len(set(chosen.tolist())) == len(chosen) == count
+    assert np.isin(chosen, USABLE_IDS).all()
+    assert distance == everything[np.ix_(chosen, chosen)].min() == min_distance
+    if count < len(USABLE_IDS):
+        with pytest.raises(ValueError, match=f'{count + 1} IDs .* {min_distance} bits .* {count}:'):
+            choose_ids(count + 1, min_distance)
+
+
+def test_no_id_could_be_added_to_all_that_are_found(everything: NDArray[np.uint8]) -> None:
+    chosen, distance = choose_ids(FOUND[8], 8)
+    fits = (everything[:, chosen] >= distance).all(axis=1) & (everything.diagonal() >= distance)
+    fits[[*chosen, *RESERVED_IDS]] = False
+    assert not fits.any()
+
+
+@pytest.mark.parametrize(
+    ('count', 'distance'), [(1, 14), (2, 12), (4, 12), (5, 10), (15, 10), (16, 8), (314, 8)]
+)
+def test_without_a_distance_it_is_the_largest_at_which_so_many_are_found(
+    count: int, distance: int
+) -> None:
+    chosen, reached = choose_ids(count)
+    assert reached == distance
+    np.testing.assert_array_equal(chosen, choose_ids(count, distance)[0])
+
+
+@pytest.mark.parametrize('min_distance', [5, 8])
+def test_a_smaller_set_is_the_beginning_of_a_larger_one(min_distance: int) -> None:
+    larger, distance = choose_ids(60, min_distance)
+    for fewer in (1, 2, 20, 59):
+        smaller, distance_of_smaller = choose_ids(fewer, min_distance)
+        np.testing.assert_array_equal(smaller, larger[:fewer])
+        assert distance_of_smaller >= distance >= min_distance
+
+
+def test_an_odd_distance_is_the_even_one_above() -> None:
+    np.testing.assert_array_equal(choose_ids(100, 7)[0], choose_ids(100, 8)[0])
+    assert choose_ids(100, 7)[1] == 8
+
+
+def test_a_choice_is_the_same_every_time() -> None:
+    first, _ = choose_ids(20)
+    kept = first.copy()
+    first[:] = 0  # what is returned belongs to the caller
+    np.testing.assert_array_equal(choose_ids(20)[0], kept)
+    assert kept[:8].tolist() == [2061, 2073, 2816, 2865, 2127, 2150, 2115, 2528]
+
+
+def test_what_is_chosen_has_no_confusable_pairs() -> None:
+    assert confusable_pairs(choose_ids(FOUND[8], 8)[0]) == []
+
+
+def test_a_double_is_a_pair_at_distance_zero_and_named_once() -> None:
+    assert distances([77, 78, 77])[0, 2] == 0
+    own = confusable_pairs([77, 78], 31)
+    assert confusable_pairs([77, 78, 77, 77], 31) == [ConfusablePair(77, 77, 0, 0), *own]
+
+
+@pytest.mark.parametrize('count', [-1, 0, 4095])
+def test_counts_that_cannot_be_chosen(count: int) -> None:
+    with pytest.raises(ValueError, match=f'^{count} IDs cannot be chosen: ask for 1 to 4094$'):
+        choose_ids(count)
+
+
+@pytest.mark.parametrize('min_distance', [-2, 0, 32])
+def test_distances_out_of_range(min_distance: int) -> None:
+    message = rf'^a distance of {min_distance} bits is outside 1\.\.31$'
+    with pytest.raises(ValueError, match=message):
+        choose_ids(3, min_distance)
+    with pytest.raises(ValueError, match=message):
+        confusable_pairs([3, 17], min_distance)
+
+
+@pytest.mark.parametrize(
+    ('wrong', 'message'),
+    [
+        ([], r'one or more marker IDs in a list are wanted, not shape \(0,\)'),
+        (7, r'one or more marker IDs in a list are wanted, not shape \(\)'),
+        ([[7]], r'one or more marker IDs in a list are wanted, not shape \(1, 1\)'),
+        ([7, 4096], r'marker ID 4096 is outside 0\.\.4095'),
+        ([7.5], 'a marker ID must be an integer, not float64'),
+    ],
+)
+def test_sets_that_are_none(wrong: object, message: str) -> None:
+    with pytest.raises(ValueError, match=message):
+        distances(wrong)  # type: ignore[arg-type]
+    with pytest.raises(ValueError, match=message):
+        confusable_pairs(wrong)  # type: ignore[arg-type]
+
+
+def test_the_command_prints_ids_one_a_line_that_it_finds_good(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    assert main(['ids', '--count', '20']) == 0
+    output = capsys.readouterr()
+    lines = output.out.splitlines()
+    assert [int(line) for line in lines] == choose_ids(20)[0].tolist()
+    assert output.err == 'IDs: 20, least distance: 8 bits\n'
+    assert main(['ids', '--check', ','.join(lines)]) == 0
+    assert capsys.readouterr().out == 'IDs: 20, least distance: 8 bits\n'
+
+
+def test_the_command_keeps_to_the_distance_it_is_given(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(['ids', '--count', '2', '--min-distance', '6']) == 0
+    assert capsys.readouterr().out.split() == [str(i) for i in choose_ids(2, 6)[0]]
+
+
+def test_the_command_names_pairs_that_are_too_near(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(['ids', '--check', '106,26,99']) == 1
+    assert capsys.readouterr().out.splitlines() == [
+        'IDs: 3, least distance: 2 bits',
+        '26 read from bit 2 differs from 106 in 2 bits',
+    ]
+    assert main(['ids', '--check', '106,26,99', '--min-distance', '2']) == 0
+    assert counted(26, 106)[2] == (2, 2)
+
+
+def test_the_command_names_reserved_and_double_ids(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(['ids', '--check', '99,4095,99,0', '--min-distance', '1']) == 1
+    assert capsys.readouterr().out.splitlines() == [
+        'IDs: 4, least distance: 0 bits',
+        '0 is reserved: after the preamble it never changes',
+        '4095 is reserved: after the preamble it never changes',
+        '99 is there more than once',
+    ]
+
+
+def test_the_command_names_an_id_that_comes_near_itself(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(['ids', '--check', '1']) == 1
+    assert capsys.readouterr().out.splitlines() == [
+        'IDs: 1, least distance: 4 bits',
+        '1 read from bit 2 differs from itself in 4 bits',
+    ]
+    assert min(counted(1, 1)) == (4, 2)
+
+
+@pytest.mark.parametrize(
+    ('arguments', 'message'),
+    [
+        (['--count', '0'], 'retrolidar: 0 IDs cannot be chosen: ask for 1 to 4094'),
+        (['--count', '4095'], 'retrolidar: 4095 IDs cannot be chosen'),
+        (['--count', '400', '--min-distance', '8'], 'retrolidar: 400 IDs at a distance of 8 bits'),
+        (['--count', '4', '--min-distance', '32'], 'retrolidar: a distance of 32 bits is outside'),
+        (['--check', '3,4096'], r'retrolidar: marker ID 4096 is outside 0\.\.4095'),
+        (['--check', '3', '--min-distance', '0'], 'retrolidar: a distance of 0 bits is outside'),
+    ],
+)
+def test_unusable_input_is_one_line_and_exit_code_2(
+    arguments: list[str], message: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(['ids', *arguments]) == 2
+    output = capsys.readouterr()
+    assert output.out == ''
+    assert len(output.err.splitlines()) == 1
+    with pytest.raises(ValueError, match=f'^{message}'):
+        raise ValueError(output.err)
+
+
+@pytest.mark.parametrize(
+    ('arguments', 'message'),
+    [
+        ([], 'one of the arguments --count --check is required'),
+        (['--count', '3', '--check', '3,17'], 'not allowed with'),
+        (['--count', 'many'], "invalid int value: 'many'"),
+        (['--check', '3,,17'], "'3,,17' is no list of IDs such as 3,17,42"),
+        (['--check', ''], "'' is no list of IDs"),
+    ],
+)
+def test_arguments_that_do_not_fit_are_exit_code_2(
+    arguments: list[str], message: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    with pytest.raises(SystemExit, match=r'^2$'):
+        main(['ids', *arguments])
+    assert message in capsys.readouterr().err

@@ -1,0 +1,121 @@
+# Copyright 2026 retrolidar_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+import json
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from evaluation.experiments import wake_up
+from evaluation.experiments.wake_up import WITH_LIDAR_V, noise_readings_v
+from retrolidar_ros.marker.wakeup import (
+    GUARD_V,
+    LARGEST_ANGLE_RAD,
+    LOOK_S,
+    NOISE_V,
+    THRESHOLD_V,
+    WAKING_S,
+    light_v,
+    voltage_v,
+    wakeup_range_m,
+)
+
+RANGES_M = st.floats(0.1, 20)
+ANGLES_RAD = st.floats(0, LARGEST_ANGLE_RAD)
+NOISES_V = st.sampled_from(sorted(NOISE_V.values()))
+
+
+def test_published_values() -> None:
+    assert wakeup_range_m() == pytest.approx(2.25)
+    at_1_m = float(voltage_v(np.array(1.0)))
+    assert at_1_m == pytest.approx(WITH_LIDAR_V, rel=0.05)
+    assert at_1_m > WITH_LIDAR_V  # what the model has too much, not too little
+    # Had voltages been added, the guard would be all the light there is at 2.25 m.
+    assert NOISE_V['indoors'] + GUARD_V * 2.25**2 < 0.7 * WITH_LIDAR_V
+    assert pytest.approx(0.1004) == WAKING_S
+
+
+def test_outdoors_the_indoor_threshold_keeps_the_marker_awake() -> None:
+    assert wakeup_range_m(THRESHOLD_V, NOISE_V['outdoors']) == math.inf
+    outdoors = wakeup_range_m(NOISE_V['outdoors'] + GUARD_V, NOISE_V['outdoors'])
+    assert outdoors == pytest.approx(1.85, abs=0.01)
+    # An infrared camera does not wake it; and where there is less noise, more light is needed.
+    assert 2.25 < wakeup_range_m(THRESHOLD_V, NOISE_V['LED']) < math.inf
+    assert wakeup_range_m(THRESHOLD_V, NOISE_V['dark']) < 2.25
+
+
+def test_beyond_the_largest_angle_there_is_noise_only() -> None:
+    for angle in (math.radians(55.5), -math.radians(56), math.pi / 2):
+        assert float(voltage_v(np.array(0.3), angle)) == NOISE_V['indoors']
+        assert wakeup_range_m(angle_rad=angle) == 0
+    assert float(light_v(np.array(1.0), math.radians(54.9))) > 0
+
+
+@given(RANGES_M, RANGES_M, ANGLES_RAD)
+def test_light_falls_with_the_square_of_the_distance(first: float, second: float, a: float) -> None:
+    ratio = float(light_v(np.array(first), a) / light_v(np.array(second), a))
+    assert ratio == pytest.approx((second / first) ** 2)
+
+
+@given(RANGES_M, ANGLES_RAD, ANGLES_RAD)
+def test_light_falls_with_the_angle(range_m: float, first: float, second: float) -> None:
+    near, far = sorted((first, second))
+    assert light_v(np.array(range_m), near) >= light_v(np.array(range_m), far)
+    assert light_v(np.array(range_m), near) == light_v(np.array(range_m), -near)
+
+
+@given(RANGES_M, ANGLES_RAD, NOISES_V)
+def test_light_never_takes_from_the_noise(range_m: float, angle: float, noise_v: float) -> None:
+    voltage = float(voltage_v(np.array(range_m), angle, noise_v))
+    assert noise_v <= voltage <= noise_v + float(light_v(np.array(range_m), angle))
+
+
+@given(ANGLES_RAD, NOISES_V, st.floats(1e-4, 0.1))
+def test_at_the_wakeup_range_the_voltage_is_the_threshold(
+    angle: float, noise_v: float, guard_v: float
+) -> None:
+    range_m = wakeup_range_m(noise_v + guard_v, noise_v, angle)
+    assert float(voltage_v(np.array(range_m), angle, noise_v)) == pytest.approx(noise_v + guard_v)
+    assert wakeup_range_m(noise_v + 2 * guard_v, noise_v, angle) < range_m
+
+
+def test_voltages_are_computed_in_batches() -> None:
+    ranges = np.array([[0.5, 1.0], [2.0, 4.0]])
+    assert voltage_v(ranges).shape == (2, 2)
+    assert (np.diff(voltage_v(ranges).ravel()) < 0).all()
+
+
+def test_readings_scatter_as_those_of_sampled_noise() -> None:
+    bandwidth_hz, rng = 20e3, np.random.default_rng(2)
+    readings = noise_readings_v(bandwidth_hz, 16e-3, 20_000, rng)
+    samples = round(2 * bandwidth_hz * LOOK_S)
+    sampled = 16e-3 * np.sqrt((rng.standard_normal((20_000, samples)) ** 2).mean(axis=1))
+    quantiles = [0.01, 0.5, 0.99]
+    assert np.quantile(readings, quantiles) == pytest.approx(
+        np.quantile(sampled, quantiles), rel=0.01
+    )
+    assert readings.std() == pytest.approx(16e-3 / math.sqrt(2 * samples), rel=0.03)
+
+
+def test_the_experiment(tmp_path: Path) -> None:
+    figures = wake_up.run(np.random.default_rng(1), quick=True)
+    figures = json.loads(json.dumps(figures, allow_nan=False))
+    rows = figures['scatter']
+    # Through the first amplifier alone, a guard of 1 mV is none; the noise would need a megahertz.
+    assert rows[0]['false_per_hour'] > 1000
+    assert rows[0]['safe_range_m'] < 1.6
+    widest = max(rows, key=lambda row: row['bandwidth_hz'])
+    assert widest['false_per_hour'] == 0
+    assert widest['safe_guard_v'] < GUARD_V
+    # The light of a narrower field would suffice for what the paper tested.
+    assert figures['narrow']['gain'] > figures['narrow']['gain_for_tested']
+    assert figures['awake_life_h'] == pytest.approx(90 / 12.7)
+    claims = {claim.what: claim for claim in wake_up.compare(figures)}
+    assert claims['voltage at 1 m, powers added'][1:] == ('32.4 mV', '–', '33.7 mV')
+    assert 'always awake' in wake_up.summarise(figures)
+    assert 'never sleeps' in wake_up.comment(figures)
+    wake_up.draw(figures, tmp_path / 'chart.png')
+    assert (tmp_path / 'chart.png').read_bytes().startswith(b'\x89PNG')

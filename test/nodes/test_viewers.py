@@ -1,0 +1,189 @@
+# Copyright 2026 retrolidar_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""The settings for RViz and Foxglove name what there is, as far as that is seen without them."""
+
+import json
+import math
+import re
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from retrolidar_ros.settings.resources import shared_file
+from retrolidar_ros.settings.yaml_files import load_parameter_defaults, load_yaml
+
+SENSOR = load_parameter_defaults(shared_file('config/retrolidar.yaml'), 'driver')['frame_id']
+RVIZ = load_yaml(shared_file('config/retrolidar.rviz'))['Visualization Manager']
+DISPLAYS = {one['Class'].removeprefix('rviz_default_plugins/'): one for one in RVIZ['Displays']}
+FOXGLOVE = json.loads(shared_file('config/foxglove.json').read_text(encoding='utf-8'))
+PANELS = {key.partition('!')[0]: panel for key, panel in FOXGLOVE['configById'].items()}
+
+TYPES = {
+    '/tf': 'TFMessage',
+    '/diagnostics': 'DiagnosticArray',
+    '/retrolidar/markers': 'MarkerDetection',
+    '/retrolidar/points': 'PointCloud2',
+    '/retrolidar/marker_array': 'MarkerArray',
+    '/retrolidar/signal_image': 'Image',
+}
+
+
+def strings(value: Any) -> Iterator[str]:
+    if isinstance(value, str):
+        yield value
+    elif isinstance(value, dict):
+        for key, one in value.items():
+            yield from strings(key)
+            yield from strings(one)
+    elif isinstance(value, list):
+        for one in value:
+            yield from strings(one)
+
+
+def topics(content: Any) -> set[str]:
+    return {text.partition('.')[0] for text in strings(content) if re.match(r'/[a-z]', text)}
+
+
+def readme_topics() -> dict[str, str]:
+    readme = Path(__file__).parents[2] / 'README.md'
+    rows = re.findall(r'^\| `(/\S+)` \| ([^|]+) \|', readme.read_text(encoding='utf-8'), re.M)
+    return dict(rows)
+
+
+def panels_of(layout: Any) -> Iterator[str]:
+    if isinstance(layout, str):
+        yield layout
+        return
+    assert set(layout) <= {'direction', 'splitPercentage', 'first', 'second'}
+    assert layout['direction'] in {'row', 'column'}
+    assert 0 < layout.get('splitPercentage', 50) < 100
+    yield from panels_of(layout['first'])
+    yield from panels_of(layout['second'])
+
+
+@pytest.mark.parametrize('content', [RVIZ, FOXGLOVE], ids=['rviz', 'foxglove'])
+def test_the_topics_are_those_of_the_readme(content: Any) -> None:
+    known = readme_topics()
+    named = topics(content)
+    assert named
+    for topic in named:
+        assert topic in known, f'{topic} is not in the table of topics'
+        assert re.search(rf'\b{TYPES[topic]}\b', known[topic]), f'{topic} is a {known[topic]}'
+
+
+@pytest.mark.parametrize('kind', ['PointCloud2', 'MarkerArray', 'Image'])
+def test_rviz_displays_a_topic_of_its_type(kind: str) -> None:
+    display = DISPLAYS[kind]
+    assert TYPES[display['Topic']['Value']] == kind
+    assert display['Enabled']
+    assert display['Value']
+    # All publishers are reliable and volatile, so RViz may ask for either reliability, and no more.
+    assert display['Topic']['Reliability Policy'] in {'Reliable', 'Best Effort'}
+    assert display['Topic']['Durability Policy'] == 'Volatile'
+
+
+def test_rviz_has_no_display_twice() -> None:
+    assert len(DISPLAYS) == len(RVIZ['Displays'])
+    assert set(DISPLAYS) == {'Grid', 'TF', 'PointCloud2', 'MarkerArray', 'Image'}
+    assert len({one['Name'] for one in RVIZ['Displays']}) == len(DISPLAYS)
+
+
+def test_rviz_colours_points_by_their_signal() -> None:
+    points = DISPLAYS['PointCloud2']
+    assert points['Color Transformer'] == 'Intensity'
+    assert points['Channel Name'] == 'signal'
+    assert points['Min Intensity'] < points['Max Intensity']
+    assert points['Style'] in {'Spheres', 'Squares', 'Flat Squares', 'Boxes', 'Tiles'}
+    assert 0.01 <= points['Size (m)'] <= 0.1
+    assert DISPLAYS['Image']['Normalize Range']
+
+
+def test_rviz_looks_ahead_from_behind_the_sensor() -> None:
+    assert RVIZ['Global Options']['Fixed Frame'] == SENSOR
+    view = RVIZ['Views']['Current']
+    assert view['Class'] == 'rviz_default_plugins/Orbit'
+    assert abs(view['Pitch']) < math.pi / 2 - 0.001
+    pitch, yaw = view['Pitch'], view['Yaw']
+    away = [math.cos(yaw) * math.cos(pitch), math.sin(yaw) * math.cos(pitch), math.sin(pitch)]
+    target = np.array([view['Focal Point'][axis] for axis in 'XYZ'], dtype=float)
+    looks_ahead(target + view['Distance'] * np.array(away), target, np.array([0.0, 0.0, 1.0]))
+
+
+def test_foxglove_looks_ahead_from_behind_the_sensor() -> None:
+    scene = PANELS['3D']
+    assert scene['followTf'] == SENSOR
+    assert {layer['frameId'] for layer in scene['layers'].values()} == {SENSOR}
+    camera = scene['cameraState']
+    phi, theta = math.radians(camera['phi']), -math.radians(camera['thetaOffset'])
+    away = [math.sin(phi) * math.sin(theta), -math.sin(phi) * math.cos(theta), math.cos(phi)]
+    target = np.array(camera['targetOffset'], dtype=float)
+    looks_ahead(target + camera['distance'] * np.array(away), target, np.array([0.0, 0.0, 1.0]))
+
+
+def looks_ahead(eye: Any, target: Any, pole: Any) -> None:
+    """Assert that an orbiting camera sees x on its right, y below, and z ahead."""
+    ahead = (target - eye) / np.linalg.norm(target - eye)
+    right = np.cross(ahead, pole)
+    right /= np.linalg.norm(right)
+    down = np.cross(ahead, right)
+    assert eye[2] < 0 < target[2]
+    assert right[0] > 0.99
+    assert down[1] > 0.7
+    assert ahead[2] > 0.7
+
+
+def test_foxglove_has_the_keys_of_an_exported_layout() -> None:
+    assert set(FOXGLOVE) == {
+        'configById',
+        'globalVariables',
+        'userNodes',
+        'playbackConfig',
+        'layout',
+    }
+
+
+def test_the_layout_of_foxglove_holds_each_panel_once() -> None:
+    placed = list(panels_of(FOXGLOVE['layout']))
+    assert len(set(placed)) == len(placed)
+    assert set(placed) == set(FOXGLOVE['configById'])
+    assert set(PANELS) == {'3D', 'Image', 'Plot', 'DiagnosticSummary', 'RawMessages'}
+    assert len(PANELS) == len(placed)
+
+
+def test_panels_of_foxglove_show_a_topic_of_their_type() -> None:
+    shown = PANELS['3D']['topics']
+    assert set(shown) == {'/tf', '/retrolidar/points', '/retrolidar/marker_array'}
+    assert all(one['visible'] for one in shown.values())
+    assert shown['/retrolidar/points']['colorField'] == 'signal'
+    assert shown['/retrolidar/points']['colorMode'] == 'colormap'
+    assert TYPES[PANELS['Image']['imageMode']['imageTopic']] == 'Image'
+    assert TYPES[PANELS['DiagnosticSummary']['topicToRender']] == 'DiagnosticArray'
+    assert TYPES[PANELS['RawMessages']['topicPath']] == 'MarkerDetection'
+
+
+def test_foxglove_plots_fields_of_a_detection() -> None:
+    message = shared_file('msg/MarkerDetection.msg').read_text(encoding='utf-8')
+    fields = set(re.findall(r'^\w[\w/]*(?:\[\])? (\w+)', message, re.M))
+    paths = [path['value'].partition('.') for path in PANELS['Plot']['paths']]
+    assert [field for _, _, field in paths] == ['range', 'snr']
+    for topic, _, field in paths:
+        assert TYPES[topic] == 'MarkerDetection'
+        assert field in fields
+
+
+def test_points_have_the_channel_that_is_shown() -> None:
+    pytest.importorskip('sensor_msgs', reason='needs ROS 2')
+    pytest.importorskip('retrolidar_ros.msg', reason='needs the messages: colcon build')
+    from std_msgs.msg import Header
+
+    from retrolidar_ros.nodes.conversion import to_point_cloud, to_signal_image
+    from retrolidar_ros.scene import Scene, Simulation
+
+    frame = next(iter(Simulation(Scene()).run(0.1)))
+    fields = [field.name for field in to_point_cloud(frame, Header()).fields]
+    assert DISPLAYS['PointCloud2']['Channel Name'] in fields
+    assert PANELS['3D']['topics']['/retrolidar/points']['colorField'] in fields
+    assert to_signal_image(frame, Header()).encoding == '32FC1'

@@ -1,0 +1,126 @@
+# Copyright 2026 retrolidar_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""The command `retrolidar budget`."""
+
+import json
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+
+from evaluation.bench.link import link_scene, lone_trial, outcome
+from retrolidar_ros.cli.main import main
+from retrolidar_ros.detector import create_detector
+from retrolidar_ros.scene.marker_budget import NEEDED_SNR_DB, needed_swing
+from retrolidar_ros.scene.reference import WALL_SIGNAL, marker_in_each_zone
+
+FIELDS = {
+    'link': ['bright', 'dark', 'noise', 'snr_db', 'reach_m'],
+    'wake_up': ['voltage_v', 'threshold_v', 'woken', 'range_m'],
+    'battery': ['drawn_ma', 'total_ma', 'life_h'],
+}
+
+
+def budget_of(capsys: pytest.CaptureFixture[str], *options: str) -> dict[str, Any]:
+    assert main(['budget', '--json', *options]) == 0
+    (line,) = capsys.readouterr().out.splitlines()
+    content: dict[str, Any] = json.loads(line)
+    return content
+
+
+def test_the_default_is_the_papers_marker_at_2_m(capsys: pytest.CaptureFixture[str]) -> None:
+    found = budget_of(capsys)
+    case = ['size_m', 'yaw_rad', 'distance_m', 'cell_mah', 'queries_per_hour']
+    assert list(found) == [*case, *FIELDS]
+    assert [found[name] for name in case] == [0.03, 0.0, 2.0, 90.0, 1.0]
+    for part, names in FIELDS.items():
+        assert list(found[part]) == names
+    link = found['link']
+    assert link['bright'] == pytest.approx(4 + 26, rel=0.02)
+    assert link['bright'] - link['dark'] == pytest.approx(needed_swing(link['snr_db']))
+    assert link['snr_db'] > NEEDED_SNR_DB
+    assert 2.7 < link['reach_m'] < 3.0
+    assert found['wake_up']['woken']
+    assert found['wake_up']['range_m'] == pytest.approx(2.25)
+    assert found['battery']['life_h'] / 24 == pytest.approx(82.7, abs=0.1)
+    assert found['battery']['total_ma'] == pytest.approx(sum(found['battery']['drawn_ma'].values()))
+
+
+def test_at_its_reach_most_lone_packets_are_read() -> None:
+    rng = np.random.default_rng(1)
+    trials = [lone_trial(link_scene(NEEDED_SNR_DB, rng), rng) for _ in range(6)]
+    read = [
+        outcome(trial, create_detector('joint', trial.recording.grid)).right for trial in trials
+    ]
+    assert 0.68 < np.mean(read) < 0.92  # 80 % within three deviations
+
+
+def test_a_turned_marker_shows_less(capsys: pytest.CaptureFixture[str]) -> None:
+    facing, turned = budget_of(capsys), budget_of(capsys, '--yaw', '50 deg')
+    swing = [found['link']['bright'] - WALL_SIGNAL for found in (facing, turned)]
+    assert swing[1] == pytest.approx(swing[0] * math.cos(math.radians(50)))
+    assert turned['wake_up']['range_m'] == pytest.approx(2.25 * math.cos(math.radians(50)) ** 0.5)
+
+
+def test_a_marker_that_faces_away_sends_nothing_back(capsys: pytest.CaptureFixture[str]) -> None:
+    options = ('--yaw', '60deg', '--distance', '1m')
+    found = budget_of(capsys, *options)
+    assert found['link']['snr_db'] is None
+    assert found['link']['reach_m'] == 0
+    assert not found['wake_up']['woken']
+    assert found['wake_up']['range_m'] == 0
+    assert main(['budget', *options]) == 0
+    output = capsys.readouterr().out
+    assert 'nothing comes back' in output
+    assert 'wakes at no distance' in output
+
+
+def test_the_text_tells_the_same(capsys: pytest.CaptureFixture[str]) -> None:
+    found = budget_of(capsys, '--queries', '6', '--cell', '220 mAh')
+    assert main(['budget', '--queries', '6', '--cell', '220mAh']) == 0
+    output = capsys.readouterr().out
+    assert f'{found["link"]["snr_db"]:.1f} dB' in output
+    assert f'{1e3 * found["wake_up"]["voltage_v"]:.1f} mV indoors' in output
+    assert f'220 mAh last {found["battery"]["life_h"]:.0f} h' in output
+    assert [line[:8].strip() for line in output.splitlines() if line[0] != ' '] == [
+        'marker',
+        'link',
+        'wake-up',
+        'battery',
+    ]
+
+
+@pytest.mark.parametrize(
+    ('option', 'value', 'reason'),
+    [
+        ('--size', '3', 'has no unit'),
+        ('--size', '0 cm', 'impossible'),
+        ('--size', '1m', 'impossible'),  # larger than a zone
+        ('--distance', '2 km', 'it needs m or cm or mm'),
+        ('--distance', '5m', 'at most 4'),
+        ('--distance', '0m', 'impossible'),
+        ('--yaw', '91deg', 'at most 90'),
+        ('--cell', '90', 'write 90 mAh'),
+        ('--cell', '0mAh', 'at least 1'),
+        ('--queries', 'often', 'not a number'),
+        ('--queries', '1e4', '0 to 2765'),
+        ('--queries', '-1', 'impossible'),
+        ('--queries', 'nan', 'impossible'),
+    ],
+)
+def test_bad_values_are_one_line_that_names_them(
+    option: str, value: str, reason: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(['budget', option, value]) == 2
+    output = capsys.readouterr()
+    assert output.out == ''
+    (line,) = output.err.splitlines()
+    assert line.startswith(f'retrolidar: {option}: ')
+    assert reason in line
+    assert value in line or f'{float(value):g}' in line
+
+
+def test_every_marker_of_the_reference_scene_is_turned() -> None:
+    scene = marker_in_each_zone(1.0, np.random.default_rng(0), start_s=(0, 1), yaw_rad=0.7)
+    assert {marker.yaw_rad for marker in scene.markers} == {0.7}

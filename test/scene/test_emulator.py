@@ -1,0 +1,469 @@
+# Copyright 2026 retrolidar_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+import os
+import select
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator
+from concurrent.futures import Future, ThreadPoolExecutor
+from dataclasses import replace
+from pathlib import Path
+from threading import Event
+from typing import Any
+
+import numpy as np
+import pytest
+import serial
+
+from retrolidar_ros.scene import Scene, Simulation, emulator
+from retrolidar_ros.scene.description import Marker, Noise, Sensor, Surface
+from retrolidar_ros.scene.emulator import PortLink, emulate, frames_in_real_time, record
+from retrolidar_ros.sensor.frame import Frame
+from retrolidar_ros.sensor.wire import FrameReader, encode_frame
+
+SCENE = Scene(
+    seed=2,
+    sensor=Sensor(period_s=0.005, noise=Noise(4.6, 0.22)),
+    markers=(Marker(id=77, position_m=(0.1, 0.1, 1), name='m'),),
+    surfaces=(Surface(2, 40),),
+    ambient=3,
+)
+WALL = Scene(sensor=Sensor(period_s=0.001), surfaces=(Surface(2, 40),))
+
+
+@pytest.fixture
+def link(tmp_path: Path) -> Path:
+    return tmp_path / 'port'
+
+
+def packets(count: int, scene: Scene = SCENE) -> list[bytes]:
+    return [encode_frame(frame) for frame in Simulation(scene).advance(count)]
+
+
+def listen(port: Path) -> serial.Serial:
+    return serial.Serial(str(port), 115200, timeout=5, exclusive=True)
+
+
+def read_frames(line: serial.Serial, count: int) -> list[Frame]:
+    """Read until `count` frames have come, or nothing comes for the line's timeout."""
+    reader = FrameReader()
+    frames: list[Frame] = []
+    while len(frames) < count:
+        data = line.read(max(1, line.in_waiting))
+        if not data:
+            break
+        frames += reader.feed(data)
+    assert reader.counts.damaged == 0
+    return frames
+
+
+def sequences(frames: list[Frame]) -> list[int]:
+    return [frame.sequence for frame in frames]
+
+
+def raw_reader(port: Path) -> int:
+    """Open the port without emptying its buffers, as not every program does."""
+    return os.open(port, os.O_RDWR | os.O_NOCTTY | os.O_NONBLOCK)
+
+
+def read_raw(descriptor: int, reader: FrameReader, count: int) -> list[Frame]:
+    """Read until `count` frames have come, or nothing comes for a second."""
+    frames: list[Frame] = []
+    while len(frames) < count and select.select([descriptor], [], [], 1)[0]:
+        frames += reader.feed(os.read(descriptor, 65536))
+    return frames
+
+
+# The port
+
+
+def test_a_listener_gets_what_is_written(link: Path) -> None:
+    sent = packets(50)
+    with PortLink(link) as port, listen(link) as line:
+        assert all(port.write(packet) for packet in sent)
+        assert line.read(sum(map(len, sent))) == b''.join(sent)
+
+
+def test_all_bytes_pass_unchanged(link: Path) -> None:
+    data = bytes(range(256)) * 4
+    with PortLink(link) as port:
+        # Not even a reader that leaves the terminal as it is gets lines, echoes or signals.
+        descriptor = raw_reader(link)
+        assert port.write(data)
+        read = b''
+        while len(read) < len(data) and select.select([descriptor], [], [], 1)[0]:
+            read += os.read(descriptor, 65536)
+        assert read == data
+        os.close(descriptor)
+
+
+def test_the_link_is_there_as_long_as_the_port(link: Path) -> None:
+    with PortLink(link):
+        assert link.is_symlink()
+        assert link.is_char_device()
+    assert not link.is_symlink()
+
+
+def test_the_link_goes_when_the_work_fails(link: Path) -> None:
+    with pytest.raises(KeyboardInterrupt), PortLink(link):
+        raise KeyboardInterrupt
+    assert not link.is_symlink()
+
+
+def test_hanging_up_ends_the_listener(link: Path) -> None:
+    with PortLink(link):
+        line = listen(link)
+    with pytest.raises(serial.SerialException):
+        line.read(1)
+    line.close()
+
+
+def test_a_link_that_a_killed_emulator_left_is_replaced(link: Path) -> None:
+    link.symlink_to('/dev/pts/9999')
+    with PortLink(link) as port, listen(link):
+        assert port.write(b'x')
+
+
+@pytest.mark.parametrize('goal', ['/dev/null', 'nowhere'])
+def test_the_link_of_another_device_is_refused_and_kept(link: Path, goal: str) -> None:
+    link.symlink_to(goal)
+    with pytest.raises(FileExistsError, match='port exists; give a path'):
+        PortLink(link)
+    assert os.readlink(link) == goal
+
+
+def test_the_link_of_a_live_port_is_refused_and_kept(link: Path) -> None:
+    with PortLink(link) as first:
+        with pytest.raises(FileExistsError, match='port exists; give a path'):
+            PortLink(link)
+        with listen(link) as line:
+            assert first.write(b'abc')
+            assert line.read(3) == b'abc'
+
+
+def test_a_removed_link_does_not_matter(link: Path) -> None:
+    with PortLink(link):
+        link.unlink()
+    assert not link.exists()
+
+
+def test_a_regular_file_is_refused_and_kept(link: Path) -> None:
+    link.write_text('precious')
+    with pytest.raises(FileExistsError, match='port exists; give a path'):
+        PortLink(link)
+    assert link.read_text() == 'precious'
+
+
+def test_a_directory_is_refused(link: Path) -> None:
+    link.mkdir()
+    with pytest.raises(FileExistsError, match='port exists; give a path'):
+        emulate(WALL, link, 1.0)
+
+
+def test_an_impossible_path_leaves_no_open_terminal(tmp_path: Path) -> None:
+    before = len(os.listdir('/dev/fd'))
+    with pytest.raises(FileNotFoundError):
+        PortLink(tmp_path / 'missing' / 'port')
+    assert len(os.listdir('/dev/fd')) == before
+
+
+def test_what_nobody_hears_is_lost(link: Path) -> None:
+    with PortLink(link) as port:
+        assert not port.write(b'before')
+        with listen(link) as line:
+            assert port.write(b'first')
+            assert line.read(5) == b'first'
+        assert not port.write(b'between')
+        with listen(link) as line:
+            assert port.write(b'second')
+            assert line.read(6) == b'second'
+
+
+def test_what_a_listener_left_unread_is_not_for_the_next(link: Path) -> None:
+    with PortLink(link) as port:
+        first = raw_reader(link)
+        while port.write(packets(1)[0]):
+            pass
+        os.close(first)
+        assert not port.write(b'nobody hears this')
+        second = raw_reader(link)
+        assert port.write(packets(8)[7])
+        reader = FrameReader()
+        assert sequences(read_raw(second, reader, 1)) == [7]
+        assert reader.counts.damaged == 0
+        os.close(second)
+
+
+def test_a_listener_that_does_not_read_costs_whole_packets(link: Path) -> None:
+    sent = packets(400)
+    reader = FrameReader()
+    with PortLink(link) as port:
+        descriptor = raw_reader(link)
+        taken = [port.write(packet) for packet in sent]
+        full = taken.index(False)
+        assert full > 20  # some hundred milliseconds are buffered
+        assert not any(taken[full:])
+        assert sequences(read_raw(descriptor, reader, full)) == list(range(full))
+        # At most one packet was torn, and the next one does not suffer.
+        later = packets(410)[400:]
+        assert all(port.write(packet) for packet in later)
+        assert sequences(read_raw(descriptor, reader, 10)) == list(range(400, 410))
+        assert reader.counts.damaged <= 1
+        os.close(descriptor)
+
+
+def test_a_packet_that_was_cut_off_does_not_cost_the_next(link: Path) -> None:
+    reader = FrameReader()
+    with PortLink(link) as port:
+        descriptor = raw_reader(link)
+        assert not port.write(b'x' * 100_000)  # more than any terminal takes
+        while select.select([descriptor], [], [], 0.1)[0]:
+            assert reader.feed(os.read(descriptor, 65536)) == []
+        assert port.write(packets(1)[0])
+        assert sequences(read_raw(descriptor, reader, 1)) == [0]
+        assert reader.counts.damaged == 1
+        os.close(descriptor)
+
+
+def test_a_slow_listener_gets_some_packets_and_never_a_wrong_one(link: Path) -> None:
+    sent = packets(1000)
+    reader = FrameReader()
+    frames: list[Frame] = []
+    torn = 0
+    with PortLink(link) as port:
+        descriptor = raw_reader(link)
+        before = True
+        taken = 0
+        for packet in sent:
+            now = port.write(packet)
+            taken += now
+            torn += before and not now
+            before = now
+            if select.select([descriptor], [], [], 0)[0]:
+                frames += reader.feed(os.read(descriptor, 77))
+        frames += read_raw(descriptor, reader, taken - len(frames))
+        os.close(descriptor)
+    numbers = sequences(frames)
+    assert len(numbers) == taken < 1000
+    assert numbers == sorted(set(numbers))
+    assert reader.counts.damaged <= torn
+    for frame in frames:
+        assert encode_frame(frame) == sent[frame.sequence]
+
+
+# Frames in real time
+
+
+class Clock:
+    """A clock that time.sleep moves on."""
+
+    def __init__(self) -> None:
+        self.now_ns = 5_000_000_000
+        self.late_ns = 0
+
+    def __call__(self) -> int:
+        return self.now_ns
+
+    def sleep(self, seconds: float) -> None:
+        assert seconds > 0
+        self.now_ns += round(seconds * 1e9) + self.late_ns
+
+
+@pytest.fixture
+def clock(monkeypatch: pytest.MonkeyPatch) -> Clock:
+    clock = Clock()
+    monkeypatch.setattr(time, 'sleep', clock.sleep)
+    return clock
+
+
+def test_each_frame_comes_when_its_exposure_ends(clock: Clock) -> None:
+    sensor = Sensor(period_error=-0.0036, clock_error=0.01, jitter_s=1e-3)
+    scene = replace(SCENE, sensor=sensor)
+    period_ns = round(0.021e9 * 0.9964)
+    count = 0
+    for frame, middle_ns in frames_in_real_time(scene, 3.0, clock(), clock):
+        assert middle_ns - 5e9 == pytest.approx(frame.sensor_time_us * 1000 / 1.01, abs=2)
+        assert middle_ns - 5e9 == pytest.approx((frame.sequence + 0.5) * period_ns, abs=2.1e6)
+        assert clock() == pytest.approx(middle_ns + period_ns / 2, abs=1000)
+        count += 1
+    assert count == 143
+
+
+def test_oversleeping_does_not_add_up(clock: Clock) -> None:
+    clock.late_ns = 400_000
+    for _, middle_ns in frames_in_real_time(WALL, 2.0, clock(), clock):
+        assert clock() - middle_ns < 1_000_000
+    assert clock() - 5_000_000_000 == pytest.approx(2e9, abs=1e6)
+
+
+def test_a_late_emulator_catches_up(clock: Clock) -> None:
+    frames = frames_in_real_time(WALL, 1.0, clock(), clock)
+    next(frames)
+    clock.now_ns += 300_000_000
+    for _ in range(300):
+        next(frames)
+    frame, middle_ns = next(frames)
+    assert frame.sequence == 301
+    assert clock() == pytest.approx(middle_ns + 500_000, abs=1000)
+
+
+def test_frames_are_those_of_the_simulation_without_an_end(clock: Clock) -> None:
+    frames = frames_in_real_time(WALL, None, 0, clock)
+    assert [next(frames)[0].sequence for _ in range(3000)] == list(range(3000))
+
+
+# The whole sensor
+
+
+@pytest.fixture
+def gate(monkeypatch: pytest.MonkeyPatch) -> tuple[Event, Event]:
+    """Return events: the port is there, and the sensor may begin."""
+    linked, begin = Event(), Event()
+
+    def gated(
+        scene: Scene, duration_s: float | None, start_ns: int, clock: Callable[[], int]
+    ) -> Iterator[tuple[Frame, int]]:
+        linked.set()
+        assert begin.wait(10)
+        yield from frames_in_real_time(scene, duration_s, clock(), clock)
+
+    monkeypatch.setattr(emulator, 'frames_in_real_time', gated)
+    return linked, begin
+
+
+@pytest.fixture
+def pool() -> Iterator[ThreadPoolExecutor]:
+    with ThreadPoolExecutor(1) as pool:
+        yield pool
+
+
+def test_all_frames_arrive_in_order_and_at_their_time(
+    link: Path, gate: tuple[Event, Event], pool: ThreadPoolExecutor
+) -> None:
+    linked, begin = gate
+    future: Future[tuple[int, int]] = pool.submit(emulate, SCENE, link, 0.6)
+    assert linked.wait(10)
+    reader = FrameReader()
+    frames: list[Frame] = []
+    arrivals_s: list[float] = []
+    with listen(link) as line:
+        start_s = time.monotonic()
+        begin.set()
+        while len(frames) < 120:
+            data = line.read(max(1, line.in_waiting))
+            assert data
+            new = reader.feed(data)
+            frames += new
+            arrivals_s += [time.monotonic() - start_s] * len(new)
+        assert future.result(10) == (120, 0)
+    assert sequences(frames) == list(range(120))
+    assert reader.counts.damaged == 0
+    ends_s = 0.005 * (np.arange(120) + 1)
+    lag_s = np.array(arrivals_s) - ends_s
+    assert lag_s.min() > -1e-4  # no sensor sends what it has not seen
+    assert np.median(lag_s) < 0.02
+    truth = Simulation(SCENE)
+    simulated = [frame for count in (50, 50, 20) for frame in truth.advance(count)]
+    for frame, true in zip(frames, simulated, strict=True):
+        assert frame.sensor_time_us == true.sensor_time_us
+        assert frame.signal == pytest.approx(true.signal, abs=1 / 4096 + 1e-5)
+        np.testing.assert_array_equal(frame.status, true.status)
+    assert not link.exists()
+
+
+def test_a_sensor_nobody_listens_to_loses_its_frames(link: Path) -> None:
+    assert emulate(WALL, link, 0.04) == (0, 40)
+
+
+def test_a_listener_that_comes_late_gets_no_old_frames(
+    link: Path, gate: tuple[Event, Event], pool: ThreadPoolExecutor, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    linked, begin = gate
+    heard_nothing, listening = Event(), Event()
+    write = PortLink.write
+
+    def counted(port: PortLink, data: bytes) -> bool:
+        (frame,) = FrameReader().feed(data)
+        if frame.sequence == 10:
+            heard_nothing.set()
+            assert listening.wait(10)
+        return write(port, data)
+
+    monkeypatch.setattr(PortLink, 'write', counted)
+    begin.set()
+    future = pool.submit(emulate, WALL, link, 0.03)
+    assert heard_nothing.wait(10)
+    with listen(link) as line:
+        listening.set()
+        assert sequences(read_frames(line, 20)) == list(range(10, 30))
+        assert future.result(10) == (20, 10)
+    assert linked.is_set()
+
+
+def test_the_last_frame_is_not_cut_off(
+    link: Path, gate: tuple[Event, Event], pool: ThreadPoolExecutor
+) -> None:
+    linked, begin = gate
+    scene = replace(WALL, sensor=Sensor(period_s=0.03))
+    future = pool.submit(emulate, scene, link, 0.06)
+    assert linked.wait(10)
+    with listen(link) as line:
+        begin.set()
+        assert sequences(read_frames(line, 2)) == [0, 1]
+        assert future.result(10) == (2, 0)
+
+
+@pytest.mark.parametrize('request_to_end', [signal.SIGINT, signal.SIGTERM])
+def test_a_request_to_end_unplugs_the_sensor(
+    tmp_path: Path, link: Path, request_to_end: signal.Signals
+) -> None:
+    scene = tmp_path / 'wall.yaml'
+    scene.write_text('surfaces: [{distance: 1 m, signal: 9 kcps/SPAD}]\n')
+    command = [sys.executable, '-m', 'retrolidar_ros.cli.main', 'emulate', str(scene)]
+    command += ['--port-link', str(link)]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:
+        assert process.stdout
+        assert 'a sensor is at' in process.stdout.readline()
+        with listen(link) as line:
+            frames = read_frames(line, 3)
+        process.send_signal(request_to_end)
+        assert ' frames sent, ' in process.stdout.read()
+        assert process.wait(10) == 0
+    assert len(frames) >= 3
+    assert not link.is_symlink()
+
+
+# Into a bag
+
+
+def test_record_writes_every_frame_with_host_time(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    class Collector:
+        frames: list[Frame]
+
+        def __init__(self, path: Path, storage: str) -> None:
+            assert (path, storage) == (tmp_path / 'bag', 'sqlite3')
+            self.frames = collected
+
+        def __enter__(self) -> 'Collector':
+            return self
+
+        def __exit__(self, *_: object) -> None:
+            pass
+
+        def write(self, frame: Frame) -> None:
+            self.frames.append(frame)
+
+    collected: list[Frame] = []
+    monkeypatch.setattr(emulator, 'FrameWriter', Collector)
+    before_ns = time.time_ns()
+    storage: Any = 'sqlite3'
+    assert record(SCENE, tmp_path / 'bag', storage, 10.0) == 2000 == len(collected)
+    assert sequences(collected) == list(range(2000))
+    start_ns = collected[0].stamp_ns - 2_500_000
+    assert before_ns <= start_ns <= time.time_ns()
+    stamps = np.array([frame.stamp_ns for frame in collected])
+    assert stamps - start_ns == pytest.approx(5e6 * (np.arange(2000) + 0.5), abs=1000)

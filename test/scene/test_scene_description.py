@@ -1,0 +1,453 @@
+# Copyright 2026 retrolidar_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+import copy
+import math
+import re
+from collections.abc import Iterator
+from dataclasses import asdict
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import HealthCheck, assume, given, settings
+from hypothesis import strategies as st
+
+from retrolidar_ros.scene import Scene, Simulation, parse_scene
+from retrolidar_ros.sensor.frame import ZoneGrid
+from retrolidar_ros.sensor.wire import encode_frame
+from retrolidar_ros.settings.section import UNITS, ConfigError, quantity
+
+# Every key there is, none at its default.
+FULL: dict[str, Any] = {
+    'description': 'a room',
+    'seed': 5,
+    'duration': '2 s',
+    'ambient': '3 kcps/SPAD',
+    'sensor': {
+        'zones': '8x8',
+        'period': '66.7 ms',
+        'period_error': '-0.5 %',
+        'clock_error': '0.25 %',
+        'jitter': '900 us',
+        'blur': '7 %',
+        'noise': {
+            'floor': '4.6 (kcps/SPAD)^2',
+            'slope': '0.22 kcps/SPAD',
+            'ambient': '0.1 kcps/SPAD',
+        },
+        'ranging': {'shot': '490 mm', 'floor': '1.6 mm'},
+        'target_threshold': '2 kcps/SPAD',
+        'lost': '1 %',
+        'abnormal': '2 %',
+    },
+    'markers': [
+        {
+            'id': 77,
+            'name': 'mug',
+            'position': ['-0.1 m', '20 cm', '1300 mm'],
+            'size': '2 cm',
+            'yaw': '30 deg',
+            'bit_period': '60 ms',
+            'clock_error': '-1 %',
+            'start': '300 ms',
+            'packets': 4,
+            'gap_bits': 9,
+            'response': {'dark': '0.5 ms', 'bright': '3.5 ms'},
+            'wander': {'across': '12 cm', 'along': '20 mm', 'period': '13 s'},
+            'occlusion': {'every': '1.7 s', 'lasting': '60 ms'},
+        }
+    ],
+    'surfaces': [{'distance': '2.5 m', 'signal': '4 kcps/SPAD', 'zones': [0, 63]}],
+}
+EXPECTED: dict[str, Any] = {
+    'description': 'a room',
+    'seed': 5,
+    'duration_s': 2.0,
+    'ambient': 3.0,
+    'sensor': {
+        'grid': {'rows': 8, 'columns': 8},
+        'period_s': 0.0667,
+        'period_error': -0.005,
+        'clock_error': 0.0025,
+        'jitter_s': 0.0009,
+        'blur': 0.07,
+        'noise': {'floor': 4.6, 'slope': 0.22, 'ambient': 0.1},
+        'ranging': {'shot': 0.49, 'floor': 0.0016},
+        'target_threshold': 2.0,
+        'lost': 0.01,
+        'abnormal': 0.02,
+    },
+    'markers': [
+        {
+            'id': 77,
+            'name': 'mug',
+            'position_m': [-0.1, 0.2, 1.3],
+            'size_m': 0.02,
+            'yaw_rad': math.pi / 6,
+            'bit_period_s': 0.06,
+            'clock_error': -0.01,
+            'start_s': 0.3,
+            'packets': 4,
+            'gap_bits': 9,
+            'response': {'dark_s': 0.0005, 'bright_s': 0.0035},
+            'wander': {'across_m': 0.12, 'along_m': 0.02, 'period_s': 13.0},
+            'occlusion': {'every_s': 1.7, 'lasting_s': 0.06},
+        }
+    ],
+    'surfaces': [{'distance_m': 2.5, 'signal': 4.0, 'zones': [0, 63]}],
+}
+
+Path = tuple[str | int, ...]
+
+
+def leaves(content: Any, path: Path = ()) -> Iterator[tuple[Path, Any]]:
+    if isinstance(content, dict | list | tuple):
+        pairs = content.items() if isinstance(content, dict) else enumerate(content)
+        for key, value in pairs:
+            yield from leaves(value, (*path, key))
+    else:
+        yield path, content
+
+
+def sections(content: Any, path: Path = ()) -> Iterator[Path]:
+    if isinstance(content, dict):
+        yield path
+        for key, value in content.items():
+            yield from sections(value, (*path, key))
+    elif isinstance(content, list):
+        for index, value in enumerate(content):
+            yield from sections(value, (*path, index))
+
+
+def dotted(path: Path) -> str:
+    return ''.join(f'[{p}]' if isinstance(p, int) else f'.{p}' for p in path).lstrip('.')
+
+
+def at(content: Any, path: Path) -> Any:
+    for part in path:
+        content = content[part]
+    return content
+
+
+def with_value(path: Path, value: Any) -> dict[str, Any]:
+    content = copy.deepcopy(FULL)
+    at(content, path[:-1])[path[-1]] = value
+    return content
+
+
+def outcome(content: Any) -> Scene | str:
+    """Return the scene, or the message of its refusal."""
+    try:
+        return parse_scene(content)
+    except ConfigError as error:
+        return str(error)
+
+
+def refusal(content: Any) -> str:
+    message = outcome(content)
+    assert isinstance(message, str)
+    return message
+
+
+LEAVES = list(leaves(FULL))
+QUANTITIES = [(path, value) for path, value in LEAVES if re.match(r'-?[\d.]+ ', str(value))]
+NEEDED = {
+    ('noise', 'floor'),
+    ('noise', 'slope'),
+    ('ranging', 'shot'),
+    ('ranging', 'floor'),
+    (0, 'id'),
+    (0, 'position'),
+    ('response', 'dark'),
+    ('response', 'bright'),
+    ('wander', 'across'),
+    ('wander', 'along'),
+    ('wander', 'period'),
+    ('occlusion', 'every'),
+    ('occlusion', 'lasting'),
+    (0, 'distance'),
+    (0, 'signal'),
+}
+COMPLETE = parse_scene(FULL)
+KEYS = [(*path, key) for path in sections(FULL) for key in at(FULL, path)]
+
+
+def test_every_key_is_read() -> None:
+    assert len(QUANTITIES) == 32
+    read = dict(leaves(asdict(COMPLETE)))
+    expected = dict(leaves(EXPECTED))
+    assert read.keys() == expected.keys()
+    for path, value in expected.items():
+        assert read[path] == (pytest.approx(value) if isinstance(value, float) else value), path
+
+
+@pytest.mark.parametrize('path', KEYS, ids=dotted)
+def test_every_key_can_be_left_out_or_is_said_to_be_missing(path: Path) -> None:
+    content = copy.deepcopy(FULL)
+    del at(content, path[:-1])[path[-1]]
+    if path == ('sensor',) or path == ('sensor', 'zones'):
+        content['surfaces'] = []  # zone 63 would be too many
+    result = outcome(content)
+    assert result == f'{dotted(path)}: is missing' if path[-2:] in NEEDED else result != COMPLETE
+
+
+def test_an_empty_scene_has_an_ideal_sensor_and_nothing_to_see() -> None:
+    assert parse_scene({}) == Scene()
+    sensor = parse_scene({}).sensor
+    assert sensor.grid == ZoneGrid(4, 4)
+    assert sensor.period_s == 0.021
+    assert (sensor.noise, sensor.ranging, sensor.lost, sensor.jitter_s) == (None, None, 0, 0)
+
+
+def test_a_marker_is_named_after_its_id_and_follows_the_paper() -> None:
+    (marker,) = parse_scene({'markers': [{'id': 9, 'position': ['0 m', '0 m', '1 m']}]}).markers
+    assert marker.name == 'marker_9'
+    assert (marker.size_m, marker.bit_period_s, marker.packets) == (0.03, 0.042, None)
+    assert (marker.response, marker.wander, marker.occlusion) == (None, None, None)
+
+
+@pytest.mark.parametrize('path', list(sections(FULL)), ids=dotted)
+def test_unknown_key_is_named(path: Path) -> None:
+    content = copy.deepcopy(FULL)
+    at(content, path)['zzz'] = 'red'
+    message = refusal(content)
+    assert message.startswith(f'{dotted((*path, "zzz"))}: unknown key; known are ')
+    assert all(str(key) in message for key in at(FULL, path))
+
+
+@pytest.mark.parametrize('path', KEYS, ids=dotted)
+def test_a_mistyped_key_is_hinted_at(path: Path) -> None:
+    content = copy.deepcopy(FULL)
+    section, key = at(content, path[:-1]), path[-1]
+    section[f'{key}s'] = section[key]
+    assert refusal(content) == f'{dotted(path)}s: unknown key; did you mean {key}?'
+
+
+@pytest.mark.parametrize(
+    ('path', 'value'), QUANTITIES, ids=[dotted(path) for path, _ in QUANTITIES]
+)
+def test_quantity_needs_its_unit(path: Path, value: str) -> None:
+    number, unit = value.split(' ')
+    message = refusal(with_value(path, number))
+    assert re.match(f'{re.escape(dotted(path))}: .* has no unit; write {number} ', message)
+    written = message.rsplit('write ', 1)[1]
+    # What the message says to write is a quantity of the right kind, if perhaps of another size.
+    known = next(set(units) for units in UNITS.values() if unit in units)
+    assert written.split(' ', 1)[1] in known
+
+    # A number that YAML has read as such already.
+    assert 'has no unit' in refusal(with_value(path, float(number)))
+
+    message = refusal(with_value(path, f'{number} furlong'))
+    assert message.startswith(f'{dotted(path)}: ')
+    assert f'is in furlong; it needs {" or ".join(UNITS[_kind(unit)])}' in message
+
+
+def _kind(unit: str) -> str:
+    return next(kind for kind, units in UNITS.items() if unit in units)
+
+
+@pytest.mark.parametrize('path', [path for path, _ in LEAVES], ids=dotted)
+def test_wrong_type_names_the_key(path: Path) -> None:
+    values: list[Any] = [None, True, [], ['1 m'], {}, {'a': 1}, '', 1.5, -1, b'']
+    for value in values:
+        assert refusal(with_value(path, value)).startswith(f'{dotted(path)}: ')
+
+
+@pytest.mark.parametrize('path', [path for path in sections(FULL) if path], ids=dotted)
+@pytest.mark.parametrize('value', [None, 5, 'text', ['a']])
+def test_a_section_needs_keys_with_values(path: Path, value: Any) -> None:
+    message = refusal(with_value(path, value))
+    assert message == f'{dotted(path)}: needs keys with values, not {value!r}'
+
+
+@pytest.mark.parametrize('content', [None, 5, 'text', [], [{}]])
+def test_a_scene_needs_keys_with_values(content: Any) -> None:
+    assert refusal(content) == f'the file: needs keys with values, not {content!r}'
+
+
+@pytest.mark.parametrize('key', ['markers', 'surfaces'])
+@pytest.mark.parametrize('value', [None, {}, 'text', 3])
+def test_markers_and_surfaces_are_lists(key: str, value: Any) -> None:
+    assert refusal({key: value}) == f'{key}: needs a list, not {value!r}'
+
+
+MARKER = ('markers', 0)
+
+
+@pytest.mark.parametrize(
+    ('path', 'value', 'hint'),
+    [
+        (('seed',), -1, '0 to '),
+        (('seed',), 2**63, '0 to '),
+        (('duration',), '0 s', 'at least 0.1'),
+        (('duration',), '1e400 s', 'at most 1e+09'),
+        (('ambient',), '-1 kcps/SPAD', 'at least 0'),
+        (('sensor', 'zones'), '4x8', 'is not 4x4 or 8x8'),
+        (('sensor', 'zones'), [4, 4], 'is not 4x4 or 8x8'),
+        (('sensor', 'period'), '0 ms', 'at least 1'),
+        (('sensor', 'period'), '-21 ms', 'at least 1'),
+        (('sensor', 'period'), '11 s', 'at most 10'),
+        (('sensor', 'period_error'), '6 %', 'at most 5'),
+        (('sensor', 'clock_error'), '-6 %', 'at least -5'),
+        (('sensor', 'jitter'), '-1 ms', 'at least 0'),
+        (('sensor', 'jitter'), '6 ms', 'at most 5'),
+        (('sensor', 'blur'), '101 %', 'at most 100'),
+        (('sensor', 'noise', 'floor'), '-1 (kcps/SPAD)^2', 'at least 0'),
+        (('sensor', 'noise', 'slope'), '-1 kcps/SPAD', 'at least 0'),
+        (('sensor', 'ranging', 'shot'), '-1 mm', 'at least 0'),
+        (('sensor', 'ranging', 'floor'), '-1 mm', 'at least 0'),
+        (('sensor', 'target_threshold'), '-1 kcps/SPAD', 'at least 0'),
+        (('sensor', 'lost'), '100 %', 'at most 99'),
+        (('sensor', 'abnormal'), '-1 %', 'at least 0'),
+        ((*MARKER, 'id'), 4096, '0 to 4095'),
+        ((*MARKER, 'id'), -1, '0 to 4095'),
+        ((*MARKER, 'position'), ['0 m', '0 m'], 'needs x, y and z, not 2 values'),
+        ((*MARKER, 'position'), ['0 m', '0 m', '0 m'], 'at least 0.001 m'),
+        ((*MARKER, 'position'), ['0 m', '0 m', '-1 m'], 'at least 0.001 m'),
+        ((*MARKER, 'position'), ['0 m', '0 m', '1e-300 m'], 'at least 0.001 m'),
+        ((*MARKER, 'size'), '0 cm', 'at least 0.1'),
+        ((*MARKER, 'size'), '2 m', 'at most 1'),
+        ((*MARKER, 'yaw'), '91 deg', 'at most 90'),
+        ((*MARKER, 'bit_period'), '0 ms', 'at least 1'),
+        ((*MARKER, 'clock_error'), '5.1 %', 'at most 5'),
+        ((*MARKER, 'start'), '-1 ms', 'at least 0'),
+        ((*MARKER, 'packets'), 0, '1 to '),
+        ((*MARKER, 'gap_bits'), -1, '0 to 10000'),
+        ((*MARKER, 'response', 'dark'), '0 ms', 'at least 0.001'),
+        ((*MARKER, 'response', 'bright'), '101 ms', 'at most 100'),
+        ((*MARKER, 'wander', 'across'), '-1 mm', 'at least 0'),
+        ((*MARKER, 'wander', 'along'), '130 cm', 'would reach the sensor'),
+        ((*MARKER, 'wander', 'period'), '0 s', 'at least 0.1'),
+        ((*MARKER, 'occlusion', 'every'), '0 s', 'at least 0.001'),
+        ((*MARKER, 'occlusion', 'lasting'), '1.7 s', 'never be seen'),
+        (('surfaces', 0, 'distance'), '0 m', 'at least 0.001'),
+        (('surfaces', 0, 'signal'), '-1 kcps/SPAD', 'at least 0'),
+        (('surfaces', 0, 'signal'), '1e300 kcps/SPAD', 'at most 1e+09'),
+        (('surfaces', 0, 'zones', 0), 64, '0 to 63'),
+    ],
+)
+def test_impossible_value_names_key_and_limit(path: Path, value: Any, hint: str) -> None:
+    message = refusal(with_value(path, value))
+    assert message.startswith(dotted(path))
+    assert hint in message
+
+
+def test_surface_zones_are_those_of_the_sensor() -> None:
+    surface = {'distance': '1 m', 'signal': '1 kcps/SPAD', 'zones': [16]}
+    assert refusal({'surfaces': [surface]}).startswith('surfaces[0].zones[0]: ')
+    assert parse_scene({'surfaces': [surface], 'sensor': {'zones': '8x8'}}).surfaces[0].zones == (
+        16,
+    )
+
+
+@pytest.mark.parametrize(
+    ('jitter', 'period', 'error', 'possible'),
+    [
+        ('2.4 ms', '10 ms', '0 %', True),
+        ('2.5 ms', '10 ms', '0 %', False),
+        ('2.4 ms', '10 ms', '-5 %', False),
+        ('2.5 ms', '10 ms', '1 %', True),
+    ],
+)
+def test_jitter_cannot_make_frames_overtake(
+    jitter: str, period: str, error: str, possible: bool
+) -> None:
+    content = {'sensor': {'jitter': jitter, 'period': period, 'period_error': error}}
+    if possible:
+        times = Simulation(parse_scene(content)).advance(2000).sensor_time_us
+        assert np.diff(times).min() > 0
+    else:
+        assert refusal(content).startswith('sensor.jitter: frames would overtake')
+
+
+@pytest.mark.parametrize(('key', 'value'), [('dark', '22 ms'), ('bright', '22 ms')])
+def test_response_is_faster_than_the_bits(key: str, value: str) -> None:
+    marker: dict[str, Any] = {
+        'id': 9,
+        'position': ['0 m', '0 m', '1 m'],
+        'response': {'dark': '1 ms', 'bright': '1 ms', key: value},
+    }
+    assert refusal({'markers': [marker]}).startswith('markers[0].response: too slow')
+    assert parse_scene({'markers': [{**marker, 'bit_period': '44 ms'}]}).markers
+
+
+@pytest.mark.parametrize(
+    ('text', 'seconds'),
+    [('21 ms', 0.021), ('21ms', 0.021), (' 2.1e1  ms ', 0.021), ('+.5 s', 0.5), ('5. us', 5e-6)],
+)
+def test_forms_of_a_quantity(text: str, seconds: float) -> None:
+    assert quantity('time')(text, 'key') == pytest.approx(seconds)
+
+
+@pytest.mark.parametrize(
+    'text', ['ms', '1,5 ms', '0x10 ms', '1 m s', 'nan s', 'inf s', '- 5 ms', '.']
+)
+def test_what_is_no_quantity(text: str) -> None:
+    with pytest.raises(ConfigError, match=r'^key: .*s or ms or us'):
+        quantity('time')(text, 'key')
+
+
+@given(st.sampled_from([(kind, unit) for kind in UNITS for unit in UNITS[kind]]), st.data())
+def test_units_scale(kind_and_unit: tuple[str, str], data: st.DataObject) -> None:
+    kind, unit = kind_and_unit
+    number = data.draw(st.floats(-1e6, 1e6))
+    assert quantity(kind)(f'{number!r} {unit}', 'key') == number * UNITS[kind][unit]
+
+
+# Refusals are ConfigErrors, and what is accepted can be simulated
+
+NUMBERS = st.one_of(
+    st.integers(-3, 70), st.floats(), st.sampled_from([0.0, 1e-3, 1e9, 1e-300, 1e300, 4096])
+)
+UNIT_NAMES = [unit for units in UNITS.values() for unit in units]
+AMOUNTS = st.builds(lambda number, unit: f'{number} {unit}', NUMBERS, st.sampled_from(UNIT_NAMES))
+SCALARS = (
+    st.none() | st.booleans() | NUMBERS | AMOUNTS | st.text(max_size=5) | st.binary(max_size=3)
+)
+NAMES = st.sampled_from(sorted({str(path[-1]) for path in KEYS}))
+KEY_NAMES = NAMES | st.text(max_size=3) | st.integers() | st.none() | st.floats()
+CONTENTS = st.recursive(
+    SCALARS,
+    lambda inner: st.lists(inner, max_size=4) | st.dictionaries(KEY_NAMES, inner, max_size=6),
+    max_leaves=20,
+)
+
+
+@settings(max_examples=60, deadline=None, derandomize=True)
+@given(st.dictionaries(NAMES, CONTENTS, max_size=4) | CONTENTS)
+def test_whatever_is_no_scene_is_a_scene_error(content: Any) -> None:
+    assert outcome(content)
+
+
+@settings(max_examples=60, deadline=None, derandomize=True)
+@given(st.data())
+def test_a_damaged_scene_is_refused_by_the_name_of_its_key(data: st.DataObject) -> None:
+    path = data.draw(st.sampled_from([*KEYS, *(path for path, _ in LEAVES)]))
+    result = outcome(with_value(path, data.draw(CONTENTS)))
+    if isinstance(result, str):
+        assert result.startswith((dotted(path), 'surfaces[0].zones', dotted(path[:-1])))
+
+
+@settings(
+    max_examples=50,
+    deadline=None,
+    derandomize=True,
+    suppress_health_check=[HealthCheck.filter_too_much],
+)
+@given(st.data())
+def test_an_accepted_scene_gives_frames_for_the_wire(data: st.DataObject) -> None:
+    content = copy.deepcopy(FULL)
+    for path, value in data.draw(st.lists(st.sampled_from(QUANTITIES), min_size=1, max_size=4)):
+        # Round numbers over the whole of the allowed range, and its ends.
+        exponent = data.draw(st.integers(-6, 9))
+        number = data.draw(st.sampled_from([f'1e{exponent}', f'-1e{exponent}', '0']))
+        at(content, path[:-1])[path[-1]] = f'{number} {value.split(" ")[1]}'
+    scene = outcome(content)
+    assume(isinstance(scene, Scene))
+    assert isinstance(scene, Scene)
+    recording = Simulation(scene).advance(12)
+    assert (recording.signal >= 0).all()
+    assert (np.isnan(recording.distance) == (recording.status == 255)).all()
+    for frame in recording:
+        assert encode_frame(frame)

@@ -1,0 +1,145 @@
+# Copyright 2026 retrolidar_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from retrolidar_ros.scene.description import Marker, Wander
+from retrolidar_ros.scene.optics import position_at, received_signal, zone_shares
+from retrolidar_ros.sensor.frame import Floats, ZoneGrid
+
+GRIDS = [ZoneGrid(4, 4), ZoneGrid(8, 8)]
+AREA_M2 = 0.03**2
+MARKER = Marker(id=5, position_m=(0.1, -0.2, 1.5), name='m')
+
+
+@pytest.mark.parametrize(('range_m', 'signal'), [(1.0, 360), (1.4, 100), (2.0, 26), (2.6, 9.5)])
+def test_link_budget_of_the_paper(range_m: float, signal: float) -> None:
+    assert received_signal(np.array([range_m]), AREA_M2, 0) == pytest.approx(signal, rel=0.01)
+
+
+def test_signal_falls_with_the_3_8th_power() -> None:
+    range_m = np.geomspace(0.5, 4, 50)
+    slope = np.diff(np.log(received_signal(range_m, AREA_M2, 0))) / np.diff(np.log(range_m))
+    assert slope == pytest.approx(-3.8)
+
+
+def test_signal_grows_linearly_with_area() -> None:
+    areas = np.linspace(1e-4, 9e-4, 9)
+    signals = [float(received_signal(np.array(1.3), area, 0)) for area in areas]
+    assert signals == pytest.approx(
+        areas / AREA_M2 * float(received_signal(np.array(1.3), AREA_M2, 0))
+    )
+    # A bare retroreflector of 3 cm, without the crystal's loss of ¾, is 100.4 times the board's 4.
+    assert float(received_signal(np.array(1.4), AREA_M2, 0)) == pytest.approx(401.6 / 4, rel=0.01)
+
+
+def test_yaw_is_good_to_50_and_dead_from_60_degrees() -> None:
+    degrees = np.arange(-90, 91)
+    at_yaw = np.array(
+        [float(received_signal(np.array(1.0), AREA_M2, math.radians(d))) for d in degrees]
+    )
+    facing = at_yaw[degrees == 0]
+    assert at_yaw == pytest.approx(at_yaw[::-1])
+    good, dead = np.abs(degrees) <= 50, np.abs(degrees) >= 60
+    # Up to there only the projected area shrinks.
+    assert at_yaw[good] == pytest.approx(facing * np.cos(np.radians(degrees[good])))
+    assert (at_yaw[dead] == 0).all()
+    assert (np.diff(at_yaw[(degrees >= 0) & (degrees <= 60)]) < 0).all()
+    assert (at_yaw >= 0).all()
+
+
+def by_chance(position_m: Floats, size_m: float, grid: ZoneGrid, blur: float) -> Floats:
+    """Sample points of the marker, blur each, and count in which zone they are seen."""
+    rng = np.random.default_rng(4)
+    points = position_m[:2] + size_m * rng.uniform(-0.5, 0.5, (80_000, 2))
+    tangents = points / position_m[2] + blur * grid.pitch * rng.standard_normal(points.shape)
+    index = np.floor(tangents / grid.pitch + grid.columns / 2).astype(int)
+    inside = ((index >= 0) & (index < grid.columns)).all(axis=-1)
+    zone = index[inside, 1] * grid.columns + index[inside, 0]
+    return np.bincount(zone, minlength=grid.zones) / len(points)
+
+
+@pytest.mark.parametrize('grid', GRIDS)
+@pytest.mark.parametrize('blur', [0.0, 0.05, 0.3])
+@pytest.mark.parametrize(
+    ('position', 'size'),
+    [
+        ((0.0, 0.0, 1.0), 0.03),  # between four zones
+        ((0.21, -0.09, 1.0), 0.03),
+        ((-0.43, 0.3, 1.0), 0.03),  # half out of sight
+        ((0.3, -0.86, 2.0), 0.3),
+        ((0.0, 0.0, 1.0), 1.0),  # larger than all zones
+        ((0.7, 0.0, 1.0), 0.03),  # out of sight
+    ],
+)
+def test_shares_are_those_of_scattered_points(
+    grid: ZoneGrid, blur: float, position: tuple[float, float, float], size: float
+) -> None:
+    shares = zone_shares(np.array([position]), size, grid, blur)
+    assert shares.shape == (1, grid.zones)
+    # Four standard deviations of a share of one half.
+    assert shares[0] == pytest.approx(by_chance(np.array(position), size, grid, blur), abs=7.1e-3)
+
+
+@pytest.mark.parametrize('grid', GRIDS)
+@pytest.mark.parametrize('blur', [0.0, 0.05])
+def test_shares_sum_to_one_within_the_field_of_view(grid: ZoneGrid, blur: float) -> None:
+    rng = np.random.default_rng(5)
+    z = rng.uniform(0.5, 3, 500)
+    edge = 2 * 0.21498 - 0.015 / z - 8 * blur * grid.pitch
+    position = np.stack([*rng.uniform(-1, 1, (2, 500)) * edge * z, z], axis=-1)
+    shares = zone_shares(position, 0.03, grid, blur)
+    assert shares.sum(axis=-1) == pytest.approx(1, abs=1e-9)
+    assert shares.min() > -1e-12
+    position[:, 0] = 2 * 0.21498 * z  # the middle of the marker on the edge of the field of view
+    assert zone_shares(position, 0.03, grid, blur).sum(axis=-1) == pytest.approx(0.5)
+    position[:, 0] += 0.016 + 8 * blur * grid.pitch * z
+    assert zone_shares(position, 0.03, grid, blur).sum(axis=-1) == pytest.approx(0, abs=1e-9)
+
+
+@pytest.mark.parametrize('grid', GRIDS)
+@pytest.mark.parametrize('blur', [0.0, 0.05, 0.3])
+def test_shares_are_continuous_across_the_edges_of_zones(grid: ZoneGrid, blur: float) -> None:
+    x = np.linspace(-0.6, 0.6, 6001)
+    position = np.stack([x, np.full_like(x, 0.013), np.ones_like(x)], axis=-1)
+    shares = zone_shares(position, 0.03, grid, blur)
+    # A step of 0.2 mm moves no more of a 30 mm marker than 1/150 of it.
+    assert np.abs(np.diff(shares, axis=0)).max() < 1 / 149
+    assert shares.max() > 0.4  # it is seen, half in the rows above and half below
+
+
+@pytest.mark.parametrize('grid', GRIDS)
+def test_blur_vanishes_smoothly(grid: ZoneGrid) -> None:
+    position = np.array([[0.012, 0.1, 1.0]])
+    sharp = zone_shares(position, 0.03, grid, 0)
+    assert zone_shares(position, 0.03, grid, 1e-6) == pytest.approx(sharp, abs=1e-6)
+
+
+@pytest.mark.parametrize('grid', GRIDS)
+def test_a_marker_is_in_the_zone_that_looks_at_it(grid: ZoneGrid) -> None:
+    shares = zone_shares(2.0 * grid.directions, 0.03, grid, 0)
+    assert shares == pytest.approx(np.eye(grid.zones), abs=1e-12)
+
+
+def test_a_marker_at_rest_has_one_position() -> None:
+    assert position_at(MARKER, np.arange(5.0)).tolist() == [[0.1, -0.2, 1.5]]
+
+
+def test_wander_is_slow_smooth_and_bounded() -> None:
+    wander = Wander(across_m=0.12, along_m=0.02, period_s=13)
+    time_s = np.arange(0, 1300, 0.1)
+    away = position_at(replace(MARKER, wander=wander), time_s) - MARKER.position_m
+    assert away.shape == (len(time_s), 3)
+    amplitude = np.array([0.12, 0.12, 0.02])
+    assert np.abs(away).max(axis=0) == pytest.approx(amplitude, rel=1e-3)
+    assert np.abs(away.mean(axis=0)) == pytest.approx(0, abs=2e-3)
+    speed = np.abs(np.diff(away, axis=0)).max(axis=0) / 0.1
+    assert (speed <= 1.0001 * amplitude * 2 * np.pi / 13).all()
+    # Unlike periods: x repeats after 13 s, y and z do not.
+    again = np.abs(away[130:] - away[:-130]).max(axis=0)
+    assert again[0] < 1e-9
+    assert (again[1:] > amplitude[1:]).all()
+    assert np.abs(np.corrcoef(away.T) - np.eye(3)).max() < 0.05

@@ -1,0 +1,536 @@
+# Copyright 2026 retrolidar_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from numpy.typing import NDArray
+
+from retrolidar_ros.marker.code import packet
+from retrolidar_ros.scene import Scene, Simulation
+from retrolidar_ros.scene.description import (
+    Marker,
+    Noise,
+    Occlusion,
+    Ranging,
+    Response,
+    Sensor,
+    Surface,
+    Wander,
+)
+from retrolidar_ros.scene.optics import position_at
+from retrolidar_ros.sensor.frame import Floats, Recording, Status, ZoneGrid
+
+GRID = ZoneGrid(4, 4)
+ZONE = 10
+CENTRE = GRID.directions[ZONE]
+NOISE = Noise(floor=4.6, slope=0.22)
+RANGING = Ranging(shot=0.49, floor=0.0016)
+MARKER = Marker(
+    id=2061,
+    position_m=(float(CENTRE[0]), float(CENTRE[1]), float(CENTRE[2])),
+    name='m',
+    response=Response(dark_s=0.5e-3, bright_s=3.5e-3),
+)
+# A bit and a frame of equal middles: each frame sees one half of a bit.
+BITS = packet(2061)
+# Bright for ever: its only packet begins after all that the tests look at.
+BRIGHT = replace(MARKER, start_s=1e6)
+EVERYTHING = Scene(
+    seed=3,
+    sensor=Sensor(
+        period_error=-0.0036,
+        clock_error=0.01,
+        jitter_s=1e-3,
+        blur=0.05,
+        noise=NOISE,
+        ranging=RANGING,
+        target_threshold=3,
+        lost=0.05,
+        abnormal=0.02,
+    ),
+    markers=(
+        replace(MARKER, wander=Wander(0.1, 0.05, 5), occlusion=Occlusion(1.7, 0.06)),
+        replace(MARKER, id=77, position_m=(-0.3, 0.1, 2), gap_bits=3, packets=5),
+    ),
+    surfaces=(Surface(2.0, 8), Surface(1.2, 9, zones=(0, 5))),
+    ambient=4,
+)
+
+
+def simulate(scene: Scene, frames: int) -> Recording:
+    return Simulation(scene).advance(frames)
+
+
+def wall(distance_m: float, signal: float, sensor: Sensor | None = None) -> Scene:
+    return Scene(sensor=sensor or Sensor(), surfaces=(Surface(distance_m, signal),))
+
+
+def at(position_m: Floats) -> Marker:
+    """Return the bright marker at a position, shape (3,) [m]."""
+    x, y, z = position_m.tolist()
+    return replace(BRIGHT, position_m=(x, y, z))
+
+
+def assert_same(one: Recording, other: Recording) -> None:
+    assert one.grid == other.grid
+    names = ('stamp_ns', 'sequence', 'sensor_time_us', 'distance', 'signal', 'ambient', 'status')
+    for name in names:
+        np.testing.assert_array_equal(getattr(one, name), getattr(other, name), err_msg=name)
+
+
+def concatenated(parts: list[Recording]) -> Recording:
+    return Recording.of([frame for part in parts for frame in part])
+
+
+class NoRandomness:
+    """Stands for a generator that must not be used."""
+
+    def __getattr__(self, name: str) -> object:
+        raise AssertionError(f'{name} was called')
+
+
+# What a scene does not name
+
+
+def test_nothing_to_see_is_no_target() -> None:
+    recording = simulate(Scene(), 50)
+    assert (recording.status == Status.NO_TARGET).all()
+    assert np.isnan(recording.distance).all()
+    assert not recording.signal.any()
+    assert not recording.ambient.any()
+    assert recording.distance.shape == (50, 16)
+
+
+def test_noise_makes_no_target_out_of_nothing() -> None:
+    recording = simulate(Scene(sensor=Sensor(noise=NOISE, ranging=RANGING)), 50)
+    assert (recording.status == Status.NO_TARGET).all()
+    assert not recording.signal.any()
+
+
+def test_an_ideal_sensor_uses_no_randomness() -> None:
+    scene = Scene(markers=(MARKER,), surfaces=(Surface(2, 4),), ambient=4)
+    simulation = Simulation(scene, rng=NoRandomness())  # type: ignore[arg-type]
+    assert_same(simulation.advance(100), simulate(scene, 100))
+
+
+def test_a_wall_is_reported_exactly() -> None:
+    recording = simulate(replace(wall(2.5, 7.25), ambient=1.5), 20)
+    assert (recording.distance == 2.5).all()
+    assert (recording.signal == 7.25).all()
+    assert (recording.ambient == 1.5).all()
+    assert (recording.status == Status.VALID).all()
+    assert recording.sequence.tolist() == list(range(20))
+    assert recording.sensor_time_us == pytest.approx(21_000 * (np.arange(20) + 0.5), abs=0.5)
+    assert (recording.stamp_ns == recording.sensor_time_us * 1000).all()
+
+
+def test_a_surface_is_seen_in_its_zones_only() -> None:
+    recording = simulate(Scene(surfaces=(Surface(1, 5, zones=(2, 7)),)), 3)
+    assert np.flatnonzero(recording.signal[0]).tolist() == [2, 7]
+    # Nothing is known of what was before the first frame, so it is no first range.
+    assert (recording.status[:, [2, 7]] == Status.VALID).all()
+    assert not simulate(Scene(surfaces=(Surface(1, 5, zones=()),)), 3).signal.any()
+
+
+# The marker
+
+
+@pytest.mark.parametrize('range_m', [1.0, 2.0, 2.6])
+def test_a_bright_marker_has_the_signal_of_the_link_budget(range_m: float) -> None:
+    recording = simulate(Scene(markers=(at(range_m * CENTRE),)), 5)
+    assert recording.signal[:, ZONE] == pytest.approx(360 * range_m**-3.8, rel=1e-4)
+    assert np.flatnonzero(recording.signal[0]).tolist() == [ZONE]
+    assert recording.distance[:, ZONE] == pytest.approx(range_m * GRID.z_per_range[ZONE])
+
+
+@pytest.mark.parametrize('zone', range(16))
+def test_distance_is_along_the_axis_by_the_factor_of_the_zone(zone: int) -> None:
+    position = 1.5 * GRID.directions[zone] + [0.02, -0.01, 0]
+    recording = simulate(Scene(markers=(at(position),)), 2)
+    # UM3109 has one factor for the corners, one for the edges and one for the middle.
+    row, column = divmod(zone, 4)
+    factor = [0.9851, 0.9438, 0.9072][(row in (0, 3)) + (column in (0, 3))]
+    expected = float(np.linalg.norm(position)) * factor
+    assert recording.distance[0, zone] == pytest.approx(expected, rel=2e-3)
+
+
+def test_two_frames_a_bit_read_the_packet() -> None:
+    recording = simulate(Scene(markers=(replace(MARKER, response=None),)), 2 * 62)
+    bits = (recording.signal[:, ZONE] < 180).astype(int)
+    assert bits.tolist() == np.repeat(np.tile(BITS, 2), 2).tolist()
+    assert np.unique(recording.signal[:, ZONE]) == pytest.approx([0, 360], rel=1e-4)
+
+
+def test_the_crystal_needs_time() -> None:
+    recording = simulate(Scene(markers=(MARKER,)), 2 * 31)
+    signal = recording.signal[:, ZONE].reshape(31, 2) / 360
+    edges = np.diff([0, *BITS])
+    tau_share = 1e-3 / math.log(9) / 0.021
+    assert signal[edges == 1, 0] == pytest.approx(0.5 * tau_share, rel=1e-3)
+    assert signal[edges == -1, 0] == pytest.approx(1 - 3.5 * tau_share, rel=1e-3)
+    assert signal[:, 1] == pytest.approx(1 - BITS, abs=1e-4)
+
+
+def test_a_dark_marker_without_a_wall_is_no_target_whatever_the_rounding() -> None:
+    # Differences of long integrals of time are zero up to their last bits only.
+    identity = next(i for i in range(1, 4095) if packet(i)[-1] == 1)
+    scene = Scene(
+        sensor=Sensor(ranging=RANGING), markers=(replace(MARKER, id=identity, response=None),)
+    )
+    recording = simulate(scene, 14_000)
+    seen = recording.status[:, ZONE] != Status.NO_TARGET
+    assert recording.signal[seen, ZONE].min() > 0.01
+    assert 0.2 < seen.mean() < 0.8
+
+
+def test_clock_error_stretches_the_bits() -> None:
+    def dark_frames(clock_error: float) -> int:
+        marker = replace(MARKER, response=None, clock_error=clock_error, packets=100)
+        # A marker is bright for ever after its last packet.
+        recording = simulate(Scene(markers=(marker,)), 7000)
+        return int(np.flatnonzero(recording.signal[:, ZONE] < 1).max())
+
+    assert dark_frames(0.02) == pytest.approx(1.02 * dark_frames(0), abs=2)
+
+
+def test_wander_moves_signal_and_distance() -> None:
+    wander = Wander(across_m=0.0, along_m=0.2, period_s=2)
+    recording = simulate(Scene(markers=(replace(BRIGHT, wander=wander),)), 1000)
+    distance = recording.distance[:, ZONE].astype(np.float64)
+    signal = recording.signal[:, ZONE]
+    range_m = distance / GRID.z_per_range[ZONE]
+    assert range_m.min() == pytest.approx(0.8, abs=0.01)
+    assert range_m.max() == pytest.approx(1.2, abs=0.01)
+    # While it moves along the axis it leaves the middle of the zone, but not the zone.
+    assert signal == pytest.approx(360 * range_m**-3.8, rel=1e-4)
+
+
+def test_wander_across_changes_zones() -> None:
+    wander = Wander(across_m=0.3, along_m=0, period_s=4)
+    scene = Scene(markers=(replace(BRIGHT, position_m=(0, 0, 1), wander=wander),))
+    recording = simulate(scene, 3000)
+    assert (recording.signal.max(axis=0) > 100).sum() > 6
+    position_m = position_at(scene.markers[0], recording.sensor_time_us * 1e-6)
+    expected = 360 * np.linalg.norm(position_m, axis=-1) ** -3.8
+    assert recording.signal.sum(axis=1) == pytest.approx(expected, rel=1e-4)
+
+
+def test_occlusion_takes_its_share_of_light() -> None:
+    scene = Scene(markers=(replace(BRIGHT, occlusion=Occlusion(every_s=0.5, lasting_s=0.05)),))
+    signal = simulate(scene, 5000).signal[:, ZONE]
+    assert signal.mean() == pytest.approx(360 * 0.9, rel=2e-3)
+    assert np.isclose(signal, 360, rtol=1e-4).mean() == pytest.approx(1 - 0.071 / 0.5, abs=0.01)
+    assert np.mean(signal == 0) == pytest.approx(0.029 / 0.5, abs=0.01)
+
+
+# Noise
+
+
+@pytest.mark.parametrize('signal', [30, 100, 700])
+def test_noise_has_the_variance_of_the_measured_law(signal: float) -> None:
+    recording = simulate(wall(1, signal, Sensor(noise=NOISE)), 8000)
+    noise = recording.signal.astype(np.float64) - signal
+    count = noise.size
+    variance = 4.6 + 0.22 * signal
+    # Four standard errors each: of a variance, a mean, and correlations.
+    assert noise.var() == pytest.approx(variance, rel=4 * math.sqrt(2 / count))
+    assert noise.mean() == pytest.approx(0, abs=4 * math.sqrt(variance / count))
+    assert np.mean(noise[1:] * noise[:-1]) / variance == pytest.approx(0, abs=4 / math.sqrt(count))
+    between_zones = np.corrcoef(noise.T) - np.eye(16)
+    assert np.abs(between_zones).max() < 4.5 / math.sqrt(8000)
+    assert np.mean(noise**4) / variance**2 == pytest.approx(3, abs=0.1)  # a normal distribution
+
+
+def test_signal_is_never_negative() -> None:
+    recording = simulate(wall(1, 1, Sensor(noise=NOISE)), 1000)
+    assert recording.signal.min() == 0
+    assert (recording.status == Status.VALID).all()
+
+
+@pytest.mark.parametrize(
+    ('signal', 'measured_mm'),
+    [(14, 35), (25, 22), (36, 14), (62, 7), (137, 4.2), (202, 3.1), (492, 1.9)],
+)
+def test_ranging_deviates_as_measured(signal: float, measured_mm: float) -> None:
+    recording = simulate(wall(1.0, signal, Sensor(ranging=RANGING)), 3000)
+    error_m = recording.distance.astype(np.float64) - 1.0
+    sigma_m = math.hypot(0.49 / signal, 0.0016)
+    assert error_m.std() == pytest.approx(sigma_m, rel=4 / math.sqrt(2 * error_m.size))
+    assert error_m.std() * 1e3 == pytest.approx(measured_mm, rel=0.17)
+    assert error_m.mean() == pytest.approx(0, abs=4 * sigma_m / math.sqrt(error_m.size))
+    assert (recording.signal == signal).all()
+
+
+def test_ranging_and_noise_are_independent() -> None:
+    recording = simulate(wall(1.0, 100, Sensor(noise=NOISE, ranging=RANGING)), 4000)
+    matrix = np.corrcoef(recording.signal.ravel(), recording.distance.ravel())
+    assert abs(matrix[0, 1]) < 4 / math.sqrt(recording.signal.size)
+
+
+# Which target is reported
+
+
+def bright_and_dark(scene: Scene) -> tuple[Recording, NDArray[np.bool_], NDArray[np.bool_]]:
+    """Simulate three packets; return frames wholly within bright and within dark bits, too."""
+    recording = simulate(scene, 2 * 93)
+    second_halves = np.arange(186) % 2 == 1
+    dark = np.repeat(np.tile(BITS, 3), 2) == 1
+    return recording, second_halves & ~dark, second_halves & dark
+
+
+def test_distance_flips_to_a_wall_far_behind_a_dark_marker() -> None:
+    recording, bright, dark = bright_and_dark(Scene(markers=(MARKER,), surfaces=(Surface(2, 4),)))
+    signal, distance = recording.signal[:, ZONE], recording.distance[:, ZONE]
+    assert signal[bright] == pytest.approx(360, rel=1e-3)
+    assert distance[bright] == pytest.approx(GRID.z_per_range[ZONE])
+    assert signal[dark] == pytest.approx(4)
+    assert (distance[dark] == 2).all()
+    # Told apart, no pulse is ever a merged one.
+    assert (recording.status == Status.VALID).all()
+
+
+def test_a_wall_near_behind_the_marker_merges_with_it() -> None:
+    recording, bright, dark = bright_and_dark(
+        Scene(markers=(MARKER,), surfaces=(Surface(1.3, 90),))
+    )
+    signal, distance = recording.signal[:, ZONE], recording.distance[:, ZONE]
+    assert signal[bright] == pytest.approx(450, rel=1e-3)
+    assert distance[bright] == pytest.approx(
+        (360 * GRID.z_per_range[ZONE] + 90 * 1.3) / 450, rel=1e-4
+    )
+    assert (recording.status[bright, ZONE] == Status.MERGED).all()
+    assert signal[dark] == pytest.approx(90, abs=0.05)
+    assert distance[dark] == pytest.approx(1.3, abs=1e-3)
+    assert (recording.status[dark, ZONE] == Status.VALID).all()
+    # The other zones see the wall only.
+    elsewhere = np.delete(recording.status, ZONE, axis=1)
+    assert (elsewhere == Status.VALID).all()
+
+
+@pytest.mark.parametrize(('behind_m', 'merged'), [(0.599, True), (0.601, False)])
+def test_targets_are_told_apart_from_600_mm(behind_m: float, merged: bool) -> None:
+    scene = Scene(surfaces=(Surface(1, 50), Surface(1 + behind_m, 40)))
+    recording = simulate(scene, 2)
+    assert (recording.signal == (90 if merged else 50)).all()
+    assert recording.distance == pytest.approx(1 + (behind_m * 4 / 9 if merged else 0))
+    assert (recording.status == (Status.MERGED if merged else Status.VALID)).all()
+
+
+def test_a_pulse_is_pure_if_one_target_makes_95_percent_of_it() -> None:
+    statuses = [
+        simulate(Scene(surfaces=(Surface(1, 100), Surface(1.1, other))), 1).status[0, 0]
+        for other in (5.0, 5.5)
+    ]
+    assert statuses == [Status.VALID, Status.MERGED]
+
+
+def test_the_strongest_pulse_is_reported_and_not_the_strongest_target() -> None:
+    recording = simulate(Scene(surfaces=(Surface(1, 50), Surface(3, 40), Surface(3.2, 40))), 1)
+    assert recording.signal[0] == pytest.approx(80)
+    assert recording.distance[0] == pytest.approx(3.1)
+
+
+@pytest.mark.parametrize('between', [0.0, 0.01, 9.0])
+def test_something_weak_between_two_targets_does_not_join_them(between: float) -> None:
+    targets = (Surface(1, 50), Surface(1.45, between), Surface(1.9, 40))
+    recording = simulate(Scene(surfaces=targets), 1)
+    assert recording.signal[0] == pytest.approx(50 + between)
+    assert recording.distance[0] == pytest.approx(1, abs=0.1)
+
+
+@settings(max_examples=60, deadline=None, derandomize=True)
+@given(
+    st.lists(st.tuples(st.floats(0.1, 4), st.sampled_from([0.0, 1.0, 5.0, 7.0, 50.0])), max_size=5)
+)
+def test_the_reported_pulse_holds_the_strongest_target_or_outshines_it(
+    targets: list[tuple[float, float]],
+) -> None:
+    recording = simulate(Scene(surfaces=tuple(Surface(*target) for target in targets)), 1)
+    reported = float(recording.signal[0, 0])
+    strongest = max((signal for _, signal in targets), default=0.0)
+    assert strongest * (1 - 1e-6) <= reported <= sum(signal for _, signal in targets) + 1e-6
+    if strongest == 0:
+        assert recording.status[0, 0] == Status.NO_TARGET
+        return
+    distance = float(recording.distance[0, 0])
+    shining = [z for z, signal in targets if signal]
+    assert min(shining) - 1e-6 <= distance <= max(shining) + 1e-6
+    # The order in which a scene names its surfaces does not matter.
+    again = simulate(Scene(surfaces=tuple(Surface(*target) for target in targets[::-1])), 1)
+    assert again.signal[0, 0] == pytest.approx(reported)
+
+
+# Status codes
+
+
+def test_below_the_threshold_there_is_no_target_and_after_it_no_previous_one() -> None:
+    scene = Scene(sensor=Sensor(target_threshold=5), markers=(MARKER,), surfaces=(Surface(2, 4),))
+    recording, bright, dark = bright_and_dark(scene)
+    status = recording.status[:, ZONE]
+    assert (status[dark] == Status.NO_TARGET).all()
+    assert (recording.signal[dark, ZONE] == 0).all()
+    assert np.isnan(recording.distance[dark, ZONE]).all()
+    absent = status == Status.NO_TARGET
+    first = ~absent[1:] & absent[:-1]
+    assert first.any()
+    assert (status[1:][first] == Status.NO_PREVIOUS_TARGET).all()
+    others = status[1:][~absent[1:] & ~first]
+    assert (others == Status.VALID).all()
+    # Where the wall alone is seen, it is too weak all the time.
+    assert (recording.status[:, 0] == Status.NO_TARGET).all()
+    assert bright.any()
+
+
+def test_a_first_range_is_said_so_even_if_merged() -> None:
+    scene = Scene(
+        sensor=Sensor(target_threshold=100), markers=(MARKER,), surfaces=(Surface(1.3, 90),)
+    )
+    recording, bright, _ = bright_and_dark(scene)
+    status = recording.status[:, ZONE]
+    assert set(status.tolist()) == {Status.MERGED, Status.NO_PREVIOUS_TARGET, Status.NO_TARGET}
+    again = bright.copy()
+    again[1:] &= bright[:-1] | (status[:-1] != Status.NO_TARGET)
+    assert (status[again] == Status.MERGED).all()
+
+
+def test_the_threshold_is_applied_to_the_noisy_signal() -> None:
+    recording = simulate(wall(1, 20, Sensor(noise=NOISE, target_threshold=20)), 4000)
+    absent = recording.status == Status.NO_TARGET
+    assert absent.mean() == pytest.approx(0.5, abs=4 * 0.5 / math.sqrt(absent.size))
+    assert recording.signal[~absent].min() >= 20
+    assert (np.isnan(recording.distance) == absent).all()
+
+
+# Time
+
+
+@pytest.mark.parametrize('error', [-0.0036, 0.0, 0.05])
+def test_period_error_is_one_of_the_true_period(error: float) -> None:
+    recording = simulate(wall(1, 9, Sensor(period_error=error)), 1001)
+    span_us = recording.sensor_time_us[-1] - recording.sensor_time_us[0]
+    assert span_us == pytest.approx(21e6 * (1 + error), abs=1)
+    assert Simulation(wall(1, 9, Sensor(period_error=error))).period_s == 0.021 * (1 + error)
+
+
+def test_clock_error_is_one_of_the_stamps_only() -> None:
+    scene = Scene(markers=(MARKER,))
+    fast = replace(scene, sensor=Sensor(clock_error=0.01))
+    one, other = simulate(scene, 500), simulate(fast, 500)
+    assert other.sensor_time_us == pytest.approx(1.01 * one.sensor_time_us, abs=1)
+    np.testing.assert_array_equal(one.signal, other.signal)
+
+
+def test_jitter_moves_each_frame_by_itself_and_within_bounds() -> None:
+    recording = simulate(wall(1, 9, Sensor(jitter_s=1e-3)), 20_000)
+    deviation_us = recording.sensor_time_us - 21_000 * (np.arange(20_000) + 0.5)
+    # A normal distribution cut at twice its deviation has 0.959 of it.
+    assert deviation_us.std() == pytest.approx(959.4, rel=0.02)
+    assert np.abs(deviation_us).max() == pytest.approx(2000, abs=1)
+    assert deviation_us.mean() == pytest.approx(0, abs=4 * 1000 / math.sqrt(20_000))
+    lagged = np.corrcoef(deviation_us[1:], deviation_us[:-1])[0, 1]
+    assert lagged == pytest.approx(0, abs=4 / math.sqrt(20_000))
+    assert np.diff(recording.sensor_time_us).min() > 0
+
+
+def test_jitter_moves_what_is_seen_with_the_stamp() -> None:
+    scene = Scene(sensor=Sensor(jitter_s=1e-3), markers=(replace(MARKER, response=None),))
+    recording = simulate(scene, 2000)
+    end_s = recording.sensor_time_us * 1e-6 + 0.0105
+    bit, within_s = np.divmod(end_s, 0.042)
+    began_bright, ends_bright = 1 - BITS[np.stack([bit - 1, bit]).astype(int) % 31]
+    brightens = (began_bright < ends_bright) & (within_s < 0.021)
+    assert brightens.sum() > 50
+    bright_share = within_s[brightens] / 0.021
+    assert recording.signal[brightens, ZONE] / 360 == pytest.approx(bright_share, abs=1e-4)
+
+
+def test_lost_frames_are_gaps_in_the_sequence() -> None:
+    recording = simulate(wall(1, 9, Sensor(lost=0.2)), 20_000)
+    share = 1 - len(recording) / 20_000
+    assert share == pytest.approx(0.2, abs=4 * math.sqrt(0.2 * 0.8 / 20_000))
+    assert (np.diff(recording.sequence) > 0).all()
+    # They are lost one by one, and the others keep their times.
+    expected_us = 21_000 * (recording.sequence + 0.5)
+    assert recording.sensor_time_us == pytest.approx(expected_us, abs=0.6)
+    gaps = np.diff(recording.sequence) - 1
+    assert gaps.mean() == pytest.approx(0.25, rel=0.05)
+    assert np.mean(gaps > 0) == pytest.approx(0.2, abs=0.015)
+
+
+def test_all_frames_may_be_lost() -> None:
+    scene = replace(EVERYTHING, sensor=replace(EVERYTHING.sensor, lost=1.0))
+    simulation = Simulation(scene)
+    assert [len(simulation.advance(100)) for _ in range(2)] == [0, 0]
+
+
+def test_abnormal_samples_have_their_share_and_mean_nothing() -> None:
+    recording = simulate(wall(1, 500, Sensor(abnormal=0.24)), 4000)
+    abnormal = recording.status != Status.VALID
+    assert abnormal.mean() == pytest.approx(0.24, abs=4 * math.sqrt(0.24 * 0.76 / abnormal.size))
+    assert set(recording.status[abnormal].tolist()) == {0, 1, 3, 4, 7, 8, 11}
+    assert (recording.signal[~abnormal] == 500).all()
+    assert (recording.distance[~abnormal] == 1).all()
+    assert recording.signal[abnormal].max() < 101
+    assert 0 <= recording.distance[abnormal].min() < recording.distance[abnormal].max() < 4.01
+
+
+# Seeds and blocks
+
+
+def test_a_seed_gives_the_same_frames_again_and_another_gives_others() -> None:
+    assert_same(simulate(EVERYTHING, 300), simulate(EVERYTHING, 300))
+    other = simulate(replace(EVERYTHING, seed=4), 300)
+    ideal = simulate(EVERYTHING, 300)
+    assert len(other) != len(ideal) or not np.array_equal(other.signal, ideal.signal)
+    given_rng = Simulation(EVERYTHING, np.random.default_rng(3)).advance(300)
+    assert_same(given_rng, ideal)
+
+
+def test_blocks_of_the_same_sizes_give_the_same_frames() -> None:
+    one, other = Simulation(EVERYTHING), Simulation(EVERYTHING)
+    for count in (1, 50, 7, 100):
+        assert_same(one.advance(count), other.advance(count))
+
+
+@pytest.mark.parametrize('split', [1, 2, 37, 100, 101])
+def test_blocks_have_no_seam(split: int) -> None:
+    sensor = Sensor(period_error=-0.0036, clock_error=0.01, blur=0.05, target_threshold=20)
+    scene = replace(EVERYTHING, sensor=sensor)
+    whole = simulate(scene, 200)
+    assert Status.NO_PREVIOUS_TARGET in whole.status
+    simulation = Simulation(scene)
+    parts = [simulation.advance(split), simulation.advance(200 - split)]
+    assert_same(concatenated(parts), whole)
+
+
+def test_blocks_of_a_duration() -> None:
+    scene = replace(EVERYTHING, sensor=Sensor(period_error=-0.0036))
+    blocks = list(Simulation(scene).blocks(3.0, block_frames=64))
+    assert [len(block) for block in blocks] == [64, 64, 15]
+    assert_same(concatenated(blocks), Simulation(scene).run(3.0))
+
+
+def test_lost_frames_do_not_move_the_scene() -> None:
+    sensor = Sensor(lost=0.3)
+    scene = Scene(seed=8, sensor=sensor, markers=(MARKER,), surfaces=(Surface(2, 4),))
+    lossy = simulate(scene, 400)
+    whole = simulate(replace(scene, sensor=Sensor()), 400)
+    np.testing.assert_array_equal(lossy.signal, whole.signal[lossy.sequence])
+
+
+@pytest.mark.parametrize('grid', [GRID, ZoneGrid(8, 8)])
+def test_everything_at_once_gives_finite_frames(grid: ZoneGrid) -> None:
+    scene = replace(EVERYTHING, sensor=replace(EVERYTHING.sensor, grid=grid))
+    recording = simulate(scene, 500)
+    assert recording.signal.shape == (len(recording), grid.zones)
+    assert np.isfinite(recording.signal).all()
+    assert (recording.signal >= 0).all()
+    assert (np.isnan(recording.distance) == (recording.status == Status.NO_TARGET)).all()
+    assert (recording.ambient == 4).all()
+    for name in ('distance', 'signal', 'ambient'):
+        assert getattr(recording, name).dtype == np.float32
+    assert recording.status.dtype == np.uint8

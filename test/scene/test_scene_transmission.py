@@ -1,0 +1,207 @@
+# Copyright 2026 retrolidar_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from retrolidar_ros.marker.code import packet
+from retrolidar_ros.scene.description import Marker, Occlusion, Response
+from retrolidar_ros.scene.transmission import Transmission, visible_share
+from retrolidar_ros.sensor.frame import Floats
+
+RESPONSE = Response(dark_s=0.5e-3, bright_s=3.5e-3)
+SHARP = Marker(id=2061, position_m=(0, 0, 1), name='m')
+MARKER = replace(SHARP, response=RESPONSE)
+BIT_S = 0.042
+
+
+def relaxed(marker: Marker, until_s: float, step_s: float) -> tuple[Floats, Floats]:
+    """Step a first-order crystal through time; return times and its transmission, both (n,)."""
+    bits = np.array([*packet(marker.id), *[0] * marker.gap_bits])
+    response = marker.response or Response(dark_s=1e-9, bright_s=1e-9)
+    # An exponential runs from 10 to 90 % in τ (ln 10 - ln 10/9).
+    darker = 1 - math.exp(-step_s * math.log(9) / response.dark_s)
+    brighter = 1 - math.exp(-step_s * math.log(9) / response.bright_s)
+    times = np.arange(0, until_s, step_s)
+    within = times + step_s / 2 - marker.start_s
+    sent = np.floor(within / (marker.bit_period_s * (1 + marker.clock_error))).astype(int)
+    silent = (sent < 0) | (sent >= (marker.packets or 10**9) * len(bits))
+    goals = np.where(silent, 1.0, 1.0 - bits[sent % len(bits)])
+    levels = np.empty_like(times)
+    level = 1.0
+    for index, goal in enumerate(goals.tolist()):
+        levels[index] = level
+        level += (goal - level) * (darker if goal < level else brighter)
+    return times, levels
+
+
+MARKERS = [
+    MARKER,
+    SHARP,
+    replace(MARKER, start_s=0.3),
+    replace(MARKER, start_s=0.25, packets=1),
+    replace(MARKER, packets=2, gap_bits=3),
+    replace(MARKER, id=2730, bit_period_s=0.02, gap_bits=1),
+    replace(MARKER, id=0, clock_error=-0.05, gap_bits=40),
+    replace(MARKER, id=4095, clock_error=0.05),
+    replace(MARKER, bit_period_s=0.0071),
+]
+
+
+@pytest.mark.parametrize('marker', MARKERS)
+def test_integral_is_that_of_a_crystal_stepped_through_time(marker: Marker) -> None:
+    step_s = 5e-5
+    times, levels = relaxed(marker, 3.0, step_s)
+    integral = np.concatenate([[0], np.cumsum((levels[1:] + levels[:-1]) / 2 * step_s)])
+    computed = Transmission(marker).integral(times)
+    # In bits of two response times the crystal does not quite settle, which is neglected.
+    error_s = 1e-4 if marker.bit_period_s > 0.01 else 1e-3
+    assert np.abs(computed - computed[0] - integral).max() < error_s
+
+
+@pytest.mark.parametrize('marker', MARKERS)
+@pytest.mark.parametrize('exposure_s', [1e-3, 0.021, 0.1])
+def test_mean_is_that_of_the_integral_and_within_0_and_1(marker: Marker, exposure_s: float) -> None:
+    middle_s = np.random.default_rng(3).uniform(-1, 20, 2000)
+    transmission = Transmission(marker)
+    mean = transmission.mean(middle_s, exposure_s)
+    assert mean.shape == middle_s.shape
+    assert mean.min() > -1e-9
+    assert mean.max() < 1 + 1e-9
+    # Two halves make the whole.
+    halves = [transmission.mean(middle_s + s * exposure_s / 4, exposure_s / 2) for s in (-1, 1)]
+    assert mean == pytest.approx((halves[0] + halves[1]) / 2, abs=1e-9)
+
+
+@settings(max_examples=60, deadline=None, derandomize=True)
+@given(
+    st.integers(0, 4095),
+    st.integers(0, 5),
+    st.none() | st.integers(1, 3),
+    st.floats(0, 2),
+    st.floats(-0.05, 0.05),
+    st.none() | st.tuples(st.floats(1e-6, 0.021), st.floats(1e-6, 0.021)),
+)
+def test_integral_rises_no_faster_than_time(
+    identity: int,
+    gap_bits: int,
+    packets: int | None,
+    start_s: float,
+    clock_error: float,
+    response: tuple[float, float] | None,
+) -> None:
+    marker = replace(
+        SHARP,
+        id=identity,
+        gap_bits=gap_bits,
+        packets=packets,
+        start_s=start_s,
+        clock_error=clock_error,
+        response=response and Response(*response),
+    )
+    rise = np.diff(Transmission(marker).integral(np.arange(-1, 6, 1e-3)))
+    assert rise.min() > -1e-12
+    assert rise.max() < 1e-3 + 1e-12
+
+
+@pytest.mark.parametrize('identity', [1, 1365, 2061, 2730, 4094])
+@pytest.mark.parametrize('response', [None, RESPONSE])
+@pytest.mark.parametrize('clock_error', [0.0, 0.02])
+def test_bits_are_read_in_their_middles(
+    identity: int, response: Response | None, clock_error: float
+) -> None:
+    marker = replace(
+        SHARP, id=identity, response=response, clock_error=clock_error, gap_bits=3, start_s=0.1
+    )
+    expected = np.tile([*packet(identity), 0, 0, 0], 4)
+    middles = 0.1 + (np.arange(len(expected)) + 0.5) * BIT_S * (1 + clock_error)
+    mean = Transmission(marker).mean(middles, BIT_S / 2)
+    assert ((mean < 0.5) == expected).all()
+    assert np.abs(mean - (1 - expected)).max() < (1e-9 if response is None else 1e-2)
+
+
+@pytest.mark.parametrize(
+    ('dark_s', 'bright_s'), [(0.5e-3, 3.5e-3), (3e-3, 1e-3), (20e-6, 20e-6), (10e-3, 20e-3)]
+)
+def test_response_times_are_from_10_to_90_percent(dark_s: float, bright_s: float) -> None:
+    marker = replace(SHARP, response=Response(dark_s=dark_s, bright_s=bright_s))
+    transmission = Transmission(marker)
+
+    def crossing(bit: int, level: float) -> float:
+        """Return when, after the beginning of a bit, the transmission passes a level."""
+        within = np.linspace(0, BIT_S, 42_001)
+        slice_s = within[1]
+        passed = np.diff(transmission.integral(bit * BIT_S + within)) / slice_s > level
+        return float(within[np.flatnonzero(passed != passed[0])[0]])
+
+    # The preamble is dark, bright, dark, bright, ...
+    for bit in (2, 4):
+        assert crossing(bit, 0.1) - crossing(bit, 0.9) == pytest.approx(dark_s, abs=3e-6)
+    for bit in (1, 3):
+        assert crossing(bit, 0.9) - crossing(bit, 0.1) == pytest.approx(bright_s, abs=3e-6)
+
+
+def test_a_marker_is_bright_before_its_start_and_for_ever_after_its_last_packet() -> None:
+    marker = replace(MARKER, start_s=2.0, packets=3, gap_bits=2)
+    end_s = 2.0 + 3 * 33 * BIT_S
+    transmission = Transmission(marker)
+    silent = np.concatenate([np.arange(-5, 1.98, 0.1), np.arange(end_s + 0.05, 1e3, 0.9), [1e6]])
+    assert transmission.mean(silent, 0.021) == pytest.approx(1, abs=1e-6)
+    assert transmission.mean(np.array([2.0 + BIT_S / 2]), 0.02)[0] < 0.02
+    # The last bits are the gap; the first dark bit after them would be at the end.
+    assert transmission.mean(np.array([end_s + BIT_S / 2]), 0.02)[0] > 0.999
+    endless = Transmission(replace(marker, packets=None))
+    assert endless.mean(np.array([end_s + BIT_S / 2]), 0.02)[0] < 0.02
+
+
+def test_the_last_packet_fades_out_when_it_ends_dark() -> None:
+    identity = next(i for i in range(1, 4095) if packet(i)[-1] == 1)
+    transmission = Transmission(replace(MARKER, id=identity, packets=1))
+    end_s = 31 * BIT_S
+    tau_s = 3.5e-3 / math.log(9)
+    after = transmission.integral(np.array([end_s + 1.0])) - transmission.integral(
+        np.array([end_s])
+    )
+    assert after == pytest.approx(1.0 - tau_s)
+
+
+@pytest.mark.parametrize('gap_bits', [0, 5])
+def test_packets_repeat_back_to_back_or_after_the_gap(gap_bits: int) -> None:
+    transmission = Transmission(replace(MARKER, gap_bits=gap_bits))
+    cycle_s = (31 + gap_bits) * BIT_S
+    middle_s = np.arange(0.5, 3, 0.005)
+    once = transmission.mean(middle_s, 0.021)
+    assert transmission.mean(middle_s + 1000 * cycle_s, 0.021) == pytest.approx(once, abs=1e-8)
+    assert np.abs(transmission.mean(middle_s + BIT_S, 0.021) - once).max() > 0.9
+
+
+def test_share_of_light_is_that_of_bright_bits() -> None:
+    bits = packet(2061)
+    sharp = Transmission(SHARP).integral(np.array([31 * BIT_S]))
+    assert sharp == pytest.approx((31 - bits.sum()) * BIT_S)
+    slow = Transmission(MARKER).integral(np.array([31 * BIT_S]))
+    edges = np.diff([0, *bits])
+    lost_s = (edges == -1).sum() * 3.5e-3 - (edges == 1).sum() * 0.5e-3
+    assert sharp - slow == pytest.approx(lost_s / math.log(9))
+
+
+def test_occlusion_hides_its_share_of_each_exposure() -> None:
+    occlusion = Occlusion(every_s=1.7, lasting_s=0.06)
+    middle_s = np.random.default_rng(2).uniform(-5, 50, 500)
+    exposure_s = 0.021
+    slices_s = middle_s[:, None] + exposure_s * ((np.arange(2000) + 0.5) / 2000 - 0.5)
+    free = (slices_s % 1.7 >= 0.06).mean(axis=-1)
+    assert visible_share(occlusion, middle_s, exposure_s) == pytest.approx(free, abs=1e-3)
+    assert 0 < (free < 1).mean() < 0.1
+    long_run = visible_share(occlusion, np.array([500.0]), 1000.0)
+    assert long_run == pytest.approx(1 - 0.06 / 1.7, abs=1e-3)
+
+
+def test_occlusion_may_be_shorter_than_an_exposure() -> None:
+    occlusion = Occlusion(every_s=0.005, lasting_s=0.001)
+    share = visible_share(occlusion, np.arange(0, 1, 0.0213), 0.02)
+    assert share == pytest.approx(0.8)

@@ -1,0 +1,430 @@
+# Copyright 2026 retrolidar_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""Stamps keep to the true time of the exposure, whatever clocks and transport do.
+
+The limits are wider than the worst error of a hundred simulated runs each.
+"""
+
+from __future__ import annotations
+
+import pickle
+import sys
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from types import FrameType
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from numpy.typing import NDArray
+
+from retrolidar_ros.sensor.clock import MAX_SKEW, WINDOW_S, ClockMap
+
+PERIOD_S = 0.021
+SLOW_PERIOD_S = 1 / 15
+LEAST_DELAY_S = 0.005
+START_NS = 1_700_000_000_000_000_000
+BOOTED_US = 5_000_000
+
+Floats = NDArray[np.float64]
+Integers = NDArray[np.int64]
+
+# Errors [ms] for clocks good to 1 %: before the rate is known, and later.
+FIRST_MS, SECONDS_2_TO_10_MS, LATER_MS = 30.0, 1.0, 0.2
+
+law = settings(derandomize=True, deadline=None, max_examples=60)
+skews = pytest.mark.parametrize('skew', [-0.01, 0.0, 0.01])
+
+
+@dataclass(frozen=True)
+class Run:
+    """What a driver sees of some frames, and the truth; arrays of shape (frames,)."""
+
+    true_s: Floats
+    sensor_us: Integers
+    host_ns: Integers
+    """The host's clock at the middle of the exposure."""
+    arrival_ns: Integers
+
+    def only(self, kept: NDArray[np.bool_]) -> Run:
+        """Lose the other frames."""
+        return Run(
+            self.true_s[kept], self.sensor_us[kept], self.host_ns[kept], self.arrival_ns[kept]
+        )
+
+    def host_set(self, at_s: float, step_s: float) -> Run:
+        """Set the host's clock once."""
+        step_ns = np.where(self.true_s >= at_s, round(step_s * 1e9), 0)
+        return replace(self, host_ns=self.host_ns + step_ns, arrival_ns=self.arrival_ns + step_ns)
+
+    def stalled(self, at_s: float, length_s: float) -> Run:
+        """Hold back for some time all that would arrive."""
+        end_ns = START_NS + round((at_s + length_s) * 1e9)
+        held = (self.arrival_ns > START_NS + round(at_s * 1e9)) & (self.arrival_ns < end_ns)
+        return replace(self, arrival_ns=np.where(held, end_ns, self.arrival_ns))
+
+    def at(self, start_s: float, stop_s: float = np.inf) -> NDArray[np.bool_]:
+        return (self.true_s >= start_s) & (self.true_s < stop_s)
+
+
+def simulate(
+    length_s: float,
+    skew: float = 0.0,
+    seed: int = 0,
+    period_s: float = PERIOD_S,
+    sensor_error_s: Callable[[Floats], Floats] | None = None,
+) -> Run:
+    """Simulate a sensor whose clock is `skew` fast, and a transport that keeps the order.
+
+    Frames jitter by 1 ms; delays are exponential with a mean of 2 ms over the least, and one
+    frame in a hundred takes another 30 ms on average.
+    """
+    rng = np.random.default_rng(seed)
+    count = round(length_s / period_s)
+    jitter_s = rng.normal(0, 0.001, count).clip(-0.002, 0.002)
+    true_s = period_s * np.arange(count) + jitter_s
+    delay_s = LEAST_DELAY_S + rng.exponential(0.002, count)
+    delay_s += (rng.random(count) < 0.01) * rng.exponential(0.03, count)
+    error_s = skew * true_s if sensor_error_s is None else sensor_error_s(true_s)
+    return Run(
+        true_s,
+        BOOTED_US + np.rint((true_s + error_s) * 1e6).astype(np.int64),
+        START_NS + np.rint(true_s * 1e9).astype(np.int64),
+        START_NS + np.rint(np.maximum.accumulate(true_s + delay_s) * 1e9).astype(np.int64),
+    )
+
+
+def map_all(clock_map: ClockMap, run: Run) -> Integers:
+    pairs = zip(run.sensor_us.tolist(), run.arrival_ns.tolist(), strict=True)
+    return np.array([clock_map.map(*pair) for pair in pairs], dtype=np.int64)
+
+
+def errors_ms(run: Run, stamps_ns: Integers) -> Floats:
+    errors: Floats = (stamps_ns - run.host_ns).astype(np.float64) / 1e6
+    return errors
+
+
+def checked_errors_ms(run: Run, restarts: int = 0, set_back: bool = False) -> Floats:
+    """Return stamp less truth of each frame, having checked what holds for all stamps."""
+    clock_map = ClockMap(LEAST_DELAY_S)
+    stamps_ns = map_all(clock_map, run)
+    assert clock_map.restarts == restarts
+    assert (np.diff(stamps_ns) <= 0).sum() == set_back
+    assert (stamps_ns < run.arrival_ns).all()
+    return errors_ms(run, stamps_ns)
+
+
+def worst(errors: Floats) -> float:
+    return float(np.abs(errors).max())
+
+
+@skews
+@pytest.mark.parametrize('seed', range(3))
+def test_stamps_settle_on_the_true_time(skew: float, seed: int) -> None:
+    run = simulate(60, skew, seed)
+    errors = checked_errors_ms(run)
+    assert worst(errors[run.at(0, 2)]) < FIRST_MS
+    assert worst(errors[run.at(2, 10)]) < SECONDS_2_TO_10_MS
+    assert worst(errors[run.at(10)]) < LATER_MS
+
+
+@skews
+def test_slow_frames_settle_too(skew: float) -> None:
+    run = simulate(90, skew, period_s=SLOW_PERIOD_S)
+    errors = checked_errors_ms(run)
+    assert worst(errors[run.at(0, 2)]) < FIRST_MS
+    assert worst(errors[run.at(2, 10)]) < 3 * SECONDS_2_TO_10_MS
+    assert worst(errors[run.at(10)]) < 3 * LATER_MS
+
+
+@pytest.mark.parametrize('skew', [-MAX_SKEW, MAX_SKEW])
+def test_the_worst_clock_that_is_believed_settles_too(skew: float) -> None:
+    run = simulate(150, skew)
+    errors = checked_errors_ms(run)
+    assert worst(errors[run.at(0, 2)]) < 1000 * MAX_SKEW + FIRST_MS
+    assert worst(errors[run.at(2, 10)]) < SECONDS_2_TO_10_MS
+    assert worst(errors[run.at(10)]) < LATER_MS
+
+
+@pytest.mark.parametrize('skew', [-0.1, -0.06, 0.06, 0.1])
+def test_an_unbelievable_clock_makes_errors_that_stay_bounded(skew: float) -> None:
+    run = simulate(150, skew)
+    clock_map = ClockMap(LEAST_DELAY_S)
+    assert worst(errors_ms(run, map_all(clock_map, run))) < 500
+    if abs(skew) == 0.1:
+        assert clock_map.restarts > 10
+
+
+@skews
+def test_skew_is_learned(skew: float) -> None:
+    run = simulate(60, skew)
+    clock_map = ClockMap()
+    assert clock_map.skew == 0
+    map_all(clock_map, run.only(run.at(0, 0.9)))
+    assert clock_map.skew == 0
+    map_all(clock_map, run.only(run.at(0.9)))
+    assert clock_map.skew == pytest.approx(1 / (1 + skew) - 1, abs=5e-6)
+
+
+def test_a_constant_delay_is_taken_off_exactly() -> None:
+    run = simulate(5)
+    run = replace(run, arrival_ns=START_NS + 1000 * run.sensor_us)
+    stamps_ns = map_all(ClockMap(0.25), run)
+    np.testing.assert_array_equal(stamps_ns, run.arrival_ns - 250_000_000)
+
+
+def test_late_frames_move_no_stamp_of_the_others() -> None:
+    run = simulate(150, period_s=SLOW_PERIOD_S)
+    true_ns = START_NS + 1000 * run.sensor_us
+    late_ns = np.where(np.arange(len(true_ns)) % 10 == 9, 30_000_000, 0)
+    stamps_ns = map_all(ClockMap(), replace(run, arrival_ns=true_ns + late_ns))
+    np.testing.assert_array_equal(stamps_ns, true_ns)
+
+
+@skews
+@pytest.mark.parametrize('off_s', [0.0, 2.0])
+def test_a_sensor_that_restarts(skew: float, off_s: float) -> None:
+    run = simulate(60, skew)
+    anew = run.at(30 + off_s)
+    sensor_us = np.where(anew, run.sensor_us - run.sensor_us[anew][0], run.sensor_us)
+    run = replace(run, sensor_us=sensor_us).only(run.at(0, 30) | anew)
+    errors = checked_errors_ms(run, restarts=1)
+    assert worst(errors[run.at(10, 30)]) < LATER_MS
+    assert worst(errors[run.at(30, 32 + off_s)]) < FIRST_MS
+    assert worst(errors[run.at(32 + off_s)]) < SECONDS_2_TO_10_MS
+
+
+def test_a_sensor_clock_that_stands_still() -> None:
+    clock_map = ClockMap()
+    assert clock_map.map(BOOTED_US, START_NS) == START_NS
+    assert clock_map.map(BOOTED_US, START_NS + 21_000_000) == START_NS + 21_000_000
+    assert clock_map.restarts == 1
+
+
+def test_frames_that_arrive_together_keep_their_distance() -> None:
+    run = simulate(10)
+    # Every second frame waits for the next.
+    together_ns = np.repeat(run.arrival_ns[1::2], 2)
+    run = replace(run, arrival_ns=together_ns)
+    errors = checked_errors_ms(run)
+    assert worst(errors[run.at(2)]) < SECONDS_2_TO_10_MS
+
+
+def test_a_counter_of_32_bits_that_wraps() -> None:
+    run = simulate(60, 0.01)
+    run = replace(run, sensor_us=(run.sensor_us + 2**32 - 35_000_000) % 2**32)
+    assert run.sensor_us[0] > run.sensor_us[-1]
+    errors = checked_errors_ms(run, restarts=0)
+    assert worst(errors) < FIRST_MS
+    assert worst(errors[run.at(10)]) < SECONDS_2_TO_10_MS
+
+
+def test_a_clock_that_wrapped_may_be_restarted_and_wrap_again() -> None:
+    clock_map = ClockMap()
+    wrapped = 2**32
+    sensor_us = [wrapped - 2_000_000, wrapped - 1_000_000, 0, 1_000_000, 0, 1_000_000]
+    stamps = [
+        clock_map.map(time_us, 10**18 + second * 10**9) for second, time_us in enumerate(sensor_us)
+    ]
+    assert clock_map.restarts == 1
+    assert [stamp - 10**18 for stamp in stamps] == [second * 10**9 for second in range(6)]
+
+
+@skews
+@pytest.mark.parametrize('step_s', [-3.0, -0.2, -0.05, 3.0])
+def test_a_host_clock_that_is_set_is_followed_at_once(skew: float, step_s: float) -> None:
+    run = simulate(60, skew).host_set(30, step_s)
+    errors = checked_errors_ms(run, restarts=1, set_back=step_s < 0)
+    assert worst(errors) < FIRST_MS
+    assert worst(errors[run.at(32)]) < SECONDS_2_TO_10_MS
+
+
+@skews
+@pytest.mark.parametrize('step_s', [0.2, 0.9])
+def test_a_small_step_forward_is_followed_after_a_second(skew: float, step_s: float) -> None:
+    run = simulate(60, skew).host_set(30, step_s)
+    errors = checked_errors_ms(run, restarts=1)
+    assert worst(errors[run.at(30, 31.1)]) < 1000 * step_s + FIRST_MS
+    assert worst(errors[run.at(31.1)]) < FIRST_MS
+    assert worst(errors[run.at(34)]) < SECONDS_2_TO_10_MS
+
+
+def test_the_smallest_steps_forward_are_mended_by_the_window() -> None:
+    run = simulate(180, 0.003).host_set(60, 0.08)
+    errors = checked_errors_ms(run)
+    assert worst(errors) < 80 + LATER_MS
+    assert worst(errors[run.at(60 + WINDOW_S)]) < 3
+
+
+@skews
+@pytest.mark.parametrize(
+    ('length_s', 'first_ms', 'later_ms'), [(10, LATER_MS, LATER_MS), (100, 50.0, 2.0)]
+)
+def test_a_cable_that_is_pulled_while_the_sensor_runs_on(
+    skew: float, length_s: float, first_ms: float, later_ms: float
+) -> None:
+    run = simulate(length_s + 120, skew).stalled(60 + length_s, 0.06)
+    run = run.only(run.at(0, 60) | run.at(60 + length_s))
+    assert run.arrival_ns[run.at(60)][0] - run.host_ns[run.at(60)][0] > 30_000_000
+    errors = checked_errors_ms(run)
+    assert worst(errors[run.at(60, 61 + length_s)]) < first_ms
+    assert worst(errors[run.at(61 + length_s)]) < later_ms
+
+
+@skews
+@pytest.mark.parametrize('length_s', [0.1, 0.5, 0.9])
+def test_a_stall_of_the_transport_moves_no_stamp(skew: float, length_s: float) -> None:
+    plain = simulate(60, skew)
+    run = plain.stalled(30, length_s)
+    late_s = (run.arrival_ns - run.host_ns).max() * 1e-9
+    assert late_s == pytest.approx(length_s, abs=0.05)
+    assert worst(checked_errors_ms(run)[run.at(10)]) < LATER_MS
+
+
+def test_a_long_stall_is_mended_when_it_ends() -> None:
+    run = simulate(60).stalled(30, 3.0)
+    clock_map = ClockMap(LEAST_DELAY_S)
+    errors = errors_ms(run, map_all(clock_map, run))
+    assert clock_map.restarts >= 1
+    assert worst(errors[run.at(33, 35)]) < FIRST_MS
+    assert worst(errors[run.at(35)]) < SECONDS_2_TO_10_MS
+
+
+def test_a_backlog_at_the_start() -> None:
+    run = simulate(30, 0.01).stalled(-1, 1.5)
+    shared = int((run.arrival_ns == run.arrival_ns[0]).sum())
+    assert shared > 20
+    stamps_ns = map_all(ClockMap(), run)
+    assert (np.diff(stamps_ns) > 0).all()
+    # All arrived at one time, and each stamp is a nanosecond later than the one before.
+    assert (stamps_ns <= run.arrival_ns + shared).all()
+    errors = errors_ms(run, stamps_ns) - 1000 * LEAST_DELAY_S
+    assert worst(errors[run.at(0.5)]) < FIRST_MS
+    assert worst(errors[run.at(2.5)]) < SECONDS_2_TO_10_MS
+
+
+def test_a_clock_that_drifts_is_followed() -> None:
+    def warming_and_cooling(true_s: Floats) -> Floats:
+        """Swing by 1000 ppm in ten minutes."""
+        radians = 2 * np.pi * true_s / 600
+        error_s: Floats = 1e-3 * 600 / (2 * np.pi) * (1 - np.cos(radians))
+        return error_s
+
+    run = simulate(1200, period_s=SLOW_PERIOD_S, sensor_error_s=warming_and_cooling)
+    errors = checked_errors_ms(run)
+    assert worst(errors[run.at(2)]) < 8
+
+
+def test_hours_of_frames_need_no_more_memory_than_minutes() -> None:
+    run = simulate(5400, 0.01, period_s=SLOW_PERIOD_S)
+    clock_map = ClockMap(LEAST_DELAY_S)
+    sizes = []
+    for start_s in range(0, 5400, 120):
+        part = run.only(run.at(start_s, start_s + 120))
+        errors = errors_ms(part, map_all(clock_map, part))
+        assert worst(errors[part.at(10)]) < 3 * LATER_MS
+        sizes.append(len(pickle.dumps(clock_map)))
+    assert max(sizes) < 2000
+    assert clock_map.restarts == 0
+
+
+def test_the_worst_drift_needs_no_more_memory_than_the_window() -> None:
+    run = simulate(300, period_s=SLOW_PERIOD_S)
+    sensor_s = run.sensor_us * 1e-6
+    # It loses 5 ppm a second, and nothing delays frames, so each pair is a corner of the hull.
+    arrival_s = sensor_s + 2.5e-6 * sensor_s**2
+    run = replace(run, arrival_ns=START_NS + np.rint(arrival_s * 1e9).astype(np.int64))
+    clock_map = ClockMap()
+    map_all(clock_map, run.only(run.at(0, 100)))
+    size = len(pickle.dumps(clock_map))
+    assert size > 10 * WINDOW_S / SLOW_PERIOD_S
+    map_all(clock_map, run.only(run.at(100)))
+    assert len(pickle.dumps(clock_map)) < 1.05 * size
+
+
+def test_skew_may_be_read_while_another_thread_maps() -> None:
+    run = simulate(10, 0.01)
+    clock_map = ClockMap()
+    map_all(clock_map, run)
+    arrival_ns = int(run.arrival_ns[-1])
+
+    def restart_sensor(frame: FrameType, event: str, argument: object) -> Any:
+        """Do at each line of the reading what another thread might do there."""
+        clock_map.map(0, arrival_ns)
+        return restart_sensor
+
+    tracer = sys.gettrace()
+    sys.settrace(restart_sensor)
+    try:
+        skew = clock_map.skew
+    finally:
+        sys.settrace(tracer)
+    assert skew == pytest.approx(1 / 1.01 - 1, abs=1e-4)
+
+
+# Mostly frames as they come, and now and then anything.
+steps = st.lists(
+    st.tuples(
+        st.integers(1, 100_000) | st.integers(-(2**40), 2**40),
+        st.integers(0, 100_000_000) | st.integers(-(2**45), 2**45),
+    ),
+    min_size=1,
+    max_size=40,
+)
+Pairs = list[tuple[int, int]]
+
+
+def pairs_of(moves: Pairs) -> Pairs:
+    """Return sensor times [µs] and arrivals [ns] that follow one another by `moves`."""
+    sensor_us, arrival_ns = np.cumsum(
+        np.array([(2**48, START_NS), *moves], dtype=np.int64), axis=0
+    ).T
+    return list(zip(sensor_us.tolist(), arrival_ns.tolist(), strict=True))
+
+
+def outcome(pairs: Pairs, least_delay_s: float = 0.0) -> tuple[list[int], list[int], list[float]]:
+    """Return stamps, restarts and skews after each pair."""
+    clock_map = ClockMap(least_delay_s)
+    results = [(clock_map.map(*pair), clock_map.restarts, clock_map.skew) for pair in pairs]
+    stamps_ns, restarts, rates = zip(*results, strict=True)
+    return list(stamps_ns), list(restarts), list(rates)
+
+
+@law
+@given(steps, st.integers(-(2**47), 2**62))
+def test_the_sensor_may_count_from_anywhere(moves: Pairs, shift_us: int) -> None:
+    pairs = pairs_of(moves)
+    assert outcome([(sensor + shift_us, arrival) for sensor, arrival in pairs]) == outcome(pairs)
+
+
+@law
+@given(steps, st.integers(-START_NS, 2**62))
+def test_the_host_may_count_from_anywhere(moves: Pairs, shift_ns: int) -> None:
+    pairs = pairs_of(moves)
+    stamps_ns, *rest = outcome(pairs)
+    shifted = outcome([(sensor, arrival + shift_ns) for sensor, arrival in pairs])
+    assert shifted == ([stamp + shift_ns for stamp in stamps_ns], *rest)
+
+
+@law
+@given(steps, st.integers(0, 1000))
+def test_the_least_delay_shifts_all_stamps(moves: Pairs, delay_ms: int) -> None:
+    stamps_ns, *rest = outcome(pairs_of(moves))
+    expected = [stamp - delay_ms * 1_000_000 for stamp in stamps_ns]
+    assert outcome(pairs_of(moves), delay_ms / 1000) == (expected, *rest)
+
+
+@law
+@given(steps)
+def test_stamps_rise_and_stay_before_arrivals_whatever_comes(moves: Pairs) -> None:
+    pairs = pairs_of(moves)
+    stamps_ns, restarts, _ = outcome(pairs)
+    assert stamps_ns[0] == pairs[0][1]
+    for index in range(1, len(pairs)):
+        arrival_ns, last_ns = pairs[index][1], stamps_ns[index - 1]
+        if restarts[index] > restarts[index - 1]:
+            assert stamps_ns[index] == arrival_ns
+        else:
+            assert last_ns < stamps_ns[index] <= max(arrival_ns, last_ns + 1)

@@ -1,0 +1,207 @@
+# Copyright 2026 retrolidar_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""Zones look where the sensor's geometry says, and recordings hold their frames."""
+
+from __future__ import annotations
+
+from dataclasses import FrozenInstanceError, fields, replace
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from retrolidar_ros.sensor.frame import Frame, Recording, Status, ZoneGrid, check_frame_arrays
+
+GRIDS = [ZoneGrid(4, 4), ZoneGrid(8, 8)]
+both_grids = pytest.mark.parametrize('grid', GRIDS, ids=['4x4', '8x8'])
+
+
+def make_frames(count: int, grid: ZoneGrid = GRIDS[0], seed: int = 1) -> list[Frame]:
+    rng = np.random.default_rng(seed)
+    return [
+        Frame(
+            stamp_ns=1_700_000_000_000_000_000 + 21_000_001 * index,
+            sequence=2**32 - 1 - index,
+            sensor_time_us=2**40 + 21_000 * index,
+            grid=grid,
+            distance=rng.uniform(0, 4, grid.zones).astype(np.float32),
+            signal=rng.uniform(0, 500, grid.zones).astype(np.float32),
+            ambient=rng.uniform(0, 28, grid.zones).astype(np.float32),
+            status=rng.integers(0, 256, grid.zones, dtype=np.uint8),
+        )
+        for index in range(count)
+    ]
+
+
+@pytest.mark.parametrize(
+    ('grid', 'centres_deg'),
+    [
+        (GRIDS[0], [-17.87, -6.135, 6.135, 17.87]),
+        (GRIDS[1], [-20.62, -15.04, -9.16, -3.08, 3.08, 9.16, 15.04, 20.62]),
+    ],
+)
+def test_zone_centres_are_those_of_the_sensor(grid: ZoneGrid, centres_deg: list[float]) -> None:
+    angles_deg = np.rad2deg(np.arctan(grid.tangents)).reshape(grid.rows, grid.columns, 2)
+    for row in range(grid.rows):
+        np.testing.assert_allclose(angles_deg[row, :, 0], centres_deg, atol=0.006)
+    for column in range(grid.columns):
+        np.testing.assert_allclose(angles_deg[:, column, 1], centres_deg, atol=0.006)
+
+
+@both_grids
+def test_field_of_view_is_that_of_the_sensor(grid: ZoneGrid) -> None:
+    edge = grid.tangents.max() + grid.pitch / 2
+    assert 2 * np.rad2deg(np.arctan(edge)) == pytest.approx(46.5, abs=0.05)
+    assert 2 * np.rad2deg(np.arctan(np.sqrt(2) * edge)) == pytest.approx(62.6, abs=0.1)
+
+
+@both_grids
+def test_zone_zero_is_the_top_left_of_the_scene(grid: ZoneGrid) -> None:
+    assert grid.zones == grid.rows * grid.columns == len(grid.directions)
+    x, y, z = grid.directions.reshape(grid.rows, grid.columns, 3).transpose(2, 0, 1)
+    assert x[0, 0] < 0
+    assert y[0, 0] < 0
+    assert (np.diff(x, axis=1) > 0).all()
+    assert (np.diff(y, axis=0) > 0).all()
+    assert (z > 0.85).all()
+
+
+@both_grids
+def test_directions_are_unit_vectors_to_the_zone_centres(grid: ZoneGrid) -> None:
+    np.testing.assert_allclose(np.linalg.norm(grid.directions, axis=1), 1, rtol=1e-12)
+    np.testing.assert_allclose(grid.directions[:, :2] / grid.directions[:, 2:], grid.tangents)
+
+
+def test_depth_per_range_of_4x4_zones_is_that_of_the_sensor() -> None:
+    corner, edge, inner = 0.9072, 0.9438, 0.9851
+    expected = [
+        [corner, edge, edge, corner],
+        [edge, inner, inner, edge],
+        [edge, inner, inner, edge],
+        [corner, edge, edge, corner],
+    ]
+    np.testing.assert_allclose(GRIDS[0].z_per_range.reshape(4, 4), expected, atol=2e-4)
+
+
+@both_grids
+def test_depth_per_range_turns_the_mean_range_of_a_wall_into_its_depth(grid: ZoneGrid) -> None:
+    rng = np.random.default_rng(2)
+    inside = grid.pitch * rng.uniform(-0.5, 0.5, (20_000, 1, 2))
+    ranges_m = 2.5 * np.sqrt(1 + ((grid.tangents + inside) ** 2).sum(axis=-1))
+    depth_m = grid.z_per_range * ranges_m.mean(axis=0)
+    np.testing.assert_allclose(depth_m, 2.5, rtol=1e-3)
+
+
+@both_grids
+def test_grids_of_one_shape_are_equal(grid: ZoneGrid) -> None:
+    before = hash(grid)
+    assert grid.z_per_range is grid.z_per_range  # computed once
+    other = ZoneGrid(grid.rows, grid.columns)
+    assert grid == other
+    assert hash(other) == before == hash(grid)
+    assert GRIDS[0] != GRIDS[1]
+    assert ZoneGrid() == GRIDS[0]
+
+
+@pytest.mark.parametrize('shape', [(4, 8), (8, 4), (0, 0), (1, 16), (-4, -4), (16, 16)])
+def test_shapes_that_the_sensor_has_not(shape: tuple[int, int]) -> None:
+    with pytest.raises(ValueError, match=f'{shape[0]}x{shape[1]} zones: the sensor has 4x4 or 8x8'):
+        ZoneGrid(*shape)
+
+
+def test_status_codes_are_those_of_the_sensor() -> None:
+    assert {status.name: status.value for status in Status} == {
+        'NOT_UPDATED': 0,
+        'SIGNAL_TOO_LOW_ON_ARRAY': 1,
+        'SIGMA_TOO_HIGH': 3,
+        'VALID': 5,
+        'FIRST_RANGE': 6,
+        'SIGNAL_TOO_LOW': 8,
+        'MERGED': 9,
+        'NO_PREVIOUS_TARGET': 10,
+        'NO_TARGET': 255,
+    }
+
+
+@both_grids
+def test_a_recording_gives_back_its_frames(grid: ZoneGrid) -> None:
+    frames = make_frames(5, grid)
+    recording = Recording.of(frames)
+    assert len(recording) == 5
+    assert recording.distance.shape == (5, grid.zones)
+    for frame, expected in zip(recording, frames, strict=True):
+        assert frame.grid == expected.grid
+        for field in fields(Frame):
+            actual, wanted = getattr(frame, field.name), getattr(expected, field.name)
+            assert type(actual) is type(wanted)
+            if isinstance(wanted, np.ndarray):
+                assert actual.dtype == wanted.dtype
+                np.testing.assert_array_equal(actual, wanted)
+            else:
+                assert actual == wanted
+
+
+@settings(derandomize=True, deadline=None)
+@given(st.lists(st.integers(0, 2**63 - 1), min_size=1, max_size=5))
+def test_a_recording_keeps_times_to_the_nanosecond(stamps_ns: list[int]) -> None:
+    base = make_frames(1)[0]
+    arrays = {name: getattr(base, name) for name in ('distance', 'signal', 'ambient', 'status')}
+    frames = [Frame(stamp, 0, stamp // 1000, base.grid, **arrays) for stamp in stamps_ns]
+    recording = Recording.of(frames)
+    assert recording.stamp_ns.dtype == np.int64
+    assert [frame.stamp_ns for frame in recording] == stamps_ns
+    assert [frame.sensor_time_us for frame in recording] == [ns // 1000 for ns in stamps_ns]
+
+
+def test_a_recording_of_nothing() -> None:
+    with pytest.raises(ValueError, match='at least one frame'):
+        Recording.of([])
+
+
+def test_a_recording_of_different_grids() -> None:
+    with pytest.raises(ValueError, match='different zone grids'):
+        Recording.of([*make_frames(1, GRIDS[0]), *make_frames(1, GRIDS[1])])
+
+
+def test_a_recording_of_another_shape_than_its_grid() -> None:
+    good = make_frames(1)[0]
+    short = make_frames(1, GRIDS[1])[0].signal
+    bad = Frame(0, 0, 0, good.grid, good.distance, short, good.ambient, good.status)
+    with pytest.raises(ValueError, match='shape'):
+        Recording.of([good, bad])
+
+
+def test_frames_and_recordings_cannot_be_changed() -> None:
+    frames = make_frames(1)
+    for thing in (frames[0], Recording.of(frames)):
+        with pytest.raises(FrozenInstanceError):
+            thing.sequence = 3  # type: ignore[misc]
+
+
+def test_frames_and_recordings_equal_themselves_only() -> None:
+    frames = make_frames(1)
+    for thing in (frames[0], Recording.of(frames)):
+        assert thing == thing
+        assert thing != replace(thing)
+
+
+@both_grids
+def test_arrays_of_one_value_a_zone_pass(grid: ZoneGrid) -> None:
+    check_frame_arrays(grid, distance=np.zeros(grid.zones), status=[5] * grid.zones)
+
+
+@pytest.mark.parametrize(
+    ('wrong', 'shape'),
+    [
+        (np.zeros(15), r'\(15,\)'),
+        (np.zeros((4, 4)), r'\(4, 4\)'),
+        (np.zeros((1, 16)), r'\(1, 16\)'),
+        (3.0, r'\(\)'),
+        ([], r'\(0,\)'),
+    ],
+)
+def test_arrays_of_a_wrong_shape_are_named(wrong: Any, shape: str) -> None:
+    with pytest.raises(ValueError, match=rf'signal has shape {shape}; 4x4 zones need \(16,\)'):
+        check_frame_arrays(GRIDS[0], distance=np.zeros(16), signal=wrong, ambient=np.zeros(3))

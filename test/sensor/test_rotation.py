@@ -1,0 +1,125 @@
+# Copyright 2026 retrolidar_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from retrolidar_ros.sensor.frame import Floats
+from retrolidar_ros.sensor.rotation import matrix_of, product, quaternion_of
+
+EXACT = 1e-12
+NOTHING = np.array([0.0, 0.0, 0.0, 1.0])
+
+vectors = st.tuples(*[st.floats(-5, 5)] * 3).map(np.array)
+
+
+def unit(values: tuple[float, ...]) -> Floats:
+    quaternion: Floats = np.array(values) / np.linalg.norm(values)
+    return quaternion
+
+
+quaternions = (
+    st.tuples(*[st.floats(-1, 1)] * 4).filter(lambda q: bool(np.linalg.norm(q) > 0.01)).map(unit)
+)
+
+
+def turn(axis: int, angle_deg: float) -> Floats:
+    quaternion = np.zeros(4)
+    quaternion[axis] = np.sin(np.radians(angle_deg) / 2)
+    quaternion[3] = np.cos(np.radians(angle_deg) / 2)
+    return quaternion
+
+
+def same_rotation(one: Floats, other: Floats) -> bool:
+    return bool(abs(abs(one @ other) - 1) < 1e-9)
+
+
+@pytest.mark.parametrize('axis', [0, 1, 2])
+def test_a_quarter_turn_is_right_handed(axis: int) -> None:
+    after, last = (axis + 1) % 3, (axis + 2) % 3
+    turned = matrix_of(turn(axis, 90)) @ np.eye(3)
+    assert turned[:, axis] == pytest.approx(np.eye(3)[axis])
+    assert turned[:, after] == pytest.approx(np.eye(3)[last])
+    assert turned[:, last] == pytest.approx(-np.eye(3)[after])
+
+
+@pytest.mark.parametrize('axis', [0, 1, 2])
+@pytest.mark.parametrize('angle_deg', [0.0, 1e-6, 30.0, 179.999, 180.0, 181.0, 270.0])
+def test_the_quaternion_of_a_turn_is_found(axis: int, angle_deg: float) -> None:
+    quaternion = turn(axis, angle_deg)
+    found = quaternion_of(matrix_of(quaternion))
+    assert np.copysign(1.0, found @ quaternion) * found == pytest.approx(quaternion, abs=EXACT)
+
+
+def test_no_turn_is_the_unit_matrix() -> None:
+    assert matrix_of(NOTHING).tolist() == np.eye(3).tolist()
+    assert same_rotation(quaternion_of(np.eye(3)), NOTHING)
+
+
+@given(quaternions)
+def test_matrices_are_rotations(quaternion: Floats) -> None:
+    matrix = matrix_of(quaternion)
+    assert matrix @ matrix.T == pytest.approx(np.eye(3), abs=EXACT)
+    assert np.linalg.det(matrix) == pytest.approx(1)
+
+
+@given(quaternions)
+def test_a_quaternion_comes_back_up_to_its_sign(quaternion: Floats) -> None:
+    found = quaternion_of(matrix_of(quaternion))
+    assert found.shape == (4,)
+    assert np.linalg.norm(found) == pytest.approx(1)
+    assert same_rotation(found, quaternion)
+
+
+@given(quaternions)
+def test_a_matrix_comes_back(quaternion: Floats) -> None:
+    matrix = matrix_of(quaternion)
+    assert matrix_of(quaternion_of(matrix)) == pytest.approx(matrix, abs=1e-9)
+
+
+@given(quaternions, st.floats(0.1, 10), st.sampled_from([-1, 1]))
+def test_length_and_sign_of_a_quaternion_do_not_matter(
+    quaternion: Floats, length: float, sign: int
+) -> None:
+    assert matrix_of(sign * length * quaternion) == pytest.approx(matrix_of(quaternion), abs=EXACT)
+
+
+@given(quaternions, st.integers(0, 2**32 - 1))
+def test_noise_on_a_matrix_moves_its_quaternion_as_little(quaternion: Floats, seed: int) -> None:
+    noise = 1e-6 * np.random.default_rng(seed).standard_normal((3, 3))
+    found = quaternion_of(matrix_of(quaternion) + noise)
+    assert abs(found @ quaternion) > 1 - 1e-10
+
+
+@given(quaternions, quaternions)
+def test_the_product_of_quaternions_is_that_of_their_matrices(
+    first: Floats, second: Floats
+) -> None:
+    both = product(first, second)
+    assert np.linalg.norm(both) == pytest.approx(1)
+    assert matrix_of(both) == pytest.approx(matrix_of(first) @ matrix_of(second), abs=1e-9)
+
+
+@given(quaternions, quaternions, quaternions)
+def test_turns_may_be_grouped_as_one_likes(one: Floats, two: Floats, three: Floats) -> None:
+    assert product(product(one, two), three) == pytest.approx(
+        product(one, product(two, three)), abs=EXACT
+    )
+
+
+@given(quaternions)
+def test_a_turn_and_its_reverse_are_none(quaternion: Floats) -> None:
+    reverse = quaternion * [-1, -1, -1, 1]
+    assert product(quaternion, reverse) == pytest.approx(NOTHING, abs=EXACT)
+    assert product(quaternion, NOTHING) == pytest.approx(quaternion)
+    assert product(NOTHING, quaternion) == pytest.approx(quaternion)
+    assert matrix_of(reverse) == pytest.approx(matrix_of(quaternion).T, abs=EXACT)
+
+
+@given(quaternions, vectors)
+def test_a_matrix_turns_a_vector_as_the_quaternion_does(quaternion: Floats, vector: Floats) -> None:
+    reverse = quaternion * [-1, -1, -1, 1]
+    turned = product(product(quaternion, np.append(vector, 0.0)), reverse)
+    assert matrix_of(quaternion) @ vector == pytest.approx(turned[:3], abs=1e-9)
+    assert turned[3] == pytest.approx(0, abs=1e-9)

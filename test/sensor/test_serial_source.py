@@ -1,0 +1,356 @@
+# Copyright 2026 retrolidar_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+import errno
+import os
+import stat
+import termios
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from queue import Queue
+from threading import Event, Thread
+from typing import Any
+
+import numpy as np
+import pytest
+import serial
+
+from retrolidar_ros.scene import Scene, Simulation
+from retrolidar_ros.scene.description import Surface
+from retrolidar_ros.scene.emulator import PortLink
+from retrolidar_ros.sensor import serial_source
+from retrolidar_ros.sensor.frame import Frame
+from retrolidar_ros.sensor.serial_source import SerialSource, explain
+from retrolidar_ros.sensor.wire import FrameReader, encode_frame
+
+PACKETS = [encode_frame(frame) for frame in Simulation(Scene(surfaces=(Surface(1, 9),))).advance(9)]
+
+
+class Reading:
+    """A source that runs in a thread, and queues of what it says and takes."""
+
+    def __init__(self, port: Path) -> None:
+        self.source = SerialSource(str(port), 115200, FrameReader())
+        self.reports: Queue[str] = Queue()
+        self.frames: Queue[tuple[Frame, int]] = Queue()
+        self.stop = Event()
+        self.errors: list[BaseException] = []
+        self.thread = Thread(target=self._run)
+        self.thread.start()
+
+    def _run(self) -> None:
+        try:
+            self.source.run(self._take, self.reports.put, self.stop)
+        except BaseException as error:
+            self.errors.append(error)
+
+    def _take(self, frames: list[Frame], arrival_ns: int) -> None:
+        for frame in frames:
+            self.frames.put((frame, arrival_ns))
+
+    def report(self) -> str:
+        return self.reports.get(timeout=10)
+
+    def sequences(self, count: int) -> list[int]:
+        return [self.frames.get(timeout=10)[0].sequence for _ in range(count)]
+
+    def end(self) -> float:
+        """Stop the source; return how long that took [s]."""
+        begin_s = time.monotonic()
+        self.stop.set()
+        self.thread.join(10)
+        assert not self.thread.is_alive()
+        assert not self.errors
+        return time.monotonic() - begin_s
+
+
+@pytest.fixture
+def link(tmp_path: Path) -> Path:
+    return tmp_path / 'port'
+
+
+@pytest.fixture
+def soon(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(serial_source, 'RETRY_S', 0.02)
+
+
+@pytest.fixture
+def read() -> Iterator[Callable[[Path], Reading]]:
+    readings: list[Reading] = []
+
+    def start(port: Path) -> Reading:
+        readings.append(Reading(port))
+        return readings[-1]
+
+    yield start
+    for reading in readings:
+        reading.end()
+
+
+def test_frames_come_with_the_time_of_their_arrival(
+    link: Path, read: Callable[[Path], Reading]
+) -> None:
+    with PortLink(link) as port:
+        reading = read(link)
+        assert reading.report() == f'reading {link}'
+        assert (reading.source.is_open, reading.source.problem) == (True, '')
+        sent_ns = []
+        for sequence, packet in enumerate(PACKETS):
+            sent_ns.append(time.time_ns())
+            assert port.write(packet)
+            frame, arrival_ns = reading.frames.get(timeout=10)
+            assert sent_ns[-1] <= arrival_ns <= time.time_ns()
+            assert frame.sequence == sequence
+            np.testing.assert_array_equal(frame.signal, np.full(16, 9))
+        assert reading.source.openings == 1
+        assert reading.source.received == sum(map(len, PACKETS))
+        assert reading.source.reader.counts.frames == len(PACKETS)
+
+
+def test_bytes_that_come_one_by_one_are_a_frame(
+    link: Path, read: Callable[[Path], Reading]
+) -> None:
+    with PortLink(link) as port:
+        reading = read(link)
+        reading.report()
+        for byte in PACKETS[0] + PACKETS[1]:
+            assert port.write(bytes([byte]))
+        assert reading.sequences(2) == [0, 1]
+
+
+def test_a_port_that_is_absent_is_said_so_once_and_opened_when_it_comes(
+    link: Path, read: Callable[[Path], Reading], soon: None, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    tries: Queue[None] = Queue()
+    real = serial.Serial
+
+    def counted(*arguments: Any, **options: Any) -> serial.Serial:
+        tries.put(None)
+        return real(*arguments, **options)
+
+    monkeypatch.setattr(serial, 'Serial', counted)
+    reading = read(link)
+    for _ in range(5):
+        tries.get(timeout=10)
+    assert reading.report() == f'{link} does not exist; is the sensor plugged in?; retrying'
+    assert reading.reports.empty()
+    assert not reading.source.is_open
+    assert reading.source.problem == f'{link} does not exist; is the sensor plugged in?'
+    with PortLink(link):
+        assert reading.report() == f'reading {link}'
+        assert reading.source.problem == ''
+
+
+def test_a_port_that_comes_back_is_read_within_two_seconds(
+    link: Path, read: Callable[[Path], Reading]
+) -> None:
+    with PortLink(link) as port:
+        reading = read(link)
+        reading.report()
+        assert port.write(PACKETS[0])
+        assert reading.sequences(1) == [0]
+    assert reading.report() == f'{link} was lost; is the sensor still plugged in?; retrying'
+    # Once more, under the same name.
+    with PortLink(link) as port:
+        returned_s = time.monotonic()
+        while (report := reading.report()) != f'reading {link}':
+            assert report == f'{link} does not exist; is the sensor plugged in?; retrying'
+        assert time.monotonic() - returned_s < 2
+        assert port.write(PACKETS[1])
+        assert reading.sequences(1) == [1]
+    assert reading.source.openings == 2
+
+
+@pytest.mark.usefixtures('soon')
+def test_a_packet_that_was_cut_off_by_the_loss_does_not_cost_the_next(
+    link: Path, read: Callable[[Path], Reading]
+) -> None:
+    with PortLink(link) as port:
+        reading = read(link)
+        reading.report()
+        assert port.write(PACKETS[0] + PACKETS[1][:50])
+        assert reading.sequences(1) == [0]
+    with PortLink(link) as port:
+        while reading.report() != f'reading {link}':
+            pass
+        assert port.write(PACKETS[2] + PACKETS[3])
+        assert reading.sequences(2) == [2, 3]
+    assert reading.source.reader.counts.damaged <= 1
+
+
+def test_what_came_before_the_opening_is_not_read(
+    link: Path, read: Callable[[Path], Reading]
+) -> None:
+    with PortLink(link) as port:
+        other = os.open(link, os.O_RDWR | os.O_NOCTTY)
+        assert port.write(PACKETS[0] + PACKETS[1])
+        reading = read(link)
+        reading.report()
+        assert port.write(PACKETS[2])
+        assert reading.sequences(1) == [2]
+        os.close(other)
+
+
+@pytest.mark.usefixtures('soon')
+def test_a_port_in_use_is_explained_and_opened_when_it_is_free(
+    link: Path, read: Callable[[Path], Reading]
+) -> None:
+    with PortLink(link):
+        with serial.Serial(str(link), exclusive=True):
+            reading = read(link)
+            assert reading.report() == f'{link} is in use by another program; retrying'
+            assert not reading.source.is_open
+        assert reading.report() == f'reading {link}'
+        # Now it keeps others out.
+        with pytest.raises(serial.SerialException, match='exclusively lock') as caught:
+            serial.Serial(str(link), exclusive=True)
+    assert explain(caught.value, 'p') == 'p is in use by another program'
+
+
+@pytest.mark.usefixtures('soon')
+def test_a_missing_permission_says_what_to_do(
+    link: Path, read: Callable[[Path], Reading], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    real = os.open
+
+    def refusing(path: Any, flags: int, *arguments: Any, **options: Any) -> int:
+        if str(path) == str(link):
+            raise PermissionError(errno.EACCES, 'Permission denied', str(path))
+        return real(path, flags, *arguments, **options)
+
+    with PortLink(link):
+        monkeypatch.setattr(os, 'open', refusing)
+        reading = read(link)
+        expected = f'it belongs to the group {link.group()}: sudo usermod -aG {link.group()} $USER'
+        assert reading.report() == (
+            f'no permission to open {link}; {expected}, and log in again; retrying'
+        )
+        monkeypatch.undo()
+        assert reading.report() == f'reading {link}'
+
+
+@pytest.mark.parametrize('kind', [stat.S_IFREG, stat.S_IFDIR, stat.S_IFCHR])
+def test_what_is_no_port_is_refused_in_one_line(
+    link: Path, read: Callable[[Path], Reading], kind: int
+) -> None:
+    if kind == stat.S_IFDIR:
+        link.mkdir()
+    elif kind == stat.S_IFREG:
+        link.write_bytes(PACKETS[0])
+    else:
+        link.symlink_to('/dev/null')
+    reading = read(link)
+    assert reading.report() == f'{link} is not a serial port; retrying'
+    assert reading.frames.empty()
+
+
+@pytest.mark.usefixtures('soon')
+@pytest.mark.parametrize(
+    'error',
+    [
+        ValueError('Failed to set custom baud rate (115200): [Errno 22] Invalid argument'),
+        termios.error(errno.EIO, 'Input/output error'),  # gone while it was being opened
+        serial.SerialException('Could not configure port: (5, ...)'),
+    ],
+)
+def test_whatever_pyserial_raises_is_a_reason_to_try_again(
+    link: Path,
+    read: Callable[[Path], Reading],
+    monkeypatch: pytest.MonkeyPatch,
+    error: Exception,
+) -> None:
+    real = serial.Serial
+    first = True
+
+    def failing(*arguments: Any, **options: Any) -> serial.Serial:
+        nonlocal first
+        if first:
+            first = False
+            raise error
+        return real(*arguments, **options)
+
+    monkeypatch.setattr(serial, 'Serial', failing)
+    with PortLink(link):
+        reading = read(link)
+        report = reading.report()
+        assert report.startswith(f'{link}: ')
+        assert str(error.args[-1]) in report
+        assert reading.report() == f'reading {link}'
+
+
+def test_an_error_of_the_taker_is_not_hidden(link: Path) -> None:
+    source = SerialSource(str(link), 115200, FrameReader())
+
+    def take(frames: list[Frame], arrival_ns: int) -> None:
+        raise ValueError('taken wrongly')
+
+    with PortLink(link) as port:
+
+        def report(line: str) -> None:
+            assert line == f'reading {link}'
+            assert port.write(PACKETS[0])
+
+        with pytest.raises(ValueError, match='taken wrongly'):
+            source.run(take, report, Event())
+    assert not source.is_open
+
+
+def test_a_source_stops_promptly_while_nothing_comes(
+    link: Path, read: Callable[[Path], Reading]
+) -> None:
+    with PortLink(link):
+        reading = read(link)
+        reading.report()
+        assert reading.end() < 1
+        assert not reading.source.is_open
+        serial.Serial(str(link), exclusive=True).close()  # and the port is free again
+
+
+def test_a_source_stops_promptly_while_frames_come(
+    link: Path, read: Callable[[Path], Reading]
+) -> None:
+    with PortLink(link) as port:
+        reading = read(link)
+        reading.report()
+        assert port.write(b''.join(PACKETS))
+        reading.sequences(1)
+        assert reading.end() < 1
+
+
+def test_a_source_stops_promptly_while_the_port_is_absent(
+    link: Path, read: Callable[[Path], Reading], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(serial_source, 'RETRY_S', 60)
+    reading = read(link)
+    reading.report()
+    assert reading.end() < 1
+
+
+def test_a_source_that_is_stopped_before_it_runs_opens_nothing(link: Path) -> None:
+    stop = Event()
+    stop.set()
+    reports: list[str] = []
+    source = SerialSource(str(link), 115200, FrameReader())
+    source.run(lambda frames, arrival_ns: None, reports.append, stop)
+    assert reports == []
+    assert source.problem == f'{link} has not been opened yet'
+
+
+GROUP = 'it belongs to the group dialout'
+JOIN_DIALOUT = f'{GROUP}: sudo usermod -aG dialout $USER, and log in again'
+
+
+@pytest.mark.parametrize(
+    ('number', 'expected'),
+    [
+        (errno.ENOENT, 'p does not exist; is the sensor plugged in?'),
+        (errno.EACCES, f'no permission to open p; {JOIN_DIALOUT}'),
+        (errno.EBUSY, 'p is in use by another program'),
+        (errno.EAGAIN, 'p is in use by another program'),
+        (errno.ENOTTY, 'p is not a serial port'),
+        (errno.EISDIR, 'p is not a serial port'),
+        (errno.EIO, 'p: [Errno 5] Input/output error'),
+    ],
+)
+def test_explanations(number: int, expected: str) -> None:
+    assert explain(OSError(number, os.strerror(number)), 'p') == expected

@@ -1,0 +1,574 @@
+# Copyright 2026 retrolidar_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""The text of ST's example is read as it is printed, whatever stands between its frames."""
+
+import pickle
+import random
+import re
+import struct
+from collections.abc import Iterator
+from queue import Queue
+from threading import Event, Thread
+
+import numpy as np
+import pytest
+from hypothesis import example, given, settings
+from hypothesis import strategies as st
+from st_board import Board, Zone, Zones, text_of
+
+from retrolidar_ros.sensor.clock import ClockMap
+from retrolidar_ros.sensor.frame import Frame, Status, ZoneGrid
+from retrolidar_ros.sensor.protocols import PROTOCOLS
+from retrolidar_ros.sensor.serial_source import SerialSource
+from retrolidar_ros.sensor.st_example import (
+    MAX_LINE_BYTES,
+    PATIENCE_FRAMES,
+    PERIODS,
+    REQUESTS,
+    UNHEEDED,
+    FramePeriod,
+    StExampleReader,
+    slow_text,
+)
+from retrolidar_ros.sensor.wire import FrameReader, WireCounts, encode_frame, encode_packet
+
+NOW_NS = 1_700_000_000_123_456_789
+WITHHELD = REQUESTS * PATIENCE_FRAMES
+law = settings(derandomize=True, deadline=None, max_examples=80)
+both_sides = pytest.mark.parametrize('side', [4, 8])
+both_lights = pytest.mark.parametrize('light', [False, True])
+
+
+def make_zones(side: int = 4, seed: int = 1) -> list[Zone | None]:
+    """Return zones that all differ, some without a target."""
+    rng = random.Random(seed)
+    zones: list[Zone | None] = [
+        Zone(rng.randrange(1, 4000), rng.choice((5, 6, 10, 13)), rng.randrange(3000), index)
+        for index in range(side * side)
+    ]
+    for index in rng.sample(range(side * side), 3):
+        zones[index] = None
+    return zones
+
+
+def new_reader(asked_in_vain: bool = False) -> StExampleReader:
+    """Return a reader, or one that passes frames without signal on."""
+    reader = StExampleReader(lambda: NOW_NS)
+    if asked_in_vain:
+        assert reader.feed(text_of([None] * 16, light=False) * WITHHELD) == []
+        assert reader.counts == WireCounts(withheld=WITHHELD)
+        reader.counts = WireCounts()
+    return reader
+
+
+def read(text: bytes) -> tuple[list[Frame], WireCounts]:
+    reader = new_reader(asked_in_vain=True)
+    return reader.feed(text), reader.counts
+
+
+def read_one(text: bytes) -> Frame:
+    (frame,), counts = read(text)
+    assert counts == WireCounts(frames=1)
+    return frame
+
+
+def check(frame: Frame, zones: Zones, light: bool) -> None:
+    """Hold a frame against zones in the sensor's order."""
+    side = frame.grid.columns
+    assert side * side == len(zones)
+    for index, zone in enumerate(zones):
+        row, column = divmod(index, side)
+        place = row * side + side - 1 - column  # the sensor begins at the right
+        got = frame.distance[place], frame.status[place], frame.signal[place], frame.ambient[place]
+        if zone is None:
+            assert np.isnan(got[0])
+            assert got[1:] == (Status.NO_TARGET, 0, 0)
+        else:
+            rates = (zone.signal_kcps, zone.ambient_kcps) if light else (0, 0)
+            assert got == (np.float32(zone.distance_mm / 1000), zone.status, *rates)
+
+
+@both_sides
+@both_lights
+@pytest.mark.parametrize('line_end', ['\n', '\r\n'])
+def test_what_is_printed_is_read(side: int, light: bool, line_end: str) -> None:
+    zones = make_zones(side)
+    frame = read_one(text_of(zones, light, line_end))
+    assert frame.grid == ZoneGrid(side, side)
+    assert (frame.stamp_ns, frame.sensor_time_us) == (NOW_NS // 1000 * 1000, NOW_NS // 1000)
+    for array in (frame.distance, frame.signal, frame.ambient):
+        assert array.dtype == np.float32
+    assert frame.status.dtype == np.uint8
+    check(frame, zones, light)
+
+
+def test_the_writer_makes_as_many_bytes_as_the_example_does() -> None:
+    # 31.8 ms, and 39.2 ms with signal, at 460800 baud and ten bits a byte.
+    zones = [Zone(1000)] * 16
+    lengths = [len(text_of(zones, light)) for light in (False, True)]
+    assert [round(length * 10 / 460.8, 1) for length in lengths] == [31.8, 39.2]
+
+
+@pytest.mark.parametrize(
+    ('printed', 'expected'),
+    [(5, 5), (9, 5), (0, 0), (255, 0), (1, 1), (6, 6), (10, 10), (13, 13), (254, 254)],
+)
+def test_statuses(printed: int, expected: int) -> None:
+    frame = read_one(text_of([Zone(500, printed)] * 16, light=True))
+    assert set(frame.status) == {expected}
+    assert np.isfinite(frame.distance).all()
+
+
+def test_a_distance_may_be_negative() -> None:
+    frame = read_one(text_of([Zone(-12)] * 16, light=False))
+    np.testing.assert_array_equal(frame.distance, np.full(16, -0.012, dtype=np.float32))
+
+
+@both_sides
+@both_lights
+def test_what_is_at_the_top_left_of_the_scene_is_in_zone_0(side: int, light: bool) -> None:
+    zones: list[Zone | None] = [None] * (side * side)
+    zones[side - 1] = Zone(700)  # the sensor's first row ends at the left
+    frame = read_one(text_of(zones, light))
+    assert np.flatnonzero(np.isfinite(frame.distance)).tolist() == [0]
+
+
+@both_sides
+def test_the_order_is_that_of_protocol_1(side: int) -> None:
+    distances_mm = [100 + index for index in range(side * side)]  # in the sensor's order
+    content = struct.pack('<BIQBB', 1, 0, 0, side, side)
+    content += b''.join(struct.pack('<hIIB', 4 * mm, 0, 0, 5) for mm in distances_mm)
+    (packet,) = FrameReader().feed(encode_packet(content))
+    text = read_one(text_of([Zone(mm) for mm in distances_mm], light=False))
+    np.testing.assert_array_equal(text.distance, packet.distance)
+
+
+@both_sides
+@both_lights
+def test_a_frame_comes_with_the_end_of_its_last_row(side: int, light: bool) -> None:
+    text = text_of(make_zones(side), light)
+    end = text.rindex(b'|\n') + 2
+    reader = new_reader(asked_in_vain=True)
+    assert reader.feed(text[: end - 1]) == []
+    (frame,) = reader.feed(text[end - 1 : end])
+    check(frame, make_zones(side), light)
+    assert reader.feed(text[end:]) == []
+    assert reader.counts == WireCounts(frames=1)
+
+
+@both_lights
+def test_it_does_not_matter_where_a_stream_is_cut(light: bool) -> None:
+    first, second = make_zones(4, 1), make_zones(4, 2)
+    text = text_of(first, light) + b'\x1b[2J' + text_of(second, light)
+    for cut in range(len(text) + 1):
+        reader = new_reader(asked_in_vain=not light)
+        frames = reader.feed(text[:cut]) + reader.feed(text[cut:])
+        assert [frame.sequence for frame in frames] == [0, 1]
+        check(frames[0], first, light)
+        check(frames[1], second, light)
+    reader = new_reader(asked_in_vain=True)
+    frames = [frame for byte in text for frame in reader.feed(bytes([byte]))]
+    assert len(frames) == 2
+    assert reader.counts == WireCounts(frames=2)
+
+
+def test_a_switch_of_light_or_size_costs_nothing() -> None:
+    texts = [
+        text_of(make_zones(side), light) + b'\x1b[2J'
+        for side, light in ((4, False), (4, True), (8, True), (8, False), (4, False))
+    ]
+    frames, counts = read(b''.join(texts))
+    assert [frame.grid.columns for frame in frames] == [4, 4, 8]
+    assert [frame.signal.any() for frame in frames] == [False, True, True]
+    assert counts == WireCounts(frames=3, withheld=2)
+
+
+@both_sides
+@both_lights
+def test_a_stream_may_begin_anywhere(side: int, light: bool) -> None:
+    text = text_of(make_zones(side), light)
+    title_end = text.index(b'Cell Format')
+    for start in range(1, len(text), {4: 1, 8: 13}[side]):
+        frames, counts = read(text[start:] + text)
+        assert len(frames) == (2 if start <= title_end else 1), start
+        assert counts == WireCounts(frames=len(frames))  # what was never begun is no damage
+
+
+@both_sides
+@both_lights
+def test_cut_off_text_is_dropped_and_the_next_frame_is_read(side: int, light: bool) -> None:
+    text = text_of(make_zones(side), light)
+    last = text.rindex(b'|\n')
+    for end in range(text.index(b'\n') + 1, last + 2, {4: 1, 8: 13}[side]):
+        frames, counts = read(text[:end] + text)
+        assert len(frames) == 1, end
+        check(frames[0], make_zones(side), light)
+        assert counts == WireCounts(frames=1, bad_shape=1), end
+
+
+@both_lights
+def test_a_lost_line_never_makes_another_frame(light: bool) -> None:
+    zones = [*make_zones()[:8], *[None] * 8]
+    text = text_of(zones, light)
+    lines = text.splitlines(keepends=True)
+    for lost in range(len(lines)):
+        reader = new_reader(asked_in_vain=not light)
+        frames = reader.feed(b''.join(lines[:lost] + lines[lost + 1 :]) + text)
+        assert 1 <= len(frames) <= 2
+        for frame in frames:
+            check(frame, zones, light)
+        assert len(frames) + reader.counts.damaged == 2
+
+
+LIGHT_CELL = b'|   100  :      3 '
+RANGING_CELL = b'| \x1b[38;5;10m  700\x1b[0m  :      0 '
+
+
+@pytest.mark.parametrize(
+    ('old', 'new', 'counts'),
+    [
+        (RANGING_CELL, b'', WireCounts(bad_shape=1)),
+        (RANGING_CELL, RANGING_CELL * 2, WireCounts(bad_shape=1)),
+        (RANGING_CELL * 4, RANGING_CELL * 8, WireCounts(bad_shape=1)),
+        (RANGING_CELL * 4, RANGING_CELL, WireCounts(bad_shape=1)),
+        (RANGING_CELL * 4, LIGHT_CELL * 4, WireCounts(bad_shape=1)),
+        (LIGHT_CELL * 4, RANGING_CELL * 4, WireCounts(bad_shape=1)),
+        (LIGHT_CELL * 4, LIGHT_CELL * 8, WireCounts(bad_shape=1)),
+        (b'  700', b'7 00 ', WireCounts(bad_shape=1)),
+        (b'  700', b'  7-0', WireCounts(bad_shape=1)),
+        (b'  700', b'nan  ', WireCounts(bad_shape=1)),
+        (b'  700', b'     ', WireCounts(bad_shape=1)),
+        (b'  700', b'32769', WireCounts(bad_shape=1)),
+        (b'  700', b'9' * 100, WireCounts(bad_shape=1)),
+        (b':      0 ', b':    256 ', WireCounts(bad_shape=1)),
+        (b':      0 ', b':     -1 ', WireCounts(bad_shape=1)),
+        (b'  100  :', b' -100  :', WireCounts(bad_shape=1)),
+        (b'  100  :', b'  1e9  :', WireCounts(bad_shape=1)),
+        (b'  700', b'  7\xf00', WireCounts(bad_framing=1)),
+        (b'  700', b'  7\x000', WireCounts(bad_framing=1)),
+        (b'  700', b' ' * MAX_LINE_BYTES, WireCounts(overlong=1)),
+    ],
+)
+def test_a_damaged_line_costs_its_frame_only(old: bytes, new: bytes, counts: WireCounts) -> None:
+    text = text_of([Zone(700)] * 16, light=True)
+    assert old in text
+    reader = new_reader()
+    assert reader.feed(text.replace(old, new, 1)) == []
+    (frame,) = reader.feed(text)
+    check(frame, [Zone(700)] * 16, light=True)
+    counts.frames = 1
+    assert reader.counts == counts
+
+
+def test_only_one_of_signal_and_ambient_may_be_on() -> None:
+    text = text_of([Zone(700)] * 16, light=True)
+    frame = read_one(text.replace(LIGHT_CELL, b'|     X  :      3 '))
+    assert set(frame.signal) == {0}
+    assert set(frame.ambient) == {3}
+
+
+GARBAGE = st.one_of(
+    st.binary(max_size=700),
+    st.lists(
+        st.sampled_from(
+            [
+                b'\n',
+                b'\r',
+                b'\x1b[2H',
+                b'\x1b[2J',
+                b'Cell Format :',
+                b'Signal [kcps/spad]',
+                b'|',
+                b'|   |   |   |   |\n',
+                b'|     X  :      X |     X  :      X |     X  :      X |     X  :      X |\n',
+                RANGING_CELL,
+                LIGHT_CELL,
+                b'\0',
+            ]
+        ),
+        max_size=30,
+    ).map(b''.join),
+)
+
+
+@law
+@given(garbage=st.lists(GARBAGE, min_size=1, max_size=4), light=st.booleans())
+@example(garbage=[b'x' * (MAX_LINE_BYTES + 1)], light=False)
+@example(garbage=[b'\x1b[2HCell Format :\n|   |\n'], light=True)
+def test_what_follows_garbage_is_read(garbage: list[bytes], light: bool) -> None:
+    reader = new_reader(asked_in_vain=True)
+    zones = [make_zones(4, seed) for seed in range(len(garbage))]
+    found = 0
+    for piece, expected in zip(garbage, zones, strict=True):
+        frames = reader.feed(piece + text_of(expected, light))
+        assert frames
+        check(frames[-1], expected, light)
+        found += len(frames)
+    assert reader.counts.frames == found
+
+
+@law
+@given(data=st.binary(max_size=60), at=st.integers(0, 1500), length=st.integers(0, 60))
+def test_damage_anywhere_costs_no_other_frame(data: bytes, at: int, length: int) -> None:
+    zones = make_zones()
+    text = text_of(zones, light=True)
+    reader = new_reader()
+    reader.feed(text[:at] + data + text[at + length :])
+    frames = reader.feed(text)
+    assert frames
+    check(frames[-1], zones, light=True)
+
+
+def test_memory_is_bounded() -> None:
+    reader = StExampleReader(int)
+    rng = random.Random(1)
+    full = text_of(make_zones(8), light=True)
+    endless = [
+        b'x' * 1000,
+        b'|' * 1000,
+        b'Cell Format :\n' * 100,
+        b'|  |\n' * 300,
+        b'\x1b[2HCell Format :\n' + full[full.index(b' ---') : -300],
+    ]
+    for _ in range(300):
+        reader.feed(rng.choice(endless))
+        reader.feed(rng.randbytes(1000))
+        assert len(pickle.dumps(reader)) < 10_000
+    assert reader.counts.overlong > 0
+    assert len(reader.feed(full)) == 1
+
+
+def test_packets_of_protocol_1_are_counted_as_lines_that_are_no_text() -> None:
+    text = read_one(text_of(make_zones(), light=True))
+    reader = new_reader()
+    for _ in range(100):
+        assert reader.feed(encode_frame(text)) == []
+    assert reader.counts.bad_framing + reader.counts.overlong > 20
+    assert reader.counts.frames == 0
+    (frame,) = reader.feed(b'\n' + text_of(make_zones(), light=True))
+    check(frame, make_zones(), light=True)
+
+
+def test_text_is_one_overlong_packet_to_protocol_1() -> None:
+    reader = FrameReader()
+    for _ in range(100):
+        assert reader.feed(text_of(make_zones(), light=True)) == []
+    assert reader.counts == WireCounts(overlong=1)
+
+
+# The key
+
+
+def dark_and_light() -> tuple[bytes, bytes]:
+    return text_of(make_zones(), light=False), text_of(make_zones(), light=True)
+
+
+def test_the_signal_is_asked_for_once_and_again_if_it_does_not_come() -> None:
+    dark, _ = dark_and_light()
+    reader = new_reader()
+    assert reader.request() == b''
+    requests = []
+    for _ in range(1 + 2 * PATIENCE_FRAMES):
+        reader.feed(dark[:300])
+        requests.append(reader.request())
+        reader.feed(dark[300:])
+        requests.append(reader.request())
+    asked = [index // 2 for index, request in enumerate(requests) if request == b's']
+    assert asked == [0, PATIENCE_FRAMES, 2 * PATIENCE_FRAMES]
+    assert requests.count(b'') == len(requests) - 3
+
+
+def test_frames_with_signal_are_left_alone() -> None:
+    dark, light = dark_and_light()
+    reader = new_reader()
+    for _ in range(20):
+        reader.feed(light)
+        assert reader.request() == b''
+    reader.feed(dark)  # somebody else has pressed the key
+    assert reader.request() == b's'
+
+
+def test_a_request_is_dropped_when_the_signal_comes_before_it_is_sent() -> None:
+    dark, light = dark_and_light()
+    reader = new_reader()
+    reader.feed(dark + light)
+    assert reader.request() == b''
+    reader.feed(light + dark)
+    assert reader.request() == b's'
+
+
+def test_damaged_frames_ask_for_nothing() -> None:
+    dark, _ = dark_and_light()
+    reader = new_reader()
+    reader.feed(dark.replace(b'X', b'Y'))
+    assert reader.counts == WireCounts(bad_shape=1)
+    assert reader.request() == b''
+
+
+def test_a_port_that_was_opened_anew_is_asked_at_its_first_frame() -> None:
+    dark, _ = dark_and_light()
+    reader = new_reader()
+    reader.feed(dark + dark)
+    assert reader.request() == b's'
+    reader.feed(dark[:700])
+    reader.restart()
+    reader.feed(dark[700:])
+    assert reader.request() == b''
+    reader.feed(dark)
+    assert reader.request() == b's'
+
+
+def test_frames_without_signal_are_withheld_until_two_requests_were_in_vain() -> None:
+    dark, light = dark_and_light()
+    reader = new_reader()
+    assert reader.feed(light)
+    assert reader.feed(dark * WITHHELD) == []
+    assert UNHEEDED not in reader.notice()
+    (frame,) = reader.feed(dark)
+    assert frame.sequence == 1  # what is withheld is not lost
+    assert not frame.signal.any()
+    assert UNHEEDED in reader.notice()
+    assert len(reader.feed(dark * 20)) == 20
+    assert UNHEEDED not in reader.notice()
+    assert reader.counts == WireCounts(frames=22, withheld=WITHHELD)
+    assert reader.feed(light + dark)[0].signal.any()
+    assert reader.counts.withheld == WITHHELD + 1
+
+
+def test_a_still_scene_does_not_blink_when_its_signal_is_switched_on() -> None:
+    dark, light = dark_and_light()
+    frames = new_reader().feed(dark * 2 + light * 20)
+    assert len(frames) == 20
+    assert {frame.signal.tobytes() for frame in frames} == {frames[0].signal.tobytes()}
+
+
+class Reading:
+    """A source that reads a board in a thread."""
+
+    def __init__(self, board: Board) -> None:
+        self.frames: Queue[Frame] = Queue()
+        self.stop = Event()
+        reports: Queue[str] = Queue()
+        reader = PROTOCOLS['st_example'](lambda: NOW_NS)
+        source = SerialSource(board.path, 460800, reader)
+        self.thread = Thread(target=source.run, args=(self._take, reports.put, self.stop))
+        self.thread.start()
+        assert reports.get(timeout=10) == f'reading {board.path}'
+
+    def _take(self, frames: list[Frame], arrival_ns: int) -> None:
+        for frame in frames:
+            self.frames.put(frame)
+
+    def end(self) -> None:
+        self.stop.set()
+        self.thread.join(10)
+        assert not self.thread.is_alive()
+
+
+@pytest.fixture
+def board() -> Iterator[Board]:
+    with Board(make_zones()) as board:
+        yield board
+
+
+@pytest.fixture
+def reading(board: Board) -> Iterator[Reading]:
+    reading = Reading(board)
+    yield reading
+    reading.end()
+
+
+def test_a_board_is_switched_on_once(board: Board, reading: Reading) -> None:
+    # It prints some more frames before it looks for a key, as the example may.
+    for _ in range(PATIENCE_FRAMES - 1):
+        board.print_frame()
+    assert board.heed_key(10)
+    for _ in range(2 * PATIENCE_FRAMES):
+        board.print_frame()
+        check(reading.frames.get(timeout=10), board.zones, light=True)
+        board.heed_key(0)
+    assert board.keys == b's'
+
+
+def test_a_board_that_did_not_hear_is_asked_again(board: Board, reading: Reading) -> None:
+    board.print_frame()
+    assert board.heed_key(10)
+    board.light = False  # the key was lost
+    for _ in range(PATIENCE_FRAMES):
+        board.print_frame()
+    assert board.heed_key(10)
+    assert board.keys == b'ss'
+    board.print_frame()
+    check(reading.frames.get(timeout=10), board.zones, light=True)
+
+
+# Time
+
+
+def notices(reader: StExampleReader, count: int) -> list[str]:
+    """Let frames come; return what is told."""
+    told = []
+    for _ in range(count):
+        assert reader.feed(text_of(make_zones(), light=True))
+        if notice := reader.notice():
+            told.append(notice)
+        assert reader.notice() == ''
+    return told
+
+
+def test_the_period_is_told_once_and_when_it_changes_much() -> None:
+    now_ns = 0
+    step_ns = 232_000_000
+
+    def clock() -> int:
+        nonlocal now_ns
+        now_ns += step_ns
+        return now_ns
+
+    reader = StExampleReader(clock)
+    assert notices(reader, PERIODS) == []
+    assert notices(reader, 1) == [slow_text(0.232)]
+    assert notices(reader, 50) == []
+    step_ns = 260_000_000
+    assert notices(reader, 50) == []
+    step_ns = 400_000_000
+    assert notices(reader, 50) == [slow_text(0.4)]
+    reader.restart()
+    assert notices(reader, PERIODS) == []
+    assert notices(reader, 1) == [slow_text(0.4)]
+
+
+def test_the_markers_bit_is_two_frames() -> None:
+    text = slow_text(0.2316)
+    assert 'a frame every 232 ms' in text
+    assert 'the 21 ms of the RetroLiDAR paper are out of reach' in text
+    assert re.findall(r'bit_period to ([\d.]+\d)', text) == ['0.463']
+    assert '0.463 s' in text
+
+
+def test_pauses_do_not_change_the_period() -> None:
+    period = FramePeriod()
+    steps_us = [200_000] * PERIODS
+    steps_us[2] = steps_us[7] = 3_000_000
+    told = [period.take(int(time)) for time in np.cumsum([0, *steps_us])]
+    assert told == [None] * PERIODS + [pytest.approx(0.2)]
+
+
+def test_a_clock_that_stands_or_goes_back_tells_nothing() -> None:
+    period = FramePeriod()
+    assert [period.take(5) for _ in range(3 * PERIODS)] == [None] * (3 * PERIODS)
+    period = FramePeriod()
+    assert [period.take(-index) for index in range(3 * PERIODS)] == [None] * (3 * PERIODS)
+
+
+def test_stamps_are_the_arrival() -> None:
+    rng = random.Random(3)
+    arrival_ns = NOW_NS
+    clock_map = ClockMap()
+    reader = StExampleReader(lambda: arrival_ns + 700_000)  # read 0.7 ms after it arrived
+    for _ in range(500):
+        arrival_ns += rng.randrange(200_000_000, 400_000_000)
+        (frame,) = reader.feed(text_of(make_zones(), light=True))
+        stamp_ns = clock_map.map(frame.sensor_time_us, arrival_ns)
+        assert abs(stamp_ns - arrival_ns) < 2_000
+    assert clock_map.restarts == 0

@@ -1,0 +1,602 @@
+# Copyright 2026 retrolidar_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""The wire keeps every frame, and the reader survives every stream of bytes."""
+
+from __future__ import annotations
+
+import pickle
+import random
+import struct
+import tracemalloc
+from collections.abc import Iterable
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import example, given, settings
+from hypothesis import strategies as st
+from hypothesis.extra import numpy as hnp
+
+from retrolidar_ros.sensor.frame import Frame, ZoneGrid
+from retrolidar_ros.sensor.wire import (
+    DELIMITER,
+    MAX_PACKET_BYTES,
+    FrameReader,
+    WireCounts,
+    cobs_decode,
+    cobs_encode,
+    crc16,
+    encode_frame,
+    encode_packet,
+)
+
+SEQUENCE = 0x01020304
+SENSOR_TIME_US = 0x0123456789AB
+# The zones of one frame in the sensor's order: distance [mm/4], signal and ambient light
+# [kcps/SPAD/2048], status. Zone 0 is the scene's top right.
+ZONES = [(1000 * n - 4000, 2048 * n + 1024, 256 * n, 5 + n) for n in range(16)]
+ZONES[6] = (0, 0, 2**24, 255)
+ZONES[7] = (-32768, 2**24, 0, 0)
+# The same as a packet, written down.
+PACKET = bytes.fromhex(
+    """
+    0c 01 04 03 02 01 ab 89 67 45 23 01 01 05 04 04 60 f0 02 04 01 01 01 01 01 04 05 48 f4 02
+    0c 01 01 02 01 01 04 06 30 f8 02 14 01 01 02 02 01 04 07 18 fc 02 1c 01 01 02 03 01 02 08
+    01 01 02 24 01 01 02 04 01 04 09 e8 03 02 2c 01 01 02 05 01 02 0a 01 01 01 01 01 01 01 01
+    03 01 ff 02 80 01 01 02 01 01 01 01 01 03 a0 0f 02 44 01 01 02 08 01 04 0d 88 13 02 4c 01
+    01 02 09 01 04 0e 70 17 02 54 01 01 02 0a 01 04 0f 58 1b 02 5c 01 01 02 0b 01 04 10 40 1f
+    02 64 01 01 02 0c 01 04 11 28 23 02 6c 01 01 02 0d 01 04 12 10 27 02 74 01 01 02 0e 01 04
+    13 f8 2a 02 7c 01 01 02 0f 01 04 14 91 df 00
+    """
+)
+
+law = settings(derandomize=True, deadline=None, max_examples=60)
+both_grids = pytest.mark.parametrize('side', [4, 8])
+
+
+@pytest.fixture(scope='module')
+def pypi_cobs() -> Any:
+    return pytest.importorskip('cobs.cobs', reason='COBS is compared with this one')
+
+
+def bitwise_crc(data: bytes) -> int:
+    """Return the CRC-16/CCITT-FALSE as its definition has it, bit by bit."""
+    register = 0xFFFF
+    for byte in data:
+        register ^= byte << 8
+        for _ in range(8):
+            register = register << 1 ^ (0x1021 if register & 0x8000 else 0)
+            register &= 0xFFFF
+    return register
+
+
+def content_of(
+    rows: int, columns: int, zones: Iterable[tuple[int, ...]], kind: int = 1, sequence: int = 0
+) -> bytes:
+    """Return the content of a packet as the protocol's table has it."""
+    header = struct.pack('<BIQBB', kind, sequence, SENSOR_TIME_US, rows, columns)
+    return header + b''.join(struct.pack('<hIIB', *zone) for zone in zones)
+
+
+def make_frame(side: int = 4, sequence: int = 7, **changes: Any) -> Frame:
+    """Return a frame whose zones all differ."""
+    zones = np.arange(side * side)
+    frame = Frame(
+        stamp_ns=0,
+        sequence=sequence,
+        sensor_time_us=21_000 * sequence,
+        grid=ZoneGrid(side, side),
+        distance=(0.5 + 0.01 * zones).astype(np.float32),
+        signal=(10.0 + zones).astype(np.float32),
+        ambient=(1.0 + zones / 4).astype(np.float32),
+        status=np.full(side * side, 5, dtype=np.uint8),
+    )
+    return replace(frame, **changes)
+
+
+def make_packets(count: int, side: int = 4) -> list[bytes]:
+    """Return the packets of consecutive frames, each with its delimiter."""
+    return [encode_frame(make_frame(side, sequence)) for sequence in range(count)]
+
+
+@st.composite
+def frames_of_whole_units(draw: st.DrawFn) -> Frame:
+    """Return any frame that the wire holds exactly."""
+    side = draw(st.sampled_from([4, 8]))
+    distance, signal, ambient, status = (
+        draw(hnp.arrays(dtype, side * side, elements=st.integers(lowest, highest)))
+        for dtype, lowest, highest in (
+            (np.int16, -(2**15), 2**15 - 1),
+            (np.uint32, 0, 2**24),  # all that a float32 holds exactly
+            (np.uint32, 0, 2**24),
+            (np.uint8, 0, 255),
+        )
+    )
+    return make_frame(
+        side,
+        sequence=draw(st.integers(0, 2**32 - 1)),
+        sensor_time_us=draw(st.integers(0, 2**64 - 1)),
+        distance=np.where(status == 255, np.nan, distance / 4000).astype(np.float32),
+        signal=(signal / 2048).astype(np.float32),
+        ambient=(ambient / 2048).astype(np.float32),
+        status=status,
+    )
+
+
+def reader_in_step() -> FrameReader:
+    """Return a reader that knows where the next packet begins."""
+    reader = FrameReader()
+    assert reader.feed(DELIMITER) == []
+    return reader
+
+
+def read(stream: bytes) -> tuple[list[Frame], WireCounts]:
+    """Read a stream that comes in one piece, from a packet's beginning."""
+    reader = reader_in_step()
+    return reader.feed(stream), reader.counts
+
+
+def read_one(packet: bytes) -> Frame:
+    """Read a packet that holds a frame."""
+    (frame,), counts = read(packet)
+    assert counts == WireCounts(frames=1)
+    return frame
+
+
+def sequences(frames: Iterable[Frame]) -> list[int]:
+    return [frame.sequence for frame in frames]
+
+
+def counted(counts: WireCounts) -> int:
+    return counts.frames + counts.unknown_kind + counts.damaged
+
+
+def ended_packets(stream: bytes) -> list[bytes]:
+    """Return what stands before each delimiter, where that is not nothing."""
+    return [packet for packet in stream.split(DELIMITER)[:-1] if packet]
+
+
+def damage(stream: bytes, rng: random.Random) -> bytes:
+    """Flip, drop, insert, repeat and blank bytes here and there."""
+    damaged = bytearray(stream)
+    for _ in range(len(stream) // 400):
+        at, length = rng.randrange(len(damaged)), rng.randrange(1, 30)
+        match rng.randrange(6):
+            case 0 | 1:
+                damaged[at] ^= 1 << rng.randrange(8)
+            case 2:
+                del damaged[at : at + length]
+            case 3:
+                damaged[at:at] = rng.randbytes(length)
+            case 4:
+                damaged[at:at] = damaged[at : at + 8 * length]
+            case _:
+                damaged[at : at + length] = bytes(length)
+    return bytes(damaged)
+
+
+def in_pieces(stream: bytes, rng: random.Random, longest: int) -> Iterable[bytes]:
+    """Cut a stream at random, at times into nothing."""
+    position = 0
+    while position < len(stream):
+        length = rng.randrange(longest + 1)
+        yield stream[position : position + length]
+        position += length
+
+
+# Checksum and framing.
+
+
+def test_crc_has_the_published_check_value() -> None:
+    assert crc16(b'123456789') == 0x29B1
+    assert bitwise_crc(b'123456789') == 0x29B1
+
+
+@law
+@given(st.binary(max_size=100))
+def test_crc_is_the_bitwise_one(data: bytes) -> None:
+    assert crc16(data) == bitwise_crc(data)
+
+
+@law
+@given(
+    st.binary(max_size=600)
+    | st.lists(st.sampled_from([b'\0', b'\1', b'\xff', b'x' * 253, b'y' * 254]), max_size=8).map(
+        b''.join
+    )
+)
+def test_cobs_equals_the_reference_on_any_data(pypi_cobs: Any, data: bytes) -> None:
+    encoded = cobs_encode(data)
+    assert encoded == pypi_cobs.encode(data)
+    assert DELIMITER not in encoded
+    assert cobs_decode(encoded) == data
+
+
+@pytest.mark.parametrize('filling', [b'\0', b'a', b'\xff', b'a' * 253 + b'\0', b'a' * 254 + b'\0'])
+def test_cobs_equals_the_reference_at_every_length(pypi_cobs: Any, filling: bytes) -> None:
+    for length in range(770):
+        data = (filling * 770)[:length]
+        encoded = cobs_encode(data)
+        assert encoded == pypi_cobs.encode(data)
+        assert len(encoded) <= length + 1 + length // 254
+        assert cobs_decode(encoded) == data
+
+
+@law
+@given(
+    st.binary(max_size=8)
+    | st.lists(
+        st.sampled_from([b'\0', b'\1', b'\2', b'\3', b'\xff', b'z' * 253, b'z' * 254]), max_size=6
+    ).map(b''.join)
+)
+@example(b'\1')
+@example(b'\3a\0')
+@example(b'\xff' + b'z' * 254)
+@example(b'\xff' + b'z' * 254 + b'\1')
+@example(b'\xff' + b'z' * 253)
+def test_cobs_decodes_or_refuses_as_the_reference_does(pypi_cobs: Any, encoded: bytes) -> None:
+    try:
+        expected = pypi_cobs.decode(encoded)
+    except pypi_cobs.DecodeError:
+        with pytest.raises(ValueError, match='COBS'):
+            cobs_decode(encoded)
+    else:
+        assert cobs_decode(encoded) == expected
+
+
+@pytest.mark.parametrize(
+    ('encoded', 'message'),
+    [
+        (b'\0', 'zero at 0'),
+        (b'\3a\0', 'zero at 2'),
+        (b'\2', 'length byte 2 at 0 of 1'),
+        (b'\2a\5bc', 'length byte 5 at 2 of 5'),
+    ],
+)
+def test_what_is_not_cobs(encoded: bytes, message: str) -> None:
+    with pytest.raises(ValueError, match=message):
+        cobs_decode(encoded)
+
+
+# Frames.
+
+
+def test_the_written_packet_follows_the_protocol(pypi_cobs: Any) -> None:
+    content = content_of(4, 4, ZONES, sequence=SEQUENCE)
+    assert len(content) == 15 + 16 * 11
+    checksum = struct.pack('<H', bitwise_crc(content))
+    assert pypi_cobs.encode(content + checksum) + b'\0' == PACKET
+
+
+def test_the_written_packet_is_read_and_written_byte_for_byte() -> None:
+    frame = read_one(PACKET)
+    assert (frame.sequence, frame.sensor_time_us) == (SEQUENCE, SENSOR_TIME_US)
+    assert frame.stamp_ns == SENSOR_TIME_US * 1000
+    assert frame.grid == ZoneGrid(4, 4)
+    for place, number in enumerate([3, 2, 1, 0, 7, 6, 5, 4, 11, 10, 9, 8, 15, 14, 13, 12]):
+        distance, signal, ambient, status = ZONES[number]
+        expected = np.nan if status == 255 else np.float32(distance / 4000)
+        np.testing.assert_equal(frame.distance[place], expected)
+        assert frame.signal[place] == signal / 2048
+        assert frame.ambient[place] == ambient / 2048
+        assert frame.status[place] == status
+    assert encode_frame(frame) == PACKET
+
+
+@both_grids
+def test_zone_zero_of_the_wire_is_the_top_right_of_the_scene(side: int) -> None:
+    for row in range(side):
+        for column in range(side):
+            zones = [(4000, 0, 0, 5)] * side**2
+            zones[row * side + column] = (4000, 2048, 0, 5)
+            frame = read_one(encode_packet(content_of(side, side, zones)))
+            assert np.flatnonzero(frame.signal).tolist() == [row * side + side - 1 - column]
+
+
+@law
+@given(frames_of_whole_units())
+def test_whole_units_survive_the_wire_exactly(frame: Frame) -> None:
+    packet = encode_frame(frame)
+    assert packet.find(DELIMITER) == len(packet) - 1
+    received = read_one(packet)
+    assert (received.sequence, received.sensor_time_us) == (frame.sequence, frame.sensor_time_us)
+    assert received.grid == frame.grid
+    for name in ('distance', 'signal', 'ambient', 'status'):
+        sent, got = getattr(frame, name), getattr(received, name)
+        assert got.dtype == sent.dtype
+        np.testing.assert_array_equal(got, sent, err_msg=name)
+    assert encode_frame(received) == packet
+
+
+@law
+@given(
+    distance=hnp.arrays(np.float32, 16, elements=st.floats(width=32)),
+    light=hnp.arrays(
+        np.float32, 16, elements=st.floats(width=32, allow_nan=False, allow_infinity=False)
+    ),
+)
+def test_any_value_arrives_rounded_and_clipped(distance: Any, light: Any) -> None:
+    status = np.where(np.isnan(distance), 255, 9).astype(np.uint8)
+    frame = read_one(encode_frame(make_frame(distance=distance, signal=light, status=status)))
+    expected = np.clip(distance.astype(float), -8.192, 8.19175)
+    np.testing.assert_allclose(frame.distance, expected, rtol=1e-6, atol=0.000125)
+    expected = np.clip(light.astype(float), 0, (2**32 - 1) / 2048)
+    np.testing.assert_allclose(frame.signal, expected, rtol=1e-6, atol=1 / 4096)
+
+
+def test_values_are_clipped_to_the_units_of_the_wire() -> None:
+    distance = np.full(16, 1.0, np.float32)
+    light = np.full(16, 1.0, np.float32)
+    distance[:8] = [np.inf, 8.192, 8.19175, 0.0002, 0.0001, -0.0002, -8.192, -np.inf]
+    light[:8] = [3e38, 4e6, 2097152, 2097151.5, 0.0003, 0.0002, -0.0003, -3e38]
+    packet = encode_frame(make_frame(distance=distance, signal=light, ambient=light))
+    zones = list(struct.iter_unpack('<hIIB', cobs_decode(packet[:-1])[15:-2]))
+    in_order = [zones[n] for n in (3, 2, 1, 0, 7, 6, 5, 4)]
+    assert [zone[0] for zone in in_order] == [32767, 32767, 32767, 1, 0, -1, -32768, -32768]
+    for field in (1, 2):
+        highest = 2**32 - 1
+        raw = [highest, highest, highest, highest - 1023, 1, 0, 0, 0]
+        assert [zone[field] for zone in in_order] == raw
+
+
+@both_grids
+def test_only_status_255_means_that_there_is_no_distance(side: int) -> None:
+    for first in range(0, 256, side**2):
+        status = range(first, first + side**2)
+        zones = [(8000, 2048, 0, code) for code in status]
+        frame = read_one(encode_packet(content_of(side, side, zones)))
+        np.testing.assert_array_equal(np.isnan(frame.distance), frame.status == 255)
+        assert sorted(frame.status) == list(status)
+        assert (frame.distance[frame.status != 255] == 2).all()
+
+
+@pytest.mark.parametrize(
+    ('changes', 'message'),
+    [
+        ({'distance': np.ones(15, np.float32)}, r'distance has shape \(15,\); 4x4 zones need'),
+        ({'signal': np.ones((4, 4), np.float32)}, r'signal has shape \(4, 4\)'),
+        ({'ambient': np.ones(64, np.float32)}, r'ambient has shape \(64,\)'),
+        ({'status': np.ones(0, np.uint8)}, r'status has shape \(0,\)'),
+        ({'signal': np.full(16, np.nan, np.float32)}, 'signal nan is not finite'),
+        ({'ambient': np.full(16, np.inf, np.float32)}, 'ambient inf is not finite'),
+        ({'distance': np.full(16, np.nan, np.float32)}, 'NaN where the status is not 255'),
+        ({'sequence': 2**32}, 'sequence 4294967296 .* does not fit'),
+        ({'sequence': -1}, 'sequence -1 .* does not fit'),
+        ({'sensor_time_us': 2**64}, 'sensor time 18446744073709551616 µs does not fit'),
+        ({'sensor_time_us': -1}, 'sensor time -1 µs does not fit'),
+    ],
+)
+def test_frames_that_the_wire_cannot_hold(changes: dict[str, Any], message: str) -> None:
+    with pytest.raises(ValueError, match=message):
+        encode_frame(make_frame(**changes))
+
+
+@both_grids
+def test_a_packet_at_its_longest_is_far_from_the_limit(side: int) -> None:
+    zones = [(-1, 2**32 - 1, 2**32 - 1, 254)] * side**2
+    packet = encode_packet(content_of(side, side, zones))
+    assert len(packet) == {4: 195, 8: 725}[side]
+    assert len(packet) < MAX_PACKET_BYTES / 5
+
+
+# The reader.
+
+
+def garbage() -> st.SearchStrategy[bytes]:
+    good = st.sampled_from([*make_packets(3), *make_packets(2, side=8)])
+    other = st.binary(max_size=20).map(encode_packet)
+    overlong = st.integers(MAX_PACKET_BYTES - 2, MAX_PACKET_BYTES + 2).map(lambda n: n * b'\1')
+    piece = good | other | st.binary(max_size=30) | st.just(DELIMITER) | overlong
+    return st.lists(piece, max_size=10).map(b''.join)
+
+
+@law
+@given(stream=garbage(), data=st.data())
+def test_any_split_of_a_stream_gives_the_same(stream: bytes, data: st.DataObject) -> None:
+    whole, counts = read(stream)
+    cuts = data.draw(st.lists(st.integers(0, len(stream)), max_size=20).map(sorted))
+    reader = reader_in_step()
+    pieces = [stream[a:b] for a, b in zip([0, *cuts], [*cuts, len(stream)], strict=True)]
+    frames = [frame for piece in pieces for frame in reader.feed(piece)]
+    assert sequences(frames) == sequences(whole)
+    assert reader.counts == counts
+
+
+def test_damaged_are_all_but_frames_and_unknown_kinds() -> None:
+    counts = WireCounts(
+        frames=1, bad_framing=2, bad_crc=4, bad_shape=8, unknown_kind=16, overlong=32
+    )
+    assert counts.damaged == 2 + 4 + 8 + 32
+
+
+@law
+@given(stream=garbage())
+def test_every_packet_is_counted_once(stream: bytes) -> None:
+    frames, counts = read(stream)
+    pending = stream.rpartition(DELIMITER)[2]
+    overlong = len(pending) > MAX_PACKET_BYTES  # is known before its end
+    assert counted(counts) == len(ended_packets(stream)) + overlong
+    assert counts.frames == len(frames)
+
+
+def test_byte_by_byte() -> None:
+    reader = FrameReader()
+    frames = [len(reader.feed(bytes([byte]))) for packet in make_packets(2) for byte in packet]
+    ends = [index + 1 for index, count in enumerate(frames) if count]
+    assert ends == [len(packet) for packet in make_packets(1)] + [len(frames)]
+    assert reader.counts == WireCounts(frames=2)
+
+
+@both_grids
+def test_frames_end_to_end_are_all_read_in_order(side: int) -> None:
+    stream = DELIMITER * 3 + (DELIMITER * 2).join(make_packets(50, side))
+    frames, counts = read(stream)
+    assert sequences(frames) == list(range(50))
+    assert counts == WireCounts(frames=50)
+
+
+def test_a_packet_cut_off_anywhere_costs_itself_only() -> None:
+    first, second, _ = make_packets(3)
+    for length in range(1, len(first) - 1):
+        frames, counts = read(first[:length] + DELIMITER + second)
+        assert sequences(frames) == [1], length
+        assert counts.damaged == 1
+
+
+def test_a_packet_cut_off_with_its_delimiter_costs_the_next_too() -> None:
+    first, second, third = make_packets(3)
+    for length in range(1, len(first)):
+        frames, counts = read(first[:length] + second + third)
+        assert sequences(frames) == [2], length
+        assert counts.damaged == 1
+
+
+def test_a_stream_joined_anywhere_costs_that_packet_only_and_is_no_damage() -> None:
+    first, second, third = make_packets(3)
+    reader = FrameReader()
+    for start in range(1, len(first) - 1):
+        assert sequences(reader.feed(first[start:] + second + third)) == [1, 2], start
+        assert reader.counts.damaged == 0
+        reader.restart()
+    assert sequences(reader.feed(first + second[1:])) == [0]  # the first was whole
+    assert reader.counts.damaged == 1
+    assert sequences(reader.feed(second[:50])) == []
+    reader.restart()
+    assert reader.counts.damaged == 2  # it was begun, and cut off
+
+
+@both_grids
+def test_a_bit_flip_costs_its_packet_only(side: int) -> None:
+    first, second, third = make_packets(3, side)
+    for bit in range(0, 8 * (len(first) - 1), {4: 1, 8: 11}[side]):
+        damaged = bytearray(first)
+        damaged[bit // 8] ^= 1 << bit % 8
+        frames, counts = read(bytes(damaged) + second + third)
+        assert sequences(frames) == [1, 2], bit
+        assert counts.damaged == len(ended_packets(bytes(damaged)))
+
+
+def test_a_bit_flip_in_the_delimiter_costs_two_packets() -> None:
+    first, second, third = make_packets(3)
+    for bit in range(8):
+        frames, counts = read(first[:-1] + bytes([1 << bit]) + second + third)
+        assert sequences(frames) == [2]
+        assert counts.damaged == 1
+
+
+@pytest.mark.parametrize(
+    ('content', 'counts'),
+    [
+        (b'', WireCounts(bad_crc=1)),
+        (b'\0', WireCounts(unknown_kind=1)),
+        (b'\2', WireCounts(unknown_kind=1)),
+        (content_of(4, 4, ZONES, kind=255), WireCounts(unknown_kind=1)),
+        (b'\1', WireCounts(bad_shape=1)),
+        (content_of(4, 4, [])[:-1], WireCounts(bad_shape=1)),
+        (content_of(4, 4, []), WireCounts(bad_shape=1)),
+        (content_of(0, 0, []), WireCounts(bad_shape=1)),
+        (content_of(4, 4, ZONES[:-1]), WireCounts(bad_shape=1)),
+        (content_of(4, 4, ZONES)[:-1], WireCounts(bad_shape=1)),
+        (content_of(4, 4, ZONES) + b'\0', WireCounts(bad_shape=1)),
+        (content_of(8, 8, ZONES), WireCounts(bad_shape=1)),
+        (content_of(4, 4, ZONES * 4), WireCounts(bad_shape=1)),
+        (content_of(1, 16, ZONES), WireCounts(bad_shape=1)),
+        (content_of(2, 8, ZONES), WireCounts(bad_shape=1)),
+        (content_of(16, 1, ZONES), WireCounts(bad_shape=1)),
+        (content_of(4, 8, ZONES * 2), WireCounts(bad_shape=1)),
+        (content_of(16, 16, ZONES * 16), WireCounts(bad_shape=1)),
+        (content_of(255, 255, ZONES), WireCounts(bad_shape=1)),
+        (content_of(255, 255, ZONES * 20), WireCounts(bad_shape=1)),
+    ],
+)
+def test_whole_packets_that_are_no_frames(content: bytes, counts: WireCounts) -> None:
+    reader = reader_in_step()
+    assert reader.feed(encode_packet(content)) == []
+    assert reader.counts == counts
+    assert sequences(reader.feed(make_packets(1)[0])) == [0]
+
+
+@pytest.mark.parametrize(
+    ('packet', 'counts'),
+    [
+        (b'\1', WireCounts(bad_crc=1)),
+        (b'\2a', WireCounts(bad_crc=1)),
+        (b'\3ab', WireCounts(bad_crc=1)),
+        (b'\4ab', WireCounts(bad_framing=1)),
+        (b'\xff', WireCounts(bad_framing=1)),
+        (b'\1' * MAX_PACKET_BYTES, WireCounts(bad_crc=1)),
+        (b'\1' * (MAX_PACKET_BYTES + 1), WireCounts(overlong=1)),
+    ],
+)
+def test_packets_that_are_not_whole(packet: bytes, counts: WireCounts) -> None:
+    assert read(packet + DELIMITER) == ([], counts)
+    assert counts.damaged == 1
+
+
+def test_the_longest_packet_is_read_and_one_byte_more_is_not() -> None:
+    # COBS adds a byte and one for every 254, and the checksum has two.
+    longest = b'\2' + b'x' * (MAX_PACKET_BYTES - 1 - MAX_PACKET_BYTES // 255 - 3)
+    assert len(encode_packet(longest)) == MAX_PACKET_BYTES + len(DELIMITER)
+    assert read(encode_packet(longest)) == ([], WireCounts(unknown_kind=1))
+    assert read(encode_packet(longest + b'x')) == ([], WireCounts(overlong=1))
+
+
+def test_endless_data_without_a_delimiter_is_not_kept() -> None:
+    reader = FrameReader()
+    block = random.Random(1).randbytes(1000).replace(DELIMITER, b'x')
+    tracemalloc.start()
+    try:
+        for count in range(2000):
+            assert reader.feed(block) == []
+            if count % 100 == 0:
+                assert len(pickle.dumps(reader)) < MAX_PACKET_BYTES + 1000
+        used, _ = tracemalloc.get_traced_memory()
+    finally:
+        tracemalloc.stop()
+    assert used < 20 * MAX_PACKET_BYTES
+    assert reader.counts == WireCounts(overlong=1)
+    first, second = make_packets(2)
+    assert sequences(reader.feed(first + second)) == [1]
+    assert reader.counts == WireCounts(overlong=1, frames=1)
+
+
+def test_an_unfinished_packet_at_its_longest_is_kept_once() -> None:
+    reader = FrameReader()
+    for length in range(1, MAX_PACKET_BYTES + 1):
+        reader.feed(b'x')
+        assert length < len(pickle.dumps(reader)) < length + 1000
+    reader.feed(b'x')
+    assert len(pickle.dumps(reader)) < 1000
+
+
+def test_random_bytes_are_no_frames() -> None:
+    rng = random.Random(2)
+    reader = reader_in_step()
+    noise = rng.randbytes(1_000_000)
+    assert [frame for piece in in_pieces(noise, rng, 4096) for frame in reader.feed(piece)] == []
+    assert counted(reader.counts) == len(ended_packets(noise))
+    assert reader.counts.bad_framing > 0
+    assert reader.counts.bad_crc > 0
+    assert sequences(reader.feed(DELIMITER + make_packets(1)[0])) == [0]
+
+
+@pytest.mark.parametrize('seed', range(3))
+def test_what_is_whole_in_a_damaged_stream_is_read(seed: int) -> None:
+    rng = random.Random(seed)
+    packets = make_packets(600) + make_packets(100, side=8)
+    rng.shuffle(packets)
+    numbers = {
+        packet[:-1]: sequence
+        for sent in (make_packets(600), make_packets(100, side=8))
+        for sequence, packet in enumerate(sent)
+    }
+    stream = damage(b''.join(packets), rng)
+    reader = reader_in_step()
+    frames = [frame for piece in in_pieces(stream, rng, 700) for frame in reader.feed(piece)]
+    arrived = ended_packets(stream)
+    expected = [numbers[packet] for packet in arrived if packet in numbers]
+    assert sequences(frames) == expected
+    assert 200 < len(expected) < 650
+    assert counted(reader.counts) == len(arrived)
+    assert reader.counts.frames == len(expected)

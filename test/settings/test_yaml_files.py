@@ -1,0 +1,194 @@
+# Copyright 2026 retrolidar_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+from contextlib import suppress
+from inspect import signature
+from pathlib import Path
+
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from retrolidar_ros.detector import METHODS, create_detector
+from retrolidar_ros.detector.noise import NoiseLaw
+from retrolidar_ros.marker.code import RESERVED_IDS
+from retrolidar_ros.scene import Scene, Simulation
+from retrolidar_ros.scene.files import find_scene, load_scene
+from retrolidar_ros.settings.resources import shared_file
+from retrolidar_ros.settings.section import ConfigError
+from retrolidar_ros.settings.yaml_files import load_parameter_defaults, load_yaml
+
+SHIPPED = sorted(path.stem for path in shared_file('config/scenes').glob('*.yaml'))
+
+
+@pytest.fixture
+def file(tmp_path: Path) -> Path:
+    return tmp_path / 'some.yaml'
+
+
+def test_three_scenes_ship() -> None:
+    assert {'coffee', 'drone', 'range'} <= set(SHIPPED)
+
+
+@pytest.mark.parametrize('name', SHIPPED)
+def test_shipped_scene_loads_and_shows_its_markers(name: str) -> None:
+    scene = load_scene(name)
+    assert scene.description
+    assert scene.markers
+    names = [marker.name for marker in scene.markers]
+    assert len(set(names)) == len(names)
+    ids = {marker.id for marker in scene.markers}
+    assert len(ids) == len(scene.markers)
+    assert not ids & set(RESERVED_IDS)
+    # Each blinks in some zone by more than four standard deviations of the noise.
+    recording = Simulation(scene).run(10)
+    noise = scene.sensor.noise
+    assert noise
+    blinking = recording.signal.std(axis=0) ** 2 > 4 * (
+        noise.floor + noise.slope * recording.signal.mean(axis=0)
+    )
+    assert blinking.sum() >= len(scene.markers)
+    assert load_scene(str(find_scene(name))) == scene
+
+
+@pytest.mark.parametrize('name', SHIPPED)
+def test_surfaces_of_a_shipped_scene_fill_each_zone(name: str) -> None:
+    scene = load_scene(name)
+    seen: set[int] = set()
+    for surface in scene.surfaces:
+        seen |= set(range(16) if surface.zones is None else surface.zones)
+    assert seen == set(range(scene.sensor.grid.zones))
+
+
+def test_a_file_goes_before_a_shipped_scene_of_its_name(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert find_scene('coffee').name == 'coffee.yaml'
+    Path('coffee').write_text('seed: 99')
+    assert load_scene('coffee') == Scene(seed=99)
+
+
+@pytest.mark.parametrize('name', ['tea', '', 'no/such.yaml', '.', 'config'])
+def test_a_missing_scene_lists_those_that_ship(name: str) -> None:
+    with pytest.raises(FileNotFoundError, match=r'one of .*coffee, drone, .*range'):
+        load_scene(name)
+
+
+def test_an_empty_file_is_no_scene(file: Path) -> None:
+    file.write_text('')
+    with pytest.raises(ConfigError, match=f'^{file}: the file: needs keys with values, not None$'):
+        load_scene(str(file))
+
+
+def test_a_scene_error_names_file_and_key(file: Path) -> None:
+    file.write_text('sensor: {period: 21}')
+    with pytest.raises(ConfigError, match=f'^{file}: sensor.period: 21 has no unit; write 21 s$'):
+        load_scene(str(file))
+
+
+@pytest.mark.parametrize(
+    ('text', 'key', 'line'),
+    [
+        ('seed: 1\nduration: 2 s\nseed: 3\n', 'seed', 3),
+        ('sensor:\n  period: 21 ms\n  blur: 5 %\n  period: 22 ms\n', 'period', 4),
+        ('markers:\n- {id: 5,\n   name: a,\n   id: 6}\n', 'id', 4),
+        ('1: a\n0x1: b\n', '1', 2),
+    ],
+)
+def test_a_key_that_stands_twice_is_refused_with_its_line(
+    file: Path, text: str, key: str, line: int
+) -> None:
+    file.write_text(text)
+    with pytest.raises(ValueError, match=f"key '?{key}'? stands here a second time") as caught:
+        load_yaml(file)
+    assert f'line {line}, ' in str(caught.value)
+    assert str(caught.value).startswith(f'{file} is not a YAML file: ')
+    with pytest.raises(ConfigError, match=f'^{file} is not a YAML file: '):
+        load_scene(str(file))
+
+
+def test_equal_keys_in_different_mappings_are_two(file: Path) -> None:
+    file.write_text('a: {x: 1}\nb: {x: 2}\nc: [{x: 3}, {x: 4}]\n')
+    assert load_yaml(file) == {'a': {'x': 1}, 'b': {'x': 2}, 'c': [{'x': 3}, {'x': 4}]}
+
+
+def test_a_mapping_may_be_merged_in_and_overridden(file: Path) -> None:
+    file.write_text(
+        'markers:\n- &first {id: 5, position: [0 m, 0 m, 1 m], start: 1 s}\n- {<<: *first, id: 6}\n'
+    )
+    one, other = load_scene(str(file)).markers
+    assert (one.id, other.id) == (5, 6)
+    assert other.start_s == one.start_s == 1
+    file.write_text('a: &a {x: 1}\nb: {<<: *a, y: 2, y: 3}\n')
+    with pytest.raises(ValueError, match="key 'y' stands here a second time"):
+        load_yaml(file)
+
+
+@pytest.mark.parametrize(
+    'text',
+    [
+        '[1, 2',
+        'a: b: c',
+        '\t',
+        '--- 1\n--- 2\n',
+        '? [1, 2]\n: list as key\n',
+        '? {a: b}\n: mapping as key\n',
+        'a: !!python/object:os.system x',
+        'a: 2026-02-30',
+        'a: *nowhere',
+        '[' * 500,
+    ],
+)
+def test_what_is_no_yaml_is_a_value_error_with_the_file(file: Path, text: str) -> None:
+    file.write_text(text)
+    with pytest.raises(ValueError, match=f'^{file} is not a YAML file: '):
+        load_yaml(file)
+    with pytest.raises(ConfigError, match=f'^{file} is not a YAML file: '):
+        load_scene(str(file))
+
+
+def test_what_is_no_text_is_a_value_error_with_the_file(file: Path) -> None:
+    file.write_bytes(b'a: \xff\xfe')
+    with pytest.raises(ValueError, match=f'^{file} is not a YAML file: '):
+        load_yaml(file)
+
+
+@settings(
+    max_examples=60,
+    deadline=None,
+    derandomize=True,
+    suppress_health_check=[HealthCheck.function_scoped_fixture],
+)
+@given(st.text(st.sampled_from('ab01 :-[]{},?&*<!|>"\'%\n\t#.é\0'), max_size=40))
+def test_any_text_is_content_or_a_value_error(file: Path, text: str) -> None:
+    file.write_text(text, encoding='utf-8')
+    with suppress(ValueError):
+        load_yaml(file)
+    with pytest.raises(ConfigError, match=f'^{file}'):
+        load_scene(str(file))
+
+
+def test_a_file_that_cannot_be_read_is_an_os_error(tmp_path: Path) -> None:
+    with pytest.raises(IsADirectoryError):
+        load_yaml(tmp_path)
+    with pytest.raises(FileNotFoundError):
+        load_yaml(tmp_path / 'missing.yaml')
+
+
+@pytest.mark.parametrize(('kind', 'name'), [('driver', 'serial_port'), ('detector', 'method')])
+def test_parameter_defaults_of_the_nodes(kind: str, name: str) -> None:
+    parameters = load_parameter_defaults(shared_file('config/retrolidar.yaml'), kind)
+    assert isinstance(parameters[name], str)
+    assert all(isinstance(key, str) for key in parameters)
+
+
+def test_the_detector_node_and_the_library_have_the_same_defaults() -> None:
+    parameters = load_parameter_defaults(shared_file('config/retrolidar.yaml'), 'detector')
+    library = signature(create_detector).parameters
+    assert parameters['method'] == METHODS[0]
+    assert parameters['bit_period'] == library['bit_period_s'].default
+    for name in ('likelihood_threshold', 'false_ids_per_hour', 'max_packets'):
+        assert parameters[name] == library[name].default
+    names = ('noise_floor', 'noise_slope', 'noise_ambient')
+    assert NoiseLaw(*(parameters[name] for name in names)) == NoiseLaw()
+    assert parameters['registered_ids'] == []

@@ -1,0 +1,184 @@
+# Copyright 2026 retrolidar_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+import itertools
+import math
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from retrolidar_ros.tasks.heartbeat import WINDOW_S, Heartbeat
+
+law = settings(deadline=None)
+# Halves and quarters of seconds add up exactly.
+quarters = st.integers(0, 400).map(lambda count: count / 4)
+# So long that no jump is taken for a clock that was set.
+windows = st.sampled_from([1.0, 1.5, 2.5, 10.0])
+beats = st.lists(quarters, min_size=1, max_size=30).map(sorted)
+
+
+def beaten(times: list[float], window_s: float = WINDOW_S) -> Heartbeat:
+    heart = Heartbeat(window_s)
+    for time_s in times:
+        heart.beat(time_s)
+    return heart
+
+
+def counts(heart: Heartbeat) -> tuple[int, int, int]:
+    return heart.beats, heart.windows, heart.windows_alive
+
+
+def test_windows_are_those_of_the_paper() -> None:
+    assert WINDOW_S == 10
+    assert Heartbeat().window_s == WINDOW_S
+    assert counts(Heartbeat()) == (0, 0, 0)
+
+
+def test_time_begins_with_the_first_call() -> None:
+    heart = Heartbeat()
+    heart.advance(1e6)
+    assert counts(heart) == (0, 0, 0)
+    assert heart.silence_s(1e6 + 3) == 3
+    assert heart.longest_silence_s(1e6 + 3) == 3
+
+
+def test_a_window_counts_when_it_is_whole() -> None:
+    heart = beaten([100.0, 109.0])
+    heart.advance(109.9)
+    assert counts(heart) == (2, 0, 0)
+    heart.advance(110.0)
+    assert counts(heart) == (2, 1, 1)
+    heart.advance(119.9)
+    assert counts(heart) == (2, 1, 1)
+    heart.advance(120.0)
+    assert counts(heart) == (2, 2, 1)
+
+
+def test_a_reading_on_the_border_is_of_the_window_that_begins() -> None:
+    heart = Heartbeat()
+    heart.advance(0.0)
+    heart.beat(10.0)
+    assert counts(heart) == (1, 1, 0)
+    heart.advance(20.0)
+    assert counts(heart) == (1, 2, 1)
+
+
+def test_many_readings_make_a_window_no_more_alive() -> None:
+    heart = beaten([0.0, 1.0, 2.0, 3.0])
+    heart.advance(10.0)
+    assert counts(heart) == (4, 1, 1)
+
+
+def test_windows_pass_without_a_reading() -> None:
+    heart = beaten([3.0])
+    heart.advance(48.0)
+    assert counts(heart) == (1, 4, 1)
+    heart.beat(48.0)
+    heart.advance(53.0)
+    assert counts(heart) == (2, 5, 2)
+
+
+def test_a_clock_that_is_set_forward_begins_anew() -> None:
+    heart = beaten([0.0, 1.0])
+    heart.beat(1.8e9)
+    assert counts(heart) == (1, 0, 0)
+    assert heart.longest_silence_s(1.8e9) == 0
+
+
+def test_silence_is_since_the_last_reading_and_the_longest_is_kept() -> None:
+    heart = Heartbeat()
+    heart.advance(0.0)
+    assert heart.silence_s(7.0) == 7
+    heart.beat(7.0)
+    assert (heart.silence_s(7.0), heart.longest_silence_s(7.0)) == (0, 7)
+    heart.beat(9.0)
+    assert (heart.silence_s(10.0), heart.longest_silence_s(10.0)) == (1, 7)
+    # The present silence may be the longest, and asking does not change it.
+    assert heart.longest_silence_s(20.0) == 11
+    assert heart.longest_silence_s(10.0) == 7
+
+
+@law
+@given(beats, windows, quarters)
+def test_windows_alive_are_counted_as_by_hand(
+    times: list[float], window_s: float, later_s: float
+) -> None:
+    heart = beaten(times, window_s)
+    end_s = times[-1] + later_s
+    heart.advance(end_s)
+    places = [int((time_s - times[0]) // window_s) for time_s in times]
+    whole = int((end_s - times[0]) // window_s)
+    assert heart.beats == len(times)
+    assert heart.windows == whole
+    assert heart.windows_alive == len({place for place in places if place < whole})
+
+
+@law
+@given(beats, windows, quarters)
+def test_the_longest_silence_is_the_longest_gap(
+    times: list[float], window_s: float, later_s: float
+) -> None:
+    heart = beaten(times, window_s)
+    end_s = times[-1] + later_s
+    gaps = [after - before for before, after in itertools.pairwise([*times, end_s])]
+    assert heart.silence_s(end_s) == later_s
+    assert heart.longest_silence_s(end_s) == max(gaps)
+
+
+@law
+@given(st.lists(st.tuples(st.booleans(), st.floats(-100, 100)), max_size=40), windows)
+def test_whatever_time_does_the_counts_make_sense(
+    calls: list[tuple[bool, float]], window_s: float
+) -> None:
+    heart = Heartbeat(window_s)
+    for is_beat, time_s in calls:
+        if is_beat:
+            heart.beat(time_s)
+        else:
+            heart.advance(time_s)
+        assert 0 <= heart.windows_alive <= heart.windows
+        assert heart.windows_alive <= heart.beats <= len(calls)
+        assert 0 <= heart.silence_s(time_s) <= heart.longest_silence_s(time_s) < math.inf
+
+
+@law
+@given(beats, windows, st.integers(1, 8))
+def test_how_often_one_looks_changes_nothing(
+    times: list[float], window_s: float, steps: int
+) -> None:
+    direct, watched = beaten(times, window_s), Heartbeat(window_s)
+    for before, after in itertools.pairwise([times[0], *times]):
+        for step in range(steps):
+            watched.advance(before + (after - before) * step / steps)
+        watched.beat(after)
+    assert counts(watched) == counts(direct)
+    assert watched.longest_silence_s(times[-1]) == direct.longest_silence_s(times[-1])
+
+
+@law
+@given(beats, windows, st.floats(0.01, 1000), st.booleans())
+def test_time_that_goes_back_begins_anew(
+    times: list[float], window_s: float, back_s: float, is_beat: bool
+) -> None:
+    heart = beaten(times, window_s)
+    heart.advance(times[-1] + 100.0)
+    time_s = times[0] - back_s
+    if is_beat:
+        heart.beat(time_s)
+    else:
+        heart.advance(time_s)
+    assert counts(heart) == (int(is_beat), 0, 0)
+    assert heart.silence_s(time_s) == heart.longest_silence_s(time_s) == 0
+    assert heart.silence_s(time_s + 0.5) == pytest.approx(0.5)
+    heart.advance(time_s + 1.5 * window_s)
+    assert counts(heart) == (int(is_beat), 1, int(is_beat))
+
+
+def test_readings_that_come_a_little_out_of_order_count_and_restart_nothing() -> None:
+    heart = beaten([0.0, 5.0, 4.0])
+    assert heart.silence_s(7.0) == 2
+    heart.beat(6.0)
+    heart.advance(10.0)
+    assert counts(heart) == (4, 1, 1)
+    assert heart.silence_s(10.0) == 4
+    assert heart.longest_silence_s(6.0) == 5

@@ -1,0 +1,190 @@
+# Copyright 2026 retrolidar_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from retrolidar_ros.sensor.frame import Floats
+from retrolidar_ros.sensor.rotation import matrix_of
+from retrolidar_ros.tasks.objects import ObjectBoard, largest_stddev
+
+S = 1_000_000_000
+SHARP = np.diag([1e-4, 1e-4, 1e-6])  # 1 cm
+NAMES = ('beans', 'machine', 'mug')
+
+lengths = st.floats(0, 10).map(lambda x: round(x, 6))
+positions = st.tuples(lengths, lengths, lengths).map(np.array)
+
+
+def new_board() -> ObjectBoard:
+    return ObjectBoard(NAMES, max_stddev_m=0.15, stale_after_s=10.0)
+
+
+def see_all(board: ObjectBoard, stamp_ns: int) -> None:
+    for place, name in enumerate(board.names):
+        board.see(name, stamp_ns, 'base', np.full(3, float(place)), SHARP)
+
+
+def test_a_board_needs_names_and_each_but_once() -> None:
+    with pytest.raises(ValueError, match=r'^objects: there is no name; name at least one$'):
+        ObjectBoard([], 0.1, 10.0)
+    with pytest.raises(ValueError, match=r'^objects: mug comes twice$'):
+        ObjectBoard(['beans', 'mug', 'cup', 'mug'], 0.1, 10.0)
+    assert ObjectBoard(['mug', 'beans'], 0.1, 10.0).names == ('mug', 'beans')
+
+
+def test_all_are_missing_at_first() -> None:
+    missing = new_board().missing(0)
+    assert missing == dict.fromkeys(NAMES, 'has not been seen')
+    assert tuple(missing) == NAMES
+
+
+def test_nothing_is_missing_once_all_are_seen_well() -> None:
+    board = new_board()
+    see_all(board, 5 * S)
+    assert board.missing(6 * S) == {}
+
+
+def test_one_that_is_not_seen_is_missing() -> None:
+    board = new_board()
+    board.see('machine', 0, 'base', np.zeros(3), SHARP)
+    assert set(board.missing(0)) == {'beans', 'mug'}
+
+
+def test_a_sighting_counts_until_it_is_stale() -> None:
+    board = new_board()
+    see_all(board, 5 * S)
+    board.see('mug', 8 * S, 'base', np.zeros(3), SHARP)
+    assert board.missing(15 * S) == {}
+    assert board.missing(17 * S) == {
+        'beans': 'was last seen 12 s ago',
+        'machine': 'was last seen 12 s ago',
+    }
+    assert board.missing(19 * S)['mug'] == 'was last seen 11 s ago'
+    board.stale_after_s = 20.0
+    assert board.missing(19 * S) == {}
+
+
+def test_a_stamp_ahead_of_the_clock_is_not_stale() -> None:
+    board = new_board()
+    see_all(board, 5 * S)
+    assert board.missing(0) == {}
+
+
+def test_an_uncertain_place_is_missing_until_it_is_seen_better() -> None:
+    board = new_board()
+    see_all(board, 0)
+    board.see('mug', S, 'base', np.zeros(3), np.diag([1e-4, 0.09, 1e-4]))
+    assert board.missing(S) == {'mug': 'is known to 0.3000 m only; 0.15 m wanted'}
+    # The latest counts, not the best.
+    board.see('mug', 2 * S, 'base', np.zeros(3), SHARP)
+    assert board.missing(2 * S) == {}
+    board.max_stddev_m = 0.005
+    assert set(board.missing(2 * S)) == set(NAMES)
+
+
+def test_what_is_just_good_enough_is_not_missing() -> None:
+    board = ObjectBoard(['mug'], max_stddev_m=0.25, stale_after_s=8.0)
+    board.see('mug', 0, 'base', np.zeros(3), 0.0625 * np.eye(3))
+    assert board.missing(8 * S) == {}
+
+
+def test_stale_goes_before_uncertain() -> None:
+    board = ObjectBoard(['mug'], max_stddev_m=0.1, stale_after_s=1.0)
+    board.see('mug', 0, 'base', np.zeros(3), np.eye(3))
+    assert board.missing(3 * S) == {'mug': 'was last seen 3 s ago'}
+
+
+def test_an_object_nobody_asked_for_changes_nothing() -> None:
+    board = new_board()
+    board.see('cup', 0, 'base', np.ones(3), SHARP)
+    assert tuple(board.missing(0)) == NAMES
+    assert board.offsets(0) == {}
+
+
+def test_an_older_sighting_does_not_replace_a_newer_one() -> None:
+    board = ObjectBoard(['beans', 'mug'], 0.15, 10.0)
+    board.see('beans', 0, 'base', np.zeros(3), SHARP)
+    board.see('mug', 5 * S, 'base', np.array([1.0, 0.0, 0.0]), SHARP)
+    board.see('mug', 4 * S, 'base', np.array([2.0, 0.0, 0.0]), np.eye(3))
+    assert board.offsets(0)['beans', 'mug'].tolist() == [1, 0, 0]
+    assert board.missing(5 * S) == {}
+    # Of the same time the later call counts.
+    board.see('mug', 5 * S, 'base', np.array([3.0, 0.0, 0.0]), SHARP)
+    assert board.offsets(0)['beans', 'mug'].tolist() == [3, 0, 0]
+
+
+def test_offsets_are_of_the_pairs_seen_in_order_of_the_names() -> None:
+    board = new_board()
+    assert board.offsets(0) == {}
+    board.see('mug', 0, 'base', np.array([0.6, 0.2, 1.9]), SHARP)
+    assert board.offsets(0) == {}
+    board.see('beans', 0, 'base', np.array([-0.1, 0.1, 1.0]), SHARP)
+    assert list(board.offsets(0)) == [('beans', 'mug')]
+    assert board.offsets(0)['beans', 'mug'] == pytest.approx([0.7, 0.1, 0.9])
+    board.see('machine', 0, 'base', np.zeros(3), SHARP)
+    assert list(board.offsets(0)) == [('beans', 'machine'), ('beans', 'mug'), ('machine', 'mug')]
+
+
+@given(positions, positions, positions)
+def test_ways_add_up_and_go_from_one_to_the_other(
+    beans: Floats, machine: Floats, mug: Floats
+) -> None:
+    board = new_board()
+    for name, place in zip(NAMES, (beans, machine, mug), strict=True):
+        board.see(name, 0, 'base', place, SHARP)
+    ways = board.offsets(0)
+    assert beans + ways['beans', 'mug'] == pytest.approx(mug, abs=1e-12)
+    assert ways['beans', 'machine'] + ways['machine', 'mug'] == pytest.approx(
+        ways['beans', 'mug'], abs=1e-12
+    )
+
+
+@given(
+    st.lists(st.floats(0, 100), min_size=3, max_size=3),
+    st.lists(st.floats(-1, 1), min_size=4, max_size=4).filter(lambda q: np.linalg.norm(q) > 0.1),
+)
+def test_the_largest_deviation_does_not_depend_on_the_axes(
+    deviations: list[float], quaternion: list[float]
+) -> None:
+    turn = matrix_of(np.array(quaternion))
+    covariance = turn @ np.diag(np.square(deviations)) @ turn.T
+    assert largest_stddev(covariance) == pytest.approx(max(deviations), rel=1e-6, abs=1e-6)
+
+
+def test_a_covariance_a_hair_below_zero_is_zero() -> None:
+    assert largest_stddev(np.diag([-1e-20, -1e-20, -1e-20])) == 0
+
+
+@given(st.permutations(range(5)), st.integers(0, 20))
+def test_the_order_in_which_sightings_come_does_not_matter(order: list[int], now_s: int) -> None:
+    board = ObjectBoard(['beans', 'mug'], 0.15, 10.0)
+    board.see('beans', 0, 'base', np.zeros(3), SHARP)
+    for second in order:
+        board.see('mug', second * S, 'base', np.full(3, float(second)), SHARP)
+    assert board.offsets(0)['beans', 'mug'].tolist() == [4, 4, 4]
+    assert ('mug' in board.missing(now_s * S)) == (now_s - 4 > 10)
+
+
+def test_objects_in_two_frames_are_not_set_against_each_other() -> None:
+    board = ObjectBoard(['beans', 'mug'], 0.15, 10.0)
+    assert board.see('beans', 0, 'left', np.zeros(3), SHARP)
+    assert board.see('mug', S, 'right', np.ones(3), SHARP)
+    assert board.missing(S) == {'beans': 'was seen in left, others in right'}
+    assert board.offsets(S) == {}
+
+
+def test_offsets_are_of_objects_that_are_placed() -> None:
+    board = ObjectBoard(['beans', 'mug'], 0.15, 10.0)
+    board.see('beans', 0, 'base', np.zeros(3), SHARP)
+    board.see('mug', S, 'base', np.ones(3), SHARP)
+    assert len(board.offsets(S)) == 1
+    assert board.offsets(11 * S) == {}
+
+
+def test_what_is_no_number_is_no_sighting() -> None:
+    board = ObjectBoard(['mug'], 0.15, 10.0)
+    assert not board.see('mug', 0, 'base', np.array([0.0, np.nan, 1.0]), SHARP)
+    board.see('mug', 0, 'base', np.ones(3), np.full((3, 3), np.nan))
+    assert 'mug' in board.missing(0)
