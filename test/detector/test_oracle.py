@@ -403,15 +403,16 @@ def test_the_codebook_finds_the_two_best_packets(core: Statistics, registered: i
     assert core.ask('codebook', *ids) == [registered]
     for case in range(40):
         own, adjacent = rng.uniform(1.2, 2.0), rng.uniform(0, 0.3)
-        smooth = rng.uniform(0, 0.1) * np.exp(-np.arange(PACKET_BITS) / rng.uniform(0.5, 5))
+        smooth, pair, decay = rng.uniform(0, [0.1, 0.1, 0.9])
+        lags = np.append(smooth, pair * decay ** np.arange(PACKET_BITS - 1))
         soft = rng.standard_normal(PACKET_BITS)
         if case % 2:
             soft += rng.uniform(0, 3) * (2.0 * packet(rng.choice(ids)) - 1)
         sums = packet(ids) @ soft
-        squared = np.where(sums > 0, sums**2 / energies(own, adjacent, smooth, ids), 0)
+        squared = np.where(sums > 0, sums**2 / energies(own, adjacent, lags, ids), 0)
         least = rng.choice([0.0, 0.5 * squared.max(), 2 * squared.max()])
         expected = np.sort(squared[squared > least])[::-1][:2]
-        answer = core.ask('best', least, own, adjacent, *smooth, *soft)
+        answer = core.ask('best', least, own, adjacent, smooth, pair, decay, *soft)
         answered = np.reshape(answer, (2, 2))
         found = answered[answered[:, 0] >= 0]
         np.testing.assert_allclose(found[:, 1], expected, rtol=1e-4)
