@@ -6,7 +6,6 @@
 #include "retrolidar_noise.h"
 
 #include <math.h>
-#include <stddef.h>
 
 /* A source varies by so much less without a packet that is sent. */
 static const double LESS = 0.9;
@@ -34,21 +33,19 @@ struct rl_hit rl_going_on_hit(const struct rl_going_on *going_on)
 /* How a source has varied since a time, over what is noise. */
 static double variation(const struct rl_samples *samples, int source, double since_s)
 {
-    double rows = 0.0, sum = 0.0, square = 0.0;
-    for (int row = rl_samples_row(samples, since_s); row < samples->count; row++) {
-        const double signal =
-            samples->signal[(size_t)row * (size_t)samples->width + (size_t)source];
-        if (isfinite(signal)) {
-            rows += 1.0;
-            sum += signal;
-            square += signal * signal;
-        }
+    const int first = rl_samples_row(samples, since_s), rows = samples->count - first;
+    const float *signals = samples->signal + rl_sample(samples, source, first);
+    double sum = 0.0, square = 0.0;
+    for (int row = 0; row < rows; row++) {
+        const double signal = signals[row];
+        sum += signal;
+        square += signal * signal;
     }
-    if (rows < 2.0) {
+    if (rows < 2) {
         return 0.0;
     }
     const double mean = sum / rows;
-    return (square - sum * mean) / (rows - 1.0) /
+    return (square - sum * mean) / (rows - 1) /
            (samples->noise_scale * rl_noise_variance(samples, source, mean));
 }
 
