@@ -12,7 +12,16 @@ from typing import NamedTuple
 
 import numpy as np
 import pytest
-from harness_firmware import ROOT, IntArray, RawFrame, compile_firmware, read_line, run_host
+from harness_firmware import (
+    ROOT,
+    IntArray,
+    RawFrame,
+    assert_same_zones,
+    compile_firmware,
+    make,
+    read_line,
+    run_host,
+)
 
 from retrolidar_ros.marker.battery import CELL_MAH, PROTOTYPE, active_share, drawn, life_h
 from retrolidar_ros.marker.code import BIT_PERIOD_S, packet
@@ -26,9 +35,7 @@ FRAME_US = 20_833
 @pytest.fixture(scope='module')
 def programs(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Compile both sketches, which is what checks their types."""
-    build = tmp_path_factory.mktemp('sketches')
-    compile_firmware('host', build)
-    return build
+    return compile_firmware(tmp_path_factory)
 
 
 # --- Reader
@@ -77,12 +84,6 @@ def read_by(
     told = told_by_driver(frames, status or [0] * len(frames), targets)
     slow = [] if baud is None else [baud]
     return read_line(run_host(program, start_us, period_us, *slow, given=told))
-
-
-def assert_same_zones(frame: Frame, raw: RawFrame) -> None:
-    again = RawFrame.of(frame)
-    for name in ('distance', 'signal', 'ambient', 'status'):
-        np.testing.assert_array_equal(getattr(again, name), getattr(raw, name))
 
 
 def test_every_frame_of_the_sensor_comes_out_of_the_line(programs: Path) -> None:
@@ -164,7 +165,7 @@ def test_a_sensor_that_does_not_answer_is_complained_of(programs: Path) -> None:
     assert reader.counts.damaged == 1
 
 
-def test_one_constant_makes_it_8x8_at_15_hz(tmp_path: Path) -> None:
+def test_one_constant_makes_it_8x8_at_15_hz(programs: Path, tmp_path: Path) -> None:
     copy = tmp_path / 'package'
     for directory in ('core', 'firmware', 'test/firmware'):
         shutil.copytree(ROOT / directory, copy / directory)
@@ -174,7 +175,9 @@ def test_one_constant_makes_it_8x8_at_15_hz(tmp_path: Path) -> None:
     assert after != before
     sketch.write_text(after)
     build = tmp_path / 'build'
-    compile_firmware('host', build, firmware=copy / 'firmware')
+    # As sources keep their times, only the sketch is compiled anew.
+    shutil.copytree(programs, build)
+    make(copy / 'firmware', build, build / 'reader_host')
     sent = raw_frames(20, zones=64)
     frames, reader = read_by(build / 'reader_host', sent, period_us=66_667)
     assert reader.counts.damaged == 0
