@@ -28,12 +28,6 @@ def counts(heart: Heartbeat) -> tuple[int, int, int]:
     return heart.beats, heart.windows, heart.windows_alive
 
 
-def test_windows_are_those_of_the_paper() -> None:
-    assert WINDOW_S == 10
-    assert Heartbeat().window_s == WINDOW_S
-    assert counts(Heartbeat()) == (0, 0, 0)
-
-
 def test_time_begins_with_the_first_call() -> None:
     heart = Heartbeat()
     heart.advance(1e6)
@@ -42,40 +36,25 @@ def test_time_begins_with_the_first_call() -> None:
     assert heart.longest_silence_s(1e6 + 3) == 3
 
 
-def test_a_window_counts_when_it_is_whole() -> None:
-    heart = beaten([100.0, 109.0])
-    heart.advance(109.9)
-    assert counts(heart) == (2, 0, 0)
-    heart.advance(110.0)
-    assert counts(heart) == (2, 1, 1)
-    heart.advance(119.9)
-    assert counts(heart) == (2, 1, 1)
-    heart.advance(120.0)
-    assert counts(heart) == (2, 2, 1)
-
-
-def test_a_reading_on_the_border_is_of_the_window_that_begins() -> None:
-    heart = Heartbeat()
-    heart.advance(0.0)
-    heart.beat(10.0)
-    assert counts(heart) == (1, 1, 0)
-    heart.advance(20.0)
-    assert counts(heart) == (1, 2, 1)
-
-
-def test_many_readings_make_a_window_no_more_alive() -> None:
-    heart = beaten([0.0, 1.0, 2.0, 3.0])
-    heart.advance(10.0)
-    assert counts(heart) == (4, 1, 1)
-
-
-def test_windows_pass_without_a_reading() -> None:
-    heart = beaten([3.0])
-    heart.advance(48.0)
-    assert counts(heart) == (1, 4, 1)
-    heart.beat(48.0)
-    heart.advance(53.0)
-    assert counts(heart) == (2, 5, 2)
+@pytest.mark.parametrize(
+    ('beats_s', 'expected'),
+    [
+        ([100.0, 109.0], {109.9: (2, 0, 0), 110.0: (2, 1, 1), 119.9: (2, 1, 1), 120.0: (2, 2, 1)}),
+        ([0.0, 1.0, 2.0, 3.0], {10.0: (4, 1, 1)}),  # many make it no more alive
+        ([3.0], {48.0: (1, 4, 1)}),  # and some pass without any
+        ([3.0, 48.0], {53.0: (2, 5, 2)}),
+        ([0.0, 10.0], {10.0: (2, 1, 1), 20.0: (2, 2, 2)}),  # the border is of the next
+    ],
+)
+def test_a_window_counts_when_it_is_whole(
+    beats_s: list[float], expected: dict[float, tuple[int, int, int]]
+) -> None:
+    assert Heartbeat().window_s == WINDOW_S == 10
+    assert counts(Heartbeat()) == (0, 0, 0)
+    heart = beaten(beats_s)
+    for time_s, count in expected.items():
+        heart.advance(time_s)
+        assert counts(heart) == count
 
 
 def test_a_clock_that_is_set_forward_begins_anew() -> None:
