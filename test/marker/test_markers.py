@@ -134,7 +134,8 @@ def test_markers_must_be_there_and_nothing_else() -> None:
         parse_markers({})
     with pytest.raises(ConfigError, match=r'^marker: unknown key; did you mean markers\?$'):
         parse_markers({'markers': {}, 'marker': {}})
-    for content in (None, [], 'markers', 5):
+    contents: tuple[object, ...] = (None, [], 'markers', 5)
+    for content in contents:
         with pytest.raises(ConfigError, match='needs keys with values, not '):
             parse_markers(content)
 
