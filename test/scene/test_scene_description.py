@@ -180,9 +180,11 @@ def test_a_section_needs_keys_with_values(path: Place, value: Any) -> None:
 
 
 def test_a_scene_needs_keys_with_values_and_markers_and_surfaces_are_lists() -> None:
-    for content in (None, 5, 'text', [], [{}]):
+    contents: tuple[Any, ...] = (None, 5, 'text', [], [{}])
+    for content in contents:
         assert refusal(content) == f'the file: needs keys with values, not {content!r}'
-    for key, value in product(('markers', 'surfaces'), (None, {}, 'text', 3)):
+    values: tuple[Any, ...] = (None, {}, 'text', 3)
+    for key, value in product(('markers', 'surfaces'), values):
         assert refusal({key: value}) == f'{key}: needs a list, not {value!r}'
 
 
