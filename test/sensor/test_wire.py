@@ -4,6 +4,7 @@
 
 from __future__ import annotations
 
+import itertools
 import pickle
 import random
 import struct
@@ -380,56 +381,43 @@ def test_a_packet_at_its_longest_is_far_from_the_limit(side: int) -> None:
 # The reader.
 
 
+NUMBERS = {
+    packet[:-1]: sequence
+    for side in (4, 8)
+    for sequence, packet in enumerate(make_packets(600 if side == 4 else 100, side))
+}
+
+
+def whole(stream: bytes) -> list[int]:
+    """Return the sequences of the packets of `NUMBERS` that stand whole in a stream."""
+    return [NUMBERS[packet] for packet in ended_packets(stream) if packet in NUMBERS]
+
+
 def garbage() -> st.SearchStrategy[bytes]:
     good = st.sampled_from([*make_packets(3), *make_packets(2, side=8)])
+    cut = st.tuples(good, st.integers(1, 190)).map(lambda pair: pair[0][: pair[1]])
     other = st.binary(max_size=20).map(encode_packet)
     overlong = st.integers(MAX_PACKET_BYTES - 2, MAX_PACKET_BYTES + 2).map(lambda n: n * b'\1')
-    piece = good | other | st.binary(max_size=30) | st.just(DELIMITER) | overlong
+    piece = good | cut | other | st.binary(max_size=30) | st.just(DELIMITER) | overlong
     return st.lists(piece, max_size=10).map(b''.join)
 
 
-@law
+@settings(law, max_examples=120)
 @given(stream=garbage(), data=st.data())
-def test_any_split_of_a_stream_gives_the_same(stream: bytes, data: st.DataObject) -> None:
-    whole, counts = read(stream)
+def test_what_is_whole_is_read_at_its_end_and_all_is_counted_however_it_is_split(
+    stream: bytes, data: st.DataObject
+) -> None:
     cuts = data.draw(st.lists(st.integers(0, len(stream)), max_size=20).map(sorted))
     reader = reader_in_step()
-    pieces = [stream[a:b] for a, b in zip([0, *cuts], [*cuts, len(stream)], strict=True)]
-    frames = [frame for piece in pieces for frame in reader.feed(piece)]
-    assert sequences(frames) == sequences(whole)
-    assert reader.counts == counts
-
-
-@law
-@given(stream=garbage())
-def test_every_packet_is_counted_once(stream: bytes) -> None:
-    frames, counts = read(stream)
+    found: list[int] = []
+    for start, end in itertools.pairwise([0, *cuts, len(stream)]):
+        found += sequences(reader.feed(stream[start:end]))
+        assert found == whole(stream[:end])
     pending = stream.rpartition(DELIMITER)[2]
     overlong = len(pending) > MAX_PACKET_BYTES  # is known before its end
-    assert counted(counts) == len(ended_packets(stream)) + overlong
-    assert counts.frames == len(frames)
-
-
-@both_grids
-def test_frames_end_to_end_are_all_read_in_order_and_at_their_end(side: int) -> None:
-    packets = make_packets(20, side)
-    frames, counts = read(DELIMITER * 3 + (DELIMITER * 2).join(packets))
-    assert sequences(frames) == list(range(20))
-    assert counts == WireCounts(frames=20)
-    reader = FrameReader()
-    found = [len(reader.feed(bytes([byte]))) for packet in packets for byte in packet]
-    assert np.flatnonzero(found).tolist() == (np.cumsum([*map(len, packets)]) - 1).tolist()
-
-
-@pytest.mark.parametrize(('gap', 'left'), [(DELIMITER, [1, 2]), (b'', [2])])
-def test_a_packet_cut_off_costs_itself_and_without_its_delimiter_the_next(
-    gap: bytes, left: list[int]
-) -> None:
-    first, second, third = make_packets(3)
-    for length in range(1, len(first) - 1):
-        frames, counts = read(first[:length] + gap + second + third)
-        assert sequences(frames) == left, length
-        assert counts.damaged == 1
+    assert counted(reader.counts) == len(ended_packets(stream)) + overlong
+    assert reader.counts.frames == len(found)
+    assert reader.counts == read(stream)[1]
 
 
 def test_a_stream_joined_anywhere_costs_that_packet_only_and_is_no_damage() -> None:
@@ -557,19 +545,11 @@ def test_random_bytes_are_no_frames() -> None:
 @pytest.mark.parametrize('seed', range(3))
 def test_what_is_whole_in_a_damaged_stream_is_read(seed: int) -> None:
     rng = random.Random(seed)
-    packets = make_packets(600) + make_packets(100, side=8)
+    packets = [packet + DELIMITER for packet in NUMBERS]
     rng.shuffle(packets)
-    numbers = {
-        packet[:-1]: sequence
-        for sent in (make_packets(600), make_packets(100, side=8))
-        for sequence, packet in enumerate(sent)
-    }
     stream = damage(b''.join(packets), rng)
     reader = reader_in_step()
     frames = [frame for piece in in_pieces(stream, rng, 700) for frame in reader.feed(piece)]
-    arrived = ended_packets(stream)
-    expected = [numbers[packet] for packet in arrived if packet in numbers]
-    assert sequences(frames) == expected
-    assert 200 < len(expected) < 650
-    assert counted(reader.counts) == len(arrived)
-    assert reader.counts.frames == len(expected)
+    assert sequences(frames) == whole(stream)
+    assert 200 < len(frames) == reader.counts.frames < 650
+    assert counted(reader.counts) == len(ended_packets(stream))
