@@ -1,6 +1,6 @@
 # Copyright 2026 retrolidar_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""The figures of the README and of docs/scale.md, written from those of the report.
+"""The figures of the README and of docs/*.md, written from those of the report.
 
     python3 -m evaluation.report.readme
 
@@ -61,17 +61,6 @@ def headlines(report: Report) -> str:
             about = f'{EXPERIMENTS[name].TITLE}: ' if name in ('coffee', 'drone') else ''
             claims.append(claim._replace(what=about + claim.what))
     return table(claims)
-
-
-def jobs(report: Report) -> str:
-    """Return all lines of the coffee arm and of the drone."""
-    return table(
-        [
-            claim._replace(what=f'{EXPERIMENTS[name].TITLE}: {claim.what}')
-            for name in ('coffee', 'drone')
-            for claim in _claims(report, name)
-        ]
-    )
 
 
 def reach(report: Report) -> str:
@@ -190,20 +179,17 @@ def against_table(against: Mapping[str, Any]) -> str:
     return '\n'.join(lines)
 
 
-def revisions(report: Report) -> str:
-    """Return what the default method costs beside an earlier revision."""
-    return against_table(report['bench-detector']['against'])
-
-
 _BLOCKS = {
     'headlines': headlines,
-    'jobs': jobs,
     'ids': ids,
     'reach': reach,
     'speed': speed,
-    'revisions': revisions,
 }
-_DOCUMENTS = (Path('README.md'), Path('docs/scale.md'))
+
+
+def documents(root: Path) -> list[Path]:
+    """Return the documents that may have figures."""
+    return [root / 'README.md', *sorted((root / 'docs').glob('*.md'))]
 
 
 def renewed(text: str, report: Report) -> str:
@@ -219,7 +205,7 @@ def renewed(text: str, report: Report) -> str:
 
 if __name__ == '__main__':
     FIGURES = load_report(Path('docs/report'))
-    for document in _DOCUMENTS:
+    for document in documents(Path()):
         document.write_text(
             renewed(document.read_text(encoding='utf-8'), FIGURES), encoding='utf-8'
         )
