@@ -155,7 +155,7 @@ def test_a_marker_is_a_mapping(value: object) -> None:
 
 @pytest.mark.parametrize('value', [None, 'mug', 3, [2073], [{'id': 2073}]])
 def test_markers_are_a_mapping(value: object) -> None:
-    refused(value, f'markers: needs an ID and what is known of it a line, not {value!r}')
+    refused(value, f'markers: needs a mapping of IDs to markers, not {value!r}')
 
 
 def test_markers_must_be_there_and_nothing_else() -> None:

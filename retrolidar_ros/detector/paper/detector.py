@@ -92,7 +92,7 @@ class PaperDetector:
         likelihood_threshold : float
             Least likelihood of a preamble.
         registered_ids : array of int, shape (ids,)
-            The only ones that are read.
+            The only IDs that are read.
         """
         self.counts = DetectorCounts()
         self._grid = grid
@@ -107,7 +107,7 @@ class PaperDetector:
         self._begin()
 
     def _begin(self) -> None:
-        """Forget all candidates and readings."""
+        """Forget all candidates and detections."""
         self._last_start_ns: dict[int, int] = {}
         zones = self._grid.zones
         self._open = np.zeros(zones, dtype=bool)
@@ -231,7 +231,7 @@ class PaperDetector:
         return detections
 
     def _is_known(self, identity: int, start_ns: int) -> bool:
-        """Tell whether another zone has already read the packet that began about then."""
+        """Return whether another zone has already read the packet of about this start."""
         last_ns = self._last_start_ns.get(identity)
         if last_ns is not None and abs(start_ns - last_ns) < self._half_packet_ns:
             return True
