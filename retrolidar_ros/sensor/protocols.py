@@ -13,7 +13,7 @@ from retrolidar_ros.sensor.wire import FrameReader, WireCounts
 
 
 class Reader(Protocol):
-    """Finds frames in a stream of bytes, whatever the bytes are."""
+    """Finds frames in a stream of bytes; accepts any bytes."""
 
     @property
     def counts(self) -> WireCounts:
