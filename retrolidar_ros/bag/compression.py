@@ -1,6 +1,6 @@
 # Copyright 2026 retrolidar_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""As much of compressed data as can be had."""
+"""Decompression of files and messages that may be damaged."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ _ZSTD = 'compression.zstd' if sys.version_info >= (3, 14) else 'backports.zstd'
 
 
 def decompress_file(file: Path, plain: Path) -> DamageError | None:
-    """Decompress as much of a file as can be; return what is wrong with the rest."""
+    """Decompress a file up to its damage; return the damage, if any."""
     zstd = _library(_ZSTD)
     with zstd.open(file) as source, plain.open('wb') as target:
         try:
@@ -27,7 +27,7 @@ def decompress_file(file: Path, plain: Path) -> DamageError | None:
 
 
 def decompress(compression: str, data: bytes) -> bytes:
-    """Return as much decompressed data as there is."""
+    """Return the decompressed data, up to its damage."""
     if compression == '':
         return data
     if compression == 'zstd':

@@ -1,6 +1,6 @@
 # Copyright 2026 retrolidar_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""Messages from an SQLite file of rosbag2, as far as it is good."""
+"""Messages from an SQLite file of rosbag2, up to its damage."""
 
 from __future__ import annotations
 
@@ -59,7 +59,7 @@ def _read_database(
     last = [-(2**63), 0]  # timestamp and id
     uri = f'{file.absolute().as_uri()}?mode=ro&immutable={immutable:d}'
     with closing(sqlite3.connect(uri, uri=True)) as connection:
-        connection.execute('PRAGMA writable_schema = ON')  # bears with a file that lost its end
+        connection.execute('PRAGMA writable_schema = ON')  # accepts a file without its end
         for name, type_name in connection.execute('SELECT name, type FROM topics'):
             types[str(name)] = str(type_name)
         try:

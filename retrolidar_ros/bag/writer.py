@@ -30,7 +30,7 @@ STORAGES = ('mcap', 'sqlite3')
 
 @cache
 def _type_store() -> Typestore:
-    """Return the ROS types and ours."""
+    """Return the types of ROS and of this package."""
     from rosbags import typesys
 
     definition = shared_file('msg/Frame.msg').read_text(encoding='utf-8')
@@ -42,7 +42,7 @@ def _type_store() -> Typestore:
 class FrameWriter:
     """Writes frames to a new bag; a context manager.
 
-    What was written is kept when the block ends with an exception.
+    Frames written so far are kept when the block ends with an exception.
     """
 
     def __init__(

@@ -1,6 +1,6 @@
 # Copyright 2026 retrolidar_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""YAML files to what they describe."""
+"""YAML files, with duplicate keys refused."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ T = TypeVar('T')
 
 
 class _UniqueKeyLoader(yaml.SafeLoader):
-    """Refuses a key that stands twice in one mapping; plain YAML lets the last one win."""
+    """Refuses a duplicate key in a mapping; plain YAML takes the last one."""
 
     def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict[Any, Any]:
         seen = set()
@@ -42,7 +42,7 @@ def load_yaml(path: Path) -> Any:
     OSError
         If it cannot be read.
     ValueError
-        If it is not YAML, or a key stands twice in one mapping; the message names the line.
+        If it is not YAML, or a key is duplicate; the message names the line.
     """
     with path.open(encoding='utf-8') as file:
         try:
@@ -52,14 +52,14 @@ def load_yaml(path: Path) -> Any:
 
 
 def load_parsed(path: Path, parse: Callable[[Any], T]) -> T:
-    """Return what a parser makes of a YAML file.
+    """Return the parsed content of a YAML file.
 
     Raises
     ------
     OSError
         If it cannot be read.
     ConfigError
-        If it cannot be; the message names the file and the key.
+        If the content is impossible; the message names the file and the key.
     """
     try:
         content = load_yaml(path)
@@ -72,6 +72,6 @@ def load_parsed(path: Path, parse: Callable[[Any], T]) -> T:
 
 
 def load_parameter_defaults(path: Path, kind: str) -> dict[str, Any]:
-    """Return the parameters that a ROS parameter file gives to the nodes of one kind."""
+    """Return the parameters in a ROS parameter file for the nodes of one kind."""
     parameters: dict[str, Any] = load_yaml(path)[f'/**/{kind}']['ros__parameters']
     return parameters

@@ -23,7 +23,7 @@ from retrolidar_ros.marker.dictionary import (
 )
 
 PREAMBLE = '1010101'
-FOUND = {2: 4094, 4: 3857, 6: 1708, 8: 314, 10: 15, 12: 4, 14: 1}  # README.md, too
+FOUND = {2: 4094, 4: 3857, 6: 1708, 8: 314, 10: 15, 12: 4, 14: 1}
 
 law = settings(derandomize=True, deadline=None, max_examples=30)
 ids = st.integers(0, IDS - 1)

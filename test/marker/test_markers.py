@@ -161,7 +161,7 @@ def test_an_id_that_stands_twice_is_refused_with_its_line(file: Path, one: str, 
     ('text', 'complaint'),
     [
         ('{}', 'markers: is missing'),
-        *((f'markers:{value}', 'markers: needs an ID') for value in ('', ' [2073]')),
+        *((f'markers:{value}', 'markers: needs a mapping') for value in ('', ' [2073]')),
         *(
             (f'markers: {{{number}: {{}}}}', f'markers: {number} is not an ID')
             for number in (0, 4095, -1, 4096, True)
