@@ -59,5 +59,5 @@ setup(
         'evaluation': [*BAGS, *EVALUATION],
         'test': [*BAGS, *EVALUATION, *TEST],
     },
-    entry_points={'console_scripts': ['retrolidar=retrolidar_ros.cli.main:main']},
+    entry_points={'console_scripts': ['retrolidar=retrolidar_ros.cli.__main__:main']},
 )

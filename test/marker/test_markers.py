@@ -69,7 +69,7 @@ def test_every_id_and_frame_that_can_be_is_taken(content: dict[int, str], other:
             for name in (True, False, 'a', '5', '', 5.0, None, (1, 2))
         ),
         *(
-            (value, f'needs an ID and what is known of it a line, not {value!r}')
+            (value, f'needs a mapping of IDs to markers, not {value!r}')
             for value in (None, 'mug', 3, [2073], [{'id': 2073}])
         ),
     ],
