@@ -20,6 +20,8 @@ from retrolidar_ros.sensor.frame import Floats, ZoneGrid
 # Possible blur of a spot, as standard deviations in widths of a zone: it differs with the lens and
 # the sharpener's setting, and a moving marker blurs its own spot.
 _BLURS = np.array([0.03, 0.05, 0.08, 0.12, 0.18, 0.25, 0.35])
+# A blur that is known is so to this share of it; besides, a marker on the move has a chance.
+_BLUR_DOUBT, _SMEARED = 0.3, 1e-3
 # Bearings tried across the strongest zone and a bit beyond, in widths of a zone; denser near its
 # edges, where the shares of two zones tell them apart.
 _PLACES = np.concatenate(
@@ -66,7 +68,12 @@ def zone_bearing(zone: int, grid: ZoneGrid) -> Bearing:
 
 
 def shared_bearing(
-    zone: int, amplitude: Floats, variance: Floats, spot: float, grid: ZoneGrid
+    zone: int,
+    amplitude: Floats,
+    variance: Floats,
+    spot: float,
+    grid: ZoneGrid,
+    known_blur: float | None = None,
 ) -> Bearing:
     """Return the bearing of a marker from its share in every zone.
 
@@ -80,6 +87,8 @@ def shared_bearing(
         Width of the marker, as a tangent.
     grid : ZoneGrid
         The zones.
+    known_blur : float, optional
+        How far the optics blur, in widths of a zone.
     """
     row, column = divmod(zone, grid.columns)
     rows = slice(max(row - 1, 0), min(row + 2, grid.rows))
@@ -95,9 +104,12 @@ def shared_bearing(
     down, down_belief = _belief(
         light[rows, column], doubt[rows, column], _from_middle(shares, rows, row)
     )
-    # The less blur, the fewer bearings between zones: without this prior, a marker between zones
-    # would be evidence of a large blur.
-    blur = across_belief * down_belief / np.sqrt(_BLURS)
+    # The less blur, the less room for a bearing between zones: without this, a marker that is
+    # there would be proof of a large one.
+    prior = _BLURS**-0.5
+    if known_blur is not None:
+        prior = np.exp(-((np.log(_BLURS / known_blur) / _BLUR_DOUBT) ** 2) / 2) + _SMEARED
+    blur = across_belief * down_belief * prior
     blur /= blur.sum()
     mean = np.empty(2)
     spread = np.empty(2)

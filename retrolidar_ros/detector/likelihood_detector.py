@@ -19,7 +19,7 @@ from retrolidar_ros.core import ffi, lib
 from retrolidar_ros.detector.budget import demands
 from retrolidar_ros.detector.detection import Detection, DetectorCounts, check_grid
 from retrolidar_ros.detector.noise import NoiseLaw
-from retrolidar_ros.detector.placement import Window, detection_of
+from retrolidar_ros.detector.placement import USUAL, Optics, Window, detection_of
 from retrolidar_ros.detector.reason import REASONS, Reason
 from retrolidar_ros.marker.code import IDS, RESERVED_IDS, check_ids
 from retrolidar_ros.marker.known_markers import MARKER_SIZE_M
@@ -86,6 +86,7 @@ class LikelihoodDetector:
         registered_ids: ArrayLike | None,
         noise: NoiseLaw,
         sizes_m: Mapping[int, float],
+        optics: Optics = USUAL,
     ) -> None:
         """Prepare for frames of `grid`.
 
@@ -104,11 +105,14 @@ class LikelihoodDetector:
             Of the sensor, to a factor of 8.
         sizes_m : mapping
             Edges of markers by their IDs [m]; others have the default size.
+        optics : Optics
+            Where this sensor departs from the usual one.
         """
         self.candidates: list[Candidate] = []
         """Candidates judged in the latest update."""
         self._grid = grid
         self._sizes_m = sizes_m
+        self._optics = optics
         self._unplaced = 0
         ids = usable_ids(registered_ids)
         self.demands = demands(
@@ -217,7 +221,9 @@ class LikelihoodDetector:
             reading = lib.rl_detector_reading(self._core, index)
             window = Window.of(self._core, held, reading)
             size_m = self._sizes_m.get(reading.id, MARKER_SIZE_M)
-            detection = detection_of(reading, window, held.origin_ns, self._grid, size_m)
+            detection = detection_of(
+                reading, window, held.origin_ns, self._grid, size_m, self._optics
+            )
             if detection is None:
                 self._unplaced += 1
             else:

@@ -14,6 +14,7 @@ from retrolidar_ros.detector.detection import Detector
 from retrolidar_ros.detector.likelihood_detector import LikelihoodDetector, usable_ids
 from retrolidar_ros.detector.noise import NoiseLaw
 from retrolidar_ros.detector.paper import LIKELIHOOD_THRESHOLD, PaperDetector
+from retrolidar_ros.detector.placement import Optics
 from retrolidar_ros.marker.code import BIT_PERIOD_S
 from retrolidar_ros.sensor.frame import ZoneGrid
 
@@ -33,6 +34,9 @@ def create_detector(
     registered_ids: ArrayLike | None = None,
     noise: NoiseLaw | None = None,
     marker_sizes_m: Mapping[int, float] | None = None,
+    range_offset_m: float = 0.0,
+    zone_pitch: float | None = None,
+    zone_blur: float | None = None,
 ) -> Detector:
     """Return a new detector.
 
@@ -57,6 +61,12 @@ def create_detector(
         Of the sensor; by default that of a VL53L8CX (method `joint`).
     marker_sizes_m : mapping, optional
         Edges of markers by their IDs [m]; others have 3 cm (method `joint`).
+    range_offset_m : float
+        By how much all ranges are measured too long [m] (method `joint`).
+    zone_pitch : float, optional
+        Width of a zone as a tangent, if it is not the usual one (method `joint`).
+    zone_blur : float, optional
+        Standard deviation of the optics' blur in widths of a zone, if known (method `joint`).
 
     Raises
     ------
@@ -88,4 +98,5 @@ def create_detector(
         registered_ids=registered_ids,
         noise=NoiseLaw() if noise is None else noise,
         sizes_m={} if marker_sizes_m is None else marker_sizes_m,
+        optics=Optics(range_offset_m, zone_pitch, zone_blur),
     )

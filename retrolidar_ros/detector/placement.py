@@ -5,6 +5,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -23,8 +24,23 @@ NO_FRAME = np.iinfo(np.int64).min
 SIGNAL_RESOLUTION = 1 / 2048 / math.sqrt(12)
 """Lower bound of a residual: the quantisation noise of the sensor [kcps/SPAD]."""
 
+NEAREST_M = 1e-3  # that a range is taken to be, whatever its offset
 # Minimum share of an exposure within the packet.
 _LEAST_INSIDE = 0.25
+
+
+class Optics(NamedTuple):
+    """Where a sensor departs from the usual one."""
+
+    range_offset_m: float = 0.0
+    """By how much it measures all ranges too long [m]."""
+    zone_pitch: float | None = None
+    """Width of a zone as a tangent; None = the usual one."""
+    zone_blur: float | None = None
+    """Standard deviation of its blur in widths of a zone; None = not known."""
+
+
+USUAL = Optics()
 
 
 class Window(NamedTuple):
@@ -88,7 +104,12 @@ def _array(pointer: Any, dtype: Any, count: int) -> NDArray[Any]:
 
 
 def detection_of(
-    reading: Any, window: Window, origin_ns: int, grid: ZoneGrid, size_m: float
+    reading: Any,
+    window: Window,
+    origin_ns: int,
+    grid: ZoneGrid,
+    size_m: float,
+    optics: Optics = USUAL,
 ) -> Detection | None:
     """Return a reading as a detection; None where the marker's distance was not measured.
 
@@ -106,7 +127,11 @@ def detection_of(
         The zones.
     size_m : float
         Edge of the marker [m].
+    optics : Optics
+        Of the sensor.
     """
+    if optics.zone_pitch is not None:
+        grid = replace(grid, view=optics.zone_pitch * grid.columns)
     amplitude, variance, noise = amplitudes(window.light, window.valid, window.signal)
     zones = _zones_of(reading, amplitude, variance)
     ranges = [
@@ -128,15 +153,18 @@ def detection_of(
         return None
     range_m, stddev_m, time_s = np.array(ranges).T
     surety = stddev_m**-2
-    mean_m = float(surety @ range_m / surety.sum())
+    measured_m = float(surety @ range_m / surety.sum())
+    mean_m = max(measured_m - optics.range_offset_m, NEAREST_M)
     strongest = zones[0]
     bright = window.light > BRIGHT
     # Where another target is reported while the marker is bright, the marker may be nearly so.
     with np.errstate(invalid='ignore'):
-        hidden = np.abs(window.distance - mean_m * grid.z_per_range) >= SEPARABLE_M
+        hidden = np.abs(window.distance - measured_m * grid.z_per_range) >= SEPARABLE_M
     variance += (window.measured[bright] * hidden[bright]).mean(axis=0) ** 2
     variance[strongest] = 0.0
-    bearing = shared_bearing(strongest, amplitude, variance, size_m / mean_m, grid)
+    bearing = shared_bearing(
+        strongest, amplitude, variance, size_m / mean_m, grid, optics.zone_blur
+    )
     stamp_s = float(surety @ time_s / surety.sum())
     snr = max(float(amplitude[strongest]), SIGNAL_RESOLUTION) / math.sqrt(noise[strongest])
     return Detection(

@@ -9,7 +9,7 @@ from the sensor. Directions are in the optical frame: x right, y down, z forward
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from enum import IntEnum
 from functools import cached_property
 from typing import Any, TypeAlias
@@ -91,6 +91,8 @@ class ZoneGrid:
 
     rows: int = 4
     columns: int = 4
+    view: float = field(default=_FIELD_OF_VIEW_TANGENT, compare=False)
+    """Width of all zones together, in tangents; it differs a little from lens to lens."""
 
     def __post_init__(self) -> None:
         """Raise ValueError for a shape that the sensor does not have."""
@@ -105,7 +107,7 @@ class ZoneGrid:
     @property
     def pitch(self) -> float:
         """Width and height of a zone, as a tangent."""
-        return _FIELD_OF_VIEW_TANGENT / self.columns
+        return self.view / self.columns
 
     @cached_property
     def tangents(self) -> Floats:

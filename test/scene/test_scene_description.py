@@ -79,7 +79,7 @@ def refusal(content: Any) -> str:
 
 LEAVES = list(leaves(FULL))
 QUANTITIES = [(path, value) for path, value in LEAVES if re.match(r'-?[\d.]+ ', str(value))]
-NEEDED = {(0, key) for key in ('id', 'position', 'distance', 'signal')} | {
+NEEDED = {(0, key) for key in ('id', 'position', 'distance', 'signal', 'width', 'path', 'time')} | {
     (section, key)
     for section, keys in {
         'noise': 'floor slope',
@@ -87,6 +87,7 @@ NEEDED = {(0, key) for key in ('id', 'position', 'distance', 'signal')} | {
         'response': 'dark bright',
         'wander': 'across along period',
         'occlusion': 'every lasting',
+        'second_sensor': 'ambient period lasting',
     }.items()
     for key in keys.split()
 }
@@ -95,7 +96,7 @@ KEYS = [(*path, key) for path in sections(FULL) for key in at(FULL, path)]
 
 
 def test_every_key_is_read() -> None:
-    assert len(QUANTITIES) == 32
+    assert len(QUANTITIES) == 52
     read = dict(leaves(asdict(COMPLETE)))
     expected = dict(leaves(EXPECTED))
     assert read.keys() == expected.keys()
