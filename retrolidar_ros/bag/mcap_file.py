@@ -9,9 +9,9 @@ and may hold a minute of frames. The `mcap` library yields nothing of such a chu
 from __future__ import annotations
 
 import struct
-from bisect import bisect_left
 from collections.abc import Iterator
-from operator import itemgetter
+from heapq import heappop, heappush
+from itertools import count
 from pathlib import Path
 from struct import Struct
 from typing import BinaryIO
@@ -28,6 +28,7 @@ _MESSAGE_HEAD = Struct('<HIQQ')  # channel, sequence, log time, publish time
 _CHUNK_HEAD = Struct('<QQQII')  # first and last log time, size, CRC-32, length of compression
 _UINT32 = Struct('<I')
 _IDS = Struct('<HH')  # channel and schema
+_MOST_HELD = 2**29
 _BROKEN = (DamageError, OSError, struct.error, UnicodeDecodeError)
 
 
@@ -56,22 +57,26 @@ class _McapFile:
             self._scan()
         except _BROKEN as error:
             damage = DamageError(_reason(error))
-        pending: list[tuple[int, bytes]] = []
+        pending: list[tuple[int, int, bytes]] = []  # a heap, of one time in order of the file
+        order, held = count(), 0
         for first_time, start, end, is_chunk in sorted(self._pieces):
-            pending.sort(key=itemgetter(0))
-            older = bisect_left(pending, first_time, key=itemgetter(0))
-            yield from (data for _, data in pending[:older])
-            del pending[:older]
+            while pending and pending[0][0] < first_time:
+                data = heappop(pending)[-1]
+                held -= len(data)
+                yield data
             try:
                 for time, data in self._piece(start, end, is_chunk):
                     if time < first_time:
                         raise DamageError('a message is older than its chunk')
-                    pending.append((time, data))
+                    heappush(pending, (time, next(order), data))
+                    held += len(data)
+                if held > _MOST_HELD:
+                    raise DamageError(f'more than {_MOST_HELD} bytes of messages are out of order')
             except _BROKEN as error:
                 damage = DamageError(f'the record at byte {start}: {_reason(error)}')
                 break
-        pending.sort(key=itemgetter(0))
-        yield from (data for _, data in pending)
+        while pending:
+            yield heappop(pending)[-1]
         if damage is not None:
             raise damage
 

@@ -57,8 +57,8 @@ class Window(NamedTuple):
         count, zones = last - first, held.zones
         rows = slice(first, last)
         light = np.empty(count)
-        signal = np.empty((count, zones), dtype=np.float32)
-        valid = np.empty((count, zones), dtype=np.uint8)
+        signal = np.empty((zones, count), dtype=np.float32)
+        valid = np.empty((zones, count), dtype=np.uint8)
         single = ffi.new('struct rl_reading *', reading)
         lib.rl_detector_light(core, single, first, count, ffi.from_buffer('double[]', light))
         lib.rl_detector_columns(
@@ -68,16 +68,17 @@ class Window(NamedTuple):
             ffi.from_buffer('float[]', signal),
             ffi.from_buffer('uint8_t[]', valid),
         )
-        measured = _array(held.signal + first * held.width, np.float32, count * held.width)
-        distance = _array(held.distance + first * zones, np.float32, count * zones)
+        shape = (zones, held.capacity)
+        measured = _array(held.signal, np.float32, math.prod(shape)).reshape(shape)[:, rows]
+        distance = _array(held.distance, np.float32, math.prod(shape)).reshape(shape)[:, rows]
         return cls(
             time_s=(begin_s[rows] + end_s[rows]) / 2,
             stamp_ns=_array(held.stamp_ns + first, np.int64, count),
             light=light,
-            signal=signal.astype(np.float64),
-            valid=valid.astype(bool),
-            measured=measured.reshape(count, held.width)[:, :zones].astype(np.float64),
-            distance=distance.reshape(count, zones).astype(np.float64),
+            signal=signal.T.astype(np.float64),
+            valid=valid.T.astype(bool),
+            measured=measured.T.astype(np.float64),
+            distance=distance.T.astype(np.float64),
         )
 
 

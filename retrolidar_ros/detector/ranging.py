@@ -16,7 +16,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from retrolidar_ros.sensor.frame import SEPARABLE_M, Floats, ZoneGrid
+from retrolidar_ros.sensor.frame import MOST_DISTANCE_M, SEPARABLE_M, Floats, ZoneGrid
 
 # Samples with more light than the first show the marker; with less than the second, the background.
 BRIGHT, _DARK = 0.75, 0.25
@@ -92,6 +92,8 @@ def modulated_range(
     if parted is not None and dark.any() and not _is_apart(behind, depth, *parted):
         share = signal[dark].mean() / max(float(signal[own].mean()), 1e-9)
         depth, variance = _weighed(depth, variance, *parted, max(float(share), 1e-3))
+    if not 0 < depth < MOST_DISTANCE_M:  # by noise, or by samples that no sensor measures
+        return None
     # Undo the sensor's own projection, whose factor is that of the zone and not of the target.
     per_depth = 1 / float(grid.z_per_range[zone])
     deviation = np.sqrt(variance + _RESOLUTION_M**2 / count)

@@ -23,6 +23,18 @@ def ignore_requests() -> None:
 
 
 @contextmanager
+def ended_quietly() -> Iterator[None]:
+    """Let Ctrl-C end the process at once while modules are imported, without a traceback."""
+    handler = signal.getsignal(signal.SIGINT)
+    if handler is signal.default_int_handler:
+        signal.signal(signal.SIGINT, signal.SIG_DFL)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGINT, handler)
+
+
+@contextmanager
 def interrupted_once() -> Iterator[None]:
     """Raise KeyboardInterrupt at the first termination signal, and ignore the others."""
 

@@ -24,6 +24,7 @@ UNITS: dict[str, dict[str, float]] = {
 """Units of each kind of quantity, and their size in the unit that the code uses."""
 
 _LARGEST = 1e9  # of any quantity, in the code's own unit: what is computed from it stays finite
+_MOST_ITEMS = 256  # of a list: of markers, say
 _QUANTITY = re.compile(r'\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*(\S.*?)?\s*')
 
 
@@ -117,4 +118,6 @@ def items(value: Any, path: str) -> list[tuple[Any, str]]:
     """Parse a list into its items, each with its own path."""
     if not isinstance(value, list):
         raise ConfigError(f'{path}: needs a list, not {value!r}')
+    if len(value) > _MOST_ITEMS:
+        raise ConfigError(f'{path}: {len(value)} of them; {_MOST_ITEMS} are the most')
     return [(item, f'{path}[{index}]') for index, item in enumerate(value)]
