@@ -5,6 +5,7 @@
 #ifndef RETROLIDAR_DETECTOR_STATE_H
 #define RETROLIDAR_DETECTOR_STATE_H
 
+#include "retrolidar_bearing.h"
 #include "retrolidar_detector.h"
 #include "retrolidar_search.h"
 #include "retrolidar_shares.h"
@@ -39,6 +40,9 @@ struct rl_detector {
     struct rl_search search;
     struct rl_window window;
     struct rl_shares shares;
+    struct rl_bearing_table bearing;
+    float *values; /* room for placing, of a row each */
+    uint8_t *role;
     struct rl_demands demands;
     struct rl_counts counts;
     int64_t last_ns;

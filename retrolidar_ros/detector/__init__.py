@@ -3,8 +3,8 @@
 """Frames in, detections out.
 
 The default method lives in the core: `likelihood_detector` feeds it, `budget` says what it demands
-of a packet, `reason` why one is refused. What was read is placed by `placement`, from its `ranging`
-and its `bearing`; `place` gives the pose. The paper's method is in `paper`.
+of a packet, `reason` why one is refused. It says where what was read is, too; `placement` makes a
+detection of that, and `place` the pose. The paper's method is in `paper`.
 """
 
 from retrolidar_ros.detector.detection import Detection, Detector, DetectorCounts
