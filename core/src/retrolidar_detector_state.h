@@ -18,7 +18,7 @@ enum {
     RL_READINGS = 32,  /* that one frame may bring */
     RL_DECISIONS = 12, /* candidates that are judged with one frame, at the most */
     RL_RECENT = 64,    /* readings that are remembered, not to be told twice */
-    RL_MOST_PENDING = 2 * RL_MOST_SOURCES,
+    RL_MOST_PENDING = 2 * RL_MOST_SOURCES + 4 * RL_MOST_ZONES, /* all that a frame can bring */
 };
 /* Bits by which a packet may begin before the one before it has ended. */
 static const double RL_OVERLAP_BITS = 1.5;

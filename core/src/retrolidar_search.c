@@ -277,9 +277,10 @@ void rl_search_look(struct rl_search *search, const int *sources, int count, int
         } else {
             look_at_ended(search, lanes, from_s, to_s, &demand);
         }
+        const int dropped = rl_promises_ration(search->promises, lanes, &search->words_left);
+        search->dropped = search->dropped || dropped > 0;
         for (int lane = 0; lane < lanes; lane++) {
-            search->words_left -= rl_hits_find(&hits[index[lane]], &search->promises[lane],
-                                               &search->codebook, &demand, search->words_left);
+            rl_hits_find(&hits[index[lane]], &search->promises[lane], &search->codebook, &demand);
         }
     }
 }
