@@ -5,8 +5,8 @@
 
 #include <math.h>
 
-/* How far the optics may blur a spot, as standard deviations in widths of a zone: it differs from
- * lens to lens, with the sharpener's setting, and a marker on the move smears its own spot.
+/* Possible blur of a spot, as standard deviations in widths of a zone: it differs with the lens and
+ * the sharpener's setting, and a moving marker blurs its own spot.
  */
 enum { BLURS = 7, NEAR = 3, AXES = 2 };
 static const double BLUR[BLURS] = {0.03, 0.05, 0.08, 0.12, 0.18, 0.25, 0.35};
@@ -16,7 +16,7 @@ static const double BLUR[BLURS] = {0.03, 0.05, 0.08, 0.12, 0.18, 0.25, 0.35};
 enum { STRETCHES = 5 };
 static const int PLACES[STRETCHES] = {5, 50, 40, 50, 5};
 static const double FROM[STRETCHES + 1] = {-0.7, -0.6, -0.4, 0.4, 0.6, 0.7};
-/* Share of the light by which a zone may miss what the model says. */
+/* Share of the light by which a zone may deviate from the model. */
 static const double MODEL_ERROR = 0.02;
 static const double LEAST_DOUBT = 1e-6; /* [kcps/SPAD] */
 static const double MOST_SCORE = 5.0, STEPS_A_SCORE = 100.0;
@@ -124,7 +124,7 @@ struct rl_bearing rl_bearing_of(const struct rl_bearing_table *table, int32_t ro
     struct shares shares;
     struct belief belief[AXES];
     share_out(table, width, &shares);
-    /* Neighbours across and down say it all, as the shares of others are products of theirs. */
+    /* Neighbours across and down suffice: the shares of others are products of theirs. */
     for (int axis = 0; axis < AXES; axis++) {
         double light[NEAR] = {0.0}, surety[NEAR] = {0.0};
         for (int i = 0; i < NEAR; i++) {
@@ -136,9 +136,8 @@ struct rl_bearing rl_bearing_of(const struct rl_bearing_table *table, int32_t ro
         }
         believe(table, &shares, light, surety, &belief[axis]);
     }
-    /* The less blur, the less room for a bearing between zones: without this, a marker that is
-     * there would be proof of a large one. A blur that is as likely as that by itself counts for
-     * each axis as much as the other one says.
+    /* The less blur, the fewer bearings between zones: without this prior, a marker between zones
+     * would be evidence of a large blur. What one axis says of the blur weighs the other one.
      */
     struct rl_bearing bearing = {{0.0, 0.0}, {0.0, 0.0}};
     for (int axis = 0; axis < AXES; axis++) {

@@ -1,12 +1,13 @@
 /* Copyright 2026 retrolidar_ros contributors
  * SPDX-License-Identifier: Apache-2.0
  */
-/* Which way a marker is: below a zone, from how its light is shared with the zones around.
+/* Direction of a marker within a zone, from how its light is shared with the zones around.
  *
- * Only what blinks as the marker does counts, so the background cancels. A marker's spot is mostly
- * smaller than a zone, and then the zones say much near their edges and little in their middle. So
- * the answer is the mean and the variance of all bearings that agree with the shares: a marker that
- * one zone sees alone is anywhere in it but near those edges where a neighbour would have seen it.
+ * Only light that is modulated as the marker's counts, so the background cancels. A marker's spot is
+ * mostly smaller than a zone, and then the shares say much near edges of zones and little in their
+ * middle. So the result is the mean and the variance of all bearings that agree with the shares: a
+ * marker that one zone sees alone is anywhere in it, except near edges where a neighbour would see
+ * it.
  */
 #ifndef RETROLIDAR_BEARING_H
 #define RETROLIDAR_BEARING_H
@@ -36,8 +37,8 @@ void rl_bearing_start(struct rl_bearing_table *table);
 
 /* Find the bearing of a marker from its share in every zone, seen best by one of them.
  *
- * amplitude, variance: how strongly each zone blinks as the marker does [kcps/SPAD], and how well
- *     that is known [(kcps/SPAD)^2]
+ * amplitude, variance: modulation of each zone by the marker [kcps/SPAD], and its variance
+ *     [(kcps/SPAD)^2]
  * width: of the marker [widths of a zone]
  */
 struct rl_bearing rl_bearing_of(const struct rl_bearing_table *table, int32_t rows,

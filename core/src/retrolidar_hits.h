@@ -15,7 +15,7 @@ extern "C" {
 enum {
     RL_FOUND = 6, /* hits of a search ... */
     RL_PAST = 4,  /* ... and of those before */
-    RL_HITS = RL_FOUND + RL_PAST,
+    RL_HITS = RL_FOUND + RL_PAST + 2,
     RL_SEQUENCES = 3,
     RL_PROMISES = 6,
 };

@@ -9,7 +9,7 @@
 
 enum { PREAMBLE_BITS = RL_PACKET_BITS - RL_WORD_BITS };
 
-/* Share of an exposure that must be of the packet. */
+/* Minimum share of an exposure within the packet. */
 static const double LEAST_INSIDE = 0.25;
 /* The variance of the sensor's own step is the least noise that a fit can claim. */
 static const double RESOLUTION = 1.0 / (2048.0 * 2048.0 * 12.0);
@@ -26,7 +26,7 @@ static struct rl_seen window_of(struct rl_detector *detector, const struct rl_re
                                 int *first)
 {
     const struct rl_samples *samples = &detector->samples;
-    /* What lies for the most part outside may be of the packet before or after. */
+    /* An exposure mostly outside may show the packet before or after. */
     const double most_s = LEAST_INSIDE * samples->period_s;
     *first = rl_samples_row(samples, reading->begin_s + most_s);
     int last = *first;
@@ -81,7 +81,7 @@ static void fit_amplitude(const struct rl_seen *seen, int zone, struct amplitude
         alike += left * before;
         before = left;
     }
-    /* What is left over may be another marker, whose samples come in pairs and tell half as much. */
+    /* The residual may be another marker, whose samples come in pairs and count half. */
     const double noise = fmax(power / fmax(count - 2.0, 1.0), RESOLUTION);
     amplitude->of[zone] = rise;
     amplitude->noise[zone] = noise;

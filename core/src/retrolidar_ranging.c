@@ -11,12 +11,14 @@ enum { OWN = 1, DARK = 2, LEAST_DISTANCES = 2 };
 
 /* A zone sees the marker while its signal has this share of that at this quantile. */
 static const double IN_ZONE = 0.5, BRIGHTEST = 0.9;
-/* So near to the limit noise may hide whether two targets have merged. */
+/* So near to the limit noise may hide whether two targets are merged. */
 static const double UNSURE_M = 0.05;
-/* How far from a marker the surface is that it is mounted on. */
+/* Distance of a marker from the surface that it is mounted on. */
 static const double MOUNTING_M = 0.005;
-/* The variance of the sensor's own steps is the least noise that there can be. */
+/* Variance of the sensor's quantisation, the least that there can be. */
 static const double RESOLUTION = 0.25e-3 * 0.25e-3 / 12.0;
+/* What 16 bits of quarter millimetres do not reach. */
+static const double MOST_M = 8.192;
 static const double TWO_PI = 6.283185307179586;
 
 /* The value that a share of some values are below, which it moves. */
@@ -32,8 +34,8 @@ static double quantile(float *values, int count, double share)
     return low + (at - before) * (high - low);
 }
 
-/* Whether what stands behind was told from the marker, and so is no part of its pulse. Near the
- * limit it was if taking it off put the marker beyond the limit.
+/* Whether the background was separated from the marker, and so is no part of its pulse. Near the
+ * limit it is if subtracting it would put the marker beyond the limit.
  */
 static bool is_apart(double wall_m, double depth_m, const struct rl_ranged *parted)
 {
@@ -43,12 +45,12 @@ static bool is_apart(double wall_m, double depth_m, const struct rl_ranged *part
            (gap_m >= RL_SEPARABLE_M - UNSURE_M && beyond_m > RL_SEPARABLE_M);
 }
 
-/* Where it is open whether anything need be taken off: what is behind a marker in the same pulse is
- * mostly what it is mounted on, at its own distance, and then taking it off adds noise only. So
- * both are held against the step from one to the other: that it is all noise and mounting, or that
- * anything may be there.
+/* Where it is open whether a background need be subtracted: in the same pulse it is mostly what the
+ * marker is mounted on, at its own distance, and then subtracting it only adds noise. So two
+ * hypotheses are weighted by the step between the two distances: that it is noise and mounting, or
+ * that a background is anywhere.
  *
- * share: of the signal that what is behind has while the marker is bright
+ * share: of the background in the signal while the marker is bright
  */
 static void weigh(struct rl_ranged *plain, const struct rl_ranged *parted, double share)
 {
@@ -136,7 +138,7 @@ static int mark_own(const struct rl_seen *seen, float *values, uint8_t *role)
     if (count == 0) {
         return 0;
     }
-    /* A marker on the move is in the zone for a part of the time. */
+    /* A moving marker is in the zone for a part of the time only. */
     const double least = IN_ZONE * quantile(values, count, BRIGHTEST);
     for (int row = 0; row < seen->rows; row++) {
         role[row] = role[row] && (double)seen->signal[row] > least;
@@ -188,5 +190,5 @@ bool rl_ranging(const struct rl_seen *seen, float *values, uint8_t *role, struct
         weigh(ranged, &parted, fmax(behind / dark / fmax(signal, 1e-9), 1e-3));
     }
     ranged->variance += RESOLUTION / own;
-    return true;
+    return ranged->depth_m > 0.0 && ranged->depth_m < MOST_M; /* noise may put it beyond */
 }

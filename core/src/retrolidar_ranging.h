@@ -1,12 +1,12 @@
 /* Copyright 2026 retrolidar_ros contributors
  * SPDX-License-Identifier: Apache-2.0
  */
-/* How far a marker is: the distance of what blinks, and not of what stands behind it.
+/* Distance of a marker, without the background behind it.
  *
- * A target nearer to the marker than the sensor can part merges with it, and the distance reported
- * is the mean of both, weighted by signal. So signal times distance is a sum, of which the marker's
- * part rises and falls with its light while the other's stays: the ratio of the two modulations,
- * that of signal times distance and that of the signal, is the distance of the marker alone.
+ * A target too near to the marker to be separated merges with it, and the distance reported is the
+ * mean of both, weighted by signal. So signal times distance is a sum, of which the marker's part is
+ * modulated and the background's is not: the modulation of signal times distance over that of the
+ * signal is the distance of the marker alone.
  */
 #ifndef RETROLIDAR_RANGING_H
 #define RETROLIDAR_RANGING_H
@@ -18,11 +18,10 @@
 extern "C" {
 #endif
 
-/* Samples with more of the light than the first have seen the marker; with less than the second,
- * what stands behind it.
+/* Samples with more light than the first show the marker; with less than the second, the background.
  */
 static const double RL_BRIGHT = 0.75, RL_DARK = 0.25;
-/* Two targets in one zone are told apart from this distance on (ST UM3109) [m]. */
+/* Two targets in one zone are separated from this distance on (ST UM3109) [m]. */
 static const double RL_SEPARABLE_M = 0.6;
 
 /* binding */

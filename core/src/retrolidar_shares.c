@@ -112,7 +112,11 @@ void rl_shares_take_off(struct rl_shares *shares, const struct rl_verdict *verdi
     const int rows = light_of(shares, verdict, &first);
     for (int i = 0; i < verdict->sources; i++) {
         double gain[RL_KNOTS];
-        if (!back) {
+        if (verdict->steady) {
+            for (int knot = 0; knot < RL_KNOTS; knot++) {
+                gain[knot] = verdict->fit[i].gain;
+            }
+        } else if (!back) {
             track(shares, verdict->source[i], first, rows, gain);
         }
         float *signal = samples->signal + rl_sample(samples, verdict->source[i], first);

@@ -13,6 +13,7 @@ from retrolidar_ros.bag import FRAMES_TOPIC
 from retrolidar_ros.detector import METHODS
 
 Subparsers: TypeAlias = 'argparse._SubParsersAction[argparse.ArgumentParser]'
+_MOST_SECONDS = 1e9
 Run = Callable[[argparse.Namespace], int]
 
 
@@ -27,8 +28,10 @@ def number_of_seconds(text: str) -> float:
 def seconds(text: str) -> float:
     """Parse a duration in seconds."""
     value = number_of_seconds(text)
-    if not value > 0:
-        raise argparse.ArgumentTypeError(f'{text} is no positive number of seconds')
+    if not 0 < value <= _MOST_SECONDS:
+        raise argparse.ArgumentTypeError(
+            f'{text} is no positive number of seconds up to {_MOST_SECONDS:.0f}'
+        )
     return value
 
 

@@ -1,6 +1,6 @@
 # Copyright 2026 retrolidar_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""Recorded frames to detections, and detections to stable lines of text."""
+"""Recorded frames to detections, and detections to lines of text."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from retrolidar_ros.sensor.frame import Frame
 def detect(frames: Iterable[Frame], method: str) -> Iterator[Detection]:
     """Yield the detections in frames as they become certain.
 
-    Frames are taken one by one, as the node does: so both detect the same.
+    Frames are taken one by one, as in the node, so both give the same detections.
 
     Raises
     ------
@@ -34,7 +34,7 @@ def detect(frames: Iterable[Frame], method: str) -> Iterator[Detection]:
 def to_json(detection: Detection) -> str:
     """Return a detection as one line of JSON: metres, decibels, nats, seconds of ROS time.
 
-    What a method does not measure is null.
+    Values that a method does not measure are null.
     """
     x, y, z = detection.place.position_m.tolist()
     return json.dumps(
