@@ -23,6 +23,7 @@ import yaml
 from numpy.typing import NDArray
 from st_board import Board, Zone
 
+from retrolidar_ros.cli.arguments import detector_values
 from retrolidar_ros.cli.main import main, parser
 from retrolidar_ros.cli.watch import watch
 from retrolidar_ros.cli.watch_state import Watch
@@ -43,6 +44,7 @@ from retrolidar_ros.detector.budget import Demands
 from retrolidar_ros.detector.likelihood_detector import Candidate
 from retrolidar_ros.detector.noise import NoiseLaw
 from retrolidar_ros.detector.reason import Reason
+from retrolidar_ros.detector.settings import defaults
 from retrolidar_ros.marker.code import BIT_PERIOD_S, PACKET_BITS, packet
 from retrolidar_ros.scene import Scene, Simulation
 from retrolidar_ros.scene.description import Marker, Noise, Sensor, Surface
@@ -98,7 +100,7 @@ def open_watch(bit_period_s: float = BIT_PERIOD_S, zone: int | None = None) -> W
     """Return what is known of a port that is open, so far nothing."""
     source = SerialSource('port', 460800, PROTOCOLS['retrolidar'](time.monotonic_ns))
     source.problem = ''
-    return Watch(source, zone, bit_period_s)
+    return Watch(source, zone, {**defaults(), 'bit_period': bit_period_s})
 
 
 def give(state: Watch, frames: Sequence[Frame]) -> None:
@@ -194,7 +196,7 @@ def test_silence_is_told_and_what_may_be_the_reason() -> None:
     reader = PROTOCOLS['retrolidar'](time.monotonic_ns)
     source = SerialSource('port', 460800, reader)
     source.problem = ''  # as while it is open
-    state = Watch(source, None, BIT_PERIOD_S)
+    state = Watch(source, None, defaults())
     state.take([frame(ZoneGrid())], time.monotonic_ns())
     assert state.snapshot().trouble == ''
     state.take([frame(ZoneGrid(), 1)], time.monotonic_ns() - 3_000_000_000)
@@ -214,14 +216,14 @@ def test_silence_is_told_and_what_may_be_the_reason() -> None:
 
 
 def test_a_bit_period_that_does_not_suit_the_frames_is_told() -> None:
-    state = open_watch(bit_period_s=0.1)
+    state = open_watch(bit_period_s=0.03)
     give(state, [frame(ZoneGrid(), number) for number in range(40)])
     assert state.snapshot().trouble == (
-        'a frame comes every 21.0 ms, but half of bit_period is 50.0 ms: '
+        'a frame comes every 21.0 ms, but bit_period is 30.0 ms: 1.4 frames, and not two to eight: '
         'set --bit-period to how long the markers hold a bit [s]'
     )
     unopened = SerialSource('port', 460800, PROTOCOLS['retrolidar'](time.monotonic_ns))
-    trouble = Watch(unopened, None, BIT_PERIOD_S).snapshot().trouble
+    trouble = Watch(unopened, None, defaults()).snapshot().trouble
     assert trouble == 'port has not been opened yet; retrying'
 
 
@@ -249,7 +251,7 @@ def test_a_still_scene_before_st_s_example_does_not_blink() -> None:
                 baud=460800,
                 protocol='st_example',
                 zone=None,
-                bit_period_s=0.1,
+                values={**defaults(), 'bit_period': 0.1},
                 duration_s=3.0,
             )
         finally:
@@ -282,8 +284,10 @@ def test_missing_frames_are_counted_and_a_rate_that_does_not_suit_is_told() -> N
     assert [missing_frames(*pair) for pair in pairs] == [0, 0, 2, 0, 2, 0]
     stamps_ns = [21_000_000 * number for number in range(33) if number != 7]
     assert rate_mismatch(stamps_ns, 0.042) == ''
-    expected = 'a frame comes every 21.0 ms, but half of bit_period is 33.3 ms'
-    assert rate_mismatch(stamps_ns, 0.0666) == expected
+    expected = 'a frame comes every 21.0 ms, but bit_period is 33.3 ms'
+    assert rate_mismatch(stamps_ns, 0.0333).startswith(expected)
+    assert rate_mismatch(stamps_ns, 0.168) == ''
+    assert '14.3 frames' in rate_mismatch(stamps_ns, 0.3)
 
 
 # What is shown
@@ -411,7 +415,7 @@ def test_the_defaults_are_those_of_the_nodes() -> None:
     options = parser().parse_args(['watch', 'port'])
     assert options.baud == values['serial_baud']
     assert options.protocol == values['protocol']
-    assert options.bit_period == values['bit_period']
+    assert detector_values(options)['bit_period'] == values['bit_period']
 
 
 @pytest.mark.parametrize(
@@ -420,10 +424,10 @@ def test_the_defaults_are_those_of_the_nodes() -> None:
         (['--zone', '64'], '64 is no zone'),
         (['--zone=-1'], '-1 is no zone'),
         (['--zone', 'x'], 'x is no zone: they are 0 to 15, or 0 to 63'),
-        (['--bit-period', '42ms'], '42ms is no number of seconds'),
+        (['--bit-period', '42ms'], '42ms is no NUMBER'),
         (['--duration', '1min'], '1min is no number of seconds'),
-        (['--bit-period', '0.001'], '0.001 s is not within 0.002 to 10 s'),
-        (['--bit-period', '11'], '11 s is not within'),
+        (['--bit-period', '0.001'], '0.001 is not within 0.002 to 10'),
+        (['--bit-period', '11'], '11.0 is not within'),
         (['--protocol', 'magic'], 'choose from'),
     ],
 )

@@ -8,11 +8,13 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from retrolidar_ros.detector import Detection
 from retrolidar_ros.detector.blinking_zones import BlinkingZone, blinking_zones
 from retrolidar_ros.detector.noise import NoiseLaw
 from retrolidar_ros.detector.ranging import modulated_depth
+from retrolidar_ros.marker.code import packet
 from retrolidar_ros.marker.known_markers import MARKER_SIZE_M
 from retrolidar_ros.scene.marker_budget import NEEDED_SNR_DB, SENSOR_REACH_M, needed_swing
 from retrolidar_ros.scene.optics import DISTANCE_EXPONENT, REFERENCE_AREA_M2
@@ -46,6 +48,11 @@ class MarkerFound:
     flipped: bool
     """Whether its dark bits show something else, so that the crystal's times are not told."""
     moves: bool
+
+    @property
+    def bits(self) -> NDArray[np.uint8]:
+        """What it sends, 1 = dark, shape (31,)."""
+        return packet(self.sent.id)
 
 
 @dataclass(frozen=True)
