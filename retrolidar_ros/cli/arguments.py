@@ -15,6 +15,7 @@ from retrolidar_ros.detector.settings import PARAMETERS, checked, defaults, load
 from retrolidar_ros.sensor.protocols import PROTOCOLS
 
 Subparsers: TypeAlias = 'argparse._SubParsersAction[argparse.ArgumentParser]'
+_MOST_SECONDS = 1e9
 Run = Callable[[argparse.Namespace], int]
 _METAVARS = {str: 'TEXT', int: 'N', float: 'NUMBER', list: 'ID,ID,…'}
 
@@ -30,8 +31,10 @@ def number_of_seconds(text: str) -> float:
 def seconds(text: str) -> float:
     """Parse a duration in seconds."""
     value = number_of_seconds(text)
-    if not value > 0:
-        raise argparse.ArgumentTypeError(f'{text} is no positive number of seconds')
+    if not 0 < value <= _MOST_SECONDS:
+        raise argparse.ArgumentTypeError(
+            f'{text} is no positive number of seconds up to {_MOST_SECONDS:.0f}'
+        )
     return value
 
 

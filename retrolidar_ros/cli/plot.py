@@ -24,6 +24,8 @@ def add_command(subparsers: Subparsers) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Draw a bag, as far as it can be read."""
+    if arguments.output.is_dir():
+        raise IsADirectoryError(f'{arguments.output} is a directory; name a PNG file')
     frames: list[Frame] = []
     damage = None
     try:

@@ -13,7 +13,7 @@ from retrolidar_ros.detector import Detection
 def to_json(detection: Detection) -> str:
     """Return a detection as one line of JSON: metres, decibels, nats, seconds of ROS time.
 
-    What a method does not measure is null.
+    Values that a method does not measure are null.
     """
     x, y, z = detection.place.position_m.tolist()
     return json.dumps(

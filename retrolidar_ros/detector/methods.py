@@ -51,16 +51,16 @@ def create_detector(
     likelihood_threshold : float
         Least likelihood l of a preamble (method `paper`).
     false_ids_per_hour : float
-        How many IDs chance alone may make in an hour, over all zones (method `joint`).
+        Budget of false IDs per hour, over all zones (method `joint`).
     max_packets : int
         How many packets of a repeating marker may be combined, 1 to 8 (method `joint`).
     registered_ids : array of int, optional
-        The only IDs that may come; the fewer, the farther they are read. Of method `paper`,
-        others are dropped after decoding, and the reach stays the same.
+        The only IDs that are read; the fewer, the farther. Method `paper` drops others after
+        decoding, and its reach stays the same.
     noise : NoiseLaw, optional
-        Of the sensor; that of a VL53L8CX unless given (method `joint`).
+        Of the sensor; by default that of a VL53L8CX (method `joint`).
     marker_sizes_m : mapping, optional
-        Edges of markers by their IDs [m], where they are not the usual 3 cm (method `joint`).
+        Edges of markers by their IDs [m]; others have 3 cm (method `joint`).
     range_offset_m : float
         By how much all ranges are measured too long [m] (method `joint`).
     zone_pitch : float, optional

@@ -147,6 +147,11 @@ def registered(values: Mapping[str, Any], known: Mapping[int, KnownMarker]) -> l
     return sorted(ids)
 
 
+def noise_of(values: Mapping[str, Any]) -> NoiseLaw:
+    """Return the noise of the sensor."""
+    return NoiseLaw(values['noise_floor'], values['noise_slope'], values['noise_ambient'])
+
+
 def detector_of(
     values: Mapping[str, Any], grid: ZoneGrid, known: Mapping[int, KnownMarker]
 ) -> Detector:
@@ -159,7 +164,7 @@ def detector_of(
         false_ids_per_hour=values['false_ids_per_hour'],
         max_packets=values['max_packets'],
         registered_ids=registered(values, known) or None,
-        noise=NoiseLaw(values['noise_floor'], values['noise_slope'], values['noise_ambient']),
+        noise=noise_of(values),
         marker_sizes_m={marker.id: marker.size_m for marker in known.values()},
         range_offset_m=values['range_offset'],
         zone_pitch=values['zone_pitch'] or None,

@@ -9,7 +9,7 @@ from collections.abc import Sequence
 import numpy as np
 
 RATE_FRAMES = 33
-"""So many frames tell how fast they come, by the median of the times between them."""
+"""Number of frames whose median interval is taken for the frame period."""
 _COUNTER = 2**32
 _FRAMES_A_BIT = (1.9, 9.0)
 
@@ -20,8 +20,8 @@ def missing_frames(before: int | None, after: int) -> int:
     Parameters
     ----------
     before, after : int
-        Their sequence counters of 32 bits; None before the first frame. A counter that went back
-        is a sensor that restarted, not four billion lost frames.
+        Their 32-bit sequence counters; None before the first frame. A counter that went back is a
+        sensor that restarted.
     """
     if before is None:
         return 0
