@@ -43,6 +43,7 @@ from evaluation.experiments import (
     wake_up,
     yaw,
 )
+from evaluation.report.charts import ROUGH, mark_rough
 from evaluation.report.claims import Claim
 
 
@@ -112,7 +113,9 @@ def run_experiment(name: str, directory: Path, *, quick: bool, seed: int) -> str
     # Readers get what is written, not what was computed: a tuple is a list, a key is text.
     written = json.loads(path.read_text(encoding='utf-8'))
     experiment.draw(written, directory / f'{name}.png')
-    return experiment.summarise(written)
+    if quick:
+        mark_rough(directory / f'{name}.png')
+    return f'{ROUGH}\n{experiment.summarise(written)}' if quick else experiment.summarise(written)
 
 
 def run_experiments(

@@ -5,6 +5,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from pathlib import Path
 from typing import Any
 
 from evaluation.bench.rates import Rate
@@ -14,6 +15,22 @@ LEVEL = 0.8  # of identification; what is less counts as broken
 # Told apart with any colour vision (Okabe and Ito), and by their signs without any.
 _COLOURS = ('#0072b2', '#cc79a7')
 _SIGNS = ('o', 'D')
+
+
+ROUGH = 'rough: a quick run of few trials'
+
+
+def mark_rough(path: Path) -> None:
+    """Write below a chart that it is rough."""
+    from matplotlib.figure import Figure
+    from matplotlib.image import imread
+
+    image = imread(path)
+    height, width = image.shape[:2]
+    figure = Figure(figsize=(width / 100, height / 100 + 0.3), dpi=100)
+    figure.figimage(image, 0, 30)
+    figure.text(0.5, 10 / (height + 30), ROUGH, ha='center', color='#d55e00', fontsize=12)
+    figure.savefig(path)
 
 
 def look(method: str) -> dict[str, Any]:
