@@ -55,4 +55,5 @@ def matrix_of_turn(turn: Floats) -> Floats:
 
 def cross_matrix(vectors: Floats) -> Floats:
     """Return the matrices that multiply as the cross product with vectors (..., 3) does."""
-    return np.cross(vectors[..., None, :], np.eye(3)).swapaxes(-1, -2)
+    matrices: Floats = np.cross(vectors[..., None, :], np.eye(3)).swapaxes(-1, -2)
+    return matrices

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from retrolidar_ros.sensor.frame import Floats
-from retrolidar_ros.tasks.least_squares import Fit, Prior, Problem, State
+from retrolidar_ros.tasks.least_squares import Fit, Prior, Problem
 from retrolidar_ros.tasks.reading import Errors, Reading
 
 # Residuals beyond so many deviations do not belong.
@@ -94,7 +94,7 @@ class Landmark:
         if prior is not None:
             spread = np.zeros((9, 9))
             spread[:6, :6] = prior.covariance
-            self.fit = Fit(prior.state, spread, -math.inf, np.zeros((0, 3)))
+            self.fit = Fit(prior.state, spread, -math.inf, np.zeros((0, 3)), np.zeros((0, 2)))
 
     def take(self, reading: Reading) -> bool:
         """Take a reading of one of the markers, and tell whether it belongs."""
@@ -134,10 +134,10 @@ class Landmark:
             moved_s=self.moved_s,
         )
 
-    def with_views(self, readings: Sequence[Reading]) -> Fit:
-        """Return the estimate as it would be with other readings besides."""
+    def spread_with(self, readings: Sequence[Reading]) -> Floats:
+        """Return the covariance of the position, shape (3, 3) [m²], with more ranges besides."""
         assert self.fit is not None
-        return self._problem([*self.members, *readings]).spread_at(self.fit.state)
+        return self._problem([*self.members, *readings]).spread(self.fit)[:3, :3]
 
     def _problem(self, readings: Sequence[Reading]) -> Problem:
         return Problem(self._markers, readings, self.errors, self._prior, self._place_variance)

@@ -15,9 +15,12 @@ from retrolidar_ros.sensor.frame import Floats
 from retrolidar_ros.sensor.rotation import cross_matrix, matrix_of_turn
 from retrolidar_ros.tasks.reading import Errors, Reading, Readings
 
-_MOST_STEPS, _FEW_STEPS = 30, 6
+_MOST_STEPS, _FEW_STEPS = 60, 8
 _SMALL_STEP = 1e-5  # [m] or [rad]
 _MOST_STEP = 0.5
+_erf = np.vectorize(math.erf, otypes=[float])
+# How likely a direction is anywhere, for each radian of half its box.
+_ASTRAY = 0.02
 TURN_VARIANCE = math.pi**2 / 3
 """Of an angle that can be anything [rad²]."""
 # Student's t of so many degrees of freedom is what ranges are thought to follow, and residuals
@@ -56,7 +59,12 @@ class Fit:
     stamp_s: float
     """When it holds."""
     scores: Floats
-    """Of range and of both directions: residuals in their deviations, shape (n, 3)."""
+    """Of range and of both directions: residuals in their deviations, shape (n, 3).
+
+    Of a direction, what is beyond its box.
+    """
+    bearing_weight: Floats
+    """What the boxes were worth, shape (n, 2) [1/rad²]."""
 
 
 class Problem:
@@ -90,93 +98,66 @@ class Problem:
         self.prior = prior
         self.stamp_s = float(self.seen.stamp_s.max())
         self._before_s = self.stamp_s - self.seen.stamp_s
-        self._places = np.array([markers[one] for one in self.seen.marker])
-        self._doubt = (
-            None
-            if place_variance is None
-            else np.array([place_variance[one] for one in self.seen.marker])
+        self._places = np.array([markers[one] for one in self.seen.marker.tolist()])
+        doubts = place_variance or {}
+        self._doubt: Floats = np.array(
+            [doubts.get(one, np.zeros((3, 3))) for one in self.seen.marker.tolist()]
         )
-        turns = len({tuple(place) for place in markers.values()}) > 1
-        moves = errors.acceleration > 0
-        self._free = np.repeat([True, turns, moves], 3)
-        self._turns = turns
+        self._turns = len({tuple(place) for place in markers.values()}) > 1
+        self._free = np.repeat([True, self._turns, errors.acceleration > 0], 3)
 
-    def start(self) -> State:
-        """Return a first guess: the mean of all places, and the best of 24 orientations."""
+    def solve(self, start: State | None = None) -> Fit:
+        """Return the estimate that is found from a first guess, or from the best of many."""
+        if start is not None:
+            return self._descend(start, _MOST_STEPS)
         seen = self.seen
-        unit = np.cross(seen.axes[:, 0], seen.axes[:, 1])
-        places = seen.sensor_m + seen.range_m[:, None] * unit
+        places = seen.sensor_m + seen.range_m[:, None] * seen.direction
         guesses = [
             State((places - self._places @ turn.T).mean(axis=0), turn, np.zeros(3))
             for turn in (_QUARTER_TURNS if self._turns else _QUARTER_TURNS[:1])
         ]
-        return min((self._descend(guess, _FEW_STEPS) for guess in guesses), key=self._cost)
-
-    def solve(self, start: State | None = None) -> Fit:
-        """Return the estimate that is found from a first guess."""
-        return self.spread_at(self._descend(self.start() if start is None else start, _MOST_STEPS))
-
-    def spread_at(self, state: State) -> Fit:
-        """Return a state as an estimate: how well the readings tell it."""
-        jacobian, residual = self._linearised(state)
-        spread: Floats = np.zeros((9, 9))
-        for _ in range(3):
-            variance = self._variance(state, residual, spread)
-            weight = np.linalg.inv(variance)
-            spread = self._spread(jacobian, weight)
-        chi2 = float(residual[:, 0] @ weight[0] @ residual[:, 0])
-        more = max(len(residual) - 3, 0)
-        scale = max((_FREEDOM + chi2) / (_FREEDOM + more), 1.0)
-        told = np.einsum('nck,kl,ncl->nc', jacobian, spread, jacobian)
-        whole = np.diagonal(variance, axis1=1, axis2=2).T
-        scores = residual / np.sqrt(np.maximum(whole - told, 0.2 * whole))
-        return Fit(state, scale * spread, self.stamp_s, scores)
+        if len(guesses) > 1:
+            fits = [self._descend(guess, _FEW_STEPS) for guess in guesses]
+            guesses = [min(fits, key=lambda fit: float(np.square(fit.scores).sum())).state]
+        return self._descend(guesses[0], _MOST_STEPS)
 
     def scores(self, fit: Fit) -> Floats:
         """Return how far readings are from an estimate that they are no part of, shape (n, 3)."""
         jacobian, residual = self._linearised(fit.state)
-        variance = self._variance(fit.state, 0 * residual, fit.covariance)
+        whole, soft = self._variances(fit.state, 0 * residual[:, 0], fit.covariance)
         told = np.einsum('nck,kl,ncl->nc', jacobian, fit.covariance, jacobian)
-        scores: Floats = residual / np.sqrt(np.diagonal(variance, axis1=1, axis2=2).T + told)
-        return scores
+        return self._scores(residual, np.diag(whole) + told[:, 0], soft + told[:, 1:])
 
-    def _spread(self, jacobian: Floats, weight: Floats) -> Floats:
-        """Return the covariance of the state, shape (9, 9)."""
-        free = self._free
-        spread: Floats = np.diag(np.repeat([0.0, TURN_VARIANCE, 0.0], 3))
-        information = self._information(jacobian, weight)
-        spread[np.ix_(free, free)] = np.linalg.inv(information[np.ix_(free, free)])
-        return spread
+    def spread(self, fit: Fit) -> Floats:
+        """Return the covariance, shape (9, 9), with more readings after those of an estimate.
 
-    def _information(self, jacobian: Floats, weight: Floats) -> Floats:
-        information: Floats = np.einsum(
-            'nck,cnm,mcl->kl', jacobian, weight, jacobian, optimize=True
-        )
-        known = np.repeat([0.0, 1 / TURN_VARIANCE, 1 / self.errors.speed**2], 3)
-        information += np.diag(known)
-        if self.prior is not None:
-            information[:6, :6] += np.linalg.inv(self.prior.covariance)
-        return information
+        Of the additional ones only the ranges count.
+        """
+        jacobian, residual = self._linearised(fit.state)
+        whole, _ = self._variances(fit.state, 0 * residual[:, 0], fit.covariance)
+        sure = np.zeros((len(residual), 2))
+        sure[: len(fit.bearing_weight)] = fit.bearing_weight
+        information, _ = self._equations(fit.state, jacobian, residual, np.linalg.inv(whole))
+        return self._inverse(information + _outer(jacobian[:, 1:], sure))
 
-    def _descend(self, state: State, steps: int) -> State:
-        """Follow Gauss and Newton."""
-        free = self._free
+    def _descend(self, state: State, steps: int) -> Fit:
+        """Follow Gauss and Newton, and match the moments of the boxes on the way (Minka 2001)."""
+        seen = self.seen
+        half = self._half_box()
+        _, soft = self._variances(state, 0 * seen.range_m, np.zeros((9, 9)))
+        sure = 1 / (half**2 / 3 + soft)
+        middle = np.zeros_like(sure)
         spread: Floats = np.zeros((9, 9))
         for _ in range(steps):
             jacobian, residual = self._linearised(state)
-            weight = np.linalg.inv(self._variance(state, residual, spread))
-            information = self._information(jacobian, weight)
-            slope = np.einsum('nck,cnm,mc->k', jacobian, weight, residual, optimize=True)
-            slope[6:] -= state.velocity / self.errors.speed**2
-            if self.prior is not None:
-                turn = self.prior.state.rotation @ state.rotation.T
-                vector = np.array([turn[2, 1], turn[0, 2], turn[1, 0]]) - np.array(
-                    [turn[1, 2], turn[2, 0], turn[0, 1]]
-                )
-                off = np.append(self.prior.state.position_m - state.position_m, vector / 2)
-                slope[:6] += np.linalg.solve(self.prior.covariance, off)
-            step = np.zeros(9)
-            step[free] = np.linalg.solve(information[np.ix_(free, free)], slope[free])
+            whole, soft = self._variances(state, residual[:, 0], spread)
+            weight = np.linalg.inv(whole)
+            information, slope = self._equations(state, jacobian, residual, weight)
+            aside, per_state = residual[:, 1:], jacobian[:, 1:]
+            information += _outer(per_state, sure)
+            slope += np.einsum('nck,nc->k', per_state, sure * (aside - middle))
+            before, spread = spread, self._inverse(information)
+            step = spread @ slope * self._free
             largest = float(np.abs(step).max())
             step *= min(1.0, _MOST_STEP / max(largest, 1e-12))
             state = State(
@@ -184,20 +165,63 @@ class Problem:
                 matrix_of_turn(step[3:6]) @ state.rotation,
                 state.velocity + step[6:],
             )
-            spread = self._spread(jacobian, weight)
-            if largest < _SMALL_STEP:
+            if largest < _SMALL_STEP and np.abs(spread - before).max() < 1e-3 * spread.max():
                 break
-        return state
+            mean = per_state @ step - aside
+            variance = np.einsum('nck,kl,ncl->nc', per_state, spread, per_state)
+            alike = _alike(per_state, spread, mean, half)
+            fresh, shift = _match(mean, variance, alike * sure, -middle, half, soft)
+            fresh /= alike
+            shift = (sure * -middle + fresh * shift) / np.maximum(sure + fresh, 1e-12)
+            sure, middle = (sure + fresh) / 2, -shift
+        jacobian, residual = self._linearised(state)
+        chi2 = float(residual[:, 0] @ weight @ residual[:, 0])
+        scale = (_FREEDOM + chi2) / (_FREEDOM + max(len(residual) - 3, 0))
+        told = np.einsum('nk,kl,nl->n', jacobian[:, 0], spread, jacobian[:, 0])
+        own = np.maximum(np.diag(whole) - told, 0.2 * np.diag(whole))
+        scores = self._scores(residual, own, soft)
+        return Fit(state, max(scale, 1.0) * spread, self.stamp_s, scores, sure)
 
-    def _cost(self, state: State) -> float:
-        _, residual = self._linearised(state)
-        weight = np.linalg.inv(self._variance(state, residual, np.zeros((9, 9))))
-        return float(np.einsum('nc,cnm,mc', residual, weight, residual))
+    def _scores(self, residual: Floats, variance: Floats, soft: Floats) -> Floats:
+        beyond = np.maximum(np.abs(residual[:, 1:]) - self._half_box(), 0.0)
+        return np.column_stack([residual[:, 0] / np.sqrt(variance), beyond / np.sqrt(soft)])
+
+    def _half_box(self) -> Floats:
+        half: Floats = math.sqrt(3) * self.seen.spread_rad + self.errors.box_rad
+        return half
+
+    def _inverse(self, information: Floats) -> Floats:
+        """Return the covariance of the state, shape (9, 9)."""
+        free = np.ix_(self._free, self._free)
+        spread: Floats = np.diag(np.repeat([0.0, 0.0 if self._turns else TURN_VARIANCE, 0.0], 3))
+        spread[free] = np.linalg.inv(information[free])
+        return spread
+
+    def _equations(
+        self, state: State, jacobian: Floats, residual: Floats, weight: Floats
+    ) -> tuple[Floats, Floats]:
+        """Return the normal equations of ranges and of what was known before."""
+        weighted = jacobian[:, 0].T @ weight
+        information = weighted @ jacobian[:, 0]
+        slope = weighted @ residual[:, 0]
+        still = 1 / self.errors.speed**2
+        information += np.diag(np.repeat([0.0, 1 / TURN_VARIANCE, still], 3))
+        slope[6:] -= still * state.velocity
+        if self.prior is not None:
+            turn = self.prior.state.rotation @ state.rotation.T
+            turned = np.array([turn[2, 1], turn[0, 2], turn[1, 0]])
+            turned -= np.array([turn[1, 2], turn[2, 0], turn[0, 1]])
+            off = np.append(self.prior.state.position_m - state.position_m, turned / 2)
+            known = np.linalg.inv(self.prior.covariance)
+            information[:6, :6] += known
+            slope[:6] += known @ off
+        return information, slope
 
     def _sight(self, state: State) -> Floats:
-        turned = self._places @ state.rotation.T
         moved = np.outer(self._before_s, state.velocity)
-        sight: Floats = state.position_m + turned - moved - self.seen.sensor_m
+        sight: Floats = (
+            state.position_m + self._places @ state.rotation.T - moved - self.seen.sensor_m
+        )
         return sight
 
     def _linearised(self, state: State) -> tuple[Floats, Floats]:
@@ -217,31 +241,74 @@ class Problem:
         jacobian[..., 6:] = -per_place * self._before_s[:, None, None]
         return jacobian, residual
 
-    def _variance(self, state: State, residual: Floats, spread: Floats) -> Floats:
-        """Return the covariance of all errors, shape (3, n, n), at a state of some spread."""
+    def _variances(self, state: State, residual: Floats, spread: Floats) -> tuple[Floats, Floats]:
+        """Return covariance of ranges, shape (n, n), and softness of boxes, shape (n, 2)."""
         sight = self._sight(state)
-        variance: Floats = self.seen.covariance(sight, self._before_s, self.errors)
         range_m = np.linalg.norm(sight, axis=1)
-        unit = sight / range_m[:, None]
-        if self._doubt is not None:
-            doubt = state.rotation @ self._doubt @ state.rotation.T
-            same = np.equal.outer(self.seen.marker, self.seen.marker)
-            frames = np.concatenate([unit[:, None], self.seen.axes], axis=1)
-            known = np.einsum('ick,ikl,jcl->cij', frames, doubt, frames) * same
-            known[1:] /= np.outer(range_m, range_m)
-            variance += known
+        doubt = state.rotation @ self._doubt @ state.rotation.T
+        whole = self.seen.range_covariance(sight, doubt, self._before_s, self.errors)
         # Spheres bend away from the planes that they are taken for, as far as a place is open.
+        unit = sight / range_m[:, None]
         across = np.eye(3) - unit[:, :, None] * unit[:, None]
         open_m2 = across @ spread[:3, :3] @ across
         trace = np.trace(open_m2, axis1=1, axis2=2)
         square = np.einsum('nij,nji->n', open_m2, open_m2)
         bend = np.sqrt(trace**2 + 2 * square) / (2 * range_m)
-        variance[0] += np.outer(bend, bend)
-        count = np.arange(len(range_m))
-        deviation = np.sqrt(variance[0, count, count])
-        excess = np.maximum((residual[:, 0] / deviation) ** 2 - 1, 0.0) / (_FREEDOM + 1)
-        variance[0, count, count] += excess * self.seen.range_stddev_m**2
-        return variance
+        whole += np.outer(bend, bend)
+        excess = np.maximum(residual**2 / np.diag(whole) - 1, 0.0) / (_FREEDOM + 1)
+        whole += np.diag(excess * self.seen.range_stddev_m**2)
+        soft = self.seen.bearing_variance(range_m, doubt, self._before_s, self.errors)
+        return whole, soft
+
+
+def _outer(jacobian: Floats, sure: Floats) -> Floats:
+    """Return the information, shape (9, 9), of directions known with weights, shape (n, 2)."""
+    information: Floats = np.einsum('nck,nc,ncl->kl', jacobian, sure, jacobian)
+    return information
+
+
+def _alike(jacobian: Floats, spread: Floats, mean: Floats, half: Floats) -> Floats:
+    """Return how many boxes say the same as each, shape (n, 2).
+
+    Two do if their directions move together, and are at the same place of their boxes: together
+    they tell no more than one of them.
+    """
+    rows = jacobian.reshape(-1, jacobian.shape[-1])
+    together = rows @ spread @ rows.T
+    deviation = np.sqrt(np.diag(together))
+    place, size = mean.ravel(), half.ravel()
+    apart = np.abs(place[:, None] - place) / np.minimum.outer(size, size)
+    same = (together / np.outer(deviation, deviation)) ** 2 * np.maximum(1 - 2 * apart, 0.0)
+    count: Floats = same.sum(axis=1).reshape(mean.shape)
+    return count
+
+
+def _match(
+    mean: Floats, variance: Floats, sure: Floats, middle: Floats, half: Floats, soft: Floats
+) -> tuple[Floats, Floats]:
+    """Return weights and middles of the normals that boxes are worth, given all the others.
+
+    Parameters
+    ----------
+    mean, variance : array, shape (n, 2)
+        Of the directions, as the state has them now.
+    sure, middle : array, shape (n, 2)
+        Of the normals that stood for the boxes so far.
+    half, soft : array, shape (n, 2)
+        Half the widths of the boxes, and the variance of their edges.
+    """
+    left = np.maximum(1 / variance - sure, 0.1 / variance)
+    mean = (mean / variance - sure * middle) / left
+    total = 1 / left + soft
+    deviation = np.sqrt(total)
+    low, high = (-half - mean) / deviation, (half - mean) / deviation
+    inside = (_erf(high / math.sqrt(2)) - _erf(low / math.sqrt(2))) / 2
+    low_density, high_density = (np.exp(-0.5 * x * x) / math.sqrt(2 * math.pi) for x in (low, high))
+    chance = inside + _ASTRAY * half
+    slope = (low_density - high_density) / deviation / chance
+    bend = slope**2 + (high * high_density - low * low_density) / total / chance
+    bend = np.clip(bend, 1e-9, 0.999 * left)
+    return bend / (1 - bend / left), mean + slope / bend
 
 
 def _quarter_turns() -> list[Floats]:

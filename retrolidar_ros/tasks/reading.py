@@ -95,8 +95,10 @@ class Errors:
     """Of a sensor's range, the same in all its readings; a calibration narrows it."""
     range_m: float = 0.0005
     """Of a range besides what it tells."""
-    bearing_rad: float = 0.0175
-    """Of a direction besides what it tells: of lens and mounting."""
+    box_rad: float = 0.0175
+    """How far a direction may be beyond the box that it tells: lens and mounting; no deviation."""
+    edge_rad: float = 0.009
+    """How soft the edges of that box are."""
     pose_m: float = 0.002
     """Of the sensor's position, along each axis."""
     turn_rad: float = 0.0035
@@ -107,77 +109,90 @@ class Errors:
     """Of a moving marker, along each axis [m/s]."""
 
 
-# What stands behind a marker makes its range wrong in the same way while it is at the same place of
-# a zone. Deviations above the usual one are of that kind, and this share of each variance.
-_SHARED = 0.25
-# Errors of poses are the same so far around [m], those of a bearing in a zone's width.
-_POSE_ALIKE_M = 0.05
-
-_ZONE = ZoneGrid().pitch
+# What stands behind a marker or blinks beside it makes its range wrong in the same way while the
+# sensor stays where it is. This share of the usual variance is of that kind, and all that a reading
+# has above the usual, which tells but a part of it.
+_SHARED, _DISTRUST, _SCATTER = 0.25, 2.5, 1.3
+_CROWDED_M = 0.01
+# Within such a distance [m] a sensor's errors are the same.
+_ALIKE_M = 0.05
 
 
 class Readings:
     """Arrays of the readings that one estimate is made of."""
 
     def __init__(self, readings: Sequence[Reading]) -> None:
-        self.marker = [one.marker for one in readings]
+        self.marker = np.array([one.marker for one in readings])
         self.range_m = np.array([one.range_m for one in readings])
         self.range_stddev_m = np.array([one.range_stddev_m for one in readings])
         self.spread_rad = np.array([one.spread_rad for one in readings])
         self.stamp_s = np.array([one.stamp_s for one in readings])
         self.sensor_m = np.array([one.pose.position_m for one in readings])
-        self.rotation = np.array([one.pose.rotation for one in readings])
-        self.axes = np.array([one.pose.rotation @ axes_of(one.direction).T for one in readings])
-        self.axes = self.axes.swapaxes(1, 2)
+        rotation = np.array([one.pose.rotation for one in readings])
+        own = np.array([np.vstack([axes_of(one.direction), one.direction]) for one in readings])
+        axes = own @ rotation.swapaxes(1, 2)
+        self.axes = axes[:, :2]
+        """Across the measured directions, in the fixed frame, shape (n, 2, 3)."""
+        self.direction = axes[:, 2]
+        """As measured, in the fixed frame, shape (n, 3)."""
         sensor = np.array([one.sensor for one in readings])
-        marker = np.array(self.marker)
-        self._one_sensor = sensor[:, None] == sensor
-        self._one_view = self._one_sensor & (marker[:, None] == marker)
-        usual = np.array([np.median(self.range_stddev_m[marker == one]) for one in marker])
-        variance = self.range_stddev_m**2
-        self._shared_m = np.sqrt(np.maximum(variance - usual**2, _SHARED * variance))
         apart = np.linalg.norm(self.sensor_m[:, None] - self.sensor_m, axis=-1)
-        self._one_pose = self._one_sensor * np.exp(-0.5 * (apart / _POSE_ALIKE_M) ** 2)
+        self._one_sensor = sensor[:, None] == sensor
+        self._one_pose = self._one_sensor * np.exp(-0.5 * (apart / _ALIKE_M) ** 2)
+        self._one_view = self._one_pose * (self.marker[:, None] == self.marker)
+        # The noise of a range rises with about the square of the range.
+        each = self.range_stddev_m / self.range_m**2
+        usual = np.minimum(_SCATTER * np.median(each) * self.range_m**2, self.range_stddev_m)
+        variance = self.range_stddev_m**2
+        # Two that blink in one zone spoil each other's range, and do not tell.
+        other = self.marker[:, None] != self.marker
+        tangent = np.array([one.direction[:2] / one.direction[2] for one in readings])
+        close = np.abs(tangent[:, None] - tangent).max(axis=-1) < ZoneGrid().pitch / 2
+        crowded = (other & close & (self._one_pose > 0.5)).any(axis=1)
+        variance += (_CROWDED_M / _DISTRUST) ** 2 * crowded
+        self._own_m2 = (1 - _SHARED) * np.minimum(variance, usual**2)
+        self._shared_m = np.sqrt(_SHARED * usual**2 + (_DISTRUST**2) * (variance - usual**2))
 
-    def covariance(self, sight_m: Floats, before_s: Floats, errors: Errors) -> Floats:
-        """Return the covariance of the errors of range [m²] and of direction [rad²].
+    def range_covariance(
+        self, sight_m: Floats, place_variance: Floats, before_s: Floats, errors: Errors
+    ) -> Floats:
+        """Return the covariance of the errors of all ranges, shape (n, n) [m²].
 
         Parameters
         ----------
         sight_m : array, shape (n, 3)
             From the sensors to where the markers are now thought to be, in the fixed frame.
+        place_variance : array, shape (n, 3, 3)
+            How well the marker's place on its object is known, in the fixed frame [m²].
         before_s : array, shape (n,)
             How long before the time of the estimate each was taken.
         errors : Errors
             What they share.
-
-        Returns
-        -------
-        covariance : array, shape (3, n, n)
-            Of ranges, of directions along their first and their second axis.
         """
-        range_m = np.linalg.norm(sight_m, axis=1)
-        unit = sight_m / range_m[:, None]
-        frames = np.concatenate([unit[:, None], self.axes], axis=1)
-        alike = np.einsum('ick,jck->cij', frames, frames)
-        seen = np.einsum('nij,ni->nj', self.rotation, sight_m)
-        tangent = seen[:, :2] / np.maximum(seen[:, 2:], 1e-3)
-        step = np.abs(tangent[:, None] - tangent) / _ZONE
-        in_zone = self._one_view[..., None] * np.maximum(1 - step, 0.0)
-        pose = self._one_pose * alike
-        shared = errors.pose_m**2 * pose
+        unit = sight_m / np.linalg.norm(sight_m, axis=1)[:, None]
+        alike = unit @ unit.T
+        result: Floats = errors.pose_m**2 * self._one_pose * alike
+        result += errors.range_bias_m**2 * self._one_sensor
+        result += np.outer(self._shared_m, self._shared_m) * self._one_view
+        result += np.diag(self._own_m2 + errors.range_m**2)
+        same = self.marker[:, None] == self.marker
+        result += np.einsum('ik,ikl,jl->ij', unit, place_variance, unit) * same
         if errors.acceleration:
-            # A Wiener process of the velocity, told back from the time of the estimate.
-            least, most = np.minimum.outer(before_s, before_s), np.maximum.outer(before_s, before_s)
-            shared += errors.acceleration**2 * (least**2 * (3 * most - least) / 6) * alike
-        result: Floats = shared
-        result[1:] /= np.outer(range_m, range_m)
-        result[0] += errors.range_bias_m**2 * self._one_sensor
-        result[0] += np.outer(self._shared_m, self._shared_m) * in_zone.prod(axis=-1)
-        result[0] += np.diag(self.range_stddev_m**2 - self._shared_m**2 + errors.range_m**2)
-        for axis in range(2):
-            spread = np.hypot(self.spread_rad[:, axis], errors.bearing_rad)
-            result[1 + axis] += np.outer(spread, spread) * in_zone[..., axis]
-            result[1 + axis] += errors.turn_rad**2 * pose[2 - axis]
-            result[1 + axis] += np.diag(0.1 * spread**2)
+            result += errors.acceleration**2 * _wandered(before_s) * alike
         return result
+
+    def bearing_variance(
+        self, range_m: Floats, place_variance: Floats, before_s: Floats, errors: Errors
+    ) -> Floats:
+        """Return how soft the edges of the boxes are, shape (n, 2) [rad²]; see `range_covariance`."""
+        along = errors.pose_m**2 + errors.acceleration**2 * np.diag(_wandered(before_s))
+        across = np.einsum('nck,nkl,ncl->nc', self.axes, place_variance, self.axes) + along[:, None]
+        variance: Floats = errors.edge_rad**2 + errors.turn_rad**2 + across / range_m[:, None] ** 2
+        return variance
+
+
+def _wandered(before_s: Floats) -> Floats:
+    """Return the covariance of places, told back, if the velocity is a Wiener process [s³]."""
+    least, most = np.minimum.outer(before_s, before_s), np.maximum.outer(before_s, before_s)
+    wandered: Floats = least**2 * (3 * most - least) / 6
+    return wandered
