@@ -93,7 +93,7 @@ def scene_of(
 
 
 def told_pose(pose: Pose, stddev_m: float, rng: np.random.Generator) -> SensorPose:
-    """Return where TF has a sensor: off by a deviation [m] along, and 1.75 rad/m about each axis."""
+    """Return where TF has a sensor: off by a deviation [m], and by 1.75 rad/m about each axis."""
     off_m, turn = rng.normal(0, stddev_m, 3), rng.normal(0, 1.75 * stddev_m, 3)
     return SensorPose(pose.position_m + off_m, matrix_of_turn(turn) @ pose.rotation)
 

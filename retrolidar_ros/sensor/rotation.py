@@ -50,7 +50,8 @@ def matrix_of_turn(turn: Floats) -> Floats:
     """Return the rotation matrix of a rotation vector, shape (3,) [rad] (Rodrigues)."""
     angle = max(float(np.linalg.norm(turn)), 1e-12)
     cross = cross_matrix(turn / angle)
-    return np.eye(3) + np.sin(angle) * cross + (1 - np.cos(angle)) * cross @ cross
+    matrix: Floats = np.eye(3) + np.sin(angle) * cross + (1 - np.cos(angle)) * cross @ cross
+    return matrix
 
 
 def cross_matrix(vectors: Floats) -> Floats:

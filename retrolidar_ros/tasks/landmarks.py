@@ -110,6 +110,10 @@ class Landmark:
         self.rejected += 1
         return self._looks_elsewhere(reading)
 
+    def has(self, marker: int) -> bool:
+        """Tell whether a marker is one of its own."""
+        return marker in self._markers
+
     def estimate(self) -> Estimate | None:
         """Return where the landmark is; None until two readings agree, or it was known before."""
         if self.fit is None or (len(self.members) < _AGREEING and self._prior is None):

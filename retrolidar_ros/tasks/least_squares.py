@@ -13,14 +13,12 @@ import numpy as np
 
 from retrolidar_ros.sensor.frame import Floats
 from retrolidar_ros.sensor.rotation import cross_matrix, matrix_of_turn
+from retrolidar_ros.tasks.boxes import match_boxes, same_boxes
 from retrolidar_ros.tasks.reading import Errors, Reading, Readings
 
 _MOST_STEPS, _FEW_STEPS = 60, 8
 _SMALL_STEP = 1e-5  # [m] or [rad]
 _MOST_STEP = 0.5
-_erf = np.vectorize(math.erf, otypes=[float])
-# How likely a direction is anywhere, for each radian of half its box.
-_ASTRAY = 0.02
 TURN_VARIANCE = math.pi**2 / 3
 """Of an angle that can be anything [rad²]."""
 # Student's t of so many degrees of freedom is what ranges are thought to follow, and residuals
@@ -169,8 +167,8 @@ class Problem:
                 break
             mean = per_state @ step - aside
             variance = np.einsum('nck,kl,ncl->nc', per_state, spread, per_state)
-            alike = _alike(per_state, spread, mean, half)
-            fresh, shift = _match(mean, variance, alike * sure, -middle, half, soft)
+            alike = same_boxes(per_state, spread, mean, half)
+            fresh, shift = match_boxes(mean, variance, alike * sure, -middle, half, soft)
             fresh /= alike
             shift = (sure * -middle + fresh * shift) / np.maximum(sure + fresh, 1e-12)
             sure, middle = (sure + fresh) / 2, -shift
@@ -265,50 +263,6 @@ def _outer(jacobian: Floats, sure: Floats) -> Floats:
     """Return the information, shape (9, 9), of directions known with weights, shape (n, 2)."""
     information: Floats = np.einsum('nck,nc,ncl->kl', jacobian, sure, jacobian)
     return information
-
-
-def _alike(jacobian: Floats, spread: Floats, mean: Floats, half: Floats) -> Floats:
-    """Return how many boxes say the same as each, shape (n, 2).
-
-    Two do if their directions move together, and are at the same place of their boxes: together
-    they tell no more than one of them.
-    """
-    rows = jacobian.reshape(-1, jacobian.shape[-1])
-    together = rows @ spread @ rows.T
-    deviation = np.sqrt(np.diag(together))
-    place, size = mean.ravel(), half.ravel()
-    apart = np.abs(place[:, None] - place) / np.minimum.outer(size, size)
-    same = (together / np.outer(deviation, deviation)) ** 2 * np.maximum(1 - 2 * apart, 0.0)
-    count: Floats = same.sum(axis=1).reshape(mean.shape)
-    return count
-
-
-def _match(
-    mean: Floats, variance: Floats, sure: Floats, middle: Floats, half: Floats, soft: Floats
-) -> tuple[Floats, Floats]:
-    """Return weights and middles of the normals that boxes are worth, given all the others.
-
-    Parameters
-    ----------
-    mean, variance : array, shape (n, 2)
-        Of the directions, as the state has them now.
-    sure, middle : array, shape (n, 2)
-        Of the normals that stood for the boxes so far.
-    half, soft : array, shape (n, 2)
-        Half the widths of the boxes, and the variance of their edges.
-    """
-    left = np.maximum(1 / variance - sure, 0.1 / variance)
-    mean = (mean / variance - sure * middle) / left
-    total = 1 / left + soft
-    deviation = np.sqrt(total)
-    low, high = (-half - mean) / deviation, (half - mean) / deviation
-    inside = (_erf(high / math.sqrt(2)) - _erf(low / math.sqrt(2))) / 2
-    low_density, high_density = (np.exp(-0.5 * x * x) / math.sqrt(2 * math.pi) for x in (low, high))
-    chance = inside + _ASTRAY * half
-    slope = (low_density - high_density) / deviation / chance
-    bend = slope**2 + (high * high_density - low * low_density) / total / chance
-    bend = np.clip(bend, 1e-9, 0.999 * left)
-    return bend / (1 - bend / left), mean + slope / bend
 
 
 def _quarter_turns() -> list[Floats]:
