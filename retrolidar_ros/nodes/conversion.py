@@ -8,14 +8,15 @@ from array import array
 
 import numpy as np
 from builtin_interfaces.msg import Time
-from geometry_msgs.msg import TransformStamped
+from geometry_msgs.msg import PoseWithCovarianceStamped, TransformStamped
 from sensor_msgs.msg import Image, PointCloud2, PointField
 from std_msgs.msg import Header
 
 from retrolidar_ros.detector import Detection
 from retrolidar_ros.msg import Frame as FrameMsg
 from retrolidar_ros.msg import MarkerDetection
-from retrolidar_ros.sensor.frame import NORMAL_STATUS, Frame, ZoneGrid, check_frame_arrays
+from retrolidar_ros.sensor.frame import NORMAL_STATUS, Floats, Frame, ZoneGrid, check_frame_arrays
+from retrolidar_ros.sensor.rotation import quaternion_of
 
 _POINT_FIELDS = ('x', 'y', 'z', 'signal', 'ambient')
 
@@ -158,3 +159,15 @@ def to_transform(message: MarkerDetection) -> TransformStamped:
     translation.x, translation.y, translation.z = position.x, position.y, position.z
     transform.transform.rotation = message.pose.pose.orientation
     return transform
+
+
+def to_pose_msg(
+    header: Header, position_m: Floats, rotation: Floats, covariance: Floats
+) -> PoseWithCovarianceStamped:
+    """Return a pose: position, shape (3,) [m], rotation (3, 3), covariance (6, 6)."""
+    message = PoseWithCovarianceStamped(header=header)
+    place, turn = message.pose.pose.position, message.pose.pose.orientation
+    place.x, place.y, place.z = position_m.tolist()
+    turn.x, turn.y, turn.z, turn.w = quaternion_of(rotation).tolist()
+    message.pose.covariance = covariance.ravel()
+    return message

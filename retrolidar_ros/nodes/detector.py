@@ -5,7 +5,6 @@
 from __future__ import annotations
 
 import time
-from pathlib import Path
 from typing import Any
 
 from rclpy.logging import LoggingSeverity
@@ -18,12 +17,12 @@ from retrolidar_ros.detector.likelihood_detector import LikelihoodDetector
 from retrolidar_ros.detector.methods import MAX_PACKETS
 from retrolidar_ros.detector.noise import NoiseLaw
 from retrolidar_ros.marker.code import BIT_PERIOD_LIMITS_S, IDS
-from retrolidar_ros.marker.known_markers import KnownMarker, frame_of, load_markers
+from retrolidar_ros.marker.known_markers import frame_of
 from retrolidar_ros.msg import Frame as FrameMsg
 from retrolidar_ros.msg import MarkerDetection
 from retrolidar_ros.nodes.conversion import from_frame_msg, to_detection_msg, to_transform
 from retrolidar_ros.nodes.diagnostics import OK, STALE, WARN, Health, publish_health
-from retrolidar_ros.nodes.parameters import Parameters
+from retrolidar_ros.nodes.parameters import Parameters, known_markers
 from retrolidar_ros.nodes.run import run
 from retrolidar_ros.nodes.transforms import transform_sender
 from retrolidar_ros.nodes.visualization import marker_shapes
@@ -59,7 +58,7 @@ class DetectorNode(Node):
         self._values = parameters.values
         if self._values['child_frame'].count(_NAME) != 1:
             raise ValueError(f'child_frame: {self._values["child_frame"]!r} needs {_NAME} once')
-        self._known = _known_markers(self._values['marker_file'])
+        self._known = known_markers(self._values['marker_file'])
         # The zones are known with the first frame, but what cannot be is to be said at the start.
         self._grid = ZoneGrid()
         self._detector = self._new_detector(self._values, self._grid)
@@ -218,15 +217,6 @@ class DetectorNode(Node):
         if silence_s > _SILENCE_S:
             return Health(STALE, f'no frame has come for {silence_s:.0f} s', values)
         return Health(OK, f'{counts.accepted} of {counts.candidates} candidates accepted', values)
-
-
-def _known_markers(path: str) -> dict[int, KnownMarker]:
-    if not path:
-        return {}
-    try:
-        return load_markers(Path(path))
-    except OSError as error:
-        raise ValueError(f'marker_file: {error}') from error
 
 
 def _declare(parameters: Parameters) -> None:

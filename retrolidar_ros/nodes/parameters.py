@@ -6,6 +6,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
 from difflib import get_close_matches
+from pathlib import Path
 from typing import Any
 
 from rcl_interfaces.msg import (
@@ -17,6 +18,7 @@ from rcl_interfaces.msg import (
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 
+from retrolidar_ros.marker.known_markers import KnownMarker, load_markers
 from retrolidar_ros.settings.resources import shared_file
 from retrolidar_ros.settings.yaml_files import load_parameter_defaults
 
@@ -172,3 +174,19 @@ def _listed(name: str, value: Any) -> list[Any]:
     if isinstance(value, str) or not isinstance(value, Iterable):
         raise ValueError(f'{name}: {value!r} is not a list')
     return list(value)
+
+
+def known_markers(path: str) -> dict[int, KnownMarker]:
+    """Return the markers of the file that a parameter `marker_file` names; none if it is empty.
+
+    Raises
+    ------
+    ValueError
+        If it cannot be read, or a marker cannot be.
+    """
+    if not path:
+        return {}
+    try:
+        return load_markers(Path(path))
+    except OSError as error:
+        raise ValueError(f'marker_file: {error}') from error

@@ -50,13 +50,15 @@ class TransformFinder:
         from tf2_msgs.msg import TFMessage
 
         latched = QoSProfile(depth=100, durability=DurabilityPolicy.TRANSIENT_LOCAL)
-        for topic, qos, static in (
-            ('/tf', QoSProfile(depth=100), False),
-            ('/tf_static', latched, True),
-        ):
-            node.create_subscription(
-                TFMessage, topic, lambda m, s=static: buffer.take(m.transforms, static=s), qos
-            )
+
+        def take(message: TFMessage) -> None:
+            buffer.take(message.transforms, static=False)
+
+        def take_static(message: TFMessage) -> None:
+            buffer.take(message.transforms, static=True)
+
+        node.create_subscription(TFMessage, '/tf', take, QoSProfile(depth=100))
+        node.create_subscription(TFMessage, '/tf_static', take_static, latched)
 
     def forget(self) -> None:
         """Forget all transforms, whose time has not come any more."""

@@ -96,6 +96,11 @@ class Landmark:
             spread[:6, :6] = prior.covariance
             self.fit = Fit(prior.state, spread, -math.inf, np.zeros((0, 3)), np.zeros((0, 2)))
 
+    def forget(self) -> None:
+        """Begin without any reading, and without what was known before."""
+        self.members, self._strays, self.fit, self._prior = [], [], None, None
+        self._since_s = -math.inf
+
     def take(self, reading: Reading) -> bool:
         """Take a reading of one of the markers, and tell whether it belongs."""
         if reading.stamp_s < self._since_s:

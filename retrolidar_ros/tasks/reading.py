@@ -184,7 +184,7 @@ class Readings:
     def bearing_variance(
         self, range_m: Floats, place_variance: Floats, before_s: Floats, errors: Errors
     ) -> Floats:
-        """Return the variance of the edges of boxes, shape (n, 2) [rad²]; see `range_covariance`."""
+        """Return the variance of boxes' edges, shape (n, 2) [rad²]; see `range_covariance`."""
         along = errors.pose_m**2 + errors.acceleration**2 * np.diag(_wandered(before_s))
         across = np.einsum('nck,nkl,ncl->nc', self.axes, place_variance, self.axes) + along[:, None]
         variance: Floats = errors.edge_rad**2 + errors.turn_rad**2 + across / range_m[:, None] ** 2

@@ -84,21 +84,19 @@ def survey_content(frame: str, estimates: list[Estimate]) -> dict[str, Any]:
     }
 
 
-def parse_survey(content: object, frame: str) -> dict[str, Prior]:
-    """Return what `survey_content` wrote.
+def parse_survey(content: object) -> tuple[str, dict[str, Prior]]:
+    """Return the fixed frame and the landmarks that `survey_content` wrote.
 
     Raises
     ------
     ConfigError
-        If it is of another fixed frame, or numbers are missing or impossible; it names the key.
+        If numbers are missing or impossible; it names the key.
     """
     section = Section(content)
-    own = section.need('frame', text)
-    if own != frame:
-        raise ConfigError(f'frame: the landmarks are in {own}, not in {frame}')
+    frame = section.need('frame', text)
     known = section.need('landmarks', _priors)
     section.end()
-    return known
+    return frame, known
 
 
 def _priors(value: Any, path: str) -> dict[str, Prior]:
