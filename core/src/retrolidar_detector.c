@@ -8,6 +8,7 @@
 
 #include <math.h>
 #include <stdlib.h>
+#include <string.h>
 
 /* Search finds no word where others are so much better [nats]. */
 static const double BEYOND_COARSE = 6.0;
@@ -126,7 +127,8 @@ struct rl_held rl_detector_held(const struct rl_detector *detector)
     return (struct rl_held){
         .first = rl_samples_oldest(samples),
         .count = samples->count,
-        .width = samples->width,
+        .capacity = samples->capacity,
+        .sources = samples->sources,
         .zones = samples->zones,
         .origin_ns = samples->origin_ns,
         .noise_scale = samples->noise_scale,
@@ -155,12 +157,10 @@ void rl_detector_columns(struct rl_detector *detector, int32_t first, int32_t co
     struct rl_window *window = &detector->window;
     const int zones = detector->samples.zones;
     for (int zone = 0; zone < zones; zone++) {
-        rl_target_column(&detector->samples, zone, first, count, window->signal, window->valid,
-                         window->scratch);
-        for (int32_t row = 0; row < count; row++) {
-            signal[(int64_t)row * zones + zone] = window->signal[row];
-            valid[(int64_t)row * zones + zone] = window->valid[row];
-        }
+        const struct rl_column column =
+            rl_target_column(&detector->samples, zone, first, count, &window->room);
+        memcpy(signal + (size_t)zone * (size_t)count, column.signal, (size_t)count * sizeof *signal);
+        memcpy(valid + (size_t)zone * (size_t)count, column.valid, (size_t)count);
     }
 }
 

@@ -7,7 +7,7 @@
 
 #include "retrolidar_detector.h"
 #include "retrolidar_search.h"
-#include "retrolidar_shares.h"
+#include "retrolidar_going_on.h"
 
 #ifdef __cplusplus
 extern "C" {
@@ -55,6 +55,7 @@ struct rl_detector {
     struct rl_hits hits[RL_MOST_SOURCES], behind;
     struct rl_hit past[RL_MOST_SOURCES][RL_PAST]; /* judged and not read: rivals of later ones */
     int pasts[RL_MOST_SOURCES];
+    struct rl_going_on going_on[RL_MOST_SOURCES][RL_GOING_ON]; /* newest first */
     struct rl_pending pending[RL_MOST_PENDING];
     int pendings;
 };

@@ -122,6 +122,11 @@ void rl_look(struct rl_detector *detector)
         }
         search(detector, sources, count, FOLD[fold], from_s, to_s);
     }
+    for (int source = 0; source < samples->zones && is_turn; source++) {
+        if (detector->decisions_left > 0) {
+            rl_judge_behind(detector, source, to_s - LOOK_BITS * bit_s, to_s);
+        }
+    }
     while (detector->pendings > 0 && detector->decisions_left > 0) {
         int best = 0;
         for (int i = 1; i < detector->pendings; i++) {

@@ -21,9 +21,9 @@ from evaluation.bench.stress import HAND_DISTANCE_M, HAND_SIGNAL, lose_dark
 from evaluation.bench.transmissions import transmission
 from retrolidar_ros.marker.code import BIT_PERIOD_S, PACKET_BITS
 from retrolidar_ros.marker.liquid_crystal import Response
-from retrolidar_ros.scene.description import Noise, Occlusion
+from retrolidar_ros.scene.description import SIGNAL_AT_1_M, Noise, Occlusion
 from retrolidar_ros.scene.noise import deviating, noisy
-from retrolidar_ros.scene.optics import DISTANCE_EXPONENT, SIGNAL_AT_1_M
+from retrolidar_ros.scene.optics import DISTANCE_EXPONENT
 from retrolidar_ros.scene.reference import NOISE, RANGING, RESPONSE, WALL_SIGNAL
 from retrolidar_ros.scene.transmission import visible_share
 from retrolidar_ros.sensor.frame import Floats, Recording, Status, ZoneGrid

@@ -1,6 +1,6 @@
 # Copyright 2026 retrolidar_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""The figures of the README and of docs/scale.md, written from those of the report.
+"""The figures of the README and of docs/, written from those of the report.
 
     python3 -m evaluation.report.readme
 
@@ -203,7 +203,7 @@ _BLOCKS = {
     'speed': speed,
     'revisions': revisions,
 }
-_DOCUMENTS = (Path('README.md'), Path('docs/scale.md'))
+_DOCUMENTS = (Path('README.md'), *sorted(Path('docs').glob('*.md')))
 
 
 def renewed(text: str, report: Report) -> str:

@@ -1,6 +1,6 @@
 # Copyright 2026 retrolidar_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""As much of compressed data as can be had."""
+"""Decompression of files and messages that may be damaged."""
 
 from __future__ import annotations
 

@@ -43,7 +43,7 @@ def read_messages(path: Path, topic: str, types: dict[str, str]) -> Iterator[byt
 
 
 def _bag_files(bag: Path) -> tuple[list[Path], DamageError | None]:
-    """Return the files of a bag, oldest first, and what is wrong with its metadata."""
+    """Return the files of a bag, oldest first, and the damage of its metadata, if any."""
     found = [file for file in bag.iterdir() if re.search(r'\.(mcap|db3)(\.zstd)?$', file.name)]
     # Recorders number their files: bag_9 comes before bag_10.
     found.sort(key=lambda file: ([int(digits) for digits in re.findall(r'\d+', file.name)], file))

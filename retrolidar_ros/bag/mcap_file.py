@@ -1,9 +1,9 @@
 # Copyright 2026 retrolidar_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""Messages from an MCAP file, as far as it is good.
+"""Messages from an MCAP file, up to its damage.
 
-The file is scanned, whatever its index says: a power cut leaves none, and it leaves a last chunk
-that is cut off and may hold a minute of frames. The `mcap` library yields nothing of such a chunk.
+The file is scanned without its index: a power cut leaves none, and a last chunk that is cut off
+and may hold a minute of frames. The `mcap` library yields nothing of such a chunk.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ def read_mcap(file: Path, topic: str, types: dict[str, str]) -> Iterator[bytes]:
 
 
 class _McapFile:
-    """An MCAP file (version 0, see mcap.dev/spec), read by its records, whatever its index."""
+    """An MCAP file (version 0, see mcap.dev/spec), read by its records, without its index."""
 
     def __init__(self, stream: BinaryIO, size: int, topic: str, types: dict[str, str]) -> None:
         self._stream = stream
@@ -81,7 +81,7 @@ class _McapFile:
             raise damage
 
     def _scan(self) -> None:
-        """Find chunks, messages outside of chunks, and what channels there are."""
+        """Find chunks, messages outside of chunks, and channels."""
         if self._read(0, len(_MCAP_MAGIC)) != _MCAP_MAGIC:
             raise DamageError('not an MCAP file')
         position = len(_MCAP_MAGIC)
@@ -138,7 +138,7 @@ class _McapFile:
                 self._define(opcode, records[content:position])
 
     def _define(self, opcode: int, content: bytes) -> None:
-        """Take note of a schema or a channel."""
+        """Store a schema or a channel."""
         if opcode == _SCHEMA:
             self._schemas[_IDS.unpack_from(content)[0]] = _text(content, 2)
         else:
@@ -157,11 +157,11 @@ class _McapFile:
 
 
 def _reason(error: Exception) -> str:
-    """Return what is wrong with a record, as far as it can be said."""
+    """Return what is wrong with a record."""
     return str(error) if isinstance(error, (DamageError, OSError)) else 'damaged'
 
 
 def _text(data: bytes, start: int) -> str:
-    """Return the string at a place in a record."""
+    """Return the string at a position in a record."""
     (length,) = _UINT32.unpack_from(data, start)
     return data[start + _UINT32.size :][:length].decode()

@@ -1,6 +1,6 @@
 # Copyright 2026 retrolidar_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""Messages from an SQLite file of rosbag2, as far as it is good."""
+"""Messages from an SQLite file of rosbag2, up to its damage."""
 
 from __future__ import annotations
 
@@ -82,7 +82,7 @@ def _read_database(
 
 def _messages(connection: sqlite3.Connection, topic: str, types: dict[str, str]) -> Iterator[bytes]:
     last = [-(2**63), 0]  # timestamp and id
-    connection.execute('PRAGMA writable_schema = ON')  # bears with a file that lost its end
+    connection.execute('PRAGMA writable_schema = ON')  # accepts a file without its end
     for name, kind, text in connection.execute(_TABLES):
         if kind != 'table' or re.search(r'\bAS\b', str(text), re.IGNORECASE):
             raise DamageError(f'{name} is computed, and no table that a recorder has written')

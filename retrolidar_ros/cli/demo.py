@@ -140,6 +140,8 @@ def run_demo(scene_name: str, picture: Path | None, timeout_s: float) -> int:
                 id=one.id,
                 name=names.get(one.id, 'ghost'),
                 start_s=(one.start_ns - origin_ns) * 1e-9,
+                stamp_s=(one.stamp_ns - origin_ns) * 1e-9,
+                range_m=one.range_m,
                 position_m=one.position_m,
                 zone=one.zone,
             )

@@ -12,17 +12,15 @@ import sys
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
-from queue import Empty, SimpleQueue
-from threading import Event, Thread
 from typing import TextIO
 
-from retrolidar_ros.cli.arguments import Subparsers, number_of_seconds, seconds
+from retrolidar_ros.cli.arguments import Subparsers, add_port, number_of_seconds, seconds
 from retrolidar_ros.cli.watch_state import Watch
 from retrolidar_ros.cli.watch_view import Snapshot, Symbols, fitted, line, screen
 from retrolidar_ros.marker.code import BIT_PERIOD_LIMITS_S, BIT_PERIOD_S
-from retrolidar_ros.sensor.frame import ZONE_SHAPES, Frame
+from retrolidar_ros.sensor.frame import ZONE_SHAPES
 from retrolidar_ros.sensor.protocols import PROTOCOLS
-from retrolidar_ros.sensor.serial_source import SerialSource
+from retrolidar_ros.sensor.serial_source import BackgroundReading, SerialSource
 from retrolidar_ros.settings.interrupts import interrupted_once
 
 _SCREEN_S, _LINE_S = 0.2, 1.0  # between two pictures, or two lines of a log
@@ -54,14 +52,7 @@ def add_command(subparsers: Subparsers) -> None:
         description='On a terminal a picture five times a second, else a line a second. Ctrl-C '
         'ends it. Exit code 1 if a duration ends without any frame.',
     )
-    command.add_argument('port', metavar='PORT', help='device of the sensor')
-    command.add_argument('--baud', type=int, default=460800, help='bit/s (default: %(default)s)')
-    command.add_argument(
-        '--protocol',
-        choices=PROTOCOLS,
-        default='retrolidar',
-        help='what the sensor speaks (default: %(default)s)',
-    )
+    add_port(command)
     command.add_argument(
         '--zone',
         type=zone_index,
@@ -162,40 +153,19 @@ def watch(
     ValueError
         If the sensor has no such zone.
     """
-    arrived: SimpleQueue[tuple[list[Frame], int, str] | Exception] = SimpleQueue()
-    stop = Event()
     source = SerialSource(port, baud, PROTOCOLS[protocol](time.monotonic_ns), time.monotonic_ns)
-
-    def pass_on(frames: list[Frame], arrival_ns: int) -> None:
-        arrived.put((frames, arrival_ns, source.reader.notice()))
-
-    def read() -> None:
-        try:
-            source.run(pass_on, lambda _: None, stop)
-        except Exception as error:  # it must not end unheard
-            arrived.put(error)
-
     state = Watch(source, zone, bit_period_s)
-    thread = Thread(target=read, daemon=True)
-    thread.start()
     interval_s = _SCREEN_S if is_screen(output) else _LINE_S
     begin_s = time.monotonic()
     end_s = math.inf if duration_s is None else begin_s + duration_s
     due_s = min(begin_s + interval_s, end_s)
-    try:
-        with _display(output) as show:
-            while True:
-                with suppress(Empty):
-                    news = arrived.get(timeout=max(due_s - time.monotonic(), 0.0))
-                    if isinstance(news, Exception):
-                        raise news
-                    state.take(*news)
-                now_s = time.monotonic()
-                if now_s >= due_s:
-                    show(state.snapshot())
-                    if now_s >= end_s:
-                        return state.frames
-                    due_s = min(now_s + interval_s, end_s)
-    finally:
-        stop.set()
-        thread.join()
+    with BackgroundReading.of(source) as reading, _display(output) as show:
+        while True:
+            if (arrival := reading.take_until(due_s)) is not None:
+                state.take(*arrival)
+            now_s = time.monotonic()
+            if now_s >= due_s:
+                show(state.snapshot())
+                if now_s >= end_s:
+                    return state.frames
+                due_s = min(now_s + interval_s, end_s)

@@ -1,11 +1,11 @@
 # Copyright 2026 retrolidar_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""Which way a marker is: below a zone, from how its light is shared with the zones around.
+"""Bearing of a marker within a zone, from how its light is shared between zones.
 
-Only what blinks as the marker does counts, so the background cancels. A marker's spot is mostly
-smaller than a zone, and then the zones say much near their edges and little in their middle. So
-the answer is the mean and the variance of all bearings that agree with the shares: a marker that
-one zone sees alone is anywhere in it but near those edges where a neighbour would have seen it.
+Only light that is modulated as the marker's counts, so the background cancels. A marker's spot is
+mostly smaller than a zone, and then the shares say much near edges of zones and little in their
+middle. So the result is the mean and the variance of all bearings that agree with the shares: a
+marker that one zone sees alone is anywhere in it, except near edges where a neighbour would see it.
 """
 
 from __future__ import annotations
@@ -17,9 +17,11 @@ import numpy as np
 
 from retrolidar_ros.sensor.frame import Floats, ZoneGrid
 
-# How far the optics may blur a spot, as standard deviations in widths of a zone: it differs from
-# lens to lens, with the sharpener's setting, and a marker on the move smears its own spot.
+# Possible blur of a spot, as standard deviations in widths of a zone: it differs with the lens and
+# the sharpener's setting, and a moving marker blurs its own spot.
 _BLURS = np.array([0.03, 0.05, 0.08, 0.12, 0.18, 0.25, 0.35])
+# A blur that is known is so to this share of it; besides, a marker on the move has a chance.
+_BLUR_DOUBT, _SMEARED = 0.3, 1e-3
 # Bearings tried across the strongest zone and a bit beyond, in widths of a zone; denser near its
 # edges, where the shares of two zones tell them apart.
 _PLACES = np.concatenate(
@@ -32,7 +34,7 @@ _PLACES = np.concatenate(
     ]
 )
 _PRIOR = np.gradient(_PLACES)
-# Share of the light by which a zone may miss what the model says.
+# Share of the light by which a zone may deviate from the model.
 _MODEL_ERROR = 0.02
 
 _LEAST_DOUBT = 1e-6  # [kcps/SPAD]
@@ -66,21 +68,27 @@ def zone_bearing(zone: int, grid: ZoneGrid) -> Bearing:
 
 
 def shared_bearing(
-    zone: int, amplitude: Floats, variance: Floats, spot: float, grid: ZoneGrid
+    zone: int,
+    amplitude: Floats,
+    variance: Floats,
+    spot: float,
+    grid: ZoneGrid,
+    known_blur: float | None = None,
 ) -> Bearing:
     """Return the bearing of a marker from its share in every zone.
 
     Parameters
     ----------
     zone : int
-        The one that sees it best.
+        The one with the largest amplitude.
     amplitude, variance : array, shape (zones,)
-        How strongly each zone blinks as the marker does [kcps/SPAD], and how well that is known
-        [(kcps/SPAD)²].
+        Modulation of each zone by the marker [kcps/SPAD], and its variance [(kcps/SPAD)²].
     spot : float
         Width of the marker, as a tangent.
     grid : ZoneGrid
         The zones.
+    known_blur : float, optional
+        How far the optics blur, in widths of a zone.
     """
     row, column = divmod(zone, grid.columns)
     rows = slice(max(row - 1, 0), min(row + 2, grid.rows))
@@ -89,7 +97,7 @@ def shared_bearing(
     light = amplitude.reshape(shape)
     doubt = variance.reshape(shape) + max(_MODEL_ERROR * float(amplitude[zone]), _LEAST_DOUBT) ** 2
     shares = _shares(spot / grid.pitch)
-    # Neighbours across and down say it all, as the shares of others are products of theirs.
+    # Neighbours across and down suffice: the shares of others are products of theirs.
     across, across_belief = _belief(
         light[row, columns], doubt[row, columns], _from_middle(shares, columns, column)
     )
@@ -98,7 +106,10 @@ def shared_bearing(
     )
     # The less blur, the less room for a bearing between zones: without this, a marker that is
     # there would be proof of a large one.
-    blur = across_belief * down_belief / np.sqrt(_BLURS)
+    prior = _BLURS**-0.5
+    if known_blur is not None:
+        prior = np.exp(-((np.log(_BLURS / known_blur) / _BLUR_DOUBT) ** 2) / 2) + _SMEARED
+    blur = across_belief * down_belief * prior
     blur /= blur.sum()
     mean = np.empty(2)
     spread = np.empty(2)
@@ -110,7 +121,7 @@ def shared_bearing(
 
 
 def _shares(width: float) -> Floats:
-    """Return what each of three zones in a row sees of a marker at places around the middle one.
+    """Return the share of a marker in each of three zones in a row, at places around the middle.
 
     Parameters
     ----------
@@ -129,19 +140,19 @@ def _shares(width: float) -> Floats:
 
 
 def _from_middle(shares: Floats, steps: slice, centre: int) -> Floats:
-    """Return the shares of those rows or columns around the central one that the grid has."""
+    """Return the shares of the rows or columns around the central one that exist in the grid."""
     return shares[..., steps.start - centre + 1 : steps.stop - centre + 1]
 
 
 def _belief(light: Floats, doubt: Floats, share: Floats) -> tuple[Floats, Floats]:
-    """Return how likely each place along one axis is, given each blur, and each blur by itself.
+    """Return the likelihood of each place along one axis, given each blur, and of each blur.
 
     Parameters
     ----------
     light, doubt : array, shape (n,)
         Light in neighbouring rows or columns, and its variance.
     share : array, shape (blurs, places, n)
-        What each of them sees of a marker.
+        Share of a marker in each of them.
 
     Returns
     -------

@@ -1,10 +1,11 @@
 # Copyright 2026 retrolidar_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""When and where the marker of a reading is, from what all zones saw of it."""
+"""From a reading of the core to a detection: stamp and place, from the samples of all zones."""
 
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -21,10 +22,25 @@ from retrolidar_ros.sensor.frame import SEPARABLE_M, Floats, ZoneGrid
 
 NO_FRAME = np.iinfo(np.int64).min
 SIGNAL_RESOLUTION = 1 / 2048 / math.sqrt(12)
-"""The sensor's own step is the least noise that a fit can claim [kcps/SPAD]."""
+"""Lower bound of a residual: the quantisation noise of the sensor [kcps/SPAD]."""
 
-# Share of an exposure that must be of the packet.
+NEAREST_M = 1e-3  # that a range is taken to be, whatever its offset
+# Minimum share of an exposure within the packet.
 _LEAST_INSIDE = 0.25
+
+
+class Optics(NamedTuple):
+    """Where a sensor departs from the usual one."""
+
+    range_offset_m: float = 0.0
+    """By how much it measures all ranges too long [m]."""
+    zone_pitch: float | None = None
+    """Width of a zone as a tangent; None = the usual one."""
+    zone_blur: float | None = None
+    """Standard deviation of its blur in widths of a zone; None = not known."""
+
+
+USUAL = Optics()
 
 
 class Window(NamedTuple):
@@ -39,7 +55,7 @@ class Window(NamedTuple):
     signal: Floats
     """Of the target that may be a marker [kcps/SPAD], shape (samples, zones)."""
     valid: NDArray[np.bool_]
-    """Whether each is no erasure, shape (samples, zones)."""
+    """Which are valid, shape (samples, zones)."""
     measured: Floats
     """Signal as it was measured, whatever the target [kcps/SPAD], shape (samples, zones)."""
     distance: Floats
@@ -47,18 +63,18 @@ class Window(NamedTuple):
 
     @classmethod
     def of(cls, core: Any, held: Any, reading: Any) -> Window:
-        """Return the samples of a reading, from those that the core holds."""
+        """Return the samples of a reading, from those in the core."""
         begin_s = _array(held.begin_s, np.float64, held.count)
         end_s = _array(held.end_s, np.float64, held.count)
-        # What lies for the most part outside may be of the packet before or after.
+        # An exposure mostly outside may show the packet before or after.
         most_s = _LEAST_INSIDE * held.period_s
         first = int(np.searchsorted(end_s, reading.begin_s + most_s, side='right'))
         last = int(np.searchsorted(begin_s, reading.end_s - most_s))
         count, zones = last - first, held.zones
         rows = slice(first, last)
         light = np.empty(count)
-        signal = np.empty((count, zones), dtype=np.float32)
-        valid = np.empty((count, zones), dtype=np.uint8)
+        signal = np.empty((zones, count), dtype=np.float32)
+        valid = np.empty((zones, count), dtype=np.uint8)
         single = ffi.new('struct rl_reading *', reading)
         lib.rl_detector_light(core, single, first, count, ffi.from_buffer('double[]', light))
         lib.rl_detector_columns(
@@ -68,16 +84,17 @@ class Window(NamedTuple):
             ffi.from_buffer('float[]', signal),
             ffi.from_buffer('uint8_t[]', valid),
         )
-        measured = _array(held.signal + first * held.width, np.float32, count * held.width)
-        distance = _array(held.distance + first * zones, np.float32, count * zones)
+        shape = (zones, held.capacity)
+        measured = _array(held.signal, np.float32, math.prod(shape)).reshape(shape)[:, rows]
+        distance = _array(held.distance, np.float32, math.prod(shape)).reshape(shape)[:, rows]
         return cls(
             time_s=(begin_s[rows] + end_s[rows]) / 2,
             stamp_ns=_array(held.stamp_ns + first, np.int64, count),
             light=light,
-            signal=signal.astype(np.float64),
-            valid=valid.astype(bool),
-            measured=measured.reshape(count, held.width)[:, :zones].astype(np.float64),
-            distance=distance.reshape(count, zones).astype(np.float64),
+            signal=signal.T.astype(np.float64),
+            valid=valid.T.astype(bool),
+            measured=measured.T.astype(np.float64),
+            distance=distance.T.astype(np.float64),
         )
 
 
@@ -87,25 +104,34 @@ def _array(pointer: Any, dtype: Any, count: int) -> NDArray[Any]:
 
 
 def detection_of(
-    reading: Any, window: Window, origin_ns: int, grid: ZoneGrid, size_m: float
+    reading: Any,
+    window: Window,
+    origin_ns: int,
+    grid: ZoneGrid,
+    size_m: float,
+    optics: Optics = USUAL,
 ) -> Detection | None:
     """Return a reading as a detection; None where the marker's distance was not measured.
 
-    Every zone that has read it tells its range, and all zones around the strongest its bearing.
+    Every zone that has read it contributes to the range, all around the strongest to the bearing.
 
     Parameters
     ----------
     reading : struct rl_reading
         Of the core.
     window : Window
-        What it was read from.
+        Its samples.
     origin_ns : int
-        From which the core's times count [ns].
+        Origin of the core's times [ns].
     grid : ZoneGrid
         The zones.
     size_m : float
         Edge of the marker [m].
+    optics : Optics
+        Of the sensor.
     """
+    if optics.zone_pitch is not None:
+        grid = replace(grid, view=optics.zone_pitch * grid.columns)
     amplitude, variance, noise = amplitudes(window.light, window.valid, window.signal)
     zones = _zones_of(reading, amplitude, variance)
     ranges = [
@@ -127,15 +153,18 @@ def detection_of(
         return None
     range_m, stddev_m, time_s = np.array(ranges).T
     surety = stddev_m**-2
-    mean_m = float(surety @ range_m / surety.sum())
+    measured_m = float(surety @ range_m / surety.sum())
+    mean_m = max(measured_m - optics.range_offset_m, NEAREST_M)
     strongest = zones[0]
     bright = window.light > BRIGHT
-    # Where another target is reported when the marker is bright, the marker may be nearly so.
+    # Where another target is reported while the marker is bright, the marker may be nearly so.
     with np.errstate(invalid='ignore'):
-        hidden = np.abs(window.distance - mean_m * grid.z_per_range) >= SEPARABLE_M
+        hidden = np.abs(window.distance - measured_m * grid.z_per_range) >= SEPARABLE_M
     variance += (window.measured[bright] * hidden[bright]).mean(axis=0) ** 2
     variance[strongest] = 0.0
-    bearing = shared_bearing(strongest, amplitude, variance, size_m / mean_m, grid)
+    bearing = shared_bearing(
+        strongest, amplitude, variance, size_m / mean_m, grid, optics.zone_blur
+    )
     stamp_s = float(surety @ time_s / surety.sum())
     snr = max(float(amplitude[strongest]), SIGNAL_RESOLUTION) / math.sqrt(noise[strongest])
     return Detection(
@@ -157,7 +186,7 @@ def detection_of(
 
 
 def _zones_of(reading: Any, amplitude: Floats, variance: Floats) -> list[int]:
-    """Return the zones that saw the packet, strongest first."""
+    """Return the zones with a significant amplitude, strongest first."""
     zones = [reading.zone[index] for index in range(reading.zones)]
     strongest = max(zones, key=lambda zone: float(amplitude[zone]))
     sure = [
@@ -171,9 +200,9 @@ def _zones_of(reading: Any, amplitude: Floats, variance: Floats) -> list[int]:
 def amplitudes(
     light: Floats, valid: NDArray[np.bool_], signal: Floats
 ) -> tuple[Floats, Floats, Floats]:
-    """Return by how much each zone's signal rises with the light, its variance, and the noise.
+    """Return the amplitude of each zone's signal over the light, its variance, and the noise.
 
-    The noise is the variance of all that the packet leaves over.
+    The noise is the variance of the residual.
 
     Parameters
     ----------
@@ -188,7 +217,7 @@ def amplitudes(
     amplitude = (change * signal).sum(axis=0) / energy
     left = (signal - (signal * valid).sum(axis=0) / count - amplitude * change) * valid
     power = (left * left).sum(axis=0)
-    # What is left over may be another marker, whose samples come in pairs and tell half as much.
+    # The residual may be another marker, whose samples come in pairs and count half.
     alike = np.maximum((left[1:] * left[:-1]).sum(axis=0) / np.maximum(power, 1e-9), 0.0)
     noise = np.maximum(power / np.maximum(count - 2, 1.0), SIGNAL_RESOLUTION**2)
     return amplitude, noise * (1 + 2 * alike) / energy, noise
@@ -217,7 +246,7 @@ def _likelihood(reading: Any, window: Window, zone: int) -> float:
 
 
 def _corrected_bits(reading: Any, window: Window, zone: int) -> int:
-    """Return how many bits of the last packet a receiver would take for the other ones."""
+    """Return how many bits of the last packet are wrong in a hard decision."""
     valid = window.valid[:, zone]
     bit = np.floor((window.time_s[valid] - reading.start_s) / reading.bit_s).astype(np.intp)
     last = bit > bit[-1] - PACKET_BITS

@@ -1,11 +1,11 @@
 # Copyright 2026 retrolidar_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""How far a marker is: the distance of what blinks, and not of what stands behind it.
+"""Range of a marker, without the background that merges with it.
 
-A target nearer to the marker than the sensor can part merges with it, and the distance reported
-is the mean of both, weighted by signal. So signal times distance is a sum, of which the marker's
-part rises and falls with its light while the other's stays: the ratio of the two modulations,
-that of signal times distance and that of the signal, is the distance of the marker alone.
+A target too near to the marker to be separated merges with it, and the distance reported is the
+mean of both, weighted by signal. So signal times distance is a sum, of which the marker's part is
+modulated and the background's is not: the modulation of signal times distance over that of the
+signal is the distance of the marker alone.
 """
 
 from __future__ import annotations
@@ -18,28 +18,27 @@ from numpy.typing import NDArray
 
 from retrolidar_ros.sensor.frame import MOST_DISTANCE_M, SEPARABLE_M, Floats, ZoneGrid
 
-# Samples with more of the light than the first have seen the marker; with less than the second,
-# what stands behind it.
+# Samples with more light than the first show the marker; with less than the second, the background.
 BRIGHT, _DARK = 0.75, 0.25
 _LEAST_DISTANCES = 2
 # A zone sees the marker while its signal has this share of that at this quantile.
 _IN_ZONE, _BRIGHTEST = 0.5, 0.9
-# So near to the limit noise may hide whether two targets have merged.
+# So near to the limit noise may hide whether two targets are merged.
 _UNSURE_M = 0.05
-# How far from a marker the surface is that it is mounted on.
+# Distance of a marker from the surface that it is mounted on.
 _MOUNTING_M = 0.005
-# The sensor's own steps are the least noise that there can be.
+# Quantisation noise of the sensor, the least that there can be.
 _RESOLUTION_M = 0.25e-3 / np.sqrt(12)
 
 
 class Ranged(NamedTuple):
-    """How far a marker was, as one zone saw it."""
+    """Range of a marker in one zone."""
 
     range_m: float
     """Radial distance."""
     stddev_m: float
     time_s: float
-    """When it was so far: the mean time of the samples that tell."""
+    """When the range holds: the mean time of the samples used."""
 
 
 def modulated_range(
@@ -51,22 +50,22 @@ def modulated_range(
     zone: int,
     grid: ZoneGrid,
 ) -> Ranged | None:
-    """Return how far a marker is; None without distances.
+    """Return the range of a marker; None without distances.
 
     Parameters
     ----------
     time_s : array, shape (samples,)
         Middle of each exposure [s].
     light : array, shape (samples,)
-        How bright the marker was, 0 to 1.
+        Light of the marker, 0 to 1.
     weight : array, shape (samples,)
-        0 for samples that tell nothing.
+        0 for samples that are not valid.
     signal : array, shape (samples,)
         [kcps/SPAD]; 0 where there was no target.
     distance : array, shape (samples,)
         As reported, along the optical axis [m]; NaN where there was no target.
     zone : int
-        The zone that these are of.
+        The zone of these samples.
     grid : ZoneGrid
         The zones.
     """
@@ -74,7 +73,7 @@ def modulated_range(
     seen = measured & (weight > 0) & (light > BRIGHT)
     if not seen.any():
         return None
-    # A marker on the move is in the zone for a part of the time.
+    # A moving marker is in the zone for a part of the time only.
     seen &= signal > _IN_ZONE * _quantile(signal[seen], _BRIGHTEST)
     if not seen.any():
         return None
@@ -111,9 +110,9 @@ def _quantile(values: Floats, share: float) -> float:
 
 
 def _is_apart(behind: Floats, depth: float, parted_m: float, parted_variance: float) -> bool:
-    """Tell whether what stands behind was told from the marker, and so is no part of its pulse.
+    """Return whether the background is separated from the marker, so no part of its pulse.
 
-    Near the limit it was if taking it off put the marker beyond the limit.
+    Near the limit it is if subtracting it would put the marker beyond the limit.
 
     Parameters
     ----------
@@ -137,20 +136,20 @@ def _is_apart(behind: Floats, depth: float, parted_m: float, parted_variance: fl
 def _weighed(
     plain_m: float, plain_variance: float, parted_m: float, parted_variance: float, share: float
 ) -> tuple[float, float]:
-    """Return a distance and its variance, where it is open whether anything need be taken off.
+    """Return a distance and its variance, with and without the background weighted.
 
-    What is behind a marker in the same pulse is mostly what it is mounted on, at its own distance,
-    and then taking it off adds noise only. So both are held against the step from one to the
-    other: that it is all noise and mounting, or that anything may be there.
+    The background in the same pulse is mostly what the marker is mounted on, at its own distance,
+    and then subtracting it only adds noise. So two hypotheses are weighted by the step between the
+    two distances: that it is noise and mounting, or that a background is anywhere.
 
     Parameters
     ----------
     plain_m, plain_variance : float
         Mean of the bright samples [m], and its variance.
     parted_m, parted_variance : float
-        Without what stands behind.
+        The same without the background.
     share : float
-        Of the signal that this has while the marker is bright.
+        Of the background in the signal while the marker is bright.
     """
     step = parted_m - plain_m
     noise = max(parted_variance - plain_variance, 0.0)
@@ -167,25 +166,25 @@ def _weighed(
 
 
 def _without_background(
-    light: Floats, signal: Floats, distance: Floats, told: NDArray[np.bool_], about: float
+    light: Floats, signal: Floats, distance: Floats, used: NDArray[np.bool_], about: float
 ) -> tuple[float, float] | None:
-    """Return the distance of what blinks [m] and its variance [m²]; None where nothing does.
+    """Return the distance of the modulated part [m] and its variance [m²]; None without one.
 
     Parameters
     ----------
     light, signal, distance : array, shape (samples,)
-    told : array of bool, shape (samples,)
+    used : array of bool, shape (samples,)
         The samples to be used.
     about : float
         A first guess [m].
     """
-    light, signal, distance = light[told], signal[told], distance[told]
+    light, signal, distance = light[used], signal[used], distance[used]
     change = light - light.mean()
     energy = change @ change
     if not energy > 0 or not (gain := change @ signal / energy) > 0:
         return None
-    # Distances count from the marker, so that noise of the signal moves nothing; the second time
-    # they do, and what is left over tells how sure the result is.
+    # Distances are relative to a guess, so that noise of the signal has no lever; the second time
+    # the guess is good, and the residual gives the variance.
     for _ in range(2):
         product = np.where(np.isfinite(distance), signal * (distance - about), 0.0)
         slope = change @ product / energy

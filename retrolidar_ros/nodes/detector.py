@@ -15,18 +15,18 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter
 
 from retrolidar_ros.detector.likelihood_detector import LikelihoodDetector
+from retrolidar_ros.detector.settings import (
+    PARAMETERS,
+    detector_of,
+    known_markers,
+    noise_of,
+    registered,
+)
 from retrolidar_ros.msg import Frame as FrameMsg
 from retrolidar_ros.nodes.conversion import from_frame_msg
 from retrolidar_ros.nodes.detection_topics import DetectionTopics
 from retrolidar_ros.nodes.detector_health import DetectorHealth
-from retrolidar_ros.nodes.detector_parameters import (
-    OF_DETECTOR,
-    declare,
-    detector_of,
-    known_markers,
-    noise_of,
-    registered_ids,
-)
+from retrolidar_ros.nodes.detector_parameters import check_child_frame, declare
 from retrolidar_ros.nodes.diagnostics import Health, HealthBoard, publish_health
 from retrolidar_ros.nodes.names import in_namespace
 from retrolidar_ros.nodes.parameters import Parameters
@@ -65,10 +65,11 @@ class DetectorNode(Node):
         parameters = Parameters(self, 'detector')
         declare(parameters)
         self._values = parameters.values
+        check_child_frame(self._values)
         self._known = known_markers(self._values)
         # The zones are known with the first frame, but what cannot be is to be said at the start.
         self._grid = ZoneGrid()
-        self._detector = detector_of(self._values, self._known, self._grid)
+        self._detector = detector_of(self._values, self._grid, self._known)
         self._topics = DetectionTopics(self, self._known, self._values)
         self._frame_id = ''
         self._health = DetectorHealth(self._grid)
@@ -89,8 +90,8 @@ class DetectorNode(Node):
     def _change(self, values: dict[str, Any]) -> None:
         """Take new values; ValueError if they cannot be."""
         with self._lock:
-            if any(values[name] != self._values[name] for name in OF_DETECTOR):
-                self._detector = detector_of(values, self._known, self._grid)
+            if any(values[name] != self._values[name] for name in PARAMETERS):
+                self._detector = detector_of(values, self._grid, self._known)
                 self._health.restart(self._grid)
                 self.get_logger().info('the detector begins anew with other parameters')
             self._topics.change(values)
@@ -121,7 +122,7 @@ class DetectorNode(Node):
                 )
             if frame.grid != self._grid or frame_id != self._frame_id:
                 self._grid, self._frame_id = frame.grid, frame_id
-                self._detector = detector_of(self._values, self._known, frame.grid)
+                self._detector = detector_of(self._values, frame.grid, self._known)
                 self._health.restart(frame.grid)
             age_s = (self.get_clock().now().nanoseconds - frame.stamp_ns) * 1e-9
             if self._health.reception.take(frame):
@@ -160,7 +161,7 @@ class DetectorNode(Node):
                 self._values['method'],
                 self._detector.counts,
                 self._known,
-                registered_ids(self._values, self._known),
+                registered(self._values, self._known),
                 publishers,
                 noise_of(self._values),
                 self._values['bit_period'],

@@ -1,6 +1,6 @@
 # Copyright 2026 retrolidar_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""Whether frames come as a detector needs them: none left out, and two in every bit."""
+"""Lost frames, and whether two frames come in every bit."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from collections.abc import Sequence
 import numpy as np
 
 RATE_FRAMES = 33
-"""So many frames tell how fast they come, by the median of the times between them."""
+"""Number of frames whose median interval is taken for the frame period."""
 _COUNTER = 2**32
 _MOST_RATE_ERROR = 0.1
 
@@ -20,8 +20,8 @@ def missing_frames(before: int | None, after: int) -> int:
     Parameters
     ----------
     before, after : int
-        Their sequence counters of 32 bits; None before the first frame. A counter that went back
-        is a sensor that restarted, not four billion lost frames.
+        Their 32-bit sequence counters; None before the first frame. A counter that went back is a
+        sensor that restarted.
     """
     if before is None:
         return 0
@@ -30,7 +30,7 @@ def missing_frames(before: int | None, after: int) -> int:
 
 
 def rate_mismatch(stamps_ns: Sequence[int], bit_period_s: float) -> str:
-    """Say if a bit does not last two frames, as all methods suppose; empty if it does.
+    """Return a warning if a bit does not last two frames, else an empty string.
 
     Parameters
     ----------

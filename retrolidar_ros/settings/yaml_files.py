@@ -1,6 +1,6 @@
 # Copyright 2026 retrolidar_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""YAML files to what they describe."""
+"""YAML files, with duplicate keys refused."""
 
 from __future__ import annotations
 
@@ -78,7 +78,7 @@ def load_yaml(path: Path) -> Any:
     OSError
         If it cannot be read.
     ValueError
-        If it is not YAML, or a key stands twice in one mapping; the message names the line.
+        If it is not YAML, or a key is duplicate; the message names the line.
     """
     with path.open('rb') as file:
         data = file.read(_MOST_BYTES + 1)
@@ -92,14 +92,14 @@ def load_yaml(path: Path) -> Any:
 
 
 def load_parsed(path: Path, parse: Callable[[Any], T]) -> T:
-    """Return what a parser makes of a YAML file.
+    """Return the parsed content of a YAML file.
 
     Raises
     ------
     OSError
         If it cannot be read.
     ConfigError
-        If it cannot be; the message names the file and the key.
+        If the content is impossible; the message names the file and the key.
     """
     try:
         content = load_yaml(path)
@@ -112,7 +112,7 @@ def load_parsed(path: Path, parse: Callable[[Any], T]) -> T:
 
 
 def load_parameter_defaults(path: Path, kind: str) -> dict[str, Any]:
-    """Return the parameters that a ROS parameter file gives to the nodes of one kind."""
+    """Return the parameters in a ROS parameter file for the nodes of one kind."""
     parameters: dict[str, Any] = load_yaml(path)[f'/**/{kind}']['ros__parameters']
     return parameters
 

@@ -29,7 +29,7 @@ void check(const struct rl_detector *detector, const struct rl_settings *setting
         refused += counts.refused[reason];
     }
     EXPECT(counts.accepted + refused == counts.candidates);
-    EXPECT(held.zones == zones && held.width >= sources);
+    EXPECT(held.zones == zones && held.sources == sources);
     EXPECT(held.first >= 0 && held.first <= held.count && held.count <= 4 * KEPT);
     EXPECT(held.noise_scale >= 1.0 / 16 && held.noise_scale <= 16.0);
     EXPECT(held.period_s > 0.0 && isfinite(held.period_s));
@@ -37,11 +37,11 @@ void check(const struct rl_detector *detector, const struct rl_settings *setting
         EXPECT(isfinite(held.begin_s[row]) && held.begin_s[row] < held.end_s[row]);
         EXPECT(row == held.first || held.end_s[row - 1] <= held.begin_s[row]);
         for (int source = 0; source < sources; source++) {
-            EXPECT(isfinite(held.signal[(size_t)row * (size_t)held.width + (size_t)source]));
-            EXPECT(held.signal[(size_t)row * (size_t)held.width + (size_t)source] >= 0.0f);
+            EXPECT(isfinite(held.signal[(size_t)source * (size_t)held.capacity + (size_t)row]));
+            EXPECT(held.signal[(size_t)source * (size_t)held.capacity + (size_t)row] >= 0.0f);
         }
         for (int zone = 0; zone < zones; zone++) {
-            const float distance = held.distance[(size_t)row * (size_t)zones + (size_t)zone];
+            const float distance = held.distance[(size_t)zone * (size_t)held.capacity + (size_t)row];
             EXPECT(isnan(distance) || (distance > 0.0f && distance < 8.192f));
         }
     }
