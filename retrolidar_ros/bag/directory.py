@@ -75,8 +75,11 @@ def _read_file(file: Path, topic: str, types: dict[str, str]) -> Iterator[bytes]
         with TemporaryDirectory() as directory:
             plain = Path(directory, file.stem)
             damage = decompress_file(file, plain)
-            if damage is None or plain.stat().st_size:
+            try:
                 yield from _read_file(plain, topic, types)
+            except DamageError:
+                if damage is None:
+                    raise
         if damage is not None:
             raise damage
         return

@@ -24,6 +24,7 @@ _ROWS = (
     ' WHERE topic_id IN (SELECT id FROM topics WHERE name = ? AND type = ?) {}'
 )
 _TABLES = "SELECT name, type, sql FROM sqlite_master WHERE name IN ('messages', 'topics')"
+_INTERRUPTED = 'interrupted'
 _STEPS = 100_000  # of SQLite's machine, a millisecond or so
 _ROWS_BY_TIME = _ROWS.format('', 'ORDER BY timestamp, id')
 _ROWS_AFTER = _ROWS.format('NOT INDEXED', 'AND (timestamp, id) > (?, ?) ORDER BY id')
@@ -66,25 +67,17 @@ def _read_database(
     file: Path, topic: str, types: dict[str, str], mode: str = 'ro&immutable=1'
 ) -> Iterator[bytes]:
     """Yield the messages of a topic from a database that may have lost its end."""
-    interrupts: list[KeyboardInterrupt] = []
-
-    def look_up() -> int:
-        """Let Ctrl-C end a query; SQLite swallows what is raised in here."""
-        try:
-            return len(interrupts)
-        except KeyboardInterrupt as interrupt:
-            interrupts.append(interrupt)
-            return 1
-
     with closing(
         sqlite3.connect(f'{file.absolute().as_uri()}?mode={mode}', uri=True)
     ) as connection:
-        connection.set_progress_handler(look_up, _STEPS)
+        # Where Python runs, so that Ctrl-C ends a query.
+        connection.set_progress_handler(lambda: 0, _STEPS)
         try:
             yield from _messages(connection, topic, types)
-        finally:
-            if interrupts:
-                raise interrupts[0]
+        except sqlite3.OperationalError as error:
+            if str(error) == _INTERRUPTED:
+                raise KeyboardInterrupt from None
+            raise
 
 
 def _messages(connection: sqlite3.Connection, topic: str, types: dict[str, str]) -> Iterator[bytes]:
@@ -99,7 +92,9 @@ def _messages(connection: sqlite3.Connection, topic: str, types: dict[str, str])
         for data, *key in connection.execute(_ROWS_BY_TIME, (topic, FRAME_TYPE)):
             last = key
             yield data
-    except sqlite3.Error:
+    except sqlite3.Error as error:
+        if str(error) == _INTERRUPTED:
+            raise
         # It may be the index that is damaged; the table is in the order of recording.
         for data, *_ in connection.execute(_ROWS_AFTER, (topic, FRAME_TYPE, *last)):
             yield data
