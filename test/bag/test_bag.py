@@ -275,7 +275,7 @@ def mcap_file(types: Any, frames: Iterable[Frame], **options: Any) -> bytes:
         (0, 1, {'use_statistics': False, 'use_summary_offsets': False, 'repeat_channels': False}),
     ],
 )
-def test_files_of_any_order_and_kind_that_mcap_writes(
+def test_any_mcap_file(
     tmp_path: Path, jitter: int, direction: int, options: dict[str, Any], types: Any
 ) -> None:
     frames = make_frames(200)  # in 14 chunks
@@ -384,7 +384,7 @@ def test_a_database_is_read_without_its_index(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ('storage', 'compression'), [('mcap', 'STORAGE'), ('mcap', 'FILE'), ('sqlite3', 'FILE')]
 )
-def test_what_is_compressed_and_truncated_is_read_to_the_cut(
+def test_truncated_compression(
     tmp_path: Path, storage: Storage, compression: str, types: Any
 ) -> None:
     frames = make_frames(2000, side=8)
@@ -432,7 +432,7 @@ def test_a_damaged_chunk_ends_the_frames(tmp_path: Path, compression: str, types
         assert least <= assert_good_until(file, frames, f'the record at byte {where}') <= most
 
 
-def test_a_disk_error_ends_the_frames(
+def test_a_disk_error_ends_frames(
     tmp_path: Path, types: Any, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     class FailingDisk(BytesIO):
@@ -546,7 +546,7 @@ def test_a_wrong_topic_is_refused(tmp_path: Path, storage: Storage, types: Any) 
         ({'rows': 3}, 'a frame of 3x4 zones'),
     ],
 )
-def test_zones_that_cannot_be(
+def test_impossible_zones(
     tmp_path: Path, changes: dict[str, object], says: str, types: Any
 ) -> None:
     frames = make_frames(4)

@@ -52,6 +52,8 @@ from retrolidar_ros.sensor.protocols import PROTOCOLS
 from retrolidar_ros.sensor.serial_source import SerialSource
 from retrolidar_ros.settings.resources import shared_file
 
+Output = pytest.CaptureFixture[str]
+
 ID, ZONE = 2073, 10
 SCENE = Scene(
     seed=4,
@@ -427,16 +429,14 @@ def test_the_defaults_are_those_of_the_nodes() -> None:
         (['--protocol', 'magic'], 'choose from'),
     ],
 )
-def test_an_impossible_option_is_named(
-    option: list[str], message: str, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_impossible_options(option: list[str], message: str, capsys: Output) -> None:
     with pytest.raises(SystemExit, match='2'):
         main(['watch', 'port', *option])
     assert message in capsys.readouterr().err
 
 
 def test_a_port_that_is_not_there_is_explained_even_to_a_closed_output(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    tmp_path: Path, capsys: Output
 ) -> None:
     assert main(['watch', str(tmp_path / 'port'), '--duration', '0.3']) == 1
     (told,) = capsys.readouterr().out.splitlines()
@@ -482,9 +482,7 @@ def test_a_zone_that_is_not_there_ends_it(port: Path) -> None:
 
 
 @pytest.mark.parametrize('request_to_end', [signal.SIGINT, signal.SIGTERM])
-def test_a_terminal_shows_the_ids_and_gets_its_cursor_back(
-    port: Path, request_to_end: signal.Signals
-) -> None:
+def test_a_terminal_shows_ids_and_is_restored(port: Path, request_to_end: signal.Signals) -> None:
     master, slave = pty.openpty()
     ioctl(slave, TIOCSWINSZ, pack('HHHH', 30, 100, 0, 0))
     environment = {**os.environ, 'TERM': 'linux', 'PYTHONIOENCODING': 'utf-8'}

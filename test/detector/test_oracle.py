@@ -225,7 +225,7 @@ def test_likelihoods_of_recorded_scenes(core: Statistics, name: str) -> None:
     ('packets', 'repeats', 'alike'),
     [(1, False, False), (1, False, True), (1, True, False), (3, True, False)],
 )
-def test_word_and_margin_of_a_decision(
+def test_word_and_margin_decided(
     core: Statistics, packets: int, repeats: bool, alike: bool
 ) -> None:
     core.ask('codebook')
@@ -359,9 +359,7 @@ def test_of_two_targets_by_turns_the_dimmer_one_is_the_dark_marker(core: Statist
         np.testing.assert_allclose(seen, np.where(dark, 0.0, signal), rtol=1e-6)
 
 
-def test_one_target_is_taken_as_it_is_and_what_passes_before_a_marker_is_an_erasure(
-    core: Statistics,
-) -> None:
+def test_one_target_is_taken_as_it_is_and_a_hand_is_an_erasure(core: Statistics) -> None:
     rng = np.random.default_rng(51)
     signal, distance = rng.uniform(0, 100, 90), rng.uniform(2.0, 2.45, 90)
     seen, valid = column_of(core, signal, distance)
@@ -410,9 +408,7 @@ def test_the_codebook_finds_the_two_best_packets(core: Statistics, registered: i
 
 
 @pytest.mark.parametrize('registered', [4094, 30, 1])
-def test_the_codebook_finds_the_heaviest_packet_of_another_id(
-    core: Statistics, registered: int
-) -> None:
+def test_the_codebook_finds_the_heaviest_of_another_id(core: Statistics, registered: int) -> None:
     rng = np.random.default_rng(registered)
     ids = np.sort(rng.choice(USABLE, registered, replace=False))
     core.ask('codebook', *ids)

@@ -340,7 +340,7 @@ def test_a_sensor_nobody_listens_to_loses_its_frames(link: Path) -> None:
     assert emulate(WALL, link, 0.04) == (0, 40)
 
 
-def test_the_last_frame_is_not_cut_off(
+def test_the_last_frame_is_whole(
     link: Path, gate: tuple[Event, Event], pool: ThreadPoolExecutor
 ) -> None:
     linked, begin = gate
@@ -378,7 +378,7 @@ def test_a_listener_that_comes_late_gets_no_old_frames(
 
 
 @pytest.mark.parametrize('request_to_end', [signal.SIGINT, signal.SIGTERM])
-def test_a_request_to_end_unplugs_the_sensor(
+def test_ending_unplugs_the_sensor(
     tmp_path: Path, link: Path, request_to_end: signal.Signals
 ) -> None:
     scene = tmp_path / 'wall.yaml'

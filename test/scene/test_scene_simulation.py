@@ -331,7 +331,7 @@ def test_targets_make_one_pulse_or_several(
 @given(
     st.lists(st.tuples(st.floats(0.1, 4), st.sampled_from([0.0, 1.0, 5.0, 7.0, 50.0])), max_size=5)
 )
-def test_the_reported_pulse_holds_the_strongest_target_or_outshines_it(
+def test_the_pulse_holds_or_outshines_the_strongest_target(
     targets: list[tuple[float, float]],
 ) -> None:
     recording = simulate(Scene(surfaces=tuple(Surface(*target) for target in targets)), 1)

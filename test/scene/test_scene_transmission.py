@@ -111,7 +111,7 @@ def test_integral_rises_no_faster_than_time(
 @pytest.mark.parametrize('identity', [1, 1365, 2061, 2730, 4094])
 @pytest.mark.parametrize('response', [None, RESPONSE])
 @pytest.mark.parametrize('clock_error', [0.0, 0.02])
-def test_bits_are_read_in_their_middles(
+def test_bits_in_their_middles(
     identity: int, response: Response | None, clock_error: float
 ) -> None:
     marker = replace(

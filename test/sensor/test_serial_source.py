@@ -151,9 +151,7 @@ def test_a_port_that_comes_back_is_read_within_two_seconds(link: Path, read: Rea
 
 
 @pytest.mark.usefixtures('soon')
-def test_a_packet_that_was_cut_off_by_the_loss_does_not_cost_the_next(
-    link: Path, read: Read
-) -> None:
+def test_a_packet_cut_off_by_the_loss_does_not_cost_the_next(link: Path, read: Read) -> None:
     with PortLink(link) as port:
         reading = read()
         reading.report()
@@ -167,9 +165,7 @@ def test_a_packet_that_was_cut_off_by_the_loss_does_not_cost_the_next(
     assert reading.source.reader.counts.damaged <= 1
 
 
-def test_what_came_before_the_opening_is_not_read_and_bytes_may_come_one_by_one(
-    link: Path, read: Read
-) -> None:
+def test_only_what_comes_is_read_even_byte_by_byte(link: Path, read: Read) -> None:
     with PortLink(link) as port:
         other = os.open(link, os.O_RDWR | os.O_NOCTTY)
         assert port.write(PACKETS[0] + PACKETS[1])
@@ -196,9 +192,7 @@ def test_a_port_in_use_is_explained_and_opened_when_it_is_free(link: Path, read:
 
 
 @pytest.mark.usefixtures('soon')
-def test_a_missing_permission_says_what_to_do(
-    link: Path, read: Read, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_missing_permission(link: Path, read: Read, monkeypatch: pytest.MonkeyPatch) -> None:
     real = os.open
 
     def refusing(path: Any, flags: int, *arguments: Any, **options: Any) -> int:
@@ -282,9 +276,7 @@ def test_an_error_of_the_taker_is_not_hidden(link: Path) -> None:
 
 
 @pytest.mark.parametrize('sent', [b'', b''.join(PACKETS)])
-def test_a_source_stops_promptly_whether_frames_come_or_not(
-    link: Path, read: Read, sent: bytes
-) -> None:
+def test_a_source_stops_while_frames_come_or_not(link: Path, read: Read, sent: bytes) -> None:
     with PortLink(link) as port:
         reading = read()
         reading.report()
@@ -296,9 +288,7 @@ def test_a_source_stops_promptly_whether_frames_come_or_not(
         serial.Serial(str(link), exclusive=True).close()  # and the port is free again
 
 
-def test_a_source_stops_promptly_while_the_port_is_absent(
-    read: Read, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_source_stops_without_a_port(read: Read, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(serial_source, 'RETRY_S', 60)
     reading = read()
     reading.report()

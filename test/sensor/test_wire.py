@@ -404,9 +404,7 @@ def garbage() -> st.SearchStrategy[bytes]:
 
 @settings(law, max_examples=120)
 @given(stream=garbage(), data=st.data())
-def test_what_is_whole_is_read_at_its_end_and_all_is_counted_however_it_is_split(
-    stream: bytes, data: st.DataObject
-) -> None:
+def test_what_is_whole_is_read_and_all_is_counted(stream: bytes, data: st.DataObject) -> None:
     cuts = data.draw(st.lists(st.integers(0, len(stream)), max_size=20).map(sorted))
     reader = reader_in_step()
     found: list[int] = []
