@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 from harness_core import Statistics, compile_core
 from harness_firmware import Core
+from harness_frames import recording_of
 from numpy.typing import NDArray
 from oracle import Sending, Zone, evidence, light, log_likelihood, margin, without, word
 
@@ -65,21 +66,6 @@ def stamps_ns(rng: np.random.Generator, lasting_s: float) -> NDArray[np.int64]:
     return stamps
 
 
-def recording_of(stamp_ns: NDArray[np.int64], signal: Floats, distance: Floats) -> Recording:
-    """Return frames of signals and distances of shape (frames, 16), all valid."""
-    sequence = np.arange(len(stamp_ns))
-    return Recording(
-        stamp_ns=stamp_ns,
-        sequence=sequence,
-        sensor_time_us=stamp_ns // 1000,
-        grid=GRID,
-        distance=distance.astype(np.float32),
-        signal=signal.astype(np.float32),
-        ambient=np.zeros(signal.shape, dtype=np.float32),
-        status=np.full(signal.shape, Status.VALID, dtype=np.uint8),
-    )
-
-
 def random_recording(
     rng: np.random.Generator, packets: int, *, repeats: bool | None = None, alike: bool = False
 ) -> Sent:
@@ -119,7 +105,7 @@ def random_recording(
         mean = np.maximum(mean, 0)
         noise = rng.choice([0.2, 1.0, 3.0]) * np.sqrt(LAW.variance(mean))
         signal[:, zone] = mean + noise * rng.standard_normal(len(mean))
-    recording = recording_of(stamp_ns, np.maximum(signal, 0), np.ones(shape))
+    recording = recording_of(stamp_ns, np.maximum(signal, 0))
     missing = rng.random(shape) < rng.choice([0.0, 0.05, 0.3], GRID.zones)
     recording.status[missing] = rng.choice([0, 4, Status.NO_TARGET], np.count_nonzero(missing))
     return Sent(recording, sendings)
@@ -279,7 +265,7 @@ def test_a_packet_that_is_taken_off_leaves_the_other_one(core: Statistics, share
     left = without(first, *exposures, signal, fitted.gain)
     stamp_ns = np.rint(1e9 * (begin_s + PERIOD_S / 2)).astype(np.int64)
     both = np.stack([signal, left] * 8, axis=1)
-    core.take(recording_of(stamp_ns, both, np.ones((80, 16))), LAW, BIT_PERIOD_S)
+    core.take(recording_of(stamp_ns, both), LAW, BIT_PERIOD_S)
     # Times of the core count from the middle of the first exposure.
     tried = [
         sending._replace(start_s=sending.start_s - PERIOD_S / 2) for sending in (first, second)
