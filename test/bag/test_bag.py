@@ -430,10 +430,9 @@ def test_a_tail_of_zeros_ends_the_frames(tmp_path: Path) -> None:
     frames = make_frames(400)
     file = write_bag(tmp_path / 'bag', frames)
     data = file.read_bytes()
-    size = len(data) // 2
-    file.write_bytes(data[:size] + bytes(len(data) - size))
-    assert assert_good_until(file, frames, '') >= data[:size].count(FRAME_ID) - 1
-    footer = len(data) - 37
+    half, footer = len(data) // 2, len(data) - 37
+    file.write_bytes(data[:half] + bytes(half))
+    assert assert_good_until(file, frames, '') >= data[:half].count(FRAME_ID) - 1
     file.write_bytes(data[:footer] + bytes(1000))
     assert assert_good_until(file, frames, f'no whole record at byte {footer}') == len(frames)
 

@@ -253,16 +253,14 @@ def test_a_cable_that_is_pulled(
 @skews
 @pytest.mark.parametrize('length_s', [0.1, 0.5, 0.9])
 def test_a_stall_of_the_transport_moves_no_stamp(skew: float, length_s: float) -> None:
-    plain = simulate(60, skew)
-    run = plain.stalled(30, length_s)
+    run = simulate(60, skew).stalled(30, length_s)
     late_s = (run.arrival_ns - run.host_ns).max() * 1e-9
     assert late_s == pytest.approx(length_s, abs=0.05)
     assert worst(checked_errors_ms(run)[run.at(10)]) < LATER_MS
 
 
 def test_a_long_stall_is_mended_when_it_ends() -> None:
-    run = simulate(60).stalled(30, 3.0)
-    clock_map = ClockMap(LEAST_DELAY_S)
+    run, clock_map = simulate(60).stalled(30, 3.0), ClockMap(LEAST_DELAY_S)
     errors = errors_ms(run, map_all(clock_map, run))
     assert clock_map.restarts >= 1
     assert worst(errors[run.at(33, 35)]) < FIRST_MS
