@@ -23,13 +23,20 @@ if signal.getsignal(signal.SIGINT) == signal.SIG_IGN:
 # Experiments are not installed. Last, so that the package that is built comes before its sources.
 sys.path.append(str(Path(__file__).resolve().parents[1]))
 
-IN_REAL_TIME = {'nodes', 'launch', 'docs'}
+# In real time, with many processes, or with much to compute.
+SLOW = {'nodes', 'launch', 'docs', 'evaluation', 'test_watch.py'}
+SLOW |= {
+    'test_core_robustness.py',
+    'test_invariance.py',
+    'test_oracle.py',
+    'test_pinned_reading.py',
+}
 
 
 @pytest.hookimpl(tryfirst=True)
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Begin with what takes longest, so that workers end at the same time."""
+    """Mark the slow ones and begin with them, so that workers end at the same time."""
     for item in items:
-        if IN_REAL_TIME & set(item.path.parts):
+        if SLOW & set(item.path.parts):
             item.add_marker('slow')
     items.sort(key=lambda item: item.get_closest_marker('slow') is None)

@@ -105,9 +105,7 @@ LENGTH = 'is not a number with a unit (m or cm or mm)'
         ('size', '2 m', "'2 m' is impossible; at most 1"),
     ],
 )
-def test_what_cannot_be_known_of_a_marker_is_refused(
-    key: object, value: object, complaint: str
-) -> None:
+def test_what_cannot_be_known_is_refused(key: object, value: object, complaint: str) -> None:
     refused({5: {key: value}}, f'markers.5.{key}: {complaint}')
 
 
