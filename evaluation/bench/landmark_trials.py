@@ -207,8 +207,8 @@ def drone_trial(
     for index, angle in enumerate(angles):
         pose = Pose(radius_m * np.array([math.cos(angle), math.sin(angle), 0]), np.eye(3))
         # It is one marker, whichever sensor sees it: all have it from one generator.
-        place_m = {identity: np.array([0, 0, height_m])}
-        scene = scene_of(pose, place_m, np.random.default_rng(clock), wander)
+        drone = {identity: np.array([0, 0, height_m])}
+        scene = scene_of(pose, drone, np.random.default_rng(clock), wander)
         if not scene.markers:
             continue
         marker = scene.markers[0]

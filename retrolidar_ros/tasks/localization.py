@@ -69,11 +69,11 @@ def room_of(
             doubts[marker] = per_pose @ prior.covariance @ per_pose.T
     if len(places) < 3:
         raise ValueError(f'{len(places)} markers are at known places; localisation needs three')
-    prior = None
+    level = None
     if flat:
         state = State(np.zeros(3), np.eye(3), np.zeros(3))
-        prior = Prior(state, np.diag([_FAR_M, _FAR_M, _LEVEL_M, _LEVEL, _LEVEL, _ANY_TURN]) ** 2)
-    return Landmark('room', places, errors, prior, doubts)
+        level = Prior(state, np.diag([_FAR_M, _FAR_M, _LEVEL_M, _LEVEL, _LEVEL, _ANY_TURN]) ** 2)
+    return Landmark('room', places, errors, level, doubts)
 
 
 def robot_pose(room: Estimate, base_m: Floats, base_rotation: Floats) -> RobotPose:

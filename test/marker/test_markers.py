@@ -14,6 +14,7 @@ from retrolidar_ros.marker.known_markers import (
     KnownMarker,
     frame_of,
     load_markers,
+    objects_of,
     parse_markers,
 )
 from retrolidar_ros.scene.files import load_scene
@@ -121,8 +122,8 @@ def test_a_marker_cannot_have_the_usual_frame_of_another(other: int) -> None:
     [
         ('frames', 'did you mean frame?'),
         ('siez', 'did you mean size?'),
-        ('colour', 'known are frame, note, size'),
-        (3, 'known are frame, note, size'),
+        ('colour', 'known are frame, note, size, object, place'),
+        (3, 'known are frame, note, size, object, place'),
     ],
 )
 def test_an_unknown_key_is_refused_with_a_hint(key: object, hint: str) -> None:
@@ -230,3 +231,10 @@ def test_the_shipped_file_names_the_markers_of_the_shipped_scenes() -> None:
     for marker in known.values():
         assert marker.note
         assert marker.size_m == pytest.approx(MARKER_SIZE_M)
+
+
+def test_the_markers_of_an_object_have_places_on_it() -> None:
+    tray = {'object': 'tray', 'place': ['10 cm', '-5 mm', '0 m']}
+    known = parse_markers({'markers': {5: tray, 6: {}}})
+    assert objects_of(known) == {'tray': {5: (0.1, -0.005, 0.0)}}
+    refused({5: {'place': ['1 m']}}, 'markers.5.place: needs x, y and z, not 1 values')
