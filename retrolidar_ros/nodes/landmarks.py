@@ -78,7 +78,7 @@ class LandmarksNode(Node):
             for one in markers.values():
                 if not one.object:
                     alone[one.frame] = {one.id: np.zeros(3)}
-            self._room = room_of(known, alone | objects, errors)
+            self._room = room_of(known, alone | objects, errors, flat=values['flat'])
             self._pose = self.create_publisher(PoseWithCovarianceStamped, '~/pose', 10)
         elif known and frame != self._fixed:
             raise ValueError(f'load_file: its landmarks are in {frame}, not in {self._fixed}')
@@ -237,6 +237,7 @@ def _declare(parameters: Parameters) -> None:
     parameters.number('turn_stddev', "Deviation of the sensor's turn in TF [rad].", 0.0, 1.0)
     parameters.number('acceleration', 'Of what moves [m/s²/√Hz]; 0 = nothing does.', 0.0, 100.0)
     parameters.flag('localize', 'Tell where base_frame is among the landmarks of load_file.')
+    parameters.flag('flat', 'The robot is on a floor: its frames are level with load_file.')
     parameters.text('base_frame', 'Frame of the robot that is localised.')
 
 

@@ -106,7 +106,7 @@ class Landmark:
         if reading.stamp_s < self._since_s:
             self.rejected += 1
             return False
-        if self.fit is None or self._agrees(reading):
+        if self.fit is None or not self._knows_turn() or self._agrees(reading):
             self.members.append(reading)
             self._strays = [one for one in self._strays if one.stamp_s > reading.stamp_s]
             self._thin()

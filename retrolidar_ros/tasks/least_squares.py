@@ -163,7 +163,8 @@ class Problem:
                 matrix_of_turn(step[3:6]) @ state.rotation,
                 state.velocity + step[6:],
             )
-            if largest < _SMALL_STEP and np.abs(spread - before).max() < 1e-3 * spread.max():
+            change = np.abs(spread - before)[:3, :3].max()
+            if largest < _SMALL_STEP and change < 1e-3 * spread[:3, :3].max():
                 break
             mean = per_state @ step - aside
             variance = np.einsum('nck,kl,ncl->nc', per_state, spread, per_state)

@@ -16,8 +16,12 @@ import numpy as np
 from retrolidar_ros.sensor.frame import Floats
 from retrolidar_ros.sensor.rotation import cross_matrix
 from retrolidar_ros.tasks.landmarks import Estimate, Landmark
-from retrolidar_ros.tasks.least_squares import Prior
+from retrolidar_ros.tasks.least_squares import Prior, State
 from retrolidar_ros.tasks.reading import Errors
+
+# Deviations of a robot on a floor from its plane [m] and from level [rad], and of all else.
+_LEVEL_M, _LEVEL = 0.01, 0.01
+_FAR_M, _ANY_TURN = 100.0, 100.0
 
 
 class RobotPose(NamedTuple):
@@ -35,6 +39,8 @@ def room_of(
     known: Mapping[str, Prior],
     objects: Mapping[str, Mapping[int, Floats]],
     errors: Errors,
+    *,
+    flat: bool = False,
 ) -> Landmark:
     """Return a room as one landmark.
 
@@ -46,6 +52,8 @@ def room_of(
         The markers of each, with their places on it [m].
     errors : Errors
         What readings share.
+    flat : bool
+        The robot's frame is level and at the height of the room's, as on a floor.
 
     Raises
     ------
@@ -61,7 +69,11 @@ def room_of(
             doubts[marker] = per_pose @ prior.covariance @ per_pose.T
     if len(places) < 3:
         raise ValueError(f'{len(places)} markers are at known places; localisation needs three')
-    return Landmark('room', places, errors, place_variance=doubts)
+    level = None
+    if flat:
+        state = State(np.zeros(3), np.eye(3), np.zeros(3))
+        level = Prior(state, np.diag([_FAR_M, _FAR_M, _LEVEL_M, _LEVEL, _LEVEL, _ANY_TURN]) ** 2)
+    return Landmark('room', places, errors, level, doubts)
 
 
 def robot_pose(room: Estimate, base_m: Floats, base_rotation: Floats) -> RobotPose:
