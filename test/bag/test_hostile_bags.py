@@ -18,7 +18,8 @@ import yaml
 
 pytest.importorskip('rosbags', reason='bags are written with rosbags')
 
-from test_bag import equal, make_frames, mcap_file, read_all, write_bag
+from harness_frames import make_frames
+from test_bag import equal, mcap_file, read_all, write_bag
 
 from retrolidar_ros.bag import FRAME_TYPE, FRAMES_TOPIC, FrameWriter, compression, writer
 from retrolidar_ros.bag import mcap_file as mcap_reader
