@@ -209,6 +209,10 @@ def summarise(figures: dict[str, Any]) -> str:
         inside, total = inside + int(held.sum()), total + len(held)
         worst = float(np.abs(errors[:, 0]).max())
         lines.append(f'{name:14}  {len(errors):9d}  {worst:13.4g}  {100 * held.mean():9.0f} %')
+    for scale in dict.fromkeys(one['scale'] for one in trials):
+        rises = [one['errors']['rise [ms]'][0] for one in trials if one['scale'] == scale]
+        near = np.mean(np.abs(rises) < 1)
+        lines.append(f'noise {scale:g} times the usual: {100 * near:.0f} % of rises within 1 ms')
     unread, read = _reading(figures)
     return '\n'.join(
         [
