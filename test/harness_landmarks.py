@@ -51,7 +51,7 @@ class Hand:
                 self._markers.get_subscription_count() > 0
                 and self._transforms.get_subscription_count() > 1
             ),
-            lambda: f'subscribers of {[one.topic_name for one in ends]}',
+            lambda: 'subscribers',
         )
 
     def move(self, at_m: Floats, stamp_ns: int) -> None:
