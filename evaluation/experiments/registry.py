@@ -28,6 +28,7 @@ from evaluation.experiments import (
     drone,
     false_alarms,
     ids,
+    landmarks,
     link_budget,
     place,
     power,
@@ -95,6 +96,7 @@ EXPERIMENTS: dict[str, Experiment] = {
     'stability': stability,
     'roc': roc,
     'place': place,
+    'landmarks': landmarks,
 }
 """Those of the paper first, in its order."""
 TIMED = ('peers', 'speed-accuracy')
