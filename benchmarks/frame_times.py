@@ -47,8 +47,9 @@ def time_frames(file: Path) -> list[int]:
     """Return the processor time of each frame of a recording [ns]."""
     recording = load(file)
     detector = create_detector(METHOD, recording.grid)
+    frames = list(recording)
     stamps = [process_time_ns()]
-    for frame in list(recording):
+    for frame in frames:
         detector.update(frame)
         stamps.append(process_time_ns())
     return [int(taken) for taken in np.diff(stamps)]

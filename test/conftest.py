@@ -35,13 +35,20 @@ if find_spec('tqdm') is None:  # experiments need libraries from pip, which no r
         if re.search(r'^ *(from|import) evaluation', path.read_text(encoding='utf-8'), re.MULTILINE)
     ]
 
-IN_REAL_TIME = {'nodes', 'launch', 'docs'}
+# In real time, with many processes, or with much to compute.
+SLOW = {'nodes', 'launch', 'docs', 'evaluation', 'test_watch.py'}
+SLOW |= {
+    'test_core_robustness.py',
+    'test_invariance.py',
+    'test_oracle.py',
+    'test_pinned_reading.py',
+}
 
 
 @pytest.hookimpl(tryfirst=True)
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Begin with what takes longest, so that workers end at the same time."""
+    """Mark the slow ones and begin with them, so that workers end at the same time."""
     for item in items:
-        if IN_REAL_TIME & set(Path(str(item.fspath)).parts):  # .path is not in pytest 6 of Humble
+        if SLOW & set(Path(str(item.fspath)).parts):  # .path is not in pytest 6 of Humble
             item.add_marker('slow')
     items.sort(key=lambda item: item.get_closest_marker('slow') is None)

@@ -4,11 +4,9 @@
 #include "retrolidar_detector.h"
 
 #include "retrolidar_look.h"
-#include "retrolidar_target.h"
 
 #include <math.h>
 #include <stdlib.h>
-#include <string.h>
 
 /* Search finds no word where others are so much better [nats]. */
 static const double BEYOND_COARSE = 6.0;
@@ -29,7 +27,9 @@ struct rl_detector *rl_detector_create(const struct rl_settings *settings, const
     const int64_t samples = aligned(rl_samples_bytes(settings->rows, settings->columns, rows));
     const int64_t search = aligned(rl_search_bytes(rows));
     const int64_t window = aligned(rl_window_bytes(rows));
-    char *memory = calloc(1, (size_t)(head + samples + search + window + rl_shares_bytes(rows)));
+    const int64_t shares = aligned(rl_shares_bytes(rows));
+    const int64_t values = rows * (int64_t)(sizeof(float) + 1);
+    char *memory = calloc(1, (size_t)(head + samples + search + window + shares + values));
     if (memory == NULL) {
         return NULL;
     }
@@ -54,6 +54,10 @@ struct rl_detector *rl_detector_create(const struct rl_settings *settings, const
     rl_window_start(&detector->window, &detector->samples, rows, memory);
     memory += window;
     rl_shares_start(&detector->shares, &detector->samples, &detector->window, rows, memory);
+    memory += shares;
+    detector->values = (float *)memory;
+    detector->role = (uint8_t *)(detector->values + rows);
+    rl_bearing_start(&detector->bearing);
     return detector;
 }
 
@@ -140,28 +144,6 @@ struct rl_held rl_detector_held(const struct rl_detector *detector)
         .valid = samples->valid,
         .distance = samples->distance,
     };
-}
-
-void rl_detector_light(const struct rl_detector *detector, const struct rl_reading *reading,
-                       int32_t first, int32_t count, double *light)
-{
-    const struct rl_sending sending = {rl_packet(reading->id), reading->repeats, reading->start_s,
-                                       reading->bit_s, reading->brightening_s};
-    rl_template(&sending, detector->samples.begin_s + first, detector->samples.end_s + first, count,
-                light);
-}
-
-void rl_detector_columns(struct rl_detector *detector, int32_t first, int32_t count, float *signal,
-                         uint8_t *valid)
-{
-    struct rl_window *window = &detector->window;
-    const int zones = detector->samples.zones;
-    for (int zone = 0; zone < zones; zone++) {
-        const struct rl_column column =
-            rl_target_column(&detector->samples, zone, first, count, &window->room);
-        memcpy(signal + (size_t)zone * (size_t)count, column.signal, (size_t)count * sizeof *signal);
-        memcpy(valid + (size_t)zone * (size_t)count, column.valid, (size_t)count);
-    }
 }
 
 struct rl_counts rl_detector_counts(const struct rl_detector *detector)

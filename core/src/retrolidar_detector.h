@@ -86,16 +86,6 @@ struct rl_candidate rl_detector_candidate(const struct rl_detector *detector, in
 
 struct rl_held rl_detector_held(const struct rl_detector *detector);
 
-/* Mean light of what was sent with a reading, during `count` exposures from row `first` on. */
-void rl_detector_light(const struct rl_detector *detector, const struct rl_reading *reading,
-                       int32_t first, int32_t count, double *light);
-
-/* The samples of all zones from row `first` on, of that target which may be a marker; both of
- * shape (zones, count), no more than are kept.
- */
-void rl_detector_columns(struct rl_detector *detector, int32_t first, int32_t count, float *signal,
-                         uint8_t *valid);
-
 /* Counters: candidates that were judged, refused for each reason, and so on. */
 struct rl_counts {
     uint64_t candidates, accepted, impossible, overloads;

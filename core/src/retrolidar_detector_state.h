@@ -5,6 +5,7 @@
 #ifndef RETROLIDAR_DETECTOR_STATE_H
 #define RETROLIDAR_DETECTOR_STATE_H
 
+#include "retrolidar_bearing.h"
 #include "retrolidar_detector.h"
 #include "retrolidar_search.h"
 #include "retrolidar_going_on.h"
@@ -17,7 +18,7 @@ enum {
     RL_READINGS = 32,  /* that one frame may bring */
     RL_DECISIONS = 12, /* candidates that are judged with one frame, at the most */
     RL_RECENT = 64,    /* readings that are remembered, not to be told twice */
-    RL_MOST_PENDING = 2 * RL_MOST_SOURCES,
+    RL_MOST_PENDING = 2 * RL_MOST_SOURCES + 4 * RL_MOST_ZONES, /* all that a frame can bring */
 };
 /* Bits by which a packet may begin before the one before it has ended. */
 static const double RL_OVERLAP_BITS = 1.5;
@@ -39,6 +40,9 @@ struct rl_detector {
     struct rl_search search;
     struct rl_window window;
     struct rl_shares shares;
+    struct rl_bearing_table bearing;
+    float *values; /* room for placing, of a row each */
+    uint8_t *role;
     struct rl_demands demands;
     struct rl_counts counts;
     int64_t last_ns;

@@ -189,14 +189,34 @@ static void keep_hit(struct rl_hits *hits, const struct rl_hit *hit)
     hits->hit[at] = *hit;
 }
 
-int rl_hits_find(struct rl_hits *hits, const struct rl_promises *promises,
-                 const struct rl_codebook *codebook, const struct rl_demand *demand, int most)
+int rl_promises_ration(struct rl_promises *promises, int sources, int *left)
 {
-    int searched = 0;
+    int words = 0, dropped = 0;
+    for (int source = 0; source < sources; source++) {
+        words += promises[source].words;
+    }
+    for (; words - dropped > *left; dropped++) {
+        struct rl_promises *least = NULL;
+        for (int source = 0; source < sources; source++) {
+            struct rl_promises *one = &promises[source];
+            if (one->words > 0 && (least == NULL || one->word[one->words - 1].nats <
+                                                        least->word[least->words - 1].nats)) {
+                least = one;
+            }
+        }
+        least->words--;
+    }
+    *left -= words - dropped;
+    return dropped;
+}
+
+void rl_hits_find(struct rl_hits *hits, const struct rl_promises *promises,
+                  const struct rl_codebook *codebook, const struct rl_demand *demand)
+{
     memset(hits->hit, 0, sizeof hits->hit);
     hits->count = hits->sequences = 0;
-    for (; searched < promises->words && searched < most; searched++) {
-        const struct rl_promise *promise = &promises->word[searched];
+    for (int word = 0; word < promises->words; word++) {
+        const struct rl_promise *promise = &promises->word[word];
         const struct rl_trial *trial = &promise->trial;
         const struct rl_energy energy = energy_of(demand, trial);
         const float packets = (float)trial->packets;
@@ -233,5 +253,4 @@ int rl_hits_find(struct rl_hits *hits, const struct rl_promises *promises,
             .bit_s = promise->trial.bit_s,
         };
     }
-    return searched;
 }

@@ -80,11 +80,14 @@ bool rl_promise_is_possible(const struct rl_demand *demand, const struct rl_tria
 void rl_promise_add(struct rl_promises *promises, const struct rl_demand *demand,
                     const struct rl_trial *trial, const struct rl_lane *lane, int shifts);
 
-/* Search the words of promises, and find the best sequences of bits if there is one; return how
- * many promises were searched.
+/* Give up the least promising words of some sources, as far as there are more than are left; take
+ * the others off what is left, and return how many were given up.
  */
-int rl_hits_find(struct rl_hits *hits, const struct rl_promises *promises,
-                 const struct rl_codebook *codebook, const struct rl_demand *demand, int most);
+int rl_promises_ration(struct rl_promises *promises, int sources, int *left);
+
+/* Search the words of promises, and find the best sequences of bits if there is one. */
+void rl_hits_find(struct rl_hits *hits, const struct rl_promises *promises,
+                  const struct rl_codebook *codebook, const struct rl_demand *demand);
 
 #ifdef __cplusplus
 }

@@ -29,12 +29,6 @@ enum { WALK_COUNT = 3, FAINT_LONE = 2 };
 /* By how much the ends of a window may be off between two clocks that are tried [bits]. */
 static const double CLOCK_BITS = 0.25;
 
-/* Eighths of a bit and halves of a clock by which a stretch is moved: first the one, then from the best
- * one on the other.
- */
-enum { NEAR = 5 };
-static const int STEP[] = {0, -1, 1}, HALF[] = {0, 0, 0, -1, 1};
-
 /* The stretches of a lane whose bits stand out most, by any sequence of bits. */
 struct kept {
     int count;
@@ -186,14 +180,12 @@ static void look_closely(struct rl_search *search, int lane, const struct kept *
         struct rl_trial best = kept->trial[i];
         struct rl_lane best_lane = {.reach = kept->reach[i]};
         float most = -1.0f;
-        int best_step = 0;
-        for (int near = 0; near < NEAR; near++) {
-            const int step = near < 3 ? STEP[near] : best_step;
-            const double longer_s = HALF[near] * skew / 2 * search->bit_s;
+        for (int near = 0; near < 9; near++) {
+            const double longer_s = (near % 3 - 1) * skew / 2 * search->bit_s;
             struct rl_trial trial = kept->trial[i];
-            trial.bit_s += longer_s;
-            trial.end_s += step * search->bit_s / EIGHTHS + half_bits * longer_s;
             struct rl_lane one;
+            trial.bit_s += longer_s;
+            trial.end_s += (near / 3 - 1) * search->bit_s / EIGHTHS + half_bits * longer_s;
             rl_view_lay(&search->view, &trial);
             rl_view_cut_lane(&search->view, &trial, lane, &one);
             float squares = 0.0f;
@@ -203,7 +195,6 @@ static void look_closely(struct rl_search *search, int lane, const struct kept *
             const float share = stand_out(&trial, &one.reach, squares);
             if (share > most) {
                 most = share;
-                best_step = step;
                 best = trial;
                 best_lane = one;
             }
@@ -277,9 +268,10 @@ void rl_search_look(struct rl_search *search, const int *sources, int count, int
         } else {
             look_at_ended(search, lanes, from_s, to_s, &demand);
         }
+        const int dropped = rl_promises_ration(search->promises, lanes, &search->words_left);
+        search->dropped = search->dropped || dropped > 0;
         for (int lane = 0; lane < lanes; lane++) {
-            search->words_left -= rl_hits_find(&hits[index[lane]], &search->promises[lane],
-                                               &search->codebook, &demand, search->words_left);
+            rl_hits_find(&hits[index[lane]], &search->promises[lane], &search->codebook, &demand);
         }
     }
 }

@@ -21,6 +21,7 @@ from evaluation.bench.machine import write_figures
 from evaluation.experiments import (
     ambient,
     bound,
+    calibration,
     chain,
     coding,
     coffee,
@@ -88,6 +89,7 @@ EXPERIMENTS: dict[str, Experiment] = {
     'drone': drone,
     'reach': reach,
     'bound': bound,
+    'calibration': calibration,
     'time-to-id': time_to_id,
     'speed-accuracy': speed_accuracy,
     'stability': stability,

@@ -71,7 +71,7 @@ def add_detector_options(command: argparse.ArgumentParser) -> None:
         options.add_argument(
             *names,
             dest=name,
-            type=partial(_value, name),
+            type=str if one.among else partial(_value, name),
             choices=one.among or None,
             metavar=None if one.among else _METAVARS[one.kind],
             help=description,

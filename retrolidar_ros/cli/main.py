@@ -13,11 +13,11 @@ import sys
 os.environ.setdefault('OPENBLAS_NUM_THREADS', '1')
 
 from retrolidar_ros.bag import BagError
-from retrolidar_ros.cli import budget, decode, demo, emulate, ids, plot, record, watch
+from retrolidar_ros.cli import budget, calibrate, decode, demo, emulate, ids, plot, record, watch
 from retrolidar_ros.settings.printing import missing_library, printable
 from retrolidar_ros.settings.section import ConfigError
 
-COMMANDS = (demo, emulate, watch, record, decode, plot, ids, budget)
+COMMANDS = (demo, emulate, watch, record, calibrate, decode, plot, ids, budget)
 """Modules with `add_command(subparsers)`, which sets `run`: from the arguments to the exit code."""
 
 

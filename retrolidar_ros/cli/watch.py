@@ -10,14 +10,19 @@ import os
 import shutil
 import sys
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager, suppress
-from typing import TextIO
+from typing import Any, TextIO
 
-from retrolidar_ros.cli.arguments import Subparsers, add_port, number_of_seconds, seconds
+from retrolidar_ros.cli.arguments import (
+    Subparsers,
+    add_detector_options,
+    add_port,
+    detector_values,
+    seconds,
+)
 from retrolidar_ros.cli.watch_state import Watch
 from retrolidar_ros.cli.watch_view import Snapshot, Symbols, fitted, line, screen
-from retrolidar_ros.marker.code import BIT_PERIOD_LIMITS_S, BIT_PERIOD_S
 from retrolidar_ros.sensor.frame import ZONE_SHAPES
 from retrolidar_ros.sensor.protocols import PROTOCOLS
 from retrolidar_ros.sensor.serial_source import BackgroundReading, SerialSource
@@ -35,15 +40,6 @@ def zone_index(text: str) -> int:
     raise argparse.ArgumentTypeError(f'{text} is no zone: they are 0 to 15, or 0 to {zones[-1]}')
 
 
-def bit_period(text: str) -> float:
-    """Parse how long a marker holds a bit in seconds."""
-    value = number_of_seconds(text)
-    least, most = BIT_PERIOD_LIMITS_S
-    if not least <= value <= most:
-        raise argparse.ArgumentTypeError(f'{text} s is not within {least:g} to {most:g} s')
-    return value
-
-
 def add_command(subparsers: Subparsers) -> None:
     """Add `retrolidar watch`."""
     command = subparsers.add_parser(
@@ -59,14 +55,8 @@ def add_command(subparsers: Subparsers) -> None:
         metavar='N',
         help='whose bits to show (default: the one that blinks most)',
     )
-    command.add_argument(
-        '--bit-period',
-        type=bit_period,
-        default=BIT_PERIOD_S,
-        metavar='S',
-        help='how long a marker holds a bit: two frames [s] (default: %(default)s)',
-    )
     command.add_argument('--duration', type=seconds, metavar='S', help='stop after [s]')
+    add_detector_options(command)
     command.set_defaults(run=run)
 
 
@@ -79,7 +69,7 @@ def run(arguments: argparse.Namespace) -> int:
             baud=arguments.baud,
             protocol=arguments.protocol,
             zone=arguments.zone,
-            bit_period_s=arguments.bit_period,
+            values=detector_values(arguments),
             duration_s=arguments.duration,
         )
         return 0 if frames else 1
@@ -121,7 +111,7 @@ def watch(
     baud: int,
     protocol: str,
     zone: int | None,
-    bit_period_s: float,
+    values: Mapping[str, Any],
     duration_s: float | None,
 ) -> int:
     """Show what a sensor sees until the duration is over, or KeyboardInterrupt.
@@ -138,8 +128,8 @@ def watch(
         One of `PROTOCOLS`.
     zone : int or None
         Whose bits to show; None = those of the zone that blinks most.
-    bit_period_s : float
-        How long a marker holds a bit [s].
+    values : mapping
+        Of all parameters of a detector.
     duration_s : float or None
         When to end [s]; None = never.
 
@@ -154,7 +144,7 @@ def watch(
         If the sensor has no such zone.
     """
     source = SerialSource(port, baud, PROTOCOLS[protocol](time.monotonic_ns), time.monotonic_ns)
-    state = Watch(source, zone, bit_period_s)
+    state = Watch(source, zone, values)
     interval_s = _SCREEN_S if is_screen(output) else _LINE_S
     begin_s = time.monotonic()
     end_s = math.inf if duration_s is None else begin_s + duration_s

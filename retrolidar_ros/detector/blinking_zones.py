@@ -33,6 +33,7 @@ _CANDIDATES = 4
 _LEAST_FRAMES_A_BIT = 1.9
 _CAPTURED = 0.03  # a detector looks for bit periods so near to what it is told
 _MOST_NAMED = 4
+_SURE = 10.0
 _SPANS = (1, 2, 4)  # frames that are averaged: the more, the fainter and slower what is found
 
 
@@ -148,6 +149,32 @@ def _periods(frequency: Floats, power: Floats, span: int, period_s: float) -> li
     return found
 
 
+def clock_mismatch(periods: tuple[Period, ...], bit_period_s: float) -> str:
+    """Say by what bit period something blinks that is sought by another; empty if it is none."""
+    if not periods or periods[0].strength < _SURE:
+        return ''
+    found_s = periods[0].bit_period_s
+    if abs(found_s / bit_period_s - 1) <= _CAPTURED:
+        return ''
+    return (
+        f'bits of {1e3 * found_s:.1f} ms, not of {1e3 * bit_period_s:.1f} ms: '
+        f'set bit_period to {found_s:.4f}'
+    )
+
+
+def too_slow(frame_period_s: float, bit_period_s: float) -> list[str]:
+    """Say that frames do not come twice in a bit, if they do not."""
+    if bit_period_s >= _LEAST_FRAMES_A_BIT * frame_period_s:
+        return []
+    return [
+        (
+            f'a frame comes every {1e3 * frame_period_s:.1f} ms, but bits of '
+            f'{1e3 * bit_period_s:.1f} ms need two of them: let the sensor measure faster, or the '
+            'markers blink slower and set bit_period'
+        )
+    ]
+
+
 def unread(zones: list[BlinkingZone], frame_period_s: float, bit_period_s: float) -> list[str]:
     """Say in sentences, with the remedy, why markers of a bit period may not be read.
 
@@ -158,13 +185,8 @@ def unread(zones: list[BlinkingZone], frame_period_s: float, bit_period_s: float
     frame_period_s, bit_period_s : float
         How often frames come, and what the detector has been told of the bits [s].
     """
-    found = []
-    if bit_period_s < _LEAST_FRAMES_A_BIT * frame_period_s:
-        found.append(
-            f'a frame comes every {1e3 * frame_period_s:.1f} ms, but bits of '
-            f'{1e3 * bit_period_s:.1f} ms need two of them: let the sensor measure faster, or the '
-            'markers blink slower and set bit_period'
-        )
+    told = any(clock_mismatch(zone.periods, bit_period_s) for zone in zones)
+    found = [] if told else too_slow(frame_period_s, bit_period_s)
     if not zones:
         still = 'no zone blinks: nothing varies beyond noise_floor, noise_slope and noise_ambient'
         return [*found, still]
@@ -172,11 +194,8 @@ def unread(zones: list[BlinkingZone], frame_period_s: float, bit_period_s: float
         text = f'zone {zone.zone} blinks by {zone.modulation_db:.0f} dB'
         if not zone.periods:
             found.append(f'{text} without a bit clock: something moves, or the light flickers')
-        elif abs(zone.bit_period_s / bit_period_s - 1) > _CAPTURED:
-            found.append(
-                f'{text} with bits of {1e3 * zone.bit_period_s:.1f} ms, not of '
-                f'{1e3 * bit_period_s:.1f} ms: set bit_period to {zone.bit_period_s:.4f}'
-            )
+        elif mismatch := clock_mismatch(zone.periods, bit_period_s):
+            found.append(f'{text} with {mismatch}')
         else:
             found.append(
                 f'{text} with bits of {1e3 * zone.bit_period_s:.1f} ms, as expected: too faint '

@@ -19,7 +19,7 @@ from retrolidar_ros.core import ffi, lib
 from retrolidar_ros.detector.budget import demands
 from retrolidar_ros.detector.detection import Detection, DetectorCounts, check_grid
 from retrolidar_ros.detector.noise import NoiseLaw
-from retrolidar_ros.detector.placement import USUAL, Optics, Window, detection_of
+from retrolidar_ros.detector.placement import USUAL, Optics, Placer
 from retrolidar_ros.detector.reason import REASONS, Reason
 from retrolidar_ros.marker.code import IDS, RESERVED_IDS, check_ids
 from retrolidar_ros.marker.known_markers import MARKER_SIZE_M
@@ -112,7 +112,6 @@ class LikelihoodDetector:
         """Candidates judged in the latest update."""
         self._grid = grid
         self._sizes_m = sizes_m
-        self._optics = optics
         self._unplaced = 0
         ids = usable_ids(registered_ids)
         self.demands = demands(
@@ -138,6 +137,7 @@ class LikelihoodDetector:
             raise MemoryError('no memory for the samples of the detector')
         self._core = ffi.gc(core, lib.rl_detector_destroy)
         self._frame = _OneFrame(grid.zones)
+        self._placer = Placer(self._core, grid, optics)
 
     @property
     def counts(self) -> DetectorCounts:
@@ -218,12 +218,9 @@ class LikelihoodDetector:
             )
         detections = []
         for index in range(lib.rl_detector_readings(self._core)):
-            reading = lib.rl_detector_reading(self._core, index)
-            window = Window.of(self._core, held, reading)
-            size_m = self._sizes_m.get(reading.id, MARKER_SIZE_M)
-            detection = detection_of(
-                reading, window, held.origin_ns, self._grid, size_m, self._optics
-            )
+            number = lib.rl_detector_reading(self._core, index).id
+            size_m = self._sizes_m.get(number, MARKER_SIZE_M)
+            detection = self._placer.place(index, held.origin_ns, size_m)
             if detection is None:
                 self._unplaced += 1
             else:

@@ -6,16 +6,30 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
-from retrolidar_ros.detector.bearing import Bearing
-from retrolidar_ros.sensor.frame import Floats
+from retrolidar_ros.sensor.frame import Floats, ZoneGrid
 
 # Yaw and pitch of a marker are not measured, but beyond 60° it cannot be read (paper Fig. 11b); its
 # roll is arbitrary. Variances of the uniform distributions [rad²].
 _TILT_VARIANCE = math.radians(60) ** 2 / 3
 _ROLL_VARIANCE = math.pi**2 / 3
+
+
+class Bearing(NamedTuple):
+    """A direction as tangents to the optical axis, x/z and y/z."""
+
+    tangent: Floats
+    """Shape (2,)."""
+    variance: Floats
+    """Of each tangent, shape (2,)."""
+
+
+def zone_bearing(zone: int, grid: ZoneGrid) -> Bearing:
+    """Return the bearing of a marker that may be anywhere in a zone."""
+    return Bearing(grid.tangents[zone], np.full(2, grid.pitch**2 / 12))
 
 
 @dataclass(frozen=True, eq=False)

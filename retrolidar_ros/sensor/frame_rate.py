@@ -1,6 +1,6 @@
 # Copyright 2026 retrolidar_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""Lost frames, and whether two frames come in every bit."""
+"""Whether frames come as a detector needs them: none left out, and two or more in every bit."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ import numpy as np
 RATE_FRAMES = 33
 """Number of frames whose median interval is taken for the frame period."""
 _COUNTER = 2**32
-_MOST_RATE_ERROR = 0.1
+_FRAMES_A_BIT = (1.9, 9.0)
 
 
 def missing_frames(before: int | None, after: int) -> int:
@@ -30,7 +30,7 @@ def missing_frames(before: int | None, after: int) -> int:
 
 
 def rate_mismatch(stamps_ns: Sequence[int], bit_period_s: float) -> str:
-    """Return a warning if a bit does not last two frames, else an empty string.
+    """Say if a bit does not last two to eight frames, or nearly so; empty if it does.
 
     Parameters
     ----------
@@ -40,10 +40,10 @@ def rate_mismatch(stamps_ns: Sequence[int], bit_period_s: float) -> str:
         How long a marker holds a bit [s].
     """
     period_s = float(np.median(np.diff(stamps_ns))) * 1e-9
-    expected_s = bit_period_s / 2
-    if abs(period_s - expected_s) <= _MOST_RATE_ERROR * expected_s:
+    least, most = _FRAMES_A_BIT
+    if least <= bit_period_s / period_s <= most:
         return ''
     return (
-        f'a frame comes every {period_s * 1e3:.1f} ms, but half of bit_period is '
-        f'{expected_s * 1e3:.1f} ms'
+        f'a frame comes every {period_s * 1e3:.1f} ms, but bit_period is '
+        f'{bit_period_s * 1e3:.1f} ms: {bit_period_s / period_s:.1f} frames, and not two to eight'
     )

@@ -18,10 +18,10 @@ import yaml
 
 pytest.importorskip('rosbags', reason='bags are written with rosbags')
 
-from test_bag import equal, make_frames, mcap_file, read_all, write_bag
+from harness_frames import make_frames
+from test_bag import equal, mcap_file, read_all, write_bag
 
-from retrolidar_ros.bag import FRAME_TYPE, FRAMES_TOPIC, FrameWriter, compression, writer
-from retrolidar_ros.bag import mcap_file as mcap_reader
+from retrolidar_ros.bag import FRAME_TYPE, FRAMES_TOPIC, FrameWriter, files, messages, writer
 from retrolidar_ros.cli.main import main
 
 TOPICS = f"""
@@ -78,7 +78,7 @@ def test_a_query_can_be_interrupted(tmp_path: Path) -> None:
 def test_a_chunk_unpacks_to_the_limit_only(
     tmp_path: Path, types: Any, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(compression, 'MOST_BYTES', 500)
+    monkeypatch.setattr(messages, 'MOST_BYTES', 500)
     path = tmp_path / 'bag.mcap'
     path.write_bytes(mcap_file(types, make_frames(100), compression='ZSTD'))
     frames, error = read_all(path)
@@ -87,8 +87,8 @@ def test_a_chunk_unpacks_to_the_limit_only(
 
 
 def test_a_file_unpacks_to_the_limit_only(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    zstd = pytest.importorskip(compression._ZSTD)
-    monkeypatch.setattr(compression, 'MOST_BYTES', 4096)
+    zstd = pytest.importorskip(messages._ZSTD)
+    monkeypatch.setattr(messages, 'MOST_BYTES', 4096)
     path = tmp_path / 'bag.mcap.zstd'
     path.write_bytes(zstd.compress(bytes(10**8)))
     _, error = read_all(path)
@@ -98,7 +98,7 @@ def test_a_file_unpacks_to_the_limit_only(tmp_path: Path, monkeypatch: pytest.Mo
 def test_messages_out_of_order_are_held_to_the_limit_only(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(mcap_reader, '_MOST_HELD', 1000)
+    monkeypatch.setattr(files, '_MOST_HELD', 1000)
     _, error = read_all(write_bag(tmp_path / 'bag', make_frames(100)))
     assert 'more than 1000 bytes of messages are out of order' in str(error)
 
@@ -161,7 +161,7 @@ def test_what_a_killed_recorder_has_left_is_read(tmp_path: Path, mode: str) -> N
 def test_what_was_written_before_the_end_is_kept(tmp_path: Path, storage: str) -> None:
     """Of a process that is gone without a word."""
     script = (
-        'import os, sys; from test_bag import make_frames; from retrolidar_ros.bag import *\n'
+        'import os, sys; from harness_frames import make_frames; from retrolidar_ros.bag import *\n'
         'writer = FrameWriter(sys.argv[1], sys.argv[2]); writer.__enter__()\n'
         'for frame in make_frames(3000, 8): writer.write(frame)\n'
         'os._exit(9)'

@@ -23,6 +23,7 @@ import yaml
 from numpy.typing import NDArray
 from st_board import Board, Zone
 
+from retrolidar_ros.cli.arguments import detector_values
 from retrolidar_ros.cli.main import main, parser
 from retrolidar_ros.cli.watch import watch
 from retrolidar_ros.cli.watch_state import Watch
@@ -43,6 +44,7 @@ from retrolidar_ros.detector.budget import Demands
 from retrolidar_ros.detector.likelihood_detector import Candidate
 from retrolidar_ros.detector.noise import NoiseLaw
 from retrolidar_ros.detector.reason import Reason
+from retrolidar_ros.detector.settings import defaults
 from retrolidar_ros.marker.code import BIT_PERIOD_S, PACKET_BITS, packet
 from retrolidar_ros.scene import Scene, Simulation
 from retrolidar_ros.scene.description import Marker, Noise, Sensor, Surface
@@ -51,6 +53,8 @@ from retrolidar_ros.sensor.frame_rate import missing_frames, rate_mismatch
 from retrolidar_ros.sensor.protocols import PROTOCOLS
 from retrolidar_ros.sensor.serial_source import SerialSource
 from retrolidar_ros.settings.resources import shared_file
+
+Output = pytest.CaptureFixture[str]
 
 ID, ZONE = 2073, 10
 SCENE = Scene(
@@ -98,7 +102,7 @@ def open_watch(bit_period_s: float = BIT_PERIOD_S, zone: int | None = None) -> W
     """Return what is known of a port that is open, so far nothing."""
     source = SerialSource('port', 460800, PROTOCOLS['retrolidar'](time.monotonic_ns))
     source.problem = ''
-    return Watch(source, zone, bit_period_s)
+    return Watch(source, zone, {**defaults(), 'bit_period': bit_period_s})
 
 
 def give(state: Watch, frames: Sequence[Frame]) -> None:
@@ -151,6 +155,10 @@ def test_blinking_is_the_marker_s_and_noise_is_none() -> None:
     amplitude, noise = 290.0, NoiseLaw().variance(np.asarray(185.0))
     assert blinking[ZONE] == pytest.approx(10 * np.log10(amplitude**2 / noise), abs=2)
     assert np.delete(blinking, ZONE).max() < 3
+    known = watch_of(list(Simulation(replace(SCENE, markers=())).advance(100))).snapshot()
+    assert known.zone is None
+    assert 'no zone blinks' in line(known)
+    assert 'no zone blinks' in screen(known, BLOCKS)
 
 
 # What is known
@@ -183,21 +191,16 @@ def test_a_zone_stays_chosen_until_another_blinks_far_more() -> None:
         assert state.snapshot().zone == chosen
 
 
-def test_nothing_is_chosen_where_nothing_blinks() -> None:
-    known = watch_of(list(Simulation(replace(SCENE, markers=())).advance(100))).snapshot()
-    assert known.zone is None
-    assert 'no zone blinks' in line(known)
-    assert 'no zone blinks' in screen(known, BLOCKS)
-
-
-def test_silence_is_told_and_what_may_be_the_reason() -> None:
+def test_trouble_is_told_and_what_may_be_the_reason(monkeypatch: pytest.MonkeyPatch) -> None:
     reader = PROTOCOLS['retrolidar'](time.monotonic_ns)
     source = SerialSource('port', 460800, reader)
+    state = Watch(source, None, defaults())
+    assert state.snapshot().trouble == 'port has not been opened yet; retrying'
     source.problem = ''  # as while it is open
-    state = Watch(source, None, BIT_PERIOD_S)
-    state.take([frame(ZoneGrid())], time.monotonic_ns())
+    begin_ns = time.monotonic_ns()
+    state.take([frame(ZoneGrid())], begin_ns)
     assert state.snapshot().trouble == ''
-    state.take([frame(ZoneGrid(), 1)], time.monotonic_ns() - 3_000_000_000)
+    state.take([frame(ZoneGrid(), 1)], begin_ns - 3_000_000_000)
     assert state.snapshot().trouble.startswith('no frames come for 3 s; the sensor is silent')
     source.received += 14
     assert state.snapshot().trouble.endswith(
@@ -211,28 +214,18 @@ def test_silence_is_told_and_what_may_be_the_reason() -> None:
     known = state.snapshot()
     assert known.damaged == 1
     assert 'no frame of this protocol, or of another --baud' in known.trouble
-
-
-def test_a_bit_period_that_does_not_suit_the_frames_is_told() -> None:
-    state = open_watch(bit_period_s=0.1)
-    give(state, [frame(ZoneGrid(), number) for number in range(40)])
-    assert state.snapshot().trouble == (
-        'a frame comes every 21.0 ms, but half of bit_period is 50.0 ms: '
+    unsuited = open_watch(bit_period_s=0.03)
+    give(unsuited, [frame(ZoneGrid(), number) for number in range(40)])
+    assert unsuited.snapshot().trouble == (
+        'a frame comes every 21.0 ms, but bit_period is 30.0 ms: 1.4 frames, and not two to eight: '
         'set --bit-period to how long the markers hold a bit [s]'
     )
-    unopened = SerialSource('port', 460800, PROTOCOLS['retrolidar'](time.monotonic_ns))
-    trouble = Watch(unopened, None, BIT_PERIOD_S).snapshot().trouble
-    assert trouble == 'port has not been opened yet; retrying'
-
-
-def test_what_the_reader_tells_is_shown_for_a_while(monkeypatch: pytest.MonkeyPatch) -> None:
-    state = open_watch()
-    begin_ns = time.monotonic_ns()
-    state.take([frame(ZoneGrid())], begin_ns, 'slow text')
+    # What the reader tells is shown for a while.
+    state, now_ns = open_watch(), time.monotonic_ns()
+    state.take([frame(ZoneGrid())], now_ns, 'slow text')
     assert state.snapshot().trouble == 'slow text'
-    later_ns = begin_ns + 31_000_000_000
-    monkeypatch.setattr(time, 'monotonic_ns', lambda: later_ns)
-    state.take([frame(ZoneGrid(), 1)], later_ns)
+    monkeypatch.setattr(time, 'monotonic_ns', lambda: now_ns + 31_000_000_000)
+    state.take([frame(ZoneGrid(), 1)], now_ns + 31_000_000_000)
     assert state.snapshot().trouble == ''
 
 
@@ -249,7 +242,7 @@ def test_a_still_scene_before_st_s_example_does_not_blink() -> None:
                 baud=460800,
                 protocol='st_example',
                 zone=None,
-                bit_period_s=0.1,
+                values={**defaults(), 'bit_period': 0.1},
                 duration_s=3.0,
             )
         finally:
@@ -282,8 +275,10 @@ def test_missing_frames_are_counted_and_a_rate_that_does_not_suit_is_told() -> N
     assert [missing_frames(*pair) for pair in pairs] == [0, 0, 2, 0, 2, 0]
     stamps_ns = [21_000_000 * number for number in range(33) if number != 7]
     assert rate_mismatch(stamps_ns, 0.042) == ''
-    expected = 'a frame comes every 21.0 ms, but half of bit_period is 33.3 ms'
-    assert rate_mismatch(stamps_ns, 0.0666) == expected
+    expected = 'a frame comes every 21.0 ms, but bit_period is 33.3 ms'
+    assert rate_mismatch(stamps_ns, 0.0333).startswith(expected)
+    assert rate_mismatch(stamps_ns, 0.168) == ''
+    assert '14.3 frames' in rate_mismatch(stamps_ns, 0.3)
 
 
 # What is shown
@@ -411,7 +406,7 @@ def test_the_defaults_are_those_of_the_nodes() -> None:
     options = parser().parse_args(['watch', 'port'])
     assert options.baud == values['serial_baud']
     assert options.protocol == values['protocol']
-    assert options.bit_period == values['bit_period']
+    assert detector_values(options)['bit_period'] == values['bit_period']
 
 
 @pytest.mark.parametrize(
@@ -420,23 +415,21 @@ def test_the_defaults_are_those_of_the_nodes() -> None:
         (['--zone', '64'], '64 is no zone'),
         (['--zone=-1'], '-1 is no zone'),
         (['--zone', 'x'], 'x is no zone: they are 0 to 15, or 0 to 63'),
-        (['--bit-period', '42ms'], '42ms is no number of seconds'),
+        (['--bit-period', '42ms'], '42ms is no NUMBER'),
         (['--duration', '1min'], '1min is no number of seconds'),
-        (['--bit-period', '0.001'], '0.001 s is not within 0.002 to 10 s'),
-        (['--bit-period', '11'], '11 s is not within'),
+        (['--bit-period', '0.001'], '0.001 is not within 0.002 to 10'),
+        (['--bit-period', '11'], '11.0 is not within'),
         (['--protocol', 'magic'], 'choose from'),
     ],
 )
-def test_an_impossible_option_is_named(
-    option: list[str], message: str, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_impossible_options(option: list[str], message: str, capsys: Output) -> None:
     with pytest.raises(SystemExit, match='2'):
         main(['watch', 'port', *option])
     assert message in capsys.readouterr().err
 
 
 def test_a_port_that_is_not_there_is_explained_even_to_a_closed_output(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    tmp_path: Path, capsys: Output
 ) -> None:
     assert main(['watch', str(tmp_path / 'port'), '--duration', '0.3']) == 1
     (told,) = capsys.readouterr().out.splitlines()
@@ -482,9 +475,7 @@ def test_a_zone_that_is_not_there_ends_it(port: Path) -> None:
 
 
 @pytest.mark.parametrize('request_to_end', [signal.SIGINT, signal.SIGTERM])
-def test_a_terminal_shows_the_ids_and_gets_its_cursor_back(
-    port: Path, request_to_end: signal.Signals
-) -> None:
+def test_a_terminal_shows_ids_and_is_restored(port: Path, request_to_end: signal.Signals) -> None:
     master, slave = pty.openpty()
     ioctl(slave, TIOCSWINSZ, pack('HHHH', 30, 100, 0, 0))
     environment = {**os.environ, 'TERM': 'linux', 'PYTHONIOENCODING': 'utf-8'}

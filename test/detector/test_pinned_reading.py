@@ -101,9 +101,7 @@ def test_a_repeating_marker_is_read_farther_with_three_packets_than_with_one() -
         ),
     ],
 )
-def test_stress_costs_few_readings_and_makes_none_wrong(
-    panel: str, value: float, least: int
-) -> None:
+def test_stress_costs_little_and_makes_none_wrong(panel: str, value: float, least: int) -> None:
     right, wrong = counts(lambda rng: PANEL[panel].trial(value, rng))
     assert right >= least
     assert wrong == 0

@@ -45,7 +45,6 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from retrolidar_ros.detector.bearing import zone_bearing
 from retrolidar_ros.detector.detection import Detection, DetectorCounts, check_grid
 from retrolidar_ros.detector.paper.baseline import silent_level
 from retrolidar_ros.detector.paper.demodulation import PACKET_SAMPLES, fit_packets, threshold_bits
@@ -56,7 +55,7 @@ from retrolidar_ros.detector.paper.preamble import (
     fit_preamble,
 )
 from retrolidar_ros.detector.paper.samples import SampleRing
-from retrolidar_ros.detector.place import place
+from retrolidar_ros.detector.place import place, zone_bearing
 from retrolidar_ros.marker.code import PREAMBLE, RESERVED_IDS, decode
 from retrolidar_ros.sensor.frame import Floats, Frame, Recording, ZoneGrid
 

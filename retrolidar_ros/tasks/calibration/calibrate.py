@@ -8,11 +8,13 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from retrolidar_ros.detector import Detection
 from retrolidar_ros.detector.blinking_zones import BlinkingZone, blinking_zones
 from retrolidar_ros.detector.noise import NoiseLaw
-from retrolidar_ros.detector.ranging import modulated_range
+from retrolidar_ros.detector.ranging import modulated_depth
+from retrolidar_ros.marker.code import packet
 from retrolidar_ros.marker.known_markers import MARKER_SIZE_M
 from retrolidar_ros.scene.marker_budget import NEEDED_SNR_DB, SENSOR_REACH_M, needed_swing
 from retrolidar_ros.scene.optics import DISTANCE_EXPONENT, REFERENCE_AREA_M2
@@ -46,6 +48,11 @@ class MarkerFound:
     flipped: bool
     """Whether its dark bits show something else, so that the crystal's times are not told."""
     moves: bool
+
+    @property
+    def bits(self) -> NDArray[np.uint8]:
+        """What it sends, 1 = dark, shape (31,)."""
+        return packet(self.sent.id)
 
 
 @dataclass(frozen=True)
@@ -194,16 +201,20 @@ def _range(recording: Recording, sent: Sent) -> Estimate | None:
     zone = sent.zones[0]
     known = np.isfinite(sent.light)
     valid, _ = valid_samples(recording.signal, recording.distance, recording.status)
-    ranged = modulated_range(
-        (recording.stamp_ns[known] - recording.stamp_ns[0]) * 1e-9,
+    middle_s = (recording.stamp_ns[known] - recording.stamp_ns[0]) * 1e-9
+    half_s = float(np.median(np.diff(middle_s))) / 2
+    ranged = modulated_depth(
+        middle_s - half_s,
+        middle_s + half_s,
         sent.light[known],
-        valid[known, zone].astype(np.float64),
-        recording.signal[known, zone].astype(np.float64),
-        recording.distance[known, zone].astype(np.float64),
-        zone,
-        recording.grid,
+        valid[known, zone],
+        recording.signal[known, zone],
+        recording.distance[known, zone],
     )
-    return None if ranged is None else Estimate(ranged.range_m, ranged.stddev_m)
+    factor = float(recording.grid.z_per_range[zone])
+    return (
+        None if ranged is None else Estimate(ranged.depth_m / factor, ranged.variance**0.5 / factor)
+    )
 
 
 def _link(marker: MarkerFound, distance_m: float, size_m: float, law: NoiseLaw) -> Link | None:
