@@ -18,13 +18,13 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from evaluation.bench.restless import restless_blocks
+from evaluation.bench.restless import Hands
 from retrolidar_ros.marker.code import BIT_PERIOD_S
 from retrolidar_ros.scene.description import Sensor
 from retrolidar_ros.scene.reference import NOISE, SENSOR, WALL_SIGNAL
 from retrolidar_ros.sensor.frame import Floats, Recording, Status
 
-BLOCK_FRAMES = 2048
+BLOCK_FRAMES = 4096
 LEAST_SIGNAL, MOST_SIGNAL = 2.0, 1700.0  # of what walks [kcps/SPAD]
 WHITE_SIGNALS = (4.0, 600.0)
 PRESENT_SIGNALS = (5.0, 1000.0)
@@ -237,6 +237,24 @@ def _blocks(
     for begin in range(0, total, BLOCK_FRAMES):
         signal, status = source.advance(min(BLOCK_FRAMES, total - begin))
         yield _sensed(signal, status, begin, sensor, rng)
+
+
+restless_blocks = partial(_blocks, Hands)
+"""Yields the frames of hands that never rest, for a duration [s]."""
+
+
+def wall_blocks(
+    duration_s: float,
+    rng: np.random.Generator,
+    sensor: Sensor = SENSOR,
+    *,
+    signal: float = WALL_SIGNAL,
+) -> Iterator[Recording]:
+    """Yield the frames of a bare wall of a signal [kcps/SPAD]: white noise."""
+    total = round(duration_s / sensor.period_s)
+    for begin in range(0, total, BLOCK_FRAMES):
+        shape = (min(BLOCK_FRAMES, total - begin), sensor.grid.zones)
+        yield _sensed(np.full(shape, signal, dtype=np.float32), None, begin, sensor, rng)
 
 
 FAMILY = (

@@ -77,10 +77,3 @@ def held(squared_distances: ArrayLike) -> Rate | None:
     """Return in how many places the truth is within the 95 % ellipsoid; None without any."""
     squared = np.asarray(squared_distances)
     return rate(int(np.count_nonzero(squared <= ELLIPSOID)), squared.size) if squared.size else None
-
-
-def told_held(share: Rate | None) -> str:
-    """Return what `held` found as text."""
-    if share is None:
-        return 'no place'
-    return f'{share["hits"]}/{share["trials"]} = {share["rate"]:.1%} within the 95 % ellipsoid'

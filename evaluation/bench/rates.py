@@ -8,6 +8,10 @@ import math
 from collections.abc import Sequence
 from typing import TypedDict
 
+import numpy as np
+
+_DRAWS = 400
+
 
 class Rate(TypedDict):
     """A measured share, with the bounds of its 95 % confidence interval."""
@@ -53,27 +57,6 @@ class Frequency(TypedDict):
     high: float
 
 
-def frequency(events: int, hours: float) -> Frequency:
-    """Return events an hour with Byar's interval of a Poisson count (Breslow and Day 1987).
-
-    Raises
-    ------
-    ValueError
-        If the time is not positive, or the count is negative.
-    """
-    if events < 0 or not hours > 0:
-        raise ValueError(f'{events} events in {hours} h')
-    z = 1.959964
-    low = 0.0
-    if events:
-        low = events * max(0.0, 1 - 1 / (9 * events) - z / (3 * math.sqrt(events))) ** 3
-    more = events + 1
-    high = more * (1 - 1 / (9 * more) + z / (3 * math.sqrt(more))) ** 3
-    return Frequency(
-        events=events, hours=hours, per_hour=events / hours, low=low / hours, high=high / hours
-    )
-
-
 def falls_below(level: float, places: Sequence[float], shares: Sequence[float]) -> float | None:
     """Return where a share, linear between its places, first falls below a level.
 
@@ -101,7 +84,7 @@ def falls_below(level: float, places: Sequence[float], shares: Sequence[float]) 
     return None
 
 
-def exact_frequency(events: int, hours: float) -> Frequency:
+def frequency(events: int, hours: float) -> Frequency:
     """Return events an hour with the exact interval of a Poisson count (Garwood 1936).
 
     Raises
@@ -147,3 +130,37 @@ def chance_of_fall(before: Rate, after: Rate) -> float:
         for found in range(before['hits'], min(before['trials'], hits) + 1)
         if hits - found <= after['trials']
     )
+
+
+class Crossing(TypedDict):
+    """Where shares fall below a level, with the bounds of its 95 % confidence interval."""
+
+    at: float | None
+    """None where it begins below the level."""
+    low: float | None
+    high: float | None
+
+
+def crossing(level: float, places: Sequence[float], rates: Sequence[Rate]) -> Crossing:
+    """Return where rates fall below a level; the last place where they stay above it.
+
+    The bounds are those of shares that are redrawn with the binomial law.
+    """
+
+    def last(shares: Sequence[float]) -> float | None:
+        if shares[0] < level:
+            return None
+        found = falls_below(level, places, shares)
+        return float(places[-1]) if found is None else found
+
+    trials = np.array([one['trials'] for one in rates])
+    # A share of none or all is not certain: half a trial more of either.
+    shares = (np.array([one['hits'] for one in rates]) + 0.5) / (trials + 1)
+    redrawn = np.random.default_rng(0).binomial(trials, shares, (_DRAWS, len(trials))) / trials
+    crossed = [last(row) for row in redrawn.tolist()]
+    known = [place for place in crossed if place is not None]
+    at = last([one['rate'] for one in rates])
+    if at is None or not known:
+        return Crossing(at=at, low=None, high=None)
+    low, high = (float(bound) for bound in np.percentile(known, (2.5, 97.5)))
+    return Crossing(at=at, low=low, high=high)

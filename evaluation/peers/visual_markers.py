@@ -76,7 +76,7 @@ def _plate(white: NDArray[np.bool_], size_m: float, margin: int) -> Plate:
 
 
 class AprilTagReader:
-    """Tags of tagStandard41h12, read by AprilTag 3 in one thread.
+    """Tags of tagStandard41h12, read by AprilTag 3.
 
     Parameters
     ----------
@@ -84,15 +84,17 @@ class AprilTagReader:
         What charts call it.
     quad_decimate : float
         In how many times fewer rows and columns squares are searched; 2 is the library's default.
+    threads : int
+        How many it has.
     """
 
     kind = APRILTAG
 
-    def __init__(self, name: str, quad_decimate: float) -> None:
+    def __init__(self, name: str, quad_decimate: float, threads: int = 1) -> None:
         from pupil_apriltags import Detector
 
         self.name = name
-        self.detector: Any = Detector(_FAMILY, nthreads=1, quad_decimate=quad_decimate)
+        self.detector: Any = Detector(_FAMILY, nthreads=threads, quad_decimate=quad_decimate)
         # The library's own default, which the Python binding cuts down to the integer 0.
         self.detector.tag_detector_ptr.contents.decode_sharpening = 0.25
         # The binding would free the family before the detector that still uses it.
