@@ -162,9 +162,9 @@ struct rl_verdict rl_decide(struct rl_window *window, const struct rl_codebook *
         return verdict;
     }
     verdict.reason = RL_EVIDENCE;
-    verdict.evidence = rl_scope_add_zones(window, sending, verdict.evidence);
-    verdict.evidence -= COST_OF_GAIN * (window->sources - 1);
+    rl_scope_add_zones(window, sending, verdict.evidence);
     own = rl_window_refine(window, sending, half_bits);
+    verdict.evidence = own - window->null - COST_OF_GAIN * (window->sources - 1);
     note_fit(&verdict, window);
     asked += window->fit[0].walk >= WANDERING ? demands->wandering : 0.0;
     if (verdict.evidence < asked) {

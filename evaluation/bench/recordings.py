@@ -22,9 +22,9 @@ from evaluation.bench.transmissions import transmission
 from retrolidar_ros.marker.code import BIT_PERIOD_S, PACKET_BITS
 from retrolidar_ros.marker.known_markers import MARKER_SIZE_M
 from retrolidar_ros.marker.liquid_crystal import Response
-from retrolidar_ros.scene.description import Noise, Sensor
+from retrolidar_ros.scene.description import SIGNAL_AT_1_M, Noise, Sensor
 from retrolidar_ros.scene.noise import deviating, noisy
-from retrolidar_ros.scene.optics import DISTANCE_EXPONENT, SIGNAL_AT_1_M, zone_shares
+from retrolidar_ros.scene.optics import DISTANCE_EXPONENT, zone_shares
 from retrolidar_ros.scene.reference import NOISE, RANGING, RESPONSE, SENSOR, WALL_SIGNAL
 from retrolidar_ros.scene.transmission import visible_share
 from retrolidar_ros.sensor.frame import Floats, Recording, Status

@@ -9,12 +9,11 @@ from collections.abc import Iterator
 from pathlib import Path, PurePath
 from tempfile import TemporaryDirectory
 
-import yaml
-
 from retrolidar_ros.bag.compression import decompress, decompress_file
 from retrolidar_ros.bag.errors import DamageError
 from retrolidar_ros.bag.mcap_file import read_mcap
 from retrolidar_ros.bag.sqlite_file import read_sqlite
+from retrolidar_ros.settings.yaml_files import load_yaml
 
 _METADATA_KEYS = {
     'version',
@@ -44,20 +43,23 @@ def read_messages(path: Path, topic: str, types: dict[str, str]) -> Iterator[byt
 
 
 def _bag_files(bag: Path) -> tuple[list[Path], DamageError | None]:
-    """Return the files of a bag, oldest first, and what is wrong with its metadata."""
+    """Return the files of a bag, oldest first, and the damage of its metadata, if any."""
     found = [file for file in bag.iterdir() if re.search(r'\.(mcap|db3)(\.zstd)?$', file.name)]
     # Recorders number their files: bag_9 comes before bag_10.
     found.sort(key=lambda file: ([int(digits) for digits in re.findall(r'\d+', file.name)], file))
     if not found:
         return found, DamageError('no .mcap or .db3 file in this directory')
+    metadata = bag / 'metadata.yaml'
+    if not metadata.exists():
+        return found, DamageError('no metadata.yaml: the recording did not end properly')
+    if not metadata.is_file():
+        return found, DamageError('metadata.yaml is no file')
     try:
-        content = yaml.safe_load((bag / 'metadata.yaml').read_bytes())
+        content = load_yaml(metadata)
         information = content['rosbag2_bagfile_information']
         named = [bag / PurePath(name).name for name in information['relative_file_paths']]
-        damaged = not information.keys() >= _METADATA_KEYS
-    except FileNotFoundError:
-        return found, DamageError('no metadata.yaml: the recording did not end properly')
-    except (yaml.YAMLError, AttributeError, LookupError, TypeError, ValueError, RecursionError):
+        damaged = not information.keys() >= _METADATA_KEYS or len(set(named)) < len(named)
+    except (AttributeError, LookupError, TypeError, ValueError):
         damaged = True
     if damaged:
         return found, DamageError('metadata.yaml is damaged')

@@ -1,6 +1,6 @@
 # Copyright 2026 retrolidar_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""What goes wrong with bags."""
+"""Errors of bags."""
 
 from __future__ import annotations
 
@@ -12,4 +12,4 @@ class BagError(ValueError):
 
 
 class DamageError(Exception):
-    """From here on a file cannot be read; the frames before are good."""
+    """A file is damaged; the frames before the damage are good."""

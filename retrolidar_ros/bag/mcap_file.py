@@ -1,17 +1,17 @@
 # Copyright 2026 retrolidar_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""Messages from an MCAP file, as far as it is good.
+"""Messages from an MCAP file, up to its damage.
 
-The file is scanned, whatever its index says: a power cut leaves none, and it leaves a last chunk
-that is cut off and may hold a minute of frames. The `mcap` library yields nothing of such a chunk.
+The file is scanned without its index: a power cut leaves none, and a last chunk that is cut off
+and may hold a minute of frames. The `mcap` library yields nothing of such a chunk.
 """
 
 from __future__ import annotations
 
 import struct
-from bisect import bisect_left
 from collections.abc import Iterator
-from operator import itemgetter
+from heapq import heappop, heappush
+from itertools import count
 from pathlib import Path
 from struct import Struct
 from typing import BinaryIO
@@ -28,6 +28,7 @@ _MESSAGE_HEAD = Struct('<HIQQ')  # channel, sequence, log time, publish time
 _CHUNK_HEAD = Struct('<QQQII')  # first and last log time, size, CRC-32, length of compression
 _UINT32 = Struct('<I')
 _IDS = Struct('<HH')  # channel and schema
+_MOST_HELD = 2**29
 _BROKEN = (DamageError, OSError, struct.error, UnicodeDecodeError)
 
 
@@ -38,7 +39,7 @@ def read_mcap(file: Path, topic: str, types: dict[str, str]) -> Iterator[bytes]:
 
 
 class _McapFile:
-    """An MCAP file (version 0, see mcap.dev/spec), read by its records, whatever its index."""
+    """An MCAP file (version 0, see mcap.dev/spec), read by its records, without its index."""
 
     def __init__(self, stream: BinaryIO, size: int, topic: str, types: dict[str, str]) -> None:
         self._stream = stream
@@ -56,27 +57,31 @@ class _McapFile:
             self._scan()
         except _BROKEN as error:
             damage = DamageError(_reason(error))
-        pending: list[tuple[int, bytes]] = []
+        pending: list[tuple[int, int, bytes]] = []  # a heap, of one time in order of the file
+        order, held = count(), 0
         for first_time, start, end, is_chunk in sorted(self._pieces):
-            pending.sort(key=itemgetter(0))
-            older = bisect_left(pending, first_time, key=itemgetter(0))
-            yield from (data for _, data in pending[:older])
-            del pending[:older]
+            while pending and pending[0][0] < first_time:
+                data = heappop(pending)[-1]
+                held -= len(data)
+                yield data
             try:
                 for time, data in self._piece(start, end, is_chunk):
                     if time < first_time:
                         raise DamageError('a message is older than its chunk')
-                    pending.append((time, data))
+                    heappush(pending, (time, next(order), data))
+                    held += len(data)
+                if held > _MOST_HELD:
+                    raise DamageError(f'more than {_MOST_HELD} bytes of messages are out of order')
             except _BROKEN as error:
                 damage = DamageError(f'the record at byte {start}: {_reason(error)}')
                 break
-        pending.sort(key=itemgetter(0))
-        yield from (data for _, data in pending)
+        while pending:
+            yield heappop(pending)[-1]
         if damage is not None:
             raise damage
 
     def _scan(self) -> None:
-        """Find chunks, messages outside of chunks, and what channels there are."""
+        """Find chunks, messages outside of chunks, and channels."""
         if self._read(0, len(_MCAP_MAGIC)) != _MCAP_MAGIC:
             raise DamageError('not an MCAP file')
         position = len(_MCAP_MAGIC)
@@ -133,7 +138,7 @@ class _McapFile:
                 self._define(opcode, records[content:position])
 
     def _define(self, opcode: int, content: bytes) -> None:
-        """Take note of a schema or a channel."""
+        """Store a schema or a channel."""
         if opcode == _SCHEMA:
             self._schemas[_IDS.unpack_from(content)[0]] = _text(content, 2)
         else:
@@ -152,11 +157,11 @@ class _McapFile:
 
 
 def _reason(error: Exception) -> str:
-    """Return what is wrong with a record, as far as it can be said."""
+    """Return what is wrong with a record."""
     return str(error) if isinstance(error, (DamageError, OSError)) else 'damaged'
 
 
 def _text(data: bytes, start: int) -> str:
-    """Return the string at a place in a record."""
+    """Return the string at a position in a record."""
     (length,) = _UINT32.unpack_from(data, start)
     return data[start + _UINT32.size :][:length].decode()

@@ -6,6 +6,7 @@ from __future__ import annotations
 
 import argparse
 import sys
+from importlib.util import find_spec
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING
@@ -64,7 +65,7 @@ def start_nodes(processes: ProcessGroup, port: Path) -> None:
 
 def start_emulator(processes: ProcessGroup, scene: str, port: Path) -> None:
     """Plug in a sensor that sees a scene."""
-    emulate = [sys.executable, '-m', 'retrolidar_ros.cli.main', 'emulate']
+    emulate = [sys.executable, '-m', 'retrolidar_ros.cli', 'emulate']
     processes.start('emulator', [*emulate, scene, '--port-link', str(port)])
 
 
@@ -100,6 +101,8 @@ def run_demo(scene_name: str, picture: Path | None, timeout_s: float) -> int:
         from retrolidar_ros.nodes.listener import Listener
     except ImportError as error:
         raise ValueError(f'the demo needs ROS 2 and this package built for it: {error}') from error
+    if find_spec('serial') is None:  # what the driver would say in its log only
+        raise ModuleNotFoundError('the driver needs pyserial', name='serial')
     picture = picture or Path(f'demo_{find_scene(scene_name).stem}.png')
     print(f'{scene.description}\nDriver and detector are starting ...', flush=True)
     with TemporaryDirectory(prefix='retrolidar_') as directory:
@@ -137,6 +140,8 @@ def run_demo(scene_name: str, picture: Path | None, timeout_s: float) -> int:
                 id=one.id,
                 name=names.get(one.id, 'ghost'),
                 start_s=(one.start_ns - origin_ns) * 1e-9,
+                stamp_s=(one.stamp_ns - origin_ns) * 1e-9,
+                range_m=one.range_m,
                 position_m=one.position_m,
                 zone=one.zone,
             )

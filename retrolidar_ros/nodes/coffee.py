@@ -12,14 +12,15 @@ import numpy as np
 from geometry_msgs.msg import PoseWithCovarianceStamped, Vector3Stamped
 from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
-from rclpy.qos import DurabilityPolicy, QoSProfile
 from rclpy.time import Time
 from std_msgs.msg import Bool, Header, String
 
 from retrolidar_ros.msg import MarkerDetection
 from retrolidar_ros.nodes.conversion import to_ns
 from retrolidar_ros.nodes.diagnostics import OK, WARN, Health, publish_health
+from retrolidar_ros.nodes.names import topic_part
 from retrolidar_ros.nodes.parameters import Parameters
+from retrolidar_ros.nodes.qos import EVENTS, LATCHED, OVERRIDABLE
 from retrolidar_ros.nodes.run import run
 from retrolidar_ros.nodes.transforms import TransformFinder
 from retrolidar_ros.sensor.frame import Floats
@@ -29,7 +30,6 @@ from retrolidar_ros.tasks.objects import ObjectBoard
 _TICK_S = 0.1
 # How long a detection waits for the transform of its time.
 _PATIENCE_S = 1.0
-_LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 
 
 class _Pose(NamedTuple):
@@ -59,7 +59,6 @@ class CoffeeNode(Node):
         parameters.number(
             'stale_after', 'How long a detection counts [s].', 0.1, 86400.0, live=True
         )
-        parameters.warn_of_unknown()
         values = parameters.values
         self._board = ObjectBoard(values['objects'], values['max_stddev'], values['stale_after'])
         parameters.follow(self._change)
@@ -73,23 +72,26 @@ class CoffeeNode(Node):
         self._ticked = self.get_clock().now()
         self._waiting: deque[tuple[MarkerDetection, Time]] = deque()
         self._told: dict[str, str] | None = None
-        self._ready = self.create_publisher(Bool, '~/ready', _LATCHED)
-        self._missing = self.create_publisher(String, '~/missing', _LATCHED)
+        self._ready = self.create_publisher(Bool, '~/ready', LATCHED)
+        self._missing = self.create_publisher(String, '~/missing', LATCHED)
         self._poses = {
             name: self.create_publisher(
-                PoseWithCovarianceStamped, f'~/objects/{_topic(name)}', _LATCHED
+                PoseWithCovarianceStamped, f'~/objects/{topic_part(name)}', LATCHED
             )
             for name in self._board.names
         }
         self._offsets = {
             (one, other): self.create_publisher(
-                Vector3Stamped, f'~/offsets/{_topic(one)}_to_{_topic(other)}', _LATCHED
+                Vector3Stamped, f'~/offsets/{topic_part(one)}_to_{topic_part(other)}', LATCHED
             )
             for index, one in enumerate(self._board.names)
             for other in self._board.names[index + 1 :]
         }
         publish_health(self, 'objects', '', self._examine)
-        self.create_subscription(MarkerDetection, 'markers', self._take, 100)
+        self.create_subscription(
+            MarkerDetection, 'markers', self._take, EVENTS, qos_overriding_options=OVERRIDABLE
+        )
+        parameters.warn_of_unknown()
         self.create_timer(_TICK_S, self._tick, clock=Clock(clock_type=ClockType.STEADY_TIME))
 
     def _change(self, values: dict[str, float]) -> None:
@@ -162,12 +164,6 @@ class CoffeeNode(Node):
         if missing:
             return Health(WARN, f'{len(missing)} of {len(values)} objects missing', values)
         return Health(OK, f'{len(values)} objects placed', values)
-
-
-def _topic(name: str) -> str:
-    """Return a TF frame as a part of a topic's name, which takes fewer characters."""
-    part = re.sub(r'\W', '_', name, flags=re.ASCII)
-    return f'_{part}' if part[0].isdigit() else part
 
 
 def _pose_of(message: MarkerDetection) -> _Pose:

@@ -11,7 +11,8 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import pytest
-from harness_core import SOURCES, TIME_LIMIT_S, compile_core
+from harness_core import SOURCES, compile_core
+from harness_firmware import TIME_LIMIT_S
 
 STRICT = ['-std=c99', '-Wall', '-Wextra', '-Wpedantic', '-Wconversion', '-Wshadow', '-Werror']
 RUNS = ((0, 12, 200), (1001, 1, 1200))

@@ -1,19 +1,28 @@
 # Copyright 2026 retrolidar_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 import json
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import replace
 
 import pytest
 
 from retrolidar_ros.bag import BagError
 from retrolidar_ros.detector import METHODS
-from retrolidar_ros.detector.decoding import TEXT_HEADER, detect, to_json, to_text
+from retrolidar_ros.detector.decoding import TEXT_HEADER, to_json, to_text
+from retrolidar_ros.detector.detection import Detection
+from retrolidar_ros.detector.explaining import Decoding
+from retrolidar_ros.detector.settings import defaults
 from retrolidar_ros.scene import Scene, Simulation
 from retrolidar_ros.scene.description import Marker, Noise, Sensor, Surface
 from retrolidar_ros.sensor.frame import Frame, ZoneGrid
 
 ID = 2073
+
+
+def detect(frames: Iterable[Frame], method: str) -> Iterator[Detection]:
+    return Decoding({**defaults(), 'method': method}).detect(frames)
+
+
 SCENE = Scene(
     sensor=Sensor(noise=Noise(floor=4.6, slope=0.22)),
     markers=(Marker(id=ID, position_m=(0.05, 0.04, 1.0), name='marker', start_s=1.0, packets=1),),

@@ -167,7 +167,7 @@ def test_likelihoods_of_random_windows(core: Statistics, seed: int, packets: int
         assert_agrees(core, zones, null, around(sending, rng))
 
 
-def test_likelihoods_of_zones_together(core: Statistics) -> None:
+def test_likelihoods_of_zones_together_and_where_a_stretch_is_hidden(core: Statistics) -> None:
     rng = np.random.default_rng(10)
     sent = random_recording(rng, 1)
     core.take(sent.recording, LAW, BIT_PERIOD_S)
@@ -176,12 +176,6 @@ def test_likelihoods_of_zones_together(core: Statistics) -> None:
     laws = [replace(LAW, floor=LAW.floor * of) for of in (1, 1, 4, 16)]
     zones = [core.rows(source).zone(law, rows) for source, law in zip(sources, laws, strict=True)]
     assert_agrees(core, zones, null, around(sent.sendings[0], rng))
-
-
-def test_likelihoods_where_a_stretch_is_hidden(core: Statistics) -> None:
-    rng = np.random.default_rng(11)
-    sent = random_recording(rng, 1)
-    core.take(sent.recording, LAW, BIT_PERIOD_S)
     core.open(SILENCE_S, SILENCE_S + PACKET_S, 3)
     hidden_s = (SILENCE_S + 0.3, SILENCE_S + 0.45)
     null, rows = core.hide(*hidden_s)
@@ -365,22 +359,18 @@ def test_of_two_targets_by_turns_the_dimmer_one_is_the_dark_marker(core: Statist
         np.testing.assert_allclose(seen, np.where(dark, 0.0, signal), rtol=1e-6)
 
 
-def test_one_target_is_taken_as_it_is(core: Statistics) -> None:
+def test_one_target_is_taken_as_it_is_and_what_passes_before_a_marker_is_an_erasure(
+    core: Statistics,
+) -> None:
     rng = np.random.default_rng(51)
     signal, distance = rng.uniform(0, 100, 90), rng.uniform(2.0, 2.45, 90)
     seen, valid = column_of(core, signal, distance)
     assert valid.all()
     np.testing.assert_allclose(seen, signal, rtol=1e-6)
-
-
-def test_what_passes_before_a_marker_is_an_erasure(core: Statistics) -> None:
-    rng = np.random.default_rng(52)
-    signal = rng.uniform(50, 100, 90)
-    distance = np.where(np.arange(90) // 10 == 4, 0.5, 2.0)
-    seen, valid = column_of(core, signal, distance)
-    np.testing.assert_array_equal(valid, distance > 1)
-    np.testing.assert_allclose(seen[valid > 0], signal[valid > 0], rtol=1e-6)
-    np.testing.assert_allclose(seen[valid == 0], signal[39], rtol=1e-6)
+    hand = np.arange(90) // 10 == 4
+    seen, valid = column_of(core, signal, np.where(hand, 0.5, 2.0))
+    np.testing.assert_array_equal(valid, ~hand)
+    np.testing.assert_allclose(seen, np.where(hand, signal[39], signal), rtol=1e-6)
 
 
 # --- Codebook
@@ -403,15 +393,16 @@ def test_the_codebook_finds_the_two_best_packets(core: Statistics, registered: i
     assert core.ask('codebook', *ids) == [registered]
     for case in range(40):
         own, adjacent = rng.uniform(1.2, 2.0), rng.uniform(0, 0.3)
-        smooth = rng.uniform(0, 0.1) * np.exp(-np.arange(PACKET_BITS) / rng.uniform(0.5, 5))
+        smooth, pair, decay = rng.uniform(0, [0.1, 0.1, 0.9])
+        lags = np.append(smooth, pair * decay ** np.arange(PACKET_BITS - 1))
         soft = rng.standard_normal(PACKET_BITS)
         if case % 2:
             soft += rng.uniform(0, 3) * (2.0 * packet(rng.choice(ids)) - 1)
         sums = packet(ids) @ soft
-        squared = np.where(sums > 0, sums**2 / energies(own, adjacent, smooth, ids), 0)
+        squared = np.where(sums > 0, sums**2 / energies(own, adjacent, lags, ids), 0)
         least = rng.choice([0.0, 0.5 * squared.max(), 2 * squared.max()])
         expected = np.sort(squared[squared > least])[::-1][:2]
-        answer = core.ask('best', least, own, adjacent, *smooth, *soft)
+        answer = core.ask('best', least, own, adjacent, smooth, pair, decay, *soft)
         answered = np.reshape(answer, (2, 2))
         found = answered[answered[:, 0] >= 0]
         np.testing.assert_allclose(found[:, 1], expected, rtol=1e-4)

@@ -20,7 +20,7 @@ from evaluation.report.readme import BENCHMARKS, load_report, renewed
 ROOT = Path(__file__).parents[2]
 COMMITTED = ROOT / 'docs' / 'report'
 PAGES = sorted((ROOT / 'evaluation' / 'report' / 'pages').glob('*.md'))
-README = (ROOT / 'README.md').read_text(encoding='utf-8')
+DOCUMENTS = [ROOT / 'README.md', *sorted((ROOT / 'docs').glob('*.md'))]
 
 
 def test_every_experiment_has_its_chart_in_the_report() -> None:
@@ -64,24 +64,13 @@ def test_a_slot_that_nothing_fills_is_named() -> None:
         filled('{{claim bound reach}}', report)
 
 
-def test_the_figures_of_the_readme_are_renewed() -> None:
+@pytest.mark.parametrize('document', DOCUMENTS, ids=lambda path: path.name)
+def test_the_figures_of_a_document_are_renewed(document: Path) -> None:
+    text = document.read_text(encoding='utf-8')
     report = load_report(COMMITTED)
-    new = renewed(README, report)
-    assert renewed(re.sub(r'\d', '5', new), report).count('<!-- end of figures -->') == 5
-    for name in ('headlines', 'jobs', 'ids', 'reach', 'speed'):
-        block = rf'<!-- figures: {name} -->\n(.*?)\n<!-- end of figures -->'
-        (table_of_it,) = re.findall(block, new, re.DOTALL)
-        assert table_of_it.startswith('|')
-
-
-def test_the_figures_of_docs_are_renewed() -> None:
-    text = (ROOT / 'docs' / 'scale.md').read_text(encoding='utf-8')
-    (table_of_it,) = re.findall(
-        r'<!-- figures: revisions -->\n(.*?)\n<!-- end of figures -->',
-        renewed(text, load_report(COMMITTED)),
-        re.DOTALL,
-    )
-    assert table_of_it.startswith('| method `joint` | revision')
+    blocks = re.findall(r'<!-- figures: \S+ -->\n(.*?)<!-- end', renewed(text, report), re.DOTALL)
+    assert len(blocks) == text.count('<!-- figures: ')
+    assert all(block.startswith('|') for block in blocks)
 
 
 def test_figures_of_benchmarks_say_on_what_they_were_measured() -> None:

@@ -20,8 +20,7 @@ from evaluation.bench.hand import (
 from evaluation.bench.live import PlaceError, held, place_error, read_live
 from evaluation.experiments import coffee, drone
 from retrolidar_ros.detector import create_detector
-from retrolidar_ros.detector.bearing import zone_bearing
-from retrolidar_ros.detector.place import place
+from retrolidar_ros.detector.place import place, zone_bearing
 from retrolidar_ros.scene import Simulation
 from retrolidar_ros.scene.files import load_scene
 from retrolidar_ros.scene.optics import position_at

@@ -16,7 +16,7 @@ from retrolidar_ros.settings import resources
 
 def module_in(directory: Path) -> ModuleType:
     """Load a copy of the module from a package in the directory."""
-    package = directory / 'retrolidar_ros'
+    package = directory / 'retrolidar_ros' / 'settings'
     package.mkdir(parents=True)
     copy = Path(shutil.copy(resources.__file__, package))
     spec = spec_from_file_location('resources_elsewhere', copy)

@@ -1,0 +1,18 @@
+# Copyright 2026 retrolidar_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""Text from files and messages, made fit for a terminal."""
+
+from __future__ import annotations
+
+_MOST = 1000
+
+
+def printable(text: str, most: int = _MOST) -> str:
+    """Return a text without control characters but newlines, and cut in its middle if need be."""
+    if len(text) > most:
+        half = most // 2
+        text = f'{text[:half]} [... {len(text) - 2 * half} characters ...] {text[-half:]}'
+    return ''.join(
+        one if one.isprintable() or one == '\n' else one.encode('unicode_escape').decode()
+        for one in text
+    )
