@@ -4,7 +4,6 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any, NamedTuple, TypedDict
 
@@ -40,46 +39,33 @@ class Judged(NamedTuple):
     wrong: NDArray[np.bool_]
     """Whether an ID that nothing sent was read there, shape (markers,)."""
     readings: int
-    misplaced: int
-    """Readings of a lone packet's ID that are half a packet or more from it."""
     own: list[Detection]
     """Right readings."""
     candidates: int
-    cpu_s: float
 
 
 def judged(sent: Sent, options: Options, *, lone: bool = True) -> Judged:
     """Play a recording to a new detector and compare what it reads with what was sent.
 
-    Parameters
-    ----------
-    sent : Sent
-    options : mapping
-        Of the detector.
-    lone : bool
-        Whether each marker sent one packet, whose time counts, too.
+    Of lone packets the time counts, too.
     """
     detector = new_detector(sent.recording.grid, options)
-    began_s = time.process_time()
     detections = detector.update_all(sent.recording)
-    cpu_s = time.process_time() - began_s
     right, wrong = np.zeros((2, len(sent.ids)), dtype=bool)
     own: list[Detection] = []
-    misplaced = 0
     for detection in detections:
         # One that goes through all zones is everywhere.
         places = [zone % len(sent.ids) for zone in detection.zones]
         mine = [place for place in places if sent.ids[place] == detection.id]
         if mine:
             off_s = abs(detection.start_ns * 1e-9 - sent.start_s[mine[0]])
-            if lone and off_s >= sent.packet_s / 2:
-                misplaced += 1
-            else:
+            # A lone packet's ID half a packet or more from it is none.
+            if not lone or off_s < sent.packet_s / 2:
                 right[mine[0]] = True
                 own.append(detection)
         elif sent.seconds is None or detection.id not in sent.seconds[places]:
             wrong[places[0]] = True
-    return Judged(right, wrong, len(detections), misplaced, own, detector.counts.candidates, cpu_s)
+    return Judged(right, wrong, len(detections), own, detector.counts.candidates)
 
 
 class Read(TypedDict):

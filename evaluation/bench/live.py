@@ -48,14 +48,7 @@ def read_live(detector: Detector, recording: Recording) -> Iterator[LiveReading]
 
 
 def place_error(place: Place, truth_m: Floats) -> PlaceError:
-    """Return by how much a place is wrong.
-
-    Parameters
-    ----------
-    place : Place
-    truth_m : array, shape (3,)
-        Where the marker was at the stamp of the reading, in the sensor's frame [m].
-    """
+    """Return by how much a place differs from where the marker was at its stamp, shape (3,) [m]."""
     range_m = float(np.linalg.norm(truth_m))
     offset = place.position_m - truth_m
     across = float(np.linalg.norm(np.cross(place.position_m, truth_m)))

@@ -24,13 +24,7 @@ class Rate(TypedDict):
 
 
 def rate(hits: int, trials: int) -> Rate:
-    """Return a share with its Wilson score interval (Wilson 1927).
-
-    Raises
-    ------
-    ValueError
-        If there were no trials, or more hits than trials.
-    """
+    """Return a share with its Wilson score interval (Wilson 1927); ValueError if it has none."""
     if not 0 <= hits <= trials or trials == 0:
         raise ValueError(f'{hits} hits in {trials} trials')
     z = 1.959964
@@ -60,19 +54,8 @@ class Frequency(TypedDict):
 def falls_below(level: float, places: Sequence[float], shares: Sequence[float]) -> float | None:
     """Return where a share, linear between its places, first falls below a level.
 
-    Parameters
-    ----------
-    level : float
-        What the share falls below.
-    places : sequence of float
-        In the order of the way, up or down.
-    shares : sequence of float
-        The share at each place.
-
-    Returns
-    -------
-    float or None
-        None where it begins below the level or stays above it.
+    Places are in the order of the way, up or down. None where the share begins below the level or
+    stays above it.
     """
     for index in range(1, len(places)):
         before, after = shares[index - 1], shares[index]
@@ -87,10 +70,7 @@ def falls_below(level: float, places: Sequence[float], shares: Sequence[float]) 
 def frequency(events: int, hours: float) -> Frequency:
     """Return events an hour with the exact interval of a Poisson count (Garwood 1936).
 
-    Raises
-    ------
-    ValueError
-        If the time is not positive, or the count is negative.
+    Raises ValueError if the time is not positive, or the count is negative.
     """
     if events < 0 or not hours > 0:
         raise ValueError(f'{events} events in {hours} h')

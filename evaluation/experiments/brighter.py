@@ -22,6 +22,7 @@ from retrolidar_ros.marker.dictionary import USABLE_IDS
 from retrolidar_ros.scene.marker_budget import SNR
 
 TITLE = 'Brighter is surer'
+MESSAGE = 'Whatever is done to its light: the brighter the marker, the surer it is read'
 SIGNALS = (10.0, 15.0, 40.0, 150.0, 600.0)
 """Of the bright markers, without the wall [kcps/SPAD]."""
 FALL_CHANCE = 0.01
@@ -90,13 +91,7 @@ def table(figures: dict[str, Any]) -> Table:
 
 def draw(figures: dict[str, Any]) -> Any:
     """Draw shares read as colours, stresses over signals, for both methods."""
-    figure, (panels,) = new_chart(
-        1,
-        2,
-        14,
-        9.5,
-        'Whatever is done to its light: the brighter the marker, the surer it is read',
-    )
+    figure, (panels,) = new_chart(1, 2, 14, 9.5, MESSAGE)
     names = [row['stress'] for row in figures['rows']]
     for axis, method in zip(panels, METHODS, strict=True):
         shares = np.array(

@@ -23,6 +23,7 @@ from retrolidar_ros.scene.reference import RESPONSE
 from retrolidar_ros.sensor.frame import Recording
 
 TITLE = 'One packet'
+MESSAGE = 'Of all that is judged while a packet comes, only the packet passes'
 # One of the IDs that the paper's method reads best, near the edge of a zone.
 _MARKER = Marker(2096, (0.02, 0.215, 1.97), 'marker', start_s=2.11, packets=1, response=RESPONSE)
 _WALL = Surface(2.25, 10.0)
@@ -120,9 +121,7 @@ def claims(figures: dict[str, Any]) -> Claims:
 
 def draw(figures: dict[str, Any]) -> Any:
     """Draw samples, and evidence, word test and margin of the candidates over time."""
-    figure, axes = new_chart(
-        4, 1, 12, 13, 'Of all that is judged while a packet comes, only the packet passes'
-    )
+    figure, axes = new_chart(4, 1, 12, 13, MESSAGE)
     samples = figures['samples']
     top = axes[0, 0]
     top.plot(samples['time_s'], samples['signal'], '.', color='0.3', label='samples')

@@ -16,7 +16,7 @@ from tqdm import tqdm
 
 from evaluation.bench.hand import Pose, markers_at, random_pose, view_from
 from evaluation.bench.judging import BOTH, new_detector
-from evaluation.bench.live import PlaceError, held, place_error, read_live
+from evaluation.bench.live import PlaceError, place_error, read_live
 from evaluation.bench.rates import rate
 from evaluation.peers.background import Background
 from evaluation.peers.camera import PICTURES_HZ
@@ -31,6 +31,7 @@ from retrolidar_ros.sensor.frame import Recording
 from retrolidar_ros.tasks.objects import ObjectBoard
 
 TITLE = 'Coffee arm'
+MESSAGE = 'Ranges are good to the centimetre in one look, positions are not'
 TIMEOUT_S = 12.0
 MAX_STDDEV_M, STALE_AFTER_S = 0.15, 10.0
 """How well an object must be placed, and how long a sighting counts."""
@@ -80,16 +81,8 @@ def task_s(
 ) -> dict[str, float]:
     """Return how long tasks take, and in how many looks, if what is bad is looked at again.
 
-    Parameters
-    ----------
-    looks_s : list of float
-        How long each look took; the timeout where not all was seen.
-    good : list of list of bool
-        Of each look, whether each object was placed well enough.
-    rng : numpy.random.Generator
-        Draws looks.
-    tasks : int
-        How many are drawn.
+    Tasks are drawn from looks that took some time each [s], in which each object was placed well
+    enough or not.
     """
     shares = np.array(good).mean(axis=0)
     again = np.zeros(tasks)
@@ -119,7 +112,6 @@ def _lidar(outcomes: list[Outcome], names: list[str], rng: np.random.Generator) 
         'wrong_ids': sum(one.wrong_ids for one in outcomes),
         'range_mm': [1e3 * one.range_m for one in found],
         'position_mm': [1e3 * one.position_m for one in found],
-        'ellipsoid_holds': held([one.squared_distance for one in found]),
         'bad': 1 - float(np.mean(good)),
         'by_range': task_s(looks_s, good, rng),
     }
@@ -198,9 +190,7 @@ def claims(figures: dict[str, Any]) -> Claims:
 
 def draw(figures: dict[str, Any]) -> Any:
     """Draw how long looks take, and errors of range and position."""
-    figure, ((times, wrong),) = new_chart(
-        1, 2, 14, 5.8, 'Ranges are good to the centimetre in one look, positions are not'
-    )
+    figure, ((times, wrong),) = new_chart(1, 2, 14, 5.8, MESSAGE)
     for method, row in figures['methods'].items():
         how = look(method)
         label = f'{method}: {percent(row["placed"])} placed'

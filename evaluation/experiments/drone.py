@@ -11,7 +11,7 @@ import numpy as np
 from tqdm import tqdm
 
 from evaluation.bench.judging import BOTH, new_detector
-from evaluation.bench.live import LiveReading, held, millimetres, place_error, read_live
+from evaluation.bench.live import LiveReading, millimetres, place_error, read_live
 from evaluation.bench.rates import rate
 from evaluation.report.charts import draw_shares, legend_below, look, new_chart
 from evaluation.report.claims import NOTHING, Claims, Table, claim_of, percent
@@ -78,7 +78,6 @@ def _flown(speed_m_s: float, hidden: float, duration_s: float, rng: Any) -> dict
             'wrong_ids': len(readings) - len(own),
             'range_mm': millimetres([one.range_m for one in errors]),
             'position_mm': millimetres([one.position_m for one in errors]),
-            'ellipsoid_holds': held([one.squared_distance for one in errors]),
         }
     return row
 

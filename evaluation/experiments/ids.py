@@ -23,6 +23,7 @@ from retrolidar_ros.marker.code import (
 from retrolidar_ros.marker.dictionary import USABLE_IDS, largest_set
 
 TITLE = 'Sets of IDs, and what the code accepts'
+MESSAGE = 'Three hundred IDs can never be mistaken for each other'
 PAPER_IDS = 4096
 _DISTANCES = (12, 10, 8, 6, 4, 2)
 _WORDS, _QUICK_WORDS = 1_000_000, 100_000
@@ -82,9 +83,7 @@ def claims(figures: dict[str, Any]) -> Claims:
 
 def draw(figures: dict[str, Any]) -> Any:
     """Draw the sizes of the sets."""
-    figure, ((axis,),) = new_chart(
-        1, 1, 9, 5, 'Three hundred IDs can never be mistaken for each other'
-    )
+    figure, ((axis,),) = new_chart(1, 1, 9, 5, MESSAGE)
     places = range(len(figures['sets']))
     sizes = [row['ids'] for row in figures['sets']]
     axis.bar(places, sizes, color=look('joint')['color'])

@@ -21,6 +21,7 @@ from retrolidar_ros.scene.reference import SENSOR, WALL_SIGNAL, marker_in_each_z
 from retrolidar_ros.sensor.frame import Floats
 
 TITLE = 'Link budget'
+MESSAGE = "The simulated link keeps the paper's laws"
 PAPER_EXPONENT, PAPER_DISTANCE_R2, PAPER_AREA_R2 = -3.8, 0.9826, 0.9853
 PAPER_GAIN, PAPER_BOARD_M = 100.4, 1.4
 BOARD_SIGNAL = 4.0
@@ -128,9 +129,7 @@ def claims(figures: dict[str, Any]) -> Claims:
 
 def draw(figures: dict[str, Any]) -> Any:
     """Draw signal over distance and area, and SNR over integration time."""
-    figure, ((far, wide, long),) = new_chart(
-        1, 3, 16, 5.2, "The simulated link keeps the paper's laws"
-    )
+    figure, ((far, wide, long),) = new_chart(1, 3, 16, 5.2, MESSAGE)
     how = look('joint') | {'linestyle': '', 'markersize': 7}
     ranges_m, signals = figures['ranges_m'], figures['signals']
     far.loglog(ranges_m, signals, **how, label='marker of 3 cm')

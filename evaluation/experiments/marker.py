@@ -33,6 +33,7 @@ from retrolidar_ros.marker.wakeup import (
 from retrolidar_ros.sensor.frame import ZoneGrid
 
 TITLE = 'The marker: waking and battery'
+MESSAGE = 'The guard is thin, and two months hold; two years need more than cheap looks'
 WITH_LIDAR_V = 32.413e-3
 """Paper Tab. 5, both filters; we take it as measured at 1 m."""
 NARROW_TESTED_M = 3.75
@@ -178,13 +179,7 @@ def claims(figures: dict[str, Any]) -> Claims:
 
 def draw(figures: dict[str, Any]) -> Any:
     """Draw voltages over distance, reach over the noise's bandwidth, and lives over queries."""
-    figure, ((volts, reach, life),) = new_chart(
-        1,
-        3,
-        17,
-        5.6,
-        'The guard is thin, and two months hold; two years need more than cheap looks',
-    )
+    figure, ((volts, reach, life),) = new_chart(1, 3, 17, 5.6, MESSAGE)
     for angle, colour in zip(_ANGLES_DEG, _COLOURS, strict=False):
         course = 1e3 * voltage_v(_RANGES_M, math.radians(angle))
         volts.plot(_RANGES_M, course, color=colour, label=f'indoors, {angle}°')

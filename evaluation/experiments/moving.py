@@ -24,6 +24,7 @@ from retrolidar_ros.scene.reference import SENSOR
 from retrolidar_ros.sensor.frame import Floats
 
 TITLE = 'Markers that move'
+MESSAGE = 'A marker may move by decimetres a second while it is read'
 RANGES_M = (1.0, 2.0)
 DURATION_S = 10.0
 _SPEEDS_M_S = (0.0, 0.05, 0.1, 0.2, 0.3, 0.4, 0.6, 0.8)
@@ -157,9 +158,7 @@ def table(figures: dict[str, Any]) -> Table:
 
 def draw(figures: dict[str, Any]) -> Any:
     """Draw packets read over the speed, a panel for each way."""
-    figure, (panels,) = new_chart(
-        1, 2, 13, 5.6, 'A marker may move by decimetres a second while it is read'
-    )
+    figure, (panels,) = new_chart(1, 2, 13, 5.6, MESSAGE)
     styles = dict(zip(RANGES_M, ('-', ':'), strict=True))
     for axis, way in zip(panels, WAYS, strict=True):
         for curve in figures['curves']:

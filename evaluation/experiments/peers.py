@@ -18,16 +18,16 @@ from evaluation.bench.stresses import PLAIN
 from evaluation.experiments.moving import across
 from evaluation.experiments.paper_sweeps import lone
 from evaluation.peers.background import Background
-from evaluation.peers.camera import LONGEST_EXPOSURE_S
 from evaluation.peers.pictures import View, errors, read_pictures
 from evaluation.peers.visual_markers import APRILTAG, APRILTAG_FINE, QR, find_readers
 from evaluation.report.charts import LEVEL, draw_shares, legend_below, look, new_chart
-from evaluation.report.claims import NOTHING, Claim, Claims, Table, claim_of, signed, told
+from evaluation.report.claims import NOTHING, Claim, Claims, Table, claim_of, signed, told, told_end
 from retrolidar_ros.detector import METHODS
 from retrolidar_ros.marker.dictionary import USABLE_IDS
 from retrolidar_ros.scene.reference import SENSOR
 
 TITLE = 'LiDAR markers beside visual ones'
+MESSAGE = 'Tags: farther, sooner, turned more; LiDAR markers: smaller, in motion, in the dark'
 AT_M = 1.0
 """Where everything but distance is swept: all read nearly everything there."""
 SHORT_S = 1 / 250
@@ -117,14 +117,19 @@ def run(rng: np.random.Generator, *, quick: bool) -> dict[str, Any]:
             for one in names
         }
         sweeps[name] = {'axis': axis, 'points': points, 'ends': ends}
-    curved = read_pictures(readers, background, pictures, rng, View(AT_M, gamma=2.2))
-    return {'sweeps': sweeps, 'missing': missing, 'gamma': curved, 'exposure_s': LONGEST_EXPOSURE_S}
+    return {'sweeps': sweeps, 'missing': missing}
 
 
 def end(figures: dict[str, Any], sweep: str, name: str) -> float | None:
     """Return to where four of five are read."""
     ends = figures['sweeps'][sweep]['ends']
     return ends[name]['at'] if name in ends else None
+
+
+def words(figures: dict[str, Any], sweep: str, name: str, unit: str, digits: int = 2) -> str:
+    """Return the same as text."""
+    ends = figures['sweeps'][sweep]['ends']
+    return told_end(ends[name], unit, digits) if name in ends else NOTHING
 
 
 def error(figures: dict[str, Any], name: str, range_m: float, which: str) -> float | None:
@@ -134,34 +139,30 @@ def error(figures: dict[str, Any], name: str, range_m: float, which: str) -> flo
     return None if found is None or found['error_mm'] is None else float(found['error_mm'][which])
 
 
-_UNITS = {'3 cm': 'm', '1 cm': 'm', 'yaw': '°', 'pitch': '°', 'speed': 'm/s', 'speed, 4 ms': 'm/s'}
+_ROWS = {
+    '3 cm': ('m', '3 cm, distance'),
+    '1 cm': ('m', '1 cm, distance'),
+    'yaw': ('°', 'yaw at 1 m'),
+    'pitch': ('°', 'pitch at 1 m'),
+    'speed': ('m/s', 'speed across at 1 m, exposure 33 ms'),
+    'speed, 4 ms': ('m/s', 'the same, exposure 4 ms'),
+    'light': ('lux', 'the dark, 3 cm at 1 m'),
+    'glare': ('of white', 'glare, 3 cm at 1 m'),
+}
 
 
 def table(figures: dict[str, Any]) -> Table:
     """Return where each stops reading, where the AprilTag is better first."""
     names = ['joint', 'paper', APRILTAG, APRILTAG_FINE, QR]
     rows = [['80 % are read to', 'LiDAR, default', 'LiDAR, paper', *names[2:]]]
-    sweeps = {**_UNITS, 'light': 'lux', 'glare': 'of white'}
     lines: list[tuple[float, list[str]]] = []
-    words = {
-        '3 cm': '3 cm, distance',
-        '1 cm': '1 cm, distance',
-        'speed': 'speed across at 1 m, exposure 33 ms',
-        'speed, 4 ms': 'speed across at 1 m, exposure 4 ms',
-        'light': 'the dark, 3 cm at 1 m',
-        'glare': 'glare, 3 cm at 1 m',
-    }
-    for sweep, unit in sweeps.items():
-        ends = [end(figures, sweep, name) for name in names]
+    for sweep, (unit, what) in _ROWS.items():
+        cells = [words(figures, sweep, name, unit, 0 if unit == '°' else 2) for name in names]
         if sweep in ('light', 'glare'):
-            cells = ['own light', 'own light', *(told(one, unit, 2) for one in ends[2:])]
-            lead = 0.0
-        else:
-            digits = 0 if unit == '°' else 2
-            lidar = end(figures, 'speed', 'joint') if sweep.startswith('speed') else ends[0]
-            cells = [told(one, unit, digits) for one in ends]
-            lead = max(one or 0.0 for one in ends[2:]) / (lidar or 1e-9)
-        lines.append((lead, [words.get(sweep, f'{sweep} at 1 m'), *cells]))
+            cells[:2] = ['own light'] * 2
+        ends = [end(figures, sweep, name) or 0.0 for name in names]
+        lead = max(ends[2:]) / ends[0] if ends[0] else 0.0
+        lines.append((lead, [what, *cells]))
     rows += [line for _, line in sorted(lines, key=lambda one: -one[0])]
     for range_m in (1.0, 2.0):
         cells = [told(error(figures, name, range_m, 'median'), 'mm', 1) for name in names]
@@ -216,13 +217,7 @@ _PANELS = (
 
 def draw(figures: dict[str, Any]) -> Any:
     """Draw a panel for each sweep, and the error of range."""
-    figure, axes = new_chart(
-        2,
-        4,
-        18,
-        9.5,
-        'Tags: farther, sooner, turned more; LiDAR markers: smaller, in motion, in the dark',
-    )
+    figure, axes = new_chart(2, 4, 18, 9.5, MESSAGE)
     for axis, (name, title) in zip(axes.flat, _PANELS, strict=True):
         axis.set_title(title, fontsize=13)
         if name == 'error':

@@ -21,6 +21,7 @@ from retrolidar_ros.scene.reference import NOISE, RANGING, RESPONSE, SENSOR
 from retrolidar_ros.sensor.frame import Floats
 
 TITLE = 'Bearing, and how honest the covariance is'
+MESSAGE = 'A bearing is sharp between zones, and the covariance says what it is worth'
 DURATION_S = 2.9  # a marker that repeats is read once
 _FAIR_SHARE = 0.05
 _BLURS = (0.05, 0.25)
@@ -162,9 +163,7 @@ def claims(figures: dict[str, Any]) -> Claims:
 
 def draw(figures: dict[str, Any]) -> Any:
     """Draw the distribution of bearing errors, and of distances in standard deviations."""
-    figure, (panels,) = new_chart(
-        1, 2, 14, 5.8, 'A bearing is sharp between zones, and the covariance says what it is worth'
-    )
+    figure, (panels,) = new_chart(1, 2, 14, 5.8, MESSAGE)
     axes = (
         ('bearing_deg', 'error of the bearing along one axis [°]', 8),
         ('distance', 'distance from the truth, in standard deviations of the covariance', 5),

@@ -22,6 +22,7 @@ from retrolidar_ros.scene.reference import RANGING, SENSOR, marker_in_each_zone
 from retrolidar_ros.sensor.frame import Floats
 
 TITLE = 'Ranging'
+MESSAGE = 'A marker is ranged better by the default while it blinks than by averaging it'
 PAPER_MEDIAN_MM, PAPER_FAR_MEDIAN_MM, PAPER_BOARD_MM = 2.0, 2.5, 1.0
 _RANGES_M = (1.0, 1.4, 1.8, 2.0, 2.2, 2.4, 2.6)
 _RECORDINGS = 8
@@ -117,13 +118,7 @@ def claims(figures: dict[str, Any]) -> Claims:
 
 def draw(figures: dict[str, Any]) -> Any:
     """Draw median and 95 % errors over distance."""
-    figure, ((axis,),) = new_chart(
-        1,
-        1,
-        10,
-        5.8,
-        'A marker is ranged better by the default while it blinks than by averaging it',
-    )
+    figure, ((axis,),) = new_chart(1, 1, 10, 5.8, MESSAGE)
     places = [one['range_m'] for one in figures['points']]
     for kind in _KINDS:
         how = _LOOKS.get(kind) or look(kind)

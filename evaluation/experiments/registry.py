@@ -11,7 +11,7 @@ from collections.abc import Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from multiprocessing import get_context
 from pathlib import Path
-from typing import Any, Protocol, runtime_checkable
+from typing import Any, Protocol
 
 import numpy as np
 
@@ -37,7 +37,7 @@ from evaluation.experiments import (
     time_to_id,
 )
 from evaluation.report.charts import mark_rough
-from evaluation.report.claims import Claims, Table, text
+from evaluation.report.claims import Table, text
 
 
 class Experiment(Protocol):
@@ -54,14 +54,6 @@ class Experiment(Protocol):
 
     def table(self, figures: dict[str, Any]) -> Table:
         """Return what the figures come to."""
-
-
-@runtime_checkable
-class OfThePaper(Protocol):
-    """An experiment of what the paper has, too."""
-
-    def claims(self, figures: dict[str, Any]) -> Claims:
-        """Return what items of the paper come to here."""
 
 
 EXPERIMENTS: dict[str, Experiment] = {
@@ -123,26 +115,11 @@ def run_experiments(
     seed: int = 1,
     processes: int | None = None,
 ) -> None:
-    """Run experiments, and write their figures and charts.
+    """Run experiments, and write their figures and charts as NAME.json and NAME.png.
 
-    Parameters
-    ----------
-    names : sequence of str
-        Of `EXPERIMENTS`.
-    directory : Path
-        Where NAME.json and NAME.png go.
-    quick : bool
-        Small sizes, for a look.
-    seed : int
-        Of all randomness; each experiment starts from it anew, so it does not matter which others
-        run.
-    processes : int or None
-        How many run at once; None = one a core. Those that take times run alone.
-
-    Raises
-    ------
-    ValueError
-        If there is no such experiment.
+    Each starts from the seed anew, so it does not matter which others run. As many run at once as
+    there are cores, unless told otherwise; those that take times run alone. Raises ValueError if
+    there is no such experiment.
     """
     for name in names:
         if name not in EXPERIMENTS:

@@ -25,6 +25,7 @@ from retrolidar_ros.scene.reference import NOISE, RANGING, RESPONSE, WALL_SIGNAL
 from retrolidar_ros.sensor.frame import Recording
 
 TITLE = 'Several markers'
+MESSAGE = 'Three markers are read as surely as one; two in one zone belong apart'
 PAPER_MEAN, PAPER_LEAST = 0.925, 0.85
 """Of Tab. 3."""
 ARRANGEMENTS = {
@@ -172,9 +173,7 @@ def claims(figures: dict[str, Any]) -> Claims:
 
 def draw(figures: dict[str, Any]) -> Any:
     """Draw the rates of the arrangements, and of two in a zone over their ratio."""
-    figure, ((three, two),) = new_chart(
-        1, 2, 15, 5.8, 'Three markers are read as surely as one; two in one zone belong apart'
-    )
+    figure, ((three, two),) = new_chart(1, 2, 15, 5.8, MESSAGE)
     for offset, method in zip((-0.14, 0.14), METHODS, strict=True):
         how = look(method) | {'linestyle': '', 'markersize': 8}
         for index, row in enumerate(figures['three']):

@@ -17,7 +17,7 @@ from evaluation.bench.judging import BOTH, Options, judged, read_of
 from evaluation.bench.rates import crossing
 from evaluation.bench.recordings import Sent
 from evaluation.report.charts import LEVEL, WRONG, draw_reads, legend_below, new_chart
-from evaluation.report.claims import NOTHING, Claims, Table
+from evaluation.report.claims import Claims, Table, told_end
 from retrolidar_ros.detector import METHODS
 
 MOST_BITS = 4
@@ -57,23 +57,9 @@ def _point(curve: Curve, place: float, recordings: int, rng: np.random.Generator
 
 
 class Sweep:
-    """An experiment of some curves.
+    """An experiment of some curves: what its chart says, over which axis, with which unit.
 
-    Parameters
-    ----------
-    title : str
-        What it is about.
-    message : str
-        What its chart says.
-    axis : str
-        Of the places, with their unit.
-    unit : str
-        Of the places.
-    curves : sequence of Curve
-    claims : callable
-        Makes the claims of the figures.
-    marks : mapping
-        The paper's own places by the names of curves.
+    `marks` are the paper's own places by the names of curves.
     """
 
     def __init__(
@@ -113,7 +99,7 @@ class Sweep:
         """Return to where four of five are read, and the most wrong IDs on the way."""
         rows = [
             [
-                f'80 % are read to [{self._unit}]',
+                '80 % are read to',
                 *METHODS,
                 *(f'most wrong IDs, {name}' for name in METHODS),
             ]
@@ -122,7 +108,7 @@ class Sweep:
             rows.append(
                 [
                     name,
-                    *(_end(curve['ends'][method]) for method in METHODS),
+                    *(told_end(curve['ends'][method], self._unit) for method in METHODS),
                     *(
                         f'{max(point[method]["wrong"]["rate"] for point in curve["points"]):.0%}'
                         for method in METHODS
@@ -151,14 +137,6 @@ class Sweep:
             others["80 % of the paper's own"] = {'color': '0.2', 'linestyle': ':'}
         legend_below(figure, METHODS, others)
         return figure
-
-
-def _end(end: Mapping[str, Any]) -> str:
-    if end['at'] is None:
-        return NOTHING
-    if end['low'] is None or end['low'] == end['high']:
-        return f'{end["at"]:.2f}'
-    return f'{end["at"]:.2f} ({end["low"]:.2f} to {end["high"]:.2f})'
 
 
 def end_of(figures: Mapping[str, Any], curve: str, method: str) -> float | None:

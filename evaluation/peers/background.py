@@ -80,23 +80,9 @@ class Background:
         """As the camera sees it without a plate, shape (HEIGHT, WIDTH)."""
 
     def with_plate(self, cells: Floats, side_m: float, pose: Pose) -> tuple[Floats, Window]:
-        """Return what the camera sees around a plate.
+        """Return the light of the pixels around a plate, and the window that they are.
 
-        Parameters
-        ----------
-        cells : Floats
-            The plate's square cells in shares of white paper, shape (n, n).
-        side_m : float
-            Edge of the plate [m].
-        pose : Pose
-            Where it is.
-
-        Returns
-        -------
-        light : Floats
-            Of the pixels in the window.
-        window : Window
-            The plate and its surroundings.
+        The plate has square cells in shares of white paper, shape (n, n), and an edge [m].
         """
         window = _window(side_m, pose, _SURROUNDINGS_PX, _ALIGNMENT)
         inner = _window(side_m, pose, 1, 1)

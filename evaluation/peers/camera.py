@@ -71,29 +71,13 @@ def expose(
     gamma: float = 1.0,
     longest_s: float = LONGEST_EXPOSURE_S,
 ) -> NDArray[np.uint8]:
-    """Return the picture of a scene.
+    """Return the picture of a scene: 8-bit grey levels, of the shape of the light.
 
-    Parameters
-    ----------
-    light : Floats
-        What the pixels see, in shares of white paper, any shape.
-    illuminance_lux : float
-        On the scene. Exposure time and gain are set to it as far as they go.
-    rng : numpy.random.Generator
-        Of the shot noise (Gaussian, as for many electrons) and the read noise.
-    veil : float
-        Glare over all of it, in shares of white paper. The exposure does not follow it, as that
-        of a shiny spot in a large picture.
-    gamma : float
-        Levels are light to the power of 1/gamma. A gamma above 1 brightens the middle of blurred
-        edges, which moves them towards the dark side.
-    longest_s : float
-        Longest exposure that the camera takes before it turns up the gain [s].
-
-    Returns
-    -------
-    numpy.ndarray
-        8-bit grey levels, of the same shape.
+    The light is in shares of white paper. Exposure time, up to the longest, and gain are set to the
+    illuminance. Shot noise is Gaussian, as for many electrons. A veil of glare, in shares of white
+    paper, lies over all; the exposure does not follow it, as that of a shiny spot in a large
+    picture. Levels are light to the power of 1/gamma: above 1 it moves blurred edges to the dark
+    side.
     """
     target = _WHITE_LEVEL * _FULL_WELL_E
     white = min(paper_electrons(illuminance_lux, longest_s), target)
@@ -156,18 +140,9 @@ def transform(homography: Floats, points: ArrayLike) -> Floats:
 def facing_pose(
     range_m: float, margin_px: float, max_roll_rad: float, rng: np.random.Generator
 ) -> Pose:
-    """Return a plate that faces the camera from a random place of the picture, a little rolled.
+    """Return a plate at a range [m] that faces the camera, a little rolled [rad] either way.
 
-    Parameters
-    ----------
-    range_m : float
-        Radial distance [m].
-    margin_px : float
-        How far its centre stays from the picture's edges [pixels].
-    max_roll_rad : float
-        It is rolled about the line of sight by up to as much either way [rad].
-    rng : numpy.random.Generator
-        Of place and roll.
+    Its place in the picture is random, with its centre a margin away from the edges [pixels].
     """
     place = rng.uniform(margin_px, np.array([WIDTH, HEIGHT]) - margin_px)
     ray = np.append((place - CENTRE_PX) / FOCAL_PX, 1.0)

@@ -27,10 +27,8 @@ from evaluation.peers.camera import (
     tilted,
 )
 from evaluation.peers.visual_markers import IDS, Reader
-from retrolidar_ros.scene.truth import PACKET_S
 from retrolidar_ros.sensor.frame import Floats
 
-PICTURES_OF_A_PACKET = round(PACKET_S * PICTURES_HZ)
 _MAX_ROLL_RAD = math.radians(10)
 
 
@@ -68,8 +66,6 @@ class Result(TypedDict):
 
     read: Rate
     """Of single pictures."""
-    in_packet_time: float
-    """Share read within the time of one packet."""
     wrong: Rate
     """Of pictures in which an ID was read that was not there."""
     error_mm: Error | None
@@ -88,15 +84,6 @@ def errors(errors_m: Sequence[float]) -> Error | None:
         largest=float(sizes.max()),
         above_1_cm=float(np.mean(sizes > 10)),
     )
-
-
-def in_some(hits: int, trials: int, chosen: int) -> float:
-    """Return the chance that among some of the trials, chosen at random, there is a hit.
-
-    With fewer trials than are to be chosen, it is that of all of them.
-    """
-    chosen = min(chosen, trials)
-    return 1 - math.comb(trials - hits, chosen) / math.comb(trials, chosen)
 
 
 def read_pictures(
@@ -131,7 +118,6 @@ def read_pictures(
         for name, count in hits.items():
             results[name] = Result(
                 read=rate(count, pictures),
-                in_packet_time=in_some(count, pictures, PICTURES_OF_A_PACKET),
                 wrong=rate(wrong[name], pictures),
                 error_mm=errors(errors_m[name]),
             )

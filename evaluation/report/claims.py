@@ -4,7 +4,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any, NamedTuple
 
 NOTHING = '–'
@@ -44,6 +44,14 @@ Claims = dict[str, Claim]
 def told(value: float | None, unit: str = 'm', digits: int = 2) -> str:
     """Return a value with its unit as text."""
     return NOTHING if value is None else f'{value:.{digits}f} {unit}'
+
+
+def told_end(end: Mapping[str, Any], unit: str = 'm', digits: int = 2) -> str:
+    """Return where a level is crossed as text, 'unsure' where that is left to chance."""
+    at, low, high = end['at'], end['low'], end['high']
+    if at is not None and low is not None and high - low > at / 2:
+        return 'unsure'
+    return told(at, unit, digits)
 
 
 def signed(value: float | None) -> str:

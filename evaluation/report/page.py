@@ -15,7 +15,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from evaluation.experiments.registry import EXPERIMENTS, OfThePaper, save_chart
+from evaluation.experiments.registry import EXPERIMENTS, save_chart
 from evaluation.report.claims import Claims, markdown
 
 PAGE = 'README.md'
@@ -35,8 +35,8 @@ def load(directory: Path) -> dict[str, dict[str, Any]]:
 
 def claims_of(name: str, report: Report) -> Claims:
     """Return what items of the paper come to in an experiment; nothing where it has none."""
-    experiment = EXPERIMENTS[name]
-    return experiment.claims(report[name]) if isinstance(experiment, OfThePaper) else {}
+    claims: Claims = getattr(EXPERIMENTS[name], 'claims', lambda figures: {})(report[name])
+    return claims
 
 
 def _run(report: Report) -> str:
@@ -74,13 +74,7 @@ def _seed(seed: int) -> list[str]:
 
 
 def filled(text: str, report: Report) -> str:
-    """Return a chapter with its figures.
-
-    Raises
-    ------
-    ValueError
-        For a slot that nothing fills.
-    """
+    """Return a chapter with its figures; ValueError for a slot that nothing fills."""
 
     def fill(slot: re.Match[str]) -> str:
         kind, name, item = slot.groups()

@@ -51,7 +51,7 @@ def headlines(report: Report) -> str:
 
     def reach(sweep: str, digits: int, unit: str) -> list[str]:
         names = (*methods, APRILTAG)
-        return [told(peers.end(figures, sweep, name), unit, digits) for name in names]
+        return [peers.words(figures, sweep, name, unit, digits) for name in names]
 
     def error(range_m: float) -> list[str]:
         names = (*methods, APRILTAG)
@@ -92,13 +92,6 @@ def headlines(report: Report) -> str:
         ),
     ]
     return markdown(rows)
-
-
-def jobs(report: Report) -> str:
-    """Return how the coffee arm and the drone fare."""
-    return '\n\n'.join(
-        markdown(EXPERIMENTS[name].table(report[name])) for name in ('coffee', 'drone')
-    )
 
 
 def reach(report: Report) -> str:
@@ -176,29 +169,11 @@ def against_table(against: Mapping[str, Any]) -> str:
     return markdown(rows)
 
 
-def revisions(report: Report) -> str:
-    """Return what the default method costs beside an earlier revision."""
-    return against_table(report['bench-detector']['against'])
-
-
-_BLOCKS = {
-    'headlines': headlines,
-    'jobs': jobs,
-    'ids': ids,
-    'reach': reach,
-    'speed': speed,
-    'revisions': revisions,
-}
+_BLOCKS = {'headlines': headlines, 'ids': ids, 'reach': reach, 'speed': speed}
 
 
 def renewed(text: str, report: Report) -> str:
-    """Return a document with its figures from a report.
-
-    Raises
-    ------
-    KeyError
-        For figures that nothing makes.
-    """
+    """Return a document with its figures from a report; KeyError for what nothing makes."""
     return _BLOCK.sub(lambda found: found[1] + _BLOCKS[found[2]](report) + found[3], text)
 
 

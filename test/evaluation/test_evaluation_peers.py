@@ -24,7 +24,7 @@ from evaluation.peers.camera import (
     tilted,
     transform,
 )
-from evaluation.peers.pictures import View, errors, in_some, read_pictures
+from evaluation.peers.pictures import View, errors, read_pictures
 from evaluation.peers.visual_markers import (
     APRILTAG,
     APRILTAG_FINE,
@@ -205,14 +205,6 @@ def test_missing_apriltag_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
     _, missing = find_readers()
     assert 'pip install pupil-apriltags' in missing[APRILTAG]
     assert 'pip install pupil-apriltags' in missing[APRILTAG_FINE]
-
-
-@pytest.mark.parametrize(
-    ('hits', 'trials', 'chosen', 'chance'),
-    [(0, 64, 39, 0.0), (1, 64, 39, 39 / 64), (64, 64, 39, 1.0), (1, 12, 39, 1.0), (2, 4, 1, 0.5)],
-)
-def test_chance_of_a_hit_among_some(hits: int, trials: int, chosen: int, chance: float) -> None:
-    assert in_some(hits, trials, chosen) == pytest.approx(chance)
 
 
 def test_errors_are_absolute_and_in_millimetres() -> None:
