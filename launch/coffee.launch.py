@@ -17,13 +17,15 @@ def _coffee(context):
     def value(name):
         return LaunchConfiguration(name).perform(context)
 
-    target = value('target_frame')
+    given = {'target_frame': value('target_frame')} if value('target_frame') else {}
+    if value('max_stddev'):
+        given['max_stddev'] = float(value('max_stddev'))
     return [
         Node(
             package='retrolidar_ros',
             executable='coffee',
             namespace=value('namespace'),
-            parameters=[value('params_file')] + ([{'target_frame': target}] if target else []),
+            parameters=[value('params_file')] + ([given] if given else []),
             output='screen',
         )
     ]
@@ -42,6 +44,7 @@ def generate_launch_description():
         ),
         'serial_port': ('', 'Device of the sensor; empty = as in the parameter file.'),
         'target_frame': ('', 'Frame of the poses; empty = as in the parameter file.'),
+        'max_stddev': ('', 'How uncertain places may be [m]; empty = as in the parameter file.'),
         'namespace': ('retrolidar', 'Of nodes and topics.'),
         'emulate': ('', 'A scene to emulate instead of a sensor, such as coffee.'),
     }

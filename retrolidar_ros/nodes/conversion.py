@@ -4,11 +4,13 @@
 
 from __future__ import annotations
 
+import re
 from array import array
 
 import numpy as np
 from builtin_interfaces.msg import Time
 from geometry_msgs.msg import PoseWithCovarianceStamped, TransformStamped
+from rclpy.qos import DurabilityPolicy, QoSProfile
 from sensor_msgs.msg import Image, PointCloud2, PointField
 from std_msgs.msg import Header
 
@@ -18,6 +20,8 @@ from retrolidar_ros.msg import MarkerDetection
 from retrolidar_ros.sensor.frame import NORMAL_STATUS, Floats, Frame, ZoneGrid, check_frame_arrays
 from retrolidar_ros.sensor.rotation import quaternion_of
 
+LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+"""Who asks late hears the last message."""
 _POINT_FIELDS = ('x', 'y', 'z', 'signal', 'ambient')
 
 
@@ -171,3 +175,9 @@ def to_pose_msg(
     turn.x, turn.y, turn.z, turn.w = quaternion_of(rotation).tolist()
     message.pose.covariance = covariance.ravel()
     return message
+
+
+def topic_part(name: str) -> str:
+    """Return a TF frame as a part of a topic's name, which takes fewer characters."""
+    part = re.sub(r'\W', '_', name, flags=re.ASCII)
+    return f'_{part}' if part[0].isdigit() else part
