@@ -13,7 +13,7 @@ RUN := embedded/run
 
 help:
 	@echo 'make demo [SCENE=coffee]    run an emulated sensor, the driver and the detector'
-	@echo 'make test [ARGS="-k wire"]  lint and run the tests; ARGS goes to pytest'
+	@echo 'make test [ARGS="-k wire"]  lint and run the tests; ARGS goes to pytest (-m "not slow", -n 0)'
 	@echo 'make lint                   ruff and mypy only'
 	@echo 'make evaluate [ARGS=...]    run experiments; ARGS=--help tells how'
 	@echo 'make benchmark              run benchmarks/bench_*.py'
@@ -38,7 +38,7 @@ lint: env
 	$(RUN) mypy
 
 test: build lint
-	$(RUN) pytest --timeout 120 $(ARGS)
+	$(RUN) pytest --timeout 120 -n 2 --dist loadfile --no-loadscope-reorder $(ARGS)
 
 evaluate: build
 	@$(RUN) python -m evaluation $(ARGS)

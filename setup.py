@@ -15,7 +15,7 @@ from setuptools.errors import CompileError
 
 BAGS = ['rosbags>=0.11']
 EVALUATION = ['pupil-apriltags', 'pyzbar', 'segno', 'tqdm>=4.66']
-TEST = ['cobs', 'hypothesis', 'komm', 'mcap', 'pytest', 'pytest-timeout']
+TEST = ['cobs', 'hypothesis', 'komm', 'mcap', 'pytest', 'pytest-timeout', 'pytest-xdist']
 
 
 def shared_files() -> list[tuple[str, list[str]]]:
@@ -59,5 +59,5 @@ setup(
         'evaluation': [*BAGS, *EVALUATION],
         'test': [*BAGS, *EVALUATION, *TEST],
     },
-    entry_points={'console_scripts': ['retrolidar=retrolidar_ros.cli.main:main']},
+    entry_points={'console_scripts': ['retrolidar=retrolidar_ros.cli.__main__:main']},
 )

@@ -21,7 +21,9 @@ import numpy as np
 
 from retrolidar_ros.bag import read_frames
 from retrolidar_ros.detector import create_detector
-from retrolidar_ros.detector.decoding import detect, to_json
+from retrolidar_ros.detector.decoding import to_json
+from retrolidar_ros.detector.explaining import Decoding
+from retrolidar_ros.detector.settings import defaults
 from retrolidar_ros.sensor.frame import Recording, ZoneGrid
 
 METHOD = 'joint'
@@ -45,8 +47,9 @@ def time_frames(file: Path) -> list[int]:
     """Return the processor time of each frame of a recording [ns]."""
     recording = load(file)
     detector = create_detector(METHOD, recording.grid)
+    frames = list(recording)
     stamps = [process_time_ns()]
-    for frame in list(recording):
+    for frame in frames:
         detector.update(frame)
         stamps.append(process_time_ns())
     return [int(taken) for taken in np.diff(stamps)]
@@ -55,7 +58,7 @@ def time_frames(file: Path) -> list[int]:
 def time_bag(path: Path) -> int:
     """Return the processor time from a bag on disk to lines of JSON [ns]."""
     begin = process_time_ns()
-    for detection in detect(read_frames(path), METHOD):
+    for detection in Decoding({**defaults(), 'method': METHOD}).detect(read_frames(path)):
         to_json(detection)
     return process_time_ns() - begin
 

@@ -11,7 +11,10 @@ from pathlib import Path
 
 from cffi import FFI
 
-HEADERS = ('retrolidar_packet.h', 'retrolidar_decide.h', 'retrolidar_detector.h')
+HEADERS = tuple(
+    f'retrolidar_{name}.h'
+    for name in ('packet', 'decide', 'detector', 'bearing', 'ranging', 'placement')
+)
 """Those that Python sees, each after those that it needs."""
 
 CORE = Path(__file__).parent

@@ -7,65 +7,44 @@ as left_mug and right_mug, for TF allows a frame but one parent.
 """
 
 from launch import LaunchDescription
-from launch.actions import (
-    DeclareLaunchArgument,
-    GroupAction,
-    IncludeLaunchDescription,
-    OpaqueFunction,
-)
-from launch.substitutions import LaunchConfiguration, PathJoinSubstitution
-from launch_ros.substitutions import FindPackageShare
+from launch.actions import GroupAction, OpaqueFunction
 
-_SHARE = FindPackageShare('retrolidar_ros')
+from retrolidar_ros.nodes.launching import COMMON, declared, sensor, value
+
 _SIDES = ('left', 'right')
 
 
 def _sensors(context):
     """Return driver and detector of each side, now that the arguments have values."""
-
-    def value(name):
-        return LaunchConfiguration(name).perform(context)
-
-    namespace = value('namespace').strip('/')
-    above = f'/{namespace}' if namespace else ''
+    namespace = value(context, 'namespace').strip('/')
+    # Relative to a namespace that may have been pushed.
+    above = f'{namespace}/' if namespace else ''
     groups = []
     for side in _SIDES:
         arguments = {
-            'params_file': value('params_file'),
-            'marker_file': value('marker_file'),
-            'serial_port': value(f'{side}_port'),
-            'frame_id': value(f'{side}_frame'),
-            'emulate': value(f'{side}_emulate'),
+            **{name: value(context, name) for name in COMMON},
+            'serial_port': value(context, f'{side}_port'),
+            'frame_id': value(context, f'{side}_frame'),
+            'emulate': value(context, f'{side}_emulate'),
             'child_frame': side + '_{name}',
-            'namespace': f'{above}/{side}',
-            'markers': f'{above}/markers',
+            'namespace': f'{above}{side}',
+            'markers': _beside(context, namespace),
         }
-        include = IncludeLaunchDescription(
-            PathJoinSubstitution([_SHARE, 'launch', 'retrolidar.launch.py']),
-            launch_arguments=arguments.items(),
-        )
-        groups.append(GroupAction([include]))
+        groups.append(GroupAction([sensor(arguments)]))
     return groups
+
+
+def _beside(context, namespace):
+    """Return the topic of both, in the namespace that is pushed, if one is."""
+    pushed = context.launch_configurations.get('ros_namespace', '').strip('/')
+    return '/' + '/'.join(part for part in (pushed, namespace, 'markers') if part)
 
 
 def generate_launch_description():
     """Return the launch arguments and what they start."""
-    arguments = {
-        'params_file': (
-            PathJoinSubstitution([_SHARE, 'config', 'retrolidar.yaml']),
-            'Parameters of the nodes.',
-        ),
-        'marker_file': ('', 'YAML file of the known markers; empty = as in the parameter file.'),
-        'namespace': ('retrolidar', 'Of both, which add /left and /right.'),
-    }
+    arguments = {**COMMON, 'namespace': ('retrolidar', 'Of both, which add /left and /right.')}
     for side in _SIDES:
         arguments[f'{side}_port'] = ('', f'Device of the {side} sensor, by serial number.')
         arguments[f'{side}_frame'] = (f'{side}_optical_frame', f'TF frame of the {side} sensor.')
         arguments[f'{side}_emulate'] = ('', f'A scene to emulate instead of the {side} sensor.')
-    return LaunchDescription(
-        [
-            DeclareLaunchArgument(name, default_value=default, description=description)
-            for name, (default, description) in arguments.items()
-        ]
-        + [OpaqueFunction(function=_sensors)]
-    )
+    return LaunchDescription([*declared(arguments), OpaqueFunction(function=_sensors)])

@@ -4,15 +4,12 @@
 
 from __future__ import annotations
 
-import os
-import shutil
-import subprocess
 from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 import pytest
-from harness_firmware import Core
+from harness_firmware import Core, make, need, shared_build
 from numpy.typing import NDArray
 from oracle import Sending, Zone
 
@@ -23,31 +20,15 @@ from retrolidar_ros.sensor.frame import Floats, Recording
 ROOT = Path(__file__).resolve().parent.parent
 SOURCES = ROOT / 'core' / 'src'
 PROGRAMS = ROOT / 'test' / 'core'
-TIME_LIMIT_S = 120.0
 LEAST_NOISE = 0.5
 """Share of the noise law's variance that a fit may not fall short of."""
 
 
 def compile_core(program: str, directories: pytest.TempPathFactory) -> Path:
-    """Make one of the programs; return its path, or fail with what the compiler said.
-
-    All of them are made in one directory, as they have most in common.
-    """
-    build = directories.getbasetemp() / 'core'
-    for tool in ('make', 'cc'):
-        if shutil.which(tool) is None:
-            pytest.skip(f'needs {tool}, which is not installed')
-    # What colcon or a person set for other builds is not for this one.
-    unwanted = ('CFLAGS', 'LDFLAGS', 'MAKEFLAGS', 'MFLAGS')
-    made = subprocess.run(
-        ['make', '-j2', '-C', str(PROGRAMS), f'BUILD={build}', str(build / program)],
-        capture_output=True,
-        text=True,
-        check=False,
-        timeout=TIME_LIMIT_S,
-        env={name: value for name, value in os.environ.items() if name not in unwanted},
-    )
-    assert made.returncode == 0, made.stdout + made.stderr
+    """Make one of the programs; return its path, or fail with what the compiler said."""
+    need('make', 'cc')
+    build = shared_build(directories, 'core')
+    make(PROGRAMS, build, build / program)
     return build / program
 
 

@@ -4,13 +4,14 @@
 
 from __future__ import annotations
 
+import fcntl
 import os
 import re
 import shutil
 import subprocess
 from pathlib import Path
 from types import TracebackType
-from typing import Any, TypeAlias
+from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 import pytest
@@ -22,29 +23,49 @@ from retrolidar_ros.sensor.wire import FrameReader
 
 ROOT = Path(__file__).resolve().parent.parent
 FIRMWARE = ROOT / 'firmware'
-TIME_LIMIT_S = 60.0
+TIME_LIMIT_S = 120.0
 
 IntArray: TypeAlias = 'NDArray[np.integer[Any]]'
 
 
-def compile_firmware(target: str, build: Path, *, firmware: Path = FIRMWARE) -> str:
-    """Make a target of the firmware's Makefile; return what it printed, or fail with that."""
-    tools = {'host': ('cc', 'c++'), 'size': ('arm-none-eabi-gcc',)}[target]
-    for tool in ('make', *tools):
-        if shutil.which(tool) is None:
-            pytest.skip(f'needs {tool}, which is not installed')
+def make(directory: Path, build: Path, *targets: object) -> str:
+    """Make targets of a Makefile; return what it printed, or fail with that."""
     # What colcon or a person set for other builds is not for this one.
     unwanted = ('CFLAGS', 'CXXFLAGS', 'LDFLAGS', 'MAKEFLAGS', 'MFLAGS')
-    made = subprocess.run(
-        ['make', '-C', str(firmware), target, f'BUILD={build}'],
-        capture_output=True,
-        text=True,
-        check=False,
-        timeout=TIME_LIMIT_S,
-        env={name: value for name, value in os.environ.items() if name not in unwanted},
-    )
+    build.mkdir(exist_ok=True)
+    with (build / 'lock').open('w') as lock:
+        fcntl.flock(lock, fcntl.LOCK_EX)  # another worker of pytest-xdist may want the same
+        made = subprocess.run(
+            ['make', '-j2', '-C', str(directory), f'BUILD={build}', *map(str, targets)],
+            capture_output=True,
+            text=True,
+            check=False,
+            timeout=TIME_LIMIT_S,
+            env={name: value for name, value in os.environ.items() if name not in unwanted},
+        )
     assert made.returncode == 0, made.stdout + made.stderr
     return made.stdout
+
+
+def need(*tools: str) -> None:
+    """Skip the test where a program is not installed."""
+    for tool in tools:
+        if shutil.which(tool) is None:
+            pytest.skip(f'needs {tool}, which is not installed')
+
+
+def shared_build(directories: pytest.TempPathFactory, name: str) -> Path:
+    """Return where all tests of a run, in whatever process, make their programs."""
+    base = directories.getbasetemp()
+    return (base.parent if 'PYTEST_XDIST_WORKER' in os.environ else base) / name
+
+
+def compile_firmware(directories: pytest.TempPathFactory) -> Path:
+    """Compile the firmware for this machine; return where its programs are."""
+    need('make', 'cc', 'c++')
+    build = shared_build(directories, 'firmware')
+    make(FIRMWARE, build, 'host')
+    return build
 
 
 def run_host(program: Path, *arguments: object, given: str = '', **environment: str) -> bytes:
@@ -125,25 +146,15 @@ class Core:
         return bytes.fromhex(answer)
 
 
-class RawFrame:
-    """A frame in the sensor's raw units, its zones in the sensor's own order."""
+class RawFrame(NamedTuple):
+    """A frame in the sensor's raw units, its zones in the sensor's own order: arrays (zones,)."""
 
-    def __init__(
-        self,
-        sequence: int,
-        time_us: int,
-        distance: IntArray,
-        signal: IntArray,
-        ambient: IntArray,
-        status: IntArray,
-    ) -> None:
-        """Take arrays of shape (zones,)."""
-        self.sequence = sequence
-        self.time_us = time_us
-        self.distance = distance
-        self.signal = signal
-        self.ambient = ambient
-        self.status = status
+    sequence: int
+    time_us: int
+    distance: IntArray
+    signal: IntArray
+    ambient: IntArray
+    status: IntArray
 
     @property
     def zones(self) -> int:
@@ -172,6 +183,13 @@ class RawFrame:
             turned(frame.ambient, 2048.0),
             turned(frame.status, 1.0),
         )
+
+
+def assert_same_zones(frame: Frame, raw: RawFrame) -> None:
+    """Compare all that a frame tells of its zones."""
+    again = RawFrame.of(frame)
+    for name in ('distance', 'signal', 'ambient', 'status'):
+        np.testing.assert_array_equal(getattr(again, name), getattr(raw, name))
 
 
 def read_line(data: bytes) -> tuple[list[Frame], FrameReader]:

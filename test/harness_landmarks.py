@@ -16,9 +16,8 @@ from std_srvs.srv import Trigger
 from tf2_msgs.msg import TFMessage
 from visualization_msgs.msg import Marker, MarkerArray
 
-from retrolidar_ros.detector.bearing import zone_bearing
 from retrolidar_ros.detector.detection import Detection
-from retrolidar_ros.detector.place import place
+from retrolidar_ros.detector.place import place, zone_bearing
 from retrolidar_ros.msg import MarkerDetection
 from retrolidar_ros.nodes.conversion import to_detection_msg, to_time
 from retrolidar_ros.nodes.listener import Listener

@@ -48,7 +48,9 @@ def test_every_file_is_in_a_room() -> None:
     assert {name for name in loose if not name.endswith('.so')} == LOOSE
 
 
-@pytest.mark.parametrize('floor', range(len(FLOORS)), ids=lambda index: '+'.join(FLOORS[index]))
+@pytest.mark.parametrize(
+    'floor', range(len(FLOORS)), ids=lambda index: '+'.join(sorted(FLOORS[index]))
+)
 def test_imports_go_down(floor: int) -> None:
     below = set().union(*FLOORS[floor:]) | BINDING
     if 'nodes' in FLOORS[floor]:

@@ -42,11 +42,13 @@ void rl_codebook_start(struct rl_codebook *codebook, const uint16_t *ids, int co
     }
 }
 
-static float smooth_of(const struct rl_energy *energy, uint32_t bits)
+static float smooth_of(const struct rl_smooth *smooth, uint32_t bits)
 {
-    float sum = 0.0f;
-    for (int lag = 0; lag < RL_PACKET_BITS; lag++) {
-        sum += energy->smooth[lag] * (float)count_bits(bits & bits >> lag);
+    float sum = 0.0f, left = 0.0f;
+    for (int shift = 24; shift >= 0; shift -= 8) {
+        const uint32_t byte = bits >> shift & 255u;
+        sum += smooth->alone[byte] + smooth->after[byte] * left;
+        left = smooth->decay * left + smooth->left[byte];
     }
     return sum;
 }
@@ -54,69 +56,92 @@ static float smooth_of(const struct rl_energy *energy, uint32_t bits)
 void rl_codebook_smooth(const struct rl_codebook *codebook, const struct rl_energy *energy,
                         struct rl_smooth *smooth)
 {
+    smooth->own = energy->own;
+    smooth->adjacent = energy->adjacent;
+    for (int byte = 0; byte < 256; byte++) {
+        float alone = 0.0f, after = 0.0f, left = 0.0f, faded = 1.0f;
+        for (int bit = 7; bit >= 0; bit--) {
+            const float dark = (float)(byte >> bit & 1);
+            alone += dark * (energy->smooth + left);
+            after += dark * faded;
+            left = energy->decay * left + dark * energy->pair;
+            faded *= energy->decay;
+        }
+        smooth->alone[byte] = alone;
+        smooth->after[byte] = after;
+        smooth->left[byte] = left;
+        smooth->decay = faded;
+    }
     for (int g = 0; g < codebook->groups; g++) {
         const struct rl_group *group = &codebook->group[g];
-        smooth->group[g] = 0.0f;
+        smooth->group[g] = INFINITY;
         for (int word = group->first; word < group->first + group->count; word++) {
-            smooth->word[word] = smooth_of(energy, codebook->packet[word]);
-            smooth->group[g] = rl_maxf(smooth->group[g], smooth->word[word]);
+            smooth->word[word] = smooth_of(smooth, codebook->packet[word]);
+            const float power = smooth->own * codebook->dark[word] +
+                                smooth->adjacent * codebook->pairs[word] - smooth->word[word];
+            smooth->group[g] = rl_minf(smooth->group[g], power);
         }
     }
 }
 
-float rl_energy_of(const struct rl_energy *energy, uint32_t bits)
+float rl_energy_of(const struct rl_energy *energy, const struct rl_smooth *smooth, uint32_t bits)
 {
     return energy->own * (float)count_bits(bits) +
-           2.0f * energy->adjacent * (float)count_bits(bits & bits >> 1) - smooth_of(energy, bits);
+           2.0f * energy->adjacent * (float)count_bits(bits & bits >> 1) - smooth_of(smooth, bits);
 }
 
-/* Sums of weights over the dark bits of every byte. */
-static void tabulate(const float *weight, float *table)
+/* Sums of weights over the dark bits of every byte of a word. */
+static void tabulate(const float *weight, float table[3][256])
 {
-    table[0] = 0.0f;
-    for (int bit = 0; bit < 8; bit++) {
-        const int size = 1 << bit;
-        for (int low = 0; low < size; low++) {
-            table[size + low] = table[low] + weight[7 - bit];
+    for (int byte = 0; byte < 3; byte++) {
+        table[byte][0] = 0.0f;
+        for (int bit = 0; bit < 8; bit++) {
+            const int size = 1 << bit;
+            const float added = weight[PREAMBLE_BITS + 8 * byte + 7 - bit];
+            for (int low = 0; low < size; low++) {
+                table[byte][size + low] = table[byte][low] + added;
+            }
         }
     }
 }
 
-static float most_of(const float *table)
+/* The least energy of a group: what is beyond that of reference, all bits may have or none. */
+static float least_power(const struct rl_energy *energy, const struct rl_smooth *smooth,
+                         const struct rl_group *group, float least)
 {
-    float most = 0.0f;
-    for (int byte = 0; byte < 256; byte++) {
-        most = rl_maxf(most, table[byte]);
-    }
-    return most;
+    const float own = energy->own - smooth->own, adjacent = energy->adjacent - smooth->adjacent;
+    return least + own * (own > 0.0f ? group->dark : (float)RL_PACKET_BITS) +
+           adjacent * (adjacent > 0.0f ? group->pairs : 2.0f * RL_PACKET_BITS);
 }
 
 void rl_codebook_best(const struct rl_codebook *codebook, const struct rl_energy *energy,
                       const struct rl_smooth *smooth, const float *soft, float least,
                       struct rl_word best[2])
 {
-    float table[3][256];
-    for (int byte = 0; byte < 3; byte++) {
-        tabulate(soft + PREAMBLE_BITS + 8 * byte, table[byte]);
-    }
+    float table[3][256], most_low = 0.0f;
+    tabulate(soft, table);
     const float preamble = soft[0] + soft[2] + soft[4] + soft[6];
-    const float most_low = most_of(table[1]) + most_of(table[2]);
+    for (int bit = PREAMBLE_BITS + 8; bit < RL_PACKET_BITS; bit++) {
+        most_low += rl_maxf(soft[bit], 0.0f);
+    }
     best[0] = best[1] = (struct rl_word){-1, least};
     for (int g = 0; g < codebook->groups; g++) {
         const struct rl_group *group = &codebook->group[g];
         const float high = preamble + table[0][group->high];
-        const float least_power = energy->own * group->dark + energy->adjacent * group->pairs -
-                                  smooth->group[g];
-        const float most = high + most_low;
-        if (most <= 0.0f || most * most <= best[1].squared * least_power) {
+        const float power_of_any = rl_maxf(least_power(energy, smooth, group, smooth->group[g]), 0.0f);
+        const float least_sum = sqrtf(best[1].squared * power_of_any);
+        if (high + most_low <= least_sum) {
             continue;
         }
         for (int word = group->first; word < group->first + group->count; word++) {
             const uint32_t packet = codebook->packet[word];
             const float sum = high + table[1][packet >> 8 & 255u] + table[2][packet & 255u];
+            if (sum <= least_sum) {
+                continue;
+            }
             const float power = energy->own * codebook->dark[word] +
                                 energy->adjacent * codebook->pairs[word] - smooth->word[word];
-            if (sum <= 0.0f || sum * sum <= best[1].squared * power) {
+            if (sum * sum <= best[1].squared * power) {
                 continue;
             }
             best[1] = (struct rl_word){word, sum * sum / power};
@@ -133,9 +158,7 @@ int rl_codebook_heaviest(const struct rl_codebook *codebook, const float *weight
 {
     float table[3][256], most = -INFINITY;
     int heaviest = -1;
-    for (int byte = 0; byte < 3; byte++) {
-        tabulate(weight + PREAMBLE_BITS + 8 * byte, table[byte]);
-    }
+    tabulate(weight, table);
     for (int word = 0; word < codebook->words; word++) {
         const uint32_t packet = codebook->packet[word];
         const float sum = table[0][packet >> 16 & 255u] + table[1][packet >> 8 & 255u] +

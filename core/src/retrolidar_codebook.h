@@ -14,13 +14,13 @@ extern "C" {
 enum { RL_MOST_WORDS = 4096, RL_GROUPS = 256 };
 
 /* Energy of a sum of bits, taken as stationary:
- *     own n_1 + 2 adjacent n_11 - sum over lags of smooth[lag] n_lag
- * where n_lag counts pairs of dark bits that far apart. The first two are of the light that falls
- * in each exposure, the last of what whitening takes off it.
+ *     own n_1 + 2 adjacent n_11 - smooth n_1 - sum over lags of pair decay^(lag - 1) n_lag
+ * where n_1 counts dark bits and n_lag pairs of them that far apart. The first two are of the light
+ * that falls in each exposure, the others of what whitening takes off it.
  */
 struct rl_energy {
     float own, adjacent;
-    float smooth[RL_PACKET_BITS]; /* pairs counted in both orders */
+    float smooth, pair, decay; /* pairs counted in both orders */
 };
 
 /* Words whose IDs differ in the last four bits alone, and bounds of their energies. */
@@ -39,20 +39,25 @@ struct rl_codebook {
     struct rl_group group[RL_GROUPS];
 };
 
-/* What whitening takes off the energy of each word, and the most of each group. */
+/* What whitening takes off the energy of each word; the least energy in each group, at the energies
+ * of bits that are of reference; and what whitening takes off the bits of each byte by themselves,
+ * with what the bytes before it leave, and what it leaves itself.
+ */
 struct rl_smooth {
     float word[RL_MOST_WORDS];
-    float group[RL_GROUPS];
+    float own, adjacent, group[RL_GROUPS];
+    float alone[256], after[256], left[256];
+    float decay; /* of what is left, a byte later */
 };
 
 /* Take IDs, rising and usable ones only; all usable ones if there are none. */
 void rl_codebook_start(struct rl_codebook *codebook, const uint16_t *ids, int count);
 
-/* Tabulate the last sum of the energy of each packet. */
+/* Tabulate what whitening takes off the energy of bytes and packets; the energy is of reference. */
 void rl_codebook_smooth(const struct rl_codebook *codebook, const struct rl_energy *energy,
                         struct rl_smooth *smooth);
 
-float rl_energy_of(const struct rl_energy *energy, uint32_t bits);
+float rl_energy_of(const struct rl_energy *energy, const struct rl_smooth *smooth, uint32_t bits);
 
 struct rl_word {
     int index;     /* in the codebook; -1 = none explains anything */

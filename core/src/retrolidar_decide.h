@@ -36,6 +36,7 @@ struct rl_verdict {
     int packets;
     double evidence, word, margin; /* [nats], as far as it came */
     double end_s;   /* of what was used */
+    bool steady;    /* its gain is as of `fit`, whatever the samples say */
     int sources;
     int source[RL_MOST_ZONES_TOGETHER];
     struct rl_gain fit[RL_MOST_ZONES_TOGETHER];

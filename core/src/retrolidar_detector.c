@@ -4,7 +4,6 @@
 #include "retrolidar_detector.h"
 
 #include "retrolidar_look.h"
-#include "retrolidar_target.h"
 
 #include <math.h>
 #include <stdlib.h>
@@ -28,7 +27,9 @@ struct rl_detector *rl_detector_create(const struct rl_settings *settings, const
     const int64_t samples = aligned(rl_samples_bytes(settings->rows, settings->columns, rows));
     const int64_t search = aligned(rl_search_bytes(rows));
     const int64_t window = aligned(rl_window_bytes(rows));
-    char *memory = calloc(1, (size_t)(head + samples + search + window + rl_shares_bytes(rows)));
+    const int64_t shares = aligned(rl_shares_bytes(rows));
+    const int64_t values = rows * (int64_t)(sizeof(float) + 1);
+    char *memory = calloc(1, (size_t)(head + samples + search + window + shares + values));
     if (memory == NULL) {
         return NULL;
     }
@@ -53,6 +54,10 @@ struct rl_detector *rl_detector_create(const struct rl_settings *settings, const
     rl_window_start(&detector->window, &detector->samples, rows, memory);
     memory += window;
     rl_shares_start(&detector->shares, &detector->samples, &detector->window, rows, memory);
+    memory += shares;
+    detector->values = (float *)memory;
+    detector->role = (uint8_t *)(detector->values + rows);
+    rl_bearing_start(&detector->bearing);
     return detector;
 }
 
@@ -126,7 +131,8 @@ struct rl_held rl_detector_held(const struct rl_detector *detector)
     return (struct rl_held){
         .first = rl_samples_oldest(samples),
         .count = samples->count,
-        .width = samples->width,
+        .capacity = samples->capacity,
+        .sources = samples->sources,
         .zones = samples->zones,
         .origin_ns = samples->origin_ns,
         .noise_scale = samples->noise_scale,
@@ -138,30 +144,6 @@ struct rl_held rl_detector_held(const struct rl_detector *detector)
         .valid = samples->valid,
         .distance = samples->distance,
     };
-}
-
-void rl_detector_light(const struct rl_detector *detector, const struct rl_reading *reading,
-                       int32_t first, int32_t count, double *light)
-{
-    const struct rl_sending sending = {rl_packet(reading->id), reading->repeats, reading->start_s,
-                                       reading->bit_s, reading->brightening_s};
-    rl_template(&sending, detector->samples.begin_s + first, detector->samples.end_s + first, count,
-                light);
-}
-
-void rl_detector_columns(struct rl_detector *detector, int32_t first, int32_t count, float *signal,
-                         uint8_t *valid)
-{
-    struct rl_window *window = &detector->window;
-    const int zones = detector->samples.zones;
-    for (int zone = 0; zone < zones; zone++) {
-        rl_target_column(&detector->samples, zone, first, count, window->signal, window->valid,
-                         window->scratch);
-        for (int32_t row = 0; row < count; row++) {
-            signal[(int64_t)row * zones + zone] = window->signal[row];
-            valid[(int64_t)row * zones + zone] = window->valid[row];
-        }
-    }
 }
 
 struct rl_counts rl_detector_counts(const struct rl_detector *detector)

@@ -47,16 +47,18 @@ struct rl_candidate {
     double evidence, word, margin; /* [nats], 0 where it has not come so far */
 };
 
-/* The samples that are held, row by row; `first` is the oldest that is sure. */
+/* The samples that are held, `capacity` rows of one source or zone after those of another; `first`
+ * is the oldest row that is sure.
+ */
 struct rl_held {
-    int32_t first, count, width, zones;
+    int32_t first, count, capacity, sources, zones;
     int64_t origin_ns;
     double noise_scale, period_s;
     const double *begin_s, *end_s;
     const int64_t *stamp_ns; /* the least of all where no frame came */
-    const float *signal; /* width columns a row, the zones first */
+    const float *signal; /* of all sources, the zones first */
     const uint8_t *valid;
-    const float *distance; /* zones columns a row */
+    const float *distance; /* of zones only */
 };
 
 struct rl_detector;
@@ -83,16 +85,6 @@ int32_t rl_detector_candidates(const struct rl_detector *detector);
 struct rl_candidate rl_detector_candidate(const struct rl_detector *detector, int32_t index);
 
 struct rl_held rl_detector_held(const struct rl_detector *detector);
-
-/* Mean light of what was sent with a reading, during `count` exposures from row `first` on. */
-void rl_detector_light(const struct rl_detector *detector, const struct rl_reading *reading,
-                       int32_t first, int32_t count, double *light);
-
-/* The columns of all zones in rows from `first` on, of that target which may be a marker; both of
- * `count` rows, no more than are kept, and as many columns as there are zones.
- */
-void rl_detector_columns(struct rl_detector *detector, int32_t first, int32_t count, float *signal,
-                         uint8_t *valid);
 
 /* Counters: candidates that were judged, refused for each reason, and so on. */
 struct rl_counts {

@@ -5,9 +5,10 @@
 #ifndef RETROLIDAR_DETECTOR_STATE_H
 #define RETROLIDAR_DETECTOR_STATE_H
 
+#include "retrolidar_bearing.h"
 #include "retrolidar_detector.h"
 #include "retrolidar_search.h"
-#include "retrolidar_shares.h"
+#include "retrolidar_going_on.h"
 
 #ifdef __cplusplus
 extern "C" {
@@ -17,7 +18,7 @@ enum {
     RL_READINGS = 32,  /* that one frame may bring */
     RL_DECISIONS = 12, /* candidates that are judged with one frame, at the most */
     RL_RECENT = 64,    /* readings that are remembered, not to be told twice */
-    RL_MOST_PENDING = 2 * RL_MOST_SOURCES,
+    RL_MOST_PENDING = 2 * RL_MOST_SOURCES + 4 * RL_MOST_ZONES, /* all that a frame can bring */
 };
 /* Bits by which a packet may begin before the one before it has ended. */
 static const double RL_OVERLAP_BITS = 1.5;
@@ -39,6 +40,9 @@ struct rl_detector {
     struct rl_search search;
     struct rl_window window;
     struct rl_shares shares;
+    struct rl_bearing_table bearing;
+    float *values; /* room for placing, of a row each */
+    uint8_t *role;
     struct rl_demands demands;
     struct rl_counts counts;
     int64_t last_ns;
@@ -55,6 +59,7 @@ struct rl_detector {
     struct rl_hits hits[RL_MOST_SOURCES], behind;
     struct rl_hit past[RL_MOST_SOURCES][RL_PAST]; /* judged and not read: rivals of later ones */
     int pasts[RL_MOST_SOURCES];
+    struct rl_going_on going_on[RL_MOST_SOURCES][RL_GOING_ON]; /* newest first */
     struct rl_pending pending[RL_MOST_PENDING];
     int pendings;
 };

@@ -11,13 +11,22 @@
 enum { PREAMBLE_BITS = RL_PACKET_BITS - RL_WORD_BITS };
 
 static const uint32_t PREAMBLE = (uint32_t)RL_PREAMBLE << RL_WORD_BITS;
+static const uint32_t WORD_MASK = ((uint32_t)1 << RL_WORD_BITS) - 1;
 /* Coarse templates explain no more than this, and some words more than the bound by this factor. */
+/* By how much a rival may be worse than the word in question [nats]. */
+static const float MARGIN = 10.0f;
 static const float MOST_EXPLAINED = 0.995f, BOUND_SLACK = 1.1f;
 
 /* Half of the samples times the logarithm of what is left of the variance. */
-static float nats_of(float squared, const struct rl_lane *lane)
+static float nats_of(float squared, const struct rl_reach *reach)
 {
-    return -0.5f * lane->samples * log1pf(-rl_minf(squared / lane->power, MOST_EXPLAINED));
+    return -0.5f * reach->samples * log1pf(-rl_minf(squared / reach->power, MOST_EXPLAINED));
+}
+
+/* What must be explained for so many nats. */
+static float least_of(float nats, const struct rl_reach *reach)
+{
+    return reach->power * (1.0f - expf(-2.0f * nats / reach->samples));
 }
 
 static struct rl_energy energy_of(const struct rl_demand *demand, const struct rl_trial *trial)
@@ -26,20 +35,6 @@ static struct rl_energy energy_of(const struct rl_demand *demand, const struct r
     energy.own = trial->own;
     energy.adjacent = trial->adjacent;
     return energy;
-}
-
-/* Turn the soft bits such that the packet begins with the first; return the dark ones from `from`
- * on, and their sum.
- */
-static uint32_t dark_bits(const float *soft, int from, float *sum)
-{
-    uint32_t dark = 0;
-    *sum = 0.0f;
-    for (int bit = from; bit < RL_PACKET_BITS; bit++) {
-        dark |= soft[bit] > 0.0f ? rl_packet_bit(bit) : 0u;
-        *sum += rl_maxf(soft[bit], 0.0f);
-    }
-    return dark;
 }
 
 static void keep_promise(struct rl_promise *kept, int *count, int most, float nats, int shift,
@@ -75,52 +70,60 @@ static void keep_sequence(struct rl_promises *promises, float nats, const struct
     keep_promise(promises->sequence, &promises->sequences, RL_SEQUENCES, nats, 0, trial, lane);
 }
 
-float rl_any_nats(const struct rl_demand *demand, const struct rl_trial *trial,
-                  const struct rl_lane *lane)
+/* What any sequence of bits explains at the most. */
+static float any_squared(const struct rl_demand *demand, const struct rl_trial *trial,
+                         const struct rl_reach *reach)
 {
-    float any;
-    const uint32_t dark = dark_bits(lane->soft, 0, &any);
-    if (dark == 0 || lane->samples < 2.0f) {
+    if (reach->dark == 0 || reach->samples < 2.0f) {
         return 0.0f;
     }
     const struct rl_energy energy = energy_of(demand, trial);
-    return nats_of(any * any / (rl_energy_of(&energy, dark) * (float)trial->packets), lane);
+    return reach->any * reach->any /
+           (rl_energy_of(&energy, demand->smooth, reach->dark) * (float)trial->packets);
+}
+
+float rl_any_nats(const struct rl_demand *demand, const struct rl_trial *trial,
+                  const struct rl_reach *reach)
+{
+    return nats_of(any_squared(demand, trial, reach), reach);
+}
+
+bool rl_promise_is_possible(const struct rl_demand *demand, const struct rl_trial *trial,
+                            const struct rl_reach *reach)
+{
+    const float squared = any_squared(demand, trial, reach);
+    return squared > 0.0f && squared >= least_of(demand->least / BOUND_SLACK, reach);
 }
 
 void rl_promise_add(struct rl_promises *promises, const struct rl_demand *demand,
                     const struct rl_trial *trial, const struct rl_lane *lane, int shifts)
 {
-    float twice[2 * RL_PACKET_BITS], any;
-    const float packets = (float)trial->packets;
-    const uint32_t dark = dark_bits(lane->soft, 0, &any);
-    const float least =
-        lane->power * (1.0f - expf(-2.0f * demand->least / BOUND_SLACK / lane->samples));
-    /* A bit has at most the energy `own`, so this is more than any sequence explains ... */
-    if (dark == 0 || lane->samples < 2.0f) {
-        return;
-    }
+    const float any_nats = rl_any_nats(demand, trial, &lane->reach);
+    const float least = least_of(demand->least / BOUND_SLACK, &lane->reach);
     const struct rl_energy energy = energy_of(demand, trial);
-    const float any_squared = any * any / (rl_energy_of(&energy, dark) * packets);
-    if (any_squared < least) {
-        return;
-    }
-    const float any_nats = nats_of(any_squared, lane);
+    const uint32_t dark = lane->reach.dark;
     keep_sequence(promises, any_nats, trial, lane);
+    float twice[2 * RL_PACKET_BITS], until[2 * RL_PACKET_BITS + 1] = {0.0f};
     memcpy(twice, lane->soft, sizeof lane->soft);
     memcpy(twice + RL_PACKET_BITS, lane->soft, sizeof lane->soft);
+    for (int bit = 0; bit < RL_PACKET_BITS + shifts - 1; bit++) {
+        until[bit + 1] = until[bit] + rl_maxf(twice[bit], 0.0f);
+    }
     for (int shift = 0; shift < shifts; shift++) {
-        float sum;
         const float *soft = twice + shift;
-        const uint32_t word = dark_bits(soft, PREAMBLE_BITS, &sum);
-        sum += soft[0] + soft[2] + soft[4] + soft[6];
+        const uint32_t turned = dark << shift | dark >> (RL_PACKET_BITS - shift);
+        const float word = until[shift + RL_PACKET_BITS] - until[shift + PREAMBLE_BITS];
+        const float sum = word + soft[0] + soft[2] + soft[4] + soft[6];
         if (sum <= 0.0f) {
             continue;
         }
-        const float squared = sum * sum / (rl_energy_of(&energy, PREAMBLE | word) * packets);
+        const uint32_t bits = PREAMBLE | (turned & WORD_MASK);
+        const float squared =
+            sum * sum / (rl_energy_of(&energy, demand->smooth, bits) * (float)trial->packets);
         if (squared < least) {
             continue;
         }
-        const float nats = nats_of(squared, lane);
+        const float nats = nats_of(squared, &lane->reach);
         if (any_nats - nats <= demand->most_beyond) {
             keep_promise(promises->word, &promises->words, RL_PROMISES, nats, shift, trial, lane);
         }
@@ -130,21 +133,22 @@ void rl_promise_add(struct rl_promises *promises, const struct rl_demand *demand
 /* The sequence of bits that explains most: from the signs of the soft bits, by turning one at a
  * time. In a long run the level is taken for the light of its bits, and their signs tell little.
  */
-static uint32_t best_bits(const struct rl_energy *energy, const float *soft)
+static uint32_t best_bits(const struct rl_energy *energy, const struct rl_smooth *smooth,
+                          const struct rl_lane *lane)
 {
-    float sum;
-    uint32_t bits = dark_bits(soft, 0, &sum);
-    float best = sum * sum / rl_energy_of(energy, bits);
+    float sum = lane->reach.any;
+    uint32_t bits = lane->reach.dark;
+    float best = sum * sum / rl_energy_of(energy, smooth, bits);
     for (int turned = 0; turned >= 0;) {
         float best_sum = sum;
         turned = -1;
         for (int bit = 0; bit < RL_PACKET_BITS; bit++) {
             const uint32_t other = bits ^ rl_packet_bit(bit);
-            const float other_sum = other & ~bits ? sum + soft[bit] : sum - soft[bit];
+            const float other_sum = other & ~bits ? sum + lane->soft[bit] : sum - lane->soft[bit];
             if (other == 0 || other_sum <= 0.0f) {
                 continue;
             }
-            const float squared = other_sum * other_sum / rl_energy_of(energy, other);
+            const float squared = other_sum * other_sum / rl_energy_of(energy, smooth, other);
             if (squared > best) {
                 best = squared;
                 turned = bit;
@@ -185,19 +189,41 @@ static void keep_hit(struct rl_hits *hits, const struct rl_hit *hit)
     hits->hit[at] = *hit;
 }
 
-int rl_hits_find(struct rl_hits *hits, const struct rl_promises *promises,
-                 const struct rl_codebook *codebook, const struct rl_demand *demand, int most)
+int rl_promises_ration(struct rl_promises *promises, int sources, int *left)
 {
-    int searched = 0;
+    int words = 0, dropped = 0;
+    for (int source = 0; source < sources; source++) {
+        words += promises[source].words;
+    }
+    for (; words - dropped > *left; dropped++) {
+        struct rl_promises *least = NULL;
+        for (int source = 0; source < sources; source++) {
+            struct rl_promises *one = &promises[source];
+            if (one->words > 0 && (least == NULL || one->word[one->words - 1].nats <
+                                                        least->word[least->words - 1].nats)) {
+                least = one;
+            }
+        }
+        least->words--;
+    }
+    *left -= words - dropped;
+    return dropped;
+}
+
+void rl_hits_find(struct rl_hits *hits, const struct rl_promises *promises,
+                  const struct rl_codebook *codebook, const struct rl_demand *demand)
+{
     memset(hits->hit, 0, sizeof hits->hit);
     hits->count = hits->sequences = 0;
-    for (; searched < promises->words && searched < most; searched++) {
-        const struct rl_promise *promise = &promises->word[searched];
+    for (int word = 0; word < promises->words; word++) {
+        const struct rl_promise *promise = &promises->word[word];
         const struct rl_trial *trial = &promise->trial;
         const struct rl_energy energy = energy_of(demand, trial);
         const float packets = (float)trial->packets;
-        const float least =
-            promise->lane.power * (1.0f - expf(-2.0f * demand->least / promise->lane.samples));
+        /* A word that others exceed by so much is none, and no rival either. */
+        const float any_nats = rl_any_nats(demand, trial, &promise->lane.reach);
+        const float least_nats = rl_maxf(demand->least, any_nats - demand->most_beyond - MARGIN);
+        const float least = least_of(least_nats, &promise->lane.reach);
         float soft[RL_PACKET_BITS];
         for (int bit = 0; bit < RL_PACKET_BITS; bit++) {
             soft[bit] = promise->lane.soft[(bit + promise->shift) % RL_PACKET_BITS];
@@ -208,7 +234,7 @@ int rl_hits_find(struct rl_hits *hits, const struct rl_promises *promises,
             /* The packet that began first in the window, or before it. */
             const int begin = promise->shift > 0 ? promise->shift - RL_PACKET_BITS : 0;
             const struct rl_hit hit = {
-                .nats = nats_of(best[i].squared / packets, &promise->lane),
+                .nats = nats_of(best[i].squared / packets, &promise->lane.reach),
                 .id = codebook->id[best[i].index],
                 .repeats = demand->repeats,
                 .start_s = start_of(trial) + begin * trial->bit_s,
@@ -221,11 +247,10 @@ int rl_hits_find(struct rl_hits *hits, const struct rl_promises *promises,
         const struct rl_promise *promise = &promises->sequence[i];
         const struct rl_energy energy = energy_of(demand, &promise->trial);
         hits->sequence[hits->sequences++] = (struct rl_sequence){
-            .bits = best_bits(&energy, promise->lane.soft),
+            .bits = best_bits(&energy, demand->smooth, &promise->lane),
             .repeats = demand->repeats,
             .start_s = start_of(&promise->trial),
             .bit_s = promise->trial.bit_s,
         };
     }
-    return searched;
 }

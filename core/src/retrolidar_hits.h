@@ -15,7 +15,7 @@ extern "C" {
 enum {
     RL_FOUND = 6, /* hits of a search ... */
     RL_PAST = 4,  /* ... and of those before */
-    RL_HITS = RL_FOUND + RL_PAST,
+    RL_HITS = RL_FOUND + RL_PAST + 2,
     RL_SEQUENCES = 3,
     RL_PROMISES = 6,
 };
@@ -70,17 +70,24 @@ struct rl_demand {
 
 /* About by how much any sequence of bits explains a trial better than noise does [nats]. */
 float rl_any_nats(const struct rl_demand *demand, const struct rl_trial *trial,
-                  const struct rl_lane *lane);
+                  const struct rl_reach *reach);
 
-/* Note what a trial may hold: sequences, and packets that begin with one of its first bits. */
+/* Whether a trial may hold a packet. */
+bool rl_promise_is_possible(const struct rl_demand *demand, const struct rl_trial *trial,
+                            const struct rl_reach *reach);
+
+/* Note what a trial holds that is possible: sequences, and packets that begin with one of its first bits. */
 void rl_promise_add(struct rl_promises *promises, const struct rl_demand *demand,
                     const struct rl_trial *trial, const struct rl_lane *lane, int shifts);
 
-/* Search the words of promises, and find the best sequences of bits if there is one; return how
- * many promises were searched.
+/* Give up the least promising words of some sources, as far as there are more than are left; take
+ * the others off what is left, and return how many were given up.
  */
-int rl_hits_find(struct rl_hits *hits, const struct rl_promises *promises,
-                 const struct rl_codebook *codebook, const struct rl_demand *demand, int most);
+int rl_promises_ration(struct rl_promises *promises, int sources, int *left);
+
+/* Search the words of promises, and find the best sequences of bits if there is one. */
+void rl_hits_find(struct rl_hits *hits, const struct rl_promises *promises,
+                  const struct rl_codebook *codebook, const struct rl_demand *demand);
 
 #ifdef __cplusplus
 }

@@ -6,12 +6,17 @@
 #include <math.h>
 #include <string.h>
 
-enum { BEHIND = 3 }; /* hits that are judged behind another packet */
+enum {
+    BEHIND = 3,         /* hits that are judged behind another packet */
+    GOING_ON_BITS = 95, /* after a reading, in which its marker may have sent on */
+};
 
 /* Share of the evidence in demand that a packet must have which another one hides. */
 static const double HIDDEN = 0.7;
 /* Evidence that two need besides of which none is read by itself: there are so many pairs. */
 static const double COST_OF_PAIR = 8.0;
+/* A zone varies by so many times its noise where another packet may be hidden. */
+static const double MUCH = 1.5;
 /* Readings of one ID that overlap by more are of the same packet. */
 static const double SAME_BITS = 4.0;
 
@@ -71,12 +76,13 @@ static void add_reading(struct rl_detector *detector, const struct rl_verdict *v
     }
     detector->recent[detector->recents++ % RL_RECENT] =
         (struct rl_recent){verdict->id, reading->begin_s, reading->end_s};
-    /* What was read is not read again, nor by sums that hold it. */
+    /* What was read is not read again, nor by sums that hold it; but it may go on. */
     for (int other = 0; other < samples->sources; other++) {
         for (int i = 0; i < reading->zones; i++) {
             for (int j = 0; j < samples->source[other].zones; j++) {
                 if (samples->source[other].zone[j] == reading->zone[i]) {
                     detector->free_s[other] = fmax(detector->free_s[other], reading->end_s);
+                    rl_going_on_add(detector->going_on[other], verdict, gains[i]);
                 }
             }
         }
@@ -94,6 +100,11 @@ static struct rl_verdict decide(struct rl_detector *detector, int source, int pa
         const struct rl_hit *past = &detector->past[source][i % RL_PAST];
         if (past->start_s + RL_PACKET_BITS * past->bit_s > hit->start_s) {
             rivals.hit[rivals.count++] = *past;
+        }
+    }
+    for (int i = 0; packets == 1 && i < RL_GOING_ON; i++) {
+        if (detector->going_on[source][i].id != 0) {
+            rivals.hit[rivals.count++] = rl_going_on_hit(&detector->going_on[source][i]);
         }
     }
     if (hit->repeats && packets < detector->settings.max_packets) {
@@ -141,13 +152,14 @@ static struct rl_verdict decide_without(struct rl_detector *detector,
 /* Look for another packet in the zone of one that was found, which hide each other: each is judged
  * with the other one taken off, twice over. Return whether both are read.
  */
-static bool look_behind(struct rl_detector *detector, const struct rl_pending *pending, double to_s,
-                        struct rl_verdict *before, struct rl_verdict *behind)
+static bool look_behind(struct rl_detector *detector, const struct rl_hits *found, int packets,
+                        double from_s, double to_s, struct rl_verdict *before,
+                        struct rl_verdict *behind)
 {
     const int source = before->source[0];
     struct rl_hits *hits = &detector->behind;
     rl_shares_take_off(&detector->shares, before, false);
-    rl_search_look(&detector->search, &source, 1, 1, to_s, to_s,
+    rl_search_look(&detector->search, &source, 1, packets, from_s, to_s,
                    HIDDEN * detector->demands.evidence, 2.0 * detector->most_beyond, hits);
     rl_shares_take_off(&detector->shares, before, true);
     for (int i = 0; i < hits->count && i < BEHIND && detector->decisions_left > 0; i++) {
@@ -162,8 +174,9 @@ static bool look_behind(struct rl_detector *detector, const struct rl_pending *p
             continue;
         }
         const struct rl_verdict again =
-            decide_without(detector, behind, &pending->hits.hit[0], &pending->hits, to_s);
-        if (again.reason != RL_REASONS || again.evidence < before->evidence) {
+            decide_without(detector, behind, &found->hit[0], found, to_s);
+        if ((again.reason != RL_REASONS && !before->steady) ||
+            again.evidence < before->evidence) {
             continue;
         }
         *behind = decide_without(detector, &again, hit, hits, to_s);
@@ -176,6 +189,44 @@ static bool look_behind(struct rl_detector *detector, const struct rl_pending *p
         }
     }
     return false;
+}
+
+/* What was read in a zone and is sent on, other than an ID: how it is taken off, if at all, and how
+ * the zone varies without it, over what is noise.
+ */
+static bool goes_on(struct rl_detector *detector, int source, uint16_t but, double to_s,
+                    struct rl_verdict *known, double *rest)
+{
+    for (int i = 0; i < RL_GOING_ON; i++) {
+        const struct rl_going_on *going_on = &detector->going_on[source][i];
+        if (going_on->id != 0 && going_on->id != but &&
+            detector->samples.source[source].zones == 1 &&
+            going_on->end_s > to_s - GOING_ON_BITS * detector->settings.bit_s &&
+            rl_going_on_is_sent(going_on, &detector->shares, source, to_s, known, rest)) {
+            return true;
+        }
+    }
+    return false;
+}
+
+void rl_judge_behind(struct rl_detector *detector, int source, double from_s, double to_s)
+{
+    struct rl_verdict before, behind;
+    double rest;
+    if (!goes_on(detector, source, 0, to_s, &before, &rest) || rest < MUCH) {
+        return;
+    }
+    const struct rl_hits known = {
+        .count = 1,
+        .hit = {{0.0f, before.id, true, before.sending.start_s, before.sending.bit_s}}};
+    detector->decisions_left--;
+    for (int packets = 0; packets <= 1; packets++) {
+        if (look_behind(detector, &known, packets, from_s, to_s, &before, &behind)) {
+            detector->counts.candidates++;
+            add_reading(detector, &behind);
+            return;
+        }
+    }
 }
 
 void rl_judge(struct rl_detector *detector, const struct rl_pending *pending, double to_s)
@@ -191,13 +242,22 @@ void rl_judge(struct rl_detector *detector, const struct rl_pending *pending, do
     detector->decisions_left--;
     struct rl_verdict behind, verdict = decide(detector, pending->source, pending->packets, hit,
                                                &pending->hits, -INFINITY, to_s);
+    struct rl_verdict known;
+    double rest;
+    const bool others = goes_on(detector, pending->source, hit->id, to_s, &known, &rest);
     const bool may_hide = pending->packets == 1 &&
                           detector->samples.source[pending->source].zones == 1 &&
                           verdict.reason != RL_INCOMPLETE && verdict.reason != RL_ERASED &&
                           verdict.evidence > HIDDEN * detector->demands.evidence;
-    if (may_hide && look_behind(detector, pending, to_s, &verdict, &behind)) {
+    /* Where a marker goes on, others are to be there without it, too. */
+    struct rl_verdict first = verdict;
+    if (may_hide && look_behind(detector, &pending->hits, 1, to_s, to_s, &first, &behind) &&
+        (!others || behind.id == known.id)) {
+        verdict = first;
         detector->counts.candidates++;
         add_reading(detector, &behind);
+    } else if (others && verdict.reason == RL_REASONS) {
+        verdict = decide_without(detector, &known, hit, &pending->hits, to_s);
     }
     if (verdict.reason == RL_REASONS) {
         add_reading(detector, &verdict);

@@ -32,7 +32,7 @@ static double log_likelihood(const struct rl_whitened *whitened, int walk, doubl
            whitened->log_scales[walk];
 }
 
-void rl_whiten(struct rl_whitened *whitened, const float *signal, const uint8_t *valid, int stride,
+void rl_whiten(struct rl_whitened *whitened, const float *signal, const uint8_t *valid,
                const double *begin_s, const double *end_s, int rows, double period_s, double least)
 {
     double variance[RL_WALK_LANES], level[RL_WALK_LANES], product[RL_WALK_LANES];
@@ -45,10 +45,10 @@ void rl_whiten(struct rl_whitened *whitened, const float *signal, const uint8_t 
         product[walk] = 1.0;
     }
     for (int row = 0; row < rows; row++) {
-        if (!valid[(int64_t)row * stride]) {
+        if (!valid[row]) {
             continue;
         }
-        const double value = signal[(int64_t)row * stride];
+        const double value = signal[row];
         const double middle_s = (begin_s[row] + end_s[row]) / 2;
         const double periods = (middle_s - last_s) / period_s;
         double *gain = whitened->gain[samples], *scale = whitened->scale[samples];

@@ -51,10 +51,10 @@ void rl_whitened_start(struct rl_whitened *whitened, int rows, double *memory);
 
 /* Whiten a window.
  *
- * signal, valid: of each row, `stride` apart; middle_s: of each row
+ * signal, valid, begin_s, end_s: of each row
  * period_s: of the frames; least: variance of noise that there is at least
  */
-void rl_whiten(struct rl_whitened *whitened, const float *signal, const uint8_t *valid, int stride,
+void rl_whiten(struct rl_whitened *whitened, const float *signal, const uint8_t *valid,
                const double *begin_s, const double *end_s, int rows, double period_s, double least);
 
 /* Fit a template, the light of each row of the window. */

@@ -11,7 +11,11 @@
 enum {
     FOLDS = 5,
     LOOK_BITS = 4,       /* between two looks at stretches of one packet */
-    WORDS_A_FRAME = 300, /* that are searched, at the most */
+    /* Soft bits that are held against all words with a frame, at the most: of packets that have
+     * ended, and besides of packets that repeat.
+     */
+    WORDS_ENDED = 200,
+    WORDS_MORE = 100,
 };
 static const int FOLD[FOLDS] = {1, 2, 3, 5, 8};
 /* A source that varies by less than so many times its noise holds no packet by itself. */
@@ -31,7 +35,7 @@ static void search(struct rl_detector *detector, const int *sources, int count, 
     rl_search_look(&detector->search, sources, count, packets, from_s, to_s,
                    COARSE * detector->demands.evidence, detector->most_beyond, hits);
     for (int i = 0; i < count; i++) {
-        if (hits[i].count > 0 && detector->pendings < RL_MOST_PENDING) {
+        if (hits[i].count > 0) {
             detector->pending[detector->pendings++] =
                 (struct rl_pending){sources[i], packets > 0 ? packets : 1, hits[i]};
         }
@@ -89,7 +93,8 @@ void rl_look(struct rl_detector *detector)
     const double most_skew = detector->demands.most_skew;
     int sources[RL_MOST_SOURCES];
     detector->pendings = 0;
-    detector->search.words_left = WORDS_A_FRAME;
+    detector->search.words_left = WORDS_ENDED;
+    detector->search.dropped = false;
     detector->decisions_left = RL_DECISIONS;
     detector->looked_s = to_s;
     if (to_s - detector->learnt_s > RL_PACKET_BITS * bit_s) {
@@ -102,10 +107,10 @@ void rl_look(struct rl_detector *detector)
     }
     int count = ready(detector, packet_bits, to_s, true, RL_MOST_ZONES, sources);
     search(detector, sources, count, 0, from_s, to_s);
+    detector->search.words_left += WORDS_MORE;
     const int64_t turn = (int64_t)floor(to_s / (LOOK_BITS * bit_s));
     const bool is_turn = turn != detector->turn;
     detector->turn = turn;
-    count = ready(detector, packet_bits, to_s, true, RL_MOST_ZONES, sources);
     if (!is_turn) {
         count = due(detector, sources, count, RL_PACKET_BITS, from_s, to_s);
     }
@@ -122,6 +127,11 @@ void rl_look(struct rl_detector *detector)
         }
         search(detector, sources, count, FOLD[fold], from_s, to_s);
     }
+    for (int source = 0; source < samples->zones && is_turn; source++) {
+        if (detector->decisions_left > 0) {
+            rl_judge_behind(detector, source, to_s - LOOK_BITS * bit_s, to_s);
+        }
+    }
     while (detector->pendings > 0 && detector->decisions_left > 0) {
         int best = 0;
         for (int i = 1; i < detector->pendings; i++) {
@@ -133,5 +143,5 @@ void rl_look(struct rl_detector *detector)
         detector->pending[best] = detector->pending[--detector->pendings];
         rl_judge(detector, &pending, to_s);
     }
-    detector->counts.overloads += detector->pendings > 0 || detector->search.words_left == 0;
+    detector->counts.overloads += detector->pendings > 0 || detector->search.dropped;
 }

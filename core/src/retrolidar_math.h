@@ -18,6 +18,36 @@ static inline float rl_maxf(float a, float b)
     return a > b ? a : b;
 }
 
+/* The value of a rank among some, which it moves: none before it is greater, none after it less. */
+static inline float rl_select(float *values, int count, int rank)
+{
+    for (int first = 0, last = count - 1; first < last;) {
+        const float pivot = values[(first + last) / 2];
+        int low = first, high = last;
+        while (low <= high) {
+            while (values[low] < pivot) {
+                low++;
+            }
+            while (values[high] > pivot) {
+                high--;
+            }
+            if (low <= high) {
+                const float value = values[low];
+                values[low++] = values[high];
+                values[high--] = value;
+            }
+        }
+        if (rank <= high) {
+            last = high;
+        } else if (rank >= low) {
+            first = low;
+        } else {
+            break;
+        }
+    }
+    return values[rank];
+}
+
 /* The middle one of some values, which it sorts; the upper one of two. */
 static inline double rl_median(double *values, int count)
 {

@@ -16,9 +16,8 @@ static const double NEWEST_SHARE = 0.2; /* of what is learnt of the scale, later
 
 static void change_sums(struct rl_samples *samples, int row, double sign)
 {
-    const float *signal = samples->signal + (size_t)row * (size_t)samples->width;
-    for (int source = 0; source < samples->width; source++) {
-        const double value = signal[source];
+    for (int source = 0; source < samples->sources; source++) {
+        const double value = samples->signal[rl_sample(samples, source, row)];
         samples->sum[source] += sign * value;
         samples->square[source] += sign * value * value;
     }
@@ -27,7 +26,7 @@ static void change_sums(struct rl_samples *samples, int row, double sign)
 void rl_noise_follow(struct rl_samples *samples, int wanted, bool anew)
 {
     if (anew || samples->variance_rows > wanted) {
-        for (int source = 0; source < samples->width; source++) {
+        for (int source = 0; source < samples->sources; source++) {
             samples->sum[source] = samples->square[source] = 0.0;
         }
         samples->variance_rows = 0;
@@ -75,16 +74,16 @@ void rl_noise_learn(struct rl_samples *samples)
     }
     for (int zone = 0; zone < samples->zones; zone++) {
         const double mean = samples->sum[zone] / rows;
-        const float *signal = samples->signal + (size_t)first * (size_t)samples->width + zone;
-        const uint8_t *valid = samples->valid + (size_t)first * (size_t)samples->width + zone;
+        const float *signal = samples->signal + rl_sample(samples, zone, first);
+        const uint8_t *valid = samples->valid + rl_sample(samples, zone, first);
         double power = 0.0, lagged = 0.0, before = 0.0;
         bool whole = true;
         for (int row = 0; row < rows && whole; row++) {
-            const double deviation = (double)signal[(size_t)row * (size_t)samples->width] - mean;
+            const double deviation = (double)signal[row] - mean;
             power += deviation * deviation;
             lagged += deviation * before;
             before = deviation;
-            whole = valid[(size_t)row * (size_t)samples->width] ||
+            whole = valid[row] ||
                     samples->stamp_ns[first + row] == RL_NO_FRAME; /* a lost frame is no reason */
         }
         if (!whole || !(power > 0.0) || lagged >= WHITE * power) {

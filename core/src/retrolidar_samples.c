@@ -50,18 +50,13 @@ static int sources_of(int rows, int columns, struct rl_source *source)
     return count + 1;
 }
 
-static int width_of(int sources)
-{
-    return (sources + RL_LANES - 1) / RL_LANES * RL_LANES;
-}
-
 int64_t rl_samples_bytes(int rows, int columns, int kept)
 {
     const int64_t zones = (int64_t)rows * columns;
-    const int64_t width = width_of((int)(zones + (int64_t)(rows - 1) * (columns - 1) + 1));
-    const int64_t a_row = 3 * (int64_t)sizeof(double) + width * (int64_t)(sizeof(float) + 1) +
+    const int64_t sources = zones + (int64_t)(rows - 1) * (columns - 1) + 1;
+    const int64_t a_row = 3 * (int64_t)sizeof(double) + sources * (int64_t)(sizeof(float) + 1) +
                           zones * (int64_t)sizeof(float);
-    return 2 * width * (int64_t)sizeof(double) + 4 * (int64_t)kept * a_row;
+    return 2 * sources * (int64_t)sizeof(double) + 4 * (int64_t)kept * a_row;
 }
 
 void rl_samples_start(struct rl_samples *samples, int rows, int columns, int kept, void *memory,
@@ -72,7 +67,6 @@ void rl_samples_start(struct rl_samples *samples, int rows, int columns, int kep
     samples->columns_of_zones = columns;
     samples->zones = rows * columns;
     samples->sources = sources_of(rows, columns, samples->source);
-    samples->width = width_of(samples->sources);
     samples->kept = kept;
     samples->capacity = 4 * kept;
     samples->law = *law;
@@ -81,14 +75,13 @@ void rl_samples_start(struct rl_samples *samples, int rows, int columns, int kep
     samples->dark_s = DARK_BITS * bit_s;
     double *wide = memory;
     samples->sum = wide;
-    samples->square = samples->sum + samples->width;
-    samples->begin_s = samples->square + samples->width;
+    samples->square = samples->sum + samples->sources;
+    samples->begin_s = samples->square + samples->sources;
     samples->end_s = samples->begin_s + samples->capacity;
     samples->stamp_ns = (int64_t *)(samples->end_s + samples->capacity);
     samples->signal = (float *)(samples->stamp_ns + samples->capacity);
-    samples->distance = samples->signal + (size_t)samples->capacity * (size_t)samples->width;
-    samples->valid =
-        (uint8_t *)(samples->distance + (size_t)samples->capacity * (size_t)samples->zones);
+    samples->distance = samples->signal + rl_sample(samples, samples->sources, 0);
+    samples->valid = (uint8_t *)(samples->distance + rl_sample(samples, samples->zones, 0));
     rl_samples_clear(samples, 0);
 }
 
@@ -98,7 +91,7 @@ void rl_samples_clear(struct rl_samples *samples, int64_t stamp_ns)
     samples->count = 0;
     samples->variance_rows = 0;
     samples->steps = 0;
-    for (int source = 0; source < samples->width; source++) {
+    for (int source = 0; source < samples->sources; source++) {
         samples->sum[source] = samples->square[source] = 0.0;
     }
     for (int zone = 0; zone < samples->zones; zone++) {
@@ -112,32 +105,40 @@ static void make_room(struct rl_samples *samples)
 {
     const int first = samples->count - samples->kept;
     const size_t kept = (size_t)samples->kept, from = (size_t)first;
-    const size_t width = (size_t)samples->width, zones = (size_t)samples->zones;
+    for (int source = 0; source < samples->sources; source++) {
+        const size_t to = rl_sample(samples, source, 0);
+        memcpy(samples->signal + to, samples->signal + to + from, kept * sizeof(float));
+        memcpy(samples->valid + to, samples->valid + to + from, kept);
+        if (source < samples->zones) {
+            memcpy(samples->distance + to, samples->distance + to + from, kept * sizeof(float));
+        }
+    }
     memmove(samples->begin_s, samples->begin_s + from, kept * sizeof(double));
     memmove(samples->end_s, samples->end_s + from, kept * sizeof(double));
-    memmove(samples->signal, samples->signal + from * width, kept * width * sizeof(float));
-    memmove(samples->valid, samples->valid + from * width, kept * width);
-    memmove(samples->distance, samples->distance + from * zones, kept * zones * sizeof(float));
     memmove(samples->stamp_ns, samples->stamp_ns + from, kept * sizeof(int64_t));
     samples->count = samples->kept;
 }
 
 static void sum_zones(struct rl_samples *samples, int row)
 {
-    float *signal = samples->signal + (size_t)row * (size_t)samples->width;
-    uint8_t *valid = samples->valid + (size_t)row * (size_t)samples->width;
+    float signal[RL_MOST_ZONES];
+    bool erased[RL_MOST_ZONES];
+    for (int zone = 0; zone < samples->zones; zone++) {
+        signal[zone] = samples->signal[rl_sample(samples, zone, row)];
+        /* A zone that sees nothing for long is dark, and no reason to believe less. */
+        erased[zone] = !samples->valid[rl_sample(samples, zone, row)] &&
+                       samples->end_s[row] - samples->last_seen_s[zone] < samples->dark_s;
+    }
     for (int source = samples->zones; source < samples->sources; source++) {
         const struct rl_source *sum = &samples->source[source];
         float total = 0.0f;
-        int erased = 0;
+        int missing = 0;
         for (int i = 0; i < sum->zones; i++) {
             total += signal[sum->zone[i]];
-            /* A zone that sees nothing for long is dark, and no reason to believe less. */
-            erased += !valid[sum->zone[i]] &&
-                      samples->end_s[row] - samples->last_seen_s[sum->zone[i]] < samples->dark_s;
+            missing += erased[sum->zone[i]];
         }
-        signal[source] = total;
-        valid[source] = 2 * erased < sum->zones;
+        samples->signal[rl_sample(samples, source, row)] = total;
+        samples->valid[rl_sample(samples, source, row)] = 2 * missing < sum->zones;
     }
 }
 
@@ -170,10 +171,10 @@ static int place_row(struct rl_samples *samples, double middle_s, int64_t stamp_
 static void fill_row(struct rl_samples *samples, int row, double time_s, const float *signals,
                      const float *distances, const uint8_t *status)
 {
-    float *signal = samples->signal + (size_t)row * (size_t)samples->width;
-    float *distance = samples->distance + (size_t)row * (size_t)samples->zones;
-    uint8_t *valid = samples->valid + (size_t)row * (size_t)samples->width;
     for (int zone = 0; zone < samples->zones; zone++) {
+        const size_t at = rl_sample(samples, zone, row);
+        float *signal = &samples->signal[at];
+        uint8_t *valid = &samples->valid[at];
         const uint8_t code = status[zone];
         const float s = signals[zone], d = distances[zone];
         const bool normal =
@@ -181,31 +182,32 @@ static void fill_row(struct rl_samples *samples, int row, double time_s, const f
         const bool possible =
             s >= 0.0f && s <= MOST_SIGNAL && ((d > 0.0f && d < MOST_DISTANCE) || isnan(d));
         samples->impossible += normal && !possible;
-        valid[zone] = normal && possible;
-        distance[zone] = valid[zone] ? d : NAN;
-        if (valid[zone]) {
+        *valid = normal && possible;
+        samples->distance[at] = *valid ? d : NAN;
+        if (*valid) {
             samples->last_seen_s[zone] = time_s;
-            samples->last_signal[zone] = signal[zone] = s;
+            samples->last_signal[zone] = *signal = s;
             continue;
         }
         /* A marker that blocks the light leaves nothing to see. */
         const bool nothing = code == NO_TARGET ||
                              (code == SIGNAL_TOO_LOW && !(s >= LOW_SIGNAL));
         const bool dark = nothing && time_s - samples->last_seen_s[zone] < samples->dark_s;
-        valid[zone] = dark;
-        signal[zone] = nothing ? 0.0f : samples->last_signal[zone];
+        *valid = dark;
+        *signal = nothing ? 0.0f : samples->last_signal[zone];
     }
     sum_zones(samples, row);
 }
 
 static void fill_gap(struct rl_samples *samples, int row)
 {
-    const size_t width = (size_t)samples->width, zones = (size_t)samples->zones;
-    memcpy(samples->signal + (size_t)row * width, samples->signal + (size_t)(row - 1) * width,
-           width * sizeof(float));
-    memset(samples->valid + (size_t)row * width, 0, width);
-    for (size_t zone = 0; zone < zones; zone++) {
-        samples->distance[(size_t)row * zones + zone] = NAN;
+    for (int source = 0; source < samples->sources; source++) {
+        const size_t at = rl_sample(samples, source, row);
+        samples->signal[at] = samples->signal[at - 1];
+        samples->valid[at] = 0;
+        if (source < samples->zones) {
+            samples->distance[at] = NAN;
+        }
     }
 }
 

@@ -6,6 +6,7 @@
 #define RETROLIDAR_SAMPLES_H
 
 #include <stdbool.h>
+#include <stddef.h>
 #include <stdint.h>
 
 #ifdef __cplusplus
@@ -14,8 +15,7 @@ extern "C" {
 
 enum {
     RL_MOST_ZONES = 64,
-    RL_MOST_SOURCES = 116, /* zones, blocks of 2x2, the whole view; a multiple of RL_LANES */
-    RL_LANES = 4, /* columns are filled up to a multiple of this */
+    RL_MOST_SOURCES = 114, /* zones, blocks of 2x2, the whole view */
 };
 
 /* In place of the stamp of a frame: 0 is one like others. */
@@ -35,12 +35,12 @@ struct rl_noise_law {
     double ambient; /* and with the ambient light [kcps/SPAD] */
 };
 
-/* Rows are frame periods: a lost frame is a row of erasures. The arrays over rows and sources have
- * `width` columns.
+/* Rows are frame periods: a lost frame is a row of erasures. Of the arrays over rows and sources,
+ * `capacity` values that follow each other are a source's.
  */
 struct rl_samples {
     int rows_of_zones, columns_of_zones, zones;
-    int sources, width;
+    int sources;
     struct rl_source source[RL_MOST_SOURCES];
     int kept;     /* rows that are held for sure */
     int capacity; /* rows that there is memory for */
@@ -65,6 +65,12 @@ struct rl_samples {
     double step_s[15]; /* the newest times from frame to frame */
     int steps;
 };
+
+/* Where in the arrays a row of a source is. */
+static inline size_t rl_sample(const struct rl_samples *samples, int source, int row)
+{
+    return (size_t)source * (size_t)samples->capacity + (size_t)row;
+}
 
 /* How much memory the arrays take, and where they begin in it, all zeros at first. */
 int64_t rl_samples_bytes(int rows, int columns, int kept);

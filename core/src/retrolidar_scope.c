@@ -142,13 +142,12 @@ static bool is_seen(const struct rl_window *window, int index)
     return explained > LEAST_SHARE * (whitened->squares[0] / (whitened->samples - 1) - noise);
 }
 
-double rl_scope_add_zones(struct rl_window *window, const struct rl_sending *sending,
-                          double evidence)
+void rl_scope_add_zones(struct rl_window *window, const struct rl_sending *sending, double evidence)
 {
     const struct rl_samples *samples = window->samples;
     const struct rl_source *of = &samples->source[window->source[0]];
     if (of->zones > 1) {
-        return evidence;
+        return;
     }
     const int row = of->zone[0] / samples->columns_of_zones;
     const int column = of->zone[0] % samples->columns_of_zones;
@@ -172,5 +171,4 @@ double rl_scope_add_zones(struct rl_window *window, const struct rl_sending *sen
             }
         }
     }
-    return evidence;
 }

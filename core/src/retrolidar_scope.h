@@ -37,9 +37,8 @@ bool rl_scope_is_erased(const struct rl_window *window, const struct rl_sending 
  */
 bool rl_scope_hide_burst(struct rl_window *window, const struct rl_sending *sending, double own);
 
-/* Add zones near by that see the same packet; return the evidence of all. */
-double rl_scope_add_zones(struct rl_window *window, const struct rl_sending *sending,
-                          double evidence);
+/* Add zones near by that see the same packet, of which the window's has that evidence. */
+void rl_scope_add_zones(struct rl_window *window, const struct rl_sending *sending, double evidence);
 
 #ifdef __cplusplus
 }

@@ -3,6 +3,7 @@
  */
 #include "retrolidar_search.h"
 
+#include "retrolidar_math.h"
 #include "retrolidar_noise.h"
 
 #include <math.h>
@@ -33,6 +34,7 @@ struct kept {
     int count;
     float share[KEPT];
     struct rl_trial trial[KEPT];
+    struct rl_reach reach[KEPT];
 };
 
 int64_t rl_search_bytes(int rows)
@@ -69,36 +71,43 @@ static void plan(struct rl_search *search)
         const double q = (double)whitening->walk;
         const double memory = 1.0 + q / 2 - sqrt(q + q * q / 4);
         const double height = (1.0 - memory) / (1.0 + memory);
-        for (int lag = 0; lag < RL_PACKET_BITS; lag++) {
-            double sum = 0.0;
-            for (int i = 0; i < FINE; i++) {
-                for (int j = 0; j < FINE; j++) {
-                    sum += pow(memory, fabs(lag + (double)(i - j) / FINE) * frames);
-                }
+        double alone = 0.0, pair = 0.0;
+        for (int i = 0; i < FINE; i++) {
+            for (int j = 0; j < FINE; j++) {
+                const double apart = (double)(i - j) / FINE;
+                alone += pow(memory, fabs(apart) * frames);
+                pair += pow(memory, (1.0 + apart) * frames);
             }
-            whitening->energy.smooth[lag] =
-                (float)((lag ? 2.0 : 1.0) * height * sum * frames * frames / (FINE * FINE));
         }
+        const double scale = height * frames * frames / (FINE * FINE);
+        whitening->energy.own = rl_maxf((float)frames - 0.5f, 0.25f);
+        whitening->energy.adjacent = 0.125f;
+        whitening->energy.smooth = (float)(scale * alone);
+        whitening->energy.pair = (float)(2.0 * scale * pair);
+        whitening->energy.decay = (float)pow(memory, frames);
         rl_codebook_smooth(&search->codebook, &whitening->energy, &whitening->smooth);
     }
 }
 
-static void keep_trial(struct kept *kept, int most, const struct rl_trial *trial, float share)
+static void keep_trial(struct kept *kept, const struct rl_trial *trial,
+                       const struct rl_reach *reach, float share)
 {
     int at = kept->count;
     while (at > 0 && kept->share[at - 1] < share) {
         at--;
     }
-    if (at == most) {
+    if (at == KEPT) {
         return;
     }
-    kept->count += kept->count < most;
+    kept->count += kept->count < KEPT;
     for (int i = kept->count - 1; i > at; i--) {
         kept->share[i] = kept->share[i - 1];
         kept->trial[i] = kept->trial[i - 1];
+        kept->reach[i] = kept->reach[i - 1];
     }
     kept->share[at] = share;
     kept->trial[at] = *trial;
+    kept->reach[at] = *reach;
 }
 
 /* Try packets that end at one time, at all clocks, in all lanes or in those that hold promise. */
@@ -109,19 +118,21 @@ static void try_ends(struct rl_search *search, int count, double end_s, bool all
     struct rl_trial trial = {.end_s = end_s, .packets = 1};
     for (int clock = -clocks; clock <= clocks; clock++) {
         trial.bit_s = search->bit_s * (1.0 + clock * search->most_skew / clocks);
+        rl_view_lay(&search->view, &trial);
         if (all) {
             rl_view_cut(&search->view, &trial, &search->sums);
         }
         for (int lane = 0; lane < count; lane++) {
             struct rl_lane one;
-            if (all) {
+            if (all && rl_promise_is_possible(demand, &trial, &search->sums.reach[lane])) {
                 rl_lane_of(&search->view, &search->sums, lane, &one);
-            } else if (search->promises[lane].words > 0) {
+                rl_promise_add(&search->promises[lane], demand, &trial, &one, shifts);
+            } else if (!all && search->promises[lane].words > 0) {
                 rl_view_cut_lane(&search->view, &trial, lane, &one);
-            } else {
-                continue;
+                if (rl_promise_is_possible(demand, &trial, &one.reach)) {
+                    rl_promise_add(&search->promises[lane], demand, &trial, &one, shifts);
+                }
             }
-            rl_promise_add(&search->promises[lane], demand, &trial, &one, shifts);
         }
     }
 }
@@ -135,6 +146,13 @@ static void look_at_ended(struct rl_search *search, int count, double from_s, do
     for (; (newest - back) * eighth_s > from_s; back++) {
         try_ends(search, count, (newest - back) * eighth_s, true, 1, demand);
     }
+    bool promising = false;
+    for (int lane = 0; lane < count; lane++) {
+        promising = promising || search->promises[lane].words > 0;
+    }
+    if (!promising) {
+        return;
+    }
     /* What else these may be: sequences of any phase, and packets that have not quite ended. */
     for (; back < EIGHTHS; back++) {
         try_ends(search, count, (newest - back) * eighth_s, false, 0, demand);
@@ -145,40 +163,45 @@ static void look_at_ended(struct rl_search *search, int count, double from_s, do
     }
 }
 
-/* By how much the bits of a trial stand out. */
-static float stand_out(const struct rl_trial *trial, const struct rl_lane *lane)
+/* By how much the bits of a trial stand out, of which that is the sum of squares. */
+static float stand_out(const struct rl_trial *trial, const struct rl_reach *reach, float squares)
 {
-    float squares = 0.0f;
-    for (int bit = 0; bit < RL_PACKET_BITS; bit++) {
-        squares += lane->soft[bit] * lane->soft[bit];
-    }
-    return squares / (trial->own * (float)trial->packets * lane->power);
+    return squares / (trial->own * (float)trial->packets * reach->power);
 }
 
 static void look_closely(struct rl_search *search, int lane, const struct kept *kept, double skew,
                          double half_bits, const struct rl_demand *demand)
 {
-    struct rl_lane one;
     for (int i = 0; i < kept->count; i++) {
-        struct rl_trial coarse = kept->trial[i];
-        rl_view_cut_lane(&search->view, &coarse, lane, &one);
-        if (rl_any_nats(demand, &coarse, &one) < LEAST_COARSE * demand->least) {
+        if (rl_any_nats(demand, &kept->trial[i], &kept->reach[i]) < LEAST_COARSE * demand->least) {
             continue;
         }
         /* Between those that were tried there may be a better one. */
-        struct kept best = {.count = 0};
-        for (int step = -1; step <= 1; step++) {
-            for (int half = -1; half <= 1; half++) {
-                const double longer_s = half * skew / 2 * search->bit_s;
-                struct rl_trial trial = kept->trial[i];
-                trial.bit_s += longer_s;
-                trial.end_s += step * search->bit_s / EIGHTHS + half_bits * longer_s;
-                rl_view_cut_lane(&search->view, &trial, lane, &one);
-                keep_trial(&best, 1, &trial, stand_out(&trial, &one));
+        struct rl_trial best = kept->trial[i];
+        struct rl_lane best_lane = {.reach = kept->reach[i]};
+        float most = -1.0f;
+        for (int near = 0; near < 9; near++) {
+            const double longer_s = (near % 3 - 1) * skew / 2 * search->bit_s;
+            struct rl_trial trial = kept->trial[i];
+            struct rl_lane one;
+            trial.bit_s += longer_s;
+            trial.end_s += (near / 3 - 1) * search->bit_s / EIGHTHS + half_bits * longer_s;
+            rl_view_lay(&search->view, &trial);
+            rl_view_cut_lane(&search->view, &trial, lane, &one);
+            float squares = 0.0f;
+            for (int bit = 0; bit < RL_PACKET_BITS; bit++) {
+                squares += one.soft[bit] * one.soft[bit];
+            }
+            const float share = stand_out(&trial, &one.reach, squares);
+            if (share > most) {
+                most = share;
+                best = trial;
+                best_lane = one;
             }
         }
-        rl_view_cut_lane(&search->view, &best.trial[0], lane, &one);
-        rl_promise_add(&search->promises[lane], demand, &best.trial[0], &one, RL_PACKET_BITS);
+        if (rl_promise_is_possible(demand, &best, &best_lane.reach)) {
+            rl_promise_add(&search->promises[lane], demand, &best, &best_lane, RL_PACKET_BITS);
+        }
     }
 }
 
@@ -199,11 +222,12 @@ static void look_at_stretches(struct rl_search *search, int count, int packets, 
             struct rl_trial trial = {.packets = packets,
                                      .bit_s = search->bit_s * (1.0 + clock * skew)};
             trial.end_s = middle_s - quarter * search->bit_s / QUARTERS + half_bits * trial.bit_s;
+            rl_view_lay(&search->view, &trial);
             rl_view_cut(&search->view, &trial, &search->sums);
             for (int lane = 0; lane < count; lane++) {
-                struct rl_lane one;
-                rl_lane_of(&search->view, &search->sums, lane, &one);
-                keep_trial(&kept[lane], KEPT, &trial, stand_out(&trial, &one));
+                const struct rl_reach *reach = &search->sums.reach[lane];
+                keep_trial(&kept[lane], &trial, reach,
+                           stand_out(&trial, reach, search->sums.squares[lane]));
             }
         }
     }
@@ -244,9 +268,10 @@ void rl_search_look(struct rl_search *search, const int *sources, int count, int
         } else {
             look_at_ended(search, lanes, from_s, to_s, &demand);
         }
+        const int dropped = rl_promises_ration(search->promises, lanes, &search->words_left);
+        search->dropped = search->dropped || dropped > 0;
         for (int lane = 0; lane < lanes; lane++) {
-            search->words_left -= rl_hits_find(&hits[index[lane]], &search->promises[lane],
-                                               &search->codebook, &demand, search->words_left);
+            rl_hits_find(&hits[index[lane]], &search->promises[lane], &search->codebook, &demand);
         }
     }
 }

@@ -31,6 +31,7 @@ struct rl_search {
     struct rl_sums sums;
     struct rl_promises promises[RL_MOST_SOURCES];
     int words_left; /* soft bits that may still be held against all words with this frame */
+    bool dropped;   /* whether there were more */
 };
 
 /* How much memory a search takes besides, and begin with it. */

@@ -8,7 +8,7 @@
 #include "retrolidar_track.h"
 
 #include <math.h>
-#include <stddef.h>
+#include <string.h>
 
 /* Share of how zones vary that a packet must explain which their sum shows. */
 static const double LEAST_IN_ZONES = 0.7;
@@ -52,14 +52,14 @@ static struct rl_track track(struct rl_shares *shares, int zone, int first, int 
                              double gain[RL_KNOTS])
 {
     const struct rl_samples *samples = shares->samples;
-    struct rl_window *window = shares->window;
     double sum = 0.0;
-    rl_target_column(samples, zone, first, rows, window->signal, window->valid, window->scratch);
+    const struct rl_column column =
+        rl_target_column(samples, zone, first, rows, &shares->window->room);
     for (int row = 0; row < rows; row++) {
-        sum += (double)window->signal[row];
+        sum += (double)column.signal[row];
     }
     const double noise = samples->noise_scale * rl_noise_variance(samples, zone, sum / rows);
-    return rl_track_fit(window->signal, window->valid, shares->light, rows, noise, gain);
+    return rl_track_fit(column.signal, column.valid, shares->light, rows, noise, gain);
 }
 
 int rl_shares_zones(struct rl_shares *shares, const struct rl_verdict *verdict, int *zones,
@@ -112,19 +112,18 @@ void rl_shares_take_off(struct rl_shares *shares, const struct rl_verdict *verdi
     const int rows = light_of(shares, verdict, &first);
     for (int i = 0; i < verdict->sources; i++) {
         double gain[RL_KNOTS];
-        if (!back) {
+        if (verdict->steady) {
+            for (int knot = 0; knot < RL_KNOTS; knot++) {
+                gain[knot] = verdict->fit[i].gain;
+            }
+        } else if (!back) {
             track(shares, verdict->source[i], first, rows, gain);
         }
-        for (int row = 0; row < rows; row++) {
-            float *signal = samples->signal + (size_t)(first + row) * (size_t)samples->width +
-                            verdict->source[i];
-            float *taken = shares->taken + (size_t)row * RL_MOST_ZONES_TOGETHER + i;
-            if (back) {
-                *signal = *taken;
-            } else {
-                *taken = *signal;
-                *signal += (float)(rl_track_gain(gain, row, rows) * (1.0 - shares->light[row]));
-            }
+        float *signal = samples->signal + rl_sample(samples, verdict->source[i], first);
+        float *taken = shares->taken + (size_t)i * (size_t)samples->kept;
+        memcpy(back ? signal : taken, back ? taken : signal, (size_t)rows * sizeof *signal);
+        for (int row = 0; !back && row < rows; row++) {
+            signal[row] += (float)(rl_track_gain(gain, row, rows) * (1.0 - shares->light[row]));
         }
     }
 }

@@ -3,69 +3,134 @@
  */
 #include "retrolidar_target.h"
 
+#include "retrolidar_lanes.h"
+#include "retrolidar_math.h"
+
 #include <math.h>
-#include <stddef.h>
+#include <string.h>
 
 /* Distances further apart are two targets; the sensor parts them from 0.6 m on (ST UM3109). */
 static const float GAP_M = 0.5f;
 /* A nearer target in a smaller share of the frames is passing by. */
 static const double PASSING = 0.2;
 
-/* Heapsort: unlike qsort of some C libraries, it takes no memory. */
-static void sort(float *values, int count)
+enum {
+    FINE = 256, /* steps of a quarter of a millimetre, as the sensor has them, of a bin ... */
+    BINS = 128, /* ... and such bins, up to the farthest that it measures */
+};
+static const float STEPS_A_METRE = 4000.0f;
+
+/* Distances that are measured, by about how long they are. */
+struct bins {
+    int all, count[BINS];
+    float nearest[BINS], farthest[BINS];
+};
+
+static int step_of(float distance)
 {
-    for (int root = count / 2 - 1, last = count - 1; last > 0; root--) {
-        if (root < 0) {
-            const float most = values[0];
-            values[0] = values[last];
-            values[last--] = most;
+    const int step = (int)(distance * STEPS_A_METRE);
+    return step < FINE * BINS ? step : FINE * BINS - 1;
+}
+
+static void sort_into(struct bins *bins, const float *distance, int rows, float least)
+{
+    memset(bins->count, 0, sizeof bins->count);
+    bins->all = 0;
+    for (int bin = 0; bin < BINS; bin++) {
+        bins->nearest[bin] = INFINITY;
+        bins->farthest[bin] = 0.0f;
+    }
+    for (int row = 0; row < rows; row++) {
+        if (distance[row] >= least) {
+            const int bin = step_of(distance[row]) / FINE;
+            bins->nearest[bin] = rl_minf(bins->nearest[bin], distance[row]);
+            bins->farthest[bin] = rl_maxf(bins->farthest[bin], distance[row]);
+            bins->count[bin]++;
+            bins->all++;
         }
-        int parent = root < 0 ? 0 : root, child = 2 * parent + 1;
-        const float value = values[parent];
-        for (; child <= last; child = 2 * parent + 1) {
-            child += child < last && values[child + 1] > values[child];
-            if (values[child] <= value) {
-                break;
-            }
-            values[parent] = values[child];
-            parent = child;
-        }
-        values[parent] = value;
     }
 }
 
-static void part(const float *distance, int stride, int rows, float *signal, uint8_t *valid,
-                 float *ordered)
+/* Which of some counts holds the one of that rank; the rank within it. */
+static int place_of(const int *counts, int *rank)
 {
-    int count = 0;
+    int at = 0;
+    for (; counts[at] <= *rank; at++) {
+        *rank -= counts[at];
+    }
+    return at;
+}
+
+/* The middle one of the distances, to the sensor's step. */
+static float middle_of(const struct bins *bins, const float *distance, int rows)
+{
+    int count[FINE] = {0}, rank = bins->all / 2;
+    const int bin = place_of(bins->count, &rank);
     for (int row = 0; row < rows; row++) {
-        if (!isnan(distance[(size_t)row * (size_t)stride])) {
-            ordered[count++] = distance[(size_t)row * (size_t)stride];
+        if (distance[row] > 0.0f && step_of(distance[row]) / FINE == bin) {
+            count[step_of(distance[row]) % FINE]++;
         }
     }
-    sort(ordered, count);
-    const float nearer = ordered[count / 2] - GAP_M;
-    int passing = 0;
-    while (ordered[passing] < nearer) {
-        passing++;
-    }
-    if (passing >= PASSING * count) {
-        passing = 0;
-    }
-    float widest = 0.0f, middle = 0.0f;
-    for (int i = passing + 1; i < count; i++) {
-        if (ordered[i] - ordered[i - 1] > widest) {
-            widest = ordered[i] - ordered[i - 1];
-            middle = (ordered[i] + ordered[i - 1]) / 2;
+    return (float)(bin * FINE + place_of(count, &rank)) / STEPS_A_METRE;
+}
+
+/* The widest gap between distances, if it is wider than a bin, and its middle. */
+static float widest_gap(const struct bins *bins, float *middle)
+{
+    float widest = 0.0f, before = INFINITY;
+    for (int bin = 0; bin < BINS; bin++) {
+        if (bins->count[bin] > 0) {
+            if (bins->nearest[bin] - before > widest) {
+                widest = bins->nearest[bin] - before;
+                *middle = (bins->nearest[bin] + before) / 2;
+            }
+            before = bins->farthest[bin];
         }
     }
+    return widest;
+}
+
+/* Distances that are less than this are of a target that passes by; 0 if there is none. */
+static float passing_by(const struct bins *bins, const float *distance, int rows)
+{
+    int passing = 0, rank = bins->all / 2, near = 0;
+    while (bins->count[near] == 0) {
+        near++;
+    }
+    if ((place_of(bins->count, &rank) + 1 - near) * FINE < GAP_M * STEPS_A_METRE) {
+        return 0.0f;
+    }
+    const float nearer = middle_of(bins, distance, rows) - GAP_M;
+    for (int row = 0; row < rows; row++) {
+        passing += distance[row] < nearer;
+    }
+    return passing > 0 && passing < PASSING * bins->all ? nearer : 0.0f;
+}
+
+static struct rl_column part(const float *distance, int rows, struct rl_column held,
+                             struct rl_room *room)
+{
+    struct bins bins;
+    float *signal = room->signal, middle = 0.0f;
+    uint8_t *valid = room->valid;
+    sort_into(&bins, distance, rows, 0.0f);
+    const float nearer = passing_by(&bins, distance, rows);
+    if (nearer > 0.0f) {
+        sort_into(&bins, distance, rows, nearer);
+    }
+    const float widest = widest_gap(&bins, &middle);
+    if (nearer <= 0.0f && widest < GAP_M) {
+        return held;
+    }
+    memcpy(signal, held.signal, (size_t)rows * sizeof *signal);
+    memcpy(valid, held.valid, (size_t)rows);
     double sum[2] = {0.0, 0.0}, seen[2] = {1e-9, 1e-9};
     for (int row = 0; row < rows; row++) {
-        const float d = distance[(size_t)row * (size_t)stride];
+        const float d = distance[row];
         if (isnan(d) || !valid[row]) {
             continue;
         }
-        if (passing > 0 && d < nearer) {
+        if (d < nearer) {
             valid[row] = 0;
             signal[row] = row > 0 ? signal[row - 1] : 0.0f;
             continue;
@@ -73,37 +138,59 @@ static void part(const float *distance, int stride, int rows, float *signal, uin
         sum[d > middle] += (double)signal[row];
         seen[d > middle] += 1.0;
     }
+    const struct rl_column changed = {signal, valid};
     if (widest < GAP_M) {
-        return;
+        return changed;
     }
     const int other = sum[1] / seen[1] < sum[0] / seen[0];
     for (int row = 0; row < rows; row++) {
-        const float d = distance[(size_t)row * (size_t)stride];
+        const float d = distance[row];
         if (!isnan(d) && valid[row] && (d > middle) == other) {
             signal[row] = 0.0f;
         }
     }
+    return changed;
 }
 
-void rl_target_column(const struct rl_samples *samples, int source, int first, int rows,
-                      float *signal, uint8_t *valid, float *scratch)
+int64_t rl_room_bytes(int rows)
 {
-    const size_t width = (size_t)samples->width, from = (size_t)first;
+    return rows * (int64_t)(sizeof(float)) + (rows + 7) / 8 * 8;
+}
+
+void *rl_room_start(struct rl_room *room, int rows, void *memory)
+{
+    room->signal = memory;
+    room->valid = (uint8_t *)(room->signal + rows);
+    return (char *)memory + rl_room_bytes(rows);
+}
+
+/* By how much distances differ, those that are measured. */
+static float range_of(const float *distance, int rows)
+{
+    float least[RL_LANES], most[RL_LANES];
+    for (int lane = 0; lane < RL_LANES; lane++) {
+        least[lane] = INFINITY;
+        most[lane] = -INFINITY;
+    }
     for (int row = 0; row < rows; row++) {
-        signal[row] = samples->signal[(from + (size_t)row) * width + (size_t)source];
-        valid[row] = samples->valid[(from + (size_t)row) * width + (size_t)source];
+        const int lane = row % RL_LANES;
+        least[lane] = rl_minf(distance[row], least[lane]);
+        most[lane] = rl_maxf(distance[row], most[lane]);
     }
-    if (source >= samples->zones) {
-        return;
+    for (int lane = 1; lane < RL_LANES; lane++) {
+        least[0] = rl_minf(least[lane], least[0]);
+        most[0] = rl_maxf(most[lane], most[0]);
     }
-    const float *distance = samples->distance + from * (size_t)samples->zones + source;
-    float nearest = INFINITY, farthest = -INFINITY;
-    for (int row = 0; row < rows; row++) {
-        const float d = distance[(size_t)row * (size_t)samples->zones];
-        nearest = fminf(nearest, d);
-        farthest = fmaxf(farthest, d);
+    return most[0] - least[0];
+}
+
+struct rl_column rl_target_column(const struct rl_samples *samples, int source, int first,
+                                  int rows, struct rl_room *room)
+{
+    const size_t at = rl_sample(samples, source, first);
+    const struct rl_column held = {samples->signal + at, samples->valid + at};
+    if (source >= samples->zones || !(range_of(samples->distance + at, rows) > GAP_M)) {
+        return held;
     }
-    if (farthest - nearest > GAP_M) {
-        part(distance, samples->zones, rows, signal, valid, scratch);
-    }
+    return part(samples->distance + at, rows, held, room);
 }

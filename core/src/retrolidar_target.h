@@ -11,14 +11,29 @@
 extern "C" {
 #endif
 
-/* Copy the column of a source. Where a zone reports two targets by turns, the dimmer one is what is
+/* Samples of a source, row by row: where they are held, or where there was room to change them. */
+struct rl_column {
+    const float *signal;
+    const uint8_t *valid;
+};
+
+/* Room for a column that is changed. */
+struct rl_room {
+    float *signal;
+    uint8_t *valid;
+};
+
+int64_t rl_room_bytes(int rows);
+
+/* Begin with memory for `rows`; return the end of it. */
+void *rl_room_start(struct rl_room *room, int rows, void *memory);
+
+/* Find the column of a source. Where a zone reports two targets by turns, the dimmer one is what is
  * seen while the marker is dark: however bright it is, the marker is dark. One that is nearer and
  * seen for a short while hides the marker: erasures.
- *
- * scratch: of `rows` floats
  */
-void rl_target_column(const struct rl_samples *samples, int source, int first, int rows,
-                      float *signal, uint8_t *valid, float *scratch);
+struct rl_column rl_target_column(const struct rl_samples *samples, int source, int first,
+                                  int rows, struct rl_room *room);
 
 #ifdef __cplusplus
 }

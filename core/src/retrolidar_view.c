@@ -3,23 +3,16 @@
  */
 #include "retrolidar_view.h"
 
+#include "retrolidar_lanes.h"
 #include "retrolidar_math.h"
-#include "retrolidar_target.h"
 
+#include <math.h>
 #include <string.h>
-
-/* Weight of an erasure on the level: next to none, but enough to divide by. */
-static const float ERASED = 1e-3f;
-
-/* A time within an exposure. */
-struct edge {
-    int row;
-    float share; /* of the exposure, 0 to 1 */
-};
 
 int64_t rl_view_bytes(int rows)
 {
-    return (int64_t)(rows + 1) * ((4 * RL_MOST_SOURCES + 4) * (int64_t)sizeof(float) + 1);
+    return (int64_t)(rows + 1) * (4 * RL_MOST_SOURCES + RL_LANES + 2) * (int64_t)sizeof(float) +
+           RL_LANES * rl_room_bytes(rows);
 }
 
 void rl_view_start(struct rl_view *view, const struct rl_samples *samples, void *memory)
@@ -27,58 +20,72 @@ void rl_view_start(struct rl_view *view, const struct rl_samples *samples, void 
     const size_t rows = (size_t)samples->kept + 1;
     view->samples = samples;
     view->light = memory;
-    view->total = view->light + rows * RL_MOST_SOURCES;
-    view->power = view->total + rows * RL_MOST_SOURCES;
-    view->valid = view->power + rows * RL_MOST_SOURCES;
-    view->signal = view->valid + rows * RL_MOST_SOURCES;
-    view->scratch = view->signal + rows;
-    view->begin = view->scratch + rows;
+    view->total = view->light + rows * RL_MOST_LANES;
+    view->power = view->total + rows * RL_MOST_LANES;
+    view->valid = view->power + rows * RL_MOST_LANES;
+    view->pivot = view->valid + rows * RL_MOST_LANES;
+    view->begin = view->pivot + rows * RL_LANES;
     view->rate = view->begin + rows;
-    view->known = (uint8_t *)(view->rate + rows);
+    void *next = view->rate + rows;
+    for (int lane = 0; lane < RL_LANES; lane++) {
+        next = rl_room_start(&view->room[lane], samples->kept, next);
+    }
 }
 
-/* Take the level off the samples of a lane: z = x - l, where l is the smoothest of all levels,
- * the sum of squares of z and of steps of l over `walk` being least. It solves a tridiagonal
- * system.
- */
-static void whiten_lane(struct rl_view *view, int source, int lane, float walk)
+static float mean_of(const float *signal, int rows)
 {
-    const int rows = view->rows;
-    const size_t lanes = (size_t)view->lanes;
-    float *signal = view->signal, *pivot = view->scratch, *light = view->light + lane;
-    rl_target_column(view->samples, source, view->first, rows, signal, view->known, pivot);
-    float mean = 0.0f;
-    for (int row = 0; row < rows; row++) {
-        mean += signal[row];
-    }
-    mean /= (float)rows;
-    const float stiff = 1.0f / walk;
-    float before = 0.0f, pivot_before = 0.0f;
-    for (int row = 0; row < rows; row++) {
-        const float weight = view->known[row] ? 1.0f : ERASED;
-        const float ends = (row > 0 ? stiff : 0.0f) + (row + 1 < rows ? stiff : 0.0f);
-        pivot_before = 1.0f / (weight + ends - stiff * stiff * pivot_before);
-        before = (weight * (signal[row] - mean) + stiff * before) * pivot_before;
-        pivot[row] = stiff * pivot_before;
-        light[(size_t)row * lanes] = before;
-    }
-    for (int row = rows - 2; row >= 0; row--) {
-        light[(size_t)row * lanes] += pivot[row] * light[(size_t)(row + 1) * lanes];
-    }
-    float total = 0.0f, power = 0.0f, valid = 0.0f;
-    for (int row = 0; row <= rows; row++) {
-        const size_t at = (size_t)row * lanes;
-        view->total[at + (size_t)lane] = total;
-        view->power[at + (size_t)lane] = power;
-        view->valid[at + (size_t)lane] = valid;
-        if (row < rows) {
-            const float value = signal[row] - mean;
-            const float z = view->known[row] ? value - light[at] : 0.0f;
-            light[at] = z;
-            total += z;
-            power += z * value;
-            valid += view->known[row] ? 1.0f : 0.0f;
+    float sum[RL_LANES] = {0.0f};
+    int row = 0;
+    for (; row + RL_LANES <= rows; row += RL_LANES) {
+        for (int lane = 0; lane < RL_LANES; lane++) {
+            sum[lane] += signal[row + lane];
         }
+    }
+    for (; row < rows; row++) {
+        sum[0] += signal[row];
+    }
+    for (int lane = 1; lane < RL_LANES; lane++) {
+        sum[0] += sum[lane];
+    }
+    return sum[0] / (float)rows;
+}
+
+/* Take the level off the samples of some lanes, from `lane` on: z = x - l, where l is the smoothest
+ * of all levels, the sum of squares of z and of steps of l over `walk` being least. It solves a
+ * tridiagonal system.
+ */
+static void whiten(struct rl_view *view, const struct rl_column *column, size_t lane, float walk)
+{
+    static const float NOTHING[RL_LANES] = {0.0f};
+    const size_t rows = (size_t)view->rows, lanes = (size_t)view->lanes;
+    const float stiff = 1.0f / walk;
+    float mean[RL_LANES];
+    for (int i = 0; i < RL_LANES; i++) {
+        mean[i] = mean_of(column[i].signal, view->rows);
+    }
+    /* Where sums will be there are values at first, and which of them are known. */
+    float *value = view->power + lane, *known = view->valid + lane, *light = view->light + lane;
+    float *pivot = view->pivot, *total = view->total + lane;
+    for (size_t row = 0; row < rows; row++) {
+        const size_t at = row * lanes;
+        const float ends = (row > 0 ? stiff : 0.0f) + (row + 1 < rows ? stiff : 0.0f);
+        for (int i = 0; i < RL_LANES; i++) {
+            value[at + (size_t)i] = column[i].signal[row] - mean[i];
+            known[at + (size_t)i] = column[i].valid[row];
+        }
+        rl_lanes_eliminate(stiff, ends, known + at, value + at, row > 0 ? light + at - lanes : NOTHING,
+                  row > 0 ? pivot + (row - 1) * RL_LANES : NOTHING, light + at,
+                  pivot + row * RL_LANES);
+    }
+    memset(total + rows * lanes, 0, RL_LANES * sizeof *total);
+    memset(value + rows * lanes, 0, RL_LANES * sizeof *value);
+    memset(known + rows * lanes, 0, RL_LANES * sizeof *known);
+    memset(light + rows * lanes, 0, RL_LANES * sizeof *light);
+    memset(pivot + rows * RL_LANES, 0, RL_LANES * sizeof *pivot);
+    for (size_t row = rows; row-- > 0;) {
+        const size_t at = row * lanes, after = at + lanes;
+        rl_lanes_substitute(pivot + (row + 1) * RL_LANES, total + after, value + after, known + after,
+                   pivot + row * RL_LANES, light + at, total + at, value + at, known + at);
     }
 }
 
@@ -96,102 +103,123 @@ void rl_view_open(struct rl_view *view, const int *sources, int count, double fr
         view->begin[row] = (float)(begin_s - samples->begin_s[view->first]);
         view->rate[row] = (float)(1.0 / (samples->end_s[view->first + row] - begin_s));
     }
-    for (int lane = 0; lane < view->lanes; lane++) {
-        whiten_lane(view, sources[lane < count ? lane : count - 1], lane, walk);
+    const float lasting_s = view->begin[view->rows - 1];
+    view->begin[view->rows] = INFINITY;
+    view->rows_a_second = lasting_s > 0.0f ? (float)(view->rows - 1) / lasting_s : 0.0f;
+    for (int lane = 0; lane < view->lanes; lane += RL_LANES) {
+        struct rl_column column[RL_LANES];
+        for (int i = 0; i < RL_LANES; i++) {
+            const int source = sources[lane + i < count ? lane + i : count - 1];
+            column[i] =
+                rl_target_column(samples, source, view->first, view->rows, &view->room[i]);
+        }
+        whiten(view, column, (size_t)lane, walk);
     }
 }
 
-static void find_edges(const struct rl_view *view, struct rl_trial *trial, struct edge *edges)
+/* The row of a time, or the first or the last one, about where exposures that are all as long as each
+ * other would have it.
+ */
+static int row_of(const struct rl_view *view, float time_s)
+{
+    const float since_s = rl_maxf(time_s, 0.0f);
+    int row = (int)rl_minf(since_s * view->rows_a_second, (float)view->rows);
+    while (view->begin[row] > since_s) {
+        row--;
+    }
+    while (view->begin[row + 1] <= since_s) {
+        row++;
+    }
+    return row;
+}
+
+void rl_view_lay(struct rl_view *view, struct rl_trial *trial)
 {
     const int bits = RL_PACKET_BITS * trial->packets;
     const float bit_s = (float)trial->bit_s;
     const float first_s =
         (float)(trial->end_s - bits * trial->bit_s - view->samples->begin_s[view->first]);
-    float own = 0.0f, adjacent = 0.0f, share_before = 0.0f;
-    int row = (int)(first_s / (float)view->samples->period_s) - 1;
-    row = row < 0 ? 0 : row < view->rows ? row : view->rows - 1;
-    while (row > 0 && view->begin[row] > first_s) {
-        row--;
-    }
-    for (int bit = 0, row_before = row; bit <= bits; bit++) {
+    float shared = 0.0f;
+    for (int bit = 0; bit <= bits; bit++) {
         const float time_s = first_s + (float)bit * bit_s;
-        while (row + 1 < view->rows && view->begin[row + 1] <= time_s) {
-            row++;
-        }
+        const int row = row_of(view, time_s);
         const float passed = (time_s - view->begin[row]) * view->rate[row];
         const float share = rl_minf(rl_maxf(passed, 0.0f), 1.0f);
-        edges[bit] = (struct edge){row, share};
-        if (bit > 0 && row == row_before) {
-            own += (share - share_before) * (share - share_before);
-        } else if (bit > 0) {
-            own += (1.0f - share_before) * (1.0f - share_before) + (float)(row - row_before - 1) +
-                   share * share;
-        }
-        adjacent += bit > 0 ? share * (1.0f - share) : 0.0f;
-        share_before = share;
-        row_before = row;
+        view->edge[bit] = (struct rl_edge){row, share};
+        shared += share * (1.0f - share);
     }
-    trial->own = own / (float)bits;
-    trial->adjacent = adjacent / (float)bits;
+    /* A bit has an energy of 1 for each exposure, less what it shares with the bits beside it. */
+    const struct rl_edge *first = &view->edge[0], *last = &view->edge[bits];
+    const float exposures = (float)(last->row - first->row) + last->share - first->share;
+    const float outside = first->share * (1.0f - first->share);
+    const float ended = last->share * (1.0f - last->share);
+    trial->own = (exposures - 2.0f * shared + outside + ended) / (float)bits;
+    trial->adjacent = (shared - outside) / (float)bits;
 }
 
-/* Bits of which samples are missing have so much less energy. */
-static float present(float power, float samples, int rows)
+/* Power and number of the samples of a lane; bits of which samples are missing have so much less
+ * energy.
+ */
+static struct rl_reach reach_of(const struct rl_view *view, const struct rl_trial *trial, int lane)
 {
-    return rl_maxf(power * samples / (float)rows, 1e-6f);
+    const size_t lanes = (size_t)view->lanes;
+    const int from = view->edge[0].row;
+    const int to = view->edge[RL_PACKET_BITS * trial->packets].row + 1;
+    const size_t last = (size_t)to * lanes + (size_t)lane;
+    const size_t first = (size_t)from * lanes + (size_t)lane;
+    const float samples = view->valid[last] - view->valid[first];
+    const float power = (view->power[last] - view->power[first]) * samples / (float)(to - from);
+    return (struct rl_reach){0, 0.0f, rl_maxf(power, 1e-6f), samples};
 }
 
-void rl_view_cut(const struct rl_view *view, struct rl_trial *trial, struct rl_sums *sums)
+void rl_view_cut(const struct rl_view *view, const struct rl_trial *trial, struct rl_sums *sums)
 {
-    struct edge edges[RL_MOST_EDGES];
-    float before[RL_MOST_SOURCES];
     const size_t lanes = (size_t)view->lanes;
     const int bits = RL_PACKET_BITS * trial->packets;
-    find_edges(view, trial, edges);
     memset(sums->soft, 0, RL_PACKET_BITS * lanes * sizeof *sums->soft);
-    for (int edge = 0, bit = 0; edge <= bits; edge++) {
-        const float *light = view->light + (size_t)edges[edge].row * lanes;
-        const float *total = view->total + (size_t)edges[edge].row * lanes;
-        const float share = edges[edge].share;
-        float *soft = sums->soft + (size_t)bit * lanes;
-        for (size_t lane = 0; lane < lanes; lane++) {
-            const float until = total[lane] + share * light[lane];
-            soft[lane] += edge > 0 ? before[lane] - until : 0.0f;
-            before[lane] = until;
+    for (size_t lane = 0; lane < lanes; lane += RL_LANES) {
+        float until[2][RL_LANES] = {{0.0f}}, unused[RL_LANES] = {0.0f};
+        for (int edge = 0, bit = 0; edge <= bits; edge++) {
+            const size_t at = (size_t)view->edge[edge].row * lanes + lane;
+            float *soft = edge > 0 ? sums->soft + (size_t)bit * lanes + lane : unused;
+            rl_lanes_cut(view->edge[edge].share, view->total + at, view->light + at, until[(edge + 1) % 2],
+                until[edge % 2], soft);
+            bit = edge == 0 || bit + 1 == RL_PACKET_BITS ? 0 : bit + 1;
         }
-        bit = edge == 0 || bit + 1 == RL_PACKET_BITS ? 0 : bit + 1;
-    }
-    const int from = edges[0].row, to = edges[bits].row + 1;
-    for (int lane = 0; lane < view->lanes; lane++) {
-        const size_t last = (size_t)to * lanes + (size_t)lane;
-        const size_t first = (size_t)from * lanes + (size_t)lane;
-        sums->samples[lane] = view->valid[last] - view->valid[first];
-        sums->power[lane] =
-            present(view->power[last] - view->power[first], sums->samples[lane], to - from);
+        float any[RL_LANES] = {0.0f}, squares[RL_LANES] = {0.0f};
+        uint32_t dark[RL_LANES] = {0};
+        for (int bit = 0; bit < RL_PACKET_BITS; bit++) {
+            rl_lanes_reach(sums->soft + (size_t)bit * lanes + lane, rl_packet_bit(bit), any, squares, dark);
+        }
+        for (int i = 0; i < RL_LANES; i++) {
+            struct rl_reach *one = &sums->reach[lane + (size_t)i];
+            *one = reach_of(view, trial, (int)lane + i);
+            one->dark = dark[i];
+            one->any = any[i];
+            sums->squares[lane + (size_t)i] = squares[i];
+        }
     }
 }
 
-void rl_view_cut_lane(const struct rl_view *view, struct rl_trial *trial, int lane,
+void rl_view_cut_lane(const struct rl_view *view, const struct rl_trial *trial, int lane,
                       struct rl_lane *sums)
 {
-    struct edge edges[RL_MOST_EDGES];
-    const size_t lanes = (size_t)view->lanes, column = (size_t)lane;
+    const size_t lanes = (size_t)view->lanes;
     const int bits = RL_PACKET_BITS * trial->packets;
     float before = 0.0f;
-    find_edges(view, trial, edges);
     memset(sums->soft, 0, sizeof sums->soft);
-    for (int edge = 0; edge <= bits; edge++) {
-        const size_t at = (size_t)edges[edge].row * lanes + column;
-        const float until = view->total[at] + edges[edge].share * view->light[at];
-        if (edge > 0) {
-            sums->soft[(edge - 1) % RL_PACKET_BITS] += before - until;
-        }
+    for (int edge = 0, bit = 0; edge <= bits; edge++) {
+        const size_t at = (size_t)view->edge[edge].row * lanes + (size_t)lane;
+        const float until = view->total[at] + view->edge[edge].share * view->light[at];
+        sums->soft[bit] += edge > 0 ? before - until : 0.0f;
         before = until;
+        bit = edge == 0 || bit + 1 == RL_PACKET_BITS ? 0 : bit + 1;
     }
-    const int from = edges[0].row, to = edges[bits].row + 1;
-    const size_t last = (size_t)to * lanes + column, first = (size_t)from * lanes + column;
-    sums->samples = view->valid[last] - view->valid[first];
-    sums->power = present(view->power[last] - view->power[first], sums->samples, to - from);
+    sums->reach = reach_of(view, trial, lane);
+    for (int bit = 0; bit < RL_PACKET_BITS; bit++) {
+        sums->reach.dark |= sums->soft[bit] > 0.0f ? rl_packet_bit(bit) : 0u;
+        sums->reach.any += rl_maxf(sums->soft[bit], 0.0f);
+    }
 }
 
 void rl_lane_of(const struct rl_view *view, const struct rl_sums *sums, int lane,
@@ -200,6 +228,5 @@ void rl_lane_of(const struct rl_view *view, const struct rl_sums *sums, int lane
     for (int bit = 0; bit < RL_PACKET_BITS; bit++) {
         one->soft[bit] = sums->soft[(size_t)bit * (size_t)view->lanes + (size_t)lane];
     }
-    one->power = sums->power[lane];
-    one->samples = sums->samples[lane];
+    one->reach = sums->reach[lane];
 }

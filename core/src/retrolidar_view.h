@@ -6,26 +6,40 @@
 #define RETROLIDAR_VIEW_H
 
 #include "retrolidar_codebook.h"
-#include "retrolidar_samples.h"
+#include "retrolidar_lanes.h"
+#include "retrolidar_target.h"
 
 #ifdef __cplusplus
 extern "C" {
 #endif
 
-enum { RL_MOST_PACKETS = 8, RL_MOST_EDGES = RL_PACKET_BITS * RL_MOST_PACKETS + 1 };
+enum {
+    RL_MOST_LANES = (RL_MOST_SOURCES + RL_LANES - 1) / RL_LANES * RL_LANES,
+    RL_MOST_PACKETS = 8,
+    RL_MOST_EDGES = RL_PACKET_BITS * RL_MOST_PACKETS + 1,
+};
+
+/* A time within an exposure. */
+struct rl_edge {
+    int row;
+    float share; /* of the exposure, 0 to 1 */
+};
 
 /* Arrays over rows and lanes; a lane is a source. */
 struct rl_view {
     const struct rl_samples *samples;
     int first, rows; /* in the samples */
-    int lanes;       /* columns, a multiple of RL_LANES */
-    float *begin, *rate; /* of each exposure: since the first [s], and 1 over its length [1/s] */
+    int lanes;       /* a multiple of RL_LANES */
+    float rows_a_second;
+    float *begin; /* of each exposure since the first, and after the last what never comes [s] */
+    float *rate;  /* 1 over the length of each exposure [1/s] */
     float *light;
     float *total; /* sums of light over the rows before */
     float *power; /* sums of light times signal */
     float *valid; /* sums of valid samples */
-    float *signal, *scratch; /* of one column */
-    uint8_t *known;
+    float *pivot; /* of the lanes that are whitened */
+    struct rl_room room[RL_LANES];
+    struct rl_edge edge[RL_MOST_EDGES]; /* of the bits of a trial */
 };
 
 /* What is tried: where bits begin and end. */
@@ -35,17 +49,25 @@ struct rl_trial {
     float own, adjacent; /* energy of a bit, and of two side by side (`rl_energy`) */
 };
 
+/* What the soft bits of a lane can be at the most. */
+struct rl_reach {
+    uint32_t dark; /* those that are positive ... */
+    float any;     /* ... and their sum */
+    float power;   /* of the samples in the window */
+    float samples; /* valid ones */
+};
+
 /* What a trial makes of all lanes. */
 struct rl_sums {
-    float soft[RL_PACKET_BITS * RL_MOST_SOURCES]; /* light of each bit and lane, positive = dark */
-    float power[RL_MOST_SOURCES];   /* of the samples in the window */
-    float samples[RL_MOST_SOURCES]; /* valid ones */
+    float soft[RL_PACKET_BITS * RL_MOST_LANES]; /* light of each bit and lane, positive = dark */
+    float squares[RL_MOST_LANES]; /* of soft bits */
+    struct rl_reach reach[RL_MOST_LANES];
 };
 
 /* What a trial makes of one lane. */
 struct rl_lane {
     float soft[RL_PACKET_BITS];
-    float power, samples;
+    struct rl_reach reach;
 };
 
 int64_t rl_view_bytes(int rows);
@@ -57,9 +79,12 @@ void rl_view_start(struct rl_view *view, const struct rl_samples *samples, void 
 void rl_view_open(struct rl_view *view, const int *sources, int count, double from_s, double to_s,
                   float walk);
 
-/* Cut all lanes, or one, into the bits of a trial, whose energies are set. */
-void rl_view_cut(const struct rl_view *view, struct rl_trial *trial, struct rl_sums *sums);
-void rl_view_cut_lane(const struct rl_view *view, struct rl_trial *trial, int lane,
+/* Find where the bits of a trial begin and end, and their energies. */
+void rl_view_lay(struct rl_view *view, struct rl_trial *trial);
+
+/* Cut all lanes, or one, into the bits of the trial that was laid last. */
+void rl_view_cut(const struct rl_view *view, const struct rl_trial *trial, struct rl_sums *sums);
+void rl_view_cut_lane(const struct rl_view *view, const struct rl_trial *trial, int lane,
                       struct rl_lane *sums);
 
 /* The same of one lane, of those of all. */

@@ -4,7 +4,6 @@
 #include "retrolidar_window.h"
 
 #include "retrolidar_noise.h"
-#include "retrolidar_target.h"
 
 #include <math.h>
 #include <string.h>
@@ -20,7 +19,7 @@ static const double OTHER_CRYSTAL = 1.0;
 int64_t rl_window_bytes(int rows)
 {
     return RL_MOST_ZONES_TOGETHER * rl_whitened_doubles(rows) * (int64_t)sizeof(double) +
-           (int64_t)rows * ((int64_t)sizeof(double) + 2 * (int64_t)sizeof(float) + 1);
+           (int64_t)rows * ((int64_t)sizeof(double) + 1) + rl_room_bytes(rows);
 }
 
 void rl_window_start(struct rl_window *window, const struct rl_samples *samples, int rows,
@@ -35,9 +34,7 @@ void rl_window_start(struct rl_window *window, const struct rl_samples *samples,
         next += rl_whitened_doubles(rows);
     }
     window->light = next;
-    window->signal = (float *)(next + rows);
-    window->scratch = window->signal + rows;
-    window->valid = (uint8_t *)(window->scratch + rows);
+    window->valid = rl_room_start(&window->room, rows, next + rows);
 }
 
 /* Whiten the samples of a source that is the next one. */
@@ -47,17 +44,18 @@ static void add(struct rl_window *window, int source)
     const double *begin_s = samples->begin_s + window->first;
     const double *end_s = samples->end_s + window->first;
     double sum = 0.0;
-    rl_target_column(samples, source, window->first, window->rows, window->signal, window->valid,
-                     window->scratch);
+    const struct rl_column column =
+        rl_target_column(samples, source, window->first, window->rows, &window->room);
+    memcpy(window->valid, column.valid, (size_t)window->rows);
     for (int row = 0; row < window->rows; row++) {
-        sum += (double)window->signal[row];
+        sum += (double)column.signal[row];
         if (begin_s[row] < window->hidden_to_s && end_s[row] > window->hidden_from_s) {
             window->valid[row] = 0;
         }
     }
     const double noise = rl_noise_variance(samples, source, sum / fmax(window->rows, 1.0));
     struct rl_whitened *whitened = &window->whitened[window->sources];
-    rl_whiten(whitened, window->signal, window->valid, 1, begin_s, end_s, window->rows,
+    rl_whiten(whitened, column.signal, window->valid, begin_s, end_s, window->rows,
               samples->period_s, LEAST_NOISE * noise);
     window->source[window->sources++] = source;
     window->null += whitened->null;

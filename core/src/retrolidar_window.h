@@ -6,7 +6,7 @@
 #define RETROLIDAR_WINDOW_H
 
 #include "retrolidar_likelihood.h"
-#include "retrolidar_samples.h"
+#include "retrolidar_target.h"
 #include "retrolidar_template.h"
 
 #ifdef __cplusplus
@@ -25,8 +25,8 @@ struct rl_window {
     double least_bit_s, most_bit_s; /* limits of a refinement */
     double null;   /* log likelihood without a packet */
     double *light; /* of the template that was tried last */
-    float *signal, *scratch;
-    uint8_t *valid;
+    uint8_t *valid; /* of the column that is added */
+    struct rl_room room;
 };
 
 int64_t rl_window_bytes(int rows);

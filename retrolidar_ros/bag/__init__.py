@@ -2,13 +2,13 @@
 # SPDX-License-Identifier: Apache-2.0
 """Frames to and from rosbag2 bags, without ROS.
 
-Bags are written with the `rosbags` library. They are read without it: in half the time, on
-machines that do not have it, and up to the damage in what a power cut has left of a bag.
+Bags are written with the `rosbags` library. They are read without it: on machines that do not
+have it, and up to the damage in a recording that a power cut has cut off. That recovery is why
+the reader is our own.
 """
 
-from retrolidar_ros.bag.errors import BagError
+from retrolidar_ros.bag.messages import FRAME_TYPE, BagError
 from retrolidar_ros.bag.reader import FRAMES_TOPIC, read_frames
-from retrolidar_ros.bag.serialized import FRAME_TYPE
 from retrolidar_ros.bag.writer import STORAGES, FrameWriter
 
 __all__ = ['FRAMES_TOPIC', 'FRAME_TYPE', 'STORAGES', 'BagError', 'FrameWriter', 'read_frames']

@@ -16,9 +16,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from retrolidar_ros.bag.errors import INSTALL, BagError
+from retrolidar_ros.bag.messages import FRAME_TYPE, INSTALL, BagError
 from retrolidar_ros.bag.reader import FRAMES_TOPIC
-from retrolidar_ros.bag.serialized import FRAME_TYPE
 from retrolidar_ros.sensor.frame import Frame, check_frame_arrays
 from retrolidar_ros.settings.resources import shared_file
 
@@ -26,11 +25,12 @@ if TYPE_CHECKING:
     from rosbags.typesys.store import Typestore
 
 STORAGES = ('mcap', 'sqlite3')
+_COMMITTED = 250  # frames at a time: what a disk that fills up, or a power cut, may cost
 
 
 @cache
 def _type_store() -> Typestore:
-    """Return the ROS types and ours."""
+    """Return the types of ROS and of this package."""
     from rosbags import typesys
 
     definition = shared_file('msg/Frame.msg').read_text(encoding='utf-8')
@@ -42,7 +42,7 @@ def _type_store() -> Typestore:
 class FrameWriter:
     """Writes frames to a new bag; a context manager.
 
-    What was written is kept when the block ends with an exception.
+    Frames written so far are kept when the block ends with an exception.
     """
 
     def __init__(
@@ -108,8 +108,10 @@ class FrameWriter:
 
     def __enter__(self) -> FrameWriter:
         """Make the bag; BagError if that fails."""
+        self._written = 0
         with self._bag_errors():
             self._writer.open()
+            self._database = getattr(self._writer.storage, 'conn', None)  # of sqlite3
             self._connection = self._writer.add_connection(
                 self._topic, FRAME_TYPE, typestore=self._types, offered_qos_profiles=[self._qos]
             )
@@ -157,6 +159,9 @@ class FrameWriter:
         with self._bag_errors():
             data = self._types.serialize_cdr(message, FRAME_TYPE)
             self._writer.write(self._connection, received_ns, data)
+            self._written += 1
+            if self._database is not None and self._written % _COMMITTED == 0:
+                self._database.commit()
 
     def __exit__(
         self,

@@ -6,14 +6,18 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
-from typing import TypeAlias
+from typing import Any, TypeAlias
 
 from retrolidar_ros.bag import FRAMES_TOPIC
-from retrolidar_ros.detector import METHODS
+from retrolidar_ros.detector.settings import PARAMETERS, checked, defaults, load_parameters
+from retrolidar_ros.sensor.protocols import PROTOCOLS
 
 Subparsers: TypeAlias = 'argparse._SubParsersAction[argparse.ArgumentParser]'
+_MOST_SECONDS = 1e9
 Run = Callable[[argparse.Namespace], int]
+_METAVARS = {str: 'TEXT', int: 'N', float: 'NUMBER', list: 'ID,ID,…'}
 
 
 def number_of_seconds(text: str) -> float:
@@ -27,20 +31,84 @@ def number_of_seconds(text: str) -> float:
 def seconds(text: str) -> float:
     """Parse a duration in seconds."""
     value = number_of_seconds(text)
-    if not value > 0:
-        raise argparse.ArgumentTypeError(f'{text} is no positive number of seconds')
+    if not 0 < value <= _MOST_SECONDS:
+        raise argparse.ArgumentTypeError(
+            f'{text} is no positive number of seconds up to {_MOST_SECONDS:.0f}'
+        )
     return value
 
 
+def add_port(command: argparse.ArgumentParser) -> None:
+    """Add where a sensor is, and what it speaks."""
+    command.add_argument('port', metavar='PORT', help='device of the sensor')
+    command.add_argument('--baud', type=int, default=460800, help='bit/s (default: %(default)s)')
+    command.add_argument(
+        '--protocol',
+        choices=PROTOCOLS,
+        default='retrolidar',
+        help='what the sensor speaks (default: %(default)s)',
+    )
+
+
+def add_detector_options(command: argparse.ArgumentParser) -> None:
+    """Add the parameters of the detector node as options of the same names."""
+    options = command.add_argument_group(
+        'parameters of the detector', 'as those of the node; an option goes before the file'
+    )
+    options.add_argument(
+        '--params', type=Path, metavar='FILE', help='parameter file, as of `retrolidar calibrate`'
+    )
+    usual = defaults()
+    for name, one in PARAMETERS.items():
+        dashed = f'--{name.replace("_", "-")}'
+        names = list(dict.fromkeys([dashed, f'--{name}']))
+        description = f'{one.description} (default: {usual[name]!r})'
+        if one.kind is bool:
+            options.add_argument(
+                *names, dest=name, action='store_const', const=True, help=description
+            )
+            continue
+        options.add_argument(
+            *names,
+            dest=name,
+            type=str if one.among else partial(_value, name),
+            choices=one.among or None,
+            metavar=None if one.among else _METAVARS[one.kind],
+            help=description,
+        )
+
+
+def _value(name: str, text: str) -> Any:
+    """Parse a parameter."""
+    kind = PARAMETERS[name].kind
+    try:
+        if kind is list:
+            value: Any = [int(part) for part in text.split(',') if part]
+        else:
+            value = kind(text)
+        return checked(name, value)
+    except ValueError as error:
+        reason = str(error) if 'within' in str(error) else f'{text} is no {_METAVARS[kind]}'
+        raise argparse.ArgumentTypeError(reason) from None
+
+
+def detector_values(arguments: argparse.Namespace) -> dict[str, Any]:
+    """Return the values of all parameters: options, else of the file, else the usual ones."""
+    given = {name: getattr(arguments, name) for name in PARAMETERS}
+    return {
+        **defaults(),
+        **(load_parameters(arguments.params) if arguments.params else {}),
+        **{name: value for name, value in given.items() if value is not None},
+    }
+
+
 def add_bag_command(
-    subparsers: Subparsers, name: str, summary: str, run: Run
+    subparsers: Subparsers, name: str, summary: str, run: Run, description: str = ''
 ) -> argparse.ArgumentParser:
     """Add a subcommand that reads markers in a bag."""
-    command = subparsers.add_parser(name, help=summary)
+    command = subparsers.add_parser(name, help=summary, description=description or None)
     command.add_argument('bag', type=Path, help='rosbag2 directory, .mcap or .db3 file')
     command.add_argument('--topic', default=FRAMES_TOPIC, help='(default: %(default)s)')
-    command.add_argument(
-        '--method', choices=METHODS, default=METHODS[0], help='(default: %(default)s)'
-    )
+    add_detector_options(command)
     command.set_defaults(run=run)
     return command

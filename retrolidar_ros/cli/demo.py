@@ -64,7 +64,7 @@ def start_nodes(processes: ProcessGroup, port: Path) -> None:
 
 def start_emulator(processes: ProcessGroup, scene: str, port: Path) -> None:
     """Plug in a sensor that sees a scene."""
-    emulate = [sys.executable, '-m', 'retrolidar_ros.cli.main', 'emulate']
+    emulate = [sys.executable, '-m', 'retrolidar_ros.cli', 'emulate']
     processes.start('emulator', [*emulate, scene, '--port-link', str(port)])
 
 
@@ -137,6 +137,8 @@ def run_demo(scene_name: str, picture: Path | None, timeout_s: float) -> int:
                 id=one.id,
                 name=names.get(one.id, 'ghost'),
                 start_s=(one.start_ns - origin_ns) * 1e-9,
+                stamp_s=(one.stamp_ns - origin_ns) * 1e-9,
+                range_m=one.range_m,
                 position_m=one.position_m,
                 zone=one.zone,
             )

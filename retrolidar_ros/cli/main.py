@@ -5,6 +5,7 @@
 from __future__ import annotations
 
 import argparse
+import io
 import os
 import sys
 
@@ -12,10 +13,11 @@ import sys
 os.environ.setdefault('OPENBLAS_NUM_THREADS', '1')
 
 from retrolidar_ros.bag import BagError
-from retrolidar_ros.cli import budget, decode, demo, emulate, ids, plot, watch
+from retrolidar_ros.cli import budget, calibrate, decode, demo, emulate, ids, plot, record, watch
+from retrolidar_ros.settings.printing import missing_library, printable
 from retrolidar_ros.settings.section import ConfigError
 
-COMMANDS = (demo, emulate, watch, decode, plot, ids, budget)
+COMMANDS = (demo, emulate, watch, record, calibrate, decode, plot, ids, budget)
 """Modules with `add_command(subparsers)`, which sets `run`: from the arguments to the exit code."""
 
 
@@ -34,6 +36,9 @@ def main(arguments: list[str] | None = None) -> int:
     """Run the command; return its exit code: 2 for input that cannot be used."""
     if sys.stdout is None:  # the shell has closed it
         sys.stdout = open(os.devnull, 'w')  # noqa: SIM115 - until the process ends
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, io.TextIOWrapper):  # of a locale that has not all our characters
+            stream.reconfigure(errors='backslashreplace')
     options = parser().parse_args(arguments)
     try:
         code: int = options.run(options)
@@ -46,10 +51,10 @@ def main(arguments: list[str] | None = None) -> int:
         return 0
     except (BagError, ConfigError, OSError, ValueError) as error:
         sys.stdout.flush()
-        print(f'retrolidar: {error}', file=sys.stderr)
+        print(f'retrolidar: {printable(str(error))}', file=sys.stderr)
         return 2
     except ModuleNotFoundError as error:
-        print(f'retrolidar: a library is missing: pip install {error.name}', file=sys.stderr)
+        print(missing_library(error), file=sys.stderr)
         return 2
     return code
 

@@ -12,12 +12,20 @@ import numpy as np
 from numpy.typing import NDArray
 
 from retrolidar_ros.detector import Detection
+from retrolidar_ros.detector.blinking_zones import BlinkingZone
 from retrolidar_ros.marker.code import BIT_PERIOD_S, PREAMBLE, packet
 from retrolidar_ros.sensor.frame import Floats, Recording, ZoneGrid
 
 _COLOURS = ('#0072b2', '#d55e00', '#009e73', '#cc79a7', '#e69f00', '#56b4e9')
-_SHOWN_S = 2.8
-_MOST_SIGNALS = 6
+_LEGEND: dict[str, Any] = {
+    'loc': 'lower right',
+    'bbox_to_anchor': (1.0, 1.0),
+    'fontsize': 8,
+    'frameon': False,
+    'borderaxespad': 0.2,
+}
+_SHOWN_BITS = 66
+_MOST_SIGNALS, _MOST_UNREAD = 6, 3
 
 
 class Reading(NamedTuple):
@@ -26,9 +34,12 @@ class Reading(NamedTuple):
     id: int
     name: str
     start_s: float
-    """On the clock of the recording's stamps."""
+    """On the clock of the recording's stamps, as the next."""
+    stamp_s: float
+    range_m: float
     position_m: tuple[float, float, float]
     zone: int
+    bit_period_s: float = BIT_PERIOD_S
 
     @classmethod
     def of(cls, detection: Detection, origin_ns: int) -> Reading:
@@ -38,9 +49,22 @@ class Reading(NamedTuple):
             id=detection.id,
             name='marker',
             start_s=(detection.start_ns - origin_ns) * 1e-9,
+            stamp_s=(detection.stamp_ns - origin_ns) * 1e-9,
+            range_m=detection.place.range_m,
             position_m=(x, y, z),
             zone=detection.zones[0],
+            bit_period_s=detection.bit_period_s,
         )
+
+
+class _Shown(NamedTuple):
+    """What all parts of the picture show."""
+
+    recording: Recording
+    time_s: Floats
+    """Of each frame, shape (frames,)."""
+    colours: dict[int, str]
+    """Of the zones of interest."""
 
 
 def _zone_of_interest(axes: Any, grid: ZoneGrid, modulation: Floats) -> None:
@@ -72,46 +96,91 @@ def _zone_of_interest(axes: Any, grid: ZoneGrid, modulation: Floats) -> None:
     axes.set_yticks(np.tan(np.radians(degrees)), [f'{-d}°' for d in degrees])
     axes.set_xlabel('to the right')
     axes.set_ylabel('upwards')
-    colorbar = axes.figure.colorbar(image, ax=axes, orientation='horizontal', pad=0.14, aspect=30)
+    axes.set_anchor('S')
+    colorbar = axes.figure.colorbar(image, ax=axes, orientation='horizontal', pad=0.02, aspect=30)
     colorbar.set_label('standard deviation of the signal [kcps/SPAD]', fontsize=9)
 
 
-def _signal_with_bits(
-    axes: Any, recording: Recording, origin_ns: int, reading: Reading, colour: str
-) -> None:
-    """Draw one zone's signal about a reading, and the bits that were read from it."""
-    time_s = (recording.stamp_ns - origin_ns) * 1e-9
-    begin = max(reading.start_s - 0.4, 0.0)
-    shown = (time_s >= begin) & (time_s <= begin + _SHOWN_S)
-    signal = recording.signal[shown, reading.zone]
-    axes.step(time_s[shown], signal, where='mid', color=colour, linewidth=1.1)
-    low, high = float(signal.min()), float(signal.max())
+def _signal(axes: Any, shown: _Shown, zone: int, begin_s: float, end_s: float) -> float:
+    """Draw one zone's signal of some seconds; return the height for digits."""
+    rows = (shown.time_s >= begin_s) & (shown.time_s <= end_s)
+    signal = shown.recording.signal[rows, zone]
+    axes.step(shown.time_s[rows], signal, where='mid', color=shown.colours[zone], linewidth=1.1)
+    low, high = (float(signal.min()), float(signal.max())) if rows.any() else (0.0, 1.0)
     room = max(high - low, 1.0)
     axes.set_ylim(low - 0.1 * room, high + 0.35 * room)
-    axes.set_xlim(begin, begin + _SHOWN_S)
+    axes.set_xlim(begin_s, end_s)
+    axes.set_ylabel('kcps/SPAD', fontsize=9)
+    return high + 0.2 * room
+
+
+def _signal_with_bits(axes: Any, shown: _Shown, reading: Reading, colour: str) -> None:
+    """Draw one zone's signal about a reading, and the bits that were read from it."""
+    bit_s = reading.bit_period_s
+    begin_s = max(reading.start_s - 0.4, 0.0)
+    height = _signal(axes, shown, reading.zone, begin_s, begin_s + _SHOWN_BITS * bit_s)
     bits: NDArray[np.uint8] = packet(reading.id)
     for index, bit in enumerate(bits):
-        left = reading.start_s + index * BIT_PERIOD_S
-        in_preamble = index < len(PREAMBLE)
+        left = reading.start_s + index * bit_s
         if bit:
-            axes.axvspan(left, left + BIT_PERIOD_S, color=colour, alpha=0.14, linewidth=0)
+            axes.axvspan(left, left + bit_s, color=colour, alpha=0.14, linewidth=0)
         axes.text(
-            left + BIT_PERIOD_S / 2,
-            high + 0.2 * room,
+            left + bit_s / 2,
+            height,
             str(bit),
             ha='center',
             va='center',
             fontsize=7,
-            color='0.5' if in_preamble else 'black',
+            color='0.5' if index < len(PREAMBLE) else 'black',
             clip_on=True,
         )
-    axes.set_ylabel('kcps/SPAD', fontsize=9)
+    title = f'{reading.name}, ID {reading.id}, zone {reading.zone}'
+    axes.set_title(title, loc='left', fontsize=10, color=colour)
+
+
+def _blinking_zone(axes: Any, shown: _Shown, zone: BlinkingZone) -> None:
+    """Draw the middle of a zone's signal, of which nothing was read."""
+    middle_s = float(shown.time_s[-1]) / 2
+    span_s = _SHOWN_BITS * (zone.bit_period_s if zone.periods else BIT_PERIOD_S)
+    _signal(axes, shown, zone.zone, middle_s - span_s / 2, middle_s + span_s / 2)
+    bits = f'bits of {1e3 * zone.bit_period_s:.1f} ms' if zone.periods else 'no bit clock'
     axes.set_title(
-        f'{reading.name}, ID {reading.id}, zone {reading.zone}',
+        f'zone {zone.zone} blinks by {zone.modulation_db:.0f} dB, {bits}: not read',
         loc='left',
         fontsize=10,
-        color=colour,
+        color=shown.colours[zone.zone],
     )
+
+
+def _whole(axes: tuple[Any, Any], shown: _Shown, readings: Sequence[Reading]) -> None:
+    """Draw the zones of interest over the whole recording, and the ranges that were read."""
+    above, below = axes
+    for zone, colour in shown.colours.items():
+        signal = shown.recording.signal[:, zone]
+        above.plot(shown.time_s, signal, color=colour, linewidth=0.4, label=f'zone {zone}')
+    above.set_ylabel('kcps/SPAD', fontsize=9)
+    above.set_title('the whole recording', loc='left', fontsize=10)
+    above.tick_params(labelbottom=False)
+    if shown.colours:
+        above.legend(ncols=len(shown.colours), **_LEGEND)
+    for identity in dict.fromkeys(one.id for one in readings):
+        own = [one for one in readings if one.id == identity]
+        below.plot(
+            [one.stamp_s for one in own],
+            [one.range_m for one in own],
+            '.',
+            color=shown.colours.get(own[0].zone, '0.3'),
+            label=f'ID {identity}',
+        )
+    below.set_ylabel('range [m]', fontsize=9)
+    below.set_xlabel('time [s]')
+    if readings:
+        below.margins(y=0.25)
+        below.legend(ncols=_MOST_SIGNALS, **_LEGEND)
+    else:
+        below.text(0.5, 0.5, 'nothing was read', ha='center', transform=below.transAxes)
+    for one in axes:
+        one.set_xlim(0, max(float(shown.time_s[-1]), 1e-3))
 
 
 def plot_readings(
@@ -122,8 +191,9 @@ def plot_readings(
     origin_ns: int,
     title: str,
     truth_m: Mapping[str, tuple[float, float, float]] | None = None,
+    blinking: Sequence[BlinkingZone] = (),
 ) -> None:
-    """Write a PNG of a recording and the first reading of each marker in it.
+    """Write a PNG of a recording, and of the first reading of each marker in it.
 
     Parameters
     ----------
@@ -139,6 +209,8 @@ def plot_readings(
         Heads the picture.
     truth_m : mapping of str to (x, y, z), optional
         Where markers really are [m], by name.
+    blinking : sequence of BlinkingZone
+        Zones to show where nothing was read, the strongest first.
     """
     import matplotlib as mpl
 
@@ -149,12 +221,22 @@ def plot_readings(
     for reading in readings:
         first.setdefault(reading.id, reading)
     chosen = list(first.values())[:_MOST_SIGNALS]
-    rows = max(len(chosen), 1)
-    figure = plt.figure(figsize=(13, max(5.2, 1.2 + 1.75 * rows)), layout='constrained')
+    unread = [] if chosen else list(blinking[:_MOST_UNREAD])
+    zones_shown = dict.fromkeys([one.zone for one in chosen] or [one.zone for one in unread])
+    shown = _Shown(
+        recording,
+        (recording.stamp_ns - origin_ns) * 1e-9,
+        {zone: _COLOURS[index % len(_COLOURS)] for index, zone in enumerate(zones_shown)},
+    )
+    rows = max(len(chosen), len(unread), 2)
+    figure = plt.figure(figsize=(13, 4.4 + 1.75 * rows), layout='constrained')
     figure.suptitle(title, fontsize=13)
-    spaces = figure.add_gridspec(rows, 2, width_ratios=(1, 1.9))
-    zones = figure.add_subplot(spaces[:, 0])
+    heights = [1.75] * rows + [1.6, 1.6]
+    spaces = figure.add_gridspec(rows + 2, 2, width_ratios=(1, 1.9), height_ratios=heights)
+    zones = figure.add_subplot(spaces[:rows, 0])
     _zone_of_interest(zones, recording.grid, recording.signal.std(axis=0).astype(np.float64))
+    above = figure.add_subplot(spaces[rows, :])
+    _whole((above, figure.add_subplot(spaces[rows + 1, :], sharex=above)), shown, readings)
     for name, (x, y, z) in (truth_m or {}).items():
         zones.plot(x / z, y / z, marker='s', markersize=9, fillstyle='none', color='black')
         zones.annotate(
@@ -167,16 +249,13 @@ def plot_readings(
             bbox={'facecolor': 'white', 'alpha': 0.8, 'edgecolor': 'none', 'pad': 1},
         )
     for index, reading in enumerate(chosen):
-        colour = _COLOURS[index % len(_COLOURS)]
+        colour = shown.colours[reading.zone]
         x, y, z = reading.position_m
         zones.plot(x / z, y / z, marker='x', markersize=9, markeredgewidth=2, color=colour)
-        axes = figure.add_subplot(spaces[index, 1])
-        _signal_with_bits(axes, recording, origin_ns, reading, colour)
-        if index == len(chosen) - 1:
-            axes.set_xlabel('time [s]')
-    if not chosen:
-        zones.set_title('nothing was read', fontsize=10)
-    elif truth_m:
+        _signal_with_bits(figure.add_subplot(spaces[index, 1]), shown, reading, colour)
+    for index, zone in enumerate(unread):
+        _blinking_zone(figure.add_subplot(spaces[index, 1]), shown, zone)
+    if chosen and truth_m:
         zones.set_title('square: marker, cross: read', fontsize=10)
     path.parent.mkdir(parents=True, exist_ok=True)
     figure.savefig(path, dpi=110)

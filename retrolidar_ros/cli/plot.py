@@ -5,12 +5,14 @@
 from __future__ import annotations
 
 import argparse
+import sys
 from pathlib import Path
 
 from retrolidar_ros.bag import BagError, read_frames
-from retrolidar_ros.cli.arguments import Subparsers, add_bag_command
+from retrolidar_ros.cli.arguments import Subparsers, add_bag_command, detector_values
+from retrolidar_ros.cli.decode import NOTHING_READ
 from retrolidar_ros.cli.picture import Reading, plot_readings
-from retrolidar_ros.detector.decoding import detect
+from retrolidar_ros.detector.explaining import Decoding
 from retrolidar_ros.sensor.frame import Frame, Recording
 
 
@@ -22,6 +24,8 @@ def add_command(subparsers: Subparsers) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Draw a bag, as far as it can be read."""
+    if arguments.output.is_dir():
+        raise IsADirectoryError(f'{arguments.output} is a directory; name a PNG file')
     frames: list[Frame] = []
     damage = None
     try:
@@ -31,15 +35,19 @@ def run(arguments: argparse.Namespace) -> int:
             raise
         damage = error
     origin_ns = frames[0].stamp_ns
-    readings = [Reading.of(detection, origin_ns) for detection in detect(frames, arguments.method)]
+    decoding = Decoding(detector_values(arguments))
+    readings = [Reading.of(detection, origin_ns) for detection in decoding.detect(frames)]
     plot_readings(
         Recording.of(frames),
         readings,
         arguments.output,
         origin_ns=origin_ns,
         title=f'{arguments.bag.name}: {len(frames)} frames, {len(readings)} readings',
+        blinking=() if readings or len(frames) < 2 else decoding.blinking()[1],
     )
     print(f'{arguments.output}: {len(frames)} frames, {len(readings)} readings')
+    for line in decoding.why():
+        print(line, file=sys.stderr)
     if damage is not None:
         raise damage
-    return 0
+    return 0 if readings else NOTHING_READ

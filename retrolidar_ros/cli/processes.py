@@ -4,6 +4,7 @@
 
 from __future__ import annotations
 
+import ctypes
 import os
 import signal
 import subprocess
@@ -12,6 +13,8 @@ from pathlib import Path
 from types import FrameType, TracebackType
 
 _PATIENCE_S = 5.0
+_LIBC = ctypes.CDLL(None)
+_PR_SET_PDEATHSIG = 1  # of <sys/prctl.h>
 _ENDING = (signal.SIGTERM, signal.SIGHUP)
 
 
@@ -72,6 +75,7 @@ class ProcessGroup:
                 stdout=log,
                 stderr=subprocess.STDOUT,
                 start_new_session=True,
+                preexec_fn=_end_with_parent,
             )
 
     def log(self, name: str) -> Path:
@@ -101,6 +105,11 @@ class ProcessGroup:
                 raise ProcessError(
                     f'{name} ended with exit code {process.returncode}:\n' + '\n'.join(lines)
                 )
+
+
+def _end_with_parent() -> None:
+    """Let the kernel end this new process when its parent is gone, be it by SIGKILL."""
+    _LIBC.prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)
 
 
 def _signal(group: int, number: signal.Signals) -> None:

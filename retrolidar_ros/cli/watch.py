@@ -10,19 +10,22 @@ import os
 import shutil
 import sys
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager, suppress
-from queue import Empty, SimpleQueue
-from threading import Event, Thread
-from typing import TextIO
+from typing import Any, TextIO
 
-from retrolidar_ros.cli.arguments import Subparsers, number_of_seconds, seconds
+from retrolidar_ros.cli.arguments import (
+    Subparsers,
+    add_detector_options,
+    add_port,
+    detector_values,
+    seconds,
+)
 from retrolidar_ros.cli.watch_state import Watch
 from retrolidar_ros.cli.watch_view import Snapshot, Symbols, fitted, line, screen
-from retrolidar_ros.marker.code import BIT_PERIOD_LIMITS_S, BIT_PERIOD_S
-from retrolidar_ros.sensor.frame import ZONE_SHAPES, Frame
+from retrolidar_ros.sensor.frame import ZONE_SHAPES
 from retrolidar_ros.sensor.protocols import PROTOCOLS
-from retrolidar_ros.sensor.serial_source import SerialSource
+from retrolidar_ros.sensor.serial_source import BackgroundReading, SerialSource
 from retrolidar_ros.settings.interrupts import interrupted_once
 
 _SCREEN_S, _LINE_S = 0.2, 1.0  # between two pictures, or two lines of a log
@@ -37,15 +40,6 @@ def zone_index(text: str) -> int:
     raise argparse.ArgumentTypeError(f'{text} is no zone: they are 0 to 15, or 0 to {zones[-1]}')
 
 
-def bit_period(text: str) -> float:
-    """Parse how long a marker holds a bit in seconds."""
-    value = number_of_seconds(text)
-    least, most = BIT_PERIOD_LIMITS_S
-    if not least <= value <= most:
-        raise argparse.ArgumentTypeError(f'{text} s is not within {least:g} to {most:g} s')
-    return value
-
-
 def add_command(subparsers: Subparsers) -> None:
     """Add `retrolidar watch`."""
     command = subparsers.add_parser(
@@ -54,28 +48,15 @@ def add_command(subparsers: Subparsers) -> None:
         description='On a terminal a picture five times a second, else a line a second. Ctrl-C '
         'ends it. Exit code 1 if a duration ends without any frame.',
     )
-    command.add_argument('port', metavar='PORT', help='device of the sensor')
-    command.add_argument('--baud', type=int, default=460800, help='bit/s (default: %(default)s)')
-    command.add_argument(
-        '--protocol',
-        choices=PROTOCOLS,
-        default='retrolidar',
-        help='what the sensor speaks (default: %(default)s)',
-    )
+    add_port(command)
     command.add_argument(
         '--zone',
         type=zone_index,
         metavar='N',
         help='whose bits to show (default: the one that blinks most)',
     )
-    command.add_argument(
-        '--bit-period',
-        type=bit_period,
-        default=BIT_PERIOD_S,
-        metavar='S',
-        help='how long a marker holds a bit: two frames [s] (default: %(default)s)',
-    )
     command.add_argument('--duration', type=seconds, metavar='S', help='stop after [s]')
+    add_detector_options(command)
     command.set_defaults(run=run)
 
 
@@ -88,7 +69,7 @@ def run(arguments: argparse.Namespace) -> int:
             baud=arguments.baud,
             protocol=arguments.protocol,
             zone=arguments.zone,
-            bit_period_s=arguments.bit_period,
+            values=detector_values(arguments),
             duration_s=arguments.duration,
         )
         return 0 if frames else 1
@@ -130,7 +111,7 @@ def watch(
     baud: int,
     protocol: str,
     zone: int | None,
-    bit_period_s: float,
+    values: Mapping[str, Any],
     duration_s: float | None,
 ) -> int:
     """Show what a sensor sees until the duration is over, or KeyboardInterrupt.
@@ -147,8 +128,8 @@ def watch(
         One of `PROTOCOLS`.
     zone : int or None
         Whose bits to show; None = those of the zone that blinks most.
-    bit_period_s : float
-        How long a marker holds a bit [s].
+    values : mapping
+        Of all parameters of a detector.
     duration_s : float or None
         When to end [s]; None = never.
 
@@ -162,40 +143,19 @@ def watch(
     ValueError
         If the sensor has no such zone.
     """
-    arrived: SimpleQueue[tuple[list[Frame], int, str] | Exception] = SimpleQueue()
-    stop = Event()
     source = SerialSource(port, baud, PROTOCOLS[protocol](time.monotonic_ns), time.monotonic_ns)
-
-    def pass_on(frames: list[Frame], arrival_ns: int) -> None:
-        arrived.put((frames, arrival_ns, source.reader.notice()))
-
-    def read() -> None:
-        try:
-            source.run(pass_on, lambda _: None, stop)
-        except Exception as error:  # it must not end unheard
-            arrived.put(error)
-
-    state = Watch(source, zone, bit_period_s)
-    thread = Thread(target=read, daemon=True)
-    thread.start()
+    state = Watch(source, zone, values)
     interval_s = _SCREEN_S if is_screen(output) else _LINE_S
     begin_s = time.monotonic()
     end_s = math.inf if duration_s is None else begin_s + duration_s
     due_s = min(begin_s + interval_s, end_s)
-    try:
-        with _display(output) as show:
-            while True:
-                with suppress(Empty):
-                    news = arrived.get(timeout=max(due_s - time.monotonic(), 0.0))
-                    if isinstance(news, Exception):
-                        raise news
-                    state.take(*news)
-                now_s = time.monotonic()
-                if now_s >= due_s:
-                    show(state.snapshot())
-                    if now_s >= end_s:
-                        return state.frames
-                    due_s = min(now_s + interval_s, end_s)
-    finally:
-        stop.set()
-        thread.join()
+    with BackgroundReading.of(source) as reading, _display(output) as show:
+        while True:
+            if (arrival := reading.take_until(due_s)) is not None:
+                state.take(*arrival)
+            now_s = time.monotonic()
+            if now_s >= due_s:
+                show(state.snapshot())
+                if now_s >= end_s:
+                    return state.frames
+                due_s = min(now_s + interval_s, end_s)

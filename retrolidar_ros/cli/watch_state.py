@@ -7,16 +7,19 @@ from __future__ import annotations
 import math
 import time
 from collections import Counter, deque
+from collections.abc import Mapping
 from dataclasses import replace
-from typing import NamedTuple, cast
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from retrolidar_ros.cli.watch_view import BLINKING_DB, LastReading, Snapshot
-from retrolidar_ros.detector import METHODS, Detection, create_detector
+from retrolidar_ros.detector import Detection
 from retrolidar_ros.detector.blinking import BitReader, Samples, modulation_db
+from retrolidar_ros.detector.blinking_zones import LEAST_FRAMES, bit_periods, clock_mismatch
 from retrolidar_ros.detector.likelihood_detector import Candidate, LikelihoodDetector
 from retrolidar_ros.detector.noise import NoiseLaw
+from retrolidar_ros.detector.settings import detector_of, known_markers
 from retrolidar_ros.marker.code import PACKET_BITS
 from retrolidar_ros.sensor.clock import ClockMap
 from retrolidar_ros.sensor.frame import Frame, Recording
@@ -50,13 +53,17 @@ class _Tally(NamedTuple):
 class Watch:
     """What is known of a sensor, from its frames."""
 
-    def __init__(self, source: SerialSource, zone: int | None, bit_period_s: float) -> None:
-        """Begin without frames; `zone` is the one to look at, None for that which blinks most."""
+    def __init__(self, source: SerialSource, zone: int | None, values: Mapping[str, Any]) -> None:
+        """Begin without frames; `zone` is the one to look at, None for that which blinks most.
+
+        The values are of all parameters of a detector.
+        """
         self._source = source
         self._asked, self._chosen = zone, zone
-        self._bit_s = bit_period_s
+        self._values, self._known = values, known_markers(values)
+        self._bit_s = values['bit_period']
         self._clock = ClockMap()
-        self._bits = BitReader(bit_period_s)
+        self._bits = BitReader(self._bit_s)
         self._detector: LikelihoodDetector | None = None
         self._refused: Candidate | None = None
         self._frames: deque[Frame] = deque(maxlen=_KEPT)
@@ -100,9 +107,10 @@ class Watch:
                     f'--zone {self._asked}: the sensor has {grid.rows}x{grid.columns} zones, '
                     f'0 to {grid.zones - 1}'
                 )
-            self._detector = cast(
-                LikelihoodDetector, create_detector(METHODS[0], grid, bit_period_s=self._bit_s)
-            )
+            detector = detector_of(self._values, grid, self._known)
+            if not isinstance(detector, LikelihoodDetector):
+                raise ValueError(f'--method {self._values["method"]}: watch shows joint only')
+            self._detector = detector
             self._chosen = self._asked
             self._refused = None
         if last is not None and (last.grid != grid or last.stamp_ns >= frame.stamp_ns):
@@ -173,7 +181,9 @@ class Watch:
             return snapshot
         samples = Samples.of(Recording.of(recent))
         ambient = float(np.median(newest.ambient))
-        law = NoiseLaw().lit(max(ambient, 0.0) if math.isfinite(ambient) else 0.0)
+        values = self._values
+        law = NoiseLaw(values['noise_floor'], values['noise_slope'], values['noise_ambient'])
+        law = law.lit(max(ambient, 0.0) if math.isfinite(ambient) else 0.0)
         blinking = modulation_db(samples, law)
         if self._asked is None:
             most = int(blinking.argmax())
@@ -186,8 +196,13 @@ class Watch:
             LastReading(detection, (now_ns - detection.end_ns) * 1e-9, self._times[identity])
             for identity, detection in self._last.items()
         ]
+        trouble = snapshot.trouble
+        if zone is not None and not trouble and not readings and len(self._frames) >= LEAST_FRAMES:
+            whole = Recording.of(list(self._frames))
+            trouble = clock_mismatch(bit_periods(whole, Samples.of(whole), zone), self._bit_s)
         return replace(
             snapshot,
+            trouble=trouble,
             frame=newest,
             modulation_db=blinking,
             zone=zone,

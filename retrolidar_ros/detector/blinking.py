@@ -1,6 +1,6 @@
 # Copyright 2026 retrolidar_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""How much every zone blinks, and the newest bits of one, before anything is decided of them."""
+"""Modulation of every zone, and the newest bits of one, without any decision."""
 
 from __future__ import annotations
 
@@ -14,12 +14,12 @@ from retrolidar_ros.detector.noise import NoiseLaw
 from retrolidar_ros.marker.code import IDS, PACKET_BITS, RESERVED_IDS, packet
 from retrolidar_ros.sensor.frame import Floats, Recording, valid_samples
 
-# Alignments of bits that are tried: where the last one ends, and how far the clock is off.
+# Alignments of bits that are tried: end of the last bit, and error of the clock.
 _PHASES = np.arange(8) / 8
 _CLOCKS = 1 + 0.007 * np.arange(-4, 5)
-# Valid samples that a bit must have, of its two; of an erased one it is not known what it is.
+# Minimum number of valid samples of a bit, of two; with fewer it is erased.
 _LEAST_VALID = 0.5
-# Rounds in which the level between dark and bright settles.
+# Iterations of the level between dark and bright.
 _ROUNDS = 5
 
 
@@ -33,7 +33,7 @@ class Samples(NamedTuple):
     signal: Floats
     """[kcps/SPAD]; 0 of an erasure; shape (samples, zones)."""
     valid: NDArray[np.bool_]
-    """Whether each is no erasure, shape (samples, zones)."""
+    """Which are valid, shape (samples, zones)."""
 
     @classmethod
     def of(cls, recording: Recording) -> Samples:
@@ -50,10 +50,10 @@ class Samples(NamedTuple):
 
 
 def modulation_db(samples: Samples, law: NoiseLaw) -> Floats:
-    """Return by how much zones vary beyond noise, as the SNR of a marker that did so.
+    """Return the variation of zones beyond noise, as the SNR of a marker that would cause it.
 
-    Half of a marker's bits are dark, so an amplitude of c makes a variance of c²/4. A hand that
-    passes makes one, too.
+    Half of a marker's bits are dark, so an amplitude of c makes a variance of c²/4. A passing hand
+    makes one, too.
 
     Parameters
     ----------
@@ -64,8 +64,7 @@ def modulation_db(samples: Samples, law: NoiseLaw) -> Floats:
     Returns
     -------
     array, shape (zones,)
-        20 log10 of amplitude over the noise's standard deviation [dB]; -inf where there is
-        nothing but noise.
+        20 log10 of amplitude over the noise's standard deviation [dB]; -inf for noise alone.
     """
     count = np.maximum(samples.valid.sum(axis=0), 1)
     mean = samples.signal.sum(axis=0) / count
@@ -89,15 +88,15 @@ class NewestBits(NamedTuple):
     snr_db: float
     """Amplitude over the noise of a sample, by these levels and the noise law [dB]."""
     id: int
-    """Whose packet, begun with any bit, correlates best with them."""
+    """ID of the packet, begun with any bit, that correlates best with them."""
     correlation: float
     """With that packet, 0 to 1."""
     first: int
-    """Which bit of that packet the oldest bit is, 0 to 30."""
+    """Index of the oldest bit in that packet, 0 to 30."""
 
     @property
     def erased(self) -> NDArray[np.bool_]:
-        """Which bits are not known, shape (31,)."""
+        """Which bits are erased, shape (31,)."""
         return np.isnan(self.signal)
 
     @property
@@ -113,13 +112,13 @@ class NewestBits(NamedTuple):
 
     @property
     def differing(self) -> int:
-        """How many bits differ from those of the packet that is nearest."""
+        """How many bits differ from those of the nearest packet."""
         nearest = np.roll(packet(self.id), -self.first) == 1
         return int(np.count_nonzero((self.hard != nearest) & ~self.erased))
 
 
 class BitReader:
-    """Cuts the newest samples of a zone into bits, and names the packet that is nearest."""
+    """Cuts the newest samples of a zone into bits, and finds the nearest packet."""
 
     def __init__(self, bit_period_s: float) -> None:
         """Expect bits of about `bit_period_s` [s]."""
@@ -162,7 +161,7 @@ class BitReader:
         edge_s = samples.end_s[-1] - bit_s[:, None] * (
             phase[:, None] + np.arange(PACKET_BITS, -1, -1)
         )
-        # How much of each exposure is in each bit, shape (alignments, bits, samples).
+        # Share of each exposure in each bit, shape (alignments, bits, samples).
         period_s = samples.end_s[0] - samples.begin_s[0]
         begin = np.maximum(samples.begin_s, edge_s[:, :-1, None])
         end = np.minimum(samples.end_s, edge_s[:, 1:, None])
@@ -189,7 +188,7 @@ class BitReader:
         Returns
         -------
         array, shape (31, packets)
-            By which bit of the packet the oldest is.
+            By the index of the oldest bit in the packet.
         """
         known = ~np.isnan(signal)
         change = np.where(known, signal - signal[known].mean(), 0.0)

@@ -1,6 +1,6 @@
 # Copyright 2026 retrolidar_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""What is demanded of a packet, so that chance makes no more IDs than the budget allows."""
+"""Thresholds of the decision, for a budget of false IDs per hour."""
 
 from __future__ import annotations
 
@@ -15,24 +15,24 @@ _USUAL_ZONES = 16
 
 
 class Demands(NamedTuple):
-    """Log likelihood ratios [nats]."""
+    """Thresholds of log likelihood ratios [nats]."""
 
     evidence: float
-    """Least, against nothing but noise and a level that wanders."""
+    """Minimum, against noise and a wandering level."""
     wandering: float
-    """More of it, where the level wanders besides."""
+    """Added to it where the level wanders as well."""
     word: float
-    """Most by which any other sequence of bits may be likelier."""
+    """Maximum by which another sequence of bits may be likelier."""
     margin: float
-    """Least, against any other ID."""
+    """Minimum, against any other ID."""
     margin_of_more: float
-    """The same where more packets may come, and a doubtful one can wait for them."""
+    """The same where more packets may follow, so that a doubtful one can wait."""
 
 
 def demands(false_ids_per_hour: float, *, zones: int, words: int, bit_s: float) -> Demands:
-    """Return what is demanded for a budget of false IDs, over all zones.
+    """Return the thresholds for a budget of false IDs, over all zones.
 
-    The constants are calibrated by simulation (`evaluate family`).
+    The constants are calibrated by simulation (`evaluation.experiments.false_alarm_family`).
     """
     trials = (
         zones

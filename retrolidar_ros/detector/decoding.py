@@ -1,40 +1,19 @@
 # Copyright 2026 retrolidar_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""Recorded frames to detections, and detections to stable lines of text."""
+"""Detections to stable lines of text."""
 
 from __future__ import annotations
 
 import json
 import math
-from collections.abc import Iterable, Iterator
 
-from retrolidar_ros.detector import Detection, Detector, create_detector
-from retrolidar_ros.sensor.frame import Frame
-
-
-def detect(frames: Iterable[Frame], method: str) -> Iterator[Detection]:
-    """Yield the detections in frames as they become certain.
-
-    Frames are taken one by one, as the node does: so both detect the same.
-
-    Raises
-    ------
-    ValueError
-        If there is no such method.
-    """
-    detector: Detector | None = None
-    grid = None
-    for frame in frames:
-        if detector is None or frame.grid != grid:
-            grid = frame.grid
-            detector = create_detector(method, grid)
-        yield from detector.update(frame)
+from retrolidar_ros.detector import Detection
 
 
 def to_json(detection: Detection) -> str:
     """Return a detection as one line of JSON: metres, decibels, nats, seconds of ROS time.
 
-    What a method does not measure is null.
+    Values that a method does not measure are null.
     """
     x, y, z = detection.place.position_m.tolist()
     return json.dumps(

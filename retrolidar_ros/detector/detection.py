@@ -1,6 +1,6 @@
 # Copyright 2026 retrolidar_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""What a detector says of a marker that it has read, and what it counts."""
+"""The result of a detector, and its counts."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ class Detection:
 
     id: int
     stamp_ns: int
-    """When the place holds: the mean time of the samples that it is made of [ns]."""
+    """When the place holds: the mean time of the samples used for it [ns]."""
     start_ns: int
     """When the (first) packet began [ns]."""
     end_ns: int
@@ -27,7 +27,7 @@ class Detection:
     snr_db: float
     """Modulation over noise, per sample: 20 log10 of amplitude over standard deviation [dB].
 
-    Noise is all that the fitted packet leaves over.
+    Noise is the residual of the fitted packet.
     """
     evidence: float
     """Log likelihood ratio against no packet [nats]; NaN where a method has none."""
@@ -47,25 +47,25 @@ class Detection:
 
 @dataclass
 class DetectorCounts:
-    """What became of the candidates so far."""
+    """Candidates by outcome so far."""
 
     candidates: int = 0
-    """Packet starts that were found, one for every zone that saw one."""
+    """Packets found, one for every zone that saw one."""
     accepted: int = 0
     rejected: Counter[str] = field(default_factory=Counter)
-    """Candidates that were not read, by reason."""
+    """Candidates that were refused, by reason."""
     impossible: int = 0
-    """Samples of a normal status whose signal or distance no sensor measures: erasures."""
+    """Samples of a normal status with an impossible signal or distance: erasures."""
     overloads: int = 0
-    """Frames with so much that looked like packets that the least promising was left out."""
+    """Frames with too many candidates, of which the least likely were dropped."""
 
 
 class Detector(Protocol):
-    """Frames in, detections out: what every method offers."""
+    """The interface of every method: frames in, detections out."""
 
     @property
     def counts(self) -> DetectorCounts:
-        """What became of the candidates so far."""
+        """Candidates by outcome so far."""
 
     def update(self, frame: Frame) -> list[Detection]:
         """Take the next frame; return the detections that became certain with it."""

@@ -1,9 +1,9 @@
 # Copyright 2026 retrolidar_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""The detector of the core: one likelihood decides what is read.
+"""The default detector: the core searches and decides by one likelihood.
 
-The core (`core/src/retrolidar_detector.h`) searches the samples of all zones and decides; here are
-its memory, frames on their way in, and readings on their way out to a place.
+The core (`core/src/retrolidar_detector.h`) gets frames and returns readings, which are placed here
+and become detections.
 """
 
 from __future__ import annotations
@@ -19,13 +19,13 @@ from retrolidar_ros.core import ffi, lib
 from retrolidar_ros.detector.budget import demands
 from retrolidar_ros.detector.detection import Detection, DetectorCounts, check_grid
 from retrolidar_ros.detector.noise import NoiseLaw
-from retrolidar_ros.detector.placement import Window, detection_of
+from retrolidar_ros.detector.placement import USUAL, Optics, Placer
 from retrolidar_ros.detector.reason import REASONS, Reason
 from retrolidar_ros.marker.code import IDS, RESERVED_IDS, check_ids
 from retrolidar_ros.marker.known_markers import MARKER_SIZE_M
 from retrolidar_ros.sensor.frame import Frame, Recording, ZoneGrid
 
-# Rows of samples that are held: eight packets at two frames a bit, or one at more than thirty.
+# Capacity in frames: eight packets at two frames a bit, or one at more than thirty.
 _LEAST_HELD = 1100
 
 
@@ -34,16 +34,16 @@ class Candidate(NamedTuple):
 
     id: int
     zone: int
-    """Which zone, or sum of zones from `zones` on, was searched."""
+    """The zone, or from `zones` on the sum of zones, that was searched."""
     packets: int
     reason: Reason | None
-    """Why it was not read; None if it was."""
+    """Why it was refused; None if it was read."""
     start_ns: int
     bit_period_s: float
     evidence: float
-    """[nats]; this and the next two are 0 where it was refused before."""
+    """[nats]; this and the next two are 0 if it was refused before they were computed."""
     word: float
-    """By how much another sequence of bits is likelier [nats]."""
+    """Log likelihood of the best other sequence of bits less its own [nats]."""
     margin: float
     """[nats]"""
 
@@ -86,6 +86,7 @@ class LikelihoodDetector:
         registered_ids: ArrayLike | None,
         noise: NoiseLaw,
         sizes_m: Mapping[int, float],
+        optics: Optics = USUAL,
     ) -> None:
         """Prepare for frames of `grid`.
 
@@ -95,18 +96,20 @@ class LikelihoodDetector:
         bit_period_s : float
             How long a marker holds a bit, to 3 % [s].
         false_ids_per_hour : float
-            What chance may make, over all zones.
+            Budget of false IDs, over all zones.
         max_packets : int
             How many packets of a repeating marker may be combined.
         registered_ids : array of int, optional
-            The only IDs that may come.
+            The only IDs that are read.
         noise : NoiseLaw
             Of the sensor, to a factor of 8.
         sizes_m : mapping
-            Edges of markers by their IDs [m], where they are not of the usual size.
+            Edges of markers by their IDs [m]; others have the default size.
+        optics : Optics
+            Where this sensor departs from the usual one.
         """
         self.candidates: list[Candidate] = []
-        """Those that were judged with the frames that were taken last."""
+        """Candidates judged in the latest update."""
         self._grid = grid
         self._sizes_m = sizes_m
         self._unplaced = 0
@@ -134,10 +137,11 @@ class LikelihoodDetector:
             raise MemoryError('no memory for the samples of the detector')
         self._core = ffi.gc(core, lib.rl_detector_destroy)
         self._frame = _OneFrame(grid.zones)
+        self._placer = Placer(self._core, grid, optics)
 
     @property
     def counts(self) -> DetectorCounts:
-        """What became of the candidates so far."""
+        """Candidates by outcome so far."""
         counts = lib.rl_detector_counts(self._core)
         refused = {reason: counts.refused[number] for number, reason in REASONS.items()}
         refused[Reason.DISTANCE] = self._unplaced
@@ -164,7 +168,7 @@ class LikelihoodDetector:
         return self._take() if lib.rl_detector_candidates(self._core) else []
 
     def update_all(self, recording: Recording) -> list[Detection]:
-        """Take many frames, at less cost than one after the other.
+        """Take many frames, faster than one by one.
 
         Raises
         ------
@@ -194,7 +198,7 @@ class LikelihoodDetector:
         return detections
 
     def _take(self) -> list[Detection]:
-        """Return what was read with the newest frame, and note what was judged."""
+        """Return the detections of the newest frame, and store the candidates."""
         held = lib.rl_detector_held(self._core)
         for index in range(lib.rl_detector_candidates(self._core)):
             judged = lib.rl_detector_candidate(self._core, index)
@@ -214,10 +218,9 @@ class LikelihoodDetector:
             )
         detections = []
         for index in range(lib.rl_detector_readings(self._core)):
-            reading = lib.rl_detector_reading(self._core, index)
-            window = Window.of(self._core, held, reading)
-            size_m = self._sizes_m.get(reading.id, MARKER_SIZE_M)
-            detection = detection_of(reading, window, held.origin_ns, self._grid, size_m)
+            number = lib.rl_detector_reading(self._core, index).id
+            size_m = self._sizes_m.get(number, MARKER_SIZE_M)
+            detection = self._placer.place(index, held.origin_ns, size_m)
             if detection is None:
                 self._unplaced += 1
             else:
@@ -226,12 +229,12 @@ class LikelihoodDetector:
 
 
 def usable_ids(registered_ids: ArrayLike | None) -> NDArray[np.int64]:
-    """Return the IDs that may come, rising; all usable ones without a choice.
+    """Return the usable IDs among the registered ones, ascending; all usable ones by default.
 
     Raises
     ------
     ValueError
-        If one cannot be, or none can be used.
+        If one is impossible, or none is usable.
     """
     ids = np.arange(IDS) if registered_ids is None else np.unique(check_ids(registered_ids))
     ids = ids[~np.isin(ids, RESERVED_IDS)]
@@ -241,5 +244,5 @@ def usable_ids(registered_ids: ArrayLike | None) -> NDArray[np.int64]:
 
 
 def _pointer(kind: str, values: NDArray[Any], dtype: type) -> Any:
-    """Return values as memory of the core, copied only if they are not laid out as that."""
+    """Return a pointer to values, copied only if their layout is another."""
     return ffi.from_buffer(kind, np.ascontiguousarray(values, dtype=dtype))

@@ -14,6 +14,7 @@ from retrolidar_ros.detector.detection import Detector
 from retrolidar_ros.detector.likelihood_detector import LikelihoodDetector, usable_ids
 from retrolidar_ros.detector.noise import NoiseLaw
 from retrolidar_ros.detector.paper import LIKELIHOOD_THRESHOLD, PaperDetector
+from retrolidar_ros.detector.placement import Optics
 from retrolidar_ros.marker.code import BIT_PERIOD_S
 from retrolidar_ros.sensor.frame import ZoneGrid
 
@@ -33,6 +34,9 @@ def create_detector(
     registered_ids: ArrayLike | None = None,
     noise: NoiseLaw | None = None,
     marker_sizes_m: Mapping[int, float] | None = None,
+    range_offset_m: float = 0.0,
+    zone_pitch: float | None = None,
+    zone_blur: float | None = None,
 ) -> Detector:
     """Return a new detector.
 
@@ -47,16 +51,22 @@ def create_detector(
     likelihood_threshold : float
         Least likelihood l of a preamble (method `paper`).
     false_ids_per_hour : float
-        How many IDs chance alone may make in an hour, over all zones (method `joint`).
+        Budget of false IDs per hour, over all zones (method `joint`).
     max_packets : int
         How many packets of a repeating marker may be combined, 1 to 8 (method `joint`).
     registered_ids : array of int, optional
-        The only IDs that may come; the fewer, the farther they are read. Of method `paper`,
-        others are dropped after decoding, and the reach stays the same.
+        The only IDs that are read; the fewer, the farther. Method `paper` drops others after
+        decoding, and its reach stays the same.
     noise : NoiseLaw, optional
-        Of the sensor; that of a VL53L8CX unless given (method `joint`).
+        Of the sensor; by default that of a VL53L8CX (method `joint`).
     marker_sizes_m : mapping, optional
-        Edges of markers by their IDs [m], where they are not the usual 3 cm (method `joint`).
+        Edges of markers by their IDs [m]; others have 3 cm (method `joint`).
+    range_offset_m : float
+        By how much all ranges are measured too long [m] (method `joint`).
+    zone_pitch : float, optional
+        Width of a zone as a tangent, if it is not the usual one (method `joint`).
+    zone_blur : float, optional
+        Standard deviation of the optics' blur in widths of a zone, if known (method `joint`).
 
     Raises
     ------
@@ -88,4 +98,5 @@ def create_detector(
         registered_ids=registered_ids,
         noise=NoiseLaw() if noise is None else noise,
         sizes_m={} if marker_sizes_m is None else marker_sizes_m,
+        optics=Optics(range_offset_m, zone_pitch, zone_blur),
     )

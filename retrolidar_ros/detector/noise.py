@@ -1,6 +1,6 @@
 # Copyright 2026 retrolidar_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""How much noise the sensor itself makes."""
+"""Noise of the sensor."""
 
 from __future__ import annotations
 
@@ -15,8 +15,8 @@ from retrolidar_ros.sensor.frame import Floats
 class NoiseLaw:
     """Frame-to-frame variance of the signal S of a zone in ambient light A: floor + a·S + b·A.
 
-    Photons of either kind arrive at random; b is taken to be a, as if both were counted in the
-    same gate. A sensor that counts ambient light over a longer time has a smaller b.
+    Photons arrive at random; b is taken to be a, as if signal and ambient light were counted in
+    the same gate. A sensor that counts ambient light over a longer time has a smaller b.
     """
 
     floor: float = 4.6
@@ -27,7 +27,7 @@ class NoiseLaw:
     """b [kcps/SPAD]"""
 
     def __post_init__(self) -> None:
-        """Raise ValueError for a law that allows no noise."""
+        """Raise ValueError for a law without noise."""
         if not (self.floor > 0 and self.slope >= 0 and self.ambient >= 0):
             raise ValueError(
                 f'noise of floor {self.floor}, slope {self.slope}, ambient {self.ambient}: the '
@@ -35,7 +35,7 @@ class NoiseLaw:
             )
 
     def lit(self, ambient: float) -> NoiseLaw:
-        """Return the law in ambient light [kcps/SPAD], whose noise is part of its floor."""
+        """Return the law at an ambient light [kcps/SPAD], whose noise is added to the floor."""
         return NoiseLaw(self.floor + self.ambient * ambient, self.slope, 0.0)
 
     def variance(self, signal: Floats) -> Floats:

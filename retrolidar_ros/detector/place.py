@@ -1,21 +1,35 @@
 # Copyright 2026 retrolidar_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""Where a marker is: from its bearing and its range to a pose with covariance."""
+"""Pose of a marker with covariance, from its bearing and its range."""
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
-from retrolidar_ros.detector.bearing import Bearing
-from retrolidar_ros.sensor.frame import Floats
+from retrolidar_ros.sensor.frame import Floats, ZoneGrid
 
-# Yaw and pitch of a marker cannot be seen, but beyond 60° it cannot be read (paper Fig. 11b);
-# its roll can be anything. Variances of the uniform distributions [rad²].
+# Yaw and pitch of a marker are not measured, but beyond 60° it cannot be read (paper Fig. 11b); its
+# roll is arbitrary. Variances of the uniform distributions [rad²].
 _TILT_VARIANCE = math.radians(60) ** 2 / 3
 _ROLL_VARIANCE = math.pi**2 / 3
+
+
+class Bearing(NamedTuple):
+    """A direction as tangents to the optical axis, x/z and y/z."""
+
+    tangent: Floats
+    """Shape (2,)."""
+    variance: Floats
+    """Of each tangent, shape (2,)."""
+
+
+def zone_bearing(zone: int, grid: ZoneGrid) -> Bearing:
+    """Return the bearing of a marker that may be anywhere in a zone."""
+    return Bearing(grid.tangents[zone], np.full(2, grid.pitch**2 / 12))
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,14 +56,14 @@ def facing_sensor(direction: Floats) -> Floats:
 
 
 def place(bearing: Bearing, range_m: float, range_stddev_m: float) -> Place:
-    """Place a marker, with the variance of what is not known of it.
+    """Return the pose of a marker, with the variance of what is not measured.
 
     Parameters
     ----------
     bearing : Bearing
-        Which way it is.
+        Direction of the marker.
     range_m, range_stddev_m : float
-        How far it is, radially, and the standard deviation of that [m].
+        Radial distance and its standard deviation [m].
     """
     ray = np.append(bearing.tangent, 1.0)
     secant = float(np.linalg.norm(ray))
@@ -59,8 +73,8 @@ def place(bearing: Bearing, range_m: float, range_stddev_m: float) -> Place:
     line_of_sight = np.outer(direction, direction)
     turning = _TILT_VARIANCE * (np.eye(3) - line_of_sight) + _ROLL_VARIANCE * line_of_sight
     across = (per_tangent * bearing.variance) @ per_tangent.T
-    # Whatever the bearing, the marker is on a sphere, which bends away from the plane across: by
-    # half the square of the angle, whose own mean square is this of a normal distribution.
+    # The marker is on a sphere, which bends away from the tangent plane by half the square of the
+    # angle; this is the mean square of that for a normal distribution.
     bend = (np.trace(across) ** 2 + 2 * np.trace(across @ across)) / 4
     along = range_stddev_m**2 + range_m**2 * bend
     covariance = np.zeros((6, 6))

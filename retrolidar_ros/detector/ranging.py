@@ -1,193 +1,60 @@
 # Copyright 2026 retrolidar_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""How far a marker is: the distance of what blinks, and not of what stands behind it.
-
-A target nearer to the marker than the sensor can part merges with it, and the distance reported
-is the mean of both, weighted by signal. So signal times distance is a sum, of which the marker's
-part rises and falls with its light while the other's stays: the ratio of the two modulations,
-that of signal times distance and that of the signal, is the distance of the marker alone.
-"""
+"""How far a marker is, from one zone's samples."""
 
 from __future__ import annotations
 
-import math
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-from retrolidar_ros.sensor.frame import SEPARABLE_M, Floats, ZoneGrid
-
-# Samples with more of the light than the first have seen the marker; with less than the second,
-# what stands behind it.
-BRIGHT, _DARK = 0.75, 0.25
-_LEAST_DISTANCES = 2
-# A zone sees the marker while its signal has this share of that at this quantile.
-_IN_ZONE, _BRIGHTEST = 0.5, 0.9
-# So near to the limit noise may hide whether two targets have merged.
-_UNSURE_M = 0.05
-# How far from a marker the surface is that it is mounted on.
-_MOUNTING_M = 0.005
-# The sensor's own steps are the least noise that there can be.
-_RESOLUTION_M = 0.25e-3 / np.sqrt(12)
+from retrolidar_ros.core import ffi, lib
+from retrolidar_ros.sensor.frame import Floats
 
 
-class Ranged(NamedTuple):
-    """How far a marker was, as one zone saw it."""
+class Depth(NamedTuple):
+    """Of a marker, along the optical axis."""
 
-    range_m: float
-    """Radial distance."""
-    stddev_m: float
+    depth_m: float
+    variance: float
+    """[m²]"""
     time_s: float
-    """When it was so far: the mean time of the samples that tell."""
+    """When it holds."""
 
 
-def modulated_range(
-    time_s: Floats,
-    light: Floats,
-    weight: Floats,
-    signal: Floats,
-    distance: Floats,
-    zone: int,
-    grid: ZoneGrid,
-) -> Ranged | None:
-    """Return how far a marker is; None without distances.
+def modulated_depth(
+    begin_s: Floats, end_s: Floats, light: Floats, valid: Floats, signal: Floats, distance: Floats
+) -> Depth | None:
+    """Return how far a marker is, as the core finds it; None without distances.
 
     Parameters
     ----------
-    time_s : array, shape (samples,)
-        Middle of each exposure [s].
+    begin_s, end_s : array, shape (samples,)
+        Of each exposure [s].
     light : array, shape (samples,)
         How bright the marker was, 0 to 1.
-    weight : array, shape (samples,)
-        0 for samples that tell nothing.
+    valid : array, shape (samples,)
+        Which samples are.
     signal : array, shape (samples,)
-        [kcps/SPAD]; 0 where there was no target.
+        [kcps/SPAD]
     distance : array, shape (samples,)
-        As reported, along the optical axis [m]; NaN where there was no target.
-    zone : int
-        The zone that these are of.
-    grid : ZoneGrid
-        The zones.
+        [m], NaN where there was no target.
     """
-    measured = np.isfinite(distance)
-    seen = measured & (weight > 0) & (light > BRIGHT)
-    if not seen.any():
+    kinds = {
+        'begin_s': (begin_s, 'double[]', np.float64),
+        'end_s': (end_s, 'double[]', np.float64),
+        'light': (light, 'double[]', np.float64),
+        'valid': (valid, 'uint8_t[]', np.uint8),
+        'signal': (signal, 'float[]', np.float32),
+        'distance': (distance, 'float[]', np.float32),
+    }
+    held = {
+        name: ffi.from_buffer(kind, np.ascontiguousarray(values, dtype=dtype))
+        for name, (values, kind, dtype) in kinds.items()
+    }
+    rows = len(light)
+    seen = ffi.new('struct rl_seen *', {'rows': rows, **held})
+    found = ffi.new('struct rl_ranged *')
+    if not lib.rl_ranging(seen, ffi.new('float[]', rows), ffi.new('uint8_t[]', rows), found):
         return None
-    # A marker on the move is in the zone for a part of the time.
-    seen &= signal > _IN_ZONE * _quantile(signal[seen], _BRIGHTEST)
-    if not seen.any():
-        return None
-    ordered = np.sort(distance[seen])
-    about = float(ordered[len(ordered) // 2])
-    own = seen.copy()
-    own[seen] = np.abs(distance[seen] - about) < SEPARABLE_M
-    count = np.count_nonzero(own)
-    if count < _LEAST_DISTANCES:
-        return None
-    depth = float(distance[own].mean())
-    variance = float(distance[own].var(ddof=1)) / count
-    dark = (weight > 0) & (light < _DARK)
-    parted = _without_background(light, signal, distance, own | dark, depth)
-    behind = distance[dark & measured]
-    if parted is not None and dark.any() and not _is_apart(behind, depth, *parted):
-        share = signal[dark].mean() / max(float(signal[own].mean()), 1e-9)
-        depth, variance = _weighed(depth, variance, *parted, max(float(share), 1e-3))
-    # Undo the sensor's own projection, whose factor is that of the zone and not of the target.
-    per_depth = 1 / float(grid.z_per_range[zone])
-    deviation = np.sqrt(variance + _RESOLUTION_M**2 / count)
-    return Ranged(depth * per_depth, float(deviation) * per_depth, float(time_s[own].mean()))
-
-
-def _quantile(values: Floats, share: float) -> float:
-    """Return the value that a share of the values are below, as `numpy.quantile`, but faster."""
-    ordered = np.sort(values)
-    place = share * (len(ordered) - 1)
-    before = int(place)
-    low, high = ordered[before], ordered[min(before + 1, len(ordered) - 1)]
-    return float(low + (place - before) * (high - low))
-
-
-def _is_apart(behind: Floats, depth: float, parted_m: float, parted_variance: float) -> bool:
-    """Tell whether what stands behind was told from the marker, and so is no part of its pulse.
-
-    Near the limit it was if taking it off put the marker beyond the limit.
-
-    Parameters
-    ----------
-    behind : array
-        Distances while the marker was dark [m].
-    depth : float
-        Mean distance while it was bright [m].
-    parted_m, parted_variance : float
-        Distance of the marker if the two have merged [m], and its variance [m²].
-    """
-    if not len(behind):
-        return False
-    wall_m = _quantile(behind, 0.5)
-    gap_m = abs(wall_m - depth)
-    if gap_m < SEPARABLE_M - _UNSURE_M:
-        return False
-    beyond = abs(wall_m - parted_m) - 3 * math.sqrt(parted_variance) > SEPARABLE_M
-    return gap_m >= SEPARABLE_M or beyond
-
-
-def _weighed(
-    plain_m: float, plain_variance: float, parted_m: float, parted_variance: float, share: float
-) -> tuple[float, float]:
-    """Return a distance and its variance, where it is open whether anything need be taken off.
-
-    What is behind a marker in the same pulse is mostly what it is mounted on, at its own distance,
-    and then taking it off adds noise only. So both are held against the step from one to the
-    other: that it is all noise and mounting, or that anything may be there.
-
-    Parameters
-    ----------
-    plain_m, plain_variance : float
-        Mean of the bright samples [m], and its variance.
-    parted_m, parted_variance : float
-        Without what stands behind.
-    share : float
-        Of the signal that this has while the marker is bright.
-    """
-    step = parted_m - plain_m
-    noise = max(parted_variance - plain_variance, 0.0)
-    mounting = (_MOUNTING_M * share) ** 2
-    spread = noise + mounting
-    mounted = math.exp(-step * step / (2 * spread)) / math.sqrt(2 * math.pi * spread)
-    free = 1 / (2 * SEPARABLE_M * share)
-    chance = free / (mounted + free)
-    near_m = plain_m + step * mounting / spread
-    near_variance = plain_variance + noise * mounting / spread
-    apart_m = parted_m - near_m
-    variance = (1 - chance) * near_variance + chance * parted_variance
-    return near_m + chance * apart_m, variance + chance * (1 - chance) * apart_m**2
-
-
-def _without_background(
-    light: Floats, signal: Floats, distance: Floats, told: NDArray[np.bool_], about: float
-) -> tuple[float, float] | None:
-    """Return the distance of what blinks [m] and its variance [m²]; None where nothing does.
-
-    Parameters
-    ----------
-    light, signal, distance : array, shape (samples,)
-    told : array of bool, shape (samples,)
-        The samples to be used.
-    about : float
-        A first guess [m].
-    """
-    light, signal, distance = light[told], signal[told], distance[told]
-    change = light - light.mean()
-    energy = change @ change
-    if not energy > 0 or not (gain := change @ signal / energy) > 0:
-        return None
-    # Distances count from the marker, so that noise of the signal moves nothing; the second time
-    # they do, and what is left over tells how sure the result is.
-    for _ in range(2):
-        product = np.where(np.isfinite(distance), signal * (distance - about), 0.0)
-        slope = change @ product / energy
-        about += float(slope / gain)
-    left = product - product.mean() - slope * change
-    variance = left @ left / max(len(left) - 2, 1) / energy / gain**2
-    return about, float(variance)
+    return Depth(found.depth_m, found.variance, found.time_s)

@@ -1,6 +1,6 @@
 # Copyright 2026 retrolidar_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""Why a candidate is not read."""
+"""Why a candidate is refused."""
 
 from __future__ import annotations
 
@@ -10,18 +10,18 @@ from retrolidar_ros.core import lib
 
 
 class Reason(str, Enum):
-    """The word that diagnostics and tables use for each reason."""
+    """Reasons, as diagnostics and tables name them."""
 
     EVIDENCE = 'evidence'
     """Noise and a wandering level explain the samples nearly as well."""
     NOT_A_WORD = 'not a word'
-    """Another sequence of bits, of no packet, explains them much better."""
+    """Another sequence of bits, which is no packet, explains them much better."""
     MARGIN = 'margin'
     """A packet of another ID explains them nearly as well."""
     INCOMPLETE = 'incomplete'
     """The packet may not have ended yet."""
     ERASED = 'erased'
-    """Too many of its samples are not valid."""
+    """Too few of its samples are valid."""
     DISTANCE = 'distance'
     """It was read, but no distance was measured."""
 

@@ -1,3 +1,3 @@
 # Copyright 2026 retrolidar_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""What a marker is: code, dictionary, liquid crystal, wake-up, battery, the known ones."""
+"""The marker: packet and code, sets of IDs, liquid crystal, wake-up, battery, marker files."""

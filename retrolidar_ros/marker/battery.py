@@ -1,10 +1,9 @@
 # Copyright 2026 retrolidar_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""What a marker draws from its cell, and how long that lasts (paper §5, Tab. 2).
+"""Current of a marker and life of its battery (paper §5, Tab. 2).
 
-It sleeps, looks for the sensor's light in short regular windows, and is active while it sends
-packets; it does not look meanwhile. The cell gives all of its capacity: self-discharge and what
-is left below the least voltage are not modelled.
+A marker sleeps, looks for the sensor's light in short regular windows, and is active while it
+sends packets. Self-discharge, and the capacity left below the least voltage, are not modelled.
 """
 
 from __future__ import annotations
@@ -22,7 +21,7 @@ _HOUR_S = 3600.0
 
 @dataclass(frozen=True)
 class Currents:
-    """What a marker draws in each mode [mA]."""
+    """Current of a marker in each mode [mA]."""
 
     sleep: float = 0.001
     detection: float = 3.98
@@ -34,7 +33,7 @@ PROTOTYPE = Currents()
 
 
 class Drawn(NamedTuple):
-    """Mean current by the mode that draws it [mA]."""
+    """Mean current by mode [mA]."""
 
     sleep: float
     detection: float
@@ -47,7 +46,7 @@ class Drawn(NamedTuple):
 
 
 def active_share(queries_per_hour: float, packets: int = 1) -> float:
-    """Return the share of the time in which the marker sends.
+    """Return the share of time in which the marker sends.
 
     Parameters
     ----------
@@ -59,7 +58,7 @@ def active_share(queries_per_hour: float, packets: int = 1) -> float:
     Raises
     ------
     ValueError
-        If there are fewer than no queries, or more than fit into an hour.
+        If the number of queries is negative, or more than fit into an hour.
     """
     share = queries_per_hour * packets * PACKET_S / _HOUR_S
     if not 0 <= share <= 1:

@@ -1,6 +1,6 @@
 # Copyright 2026 retrolidar_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""What a marker sends: a 7-bit preamble and an extended Golay (24, 12) word.
+"""The packet of a marker: a 7-bit preamble and an extended Golay (24, 12) word.
 
 A bit 1 is a dark bit: the liquid crystal is driven and blocks the light (paper §2.2).
 Words are rows of bits, most significant bit first, in any leading batch shape.
@@ -39,12 +39,12 @@ def _to_numbers(bits: NDArray[np.uint8]) -> NDArray[np.int64]:
 
 
 WORDS = _to_bits([lib.rl_golay_word(marker_id) for marker_id in range(IDS)], WORD_BITS)
-"""The words of all IDs, shape (4096, 24)."""
+"""The codewords of all IDs, shape (4096, 24)."""
 
 _PACKETS = _to_bits([lib.rl_packet(marker_id) for marker_id in range(IDS)], PACKET_BITS)
 PREAMBLE = _PACKETS[0, : PACKET_BITS - WORD_BITS]
 
-# Their words are all bright and all dark: nothing is modulated after the preamble.
+# Their codewords are all bright and all dark: nothing is modulated after the preamble.
 RESERVED_IDS = tuple(marker_id for marker_id in range(IDS) if not lib.rl_id_is_usable(marker_id))
 
 _PARITY_OF_ID = _to_numbers(WORDS[:, ID_BITS:])
@@ -70,7 +70,7 @@ def _coset_leaders() -> tuple[NDArray[np.int64], NDArray[np.int8]]:
 
 
 def _syndromes(words: NDArray[np.int64]) -> NDArray[np.int64]:
-    """Return the 12-bit syndromes of packed words: the parity sent against that expected."""
+    """Return the 12-bit syndromes of packed words: parity received xor parity expected."""
     expected: NDArray[np.int64] = _PARITY_OF_ID[words >> ID_BITS]
     return expected ^ (words & (IDS - 1))
 
@@ -82,9 +82,9 @@ class Decoded(NamedTuple):
     """The outcome of decoding, each of the words' batch shape."""
 
     ids: NDArray[np.int64]
-    """The decoded ID, -1 where the word was refused."""
+    """The decoded ID, -1 where the word was rejected."""
     corrected_bits: NDArray[np.int8]
-    """How many bits were wrong, 0 to 3; -1 where four or more were, and the word is refused."""
+    """How many bits were wrong, 0 to 3; -1 where four or more were."""
 
 
 def check_ids(ids: ArrayLike) -> NDArray[np.int64]:
@@ -99,7 +99,7 @@ def check_ids(ids: ArrayLike) -> NDArray[np.int64]:
 
 
 def encode(ids: ArrayLike) -> NDArray[np.uint8]:
-    """Return the Golay words of marker IDs.
+    """Return the Golay codewords of marker IDs.
 
     Parameters
     ----------
@@ -120,7 +120,7 @@ def encode(ids: ArrayLike) -> NDArray[np.uint8]:
 
 
 def packet(ids: ArrayLike) -> NDArray[np.uint8]:
-    """Return preamble and word of marker IDs of shape (...), as bits of shape (..., 31).
+    """Return preamble and codeword of marker IDs of shape (...), as bits of shape (..., 31).
 
     Raises
     ------
@@ -131,10 +131,10 @@ def packet(ids: ArrayLike) -> NDArray[np.uint8]:
 
 
 def decode(words: ArrayLike) -> Decoded:
-    """Correct up to three wrong bits a word; refuse a word with four.
+    """Correct up to three wrong bits a word; reject a word with four.
 
-    Any word within three bits of a code word decodes to it, and these are 56.8 % of all
-    24-bit patterns: a decoded ID alone is no evidence that a marker was there.
+    Any word within three bits of a codeword decodes to it, and these are 56.8 % of all 24-bit
+    words: a decoded ID alone is no evidence of a marker.
 
     Parameters
     ----------

@@ -1,14 +1,13 @@
 # Copyright 2026 retrolidar_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""Sets of marker IDs that stay apart wherever a reading starts.
+"""Sets of marker IDs that stay apart at any start bit.
 
-A marker that repeats its packet may be read from any of its 31 bits. Read from its first bit, two
-IDs differ in eight bits or more, as the Golay code has it; read from another, one may come close
-to the packet of a second one, or to its own. So the distance of two IDs is the fewest bits in
-which the packet of one differs from any cyclic shift of the packet of the other, and that of an
-ID to itself the fewest over all shifts but none. As words and preamble have an even number of
-dark bits, all distances are even. At a distance of 8 three wrong bits leave every reading nearer
-to what was sent than to anything else in the set, at 6 two, at 4 one, at 2 none.
+A marker that repeats its packet may be read from any of its 31 bits. From the first bit, two IDs
+differ in eight bits or more by the Golay code; from another bit, an ID may come close to the packet
+of a second one, or to its own. So the distance of two IDs is the minimum Hamming distance between
+the packet of one and any cyclic shift of the packet of the other; that of an ID to itself is the
+minimum over all shifts but 0. Codewords and preamble have even weight, so all distances are even.
+At a distance of 8 three wrong bits can be corrected within the set, at 6 two, at 4 one, at 2 none.
 """
 
 from __future__ import annotations
@@ -30,7 +29,7 @@ _ROWS_AT_ONCE = 512  # of a matrix product, 8 MB for all IDs
 
 
 class ConfusablePair(NamedTuple):
-    """Two markers, or one with itself, that come close at some start of the reading."""
+    """Two markers, or one with itself, that come close at some start bit."""
 
     first: int
     second: int
@@ -38,7 +37,7 @@ class ConfusablePair(NamedTuple):
     distance: int
     """In how many bits they differ; 0 if the ID is in the set more than once."""
     shift: int
-    """From which bit of `first`, 0 to 30, a reading comes so close to the packet of `second`."""
+    """Start bit of `first`, 0 to 30, at which it is so close to the packet of `second`."""
 
 
 def distances(ids: ArrayLike) -> NDArray[np.uint8]:

@@ -1,6 +1,6 @@
 # Copyright 2026 retrolidar_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""The markers that a robot knows: what they are called, and how large they are."""
+"""Marker files: names and sizes of the markers that a robot knows."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from retrolidar_ros.settings.yaml_files import load_parsed
 
 MARKER_SIZE_M = 0.03
 """Edge of the paper's retroreflector (§5)."""
-# What TF takes for a name; a leading slash it does not.
+# Names that TF accepts; a leading slash it does not.
 _FRAME = re.compile(r'[A-Za-z0-9_.-][A-Za-z0-9_./-]*')
 
 _USUAL_FRAME = re.compile(r'marker_([0-9]+)')
@@ -39,7 +39,7 @@ class KnownMarker:
 
 
 def frame_of(marker_id: int, known: Mapping[int, KnownMarker]) -> str:
-    """Return the TF frame of a marker, be it known or not."""
+    """Return the TF frame of a marker, known or not."""
     return known[marker_id].frame if marker_id in known else f'marker_{marker_id}'
 
 
@@ -49,8 +49,8 @@ def parse_markers(content: object) -> dict[int, KnownMarker]:
     Raises
     ------
     ConfigError
-        For an ID that cannot be, a frame that two markers have, an unknown key or a missing unit;
-        it names the key.
+        For an impossible ID, a frame of two markers, an unknown key or a missing unit; the message
+        names the key.
     """
     section = Section(content)
     known = section.need('markers', _markers)
@@ -60,7 +60,7 @@ def parse_markers(content: object) -> dict[int, KnownMarker]:
 
 def _markers(value: Any, path: str) -> dict[int, KnownMarker]:
     if not isinstance(value, Mapping):
-        raise ConfigError(f'{path}: needs an ID and what is known of it a line, not {value!r}')
+        raise ConfigError(f'{path}: needs a mapping of IDs to markers, not {value!r}')
     known = {identity: _marker(identity, one, path) for identity, one in value.items()}
     owners: dict[str, int] = {}
     for marker in known.values():
@@ -129,6 +129,6 @@ def load_markers(path: Path) -> dict[int, KnownMarker]:
     OSError
         If it cannot be read.
     ConfigError
-        If a marker cannot be, or stands there twice; the message names the file and the key.
+        If a marker is impossible, or occurs twice; the message names the file and the key.
     """
     return load_parsed(path, parse_markers)

@@ -1,6 +1,6 @@
 # Copyright 2026 retrolidar_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""How a liquid crystal turns from bright to dark and back: exponentially (paper §2.2)."""
+"""Step response of a liquid crystal: exponential (paper §2.2)."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ _TIME_CONSTANTS_10_TO_90 = math.log(9)
 
 @dataclass(frozen=True)
 class Response:
-    """Times from 10 to 90 % in which the liquid crystal darkens and brightens [s]."""
+    """Times in which the liquid crystal darkens and brightens, from 10 to 90 % [s]."""
 
     dark_s: float = 0.0005
     bright_s: float = 0.0035
@@ -42,7 +42,7 @@ class Response:
         return self.relaxation(before, level, elapsed_s)[0]
 
     def relaxation(self, before: Floats, level: Floats, elapsed_s: Floats) -> tuple[Floats, Floats]:
-        """Return the integral of the relaxation [s], and where it has come to, 0 to 1."""
+        """Return the integral of the relaxation [s] and its present value, 0 to 1."""
         step = before - level
         tau = np.where(step > 0, self.dark_s, self.bright_s) / _TIME_CONSTANTS_10_TO_90
         share = np.divide(elapsed_s, tau, out=np.full_like(elapsed_s, np.inf), where=tau > 0)

@@ -1,11 +1,10 @@
 # Copyright 2026 retrolidar_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""What wakes a marker: the sensor's light on its photodiode against a threshold (paper §3.3).
+"""Wake-up of a marker: the sensor's light on its photodiode against a threshold (paper §3.3).
 
-All voltages are root mean squares behind both filters. Light and noise do not know of each other,
-so their powers add: V² = noise² + light². The light falls with the square of the distance (paper
-§6.5) and with the area that the photodiode shows. How the amplifier saturates near by is not
-modelled.
+All voltages are root mean squares behind both filters. Light and noise are independent, so their
+powers add: V² = noise² + light². The light falls with the square of the distance (paper §6.5) and
+with the cosine of the angle. Saturation of the amplifier at close range is not modelled.
 """
 
 from __future__ import annotations
@@ -23,7 +22,7 @@ GUARD_V = 1e-3
 THRESHOLD_V = NOISE_V['indoors'] + GUARD_V
 """The paper's (§6.5)."""
 REACH_M = 2.25
-"""To what distance the paper's threshold is passed (§6.5)."""
+"""Distance up to which the paper's threshold is exceeded (§6.5)."""
 LARGEST_ANGLE_RAD = math.radians(55)
 """Angle beyond which the photodiode receives nothing (§6.5)."""
 LOOK_S = 1e-3
@@ -34,7 +33,7 @@ WAKING_S = LOOK_EVERY_S + LATENCY_S
 
 
 def needed_light_v(threshold_v: float, noise_v: float) -> float:
-    """Return the light's voltage [V] that lifts a noise to a threshold; 0 if it is there alone."""
+    """Return the voltage of light [V] that lifts noise to a threshold; 0 if noise alone does."""
     return math.sqrt(max(0.0, threshold_v**2 - noise_v**2))
 
 
@@ -42,7 +41,7 @@ LIGHT_AT_1_M_V = REACH_M**2 * needed_light_v(THRESHOLD_V, NOISE_V['indoors'])
 
 
 def light_v(range_m: Floats, angle_rad: float = 0.0) -> Floats:
-    """Return the voltage that the sensor's light alone makes.
+    """Return the voltage of the sensor's light alone.
 
     Parameters
     ----------
@@ -71,10 +70,10 @@ def wakeup_range_m(
     noise_v: float = NOISE_V['indoors'],
     angle_rad: float = 0.0,
 ) -> float:
-    """Return to what distance the marker wakes [m].
+    """Return the distance up to which the marker wakes [m].
 
-    Infinite where the noise alone passes the threshold, so that the marker never sleeps; 0 where
-    the marker faces away.
+    Infinite where noise alone exceeds the threshold, so that the marker never sleeps; 0 where the
+    marker faces away.
     """
     needed_v = needed_light_v(threshold_v, noise_v)
     if needed_v == 0:

@@ -13,10 +13,12 @@ from rclpy.node import Node
 from std_msgs.msg import Bool, Header, String
 
 from retrolidar_ros.msg import MarkerDetection
-from retrolidar_ros.nodes.conversion import LATCHED, to_ns, to_pose_msg, topic_part
+from retrolidar_ros.nodes.conversion import to_ns, to_pose_msg
 from retrolidar_ros.nodes.diagnostics import OK, WARN, Health, publish_health
+from retrolidar_ros.nodes.names import topic_part
 from retrolidar_ros.nodes.parameters import Parameters
 from retrolidar_ros.nodes.placed_readings import PlacedReadings
+from retrolidar_ros.nodes.qos import EVENTS, LATCHED, OVERRIDABLE
 from retrolidar_ros.nodes.run import run
 from retrolidar_ros.sensor.frame import Floats
 from retrolidar_ros.sensor.rotation import matrix_of
@@ -51,7 +53,6 @@ class CoffeeNode(Node):
         parameters.number(
             'stale_after', 'How long a detection counts [s].', 0.1, 86400.0, live=True
         )
-        parameters.warn_of_unknown()
         values = parameters.values
         self._board = ObjectBoard(values['objects'], values['max_stddev'], values['stale_after'])
         parameters.follow(self._change)
@@ -80,7 +81,10 @@ class CoffeeNode(Node):
                 self, ['markers'], self._target, _PATIENCE_S, self._place, self._survey.forget
             )
         else:
-            self.create_subscription(MarkerDetection, 'markers', self._take, 100)
+            self.create_subscription(
+                MarkerDetection, 'markers', self._take, EVENTS, qos_overriding_options=OVERRIDABLE
+            )
+        parameters.warn_of_unknown()
         self.create_timer(_TICK_S, self._tick, clock=Clock(clock_type=ClockType.STEADY_TIME))
 
     def _change(self, values: dict[str, float]) -> None:

@@ -4,24 +4,27 @@
 
 from __future__ import annotations
 
-import re
 from array import array
 
 import numpy as np
 from builtin_interfaces.msg import Time
 from geometry_msgs.msg import PoseWithCovarianceStamped, TransformStamped
-from rclpy.qos import DurabilityPolicy, QoSProfile
-from sensor_msgs.msg import Image, PointCloud2, PointField
+from numpy.typing import NDArray
+from sensor_msgs.msg import CameraInfo, Image, PointCloud2, PointField
 from std_msgs.msg import Header
 
 from retrolidar_ros.detector import Detection
 from retrolidar_ros.msg import Frame as FrameMsg
 from retrolidar_ros.msg import MarkerDetection
-from retrolidar_ros.sensor.frame import NORMAL_STATUS, Floats, Frame, ZoneGrid, check_frame_arrays
+from retrolidar_ros.sensor.frame import (
+    Floats,
+    Frame,
+    ZoneGrid,
+    check_frame_arrays,
+    valid_samples,
+)
 from retrolidar_ros.sensor.rotation import quaternion_of
 
-LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
-"""Who asks late hears the last message."""
 _POINT_FIELDS = ('x', 'y', 'z', 'signal', 'ambient')
 
 
@@ -36,11 +39,14 @@ def to_ns(time: Time) -> int:
     return int(time.sec) * 1_000_000_000 + int(time.nanosec)
 
 
+def to_header(stamp_ns: int, frame_id: str) -> Header:
+    """Return a header of a time and a frame."""
+    return Header(stamp=to_time(stamp_ns), frame_id=frame_id)
+
+
 def to_frame_msg(frame: Frame, frame_id: str) -> FrameMsg:
     """Return a frame as a message, its stamp and arrays as they are."""
-    message = FrameMsg()
-    message.header.stamp = to_time(frame.stamp_ns)
-    message.header.frame_id = frame_id
+    message = FrameMsg(header=to_header(frame.stamp_ns, frame_id))
     message.sequence = frame.sequence
     message.sensor_time = frame.sensor_time_us
     message.rows = frame.grid.rows
@@ -87,8 +93,7 @@ def to_point_cloud(frame: Frame, header: Header) -> PointCloud2:
     A point is on the axis of its zone, at the distance that the sensor reports along its own axis.
     """
     grid = frame.grid
-    normal = np.isin(frame.status, NORMAL_STATUS)
-    depth = np.where(normal, frame.distance, np.nan).astype(np.float32)
+    depth = _depth(frame)
     points = np.empty((grid.zones, len(_POINT_FIELDS)), dtype='<f4')
     points[:, :2] = grid.tangents * depth[:, None]
     points[:, 2] = depth
@@ -107,13 +112,40 @@ def to_point_cloud(frame: Frame, header: Header) -> PointCloud2:
         point_step=4 * len(_POINT_FIELDS),
         row_step=4 * len(_POINT_FIELDS) * grid.columns,
         data=array('B', points.tobytes()),
-        is_dense=bool(normal.all() and np.isfinite(depth).all()),
+        is_dense=bool(np.isfinite(depth).all()),
     )
 
 
 def to_signal_image(frame: Frame, header: Header) -> Image:
     """Return the signal of each zone [kcps/SPAD] as an image of floats, 32FC1."""
+    return _image(frame.signal, frame.grid, header)
+
+
+def to_depth_image(frame: Frame, header: Header) -> Image:
+    """Return the distance of each zone along the optical axis [m], 32FC1, NaN of no target."""
+    return _image(_depth(frame), frame.grid, header)
+
+
+def to_camera_info(frame: Frame, header: Header) -> CameraInfo:
+    """Return the pinhole camera that the sensor is: its zones are equal steps of a tangent."""
     grid = frame.grid
+    focal = 1 / grid.pitch  # [zones]
+    middle = (grid.columns - 1) / 2, (grid.rows - 1) / 2
+    info = CameraInfo(header=header, height=grid.rows, width=grid.columns)
+    info.distortion_model, info.d = 'plumb_bob', [0.0] * 5
+    info.k = [focal, 0.0, middle[0], 0.0, focal, middle[1], 0.0, 0.0, 1.0]
+    info.r = np.eye(3).ravel().tolist()
+    info.p = [focal, 0.0, middle[0], 0.0, 0.0, focal, middle[1], 0.0, 0.0, 0.0, 1.0, 0.0]
+    return info
+
+
+def _depth(frame: Frame) -> NDArray[np.float32]:
+    """Return the distances that are to be believed [m], NaN for the others."""
+    valid, _ = valid_samples(frame.signal, frame.distance, frame.status)
+    return np.where(valid, frame.distance, np.nan).astype(np.float32)
+
+
+def _image(values: Floats, grid: ZoneGrid, header: Header) -> Image:
     return Image(
         header=header,
         height=grid.rows,
@@ -121,15 +153,13 @@ def to_signal_image(frame: Frame, header: Header) -> Image:
         encoding='32FC1',
         is_bigendian=0,
         step=4 * grid.columns,
-        data=array('B', frame.signal.astype('<f4').tobytes()),
+        data=array('B', values.astype('<f4').tobytes()),
     )
 
 
 def to_detection_msg(detection: Detection, frame_id: str, child_frame_id: str) -> MarkerDetection:
     """Return a detection as a message in the sensor's frame `frame_id`."""
-    message = MarkerDetection()
-    message.header.stamp = to_time(detection.stamp_ns)
-    message.header.frame_id = frame_id
+    message = MarkerDetection(header=to_header(detection.stamp_ns, frame_id))
     message.child_frame_id = child_frame_id
     message.id = detection.id
     place = detection.place
@@ -175,9 +205,3 @@ def to_pose_msg(
     turn.x, turn.y, turn.z, turn.w = quaternion_of(rotation).tolist()
     message.pose.covariance = covariance.ravel()
     return message
-
-
-def topic_part(name: str) -> str:
-    """Return a TF frame as a part of a topic's name, which takes fewer characters."""
-    part = re.sub(r'\W', '_', name, flags=re.ASCII)
-    return f'_{part}' if part[0].isdigit() else part

@@ -26,24 +26,60 @@ class Health(NamedTuple):
     values: dict[str, str]
 
 
+Examine = Callable[[], 'Health | None']
+"""Judges what passed since it was last called; None where there is nothing to say."""
+
+
+def health_of(problems: list[tuple[bytes, str]], fine: str, values: dict[str, str]) -> Health:
+    """Return problems as one health, the worst first; `fine` if there are none."""
+    if not problems:
+        return Health(OK, fine, values)
+    problems = sorted(problems, key=lambda problem: problem[0], reverse=True)
+    return Health(problems[0][0], '; '.join(text for _, text in problems), values)
+
+
+class HealthBoard:
+    """Publishes the health of all that one process does, in one message a second."""
+
+    def __init__(self, node: Node) -> None:
+        """Publish in the name of `node`, for as long as it lives."""
+        self._node = node
+        self._subjects: list[tuple[str, str, Examine]] = []
+        self._publisher = node.create_publisher(DiagnosticArray, '/diagnostics', 10)
+        # Of the steady clock: a replay that is paused, or a clock that is set, silences nobody.
+        node.create_timer(PERIOD_S, self._publish, clock=Clock(clock_type=ClockType.STEADY_TIME))
+
+    def add(self, name: str, hardware_id: str, examine: Examine) -> None:
+        """Publish what `examine` returns, too."""
+        self._subjects.append((name, hardware_id, examine))
+
+    def _publish(self) -> None:
+        message = DiagnosticArray()
+        message.header.stamp = self._node.get_clock().now().to_msg()
+        for name, hardware_id, examine in self._subjects:
+            if (health := examine()) is not None:
+                status = DiagnosticStatus(
+                    level=health.level, name=name, message=health.summary, hardware_id=hardware_id
+                )
+                status.values = [KeyValue(key=key, value=one) for key, one in health.values.items()]
+                message.status.append(status)
+        self._publisher.publish(message)
+
+
 def publish_health(
-    node: Node, subject: str, hardware_id: str, examine: Callable[[], Health]
-) -> None:
-    """Publish what `examine` returns of a subject once a second, for as long as the node lives."""
-    publisher = node.create_publisher(DiagnosticArray, '/diagnostics', 10)
+    node: Node,
+    subject: str,
+    hardware_id: str,
+    examine: Examine,
+    board: HealthBoard | None = None,
+) -> HealthBoard:
+    """Publish what `examine` returns of a subject once a second, on a board of its own or another.
 
-    def publish() -> None:
-        health = examine()
-        status = DiagnosticStatus(
-            level=health.level,
-            name=f'{node.get_fully_qualified_name()}: {subject}',
-            message=health.summary,
-            hardware_id=hardware_id,
-            values=[KeyValue(key=key, value=value) for key, value in health.values.items()],
-        )
-        message = DiagnosticArray(status=[status])
-        message.header.stamp = node.get_clock().now().to_msg()
-        publisher.publish(message)
-
-    # Of the steady clock: a replay that is paused, or a clock that is set, silences nobody.
-    node.create_timer(PERIOD_S, publish, clock=Clock(clock_type=ClockType.STEADY_TIME))
+    Returns
+    -------
+    HealthBoard
+        To which more can be added.
+    """
+    board = HealthBoard(node) if board is None else board
+    board.add(f'{node.get_fully_qualified_name()}: {subject}', hardware_id, examine)
+    return board

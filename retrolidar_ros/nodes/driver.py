@@ -1,101 +1,158 @@
 # Copyright 2026 retrolidar_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""The `driver` node: from the serial port to `frames`, `points` and `signal_image`."""
+"""The `driver` node: from the serial port to `frames` and what else shows them."""
 
 from __future__ import annotations
 
-import time
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from threading import Event, Thread
-from typing import Any, NamedTuple
+from typing import Any
 
-import numpy as np
 import rclpy
-from rclpy.node import Node
-from rclpy.qos import QoSProfile, ReliabilityPolicy
-from sensor_msgs.msg import Image, PointCloud2
+from rclpy.lifecycle import LifecycleState, TransitionCallbackReturn
+from rclpy.lifecycle import Node as LifecycleNode
+from rclpy.parameter import Parameter
 
-from retrolidar_ros.msg import Frame as FrameMsg
-from retrolidar_ros.nodes.conversion import to_frame_msg, to_point_cloud, to_signal_image
-from retrolidar_ros.nodes.diagnostics import ERROR, OK, WARN, Health, publish_health
-from retrolidar_ros.nodes.parameters import Parameters
+from retrolidar_ros.nodes.diagnostics import WARN, Health, HealthBoard, publish_health
+from retrolidar_ros.nodes.driver_health import DriverTally
+from retrolidar_ros.nodes.frame_topics import FrameTopics
+from retrolidar_ros.nodes.names import in_namespace
+from retrolidar_ros.nodes.parameters import Parameters, check_frame_id
+from retrolidar_ros.nodes.partner import DetectorWatch
 from retrolidar_ros.nodes.run import run
 from retrolidar_ros.sensor.clock import ClockMap
-from retrolidar_ros.sensor.frame import NORMAL_STATUS, Frame
-from retrolidar_ros.sensor.frame_rate import missing_frames
+from retrolidar_ros.sensor.frame import Frame
 from retrolidar_ros.sensor.protocols import PROTOCOLS
 from retrolidar_ros.sensor.serial_source import SerialSource
 
-# Share of abnormal zones from which on something is wrong with the sensor or before it: looking
-# into a room, a quarter of them is usual.
-_MANY_ABNORMAL = 0.75
+Take = Callable[[Frame, str], None]
+"""Takes a frame, stamped in ROS time, and the TF frame that it was seen from."""
 
 
-class _Tally(NamedTuple):
-    """What has been counted until some time."""
-
-    time_s: float
-    frames: int = 0
-    damaged: int = 0
-    received: int = 0
-    withheld: int = 0
-    lost: int = 0
-    zones: int = 0
-    abnormal: int = 0
-    latency_s: float = 0.0
-    """Sum over the frames, from the middle of the exposure until they were published."""
-
-
-class DriverNode(Node):
+class DriverNode(LifecycleNode):
     """Publishes the sensor's frames with the time of their exposure.
 
-    The port is read in a thread of its own, so nothing that the executor does delays a frame.
+    Configured, it reads the port, in a thread of its own, so nothing that the executor does delays
+    a frame; active, it publishes. With the parameter autostart it becomes active by itself.
     """
 
-    def __init__(self) -> None:
-        """Declare parameters and start to read."""
-        super().__init__('driver')
+    def __init__(
+        self,
+        *,
+        take: Take | None = None,
+        board: HealthBoard | None = None,
+        namespace: str = '',
+        overrides: Sequence[Parameter] = (),
+    ) -> None:
+        """Declare parameters, and start to read if they say so.
+
+        Parameters
+        ----------
+        take : callable, optional
+            Gets every frame, without the way over a topic.
+        board : HealthBoard, optional
+            Of the process, if it has one.
+        namespace : str, optional
+            That of the process if not given.
+        overrides : sequence of Parameter
+            Go before what the parameter file says.
+        """
+        super().__init__(
+            'driver', cli_args=in_namespace(namespace), parameter_overrides=[*overrides]
+        )
         self.failed = False
         """Whether reading has ended by an error that nobody expected."""
+        self._take = take
+        for service in self.services:
+            if service.srv_name.endswith('/change_state'):
+                service.callback = self._refusing(service.callback)
         parameters = Parameters(self, 'driver')
-        parameters.text('serial_port', 'Device of the sensor; a path under by-id is best.')
-        parameters.integer('serial_baud', 'Speed of the line [bit/s].', 9600, 12_000_000)
-        parameters.text('protocol', 'What the sensor speaks.', tuple(PROTOCOLS))
-        parameters.text('frame_id', 'TF frame of the sensor: x right, y down, z forward.')
-        parameters.number(
-            'transport_delay',
-            'Least time from the middle of an exposure to the arrival of its frame [s].',
-            0.0,
-            1.0,
-            live=True,
-        )
+        _declare(parameters)
+        self._values = parameters.values
+        frame_id = check_frame_id('frame_id', self._values['frame_id'])
+        self._frame_id = frame_id
+        self._topics = FrameTopics(self, frame_id)
         parameters.warn_of_unknown()
-        values = parameters.values
-        self._frame_id = values['frame_id']
-        if not self._frame_id:
-            raise ValueError('frame_id is empty; TF needs a name')
-        self._clock_map = ClockMap(values['transport_delay'])
         parameters.follow(self._change)
-        reliable = QoSProfile(depth=10, reliability=ReliabilityPolicy.RELIABLE)
-        self._publisher = self.create_publisher(FrameMsg, 'frames', reliable)
-        self._points = self.create_publisher(PointCloud2, 'points', reliable)
-        self._image = self.create_publisher(Image, 'signal_image', reliable)
-        reader = PROTOCOLS[values['protocol']](self._now_ns)
-        self._source = SerialSource(
-            values['serial_port'], values['serial_baud'], reader, self._now_ns
-        )
-        self._last_sequence: int | None = None
-        self._tally = self._examined = _Tally(time.monotonic())
-        publish_health(self, 'frames', values['serial_port'], self._examine)
+        self._source: SerialSource | None = None
+        self._clock_map = ClockMap(self._values['transport_delay'])
+        self._tally = DriverTally()
+        self._thread: Thread | None = None
         self._stop = Event()
-        self._thread = Thread(target=self._read, daemon=True)
+        self._is_active = False
+        board = publish_health(self, 'frames', self._values['serial_port'], self._examine, board)
+        self._watch = None if take else DetectorWatch(self)
+        if self._watch is not None:
+            board.add(self._watch.name, '', self._watch.examine)
+        if self._values['autostart']:
+            self.trigger_configure()
+            self.trigger_activate()
+
+    def _refusing(self, change_state: Callable[[Any, Any], Any]) -> Callable[[Any, Any], Any]:
+        """Return a service that refuses an impossible transition; rclpy's ends the node by it."""
+
+        def answer(request: Any, response: Any) -> Any:
+            try:
+                return change_state(request, response)
+            except RuntimeError as error:
+                self.get_logger().error(f'life cycle: {str(error).partition(", at /")[0]}')
+                response.success = False
+                return response
+
+        return answer
+
+    def on_configure(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """Begin to read the port; one that is not there yet is waited for."""
+        values = self._values
+        self._clock_map = ClockMap(values['transport_delay'])
+        self._source = SerialSource(
+            values['serial_port'],
+            values['serial_baud'],
+            PROTOCOLS[values['protocol']](self._now_ns),
+            self._now_ns,
+        )
+        self._tally = DriverTally()
+        self._stop.clear()
+        self._thread = Thread(target=self._read, args=(self._source,), daemon=True)
         self._thread.start()
+        return TransitionCallbackReturn.SUCCESS
+
+    def on_activate(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """Begin to publish."""
+        self._is_active = True
+        return TransitionCallbackReturn.SUCCESS
+
+    def on_deactivate(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """Publish no more, but go on to read: the sensor's clock stays known."""
+        self._is_active = False
+        return TransitionCallbackReturn.SUCCESS
+
+    def on_cleanup(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """Close the port."""
+        self._end()
+        return TransitionCallbackReturn.SUCCESS
+
+    def on_shutdown(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """Close the port."""
+        self._end()
+        return TransitionCallbackReturn.SUCCESS
+
+    def stop(self) -> None:
+        """Let the reading end, without waiting for it."""
+        self._stop.set()
 
     def destroy_node(self) -> None:
         """Close the port, then the node."""
-        self._stop.set()
-        self._thread.join()
+        self._end()
         super().destroy_node()
+
+    def _end(self) -> None:
+        self._is_active = False
+        self._stop.set()
+        if self._thread is not None:
+            self._thread.join()
+        self._thread = self._source = None
 
     def _now_ns(self) -> int:
         """Return ROS time: with use_sim_time that of /clock, 0 until it ticks."""
@@ -103,23 +160,31 @@ class DriverNode(Node):
 
     def _change(self, values: dict[str, Any]) -> None:
         self._clock_map.set_least_delay(values['transport_delay'])
+        self._values = values
 
-    def _read(self) -> None:
+    def _read(self, source: SerialSource) -> None:
         """Read until the node ends, whichever of the two ends first."""
+
+        def report(line: str) -> None:
+            # One call each: a logger refuses another severity from the same place.
+            if source.is_open:
+                self.get_logger().info(line)
+            else:
+                self.get_logger().warning(line)
+
+        def publish(frames: list[Frame], arrival_ns: int) -> None:
+            self._publish(frames, arrival_ns)
+            if notice := source.reader.notice():
+                self.get_logger().warning(notice)
+
         try:
-            self._source.run(self._publish, self._report, self._stop)
+            source.run(publish, report, self._stop)
         except Exception as error:
             # A request to end invalidates the publisher before this thread hears of it.
             if rclpy.ok():
                 self.failed = True
                 self.get_logger().fatal(f'reading has failed: {error!r}')
                 rclpy.try_shutdown()
-
-    def _report(self, line: str) -> None:
-        if self._source.is_open:
-            self.get_logger().info(line)
-        else:
-            self.get_logger().warning(line)
 
     def _publish(self, frames: list[Frame], arrival_ns: int) -> None:
         if not arrival_ns:
@@ -132,80 +197,39 @@ class DriverNode(Node):
             stamp_ns = self._clock_map.map(frame.sensor_time_us, arrival_ns)
             if stamp_ns < 0:  # exposed before a simulated clock began
                 continue
-            message = to_frame_msg(replace(frame, stamp_ns=stamp_ns), self._frame_id)
-            self._publisher.publish(message)
-            if self._points.get_subscription_count():
-                self._points.publish(to_point_cloud(frame, message.header))
-            if self._image.get_subscription_count():
-                self._image.publish(to_signal_image(frame, message.header))
-            self._count(frame, self._now_ns() - stamp_ns)
-        if notice := self._source.reader.notice():
-            self.get_logger().warning(notice)
-
-    def _count(self, frame: Frame, latency_ns: int) -> None:
-        tally = self._tally
-        missing = missing_frames(self._last_sequence, frame.sequence)
-        self._last_sequence = frame.sequence
-        normal = int(np.count_nonzero(np.isin(frame.status, NORMAL_STATUS)))
-        # One assignment, for the executor reads it in another thread.
-        self._tally = tally._replace(
-            frames=tally.frames + 1,
-            lost=tally.lost + missing,
-            zones=tally.zones + frame.grid.zones,
-            abnormal=tally.abnormal + frame.grid.zones - normal,
-            latency_s=tally.latency_s + latency_ns * 1e-9,
-        )
+            stamped = replace(frame, stamp_ns=stamp_ns)
+            if self._is_active:
+                self._topics.publish(stamped)
+            self._tally.count(frame, self._now_ns() - stamp_ns)
+            if self._is_active and self._watch is not None:
+                self._watch.sent()
+            if self._is_active and self._take is not None:
+                self._take(stamped, self._frame_id)
 
     def _examine(self) -> Health:
         """Judge the last second."""
-        counts = self._source.reader.counts
-        now = self._tally._replace(
-            time_s=time.monotonic(),
-            damaged=counts.damaged,
-            received=self._source.received,
-            withheld=counts.withheld,
-        )
-        then, self._examined = self._examined, now
-        frames = now.frames - then.frames
-        rate = frames / (now.time_s - then.time_s)
-        damaged, lost = now.damaged - then.damaged, now.lost - then.lost
-        abnormal = (now.abnormal - then.abnormal) / max(now.zones - then.zones, 1)
-        latency_ms = 1e3 * (now.latency_s - then.latency_s) / max(frames, 1)
-        values = {
-            'port': self._source.port,
-            'frame rate [Hz]': f'{rate:.1f}',
-            'frames': str(now.frames),
-            'lost frames': str(now.lost),
-            'abnormal zones [%]': f'{100 * abnormal:.1f}',
-            'latency [ms]': f'{latency_ms:.1f}',
-            'packets with CRC errors': str(counts.bad_crc),
-            'packets with framing errors': str(counts.bad_framing + counts.overlong),
-            'packets of a wrong shape': str(counts.bad_shape),
-            'packets of an unknown kind': str(counts.unknown_kind),
-            'openings of the port': str(self._source.openings),
-            'clock offset [s]': f'{self._clock_map.offset_s:.6f}',
-            'clock skew [ppm]': f'{self._clock_map.skew * 1e6:.0f}',
-            'clock restarts': str(self._clock_map.restarts),
-        }
-        if not self._source.is_open:
-            return Health(ERROR, self._source.problem, values)
-        if not frames:
-            return Health(ERROR, _silence(then, now), values)
-        if damaged or lost:
-            return Health(WARN, f'{damaged} damaged packets, {lost} lost frames', values)
-        if abnormal > _MANY_ABNORMAL:
-            return Health(WARN, f'{100 * abnormal:.0f} % of the zones are abnormal', values)
-        return Health(OK, f'{rate:.1f} frames a second', values)
+        source = self._source
+        if source is None:
+            return Health(WARN, 'not configured: the port is closed', {})
+        health = self._tally.examine(source, self._clock_map)
+        if source.is_open and not self._is_active:
+            return Health(WARN, 'not active: frames are read and not published', health.values)
+        return health
 
 
-def _silence(then: _Tally, now: _Tally) -> str:
-    """Say that no frames have come since `then`, and what came instead."""
-    silence = 'the port is open, but no frames come'
-    if now.withheld > then.withheld:
-        return f'{silence} with signal, which the sensor has been asked for'
-    if received := now.received - then.received:
-        return f'{silence}, though {received} bytes did: another serial_baud or protocol?'
-    return silence
+def _declare(parameters: Parameters) -> None:
+    parameters.text('serial_port', 'Device of the sensor; a path under by-id is best.')
+    parameters.integer('serial_baud', 'Speed of the line [bit/s].', 9600, 12_000_000)
+    parameters.text('protocol', 'What the sensor speaks.', tuple(PROTOCOLS))
+    parameters.text('frame_id', 'TF frame of the sensor: x right, y down, z forward.')
+    parameters.number(
+        'transport_delay',
+        'Least time from the middle of an exposure to the arrival of its frame [s].',
+        0.0,
+        1.0,
+        live=True,
+    )
+    parameters.flag('autostart', 'Configure and activate the node when it starts.')
 
 
 def main() -> int:

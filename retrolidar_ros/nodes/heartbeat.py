@@ -6,12 +6,12 @@ from __future__ import annotations
 
 from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
-from rclpy.qos import DurabilityPolicy, QoSProfile
 from std_msgs.msg import Bool
 
 from retrolidar_ros.msg import MarkerDetection
 from retrolidar_ros.nodes.diagnostics import OK, WARN, Health, publish_health
 from retrolidar_ros.nodes.parameters import Parameters
+from retrolidar_ros.nodes.qos import EVENTS, LATCHED, OVERRIDABLE
 from retrolidar_ros.nodes.run import run
 from retrolidar_ros.tasks.heartbeat import Heartbeat
 
@@ -30,7 +30,6 @@ class HeartbeatNode(Node):
             'overdue_after', 'Silence after which a marker is overdue [s].', 0.1, 3600.0, live=True
         )
         parameters.number('window', 'Length of the windows that are counted [s].', 0.1, 3600.0)
-        parameters.warn_of_unknown()
         names = parameters.values['markers']
         if not names:
             raise ValueError('markers: there is no name; name at least one')
@@ -39,10 +38,12 @@ class HeartbeatNode(Node):
         self._hearts = {name: Heartbeat(parameters.values['window']) for name in names}
         self._overdue: set[str] = set()
         self._is_alive: bool | None = None
-        latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
-        self._alive = self.create_publisher(Bool, '~/alive', latched)
+        self._alive = self.create_publisher(Bool, '~/alive', LATCHED)
         publish_health(self, 'markers', '', self._examine)
-        self.create_subscription(MarkerDetection, 'markers', self._take, 100)
+        self.create_subscription(
+            MarkerDetection, 'markers', self._take, EVENTS, qos_overriding_options=OVERRIDABLE
+        )
+        parameters.warn_of_unknown()
         self.create_timer(_TICK_S, self._tick, clock=Clock(clock_type=ClockType.STEADY_TIME))
 
     def _change(self, values: dict[str, float]) -> None:

@@ -18,12 +18,15 @@ from std_msgs.msg import Header
 from std_srvs.srv import Trigger
 from visualization_msgs.msg import MarkerArray
 
+from retrolidar_ros.detector.settings import known_markers
 from retrolidar_ros.marker.known_markers import objects_of
 from retrolidar_ros.msg import MarkerDetection
-from retrolidar_ros.nodes.conversion import LATCHED, to_pose_msg, to_time, topic_part
+from retrolidar_ros.nodes.conversion import to_pose_msg, to_time
 from retrolidar_ros.nodes.diagnostics import OK, WARN, Health, publish_health
-from retrolidar_ros.nodes.parameters import Parameters, known_markers
+from retrolidar_ros.nodes.names import topic_part
+from retrolidar_ros.nodes.parameters import Parameters
 from retrolidar_ros.nodes.placed_readings import PlacedReadings
+from retrolidar_ros.nodes.qos import LATCHED
 from retrolidar_ros.nodes.run import run
 from retrolidar_ros.nodes.transforms import transform_sender
 from retrolidar_ros.nodes.visualization import landmark_shapes
@@ -51,7 +54,7 @@ class LandmarksNode(Node):
         self._fixed: str = values['fixed_frame']
         if not self._fixed:
             raise ValueError('fixed_frame: is empty; name a frame that does not move')
-        markers = known_markers(values['marker_file'])
+        markers = known_markers(values)
         objects: dict[str, dict[int, Floats]] = {
             name: {one: np.array(place) for one, place in places.items()}
             for name, places in objects_of(markers).items()

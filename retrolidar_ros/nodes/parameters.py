@@ -4,8 +4,11 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Callable, Iterable, Sequence
+from contextlib import suppress
 from difflib import get_close_matches
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -18,9 +21,12 @@ from rcl_interfaces.msg import (
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 
-from retrolidar_ros.marker.known_markers import KnownMarker, load_markers
 from retrolidar_ros.settings.resources import shared_file
-from retrolidar_ros.settings.yaml_files import load_parameter_defaults
+from retrolidar_ros.settings.yaml_files import (
+    load_parameter_defaults,
+    load_parameter_names,
+    load_yaml,
+)
 
 
 class Parameters:
@@ -75,7 +81,10 @@ class Parameters:
         constraints = f'integers of {minimum} to {maximum}, or []'
 
         def check(value: Any) -> list[int]:
-            for number in _listed(name, value):
+            if len(numbers := _listed(name, value)) > maximum - minimum + 1:
+                most = maximum - minimum + 1
+                raise ValueError(f'{name}: {len(numbers)} numbers; {most} are the most')
+            for number in numbers:
                 if isinstance(number, bool) or not isinstance(number, int):
                     raise ValueError(f'{name}: {number!r} is not a whole number')
                 if not minimum <= number <= maximum:
@@ -125,12 +134,25 @@ class Parameters:
         self._node.add_on_set_parameters_callback(change)
 
     def warn_of_unknown(self) -> None:
-        """Log a warning for each parameter that was set but that no node of the kind has."""
+        """Log a warning for each parameter that was set for this node and that it does not have.
+
+        To be called when all is declared, the overrides of topics included. Who says `/**:` means
+        other nodes, too, and so does who launches several in one process.
+        """
+        known_elsewhere = load_parameter_names(shared_file('config/retrolidar.yaml'))
         for name in self._node._parameter_overrides:
-            if not self._node.has_parameter(name) and not name.startswith('qos_overrides.'):
-                near = get_close_matches(name, self._defaults, n=1)
-                hint = f'did you mean {near[0]}?' if near else f'known: {", ".join(self._defaults)}'
-                self._node.get_logger().warning(f'parameter {name} is unknown; {hint}')
+            if self._node.has_parameter(name) or name in known_elsewhere:
+                continue
+            of_topic = name.startswith('qos_overrides.')
+            near = get_close_matches(name, self._topic_names() if of_topic else self._defaults, n=1)
+            if (of_topic or not near) and name in _meant_for_all():
+                continue
+            known = 'qos_overrides.TOPIC.publisher.depth' if of_topic else ', '.join(self._defaults)
+            hint = f'did you mean {near[0]}?' if near else f'known: {known}'
+            self._node.get_logger().warning(f'parameter {name} is unknown; {hint}')
+
+    def _topic_names(self) -> list[str]:
+        return [name for name in self._node._parameters if name.startswith('qos_overrides.')]
 
     def _declare(
         self,
@@ -170,23 +192,30 @@ class Parameters:
         self.values[name] = values
 
 
+def check_frame_id(name: str, value: str) -> str:
+    """Return the name of a TF frame; ValueError for one that TF does not take."""
+    if not value:
+        raise ValueError(f'{name} is empty; TF needs a name')
+    if value.startswith('/'):
+        raise ValueError(
+            f'{name}: {value!r} begins with a slash, which tf2 refuses; write {value.lstrip("/")!r}'
+        )
+    return value
+
+
+def _meant_for_all() -> set[str]:
+    """Return the parameters that files on the command line give to all nodes there are."""
+    names: set[str] = set()
+    for option, value in pairwise(sys.argv):
+        if option == '--params-file':
+            with suppress(OSError, ValueError, AttributeError):
+                for node, content in load_yaml(Path(value)).items():
+                    if str(node).strip('/') in ('*', '**'):
+                        names |= {str(name) for name in content['ros__parameters']}
+    return names
+
+
 def _listed(name: str, value: Any) -> list[Any]:
     if isinstance(value, str) or not isinstance(value, Iterable):
         raise ValueError(f'{name}: {value!r} is not a list')
     return list(value)
-
-
-def known_markers(path: str) -> dict[int, KnownMarker]:
-    """Return the markers of the file that a parameter `marker_file` names; none if it is empty.
-
-    Raises
-    ------
-    ValueError
-        If it cannot be read, or a marker cannot be.
-    """
-    if not path:
-        return {}
-    try:
-        return load_markers(Path(path))
-    except OSError as error:
-        raise ValueError(f'marker_file: {error}') from error

@@ -1,6 +1,6 @@
 # Copyright 2026 retrolidar_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""The life of a node's process: start, spin, end without a traceback."""
+"""The life of a process of nodes: start, spin, end without a traceback."""
 
 from __future__ import annotations
 
@@ -9,16 +9,26 @@ from collections.abc import Callable
 
 import rclpy
 from rclpy.exceptions import InvalidParameterTypeException, InvalidParameterValueException
-from rclpy.executors import ExternalShutdownException
+from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 from rclpy.node import Node
+from rclpy.qos_overriding_options import InvalidQosOverridesError
 
 from retrolidar_ros.settings.interrupts import ignore_requests
+from retrolidar_ros.settings.printing import printable
+
+_IMPOSSIBLE = (
+    ValueError,
+    InvalidParameterTypeException,
+    InvalidParameterValueException,
+    InvalidQosOverridesError,
+)
 
 
-def run(create: Callable[[], Node]) -> int:
-    """Spin a node until it is interrupted; return the exit code of the process.
+def run(create: Callable[[], Node | list[Node]]) -> int:
+    """Spin a node, or several, until interrupted; return the exit code of the process.
 
-    A parameter or a parameter file that cannot be is one clear line and the exit code 2.
+    A parameter or a parameter file that cannot be is one clear line and the exit code 2. Nodes end
+    in the order in which they are listed.
     """
     try:
         rclpy.init()
@@ -27,14 +37,18 @@ def run(create: Callable[[], Node]) -> int:
         reason = str(error).partition(', at /')[0].removeprefix('failed to initialize rcl: ')
         print(f'retrolidar_ros: {reason}', file=sys.stderr)
         return 2
-    node = None
+    nodes: list[Node] = []
     try:
         try:
-            node = create()
-        except (ValueError, InvalidParameterTypeException, InvalidParameterValueException) as error:
-            rclpy.logging.get_logger('retrolidar_ros').fatal(str(error))
+            created = create()
+        except _IMPOSSIBLE as error:
+            rclpy.logging.get_logger('retrolidar_ros').fatal(printable(str(error)))
             return 2
-        rclpy.spin(node)
+        nodes = created if isinstance(created, list) else [created]
+        executor = SingleThreadedExecutor()
+        for node in nodes:
+            executor.add_node(node)
+        executor.spin()
     except (KeyboardInterrupt, ExternalShutdownException):
         pass
     except Exception:
@@ -43,7 +57,9 @@ def run(create: Callable[[], Node]) -> int:
             raise
     finally:
         ignore_requests()
-        if node is not None:
+        for node in nodes:  # all at once, before each is waited for
+            getattr(node, 'stop', bool)()
+        for node in nodes:
             node.destroy_node()
         rclpy.try_shutdown()
-    return 1 if getattr(node, 'failed', False) else 0
+    return int(any(getattr(node, 'failed', False) for node in nodes))

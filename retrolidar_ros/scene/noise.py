@@ -11,7 +11,7 @@ from retrolidar_ros.sensor.frame import Floats
 
 
 def noisy(
-    signal: Floats, noise: Noise | None, rng: np.random.Generator, ambient: float = 0.0
+    signal: Floats, noise: Noise | None, rng: np.random.Generator, ambient: Floats | float = 0.0
 ) -> Floats:
     """Add noise to signals of any shape, in ambient light; none is ever reported as negative.
 

@@ -8,12 +8,9 @@ import math
 
 import numpy as np
 
-from retrolidar_ros.scene.description import Marker
+from retrolidar_ros.scene.description import SIGNAL_AT_1_M, Marker
 from retrolidar_ros.sensor.frame import Floats, ZoneGrid
 
-# From paper §3.2 and §4: a bare 3 cm × 3 cm retroreflector returns 100.4 times what a board
-# does, which is 4 kcps/SPAD at 1.4 m; the crystal's polarisers let a quarter of it pass.
-SIGNAL_AT_1_M = 360.0  # [kcps/SPAD], 9 cm² facing the sensor
 REFERENCE_AREA_M2 = 9e-4
 DISTANCE_EXPONENT = -3.8  # measured beyond 1.5 m (paper Fig. 5a)
 # Signal declines rapidly beyond 50° of yaw and is gone at 60° (paper Fig. 11b).
@@ -21,7 +18,9 @@ _YAW_GOOD_RAD = math.radians(50)
 _YAW_DEAD_RAD = math.radians(60)
 
 
-def received_signal(range_m: Floats, area_m2: float, yaw_rad: float) -> Floats:
+def received_signal(
+    range_m: Floats, area_m2: float, yaw_rad: float, signal_at_1_m: float = SIGNAL_AT_1_M
+) -> Floats:
     """Return the signal of a bright marker wholly within one zone.
 
     Parameters
@@ -32,6 +31,8 @@ def received_signal(range_m: Floats, area_m2: float, yaw_rad: float) -> Floats:
         Area of the retroreflector [m²].
     yaw_rad : float
         Angle between the marker's normal and the line of sight [rad].
+    signal_at_1_m : float
+        Of a bright 3 cm marker that faces the sensor [kcps/SPAD].
 
     Returns
     -------
@@ -40,7 +41,7 @@ def received_signal(range_m: Floats, area_m2: float, yaw_rad: float) -> Floats:
     """
     decline = (_YAW_DEAD_RAD - abs(yaw_rad)) / (_YAW_DEAD_RAD - _YAW_GOOD_RAD)
     facing = math.cos(yaw_rad) * min(1.0, max(0.0, decline))
-    at_1_m = SIGNAL_AT_1_M * area_m2 / REFERENCE_AREA_M2 * facing
+    at_1_m = signal_at_1_m * area_m2 / REFERENCE_AREA_M2 * facing
     return at_1_m * range_m**DISTANCE_EXPONENT
 
 
@@ -65,9 +66,9 @@ def position_at(marker: Marker, time_s: Floats) -> Floats:
 _erf = np.vectorize(math.erf, otypes=[np.float64])
 
 
-def _ramp(distance: Floats, sigma: float) -> Floats:
+def _ramp(distance: Floats, sigma: Floats | float) -> Floats:
     """Integrate the cumulative normal distribution, or the unit step where sigma is 0."""
-    if sigma == 0:
+    if np.all(sigma == 0):
         return np.maximum(distance, 0.0)
     scaled = distance / sigma
     cumulative = (1 + _erf(scaled / math.sqrt(2))) / 2
@@ -76,10 +77,13 @@ def _ramp(distance: Floats, sigma: float) -> Floats:
     return ramp
 
 
-def _share_per_step(
-    centre: Floats, width: Floats, steps: int, pitch: float, sigma: float
+def line_shares(
+    centre: Floats, width: Floats, steps: int, pitch: float, sigma: Floats | float
 ) -> Floats:
-    """Share a blurred line of given centre and width, shape (n,), between steps: (n, steps)."""
+    """Share a line of given centre and width, shape (n,), between steps: shape (n, steps).
+
+    It is blurred by `sigma`, one or of shape (n, 1).
+    """
     edges = pitch * (np.arange(steps + 1) - steps / 2)
     beyond = edges - centre[:, None]
     half = width[:, None] / 2
@@ -109,6 +113,6 @@ def zone_shares(position_m: Floats, size_m: float, grid: ZoneGrid, blur: float) 
     depth = position_m[:, 2]
     width = size_m / depth
     sigma = blur * grid.pitch
-    across = _share_per_step(position_m[:, 0] / depth, width, grid.columns, grid.pitch, sigma)
-    down = _share_per_step(position_m[:, 1] / depth, width, grid.rows, grid.pitch, sigma)
+    across = line_shares(position_m[:, 0] / depth, width, grid.columns, grid.pitch, sigma)
+    down = line_shares(position_m[:, 1] / depth, width, grid.rows, grid.pitch, sigma)
     return (down[:, :, None] * across[:, None, :]).reshape(len(position_m), grid.zones)

@@ -4,12 +4,14 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 
 import numpy as np
 from numpy.typing import NDArray
 
-from retrolidar_ros.scene.description import Marker, Scene, Surface
+from retrolidar_ros.scene import laboratory as lab
+from retrolidar_ros.scene.description import Marker, Scene, Sensor
 from retrolidar_ros.scene.noise import deviating, noisy
 from retrolidar_ros.scene.optics import position_at, received_signal, zone_shares
 from retrolidar_ros.scene.transmission import Transmission, visible_share
@@ -69,8 +71,15 @@ class Simulation:
         sequence, middle_s = self.exposure_times(count)
         signals, distances = _seen_in_each_zone(*self._targets(middle_s))
         signal, distance, merged = _reported_pulse(signals, distances)
+        ambient: Floats = np.full((len(middle_s), 1), scene.ambient)
+        if sensor.second_sensor is not None:
+            ambient += lab.second_light(sensor.second_sensor, middle_s, self.period_s)[:, None]
+        if sensor.saturation < math.inf:
+            signal = lab.saturated(signal, ambient, sensor.saturation)
+        if sensor.ranging is not None and sensor.ranging.offset:
+            distance = distance + sensor.ranging.offset * sensor.grid.z_per_range
         distance = deviating(distance, signal, sensor.ranging, self._rng)
-        signal = noisy(signal, sensor.noise, self._rng, scene.ambient)
+        signal = noisy(signal, sensor.noise, self._rng, ambient)
         status = np.where(merged, Status.MERGED, Status.VALID).astype(np.uint8)
         self._drop_weak(signal, distance, status)
         if sensor.abnormal:
@@ -83,7 +92,7 @@ class Simulation:
             grid=sensor.grid,
             distance=distance.astype(np.float32),
             signal=signal.astype(np.float32),
-            ambient=np.full(signal.shape, scene.ambient, dtype=np.float32),
+            ambient=np.broadcast_to(ambient, signal.shape).astype(np.float32),
             status=status,
         )
 
@@ -101,14 +110,19 @@ class Simulation:
 
     def _targets(self, middle_s: Floats) -> tuple[Floats, Floats]:
         """Return signal [kcps/SPAD] and z [m] of every target: shape (targets, frames, zones)."""
-        scene = self.scene
-        shape = (len(middle_s), scene.sensor.grid.zones)
+        scene, sensor = self.scene, self.scene.sensor
         seen = [
             self._see_marker(marker, transmission, middle_s)
             for marker, transmission in zip(scene.markers, self._transmissions, strict=True)
-        ] + [self._see_surface(surface) for surface in scene.surfaces]
-        signals = np.zeros((len(seen), *shape))
-        distances = np.zeros((len(seen), *shape))
+        ] + [lab.see_surface(sensor, surface, middle_s) for surface in scene.surfaces]
+        for moving in scene.moving_surfaces:
+            signal, depth, hidden = lab.see_moving(sensor, moving, middle_s)
+            seen = [(own * np.where(z > depth, 1 - hidden, 1.0), z) for own, z in seen]
+            seen.append((signal, depth))
+        if sensor.crosstalk:
+            seen.append(lab.see_surface(Sensor(sensor.grid), lab.cover_glass(sensor), middle_s))
+        signals = np.zeros((len(seen), len(middle_s), sensor.grid.zones))
+        distances = np.zeros_like(signals)
         for index, (signal, distance) in enumerate(seen):
             signals[index] = signal
             distances[index] = distance
@@ -118,20 +132,18 @@ class Simulation:
         self, marker: Marker, transmission: Transmission, middle_s: Floats
     ) -> tuple[Floats, Floats]:
         sensor = self.scene.sensor
-        position_m = position_at(marker, middle_s)
+        position_m, ahead = lab.in_front(
+            lab.seen_from(sensor, position_at(marker, middle_s), middle_s)
+        )
         range_m = np.linalg.norm(position_m, axis=-1)
-        light = transmission.mean(middle_s, self.period_s)
+        light = 1 - marker.contrast * (1 - transmission.mean(middle_s, self.period_s))
         if marker.occlusion is not None:
             light = light * visible_share(marker.occlusion, middle_s, self.period_s)
-        light = light * received_signal(range_m, marker.size_m**2, marker.yaw_rad)
+        light = light * received_signal(
+            range_m, marker.size_m**2, marker.yaw_rad, marker.signal_at_1_m
+        )
         shares = zone_shares(position_m, marker.size_m, sensor.grid, sensor.blur)
-        return light[:, None] * shares, range_m[:, None] * sensor.grid.z_per_range
-
-    def _see_surface(self, surface: Surface) -> tuple[Floats, Floats]:
-        zones = self.scene.sensor.grid.zones
-        seen = np.zeros(zones)
-        seen[slice(None) if surface.zones is None else list(surface.zones)] = surface.signal
-        return seen, np.full(zones, surface.distance_m)
+        return light[:, None] * shares * ahead, range_m[:, None] * sensor.grid.z_per_range
 
     def _drop_weak(self, signal: Floats, distance: Floats, status: NDArray[np.uint8]) -> None:
         """Report no target below the threshold, and mark the first range after it (in place)."""

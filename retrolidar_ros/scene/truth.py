@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from retrolidar_ros.marker.code import BIT_PERIOD_S, PACKET_BITS
 from retrolidar_ros.scene import Scene
 from retrolidar_ros.scene.description import Marker
+from retrolidar_ros.scene.laboratory import seen_from
 from retrolidar_ros.scene.optics import position_at
 from retrolidar_ros.sensor.frame import Floats, Recording
 
@@ -59,7 +60,8 @@ def true_range(scene: Scene, marker: Marker, recording: Recording, stamps: Float
     """Return a marker's true range [m] at stamps [ns after the recording's first], any shape."""
     elapsed = (recording.stamp_ns - recording.stamp_ns[0]).astype(np.float64)
     sensor_s = np.interp(stamps, elapsed, recording.sensor_time_us * 1e-6)
-    positions = position_at(marker, sensor_s.ravel() / (1 + scene.sensor.clock_error))
+    true_s = sensor_s.ravel() / (1 + scene.sensor.clock_error)
+    positions = seen_from(scene.sensor, position_at(marker, true_s), true_s)
     ranges = np.linalg.norm(positions, axis=-1)
     return np.broadcast_to(ranges, stamps.size).reshape(stamps.shape)
 

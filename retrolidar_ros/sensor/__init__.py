@@ -1,3 +1,3 @@
 # Copyright 2026 retrolidar_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""What a sensor is: frame, frame rate, clock, wire, protocols, serial source."""
+"""The sensor: frames, frame rate, clock and stamps, wire protocols, serial port."""

@@ -1,6 +1,6 @@
 # Copyright 2026 retrolidar_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""From the sensor's clock to the host's, with messages going one way only.
+"""Stamps: from the sensor's clock to the host's, with messages going one way only.
 
 A frame reaches the host some varying time after its exposure, never before. So the true line
 from sensor time to host time lies below all pairs of them, and the lower convex hull of the
@@ -13,20 +13,20 @@ from __future__ import annotations
 WINDOW_S = 60.0
 """How far back pairs are kept: long against the delay's jitter, short against drifts."""
 MAX_SKEW = 0.05
-"""Largest relative error of a sensor's clock that is believed."""
+"""Largest relative error of a sensor's clock that is accepted."""
 # Frames come early only if a clock was set; late also while the transport stalls, but not long.
 _STEP_NS = 100_000_000
 _STALL_NS = 1_000_000_000
 _YOUNG_NS = 1_000_000_000
-# After which a microcontroller's counter of microseconds begins at zero: 71.6 minutes.
+# Period of a microcontroller's 32-bit counter of microseconds: 71.6 minutes.
 _TURN_NS = 2**32 * 1000
 
 
 class ClockMap:
     """Maps a sensor's time to host time, learning from each frame's arrival.
 
-    A sensor that restarts or a host clock that is set makes the map begin anew; `restarts` counts
-    how often. A sensor's clock of 32 bits that wraps is followed.
+    A sensor that restarts or a host clock that is set makes the map start again; `restarts` counts
+    how often. A 32-bit sensor clock that wraps is followed.
     """
 
     def __init__(self, least_delay_s: float = 0.0) -> None:
@@ -52,14 +52,14 @@ class ClockMap:
         self._punctual_ns = 0
 
     def set_least_delay(self, least_delay_s: float) -> None:
-        """Take another delay off the stamps to come, which may so go back once."""
+        """Subtract another delay from the stamps to come, which may go back once."""
         self._least_delay_ns = round(least_delay_s * 1e9)
         self._last_stamp_ns = None
 
     def map(self, sensor_time_us: int, arrival_ns: int) -> int:
         """Return the host time [ns] of a sensor time, given when the frame arrived.
 
-        Stamps never go back unless the map begins anew.
+        Stamps never go back unless the map starts again.
 
         Parameters
         ----------
@@ -87,7 +87,7 @@ class ClockMap:
         return stamp_ns
 
     def _unwrapped(self, sensor_ns: int, arrival_ns: int) -> int:
-        """Return a sensor time that goes on where a clock of 32 bits began at zero again."""
+        """Return a sensor time without the wraps of a 32-bit clock."""
         went_back = self._hull and sensor_ns + self._turns_ns < self._last_pair[0]
         if went_back:
             step_ns = sensor_ns + self._turns_ns + _TURN_NS - self._last_pair[0]
@@ -99,15 +99,15 @@ class ClockMap:
         return sensor_ns + self._turns_ns
 
     def _on_line(self, sensor_ns: int) -> int:
-        """Return the host time of a sensor time, were nothing delayed."""
+        """Return the host time of a sensor time on the supporting line."""
         origin_sensor_ns, origin_host_ns = self._origin
         # Differences are taken in integers: ROS time in nanoseconds exceeds a float's precision.
         return origin_host_ns + round(self._rate * (sensor_ns - origin_sensor_ns))
 
     def _is_restart(self, sensor_ns: int, arrival_ns: int) -> bool:
-        """Tell whether a clock was set: it went back, or a frame is early, or all are late.
+        """Return whether a clock was set: it went back, or a frame is early, or all are late.
 
-        A step of less than 0.1 s goes unnoticed and is mended as the window moves on.
+        A step of less than 0.1 s is not noticed, and vanishes as the window moves on.
         """
         sensor_step = sensor_ns - self._last_pair[0]
         late_ns = arrival_ns - self._on_line(sensor_ns)
@@ -119,7 +119,7 @@ class ClockMap:
         return late_ns > tolerance + _STALL_NS or sensor_ns - self._punctual_ns > _STALL_NS
 
     def _add(self, sensor_ns: int, arrival_ns: int) -> None:
-        """Add a pair at the right end of the lower convex hull and cut off what has become old."""
+        """Add a pair at the right end of the lower convex hull and drop old ones."""
         hull = self._hull
         while len(hull) > 1:
             (x0, y0), (x1, y1) = hull[-2], hull[-1]

@@ -1,6 +1,6 @@
 # Copyright 2026 retrolidar_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""What the sensor sees: frames of distance, signal, ambient and status, and the zones' angles.
+"""Frames of distance, signal, ambient and status of every zone, and the zones' angles.
 
 Zones are numbered row-major, row 0 at the top and column 0 at the left of the scene as seen
 from the sensor. Directions are in the optical frame: x right, y down, z forward.
@@ -9,7 +9,7 @@ from the sensor. Directions are in the optical frame: x right, y down, z forward
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from enum import IntEnum
 from functools import cached_property
 from typing import Any, TypeAlias
@@ -22,16 +22,16 @@ Floats: TypeAlias = 'NDArray[np.floating[Any]]'
 
 ZONE_SHAPES = ((4, 4), (8, 8))
 SEPARABLE_M = 0.6
-"""Two targets in one zone are told apart from this distance on (ST UM3109); nearer ones merge."""
+"""Distance from which two targets in one zone are separated (ST UM3109); nearer ones merge."""
 MOST_SIGNAL = 2.0**21
-"""The most that 32 bits of 1/2048 kcps/SPAD hold [kcps/SPAD]."""
+"""Upper bound of a signal: 32 bits of 1/2048 kcps/SPAD [kcps/SPAD]."""
 MOST_DISTANCE_M = 8.192
-"""What 16 bits of quarter millimetres do not reach [m]."""
+"""Upper bound of a distance: 16 bits of quarter millimetres [m]."""
 _FIELD_OF_VIEW_TANGENT = 4 * 0.21498  # full width, in tangents: 46.5°
 
 
 class Status(IntEnum):
-    """The sensor's target status codes that the package tells apart (ST UM3109 §5.5)."""
+    """The sensor's target status codes that the package distinguishes (ST UM3109 §5.5)."""
 
     NOT_UPDATED = 0
     SIGNAL_TOO_LOW_ON_ARRAY = 1
@@ -50,10 +50,10 @@ NORMAL_STATUS = (
     Status.MERGED,
     Status.NO_PREVIOUS_TARGET,
 )
-"""Statuses whose signal and distance are to be believed.
+"""Statuses whose signal and distance are valid.
 
 A blinking marker itself makes the sensor report "first range" and "no previous target" at its
-dark-to-bright edges: to disbelieve these would erase what is to be read.
+dark-to-bright edges, so these are valid, too.
 """
 _IS_NORMAL: NDArray[np.bool_] = np.isin(np.arange(256), NORMAL_STATUS)
 
@@ -61,7 +61,7 @@ _IS_NORMAL: NDArray[np.bool_] = np.isin(np.arange(256), NORMAL_STATUS)
 def valid_samples(
     signal: Floats, distance: Floats, status: NDArray[np.uint8]
 ) -> tuple[NDArray[np.bool_], int]:
-    """Tell which samples are to be believed; the others are erasures.
+    """Return which samples are valid; the others are erasures.
 
     Parameters
     ----------
@@ -71,12 +71,12 @@ def valid_samples(
     Returns
     -------
     valid : array of bool, shape (...)
-        Of a normal status, and with values that the sensor can have measured.
+        Of a normal status and with possible values.
     impossible : int
-        How many are of a normal status and have other values.
+        How many have a normal status and impossible values.
     """
     normal: NDArray[np.bool_] = _IS_NORMAL[status]
-    # Comparisons with NaN are false: of a signal that is an erasure, of a distance no target.
+    # Comparisons with NaN are false: a NaN signal is an erasure, a NaN distance is no target.
     possible = (signal >= 0) & (signal <= MOST_SIGNAL)
     possible &= ((distance > 0) & (distance < MOST_DISTANCE_M)) | np.isnan(distance)
     return normal & possible, int(np.count_nonzero(normal & ~possible))
@@ -91,6 +91,8 @@ class ZoneGrid:
 
     rows: int = 4
     columns: int = 4
+    view: float = field(default=_FIELD_OF_VIEW_TANGENT, compare=False)
+    """Width of all zones together, in tangents; it differs a little from lens to lens."""
 
     def __post_init__(self) -> None:
         """Raise ValueError for a shape that the sensor does not have."""
@@ -105,7 +107,7 @@ class ZoneGrid:
     @property
     def pitch(self) -> float:
         """Width and height of a zone, as a tangent."""
-        return _FIELD_OF_VIEW_TANGENT / self.columns
+        return self.view / self.columns
 
     @cached_property
     def tangents(self) -> Floats:
@@ -126,9 +128,9 @@ class ZoneGrid:
     def z_per_range(self) -> Floats:
         """Reported distance over radial range of each zone, shape (zones,).
 
-        The sensor turns the radial range of whatever it saw into a distance along the optical
-        axis by one factor a zone, wherever in the zone the target is: the factor that brings the
-        mean radial range of a flat wall, which is the mean secant over the zone, to its depth.
+        The sensor turns the radial range of a target into a distance along the optical axis by one
+        factor a zone, wherever in the zone the target is. The factor makes the mean radial range of
+        a flat wall, which is the mean secant over the zone, its depth.
         """
         steps = (np.arange(16) + 0.5) / 16 - 0.5
         across, down = np.meshgrid(self.pitch * steps, self.pitch * steps)
@@ -140,7 +142,7 @@ class ZoneGrid:
 
 @dataclass(frozen=True, eq=False)
 class Frame:
-    """One frame of the sensor, of every zone the quadruple (D, I, A, S) of paper §2.1.
+    """One frame of the sensor: for every zone the quadruple (D, I, A, S) of paper §2.1.
 
     The arrays have the shape (zones,), in the order of the scene.
     """

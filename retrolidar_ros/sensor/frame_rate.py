@@ -1,6 +1,6 @@
 # Copyright 2026 retrolidar_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""Whether frames come as a detector needs them: none left out, and two in every bit."""
+"""Whether frames come as a detector needs them: none left out, and two or more in every bit."""
 
 from __future__ import annotations
 
@@ -9,9 +9,9 @@ from collections.abc import Sequence
 import numpy as np
 
 RATE_FRAMES = 33
-"""So many frames tell how fast they come, by the median of the times between them."""
+"""Number of frames whose median interval is taken for the frame period."""
 _COUNTER = 2**32
-_MOST_RATE_ERROR = 0.1
+_FRAMES_A_BIT = (1.9, 9.0)
 
 
 def missing_frames(before: int | None, after: int) -> int:
@@ -20,8 +20,8 @@ def missing_frames(before: int | None, after: int) -> int:
     Parameters
     ----------
     before, after : int
-        Their sequence counters of 32 bits; None before the first frame. A counter that went back
-        is a sensor that restarted, not four billion lost frames.
+        Their 32-bit sequence counters; None before the first frame. A counter that went back is a
+        sensor that restarted.
     """
     if before is None:
         return 0
@@ -30,7 +30,7 @@ def missing_frames(before: int | None, after: int) -> int:
 
 
 def rate_mismatch(stamps_ns: Sequence[int], bit_period_s: float) -> str:
-    """Say if a bit does not last two frames, as all methods suppose; empty if it does.
+    """Say if a bit does not last two to eight frames, or nearly so; empty if it does.
 
     Parameters
     ----------
@@ -40,10 +40,10 @@ def rate_mismatch(stamps_ns: Sequence[int], bit_period_s: float) -> str:
         How long a marker holds a bit [s].
     """
     period_s = float(np.median(np.diff(stamps_ns))) * 1e-9
-    expected_s = bit_period_s / 2
-    if abs(period_s - expected_s) <= _MOST_RATE_ERROR * expected_s:
+    least, most = _FRAMES_A_BIT
+    if least <= bit_period_s / period_s <= most:
         return ''
     return (
-        f'a frame comes every {period_s * 1e3:.1f} ms, but half of bit_period is '
-        f'{expected_s * 1e3:.1f} ms'
+        f'a frame comes every {period_s * 1e3:.1f} ms, but bit_period is '
+        f'{bit_period_s * 1e3:.1f} ms: {bit_period_s / period_s:.1f} frames, and not two to eight'
     )

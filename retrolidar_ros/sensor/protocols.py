@@ -13,11 +13,11 @@ from retrolidar_ros.sensor.wire import FrameReader, WireCounts
 
 
 class Reader(Protocol):
-    """Finds frames in a stream of bytes, whatever the bytes are."""
+    """Finds frames in a stream of bytes; accepts any bytes."""
 
     @property
     def counts(self) -> WireCounts:
-        """What the reader has met so far."""
+        """Frames and errors so far."""
 
     def feed(self, data: bytes) -> list[Frame]:
         """Take the next bytes of the stream; return the frames they complete, oldest first."""
@@ -26,10 +26,10 @@ class Reader(Protocol):
         """Forget a frame that was cut off: the next bytes do not continue it."""
 
     def request(self) -> bytes:
-        """Return what is to be sent to the sensor now; nothing, most often."""
+        """Return bytes to send to the sensor now; mostly none."""
 
     def notice(self) -> str:
-        """Return what the user is to be warned of now; nothing, most often."""
+        """Return a new warning for the user; mostly none."""
 
 
 def _retrolidar(_: Callable[[], int]) -> Reader:
@@ -40,4 +40,4 @@ PROTOCOLS: dict[str, Callable[[Callable[[], int]], Reader]] = {
     'retrolidar': _retrolidar,
     'st_example': StExampleReader,
 }
-"""By name, what makes a reader of a clock: a function that returns the host's time [ns]."""
+"""Factories of readers by name; each takes a function that returns the host's time [ns]."""

@@ -7,9 +7,12 @@ from __future__ import annotations
 import errno
 import termios
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
 from pathlib import Path
-from threading import Event
+from queue import Empty, SimpleQueue
+from threading import Event, Thread
+from typing import NamedTuple
 
 import serial
 
@@ -123,3 +126,55 @@ class SerialSource:
                 take(frames, arrival_ns)
             if request := self.reader.request():
                 line.write(request)
+
+
+class Arrival(NamedTuple):
+    """Frames that one read has brought."""
+
+    frames: list[Frame]
+    time_ns: int
+    """When it returned."""
+    notice: str
+    """What the reader then had to tell."""
+
+
+class BackgroundReading:
+    """What a source reads in a thread of its own, for another one to take."""
+
+    def __init__(self) -> None:
+        """Begin with nothing."""
+        self._arrived: SimpleQueue[Arrival | Exception] = SimpleQueue()
+
+    def take_until(self, time_s: float) -> Arrival | None:
+        """Return what arrived first; None if nothing does until a time of `time.monotonic`."""
+        with suppress(Empty):
+            arrival = self._arrived.get(timeout=max(time_s - time.monotonic(), 0.0))
+            if isinstance(arrival, Exception):
+                raise arrival
+            return arrival
+        return None
+
+    @classmethod
+    @contextmanager
+    def of(
+        cls, source: SerialSource, report: Callable[[str], None] = lambda _: None
+    ) -> Iterator[BackgroundReading]:
+        """Read a source until the block ends; `report` as for `SerialSource.run`."""
+        reading, stop = cls(), Event()
+
+        def pass_on(frames: list[Frame], time_ns: int) -> None:
+            reading._arrived.put(Arrival(frames, time_ns, source.reader.notice()))
+
+        def read() -> None:
+            try:
+                source.run(pass_on, report, stop)
+            except Exception as error:  # it must not end unheard
+                reading._arrived.put(error)
+
+        thread = Thread(target=read, daemon=True)
+        thread.start()
+        try:
+            yield reading
+        finally:
+            stop.set()
+            thread.join()

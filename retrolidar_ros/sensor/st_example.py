@@ -23,12 +23,12 @@ MAX_LINE_BYTES = 512  # one of eight cells has 258, if its numbers have five dig
 SWITCH_LIGHT = b's'
 """Switches the signal and the ambient light on, or off again."""
 PATIENCE_FRAMES = 5
-"""So many more frames without signal come until it is asked for again: some were on the way."""
+"""Frames without signal until it is requested again: some were on the way."""
 REQUESTS = 2
-"""So many requests are waited for before frames without signal are passed on."""
+"""Requests before frames without signal are passed on."""
 PERIODS = 11
-"""So many periods of frames are measured before one is told: odd, so the median is one of them."""
-_NEWS = 0.25  # relative change of the period that is told
+"""Number of frame periods of which the median is taken; odd, so it is one of them."""
+_NEWS = 0.25  # relative change of the period that is reported
 
 _LINE_END = b'\n'
 _TEXT = re.compile(rb'[\x1b\r\x20-\x7e]*')
@@ -39,7 +39,7 @@ _LIGHT_TITLE = 'Signal ['
 _RANGING = re.compile(r' *\x1b\[38;5;10m *(-?\d{1,10})\x1b\[0m *: *(\d{1,10}) *')
 _LIGHT = re.compile(r' *(\d{1,10}|X) *: *(\d{1,10}|X) *')
 _NOTHING = re.compile(r' *X *: *X *')
-# What ST's driver makes of the sensor's statuses, undone: it gives 5 and 9 the same number.
+# Undoes ST's mapping of statuses, which gives 5 and 9 the same number.
 _STATUSES = {0: Status.VALID, 255: Status.NOT_UPDATED}
 _MAX_DISTANCE_MM = 2**15  # the sensor's driver has it in 16 bits
 
@@ -55,7 +55,7 @@ def _ranging(cell: str) -> _Cell:
         raise ValueError(f'{cell!r} is no distance and status')
     distance_mm, status = int(match[1]), int(match[2])
     if abs(distance_mm) > _MAX_DISTANCE_MM or status > 255:
-        raise ValueError(f'distance {distance_mm} mm or status {status} cannot be')
+        raise ValueError(f'distance {distance_mm} mm or status {status} is impossible')
     return distance_mm / 1000, _STATUSES.get(status, status)
 
 
@@ -128,15 +128,15 @@ class _Table:
 
 
 class FramePeriod:
-    """Measures the time between frames, and tells it when that is news."""
+    """Measures the time between frames, and reports it when it has changed."""
 
     def __init__(self) -> None:
         """Start without knowledge."""
         self._times_us: deque[int] = deque(maxlen=PERIODS + 1)
-        self._told_s = 0.0
+        self._reported_s = 0.0
 
     def take(self, time_us: int) -> float | None:
-        """Take the time of a frame [µs]; return the period [s] if it has not been told yet.
+        """Take the time of a frame [µs]; return the period [s] if it is new.
 
         It is the median of the last `PERIODS`, so a pause or a lost frame does not change it.
         """
@@ -144,9 +144,9 @@ class FramePeriod:
         if len(self._times_us) <= PERIODS:
             return None
         period_s = float(np.median(np.diff(list(self._times_us)))) * 1e-6
-        if period_s <= 0 or abs(period_s - self._told_s) <= _NEWS * self._told_s:
+        if period_s <= 0 or abs(period_s - self._reported_s) <= _NEWS * self._reported_s:
             return None
-        self._told_s = period_s
+        self._reported_s = period_s
         return period_s
 
 
@@ -169,17 +169,17 @@ UNHEEDED = (
 
 
 class StExampleReader:
-    """Finds frames in the text of ST's example, whatever the bytes are.
+    """Finds frames in the text of ST's example; accepts any bytes.
 
     The text has the left of the scene first, as a `Frame` has. It has neither time nor counter:
     a frame bears the host's time at the end of its last row, and `sequence` counts the frames that
     were passed on. Status 9, merged, comes as 5, valid. Signal and ambient light are 0 where there
     is no target. The example has to switch them on, which the reader asks for; a frame without them
-    is withheld meanwhile, for a step of the signal would look as if every zone blinked. Only if
-    `REQUESTS` were not heeded such frames are passed on, with 0 everywhere.
+    is withheld meanwhile, for a step of the signal would look as if every zone blinked. After
+    `REQUESTS` without effect such frames are passed on, with 0 everywhere.
 
-    There is no checksum. A table that does not fit together is dropped and counted, but a digit
-    that became another one is not noticed. Memory is bounded.
+    There is no checksum: an inconsistent table is dropped and counted, a wrong digit is not
+    noticed. Memory is bounded.
     """
 
     def __init__(self, now_ns: Callable[[], int]) -> None:
@@ -204,7 +204,7 @@ class StExampleReader:
         return frames
 
     def restart(self) -> None:
-        """Forget a frame that was cut off, and what was asked of the sensor and told of it."""
+        """Forget a frame that was cut off, and what was requested and reported."""
         self._lines = Splitter(_LINE_END, MAX_LINE_BYTES)
         self._table = None
         self._period = FramePeriod()
@@ -222,7 +222,7 @@ class StExampleReader:
         return SWITCH_LIGHT if is_wanted else b''
 
     def notice(self) -> str:
-        """Return what is news: what the frames' period means, and that there is no signal."""
+        """Return new warnings: of a slow frame period, and of a missing signal."""
         notices, self._notices = self._notices, []
         return '; '.join(notices)
 

@@ -83,8 +83,8 @@ def encode_frame(frame: Frame) -> bytes:
     Raises
     ------
     ValueError
-        If an array has not one value a zone, a signal or ambient light is not finite, a distance
-        is NaN where the status is not 255, or a counter does not fit.
+        If an array does not have one value a zone, a signal or ambient light is not finite, a
+        distance is NaN where the status is not 255, or a counter does not fit.
     """
     grid = frame.grid
     zones = np.zeros(grid.zones, dtype=_ZONE)
@@ -142,14 +142,14 @@ def _decode_frame(content: bytes) -> Frame:
 
 @dataclass
 class WireCounts:
-    """What a reader has met so far, in packets; of text, in frames and lines."""
+    """Packets by outcome so far; of text, frames and lines."""
 
     frames: int = 0
     bad_framing: int = 0
     """Not valid COBS; a line that is no text."""
     bad_crc: int = 0
     bad_shape: int = 0
-    """A frame whose zones or length cannot be."""
+    """A frame of an impossible shape or length."""
     unknown_kind: int = 0
     overlong: int = 0
     """More than `MAX_PACKET_BYTES`, or than a line can have, without a delimiter."""
@@ -158,7 +158,7 @@ class WireCounts:
 
     @property
     def damaged(self) -> int:
-        """Packets that were lost to damage on the line."""
+        """Packets lost to damage on the line."""
         return self.bad_framing + self.bad_crc + self.bad_shape + self.overlong
 
 
@@ -198,7 +198,7 @@ class Splitter:
 
 
 class FrameReader:
-    """Finds frames in a stream of bytes, whatever the bytes are.
+    """Finds frames in a stream of bytes; accepts any bytes.
 
     Damage costs the packet it is in, and the next as well if it hit the delimiter between them;
     the packet after that is read. What stands before the first delimiter may be the rest of a

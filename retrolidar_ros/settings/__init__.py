@@ -1,3 +1,3 @@
 # Copyright 2026 retrolidar_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""YAML files, units and checks, shipped files, requests to end."""
+"""YAML files, units and checks, shipped files, termination signals."""

@@ -1,6 +1,6 @@
 # Copyright 2026 retrolidar_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""Ending on request, once and tidily."""
+"""Termination signals: handled once, so that the clean-up is not cut short."""
 
 from __future__ import annotations
 
@@ -13,18 +13,30 @@ REQUESTS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 
 
 def ignore_requests() -> None:
-    """Ignore further requests to end.
+    """Ignore further termination signals.
 
-    `ros2 launch` passes on the interrupt that a terminal has sent to everybody already; the
-    second one must not cut the tidying short.
+    `ros2 launch` passes on the interrupt that a terminal has already sent to all processes; the
+    second one must not cut the clean-up short.
     """
     for request in REQUESTS:
         signal.signal(request, signal.SIG_IGN)
 
 
 @contextmanager
+def ended_quietly() -> Iterator[None]:
+    """Let Ctrl-C end the process at once while modules are imported, without a traceback."""
+    handler = signal.getsignal(signal.SIGINT)
+    if handler is signal.default_int_handler:
+        signal.signal(signal.SIGINT, signal.SIG_DFL)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGINT, handler)
+
+
+@contextmanager
 def interrupted_once() -> Iterator[None]:
-    """Raise KeyboardInterrupt at the first request to end, and ignore the others."""
+    """Raise KeyboardInterrupt at the first termination signal, and ignore the others."""
 
     def interrupt(number: int, frame: FrameType | None) -> None:
         ignore_requests()

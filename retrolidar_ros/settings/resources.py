@@ -1,8 +1,8 @@
 # Copyright 2026 retrolidar_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""Where the files that ship with the package are: messages, launch and parameter files.
+"""Paths of the files that ship with the package: messages, launch and parameter files.
 
-They stand beside the Python package in the source tree, and in `share/retrolidar_ros` of the
+They are beside the Python package in the source tree, and in `share/retrolidar_ros` of the
 prefix under which the Python package was installed, be it by colcon or by pip.
 """
 
@@ -24,7 +24,7 @@ def shared_file(name: str) -> Path:
     Raises
     ------
     FileNotFoundError
-        If it is nowhere; the message says where it was looked for.
+        If it is missing; the message names the places searched.
     """
     beside = _PACKAGE.parent
     directories = [parent / 'share' / _PACKAGE.name for parent in beside.parents]

@@ -1,6 +1,6 @@
 # Copyright 2026 retrolidar_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""Checked reading of nested mappings whose quantities carry their units: `period: 21 ms`."""
+"""Checked parsing of nested mappings whose quantities carry their units: `period: 21 ms`."""
 
 from __future__ import annotations
 
@@ -24,15 +24,16 @@ UNITS: dict[str, dict[str, float]] = {
 """Units of each kind of quantity, and their size in the unit that the code uses."""
 
 _LARGEST = 1e9  # of any quantity, in the code's own unit: what is computed from it stays finite
+_MOST_ITEMS = 256  # of a list: of markers, say
 _QUANTITY = re.compile(r'\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*(\S.*?)?\s*')
 
 
 class ConfigError(ValueError):
-    """A scene that cannot be; the message names the key and what to write instead."""
+    """An impossible setting; the message names the key and what to write instead."""
 
 
 class Section:
-    """One mapping of a scene: every key is taken once, and none may be left over."""
+    """One mapping of a file: every key is taken once, and none may be left over."""
 
     def __init__(self, content: object, path: str = '') -> None:
         """Wrap `content`, found under the dotted `path`."""
@@ -47,21 +48,21 @@ class Section:
         return f'{self._path}.{key}' if self._path else key
 
     def take(self, key: str, default: T, parse: Callable[[Any, str], T]) -> T:
-        """Return the parsed value of a key, or the default if the scene does not name it."""
+        """Return the parsed value of a key, or the default if it is missing."""
         self._taken.append(key)
         if key not in self._content:
             return default
         return parse(self._content.pop(key), self.path(key))
 
     def need(self, key: str, parse: Callable[[Any, str], T]) -> T:
-        """Return the parsed value of a key that must be there."""
+        """Return the parsed value of a required key."""
         if key not in self._content:
             raise ConfigError(f'{self.path(key)}: is missing')
         self._taken.append(key)
         return parse(self._content.pop(key), self.path(key))
 
     def end(self) -> None:
-        """Raise ConfigError for the first key that nobody took."""
+        """Raise ConfigError for the first unknown key."""
         for key in self._content:
             near = get_close_matches(str(key), self._taken, n=1)
             hint = f'did you mean {near[0]}?' if near else 'known are ' + ', '.join(self._taken)
@@ -117,4 +118,6 @@ def items(value: Any, path: str) -> list[tuple[Any, str]]:
     """Parse a list into its items, each with its own path."""
     if not isinstance(value, list):
         raise ConfigError(f'{path}: needs a list, not {value!r}')
+    if len(value) > _MOST_ITEMS:
+        raise ConfigError(f'{path}: {len(value)} of them; {_MOST_ITEMS} are the most')
     return [(item, f'{path}[{index}]') for index, item in enumerate(value)]

@@ -1,10 +1,11 @@
 # Copyright 2026 retrolidar_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""YAML files to what they describe."""
+"""YAML files, with duplicate keys refused."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Hashable
+from io import StringIO
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -15,8 +16,25 @@ from retrolidar_ros.settings.section import ConfigError
 T = TypeVar('T')
 
 
-class _UniqueKeyLoader(yaml.SafeLoader):
-    """Refuses a key that stands twice in one mapping; plain YAML lets the last one win."""
+_MOST_BYTES = 2**20
+_MOST_VALUES = 100_000
+# What PyYAML raises for a value that its tag does not suit, as in `!!bool maybe`.
+_OF_TAGS = (LookupError, AttributeError, TypeError, ArithmeticError)
+
+
+class _CarefulLoader(yaml.SafeLoader):
+    """Refuses a key that stands twice in one mapping, where plain YAML lets the last one win.
+
+    Refuses, too, aliases that make many values of few, or a value a part of itself.
+    """
+
+    def get_single_node(self) -> yaml.Node | None:
+        node: yaml.Node | None = super().get_single_node()
+        if node is not None and (number := _unfolded(node, {})) > _MOST_VALUES:
+            raise yaml.constructor.ConstructorError(
+                None, None, f'it unfolds to {number} values, and {_MOST_VALUES} are the most', None
+            )
+        return node
 
     def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict[Any, Any]:
         seen = set()
@@ -34,6 +52,24 @@ class _UniqueKeyLoader(yaml.SafeLoader):
         return super().construct_mapping(node, deep=deep)
 
 
+def _unfolded(node: yaml.Node, known: dict[int, int]) -> int:
+    """Return how many values a node stands for, each alias counted as what it stands for."""
+    if id(node) in known:
+        if not known[id(node)]:
+            raise yaml.constructor.ConstructorError(
+                None, None, 'an alias stands within what it stands for', node.start_mark
+            )
+        return known[id(node)]
+    known[id(node)] = 0
+    within: list[yaml.Node] = []
+    if isinstance(node, yaml.SequenceNode):
+        within = node.value
+    elif isinstance(node, yaml.MappingNode):
+        within = [one for pair in node.value for one in pair]
+    known[id(node)] = 1 + sum(_unfolded(one, known) for one in within)
+    return known[id(node)]
+
+
 def load_yaml(path: Path) -> Any:
     """Return the content of a YAML file.
 
@@ -42,24 +78,28 @@ def load_yaml(path: Path) -> Any:
     OSError
         If it cannot be read.
     ValueError
-        If it is not YAML, or a key stands twice in one mapping; the message names the line.
+        If it is not YAML, or a key is duplicate; the message names the line.
     """
-    with path.open(encoding='utf-8') as file:
-        try:
-            return yaml.load(file, Loader=_UniqueKeyLoader)
-        except (yaml.YAMLError, ValueError, RecursionError) as error:
-            raise ValueError(f'{path} is not a YAML file: {error}') from error
+    with path.open('rb') as file:
+        data = file.read(_MOST_BYTES + 1)
+    if len(data) > _MOST_BYTES:
+        raise ValueError(f'{path} is larger than the {_MOST_BYTES} bytes that are read of YAML')
+    try:
+        return yaml.load(StringIO(data.decode()), Loader=_CarefulLoader)
+    except (yaml.YAMLError, ValueError, RecursionError, *_OF_TAGS) as error:
+        reason = str(error) if isinstance(error, (yaml.YAMLError, ValueError)) else repr(error)
+        raise ValueError(f'{path} is not a YAML file: {reason}') from error
 
 
 def load_parsed(path: Path, parse: Callable[[Any], T]) -> T:
-    """Return what a parser makes of a YAML file.
+    """Return the parsed content of a YAML file.
 
     Raises
     ------
     OSError
         If it cannot be read.
     ConfigError
-        If it cannot be; the message names the file and the key.
+        If the content is impossible; the message names the file and the key.
     """
     try:
         content = load_yaml(path)
@@ -72,6 +112,11 @@ def load_parsed(path: Path, parse: Callable[[Any], T]) -> T:
 
 
 def load_parameter_defaults(path: Path, kind: str) -> dict[str, Any]:
-    """Return the parameters that a ROS parameter file gives to the nodes of one kind."""
+    """Return the parameters in a ROS parameter file for the nodes of one kind."""
     parameters: dict[str, Any] = load_yaml(path)[f'/**/{kind}']['ros__parameters']
     return parameters
+
+
+def load_parameter_names(path: Path) -> set[str]:
+    """Return all parameters that a ROS parameter file gives to any node."""
+    return {name for node in load_yaml(path).values() for name in node['ros__parameters']}

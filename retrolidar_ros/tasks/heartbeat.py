@@ -1,6 +1,6 @@
 # Copyright 2026 retrolidar_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""Readings of one marker as heartbeats: in how many windows of time they came (paper §7.2)."""
+"""Detections of one marker as heartbeats: the share of time windows with one (paper §7.2)."""
 
 from __future__ import annotations
 
@@ -8,14 +8,14 @@ import math
 
 WINDOW_S = 10.0
 """Of the paper's detection rate."""
-# Time that goes on by more windows at once has not passed: a clock was set.
+# A larger jump of time is a clock that was set.
 _MOST_WINDOWS = 100
 
 
 class Heartbeat:
-    """Counts windows with and without a reading, and the longest silence.
+    """Counts windows with and without a detection, and the longest silence.
 
-    Time begins with the first call and is told by the caller, so it may be that of a recording.
+    The caller gives the time, which may be that of a recording; it begins with the first call.
     """
 
     def __init__(self, window_s: float = WINDOW_S) -> None:
@@ -29,15 +29,15 @@ class Heartbeat:
         self._begun = True
         self.beats = 0
         self.windows = 0
-        """Whole windows that have passed."""
+        """Complete windows."""
         self.windows_alive = 0
-        """Those of them in which at least one reading came."""
+        """Windows with at least one detection."""
         self._window_start_s = self._last_s = time_s
         self._longest_s = 0.0
         self._beats_in_window = 0
 
     def beat(self, time_s: float) -> None:
-        """Take a reading."""
+        """Take a detection."""
         self.advance(time_s)
         self._longest_s = max(self._longest_s, time_s - self._last_s)
         self._last_s = max(self._last_s, time_s)
@@ -45,7 +45,7 @@ class Heartbeat:
         self.beats += 1
 
     def advance(self, time_s: float) -> None:
-        """Let time pass; a jump, as of a replay or a clock that is set, begins anew."""
+        """Let time pass; a jump, as of a replay or a clock that is set, starts the count again."""
         if not self._begun or time_s < self._window_start_s:
             self._begin(time_s)
         passed = math.floor((time_s - self._window_start_s) / self.window_s)
@@ -58,9 +58,9 @@ class Heartbeat:
             self._beats_in_window = 0
 
     def silence_s(self, time_s: float) -> float:
-        """Return how long ago the last reading came, or the count began without any [s]."""
+        """Return the time since the last detection, or since the count began [s]."""
         return max(time_s - self._last_s, 0.0)
 
     def longest_silence_s(self, time_s: float) -> float:
-        """Return the longest time without a reading so far, the present one included [s]."""
+        """Return the longest time without a detection, the present silence included [s]."""
         return max(self._longest_s, self.silence_s(time_s))

@@ -36,7 +36,7 @@ def largest_stddev(covariance: Floats) -> float:
 
 
 class ObjectBoard:
-    """Keeps the latest sighting of each object, and says what is still missing."""
+    """Keeps the latest sighting of each object, and which are missing."""
 
     def __init__(self, names: Sequence[str], max_stddev_m: float, stale_after_s: float) -> None:
         """Wait for objects by name.
@@ -45,9 +45,9 @@ class ObjectBoard:
         ----------
         names : sequence of str
         max_stddev_m : float
-            How uncertain a position may be [m], as `Sighting.stddev_m`.
+            Largest `Sighting.stddev_m` of a placed object [m].
         stale_after_s : float
-            How long a sighting counts [s].
+            Age from which a sighting no longer counts [s].
 
         Raises
         ------
@@ -67,9 +67,9 @@ class ObjectBoard:
     def see(
         self, name: str, stamp_ns: int, frame_id: str, position_m: Floats, covariance: Floats
     ) -> bool:
-        """Take a sighting of one of the objects, and tell whether it is news.
+        """Take a sighting of an object; return whether it is used.
 
-        It is not if a newer one is known, or if it is not a number.
+        It is not if a newer one is known, or if the position is not finite.
 
         Parameters
         ----------
@@ -85,7 +85,7 @@ class ObjectBoard:
         if not np.isfinite(position_m).all():
             return False
         known = self._sightings.get(name)
-        # Much older ones are of a clock that was set back, or of a bag that began anew.
+        # Much older ones are of a clock that was set back, or of a bag played again.
         if known is not None and 0 < known.stamp_ns - stamp_ns < self.stale_after_s * 1e9:
             return False
         stddev_m = largest_stddev(covariance)
@@ -93,7 +93,7 @@ class ObjectBoard:
         return True
 
     def missing(self, now_ns: int) -> dict[str, str]:
-        """Return what is wrong with each object that is not placed well enough, by its name."""
+        """Return the reason for each object that is not placed well enough, by name."""
         reasons = {}
         newest = max(self._sightings.values(), key=lambda one: one.stamp_ns, default=None)
         for name in self.names:
@@ -113,7 +113,7 @@ class ObjectBoard:
         return reasons
 
     def offsets(self, now_ns: int) -> dict[tuple[str, str], Floats]:
-        """Return the way from one object to another for each pair placed, in order of names."""
+        """Return the vector from one object to another for each pair placed, in order of names."""
         missing = self.missing(now_ns)
         placed = [name for name in self.names if name not in missing]
         return {

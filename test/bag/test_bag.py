@@ -11,6 +11,7 @@ import sqlite3
 import sys
 from collections.abc import Iterable, Iterator
 from io import BytesIO
+from itertools import product
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any, Literal
@@ -18,6 +19,7 @@ from typing import Any, Literal
 import numpy as np
 import pytest
 import yaml
+from harness_frames import make_frames
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -32,35 +34,10 @@ typesys = pytest.importorskip('rosbags.typesys')
 Storage = Literal['mcap', 'sqlite3']
 STORAGES: tuple[Storage, ...] = ('mcap', 'sqlite3')
 SUFFIXES = {'mcap': '.mcap', 'sqlite3': '.db3'}
-FRAME_PERIOD_NS = 21_000_000
-START_NS = 1_700_000_000 * 10**9
 FRAME_HASH = 'RIHS01_55fececcaa4f65fa308471ca99d0871830bfe9d01c88f720e0675c50b85841cb'  # rosidl's
 FRAME_ID = b'retrolidar_optical_frame'  # occurs once in every message
 
 both_storages = pytest.mark.parametrize('storage', STORAGES)
-
-
-def make_frames(count: int, side: int = 4, seed: int = 1) -> list[Frame]:
-    """Return consecutive frames of noise, some zones without a target."""
-    rng = np.random.default_rng(seed)
-    zones = side * side
-    distance = rng.uniform(0, 4, (count, zones)).astype(np.float32)
-    distance[rng.random((count, zones)) < 0.2] = np.nan
-    light = rng.uniform(0, 500, (2, count, zones)).astype(np.float32)
-    status = rng.integers(0, 256, (count, zones), dtype=np.uint8)
-    return [
-        Frame(
-            stamp_ns=START_NS + index * FRAME_PERIOD_NS,
-            sequence=index,
-            sensor_time_us=index * FRAME_PERIOD_NS // 1000,
-            grid=ZoneGrid(side, side),
-            distance=distance[index],
-            signal=light[0, index],
-            ambient=light[1, index],
-            status=status[index],
-        )
-        for index in range(count)
-    ]
 
 
 def bits(frame: Frame) -> tuple[object, ...]:
@@ -197,13 +174,8 @@ def test_round_trip(storage: Storage, frames: list[Frame], frame_id: str) -> Non
             for frame in frames:
                 writer.write(frame)
         assert equal(read_frames(path), frames)
-
-
-@both_storages
-def test_a_data_file_alone_is_a_bag(tmp_path: Path, storage: Storage) -> None:
-    frames = make_frames(10)
-    file = write_bag(tmp_path / 'bag', frames, storage)
-    assert equal(read_frames(str(file)), frames)
+        # A data file alone is a bag.
+        assert equal(read_frames(str(path / f'bag{SUFFIXES[storage]}')), frames)
 
 
 @both_storages
@@ -245,13 +217,7 @@ def test_the_oldest_frame_comes_first(tmp_path: Path, storage: Storage) -> None:
 
 @pytest.mark.parametrize(
     ('storage', 'compression'),
-    [
-        ('mcap', 'FILE'),
-        ('mcap', 'MESSAGE'),
-        ('mcap', 'STORAGE'),
-        ('sqlite3', 'FILE'),
-        ('sqlite3', 'MESSAGE'),
-    ],
+    [*product(STORAGES, ('FILE', 'MESSAGE')), ('mcap', 'STORAGE')],
 )
 def test_compressed_bags(tmp_path: Path, storage: Storage, compression: str, types: Any) -> None:
     frames = make_frames(100)
@@ -276,15 +242,24 @@ def mcap_file(types: Any, frames: Iterable[Frame], **options: Any) -> bytes:
     return stream.getvalue()
 
 
-@pytest.mark.parametrize('jitter', [0, 40, 1000])
-@pytest.mark.parametrize('direction', [1, -1])
-def test_messages_out_of_order(tmp_path: Path, jitter: int, direction: int, types: Any) -> None:
+@pytest.mark.parametrize(
+    ('jitter', 'direction', 'options'),
+    [
+        *((jitter, direction, {}) for jitter in (0, 40, 1000) for direction in (1, -1)),
+        (0, 1, {'use_chunking': False}),
+        *((0, 1, {'compression': compression}) for compression in ('LZ4', 'ZSTD')),
+        (0, 1, {'use_statistics': False, 'use_summary_offsets': False, 'repeat_channels': False}),
+    ],
+)
+def test_any_mcap_file(
+    tmp_path: Path, jitter: int, direction: int, options: dict[str, Any], types: Any
+) -> None:
     frames = make_frames(200)  # in 14 chunks
     rng = random.Random(4)
     keys = {frame.sequence: direction * frame.sequence + rng.uniform(0, jitter) for frame in frames}
     recorded = sorted(frames, key=lambda frame: keys[frame.sequence])
     file = tmp_path / 'a.mcap'
-    file.write_bytes(mcap_file(types, recorded))
+    file.write_bytes(mcap_file(types, recorded, **options))
     assert equal(read_frames(file), frames)
 
 
@@ -305,22 +280,6 @@ def test_a_chunk_is_read_when_its_time_has_come(tmp_path: Path, types: Any) -> N
     assert 50 < len(rest) < 150
 
 
-@pytest.mark.parametrize(
-    'options',
-    [
-        {'use_chunking': False},
-        {'compression': 'LZ4'},
-        {'compression': 'ZSTD'},
-        {'use_statistics': False, 'use_summary_offsets': False, 'repeat_channels': False},
-    ],
-)
-def test_other_kinds_of_mcap_file(tmp_path: Path, options: dict[str, Any], types: Any) -> None:
-    frames = make_frames(100)
-    file = tmp_path / 'a.mcap'
-    file.write_bytes(mcap_file(types, frames, **options))
-    assert equal(read_frames(file), frames)
-
-
 def split_bag(path: Path, frames: list[Frame], storage: Storage) -> list[str]:
     """Write a bag in eleven files, as a recorder with a size limit does; return their names."""
     step = -(-len(frames) // 11)
@@ -337,20 +296,17 @@ def split_bag(path: Path, frames: list[Frame], storage: Storage) -> list[str]:
 
 @both_storages
 def test_split_bags(tmp_path: Path, storage: Storage) -> None:
-    frames = make_frames(55)
-    names = split_bag(tmp_path / 'bag', frames, storage)
-    assert equal(read_frames(tmp_path / 'bag'), frames)
-    (tmp_path / 'bag' / 'metadata.yaml').unlink()
-    assert assert_good_until(tmp_path / 'bag', frames, 'no metadata.yaml') == len(frames)
-    (tmp_path / 'bag' / names[3]).write_bytes(b'')
-    assert assert_good_until(tmp_path / 'bag', frames, f'{names[3]}: the file is empty') == 15
-
-
-def test_a_missing_file_of_a_split_bag_is_named(tmp_path: Path) -> None:
-    frames = make_frames(55)
-    names = split_bag(tmp_path / 'bag', frames, 'mcap')
-    (tmp_path / 'bag' / names[-1]).unlink()
-    assert assert_good_until(tmp_path / 'bag', frames, f'differ in {names[-1]}') == 50
+    frames, bag = make_frames(55), tmp_path / 'bag'
+    names = split_bag(bag, frames, storage)
+    assert equal(read_frames(bag), frames)
+    last, metadata = bag / names[-1], bag / 'metadata.yaml'
+    last.rename(tmp_path / 'last')
+    assert assert_good_until(bag, frames, f'differ in {names[-1]}') == 50
+    (tmp_path / 'last').rename(last)
+    metadata.unlink()
+    assert assert_good_until(bag, frames, 'no metadata.yaml') == len(frames)
+    (bag / names[3]).write_bytes(b'')
+    assert assert_good_until(bag, frames, f'{names[3]}: the file is empty') == 15
 
 
 def test_a_write_ahead_log_is_read(tmp_path: Path) -> None:
@@ -401,25 +357,21 @@ def test_a_database_is_read_without_its_index(tmp_path: Path) -> None:
     assert assert_good_until(file, frames, 'malformed') == len(frames)
 
 
-def test_a_truncated_compressed_chunk_is_read_to_the_cut(tmp_path: Path, types: Any) -> None:
-    frames = make_frames(2000, side=8)
-    write_messages(tmp_path / 'bag', types, serialized(types, frames), 'mcap', 'STORAGE')
-    file = tmp_path / 'bag' / 'bag.mcap'
-    file.write_bytes(file.read_bytes()[: file.stat().st_size // 3])
-    assert assert_good_until(file, frames, 'byte') > len(frames) // 4
-
-
-@both_storages
-def test_a_truncated_compressed_file_is_read_to_the_cut(
-    tmp_path: Path, storage: Storage, types: Any
+@pytest.mark.parametrize(
+    ('storage', 'compression'), [('mcap', 'STORAGE'), ('mcap', 'FILE'), ('sqlite3', 'FILE')]
+)
+def test_truncated_compression(
+    tmp_path: Path, storage: Storage, compression: str, types: Any
 ) -> None:
     frames = make_frames(2000, side=8)
-    write_messages(tmp_path / 'bag', types, serialized(types, frames), storage, 'FILE')
-    file = tmp_path / 'bag' / f'bag{SUFFIXES[storage]}.zstd'
-    file.write_bytes(file.read_bytes()[: file.stat().st_size // 2])
-    assert assert_good_until(file, frames, '') > len(frames) // 4
-    file.write_bytes(b'not zstd')
-    assert assert_good_until(file, frames, '') == 0
+    write_messages(tmp_path / 'bag', types, serialized(types, frames), storage, compression)
+    end = '.zstd' if compression == 'FILE' else ''
+    file = tmp_path / 'bag' / f'bag{SUFFIXES[storage]}{end}'
+    file.write_bytes(file.read_bytes()[: file.stat().st_size // (2 if end else 3)])
+    assert assert_good_until(file, frames, '' if end else 'byte') > len(frames) // 4
+    if end:
+        file.write_bytes(b'not zstd')
+        assert assert_good_until(file, frames, '') == 0
 
 
 @pytest.mark.parametrize('page', [512, 65536])
@@ -441,18 +393,22 @@ def test_a_lost_end_is_told_though_no_frame_was_in_it(tmp_path: Path, page: int)
 
 @pytest.mark.parametrize('compression', ['NONE', 'LZ4', 'ZSTD'])
 def test_a_damaged_chunk_ends_the_frames(tmp_path: Path, compression: str, types: Any) -> None:
-    frames = make_frames(200)
-    data = bytearray(mcap_file(types, frames, compression=compression))
-    middle = len(data) // 2
-    data[middle] ^= 0x10
-    file = tmp_path / 'a.mcap'
-    file.write_bytes(data)
-    count = assert_good_until(file, frames, 'the record at byte')
-    assert 0 < count < len(frames)
-    assert len(frames) // 2 - count < 20  # a chunk holds 15
+    frames, file = make_frames(200), tmp_path / 'a.mcap'
+    whole = mcap_file(types, frames, compression=compression)
+    first = 17 + int.from_bytes(whole[9:17], 'little')
+    assert whole[first] == 6
+    # Somewhere in a chunk, and in the uncompressed size of the first.
+    for place, where, least, most in (
+        (len(whole) // 2, '', 81, 100),
+        (first + 25, first + 9, 0, 20),
+    ):
+        data = bytearray(whole)
+        data[place] ^= 0x10
+        file.write_bytes(data)
+        assert least <= assert_good_until(file, frames, f'the record at byte {where}') <= most
 
 
-def test_a_disk_error_ends_the_frames(
+def test_a_disk_error_ends_frames(
     tmp_path: Path, types: Any, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     class FailingDisk(BytesIO):
@@ -469,26 +425,14 @@ def test_a_disk_error_ends_the_frames(
     assert 80 < assert_good_until(file, frames, 'Input/output error') < 120
 
 
-def test_a_chunk_of_the_wrong_size_is_damaged(tmp_path: Path, types: Any) -> None:
-    data = bytearray(mcap_file(types, make_frames(200)))
-    chunk = 8 + 9 + int.from_bytes(data[9:17], 'little')
-    assert data[chunk] == 6
-    data[chunk + 9 + 16] ^= 1  # the uncompressed size
-    file = tmp_path / 'a.mcap'
-    file.write_bytes(data)
-    _, error = read_all(file)
-    assert f'the record at byte {chunk + 9}' in str(error)
-
-
 def test_a_tail_of_zeros_ends_the_frames(tmp_path: Path) -> None:
     # So file systems leave a file after a power cut.
     frames = make_frames(400)
     file = write_bag(tmp_path / 'bag', frames)
     data = file.read_bytes()
-    size = len(data) // 2
-    file.write_bytes(data[:size] + bytes(len(data) - size))
-    assert assert_good_until(file, frames, '') >= data[:size].count(FRAME_ID) - 1
-    footer = len(data) - 37
+    half, footer = len(data) // 2, len(data) - 37
+    file.write_bytes(data[:half] + bytes(half))
+    assert assert_good_until(file, frames, '') >= data[:half].count(FRAME_ID) - 1
     file.write_bytes(data[:footer] + bytes(1000))
     assert assert_good_until(file, frames, f'no whole record at byte {footer}') == len(frames)
 
@@ -530,21 +474,17 @@ def test_damaged_metadata_costs_no_frames(tmp_path: Path, storage: Storage) -> N
 @pytest.mark.parametrize(
     ('name', 'content', 'says'),
     [
-        ('a.mcap', b'', 'the file is empty'),
-        ('a.db3', b'', 'the file is empty'),
+        *((f'a{end}', b'', 'the file is empty') for end in SUFFIXES.values()),
         ('a.mcap', b'Dear reader,\n' * 99, 'not an MCAP file'),
         ('a.db3', b'Dear reader,\n' * 99, 'not an SQLite file'),
         ('a.txt', b'Dear reader,\n' * 99, 'does not end in .mcap or .db3'),
     ],
 )
 def test_what_is_no_bag(tmp_path: Path, name: str, content: bytes, says: str) -> None:
+    assert assert_good_until(tmp_path, [], 'no .mcap or .db3 file') == 0
     file = tmp_path / name
     file.write_bytes(content)
     assert assert_good_until(file, [], says) == 0
-
-
-def test_no_file_at_all(tmp_path: Path) -> None:
-    assert assert_good_until(tmp_path, [], 'no .mcap or .db3 file') == 0
     with pytest.raises(BagError, match='nowhere does not exist'):
         next(read_frames(tmp_path / 'nowhere'))
 
@@ -553,84 +493,63 @@ def test_no_file_at_all(tmp_path: Path) -> None:
 
 
 @both_storages
-def test_a_missing_topic_lists_those_there_are(
-    tmp_path: Path, storage: Storage, types: Any
-) -> None:
+def test_a_wrong_topic_is_refused(tmp_path: Path, storage: Storage, types: Any) -> None:
     messages = serialized(types, make_frames(2))
     write_messages(tmp_path / 'bag', types, messages, storage, topic='/left/frames')
-    with pytest.raises(BagError) as caught:
-        next(read_frames(tmp_path / 'bag'))
-    assert f'no topic {FRAMES_TOPIC}' in str(caught.value)
-    assert '/left/frames (retrolidar_ros/msg/Frame)' in str(caught.value)
-    assert '/other (std_msgs/msg/Header)' in str(caught.value)
+    write_bag(tmp_path / 'empty', [], storage)
     assert len(list(read_frames(tmp_path / 'bag', '/left/frames'))) == 2
-
-
-@both_storages
-def test_a_topic_of_another_type_is_refused(tmp_path: Path, storage: Storage, types: Any) -> None:
-    write_messages(tmp_path / 'bag', types, serialized(types, make_frames(2)), storage)
-    with pytest.raises(BagError, match=f'/other is of type std_msgs/msg/Header, not {FRAME_TYPE}'):
-        next(read_frames(tmp_path / 'bag', '/other'))
-
-
-@both_storages
-def test_a_bag_without_frames_is_refused(tmp_path: Path, storage: Storage) -> None:
-    write_bag(tmp_path / 'bag', [], storage)
-    with pytest.raises(BagError, match=f'{FRAMES_TOPIC} has no frames'):
-        next(read_frames(tmp_path / 'bag'))
-
-
-@pytest.mark.parametrize(
-    ('changes', 'says'),
-    [
-        ({'distance': np.zeros(15, np.float32)}, 'distance has 15 values for 4x4 zones'),
-        ({'ambient': np.zeros(64, np.float32)}, 'ambient has 64 values for 4x4 zones'),
-        ({'status': np.zeros(0, np.uint8)}, 'status has 0 values for 4x4 zones'),
-        ({'rows': 3}, 'a frame of 3x4 zones'),
-    ],
-)
-def test_zones_that_cannot_be(
-    tmp_path: Path, changes: dict[str, object], says: str, types: Any
-) -> None:
-    frames = make_frames(4)
-    messages = serialized(types, frames)
-    wrong = types.serialize_cdr(message(types, frames[3], **changes), FRAME_TYPE)
-    write_messages(tmp_path / 'bag', types, [*messages[:3], (messages[3][0], wrong)])
-    assert assert_good_until(tmp_path / 'bag', frames, says) == 3
+    there = r'.*/left/frames \(retrolidar_ros/msg/Frame\).*'
+    for bag, topic, message in (
+        (
+            'bag',
+            FRAMES_TOPIC,
+            rf'no topic {FRAMES_TOPIC}(?={there})(?=.*/other \(std_msgs/msg/Header)',
+        ),
+        ('bag', '/other', f'/other is of type std_msgs/msg/Header, not {FRAME_TYPE}'),
+        ('empty', FRAMES_TOPIC, f'{FRAMES_TOPIC} has no frames'),
+    ):
+        with pytest.raises(BagError, match=message):
+            next(read_frames(tmp_path / bag, topic))
 
 
 def test_messages_that_are_no_frames(tmp_path: Path, types: Any) -> None:
-    frames = make_frames(1)
-    ((time, data),) = serialized(types, frames)
-    big_endian = types.serialize_cdr(message(types, frames[0]), FRAME_TYPE, little_endian=False)
-    for index, wrong in enumerate([big_endian, *(data[:size] for size in range(0, len(data), 19))]):
+    frames = make_frames(4)
+    *messages, (time, data) = serialized(types, frames)
+    wrongs: list[tuple[str, dict[str, Any]]] = [
+        ('distance has 15 values for 4x4 zones', {'distance': np.zeros(15, np.float32)}),
+        ('ambient has 64 values for 4x4 zones', {'ambient': np.zeros(64, np.float32)}),
+        ('status has 0 values for 4x4 zones', {'status': np.zeros(0, np.uint8)}),
+        ('a frame of 3x4 zones', {'rows': 3}),
+    ]
+    cases = [
+        (says, types.serialize_cdr(message(types, frames[3], **changes), FRAME_TYPE))
+        for says, changes in wrongs
+    ]
+    big_endian = types.serialize_cdr(message(types, frames[3]), FRAME_TYPE, little_endian=False)
+    cases += [
+        ('a message', wrong) for wrong in [big_endian, *(data[:n] for n in range(0, len(data), 19))]
+    ]
+    for index, (says, wrong) in enumerate(cases):
         path = tmp_path / f'bag_{index}'
-        write_messages(path, types, [(time, data), (time + 1, wrong)])
-        assert assert_good_until(path, frames, 'a message') == 1
+        write_messages(path, types, [*messages, (time, wrong)])
+        assert assert_good_until(path, frames, says) == 3
 
 
 # Writing
 
 
-def test_an_existing_path_is_left_alone(tmp_path: Path) -> None:
+def test_a_bag_that_cannot_be_made_or_exists_already(tmp_path: Path) -> None:
     file = write_bag(tmp_path / 'bag', make_frames(3))
     before = file.read_bytes()
     for path in (tmp_path / 'bag', tmp_path, file):
         with pytest.raises(BagError, match='exists already'):
             FrameWriter(path)
     assert file.read_bytes() == before
-
-
-def test_an_unknown_storage_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(BagError, match='Not a directory'), FrameWriter(file / 'bag'):
+        pass
     storage: Any = 'rosbag1'
     with pytest.raises(BagError, match="'rosbag1' is not mcap or sqlite3"):
-        FrameWriter(tmp_path / 'bag', storage)
-
-
-def test_a_bag_that_cannot_be_made(tmp_path: Path) -> None:
-    (tmp_path / 'file').touch()
-    with pytest.raises(BagError, match='Not a directory'), FrameWriter(tmp_path / 'file' / 'bag'):
-        pass
+        FrameWriter(tmp_path / 'other', storage)
 
 
 @both_storages
@@ -656,17 +575,16 @@ def test_numbers_that_do_not_fit_are_refused(tmp_path: Path, storage: Storage) -
     assert equal(read_frames(tmp_path / 'bag'), frames)
 
 
-def interrupted(frames: list[Frame]) -> Iterator[Frame]:
-    """Yield frames until someone presses Ctrl-C."""
-    yield from frames
-    raise KeyboardInterrupt
-
-
 @both_storages
-def test_an_exception_does_not_cost_what_was_written(tmp_path: Path, storage: Storage) -> None:
+def test_ctrl_c_does_not_cost_what_was_written(tmp_path: Path, storage: Storage) -> None:
     frames = make_frames(5)
+
+    def interrupted() -> Iterator[Frame]:
+        yield from frames
+        raise KeyboardInterrupt
+
     with pytest.raises(KeyboardInterrupt):
-        write_bag(tmp_path / 'bag', interrupted(frames), storage)
+        write_bag(tmp_path / 'bag', interrupted(), storage)
     assert equal(read_frames(tmp_path / 'bag'), frames)
 
 
@@ -674,26 +592,19 @@ def test_an_exception_does_not_cost_what_was_written(tmp_path: Path, storage: St
 
 
 @both_storages
-def test_rosbags_is_needed_to_write_only(
-    tmp_path: Path, storage: Storage, monkeypatch: pytest.MonkeyPatch
+def test_rosbags_is_needed_to_write_and_to_decompress_only(
+    tmp_path: Path, storage: Storage, types: Any, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     frames = make_frames(3)
     write_bag(tmp_path / 'bag', frames, storage)
-    monkeypatch.setitem(sys.modules, 'rosbags', None)
+    write_messages(tmp_path / 'zstd', types, serialized(types, frames), storage, 'FILE')
+    for name in ('rosbags', 'backports.zstd', 'compression.zstd'):
+        monkeypatch.setitem(sys.modules, name, None)
     assert equal(read_frames(tmp_path / 'bag'), frames)
     with pytest.raises(BagError, match=r'pip install rosbags'):
         FrameWriter(tmp_path / 'other', storage)
-
-
-def test_a_missing_decompressor_is_named(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, types: Any
-) -> None:
-    messages = serialized(types, make_frames(3))
-    write_messages(tmp_path / 'bag', types, messages, compression='STORAGE')
-    for name in ('backports.zstd', 'compression.zstd'):
-        monkeypatch.setitem(sys.modules, name, None)
     with pytest.raises(BagError, match=r'zstd: pip install rosbags'):
-        next(read_frames(tmp_path / 'bag'))
+        next(read_frames(tmp_path / 'zstd'))
 
 
 def open_files() -> int:

@@ -4,7 +4,9 @@ import os
 import select
 import signal
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from contextlib import suppress
+from functools import partial
 from pathlib import Path
 
 import pytest
@@ -70,9 +72,7 @@ def await_end(group: ProcessGroup, name: str) -> None:
 
 
 @pytest.mark.parametrize('program', [SLEEPER, PARENT, ABANDONING])
-def test_leaving_the_block_ends_children_and_their_children(
-    tmp_path: Path, line: LifeLine, program: str
-) -> None:
+def test_leaving_ends_children_and_theirs(tmp_path: Path, line: LifeLine, program: str) -> None:
     with ProcessGroup(tmp_path) as group:
         group.start('one', line.command(program))
         group.start('other', line.command(program))
@@ -81,45 +81,39 @@ def test_leaving_the_block_ends_children_and_their_children(
     assert line.all_gone()
 
 
-@pytest.mark.parametrize('error', [ValueError, KeyboardInterrupt, SystemExit])
-def test_an_exception_ends_them_too_and_passes_on(
-    tmp_path: Path, line: LifeLine, error: type[BaseException]
+SIGTERM = partial(signal.raise_signal, signal.SIGTERM)
+
+
+def raise_error(error: type[BaseException]) -> None:
+    raise error
+
+
+@pytest.mark.parametrize(
+    ('end', 'raised'),
+    [
+        *(
+            (partial(raise_error, error), error)
+            for error in (ValueError, KeyboardInterrupt, SystemExit)
+        ),
+        (partial(signal.raise_signal, signal.SIGINT), KeyboardInterrupt),
+        (SIGTERM, SystemExit),
+    ],
+)
+def test_an_exception_or_a_signal_ends_them_too_and_passes_on(
+    tmp_path: Path, line: LifeLine, end: Callable[[], None], raised: type[BaseException]
 ) -> None:
-    def work() -> None:
-        with ProcessGroup(tmp_path) as group:
-            group.start('parent', line.command(PARENT))
-            line.wait_for('ready')
-            raise error('for a reason')
-
-    with pytest.raises(error, match='for a reason'):
-        work()
-    assert line.all_gone()
-
-
-def test_ctrl_c_ends_them(tmp_path: Path, line: LifeLine) -> None:
-    def work() -> None:
-        with ProcessGroup(tmp_path) as group:
-            group.start('parent', line.command(PARENT))
-            line.wait_for('ready')
-            signal.raise_signal(signal.SIGINT)
-
-    with pytest.raises(KeyboardInterrupt):
-        work()
-    assert line.all_gone()
-
-
-def test_sigterm_ends_them_and_its_handler_is_put_back(tmp_path: Path, line: LifeLine) -> None:
     before = signal.getsignal(signal.SIGTERM)
 
     def work() -> None:
         with ProcessGroup(tmp_path) as group:
             group.start('parent', line.command(PARENT))
             line.wait_for('ready')
-            signal.raise_signal(signal.SIGTERM)
+            end()
 
-    with pytest.raises(SystemExit) as caught:
+    with pytest.raises(raised) as caught:
         work()
-    assert caught.value.code == 128 + signal.SIGTERM
+    if end == SIGTERM:
+        assert caught.value.args == (128 + signal.SIGTERM,)
     assert line.all_gone()
     assert signal.getsignal(signal.SIGTERM) is before
 
@@ -134,7 +128,7 @@ def test_children_are_asked_by_sigint_first(tmp_path: Path, line: LifeLine) -> N
         assert line.all_gone()
 
 
-def test_a_child_that_ignores_sigint_is_killed(
+def test_who_ignores_sigint_is_killed(
     tmp_path: Path, line: LifeLine, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(processes, '_PATIENCE_S', 0.1)
@@ -164,35 +158,24 @@ def test_a_second_ctrl_c_is_no_way_out_for_the_children(tmp_path: Path, line: Li
     assert time.monotonic() - begin_s < processes._PATIENCE_S
 
 
-def test_check_passes_while_all_run(tmp_path: Path, line: LifeLine) -> None:
+def test_check_reports_who_ended_and_the_end_of_its_log(tmp_path: Path, line: LifeLine) -> None:
+    program = 'for i in $(seq 1 40); do echo "line $i"; done; echo oops >&2; exit 3'
+    lines = '\n'.join(f'line {number}' for number in range(27, 41))
     with ProcessGroup(tmp_path) as group:
         group.check()
         group.start('sleeper', line.command(SLEEPER))
         line.wait_for('ready')
         group.check()
-
-
-def test_check_reports_who_ended_and_the_end_of_its_log(tmp_path: Path, line: LifeLine) -> None:
-    program = 'for i in $(seq 1 40); do echo "line $i"; done; echo oops >&2; exit 3'
-    with ProcessGroup(tmp_path) as group:
-        group.start('sleeper', line.command(SLEEPER))
         group.start('failing', ['sh', '-c', program])
         await_end(group, 'failing')
-        lines = '\n'.join(f'line {number}' for number in range(27, 41))
         with pytest.raises(ProcessError) as caught:
             group.check()
         assert str(caught.value) == f'failing ended with exit code 3:\n{lines}\noops'
-        line.wait_for('ready')
     assert line.all_gone()
-
-
-def test_check_reports_a_process_that_was_killed(tmp_path: Path, line: LifeLine) -> None:
     with ProcessGroup(tmp_path) as group:
-        group.start('sleeper', line.command(SLEEPER))
-        line.wait_for('ready')
-        os.kill(group.pid('sleeper'), signal.SIGKILL)
-        await_end(group, 'sleeper')
-        with pytest.raises(ProcessError, match='sleeper ended with exit code -9'):
+        group.start('killed', ['sh', '-c', 'kill -9 $$'])
+        await_end(group, 'killed')
+        with pytest.raises(ProcessError, match='killed ended with exit code -9'):
             group.check()
 
 
@@ -204,38 +187,29 @@ def test_a_log_of_any_bytes_can_be_reported(tmp_path: Path) -> None:
             group.check()
 
 
-def test_a_stopped_process_is_no_failure_and_may_be_started_again(
-    tmp_path: Path, line: LifeLine
-) -> None:
+def test_a_stopped_process_may_be_started_again(tmp_path: Path, line: LifeLine) -> None:
     again = LifeLine(tmp_path / 'again')
     with ProcessGroup(tmp_path) as group:
         for one in (line, again):
             group.start('sleeper', one.command(SLEEPER))
             one.wait_for('ready')
+            with pytest.raises(ValueError, match='sleeper has been started already'):
+                group.start('sleeper', one.command(SLEEPER))
+            # So Ctrl-C in a terminal does not reach it past the group.
+            pid = group.pid('sleeper')
+            assert os.getpgid(pid) == pid != os.getpgrp()
             assert group.stop('sleeper') == -signal.SIGINT
             group.check()
             assert one.all_gone()
     again.close()
 
 
-def test_a_name_is_not_given_twice(tmp_path: Path, line: LifeLine) -> None:
-    with ProcessGroup(tmp_path) as group:
+def test_a_program_that_is_missing_ends_the_others(tmp_path: Path, line: LifeLine) -> None:
+    with suppress(FileNotFoundError), ProcessGroup(tmp_path) as group:
         group.start('sleeper', line.command(SLEEPER))
         line.wait_for('ready')
-        with pytest.raises(ValueError, match='sleeper has been started already'):
-            group.start('sleeper', line.command(SLEEPER))
-    assert line.all_gone()
-
-
-def test_a_program_that_is_missing_ends_the_others(tmp_path: Path, line: LifeLine) -> None:
-    def work() -> None:
-        with ProcessGroup(tmp_path) as group:
-            group.start('sleeper', line.command(SLEEPER))
-            line.wait_for('ready')
-            group.start('missing', [str(tmp_path / 'nothing')])
-
-    with pytest.raises(FileNotFoundError):
-        work()
+        group.start('missing', [str(tmp_path / 'nothing')])
+        pytest.fail('it was started')
     assert line.all_gone()
 
 
@@ -245,12 +219,3 @@ def test_both_outputs_are_in_the_log_and_there_is_no_input(tmp_path: Path) -> No
         await_end(group, 'talker')
         assert group.log('talker') == tmp_path / 'talker.log'
         assert group.log('talker').read_text() == 'out\nerr\nend\n'
-
-
-def test_children_have_a_process_group_of_their_own(tmp_path: Path, line: LifeLine) -> None:
-    # So Ctrl-C in a terminal does not reach them past the group.
-    with ProcessGroup(tmp_path) as group:
-        group.start('sleeper', line.command(SLEEPER))
-        line.wait_for('ready')
-        pid = group.pid('sleeper')
-        assert os.getpgid(pid) == pid != os.getpgrp()

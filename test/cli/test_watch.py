@@ -23,6 +23,7 @@ import yaml
 from numpy.typing import NDArray
 from st_board import Board, Zone
 
+from retrolidar_ros.cli.arguments import detector_values
 from retrolidar_ros.cli.main import main, parser
 from retrolidar_ros.cli.watch import watch
 from retrolidar_ros.cli.watch_state import Watch
@@ -43,6 +44,7 @@ from retrolidar_ros.detector.budget import Demands
 from retrolidar_ros.detector.likelihood_detector import Candidate
 from retrolidar_ros.detector.noise import NoiseLaw
 from retrolidar_ros.detector.reason import Reason
+from retrolidar_ros.detector.settings import defaults
 from retrolidar_ros.marker.code import BIT_PERIOD_S, PACKET_BITS, packet
 from retrolidar_ros.scene import Scene, Simulation
 from retrolidar_ros.scene.description import Marker, Noise, Sensor, Surface
@@ -51,6 +53,8 @@ from retrolidar_ros.sensor.frame_rate import missing_frames, rate_mismatch
 from retrolidar_ros.sensor.protocols import PROTOCOLS
 from retrolidar_ros.sensor.serial_source import SerialSource
 from retrolidar_ros.settings.resources import shared_file
+
+Output = pytest.CaptureFixture[str]
 
 ID, ZONE = 2073, 10
 SCENE = Scene(
@@ -94,13 +98,24 @@ def seen(scene: Scene, frames: int) -> Samples:
     return Samples.of(Recording.of(list(Simulation(scene).advance(frames))[-68:]))
 
 
-def watch_of(frames: list[Frame], zone: int | None = None) -> Watch:
-    """Return what is known after frames that come when they were exposed."""
+def open_watch(bit_period_s: float = BIT_PERIOD_S, zone: int | None = None) -> Watch:
+    """Return what is known of a port that is open, so far nothing."""
     source = SerialSource('port', 460800, PROTOCOLS['retrolidar'](time.monotonic_ns))
-    state = Watch(source, zone, BIT_PERIOD_S)
+    source.problem = ''
+    return Watch(source, zone, {**defaults(), 'bit_period': bit_period_s})
+
+
+def give(state: Watch, frames: Sequence[Frame]) -> None:
+    """Let frames come when they were exposed, the last of them now."""
     begin_ns = time.monotonic_ns() - frames[-1].sensor_time_us * 1000
     for one in frames:
         state.take([one], begin_ns + one.sensor_time_us * 1000)
+
+
+def watch_of(frames: list[Frame], zone: int | None = None) -> Watch:
+    """Return what is known after frames that come when they were exposed."""
+    state = open_watch(zone=zone)
+    give(state, frames)
     return state
 
 
@@ -130,9 +145,6 @@ def test_lost_bits_are_unknown_and_do_not_count_as_wrong() -> None:
     assert bits is not None
     assert 2 <= np.count_nonzero(bits.erased) <= 4
     assert (bits.id, bits.differing) == (ID, 0)
-
-
-def test_a_zone_without_light_has_no_bits() -> None:
     dark = [replace(frame(ZoneGrid(), n), signal=np.zeros(16, np.float32)) for n in range(72)]
     samples = Samples.of(Recording.of(dark))
     assert BitReader(BIT_PERIOD_S).read(samples, 3, NoiseLaw()) is None
@@ -143,6 +155,10 @@ def test_blinking_is_the_marker_s_and_noise_is_none() -> None:
     amplitude, noise = 290.0, NoiseLaw().variance(np.asarray(185.0))
     assert blinking[ZONE] == pytest.approx(10 * np.log10(amplitude**2 / noise), abs=2)
     assert np.delete(blinking, ZONE).max() < 3
+    known = watch_of(list(Simulation(replace(SCENE, markers=())).advance(100))).snapshot()
+    assert known.zone is None
+    assert 'no zone blinks' in line(known)
+    assert 'no zone blinks' in screen(known, BLOCKS)
 
 
 # What is known
@@ -151,7 +167,7 @@ def test_blinking_is_the_marker_s_and_noise_is_none() -> None:
 def test_the_zone_that_blinks_most_is_chosen_and_read() -> None:
     state = watch_of(list(Simulation(SCENE).advance(200)))
     known = state.snapshot()
-    assert (known.zone, known.trouble) == (ZONE, 'port has not been opened yet; retrying')
+    assert (known.zone, known.trouble) == (ZONE, '')
     assert (known.frames, known.lost, known.damaged) == (200, 0, 0)
     assert known.bits is not None
     assert known.bits.id == ID
@@ -169,36 +185,22 @@ def test_a_zone_stays_chosen_until_another_blinks_far_more() -> None:
         one.signal[[2, 5]] = (10.0, 10.0) if dark else (110.0, other)
         return one
 
-    state = watch_of([blinking(number, 60.0) for number in range(80)])
-    chosen = [state.snapshot().zone]
-    for first, other in ((80, 130.0), (160, 400.0)):
-        begin_ns = time.monotonic_ns() - (first + 80) * 21_000_000
-        for number in range(first, first + 80):
-            state.take([blinking(number, other)], begin_ns + number * 21_000_000)
-        chosen.append(state.snapshot().zone)
-    assert chosen == [2, 2, 5]
+    state = open_watch()
+    for first, other, chosen in ((0, 60.0, 2), (80, 130.0, 2), (160, 400.0, 5)):
+        give(state, [blinking(number, other) for number in range(first, first + 80)])
+        assert state.snapshot().zone == chosen
 
 
-def test_nothing_is_chosen_where_nothing_blinks() -> None:
-    known = watch_of(list(Simulation(replace(SCENE, markers=())).advance(100))).snapshot()
-    assert known.zone is None
-    assert 'no zone blinks' in line(known)
-    assert 'no zone blinks' in screen(known, BLOCKS)
-
-
-def test_the_zone_that_is_asked_for_is_shown() -> None:
-    known = watch_of(list(Simulation(SCENE).advance(100)), zone=3).snapshot()
-    assert known.zone == 3
-
-
-def test_silence_is_told_and_what_may_be_the_reason() -> None:
+def test_trouble_is_told_and_what_may_be_the_reason(monkeypatch: pytest.MonkeyPatch) -> None:
     reader = PROTOCOLS['retrolidar'](time.monotonic_ns)
     source = SerialSource('port', 460800, reader)
+    state = Watch(source, None, defaults())
+    assert state.snapshot().trouble == 'port has not been opened yet; retrying'
     source.problem = ''  # as while it is open
-    state = Watch(source, None, BIT_PERIOD_S)
-    state.take([frame(ZoneGrid())], time.monotonic_ns())
+    begin_ns = time.monotonic_ns()
+    state.take([frame(ZoneGrid())], begin_ns)
     assert state.snapshot().trouble == ''
-    state.take([frame(ZoneGrid(), 1)], time.monotonic_ns() - 3_000_000_000)
+    state.take([frame(ZoneGrid(), 1)], begin_ns - 3_000_000_000)
     assert state.snapshot().trouble.startswith('no frames come for 3 s; the sensor is silent')
     source.received += 14
     assert state.snapshot().trouble.endswith(
@@ -212,31 +214,18 @@ def test_silence_is_told_and_what_may_be_the_reason() -> None:
     known = state.snapshot()
     assert known.damaged == 1
     assert 'no frame of this protocol, or of another --baud' in known.trouble
-
-
-def test_a_bit_period_that_does_not_suit_the_frames_is_told() -> None:
-    source = SerialSource('port', 460800, PROTOCOLS['retrolidar'](time.monotonic_ns))
-    source.problem = ''
-    state = Watch(source, None, 0.1)
-    begin_ns = time.monotonic_ns() - 40 * 21_000_000
-    for number in range(40):
-        state.take([frame(ZoneGrid(), number)], begin_ns + number * 21_000_000)
-    assert state.snapshot().trouble == (
-        'a frame comes every 21.0 ms, but half of bit_period is 50.0 ms: '
+    unsuited = open_watch(bit_period_s=0.03)
+    give(unsuited, [frame(ZoneGrid(), number) for number in range(40)])
+    assert unsuited.snapshot().trouble == (
+        'a frame comes every 21.0 ms, but bit_period is 30.0 ms: 1.4 frames, and not two to eight: '
         'set --bit-period to how long the markers hold a bit [s]'
     )
-
-
-def test_what_the_reader_tells_is_shown_for_a_while(monkeypatch: pytest.MonkeyPatch) -> None:
-    source = SerialSource('port', 460800, PROTOCOLS['retrolidar'](time.monotonic_ns))
-    source.problem = ''
-    state = Watch(source, None, BIT_PERIOD_S)
-    begin_ns = time.monotonic_ns()
-    state.take([frame(ZoneGrid())], begin_ns, 'slow text')
+    # What the reader tells is shown for a while.
+    state, now_ns = open_watch(), time.monotonic_ns()
+    state.take([frame(ZoneGrid())], now_ns, 'slow text')
     assert state.snapshot().trouble == 'slow text'
-    later_ns = begin_ns + 31_000_000_000
-    monkeypatch.setattr(time, 'monotonic_ns', lambda: later_ns)
-    state.take([frame(ZoneGrid(), 1)], later_ns)
+    monkeypatch.setattr(time, 'monotonic_ns', lambda: now_ns + 31_000_000_000)
+    state.take([frame(ZoneGrid(), 1)], now_ns + 31_000_000_000)
     assert state.snapshot().trouble == ''
 
 
@@ -253,7 +242,7 @@ def test_a_still_scene_before_st_s_example_does_not_blink() -> None:
                 baud=460800,
                 protocol='st_example',
                 zone=None,
-                bit_period_s=0.1,
+                values={**defaults(), 'bit_period': 0.1},
                 duration_s=3.0,
             )
         finally:
@@ -265,39 +254,31 @@ def test_a_still_scene_before_st_s_example_does_not_blink() -> None:
     assert last.endswith('no zone blinks')
 
 
-def test_lost_frames_are_counted() -> None:
-    frames = list(Simulation(SCENE).advance(50))
-    assert watch_of(frames[:20] + frames[23:]).snapshot().lost == 3
-
-
-def test_another_grid_begins_anew() -> None:
+def test_another_grid_begins_anew_and_needs_a_zone_of_its_own() -> None:
     small = [frame(ZoneGrid(), number) for number in range(40)]
     large = [frame(ZoneGrid(8, 8), number) for number in range(40, 80)]
     known = watch_of(small + large).snapshot()
     assert known.frame is not None
     assert known.frame.grid == ZoneGrid(8, 8)
     assert known.modulation_db.shape == (64,)
-
-
-def test_a_zone_that_the_sensor_does_not_have_is_refused() -> None:
+    assert watch_of(small, zone=3).snapshot().zone == 3
+    assert watch_of(large, zone=16).snapshot().zone == 16
     with pytest.raises(ValueError, match=r'--zone 16: the sensor has 4x4 zones, 0 to 15'):
-        watch_of([frame(ZoneGrid())], zone=16)
-    watch_of([frame(ZoneGrid(8, 8))], zone=16)
+        watch_of(small, zone=16)
 
 
-@pytest.mark.parametrize(
-    ('before', 'after', 'missing'),
-    [(None, 7, 0), (3, 4, 0), (3, 6, 2), (2**32 - 1, 0, 0), (2**32 - 2, 1, 2), (5000, 0, 0)],
-)
-def test_missing_frames(before: int | None, after: int, missing: int) -> None:
-    assert missing_frames(before, after) == missing
-
-
-def test_frames_that_do_not_come_twice_a_bit_are_told() -> None:
+def test_missing_frames_are_counted_and_a_rate_that_does_not_suit_is_told() -> None:
+    frames = list(Simulation(SCENE).advance(50))
+    assert watch_of(frames[:20] + frames[23:]).snapshot().lost == 3
+    top = 2**32
+    pairs = [(None, 7), (3, 4), (3, 6), (top - 1, 0), (top - 2, 1), (5000, 0)]
+    assert [missing_frames(*pair) for pair in pairs] == [0, 0, 2, 0, 2, 0]
     stamps_ns = [21_000_000 * number for number in range(33) if number != 7]
     assert rate_mismatch(stamps_ns, 0.042) == ''
-    expected = 'a frame comes every 21.0 ms, but half of bit_period is 33.3 ms'
-    assert rate_mismatch(stamps_ns, 0.0666) == expected
+    expected = 'a frame comes every 21.0 ms, but bit_period is 33.3 ms'
+    assert rate_mismatch(stamps_ns, 0.0333).startswith(expected)
+    assert rate_mismatch(stamps_ns, 0.168) == ''
+    assert '14.3 frames' in rate_mismatch(stamps_ns, 0.3)
 
 
 # What is shown
@@ -348,12 +329,9 @@ def test_bits_are_drawn_dark_and_turned_into_the_packet(symbols: Symbols) -> Non
     expected = expected[:4] + '?' + expected[5:]
     assert ''.join(turned.split()[1:4]) == expected
     assert any(f'nearest ID {ID}: 0 of {PACKET_BITS} bits differ' in text for text in lines)
-
-
-def test_a_wrong_bit_differs() -> None:
-    sent = packet(ID)
-    sent[12] ^= 1
-    assert bits_of(sent, 0).differing == 1
+    wrong = packet(ID)
+    wrong[12] ^= 1
+    assert bits_of(wrong, 0).differing == 1
 
 
 @pytest.mark.parametrize(
@@ -387,14 +365,11 @@ def test_a_terminal_gets_what_its_encoding_has(encoding: str, symbols: Symbols) 
     '\n'.join([*screen(known, symbols), line(known)]).encode(encoding)
 
 
-def test_trouble_is_told_in_lines_that_fit() -> None:
+def test_trouble_and_a_long_port_are_told_in_lines_that_fit() -> None:
     trouble = f'no permission to open /dev/{"x" * 60}; it belongs to the group dialout; retrying'
     lines = screen(Snapshot('port', trouble, 0.0, 0, 0, 0), BLOCKS)
     assert max(map(len, lines)) <= 80
     assert ' '.join(lines).endswith(f'! {trouble}')
-
-
-def test_the_numbers_are_before_the_port_s_end() -> None:
     assert screen(snapshot(ZoneGrid()), ASCII)[0].endswith('0 damaged packets at port')
     port = '/dev/serial/by-id/usb-STMicroelectronics_STM32_STLink_0672FF-if02'
     head = screen(replace(snapshot(ZoneGrid()), port=port), ASCII)[0]
@@ -431,7 +406,7 @@ def test_the_defaults_are_those_of_the_nodes() -> None:
     options = parser().parse_args(['watch', 'port'])
     assert options.baud == values['serial_baud']
     assert options.protocol == values['protocol']
-    assert options.bit_period == values['bit_period']
+    assert detector_values(options)['bit_period'] == values['bit_period']
 
 
 @pytest.mark.parametrize(
@@ -440,30 +415,25 @@ def test_the_defaults_are_those_of_the_nodes() -> None:
         (['--zone', '64'], '64 is no zone'),
         (['--zone=-1'], '-1 is no zone'),
         (['--zone', 'x'], 'x is no zone: they are 0 to 15, or 0 to 63'),
-        (['--bit-period', '42ms'], '42ms is no number of seconds'),
+        (['--bit-period', '42ms'], '42ms is no NUMBER'),
         (['--duration', '1min'], '1min is no number of seconds'),
-        (['--bit-period', '0.001'], '0.001 s is not within 0.002 to 10 s'),
-        (['--bit-period', '11'], '11 s is not within'),
+        (['--bit-period', '0.001'], '0.001 is not within 0.002 to 10'),
+        (['--bit-period', '11'], '11.0 is not within'),
         (['--protocol', 'magic'], 'choose from'),
     ],
 )
-def test_an_impossible_option_is_named(
-    option: list[str], message: str, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_impossible_options(option: list[str], message: str, capsys: Output) -> None:
     with pytest.raises(SystemExit, match='2'):
         main(['watch', 'port', *option])
     assert message in capsys.readouterr().err
 
 
-def test_a_port_that_is_not_there_is_explained(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+def test_a_port_that_is_not_there_is_explained_even_to_a_closed_output(
+    tmp_path: Path, capsys: Output
 ) -> None:
     assert main(['watch', str(tmp_path / 'port'), '--duration', '0.3']) == 1
     (told,) = capsys.readouterr().out.splitlines()
     assert 'port does not exist; is the sensor plugged in?; retrying; 0.0 frames/s' in told
-
-
-def test_an_output_that_is_closed_is_no_error(tmp_path: Path) -> None:
     command = [*COMMAND, 'watch', str(tmp_path / 'port'), '--duration', '0.1']
     shell = ['sh', '-c', '"$@" >&-', 'sh', *command]
     result = subprocess.run(shell, stderr=subprocess.PIPE, text=True, timeout=PATIENCE_S)
@@ -505,9 +475,7 @@ def test_a_zone_that_is_not_there_ends_it(port: Path) -> None:
 
 
 @pytest.mark.parametrize('request_to_end', [signal.SIGINT, signal.SIGTERM])
-def test_a_terminal_shows_the_ids_and_gets_its_cursor_back(
-    port: Path, request_to_end: signal.Signals
-) -> None:
+def test_a_terminal_shows_ids_and_is_restored(port: Path, request_to_end: signal.Signals) -> None:
     master, slave = pty.openpty()
     ioctl(slave, TIOCSWINSZ, pack('HHHH', 30, 100, 0, 0))
     environment = {**os.environ, 'TERM': 'linux', 'PYTHONIOENCODING': 'utf-8'}

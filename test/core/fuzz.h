@@ -6,7 +6,7 @@
 #ifndef RETROLIDAR_FUZZ_H
 #define RETROLIDAR_FUZZ_H
 
-#include "retrolidar_detector.h"
+#include "retrolidar_placement.h"
 
 enum { KEPT = 1100, ZONES = 64, LEAST_ID = 1, MOST_ID = 4094 };
 

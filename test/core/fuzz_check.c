@@ -29,7 +29,7 @@ void check(const struct rl_detector *detector, const struct rl_settings *setting
         refused += counts.refused[reason];
     }
     EXPECT(counts.accepted + refused == counts.candidates);
-    EXPECT(held.zones == zones && held.width >= sources);
+    EXPECT(held.zones == zones && held.sources == sources);
     EXPECT(held.first >= 0 && held.first <= held.count && held.count <= 4 * KEPT);
     EXPECT(held.noise_scale >= 1.0 / 16 && held.noise_scale <= 16.0);
     EXPECT(held.period_s > 0.0 && isfinite(held.period_s));
@@ -37,11 +37,11 @@ void check(const struct rl_detector *detector, const struct rl_settings *setting
         EXPECT(isfinite(held.begin_s[row]) && held.begin_s[row] < held.end_s[row]);
         EXPECT(row == held.first || held.end_s[row - 1] <= held.begin_s[row]);
         for (int source = 0; source < sources; source++) {
-            EXPECT(isfinite(held.signal[(size_t)row * (size_t)held.width + (size_t)source]));
-            EXPECT(held.signal[(size_t)row * (size_t)held.width + (size_t)source] >= 0.0f);
+            EXPECT(isfinite(held.signal[(size_t)source * (size_t)held.capacity + (size_t)row]));
+            EXPECT(held.signal[(size_t)source * (size_t)held.capacity + (size_t)row] >= 0.0f);
         }
         for (int zone = 0; zone < zones; zone++) {
-            const float distance = held.distance[(size_t)row * (size_t)zones + (size_t)zone];
+            const float distance = held.distance[(size_t)zone * (size_t)held.capacity + (size_t)row];
             EXPECT(isnan(distance) || (distance > 0.0f && distance < 8.192f));
         }
     }
@@ -77,27 +77,27 @@ void check(const struct rl_detector *detector, const struct rl_settings *setting
 
 void ask(struct rl_detector *detector)
 {
-    static double light_of[4 * KEPT];
-    static float signal[4 * KEPT * ZONES];
-    static uint8_t valid[4 * KEPT * ZONES];
-    const struct rl_held held = rl_detector_held(detector);
+    double z_per_range[ZONES];
+    const struct rl_optics optics = {z_per_range, 0.01, 0.0, 0.15};
+    struct rl_placement placed;
+    for (int zone = 0; zone < ZONES; zone++) {
+        z_per_range[zone] = 0.95;
+    }
     for (int i = 0; i < rl_detector_readings(detector); i++) {
         const struct rl_reading one = rl_detector_reading(detector, i);
-        int first = 0, last = 0;
-        while (first < held.count && held.end_s[first] <= one.begin_s) {
-            first++;
+        if (!rl_place(detector, &one, &optics, &placed)) {
+            continue;
         }
-        while (last < held.count && held.begin_s[last] < one.end_s) {
-            last++;
-        }
-        EXPECT(first < last);
-        rl_detector_light(detector, &one, first, last - first, light_of);
-        rl_detector_columns(detector, first, last - first, signal, valid);
-        for (int row = 0; row < last - first; row++) {
-            EXPECT(light_of[row] > -1e-6 && light_of[row] < 1.0 + 1e-6);
-            for (int zone = 0; zone < held.zones; zone++) {
-                EXPECT(isfinite(signal[row * held.zones + zone]));
-            }
+        EXPECT(placed.range_m > 0.0 && placed.range_m < 20.0 && placed.range_variance > 0.0);
+        EXPECT(isfinite(placed.range_variance) && isfinite(placed.amplitude));
+        EXPECT(placed.time_s > one.begin_s - 1.0 && placed.time_s < one.end_s + 1.0);
+        EXPECT(placed.noise > 0.0 && placed.likelihood >= 0.0);
+        EXPECT(placed.score >= 0.0 && placed.score < 1.0 + 1e-9);
+        EXPECT(placed.corrected_bits >= 0 && placed.corrected_bits <= RL_PACKET_BITS);
+        EXPECT(placed.zones >= 1 && placed.zones <= one.zones);
+        for (int axis = 0; axis < 2; axis++) {
+            EXPECT(fabs(placed.bearing.mean[axis]) < 0.7 + 1e-9);
+            EXPECT(placed.bearing.variance[axis] >= 0.0 && placed.bearing.variance[axis] < 0.49);
         }
     }
 }

@@ -75,7 +75,7 @@ void close_heap(void)
 #endif
 
 #ifdef ISOLATED
-static void *blocks[64];
+static void *blocks[96];
 static int block_count;
 
 /* Take the place of an array by a block of its own, with what it holds. */
@@ -93,16 +93,16 @@ void isolate(struct rl_detector *detector)
     struct rl_samples *samples = &detector->samples;
     struct rl_view *view = &detector->search.view;
     struct rl_window *window = &detector->window;
-    const size_t capacity = (size_t)samples->capacity, width = (size_t)samples->width;
+    const size_t capacity = (size_t)samples->capacity, sources = (size_t)samples->sources;
     const size_t zones = (size_t)samples->zones, kept = (size_t)samples->kept;
-    const size_t lanes = (kept + 1) * RL_MOST_SOURCES;
+    const size_t lanes = (kept + 1) * RL_MOST_LANES;
     block_count = 0;
-    ALONE(samples->sum, width);
-    ALONE(samples->square, width);
+    ALONE(samples->sum, sources);
+    ALONE(samples->square, sources);
     ALONE(samples->begin_s, capacity);
     ALONE(samples->end_s, capacity);
-    ALONE(samples->signal, capacity * width);
-    ALONE(samples->valid, capacity * width);
+    ALONE(samples->signal, capacity * sources);
+    ALONE(samples->valid, capacity * sources);
     ALONE(samples->distance, capacity * zones);
     ALONE(samples->stamp_ns, capacity);
     ALONE(view->light, lanes);
@@ -111,9 +111,11 @@ void isolate(struct rl_detector *detector)
     ALONE(view->valid, lanes);
     ALONE(view->begin, kept + 1);
     ALONE(view->rate, kept + 1);
-    ALONE(view->signal, kept + 1);
-    ALONE(view->scratch, kept + 1);
-    ALONE(view->known, kept + 1);
+    ALONE(view->pivot, (kept + 1) * RL_LANES);
+    for (int i = 0; i < RL_LANES; i++) {
+        ALONE(view->room[i].signal, kept);
+        ALONE(view->room[i].valid, kept);
+    }
     for (int i = 0; i < RL_MOST_ZONES_TOGETHER; i++) {
         struct rl_whitened *whitened = &window->whitened[i];
         ALONE(whitened->row, kept);
@@ -122,8 +124,8 @@ void isolate(struct rl_detector *detector)
         ALONE(whitened->signal, kept);
     }
     ALONE(window->light, kept);
-    ALONE(window->signal, kept);
-    ALONE(window->scratch, kept);
+    ALONE(window->room.signal, kept);
+    ALONE(window->room.valid, kept);
     ALONE(window->valid, kept);
     ALONE(detector->shares.taken, kept * RL_MOST_ZONES_TOGETHER);
     ALONE(detector->shares.light, kept);

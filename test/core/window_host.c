@@ -83,7 +83,7 @@ static void held(void)
     const int source = whole();
     tell(samples.period_s);
     for (int row = 0; row < samples.count; row++) {
-        const size_t at = (size_t)row * (size_t)samples.width + (size_t)source;
+        const size_t at = rl_sample(&samples, source, row);
         tell(samples.begin_s[row]);
         tell(samples.end_s[row]);
         tell((double)samples.signal[at]);
@@ -94,12 +94,11 @@ static void held(void)
 /* source: signal and validity of each row that is held, of the target in question */
 static void column(void)
 {
-    static float signal[KEPT], scratch[KEPT];
-    static uint8_t valid[KEPT];
-    rl_target_column(&samples, whole(), 0, samples.count, signal, valid, scratch);
+    const struct rl_column seen =
+        rl_target_column(&samples, whole(), 0, samples.count, &window.room);
     for (int row = 0; row < samples.count; row++) {
-        tell((double)signal[row]);
-        tell(valid[row]);
+        tell((double)seen.signal[row]);
+        tell(seen.valid[row]);
     }
 }
 
@@ -228,7 +227,7 @@ static void start_codebook(void)
     tell(codebook.words);
 }
 
-/* least own adjacent, then what is smooth and soft bits: ID and square of the two best */
+/* least own adjacent smooth pair decay, then soft bits: ID and square of the two best */
 static void best(void)
 {
     static struct rl_smooth smooth;
@@ -238,9 +237,9 @@ static void best(void)
     const float least = (float)number();
     energy.own = (float)number();
     energy.adjacent = (float)number();
-    for (int lag = 0; lag < RL_PACKET_BITS; lag++) {
-        energy.smooth[lag] = (float)number();
-    }
+    energy.smooth = (float)number();
+    energy.pair = (float)number();
+    energy.decay = (float)number();
     for (int bit = 0; bit < RL_PACKET_BITS; bit++) {
         soft[bit] = (float)number();
     }

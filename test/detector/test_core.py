@@ -43,16 +43,9 @@ def test_a_header_without_marks_is_named() -> None:
 def test_an_installation_without_a_compiler_says_what_to_install(tmp_path: Path) -> None:
     pytest.importorskip('cffi')
     pytest.importorskip('setuptools')
+    build = ['build_ext', '--build-temp', str(tmp_path), '--build-lib', str(tmp_path)]
     ended = subprocess.run(
-        [
-            sys.executable,
-            'setup.py',
-            'build_ext',
-            '--build-temp',
-            tmp_path,
-            '--build-lib',
-            tmp_path,
-        ],
+        [sys.executable, 'setup.py', *build],
         cwd=ROOT,
         env={**os.environ, 'CC': '/nonexistent'},
         capture_output=True,

@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 from harness_core import Statistics, compile_core
 from harness_firmware import Core
+from harness_frames import recording_of
 from numpy.typing import NDArray
 from oracle import Sending, Zone, evidence, light, log_likelihood, margin, without, word
 
@@ -65,21 +66,6 @@ def stamps_ns(rng: np.random.Generator, lasting_s: float) -> NDArray[np.int64]:
     return stamps
 
 
-def recording_of(stamp_ns: NDArray[np.int64], signal: Floats, distance: Floats) -> Recording:
-    """Return frames of signals and distances of shape (frames, 16), all valid."""
-    sequence = np.arange(len(stamp_ns))
-    return Recording(
-        stamp_ns=stamp_ns,
-        sequence=sequence,
-        sensor_time_us=stamp_ns // 1000,
-        grid=GRID,
-        distance=distance.astype(np.float32),
-        signal=signal.astype(np.float32),
-        ambient=np.zeros(signal.shape, dtype=np.float32),
-        status=np.full(signal.shape, Status.VALID, dtype=np.uint8),
-    )
-
-
 def random_recording(
     rng: np.random.Generator, packets: int, *, repeats: bool | None = None, alike: bool = False
 ) -> Sent:
@@ -119,7 +105,7 @@ def random_recording(
         mean = np.maximum(mean, 0)
         noise = rng.choice([0.2, 1.0, 3.0]) * np.sqrt(LAW.variance(mean))
         signal[:, zone] = mean + noise * rng.standard_normal(len(mean))
-    recording = recording_of(stamp_ns, np.maximum(signal, 0), np.ones(shape))
+    recording = recording_of(stamp_ns, np.maximum(signal, 0))
     missing = rng.random(shape) < rng.choice([0.0, 0.05, 0.3], GRID.zones)
     recording.status[missing] = rng.choice([0, 4, Status.NO_TARGET], np.count_nonzero(missing))
     return Sent(recording, sendings)
@@ -167,7 +153,7 @@ def test_likelihoods_of_random_windows(core: Statistics, seed: int, packets: int
         assert_agrees(core, zones, null, around(sending, rng))
 
 
-def test_likelihoods_of_zones_together(core: Statistics) -> None:
+def test_likelihoods_of_zones_together_and_where_a_stretch_is_hidden(core: Statistics) -> None:
     rng = np.random.default_rng(10)
     sent = random_recording(rng, 1)
     core.take(sent.recording, LAW, BIT_PERIOD_S)
@@ -176,12 +162,6 @@ def test_likelihoods_of_zones_together(core: Statistics) -> None:
     laws = [replace(LAW, floor=LAW.floor * of) for of in (1, 1, 4, 16)]
     zones = [core.rows(source).zone(law, rows) for source, law in zip(sources, laws, strict=True)]
     assert_agrees(core, zones, null, around(sent.sendings[0], rng))
-
-
-def test_likelihoods_where_a_stretch_is_hidden(core: Statistics) -> None:
-    rng = np.random.default_rng(11)
-    sent = random_recording(rng, 1)
-    core.take(sent.recording, LAW, BIT_PERIOD_S)
     core.open(SILENCE_S, SILENCE_S + PACKET_S, 3)
     hidden_s = (SILENCE_S + 0.3, SILENCE_S + 0.45)
     null, rows = core.hide(*hidden_s)
@@ -231,7 +211,7 @@ def test_likelihoods_of_recorded_scenes(core: Statistics, name: str) -> None:
     ('packets', 'repeats', 'alike'),
     [(1, False, False), (1, False, True), (1, True, False), (3, True, False)],
 )
-def test_word_and_margin_of_a_decision(
+def test_word_and_margin_decided(
     core: Statistics, packets: int, repeats: bool, alike: bool
 ) -> None:
     core.ask('codebook')
@@ -285,7 +265,7 @@ def test_a_packet_that_is_taken_off_leaves_the_other_one(core: Statistics, share
     left = without(first, *exposures, signal, fitted.gain)
     stamp_ns = np.rint(1e9 * (begin_s + PERIOD_S / 2)).astype(np.int64)
     both = np.stack([signal, left] * 8, axis=1)
-    core.take(recording_of(stamp_ns, both, np.ones((80, 16))), LAW, BIT_PERIOD_S)
+    core.take(recording_of(stamp_ns, both), LAW, BIT_PERIOD_S)
     # Times of the core count from the middle of the first exposure.
     tried = [
         sending._replace(start_s=sending.start_s - PERIOD_S / 2) for sending in (first, second)
@@ -365,22 +345,16 @@ def test_of_two_targets_by_turns_the_dimmer_one_is_the_dark_marker(core: Statist
         np.testing.assert_allclose(seen, np.where(dark, 0.0, signal), rtol=1e-6)
 
 
-def test_one_target_is_taken_as_it_is(core: Statistics) -> None:
+def test_one_target_is_taken_as_it_is_and_a_hand_is_an_erasure(core: Statistics) -> None:
     rng = np.random.default_rng(51)
     signal, distance = rng.uniform(0, 100, 90), rng.uniform(2.0, 2.45, 90)
     seen, valid = column_of(core, signal, distance)
     assert valid.all()
     np.testing.assert_allclose(seen, signal, rtol=1e-6)
-
-
-def test_what_passes_before_a_marker_is_an_erasure(core: Statistics) -> None:
-    rng = np.random.default_rng(52)
-    signal = rng.uniform(50, 100, 90)
-    distance = np.where(np.arange(90) // 10 == 4, 0.5, 2.0)
-    seen, valid = column_of(core, signal, distance)
-    np.testing.assert_array_equal(valid, distance > 1)
-    np.testing.assert_allclose(seen[valid > 0], signal[valid > 0], rtol=1e-6)
-    np.testing.assert_allclose(seen[valid == 0], signal[39], rtol=1e-6)
+    hand = np.arange(90) // 10 == 4
+    seen, valid = column_of(core, signal, np.where(hand, 0.5, 2.0))
+    np.testing.assert_array_equal(valid, ~hand)
+    np.testing.assert_allclose(seen, np.where(hand, signal[39], signal), rtol=1e-6)
 
 
 # --- Codebook
@@ -403,15 +377,16 @@ def test_the_codebook_finds_the_two_best_packets(core: Statistics, registered: i
     assert core.ask('codebook', *ids) == [registered]
     for case in range(40):
         own, adjacent = rng.uniform(1.2, 2.0), rng.uniform(0, 0.3)
-        smooth = rng.uniform(0, 0.1) * np.exp(-np.arange(PACKET_BITS) / rng.uniform(0.5, 5))
+        smooth, pair, decay = rng.uniform(0, [0.1, 0.1, 0.9])
+        lags = np.append(smooth, pair * decay ** np.arange(PACKET_BITS - 1))
         soft = rng.standard_normal(PACKET_BITS)
         if case % 2:
             soft += rng.uniform(0, 3) * (2.0 * packet(rng.choice(ids)) - 1)
         sums = packet(ids) @ soft
-        squared = np.where(sums > 0, sums**2 / energies(own, adjacent, smooth, ids), 0)
+        squared = np.where(sums > 0, sums**2 / energies(own, adjacent, lags, ids), 0)
         least = rng.choice([0.0, 0.5 * squared.max(), 2 * squared.max()])
         expected = np.sort(squared[squared > least])[::-1][:2]
-        answer = core.ask('best', least, own, adjacent, *smooth, *soft)
+        answer = core.ask('best', least, own, adjacent, smooth, pair, decay, *soft)
         answered = np.reshape(answer, (2, 2))
         found = answered[answered[:, 0] >= 0]
         np.testing.assert_allclose(found[:, 1], expected, rtol=1e-4)
@@ -420,9 +395,7 @@ def test_the_codebook_finds_the_two_best_packets(core: Statistics, registered: i
 
 
 @pytest.mark.parametrize('registered', [4094, 30, 1])
-def test_the_codebook_finds_the_heaviest_packet_of_another_id(
-    core: Statistics, registered: int
-) -> None:
+def test_the_codebook_finds_the_heaviest_of_another_id(core: Statistics, registered: int) -> None:
     rng = np.random.default_rng(registered)
     ids = np.sort(rng.choice(USABLE, registered, replace=False))
     core.ask('codebook', *ids)

@@ -82,12 +82,6 @@ def test_dots_stand_for_text_of_a_line_and_for_lines() -> None:
     assert not matches('a.c\n', 'abc\n')
 
 
-def test_every_link_leads_somewhere() -> None:
-    text = TUTORIAL.read_text(encoding='utf-8')
-    for target in re.findall(r'\]\(([^)#]+)[^)]*\)', text):
-        assert (TUTORIAL.parent / target).exists(), target
-
-
 def test_the_tutorial(tmp_path: Path) -> None:
     pytest.importorskip('rclpy', reason='needs ROS 2')
     pytest.importorskip('retrolidar_ros.msg', reason='needs the messages: colcon build')

@@ -12,7 +12,16 @@ from typing import NamedTuple
 
 import numpy as np
 import pytest
-from harness_firmware import ROOT, IntArray, RawFrame, compile_firmware, read_line, run_host
+from harness_firmware import (
+    ROOT,
+    IntArray,
+    RawFrame,
+    assert_same_zones,
+    compile_firmware,
+    make,
+    read_line,
+    run_host,
+)
 
 from retrolidar_ros.marker.battery import CELL_MAH, PROTOTYPE, active_share, drawn, life_h
 from retrolidar_ros.marker.code import BIT_PERIOD_S, packet
@@ -26,9 +35,7 @@ FRAME_US = 20_833
 @pytest.fixture(scope='module')
 def programs(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Compile both sketches, which is what checks their types."""
-    build = tmp_path_factory.mktemp('sketches')
-    compile_firmware('host', build)
-    return build
+    return compile_firmware(tmp_path_factory)
 
 
 # --- Reader
@@ -79,17 +86,11 @@ def read_by(
     return read_line(run_host(program, start_us, period_us, *slow, given=told))
 
 
-def assert_same_zones(frame: Frame, raw: RawFrame) -> None:
-    again = RawFrame.of(frame)
-    for name in ('distance', 'signal', 'ambient', 'status'):
-        np.testing.assert_array_equal(getattr(again, name), getattr(raw, name))
-
-
 def test_every_frame_of_the_sensor_comes_out_of_the_line(programs: Path) -> None:
-    sent = raw_frames(50)
+    sent = raw_frames(500)
     frames, reader = read_by(programs / 'reader_host', sent)
     assert reader.counts.damaged == 0
-    assert [frame.sequence for frame in frames] == list(range(1, 51))
+    assert [frame.sequence for frame in frames] == list(range(1, 501))
     for frame, raw in zip(frames, sent, strict=True):
         assert_same_zones(frame, raw)
 
@@ -114,28 +115,23 @@ def test_zones_without_a_target_are_told_as_such(programs: Path) -> None:
     np.testing.assert_array_equal(read.signal, raw.signal * targets)
 
 
-def test_a_frame_that_the_driver_could_not_read_is_a_gap_in_the_sequence(programs: Path) -> None:
+@pytest.mark.parametrize(
+    ('status', 'numbers'),
+    [
+        ([0, 0, 2, 0, 0, 255, 2, 0, 0, 0], [1, 2, 4, 5, 8, 9, 10]),
+        # What was read third is the frame that was made while the second one was read.
+        ([0, 256, 0, 0, 256, 0, 0, 0, 0, 0], [1, 3, 4, 6, 7, 8, 9, 10]),
+    ],
+)
+def test_a_frame_that_was_not_read_is_a_gap(
+    programs: Path, status: list[int], numbers: list[int]
+) -> None:
     sent = raw_frames(10)
-    frames, reader = read_by(
-        programs / 'reader_host', sent, status=[0, 0, 2, 0, 0, 255, 2, 0, 0, 0]
-    )
+    frames, reader = read_by(programs / 'reader_host', sent, status=status)
     assert reader.counts.damaged == 0
-    assert [frame.sequence for frame in frames] == [1, 2, 4, 5, 8, 9, 10]
+    assert [frame.sequence for frame in frames] == numbers
     for frame in frames:
         assert_same_zones(frame, sent[frame.sequence - 1])
-
-
-def test_a_frame_that_another_one_overtook_is_not_sent(programs: Path) -> None:
-    sent = raw_frames(10)
-    frames, reader = read_by(
-        programs / 'reader_host', sent, status=[0, 256, 0, 0, 256, 0, 0, 0, 0, 0]
-    )
-    assert reader.counts.damaged == 0
-    # What was read third is the frame that was made while the second one was read.
-    order = [0, 2, 3, 5, 6, 7, 8, 9]
-    assert [frame.sequence for frame in frames] == [number + 1 for number in order]
-    for frame, place in zip(frames, order, strict=True):
-        assert_same_zones(frame, sent[place])
 
 
 @pytest.mark.parametrize('baud', [9_600, 57_600])
@@ -150,11 +146,6 @@ def test_a_slow_line_loses_whole_frames_and_nothing_else(programs: Path, baud: i
     assert len(frames) < 200
 
 
-def test_the_line_of_the_sketch_carries_every_frame(programs: Path) -> None:
-    frames, _ = read_by(programs / 'reader_host', raw_frames(500))
-    assert len(frames) == 500
-
-
 def test_a_sensor_that_does_not_answer_is_complained_of(programs: Path) -> None:
     line = run_host(programs / 'reader_host', 0, FRAME_US, NO_SENSOR='1')
     assert re.search(rb'VL53L8CX: start failed; check the jumpers', line)
@@ -164,7 +155,7 @@ def test_a_sensor_that_does_not_answer_is_complained_of(programs: Path) -> None:
     assert reader.counts.damaged == 1
 
 
-def test_one_constant_makes_it_8x8_at_15_hz(tmp_path: Path) -> None:
+def test_one_constant_makes_it_8x8_at_15_hz(programs: Path, tmp_path: Path) -> None:
     copy = tmp_path / 'package'
     for directory in ('core', 'firmware', 'test/firmware'):
         shutil.copytree(ROOT / directory, copy / directory)
@@ -174,7 +165,9 @@ def test_one_constant_makes_it_8x8_at_15_hz(tmp_path: Path) -> None:
     assert after != before
     sketch.write_text(after)
     build = tmp_path / 'build'
-    compile_firmware('host', build, firmware=copy / 'firmware')
+    # As sources keep their times, only the sketch is compiled anew.
+    shutil.copytree(programs, build)
+    make(copy / 'firmware', build, build / 'reader_host')
     sent = raw_frames(20, zones=64)
     frames, reader = read_by(build / 'reader_host', sent, period_us=66_667)
     assert reader.counts.damaged == 0
@@ -218,18 +211,8 @@ def run_marker(
     typed: Sequence[str] = (),
     **environment: str,
 ) -> Marker:
-    lines = (
-        run_host(
-            programs / 'marker_host',
-            seconds,
-            light_from_us,
-            light_until_us,
-            *typed,
-            **environment,
-        )
-        .decode()
-        .split('\n')
-    )
+    arguments = (seconds, light_from_us, light_until_us, *typed)
+    lines = run_host(programs / 'marker_host', *arguments, **environment).decode().split('\n')
     events = [list(map(int, line.split())) for line in lines if re.match(r'\d', line)]
     deep_sleep_us, waited_us, kept_id = map(int, next(x for x in lines if x[:1] == '$')[1:].split())
     said = ''.join(line[1:] for line in lines if line[:1] == '#')
@@ -261,21 +244,16 @@ def test_a_flash_of_light_is_answered_with_packets(programs: Path) -> None:
     expected = expected[: np.flatnonzero(expected)[-1] + 1]
     np.testing.assert_array_equal(dark, expected)
     assert marker.waited_us == pytest.approx(TRAIN_US, abs=1000)
-
-
-def test_electrodes_are_never_both_high_and_rest_low(programs: Path) -> None:
-    events = run_marker(programs, 12, 6_000_000, 6_100_000).events
+    # Electrodes are never both high, and rest low.
     levels = {FIRST_PIN: 0, SECOND_PIN: 0}
-    for _, pin, level in events[np.isin(events[:, 1], list(levels))]:
+    for _, pin, level in marker.events[np.isin(marker.events[:, 1], list(levels))]:
         levels[int(pin)] = int(level)
         assert sum(levels.values()) < 2
     assert not any(levels.values())
 
 
 @pytest.mark.parametrize('light_from_us', [6_000_000, 6_033_000, 6_077_700])
-def test_it_wakes_within_the_time_that_the_budget_counts_with(
-    programs: Path, light_from_us: int
-) -> None:
+def test_it_wakes_in_the_time_that_the_budget_has(programs: Path, light_from_us: int) -> None:
     marker = run_marker(programs, 8, light_from_us, light_from_us + 1_000_000)
     waking_us = marker.high_us(FIRST_PIN)[0, 0] - light_from_us
     # The budget's, the six samples that the light is asked for, and the timer's first period.
@@ -317,38 +295,28 @@ def test_a_marker_draws_what_the_paper_says_and_lives_as_long(programs: Path) ->
 
 
 @pytest.mark.parametrize(
-    ('typed', 'marker_id', 'said'),
+    ('typed', 'memory', 'marker_id', 'said'),
     [
-        ([], ID, 'marker, id 2073'),
-        (['id 7'], 7, 'id 7 is kept'),
-        (['id 7', 'id 4094'], 4094, 'id 4094 is kept'),
-        (['id 0', 'help', 'id 4095', 'id 99999999999999999999'], ID, 'not understood'),
-        (['id 8888 and much more than the line holds', 'id 9'], 9, 'id 9 is kept'),
-        (['', 'id 5'], 5, 'id 5 is kept'),
-        (['id 0000000000012'], ID, 'not understood'),  # its first 15 characters are a command
+        ([], {}, ID, 'marker, id 2073'),
+        (['id 7'], {}, 7, 'id 7 is kept'),
+        (['id 7', 'id 4094'], {}, 4094, 'id 4094 is kept'),
+        (['id 0', 'help', 'id 4095', 'id 99999999999999999999'], {}, ID, 'not understood'),
+        (['id 8888 and much more than the line holds', 'id 9'], {}, 9, 'id 9 is kept'),
+        (['', 'id 5'], {}, 5, 'id 5 is kept'),
+        (['id 0000000000012'], {}, ID, 'not understood'),  # its first 15 characters are a command
+        ([], {'KEPT_ID': '7'}, 7, 'marker, id 7'),  # it outlives a reset
+        ([], {'ERASED': '0'}, ID, 'marker, id 2073'),
+        ([], {'ERASED': '255'}, ID, 'marker, id 2073'),
+        ([], {'KEPT_ID': '4095'}, ID, 'marker, id 2073'),
     ],
 )
-def test_its_id_is_set_over_the_serial_line(
-    programs: Path, typed: list[str], marker_id: int, said: str
+def test_its_id_is_set_over_the_serial_line_and_kept(
+    programs: Path, typed: list[str], memory: dict[str, str], marker_id: int, said: str
 ) -> None:
-    marker = run_marker(programs, 12, 6_000_000, 6_100_000, typed)
+    marker = run_marker(programs, 12, 6_000_000, 6_100_000, typed, **memory)
     assert said in marker.said
-    assert marker.kept_id == (marker_id if 'is kept' in said else 0)
-    np.testing.assert_array_equal(bits_sent(marker)[:31], packet(marker_id))
-
-
-@pytest.mark.parametrize(
-    ('memory', 'marker_id'),
-    [
-        ({'KEPT_ID': '7'}, 7),
-        ({'ERASED': '0'}, ID),
-        ({'ERASED': '255'}, ID),
-        ({'KEPT_ID': '4095'}, ID),
-    ],
-)
-def test_its_id_outlives_a_reset(programs: Path, memory: dict[str, str], marker_id: int) -> None:
-    marker = run_marker(programs, 12, 6_000_000, 6_100_000, **memory)
-    assert f'marker, id {marker_id}' in marker.said
+    if not memory:
+        assert marker.kept_id == (marker_id if 'is kept' in said else 0)
     np.testing.assert_array_equal(bits_sent(marker)[:31], packet(marker_id))
 
 

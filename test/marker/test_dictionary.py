@@ -22,8 +22,10 @@ from retrolidar_ros.marker.dictionary import (
     distances,
 )
 
+Output = pytest.CaptureFixture[str]
+
 PREAMBLE = '1010101'
-FOUND = {2: 4094, 4: 3857, 6: 1708, 8: 314, 10: 15, 12: 4, 14: 1}  # README.md, too
+FOUND = {2: 4094, 4: 3857, 6: 1708, 8: 314, 10: 15, 12: 4, 14: 1}
 
 law = settings(derandomize=True, deadline=None, max_examples=30)
 ids = st.integers(0, IDS - 1)
@@ -55,44 +57,24 @@ def counted(first: int, second: int) -> list[tuple[int, int]]:
 
 
 @law
-@given(chosen=sets)
-def test_distances_are_those_counted_bit_by_bit(chosen: list[int]) -> None:
+@given(chosen=sets, limit=limits, data=st.data())
+def test_distances_and_pairs_counted(chosen: list[int], limit: int, data: st.DataObject) -> None:
     expected = [[min(counted(a, b))[0] for b in chosen] for a in chosen]
     np.testing.assert_array_equal(distances(chosen), expected)
-
-
-@law
-@given(chosen=sets, limit=limits)
-def test_the_confusable_pairs_are_those_counted_bit_by_bit(chosen: list[int], limit: int) -> None:
-    expected = [
+    pairs = [
         ConfusablePair(a, b, *min(counted(a, b)))
         for a in chosen
         for b in chosen
         if a <= b and min(counted(a, b))[0] < limit
     ]
-    expected.sort(key=lambda pair: (pair.distance, pair.first, pair.second))
-    assert confusable_pairs(chosen, limit) == expected
-
-
-@law
-@given(chosen=st.lists(ids, min_size=1, max_size=40))
-def test_distances_are_symmetric_and_even(chosen: list[int]) -> None:
-    found = distances(chosen)
-    np.testing.assert_array_equal(found, found.T)
-    assert not (found % 2).any()
-
-
-@law
-@given(chosen=sets, limit=limits, data=st.data())
-def test_the_order_of_a_set_does_not_matter(
-    chosen: list[int], limit: int, data: st.DataObject
-) -> None:
-    shuffled = data.draw(st.permutations(chosen))
-    assert confusable_pairs(shuffled, limit) == confusable_pairs(chosen, limit)
+    pairs.sort(key=lambda pair: (pair.distance, pair.first, pair.second))
+    assert confusable_pairs(chosen, limit) == pairs
+    assert confusable_pairs(data.draw(st.permutations(chosen)), limit) == pairs
 
 
 def test_all_ids_keep_the_published_distances(everything: NDArray[np.uint8]) -> None:
     assert (everything == everything.T).all()
+    assert not (everything % 2).any()
     nearest = everything.min(axis=1)
     assert nearest.min() == 2
     assert (nearest >= 4).sum() == 3593
@@ -102,7 +84,7 @@ def test_all_ids_keep_the_published_distances(everything: NDArray[np.uint8]) -> 
 
 
 @pytest.mark.parametrize(('min_distance', 'count'), FOUND.items())
-def test_as_many_ids_are_found_as_published(
+def test_as_many_ids_as_published(
     min_distance: int, count: int, everything: NDArray[np.uint8]
 ) -> None:
     chosen, distance = choose_ids(count, min_distance)
@@ -119,12 +101,16 @@ def test_no_id_could_be_added_to_all_that_are_found(everything: NDArray[np.uint8
     fits = (everything[:, chosen] >= distance).all(axis=1) & (everything.diagonal() >= distance)
     fits[[*chosen, *RESERVED_IDS]] = False
     assert not fits.any()
+    assert confusable_pairs(chosen) == []
+    # An odd distance is the even one above.
+    np.testing.assert_array_equal(choose_ids(FOUND[8], 7)[0], chosen)
+    assert choose_ids(FOUND[8], 7)[1] == 8
 
 
 @pytest.mark.parametrize(
     ('count', 'distance'), [(1, 14), (2, 12), (4, 12), (5, 10), (15, 10), (16, 8), (314, 8)]
 )
-def test_without_a_distance_it_is_the_largest_at_which_so_many_are_found(
+def test_the_usual_distance_is_the_largest_at_which_so_many_are_found(
     count: int, distance: int
 ) -> None:
     chosen, reached = choose_ids(count)
@@ -141,11 +127,6 @@ def test_a_smaller_set_is_the_beginning_of_a_larger_one(min_distance: int) -> No
         assert distance_of_smaller >= distance >= min_distance
 
 
-def test_an_odd_distance_is_the_even_one_above() -> None:
-    np.testing.assert_array_equal(choose_ids(100, 7)[0], choose_ids(100, 8)[0])
-    assert choose_ids(100, 7)[1] == 8
-
-
 def test_a_choice_is_the_same_every_time() -> None:
     first, _ = choose_ids(20)
     kept = first.copy()
@@ -154,29 +135,10 @@ def test_a_choice_is_the_same_every_time() -> None:
     assert kept[:8].tolist() == [2061, 2073, 2816, 2865, 2127, 2150, 2115, 2528]
 
 
-def test_what_is_chosen_has_no_confusable_pairs() -> None:
-    assert confusable_pairs(choose_ids(FOUND[8], 8)[0]) == []
-
-
 def test_a_double_is_a_pair_at_distance_zero_and_named_once() -> None:
     assert distances([77, 78, 77])[0, 2] == 0
     own = confusable_pairs([77, 78], 31)
     assert confusable_pairs([77, 78, 77, 77], 31) == [ConfusablePair(77, 77, 0, 0), *own]
-
-
-@pytest.mark.parametrize('count', [-1, 0, 4095])
-def test_counts_that_cannot_be_chosen(count: int) -> None:
-    with pytest.raises(ValueError, match=f'^{count} IDs cannot be chosen: ask for 1 to 4094$'):
-        choose_ids(count)
-
-
-@pytest.mark.parametrize('min_distance', [-2, 0, 32])
-def test_distances_out_of_range(min_distance: int) -> None:
-    message = rf'^a distance of {min_distance} bits is outside 1\.\.31$'
-    with pytest.raises(ValueError, match=message):
-        choose_ids(3, min_distance)
-    with pytest.raises(ValueError, match=message):
-        confusable_pairs([3, 17], min_distance)
 
 
 @pytest.mark.parametrize(
@@ -196,9 +158,19 @@ def test_sets_that_are_none(wrong: object, message: str) -> None:
         confusable_pairs(wrong)  # type: ignore[arg-type]
 
 
-def test_the_command_prints_ids_one_a_line_that_it_finds_good(
-    capsys: pytest.CaptureFixture[str],
-) -> None:
+def test_counts_and_distances_that_cannot_be_chosen() -> None:
+    for count in (-1, 0, 4095):
+        with pytest.raises(ValueError, match=f'^{count} IDs cannot be chosen: ask for 1 to 4094$'):
+            choose_ids(count)
+    for bits in (-2, 0, 32):
+        message = rf'^a distance of {bits} bits is outside 1\.\.31$'
+        with pytest.raises(ValueError, match=message):
+            choose_ids(3, bits)
+        with pytest.raises(ValueError, match=message):
+            confusable_pairs([3, 17], bits)
+
+
+def test_the_command_prints_ids_that_it_finds_good(capsys: Output) -> None:
     assert main(['ids', '--count', '20']) == 0
     output = capsys.readouterr()
     lines = output.out.splitlines()
@@ -206,39 +178,37 @@ def test_the_command_prints_ids_one_a_line_that_it_finds_good(
     assert output.err == 'IDs: 20, least distance: 8 bits\n'
     assert main(['ids', '--check', ','.join(lines)]) == 0
     assert capsys.readouterr().out == 'IDs: 20, least distance: 8 bits\n'
-
-
-def test_the_command_keeps_to_the_distance_it_is_given(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(['ids', '--count', '2', '--min-distance', '6']) == 0
     assert capsys.readouterr().out.split() == [str(i) for i in choose_ids(2, 6)[0]]
 
 
-def test_the_command_names_pairs_that_are_too_near(capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(['ids', '--check', '106,26,99']) == 1
-    assert capsys.readouterr().out.splitlines() == [
-        'IDs: 3, least distance: 2 bits',
-        '26 read from bit 2 differs from 106 in 2 bits',
-    ]
-    assert main(['ids', '--check', '106,26,99', '--min-distance', '2']) == 0
+@pytest.mark.parametrize(
+    ('checked', 'least', 'said'),
+    [
+        ('106,26,99', 2, ['26 read from bit 2 differs from 106 in 2 bits']),
+        ('1', 4, ['1 read from bit 2 differs from itself in 4 bits']),
+        (
+            '99,4095,99,0',
+            0,
+            [
+                '0 is reserved: after the preamble it never changes',
+                '4095 is reserved: after the preamble it never changes',
+                '99 is there more than once',
+            ],
+        ),
+    ],
+)
+def test_the_command_names_bad_sets(
+    checked: str, least: int, said: list[str], capsys: Output
+) -> None:
+    # Reserved and double ones are wrong at any distance.
+    demanded = [] if least else ['--min-distance', '1']
+    assert main(['ids', '--check', checked, *demanded]) == 1
+    head = f'IDs: {checked.count(",") + 1}, least distance: {least} bits'
+    assert capsys.readouterr().out.splitlines() == [head, *said]
+    if least:
+        assert main(['ids', '--check', checked, '--min-distance', str(least)]) == 0
     assert counted(26, 106)[2] == (2, 2)
-
-
-def test_the_command_names_reserved_and_double_ids(capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(['ids', '--check', '99,4095,99,0', '--min-distance', '1']) == 1
-    assert capsys.readouterr().out.splitlines() == [
-        'IDs: 4, least distance: 0 bits',
-        '0 is reserved: after the preamble it never changes',
-        '4095 is reserved: after the preamble it never changes',
-        '99 is there more than once',
-    ]
-
-
-def test_the_command_names_an_id_that_comes_near_itself(capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(['ids', '--check', '1']) == 1
-    assert capsys.readouterr().out.splitlines() == [
-        'IDs: 1, least distance: 4 bits',
-        '1 read from bit 2 differs from itself in 4 bits',
-    ]
     assert min(counted(1, 1)) == (4, 2)
 
 
@@ -253,9 +223,7 @@ def test_the_command_names_an_id_that_comes_near_itself(capsys: pytest.CaptureFi
         (['--check', '3', '--min-distance', '0'], 'retrolidar: a distance of 0 bits is outside'),
     ],
 )
-def test_unusable_input_is_one_line_and_exit_code_2(
-    arguments: list[str], message: str, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_unusable_input_is_one_line(arguments: list[str], message: str, capsys: Output) -> None:
     assert main(['ids', *arguments]) == 2
     output = capsys.readouterr()
     assert output.out == ''
@@ -274,9 +242,7 @@ def test_unusable_input_is_one_line_and_exit_code_2(
         (['--check', ''], "'' is no list of IDs"),
     ],
 )
-def test_arguments_that_do_not_fit_are_exit_code_2(
-    arguments: list[str], message: str, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_arguments_that_do_not_fit(arguments: list[str], message: str, capsys: Output) -> None:
     with pytest.raises(SystemExit, match=r'^2$'):
         main(['ids', *arguments])
     assert message in capsys.readouterr().err

@@ -35,118 +35,82 @@ def refused(markers: Any, message: str) -> None:
         parse_markers({'markers': markers})
 
 
-def test_what_a_marker_does_not_say_has_a_default() -> None:
-    assert parse_markers({'markers': {5: {}}}) == {5: KnownMarker(5, 'marker_5', '', 0.03)}
-    assert MARKER_SIZE_M == 0.03
-
-
-def test_a_marker_says_its_frame_note_and_size() -> None:
-    known = parse_markers(
-        {
-            'markers': {
-                5: {'frame': 'mug', 'note': 'on the table', 'size': '25 mm'},
-                6: {'size': '0.1 m'},
-                7: {'size': '3.5cm'},
-            }
-        }
-    )
+def test_a_marker_says_its_frame_note_and_size_or_has_defaults() -> None:
+    said = {'frame': 'mug', 'note': 'on the table', 'size': '25 mm'}
+    known = parse_markers({'markers': {5: said, 6: {'size': '0.1 m'}, 7: {'size': '3.5cm'}, 8: {}}})
     assert known[5] == KnownMarker(5, 'mug', 'on the table', 0.025)
     assert known[6] == KnownMarker(6, 'marker_6', '', 0.1)
     assert known[7].size_m == pytest.approx(0.035)
-
-
-def test_no_markers_are_markers() -> None:
+    assert known[8] == KnownMarker(8, 'marker_8', '', 0.03)
+    assert MARKER_SIZE_M == 0.03
     assert parse_markers({'markers': {}}) == {}
 
 
-@given(st.dictionaries(ids, frames, max_size=5).filter(lambda d: len(set(d.values())) == len(d)))
-def test_every_id_and_frame_that_can_be_is_taken(content: dict[int, str]) -> None:
+@given(
+    st.dictionaries(ids, frames, max_size=5).filter(lambda d: len(set(d.values())) == len(d)), ids
+)
+def test_every_id_and_frame_that_can_be_is_taken(content: dict[int, str], other: int) -> None:
     known = parse_markers({'markers': {one: {'frame': name} for one, name in content.items()}})
     assert {one: marker.frame for one, marker in known.items()} == content
-    for one, marker in known.items():
-        assert marker.id == one
-        assert frame_of(one, known) == marker.frame
-
-
-@given(ids)
-def test_an_unknown_marker_is_called_by_its_id(marker_id: int) -> None:
-    known = {} if marker_id == 9 else {9: KnownMarker(9, 'mug')}
-    assert frame_of(marker_id, known) == f'marker_{marker_id}'
-    assert frame_of(9, {9: KnownMarker(9, 'mug')}) == 'mug'
-
-
-@pytest.mark.parametrize('identity', [*RESERVED_IDS, -1, IDS, 10**9])
-def test_a_number_that_is_no_id_is_refused(identity: int) -> None:
-    refused({5: {}, identity: {}}, f'markers: {identity} is not an ID; 1 to 4094 are')
-
-
-@pytest.mark.parametrize('identity', [True, False, 'a', '5', '', 5.0, None, (1, 2)])
-def test_what_is_no_number_is_no_id(identity: object) -> None:
-    refused(
-        {identity: {}}, f'markers: {identity!r} is not an ID; it needs a number of 1 to {IDS - 2}'
-    )
-
-
-@pytest.mark.parametrize('frame', ['/x', 'a b', '~x', 'a\n', 'ü', 'a:b', '{name}', '/'])
-def test_what_tf_does_not_take_is_no_frame(frame: str) -> None:
-    refused(
-        {5: {'frame': frame}},
-        f'markers.5.frame: {frame!r} cannot be a TF frame; letters, digits and _ . - / within',
-    )
-
-
-@pytest.mark.parametrize('key', ['frame', 'note'])
-@pytest.mark.parametrize('value', ['', None, 7, True, ['a']])
-def test_frame_and_note_are_texts(key: str, value: object) -> None:
-    refused({5: {key: value}}, f'markers.5.{key}: {value!r} is not a text')
-
-
-def test_two_markers_cannot_have_one_frame() -> None:
-    refused(
-        {5: {'frame': 'mug'}, 6: {'frame': 'mug'}},
-        'markers.6.frame: marker 5 has the frame mug, too',
-    )
-
-
-@pytest.mark.parametrize('other', [6, 77])
-def test_a_marker_cannot_have_the_usual_frame_of_another(other: int) -> None:
-    refused(
-        {5: {'frame': f'marker_{other}'}},
-        f'markers.5.frame: marker_{other} is what marker {other} is called',
-    )
-    assert parse_markers({'markers': {5: {'frame': 'marker_5'}}})[5].frame == 'marker_5'
+    assert all(marker.id == one for one, marker in known.items())
+    # An unknown marker is called by its ID.
+    for one in (*content, other):
+        assert frame_of(one, known) == content.get(one, f'marker_{one}')
 
 
 @pytest.mark.parametrize(
-    ('key', 'hint'),
+    ('markers', 'complaint'),
     [
-        ('frames', 'did you mean frame?'),
-        ('siez', 'did you mean size?'),
-        ('colour', 'known are frame, note, size, object, place'),
-        (3, 'known are frame, note, size, object, place'),
+        *(
+            ({5: {}, number: {}}, f'{number} is not an ID; 1 to 4094 are')
+            for number in (*RESERVED_IDS, -1, IDS, 10**9)
+        ),
+        *(
+            ({name: {}}, f'{name!r} is not an ID; it needs a number of 1 to {IDS - 2}')
+            for name in (True, False, 'a', '5', '', 5.0, None, (1, 2))
+        ),
+        *(
+            (value, f'needs a mapping of IDs to markers, not {value!r}')
+            for value in (None, 'mug', 3, [2073], [{'id': 2073}])
+        ),
     ],
 )
-def test_an_unknown_key_is_refused_with_a_hint(key: object, hint: str) -> None:
-    refused({5: {key: 'x'}}, f'markers.5.{key}: unknown key; {hint}')
+def test_what_is_no_id_is_refused(markers: object, complaint: str) -> None:
+    refused(markers, f'markers: {complaint}')
+
+
+LENGTH = 'is not a number with a unit (m or cm or mm)'
 
 
 @pytest.mark.parametrize(
-    ('size', 'complaint'),
+    ('key', 'value', 'complaint'),
     [
-        (3, '3 has no unit; write 3 m'),
-        (0.03, '0.03 has no unit; write 0.03 m'),
-        ('3', "'3' has no unit; write 3 m"),
-        ('3 inch', "'3 inch' is in inch; it needs m or cm or mm"),
-        ('3 ms', "'3 ms' is in ms; it needs m or cm or mm"),
-        ('big', "'big' is not a number with a unit (m or cm or mm)"),
-        (None, 'None is not a number with a unit (m or cm or mm)'),
-        ('0 cm', "'0 cm' is impossible; at least 0.1"),
-        ('-3 cm', "'-3 cm' is impossible; at least 0.1"),
-        ('2 m', "'2 m' is impossible; at most 1"),
+        *(
+            ('frame', name, f'{name!r} cannot be a TF frame; letters, digits and _ . - / within')
+            for name in ('/x', 'a b', '~x', 'a\n', 'ü', 'a:b', '{name}', '/')
+        ),
+        *(
+            (key, value, f'{value!r} is not a text')
+            for key in ('frame', 'note')
+            for value in ('', None, 7, True, ['a'])
+        ),
+        ('frames', 'x', 'unknown key; did you mean frame?'),
+        ('siez', 'x', 'unknown key; did you mean size?'),
+        *(
+            (key, 'x', 'unknown key; known are frame, note, size, object, place')
+            for key in ('colour', 3)
+        ),
+        *(('size', size, f'{size!r} has no unit; write {size} m') for size in (3, 0.03, '3')),
+        ('size', '3 inch', "'3 inch' is in inch; it needs m or cm or mm"),
+        ('size', '3 ms', "'3 ms' is in ms; it needs m or cm or mm"),
+        ('size', 'big', f"'big' {LENGTH}"),
+        ('size', None, f'None {LENGTH}'),
+        *(('size', size, f'{size!r} is impossible; at least 0.1') for size in ('0 cm', '-3 cm')),
+        ('size', '2 m', "'2 m' is impossible; at most 1"),
     ],
 )
-def test_a_size_is_a_length_with_its_unit(size: object, complaint: str) -> None:
-    refused({5: {'size': size}}, f'markers.5.size: {complaint}')
+def test_what_cannot_be_known_is_refused(key: object, value: object, complaint: str) -> None:
+    refused({5: {key: value}}, f'markers.5.{key}: {complaint}')
 
 
 @pytest.mark.parametrize('value', [None, 'mug', 3, ['frame']])
@@ -154,9 +118,17 @@ def test_a_marker_is_a_mapping(value: object) -> None:
     refused({5: value}, f'markers.5: needs keys with values, not {value!r}')
 
 
-@pytest.mark.parametrize('value', [None, 'mug', 3, [2073], [{'id': 2073}]])
-def test_markers_are_a_mapping(value: object) -> None:
-    refused(value, f'markers: needs an ID and what is known of it a line, not {value!r}')
+def test_a_marker_cannot_have_the_frame_of_another() -> None:
+    refused(
+        {5: {'frame': 'mug'}, 6: {'frame': 'mug'}},
+        'markers.6.frame: marker 5 has the frame mug, too',
+    )
+    for other in (6, 77):
+        refused(
+            {5: {'frame': f'marker_{other}'}},
+            f'markers.5.frame: marker_{other} is what marker {other} is called',
+        )
+    assert parse_markers({'markers': {5: {'frame': 'marker_5'}}})[5].frame == 'marker_5'
 
 
 def test_markers_must_be_there_and_nothing_else() -> None:
@@ -164,12 +136,10 @@ def test_markers_must_be_there_and_nothing_else() -> None:
         parse_markers({})
     with pytest.raises(ConfigError, match=r'^marker: unknown key; did you mean markers\?$'):
         parse_markers({'markers': {}, 'marker': {}})
-
-
-@pytest.mark.parametrize('content', [None, [], 'markers', 5])
-def test_content_that_is_no_mapping_is_refused(content: object) -> None:
-    with pytest.raises(ConfigError, match='needs keys with values, not '):
-        parse_markers(content)
+    contents: tuple[object, ...] = (None, [], 'markers', 5)
+    for content in contents:
+        with pytest.raises(ConfigError, match='needs keys with values, not '):
+            parse_markers(content)
 
 
 def test_a_file_may_write_an_id_in_any_base(file: Path) -> None:
@@ -193,13 +163,11 @@ def test_an_id_that_stands_twice_is_refused_with_its_line(file: Path, one: str, 
     ('text', 'complaint'),
     [
         ('{}', 'markers: is missing'),
-        ('markers:', 'markers: needs an ID'),
-        ('markers: [2073]', 'markers: needs an ID'),
-        ('markers: {0: {}}', 'markers: 0 is not an ID'),
-        ('markers: {4095: {}}', 'markers: 4095 is not an ID'),
-        ('markers: {-1: {}}', 'markers: -1 is not an ID'),
-        ('markers: {4096: {}}', 'markers: 4096 is not an ID'),
-        ('markers: {true: {}}', 'markers: True is not an ID'),
+        *((f'markers:{value}', 'markers: needs a mapping') for value in ('', ' [2073]')),
+        *(
+            (f'markers: {{{number}: {{}}}}', f'markers: {number} is not an ID')
+            for number in (0, 4095, -1, 4096, True)
+        ),
         ('markers: {a: {}}', "markers: 'a' is not an ID"),
         ('markers: {2073:}', 'markers.2073: needs keys with values'),
         ('markers: {2073: {frame: /x}}', "markers.2073.frame: '/x' cannot be a TF frame"),
@@ -209,15 +177,12 @@ def test_an_id_that_stands_twice_is_refused_with_its_line(file: Path, one: str, 
     ],
 )
 def test_a_refusal_names_file_and_key(file: Path, text: str, complaint: str) -> None:
+    with pytest.raises(FileNotFoundError):
+        load_markers(file)
     file.write_text(text)
     with pytest.raises(ConfigError) as caught:
         load_markers(file)
     assert str(caught.value).startswith(f'{file}: {complaint}')
-
-
-def test_a_missing_file_is_an_os_error(file: Path) -> None:
-    with pytest.raises(FileNotFoundError):
-        load_markers(file)
 
 
 def test_the_shipped_file_names_the_markers_of_the_shipped_scenes() -> None:

@@ -61,7 +61,7 @@ COFFEE, HEARTBEAT = '/live/coffee', '/live/heartbeat'
 FEED_PERIOD_S = 0.007
 SETTLING_S = 0.2  # until what was on its way has come
 READ_ONLY = {
-    DRIVER: {'serial_port', 'serial_baud', 'protocol', 'frame_id'},
+    DRIVER: {'serial_port', 'serial_baud', 'protocol', 'frame_id', 'autostart'},
     DETECTOR: {'marker_file', 'child_frame'},
     COFFEE: {'objects', 'target_frame'},
     HEARTBEAT: {'markers', 'window'},
@@ -132,6 +132,7 @@ class Live:
             name
             for name in result.names
             if name not in ('use_sim_time', 'start_type_description_service')
+            and not name.startswith('qos_overrides.')
         }
 
     def describe(self, node: str) -> list[ParameterDescriptor]:

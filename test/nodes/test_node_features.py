@@ -29,9 +29,10 @@ from retrolidar_ros.cli.demo import NAMESPACE, executable
 from retrolidar_ros.cli.processes import ProcessGroup
 from retrolidar_ros.msg import Frame as FrameMsg
 from retrolidar_ros.msg import MarkerDetection
-from retrolidar_ros.nodes import detector as detector_module
-from retrolidar_ros.nodes import driver as driver_module
+from retrolidar_ros.nodes import detection_topics, frame_topics
 from retrolidar_ros.nodes.conversion import to_frame_msg, to_ns
+from retrolidar_ros.nodes.detector import DetectorNode
+from retrolidar_ros.nodes.driver import DriverNode
 from retrolidar_ros.nodes.listener import Listener
 from retrolidar_ros.scene import Simulation
 from retrolidar_ros.scene.description import Scene
@@ -355,8 +356,8 @@ def counting(monkeypatch: pytest.MonkeyPatch, module: Any, name: str) -> list[No
 def test_points_and_image_are_made_only_for_those_who_listen(
     lazy: Listener, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    points = counting(monkeypatch, driver_module, 'to_point_cloud')
-    images = counting(monkeypatch, driver_module, 'to_signal_image')
+    points = counting(monkeypatch, frame_topics, 'to_point_cloud')
+    images = counting(monkeypatch, frame_topics, 'to_signal_image')
     packets = map(encode_frame, endless(scene_with_dark_zones()))
 
     def send_until(done: Callable[[], bool]) -> None:
@@ -374,7 +375,7 @@ def test_points_and_image_are_made_only_for_those_who_listen(
     link = tmp_path / 'port'
     with (
         PortLink(link) as port,
-        in_this_process(driver_module.DriverNode, '-p', f'serial_port:={link}'),
+        in_this_process(DriverNode, '-p', f'serial_port:={link}'),
     ):
         pass_frames()
         assert (len(points), len(images)) == (0, 0)
@@ -393,10 +394,10 @@ def test_points_and_image_are_made_only_for_those_who_listen(
 def test_shapes_are_made_only_for_those_who_listen(
     lazy: Listener, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    drawn = counting(monkeypatch, detector_module, 'marker_shapes')
+    drawn = counting(monkeypatch, detection_topics, 'marker_shapes')
     frames = endless(load_scene('coffee'))
     publisher = lazy.node.create_publisher(FrameMsg, 'frames', 10)
-    with in_this_process(detector_module.DetectorNode) as executor:
+    with in_this_process(DetectorNode) as executor:
 
         def feed_until(done: Callable[[], bool]) -> None:
             def fed_and_done() -> bool:

@@ -47,9 +47,9 @@ def topics(content: Any) -> set[str]:
     return {text.partition('.')[0] for text in strings(content) if re.match(r'/[a-z]', text)}
 
 
-def readme_topics() -> dict[str, str]:
-    readme = Path(__file__).parents[2] / 'README.md'
-    rows = re.findall(r'^\| `(/\S+)` \| ([^|]+) \|', readme.read_text(encoding='utf-8'), re.M)
+def documented_topics() -> dict[str, str]:
+    reference = Path(__file__).parents[2] / 'docs' / 'reference.md'
+    rows = re.findall(r'^\| `(/\S+)` \| ([^|]+) \|', reference.read_text(encoding='utf-8'), re.M)
     return dict(rows)
 
 
@@ -65,8 +65,8 @@ def panels_of(layout: Any) -> Iterator[str]:
 
 
 @pytest.mark.parametrize('content', [RVIZ, FOXGLOVE], ids=['rviz', 'foxglove'])
-def test_the_topics_are_those_of_the_readme(content: Any) -> None:
-    known = readme_topics()
+def test_the_topics_are_those_of_the_reference(content: Any) -> None:
+    known = documented_topics()
     named = topics(content)
     assert named
     for topic in named:

@@ -9,11 +9,15 @@ from typing import Any
 import numpy as np
 import pytest
 
-from evaluation.bench.link import link_scene, lone_trial, outcome
+from evaluation.bench.judging import judged
+from evaluation.bench.recordings import record
+from evaluation.bench.stresses import PLAIN
 from retrolidar_ros.cli.main import main
-from retrolidar_ros.detector import create_detector
+from retrolidar_ros.marker.dictionary import USABLE_IDS
 from retrolidar_ros.scene.marker_budget import NEEDED_SNR_DB, needed_swing
 from retrolidar_ros.scene.reference import WALL_SIGNAL, marker_in_each_zone
+
+Output = pytest.CaptureFixture[str]
 
 FIELDS = {
     'link': ['bright', 'dark', 'noise', 'snr_db', 'reach_m'],
@@ -22,14 +26,14 @@ FIELDS = {
 }
 
 
-def budget_of(capsys: pytest.CaptureFixture[str], *options: str) -> dict[str, Any]:
+def budget_of(capsys: Output, *options: str) -> dict[str, Any]:
     assert main(['budget', '--json', *options]) == 0
     (line,) = capsys.readouterr().out.splitlines()
     content: dict[str, Any] = json.loads(line)
     return content
 
 
-def test_the_default_is_the_papers_marker_at_2_m(capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_default_is_the_papers_marker_at_2_m(capsys: Output) -> None:
     found = budget_of(capsys)
     case = ['size_m', 'yaw_rad', 'distance_m', 'cell_mah', 'queries_per_hour']
     assert list(found) == [*case, *FIELDS]
@@ -49,46 +53,36 @@ def test_the_default_is_the_papers_marker_at_2_m(capsys: pytest.CaptureFixture[s
 
 def test_at_its_reach_most_lone_packets_are_read() -> None:
     rng = np.random.default_rng(1)
-    trials = [lone_trial(link_scene(NEEDED_SNR_DB, rng), rng) for _ in range(6)]
-    read = [
-        outcome(trial, create_detector('joint', trial.recording.grid)).right for trial in trials
-    ]
+    signal = needed_swing(NEEDED_SNR_DB)
+    sent = [record(PLAIN, signal, rng, USABLE_IDS) for _ in range(6)]
+    read = [judged(one, {'method': 'joint'}).right for one in sent]
     assert 0.68 < np.mean(read) < 0.92  # 80 % within three deviations
 
 
-def test_a_turned_marker_shows_less(capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_turned_marker_shows_less_or_nothing(capsys: Output) -> None:
     facing, turned = budget_of(capsys), budget_of(capsys, '--yaw', '50 deg')
     swing = [found['link']['bright'] - WALL_SIGNAL for found in (facing, turned)]
     assert swing[1] == pytest.approx(swing[0] * math.cos(math.radians(50)))
     assert turned['wake_up']['range_m'] == pytest.approx(2.25 * math.cos(math.radians(50)) ** 0.5)
-
-
-def test_a_marker_that_faces_away_sends_nothing_back(capsys: pytest.CaptureFixture[str]) -> None:
     options = ('--yaw', '60deg', '--distance', '1m')
-    found = budget_of(capsys, *options)
-    assert found['link']['snr_db'] is None
-    assert found['link']['reach_m'] == 0
-    assert not found['wake_up']['woken']
-    assert found['wake_up']['range_m'] == 0
+    away = budget_of(capsys, *options)
+    assert (away['link']['snr_db'], away['link']['reach_m']) == (None, 0)
+    assert (away['wake_up']['woken'], away['wake_up']['range_m']) == (False, 0)
     assert main(['budget', *options]) == 0
     output = capsys.readouterr().out
     assert 'nothing comes back' in output
     assert 'wakes at no distance' in output
 
 
-def test_the_text_tells_the_same(capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_text_tells_the_same(capsys: Output) -> None:
     found = budget_of(capsys, '--queries', '6', '--cell', '220 mAh')
     assert main(['budget', '--queries', '6', '--cell', '220mAh']) == 0
     output = capsys.readouterr().out
     assert f'{found["link"]["snr_db"]:.1f} dB' in output
     assert f'{1e3 * found["wake_up"]["voltage_v"]:.1f} mV indoors' in output
     assert f'220 mAh last {found["battery"]["life_h"]:.0f} h' in output
-    assert [line[:8].strip() for line in output.splitlines() if line[0] != ' '] == [
-        'marker',
-        'link',
-        'wake-up',
-        'battery',
-    ]
+    heads = [line[:8].strip() for line in output.splitlines() if line[0] != ' ']
+    assert heads == ['marker', 'link', 'wake-up', 'battery']
 
 
 @pytest.mark.parametrize(
@@ -109,9 +103,7 @@ def test_the_text_tells_the_same(capsys: pytest.CaptureFixture[str]) -> None:
         ('--queries', 'nan', 'impossible'),
     ],
 )
-def test_bad_values_are_one_line_that_names_them(
-    option: str, value: str, reason: str, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_bad_values_are_named(option: str, value: str, reason: str, capsys: Output) -> None:
     assert main(['budget', option, value]) == 2
     output = capsys.readouterr()
     assert output.out == ''

@@ -1,5 +1,6 @@
 # Copyright 2026 retrolidar_ros contributors
 # SPDX-License-Identifier: Apache-2.0
+import itertools
 import os
 import select
 import signal
@@ -8,15 +9,16 @@ import sys
 import time
 from collections.abc import Callable, Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
+from contextlib import contextmanager, suppress
 from dataclasses import replace
 from pathlib import Path
 from threading import Event
-from typing import Any
 
 import numpy as np
 import pytest
 import serial
 
+from retrolidar_ros.bag import read_frames as read_bag
 from retrolidar_ros.scene import Scene, Simulation, emulator
 from retrolidar_ros.scene.description import Marker, Noise, Sensor, Surface
 from retrolidar_ros.scene.emulator import PortLink, emulate, frames_in_real_time, record
@@ -63,9 +65,12 @@ def sequences(frames: list[Frame]) -> list[int]:
     return [frame.sequence for frame in frames]
 
 
-def raw_reader(port: Path) -> int:
+@contextmanager
+def raw_reader(port: Path) -> Iterator[int]:
     """Open the port without emptying its buffers, as not every program does."""
-    return os.open(port, os.O_RDWR | os.O_NOCTTY | os.O_NONBLOCK)
+    descriptor = os.open(port, os.O_RDWR | os.O_NOCTTY | os.O_NONBLOCK)
+    yield descriptor
+    os.close(descriptor)
 
 
 def read_raw(descriptor: int, reader: FrameReader, count: int) -> list[Frame]:
@@ -79,87 +84,53 @@ def read_raw(descriptor: int, reader: FrameReader, count: int) -> list[Frame]:
 # The port
 
 
-def test_a_listener_gets_what_is_written(link: Path) -> None:
-    sent = packets(50)
-    with PortLink(link) as port, listen(link) as line:
-        assert all(port.write(packet) for packet in sent)
-        assert line.read(sum(map(len, sent))) == b''.join(sent)
-
-
 def test_all_bytes_pass_unchanged(link: Path) -> None:
-    data = bytes(range(256)) * 4
-    with PortLink(link) as port:
-        # Not even a reader that leaves the terminal as it is gets lines, echoes or signals.
-        descriptor = raw_reader(link)
+    data, read = bytes(range(256)) * 4, b''
+    # Not even a reader that leaves the terminal as it is gets lines, echoes or signals.
+    with PortLink(link) as port, raw_reader(link) as descriptor:
         assert port.write(data)
-        read = b''
         while len(read) < len(data) and select.select([descriptor], [], [], 1)[0]:
             read += os.read(descriptor, 65536)
-        assert read == data
-        os.close(descriptor)
+    assert read == data
 
 
 def test_the_link_is_there_as_long_as_the_port(link: Path) -> None:
-    with PortLink(link):
+    with suppress(KeyboardInterrupt), PortLink(link):
         assert link.is_symlink()
         assert link.is_char_device()
-    assert not link.is_symlink()
-
-
-def test_the_link_goes_when_the_work_fails(link: Path) -> None:
-    with pytest.raises(KeyboardInterrupt), PortLink(link):
-        raise KeyboardInterrupt
-    assert not link.is_symlink()
-
-
-def test_hanging_up_ends_the_listener(link: Path) -> None:
-    with PortLink(link):
         line = listen(link)
-    with pytest.raises(serial.SerialException):
+        raise KeyboardInterrupt  # even when the work fails
+    assert not link.is_symlink()
+    with pytest.raises(serial.SerialException), line:
         line.read(1)
-    line.close()
-
-
-def test_a_link_that_a_killed_emulator_left_is_replaced(link: Path) -> None:
-    link.symlink_to('/dev/pts/9999')
+    link.symlink_to('/dev/pts/9999')  # as a killed emulator leaves it
     with PortLink(link) as port, listen(link):
         assert port.write(b'x')
-
-
-@pytest.mark.parametrize('goal', ['/dev/null', 'nowhere'])
-def test_the_link_of_another_device_is_refused_and_kept(link: Path, goal: str) -> None:
-    link.symlink_to(goal)
-    with pytest.raises(FileExistsError, match='port exists; give a path'):
-        PortLink(link)
-    assert os.readlink(link) == goal
-
-
-def test_the_link_of_a_live_port_is_refused_and_kept(link: Path) -> None:
-    with PortLink(link) as first:
-        with pytest.raises(FileExistsError, match='port exists; give a path'):
-            PortLink(link)
-        with listen(link) as line:
-            assert first.write(b'abc')
-            assert line.read(3) == b'abc'
-
-
-def test_a_removed_link_does_not_matter(link: Path) -> None:
-    with PortLink(link):
         link.unlink()
     assert not link.exists()
 
 
-def test_a_regular_file_is_refused_and_kept(link: Path) -> None:
-    link.write_text('precious')
-    with pytest.raises(FileExistsError, match='port exists; give a path'):
-        PortLink(link)
-    assert link.read_text() == 'precious'
-
-
-def test_a_directory_is_refused(link: Path) -> None:
-    link.mkdir()
-    with pytest.raises(FileExistsError, match='port exists; give a path'):
-        emulate(WALL, link, 1.0)
+@pytest.mark.parametrize('kind', ['/dev/null', 'nowhere', 'file', 'directory', 'port'])
+def test_what_is_there_already_is_refused_and_kept(link: Path, tmp_path: Path, kind: str) -> None:
+    with PortLink(tmp_path / 'live') as live:
+        match kind:
+            case 'file':
+                link.write_text('precious')
+            case 'directory':
+                link.mkdir()
+            case 'port':
+                link.symlink_to(os.readlink(tmp_path / 'live'))
+            case goal:
+                link.symlink_to(goal)
+        before = os.readlink(link) if link.is_symlink() else link.stat()
+        with pytest.raises(FileExistsError, match='port exists; give a path'):
+            PortLink(link)
+        with pytest.raises(FileExistsError, match='port exists; give a path'):
+            emulate(WALL, link, 1.0)
+        assert before == (os.readlink(link) if link.is_symlink() else link.stat())
+        with listen(tmp_path / 'live') as line:
+            assert live.write(b'abc')
+            assert line.read(3) == b'abc'
 
 
 def test_an_impossible_path_leaves_no_open_terminal(tmp_path: Path) -> None:
@@ -169,85 +140,64 @@ def test_an_impossible_path_leaves_no_open_terminal(tmp_path: Path) -> None:
     assert len(os.listdir('/dev/fd')) == before
 
 
-def test_what_nobody_hears_is_lost(link: Path) -> None:
+def test_what_is_heard_arrives_and_what_nobody_hears_is_lost(link: Path) -> None:
+    sent = packets(50)
     with PortLink(link) as port:
-        assert not port.write(b'before')
-        with listen(link) as line:
-            assert port.write(b'first')
-            assert line.read(5) == b'first'
-        assert not port.write(b'between')
-        with listen(link) as line:
-            assert port.write(b'second')
-            assert line.read(6) == b'second'
+        for heard in (sent, [b'second']):
+            assert not port.write(b'before')
+            with listen(link) as line:
+                assert all(port.write(packet) for packet in heard)
+                assert line.read(sum(map(len, heard))) == b''.join(heard)
 
 
 def test_what_a_listener_left_unread_is_not_for_the_next(link: Path) -> None:
+    reader = FrameReader()
     with PortLink(link) as port:
-        first = raw_reader(link)
-        while port.write(packets(1)[0]):
-            pass
-        os.close(first)
+        with raw_reader(link):
+            while port.write(packets(1)[0]):
+                pass
         assert not port.write(b'nobody hears this')
-        second = raw_reader(link)
-        assert port.write(packets(8)[7])
-        reader = FrameReader()
-        assert sequences(read_raw(second, reader, 1)) == [7]
-        assert reader.counts.damaged == 0
-        os.close(second)
+        with raw_reader(link) as second:
+            assert port.write(packets(8)[7])
+            assert sequences(read_raw(second, reader, 1)) == [7]
+            assert reader.counts.damaged == 0
+            # Nor does a packet that was cut off, longer than any terminal takes, cost the next.
+            assert not port.write(b'x' * 100_000)
+            while select.select([second], [], [], 0.1)[0]:
+                assert reader.feed(os.read(second, 65536)) == []
+            assert port.write(packets(1)[0])
+            assert sequences(read_raw(second, reader, 1)) == [0]
+            assert reader.counts.damaged == 1
 
 
 def test_a_listener_that_does_not_read_costs_whole_packets(link: Path) -> None:
-    sent = packets(400)
-    reader = FrameReader()
-    with PortLink(link) as port:
-        descriptor = raw_reader(link)
-        taken = [port.write(packet) for packet in sent]
+    sent, reader = packets(410), FrameReader()
+    with PortLink(link) as port, raw_reader(link) as descriptor:
+        taken = [port.write(packet) for packet in sent[:400]]
         full = taken.index(False)
         assert full > 20  # some hundred milliseconds are buffered
         assert not any(taken[full:])
         assert sequences(read_raw(descriptor, reader, full)) == list(range(full))
         # At most one packet was torn, and the next one does not suffer.
-        later = packets(410)[400:]
-        assert all(port.write(packet) for packet in later)
+        assert all(port.write(packet) for packet in sent[400:])
         assert sequences(read_raw(descriptor, reader, 10)) == list(range(400, 410))
-        assert reader.counts.damaged <= 1
-        os.close(descriptor)
-
-
-def test_a_packet_that_was_cut_off_does_not_cost_the_next(link: Path) -> None:
-    reader = FrameReader()
-    with PortLink(link) as port:
-        descriptor = raw_reader(link)
-        assert not port.write(b'x' * 100_000)  # more than any terminal takes
-        while select.select([descriptor], [], [], 0.1)[0]:
-            assert reader.feed(os.read(descriptor, 65536)) == []
-        assert port.write(packets(1)[0])
-        assert sequences(read_raw(descriptor, reader, 1)) == [0]
-        assert reader.counts.damaged == 1
-        os.close(descriptor)
+    assert reader.counts.damaged <= 1
 
 
 def test_a_slow_listener_gets_some_packets_and_never_a_wrong_one(link: Path) -> None:
-    sent = packets(1000)
-    reader = FrameReader()
+    sent, reader = packets(1000), FrameReader()
     frames: list[Frame] = []
-    torn = 0
-    with PortLink(link) as port:
-        descriptor = raw_reader(link)
-        before = True
-        taken = 0
+    taken: list[bool] = []
+    with PortLink(link) as port, raw_reader(link) as descriptor:
         for packet in sent:
-            now = port.write(packet)
-            taken += now
-            torn += before and not now
-            before = now
+            taken.append(port.write(packet))
             if select.select([descriptor], [], [], 0)[0]:
                 frames += reader.feed(os.read(descriptor, 77))
-        frames += read_raw(descriptor, reader, taken - len(frames))
-        os.close(descriptor)
+        frames += read_raw(descriptor, reader, sum(taken) - len(frames))
     numbers = sequences(frames)
-    assert len(numbers) == taken < 1000
+    assert len(numbers) == sum(taken) < 1000
     assert numbers == sorted(set(numbers))
+    torn = sum(before and not now for before, now in itertools.pairwise([True, *taken]))
     assert reader.counts.damaged <= torn
     for frame in frames:
         assert encode_frame(frame) == sent[frame.sequence]
@@ -298,20 +248,15 @@ def test_oversleeping_does_not_add_up(clock: Clock) -> None:
     assert clock() - 5_000_000_000 == pytest.approx(2e9, abs=1e6)
 
 
-def test_a_late_emulator_catches_up(clock: Clock) -> None:
-    frames = frames_in_real_time(WALL, 1.0, clock(), clock)
-    next(frames)
+def test_a_late_emulator_catches_up_and_need_not_end(clock: Clock) -> None:
+    frames = frames_in_real_time(WALL, None, clock(), clock)
+    assert next(frames)[0].sequence == 0
     clock.now_ns += 300_000_000
-    for _ in range(300):
-        next(frames)
-    frame, middle_ns = next(frames)
-    assert frame.sequence == 301
-    assert clock() == pytest.approx(middle_ns + 500_000, abs=1000)
-
-
-def test_frames_are_those_of_the_simulation_without_an_end(clock: Clock) -> None:
-    frames = frames_in_real_time(WALL, None, 0, clock)
-    assert [next(frames)[0].sequence for _ in range(3000)] == list(range(3000))
+    assert [next(frames)[0].sequence for _ in range(300)] == list(range(1, 301))
+    for number in range(301, 3000):
+        frame, middle_ns = next(frames)
+        assert frame.sequence == number
+        assert clock() == pytest.approx(middle_ns + 500_000, abs=1000)
 
 
 # The whole sensor
@@ -377,6 +322,18 @@ def test_a_sensor_nobody_listens_to_loses_its_frames(link: Path) -> None:
     assert emulate(WALL, link, 0.04) == (0, 40)
 
 
+def test_the_last_frame_is_whole(
+    link: Path, gate: tuple[Event, Event], pool: ThreadPoolExecutor
+) -> None:
+    linked, begin = gate
+    future = pool.submit(emulate, replace(WALL, sensor=Sensor(period_s=0.03)), link, 0.06)
+    assert linked.wait(10)
+    with listen(link) as line:
+        begin.set()
+        assert sequences(read_frames(line, 2)) == [0, 1]
+        assert future.result(10) == (2, 0)
+
+
 def test_a_listener_that_comes_late_gets_no_old_frames(
     link: Path, gate: tuple[Event, Event], pool: ThreadPoolExecutor, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -402,21 +359,8 @@ def test_a_listener_that_comes_late_gets_no_old_frames(
     assert linked.is_set()
 
 
-def test_the_last_frame_is_not_cut_off(
-    link: Path, gate: tuple[Event, Event], pool: ThreadPoolExecutor
-) -> None:
-    linked, begin = gate
-    scene = replace(WALL, sensor=Sensor(period_s=0.03))
-    future = pool.submit(emulate, scene, link, 0.06)
-    assert linked.wait(10)
-    with listen(link) as line:
-        begin.set()
-        assert sequences(read_frames(line, 2)) == [0, 1]
-        assert future.result(10) == (2, 0)
-
-
 @pytest.mark.parametrize('request_to_end', [signal.SIGINT, signal.SIGTERM])
-def test_a_request_to_end_unplugs_the_sensor(
+def test_ending_unplugs_the_sensor(
     tmp_path: Path, link: Path, request_to_end: signal.Signals
 ) -> None:
     scene = tmp_path / 'wall.yaml'
@@ -438,32 +382,14 @@ def test_a_request_to_end_unplugs_the_sensor(
 # Into a bag
 
 
-def test_record_writes_every_frame_with_host_time(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    class Collector:
-        frames: list[Frame]
-
-        def __init__(self, path: Path, storage: str) -> None:
-            assert (path, storage) == (tmp_path / 'bag', 'sqlite3')
-            self.frames = collected
-
-        def __enter__(self) -> 'Collector':
-            return self
-
-        def __exit__(self, *_: object) -> None:
-            pass
-
-        def write(self, frame: Frame) -> None:
-            self.frames.append(frame)
-
-    collected: list[Frame] = []
-    monkeypatch.setattr(emulator, 'FrameWriter', Collector)
+def test_record_writes_every_frame_with_host_time(tmp_path: Path) -> None:
     before_ns = time.time_ns()
-    storage: Any = 'sqlite3'
-    assert record(SCENE, tmp_path / 'bag', storage, 10.0) == 2000 == len(collected)
-    assert sequences(collected) == list(range(2000))
-    start_ns = collected[0].stamp_ns - 2_500_000
-    assert before_ns <= start_ns <= time.time_ns()
-    stamps = np.array([frame.stamp_ns for frame in collected])
+    assert record(SCENE, tmp_path / 'bag', 'sqlite3', 10.0) == 2000
+    after_ns = time.time_ns()
+    assert (tmp_path / 'bag' / 'bag.db3').is_file()
+    frames = list(read_bag(tmp_path / 'bag'))
+    assert sequences(frames) == list(range(2000))
+    start_ns = frames[0].stamp_ns - 2_500_000
+    assert before_ns <= start_ns <= after_ns
+    stamps = np.array([frame.stamp_ns for frame in frames])
     assert stamps - start_ns == pytest.approx(5e6 * (np.arange(2000) + 0.5), abs=1000)

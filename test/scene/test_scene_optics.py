@@ -15,12 +15,9 @@ AREA_M2 = 0.03**2
 MARKER = Marker(id=5, position_m=(0.1, -0.2, 1.5), name='m')
 
 
-@pytest.mark.parametrize(('range_m', 'signal'), [(1.0, 360), (1.4, 100), (2.0, 26), (2.6, 9.5)])
-def test_link_budget_of_the_paper(range_m: float, signal: float) -> None:
-    assert received_signal(np.array([range_m]), AREA_M2, 0) == pytest.approx(signal, rel=0.01)
-
-
-def test_signal_falls_with_the_3_8th_power() -> None:
+def test_link_budget_of_the_paper() -> None:
+    for metres, signal in ((1.0, 360), (1.4, 100), (2.0, 26), (2.6, 9.5)):
+        assert received_signal(np.array([metres]), AREA_M2, 0) == pytest.approx(signal, rel=0.01)
     range_m = np.geomspace(0.5, 4, 50)
     slope = np.diff(np.log(received_signal(range_m, AREA_M2, 0))) / np.diff(np.log(range_m))
     assert slope == pytest.approx(-3.8)
@@ -112,23 +109,17 @@ def test_shares_are_continuous_across_the_edges_of_zones(grid: ZoneGrid, blur: f
 
 
 @pytest.mark.parametrize('grid', GRIDS)
-def test_blur_vanishes_smoothly(grid: ZoneGrid) -> None:
+def test_a_marker_is_in_the_zone_that_looks_at_it(grid: ZoneGrid) -> None:
+    shares = zone_shares(2.0 * grid.directions, 0.03, grid, 0)
+    assert shares == pytest.approx(np.eye(grid.zones), abs=1e-12)
+    # Blur vanishes smoothly.
     position = np.array([[0.012, 0.1, 1.0]])
     sharp = zone_shares(position, 0.03, grid, 0)
     assert zone_shares(position, 0.03, grid, 1e-6) == pytest.approx(sharp, abs=1e-6)
 
 
-@pytest.mark.parametrize('grid', GRIDS)
-def test_a_marker_is_in_the_zone_that_looks_at_it(grid: ZoneGrid) -> None:
-    shares = zone_shares(2.0 * grid.directions, 0.03, grid, 0)
-    assert shares == pytest.approx(np.eye(grid.zones), abs=1e-12)
-
-
-def test_a_marker_at_rest_has_one_position() -> None:
-    assert position_at(MARKER, np.arange(5.0)).tolist() == [[0.1, -0.2, 1.5]]
-
-
 def test_wander_is_slow_smooth_and_bounded() -> None:
+    assert position_at(MARKER, np.arange(5.0)).tolist() == [[0.1, -0.2, 1.5]]  # at rest
     wander = Wander(across_m=0.12, along_m=0.02, period_s=13)
     time_s = np.arange(0, 1300, 0.1)
     away = position_at(replace(MARKER, wander=wander), time_s) - MARKER.position_m

@@ -96,19 +96,14 @@ class NoRandomness:
 # What a scene does not name
 
 
-def test_nothing_to_see_is_no_target() -> None:
-    recording = simulate(Scene(), 50)
+@pytest.mark.parametrize('sensor', [Sensor(), Sensor(noise=NOISE, ranging=RANGING)])
+def test_nothing_to_see_is_no_target(sensor: Sensor) -> None:
+    recording = simulate(Scene(sensor=sensor), 50)
+    assert recording.distance.shape == (50, 16)
     assert (recording.status == Status.NO_TARGET).all()
     assert np.isnan(recording.distance).all()
     assert not recording.signal.any()
     assert not recording.ambient.any()
-    assert recording.distance.shape == (50, 16)
-
-
-def test_noise_makes_no_target_out_of_nothing() -> None:
-    recording = simulate(Scene(sensor=Sensor(noise=NOISE, ranging=RANGING)), 50)
-    assert (recording.status == Status.NO_TARGET).all()
-    assert not recording.signal.any()
 
 
 def test_an_ideal_sensor_uses_no_randomness() -> None:
@@ -158,14 +153,10 @@ def test_distance_is_along_the_axis_by_the_factor_of_the_zone(zone: int) -> None
     assert recording.distance[0, zone] == pytest.approx(expected, rel=2e-3)
 
 
-def test_two_frames_a_bit_read_the_packet() -> None:
+def test_two_frames_a_bit_read_the_packet_but_the_crystal_needs_time() -> None:
     recording = simulate(Scene(markers=(replace(MARKER, response=None),)), 2 * 62)
-    bits = (recording.signal[:, ZONE] < 180).astype(int)
-    assert bits.tolist() == np.repeat(np.tile(BITS, 2), 2).tolist()
-    assert np.unique(recording.signal[:, ZONE]) == pytest.approx([0, 360], rel=1e-4)
-
-
-def test_the_crystal_needs_time() -> None:
+    expected = 1 - np.repeat(np.tile(BITS, 2), 2)
+    assert recording.signal[:, ZONE] == pytest.approx(360.0 * expected, rel=1e-4)
     recording = simulate(Scene(markers=(MARKER,)), 2 * 31)
     signal = recording.signal[:, ZONE].reshape(31, 2) / 360
     edges = np.diff([0, *BITS])
@@ -197,24 +188,18 @@ def test_clock_error_stretches_the_bits() -> None:
     assert dark_frames(0.02) == pytest.approx(1.02 * dark_frames(0), abs=2)
 
 
-def test_wander_moves_signal_and_distance() -> None:
-    wander = Wander(across_m=0.0, along_m=0.2, period_s=2)
-    recording = simulate(Scene(markers=(replace(BRIGHT, wander=wander),)), 1000)
-    distance = recording.distance[:, ZONE].astype(np.float64)
-    signal = recording.signal[:, ZONE]
-    range_m = distance / GRID.z_per_range[ZONE]
-    assert range_m.min() == pytest.approx(0.8, abs=0.01)
-    assert range_m.max() == pytest.approx(1.2, abs=0.01)
+def test_wander_moves_signal_and_distance_and_across_changes_zones() -> None:
+    along = Wander(across_m=0.0, along_m=0.2, period_s=2)
+    recording = simulate(Scene(markers=(replace(BRIGHT, wander=along),)), 1000)
+    range_m = recording.distance[:, ZONE].astype(np.float64) / GRID.z_per_range[ZONE]
+    assert [range_m.min(), range_m.max()] == pytest.approx([0.8, 1.2], abs=0.01)
     # While it moves along the axis it leaves the middle of the zone, but not the zone.
-    assert signal == pytest.approx(360 * range_m**-3.8, rel=1e-4)
-
-
-def test_wander_across_changes_zones() -> None:
-    wander = Wander(across_m=0.3, along_m=0, period_s=4)
-    scene = Scene(markers=(replace(BRIGHT, position_m=(0, 0, 1), wander=wander),))
-    recording = simulate(scene, 3000)
+    assert recording.signal[:, ZONE] == pytest.approx(360 * range_m**-3.8, rel=1e-4)
+    across = Wander(across_m=0.3, along_m=0, period_s=4)
+    marker = replace(BRIGHT, position_m=(0, 0, 1), wander=across)
+    recording = simulate(Scene(markers=(marker,)), 3000)
     assert (recording.signal.max(axis=0) > 100).sum() > 6
-    position_m = position_at(scene.markers[0], recording.sensor_time_us * 1e-6)
+    position_m = position_at(marker, recording.sensor_time_us * 1e-6)
     expected = 360 * np.linalg.norm(position_m, axis=-1) ** -3.8
     assert recording.signal.sum(axis=1) == pytest.approx(expected, rel=1e-4)
 
@@ -245,12 +230,6 @@ def test_noise_has_the_variance_of_the_measured_law(signal: float) -> None:
     assert np.mean(noise**4) / variance**2 == pytest.approx(3, abs=0.1)  # a normal distribution
 
 
-def test_signal_is_never_negative() -> None:
-    recording = simulate(wall(1, 1, Sensor(noise=NOISE)), 1000)
-    assert recording.signal.min() == 0
-    assert (recording.status == Status.VALID).all()
-
-
 @pytest.mark.parametrize(
     ('signal', 'measured_mm'),
     [(14, 35), (25, 22), (36, 14), (62, 7), (137, 4.2), (202, 3.1), (492, 1.9)],
@@ -265,10 +244,18 @@ def test_ranging_deviates_as_measured(signal: float, measured_mm: float) -> None
     assert (recording.signal == signal).all()
 
 
-def test_ranging_and_noise_are_independent() -> None:
+def test_noise_is_independent_of_ranging_never_negative_and_before_the_threshold() -> None:
     recording = simulate(wall(1.0, 100, Sensor(noise=NOISE, ranging=RANGING)), 4000)
     matrix = np.corrcoef(recording.signal.ravel(), recording.distance.ravel())
     assert abs(matrix[0, 1]) < 4 / math.sqrt(recording.signal.size)
+    recording = simulate(wall(1, 1, Sensor(noise=NOISE)), 1000)
+    assert recording.signal.min() == 0
+    assert (recording.status == Status.VALID).all()
+    recording = simulate(wall(1, 20, Sensor(noise=NOISE, target_threshold=20)), 4000)
+    absent = recording.status == Status.NO_TARGET
+    assert absent.mean() == pytest.approx(0.5, abs=4 * 0.5 / math.sqrt(absent.size))
+    assert recording.signal[~absent].min() >= 20
+    assert (np.isnan(recording.distance) == absent).all()
 
 
 # Which target is reported
@@ -294,9 +281,8 @@ def test_distance_flips_to_a_wall_far_behind_a_dark_marker() -> None:
 
 
 def test_a_wall_near_behind_the_marker_merges_with_it() -> None:
-    recording, bright, dark = bright_and_dark(
-        Scene(markers=(MARKER,), surfaces=(Surface(1.3, 90),))
-    )
+    scene = Scene(markers=(MARKER,), surfaces=(Surface(1.3, 90),))
+    recording, bright, dark = bright_and_dark(scene)
     signal, distance = recording.signal[:, ZONE], recording.distance[:, ZONE]
     assert signal[bright] == pytest.approx(450, rel=1e-3)
     assert distance[bright] == pytest.approx(
@@ -311,42 +297,40 @@ def test_a_wall_near_behind_the_marker_merges_with_it() -> None:
     assert (elsewhere == Status.VALID).all()
 
 
-@pytest.mark.parametrize(('behind_m', 'merged'), [(0.599, True), (0.601, False)])
-def test_targets_are_told_apart_from_600_mm(behind_m: float, merged: bool) -> None:
-    scene = Scene(surfaces=(Surface(1, 50), Surface(1 + behind_m, 40)))
-    recording = simulate(scene, 2)
-    assert (recording.signal == (90 if merged else 50)).all()
-    assert recording.distance == pytest.approx(1 + (behind_m * 4 / 9 if merged else 0))
-    assert (recording.status == (Status.MERGED if merged else Status.VALID)).all()
+MERGED, VALID = Status.MERGED, Status.VALID
 
 
-def test_a_pulse_is_pure_if_one_target_makes_95_percent_of_it() -> None:
-    statuses = [
-        simulate(Scene(surfaces=(Surface(1, 100), Surface(1.1, other))), 1).status[0, 0]
-        for other in (5.0, 5.5)
-    ]
-    assert statuses == [Status.VALID, Status.MERGED]
-
-
-def test_the_strongest_pulse_is_reported_and_not_the_strongest_target() -> None:
-    recording = simulate(Scene(surfaces=(Surface(1, 50), Surface(3, 40), Surface(3.2, 40))), 1)
-    assert recording.signal[0] == pytest.approx(80)
-    assert recording.distance[0] == pytest.approx(3.1)
-
-
-@pytest.mark.parametrize('between', [0.0, 0.01, 9.0])
-def test_something_weak_between_two_targets_does_not_join_them(between: float) -> None:
-    targets = (Surface(1, 50), Surface(1.45, between), Surface(1.9, 40))
-    recording = simulate(Scene(surfaces=targets), 1)
-    assert recording.signal[0] == pytest.approx(50 + between)
-    assert recording.distance[0] == pytest.approx(1, abs=0.1)
+@pytest.mark.parametrize(
+    ('targets', 'signal', 'distance_m', 'status'),
+    [
+        # They are told apart from 600 mm on.
+        ([(1, 50), (1.599, 40)], 90, 1 + 0.599 * 4 / 9, MERGED),
+        ([(1, 50), (1.601, 40)], 50, 1, VALID),
+        # A pulse is pure if one target makes 95 % of it.
+        ([(1, 100), (1.1, 5)], 105, 1.1 - 10 / 105, VALID),
+        ([(1, 100), (1.1, 5.5)], 105.5, 1.1 - 10 / 105.5, MERGED),
+        # The strongest pulse counts, not the strongest target.
+        ([(1, 50), (3, 40), (3.2, 40)], 80, 3.1, MERGED),
+        # Something weak between two targets does not join them.
+        ([(1, 50), (1.45, 0), (1.9, 40)], 50, 1, VALID),
+        ([(1, 50), (1.45, 0.01), (1.9, 40)], 50.01, 1.0001, VALID),
+        ([(1, 50), (1.45, 9), (1.9, 40)], 59, 1 + 9 * 0.45 / 59, MERGED),
+    ],
+)
+def test_targets_make_one_pulse_or_several(
+    targets: list[tuple[float, float]], signal: float, distance_m: float, status: Status
+) -> None:
+    recording = simulate(Scene(surfaces=tuple(Surface(*target) for target in targets)), 2)
+    assert recording.signal == pytest.approx(signal)
+    assert recording.distance == pytest.approx(distance_m, abs=1e-4)
+    assert (recording.status == status).all()
 
 
 @settings(max_examples=60, deadline=None, derandomize=True)
 @given(
     st.lists(st.tuples(st.floats(0.1, 4), st.sampled_from([0.0, 1.0, 5.0, 7.0, 50.0])), max_size=5)
 )
-def test_the_reported_pulse_holds_the_strongest_target_or_outshines_it(
+def test_the_pulse_holds_or_outshines_the_strongest_target(
     targets: list[tuple[float, float]],
 ) -> None:
     recording = simulate(Scene(surfaces=tuple(Surface(*target) for target in targets)), 1)
@@ -367,60 +351,43 @@ def test_the_reported_pulse_holds_the_strongest_target_or_outshines_it(
 # Status codes
 
 
-def test_below_the_threshold_there_is_no_target_and_after_it_no_previous_one() -> None:
-    scene = Scene(sensor=Sensor(target_threshold=5), markers=(MARKER,), surfaces=(Surface(2, 4),))
+@pytest.mark.parametrize(
+    ('threshold', 'wall', 'usual'),
+    [(5, Surface(2, 4), Status.VALID), (100, Surface(1.3, 90), Status.MERGED)],
+)
+def test_below_the_threshold_there_is_no_target_and_after_it_no_previous_one(
+    threshold: float, wall: Surface, usual: Status
+) -> None:
+    sensor = Sensor(target_threshold=threshold)
+    scene = Scene(sensor=sensor, markers=(MARKER,), surfaces=(wall,))
     recording, bright, dark = bright_and_dark(scene)
     status = recording.status[:, ZONE]
-    assert (status[dark] == Status.NO_TARGET).all()
-    assert (recording.signal[dark, ZONE] == 0).all()
-    assert np.isnan(recording.distance[dark, ZONE]).all()
     absent = status == Status.NO_TARGET
+    assert absent[dark].all()
+    assert not absent[bright].any()
+    assert (recording.signal[absent, ZONE] == 0).all()
+    assert np.isnan(recording.distance[absent, ZONE]).all()
     first = ~absent[1:] & absent[:-1]
     assert first.any()
     assert (status[1:][first] == Status.NO_PREVIOUS_TARGET).all()
-    others = status[1:][~absent[1:] & ~first]
-    assert (others == Status.VALID).all()
+    assert (status[1:][~absent[1:] & ~first] == usual).all()
     # Where the wall alone is seen, it is too weak all the time.
     assert (recording.status[:, 0] == Status.NO_TARGET).all()
-    assert bright.any()
-
-
-def test_a_first_range_is_said_so_even_if_merged() -> None:
-    scene = Scene(
-        sensor=Sensor(target_threshold=100), markers=(MARKER,), surfaces=(Surface(1.3, 90),)
-    )
-    recording, bright, _ = bright_and_dark(scene)
-    status = recording.status[:, ZONE]
-    assert set(status.tolist()) == {Status.MERGED, Status.NO_PREVIOUS_TARGET, Status.NO_TARGET}
-    again = bright.copy()
-    again[1:] &= bright[:-1] | (status[:-1] != Status.NO_TARGET)
-    assert (status[again] == Status.MERGED).all()
-
-
-def test_the_threshold_is_applied_to_the_noisy_signal() -> None:
-    recording = simulate(wall(1, 20, Sensor(noise=NOISE, target_threshold=20)), 4000)
-    absent = recording.status == Status.NO_TARGET
-    assert absent.mean() == pytest.approx(0.5, abs=4 * 0.5 / math.sqrt(absent.size))
-    assert recording.signal[~absent].min() >= 20
-    assert (np.isnan(recording.distance) == absent).all()
 
 
 # Time
 
 
 @pytest.mark.parametrize('error', [-0.0036, 0.0, 0.05])
-def test_period_error_is_one_of_the_true_period(error: float) -> None:
+def test_errors_are_of_the_true_period_and_of_the_stamps_only(error: float) -> None:
     recording = simulate(wall(1, 9, Sensor(period_error=error)), 1001)
     span_us = recording.sensor_time_us[-1] - recording.sensor_time_us[0]
     assert span_us == pytest.approx(21e6 * (1 + error), abs=1)
     assert Simulation(wall(1, 9, Sensor(period_error=error))).period_s == 0.021 * (1 + error)
-
-
-def test_clock_error_is_one_of_the_stamps_only() -> None:
     scene = Scene(markers=(MARKER,))
-    fast = replace(scene, sensor=Sensor(clock_error=0.01))
+    fast = replace(scene, sensor=Sensor(clock_error=error))
     one, other = simulate(scene, 500), simulate(fast, 500)
-    assert other.sensor_time_us == pytest.approx(1.01 * one.sensor_time_us, abs=1)
+    assert other.sensor_time_us == pytest.approx((1 + error) * one.sensor_time_us, abs=1)
     np.testing.assert_array_equal(one.signal, other.signal)
 
 
@@ -449,21 +416,21 @@ def test_jitter_moves_what_is_seen_with_the_stamp() -> None:
 
 
 def test_lost_frames_are_gaps_in_the_sequence() -> None:
-    recording = simulate(wall(1, 9, Sensor(lost=0.2)), 20_000)
+    scene = Scene(seed=8, markers=(MARKER,), surfaces=(Surface(2, 4),))
+    recording = simulate(replace(scene, sensor=Sensor(lost=0.2)), 20_000)
     share = 1 - len(recording) / 20_000
     assert share == pytest.approx(0.2, abs=4 * math.sqrt(0.2 * 0.8 / 20_000))
     assert (np.diff(recording.sequence) > 0).all()
-    # They are lost one by one, and the others keep their times.
+    # They are lost one by one, and the others keep their times and what they saw.
     expected_us = 21_000 * (recording.sequence + 0.5)
     assert recording.sensor_time_us == pytest.approx(expected_us, abs=0.6)
     gaps = np.diff(recording.sequence) - 1
     assert gaps.mean() == pytest.approx(0.25, rel=0.05)
     assert np.mean(gaps > 0) == pytest.approx(0.2, abs=0.015)
-
-
-def test_all_frames_may_be_lost() -> None:
-    scene = replace(EVERYTHING, sensor=replace(EVERYTHING.sensor, lost=1.0))
-    simulation = Simulation(scene)
+    whole = simulate(scene, 20_000)
+    np.testing.assert_array_equal(recording.signal, whole.signal[recording.sequence])
+    # All may be.
+    simulation = Simulation(replace(EVERYTHING, sensor=replace(EVERYTHING.sensor, lost=1.0)))
     assert [len(simulation.advance(100)) for _ in range(2)] == [0, 0]
 
 
@@ -482,18 +449,14 @@ def test_abnormal_samples_have_their_share_and_mean_nothing() -> None:
 
 
 def test_a_seed_gives_the_same_frames_again_and_another_gives_others() -> None:
-    assert_same(simulate(EVERYTHING, 300), simulate(EVERYTHING, 300))
+    one = simulate(EVERYTHING, 300)
+    assert_same(one, simulate(EVERYTHING, 300))
+    assert_same(one, Simulation(EVERYTHING, np.random.default_rng(3)).advance(300))
     other = simulate(replace(EVERYTHING, seed=4), 300)
-    ideal = simulate(EVERYTHING, 300)
-    assert len(other) != len(ideal) or not np.array_equal(other.signal, ideal.signal)
-    given_rng = Simulation(EVERYTHING, np.random.default_rng(3)).advance(300)
-    assert_same(given_rng, ideal)
-
-
-def test_blocks_of_the_same_sizes_give_the_same_frames() -> None:
-    one, other = Simulation(EVERYTHING), Simulation(EVERYTHING)
+    assert len(other) != len(one) or not np.array_equal(other.signal, one.signal)
+    first, second = Simulation(EVERYTHING), Simulation(EVERYTHING)
     for count in (1, 50, 7, 100):
-        assert_same(one.advance(count), other.advance(count))
+        assert_same(first.advance(count), second.advance(count))
 
 
 @pytest.mark.parametrize('split', [1, 2, 37, 100, 101])
@@ -512,14 +475,6 @@ def test_blocks_of_a_duration() -> None:
     blocks = list(Simulation(scene).blocks(3.0, block_frames=64))
     assert [len(block) for block in blocks] == [64, 64, 15]
     assert_same(concatenated(blocks), Simulation(scene).run(3.0))
-
-
-def test_lost_frames_do_not_move_the_scene() -> None:
-    sensor = Sensor(lost=0.3)
-    scene = Scene(seed=8, sensor=sensor, markers=(MARKER,), surfaces=(Surface(2, 4),))
-    lossy = simulate(scene, 400)
-    whole = simulate(replace(scene, sensor=Sensor()), 400)
-    np.testing.assert_array_equal(lossy.signal, whole.signal[lossy.sequence])
 
 
 @pytest.mark.parametrize('grid', [GRID, ZoneGrid(8, 8)])

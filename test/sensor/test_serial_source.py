@@ -6,6 +6,7 @@ import stat
 import termios
 import time
 from collections.abc import Callable, Iterator
+from contextlib import ExitStack
 from pathlib import Path
 from queue import Queue
 from threading import Event, Thread
@@ -64,34 +65,36 @@ class Reading:
         return time.monotonic() - begin_s
 
 
+Read = Callable[[], Reading]
+Patch = pytest.MonkeyPatch
+
+
 @pytest.fixture
 def link(tmp_path: Path) -> Path:
     return tmp_path / 'port'
 
 
 @pytest.fixture
-def soon(monkeypatch: pytest.MonkeyPatch) -> None:
+def soon(monkeypatch: Patch) -> None:
     monkeypatch.setattr(serial_source, 'RETRY_S', 0.02)
 
 
 @pytest.fixture
-def read() -> Iterator[Callable[[Path], Reading]]:
-    readings: list[Reading] = []
+def read(link: Path) -> Iterator[Read]:
+    """Start to read the port; stop at the end of the test."""
+    with ExitStack() as stack:
 
-    def start(port: Path) -> Reading:
-        readings.append(Reading(port))
-        return readings[-1]
+        def start() -> Reading:
+            reading = Reading(link)
+            stack.callback(reading.end)
+            return reading
 
-    yield start
-    for reading in readings:
-        reading.end()
+        yield start
 
 
-def test_frames_come_with_the_time_of_their_arrival(
-    link: Path, read: Callable[[Path], Reading]
-) -> None:
+def test_frames_come_with_the_time_of_their_arrival(link: Path, read: Read) -> None:
     with PortLink(link) as port:
-        reading = read(link)
+        reading = read()
         assert reading.report() == f'reading {link}'
         assert (reading.source.is_open, reading.source.problem) == (True, '')
         sent_ns = []
@@ -107,19 +110,9 @@ def test_frames_come_with_the_time_of_their_arrival(
         assert reading.source.reader.counts.frames == len(PACKETS)
 
 
-def test_bytes_that_come_one_by_one_are_a_frame(
-    link: Path, read: Callable[[Path], Reading]
-) -> None:
-    with PortLink(link) as port:
-        reading = read(link)
-        reading.report()
-        for byte in PACKETS[0] + PACKETS[1]:
-            assert port.write(bytes([byte]))
-        assert reading.sequences(2) == [0, 1]
-
-
-def test_a_port_that_is_absent_is_said_so_once_and_opened_when_it_comes(
-    link: Path, read: Callable[[Path], Reading], soon: None, monkeypatch: pytest.MonkeyPatch
+@pytest.mark.usefixtures('soon')
+def test_an_absent_port_is_told_once_and_opened_when_it_comes(
+    link: Path, read: Read, monkeypatch: Patch
 ) -> None:
     tries: Queue[None] = Queue()
     real = serial.Serial
@@ -129,7 +122,7 @@ def test_a_port_that_is_absent_is_said_so_once_and_opened_when_it_comes(
         return real(*arguments, **options)
 
     monkeypatch.setattr(serial, 'Serial', counted)
-    reading = read(link)
+    reading = read()
     for _ in range(5):
         tries.get(timeout=10)
     assert reading.report() == f'{link} does not exist; is the sensor plugged in?; retrying'
@@ -141,11 +134,9 @@ def test_a_port_that_is_absent_is_said_so_once_and_opened_when_it_comes(
         assert reading.source.problem == ''
 
 
-def test_a_port_that_comes_back_is_read_within_two_seconds(
-    link: Path, read: Callable[[Path], Reading]
-) -> None:
+def test_a_port_that_comes_back_is_read_within_two_seconds(link: Path, read: Read) -> None:
     with PortLink(link) as port:
-        reading = read(link)
+        reading = read()
         reading.report()
         assert port.write(PACKETS[0])
         assert reading.sequences(1) == [0]
@@ -162,11 +153,9 @@ def test_a_port_that_comes_back_is_read_within_two_seconds(
 
 
 @pytest.mark.usefixtures('soon')
-def test_a_packet_that_was_cut_off_by_the_loss_does_not_cost_the_next(
-    link: Path, read: Callable[[Path], Reading]
-) -> None:
+def test_a_packet_cut_off_by_the_loss_does_not_cost_the_next(link: Path, read: Read) -> None:
     with PortLink(link) as port:
-        reading = read(link)
+        reading = read()
         reading.report()
         assert port.write(PACKETS[0] + PACKETS[1][:50])
         assert reading.sequences(1) == [0]
@@ -178,26 +167,23 @@ def test_a_packet_that_was_cut_off_by_the_loss_does_not_cost_the_next(
     assert reading.source.reader.counts.damaged <= 1
 
 
-def test_what_came_before_the_opening_is_not_read(
-    link: Path, read: Callable[[Path], Reading]
-) -> None:
+def test_only_what_comes_is_read_even_byte_by_byte(link: Path, read: Read) -> None:
     with PortLink(link) as port:
         other = os.open(link, os.O_RDWR | os.O_NOCTTY)
         assert port.write(PACKETS[0] + PACKETS[1])
-        reading = read(link)
+        reading = read()
         reading.report()
-        assert port.write(PACKETS[2])
-        assert reading.sequences(1) == [2]
+        for byte in PACKETS[2] + PACKETS[3]:
+            assert port.write(bytes([byte]))
+        assert reading.sequences(2) == [2, 3]
         os.close(other)
 
 
 @pytest.mark.usefixtures('soon')
-def test_a_port_in_use_is_explained_and_opened_when_it_is_free(
-    link: Path, read: Callable[[Path], Reading]
-) -> None:
+def test_a_port_in_use_is_explained_and_opened_when_it_is_free(link: Path, read: Read) -> None:
     with PortLink(link):
         with serial.Serial(str(link), exclusive=True):
-            reading = read(link)
+            reading = read()
             assert reading.report() == f'{link} is in use by another program; retrying'
             assert not reading.source.is_open
         assert reading.report() == f'reading {link}'
@@ -208,9 +194,7 @@ def test_a_port_in_use_is_explained_and_opened_when_it_is_free(
 
 
 @pytest.mark.usefixtures('soon')
-def test_a_missing_permission_says_what_to_do(
-    link: Path, read: Callable[[Path], Reading], monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_missing_permission(link: Path, read: Read, monkeypatch: Patch) -> None:
     real = os.open
 
     def refusing(path: Any, flags: int, *arguments: Any, **options: Any) -> int:
@@ -220,7 +204,7 @@ def test_a_missing_permission_says_what_to_do(
 
     with PortLink(link):
         monkeypatch.setattr(os, 'open', refusing)
-        reading = read(link)
+        reading = read()
         expected = f'it belongs to the group {link.group()}: sudo usermod -aG {link.group()} $USER'
         assert reading.report() == (
             f'no permission to open {link}; {expected}, and log in again; retrying'
@@ -230,16 +214,14 @@ def test_a_missing_permission_says_what_to_do(
 
 
 @pytest.mark.parametrize('kind', [stat.S_IFREG, stat.S_IFDIR, stat.S_IFCHR])
-def test_what_is_no_port_is_refused_in_one_line(
-    link: Path, read: Callable[[Path], Reading], kind: int
-) -> None:
+def test_what_is_no_port_is_refused_in_one_line(link: Path, read: Read, kind: int) -> None:
     if kind == stat.S_IFDIR:
         link.mkdir()
     elif kind == stat.S_IFREG:
         link.write_bytes(PACKETS[0])
     else:
         link.symlink_to('/dev/null')
-    reading = read(link)
+    reading = read()
     assert reading.report() == f'{link} is not a serial port; retrying'
     assert reading.frames.empty()
 
@@ -253,25 +235,19 @@ def test_what_is_no_port_is_refused_in_one_line(
         serial.SerialException('Could not configure port: (5, ...)'),
     ],
 )
-def test_whatever_pyserial_raises_is_a_reason_to_try_again(
-    link: Path,
-    read: Callable[[Path], Reading],
-    monkeypatch: pytest.MonkeyPatch,
-    error: Exception,
+def test_what_pyserial_raises_is_a_reason_to_try_again(
+    link: Path, read: Read, monkeypatch: Patch, error: Exception
 ) -> None:
-    real = serial.Serial
-    first = True
+    real, errors = serial.Serial, [error]
 
     def failing(*arguments: Any, **options: Any) -> serial.Serial:
-        nonlocal first
-        if first:
-            first = False
-            raise error
+        if errors:
+            raise errors.pop()
         return real(*arguments, **options)
 
     monkeypatch.setattr(serial, 'Serial', failing)
     with PortLink(link):
-        reading = read(link)
+        reading = read()
         report = reading.report()
         assert report.startswith(f'{link}: ')
         assert str(error.args[-1]) in report
@@ -295,60 +271,45 @@ def test_an_error_of_the_taker_is_not_hidden(link: Path) -> None:
     assert not source.is_open
 
 
-def test_a_source_stops_promptly_while_nothing_comes(
-    link: Path, read: Callable[[Path], Reading]
-) -> None:
-    with PortLink(link):
-        reading = read(link)
+@pytest.mark.parametrize('sent', [b'', b''.join(PACKETS)])
+def test_a_source_stops_while_frames_come_or_not(link: Path, read: Read, sent: bytes) -> None:
+    with PortLink(link) as port:
+        reading = read()
         reading.report()
+        if sent:
+            assert port.write(sent)
+            reading.sequences(1)
         assert reading.end() < 1
         assert not reading.source.is_open
         serial.Serial(str(link), exclusive=True).close()  # and the port is free again
 
 
-def test_a_source_stops_promptly_while_frames_come(
-    link: Path, read: Callable[[Path], Reading]
-) -> None:
-    with PortLink(link) as port:
-        reading = read(link)
-        reading.report()
-        assert port.write(b''.join(PACKETS))
-        reading.sequences(1)
-        assert reading.end() < 1
-
-
-def test_a_source_stops_promptly_while_the_port_is_absent(
-    link: Path, read: Callable[[Path], Reading], monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_source_stops_without_a_port(link: Path, read: Read, monkeypatch: Patch) -> None:
     monkeypatch.setattr(serial_source, 'RETRY_S', 60)
-    reading = read(link)
+    reading = read()
     reading.report()
     assert reading.end() < 1
-
-
-def test_a_source_that_is_stopped_before_it_runs_opens_nothing(link: Path) -> None:
-    stop = Event()
-    stop.set()
+    # Stopped before it runs, it opens nothing.
     reports: list[str] = []
     source = SerialSource(str(link), 115200, FrameReader())
-    source.run(lambda frames, arrival_ns: None, reports.append, stop)
+    source.run(lambda frames, arrival_ns: None, reports.append, reading.stop)
     assert reports == []
     assert source.problem == f'{link} has not been opened yet'
 
 
-GROUP = 'it belongs to the group dialout'
-JOIN_DIALOUT = f'{GROUP}: sudo usermod -aG dialout $USER, and log in again'
+NO_PERMISSION = (
+    'no permission to open p; it belongs to the group dialout: '
+    'sudo usermod -aG dialout $USER, and log in again'
+)
 
 
 @pytest.mark.parametrize(
     ('number', 'expected'),
     [
         (errno.ENOENT, 'p does not exist; is the sensor plugged in?'),
-        (errno.EACCES, f'no permission to open p; {JOIN_DIALOUT}'),
-        (errno.EBUSY, 'p is in use by another program'),
-        (errno.EAGAIN, 'p is in use by another program'),
-        (errno.ENOTTY, 'p is not a serial port'),
-        (errno.EISDIR, 'p is not a serial port'),
+        (errno.EACCES, NO_PERMISSION),
+        *((number, 'p is in use by another program') for number in (errno.EBUSY, errno.EAGAIN)),
+        *((number, 'p is not a serial port') for number in (errno.ENOTTY, errno.EISDIR)),
         (errno.EIO, 'p: [Errno 5] Input/output error'),
     ],
 )

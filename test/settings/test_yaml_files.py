@@ -25,10 +25,6 @@ def file(tmp_path: Path) -> Path:
     return tmp_path / 'some.yaml'
 
 
-def test_three_scenes_ship() -> None:
-    assert {'coffee', 'drone', 'range'} <= set(SHIPPED)
-
-
 @pytest.mark.parametrize('name', SHIPPED)
 def test_shipped_scene_loads_and_shows_its_markers(name: str) -> None:
     scene = load_scene(name)
@@ -48,18 +44,16 @@ def test_shipped_scene_loads_and_shows_its_markers(name: str) -> None:
     )
     assert blinking.sum() >= len(scene.markers)
     assert load_scene(str(find_scene(name))) == scene
+    # Its surfaces fill each zone.
+    zones = range(scene.sensor.grid.zones)
+    filled = {
+        zone for one in scene.surfaces for zone in (zones if one.zones is None else one.zones)
+    }
+    assert filled == set(zones)
+    assert {'coffee', 'drone', 'range'} <= set(SHIPPED)
 
 
-@pytest.mark.parametrize('name', SHIPPED)
-def test_surfaces_of_a_shipped_scene_fill_each_zone(name: str) -> None:
-    scene = load_scene(name)
-    seen: set[int] = set()
-    for surface in scene.surfaces:
-        seen |= set(range(16) if surface.zones is None else surface.zones)
-    assert seen == set(range(scene.sensor.grid.zones))
-
-
-def test_a_file_goes_before_a_shipped_scene_of_its_name(
+def test_a_file_goes_before_a_shipped_scene(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)
@@ -74,16 +68,14 @@ def test_a_missing_scene_lists_those_that_ship(name: str) -> None:
         load_scene(name)
 
 
-def test_an_empty_file_is_no_scene(file: Path) -> None:
-    file.write_text('')
-    with pytest.raises(ConfigError, match=f'^{file}: the file: needs keys with values, not None$'):
-        load_scene(str(file))
-
-
 def test_a_scene_error_names_file_and_key(file: Path) -> None:
-    file.write_text('sensor: {period: 21}')
-    with pytest.raises(ConfigError, match=f'^{file}: sensor.period: 21 has no unit; write 21 s$'):
-        load_scene(str(file))
+    for text, complaint in (
+        ('', 'the file: needs keys with values, not None'),
+        ('sensor: {period: 21}', 'sensor.period: 21 has no unit; write 21 s'),
+    ):
+        file.write_text(text)
+        with pytest.raises(ConfigError, match=f'^{file}: {complaint}$'):
+            load_scene(str(file))
 
 
 @pytest.mark.parametrize(
@@ -95,9 +87,7 @@ def test_a_scene_error_names_file_and_key(file: Path) -> None:
         ('1: a\n0x1: b\n', '1', 2),
     ],
 )
-def test_a_key_that_stands_twice_is_refused_with_its_line(
-    file: Path, text: str, key: str, line: int
-) -> None:
+def test_a_key_that_stands_twice_is_refused(file: Path, text: str, key: str, line: int) -> None:
     file.write_text(text)
     with pytest.raises(ValueError, match=f"key '?{key}'? stands here a second time") as caught:
         load_yaml(file)
@@ -105,11 +95,6 @@ def test_a_key_that_stands_twice_is_refused_with_its_line(
     assert str(caught.value).startswith(f'{file} is not a YAML file: ')
     with pytest.raises(ConfigError, match=f'^{file} is not a YAML file: '):
         load_scene(str(file))
-
-
-def test_equal_keys_in_different_mappings_are_two(file: Path) -> None:
-    file.write_text('a: {x: 1}\nb: {x: 2}\nc: [{x: 3}, {x: 4}]\n')
-    assert load_yaml(file) == {'a': {'x': 1}, 'b': {'x': 2}, 'c': [{'x': 3}, {'x': 4}]}
 
 
 def test_a_mapping_may_be_merged_in_and_overridden(file: Path) -> None:
@@ -122,6 +107,8 @@ def test_a_mapping_may_be_merged_in_and_overridden(file: Path) -> None:
     file.write_text('a: &a {x: 1}\nb: {<<: *a, y: 2, y: 3}\n')
     with pytest.raises(ValueError, match="key 'y' stands here a second time"):
         load_yaml(file)
+    file.write_text('a: {x: 1}\nb: {x: 2}\nc: [{x: 3}, {x: 4}]\n')
+    assert load_yaml(file) == {'a': {'x': 1}, 'b': {'x': 2}, 'c': [{'x': 3}, {'x': 4}]}
 
 
 @pytest.mark.parametrize(
@@ -137,20 +124,15 @@ def test_a_mapping_may_be_merged_in_and_overridden(file: Path) -> None:
         'a: 2026-02-30',
         'a: *nowhere',
         '[' * 500,
+        b'a: \xff\xfe',
     ],
 )
-def test_what_is_no_yaml_is_a_value_error_with_the_file(file: Path, text: str) -> None:
-    file.write_text(text)
+def test_what_is_no_yaml_is_a_value_error_with_the_file(file: Path, text: str | bytes) -> None:
+    file.write_bytes(text.encode() if isinstance(text, str) else text)
     with pytest.raises(ValueError, match=f'^{file} is not a YAML file: '):
         load_yaml(file)
     with pytest.raises(ConfigError, match=f'^{file} is not a YAML file: '):
         load_scene(str(file))
-
-
-def test_what_is_no_text_is_a_value_error_with_the_file(file: Path) -> None:
-    file.write_bytes(b'a: \xff\xfe')
-    with pytest.raises(ValueError, match=f'^{file} is not a YAML file: '):
-        load_yaml(file)
 
 
 @settings(

@@ -34,22 +34,16 @@ def test_a_board_needs_names_and_each_but_once() -> None:
     assert ObjectBoard(['mug', 'beans'], 0.1, 10.0).names == ('mug', 'beans')
 
 
-def test_all_are_missing_at_first() -> None:
-    missing = new_board().missing(0)
-    assert missing == dict.fromkeys(NAMES, 'has not been seen')
-    assert tuple(missing) == NAMES
-
-
-def test_nothing_is_missing_once_all_are_seen_well() -> None:
+def test_what_has_not_been_seen_is_missing() -> None:
     board = new_board()
-    see_all(board, 5 * S)
-    assert board.missing(6 * S) == {}
-
-
-def test_one_that_is_not_seen_is_missing() -> None:
-    board = new_board()
+    board.see('cup', 0, 'base', np.ones(3), SHARP)  # which nobody asked for
+    assert list(board.missing(0).items()) == [(name, 'has not been seen') for name in NAMES]
+    assert board.offsets(0) == {}
     board.see('machine', 0, 'base', np.zeros(3), SHARP)
     assert set(board.missing(0)) == {'beans', 'mug'}
+    see_all(board, 5 * S)
+    # A stamp ahead of the clock is not stale.
+    assert board.missing(0) == board.missing(6 * S) == {}
 
 
 def test_a_sighting_counts_until_it_is_stale() -> None:
@@ -57,19 +51,10 @@ def test_a_sighting_counts_until_it_is_stale() -> None:
     see_all(board, 5 * S)
     board.see('mug', 8 * S, 'base', np.zeros(3), SHARP)
     assert board.missing(15 * S) == {}
-    assert board.missing(17 * S) == {
-        'beans': 'was last seen 12 s ago',
-        'machine': 'was last seen 12 s ago',
-    }
+    assert board.missing(17 * S) == dict.fromkeys(NAMES[:2], 'was last seen 12 s ago')
     assert board.missing(19 * S)['mug'] == 'was last seen 11 s ago'
     board.stale_after_s = 20.0
     assert board.missing(19 * S) == {}
-
-
-def test_a_stamp_ahead_of_the_clock_is_not_stale() -> None:
-    board = new_board()
-    see_all(board, 5 * S)
-    assert board.missing(0) == {}
 
 
 def test_an_uncertain_place_is_missing_until_it_is_seen_better() -> None:
@@ -82,25 +67,15 @@ def test_an_uncertain_place_is_missing_until_it_is_seen_better() -> None:
     assert board.missing(2 * S) == {}
     board.max_stddev_m = 0.005
     assert set(board.missing(2 * S)) == set(NAMES)
-
-
-def test_what_is_just_good_enough_is_not_missing() -> None:
-    board = ObjectBoard(['mug'], max_stddev_m=0.25, stale_after_s=8.0)
-    board.see('mug', 0, 'base', np.zeros(3), 0.0625 * np.eye(3))
-    assert board.missing(8 * S) == {}
-
-
-def test_stale_goes_before_uncertain() -> None:
-    board = ObjectBoard(['mug'], max_stddev_m=0.1, stale_after_s=1.0)
-    board.see('mug', 0, 'base', np.zeros(3), np.eye(3))
-    assert board.missing(3 * S) == {'mug': 'was last seen 3 s ago'}
-
-
-def test_an_object_nobody_asked_for_changes_nothing() -> None:
-    board = new_board()
-    board.see('cup', 0, 'base', np.ones(3), SHARP)
-    assert tuple(board.missing(0)) == NAMES
-    assert board.offsets(0) == {}
+    # Just good enough is not missing, and stale goes before uncertain.
+    for max_stddev_m, expected in (
+        (0.25, {}),
+        (0.1, {'mug': 'is known to 0.2500 m only; 0.1 m wanted'}),
+    ):
+        board = ObjectBoard(['mug'], max_stddev_m=max_stddev_m, stale_after_s=8.0)
+        board.see('mug', 0, 'base', np.zeros(3), 0.0625 * np.eye(3))
+        assert board.missing(8 * S) == expected
+        assert board.missing(9 * S) == {'mug': 'was last seen 9 s ago'}
 
 
 def test_an_older_sighting_does_not_replace_a_newer_one() -> None:
@@ -128,9 +103,7 @@ def test_offsets_are_of_the_pairs_seen_in_order_of_the_names() -> None:
 
 
 @given(positions, positions, positions)
-def test_ways_add_up_and_go_from_one_to_the_other(
-    beans: Floats, machine: Floats, mug: Floats
-) -> None:
+def test_ways_add_up_and_lead_to_the_other(beans: Floats, machine: Floats, mug: Floats) -> None:
     board = new_board()
     for name, place in zip(NAMES, (beans, machine, mug), strict=True):
         board.see(name, 0, 'base', place, SHARP)
@@ -145,15 +118,12 @@ def test_ways_add_up_and_go_from_one_to_the_other(
     st.lists(st.floats(0, 100), min_size=3, max_size=3),
     st.lists(st.floats(-1, 1), min_size=4, max_size=4).filter(lambda q: np.linalg.norm(q) > 0.1),
 )
-def test_the_largest_deviation_does_not_depend_on_the_axes(
+def test_the_largest_deviation_of_any_axes(
     deviations: list[float], quaternion: list[float]
 ) -> None:
     turn = matrix_of(np.array(quaternion))
     covariance = turn @ np.diag(np.square(deviations)) @ turn.T
     assert largest_stddev(covariance) == pytest.approx(max(deviations), rel=1e-6, abs=1e-6)
-
-
-def test_a_covariance_a_hair_below_zero_is_zero() -> None:
     assert largest_stddev(np.diag([-1e-20, -1e-20, -1e-20])) == 0
 
 
@@ -167,20 +137,14 @@ def test_the_order_in_which_sightings_come_does_not_matter(order: list[int], now
     assert ('mug' in board.missing(now_s * S)) == (now_s - 4 > 10)
 
 
-def test_objects_in_two_frames_are_not_set_against_each_other() -> None:
-    board = ObjectBoard(['beans', 'mug'], 0.15, 10.0)
-    assert board.see('beans', 0, 'left', np.zeros(3), SHARP)
-    assert board.see('mug', S, 'right', np.ones(3), SHARP)
-    assert board.missing(S) == {'beans': 'was seen in left, others in right'}
-    assert board.offsets(S) == {}
-
-
-def test_offsets_are_of_objects_that_are_placed() -> None:
-    board = ObjectBoard(['beans', 'mug'], 0.15, 10.0)
-    board.see('beans', 0, 'base', np.zeros(3), SHARP)
-    board.see('mug', S, 'base', np.ones(3), SHARP)
-    assert len(board.offsets(S)) == 1
-    assert board.offsets(11 * S) == {}
+def test_offsets_are_of_objects_that_are_placed_in_one_frame() -> None:
+    for frame, offsets in (('base', 1), ('right', 0)):
+        board = ObjectBoard(['beans', 'mug'], 0.15, 10.0)
+        assert board.see('beans', 0, 'base', np.zeros(3), SHARP)
+        assert board.see('mug', S, frame, np.ones(3), SHARP)
+        assert len(board.offsets(S)) == offsets
+        assert board.offsets(11 * S) == {}
+    assert board.missing(S) == {'beans': 'was seen in base, others in right'}
 
 
 def test_what_is_no_number_is_no_sighting() -> None:

@@ -1,11 +1,11 @@
 # Copyright 2026 retrolidar_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""The detector of RetroLiDAR §3.5, as the paper states it: what the others are measured against.
+"""The detector of RetroLiDAR §3.5 as the paper states it: the baseline.
 
-One stage a file: `samples` keeps what the zones saw, `baseline` tells their silent level,
-`preamble` finds starts, `demodulation` turns samples into bits, and `detector` composes them. Its
-head lists what the paper leaves open and how that is decided here. Nothing of this is shared with
-the other methods but the likelihood of a preamble, which all of them report.
+One stage a file: `samples` keeps the samples, `baseline` estimates the silent level, `preamble`
+finds starts, `demodulation` turns samples into bits, and `detector` composes them. Its head lists
+what the paper leaves open and how that is decided here. Only the likelihood of a preamble is shared
+with the default method, which reports it, too.
 """
 
 from retrolidar_ros.detector.paper.detector import LIKELIHOOD_THRESHOLD, PaperDetector

@@ -16,12 +16,12 @@ _TRANSMITTING = 0.14
 
 
 def silent_level(signal: Floats) -> Floats:
-    """Estimate what a zone receives, or would receive, while no marker in it transmits.
+    """Estimate the signal of a zone while no marker in it transmits.
 
     The paper takes the mean of the samples before a marker wakes (§3.5). A marker that repeats
     its packet without a pause has no such time, but a silent marker is bright: there the
-    samples nearer to the brightest quarter than to the darkest tell. At least a third of the
-    bits of any packet are bright and a third are dark, the reserved IDs excepted.
+    samples nearer to the brightest quarter than to the darkest are averaged. At least a third of
+    the bits of any packet are bright and a third are dark, the reserved IDs excepted.
 
     Parameters
     ----------

@@ -1,6 +1,6 @@
 # Copyright 2026 retrolidar_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""Stage 3 of the paper's method: from samples to bits, and how well they fit what was sent."""
+"""Stage 3 of the paper's method: from samples to bits, and their fit to the packet."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from retrolidar_ros.marker.code import PACKET_BITS, packet
 from retrolidar_ros.sensor.frame import Floats
 
 PACKET_SAMPLES = SAMPLES_PER_BIT * PACKET_BITS
-# The sensor's own resolution is the least noise that a fit can claim [kcps/SPAD].
+# Lower bound of a residual: the quantisation noise of the sensor [kcps/SPAD].
 _RESOLUTION_STDDEV = 1 / 2048 / np.sqrt(12)
 
 
@@ -41,7 +41,7 @@ def threshold_bits(signal: Floats, d: Floats, c: Floats) -> NDArray[np.uint8]:
 
 
 class PacketFit(NamedTuple):
-    """How well samples fit the packets that were read, each field of shape (packets,)."""
+    """Fit of samples to the packets that were read, each field of shape (packets,)."""
 
     amplitude: Floats
     """Bright minus dark [kcps/SPAD]."""

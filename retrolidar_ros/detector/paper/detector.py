@@ -9,31 +9,29 @@ A free-running stream
     the threshold opens a candidate, and t_wake is what remains of its packet: a higher
     likelihood before the packet has ended replaces the candidate. The arg max is thus known
     with the last sample of the packet. The search goes on with the starts whose preambles end
-    later; they may lie in the packet's last seven bits, for only so a stream that was once
-    taken up at a wrong start is not taken up at the same wrong start for ever.
+    later; they may lie in the packet's last seven bits, or a stream that was taken up at a
+    wrong start would always be taken up there.
 Ties of the likelihood
     The earliest start wins.
 DC offset
     Taken from a packet's length of samples before the start (from fewer, at least four, soon
-    after the beginning), as `baseline` tells; a marker may have been silent then or not. It is
-    held while a candidate is open.
+    after the beginning) by `baseline`, whether a marker was silent then or not. It is held while
+    a candidate is open.
 Abnormal frames
-    "No target" is one of them, so a marker whose dark bits leave nothing to see is not read:
-    its bright level is held through them. Before its first normal sample a zone counts as
-    having been as bright as then.
+    "No target" is one of them, so a marker without a background is not read: its bright level
+    is held through its dark bits. Before its first normal sample a zone has the same signal.
 Lost frames
     Samples repeat the previous one, as for abnormal frames. Frames that follow each other are
     successive samples, however long the period really is.
 Sign of c
-    A marker's dark bits make it negative, but l knows only its square, and so does the method.
+    A marker's dark bits make it negative, but l has only its square.
 Reserved IDs
-    The words of 0 and 4095 are constant: any step of the signal ends in one of them. They are
-    refused.
+    The codewords of 0 and 4095 are constant: any step of the signal gives one. They are refused.
 Unregistered IDs
-    The paper knows no list of the markers that may come. Where there is one, other IDs are
-    refused once they are decoded; the search and the code make no use of it.
+    The paper has no list of allowed IDs. Here other IDs are refused after decoding; the search
+    does not use the list.
 Range
-    The mean of the distances that were measured during the packet, whatever the target was.
+    The mean of the distances measured during the packet, of any target.
 Several zones
     Each zone reads alone. Zones that read the same ID with the same frame make one detection,
     placed in the zone with the largest modulation; a zone that ends the same packet later
@@ -47,7 +45,6 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from retrolidar_ros.detector.bearing import zone_bearing
 from retrolidar_ros.detector.detection import Detection, DetectorCounts, check_grid
 from retrolidar_ros.detector.paper.baseline import silent_level
 from retrolidar_ros.detector.paper.demodulation import PACKET_SAMPLES, fit_packets, threshold_bits
@@ -58,7 +55,7 @@ from retrolidar_ros.detector.paper.preamble import (
     fit_preamble,
 )
 from retrolidar_ros.detector.paper.samples import SampleRing
-from retrolidar_ros.detector.place import place
+from retrolidar_ros.detector.place import place, zone_bearing
 from retrolidar_ros.marker.code import PREAMBLE, RESERVED_IDS, decode
 from retrolidar_ros.sensor.frame import Floats, Frame, Recording, ZoneGrid
 
@@ -92,7 +89,7 @@ class PaperDetector:
         likelihood_threshold : float
             Least likelihood of a preamble.
         registered_ids : array of int, shape (ids,)
-            The only ones that are read.
+            The only IDs that are read.
         """
         self.counts = DetectorCounts()
         self._grid = grid
@@ -107,7 +104,7 @@ class PaperDetector:
         self._begin()
 
     def _begin(self) -> None:
-        """Forget all candidates and readings."""
+        """Forget all candidates and detections."""
         self._last_start_ns: dict[int, int] = {}
         zones = self._grid.zones
         self._open = np.zeros(zones, dtype=bool)
@@ -231,7 +228,7 @@ class PaperDetector:
         return detections
 
     def _is_known(self, identity: int, start_ns: int) -> bool:
-        """Tell whether another zone has already read the packet that began about then."""
+        """Return whether another zone has already read the packet of about this start."""
         last_ns = self._last_start_ns.get(identity)
         if last_ns is not None and abs(start_ns - last_ns) < self._half_packet_ns:
             return True

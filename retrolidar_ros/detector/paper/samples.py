@@ -36,10 +36,9 @@ class SampleRing:
         """Append a frame, and before it what a gap in the stamps has lost, sample by sample.
 
         Abnormal samples repeat the zone's previous signal (paper §3.5), and so do those of lost
-        frames. How many were lost is told by the stamps: a frame half a period early or late is
-        still the next one. Where the stamps go back or leave a gap as long as the ring, nothing
-        that was held belongs to the same packet any more, and the samples begin anew. A frame
-        with the stamp of the one before is the same frame again, and makes no sample.
+        frames, whose number the stamps give: a frame half a period early or late is still the
+        next. Where the stamps go back or leave a gap as long as the ring, the samples start again.
+        A frame with the stamp of the one before is the same frame again, and makes no sample.
 
         Yields
         ------

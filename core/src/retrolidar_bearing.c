@@ -1,0 +1,170 @@
+/* Copyright 2026 retrolidar_ros contributors
+ * SPDX-License-Identifier: Apache-2.0
+ */
+#include "retrolidar_bearing.h"
+
+#include <math.h>
+
+/* Possible blur of a spot, as standard deviations in widths of a zone: it differs with the lens and
+ * the sharpener's setting, and a moving marker blurs its own spot.
+ */
+enum { BLURS = 7, NEAR = 3, AXES = 2 };
+/* A known blur is so to this share of it; a moving marker has some chance of another. */
+static const double BLUR_DOUBT = 0.3, SMEARED = 1e-3;
+static const double BLUR[BLURS] = {0.03, 0.05, 0.08, 0.12, 0.18, 0.25, 0.35};
+/* Places that are tried across the strongest zone and a bit beyond, so many from each of these to
+ * the next; denser near the edges, where the shares of two zones tell them apart.
+ */
+enum { STRETCHES = 5 };
+static const int PLACES[STRETCHES] = {5, 50, 40, 50, 5};
+static const double FROM[STRETCHES + 1] = {-0.7, -0.6, -0.4, 0.4, 0.6, 0.7};
+/* Share of the light by which a zone may deviate from the model. */
+static const double MODEL_ERROR = 0.02;
+static const double LEAST_DOUBT = 1e-6; /* [kcps/SPAD] */
+static const double MOST_SCORE = 5.0, STEPS_A_SCORE = 100.0;
+static const double SQRT_2 = 1.4142135623730951, SQRT_2_PI = 2.5066282746310002;
+/* Places that are less likely than the likeliest by more have no part [nats]. */
+static const double HOPELESS = 40.0;
+
+/* What each of three zones in a row sees of a marker. */
+struct shares {
+    double of[BLURS][RL_PLACES][NEAR];
+};
+
+/* How likely each place is, given each blur, and each blur by itself. */
+struct belief {
+    double place[BLURS][RL_PLACES], blur[BLURS];
+};
+
+void rl_bearing_start(struct rl_bearing_table *table)
+{
+    int count = 0;
+    for (int stretch = 0; stretch < STRETCHES; stretch++) {
+        const double step = (FROM[stretch + 1] - FROM[stretch]) / PLACES[stretch];
+        for (int i = 0; i < PLACES[stretch]; i++) {
+            table->place[count++] = FROM[stretch] + i * step;
+        }
+    }
+    table->place[count] = FROM[STRETCHES];
+    for (int i = 0; i < RL_PLACES; i++) {
+        const int before = i > 0 ? i - 1 : 0, after = i + 1 < RL_PLACES ? i + 1 : i;
+        table->prior[i] = (table->place[after] - table->place[before]) / (after - before);
+    }
+    for (int i = 0; i < RL_SCORES; i++) {
+        const double score = fabs(i / STEPS_A_SCORE - MOST_SCORE);
+        table->ramp[i] = exp(-score * score / 2) / SQRT_2_PI - score * erfc(score / SQRT_2) / 2;
+    }
+}
+
+/* The integral of a blurred step up to a distance. */
+static double ramp(const struct rl_bearing_table *table, double distance, double blur)
+{
+    const double score = distance / blur + MOST_SCORE;
+    const double step = fmin(fmax(score * STEPS_A_SCORE, 0.0), RL_SCORES - 2);
+    const int before = (int)step;
+    const double excess =
+        table->ramp[before] + (step - before) * (table->ramp[before + 1] - table->ramp[before]);
+    return fmax(distance, 0.0) + blur * excess;
+}
+
+static void share_out(const struct rl_bearing_table *table, double width, struct shares *shares)
+{
+    for (int blur = 0; blur < BLURS; blur++) {
+        for (int place = 0; place < RL_PLACES; place++) {
+            double until = 0.0;
+            for (int edge = 0; edge <= NEAR; edge++) {
+                const double distance = edge - NEAR / 2.0 - table->place[place];
+                const double light = (ramp(table, distance + width / 2, BLUR[blur]) -
+                                      ramp(table, distance - width / 2, BLUR[blur])) /
+                                     width;
+                if (edge > 0) {
+                    shares->of[blur][place][edge - 1] = light - until;
+                }
+                until = light;
+            }
+        }
+    }
+}
+
+/* surety: 1 over the variance of each light, 0 where there is no zone */
+static void believe(const struct rl_bearing_table *table, const struct shares *shares,
+                    const double light[NEAR], const double surety[NEAR], struct belief *belief)
+{
+    double most = 0.0;
+    for (int blur = 0; blur < BLURS; blur++) {
+        for (int place = 0; place < RL_PLACES; place++) {
+            const double *share = shares->of[blur][place];
+            double common = 0.0, energy = 1e-30;
+            for (int i = 0; i < NEAR; i++) {
+                common += share[i] * light[i] * surety[i];
+                energy += share[i] * share[i] * surety[i];
+            }
+            /* The strength that fits best is taken for each place. */
+            const double fitness = common > 0.0 ? common * common / energy / 2 : 0.0;
+            belief->place[blur][place] = fitness;
+            most = fmax(most, fitness);
+        }
+    }
+    for (int blur = 0; blur < BLURS; blur++) {
+        belief->blur[blur] = 0.0;
+        for (int place = 0; place < RL_PLACES; place++) {
+            const double less = belief->place[blur][place] - most;
+            const double chance = less > -HOPELESS ? table->prior[place] * exp(less) : 0.0;
+            belief->place[blur][place] = chance;
+            belief->blur[blur] += chance;
+        }
+    }
+}
+
+static double prior_of(double blur, double known)
+{
+    if (known > 0.0) {
+        const double off = log(blur / known) / BLUR_DOUBT;
+        return exp(-off * off / 2) + SMEARED;
+    }
+    /* The less blur, the fewer bearings between zones: without this prior, a marker between zones
+     * would be evidence of a large blur.
+     */
+    return 1.0 / sqrt(blur);
+}
+
+struct rl_bearing rl_bearing_of(const struct rl_bearing_table *table, int32_t rows,
+                                int32_t columns, int32_t zone, const double *amplitude,
+                                const double *variance, double width, double blur)
+{
+    const int at[AXES] = {zone % columns, zone / columns}, most[AXES] = {columns, rows};
+    const int apart[AXES] = {1, columns};
+    const double doubt = fmax(MODEL_ERROR * amplitude[zone], LEAST_DOUBT);
+    struct shares shares;
+    struct belief belief[AXES];
+    share_out(table, width, &shares);
+    /* Neighbours across and down suffice: the shares of others are products of theirs. */
+    for (int axis = 0; axis < AXES; axis++) {
+        double light[NEAR] = {0.0}, surety[NEAR] = {0.0};
+        for (int i = 0; i < NEAR; i++) {
+            const int other = zone + (i - 1) * apart[axis];
+            if (at[axis] + i - 1 >= 0 && at[axis] + i - 1 < most[axis]) {
+                light[i] = amplitude[other];
+                surety[i] = 1.0 / (variance[other] + doubt * doubt);
+            }
+        }
+        believe(table, &shares, light, surety, &belief[axis]);
+    }
+    /* What one axis says of the blur weighs the other one. */
+    struct rl_bearing bearing = {{0.0, 0.0}, {0.0, 0.0}};
+    for (int axis = 0; axis < AXES; axis++) {
+        double total = 0.0, sum = 0.0, square = 0.0;
+        for (int i = 0; i < BLURS; i++) {
+            const double weight = belief[1 - axis].blur[i] * prior_of(BLUR[i], blur);
+            for (int place = 0; weight > 0.0 && place < RL_PLACES; place++) {
+                const double chance = weight * belief[axis].place[i][place];
+                total += chance;
+                sum += chance * table->place[place];
+                square += chance * table->place[place] * table->place[place];
+            }
+        }
+        bearing.mean[axis] = sum / total;
+        bearing.variance[axis] = fmax(square / total - bearing.mean[axis] * bearing.mean[axis], 0);
+    }
+    return bearing;
+}

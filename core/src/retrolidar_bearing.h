@@ -1,0 +1,54 @@
+/* Copyright 2026 retrolidar_ros contributors
+ * SPDX-License-Identifier: Apache-2.0
+ */
+/* Direction of a marker within a zone, from how its light is shared with the zones around.
+ *
+ * Only light that is modulated as the marker's counts, so the background cancels. A marker's spot is
+ * mostly smaller than a zone, and then the shares say much near edges of zones and little in their
+ * middle. So the result is the mean and the variance of all bearings that agree with the shares: a
+ * marker that one zone sees alone is anywhere in it, except near edges where a neighbour would see
+ * it.
+ */
+#ifndef RETROLIDAR_BEARING_H
+#define RETROLIDAR_BEARING_H
+
+#include <stdint.h>
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+/* binding */
+enum { RL_PLACES = 151, RL_SCORES = 1002 };
+
+/* What does not depend on what was seen. */
+struct rl_bearing_table {
+    double place[RL_PLACES]; /* that are tried, from the middle of a zone [widths of a zone] */
+    double prior[RL_PLACES];
+    double ramp[RL_SCORES]; /* integral of a blurred step, less that of the unit step */
+};
+
+/* Across and down, from the middle of a zone [widths of a zone]. */
+struct rl_bearing {
+    double mean[2], variance[2];
+};
+
+void rl_bearing_start(struct rl_bearing_table *table);
+
+/* Find the bearing of a marker from its share in every zone, seen best by one of them.
+ *
+ * amplitude, variance: modulation of each zone by the marker [kcps/SPAD], and its variance
+ *     [(kcps/SPAD)^2]
+ * width: of the marker [widths of a zone]
+ * blur: of the optics, if it is known, else 0 [widths of a zone]
+ */
+struct rl_bearing rl_bearing_of(const struct rl_bearing_table *table, int32_t rows,
+                                int32_t columns, int32_t zone, const double *amplitude,
+                                const double *variance, double width, double blur);
+/* end of binding */
+
+#ifdef __cplusplus
+}
+#endif
+
+#endif

@@ -1,0 +1,282 @@
+/* Copyright 2026 retrolidar_ros contributors
+ * SPDX-License-Identifier: Apache-2.0
+ */
+#include "retrolidar_placement.h"
+
+#include "retrolidar_detector_state.h"
+
+#include <math.h>
+
+enum { PREAMBLE_BITS = RL_PACKET_BITS - RL_WORD_BITS };
+
+/* Least range, whatever the offset. */
+static const double NEAREST_M = 1e-3;
+/* Minimum share of an exposure within the packet. */
+static const double LEAST_INSIDE = 0.25;
+/* The variance of the sensor's own step is the least noise that a fit can claim. */
+static const double RESOLUTION = 1.0 / (2048.0 * 2048.0 * 12.0);
+/* A zone saw the packet if it rises with it by so many deviations. */
+static const double LEAST_SEEN = 3.0;
+
+/* By how much the signal of a zone rises with the light, and what the packet leaves over. */
+struct amplitude {
+    double of[RL_MOST_ZONES], variance[RL_MOST_ZONES], noise[RL_MOST_ZONES];
+};
+
+/* The samples of a reading, which may be of a target that is not the one in question. */
+static struct rl_seen window_of(struct rl_detector *detector, const struct rl_reading *reading,
+                                int *first)
+{
+    const struct rl_samples *samples = &detector->samples;
+    /* An exposure mostly outside may show the packet before or after. */
+    const double most_s = LEAST_INSIDE * samples->period_s;
+    *first = rl_samples_row(samples, reading->begin_s + most_s);
+    int last = *first;
+    while (last < samples->count && samples->begin_s[last] < reading->end_s - most_s) {
+        last++;
+    }
+    const struct rl_sending sending = {rl_packet(reading->id), reading->repeats, reading->start_s,
+                                       reading->bit_s, reading->brightening_s};
+    const struct rl_seen seen = {
+        .rows = last - *first,
+        .begin_s = samples->begin_s + *first,
+        .end_s = samples->end_s + *first,
+        .light = detector->window.light,
+    };
+    rl_template(&sending, seen.begin_s, seen.end_s, seen.rows, detector->window.light);
+    return seen;
+}
+
+/* Let the samples be those of a zone, of that target which may be the marker. */
+static void look_at(struct rl_detector *detector, struct rl_seen *seen, int first, int zone)
+{
+    const struct rl_column column =
+        rl_target_column(&detector->samples, zone, first, seen->rows, &detector->window.room);
+    seen->valid = column.valid;
+    seen->signal = column.signal;
+    seen->distance = detector->samples.distance + rl_sample(&detector->samples, zone, first);
+}
+
+static void fit_amplitude(const struct rl_seen *seen, int zone, struct amplitude *amplitude)
+{
+    double count = 0.0, light = 0.0, signal = 0.0, energy = 0.0, cross = 0.0;
+    for (int row = 0; row < seen->rows; row++) {
+        count += seen->valid[row];
+        light += seen->valid[row] ? seen->light[row] : 0.0;
+        signal += seen->valid[row] ? (double)seen->signal[row] : 0.0;
+    }
+    light /= fmax(count, 1.0);
+    signal /= fmax(count, 1.0);
+    for (int row = 0; row < seen->rows; row++) {
+        const double change = seen->valid[row] ? seen->light[row] - light : 0.0;
+        energy += change * change;
+        cross += change * (double)seen->signal[row];
+    }
+    energy = fmax(energy, 1e-9);
+    const double rise = cross / energy;
+    double power = 0.0, alike = 0.0, before = 0.0;
+    for (int row = 0; row < seen->rows; row++) {
+        const double change = seen->light[row] - light;
+        const double left =
+            seen->valid[row] ? (double)seen->signal[row] - signal - rise * change : 0.0;
+        power += left * left;
+        alike += left * before;
+        before = left;
+    }
+    /* The residual may be another marker, whose samples come in pairs and count half. */
+    const double noise = fmax(power / fmax(count - 2.0, 1.0), RESOLUTION);
+    amplitude->of[zone] = rise;
+    amplitude->noise[zone] = noise;
+    amplitude->variance[zone] =
+        noise * (1.0 + 2.0 * fmax(alike / fmax(power, 1e-9), 0.0)) / energy;
+}
+
+/* The zones that saw the packet, strongest first. */
+static void choose_zones(const struct rl_reading *reading, const struct amplitude *amplitude,
+                         struct rl_placement *placement)
+{
+    double most = -INFINITY;
+    for (int i = 0; i < reading->zones; i++) {
+        most = fmax(most, amplitude->of[reading->zone[i]]);
+    }
+    placement->zones = 0;
+    for (int i = 0; i < reading->zones; i++) {
+        const int zone = reading->zone[i];
+        const double of = amplitude->of[zone];
+        if (of < most && of <= LEAST_SEEN * sqrt(amplitude->variance[zone])) {
+            continue;
+        }
+        int at = placement->zones++;
+        for (; at > 0 && amplitude->of[placement->zone[at - 1]] < of; at--) {
+            placement->zone[at] = placement->zone[at - 1];
+        }
+        placement->zone[at] = zone;
+    }
+}
+
+/* The mean of what zones say of the range, by how sure they are. */
+static bool find_range(struct rl_detector *detector, struct rl_seen *seen, int first,
+                       const double *z_per_range, struct rl_placement *placement)
+{
+    double surety = 0.0, range_m = 0.0, time_s = 0.0;
+    for (int i = 0; i < placement->zones; i++) {
+        const int zone = placement->zone[i];
+        struct rl_ranged ranged;
+        look_at(detector, seen, first, zone);
+        seen->signal = detector->samples.signal + rl_sample(&detector->samples, zone, first);
+        if (rl_ranging(seen, detector->values, detector->role, &ranged)) {
+            /* The sensor's own projection has the factor of the zone and not of the target. */
+            const double weight = z_per_range[zone] * z_per_range[zone] / ranged.variance;
+            surety += weight;
+            range_m += weight * ranged.depth_m / z_per_range[zone];
+            time_s += weight * ranged.time_s;
+        }
+    }
+    if (!(surety > 0.0)) {
+        return false;
+    }
+    placement->range_m = range_m / surety;
+    placement->range_variance = 1.0 / surety;
+    placement->time_s = time_s / surety;
+    return true;
+}
+
+/* Light of another target, which is reported when the marker is bright: so much of the marker's may
+ * have been missed there.
+ */
+static double hidden_light(const struct rl_detector *detector, const struct rl_seen *seen, int first,
+                           int zone, double depth_m)
+{
+    const size_t at = rl_sample(&detector->samples, zone, first);
+    double hidden = 0.0, bright = 0.0;
+    for (int row = 0; row < seen->rows; row++) {
+        if (seen->light[row] > RL_BRIGHT) {
+            const double distance = (double)detector->samples.distance[at + (size_t)row];
+            bright += 1.0;
+            hidden += fabs(distance - depth_m) >= RL_SEPARABLE_M
+                          ? (double)detector->samples.signal[at + (size_t)row]
+                          : 0.0;
+        }
+    }
+    return hidden / fmax(bright, 1.0);
+}
+
+static double score_of(const struct rl_seen *seen)
+{
+    double count = 1e-9, light = 0.0, signal = 0.0, cross = 0.0, energy = 0.0, power = 0.0;
+    for (int row = 0; row < seen->rows; row++) {
+        count += seen->valid[row];
+        light += seen->valid[row] ? seen->light[row] : 0.0;
+        signal += seen->valid[row] ? (double)seen->signal[row] : 0.0;
+    }
+    for (int row = 0; row < seen->rows; row++) {
+        if (seen->valid[row]) {
+            const double bright = seen->light[row] - light / count;
+            const double seen_more = (double)seen->signal[row] - signal / count;
+            cross += bright * seen_more;
+            energy += bright * bright;
+            power += seen_more * seen_more;
+        }
+    }
+    return energy * power > 0.0 ? fmax(cross / sqrt(energy * power), 0.0) : 0.0;
+}
+
+/* The paper's l, equations of its section 3.5, of the first whole preamble in the window. */
+static double likelihood_of(const struct rl_seen *seen, const struct rl_reading *reading)
+{
+    double level = 0.0, bright = 0.0, cross = 0.0, energy = 0.0, squares = 0.0;
+    double start_s = reading->start_s;
+    start_s += start_s < reading->begin_s ? RL_PACKET_BITS * reading->bit_s : 0.0;
+    for (int row = 0; row < seen->rows; row++) {
+        if (seen->light[row] > RL_BRIGHT) {
+            level += (double)seen->signal[row];
+            bright += 1.0;
+        }
+    }
+    level /= fmax(bright, 1.0);
+    for (int row = 0; row < seen->rows; row++) {
+        const double since_s = (seen->begin_s[row] + seen->end_s[row]) / 2 - start_s;
+        if (since_s > 0.0 && since_s < PREAMBLE_BITS * reading->bit_s && seen->valid[row]) {
+            const double dark = 1.0 - seen->light[row];
+            const double signal = (double)seen->signal[row] - level;
+            cross += dark * signal;
+            energy += dark * dark;
+            squares += signal * signal;
+        }
+    }
+    const double coefficient = cross / fmax(energy, 1e-9);
+    const double left = sqrt(fmax(squares - coefficient * (2.0 * cross - coefficient * energy), 0));
+    return level > 0.0 ? coefficient * coefficient / ((left + 1.0) * level) : 0.0;
+}
+
+static int32_t corrected_bits(const struct rl_seen *seen, const struct rl_reading *reading)
+{
+    const uint32_t packet = rl_packet(reading->id);
+    double sum[RL_PACKET_BITS] = {0.0}, count[RL_PACKET_BITS] = {0.0};
+    double newest = -INFINITY, level[2] = {0.0, 0.0}, bits[2] = {0.0, 0.0};
+    for (int row = seen->rows - 1; row >= 0; row--) {
+        const double middle_s = (seen->begin_s[row] + seen->end_s[row]) / 2;
+        const double since = floor((middle_s - reading->start_s) / reading->bit_s);
+        if (seen->valid[row] && since > newest - RL_PACKET_BITS) {
+            newest = fmax(newest, since);
+            const int bit = (int)(since - RL_PACKET_BITS * floor(since / RL_PACKET_BITS));
+            sum[bit] += (double)seen->signal[row];
+            count[bit] += 1.0;
+        }
+    }
+    for (int bit = 0; bit < RL_PACKET_BITS; bit++) {
+        if (count[bit] > 0.0) {
+            const int dark = (packet & rl_packet_bit(bit)) != 0;
+            level[dark] += sum[bit] / count[bit];
+            bits[dark] += 1.0;
+        }
+    }
+    const double middle = (level[0] / bits[0] + level[1] / bits[1]) / 2;
+    int32_t corrected = 0;
+    for (int bit = 0; bit < RL_PACKET_BITS && bits[0] * bits[1] > 0.0; bit++) {
+        const bool dark = (packet & rl_packet_bit(bit)) != 0;
+        corrected += count[bit] > 0.0 && (sum[bit] / count[bit] < middle) != dark;
+    }
+    return corrected;
+}
+
+bool rl_place(struct rl_detector *detector, const struct rl_reading *reading,
+              const struct rl_optics *optics, struct rl_placement *placement)
+{
+    const struct rl_samples *samples = &detector->samples;
+    struct amplitude amplitude;
+    int first;
+    struct rl_seen seen = window_of(detector, reading, &first);
+    for (int zone = 0; zone < samples->zones; zone++) {
+        look_at(detector, &seen, first, zone);
+        fit_amplitude(&seen, zone, &amplitude);
+    }
+    choose_zones(reading, &amplitude, placement);
+    if (!find_range(detector, &seen, first, optics->z_per_range, placement)) {
+        return false;
+    }
+    const int strongest = placement->zone[0];
+    placement->amplitude = amplitude.of[strongest];
+    placement->noise = amplitude.noise[strongest];
+    for (int zone = 0; zone < samples->zones; zone++) {
+        const double hidden = hidden_light(detector, &seen, first, zone,
+                                           placement->range_m * optics->z_per_range[zone]);
+        amplitude.variance[zone] += hidden * hidden;
+    }
+    amplitude.variance[strongest] = 0.0;
+    placement->range_m = fmax(placement->range_m - optics->range_offset_m, NEAREST_M);
+    placement->bearing =
+        rl_bearing_of(&detector->bearing, samples->rows_of_zones, samples->columns_of_zones,
+                      strongest, amplitude.of, amplitude.variance,
+                      optics->width_m / placement->range_m, optics->blur);
+    look_at(detector, &seen, first, strongest);
+    placement->score = score_of(&seen);
+    placement->likelihood = likelihood_of(&seen, reading);
+    placement->corrected_bits = corrected_bits(&seen, reading);
+    int last = first + seen.rows - 1;
+    while (last > first && samples->stamp_ns[last] == RL_NO_FRAME) {
+        last--;
+    }
+    placement->end_ns = samples->stamp_ns[last];
+    return true;
+}

@@ -1,0 +1,194 @@
+/* Copyright 2026 retrolidar_ros contributors
+ * SPDX-License-Identifier: Apache-2.0
+ */
+#include "retrolidar_ranging.h"
+
+#include "retrolidar_math.h"
+
+#include <math.h>
+
+enum { OWN = 1, DARK = 2, LEAST_DISTANCES = 2 };
+
+/* A zone sees the marker while its signal has this share of that at this quantile. */
+static const double IN_ZONE = 0.5, BRIGHTEST = 0.9;
+/* So near to the limit noise may hide whether two targets are merged. */
+static const double UNSURE_M = 0.05;
+/* Distance of a marker from the surface that it is mounted on. */
+static const double MOUNTING_M = 0.005;
+/* Variance of the sensor's quantisation, the least that there can be. */
+static const double RESOLUTION = 0.25e-3 * 0.25e-3 / 12.0;
+/* What 16 bits of quarter millimetres do not reach. */
+static const double MOST_M = 8.192;
+static const double TWO_PI = 6.283185307179586;
+
+/* The value that a share of some values are below, which it moves. */
+static double quantile(float *values, int count, double share)
+{
+    const double at = share * (count - 1);
+    const int before = (int)at;
+    const double low = (double)rl_select(values, count, before);
+    double high = before + 1 < count ? INFINITY : low;
+    for (int i = before + 1; i < count; i++) {
+        high = fmin(high, (double)values[i]);
+    }
+    return low + (at - before) * (high - low);
+}
+
+/* Whether the background was separated from the marker, and so is no part of its pulse. Near the
+ * limit it is if subtracting it would put the marker beyond the limit.
+ */
+static bool is_apart(double wall_m, double depth_m, const struct rl_ranged *parted)
+{
+    const double gap_m = fabs(wall_m - depth_m);
+    const double beyond_m = fabs(wall_m - parted->depth_m) - 3 * sqrt(parted->variance);
+    return gap_m >= RL_SEPARABLE_M ||
+           (gap_m >= RL_SEPARABLE_M - UNSURE_M && beyond_m > RL_SEPARABLE_M);
+}
+
+/* Where it is open whether a background need be subtracted: in the same pulse it is mostly what the
+ * marker is mounted on, at its own distance, and then subtracting it only adds noise. So two
+ * hypotheses are weighted by the step between the two distances: that it is noise and mounting, or
+ * that a background is anywhere.
+ *
+ * share: of the background in the signal while the marker is bright
+ */
+static void weigh(struct rl_ranged *plain, const struct rl_ranged *parted, double share)
+{
+    const double step_m = parted->depth_m - plain->depth_m;
+    const double noise = fmax(parted->variance - plain->variance, 0.0);
+    const double mounting = MOUNTING_M * share * MOUNTING_M * share;
+    const double spread = noise + mounting;
+    const double mounted = exp(-step_m * step_m / (2 * spread)) / sqrt(TWO_PI * spread);
+    const double anywhere = 1 / (2 * RL_SEPARABLE_M * share);
+    const double chance = anywhere / (mounted + anywhere);
+    const double near_m = plain->depth_m + step_m * mounting / spread;
+    const double near_variance = plain->variance + noise * mounting / spread;
+    const double apart_m = parted->depth_m - near_m;
+    plain->depth_m = near_m + chance * apart_m;
+    plain->variance = (1 - chance) * near_variance + chance * parted->variance +
+                      chance * (1 - chance) * apart_m * apart_m;
+}
+
+/* Signal times distance from a depth. */
+static double product_of(const struct rl_seen *seen, int row, double from_m)
+{
+    const double distance = (double)seen->distance[row];
+    return isfinite(distance) ? (double)seen->signal[row] * (distance - from_m) : 0.0;
+}
+
+/* Find the distance of what blinks, from a first guess; false where nothing does. */
+static bool part(const struct rl_seen *seen, const uint8_t *role, double about_m,
+                 struct rl_ranged *parted)
+{
+    double mean = 0.0, energy = 0.0, gain = 0.0, slope = 0.0, products = 0.0, from_m = about_m;
+    int count = 0;
+    for (int row = 0; row < seen->rows; row++) {
+        mean += role[row] ? seen->light[row] : 0.0;
+        count += role[row] != 0;
+    }
+    mean /= count;
+    for (int row = 0; row < seen->rows; row++) {
+        const double change = role[row] ? seen->light[row] - mean : 0.0;
+        energy += change * change;
+        gain += change * (double)seen->signal[row];
+    }
+    if (!(energy > 0.0) || !(gain > 0.0)) {
+        return false;
+    }
+    gain /= energy;
+    /* Distances count from the marker, so that noise of the signal moves nothing; the second time
+     * they do, and what is left over tells how sure the result is.
+     */
+    for (int turn = 0; turn < 2; turn++) {
+        from_m = about_m;
+        slope = products = 0.0;
+        for (int row = 0; row < seen->rows; row++) {
+            if (role[row]) {
+                const double product = product_of(seen, row, from_m);
+                slope += (seen->light[row] - mean) * product / energy;
+                products += product;
+            }
+        }
+        about_m += slope / gain;
+    }
+    double squares = 0.0;
+    for (int row = 0; row < seen->rows; row++) {
+        if (role[row]) {
+            const double left = product_of(seen, row, from_m) - products / count -
+                                slope * (seen->light[row] - mean);
+            squares += left * left;
+        }
+    }
+    parted->depth_m = about_m;
+    parted->variance = squares / fmax(count - 2, 1) / energy / (gain * gain);
+    return true;
+}
+
+/* Mark the samples that the marker itself was seen in; return how many there are. */
+static int mark_own(const struct rl_seen *seen, float *values, uint8_t *role)
+{
+    int count = 0, brightest = 0, own = 0;
+    for (int row = 0; row < seen->rows; row++) {
+        role[row] = seen->valid[row] && seen->light[row] > RL_BRIGHT &&
+                    isfinite(seen->distance[row]);
+        if (role[row]) {
+            values[count++] = seen->signal[row];
+        }
+    }
+    if (count == 0) {
+        return 0;
+    }
+    /* A moving marker is in the zone for a part of the time only. */
+    const double least = IN_ZONE * quantile(values, count, BRIGHTEST);
+    for (int row = 0; row < seen->rows; row++) {
+        role[row] = role[row] && (double)seen->signal[row] > least;
+        if (role[row]) {
+            values[brightest++] = seen->distance[row];
+        }
+    }
+    if (brightest == 0) {
+        return 0;
+    }
+    const double about_m = (double)rl_select(values, brightest, brightest / 2);
+    for (int row = 0; row < seen->rows; row++) {
+        role[row] = role[row] && fabs((double)seen->distance[row] - about_m) < RL_SEPARABLE_M;
+        own += role[row];
+    }
+    return own;
+}
+
+bool rl_ranging(const struct rl_seen *seen, float *values, uint8_t *role, struct rl_ranged *ranged)
+{
+    const int own = mark_own(seen, values, role);
+    double depth_m = 0.0, time_s = 0.0, signal = 0.0, squares = 0.0, behind = 0.0;
+    int dark = 0, walls = 0;
+    if (own < LEAST_DISTANCES) {
+        return false;
+    }
+    for (int row = 0; row < seen->rows; row++) {
+        if (role[row] & OWN) {
+            depth_m += (double)seen->distance[row] / own;
+            time_s += (seen->begin_s[row] + seen->end_s[row]) / 2 / own;
+            signal += (double)seen->signal[row] / own;
+        } else if (seen->valid[row] && seen->light[row] < RL_DARK) {
+            role[row] = DARK;
+            behind += (double)seen->signal[row];
+            dark++;
+            if (isfinite(seen->distance[row])) {
+                values[walls++] = seen->distance[row];
+            }
+        }
+    }
+    for (int row = 0; row < seen->rows; row++) {
+        const double deviation = role[row] & OWN ? (double)seen->distance[row] - depth_m : 0.0;
+        squares += deviation * deviation;
+    }
+    *ranged = (struct rl_ranged){depth_m, squares / (own - 1) / own, time_s};
+    struct rl_ranged parted;
+    if (dark > 0 && part(seen, role, depth_m, &parted) &&
+        !(walls > 0 && is_apart(quantile(values, walls, 0.5), depth_m, &parted))) {
+        weigh(ranged, &parted, fmax(behind / dark / fmax(signal, 1e-9), 1e-3));
+    }
+    ranged->variance += RESOLUTION / own;
+    return ranged->depth_m > 0.0 && ranged->depth_m < MOST_M; /* noise may put it beyond */
+}

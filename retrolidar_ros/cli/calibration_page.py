@@ -1,0 +1,130 @@
+# Copyright 2026 retrolidar_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""A page that tells what a recording has told, with pictures of what it rests on."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from retrolidar_ros.tasks.calibration.calibrate import Calibration, MarkerFound
+
+_BLUE, _ORANGE, _GREY = '#0072b2', '#d55e00', '0.6'
+_BINS = 60
+
+
+def write_page(
+    found: Calibration, told: Sequence[str], wanted: Sequence[str], directory: Path, source: str
+) -> None:
+    """Write calibration.md and calibration.png."""
+    lines = [f'# Calibration from {source}', '', *(f'* {line}' for line in told), '']
+    lines += ['± is half of the interval that holds the truth in 95 of 100 cases.', '']
+    if wanted:
+        lines += ['## What to record next', '', *(f'* {line}' for line in wanted), '']
+    lines += ['![What the estimates rest on](calibration.png)', '']
+    (directory / 'calibration.md').write_text('\n'.join(lines), encoding='utf-8')
+    _draw(found, directory / 'calibration.png', source)
+
+
+def _draw(found: Calibration, path: Path, source: str) -> None:
+    import matplotlib as mpl
+
+    mpl.use('Agg')
+    import matplotlib.pyplot as plt
+
+    figure, ((frames, noise), (signal, fold)) = plt.subplots(
+        2, 2, figsize=(12, 8), layout='constrained'
+    )
+    figure.suptitle(f'Calibration from {source}', fontsize=13)
+    _frames(frames, found)
+    _noise(noise, found)
+    marker = next((one for one in found.markers if not one.moves), None)
+    if marker is None:
+        for axes in (signal, fold):
+            axes.set_axis_off()
+            text = 'no marker at rest was read'
+            axes.text(0.5, 0.5, text, ha='center', transform=axes.transAxes)
+    else:
+        _signal(signal, found, marker)
+        _folded(fold, found, marker)
+    figure.savefig(path, dpi=110)
+    plt.close(figure)
+
+
+def _frames(axes: Any, found: Calibration) -> None:
+    """Draw the times between frames."""
+    step_ms = np.diff(found.recording.stamp_ns) * 1e-6
+    period_ms = 1e3 * found.timing.period_s.value
+    axes.hist(np.clip(step_ms, 0, 3.5 * period_ms), bins=_BINS, color=_BLUE)
+    axes.set_yscale('log')
+    axes.axvline(period_ms, color=_ORANGE, label=f'period, {period_ms:.2f} ms')
+    axes.set(xlabel='time between frames [ms]', ylabel='frames', title='Frames')
+    axes.legend(frameon=False)
+
+
+def _noise(axes: Any, found: Calibration) -> None:
+    """Draw the variances of zones at rest against their signals, and the law."""
+    axes.set(
+        xlabel='signal [kcps/SPAD]',
+        ylabel='variance [(kcps/SPAD)²]',
+        title='Zones at rest',
+    )
+    if found.noise is None:
+        axes.text(0.5, 0.5, 'no zone is at rest', ha='center', transform=axes.transAxes)
+        return
+    blocks = found.noise.blocks
+    signal = np.array([block.signal for block in blocks])
+    axes.plot(
+        signal, [block.variance for block in blocks], '.', color=_GREY, label='some seconds of one'
+    )
+    along = np.linspace(0, max(float(signal.max()) * 1.1, 1.0), 50)
+    law = found.law.lit(found.noise.light)
+    axes.plot(along, law.variance(along), color=_BLUE, label='law that was found')
+    axes.set_ylim(0)
+    axes.legend(frameon=False)
+
+
+def _signal(axes: Any, found: Calibration, marker: MarkerFound) -> None:
+    """Draw the signal of the marker's zone and the fit, over a packet or two."""
+    sent, recording = marker.sent, found.recording
+    zone = sent.zones[0]
+    time_s = (recording.stamp_ns - recording.stamp_ns[0]) * 1e-9
+    begin_s = float(time_s[np.isfinite(sent.light)][0])
+    rows = (time_s >= begin_s) & (time_s < begin_s + 45 * sent.bit_period_s.value)
+    fitted = sent.level[zone].value + sent.gain[zone].value * sent.light
+    axes.plot(time_s[rows], recording.signal[rows, zone], '.', color=_GREY, label='measured')
+    axes.plot(time_s[rows], fitted[rows], color=_BLUE, linewidth=1, label='fitted')
+    if marker.pedestal:
+        axes.axhline(marker.pedestal.value, color=_ORANGE, linestyle=':', label='what is around it')
+    axes.set(xlabel='time [s]', ylabel='signal [kcps/SPAD]', title=f'ID {sent.id} in zone {zone}')
+    axes.margins(y=0.2)
+    axes.legend(frameon=False, ncols=3, loc='upper center')
+
+
+def _folded(axes: Any, found: Calibration, marker: MarkerFound) -> None:
+    """Draw all samples about edges of bits against their time from the edge."""
+    sent, recording = marker.sent, found.recording
+    zone = sent.zones[0]
+    bit_s = sent.bit_period_s.value
+    time_s = (recording.stamp_ns - recording.stamp_ns[0]) * 1e-9
+    bits = marker.bits
+    since = (time_s - sent.start_s) / bit_s
+    nearest = np.rint(since).astype(int)
+    before, after = bits[(nearest - 1) % len(bits)], bits[nearest % len(bits)]
+    known = np.isfinite(sent.light)
+    for value, name, colour in ((0, 'brightens', _ORANGE), (1, 'darkens', _BLUE)):
+        rows = known & (before != after) & (after == value)
+        order = np.argsort((since - nearest)[rows])
+        late_ms = (1e3 * bit_s * (since - nearest))[rows][order]
+        axes.plot(late_ms, recording.signal[rows, zone][order], '.', markersize=3, color=colour)
+        fitted = sent.level[zone].value + sent.gain[zone].value * sent.light[rows][order]
+        axes.plot(late_ms, fitted, color=colour, linewidth=1, alpha=0.7, label=name)
+    axes.set(
+        xlabel='middle of the exposure after an edge [ms]',
+        ylabel='signal [kcps/SPAD]',
+        title='All edges of bits, measured and fitted',
+    )
+    axes.legend(frameon=False)

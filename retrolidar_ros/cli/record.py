@@ -1,0 +1,122 @@
+# Copyright 2026 retrolidar_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""Record a sensor into a bag, without ROS: the frames that the driver would have published."""
+
+from __future__ import annotations
+
+import argparse
+import math
+import sys
+import time
+from collections import deque
+from contextlib import suppress
+from dataclasses import replace
+from pathlib import Path
+
+from retrolidar_ros.bag import FRAMES_TOPIC, STORAGES, FrameWriter
+from retrolidar_ros.cli.arguments import Subparsers, add_port, seconds
+from retrolidar_ros.detector.blinking_zones import blinking_zones
+from retrolidar_ros.detector.noise import NoiseLaw
+from retrolidar_ros.sensor.clock import ClockMap
+from retrolidar_ros.sensor.frame import Frame, Recording
+from retrolidar_ros.sensor.frame_rate import missing_frames
+from retrolidar_ros.sensor.protocols import PROTOCOLS
+from retrolidar_ros.sensor.serial_source import BackgroundReading, SerialSource
+from retrolidar_ros.settings.interrupts import interrupted_once
+from retrolidar_ros.settings.resources import shared_file
+from retrolidar_ros.settings.yaml_files import load_parameter_defaults
+
+_PROGRESS_S = 1.0
+_LOOKED_AT = 256  # newest frames, for the zone that blinks most
+
+
+def add_command(subparsers: Subparsers) -> None:
+    """Add `retrolidar record`."""
+    command = subparsers.add_parser(
+        'record',
+        help='record a sensor into a bag, without ROS',
+        description='Ctrl-C ends it, and the bag is whole. A sensor that is unplugged is waited '
+        'for. Exit code 1 if no frame came.',
+    )
+    add_port(command)
+    command.add_argument(
+        '-o', '--output', type=Path, required=True, metavar='BAG', help='directory to make'
+    )
+    command.add_argument(
+        '--storage', choices=STORAGES, default=STORAGES[0], help='(default: %(default)s)'
+    )
+    command.add_argument('--topic', default=FRAMES_TOPIC, help='(default: %(default)s)')
+    command.add_argument('--duration', type=seconds, metavar='S', help='stop after [s]')
+    command.set_defaults(run=run)
+
+
+class Progress:
+    """Counts frames, and says in a line what has come."""
+
+    def __init__(self) -> None:
+        """Begin without frames."""
+        self.frames = self.lost = 0
+        self._sequence: int | None = None
+        self._newest: deque[Frame] = deque(maxlen=_LOOKED_AT)
+        self._counted = 0
+
+    def take(self, frame: Frame) -> None:
+        """Count a frame."""
+        self.frames += 1
+        self.lost += missing_frames(self._sequence, frame.sequence)
+        self._sequence = frame.sequence
+        if self._newest and self._newest[-1].grid != frame.grid:
+            self._newest.clear()
+        self._newest.append(frame)
+
+    def line(self, elapsed_s: float, since_s: float) -> str:
+        """Return what there is after a time, and how fast it came in the last `since_s`."""
+        rate_hz = (self.frames - self._counted) / since_s
+        self._counted = self.frames
+        text = f'{elapsed_s:4.0f} s: {self.frames} frames, {rate_hz:.1f} a second, {self.lost} lost'
+        if len(self._newest) < 2:
+            return text
+        recording = Recording.of(list(self._newest))
+        law = NoiseLaw().lit(max(float(recording.ambient.mean()), 0.0))
+        if not (zones := blinking_zones(recording, law)):
+            return f'{text}; no zone blinks'
+        best = zones[0]
+        text += f'; zone {best.zone} blinks by {best.modulation_db:.0f} dB'
+        return f'{text}, bits of {1e3 * best.bit_period_s:.1f} ms' if best.periods else text
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Record until it is enough."""
+    defaults = load_parameter_defaults(shared_file('config/retrolidar.yaml'), 'driver')
+    reader = PROTOCOLS[arguments.protocol](time.time_ns)
+    source = SerialSource(arguments.port, arguments.baud, reader)
+    clock = ClockMap(defaults['transport_delay'])
+    progress = Progress()
+    writer = FrameWriter(arguments.output, arguments.storage, arguments.topic, defaults['frame_id'])
+    begin_s = time.monotonic()
+    end_s = begin_s + (arguments.duration or math.inf)
+    due_s = begin_s + _PROGRESS_S
+
+    def say(line: str) -> None:
+        print(line, file=sys.stderr, flush=True)
+
+    with (
+        writer as bag,
+        suppress(KeyboardInterrupt),
+        interrupted_once(),
+        BackgroundReading.of(source, say) as reading,
+    ):
+        while (now_s := time.monotonic()) < end_s:
+            if now_s >= due_s:
+                say(progress.line(now_s - begin_s, _PROGRESS_S + now_s - due_s))
+                due_s = now_s + _PROGRESS_S
+            if (arrival := reading.take_until(min(due_s, end_s))) is None:
+                continue
+            for frame in arrival.frames:
+                stamp_ns = clock.map(frame.sensor_time_us, arrival.time_ns)
+                bag.write(replace(frame, stamp_ns=stamp_ns), arrival.time_ns)
+                progress.take(frame)
+            if arrival.notice:
+                say(arrival.notice)
+    print(f'{progress.frames} frames, {progress.lost} lost, in {arguments.output}')
+    return 0 if progress.frames else 1

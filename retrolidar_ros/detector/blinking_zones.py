@@ -1,0 +1,204 @@
+# Copyright 2026 retrolidar_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""Which zones blink, how strongly, and by what bit period: without being told any of it.
+
+What blinks with a clock changes at multiples of a bit only. So the squares of the steps from one
+sample to the next have a line in their spectrum at one over the bit period (Oerder and Meyr,
+1988), whatever is sent; squared second differences have it where all edges fall into the middle
+of exposures, and the first ones do not.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from retrolidar_ros.detector.blinking import Samples, modulation_db
+from retrolidar_ros.detector.noise import NoiseLaw
+from retrolidar_ros.sensor.frame import Floats, Recording
+
+BLINKING_DB = 3.0
+"""A zone of less is not said to blink: noise alone may reach it."""
+LEAST_FRAMES = 64
+"""So many frames tell a bit period."""
+# A bit is sought that lasts so many frames at most; there is no line where it lasts less than two.
+_MOST_FRAMES = 9
+# A line of noise is 1 high on average; this is less than what one in thousands of them reaches.
+_NOISE_LINE = 8.0
+_WEAKEST_FIRST = 0.1  # of the strongest of its lines is the first one of a true period
+_APART = 0.03
+_CANDIDATES = 4
+_LEAST_FRAMES_A_BIT = 1.9
+_CAPTURED = 0.03  # a detector looks for bit periods so near to what it is told
+_MOST_NAMED = 4
+_SURE = 10.0
+_SPANS = (1, 2, 4)  # frames that are averaged: the more, the fainter and slower what is found
+
+
+class Period(NamedTuple):
+    """A bit period that a zone may blink by."""
+
+    bit_period_s: float
+    strength: float
+    """By how much its lines exceed those of noise, whose mean is 1; from 10 on it is one."""
+
+
+class BlinkingZone(NamedTuple):
+    """A zone whose signal varies beyond noise."""
+
+    zone: int
+    modulation_db: float
+    """As the SNR of a marker that varied so."""
+    periods: tuple[Period, ...]
+    """The likeliest first; none where nothing has a clock."""
+
+    @property
+    def bit_period_s(self) -> float:
+        """The likeliest, NaN where there is none."""
+        return self.periods[0].bit_period_s if self.periods else float('nan')
+
+
+def blinking_zones(recording: Recording, law: NoiseLaw) -> list[BlinkingZone]:
+    """Return the zones that vary beyond noise, strongest first.
+
+    Parameters
+    ----------
+    recording : Recording
+        At least two frames.
+    law : NoiseLaw
+        Of the sensor, in the light of the recording.
+    """
+    samples = Samples.of(recording)
+    blinking = modulation_db(samples, law)
+    order = np.argsort(-blinking)
+    return [
+        BlinkingZone(int(zone), float(blinking[zone]), bit_periods(recording, samples, int(zone)))
+        for zone in order[blinking[order] >= BLINKING_DB]
+    ]
+
+
+def bit_periods(recording: Recording, samples: Samples, zone: int) -> tuple[Period, ...]:
+    """Return the bit periods that a zone may blink by, likeliest first; none of too few frames."""
+    if len(recording) < LEAST_FRAMES:
+        return ()
+    time_s = recording.stamp_ns * 1e-9
+    step_s = np.diff(time_s)
+    frame = np.cumsum(
+        np.concatenate([[0], np.maximum(np.rint(step_s / np.median(step_s)), 1)])
+    ).astype(np.intp)
+    if frame[-1] > 4 * len(frame):  # a pause: there is no one grid of frames
+        return ()
+    period_s = (time_s[-1] - time_s[0]) / frame[-1]
+    signal = np.zeros(frame[-1] + 1)
+    valid = np.zeros(len(signal), dtype=bool)
+    signal[frame], valid[frame] = samples.signal[:, zone], samples.valid[:, zone]
+    found: list[Period] = []
+    for span in _SPANS:
+        found += _periods(*_spectrum(signal, valid, span), span, float(period_s))
+    best: list[Period] = []
+    for period in sorted(found, key=lambda period: -period.strength):
+        if all(abs(period.bit_period_s / one.bit_period_s - 1) > _APART for one in best):
+            best.append(period)
+    return tuple(best[:_CANDIDATES])
+
+
+def _spectrum(signal: Floats, valid: NDArray[np.bool_], span: int) -> tuple[Floats, Floats]:
+    """Return frequencies [cycles a frame] and power of squared differences of means of a span."""
+    total = np.concatenate([[0.0], np.cumsum(signal * valid)])
+    count = np.concatenate([[0], np.cumsum(valid)])
+    number = count[span:] - count[:-span]
+    mean = (total[span:] - total[:-span]) / np.maximum(number, 1)
+    told = 2 * number > span
+    size = 8 << len(signal).bit_length()
+    power = np.zeros(size // 2 + 1)
+    for energy, known in (
+        ((mean[span:] - mean[:-span]) ** 2, told[span:] & told[:-span]),
+        (
+            (mean[2 * span :] - 2 * mean[span:-span] + mean[: -2 * span]) ** 2,
+            told[2 * span :] & told[span:-span] & told[: -2 * span],
+        ),
+    ):
+        if not known.any():
+            continue
+        change = np.where(known, energy - energy[known].mean(), 0.0)
+        power += np.abs(np.fft.rfft(change, size)) ** 2 / max(change @ change, 1e-30)
+    return np.arange(len(power)) / size, power
+
+
+def _periods(frequency: Floats, power: Floats, span: int, period_s: float) -> list[Period]:
+    """Return the bit periods whose lines, with their harmonics, are the strongest."""
+    last = len(power) - 1
+    lines = np.arange(2 * last // _MOST_FRAMES, int(2 * last / max(1.5 * span, 2.0)) + 1)
+    strongest = power[lines].copy()
+    strength = strongest - _NOISE_LINE
+    for harmonic in range(2, _MOST_FRAMES // 2 + 1):
+        index = lines * harmonic
+        inside = index <= last
+        strength[inside] += power[index[inside]] - _NOISE_LINE
+        strongest[inside] = np.maximum(strongest[inside], power[index[inside]])
+    strength[power[lines] < _WEAKEST_FIRST * strongest] = -np.inf
+    found = []
+    for _ in range(_CANDIDATES):
+        best = int(strength.argmax())
+        if not strength[best] > 0:
+            break
+        found.append(Period(period_s / float(frequency[lines[best]]), float(strength[best])))
+        strength[np.abs(lines / lines[best] - 1) < _APART] = -np.inf
+    return found
+
+
+def clock_mismatch(periods: tuple[Period, ...], bit_period_s: float) -> str:
+    """Say by what bit period something blinks that is sought by another; empty if it is none."""
+    if not periods or periods[0].strength < _SURE:
+        return ''
+    found_s = periods[0].bit_period_s
+    if abs(found_s / bit_period_s - 1) <= _CAPTURED:
+        return ''
+    return (
+        f'bits of {1e3 * found_s:.1f} ms, not of {1e3 * bit_period_s:.1f} ms: '
+        f'set bit_period to {found_s:.4f}'
+    )
+
+
+def too_slow(frame_period_s: float, bit_period_s: float) -> list[str]:
+    """Say that frames do not come twice in a bit, if they do not."""
+    if bit_period_s >= _LEAST_FRAMES_A_BIT * frame_period_s:
+        return []
+    return [
+        (
+            f'a frame comes every {1e3 * frame_period_s:.1f} ms, but bits of '
+            f'{1e3 * bit_period_s:.1f} ms need two of them: let the sensor measure faster, or the '
+            'markers blink slower and set bit_period'
+        )
+    ]
+
+
+def unread(zones: list[BlinkingZone], frame_period_s: float, bit_period_s: float) -> list[str]:
+    """Say in sentences, with the remedy, why markers of a bit period may not be read.
+
+    Parameters
+    ----------
+    zones : list of BlinkingZone
+        That blink and are not read, strongest first.
+    frame_period_s, bit_period_s : float
+        How often frames come, and what the detector has been told of the bits [s].
+    """
+    told = any(clock_mismatch(zone.periods, bit_period_s) for zone in zones)
+    found = [] if told else too_slow(frame_period_s, bit_period_s)
+    if not zones:
+        still = 'no zone blinks: nothing varies beyond noise_floor, noise_slope and noise_ambient'
+        return [*found, still]
+    for zone in zones[:_MOST_NAMED]:
+        text = f'zone {zone.zone} blinks by {zone.modulation_db:.0f} dB'
+        if not zone.periods:
+            found.append(f'{text} without a bit clock: something moves, or the light flickers')
+        elif mismatch := clock_mismatch(zone.periods, bit_period_s):
+            found.append(f'{text} with {mismatch}')
+        else:
+            found.append(
+                f'{text} with bits of {1e3 * zone.bit_period_s:.1f} ms, as expected: too faint '
+                'for its noise, another code, or several markers in a zone'
+            )
+    return found

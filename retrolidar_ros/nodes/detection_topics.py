@@ -1,0 +1,92 @@
+# Copyright 2026 retrolidar_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""What a detector publishes of a reading: the message, its transform, and standard messages."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from geometry_msgs.msg import PoseStamped
+from rclpy.node import Node
+from std_msgs.msg import Header
+from visualization_msgs.msg import MarkerArray
+
+from retrolidar_ros.detector import Detection
+from retrolidar_ros.marker.known_markers import KnownMarker, frame_of
+from retrolidar_ros.msg import MarkerDetection
+from retrolidar_ros.nodes.conversion import to_detection_msg, to_header, to_transform
+from retrolidar_ros.nodes.detector_parameters import NAME
+from retrolidar_ros.nodes.names import topic_part
+from retrolidar_ros.nodes.qos import EVENTS, LATCHED, OVERRIDABLE
+from retrolidar_ros.nodes.transforms import transform_sender
+from retrolidar_ros.nodes.vision import to_detections
+from retrolidar_ros.nodes.visualization import marker_shapes
+
+try:
+    from vision_msgs.msg import Detection3DArray
+except ImportError:  # not installed, and nobody can listen
+    Detection3DArray = None
+_MOST_POSES = 100
+_BEAT_PERIOD_NS = 200_000_000
+
+
+class DetectionTopics:
+    """The topics `markers`, `marker_array`, `detections`, `poses/NAME`, `~/heartbeat`, and TF."""
+
+    def __init__(self, node: Node, known: dict[int, KnownMarker], values: dict[str, Any]) -> None:
+        """Make the publishers; names of markers are those of `known`."""
+        self._node = node
+        self._known = known
+
+        def publisher(kind: Any, topic: str, qos: Any = EVENTS) -> Any:
+            return node.create_publisher(kind, topic, qos, qos_overriding_options=OVERRIDABLE)
+
+        self._markers = publisher(MarkerDetection, 'markers')
+        self._shapes = publisher(MarkerArray, 'marker_array')
+        self._detections = publisher(Detection3DArray, 'detections') if Detection3DArray else None
+        self._heartbeat = node.create_publisher(Header, '~/heartbeat', 10)
+        if len(known) > _MOST_POSES:
+            node.get_logger().warning(
+                f'{len(known)} known markers: no topic poses/NAME for more than {_MOST_POSES}'
+            )
+            known = {}
+        self._poses = {
+            identity: publisher(PoseStamped, f'poses/{topic_part(marker.frame)}', LATCHED)
+            for identity, marker in known.items()
+        }
+        self._send_transforms: Any = None
+        self._beat_ns = 0
+        self.change(values)
+
+    def change(self, values: dict[str, Any]) -> None:
+        """Take new values of the parameters."""
+        self._values = values
+        if values['publish_tf'] and self._send_transforms is None:
+            self._send_transforms = transform_sender(self._node)
+
+    def beat(self, stamp_ns: int, frame_id: str) -> None:
+        """Say, a few times a second, that all up to a frame has been judged."""
+        if abs(stamp_ns - self._beat_ns) >= _BEAT_PERIOD_NS:
+            self._beat_ns = stamp_ns
+            self._heartbeat.publish(to_header(stamp_ns, frame_id))
+
+    def publish(self, detections: list[Detection], frame_id: str) -> None:
+        """Publish what was read with one frame: transforms first, for who looks them up."""
+        messages = []
+        for detection in detections:
+            name = frame_of(detection.id, self._known)
+            child_frame_id = self._values['child_frame'].replace(NAME, name)
+            messages.append(to_detection_msg(detection, frame_id, child_frame_id))
+        if self._values['publish_tf']:
+            self._send_transforms([to_transform(message) for message in messages])
+        for message in messages:
+            self._markers.publish(message)
+            if message.id in self._poses:
+                pose = PoseStamped(header=message.header, pose=message.pose.pose)
+                self._poses[message.id].publish(pose)
+        if self._shapes.get_subscription_count():
+            stale_after_s = self._values['stale_after']
+            shapes = [shape for one in messages for shape in marker_shapes(one, stale_after_s)]
+            self._shapes.publish(MarkerArray(markers=shapes))
+        if self._detections is not None and self._detections.get_subscription_count():
+            self._detections.publish(to_detections(messages))

@@ -1,0 +1,157 @@
+# Copyright 2026 retrolidar_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""What a detector counts, and how it judges the last second by that."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterable, Mapping
+
+from retrolidar_ros.detector import Detection, DetectorCounts
+from retrolidar_ros.detector.noise import NoiseLaw
+from retrolidar_ros.detector.reception import Reception
+from retrolidar_ros.marker.known_markers import KnownMarker, frame_of
+from retrolidar_ros.nodes.diagnostics import ERROR, STALE, WARN, Health, health_of
+from retrolidar_ros.sensor.frame import ZoneGrid
+
+_SILENCE_S = 2.0
+# A sensor that begins anew sets its counter back once.
+_MIXED = 2
+
+
+class DetectorHealth:
+    """Counts what comes and what is read."""
+
+    def __init__(self, grid: ZoneGrid) -> None:
+        """Begin at zero."""
+        self.reception = Reception(grid)
+        self.strangers = 0
+        """Frames from another TF frame than the one before."""
+        self._dropped = 0
+        self._reason = ''
+        self._heard_s = time.monotonic()
+        self._busy_s = self._age_s = 0.0
+        self._read_s: dict[int, float] = {}
+        self._then = self._counts(DetectorCounts())
+
+    def restart(self, grid: ZoneGrid) -> None:
+        """Begin to watch anew; the counts go on, but those of the detector."""
+        self.reception.restart(grid)
+        self._then['overloads'] = 0
+
+    def drop(self, reason: str) -> None:
+        """Count a frame that cannot be."""
+        self._dropped += 1
+        self._reason = reason
+
+    def done(self, busy_s: float, age_s: float) -> None:
+        """Count what a frame cost, and how old it was."""
+        self._heard_s = time.monotonic()
+        self._busy_s += busy_s
+        self._age_s += age_s
+
+    def read(self, detections: list[Detection]) -> None:
+        """Take note of what was read."""
+        self.reception.read(detections)
+        for detection in detections:
+            self._read_s[detection.id] = time.monotonic()
+
+    def _counts(self, counts: DetectorCounts) -> dict[str, int]:
+        return {
+            'frames': self.reception.frames,
+            'lost frames': self.reception.lost,
+            'repeated frames': self.reception.repeated,
+            'frames out of order': self.reception.reversed,
+            'dropped frames': self._dropped,
+            'strangers': self.strangers,
+            'overloads': counts.overloads,
+        }
+
+    def examine(
+        self,
+        method: str,
+        counts: DetectorCounts,
+        known: Mapping[int, KnownMarker],
+        registered: list[int],
+        publishers: list[str],
+        noise: NoiseLaw,
+        bit_period_s: float,
+    ) -> tuple[Health, str]:
+        """Judge what passed since this was last called, usually a second.
+
+        Returns
+        -------
+        health : Health
+        problem : str
+            What keeps markers from being read, for the log; empty if nothing is known to.
+        """
+        now = self._counts(counts)
+        new = {name: number - self._then[name] for name, number in now.items()}
+        self._then = now
+        frames = max(new['frames'], 1)
+        values = {
+            'method': method,
+            'processing [ms a frame]': f'{1e3 * self._busy_s / frames:.2f}',
+            'age of frames when processed [ms]': f'{1e3 * self._age_s / frames:.1f}',
+            'publishers of frames': str(len(publishers)),
+            'candidates': str(counts.candidates),
+            'accepted': str(counts.accepted),
+            'impossible samples': str(counts.impossible),
+            **{name: str(number) for name, number in now.items() if name != 'strangers'},
+        }
+        self._busy_s = self._age_s = 0.0
+        for reason, number in sorted(counts.rejected.items()):
+            values[f'rejected: {reason}'] = str(number)
+        values |= self._ages(known, registered)
+        silence_s = time.monotonic() - self._heard_s
+        problem = ''
+        if not now['frames'] and not new['dropped frames']:
+            return Health(WARN, 'no frame has come yet', values), problem
+        if silence_s > _SILENCE_S and not new['dropped frames']:
+            return Health(STALE, f'no frame has come for {silence_s:.0f} s', values), problem
+        problems = self._disturbances(new, publishers)
+        if rate := self.reception.rate_problem(bit_period_s):
+            problem = (
+                f'{rate}: set bit_period to how long the markers hold a bit [s], and let the '
+                f'sensor measure twice in that time'
+            )
+            problems.append((WARN, problem))
+        if unread := self.reception.unread_problem(noise, bit_period_s, all_come=not registered):
+            problem = problem or unread
+            problems.append((WARN, unread))
+        fine = f'{counts.accepted} of {counts.candidates} candidates accepted'
+        return health_of(problems, fine, values), problem
+
+    def _disturbances(self, new: dict[str, int], publishers: list[str]) -> list[tuple[bytes, str]]:
+        """Say what happened to the frames of the last second."""
+        problems = []
+        mixed = new['strangers'] + new['frames out of order'] + new['repeated frames']
+        if mixed >= _MIXED:
+            by = f' by {", ".join(sorted(publishers))}' if len(publishers) > 1 else ''
+            problems.append(
+                (ERROR, f'frames of several sensors come mixed{by}: one detector reads one sensor')
+            )
+        elif new['lost frames']:
+            problems.append((WARN, f'{new["lost frames"]} frames were lost on the way'))
+        if new['dropped frames']:
+            problems.append(
+                (ERROR, f'{new["dropped frames"]} frames cannot be used: {self._reason}')
+            )
+        if new['overloads']:
+            problems.append(
+                (
+                    WARN,
+                    f'{new["overloads"]} frames with more that looks like packets than is judged',
+                )
+            )
+        return problems
+
+    def _ages(self, known: Mapping[int, KnownMarker], registered: Iterable[int]) -> dict[str, str]:
+        """Return how long ago each marker that is expected was read."""
+        now_s = time.monotonic()
+        ages = {}
+        for identity in sorted({*known, *registered}):
+            read_s = self._read_s.get(identity)
+            age = 'never' if read_s is None else f'{now_s - read_s:.1f}'
+            ages[f'since last reading of {frame_of(identity, known)} [s]'] = age
+        return ages

@@ -1,0 +1,110 @@
+# Copyright 2026 retrolidar_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""What a driver counts, and how it judges the last second by that."""
+
+from __future__ import annotations
+
+import time
+from typing import NamedTuple
+
+import numpy as np
+
+from retrolidar_ros.nodes.diagnostics import ERROR, OK, WARN, Health
+from retrolidar_ros.sensor.clock import ClockMap
+from retrolidar_ros.sensor.frame import NORMAL_STATUS, Frame
+from retrolidar_ros.sensor.frame_rate import missing_frames
+from retrolidar_ros.sensor.serial_source import SerialSource
+
+# Share of abnormal zones from which on something is wrong with the sensor or before it: looking
+# into a room, a quarter of them is usual.
+_MANY_ABNORMAL = 0.75
+
+
+class _Counts(NamedTuple):
+    """What has been counted until some time."""
+
+    time_s: float
+    frames: int = 0
+    damaged: int = 0
+    received: int = 0
+    withheld: int = 0
+    lost: int = 0
+    zones: int = 0
+    abnormal: int = 0
+    latency_s: float = 0.0
+    """Sum over the frames, from the middle of the exposure until they were published."""
+
+
+class DriverTally:
+    """Counts frames in one thread, and is examined in another."""
+
+    def __init__(self) -> None:
+        """Begin at zero."""
+        self._counts = self._examined = _Counts(time.monotonic())
+        self._last_sequence: int | None = None
+
+    def count(self, frame: Frame, latency_ns: int) -> None:
+        """Count a frame, published so long after the middle of its exposure."""
+        counts = self._counts
+        missing = missing_frames(self._last_sequence, frame.sequence)
+        self._last_sequence = frame.sequence
+        normal = int(np.count_nonzero(np.isin(frame.status, NORMAL_STATUS)))
+        # One assignment, for another thread reads it.
+        self._counts = counts._replace(
+            frames=counts.frames + 1,
+            lost=counts.lost + missing,
+            zones=counts.zones + frame.grid.zones,
+            abnormal=counts.abnormal + frame.grid.zones - normal,
+            latency_s=counts.latency_s + latency_ns * 1e-9,
+        )
+
+    def examine(self, source: SerialSource, clock_map: ClockMap) -> Health:
+        """Judge what passed since this was last called, usually a second."""
+        counts = source.reader.counts
+        now = self._counts._replace(
+            time_s=time.monotonic(),
+            damaged=counts.damaged,
+            received=source.received,
+            withheld=counts.withheld,
+        )
+        then, self._examined = self._examined, now
+        frames = now.frames - then.frames
+        rate = frames / (now.time_s - then.time_s)
+        damaged, lost = now.damaged - then.damaged, now.lost - then.lost
+        abnormal = (now.abnormal - then.abnormal) / max(now.zones - then.zones, 1)
+        latency_ms = 1e3 * (now.latency_s - then.latency_s) / max(frames, 1)
+        values = {
+            'port': source.port,
+            'frame rate [Hz]': f'{rate:.1f}',
+            'frames': str(now.frames),
+            'lost frames': str(now.lost),
+            'abnormal zones [%]': f'{100 * abnormal:.1f}',
+            'latency [ms]': f'{latency_ms:.1f}',
+            'packets with CRC errors': str(counts.bad_crc),
+            'packets with framing errors': str(counts.bad_framing + counts.overlong),
+            'packets of a wrong shape': str(counts.bad_shape),
+            'packets of an unknown kind': str(counts.unknown_kind),
+            'openings of the port': str(source.openings),
+            'clock offset [s]': f'{clock_map.offset_s:.6f}',
+            'clock skew [ppm]': f'{clock_map.skew * 1e6:.0f}',
+            'clock restarts': str(clock_map.restarts),
+        }
+        if not source.is_open:
+            return Health(ERROR, source.problem, values)
+        if not frames:
+            return Health(ERROR, _silence(then, now), values)
+        if damaged or lost:
+            return Health(WARN, f'{damaged} damaged packets, {lost} lost frames', values)
+        if abnormal > _MANY_ABNORMAL:
+            return Health(WARN, f'{100 * abnormal:.0f} % of the zones are abnormal', values)
+        return Health(OK, f'{rate:.1f} frames a second', values)
+
+
+def _silence(then: _Counts, now: _Counts) -> str:
+    """Say that no frames have come since `then`, and what came instead."""
+    silence = 'the port is open, but no frames come'
+    if now.withheld > then.withheld:
+        return f'{silence} with signal, which the sensor has been asked for'
+    if received := now.received - then.received:
+        return f'{silence}, though {received} bytes did: another serial_baud or protocol?'
+    return silence

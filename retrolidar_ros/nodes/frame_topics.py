@@ -1,0 +1,50 @@
+# Copyright 2026 retrolidar_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""What a driver publishes of a frame: the frame itself, and standard messages for who listens."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+from rclpy.node import Node
+from sensor_msgs.msg import CameraInfo, Image, PointCloud2
+
+from retrolidar_ros.msg import Frame as FrameMsg
+from retrolidar_ros.nodes.conversion import (
+    to_camera_info,
+    to_depth_image,
+    to_frame_msg,
+    to_header,
+    to_point_cloud,
+    to_signal_image,
+)
+from retrolidar_ros.nodes.qos import OVERRIDABLE, STREAM
+from retrolidar_ros.sensor.frame import Frame
+
+
+class FrameTopics:
+    """The topics `frames`, `points`, `signal_image`, and those of a depth camera (REP 118)."""
+
+    def __init__(self, node: Node, frame_id: str) -> None:
+        """Make the publishers; the optical frame is `frame_id`."""
+        self._frame_id = frame_id
+
+        def publisher(kind: Any, topic: str) -> Any:
+            return node.create_publisher(kind, topic, STREAM, qos_overriding_options=OVERRIDABLE)
+
+        self._frames = publisher(FrameMsg, 'frames')
+        self._standard: list[tuple[Any, Callable[..., Any]]] = [
+            (publisher(PointCloud2, 'points'), to_point_cloud),
+            (publisher(Image, 'signal_image'), to_signal_image),
+            (publisher(Image, 'depth/image_raw'), to_depth_image),
+            (publisher(CameraInfo, 'depth/camera_info'), to_camera_info),
+        ]
+
+    def publish(self, frame: Frame) -> None:
+        """Publish a frame, stamped in ROS time, as whatever somebody listens to."""
+        if self._frames.get_subscription_count():
+            self._frames.publish(to_frame_msg(frame, self._frame_id))
+        for publisher, convert in self._standard:
+            if publisher.get_subscription_count():
+                publisher.publish(convert(frame, to_header(frame.stamp_ns, self._frame_id)))

@@ -1,0 +1,87 @@
+# Copyright 2026 retrolidar_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""What all launch files have in common: the arguments of a sensor, and how a node is started."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from launch.actions import DeclareLaunchArgument, IncludeLaunchDescription
+from launch.launch_context import LaunchContext
+from launch.substitutions import LaunchConfiguration, PathJoinSubstitution
+from launch_ros.actions import Node
+from launch_ros.substitutions import FindPackageShare
+
+SHARE = FindPackageShare('retrolidar_ros')
+PARAMETERS = PathJoinSubstitution([SHARE, 'config', 'retrolidar.yaml'])
+MARKERS = PathJoinSubstitution([SHARE, 'config', 'markers.yaml'])
+COMMON: dict[str, tuple[Any, str]] = {
+    'params_file': (PARAMETERS, 'Parameters of the nodes.'),
+    'marker_file': ('', 'YAML file of the known markers; empty = as in the parameter file.'),
+    'protocol': ('', 'What the sensor speaks; empty = as in the parameter file.'),
+    'autostart': ('', 'Whether the driver activates itself; empty = as in the parameter file.'),
+    'single_process': ('false', 'Whether driver and detector share a process, the reader.'),
+    'log_level': ('info', 'debug, info, warn, error or fatal.'),
+    'use_sim_time': ('', 'Whether time is that of /clock; empty = as in the parameter file.'),
+    'respawn': ('true', 'Whether a node that ends is started again, after a delay.'),
+    'respawn_delay': ('2.0', 'How long that is [s].'),
+}
+"""Launch arguments of every launch file: default and description."""
+SENSOR: dict[str, tuple[Any, str]] = {
+    **COMMON,
+    'serial_port': ('', 'Device of the sensor; empty = as in the parameter file.'),
+    'frame_id': ('', 'TF frame of the sensor; empty = as in the parameter file.'),
+    'namespace': ('retrolidar', 'Of nodes and topics.'),
+    'emulate': ('', 'A scene to emulate instead of a sensor: a file, or the name of one.'),
+}
+"""Those of every launch file for one sensor."""
+
+
+def declared(arguments: dict[str, tuple[Any, str]]) -> list[DeclareLaunchArgument]:
+    """Return launch arguments as actions."""
+    return [
+        DeclareLaunchArgument(name, default_value=default, description=description)
+        for name, (default, description) in arguments.items()
+    ]
+
+
+def value(context: LaunchContext, name: str) -> str:
+    """Return what a launch argument has been set to."""
+    text: str = LaunchConfiguration(name).perform(context)
+    return text
+
+
+def is_on(context: LaunchContext, name: str) -> bool:
+    """Return whether a launch argument says yes; RuntimeError if it says neither yes nor no."""
+    text = value(context, name).lower()
+    if text not in ('true', 'false', '1', '0'):
+        raise RuntimeError(f'{name}:={text}: it needs true or false')
+    return text in ('true', '1')
+
+
+def node(context: LaunchContext, executable: str, given: dict[str, Any], **options: Any) -> Node:
+    """Return a node of the package, with the parameters that are given before those of the file."""
+    parameters: dict[str, Any] = dict(given)
+    if value(context, 'use_sim_time'):
+        parameters['use_sim_time'] = is_on(context, 'use_sim_time')
+    return Node(
+        package='retrolidar_ros',
+        executable=executable,
+        namespace=value(context, 'namespace'),
+        parameters=[value(context, 'params_file'), *([parameters] if parameters else [])],
+        ros_arguments=['--log-level', value(context, 'log_level')],
+        respawn=is_on(context, 'respawn'),
+        respawn_delay=float(value(context, 'respawn_delay')),
+        output='screen',
+        **options,
+    )
+
+
+def sensor(arguments: dict[str, Any] | list[str]) -> IncludeLaunchDescription:
+    """Return one sensor, by retrolidar.launch.py, with arguments or those that are passed on."""
+    if isinstance(arguments, list):
+        arguments = {name: LaunchConfiguration(name) for name in arguments}
+    return IncludeLaunchDescription(
+        PathJoinSubstitution([SHARE, 'launch', 'retrolidar.launch.py']),
+        launch_arguments=arguments.items(),
+    )

@@ -1,0 +1,63 @@
+# Copyright 2026 retrolidar_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""The `reader`: driver and detector of one sensor, or of many, in one process.
+
+Frames go from one to the other by a call; on topics all is as with a process each.
+"""
+
+from __future__ import annotations
+
+from rclpy.node import Node
+from rclpy.parameter import Parameter
+
+from retrolidar_ros.nodes.detector import DetectorNode
+from retrolidar_ros.nodes.detector_parameters import NAME
+from retrolidar_ros.nodes.diagnostics import HealthBoard
+from retrolidar_ros.nodes.driver import DriverNode
+from retrolidar_ros.nodes.names import topic_part
+from retrolidar_ros.nodes.parameters import Parameters
+from retrolidar_ros.nodes.run import run
+
+
+def create_nodes() -> list[Node]:
+    """Return the nodes of the process, drivers first; ValueError if there cannot be such ones."""
+    reader = Node('reader')
+    parameters = Parameters(reader, 'reader')
+    parameters.texts('ports', 'Devices of several sensors; [] = one, of the driver.')
+    parameters.texts('names', 'Of these sensors; [] = sensor0, sensor1, ...')
+    parameters.warn_of_unknown()
+    ports, names = parameters.values['ports'], parameters.values['names']
+    names = names or [f'sensor{index}' for index in range(len(ports))]
+    if len(names) != len(ports):
+        raise ValueError(f'names: {len(names)} of them for {len(ports)} ports')
+    for what, values in (('names', [topic_part(name) for name in names]), ('ports', ports)):
+        if len(set(values)) < len(values):
+            raise ValueError(f'{what}: one stands there twice, in {", ".join(values)}')
+    board = HealthBoard(reader)
+    if not ports:
+        detector = DetectorNode(subscribe=False, board=board)
+        return [DriverNode(take=detector.take, board=board), detector, reader]
+    drivers, detectors = [], []
+    for name, port in zip(names, ports, strict=True):
+        namespace = f'{reader.get_namespace().rstrip("/")}/{topic_part(name)}'
+        detector = DetectorNode(
+            subscribe=False,
+            board=board,
+            namespace=namespace,
+            overrides=[Parameter('child_frame', value=f'{name}_{NAME}')],
+        )
+        overrides = {'serial_port': port, 'frame_id': f'{name}_optical_frame'}
+        driver = DriverNode(
+            take=detector.take,
+            board=board,
+            namespace=namespace,
+            overrides=[Parameter(key, value=value) for key, value in overrides.items()],
+        )
+        drivers.append(driver)
+        detectors.append(detector)
+    return [*drivers, *detectors, reader]
+
+
+def main() -> int:
+    """Run the process; return its exit code."""
+    return run(create_nodes)

@@ -1,0 +1,121 @@
+# Copyright 2026 retrolidar_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""What happens to sensors in labs: they move, hands pass, glass and other sensors throw light."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from retrolidar_ros.scene.description import (
+    NEAREST_M,
+    MovingSurface,
+    SecondSensor,
+    Sensor,
+    Surface,
+    Waypoint,
+)
+from retrolidar_ros.scene.optics import zone_shares
+from retrolidar_ros.sensor.frame import Floats
+
+_GLASS_M = 0.01  # how far a cover glass is, or nearly so
+
+
+def along(path: tuple[Waypoint, ...], time_s: Floats) -> tuple[Floats, Floats]:
+    """Return positions [m], shape (n, 3), and angles (yaw, pitch) [rad], shape (n, 2), at times."""
+    times = np.array([point.time_s for point in path])
+    span_s = times[-1] - times[0]
+    since = times[0] + np.mod(time_s - times[0], span_s) if span_s else np.full_like(time_s, 0.0)
+    places = np.array([(*point.position_m, point.yaw_rad, point.pitch_rad) for point in path])
+    pose = np.stack([np.interp(since, times, column) for column in places.T], axis=-1)
+    return pose[:, :3], pose[:, 3:]
+
+
+def seen_from(sensor: Sensor, position_m: Floats, time_s: Floats) -> Floats:
+    """Return positions of the scene, shape (n or 1, 3), in the frame of a sensor that moves [m]."""
+    if not sensor.path:
+        return position_m
+    own_m, turned = along(sensor.path, time_s)
+    seen: Floats = np.einsum('nji,nj->ni', _rotation(turned), position_m - own_m)
+    return seen
+
+
+def _rotation(turned: Floats) -> Floats:
+    """Return the matrices, shape (n, 3, 3), that turn directions of the sensor into the scene's."""
+    (sin_y, sin_p), (cos_y, cos_p) = np.sin(turned).T, np.cos(turned).T
+    zero = np.zeros_like(sin_y)
+    rows = [
+        [cos_y, sin_y * sin_p, sin_y * cos_p],
+        [zero, cos_p, -sin_p],
+        [-sin_y, cos_y * sin_p, cos_y * cos_p],
+    ]
+    return np.moveaxis(np.array(rows), -1, 0)
+
+
+def in_front(position_m: Floats) -> tuple[Floats, NDArray[np.bool_]]:
+    """Return positions that are before the sensor, and, shape (n, 1), whether they were so."""
+    ahead: NDArray[np.bool_] = position_m[:, 2:] > NEAREST_M
+    return np.where(ahead, position_m, (0.0, 0.0, 1.0)), ahead
+
+
+def see_surface(sensor: Sensor, surface: Surface, time_s: Floats) -> tuple[Floats, Floats]:
+    """Return signal [kcps/SPAD] and z [m] of a flat wall in each zone, shape (n or 1, zones).
+
+    A ray of the sensor meets it where its depth in the scene is the wall's; the signal of what
+    fills a zone falls with the square of the distance.
+    """
+    zones = sensor.grid.zones
+    signal = np.zeros((1, zones))
+    signal[:, slice(None) if surface.zones is None else list(surface.zones)] = surface.signal
+    if not sensor.path:
+        return signal, np.full((1, zones), surface.distance_m)
+    own_m, turned = along(sensor.path, time_s)
+    rays = np.column_stack([sensor.grid.tangents, np.ones(zones)])
+    forward = _rotation(turned)[:, 2] @ rays.T
+    depth = (surface.distance_m - own_m[:, 2:]) / np.maximum(forward, 1e-3)
+    depth = np.maximum(depth, NEAREST_M)
+    return signal * (surface.distance_m / depth) ** 2, depth
+
+
+def see_moving(
+    sensor: Sensor, surface: MovingSurface, time_s: Floats
+) -> tuple[Floats, Floats, Floats]:
+    """Return signal [kcps/SPAD], z [m] and how much of each zone it hides, shape (n, zones)."""
+    place = seen_from(sensor, along(surface.path, time_s)[0], time_s)
+    place, ahead = in_front(place)
+    depth = place[:, 2:]
+    filled = (surface.width_m / depth / sensor.grid.pitch) ** 2
+    hidden = zone_shares(place, surface.width_m, sensor.grid, sensor.blur) * filled * ahead
+    hidden = np.clip(hidden, 0.0, 1.0)
+    return surface.signal / depth**2 * hidden, depth, hidden
+
+
+def cover_glass(sensor: Sensor) -> Surface:
+    """Return the target that a cover glass is: near, and in every zone (ST UM3109, crosstalk)."""
+    return Surface(_GLASS_M, sensor.crosstalk)
+
+
+def saturated(signal: Floats, ambient: Floats | float, limit: float) -> Floats:
+    """Return what counters with a dead time make of rates [kcps/SPAD].
+
+    A counter that is dead after each count, for a time that more light does not lengthen, counts
+    n / (1 + n·dead time) of n (Knoll, *Radiation Detection and Measurement*, ch. 4).
+    """
+    return signal / (1 + (signal + ambient) / limit)
+
+
+def second_light(second: SecondSensor, middle_s: Floats, exposure_s: float) -> Floats:
+    """Return by how much another sensor raises the ambient light of exposures [kcps/SPAD].
+
+    Its pulses are not in step with this sensor's, so they fall anywhere into the time of flight
+    and count as ambient light does. What tells is how much of an exposure it was sending.
+    """
+
+    def sent(time_s: Floats) -> Floats:
+        periods, phase = np.divmod(time_s, second.period_s)
+        total: Floats = periods * second.lasting_s + np.minimum(phase, second.lasting_s)
+        return total
+
+    half = exposure_s / 2
+    lit: Floats = (sent(middle_s + half) - sent(middle_s - half)) / exposure_s
+    return second.ambient * lit

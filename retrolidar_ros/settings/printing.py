@@ -1,0 +1,25 @@
+# Copyright 2026 retrolidar_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""Text from files and messages, made fit for a terminal."""
+
+from __future__ import annotations
+
+_MOST = 1000
+_DISTRIBUTIONS = {'serial': 'pyserial', 'yaml': 'pyyaml'}
+
+
+def printable(text: str, most: int = _MOST) -> str:
+    """Return a text without control characters but newlines, and cut in its middle if need be."""
+    if len(text) > most:
+        half = most // 2
+        text = f'{text[:half]} [... {len(text) - 2 * half} characters ...] {text[-half:]}'
+    return ''.join(
+        one if one.isprintable() or one == '\n' else one.encode('unicode_escape').decode()
+        for one in text
+    )
+
+
+def missing_library(error: ModuleNotFoundError) -> str:
+    """Return what to do about a library that is missing."""
+    name = str(error.name).partition('.')[0]
+    return f'retrolidar: a library is missing: pip install {_DISTRIBUTIONS.get(name, name)}'

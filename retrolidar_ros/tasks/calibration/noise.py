@@ -1,0 +1,244 @@
+# Copyright 2026 retrolidar_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""The law of a sensor's noise, from zones in which nothing changes.
+
+Each zone is cut into blocks, so that a slow drift is no noise. A block gives a mean and a variance,
+and the law is fitted to these by weighted least squares: the variance of a sample variance of
+normal noise is 2·v²/(n - 1).
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from retrolidar_ros.detector.noise import NoiseLaw
+from retrolidar_ros.sensor.frame import Floats, Recording, Status, valid_samples
+from retrolidar_ros.tasks.calibration.estimate import Estimate
+
+_BLOCK = 128  # frames
+_LEAST = 48  # samples of a block
+_MOST_CENSORED = 0.4
+_SIGMAS = 3.0  # by so much more than others are samples of a zone alike that is not at rest
+_ALL_MOVE = 0.3
+_ROUNDS = 30
+# What is not as sure as this is not told of a slope, as a share of it.
+_LEAST_SURE = 0.35
+_LEAST_FLOOR = 1e-3
+_LEAST_AMBIENT = 1.0  # by which the ambient light has to vary [kcps/SPAD]
+
+
+class Block(NamedTuple):
+    """Samples of one zone at rest."""
+
+    zone: int
+    signal: float
+    """Mean [kcps/SPAD]."""
+    ambient: float
+    """Mean [kcps/SPAD]."""
+    variance: float
+    """[(kcps/SPAD)²]"""
+    samples: int
+    distance_variance: float
+    """[m²], NaN without distances."""
+
+
+class NoiseFound(NamedTuple):
+    """The law, and how far noise departs from it."""
+
+    floor: Estimate
+    """[(kcps/SPAD)²]; with the ambient light's, where that did not vary."""
+    slope: Estimate | None
+    """[kcps/SPAD]; None if the zones are too much alike to tell."""
+    ambient: Estimate | None
+    """[kcps/SPAD]; None if the ambient light did not vary enough to tell."""
+    light: float
+    """Mean ambient light [kcps/SPAD]."""
+    correlation: Estimate
+    """Of successive samples: 0 of white noise."""
+    excess: float
+    """By how many times more than by chance the blocks scatter about the law (χ² a degree)."""
+    zones: list[int]
+    """Those at rest."""
+    blocks: list[Block]
+    ranging: tuple[float, float] | None
+    """Deviation of a distance at 1 kcps/SPAD [m], and its least [m]."""
+
+    @property
+    def law(self) -> NoiseLaw:
+        """What a detector is to be told: where a slope is not known, the usual law, scaled."""
+        ambient = self.ambient.value if self.ambient else 0.0
+        if self.slope is not None:
+            return NoiseLaw(max(self.floor.value, _LEAST_FLOOR), self.slope.value, ambient)
+        usual = NoiseLaw()
+        signal = float(np.mean([block.signal for block in self.blocks]))
+        scale = self.floor.value / float(usual.variance(np.asarray(signal)))
+        return NoiseLaw(usual.floor * scale, usual.slope * scale, ambient)
+
+
+def noise_of(recording: Recording, waves: Floats | None = None) -> NoiseFound | None:
+    """Return the noise of the zones at rest; None if there is none.
+
+    Parameters
+    ----------
+    recording : Recording
+    waves : array, shape (frames, waves), optional
+        Light of markers, NaN where unknown; what little of it is in a zone is taken off.
+    """
+    valid, _ = valid_samples(recording.signal, recording.distance, recording.status)
+    signal = recording.signal.astype(np.float64)
+    faint = (recording.status == Status.NO_TARGET) | (valid & (signal <= 0))
+    zones, correlation = _at_rest(signal, valid & ~faint)
+    if not zones:
+        return None
+    blocks = []
+    for zone in zones:
+        level: Floats = signal[:, zone]
+        if waves is not None:
+            level = _without(level, valid[:, zone], waves)
+        for begin in range(0, len(recording) - _LEAST + 1, _BLOCK):
+            rows = slice(begin, begin + _BLOCK)
+            block = _block(recording, level, valid[:, zone], faint[:, zone], zone, rows)
+            if block is not None:
+                blocks.append(block)
+    if not blocks:
+        return None
+    return _fitted(blocks, zones, correlation)
+
+
+def _at_rest(signal: Floats, valid: NDArray[np.bool_]) -> tuple[list[int], Estimate]:
+    """Return zones whose samples are no more alike than those of others, and how alike they are."""
+    alike: dict[int, float] = {}
+    count = valid.sum(axis=0)
+    for zone in range(signal.shape[1]):
+        if count[zone] < max(_LEAST, (1 - _MOST_CENSORED) * len(signal)):
+            continue
+        change = np.where(valid[:, zone], signal[:, zone] - signal[valid[:, zone], zone].mean(), 0)
+        if (power := float(change @ change)) > 0:
+            alike[zone] = float(change[1:] @ change[:-1]) / power
+    if not alike:
+        return [], Estimate(0.0, 1.0)
+    values = np.array(list(alike.values()))
+    chance = 1 / math.sqrt(len(signal))
+    usual = float(np.quantile(values, 0.25)) + 0.67 * chance
+    if usual > _ALL_MOVE:
+        return [], Estimate(usual, chance)
+    zones = [zone for zone, value in alike.items() if value < max(usual, 0.0) + _SIGMAS * chance]
+    own = np.array([alike[zone] for zone in zones])
+    return zones, Estimate(float(own.mean()) + 1 / len(signal), chance / math.sqrt(len(zones)))
+
+
+def _without(level: Floats, valid: NDArray[np.bool_], waves: Floats) -> Floats:
+    """Return a zone's signal less what of the waves is in it."""
+    known = valid & np.isfinite(waves).all(axis=1)
+    if np.count_nonzero(known) < _LEAST:
+        return level
+    change = waves - waves[known].mean(axis=0)
+    gain = np.linalg.lstsq(change[known], level[known] - level[known].mean(), rcond=None)[0]
+    rest: Floats = level - np.nan_to_num(change) @ gain
+    return rest
+
+
+def _block(
+    recording: Recording,
+    level: Floats,
+    valid: NDArray[np.bool_],
+    faint: NDArray[np.bool_],
+    zone: int,
+    rows: slice,
+) -> Block | None:
+    """Return a block of a zone; None of too few samples."""
+    seen = valid[rows] & ~faint[rows]
+    hidden = int(np.count_nonzero(faint[rows]))
+    samples = level[rows][seen]
+    number = len(samples) + hidden
+    if len(samples) < _LEAST or hidden > _MOST_CENSORED * number:
+        return None
+    ambient = float(recording.ambient[rows, zone][seen].mean())
+    distance = recording.distance[rows, zone][seen]
+    distance = distance[np.isfinite(distance)].astype(np.float64)
+    if hidden:
+        # A signal of nothing is cut off at zero, and a target that is not seen at some threshold.
+        unseen = (recording.status[rows, zone][faint[rows]] == Status.NO_TARGET).any()
+        mean, variance = _censored(samples, hidden, float(samples.min()) if unseen else 0.0)
+    else:
+        mean, variance = float(samples.mean()), float(samples.var(ddof=1))
+    spread = float(distance.var(ddof=1)) if len(distance) > _LEAST else math.nan
+    return Block(zone, mean, ambient, variance, number, spread)
+
+
+def _censored(samples: Floats, hidden: int, limit: float) -> tuple[float, float]:
+    """Return mean and variance of normal noise of which what is below a limit is only counted.
+
+    By expectation and maximisation (Dempster, Laird and Rubin, 1977).
+    """
+    mean, variance = float(samples.mean()), float(samples.var())
+    number = len(samples) + hidden
+    for _ in range(_ROUNDS):
+        sigma = math.sqrt(max(variance, 1e-9))
+        score = (limit - mean) / sigma
+        below = max((1 + math.erf(score / math.sqrt(2))) / 2, 1e-12)
+        ratio = math.exp(-score * score / 2) / math.sqrt(2 * math.pi) / below
+        expected = mean - sigma * ratio
+        spread = variance * max(1 - score * ratio - ratio * ratio, 0.0)
+        mean = (float(samples.sum()) + hidden * expected) / number
+        total = float(((samples - mean) ** 2).sum())
+        variance = (total + hidden * (spread + (expected - mean) ** 2)) / (number - 1)
+    return mean, variance
+
+
+def _fitted(blocks: list[Block], zones: list[int], correlation: Estimate) -> NoiseFound:
+    """Return the law that explains the variances of blocks best."""
+    signal = np.array([max(block.signal, 0.0) for block in blocks])
+    ambient = np.array([block.ambient for block in blocks])
+    variance = np.array([block.variance for block in blocks])
+    freedom = np.array([block.samples - 1.0 for block in blocks])
+    ones = np.ones_like(signal)
+    columns = [ones, signal, ambient] if np.ptp(ambient) > _LEAST_AMBIENT else [ones, signal]
+    while True:
+        told, excess = _weighted(np.stack(columns, axis=-1), variance, freedom)
+        if all(one.stddev < _LEAST_SURE * told[1].value for one in told[1:]):
+            break
+        columns.pop()
+    floor, *others = told
+    slope, light = (*others, None, None)[:2]
+    return NoiseFound(
+        floor, slope, light, float(ambient.mean()), correlation, excess, zones, blocks,
+        _ranging(blocks),
+    )  # fmt: skip
+
+
+def _weighted(design: Floats, variance: Floats, freedom: Floats) -> tuple[list[Estimate], float]:
+    """Return the coefficients of a law, none negative, and by how much more than chance it errs."""
+    expected = np.full_like(variance, variance.mean())
+    used = list(range(design.shape[1]))
+    for _ in range(_ROUNDS):
+        weight = freedom / (2 * expected**2)
+        part = design[:, used]
+        covariance = np.linalg.pinv((part.T * weight) @ part)
+        value = covariance @ (part.T @ (weight * variance))
+        if (value[1:] < 0).any():
+            used = [used[0], *(one for one, v in zip(used[1:], value[1:], strict=True) if v >= 0)]
+            continue
+        expected = np.maximum(part @ value, 1e-3 * variance.mean())
+    left = float(weight @ (variance - expected) ** 2)
+    excess = max(left / max(len(variance) - len(used), 1), 1.0)
+    found = [Estimate(0.0, math.inf)] * design.shape[1]
+    for place, one in enumerate(used):
+        found[one] = Estimate(float(value[place]), math.sqrt(excess * covariance[place, place]))
+    return found, excess
+
+
+def _ranging(blocks: list[Block]) -> tuple[float, float] | None:
+    """Return how distances deviate: at a signal of 1, and at least [m]."""
+    known = [block for block in blocks if math.isfinite(block.distance_variance)]
+    if len(known) < 2:
+        return None
+    inverse = np.array([1 / max(block.signal, 0.1) ** 2 for block in known])
+    variance = np.array([max(block.distance_variance, 1e-12) for block in known])
+    design = np.stack([np.ones_like(inverse), inverse], axis=-1)
+    found, _ = _weighted(design, variance, np.array([block.samples - 1.0 for block in known]))
+    return math.sqrt(found[1].value), math.sqrt(max(found[0].value, 0.0))

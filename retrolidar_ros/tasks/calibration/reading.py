@@ -1,0 +1,94 @@
+# Copyright 2026 retrolidar_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""Markers of a recording, by bit periods that nobody has told."""
+
+from __future__ import annotations
+
+from collections import defaultdict
+
+import numpy as np
+
+from retrolidar_ros.detector import METHODS, Detection, create_detector
+from retrolidar_ros.detector.blinking_zones import BlinkingZone
+from retrolidar_ros.detector.noise import NoiseLaw
+from retrolidar_ros.marker.code import PACKET_BITS
+from retrolidar_ros.sensor.frame import Recording
+
+_ZONES = 8
+_APART, _ALIKE = 0.02, 0.04  # periods that are tried apart, and that are of one clock
+_AS_SURE = 0.1
+_LEAST_PACKETS = 3
+_EXPLAINED = 0.4  # of the recording, that a zone's marker is read in
+_FRAMES = np.geomspace(1.95, 9.0, 32)  # a bit, tried where no line tells; 5 % apart
+
+
+def read_markers(
+    recording: Recording, zones: list[BlinkingZone], law: NoiseLaw, frame_s: float
+) -> dict[int, list[Detection]]:
+    """Return the readings of each marker, by its ID.
+
+    A wrong period may let a wrong ID be read, again and again. So markers of another period than
+    the one with the most evidence are kept only if they are elsewhere and nearly as sure, and none
+    that was read but once of a packet that it is to repeat.
+
+    Parameters
+    ----------
+    recording : Recording
+    zones : list of BlinkingZone
+        Of the recording, strongest first.
+    law : NoiseLaw
+        Of the sensor.
+    frame_s : float
+        Frame period [s].
+    """
+    groups: list[list[Detection]] = []
+    tried: list[float] = []
+    duration_s = (recording.stamp_ns[-1] - recording.stamp_ns[0]) * 1e-9
+    for rank in range(max((len(zone.periods) for zone in zones[:_ZONES]), default=0)):
+        for zone in zones[:_ZONES]:
+            if rank >= len(zone.periods) or zone.zone in _explained(groups, duration_s):
+                continue
+            period_s = zone.periods[rank].bit_period_s
+            if all(abs(period_s / one - 1) > _APART for one in tried):
+                tried.append(period_s)
+                groups += _groups(recording, period_s, law)
+    if zones and not groups:
+        for period_s in (_FRAMES * frame_s).tolist():
+            groups += _groups(recording, period_s, law)
+    kept: dict[int, list[Detection]] = {}
+    for own in sorted(groups, key=lambda group: -_evidence(group)):
+        if len(own) < 2 and duration_s > _LEAST_PACKETS * PACKET_BITS * own[0].bit_period_s:
+            continue
+        if kept:
+            most, *_ = kept.values()
+            alike = abs(own[0].bit_period_s / most[0].bit_period_s - 1) < _ALIKE
+            elsewhere = {one.zones[0] for one in own}.isdisjoint(
+                one.zones[0] for others in kept.values() for one in others
+            )
+            if not alike and not (elsewhere and _evidence(own) > _AS_SURE * _evidence(most)):
+                continue
+        kept.setdefault(own[0].id, own)
+    return kept
+
+
+def _evidence(group: list[Detection]) -> float:
+    return sum(one.evidence for one in group)
+
+
+def _groups(recording: Recording, period_s: float, law: NoiseLaw) -> list[list[Detection]]:
+    """Return the readings by a bit period [s], a list an ID."""
+    found: defaultdict[int, list[Detection]] = defaultdict(list)
+    detector = create_detector(METHODS[0], recording.grid, bit_period_s=period_s, noise=law)
+    for detection in detector.update_all(recording):
+        found[detection.id].append(detection)
+    return list(found.values())
+
+
+def _explained(groups: list[list[Detection]], duration_s: float) -> set[int]:
+    """Return the zones whose blinking is that of a marker that was read most of the time."""
+    explained: set[int] = set()
+    for own in groups:
+        read_s = sum(PACKET_BITS * one.bit_period_s for one in own)
+        if read_s > _EXPLAINED * duration_s:
+            explained.update(zone for one in own for zone in one.zones)
+    return explained

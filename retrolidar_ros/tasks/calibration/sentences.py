@@ -1,0 +1,183 @@
+# Copyright 2026 retrolidar_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""What was found, in plain sentences; and what to record next for what was not."""
+
+from __future__ import annotations
+
+from retrolidar_ros.sensor.frame import Status
+from retrolidar_ros.tasks.calibration.calibrate import Calibration, MarkerFound
+from retrolidar_ros.tasks.calibration.noise import NoiseFound
+
+_WHITE = 3.0  # standard deviations from it
+_CLEAR_EXCESS = 2.0
+_TWO_FRAMES = 1.9
+_NAMES = {int(one): one.name.lower().replace('_', ' ') for one in Status}
+_CLOCK = 0.03  # how far a detector looks for a bit period
+
+
+def sentences(found: Calibration) -> list[str]:
+    """Return what was found; ± is half of the interval that holds the truth in 95 of 100 cases."""
+    lines = [*_timing(found), *(_noise(found.noise) if found.noise else [])]
+    for marker in found.markers:
+        lines += _marker(marker)
+    read = {zone for marker in found.markers for zone in marker.sent.zones}
+    read |= {zone for marker in found.markers for one in marker.readings for zone in one.zones}
+    for zone in found.zones:
+        if zone.zone not in read and zone.periods:
+            lines.append(
+                f'Zone {zone.zone} blinks by {zone.modulation_db:.0f} dB with bits of '
+                f'{1e3 * zone.bit_period_s:.1f} ms; no ID can be read.'
+            )
+    if link := found.link:
+        offset, light = link.offset_m.times(1e3).text('mm'), link.signal_at_1_m.text('kcps/SPAD')
+        lines += [
+            f'ID {link.marker} is at {link.distance_m:g} m, so ranges are too long by {offset}.',
+            f'If it faces the sensor, a bright marker of 3 cm gives {light} at 1 m.',
+            f'So 80 % of lone packets of 3 cm are to be expected to {link.reach_m:.1f} m.',
+        ]
+    if sweep := found.sweep:
+        lines.append(
+            f'The optics blur by {sweep.blur.times(100).text("% of a zone")}, by {sweep.passes} '
+            'passes of a marker.'
+        )
+        if sweep.pitch:
+            lines.append(f'A zone is {sweep.pitch.text()} wide, as a tangent.')
+    return lines
+
+
+def _timing(found: Calibration) -> list[str]:
+    one, grid = found.timing, found.recording.grid
+    statuses = ', '.join(
+        f'{code} ({_NAMES.get(code, "other")}) {100 * share:.1f} %'
+        for code, share in one.statuses.items()
+    )
+    return [
+        f'{one.frames} frames of {grid.rows}x{grid.columns} zones in {one.duration_s:.1f} s.',
+        (
+            f'A frame comes every {one.period_s.times(1e3).text("ms")}, with a jitter of '
+            f'{one.jitter_s.times(1e3).text("ms")}.'
+        ),
+        (
+            f'{one.lost.times(100).text("%")} of the frames are lost; the longest gap is '
+            f'{1e3 * one.longest_gap_s:.0f} ms.'
+        ),
+        f'Statuses: {statuses}.',
+    ]
+
+
+def _noise(noise: NoiseFound) -> list[str]:
+    lines = [f'{len(noise.zones)} zones are at rest.']
+    law = f'The variance of the noise is {noise.floor.text("(kcps/SPAD)²")}'
+    if noise.slope is None:
+        signal = sum(block.signal for block in noise.blocks) / len(noise.blocks)
+        lines.append(
+            f'{law} at a signal of about {signal:.0f} kcps/SPAD; how it grows with the signal is '
+            'not told, and is taken to be as usual.'
+        )
+    else:
+        lines.append(f'{law} and {noise.slope.text("kcps/SPAD")} times the signal.')
+    if noise.ambient:
+        lines.append(f'Ambient light adds {noise.ambient.text("kcps/SPAD")} times itself.')
+    else:
+        lines.append(
+            f'That holds in ambient light of {noise.light:.0f} kcps/SPAD, which did not vary.'
+        )
+    value, stddev = noise.correlation
+    white = 'it is white' if abs(value) < _WHITE * stddev else 'it is not white'
+    lines.append(
+        f'Successive samples correlate by {noise.correlation.text()}: as far as seen {white}.'
+    )
+    if noise.excess > _CLEAR_EXCESS:
+        lines.append(f'The zones differ {noise.excess:.1f} times more than by chance.')
+    return lines
+
+
+def _marker(marker: MarkerFound) -> list[str]:
+    sent = marker.sent
+    zone = sent.zones[0]
+    name = f'ID {sent.id}'
+    lines = [
+        (
+            f'{name} was read {len(marker.readings)} times, best in zone {zone}; its bits last '
+            f'{sent.bit_period_s.times(1e3).text("ms")}.'
+        )
+    ]
+    if marker.moves:
+        return [*lines, f'{name} moves, so its light and its crystal are not told.']
+    level, gain = sent.level[zone], sent.gain[zone]
+    lines.append(
+        f'{name}: zone {zone} has {level.text("kcps/SPAD")} when it is dark, and '
+        f'{gain.text("kcps/SPAD")} more when it is bright.'
+    )
+    if marker.range_m:
+        lines.append(f'{name} is measured at {marker.range_m.text("m")}.')
+    if marker.flipped:
+        return [*lines, f'{name}: dark bits show something behind it, so its crystal is not told.']
+    lines.append(
+        f'{name}: from 10 to 90 % the crystal brightens in {sent.bright_s.times(1e3).text("ms")} '
+        f'and darkens in {sent.dark_s.times(1e3).text("ms")}.'
+    )
+    if marker.contrast and marker.pedestal:
+        lines.append(
+            f'{name}: the crystal blocks {marker.contrast.times(100).text("%")} of its light; '
+            f'{marker.pedestal.text("kcps/SPAD")} are of what is around it.'
+        )
+    else:
+        lines.append(
+            f'{name}: the crystal blocks {100 * marker.least_contrast:.0f} % of its light at least.'
+        )
+    return lines
+
+
+def missing(found: Calibration) -> list[str]:
+    """Return what to record next, or to mend, for what the recording does not tell."""
+    lines = []
+    period_s = found.timing.period_s.value
+    if found.timing.duration_s < 20:
+        lines.append('Record half a minute: every estimate gets surer with time.')
+    if found.noise is None:
+        lines.append(
+            'No zone is at rest, so the noise is not told: record with the sensor and all but the '
+            'markers standing still.'
+        )
+    elif found.noise.slope is None:
+        lines.append(
+            'All zones at rest are alike: put white paper at several distances into the view, and '
+            'the noise is told at all of their signals.'
+        )
+    if found.noise is not None and found.noise.ambient is None:
+        lines.append('Switch a lamp on and off while recording for the noise of ambient light.')
+    clocked = [zone for zone in found.zones if zone.periods]
+    if not found.zones:
+        lines.append('No zone blinks: put a marker that repeats its packet 0.5 to 1 m away.')
+    elif not found.markers:
+        lines.append(
+            'Zones blink, but no ID can be read: put one marker nearer, alone in its zone, and let '
+            'it repeat its packet; each bit is to last two to eight frames.'
+        )
+        if clocked and clocked[0].bit_period_s < _TWO_FRAMES * period_s:
+            lines.append('The bits are too fast for this frame rate.')
+    still = [marker for marker in found.markers if not marker.moves]
+    if found.markers and found.link is None and still:
+        lines.append(
+            'For the offset of ranges and the reach: measure the way from the sensor to the '
+            'brightest marker, and give --distance.'
+        )
+    if any(marker.flipped for marker in still):
+        lines.append('For the crystal: put the marker less than half a metre before a wall.')
+    elif any(marker.contrast is None for marker in still):
+        lines.append(
+            'For the contrast: let three zones see the wall that the marker hangs on, and only it.'
+        )
+    if found.sweep is None:
+        lines.append(
+            'For the blur: move a marker evenly across the view, through a zone in four packets '
+            'or slower; with --speed for the width of zones.'
+        )
+    periods = [marker.sent.bit_period_s.value for marker in found.markers]
+    if periods and max(periods) > (1 + _CLOCK) * min(periods):
+        lines.append(
+            'The markers have different bit periods; a detector reads one. That of the brightest '
+            'is written.'
+        )
+    return lines

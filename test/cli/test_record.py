@@ -1,0 +1,84 @@
+# Copyright 2026 retrolidar_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""A sensor at a port, recorded by the executable."""
+
+import re
+import signal
+import subprocess
+import sys
+from pathlib import Path
+from typing import IO
+
+import numpy as np
+import pytest
+from harness import Sensor
+
+from retrolidar_ros.bag import read_frames
+from retrolidar_ros.cli.main import main
+from retrolidar_ros.scene.emulator import frames_in_real_time
+from retrolidar_ros.scene.files import load_scene
+from retrolidar_ros.sensor.frame import Recording
+
+
+def recorder(port: Path, bag: Path, *options: str) -> 'subprocess.Popen[str]':
+    command = [sys.executable, '-m', 'retrolidar_ros.cli.main', 'record', str(port), '-o', str(bag)]
+    pipe = subprocess.PIPE
+    return subprocess.Popen([*command, *options], stdout=pipe, stderr=pipe, text=True)
+
+
+def until(stream: IO[str] | None, pattern: str) -> str:
+    """Return the first line that matches; a stream that ends before fails."""
+    assert stream is not None
+    seen = []
+    for line in stream:
+        if re.search(pattern, line):
+            return line
+        seen.append(line)
+    raise AssertionError(f'no {pattern} in {seen}')
+
+
+@pytest.mark.parametrize('storage', ['mcap', 'sqlite3'])
+def test_an_interrupted_recording_holds_what_was_sent(tmp_path: Path, storage: str) -> None:
+    with Sensor(load_scene('coffee'), tmp_path / 'port') as sensor:
+        process = recorder(tmp_path / 'port', tmp_path / 'bag', '--storage', storage)
+        line = until(process.stderr, 'bits of')
+        process.send_signal(signal.SIGINT)
+        told, _ = process.communicate(timeout=20)
+    assert process.returncode == 0
+    assert re.search(r'\d+ frames, 4\d\.\d a second, 0 lost; zone 9 blinks by 3\d dB', line)
+    frames = list(read_frames(tmp_path / 'bag'))
+    assert f'{len(frames)} frames, 0 lost' in told
+    at_once = frames_in_real_time(load_scene('coffee'), 10.0, 0, lambda: 10**18)
+    sent = {frame.sequence: frame for frame, _ in at_once}
+    for frame in frames:
+        true = sent[frame.sequence]
+        np.testing.assert_allclose(frame.signal, true.signal, atol=1 / 2048)
+        np.testing.assert_array_equal(frame.status, true.status)
+        assert abs(frame.stamp_ns - sensor.middle_ns[frame.sequence]) < 20e6
+
+
+def test_a_cable_that_is_pulled_leaves_what_came_before_and_after(tmp_path: Path) -> None:
+    with Sensor(load_scene('coffee'), tmp_path / 'port') as sensor:
+        process = recorder(tmp_path / 'port', tmp_path / 'bag')
+        until(process.stderr, r'[1-9]\d* frames')
+        sensor.pull()
+        until(process.stderr, 'was lost; is the sensor still plugged in')
+        sensor.plug()
+        until(process.stderr, 'reading')
+        until(process.stderr, 'lost')
+        process.send_signal(signal.SIGTERM)
+        process.communicate(timeout=20)
+    recording = Recording.of(list(read_frames(tmp_path / 'bag')))
+    assert process.returncode == 0
+    assert np.diff(recording.stamp_ns).max() > 0.2e9
+    assert (np.diff(recording.stamp_ns) > 0).all()
+
+
+def test_no_frame_is_an_exit_code(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    code = main(
+        ['record', str(tmp_path / 'none'), '-o', str(tmp_path / 'bag'), '--duration', '0.3']
+    )
+    assert code == 1
+    told = capsys.readouterr()
+    assert 'does not exist; is the sensor plugged in?' in told.err
+    assert '0 frames' in told.out
