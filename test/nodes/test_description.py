@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The description of the sensor for a robot's own, and the workflow of a host."""
 
+import re
 from xml.etree import ElementTree
 
 import numpy as np
@@ -35,6 +36,17 @@ def test_the_optical_frame_looks_along_the_x_of_its_link() -> None:
     assert ahead == pytest.approx([1, 0, 0], abs=1e-9)
     assert right == pytest.approx([0, -1, 0], abs=1e-9)
     assert down == pytest.approx([0, 0, -1], abs=1e-9)
+
+
+def test_the_documented_mounting_looks_ahead() -> None:
+    file = shared_file('package.xml').parent / 'docs' / 'troubleshooting.md'
+    if not file.exists():
+        pytest.skip('an installed package has no documents')
+    (line,) = (x for x in file.read_text().splitlines() if 'static_transform_publisher' in x)
+    angles = {name: float(value) for name, value in re.findall(r'--(roll|pitch|yaw) (\S+)', line)}
+    turn = rotation(*(angles.get(name, 0.0) for name in ('roll', 'pitch', 'yaw')))
+    assert turn[:, 2] == pytest.approx([1, 0, 0], abs=1e-6)
+    assert turn[:, 0] == pytest.approx([0, -1, 0], abs=1e-6)
 
 
 def test_the_workflow_builds_and_tests_for_every_distro() -> None:
