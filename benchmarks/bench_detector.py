@@ -32,8 +32,8 @@ from typing import Any
 import frame_times
 import numpy as np
 
+from evaluation.bench.disturbances import restless_blocks
 from evaluation.bench.machine import write_figures
-from evaluation.bench.restless import restless_blocks
 from evaluation.report.readme import against_table
 from retrolidar_ros.bag import FrameWriter
 from retrolidar_ros.detector import METHODS, create_detector

@@ -20,14 +20,18 @@ from dataclasses import replace
 os.environ.setdefault('OPENBLAS_NUM_THREADS', '1')
 
 import numpy as np
+from numpy.typing import NDArray
 
-from evaluation.bench.link import Trial, link_scene, lone_trial
+from evaluation.bench.disturbances import restless_blocks
 from evaluation.bench.rates import frequency
-from evaluation.bench.restless import restless_blocks
+from evaluation.bench.recordings import Sent, record
+from evaluation.bench.stresses import PLAIN
 from retrolidar_ros.detector import Detector, create_detector
-from retrolidar_ros.marker.dictionary import choose_ids
-from retrolidar_ros.scene import Scene
-from retrolidar_ros.scene.reference import SENSOR
+from retrolidar_ros.marker.dictionary import USABLE_IDS, choose_ids
+from retrolidar_ros.scene.marker_budget import needed_swing
+from retrolidar_ros.scene.noise import noisy
+from retrolidar_ros.scene.reference import NOISE, SENSOR, WALL_SIGNAL
+from retrolidar_ros.sensor.frame import Recording
 
 SCENES = {64: 6, 3: 16}
 LINKS_DB = {64: (5.0, 6.0, 7.0, 8.0, 9.0), 3: (4.0, 5.0, 6.0, 7.0, 8.0)}
@@ -42,21 +46,16 @@ def detector(registered: Sequence[int] | None) -> Detector:
     return create_detector('joint', SENSOR.grid, registered_ids=registered)
 
 
-def relabelled(scene: Scene, ids: Sequence[int], zones: Sequence[int]) -> Scene:
-    """Return a scene with the markers of some zones only, under other IDs."""
-    markers = (
-        replace(scene.markers[zone], id=int(identity), name=f'marker_{identity}')
-        for zone, identity in zip(zones, ids, strict=True)
-    )
-    return replace(scene, markers=tuple(markers))
+def sent_of(snr_db: float, ids: NDArray[np.int64], rng: np.random.Generator) -> Sent:
+    """Return lone packets of some IDs, over a link of some strength."""
+    return record(PLAIN, needed_swing(snr_db), rng, ids)
 
 
-def rightly_read(trial: Trial, zones: Sequence[int], registered: Sequence[int] | None) -> int:
-    """Count the markers that are read in their zones under their IDs."""
-    told = {zone: one.id for zone, one in zip(zones, trial.scene.markers, strict=True)}
-    readings = detector(registered).update_all(trial.recording)
-    read = {(reading.zones[0], reading.id) for reading in readings}  # some come twice
-    return len(read & set(told.items()))
+def alone(sent: Sent, zones: Sequence[int], rng: np.random.Generator) -> Recording:
+    """Return a recording with the markers of some zones only: walls in the others."""
+    wall = noisy(np.full(sent.recording.signal.shape, WALL_SIGNAL), NOISE, rng)
+    wall[:, list(zones)] = sent.recording.signal[:, list(zones)]
+    return replace(sent.recording, signal=wall.astype(np.float32))
 
 
 def compare_links(count: int, rng: np.random.Generator) -> None:
@@ -65,11 +64,19 @@ def compare_links(count: int, rng: np.random.Generator) -> None:
     for snr_db in LINKS_DB[count]:
         free = registered = 0
         for _ in range(SCENES[count]):
-            scene = link_scene(snr_db, rng)
-            ids = known if count == len(zones) else rng.choice(known, len(zones), replace=False)
-            trial = lone_trial(relabelled(scene, ids.tolist(), zones), rng)
-            free += rightly_read(trial, zones, None)
-            registered += rightly_read(trial, zones, sorted(known.tolist()))
+            # Of few IDs the markers of other zones are strangers, which walls then hide.
+            others = np.setdiff1d(USABLE_IDS, known)[: SENSOR.grid.zones]
+            sent = sent_of(snr_db, known if count >= SENSOR.grid.zones else others, rng)
+            told = dict(zip(zones, sent.ids[list(zones)].tolist(), strict=True))
+            allowed = known.tolist() if count >= SENSOR.grid.zones else list(told.values())
+            frames = alone(sent, zones, rng)
+            for ids in (None, sorted(allowed)):
+                readings = detector(ids).update_all(frames)
+                read = len({(one.zones[0], one.id) for one in readings} & set(told.items()))
+                if ids is None:
+                    free += read
+                else:
+                    registered += read
         total = SCENES[count] * len(zones)
         print(f'{snr_db:4.0f} dB: {free} of {total} free, {registered} with {count} registered')
 
@@ -79,11 +86,11 @@ def count_strangers(rng: np.random.Generator) -> None:
     for snr_db in STRANGER_LINKS_DB:
         misread = dict.fromkeys(SCENES, 0)
         for _ in range(STRANGER_SCENES):
-            trial = lone_trial(link_scene(snr_db, rng), rng)
-            there = {marker.id for marker in trial.scene.markers}
+            sent = sent_of(snr_db, USABLE_IDS, rng)
+            there = set(sent.ids.tolist())
             for count in misread:
                 absent = sorted(set(choose_ids(count)[0].tolist()) - there)
-                misread[count] += len(detector(absent).update_all(trial.recording))
+                misread[count] += len(detector(absent).update_all(sent.recording))
         told = ', '.join(f'{wrong} with {count} registered' for count, wrong in misread.items())
         print(f'{snr_db:4.0f} dB: of {STRANGER_SCENES * SENSOR.grid.zones} strangers {told}')
 

@@ -16,13 +16,15 @@ def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
         prog='evaluate',
         description='Run experiments on emulated frames; without any name, list them. Each writes '
-        'NAME.json and NAME.png; --all also writes a page of Markdown that tells of all of them.',
+        'NAME.json and NAME.png; --all also writes the report of all of them.',
     )
     which = parser.add_mutually_exclusive_group()
     which.add_argument('names', nargs='*', default=[], metavar='NAME', help='which to run')
-    which.add_argument('--all', action='store_true', help='all of them, and the page')
-    parser.add_argument('--quick', action='store_true', help='few trials: a look at each')
+    which.add_argument('--all', action='store_true', help='all of them, and the report')
+    which.add_argument('--page', action='store_true', help='the report of what has been run')
+    parser.add_argument('--quick', action='store_true', help='few trials: a rough look')
     parser.add_argument('--seed', type=int, default=1, help='(default: %(default)s)')
+    parser.add_argument('--processes', type=int, help='how many at once (default: one a core)')
     parser.add_argument(
         '-o',
         '--output',
@@ -36,17 +38,19 @@ def _parser() -> argparse.ArgumentParser:
 def main(arguments: list[str] | None = None) -> int:
     """Run experiments, or list them; return the exit code."""
     options = _parser().parse_args(arguments)
-    if not options.names and not options.all:
+    if not (options.names or options.all or options.page):
         for name, experiment in EXPERIMENTS.items():
-            print(f'{name:16}{experiment.TITLE:44}{experiment.SOURCE}'.rstrip())
+            print(f'{name:16}{experiment.TITLE}')
         return 0
     # A quick look is not to take the place of the report that stands in the repository.
     output = options.output or Path('report_quick' if options.quick else 'docs/report')
     names = list(EXPERIMENTS) if options.all else options.names
     try:
-        run_experiments(names, output, quick=options.quick, seed=options.seed)
+        run_experiments(
+            names, output, quick=options.quick, seed=options.seed, processes=options.processes
+        )
+        print(write_page(output) if options.all or options.page else output)
     except ValueError as error:
         print(f'evaluate: {error}', file=sys.stderr)
         return 2
-    print(f'{write_page(output) if options.all else output}')
     return 0

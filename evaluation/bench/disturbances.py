@@ -18,13 +18,13 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from evaluation.bench.restless import restless_blocks
+from evaluation.bench.restless import Hands
 from retrolidar_ros.marker.code import BIT_PERIOD_S
 from retrolidar_ros.scene.description import Sensor
 from retrolidar_ros.scene.reference import NOISE, SENSOR, WALL_SIGNAL
 from retrolidar_ros.sensor.frame import Floats, Recording, Status
 
-BLOCK_FRAMES = 2048
+BLOCK_FRAMES = 4096
 LEAST_SIGNAL, MOST_SIGNAL = 2.0, 1700.0  # of what walks [kcps/SPAD]
 WHITE_SIGNALS = (4.0, 600.0)
 PRESENT_SIGNALS = (5.0, 1000.0)
@@ -68,8 +68,13 @@ def _log_uniform(bounds: tuple[float, float], size: int, rng: np.random.Generato
 class White:
     """Noise alone, in every zone at another level."""
 
-    def __init__(self, sensor: Sensor, rng: np.random.Generator) -> None:
-        levels = np.geomspace(*WHITE_SIGNALS, sensor.grid.zones, dtype=np.float32)
+    def __init__(
+        self,
+        sensor: Sensor,
+        rng: np.random.Generator,
+        signals: tuple[float, float] = WHITE_SIGNALS,
+    ) -> None:
+        levels = np.geomspace(*signals, sensor.grid.zones, dtype=np.float32)
         self._levels = rng.permutation(levels)
 
     def advance(self, frames: int) -> tuple[Singles, None]:
@@ -111,21 +116,8 @@ def _held(
 ) -> tuple[Singles, NDArray[np.intp], NDArray[np.bool_]]:
     """Return the mean over each frame of values that are held between edges.
 
-    Parameters
-    ----------
-    values : array, shape (n,)
-    edges : array, shape (n + 1,)
-        When each begins and the last ends, ascending, in frames from the first one's beginning;
-        from 0 or before to the number of frames or beyond.
-    frames : int
-
-    Returns
-    -------
-    means : array, shape (frames,)
-    place : array of int, shape (frames,)
-        Which value each frame ends with.
-    first : array of bool, shape (frames,)
-        Whether that value began within the frame.
+    The n + 1 edges are in frames from the beginning, ascending, from 0 or before to the last frame
+    or beyond. Also returned are which value each frame ends with, and whether that began within it.
     """
     sums = np.concatenate([[0.0], np.cumsum(values * np.diff(edges))])
     times = np.arange(frames + 1)
@@ -225,7 +217,7 @@ def _sensed(
     )
 
 
-def _blocks(
+def source_blocks(
     make: Callable[[Sensor, np.random.Generator], Source],
     duration_s: float,
     rng: np.random.Generator,
@@ -239,19 +231,27 @@ def _blocks(
         yield _sensed(signal, status, begin, sensor, rng)
 
 
+restless_blocks = partial(source_blocks, Hands)
+"""Yields the frames of hands that never rest, for a duration [s]."""
+
+
+wall_blocks = partial(source_blocks, partial(White, signals=(WALL_SIGNAL, WALL_SIGNAL)))
+"""Yields the frames of a bare wall."""
+
+
 FAMILY = (
-    Member('white', partial(_blocks, White)),
+    Member('white', partial(source_blocks, White)),
     *(
-        Member(f'walk {step:g}', partial(_blocks, partial(Walk, step=step)))
+        Member(f'walk {step:g}', partial(source_blocks, partial(Walk, step=step)))
         for step in (0.1, 0.3, 1.0, 3.0)
     ),
     *(
-        Member(f'heavy walk {step:g}', partial(_blocks, partial(Walk, step=step, heavy=True)))
+        Member(f'heavy walk {step:g}', partial(source_blocks, partial(Walk, step=step, heavy=True)))
         for step in (0.1, 0.5, 2.0)
     ),
-    Member('come and go', partial(_blocks, Targets)),
-    Member('come together', partial(_blocks, partial(Targets, together=True))),
+    Member('come and go', partial(source_blocks, Targets)),
+    Member('come together', partial(source_blocks, partial(Targets, together=True))),
     Member('hands', restless_blocks),
-    Member('random bits', partial(_blocks, Blinking), blinks=True),
-    Member('random levels', partial(_blocks, partial(Blinking, levels=True)), blinks=True),
+    Member('random bits', partial(source_blocks, Blinking), blinks=True),
+    Member('random levels', partial(source_blocks, partial(Blinking, levels=True)), blinks=True),
 )

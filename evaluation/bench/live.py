@@ -48,14 +48,7 @@ def read_live(detector: Detector, recording: Recording) -> Iterator[LiveReading]
 
 
 def place_error(place: Place, truth_m: Floats) -> PlaceError:
-    """Return by how much a place is wrong.
-
-    Parameters
-    ----------
-    place : Place
-    truth_m : array, shape (3,)
-        Where the marker was at the stamp of the reading, in the sensor's frame [m].
-    """
+    """Return by how much a place differs from where the marker was at its stamp, shape (3,) [m]."""
     range_m = float(np.linalg.norm(truth_m))
     offset = place.position_m - truth_m
     across = float(np.linalg.norm(np.cross(place.position_m, truth_m)))
@@ -77,10 +70,3 @@ def held(squared_distances: ArrayLike) -> Rate | None:
     """Return in how many places the truth is within the 95 % ellipsoid; None without any."""
     squared = np.asarray(squared_distances)
     return rate(int(np.count_nonzero(squared <= ELLIPSOID)), squared.size) if squared.size else None
-
-
-def told_held(share: Rate | None) -> str:
-    """Return what `held` found as text."""
-    if share is None:
-        return 'no place'
-    return f'{share["hits"]}/{share["trials"]} = {share["rate"]:.1%} within the 95 % ellipsoid'

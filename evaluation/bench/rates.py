@@ -8,6 +8,10 @@ import math
 from collections.abc import Sequence
 from typing import TypedDict
 
+import numpy as np
+
+_DRAWS = 400
+
 
 class Rate(TypedDict):
     """A measured share, with the bounds of its 95 % confidence interval."""
@@ -20,13 +24,7 @@ class Rate(TypedDict):
 
 
 def rate(hits: int, trials: int) -> Rate:
-    """Return a share with its Wilson score interval (Wilson 1927).
-
-    Raises
-    ------
-    ValueError
-        If there were no trials, or more hits than trials.
-    """
+    """Return a share with its Wilson score interval (Wilson 1927); ValueError if it has none."""
     if not 0 <= hits <= trials or trials == 0:
         raise ValueError(f'{hits} hits in {trials} trials')
     z = 1.959964
@@ -53,43 +51,11 @@ class Frequency(TypedDict):
     high: float
 
 
-def frequency(events: int, hours: float) -> Frequency:
-    """Return events an hour with Byar's interval of a Poisson count (Breslow and Day 1987).
-
-    Raises
-    ------
-    ValueError
-        If the time is not positive, or the count is negative.
-    """
-    if events < 0 or not hours > 0:
-        raise ValueError(f'{events} events in {hours} h')
-    z = 1.959964
-    low = 0.0
-    if events:
-        low = events * max(0.0, 1 - 1 / (9 * events) - z / (3 * math.sqrt(events))) ** 3
-    more = events + 1
-    high = more * (1 - 1 / (9 * more) + z / (3 * math.sqrt(more))) ** 3
-    return Frequency(
-        events=events, hours=hours, per_hour=events / hours, low=low / hours, high=high / hours
-    )
-
-
 def falls_below(level: float, places: Sequence[float], shares: Sequence[float]) -> float | None:
     """Return where a share, linear between its places, first falls below a level.
 
-    Parameters
-    ----------
-    level : float
-        What the share falls below.
-    places : sequence of float
-        In the order of the way, up or down.
-    shares : sequence of float
-        The share at each place.
-
-    Returns
-    -------
-    float or None
-        None where it begins below the level or stays above it.
+    Places are in the order of the way, up or down. None where the share begins below the level or
+    stays above it.
     """
     for index in range(1, len(places)):
         before, after = shares[index - 1], shares[index]
@@ -101,13 +67,10 @@ def falls_below(level: float, places: Sequence[float], shares: Sequence[float]) 
     return None
 
 
-def exact_frequency(events: int, hours: float) -> Frequency:
+def frequency(events: int, hours: float) -> Frequency:
     """Return events an hour with the exact interval of a Poisson count (Garwood 1936).
 
-    Raises
-    ------
-    ValueError
-        If the time is not positive, or the count is negative.
+    Raises ValueError if the time is not positive, or the count is negative.
     """
     if events < 0 or not hours > 0:
         raise ValueError(f'{events} events in {hours} h')
@@ -147,3 +110,37 @@ def chance_of_fall(before: Rate, after: Rate) -> float:
         for found in range(before['hits'], min(before['trials'], hits) + 1)
         if hits - found <= after['trials']
     )
+
+
+class Crossing(TypedDict):
+    """Where shares fall below a level, with the bounds of its 95 % confidence interval."""
+
+    at: float | None
+    """None where it begins below the level."""
+    low: float | None
+    high: float | None
+
+
+def crossing(level: float, places: Sequence[float], rates: Sequence[Rate]) -> Crossing:
+    """Return where rates fall below a level; the last place where they stay above it.
+
+    The bounds are those of shares that are redrawn with the binomial law.
+    """
+
+    def last(shares: Sequence[float]) -> float | None:
+        if shares[0] < level:
+            return None
+        found = falls_below(level, places, shares)
+        return float(places[-1]) if found is None else found
+
+    trials = np.array([one['trials'] for one in rates])
+    # A share of none or all is not certain: half a trial more of either.
+    shares = (np.array([one['hits'] for one in rates]) + 0.5) / (trials + 1)
+    redrawn = np.random.default_rng(0).binomial(trials, shares, (_DRAWS, len(trials))) / trials
+    crossed = [last(row) for row in redrawn.tolist()]
+    known = [place for place in crossed if place is not None]
+    at = last([one['rate'] for one in rates])
+    if at is None or not known:
+        return Crossing(at=at, low=None, high=None)
+    low, high = (float(bound) for bound in np.percentile(known, (2.5, 97.5)))
+    return Crossing(at=at, low=low, high=high)

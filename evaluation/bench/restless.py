@@ -11,18 +11,14 @@ so that calm and hurry alternate. Targets vanish and come back, and some zones s
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
 
 import numpy as np
 from numpy.typing import NDArray
 
 from retrolidar_ros.scene.description import Sensor
-from retrolidar_ros.scene.noise import deviating, noisy
-from retrolidar_ros.scene.reference import SENSOR
-from retrolidar_ros.sensor.frame import Floats, Recording, Status
+from retrolidar_ros.sensor.frame import Floats, Status
 
 LEAST_SIGNAL, MOST_SIGNAL = 2.0, 1700.0  # [kcps/SPAD]
-BLOCK_FRAMES = 4096
 # The steps of the log signal: the median of their scale, and the spread of its logarithm. The
 # noise that the sensor adds is in the quantiles above, so these are found by trial.
 _STEP_SCALE = 0.113
@@ -30,7 +26,6 @@ _STEP_SPREAD = 0.95
 _STEP_MEMORY = 0.95  # of the scale, a frame: half a second
 _HOME = math.log(150.0)  # where the log signal drifts back to
 _LEVEL_MEMORY = 0.99  # of the log signal, a frame: two seconds
-_HAND_AT_M, _HAND_SIGNAL = 0.2, 1700.0
 _VANISHING, _RETURNING = 0.04, 0.12  # a frame
 _INVALID = np.array([Status.NO_TARGET, Status.SIGNAL_TOO_LOW, 4], dtype=np.uint8)
 _INVALID_SHARES = (0.8, 0.1, 0.1)
@@ -92,46 +87,15 @@ def _statuses(frames: int, zones: int, rng: np.random.Generator) -> NDArray[np.u
     return status
 
 
-def restless_blocks(
-    duration_s: float, rng: np.random.Generator, sensor: Sensor = SENSOR
-) -> Iterator[Recording]:
-    """Yield the frames of a restless scene in blocks.
+class Hands:
+    """Hands that move and bodies that pass: a source of `evaluation.bench.disturbances`."""
 
-    Parameters
-    ----------
-    duration_s : float
-        How long it lasts [s].
-    rng : numpy.random.Generator
-        Where everything comes from.
-    sensor : Sensor
-        Its grid, period and noise.
-    """
-    zones = sensor.grid.zones
-    walks = _Walks(zones, rng)
-    remaining = round(duration_s / sensor.period_s)
-    done = 0
-    while remaining > 0:
-        frames = min(BLOCK_FRAMES, remaining)
-        received = walks.advance(frames)
-        status = _statuses(frames, zones, rng)
+    def __init__(self, sensor: Sensor, rng: np.random.Generator) -> None:
+        self._walks, self._rng = _Walks(sensor.grid.zones, rng), rng
+
+    def advance(self, frames: int) -> tuple[NDArray[np.float32], NDArray[np.uint8]]:
+        """Return the next signals without noise and their statuses, shape (frames, zones)."""
+        received = self._walks.advance(frames)
+        status = _statuses(frames, received.shape[1], self._rng)
         received[status == Status.SIGNAL_TOO_LOW] = 0.0
-        bare = _HAND_AT_M * np.sqrt(_HAND_SIGNAL / np.maximum(received, LEAST_SIGNAL))
-        distance = deviating(bare, received, sensor.ranging, rng)
-        signal: Floats = noisy(received, sensor.noise, rng)
-        nothing = status == Status.NO_TARGET
-        signal[nothing] = 0.0
-        distance[nothing] = np.nan
-        sequence = np.arange(done, done + frames)
-        time_us = np.rint((sequence + 0.5) * sensor.period_s * 1e6).astype(np.int64)
-        yield Recording(
-            stamp_ns=time_us * 1000,
-            sequence=sequence,
-            sensor_time_us=time_us,
-            grid=sensor.grid,
-            distance=distance.astype(np.float32),
-            signal=signal.astype(np.float32),
-            ambient=np.zeros(signal.shape, dtype=np.float32),
-            status=status,
-        )
-        done += frames
-        remaining -= frames
+        return received.astype(np.float32), status

@@ -24,8 +24,8 @@ def transmission(
 
     Parameters
     ----------
-    edges_s : array, shape (frames + 1,)
-        Beginnings of the exposures, and the end of the last [s].
+    edges_s : array, shape (frames + 1,) or (frames, 2)
+        Beginnings of the exposures, and the end of the last, or both of each [s].
     ids : array of int, shape (markers,)
     start_s, bit_s : array, shape (markers,)
         When the first packets begin, and how long the markers hold a bit [s].
@@ -45,7 +45,7 @@ def transmission(
     elapsed = np.concatenate([np.zeros((len(ids), 1)), np.cumsum(whole, axis=1)], axis=1)
     # The very first bit follows the bright state of a silent marker.
     excess = response.integral(np.ones(len(ids)), levels[:, 0], bit_s) - whole[:, 0]
-    since = edges_s[:, None] - start_s
+    since = edges_s.reshape(-1, 1) - start_s
     bits = np.clip(np.floor(since / bit_s), 0, packets * PACKET_BITS)
     cycles, place = np.divmod(bits, PACKET_BITS)
     index = np.arange(len(ids)), place.astype(np.intp)
@@ -53,6 +53,7 @@ def transmission(
     from_level = np.where(bits == 0, 1.0, before[index])
     within = response.integral(from_level, level, np.maximum(since - bits * bit_s, 0.0))
     sent = cycles * elapsed[:, -1] + elapsed[index] + np.where(bits > 0, excess, 0.0) + within
-    passed = np.diff(np.where(since < 0, since, sent), axis=0)
-    share: Floats = passed / np.diff(edges_s)[:, None]
-    return share
+    passed = np.where(since < 0, since, sent).reshape(*edges_s.shape, len(ids))
+    axis = edges_s.ndim - 1
+    share: Floats = np.diff(passed, axis=axis) / np.diff(edges_s, axis=axis)[..., None]
+    return share.reshape(-1, len(ids))

@@ -5,211 +5,178 @@
 from __future__ import annotations
 
 import math
-import time
-from collections.abc import Sequence
-from typing import Any, NamedTuple
+from dataclasses import replace
+from typing import Any
 
 import numpy as np
+from tqdm import tqdm
 
+from evaluation.bench.judging import BOTH, judged
 from evaluation.bench.live import place_error
 from evaluation.bench.rates import rate
-from evaluation.bench.setup import Setup, arguments, setup_of, spread, told_rate
-from retrolidar_ros.detector import Detection
-from retrolidar_ros.marker.code import BIT_PERIOD_S, PACKET_BITS
-from retrolidar_ros.scene import Scene, Simulation
-from retrolidar_ros.scene.description import Marker, Sensor, Surface, Wander
-from retrolidar_ros.scene.optics import position_at
-from retrolidar_ros.scene.reference import NOISE, RANGING, RESPONSE, WALL_SIGNAL
-from retrolidar_ros.scene.truth import PACKET_S
+from evaluation.bench.recordings import Path, record, signal_at
+from evaluation.bench.stresses import PLAIN
+from evaluation.report.charts import draw_shares, legend_below, look, new_chart
+from evaluation.report.claims import NOTHING, Table
+from retrolidar_ros.detector import METHODS
+from retrolidar_ros.marker.dictionary import USABLE_IDS
+from retrolidar_ros.scene.reference import SENSOR
+from retrolidar_ros.sensor.frame import Floats
 
-RANGE_M = 1.0
-WALL_M = 2.0
-DURATION_S = 40.0
-_BASE_M = 0.08  # the middle of the motion is at most so far from the axis, across and down
-_CLOCK_ERROR = 0.003
-BLUR = 0.05
-"""With more of it the place within a zone is seen better."""
-
-
-class Motion(NamedTuple):
-    """How a marker moves: amplitudes [m] and period [s], as `Wander` has them."""
-
-    name: str
-    across_m: float
-    along_m: float
-    period_s: float
+TITLE = 'Markers that move'
+MESSAGE = 'A marker may move by decimetres a second while it is read'
+RANGES_M = (1.0, 2.0)
+DURATION_S = 10.0
+_SPEEDS_M_S = (0.0, 0.05, 0.1, 0.2, 0.3, 0.4, 0.6, 0.8)
+_QUICK_SPEEDS_M_S = (0.0, 0.2)
+_RUNS, _QUICK_RUNS = 12, 1
+_SENSOR = replace(SENSOR, blur=0.05)
+_INNER = 0.85  # the marker turns round at this share of the view's half
+_ALONG_M = 0.3  # how far one that comes and goes does
 
 
-MOTIONS = (
-    Motion('at rest', 0.0, 0.0, 3.0),
-    Motion('across ±5 cm in 3 s', 0.05, 0.0, 3.0),
-    Motion('across ±10 cm in 3 s', 0.10, 0.0, 3.0),
-    Motion('across ±20 cm in 6 s', 0.20, 0.0, 6.0),
-    Motion('across ±20 cm in 3 s', 0.20, 0.0, 3.0),
-    Motion('across ±30 cm in 3 s', 0.30, 0.0, 3.0),
-    Motion('along ±10 cm in 3 s', 0.0, 0.10, 3.0),
-    Motion('along ±20 cm in 6 s', 0.0, 0.20, 6.0),
-    Motion('both ±10 cm in 3 s', 0.10, 0.10, 3.0),
-)
+def _to_and_fro(distance_m: Floats, half_m: float) -> Floats:
+    """Return places that go from one end to the other at a steady speed."""
+    turned: Floats = half_m - np.abs(distance_m % (4 * half_m) - 2 * half_m)
+    return turned
 
 
-class Case(NamedTuple):
-    """One run of a motion."""
+def across(speed_m_s: float, range_m: float, rng: np.random.Generator) -> Path:
+    """Return the way of a marker through the view at a speed, as far away as told [m]."""
+    half_m = _INNER * range_m * SENSOR.grid.pitch * SENSOR.grid.columns / 2
+    begin_m, down_m = rng.uniform(0, 4 * half_m), rng.uniform(-half_m, half_m)
 
-    motion: Motion
-    run: int
-    setup: Setup
-    blur: float
+    def path(time_s: Floats) -> Floats:
+        x = _to_and_fro(begin_m + speed_m_s * time_s, half_m)
+        return np.column_stack([x, np.full(len(x), down_m), np.full(len(x), range_m)])
 
-
-class Followed(NamedTuple):
-    """What was read of one run."""
-
-    read: int
-    packets: int
-    """Whole packets sent."""
-    readings: int
-    wrong: int
-    range_m: list[float]
-    """Errors at the stamps of the readings."""
-    position_m: list[float]
-    latencies_s: list[float]
-    """From the end of a reading's last packet to its stamp; negative before it."""
-    frames: int
-    detector_s: float
+    return path
 
 
-def moving_scene(
-    motion: Motion, rng: np.random.Generator, ids: Sequence[int], blur: float = BLUR
-) -> Scene:
-    """Return one marker that has always been sending, in front of a wall."""
-    x, y = rng.uniform(-_BASE_M, _BASE_M, 2).tolist()
-    marker = Marker(
-        id=int(rng.choice(ids)),
-        position_m=(x, y, RANGE_M),
-        name='marker',
-        clock_error=float(rng.uniform(-_CLOCK_ERROR, _CLOCK_ERROR)),
-        start_s=float(rng.uniform(-PACKET_S, 0.0)),
-        response=RESPONSE,
-        wander=Wander(motion.across_m, motion.along_m, motion.period_s),
-    )
-    sensor = Sensor(noise=NOISE, ranging=RANGING, blur=blur)
-    return Scene(sensor=sensor, markers=(marker,), surfaces=(Surface(WALL_M, WALL_SIGNAL),))
+def along(speed_m_s: float, range_m: float, rng: np.random.Generator) -> Path:
+    """Return the way of a marker that comes nearer and goes away."""
+    begin_m = rng.uniform(0, 4 * _ALONG_M)
+    half = 0.5 * _INNER * SENSOR.grid.pitch * SENSOR.grid.columns / 2
+    tangents = rng.uniform(-half, half, 2)
+
+    def path(time_s: Floats) -> Floats:
+        z = range_m + _to_and_fro(begin_m + speed_m_s * time_s, _ALONG_M)
+        return np.column_stack([z * tangents[0], z * tangents[1], z])
+
+    return path
 
 
-def intervals_read(detections: Sequence[Detection], marker: Marker) -> set[int]:
-    """Return which packets of a marker were read: of several that were combined the last."""
-    packet_s = PACKET_BITS * BIT_PERIOD_S * (1 + marker.clock_error)
-    last_s = [
-        1e-9 * detection.start_ns + (detection.packets - 0.5) * packet_s - marker.start_s
-        for detection in detections
-        if detection.id == marker.id
-    ]
-    return {math.floor(middle_s / packet_s) for middle_s in last_s}
+WAYS = {'across the view': across, 'to and fro': along}
 
 
-def follow(case: Case) -> Followed:
-    """Simulate one run and read it."""
-    rng = case.setup.rng(MOTIONS.index(case.motion), case.run)
-    scene = moving_scene(case.motion, rng, case.setup.ids.tolist(), case.blur)
-    (marker,) = scene.markers
-    recording = Simulation(scene, rng).run(DURATION_S)
-    detector = case.setup.detector(recording.grid)
-    began_s = time.process_time()
-    detections = detector.update_all(recording)
-    detector_s = time.process_time() - began_s
-    packet_s = PACKET_BITS * BIT_PERIOD_S * (1 + marker.clock_error)
-    # The first packet began before the first frame.
-    packets = math.floor((DURATION_S - marker.start_s) / packet_s) - 1
-    own = [detection for detection in detections if detection.id == marker.id]
-    stamps_s = 1e-9 * np.array([detection.stamp_ns for detection in own], dtype=np.float64)
-    truth_m = position_at(marker, stamps_s)
-    errors = [place_error(detection.place, truth_m[index]) for index, detection in enumerate(own)]
-    late_s = [1e-9 * (one.end_ns - one.start_ns) - one.packets * packet_s for one in own]
-    return Followed(
-        read=len(intervals_read(own, marker) & set(range(1, packets + 1))),
-        packets=packets,
-        readings=len(own),
-        wrong=len(detections) - len(own),
-        range_m=[error.range_m for error in errors],
-        position_m=[error.position_m for error in errors],
-        latencies_s=late_s,
-        frames=len(recording),
-        detector_s=detector_s,
-    )
+def _rms(values: list[float]) -> float | None:
+    return float(np.sqrt(np.mean(np.square(values)))) if values else None
 
 
-def _rms_mm(errors_m: Sequence[float]) -> float | None:
-    return 1e3 * float(np.sqrt(np.mean(np.square(errors_m)))) if errors_m else None
-
-
-def run(
-    setup: Setup,
-    *,
-    runs: int,
-    motions: Sequence[Motion] = MOTIONS,
-    blur: float = BLUR,
-    jobs: int = 1,
-) -> dict[str, Any]:
-    """Return shares of packets read and errors of place, by motion."""
-    cases = [Case(motion, index, setup, blur) for motion in motions for index in range(runs)]
-    found = dict(zip(cases, spread(follow, cases, jobs), strict=True))
-    rows = []
-    for motion in motions:
-        followed = [found[Case(motion, index, setup, blur)] for index in range(runs)]
-        latencies_s = [value for one in followed for value in one.latencies_s]
-        rows.append(
-            {
-                'motion': motion.name,
-                'read': rate(
-                    sum(one.read for one in followed), sum(one.packets for one in followed)
-                ),
-                'readings': sum(one.readings for one in followed),
-                'wrong': sum(one.wrong for one in followed),
-                'range_mm': _rms_mm([value for one in followed for value in one.range_m]),
-                'position_mm': _rms_mm([value for one in followed for value in one.position_m]),
-                'stamp_after_end_s': float(np.median(latencies_s)) if latencies_s else None,
-                'detector_us': 1e6
-                * sum(one.detector_s for one in followed)
-                / sum(one.frames for one in followed),
-            }
+def _followed(way: str, speed_m_s: float, range_m: float, runs: int, rng: Any) -> dict[str, Any]:
+    """Return what both methods read of a marker that repeats while it moves."""
+    packets = 0
+    read = dict.fromkeys(METHODS, 0)
+    wrong = dict.fromkeys(METHODS, 0)
+    errors: dict[str, list[Any]] = {method: [] for method in METHODS}
+    for _ in range(runs):
+        path = WAYS[way](speed_m_s, range_m, rng)
+        sent = record(
+            PLAIN,
+            signal_at(range_m),
+            rng,
+            USABLE_IDS,
+            range_m=range_m,
+            repeated_s=DURATION_S,
+            sensor=_SENSOR,
+            path=path,
         )
-    return {'runs': runs, 'duration_s': DURATION_S, 'rows': rows}
+        # The first packet began before the first frame.
+        whole = range(1, math.floor((DURATION_S - sent.start_s[0]) / sent.packet_s))
+        packets += len(whole)
+        for method in METHODS:
+            found = judged(sent, BOTH[method], lone=False)
+            middles_s = [
+                1e-9 * one.start_ns + (one.packets - 0.5) * sent.packet_s - sent.start_s[0]
+                for one in found.own
+            ]
+            read[method] += len({math.floor(one / sent.packet_s) for one in middles_s} & {*whole})
+            wrong[method] += found.readings - len(found.own)
+            errors[method] += [
+                place_error(one.place, path(np.array([1e-9 * one.stamp_ns]))[0])
+                for one in found.own
+            ]
+    return {
+        method: {
+            'read': rate(read[method], packets),
+            'wrong': wrong[method],
+            'range_mm': _rms([1e3 * one.range_m for one in errors[method]]),
+            'position_mm': _rms([1e3 * one.position_m for one in errors[method]]),
+        }
+        for method in METHODS
+    }
 
 
-def summarise(figures: dict[str, Any]) -> str:
-    """Return a table of the figures."""
+def run(rng: np.random.Generator, *, quick: bool) -> dict[str, Any]:
+    """Return shares of packets read and errors of place, by way, distance and speed."""
+    speeds = _QUICK_SPEEDS_M_S if quick else _SPEEDS_M_S
+    runs = _QUICK_RUNS if quick else _RUNS
+    curves = [(way, range_m) for way in WAYS for range_m in RANGES_M]
+    return {
+        'curves': [
+            {
+                'way': way,
+                'range_m': range_m,
+                'points': [
+                    {'speed_m_s': speed, **_followed(way, speed, range_m, runs, rng)}
+                    for speed in speeds
+                ],
+            }
+            for way, range_m in tqdm(curves, desc='moving', leave=False)
+        ]
+    }
 
-    def told(value: float | None, digits: int = 1) -> str:
-        return 'none' if value is None else f'{value:.{digits}f}'
 
-    scene = f'a marker at {RANGE_M:g} m before a wall at {WALL_M:g} m'
-    places = ''.join(f'{name:>10}' for name in ('range', 'position', 'stamp', 'µs/frame'))
-    lines = [
-        f'{scene}, {figures["runs"]} runs of {figures["duration_s"]:g} s',
-        f'{"":24}{"packets read (95 %)":>24}{"readings/packets":>20}{"wrong":>8}{places}',
-        f'{"":76}{"rms [mm]":>10}{"rms [mm]":>10}{"-end [s]":>10}',
+def table(figures: dict[str, Any]) -> Table:
+    """Return what is read, and how wrong it is placed, at some speeds."""
+    rows = [
+        [
+            'packets read; rms error of range [mm]',
+            *(f'{point["speed_m_s"]:g} m/s' for point in figures['curves'][0]['points'][::2]),
+        ]
     ]
-    lines += [
-        f'{row["motion"]:24}{told_rate(row["read"]):>24}'
-        f'{row["readings"]:>12}/{row["read"]["trials"]:<7}{row["wrong"]:>8}'
-        f'{told(row["range_mm"]):>10}{told(row["position_mm"]):>10}'
-        f'{told(row["stamp_after_end_s"], 3):>10}{row["detector_us"]:>10.0f}'
-        for row in figures['rows']
-    ]
-    return '\n'.join(lines)
+    for curve in figures['curves']:
+        for method in METHODS:
+            cells = []
+            for point in curve['points'][::2]:
+                found = point[method]
+                error = NOTHING if found['range_mm'] is None else f'{found["range_mm"]:.0f}'
+                cells.append(f'{found["read"]["rate"]:.0%}; {error}')
+            rows.append([f'{curve["way"]} at {curve["range_m"]:g} m, {method}', *cells])
+    return rows
 
 
-def main() -> None:
-    """Run the experiment and print its table."""
-    parser = arguments(__doc__, runs=3)
-    parser.add_argument('--only', metavar='TEXT', default='', help='motions named so')
-    parser.add_argument('--blur', type=float, default=BLUR, help='of a zone (%(default)s)')
-    told = parser.parse_args()
-    motions = [motion for motion in MOTIONS if told.only in motion.name]
-    figures = run(setup_of(told), runs=told.runs, motions=motions, blur=told.blur, jobs=told.jobs)
-    print(summarise(figures))
-
-
-if __name__ == '__main__':
-    main()
+def draw(figures: dict[str, Any]) -> Any:
+    """Draw packets read over the speed, a panel for each way."""
+    figure, (panels,) = new_chart(1, 2, 13, 5.6, MESSAGE)
+    styles = dict(zip(RANGES_M, ('-', ':'), strict=True))
+    for axis, way in zip(panels, WAYS, strict=True):
+        for curve in figures['curves']:
+            if curve['way'] != way:
+                continue
+            speeds = [point['speed_m_s'] for point in curve['points']]
+            for method in METHODS:
+                draw_shares(
+                    axis,
+                    speeds,
+                    [point[method]['read'] for point in curve['points']],
+                    linestyle=styles[curve['range_m']],
+                    **look(method),
+                )
+        axis.set_title(way, fontsize=13)
+        axis.set_xlabel('speed [m/s]')
+        axis.set_ylim(-2, 103)
+    panels[0].set_ylabel('packets read [%]')
+    others = {f'at {at:g} m': {'color': '0.2', 'linestyle': style} for at, style in styles.items()}
+    legend_below(figure, METHODS, others)
+    return figure

@@ -1,241 +1,214 @@
 # Copyright 2026 retrolidar_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""What each method costs in computing time, and what it gives for it."""
+"""What each method costs in computing time, and what it reads for it: every knob swept."""
 
 from __future__ import annotations
 
-import math
 import time
-from dataclasses import replace
-from pathlib import Path
-from typing import Any
+from collections.abc import Callable
+from functools import partial
+from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 from tqdm import tqdm
 
-from evaluation.bench.detectors import new_detector
-from evaluation.bench.false_ids import false_ids, wall_blocks
-from evaluation.bench.link import link_scene, lone_trial, outcome
-from evaluation.bench.rates import Rate, falls_below, rate
-from evaluation.bench.sweep import told
-from evaluation.report.charts import LEVEL, look, new_chart, shared_legend
-from evaluation.report.claims import NOTHING, Claim
-from evaluation.report.panels import SLOW_BIT_PERIOD_S, SLOW_SENSOR, SNR_DB
-from retrolidar_ros.detector import METHODS
-from retrolidar_ros.marker.code import BIT_PERIOD_S
+from evaluation.bench.judging import Options, new_detector, read_shares
+from evaluation.bench.rates import crossing, rate
+from evaluation.bench.recordings import Sent, record, signal_at
+from evaluation.bench.stresses import PLAIN
+from evaluation.experiments import bound
+from evaluation.experiments.paper_sweeps import lone, repeating
+from evaluation.experiments.speed_chart import draw
+from evaluation.peers.background import Background
+from evaluation.peers.pictures import View, picture_cost, read_pictures
+from evaluation.peers.visual_markers import AprilTagReader, QrReader, Reader
+from evaluation.report.charts import LEVEL
+from evaluation.report.claims import NOTHING, Table
+from retrolidar_ros.marker.dictionary import choose_ids
 from retrolidar_ros.scene import Simulation
-from retrolidar_ros.scene.description import Sensor
-from retrolidar_ros.scene.marker_budget import SNR
-from retrolidar_ros.scene.reference import SENSOR
-from retrolidar_ros.sensor.frame import Recording
+from retrolidar_ros.scene.reference import SENSOR, marker_in_each_zone
+from retrolidar_ros.scene.truth import PACKET_S
 
-TITLE = 'Computing time against accuracy'
-SOURCE = ''
+__all__ = ['TITLE', 'at', 'draw', 'run', 'table']
 
-# Sensor and bit period, by number of zones: as fast as the sensor goes with them.
-_MODES = {16: (SENSOR, BIT_PERIOD_S), 64: (SLOW_SENSOR, SLOW_BIT_PERIOD_S)}
-_SNRS_DB = (20.0, 18.0, 16.0, 14.0, 12.0, 10.0, 8.0, 6.0, 4.0, 2.0, 0.0)
-_QUICK_SNRS_DB = (14.0, 2.0)
-_TRIALS, _QUICK_TRIALS = 64, 16
-_HOURS = {16: 0.15, 64: 0.25}
-_QUICK_HOURS = 0.002
-_FRAMES, _QUICK_FRAMES = 500, 150
-_REPEATS = 3
-_TALKING = 3
+TITLE = 'Speed against accuracy'
+_LONE_M = (1.0, 1.6, 2.0, 2.4, 2.6, 2.7, 2.8, 2.9, 3.0, 3.2, 3.4)
+_SEVERAL_M = (1.0, 2.0, 2.6, 3.0, 3.2, 3.4, 3.6, 3.8, 4.0, 4.4)
+_TAGS_M = (0.4, 0.6, 0.8, 1.0, 1.4, 1.8, 2.2, 2.6, 3.0, 3.4, 3.8, 4.2)
+_RECORDINGS, _PICTURES, _TIMED_PICTURES = 3, 32, 4
+_QUICK_RECORDINGS, _QUICK_PICTURES, _QUICK_TIMED_PICTURES = 1, 6, 1
+_FRAMES, _WARM_UP_FRAMES = 400, 500
+_AT_M, _TALKING = 2.0, 3
 
 
-def _frame_us(method: str, recording: Recording, bit_period_s: float) -> float:
-    """Return the median processor time of a frame [µs], the best of a few plays."""
-    medians = []
-    for _ in range(_REPEATS):
-        detector = new_detector(method, recording.grid, bit_period_s=bit_period_s)
-        spent_ns = np.zeros(len(recording))
-        for index, frame in enumerate(recording):
-            began_ns = time.process_time_ns()
-            detector.update(frame)
-            spent_ns[index] = time.process_time_ns() - began_ns
-        medians.append(float(np.median(spent_ns)))
-    return min(medians) / 1000
+class Point(NamedTuple):
+    """One setting of a knob."""
+
+    label: str
+    options: Options
+    packets: int = 1
 
 
-def _streams(
-    sensor: Sensor, bit_period_s: float, frames: int, rng: np.random.Generator
-) -> dict[str, Recording]:
-    """Return recordings with three markers talking and with none."""
-    scene = link_scene(SNR_DB, rng, packets=None, sensor=sensor, bit_period_s=bit_period_s)
-    talking = replace(scene, markers=scene.markers[:_TALKING])
-    quiet = replace(scene, markers=())
+def _curves() -> dict[str, list[Point]]:
+    """Return the settings of the LiDAR's methods, by the knob that is swept."""
+    joint = {'method': 'joint', 'max_packets': 1}
     return {
-        'talking': Simulation(talking, rng).advance(frames),
-        'quiet': Simulation(quiet, rng).advance(frames),
+        'joint: packets combined': [
+            Point(f'{packets}', {'method': 'joint', 'max_packets': packets}, packets)
+            for packets in (1, 2, 3, 5, 8)
+        ],
+        'joint: IDs registered': [
+            Point(f'{count}', joint | {'registered_ids': choose_ids(count)[0]})
+            for count in (1000, 64, 16)
+        ],
+        'joint: false IDs allowed an hour': [
+            Point(f'{budget:g}', joint | {'false_ids_per_hour': budget})
+            for budget in (1000.0, 10.0, 0.001)
+        ],
+        'paper: threshold': [
+            Point(f'{threshold:g}', {'method': 'paper', 'likelihood_threshold': threshold}, 3)
+            for threshold in (0.1, 0.2, 0.3, 0.38, 0.5)
+        ],
     }
 
 
-def _identified(
-    snr_db: float, sensor: Sensor, bit_period_s: float, trials: int, rng: np.random.Generator
-) -> dict[str, Rate]:
-    """Return how many lone packets each method reads right."""
-    right = dict.fromkeys(METHODS, 0)
-    zones = sensor.grid.zones
-    scenes = -(-trials // zones)
-    for _ in range(scenes):
-        scene = link_scene(snr_db, rng, sensor=sensor, bit_period_s=bit_period_s)
-        trial = lone_trial(scene, rng)
-        for method in METHODS:
-            detector = new_detector(method, sensor.grid, bit_period_s=bit_period_s)
-            right[method] += np.count_nonzero(outcome(trial, detector).right)
-    return {method: rate(hits, scenes * zones) for method, hits in right.items()}
+def _of_known(range_m: float, ids: NDArray[np.int64], rng: np.random.Generator) -> Sent:
+    return record(PLAIN, signal_at(range_m), rng, ids)
 
 
-def _needed_db(snrs_db: tuple[float, ...], rates: list[Rate]) -> float | None:
-    """Return the weakest link that suffices, of those from strong to weak; None = none does."""
-    shares = [row['rate'] for row in rates]
-    if min(shares) >= LEVEL:
-        return snrs_db[-1]
-    return falls_below(LEVEL, snrs_db, shares)
+def _frame_ms(options: Options, rng: np.random.Generator) -> float:
+    """Return the processor time per second of watching three markers [ms]."""
+    scene = marker_in_each_zone(_AT_M, rng, start_s=(-PACKET_S, 0.0), packets=None)
+    some = scene.markers[:: len(scene.markers) // _TALKING][:_TALKING]
+    simulation = Simulation(
+        scene.__class__(sensor=SENSOR, markers=some, surfaces=scene.surfaces), rng
+    )
+    before, timed = simulation.advance(_WARM_UP_FRAMES), simulation.advance(_FRAMES)
+    spent_s = []
+    for _ in range(2):
+        detector = new_detector(SENSOR.grid, options)
+        detector.update_all(before)
+        began_s = time.process_time()
+        for frame in timed:
+            detector.update(frame)
+        spent_s.append(time.process_time() - began_s)
+    return 1e3 * min(spent_s) / (_FRAMES * SENSOR.period_s)
+
+
+def _lidar(point: Point, recordings: int, quick: bool, seed: int) -> dict[str, Any]:
+    """Return what a setting of the LiDAR costs and gives."""
+    places = (_LONE_M if point.packets == 1 else _SEVERAL_M)[:: 3 if quick else 1]
+    make = lone if point.packets == 1 else partial(repeating, size_m=0.03, packets=point.packets)
+    known = point.options.get('registered_ids')
+    found = []
+    for range_m in places:
+        rng = np.random.default_rng([seed, round(100 * range_m)])  # the same for all settings
+        make_one: Callable[[np.random.Generator], Sent] = partial(make, range_m)
+        if known is not None:
+            make_one = partial(_of_known, range_m, np.array(known))
+        shares = read_shares(
+            make_one, recordings, rng, {'it': point.options}, lone=point.packets == 1
+        )
+        found.append(shares['it'])
+    wrong = [one['wrong'] for one in found]
+    return {
+        'label': point.label,
+        'cpu_ms': _frame_ms(point.options, np.random.default_rng(seed)),
+        'answer_s': point.packets * PACKET_S,
+        'reach_m': crossing(LEVEL, places, [one['right'] for one in found]),
+        'half_m': crossing(0.5, places, [one['right'] for one in found]),
+        'wrong': rate(sum(one['hits'] for one in wrong), sum(one['trials'] for one in wrong)),
+    }
+
+
+def _camera(
+    reader: Reader, label: str, background: Background, counts: tuple[int, int], seed: int
+) -> dict[str, Any]:
+    """Return what a setting of a reader of visual markers costs and gives."""
+    rng = np.random.default_rng(seed)
+    found = [
+        read_pictures([reader], background, counts[0], rng, View(range_m))[reader.name]
+        for range_m in _TAGS_M
+    ]
+    wrong = [one['wrong'] for one in found]
+    return {
+        'label': label,
+        'cpu_ms': picture_cost(reader, background, counts[1], rng, View(_AT_M)),
+        'answer_s': 1 / 30,
+        'reach_m': crossing(LEVEL, _TAGS_M, [one['read'] for one in found]),
+        'half_m': crossing(0.5, _TAGS_M, [one['read'] for one in found]),
+        'wrong': rate(sum(one['hits'] for one in wrong), sum(one['trials'] for one in wrong)),
+    }
+
+
+def _readers() -> dict[str, list[tuple[str, Reader]]]:
+    """Return the settings of the readers of visual markers that are installed, by their knob."""
+    found: dict[str, list[tuple[str, Reader]]] = {}
+    try:
+        found['AprilTag: decimation'] = [
+            (f'{decimate:g}', AprilTagReader(f'tag {decimate:g}', decimate))
+            for decimate in (4.0, 3.0, 2.0, 1.5, 1.0)
+        ]
+        found['AprilTag: two threads'] = [('2', AprilTagReader('threads', 2.0, threads=2))]
+        found['QR code: zbar'] = [('', QrReader())]
+    except ImportError:
+        pass  # `peers` says what is missing
+    return found
 
 
 def run(rng: np.random.Generator, *, quick: bool) -> dict[str, Any]:
-    """Return processor time a frame, link needed and false IDs of every method and grid."""
-    snrs_db = _QUICK_SNRS_DB if quick else _SNRS_DB
-    seed = int(rng.integers(2**32))
-    rows = []
-    steps = len(_MODES) * (len(snrs_db) + 2 * len(METHODS))
-    with tqdm(total=steps, desc='speed-accuracy', leave=False) as progress:
-        for zones, (sensor, bit_period_s) in _MODES.items():
-            links = []
-            for snr_db in snrs_db:
-                trials = _QUICK_TRIALS if quick else _TRIALS
-                links.append(_identified(snr_db, sensor, bit_period_s, trials, rng))
-                progress.update()
-            streams = _streams(sensor, bit_period_s, _QUICK_FRAMES if quick else _FRAMES, rng)
-            hours = _QUICK_HOURS if quick else _HOURS[zones]
-            for method in METHODS:
-                frame_us = {
-                    name: _frame_us(method, recording, bit_period_s)
-                    for name, recording in streams.items()
-                }
-                progress.update()
-                shares = [link[method] for link in links]
-                noise = np.random.default_rng(seed)  # the same for every method
-                detector = new_detector(method, sensor.grid, bit_period_s=bit_period_s)
-                rows.append(
-                    {
-                        'method': method,
-                        'zones': zones,
-                        'frame_us': frame_us,
-                        'identified': shares,
-                        'needed_db': _needed_db(snrs_db, shares),
-                        'false_ids': false_ids(
-                            detector, wall_blocks(hours * 3600, noise, sensor), hours
-                        ),
-                    }
-                )
-                progress.update()
-    return {'snrs_db': list(snrs_db), 'level': LEVEL, 'rows': rows}
+    """Return processor time, reach and wrong IDs of every setting of every knob."""
+    seed = int(rng.integers(2**31))
+    recordings = _QUICK_RECORDINGS if quick else _RECORDINGS
+    counts = (_QUICK_PICTURES, _QUICK_TIMED_PICTURES) if quick else (_PICTURES, _TIMED_PICTURES)
+    curves = {
+        name: [_lidar(point, recordings, quick, seed) for point in points[:: 2 if quick else 1]]
+        for name, points in tqdm(_curves().items(), desc='speed-accuracy', leave=False)
+    }
+    background = Background(rng)
+    for name, readers in tqdm(_readers().items(), desc='speed-accuracy', leave=False):
+        curves[name] = [
+            _camera(reader, label, background, counts, seed)
+            for label, reader in readers[:: 2 if quick else 1]
+        ]
+    told_m = bound.told_reach(1 if quick else 4, rng)
+    return {'curves': curves, 'told_m': told_m, 'frame_ms': 1e3 * SENSOR.period_s}
 
 
-def summarise(figures: dict[str, Any]) -> str:
-    """Return a table of the figures."""
-    lines = [
-        f'method  zones   µs a frame: talking   quiet   {SNR} for 80 % [dB]   false IDs/h (95 %)'
-    ]
-    for row in figures['rows']:
-        needed = 'never' if row['needed_db'] is None else f'{row["needed_db"]:.1f}'
-        false = row['false_ids']
-        lines.append(
-            f'{row["method"]:6}{row["zones"]:7}{row["frame_us"]["talking"]:22.0f}'
-            f'{row["frame_us"]["quiet"]:8.0f}{needed:>20}'
-            f'{false["per_hour"]:9.3g} ({false["low"]:.3g} to {false["high"]:.3g})'
-        )
-    return '\n'.join(lines)
+def at(figures: dict[str, Any], curve: str, label: str) -> dict[str, Any] | None:
+    """Return a setting of a knob, None if it was not measured."""
+    return next((one for one in figures['curves'].get(curve, ()) if one['label'] == label), None)
 
 
-def compare(figures: dict[str, Any]) -> list[Claim]:
-    """Set what both methods cost and need side by side."""
-    claims = []
-    for zones in _MODES:
-        rows = {row['method']: row for row in figures['rows'] if row['zones'] == zones}
-        both = [rows[method] for method in ('paper', METHODS[0]) if method in rows]
-        for key, name in (('quiet', 'nothing modulating'), ('talking', 'three markers talking')):
-            claims.append(
-                Claim(
-                    f'processor time of a frame of {zones} zones, median, {name}',
-                    NOTHING,
-                    *(f'{1e-3 * row["frame_us"][key]:.2f} ms' for row in both),
-                )
-            )
-        claims.append(
-            Claim(
-                f'{SNR} that 80 % of lone packets need, {zones} zones',
-                NOTHING,
-                *(told(row['needed_db'], 'dB', 1) for row in both),
-            )
-        )
-    return claims
-
-
-def comment(figures: dict[str, Any]) -> str:
-    """Say what is bought with the time."""
-    return (
-        'The times are those of this machine. False IDs are counted before a bare wall. Where a '
-        f'method has no value it is below {figures["level"]:.0%} at the strongest link.'
-    )
-
-
-def draw(figures: dict[str, Any], path: Path) -> None:
-    """Draw link needed and false IDs over processor time."""
-    figure, ((links, alarms),) = new_chart(1, 2, 14, 6.5)
-    strongest = max(figures['snrs_db'])
-    for row in figures['rows']:
-        how = {**look(row['method']), 'markersize': 10, 'linestyle': ''}
-        how['markerfacecolor'] = how['color'] if row['zones'] == min(_MODES) else 'white'
-        times_us = [row['frame_us'][name] for name in ('talking', 'quiet')]
-        needed = strongest + 1 if row['needed_db'] is None else row['needed_db']
-        false = row['false_ids']
-        # Where nothing was read, all that is known is the upper bound.
-        per_hour = false['per_hour'] or false['high']
-        for axis, value in ((links, needed), (alarms, per_hour)):
-            axis.plot(times_us, [value, value], color=how['color'], linewidth=1)
-            axis.plot(times_us[0], value, **how)
-        if false['events']:
-            alarms.vlines(times_us[0], false['low'], false['high'], colors=how['color'])
-        else:
-            alarms.annotate(
-                '',
-                (times_us[0], per_hour / 3),
-                (times_us[0], per_hour),
-                arrowprops={'arrowstyle': '->', 'color': how['color']},
-            )
-    links.axhline(strongest + 0.5, color='0.6', linewidth=0.8)
-    links.set_ylim(min(figures['snrs_db']), strongest + 1.5)
-    links.text(0.02, strongest + 1, 'never', transform=links.get_yaxis_transform(), va='center')
-    links.set_ylabel(f'{SNR} needed to identify 80 % with one packet [dB]')
-    alarms.set_yscale('log')
-    alarms.set_ylim(1, 1e5)
-    alarms.set_ylabel('false IDs an hour before a bare wall, 95 % confidence')
-    times_us = [time_us for row in figures['rows'] for time_us in row['frame_us'].values()]
-    for axis in (links, alarms):
-        axis.set_xscale('log')
-        axis.set_xlim(10 ** math.floor(math.log10(min(times_us))), 10 * max(times_us))
-        axis.set_xlabel(
-            'processor time of a frame [µs]; the sign with three markers talking, the line to none'
-        )
-    grids = {16: '4×4 zones, 47.6 Hz', 64: '8×8 zones, 15 Hz'}
-    shared_legend(
-        figure,
-        'Computing time against accuracy',
+def table(figures: dict[str, Any]) -> Table:
+    """Return what every setting costs and gives."""
+    rows = [
         [
-            (
-                label,
-                {
-                    'marker': 'o',
-                    'color': '0.2',
-                    'linestyle': '',
-                    'markerfacecolor': '0.2' if zones == min(_MODES) else 'white',
-                },
+            'knob',
+            'setting',
+            'ms of a core a second',
+            'reach at 80 % [m]',
+            'at 50 % [m]',
+            'answer after',
+            'wrong IDs',
+        ]
+    ]
+    for name, points in figures['curves'].items():
+        for point in points:
+            reach = point['reach_m']
+            told = NOTHING if reach['at'] is None else f'{reach["at"]:.2f}'
+            if reach['low'] is not None:
+                told += f' ({reach["low"]:.2f} to {reach["high"]:.2f})'
+            rows.append(
+                [
+                    name,
+                    point['label'],
+                    f'{point["cpu_ms"]:.3g}',
+                    told,
+                    NOTHING if point['half_m']['at'] is None else f'{point["half_m"]["at"]:.2f}',
+                    f'{point["answer_s"]:.2g} s',
+                    f'{point["wrong"]["rate"]:.1%}',
+                ]
             )
-            for zones, label in grids.items()
-        ],
-    )
-    figure.savefig(path)
+    return rows

@@ -1,211 +1,188 @@
 # Copyright 2026 retrolidar_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""What each method bears: one stress after the other, from harmless to failure."""
+"""Where both methods break: one stress after the other, near, far, standing, moving.
+
+A stress breaks a method where it reads less than four fifths of what the same method reads
+without the stress. It is sought by halving, so only about the breaking point many are tried.
+"""
 
 from __future__ import annotations
 
-import math
-from pathlib import Path
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 from tqdm import tqdm
 
-from evaluation.bench.detectors import new_detector
-from evaluation.bench.link import RANGE_M, outcome
-from evaluation.bench.rates import Rate, falls_below, rate
-from evaluation.bench.stress import HAND_DISTANCE_M, HAND_SIGNAL
-from evaluation.report.charts import LEVEL, draw_shares, look, new_chart, shared_legend
-from evaluation.report.claims import NOTHING, Claim
-from evaluation.report.panels import FAR_WALL_M, PANELS, SNR_DB, Panel
+from evaluation.bench.judging import BOTH, read_shares
+from evaluation.bench.panels import PANELS, Panel
+from evaluation.bench.recordings import Sent, record, signal_at
+from evaluation.bench.stresses import Stress
+from evaluation.experiments.moving import across
+from evaluation.report.charts import LEVEL, WRONG, draw_reads, legend_below, new_chart
+from evaluation.report.claims import Table
 from retrolidar_ros.detector import METHODS
-from retrolidar_ros.scene.marker_budget import SNR
-from retrolidar_ros.scene.reference import WALL_SIGNAL
+from retrolidar_ros.marker.dictionary import USABLE_IDS
+from retrolidar_ros.scene.reference import SENSOR
 
-TITLE = 'Where methods fail'
-SOURCE = ''
+TITLE = 'Where methods break'
+RANGES_M = (1.0, 2.0, 2.7)
+"""Near, far, and where the reach of a lone packet ends."""
+SPEED_M_S = 0.1
+"""Of a marker that moves, across the view."""
+REPEATED_S = 4.35
+"""How long repeating markers are watched: three packets and a look."""
+SHOWN_M = 2.0
+_MOVING = replace(SENSOR, blur=0.05)
+_RECORDINGS, _MOVERS = 2, 12
+_QUICK_RECORDINGS, _QUICK_MOVERS = 1, 3
+_LEAST = 0.25  # less than this without any stress is nothing to break
 
-_TRIALS = 32
-_QUICK_TRIALS = 16
-_QUICK_STRIDE = 4
-_COLUMNS = 4
+
+def trial(
+    stress: Stress, range_m: float, moves: bool, repeats: bool, rng: np.random.Generator
+) -> Sent:
+    """Return a recording under a stress."""
+    how: dict[str, Any] = {'repeated_s': REPEATED_S if repeats else None, 'range_m': range_m}
+    if moves:
+        how |= {'path': across(SPEED_M_S, range_m, rng), 'sensor': _MOVING}
+    return record(stress, signal_at(range_m), rng, USABLE_IDS, **how)
 
 
-def breaking_points(panel: Panel, places: list[float], rates: list[Rate]) -> dict[str, Any]:
-    """Return where identification falls below 80 %, on either side of the harmless value.
+class _Condition:
+    """What is read of one panel's values under one condition, each recording made once."""
 
-    Parameters
-    ----------
-    panel : Panel
-        The stress.
-    places : list of float
-        Its values, all on the way from one end to the other.
-    rates : list of Rate
-        Identification at each.
+    def __init__(self, panel: Panel, where: tuple[float, bool, bool], seed: int, quick: bool):
+        range_m, self.moves, self.repeats = where
+        self._panel, self._range_m, self._seed = panel, range_m, seed
+        movers, standing = (_QUICK_MOVERS, _QUICK_RECORDINGS) if quick else (_MOVERS, _RECORDINGS)
+        self._recordings = movers if self.moves else standing
 
-    Returns
-    -------
-    dict
-        'holds': whether the harmless value itself is borne; 'below' and 'above': the breaking
-        points, None where there is none.
-    """
-    ordered = sorted(zip(places, (row['rate'] for row in rates), strict=True))
-    downward = [(x, share) for x, share in reversed(ordered) if x <= panel.harmless]
-    upward = [(x, share) for x, share in ordered if x >= panel.harmless]
-    below, above = (
-        falls_below(LEVEL, [x for x, _ in way], [share for _, share in way])
-        for way in (downward, upward)
+    def read(self, index: int, *names: str) -> dict[str, Any]:
+        """Return what methods read at a value."""
+        stress = self._panel.stress(self._panel.values[index])
+        rng = np.random.default_rng([self._seed, index])
+        return read_shares(
+            lambda rng: trial(stress, self._range_m, self.moves, self.repeats, rng),
+            self._recordings,
+            rng,
+            {name: BOTH[name] for name in names},
+            lone=not self.repeats,
+        )
+
+    def breaks(self, method: str, harmless: float) -> dict[str, Any]:
+        """Return between which values a method breaks, and the most wrong IDs on the way."""
+        if harmless < _LEAST:
+            return {'state': 'not read'}
+        low, high, wrong = 0, len(self._panel.values), 0.0
+        while high - low > 1:
+            middle = (low + high) // 2
+            found = self.read(middle, method)[method]
+            wrong = max(wrong, found['wrong']['rate'])
+            low, high = (
+                (middle, high) if found['right']['rate'] >= LEVEL * harmless else (low, middle)
+            )
+        values = self._panel.values
+        if high == len(values):
+            return {'state': 'never', 'at': values[-1], 'wrong': wrong}
+        return {'state': 'breaks', 'at': (values[low] + values[high]) / 2, 'wrong': wrong}
+
+
+CONDITIONS = [
+    (range_m, moves, repeats)
+    for range_m in RANGES_M
+    for moves in (False, True)
+    for repeats in (False, True)
+]
+
+
+def _named(where: tuple[float, bool, bool]) -> str:
+    range_m, moves, repeats = where
+    return (
+        f'{range_m:g} m, {"moving" if moves else "standing"}, {"repeating" if repeats else "lone"}'
     )
-    return {'holds': upward[0][1] >= LEVEL, 'below': below, 'above': above}
-
-
-def _sweep(
-    panel: Panel,
-    values: list[float],
-    trials: int,
-    rng: np.random.Generator,
-    progress: Any,
-) -> dict[str, Any]:
-    """Give every method the same recordings at every value of a stress."""
-    scenes = math.ceil(trials / panel.grid.zones)
-    counts = np.zeros((len(values), len(METHODS), 2), dtype=int)
-    for row, value in enumerate(values):
-        for _ in range(scenes):
-            trial = panel.trial(value, rng)
-            for column, method in enumerate(METHODS):
-                detector = new_detector(method, panel.grid, bit_period_s=panel.bit_period_s)
-                counts[row, column] += np.count_nonzero(outcome(trial, detector), axis=-1)
-        progress.update()
-    zones = scenes * panel.grid.zones
-    results = {}
-    for column, method in enumerate(METHODS):
-        right = [rate(int(hits), zones) for hits in counts[:, column, 0]]
-        results[method] = {
-            'identified': right,
-            'wrong': [rate(int(hits), zones) for hits in counts[:, column, 1]],
-            'breaks': breaking_points(panel, values, right),
-        }
-    return {
-        'name': panel.name,
-        'title': panel.title,
-        'axis': panel.axis,
-        'harmless': panel.harmless,
-        'bit_period_s': panel.bit_period_s,
-        'zones': panel.grid.zones,
-        'values': values,
-        'methods': results,
-    }
 
 
 def run(rng: np.random.Generator, *, quick: bool) -> dict[str, Any]:
-    """Return identification and wrong-ID rates of lone packets under every stress."""
-    stride, trials = (_QUICK_STRIDE, _QUICK_TRIALS) if quick else (1, _TRIALS)
-    sweeps = [(panel, list(panel.values[::stride])) for panel in PANELS]
-    points = sum(len(values) for _, values in sweeps)
-    with tqdm(total=points, desc='stability', leave=False) as progress:
-        panels = [_sweep(panel, values, trials, rng, progress) for panel, values in sweeps]
-    return {
-        'snr_db': SNR_DB,
-        'marker_m': RANGE_M,
-        'wall_signal': WALL_SIGNAL,
-        'hand_signal': HAND_SIGNAL,
-        'hand_m': HAND_DISTANCE_M,
-        'far_wall_m': FAR_WALL_M,
-        'level': LEVEL,
-        'panels': panels,
+    """Return breaking points under all conditions, and the panels of one in full."""
+    seed = int(rng.integers(2**31))
+    chosen = PANELS[::5] if quick else PANELS
+    conditions = CONDITIONS[:: 4 if quick else 1]
+    harmless = {
+        _named(where): _Condition(PANELS[0], where, seed, quick).read(0, *METHODS)
+        for where in conditions
     }
+    panels = []
+    for panel in tqdm(chosen, desc='stability', leave=False):
+        breaks = {}
+        for where in conditions:
+            condition = _Condition(panel, where, seed, quick)
+            usual = harmless[_named(where)]
+            breaks[_named(where)] = {
+                method: condition.breaks(method, usual[method]['right']['rate'])
+                for method in METHODS
+            }
+        shown = _Condition(panel, (SHOWN_M, False, False), seed, quick)
+        points = [
+            {'place': value, **shown.read(index, *METHODS)}
+            for index, value in enumerate(panel.values)
+            if not quick or index % 3 == 0
+        ]
+        panels.append(
+            {
+                'name': panel.name,
+                'title': panel.title,
+                'axis': panel.axis,
+                'breaks': breaks,
+                'points': points,
+            }
+        )
+    return {'harmless': harmless, 'panels': panels, 'speed_m_s': SPEED_M_S}
 
 
-def _told(breaks: dict[str, Any]) -> str:
-    """Return breaking points as text."""
-    if not breaks['holds']:
-        return 'always'
-    found = [f'{breaks[side]:.3g}' for side in ('below', 'above') if breaks[side] is not None]
-    return ' and '.join(found) or 'never'
+def _told(found: dict[str, Any]) -> str:
+    if found['state'] == 'not read':
+        return '×'
+    return f'{"past " if found["state"] == "never" else ""}{found["at"]:.3g}'
 
 
-def _most_wrong(rates: list[Rate]) -> str:
-    """Return the largest rate, as text."""
-    return f'{max(row["rate"] for row in rates):.1%}'
-
-
-def summarise(figures: dict[str, Any]) -> str:
-    """Return where each method breaks, and the most wrong IDs on the way there and beyond."""
-    width = max(len(f'{panel["title"]}, {panel["axis"]}') for panel in figures['panels'])
-    methods = list(figures['panels'][0]['methods'])
-    lines = [
-        f'{"identification below 80 %: where (most wrong IDs)":{width}}'
-        + ''.join(f'{method:>30}' for method in methods)
-    ]
+def table(figures: dict[str, Any]) -> Table:
+    """Return where each method breaks: near, far and at the end of the reach."""
+    conditions = list(figures['harmless'])
+    kinds = list(dict.fromkeys(name.partition(', ')[2] for name in conditions))
+    rows = [['breaks at', *(f'{method}: {kind}' for kind in kinds for method in METHODS)]]
     for panel in figures['panels']:
-        cells = (
-            f'{_told(result["breaks"])} ({_most_wrong(result["wrong"])})'
-            for result in panel['methods'].values()
-        )
-        title = f'{panel["title"]}, {panel["axis"]}'
-        lines.append(f'{title:{width}}' + ''.join(f'{cell:>30}' for cell in cells))
-    return '\n'.join(lines)
+        cells = [
+            ' · '.join(
+                _told(panel['breaks'][name][method])
+                for name in conditions
+                if name.partition(', ')[2] == kind
+            )
+            for kind in kinds
+            for method in METHODS
+        ]
+        rows.append([f'{panel["title"]}, {panel["axis"]}', *cells])
+    return rows
 
 
-def compare(figures: dict[str, Any]) -> list[Claim]:
-    """Set where both methods break under each stress side by side."""
-    return [
-        Claim(
-            f'{panel["title"]}: below {figures["level"]:.0%} from, {panel["axis"]}',
-            NOTHING,
-            *(_told(panel['methods'][method]['breaks']) for method in ('paper', METHODS[0])),
-        )
-        for panel in figures['panels']
-    ]
-
-
-def comment(figures: dict[str, Any]) -> str:
-    """Say how to read the table."""
-    wrong = {
-        method: max(
-            row['rate'] for panel in figures['panels'] for row in panel['methods'][method]['wrong']
-        )
-        for method in figures['panels'][0]['methods']
-    }
-    shares = ', '.join(f'`{method}` {share:.1%}' for method, share in wrong.items())
-    return (
-        'Each stress grows from harmless until nothing is read; "always" means that the method '
-        f'reads less than {figures["level"]:.0%} even where the stress is harmless, "never" that '
-        'it bears the most of it. The largest share of wrong IDs in any of these: '
-        f'{shares}. The paper sweeps none of these but distance; its drone has motion and '
-        'occlusion in one trial.'
-    )
-
-
-def draw(figures: dict[str, Any], path: Path) -> None:
+def draw(figures: dict[str, Any]) -> Any:
     """Draw a panel for every stress."""
-    rows = math.ceil(len(figures['panels']) / _COLUMNS)
-    figure, axes = new_chart(rows, _COLUMNS, 16, 12)
-    for index, (axis, panel) in enumerate(zip(axes.flat, figures['panels'], strict=True)):
-        axis.axhline(100 * LEVEL, color='0.6', linewidth=0.8)
-        for method, result in panel['methods'].items():
-            how = look(method)
-            draw_shares(axis, panel['values'], result['identified'], **how)
-            wrong = [100 * row['rate'] for row in result['wrong']]
-            axis.plot(panel['values'], wrong, **{**how, 'markersize': 2}, linestyle='--')
-            broken = [result['breaks'][side] for side in ('below', 'above')]
-            for place in broken:
-                if place is not None:
-                    axis.axvline(place, color=how['color'], linewidth=1, linestyle=':')
-        if panel['harmless'] == max(panel['values']):
-            axis.invert_xaxis()
-        axis.set_ylim(-2, 102)
-        axis.set_title(f'{index + 1}  {panel["title"]}', fontsize=11)
-        axis.set_xlabel(panel['axis'], fontsize=10)
-        if index % _COLUMNS == 0:
-            axis.set_ylabel('markers [%]', fontsize=10)
-    shared_legend(
-        figure,
-        f'One packet a marker, {SNR} = {figures["snr_db"]:g} dB where it is not swept',
-        [
-            ('right ID, 95 % confidence', {'color': '0.2'}),
-            ('wrong ID', {'color': '0.2', 'linestyle': '--'}),
-            ('identification falls below 80 %', {'color': '0.2', 'linestyle': ':'}),
-        ],
+    columns = 4
+    rows = -(-len(figures['panels']) // columns)
+    figure, axes = new_chart(
+        rows,
+        columns,
+        16,
+        3.6 * rows + 1.2,
+        f'Lone packets at {SHOWN_M:g} m: the default bears more of every stress',
     )
-    figure.savefig(path)
+    for axis in axes.flat[len(figures['panels']) :]:
+        axis.set_visible(False)
+    for index, (axis, panel) in enumerate(zip(axes.flat, figures['panels'], strict=False)):
+        draw_reads(axis, panel['points'])
+        axis.set_title(panel['title'], fontsize=13)
+        axis.set_xlabel(panel['axis'])
+        if index % columns == 0:
+            axis.set_ylabel('markers [%]')
+    legend_below(figure, METHODS, WRONG)
+    return figure

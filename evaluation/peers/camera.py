@@ -4,14 +4,14 @@
 
 The camera frame is optical: x right, y down, z forward. A point of the picture is in pixels from
 its upper left corner, so the pixel in row i and column j covers i to i + 1 and j to j + 1. Light
-is in shares of what white paper sends. Left out are lens distortion, motion blur, colour, a phone's
-noise reduction and video compression, as of a calibrated camera in steady hands.
+is in shares of what white paper sends. Left out are lens distortion, colour, a phone's noise
+reduction and video compression, as of a calibrated camera.
 """
 
 from __future__ import annotations
 
 import math
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -41,20 +41,13 @@ _TRANSMISSION = 0.9
 _QUANTUM_EFFICIENCY = 0.5
 _FULL_WELL_E = 20_000.0
 _READ_NOISE_E = 5.0
-_LONGEST_EXPOSURE_S = 1 / PICTURES_HZ
+LONGEST_EXPOSURE_S = 1 / PICTURES_HZ
 _MAX_GAIN = 64.0  # ISO 6400 where the full well is ISO 100
 _WHITE_LEVEL = 0.8  # where auto exposure puts white paper, as a share of the brightest level
 _PAPER_REFLECTANCE = 0.9
 
 # All light counted as of 555 nm, where a lumen is 1/683 W (definition of the candela).
 _PHOTONS_PER_LUMEN_S = 555e-9 / (683 * 6.62607015e-34 * 2.99792458e8)
-
-_ALIGNMENT = 8  # of windows, a multiple of the tiles in which AprilTag 3 thresholds
-_SURROUNDINGS_PX = 40
-_SUBSAMPLES = 4  # a pixel's side
-
-_LEAVES = 60_000
-_LEAF_RADII_PX = (3.0, 300.0)
 
 
 def paper_electrons(illuminance_lux: float, exposure_s: float) -> float:
@@ -76,37 +69,48 @@ def expose(
     *,
     veil: float = 0.0,
     gamma: float = 1.0,
+    longest_s: float = LONGEST_EXPOSURE_S,
 ) -> NDArray[np.uint8]:
-    """Return the picture of a scene.
+    """Return the picture of a scene: 8-bit grey levels, of the shape of the light.
 
-    Parameters
-    ----------
-    light : Floats
-        What the pixels see, in shares of white paper, any shape.
-    illuminance_lux : float
-        On the scene. Exposure time and gain are set to it as far as they go.
-    rng : numpy.random.Generator
-        Of the shot noise (Gaussian, as for many electrons) and the read noise.
-    veil : float
-        Glare over all of it, in shares of white paper. The exposure does not follow it, as that
-        of a shiny spot in a large picture.
-    gamma : float
-        Levels are light to the power of 1/gamma. A gamma above 1 brightens the middle of blurred
-        edges, which moves them towards the dark side.
-
-    Returns
-    -------
-    numpy.ndarray
-        8-bit grey levels, of the same shape.
+    The light is in shares of white paper. Exposure time, up to the longest, and gain are set to the
+    illuminance. Shot noise is Gaussian, as for many electrons. A veil of glare, in shares of white
+    paper, lies over all; the exposure does not follow it, as that of a shiny spot in a large
+    picture. Levels are light to the power of 1/gamma: above 1 it moves blurred edges to the dark
+    side.
     """
     target = _WHITE_LEVEL * _FULL_WELL_E
-    white = min(paper_electrons(illuminance_lux, _LONGEST_EXPOSURE_S), target)
+    white = min(paper_electrons(illuminance_lux, longest_s), target)
     gain = min(target / white, _MAX_GAIN)
     electrons = (white * (light + veil)).astype(np.float32)
     deviation = np.sqrt(electrons + np.float32(_READ_NOISE_E**2))
     electrons += deviation * rng.standard_normal(light.shape, dtype=np.float32)
     levels = np.clip(electrons * np.float32(gain / _FULL_WELL_E), 0, 1) ** np.float32(1 / gamma)
     return np.rint(255 * levels).astype(np.uint8)
+
+
+def exposure_s(illuminance_lux: float, longest_s: float = LONGEST_EXPOSURE_S) -> float:
+    """Return how long the camera exposes [s]."""
+    full = paper_electrons(illuminance_lux, longest_s)
+    return longest_s * min(1.0, _WHITE_LEVEL * _FULL_WELL_E / full)
+
+
+def smear(light: Floats, length_px: float) -> Floats:
+    """Spread light along the rows by a motion of some pixels during the exposure."""
+    whole = math.floor(length_px)
+    weights = np.append(np.ones(whole), length_px - whole)
+    if length_px <= 1:
+        weights = np.array([1.0, length_px]) / (1 + length_px)
+    padded = np.pad(light, ((0, 0), (len(weights) // 2, len(weights))), mode='edge')
+    columns = light.shape[1]
+    smeared: Floats = (
+        sum(
+            (weight * padded[:, index : index + columns] for index, weight in enumerate(weights)),
+            np.zeros_like(light),
+        )
+        / weights.sum()
+    )
+    return smeared
 
 
 class Pose(NamedTuple):
@@ -136,18 +140,9 @@ def transform(homography: Floats, points: ArrayLike) -> Floats:
 def facing_pose(
     range_m: float, margin_px: float, max_roll_rad: float, rng: np.random.Generator
 ) -> Pose:
-    """Return a plate that faces the camera from a random place of the picture, a little rolled.
+    """Return a plate at a range [m] that faces the camera, a little rolled [rad] either way.
 
-    Parameters
-    ----------
-    range_m : float
-        Radial distance [m].
-    margin_px : float
-        How far its centre stays from the picture's edges [pixels].
-    max_roll_rad : float
-        It is rolled about the line of sight by up to as much either way [rad].
-    rng : numpy.random.Generator
-        Of place and roll.
+    Its place in the picture is random, with its centre a margin away from the edges [pixels].
     """
     place = rng.uniform(margin_px, np.array([WIDTH, HEIGHT]) - margin_px)
     ray = np.append((place - CENTRE_PX) / FOCAL_PX, 1.0)
@@ -159,25 +154,12 @@ def facing_pose(
     return Pose(range_m * away, np.column_stack([right, np.cross(away, right), away]))
 
 
-def dead_leaves(rng: np.random.Generator) -> Floats:
-    """Return a cluttered background, shape (HEIGHT, WIDTH), in shares of white paper.
-
-    Discs that hide one another, of random greys and with the density of radii falling by their
-    third power, have the statistics of natural pictures (Lee, Mumford and Huang 2001).
-    """
-    smallest, largest = _LEAF_RADII_PX
-    falls = 1 - rng.uniform(size=_LEAVES) * (1 - (smallest / largest) ** 2)
-    radii = smallest / np.sqrt(falls)
-    rows, columns = rng.uniform((-largest,), np.array([[HEIGHT], [WIDTH]]) + largest, (2, _LEAVES))
-    greys = rng.uniform(0.05, 1.0, _LEAVES)
-    picture = np.full((HEIGHT, WIDTH), 0.5)
-    for row, column, radius, grey in zip(rows, columns, radii, greys, strict=True):
-        top, left = max(0, int(row - radius)), max(0, int(column - radius))
-        part = picture[top : max(0, int(row + radius) + 1), left : max(0, int(column + radius) + 1)]
-        y = np.arange(top, top + part.shape[0]) + 0.5 - row
-        x = np.arange(left, left + part.shape[1]) + 0.5 - column
-        part[y[:, None] ** 2 + x**2 < radius**2] = grey
-    return picture
+def tilted(pose: Pose, yaw_rad: float, pitch_rad: float) -> Pose:
+    """Return a plate turned away about its own vertical and horizontal axes."""
+    (sin_y, sin_p), (cos_y, cos_p) = (f([yaw_rad, pitch_rad]) for f in (np.sin, np.cos))
+    yaw = np.array([[cos_y, 0, sin_y], [0, 1, 0], [-sin_y, 0, cos_y]])
+    pitch = np.array([[1, 0, 0], [0, cos_p, -sin_p], [0, sin_p, cos_p]])
+    return pose._replace(rotation=pose.rotation @ yaw @ pitch)
 
 
 def blur(light: Floats) -> Floats:
@@ -193,87 +175,3 @@ def blur(light: Floats) -> Floats:
             np.zeros_like(light),
         ).T
     return light
-
-
-class Window(NamedTuple):
-    """A part of the picture [pixels]."""
-
-    top: int
-    left: int
-    bottom: int
-    right: int
-
-    @property
-    def slices(self) -> tuple[slice, slice]:
-        """What cuts it out of a picture."""
-        return slice(self.top, self.bottom), slice(self.left, self.right)
-
-    @property
-    def centre_px(self) -> tuple[float, float]:
-        """Where the optical axis is, from the window's upper left corner."""
-        return CENTRE_PX[0] - self.left, CENTRE_PX[1] - self.top
-
-
-def _window(side_m: float, pose: Pose, margin_px: int, alignment_px: int) -> Window:
-    """Return what holds a plate and a margin, with edges at multiples of the alignment."""
-    half = side_m / 2
-    corners = [(-half, -half), (half, -half), (half, half), (-half, half)]
-    places = transform(pose.homography, corners)
-    low = np.floor((places.min(axis=0) - margin_px) / alignment_px) * alignment_px
-    high = np.ceil((places.max(axis=0) + margin_px) / alignment_px) * alignment_px
-    left, top = np.maximum(low, 0).astype(int)
-    right, bottom = np.minimum(high, [WIDTH, HEIGHT]).astype(int)
-    return Window(int(top), int(left), int(bottom), int(right))
-
-
-class Background:
-    """What is behind the plate, the same for all pictures of a series."""
-
-    def __init__(self, rng: np.random.Generator) -> None:
-        self._sharp = dead_leaves(rng)
-        self.light = blur(self._sharp)
-        """As the camera sees it without a plate, shape (HEIGHT, WIDTH)."""
-
-    def with_plate(self, cells: Floats, side_m: float, pose: Pose) -> tuple[Floats, Window]:
-        """Return what the camera sees around a plate.
-
-        Parameters
-        ----------
-        cells : Floats
-            The plate's square cells in shares of white paper, shape (n, n).
-        side_m : float
-            Edge of the plate [m].
-        pose : Pose
-            Where it is.
-
-        Returns
-        -------
-        light : Floats
-            Of the pixels in the window.
-        window : Window
-            The plate and its surroundings.
-        """
-        window = _window(side_m, pose, _SURROUNDINGS_PX, _ALIGNMENT)
-        inner = _window(side_m, pose, 1, 1)
-        sharp = self._sharp[inner.slices]
-        rows, columns = sharp.shape
-        x = inner.left + (np.arange(columns * _SUBSAMPLES) + 0.5) / _SUBSAMPLES
-        y = inner.top + (np.arange(rows * _SUBSAMPLES) + 0.5) / _SUBSAMPLES
-        to_plate = np.linalg.inv(pose.homography)[:, :, None, None]
-        right, down, scale = to_plate[:, 0] * x + to_plate[:, 1] * y[:, None] + to_plate[:, 2]
-        column = np.floor(len(cells) * (right / scale / side_m + 0.5)).astype(int)
-        row = np.floor(len(cells) * (down / scale / side_m + 0.5)).astype(int)
-        inside = (row >= 0) & (row < len(cells)) & (column >= 0) & (column < len(cells))
-        light = np.zeros(inside.shape)
-        light[inside] = cells[row[inside], column[inside]]
-        change = np.zeros((window.bottom - window.top, window.right - window.left))
-        part = change[inner.top - window.top :, inner.left - window.left :][:rows, :columns]
-        part += _pixel_means(light) - _pixel_means(inside) * sharp
-        return self.light[window.slices] + blur(change), window
-
-
-def _pixel_means(samples: NDArray[Any]) -> Floats:
-    """Return the means of the samples in each pixel."""
-    rows, columns = np.array(samples.shape) // _SUBSAMPLES
-    means: Floats = samples.reshape(rows, _SUBSAMPLES, columns, _SUBSAMPLES).mean(axis=(1, 3))
-    return means

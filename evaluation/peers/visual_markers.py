@@ -56,16 +56,9 @@ class Reader(Protocol):
     def read(
         self, picture: NDArray[np.uint8], centre_px: tuple[float, float], size_m: float
     ) -> list[Sighting]:
-        """Read markers of a size [m].
+        """Read markers of a size [m] in grey levels, shape (rows, columns).
 
-        Parameters
-        ----------
-        picture : numpy.ndarray
-            Grey levels, shape (rows, columns).
-        centre_px : (float, float)
-            Where the optical axis is, from the left and from above [pixels].
-        size_m : float
-            Edge of the markers [m].
+        The optical axis is at the centre, from the left and from above [pixels].
         """
 
 
@@ -76,23 +69,18 @@ def _plate(white: NDArray[np.bool_], size_m: float, margin: int) -> Plate:
 
 
 class AprilTagReader:
-    """Tags of tagStandard41h12, read by AprilTag 3 in one thread.
+    """Tags of tagStandard41h12, read by AprilTag 3.
 
-    Parameters
-    ----------
-    name : str
-        What charts call it.
-    quad_decimate : float
-        In how many times fewer rows and columns squares are searched; 2 is the library's default.
+    Squares are searched in `quad_decimate` times fewer rows and columns, by default twice.
     """
 
     kind = APRILTAG
 
-    def __init__(self, name: str, quad_decimate: float) -> None:
+    def __init__(self, name: str, quad_decimate: float, threads: int = 1) -> None:
         from pupil_apriltags import Detector
 
         self.name = name
-        self.detector: Any = Detector(_FAMILY, nthreads=1, quad_decimate=quad_decimate)
+        self.detector: Any = Detector(_FAMILY, nthreads=threads, quad_decimate=quad_decimate)
         # The library's own default, which the Python binding cuts down to the integer 0.
         self.detector.tag_detector_ptr.contents.decode_sharpening = 0.25
         # The binding would free the family before the detector that still uses it.
@@ -129,13 +117,7 @@ class AprilTagReader:
 
 
 class QrReader:
-    """QR codes of version 1-M, which hold 16 bytes, read by zbar.
-
-    Raises
-    ------
-    ImportError
-        If the system has no zbar.
-    """
+    """QR codes of version 1-M, which hold 16 bytes, read by zbar; ImportError without it."""
 
     name = QR
     kind = QR
@@ -166,20 +148,12 @@ class QrReader:
 
 
 def square_range(corners_px: NDArray[Any], centre_px: tuple[float, float], size_m: float) -> float:
-    """Return the range of a square from its corners in a picture.
+    """Return the range [m] of a square of an edge [m] from its corners in a picture, shape (4, 2).
 
+    They are in their order round the square; the optical axis is at the centre [pixels].
     From far away a square is seen as a parallelogram, whose larger scale is not foreshortened
     (scaled orthography, DeMenthon and Davis 1995). With corners that are off by part of a pixel
     this is steadier than a full homography, whose perspective such a small square does not show.
-
-    Parameters
-    ----------
-    corners_px : numpy.ndarray
-        In their order round the square, either way, shape (4, 2).
-    centre_px : (float, float)
-        Where the optical axis is [pixels].
-    size_m : float
-        Edge of the square [m].
     """
     rays = np.column_stack([(corners_px - np.array(centre_px)) / FOCAL_PX, np.ones(4)])
     rays /= np.linalg.norm(rays, axis=1, keepdims=True)
@@ -192,15 +166,7 @@ def square_range(corners_px: NDArray[Any], centre_px: tuple[float, float], size_
 
 
 def find_readers() -> tuple[list[Reader], dict[str, str]]:
-    """Return what can be read here, and why what cannot be is left out.
-
-    Returns
-    -------
-    readers : list of Reader
-        AprilTag 3 as the library ships it, AprilTag 3 searching in all pixels, and zbar.
-    missing : dict
-        Reasons by names.
-    """
+    """Return what can be read here, and why what cannot be is left out, by name."""
     readers: list[Reader] = []
     missing = {}
 

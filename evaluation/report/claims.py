@@ -1,22 +1,86 @@
 # Copyright 2026 retrolidar_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""Lines that set the paper's own values beside ours."""
+"""What experiments tell: tables, and the paper's own values beside ours."""
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from collections.abc import Iterable, Mapping, Sequence
+from typing import Any, NamedTuple
 
 NOTHING = '–'
 """Stands where there is no value: the paper gives none, or a method has no part in it."""
 
+Table = list[list[str]]
+"""Rows of text, the heads first."""
+
 
 class Claim(NamedTuple):
-    """One line of a report's table, its values as text with their units."""
+    """What one item of the paper comes to here, as text with units."""
 
-    what: str
-    paper: str = NOTHING
-    """The value that the paper's text gives."""
     method: str = NOTHING
     """What our implementation of the paper's method gives."""
     default: str = NOTHING
     """What our default method gives, or a model that is the same for both."""
+    agrees: bool | None = None
+    """None where the paper gives nothing to agree with."""
+
+    @property
+    def cells(self) -> str:
+        """Cells of the report's table of the paper."""
+        verdict = {True: 'agrees', False: 'differs', None: ''}[self.agrees]
+        return f'{self.method} | {self.default} | {verdict}'
+
+
+def claim_of(values: Iterable[str], agrees: bool | None = None) -> Claim:
+    """Return a claim of the values of the paper's method and of the default."""
+    method, default = values
+    return Claim(method, default, agrees)
+
+
+Claims = dict[str, Claim]
+"""Items of an experiment by name; the report's chapter of the paper has the words."""
+
+
+def told(value: float | None, unit: str = 'm', digits: int = 2) -> str:
+    """Return a value with its unit as text."""
+    return NOTHING if value is None else f'{value:.{digits}f} {unit}'
+
+
+def told_end(end: Mapping[str, Any], unit: str = 'm', digits: int = 2) -> str:
+    """Return where a level is crossed as text, 'unsure' where that is left to chance."""
+    at, low, high = end['at'], end['low'], end['high']
+    if at is not None and low is not None and high - low > at / 2:
+        return 'unsure'
+    return told(at, unit, digits)
+
+
+def signed(value: float | None) -> str:
+    """Return a share with its sign as text."""
+    return NOTHING if value is None else f'{value:+.0%}'
+
+
+def percent(rate: Any) -> str:
+    """Return a rate as text."""
+    return f'{rate["rate"]:.0%}'
+
+
+def per_hour(frequency: Any) -> str:
+    """Return events an hour with their confidence as text."""
+    low, high = (f'{frequency[end]:.3g}' for end in ('low', 'high'))
+    return f'{frequency["per_hour"]:.3g} ({low} to {high})'
+
+
+def markdown(table: Sequence[Sequence[str]]) -> str:
+    """Return a table as Markdown."""
+    heads, *rows = table
+    lines = [heads, ['---'] * len(heads), *rows]
+    return '\n'.join(f'| {" | ".join(line)} |' for line in lines)
+
+
+def text(table: Sequence[Sequence[str]]) -> str:
+    """Return a table as text for the terminal."""
+    widths = [max(map(len, column)) for column in zip(*table, strict=True)]
+    return '\n'.join(
+        '  '.join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip()
+        for row in table
+    )

@@ -1,28 +1,27 @@
 # Copyright 2026 retrolidar_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""The report: one page of all experiments, from the figures that they have written."""
+"""The report: chapters of Markdown, into which the figures of the experiments are filled.
+
+The chapters in `pages/` hold prose and no measured figure. What experiments made is filled into
+slots: `{{chart NAME}}`, `{{table NAME}}`, `{{run}}`, and, for cells of a table,
+`{{claim NAME ITEM}}`.
+"""
 
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping, Sequence
+import re
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from evaluation.experiments.registry import EXPERIMENTS, TIMED
-from evaluation.report.claims import NOTHING, Claim
+from evaluation.experiments.registry import EXPERIMENTS, save_chart
+from evaluation.report.claims import Claims, markdown
 
 PAGE = 'README.md'
-_HEADER = ('', "the paper's own", 'method `paper`', 'default, `joint`')
-_INTRODUCTION = """\
-Every figure here is of frames that the package's own emulator makes: a link budget derived from the
-paper's figures, the noise of a VL53L8CX as measured at 8×8 zones and 10 Hz, a liquid crystal that
-takes time to turn, walls that merge with the marker. No real sensor was used. Where the simulation
-only gives back what was put into it, the text says so. In the tables, "the paper's own" is what its
-text reports; method `paper` is our implementation of its detector, and the default is ours, both on
-the same frames. Shares of trials come with 95 % confidence in the JSON; bands in the charts show
-it.\
-"""
+_PAGES = Path(__file__).parent / 'pages'
+_SLOT = re.compile(r'\{\{(\w+)(?: ([\w-]+))?(?: ([\w-]+))?\}\}')
+Report = Mapping[str, dict[str, Any]]
 
 
 def load(directory: Path) -> dict[str, dict[str, Any]]:
@@ -34,102 +33,73 @@ def load(directory: Path) -> dict[str, dict[str, Any]]:
     }
 
 
-def table(claims: Sequence[Claim], header: Sequence[str] = _HEADER) -> str:
-    """Return claims as a Markdown table, without columns that say nothing."""
-    rows = [tuple(claim) for claim in claims]
-    kept = [
-        column
-        for column in range(len(header))
-        if column in (0, 3) or any(row[column] != NOTHING for row in rows)
-    ]
-    lines = [[header[column] for column in kept], ['---'] * len(kept)]
-    lines += [[row[column] for column in kept] for row in rows]
-    return '\n'.join(f'| {" | ".join(line)} |' for line in lines)
+def claims_of(name: str, report: Report) -> Claims:
+    """Return what items of the paper come to in an experiment; nothing where it has none."""
+    claims: Claims = getattr(EXPERIMENTS[name], 'claims', lambda figures: {})(report[name])
+    return claims
 
 
-def _command(name: str, run: Mapping[str, Any]) -> str:
-    options = ['--quick'] if run['quick'] else []
-    if run['seed'] != 1:
-        options.append(f'--seed {run["seed"]}')
-    arguments = ' '.join([name, *options])
-    return 'make evaluate ARGS=' + (f"'{arguments}'" if options else arguments)
-
-
-def _anchor(title: str) -> str:
-    """Return the anchor that Markdown gives a heading."""
-    plain = ''.join(one for one in title.lower() if one.isalnum() or one in ' -_')
-    return plain.replace(' ', '-')
-
-
-def _section(name: str, figures: dict[str, Any]) -> str:
-    experiment = EXPERIMENTS[name]
-    run = figures['run']
-    alone = ', alone on the machine' if name in TIMED else ''
-    source = f'{experiment.SOURCE[0].upper()}{experiment.SOURCE[1:]}. ' if experiment.SOURCE else ''
-    made = f'`{_command(name, run)}`, {run["seconds"]:.0f} s{alone}; '
-    return '\n\n'.join(
-        [
-            f'## {experiment.TITLE}',
-            f'{source}{made}figures: [{name}.json]({name}.json).',
-            table(experiment.compare(figures)),
-            f'![{experiment.TITLE}]({name}.png)',
-            experiment.comment(figures),
-            '<details><summary>All figures of the chart</summary>',
-            f'```text\n{experiment.summarise(figures)}\n```',
-            '</details>',
-        ]
-    )
-
-
-def _machines(report: Mapping[str, dict[str, Any]]) -> str:
-    """Return on what the experiments ran, and for how long in all."""
-    runs = [figures['run'] for figures in report.values()]
-    minutes = sum(run['seconds'] for run in runs) / 60
-    kinds = []
-    for run in runs:
-        versions = ', '.join(
-            f'{package} {number}' for package, number in run['versions'].items() if number
-        )
-        kind = (
+def _run(report: Report) -> str:
+    """Return on what the experiments ran, and for how long."""
+    kinds = set()
+    for figures in report.values():
+        run = figures['run']
+        versions = ', '.join(f'{name} {of}' for name, of in run['versions'].items() if of)
+        kinds.add(
             f'{run["processor"]} ({run["cores"]} cores), {run["system"]} {run["machine"]}, '
             f'Python {run["python"]}, {versions}, seed {run["seed"]}'
-            + (', quick' if run['quick'] else '')
         )
-        if kind not in kinds:
-            kinds.append(kind)
+    minutes = sum(figures['run']['cpu_s'] for figures in report.values()) / 60
+    rough = any(figures['run']['quick'] for figures in report.values())
     return (
-        f'Measured on {"; and on ".join(kinds)}. All experiments took {minutes:.0f} min of a core.'
+        ('**A quick run: few trials, rough figures.** ' if rough else '')
+        + f'Measured on {"; and on ".join(sorted(kinds))}. All experiments took {minutes:.0f} '
+        'minutes of a core.'
     )
+
+
+def _chart(name: str, figures: Mapping[str, Any]) -> str:
+    """Return a chart with where its figures are and how to make it again."""
+    run = figures['run']
+    options = ' '.join([name, *(['--quick'] if run['quick'] else []), *_seed(run['seed'])])
+    quoted = f"'{options}'" if ' ' in options else options
+    return (
+        f'![{EXPERIMENTS[name].TITLE}]({name}.png)\n\n'
+        f'`make evaluate ARGS={quoted}` · [figures]({name}.json)'
+    )
+
+
+def _seed(seed: int) -> list[str]:
+    return [] if seed == 1 else [f'--seed {seed}']
+
+
+def filled(text: str, report: Report) -> str:
+    """Return a chapter with its figures; ValueError for a slot that nothing fills."""
+
+    def fill(slot: re.Match[str]) -> str:
+        kind, name, item = slot.groups()
+        if kind == 'run':
+            return _run(report)
+        if name not in report:
+            raise ValueError(f'{slot[0]}: there is no experiment of that name, or it has not run')
+        if kind == 'chart':
+            return _chart(name, report[name])
+        if kind == 'table':
+            return markdown(EXPERIMENTS[name].table(report[name]))
+        if kind == 'claim' and item in (claims := claims_of(name, report)):
+            return claims[item].cells
+        raise ValueError(f'{slot[0]}: a slot is a chart, a table, a claim or the run')
+
+    return _SLOT.sub(fill, text)
 
 
 def write_page(directory: Path) -> Path:
-    """Write the page of all experiments whose figures are in a directory; return its path."""
+    """Write page and charts of the figures that are in a directory; return the page's path."""
     report = load(directory)
-    paper = [name for name in report if EXPERIMENTS[name].SOURCE]
-    beyond = [name for name in report if name not in paper]
-    contents = [
-        f'- [{EXPERIMENTS[name].TITLE}](#{_anchor(EXPERIMENTS[name].TITLE)})'
-        + (f', {EXPERIMENTS[name].SOURCE}' if EXPERIMENTS[name].SOURCE else '')
-        for name in report
-    ]
-    headlines = []
-    for name in paper:
-        first = EXPERIMENTS[name].compare(report[name])[0]
-        title = EXPERIMENTS[name].TITLE
-        headlines.append(first._replace(what=f'[{title}](#{_anchor(title)}): {first.what}'))
-    quick = any(figures['run']['quick'] for figures in report.values())
-    parts = [
-        '# The evaluation',
-        _INTRODUCTION,
-        _machines(report),
-        *(['**A quick run: few trials, wide confidence.**'] if quick else []),
-        "## The paper's figures at a glance\n\n" + table(headlines),
-        '## Contents\n\n' + '\n'.join(contents),
-        '# The experiments of the paper',
-        *(_section(name, report[name]) for name in paper),
-        '# Beyond the paper',
-        *(_section(name, report[name]) for name in beyond),
-    ]
+    for name, figures in report.items():
+        save_chart(name, figures, directory)
+    chapters = sorted(_PAGES.glob('*.md'))
     path = directory / PAGE
+    parts = [filled(chapter.read_text(encoding='utf-8').strip(), report) for chapter in chapters]
     path.write_text('\n\n'.join(parts) + '\n', encoding='utf-8')
     return path

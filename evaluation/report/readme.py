@@ -12,166 +12,151 @@ from __future__ import annotations
 
 import json
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from evaluation.bench.sweep import told
+from evaluation.bench.judging import BOTH
+from evaluation.experiments import peers, roc, speed_accuracy
 from evaluation.experiments.registry import EXPERIMENTS
-from evaluation.report.claims import Claim
-from evaluation.report.page import table
-from retrolidar_ros.detector import METHODS
+from evaluation.experiments.sweeps import end_of
+from evaluation.peers.visual_markers import APRILTAG
+from evaluation.report.claims import NOTHING, Table, markdown, told
+from evaluation.report.page import load
 
 Report = Mapping[str, dict[str, Any]]
 BENCHMARKS = ('bench-detector', 'bench-nodes')
-_HEADLINES = {
-    'reading': (0, 2),
-    'size': (0,),
-    'several': (0,),
-    'ranging': (0,),
-    'false-alarms': (0, 1),
-    'coffee': (0,),
-    'drone': (0,),
-    'power': (0,),
-    'peers': (4, 5, 6, 10, 13),
-}
-"""Experiments, and which lines of their comparison go to the first screen."""
 _BLOCK = re.compile(r'(<!-- figures: (\S+) -->\n).*?(\n<!-- end of figures -->)', re.DOTALL)
+_DOCUMENTS = (Path('README.md'), *sorted(Path('docs').glob('*.md')))
 
 
 def load_report(directory: Path) -> Report:
     """Return the figures of all experiments and benchmarks in a directory, by name."""
-    return {
+    benchmarks = {
         name: json.loads((directory / f'{name}.json').read_text(encoding='utf-8'))
-        for name in (*EXPERIMENTS, *BENCHMARKS)
+        for name in BENCHMARKS
     }
-
-
-def _claims(report: Report, name: str) -> list[Claim]:
-    return EXPERIMENTS[name].compare(report[name])
+    return {**load(directory), **benchmarks}
 
 
 def headlines(report: Report) -> str:
-    """Return the most telling lines of the paper's experiments."""
-    claims = []
-    for name, rows in _HEADLINES.items():
-        for row in rows:
-            claim = _claims(report, name)[row]
-            # Their lines say little without what they are about.
-            about = f'{EXPERIMENTS[name].TITLE}: ' if name in ('coffee', 'drone') else ''
-            claims.append(claim._replace(what=about + claim.what))
-    return table(claims)
+    """Return what is read, how far, how fast, beside an AprilTag of the same size."""
+    figures, costs = report['peers'], report['speed-accuracy']
+    methods = tuple(BOTH)
+    shipped = [roc.shipped(report['roc'], method) for method in methods]
+    walks = [roc.grouped(point, 'signals that walk') for point in shipped]
 
+    def row(what: str, paper: str, values: Sequence[str]) -> list[str]:
+        return [what, *values[:2], paper, values[2]]
 
-def jobs(report: Report) -> str:
-    """Return all lines of the coffee arm and of the drone."""
-    return table(
-        [
-            claim._replace(what=f'{EXPERIMENTS[name].TITLE}: {claim.what}')
-            for name in ('coffee', 'drone')
-            for claim in _claims(report, name)
-        ]
-    )
+    def reach(sweep: str, digits: int, unit: str) -> list[str]:
+        names = (*methods, APRILTAG)
+        return [peers.words(figures, sweep, name, unit, digits) for name in names]
+
+    def error(range_m: float) -> list[str]:
+        names = (*methods, APRILTAG)
+        return [told(peers.error(figures, name, range_m, 'median'), 'mm', 1) for name in names]
+
+    cost = [
+        speed_accuracy.at(costs, *of)
+        for of in (
+            ('joint: packets combined', '1'),
+            ('paper: threshold', '0.38'),
+            ('AprilTag: decimation', '2'),
+        )
+    ]
+    rows: Table = [
+        ['', 'LiDAR, default `joint`', 'LiDAR, method `paper`', "the paper's own", 'AprilTag 3'],
+        row('3 cm: four of five read to', '2.6 m', reach('3 cm', 2, 'm')),
+        row('1 cm: four of five read to', '1.3 m', reach('1 cm', 2, 'm')),
+        row('time to an answer', '1.3 s', ['1.3 s', '1.3 s', '0.03 s']),
+        row('turned away, at 1 m, to', '50°', reach('yaw', 0, '°')),
+        row('moving across, at 1 m, at', NOTHING, reach('speed', 2, 'm/s')),
+        row('median error of range at 2 m', 'below 2 mm', error(2.0)),
+        row('light that it needs, at 1 m', 'none', ['none', 'none', reach('light', 1, 'lux')[2]]),
+        row(
+            'computing, per second of watching',
+            NOTHING,
+            [told(None if one is None else one['cpu_ms'], 'ms of a core', 0) for one in cost],
+        ),
+        row(
+            'false IDs an hour before signals that walk',
+            NOTHING,
+            [
+                *(
+                    f'{one["per_hour"]:.0f}' if one['events'] else f'below {one["high"]:.0f}'
+                    for one in walks
+                ),
+                NOTHING,
+            ],
+        ),
+    ]
+    return markdown(rows)
 
 
 def reach(report: Report) -> str:
-    """Return how far markers are read, and what of it is wrong."""
-    figures = report['reach']
-    lines = ['| four of five markers are read to | default | method `paper` |', '|---|---|---|']
-    for row in figures['reach_m']:
-        packets = (
-            'one packet (1.3 s)' if row['packets'] == 1 else f'within {row["packets"]} packets'
-        )
-        ends = ' | '.join(told(row[method]) for method in METHODS)
-        lines.append(f'| {100 * row["size_m"]:g} cm, {packets} | {ends} |')
-    wrong = {
-        method: max(row[method]['wrong']['rate'] for row in figures['points']) for method in METHODS
-    }
-    needed = report['bound']['needed_db']
-    lines += [
-        '',
-        (
-            f'The largest share of markers of which a wrong ID was read: {wrong["joint"]:.1%}, and '
-            f'{wrong["paper"]:.0%} by `paper`. Within 3 or 8 packets means `max_packets` of as '
-            'many.'
+    """Return how far markers are read."""
+    one, more = report['reading'], report['reach']
+    rows: Table = [['four of five markers are read to', 'default', 'method `paper`']]
+    for what, figures, curve in (
+        ('3 cm, one packet (1.3 s)', one, '3 cm'),
+        *(
+            (f'{size} cm, within {packets} packets', more, f'{size} cm, {packets} packets')
+            for size in (3, 1)
+            for packets in (3, 8)
         ),
-        (
-            'Without any test of acceptance the search needs '
-            f'{needed["joint"] - needed["told"]:.1f} dB more signal than a receiver that is told '
-            'all but the word.'
-        ),
-    ]
-    return '\n'.join(lines)
+        ('1 cm, one packet (1.3 s)', more, '1 cm, one packet'),
+    ):
+        rows.append([what, *(told(end_of(figures, curve, method)) for method in BOTH)])
+    return markdown(rows)
 
 
 def ids(report: Report) -> str:
     """Return how many IDs keep each distance."""
-    sets = report['ids']['sets']
-    lines = [
-        ['least distance', *(str(row['distance']) for row in sets)],
-        ['---'] * (len(sets) + 1),
-        ['IDs found', *(str(row['ids']) for row in sets)],
-    ]
-    return '\n'.join(f'| {" | ".join(line)} |' for line in lines)
+    return markdown(EXPERIMENTS['ids'].table(report['ids']))
 
 
 def speed(report: Report) -> str:
     """Return whether it keeps up."""
     nodes = report['bench-nodes']
-    costs = report['bench-detector']['against']['rows']
     shares, seen = nodes['core_shares'], nodes['delays']['MarkerDetection']
     detector = '`embedded/run python benchmarks/bench_detector.py`'
     bench = '`embedded/run python benchmarks/bench_nodes.py`'
-    rows = [
-        (
-            (
-                f'{nodes["seconds"]:.0f} s at {nodes["rate_hz"]:.1f} Hz through port, driver, '
-                f'detector and DDS, {nodes["run"]["cores"]} cores'
-            ),
-            (
-                f'{nodes["lost"]} frames lost; driver {shares["driver"]:.0%}, detector '
-                f'{shares["detector"]:.0%} of a core'
-            ),
-            bench,
-        ),
-        *(
-            (
-                f'a frame by `joint`, {cost["case"]}; a bag to JSON',
-                (
-                    f'{cost["new"]["frame_us"]:.0f} µs of processor time, at most '
-                    f'{cost["new"]["longest_us"] / 1e3:.1f} ms; '
-                    f'{cost["new"]["bag_times_real_time"]:.0f} times real time'
-                ),
-                detector,
-            )
-            for cost in costs
-        ),
-        (
-            'from the end of the exposure to the detection, median and 99 %',
-            f'{seen["median_ms"]:.0f} and {seen["p99_ms"]:.0f} ms',
-            bench,
-        ),
-        (
-            'stamps against the true exposure, once settled',
-            (
-                f'{nodes["stamp_stddev_ms"]:.2f} ms standard deviation, '
-                f'{nodes["stamp_worst_ms"]:.2f} ms at most'
-            ),
-            bench,
-        ),
-    ]
-    lines = ['| | | command |', '|---|---|---|', *(f'| {" | ".join(row)} |' for row in rows)]
-    return '\n'.join(lines)
+    rows: Table = [['', '', 'command']]
+
+    def add(what: str, value: str, command: str = bench) -> None:
+        rows.append([what, value, command])
+
+    add(
+        f'{nodes["seconds"]:.0f} s at {nodes["rate_hz"]:.1f} Hz through all, '
+        f'{nodes["run"]["cores"]} cores',
+        f'{nodes["lost"]} frames lost; driver {shares["driver"]:.0%}, detector '
+        f'{shares["detector"]:.0%} of a core',
+    )
+    for cost in report['bench-detector']['against']['rows']:
+        new = cost['new']
+        add(
+            f'a frame by `joint`, {cost["case"]}; a bag to JSON',
+            f'{new["frame_us"]:.0f} µs, at most {new["longest_us"] / 1e3:.1f} ms; '
+            f'{new["bag_times_real_time"]:.0f} times real time',
+            detector,
+        )
+    add(
+        'from the end of the exposure to the detection, median and 99 %',
+        f'{seen["median_ms"]:.0f} and {seen["p99_ms"]:.0f} ms',
+    )
+    add(
+        'stamps against the true exposure, once settled',
+        f'{nodes["stamp_stddev_ms"]:.2f} ms standard deviation, '
+        f'{nodes["stamp_worst_ms"]:.2f} ms at most',
+    )
+    return markdown(rows)
 
 
 def against_table(against: Mapping[str, Any]) -> str:
     """Return what frames cost an earlier revision and this one."""
-    costs = {row['case']: row for row in against['rows']}
-    lines = [
-        f'| method `joint` | revision {against["revision"]} | now | times better |',
-        '|---|---|---|---|',
-    ]
-    for case, row in costs.items():
+    rows: Table = [['method `joint`', f'revision {against["revision"]}', 'now', 'times better']]
+    for row in against['rows']:
         old, new = row['old'], row['new']
         for key, what in (
             ('frame_us', 'processor time of a frame [µs]'),
@@ -179,41 +164,16 @@ def against_table(against: Mapping[str, Any]) -> str:
             ('bag_times_real_time', 'from a bag to JSON [times real time]'),
         ):
             better = new[key] / old[key] if key == 'bag_times_real_time' else old[key] / new[key]
-            lines.append(f'| {case}: {what} | {old[key]:.0f} | {new[key]:.0f} | {better:.1f} |')
-    for scene in ('quiet', 'three markers'):
-        old, new = (
-            costs[f'8×8 zones, {scene}'][age]['frame_us']
-            / costs[f'4×4 zones, {scene}'][age]['frame_us']
-            for age in ('old', 'new')
-        )
-        lines.append(f'| {scene}: a frame of 8×8 zones over one of 4×4 | {old:.1f} | {new:.1f} | |')
-    return '\n'.join(lines)
+            cells = (f'{old[key]:.0f}', f'{new[key]:.0f}', f'{better:.1f}')
+            rows.append([f'{row["case"]}: {what}', *cells])
+    return markdown(rows)
 
 
-def revisions(report: Report) -> str:
-    """Return what the default method costs beside an earlier revision."""
-    return against_table(report['bench-detector']['against'])
-
-
-_BLOCKS = {
-    'headlines': headlines,
-    'jobs': jobs,
-    'ids': ids,
-    'reach': reach,
-    'speed': speed,
-    'revisions': revisions,
-}
-_DOCUMENTS = (Path('README.md'), *sorted(Path('docs').glob('*.md')))
+_BLOCKS = {'headlines': headlines, 'ids': ids, 'reach': reach, 'speed': speed}
 
 
 def renewed(text: str, report: Report) -> str:
-    """Return a document with its figures from a report.
-
-    Raises
-    ------
-    KeyError
-        For figures that nothing makes.
-    """
+    """Return a document with its figures from a report; KeyError for what nothing makes."""
     return _BLOCK.sub(lambda found: found[1] + _BLOCKS[found[2]](report) + found[3], text)
 
 

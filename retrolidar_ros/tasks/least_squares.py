@@ -19,6 +19,7 @@ from retrolidar_ros.tasks.reading import Errors, Reading, Readings
 _MOST_STEPS, _FEW_STEPS = 60, 8
 _SMALL_STEP = 1e-5  # [m] or [rad]
 _MOST_STEP = 0.5
+_SOMEWHERE = 1e-6  # all is within a kilometre or so, which keeps equations solvable [1/m²]
 TURN_VARIANCE = math.pi**2 / 3
 """Of an angle that can be anything [rad²]."""
 # Student's t of so many degrees of freedom is what ranges are thought to follow, and residuals
@@ -204,7 +205,7 @@ class Problem:
         information = weighted @ jacobian[:, 0]
         slope = weighted @ residual[:, 0]
         still = 1 / self.errors.speed**2
-        information += np.diag(np.repeat([0.0, 1 / TURN_VARIANCE, still], 3))
+        information += np.diag(np.repeat([_SOMEWHERE, 1 / TURN_VARIANCE, still], 3))
         slope[6:] -= still * state.velocity
         if self.prior is not None:
             turn = self.prior.state.rotation @ state.rotation.T

@@ -13,10 +13,10 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from evaluation.bench.rates import Rate, chance_of_fall, rate
-from evaluation.bench.setup import Setup
-from evaluation.bench.stresses import STRESSES, record
-from evaluation.experiments.brighter import Cell, measure
+from evaluation.bench.rates import Rate, chance_of_fall
+from evaluation.bench.recordings import record
+from evaluation.bench.stresses import STRESSES
+from evaluation.experiments.brighter import cell
 from retrolidar_ros.detector import Detection, Detector, create_detector
 from retrolidar_ros.detector.noise import NoiseLaw
 from retrolidar_ros.marker.code import IDS, RESERVED_IDS
@@ -187,5 +187,4 @@ def test_the_brighter_the_surer(name: str) -> None:
 
 def read_share(name: str, signal: float) -> Rate:
     """Return how many of 16 lone packets are read under a stress."""
-    counts = measure(Cell(STRESS[name], signal, 1, Setup()))
-    return rate(counts.read, counts.packets)
+    return cell(STRESS[name], signal, 1, np.random.default_rng(round(signal)))['joint']['right']

@@ -14,23 +14,25 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from evaluation.bench.false_ids import wall_blocks
-from evaluation.bench.link import Trial, link_scene, lone_trial, outcome
-from evaluation.bench.restless import restless_blocks
-from evaluation.report.panels import PANELS
+from evaluation.bench.disturbances import restless_blocks, wall_blocks
+from evaluation.bench.judging import judged
+from evaluation.bench.panels import PANELS
+from evaluation.bench.recordings import Sent, record
+from evaluation.bench.stresses import PLAIN
+from evaluation.experiments.paper_sweeps import lone, repeating
 from retrolidar_ros.detector import Detection, Detector, create_detector
-from retrolidar_ros.marker.code import IDS, PACKET_BITS
+from retrolidar_ros.marker.dictionary import USABLE_IDS
 from retrolidar_ros.scene import Scene, Simulation
 from retrolidar_ros.scene.description import Marker
 from retrolidar_ros.scene.files import load_scene
-from retrolidar_ros.scene.reference import RESPONSE, SENSOR, marker_in_each_zone, walls
+from retrolidar_ros.scene.marker_budget import needed_swing
+from retrolidar_ros.scene.reference import RESPONSE, SENSOR, walls
+from retrolidar_ros.scene.truth import PACKET_S
 from retrolidar_ros.sensor.frame import Recording
 
 GRID = SENSOR.grid
-PACKET_S = PACKET_BITS * 0.042
+SIGNAL = needed_swing(14.0)
 PANEL = {panel.name: panel for panel in PANELS}
-LONE_START_S = (2.5, 3.0)
-ANY_PHASE_S = (-1.3, 0.0)
 
 
 def joint(**settings: object) -> Detector:
@@ -38,19 +40,20 @@ def joint(**settings: object) -> Detector:
 
 
 def counts(
-    trial: Callable[[np.random.Generator], Trial], scenes: int = 2, **settings: object
+    make: Callable[[np.random.Generator], Sent],
+    scenes: int = 2,
+    *,
+    lone: bool = True,
+    **settings: object,
 ) -> tuple[int, int]:
     """Return in how many of sixteen zones a scene the right ID was read, and a wrong one."""
     right = wrong = 0
     for seed in range(scenes):
-        result = outcome(trial(np.random.default_rng(seed)), joint(**settings))
-        right += np.count_nonzero(result.right)
-        wrong += np.count_nonzero(result.wrong)
+        sent = make(np.random.default_rng(seed))
+        found = judged(sent, {'method': 'joint', **settings}, lone=lone)
+        right += np.count_nonzero(found.right)
+        wrong += np.count_nonzero(found.wrong)
     return right, wrong
-
-
-def repeating(scene: Scene, duration_s: float, rng: np.random.Generator) -> Trial:
-    return Trial(scene, Simulation(scene, rng).run(duration_s))
 
 
 # Reach
@@ -58,24 +61,19 @@ def repeating(scene: Scene, duration_s: float, rng: np.random.Generator) -> Tria
 
 @pytest.mark.parametrize(('size_m', 'range_m'), [(0.03, 2.7), (0.01, 1.5)])
 def test_four_of_five_lone_packets_are_read_far_away(size_m: float, range_m: float) -> None:
-    def trial(rng: np.random.Generator) -> Trial:
-        scene = marker_in_each_zone(range_m, rng, start_s=LONE_START_S, size_m=size_m)
-        return lone_trial(scene, rng)
-
-    right, wrong = counts(trial)
+    right, wrong = counts(lambda rng: lone(range_m, rng, size_m=size_m))
     assert right >= 0.8 * 32
     assert wrong == 0
 
 
 def test_a_repeating_marker_is_read_farther_with_three_packets_than_with_one() -> None:
-    def trial(rng: np.random.Generator) -> Trial:
-        scene = marker_in_each_zone(3.3, rng, start_s=ANY_PHASE_S, packets=None)
-        return repeating(scene, 3 * PACKET_S + 0.45, rng)
+    def sent(rng: np.random.Generator) -> Sent:
+        return repeating(3.3, rng, size_m=0.03, packets=3)
 
-    right, wrong = counts(trial, max_packets=3)
+    right, wrong = counts(sent, lone=False, max_packets=3)
     assert right >= 0.6 * 32
     assert wrong == 0
-    right_of_one, wrong = counts(trial, max_packets=1)
+    right_of_one, wrong = counts(sent, lone=False, max_packets=1)
     assert right_of_one < right / 2
     assert wrong == 0
 
@@ -83,17 +81,20 @@ def test_a_repeating_marker_is_read_farther_with_three_packets_than_with_one() -
 # Stress
 
 
+def stressed(panel: str, value: float) -> Callable[[np.random.Generator], Sent]:
+    return lambda rng: record(PANEL[panel].stress(value), SIGNAL, rng, USABLE_IDS, range_m=1.0)
+
+
 @pytest.mark.parametrize(
     ('panel', 'value', 'least'),
     [
         ('lost_frames', 10, 29),
         ('jitter', 1, 29),
-        ('clock_skew', 1, 29),
-        ('clock_skew', -1, 29),
+        ('slow', 1, 29),
+        ('fast', 1, 29),
         ('abnormal', 20, 29),
         ('no_target', 100, 29),
-        ('drift', 20, 29),
-        ('drift', -20, 29),
+        ('sway_slow', 20, 29),
         ('far_wall', 0.4, 29),
         *(
             ('hand', lasting_ms, least)
@@ -101,8 +102,10 @@ def test_a_repeating_marker_is_read_farther_with_three_packets_than_with_one() -
         ),
     ],
 )
-def test_stress_costs_little_and_makes_none_wrong(panel: str, value: float, least: int) -> None:
-    right, wrong = counts(lambda rng: PANEL[panel].trial(value, rng))
+def test_stress_costs_few_readings_and_makes_none_wrong(
+    panel: str, value: float, least: int
+) -> None:
+    right, wrong = counts(stressed(panel, value))
     assert right >= least
     assert wrong == 0
 
@@ -130,29 +133,21 @@ def test_frames_lost_in_bursts_make_no_wrong_id() -> None:
 
 def test_a_hundred_ids_are_read_and_none_is_taken_for_another() -> None:
     rng = np.random.default_rng(0)
-    ids = 1 + rng.choice(IDS - 2, 112, replace=False)
-    for some in ids.reshape(7, 16):
-        scene = marker_in_each_zone(1.0, rng, start_s=ANY_PHASE_S, packets=None)
-        markers = tuple(
-            replace(marker, id=int(identity))
-            for marker, identity in zip(scene.markers, some, strict=True)
-        )
-        trial = repeating(replace(scene, markers=markers), 2 * PACKET_S + 0.5, rng)
-        result = outcome(trial, joint())
-        assert result.right.all()
-        assert not result.wrong.any()
+    for some in rng.choice(USABLE_IDS, 112, replace=False).reshape(7, 16):
+        sent = record(PLAIN, 360.0, rng, np.sort(some), repeated_s=2 * PACKET_S + 0.5)
+        found = judged(sent, {'method': 'joint'}, lone=False)
+        assert found.right.all()
+        assert not found.wrong.any()
 
 
 def test_whoever_registers_ids_reads_them_farther() -> None:
     any_id = registered = 0
     for seed in range(2):
-        rng = np.random.default_rng(seed)
-        trial = lone_trial(link_scene(6.0, rng), rng)
-        own = [marker.id for marker in trial.scene.markers]
-        any_id += np.count_nonzero(outcome(trial, joint()).right)
-        result = outcome(trial, joint(registered_ids=own))
-        registered += np.count_nonzero(result.right)
-        assert not result.wrong.any()
+        sent = record(PLAIN, needed_swing(6.0), np.random.default_rng(seed), USABLE_IDS)
+        any_id += np.count_nonzero(judged(sent, {'method': 'joint'}).right)
+        known = judged(sent, {'method': 'joint', 'registered_ids': sent.ids})
+        registered += np.count_nonzero(known.right)
+        assert not known.wrong.any()
     assert registered > any_id + 5
 
 

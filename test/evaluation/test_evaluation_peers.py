@@ -3,27 +3,28 @@
 import ctypes.util
 import math
 import sys
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
-from evaluation import peers
+from evaluation.peers.background import Background
 from evaluation.peers.camera import (
     CENTRE_PX,
     FOCAL_PX,
     HEIGHT,
     WIDTH,
-    Background,
     Pose,
     blur,
     expose,
+    exposure_s,
     facing_pose,
     paper_electrons,
+    smear,
+    tilted,
     transform,
 )
-from evaluation.peers.trials import errors, in_some, read_lidar, read_pictures
+from evaluation.peers.pictures import View, errors, read_pictures
 from evaluation.peers.visual_markers import (
     APRILTAG,
     APRILTAG_FINE,
@@ -34,7 +35,6 @@ from evaluation.peers.visual_markers import (
     find_readers,
     square_range,
 )
-from retrolidar_ros.detector import METHODS
 
 pytest.importorskip('pupil_apriltags', reason='needs pupil-apriltags, which is a pip extra')
 READERS = {reader.name: reader for reader in find_readers()[0]}
@@ -62,12 +62,6 @@ def background() -> Background:
 
 def pose_at(range_m: float, rng: np.random.Generator) -> Pose:
     return facing_pose(range_m, 300, math.radians(10), rng)
-
-
-def tilted(pose: Pose, yaw_rad: float) -> Pose:
-    sine, cosine = math.sin(yaw_rad), math.cos(yaw_rad)
-    yaw = np.array([[cosine, 0, sine], [0, 1, 0], [-sine, 0, cosine]])
-    return pose._replace(rotation=pose.rotation @ yaw)
 
 
 def test_the_picture_is_50_degrees_wide() -> None:
@@ -178,7 +172,7 @@ def test_surroundings_read_as_the_whole_picture(
 def test_the_range_of_a_square_holds_when_it_is_tilted(
     yaw_deg: float, rng: np.random.Generator
 ) -> None:
-    pose = tilted(pose_at(1.0, rng), math.radians(yaw_deg))
+    pose = tilted(pose_at(1.0, rng), math.radians(yaw_deg), 0.0)
     corners = transform(pose.homography, 0.03 * SQUARE)
     assert square_range(corners, CENTRE_PX, 0.03) == pytest.approx(1.0, rel=0.001)
     assert square_range(corners[::-1], CENTRE_PX, 0.03) == pytest.approx(1.0, rel=0.001)
@@ -213,18 +207,10 @@ def test_missing_apriltag_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
     assert 'pip install pupil-apriltags' in missing[APRILTAG_FINE]
 
 
-@pytest.mark.parametrize(
-    ('hits', 'trials', 'chosen', 'chance'),
-    [(0, 64, 39, 0.0), (1, 64, 39, 39 / 64), (64, 64, 39, 1.0), (1, 12, 39, 1.0), (2, 4, 1, 0.5)],
-)
-def test_chance_of_a_hit_among_some(hits: int, trials: int, chosen: int, chance: float) -> None:
-    assert in_some(hits, trials, chosen) == pytest.approx(chance)
-
-
 def test_errors_are_absolute_and_in_millimetres() -> None:
     assert errors([]) is None
     assert errors([-0.003, 0.001, 0.002]) == pytest.approx(
-        {'median': 2.0, 'p95': 2.9, 'largest': 3.0}
+        {'median': 2.0, 'p95': 2.9, 'largest': 3.0, 'above_1_cm': 0.0}
     )
 
 
@@ -243,41 +229,33 @@ class Liar:
 
 def test_wrong_ids_are_counted(background: Background, rng: np.random.Generator) -> None:
     readers: list[Reader] = [READERS[APRILTAG], Liar()]
-    results = read_pictures(readers, background, 4, rng, range_m=0.6, size_m=0.03, lux=300)
-    assert (results[APRILTAG]['read']['hits'], results[APRILTAG]['wrong']) == (4, 0)
-    assert (results['liar']['read']['hits'], results['liar']['wrong']) == (0, 4)
+    results = read_pictures(readers, background, 4, rng, View(0.6))
+    assert (results[APRILTAG]['read']['hits'], results[APRILTAG]['wrong']['hits']) == (4, 0)
+    assert (results['liar']['read']['hits'], results['liar']['wrong']['hits']) == (0, 4)
     assert results['liar']['error_mm'] is None
 
 
-def test_tags_end_in_the_dark(background: Background, rng: np.random.Generator) -> None:
-    where = {'range_m': 1.0, 'size_m': 0.03}
-    rates = [
-        read_pictures([READERS[APRILTAG]], background, 5, rng, lux=lux, **where)[APRILTAG]['read']
-        for lux in (300, 0.01)
-    ]
-    assert [rate['hits'] for rate in rates] == [5, 0]
-
-
-def test_lidar_markers_are_read_and_ranged_near(rng: np.random.Generator) -> None:
-    results = read_lidar(1.0, 0.03, 1, rng)
-    assert set(results) == set(METHODS)
-    near = results[METHODS[0]]
-    assert near['read']['hits'] == near['read']['trials'] == 16
-    assert near['error_mm'] is not None
-    assert near['error_mm']['median'] < 5
-
-
-@pytest.mark.timeout(120)
-def test_the_experiment_reports_what_is_left_out(
-    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, rng: np.random.Generator
+@pytest.mark.parametrize(
+    'view',
+    [View(1.0, lux=0.01), View(1.0, yaw_deg=85), View(1.0, pitch_deg=85), View(1.0, speed_m_s=0.6)],
+)
+def test_tags_end_in_the_dark_turned_away_and_blurred(
+    view: View, background: Background, rng: np.random.Generator
 ) -> None:
-    kept = [reader for reader in READERS.values() if reader.name != QR]
-    monkeypatch.setattr(peers, 'find_readers', lambda: (kept, {QR: 'no zbar here'}))
-    figures = peers.run(rng, quick=True)
-    assert 'left out: QR code: no zbar here' in peers.summarise(figures)
-    assert 'no zbar here' in peers.comment(figures)
-    claims = {claim.what: claim for claim in peers.compare(figures)}
-    assert claims['QR code, 3 cm: 80% are read to'].default == '–'
-    peers.draw(figures, tmp_path / 'all.png')
-    peers.draw_speed_accuracy(figures, tmp_path / 'speed.png')
-    assert (tmp_path / 'all.png').stat().st_size > 50_000
+    usual, worse = (
+        read_pictures([READERS[APRILTAG]], background, 5, rng, one)[APRILTAG]['read']['hits']
+        for one in (View(1.0), view)
+    )
+    assert (usual, worse) == (5, 0)
+
+
+def test_a_short_exposure_is_sharp() -> None:
+    assert exposure_s(300, 1 / 250) == 1 / 250
+    assert exposure_s(30_000) < 1 / 1000
+    edge = np.tile(np.repeat([0.0, 1.0], 50), (3, 1))
+    for length in (0.4, 1.0, 7.5):
+        spread = smear(edge, length)
+        assert spread.shape == edge.shape
+        assert spread.sum() == pytest.approx(edge.sum(), abs=3 * 4)
+        between = (spread[0] > 1e-9) & (spread[0] < 1 - 1e-9)
+        assert between.sum() == pytest.approx(length, abs=1)

@@ -1,15 +1,13 @@
 # Copyright 2026 retrolidar_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-import json
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from evaluation.experiments import power
+from evaluation.experiments import marker
 from retrolidar_ros.marker.battery import CELL_MAH, PROTOTYPE, Currents, active_share, drawn, life_h
 
 SHARES = st.floats(0, 1)
@@ -76,19 +74,12 @@ def test_impossible_queries_are_named(queries: float) -> None:
         active_share(queries)
 
 
-def test_the_experiment(tmp_path: Path) -> None:
-    figures = power.run(np.random.default_rng(1), quick=True)
-    figures = json.loads(json.dumps(figures, allow_nan=False))
-    bound = figures['two_years']
-    # With what the bounds allow, two years are what comes out.
-    rare = replace(PROTOTYPE, detection=power.OPTIMISED_MA)
-    assert life_at(bound['queries_per_hour'], rare) == pytest.approx(2 * YEAR_H)
-    assert life_at(1, replace(rare, active=bound['active_ma'])) == pytest.approx(2 * YEAR_H)
-    for rows in figures['over_queries'].values():
-        assert (np.diff([row['life_h'] for row in rows]) < 0).all()
-    lives = [claim.default for claim in power.compare(figures)]
-    assert lives == ['83 days', '70 days', '38 days', '1.56 years', '5.07 years']
-    assert 'Two years hold only if' in power.comment(figures)
-    assert '1.56 years' in power.summarise(figures)
-    power.draw(figures, tmp_path / 'chart.png')
-    assert (tmp_path / 'chart.png').read_bytes().startswith(b'\x89PNG')
+def test_lives_of_the_report() -> None:
+    figures = marker.run(np.random.default_rng(1), quick=True)
+    rare = replace(PROTOTYPE, detection=marker.OPTIMISED_MA)
+    lasting_h = life_at(1, replace(rare, active=figures['two_years_active_ma']))
+    assert lasting_h == pytest.approx(2 * YEAR_H)
+    for lives_h in figures['over_queries_h'].values():
+        assert (np.diff(lives_h) < 0).all()
+    lives = [round(hours / 24) for hours in figures['once_an_hour_h'].values()]
+    assert lives == [83, 570, 1851]

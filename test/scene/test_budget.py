@@ -9,9 +9,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-from evaluation.bench.link import link_scene, lone_trial, outcome
+from evaluation.bench.judging import judged
+from evaluation.bench.recordings import record
+from evaluation.bench.stresses import PLAIN
 from retrolidar_ros.cli.main import main
-from retrolidar_ros.detector import create_detector
+from retrolidar_ros.marker.dictionary import USABLE_IDS
 from retrolidar_ros.scene.marker_budget import NEEDED_SNR_DB, needed_swing
 from retrolidar_ros.scene.reference import WALL_SIGNAL, marker_in_each_zone
 
@@ -51,10 +53,9 @@ def test_the_default_is_the_papers_marker_at_2_m(capsys: Output) -> None:
 
 def test_at_its_reach_most_lone_packets_are_read() -> None:
     rng = np.random.default_rng(1)
-    trials = [lone_trial(link_scene(NEEDED_SNR_DB, rng), rng) for _ in range(6)]
-    read = [
-        outcome(trial, create_detector('joint', trial.recording.grid)).right for trial in trials
-    ]
+    signal = needed_swing(NEEDED_SNR_DB)
+    sent = [record(PLAIN, signal, rng, USABLE_IDS) for _ in range(6)]
+    read = [judged(one, {'method': 'joint'}).right for one in sent]
     assert 0.68 < np.mean(read) < 0.92  # 80 % within three deviations
 
 

@@ -1,0 +1,99 @@
+# Copyright 2026 retrolidar_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""What a detector makes of a recording, against what was sent."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any, NamedTuple, TypedDict
+
+import numpy as np
+from numpy.typing import NDArray
+
+from evaluation.bench.rates import Rate, rate
+from evaluation.bench.recordings import Sent
+from retrolidar_ros.detector import METHODS, Detection, create_detector
+from retrolidar_ros.sensor.frame import ZoneGrid
+
+Options = Mapping[str, Any]
+"""Of `create_detector`; 'method' among them."""
+BOTH: dict[str, Options] = {method: {'method': method} for method in METHODS}
+"""Both methods as shipped."""
+FIRST_PACKETS: dict[str, Options] = {
+    method: {'method': method, 'max_packets': 1} for method in METHODS
+}
+
+
+def new_detector(grid: ZoneGrid, options: Options) -> Any:
+    """Return a new detector of some options."""
+    return create_detector(
+        options['method'], grid, **{k: v for k, v in options.items() if k != 'method'}
+    )
+
+
+class Judged(NamedTuple):
+    """What became of the markers of a recording."""
+
+    right: NDArray[np.bool_]
+    """Whether the ID of each marker was read where it is, shape (markers,)."""
+    wrong: NDArray[np.bool_]
+    """Whether an ID that nothing sent was read there, shape (markers,)."""
+    readings: int
+    own: list[Detection]
+    """Right readings."""
+    candidates: int
+
+
+def judged(sent: Sent, options: Options, *, lone: bool = True) -> Judged:
+    """Play a recording to a new detector and compare what it reads with what was sent.
+
+    Of lone packets the time counts, too.
+    """
+    detector = new_detector(sent.recording.grid, options)
+    detections = detector.update_all(sent.recording)
+    right, wrong = np.zeros((2, len(sent.ids)), dtype=bool)
+    own: list[Detection] = []
+    for detection in detections:
+        # One that goes through all zones is everywhere.
+        places = [zone % len(sent.ids) for zone in detection.zones]
+        mine = [place for place in places if sent.ids[place] == detection.id]
+        if mine:
+            off_s = abs(detection.start_ns * 1e-9 - sent.start_s[mine[0]])
+            # A lone packet's ID half a packet or more from it is none.
+            if not lone or off_s < sent.packet_s / 2:
+                right[mine[0]] = True
+                own.append(detection)
+        elif sent.seconds is None or detection.id not in sent.seconds[places]:
+            wrong[places[0]] = True
+    return Judged(right, wrong, len(detections), own, detector.counts.candidates)
+
+
+class Read(TypedDict):
+    """What share of the markers was read rightly, and of what share a wrong ID was read."""
+
+    right: Rate
+    wrong: Rate
+
+
+def read_shares(
+    make: Callable[[np.random.Generator], Sent],
+    recordings: int,
+    rng: np.random.Generator,
+    variants: Mapping[str, Options] = BOTH,
+    *,
+    lone: bool = True,
+) -> dict[str, Read]:
+    """Play the same recordings to all variants of the detector, by their names."""
+    found: dict[str, list[Judged]] = {name: [] for name in variants}
+    for _ in range(recordings):
+        sent = make(rng)
+        for name, options in variants.items():
+            found[name].append(judged(sent, options, lone=lone))
+    return {name: read_of(rows) for name, rows in found.items()}
+
+
+def read_of(rows: Sequence[Judged]) -> Read:
+    """Sum up what became of some recordings."""
+    right = np.concatenate([one.right for one in rows])
+    wrong = np.concatenate([one.wrong for one in rows])
+    return Read(right=rate(int(right.sum()), len(right)), wrong=rate(int(wrong.sum()), len(wrong)))

@@ -1,0 +1,215 @@
+# Copyright 2026 retrolidar_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""The marker in closed form: what wakes it, and how long its cell lasts (paper §5, §6.5).
+
+Levels, ranges and currents follow from `retrolidar_ros.marker.wakeup` and `.battery`. How far
+single readings of the noise scatter about their level the paper does not tell: a root mean square
+over a look of T seconds of white Gaussian noise of a bandwidth B has 2·B·T independent samples, so
+its square is distributed as chi-squared.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from statistics import NormalDist
+from typing import Any
+
+import numpy as np
+
+from evaluation.report.charts import new_chart
+from evaluation.report.claims import Claim, Claims, Table
+from retrolidar_ros.marker.battery import CELL_MAH, PROTOTYPE, active_share, drawn, life_h
+from retrolidar_ros.marker.wakeup import (
+    GUARD_V,
+    LOOK_EVERY_S,
+    LOOK_S,
+    NOISE_V,
+    REACH_M,
+    THRESHOLD_V,
+    voltage_v,
+    wakeup_range_m,
+)
+from retrolidar_ros.sensor.frame import ZoneGrid
+
+TITLE = 'The marker: waking and battery'
+MESSAGE = 'The guard is thin, and two months hold; two years need more than cheap looks'
+WITH_LIDAR_V = 32.413e-3
+"""Paper Tab. 5, both filters; we take it as measured at 1 m."""
+NARROW_TESTED_M = 3.75
+"""The paper's, with a VL53L4CX (§6.5)."""
+_NARROW_FIELD_RAD = math.radians(18)
+# The transimpedance amplifier is one pole of 2 MΩ and 3 pF (paper §5); as much white noise passes
+# it as a sharp filter of π/2 times its corner.
+AMPLIFIER_HZ = math.pi / 2 / (2 * math.pi * 2e6 * 3e-12)
+_LOOKS_AN_HOUR = 3600 / LOOK_EVERY_S
+_BANDWIDTHS_HZ = np.geomspace(1e4, 3e6, 40)
+_RANGES_M = np.linspace(0.6, 4.0, 69)
+_ANGLES_DEG = (0, 30, 50)
+OPTIMISED_MA = 0.1
+"""The paper's "approximately 100 µA" (§5)."""
+_CHEAP_LOOKS = replace(PROTOTYPE, detection=OPTIMISED_MA)
+PARTS = {
+    'prototype': PROTOTYPE,
+    '100 µA in detection': _CHEAP_LOOKS,
+    '100 µA in detection and active': replace(_CHEAP_LOOKS, active=OPTIMISED_MA),
+}
+_QUERIES = np.geomspace(0.01, 1000, 51)
+_DAY_H, _YEAR_H = 24.0, 365.25 * 24.0
+_COLOURS = ('#0072b2', '#d55e00', '#009e73', '#cc79a7')
+
+
+def guard_v(bandwidth_hz: float, chance: float, noise_v: float) -> float:
+    """Return by how much single readings of noise exceed its level with a chance [V].
+
+    The quantile of chi-squared is that of Wilson and Hilferty (1931).
+    """
+    samples = 2 * bandwidth_hz * LOOK_S
+    normal = NormalDist().inv_cdf(1 - chance)
+    power = (1 - 2 / (9 * samples) + normal * math.sqrt(2 / (9 * samples))) ** 3
+    return noise_v * (math.sqrt(power) - 1)
+
+
+def false_per_hour(bandwidth_hz: float, threshold_v: float, noise_v: float) -> float:
+    """Return how often noise alone passes a threshold in an hour."""
+    samples = 2 * bandwidth_hz * LOOK_S
+    root = ((threshold_v / noise_v) ** 2) ** (1 / 3)
+    normal = (root - 1 + 2 / (9 * samples)) / math.sqrt(2 / (9 * samples))
+    return _LOOKS_AN_HOUR * 0.5 * math.erfc(normal / math.sqrt(2))
+
+
+def narrow_gain() -> float:
+    """Return how much brighter the light is if it fills 18° instead of this sensor's square."""
+    edge = ZoneGrid().pitch * ZoneGrid().columns / 2  # tangent
+    square = 4 * math.asin(edge**2 / (1 + edge**2))
+    return square / (2 * math.pi * (1 - math.cos(_NARROW_FIELD_RAD / 2)))
+
+
+def run(rng: np.random.Generator, *, quick: bool) -> dict[str, Any]:
+    """Return voltages, ranges, guards and lives; nothing is random."""
+    indoors = NOISE_V['indoors']
+    hourly = active_share(1)
+    guards = [guard_v(hertz, 1 / _LOOKS_AN_HOUR, indoors) for hertz in _BANDWIDTHS_HZ.tolist()]
+    most_ma = CELL_MAH / (2 * _YEAR_H)
+    asleep = drawn(hourly, _CHEAP_LOOKS)
+    reaches = {name: wakeup_range_m(THRESHOLD_V, noise) for name, noise in NOISE_V.items()}
+    return {
+        'wakes_to_m': {name: at if math.isfinite(at) else None for name, at in reaches.items()},
+        'own_threshold_m': {
+            name: wakeup_range_m(noise + GUARD_V, noise) for name, noise in NOISE_V.items()
+        },
+        'at_1_m_v': float(voltage_v(np.array(1.0))),
+        # If voltages added, the guard alone would be the light at the reach.
+        'voltages_added_at_1_m_v': indoors + GUARD_V * REACH_M**2,
+        'narrow_m': REACH_M * math.sqrt(narrow_gain()),
+        'amplifier': {
+            'false_per_hour': false_per_hour(AMPLIFIER_HZ, THRESHOLD_V, indoors),
+            'guard_v': guard_v(AMPLIFIER_HZ, 1 / _LOOKS_AN_HOUR, indoors),
+        },
+        'bandwidths_hz': _BANDWIDTHS_HZ.tolist(),
+        'guards_v': guards,
+        'safe_m': [wakeup_range_m(indoors + guard) for guard in guards],
+        'once_an_hour_h': {
+            name: life_h(CELL_MAH, drawn(hourly, parts).total) for name, parts in PARTS.items()
+        },
+        'looking': drawn(hourly).detection / drawn(hourly).total,
+        'awake_h': life_h(CELL_MAH, PROTOTYPE.active),
+        'mean_of_100_ua_h': life_h(CELL_MAH, OPTIMISED_MA),
+        'two_years_active_ma': (most_ma - asleep.sleep - asleep.detection) / hourly,
+        'queries_per_hour': _QUERIES.tolist(),
+        'over_queries_h': {
+            name: [
+                life_h(CELL_MAH, drawn(active_share(one), parts).total) for one in _QUERIES.tolist()
+            ]
+            for name, parts in PARTS.items()
+        },
+    }
+
+
+def _days(hours: float) -> str:
+    return f'{hours / _DAY_H:.0f} days' if hours < _YEAR_H else f'{hours / _YEAR_H:.1f} years'
+
+
+def _mv(volts: float) -> str:
+    return f'{1e3 * volts:.1f} mV'
+
+
+def table(figures: dict[str, Any]) -> Table:
+    """Return from where the marker wakes, and how long it lives."""
+    rows = [
+        ['surroundings', 'noise', "wakes to, the paper's threshold", 'noise + 1 mV as threshold']
+    ]
+    for name, noise in NOISE_V.items():
+        at = figures['wakes_to_m'][name]
+        rows.append(
+            [
+                name,
+                _mv(noise),
+                'always awake' if at is None else f'{at:.2f} m',
+                f'{figures["own_threshold_m"][name]:.2f} m',
+            ]
+        )
+    for name, hours in figures['once_an_hour_h'].items():
+        rows.append([f'{CELL_MAH:g} mAh, a packet an hour', name, _days(hours), ''])
+    return rows
+
+
+def claims(figures: dict[str, Any]) -> Claims:
+    """Return the model's values."""
+    lives, volts = figures['once_an_hour_h'], figures['at_1_m_v']
+    narrow = figures['narrow_m']
+
+    def ours(text: str, agrees: bool = True) -> Claim:
+        return Claim(default=text, agrees=agrees)
+
+    return {
+        'two-months': ours(_days(lives['prototype'])),
+        'two-years': ours(_days(figures['mean_of_100_ua_h']), agrees=False),
+        'cheap-looks': ours(_days(lives['100 µA in detection']), agrees=False),
+        'active': Claim(default=f'{figures["two_years_active_ma"]:.1f} mA'),
+        'reach': ours(f'{figures["wakes_to_m"]["indoors"]:.2f} m'),
+        'powers': ours(_mv(volts), abs(volts / WITH_LIDAR_V - 1) < 0.06),
+        'voltages': ours(_mv(figures['voltages_added_at_1_m_v']), agrees=False),
+        'outdoors': Claim(default=f'always awake, {figures["awake_h"]:.0f} h'),
+        'guard': ours(_mv(figures['amplifier']['guard_v']), agrees=False),
+        'woken': Claim(default=f'{figures["amplifier"]["false_per_hour"]:.0f}'),
+        'narrow': ours(f'at most {narrow:.1f} m', narrow >= NARROW_TESTED_M),
+    }
+
+
+def draw(figures: dict[str, Any]) -> Any:
+    """Draw voltages over distance, reach over the noise's bandwidth, and lives over queries."""
+    figure, ((volts, reach, life),) = new_chart(1, 3, 17, 5.6, MESSAGE)
+    for angle, colour in zip(_ANGLES_DEG, _COLOURS, strict=False):
+        course = 1e3 * voltage_v(_RANGES_M, math.radians(angle))
+        volts.plot(_RANGES_M, course, color=colour, label=f'indoors, {angle}°')
+    volts.plot(1.0, 1e3 * WITH_LIDAR_V, 'kD', label="paper's Tab. 5")
+    volts.axhline(1e3 * THRESHOLD_V, color='k', linewidth=1, label='threshold')
+    volts.axhline(1e3 * NOISE_V['outdoors'], color='k', linestyle=':', label='noise outdoors')
+    volts.set_ylim(10, 70)
+    volts.set_xlabel('distance [m]')
+    volts.set_ylabel('behind both filters [mV rms]')
+    reach.plot(
+        1e-3 * np.array(figures['bandwidths_hz']),
+        figures['safe_m'],
+        color=_COLOURS[0],
+        label='one false wake-up an hour',
+    )
+    reach.axhline(REACH_M, color='k', linewidth=1, label="the paper's reach, guard 1 mV")
+    reach.axvline(1e-3 * AMPLIFIER_HZ, color='k', linestyle='--', label='first amplifier')
+    reach.set_xscale('log')
+    reach.set_ylim(0, 3)
+    reach.set_xlabel('bandwidth of the noise, taken as white [kHz]')
+    reach.set_ylabel('wakes to [m]')
+    for (name, hours), colour in zip(figures['over_queries_h'].items(), _COLOURS, strict=False):
+        life.plot(figures['queries_per_hour'], np.array(hours) / _DAY_H, color=colour, label=name)
+    for hours, words in ((_YEAR_H / 6, 'two months'), (2 * _YEAR_H, 'two years')):
+        life.axhline(hours / _DAY_H, color='0.4', linewidth=1)
+        life.text(900, 1.05 * hours / _DAY_H, words, ha='right', fontsize=11)
+    life.set_xscale('log')
+    life.set_yscale('log')
+    life.set_xlabel('queries an hour, a packet each')
+    life.set_ylabel(f'life of {CELL_MAH:g} mAh [days]')
+    for axis in (volts, reach, life):
+        axis.legend(fontsize=10, loc='best')
+    return figure

@@ -1,0 +1,264 @@
+# Copyright 2026 retrolidar_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""LiDAR markers beside AprilTags and QR codes of the same size, at the same places."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+from tqdm import tqdm
+
+from evaluation.bench.judging import FIRST_PACKETS, judged, read_of
+from evaluation.bench.rates import crossing
+from evaluation.bench.recordings import Sent, record, signal_at
+from evaluation.bench.stresses import PLAIN
+from evaluation.experiments.moving import across
+from evaluation.experiments.paper_sweeps import lone
+from evaluation.peers.background import Background
+from evaluation.peers.pictures import View, errors, read_pictures
+from evaluation.peers.visual_markers import APRILTAG, APRILTAG_FINE, QR, find_readers
+from evaluation.report.charts import LEVEL, draw_shares, legend_below, look, new_chart
+from evaluation.report.claims import NOTHING, Claim, Claims, Table, claim_of, signed, told, told_end
+from retrolidar_ros.detector import METHODS
+from retrolidar_ros.marker.dictionary import USABLE_IDS
+from retrolidar_ros.scene.reference import SENSOR
+
+TITLE = 'LiDAR markers beside visual ones'
+MESSAGE = 'Tags: farther, sooner, turned more; LiDAR markers: smaller, in motion, in the dark'
+AT_M = 1.0
+"""Where everything but distance is swept: all read nearly everything there."""
+SHORT_S = 1 / 250
+_PICTURES, _QUICK_PICTURES = 48, 8
+_RECORDINGS, _MOVERS = 3, 24
+_SENSOR = replace(SENSOR, blur=0.05)
+
+_3_CM_M = (0.4, 0.7, 1.0, 1.4, 1.8, 2.0, 2.2, 2.4, 2.6, 2.8, 3.0, 3.2, 3.6, 4.0)
+_1_CM_M = (0.3, 0.4, 0.6, 0.8, 0.9, 1.0, 1.1, 1.2, 1.4, 1.6, 1.8)
+_ANGLES_DEG = (0, 15, 30, 40, 50, 55, 58, 60, 65, 70, 75, 80)
+_SPEEDS_M_S = (0.0, 0.05, 0.1, 0.15, 0.2, 0.3, 0.5, 0.8, 1.2, 1.8)
+_LUXES = (300.0, 30.0, 10.0, 3.0, 1.0, 0.3, 0.1)
+_VEILS = (0.0, 0.2, 0.4, 0.6, 0.8, 1.0, 1.2)
+
+
+def _yawed(yaw_deg: float, rng: np.random.Generator) -> Sent:
+    return lone(AT_M, rng, yaw_deg=yaw_deg)
+
+
+def _small(range_m: float, rng: np.random.Generator) -> Sent:
+    return lone(range_m, rng, size_m=0.01)
+
+
+def _moved(speed_m_s: float, rng: np.random.Generator) -> Sent:
+    path = across(speed_m_s, AT_M, rng)
+    return record(PLAIN, signal_at(AT_M), rng, USABLE_IDS, range_m=AT_M, sensor=_SENSOR, path=path)
+
+
+Maker = Callable[[float, np.random.Generator], Sent]
+# Of each sweep: its axis, its places, what the camera sees, and what the LiDAR sees.
+_SWEEPS: dict[str, tuple[str, tuple[float, ...], Callable[[float], View], Maker | None]] = {
+    '3 cm': ('distance [m]', _3_CM_M, View, lone),
+    '1 cm': ('distance [m]', _1_CM_M, lambda at: View(at, size_m=0.01), _small),
+    'yaw': ('yaw [°]', _ANGLES_DEG, lambda yaw: View(AT_M, yaw_deg=yaw), _yawed),
+    # The law of the retroreflector does not know about which axis it is turned.
+    'pitch': ('pitch [°]', _ANGLES_DEG, lambda pitch: View(AT_M, pitch_deg=pitch), _yawed),
+    'speed': ('speed across [m/s]', _SPEEDS_M_S, lambda v: View(AT_M, speed_m_s=v), _moved),
+    'speed, 4 ms': (
+        'speed across [m/s]',
+        _SPEEDS_M_S,
+        lambda v: View(AT_M, speed_m_s=v, longest_s=SHORT_S),
+        None,
+    ),
+    'light': ('light on the marker [lux]', _LUXES, lambda lux: View(AT_M, lux=lux), None),
+    'glare': ('veil of glare, of white paper', _VEILS, lambda veil: View(AT_M, veil=veil), None),
+}
+
+
+def _lidar(make: Maker, place: float, name: str, quick: bool, rng: Any) -> dict[str, Any]:
+    """Return what both methods make of lone packets, with their errors of range."""
+    recordings = (_MOVERS if name == 'speed' else _RECORDINGS) // (3 if quick else 1)
+    found: dict[str, list[Any]] = {method: [] for method in METHODS}
+    for _ in range(recordings):
+        sent = make(place, rng)
+        for method, options in FIRST_PACKETS.items():
+            found[method].append(judged(sent, options))
+    at_m = place if name.endswith('cm') else AT_M
+    results = {}
+    for method, rows in found.items():
+        off_m = [one.place.range_m - at_m for row in rows for one in row.own]
+        # Of one that moves, the range is another one at each stamp.
+        results[method] = {**read_of(rows), 'error_mm': errors([] if name == 'speed' else off_m)}
+    return results
+
+
+def run(rng: np.random.Generator, *, quick: bool) -> dict[str, Any]:
+    """Return readings and errors over distance, angle, speed, light and glare."""
+    readers, missing = find_readers()
+    background = Background(rng)
+    pictures = _QUICK_PICTURES if quick else _PICTURES
+    sweeps = {}
+    for name, (axis, places, view, make) in tqdm(_SWEEPS.items(), desc='peers', leave=False):
+        points = []
+        for place in places[:: 3 if quick else 1]:
+            point: dict[str, Any] = {'place': place}
+            point |= read_pictures(readers, background, pictures, rng, view(place))
+            if make is not None:
+                point |= _lidar(make, place, name, quick, rng)
+            points.append(point)
+        names = [one for one in (*METHODS, APRILTAG, APRILTAG_FINE, QR) if one in points[0]]
+        ends = {
+            one: crossing(
+                LEVEL,
+                [point['place'] for point in points],
+                [point[one]['read' if one not in METHODS else 'right'] for point in points],
+            )
+            for one in names
+        }
+        sweeps[name] = {'axis': axis, 'points': points, 'ends': ends}
+    return {'sweeps': sweeps, 'missing': missing}
+
+
+def end(figures: dict[str, Any], sweep: str, name: str) -> float | None:
+    """Return to where four of five are read."""
+    ends = figures['sweeps'][sweep]['ends']
+    return ends[name]['at'] if name in ends else None
+
+
+def words(figures: dict[str, Any], sweep: str, name: str, unit: str, digits: int = 2) -> str:
+    """Return the same as text."""
+    ends = figures['sweeps'][sweep]['ends']
+    return told_end(ends[name], unit, digits) if name in ends else NOTHING
+
+
+def error(figures: dict[str, Any], name: str, range_m: float, which: str) -> float | None:
+    """Return an error of range at 3 cm [mm]."""
+    points = figures['sweeps']['3 cm']['points']
+    found = min(points, key=lambda one: abs(float(one['place']) - range_m)).get(name)
+    return None if found is None or found['error_mm'] is None else float(found['error_mm'][which])
+
+
+_ROWS = {
+    '3 cm': ('m', '3 cm, distance'),
+    '1 cm': ('m', '1 cm, distance'),
+    'yaw': ('°', 'yaw at 1 m'),
+    'pitch': ('°', 'pitch at 1 m'),
+    'speed': ('m/s', 'speed across at 1 m, exposure 33 ms'),
+    'speed, 4 ms': ('m/s', 'the same, exposure 4 ms'),
+    'light': ('lux', 'the dark, 3 cm at 1 m'),
+    'glare': ('of white', 'glare, 3 cm at 1 m'),
+}
+
+
+def table(figures: dict[str, Any]) -> Table:
+    """Return where each stops reading, where the AprilTag is better first."""
+    names = ['joint', 'paper', APRILTAG, APRILTAG_FINE, QR]
+    rows = [['80 % are read to', 'LiDAR, default', 'LiDAR, paper', *names[2:]]]
+    lines: list[tuple[float, list[str]]] = []
+    for sweep, (unit, what) in _ROWS.items():
+        cells = [words(figures, sweep, name, unit, 0 if unit == '°' else 2) for name in names]
+        if sweep in ('light', 'glare'):
+            cells[:2] = ['own light'] * 2
+        ends = [end(figures, sweep, name) or 0.0 for name in names]
+        lead = max(ends[2:]) / ends[0] if ends[0] else 0.0
+        lines.append((lead, [what, *cells]))
+    rows += [line for _, line in sorted(lines, key=lambda one: -one[0])]
+    for range_m in (1.0, 2.0):
+        cells = [told(error(figures, name, range_m, 'median'), 'mm', 1) for name in names]
+        rows.append([f'median error of range, 3 cm at {range_m:g} m', *cells])
+    rows.append(['time to an answer', '1.3 s', '1.3 s', *['33 ms'] * 3])
+    rows.append(['orientation', 'none', 'none', *['full'] * 3])
+    return rows
+
+
+def claims(figures: dict[str, Any]) -> Claims:
+    """Return what was measured here of what the paper says of both kinds of marker."""
+
+    def tag(value: float | None, unit: str, low: float, high: float) -> Claim:
+        within = value is not None and low <= value <= high
+        return Claim(NOTHING, told(value, unit, 2 if unit == 'm' else 1), within)
+
+    def of_tag(range_m: float, which: str) -> float | None:
+        return error(figures, APRILTAG, range_m, which)
+
+    small, ours = end(figures, '1 cm', APRILTAG), end(figures, '1 cm', 'joint')
+    gain = None if ours is None or small is None else ours / small - 1
+    far = of_tag(2.4, 'median')
+    above = of_tag(2.0, 'above_1_cm')
+    less = [
+        None if mm is None or far is None else mm / far - 1
+        for mm in (error(figures, method, 2.4, 'median') for method in ('paper', 'joint'))
+    ]
+    return {
+        'tag-3': tag(end(figures, '3 cm', APRILTAG), 'm', 2.2, 2.4),
+        'tag-1': tag(small, 'm', 0.0, 0.9),
+        'gain': Claim(NOTHING, signed(gain), gain is not None and abs(gain - 0.44) < 0.1),
+        'near': tag(of_tag(1.0, 'median'), 'mm', 0.0, 4.0),
+        'far': tag(far, 'mm', 8.0, 16.0),
+        'worst': tag(of_tag(2.4, 'largest'), 'mm', 100.0, 250.0),
+        'above': Claim(NOTHING, signed(above), above is not None and abs(above - 0.36) < 0.1),
+        'less': claim_of(map(signed, less), less[1] is not None and less[1] < -0.75),
+        'qr': tag(end(figures, '3 cm', QR), 'm', 0.0, 1.0),
+    }
+
+
+_PANELS = (
+    ('3 cm', 'a tag of 3 cm reads farther'),
+    ('1 cm', 'the LiDAR reads 1 cm farther'),
+    ('error', 'ranges of 3 cm: median'),
+    ('yaw', 'yaw at 1 m'),
+    ('pitch', 'pitch at 1 m'),
+    ('speed', 'speed at 1 m (dotted: 4 ms)'),
+    ('light', 'the dark: LiDAR has its own light'),
+    ('glare', 'glare, until paper is white'),
+)
+
+
+def draw(figures: dict[str, Any]) -> Any:
+    """Draw a panel for each sweep, and the error of range."""
+    figure, axes = new_chart(2, 4, 18, 9.5, MESSAGE)
+    for axis, (name, title) in zip(axes.flat, _PANELS, strict=True):
+        axis.set_title(title, fontsize=13)
+        if name == 'error':
+            _draw_errors(axis, figures)
+            continue
+        _draw_reads(axis, figures['sweeps'][name], '-')
+        if name == 'speed':
+            _draw_reads(axis, figures['sweeps']['speed, 4 ms'], ':')
+        if name == 'light':
+            axis.set_xscale('log')
+            axis.invert_xaxis()
+        axis.set_ylim(-2, 103)
+    for row in axes:
+        row[0].set_ylabel('read in one packet or picture [%]')
+    names = [
+        name
+        for name in ('joint', 'paper', APRILTAG, APRILTAG_FINE, QR)
+        if name not in figures['missing']
+    ]
+    legend_below(figure, names)
+    return figure
+
+
+def _draw_reads(axis: Any, sweep: dict[str, Any], style: str) -> None:
+    points = sweep['points']
+    for name in sweep['ends']:
+        key = 'right' if name in METHODS else 'read'
+        rates = [point[name][key] for point in points]
+        draw_shares(
+            axis, [point['place'] for point in points], rates, linestyle=style, **look(name)
+        )
+    axis.axhline(100 * LEVEL, color='0.6', linewidth=0.8)
+    axis.set_xlabel(sweep['axis'])
+
+
+def _draw_errors(axis: Any, figures: dict[str, Any]) -> None:
+    sweep = figures['sweeps']['3 cm']
+    for name in sweep['ends']:
+        points = [point for point in sweep['points'] if point[name]['error_mm']]
+        values = [point[name]['error_mm']['median'] for point in points]
+        axis.plot([point['place'] for point in points], values, **look(name))
+    axis.set_yscale('log')
+    axis.set_xlabel(sweep['axis'])
+    axis.set_ylabel('error of range [mm]')

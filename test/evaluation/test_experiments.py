@@ -1,0 +1,92 @@
+# Copyright 2026 retrolidar_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""Every experiment runs, and gives figures, a table and a chart: their shape, not their digits."""
+
+import json
+import math
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from evaluation.bench.disturbances import wall_blocks
+from evaluation.bench.panels import PANELS
+from evaluation.bench.stresses import STRESSES
+from evaluation.experiments import (
+    brighter,
+    coffee,
+    drone,
+    moving,
+    peers,
+    place,
+    roc,
+    several,
+    speed_accuracy,
+    stability,
+    time_to_id,
+)
+from evaluation.experiments.registry import EXPERIMENTS, run_experiment
+from evaluation.peers.visual_markers import QR, find_readers
+
+# So small that all run in seconds.
+TINY: dict[str, tuple[Any, dict[str, Any]]] = {
+    'speed-accuracy': (
+        speed_accuracy,
+        {'_LONE_M': (1.0, 3.2), '_SEVERAL_M': (1.0, 4.0), '_TAGS_M': (1.0, 4.2), '_FRAMES': 20},
+    ),
+    'time-to-id': (time_to_id, {'_RANGES_M': (1.0, 3.6), '_QUICK_PICTURES': 2}),
+    'peers': (peers, {'_QUICK_PICTURES': 2, '_MOVERS': 3, '_3_CM_M': (1.0, 4.0)}),
+    'roc': (roc, {'_QUICK_SHARE': 0.002}),
+    'brighter': (brighter, {'STRESSES': STRESSES[:2]}),
+    'stability': (stability, {'PANELS': PANELS[:1], 'CONDITIONS': [(1.0, True, False)]}),
+    'moving': (moving, {'DURATION_S': 4.0}),
+    'coffee': (coffee, {'_QUICK_TRIALS': 1, '_QUICK_PICTURES': 2}),
+    'drone': (drone, {'QUICK_DURATION_S': 11.0}),
+    'several': (several, {'_QUICK_TRIALS': 1, '_RECORDINGS': 1}),
+    'place': (place, {'_QUICK_MARKERS': 12}),
+}
+
+
+@pytest.mark.parametrize('name', EXPERIMENTS)
+def test_an_experiment_runs(name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    module, sizes = TINY.get(name, (None, {}))
+    for attribute, value in sizes.items():
+        monkeypatch.setattr(module, attribute, value)
+    told = run_experiment(name, tmp_path, quick=True, seed=1)
+    assert 'QUICK RUN: ROUGH' in told
+    figures = json.loads(
+        (tmp_path / f'{name}.json').read_text(), parse_constant=lambda word: pytest.fail(word)
+    )
+    assert figures['run']['quick'] is True
+    assert (tmp_path / f'{name}.png').read_bytes().startswith(b'\x89PNG')
+    heads, *rows = EXPERIMENTS[name].table(figures)
+    assert rows
+    assert {len(row) for row in rows} == {len(heads)}
+
+
+def test_peers_tell_what_is_left_out(monkeypatch: pytest.MonkeyPatch) -> None:
+    kept = [reader for reader in find_readers()[0] if reader.name != QR]
+    monkeypatch.setattr(peers, 'find_readers', lambda: (kept, {QR: 'no zbar here'}))
+    monkeypatch.setattr(peers, '_SWEEPS', {key: peers._SWEEPS[key] for key in ('3 cm', '1 cm')})
+    monkeypatch.setattr(peers, '_QUICK_PICTURES', 2)
+    figures = peers.run(np.random.default_rng(1), quick=True)
+    assert figures['missing'] == {QR: 'no zbar here'}
+    assert peers.end(figures, '3 cm', QR) is None
+    assert peers.claims(figures)['qr'].default == '–'
+
+
+def test_silent_stretches_are_no_false_ids() -> None:
+    blocks = wall_blocks(60, np.random.default_rng(1))
+    watched = roc.watch({'method': 'joint'}, blocks, 60 / 3600)
+    assert watched['false_ids']['events'] == 0
+    assert math.isfinite(watched['false_ids']['high'])
+
+
+def test_at_one_metre_the_default_reads_all_and_the_papers_chain_mislocks(tmp_path: Path) -> None:
+    run_experiment('reading', tmp_path, quick=True, seed=1)
+    figures = json.loads((tmp_path / 'reading.json').read_text())
+    near = figures['curves']['3 cm']['points'][0]
+    assert near['joint']['right']['rate'] == 1.0
+    assert near['joint']['wrong']['rate'] == 0.0
+    assert 0.4 < near['paper']['right']['rate'] < 0.95

@@ -1,0 +1,151 @@
+# Copyright 2026 retrolidar_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from evaluation.bench.disturbances import BLOCK_FRAMES, FAMILY, Member, wall_blocks
+from evaluation.bench.judging import BOTH, judged
+from evaluation.bench.recordings import SILENCE_BITS, record, signal_at, snr_db
+from evaluation.bench.stresses import PLAIN, STRESSES, Stress
+from evaluation.bench.transmissions import transmission
+from evaluation.experiments.moving import across
+from evaluation.experiments.time_to_id import VIEW_S, appearing, first_ids, time_by_which
+from retrolidar_ros.marker.code import BIT_PERIOD_S, PACKET_BITS
+from retrolidar_ros.marker.dictionary import USABLE_IDS
+from retrolidar_ros.scene import Simulation
+from retrolidar_ros.scene.description import Marker
+from retrolidar_ros.scene.marker_budget import needed_swing
+from retrolidar_ros.scene.reference import RESPONSE, SENSOR, WALL_SIGNAL, marker_in_each_zone
+from retrolidar_ros.scene.transmission import Transmission
+from retrolidar_ros.sensor.frame import Status
+
+
+@pytest.mark.parametrize('packets', [1, None])
+def test_transmission_of_many_markers_is_that_of_each(packets: int | None) -> None:
+    rng = np.random.default_rng(1)
+    edges_s = 0.021 * np.arange(200)
+    ids, start_s = rng.choice(USABLE_IDS, 4), rng.uniform(-1, 2, 4)
+    bit_s = rng.uniform(0.041, 0.043, 4)
+    sent = math.inf if packets is None else packets
+    found = transmission(edges_s, ids, start_s, bit_s, RESPONSE, sent)
+    apart = transmission(
+        np.column_stack([edges_s[:-1], edges_s[1:]]), ids, start_s, bit_s, RESPONSE, sent
+    )
+    np.testing.assert_allclose(apart, found, atol=1e-9)
+    for column, (identity, start, bit) in enumerate(zip(ids, start_s, bit_s, strict=True)):
+        marker = Marker(
+            int(identity),
+            (0.0, 0.0, 1.0),
+            'marker',
+            bit_period_s=float(bit),
+            start_s=float(start),
+            packets=packets,
+            response=RESPONSE,
+        )
+        expected = Transmission(marker).mean((edges_s[1:] + edges_s[:-1]) / 2, 0.021)
+        np.testing.assert_allclose(found[:, column], expected, atol=1e-9)
+
+
+def test_recordings_are_those_of_the_simulation() -> None:
+    """Levels and noise of both ways to make frames are the same."""
+    rng = np.random.default_rng(2)
+    scene = marker_in_each_zone(2.0, rng, start_s=(-1.3, 0.0), packets=None)
+    simulated = Simulation(scene, rng).run(20.0)
+    recorded = record(PLAIN, signal_at(2.0), rng, USABLE_IDS, repeated_s=20.0).recording
+    for part in (0.05, 0.25, 0.75, 0.95):
+        one, other = (np.quantile(frames.signal, part) for frames in (simulated, recorded))
+        assert one == pytest.approx(other, rel=0.1, abs=0.3)
+    one, other = (np.nanmedian(frames.distance, axis=0) for frames in (simulated, recorded))
+    assert one == pytest.approx(other, abs=0.01)
+
+
+@pytest.mark.parametrize('stress', STRESSES, ids=lambda stress: stress.name)
+def test_a_stress_gives_the_same_possible_frames_again(stress: Stress) -> None:
+    first, second = (record(stress, 150.0, np.random.default_rng(7), USABLE_IDS) for _ in range(2))
+    np.testing.assert_array_equal(first.recording.signal, second.recording.signal)
+    assert (first.recording.signal >= 0).all()
+    assert (np.diff(first.recording.stamp_ns) > 0).all()
+    assert len(set(first.ids.tolist())) == first.recording.grid.zones
+    if first.seconds is not None:
+        assert (first.seconds != first.ids).all()
+
+
+@pytest.mark.parametrize('strength_db', [-2.0, 6.0, 20.0])
+def test_a_link_is_as_strong_as_told(strength_db: float) -> None:
+    assert snr_db(needed_swing(strength_db)) == pytest.approx(strength_db)
+
+
+def test_lone_packets_come_after_silence_and_end_before_the_recording() -> None:
+    sent = record(PLAIN, 600.0, np.random.default_rng(0), USABLE_IDS)
+    assert sent.start_s.min() >= SILENCE_BITS * BIT_PERIOD_S
+    time_s = sent.recording.stamp_ns * 1e-9
+    dark = sent.recording.signal < WALL_SIGNAL + 300
+    for zone, start_s in enumerate(sent.start_s):
+        first_s, last_s = time_s[dark[:, zone]][[0, -1]]
+        assert first_s == pytest.approx(start_s, abs=0.022)
+        assert last_s <= start_s + PACKET_BITS * BIT_PERIOD_S + 0.011
+
+
+def test_a_hand_hides_the_middle_of_the_packet_and_a_far_wall_its_dark_bits() -> None:
+    hand = record(replace(PLAIN, hand_s=0.3), 150.0, np.random.default_rng(0), USABLE_IDS)
+    near = hand.recording.distance < 0.3
+    middles_s = [hand.recording.stamp_ns[near[:, zone]].mean() * 1e-9 for zone in range(16)]
+    assert middles_s == pytest.approx(hand.start_s + hand.packet_s / 2, abs=0.02)
+    assert near.sum(axis=0) * 0.021 == pytest.approx(np.full(16, 0.3), abs=0.05)
+    wall = record(replace(PLAIN, far_wall=0.5), 150.0, np.random.default_rng(0), USABLE_IDS)
+    dark = wall.recording.signal.min(axis=0)
+    assert dark == pytest.approx(np.full(16, 77.0), abs=25)
+
+
+def test_a_marker_on_its_way_is_in_one_zone_after_the_other() -> None:
+    rng = np.random.default_rng(3)
+    sensor, path = replace(SENSOR, blur=0.05), across(0.4, 1.0, rng)
+    sent = record(
+        PLAIN, 360.0, rng, USABLE_IDS, range_m=1.0, repeated_s=8.0, sensor=sensor, path=path
+    )
+    speeds = np.abs(np.diff(path(np.arange(0, 8, 0.01))[:, 0])) / 0.01
+    assert np.median(speeds) == pytest.approx(0.4)
+    seen = sent.recording.signal.argmax(axis=1)[sent.recording.signal.max(axis=1) > 100]
+    assert len(np.unique(seen % 4)) == 4
+    assert judged(sent, BOTH['joint'], lone=False).right.shape == (1,)
+
+
+@pytest.mark.parametrize('member', FAMILY, ids=lambda member: member.name)
+def test_blocks_of_a_disturbance_follow_each_other(member: Member) -> None:
+    duration_s = 2.5 * BLOCK_FRAMES * SENSOR.period_s
+    blocks = list(member.blocks(duration_s, np.random.default_rng(3), SENSOR))
+    sequence = np.concatenate([block.sequence for block in blocks])
+    np.testing.assert_array_equal(sequence, np.arange(len(sequence)))
+    assert len(sequence) == round(duration_s / SENSOR.period_s)
+    for block in blocks:
+        none = block.status == Status.NO_TARGET
+        assert np.isfinite(block.signal).all()
+        assert (np.isnan(block.distance) == none).all()
+
+
+def test_a_bare_wall_is_white_noise_about_its_signal() -> None:
+    blocks = list(wall_blocks(120, np.random.default_rng(0)))
+    signal = np.concatenate([block.signal for block in blocks])
+    assert len(signal) == round(120 / SENSOR.period_s)
+    assert signal.mean() == pytest.approx(WALL_SIGNAL, rel=0.05)
+    centred = signal - signal.mean(axis=0)
+    assert abs((centred[1:] * centred[:-1]).mean() / centred.var()) < 0.02
+
+
+def test_time_by_which_a_share_is_identified() -> None:
+    times_s = np.array([4.0, 1.0, math.inf, 3.0, 2.0])
+    assert time_by_which(0.5, times_s) == 3.0
+    assert time_by_which(0.9, times_s) is None
+
+
+def test_a_marker_is_identified_no_sooner_than_a_word_after_it_came_into_view() -> None:
+    sent = appearing(1.0, np.random.default_rng(3))
+    before = sent.recording.stamp_ns < VIEW_S * 1e9
+    assert sent.recording.signal[before].max() < WALL_SIGNAL + 15
+    times_s, wrong = first_ids(sent, BOTH['joint'])
+    assert np.isfinite(times_s).all()
+    assert times_s.min() > 24 * BIT_PERIOD_S
+    assert wrong <= 1  # a packet that comes into view half sent may look like another

@@ -1,0 +1,140 @@
+# Copyright 2026 retrolidar_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from evaluation.bench.hand import (
+    Pose,
+    markers_at,
+    random_pose,
+    rotation,
+    sees_all,
+    view_from,
+    yaw_of,
+)
+from evaluation.bench.live import PlaceError, held, place_error, read_live
+from evaluation.experiments import coffee, drone
+from retrolidar_ros.detector import create_detector
+from retrolidar_ros.detector.place import place, zone_bearing
+from retrolidar_ros.scene import Simulation
+from retrolidar_ros.scene.files import load_scene
+from retrolidar_ros.scene.optics import position_at
+from retrolidar_ros.sensor.frame import Floats, ZoneGrid
+
+WORLD = load_scene('coffee')
+NO_TURN = rotation(0, 0, 0)
+ANGLES = st.floats(-math.pi, math.pi)
+
+
+def at(*position_m: float) -> Floats:
+    return np.array(position_m)
+
+
+@given(yaw=ANGLES, pitch=ANGLES, roll=ANGLES)
+def test_to_the_sensor_and_back_is_the_identity(yaw: float, pitch: float, roll: float) -> None:
+    pose = Pose(at(0.1, -0.2, 0.05), rotation(yaw, pitch, roll))
+    assert np.linalg.det(pose.rotation) == pytest.approx(1)
+    seen_m = pose.to_sensor(markers_at(WORLD))
+    assert pose.to_world(seen_m) == pytest.approx(markers_at(WORLD))
+
+
+def test_a_sensor_that_turns_right_sees_what_is_ahead_on_its_left() -> None:
+    ahead, quarter = at(0, 0, 1), math.pi / 2
+    assert Pose(at(0, 0, 0), rotation(quarter, 0, 0)).to_sensor(ahead) == pytest.approx([-1, 0, 0])
+    # y is down: looking up leaves it below.
+    assert Pose(at(0, 0, 0), rotation(0, quarter, 0)).to_sensor(ahead) == pytest.approx([0, 1, 0])
+
+
+def test_yaw_is_the_angle_by_which_a_marker_faces_away() -> None:
+    marker_m = at(0, 0, 1)
+    assert yaw_of(marker_m, Pose(at(0, 0, 0.5), rotation(1, 2, 3))) == pytest.approx(0)
+    assert yaw_of(marker_m, Pose(at(0, 1, 0), NO_TURN)) == pytest.approx(math.pi / 4)
+
+
+def test_all_are_seen_within_the_border_and_in_zones_of_their_own() -> None:
+    grid = ZoneGrid()
+    middles = np.append(grid.tangents, np.ones((grid.zones, 1)), axis=1)
+    assert sees_all(middles, grid)
+    assert not sees_all(-middles, grid)
+    assert not sees_all(middles * [1.2, 1, 1], grid)
+    assert not sees_all(middles[[0, 0, 1]], grid)
+
+
+def test_from_its_own_place_the_sensor_sees_about_the_shipped_scene() -> None:
+    scene = view_from(Pose(at(0, 0, 0), NO_TURN), WORLD, np.random.default_rng(0))
+    assert markers_at(scene) == pytest.approx(markers_at(WORLD))
+    shown, shipped = (
+        {zone: (one.distance_m, one.signal) for one in view.surfaces for zone in one.zones or ()}
+        for view in (scene, WORLD)
+    )
+    assert sorted(shown) == list(range(16))
+    for zone, (distance_m, signal) in shipped.items():
+        assert shown[zone][1] == signal
+        assert shown[zone][0] == pytest.approx(distance_m, abs=0.01)
+
+
+def test_the_hand_sees_all_from_every_place() -> None:
+    rng = np.random.default_rng(4)
+    for _ in range(10):
+        pose = random_pose(WORLD, rng)
+        scene = view_from(pose, WORLD, rng)
+        assert sees_all(markers_at(scene), WORLD.sensor.grid)
+        assert pose.to_world(markers_at(scene)) == pytest.approx(markers_at(WORLD))
+        assert {zone for one in scene.surfaces for zone in one.zones or ()} == set(range(16))
+
+
+def test_errors_of_a_place() -> None:
+    found = place(zone_bearing(5, ZoneGrid()), 1.5, 0.002)
+    right = place_error(found, found.position_m)
+    assert right == pytest.approx(PlaceError(0, 0, 0, 0), abs=1e-6)
+    farther = place_error(found, found.position_m * 1.53 / 1.5)
+    assert farther.range_m == pytest.approx(-0.03)
+    assert farther.position_m == pytest.approx(0.03)
+    assert place_error(found, -found.position_m).bearing_deg == pytest.approx(180)
+    share = held([0.1, 7.0, 9.0])
+    assert share is not None
+    assert (share['hits'], share['trials']) == (2, 3)
+    assert held([]) is None
+
+
+def test_frames_one_by_one_give_each_reading_as_soon_as_all_of_it_was_seen() -> None:
+    recording = Simulation(WORLD).run(4)
+    readings = list(read_live(create_detector('joint', recording.grid), recording))
+    assert {one.detection.id for one in readings} == {one.id for one in WORLD.markers}
+    for known_ns, detection in readings:
+        assert detection.start_ns < detection.stamp_ns < detection.end_ns
+        assert 0 <= known_ns - detection.end_ns < 0.5e9
+
+
+def test_what_is_off_by_a_centimetre_is_looked_at_again() -> None:
+    rng = np.random.default_rng(1)
+    drawn = (rng.random((20_000, 3)) > 0.36).tolist()
+    task = coffee.task_s([0.0], drawn, rng, 20_000)
+    assert task['cycles'] == pytest.approx(2.7, abs=0.05)  # paper §7.1
+    assert task['mean_s'] == pytest.approx(8.1, abs=0.15)
+    assert coffee.task_s([1.0], [[True] * 3], rng)['mean_s'] == pytest.approx(4.0)
+
+
+def test_objects_that_are_not_read_are_not_placed() -> None:
+    rng = np.random.default_rng(2)
+    pose = random_pose(WORLD, rng)
+    scene = view_from(pose, WORLD, rng)
+    recording = Simulation(replace(scene, markers=scene.markers[:2]), rng).run(4)
+    outcome = coffee.place_all('joint', recording, scene, pose)
+    assert outcome.time_s == math.inf
+    assert set(outcome.errors) == {marker.name for marker in scene.markers[:2]}
+
+
+def test_the_drone_drifts_as_fast_as_told_and_is_hidden_as_long() -> None:
+    (marker,) = drone.flight(0.2, 0.3).markers
+    times_s = np.arange(0, 260, 0.01)
+    places_m = position_at(marker, times_s)
+    assert (np.ptp(places_m[:, :2], axis=0) > 0.2).all()
+    assert np.abs(np.diff(places_m[:, 0])).mean() / 0.01 == pytest.approx(0.2, rel=0.02)
+    assert marker.occlusion is not None
+    assert marker.occlusion.lasting_s / marker.occlusion.every_s == pytest.approx(0.3)
