@@ -8,6 +8,8 @@ from typing import Any
 import pytest
 import yaml
 
+pytest.importorskip('rosbags', reason='bags are written with rosbags')
+
 from retrolidar_ros.cli.main import main
 from retrolidar_ros.scene import parse_scene
 from retrolidar_ros.scene.emulator import record
