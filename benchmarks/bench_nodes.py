@@ -11,17 +11,22 @@ import argparse
 import os
 import sys
 import time
+from contextlib import closing
 from pathlib import Path
 from tempfile import TemporaryDirectory
+from typing import NamedTuple
 
 import numpy as np
 
 from evaluation.bench.machine import write_figures
-from retrolidar_ros.cli.demo import NAMESPACE, start_emulator, start_nodes
+from retrolidar_ros.cli.demo import NAMESPACE, executable, start_emulator
 from retrolidar_ros.cli.processes import ProcessGroup
+from retrolidar_ros.msg import Frame as FrameMsg
+from retrolidar_ros.msg import MarkerDetection
 from retrolidar_ros.nodes.conversion import to_ns
 from retrolidar_ros.nodes.listener import Listener
 from retrolidar_ros.scene.files import find_scene
+from retrolidar_ros.settings.resources import shared_file
 
 SETTLING_S = 5.0
 HALF_EXPOSURE_S = 0.0105
@@ -33,36 +38,54 @@ def cpu_seconds(pid: int) -> float:
     return (int(fields[11]) + int(fields[12])) / os.sysconf('SC_CLK_TCK')
 
 
-def main() -> None:
-    """Measure and print."""
-    parser = argparse.ArgumentParser(description=__doc__.partition('\n')[0])
-    parser.add_argument('--seconds', type=float, default=60.0, help='(default: %(default)s)')
-    parser.add_argument('--json', type=Path, metavar='FILE', help='write the figures, too')
-    arguments = parser.parse_args()
-    duration_s = arguments.seconds
-    listener = Listener(NAMESPACE)
-    with TemporaryDirectory() as directory, ProcessGroup(Path(directory)) as processes:
+class Run(NamedTuple):
+    """What came of a sensor, and what that took."""
+
+    elapsed_s: float
+    frames: list[tuple[FrameMsg, int]]
+    markers: list[tuple[MarkerDetection, int]]
+    shares: dict[str, float]
+    """Of one core, by process."""
+
+
+def measure(duration_s: float, *, single_process: bool) -> Run:
+    """Run driver and detector, in two processes or in one, with an emulated sensor."""
+    names = ('reader',) if single_process else ('driver', 'detector')
+    with (
+        TemporaryDirectory() as directory,
+        ProcessGroup(Path(directory)) as processes,
+        closing(Listener(NAMESPACE)) as listener,
+    ):
         port = Path(directory) / 'port'
-        start_nodes(processes, port)
-        if not listener.spin_until(listener.is_connected, 30.0):
-            sys.exit('driver and detector did not start')
+        common = ['--ros-args', '--params-file', str(shared_file('config/retrolidar.yaml'))]
+        common += ['-r', f'__ns:={NAMESPACE}', '-p', f'serial_port:={port}']
+        for name in names:
+            processes.start(name, [executable(name), *common])
+        node = listener.node
+        if not listener.spin_until(
+            lambda: all(node.count_publishers(topic) for topic in ('frames', 'markers')), 30.0
+        ):
+            sys.exit(f'{" and ".join(names)} did not start')
         start_emulator(processes, str(find_scene('coffee')), port)
         if not listener.spin_until(lambda: bool(listener.frames), 30.0):
             sys.exit('no frames came')
         listener.spin_until(lambda: False, SETTLING_S)
         settled = len(listener.frames)
-        pids = {name: processes.pid(name) for name in ('driver', 'detector', 'emulator')}
+        pids = {name: processes.pid(name) for name in (*names, 'emulator')}
         before = {name: cpu_seconds(pid) for name, pid in pids.items()}
         began = time.monotonic()
         listener.spin_until(lambda: False, duration_s)
         elapsed_s = time.monotonic() - began
         shares = {name: (cpu_seconds(pid) - before[name]) / elapsed_s for name, pid in pids.items()}
     frames = listener.frames[settled:]
-    markers = [
-        pair for pair in listener.markers if to_ns(pair[0].start) > to_ns(frames[0][0].header.stamp)
-    ]
-    listener.close()
+    first_ns = to_ns(frames[0][0].header.stamp)
+    markers = [pair for pair in listener.markers if to_ns(pair[0].start) > first_ns]
+    return Run(elapsed_s, frames, markers, shares)
 
+
+def report(run: Run) -> dict[str, object]:
+    """Print a run; return its figures."""
+    frames, markers = run.frames, run.markers
     sequence = np.array([message.sequence for message, _ in frames])
     stamp_s = np.array([to_ns(message.header.stamp) for message, _ in frames]) * 1e-9
     sensor_s = np.array([message.sensor_time for message, _ in frames]) * 1e-6
@@ -75,7 +98,7 @@ def main() -> None:
     )
     lost = int(sequence[-1] - sequence[0] + 1 - len(sequence))
     rate = (len(sequence) - 1) / (stamp_s[-1] - stamp_s[0])
-    print(f'{elapsed_s:.0f} s, {len(sequence)} frames at {rate:.1f} Hz, {lost} lost')
+    print(f'{run.elapsed_s:.0f} s, {len(sequence)} frames at {rate:.1f} Hz, {lost} lost')
     print(
         f'stamps against the exposure: standard deviation {error_ms.std():.3f} ms, '
         f'largest {np.abs(error_ms).max():.3f} ms'
@@ -88,19 +111,31 @@ def main() -> None:
             f'end of the (last) exposure to {what} received: median {median:.1f} ms, '
             f'p99 {p99:.1f} ms, {len(values)} messages'
         )
-    for name, share in shares.items():
+    for name, share in run.shares.items():
         print(f'CPU share of {name}: {share:.1%} of one core')
+    return {
+        'seconds': run.elapsed_s,
+        'frames': len(sequence),
+        'rate_hz': float(rate),
+        'lost': lost,
+        'stamp_stddev_ms': float(error_ms.std()),
+        'stamp_worst_ms': float(np.abs(error_ms).max()),
+        'delays': delays,
+        'core_shares': run.shares,
+    }
+
+
+def main() -> None:
+    """Measure and print."""
+    parser = argparse.ArgumentParser(description=__doc__.partition('\n')[0])
+    parser.add_argument('--seconds', type=float, default=60.0, help='(default: %(default)s)')
+    parser.add_argument('--json', type=Path, metavar='FILE', help='write the figures, too')
+    arguments = parser.parse_args()
+    print('driver and detector, a process each')
+    figures = report(measure(arguments.seconds, single_process=False))
+    print('\nboth in one process, the reader')
+    figures['single_process'] = report(measure(arguments.seconds, single_process=True))
     if arguments.json is not None:
-        figures = {
-            'seconds': elapsed_s,
-            'frames': len(sequence),
-            'rate_hz': float(rate),
-            'lost': lost,
-            'stamp_stddev_ms': float(error_ms.std()),
-            'stamp_worst_ms': float(np.abs(error_ms).max()),
-            'delays': delays,
-            'core_shares': shares,
-        }
         write_figures(arguments.json, figures)
 
 

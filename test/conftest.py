@@ -1,8 +1,10 @@
 # Copyright 2026 retrolidar_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 import os
+import re
 import signal
 import sys
+from importlib.util import find_spec
 from pathlib import Path
 
 import pytest
@@ -23,13 +25,30 @@ if signal.getsignal(signal.SIGINT) == signal.SIG_IGN:
 # Experiments are not installed. Last, so that the package that is built comes before its sources.
 sys.path.append(str(Path(__file__).resolve().parents[1]))
 
-IN_REAL_TIME = {'nodes', 'launch', 'docs'}
+HERE = Path(__file__).resolve().parent
+# Those of the launch files are for launch_test.
+collect_ignore = ['launch']
+if find_spec('tqdm') is None:  # experiments need libraries from pip, which no robot has
+    collect_ignore += [
+        str(path.relative_to(HERE))
+        for path in HERE.rglob('test_*.py')
+        if re.search(r'^ *(from|import) evaluation', path.read_text(encoding='utf-8'), re.MULTILINE)
+    ]
+
+# In real time, with many processes, or with much to compute.
+SLOW = {'nodes', 'launch', 'docs', 'evaluation', 'test_watch.py'}
+SLOW |= {
+    'test_core_robustness.py',
+    'test_invariance.py',
+    'test_oracle.py',
+    'test_pinned_reading.py',
+}
 
 
 @pytest.hookimpl(tryfirst=True)
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Begin with what takes longest, so that workers end at the same time."""
+    """Mark the slow ones and begin with them, so that workers end at the same time."""
     for item in items:
-        if IN_REAL_TIME & set(item.path.parts):
+        if SLOW & set(Path(str(item.fspath)).parts):  # .path is not in pytest 6 of Humble
             item.add_marker('slow')
     items.sort(key=lambda item: item.get_closest_marker('slow') is None)

@@ -11,7 +11,7 @@ import shutil
 import subprocess
 from pathlib import Path
 from types import TracebackType
-from typing import Any, TypeAlias
+from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 import pytest
@@ -146,25 +146,15 @@ class Core:
         return bytes.fromhex(answer)
 
 
-class RawFrame:
-    """A frame in the sensor's raw units, its zones in the sensor's own order."""
+class RawFrame(NamedTuple):
+    """A frame in the sensor's raw units, its zones in the sensor's own order: arrays (zones,)."""
 
-    def __init__(
-        self,
-        sequence: int,
-        time_us: int,
-        distance: IntArray,
-        signal: IntArray,
-        ambient: IntArray,
-        status: IntArray,
-    ) -> None:
-        """Take arrays of shape (zones,)."""
-        self.sequence = sequence
-        self.time_us = time_us
-        self.distance = distance
-        self.signal = signal
-        self.ambient = ambient
-        self.status = status
+    sequence: int
+    time_us: int
+    distance: IntArray
+    signal: IntArray
+    ambient: IntArray
+    status: IntArray
 
     @property
     def zones(self) -> int:

@@ -41,7 +41,7 @@ _LATENESS_S = 1.0
 _LATCHED = QoSProfile(  # type: ignore[no-untyped-call]
     depth=100, durability=DurabilityPolicy.TRANSIENT_LOCAL
 )
-_RELIABLE = QoSProfile(depth=1000)  # type: ignore[no-untyped-call]
+RELIABLE = QoSProfile(depth=1000)  # type: ignore[no-untyped-call]
 
 
 class View(NamedTuple):
@@ -343,7 +343,7 @@ def check_heartbeat(listener: Listener, alive: Collected, health: Health, scene:
 def check_two_sensors(listener: Listener, scene: Scene, namespace: str) -> None:
     """What both sensors see comes on one topic, and each marker has one TF frame below each."""
     frames = {
-        side: Collected(listener, FrameMsg, f'{namespace}/{side}/frames', _RELIABLE)
+        side: Collected(listener, FrameMsg, f'{namespace}/{side}/frames', RELIABLE)
         for side in SIDES
     }
     markers = {f'{side}_{one.name}': one for side in SIDES for one in scene.markers}

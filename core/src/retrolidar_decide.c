@@ -150,8 +150,9 @@ struct rl_verdict rl_decide(struct rl_window *window, const struct rl_codebook *
                    (packets > 1 ? COST_OF_FOLDS : 0.0);
     /* Before others are asked: two zones may see different packets of which this one is a bit. */
     verdict.reason = doubt(window, demands, sending, packets, own, half_bits, hits, &verdict.word);
-    if (verdict.reason == RL_NOT_A_WORD && packets == 1 && verdict.evidence > asked &&
-        rl_scope_hide_burst(window, sending, own)) {
+    bool hidden = verdict.reason == RL_NOT_A_WORD && packets == 1 && verdict.evidence > asked &&
+                  rl_scope_hide_burst(window, sending, own);
+    if (hidden) {
         own = rl_window_refine(window, sending, half_bits);
         verdict.evidence = own - window->null;
         asked += COST_OF_BURST;
@@ -173,6 +174,18 @@ struct rl_verdict rl_decide(struct rl_window *window, const struct rl_codebook *
     verdict.reason = RL_NOT_A_WORD;
     verdict.word =
         rl_rivals_turn(window, sending, own, begin, silent_bits, 3.0 * demands->word, &bits);
+    if (verdict.word > demands->word && packets == 1 && !hidden &&
+        rl_scope_hide_burst(window, sending, own)) {
+        own = rl_window_refine(window, sending, half_bits);
+        verdict.evidence = own - window->null - COST_OF_GAIN * (window->sources - 1);
+        note_fit(&verdict, window);
+        if (verdict.evidence < asked + COST_OF_BURST) {
+            verdict.reason = RL_EVIDENCE;
+            return verdict;
+        }
+        verdict.word =
+            rl_rivals_turn(window, sending, own, begin, silent_bits, 3.0 * demands->word, &bits);
+    }
     if (verdict.word > demands->word) {
         return verdict;
     }

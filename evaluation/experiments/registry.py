@@ -19,10 +19,12 @@ from evaluation.bench.machine import write_figures
 from evaluation.experiments import (
     bound,
     brighter,
+    calibration,
     chain,
     coffee,
     drone,
     ids,
+    landmarks,
     link_budget,
     marker,
     moving,
@@ -75,6 +77,8 @@ EXPERIMENTS: dict[str, Experiment] = {
     'link': link_budget,
     **paper_sweeps.SWEEPS,
     'marker': marker,
+    'landmarks': landmarks,
+    'calibration': calibration,
 }
 TIMED = ('speed-accuracy',)
 """Those that measure processor time, and so run alone."""

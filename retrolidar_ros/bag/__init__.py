@@ -7,9 +7,8 @@ have it, and up to the damage in a recording that a power cut has cut off. That 
 the reader is our own.
 """
 
-from retrolidar_ros.bag.errors import BagError
+from retrolidar_ros.bag.messages import FRAME_TYPE, BagError
 from retrolidar_ros.bag.reader import FRAMES_TOPIC, read_frames
-from retrolidar_ros.bag.serialized import FRAME_TYPE
 from retrolidar_ros.bag.writer import STORAGES, FrameWriter
 
 __all__ = ['FRAMES_TOPIC', 'FRAME_TYPE', 'STORAGES', 'BagError', 'FrameWriter', 'read_frames']

@@ -16,9 +16,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from retrolidar_ros.bag.errors import INSTALL, BagError
+from retrolidar_ros.bag.messages import FRAME_TYPE, INSTALL, BagError
 from retrolidar_ros.bag.reader import FRAMES_TOPIC
-from retrolidar_ros.bag.serialized import FRAME_TYPE
 from retrolidar_ros.sensor.frame import Frame, check_frame_arrays
 from retrolidar_ros.settings.resources import shared_file
 

@@ -9,12 +9,17 @@ import sys
 from types import FrameType
 
 from retrolidar_ros.settings.interrupts import ended_quietly
+from retrolidar_ros.settings.printing import missing_library
 
 
 def main() -> int:
     """Run the command; return its exit code."""
-    with ended_quietly():
-        from retrolidar_ros.cli.main import main as run
+    try:
+        with ended_quietly():
+            from retrolidar_ros.cli.main import main as run
+    except ModuleNotFoundError as error:
+        print(missing_library(error), file=sys.stderr)
+        return 2
     # As an exception, so that files and processes that were made for a while are ended, too.
     signal.signal(signal.SIGTERM, _exit)
     return run()

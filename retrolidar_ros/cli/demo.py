@@ -6,7 +6,6 @@ from __future__ import annotations
 
 import argparse
 import sys
-from importlib.util import find_spec
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING
@@ -101,8 +100,6 @@ def run_demo(scene_name: str, picture: Path | None, timeout_s: float) -> int:
         from retrolidar_ros.nodes.listener import Listener
     except ImportError as error:
         raise ValueError(f'the demo needs ROS 2 and this package built for it: {error}') from error
-    if find_spec('serial') is None:  # what the driver would say in its log only
-        raise ModuleNotFoundError('the driver needs pyserial', name='serial')
     picture = picture or Path(f'demo_{find_scene(scene_name).stem}.png')
     print(f'{scene.description}\nDriver and detector are starting ...', flush=True)
     with TemporaryDirectory(prefix='retrolidar_') as directory:

@@ -14,10 +14,9 @@ os.environ.setdefault('OPENBLAS_NUM_THREADS', '1')
 
 from retrolidar_ros.bag import BagError
 from retrolidar_ros.cli import budget, calibrate, decode, demo, emulate, ids, plot, record, watch
-from retrolidar_ros.settings.printing import printable
+from retrolidar_ros.settings.printing import missing_library, printable
 from retrolidar_ros.settings.section import ConfigError
 
-_DISTRIBUTIONS = {'serial': 'pyserial', 'yaml': 'pyyaml'}
 COMMANDS = (demo, emulate, watch, record, calibrate, decode, plot, ids, budget)
 """Modules with `add_command(subparsers)`, which sets `run`: from the arguments to the exit code."""
 
@@ -55,8 +54,7 @@ def main(arguments: list[str] | None = None) -> int:
         print(f'retrolidar: {printable(str(error))}', file=sys.stderr)
         return 2
     except ModuleNotFoundError as error:
-        name = _DISTRIBUTIONS.get(str(error.name), error.name)
-        print(f'retrolidar: a library is missing: pip install {name}', file=sys.stderr)
+        print(missing_library(error), file=sys.stderr)
         return 2
     return code
 

@@ -162,6 +162,19 @@ def clock_mismatch(periods: tuple[Period, ...], bit_period_s: float) -> str:
     )
 
 
+def too_slow(frame_period_s: float, bit_period_s: float) -> list[str]:
+    """Say that frames do not come twice in a bit, if they do not."""
+    if bit_period_s >= _LEAST_FRAMES_A_BIT * frame_period_s:
+        return []
+    return [
+        (
+            f'a frame comes every {1e3 * frame_period_s:.1f} ms, but bits of '
+            f'{1e3 * bit_period_s:.1f} ms need two of them: let the sensor measure faster, or the '
+            'markers blink slower and set bit_period'
+        )
+    ]
+
+
 def unread(zones: list[BlinkingZone], frame_period_s: float, bit_period_s: float) -> list[str]:
     """Say in sentences, with the remedy, why markers of a bit period may not be read.
 
@@ -172,14 +185,8 @@ def unread(zones: list[BlinkingZone], frame_period_s: float, bit_period_s: float
     frame_period_s, bit_period_s : float
         How often frames come, and what the detector has been told of the bits [s].
     """
-    found = []
     told = any(clock_mismatch(zone.periods, bit_period_s) for zone in zones)
-    if bit_period_s < _LEAST_FRAMES_A_BIT * frame_period_s and not told:
-        found.append(
-            f'a frame comes every {1e3 * frame_period_s:.1f} ms, but bits of '
-            f'{1e3 * bit_period_s:.1f} ms need two of them: let the sensor measure faster, or the '
-            'markers blink slower and set bit_period'
-        )
+    found = [] if told else too_slow(frame_period_s, bit_period_s)
     if not zones:
         still = 'no zone blinks: nothing varies beyond noise_floor, noise_slope and noise_ambient'
         return [*found, still]

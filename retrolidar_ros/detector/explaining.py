@@ -14,6 +14,8 @@ from retrolidar_ros.detector.blinking_zones import (
     LEAST_FRAMES,
     BlinkingZone,
     blinking_zones,
+    clock_mismatch,
+    too_slow,
     unread,
 )
 from retrolidar_ros.detector.detection import Detection, Detector
@@ -27,7 +29,7 @@ _KEPT = 2048  # newest frames, which are looked at
 _MOST_NOISE = 2.0  # times what it is said to be
 _FEW = 0.5  # of the packets of a marker that was read
 _GLASS_M = 0.05
-_SAME_LIGHT_DB = 12.0  # what is fainter beside a marker is its own light in another zone
+_FAINTER_DB = 12.0
 _FLICKER = 0.1  # of the ambient light, from frame to frame
 
 
@@ -56,7 +58,7 @@ class Decoding:
                 self._detector = detector_of(self.values, frame.grid, self._known)
             self._newest.append(frame)
             for detection in self._detector.update(frame):
-                self.packets[detection.id] += 1
+                self.packets[detection.id] += detection.packets
                 self._periods_s[detection.id] = detection.bit_period_s
                 self._zones.update(detection.zones)
                 yield detection
@@ -87,13 +89,17 @@ class Decoding:
         time_s = recording.stamp_ns * 1e-9
         frame_s = float(np.median(np.diff(time_s)))
         found = self._less(float(time_s[-1] - time_s[0]))
-        others = [zone for zone in zones if zone.zone not in self._zones and zone.periods]
+        bit_s = self.values['bit_period']
         if not self.packets:
-            found += self._unregistered(recording) or unread(
-                zones, frame_s, self.values['bit_period']
-            )
-        elif others and others[0].modulation_db > zones[0].modulation_db - _SAME_LIGHT_DB:
-            found += unread(others[:1], frame_s, self.values['bit_period'])
+            found += self._unregistered(recording) or unread(zones, frame_s, bit_s)
+        else:
+            # What blinks beside a marker and much fainter is its own light in another zone.
+            bright = [
+                one for one in zones if one.modulation_db > zones[0].modulation_db - _FAINTER_DB
+            ]
+            other = [one for one in bright if found or one.zone not in self._zones]
+            wrong = [one for one in other if clock_mismatch(one.periods, bit_s)]
+            found += unread(wrong[:1], frame_s, bit_s) if wrong else too_slow(frame_s, bit_s)
         if found:
             found += _about(recording, scale)
         return found
@@ -105,8 +111,8 @@ class Decoding:
             sent = int(duration_s / (PACKET_BITS * self._periods_s[identity]))
             if packets < _FEW * sent:
                 found.append(
-                    f'ID {identity} was read {packets} times, and could have been {sent} times if '
-                    'it repeats its packet: it is faint, hidden at times, or its noise is not told'
+                    f'ID {identity} was read in {packets} packets, and could have been in {sent} '
+                    'if it repeats them: it is faint, hidden at times, or its noise is not told'
                 )
         return found
 

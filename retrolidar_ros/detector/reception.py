@@ -28,6 +28,7 @@ _CAPTURED = 0.03  # a detector looks for bit periods so near to what it is told
 # detector combines eight.
 _PATIENCE_S = 4.0
 _PACKETS = 9
+_STEADY = 0.01  # two looks agree so well on the bits of a marker
 _LOOKING_S = 3.0  # a look costs milliseconds
 
 
@@ -52,7 +53,7 @@ class Reception:
         place = np.stack(np.divmod(np.arange(grid.zones), grid.columns))
         self._beside = np.abs(place[:, :, None] - place[:, None]).max(axis=0) <= 1
         self._explained_ns = np.zeros(grid.zones, dtype=np.int64)
-        self._looked_ns, self._unread = 0, ''
+        self._looked_ns, self._unread, self._suspected_s = 0, '', np.inf
 
     def take(self, frame: Frame) -> bool:
         """Count a frame; return whether it is a new one."""
@@ -80,8 +81,12 @@ class Reception:
         newest = list(self._kept)[-RATE_FRAMES:]
         if len(newest) < RATE_FRAMES:
             return ''
+        # By either clock: stamps of frames that come late, all at once, are too near to each other.
         steps = [
-            (after.stamp_ns - before.stamp_ns)
+            max(
+                after.stamp_ns - before.stamp_ns,
+                1000 * (after.sensor_time_us - before.sensor_time_us),
+            )
             / (1 + missing_frames(before.sequence, after.sequence))
             for before, after in pairwise(newest)
         ]
@@ -141,7 +146,10 @@ class Reception:
             text = f'zone {zone} blinks by {blinking[zone]:.0f} dB and is not read: '
             near = [p for p in periods if abs(p.bit_period_s / bit_period_s - 1) <= _CAPTURED]
             if not near:
-                told = periods[0].bit_period_s
+                told, before_s = periods[0].bit_period_s, self._suspected_s
+                self._suspected_s = told
+                if abs(told / before_s - 1) > _STEADY:  # as while stamps have not settled yet
+                    return ''
                 return (
                     f'{text}its bits last {1e3 * told:.1f} ms, and bit_period is '
                     f'{1e3 * bit_period_s:.1f} ms'

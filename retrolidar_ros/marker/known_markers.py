@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from retrolidar_ros.marker.code import IDS, RESERVED_IDS
-from retrolidar_ros.settings.section import ConfigError, Section, quantity, text
+from retrolidar_ros.settings.section import ConfigError, Section, items, quantity, text
 from retrolidar_ros.settings.yaml_files import load_parsed
 
 MARKER_SIZE_M = 0.03
@@ -32,6 +32,10 @@ class KnownMarker:
     note: str = ''
     size_m: float = MARKER_SIZE_M
     """Edge of the square retroreflector."""
+    object: str = ''
+    """What it is fixed to; empty: it is an object of its own."""
+    place_m: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    """Where on that."""
 
 
 def frame_of(marker_id: int, known: Mapping[int, KnownMarker]) -> str:
@@ -84,9 +88,28 @@ def _marker(identity: Any, value: Any, path: str) -> KnownMarker:
         frame=section.take('frame', f'marker_{identity}', _frame),
         note=section.take('note', '', text),
         size_m=section.take('size', MARKER_SIZE_M, quantity('length', 1e-3, 1)),
+        object=section.take('object', '', _frame),
+        place_m=section.take('place', (0.0, 0.0, 0.0), _place),
     )
     section.end()
     return marker
+
+
+def _place(value: Any, path: str) -> tuple[float, float, float]:
+    parts = items(value, path)
+    if len(parts) != 3:
+        raise ConfigError(f'{path}: needs x, y and z, not {len(parts)} values')
+    x, y, z = (quantity('length', -100, 100)(*part) for part in parts)
+    return x, y, z
+
+
+def objects_of(known: Mapping[int, KnownMarker]) -> dict[str, dict[int, tuple[float, ...]]]:
+    """Return the markers of each object that has some, with their places on it [m]."""
+    objects: dict[str, dict[int, tuple[float, ...]]] = {}
+    for marker in known.values():
+        if marker.object:
+            objects.setdefault(marker.object, {})[marker.id] = marker.place_m
+    return objects
 
 
 def _frame(value: Any, path: str) -> str:

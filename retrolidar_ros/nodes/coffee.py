@@ -64,11 +64,6 @@ class CoffeeNode(Node):
         parameters.follow(self._change)
         self._target = values['target_frame']
         self._finder = TransformFinder(self) if self._target else None
-        if self._finder is not None and not self._finder.is_there:
-            self.get_logger().warning(
-                f"target_frame {self._target}: tf2_ros is not installed; poses are in the sensor's"
-            )
-            self._finder = None
         self._ticked = self.get_clock().now()
         self._waiting: deque[tuple[MarkerDetection, Time]] = deque()
         self._told: dict[str, str] | None = None

@@ -8,7 +8,7 @@ from array import array
 
 import numpy as np
 from builtin_interfaces.msg import Time
-from geometry_msgs.msg import TransformStamped
+from geometry_msgs.msg import PoseWithCovarianceStamped, TransformStamped
 from numpy.typing import NDArray
 from sensor_msgs.msg import CameraInfo, Image, PointCloud2, PointField
 from std_msgs.msg import Header
@@ -23,6 +23,7 @@ from retrolidar_ros.sensor.frame import (
     check_frame_arrays,
     valid_samples,
 )
+from retrolidar_ros.sensor.rotation import quaternion_of
 
 _POINT_FIELDS = ('x', 'y', 'z', 'signal', 'ambient')
 
@@ -192,3 +193,15 @@ def to_transform(message: MarkerDetection) -> TransformStamped:
     translation.x, translation.y, translation.z = position.x, position.y, position.z
     transform.transform.rotation = message.pose.pose.orientation
     return transform
+
+
+def to_pose_msg(
+    header: Header, position_m: Floats, rotation: Floats, covariance: Floats
+) -> PoseWithCovarianceStamped:
+    """Return a pose: position, shape (3,) [m], rotation (3, 3), covariance (6, 6)."""
+    message = PoseWithCovarianceStamped(header=header)
+    place, turn = message.pose.pose.position, message.pose.pose.orientation
+    place.x, place.y, place.z = position_m.tolist()
+    turn.x, turn.y, turn.z, turn.w = quaternion_of(rotation).tolist()
+    message.pose.covariance = covariance.ravel()
+    return message

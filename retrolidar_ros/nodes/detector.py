@@ -28,6 +28,7 @@ from retrolidar_ros.nodes.detection_topics import DetectionTopics
 from retrolidar_ros.nodes.detector_health import DetectorHealth
 from retrolidar_ros.nodes.detector_parameters import check_child_frame, declare
 from retrolidar_ros.nodes.diagnostics import Health, HealthBoard, publish_health
+from retrolidar_ros.nodes.names import in_namespace
 from retrolidar_ros.nodes.parameters import Parameters
 from retrolidar_ros.nodes.qos import OVERRIDABLE, STREAM_HEARD
 from retrolidar_ros.nodes.run import run
@@ -42,7 +43,7 @@ class DetectorNode(Node):
         *,
         subscribe: bool = True,
         board: HealthBoard | None = None,
-        namespace: str | None = None,
+        namespace: str = '',
         overrides: Sequence[Parameter] = (),
     ) -> None:
         """Declare parameters and subscribe.
@@ -58,7 +59,9 @@ class DetectorNode(Node):
         overrides : sequence of Parameter
             Go before what the parameter file says.
         """
-        super().__init__('detector', namespace=namespace, parameter_overrides=list(overrides))
+        super().__init__(
+            'detector', cli_args=in_namespace(namespace), parameter_overrides=[*overrides]
+        )
         parameters = Parameters(self, 'detector')
         declare(parameters)
         self._values = parameters.values

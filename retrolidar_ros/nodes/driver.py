@@ -17,6 +17,7 @@ from rclpy.parameter import Parameter
 from retrolidar_ros.nodes.diagnostics import WARN, Health, HealthBoard, publish_health
 from retrolidar_ros.nodes.driver_health import DriverTally
 from retrolidar_ros.nodes.frame_topics import FrameTopics
+from retrolidar_ros.nodes.names import in_namespace
 from retrolidar_ros.nodes.parameters import Parameters, check_frame_id
 from retrolidar_ros.nodes.partner import DetectorWatch
 from retrolidar_ros.nodes.run import run
@@ -41,7 +42,7 @@ class DriverNode(LifecycleNode):
         *,
         take: Take | None = None,
         board: HealthBoard | None = None,
-        namespace: str | None = None,
+        namespace: str = '',
         overrides: Sequence[Parameter] = (),
     ) -> None:
         """Declare parameters, and start to read if they say so.
@@ -57,7 +58,9 @@ class DriverNode(LifecycleNode):
         overrides : sequence of Parameter
             Go before what the parameter file says.
         """
-        super().__init__('driver', namespace=namespace, parameter_overrides=list(overrides))
+        super().__init__(
+            'driver', cli_args=in_namespace(namespace), parameter_overrides=[*overrides]
+        )
         self.failed = False
         """Whether reading has ended by an error that nobody expected."""
         self._take = take
@@ -134,6 +137,10 @@ class DriverNode(LifecycleNode):
         """Close the port."""
         self._end()
         return TransitionCallbackReturn.SUCCESS
+
+    def stop(self) -> None:
+        """Let the reading end, without waiting for it."""
+        self._stop.set()
 
     def destroy_node(self) -> None:
         """Close the port, then the node."""

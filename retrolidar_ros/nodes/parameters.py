@@ -145,7 +145,7 @@ class Parameters:
                 continue
             of_topic = name.startswith('qos_overrides.')
             near = get_close_matches(name, self._topic_names() if of_topic else self._defaults, n=1)
-            if not near and name in _meant_for_all():
+            if (of_topic or not near) and name in _meant_for_all():
                 continue
             known = 'qos_overrides.TOPIC.publisher.depth' if of_topic else ', '.join(self._defaults)
             hint = f'did you mean {near[0]}?' if near else f'known: {known}'

@@ -57,6 +57,8 @@ def run(create: Callable[[], Node | list[Node]]) -> int:
             raise
     finally:
         ignore_requests()
+        for node in nodes:  # all at once, before each is waited for
+            getattr(node, 'stop', bool)()
         for node in nodes:
             node.destroy_node()
         rclpy.try_shutdown()

@@ -1,6 +1,6 @@
 # Copyright 2026 retrolidar_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""Transforms to and from TF: through tf2_ros where it is installed, else as far as that goes."""
+"""Transforms to and from TF: through tf2_ros where it is installed."""
 
 from __future__ import annotations
 
@@ -10,8 +10,10 @@ from typing import Any
 import numpy as np
 from geometry_msgs.msg import TransformStamped
 from rclpy.node import Node
+from rclpy.qos import DurabilityPolicy, QoSProfile
 from rclpy.time import Time
 
+from retrolidar_ros.nodes.transform_buffer import TransformBuffer
 from retrolidar_ros.sensor.frame import Floats
 
 
@@ -29,33 +31,52 @@ def transform_sender(node: Node) -> Callable[[list[TransformStamped]], None]:
 
 
 class TransformFinder:
-    """Looks up how frames lie to each other; without tf2_ros it knows none."""
+    """Looks up how frames lie to each other."""
 
     def __init__(self, node: Node) -> None:
         """Listen to TF in the name of `node`."""
-        self._buffer: Any = None
+        self._own: TransformBuffer | None = None
         try:
             from tf2_ros import Buffer, TransformListener
         except ImportError:
+            self._own = TransformBuffer()
+            self._listen(node, self._own)
             return
-        self._buffer = Buffer()
+        self._buffer: Any = Buffer()
         self._listener = TransformListener(self._buffer, node)
+
+    @staticmethod
+    def _listen(node: Node, buffer: TransformBuffer) -> None:
+        from tf2_msgs.msg import TFMessage
+
+        latched = QoSProfile(depth=100, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+
+        def take(message: TFMessage) -> None:
+            buffer.take(message.transforms, static=False)
+
+        def take_static(message: TFMessage) -> None:
+            buffer.take(message.transforms, static=True)
+
+        node.create_subscription(TFMessage, '/tf', take, QoSProfile(depth=100))
+        node.create_subscription(TFMessage, '/tf_static', take_static, latched)
 
     def forget(self) -> None:
         """Forget all transforms, whose time has not come any more."""
-        if self._buffer is not None:
-            self._buffer.clear()
+        (self._own or self._buffer).clear()
 
-    @property
-    def is_there(self) -> bool:
-        """Whether tf2_ros is installed."""
-        return self._buffer is not None
+    def knows(self, frame: str) -> bool:
+        """Tell whether a frame has a parent."""
+        if self._own is not None:
+            return self._own.has(frame)
+        return f'{frame}:' in self._buffer.all_frames_as_yaml()
 
     def find(self, target: str, source: str, stamp: Time) -> tuple[Floats, Floats] | None:
         """Return rotation (x, y, z, w) and translation [m] from source to target frame.
 
         None if that is not known for this time, or not yet.
         """
+        if self._own is not None:
+            return self._own.find(target, source, stamp.nanoseconds)
         if not self._buffer.can_transform(target, source, stamp):
             return None
         transform = self._buffer.lookup_transform(target, source, stamp).transform

@@ -1,15 +1,20 @@
 # Copyright 2026 retrolidar_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""Detections as shapes that RViz and Foxglove draw."""
+"""Detections and landmarks as shapes that RViz and Foxglove draw."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 from builtin_interfaces.msg import Duration
+from std_msgs.msg import Header
 from visualization_msgs.msg import Marker
 
 from retrolidar_ros.msg import MarkerDetection
+from retrolidar_ros.sensor.frame import Floats
 from retrolidar_ros.sensor.rotation import quaternion_of
+from retrolidar_ros.tasks.landmarks import Estimate
 
 _DEVIATIONS = 2.0  # half axes of the drawn ellipsoid, in standard deviations
 _LEAST_DIAMETER_M = 0.01
@@ -19,9 +24,35 @@ _COLOUR = (0.0, 0.62, 0.45)
 
 def marker_shapes(detection: MarkerDetection, stale_after_s: float) -> list[Marker]:
     """Return an ellipsoid of the covariance and a label, which vanish when they are stale."""
+    place = detection.pose.pose.position
+    position_m = np.array([place.x, place.y, place.z])
     covariance = np.array(detection.pose.covariance).reshape(6, 6)[:3, :3]
+    text = f'{detection.child_frame_id}\n{detection.range:.3f} m'
+    shapes = _ellipsoid(detection.header, position_m, covariance, text, detection.id)
+    # In the optical frame, up is against y.
+    shapes[1].pose.position.y -= _LABEL_HEIGHT_M
+    seconds, share = divmod(stale_after_s, 1.0)
+    for shape in shapes:
+        shape.lifetime = Duration(sec=int(seconds), nanosec=int(share * 1e9))
+    return shapes
+
+
+def landmark_shapes(header: Header, estimates: Sequence[Estimate]) -> list[Marker]:
+    """Return ellipsoids and labels of all landmarks; others that were shown vanish."""
+    shapes = [Marker(header=header, action=Marker.DELETEALL)]
+    for index, one in enumerate(estimates):
+        text = f'{one.name}\n±{1e3 * one.stddev_m:.0f} mm'
+        pair = _ellipsoid(header, one.position_m, one.covariance[:3, :3], text, index)
+        pair[1].pose.position.z += _LABEL_HEIGHT_M
+        shapes += pair
+    return shapes
+
+
+def _ellipsoid(
+    header: Header, position_m: Floats, covariance: Floats, text: str, identity: int
+) -> list[Marker]:
     variances, axes = np.linalg.eigh(covariance)
-    ellipsoid = _shape(detection, Marker.SPHERE, 'place', 0.35, stale_after_s)
+    ellipsoid = _shape(header, Marker.SPHERE, 'place', 0.35, position_m, identity)
     diameters = 2 * _DEVIATIONS * np.sqrt(np.maximum(variances, 0.0))
     scale = ellipsoid.scale
     scale.x, scale.y, scale.z = np.maximum(diameters, _LEAST_DIAMETER_M).tolist()
@@ -29,29 +60,20 @@ def marker_shapes(detection: MarkerDetection, stale_after_s: float) -> list[Mark
     # Eigenvectors may be mirrored, which no rotation is; an ellipsoid does not mind.
     turn = quaternion_of(axes * np.sign(np.linalg.det(axes)))
     orientation.x, orientation.y, orientation.z, orientation.w = turn.tolist()
-    label = _shape(detection, Marker.TEXT_VIEW_FACING, 'label', 1.0, stale_after_s)
+    label = _shape(header, Marker.TEXT_VIEW_FACING, 'label', 1.0, position_m, identity)
     label.scale.z = _LABEL_HEIGHT_M
-    label.pose.position.y -= _LABEL_HEIGHT_M
-    label.text = f'{detection.child_frame_id}\n{detection.range:.3f} m'
+    label.text = text
     return [ellipsoid, label]
 
 
 def _shape(
-    detection: MarkerDetection, kind: int, layer: str, opacity: float, stale_after_s: float
+    header: Header, kind: int, layer: str, opacity: float, position_m: Floats, identity: int
 ) -> Marker:
-    seconds, share = divmod(stale_after_s, 1.0)
-    shape = Marker(
-        header=detection.header,
-        # Two sensors may share a topic, and see the same marker.
-        ns=f'{detection.header.frame_id}/{layer}',
-        id=detection.id,
-        type=kind,
-        action=Marker.ADD,
-        lifetime=Duration(sec=int(seconds), nanosec=int(share * 1e9)),
-    )
-    place = detection.pose.pose.position
-    shape.pose.position.x, shape.pose.position.y = place.x, place.y
-    shape.pose.position.z = place.z
+    # Two sensors may share a topic, and see the same marker.
+    space = f'{header.frame_id}/{layer}'
+    shape = Marker(header=header, ns=space, id=identity, type=kind, action=Marker.ADD)
+    place = shape.pose.position
+    place.x, place.y, place.z = position_m.tolist()
     shape.color.r, shape.color.g, shape.color.b = _COLOUR
     shape.color.a = opacity
     return shape

@@ -44,3 +44,17 @@ def product(first: Floats, second: Floats) -> Floats:
     u, v = first[:3], second[:3]
     vector = first[3] * v + second[3] * u + np.cross(u, v)
     return np.append(vector, first[3] * second[3] - u @ v)
+
+
+def matrix_of_turn(turn: Floats) -> Floats:
+    """Return the rotation matrix of a rotation vector, shape (3,) [rad] (Rodrigues)."""
+    angle = max(float(np.linalg.norm(turn)), 1e-12)
+    cross = cross_matrix(turn / angle)
+    matrix: Floats = np.eye(3) + np.sin(angle) * cross + (1 - np.cos(angle)) * cross @ cross
+    return matrix
+
+
+def cross_matrix(vectors: Floats) -> Floats:
+    """Return the matrices that multiply as the cross product with vectors (..., 3) does."""
+    matrices: Floats = np.cross(vectors[..., None, :], np.eye(3)).swapaxes(-1, -2)
+    return matrices

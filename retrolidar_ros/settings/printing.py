@@ -5,6 +5,7 @@
 from __future__ import annotations
 
 _MOST = 1000
+_DISTRIBUTIONS = {'serial': 'pyserial', 'yaml': 'pyyaml'}
 
 
 def printable(text: str, most: int = _MOST) -> str:
@@ -16,3 +17,9 @@ def printable(text: str, most: int = _MOST) -> str:
         one if one.isprintable() or one == '\n' else one.encode('unicode_escape').decode()
         for one in text
     )
+
+
+def missing_library(error: ModuleNotFoundError) -> str:
+    """Return what to do about a library that is missing."""
+    name = str(error.name).partition('.')[0]
+    return f'retrolidar: a library is missing: pip install {_DISTRIBUTIONS.get(name, name)}'

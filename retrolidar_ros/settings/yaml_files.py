@@ -5,6 +5,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Hashable
+from io import StringIO
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -84,7 +85,7 @@ def load_yaml(path: Path) -> Any:
     if len(data) > _MOST_BYTES:
         raise ValueError(f'{path} is larger than the {_MOST_BYTES} bytes that are read of YAML')
     try:
-        return yaml.load(data.decode(), Loader=_CarefulLoader)
+        return yaml.load(StringIO(data.decode()), Loader=_CarefulLoader)
     except (yaml.YAMLError, ValueError, RecursionError, *_OF_TAGS) as error:
         reason = str(error) if isinstance(error, (yaml.YAMLError, ValueError)) else repr(error)
         raise ValueError(f'{path} is not a YAML file: {reason}') from error

@@ -72,9 +72,7 @@ def await_end(group: ProcessGroup, name: str) -> None:
 
 
 @pytest.mark.parametrize('program', [SLEEPER, PARENT, ABANDONING])
-def test_leaving_the_block_ends_children_and_their_children(
-    tmp_path: Path, line: LifeLine, program: str
-) -> None:
+def test_leaving_ends_children_and_theirs(tmp_path: Path, line: LifeLine, program: str) -> None:
     with ProcessGroup(tmp_path) as group:
         group.start('one', line.command(program))
         group.start('other', line.command(program))
@@ -130,7 +128,7 @@ def test_children_are_asked_by_sigint_first(tmp_path: Path, line: LifeLine) -> N
         assert line.all_gone()
 
 
-def test_a_child_that_ignores_sigint_is_killed(
+def test_who_ignores_sigint_is_killed(
     tmp_path: Path, line: LifeLine, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(processes, '_PATIENCE_S', 0.1)
@@ -189,9 +187,7 @@ def test_a_log_of_any_bytes_can_be_reported(tmp_path: Path) -> None:
             group.check()
 
 
-def test_a_stopped_process_is_no_failure_and_may_be_started_again(
-    tmp_path: Path, line: LifeLine
-) -> None:
+def test_a_stopped_process_may_be_started_again(tmp_path: Path, line: LifeLine) -> None:
     again = LifeLine(tmp_path / 'again')
     with ProcessGroup(tmp_path) as group:
         for one in (line, again):

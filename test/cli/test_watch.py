@@ -54,6 +54,8 @@ from retrolidar_ros.sensor.protocols import PROTOCOLS
 from retrolidar_ros.sensor.serial_source import SerialSource
 from retrolidar_ros.settings.resources import shared_file
 
+Output = pytest.CaptureFixture[str]
+
 ID, ZONE = 2073, 10
 SCENE = Scene(
     seed=4,
@@ -153,6 +155,10 @@ def test_blinking_is_the_marker_s_and_noise_is_none() -> None:
     amplitude, noise = 290.0, NoiseLaw().variance(np.asarray(185.0))
     assert blinking[ZONE] == pytest.approx(10 * np.log10(amplitude**2 / noise), abs=2)
     assert np.delete(blinking, ZONE).max() < 3
+    known = watch_of(list(Simulation(replace(SCENE, markers=())).advance(100))).snapshot()
+    assert known.zone is None
+    assert 'no zone blinks' in line(known)
+    assert 'no zone blinks' in screen(known, BLOCKS)
 
 
 # What is known
@@ -185,21 +191,16 @@ def test_a_zone_stays_chosen_until_another_blinks_far_more() -> None:
         assert state.snapshot().zone == chosen
 
 
-def test_nothing_is_chosen_where_nothing_blinks() -> None:
-    known = watch_of(list(Simulation(replace(SCENE, markers=())).advance(100))).snapshot()
-    assert known.zone is None
-    assert 'no zone blinks' in line(known)
-    assert 'no zone blinks' in screen(known, BLOCKS)
-
-
-def test_silence_is_told_and_what_may_be_the_reason() -> None:
+def test_trouble_is_told_and_what_may_be_the_reason(monkeypatch: pytest.MonkeyPatch) -> None:
     reader = PROTOCOLS['retrolidar'](time.monotonic_ns)
     source = SerialSource('port', 460800, reader)
-    source.problem = ''  # as while it is open
     state = Watch(source, None, defaults())
-    state.take([frame(ZoneGrid())], time.monotonic_ns())
+    assert state.snapshot().trouble == 'port has not been opened yet; retrying'
+    source.problem = ''  # as while it is open
+    begin_ns = time.monotonic_ns()
+    state.take([frame(ZoneGrid())], begin_ns)
     assert state.snapshot().trouble == ''
-    state.take([frame(ZoneGrid(), 1)], time.monotonic_ns() - 3_000_000_000)
+    state.take([frame(ZoneGrid(), 1)], begin_ns - 3_000_000_000)
     assert state.snapshot().trouble.startswith('no frames come for 3 s; the sensor is silent')
     source.received += 14
     assert state.snapshot().trouble.endswith(
@@ -213,28 +214,18 @@ def test_silence_is_told_and_what_may_be_the_reason() -> None:
     known = state.snapshot()
     assert known.damaged == 1
     assert 'no frame of this protocol, or of another --baud' in known.trouble
-
-
-def test_a_bit_period_that_does_not_suit_the_frames_is_told() -> None:
-    state = open_watch(bit_period_s=0.03)
-    give(state, [frame(ZoneGrid(), number) for number in range(40)])
-    assert state.snapshot().trouble == (
+    unsuited = open_watch(bit_period_s=0.03)
+    give(unsuited, [frame(ZoneGrid(), number) for number in range(40)])
+    assert unsuited.snapshot().trouble == (
         'a frame comes every 21.0 ms, but bit_period is 30.0 ms: 1.4 frames, and not two to eight: '
         'set --bit-period to how long the markers hold a bit [s]'
     )
-    unopened = SerialSource('port', 460800, PROTOCOLS['retrolidar'](time.monotonic_ns))
-    trouble = Watch(unopened, None, defaults()).snapshot().trouble
-    assert trouble == 'port has not been opened yet; retrying'
-
-
-def test_what_the_reader_tells_is_shown_for_a_while(monkeypatch: pytest.MonkeyPatch) -> None:
-    state = open_watch()
-    begin_ns = time.monotonic_ns()
-    state.take([frame(ZoneGrid())], begin_ns, 'slow text')
+    # What the reader tells is shown for a while.
+    state, now_ns = open_watch(), time.monotonic_ns()
+    state.take([frame(ZoneGrid())], now_ns, 'slow text')
     assert state.snapshot().trouble == 'slow text'
-    later_ns = begin_ns + 31_000_000_000
-    monkeypatch.setattr(time, 'monotonic_ns', lambda: later_ns)
-    state.take([frame(ZoneGrid(), 1)], later_ns)
+    monkeypatch.setattr(time, 'monotonic_ns', lambda: now_ns + 31_000_000_000)
+    state.take([frame(ZoneGrid(), 1)], now_ns + 31_000_000_000)
     assert state.snapshot().trouble == ''
 
 
@@ -431,16 +422,14 @@ def test_the_defaults_are_those_of_the_nodes() -> None:
         (['--protocol', 'magic'], 'choose from'),
     ],
 )
-def test_an_impossible_option_is_named(
-    option: list[str], message: str, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_impossible_options(option: list[str], message: str, capsys: Output) -> None:
     with pytest.raises(SystemExit, match='2'):
         main(['watch', 'port', *option])
     assert message in capsys.readouterr().err
 
 
 def test_a_port_that_is_not_there_is_explained_even_to_a_closed_output(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    tmp_path: Path, capsys: Output
 ) -> None:
     assert main(['watch', str(tmp_path / 'port'), '--duration', '0.3']) == 1
     (told,) = capsys.readouterr().out.splitlines()
@@ -486,9 +475,7 @@ def test_a_zone_that_is_not_there_ends_it(port: Path) -> None:
 
 
 @pytest.mark.parametrize('request_to_end', [signal.SIGINT, signal.SIGTERM])
-def test_a_terminal_shows_the_ids_and_gets_its_cursor_back(
-    port: Path, request_to_end: signal.Signals
-) -> None:
+def test_a_terminal_shows_ids_and_is_restored(port: Path, request_to_end: signal.Signals) -> None:
     master, slave = pty.openpty()
     ioctl(slave, TIOCSWINSZ, pack('HHHH', 30, 100, 0, 0))
     environment = {**os.environ, 'TERM': 'linux', 'PYTHONIOENCODING': 'utf-8'}

@@ -70,7 +70,7 @@ def test_every_mismatch_is_a_sentence_with_its_remedy() -> None:
     zones = blinking_zones(recorded('21 ms', '46 ms'), NoiseLaw())
     (slow, *_) = unread(zones, 0.021, 0.042)
     assert 'bits of 46.2 ms, not of 42.0 ms: set bit_period to 0.0462' in slow
-    assert 'a frame comes every 66.7 ms' in unread(zones, 0.0667, 0.042)[0]
+    assert 'a frame comes every 66.7 ms' in unread(zones, 0.0667, 0.046)[0]
     assert 'no zone blinks' in unread([], 0.021, 0.042)[0]
     assert 'without a bit clock' in unread([zones[0]._replace(periods=())], 0.021, 0.042)[0]
     assert 'as expected' in unread(zones, 0.021, 0.046)[0]

@@ -55,9 +55,7 @@ def test_no_memory_is_taken_after_creation(tmp_path_factory: pytest.TempPathFact
     fuzzed(compile_core('fuzz_no_heap', tmp_path_factory), RUNS[:1])
 
 
-def test_the_core_has_no_state_outside_its_detectors(
-    tmp_path_factory: pytest.TempPathFactory,
-) -> None:
+def test_the_core_has_no_state_of_its_own(tmp_path_factory: pytest.TempPathFactory) -> None:
     program = compile_core('fuzz_no_heap', tmp_path_factory)
     if shutil.which('nm') is None:
         pytest.skip('needs nm, which is not installed')

@@ -4,14 +4,14 @@
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
+from harness_frames import recording_of
 
 from retrolidar_ros.core import lib
 from retrolidar_ros.detector.likelihood_detector import LikelihoodDetector
 from retrolidar_ros.detector.methods import MAX_PACKETS
 from retrolidar_ros.detector.noise import NoiseLaw
 from retrolidar_ros.marker.code import BIT_PERIOD_S, packet
-from retrolidar_ros.sensor.frame import Floats, Recording, Status, ZoneGrid
+from retrolidar_ros.sensor.frame import Floats, Status, ZoneGrid
 
 GRID = ZoneGrid()
 LAW = NoiseLaw()
@@ -23,7 +23,7 @@ def rng() -> np.random.Generator:
     return np.random.default_rng(0)
 
 
-def learnt_scale(signal: Floats, status: NDArray[np.uint8] | None = None) -> float:
+def learnt_scale(signal: Floats, status: Status = Status.VALID) -> float:
     """Return by how much noisier than the law the core takes the sensor for."""
     detector = LikelihoodDetector(
         GRID,
@@ -34,21 +34,8 @@ def learnt_scale(signal: Floats, status: NDArray[np.uint8] | None = None) -> flo
         noise=LAW,
         sizes_m={},
     )
-    count = np.arange(len(signal))
-    if status is None:
-        status = np.full(signal.shape, Status.VALID, dtype=np.uint8)
-    detector.update_all(
-        Recording(
-            stamp_ns=21_000_000 * count,
-            sequence=count,
-            sensor_time_us=21_000 * count,
-            grid=GRID,
-            distance=np.ones(signal.shape, dtype=np.float32),
-            signal=np.maximum(signal, 0.0).astype(np.float32),
-            ambient=np.zeros(signal.shape, dtype=np.float32),
-            status=status,
-        )
-    )
+    stamp_ns = 21_000_000 * np.arange(len(signal))
+    detector.update_all(recording_of(stamp_ns, np.maximum(signal, 0.0), status=status))
     return float(lib.rl_detector_held(detector._core).noise_scale)
 
 
@@ -83,4 +70,4 @@ def test_blinking_zones_do_not_pass_for_noise(amplitude: float, rng: np.random.G
 
 def test_the_scale_is_not_learnt_from_erasures(rng: np.random.Generator) -> None:
     signal = 100 + 100 * np.abs(rng.standard_normal((FRAMES, GRID.zones)))
-    assert learnt_scale(signal, np.full(signal.shape, Status.NO_TARGET, dtype=np.uint8)) == 1.0
+    assert learnt_scale(signal, Status.NO_TARGET) == 1.0

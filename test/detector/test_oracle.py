@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 from harness_core import Statistics, compile_core
 from harness_firmware import Core
+from harness_frames import recording_of
 from numpy.typing import NDArray
 from oracle import Sending, Zone, evidence, light, log_likelihood, margin, without, word
 
@@ -65,21 +66,6 @@ def stamps_ns(rng: np.random.Generator, lasting_s: float) -> NDArray[np.int64]:
     return stamps
 
 
-def recording_of(stamp_ns: NDArray[np.int64], signal: Floats, distance: Floats) -> Recording:
-    """Return frames of signals and distances of shape (frames, 16), all valid."""
-    sequence = np.arange(len(stamp_ns))
-    return Recording(
-        stamp_ns=stamp_ns,
-        sequence=sequence,
-        sensor_time_us=stamp_ns // 1000,
-        grid=GRID,
-        distance=distance.astype(np.float32),
-        signal=signal.astype(np.float32),
-        ambient=np.zeros(signal.shape, dtype=np.float32),
-        status=np.full(signal.shape, Status.VALID, dtype=np.uint8),
-    )
-
-
 def random_recording(
     rng: np.random.Generator, packets: int, *, repeats: bool | None = None, alike: bool = False
 ) -> Sent:
@@ -119,7 +105,7 @@ def random_recording(
         mean = np.maximum(mean, 0)
         noise = rng.choice([0.2, 1.0, 3.0]) * np.sqrt(LAW.variance(mean))
         signal[:, zone] = mean + noise * rng.standard_normal(len(mean))
-    recording = recording_of(stamp_ns, np.maximum(signal, 0), np.ones(shape))
+    recording = recording_of(stamp_ns, np.maximum(signal, 0))
     missing = rng.random(shape) < rng.choice([0.0, 0.05, 0.3], GRID.zones)
     recording.status[missing] = rng.choice([0, 4, Status.NO_TARGET], np.count_nonzero(missing))
     return Sent(recording, sendings)
@@ -225,7 +211,7 @@ def test_likelihoods_of_recorded_scenes(core: Statistics, name: str) -> None:
     ('packets', 'repeats', 'alike'),
     [(1, False, False), (1, False, True), (1, True, False), (3, True, False)],
 )
-def test_word_and_margin_of_a_decision(
+def test_word_and_margin_decided(
     core: Statistics, packets: int, repeats: bool, alike: bool
 ) -> None:
     core.ask('codebook')
@@ -279,7 +265,7 @@ def test_a_packet_that_is_taken_off_leaves_the_other_one(core: Statistics, share
     left = without(first, *exposures, signal, fitted.gain)
     stamp_ns = np.rint(1e9 * (begin_s + PERIOD_S / 2)).astype(np.int64)
     both = np.stack([signal, left] * 8, axis=1)
-    core.take(recording_of(stamp_ns, both, np.ones((80, 16))), LAW, BIT_PERIOD_S)
+    core.take(recording_of(stamp_ns, both), LAW, BIT_PERIOD_S)
     # Times of the core count from the middle of the first exposure.
     tried = [
         sending._replace(start_s=sending.start_s - PERIOD_S / 2) for sending in (first, second)
@@ -359,9 +345,7 @@ def test_of_two_targets_by_turns_the_dimmer_one_is_the_dark_marker(core: Statist
         np.testing.assert_allclose(seen, np.where(dark, 0.0, signal), rtol=1e-6)
 
 
-def test_one_target_is_taken_as_it_is_and_what_passes_before_a_marker_is_an_erasure(
-    core: Statistics,
-) -> None:
+def test_one_target_is_taken_as_it_is_and_a_hand_is_an_erasure(core: Statistics) -> None:
     rng = np.random.default_rng(51)
     signal, distance = rng.uniform(0, 100, 90), rng.uniform(2.0, 2.45, 90)
     seen, valid = column_of(core, signal, distance)
@@ -411,9 +395,7 @@ def test_the_codebook_finds_the_two_best_packets(core: Statistics, registered: i
 
 
 @pytest.mark.parametrize('registered', [4094, 30, 1])
-def test_the_codebook_finds_the_heaviest_packet_of_another_id(
-    core: Statistics, registered: int
-) -> None:
+def test_the_codebook_finds_the_heaviest_of_another_id(core: Statistics, registered: int) -> None:
     rng = np.random.default_rng(registered)
     ids = np.sort(rng.choice(USABLE, registered, replace=False))
     core.ask('codebook', *ids)

@@ -23,18 +23,12 @@ def rotate(quaternion: Floats, vector: Floats) -> Floats:
 
 
 @pytest.mark.parametrize('grid', GRIDS)
-def test_position_is_along_the_bearing_at_the_range(grid: ZoneGrid) -> None:
-    for zone in range(grid.zones):
+def test_position_is_along_the_bearing_and_orientation_faces_the_sensor(grid: ZoneGrid) -> None:
+    for zone, direction in enumerate(grid.directions):
         placed = place(zone_bearing(zone, grid), 1.5, 0.01)
-        assert placed.range_m == 1.5
-        assert placed.range_stddev_m == 0.01
+        assert (placed.range_m, placed.range_stddev_m) == (1.5, 0.01)
         assert np.linalg.norm(placed.position_m) == pytest.approx(1.5)
         assert placed.position_m[:2] / placed.position_m[2] == pytest.approx(grid.tangents[zone])
-
-
-@pytest.mark.parametrize('grid', GRIDS)
-def test_orientation_faces_the_sensor(grid: ZoneGrid) -> None:
-    for direction in grid.directions:
         quaternion = facing_sensor(direction)
         assert np.linalg.norm(quaternion) == pytest.approx(1)
         assert rotate(quaternion, np.array([0.0, 0.0, 1.0])) == pytest.approx(direction)
@@ -60,14 +54,9 @@ def test_covariance_is_the_mean_square_error_of_such_markers(zone: int, stddev_m
     along = direction @ placed.covariance[:3, :3] @ direction
     assert along == pytest.approx(direction @ sampled @ direction, rel=0.25)
     assert along >= stddev_m**2
-
-
-def test_covariance_is_symmetric_and_positive_definite() -> None:
-    placed = place(Bearing(np.array([0.3, -0.3]), np.array([1e-6, 1e-2])), 2.0, 0.002)
     assert placed.covariance == pytest.approx(placed.covariance.T)
     assert np.linalg.eigvalsh(placed.covariance).min() > 0
     # Roll about the line of sight is not seen at all, tilt hardly.
-    direction = placed.position_m / 2.0
     assert direction @ placed.covariance[3:, 3:] @ direction == pytest.approx(np.pi**2 / 3)
 
 
@@ -104,7 +93,7 @@ def test_a_marker_on_a_border_is_found_there_whatever_the_blur(grid: ZoneGrid, b
     blur=st.floats(0.05, 0.3),
     zone=st.sampled_from([5, 6, 9, 10]),
 )
-def test_the_truth_is_always_within_three_deviations(
+def test_truth_is_within_three_deviations(
     across: float, down: float, blur: float, zone: int
 ) -> None:
     grid = GRIDS[0]

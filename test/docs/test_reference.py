@@ -13,6 +13,7 @@ from unittest.mock import MagicMock
 import pytest
 from documents import DOCS, ROOT, quoted, rows
 
+from retrolidar_ros.detector.settings import PARAMETERS
 from retrolidar_ros.settings.resources import shared_file
 from retrolidar_ros.settings.yaml_files import load_yaml
 
@@ -60,7 +61,7 @@ def test_which_parameters_are_live() -> None:
         for call in calls(path, 'text', 'flag', 'integer', 'integers', 'number')
         if any(keyword.arg == 'live' for keyword in call.keywords)
         and isinstance(call.args[0], ast.Constant)
-    }
+    } | {('`detector`', f'`{name}`') for name, one in PARAMETERS.items() if one.live}
 
 
 @pytest.mark.parametrize('path', sorted((ROOT / 'launch').glob('*.py')), ids=lambda path: path.stem)

@@ -37,6 +37,8 @@ from retrolidar_ros.scene.files import load_scene
 from retrolidar_ros.sensor.frame import Status
 from retrolidar_ros.sensor.wire import encode_frame, encode_packet
 
+Output = pytest.CaptureFixture[str]
+
 TICKS_PER_BIT = 84
 
 
@@ -111,9 +113,7 @@ def test_a_zone_without_a_target_says_so_whatever_the_driver_left_in_it(core: Co
 
 
 @pytest.mark.parametrize(('zones', 'rows'), [(16, 4), (64, 8)])
-def test_the_longest_frame_needs_all_of_the_capacity_and_less_is_refused(
-    core: Core, zones: int, rows: int
-) -> None:
+def test_the_longest_frame_needs_all_of_the_capacity(core: Core, zones: int, rows: int) -> None:
     full = np.full(zones, 2**32 - 1)  # no zero anywhere: COBS is at its longest
     raw = RawFrame(2**32 - 1, 2**64 - 1, np.full(zones, -1), full, full, np.full(zones, 254))
     capacity = int(core.ask('capacity', zones))
@@ -126,9 +126,7 @@ def test_the_longest_frame_needs_all_of_the_capacity_and_less_is_refused(
 
 @settings(deadline=None)
 @given(start=st.integers(0, 2**63), steps=st.lists(st.integers(0, 2**32 - 1), max_size=20))
-def test_a_counter_that_wraps_becomes_one_that_does_not(
-    core: Core, start: int, steps: list[int]
-) -> None:
+def test_a_counter_that_wraps_is_extended(core: Core, start: int, steps: list[int]) -> None:
     true = extended = start
     for step in steps:
         true += step
@@ -141,9 +139,7 @@ def test_a_counter_that_wraps_becomes_one_that_does_not(
 
 @pytest.mark.parametrize('packets', [1, 3])
 @pytest.mark.parametrize('ticks', [2, 84])
-def test_a_square_wave_without_direct_voltage_drives_every_dark_bit(
-    core: Core, packets: int, ticks: int
-) -> None:
+def test_a_square_wave_drives_every_dark_bit(core: Core, packets: int, ticks: int) -> None:
     for marker_id in (1, 2073, 2047, 4094):
         driven = core.ask('drive', marker_id, packets, ticks)
         bits = ['0' * ticks, '+-' * (ticks // 2)]
@@ -208,7 +204,7 @@ def test_decode_reads_a_recording_whose_packets_and_bytes_the_core_made(
     core: Core,
     tmp_path: Path,
     monkeypatch: pytest.MonkeyPatch,
-    capsys: pytest.CaptureFixture[str],
+    capsys: Output,
 ) -> None:
     pytest.importorskip('rosbags', reason='bags are written with rosbags')
 
@@ -234,9 +230,7 @@ def test_decode_reads_a_recording_whose_packets_and_bytes_the_core_made(
 # --- Size
 
 
-def test_the_marker_fits_into_the_smallest_processors(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_the_marker_fits_small_processors(tmp_path: Path, capsys: Output) -> None:
     need('make', 'arm-none-eabi-gcc')
     found = sizes(make(FIRMWARE, tmp_path, 'size'))
     assert set(found) == {'marker_m0', 'marker_m4', 'reader_m4'}

@@ -123,7 +123,7 @@ def test_zones_without_a_target_are_told_as_such(programs: Path) -> None:
         ([0, 256, 0, 0, 256, 0, 0, 0, 0, 0], [1, 3, 4, 6, 7, 8, 9, 10]),
     ],
 )
-def test_a_frame_that_was_not_read_or_overtaken_is_a_gap_in_the_sequence(
+def test_a_frame_that_was_not_read_is_a_gap(
     programs: Path, status: list[int], numbers: list[int]
 ) -> None:
     sent = raw_frames(10)
@@ -253,9 +253,7 @@ def test_a_flash_of_light_is_answered_with_packets(programs: Path) -> None:
 
 
 @pytest.mark.parametrize('light_from_us', [6_000_000, 6_033_000, 6_077_700])
-def test_it_wakes_within_the_time_that_the_budget_counts_with(
-    programs: Path, light_from_us: int
-) -> None:
+def test_it_wakes_in_the_time_that_the_budget_has(programs: Path, light_from_us: int) -> None:
     marker = run_marker(programs, 8, light_from_us, light_from_us + 1_000_000)
     waking_us = marker.high_us(FIRST_PIN)[0, 0] - light_from_us
     # The budget's, the six samples that the light is asked for, and the timer's first period.

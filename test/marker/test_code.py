@@ -64,9 +64,7 @@ def test_all_words_are_the_committed_ones() -> None:
     np.testing.assert_array_equal(encode(np.arange(IDS)), expected)
 
 
-def test_the_committed_words_are_those_of_an_independent_library(
-    capsys: pytest.CaptureFixture[str],
-) -> None:
+def test_the_words_are_those_of_another_library(capsys: pytest.CaptureFixture[str]) -> None:
     pytest.importorskip('komm', reason='komm computes the vectors')
     runpy.run_path(str(VECTORS / 'make_golay.py'), run_name='__main__')
     made = [line for line in capsys.readouterr().out.splitlines() if not line.startswith('#')]
@@ -95,9 +93,7 @@ def test_parity_checks_are_orthogonal_to_the_generator() -> None:
 
 
 @pytest.mark.parametrize('weight', range(6))
-def test_up_to_three_errors_are_corrected_four_refused_and_five_taken_for_three(
-    weight: int,
-) -> None:
+def test_three_errors_are_corrected_four_refused_and_five_taken_for_three(weight: int) -> None:
     patterns = error_patterns(weight)
     sent = np.random.default_rng(weight).integers(0, IDS, (8 if weight < 4 else 1, len(patterns)))
     ids_, corrected_bits = decode(encode(sent) ^ patterns)

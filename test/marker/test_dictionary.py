@@ -22,6 +22,8 @@ from retrolidar_ros.marker.dictionary import (
     distances,
 )
 
+Output = pytest.CaptureFixture[str]
+
 PREAMBLE = '1010101'
 FOUND = {2: 4094, 4: 3857, 6: 1708, 8: 314, 10: 15, 12: 4, 14: 1}
 
@@ -56,9 +58,7 @@ def counted(first: int, second: int) -> list[tuple[int, int]]:
 
 @law
 @given(chosen=sets, limit=limits, data=st.data())
-def test_distances_and_confusable_pairs_are_those_counted_bit_by_bit(
-    chosen: list[int], limit: int, data: st.DataObject
-) -> None:
+def test_distances_and_pairs_counted(chosen: list[int], limit: int, data: st.DataObject) -> None:
     expected = [[min(counted(a, b))[0] for b in chosen] for a in chosen]
     np.testing.assert_array_equal(distances(chosen), expected)
     pairs = [
@@ -84,7 +84,7 @@ def test_all_ids_keep_the_published_distances(everything: NDArray[np.uint8]) -> 
 
 
 @pytest.mark.parametrize(('min_distance', 'count'), FOUND.items())
-def test_as_many_ids_are_found_as_published(
+def test_as_many_ids_as_published(
     min_distance: int, count: int, everything: NDArray[np.uint8]
 ) -> None:
     chosen, distance = choose_ids(count, min_distance)
@@ -110,7 +110,7 @@ def test_no_id_could_be_added_to_all_that_are_found(everything: NDArray[np.uint8
 @pytest.mark.parametrize(
     ('count', 'distance'), [(1, 14), (2, 12), (4, 12), (5, 10), (15, 10), (16, 8), (314, 8)]
 )
-def test_without_a_distance_it_is_the_largest_at_which_so_many_are_found(
+def test_the_usual_distance_is_the_largest_at_which_so_many_are_found(
     count: int, distance: int
 ) -> None:
     chosen, reached = choose_ids(count)
@@ -170,9 +170,7 @@ def test_counts_and_distances_that_cannot_be_chosen() -> None:
             confusable_pairs([3, 17], bits)
 
 
-def test_the_command_prints_ids_one_a_line_that_it_finds_good(
-    capsys: pytest.CaptureFixture[str],
-) -> None:
+def test_the_command_prints_ids_that_it_finds_good(capsys: Output) -> None:
     assert main(['ids', '--count', '20']) == 0
     output = capsys.readouterr()
     lines = output.out.splitlines()
@@ -200,8 +198,8 @@ def test_the_command_prints_ids_one_a_line_that_it_finds_good(
         ),
     ],
 )
-def test_the_command_names_what_is_wrong_with_a_set(
-    checked: str, least: int, said: list[str], capsys: pytest.CaptureFixture[str]
+def test_the_command_names_bad_sets(
+    checked: str, least: int, said: list[str], capsys: Output
 ) -> None:
     # Reserved and double ones are wrong at any distance.
     demanded = [] if least else ['--min-distance', '1']
@@ -225,9 +223,7 @@ def test_the_command_names_what_is_wrong_with_a_set(
         (['--check', '3', '--min-distance', '0'], 'retrolidar: a distance of 0 bits is outside'),
     ],
 )
-def test_unusable_input_is_one_line_and_exit_code_2(
-    arguments: list[str], message: str, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_unusable_input_is_one_line(arguments: list[str], message: str, capsys: Output) -> None:
     assert main(['ids', *arguments]) == 2
     output = capsys.readouterr()
     assert output.out == ''
@@ -246,9 +242,7 @@ def test_unusable_input_is_one_line_and_exit_code_2(
         (['--check', ''], "'' is no list of IDs"),
     ],
 )
-def test_arguments_that_do_not_fit_are_exit_code_2(
-    arguments: list[str], message: str, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_arguments_that_do_not_fit(arguments: list[str], message: str, capsys: Output) -> None:
     with pytest.raises(SystemExit, match=r'^2$'):
         main(['ids', *arguments])
     assert message in capsys.readouterr().err

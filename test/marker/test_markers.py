@@ -14,6 +14,7 @@ from retrolidar_ros.marker.known_markers import (
     KnownMarker,
     frame_of,
     load_markers,
+    objects_of,
     parse_markers,
 )
 from retrolidar_ros.scene.files import load_scene
@@ -95,7 +96,10 @@ LENGTH = 'is not a number with a unit (m or cm or mm)'
         ),
         ('frames', 'x', 'unknown key; did you mean frame?'),
         ('siez', 'x', 'unknown key; did you mean size?'),
-        *((key, 'x', 'unknown key; known are frame, note, size') for key in ('colour', 3)),
+        *(
+            (key, 'x', 'unknown key; known are frame, note, size, object, place')
+            for key in ('colour', 3)
+        ),
         *(('size', size, f'{size!r} has no unit; write {size} m') for size in (3, 0.03, '3')),
         ('size', '3 inch', "'3 inch' is in inch; it needs m or cm or mm"),
         ('size', '3 ms', "'3 ms' is in ms; it needs m or cm or mm"),
@@ -105,9 +109,7 @@ LENGTH = 'is not a number with a unit (m or cm or mm)'
         ('size', '2 m', "'2 m' is impossible; at most 1"),
     ],
 )
-def test_what_cannot_be_known_of_a_marker_is_refused(
-    key: object, value: object, complaint: str
-) -> None:
+def test_what_cannot_be_known_is_refused(key: object, value: object, complaint: str) -> None:
     refused({5: {key: value}}, f'markers.5.{key}: {complaint}')
 
 
@@ -194,3 +196,10 @@ def test_the_shipped_file_names_the_markers_of_the_shipped_scenes() -> None:
     for marker in known.values():
         assert marker.note
         assert marker.size_m == pytest.approx(MARKER_SIZE_M)
+
+
+def test_the_markers_of_an_object_have_places_on_it() -> None:
+    tray = {'object': 'tray', 'place': ['10 cm', '-5 mm', '0 m']}
+    known = parse_markers({'markers': {5: tray, 6: {}}})
+    assert objects_of(known) == {'tray': {5: (0.1, -0.005, 0.0)}}
+    refused({5: {'place': ['1 m']}}, 'markers.5.place: needs x, y and z, not 1 values')

@@ -72,9 +72,7 @@ def test_light_never_takes_from_the_noise(range_m: float, angle: float, noise_v:
 
 
 @given(ANGLES_RAD, NOISES_V, st.floats(1e-4, 0.1))
-def test_at_the_wakeup_range_the_voltage_is_the_threshold(
-    angle: float, noise_v: float, guard_v: float
-) -> None:
+def test_range_and_voltage_agree(angle: float, noise_v: float, guard_v: float) -> None:
     range_m = wakeup_range_m(noise_v + guard_v, noise_v, angle)
     assert float(voltage_v(np.array(range_m), angle, noise_v)) == pytest.approx(noise_v + guard_v)
     assert wakeup_range_m(noise_v + 2 * guard_v, noise_v, angle) < range_m

@@ -17,6 +17,8 @@ from retrolidar_ros.marker.dictionary import USABLE_IDS
 from retrolidar_ros.scene.marker_budget import NEEDED_SNR_DB, needed_swing
 from retrolidar_ros.scene.reference import WALL_SIGNAL, marker_in_each_zone
 
+Output = pytest.CaptureFixture[str]
+
 FIELDS = {
     'link': ['bright', 'dark', 'noise', 'snr_db', 'reach_m'],
     'wake_up': ['voltage_v', 'threshold_v', 'woken', 'range_m'],
@@ -24,14 +26,14 @@ FIELDS = {
 }
 
 
-def budget_of(capsys: pytest.CaptureFixture[str], *options: str) -> dict[str, Any]:
+def budget_of(capsys: Output, *options: str) -> dict[str, Any]:
     assert main(['budget', '--json', *options]) == 0
     (line,) = capsys.readouterr().out.splitlines()
     content: dict[str, Any] = json.loads(line)
     return content
 
 
-def test_the_default_is_the_papers_marker_at_2_m(capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_default_is_the_papers_marker_at_2_m(capsys: Output) -> None:
     found = budget_of(capsys)
     case = ['size_m', 'yaw_rad', 'distance_m', 'cell_mah', 'queries_per_hour']
     assert list(found) == [*case, *FIELDS]
@@ -57,9 +59,7 @@ def test_at_its_reach_most_lone_packets_are_read() -> None:
     assert 0.68 < np.mean(read) < 0.92  # 80 % within three deviations
 
 
-def test_a_turned_marker_shows_less_and_one_that_faces_away_nothing(
-    capsys: pytest.CaptureFixture[str],
-) -> None:
+def test_a_turned_marker_shows_less_or_nothing(capsys: Output) -> None:
     facing, turned = budget_of(capsys), budget_of(capsys, '--yaw', '50 deg')
     swing = [found['link']['bright'] - WALL_SIGNAL for found in (facing, turned)]
     assert swing[1] == pytest.approx(swing[0] * math.cos(math.radians(50)))
@@ -74,7 +74,7 @@ def test_a_turned_marker_shows_less_and_one_that_faces_away_nothing(
     assert 'wakes at no distance' in output
 
 
-def test_the_text_tells_the_same(capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_text_tells_the_same(capsys: Output) -> None:
     found = budget_of(capsys, '--queries', '6', '--cell', '220 mAh')
     assert main(['budget', '--queries', '6', '--cell', '220mAh']) == 0
     output = capsys.readouterr().out
@@ -103,9 +103,7 @@ def test_the_text_tells_the_same(capsys: pytest.CaptureFixture[str]) -> None:
         ('--queries', 'nan', 'impossible'),
     ],
 )
-def test_bad_values_are_one_line_that_names_them(
-    option: str, value: str, reason: str, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_bad_values_are_named(option: str, value: str, reason: str, capsys: Output) -> None:
     assert main(['budget', option, value]) == 2
     output = capsys.readouterr()
     assert output.out == ''

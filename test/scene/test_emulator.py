@@ -1,5 +1,6 @@
 # Copyright 2026 retrolidar_ros contributors
 # SPDX-License-Identifier: Apache-2.0
+import itertools
 import os
 import select
 import signal
@@ -8,7 +9,7 @@ import sys
 import time
 from collections.abc import Callable, Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
-from contextlib import suppress
+from contextlib import contextmanager, suppress
 from dataclasses import replace
 from pathlib import Path
 from threading import Event
@@ -64,9 +65,12 @@ def sequences(frames: list[Frame]) -> list[int]:
     return [frame.sequence for frame in frames]
 
 
-def raw_reader(port: Path) -> int:
+@contextmanager
+def raw_reader(port: Path) -> Iterator[int]:
     """Open the port without emptying its buffers, as not every program does."""
-    return os.open(port, os.O_RDWR | os.O_NOCTTY | os.O_NONBLOCK)
+    descriptor = os.open(port, os.O_RDWR | os.O_NOCTTY | os.O_NONBLOCK)
+    yield descriptor
+    os.close(descriptor)
 
 
 def read_raw(descriptor: int, reader: FrameReader, count: int) -> list[Frame]:
@@ -81,16 +85,13 @@ def read_raw(descriptor: int, reader: FrameReader, count: int) -> list[Frame]:
 
 
 def test_all_bytes_pass_unchanged(link: Path) -> None:
-    data = bytes(range(256)) * 4
-    with PortLink(link) as port:
-        # Not even a reader that leaves the terminal as it is gets lines, echoes or signals.
-        descriptor = raw_reader(link)
+    data, read = bytes(range(256)) * 4, b''
+    # Not even a reader that leaves the terminal as it is gets lines, echoes or signals.
+    with PortLink(link) as port, raw_reader(link) as descriptor:
         assert port.write(data)
-        read = b''
         while len(read) < len(data) and select.select([descriptor], [], [], 1)[0]:
             read += os.read(descriptor, 65536)
-        assert read == data
-        os.close(descriptor)
+    assert read == data
 
 
 def test_the_link_is_there_as_long_as_the_port(link: Path) -> None:
@@ -150,72 +151,53 @@ def test_what_is_heard_arrives_and_what_nobody_hears_is_lost(link: Path) -> None
 
 
 def test_what_a_listener_left_unread_is_not_for_the_next(link: Path) -> None:
+    reader = FrameReader()
     with PortLink(link) as port:
-        first = raw_reader(link)
-        while port.write(packets(1)[0]):
-            pass
-        os.close(first)
+        with raw_reader(link):
+            while port.write(packets(1)[0]):
+                pass
         assert not port.write(b'nobody hears this')
-        second = raw_reader(link)
-        assert port.write(packets(8)[7])
-        reader = FrameReader()
-        assert sequences(read_raw(second, reader, 1)) == [7]
-        assert reader.counts.damaged == 0
-        os.close(second)
+        with raw_reader(link) as second:
+            assert port.write(packets(8)[7])
+            assert sequences(read_raw(second, reader, 1)) == [7]
+            assert reader.counts.damaged == 0
+            # Nor does a packet that was cut off, longer than any terminal takes, cost the next.
+            assert not port.write(b'x' * 100_000)
+            while select.select([second], [], [], 0.1)[0]:
+                assert reader.feed(os.read(second, 65536)) == []
+            assert port.write(packets(1)[0])
+            assert sequences(read_raw(second, reader, 1)) == [0]
+            assert reader.counts.damaged == 1
 
 
 def test_a_listener_that_does_not_read_costs_whole_packets(link: Path) -> None:
-    sent = packets(400)
-    reader = FrameReader()
-    with PortLink(link) as port:
-        descriptor = raw_reader(link)
-        taken = [port.write(packet) for packet in sent]
+    sent, reader = packets(410), FrameReader()
+    with PortLink(link) as port, raw_reader(link) as descriptor:
+        taken = [port.write(packet) for packet in sent[:400]]
         full = taken.index(False)
         assert full > 20  # some hundred milliseconds are buffered
         assert not any(taken[full:])
         assert sequences(read_raw(descriptor, reader, full)) == list(range(full))
         # At most one packet was torn, and the next one does not suffer.
-        later = packets(410)[400:]
-        assert all(port.write(packet) for packet in later)
+        assert all(port.write(packet) for packet in sent[400:])
         assert sequences(read_raw(descriptor, reader, 10)) == list(range(400, 410))
-        assert reader.counts.damaged <= 1
-        os.close(descriptor)
-
-
-def test_a_packet_that_was_cut_off_does_not_cost_the_next(link: Path) -> None:
-    reader = FrameReader()
-    with PortLink(link) as port:
-        descriptor = raw_reader(link)
-        assert not port.write(b'x' * 100_000)  # more than any terminal takes
-        while select.select([descriptor], [], [], 0.1)[0]:
-            assert reader.feed(os.read(descriptor, 65536)) == []
-        assert port.write(packets(1)[0])
-        assert sequences(read_raw(descriptor, reader, 1)) == [0]
-        assert reader.counts.damaged == 1
-        os.close(descriptor)
+    assert reader.counts.damaged <= 1
 
 
 def test_a_slow_listener_gets_some_packets_and_never_a_wrong_one(link: Path) -> None:
-    sent = packets(1000)
-    reader = FrameReader()
+    sent, reader = packets(1000), FrameReader()
     frames: list[Frame] = []
-    torn = 0
-    with PortLink(link) as port:
-        descriptor = raw_reader(link)
-        before = True
-        taken = 0
+    taken: list[bool] = []
+    with PortLink(link) as port, raw_reader(link) as descriptor:
         for packet in sent:
-            now = port.write(packet)
-            taken += now
-            torn += before and not now
-            before = now
+            taken.append(port.write(packet))
             if select.select([descriptor], [], [], 0)[0]:
                 frames += reader.feed(os.read(descriptor, 77))
-        frames += read_raw(descriptor, reader, taken - len(frames))
-        os.close(descriptor)
+        frames += read_raw(descriptor, reader, sum(taken) - len(frames))
     numbers = sequences(frames)
-    assert len(numbers) == taken < 1000
+    assert len(numbers) == sum(taken) < 1000
     assert numbers == sorted(set(numbers))
+    torn = sum(before and not now for before, now in itertools.pairwise([True, *taken]))
     assert reader.counts.damaged <= torn
     for frame in frames:
         assert encode_frame(frame) == sent[frame.sequence]
@@ -340,7 +322,7 @@ def test_a_sensor_nobody_listens_to_loses_its_frames(link: Path) -> None:
     assert emulate(WALL, link, 0.04) == (0, 40)
 
 
-def test_the_last_frame_is_not_cut_off(
+def test_the_last_frame_is_whole(
     link: Path, gate: tuple[Event, Event], pool: ThreadPoolExecutor
 ) -> None:
     linked, begin = gate
@@ -378,7 +360,7 @@ def test_a_listener_that_comes_late_gets_no_old_frames(
 
 
 @pytest.mark.parametrize('request_to_end', [signal.SIGINT, signal.SIGTERM])
-def test_a_request_to_end_unplugs_the_sensor(
+def test_ending_unplugs_the_sensor(
     tmp_path: Path, link: Path, request_to_end: signal.Signals
 ) -> None:
     scene = tmp_path / 'wall.yaml'

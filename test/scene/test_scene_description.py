@@ -254,7 +254,7 @@ def test_impossible_value_names_key_and_limit(key: str, value: Any, hint: str) -
         ('2.5 ms', '10 ms', '1 %', True),
     ],
 )
-def test_jitter_cannot_make_frames_overtake(
+def test_jitter_never_lets_frames_overtake(
     jitter: str, period: str, error: str, possible: bool
 ) -> None:
     content = {'sensor': {'jitter': jitter, 'period': period, 'period_error': error}}

@@ -281,9 +281,8 @@ def test_distance_flips_to_a_wall_far_behind_a_dark_marker() -> None:
 
 
 def test_a_wall_near_behind_the_marker_merges_with_it() -> None:
-    recording, bright, dark = bright_and_dark(
-        Scene(markers=(MARKER,), surfaces=(Surface(1.3, 90),))
-    )
+    scene = Scene(markers=(MARKER,), surfaces=(Surface(1.3, 90),))
+    recording, bright, dark = bright_and_dark(scene)
     signal, distance = recording.signal[:, ZONE], recording.distance[:, ZONE]
     assert signal[bright] == pytest.approx(450, rel=1e-3)
     assert distance[bright] == pytest.approx(
@@ -331,7 +330,7 @@ def test_targets_make_one_pulse_or_several(
 @given(
     st.lists(st.tuples(st.floats(0.1, 4), st.sampled_from([0.0, 1.0, 5.0, 7.0, 50.0])), max_size=5)
 )
-def test_the_reported_pulse_holds_the_strongest_target_or_outshines_it(
+def test_the_pulse_holds_or_outshines_the_strongest_target(
     targets: list[tuple[float, float]],
 ) -> None:
     recording = simulate(Scene(surfaces=tuple(Surface(*target) for target in targets)), 1)
@@ -352,34 +351,28 @@ def test_the_reported_pulse_holds_the_strongest_target_or_outshines_it(
 # Status codes
 
 
-def test_below_the_threshold_there_is_no_target_and_after_it_no_previous_one() -> None:
-    scene = Scene(sensor=Sensor(target_threshold=5), markers=(MARKER,), surfaces=(Surface(2, 4),))
+@pytest.mark.parametrize(
+    ('threshold', 'wall', 'usual'),
+    [(5, Surface(2, 4), Status.VALID), (100, Surface(1.3, 90), Status.MERGED)],
+)
+def test_below_the_threshold_there_is_no_target_and_after_it_no_previous_one(
+    threshold: float, wall: Surface, usual: Status
+) -> None:
+    sensor = Sensor(target_threshold=threshold)
+    scene = Scene(sensor=sensor, markers=(MARKER,), surfaces=(wall,))
     recording, bright, dark = bright_and_dark(scene)
     status = recording.status[:, ZONE]
-    assert (status[dark] == Status.NO_TARGET).all()
-    assert (recording.signal[dark, ZONE] == 0).all()
-    assert np.isnan(recording.distance[dark, ZONE]).all()
     absent = status == Status.NO_TARGET
+    assert absent[dark].all()
+    assert not absent[bright].any()
+    assert (recording.signal[absent, ZONE] == 0).all()
+    assert np.isnan(recording.distance[absent, ZONE]).all()
     first = ~absent[1:] & absent[:-1]
     assert first.any()
     assert (status[1:][first] == Status.NO_PREVIOUS_TARGET).all()
-    others = status[1:][~absent[1:] & ~first]
-    assert (others == Status.VALID).all()
+    assert (status[1:][~absent[1:] & ~first] == usual).all()
     # Where the wall alone is seen, it is too weak all the time.
     assert (recording.status[:, 0] == Status.NO_TARGET).all()
-    assert bright.any()
-
-
-def test_a_first_range_is_said_so_even_if_merged() -> None:
-    scene = Scene(
-        sensor=Sensor(target_threshold=100), markers=(MARKER,), surfaces=(Surface(1.3, 90),)
-    )
-    recording, bright, _ = bright_and_dark(scene)
-    status = recording.status[:, ZONE]
-    assert set(status.tolist()) == {Status.MERGED, Status.NO_PREVIOUS_TARGET, Status.NO_TARGET}
-    again = bright.copy()
-    again[1:] &= bright[:-1] | (status[:-1] != Status.NO_TARGET)
-    assert (status[again] == Status.MERGED).all()
 
 
 # Time

@@ -219,9 +219,7 @@ def test_a_clock_that_wrapped_may_be_restarted_and_wrap_again_or_stand_still() -
 @pytest.mark.parametrize(
     ('step_s', 'after_s'), [(-3.0, 0), (-0.2, 0), (-0.05, 0), (3.0, 0), (0.2, 1.1), (0.9, 1.1)]
 )
-def test_a_host_clock_that_is_set_is_followed_at_once_or_after_a_second(
-    skew: float, step_s: float, after_s: float
-) -> None:
+def test_a_host_clock_that_is_set_is_followed(skew: float, step_s: float, after_s: float) -> None:
     run = simulate(60, skew).host_set(30, step_s)
     errors = checked_errors_ms(run, restarts=1, set_back=step_s < 0)
     assert worst(errors[~run.at(30, 30 + after_s)]) < FIRST_MS
@@ -241,7 +239,7 @@ def test_the_smallest_steps_forward_are_mended_by_the_window() -> None:
 @pytest.mark.parametrize(
     ('length_s', 'first_ms', 'later_ms'), [(10, LATER_MS, LATER_MS), (100, 50.0, 2.0)]
 )
-def test_a_cable_that_is_pulled_while_the_sensor_runs_on(
+def test_a_cable_that_is_pulled(
     skew: float, length_s: float, first_ms: float, later_ms: float
 ) -> None:
     run = simulate(length_s + 120, skew).stalled(60 + length_s, 0.06)
@@ -255,16 +253,14 @@ def test_a_cable_that_is_pulled_while_the_sensor_runs_on(
 @skews
 @pytest.mark.parametrize('length_s', [0.1, 0.5, 0.9])
 def test_a_stall_of_the_transport_moves_no_stamp(skew: float, length_s: float) -> None:
-    plain = simulate(60, skew)
-    run = plain.stalled(30, length_s)
+    run = simulate(60, skew).stalled(30, length_s)
     late_s = (run.arrival_ns - run.host_ns).max() * 1e-9
     assert late_s == pytest.approx(length_s, abs=0.05)
     assert worst(checked_errors_ms(run)[run.at(10)]) < LATER_MS
 
 
 def test_a_long_stall_is_mended_when_it_ends() -> None:
-    run = simulate(60).stalled(30, 3.0)
-    clock_map = ClockMap(LEAST_DELAY_S)
+    run, clock_map = simulate(60).stalled(30, 3.0), ClockMap(LEAST_DELAY_S)
     errors = errors_ms(run, map_all(clock_map, run))
     assert clock_map.restarts >= 1
     assert worst(errors[run.at(33, 35)]) < FIRST_MS
@@ -373,7 +369,7 @@ def outcome(pairs: Pairs, least_delay_s: float = 0.0) -> tuple[list[int], list[i
 
 @law
 @given(steps, st.integers(-(2**47), 2**62), st.integers(-START_NS, 2**62), st.integers(0, 1000))
-def test_both_may_count_from_anywhere_and_the_least_delay_shifts_all_stamps(
+def test_all_may_count_from_anywhere(
     moves: Pairs, shift_us: int, shift_ns: int, delay_ms: int
 ) -> None:
     pairs = pairs_of(moves)

@@ -49,9 +49,7 @@ def test_the_quaternion_of_a_turn_is_found(axis: int, angle_deg: float) -> None:
 
 
 @given(quaternions)
-def test_matrices_are_rotations_and_come_back_as_quaternions_come_back_up_to_their_sign(
-    quaternion: Floats,
-) -> None:
+def test_matrices_are_rotations_and_all_come_back_up_to_a_sign(quaternion: Floats) -> None:
     matrix = matrix_of(quaternion)
     assert matrix @ matrix.T == pytest.approx(np.eye(3), abs=EXACT)
     assert np.linalg.det(matrix) == pytest.approx(1)
@@ -63,9 +61,7 @@ def test_matrices_are_rotations_and_come_back_as_quaternions_come_back_up_to_the
 
 
 @given(quaternions, st.floats(0.1, 10), st.sampled_from([-1, 1]))
-def test_length_and_sign_of_a_quaternion_do_not_matter(
-    quaternion: Floats, length: float, sign: int
-) -> None:
+def test_length_and_sign_do_not_matter(quaternion: Floats, length: float, sign: int) -> None:
     assert matrix_of(sign * length * quaternion) == pytest.approx(matrix_of(quaternion), abs=EXACT)
 
 
@@ -77,9 +73,7 @@ def test_noise_on_a_matrix_moves_its_quaternion_as_little(quaternion: Floats, se
 
 
 @given(quaternions, quaternions, quaternions)
-def test_the_product_of_quaternions_is_that_of_their_matrices(
-    first: Floats, second: Floats, third: Floats
-) -> None:
+def test_products_are_those_of_the_matrices(first: Floats, second: Floats, third: Floats) -> None:
     both = product(first, second)
     assert np.linalg.norm(both) == pytest.approx(1)
     assert matrix_of(both) == pytest.approx(matrix_of(first) @ matrix_of(second), abs=1e-9)
@@ -87,9 +81,7 @@ def test_the_product_of_quaternions_is_that_of_their_matrices(
 
 
 @given(quaternions, vectors)
-def test_a_turn_and_its_reverse_are_none_and_around_a_vector_they_turn_it(
-    quaternion: Floats, vector: Floats
-) -> None:
+def test_a_turn_is_undone_and_turns_a_vector(quaternion: Floats, vector: Floats) -> None:
     reverse = quaternion * [-1, -1, -1, 1]
     assert product(quaternion, reverse) == pytest.approx(NOTHING, abs=EXACT)
     assert product(quaternion, NOTHING) == pytest.approx(quaternion)

@@ -66,6 +66,7 @@ class Reading:
 
 
 Read = Callable[[], Reading]
+Patch = pytest.MonkeyPatch
 
 
 @pytest.fixture
@@ -74,7 +75,7 @@ def link(tmp_path: Path) -> Path:
 
 
 @pytest.fixture
-def soon(monkeypatch: pytest.MonkeyPatch) -> None:
+def soon(monkeypatch: Patch) -> None:
     monkeypatch.setattr(serial_source, 'RETRY_S', 0.02)
 
 
@@ -109,8 +110,9 @@ def test_frames_come_with_the_time_of_their_arrival(link: Path, read: Read) -> N
         assert reading.source.reader.counts.frames == len(PACKETS)
 
 
-def test_a_port_that_is_absent_is_said_so_once_and_opened_when_it_comes(
-    link: Path, read: Read, soon: None, monkeypatch: pytest.MonkeyPatch
+@pytest.mark.usefixtures('soon')
+def test_an_absent_port_is_told_once_and_opened_when_it_comes(
+    link: Path, read: Read, monkeypatch: Patch
 ) -> None:
     tries: Queue[None] = Queue()
     real = serial.Serial
@@ -151,9 +153,7 @@ def test_a_port_that_comes_back_is_read_within_two_seconds(link: Path, read: Rea
 
 
 @pytest.mark.usefixtures('soon')
-def test_a_packet_that_was_cut_off_by_the_loss_does_not_cost_the_next(
-    link: Path, read: Read
-) -> None:
+def test_a_packet_cut_off_by_the_loss_does_not_cost_the_next(link: Path, read: Read) -> None:
     with PortLink(link) as port:
         reading = read()
         reading.report()
@@ -167,9 +167,7 @@ def test_a_packet_that_was_cut_off_by_the_loss_does_not_cost_the_next(
     assert reading.source.reader.counts.damaged <= 1
 
 
-def test_what_came_before_the_opening_is_not_read_and_bytes_may_come_one_by_one(
-    link: Path, read: Read
-) -> None:
+def test_only_what_comes_is_read_even_byte_by_byte(link: Path, read: Read) -> None:
     with PortLink(link) as port:
         other = os.open(link, os.O_RDWR | os.O_NOCTTY)
         assert port.write(PACKETS[0] + PACKETS[1])
@@ -196,9 +194,7 @@ def test_a_port_in_use_is_explained_and_opened_when_it_is_free(link: Path, read:
 
 
 @pytest.mark.usefixtures('soon')
-def test_a_missing_permission_says_what_to_do(
-    link: Path, read: Read, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_missing_permission(link: Path, read: Read, monkeypatch: Patch) -> None:
     real = os.open
 
     def refusing(path: Any, flags: int, *arguments: Any, **options: Any) -> int:
@@ -239,20 +235,14 @@ def test_what_is_no_port_is_refused_in_one_line(link: Path, read: Read, kind: in
         serial.SerialException('Could not configure port: (5, ...)'),
     ],
 )
-def test_whatever_pyserial_raises_is_a_reason_to_try_again(
-    link: Path,
-    read: Read,
-    monkeypatch: pytest.MonkeyPatch,
-    error: Exception,
+def test_what_pyserial_raises_is_a_reason_to_try_again(
+    link: Path, read: Read, monkeypatch: Patch, error: Exception
 ) -> None:
-    real = serial.Serial
-    first = True
+    real, errors = serial.Serial, [error]
 
     def failing(*arguments: Any, **options: Any) -> serial.Serial:
-        nonlocal first
-        if first:
-            first = False
-            raise error
+        if errors:
+            raise errors.pop()
         return real(*arguments, **options)
 
     monkeypatch.setattr(serial, 'Serial', failing)
@@ -282,9 +272,7 @@ def test_an_error_of_the_taker_is_not_hidden(link: Path) -> None:
 
 
 @pytest.mark.parametrize('sent', [b'', b''.join(PACKETS)])
-def test_a_source_stops_promptly_whether_frames_come_or_not(
-    link: Path, read: Read, sent: bytes
-) -> None:
+def test_a_source_stops_while_frames_come_or_not(link: Path, read: Read, sent: bytes) -> None:
     with PortLink(link) as port:
         reading = read()
         reading.report()
@@ -296,21 +284,15 @@ def test_a_source_stops_promptly_whether_frames_come_or_not(
         serial.Serial(str(link), exclusive=True).close()  # and the port is free again
 
 
-def test_a_source_stops_promptly_while_the_port_is_absent(
-    read: Read, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_source_stops_without_a_port(link: Path, read: Read, monkeypatch: Patch) -> None:
     monkeypatch.setattr(serial_source, 'RETRY_S', 60)
     reading = read()
     reading.report()
     assert reading.end() < 1
-
-
-def test_a_source_that_is_stopped_before_it_runs_opens_nothing(link: Path) -> None:
-    stop = Event()
-    stop.set()
+    # Stopped before it runs, it opens nothing.
     reports: list[str] = []
     source = SerialSource(str(link), 115200, FrameReader())
-    source.run(lambda frames, arrival_ns: None, reports.append, stop)
+    source.run(lambda frames, arrival_ns: None, reports.append, reading.stop)
     assert reports == []
     assert source.problem == f'{link} has not been opened yet'
 

@@ -120,15 +120,6 @@ def test_statuses_and_negative_distances(printed: int, expected: int) -> None:
 
 
 @both_sides
-@both_lights
-def test_what_is_at_the_top_left_of_the_scene_is_in_zone_0(side: int, light: bool) -> None:
-    zones: list[Zone | None] = [None] * (side * side)
-    zones[side - 1] = Zone(700)  # the sensor's first row ends at the left
-    frame = read_one(text_of(zones, light))
-    assert np.flatnonzero(np.isfinite(frame.distance)).tolist() == [0]
-
-
-@both_sides
 def test_the_order_is_that_of_protocol_1(side: int) -> None:
     distances_mm = [100 + index for index in range(side * side)]  # in the sensor's order
     content = struct.pack('<BIQBB', 1, 0, 0, side, side)

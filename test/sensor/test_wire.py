@@ -282,16 +282,6 @@ def test_the_written_packet_is_read_and_written_byte_for_byte() -> None:
     assert encode_frame(frame) == PACKET
 
 
-@both_grids
-def test_zone_zero_of_the_wire_is_the_top_right_of_the_scene(side: int) -> None:
-    for row in range(side):
-        for column in range(side):
-            zones = [(4000, 0, 0, 5)] * side**2
-            zones[row * side + column] = (4000, 2048, 0, 5)
-            frame = read_one(encode_packet(content_of(side, side, zones)))
-            assert np.flatnonzero(frame.signal).tolist() == [row * side + side - 1 - column]
-
-
 @law
 @given(frames_of_whole_units())
 def test_whole_units_survive_the_wire_exactly(frame: Frame) -> None:
@@ -339,13 +329,13 @@ def test_values_are_clipped_to_the_units_of_the_wire() -> None:
 
 
 @both_grids
-def test_only_status_255_means_that_there_is_no_distance(side: int) -> None:
+def test_only_status_255_means_no_distance_and_rows_begin_at_the_right(side: int) -> None:
     for first in range(0, 256, side**2):
-        status = range(first, first + side**2)
-        zones = [(8000, 2048, 0, code) for code in status]
+        status = np.arange(first, first + side**2)
+        zones = [(8000, 2048, 0, int(code)) for code in status]
         frame = read_one(encode_packet(content_of(side, side, zones)))
+        np.testing.assert_array_equal(frame.status.reshape(side, side)[:, ::-1].ravel(), status)
         np.testing.assert_array_equal(np.isnan(frame.distance), frame.status == 255)
-        assert sorted(frame.status) == list(status)
         assert (frame.distance[frame.status != 255] == 2).all()
 
 
@@ -404,9 +394,7 @@ def garbage() -> st.SearchStrategy[bytes]:
 
 @settings(law, max_examples=120)
 @given(stream=garbage(), data=st.data())
-def test_what_is_whole_is_read_at_its_end_and_all_is_counted_however_it_is_split(
-    stream: bytes, data: st.DataObject
-) -> None:
+def test_what_is_whole_is_read_and_all_is_counted(stream: bytes, data: st.DataObject) -> None:
     cuts = data.draw(st.lists(st.integers(0, len(stream)), max_size=20).map(sorted))
     reader = reader_in_step()
     found: list[int] = []
@@ -432,18 +420,6 @@ def test_a_stream_joined_anywhere_costs_that_packet_only_and_is_no_damage() -> N
     assert sequences(reader.feed(second[:50])) == []
     reader.restart()
     assert reader.counts.damaged == 2  # it was begun, and cut off
-
-
-@both_grids
-def test_a_bit_flip_costs_its_packet_only_and_in_the_delimiter_the_next_too(side: int) -> None:
-    first, second, third = make_packets(3, side)
-    end = 8 * (len(first) - 1)
-    for bit in [*range(0, end, {4: 3, 8: 11}[side]), *range(end, end + 8)]:
-        damaged = bytearray(first)
-        damaged[bit // 8] ^= 1 << bit % 8
-        frames, counts = read(bytes(damaged) + second + third)
-        assert sequences(frames) == ([1, 2] if bit < end else [2]), bit
-        assert counts.damaged == (len(ended_packets(bytes(damaged))) or 1)
 
 
 @pytest.mark.parametrize(
@@ -495,12 +471,18 @@ def test_packets_that_are_not_whole(field: str, packet: bytes) -> None:
     assert counts.damaged == 1
 
 
-def test_the_longest_packet_is_read_and_one_byte_more_is_not() -> None:
+def test_the_longest_packet_is_read_and_kept_once_and_one_byte_more_is_not() -> None:
     # COBS adds a byte and one for every 254, and the checksum has two.
     longest = b'\2' + b'x' * (MAX_PACKET_BYTES - 1 - MAX_PACKET_BYTES // 255 - 3)
     assert len(encode_packet(longest)) == MAX_PACKET_BYTES + len(DELIMITER)
     assert read(encode_packet(longest)) == ([], WireCounts(unknown_kind=1))
     assert read(encode_packet(longest + b'x')) == ([], WireCounts(overlong=1))
+    reader = FrameReader()
+    for length in range(1, MAX_PACKET_BYTES + 1):
+        reader.feed(b'x')
+        assert length < len(pickle.dumps(reader)) < length + 1000
+    reader.feed(b'x')
+    assert len(pickle.dumps(reader)) < 1000
 
 
 def test_endless_data_without_a_delimiter_is_not_kept() -> None:
@@ -520,15 +502,6 @@ def test_endless_data_without_a_delimiter_is_not_kept() -> None:
     first, second = make_packets(2)
     assert sequences(reader.feed(first + second)) == [1]
     assert reader.counts == WireCounts(overlong=1, frames=1)
-
-
-def test_an_unfinished_packet_at_its_longest_is_kept_once() -> None:
-    reader = FrameReader()
-    for length in range(1, MAX_PACKET_BYTES + 1):
-        reader.feed(b'x')
-        assert length < len(pickle.dumps(reader)) < length + 1000
-    reader.feed(b'x')
-    assert len(pickle.dumps(reader)) < 1000
 
 
 def test_random_bytes_are_no_frames() -> None:

@@ -42,14 +42,10 @@ def test_a_source_tree_holds_its_own_files(tmp_path: Path) -> None:
     assert module.shared_file('config/driver.yaml') == root / 'config' / 'driver.yaml'
 
 
-@pytest.mark.parametrize(
-    'packages',
-    [
-        'lib/python3.11/site-packages',
-        'local/lib/python3.12/dist-packages',
-        'lib64/python3.13/site-packages',
-    ],
-)
+PACKAGES = ['lib/python3.11/site', 'local/lib/python3.12/dist', 'lib64/python3.13/site']
+
+
+@pytest.mark.parametrize('packages', [f'{path}-packages' for path in PACKAGES])
 def test_an_installed_package_finds_the_share_of_its_prefix(tmp_path: Path, packages: str) -> None:
     module = module_in(tmp_path / packages)
     (tmp_path / packages / 'msg').mkdir()

@@ -53,7 +53,7 @@ def test_shipped_scene_loads_and_shows_its_markers(name: str) -> None:
     assert {'coffee', 'drone', 'range'} <= set(SHIPPED)
 
 
-def test_a_file_goes_before_a_shipped_scene_of_its_name(
+def test_a_file_goes_before_a_shipped_scene(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)
@@ -87,9 +87,7 @@ def test_a_scene_error_names_file_and_key(file: Path) -> None:
         ('1: a\n0x1: b\n', '1', 2),
     ],
 )
-def test_a_key_that_stands_twice_is_refused_with_its_line(
-    file: Path, text: str, key: str, line: int
-) -> None:
+def test_a_key_that_stands_twice_is_refused(file: Path, text: str, key: str, line: int) -> None:
     file.write_text(text)
     with pytest.raises(ValueError, match=f"key '?{key}'? stands here a second time") as caught:
         load_yaml(file)
@@ -99,9 +97,7 @@ def test_a_key_that_stands_twice_is_refused_with_its_line(
         load_scene(str(file))
 
 
-def test_a_mapping_may_be_merged_in_and_overridden_and_others_have_keys_of_their_own(
-    file: Path,
-) -> None:
+def test_a_mapping_may_be_merged_in_and_overridden(file: Path) -> None:
     file.write_text(
         'markers:\n- &first {id: 5, position: [0 m, 0 m, 1 m], start: 1 s}\n- {<<: *first, id: 6}\n'
     )

@@ -45,7 +45,7 @@ def test_a_clock_that_is_set_forward_begins_anew() -> None:
 
 @law
 @given(beats, windows, quarters)
-def test_windows_alive_are_counted_as_by_hand(
+def test_windows_are_counted_as_by_hand(
     times: list[float], window_s: float, later_s: float
 ) -> None:
     heart = beaten(times, window_s)
@@ -62,9 +62,7 @@ def test_windows_alive_are_counted_as_by_hand(
 
 @law
 @given(beats, windows, quarters)
-def test_the_longest_silence_is_the_longest_gap(
-    times: list[float], window_s: float, later_s: float
-) -> None:
+def test_the_longest_silence_is_a_gap(times: list[float], window_s: float, later_s: float) -> None:
     heart = beaten(times, window_s)
     end_s = times[-1] + later_s
     gaps = [after - before for before, after in itertools.pairwise([*times, end_s])]
@@ -77,9 +75,7 @@ def test_the_longest_silence_is_the_longest_gap(
 
 @law
 @given(st.lists(st.tuples(st.booleans(), st.floats(-100, 100)), max_size=40), windows)
-def test_whatever_time_does_the_counts_make_sense(
-    calls: list[tuple[bool, float]], window_s: float
-) -> None:
+def test_counts_make_sense_at_any_time(calls: list[tuple[bool, float]], window_s: float) -> None:
     heart = Heartbeat(window_s)
     for is_beat, time_s in calls:
         if is_beat:
@@ -93,9 +89,7 @@ def test_whatever_time_does_the_counts_make_sense(
 
 @law
 @given(beats, windows, st.integers(1, 8))
-def test_how_often_one_looks_changes_nothing(
-    times: list[float], window_s: float, steps: int
-) -> None:
+def test_looking_changes_nothing(times: list[float], window_s: float, steps: int) -> None:
     direct, watched = beaten(times, window_s), Heartbeat(window_s)
     for before, after in itertools.pairwise([times[0], *times]):
         for step in range(steps):
@@ -107,7 +101,7 @@ def test_how_often_one_looks_changes_nothing(
 
 @law
 @given(beats, windows, st.floats(0.01, 1000), st.booleans())
-def test_time_that_goes_back_begins_anew(
+def test_time_may_go_back(
     times: list[float], window_s: float, back_s: float, is_beat: bool
 ) -> None:
     heart = beaten(times, window_s)

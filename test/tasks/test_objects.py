@@ -103,9 +103,7 @@ def test_offsets_are_of_the_pairs_seen_in_order_of_the_names() -> None:
 
 
 @given(positions, positions, positions)
-def test_ways_add_up_and_go_from_one_to_the_other(
-    beans: Floats, machine: Floats, mug: Floats
-) -> None:
+def test_ways_add_up_and_lead_to_the_other(beans: Floats, machine: Floats, mug: Floats) -> None:
     board = new_board()
     for name, place in zip(NAMES, (beans, machine, mug), strict=True):
         board.see(name, 0, 'base', place, SHARP)
@@ -120,7 +118,7 @@ def test_ways_add_up_and_go_from_one_to_the_other(
     st.lists(st.floats(0, 100), min_size=3, max_size=3),
     st.lists(st.floats(-1, 1), min_size=4, max_size=4).filter(lambda q: np.linalg.norm(q) > 0.1),
 )
-def test_the_largest_deviation_does_not_depend_on_the_axes(
+def test_the_largest_deviation_of_any_axes(
     deviations: list[float], quaternion: list[float]
 ) -> None:
     turn = matrix_of(np.array(quaternion))

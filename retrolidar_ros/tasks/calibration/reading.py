@@ -17,6 +17,7 @@ from retrolidar_ros.sensor.frame import Recording
 _ZONES = 8
 _APART, _ALIKE = 0.02, 0.04  # periods that are tried apart, and that are of one clock
 _AS_SURE = 0.1
+_LEAST_PACKETS = 3
 _EXPLAINED = 0.4  # of the recording, that a zone's marker is read in
 _FRAMES = np.geomspace(1.95, 9.0, 32)  # a bit, tried where no line tells; 5 % apart
 
@@ -27,7 +28,8 @@ def read_markers(
     """Return the readings of each marker, by its ID.
 
     A wrong period may let a wrong ID be read, again and again. So markers of another period than
-    the one with the most evidence are kept only if they are elsewhere and nearly as sure.
+    the one with the most evidence are kept only if they are elsewhere and nearly as sure, and none
+    that was read but once of a packet that it is to repeat.
 
     Parameters
     ----------
@@ -55,6 +57,8 @@ def read_markers(
             groups += _groups(recording, period_s, law)
     kept: dict[int, list[Detection]] = {}
     for own in sorted(groups, key=lambda group: -_evidence(group)):
+        if len(own) < 2 and duration_s > _LEAST_PACKETS * PACKET_BITS * own[0].bit_period_s:
+            continue
         if kept:
             most, *_ = kept.values()
             alike = abs(own[0].bit_period_s / most[0].bit_period_s - 1) < _ALIKE

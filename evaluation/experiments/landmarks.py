@@ -1,0 +1,240 @@
+# Copyright 2026 retrolidar_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""How well places are known from several places: objects, a tilted one, a drone, a robot."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+from tqdm import tqdm
+
+from evaluation.bench.landmark_trials import (
+    CORNERS,
+    Error,
+    Visit,
+    drone_trial,
+    error_of,
+    hand_readings,
+    placed_from,
+    room_trial,
+    tilt_trial,
+    visits,
+)
+from evaluation.bench.live import held
+from evaluation.report.charts import new_chart
+from evaluation.report.claims import Table, percent
+from retrolidar_ros.scene import Scene
+from retrolidar_ros.scene.files import load_scene
+
+TITLE = 'Landmarks: readings from several places'
+
+_SIDES_M = (0.1, 0.2, 0.4, 0.6)
+_READY_SIDE_M, _READY_M, _READY_S = 0.7, 0.01, 12.0
+"""A hand that is to place all objects goes so far, until they are so well known, in such a time."""
+_STAY_S, _MOST = 4.3, 3
+_TRIALS, _QUICK_TRIALS = 30, 3
+_RARE = 16.266  # 99.9 % of a normal distribution in three dimensions
+_POSE_M, _WRONG, _LATE = 0.002, 0.05, 0.10
+_ACCELERATION = 0.04
+
+
+def _errors(rows: list[Error]) -> dict[str, Any]:
+    squared = [row.squared_distance for row in rows]
+    sizes = 1e3 * np.array([row.error_m for row in rows])
+    return {
+        'median_mm': float(np.median(sizes)),
+        'rms_mm': float(np.sqrt(np.mean(sizes**2))),
+        'told_mm': float(1e3 * np.median([row.stddev_m for row in rows])),
+        'holds': held(squared),
+        'beyond': int(np.count_nonzero(np.array(squared) > _RARE)),
+    }
+
+
+def _places(world: Scene, trials: int, rng: np.random.Generator) -> list[dict[str, Any]]:
+    """Return errors of each object by distance of the places, and by how many of them."""
+    found = []
+    ids = [one.id for one in world.markers]
+    for side_m in _SIDES_M:
+        rows: dict[tuple[int, int], list[Error]] = {}
+        for _ in tqdm(range(trials), desc=f'{side_m} m', leave=False):
+            trial = visits(world, side_m, _STAY_S, rng)
+            places = hand_readings(trial, _MOST, rng)
+            for count in range(1, len(CORNERS) + 1):
+                landmarks = placed_from(places[:count], ids)
+                for marker in world.markers:
+                    estimate = landmarks[marker.id].estimate()
+                    if estimate is not None:
+                        error = error_of(estimate, np.array(marker.position_m))
+                        rows.setdefault((count, marker.id), []).append(error)
+        found += [
+            {'side_m': side_m, 'places': count, 'object': marker.name}
+            | _errors(rows[count, marker.id])
+            for count in range(1, len(CORNERS) + 1)
+            for marker in world.markers
+        ]
+    return found
+
+
+def _ready_s(world: Scene, rng: np.random.Generator) -> float:
+    """Return how long a hand looks until all objects are known; infinite if it gives up.
+
+    It goes round the corners of a square, and leaves each when every object has been read there.
+    """
+    ids = [one.id for one in world.markers]
+    trial: list[Visit] = visits(world, _READY_SIDE_M, _READY_S, rng)
+    landmarks = placed_from([], ids)
+    looked_s = 0.0
+    places = hand_readings(trial, 99, rng)
+    left = [0.0] * len(places)
+    for turn in range(3 * len(places)):
+        index = turn % len(places)
+        missing = set(ids)
+        rows = [row for row in places[index] if row[0] > left[index]]
+        for known_s, reading in rows:
+            if reading.marker in landmarks:
+                landmarks[reading.marker].take(reading._replace(stamp_s=100.0 * turn + known_s))
+                missing.discard(reading.marker)
+            now_s = looked_s + known_s - left[index]
+            told = [one.estimate() for one in landmarks.values()]
+            if all(one is not None and one.stddev_m <= _READY_M for one in told):
+                return now_s
+            if not missing:
+                break
+        looked_s, left[index] = now_s, known_s
+    return math.inf
+
+
+def _stressed(world: Scene, trials: int, rng: np.random.Generator) -> dict[str, Any]:
+    """Return what wrong IDs, late transforms and wrong poses of the sensor do."""
+    ids = [one.id for one in world.markers]
+    rows: list[Error] = []
+    wrong = rejected = 0
+    for _ in tqdm(range(trials), desc='stress', leave=False):
+        places = hand_readings(visits(world, 0.4, _STAY_S, rng), _MOST, rng, _POSE_M)
+        flat = [reading for place in places for _, reading in place]
+        for index, reading in enumerate(flat):
+            if rng.random() < _WRONG:
+                others = [one for one in ids if one != reading.marker]
+                flat[index] = reading._replace(marker=int(rng.choice(others)))
+                wrong += 1
+        # A late transform lets a reading come after those of the next seconds.
+        order = np.arange(len(flat)) + 4.0 * (rng.random(len(flat)) < _LATE)
+        queue = [(0.0, flat[index]) for index in np.argsort(order, kind='stable')]
+        landmarks = placed_from([], ids, _POSE_M)
+        for _, reading in queue:
+            if reading.marker not in landmarks:
+                continue
+            landmarks[reading.marker].take(reading)
+            for marker in world.markers:
+                estimate = landmarks[marker.id].estimate()
+                if estimate is not None:
+                    rows.append(error_of(estimate, np.array(marker.position_m)))
+        rejected += sum(one.rejected for one in landmarks.values())
+    return _errors(rows) | {'told': len(rows), 'wrong': wrong, 'rejected': rejected}
+
+
+def run(rng: np.random.Generator, *, quick: bool) -> dict[str, Any]:
+    """Return errors, times and coverage."""
+    trials = _QUICK_TRIALS if quick else _TRIALS
+    world = load_scene('coffee')
+    ready = [_ready_s(world, rng) for _ in tqdm(range(trials), desc='ready', leave=False)]
+    tilts = [
+        one
+        for one in (
+            tilt_trial(math.radians(15), rng) for _ in tqdm(range(trials), desc='tilt', leave=False)
+        )
+        if one is not None
+    ]
+    drones = []
+    for sensors in (1, 2, 3):
+        tracks = [
+            drone_trial(sensors, 30.0, _ACCELERATION, rng) for _ in range(max(trials // 8, 1))
+        ]
+        rows = [row for track in tracks for row in track.errors[3:]]
+        updates = float(np.mean([track.updates_per_s for track in tracks]))
+        drones.append({'sensors': sensors, 'updates_per_s': updates} | _errors(rows))
+    rooms = []
+    for markers in (3, 4, 5, 6):
+        off_m, yaw_deg = [], []
+        for _ in tqdm(range(max(trials // 2, 2)), desc='room', leave=False):
+            result = room_trial(markers, rng)
+            if result is None:
+                continue
+            pose, position_m, rotation = result
+            off_m.append(float(np.linalg.norm((pose.position_m - position_m)[:2])))
+            turned = pose.rotation @ rotation.T
+            yaw_deg.append(math.degrees(math.atan2(turned[1, 0], turned[0, 0])))
+        rooms.append(
+            {
+                'markers': markers,
+                'rms_mm': 1e3 * float(np.sqrt(np.mean(np.square(off_m)))),
+                'median_mm': 1e3 * float(np.median(off_m)),
+                'yaw_rms_deg': float(np.sqrt(np.mean(np.square(yaw_deg)))),
+            }
+        )
+    return {
+        'trials': trials,
+        'places': _places(world, trials, rng),
+        'ready_s': sorted(round(one, 2) for one in ready if math.isfinite(one)),
+        'tilt_deg': np.sqrt(np.mean(np.square(tilts), axis=0)).round(3).tolist(),
+        'drones': drones,
+        'rooms': rooms,
+        'stress': _stressed(world, trials, rng),
+    }
+
+
+def table(figures: dict[str, Any]) -> Table:
+    """Return errors and coverage of all that is placed."""
+    rows = [['what', 'error', 'told', 'in its 95 % ellipsoid']]
+
+    def add(what: str, row: dict[str, Any], more: str = '') -> None:
+        holds = percent(row['holds']) if row['holds'] else ''
+        rows.append([what, f'{row["median_mm"]:.1f} mm{more}', f'{row["told_mm"]:.1f} mm', holds])
+
+    for row in figures['places']:
+        if row['places'] in (1, len(CORNERS)) and row['side_m'] in (_SIDES_M[1], _SIDES_M[2]):
+            where = f'{row["places"]} places on a square of {row["side_m"]:g} m'
+            add(f'{row["object"]} from {where}', row)
+    for row in figures['drones']:
+        add(f'drone before {row["sensors"]} sensors', row, f', {row["updates_per_s"]:.1f} a second')
+    add('wrong IDs, late and wrong transforms', figures['stress'])
+    for row in figures['rooms']:
+        error = f'{row["median_mm"]:.1f} mm, {row["yaw_rms_deg"]:.2f}° rms'
+        rows.append([f'robot among {row["markers"]} markers in a room of 4 m', error, '', ''])
+    sight, fixed, told = (f'{angle:.2f}°' for angle in figures['tilt_deg'])
+    rows.append(
+        ['tilt of four markers: to the line of sight; fixed', f'{sight}; {fixed}', told, '']
+    )
+    ready = [one for one in figures['ready_s'] if one <= _READY_S]
+    what = f'all to {1e3 * _READY_M:g} mm within {_READY_S:g} s of looking'
+    rows.append([what, f'{len(ready)} of {figures["trials"]} trials', '', ''])
+    return rows
+
+
+def draw(figures: dict[str, Any]) -> Any:
+    """Draw errors over the distance of the places, and over their number."""
+    figure, ((baseline, number),) = new_chart(
+        1, 2, 14, 5.8, 'Seen from several places, an object is placed to millimetres'
+    )
+    names = list(dict.fromkeys(row['object'] for row in figures['places']))
+    for name, colour in zip(names, ('#0072b2', '#d55e00', '#009e73'), strict=True):
+        own = [row for row in figures['places'] if row['object'] == name]
+        for axis, key, chosen in (
+            (baseline, 'side_m', [row for row in own if row['places'] == len(CORNERS)]),
+            (number, 'places', [row for row in own if row['side_m'] == 0.4]),
+        ):
+            at = [row[key] for row in chosen]
+            axis.plot(at, [row['median_mm'] for row in chosen], 'o-', color=colour, label=name)
+            axis.plot(at, [row['told_mm'] for row in chosen], ':', color=colour)
+            axis.set_yscale('log')
+            axis.set_ylabel('error of the position [mm]: median, and told (dotted)')
+            axis.axhline(10, color='0.4', linewidth=1, linestyle='--')
+            axis.legend(loc='best', fontsize=10)
+    baseline.set_xlabel('edge of the square whose corners the hand looks from [m]')
+    baseline.set_title('four places')
+    number.set_xlabel('places on a square of 0.4 m')
+    number.set_xticks(range(1, len(CORNERS) + 1))
+    number.set_title('one place after the other')
+    return figure

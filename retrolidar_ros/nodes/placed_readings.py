@@ -1,0 +1,121 @@
+# Copyright 2026 retrolidar_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""Detections as readings in a fixed frame, as soon as TF knows where their sensors were."""
+
+from __future__ import annotations
+
+from collections import Counter, deque
+from collections.abc import Callable, Sequence
+
+import numpy as np
+from rclpy.clock import Clock, ClockType
+from rclpy.node import Node
+from rclpy.time import Time
+
+from retrolidar_ros.msg import MarkerDetection
+from retrolidar_ros.nodes.conversion import to_ns
+from retrolidar_ros.nodes.transforms import TransformFinder
+from retrolidar_ros.sensor.rotation import matrix_of
+from retrolidar_ros.tasks.reading import Reading, SensorPose, reading
+
+_TICK_S = 0.1
+_MOST_WAITING = 1000
+
+
+class PlacedReadings:
+    """Subscribes to detections, and waits for the transforms of their time."""
+
+    def __init__(
+        self,
+        node: Node,
+        topics: Sequence[str],
+        fixed_frame: str,
+        patience_s: float,
+        take: Callable[[Reading, MarkerDetection], None],
+        forget: Callable[[], None],
+    ) -> None:
+        """Subscribe.
+
+        Parameters
+        ----------
+        node : Node
+        topics : sequence of str
+        fixed_frame : str
+            Empty: the sensor does not move, and its own frame is the fixed one.
+        patience_s : float
+            How long a transform may be late [s].
+        take : callable
+            Gets each reading, and the detection that it is of.
+        forget : callable
+            Is called when time jumps back, as that of a replay does.
+        """
+        self.dropped: Counter[str] = Counter()
+        """Detections that could not be placed, by reason."""
+        self.finder = TransformFinder(node)
+        self._node = node
+        self._fixed = fixed_frame
+        self._patience_s = patience_s
+        self._hand_on = take
+        self._forget = forget
+        self._ticked = node.get_clock().now()
+        self._waiting: deque[tuple[MarkerDetection, Time]] = deque(maxlen=_MOST_WAITING)
+        for topic in topics:
+            node.create_subscription(MarkerDetection, topic, self._take, 100)
+        node.create_timer(_TICK_S, self.tick, clock=Clock(clock_type=ClockType.STEADY_TIME))
+
+    def _take(self, message: MarkerDetection) -> None:
+        if to_ns(message.header.stamp) >= 0:
+            self._waiting.append((message, self._node.get_clock().now()))
+            self.tick()
+
+    def tick(self) -> None:
+        """Hand on what waits, as far as its transforms are known."""
+        now = self._node.get_clock().now()
+        if now < self._ticked:
+            self.finder.forget()
+            self._waiting.clear()
+            self._forget()
+        self._ticked = now
+        for _ in range(len(self._waiting)):
+            message, came = self._waiting.popleft()
+            if self._place(message):
+                continue
+            if (now - came).nanoseconds * 1e-9 < self._patience_s:
+                self._waiting.append((message, came))
+            else:
+                self._drop(f'no transform from {message.header.frame_id} to {self._fixed}', message)
+
+    def _place(self, message: MarkerDetection) -> bool:
+        """Hand a detection on; return False if its transform is not there yet."""
+        sensor = message.header.frame_id
+        pose = SensorPose(np.zeros(3), np.eye(3))
+        if self._fixed and self._fixed != sensor:
+            stamp = Time.from_msg(message.header.stamp)
+            found = self.finder.find(self._fixed, sensor, stamp)
+            if found is None:
+                return False
+            pose = SensorPose(found[1], matrix_of(found[0]))
+        place = message.pose.pose.position
+        try:
+            placed = reading(
+                message.id,
+                sensor,
+                to_ns(message.header.stamp) * 1e-9,
+                message.range,
+                message.range_stddev,
+                np.array([place.x, place.y, place.z]),
+                np.array(message.pose.covariance).reshape(6, 6)[:3, :3],
+                pose,
+            )
+        except ValueError as error:
+            self._drop(str(error), message)
+            return True
+        self._hand_on(placed, message)
+        return True
+
+    def _drop(self, reason: str, message: MarkerDetection) -> None:
+        self.dropped[reason.partition(':')[0]] += 1
+        self._node.get_logger().warning(
+            f'{reason}; a reading of {message.child_frame_id} is left out',
+            throttle_duration_sec=5.0,
+        )

@@ -1,0 +1,64 @@
+# Copyright 2026 retrolidar_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""Directions that may be anywhere in a box, as the normals that they are worth (Minka 2001).
+
+A marker that one zone sees alone may be anywhere in the zone, and how often it is read so says no
+more. So each box is replaced by the normal that leaves the state, given all else, with the mean
+and the variance that the box would leave it: expectation propagation.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from retrolidar_ros.sensor.frame import Floats
+
+_erf = np.vectorize(math.erf, otypes=[float])
+# How likely a direction is anywhere, for each radian of half its box.
+_ASTRAY = 0.02
+
+
+def same_boxes(jacobian: Floats, spread: Floats, mean: Floats, half: Floats) -> Floats:
+    """Return how many boxes say the same as each, shape (n, 2).
+
+    Two do if their directions move together, and are at the same place of their boxes: together
+    they tell no more than one of them.
+    """
+    rows = jacobian.reshape(-1, jacobian.shape[-1])
+    together = rows @ spread @ rows.T
+    deviation = np.sqrt(np.diag(together))
+    place, size = mean.ravel(), half.ravel()
+    apart = np.abs(place[:, None] - place) / np.minimum.outer(size, size)
+    same = (together / np.outer(deviation, deviation)) ** 2 * np.maximum(1 - 2 * apart, 0.0)
+    count: Floats = same.sum(axis=1).reshape(mean.shape)
+    return count
+
+
+def match_boxes(
+    mean: Floats, variance: Floats, sure: Floats, middle: Floats, half: Floats, soft: Floats
+) -> tuple[Floats, Floats]:
+    """Return weights and middles of the normals that boxes are worth, given all the others.
+
+    Parameters
+    ----------
+    mean, variance : array, shape (n, 2)
+        Of the directions, as the state has them now.
+    sure, middle : array, shape (n, 2)
+        Of the normals that stood for the boxes so far.
+    half, soft : array, shape (n, 2)
+        Half the widths of the boxes, and the variance of their edges.
+    """
+    left = np.maximum(1 / variance - sure, 0.1 / variance)
+    mean = (mean / variance - sure * middle) / left
+    total = 1 / left + soft
+    deviation = np.sqrt(total)
+    low, high = (-half - mean) / deviation, (half - mean) / deviation
+    inside = (_erf(high / math.sqrt(2)) - _erf(low / math.sqrt(2))) / 2
+    low_density, high_density = (np.exp(-0.5 * x * x) / math.sqrt(2 * math.pi) for x in (low, high))
+    chance = inside + _ASTRAY * half
+    slope = (low_density - high_density) / deviation / chance
+    bend = slope**2 + (high * high_density - low * low_density) / total / chance
+    bend = np.clip(bend, 1e-9, 0.999 * left)
+    return bend / (1 - bend / left), mean + slope / bend

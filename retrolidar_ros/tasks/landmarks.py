@@ -1,0 +1,209 @@
+# Copyright 2026 retrolidar_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""Landmarks: objects that carry markers, placed by all readings that belong to them."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from retrolidar_ros.sensor.frame import Floats
+from retrolidar_ros.tasks.least_squares import Fit, Prior, Problem
+from retrolidar_ros.tasks.reading import Errors, Reading
+
+# Residuals beyond so many deviations do not belong.
+_GATE = 4.5
+# A landmark is told of when so many readings agree, and has moved when so many agree elsewhere.
+_AGREEING = 2
+_MOST_READINGS = 40
+_MOVING_WINDOW_S = 8.0
+_ONE_VIEW_M = 0.05
+# Above this deviation, all orientations are tried again [rad].
+_TURN_UNKNOWN = 0.5
+
+
+@dataclass(frozen=True, eq=False)
+class Estimate:
+    """Where a landmark is."""
+
+    name: str
+    stamp_s: float
+    """When it holds: at the last reading."""
+    position_m: Floats
+    """Shape (3,), in the fixed frame."""
+    rotation: Floats
+    """Turns directions of the object into those of the fixed frame, shape (3, 3)."""
+    velocity: Floats
+    """Shape (3,) [m/s]."""
+    covariance: Floats
+    """Of the position [m²] and the rotation about the fixed axes [rad²], shape (6, 6)."""
+    readings: int
+    """How many it is made of."""
+    baseline_m: float
+    """How far apart the sensors were at most."""
+    rejected: int
+    """How many readings did not belong, since the beginning."""
+    moved_s: float | None
+    """When it was last found elsewhere."""
+
+    @property
+    def stddev_m(self) -> float:
+        """Deviation of the position along the axis in which it is largest."""
+        return math.sqrt(float(np.linalg.eigvalsh(self.covariance[:3, :3])[-1]))
+
+    @property
+    def open_axis(self) -> Floats:
+        """The unit vector along which the position is least known, shape (3,)."""
+        axis: Floats = np.linalg.eigh(self.covariance[:3, :3])[1][:, -1]
+        return axis
+
+
+class Landmark:
+    """One object: the readings that belong to it, and where they put it."""
+
+    def __init__(
+        self,
+        name: str,
+        markers: Mapping[int, Floats],
+        errors: Errors,
+        prior: Prior | None = None,
+        place_variance: Mapping[int, Floats] | None = None,
+    ) -> None:
+        """Wait for readings.
+
+        Parameters
+        ----------
+        name : str
+        markers, errors, prior, place_variance
+            As in `Problem`.
+        """
+        self.name = name
+        self.errors = errors
+        self.rejected = 0
+        self.moved_s: float | None = None
+        self.fit: Fit | None = None
+        self.members: list[Reading] = []
+        self._markers = markers
+        self._place_variance = place_variance
+        self._prior = prior
+        self._strays: list[Reading] = []
+        self._since_s = -math.inf
+        if prior is not None:
+            spread = np.zeros((9, 9))
+            spread[:6, :6] = prior.covariance
+            self.fit = Fit(prior.state, spread, -math.inf, np.zeros((0, 3)), np.zeros((0, 2)))
+
+    def forget(self) -> None:
+        """Begin without any reading, and without what was known before."""
+        self.members, self._strays, self.fit, self._prior = [], [], None, None
+        self._since_s = -math.inf
+
+    def take(self, reading: Reading) -> bool:
+        """Take a reading of one of the markers, and tell whether it belongs."""
+        if reading.stamp_s < self._since_s:
+            self.rejected += 1
+            return False
+        if self.fit is None or not self._knows_turn() or self._agrees(reading):
+            self.members.append(reading)
+            self._strays = [one for one in self._strays if one.stamp_s > reading.stamp_s]
+            self._thin()
+            self._solve()
+            return reading in self.members
+        self.rejected += 1
+        return self._looks_elsewhere(reading)
+
+    def has(self, marker: int) -> bool:
+        """Tell whether a marker is one of its own."""
+        return marker in self._markers
+
+    def estimate(self) -> Estimate | None:
+        """Return where the landmark is; None until two readings agree, or it was known before."""
+        if self.fit is None or (len(self.members) < _AGREEING and self._prior is None):
+            return None
+        state = self.fit.state
+        places = np.array([one.pose.position_m for one in self.members]).reshape(-1, 3)
+        apart = np.linalg.norm(places[:, None] - places, axis=-1)
+        covariance = self.fit.covariance[:6, :6]
+        if len(self._markers) == 1:
+            covariance = covariance.copy()
+            covariance[3:, 3:] = np.eye(3) * math.pi**2 / 3
+        return Estimate(
+            name=self.name,
+            stamp_s=self.fit.stamp_s,
+            position_m=state.position_m,
+            rotation=state.rotation,
+            velocity=state.velocity,
+            covariance=covariance,
+            readings=len(self.members),
+            baseline_m=float(apart.max(initial=0.0)),
+            rejected=self.rejected,
+            moved_s=self.moved_s,
+        )
+
+    def spread_with(self, readings: Sequence[Reading]) -> Floats:
+        """Return the covariance of the position, shape (3, 3) [m²], with more ranges besides."""
+        assert self.fit is not None
+        return self._problem([*self.members, *readings]).spread(self.fit)[:3, :3]
+
+    def _problem(self, readings: Sequence[Reading]) -> Problem:
+        return Problem(self._markers, readings, self.errors, self._prior, self._place_variance)
+
+    def _agrees(self, reading: Reading) -> bool:
+        assert self.fit is not None
+        fit = self.fit
+        if self.errors.acceleration and self.members:
+            # Its own time counts, before or after that of the estimate.
+            fit = self._problem([*self.members, reading]).solve(fit.state)
+            return bool(np.abs(fit.scores).max() < _GATE)
+        return bool(np.abs(self._problem([reading]).scores(fit)).max() < _GATE)
+
+    def _solve(self) -> None:
+        """Fit all members, and let go those that do not belong."""
+        while True:
+            start = self.fit.state if self._knows_turn() and self.fit is not None else None
+            self.fit = self._problem(self.members).solve(start)
+            scores = np.abs(self.fit.scores).max(axis=1)
+            worst = int(scores.argmax())
+            if scores[worst] < _GATE or len(self.members) <= _AGREEING:
+                return
+            del self.members[worst]
+            self.rejected += 1
+
+    def _knows_turn(self) -> bool:
+        if self.fit is None or len(self._markers) == 1:
+            return self.fit is not None
+        turning = self.fit.covariance[3:6, 3:6]
+        return float(np.linalg.eigvalsh(turning)[-1]) < _TURN_UNKNOWN**2
+
+    def _looks_elsewhere(self, reading: Reading) -> bool:
+        """Begin anew if another stray agrees with a reading, and none of the members is newer."""
+        self._strays.append(reading)
+        if self.members and reading.stamp_s < max(one.stamp_s for one in self.members):
+            return False
+        for other in self._strays[:-1]:
+            pair = [other, reading]
+            fit = Problem(self._markers, pair, self.errors).solve()
+            if np.abs(fit.scores).max() < _GATE:
+                if len(self.members) >= _AGREEING or self._prior is not None:
+                    self.moved_s = reading.stamp_s
+                self._since_s = min(one.stamp_s for one in pair)
+                self.members, self._strays, self._prior = pair, [], None
+                self.rejected -= len(pair)
+                self.fit = fit
+                return True
+        return False
+
+    def _thin(self) -> None:
+        """Keep what says most: of a standing object many views, of a moving one the latest."""
+        self.members.sort(key=lambda one: one.stamp_s)
+        if self.errors.acceleration:
+            oldest_s = self.members[-1].stamp_s - _MOVING_WINDOW_S
+            self.members = [one for one in self.members if one.stamp_s >= oldest_s]
+        while len(self.members) > _MOST_READINGS:
+            places = np.array([one.pose.position_m for one in self.members])
+            near = np.linalg.norm(places[:, None] - places, axis=-1) < _ONE_VIEW_M
+            # The oldest of the fullest view; the last one is what is news.
+            del self.members[int(near.sum(axis=1)[:-1].argmax())]

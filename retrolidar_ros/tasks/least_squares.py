@@ -1,0 +1,282 @@
+# Copyright 2026 retrolidar_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""Where an object is, and how it is turned, by nonlinear least squares over readings."""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from retrolidar_ros.sensor.frame import Floats
+from retrolidar_ros.sensor.rotation import cross_matrix, matrix_of_turn
+from retrolidar_ros.tasks.boxes import match_boxes, same_boxes
+from retrolidar_ros.tasks.reading import Errors, Reading, Readings
+
+_MOST_STEPS, _FEW_STEPS = 60, 8
+_SMALL_STEP = 1e-5  # [m] or [rad]
+_MOST_STEP = 0.5
+_SOMEWHERE = 1e-6  # all is within a kilometre or so, which keeps equations solvable [1/m²]
+TURN_VARIANCE = math.pi**2 / 3
+"""Of an angle that can be anything [rad²]."""
+# Student's t of so many degrees of freedom is what ranges are thought to follow, and residuals
+# raise the covariance as if so many more had been as expected.
+_FREEDOM = 5.0
+
+
+@dataclass(frozen=True, eq=False)
+class State:
+    """Pose and motion of an object in the fixed frame."""
+
+    position_m: Floats
+    """Shape (3,)."""
+    rotation: Floats
+    """Turns directions of the object into those of the fixed frame, shape (3, 3)."""
+    velocity: Floats
+    """Shape (3,) [m/s]."""
+
+
+@dataclass(frozen=True, eq=False)
+class Prior:
+    """What was known of a pose before any reading."""
+
+    state: State
+    covariance: Floats
+    """Of position [m²] and rotation about the fixed axes [rad²], shape (6, 6)."""
+
+
+@dataclass(frozen=True, eq=False)
+class Fit:
+    """An estimate, and how well each reading agrees with it."""
+
+    state: State
+    covariance: Floats
+    """Of position, rotation about the fixed axes and velocity, shape (9, 9)."""
+    stamp_s: float
+    """When it holds."""
+    scores: Floats
+    """Of range and of both directions: residuals in their deviations, shape (n, 3).
+
+    Of a direction, what is beyond its box.
+    """
+    bearing_weight: Floats
+    """What the boxes were worth, shape (n, 2) [1/rad²]."""
+
+
+class Problem:
+    """Readings of the markers of one object."""
+
+    def __init__(
+        self,
+        markers: Mapping[int, Floats],
+        readings: Sequence[Reading],
+        errors: Errors,
+        prior: Prior | None = None,
+        place_variance: Mapping[int, Floats] | None = None,
+    ) -> None:
+        """Pose it.
+
+        Parameters
+        ----------
+        markers : mapping of int to array, shape (3,)
+            Where each is on the object [m].
+        readings : sequence of Reading
+            At least one, of these markers.
+        errors : Errors
+            What their errors share.
+        prior : Prior or None
+            Of its pose.
+        place_variance : mapping of int to array, shape (3, 3), or None
+            How well the places on the object are known [m²]; None: for certain.
+        """
+        self.seen = Readings(readings)
+        self.errors = errors
+        self.prior = prior
+        self.stamp_s = float(self.seen.stamp_s.max())
+        self._before_s = self.stamp_s - self.seen.stamp_s
+        self._places = np.array([markers[one] for one in self.seen.marker.tolist()])
+        doubts = place_variance or {}
+        self._doubt: Floats = np.array(
+            [doubts.get(one, np.zeros((3, 3))) for one in self.seen.marker.tolist()]
+        )
+        self._turns = len({tuple(place) for place in markers.values()}) > 1
+        self._free = np.repeat([True, self._turns, errors.acceleration > 0], 3)
+
+    def solve(self, start: State | None = None) -> Fit:
+        """Return the estimate that is found from a first guess, or from the best of many."""
+        if start is not None:
+            return self._descend(start, _MOST_STEPS)
+        seen = self.seen
+        places = seen.sensor_m + seen.range_m[:, None] * seen.direction
+        guesses = [
+            State((places - self._places @ turn.T).mean(axis=0), turn, np.zeros(3))
+            for turn in (_QUARTER_TURNS if self._turns else _QUARTER_TURNS[:1])
+        ]
+        if len(guesses) > 1:
+            fits = [self._descend(guess, _FEW_STEPS) for guess in guesses]
+            guesses = [min(fits, key=lambda fit: float(np.square(fit.scores).sum())).state]
+        return self._descend(guesses[0], _MOST_STEPS)
+
+    def scores(self, fit: Fit) -> Floats:
+        """Return how far readings are from an estimate that they are no part of, shape (n, 3)."""
+        jacobian, residual = self._linearised(fit.state)
+        whole, soft = self._variances(fit.state, 0 * residual[:, 0], fit.covariance)
+        told = np.einsum('nck,kl,ncl->nc', jacobian, fit.covariance, jacobian)
+        return self._scores(residual, np.diag(whole) + told[:, 0], soft + told[:, 1:])
+
+    def spread(self, fit: Fit) -> Floats:
+        """Return the covariance, shape (9, 9), with more readings after those of an estimate.
+
+        Of the additional ones only the ranges count.
+        """
+        jacobian, residual = self._linearised(fit.state)
+        whole, _ = self._variances(fit.state, 0 * residual[:, 0], fit.covariance)
+        sure = np.zeros((len(residual), 2))
+        sure[: len(fit.bearing_weight)] = fit.bearing_weight
+        information, _ = self._equations(fit.state, jacobian, residual, np.linalg.inv(whole))
+        return self._inverse(information + _outer(jacobian[:, 1:], sure))
+
+    def _descend(self, state: State, steps: int) -> Fit:
+        """Follow Gauss and Newton, and match the moments of the boxes on the way (Minka 2001)."""
+        seen = self.seen
+        half = self._half_box()
+        _, soft = self._variances(state, 0 * seen.range_m, np.zeros((9, 9)))
+        sure = 1 / (half**2 / 3 + soft)
+        middle = np.zeros_like(sure)
+        spread: Floats = np.zeros((9, 9))
+        for _ in range(steps):
+            jacobian, residual = self._linearised(state)
+            whole, soft = self._variances(state, residual[:, 0], spread)
+            weight = np.linalg.inv(whole)
+            information, slope = self._equations(state, jacobian, residual, weight)
+            aside, per_state = residual[:, 1:], jacobian[:, 1:]
+            information += _outer(per_state, sure)
+            slope += np.einsum('nck,nc->k', per_state, sure * (aside - middle))
+            before, spread = spread, self._inverse(information)
+            step = spread @ slope * self._free
+            largest = float(np.abs(step).max())
+            step *= min(1.0, _MOST_STEP / max(largest, 1e-12))
+            state = State(
+                state.position_m + step[:3],
+                matrix_of_turn(step[3:6]) @ state.rotation,
+                state.velocity + step[6:],
+            )
+            change = np.abs(spread - before)[:3, :3].max()
+            if largest < _SMALL_STEP and change < 1e-3 * spread[:3, :3].max():
+                break
+            mean = per_state @ step - aside
+            variance = np.einsum('nck,kl,ncl->nc', per_state, spread, per_state)
+            alike = same_boxes(per_state, spread, mean, half)
+            fresh, shift = match_boxes(mean, variance, alike * sure, -middle, half, soft)
+            fresh /= alike
+            shift = (sure * -middle + fresh * shift) / np.maximum(sure + fresh, 1e-12)
+            sure, middle = (sure + fresh) / 2, -shift
+        jacobian, residual = self._linearised(state)
+        chi2 = float(residual[:, 0] @ weight @ residual[:, 0])
+        scale = (_FREEDOM + chi2) / (_FREEDOM + max(len(residual) - 3, 0))
+        told = np.einsum('nk,kl,nl->n', jacobian[:, 0], spread, jacobian[:, 0])
+        own = np.maximum(np.diag(whole) - told, 0.2 * np.diag(whole))
+        scores = self._scores(residual, own, soft)
+        return Fit(state, max(scale, 1.0) * spread, self.stamp_s, scores, sure)
+
+    def _scores(self, residual: Floats, variance: Floats, soft: Floats) -> Floats:
+        beyond = np.maximum(np.abs(residual[:, 1:]) - self._half_box(), 0.0)
+        return np.column_stack([residual[:, 0] / np.sqrt(variance), beyond / np.sqrt(soft)])
+
+    def _half_box(self) -> Floats:
+        half: Floats = math.sqrt(3) * self.seen.spread_rad + self.errors.box_rad
+        return half
+
+    def _inverse(self, information: Floats) -> Floats:
+        """Return the covariance of the state, shape (9, 9)."""
+        free = np.ix_(self._free, self._free)
+        spread: Floats = np.diag(np.repeat([0.0, 0.0 if self._turns else TURN_VARIANCE, 0.0], 3))
+        spread[free] = np.linalg.inv(information[free])
+        return spread
+
+    def _equations(
+        self, state: State, jacobian: Floats, residual: Floats, weight: Floats
+    ) -> tuple[Floats, Floats]:
+        """Return the normal equations of ranges and of what was known before."""
+        weighted = jacobian[:, 0].T @ weight
+        information = weighted @ jacobian[:, 0]
+        slope = weighted @ residual[:, 0]
+        still = 1 / self.errors.speed**2
+        information += np.diag(np.repeat([_SOMEWHERE, 1 / TURN_VARIANCE, still], 3))
+        slope[6:] -= still * state.velocity
+        if self.prior is not None:
+            turn = self.prior.state.rotation @ state.rotation.T
+            turned = np.array([turn[2, 1], turn[0, 2], turn[1, 0]])
+            turned -= np.array([turn[1, 2], turn[2, 0], turn[0, 1]])
+            off = np.append(self.prior.state.position_m - state.position_m, turned / 2)
+            known = np.linalg.inv(self.prior.covariance)
+            information[:6, :6] += known
+            slope[:6] += known @ off
+        return information, slope
+
+    def _sight(self, state: State) -> Floats:
+        moved = np.outer(self._before_s, state.velocity)
+        sight: Floats = (
+            state.position_m + self._places @ state.rotation.T - moved - self.seen.sensor_m
+        )
+        return sight
+
+    def _linearised(self, state: State) -> tuple[Floats, Floats]:
+        """Return derivatives, shape (n, 3, 9), and residuals, shape (n, 3)."""
+        sight = self._sight(state)
+        range_m = np.maximum(np.linalg.norm(sight, axis=1), 1e-3)
+        unit = sight / range_m[:, None]
+        axes = self.seen.axes
+        aside = np.einsum('nck,nk->nc', axes, unit)
+        residual = np.column_stack([self.seen.range_m - range_m, -aside])
+        per_place = np.empty((len(range_m), 3, 3))
+        per_place[:, 0] = unit
+        per_place[:, 1:] = (axes - aside[..., None] * unit[:, None]) / range_m[:, None, None]
+        jacobian = np.empty((len(range_m), 3, 9))
+        jacobian[..., :3] = per_place
+        jacobian[..., 3:6] = -per_place @ cross_matrix(self._places @ state.rotation.T)
+        jacobian[..., 6:] = -per_place * self._before_s[:, None, None]
+        return jacobian, residual
+
+    def _variances(self, state: State, residual: Floats, spread: Floats) -> tuple[Floats, Floats]:
+        """Return covariance of ranges, shape (n, n), and softness of boxes, shape (n, 2)."""
+        sight = self._sight(state)
+        range_m = np.linalg.norm(sight, axis=1)
+        doubt = state.rotation @ self._doubt @ state.rotation.T
+        whole = self.seen.range_covariance(sight, doubt, self._before_s, self.errors)
+        # Spheres bend away from the planes that they are taken for, as far as a place is open.
+        unit = sight / range_m[:, None]
+        across = np.eye(3) - unit[:, :, None] * unit[:, None]
+        open_m2 = across @ spread[:3, :3] @ across
+        trace = np.trace(open_m2, axis1=1, axis2=2)
+        square = np.einsum('nij,nji->n', open_m2, open_m2)
+        bend = np.sqrt(trace**2 + 2 * square) / (2 * range_m)
+        whole += np.outer(bend, bend)
+        excess = np.maximum(residual**2 / np.diag(whole) - 1, 0.0) / (_FREEDOM + 1)
+        whole += np.diag(excess * self.seen.range_stddev_m**2)
+        soft = self.seen.bearing_variance(range_m, doubt, self._before_s, self.errors)
+        return whole, soft
+
+
+def _outer(jacobian: Floats, sure: Floats) -> Floats:
+    """Return the information, shape (9, 9), of directions known with weights, shape (n, 2)."""
+    information: Floats = np.einsum('nck,nc,ncl->kl', jacobian, sure, jacobian)
+    return information
+
+
+def _quarter_turns() -> list[Floats]:
+    """Return the 24 rotations that turn a cube into itself."""
+    turns = []
+    for order in itertools.permutations(range(3)):
+        for signs in itertools.product((1.0, -1.0), repeat=3):
+            matrix = np.zeros((3, 3))
+            matrix[range(3), order] = signs
+            if np.linalg.det(matrix) > 0:
+                turns.append(matrix)
+    return sorted(turns, key=lambda turn: -float(np.trace(turn)))
+
+
+_QUARTER_TURNS = _quarter_turns()

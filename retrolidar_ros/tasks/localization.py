@@ -1,0 +1,93 @@
+# Copyright 2026 retrolidar_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""Where a robot is among markers at known places.
+
+To a robot, the room is an object of several markers: where that is in the robot's own frame says
+where the robot is in the room.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import NamedTuple
+
+import numpy as np
+
+from retrolidar_ros.sensor.frame import Floats
+from retrolidar_ros.sensor.rotation import cross_matrix
+from retrolidar_ros.tasks.landmarks import Estimate, Landmark
+from retrolidar_ros.tasks.least_squares import Prior, State
+from retrolidar_ros.tasks.reading import Errors
+
+# Deviations of a robot on a floor from its plane [m] and from level [rad], and of all else.
+_LEVEL_M, _LEVEL = 0.01, 0.01
+_FAR_M, _ANY_TURN = 100.0, 100.0
+
+
+class RobotPose(NamedTuple):
+    """Where a robot's base is in the frame of the markers."""
+
+    position_m: Floats
+    """Shape (3,)."""
+    rotation: Floats
+    """Turns directions of the base into those of the markers' frame, shape (3, 3)."""
+    covariance: Floats
+    """Of the position [m²] and the rotation about the axes of that frame [rad²], shape (6, 6)."""
+
+
+def room_of(
+    known: Mapping[str, Prior],
+    objects: Mapping[str, Mapping[int, Floats]],
+    errors: Errors,
+    *,
+    flat: bool = False,
+) -> Landmark:
+    """Return a room as one landmark.
+
+    Parameters
+    ----------
+    known : mapping of str to Prior
+        Where objects are in the room, by name.
+    objects : mapping of str to mapping of int to array, shape (3,)
+        The markers of each, with their places on it [m].
+    errors : Errors
+        What readings share.
+    flat : bool
+        The robot's frame is level and at the height of the room's, as on a floor.
+
+    Raises
+    ------
+    ValueError
+        If fewer than three markers are known.
+    """
+    places, doubts = {}, {}
+    for name, prior in known.items():
+        for marker, on_object_m in objects.get(name, {}).items():
+            arm_m = prior.state.rotation @ on_object_m
+            per_pose = np.hstack([np.eye(3), -cross_matrix(arm_m)])
+            places[marker] = prior.state.position_m + arm_m
+            doubts[marker] = per_pose @ prior.covariance @ per_pose.T
+    if len(places) < 3:
+        raise ValueError(f'{len(places)} markers are at known places; localisation needs three')
+    level = None
+    if flat:
+        state = State(np.zeros(3), np.eye(3), np.zeros(3))
+        level = Prior(state, np.diag([_FAR_M, _FAR_M, _LEVEL_M, _LEVEL, _LEVEL, _ANY_TURN]) ** 2)
+    return Landmark('room', places, errors, level, doubts)
+
+
+def robot_pose(room: Estimate, base_m: Floats, base_rotation: Floats) -> RobotPose:
+    """Return where the base is in a room, from where both are in the fixed frame.
+
+    Parameters
+    ----------
+    room : Estimate
+    base_m : array, shape (3,)
+        The base's position in the fixed frame [m].
+    base_rotation : array, shape (3, 3)
+        Turns directions of the base into those of the fixed frame.
+    """
+    back = room.rotation.T
+    arm_m = base_m - room.position_m
+    jacobian = np.block([[-back, back @ cross_matrix(arm_m)], [np.zeros((3, 3)), -back]])
+    return RobotPose(back @ arm_m, back @ base_rotation, jacobian @ room.covariance @ jacobian.T)

@@ -1,0 +1,198 @@
+# Copyright 2026 retrolidar_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""A reading of a marker with the place of the sensor that took it, and how errors are alike."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from retrolidar_ros.sensor.frame import Floats, ZoneGrid
+
+
+class SensorPose(NamedTuple):
+    """Where a sensor was in the fixed frame."""
+
+    position_m: Floats
+    """Shape (3,)."""
+    rotation: Floats
+    """Turns directions of the sensor's optical frame into those of the fixed one, shape (3, 3)."""
+
+
+class Reading(NamedTuple):
+    """One reading of one marker by one sensor."""
+
+    marker: int
+    sensor: str
+    """Whatever tells sensors apart, such as their frames."""
+    stamp_s: float
+    range_m: float
+    range_stddev_m: float
+    direction: Floats
+    """Unit vector in the sensor's optical frame, shape (3,)."""
+    spread_rad: Floats
+    """Deviations of the direction along the rows of `axes_of`, shape (2,)."""
+    pose: SensorPose
+
+    def place_m(self) -> Floats:
+        """Return where the marker is in the fixed frame by this alone, shape (3,) [m]."""
+        place: Floats = self.pose.position_m + self.range_m * (self.pose.rotation @ self.direction)
+        return place
+
+
+def axes_of(direction: Floats) -> Floats:
+    """Return two unit vectors across a direction, the first as near to x as can be: (2, 3)."""
+    across = np.array([1.0, 0.0, 0.0]) - direction[0] * direction
+    across /= np.linalg.norm(across)
+    return np.stack([across, np.cross(direction, across)])
+
+
+def reading(
+    marker: int,
+    sensor: str,
+    stamp_s: float,
+    range_m: float,
+    range_stddev_m: float,
+    position_m: Floats,
+    covariance: Floats,
+    pose: SensorPose,
+) -> Reading:
+    """Return a detection as a reading.
+
+    Parameters
+    ----------
+    marker, sensor, stamp_s, range_m, range_stddev_m, pose
+        As in `Reading`.
+    position_m : array, shape (3,)
+        Of the marker in the sensor's frame [m]; its direction counts.
+    covariance : array, shape (3, 3)
+        Of that [m²]; what is across the direction counts, the box of a zone.
+
+    Raises
+    ------
+    ValueError
+        For a value that is not a number, or a range or a deviation that is not above 0.
+    """
+    values = np.concatenate([position_m, covariance.ravel(), [stamp_s, range_m, range_stddev_m]])
+    length_m = float(np.linalg.norm(position_m))
+    if not np.isfinite(values).all() or min(range_m, range_stddev_m, length_m) <= 0:
+        raise ValueError(f'marker {marker}: a range of {range_m} ± {range_stddev_m} m cannot be')
+    direction = position_m / length_m
+    axes = axes_of(direction)
+    variance = np.einsum('ki,ij,kj->k', axes, covariance, axes) / length_m**2
+    spread = np.sqrt(np.maximum(variance, 1e-8))
+    return Reading(marker, sensor, stamp_s, range_m, range_stddev_m, direction, spread, pose)
+
+
+@dataclass(frozen=True)
+class Errors:
+    """Deviations of errors that readings share; what each has for itself it tells."""
+
+    range_bias_m: float = 0.002
+    """Of a sensor's range, the same in all its readings; a calibration narrows it."""
+    range_m: float = 0.0005
+    """Of a range besides what it tells."""
+    box_rad: float = 0.0175
+    """How far a direction may be beyond the box that it tells: lens and mounting; no deviation."""
+    edge_rad: float = 0.009
+    """How soft the edges of that box are."""
+    pose_m: float = 0.002
+    """Of the sensor's position, along each axis."""
+    turn_rad: float = 0.0035
+    """Of the sensor's orientation, about each axis."""
+    acceleration: float = 0.0
+    """Density of the noise that a moving marker's acceleration is [m/s²/√Hz]; 0: it stands."""
+    speed: float = 0.5
+    """Of a moving marker, along each axis [m/s]."""
+
+
+# What stands behind a marker or blinks beside it makes its range wrong in the same way while the
+# sensor stays where it is. This share of the usual variance is of that kind, and all that a reading
+# has above the usual, which tells but a part of it.
+_SHARED, _DISTRUST, _SCATTER = 0.25, 2.5, 1.3
+_CROWDED_M = 0.01
+# Within such a distance [m] a sensor's errors are the same.
+_ALIKE_M = 0.05
+
+
+class Readings:
+    """Arrays of the readings that one estimate is made of."""
+
+    def __init__(self, readings: Sequence[Reading]) -> None:
+        self.marker = np.array([one.marker for one in readings])
+        self.range_m = np.array([one.range_m for one in readings])
+        self.range_stddev_m = np.array([one.range_stddev_m for one in readings])
+        self.spread_rad = np.array([one.spread_rad for one in readings])
+        self.stamp_s = np.array([one.stamp_s for one in readings])
+        self.sensor_m = np.array([one.pose.position_m for one in readings])
+        rotation = np.array([one.pose.rotation for one in readings])
+        own = np.array([np.vstack([axes_of(one.direction), one.direction]) for one in readings])
+        axes = own @ rotation.swapaxes(1, 2)
+        self.axes = axes[:, :2]
+        """Across the measured directions, in the fixed frame, shape (n, 2, 3)."""
+        self.direction = axes[:, 2]
+        """As measured, in the fixed frame, shape (n, 3)."""
+        sensor = np.array([one.sensor for one in readings])
+        apart = np.linalg.norm(self.sensor_m[:, None] - self.sensor_m, axis=-1)
+        self._one_sensor = sensor[:, None] == sensor
+        self._one_pose = self._one_sensor * np.exp(-0.5 * (apart / _ALIKE_M) ** 2)
+        self._one_view = self._one_pose * (self.marker[:, None] == self.marker)
+        # The noise of a range rises with about the square of the range.
+        each = self.range_stddev_m / self.range_m**2
+        usual = np.minimum(_SCATTER * np.median(each) * self.range_m**2, self.range_stddev_m)
+        variance = self.range_stddev_m**2
+        # Two that blink in one zone spoil each other's range, and do not tell.
+        other = self.marker[:, None] != self.marker
+        tangent = np.array([one.direction[:2] / one.direction[2] for one in readings])
+        close = np.abs(tangent[:, None] - tangent).max(axis=-1) < ZoneGrid().pitch / 2
+        crowded = (other & close & (self._one_pose > 0.5)).any(axis=1)
+        variance += (_CROWDED_M / _DISTRUST) ** 2 * crowded
+        self._own_m2 = (1 - _SHARED) * np.minimum(variance, usual**2)
+        self._shared_m = np.sqrt(_SHARED * usual**2 + (_DISTRUST**2) * (variance - usual**2))
+
+    def range_covariance(
+        self, sight_m: Floats, place_variance: Floats, before_s: Floats, errors: Errors
+    ) -> Floats:
+        """Return the covariance of the errors of all ranges, shape (n, n) [m²].
+
+        Parameters
+        ----------
+        sight_m : array, shape (n, 3)
+            From the sensors to where the markers are now thought to be, in the fixed frame.
+        place_variance : array, shape (n, 3, 3)
+            How well the marker's place on its object is known, in the fixed frame [m²].
+        before_s : array, shape (n,)
+            How long before the time of the estimate each was taken.
+        errors : Errors
+            What they share.
+        """
+        unit = sight_m / np.linalg.norm(sight_m, axis=1)[:, None]
+        alike = unit @ unit.T
+        result: Floats = errors.pose_m**2 * self._one_pose * alike
+        result += errors.range_bias_m**2 * self._one_sensor
+        result += np.outer(self._shared_m, self._shared_m) * self._one_view
+        result += np.diag(self._own_m2 + errors.range_m**2)
+        same = self.marker[:, None] == self.marker
+        result += np.einsum('ik,ikl,jl->ij', unit, place_variance, unit) * same
+        if errors.acceleration:
+            result += errors.acceleration**2 * _wandered(before_s) * alike
+        return result
+
+    def bearing_variance(
+        self, range_m: Floats, place_variance: Floats, before_s: Floats, errors: Errors
+    ) -> Floats:
+        """Return the variance of boxes' edges, shape (n, 2) [rad²]; see `range_covariance`."""
+        along = errors.pose_m**2 + errors.acceleration**2 * np.diag(_wandered(before_s))
+        across = np.einsum('nck,nkl,ncl->nc', self.axes, place_variance, self.axes) + along[:, None]
+        variance: Floats = errors.edge_rad**2 + errors.turn_rad**2 + across / range_m[:, None] ** 2
+        return variance
+
+
+def _wandered(before_s: Floats) -> Floats:
+    """Return the covariance of places, told back, if the velocity is a Wiener process [s³]."""
+    least, most = np.minimum.outer(before_s, before_s), np.maximum.outer(before_s, before_s)
+    wandered: Floats = least**2 * (3 * most - least) / 6
+    return wandered

@@ -1,0 +1,131 @@
+# Copyright 2026 retrolidar_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""All landmarks of a place: which marker belongs to which, and what is written of them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import Any
+
+import numpy as np
+
+from retrolidar_ros.sensor.frame import Floats
+from retrolidar_ros.sensor.rotation import matrix_of, quaternion_of
+from retrolidar_ros.settings.section import ConfigError, Section, text
+from retrolidar_ros.tasks.landmarks import Estimate, Landmark
+from retrolidar_ros.tasks.least_squares import Prior, State
+from retrolidar_ros.tasks.reading import Errors, Reading
+
+_ORIGIN = np.zeros(3)
+
+
+class Survey:
+    """Landmarks by name; markers that nobody has named are landmarks of their own."""
+
+    def __init__(
+        self,
+        objects: Mapping[str, Mapping[int, Floats]],
+        errors: Errors,
+        known: Mapping[str, Prior] | None = None,
+    ) -> None:
+        """Begin.
+
+        Parameters
+        ----------
+        objects : mapping of str to mapping of int to array, shape (3,)
+            The markers of objects by ID, with their places [m].
+        errors : Errors
+            What readings share.
+        known : mapping of str to Prior, or None
+            Of a former survey, by name.
+        """
+        self.landmarks: dict[str, Landmark] = {}
+        self._objects = objects
+        self._errors = errors
+        self._known = known or {}
+        self._owners = {one: name for name, markers in objects.items() for one in markers}
+        for name in self._known:
+            self._begin(name, objects.get(name, {}))
+
+    def take(self, reading: Reading, name: str) -> Landmark:
+        """Take a reading of a marker that goes by a name if it is no part of an object."""
+        owner = self._owners.get(reading.marker, name)
+        if owner not in self.landmarks or not self.landmarks[owner].has(reading.marker):
+            self._begin(owner, self._objects.get(owner, {reading.marker: _ORIGIN}))
+        self.landmarks[owner].take(reading)
+        return self.landmarks[owner]
+
+    def forget(self) -> None:
+        """Forget all landmarks, those of a former survey, too."""
+        self.landmarks.clear()
+        self._known = {}
+
+    def estimates(self) -> list[Estimate]:
+        """Return what is known."""
+        found = [landmark.estimate() for landmark in self.landmarks.values()]
+        return [one for one in found if one is not None]
+
+    def _begin(self, name: str, markers: Mapping[int, Floats]) -> None:
+        self.landmarks[name] = Landmark(name, markers, self._errors, self._known.get(name))
+
+
+def survey_content(frame: str, estimates: list[Estimate]) -> dict[str, Any]:
+    """Return landmarks in a fixed frame as a mapping fit for a YAML file; units are SI."""
+    return {
+        'frame': frame,
+        'landmarks': {
+            one.name: {
+                'position': one.position_m.tolist(),
+                'orientation': quaternion_of(one.rotation).tolist(),
+                'covariance': one.covariance.ravel().tolist(),
+            }
+            for one in estimates
+        },
+    }
+
+
+def parse_survey(content: object) -> tuple[str, dict[str, Prior]]:
+    """Return the fixed frame and the landmarks that `survey_content` wrote.
+
+    Raises
+    ------
+    ConfigError
+        If numbers are missing or impossible; it names the key.
+    """
+    section = Section(content)
+    frame = section.need('frame', text)
+    known = section.need('landmarks', _priors)
+    section.end()
+    return frame, known
+
+
+def _priors(value: Any, path: str) -> dict[str, Prior]:
+    if not isinstance(value, Mapping):
+        raise ConfigError(f'{path}: needs a name and a place a line, not {value!r}')
+    return {str(name): _prior(one, f'{path}.{name}') for name, one in value.items()}
+
+
+def _prior(value: Any, path: str) -> Prior:
+    section = Section(value, path)
+    position_m = section.need('position', _numbers(3))
+    turn = section.need('orientation', _numbers(4))
+    covariance = section.need('covariance', _numbers(36)).reshape(6, 6)
+    section.end()
+    if not np.linalg.norm(turn) > 0:
+        raise ConfigError(f'{path}.orientation: is no quaternion')
+    if not np.allclose(covariance, covariance.T) or np.linalg.eigvalsh(covariance)[0] <= 0:
+        raise ConfigError(f'{path}.covariance: is not symmetric and above 0')
+    return Prior(State(position_m, matrix_of(turn), np.zeros(3)), covariance)
+
+
+def _numbers(count: int) -> Callable[[Any, str], Floats]:
+    def parse(value: Any, path: str) -> Floats:
+        try:
+            numbers: Floats = np.array(value, dtype=float)
+        except (TypeError, ValueError):
+            numbers = np.array([])
+        if numbers.shape != (count,) or not np.isfinite(numbers).all():
+            raise ConfigError(f'{path}: needs a list of {count} numbers, not {value!r}')
+        return numbers
+
+    return parse

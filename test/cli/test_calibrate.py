@@ -1,0 +1,163 @@
+# Copyright 2026 retrolidar_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""`calibrate`, and `decode` that names what does not fit."""
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+import yaml
+
+from retrolidar_ros.cli.main import main
+from retrolidar_ros.scene import parse_scene
+from retrolidar_ros.scene.emulator import record
+
+NOISE = {'floor': '4.6 (kcps/SPAD)^2', 'slope': '0.22 kcps/SPAD'}
+MARKER = {'id': 2816, 'position': ['0.1 m', '0.1 m', '0.9 m'], 'bit_period': '42 ms'}
+WALL = {'distance': '0.95 m', 'signal': '10 kcps/SPAD'}
+SENSOR: dict[str, Any] = {'jitter': '1 ms', 'noise': NOISE}
+
+
+def bag_of(path: Path, seconds: float = 12.0, **content: Any) -> str:
+    scene = {'sensor': SENSOR, 'markers': [MARKER], 'surfaces': [WALL], **content}
+    record(parse_scene(scene), path / 'bag', 'mcap', seconds)
+    return str(path / 'bag')
+
+
+def test_what_is_not_read_by_default_is_read_after_calibration(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    slow = {**MARKER, 'bit_period': '60 ms'}
+    bag = bag_of(tmp_path, 20, sensor={**SENSOR, 'period': '30 ms'}, markers=[slow])
+    assert main(['decode', bag]) == 3
+    told = capsys.readouterr()
+    assert told.out.split()[:2] == ['stamp', '[s]']
+    assert 'bits of 60.0 ms, not of 42.0 ms: set bit_period to 0.0600' in told.err
+    output = tmp_path / 'out'
+    assert main(['calibrate', bag, '--distance', '0.91 m', '-o', str(output)]) == 0
+    page = (output / 'calibration.md').read_text()
+    assert 'ID 2816 was read' in page
+    assert (output / 'calibration.png').read_bytes()[:4] == b'\x89PNG'
+    file = yaml.safe_load((output / 'calibration.yaml').read_text())
+    values = file['/**/detector']['ros__parameters']
+    assert values['bit_period'] == pytest.approx(0.06, rel=1e-3)
+    capsys.readouterr()
+    assert main(['decode', bag, '--json', '--params', str(output / 'calibration.yaml')]) == 0
+    assert len(capsys.readouterr().out.splitlines()) >= 10
+    assert main(['emulate', str(output / 'scene.yaml'), '--bag', str(tmp_path / 'again')]) == 0
+
+
+def test_a_bag_without_markers_is_an_exit_code_of_its_own(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    bag = bag_of(tmp_path, markers=[])
+    assert main(['calibrate', bag, '-o', str(tmp_path / 'out')]) == 3
+    assert 'Next: No zone blinks' in capsys.readouterr().out
+    values = yaml.safe_load((tmp_path / 'out' / 'calibration.yaml').read_text())
+    assert 'bit_period' not in values['/**/detector']['ros__parameters']
+
+
+FAINT = {**MARKER, 'position': ['0.29 m', '0.29 m', '2.8 m']}
+LOUD = {'floor': '74 (kcps/SPAD)^2', 'slope': '3.5 kcps/SPAD'}
+NEIGHBOUR = {'ambient': '30 kcps/SPAD', 'period': '33 ms', 'lasting': '11 ms'}
+HAND = {
+    'width': '30 cm',
+    'signal': '60 kcps/SPAD',
+    'path': [
+        {'time': '0 s', 'position': ['-0.2 m', '0 m', '0.5 m']},
+        {'time': '0.9 s', 'position': ['0.2 m', '0.1 m', '0.6 m']},
+        {'time': '1.7 s', 'position': ['-0.2 m', '0 m', '0.5 m']},
+    ],
+}
+
+
+@pytest.mark.parametrize(
+    ('content', 'options', 'sentence'),
+    [
+        ({'markers': [{**MARKER, 'clock_error': '5 %'}]}, [], 'set bit_period to 0.0441'),
+        ({'sensor': {**SENSOR, 'period': '33.3 ms'}}, [], 'need two of them: let the sensor'),
+        ({'sensor': {**SENSOR, 'zones': '8x8', 'period': '66.7 ms'}}, [], 'need two of them'),
+        ({'markers': []}, [], 'no zone blinks'),
+        (
+            {'sensor': {**SENSOR, 'noise': LOUD}, 'markers': [FAINT]},
+            [],
+            'let `retrolidar calibrate`',
+        ),
+        ({}, ['--registered-ids', '5,6'], 'ID 2816 would be read: add it to registered_ids'),
+        ({'sensor': {**SENSOR, 'crosstalk': '900 kcps/SPAD'}}, [], 'such as a cover glass'),
+        (
+            {'sensor': {**SENSOR, 'second_sensor': NEIGHBOUR}, 'markers': []},
+            [],
+            'another sensor shines into the view',
+        ),
+        ({'markers': [], 'moving_surfaces': [HAND]}, [], 'without a bit clock: something moves'),
+    ],
+    ids=['clock', '30 Hz', '8x8', 'dark', 'noise', 'ids', 'glass', 'neighbour', 'hand'],
+)
+def test_a_mismatch_is_named_with_its_remedy(
+    content: dict[str, Any],
+    options: list[str],
+    sentence: str,
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    assert main(['decode', bag_of(tmp_path, **content), *options]) in (0, 3)
+    told = capsys.readouterr().err
+    assert sentence in told
+    assert all(len(line) < 200 for line in told.splitlines())
+
+
+def test_a_marker_that_is_read_too_seldom_is_named(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    hidden = {**MARKER, 'occlusion': {'every': '6 s', 'lasting': '4 s'}}
+    assert main(['decode', bag_of(tmp_path, 30, markers=[hidden])]) == 0
+    assert 'and could have been in 23' in capsys.readouterr().err
+
+
+def test_explain_tells_of_each_zone(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    bag = bag_of(tmp_path, markers=[{**MARKER, 'bit_period': '46 ms'}])
+    main(['decode', bag, '--explain'])
+    header, row, *_, asked = capsys.readouterr().err.splitlines()[-3:]
+    assert header.startswith('zone  blinks [dB]  bits [ms]')
+    assert row.split()[0] == '10'
+    assert asked.startswith('asked: evidence 26.0 at least')
+
+
+@pytest.mark.parametrize(
+    ('text', 'message'),
+    [
+        (
+            '/**/detector: {ros__parameters: {bitperiod: 1}}',
+            'bitperiod: no such parameter',
+        ),
+        (
+            '/**/detector: {ros__parameters: {bit_period: x}}',
+            "'x' is not of type float",
+        ),
+        ('/**/detector: {ros__parameters: {bit_period: 99.0}}', '99.0 is not within 0.002 to 10'),
+        ('/**/detector: {bit_period: 1}', 'has no ros__parameters'),
+        ('[]', 'is no parameter file'),
+    ],
+)
+def test_a_parameter_file_that_cannot_be_is_named(
+    text: str, message: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / 'p.yaml').write_text(text)
+    bag = bag_of(tmp_path, 1)
+    assert main(['decode', bag, '--params', str(tmp_path / 'p.yaml')]) == 2
+    assert message in capsys.readouterr().err
+
+
+def test_offset_and_pitch_move_what_is_read(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    bag = bag_of(tmp_path, 4)
+
+    def first(*options: str) -> list[float]:
+        main(['decode', bag, *options])
+        row = capsys.readouterr().out.splitlines()[1].split()
+        return [float(row[2])]
+
+    (plain,), (moved,) = first(), first('--range-offset', '0.02')
+    assert plain - moved == pytest.approx(0.02, abs=1e-3)

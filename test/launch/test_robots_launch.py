@@ -1,0 +1,138 @@
+# Copyright 2026 retrolidar_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""Two emulated robots in one launch, by namespaces that are pushed: one process each, and two."""
+
+import os
+import signal
+import sys
+import tempfile
+import unittest
+from pathlib import Path
+
+import pytest
+
+pytest.importorskip('launch_testing', reason='needs launch_testing, which has no wheel')
+
+import launch_testing.actions
+import launch_testing.asserts
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+from launch import LaunchDescription
+from launch.actions import GroupAction, IncludeLaunchDescription
+from launch.substitutions import PathJoinSubstitution
+from launch_ros.actions import PushRosNamespace
+from launch_ros.substitutions import FindPackageShare
+from lifecycle_msgs.msg import Transition
+from lifecycle_msgs.srv import ChangeState
+
+sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
+
+from harness import PATIENCE_S, check_detections, wait_for_readings, wait_for_traffic
+
+from retrolidar_ros.nodes.listener import Listener
+from retrolidar_ros.scene.files import load_scene
+
+SCENE = load_scene('coffee')
+IDS = {marker.id for marker in SCENE.markers}
+FRAME_ID = 'retrolidar_optical_frame'
+ROBOTS = {'robot1': 'false', 'robot2': 'true'}
+"""Whether each has driver and detector in a single process."""
+PARAMETERS = """
+/**:
+  ros__parameters:
+    qos_overrides./robot1/retrolidar/points.publisher.reliability: best_effort
+"""
+
+
+@pytest.mark.launch_test
+def generate_test_description():
+    parameters = Path(tempfile.mkdtemp()) / 'parameters.yaml'
+    parameters.write_text(PARAMETERS)
+    launch_file = PathJoinSubstitution(
+        [FindPackageShare('retrolidar_ros'), 'launch', 'retrolidar.launch.py']
+    )
+    robots = []
+    for robot, single_process in ROBOTS.items():
+        arguments = {
+            'emulate': 'coffee',
+            'single_process': single_process,
+            'params_file': str(parameters),
+            'respawn_delay': '0.5',
+            'log_level': 'warn',
+        }
+        include = IncludeLaunchDescription(launch_file, launch_arguments=arguments.items())
+        robots.append(GroupAction([PushRosNamespace(robot), include]))
+    return LaunchDescription([*robots, launch_testing.actions.ReadyToTest()])
+
+
+class TestRobots(unittest.TestCase):
+    """Each is read by itself; what is killed comes again; the life cycle is that of ROS."""
+
+    def listen(self, robot):
+        listener = Listener(f'/{robot}/retrolidar')
+        self.addCleanup(listener.close)
+        wait_for_traffic(listener)
+        return listener
+
+    def test_both_are_read(self):
+        for robot in ROBOTS:
+            listener = self.listen(robot)
+            wait_for_readings(listener, IDS)
+            check_detections(listener, SCENE, FRAME_ID)
+
+    def test_what_is_killed_comes_again(self, proc_info):
+        """The nodes of both, by SIGKILL."""
+        for robot, name in (('robot1', 'detector'), ('robot1', 'driver'), ('robot2', 'reader')):
+            listener = self.listen(robot)
+            pids = [info.pid for info in proc_info if info.process_name.startswith(f'{name}-')]
+            os.kill(pids[-1], signal.SIGKILL)
+            listener.markers.clear()
+            wait_for_readings(listener, IDS)
+
+    def test_qualities_of_service_are_those_of_the_file(self):
+        for robot, expected in (('robot1', 'BEST_EFFORT'), ('robot2', 'RELIABLE')):
+            topic = f'/{robot}/retrolidar/points'
+            found = self.listen(robot).node.get_publishers_info_by_topic(topic)[-1]
+            assert found.qos_profile.reliability.name == expected
+
+    def test_the_life_cycle_can_be_managed(self):
+        for robot in ROBOTS:
+            self.check_life_cycle(robot)
+
+    def check_life_cycle(self, robot):
+        listener = self.listen(robot)
+        messages = []
+        name = f'/{robot}/retrolidar/driver: frames'
+
+        def hear(message):
+            messages.extend(status for status in message.status if status.name == name)
+
+        listener.node.create_subscription(DiagnosticArray, '/diagnostics', hear, 10)
+
+        def wait(done, what):
+            assert listener.spin_until(done, PATIENCE_S), f'waited in vain for {what}'
+
+        client = listener.node.create_client(
+            ChangeState, f'/{robot}/retrolidar/driver/change_state'
+        )
+        wait(client.service_is_ready, 'the life cycle')
+        for transition, told in (
+            (Transition.TRANSITION_DEACTIVATE, 'not active'),
+            (Transition.TRANSITION_CLEANUP, 'not configured'),
+            (Transition.TRANSITION_CONFIGURE, 'not active'),
+            (Transition.TRANSITION_ACTIVATE, 'frames a second'),
+        ):
+            request = ChangeState.Request(transition=Transition(id=transition))
+            answer = client.call_async(request)
+            wait(answer.done, 'an answer')
+            assert answer.result().success
+            wait(lambda told=told: messages and told in messages[-1].message, told)
+        assert messages[-1].level == DiagnosticStatus.OK
+
+
+@launch_testing.post_shutdown_test()
+class TestEnd(unittest.TestCase):
+    """What is left behind."""
+
+    def test_exit_codes(self, proc_info):
+        # A command that is interrupted says so; those that were killed here, too.
+        launch_testing.asserts.assertExitCodes(proc_info, allowable_exit_codes=[0, 130, -9])

@@ -1,0 +1,192 @@
+# Copyright 2026 retrolidar_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""Recordings whose truth is known, and what is found of it."""
+
+import math
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from retrolidar_ros.scene import Scene, Simulation, parse_scene
+from retrolidar_ros.scene.description import Noise, Occlusion, Waypoint
+from retrolidar_ros.sensor.frame import Recording
+from retrolidar_ros.tasks.calibration.calibrate import Calibration, calibrate
+from retrolidar_ros.tasks.calibration.estimate import Estimate
+from retrolidar_ros.tasks.calibration.files import parameters, scene
+from retrolidar_ros.tasks.calibration.sentences import missing, sentences
+
+WALL = [0, 1, 2, 3, 5, 6, 7, 9, 10, 11, 13, 14, 15]
+FOREIGN: dict[str, Any] = {
+    'seed': 3,
+    'ambient': '4 kcps/SPAD',
+    'sensor': {
+        'period': '33.3 ms',
+        'period_error': '0.3 %',
+        'jitter': '1 ms',
+        'lost': '2 %',
+        'noise': {'floor': '18 (kcps/SPAD)^2', 'slope': '0.9 kcps/SPAD'},
+        'ranging': {'shot': '490 mm', 'floor': '1.6 mm', 'offset': '14 mm'},
+    },
+    'markers': [
+        {
+            'id': 2816,
+            'position': ['0.075 m', '0.075 m', '0.7 m'],
+            'bit_period': '80 ms',
+            'clock_error': '0.6 %',
+            'contrast': '92 %',
+            'signal_at_1_m': '240 kcps/SPAD',
+            'response': {'dark': '0.6 ms', 'bright': '9 ms'},
+        }
+    ],
+    'surfaces': [
+        {'distance': '0.72 m', 'signal': '20 kcps/SPAD', 'zones': WALL},
+        {'distance': '1.2 m', 'signal': '60 kcps/SPAD', 'zones': [4]},
+        {'distance': '1.2 m', 'signal': '120 kcps/SPAD', 'zones': [8]},
+        {'distance': '1.2 m', 'signal': '200 kcps/SPAD', 'zones': [12]},
+    ],
+}
+DISTANCE_M = math.hypot(0.075, 0.075, 0.7)
+SCENE = parse_scene(FOREIGN)
+
+
+def recorded(scene: Scene, seconds: float = 30.0) -> Recording:
+    return Simulation(scene).run(seconds)
+
+
+def holds(estimate: Estimate | None, truth: float) -> bool:
+    """Tell whether an estimate is as near to the truth as it says, but for one case in 300."""
+    assert estimate is not None
+    return abs(estimate.value - truth) < 3 * estimate.stddev
+
+
+@pytest.fixture(scope='module')
+def found() -> Calibration:
+    return calibrate(recorded(SCENE), distance_m=DISTANCE_M)
+
+
+def test_frames_are_told(found: Calibration) -> None:
+    assert holds(found.timing.period_s, 0.0333 * 1.003)
+    assert found.timing.jitter_s.value == pytest.approx(0.96e-3, rel=0.1)
+    assert holds(found.timing.lost, 0.02)
+
+
+def test_noise_is_told_of_zones_at_rest(found: Calibration) -> None:
+    noise = found.noise
+    assert noise is not None
+    assert 10 not in noise.zones
+    assert holds(noise.floor, 18.0)
+    assert holds(noise.slope, 0.9)
+    assert noise.floor.stddev < 2
+    assert holds(noise.correlation, 0.0)
+    assert noise.ambient is None
+
+
+def test_a_marker_is_read_and_told_of(found: Calibration) -> None:
+    (marker,) = found.markers
+    sent = marker.sent
+    assert (sent.id, sent.zones[0]) == (2816, 10)
+    assert holds(sent.bit_period_s, 0.08 * 1.006)
+    assert sent.bit_period_s.stddev < 1e-5
+    assert holds(sent.bright_s, 9e-3)
+    assert sent.bright_s.stddev < 1e-3
+    assert holds(marker.contrast, 0.92)
+    assert marker.contrast is not None
+    assert marker.contrast.stddev < 0.02
+    assert holds(marker.pedestal, 20.0)
+
+
+def test_a_distance_tells_offset_and_reach(found: Calibration) -> None:
+    link = found.link
+    assert link is not None
+    assert abs(link.offset_m.value - 0.014) < 2e-3
+    assert link.signal_at_1_m.value == pytest.approx(240, rel=0.02)
+    assert 1.5 < link.reach_m < 2.5
+
+
+def test_what_was_found_is_a_scene_that_tells_the_same(found: Calibration) -> None:
+    again = parse_scene(scene(found, 'a bag'))
+    once_more = calibrate(recorded(again), distance_m=DISTANCE_M)
+    for name, (value, _) in parameters(found).items():
+        other = parameters(once_more)[name][0]
+        assert other == pytest.approx(value, rel=0.15, abs=2e-3), name
+
+
+@pytest.mark.parametrize('scale', [0.125, 1.0, 8.0])
+def test_noise_of_any_size(scale: float) -> None:
+    noise = Noise(4.6 * scale, 0.22 * scale)
+    found = calibrate(recorded(replace(SCENE, sensor=replace(SCENE.sensor, noise=noise)))).noise
+    assert found is not None
+    signal = np.array([5.0, 30.0, 200.0])
+    truth = noise.floor + noise.slope * signal
+    np.testing.assert_allclose(found.law.variance(signal), truth, rtol=0.15)
+
+
+def test_ambient_light_that_varies_tells_its_noise() -> None:
+    noise = Noise(4.6, 0.22, 0.5)
+    scene = replace(SCENE, sensor=replace(SCENE.sensor, noise=noise), ambient=2.0)
+    dim, lit = recorded(scene, 15), recorded(replace(scene, ambient=60.0, seed=9), 15)
+    later = int(dim.stamp_ns[-1]) + 33_000_000
+    both = Recording.of([*dim, *(replace(frame, stamp_ns=frame.stamp_ns + later) for frame in lit)])
+    found = calibrate(both).noise
+    assert found is not None
+    assert holds(found.ambient, 0.5)
+
+
+def test_a_sweep_tells_blur_and_pitch() -> None:
+    ends = Waypoint(0, (-0.25, 0, 0)), Waypoint(20, (0.25, 0, 0)), Waypoint(40, (-0.25, 0, 0))
+    marker = replace(SCENE.markers[0], position_m=(0.0, 0.03, 0.6), bit_period_s=0.0667)
+    sensor = replace(SCENE.sensor, path=ends, blur=0.12)
+    moved = replace(SCENE, sensor=sensor, markers=(marker,))
+    found = calibrate(recorded(moved, 40), speed_m_s=0.025).sweep
+    assert found is not None
+    assert found.blur.value == pytest.approx(0.12, abs=0.03)
+    assert holds(found.pitch, 0.21498)
+
+
+# What is not there is not told.
+
+
+def test_without_a_marker_there_is_noise_and_advice() -> None:
+    found = calibrate(recorded(replace(SCENE, markers=())))
+    assert (found.markers, found.link, found.sweep) == ([], None, None)
+    assert set(parameters(found)) == {'noise_floor', 'noise_slope', 'noise_ambient'}
+    assert any(line.startswith('No zone blinks') for line in missing(found))
+
+
+def test_zones_that_are_alike_tell_no_slope() -> None:
+    wall = replace(SCENE.surfaces[0], zones=None)
+    found = calibrate(recorded(replace(SCENE, surfaces=(wall,), markers=())))
+    assert found.noise is not None
+    assert found.noise.slope is None
+    assert float(found.noise.law.variance(np.array(20.0))) == pytest.approx(36, rel=0.1)
+    assert any('white paper' in line for line in missing(found))
+    assert any('is taken to be as usual' in line for line in sentences(found))
+
+
+def test_a_wall_far_behind_leaves_the_crystal_untold() -> None:
+    far = replace(SCENE.surfaces[0], distance_m=2.5, signal=120.0, zones=None)
+    found = calibrate(recorded(replace(SCENE, surfaces=(far,))))
+    (marker,) = found.markers
+    assert marker.flipped
+    assert marker.contrast is None
+    assert any('so its crystal is not told' in line for line in sentences(found))
+
+
+def test_a_blinking_light_that_is_no_marker_has_a_period_and_no_id() -> None:
+    hidden = Occlusion(every_s=0.2, lasting_s=0.1)
+    lamp = replace(SCENE.markers[0], packets=1, start_s=1000.0, occlusion=hidden)
+    found = calibrate(recorded(replace(SCENE, markers=(lamp,))))
+    assert found.markers == []
+    assert 'bit_period' not in parameters(found)
+    assert any('no ID can be read' in line for line in sentences(found))
+
+
+def test_a_recording_that_is_too_short_is_refused() -> None:
+    with pytest.raises(ValueError, match='60 frames are too few to calibrate from'):
+        calibrate(Recording.of(list(recorded(SCENE))[:60]))
+
+
+def test_a_short_one_says_so() -> None:
+    assert any('Record half a minute' in line for line in missing(calibrate(recorded(SCENE, 8))))

@@ -1,0 +1,293 @@
+# Copyright 2026 retrolidar_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Sequence
+
+import numpy as np
+import pytest
+
+from retrolidar_ros.sensor.frame import Floats, ZoneGrid
+from retrolidar_ros.sensor.rotation import matrix_of_turn
+from retrolidar_ros.settings.section import ConfigError
+from retrolidar_ros.tasks.landmarks import Estimate, Landmark
+from retrolidar_ros.tasks.least_squares import Prior, State
+from retrolidar_ros.tasks.localization import robot_pose, room_of
+from retrolidar_ros.tasks.next_view import best_move
+from retrolidar_ros.tasks.reading import Errors, Reading, SensorPose, reading
+from retrolidar_ros.tasks.survey import Survey, parse_survey, survey_content
+
+GRID = ZoneGrid()
+NOISE_M = 0.001
+ERRORS = Errors(range_bias_m=1e-4, pose_m=1e-4, turn_rad=1e-4)
+ALONE = {7: np.zeros(3)}
+SQUARE = [np.array([x, y, 0.0]) for x, y in ((-0.2, -0.2), (0.2, -0.2), (0.2, 0.2), (-0.2, 0.2))]
+HERE = np.array([0.1, -0.05, 1.2])
+
+
+def seen(
+    place_m: Floats,
+    eye_m: Floats,
+    rng: np.random.Generator,
+    *,
+    marker: int = 7,
+    stamp_s: float = 0.0,
+    sensor: str = 'hand',
+    rotation: Floats | None = None,
+) -> Reading:
+    """A zone sees a marker: its range is exact to a millimetre, its direction the zone's middle."""
+    turn = np.eye(3) if rotation is None else rotation
+    own = (place_m - eye_m) @ turn
+    zone = np.rint(own[:2] / own[2] / GRID.pitch - 0.5) + 0.5
+    middle = np.append(zone * GRID.pitch, 1.0)
+    range_m = float(np.linalg.norm(own))
+    middle *= range_m / np.linalg.norm(middle)
+    across = (GRID.pitch * range_m) ** 2 / 12
+    return reading(
+        marker,
+        sensor,
+        stamp_s,
+        range_m + float(rng.normal(0, NOISE_M)),
+        NOISE_M,
+        middle,
+        np.diag([across, across, 1e-6]),
+        SensorPose(eye_m, turn),
+    )
+
+
+def look_round(
+    landmark: Landmark, place_m: Floats, rng: np.random.Generator, start_s: float = 0.0
+) -> None:
+    for index, (eye_m, _) in enumerate(itertools.product(SQUARE, range(3))):
+        landmark.take(seen(place_m, eye_m, rng, stamp_s=start_s + index))
+
+
+def estimate_of(landmark: Landmark) -> Estimate:
+    estimate = landmark.estimate()
+    assert estimate is not None
+    return estimate
+
+
+def squared(estimate: Estimate, truth_m: Floats) -> float:
+    off = estimate.position_m - truth_m
+    return float(off @ np.linalg.solve(estimate.covariance[:3, :3], off))
+
+
+def test_four_places_trilaterate_and_the_ellipsoid_is_honest() -> None:
+    rng = np.random.default_rng(1)
+    distances, errors_m, told_m = [], [], []
+    for _ in range(60):
+        place_m = HERE + rng.uniform(-0.1, 0.1, 3)
+        landmark = Landmark('mug', ALONE, ERRORS)
+        look_round(landmark, place_m, rng)
+        estimate = estimate_of(landmark)
+        distances.append(squared(estimate, place_m))
+        errors_m.append(np.linalg.norm(estimate.position_m - place_m))
+        told_m.append(estimate.stddev_m)
+        assert estimate.readings == 12
+        assert estimate.baseline_m == pytest.approx(0.4 * math.sqrt(2))
+    assert np.median(errors_m) < 0.003
+    assert np.median(told_m) < 0.006
+    assert np.mean(np.array(distances) < 7.815) >= 0.9
+
+
+def test_one_place_tells_no_more_however_often_it_looks() -> None:
+    rng = np.random.default_rng(2)
+    landmark = Landmark('mug', ALONE, ERRORS)
+    for stamp_s in range(20):
+        landmark.take(seen(HERE, np.zeros(3), rng, stamp_s=stamp_s))
+    estimate = estimate_of(landmark)
+    zone_m = GRID.pitch * 1.2 / math.sqrt(12)
+    assert estimate.stddev_m > 0.75 * zone_m
+    assert squared(estimate, HERE) < 7.815
+    assert abs(estimate.open_axis @ HERE) < 0.2 * np.linalg.norm(HERE)
+
+
+def test_nothing_is_told_until_two_readings_agree() -> None:
+    rng = np.random.default_rng(3)
+    landmark = Landmark('mug', ALONE, ERRORS)
+    landmark.take(seen(HERE + np.array([0, 0, 0.5]), np.zeros(3), rng))  # a reflection
+    assert landmark.estimate() is None
+    landmark.take(seen(HERE, np.zeros(3), rng, stamp_s=1))
+    assert landmark.estimate() is None
+    landmark.take(seen(HERE, SQUARE[0], rng, stamp_s=2))
+    estimate = estimate_of(landmark)
+    assert squared(estimate, HERE) < 16.27
+    assert estimate.moved_s is None
+
+
+def test_readings_that_do_not_belong_are_counted_and_change_nothing() -> None:
+    rng = np.random.default_rng(4)
+    landmark = Landmark('mug', ALONE, ERRORS)
+    look_round(landmark, HERE, rng)
+    before = estimate_of(landmark)
+    assert not landmark.take(seen(HERE + np.array([0.5, 0, 0.2]), SQUARE[0], rng, stamp_s=20))
+    after = estimate_of(landmark)
+    assert after.rejected == before.rejected + 1 == 1
+    assert np.array_equal(after.position_m, before.position_m)
+
+
+def test_what_is_carried_away_is_never_told_between_two_places() -> None:
+    rng = np.random.default_rng(5)
+    for way in ([0.3, 0.0, 0.0], [0.0, -0.4, 0.3], [-0.2, 0.2, -0.2]):
+        landmark = Landmark('mug', ALONE, ERRORS)
+        look_round(landmark, HERE, rng)
+        there_m = HERE + np.array(way)
+        for index in range(4):
+            landmark.take(seen(there_m, SQUARE[index % 2], rng, stamp_s=30 + index))
+            estimate = estimate_of(landmark)
+            assert min(squared(estimate, HERE), squared(estimate, there_m)) < 16.27
+        assert estimate_of(landmark).moved_s == 31
+        assert squared(estimate_of(landmark), there_m) < 16.27
+        # What was read before it was moved comes late, and is too late.
+        assert not landmark.take(seen(HERE, SQUARE[2], rng, stamp_s=12.5))
+
+
+def test_a_landmark_of_a_former_survey_is_known_until_it_is_found_elsewhere() -> None:
+    rng = np.random.default_rng(6)
+    prior = Prior(State(HERE, np.eye(3), np.zeros(3)), np.diag([1e-6] * 3 + [3.0] * 3))
+    landmark = Landmark('mug', ALONE, ERRORS, prior)
+    assert np.array_equal(estimate_of(landmark).position_m, HERE)
+    landmark.take(seen(HERE, SQUARE[0], rng, stamp_s=1))
+    assert squared(estimate_of(landmark), HERE) < 16.27
+    for stamp_s in (2, 3):
+        landmark.take(seen(HERE + np.array([0, 0.5, 0]), SQUARE[0], rng, stamp_s=stamp_s))
+    assert estimate_of(landmark).moved_s == 3
+
+
+def test_an_object_of_four_markers_has_an_orientation() -> None:
+    rng = np.random.default_rng(7)
+    on_object = {10 + n: 0.5 * corner for n, corner in enumerate(SQUARE)}
+    turn = matrix_of_turn(np.array([0.2, -0.3, 0.4]))
+    landmark = Landmark('tray', on_object, ERRORS)
+    for index, (eye_m, marker) in enumerate(itertools.product(SQUARE, on_object)):
+        place_m = HERE + turn @ on_object[marker]
+        landmark.take(seen(place_m, eye_m, rng, marker=marker, stamp_s=index))
+    estimate = estimate_of(landmark)
+    off = matrix_of_turn(np.zeros(3)) @ estimate.rotation @ turn.T
+    assert math.degrees(math.acos(min((np.trace(off) - 1) / 2, 1))) < 3
+    assert squared(estimate, HERE) < 16.27
+    assert np.sqrt(np.diag(estimate.covariance)[3:]).max() < 0.1
+
+
+def test_an_object_of_which_one_marker_is_seen_says_that_its_turn_is_open() -> None:
+    rng = np.random.default_rng(8)
+    on_object = {10 + n: 0.5 * corner for n, corner in enumerate(SQUARE)}
+    landmark = Landmark('tray', on_object, ERRORS)
+    for stamp_s in range(2):
+        landmark.take(seen(HERE, np.zeros(3), rng, marker=10, stamp_s=stamp_s))
+    assert np.sqrt(np.linalg.eigvalsh(estimate_of(landmark).covariance[3:, 3:])[-1]) > 1
+
+
+def test_the_best_move_is_the_one_that_helps() -> None:
+    rng = np.random.default_rng(9)
+    landmark = Landmark('mug', ALONE, ERRORS)
+    for index, eye_x in enumerate((-0.2, 0.2, -0.2, 0.2)):
+        landmark.take(seen(HERE, np.array([eye_x, 0.0, 0.0]), rng, stamp_s=index))
+    move = best_move(landmark, 0.3)
+    assert move is not None
+    # Along x it has looked from two places; so it is to go along y.
+    assert abs(move.step_m[1]) > 0.25
+    before_m = estimate_of(landmark).stddev_m
+    for index in range(2):
+        eye_m = np.array([0.2, 0.0, 0.0]) + move.step_m
+        landmark.take(seen(HERE, eye_m, rng, stamp_s=10 + index))
+    assert estimate_of(landmark).stddev_m < before_m / 2
+    assert best_move(Landmark('none', ALONE, ERRORS), 0.3) is None
+
+
+def test_a_moving_marker_before_three_sensors() -> None:
+    rng = np.random.default_rng(10)
+    eyes = [0.25 * np.array([math.cos(a), math.sin(a), 0]) for a in (0.0, 2.1, 4.2)]
+    errors = Errors(range_bias_m=1e-4, pose_m=1e-4, turn_rad=1e-4, acceleration=0.01)
+    landmark = Landmark('drone', ALONE, errors)
+    off_m = []
+    for step in range(40):
+        time_s = 0.4 * step
+        place_m = np.array([-0.1 + 0.02 * time_s, 0.05, 1.1])
+        landmark.take(seen(place_m, eyes[step % 3], rng, stamp_s=time_s, sensor=str(step % 3)))
+        if step > 20:
+            off_m.append(estimate_of(landmark).position_m - place_m)
+            assert squared(estimate_of(landmark), place_m) < 30
+    assert np.sqrt(np.mean(np.sum(np.square(off_m), axis=1))) < 0.015
+    assert estimate_of(landmark).velocity == pytest.approx([0.02, 0, 0], abs=0.02)
+
+
+def known_room(
+    survey: Sequence[tuple[int, Floats]],
+) -> tuple[dict[str, Prior], dict[str, dict[int, Floats]]]:
+    covariance = np.diag([1e-6] * 3 + [3.0] * 3)
+    known = {
+        str(one): Prior(State(place, np.eye(3), np.zeros(3)), covariance) for one, place in survey
+    }
+    return known, {str(one): {one: np.zeros(3)} for one, _ in survey}
+
+
+def test_a_robot_finds_itself_among_four_markers() -> None:
+    rng = np.random.default_rng(11)
+    walls = [(1, [2, 0.4, 0.3]), (2, [-0.3, 2, -0.2]), (3, [-2, -0.5, 0.1]), (4, [0.6, -2, 0.4])]
+    places = [(one, np.array(place)) for one, place in walls]
+    room = room_of(*known_room(places), ERRORS, flat=True)
+    base_m, base = np.array([0.3, -0.2, 0.0]), matrix_of_turn(np.array([0, 0, 0.7]))
+    forward = np.array([[0.0, 0.0, 1.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0]])
+    for index in range(48):
+        heading = matrix_of_turn(np.array([0, 0, math.radians(15 * (index % 24))])) @ forward
+        for marker, place_m in places:
+            own = (place_m - base_m) @ base @ heading
+            if own[2] > 0.5 and np.abs(own[:2]).max() < 0.4 * own[2]:
+                there = base.T @ (place_m - base_m)
+                room.take(
+                    seen(there, np.zeros(3), rng, marker=marker, stamp_s=index, rotation=heading)
+                )
+    pose = robot_pose(estimate_of(room), np.zeros(3), np.eye(3))
+    assert np.linalg.norm(pose.position_m - base_m) < 0.015
+    turned = pose.rotation @ base.T
+    assert math.degrees(abs(math.atan2(turned[1, 0], turned[0, 0]))) < 1
+    off = np.append(pose.position_m - base_m, np.zeros(3))
+    assert off[:3] @ np.linalg.solve(pose.covariance[:3, :3], off[:3]) < 16.27
+
+
+def test_a_room_needs_three_markers() -> None:
+    with pytest.raises(ValueError, match='localisation needs three'):
+        room_of(*known_room([(1, HERE)]), ERRORS)
+
+
+def test_a_survey_is_written_and_read_again() -> None:
+    rng = np.random.default_rng(12)
+    survey = Survey({}, ERRORS)
+    for index, eye_m in enumerate(SQUARE):
+        survey.take(seen(HERE, eye_m, rng, stamp_s=index), 'mug')
+    (estimate,) = survey.estimates()
+    frame, known = parse_survey(survey_content('map', [estimate]))
+    assert frame == 'map'
+    (again,) = Survey({}, ERRORS, known).estimates()
+    assert again.name == 'mug'
+    assert again.position_m == pytest.approx(estimate.position_m)
+    survey.forget()
+    assert survey.estimates() == []
+
+
+@pytest.mark.parametrize(
+    ('key', 'value', 'message'),
+    [
+        ('position', [1.0, 2.0], r'landmarks\.mug\.position: needs a list of 3 numbers'),
+        ('orientation', [0, 0, 0, 0], 'is no quaternion'),
+        ('covariance', [0.0] * 36, 'is not symmetric and above 0'),
+        ('covariance', ['x'] * 36, 'needs a list of 36 numbers'),
+    ],
+)
+def test_an_impossible_survey_is_refused(key: str, value: object, message: str) -> None:
+    mug = {
+        'position': [0, 0, 1],
+        'orientation': [0, 0, 0, 1],
+        'covariance': np.eye(6).ravel().tolist(),
+    }
+    with pytest.raises(ConfigError, match=message):
+        parse_survey({'frame': 'map', 'landmarks': {'mug': mug | {key: value}}})
+
+
+def test_a_reading_that_is_not_a_number_is_refused() -> None:
+    with pytest.raises(ValueError, match='a range of nan'):
+        reading(7, 'hand', 0.0, math.nan, 0.001, HERE, np.eye(3), SensorPose(HERE, np.eye(3)))
