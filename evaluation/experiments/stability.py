@@ -143,7 +143,7 @@ def run(rng: np.random.Generator, *, quick: bool) -> dict[str, Any]:
 def _told(found: dict[str, Any]) -> str:
     if found['state'] == 'not read':
         return '×'
-    return f'{"past " if found["state"] == "never" else ""}{found["at"]:.3g}'
+    return f'{">" if found["state"] == "never" else ""}{found["at"]:.3g}'
 
 
 def table(figures: dict[str, Any]) -> Table:
@@ -153,7 +153,7 @@ def table(figures: dict[str, Any]) -> Table:
     rows = [['breaks at', *(f'{method}: {kind}' for kind in kinds for method in METHODS)]]
     for panel in figures['panels']:
         cells = [
-            ' · '.join(
+            '/'.join(
                 _told(panel['breaks'][name][method])
                 for name in conditions
                 if name.partition(', ')[2] == kind
