@@ -204,5 +204,5 @@ def table(figures: dict[str, Any]) -> Table:
             ),
             strict=True,
         )
-        rows.append([name, *(' · '.join(one) for one in cells)])
+        rows.append([name, *(' / '.join(one) for one in cells)])
     return rows
