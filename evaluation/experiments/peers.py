@@ -197,9 +197,7 @@ def claims(figures: dict[str, Any]) -> Claims:
         'near': tag(of_tag(1.0, 'median'), 'mm', 0.0, 4.0),
         'far': tag(far, 'mm', 8.0, 16.0),
         'worst': tag(of_tag(2.4, 'largest'), 'mm', 100.0, 250.0),
-        'above': Claim(
-            NOTHING, signed(above).lstrip('+'), above is not None and abs(above - 0.36) < 0.1
-        ),
+        'above': tag(None if above is None else 100 * above, '%', 26.0, 46.0),
         'less': claim_of(map(signed, less), less[1] is not None and less[1] < -0.75),
         'qr': tag(end(figures, '3 cm', QR), 'm', 0.0, 1.0),
     }

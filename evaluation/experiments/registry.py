@@ -77,8 +77,8 @@ EXPERIMENTS: dict[str, Experiment] = {
     'link': link_budget,
     **paper_sweeps.SWEEPS,
     'marker': marker,
-    'landmarks': landmarks,
     'calibration': calibration,
+    'landmarks': landmarks,
 }
 TIMED = ('speed-accuracy',)
 """Those that measure processor time, and so run alone."""
