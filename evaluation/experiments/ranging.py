@@ -22,7 +22,7 @@ from retrolidar_ros.scene.reference import RANGING, SENSOR, marker_in_each_zone
 from retrolidar_ros.sensor.frame import Floats
 
 TITLE = 'Ranging'
-MESSAGE = 'A marker is ranged better by the default while it blinks than by averaging it'
+MESSAGE = 'Fitting what blinks ranges it better than averaging all that is seen'
 PAPER_MEDIAN_MM, PAPER_FAR_MEDIAN_MM, PAPER_BOARD_MM = 2.0, 2.5, 1.0
 _RANGES_M = (1.0, 1.4, 1.8, 2.0, 2.2, 2.4, 2.6)
 _RECORDINGS = 8

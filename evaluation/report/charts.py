@@ -82,7 +82,7 @@ def legend_below(
     figure.legend(
         handles=[Line2D([], [], label=label, **how) for label, how in entries.items()],
         loc='outside lower center',
-        ncols=min(len(entries), 7),
+        ncols=min(len(entries), int(0.45 * figure.get_figwidth())),
         frameon=False,
         fontsize=12,
     )
