@@ -4,7 +4,6 @@
 
 from collections.abc import Iterator
 from contextlib import ExitStack
-from importlib.util import find_spec
 from pathlib import Path
 from types import TracebackType
 
@@ -36,7 +35,6 @@ from retrolidar_ros.nodes.listener import Listener
 from retrolidar_ros.scene.files import load_scene
 from retrolidar_ros.settings.resources import shared_file
 
-HAS_TF2 = find_spec('tf2_ros') is not None
 MARKER_FILE = f'marker_file:={shared_file("config/markers.yaml")}'
 
 
@@ -174,15 +172,6 @@ def test_coffee_is_ready_when_all_objects_are_placed(coffee: Nodes) -> None:
     assert ': all objects are placed' in coffee.log('coffee')
 
 
-@pytest.mark.skipif(not HAS_TF2, reason='needs tf2_ros, which has no wheel')
 def test_coffee_places_objects_in_the_target_frame(coffee: Nodes) -> None:
     check_coffee(coffee.listener, load_scene('coffee'), '/use_coffee/base', BASE_VIEW)
     assert 'tf2_ros' not in coffee.log('base_coffee')
-
-
-@pytest.mark.skipif(HAS_TF2, reason='tf2_ros is installed')
-def test_coffee_without_tf2_says_so_and_stays_in_the_frame_of_the_sensor(coffee: Nodes) -> None:
-    check_coffee(coffee.listener, load_scene('coffee'), '/use_coffee/base', SENSOR_VIEW)
-    warning = "target_frame base: tf2_ros is not installed; poses are in the sensor's"
-    (line,) = (line for line in coffee.log('base_coffee').splitlines() if warning in line)
-    assert '[WARN]' in line
