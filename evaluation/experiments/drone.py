@@ -12,7 +12,7 @@ from tqdm import tqdm
 
 from evaluation.bench.judging import BOTH, new_detector
 from evaluation.bench.live import LiveReading, millimetres, place_error, read_live
-from evaluation.bench.rates import rate
+from evaluation.bench.rates import Rate, rate
 from evaluation.report.charts import draw_shares, legend_below, look, new_chart
 from evaluation.report.claims import NOTHING, Claims, Table, claim_of, percent
 from retrolidar_ros.detector import METHODS
@@ -21,7 +21,6 @@ from retrolidar_ros.scene.description import Occlusion, Wander
 from retrolidar_ros.scene.files import load_scene
 from retrolidar_ros.scene.optics import position_at
 from retrolidar_ros.sensor.frame import Recording
-from retrolidar_ros.tasks.heartbeat import Heartbeat
 
 TITLE = 'Drone'
 PAPER_RATE, PAPER_RANGE_MM, PAPER_WINDOW_S = 0.91, 10.0, 10.0
@@ -46,15 +45,12 @@ def flight(speed_m_s: float, hidden: float) -> Scene:
     return replace(scene, markers=(replace(marker, wander=wander, occlusion=occlusion),))
 
 
-def alive(readings: list[LiveReading], recording: Recording, window_s: float) -> Heartbeat:
-    """Return the heartbeats of a flight, counted in windows of a length [s]."""
-    heartbeat = Heartbeat(window_s)
+def alive(readings: list[LiveReading], recording: Recording, window_s: float) -> Rate:
+    """Return in how many of the whole windows of a length [s] a reading came."""
     origin_ns = int(recording.stamp_ns[0])
-    heartbeat.advance(0.0)
-    for reading in readings:
-        heartbeat.beat((reading.known_ns - origin_ns) * 1e-9)
-    heartbeat.advance((int(recording.stamp_ns[-1]) - origin_ns) * 1e-9)
-    return heartbeat
+    windows = int((int(recording.stamp_ns[-1]) - origin_ns) * 1e-9 / window_s)
+    beaten = {int((one.known_ns - origin_ns) * 1e-9 / window_s) for one in readings}
+    return rate(len(beaten & set(range(windows))), windows)
 
 
 def _flown(speed_m_s: float, hidden: float, duration_s: float, rng: Any) -> dict[str, Any]:
@@ -71,9 +67,8 @@ def _flown(speed_m_s: float, hidden: float, duration_s: float, rng: Any) -> dict
         errors = [
             place_error(one.place, truth) for one, truth in zip(places, truths_m, strict=True)
         ]
-        beats = {window_s: alive(own, recording, window_s) for window_s in WINDOWS_S}
         row[method] = {
-            'alive': [rate(one.windows_alive, one.windows) for one in beats.values()],
+            'alive': [alive(own, recording, window_s) for window_s in WINDOWS_S],
             'per_s': len(own) / duration_s,
             'wrong_ids': len(readings) - len(own),
             'range_mm': millimetres([one.range_m for one in errors]),

@@ -23,7 +23,7 @@ from evaluation.bench.landmark_trials import (
     visits,
 )
 from evaluation.bench.live import held
-from evaluation.report.charts import new_chart
+from evaluation.report.charts import OTHERS, new_chart
 from evaluation.report.claims import NOTHING, Table, percent
 from retrolidar_ros.scene import Scene
 from retrolidar_ros.scene.files import load_scene
@@ -93,6 +93,8 @@ def _ready_s(world: Scene, rng: np.random.Generator) -> float:
         index = turn % len(places)
         missing = set(ids)
         rows = [row for row in places[index] if row[0] > left[index]]
+        if not rows:
+            continue
         for known_s, reading in rows:
             if reading.marker in landmarks:
                 landmarks[reading.marker].take(reading._replace(stamp_s=100.0 * turn + known_s))
@@ -233,7 +235,7 @@ def draw(figures: dict[str, Any]) -> Any:
     """Draw errors over the distance of the places, and over their number."""
     figure, ((baseline, number),) = new_chart(1, 2, 14, 5.5, MESSAGE)
     names = list(dict.fromkeys(row['object'] for row in figures['places']))
-    for name, colour in zip(names, ('#0072b2', '#d55e00', '#009e73'), strict=True):
+    for name, colour in zip(names, OTHERS, strict=False):
         own = [row for row in figures['places'] if row['object'] == name]
         for axis, key, chosen in (
             (baseline, 'side_m', [row for row in own if row['places'] == len(CORNERS)]),

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from evaluation.report.charts import look, new_chart
+from evaluation.report.charts import OTHERS, look, new_chart
 from evaluation.report.claims import Claim, Claims, Table
 from retrolidar_ros.scene import Simulation
 from retrolidar_ros.scene.reference import SENSOR, WALL_SIGNAL, marker_in_each_zone
@@ -136,7 +136,7 @@ def draw(figures: dict[str, Any]) -> Any:
     fitted = signals[-1] * (np.array(ranges_m) / ranges_m[-1]) ** figures['exponent']
     far.loglog(ranges_m, fitted, color='0.4', label=f'R^{figures["exponent"]:.2f}')
     boards = [board_signal(range_m) for range_m in ranges_m]
-    far.loglog(ranges_m, boards, color='#d55e00', linestyle='--', label='bare board of 9 cm²')
+    far.loglog(ranges_m, boards, color=OTHERS[1], linestyle='--', label='bare board of 9 cm²')
     far.axhline(WALL_SIGNAL, color='0.4', linestyle=':', label='what is around it')
     far.set_xticks([0.5, 1, 2, 3], ['0.5', '1', '2', '3'])
     far.minorticks_off()

@@ -17,7 +17,7 @@ from typing import Any
 
 import numpy as np
 
-from evaluation.report.charts import new_chart
+from evaluation.report.charts import OTHERS, new_chart
 from evaluation.report.claims import Claim, Claims, Table
 from retrolidar_ros.marker.battery import CELL_MAH, PROTOTYPE, active_share, drawn, life_h
 from retrolidar_ros.marker.wakeup import (
@@ -56,7 +56,6 @@ PARTS = {
 }
 _QUERIES = np.geomspace(0.01, 1000, 51)
 _DAY_H, _YEAR_H = 24.0, 365.25 * 24.0
-_COLOURS = ('#0072b2', '#d55e00', '#009e73', '#cc79a7')
 
 
 def guard_v(bandwidth_hz: float, chance: float, noise_v: float) -> float:
@@ -180,7 +179,7 @@ def claims(figures: dict[str, Any]) -> Claims:
 def draw(figures: dict[str, Any]) -> Any:
     """Draw voltages over distance, reach over the noise's bandwidth, and lives over queries."""
     figure, ((volts, reach, life),) = new_chart(1, 3, 17, 5.6, MESSAGE)
-    for angle, colour in zip(_ANGLES_DEG, _COLOURS, strict=False):
+    for angle, colour in zip(_ANGLES_DEG, OTHERS, strict=False):
         course = 1e3 * voltage_v(_RANGES_M, math.radians(angle))
         volts.plot(_RANGES_M, course, color=colour, label=f'indoors, {angle}°')
     volts.plot(1.0, 1e3 * WITH_LIDAR_V, 'kD', label="paper's Tab. 5")
@@ -192,7 +191,7 @@ def draw(figures: dict[str, Any]) -> Any:
     reach.plot(
         1e-3 * np.array(figures['bandwidths_hz']),
         figures['safe_m'],
-        color=_COLOURS[0],
+        color=OTHERS[0],
         label='one false wake-up an hour',
     )
     reach.axhline(REACH_M, color='k', linewidth=1, label="the paper's reach, guard 1 mV")
@@ -201,7 +200,7 @@ def draw(figures: dict[str, Any]) -> Any:
     reach.set_ylim(0, 3)
     reach.set_xlabel('bandwidth of the noise, taken as white [kHz]')
     reach.set_ylabel('wakes to [m]')
-    for (name, hours), colour in zip(figures['over_queries_h'].items(), _COLOURS, strict=False):
+    for (name, hours), colour in zip(figures['over_queries_h'].items(), OTHERS, strict=False):
         life.plot(figures['queries_per_hour'], np.array(hours) / _DAY_H, color=colour, label=name)
     for hours, words in ((_YEAR_H / 6, 'two months'), (2 * _YEAR_H, 'two years')):
         life.axhline(hours / _DAY_H, color='0.4', linewidth=1)

@@ -26,10 +26,10 @@ from retrolidar_ros.sensor.frame import Floats
 TITLE = 'Markers that move'
 MESSAGE = 'A marker may move by decimetres a second while it is read'
 RANGES_M = (1.0, 2.0)
-DURATION_S = 10.0
+DURATION_S = 20.0
 _SPEEDS_M_S = (0.0, 0.05, 0.1, 0.2, 0.3, 0.4, 0.6, 0.8)
 _QUICK_SPEEDS_M_S = (0.0, 0.2)
-_RUNS, _QUICK_RUNS = 12, 1
+_RUNS, _QUICK_RUNS = 8, 1
 _SENSOR = replace(SENSOR, blur=0.05)
 _INNER = 0.85  # the marker turns round at this share of the view's half
 _ALONG_M = 0.3  # how far one that comes and goes does
@@ -91,8 +91,8 @@ def _followed(way: str, speed_m_s: float, range_m: float, runs: int, rng: Any) -
             sensor=_SENSOR,
             path=path,
         )
-        # The first packet began before the first frame.
-        whole = range(1, math.floor((DURATION_S - sent.start_s[0]) / sent.packet_s))
+        # The first packet began before the first frame, and the last may be read after its end.
+        whole = range(1, math.floor((DURATION_S - sent.start_s[0]) / sent.packet_s) - 1)
         packets += len(whole)
         for method in METHODS:
             found = judged(sent, BOTH[method], lone=False)

@@ -10,7 +10,7 @@ import numpy as np
 from tqdm import tqdm
 
 from evaluation.bench.live import ELLIPSOID, held, place_error
-from evaluation.report.charts import new_chart
+from evaluation.report.charts import OTHERS, new_chart
 from evaluation.report.claims import NOTHING, Claim, Claims, Table, percent
 from retrolidar_ros.detector import Detection, create_detector
 from retrolidar_ros.marker.dictionary import USABLE_IDS
@@ -169,7 +169,7 @@ def draw(figures: dict[str, Any]) -> Any:
         ('distance', 'distance from the truth, in standard deviations of the covariance', 5),
     )
     for axis, (key, label, most) in zip(panels, axes, strict=True):
-        for row, colour in zip(figures['blurs'], ('#0072b2', '#d55e00'), strict=True):
+        for row, colour in zip(figures['blurs'], OTHERS, strict=False):
             for name, style in zip(_NAMES, (':', '-'), strict=True):
                 errors = row[key][name]
                 shares = 100 * (np.arange(len(errors)) + 0.5) / max(len(errors), 1)

@@ -13,7 +13,7 @@ from tqdm import tqdm
 from evaluation.bench.judging import BOTH, judged
 from evaluation.experiments.link_budget import NEVER_S, board_signal
 from evaluation.experiments.paper_sweeps import lone
-from evaluation.report.charts import legend_below, look, new_chart
+from evaluation.report.charts import OTHERS, legend_below, look, new_chart
 from evaluation.report.claims import NOTHING, Claim, Claims, Table, claim_of, told
 from retrolidar_ros.detector import METHODS
 from retrolidar_ros.scene import Scene, Simulation
@@ -22,7 +22,7 @@ from retrolidar_ros.scene.reference import RANGING, SENSOR, marker_in_each_zone
 from retrolidar_ros.sensor.frame import Floats
 
 TITLE = 'Ranging'
-MESSAGE = 'A marker is ranged better by the default while it blinks than by averaging it'
+MESSAGE = 'Fitting what blinks ranges it better than averaging all that is seen'
 PAPER_MEDIAN_MM, PAPER_FAR_MEDIAN_MM, PAPER_BOARD_MM = 2.0, 2.5, 1.0
 _RANGES_M = (1.0, 1.4, 1.8, 2.0, 2.2, 2.4, 2.6)
 _RECORDINGS = 8
@@ -34,7 +34,7 @@ _KINDS = {
     'silent': 'silent',
     'board': 'bare board',
 }
-_LOOKS = {'silent': {'color': '0.4', 'marker': 's'}, 'board': {'color': '#d55e00', 'marker': '^'}}
+_LOOKS = {'silent': {'color': '0.4', 'marker': 's'}, 'board': {'color': OTHERS[1], 'marker': '^'}}
 
 
 def board(range_m: float) -> Scene:

@@ -24,7 +24,7 @@ from evaluation.peers.background import Background
 from evaluation.peers.pictures import View, picture_cost, read_pictures
 from evaluation.peers.visual_markers import AprilTagReader, QrReader, Reader
 from evaluation.report.charts import LEVEL
-from evaluation.report.claims import NOTHING, Table
+from evaluation.report.claims import Table, told_end
 from retrolidar_ros.marker.dictionary import choose_ids
 from retrolidar_ros.scene import Simulation
 from retrolidar_ros.scene.reference import SENSOR, marker_in_each_zone
@@ -182,33 +182,27 @@ def at(figures: dict[str, Any], curve: str, label: str) -> dict[str, Any] | None
 
 
 def table(figures: dict[str, Any]) -> Table:
-    """Return what every setting costs and gives."""
+    """Return what every knob costs and gives, its settings one after the other."""
     rows = [
-        [
-            'knob',
-            'setting',
-            'ms of a core a second',
-            'reach at 80 % [m]',
-            'at 50 % [m]',
-            'answer after',
-            'wrong IDs',
-        ]
+        ['knob', 'settings', 'ms of a core a second', '80 % to [m]', 'half to [m]', 'wrong IDs']
     ]
+
+    def reach(point: dict[str, Any], key: str) -> str:
+        return told_end(point[key]).removesuffix(' m')
+
     for name, points in figures['curves'].items():
-        for point in points:
-            reach = point['reach_m']
-            told = NOTHING if reach['at'] is None else f'{reach["at"]:.2f}'
-            if reach['low'] is not None:
-                told += f' ({reach["low"]:.2f} to {reach["high"]:.2f})'
-            rows.append(
-                [
-                    name,
+        cells = zip(
+            *(
+                (
                     point['label'],
-                    f'{point["cpu_ms"]:.3g}',
-                    told,
-                    NOTHING if point['half_m']['at'] is None else f'{point["half_m"]["at"]:.2f}',
-                    f'{point["answer_s"]:.2g} s',
+                    f'{point["cpu_ms"]:.0f}',
+                    reach(point, 'reach_m'),
+                    reach(point, 'half_m'),
                     f'{point["wrong"]["rate"]:.1%}',
-                ]
-            )
+                )
+                for point in points
+            ),
+            strict=True,
+        )
+        rows.append([name, *(' / '.join(one) for one in cells)])
     return rows

@@ -12,6 +12,7 @@ import numpy as np
 from evaluation.report.charts import look, new_chart
 from retrolidar_ros.scene.truth import PACKET_S
 
+MESSAGE = "LiDAR: a hundredth of an AprilTag's computing or less; AprilTag: an answer at once"
 _MOST_WRONG = 0.2  # where the colour of wrong IDs ends
 
 
@@ -27,21 +28,25 @@ def _frontier(points: Sequence[dict[str, Any]]) -> list[tuple[float, float]]:
     return steps
 
 
-# Of each curve: where its name stands from its last point [points], and its line.
 _NAMES = {
-    'joint: packets combined': ((12, 4), '-', 'default: 1 to 8 packets combined'),
-    'joint: IDs registered': ((14, -4), '--', 'default: 1000 to 16 IDs registered'),
-    'joint: false IDs allowed an hour': ((12, -24), ':', 'default: 0.001 to 1000 false IDs/h'),
-    'paper: threshold': ((12, -4), '--', 'paper: threshold 0.1 to 0.5 (half are read)'),
-    'AprilTag: decimation': ((-12, 8), '-', 'AprilTag 3:\ndecimation 4 to 1'),
-    'QR code: zbar': ((12, 0), '-', 'QR code'),
+    'joint: packets combined': ('-', 'default: 1 to 8 packets combined'),
+    'joint: IDs registered': ('--', 'default: 1000 to 16 IDs registered'),
+    'joint: false IDs allowed an hour': (':', 'default: 0.001 to 1000 false IDs an hour'),
+    'paper: threshold': ('--', 'paper, 3 packets: threshold 0.5 to 0.1; half are read'),
+    'AprilTag: decimation': ('-', 'AprilTag 3: decimation 4 to 1'),
+    'QR code: zbar': ('-', 'QR code'),
 }
+"""Line and words of the curves that are drawn."""
 
 
 def draw(figures: dict[str, Any]) -> Any:
     """Draw reach over processor time, wrong IDs as colour, and reach over the time to an answer."""
     figure, ((cost, answer),) = new_chart(
-        1, 2, 16, 7.8, "LiDAR: a hundredth of an AprilTag's computing; AprilTag: an answer at once"
+        1,
+        2,
+        16,
+        7.8,
+        "LiDAR: a hundredth of an AprilTag's computing or less; AprilTag: an answer at once",
     )
     curves = {name: points for name, points in figures['curves'].items() if name in _NAMES}
     for name, points in curves.items():
@@ -49,21 +54,9 @@ def draw(figures: dict[str, Any]) -> Any:
         # Where four of five are hardly read anywhere, half are told.
         key = 'half_m' if name.startswith('paper') else 'reach_m'
         shown = [point for point in points if point[key]['at'] is not None]
-        offset, style, words = _NAMES[name]
+        style, words = _NAMES[name]
         for axis, place in ((cost, 'cpu_ms'), (answer, 'answer_s')):
-            image = _draw_curve(axis, shown, place, key, how, style)
-        if shown:
-            last = max(shown, key=lambda point: float(point[key]['at']))
-            align = 'right' if offset[0] < 0 else 'left'
-            cost.annotate(
-                words,
-                (last['cpu_ms'], last[key]['at']),
-                offset,
-                textcoords='offset points',
-                color=how['color'],
-                fontsize=12,
-                ha=align,
-            )
+            image = _draw_curve(axis, shown, place, key, how | {'linestyle': style, 'label': words})
     every = [point for points in curves.values() for point in points]
     cost.plot(*zip(*_frontier(every), strict=True), color='0.7', linewidth=5, alpha=0.5, zorder=0)
     if figures['told_m'] is not None:
@@ -74,6 +67,7 @@ def draw(figures: dict[str, Any]) -> Any:
     cost.set_xlabel('processor time per second of watching [ms]')
     answer.set_xlabel('time to an answer [s]')
     cost.set_ylabel('80 % of markers of 3 cm are read to [m]')
+    cost.legend(loc='lower left', fontsize=12)
     for axis in (cost, answer):
         axis.set_xscale('log')
         axis.set_ylim(0, 4.5)
@@ -82,16 +76,14 @@ def draw(figures: dict[str, Any]) -> Any:
     return figure
 
 
-def _draw_curve(
-    axis: Any, shown: Sequence[dict[str, Any]], place: str, key: str, how: Any, style: str
-) -> Any:
+def _draw_curve(axis: Any, shown: Sequence[dict[str, Any]], place: str, key: str, how: Any) -> Any:
     """Draw the settings of a knob with their confidence, wrong IDs as colour."""
     places = [point[place] for point in shown]
     reaches = np.array([point[key]['at'] for point in shown])
     low, high = ([point[key][end] for point in shown] for end in ('low', 'high'))
     ends = [reaches if None in bound else np.array(bound) for bound in (low, high)]
     bars = np.maximum([reaches - ends[0], ends[1] - reaches], 0)
-    axis.plot(places, reaches, style, color=how['color'], linewidth=1.5)
+    axis.plot(places, reaches, **how | {'markerfacecolor': 'white'}, linewidth=1.5)
     axis.errorbar(places, reaches, bars, linestyle='', color=how['color'], capsize=3)
     return axis.scatter(
         places,

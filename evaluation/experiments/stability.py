@@ -143,7 +143,7 @@ def run(rng: np.random.Generator, *, quick: bool) -> dict[str, Any]:
 def _told(found: dict[str, Any]) -> str:
     if found['state'] == 'not read':
         return '×'
-    return f'{"past " if found["state"] == "never" else ""}{found["at"]:.3g}'
+    return f'{">" if found["state"] == "never" else ""}{found["at"]:.3g}'
 
 
 def table(figures: dict[str, Any]) -> Table:
@@ -153,7 +153,7 @@ def table(figures: dict[str, Any]) -> Table:
     rows = [['breaks at', *(f'{method}: {kind}' for kind in kinds for method in METHODS)]]
     for panel in figures['panels']:
         cells = [
-            ' · '.join(
+            '/'.join(
                 _told(panel['breaks'][name][method])
                 for name in conditions
                 if name.partition(', ')[2] == kind
@@ -174,7 +174,7 @@ def draw(figures: dict[str, Any]) -> Any:
         columns,
         16,
         3.6 * rows + 1.2,
-        f'Lone packets at {SHOWN_M:g} m: the default bears more of every stress',
+        f'Lone packets at {SHOWN_M:g} m: the default bears more of all stresses but a rotor',
     )
     for axis in axes.flat[len(figures['panels']) :]:
         axis.set_visible(False)
@@ -182,6 +182,8 @@ def draw(figures: dict[str, Any]) -> Any:
         draw_reads(axis, panel['points'])
         axis.set_title(panel['title'], fontsize=13)
         axis.set_xlabel(panel['axis'])
+        if panel['points'][0]['place'] > panel['points'][-1]['place']:
+            axis.invert_xaxis()
         if index % columns == 0:
             axis.set_ylabel('markers [%]')
     legend_below(figure, METHODS, WRONG)

@@ -18,9 +18,11 @@ _LOOKS = {
     'paper': ('#cc79a7', 'D'),
     'AprilTag': ('#e69f00', 'v'),
     'AprilTag, all pixels': ('#d55e00', '^'),
-    'QR code': ('#444444', 'X'),
+    'QR code': ('#56b4e9', 'X'),
     'told': ('#009e73', '*'),
 }
+OTHERS = ('#332288', '#999933', '#882255', '#44aa99')
+"""For what is no method (Tol's muted colours)."""
 SHADES = ('#08306b', '#2b7bba', '#7db8da', '#fdae6b', '#d94801')
 """From harmless to bad."""
 
@@ -80,7 +82,7 @@ def legend_below(
     figure.legend(
         handles=[Line2D([], [], label=label, **how) for label, how in entries.items()],
         loc='outside lower center',
-        ncols=min(len(entries), 5),
+        ncols=min(len(entries), int(0.45 * figure.get_figwidth())),
         frameon=False,
         fontsize=12,
     )

@@ -73,8 +73,8 @@ def per_hour(frequency: Any) -> str:
 def markdown(table: Sequence[Sequence[str]]) -> str:
     """Return a table as Markdown."""
     heads, *rows = table
-    lines = [heads, ['---'] * len(heads), *rows]
-    return '\n'.join(f'| {" | ".join(line)} |' for line in lines)
+    lines = [f'| {" | ".join(line)} |' for line in (heads, *rows)]
+    return '\n'.join([lines[0], '|---' * len(heads) + '|', *lines[1:]])
 
 
 def text(table: Sequence[Sequence[str]]) -> str:

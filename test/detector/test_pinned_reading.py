@@ -102,9 +102,7 @@ def stressed(panel: str, value: float) -> Callable[[np.random.Generator], Sent]:
         ),
     ],
 )
-def test_stress_costs_few_readings_and_makes_none_wrong(
-    panel: str, value: float, least: int
-) -> None:
+def test_stress_costs_little_and_makes_none_wrong(panel: str, value: float, least: int) -> None:
     right, wrong = counts(stressed(panel, value))
     assert right >= least
     assert wrong == 0
