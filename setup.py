@@ -21,7 +21,7 @@ TEST = ['cobs', 'hypothesis', 'komm', 'mcap', 'pytest', 'pytest-timeout', 'pytes
 def shared_files() -> list[tuple[str, list[str]]]:
     """Return what goes to share/retrolidar_ros, in the layout that ament gives it."""
     files = [Path('package.xml')]
-    for directory in ('config', 'launch', 'msg', 'udev'):
+    for directory in ('config', 'launch', 'msg', 'udev', 'urdf'):
         files += (path for path in Path(directory).rglob('*') if path.is_file())
     share = Path('share/retrolidar_ros')
     return [(str(share / path.parent), [str(path)]) for path in files if path.suffix != '.pyc']

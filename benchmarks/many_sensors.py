@@ -164,6 +164,8 @@ class CountListener(Listener):
         for status in message.status:
             namespace, _, node = status.name.partition(':')[0].rpartition('/')
             values = {pair.key: pair.value for pair in status.values}
+            if 'frames' not in values:  # word of a node that is silent
+                continue
             if node == 'driver':
                 sent = int(values['frames']) + int(values['lost frames'])
                 self.sent[namespace] = (stamp_s, sent)

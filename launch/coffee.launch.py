@@ -10,8 +10,12 @@ from retrolidar_ros.nodes.launching import MARKERS, SENSOR, declared, node, sens
 
 def _coffee(context):
     """Return the node, now that the arguments have values."""
-    target = value(context, 'target_frame')
-    return [node(context, 'coffee', {'target_frame': target} if target else {})]
+    given = (
+        {'target_frame': value(context, 'target_frame')} if value(context, 'target_frame') else {}
+    )
+    if value(context, 'max_stddev'):
+        given['max_stddev'] = float(value(context, 'max_stddev'))
+    return [node(context, 'coffee', given)]
 
 
 def generate_launch_description():
@@ -20,6 +24,7 @@ def generate_launch_description():
         **SENSOR,
         'marker_file': (MARKERS, 'YAML file of the known markers.'),
         'target_frame': ('', 'Frame of the poses; empty = as in the parameter file.'),
+        'max_stddev': ('', 'How uncertain places may be [m]; empty = as in the parameter file.'),
     }
     return LaunchDescription(
         [*declared(arguments), sensor(list(SENSOR)), OpaqueFunction(function=_coffee)]

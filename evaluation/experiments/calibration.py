@@ -201,6 +201,11 @@ def table(figures: dict[str, Any]) -> Table:
         inside, total = inside + int(held.sum()), total + len(held)
         worst = float(np.abs(errors[:, 0]).max())
         rows.append([name, str(len(errors)), f'{worst:.4g}', f'{100 * held.mean():.0f} %'])
+    for scale in dict.fromkeys(one['scale'] for one in trials):
+        rises = [one['errors']['rise [ms]'] for one in trials if one['scale'] == scale]
+        off = np.abs(np.array(rises)[:, 0])
+        words = f'rise within 1 ms, noise {scale:g} times the usual'
+        rows.append([words, str(len(rises)), f'{100 * np.mean(off < 1):.0f} %', NOTHING])
     law = max(one['noise'] for one in trials)
     rows.append(['noise law', str(len(trials)), f'{100 * law:.1f} %', NOTHING])
     rows.append(['all', str(total), NOTHING, f'{100 * inside / total:.1f} %'])

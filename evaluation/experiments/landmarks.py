@@ -93,6 +93,8 @@ def _ready_s(world: Scene, rng: np.random.Generator) -> float:
         index = turn % len(places)
         missing = set(ids)
         rows = [row for row in places[index] if row[0] > left[index]]
+        if not rows:
+            continue
         for known_s, reading in rows:
             if reading.marker in landmarks:
                 landmarks[reading.marker].take(reading._replace(stamp_s=100.0 * turn + known_s))

@@ -109,7 +109,8 @@ class Decoding:
         found = []
         for identity, packets in self.packets.items():
             sent = int(duration_s / (PACKET_BITS * self._periods_s[identity]))
-            if packets < _FEW * sent:
+            # A single one beside others may be no marker's.
+            if packets < _FEW * sent and (packets > 1 or len(self.packets) == 1):
                 found.append(
                     f'ID {identity} was read in {packets} packets, and could have been in {sent} '
                     'if it repeats them: it is faint, hidden at times, or its noise is not told'

@@ -5,39 +5,33 @@
 from __future__ import annotations
 
 import re
-from collections import deque
-from typing import NamedTuple
 
 import numpy as np
 from geometry_msgs.msg import PoseWithCovarianceStamped, Vector3Stamped
 from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
-from rclpy.time import Time
 from std_msgs.msg import Bool, Header, String
 
 from retrolidar_ros.msg import MarkerDetection
-from retrolidar_ros.nodes.conversion import to_ns
+from retrolidar_ros.nodes.conversion import to_ns, to_pose_msg
 from retrolidar_ros.nodes.diagnostics import OK, WARN, Health, publish_health
 from retrolidar_ros.nodes.names import topic_part
 from retrolidar_ros.nodes.parameters import Parameters
+from retrolidar_ros.nodes.placed_readings import PlacedReadings
 from retrolidar_ros.nodes.qos import EVENTS, LATCHED, OVERRIDABLE
 from retrolidar_ros.nodes.run import run
-from retrolidar_ros.nodes.transforms import TransformFinder
 from retrolidar_ros.sensor.frame import Floats
-from retrolidar_ros.sensor.rotation import matrix_of, product
+from retrolidar_ros.sensor.rotation import matrix_of
+from retrolidar_ros.tasks.next_view import best_move
 from retrolidar_ros.tasks.objects import ObjectBoard
+from retrolidar_ros.tasks.reading import Errors, Reading
+from retrolidar_ros.tasks.survey import Survey
 
 _TICK_S = 0.1
 # How long a detection waits for the transform of its time.
 _PATIENCE_S = 1.0
-
-
-class _Pose(NamedTuple):
-    position_m: Floats
-    orientation: Floats
-    """Quaternion (x, y, z, w)."""
-    covariance: Floats
-    """Shape (6, 6)."""
+# The step of the sensor that is proposed.
+_STEP_M = 0.2
 
 
 class CoffeeNode(Node):
@@ -63,9 +57,7 @@ class CoffeeNode(Node):
         self._board = ObjectBoard(values['objects'], values['max_stddev'], values['stale_after'])
         parameters.follow(self._change)
         self._target = values['target_frame']
-        self._finder = TransformFinder(self) if self._target else None
-        self._ticked = self.get_clock().now()
-        self._waiting: deque[tuple[MarkerDetection, Time]] = deque()
+        self._survey = Survey({}, Errors())
         self._told: dict[str, str] | None = None
         self._ready = self.create_publisher(Bool, '~/ready', LATCHED)
         self._missing = self.create_publisher(String, '~/missing', LATCHED)
@@ -83,9 +75,15 @@ class CoffeeNode(Node):
             for other in self._board.names[index + 1 :]
         }
         publish_health(self, 'objects', '', self._examine)
-        self.create_subscription(
-            MarkerDetection, 'markers', self._take, EVENTS, qos_overriding_options=OVERRIDABLE
-        )
+        if self._target:
+            # In a frame that stays when the sensor moves, readings from several places add up.
+            self._readings = PlacedReadings(
+                self, ['markers'], self._target, _PATIENCE_S, self._place, self._survey.forget
+            )
+        else:
+            self.create_subscription(
+                MarkerDetection, 'markers', self._take, EVENTS, qos_overriding_options=OVERRIDABLE
+            )
         parameters.warn_of_unknown()
         self.create_timer(_TICK_S, self._tick, clock=Clock(clock_type=ClockType.STEADY_TIME))
 
@@ -94,57 +92,57 @@ class CoffeeNode(Node):
         self._board.stale_after_s = values['stale_after']
 
     def _take(self, message: MarkerDetection) -> None:
+        """Publish where the sensor has an object, as it is."""
         if message.child_frame_id in self._poses and to_ns(message.header.stamp) >= 0:
-            self._waiting.append((message, self.get_clock().now()))
+            place, turn = message.pose.pose.position, message.pose.pose.orientation
+            self._publish(
+                message.child_frame_id,
+                message.header,
+                np.array([place.x, place.y, place.z]),
+                matrix_of(np.array([turn.x, turn.y, turn.z, turn.w])),
+                np.array(message.pose.covariance).reshape(6, 6),
+            )
             self._tick()
 
-    def _tick(self) -> None:
-        """Place what waits, as far as its transforms are known, and say what is missing."""
-        now = self.get_clock().now()
-        if now < self._ticked and self._finder is not None:
-            self._finder.forget()
-        self._ticked = now
-        for _ in range(len(self._waiting)):
-            message, came = self._waiting.popleft()
-            if not self._place(message):
-                if (now - came).nanoseconds * 1e-9 < _PATIENCE_S:
-                    self._waiting.append((message, came))
-                else:
-                    self.get_logger().warning(
-                        f'no transform from {message.header.frame_id} to {self._target} for '
-                        f'{message.child_frame_id}; it is left out',
-                        throttle_duration_sec=5.0,
-                    )
-        self._tell(self._board.missing(now.nanoseconds))
-
-    def _place(self, message: MarkerDetection) -> bool:
-        """Publish where an object is; return whether that could be told."""
-        pose = _pose_of(message)
-        header = Header(stamp=message.header.stamp, frame_id=message.header.frame_id)
-        if self._finder is not None and self._target != header.frame_id:
-            found = self._finder.find(
-                self._target, header.frame_id, Time.from_msg(message.header.stamp)
-            )
-            if found is None:
-                return False
-            pose = _moved(pose, *found)
-            header.frame_id = self._target
+    def _place(self, reading: Reading, message: MarkerDetection) -> None:
+        """Publish where all readings so far have an object."""
         name = message.child_frame_id
+        if name not in self._poses:
+            return
+        estimate = self._survey.take(reading, name).estimate()
+        if estimate is not None:
+            header = Header(stamp=message.header.stamp, frame_id=self._target)
+            place = (estimate.position_m, estimate.rotation, estimate.covariance)
+            self._publish(name, header, *place)
+        self._tick()
+
+    def _tick(self) -> None:
+        """Say what is missing, and what would help."""
+        missing = self._board.missing(self.get_clock().now().nanoseconds)
+        for name, reason in missing.items():
+            landmark = self._survey.landmarks.get(name)
+            move = best_move(landmark, _STEP_M) if landmark and 'is known to' in reason else None
+            if move is not None:
+                way = ', '.join(f'{part:+.2f}' for part in move.step_m)
+                missing[name] = f'{reason}: move by ({way}) m'
+        self._tell(missing)
+
+    def _publish(
+        self, name: str, header: Header, position_m: Floats, rotation: Floats, covariance: Floats
+    ) -> None:
         stamp_ns, now_ns = to_ns(header.stamp), self.get_clock().now().nanoseconds
-        position_m, covariance = pose.position_m, pose.covariance[:3, :3]
-        if not self._board.see(name, stamp_ns, header.frame_id, position_m, covariance):
-            return True
-        self._poses[name].publish(_message(header, pose))
+        if not self._board.see(name, stamp_ns, header.frame_id, position_m, covariance[:3, :3]):
+            return
+        self._poses[name].publish(to_pose_msg(header, position_m, rotation, covariance))
         for (one, other), offset in self._board.offsets(now_ns).items():
             if name in (one, other):
                 way = Vector3Stamped(header=header)
                 way.vector.x, way.vector.y, way.vector.z = offset.tolist()
                 self._offsets[one, other].publish(way)
-        return True
 
     def _tell(self, missing: dict[str, str]) -> None:
         """Publish and log what is missing, and why, whenever more than a number has changed."""
-        told = {name: re.sub(r'[\d.]+', '', reason) for name, reason in missing.items()}
+        told = {name: re.sub(r'[-+\d.]+', '', reason) for name, reason in missing.items()}
         if self._told == told:
             return
         self._told = told
@@ -159,35 +157,6 @@ class CoffeeNode(Node):
         if missing:
             return Health(WARN, f'{len(missing)} of {len(values)} objects missing', values)
         return Health(OK, f'{len(values)} objects placed', values)
-
-
-def _pose_of(message: MarkerDetection) -> _Pose:
-    place, turn = message.pose.pose.position, message.pose.pose.orientation
-    return _Pose(
-        np.array([place.x, place.y, place.z]),
-        np.array([turn.x, turn.y, turn.z, turn.w]),
-        np.array(message.pose.covariance).reshape(6, 6),
-    )
-
-
-def _moved(pose: _Pose, rotation: Floats, translation: Floats) -> _Pose:
-    """Return a pose in a frame to which `rotation` and `translation` lead."""
-    matrix = matrix_of(rotation)
-    turning = np.kron(np.eye(2), matrix)
-    return _Pose(
-        matrix @ pose.position_m + translation,
-        product(rotation, pose.orientation),
-        turning @ pose.covariance @ turning.T,
-    )
-
-
-def _message(header: Header, pose: _Pose) -> PoseWithCovarianceStamped:
-    message = PoseWithCovarianceStamped(header=header)
-    place, turn = message.pose.pose.position, message.pose.pose.orientation
-    place.x, place.y, place.z = pose.position_m.tolist()
-    turn.x, turn.y, turn.z, turn.w = pose.orientation.tolist()
-    message.pose.covariance = pose.covariance.ravel()
-    return message
 
 
 def main() -> int:

@@ -113,7 +113,7 @@ class DetectorHealth:
         if rate := self.reception.rate_problem(bit_period_s):
             problem = (
                 f'{rate}: set bit_period to how long the markers hold a bit [s], and let the '
-                f'sensor measure twice in that time'
+                f'sensor measure two to eight times in it'
             )
             problems.append((WARN, problem))
         if unread := self.reception.unread_problem(noise, bit_period_s, all_come=not registered):

@@ -13,7 +13,6 @@ import yaml
 from geometry_msgs.msg import PoseWithCovarianceStamped, TransformStamped
 from rclpy.node import Node
 from rclpy.publisher import Publisher
-from rclpy.qos import DurabilityPolicy, QoSProfile
 from rclpy.time import Time
 from std_msgs.msg import Header
 from std_srvs.srv import Trigger
@@ -24,8 +23,10 @@ from retrolidar_ros.marker.known_markers import objects_of
 from retrolidar_ros.msg import MarkerDetection
 from retrolidar_ros.nodes.conversion import to_pose_msg, to_time
 from retrolidar_ros.nodes.diagnostics import OK, WARN, Health, publish_health
+from retrolidar_ros.nodes.names import topic_part
 from retrolidar_ros.nodes.parameters import Parameters
 from retrolidar_ros.nodes.placed_readings import PlacedReadings
+from retrolidar_ros.nodes.qos import LATCHED
 from retrolidar_ros.nodes.run import run
 from retrolidar_ros.nodes.transforms import transform_sender
 from retrolidar_ros.nodes.visualization import landmark_shapes
@@ -38,8 +39,6 @@ from retrolidar_ros.tasks.least_squares import Prior
 from retrolidar_ros.tasks.localization import robot_pose, room_of
 from retrolidar_ros.tasks.reading import Errors, Reading
 from retrolidar_ros.tasks.survey import Survey, parse_survey, survey_content
-
-LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 
 
 class LandmarksNode(Node):
@@ -215,12 +214,6 @@ class LandmarksNode(Node):
         if not rows:
             return Health(WARN, 'nothing is placed yet', values)
         return Health(OK, f'{len(rows)} placed', values)
-
-
-def topic_part(name: str) -> str:
-    """Return a TF frame as a part of a topic's name, which takes fewer characters."""
-    part = re.sub(r'\W', '_', name, flags=re.ASCII)
-    return f'_{part}' if part[0].isdigit() else part
 
 
 def _declare(parameters: Parameters) -> None:

@@ -60,7 +60,7 @@ def test_a_query_can_be_interrupted(tmp_path: Path) -> None:
         connection.execute('CREATE TABLE many(x)')
         connection.executemany('INSERT INTO many VALUES (?)', [(n,) for n in range(3000)])
     script = (
-        'import sqlite3, sys; from retrolidar_ros.bag import sqlite_file as s\n'
+        'import sqlite3, sys; from retrolidar_ros.bag import files as s\n'
         "s._TABLES = 'SELECT a.x, b.x, c.x FROM many a, many b, many c WHERE a.x + b.x + c.x < 0'\n"
         "print('ready', flush=True); list(s.read_sqlite(__import__('pathlib').Path(sys.argv[1]),"
         " 't', {}))\n"

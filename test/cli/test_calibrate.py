@@ -8,6 +8,8 @@ from typing import Any
 import pytest
 import yaml
 
+pytest.importorskip('rosbags', reason='bags are written with rosbags')
+
 from retrolidar_ros.cli.main import main
 from retrolidar_ros.scene import parse_scene
 from retrolidar_ros.scene.emulator import record
@@ -41,6 +43,7 @@ def test_what_is_not_read_by_default_is_read_after_calibration(
     file = yaml.safe_load((output / 'calibration.yaml').read_text())
     values = file['/**/detector']['ros__parameters']
     assert values['bit_period'] == pytest.approx(0.06, rel=1e-3)
+    assert all(isinstance(value, float) for value in values.values()), values
     capsys.readouterr()
     assert main(['decode', bag, '--json', '--params', str(output / 'calibration.yaml')]) == 0
     assert len(capsys.readouterr().out.splitlines()) >= 10

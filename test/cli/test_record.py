@@ -13,6 +13,8 @@ import numpy as np
 import pytest
 from harness import Sensor
 
+pytest.importorskip('rosbags', reason='bags are written with rosbags')
+
 from retrolidar_ros.bag import read_frames
 from retrolidar_ros.cli.main import main
 from retrolidar_ros.scene.emulator import frames_in_real_time

@@ -88,7 +88,7 @@ def test_the_rate_is_told_from_what_came_however_much_is_lost() -> None:
         if is_kept:
             reception.take(frame)
     assert reception.rate_problem(0.042) == ''
-    assert 'a frame comes every 2' in reception.rate_problem(0.084)
+    assert 'a frame comes every 2' in reception.rate_problem(0.030)
 
 
 def test_frames_that_come_late_all_at_once_are_not_too_fast() -> None:

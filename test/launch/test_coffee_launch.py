@@ -40,6 +40,7 @@ def generate_test_description(target_frame):
         'emulate': 'coffee',
         'namespace': _namespace(target_frame),
         'target_frame': target_frame,
+        'max_stddev': '0.2',
     }
     return LaunchDescription(
         [

@@ -4,7 +4,6 @@
 
 from collections.abc import Iterator
 from contextlib import ExitStack
-from importlib.util import find_spec
 from pathlib import Path
 from types import TracebackType
 
@@ -36,7 +35,6 @@ from retrolidar_ros.nodes.listener import Listener
 from retrolidar_ros.scene.files import load_scene
 from retrolidar_ros.settings.resources import shared_file
 
-HAS_TF2 = find_spec('tf2_ros') is not None
 MARKER_FILE = f'marker_file:={shared_file("config/markers.yaml")}'
 
 
@@ -150,9 +148,11 @@ def coffee(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Nodes]:
     with Nodes(tmp_path_factory.mktemp('coffee'), '/use_coffee') as nodes:
         publish_base(nodes.listener)
         nodes.start_sensor()
-        nodes.start('coffee')
+        enough = ('-p', 'max_stddev:=0.2')
+        nodes.start('coffee', *enough)
         topic = f'markers:={nodes.namespace}/markers'
-        nodes.start('coffee', '-p', f'target_frame:={BASE_VIEW.frame}', '-r', topic, below='base')
+        frame = f'target_frame:={BASE_VIEW.frame}'
+        nodes.start('coffee', *enough, '-p', frame, '-r', topic, below='base')
         nodes.wait_for('frames', 2)
         nodes.wait_for('markers', 3)
         ready = [Collected(nodes.listener, Bool, f'{it}coffee/ready') for it in ('', 'base/')]
@@ -174,15 +174,5 @@ def test_coffee_is_ready_when_all_objects_are_placed(coffee: Nodes) -> None:
     assert ': all objects are placed' in coffee.log('coffee')
 
 
-@pytest.mark.skipif(not HAS_TF2, reason='needs tf2_ros, which has no wheel')
 def test_coffee_places_objects_in_the_target_frame(coffee: Nodes) -> None:
     check_coffee(coffee.listener, load_scene('coffee'), '/use_coffee/base', BASE_VIEW)
-    assert 'tf2_ros' not in coffee.log('base_coffee')
-
-
-@pytest.mark.skipif(HAS_TF2, reason='tf2_ros is installed')
-def test_coffee_without_tf2_says_so_and_stays_in_the_frame_of_the_sensor(coffee: Nodes) -> None:
-    check_coffee(coffee.listener, load_scene('coffee'), '/use_coffee/base', SENSOR_VIEW)
-    warning = "target_frame base: tf2_ros is not installed; poses are in the sensor's"
-    (line,) = (line for line in coffee.log('base_coffee').splitlines() if warning in line)
-    assert '[WARN]' in line

@@ -26,7 +26,7 @@ from retrolidar_ros.tasks.calibration.reading import read_markers
 from retrolidar_ros.tasks.calibration.sweep import Sweep, sweep_of
 from retrolidar_ros.tasks.calibration.timing import Timing, timing
 
-_SAME_DEPTH_M = 0.3
+_SAME_DEPTH_M, _MOVES_M = 0.1, 0.3
 _FLIPPED = 0.2
 _LEAST_ZONES = 3
 
@@ -172,7 +172,7 @@ def _marker(
         contrast=contrast,
         least_contrast=gain.value / bright if bright > 0 else 0.0,
         flipped=flipped,
-        moves=len(seen_by) > 2 or float(np.ptp(spread)) > _SAME_DEPTH_M,
+        moves=len(seen_by) > 2 or float(np.ptp(spread)) > _MOVES_M,
     )
 
 

@@ -44,7 +44,8 @@ def parameter_file(found: Calibration, source: str) -> str:
     ]
     values = parameters(found)
     lines.append('  ros__parameters:' if values else '  ros__parameters: {}')
-    lines += [f'    {name}: {value:.6g}  # {remark}' for name, (value, remark) in values.items()]
+    # ROS takes a number without a point for another type, and YAML one with an exponent for text.
+    lines += [f'    {name}: {value:.6f}  # {remark}' for name, (value, remark) in values.items()]
     return '\n'.join(lines) + '\n'
 
 

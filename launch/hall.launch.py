@@ -1,0 +1,52 @@
+# Copyright 2026 retrolidar_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""One host of a hall: its sensors in one process, and others found by a discovery server.
+
+On one host: ros2 launch retrolidar_ros hall.launch.py serve:=true ports:=[/dev/ttyACM0]
+On the rest: ros2 launch retrolidar_ros hall.launch.py server:=HOST:11811 ports:=[...] names:=[...]
+"""
+
+import yaml
+from launch import LaunchDescription
+from launch.actions import ExecuteProcess, OpaqueFunction, SetEnvironmentVariable
+
+from retrolidar_ros.nodes.launching import COMMON, declared, is_on, node, value
+
+_OVERRIDES = ('marker_file', 'protocol')
+
+
+def _host(context):
+    """Return the server, if it is here, and the reader."""
+    actions = []
+    server = value(context, 'server')
+    if is_on(context, 'serve'):
+        port = server.rpartition(':')[2] or '11811'
+        server = server or f'127.0.0.1:{port}'
+        command = ['fast-discovery-server', '-i', '0', '-l', '0.0.0.0', '-p', port]
+        actions.append(ExecuteProcess(cmd=command, name='server', output='screen', respawn=True))
+    if server:
+        actions.append(SetEnvironmentVariable('ROS_DISCOVERY_SERVER', server))
+    given = {name: value(context, name) for name in _OVERRIDES if value(context, name)}
+    for name in ('ports', 'names'):
+        given[name] = yaml.safe_load(value(context, name))
+        if not isinstance(given[name], list):
+            raise RuntimeError(f'{name}:={value(context, name)}: it needs a list, as [a, b]')
+    given = {name: one for name, one in given.items() if one != []}
+    remappings = [('markers', value(context, 'markers'))] if value(context, 'markers') else []
+    return [*actions, node(context, 'reader', given, remappings=remappings)]
+
+
+def generate_launch_description():
+    """Return the launch arguments and what they start."""
+    arguments = {
+        **COMMON,
+        'ports': ('[]', 'Devices of the sensors, as [/dev/a, /dev/b].'),
+        'names': ('[]', 'Of the sensors; [] = sensor0, sensor1, ...'),
+        'namespace': ('retrolidar', 'Of all; each sensor adds its name.'),
+        'markers': ('', 'One topic for all detections, as /retrolidar/markers.'),
+        'server': ('', 'Discovery server, HOST:PORT; empty = none but that of serve.'),
+        'serve': ('false', 'Whether the discovery server runs here.'),
+    }
+    arguments.pop('single_process')  # it is one
+    arguments.pop('autostart')
+    return LaunchDescription([*declared(arguments), OpaqueFunction(function=_host)])

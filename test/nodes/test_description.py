@@ -1,0 +1,62 @@
+# Copyright 2026 retrolidar_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""The description of the sensor for a robot's own, and the workflow of a host."""
+
+import re
+from xml.etree import ElementTree
+
+import numpy as np
+import pytest
+import yaml
+from numpy.typing import NDArray
+
+from retrolidar_ros.settings.resources import shared_file
+
+
+def rotation(roll: float, pitch: float, yaw: float) -> NDArray[np.float64]:
+    """Return the matrix of URDF's angles: about the fixed axes x, then y, then z."""
+    (cr, sr), (cp, sp), (cy, sy) = ((np.cos(a), np.sin(a)) for a in (roll, pitch, yaw))
+    about_x = np.array([[1, 0, 0], [0, cr, -sr], [0, sr, cr]])
+    about_y = np.array([[cp, 0, sp], [0, 1, 0], [-sp, 0, cp]])
+    about_z = np.array([[cy, -sy, 0], [sy, cy, 0], [0, 0, 1]])
+    return np.asarray(about_z @ about_y @ about_x)
+
+
+def test_the_optical_frame_looks_along_the_x_of_its_link() -> None:
+    """REP 103: what is ahead of the sensor is at z of the optical frame, its right at x."""
+    robot = ElementTree.parse(shared_file('urdf/retrolidar.urdf.xacro')).getroot()
+    (joint,) = (j for j in robot.iter('joint') if j.get('name') == '${name}_optical_joint')
+    origin, parent, child = (joint.find(tag) for tag in ('origin', 'parent', 'child'))
+    assert origin is not None
+    assert parent is not None
+    assert child is not None
+    assert (parent.get('link'), child.get('link')) == ('${name}_link', '${name}_optical_frame')
+    turn = rotation(*map(float, str(origin.get('rpy')).split()))
+    right, down, ahead = turn.T
+    assert ahead == pytest.approx([1, 0, 0], abs=1e-9)
+    assert right == pytest.approx([0, -1, 0], abs=1e-9)
+    assert down == pytest.approx([0, 0, -1], abs=1e-9)
+
+
+def test_the_documented_mounting_looks_ahead() -> None:
+    file = shared_file('package.xml').parent / 'docs' / 'troubleshooting.md'
+    if not file.exists():
+        pytest.skip('an installed package has no documents')
+    (line,) = (x for x in file.read_text().splitlines() if 'static_transform_publisher' in x)
+    angles = {name: float(value) for name, value in re.findall(r'--(roll|pitch|yaw) (\S+)', line)}
+    turn = rotation(*(angles.get(name, 0.0) for name in ('roll', 'pitch', 'yaw')))
+    assert turn[:, 2] == pytest.approx([1, 0, 0], abs=1e-6)
+    assert turn[:, 0] == pytest.approx([0, -1, 0], abs=1e-6)
+
+
+def test_the_workflow_builds_and_tests_for_every_distro() -> None:
+    file = shared_file('package.xml').parent / '.github' / 'workflows' / 'ros.yaml'
+    if not file.exists():
+        pytest.skip('an installed package has no workflow')
+    workflow = yaml.safe_load(file.read_text())
+    job = workflow['jobs']['colcon']
+    distros = {row['distro'] for row in job['strategy']['matrix']['include']}
+    assert distros == {'humble', 'jazzy', 'kilted', 'lyrical'}
+    said = ' '.join(str(step) for step in job['steps'])
+    for word in ('setup-ros', 'rosdep install', 'colcon build', 'colcon test', 'test-result'):
+        assert word in said
