@@ -147,7 +147,7 @@ def draw(figures: dict[str, Any]) -> Any:
         2,
         14,
         5.8,
-        'A drone that drifts is read in every window of ten seconds until its rotor hides half',
+        'The default reads the drone in every window of ten seconds, whatever was tried',
     )
     styles = ('--', ':', '-')
     for axis, name, key, label in zip(

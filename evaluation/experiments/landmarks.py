@@ -35,7 +35,7 @@ _SIDES_M = (0.1, 0.2, 0.4, 0.6)
 _READY_SIDE_M, _READY_M, _READY_S = 0.7, 0.01, 12.0
 """A hand that is to place all objects goes so far, until they are so well known, in such a time."""
 _STAY_S, _MOST = 4.3, 3
-_TRIALS, _QUICK_TRIALS = 30, 3
+_TRIALS, _QUICK_TRIALS = 20, 3
 _RARE = 16.266  # 99.9 % of a normal distribution in three dimensions
 _POSE_M, _WRONG, _LATE = 0.002, 0.05, 0.10
 _ACCELERATION = 0.04

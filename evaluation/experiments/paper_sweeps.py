@@ -184,7 +184,7 @@ SWEEPS: dict[str, Sweep] = {
     ),
     'ambient': Sweep(
         'Ambient light',
-        'Daylight in a room costs decimetres of reach, the shade outdoors half of it',
+        'Daylight in a room costs decimetres of reach, the shade outdoors a metre',
         'distance of a marker of 3 cm [m]',
         'm',
         _curves(

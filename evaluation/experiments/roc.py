@@ -48,7 +48,7 @@ GROUPS = {
 _RANGES_M = (2.6, 2.9)
 _RECORDINGS, _QUICK_RECORDINGS = 6, 1
 # Sensor-hours before each member: what is lax errs often enough in a short time.
-_LEAST_H, _SHIPPED_H, _QUIET_H = 0.003, 0.1, 1.0
+_LEAST_H, _SHIPPED_H, _QUIET_H = 0.003, 0.08, 1.0
 _BLINKING_H = 0.01
 _QUICK_SHARE = 0.05
 _PREAMBLES = 'false preambles'

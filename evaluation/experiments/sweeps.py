@@ -119,7 +119,7 @@ class Sweep:
 
     def draw(self, figures: dict[str, Any]) -> Any:
         """Draw a panel for each curve."""
-        columns = min(3, len(figures['curves']))
+        columns = 2 if len(figures['curves']) == 4 else min(3, len(figures['curves']))
         rows = -(-len(figures['curves']) // columns)
         figure, axes = new_chart(rows, columns, 4.7 * columns + 0.5, 4.2 * rows + 1, self._message)
         for axis in axes.flat[len(figures['curves']) :]:

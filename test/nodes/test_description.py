@@ -3,6 +3,7 @@
 """The description of the sensor for a robot's own, and the workflow of a host."""
 
 import re
+from pathlib import Path
 from xml.etree import ElementTree
 
 import numpy as np
@@ -11,6 +12,8 @@ import yaml
 from numpy.typing import NDArray
 
 from retrolidar_ros.settings.resources import shared_file
+
+ROOT = Path(__file__).resolve().parents[2]
 
 
 def rotation(roll: float, pitch: float, yaw: float) -> NDArray[np.float64]:
@@ -39,9 +42,7 @@ def test_the_optical_frame_looks_along_the_x_of_its_link() -> None:
 
 
 def test_the_documented_mounting_looks_ahead() -> None:
-    file = shared_file('package.xml').parent / 'docs' / 'troubleshooting.md'
-    if not file.exists():
-        pytest.skip('an installed package has no documents')
+    file = ROOT / 'docs' / 'troubleshooting.md'
     (line,) = (x for x in file.read_text().splitlines() if 'static_transform_publisher' in x)
     angles = {name: float(value) for name, value in re.findall(r'--(roll|pitch|yaw) (\S+)', line)}
     turn = rotation(*(angles.get(name, 0.0) for name in ('roll', 'pitch', 'yaw')))
@@ -50,9 +51,7 @@ def test_the_documented_mounting_looks_ahead() -> None:
 
 
 def test_the_workflow_builds_and_tests_for_every_distro() -> None:
-    file = shared_file('package.xml').parent / '.github' / 'workflows' / 'ros.yaml'
-    if not file.exists():
-        pytest.skip('an installed package has no workflow')
+    file = ROOT / '.github' / 'workflows' / 'ros.yaml'
     workflow = yaml.safe_load(file.read_text())
     job = workflow['jobs']['colcon']
     distros = {row['distro'] for row in job['strategy']['matrix']['include']}

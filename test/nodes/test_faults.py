@@ -220,7 +220,7 @@ def test_a_host_clock_that_is_set_costs_no_frame(scene: Scene, tmp_path: Path) -
     clock = listener.node.create_publisher(Clock, CLOCK, 10)
     step_ns = 0
     listener.node.create_timer(
-        0.002, lambda: clock.publish(Clock(clock=to_time(time.time_ns() + step_ns)))
+        0.005, lambda: clock.publish(Clock(clock=to_time(time.time_ns() + step_ns)))
     )
     port = tmp_path / 'port'
     command = ['--ros-args', '-r', '__ns:=/stepped', '-r', f'/clock:={CLOCK}']

@@ -12,7 +12,7 @@ from collections import defaultdict
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 import pytest
@@ -27,10 +27,12 @@ from lifecycle_msgs.msg import Transition
 from lifecycle_msgs.srv import ChangeState, GetState
 from sensor_msgs.msg import CameraInfo, Image
 from std_msgs.msg import Header
+from tf2_msgs.msg import TFMessage
 
 from retrolidar_ros.cli.demo import executable
 from retrolidar_ros.cli.processes import ProcessGroup
 from retrolidar_ros.msg import Frame as FrameMsg
+from retrolidar_ros.msg import MarkerDetection
 from retrolidar_ros.nodes.conversion import to_frame_msg, to_ns
 from retrolidar_ros.nodes.listener import Listener
 from retrolidar_ros.scene import Simulation
@@ -145,16 +147,28 @@ def test_markers_are_read_and_placed(system: System) -> None:
     system.wait_for_status('driver: frames', DiagnosticStatus.OK, 'frames a second')
 
 
-def test_transforms_come_before_what_they_belong_to(system: System) -> None:
-    """By the order of the publications: what crosses over other topics may still overtake."""
-    listener = system.listener
-    seen = len(listener.markers) + 6
-    system.wait(lambda: len(listener.markers) >= seen, 'readings')
-    late = 0
-    for message, _ in listener.markers[-6:]:
-        known = {(t.child_frame_id, to_ns(t.header.stamp)) for t in listener.transforms}
-        late += (message.child_frame_id, to_ns(message.header.stamp)) not in known
-    assert late == 0
+def test_transforms_go_out_before_what_they_belong_to(system: System) -> None:
+    """By the times at which they were sent: on the way, one topic may still overtake another."""
+    node = system.listener.node
+    sent: dict[str, dict[int, int]] = {'transforms': {}, 'markers': {}}
+
+    def take_transforms(message: TFMessage, info: dict[str, int]) -> None:
+        for one in message.transforms:
+            sent['transforms'][to_ns(one.header.stamp)] = info['source_timestamp']
+
+    def take_marker(message: MarkerDetection, info: dict[str, int]) -> None:
+        sent['markers'][to_ns(message.header.stamp)] = info['source_timestamp']
+
+    topic = f'{system.namespace}/markers'
+    both = [
+        node.create_subscription(TFMessage, '/tf', cast(Any, take_transforms), 100),
+        node.create_subscription(MarkerDetection, topic, cast(Any, take_marker), 100),
+    ]
+    system.wait(lambda: len(sent['transforms'].keys() & sent['markers'].keys()) > 5, 'readings')
+    for one in both:
+        node.destroy_subscription(one)
+    for stamp_ns in sent['transforms'].keys() & sent['markers'].keys():
+        assert sent['transforms'][stamp_ns] < sent['markers'][stamp_ns]
 
 
 def test_a_heartbeat_tells_up_to_when_all_was_judged(system: System) -> None:
@@ -342,9 +356,12 @@ def test_poses_of_known_markers_come_by_their_names(tmp_path: Path) -> None:
         command = [executable('reader'), '--ros-args', '-r', '__ns:=/poses']
         command += ['-p', f'serial_port:={tmp_path / "port"}', '-p', f'marker_file:={markers}']
         processes.start('reader', command)
-        assert listener.spin_until(lambda: bool(poses), PATIENCE_S)
-    heard = [m for m, _ in listener.markers if m.child_frame_id == 'mug']
-    assert poses[0].pose in [message.pose.pose for message in heard]
+
+        def is_heard() -> bool:
+            heard = [m.pose.pose for m, _ in listener.markers if m.child_frame_id == 'mug']
+            return bool(poses) and poses[-1].pose in heard
+
+        assert listener.spin_until(is_heard, PATIENCE_S)
     listener.close()
 
 

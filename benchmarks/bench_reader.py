@@ -1,0 +1,69 @@
+# Copyright 2026 retrolidar_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""Many sensors in one process, the reader: share of a core, and frames lost.
+
+embedded/run python benchmarks/bench_reader.py [--sensors N] [--seconds S]
+
+Each sensor sees three markers that never stop talking; nobody listens to frames.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+import time
+from contextlib import closing
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+from bench_nodes import SETTLING_S, cpu_seconds
+from bench_scale import REPORT_TIMEOUT_S
+from many_sensors import CountListener
+
+from retrolidar_ros.cli.demo import executable
+from retrolidar_ros.cli.processes import ProcessGroup
+
+
+def measure(sensors: int, seconds: float) -> tuple[float, int, int]:
+    """Return the share of a core, and how many frames were judged and lost."""
+    names = [f'sensor{index}' for index in range(sensors)]
+    with TemporaryDirectory() as directory, ProcessGroup(Path(directory)) as processes:
+        ports = [f'{directory}/{name}' for name in names]
+        command = [executable('reader'), '--ros-args', '-r', '__ns:=/hall', '-p', f'ports:={ports}']
+        processes.start('reader', command)
+        many = str(Path(__file__).with_name('many_sensors.py'))
+        processes.start('sensors', [sys.executable, many, *ports])
+        # Of another namespace, so that no frames cross.
+        with closing(CountListener(['/elsewhere'])) as listener:
+            if not listener.spin_until(
+                lambda: (
+                    len(listener.sent) == len(listener.taken) == sensors
+                    and all(frames > 0 for _, frames in listener.taken.values())
+                ),
+                REPORT_TIMEOUT_S + sensors,
+            ):
+                raise TimeoutError(f'some of {sensors} sensors are not read')
+            listener.spin_until(lambda: False, SETTLING_S)
+            sent, taken = listener.sent.copy(), listener.taken.copy()
+            used_s, began_s = cpu_seconds(processes.pid('reader')), time.monotonic()
+            listener.spin_until(lambda: False, seconds)
+            share = cpu_seconds(processes.pid('reader')) - used_s
+            share /= time.monotonic() - began_s
+        judged = sum(listener.taken[name][1] - taken[name][1] for name in taken)
+        came = sum(listener.sent[name][1] - sent[name][1] for name in sent)
+    return share, judged, came - judged
+
+
+def main() -> None:
+    """Measure and print."""
+    parser = argparse.ArgumentParser(description=__doc__.partition('\n')[0])
+    parser.add_argument('--sensors', type=int, nargs='+', default=[1, 16])
+    parser.add_argument('--seconds', type=float, default=20.0)
+    arguments = parser.parse_args()
+    for sensors in arguments.sensors:
+        share, judged, lost = measure(sensors, arguments.seconds)
+        print(f'{sensors:3d} sensors: {share:.1%} of a core, {judged} frames judged, {lost} lost')
+
+
+if __name__ == '__main__':
+    main()
