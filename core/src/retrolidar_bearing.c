@@ -13,7 +13,7 @@ enum { BLURS = 7, NEAR = 3, AXES = 2 };
 static const double BLUR_DOUBT = 0.3, SMEARED = 1e-3;
 static const double BLUR[BLURS] = {0.03, 0.05, 0.08, 0.12, 0.18, 0.25, 0.35};
 /* Places that are tried across the strongest zone and a bit beyond, so many from each of these to
- * the next; denser near the edges, where the shares of two zones tell them apart.
+ * the next; denser near the edges, where the shares of two zones differ.
  */
 enum { STRETCHES = 5 };
 static const int PLACES[STRETCHES] = {5, 50, 40, 50, 5};

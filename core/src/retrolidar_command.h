@@ -1,7 +1,7 @@
 /* Copyright 2026 retrolidar_ros contributors
  * SPDX-License-Identifier: Apache-2.0
  */
-/* What a person may tell a marker over its serial line. */
+/* Commands of a person to a marker over its serial line. */
 #ifndef RETROLIDAR_COMMAND_H
 #define RETROLIDAR_COMMAND_H
 

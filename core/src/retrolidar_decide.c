@@ -10,13 +10,13 @@
 #include <string.h>
 
 enum {
-    BEFORE_BITS = 16,   /* before a stretch, which tell whether its packet has repeated */
+    BEFORE_BITS = 16,   /* before a stretch, which show whether its packet has repeated */
     WANDERING = 3,      /* walk from which on what a packet leaves over is more than noise */
     USUAL_CHANGES = 12, /* that all words but those of IDs 1 and 4094 have */
 };
 
 static const double BRIGHTENING_S = 0.0035; /* of the usual crystal */
-/* Bits before a stretch that tell whether its packet has repeated, and share of its evidence that
+/* Bits before a stretch that show whether its packet has repeated, and share of its evidence that
  * there must be with them.
  */
 static const double LEAST_BEFORE_BITS = 4.0, LEAST_LONGER = 0.9;

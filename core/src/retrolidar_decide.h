@@ -47,7 +47,7 @@ struct rl_verdict {
  * hits: those that were found with it, rivals if they are of other IDs
  * packets: that the window holds
  * free_s: before that, samples belong to packets that have been read [s]
- * since_s: earlier samples than that tell nothing of this packet [s]
+ * since_s: earlier samples say nothing about this packet [s]
  * to_s: end of the newest exposure [s]
  */
 struct rl_verdict rl_decide(struct rl_window *window, const struct rl_codebook *codebook,

@@ -66,7 +66,7 @@ void rl_detector_destroy(struct rl_detector *detector)
     free(detector);
 }
 
-static void begin_anew(struct rl_detector *detector, int64_t stamp_ns)
+static void restart(struct rl_detector *detector, int64_t stamp_ns)
 {
     rl_samples_clear(&detector->samples, stamp_ns);
     detector->recents = 0;
@@ -91,7 +91,7 @@ int32_t rl_detector_push(struct rl_detector *detector, int32_t frames, const int
         }
         if (detector->samples.count == 0 || stamp < detector->last_ns ||
             (uint64_t)stamp - (uint64_t)detector->last_ns > (uint64_t)longest_ns) {
-            begin_anew(detector, stamp);
+            restart(detector, stamp);
         }
         detector->last_ns = stamp;
         const size_t at = (size_t)frame * zones;

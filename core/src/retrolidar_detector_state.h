@@ -17,7 +17,7 @@ extern "C" {
 enum {
     RL_READINGS = 32,  /* that one frame may bring */
     RL_DECISIONS = 12, /* candidates that are judged with one frame, at the most */
-    RL_RECENT = 64,    /* readings that are remembered, not to be told twice */
+    RL_RECENT = 64,    /* readings that are remembered, not to be reported twice */
     RL_MOST_PENDING = 2 * RL_MOST_SOURCES + 4 * RL_MOST_ZONES, /* all that a frame can bring */
 };
 /* Bits by which a packet may begin before the one before it has ended. */
@@ -28,7 +28,7 @@ struct rl_recent {
     double start_s, end_s;
 };
 
-/* What a search has found in a source, and nobody has judged. */
+/* What a search has found in a source, not judged yet. */
 struct rl_pending {
     int source, packets;
     struct rl_hits hits;

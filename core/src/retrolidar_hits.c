@@ -23,7 +23,7 @@ static float nats_of(float squared, const struct rl_reach *reach)
     return -0.5f * reach->samples * log1pf(-rl_minf(squared / reach->power, MOST_EXPLAINED));
 }
 
-/* What must be explained for so many nats. */
+/* What must be explained for this many nats. */
 static float least_of(float nats, const struct rl_reach *reach)
 {
     return reach->power * (1.0f - expf(-2.0f * nats / reach->samples));
@@ -131,7 +131,7 @@ void rl_promise_add(struct rl_promises *promises, const struct rl_demand *demand
 }
 
 /* The sequence of bits that explains most: from the signs of the soft bits, by turning one at a
- * time. In a long run the level is taken for the light of its bits, and their signs tell little.
+ * time. In a long run the level is taken for the light of its bits, and their signs say little.
  */
 static uint32_t best_bits(const struct rl_energy *energy, const struct rl_smooth *smooth,
                           const struct rl_lane *lane)

@@ -56,7 +56,7 @@ void rl_whiten(struct rl_whitened *whitened, const float *signal, const uint8_t 
         whitened->row[samples] = row;
         last_s = middle_s;
         if (samples++ == 0) {
-            /* The level is unknown, so the first sample tells it and nothing else. */
+            /* The level is unknown, so the first sample only sets it. */
             first = value;
             for (int walk = 0; walk < RL_WALK_LANES; walk++) {
                 variance[walk] = 1.0;

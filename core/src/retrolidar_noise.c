@@ -23,9 +23,9 @@ static void change_sums(struct rl_samples *samples, int row, double sign)
     }
 }
 
-void rl_noise_follow(struct rl_samples *samples, int wanted, bool anew)
+void rl_noise_follow(struct rl_samples *samples, int wanted, bool recompute)
 {
-    if (anew || samples->variance_rows > wanted) {
+    if (recompute || samples->variance_rows > wanted) {
         for (int source = 0; source < samples->sources; source++) {
             samples->sum[source] = samples->square[source] = 0.0;
         }

@@ -14,10 +14,10 @@ extern "C" {
 /* Variance of the noise of a source at a signal [(kcps/SPAD)^2], as the law says. */
 double rl_noise_variance(const struct rl_samples *samples, int source, double signal);
 
-/* After a row was appended: let the sums be those of the newest rows, as many as `wanted`, computed
- * anew after a move.
+/* After a row was appended: update the sums to the newest rows, as many as `wanted`; `recompute` them
+ * after the rows have moved.
  */
-void rl_noise_follow(struct rl_samples *samples, int wanted, bool anew);
+void rl_noise_follow(struct rl_samples *samples, int wanted, bool recompute);
 
 /* By how many times its noise a source varies over the newest `variance_rows`. */
 double rl_noise_variation(const struct rl_samples *samples, int source);

@@ -37,7 +37,7 @@ struct rl_optics {
 };
 
 /* Place a reading of the frame that was taken last; false where no distance was measured. Every zone
- * that has read it tells its range, and all zones around the strongest its bearing.
+ * that has read it gives its range, and all zones around the strongest its bearing.
  */
 bool rl_place(struct rl_detector *detector, const struct rl_reading *reading,
               const struct rl_optics *optics, struct rl_placement *placement);

@@ -97,7 +97,7 @@ static bool part(const struct rl_seen *seen, const uint8_t *role, double about_m
     }
     gain /= energy;
     /* Distances count from the marker, so that noise of the signal moves nothing; the second time
-     * they do, and what is left over tells how sure the result is.
+     * they do, and what is left over says how sure the result is.
      */
     for (int turn = 0; turn < 2; turn++) {
         from_m = about_m;

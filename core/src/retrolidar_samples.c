@@ -10,7 +10,7 @@
 #include <math.h>
 #include <string.h>
 
-/* ST's codes of samples whose signal and distance are to be believed; of these, a blinking marker
+/* ST's codes of samples whose signal and distance are valid; of these, a blinking marker
  * itself causes "first range" (6) and "no previous target" (10).
  */
 enum { VALID = 5, FIRST_RANGE = 6, SIGNAL_TOO_LOW = 8, MERGED = 9, NO_PREVIOUS = 10 };

@@ -13,7 +13,7 @@
 extern "C" {
 #endif
 
-enum { RL_SILENT_BITS = 31 }; /* before a lone packet, which tell its bright level */
+enum { RL_SILENT_BITS = 31 }; /* before a lone packet, which show its bright level */
 
 /* Bits from the start of what is sent to the middle of the window that it was found in. */
 double rl_scope_half_bits(const struct rl_sending *sending, int packets, double to_s);
@@ -27,7 +27,7 @@ double rl_scope_half_bits(const struct rl_sending *sending, int packets, double 
 double rl_scope_open(struct rl_window *window, int source, struct rl_sending *sending, int packets,
                      double free_s, double to_s, int *silent_bits);
 
-/* Whether too many samples are erasures to tell the word. */
+/* Whether too many samples are erasures to decide the word. */
 bool rl_scope_is_erased(const struct rl_window *window, const struct rl_sending *sending);
 
 /* Leave out the stretch of a few bits which would be likeliest if all of it were dark: something

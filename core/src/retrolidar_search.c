@@ -14,7 +14,7 @@ enum {
     QUARTERS = 4, /* of a bit, by which stretches are tried first, ... */
     AHEAD_QUARTERS = 6, /* ... and packets whose end has not come yet */
     KEPT = 4,     /* stretches of a source that are looked at more closely */
-    BEFORE_BITS = 31, /* of samples before a packet, to tell the level */
+    BEFORE_BITS = 31, /* of samples before a packet, for the level */
 };
 
 /* Variance of a source, in that of its noise, from which it is strong. */
@@ -23,7 +23,7 @@ static const double STRONG = 4.0;
 static const float LEAST_COARSE = 0.75f;
 /* What stands out of strong samples is asked for more: it is better known. */
 static const double STRONG_SHARE = 1.3;
-/* The longer the silence before a faint packet is remembered, the surer its bright level. */
+/* The longer the silence before a faint packet is remembered, the more certain its bright level. */
 static const float WALKS[] = {0.01f, 0.1f, 0.002f};
 enum { WALK_COUNT = 3, FAINT_LONE = 2 };
 /* By how much the ends of a window may be off between two clocks that are tried [bits]. */

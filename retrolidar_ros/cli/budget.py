@@ -1,6 +1,6 @@
 # Copyright 2026 retrolidar_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""Tell what to expect of a marker before it is built."""
+"""Say what to expect of a marker before it is built."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ def add_command(subparsers: Subparsers) -> None:
     """Add `retrolidar budget`."""
     command = subparsers.add_parser(
         'budget',
-        help='tell what to expect of a marker: its link, its waking and its battery',
+        help='what to expect of a marker: its link, its waking and its battery',
         description='Quantities carry their units, as in scene files.',
     )
     for name, default, what in (

@@ -1,6 +1,6 @@
 # Copyright 2026 retrolidar_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""From a recording to parameters, a scene, and a page that tells of them."""
+"""From a recording to parameters, a scene, and a page that describes them."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ def add_command(subparsers: Subparsers) -> None:
         help='find the parameters of a recorded sensor and of its markers',
         description='Writes calibration.yaml, a params_file of the nodes and of decode; '
         'scene.yaml, for the emulator; and calibration.md with calibration.png. What the recording '
-        f'does not tell is not written. Exit code {NOTHING_READ} if no marker is read.',
+        f'does not show is not written. Exit code {NOTHING_READ} if no marker is read.',
     )
     command.add_argument('bag', type=Path, help='rosbag2 directory, .mcap or .db3 file')
     command.add_argument('--topic', default=FRAMES_TOPIC, help='(default: %(default)s)')
@@ -67,7 +67,7 @@ def run(arguments: argparse.Namespace) -> int:
         Recording.of(frames), distance_m=distance_m, size_m=size_m, speed_m_s=speed_m_s
     )
     source = arguments.bag.name
-    told, wanted = sentences(found), missing(found)
+    lines, wanted = sentences(found), missing(found)
     arguments.output.mkdir(parents=True, exist_ok=True)
     files = {
         'calibration.yaml': parameter_file(found, source),
@@ -75,8 +75,8 @@ def run(arguments: argparse.Namespace) -> int:
     }
     for name, text in files.items():
         (arguments.output / name).write_text(text, encoding='utf-8')
-    write_page(found, told, wanted, arguments.output, source)
-    print('\n'.join([*told, *(f'Next: {line}' for line in wanted)]))
+    write_page(found, lines, wanted, arguments.output, source)
+    print('\n'.join([*lines, *(f'Next: {line}' for line in wanted)]))
     print(f'{arguments.output}: {", ".join(files)}, calibration.md, calibration.png')
     if damage is not None:
         print(f'retrolidar: only what comes before the damage: {damage}', file=sys.stderr)

@@ -1,6 +1,6 @@
 # Copyright 2026 retrolidar_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""A page that tells what a recording has told, with pictures of what it rests on."""
+"""A page of what was found in a recording, with pictures of what it rests on."""
 
 from __future__ import annotations
 
@@ -17,10 +17,10 @@ _BINS = 60
 
 
 def write_page(
-    found: Calibration, told: Sequence[str], wanted: Sequence[str], directory: Path, source: str
+    found: Calibration, results: Sequence[str], wanted: Sequence[str], directory: Path, source: str
 ) -> None:
     """Write calibration.md and calibration.png."""
-    lines = [f'# Calibration from {source}', '', *(f'* {line}' for line in told), '']
+    lines = [f'# Calibration from {source}', '', *(f'* {line}' for line in results), '']
     lines += ['± is half of the interval that holds the truth in 95 of 100 cases.', '']
     if wanted:
         lines += ['## What to record next', '', *(f'* {line}' for line in wanted), '']

@@ -27,7 +27,7 @@ def add_command(subparsers: Subparsers) -> None:
     )
     command.add_argument('--json', action='store_true', help='one JSON object a line')
     command.add_argument(
-        '--explain', action='store_true', help='tell of every zone that blinks, read or not'
+        '--explain', action='store_true', help='describe every zone that blinks, read or not'
     )
 
 

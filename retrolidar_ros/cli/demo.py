@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
 NAMESPACE = '/retrolidar'
 READINGS = 3
-"""How often each marker is to be read before the demo ends."""
+"""How often each marker must be read before the demo ends."""
 _TAKEN = (
     f'another driver publishes {NAMESPACE}/frames; end it, or set ROS_DOMAIN_ID to a free number'
 )
@@ -71,13 +71,13 @@ def start_emulator(processes: ProcessGroup, scene: str, port: Path) -> None:
 def _listen(scene: Scene, listener: Listener, processes: ProcessGroup, timeout_s: float) -> None:
     """Handle messages until every marker was read often enough, and say so as it comes."""
     names = {marker.id: marker.name for marker in scene.markers}
-    told: set[int] = set()
+    shown: set[int] = set()
 
     def done() -> bool:
         processes.check()
         readings = [message.id for message, _ in listener.markers]
-        for identity in names.keys() & set(readings) - told:
-            told.add(identity)
+        for identity in names.keys() & set(readings) - shown:
+            shown.add(identity)
             print(f'  {names[identity]} was read', flush=True)
         enough = all(readings.count(identity) >= READINGS for identity in names)
         return enough and all(heard.has_transform for heard in listener.heard())
@@ -86,7 +86,7 @@ def _listen(scene: Scene, listener: Listener, processes: ProcessGroup, timeout_s
 
 
 def _is_ready(listener: Listener, processes: ProcessGroup) -> bool:
-    """Tell whether driver, detector and listener have found each other."""
+    """Return whether driver, detector and listener have found each other."""
     processes.check()
     return listener.is_connected()
 

@@ -44,7 +44,7 @@ class ProcessGroup:
         error: BaseException | None,
         traceback: TracebackType | None,
     ) -> None:
-        """End all processes: by SIGINT, and by SIGKILL what does not heed it."""
+        """End all processes: by SIGINT, and by SIGKILL what ignores it."""
         try:
             for name in list(self._running):
                 self.stop(name)
@@ -92,7 +92,7 @@ class ProcessGroup:
         _signal(process.pid, signal.SIGINT)
         with suppress(subprocess.TimeoutExpired):
             process.wait(_PATIENCE_S)
-        _signal(process.pid, signal.SIGKILL)  # whoever did not heed that, children included
+        _signal(process.pid, signal.SIGKILL)  # what ignored that, children included
         code = process.wait()
         del self._running[name]
         return code

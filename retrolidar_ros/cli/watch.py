@@ -100,7 +100,7 @@ def _display(output: TextIO) -> Iterator[Callable[[Snapshot], None]]:
 
 
 def is_screen(output: TextIO) -> bool:
-    """Tell whether an output is a terminal that can be drawn on."""
+    """Return whether an output is a terminal that can be drawn on."""
     return output.isatty() and os.environ.get('TERM', 'dumb') != 'dumb'
 
 

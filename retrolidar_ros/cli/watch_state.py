@@ -81,7 +81,7 @@ class Watch:
         return self._counted
 
     def take(self, frames: list[Frame], arrival_ns: int, notice: str = '') -> None:
-        """Take frames that arrived together, and what the reader then had to tell.
+        """Take frames that arrived together, and the messages of the reader then.
 
         Raises
         ------

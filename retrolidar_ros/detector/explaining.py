@@ -116,7 +116,7 @@ class Decoding:
             if packets < _FEW * sent and (packets > 1 or len(self.packets) == 1):
                 found.append(
                     f'ID {identity} was read in {packets} packets, and could have been in {sent} '
-                    'if it repeats them: it is faint, hidden at times, or its noise is not told'
+                    'if it repeats them: it is faint, hidden at times, or noisier than set'
                 )
         return found
 

@@ -58,7 +58,7 @@ class CoffeeNode(Node):
         parameters.follow(self._change)
         self._target = values['target_frame']
         self._survey = Survey({}, Errors())
-        self._told: dict[str, str] | None = None
+        self._published: dict[str, str] | None = None
         self._ready = self.create_publisher(Bool, '~/ready', LATCHED)
         self._missing = self.create_publisher(String, '~/missing', LATCHED)
         self._poses = {
@@ -125,7 +125,7 @@ class CoffeeNode(Node):
             if move is not None:
                 way = ', '.join(f'{part:+.2f}' for part in move.step_m)
                 missing[name] = f'{reason}: move by ({way}) m'
-        self._tell(missing)
+        self._publish_missing(missing)
 
     def _publish(
         self, name: str, header: Header, position_m: Floats, rotation: Floats, covariance: Floats
@@ -140,12 +140,12 @@ class CoffeeNode(Node):
                 way.vector.x, way.vector.y, way.vector.z = offset.tolist()
                 self._offsets[one, other].publish(way)
 
-    def _tell(self, missing: dict[str, str]) -> None:
+    def _publish_missing(self, missing: dict[str, str]) -> None:
         """Publish and log what is missing, and why, whenever more than a number has changed."""
-        told = {name: re.sub(r'[-+\d.]+', '', reason) for name, reason in missing.items()}
-        if self._told == told:
+        reasons = {name: re.sub(r'[-+\d.]+', '', reason) for name, reason in missing.items()}
+        if self._published == reasons:
             return
-        self._told = told
+        self._published = reasons
         text = ', '.join(f'{name} {reason}' for name, reason in missing.items())
         self._missing.publish(String(data=text))
         self._ready.publish(Bool(data=not missing))

@@ -140,7 +140,7 @@ def to_camera_info(frame: Frame, header: Header) -> CameraInfo:
 
 
 def _depth(frame: Frame) -> NDArray[np.float32]:
-    """Return the distances that are to be believed [m], NaN for the others."""
+    """Return the valid distances [m], NaN for the others."""
     valid, _ = valid_samples(frame.signal, frame.distance, frame.status)
     return np.where(valid, frame.distance, np.nan).astype(np.float32)
 

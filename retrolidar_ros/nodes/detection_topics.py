@@ -24,7 +24,7 @@ from retrolidar_ros.nodes.visualization import marker_shapes
 
 try:
     from vision_msgs.msg import Detection3DArray
-except ImportError:  # not installed, and nobody can listen
+except ImportError:  # not installed, so nothing can listen
     Detection3DArray = None
 _MOST_POSES = 100
 _BEAT_PERIOD_NS = 200_000_000

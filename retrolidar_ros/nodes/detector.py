@@ -67,7 +67,7 @@ class DetectorNode(Node):
         self._values = parameters.values
         check_child_frame(self._values)
         self._known = known_markers(self._values)
-        # The zones are known with the first frame, but what cannot be is to be said at the start.
+        # Zones are known with the first frame, but impossible parameters end the start.
         self._grid = ZoneGrid()
         self._detector = detector_of(self._values, self._grid, self._known)
         self._topics = DetectionTopics(self, self._known, self._values)
@@ -93,7 +93,7 @@ class DetectorNode(Node):
             if any(values[name] != self._values[name] for name in PARAMETERS):
                 self._detector = detector_of(values, self._grid, self._known)
                 self._health.restart(self._grid)
-                self.get_logger().info('the detector begins anew with other parameters')
+                self.get_logger().info('the detector restarts with other parameters')
             self._topics.change(values)
             self._values = values
 
@@ -114,10 +114,10 @@ class DetectorNode(Node):
         with self._lock:
             began_s = time.perf_counter()
             if self._frame_id not in ('', frame_id):
-                self._health.strangers += 1
+                self._health.foreign += 1
                 self.get_logger().warning(
                     f'frames come from {self._frame_id} and from {frame_id}: one detector reads '
-                    f'one sensor; the detector begins anew',
+                    f'one sensor; the detector restarts',
                     throttle_duration_sec=5.0,
                 )
             if frame.grid != self._grid or frame_id != self._frame_id:

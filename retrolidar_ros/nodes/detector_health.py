@@ -15,7 +15,7 @@ from retrolidar_ros.nodes.diagnostics import ERROR, STALE, WARN, Health, health_
 from retrolidar_ros.sensor.frame import ZoneGrid
 
 _SILENCE_S = 2.0
-# A sensor that begins anew sets its counter back once.
+# A sensor that restarts sets its counter back once.
 _MIXED = 2
 
 
@@ -25,7 +25,7 @@ class DetectorHealth:
     def __init__(self, grid: ZoneGrid) -> None:
         """Begin at zero."""
         self.reception = Reception(grid)
-        self.strangers = 0
+        self.foreign = 0
         """Frames from another TF frame than the one before."""
         self._dropped = 0
         self._reason = ''
@@ -35,12 +35,12 @@ class DetectorHealth:
         self._then = self._counts(DetectorCounts())
 
     def restart(self, grid: ZoneGrid) -> None:
-        """Begin to watch anew; the counts go on, but those of the detector."""
+        """Restart watching; the counts go on, except those of the detector."""
         self.reception.restart(grid)
         self._then['overloads'] = 0
 
     def drop(self, reason: str) -> None:
-        """Count a frame that cannot be."""
+        """Count an impossible frame."""
         self._dropped += 1
         self._reason = reason
 
@@ -63,7 +63,7 @@ class DetectorHealth:
             'repeated frames': self.reception.repeated,
             'frames out of order': self.reception.reversed,
             'dropped frames': self._dropped,
-            'strangers': self.strangers,
+            'frames of another sensor': self.foreign,
             'overloads': counts.overloads,
         }
 
@@ -97,7 +97,11 @@ class DetectorHealth:
             'candidates': str(counts.candidates),
             'accepted': str(counts.accepted),
             'impossible samples': str(counts.impossible),
-            **{name: str(number) for name, number in now.items() if name != 'strangers'},
+            **{
+                name: str(number)
+                for name, number in now.items()
+                if name != 'frames of another sensor'
+            },
         }
         self._busy_s = self._age_s = 0.0
         for reason, number in sorted(counts.rejected.items()):
@@ -123,9 +127,11 @@ class DetectorHealth:
         return health_of(problems, fine, values), problem
 
     def _disturbances(self, new: dict[str, int], publishers: list[str]) -> list[tuple[bytes, str]]:
-        """Say what happened to the frames of the last second."""
+        """Return what happened to the frames of the last second."""
         problems = []
-        mixed = new['strangers'] + new['frames out of order'] + new['repeated frames']
+        mixed = (
+            new['frames of another sensor'] + new['frames out of order'] + new['repeated frames']
+        )
         if mixed >= _MIXED:
             by = f' by {", ".join(sorted(publishers))}' if len(publishers) > 1 else ''
             problems.append(

@@ -46,7 +46,7 @@ class HealthBoard:
         self._node = node
         self._subjects: list[tuple[str, str, Examine]] = []
         self._publisher = node.create_publisher(DiagnosticArray, '/diagnostics', 10)
-        # Of the steady clock: a replay that is paused, or a clock that is set, silences nobody.
+        # Of the steady clock: a paused replay, or a clock that is set, silences no node.
         node.create_timer(PERIOD_S, self._publish, clock=Clock(clock_type=ClockType.STEADY_TIME))
 
     def add(self, name: str, hardware_id: str, examine: Examine) -> None:

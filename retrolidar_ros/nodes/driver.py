@@ -62,7 +62,7 @@ class DriverNode(LifecycleNode):
             'driver', cli_args=in_namespace(namespace), parameter_overrides=[*overrides]
         )
         self.failed = False
-        """Whether reading has ended by an error that nobody expected."""
+        """Whether reading has ended by an unexpected error."""
         self._take = take
         for service in self.services:
             if service.srv_name.endswith('/change_state'):

@@ -42,7 +42,7 @@ class FrameTopics:
         ]
 
     def publish(self, frame: Frame) -> None:
-        """Publish a frame, stamped in ROS time, as whatever somebody listens to."""
+        """Publish a frame, stamped in ROS time, on all topics with subscribers."""
         if self._frames.get_subscription_count():
             self._frames.publish(to_frame_msg(frame, self._frame_id))
         for publisher, convert in self._standard:

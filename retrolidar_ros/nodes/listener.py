@@ -58,7 +58,7 @@ class Listener:
         return True
 
     def is_connected(self) -> bool:
-        """Tell whether driver and detector are there, and the detector hears the driver."""
+        """Return whether driver and detector are there, and the detector hears the driver."""
         return (
             self.node.count_publishers('frames') > 0
             and self.node.count_publishers('markers') > 0

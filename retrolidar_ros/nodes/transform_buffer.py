@@ -58,7 +58,7 @@ class TransformBuffer:
                     links.pop(0)
 
     def has(self, frame: str) -> bool:
-        """Tell whether a frame has a parent."""
+        """Return whether a frame has a parent."""
         return frame in self._links
 
     def find(self, target: str, source: str, stamp_ns: int) -> tuple[Floats, Floats] | None:

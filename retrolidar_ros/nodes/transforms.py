@@ -61,11 +61,11 @@ class TransformFinder:
         node.create_subscription(TFMessage, '/tf_static', take_static, latched)
 
     def forget(self) -> None:
-        """Forget all transforms, whose time has not come any more."""
+        """Forget all transforms: the clock was set back."""
         (self._own or self._buffer).clear()
 
     def knows(self, frame: str) -> bool:
-        """Tell whether a frame has a parent."""
+        """Return whether a frame has a parent."""
         if self._own is not None:
             return self._own.has(frame)
         return f'{frame}:' in self._buffer.all_frames_as_yaml()

@@ -73,7 +73,7 @@ class SecondSensor:
 class Waypoint:
     """Where something is at a time; between two of them it moves evenly.
 
-    After the last one the path begins again.
+    After the last one the path restarts.
     """
 
     time_s: float

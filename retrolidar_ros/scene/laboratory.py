@@ -108,7 +108,7 @@ def second_light(second: SecondSensor, middle_s: Floats, exposure_s: float) -> F
     """Return by how much another sensor raises the ambient light of exposures [kcps/SPAD].
 
     Its pulses are not in step with this sensor's, so they fall anywhere into the time of flight
-    and count as ambient light does. What tells is how much of an exposure it was sending.
+    and count as ambient light does. What counts is how much of an exposure it was sending.
     """
 
     def sent(time_s: Floats) -> Floats:

@@ -76,7 +76,7 @@ class Budget(NamedTuple):
 
 
 def parse_case(size: str, yaw: str, distance: str, cell: str, queries: str) -> Case:
-    """Return the case that the command's options tell, units as in scene files.
+    """Return the case of the command's options, units as in scene files.
 
     A marker may be as large as a zone is at its distance.
 

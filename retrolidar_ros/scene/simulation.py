@@ -185,7 +185,7 @@ def _seen_in_each_zone(signals: Floats, distances: Floats) -> tuple[Floats, Floa
 def _reported_pulse(signals: Floats, distances: Floats) -> tuple[Floats, Floats, NDArray[np.bool_]]:
     """Return signal, z [m] and whether it is merged, of the strongest pulse in each zone.
 
-    Targets too near to each other to be told apart make one pulse: signals add, and the
+    Targets too near to each other to be separated make one pulse: signals add, and the
     distance is their mean weighted by signal. NaN distance where nothing reflects enough to see.
 
     Parameters

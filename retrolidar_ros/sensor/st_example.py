@@ -163,7 +163,7 @@ def slow_text(period_s: float) -> str:
 
 
 UNHEEDED = (
-    'signal and ambient light are off, and the board does not heed the key s that switches them '
+    'signal and ambient light are off, and the board ignores the key s, which switches them '
     'on: press it in a terminal, or restart the board'
 )
 

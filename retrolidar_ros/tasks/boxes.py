@@ -24,7 +24,7 @@ def same_boxes(jacobian: Floats, spread: Floats, mean: Floats, half: Floats) -> 
     """Return how many boxes say the same as each, shape (n, 2).
 
     Two do if their directions move together, and are at the same place of their boxes: together
-    they tell no more than one of them.
+    they say no more than one of them.
     """
     rows = jacobian.reshape(-1, jacobian.shape[-1])
     together = rows @ spread @ rows.T

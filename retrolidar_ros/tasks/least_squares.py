@@ -22,8 +22,8 @@ _MOST_STEP = 0.5
 _SOMEWHERE = 1e-6  # all is within a kilometre or so, which keeps equations solvable [1/m²]
 TURN_VARIANCE = math.pi**2 / 3
 """Of an angle that can be anything [rad²]."""
-# Student's t of so many degrees of freedom is what ranges are thought to follow, and residuals
-# raise the covariance as if so many more had been as expected.
+# Ranges are assumed to follow Student's t of this many degrees of freedom, and residuals
+# raise the covariance as if this many more had been as expected.
 _FREEDOM = 5.0
 
 
@@ -124,8 +124,8 @@ class Problem:
         """Return how far readings are from an estimate that they are no part of, shape (n, 3)."""
         jacobian, residual = self._linearised(fit.state)
         whole, soft = self._variances(fit.state, 0 * residual[:, 0], fit.covariance)
-        told = np.einsum('nck,kl,ncl->nc', jacobian, fit.covariance, jacobian)
-        return self._scores(residual, np.diag(whole) + told[:, 0], soft + told[:, 1:])
+        known = np.einsum('nck,kl,ncl->nc', jacobian, fit.covariance, jacobian)
+        return self._scores(residual, np.diag(whole) + known[:, 0], soft + known[:, 1:])
 
     def spread(self, fit: Fit) -> Floats:
         """Return the covariance, shape (9, 9), with more readings after those of an estimate.
@@ -177,8 +177,8 @@ class Problem:
         jacobian, residual = self._linearised(state)
         chi2 = float(residual[:, 0] @ weight @ residual[:, 0])
         scale = (_FREEDOM + chi2) / (_FREEDOM + max(len(residual) - 3, 0))
-        told = np.einsum('nk,kl,nl->n', jacobian[:, 0], spread, jacobian[:, 0])
-        own = np.maximum(np.diag(whole) - told, 0.2 * np.diag(whole))
+        known = np.einsum('nk,kl,nl->n', jacobian[:, 0], spread, jacobian[:, 0])
+        own = np.maximum(np.diag(whole) - known, 0.2 * np.diag(whole))
         scores = self._scores(residual, own, soft)
         return Fit(state, max(scale, 1.0) * spread, self.stamp_s, scores, sure)
 

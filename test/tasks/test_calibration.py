@@ -145,7 +145,7 @@ def test_a_sweep_tells_blur_and_pitch() -> None:
     assert holds(found.pitch, 0.21498)
 
 
-# What is not there is not told.
+# What is not there is not reported.
 
 
 def test_without_a_marker_there_is_noise_and_advice() -> None:
@@ -171,7 +171,7 @@ def test_a_wall_far_behind_leaves_the_crystal_untold() -> None:
     (marker,) = found.markers
     assert marker.flipped
     assert marker.contrast is None
-    assert any('so its crystal is not told' in line for line in sentences(found))
+    assert any('so its crystal is not known' in line for line in sentences(found))
 
 
 def test_a_blinking_light_that_is_no_marker_has_a_period_and_no_id() -> None:

@@ -4,5 +4,5 @@
 
 `timing` is of the frames, `noise` of zones at rest, `crystal` of what blinks, `sweep` of a marker
 that crosses the view; `calibrate` puts them together, and `files` writes what was found. Each
-estimate has a standard deviation, and what a recording does not tell is not estimated.
+estimate has a standard deviation, and what a recording does not show is not estimated.
 """

@@ -1,6 +1,6 @@
 # Copyright 2026 retrolidar_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""All that a recording tells, put together."""
+"""All that is found in a recording, put together."""
 
 from __future__ import annotations
 
@@ -40,13 +40,13 @@ class MarkerFound:
     range_m: Estimate | None
     """Radial, as measured: with the sensor's offset."""
     pedestal: Estimate | None
-    """What its zone sees that is not it [kcps/SPAD]; None where no zone tells."""
+    """What its zone sees that is not it [kcps/SPAD]; None where no zone shows it."""
     contrast: Estimate | None
-    """Share of its light that the dark crystal blocks; None where no zone tells."""
+    """Share of its light that the dark crystal blocks; None where no zone shows it."""
     least_contrast: float
     """It blocks at least so much."""
     flipped: bool
-    """Whether its dark bits show something else, so that the crystal's times are not told."""
+    """Whether its dark bits show something else, so that the crystal's times are not known."""
     moves: bool
 
     @property
@@ -70,7 +70,7 @@ class Link:
 
 @dataclass(frozen=True, eq=False)
 class Calibration:
-    """Everything that was found; None for what the recording does not tell."""
+    """Everything that was found; None for what the recording does not show."""
 
     recording: Recording
     timing: Timing
@@ -94,7 +94,7 @@ def calibrate(
     size_m: float = MARKER_SIZE_M,
     speed_m_s: float | None = None,
 ) -> Calibration:
-    """Return all that a recording tells.
+    """Return all that is found in a recording.
 
     Parameters
     ----------
@@ -144,7 +144,7 @@ def calibrate(
 def _marker(
     recording: Recording, readings: list[Detection], sent: Sent, noise: NoiseFound | None
 ) -> MarkerFound:
-    """Return what is told of a marker that was read."""
+    """Return what is known of a marker that was read."""
     zone = sent.zones[0]
     flipped = sent.flips > _FLIPPED
     gain, level = sent.gain[zone], sent.level[zone]

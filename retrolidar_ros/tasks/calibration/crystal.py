@@ -32,9 +32,9 @@ _SEEN = 0.02  # of it, that a zone counts as one that sees the marker
 _SAME_TRAIN, _SAME_PACKETS = 0.45, 0.3
 _ROUNDS = 12
 _OUTLIER = 5.0  # standard deviations
-_LEAST_S = 5e-5  # a response that is faster is not told from none
+_LEAST_S = 5e-5  # a faster response is not distinguished from none
 _STEPS_S = np.array([1e-7, 2e-5, 5e-5, 5e-5])  # of bit, start, darkening and brightening
-# What darkening is expected to be, where a recording does not tell: it is driven (paper §2.2).
+# What darkening is expected to be, where a recording does not show it: it is driven (paper §2.2).
 _DARK_S = Estimate(0.0005, 0.0005)
 _PRIOR = np.array([0.0, 0.0, _DARK_S.stddev**-2, 0.0])
 _EXPECTED = np.array([0.0, 0.0, _DARK_S.value, 0.0])
@@ -241,12 +241,12 @@ def _linear(
         variance = law.variance(fitted)
         error = np.maximum((samples.signal - fitted) ** 2 / variance, 1e-12)
         weight = samples.valid * np.minimum(_OUTLIER**2 / error, 1.0) / variance
-    told = samples.valid * np.minimum(error, _OUTLIER**2)
+    squared = samples.valid * np.minimum(error, _OUTLIER**2)
     # The logarithm holds the variances of different levels against each other.
     cost = float(
-        (told + samples.valid * np.log(variance)).sum() + _PRIOR @ (values - _EXPECTED) ** 2
+        (squared + samples.valid * np.log(variance)).sum() + _PRIOR @ (values - _EXPECTED) ** 2
     )
-    excess = float(told.sum() / max(np.count_nonzero(samples.valid), 1))
+    excess = float(squared.sum() / max(np.count_nonzero(samples.valid), 1))
     return np.stack([level, gain]), weight, cost, excess
 
 

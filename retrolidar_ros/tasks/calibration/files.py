@@ -22,7 +22,7 @@ def parameters(found: Calibration) -> dict[str, tuple[float, str]]:
         values['bit_period'] = (period.value, f'{period.text()} s')
     if noise := found.noise:
         law = noise.law
-        slope = noise.slope.text() if noise.slope else 'not told: the usual shape, scaled'
+        slope = noise.slope.text() if noise.slope else 'not known: the usual shape, scaled'
         ambient = noise.ambient.text() if noise.ambient else 'its part is in the floor'
         values['noise_floor'] = (law.floor, noise.floor.text())
         values['noise_slope'] = (law.slope, slope)
@@ -39,7 +39,7 @@ def parameters(found: Calibration) -> dict[str, tuple[float, str]]:
 def parameter_file(found: Calibration, source: str) -> str:
     """Return the text of a parameter file; a node takes what it lacks from the usual one."""
     lines = [
-        f'# From {source}, by `retrolidar calibrate`. What is not here was not told by it.',
+        f'# From {source}, by `retrolidar calibrate`. What is not here was not found in it.',
         '/**/detector:',
     ]
     values = parameters(found)

@@ -25,7 +25,7 @@ _MOST_CENSORED = 0.4
 _SIGMAS = 3.0  # by so much more than others are samples of a zone alike that is not at rest
 _ALL_MOVE = 0.3
 _ROUNDS = 30
-# What is not as sure as this is not told of a slope, as a share of it.
+# A slope that is less certain than this share of it is not reported.
 _LEAST_SURE = 0.35
 _LEAST_FLOOR = 1e-3
 _LEAST_AMBIENT = 1.0  # by which the ambient light has to vary [kcps/SPAD]
@@ -52,9 +52,9 @@ class NoiseFound(NamedTuple):
     floor: Estimate
     """[(kcps/SPAD)²]; with the ambient light's, where that did not vary."""
     slope: Estimate | None
-    """[kcps/SPAD]; None if the zones are too much alike to tell."""
+    """[kcps/SPAD]; None if the zones are too much alike."""
     ambient: Estimate | None
-    """[kcps/SPAD]; None if the ambient light did not vary enough to tell."""
+    """[kcps/SPAD]; None if the ambient light did not vary enough."""
     light: float
     """Mean ambient light [kcps/SPAD]."""
     correlation: Estimate
@@ -69,7 +69,7 @@ class NoiseFound(NamedTuple):
 
     @property
     def law(self) -> NoiseLaw:
-        """What a detector is to be told: where a slope is not known, the usual law, scaled."""
+        """What a detector needs: where a slope is not known, the usual law, scaled."""
         ambient = self.ambient.value if self.ambient else 0.0
         if self.slope is not None:
             return NoiseLaw(max(self.floor.value, _LEAST_FLOOR), self.slope.value, ambient)
@@ -199,11 +199,11 @@ def _fitted(blocks: list[Block], zones: list[int], correlation: Estimate) -> Noi
     ones = np.ones_like(signal)
     columns = [ones, signal, ambient] if np.ptp(ambient) > _LEAST_AMBIENT else [ones, signal]
     while True:
-        told, excess = _weighted(np.stack(columns, axis=-1), variance, freedom)
-        if all(one.stddev < _LEAST_SURE * told[1].value for one in told[1:]):
+        values, excess = _weighted(np.stack(columns, axis=-1), variance, freedom)
+        if all(one.stddev < _LEAST_SURE * values[1].value for one in values[1:]):
             break
         columns.pop()
-    floor, *others = told
+    floor, *others = values
     slope, light = (*others, None, None)[:2]
     return NoiseFound(
         floor, slope, light, float(ambient.mean()), correlation, excess, zones, blocks,

@@ -1,6 +1,6 @@
 # Copyright 2026 retrolidar_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""Markers of a recording, by bit periods that nobody has told."""
+"""Markers of a recording, by bit periods that are not known before."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ _APART, _ALIKE = 0.02, 0.04  # periods that are tried apart, and that are of one
 _AS_SURE = 0.1
 _LEAST_PACKETS = 3
 _EXPLAINED = 0.4  # of the recording, that a zone's marker is read in
-_FRAMES = np.geomspace(1.95, 9.0, 32)  # a bit, tried where no line tells; 5 % apart
+_FRAMES = np.geomspace(1.95, 9.0, 32)  # a bit, tried where no line shows it; 5 % apart
 
 
 def read_markers(

@@ -72,7 +72,7 @@ def _noise(noise: NoiseFound) -> list[str]:
         signal = sum(block.signal for block in noise.blocks) / len(noise.blocks)
         lines.append(
             f'{law} at a signal of about {signal:.0f} kcps/SPAD; how it grows with the signal is '
-            'not told, and is taken to be as usual.'
+            'not known, and is taken to be as usual.'
         )
     else:
         lines.append(f'{law} and {noise.slope.text("kcps/SPAD")} times the signal.')
@@ -103,7 +103,7 @@ def _marker(marker: MarkerFound) -> list[str]:
         )
     ]
     if marker.moves:
-        return [*lines, f'{name} moves, so its light and its crystal are not told.']
+        return [*lines, f'{name} moves, so its light and its crystal are not known.']
     level, gain = sent.level[zone], sent.gain[zone]
     lines.append(
         f'{name}: zone {zone} has {level.text("kcps/SPAD")} when it is dark, and '
@@ -112,7 +112,7 @@ def _marker(marker: MarkerFound) -> list[str]:
     if marker.range_m:
         lines.append(f'{name} is measured at {marker.range_m.text("m")}.')
     if marker.flipped:
-        return [*lines, f'{name}: dark bits show something behind it, so its crystal is not told.']
+        return [*lines, f'{name}: dark bits show something behind it, so its crystal is not known.']
     lines.append(
         f'{name}: from 10 to 90 % the crystal brightens in {sent.bright_s.times(1e3).text("ms")} '
         f'and darkens in {sent.dark_s.times(1e3).text("ms")}.'
@@ -130,20 +130,20 @@ def _marker(marker: MarkerFound) -> list[str]:
 
 
 def missing(found: Calibration) -> list[str]:
-    """Return what to record next, or to mend, for what the recording does not tell."""
+    """Return what to record or change next, for what the recording does not show."""
     lines = []
     period_s = found.timing.period_s.value
     if found.timing.duration_s < 20:
-        lines.append('Record half a minute: every estimate gets surer with time.')
+        lines.append('Record half a minute: every estimate gets more certain with time.')
     if found.noise is None:
         lines.append(
-            'No zone is at rest, so the noise is not told: record with the sensor and all but the '
+            'No zone is at rest, so the noise is not known: record with the sensor and all but the '
             'markers standing still.'
         )
     elif found.noise.slope is None:
         lines.append(
             'All zones at rest are alike: put white paper at several distances into the view, and '
-            'the noise is told at all of their signals.'
+            'the noise is measured at all of their signals.'
         )
     if found.noise is not None and found.noise.ambient is None:
         lines.append('Switch a lamp on and off while recording for the noise of ambient light.')

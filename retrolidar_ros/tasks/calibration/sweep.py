@@ -33,7 +33,7 @@ _MODEL_ERROR = 0.01  # of the light
 
 
 class Sweep(NamedTuple):
-    """What a sweep tells of the optics."""
+    """What a sweep shows of the optics."""
 
     blur: Estimate
     """Standard deviation of the blur, as a share of a zone's width."""
@@ -62,7 +62,7 @@ def sweep_of(
     size_m: float,
     speed_m_s: float | None = None,
 ) -> Sweep | None:
-    """Return what a marker tells that moved across the view; None if too little.
+    """Return what a marker shows that moved across the view; None if too little.
 
     Parameters
     ----------
@@ -97,7 +97,7 @@ def sweep_of(
 
 
 def _mean(values: Sequence[Estimate]) -> Estimate:
-    """Return the weighted mean, no surer than the values agree."""
+    """Return the weighted mean, no more certain than the values agree."""
     value, stddev = np.array(values).T
     weight = stddev**-2
     mean = float(weight @ value / weight.sum())

@@ -36,7 +36,7 @@ def timing(recording: Recording) -> Timing:
     Raises
     ------
     ValueError
-        If there are too few to tell.
+        If there are too few.
     """
     if len(recording) < LEAST_FRAMES:
         raise ValueError(
