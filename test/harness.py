@@ -21,7 +21,7 @@ from retrolidar_ros.sensor.wire import encode_frame
 
 STAMP_ERROR_S = 0.050
 RECONNECT_S = 2.0
-PATIENCE_S = 30.0
+PATIENCE_S = 60.0
 
 
 class Sensor:
