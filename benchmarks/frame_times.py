@@ -3,7 +3,7 @@
 """What frames cost the default detector of whichever sources are on the path.
 
 bench_detector.py runs it once for each revision, with the revision's sources in PYTHONPATH, and
-so it asks nothing of them that only one has. It takes lines of a kind and a path, and answers each
+so it knows where each has what it needs. It takes lines of a kind and a path, and answers each
 with a line of JSON:
 
 - `frames FILE`: processor time of each frame of a recording (.npz) [ns], taken one by one;
@@ -21,10 +21,25 @@ import numpy as np
 
 from retrolidar_ros.bag import read_frames
 from retrolidar_ros.detector import create_detector
-from retrolidar_ros.detector.decoding import to_json
-from retrolidar_ros.detector.explaining import Decoding
-from retrolidar_ros.detector.settings import defaults
-from retrolidar_ros.sensor.frame import Recording, ZoneGrid
+
+try:
+    from retrolidar_ros.detector.decoding import to_json
+    from retrolidar_ros.detector.explaining import Decoding
+    from retrolidar_ros.detector.settings import defaults
+    from retrolidar_ros.sensor.frame import Recording, ZoneGrid
+except ModuleNotFoundError:  # before the package had rooms
+    from retrolidar_ros.decoding import detect, to_json
+    from retrolidar_ros.frame import Recording, ZoneGrid
+
+    def readings(path: Path):
+        """Return the detections in a bag."""
+        return detect(read_frames(path), METHOD)
+else:
+
+    def readings(path: Path):
+        """Return the detections in a bag."""
+        return Decoding({**defaults(), 'method': METHOD}).detect(read_frames(path))
+
 
 METHOD = 'joint'
 ARRAYS = ('stamp_ns', 'sequence', 'sensor_time_us', 'distance', 'signal', 'ambient', 'status')
@@ -58,7 +73,7 @@ def time_frames(file: Path) -> list[int]:
 def time_bag(path: Path) -> int:
     """Return the processor time from a bag on disk to lines of JSON [ns]."""
     begin = process_time_ns()
-    for detection in Decoding({**defaults(), 'method': METHOD}).detect(read_frames(path)):
+    for detection in readings(path):
         to_json(detection)
     return process_time_ns() - begin
 

@@ -52,11 +52,14 @@ class Decoding:
 
     def detect(self, frames: Iterable[Frame]) -> Iterator[Detection]:
         """Yield the detections in frames as they become certain."""
+        grid = self._newest[-1].grid if self._newest else None
         for frame in frames:
-            if self._detector is None or frame.grid != self._newest[-1].grid:
+            if frame.grid is not grid and frame.grid != grid:
+                grid = frame.grid
                 self._newest.clear()
-                self._detector = detector_of(self.values, frame.grid, self._known)
+                self._detector = detector_of(self.values, grid, self._known)
             self._newest.append(frame)
+            assert self._detector is not None
             for detection in self._detector.update(frame):
                 self.packets[detection.id] += detection.packets
                 self._periods_s[detection.id] = detection.bit_period_s
