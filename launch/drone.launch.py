@@ -1,21 +1,98 @@
 # Copyright 2026 retrolidar_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""One sensor that looks up, and the node that warns when the drone's marker is overdue."""
+"""A sensor that looks up, and the node that warns when the drone's marker is overdue.
 
+With sensors:=3, as many on a triangle on the ground tell where the drone is, too.
+"""
+
+import math
+import time
+
+import yaml
 from launch import LaunchDescription
-from launch.actions import OpaqueFunction
+from launch.actions import GroupAction, OpaqueFunction
 
-from retrolidar_ros.nodes.launching import MARKERS, SENSOR, declared, node, sensor
+from retrolidar_ros.nodes.launching import COMMON, MARKERS, SENSOR, declared, node, sensor, value
+
+# Emulated sensors see the same scene, which begins when all of them have started.
+_EMULATORS_START_S = 3.0
 
 
-def _heartbeat(context):
-    """Return the node, now that the arguments have values."""
-    return [node(context, 'heartbeat', {})]
+def _drone(context):
+    """Return the nodes, now that the arguments have values."""
+    heartbeat = node(context, 'heartbeat', {})
+    count = value(context, 'sensors')
+    if count not in ('1', '3'):
+        raise RuntimeError(f'sensors:={count}: it needs 1 or 3')
+    if count == '1':
+        return [sensor(list(SENSOR)), heartbeat]
+    ports = yaml.safe_load(value(context, 'ports'))
+    if not isinstance(ports, list) or len(ports) != (0 if value(context, 'emulate') else 3):
+        raise RuntimeError(
+            f'ports:={value(context, "ports")}: it needs three, as [a, b, c], or emulate'
+        )
+    start_s = time.monotonic() + _EMULATORS_START_S
+    radius_m = float(value(context, 'edge')) / math.sqrt(3)
+    actions, places = [], {}
+    for index in range(3):
+        angle = 2 * math.pi * index / 3
+        x, y = radius_m * math.cos(angle), radius_m * math.sin(angle)
+        options = f'--at {x:.4f} {y:.4f} 0 --seed {index} --start {start_s}'
+        frame = f'sensor{index}_optical_frame'
+        places[frame] = (x, y)
+        port = ports[index] if ports else ''
+        actions.append(_sensor(context, f'sensor{index}', frame, port, options))
+    _tell_places(context, places)
+    given = {
+        'fixed_frame': value(context, 'fixed_frame'),
+        'marker_file': value(context, 'marker_file'),
+        'acceleration': float(value(context, 'acceleration')),
+    }
+    return [*actions, node(context, 'landmarks', given), heartbeat]
+
+
+def _sensor(context, name, frame, port, options):
+    """Return one sensor of three."""
+    namespace = value(context, 'namespace').strip('/')
+    pushed = context.launch_configurations.get('ros_namespace', '').strip('/')
+    arguments = {
+        **{one: value(context, one) for one in COMMON},
+        'serial_port': port,
+        'frame_id': frame,
+        'emulate': value(context, 'emulate'),
+        'emulate_options': options,
+        'publish_tf': 'false',
+        'namespace': '/'.join(part for part in (namespace, name) if part),
+        'markers': '/' + '/'.join(part for part in (pushed, namespace, 'markers') if part),
+    }
+    return GroupAction([sensor(arguments)])
+
+
+def _tell_places(context, places):
+    """Say once and for all where sensors lie, by frame: x and y in the fixed frame [m]."""
+    from geometry_msgs.msg import TransformStamped
+    from launch_ros.ros_adapters import get_ros_node
+    from tf2_ros import StaticTransformBroadcaster
+
+    transforms = []
+    for frame, (x, y) in places.items():
+        # It looks up: its frame has x, y and z where the fixed one has them.
+        transform = TransformStamped(child_frame_id=frame)
+        transform.header.frame_id = value(context, 'fixed_frame')
+        transform.transform.translation.x, transform.transform.translation.y = x, y
+        transforms.append(transform)
+    StaticTransformBroadcaster(get_ros_node(context)).sendTransform(transforms)
 
 
 def generate_launch_description():
     """Return the launch arguments and what they start."""
-    arguments = {**SENSOR, 'marker_file': (MARKERS, 'YAML file of the known markers.')}
-    return LaunchDescription(
-        [*declared(arguments), sensor(list(SENSOR)), OpaqueFunction(function=_heartbeat)]
-    )
+    arguments = {
+        **SENSOR,
+        'marker_file': (MARKERS, 'YAML file of the known markers.'),
+        'sensors': ('1', 'How many: 1, or 3, which tell where the drone is.'),
+        'ports': ('[]', 'Of three, as [/dev/a, /dev/b, /dev/c].'),
+        'edge': ('0.4', 'Of the triangle that they lie on [m]; the first is on its x axis.'),
+        'fixed_frame': ('ground', 'Frame of that triangle: its middle, z up.'),
+        'acceleration': ('0.04', "Density of the noise of the drone's own [m/s²/√Hz]."),
+    }
+    return LaunchDescription([*declared(arguments), OpaqueFunction(function=_drone)])

@@ -3,6 +3,7 @@
 """Driver and detector of one sensor, or of an emulated one with `emulate:=SCENE`."""
 
 import os
+import shlex
 import sys
 import tempfile
 
@@ -15,7 +16,7 @@ from retrolidar_ros.scene.files import load_scene
 # Launch arguments that go before what the parameter file says, if they are given.
 _OVERRIDES = {
     'driver': ('serial_port', 'protocol', 'frame_id', 'autostart'),
-    'detector': ('marker_file', 'child_frame'),
+    'detector': ('marker_file', 'child_frame', 'publish_tf'),
 }
 
 
@@ -43,6 +44,7 @@ def _nodes(context):
         overrides['serial_port'] = overrides['serial_port'] or _link(context)
         overrides['protocol'] = 'retrolidar'
         emulator = [sys.executable, '-m', 'retrolidar_ros.cli', 'emulate', scene]
+        emulator += shlex.split(value(context, 'emulate_options'))
         actions.append(
             ExecuteProcess(
                 cmd=[*emulator, '--port-link', overrides['serial_port']],
@@ -52,8 +54,8 @@ def _nodes(context):
             )
         )
     given = {name: text for name, text in overrides.items() if text}
-    if 'autostart' in given:
-        given['autostart'] = is_on(context, 'autostart')
+    for name in {'autostart', 'publish_tf'} & given.keys():
+        given[name] = is_on(context, name)
     remappings = [('markers', value(context, 'markers'))]
     if is_on(context, 'single_process'):
         return [*actions, node(context, 'reader', given, remappings=remappings)]
@@ -69,6 +71,8 @@ def generate_launch_description():
     arguments = {
         **SENSOR,
         'child_frame': ('', 'TF frame of a marker; empty = as in the parameter file.'),
+        'publish_tf': ('', 'Whether markers get TF frames; empty = as in the parameter file.'),
         'markers': ('markers', 'Topic of the detections.'),
+        'emulate_options': ('', 'Options of `retrolidar emulate`, which --help lists.'),
     }
     return LaunchDescription([*declared(arguments), OpaqueFunction(function=_nodes)])

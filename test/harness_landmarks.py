@@ -5,13 +5,15 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pytest
 from diagnostic_msgs.msg import DiagnosticStatus
 from geometry_msgs.msg import PoseWithCovarianceStamped, TransformStamped
-from harness_use_cases import Collected, Health, wait
+from harness_use_cases import RELIABLE, Collected, Health, wait
 from std_srvs.srv import Trigger
 from tf2_msgs.msg import TFMessage
 from visualization_msgs.msg import Marker, MarkerArray
@@ -19,13 +21,14 @@ from visualization_msgs.msg import Marker, MarkerArray
 from retrolidar_ros.detector.detection import Detection
 from retrolidar_ros.detector.place import place, zone_bearing
 from retrolidar_ros.msg import MarkerDetection
-from retrolidar_ros.nodes.conversion import to_detection_msg, to_time
+from retrolidar_ros.nodes.conversion import to_detection_msg, to_ns, to_time
 from retrolidar_ros.nodes.listener import Listener
 from retrolidar_ros.sensor.frame import Floats, ZoneGrid
 from retrolidar_ros.settings.yaml_files import load_yaml
 
 HAND = 'hand_optical_frame'
 FIXED = 'base_link'
+GROUND, EDGE_M = 'ground', 0.4
 MUG_M = np.array([0.1, -0.05, 1.2])
 CORNERS = ((-0.2, -0.2), (0.2, -0.2), (0.2, 0.2), (-0.2, 0.2))
 _GRID = ZoneGrid()
@@ -162,3 +165,29 @@ def check_landmarks(listener: Listener, namespace: str, saved: Path) -> None:
         assert min(_squared(one, MUG_M), _squared(one, there_m)) < _MOST_MAHALANOBIS
     assert _call(listener, f'{node}/forget').success
     health.wait_for(DiagnosticStatus.WARN, 'nothing is placed yet')
+
+
+def check_drone(listener: Listener, namespace: str, at: Callable[[int], Floats]) -> None:
+    """Three sensors on the ground tell where a drone is, across their lines of sight, too.
+
+    Parameters
+    ----------
+    listener : Listener
+    namespace : str
+    at : callable
+        Returns where it is at a stamp [ns], shape (3,) [m].
+    """
+    poses = Collected(
+        listener, PoseWithCovarianceStamped, f'{namespace}/landmarks/objects/drone', RELIABLE
+    )
+    health = Health(listener, f'{namespace}/landmarks: landmarks')
+    wait(listener, lambda: len(poses.messages) >= 12, lambda: f'12, not {len(poses.messages)}')
+    frames = {message.header.frame_id for message, _ in listener.markers}
+    assert frames == {f'sensor{index}_optical_frame' for index in range(3)}
+    for pose in poses.messages[-6:]:
+        assert pose.header.frame_id == GROUND
+        assert _squared(pose, at(to_ns(pose.header.stamp))) < _MOST_MAHALANOBIS
+        covariance = np.array(pose.pose.covariance).reshape(6, 6)[:3, :3]
+        assert np.sqrt(np.linalg.eigvalsh(covariance)[-1]) < 0.04
+    values = health.wait_for(DiagnosticStatus.OK, '1 placed')
+    assert float(values['drone: baseline [m]']) == pytest.approx(EDGE_M, abs=1e-3)

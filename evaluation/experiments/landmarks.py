@@ -16,6 +16,7 @@ from evaluation.bench.landmark_trials import (
     Visit,
     drone_trial,
     error_of,
+    errors_for,
     hand_readings,
     placed_from,
     room_trial,
@@ -27,6 +28,7 @@ from evaluation.report.charts import OTHERS, new_chart
 from evaluation.report.claims import NOTHING, Table, percent
 from retrolidar_ros.scene import Scene
 from retrolidar_ros.scene.files import load_scene
+from retrolidar_ros.tasks.survey import Survey
 
 TITLE = 'Landmarks: readings from several places'
 MESSAGE = 'Half a metre of motion places objects to a centimetre'
@@ -111,7 +113,8 @@ def _ready_s(world: Scene, rng: np.random.Generator) -> float:
 
 def _stressed(world: Scene, trials: int, rng: np.random.Generator) -> dict[str, Any]:
     """Return what wrong IDs, late transforms and wrong poses of the sensor do."""
-    ids = [one.id for one in world.markers]
+    truth_m = {one.id: np.array(one.position_m) for one in world.markers}
+    ids = list(truth_m)
     rows: list[Error] = []
     wrong = rejected = 0
     for _ in tqdm(range(trials), desc='stress', leave=False):
@@ -124,17 +127,13 @@ def _stressed(world: Scene, trials: int, rng: np.random.Generator) -> dict[str, 
                 wrong += 1
         # A late transform lets a reading come after those of the next seconds.
         order = np.arange(len(flat)) + 4.0 * (rng.random(len(flat)) < _LATE)
-        queue = [(0.0, flat[index]) for index in np.argsort(order, kind='stable')]
-        landmarks = placed_from([], ids, _POSE_M)
-        for _, reading in queue:
-            if reading.marker not in landmarks:
-                continue
-            landmarks[reading.marker].take(reading)
-            for marker in world.markers:
-                estimate = landmarks[marker.id].estimate()
-                if estimate is not None:
-                    rows.append(error_of(estimate, np.array(marker.position_m)))
-        rejected += sum(one.rejected for one in landmarks.values())
+        queue = [flat[index] for index in np.argsort(order, kind='stable')]
+        survey = Survey({}, errors_for(_POSE_M))
+        for reading in queue:
+            if reading.marker in truth_m:
+                survey.take(reading, str(reading.marker))
+                rows += [error_of(one, truth_m[int(one.name)]) for one in survey.estimates()]
+        rejected += sum(one.rejected for one in survey.landmarks.values())
     return _errors(rows) | {'told': len(rows), 'wrong': wrong, 'rejected': rejected}
 
 

@@ -59,6 +59,7 @@ class LandmarksNode(Node):
             name: {one: np.array(place) for one, place in places.items()}
             for name, places in objects_of(markers).items()
         }
+        self._names = {one.id: one.frame for one in markers.values()}
         errors = Errors(
             range_bias_m=values['range_bias'],
             pose_m=values['pose_stddev'],
@@ -114,7 +115,9 @@ class LandmarksNode(Node):
             if self._room.has(reading.marker) and self._room.take(reading):
                 self._localize(message.header.stamp)
             return
-        landmark = self._survey.take(reading, message.child_frame_id)
+        # Each of several sensors may have a name of its own for a marker.
+        name = self._names.get(reading.marker, message.child_frame_id)
+        landmark = self._survey.take(reading, name)
         estimate = landmark.estimate()
         if estimate is not None:
             self._tell(estimate)

@@ -144,18 +144,19 @@ def emulate(
     link: Path,
     duration_s: float | None = None,
     ready: Callable[[], None] = lambda: None,
+    start_ns: int | None = None,
 ) -> tuple[int, int]:
     """Serve a scene at a port until it ends or is interrupted; return frames sent and lost.
 
-    Frames that nobody takes are lost, as on a real line.
+    Frames that nobody takes are lost, as on a real line. The scene begins at a time of the
+    monotonic clock, or when the port is there.
     """
     sent = lost = 0
     with PortLink(link) as port:
         ready()
+        start_ns = time.monotonic_ns() if start_ns is None else start_ns
         with suppress(KeyboardInterrupt):
-            for frame, _ in frames_in_real_time(
-                scene, duration_s, time.monotonic_ns(), time.monotonic_ns
-            ):
+            for frame, _ in frames_in_real_time(scene, duration_s, start_ns, time.monotonic_ns):
                 if port.write(encode_frame(frame)):
                     sent += 1
                 else:

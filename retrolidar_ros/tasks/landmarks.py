@@ -4,8 +4,9 @@
 
 from __future__ import annotations
 
+import itertools
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -18,7 +19,10 @@ from retrolidar_ros.tasks.reading import Errors, Reading
 _GATE = 4.5
 # A landmark is told of when so many readings agree, and has moved when so many agree elsewhere.
 _AGREEING = 2
+# If it could be another landmark under a wrong ID that they show, so many.
+_AGREEING_IN_DOUBT = 4
 _MOST_READINGS = 40
+_MOST_STRAYS = 6
 _MOVING_WINDOW_S = 8.0
 _ONE_VIEW_M = 0.05
 # Above this deviation, all orientations are tried again [rad].
@@ -101,8 +105,11 @@ class Landmark:
         self.members, self._strays, self.fit, self._prior = [], [], None, None
         self._since_s = -math.inf
 
-    def take(self, reading: Reading) -> bool:
-        """Take a reading of one of the markers, and tell whether it belongs."""
+    def take(self, reading: Reading, doubt: Callable[[], bool] = lambda: False) -> bool:
+        """Take a reading of one of the markers, and tell whether it belongs.
+
+        `doubt` is asked, of a reading that does not, whether it could be of another landmark.
+        """
         if reading.stamp_s < self._since_s:
             self.rejected += 1
             return False
@@ -113,7 +120,13 @@ class Landmark:
             self._solve()
             return reading in self.members
         self.rejected += 1
-        return self._looks_elsewhere(reading)
+        return self._looks_elsewhere(reading, _AGREEING_IN_DOUBT if doubt() else _AGREEING)
+
+    def could_be(self, reading: Reading) -> bool:
+        """Tell whether a reading agrees with where one of its markers is, whatever ID it tells."""
+        if self.estimate() is None:
+            return False
+        return any(self._agrees(reading._replace(marker=one)) for one in self._markers)
 
     def has(self, marker: int) -> bool:
         """Tell whether a marker is one of its own."""
@@ -178,20 +191,20 @@ class Landmark:
         turning = self.fit.covariance[3:6, 3:6]
         return float(np.linalg.eigvalsh(turning)[-1]) < _TURN_UNKNOWN**2
 
-    def _looks_elsewhere(self, reading: Reading) -> bool:
-        """Begin anew if another stray agrees with a reading, and none of the members is newer."""
+    def _looks_elsewhere(self, reading: Reading, needed: int) -> bool:
+        """Begin anew if enough strays agree with a reading, and none of the members is newer."""
         self._strays.append(reading)
         if self.members and reading.stamp_s < max(one.stamp_s for one in self.members):
             return False
-        for other in self._strays[:-1]:
-            pair = [other, reading]
-            fit = Problem(self._markers, pair, self.errors).solve()
+        for others in itertools.combinations(self._strays[-_MOST_STRAYS:-1], needed - 1):
+            agreeing = [*others, reading]
+            fit = Problem(self._markers, agreeing, self.errors).solve()
             if np.abs(fit.scores).max() < _GATE:
                 if len(self.members) >= _AGREEING or self._prior is not None:
                     self.moved_s = reading.stamp_s
-                self._since_s = min(one.stamp_s for one in pair)
-                self.members, self._strays, self._prior = pair, [], None
-                self.rejected -= len(pair)
+                self._since_s = min(one.stamp_s for one in agreeing)
+                self.members, self._strays, self._prior = agreeing, [], None
+                self.rejected -= needed
                 self.fit = fit
                 return True
         return False

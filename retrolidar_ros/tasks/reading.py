@@ -111,7 +111,8 @@ class Errors:
 
 # What stands behind a marker or blinks beside it makes its range wrong in the same way while the
 # sensor stays where it is. This share of the usual variance is of that kind, and all that a reading
-# has above the usual, which tells but a part of it.
+# has above the usual, which tells but a part of it. Of that, the same share is not so alike: two
+# of them would else be thought to differ by nothing.
 _SHARED, _DISTRUST, _SCATTER = 0.25, 2.5, 1.3
 _CROWDED_M = 0.01
 # Within such a distance [m] a sensor's errors are the same.
@@ -150,8 +151,9 @@ class Readings:
         close = np.abs(tangent[:, None] - tangent).max(axis=-1) < ZoneGrid().pitch / 2
         crowded = (other & close & (self._one_pose > 0.5)).any(axis=1)
         variance += (_CROWDED_M / _DISTRUST) ** 2 * crowded
-        self._own_m2 = (1 - _SHARED) * np.minimum(variance, usual**2)
-        self._shared_m = np.sqrt(_SHARED * usual**2 + (_DISTRUST**2) * (variance - usual**2))
+        above = np.maximum(variance - usual**2, 0.0)
+        self._own_m2 = (1 - _SHARED) * np.minimum(variance, usual**2) + _SHARED * above
+        self._shared_m = np.sqrt(_SHARED * usual**2 + _DISTRUST**2 * above)
 
     def range_covariance(
         self, sight_m: Floats, place_variance: Floats, before_s: Floats, errors: Errors

@@ -52,8 +52,10 @@ class Survey:
         owner = self._owners.get(reading.marker, name)
         if owner not in self.landmarks or not self.landmarks[owner].has(reading.marker):
             self._begin(owner, self._objects.get(owner, {reading.marker: _ORIGIN}))
-        self.landmarks[owner].take(reading)
-        return self.landmarks[owner]
+        landmark = self.landmarks[owner]
+        others = [one for one in self.landmarks.values() if one is not landmark]
+        landmark.take(reading, lambda: any(one.could_be(reading) for one in others))
+        return landmark
 
     def forget(self) -> None:
         """Forget all landmarks, those of a former survey, too."""

@@ -6,6 +6,8 @@ from __future__ import annotations
 
 import math
 import subprocess
+import sys
+import time
 from pathlib import Path
 
 import numpy as np
@@ -16,14 +18,19 @@ pytest.importorskip('rclpy', reason='needs ROS 2')
 pytest.importorskip('retrolidar_ros.msg', reason='needs the messages: colcon build')
 
 from geometry_msgs.msg import PoseWithCovarianceStamped, TransformStamped
-from harness_landmarks import Hand, check_landmarks
+from harness_landmarks import EDGE_M, GROUND, Hand, check_drone, check_landmarks
 from harness_use_cases import RELIABLE, Collected, wait
+from tf2_msgs.msg import TFMessage
 
 from retrolidar_ros.cli.demo import executable
 from retrolidar_ros.cli.processes import ProcessGroup
 from retrolidar_ros.nodes.conversion import to_time
 from retrolidar_ros.nodes.listener import Listener
+from retrolidar_ros.nodes.qos import LATCHED
 from retrolidar_ros.nodes.transform_buffer import TransformBuffer
+from retrolidar_ros.scene.files import load_scene
+from retrolidar_ros.scene.optics import position_at
+from retrolidar_ros.sensor.frame import Floats
 from retrolidar_ros.settings.resources import shared_file
 from retrolidar_ros.tasks.landmarks import Landmark
 from retrolidar_ros.tasks.least_squares import Prior, State
@@ -86,6 +93,50 @@ def test_a_robot_is_localised_among_the_landmarks_of_a_file(tmp_path: Path) -> N
             assert off @ np.linalg.solve(covariance[:3, :3], off) < 16.27
             assert np.linalg.norm(off) < 0.05
             assert processes.stop('landmarks') == 0
+    finally:
+        listener.close()
+
+
+def test_three_sensors_on_the_ground_tell_where_a_drone_is(tmp_path: Path) -> None:
+    namespace = '/landmarks_drone'
+    marker_file = f'marker_file:={shared_file("config/markers.yaml")}'
+    (drone,) = load_scene('drone').markers
+    listener = Listener(namespace)
+    try:
+        with ProcessGroup(tmp_path) as processes:
+            start(
+                processes,
+                namespace,
+                f'fixed_frame:={GROUND}',
+                'acceleration:=0.04',
+                marker_file,
+            )
+            ports = [str(tmp_path / f'port{index}') for index in range(3)]
+            common = ['--params-file', str(shared_file('config/retrolidar.yaml'))]
+            common += ['-r', f'__ns:={namespace}', '-r', f'markers:={namespace}/markers']
+            given = ['-p', f'ports:=[{",".join(ports)}]', '-p', marker_file]
+            processes.start('reader', [executable('reader'), '--ros-args', *common, *given])
+            start_s = time.monotonic() + 3.0
+            zero_ns = time.time_ns() - time.monotonic_ns() + round(start_s * 1e9)
+            transforms = []
+            emulate = [sys.executable, '-m', 'retrolidar_ros.cli', 'emulate', 'drone']
+            for index, port in enumerate(ports):
+                angle = 2 * math.pi * index / 3
+                x, y = (EDGE_M / math.sqrt(3) * f(angle) for f in (math.cos, math.sin))
+                place = ['--at', str(x), str(y), '0', '--start', str(start_s), '--seed', str(index)]
+                processes.start(f'emulator{index}', [*emulate, '--port-link', port, *place])
+                one = transform(f'sensor{index}_optical_frame', GROUND, x, 0)
+                one.transform.translation.y = y
+                transforms.append(one)
+            static = listener.node.create_publisher(TFMessage, '/tf_static', LATCHED)
+            static.publish(TFMessage(transforms=transforms))
+
+            def at(stamp_ns: int) -> Floats:
+                place: Floats = position_at(drone, np.array([(stamp_ns - zero_ns) * 1e-9]))[0]
+                return place
+
+            check_drone(listener, namespace, at)
+            processes.check()
     finally:
         listener.close()
 

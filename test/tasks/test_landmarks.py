@@ -8,71 +8,27 @@ from collections.abc import Sequence
 
 import numpy as np
 import pytest
+from harness_readings import (
+    ALONE,
+    ERRORS,
+    GRID,
+    HERE,
+    SQUARE,
+    estimate_of,
+    look_round,
+    seen,
+    squared,
+)
 
-from retrolidar_ros.sensor.frame import Floats, ZoneGrid
+from retrolidar_ros.sensor.frame import Floats
 from retrolidar_ros.sensor.rotation import matrix_of_turn
 from retrolidar_ros.settings.section import ConfigError
-from retrolidar_ros.tasks.landmarks import Estimate, Landmark
+from retrolidar_ros.tasks.landmarks import Landmark
 from retrolidar_ros.tasks.least_squares import Prior, State
 from retrolidar_ros.tasks.localization import robot_pose, room_of
 from retrolidar_ros.tasks.next_view import best_move
-from retrolidar_ros.tasks.reading import Errors, Reading, SensorPose, reading
+from retrolidar_ros.tasks.reading import Errors, SensorPose, reading
 from retrolidar_ros.tasks.survey import Survey, parse_survey, survey_content
-
-GRID = ZoneGrid()
-NOISE_M = 0.001
-ERRORS = Errors(range_bias_m=1e-4, pose_m=1e-4, turn_rad=1e-4)
-ALONE = {7: np.zeros(3)}
-SQUARE = [np.array([x, y, 0.0]) for x, y in ((-0.2, -0.2), (0.2, -0.2), (0.2, 0.2), (-0.2, 0.2))]
-HERE = np.array([0.1, -0.05, 1.2])
-
-
-def seen(
-    place_m: Floats,
-    eye_m: Floats,
-    rng: np.random.Generator,
-    *,
-    marker: int = 7,
-    stamp_s: float = 0.0,
-    sensor: str = 'hand',
-    rotation: Floats | None = None,
-) -> Reading:
-    """A zone sees a marker: its range is exact to a millimetre, its direction the zone's middle."""
-    turn = np.eye(3) if rotation is None else rotation
-    own = (place_m - eye_m) @ turn
-    zone = np.rint(own[:2] / own[2] / GRID.pitch - 0.5) + 0.5
-    middle = np.append(zone * GRID.pitch, 1.0)
-    range_m = float(np.linalg.norm(own))
-    middle *= range_m / np.linalg.norm(middle)
-    across = (GRID.pitch * range_m) ** 2 / 12
-    return reading(
-        marker,
-        sensor,
-        stamp_s,
-        range_m + float(rng.normal(0, NOISE_M)),
-        NOISE_M,
-        middle,
-        np.diag([across, across, 1e-6]),
-        SensorPose(eye_m, turn),
-    )
-
-
-def look_round(
-    landmark: Landmark, place_m: Floats, rng: np.random.Generator, start_s: float = 0.0
-) -> None:
-    for index, (eye_m, _) in enumerate(itertools.product(SQUARE, range(3))):
-        landmark.take(seen(place_m, eye_m, rng, stamp_s=start_s + index))
-
-
-def estimate_of(landmark: Landmark) -> Estimate:
-    estimate = landmark.estimate()
-    assert estimate is not None
-    return estimate
-
-
-def squared(estimate: Estimate, truth_m: Floats) -> float:
-    off = estimate.position_m - truth_m
-    return float(off @ np.linalg.solve(estimate.covariance[:3, :3], off))
 
 
 def test_four_places_trilaterate_and_the_ellipsoid_is_honest() -> None:
@@ -143,6 +99,43 @@ def test_what_is_carried_away_is_never_told_between_two_places() -> None:
         assert squared(estimate_of(landmark), there_m) < 16.27
         # What was read before it was moved comes late, and is too late.
         assert not landmark.take(seen(HERE, SQUARE[2], rng, stamp_s=12.5))
+
+
+def test_twice_the_wrong_id_of_another_landmark_is_no_move() -> None:
+    rng = np.random.default_rng(15)
+    survey = Survey({}, ERRORS)
+    other_m = HERE + np.array([0.4, 0.1, 0.3])
+    for index, eye_m in enumerate([*SQUARE, *SQUARE]):
+        survey.take(seen(HERE, eye_m, rng, stamp_s=index), 'mug')
+        survey.take(seen(other_m, eye_m, rng, stamp_s=index + 0.5, marker=8), 'jar')
+    mug = survey.landmarks['mug']
+    for index in range(2):
+        survey.take(seen(other_m, SQUARE[index], rng, stamp_s=10 + index), 'mug')
+        assert squared(estimate_of(mug), HERE) < 16.27
+    assert mug.rejected == 2
+    # What stays there has been put beside it.
+    beside_m = other_m + np.array([0.002, 0, 0])
+    for index in range(4):
+        survey.take(seen(beside_m, SQUARE[index], rng, stamp_s=20 + index), 'mug')
+    assert estimate_of(mug).moved_s is not None
+    assert squared(estimate_of(mug), beside_m) < 16.27
+
+
+def test_ranges_that_are_known_to_be_bad_do_not_turn_a_place_over() -> None:
+    # Two from one view, far off, each as unsure as it is wrong, and not alike.
+    for seed in range(10):
+        rng = np.random.default_rng(seed)
+        landmark = Landmark('machine', ALONE, ERRORS)
+        for index, eye_m in enumerate(SQUARE[:2] * 3):
+            landmark.take(seen(HERE, eye_m, rng, stamp_s=index))
+        bad = seen(HERE, SQUARE[2], rng, stamp_s=7)
+        for index, (off_m, stddev_m) in enumerate(((-0.247, 0.087), (-0.183, 0.107))):
+            landmark.take(
+                bad._replace(
+                    stamp_s=7.0 + index, range_m=bad.range_m + off_m, range_stddev_m=stddev_m
+                )
+            )
+            assert squared(estimate_of(landmark), HERE) < 16.27
 
 
 def test_a_landmark_of_a_former_survey_is_known_until_it_is_found_elsewhere() -> None:
