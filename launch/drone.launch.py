@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """A sensor that looks up, and the node that warns when the drone's marker is overdue.
 
-With sensors:=3, as many on a triangle on the ground tell where the drone is, too.
+With sensors:=3, as many on a triangle on the ground locate the drone, too.
 """
 
 import math
@@ -89,7 +89,7 @@ def generate_launch_description():
     arguments = {
         **SENSOR,
         'marker_file': (MARKERS, 'YAML file of the known markers.'),
-        'sensors': ('1', 'How many: 1, or 3, which tell where the drone is.'),
+        'sensors': ('1', 'How many: 1, or 3, which locate the drone.'),
         'ports': ('[]', 'Of three, as [/dev/a, /dev/b, /dev/c].'),
         'edge': ('0.4', 'Of the triangle that they lie on [m]; the first is on its x axis.'),
         'fixed_frame': ('ground', 'Frame of that triangle: its middle, z up.'),

@@ -26,7 +26,7 @@ def generate_launch_description():
         'fixed_frame': ('', 'Frame of the landmarks; empty = as in the parameter file.'),
         'load_file': ('', 'Landmarks of a former survey; empty = as in the parameter file.'),
         'save_file': ('', 'Where ~/save writes; empty = as in the parameter file.'),
-        'localize': ('false', 'Tell where base_frame is among the landmarks of load_file.'),
+        'localize': ('false', 'Locate base_frame among the landmarks of load_file.'),
         'base_frame': ('', 'Frame of the robot; empty = as in the parameter file.'),
     }
     return LaunchDescription(

@@ -56,7 +56,7 @@ class Member:
     blocks: Callable[[float, np.random.Generator, Sensor], Iterator[Recording]]
     """Yields the frames of a duration [s]."""
     blinks: bool = False
-    """Whether it has the bit clock: the rate of false IDs is told, and not held to a budget."""
+    """Whether it has the bit clock: the rate of false IDs is reported, and not held to a budget."""
 
 
 def _log_uniform(bounds: tuple[float, float], size: int, rng: np.random.Generator) -> Floats:

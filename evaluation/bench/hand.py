@@ -24,7 +24,7 @@ from retrolidar_ros.sensor.frame import Floats, ZoneGrid
 _HAND_M = 0.2  # at most so far from there along each axis
 _TURN_RAD = math.radians(20)  # yaw and pitch from the middle of the objects
 _ROLL_RAD = math.radians(45)
-# Whole markers are to be seen: their middles are so far from the border, in zones.
+# Whole markers must be seen: their middles are so far from the border, in zones.
 _MARGIN_ZONES = 0.25
 _CLOCK_ERROR = 0.01  # of the markers, at most
 # An object is in every zone that has so much of its marker's light, and so far behind it.
@@ -75,7 +75,7 @@ def yaw_of(world_m: Floats, pose: Pose) -> float:
 
 
 def sees_all(positions_m: Floats, grid: ZoneGrid) -> bool:
-    """Tell whether all markers are well within the field of view, each in a zone of its own."""
+    """Return whether all markers are well within the field of view, each in a zone of its own."""
     if (positions_m[:, 2] <= 0).any():
         return False
     steps = positions_m[:, :2] / positions_m[:, 2:] / grid.pitch

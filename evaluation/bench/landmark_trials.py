@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from evaluation.bench.hand import Pose, markers_at, rotation, sees_all, view_from
-from evaluation.bench.places import Look, looks, reading_of, scene_of, told_pose
+from evaluation.bench.places import Look, looks, pose_of_tf, reading_of, scene_of
 from retrolidar_ros.scene import Scene
 from retrolidar_ros.scene.description import Wander
 from retrolidar_ros.scene.optics import position_at
@@ -38,9 +38,9 @@ class Error(NamedTuple):
 
     error_m: float
     stddev_m: float
-    """As told, along the worst axis."""
+    """As estimated, along the worst axis."""
     squared_distance: float
-    """In deviations."""
+    """In standard deviations."""
 
 
 def error_of(estimate: Estimate, truth_m: Floats) -> Error:
@@ -105,7 +105,7 @@ def hand_readings(
     bias_m = float(rng.normal(0, BIAS_M))
     places = []
     for index, visit in enumerate(trial):
-        pose = told_pose(visit.pose, pose_m, rng)
+        pose = pose_of_tf(visit.pose, pose_m, rng)
         count: Counter[int] = Counter()
         rows = []
         for known_s, detection in visit.looks:
@@ -119,7 +119,7 @@ def hand_readings(
 
 
 def errors_for(pose_m: float) -> Errors:
-    """Return what landmarks are told of the errors of a trial."""
+    """Return the errors that landmarks assume in a trial."""
     return Errors(range_bias_m=BIAS_M, pose_m=max(pose_m, 1e-4), turn_rad=max(1.75 * pose_m, 1e-4))
 
 
@@ -145,7 +145,7 @@ def tilt_trial(roll_rad: float, rng: np.random.Generator) -> tuple[float, float,
     fixed_deg : float
         Error of the tilt in the fixed frame.
     stddev_deg : float
-        Told of the latter, along the worst axis across the object's normal.
+        Estimated, of the latter, along the worst axis across the object's normal.
     """
     on_object = {1000 + 101 * n: 0.2 * np.append(corner, 0) for n, corner in enumerate(CORNERS)}
     roll = matrix_of_turn(np.array([0, 0, rng.uniform(-roll_rad, roll_rad)]))
@@ -214,10 +214,10 @@ def drone_trial(
         marker = scene.markers[0]
         truth = truth or (marker, pose)
         bias_m = float(rng.normal(0, CALIBRATED_M))
-        told = SensorPose(pose.position_m, pose.rotation)
+        seen_from = SensorPose(pose.position_m, pose.rotation)
         for known_s, detection in looks(scene, duration_s, rng):
             if detection.id == identity:
-                one = reading_of(detection, told, bias_m=bias_m)
+                one = reading_of(detection, seen_from, bias_m=bias_m)
                 rows.append((known_s, one._replace(sensor=str(index))))
     assert truth is not None
     landmark = Landmark(
@@ -238,7 +238,7 @@ def drone_trial(
 def room_trial(
     markers: int, rng: np.random.Generator, survey_m: float = 0.002
 ) -> tuple[RobotPose, Floats, Floats] | None:
-    """Let a robot in a room of 4 m turn on the spot, and tell where it is by markers on the walls.
+    """Let a robot in a room of 4 m turn on the spot, and locate it by markers on the walls.
 
     Parameters
     ----------
@@ -251,7 +251,7 @@ def room_trial(
     Returns
     -------
     pose : RobotPose
-        As told.
+        As estimated.
     position_m, rotation : array, shapes (3,) and (3, 3)
         The truth.
     """
@@ -276,10 +276,10 @@ def room_trial(
     for index in range(HEADINGS):
         heading = rotation(0, 0, 2 * math.pi * index / HEADINGS) @ forward
         pose = Pose(base.position_m, base.rotation @ heading)
-        told = SensorPose(np.zeros(3), heading)
+        seen_from = SensorPose(np.zeros(3), heading)
         for _, detection in looks(scene_of(pose, places, rng), STAY_S, rng):
             if room.has(detection.id):
-                room.take(reading_of(detection, told, since_s=100.0 * index, bias_m=bias_m))
+                room.take(reading_of(detection, seen_from, since_s=100.0 * index, bias_m=bias_m))
     estimate = room.estimate()
     if estimate is None:
         return None

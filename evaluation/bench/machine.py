@@ -43,7 +43,7 @@ def _version(package: str) -> str | None:
 
 
 def _processor() -> str:
-    """Return the processor's name, as far as the system tells it."""
+    """Return the processor's name, as far as the system gives it."""
     if _PROCESSORS.exists():
         for line in _PROCESSORS.read_text(encoding='utf-8').splitlines():
             key, _, value = line.partition(':')

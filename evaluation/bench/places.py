@@ -92,7 +92,7 @@ def scene_of(
     return Scene(sensor=sensor, markers=tuple(markers), surfaces=surfaces)
 
 
-def told_pose(pose: Pose, stddev_m: float, rng: np.random.Generator) -> SensorPose:
+def pose_of_tf(pose: Pose, stddev_m: float, rng: np.random.Generator) -> SensorPose:
     """Return where TF has a sensor: off by a deviation [m], and by 1.75 rad/m about each axis."""
     off_m, turn = rng.normal(0, stddev_m, 3), rng.normal(0, 1.75 * stddev_m, 3)
     return SensorPose(pose.position_m + off_m, matrix_of_turn(turn) @ pose.rotation)

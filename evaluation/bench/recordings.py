@@ -37,7 +37,7 @@ SECOND_CLOCK_ERROR = 0.01
 WANDER_S = 0.5
 """Time in which a wandering wall goes its share of the bright signal."""
 FAR_WALL_M = 1.0
-"""How far a wall that is told apart stands behind the marker."""
+"""How far a wall that is separated stands behind the marker."""
 _WAKING_BITS = PACKET_BITS  # a marker wakes at a random time within as many
 _TAIL_BITS = PACKET_BITS  # after the last packet
 _ABNORMAL = np.array(

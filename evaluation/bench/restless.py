@@ -29,7 +29,7 @@ _LEVEL_MEMORY = 0.99  # of the log signal, a frame: two seconds
 _VANISHING, _RETURNING = 0.04, 0.12  # a frame
 _INVALID = np.array([Status.NO_TARGET, Status.SIGNAL_TOO_LOW, 4], dtype=np.uint8)
 _INVALID_SHARES = (0.8, 0.1, 0.1)
-_EMPTY = 0.1  # share of the zones that see nothing, drawn anew every block
+_EMPTY = 0.1  # share of the zones that see nothing, drawn for every block
 _CHUNK = 256  # samples, such that memory to this power is no denormal number
 
 

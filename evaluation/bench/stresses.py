@@ -30,7 +30,7 @@ class Stress:
     clip: float = math.inf
     """No signal is above this share of marker and wall."""
     far_wall: float = 0.0
-    """Signal of a wall that the sensor tells apart, over that of marker and near wall."""
+    """Signal of a wall that the sensor separates, over that of marker and near wall."""
     hand_s: float = 0.0
     """How long a hand hides the marker, in the middle of each packet [s]."""
     clock_error: float = 0.0

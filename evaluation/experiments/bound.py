@@ -1,6 +1,6 @@
 # Copyright 2026 retrolidar_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""How near the search for a lone packet comes to a receiver that is told all but the word.
+"""How near the search for a lone packet comes to a receiver that knows all but the word.
 
 No test of acceptance: in a stretch of a few seconds there is one packet, and each receiver has to
 name an ID. `told` knows start, clock, gain and offset, and takes the word of maximum likelihood.
@@ -21,7 +21,7 @@ from evaluation.bench.recordings import Sent, record, signal_at, snr_db
 from evaluation.bench.stresses import PLAIN
 from evaluation.bench.transmissions import transmission
 from evaluation.report.charts import LEVEL, draw_shares, look, new_chart
-from evaluation.report.claims import Table, told
+from evaluation.report.claims import Table, as_text
 from retrolidar_ros.detector.likelihood_detector import LikelihoodDetector
 from retrolidar_ros.marker.code import BIT_PERIOD_S, PACKET_BITS
 from retrolidar_ros.marker.dictionary import USABLE_IDS
@@ -119,7 +119,7 @@ def table(figures: dict[str, Any]) -> Table:
     return [
         ['receiver', '80 % are named rightly to', f'which is {SNR}'],
         *(
-            [_NAMES[name], told(end['at']), told(figures['needed_db'][name], 'dB', 1)]
+            [_NAMES[name], as_text(end['at']), as_text(figures['needed_db'][name], 'dB', 1)]
             for name, end in figures['ends'].items()
         ),
     ]

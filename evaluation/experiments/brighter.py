@@ -26,7 +26,7 @@ MESSAGE = 'Whatever is done to its light: the brighter the marker, the surer it 
 SIGNALS = (10.0, 15.0, 40.0, 150.0, 600.0)
 """Of the bright markers, without the wall [kcps/SPAD]."""
 FALL_CHANCE = 0.01
-"""A share that falls with a smaller chance than this, over all pairs of signals, is told."""
+"""A share that falls with a smaller chance than this, over all pairs of signals, is reported."""
 _POSSIBLE_DB = 8.0  # below this c over sigma a lone packet is not to be asked for
 _RECORDINGS, _QUICK_RECORDINGS = 2, 1
 

@@ -23,7 +23,7 @@ from evaluation.peers.camera import PICTURES_HZ
 from evaluation.peers.pictures import View, read_pictures
 from evaluation.peers.visual_markers import APRILTAG, find_readers
 from evaluation.report.charts import look, new_chart
-from evaluation.report.claims import NOTHING, Claim, Claims, Table, claim_of, percent, told
+from evaluation.report.claims import NOTHING, Claim, Claims, Table, as_text, claim_of, percent
 from retrolidar_ros.detector import METHODS
 from retrolidar_ros.scene import Scene, Simulation
 from retrolidar_ros.scene.files import load_scene
@@ -160,7 +160,7 @@ def table(figures: dict[str, Any]) -> Table:
     """Return the times of the whole task, moves included."""
     rows = [['', 'a look', 'off by more than 1 cm', 'looks a task', 'task in all, mean']]
     looks = [
-        (f'LiDAR, {method}', told(row['look_s'], 's', 1), row | row['by_range'])
+        (f'LiDAR, {method}', as_text(row['look_s'], 's', 1), row | row['by_range'])
         for method, row in figures['methods'].items()
     ]
     looks.append(('AprilTag in our pictures', '33 ms', figures['tags']))
@@ -179,12 +179,12 @@ def claims(figures: dict[str, Any]) -> Claims:
     median = [float(np.median(np.abs(row['range_mm']))) for row in both if row['range_mm']]
     tags = figures['tags_of_the_paper']['mean_s']
     ours = None if figures['tags'] is None else figures['tags']['mean_s']
-    times = (told(row['by_range']['mean_s'], 's', 1) for row in both)
+    times = (as_text(row['by_range']['mean_s'], 's', 1) for row in both)
     return {
         'task': claim_of(times, task <= PAPER_S + 0.5),
         'tags': Claim(NOTHING, f'{tags:.1f} s', abs(tags - PAPER_TAG_S) < 0.3),
-        'our-tags': Claim(NOTHING, told(ours, 's', 1), ours is not None and ours > 7),
-        'range': claim_of((told(one, 'mm', 1) for one in median), median[-1] < 10),
+        'our-tags': Claim(NOTHING, as_text(ours, 's', 1), ours is not None and ours > 7),
+        'range': claim_of((as_text(one, 'mm', 1) for one in median), median[-1] < 10),
     }
 
 

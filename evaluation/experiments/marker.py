@@ -3,7 +3,7 @@
 """The marker in closed form: what wakes it, and how long its cell lasts (paper §5, §6.5).
 
 Levels, ranges and currents follow from `retrolidar_ros.marker.wakeup` and `.battery`. How far
-single readings of the noise scatter about their level the paper does not tell: a root mean square
+single readings of the noise scatter about their level the paper does not say: a root mean square
 over a look of T seconds of white Gaussian noise of a bandwidth B has 2·B·T independent samples, so
 its square is distributed as chi-squared.
 """

@@ -42,7 +42,7 @@ def _to_and_fro(distance_m: Floats, half_m: float) -> Floats:
 
 
 def across(speed_m_s: float, range_m: float, rng: np.random.Generator) -> Path:
-    """Return the way of a marker through the view at a speed, as far away as told [m]."""
+    """Return the way of a marker through the view at a speed, at a distance [m]."""
     half_m = _INNER * range_m * SENSOR.grid.pitch * SENSOR.grid.columns / 2
     begin_m, down_m = rng.uniform(0, 4 * half_m), rng.uniform(-half_m, half_m)
 

@@ -21,7 +21,16 @@ from evaluation.peers.background import Background
 from evaluation.peers.pictures import View, errors, read_pictures
 from evaluation.peers.visual_markers import APRILTAG, APRILTAG_FINE, QR, find_readers
 from evaluation.report.charts import LEVEL, draw_shares, legend_below, look, new_chart
-from evaluation.report.claims import NOTHING, Claim, Claims, Table, claim_of, signed, told, told_end
+from evaluation.report.claims import (
+    NOTHING,
+    Claim,
+    Claims,
+    Table,
+    as_text,
+    claim_of,
+    end_as_text,
+    signed,
+)
 from retrolidar_ros.detector import METHODS
 from retrolidar_ros.marker.dictionary import USABLE_IDS
 from retrolidar_ros.scene.reference import SENSOR
@@ -129,7 +138,7 @@ def end(figures: dict[str, Any], sweep: str, name: str) -> float | None:
 def words(figures: dict[str, Any], sweep: str, name: str, unit: str, digits: int = 2) -> str:
     """Return the same as text."""
     ends = figures['sweeps'][sweep]['ends']
-    return told_end(ends[name], unit, digits) if name in ends else NOTHING
+    return end_as_text(ends[name], unit, digits) if name in ends else NOTHING
 
 
 def error(figures: dict[str, Any], name: str, range_m: float, which: str) -> float | None:
@@ -165,7 +174,7 @@ def table(figures: dict[str, Any]) -> Table:
         lines.append((lead, [what, *cells]))
     rows += [line for _, line in sorted(lines, key=lambda one: -one[0])]
     for range_m in (1.0, 2.0):
-        cells = [told(error(figures, name, range_m, 'median'), 'mm', 1) for name in names]
+        cells = [as_text(error(figures, name, range_m, 'median'), 'mm', 1) for name in names]
         rows.append([f'median error of range, 3 cm at {range_m:g} m', *cells])
     rows.append(['time to an answer', '1.3 s', '1.3 s', *['33 ms'] * 3])
     rows.append(['orientation', 'none', 'none', *['full'] * 3])
@@ -177,7 +186,7 @@ def claims(figures: dict[str, Any]) -> Claims:
 
     def tag(value: float | None, unit: str, low: float, high: float) -> Claim:
         within = None if value is None else low <= value <= high
-        return Claim(NOTHING, told(value, unit, 2 if unit == 'm' else 1), within)
+        return Claim(NOTHING, as_text(value, unit, 2 if unit == 'm' else 1), within)
 
     def of_tag(range_m: float, which: str) -> float | None:
         return error(figures, APRILTAG, range_m, which)

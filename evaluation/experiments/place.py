@@ -27,7 +27,7 @@ _FAIR_SHARE = 0.05
 _BLURS = (0.05, 0.25)
 _RANGES_M = (0.4, 2.6)
 _MARKERS, _QUICK_MARKERS = 600, 60
-# From a wall that a marker merges with to one that the sensor tells apart.
+# From a wall that a marker merges with to one that the sensor separates.
 _BEHIND_M = (0.005, 1.5)
 _WALL_SIGNALS = (1.0, 40.0)  # [kcps/SPAD]
 _NAMES = {'alone': 'alone in a zone', 'between': 'between zones'}
@@ -51,10 +51,10 @@ def random_scene(blur: float, rng: np.random.Generator) -> Scene:
 
 
 def seen_by_two(detection: Detection, scene: Scene) -> tuple[bool, bool]:
-    """Tell whether zones of two columns, and of two rows, have seen the marker of a scene.
+    """Return whether zones of two columns, and of two rows, have seen the marker of a scene.
 
     They have if they have read it, and the second got a fair share of the light: traces of light
-    beside a bright marker tell nothing.
+    beside a bright marker say nothing.
     """
     (marker,) = scene.markers
     sensor, grid = scene.sensor, scene.sensor.grid

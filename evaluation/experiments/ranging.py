@@ -14,7 +14,7 @@ from evaluation.bench.judging import BOTH, judged
 from evaluation.experiments.link_budget import NEVER_S, board_signal
 from evaluation.experiments.paper_sweeps import lone
 from evaluation.report.charts import OTHERS, legend_below, look, new_chart
-from evaluation.report.claims import NOTHING, Claim, Claims, Table, claim_of, told
+from evaluation.report.claims import NOTHING, Claim, Claims, Table, as_text, claim_of
 from retrolidar_ros.detector import METHODS
 from retrolidar_ros.scene import Scene, Simulation
 from retrolidar_ros.scene.description import Surface
@@ -86,7 +86,7 @@ def table(figures: dict[str, Any]) -> Table:
     """Return median errors over distance."""
     rows = [['median error of range', *(f'{one["range_m"]:g} m' for one in figures['points'])]]
     for kind, words in _KINDS.items():
-        cells = [told(one[kind]['median_mm'], 'mm', 1) for one in figures['points']]
+        cells = [as_text(one[kind]['median_mm'], 'mm', 1) for one in figures['points']]
         rows.append([words, *cells])
     return rows
 
@@ -107,7 +107,7 @@ def claims(figures: dict[str, Any]) -> Claims:
     board_mm = at(2.0, 'board')
 
     def mm(values: list[float]) -> list[str]:
-        return [told(value, 'mm', 1) for value in values]
+        return [as_text(value, 'mm', 1) for value in values]
 
     return {
         'near': claim_of(mm(below), below[1] < PAPER_MEDIAN_MM),

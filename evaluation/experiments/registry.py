@@ -121,8 +121,8 @@ def run_experiments(
 ) -> None:
     """Run experiments, and write their figures and charts as NAME.json and NAME.png.
 
-    Each starts from the seed anew, so it does not matter which others run. As many run at once as
-    there are cores, unless told otherwise; those that take times run alone. Raises ValueError if
+    Each starts from the seed, so it does not matter which others run. As many run at once as
+    there are cores, unless set otherwise; those that take times run alone. Raises ValueError if
     there is no such experiment.
     """
     for name in names:

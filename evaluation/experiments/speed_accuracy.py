@@ -24,7 +24,7 @@ from evaluation.peers.background import Background
 from evaluation.peers.pictures import View, picture_cost, read_pictures
 from evaluation.peers.visual_markers import AprilTagReader, QrReader, Reader
 from evaluation.report.charts import LEVEL
-from evaluation.report.claims import Table, told_end
+from evaluation.report.claims import Table, end_as_text
 from retrolidar_ros.marker.dictionary import choose_ids
 from retrolidar_ros.scene import Simulation
 from retrolidar_ros.scene.reference import SENSOR, marker_in_each_zone
@@ -188,7 +188,7 @@ def table(figures: dict[str, Any]) -> Table:
     ]
 
     def reach(point: dict[str, Any], key: str) -> str:
-        return told_end(point[key]).removesuffix(' m')
+        return end_as_text(point[key]).removesuffix(' m')
 
     for name, points in figures['curves'].items():
         cells = zip(

@@ -51,7 +51,7 @@ def draw(figures: dict[str, Any]) -> Any:
     curves = {name: points for name, points in figures['curves'].items() if name in _NAMES}
     for name, points in curves.items():
         how = look('QR code' if name.startswith('QR') else name.partition(':')[0])
-        # Where four of five are hardly read anywhere, half are told.
+        # Where four of five are hardly read anywhere, half are shown.
         key = 'half_m' if name.startswith('paper') else 'reach_m'
         shown = [point for point in points if point[key]['at'] is not None]
         style, words = _NAMES[name]

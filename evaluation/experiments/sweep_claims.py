@@ -12,7 +12,7 @@ import numpy as np
 
 from evaluation.experiments.sweeps import MOST_BITS, Sweep, end_of, point_of
 from evaluation.report.charts import SHADES, WRONG, draw_reads, legend_below, new_chart
-from evaluation.report.claims import NOTHING, Claim, Claims, claim_of, told
+from evaluation.report.claims import NOTHING, Claim, Claims, as_text, claim_of
 from retrolidar_ros.detector import METHODS
 
 PAPER_REACH_M, PAPER_SURE_M, PAPER_FOUND_M = 2.6, 2.0, 2.8
@@ -70,7 +70,7 @@ def _ends(figures: dict[str, Any], curve: str) -> list[float | None]:
 def _reaches(ends: Sequence[float | None], least: float, unit: str = 'm', digits: int = 2) -> Claim:
     """Return a claim that agrees if the default reaches as far as the paper."""
     default = ends[-1]
-    words = (told(one, unit, digits) for one in ends)
+    words = (as_text(one, unit, digits) for one in ends)
     return claim_of(words, default is not None and default >= least)
 
 
@@ -144,4 +144,7 @@ def ambient_claims(figures: dict[str, Any]) -> Claims:
         for before, after in zip(dark, day, strict=True)
     ]
     near = lost[1] is not None and abs(lost[1] - PAPER_LOSS_M) < 0.1
-    return {'loss': claim_of(map(told, lost), near), 'outdoors': _reaches(shade, PAPER_OUTDOORS_M)}
+    return {
+        'loss': claim_of(map(as_text, lost), near),
+        'outdoors': _reaches(shade, PAPER_OUTDOORS_M),
+    }

@@ -17,7 +17,7 @@ from evaluation.bench.judging import BOTH, Options, judged, read_of
 from evaluation.bench.rates import crossing
 from evaluation.bench.recordings import Sent
 from evaluation.report.charts import LEVEL, WRONG, draw_reads, legend_below, new_chart
-from evaluation.report.claims import Claims, Table, told_end
+from evaluation.report.claims import Claims, Table, end_as_text
 from retrolidar_ros.detector import METHODS
 
 MOST_BITS = 4
@@ -108,7 +108,7 @@ class Sweep:
             rows.append(
                 [
                     name,
-                    *(told_end(curve['ends'][method], self._unit) for method in METHODS),
+                    *(end_as_text(curve['ends'][method], self._unit) for method in METHODS),
                     *(
                         f'{max(point[method]["wrong"]["rate"] for point in curve["points"]):.0%}'
                         for method in METHODS

@@ -20,7 +20,7 @@ from retrolidar_ros.sensor.frame import Floats
 
 WIDTH, HEIGHT = 1920, 1080
 PICTURES_HZ = 30.0
-HALF_FIELD_OF_VIEW_RAD = math.radians(25)  # paper §6.3 tells no axis; across favours the tags
+HALF_FIELD_OF_VIEW_RAD = math.radians(25)  # paper §6.3 names no axis; across favours the tags
 FOCAL_PX = WIDTH / 2 / math.tan(HALF_FIELD_OF_VIEW_RAD)
 CENTRE_PX = (WIDTH / 2, HEIGHT / 2)
 INTRINSICS = np.array([[FOCAL_PX, 0, CENTRE_PX[0]], [0, FOCAL_PX, CENTRE_PX[1]], [0, 0, 1]])

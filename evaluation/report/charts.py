@@ -12,7 +12,7 @@ from retrolidar_ros.detector import METHODS
 
 LEVEL = 0.8
 """Of identification: what is less counts as not read (paper §6.1)."""
-# Told apart with any colour vision (Okabe and Ito), and by their signs without any.
+# Distinct with any colour vision (Okabe and Ito), and by their signs without any.
 _LOOKS = {
     'joint': ('#0072b2', 'o'),
     'paper': ('#cc79a7', 'D'),

@@ -1,6 +1,6 @@
 # Copyright 2026 retrolidar_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""What experiments tell: tables, and the paper's own values beside ours."""
+"""What experiments report: tables, and the paper's own values beside ours."""
 
 from __future__ import annotations
 
@@ -41,17 +41,17 @@ Claims = dict[str, Claim]
 """Items of an experiment by name; the report's chapter of the paper has the words."""
 
 
-def told(value: float | None, unit: str = 'm', digits: int = 2) -> str:
+def as_text(value: float | None, unit: str = 'm', digits: int = 2) -> str:
     """Return a value with its unit as text."""
     return NOTHING if value is None else f'{value:.{digits}f} {unit}'
 
 
-def told_end(end: Mapping[str, Any], unit: str = 'm', digits: int = 2) -> str:
+def end_as_text(end: Mapping[str, Any], unit: str = 'm', digits: int = 2) -> str:
     """Return where a level is crossed as text, 'unsure' where that is left to chance."""
     at, low, high = end['at'], end['low'], end['high']
     if at is not None and low is not None and high - low > at / 2:
         return 'unsure'
-    return told(at, unit, digits)
+    return as_text(at, unit, digits)
 
 
 def signed(value: float | None) -> str:

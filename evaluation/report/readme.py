@@ -21,7 +21,7 @@ from evaluation.experiments import peers, roc, speed_accuracy
 from evaluation.experiments.registry import EXPERIMENTS
 from evaluation.experiments.sweeps import end_of
 from evaluation.peers.visual_markers import APRILTAG
-from evaluation.report.claims import NOTHING, Table, markdown, told
+from evaluation.report.claims import NOTHING, Table, as_text, markdown
 from evaluation.report.page import load
 
 Report = Mapping[str, dict[str, Any]]
@@ -55,7 +55,7 @@ def headlines(report: Report) -> str:
 
     def error(range_m: float) -> list[str]:
         names = (*methods, APRILTAG)
-        return [told(peers.error(figures, name, range_m, 'median'), 'mm', 1) for name in names]
+        return [as_text(peers.error(figures, name, range_m, 'median'), 'mm', 1) for name in names]
 
     cost = [
         speed_accuracy.at(costs, *of)
@@ -77,7 +77,7 @@ def headlines(report: Report) -> str:
         row(
             'computing, per second of watching',
             NOTHING,
-            [told(None if one is None else one['cpu_ms'], 'ms of a core', 0) for one in cost],
+            [as_text(None if one is None else one['cpu_ms'], 'ms of a core', 0) for one in cost],
         ),
         row(
             'false IDs an hour before signals that walk',
@@ -107,7 +107,7 @@ def reach(report: Report) -> str:
         ),
         ('1 cm, one packet (1.3 s)', more, '1 cm, one packet'),
     ):
-        rows.append([what, *(told(end_of(figures, curve, method)) for method in BOTH)])
+        rows.append([what, *(as_text(end_of(figures, curve, method)) for method in BOTH)])
     return markdown(rows)
 
 

@@ -202,7 +202,7 @@ def read_sqlite(file: Path, topic: str, types: dict[str, str]) -> Iterator[bytes
     short = f'the file ends at byte {size} of {page * pages}' if is_short else ''
     try:
         if logs:
-            with TemporaryDirectory() as directory:  # SQLite mends the copy, and leaves the bag
+            with TemporaryDirectory() as directory:  # SQLite repairs the copy, and leaves the bag
                 for part in (file, *logs):
                     shutil.copy(part, directory)
                 yield from _read_database(Path(directory, file.name), topic, types, mode='rw')

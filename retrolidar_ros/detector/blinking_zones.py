@@ -1,6 +1,6 @@
 # Copyright 2026 retrolidar_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""Which zones blink, how strongly, and by what bit period: without being told any of it.
+"""Which zones blink, how strongly, and by what bit period, without parameters.
 
 What blinks with a clock changes at multiples of a bit only. So the squares of the steps from one
 sample to the next have a line in their spectrum at one over the bit period (Oerder and Meyr,
@@ -22,7 +22,7 @@ from retrolidar_ros.sensor.frame import Floats, Recording
 BLINKING_DB = 3.0
 """A zone of less is not said to blink: noise alone may reach it."""
 LEAST_FRAMES = 64
-"""So many frames tell a bit period."""
+"""Frames that a bit period is estimated from."""
 # A bit is sought that lasts so many frames at most; there is no line where it lasts less than two.
 _MOST_FRAMES = 9
 # A line of noise is 1 high on average; this is less than what one in thousands of them reaches.
@@ -31,7 +31,7 @@ _WEAKEST_FIRST = 0.1  # of the strongest of its lines is the first one of a true
 _APART = 0.03
 _CANDIDATES = 4
 _LEAST_FRAMES_A_BIT = 1.9
-_CAPTURED = 0.03  # a detector looks for bit periods so near to what it is told
+_CAPTURED = 0.03  # a detector looks for bit periods so near to its bit_period
 _MOST_NAMED = 4
 _SURE = 10.0
 _SPANS = (1, 2, 4)  # frames that are averaged: the more, the fainter and slower what is found
@@ -183,7 +183,7 @@ def unread(zones: list[BlinkingZone], frame_period_s: float, bit_period_s: float
     zones : list of BlinkingZone
         That blink and are not read, strongest first.
     frame_period_s, bit_period_s : float
-        How often frames come, and what the detector has been told of the bits [s].
+        How often frames come, and the bit_period of the detector [s].
     """
     told = any(clock_mismatch(zone.periods, bit_period_s) for zone in zones)
     found = [] if told else too_slow(frame_period_s, bit_period_s)

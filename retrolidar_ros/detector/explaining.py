@@ -34,7 +34,7 @@ _FLICKER = 0.1  # of the ambient light, from frame to frame
 
 
 class Decoding:
-    """Takes frames one by one, as the node does, and keeps what is needed to tell why."""
+    """Takes frames one by one, as the node does, and keeps what is needed to say why."""
 
     def __init__(self, values: Mapping[str, Any]) -> None:
         """Begin with values of all parameters of a detector; ValueError if they cannot be."""
@@ -133,7 +133,7 @@ class Decoding:
     def table(self) -> list[str]:
         """Return how each zone blinks, and its best candidate against what was asked."""
         if len(self._newest) < 2:
-            return ['no zone to tell of']
+            return ['no zone to describe']
         _, zones, _ = self.blinking()
         lines = ['zone  blinks [dB]  bits [ms]  best ID  evidence  word  margin  refused for']
         for zone in zones:

@@ -23,7 +23,7 @@ _LEAST_KEPT = 128
 _CLEARLY_DB = 6.0
 # Lines of a spectrum that are no chance.
 _CLOCKED = 12.0
-_CAPTURED = 0.03  # a detector looks for bit periods so near to what it is told
+_CAPTURED = 0.03  # a detector looks for bit periods so near to its bit_period
 # For so long a zone may blink unread by other bits, and for so many packets by the right ones: a
 # detector combines eight.
 _PATIENCE_S = 4.0
@@ -43,7 +43,7 @@ class Reception:
         self.repeated = 0
         """Frames that came a second time, and were left out."""
         self.reversed = 0
-        """Frames with a counter before the last one: a sensor began anew, or there are two."""
+        """Frames with a counter before the last one: a sensor restarted, or there are two."""
         self._kept: deque[Frame] = deque(maxlen=_KEPT)
         self.restart(grid)
 
@@ -101,7 +101,7 @@ class Reception:
         law : NoiseLaw
             Of the sensor.
         bit_period_s : float
-            What the detector has been told [s].
+            That of the detector [s].
         all_come : bool
             Whether every ID may come: a marker that may not is not missed.
         """

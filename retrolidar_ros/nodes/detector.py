@@ -73,7 +73,7 @@ class DetectorNode(Node):
         self._topics = DetectionTopics(self, self._known, self._values)
         self._frame_id = ''
         self._health = DetectorHealth(self._grid)
-        self._told: set[str] = set()
+        self._warned: set[str] = set()
         self._lock = Lock()  # frames may come in another thread than parameters
         parameters.follow(self._change)
         self.get_logger().info(f'reading markers by method {self._values["method"]}')
@@ -168,8 +168,8 @@ class DetectorNode(Node):
             )
         # Each kind of problem once: what is said again and again is on /diagnostics.
         kind = re.sub(r'[\d.]+', '', problem)
-        if problem and kind not in self._told:
-            self._told.add(kind)
+        if problem and kind not in self._warned:
+            self._warned.add(kind)
             self.get_logger().warning(problem)
         return health
 

@@ -100,7 +100,7 @@ class LandmarksNode(Node):
             self._survey.forget,
         )
         for estimate in [] if values['localize'] else self._survey.estimates():
-            self._tell(estimate)
+            self._publish(estimate)
 
     def _load(self, path: str) -> tuple[str, dict[str, Prior]]:
         if not path:
@@ -120,7 +120,7 @@ class LandmarksNode(Node):
         landmark = self._survey.take(reading, name)
         estimate = landmark.estimate()
         if estimate is not None:
-            self._tell(estimate)
+            self._publish(estimate)
 
     def _localize(self, stamp: Any) -> None:
         """Publish where the base was at the time of a reading."""
@@ -141,7 +141,7 @@ class LandmarksNode(Node):
             header = Header(stamp=stamp, frame_id=self._known_frame)
             self._pose.publish(to_pose_msg(header, pose.position_m, pose.rotation, pose.covariance))
 
-    def _tell(self, estimate: Estimate) -> None:
+    def _publish(self, estimate: Estimate) -> None:
         """Publish a landmark."""
         name = estimate.name
         stamp_ns = max(round(max(estimate.stamp_s, 0.0) * 1e9), 0)
@@ -151,11 +151,11 @@ class LandmarksNode(Node):
             self._poses[name] = self.create_publisher(PoseWithCovarianceStamped, topic, LATCHED)
         message = to_pose_msg(header, estimate.position_m, estimate.rotation, estimate.covariance)
         self._poses[name].publish(message)
-        self._shapes.publish(MarkerArray(markers=landmark_shapes(header, self._told())))
+        self._shapes.publish(MarkerArray(markers=landmark_shapes(header, self._estimates())))
         if self._values['publish_tf']:
             self._send_transform(name, message)
 
-    def _told(self) -> list[Estimate]:
+    def _estimates(self) -> list[Estimate]:
         return self._survey.estimates()
 
     def _send_transform(self, name: str, message: PoseWithCovarianceStamped) -> None:
@@ -179,7 +179,7 @@ class LandmarksNode(Node):
 
     def _save(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         path = self._values['save_file']
-        content = survey_content(self._fixed, self._told())
+        content = survey_content(self._fixed, self._estimates())
         try:
             if not path:
                 raise OSError('save_file is empty')
@@ -201,7 +201,7 @@ class LandmarksNode(Node):
 
     def _examine(self) -> Health:
         values = {}
-        rows = self._told()
+        rows = self._estimates()
         if self._room is not None:
             room = self._room.estimate()
             rows = [] if room is None else [room]

@@ -45,7 +45,7 @@ class PortLink:
         self._path = path
         self._master, slave = pty.openpty()
         tty.setraw(slave)
-        # Opened and closed once, the terminal tells from now on whether somebody listens.
+        # Opened and closed once, the terminal says from now on whether it has a listener.
         self._port = os.ttyname(slave)
         os.close(slave)
         os.set_blocking(self._master, False)

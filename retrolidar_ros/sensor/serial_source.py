@@ -51,7 +51,7 @@ class SerialSource:
     def __init__(
         self, port: str, baud: int, reader: Reader, now_ns: Callable[[], int] = time.time_ns
     ) -> None:
-        """Prepare to read `port`; nothing is opened yet. `now_ns` tells when frames arrive."""
+        """Prepare to read `port`; nothing is opened yet. `now_ns` says when frames arrive."""
         self._now_ns = now_ns
         self.port = port
         self.baud = baud
@@ -102,7 +102,7 @@ class SerialSource:
     def _open(self) -> serial.Serial:
         """Open the port for this program alone; OSError if that cannot be."""
         try:
-            # This empties the buffers: old bytes arrive at a time that tells nothing.
+            # This empties the buffers: old bytes arrive at a meaningless time.
             line = serial.Serial(self.port, self.baud, timeout=_READ_TIMEOUT_S, exclusive=True)
         except (ValueError, termios.error) as error:  # a baud rate it cannot do; a port just gone
             raise OSError(*error.args) from error
@@ -135,7 +135,7 @@ class Arrival(NamedTuple):
     time_ns: int
     """When it returned."""
     notice: str
-    """What the reader then had to tell."""
+    """The messages of the reader then."""
 
 
 class BackgroundReading:

@@ -17,7 +17,7 @@ from retrolidar_ros.tasks.reading import Errors, Reading
 
 # Residuals beyond so many deviations do not belong.
 _GATE = 4.5
-# A landmark is told of when so many readings agree, and has moved when so many agree elsewhere.
+# A landmark is published when this many readings agree, and has moved when as many do elsewhere.
 _AGREEING = 2
 # If it could be another landmark under a wrong ID that they show, so many.
 _AGREEING_IN_DOUBT = 4
@@ -106,7 +106,7 @@ class Landmark:
         self._since_s = -math.inf
 
     def take(self, reading: Reading, doubt: Callable[[], bool] = lambda: False) -> bool:
-        """Take a reading of one of the markers, and tell whether it belongs.
+        """Take a reading of one of the markers, and return whether it belongs.
 
         `doubt` is asked, of a reading that does not, whether it could be of another landmark.
         """
@@ -123,7 +123,7 @@ class Landmark:
         return self._looks_elsewhere(reading, _AGREEING_IN_DOUBT if doubt() else _AGREEING)
 
     def could_be(self, reading: Reading) -> bool:
-        """Tell whether a reading agrees with where one of its markers is, whatever ID it tells."""
+        """Return whether a reading agrees with the place of one of its markers, whatever its ID."""
         if self.estimate() is None:
             return False
         return any(self._agrees(reading._replace(marker=one)) for one in self._markers)
@@ -192,7 +192,7 @@ class Landmark:
         return float(np.linalg.eigvalsh(turning)[-1]) < _TURN_UNKNOWN**2
 
     def _looks_elsewhere(self, reading: Reading, needed: int) -> bool:
-        """Begin anew if enough strays agree with a reading, and none of the members is newer."""
+        """Restart if enough strays agree with a reading, and none of the members is newer."""
         self._strays.append(reading)
         if self.members and reading.stamp_s < max(one.stamp_s for one in self.members):
             return False

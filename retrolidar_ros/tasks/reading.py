@@ -27,7 +27,7 @@ class Reading(NamedTuple):
 
     marker: int
     sensor: str
-    """Whatever tells sensors apart, such as their frames."""
+    """What identifies the sensor, such as its frame."""
     stamp_s: float
     range_m: float
     range_stddev_m: float
@@ -89,14 +89,14 @@ def reading(
 
 @dataclass(frozen=True)
 class Errors:
-    """Deviations of errors that readings share; what each has for itself it tells."""
+    """Standard deviations of errors that readings share; a reading has its own besides."""
 
     range_bias_m: float = 0.002
     """Of a sensor's range, the same in all its readings; a calibration narrows it."""
     range_m: float = 0.0005
-    """Of a range besides what it tells."""
+    """Of a range, besides its own."""
     box_rad: float = 0.0175
-    """How far a direction may be beyond the box that it tells: lens and mounting; no deviation."""
+    """How far a direction may be beyond its box: lens and mounting; no deviation."""
     edge_rad: float = 0.009
     """How soft the edges of that box are."""
     pose_m: float = 0.002
@@ -111,7 +111,7 @@ class Errors:
 
 # What stands behind a marker or blinks beside it makes its range wrong in the same way while the
 # sensor stays where it is. This share of the usual variance is of that kind, and all that a reading
-# has above the usual, which tells but a part of it. Of that, the same share is not so alike: two
+# has above the usual, which says only a part of it. Of that, the same share is not so alike: two
 # of them would else be thought to differ by nothing.
 _SHARED, _DISTRUST, _SCATTER = 0.25, 2.5, 1.3
 _CROWDED_M = 0.01
@@ -145,7 +145,7 @@ class Readings:
         each = self.range_stddev_m / self.range_m**2
         usual = np.minimum(_SCATTER * np.median(each) * self.range_m**2, self.range_stddev_m)
         variance = self.range_stddev_m**2
-        # Two that blink in one zone spoil each other's range, and do not tell.
+        # Two that blink in one zone spoil each other's range, and do not report it.
         other = self.marker[:, None] != self.marker
         tangent = np.array([one.direction[:2] / one.direction[2] for one in readings])
         close = np.abs(tangent[:, None] - tangent).max(axis=-1) < ZoneGrid().pitch / 2
@@ -194,7 +194,7 @@ class Readings:
 
 
 def _wandered(before_s: Floats) -> Floats:
-    """Return the covariance of places, told back, if the velocity is a Wiener process [s³]."""
+    """Return the covariance of places, dated back, if the velocity is a Wiener process [s³]."""
     least, most = np.minimum.outer(before_s, before_s), np.maximum.outer(before_s, before_s)
     wandered: Floats = least**2 * (3 * most - least) / 6
     return wandered
