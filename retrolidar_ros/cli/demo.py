@@ -62,10 +62,10 @@ def start_nodes(processes: ProcessGroup, port: Path) -> None:
     processes.start('detector', [executable('detector'), *common])
 
 
-def start_emulator(processes: ProcessGroup, scene: str, port: Path) -> None:
+def start_emulator(processes: ProcessGroup, scene: str, port: Path, *options: str) -> None:
     """Plug in a sensor that sees a scene."""
     emulate = [sys.executable, '-m', 'retrolidar_ros.cli', 'emulate']
-    processes.start('emulator', [*emulate, scene, '--port-link', str(port)])
+    processes.start('emulator', [*emulate, scene, '--port-link', str(port), *options])
 
 
 def _listen(scene: Scene, listener: Listener, processes: ProcessGroup, timeout_s: float) -> None:
@@ -101,6 +101,10 @@ def run_demo(scene_name: str, picture: Path | None, timeout_s: float) -> int:
     except ImportError as error:
         raise ValueError(f'the demo needs ROS 2 and this package built for it: {error}') from error
     picture = picture or Path(f'demo_{find_scene(scene_name).stem}.png')
+    if len(scene.sensor.path) > 1:
+        from retrolidar_ros.cli.demo_arm import run_arm
+
+        return run_arm(scene, find_scene(scene_name), picture, timeout_s)
     print(f'{scene.description}\nDriver and detector are starting ...', flush=True)
     with TemporaryDirectory(prefix='retrolidar_') as directory:
         listener = Listener(NAMESPACE)

@@ -36,11 +36,11 @@ def seen_from(sensor: Sensor, position_m: Floats, time_s: Floats) -> Floats:
     if not sensor.path:
         return position_m
     own_m, turned = along(sensor.path, time_s)
-    seen: Floats = np.einsum('nji,nj->ni', _rotation(turned), position_m - own_m)
+    seen: Floats = np.einsum('nji,nj->ni', rotation_of(turned), position_m - own_m)
     return seen
 
 
-def _rotation(turned: Floats) -> Floats:
+def rotation_of(turned: Floats) -> Floats:
     """Return the matrices, shape (n, 3, 3), that turn directions of the sensor into the scene's."""
     (sin_y, sin_p), (cos_y, cos_p) = np.sin(turned).T, np.cos(turned).T
     zero = np.zeros_like(sin_y)
@@ -71,7 +71,7 @@ def see_surface(sensor: Sensor, surface: Surface, time_s: Floats) -> tuple[Float
         return signal, np.full((1, zones), surface.distance_m)
     own_m, turned = along(sensor.path, time_s)
     rays = np.column_stack([sensor.grid.tangents, np.ones(zones)])
-    forward = _rotation(turned)[:, 2] @ rays.T
+    forward = rotation_of(turned)[:, 2] @ rays.T
     depth = (surface.distance_m - own_m[:, 2:]) / np.maximum(forward, 1e-3)
     depth = np.maximum(depth, NEAREST_M)
     return signal * (surface.distance_m / depth) ** 2, depth

@@ -1,0 +1,200 @@
+# Copyright 2026 retrolidar_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""A hand that looks from several places: sensor, driver, detector and landmarks, and the truth."""
+
+from __future__ import annotations
+
+import math
+import sys
+import time
+from functools import partial
+from itertools import pairwise
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import NamedTuple
+
+import numpy as np
+from geometry_msgs.msg import PoseWithCovarianceStamped, TransformStamped
+from tf2_msgs.msg import TFMessage
+
+from retrolidar_ros.cli.demo import NAMESPACE, executable, start_emulator, start_nodes
+from retrolidar_ros.cli.processes import ProcessError, ProcessGroup
+from retrolidar_ros.nodes.conversion import to_ns, to_time
+from retrolidar_ros.nodes.listener import Listener
+from retrolidar_ros.nodes.qos import LATCHED
+from retrolidar_ros.scene import Scene
+from retrolidar_ros.scene.laboratory import along, rotation_of
+from retrolidar_ros.sensor.frame import Floats
+from retrolidar_ros.sensor.rotation import quaternion_of
+from retrolidar_ros.settings.resources import shared_file
+
+_FIXED = 'scene'
+_BEFORE_S = 3.0  # from the start of the emulator to the time zero of the scene
+_LATE_S = 1.0  # what has been read at a place is known so long after the hand has left it
+_TF_PERIOD_S = 0.02
+_RARE, _SURE = 16.266, 5.991  # 99.9 % of a normal distribution in space, 95 % in a plane
+_COLOURS = ('#56b4e9', '#0072b2', '#e69f00', '#d55e00', '#cc79a7', '#009e73')
+
+
+class Known(NamedTuple):
+    """Where an object is thought to be: when in the scene, how far off, and how surely [m²]."""
+
+    time_s: float
+    off_m: Floats
+    covariance: Floats
+
+    def __str__(self) -> str:
+        """Return error and deviation [mm]."""
+        stddev_m = math.sqrt(float(np.linalg.eigvalsh(self.covariance)[-1]))
+        return f'{1e3 * float(np.linalg.norm(self.off_m)):.1f} ± {1e3 * stddev_m:5.1f}'
+
+
+class _Hand:
+    """Says on /tf where the sensor is, and collects where objects are."""
+
+    def __init__(self, listener: Listener, scene: Scene) -> None:
+        self.zero_ns = 0
+        """When the scene begins; 0 = it does not yet."""
+        path = self._path = scene.sensor.path
+        self.stays = [
+            (np.array(after.position_m), after.time_s)
+            for before, after in pairwise(path)
+            if before.position_m == after.position_m
+        ]
+        """Where the hand stays for a while [m], and until when [s]."""
+        self._known: dict[str, list[Known]] = {marker.name: [] for marker in scene.markers}
+        self._transforms = listener.node.create_publisher(TFMessage, '/tf', 100)
+        for marker in scene.markers:
+            topic = f'landmarks/objects/{marker.name}'
+            take = partial(self._take, marker.name, np.array(marker.position_m))
+            listener.node.create_subscription(PoseWithCovarianceStamped, topic, take, LATCHED)
+        listener.node.create_timer(_TF_PERIOD_S, self._tell)
+
+    def after(self, stay: int, name: str) -> Known | None:
+        """Return what was known of an object when the hand left a place."""
+        known = [one for one in self._known[name] if one.time_s < self.stays[stay][1]]
+        return known[-1] if known else None
+
+    def time_s(self, stamp_ns: int) -> float:
+        """Return a time in the scene [s]."""
+        return (stamp_ns - self.zero_ns) * 1e-9
+
+    def _take(self, name: str, truth_m: Floats, message: PoseWithCovarianceStamped) -> None:
+        place = message.pose.pose.position
+        covariance = np.array(message.pose.covariance).reshape(6, 6)[:3, :3]
+        off_m = np.array([place.x, place.y, place.z]) - truth_m
+        self._known[name].append(Known(self.time_s(to_ns(message.header.stamp)), off_m, covariance))
+
+    def _tell(self) -> None:
+        if not self.zero_ns:
+            return
+        now_ns = time.time_ns()
+        place_m, turned = along(self._path, np.array([self.time_s(now_ns)]))
+        message = TransformStamped(child_frame_id='retrolidar_optical_frame')
+        message.header.frame_id, message.header.stamp = _FIXED, to_time(now_ns)
+        way, turn = message.transform.translation, message.transform.rotation
+        way.x, way.y, way.z = place_m[0].tolist()
+        turn.x, turn.y, turn.z, turn.w = quaternion_of(rotation_of(turned)[0]).tolist()
+        self._transforms.publish(TFMessage(transforms=[message]))
+
+
+def run_arm(scene: Scene, path: Path, picture: Path, timeout_s: float) -> int:
+    """Run a scene whose sensor moves; return 0 if all ellipsoids hold in the end, else 1.
+
+    `path` is its file, `picture` shows how the ellipsoids shrink, and nodes may take `timeout_s`
+    to start [s].
+    """
+    print(f'{scene.description}\nDriver, detector and landmarks are starting ...', flush=True)
+    names = [marker.name for marker in scene.markers]
+    listener = Listener(NAMESPACE)
+    hand = _Hand(listener, scene)
+    try:
+        with (
+            TemporaryDirectory(prefix='retrolidar_') as name,
+            ProcessGroup(Path(name)) as processes,
+        ):
+            _start(processes, listener, hand, path, timeout_s)
+            print(' ' * 26 + ''.join(f'{one:>16}' for one in names), flush=True)
+            for index, (place_m, left_s) in enumerate(hand.stays):
+
+                def has_left(until_s: float = left_s + _LATE_S) -> bool:
+                    processes.check()
+                    return hand.time_s(time.time_ns()) > until_s
+
+                listener.spin_until(has_left, math.inf)
+                cells = ''.join(f'{hand.after(index, one) or "-"!s:>16}' for one in names)
+                place = ', '.join(f'{one:5.2f}' for one in place_m)
+                print(f'  {index + 1}. ({place}) m {cells}', flush=True)
+    except ProcessError as error:
+        print(f'retrolidar: {error}', file=sys.stderr)
+        return 1
+    finally:
+        listener.close()
+    print('Error of the position ± its told deviation along the worst axis [mm]\n')
+    _draw(scene, hand, picture)
+    last = [hand.after(len(hand.stays) - 1, one) for one in names]
+    off = [
+        one.off_m @ np.linalg.solve(one.covariance, one.off_m) if one else np.inf for one in last
+    ]
+    good = np.array(off) < _RARE
+    print(f'picture: {picture}\n{good.sum()} of {len(good)} objects are in their 99.9 % ellipsoid')
+    return 0 if good.all() else 1
+
+
+def _start(
+    processes: ProcessGroup, listener: Listener, hand: _Hand, path: Path, timeout_s: float
+) -> None:
+    """Start the nodes, and the scene when they are there; ProcessError if they do not come."""
+    port = processes.log('port').with_suffix('')
+    start_nodes(processes, port)
+    common = ['--ros-args', '--params-file', str(shared_file('config/retrolidar.yaml'))]
+    common += ['-r', f'__ns:={NAMESPACE}', '-p', f'fixed_frame:={_FIXED}']
+    markers = f'marker_file:={shared_file("config/markers.yaml")}'
+    processes.start('landmarks', [executable('landmarks'), *common, '-p', markers])
+
+    def ready() -> bool:
+        processes.check()
+        placing = listener.node.count_publishers('landmarks/marker_array') > 0
+        return placing and listener.is_connected()
+
+    if not listener.spin_until(ready, timeout_s):
+        raise ProcessError(f'no nodes within {timeout_s:g} s')
+    start_ns = time.monotonic_ns() + round(_BEFORE_S * 1e9)
+    hand.zero_ns = start_ns + time.time_ns() - time.monotonic_ns()
+    start_emulator(processes, str(path), port, '--start', f'{start_ns * 1e-9:.9f}')
+
+
+def _draw(scene: Scene, hand: _Hand, path: Path) -> None:
+    """Draw ellipses of 95 % after each place, as seen from the hand, and near each object."""
+    from matplotlib.figure import Figure
+    from matplotlib.patches import Ellipse
+
+    figure = Figure(figsize=(15, 5.5), layout='constrained')
+    ratios = [1.8] + [1] * len(scene.markers)
+    wide, *near = figure.subplots(1, len(ratios), width_ratios=ratios)
+    for index, (place_m, _) in enumerate(hand.stays):
+        colour = _COLOURS[index % len(_COLOURS)]
+        wide.plot(*place_m[:2], 's', color=colour, label=f'after place {index + 1}')
+        wide.annotate(str(index + 1), place_m[:2], xytext=(6, -4), textcoords='offset points')
+        for axes, marker in zip(near, scene.markers, strict=True):
+            if (one := hand.after(index, marker.name)) is None:
+                continue
+            size, turn = np.linalg.eigh(one.covariance[:2, :2])
+            angle = math.degrees(math.atan2(turn[1, 0], turn[0, 0]))
+            for panel, origin_m, unit in ((wide, marker.position_m, 1), (axes, (0, 0, 0), 1e3)):
+                x, y = (unit * (np.array(origin_m) + one.off_m)[:2]).tolist()
+                width, height = (2 * unit * np.sqrt(_SURE * size)).tolist()
+                panel.add_patch(Ellipse((x, y), width, height, angle=angle, fill=False, ec=colour))
+                panel.plot(x, y, '.', color=colour)
+    for axes, marker in zip(near, scene.markers, strict=True):
+        wide.annotate(marker.name, marker.position_m[:2], (5, 5), textcoords='offset points')
+        wide.plot(*marker.position_m[:2], 'k+')
+        axes.plot(0, 0, 'k+', markersize=12)
+        axes.set(xlim=(-80, 80), ylim=(80, -80), aspect='equal', xlabel='x off [mm]')
+        axes.set_title(f'{marker.name}, {math.hypot(*marker.position_m):.1f} m away')
+    near[0].set_ylabel('y off [mm]')
+    wide.set(aspect='equal', xlabel='x [m]', ylabel='y, down [m]', title='as seen from the hand')
+    wide.invert_yaxis()
+    figure.legend(loc='outside lower center', ncols=len(hand.stays), frameon=False)
+    figure.suptitle('Where the objects are: ellipses of 95 %, and squares where the hand looked')
+    figure.savefig(path, dpi=100)

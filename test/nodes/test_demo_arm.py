@@ -1,0 +1,42 @@
+# Copyright 2026 retrolidar_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""The demo of a hand that looks from several places, with real nodes, at two of them."""
+
+from __future__ import annotations
+
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+import yaml
+
+pytest.importorskip('rclpy', reason='needs ROS 2')
+pytest.importorskip('retrolidar_ros.msg', reason='needs the messages: colcon build')
+
+from retrolidar_ros.scene.files import find_scene
+from retrolidar_ros.settings.yaml_files import load_yaml
+
+
+def test_objects_are_known_better_after_a_second_place(tmp_path: Path) -> None:
+    scene = load_yaml(find_scene('arm'))
+    here, _, _, _, _, _, there, *_ = scene['sensor']['path']
+    times = (0, 5, 6, 11)
+    scene['sensor']['path'] = [
+        {**place, 'time': f'{time_s} s'}
+        for place, time_s in zip((here, here, there, there), times, strict=True)
+    ]
+    file, picture = tmp_path / 'short.yaml', tmp_path / 'short.png'
+    file.write_text(yaml.safe_dump(scene))
+    command = [sys.executable, '-m', 'retrolidar_ros.cli', 'demo', str(file), '-o', str(picture)]
+    ended = subprocess.run(command, capture_output=True, text=True, timeout=90, cwd=tmp_path)
+    assert ended.returncode == 0, ended.stdout + ended.stderr
+    assert '3 of 3 objects are in their 99.9 % ellipsoid' in ended.stdout
+    assert picture.stat().st_size > 10_000
+    told = [
+        [float(one) for one in re.findall(r'± +([\d.]+)', line)]
+        for line in re.findall(r'^  \d\. .*$', ended.stdout, re.MULTILINE)
+    ]
+    assert [len(one) for one in told] == [3, 3]
+    assert all(later < first for first, later in zip(*told, strict=True))
