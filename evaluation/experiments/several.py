@@ -25,7 +25,7 @@ from retrolidar_ros.scene.reference import NOISE, RANGING, RESPONSE, WALL_SIGNAL
 from retrolidar_ros.sensor.frame import Recording
 
 TITLE = 'Several markers'
-MESSAGE = 'Three markers are read as surely as one; two in one zone belong apart'
+MESSAGE = 'Three markers are read as surely as one; two in one zone are read less surely'
 PAPER_MEAN, PAPER_LEAST = 0.925, 0.85
 """Of Tab. 3."""
 ARRANGEMENTS = {

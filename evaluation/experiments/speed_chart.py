@@ -12,7 +12,7 @@ import numpy as np
 from evaluation.report.charts import look, new_chart
 from retrolidar_ros.scene.truth import PACKET_S
 
-MESSAGE = "LiDAR: a hundredth of an AprilTag's computing or less; AprilTag: an answer at once"
+MESSAGE = "LiDAR: at the same reach a hundredth of a tag's computing; AprilTag: an answer at once"
 _MOST_WRONG = 0.2  # where the colour of wrong IDs ends
 
 

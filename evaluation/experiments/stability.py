@@ -174,7 +174,7 @@ def draw(figures: dict[str, Any]) -> Any:
         columns,
         16,
         3.6 * rows + 1.2,
-        f'Lone packets at {SHOWN_M:g} m: the default bears more of all stresses but a rotor',
+        f"Lone packets at {SHOWN_M:g} m: no stress breaks the default before the paper's method",
     )
     for axis in axes.flat[len(figures['panels']) :]:
         axis.set_visible(False)
