@@ -1,0 +1,35 @@
+# Copyright 2026 retrolidar_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""Lone packets that something hides: another marker that goes on, or what passes by."""
+
+import numpy as np
+import pytest
+
+from evaluation.bench.judging import read_shares
+from evaluation.bench.recordings import record
+from evaluation.bench.stresses import STRESSES
+from retrolidar_ros.marker.dictionary import USABLE_IDS
+
+STRESS = {stress.name: stress for stress in STRESSES}
+
+
+@pytest.mark.parametrize(
+    ('stress', 'signal', 'least'),
+    [
+        ('occluded as drone', 150.0, 0.95),
+        ('second marker 25%', 150.0, 0.9),
+        ('second marker 50%', 150.0, 0.8),
+        ('second marker 70%', 600.0, 0.6),
+    ],
+)
+def test_most_lone_packets_are_read_and_hardly_a_wrong_id(
+    stress: str, signal: float, least: float
+) -> None:
+    found = read_shares(
+        lambda rng: record(STRESS[stress], signal, rng, USABLE_IDS),
+        3,
+        np.random.default_rng(7),
+        {'joint': {'method': 'joint'}},
+    )['joint']
+    assert found['right']['rate'] >= least
+    assert found['wrong']['hits'] <= 1
