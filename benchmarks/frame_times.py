@@ -23,9 +23,9 @@ from retrolidar_ros.bag import read_frames
 from retrolidar_ros.detector import create_detector
 
 try:
-    from retrolidar_ros.detector.decoding import to_json
-    from retrolidar_ros.detector.explaining import Decoding
+    from retrolidar_ros.detector.decoding import Decoding
     from retrolidar_ros.detector.settings import defaults
+    from retrolidar_ros.detector.text import to_json
     from retrolidar_ros.sensor.frame import Recording, ZoneGrid
 except ModuleNotFoundError:  # before the package had rooms
     from retrolidar_ros.decoding import detect, to_json

@@ -11,7 +11,7 @@ import numpy as np
 
 from evaluation.report.charts import new_chart
 from evaluation.report.claims import NOTHING, Table
-from retrolidar_ros.detector.explaining import Decoding
+from retrolidar_ros.detector.decoding import Decoding
 from retrolidar_ros.detector.settings import defaults
 from retrolidar_ros.marker.code import IDS, PACKET_BITS
 from retrolidar_ros.scene import Scene, Simulation

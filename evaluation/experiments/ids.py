@@ -24,7 +24,6 @@ from retrolidar_ros.marker.dictionary import USABLE_IDS, largest_set
 
 TITLE = 'Sets of IDs, and what the code accepts'
 MESSAGE = 'Three hundred IDs stay 8 bits apart, read from any bit'
-PAPER_IDS = 4096
 _DISTANCES = (12, 10, 8, 6, 4, 2)
 _WORDS, _QUICK_WORDS = 1_000_000, 100_000
 

@@ -8,7 +8,15 @@ the reader is our own.
 """
 
 from retrolidar_ros.bag.messages import FRAME_TYPE, BagError
-from retrolidar_ros.bag.reader import FRAMES_TOPIC, read_frames
+from retrolidar_ros.bag.reader import FRAMES_TOPIC, read_frames, salvage_frames
 from retrolidar_ros.bag.writer import STORAGES, FrameWriter
 
-__all__ = ['FRAMES_TOPIC', 'FRAME_TYPE', 'STORAGES', 'BagError', 'FrameWriter', 'read_frames']
+__all__ = [
+    'FRAMES_TOPIC',
+    'FRAME_TYPE',
+    'STORAGES',
+    'BagError',
+    'FrameWriter',
+    'read_frames',
+    'salvage_frames',
+]

@@ -61,6 +61,26 @@ def read_frames(path: str | Path, topic: str = FRAMES_TOPIC) -> Iterator[Frame]:
         raise BagError(f'{path}: {topic} has no frames')
 
 
+def salvage_frames(
+    path: str | Path, topic: str = FRAMES_TOPIC
+) -> tuple[list[Frame], BagError | None]:
+    """Return a bag's frames as far as they are good, and its damage, if any.
+
+    Raises
+    ------
+    BagError
+        If not even one frame can be read.
+    """
+    frames: list[Frame] = []
+    try:
+        frames.extend(read_frames(path, topic))
+    except BagError as error:
+        if not frames:
+            raise
+        return frames, error
+    return frames, None
+
+
 _METADATA_KEYS = {
     'version',
     'storage_identifier',

@@ -10,11 +10,11 @@ from pathlib import Path
 
 import yaml
 
-from retrolidar_ros.bag import FRAMES_TOPIC, BagError, read_frames
+from retrolidar_ros.bag import FRAMES_TOPIC, salvage_frames
 from retrolidar_ros.cli.arguments import Subparsers
 from retrolidar_ros.cli.calibration_page import write_page
 from retrolidar_ros.cli.decode import NOTHING_READ
-from retrolidar_ros.sensor.frame import Frame, Recording
+from retrolidar_ros.sensor.frame import Recording
 from retrolidar_ros.settings.section import quantity
 from retrolidar_ros.tasks.calibration.calibrate import calibrate
 from retrolidar_ros.tasks.calibration.files import parameter_file, scene
@@ -55,14 +55,7 @@ def run(arguments: argparse.Namespace) -> int:
 
     distance_m, speed_m_s = length('distance', 0.05, 10), length('speed', 1e-3, 10)
     size_m = quantity('length', 1e-3, 1)(arguments.size, '--size')
-    frames: list[Frame] = []
-    damage = None
-    try:
-        frames.extend(read_frames(arguments.bag, arguments.topic))
-    except BagError as error:
-        if not frames:
-            raise
-        damage = error
+    frames, damage = salvage_frames(arguments.bag, arguments.topic)
     found = calibrate(
         Recording.of(frames), distance_m=distance_m, size_m=size_m, speed_m_s=speed_m_s
     )

@@ -9,8 +9,8 @@ import sys
 
 from retrolidar_ros.bag import read_frames
 from retrolidar_ros.cli.arguments import Subparsers, add_bag_command, detector_values
-from retrolidar_ros.detector.decoding import TEXT_HEADER, to_json, to_text
-from retrolidar_ros.detector.explaining import Decoding
+from retrolidar_ros.detector.decoding import Decoding
+from retrolidar_ros.detector.text import TEXT_HEADER, to_json, to_text
 
 NOTHING_READ = 3
 

@@ -8,12 +8,12 @@ import argparse
 import sys
 from pathlib import Path
 
-from retrolidar_ros.bag import BagError, read_frames
+from retrolidar_ros.bag import salvage_frames
 from retrolidar_ros.cli.arguments import Subparsers, add_bag_command, detector_values
 from retrolidar_ros.cli.decode import NOTHING_READ
 from retrolidar_ros.cli.picture import Reading, plot_readings
-from retrolidar_ros.detector.explaining import Decoding
-from retrolidar_ros.sensor.frame import Frame, Recording
+from retrolidar_ros.detector.decoding import Decoding
+from retrolidar_ros.sensor.frame import Recording
 
 
 def add_command(subparsers: Subparsers) -> None:
@@ -26,14 +26,7 @@ def run(arguments: argparse.Namespace) -> int:
     """Draw a bag, as far as it can be read."""
     if arguments.output.is_dir():
         raise IsADirectoryError(f'{arguments.output} is a directory; name a PNG file')
-    frames: list[Frame] = []
-    damage = None
-    try:
-        frames.extend(read_frames(arguments.bag, arguments.topic))
-    except BagError as error:
-        if not frames:
-            raise
-        damage = error
+    frames, damage = salvage_frames(arguments.bag, arguments.topic)
     origin_ns = frames[0].stamp_ns
     decoding = Decoding(detector_values(arguments))
     readings = [Reading.of(detection, origin_ns) for detection in decoding.detect(frames)]

@@ -10,7 +10,7 @@ import signal
 import subprocess
 from contextlib import suppress
 from pathlib import Path
-from types import FrameType, TracebackType
+from types import FrameType
 
 _PATIENCE_S = 5.0
 _LIBC = ctypes.CDLL(None)
@@ -38,12 +38,7 @@ class ProcessGroup:
         self._old_handlers = {number: signal.signal(number, _exit) for number in _ENDING}
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        traceback: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         """End all processes: by SIGINT, and by SIGKILL what ignores it."""
         try:
             for name in list(self._running):

@@ -11,7 +11,6 @@ from std_msgs.msg import Header
 
 from retrolidar_ros.nodes.diagnostics import STALE, Health
 
-BEAT_PERIOD_S = 0.2
 _SILENCE_S = 0.8
 _NAME = 'detector'
 

@@ -14,7 +14,6 @@ from collections.abc import Callable, Iterator
 from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
-from types import TracebackType
 
 from retrolidar_ros.bag import FrameWriter
 from retrolidar_ros.scene import Scene, Simulation
@@ -61,12 +60,7 @@ class PortLink:
         """Return the open port."""
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        traceback: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         """Pull the cable."""
         self.close()
 

@@ -8,10 +8,10 @@ import pytest
 
 from retrolidar_ros.bag import BagError
 from retrolidar_ros.detector import METHODS
-from retrolidar_ros.detector.decoding import TEXT_HEADER, to_json, to_text
+from retrolidar_ros.detector.decoding import Decoding
 from retrolidar_ros.detector.detection import Detection
-from retrolidar_ros.detector.explaining import Decoding
 from retrolidar_ros.detector.settings import defaults
+from retrolidar_ros.detector.text import TEXT_HEADER, to_json, to_text
 from retrolidar_ros.scene import Scene, Simulation
 from retrolidar_ros.scene.description import Marker, Noise, Sensor, Surface
 from retrolidar_ros.sensor.frame import Frame, ZoneGrid
