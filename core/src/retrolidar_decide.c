@@ -107,6 +107,15 @@ static void note_fit(struct rl_verdict *verdict, const struct rl_window *window)
     memcpy(verdict->fit, window->fit, sizeof verdict->fit);
 }
 
+/* Fit a packet closely, and return its likelihood. */
+static double refine(struct rl_verdict *verdict, struct rl_window *window, double half_bits)
+{
+    const double own = rl_window_refine(window, &verdict->sending, half_bits);
+    verdict->evidence = own - window->null - COST_OF_GAIN * (window->sources - 1);
+    note_fit(verdict, window);
+    return own;
+}
+
 struct rl_verdict rl_decide(struct rl_window *window, const struct rl_codebook *codebook,
                             const struct rl_demands *demands, int source, const struct rl_hit *hit,
                             const struct rl_hits *hits, int packets, double free_s, double since_s,
@@ -153,8 +162,7 @@ struct rl_verdict rl_decide(struct rl_window *window, const struct rl_codebook *
     bool hidden = verdict.reason == RL_NOT_A_WORD && packets == 1 && verdict.evidence > asked &&
                   rl_scope_hide_burst(window, sending, own);
     if (hidden) {
-        own = rl_window_refine(window, sending, half_bits);
-        verdict.evidence = own - window->null;
+        own = refine(&verdict, window, half_bits);
         asked += COST_OF_BURST;
         verdict.reason =
             doubt(window, demands, sending, packets, own, half_bits, hits, &verdict.word);
@@ -164,9 +172,7 @@ struct rl_verdict rl_decide(struct rl_window *window, const struct rl_codebook *
     }
     verdict.reason = RL_EVIDENCE;
     rl_scope_add_zones(window, sending, verdict.evidence);
-    own = rl_window_refine(window, sending, half_bits);
-    verdict.evidence = own - window->null - COST_OF_GAIN * (window->sources - 1);
-    note_fit(&verdict, window);
+    own = refine(&verdict, window, half_bits);
     asked += window->fit[0].walk >= WANDERING ? demands->wandering : 0.0;
     if (verdict.evidence < asked) {
         return verdict;
@@ -176,9 +182,7 @@ struct rl_verdict rl_decide(struct rl_window *window, const struct rl_codebook *
         rl_rivals_turn(window, sending, own, begin, silent_bits, 3.0 * demands->word, &bits);
     if (verdict.word > demands->word && packets == 1 && !hidden &&
         rl_scope_hide_burst(window, sending, own)) {
-        own = rl_window_refine(window, sending, half_bits);
-        verdict.evidence = own - window->null - COST_OF_GAIN * (window->sources - 1);
-        note_fit(&verdict, window);
+        own = refine(&verdict, window, half_bits);
         if (verdict.evidence < asked + COST_OF_BURST) {
             verdict.reason = RL_EVIDENCE;
             return verdict;

@@ -18,7 +18,7 @@ enum {
     RL_READINGS = 32,  /* that one frame may bring */
     RL_DECISIONS = 12, /* candidates that are judged with one frame, at the most */
     RL_RECENT = 64,    /* readings that are remembered, not to be reported twice */
-    RL_MOST_PENDING = 2 * RL_MOST_SOURCES + 4 * RL_MOST_ZONES, /* all that a frame can bring */
+    RL_MOST_PENDING = (2 + RL_PAST) * RL_MOST_SOURCES + 4 * RL_MOST_ZONES, /* all of a frame */
 };
 /* Bits by which a packet may begin before the one before it has ended. */
 static const double RL_OVERLAP_BITS = 1.5;
@@ -48,6 +48,7 @@ struct rl_detector {
     int64_t last_ns;
     double looked_s, learnt_s;
     int64_t turn;
+    int next_behind; /* zone that is asked next what else is there where a marker goes on */
     double most_beyond; /* nats by which other sequences than the hits of a search may be better */
     double free_s[RL_MOST_SOURCES]; /* before that, samples belong to what was read */
     struct rl_recent recent[RL_RECENT];

@@ -9,18 +9,25 @@
 
 /* A source varies by so much less without a packet that is sent. */
 static const double LESS = 0.9;
+/* Readings of one marker follow each other if they are so near. */
+static const double FOLLOWING_BITS = 2.0 * RL_PACKET_BITS;
 
 void rl_going_on_add(struct rl_going_on going_on[RL_GOING_ON], const struct rl_verdict *read,
                      double gain)
 {
     int at = 0;
+    double begin_s = rl_verdict_begin(read);
     while (at < RL_GOING_ON - 1 && going_on[at].id != read->id) {
         at++;
+    }
+    if (going_on[at].id == read->id &&
+        begin_s < going_on[at].end_s + FOLLOWING_BITS * read->sending.bit_s) {
+        begin_s = going_on[at].begin_s;
     }
     for (; at > 0; at--) {
         going_on[at] = going_on[at - 1];
     }
-    going_on[0] = (struct rl_going_on){read->id, read->sending, gain, read->end_s};
+    going_on[0] = (struct rl_going_on){read->id, read->sending, gain, begin_s, read->end_s};
     going_on[0].sending.repeats = true;
 }
 
@@ -52,10 +59,12 @@ static double variation(const struct rl_samples *samples, int source, double sin
 bool rl_going_on_is_sent(const struct rl_going_on *going_on, struct rl_shares *shares, int source,
                          double to_s, struct rl_verdict *known, double *rest)
 {
+    const double packet_s = RL_PACKET_BITS * going_on->sending.bit_s, since_s = to_s - packet_s;
     *known = (struct rl_verdict){
         .reason = RL_REASONS,
         .id = going_on->id,
-        .packets = 1,
+        /* Of more packets, to see whether another one has repeated. */
+        .packets = to_s - going_on->begin_s < 2.0 * packet_s ? 1 : 2,
         .sending = going_on->sending,
         .end_s = to_s,
         .sources = 1,
@@ -63,7 +72,6 @@ bool rl_going_on_is_sent(const struct rl_going_on *going_on, struct rl_shares *s
         .fit = {{.gain = going_on->gain}},
         .steady = true,
     };
-    const double since_s = rl_verdict_begin(known);
     const double all = variation(shares->samples, source, since_s);
     rl_shares_take_off(shares, known, false);
     *rest = variation(shares->samples, source, since_s);

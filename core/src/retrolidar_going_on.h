@@ -18,7 +18,7 @@ struct rl_going_on {
     uint16_t id; /* 0: nothing was read */
     struct rl_sending sending;
     double gain;
-    double end_s;
+    double begin_s, end_s; /* of the first of its readings that follow each other, and of the last */
 };
 
 /* Remember what was read as the newest of a source. */

@@ -115,7 +115,7 @@ static struct rl_verdict decide(struct rl_detector *detector, int source, int pa
                   packets, detector->free_s[source], since_s, to_s);
     if (verdict.reason != RL_REASONS && verdict.reason != RL_EVIDENCE && packets == 1) {
         detector->past[source][detector->pasts[source]++ % RL_PAST] = (struct rl_hit){
-            0.0f, verdict.id, verdict.sending.repeats, verdict.sending.start_s,
+            (float)verdict.evidence, verdict.id, verdict.sending.repeats, verdict.sending.start_s,
             verdict.sending.bit_s};
     }
     if (verdict.reason == RL_REASONS && !rl_shares_agree(&detector->shares, &verdict)) {
@@ -149,6 +149,23 @@ static struct rl_verdict decide_without(struct rl_detector *detector,
     return verdict;
 }
 
+/* Whether a third marker was read in a source while a hit was sent: the light that it leaves over may
+ * look like a packet.
+ */
+static bool is_beside_a_third(const struct rl_detector *detector, int source, uint16_t other,
+                              const struct rl_hit *hit, double to_s)
+{
+    const double begin_s = hit->repeats ? to_s - RL_PACKET_BITS * hit->bit_s : hit->start_s;
+    for (int i = 0; i < RL_GOING_ON; i++) {
+        const struct rl_going_on *third = &detector->going_on[source][i];
+        if (third->id != 0 && third->id != other && third->id != hit->id &&
+            third->end_s > begin_s + RL_OVERLAP_BITS * hit->bit_s) {
+            return true;
+        }
+    }
+    return false;
+}
+
 /* Look for another packet in the zone of one that was found, which hide each other: each is judged
  * with the other one taken off, twice over. Return whether both are read.
  */
@@ -164,7 +181,8 @@ static bool look_behind(struct rl_detector *detector, const struct rl_hits *foun
     rl_shares_take_off(&detector->shares, before, true);
     for (int i = 0; i < hits->count && i < BEHIND && detector->decisions_left > 0; i++) {
         const struct rl_hit *hit = &hits->hit[i];
-        if (hit->id == before->id) {
+        if (hit->id == before->id ||
+            is_beside_a_third(detector, source, before->id, hit, to_s)) {
             continue;
         }
         detector->decisions_left -= 3;

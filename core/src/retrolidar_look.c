@@ -24,6 +24,8 @@ static const double ACTIVE = 1.5;
 static const double COARSE = 0.7;
 /* Sums are asked after zones that explain nearly as much. */
 static const float SUM_SHARE = 0.8f;
+/* Evidence over that in demand with which a packet stands out before it has ended. */
+static const float STRONG = 2.0f;
 
 static void search(struct rl_detector *detector, const int *sources, int count, int packets,
                    double from_s, double to_s)
@@ -73,6 +75,22 @@ static int due(const struct rl_detector *detector, int *sources, int count, doub
         }
     }
     return kept;
+}
+
+/* Lone packets that stood out before they had ended are judged again when they have. */
+static void add_ended(struct rl_detector *detector, double from_s, double to_s)
+{
+    for (int source = 0; source < detector->samples.sources; source++) {
+        for (int i = 0; i < RL_PAST && i < detector->pasts[source]; i++) {
+            const struct rl_hit *past = &detector->past[source][i];
+            const double end_s = past->start_s + RL_PACKET_BITS * past->bit_s;
+            if (!past->repeats && past->nats > STRONG * (float)detector->demands.evidence &&
+                end_s > from_s && end_s <= to_s) {
+                detector->pending[detector->pendings++] =
+                    (struct rl_pending){source, 1, {.hit = {*past}, .count = 1}};
+            }
+        }
+    }
 }
 
 /* How promising a candidate is. */
@@ -127,11 +145,7 @@ void rl_look(struct rl_detector *detector)
         }
         search(detector, sources, count, FOLD[fold], from_s, to_s);
     }
-    for (int source = 0; source < samples->zones && is_turn; source++) {
-        if (detector->decisions_left > 0) {
-            rl_judge_behind(detector, source, to_s - LOOK_BITS * bit_s, to_s);
-        }
-    }
+    add_ended(detector, from_s, to_s);
     while (detector->pendings > 0 && detector->decisions_left > 0) {
         int best = 0;
         for (int i = 1; i < detector->pendings; i++) {
@@ -142,6 +156,14 @@ void rl_look(struct rl_detector *detector)
         const struct rl_pending pending = detector->pending[best];
         detector->pending[best] = detector->pending[--detector->pendings];
         rl_judge(detector, &pending, to_s);
+    }
+    /* Zones in which a marker goes on are asked what else is there, once a turn; those for which this
+     * frame has no decisions left wait for the next.
+     */
+    detector->next_behind = is_turn ? 0 : detector->next_behind;
+    while (detector->next_behind < samples->zones && detector->decisions_left > 0) {
+        rl_judge_behind(detector, detector->next_behind++,
+                        (double)(turn - 1) * LOOK_BITS * bit_s, to_s);
     }
     detector->counts.overloads += detector->pendings > 0 || detector->search.dropped;
 }
