@@ -12,7 +12,7 @@ from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
 
-_PACKAGES = ('numpy', 'matplotlib', 'pupil-apriltags', 'pyzbar')
+_PACKAGES = ('numpy', 'matplotlib', 'pyapriltags', 'pyzbar')
 _PROCESSORS = Path('/proc/cpuinfo')
 
 

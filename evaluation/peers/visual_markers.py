@@ -77,25 +77,23 @@ class AprilTagReader:
     kind = APRILTAG
 
     def __init__(self, name: str, quad_decimate: float, threads: int = 1) -> None:
-        from pupil_apriltags import Detector
+        from pyapriltags import Detector
 
         self.name = name
         self.detector: Any = Detector(_FAMILY, nthreads=threads, quad_decimate=quad_decimate)
         # The library's own default, which the Python binding cuts down to the integer 0.
         self.detector.tag_detector_ptr.contents.decode_sharpening = 0.25
-        # The binding would free the family before the detector that still uses it.
-        self._family = self.detector.tag_families.pop(_FAMILY)
-        family = self._family.contents
+        family = self.detector.tag_families[_FAMILY].contents
         # A pose is that of the border, which this family has inside its outer ring of bits.
         self.border = family.width_at_border / family.total_width
 
     def plate(self, identity: int, size_m: float) -> Plate:
         """Return a tag of 9 × 9 cells with a margin of one."""
-        from pupil_apriltags.bindings import _ImageU8
+        from pyapriltags.apriltags import _ImageU8
 
         library = self.detector.libc
         library.apriltag_to_image.restype = ctypes.POINTER(_ImageU8)
-        drawn = library.apriltag_to_image(self._family, identity)
+        drawn = library.apriltag_to_image(self.detector.tag_families[_FAMILY], identity)
         image = drawn.contents
         levels = np.ctypeslib.as_array(image.buf, (image.height, image.stride))
         white = levels[:, : image.width] > 0
@@ -176,7 +174,7 @@ def find_readers() -> tuple[list[Reader], dict[str, str]]:
         except ImportError as error:
             missing[name] = f'{error} ({remedy})'
 
-    remedy = 'pip install pupil-apriltags'
+    remedy = 'pip install pyapriltags'
     add(APRILTAG, lambda: AprilTagReader(APRILTAG, 2.0), remedy)
     add(APRILTAG_FINE, lambda: AprilTagReader(APRILTAG_FINE, 1.0), remedy)
     add(QR, QrReader, 'pip install pyzbar segno, and apt install libzbar0')

@@ -36,7 +36,7 @@ from evaluation.peers.visual_markers import (
     square_range,
 )
 
-pytest.importorskip('pupil_apriltags', reason='needs pupil-apriltags, which is a pip extra')
+pytest.importorskip('pyapriltags', reason='needs pyapriltags, which is a pip extra')
 READERS = {reader.name: reader for reader in find_readers()[0]}
 ALL = pytest.mark.parametrize(
     'name',
@@ -201,10 +201,10 @@ def test_missing_zbar_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def test_missing_apriltag_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setitem(sys.modules, 'pupil_apriltags', None)
+    monkeypatch.setitem(sys.modules, 'pyapriltags', None)
     _, missing = find_readers()
-    assert 'pip install pupil-apriltags' in missing[APRILTAG]
-    assert 'pip install pupil-apriltags' in missing[APRILTAG_FINE]
+    assert 'pip install pyapriltags' in missing[APRILTAG]
+    assert 'pip install pyapriltags' in missing[APRILTAG_FINE]
 
 
 def test_errors_are_absolute_and_in_millimetres() -> None:
