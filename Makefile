@@ -38,7 +38,8 @@ lint: env
 	$(RUN) mypy
 
 test: build lint
-	$(RUN) pytest --timeout 120 -n 2 --dist loadfile --no-loadscope-reorder $(ARGS)
+	$(RUN) pytest --timeout 120 -n 2 --dist loadfile --no-loadscope-reorder \
+		--max-worker-restart 0 $(ARGS)
 
 evaluate: build
 	@$(RUN) python -m evaluation $(ARGS)
