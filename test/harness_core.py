@@ -42,11 +42,13 @@ class Rows(NamedTuple):
     """[kcps/SPAD]; of an erasure, the last one before it."""
     valid: NDArray[np.bool_]
 
-    def zone(self, law: NoiseLaw, rows: slice, hidden_s: tuple[float, float] = (0, 0)) -> Zone:
-        """Return the valid samples of some rows that do not touch a time that is hidden."""
+    def zone(self, law: NoiseLaw, rows: slice, *hidden_s: tuple[float, float]) -> Zone:
+        """Return the valid samples of some rows that touch no time that is hidden."""
         noise = float(law.variance(np.array(self.signal[rows].mean())))
         begin_s, end_s = self.begin_s[rows], self.end_s[rows]
-        kept = self.valid[rows] & ~((begin_s < hidden_s[1]) & (end_s > hidden_s[0]))
+        kept = self.valid[rows].copy()
+        for from_s, to_s in hidden_s:
+            kept &= ~((begin_s < to_s) & (end_s > from_s))
         return Zone(
             begin_s[kept],
             end_s[kept],

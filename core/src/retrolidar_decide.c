@@ -116,6 +116,26 @@ static double refine(struct rl_verdict *verdict, struct rl_window *window, doubl
     return own;
 }
 
+/* Leave out what hid the packet for a while, if something did. Return how many stretches; the verdict
+ * and its likelihood, `own`, are then of the rest. If it is too early to say, the packet is incomplete.
+ */
+static int hide(struct rl_verdict *verdict, struct rl_window *window,
+                const struct rl_demands *demands, double half_bits, double to_s, double *own)
+{
+    const struct rl_sending *sending = &verdict->sending;
+    const int bursts =
+        rl_scope_hide_bursts(window, sending, *own, *own + verdict->word - demands->word);
+    if (bursts > 0 && !sending->repeats &&
+        verdict->end_s > to_s - RL_LATER_BITS * sending->bit_s) {
+        verdict->reason = RL_INCOMPLETE;
+        return 0;
+    }
+    if (bursts > 0) {
+        *own = refine(verdict, window, half_bits);
+    }
+    return bursts;
+}
+
 struct rl_verdict rl_decide(struct rl_window *window, const struct rl_codebook *codebook,
                             const struct rl_demands *demands, int source, const struct rl_hit *hit,
                             const struct rl_hits *hits, int packets, double free_s, double since_s,
@@ -159,15 +179,20 @@ struct rl_verdict rl_decide(struct rl_window *window, const struct rl_codebook *
                    (packets > 1 ? COST_OF_FOLDS : 0.0);
     /* Before others are asked: two zones may see different packets of which this one is a bit. */
     verdict.reason = doubt(window, demands, sending, packets, own, half_bits, hits, &verdict.word);
-    bool hidden = verdict.reason == RL_NOT_A_WORD && packets == 1 && verdict.evidence > asked &&
-                  rl_scope_hide_burst(window, sending, own);
-    if (hidden) {
-        own = refine(&verdict, window, half_bits);
-        asked += COST_OF_BURST;
+    int bursts = 0;
+    if (verdict.reason == RL_NOT_A_WORD && packets == 1 && verdict.evidence > asked) {
+        bursts = hide(&verdict, window, demands, half_bits, to_s, &own);
+    }
+    if (bursts > 0) {
+        asked += COST_OF_BURST * bursts;
         verdict.reason =
             doubt(window, demands, sending, packets, own, half_bits, hits, &verdict.word);
     }
     if (verdict.reason != RL_REASONS) {
+        return verdict;
+    }
+    verdict.reason = RL_ERASED;
+    if (rl_scope_is_erased(window, sending)) {
         return verdict;
     }
     verdict.reason = RL_EVIDENCE;
@@ -180,10 +205,13 @@ struct rl_verdict rl_decide(struct rl_window *window, const struct rl_codebook *
     verdict.reason = RL_NOT_A_WORD;
     verdict.word =
         rl_rivals_turn(window, sending, own, begin, silent_bits, 3.0 * demands->word, &bits);
-    if (verdict.word > demands->word && packets == 1 && !hidden &&
-        rl_scope_hide_burst(window, sending, own)) {
-        own = refine(&verdict, window, half_bits);
-        if (verdict.evidence < asked + COST_OF_BURST) {
+    if (verdict.word > demands->word && packets == 1 && bursts == 0) {
+        bursts = hide(&verdict, window, demands, half_bits, to_s, &own);
+        if (bursts == 0) {
+            return verdict;
+        }
+        asked += COST_OF_BURST * bursts;
+        if (verdict.evidence < asked) {
             verdict.reason = RL_EVIDENCE;
             return verdict;
         }

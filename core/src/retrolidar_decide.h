@@ -20,6 +20,11 @@ extern "C" {
 enum { RL_EVIDENCE, RL_NOT_A_WORD, RL_MARGIN, RL_INCOMPLETE, RL_ERASED, RL_REASONS };
 /* end of binding */
 
+/* So much later is a lone packet judged of which stretches are left out: until then, one of another
+ * ID that has not ended may look like it.
+ */
+static const double RL_LATER_BITS = 2.5;
+
 struct rl_demands {
     double evidence;  /* [nats] */
     double wandering; /* more of it where the level wanders besides [nats] */

@@ -18,7 +18,7 @@ enum {
     RL_READINGS = 32,  /* that one frame may bring */
     RL_DECISIONS = 12, /* candidates that are judged with one frame, at the most */
     RL_RECENT = 64,    /* readings that are remembered, not to be reported twice */
-    RL_MOST_PENDING = (2 + RL_PAST) * RL_MOST_SOURCES + 4 * RL_MOST_ZONES, /* all of a frame */
+    RL_MOST_PENDING = 3 * RL_MOST_SOURCES + 4 * RL_MOST_ZONES, /* all of a frame */
 };
 /* Bits by which a packet may begin before the one before it has ended. */
 static const double RL_OVERLAP_BITS = 1.5;
@@ -60,6 +60,7 @@ struct rl_detector {
     struct rl_hits hits[RL_MOST_SOURCES], behind;
     struct rl_hit past[RL_MOST_SOURCES][RL_PAST]; /* judged and not read: rivals of later ones */
     int pasts[RL_MOST_SOURCES];
+    struct rl_hit waiting[RL_MOST_SOURCES]; /* lone packets that are judged again later */
     struct rl_going_on going_on[RL_MOST_SOURCES][RL_GOING_ON]; /* newest first */
     struct rl_pending pending[RL_MOST_PENDING];
     int pendings;

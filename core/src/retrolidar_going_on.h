@@ -11,8 +11,6 @@
 extern "C" {
 #endif
 
-enum { RL_GOING_ON = 2 }; /* so many are remembered of a source */
-
 /* What was read in a source. */
 struct rl_going_on {
     uint16_t id; /* 0: nothing was read */

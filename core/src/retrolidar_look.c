@@ -24,8 +24,6 @@ static const double ACTIVE = 1.5;
 static const double COARSE = 0.7;
 /* Sums are asked after zones that explain nearly as much. */
 static const float SUM_SHARE = 0.8f;
-/* Evidence over that in demand with which a packet stands out before it has ended. */
-static const float STRONG = 2.0f;
 
 static void search(struct rl_detector *detector, const int *sources, int count, int packets,
                    double from_s, double to_s)
@@ -77,18 +75,19 @@ static int due(const struct rl_detector *detector, int *sources, int count, doub
     return kept;
 }
 
-/* Lone packets that stood out before they had ended are judged again when they have. */
+/* Lone packets that stood out before they had ended are judged again when they have, and once more
+ * when stretches of them may be left out.
+ */
 static void add_ended(struct rl_detector *detector, double from_s, double to_s)
 {
     for (int source = 0; source < detector->samples.sources; source++) {
-        for (int i = 0; i < RL_PAST && i < detector->pasts[source]; i++) {
-            const struct rl_hit *past = &detector->past[source][i];
-            const double end_s = past->start_s + RL_PACKET_BITS * past->bit_s;
-            if (!past->repeats && past->nats > STRONG * (float)detector->demands.evidence &&
-                end_s > from_s && end_s <= to_s) {
-                detector->pending[detector->pendings++] =
-                    (struct rl_pending){source, 1, {.hit = {*past}, .count = 1}};
-            }
+        const struct rl_hit *waiting = &detector->waiting[source];
+        const double end_s = waiting->start_s + RL_PACKET_BITS * waiting->bit_s;
+        const double later_s = end_s + RL_LATER_BITS * waiting->bit_s;
+        if (waiting->id != 0 &&
+            ((end_s > from_s && end_s <= to_s) || (later_s > from_s && later_s <= to_s))) {
+            detector->pending[detector->pendings++] =
+                (struct rl_pending){source, 1, {.hit = {*waiting}, .count = 1}};
         }
     }
 }

@@ -94,37 +94,54 @@ bool rl_scope_is_erased(const struct rl_window *window, const struct rl_sending 
     return erased > MOST_ERASED_BITS;
 }
 
-bool rl_scope_hide_burst(struct rl_window *window, const struct rl_sending *sending, double own)
+/* Leave out the exposures of a stretch of bits and of half a bit at either end. */
+static void hide(struct rl_window *window, const struct rl_sending *sending, const int bits[2])
 {
-    double most = own + LEAST_TURNED;
-    int first = -1, last = -1;
-    for (int length = 1; length <= MOST_HIDDEN_BITS; length++) {
-        for (int begin = 0; begin + length <= RL_PACKET_BITS; begin++) {
-            uint32_t dark = sending->bits;
-            for (int bit = begin; bit < begin + length; bit++) {
-                dark |= rl_packet_bit(bit);
-            }
-            if (dark != sending->bits) {
-                const double likelihood = rl_window_try_bits(window, sending, dark);
-                if (likelihood > most) {
-                    most = likelihood;
-                    first = begin;
-                    last = begin + length - 1;
-                }
-            }
-        }
-    }
-    if (first < 0) {
-        return false;
-    }
+    const double lasting_s = (bits[1] - bits[0] + 1) * sending->bit_s;
+    double from_s = sending->start_s + (bits[0] - 0.5) * sending->bit_s;
     /* Of a packet that repeats, the window holds the bits of the one that began before or in it. */
-    const double lasting_s = (last - first + 2) * sending->bit_s;
-    double from_s = sending->start_s + (first - 0.5) * sending->bit_s;
     if (sending->repeats && from_s + lasting_s < window->samples->begin_s[window->first]) {
         from_s += RL_PACKET_BITS * sending->bit_s;
     }
     rl_window_hide(window, from_s, from_s + lasting_s);
-    return true;
+}
+
+int rl_scope_hide_bursts(struct rl_window *window, const struct rl_sending *sending, double own,
+                         double least)
+{
+    uint32_t seen = sending->bits;
+    int burst[RL_BURSTS][2], bursts = 0;
+    double most = own;
+    while (most < least && bursts < RL_BURSTS) {
+        uint32_t darkest = seen;
+        double likeliest = most + LEAST_TURNED;
+        for (int length = 1; length <= MOST_HIDDEN_BITS; length++) {
+            for (int begin = 0; begin + length <= RL_PACKET_BITS; begin++) {
+                uint32_t dark = seen;
+                for (int bit = begin; bit < begin + length; bit++) {
+                    dark |= rl_packet_bit(bit);
+                }
+                const double likelihood =
+                    dark == seen ? most : rl_window_try_bits(window, sending, dark);
+                if (likelihood > likeliest) {
+                    likeliest = likelihood;
+                    darkest = dark;
+                    burst[bursts][0] = begin;
+                    burst[bursts][1] = begin + length;
+                }
+            }
+        }
+        if (darkest == seen) {
+            return 0;
+        }
+        seen = darkest;
+        most = likeliest;
+        bursts++;
+    }
+    for (int i = 0; most >= least && i < bursts; i++) {
+        hide(window, sending, burst[i]);
+    }
+    return most >= least ? bursts : 0;
 }
 
 /* Whether most of how a source varies beyond noise is the template that was tried last. */

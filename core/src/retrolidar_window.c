@@ -49,8 +49,10 @@ static void add(struct rl_window *window, int source)
     memcpy(window->valid, column.valid, (size_t)window->rows);
     for (int row = 0; row < window->rows; row++) {
         sum += (double)column.signal[row];
-        if (begin_s[row] < window->hidden_to_s && end_s[row] > window->hidden_from_s) {
-            window->valid[row] = 0;
+        for (int i = 0; i < window->bursts; i++) {
+            if (begin_s[row] < window->hidden_to_s[i] && end_s[row] > window->hidden_from_s[i]) {
+                window->valid[row] = 0;
+            }
         }
     }
     const double noise = rl_noise_variance(samples, source, sum / fmax(window->rows, 1.0));
@@ -76,8 +78,8 @@ void rl_window_add(struct rl_window *window, int source)
 void rl_window_hide(struct rl_window *window, double from_s, double to_s)
 {
     const int sources = window->sources;
-    window->hidden_from_s = from_s;
-    window->hidden_to_s = to_s;
+    window->hidden_from_s[window->bursts] = from_s;
+    window->hidden_to_s[window->bursts++] = to_s;
     window->sources = 0;
     window->null = 0.0;
     for (int i = 0; i < sources; i++) {
@@ -104,7 +106,7 @@ void rl_window_open(struct rl_window *window, int source, double from_s, double 
     if (window->rows < 0) {
         window->rows = 0;
     }
-    window->hidden_from_s = window->hidden_to_s = 0.0;
+    window->bursts = 0;
     window->sources = 0;
     window->null = 0.0;
     add(window, source);

@@ -13,6 +13,8 @@
 extern "C" {
 #endif
 
+enum { RL_BURSTS = 2 }; /* stretches of a packet that may be left out, as something hid them */
+
 struct rl_window {
     const struct rl_samples *samples;
     int most_rows;
@@ -21,7 +23,8 @@ struct rl_window {
     int source[RL_MOST_ZONES_TOGETHER];
     struct rl_whitened whitened[RL_MOST_ZONES_TOGETHER];
     struct rl_gain fit[RL_MOST_ZONES_TOGETHER]; /* of the template that was tried last */
-    double hidden_from_s, hidden_to_s; /* exposures in between are left out */
+    int bursts;
+    double hidden_from_s[RL_BURSTS], hidden_to_s[RL_BURSTS]; /* exposures in between are left out */
     double least_bit_s, most_bit_s; /* limits of a refinement */
     double null;   /* log likelihood without a packet */
     double *light; /* of the template that was tried last */
@@ -36,7 +39,7 @@ void rl_window_start(struct rl_window *window, const struct rl_samples *samples,
 /* Look at the exposures from one time to another, at first in one source. */
 void rl_window_open(struct rl_window *window, int source, double from_s, double to_s);
 
-/* Leave out the exposures from one time to another, in all sources. */
+/* Leave out the exposures from one time to another, too, in all sources: `RL_BURSTS` times at most. */
 void rl_window_hide(struct rl_window *window, double from_s, double to_s);
 
 /* Look at another source, too, if it is none of them and there is room; else do nothing. */

@@ -7,19 +7,23 @@ import pytest
 
 from evaluation.bench.judging import read_shares
 from evaluation.bench.recordings import record
-from evaluation.bench.stresses import STRESSES
+from evaluation.bench.stresses import STRESSES, Stress
 from retrolidar_ros.marker.dictionary import USABLE_IDS
+from retrolidar_ros.scene.description import Occlusion
 
-STRESS = {stress.name: stress for stress in STRESSES}
+OFTEN = Stress('occluded twice a packet', occlusion=Occlusion(every_s=0.5, lasting_s=0.04))
+STRESS = {stress.name: stress for stress in (*STRESSES, OFTEN)}
 
 
 @pytest.mark.parametrize(
     ('stress', 'signal', 'least'),
     [
         ('occluded as drone', 150.0, 0.95),
-        ('second marker 25%', 150.0, 0.9),
-        ('second marker 50%', 150.0, 0.8),
-        ('second marker 70%', 600.0, 0.6),
+        ('occluded twice a packet', 150.0, 0.9),
+        ('hand for 250 ms', 150.0, 0.9),
+        ('second marker 25%', 150.0, 0.95),
+        ('second marker 50%', 150.0, 0.95),
+        ('second marker 70%', 600.0, 0.9),
     ],
 )
 def test_most_lone_packets_are_read_and_hardly_a_wrong_id(
