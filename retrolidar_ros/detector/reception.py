@@ -146,12 +146,12 @@ class Reception:
             text = f'zone {zone} blinks by {blinking[zone]:.0f} dB and is not read: '
             near = [p for p in periods if abs(p.bit_period_s / bit_period_s - 1) <= _CAPTURED]
             if not near:
-                told, before_s = periods[0].bit_period_s, self._suspected_s
-                self._suspected_s = told
-                if abs(told / before_s - 1) > _STEADY:  # as while stamps have not settled yet
+                bit_s, before_s = periods[0].bit_period_s, self._suspected_s
+                self._suspected_s = bit_s
+                if abs(bit_s / before_s - 1) > _STEADY:  # as while stamps have not settled yet
                     return ''
                 return (
-                    f'{text}its bits last {1e3 * told:.1f} ms, and bit_period is '
+                    f'{text}its bits last {1e3 * bit_s:.1f} ms, and bit_period is '
                     f'{1e3 * bit_period_s:.1f} ms'
                 )
             if all_come and waited_s[zone] >= _PACKETS * PACKET_BITS * bit_period_s:
