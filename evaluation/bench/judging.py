@@ -19,9 +19,6 @@ Options = Mapping[str, Any]
 """Of `create_detector`; 'method' among them."""
 BOTH: dict[str, Options] = {method: {'method': method} for method in METHODS}
 """Both methods as shipped."""
-FIRST_PACKETS: dict[str, Options] = {
-    method: {'method': method, 'max_packets': 1} for method in METHODS
-}
 
 
 def new_detector(grid: ZoneGrid, options: Options) -> Any:

@@ -5,18 +5,17 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-from tqdm import tqdm
 
 from evaluation.bench.judging import BOTH, new_detector
 from evaluation.bench.rates import rate
 from evaluation.bench.recordings import record, signal_at
 from evaluation.bench.stresses import Stress
-from evaluation.report.charts import draw_shares, legend_below, look, new_chart
-from evaluation.report.claims import Claims, Table, claim_of, percent
+from evaluation.report.charts import draw_shares, label, legend_below, line, look, new_chart
+from evaluation.report.claims import BOTH_CLAIMED, Claims, Table, percent, shares
 from retrolidar_ros.detector import METHODS
 from retrolidar_ros.marker.dictionary import USABLE_IDS
 from retrolidar_ros.scene import Scene, Simulation
@@ -39,9 +38,9 @@ ARRANGEMENTS = {
 SHARES = (1.0, 0.7, 0.5, 0.35, 0.25, 0.15, 0.1)
 """Signal of the fainter marker of two in one zone over that of the brighter."""
 WATCHED_S = 8.0
-_PAIR = ('brighter', 'fainter', 'both')
+_PAIR = {'brighter': '-', 'fainter': ':', 'both': '--'}
 _WAKING_S = (2.0, 2.5)
-_TRIALS, _QUICK_TRIALS = 60, 4
+_QUICK_TRIALS = 4
 _RECORDINGS = 2
 _SENSOR = Sensor(noise=NOISE, ranging=RANGING, blur=0.05)
 _WALL = Surface(2.4, WALL_SIGNAL)
@@ -130,79 +129,72 @@ def _pairs(share: float, rng: np.random.Generator) -> dict[str, Any]:
 
 def run(rng: np.random.Generator, *, quick: bool) -> dict[str, Any]:
     """Return how often each of three markers is read from one packet, and of two in one zone."""
-    trials = _QUICK_TRIALS if quick else _TRIALS
+    trials = _QUICK_TRIALS if quick else 60
     return {
-        'trials': trials,
-        'three': [_three(one, trials, rng) for one in tqdm(ARRANGEMENTS, leave=False)],
+        'three': [_three(one, trials, rng) for one in ARRANGEMENTS],
         'two': [_pairs(share, rng) for share in SHARES[:: 3 if quick else 1]],
     }
 
 
 def table(figures: dict[str, Any]) -> Table:
     """Return the rates of all arrangements, and of pairs; wrong IDs in brackets."""
+
+    def cells(rates: Sequence[Sequence[Any]], row: dict[str, Any]) -> list[str]:
+        return [
+            f'{", ".join(map(percent, one))} ({row[method]["wrong_ids"]})'
+            for method, one in zip(METHODS, rates, strict=True)
+        ]
+
     rows = [['identified (wrong IDs)', *METHODS]]
-
-    def add(what: str, row: dict[str, Any], of: Callable[[Any], Sequence[Any]]) -> None:
-        cells = [f'{", ".join(map(percent, of(one)))} ({one["wrong_ids"]})' for one in _both(row)]
-        rows.append([what, *cells])
-
     for row in figures['three']:
-        add(f'three markers, one packet: {row["arrangement"]}', row, lambda one: one['read'])
+        what = f'three markers, one packet: {row["arrangement"]}'
+        rows.append([what, *cells([row[method]['read'] for method in METHODS], row)])
     for row in figures['two']:
         what = f'two in a zone as 1 to {row["share"]:g}: brighter, fainter, both'
-        add(what, row, lambda one: [one[name] for name in _PAIR])
+        rates = [[row[method][name] for name in _PAIR] for method in METHODS]
+        rows.append([what, *cells(rates, row)])
     return rows
-
-
-def _both(row: dict[str, Any]) -> list[Any]:
-    return [row[method] for method in METHODS]
 
 
 def claims(figures: dict[str, Any]) -> Claims:
     """Set the rates beside the paper's."""
-    shares = [
+    read = [
         [one['rate'] for row in figures['three'] for one in row[method]['read']]
-        for method in reversed(METHODS)
+        for method in BOTH_CLAIMED
     ]
-    mean = [float(np.mean(one)) for one in shares]
+    mean, least = [float(np.mean(one)) for one in read], [min(one) for one in read]
     return {
-        'mean': claim_of((f'{one:.1%}' for one in mean), mean[1] >= PAPER_MEAN),
-        'worst': claim_of((f'{min(one):.0%}' for one in shares), min(shares[1]) >= PAPER_LEAST),
+        'mean': shares(mean, mean[1] >= PAPER_MEAN, 1),
+        'worst': shares(least, least[1] >= PAPER_LEAST),
     }
 
 
 def draw(figures: dict[str, Any]) -> Any:
     """Draw the rates of the arrangements, and of two in a zone over their ratio."""
-    figure, ((three, two),) = new_chart(1, 2, 15, 5.8, MESSAGE)
+    figure, (three, two) = new_chart(1, 2, 15, 6, MESSAGE)
     for offset, method in zip((-0.14, 0.14), METHODS, strict=True):
         how = look(method) | {'linestyle': '', 'markersize': 8}
         for index, row in enumerate(figures['three']):
             places = index + offset + np.linspace(-0.08, 0.08, 3)
             three.plot(places, [100 * one['rate'] for one in row[method]['read']], **how)
-    three.axhline(100 * PAPER_LEAST, color='0.2', linestyle=':')
-    three.set_xticks(
-        range(len(ARRANGEMENTS)), [name.replace(' ', '\n', 1) for name in ARRANGEMENTS]
-    )
-    three.set_ylabel('packets identified [%]')
-    three.set_title('three markers at 1 to 2 m, one packet', fontsize=13)
-    styles = {'brighter': '-', 'fainter': ':', 'both': '--'}
-    shares = [row['share'] for row in figures['two']]
+    three.axhline(100 * PAPER_LEAST, **line('-.'))
+    names = [row['arrangement'].replace(' ', '\n', 1) for row in figures['three']]
+    title = 'three markers at 1 to 2 m, one packet'
+    label(three, '', 'packets identified [%]', title, percent=True)
+    three.set_xticks(range(len(names)), names)
+    ratios = [row['share'] for row in figures['two']]
     for method in METHODS:
-        for name, style in styles.items():
+        for name, style in _PAIR.items():
             rates = [row[method][name] for row in figures['two']]
-            draw_shares(two, shares, rates, linestyle=style, **look(method))
-    two.set_xscale('log')
-    two.set_xticks(shares, [f'{share:g}' for share in shares])
+            draw_shares(two, ratios, rates, linestyle=style, **look(method))
+    x, y = (
+        "the fainter marker's signal, over the brighter one's",
+        f'read within {WATCHED_S:g} s [%]',
+    )
+    label(two, x, y, 'two markers in one zone', percent=True, xscale='log')
+    two.set_xticks(ratios, [f'{share:g}' for share in ratios])
     two.minorticks_off()
     two.invert_xaxis()
-    two.set_xlabel("the fainter marker's signal, over the brighter one's")
-    two.set_ylabel(f'read within {WATCHED_S:g} s [%]')
-    two.set_title('two markers in one zone', fontsize=13)
-    for axis in (three, two):
-        axis.set_ylim(-2, 103)
-    others: dict[str, Any] = {
-        name: {'color': '0.2', 'linestyle': style} for name, style in styles.items()
-    }
-    others["left: the paper's worst"] = {'color': '0.2', 'linestyle': ':'}
-    legend_below(figure, METHODS, others)
+    others = {f'right: {name}': line(style) for name, style in _PAIR.items()}
+    legend_below(figure, METHODS, others | {"left: the paper's worst": line('-.')})
     return figure

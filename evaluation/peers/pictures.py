@@ -64,7 +64,7 @@ class Error(TypedDict):
 class Result(TypedDict):
     """What one reader made of the pictures of one view."""
 
-    read: Rate
+    right: Rate
     """Of single pictures."""
     wrong: Rate
     """Of pictures in which an ID was read that was not there."""
@@ -117,7 +117,7 @@ def read_pictures(
                 errors_m[reader.name] += right
         for name, count in hits.items():
             results[name] = Result(
-                read=rate(count, pictures),
+                right=rate(count, pictures),
                 wrong=rate(wrong[name], pictures),
                 error_mm=errors(errors_m[name]),
             )

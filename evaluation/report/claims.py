@@ -7,9 +7,13 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any, NamedTuple
 
+from retrolidar_ros.detector import METHODS
+
 NOTHING = '–'
 """Stands where there is no value: the paper gives none, or a method has no part in it."""
 
+BOTH_CLAIMED = tuple(reversed(METHODS))
+"""The methods in the order of a claim's values."""
 Table = list[list[str]]
 """Rows of text, the heads first."""
 
@@ -35,6 +39,16 @@ def claim_of(values: Iterable[str], agrees: bool | None = None) -> Claim:
     """Return a claim of the values of the paper's method and of the default."""
     method, default = values
     return Claim(method, default, agrees)
+
+
+def model(text: str, agrees: bool | None = True) -> Claim:
+    """Return a claim of a model that is the same for both methods."""
+    return Claim(default=text, agrees=agrees)
+
+
+def shares(values: Iterable[float], agrees: bool | None = None, digits: int = 0) -> Claim:
+    """Return a claim of shares of the paper's method and of the default."""
+    return claim_of((f'{value:.{digits}%}' for value in values), agrees)
 
 
 Claims = dict[str, Claim]
