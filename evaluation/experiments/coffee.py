@@ -13,9 +13,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from evaluation.bench.hand import Pose, markers_at, random_pose, view_from
 from evaluation.bench.judging import BOTH, new_detector
 from evaluation.bench.live import PlaceError, place_error, read_live
+from evaluation.bench.places import Pose, markers_at, random_pose, view_from
 from evaluation.bench.rates import rate
 from evaluation.peers.background import Background
 from evaluation.peers.camera import PICTURES_HZ
@@ -136,7 +136,7 @@ def run(rng: np.random.Generator, *, quick: bool) -> dict[str, Any]:
     ranges_m: list[float] = []
     for _ in range(trials):
         pose = random_pose(world, rng)
-        scene = view_from(pose, world, rng)
+        scene = view_from(pose, world.markers, world.sensor, rng)
         recording = Simulation(scene, rng).run(TIMEOUT_S)
         ranges_m += np.linalg.norm(markers_at(scene), axis=1).tolist()
         for method in METHODS:

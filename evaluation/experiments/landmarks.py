@@ -200,7 +200,7 @@ def table(figures: dict[str, Any]) -> Table:
         add(f'drone before {row["sensors"]}, {row["updates_per_s"]:.1f} updates a second', row)
     for row in figures['rooms']:
         add(f'robot among {row["markers"]} markers, heading {row["yaw_rms_deg"]:.2f}° rms', row)
-    ready, (sight, fixed, _) = figures['ready_s'], figures['tilt_deg']
+    ready, (sight, fixed) = figures['ready_s'], figures['tilt_deg']
     within, stress = sum(one <= _READY_S for one in ready), figures['stress']
     others = {
         f'all three within {1e3 * _READY_M:g} mm in {_READY_S:g} s': (

@@ -42,7 +42,6 @@ class View(NamedTuple):
     """A room with its lamps on."""
     veil: float = 0.0
     """Of glare, in shares of white paper."""
-    gamma: float = 1.0
     yaw_deg: float = 0.0
     pitch_deg: float = 0.0
     speed_m_s: float = 0.0
@@ -106,9 +105,7 @@ def read_pictures(
         for _ in range(pictures):
             identity = int(rng.integers(IDS))
             light, window = _marker_before(background, alike[0], identity, view, rng)
-            picture = expose(
-                light, view.lux, rng, veil=view.veil, gamma=view.gamma, longest_s=view.longest_s
-            )
+            picture = expose(light, view.lux, rng, veil=view.veil, longest_s=view.longest_s)
             for reader in alike:
                 sightings = reader.read(picture, window.centre_px, view.size_m)
                 right = [seen.range_m - view.range_m for seen in sightings if seen.id == identity]
