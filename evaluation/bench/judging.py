@@ -15,8 +15,7 @@ from evaluation.bench.recordings import Sent
 from retrolidar_ros.detector import METHODS, Detection, create_detector
 from retrolidar_ros.sensor.frame import ZoneGrid
 
-Options = Mapping[str, Any]
-"""Of `create_detector`; 'method' among them."""
+Options = Mapping[str, Any]  # of `create_detector`; 'method' among them
 BOTH: dict[str, Options] = {method: {'method': method} for method in METHODS}
 """Both methods as shipped."""
 
@@ -31,13 +30,10 @@ def new_detector(grid: ZoneGrid, options: Options) -> Any:
 class Judged(NamedTuple):
     """What became of the markers of a recording."""
 
-    right: NDArray[np.bool_]
-    """Whether the ID of each marker was read where it is, shape (markers,)."""
-    wrong: NDArray[np.bool_]
-    """Whether an ID that nothing sent was read there, shape (markers,)."""
+    right: NDArray[np.bool_]  # whether the ID of each marker was read where it is, shape (markers,)
+    wrong: NDArray[np.bool_]  # whether an ID that nothing sent was read there, shape (markers,)
     readings: int
-    own: list[Detection]
-    """Right readings."""
+    own: list[Detection]  # right readings
     candidates: int
 
 

@@ -38,8 +38,7 @@ from retrolidar_ros.tasks.reading import Errors, Reading, SensorPose
 CORNERS = np.array([(-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (-1.0, 1.0)]) / 2
 BIAS_M, CALIBRATED_M = 0.002, 0.0005
 """Deviation of a sensor's range bias, and after a calibration against a known range."""
-HEADINGS, STAY_S = 24, 1.6
-"""In how many directions a robot looks, and how long [s]."""
+HEADINGS, STAY_S = 24, 1.6  # in how many directions a robot looks, and how long [s]
 _HAND_M = 0.15
 _AIM_RAD = math.radians(3)
 _EXACT = Errors(range_bias_m=BIAS_M, pose_m=1e-4, turn_rad=1e-4)
@@ -53,10 +52,8 @@ class Error(NamedTuple):
     """By how much an estimate is wrong."""
 
     error_m: float
-    stddev_m: float
-    """As estimated, along the worst axis."""
-    squared_distance: float
-    """In standard deviations."""
+    stddev_m: float  # as estimated, along the worst axis
+    squared_distance: float  # in standard deviations
 
 
 def error_of(estimate: Estimate, truth_m: Floats) -> Error:

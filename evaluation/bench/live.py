@@ -22,22 +22,17 @@ ELLIPSOID = 7.815
 class LiveReading(NamedTuple):
     """A detection, and when it is known."""
 
-    known_ns: int
-    """Stamp of the frame with which it came [ns]."""
+    known_ns: int  # stamp of the frame with which it came [ns]
     detection: Detection
 
 
 class PlaceError(NamedTuple):
     """By how much a place is wrong."""
 
-    range_m: float
-    """Measured less true."""
-    position_m: float
-    """Distance between measured and true position."""
-    bearing_deg: float
-    """Angle between measured and true direction."""
-    squared_distance: float
-    """Of the position, in standard deviations of its covariance."""
+    range_m: float  # measured less true
+    position_m: float  # distance between measured and true position
+    bearing_deg: float  # angle between measured and true direction
+    squared_distance: float  # of the position, in standard deviations of its covariance
 
 
 def read_live(detector: Detector, recording: Recording) -> Iterator[LiveReading]:

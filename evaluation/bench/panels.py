@@ -18,8 +18,7 @@ class Panel:
 
     name: str
     title: str
-    axis: str
-    """Of the values, with their unit."""
+    axis: str  # of the values, with their unit
     values: tuple[float, ...]
     stress: Callable[[float], Stress]
 

@@ -41,10 +41,8 @@ _WALL_M, _WALL_SIGNAL = 2.6, 4.0
 class Pose(NamedTuple):
     """Where the sensor is in the world, and how it is turned."""
 
-    position_m: Floats
-    """Shape (3,)."""
-    rotation: Floats
-    """Turns directions of the sensor's frame into those of the world, shape (3, 3)."""
+    position_m: Floats  # shape (3,)
+    rotation: Floats  # turns directions of the sensor's frame into those of the world, shape (3, 3)
 
     def to_sensor(self, world_m: Floats) -> Floats:
         """Return points of the world, shape (..., 3), in the sensor's frame."""

@@ -54,8 +54,7 @@ class Frequency(TypedDict):
 def falls_below(level: float, places: Sequence[float], shares: Sequence[float]) -> float | None:
     """Return where a share, linear between its places, first falls below a level.
 
-    Places are in the order of the way, up or down. None where the share begins below the level or
-    stays above it.
+    None where the share begins below the level or stays above it.
     """
     for index in range(1, len(places)):
         before, after = shares[index - 1], shares[index]
@@ -115,8 +114,7 @@ def chance_of_fall(before: Rate, after: Rate) -> float:
 class Crossing(TypedDict):
     """Where shares fall below a level, with the bounds of its 95 % confidence interval."""
 
-    at: float | None
-    """None where it begins below the level."""
+    at: float | None  # None where it begins below the level
     low: float | None
     high: float | None
 

@@ -16,37 +16,25 @@ class Stress:
     """What a recording is put through; what is not named is harmless."""
 
     name: str
-    sway: float = 0.0
-    """The marker's light rises and falls by this share of it."""
-    sway_s: float = 1.0
-    """Period of that [s]."""
+    sway: float = 0.0  # the marker's light rises and falls by this share of it
+    sway_s: float = 1.0  # period of that [s]
     second: float = 0.0
     """Light of another marker in the same place that repeats, over that of the first."""
     occlusion: Occlusion | None = None
     wander: float = 0.0
     """How far the wall's signal walks in `WANDER_S`, as a share of the bright signal."""
-    pedestal: float = 0.0
-    """Signal that is added everywhere [kcps/SPAD]."""
-    clip: float = math.inf
-    """No signal is above this share of marker and wall."""
+    pedestal: float = 0.0  # signal that is added everywhere [kcps/SPAD]
+    clip: float = math.inf  # no signal is above this share of marker and wall
     far_wall: float = 0.0
     """Signal of a wall that the sensor separates, over that of marker and near wall."""
-    hand_s: float = 0.0
-    """How long a hand hides the marker, in the middle of each packet [s]."""
-    clock_error: float = 0.0
-    """Relative error of the marker's bit period."""
-    jitter_s: float = 0.0
-    """Standard deviation of the time of an exposure, whose stamp is true [s]."""
-    bright_s: float = RESPONSE.bright_s
-    """Time in which the liquid crystal brightens [s]."""
-    noise: float = 1.0
-    """Variance of the signal over that of the reference."""
-    no_target: float = 0.0
-    """Share of the dark samples that are reported as no target."""
-    abnormal: float = 0.0
-    """Share of samples with an abnormal status and meaningless values."""
-    lost: float = 0.0
-    """Share of frames that never arrive."""
+    hand_s: float = 0.0  # how long a hand hides the marker, in the middle of each packet [s]
+    clock_error: float = 0.0  # relative error of the marker's bit period
+    jitter_s: float = 0.0  # standard deviation of the time of an exposure, whose stamp is true [s]
+    bright_s: float = RESPONSE.bright_s  # time in which the liquid crystal brightens [s]
+    noise: float = 1.0  # variance of the signal over that of the reference
+    no_target: float = 0.0  # share of the dark samples that are reported as no target
+    abnormal: float = 0.0  # share of samples with an abnormal status and meaningless values
+    lost: float = 0.0  # share of frames that never arrive
 
 
 PLAIN = Stress('plain')

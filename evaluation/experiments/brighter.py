@@ -22,8 +22,7 @@ from retrolidar_ros.scene.marker_budget import SNR
 
 TITLE = 'Brighter is surer'
 MESSAGE = 'Whatever is done to its light: the brighter the marker, the surer it is read'
-SIGNALS = (10.0, 15.0, 40.0, 150.0, 600.0)
-"""Of the bright markers, without the wall [kcps/SPAD]."""
+SIGNALS = (10.0, 15.0, 40.0, 150.0, 600.0)  # of the bright markers, without the wall [kcps/SPAD]
 FALL_CHANCE = 0.01
 """A share that falls with a smaller chance than this, over all pairs of signals, is reported."""
 _POSSIBLE_DB = 8.0  # below this c over sigma a lone packet is not to be asked for

@@ -33,12 +33,10 @@ TITLE = 'Calibration from a recording'
 MESSAGE = 'What a calibration says of its own errors holds'
 SECONDS = 30.0
 SCALES = (0.25, 1.0, 4.0, 8.0)
-SENSORS = ((1 / 60, 4), (0.021, 4), (1 / 30, 4), (1 / 15, 8))
-"""Frame period [s], and rows of zones."""
+SENSORS = ((1 / 60, 4), (0.021, 4), (1 / 30, 4), (1 / 15, 8))  # frame period [s], and rows of zones
 SIGNALS = np.array([5.0, 30.0, 100.0])
 """At which a law of noise is held against the truth [kcps/SPAD]."""
-FEW = 0.5
-"""Of the packets, below which a recording counts as not read."""
+FEW = 0.5  # of the packets, below which a recording counts as not read
 
 
 def room(rng: np.random.Generator, period_s: float, rows: int, scale: float) -> Scene:

@@ -34,8 +34,7 @@ MESSAGE = 'Ranges are good to the centimetre in one look, positions are not'
 TIMEOUT_S = 12.0
 MAX_STDDEV_M, STALE_AFTER_S = 0.15, 10.0
 """How well an object must be placed, and how long a sighting counts."""
-TOLERANCE_M = 0.01
-"""An object whose range is wrong by more is looked at again (paper §7.1)."""
+TOLERANCE_M = 0.01  # an object whose range is wrong by more is looked at again (paper §7.1)
 MOVE_S = 3.0
 PAPER_S, PAPER_TAG_S, PAPER_SHARE = 5.3, 8.1, 0.36
 _TASKS = 2000  # drawn from the trials
@@ -45,12 +44,9 @@ _QUICK_TRIALS, _QUICK_PICTURES = 4, 8
 class Outcome(NamedTuple):
     """What became of one look."""
 
-    time_s: float
-    """From the first frame until all objects were placed; infinite if they were not."""
-    errors: dict[str, PlaceError]
-    """By object, of those seen."""
-    wrong_ids: int
-    """IDs that no marker sent."""
+    time_s: float  # from the first frame until all objects were placed; infinite if they were not
+    errors: dict[str, PlaceError]  # by object, of those seen
+    wrong_ids: int  # IDs that no marker sent
 
 
 def place_all(method: str, recording: Recording, scene: Scene, pose: Pose) -> Outcome:

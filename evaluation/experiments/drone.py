@@ -32,16 +32,13 @@ from retrolidar_ros.sensor.frame import Recording
 TITLE = 'Drone'
 MESSAGE = 'The default reads the drone in every window of ten seconds, whatever was tried'
 PAPER_RATE, PAPER_RANGE_MM, PAPER_WINDOW_S = 0.91, 10.0, 10.0
-WINDOWS_S = {2.0: '--', 5.0: ':', 10.0: '-'}
-"""With the style of their curves."""
+WINDOWS_S = {2.0: '--', 5.0: ':', 10.0: '-'}  # with the style of their curves
 DURATION_S, QUICK_DURATION_S = 260.0, 30.0
-_ACROSS_M, _ALONG_M = 0.12, 0.01
-"""The paper's drift of more than 20 cm."""
+_ACROSS_M, _ALONG_M = 0.12, 0.01  # the paper's drift of more than 20 cm
 _SPEEDS_M_S = (0.06, 0.1, 0.2, 0.3, 0.45, 0.6)
 _HIDDEN = (0.0, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6)
 _BLADE_S = 0.5  # a blade passes as often
-_STILL_M_S, _STILL_HIDDEN = 0.06, 0.04
-"""The flight of the shipped scene, about."""
+_STILL_M_S, _STILL_HIDDEN = 0.06, 0.04  # the flight of the shipped scene, about
 
 
 def flight(speed_m_s: float, hidden: float) -> Scene:

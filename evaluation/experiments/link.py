@@ -24,10 +24,8 @@ TITLE = 'Link budget'
 MESSAGE = "The simulated link keeps the paper's laws"
 PAPER_EXPONENT, PAPER_DISTANCE_R2, PAPER_AREA_R2 = -3.8, 0.9826, 0.9853
 PAPER_GAIN, PAPER_BOARD_M = 100.4, 1.4
-BOARD_SIGNAL = 4.0
-"""Of a plain board of 9 cm² at `PAPER_BOARD_M` (paper §3.2) [kcps/SPAD]."""
-CRYSTAL_PASSES = 0.25
-"""Of the light, twice through both polarisers: what we put in."""
+BOARD_SIGNAL = 4.0  # of a plain board of 9 cm² at `PAPER_BOARD_M` (paper §3.2) [kcps/SPAD]
+CRYSTAL_PASSES = 0.25  # of the light, twice through both polarisers: what we put in
 _RANGES_M = (0.5, 0.75, 1.0, 1.25, 1.5, 1.75, 2.0, 2.25, 2.5, 2.75, 3.0)
 _FAR_M = 1.5  # from here on the paper fits its power law
 _EDGES_M = (0.010, 0.015, 0.020, 0.025, 0.030, 0.040)

@@ -34,10 +34,8 @@ from retrolidar_ros.sensor.frame import ZoneGrid
 
 TITLE = 'The marker: waking and battery'
 MESSAGE = 'The guard is thin, and two months hold; two years need more than cheap looks'
-WITH_LIDAR_V = 32.413e-3
-"""Paper Tab. 5, both filters; we take it as measured at 1 m."""
-NARROW_TESTED_M = 3.75
-"""The paper's, with a VL53L4CX (§6.5)."""
+WITH_LIDAR_V = 32.413e-3  # paper Tab. 5, both filters; we take it as measured at 1 m
+NARROW_TESTED_M = 3.75  # the paper's, with a VL53L4CX (§6.5)
 _NARROW_FIELD_RAD = math.radians(18)
 # The transimpedance amplifier is one pole of 2 MΩ and 3 pF (paper §5); as much white noise passes
 # it as a sharp filter of π/2 times its corner.
@@ -46,8 +44,7 @@ _LOOKS_AN_HOUR = 3600 / LOOK_EVERY_S
 _BANDWIDTHS_HZ = np.geomspace(1e4, 3e6, 40)
 _RANGES_M = np.linspace(0.6, 4.0, 69)
 _ANGLES_DEG = (0, 30, 50)
-OPTIMISED_MA = 0.1
-"""The paper's "approximately 100 µA" (§5)."""
+OPTIMISED_MA = 0.1  # the paper's "approximately 100 µA" (§5)
 _CHEAP_LOOKS = replace(PROTOTYPE, detection=OPTIMISED_MA)
 PARTS = {
     'prototype': PROTOTYPE,

@@ -53,8 +53,7 @@ PAPER_SMALL_M, PAPER_ANGLE_DEG, PAPER_YAW_DEG = 1.3, 25, 50
 PAPER_LOSS_M, PAPER_OUTDOORS_M = 0.2, 1.0
 PAPER_CLEAN, PAPER_BROKEN = 0.89, 0.48
 LOOK_S = 0.45  # after the last packet: when the next look at several of them is due, at the latest
-LONE_RECORDINGS = 8
-"""Of lone packets of 3 cm at a distance: the same ones wherever these are read."""
+LONE_RECORDINGS = 8  # of lone packets of 3 cm at a distance: the same ones wherever these are read
 LIGHTS = {'dark': 0.0, 'lamps at night': 2.0, 'daylight in a room': 24.0, 'shade outdoors': 1000.0}
 """Ambient light at 940 nm as the sensor reports it [kcps/SPAD].
 

@@ -43,8 +43,7 @@ from retrolidar_ros.scene.reference import SENSOR
 
 TITLE = 'LiDAR markers beside visual ones'
 MESSAGE = 'Tags: farther, sooner, turned more; LiDAR markers: smaller, in motion, in the dark'
-AT_M = 1.0
-"""Where everything but distance is swept: all read nearly everything there."""
+AT_M = 1.0  # where everything but distance is swept: all read nearly everything there
 SHORT_S = 1 / 250
 _PICTURES, _QUICK_PICTURES = 32, 8
 # Of lone packets; the same frames as where these are swept alone.

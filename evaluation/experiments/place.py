@@ -68,14 +68,11 @@ def seen_by_two(detection: Detection, scene: Scene) -> tuple[bool, bool]:
 class Error(NamedTuple):
     """By how much a marker's place was wrong; pairs are across and down."""
 
-    squared_distance: float
-    """In standard deviations of the covariance."""
+    squared_distance: float  # in standard deviations of the covariance
     range_m: float
     bearing_deg: Floats
-    centre_deg: Floats
-    """The same of the centre of the strongest zone."""
-    between: tuple[bool, bool]
-    """Whether two columns and two rows saw the marker."""
+    centre_deg: Floats  # the same of the centre of the strongest zone
+    between: tuple[bool, bool]  # whether two columns and two rows saw the marker
 
 
 def _error(scene: Scene, rng: np.random.Generator) -> Error | None:

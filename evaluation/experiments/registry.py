@@ -25,8 +25,7 @@ from evaluation.report.claims import Table, text
 class Experiment(Protocol):
     """One experiment: a module, or what has the same functions."""
 
-    TITLE: str
-    """What it is about, in a few words."""
+    TITLE: str  # what it is about, in a few words
 
     def run(self, rng: np.random.Generator, *, quick: bool) -> dict[str, Any]:
         """Return the figures, fit for JSON."""
@@ -50,8 +49,7 @@ _NAMES = """
     bound chain ids link reading reach size angle yaw ambient marker calibration landmarks
 """
 EXPERIMENTS = {name: _experiment(name) for name in _NAMES.split()}
-TIMED = ('speed-accuracy',)
-"""Those that measure processor time, and so run alone."""
+TIMED = ('speed-accuracy',)  # those that measure processor time, and so run alone
 
 
 def save_chart(name: str, figures: dict[str, Any], directory: Path) -> None:

@@ -25,8 +25,7 @@ from retrolidar_ros.sensor.frame import Recording
 
 TITLE = 'Several markers'
 MESSAGE = 'Three markers are read as surely as one; two in one zone are read less surely'
-PAPER_MEAN, PAPER_LEAST = 0.925, 0.85
-"""Of Tab. 3."""
+PAPER_MEAN, PAPER_LEAST = 0.925, 0.85  # of Tab. 3
 ARRANGEMENTS = {
     'far apart': ((1.0, -14, -8), (1.5, 12, 7), (2.0, 7, -14)),
     'one height': ((1.0, -17, 6), (1.5, -6, 6), (2.0, 17, 6)),

@@ -26,12 +26,9 @@ from retrolidar_ros.scene.reference import SENSOR
 
 TITLE = 'Where methods break'
 MESSAGE = "Lone packets at 2 m: no stress breaks the default before the paper's method"
-RANGES_M = (1.0, 2.0, 2.7)
-"""Near, far, and where the reach of a lone packet ends."""
-SPEED_M_S = 0.1
-"""Of a marker that moves, across the view."""
-REPEATED_S = 4.35
-"""How long repeating markers are watched: three packets and a look."""
+RANGES_M = (1.0, 2.0, 2.7)  # near, far, and where the reach of a lone packet ends
+SPEED_M_S = 0.1  # of a marker that moves, across the view
+REPEATED_S = 4.35  # how long repeating markers are watched: three packets and a look
 SHOWN_M = 2.0
 _COLUMNS = 4
 _MOVING = replace(SENSOR, blur=0.05)

@@ -20,10 +20,8 @@ from evaluation.report.charts import LEVEL, WRONG, draw_reads, label, legend_bel
 from evaluation.report.claims import Claims, Table, end_as_text
 from retrolidar_ros.detector import METHODS
 
-MOST_BITS = 4
-"""So many wrong bits or more are counted together."""
-PAPERS_OWN = {"80 % of the paper's own": line(':')}
-"""Entry of a legend."""
+MOST_BITS = 4  # so many wrong bits or more are counted together
+PAPERS_OWN = {"80 % of the paper's own": line(':')}  # entry of a legend
 
 
 @dataclass(frozen=True)
@@ -33,8 +31,7 @@ class Curve:
     name: str
     make: Callable[[float, np.random.Generator], Sent]
     places: Sequence[float]
-    recordings: int = 3
-    """Of sixteen markers, or of one."""
+    recordings: int = 3  # of sixteen markers, or of one
     variants: Mapping[str, Options] = field(default_factory=lambda: BOTH)
     lone: bool = True
 

@@ -115,10 +115,8 @@ def smear(light: Floats, length_px: float) -> Floats:
 class Pose(NamedTuple):
     """Where a plate is, in the camera's frame."""
 
-    position_m: Floats
-    """Of its centre, shape (3,)."""
-    rotation: Floats
-    """Its axes as columns: right, down, and away from the camera, shape (3, 3)."""
+    position_m: Floats  # of its centre, shape (3,)
+    rotation: Floats  # its axes as columns: right, down, and away from the camera, shape (3, 3)
 
     @property
     def homography(self) -> Floats:

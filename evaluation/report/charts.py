@@ -13,8 +13,7 @@ from numpy.typing import ArrayLike
 from evaluation.bench.rates import Rate
 from retrolidar_ros.detector import METHODS
 
-LEVEL = 0.8
-"""Of identification: what is less counts as not read (paper §6.1)."""
+LEVEL = 0.8  # of identification: what is less counts as not read (paper §6.1)
 # Distinct with any colour vision (Okabe and Ito), and by their signs without any.
 _LOOKS = {
     'joint': ('#0072b2', 'o'),
@@ -42,8 +41,7 @@ def line(style: str, colour: str = '0.2') -> dict[str, Any]:
     return {'color': colour, 'linestyle': style}
 
 
-WRONG = {'wrong ID': line('--') | {'linewidth': 1}}
-"""Entry of a legend."""
+WRONG = {'wrong ID': line('--') | {'linewidth': 1}}  # entry of a legend
 
 
 def new_chart(

@@ -9,24 +9,18 @@ from typing import Any, NamedTuple
 
 from retrolidar_ros.detector import METHODS
 
-NOTHING = '–'
-"""Stands where there is no value: the paper gives none, or a method has no part in it."""
+NOTHING = '–'  # stands where there is no value: the paper gives none, or a method has no part in it
 
-BOTH_CLAIMED = tuple(reversed(METHODS))
-"""The methods in the order of a claim's values."""
-Table = list[list[str]]
-"""Rows of text, the heads first."""
+BOTH_CLAIMED = tuple(reversed(METHODS))  # the methods in the order of a claim's values
+Table = list[list[str]]  # rows of text, the heads first
 
 
 class Claim(NamedTuple):
     """What one item of the paper comes to here, as text with units."""
 
-    method: str = NOTHING
-    """What our implementation of the paper's method gives."""
-    default: str = NOTHING
-    """What our default method gives, or a model that is the same for both."""
-    agrees: bool | None = None
-    """None where the paper gives nothing to agree with."""
+    method: str = NOTHING  # what our implementation of the paper's method gives
+    default: str = NOTHING  # what our default method gives, or a model that is the same for both
+    agrees: bool | None = None  # None where the paper gives nothing to agree with
 
     @property
     def cells(self) -> str:
