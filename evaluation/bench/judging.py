@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from evaluation.bench.rates import Rate, rate
 from evaluation.bench.recordings import Sent
 from retrolidar_ros.detector import METHODS, Detection, create_detector
-from retrolidar_ros.sensor.frame import ZoneGrid
+from retrolidar_ros.sensor.frame import Recording, ZoneGrid
 
 Options = Mapping[str, Any]  # of `create_detector`; 'method' among them
 BOTH: dict[str, Options] = {method: {'method': method} for method in METHODS}
@@ -25,6 +25,14 @@ def new_detector(grid: ZoneGrid, options: Options) -> Any:
     return create_detector(
         options['method'], grid, **{k: v for k, v in options.items() if k != 'method'}
     )
+
+
+def read_by_both(recording: Recording) -> dict[str, list[Detection]]:
+    """Return what both methods read of a recording, as shipped."""
+    return {
+        method: new_detector(recording.grid, options).update_all(recording)
+        for method, options in BOTH.items()
+    }
 
 
 class Judged(NamedTuple):

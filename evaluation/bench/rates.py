@@ -96,19 +96,12 @@ def frequency(events: int, hours: float) -> Frequency:
 
 def chance_of_fall(before: Rate, after: Rate) -> float:
     """Return how probable a share falls at least so far by chance (Fisher's exact test)."""
-    hits = before['hits'] + after['hits']
-
-    def log_choose(trials: int, chosen: int) -> float:
-        return math.lgamma(trials + 1) - math.lgamma(chosen + 1) - math.lgamma(trials - chosen + 1)
-
-    ways = log_choose(before['trials'] + after['trials'], hits)
-    return sum(
-        math.exp(
-            log_choose(before['trials'], found) + log_choose(after['trials'], hits - found) - ways
-        )
-        for found in range(before['hits'], min(before['trials'], hits) + 1)
-        if hits - found <= after['trials']
+    hits, trials = before['hits'] + after['hits'], before['trials']
+    ways = (
+        math.comb(trials, found) * math.comb(after['trials'], hits - found)
+        for found in range(before['hits'], min(trials, hits) + 1)
     )
+    return sum(ways) / math.comb(trials + after['trials'], hits)
 
 
 class Crossing(TypedDict):

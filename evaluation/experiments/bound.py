@@ -89,9 +89,10 @@ def _genie(sent: Sequence[Sent], signal: float) -> Rate:
     return rate(int(np.sum(right)), int(np.size(right)))
 
 
-def genie_reach(seed: int) -> float | None:
+def genie_reach(seed: int, *, quick: bool) -> float | None:
     """Return to where the genie names four of five words rightly [m], of the frames of `run`."""
-    sent = [lone_packets(at, seed, _GENIE_RECORDINGS) for at in RANGES_M]
+    recordings = 1 if quick else _GENIE_RECORDINGS
+    sent = [lone_packets(at, seed, recordings) for at in RANGES_M]
     rates = [_genie(one, signal_at(at)) for at, one in zip(RANGES_M, sent, strict=True)]
     return crossing(LEVEL, RANGES_M, rates)['at']
 

@@ -75,10 +75,8 @@ def _flown(speed_m_s: float, hidden: float, duration_s: float, rng: Any) -> dict
         ]
         row[method] = {
             'alive': [alive(own, recording, window_s) for window_s in WINDOWS_S],
-            'per_s': len(own) / duration_s,
             'wrong_ids': len(readings) - len(own),
             'range_mm': millimetres([one.range_m for one in errors]),
-            'position_mm': millimetres([one.position_m for one in errors]),
         }
     return row
 

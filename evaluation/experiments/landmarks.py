@@ -114,7 +114,6 @@ def _stressed(world: Scene, trials: int, rng: np.random.Generator) -> dict[str, 
     truth_m = {one.id: np.array(one.position_m) for one in world.markers}
     ids = list(truth_m)
     rows: list[Error] = []
-    wrong = rejected = 0
     for _ in range(trials):
         places = hand_readings(visits(world, 0.4, _STAY_S, rng), _MOST, rng, _POSE_M)
         flat = [reading for place in places for _, reading in place]
@@ -122,7 +121,6 @@ def _stressed(world: Scene, trials: int, rng: np.random.Generator) -> dict[str, 
             if rng.random() < _WRONG:
                 others = [one for one in ids if one != reading.marker]
                 flat[index] = reading._replace(marker=int(rng.choice(others)))
-                wrong += 1
         # A late transform lets a reading come after those of the next seconds.
         order = np.arange(len(flat)) + 4.0 * (rng.random(len(flat)) < _LATE)
         queue = [flat[index] for index in np.argsort(order, kind='stable')]
@@ -131,8 +129,7 @@ def _stressed(world: Scene, trials: int, rng: np.random.Generator) -> dict[str, 
             if reading.marker in truth_m:
                 survey.take(reading, str(reading.marker))
                 rows += [error_of(one, truth_m[int(one.name)]) for one in survey.estimates()]
-        rejected += sum(one.rejected for one in survey.landmarks.values())
-    return _errors(rows) | {'wrong': wrong, 'rejected': rejected}
+    return _errors(rows)
 
 
 def _drones(trials: int, rng: np.random.Generator) -> list[dict[str, Any]]:

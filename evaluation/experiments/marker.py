@@ -108,7 +108,6 @@ def run(rng: np.random.Generator, *, quick: bool) -> dict[str, Any]:
         'once_an_hour_h': {
             name: life_h(CELL_MAH, drawn(hourly, parts).total) for name, parts in PARTS.items()
         },
-        'looking': drawn(hourly).detection / drawn(hourly).total,
         'awake_h': life_h(CELL_MAH, PROTOTYPE.active),
         'mean_of_100_ua_h': life_h(CELL_MAH, OPTIMISED_MA),
         'two_years_active_ma': (most_ma - asleep.sleep - asleep.detection) / hourly,

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from evaluation.bench.judging import BOTH, judged
-from evaluation.bench.live import PlaceError, place_error
+from evaluation.bench.live import place_error
 from evaluation.bench.rates import rate
 from evaluation.bench.recordings import Path, record, signal_at
 from evaluation.bench.stresses import PLAIN
@@ -73,8 +73,8 @@ def _rms(lengths_m: list[float]) -> float | None:
 def _followed(way: str, speed_m_s: float, range_m: float, runs: int, rng: Any) -> dict[str, Any]:
     """Return what both methods read of a marker that repeats while it moves."""
     packets = 0
-    read, wrong = (dict.fromkeys(METHODS, 0) for _ in range(2))
-    errors: dict[str, list[PlaceError]] = {method: [] for method in METHODS}
+    read = dict.fromkeys(METHODS, 0)
+    errors_m: dict[str, list[float]] = {method: [] for method in METHODS}
     how: dict[str, Any] = {'range_m': range_m, 'repeated_s': DURATION_S, 'sensor': _SENSOR}
     for _ in range(runs):
         path = WAYS[way](speed_m_s, range_m, rng)
@@ -89,19 +89,13 @@ def _followed(way: str, speed_m_s: float, range_m: float, runs: int, rng: Any) -
                 for one in found.own
             ]
             read[method] += len({math.floor(one / sent.packet_s) for one in middles_s} & {*whole})
-            wrong[method] += found.readings - len(found.own)
             truths_m = [path(np.array([1e-9 * one.stamp_ns]))[0] for one in found.own]
-            errors[method] += [
-                place_error(one.place, truth_m)
+            errors_m[method] += [
+                place_error(one.place, truth_m).range_m
                 for one, truth_m in zip(found.own, truths_m, strict=True)
             ]
     return {
-        method: {
-            'read': rate(read[method], packets),
-            'wrong': wrong[method],
-            'range_mm': _rms([one.range_m for one in errors[method]]),
-            'position_mm': _rms([one.position_m for one in errors[method]]),
-        }
+        method: {'read': rate(read[method], packets), 'range_mm': _rms(errors_m[method])}
         for method in METHODS
     }
 

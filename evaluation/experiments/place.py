@@ -37,13 +37,8 @@ def random_scene(blur: float, rng: np.random.Generator) -> Scene:
     half = SENSOR.grid.pitch * SENSOR.grid.columns / 2
     ray = np.append(rng.uniform(-half, half, 2), 1.0)
     x, y, z = (rng.uniform(*_RANGES_M) * ray / np.linalg.norm(ray)).tolist()
-    marker = Marker(
-        id=int(rng.choice(USABLE_IDS)),
-        position_m=(x, y, z),
-        name='marker',
-        start_s=float(-rng.uniform(0, 1.3)),
-        response=RESPONSE,
-    )
+    id_, start_s = int(rng.choice(USABLE_IDS)), float(-rng.uniform(0, 1.3))
+    marker = Marker(id_, (x, y, z), 'marker', start_s=start_s, response=RESPONSE)
     wall = Surface(z + float(rng.uniform(*_BEHIND_M)), float(rng.uniform(*_WALL_SIGNALS)))
     sensor = Sensor(noise=NOISE, ranging=RANGING, blur=blur)
     return Scene(sensor=sensor, markers=(marker,), surfaces=(wall,))
@@ -87,13 +82,9 @@ def _error(scene: Scene, rng: np.random.Generator) -> Error | None:
             measured = one.place.position_m[:2] / one.place.position_m[2]
             tangents = np.array([measured, grid.tangents[one.zones[0]], truth_m[:2] / truth_m[2]])
             angles = np.degrees(np.arctan(tangents))
-            return Error(
-                wrong.squared_distance,
-                wrong.range_m,
-                angles[0] - angles[2],
-                angles[1] - angles[2],
-                seen_by_two(one, scene),
-            )
+            off, centre = angles[:2] - angles[2]
+            between = seen_by_two(one, scene)
+            return Error(wrong.squared_distance, wrong.range_m, off, centre, between)
     return None
 
 

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from evaluation.bench.judging import BOTH, new_detector
+from evaluation.bench.judging import read_by_both
 from evaluation.bench.rates import rate
 from evaluation.bench.recordings import record, signal_at
 from evaluation.bench.stresses import Stress
@@ -21,7 +21,6 @@ from retrolidar_ros.marker.dictionary import USABLE_IDS
 from retrolidar_ros.scene import Scene, Simulation
 from retrolidar_ros.scene.description import Marker, Sensor, Surface
 from retrolidar_ros.scene.reference import NOISE, RANGING, RESPONSE, WALL_SIGNAL
-from retrolidar_ros.sensor.frame import Recording
 
 TITLE = 'Several markers'
 MESSAGE = 'Three markers are read as surely as one; two in one zone are read less surely'
@@ -54,76 +53,54 @@ def _place(range_m: float, right_deg: float, down_deg: float) -> tuple[float, fl
 def three_markers(arrangement: str, rng: np.random.Generator) -> Scene:
     """Return three markers with random IDs that wake for one packet each, about the same time."""
     places = ARRANGEMENTS[arrangement]
+    ids = rng.choice(USABLE_IDS, 3, replace=False).tolist()
+    starts_s = rng.uniform(*_WAKING_S, 3).tolist()
     markers = tuple(
-        Marker(
-            id=int(identity),
-            position_m=_place(*place),
-            name=f'marker_{identity}',
-            start_s=float(rng.uniform(*_WAKING_S)),
-            packets=1,
-            response=RESPONSE,
-        )
-        for identity, place in zip(rng.choice(USABLE_IDS, 3, replace=False), places, strict=True)
+        Marker(id_, _place(*place), f'{id_}', start_s=start_s, packets=1, response=RESPONSE)
+        for id_, place, start_s in zip(ids, places, starts_s, strict=True)
     )
     return Scene(sensor=_SENSOR, markers=markers, surfaces=(_WALL,))
 
 
-def _ids_read(method: str, recording: Recording) -> set[int]:
-    detector = new_detector(recording.grid, BOTH[method])
-    return {detection.id for detection in detector.update_all(recording)}
-
-
 def _three(arrangement: str, trials: int, rng: np.random.Generator) -> dict[str, Any]:
     """Count how often each of three markers is read, and wrong IDs."""
-    read = {method: np.zeros(3, dtype=int) for method in METHODS}
-    wrong = dict.fromkeys(METHODS, 0)
+    counts = {method: np.zeros(4, dtype=int) for method in METHODS}
     for _ in range(trials):
         scene = three_markers(arrangement, rng)
-        recording = Simulation(scene, rng).run(4.4)
         sent = [marker.id for marker in scene.markers]
-        for method in METHODS:
-            ids = _ids_read(method, recording)
-            read[method] += [one in ids for one in sent]
-            wrong[method] += len(ids - set(sent))
-    return {
-        'arrangement': arrangement,
-        **{
-            method: {
-                'read': [rate(int(hits), trials) for hits in read[method]],
-                'wrong_ids': wrong[method],
-            }
-            for method in METHODS
-        },
+        for method, read in read_by_both(Simulation(scene, rng).run(4.4)).items():
+            ids = {one.id for one in read}
+            counts[method] += [*(one in ids for one in sent), len(ids - set(sent))]
+    rows = {
+        method: {'read': [rate(n, trials) for n in read], 'wrong_ids': wrong}
+        for method, (*read, wrong) in ((method, row.tolist()) for method, row in counts.items())
     }
+    return {'arrangement': arrangement, **rows}
 
 
 def _pairs(share: float, rng: np.random.Generator) -> dict[str, Any]:
     """Count how often both of two markers in a zone are read in a time: a pair in each zone."""
-    stress = Stress('pair', second=share)
-    found: dict[str, Any] = {method: np.zeros(4, dtype=int) for method in METHODS}
+    counts = {method: np.zeros(4, dtype=int) for method in METHODS}
     pairs = 0
     for _ in range(_RECORDINGS):
+        stress = Stress('pair', second=share)
         sent = record(stress, signal_at(1.3), rng, USABLE_IDS, repeated_s=WATCHED_S)
         assert sent.seconds is not None
         pairs += len(sent.ids)
-        for method in METHODS:
-            detections = new_detector(sent.recording.grid, BOTH[method]).update_all(sent.recording)
-            read = {(zone, one.id) for one in detections for zone in one.zones}
-            first = np.array([pair in read for pair in enumerate(sent.ids.tolist())])
-            second = np.array([pair in read for pair in enumerate(sent.seconds.tolist())])
-            right = {*sent.ids.tolist(), *sent.seconds.tolist()}
-            wrong = sum(one.id not in right for one in detections)
-            found[method] += [first.sum(), second.sum(), (first & second).sum(), wrong]
-    return {
-        'share': share,
-        **{
-            method: {
-                **{name: rate(int(hits), pairs) for name, hits in zip(_PAIR, row[:3], strict=True)},
-                'wrong_ids': int(row[3]),
-            }
-            for method, row in found.items()
-        },
+        for method, found in read_by_both(sent.recording).items():
+            read = {(zone, one.id) for one in found for zone in one.zones}
+            first, second = (
+                np.array([pair in read for pair in enumerate(ids.tolist())])
+                for ids in (sent.ids, sent.seconds)
+            )
+            wrong = sum(one.id not in (*sent.ids, *sent.seconds) for one in found)
+            counts[method] += [first.sum(), second.sum(), (first & second).sum(), wrong]
+    rows = {
+        method: {name: rate(n, pairs) for name, n in zip(_PAIR, row.tolist(), strict=False)}
+        | {'wrong_ids': int(row[3])}
+        for method, row in counts.items()
     }
+    return {'share': share, **rows}
 
 
 def run(rng: np.random.Generator, *, quick: bool) -> dict[str, Any]:
