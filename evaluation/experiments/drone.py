@@ -13,15 +13,7 @@ from evaluation.bench.judging import BOTH, new_detector
 from evaluation.bench.live import LiveReading, millimetres, place_error, read_live
 from evaluation.bench.rates import Rate, rate
 from evaluation.report.charts import draw_shares, label, legend_below, line, look, new_chart
-from evaluation.report.claims import (
-    BOTH_CLAIMED,
-    NOTHING,
-    Claims,
-    Table,
-    claim_of,
-    percent,
-    shares,
-)
+from evaluation.report.claims import BOTH_CLAIMED, NOTHING, Claims, Table, claim_of, percent, shares
 from retrolidar_ros.detector import METHODS
 from retrolidar_ros.scene import Scene, Simulation
 from retrolidar_ros.scene.description import Occlusion, Wander

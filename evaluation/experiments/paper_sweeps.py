@@ -23,24 +23,8 @@ from evaluation.experiments.sweeps import (
     point_of,
     rng_at,
 )
-from evaluation.report.charts import (
-    SHADES,
-    WRONG,
-    draw_reads,
-    label,
-    legend_below,
-    line,
-    new_chart,
-)
-from evaluation.report.claims import (
-    BOTH_CLAIMED,
-    Claim,
-    Claims,
-    as_text,
-    claim_of,
-    model,
-    shares,
-)
+from evaluation.report.charts import SHADES, WRONG, draw_reads, label, legend_below, line, new_chart
+from evaluation.report.claims import BOTH_CLAIMED, Claim, Claims, as_text, claim_of, model, shares
 from retrolidar_ros.detector import METHODS
 from retrolidar_ros.marker.dictionary import USABLE_IDS
 from retrolidar_ros.scene.optics import DISTANCE_EXPONENT, received_signal

@@ -182,12 +182,7 @@ def table(figures: dict[str, Any]) -> Table:
 
     def cells(point: dict[str, Any]) -> list[str]:
         reaches = (end_as_text(point[key]).removesuffix(' m') for key in ('reach_m', 'half_m'))
-        return [
-            point['label'],
-            f'{point["cpu_ms"]:.0f}',
-            *reaches,
-            f'{point["wrong"]["rate"]:.1%}',
-        ]
+        return [point['label'], f'{point["cpu_ms"]:.0f}', *reaches, f'{point["wrong"]["rate"]:.1%}']
 
     rows = [['knob', *heads]]
     for name, points in figures['curves'].items():
