@@ -5,7 +5,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from functools import partial
 from typing import Any
@@ -45,6 +45,7 @@ Public captures have 1 to 28 indoors; outdoors is forty times daylight in a room
 are to 500.
 """
 RANGES_M = (1.0, 1.5, 2.0, 2.2, 2.4, 2.6, 2.7, 2.8, 2.9, 3.0, 3.2, 3.4)
+_DISTANCE = 'distance of a marker of 3 cm [m]'
 _LIKE_M = (1.8, 2.2, 2.4, 2.6, 2.7, 2.8, 2.9, 3.0, 3.2)
 _OF_SEVERAL_M = (2.4, 2.8, 3.0, 3.2, 3.4, 3.6, 3.8, 4.0)
 _DAZZLED = replace(SENSOR, noise=replace(NOISE, ambient=NOISE.slope))
@@ -215,14 +216,6 @@ def _size_claims(figures: dict[str, Any]) -> Claims:
     return {'power': model(f'{power:.2f}', abs(power - paper) < 0.03)}
 
 
-def _angle_claims(figures: dict[str, Any]) -> Claims:
-    return {'angle': _reaches(_ends(figures, 'at 1 m'), PAPER_ANGLE_DEG, '°', 1)}
-
-
-def _yaw_claims(figures: dict[str, Any]) -> Claims:
-    return {'yaw': _reaches(_ends(figures, 'at 1 m'), PAPER_YAW_DEG, '°', 1)}
-
-
 def _ambient_claims(figures: dict[str, Any]) -> Claims:
     """Return the claims of light."""
     lights = ('dark', 'daylight in a room', 'shade outdoors')
@@ -238,31 +231,18 @@ def _ambient_claims(figures: dict[str, Any]) -> Claims:
     }
 
 
-def _curves(
-    makers: Mapping[str, Callable[[float, np.random.Generator], Sent]],
-    places: Sequence[Sequence[float]],
-    recordings: int,
-) -> list[Curve]:
-    made = zip(makers.items(), places, strict=True)
-    return [Curve(name, make, where, recordings) for (name, make), where in made]
-
-
-_SIZES_M = (0.01, 0.015, 0.02, 0.025, 0.03)
 SWEEPS: dict[str, Sweep] = {
     'reading': Reading(
         'Reading over distance',
         'The code mends bits to the end of the reach; the default needs no clean ones',
-        'distance of a marker of 3 cm [m]',
-        'm',
+        _DISTANCE,
         [Curve('3 cm', lone, RANGES_M, LONE_RECORDINGS)],
         _reading_claims,
-        {},
     ),
     'reach': Sweep(
         'Reach over several packets',
         'Packets that are added up reach farther',
         'distance [m]',
-        'm',
         [
             Curve('1 cm, one packet', partial(lone, size_m=0.01), SMALL_M, SMALL_RECORDINGS),
             *(_several(size_cm, packets) for size_cm in (3, 1) for packets in (3, 8)),
@@ -274,12 +254,10 @@ SWEEPS: dict[str, Sweep] = {
         'Size of the marker',
         'The reach grows with the fourth root of the area, about',
         'distance [m]',
-        'm',
-        _curves(
-            {f'{1e4 * size_m**2:g} cm²': partial(lone, size_m=size_m) for size_m in _SIZES_M},
-            [_of_size(_LIKE_M, size_m) for size_m in _SIZES_M],
-            3,
-        ),
+        [
+            Curve(f'{1e4 * at**2:g} cm²', partial(lone, size_m=at), _of_size(_LIKE_M, at))
+            for at in (0.01, 0.015, 0.02, 0.025, 0.03)
+        ],
         _size_claims,
         {'1 cm²': PAPER_SMALL_M, '9 cm²': PAPER_REACH_M},
     ),
@@ -287,33 +265,28 @@ SWEEPS: dict[str, Sweep] = {
         'Angle from the axis',
         'Markers are read to the edge of the view',
         'angle from the axis [°]',
-        '°',
         [Curve('at 1 m', _aside, (0, 6, 12, 18, 21, 22, 23, 24, 25, 26, 28), 32)],
-        _angle_claims,
+        lambda got: {'angle': _reaches(_ends(got, 'at 1 m'), PAPER_ANGLE_DEG, '°', 1)},
         {'at 1 m': PAPER_ANGLE_DEG},
+        '°',
     ),
     'yaw': Sweep(
         'Yaw of the marker',
         'Near by, a marker may be turned until no light comes back',
         'yaw [°]',
-        '°',
-        _curves(
-            {f'at {at:g} m': partial(_turned, range_m=at) for at in (1.0, 2.0)}, [YAWS_DEG] * 2, 3
-        ),
-        _yaw_claims,
+        [Curve(f'at {at:g} m', partial(_turned, range_m=at), YAWS_DEG) for at in (1.0, 2.0)],
+        lambda got: {'yaw': _reaches(_ends(got, 'at 1 m'), PAPER_YAW_DEG, '°', 1)},
         {'at 1 m': PAPER_YAW_DEG},
+        '°',
     ),
     'ambient': Sweep(
         'Ambient light',
         'Daylight in a room costs decimetres of reach, the shade outdoors a metre',
-        'distance of a marker of 3 cm [m]',
-        'm',
-        _curves(
-            {name: partial(_lit, light=light) for name, light in LIGHTS.items()},
-            [_where_lit(light) for light in LIGHTS.values()],
-            4,
-        ),
+        _DISTANCE,
+        [
+            Curve(name, partial(_lit, light=light), _where_lit(light), 4)
+            for name, light in LIGHTS.items()
+        ],
         _ambient_claims,
-        {},
     ),
 }

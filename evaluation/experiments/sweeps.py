@@ -69,24 +69,17 @@ def ends_of(points: Sequence[Mapping[str, Any]], names: Sequence[str]) -> dict[s
     }
 
 
+@dataclass
 class Sweep:
-    """An experiment of some curves: what its chart says, over which axis, with which unit.
+    """An experiment of some curves."""
 
-    `marks` are the paper's own places by the names of curves.
-    """
-
-    def __init__(
-        self,
-        title: str,
-        message: str,
-        axis: str,
-        unit: str,
-        curves: Sequence[Curve],
-        claims: Callable[[dict[str, Any]], Claims],
-        marks: Mapping[str, float],
-    ) -> None:
-        self.TITLE, self.curves, self.claims = title, curves, claims
-        self.message, self.axis, self._unit, self._marks = message, axis, unit, marks
+    TITLE: str
+    message: str  # of the chart
+    axis: str
+    curves: Sequence[Curve]
+    claims: Callable[[dict[str, Any]], Claims]
+    marks: Mapping[str, float] = field(default_factory=dict)  # the paper's own places, by curve
+    unit: str = 'm'
 
     def run(self, rng: np.random.Generator, *, quick: bool) -> dict[str, Any]:
         """Return shares of markers that are read, and to where four of five are, by curve."""
@@ -102,7 +95,7 @@ class Sweep:
         """Return to where four of five are read, and the most wrong IDs on the way."""
         rows = [['80 % are read to', *METHODS, *(f'most wrong IDs, {name}' for name in METHODS)]]
         for name, curve in figures['curves'].items():
-            ends = [end_as_text(curve['ends'][method], self._unit) for method in METHODS]
+            ends = [end_as_text(curve['ends'][method], self.unit) for method in METHODS]
             wrong = [
                 max(point[method]['wrong']['rate'] for point in curve['points'])
                 for method in METHODS
@@ -121,11 +114,11 @@ class Sweep:
             axis.set_visible(False)
         for axis, (name, curve) in zip(panels, figures['curves'].items(), strict=False):
             draw_reads(axis, curve['points'])
-            if name in self._marks:
-                axis.axvline(self._marks[name], **line(':'), linewidth=1.2)
+            if name in self.marks:
+                axis.axvline(self.marks[name], **line(':'), linewidth=1.2)
             y = 'markers [%]' if axis in panels[::columns] else ''
             label(axis, self.axis, y, name, percent=True)
-        legend_below(figure, METHODS, WRONG | (PAPERS_OWN if self._marks else {}))
+        legend_below(figure, METHODS, WRONG | (PAPERS_OWN if self.marks else {}))
         return figure
 
 
