@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from evaluation.bench.live import place_error
+from evaluation.bench.places import place_error
 from evaluation.bench.transmissions import transmission
 from evaluation.report.charts import label, legend_below, line, look, new_chart
 from evaluation.report.claims import Claim, Claims, Table

@@ -14,8 +14,15 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from evaluation.bench.judging import BOTH, new_detector
-from evaluation.bench.live import PlaceError, place_error, read_live
-from evaluation.bench.places import Pose, markers_at, random_pose, view_from
+from evaluation.bench.places import (
+    PlaceError,
+    Pose,
+    markers_at,
+    place_error,
+    random_pose,
+    read_live,
+    view_from,
+)
 from evaluation.peers.background import Background
 from evaluation.peers.camera import PICTURES_HZ
 from evaluation.peers.pictures import View, read_pictures

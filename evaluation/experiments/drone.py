@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from evaluation.bench.judging import BOTH, new_detector
-from evaluation.bench.live import LiveReading, millimetres, place_error, read_live
+from evaluation.bench.places import LiveReading, millimetres, place_error, read_live
 from evaluation.bench.rates import Rate, rate
 from evaluation.report.charts import draw_shares, label, legend_below, line, look, new_chart
 from evaluation.report.claims import BOTH_CLAIMED, NOTHING, Claims, Table, claim_of, percent, shares

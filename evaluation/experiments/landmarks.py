@@ -22,7 +22,7 @@ from evaluation.bench.landmark_trials import (
     tilt_trial,
     visits,
 )
-from evaluation.bench.live import held
+from evaluation.bench.places import held
 from evaluation.report.charts import OTHERS, label, legend_below, line, new_chart
 from evaluation.report.claims import NOTHING, Table, as_text, percent
 from retrolidar_ros.scene import Scene

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from evaluation.bench.judging import BOTH, judged
-from evaluation.bench.live import place_error
+from evaluation.bench.places import place_error
 from evaluation.bench.rates import rate
 from evaluation.bench.recordings import Path, record, signal_at
 from evaluation.bench.stresses import PLAIN

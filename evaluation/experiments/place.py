@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from evaluation.bench.live import ELLIPSOID, held, place_error
+from evaluation.bench.places import ELLIPSOID, held, place_error
 from evaluation.report.charts import OTHERS, draw_distribution, label, legend_below, line, new_chart
 from evaluation.report.claims import NOTHING, Claims, Table, as_text, model, percent
 from retrolidar_ros.detector import Detection, create_detector

@@ -14,9 +14,8 @@ from typing import Any
 import numpy as np
 
 from evaluation.bench.judging import BOTH, read_shares
-from evaluation.bench.panels import PANELS, Panel
 from evaluation.bench.recordings import Sent, record, signal_at
-from evaluation.bench.stresses import Stress
+from evaluation.bench.stresses import PANELS, Panel, Stress
 from evaluation.experiments.moving import across
 from evaluation.report.charts import LEVEL, WRONG, draw_reads, label, legend_below, new_chart
 from evaluation.report.claims import Table

@@ -11,8 +11,7 @@ import pytest
 
 from evaluation.bench.disturbances import FAMILY, wall_blocks
 from evaluation.bench.judging import BOTH, new_detector
-from evaluation.bench.panels import PANELS
-from evaluation.bench.stresses import STRESSES
+from evaluation.bench.stresses import PANELS, STRESSES
 from evaluation.experiments import (
     brighter,
     coffee,

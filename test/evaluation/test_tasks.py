@@ -8,11 +8,14 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from evaluation.bench.live import PlaceError, held, place_error, read_live
 from evaluation.bench.places import (
+    PlaceError,
     Pose,
+    held,
     markers_at,
+    place_error,
     random_pose,
+    read_live,
     rotation,
     sees_all,
     view_from,
