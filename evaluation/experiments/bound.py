@@ -31,7 +31,7 @@ from retrolidar_ros.scene.reference import NOISE, RESPONSE, SENSOR, WALL_SIGNAL
 from retrolidar_ros.sensor.frame import Floats
 
 TITLE = 'The search against the bound'
-MESSAGE = 'Not to know the start costs more than the tests of acceptance'
+MESSAGE = 'Not to know start, clock, gain and offset costs more than the tests of acceptance'
 RANGES_M = (2.5, 2.7, 2.8, 2.9, 3.0, 3.1, 3.2, 3.3, 3.5, 3.8)
 # So lax that the search hands on whatever stands out at all.
 _LAX = {'method': 'joint', 'false_ids_per_hour': 1e6}

@@ -156,7 +156,7 @@ def sweep_trial(rng: np.random.Generator, period_s: float) -> list[float]:
 
 def run(rng: np.random.Generator, *, quick: bool) -> dict[str, Any]:
     """Return all trials, by the scale of the noise and the sensor."""
-    count = 3 if quick else 12
+    count = 3 if quick else 10
     sensors = [SENSORS[index % len(SENSORS)] for index in range(count)]
     trials = [
         {'scale': scale, **trial(room(rng, period_s, rows, scale))}

@@ -165,7 +165,7 @@ def _rooms(trials: int, rng: np.random.Generator) -> list[dict[str, Any]]:
 
 def run(rng: np.random.Generator, *, quick: bool) -> dict[str, Any]:
     """Return errors, times and coverage."""
-    trials = 3 if quick else 10
+    trials = 3 if quick else 8
     world = load_scene('coffee')
     ready = [_ready_s(world, rng) for _ in range(trials)]
     tilts = [tilt_trial(math.radians(15), rng) for _ in range(trials)]

@@ -47,7 +47,7 @@ AT_M = 1.0  # where everything but distance is swept: all read nearly everything
 SHORT_S = 1 / 250
 _PICTURES, _QUICK_PICTURES = 32, 8
 # Of lone packets; the same frames as where these are swept alone.
-_COUNTS = {'3 cm': LONE_RECORDINGS, '1 cm': SMALL_RECORDINGS, 'speed': 40}
+_COUNTS = {'3 cm': LONE_RECORDINGS, '1 cm': SMALL_RECORDINGS, 'speed': 32}
 _NAMES = ['joint', 'paper', APRILTAG, APRILTAG_FINE, QR]
 _SENSOR = replace(SENSOR, blur=0.05)
 

@@ -104,7 +104,7 @@ def run(rng: np.random.Generator, *, quick: bool) -> dict[str, Any]:
     seed = int(rng.integers(2**31))
     conditions = CONDITIONS[:: 4 if quick else 1]
 
-    recordings = (1, 3) if quick else (1, 6)  # of those that stand, and of those that move
+    recordings = (1, 3) if quick else (1, 5)  # of those that stand, and of those that move
 
     def condition(panel: Panel, where: tuple[float, bool, bool]) -> _Condition:
         return _Condition(panel, where, seed, recordings)

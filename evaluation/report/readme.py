@@ -61,7 +61,9 @@ def headlines(report: Report) -> str:
     costs = [speed_accuracy.at(report['speed-accuracy'], *of) for of in _COSTS]
     still = [roc.grouped(roc.shipped(report['roc'], method), roc.STILL) for method in BOTH]
     false_ids = [
-        f'{one["per_hour"]:.0f}' if one['events'] else f'0 in {one["hours"]:.0f} h' for one in still
+        f'{one["per_hour"]:.{0 if one["per_hour"] > 1 else 2}f} ({one["events"]} in '
+        f'{one["hours"]:.3g} h)'
+        for one in still
     ]
     # What, the paper's own, and the values of both methods and the AprilTag.
     rows: list[tuple[str, str, list[str]]] = [
