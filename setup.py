@@ -14,7 +14,7 @@ from setuptools.command.build_ext import build_ext
 from setuptools.errors import CompileError
 
 BAGS = ['rosbags>=0.11']
-EVALUATION = ['pyapriltags', 'pyzbar', 'segno', 'tqdm>=4.66']
+EVALUATION = ['pyapriltags', 'pyzbar', 'segno']
 TEST = ['cobs', 'hypothesis', 'komm', 'mcap', 'pytest', 'pytest-timeout', 'pytest-xdist']
 
 

@@ -34,7 +34,7 @@ import numpy as np
 
 from evaluation.bench.disturbances import restless_blocks
 from evaluation.bench.machine import write_figures
-from evaluation.report.readme import against_table
+from evaluation.report.claims import markdown
 from retrolidar_ros.bag import FrameWriter
 from retrolidar_ros.detector import METHODS, create_detector
 from retrolidar_ros.scene import Simulation
@@ -202,6 +202,22 @@ def compared(revision: str) -> list[dict[str, Any]]:
                 }
             rows.append(row)
     return rows
+
+
+def against_table(against: dict[str, Any]) -> str:
+    """Return what frames cost an earlier revision and this one."""
+    rows = [['method `joint`', f'revision {against["revision"]}', 'now', 'times better']]
+    for row in against['rows']:
+        old, new = row['old'], row['new']
+        for key, what in (
+            ('frame_us', 'processor time of a frame [µs]'),
+            ('longest_us', 'longest frame [µs]'),
+            ('bag_times_real_time', 'from a bag to JSON [times real time]'),
+        ):
+            better = new[key] / old[key] if key == 'bag_times_real_time' else old[key] / new[key]
+            cells = (f'{old[key]:.0f}', f'{new[key]:.0f}', f'{better:.1f}')
+            rows.append([f'{row["case"]}: {what}', *cells])
+    return markdown(rows)
 
 
 def main() -> None:

@@ -11,29 +11,26 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
 from functools import partial
-from typing import Protocol
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
-from evaluation.bench.restless import Hands
+from evaluation.bench.restless import LEAST_SIGNAL, MOST_SIGNAL, Hands
 from retrolidar_ros.marker.code import BIT_PERIOD_S
 from retrolidar_ros.scene.description import Sensor
 from retrolidar_ros.scene.reference import NOISE, SENSOR, WALL_SIGNAL
 from retrolidar_ros.sensor.frame import Floats, Recording, Status
 
 BLOCK_FRAMES = 4096
-LEAST_SIGNAL, MOST_SIGNAL = 2.0, 1700.0  # of what walks [kcps/SPAD]
-WHITE_SIGNALS = (4.0, 600.0)
-PRESENT_SIGNALS = (5.0, 1000.0)
+PRESENT_SIGNALS, BLINKING_SIGNAL = (5.0, 1000.0), 100.0
 PRESENT_S = (0.1, 3.0)
-BLINKING_SIGNAL = 100.0
 _NEAR_M, _NEAR_SIGNAL, _FAR_M = 0.2, 1700.0, 6.0  # distances follow the square root of signals
 _NOTHING_BEHIND = 0.3  # share of the absences in which there is no wall either
 _MERGED = 0.1  # share of what appears that is reported as merged
 
+Bounds = tuple[float, float]
 Singles = NDArray[np.float32]
 Codes = NDArray[np.uint8]
 
@@ -48,8 +45,7 @@ class Source(Protocol):
         """
 
 
-@dataclass(frozen=True)
-class Member:
+class Member(NamedTuple):
     """One member of the family."""
 
     name: str
@@ -60,7 +56,7 @@ class Member:
 
 
 def _log_uniform(bounds: tuple[float, float], size: int, rng: np.random.Generator) -> Floats:
-    low, high = map(math.log, bounds)
+    low, high = np.log(bounds)
     values: Floats = np.exp(rng.uniform(low, high, size))
     return values
 
@@ -68,12 +64,7 @@ def _log_uniform(bounds: tuple[float, float], size: int, rng: np.random.Generato
 class White:
     """Noise alone, in every zone at another level."""
 
-    def __init__(
-        self,
-        sensor: Sensor,
-        rng: np.random.Generator,
-        signals: tuple[float, float] = WHITE_SIGNALS,
-    ) -> None:
+    def __init__(self, sensor: Sensor, rng: Any, signals: Bounds = (4.0, 600.0)) -> None:
         levels = np.geomspace(*signals, sensor.grid.zones, dtype=np.float32)
         self._levels = rng.permutation(levels)
 
@@ -90,9 +81,7 @@ def _scaled(signal: float) -> float:
 class Walk:
     """Signals that walk between bounds, in steps of a share of the noise."""
 
-    def __init__(
-        self, sensor: Sensor, rng: np.random.Generator, *, step: float, heavy: bool = False
-    ) -> None:
+    def __init__(self, sensor: Sensor, rng: Any, *, step: float, heavy: bool = False) -> None:
         self._rng, self._step, self._heavy = rng, step, heavy
         self._low, self._high = _scaled(LEAST_SIGNAL), _scaled(MOST_SIGNAL)
         self._last = rng.uniform(self._low, self._high, sensor.grid.zones)
@@ -129,7 +118,7 @@ def _held(
 class Targets:
     """Targets that come and go, with levels and durations of their own, before a wall or none."""
 
-    def __init__(self, sensor: Sensor, rng: np.random.Generator, *, together: bool = False) -> None:
+    def __init__(self, sensor: Sensor, rng: Any, *, together: bool = False) -> None:
         self._zones, self._rng, self._together = sensor.grid.zones, rng, together
         self._period_s = sensor.period_s
 
@@ -167,7 +156,7 @@ class Targets:
 class Blinking:
     """What has the bit clock and is no marker: random bits, or a random level a bit."""
 
-    def __init__(self, sensor: Sensor, rng: np.random.Generator, *, levels: bool = False) -> None:
+    def __init__(self, sensor: Sensor, rng: Any, *, levels: bool = False) -> None:
         self._zones, self._rng, self._levels = sensor.grid.zones, rng, levels
         self._bit_frames = BIT_PERIOD_S / sensor.period_s
 
@@ -233,25 +222,19 @@ def source_blocks(
 
 restless_blocks = partial(source_blocks, Hands)
 """Yields the frames of hands that never rest, for a duration [s]."""
-
-
 wall_blocks = partial(source_blocks, partial(White, signals=(WALL_SIGNAL, WALL_SIGNAL)))
 """Yields the frames of a bare wall."""
-
-
-FAMILY = (
-    Member('white', partial(source_blocks, White)),
-    *(
-        Member(f'walk {step:g}', partial(source_blocks, partial(Walk, step=step)))
-        for step in (0.1, 0.3, 1.0, 3.0)
-    ),
-    *(
-        Member(f'heavy walk {step:g}', partial(source_blocks, partial(Walk, step=step, heavy=True)))
-        for step in (0.1, 0.5, 2.0)
-    ),
-    Member('come and go', partial(source_blocks, Targets)),
-    Member('come together', partial(source_blocks, partial(Targets, together=True))),
-    Member('hands', restless_blocks),
-    Member('random bits', partial(source_blocks, Blinking), blinks=True),
-    Member('random levels', partial(source_blocks, partial(Blinking, levels=True)), blinks=True),
+_SOURCES: dict[str, Callable[[Sensor, Any], Source]] = {
+    'white': White,
+    **{f'walk {step:g}': partial(Walk, step=step) for step in (0.1, 0.3, 1.0, 3.0)},
+    **{f'heavy walk {step:g}': partial(Walk, step=step, heavy=True) for step in (0.1, 0.5, 2.0)},
+    'come and go': Targets,
+    'come together': partial(Targets, together=True),
+    'hands': Hands,
+    'random bits': Blinking,
+    'random levels': partial(Blinking, levels=True),
+}
+FAMILY = tuple(
+    Member(name, partial(source_blocks, make), blinks='random' in name)
+    for name, make in _SOURCES.items()
 )

@@ -13,15 +13,11 @@ from numpy.typing import NDArray
 from evaluation.bench.rates import Rate, rate
 from evaluation.bench.recordings import Sent
 from retrolidar_ros.detector import METHODS, Detection, create_detector
-from retrolidar_ros.sensor.frame import ZoneGrid
+from retrolidar_ros.sensor.frame import Recording, ZoneGrid
 
-Options = Mapping[str, Any]
-"""Of `create_detector`; 'method' among them."""
+Options = Mapping[str, Any]  # of `create_detector`; 'method' among them
 BOTH: dict[str, Options] = {method: {'method': method} for method in METHODS}
 """Both methods as shipped."""
-FIRST_PACKETS: dict[str, Options] = {
-    method: {'method': method, 'max_packets': 1} for method in METHODS
-}
 
 
 def new_detector(grid: ZoneGrid, options: Options) -> Any:
@@ -31,16 +27,21 @@ def new_detector(grid: ZoneGrid, options: Options) -> Any:
     )
 
 
+def read_by_both(recording: Recording) -> dict[str, list[Detection]]:
+    """Return what both methods read of a recording, as shipped."""
+    return {
+        method: new_detector(recording.grid, options).update_all(recording)
+        for method, options in BOTH.items()
+    }
+
+
 class Judged(NamedTuple):
     """What became of the markers of a recording."""
 
-    right: NDArray[np.bool_]
-    """Whether the ID of each marker was read where it is, shape (markers,)."""
-    wrong: NDArray[np.bool_]
-    """Whether an ID that nothing sent was read there, shape (markers,)."""
+    right: NDArray[np.bool_]  # whether the ID of each marker was read where it is, shape (markers,)
+    wrong: NDArray[np.bool_]  # whether an ID that nothing sent was read there, shape (markers,)
     readings: int
-    own: list[Detection]
-    """Right readings."""
+    own: list[Detection]  # right readings
     candidates: int
 
 

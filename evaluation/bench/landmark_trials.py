@@ -6,16 +6,28 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
 
-from evaluation.bench.hand import Pose, markers_at, rotation, sees_all, view_from
-from evaluation.bench.places import Look, looks, pose_of_tf, reading_of, scene_of
+from evaluation.bench.places import (
+    Look,
+    Pose,
+    looks,
+    markers_at,
+    pose_of_tf,
+    reading_of,
+    rotation,
+    sees_all,
+    towards,
+    view_from,
+)
 from retrolidar_ros.scene import Scene
-from retrolidar_ros.scene.description import Wander
+from retrolidar_ros.scene.description import Marker, Wander
 from retrolidar_ros.scene.optics import position_at
+from retrolidar_ros.scene.reference import NOISE, RESPONSE, SENSOR
 from retrolidar_ros.sensor.frame import Floats
 from retrolidar_ros.sensor.rotation import matrix_of_turn
 from retrolidar_ros.tasks.landmarks import Estimate, Landmark
@@ -26,21 +38,22 @@ from retrolidar_ros.tasks.reading import Errors, Reading, SensorPose
 CORNERS = np.array([(-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (-1.0, 1.0)]) / 2
 BIAS_M, CALIBRATED_M = 0.002, 0.0005
 """Deviation of a sensor's range bias, and after a calibration against a known range."""
-HEADINGS, STAY_S = 24, 1.6
-"""In how many directions a robot looks, and how long [s]."""
+HEADINGS, STAY_S = 24, 1.6  # in how many directions a robot looks, and how long [s]
 _HAND_M = 0.15
 _AIM_RAD = math.radians(3)
 _EXACT = Errors(range_bias_m=BIAS_M, pose_m=1e-4, turn_rad=1e-4)
+_SENSOR = replace(SENSOR, noise=NOISE, blur=0.05)
+_HERE = Pose(np.zeros(3), np.eye(3))
+# Directions of an optical frame in one whose z points up.
+_UPRIGHT = np.array([[0.0, 0.0, 1.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0]])
 
 
 class Error(NamedTuple):
     """By how much an estimate is wrong."""
 
     error_m: float
-    stddev_m: float
-    """As estimated, along the worst axis."""
-    squared_distance: float
-    """In standard deviations."""
+    stddev_m: float  # as estimated, along the worst axis
+    squared_distance: float  # in standard deviations
 
 
 def error_of(estimate: Estimate, truth_m: Floats) -> Error:
@@ -50,22 +63,28 @@ def error_of(estimate: Estimate, truth_m: Floats) -> Error:
     return Error(float(np.linalg.norm(off)), estimate.stddev_m, squared)
 
 
+def markers_of(places_m: Mapping[int, Floats], wander: Wander | None = None) -> list[Marker]:
+    """Return markers at places [m] by ID."""
+    return [
+        Marker(one, tuple(place_m), f'{one}', response=RESPONSE, wander=wander)
+        for one, place_m in places_m.items()
+    ]
+
+
 def hand_poses(world: Scene, side_m: float, rng: np.random.Generator) -> list[Pose]:
     """Return the hand at the corners of a square, all markers in view of each."""
-    aim_m = markers_at(world).mean(axis=0)
+    places_m = markers_at(world)
     while True:
         centre_m, roll = rng.uniform(-_HAND_M, _HAND_M, 3), rng.uniform(-0.6, 0.6)
         turned = rotation(0, 0, rng.uniform(0, 2 * math.pi))
         poses = []
         for corner in CORNERS:
-            place_m = centre_m + side_m * turned @ np.append(corner, 0)
-            x, y, z = (aim_m - place_m).tolist()
+            corner_m = centre_m + side_m * turned @ np.append(corner, 0)
             # An arm aims at the middle of the objects as well as it can see them all.
             for _ in range(100):
-                yaw, pitch, more = rng.uniform(-_AIM_RAD, _AIM_RAD, 3)
-                yaw, pitch = yaw + math.atan2(x, z), pitch - math.atan2(y, math.hypot(x, z))
-                pose = Pose(place_m, rotation(yaw, pitch, roll + more))
-                if sees_all(pose.to_sensor(markers_at(world)), world.sensor.grid):
+                turns = np.array([0, 0, roll]) + rng.uniform(-_AIM_RAD, _AIM_RAD, 3)
+                pose = towards(places_m.mean(axis=0), corner_m, turns)
+                if sees_all(pose.to_sensor(places_m), world.sensor.grid):
                     poses.append(pose)
                     break
         if len(poses) == len(CORNERS):
@@ -82,7 +101,7 @@ class Visit(NamedTuple):
 def visits(world: Scene, side_m: float, stay_s: float, rng: np.random.Generator) -> list[Visit]:
     """Let the hand stay at each corner of a square."""
     return [
-        Visit(pose, list(looks(view_from(pose, world, rng), stay_s, rng)))
+        Visit(pose, list(looks(view_from(pose, world.markers, world.sensor, rng), stay_s, rng)))
         for pose in hand_poses(world, side_m, rng)
     ]
 
@@ -92,15 +111,7 @@ def hand_readings(
 ) -> list[list[tuple[float, Reading]]]:
     """Return readings by place of the hand, each with when it is known [s] there.
 
-    Parameters
-    ----------
-    trial : sequence of Visit
-    most : int
-        How many of one marker count at each place.
-    rng : numpy.random.Generator
-        Of the range bias, and of the errors of TF.
-    pose_m : float
-        Deviation of these [m].
+    No more of one marker count than `most`, and the poses of TF have a deviation of `pose_m`.
     """
     bias_m = float(rng.normal(0, BIAS_M))
     places = []
@@ -108,12 +119,11 @@ def hand_readings(
         pose = pose_of_tf(visit.pose, pose_m, rng)
         count: Counter[int] = Counter()
         rows = []
-        for known_s, detection in visit.looks:
-            count[detection.id] += 1
-            if count[detection.id] <= most:
-                rows.append(
-                    (known_s, reading_of(detection, pose, since_s=100.0 * index, bias_m=bias_m))
-                )
+        for known_s, one in visit.looks:
+            count[one.id] += 1
+            if count[one.id] <= most:
+                own = reading_of(one, pose, since_s=100.0 * index, bias_m=bias_m)
+                rows.append((known_s, own))
         places.append(rows)
     return places
 
@@ -135,17 +145,10 @@ def placed_from(
     return found
 
 
-def tilt_trial(roll_rad: float, rng: np.random.Generator) -> tuple[float, float, float] | None:
+def tilt_trial(roll_rad: float, rng: np.random.Generator) -> tuple[float, float] | None:
     """Let one place see four markers on 20 cm at 1 m, turned by up to some roll [rad].
 
-    Returns
-    -------
-    sight_deg : float
-        Error of the tilt against the line of sight.
-    fixed_deg : float
-        Error of the tilt in the fixed frame.
-    stddev_deg : float
-        Estimated, of the latter, along the worst axis across the object's normal.
+    Returns the error of the tilt against the line of sight, and in the fixed frame [°].
     """
     on_object = {1000 + 101 * n: 0.2 * np.append(corner, 0) for n, corner in enumerate(CORNERS)}
     roll = matrix_of_turn(np.array([0, 0, rng.uniform(-roll_rad, roll_rad)]))
@@ -153,9 +156,8 @@ def tilt_trial(roll_rad: float, rng: np.random.Generator) -> tuple[float, float,
     tilt = rng.uniform(0, math.radians(30)) * np.array([math.cos(way), math.sin(way), 0])
     turned = matrix_of_turn(tilt) @ roll
     centre_m = np.append(rng.uniform(-0.1, 0.1, 2), 1.0)
-    pose = Pose(np.zeros(3), np.eye(3))
-    scene = scene_of(pose, {one: centre_m + turned @ at for one, at in on_object.items()}, rng)
-    trial = [Visit(pose, list(looks(scene, 4.3, rng)))]
+    markers = markers_of({one: centre_m + turned @ at for one, at in on_object.items()})
+    trial = [Visit(_HERE, list(looks(view_from(_HERE, markers, _SENSOR, rng), 4.3, rng)))]
     landmark = Landmark('object', on_object, _EXACT)
     for _, reading in hand_readings(trial, 3, rng)[0]:
         if landmark.has(reading.marker):
@@ -163,19 +165,13 @@ def tilt_trial(roll_rad: float, rng: np.random.Generator) -> tuple[float, float,
     estimate = landmark.estimate()
     if estimate is None:
         return None
-
-    def against_sight(rotation_: Floats, position_m: Floats) -> Floats:
-        sight = position_m / np.linalg.norm(position_m)
-        angles: Floats = np.degrees(np.arcsin(rotation_[:, :2].T @ sight))
-        return angles
-
-    sight_deg = against_sight(estimate.rotation, estimate.position_m) - against_sight(
-        turned, centre_m
-    )
+    off = [
+        np.degrees(np.arcsin(turn[:, :2].T @ (at / np.linalg.norm(at))))
+        for turn, at in ((estimate.rotation, estimate.position_m), (turned, centre_m))
+    ]
     cosine = float(estimate.rotation[:, 2] @ turned[:, 2])
-    stddev = math.sqrt(float(np.linalg.eigvalsh(estimate.covariance[3:5, 3:5])[-1]))
-    fixed_deg = math.degrees(math.acos(min(cosine, 1.0)))
-    return float(np.linalg.norm(sight_deg)) / math.sqrt(2), fixed_deg, math.degrees(stddev)
+    sight_deg = float(np.linalg.norm(off[0] - off[1])) / math.sqrt(2)
+    return sight_deg, math.degrees(math.acos(min(cosine, 1.0)))
 
 
 class Track(NamedTuple):
@@ -188,50 +184,35 @@ class Track(NamedTuple):
 def drone_trial(
     sensors: int, duration_s: float, acceleration: float, rng: np.random.Generator
 ) -> Track:
-    """Follow a drone over sensors on a triangle of 0.4 m that look up.
+    """Follow a drone over one to three sensors on a triangle of 0.4 m that look up.
 
-    Parameters
-    ----------
-    sensors : int
-        1 to 3.
-    duration_s, acceleration
-        How long [s], and what the drone is thought to do [m/s²/√Hz].
-    rng : numpy.random.Generator
+    It is thought to accelerate by `acceleration` [m/s²/√Hz].
     """
     identity, height_m = 2127, float(rng.uniform(1.0, 1.5))
     wander = Wander(across_m=0.12, along_m=0.01, period_s=13.0)
-    angles = 2 * math.pi * np.arange(3)[:sensors] / 3
-    radius_m = 0.4 / math.sqrt(3)
+    (drone,) = markers_of({identity: np.array([0, 0, height_m])}, wander)
     rows: list[tuple[float, Reading]] = []
-    truth, clock = None, int(rng.integers(2**32))
-    for index, angle in enumerate(angles):
+    clock = int(rng.integers(2**32))
+    for index in range(sensors):
+        angle, radius_m = 2 * math.pi * index / 3, 0.4 / math.sqrt(3)
         pose = Pose(radius_m * np.array([math.cos(angle), math.sin(angle), 0]), np.eye(3))
         # It is one marker, whichever sensor sees it: all have it from one generator.
-        drone = {identity: np.array([0, 0, height_m])}
-        scene = scene_of(pose, drone, np.random.default_rng(clock), wander)
-        if not scene.markers:
-            continue
-        marker = scene.markers[0]
-        truth = truth or (marker, pose)
+        scene = view_from(pose, [drone], _SENSOR, np.random.default_rng(clock))
         bias_m = float(rng.normal(0, CALIBRATED_M))
-        seen_from = SensorPose(pose.position_m, pose.rotation)
         for known_s, detection in looks(scene, duration_s, rng):
             if detection.id == identity:
-                one = reading_of(detection, seen_from, bias_m=bias_m)
+                one = reading_of(detection, SensorPose(*pose), bias_m=bias_m)
                 rows.append((known_s, one._replace(sensor=str(index))))
-    assert truth is not None
-    landmark = Landmark(
-        'drone',
-        {identity: np.zeros(3)},
-        Errors(range_bias_m=CALIBRATED_M, pose_m=1e-3, turn_rad=0.0035, acceleration=acceleration),
+    errors = Errors(
+        range_bias_m=CALIBRATED_M, pose_m=1e-3, turn_rad=0.0035, acceleration=acceleration
     )
-    found = []
+    landmark, found = Landmark('drone', {identity: np.zeros(3)}, errors), []
     for _, reading in sorted(rows, key=lambda row: row[0]):
         landmark.take(reading)
         estimate = landmark.estimate()
         if estimate is not None:
-            place_m = position_at(truth[0], np.array([estimate.stamp_s])).reshape(3)
-            found.append(error_of(estimate, truth[1].to_world(place_m)))
+            place_m = position_at(drone, np.array([estimate.stamp_s])).reshape(3)
+            found.append(error_of(estimate, place_m))
     return Track(found, len(found) / duration_s)
 
 
@@ -240,29 +221,16 @@ def room_trial(
 ) -> tuple[RobotPose, Floats, Floats] | None:
     """Let a robot in a room of 4 m turn on the spot, and locate it by markers on the walls.
 
-    Parameters
-    ----------
-    markers : int
-        How many there are, all around.
-    rng : numpy.random.Generator
-    survey_m : float
-        How well the places of the markers are known, along each axis [m].
-
-    Returns
-    -------
-    pose : RobotPose
-        As estimated.
-    position_m, rotation : array, shapes (3,) and (3, 3)
-        The truth.
+    Their places are known to a deviation of `survey_m`. Returns the estimated pose, and the true
+    position, shape (3,), and rotation, shape (3, 3).
     """
     base = Pose(np.append(rng.uniform(-0.5, 0.5, 2), 0.0), rotation(0, 0, rng.uniform(-3, 3)))
     places: dict[int, Floats] = {}
     for index in range(markers):
         angle = 2 * math.pi * (index + rng.uniform(-0.2, 0.2)) / markers
         way = np.array([math.cos(angle), math.sin(angle), 0])
-        places[1000 + 101 * index] = 2 * way / np.abs(way).max() + np.array(
-            [0, 0, rng.uniform(-0.5, 0.5)]
-        )
+        height_m = rng.uniform(-0.5, 0.5)
+        places[1000 + 101 * index] = 2 * way / np.abs(way).max() + [0, 0, height_m]
     known = {
         str(one): Prior(
             State(place + rng.normal(0, survey_m, 3), np.eye(3), np.zeros(3)),
@@ -272,14 +240,15 @@ def room_trial(
     }
     room = room_of(known, {str(one): {one: np.zeros(3)} for one in places}, _EXACT, flat=True)
     bias_m = float(rng.normal(0, BIAS_M))
-    forward = np.array([[0.0, 0.0, 1.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0]])
     for index in range(HEADINGS):
-        heading = rotation(0, 0, 2 * math.pi * index / HEADINGS) @ forward
+        heading = rotation(0, 0, 2 * math.pi * index / HEADINGS) @ _UPRIGHT
         pose = Pose(base.position_m, base.rotation @ heading)
-        seen_from = SensorPose(np.zeros(3), heading)
-        for _, detection in looks(scene_of(pose, places, rng), STAY_S, rng):
+        scene = view_from(pose, markers_of(places), _SENSOR, rng)
+        for _, detection in looks(scene, STAY_S, rng):
             if room.has(detection.id):
-                room.take(reading_of(detection, seen_from, since_s=100.0 * index, bias_m=bias_m))
+                seen_from = SensorPose(np.zeros(3), heading)
+                own = reading_of(detection, seen_from, since_s=100.0 * index, bias_m=bias_m)
+                room.take(own)
     estimate = room.estimate()
     if estimate is None:
         return None

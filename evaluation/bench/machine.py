@@ -7,8 +7,10 @@ from __future__ import annotations
 import json
 import os
 import platform
+import re
 from collections.abc import Mapping
-from importlib.metadata import PackageNotFoundError, version
+from importlib.metadata import version
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
@@ -24,7 +26,7 @@ def machine() -> dict[str, Any]:
         'machine': platform.machine(),
         'system': platform.system(),
         'python': platform.python_version(),
-        'versions': {package: _version(package) for package in _PACKAGES},
+        'versions': {name: version(name) for name in _PACKAGES if find_spec(name)},
     }
 
 
@@ -34,19 +36,8 @@ def write_figures(path: Path, figures: Mapping[str, Any], **run: Any) -> None:
     path.write_text(text + '\n', encoding='utf-8')
 
 
-def _version(package: str) -> str | None:
-    """Return a package's version; None where it is not installed."""
-    try:
-        return version(package)
-    except PackageNotFoundError:
-        return None
-
-
 def _processor() -> str:
     """Return the processor's name, as far as the system gives it."""
-    if _PROCESSORS.exists():
-        for line in _PROCESSORS.read_text(encoding='utf-8').splitlines():
-            key, _, value = line.partition(':')
-            if key.strip() == 'model name':
-                return value.strip()
-    return platform.processor() or platform.machine()
+    described = _PROCESSORS.read_text(encoding='utf-8') if _PROCESSORS.exists() else ''
+    named = re.search(r'^model name\s*: (.+)$', described, re.MULTILINE)
+    return named[1].strip() if named else platform.processor() or platform.machine()

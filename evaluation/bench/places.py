@@ -1,32 +1,190 @@
 # Copyright 2026 retrolidar_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""Markers anywhere in a fixed frame, what a sensor at a pose reads of them, and as what."""
+"""Markers anywhere in a fixed frame, what a sensor at a pose reads of them, and as what.
+
+The fixed frame is optical, as that of a scene's own sensor. Every marker faces its origin, and is
+on an object; behind all is a wall.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+import math
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import ArrayLike
 
-from evaluation.bench.hand import Pose
-from evaluation.bench.live import read_live
-from retrolidar_ros.detector import Detection, create_detector
+from evaluation.bench.rates import Rate, rate
+from retrolidar_ros.detector import Detection, Detector, create_detector
+from retrolidar_ros.detector.place import Place
 from retrolidar_ros.marker.code import BIT_PERIOD_S, PACKET_BITS
 from retrolidar_ros.scene import Scene, Simulation
-from retrolidar_ros.scene.description import Marker, Surface, Wander
+from retrolidar_ros.scene.description import Marker, Sensor, Surface
 from retrolidar_ros.scene.optics import zone_shares
-from retrolidar_ros.scene.reference import NOISE, RESPONSE, SENSOR
-from retrolidar_ros.sensor.frame import Floats
+from retrolidar_ros.sensor.frame import Floats, Recording, ZoneGrid
 from retrolidar_ros.sensor.rotation import matrix_of_turn
 from retrolidar_ros.tasks.reading import Reading, SensorPose, reading
 
-BLUR = 0.05
-_MOUNT_M, _MOUNT_SIGNAL = 0.004, 20.0
-_WALL_M, _WALL_SIGNAL = 2.6, 4.0
+# A hand is about where the scene has its sensor, and looks about where the objects are.
+_HAND_M = 0.2  # at most so far from there along each axis
+_TURN_RAD = math.radians(20)  # yaw and pitch from the middle of the objects
+_ROLL_RAD = math.radians(45)
+# Whole markers must be seen: their middles are so far from the border, in zones.
+_MARGIN_ZONES = 0.25
+_CLOCK_ERROR = 0.01  # of the markers, at most
+# An object is in every zone that has so much of its marker's light, and so far behind it.
 _LEAST_SHARE = 0.05
-_CLOCK_ERROR = 0.01
+_OBJECT_M, _OBJECT_SIGNAL = 0.004, 25.0
+_WALL_M, _WALL_SIGNAL = 2.6, 4.0
+ELLIPSOID = 7.815
+"""95 % of a normal distribution in three dimensions are within so many squared deviations."""
+
+
+class Pose(NamedTuple):
+    """Where the sensor is in the world, and how it is turned."""
+
+    position_m: Floats  # shape (3,)
+    rotation: Floats  # turns directions of the sensor's frame into those of the world, shape (3, 3)
+
+    def to_sensor(self, world_m: Floats) -> Floats:
+        """Return points of the world, shape (..., 3), in the sensor's frame."""
+        points: Floats = (world_m - self.position_m) @ self.rotation
+        return points
+
+    def to_world(self, sensor_m: Floats) -> Floats:
+        """Return points of the sensor's frame, shape (..., 3), in the world."""
+        points: Floats = sensor_m @ self.rotation.T + self.position_m
+        return points
+
+
+def rotation(yaw: float, pitch: float, roll: float) -> Floats:
+    """Return a rotation about y (down), then x, then z (forward) [rad], shape (3, 3)."""
+    turns = ([0.0, yaw, 0.0], [pitch, 0.0, 0.0], [0.0, 0.0, roll])
+    about_y, about_x, about_z = (matrix_of_turn(np.array(turn)) for turn in turns)
+    turned: Floats = about_y @ about_x @ about_z
+    return turned
+
+
+def markers_at(scene: Scene) -> Floats:
+    """Return the positions of a scene's markers [m], shape (markers, 3)."""
+    return np.array([marker.position_m for marker in scene.markers])
+
+
+def yaw_of(world_m: Floats, pose: Pose) -> float:
+    """Return a marker's yaw [rad]: its normal points to the world's origin, not to the sensor."""
+    normal = -world_m / np.linalg.norm(world_m)
+    sight = pose.position_m - world_m
+    across = float(np.linalg.norm(np.cross(normal, sight)))
+    return math.atan2(across, float(normal @ sight))
+
+
+def sees_all(positions_m: Floats, grid: ZoneGrid) -> bool:
+    """Return whether all markers are well within the field of view, each in a zone of its own."""
+    if (positions_m[:, 2] <= 0).any():
+        return False
+    steps = positions_m[:, :2] / positions_m[:, 2:] / grid.pitch
+    half = np.array([grid.columns, grid.rows]) / 2
+    if (np.abs(steps) > half - _MARGIN_ZONES).any():
+        return False
+    return len(np.unique(np.floor(steps), axis=0)) == len(steps)
+
+
+def towards(aim_m: Floats, place_m: Floats, turns: Floats) -> Pose:
+    """Return a pose that looks at a point but for some turns (yaw, pitch, roll) [rad]."""
+    x, y, z = (aim_m - place_m).tolist()
+    yaw, pitch = math.atan2(x, z), -math.atan2(y, math.hypot(x, z))
+    return Pose(place_m, rotation(yaw + turns[0], pitch + turns[1], turns[2]))
+
+
+def random_pose(world: Scene, rng: np.random.Generator) -> Pose:
+    """Return a pose of the hand from which all markers of the world are seen."""
+    places_m = markers_at(world)
+    while True:
+        turns = rng.uniform(-1, 1, 3) * [_TURN_RAD, _TURN_RAD, _ROLL_RAD]
+        pose = towards(places_m.mean(axis=0), rng.uniform(-_HAND_M, _HAND_M, 3), turns)
+        if sees_all(pose.to_sensor(places_m), world.sensor.grid):
+            return pose
+
+
+def view_from(
+    pose: Pose, markers: Sequence[Marker], sensor: Sensor, rng: np.random.Generator
+) -> Scene:
+    """Return what a sensor at a pose sees of the world's markers, which have always been sending.
+
+    Those beyond the field of view are left out.
+    """
+    grid = sensor.grid
+    half = grid.pitch * np.array([grid.columns, grid.rows]) / 2
+    seen: list[Marker] = []
+    depths, signals = np.full(grid.zones, _WALL_M), np.full(grid.zones, _WALL_SIGNAL)
+    for marker in markers:
+        world_m = np.array(marker.position_m)
+        sensor_m = pose.to_sensor(world_m)
+        x, y, z = sensor_m.tolist()
+        if z <= 0.1 or (np.abs(sensor_m[:2]) > half * z).any():
+            continue
+        clock_error = float(rng.uniform(-_CLOCK_ERROR, _CLOCK_ERROR))
+        start_s = float(-rng.uniform(0, PACKET_BITS * BIT_PERIOD_S))
+        own = replace(marker, position_m=(x, y, z), clock_error=clock_error, start_s=start_s)
+        seen.append(replace(own, yaw_rad=yaw_of(world_m, pose)))
+        shares = zone_shares(sensor_m[None], marker.size_m, grid, sensor.blur)[0]
+        behind = shares > _LEAST_SHARE
+        depths[behind] = np.linalg.norm(sensor_m) * grid.z_per_range[behind] + _OBJECT_M
+        signals[behind] = _OBJECT_SIGNAL
+    surfaces = tuple(
+        Surface(float(depths[zone]), float(signals[zone]), (zone,)) for zone in range(grid.zones)
+    )
+    return Scene(sensor=sensor, markers=tuple(seen), surfaces=surfaces)
+
+
+class LiveReading(NamedTuple):
+    """A detection, and when it is known."""
+
+    known_ns: int  # stamp of the frame with which it came [ns]
+    detection: Detection
+
+
+class PlaceError(NamedTuple):
+    """By how much a place is wrong."""
+
+    range_m: float  # measured less true
+    position_m: float  # distance between measured and true position
+    bearing_deg: float  # angle between measured and true direction
+    squared_distance: float  # of the position, in standard deviations of its covariance
+
+
+def read_live(detector: Detector, recording: Recording) -> Iterator[LiveReading]:
+    """Give frames to a detector one by one, and yield what comes of each."""
+    for frame in recording:
+        for detection in detector.update(frame):
+            yield LiveReading(frame.stamp_ns, detection)
+
+
+def place_error(place: Place, truth_m: Floats) -> PlaceError:
+    """Return by how much a place differs from where the marker was at its stamp, shape (3,) [m]."""
+    range_m = float(np.linalg.norm(truth_m))
+    offset = place.position_m - truth_m
+    across = float(np.linalg.norm(np.cross(place.position_m, truth_m)))
+    return PlaceError(
+        range_m=place.range_m - range_m,
+        position_m=float(np.linalg.norm(offset)),
+        bearing_deg=float(np.degrees(np.arctan2(across, place.position_m @ truth_m))),
+        squared_distance=float(offset @ np.linalg.solve(place.covariance[:3, :3], offset)),
+    )
+
+
+def millimetres(lengths_m: ArrayLike) -> list[float]:
+    """Return lengths [m] in millimetres, to a hundredth."""
+    rounded: list[float] = np.round(1e3 * np.asarray(lengths_m), 2).tolist()
+    return rounded
+
+
+def held(squared_distances: ArrayLike) -> Rate | None:
+    """Return in how many places the truth is within the 95 % ellipsoid; None without any."""
+    squared = np.asarray(squared_distances)
+    return rate(int(np.count_nonzero(squared <= ELLIPSOID)), squared.size) if squared.size else None
 
 
 class Look(NamedTuple):
@@ -44,54 +202,6 @@ def looks(scene: Scene, duration_s: float, rng: np.random.Generator) -> Iterator
         yield Look((known_ns - origin_ns) * 1e-9, detection)
 
 
-def scene_of(
-    pose: Pose,
-    places_m: Mapping[int, Floats],
-    rng: np.random.Generator,
-    wander: Wander | None = None,
-) -> Scene:
-    """Return what a sensor sees of markers that face it, each on an object of its own.
-
-    Parameters
-    ----------
-    pose : Pose
-        Of the sensor.
-    places_m : mapping of int to array, shape (3,)
-        Where the markers are, by ID [m]; those beyond the field of view are left out.
-    rng : numpy.random.Generator
-        Of the markers' clocks.
-    wander : Wander or None
-        How they move.
-    """
-    sensor = replace(SENSOR, noise=NOISE, blur=BLUR)
-    grid = sensor.grid
-    half = grid.pitch * grid.columns / 2
-    markers: list[Marker] = []
-    depths = np.full(grid.zones, _WALL_M)
-    signals = np.full(grid.zones, _WALL_SIGNAL)
-    for identity, place_m in places_m.items():
-        x, y, z = pose.to_sensor(place_m).tolist()
-        if z <= 0.1 or max(abs(x), abs(y)) > half * z:
-            continue
-        marker = Marker(
-            id=identity,
-            position_m=(x, y, z),
-            name=f'marker_{identity}',
-            clock_error=float(rng.uniform(-_CLOCK_ERROR, _CLOCK_ERROR)),
-            start_s=float(-rng.uniform(0, PACKET_BITS * BIT_PERIOD_S)),
-            response=RESPONSE,
-            wander=wander,
-        )
-        markers.append(marker)
-        shares = zone_shares(np.array([[x, y, z]]), marker.size_m, grid, sensor.blur)[0]
-        for zone in np.flatnonzero(shares > _LEAST_SHARE):
-            depths[zone], signals[zone] = z + _MOUNT_M, _MOUNT_SIGNAL
-    surfaces = tuple(
-        Surface(float(depths[zone]), float(signals[zone]), (zone,)) for zone in range(grid.zones)
-    )
-    return Scene(sensor=sensor, markers=tuple(markers), surfaces=surfaces)
-
-
 def pose_of_tf(pose: Pose, stddev_m: float, rng: np.random.Generator) -> SensorPose:
     """Return where TF has a sensor: off by a deviation [m], and by 1.75 rad/m about each axis."""
     off_m, turn = rng.normal(0, stddev_m, 3), rng.normal(0, 1.75 * stddev_m, 3)
@@ -102,14 +212,7 @@ def reading_of(
     detection: Detection, pose: SensorPose, *, since_s: float = 0.0, bias_m: float = 0.0
 ) -> Reading:
     """Return a detection as a reading by one sensor, at its stamp and `since_s` more [s]."""
-    place = detection.place
-    return reading(
-        detection.id,
-        'sensor',
-        detection.stamp_ns * 1e-9 + since_s,
-        place.range_m + bias_m,
-        place.range_stddev_m,
-        place.position_m,
-        place.covariance[:3, :3],
-        pose,
-    )
+    place, stamp_s = detection.place, detection.stamp_ns * 1e-9 + since_s
+    range_m, covariance = place.range_m + bias_m, place.covariance[:3, :3]
+    where = (range_m, place.range_stddev_m, place.position_m, covariance, pose)
+    return reading(detection.id, 'sensor', stamp_s, *where)

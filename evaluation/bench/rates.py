@@ -54,8 +54,7 @@ class Frequency(TypedDict):
 def falls_below(level: float, places: Sequence[float], shares: Sequence[float]) -> float | None:
     """Return where a share, linear between its places, first falls below a level.
 
-    Places are in the order of the way, up or down. None where the share begins below the level or
-    stays above it.
+    None where the share begins below the level or stays above it.
     """
     for index in range(1, len(places)):
         before, after = shares[index - 1], shares[index]
@@ -97,26 +96,18 @@ def frequency(events: int, hours: float) -> Frequency:
 
 def chance_of_fall(before: Rate, after: Rate) -> float:
     """Return how probable a share falls at least so far by chance (Fisher's exact test)."""
-    hits = before['hits'] + after['hits']
-
-    def log_choose(trials: int, chosen: int) -> float:
-        return math.lgamma(trials + 1) - math.lgamma(chosen + 1) - math.lgamma(trials - chosen + 1)
-
-    ways = log_choose(before['trials'] + after['trials'], hits)
-    return sum(
-        math.exp(
-            log_choose(before['trials'], found) + log_choose(after['trials'], hits - found) - ways
-        )
-        for found in range(before['hits'], min(before['trials'], hits) + 1)
-        if hits - found <= after['trials']
+    hits, trials = before['hits'] + after['hits'], before['trials']
+    ways = (
+        math.comb(trials, found) * math.comb(after['trials'], hits - found)
+        for found in range(before['hits'], min(trials, hits) + 1)
     )
+    return sum(ways) / math.comb(trials + after['trials'], hits)
 
 
 class Crossing(TypedDict):
     """Where shares fall below a level, with the bounds of its 95 % confidence interval."""
 
-    at: float | None
-    """None where it begins below the level."""
+    at: float | None  # None where it begins below the level
     low: float | None
     high: float | None
 

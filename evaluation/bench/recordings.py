@@ -30,14 +30,10 @@ from retrolidar_ros.scene.transmission import visible_share
 from retrolidar_ros.sensor.frame import Floats, Recording, Status
 
 HAND_SIGNAL, HAND_DISTANCE_M = 1700.0, 0.2  # [kcps/SPAD]
-SILENCE_BITS = 60
-"""Before a lone packet: 2.5 s."""
-SECOND_CLOCK_ERROR = 0.01
-"""Largest relative error of a second marker's clock."""
-WANDER_S = 0.5
-"""Time in which a wandering wall goes its share of the bright signal."""
-FAR_WALL_M = 1.0
-"""How far a wall that is separated stands behind the marker."""
+SILENCE_BITS = 60  # before a lone packet: 2.5 s
+SECOND_CLOCK_ERROR = 0.01  # largest relative error of a second marker's clock
+WANDER_S = 0.5  # time in which a wandering wall goes its share of the bright signal
+FAR_WALL_M = 1.0  # how far a wall that is separated stands behind the marker
 _WAKING_BITS = PACKET_BITS  # a marker wakes at a random time within as many
 _TAIL_BITS = PACKET_BITS  # after the last packet
 _ABNORMAL = np.array(
@@ -46,22 +42,17 @@ _ABNORMAL = np.array(
 )
 _GARBAGE_SIGNAL, _GARBAGE_DISTANCE_M = 100.0, 4.0
 
-Path = Callable[[Floats], Floats]
-"""Positions [m], shape (n, 3), at times [s], shape (n,)."""
+Path = Callable[[Floats], Floats]  # positions [m], shape (n, 3), at times [s], shape (n,)
 
 
 class Sent(NamedTuple):
     """A recording, and what its markers sent."""
 
     recording: Recording
-    ids: NDArray[np.int64]
-    """Shape (zones,), or (1,) of one that goes through them."""
-    start_s: Floats
-    """Of the first packet of each marker."""
-    packet_s: float
-    """How long a packet takes."""
-    seconds: NDArray[np.int64] | None
-    """IDs of the second markers."""
+    ids: NDArray[np.int64]  # shape (zones,), or (1,) of one that goes through them
+    start_s: Floats  # of the first packet of each marker
+    packet_s: float  # how long a packet takes
+    seconds: NDArray[np.int64] | None  # IDs of the second markers
 
 
 def snr_db(signal: float, noise: float = 1.0) -> float:
@@ -128,7 +119,6 @@ def record(
     range_m: float | None = None,
     repeated_s: float | None = None,
     sensor: Sensor = SENSOR,
-    bit_period_s: float = BIT_PERIOD_S,
     ambient: float = 0.0,
     path: Path | None = None,
 ) -> Sent:
@@ -137,43 +127,33 @@ def record(
     Parameters
     ----------
     stress : Stress
-        What they are put through.
     signal : float
         Of the bright markers, without the wall [kcps/SPAD].
     rng : numpy.random.Generator
-        Where IDs, starts and everything else come from.
     ids : array of int, shape (n,)
-        What IDs are drawn from, no fewer than markers.
+        What IDs are drawn from; ValueError if there are fewer than markers.
     range_m : float or None
         Of markers and walls [m]; None = where a marker of 3 cm is so bright.
     repeated_s : float or None
         How long the recording is [s], of markers that have always been sending; None = each
         sends one packet, at a random time.
     sensor : Sensor
-        What sees them.
-    bit_period_s : float
-        How long they hold a bit, but for the clock's error [s].
     ambient : float
         Light [kcps/SPAD].
     path : callable or None
         Where the only marker is; it has `signal` at `range_m`.
-
-    Raises
-    ------
-    ValueError
-        If there are fewer IDs than markers.
     """
     zones, period_s = sensor.grid.zones, sensor.period_s
     markers = zones if path is None else 1
     if len(ids) < markers:
         raise ValueError(f'{len(ids)} IDs for {markers} markers, each with one of its own')
     at_m = range_of(signal) if range_m is None else range_m
-    bit_s = bit_period_s * (1 + stress.clock_error)
+    bit_s = BIT_PERIOD_S * (1 + stress.clock_error)
     packet_s = PACKET_BITS * bit_s
     own = rng.choice(ids, markers, replace=False)
     if repeated_s is None:
-        start_s = bit_period_s * (SILENCE_BITS + _WAKING_BITS * rng.random(markers))
-        lasting_s = float(start_s.max()) + packet_s + _TAIL_BITS * bit_period_s
+        start_s = BIT_PERIOD_S * (SILENCE_BITS + _WAKING_BITS * rng.random(markers))
+        lasting_s = float(start_s.max()) + packet_s + _TAIL_BITS * BIT_PERIOD_S
         packets = 1.0
     else:
         start_s, lasting_s, packets = -packet_s * rng.random(markers), repeated_s, math.inf

@@ -51,28 +51,6 @@ def _between(log_signal: Floats) -> Floats:
     return high - turned
 
 
-class _Walks:
-    """The log signals of all zones, block after block."""
-
-    def __init__(self, zones: int, rng: np.random.Generator) -> None:
-        self._rng = rng
-        self._scale = rng.standard_normal(zones) * _STEP_SPREAD
-        self._level = np.zeros(zones)
-
-    def advance(self, frames: int) -> Floats:
-        """Return the next signals [kcps/SPAD], shape (frames, zones)."""
-        shape = (frames, len(self._level))
-        pushes = self._rng.standard_normal(shape)
-        pushes *= _STEP_SPREAD * math.sqrt(1 - _STEP_MEMORY**2)
-        scale = _walk(pushes, _STEP_MEMORY, self._scale)
-        self._scale = scale[-1]
-        steps = _STEP_SCALE * np.exp(scale) * self._rng.standard_normal(shape)
-        level = _walk(steps, _LEVEL_MEMORY, self._level)
-        self._level = level[-1]
-        signal: Floats = np.exp(_between(_HOME + level))
-        return signal
-
-
 def _statuses(frames: int, zones: int, rng: np.random.Generator) -> NDArray[np.uint8]:
     """Return statuses of targets that vanish and come back, shape (frames, zones)."""
     turns = 16 + frames // 16  # a turn takes 33 frames in the mean
@@ -91,11 +69,20 @@ class Hands:
     """Hands that move and bodies that pass: a source of `evaluation.bench.disturbances`."""
 
     def __init__(self, sensor: Sensor, rng: np.random.Generator) -> None:
-        self._walks, self._rng = _Walks(sensor.grid.zones, rng), rng
+        self._rng, self._level = rng, np.zeros(sensor.grid.zones)
+        self._scale = rng.standard_normal(sensor.grid.zones) * _STEP_SPREAD
 
     def advance(self, frames: int) -> tuple[NDArray[np.float32], NDArray[np.uint8]]:
         """Return the next signals without noise and their statuses, shape (frames, zones)."""
-        received = self._walks.advance(frames)
-        status = _statuses(frames, received.shape[1], self._rng)
+        shape = (frames, len(self._level))
+        pushes = self._rng.standard_normal(shape)
+        pushes *= _STEP_SPREAD * math.sqrt(1 - _STEP_MEMORY**2)
+        scale = _walk(pushes, _STEP_MEMORY, self._scale)
+        self._scale = scale[-1]
+        steps = _STEP_SCALE * np.exp(scale) * self._rng.standard_normal(shape)
+        level = _walk(steps, _LEVEL_MEMORY, self._level)
+        self._level = level[-1]
+        received = np.exp(_between(_HOME + level))
+        status = _statuses(*shape, self._rng)
         received[status == Status.SIGNAL_TOO_LOW] = 0.0
         return received.astype(np.float32), status

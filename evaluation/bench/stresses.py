@@ -1,11 +1,13 @@
 # Copyright 2026 retrolidar_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""What markers and their light are put through. Parts of a stress add up."""
+"""What markers and their light are put through, and stresses that grow until none is read."""
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import Any
 
 from retrolidar_ros.scene.description import Occlusion
 from retrolidar_ros.scene.reference import RESPONSE
@@ -13,40 +15,28 @@ from retrolidar_ros.scene.reference import RESPONSE
 
 @dataclass(frozen=True)
 class Stress:
-    """What a recording is put through; what is not named is harmless."""
+    """What a recording is put through; parts add up, and what is not named is harmless."""
 
     name: str
-    sway: float = 0.0
-    """The marker's light rises and falls by this share of it."""
-    sway_s: float = 1.0
-    """Period of that [s]."""
+    sway: float = 0.0  # the marker's light rises and falls by this share of it
+    sway_s: float = 1.0  # period of that [s]
     second: float = 0.0
     """Light of another marker in the same place that repeats, over that of the first."""
     occlusion: Occlusion | None = None
     wander: float = 0.0
     """How far the wall's signal walks in `WANDER_S`, as a share of the bright signal."""
-    pedestal: float = 0.0
-    """Signal that is added everywhere [kcps/SPAD]."""
-    clip: float = math.inf
-    """No signal is above this share of marker and wall."""
+    pedestal: float = 0.0  # signal that is added everywhere [kcps/SPAD]
+    clip: float = math.inf  # no signal is above this share of marker and wall
     far_wall: float = 0.0
     """Signal of a wall that the sensor separates, over that of marker and near wall."""
-    hand_s: float = 0.0
-    """How long a hand hides the marker, in the middle of each packet [s]."""
-    clock_error: float = 0.0
-    """Relative error of the marker's bit period."""
-    jitter_s: float = 0.0
-    """Standard deviation of the time of an exposure, whose stamp is true [s]."""
-    bright_s: float = RESPONSE.bright_s
-    """Time in which the liquid crystal brightens [s]."""
-    noise: float = 1.0
-    """Variance of the signal over that of the reference."""
-    no_target: float = 0.0
-    """Share of the dark samples that are reported as no target."""
-    abnormal: float = 0.0
-    """Share of samples with an abnormal status and meaningless values."""
-    lost: float = 0.0
-    """Share of frames that never arrive."""
+    hand_s: float = 0.0  # how long a hand hides the marker, in the middle of each packet [s]
+    clock_error: float = 0.0  # relative error of the marker's bit period
+    jitter_s: float = 0.0  # standard deviation of the time of an exposure, whose stamp is true [s]
+    bright_s: float = RESPONSE.bright_s  # time in which the liquid crystal brightens [s]
+    noise: float = 1.0  # variance of the signal over that of the reference
+    no_target: float = 0.0  # share of the dark samples that are reported as no target
+    abnormal: float = 0.0  # share of samples with an abnormal status and meaningless values
+    lost: float = 0.0  # share of frames that never arrive
 
 
 PLAIN = Stress('plain')
@@ -70,4 +60,52 @@ STRESSES = (
     Stress('noise variance × 8', noise=8.0),
     Stress('sways ±25 % in 2.6 s', sway=0.25, sway_s=2.6),
     Stress('sways ±25 % in 0.9 s', sway=0.25, sway_s=0.9),
+)
+
+
+@dataclass(frozen=True)
+class Panel:
+    """One stress and how it is swept, from harmless on."""
+
+    name: str
+    title: str
+    axis: str  # of the values, with their unit
+    values: tuple[float, ...]
+    stress: Callable[[float], Stress]
+
+
+def _panel(name: str, title: str, axis: str, values: str, scale: float, **fixed: Any) -> Panel:
+    """Return a panel of the stress's field that is None in `fixed`, in `scale` of the values."""
+    (field,) = (key for key, value in fixed.items() if value is None)
+
+    def stress(value: float) -> Stress:
+        return replace(PLAIN, **{**fixed, field: scale * value})
+
+    return Panel(name, title, axis, tuple(map(float, values.split())), stress)
+
+
+def _rotor(percent: float) -> Stress:
+    """Return a blade that hides the marker for a share of each fifth of a second."""
+    return replace(PLAIN, occlusion=Occlusion(every_s=0.2, lasting_s=0.2 * percent / 100))
+
+
+_LOST, _SWAY = '0 5 10 20 30 40 50 60 75 90', '0 10 20 30 40 50 65 80 95'
+_CLOCK, _WALL = '0 .5 1 2 3 4 6 8', '0 .2 .4 .6 .7 .8 .9 1'
+_ROTOR = (0.0, 5.0, 10.0, 20.0, 30.0, 40.0, 50.0, 65.0, 80.0)
+PANELS = (
+    _panel('lost_frames', 'lost frames', 'frames lost [%]', _LOST, 0.01, lost=None),
+    _panel('abnormal', 'abnormal samples', 'samples abnormal [%]', _LOST, 0.01, abnormal=None),
+    _panel('no_target', 'dark: "no target"', 'of dark samples [%]', _LOST, 0.01, no_target=None),
+    _panel('jitter', 'jitter', 'deviation [ms]', '0 1 2 3 4 5 6 8', 1e-3, jitter_s=None),
+    _panel('fast', "marker's clock fast", 'bits shorter by [%]', _CLOCK, -0.01, clock_error=None),
+    _panel('slow', "marker's clock slow", 'bits longer by [%]', _CLOCK, 0.01, clock_error=None),
+    _panel('sway_slow', 'sways in 2.6 s', 'by ± [%]', _SWAY, 0.01, sway=None, sway_s=2.6),
+    _panel('sway_fast', 'sways in 0.9 s', 'by ± [%]', _SWAY, 0.01, sway=None, sway_s=0.9),
+    _panel('wander', 'wall wanders', 'in 0.5 s [%]', '0 5 10 20 40 60 100', 0.01, wander=None),
+    _panel('hand', 'a hand', 'hides for [ms]', '0 42 84 126 210 300 450 600', 1e-3, hand_s=None),
+    Panel('rotor', 'a rotor, 5 blades/s', 'hidden [%]', _ROTOR, _rotor),
+    _panel('far_wall', 'a wall 1 m behind', 'over marker', _WALL, 1, far_wall=None),
+    _panel('second', 'second marker in zone', 'its signal [%]', _SWAY, 0.01, second=None),
+    _panel('clip', 'saturates', 'at [%] of the top', '100 90 80 70 55 40 25 10', 0.01, clip=None),
+    _panel('noise', 'more noise', 'variance, times', '1 2 3 4 6 8 12 20', 1, noise=None),
 )

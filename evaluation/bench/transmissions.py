@@ -20,24 +20,11 @@ def transmission(
     response: Response,
     packets: float = 1,
 ) -> Floats:
-    """Return what share of the light markers let through between consecutive times.
+    """Return what share of the light markers let through, 0 to 1, shape (frames, markers).
 
-    Parameters
-    ----------
-    edges_s : array, shape (frames + 1,) or (frames, 2)
-        Beginnings of the exposures, and the end of the last, or both of each [s].
-    ids : array of int, shape (markers,)
-    start_s, bit_s : array, shape (markers,)
-        When the first packets begin, and how long the markers hold a bit [s].
-    response : Response
-        Of all markers.
-    packets : float
-        How many each sends before it stays bright; infinity = without end.
-
-    Returns
-    -------
-    array, shape (frames, markers)
-        0 to 1.
+    The edges [s] are the beginnings of the exposures and the end of the last, shape (frames + 1,),
+    or both of each, shape (frames, 2). Markers begin their first packets at `start_s`, hold a bit
+    for `bit_s`, and send some packets (infinity = without end) before they stay bright.
     """
     levels = 1.0 - packet(ids)
     before = np.roll(levels, 1, axis=1)

@@ -9,13 +9,12 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-from tqdm import tqdm
 
 from evaluation.bench.judging import BOTH, Read, read_shares
 from evaluation.bench.rates import Rate, chance_of_fall
 from evaluation.bench.recordings import record, snr_db
 from evaluation.bench.stresses import STRESSES, Stress
-from evaluation.report.charts import new_chart
+from evaluation.report.charts import label, new_chart
 from evaluation.report.claims import Table
 from retrolidar_ros.detector import METHODS
 from retrolidar_ros.marker.dictionary import USABLE_IDS
@@ -23,12 +22,10 @@ from retrolidar_ros.scene.marker_budget import SNR
 
 TITLE = 'Brighter is surer'
 MESSAGE = 'Whatever is done to its light: the brighter the marker, the surer it is read'
-SIGNALS = (10.0, 15.0, 40.0, 150.0, 600.0)
-"""Of the bright markers, without the wall [kcps/SPAD]."""
+SIGNALS = (10.0, 15.0, 40.0, 150.0, 600.0)  # of the bright markers, without the wall [kcps/SPAD]
 FALL_CHANCE = 0.01
 """A share that falls with a smaller chance than this, over all pairs of signals, is reported."""
 _POSSIBLE_DB = 8.0  # below this c over sigma a lone packet is not to be asked for
-_RECORDINGS, _QUICK_RECORDINGS = 2, 1
 
 
 def cell(
@@ -46,10 +43,9 @@ def fall(rates: Sequence[Rate]) -> float:
 
 def run(rng: np.random.Generator, *, quick: bool) -> dict[str, Any]:
     """Return what is read, by stress and signal."""
-    recordings = _QUICK_RECORDINGS if quick else _RECORDINGS
     rows = []
-    for stress in tqdm(STRESSES[:: 4 if quick else 1], desc='brighter', leave=False):
-        cells = [cell(stress, signal, recordings, rng) for signal in SIGNALS]
+    for stress in STRESSES[:: 4 if quick else 1]:
+        cells = [cell(stress, signal, 1 if quick else 2, rng) for signal in SIGNALS]
         rows.append(
             {
                 'stress': stress.name,
@@ -65,33 +61,29 @@ def run(rng: np.random.Generator, *, quick: bool) -> dict[str, Any]:
 
 def table(figures: dict[str, Any]) -> Table:
     """Return how many stresses there are under which a brighter marker is read less."""
-    rows = [['', *METHODS]]
-    falls = [
-        [row['stress'] for row in figures['rows'] if row['fall'][method] < FALL_CHANCE]
+    rows: dict[str, list[str]] = {'': list(METHODS)}
+    rows['stresses under which brighter is read less'] = [
+        ', '.join(row['stress'] for row in figures['rows'] if row['fall'][method] < FALL_CHANCE)
+        or 'none'
         for method in METHODS
     ]
-    rows.append(
-        ['stresses under which brighter is read less', *(', '.join(one) or 'none' for one in falls)]
-    )
     for signal in (40.0, 150.0, 600.0):
         place = figures['signals'].index(signal)
-        least = [
-            min(row[method][place]['right']['rate'] for row in figures['rows'])
+        rows[f'least share read at {signal:g} kcps/SPAD'] = [
+            f'{min(row[method][place]["right"]["rate"] for row in figures["rows"]):.0%}'
             for method in METHODS
         ]
-        rows.append([f'least share read at {signal:g} kcps/SPAD', *(f'{one:.0%}' for one in least)])
-    wrong = [
-        sum(one['wrong']['hits'] for row in figures['rows'] for one in row[method])
-        / sum(one['wrong']['trials'] for row in figures['rows'] for one in row[method])
-        for method in METHODS
+    wrong = [[one['wrong'] for row in figures['rows'] for one in row[name]] for name in METHODS]
+    rows['markers of which a wrong ID was read'] = [
+        f'{sum(one["hits"] for one in found) / sum(one["trials"] for one in found):.1%}'
+        for found in wrong
     ]
-    rows.append(['markers of which a wrong ID was read', *(f'{one:.1%}' for one in wrong)])
-    return rows
+    return [[what, *cells] for what, cells in rows.items()]
 
 
 def draw(figures: dict[str, Any]) -> Any:
     """Draw shares read as colours, stresses over signals, for both methods."""
-    figure, (panels,) = new_chart(1, 2, 14, 9.5, MESSAGE)
+    figure, panels = new_chart(1, 2, 14, 9.5, MESSAGE)
     names = [row['stress'] for row in figures['rows']]
     for axis, method in zip(panels, METHODS, strict=True):
         shares = np.array(
@@ -100,26 +92,15 @@ def draw(figures: dict[str, Any]) -> Any:
         image = axis.imshow(shares, cmap='viridis', vmin=0, vmax=100, aspect='auto')
         for (row, column), share in np.ndenumerate(shares):
             weak = figures['rows'][row]['snr_db'][column] < _POSSIBLE_DB
-            axis.text(
-                column,
-                row,
-                f'({share:.0f})' if weak else f'{share:.0f}',
-                ha='center',
-                va='center',
-                fontsize=11,
-                color='black' if share > 55 else 'white',
-            )
+            words, colour = f'{share:.0f}', 'black' if share > 55 else 'white'
+            centred = {'ha': 'center', 'va': 'center', 'fontsize': 11, 'color': colour}
+            axis.text(column, row, f'({words})' if weak else words, **centred)
+        title = 'default, joint' if method == 'joint' else 'method paper'
+        label(axis, 'signal of the bright marker [kcps/SPAD]', '', title)
         axis.set_yticks(range(len(names)), names if axis is panels[0] else [''] * len(names))
         axis.set_xticks(range(len(SIGNALS)), [f'{signal:g}' for signal in figures['signals']])
-        axis.set_xlabel('signal of the bright marker [kcps/SPAD]')
-        axis.set_title(
-            f'{"default, joint" if method == "joint" else "method paper"}: lone packets read [%]',
-            fontsize=13,
-        )
         axis.grid(visible=False)
     figure.colorbar(image, ax=panels, label='lone packets read [%]', shrink=0.6)
-    figure.supxlabel(
-        f'in brackets: {SNR} below {_POSSIBLE_DB:g} dB, where a lone packet is not to be asked for',
-        fontsize=11,
-    )
+    limit = f'{SNR} below {_POSSIBLE_DB:g} dB, where a lone packet is not to be asked for'
+    figure.supxlabel(f'in brackets: {limit}', fontsize=11)
     return figure

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from evaluation.report.charts import new_chart
+from evaluation.report.charts import label, legend_under, look, new_chart
 from evaluation.report.claims import NOTHING, Table
 from retrolidar_ros.detector.decoding import Decoding
 from retrolidar_ros.detector.settings import defaults
@@ -31,15 +31,12 @@ from retrolidar_ros.tasks.calibration.files import parameters
 
 TITLE = 'Calibration from a recording'
 MESSAGE = 'What a calibration says of its own errors holds'
-TRIALS, QUICK_TRIALS = 20, 3
 SECONDS = 30.0
 SCALES = (0.25, 1.0, 4.0, 8.0)
-SENSORS = ((1 / 60, 4), (0.021, 4), (1 / 30, 4), (1 / 15, 8))
-"""Frame period [s], and rows of zones."""
+SENSORS = ((1 / 60, 4), (0.021, 4), (1 / 30, 4), (1 / 15, 8))  # frame period [s], and rows of zones
 SIGNALS = np.array([5.0, 30.0, 100.0])
 """At which a law of noise is held against the truth [kcps/SPAD]."""
-FEW = 0.5
-"""Of the packets, below which a recording counts as not read."""
+FEW = 0.5  # of the packets, below which a recording counts as not read
 
 
 def room(rng: np.random.Generator, period_s: float, rows: int, scale: float) -> Scene:
@@ -159,19 +156,14 @@ def sweep_trial(rng: np.random.Generator, period_s: float) -> list[float]:
 
 def run(rng: np.random.Generator, *, quick: bool) -> dict[str, Any]:
     """Return all trials, by the scale of the noise and the sensor."""
-    count = QUICK_TRIALS if quick else TRIALS
+    count = 3 if quick else 10
+    sensors = [SENSORS[index % len(SENSORS)] for index in range(count)]
     trials = [
-        {
-            'scale': scale,
-            'frame period [ms]': 1e3 * period_s,
-            **trial(room(rng, period_s, rows, scale)),
-        }
+        {'scale': scale, **trial(room(rng, period_s, rows, scale))}
         for scale in SCALES
-        for index in range(count)
-        for period_s, rows in [SENSORS[index % len(SENSORS)]]
+        for period_s, rows in sensors
     ]
-    sweeps = [sweep_trial(rng, SENSORS[index % 3][0]) for index in range(count)]
-    return {'quick': quick, 'seconds': SECONDS, 'trials': trials, 'sweeps': sweeps}
+    return {'trials': trials, 'sweeps': [sweep_trial(rng, SENSORS[n % 3][0]) for n in range(count)]}
 
 
 def _errors(figures: dict[str, Any]) -> dict[str, Floats]:
@@ -185,46 +177,42 @@ def _errors(figures: dict[str, Any]) -> dict[str, Floats]:
     return errors
 
 
-def _reading(figures: dict[str, Any]) -> tuple[int, float]:
-    """Return how many recordings the defaults read in under half, and what is read of them then."""
-    unread = [one for one in figures['trials'] if one['read before'] < FEW]
-    return len(unread), float(np.mean([one['read after'] for one in unread])) if unread else 1.0
-
-
 def table(figures: dict[str, Any]) -> Table:
     """Return the largest error of everything, and how often the intervals hold the truth."""
     trials = figures['trials']
     rows = [['', 'estimates', 'largest error', 'held by 95 %']]
-    inside = total = 0
+    held: list[bool] = []
     for name, errors in _errors(figures).items():
-        held = np.abs(errors[:, 0]) < 1.96 * errors[:, 1]
-        inside, total = inside + int(held.sum()), total + len(held)
+        within = np.abs(errors[:, 0]) < 1.96 * errors[:, 1]
+        held += within.tolist()
         worst = float(np.abs(errors[:, 0]).max())
-        rows.append([name, str(len(errors)), f'{worst:.4g}', f'{100 * held.mean():.0f} %'])
+        rows.append([name, str(len(errors)), f'{worst:.4g}', f'{100 * within.mean():.0f} %'])
     for scale in dict.fromkeys(one['scale'] for one in trials):
-        rises = [one['errors']['rise [ms]'] for one in trials if one['scale'] == scale]
-        off = np.abs(np.array(rises)[:, 0])
-        words = f'rise within 1 ms, noise {scale:g} times the usual'
-        rows.append([words, str(len(rises)), f'{100 * np.mean(off < 1):.0f} %', NOTHING])
+        rises = [one['errors']['rise [ms]'][0] for one in trials if one['scale'] == scale]
+        share = f'{100 * np.mean(np.abs(rises) < 1):.0f} %'
+        what = f'rise within 1 ms, noise {scale:g} times the usual'
+        rows.append([what, str(len(rises)), share, NOTHING])
     law = max(one['noise'] for one in trials)
-    rows.append(['noise law', str(len(trials)), f'{100 * law:.1f} %', NOTHING])
-    rows.append(['all', str(total), NOTHING, f'{100 * inside / total:.1f} %'])
-    unread, read = _reading(figures)
-    words = f'read of the {unread} that the defaults read in under half'
-    rows.append([words, NOTHING, f'{100 * read:.1f} %', NOTHING])
-    return rows
+    unread = [one['read after'] for one in trials if one['read before'] < FEW]
+    what = f'read of the {len(unread)} that the defaults read in under half'
+    return [
+        *rows,
+        ['noise law', str(len(trials)), f'{100 * law:.1f} %', NOTHING],
+        ['all', str(len(held)), NOTHING, f'{100 * np.mean(held):.1f} %'],
+        [what, NOTHING, f'{100 * np.mean(unread or [1.0]):.1f} %', NOTHING],
+    ]
 
 
 def draw(figures: dict[str, Any]) -> Any:
     """Draw errors against what they claim to be, quantity by quantity."""
     errors = _errors(figures)
-    figure, ((axes,),) = new_chart(1, 1, 9.0, 4.5, MESSAGE)
+    figure, (axis,) = new_chart(1, 1, 9.0, 5, MESSAGE)
     for index, one in enumerate(errors.values()):
         scores = one[:, 0] / np.maximum(one[:, 1], 1e-12)
         across = index + 0.6 * (np.arange(len(scores)) / max(len(scores), 1) - 0.5)
-        axes.plot(across, np.clip(scores, -5, 5), '.', color='#0072b2', markersize=4)
-    axes.axhspan(-1.96, 1.96, color='0.9', zorder=0, label='95 of 100 are to be here')
-    axes.set_xticks(range(len(errors)), [name.split(' [')[0] for name in errors])
-    axes.set_ylabel('error / its standard deviation')
-    axes.legend(frameon=False, loc='upper right')
+        axis.plot(across, np.clip(scores, -5, 5), '.', color=look('joint')['color'], markersize=4)
+    axis.axhspan(-1.96, 1.96, color='0.9', zorder=0, label='95 of 100 are to be here')
+    label(axis, '', 'error / its standard deviation')
+    axis.set_xticks(range(len(errors)), [name.split(' [')[0] for name in errors])
+    legend_under(axis)
     return figure

@@ -8,9 +8,9 @@ from typing import Any
 
 import numpy as np
 
-from evaluation.bench.live import place_error
+from evaluation.bench.places import place_error
 from evaluation.bench.transmissions import transmission
-from evaluation.report.charts import look, new_chart
+from evaluation.report.charts import label, legend_below, line, look, new_chart
 from evaluation.report.claims import Claim, Claims, Table
 from retrolidar_ros.detector import Detection, create_detector
 from retrolidar_ros.detector.likelihood_detector import LikelihoodDetector
@@ -121,38 +121,35 @@ def claims(figures: dict[str, Any]) -> Claims:
 
 def draw(figures: dict[str, Any]) -> Any:
     """Draw samples, and evidence, word test and margin of the candidates over time."""
-    figure, axes = new_chart(4, 1, 12, 13, MESSAGE)
-    samples = figures['samples']
-    top = axes[0, 0]
-    top.plot(samples['time_s'], samples['signal'], '.', color='0.3', label='samples')
-    top.plot(samples['time_s'], samples['light'], color=look('joint')['color'], label='fitted')
-    highest = max(samples['signal'])
+    figure, (top, *panels) = new_chart(4, 1, 12, 13.5, MESSAGE)
+    samples, highest = figures['samples'], max(figures['samples']['signal'])
+    fitted = line('-', look('joint')['color'])
+    top.plot(samples['time_s'], samples['signal'], '.', color='0.3')
+    top.plot(samples['time_s'], samples['light'], **fitted)
     for index, bit in enumerate(figures['bits']):
         at_s = samples['start_s'] + (index + 0.5) * BIT_PERIOD_S
         top.text(at_s, 1.06 * highest, str(bit), ha='center', fontsize=9)
-    top.set_ylim(top=1.18 * highest)
-    top.set_ylabel('signal [kcps/SPAD]')
-    top.set_title(f'zone {figures["zone"]}: ID {figures["ids"][0]}', fontsize=12)
-    top.legend(fontsize=11, loc='lower left')
+    title = f'zone {figures["zone"]}: ID {figures["ids"][0]}'
+    label(top, '', 'signal [kcps/SPAD]', title, ylim=(0, 1.18 * highest))
     # Each question is asked of those only that have answered the one before.
     worded = (_READ, Reason.MARGIN.value, Reason.NOT_A_WORD.value)
-    panels = (
+    axes = (
         ('evidence', 'evidence [nats]', 'at least', tuple(_SIGNS)),
         ('word', 'better sequence of bits [nats]', 'at most', worded),
         ('margin', 'decision margin [nats]', 'at least', worded[:2]),
     )
-    for axis, (name, label, limit, asked_of) in zip(axes[1:, 0], panels, strict=True):
+    others = {'samples': line('', '0.3') | {'marker': '.'}, 'fitted': fitted}
+    for axis, (name, y, limit, asked_of) in zip(panels, axes, strict=True):
         for reason in asked_of:
             sign, colour = _SIGNS[reason]
             rows = [row for row in figures['candidates'] if row['reason'] == reason]
             if rows:
+                others[reason] = line('', colour) | {'marker': sign}
                 times_s, values = ([row[key] for row in rows] for key in ('time_s', name))
-                axis.plot(times_s, values, sign, color=colour, label=reason)
+                axis.plot(times_s, values, **others[reason])
         asked = figures['demands'][name]
-        axis.axhline(asked, color='0.4', linestyle='--', linewidth=1)
+        axis.axhline(asked, **line('--', '0.4'), linewidth=1)
         axis.text(0.005, asked, limit, transform=axis.get_yaxis_transform(), va='bottom')
-        axis.set_xlim(top.get_xlim())
-        axis.set_ylabel(label)
-    axes[1, 0].legend(fontsize=11, loc='upper left')
-    axes[3, 0].set_xlabel('time [s]')
+        label(axis, 'time [s]' if axis is panels[-1] else '', y, xlim=top.get_xlim())
+    legend_below(figure, (), others)
     return figure

@@ -12,18 +12,23 @@ import math
 from typing import Any, NamedTuple
 
 import numpy as np
-from tqdm import tqdm
 
-from evaluation.bench.hand import Pose, markers_at, random_pose, view_from
 from evaluation.bench.judging import BOTH, new_detector
-from evaluation.bench.live import PlaceError, place_error, read_live
-from evaluation.bench.rates import rate
+from evaluation.bench.places import (
+    PlaceError,
+    Pose,
+    markers_at,
+    place_error,
+    random_pose,
+    read_live,
+    view_from,
+)
 from evaluation.peers.background import Background
 from evaluation.peers.camera import PICTURES_HZ
 from evaluation.peers.pictures import View, read_pictures
 from evaluation.peers.visual_markers import APRILTAG, find_readers
-from evaluation.report.charts import look, new_chart
-from evaluation.report.claims import NOTHING, Claim, Claims, Table, as_text, claim_of, percent
+from evaluation.report.charts import draw_distribution, label, legend_below, line, look, new_chart
+from evaluation.report.claims import BOTH_CLAIMED, Claims, Table, as_text, claim_of, model
 from retrolidar_ros.detector import METHODS
 from retrolidar_ros.scene import Scene, Simulation
 from retrolidar_ros.scene.files import load_scene
@@ -35,24 +40,18 @@ MESSAGE = 'Ranges are good to the centimetre in one look, positions are not'
 TIMEOUT_S = 12.0
 MAX_STDDEV_M, STALE_AFTER_S = 0.15, 10.0
 """How well an object must be placed, and how long a sighting counts."""
-TOLERANCE_M = 0.01
-"""An object whose range is wrong by more is looked at again (paper §7.1)."""
+TOLERANCE_M = 0.01  # an object whose range is wrong by more is looked at again (paper §7.1)
 MOVE_S = 3.0
 PAPER_S, PAPER_TAG_S, PAPER_SHARE = 5.3, 8.1, 0.36
-_TRIALS, _QUICK_TRIALS = 30, 4
 _TASKS = 2000  # drawn from the trials
-_PICTURES, _QUICK_PICTURES = 64, 8
+_QUICK_TRIALS, _QUICK_PICTURES = 4, 8
 
 
 class Outcome(NamedTuple):
     """What became of one look."""
 
-    time_s: float
-    """From the first frame until all objects were placed; infinite if they were not."""
-    errors: dict[str, PlaceError]
-    """By object, of those seen."""
-    wrong_ids: int
-    """IDs that no marker sent."""
+    time_s: float  # from the first frame until all objects were placed; infinite if they were not
+    errors: dict[str, PlaceError]  # by object, of those seen
 
 
 def place_all(method: str, recording: Recording, scene: Scene, pose: Pose) -> Outcome:
@@ -60,11 +59,9 @@ def place_all(method: str, recording: Recording, scene: Scene, pose: Pose) -> Ou
     markers = {marker.id: marker for marker in scene.markers}
     board = ObjectBoard([one.name for one in markers.values()], MAX_STDDEV_M, STALE_AFTER_S)
     errors: dict[str, PlaceError] = {}
-    wrong_ids = 0
     for known_ns, detection in read_live(new_detector(recording.grid, BOTH[method]), recording):
         marker = markers.get(detection.id)
         if marker is None:
-            wrong_ids += 1
             continue
         place = detection.place
         covariance = pose.rotation @ place.covariance[:3, :3] @ pose.rotation.T
@@ -72,8 +69,8 @@ def place_all(method: str, recording: Recording, scene: Scene, pose: Pose) -> Ou
         board.see(marker.name, detection.stamp_ns, 'world', position_m, covariance)
         errors[marker.name] = place_error(place, np.array(marker.position_m))
         if not board.missing(known_ns):
-            return Outcome((known_ns - int(recording.stamp_ns[0])) * 1e-9, errors, wrong_ids)
-    return Outcome(math.inf, errors, wrong_ids)
+            return Outcome((known_ns - int(recording.stamp_ns[0])) * 1e-9, errors)
+    return Outcome(math.inf, errors)
 
 
 def task_s(
@@ -85,11 +82,9 @@ def task_s(
     enough or not.
     """
     shares = np.array(good).mean(axis=0)
-    again = np.zeros(tasks)
-    for share in shares:
-        # Each object by itself, as the paper counts: 3 · 0.36 / 0.64 = 1.7 looks more.
-        again += rng.geometric(max(share, 1e-3), tasks) - 1
-    cycles = 1 + again
+    # Each object by itself, as the paper counts: 3 · 0.36 / 0.64 = 1.7 looks more.
+    again = rng.geometric(np.maximum(shares, 1e-3), (tasks, len(shares))) - 1
+    cycles = 1 + again.sum(axis=1)
     times_s = cycles * (MOVE_S + rng.choice(looks_s, tasks))
     return {'cycles': float(cycles.mean()), 'mean_s': float(times_s.mean())}
 
@@ -99,17 +94,13 @@ def _lidar(outcomes: list[Outcome], names: list[str], rng: np.random.Generator) 
     placed_s = [one.time_s for one in outcomes if math.isfinite(one.time_s)]
     looks_s = [min(one.time_s, TIMEOUT_S) for one in outcomes]
     found = [error for one in outcomes for error in one.errors.values()]
-
     good = [
         [name in one.errors and abs(one.errors[name].range_m) <= TOLERANCE_M for name in names]
         for one in outcomes
     ]
-
     return {
         'looks_s': sorted(placed_s),
         'look_s': float(np.mean(placed_s)) if placed_s else None,
-        'placed': rate(len(placed_s), len(outcomes)),
-        'wrong_ids': sum(one.wrong_ids for one in outcomes),
         'range_mm': [1e3 * one.range_m for one in found],
         'position_mm': [1e3 * one.position_m for one in found],
         'bad': 1 - float(np.mean(good)),
@@ -127,20 +118,20 @@ def _tags(ranges_m: list[float], pictures: int, rng: np.random.Generator) -> dic
     for range_m in np.quantile(ranges_m, np.linspace(0.05, 0.95, 7)).tolist():
         result = read_pictures(readers, background, pictures, rng, View(range_m))[APRILTAG]
         error = result['error_mm']
-        good.append(0.0 if error is None else result['read']['rate'] * (1 - error['above_1_cm']))
+        good.append(0.0 if error is None else result['right']['rate'] * (1 - error['above_1_cm']))
     drawn = rng.random((500, 3)) < float(np.mean(good))
     return {'bad': 1 - float(np.mean(good)), **task_s([1 / PICTURES_HZ], drawn.tolist(), rng)}
 
 
 def run(rng: np.random.Generator, *, quick: bool) -> dict[str, Any]:
     """Return times and errors of both methods from the same places, and of AprilTags there."""
-    trials = _QUICK_TRIALS if quick else _TRIALS
+    trials = _QUICK_TRIALS if quick else 30
     world = load_scene('coffee')
     outcomes: dict[str, list[Outcome]] = {method: [] for method in METHODS}
     ranges_m: list[float] = []
-    for _ in tqdm(range(trials), desc='coffee', leave=False):
+    for _ in range(trials):
         pose = random_pose(world, rng)
-        scene = view_from(pose, world, rng)
+        scene = view_from(pose, world.markers, world.sensor, rng)
         recording = Simulation(scene, rng).run(TIMEOUT_S)
         ranges_m += np.linalg.norm(markers_at(scene), axis=1).tolist()
         for method in METHODS:
@@ -149,9 +140,8 @@ def run(rng: np.random.Generator, *, quick: bool) -> dict[str, Any]:
     papers = (rng.random((_TASKS, 3)) > PAPER_SHARE).tolist()
     return {
         'trials': trials,
-        'ranges_m': [min(ranges_m), max(ranges_m)],
         'methods': {method: _lidar(rows, names, rng) for method, rows in outcomes.items()},
-        'tags': _tags(ranges_m, _QUICK_PICTURES if quick else _PICTURES, rng),
+        'tags': _tags(ranges_m, _QUICK_PICTURES if quick else 64, rng),
         'tags_of_the_paper': {'bad': PAPER_SHARE, **task_s([0.0], papers, rng)},
     }
 
@@ -174,7 +164,7 @@ def table(figures: dict[str, Any]) -> Table:
 
 def claims(figures: dict[str, Any]) -> Claims:
     """Set times and errors beside the paper's."""
-    both = [figures['methods'][method] for method in reversed(METHODS)]
+    both = [figures['methods'][method] for method in BOTH_CLAIMED]
     task = both[1]['by_range']['mean_s']
     median = [float(np.median(np.abs(row['range_mm']))) for row in both if row['range_mm']]
     tags = figures['tags_of_the_paper']['mean_s']
@@ -182,33 +172,31 @@ def claims(figures: dict[str, Any]) -> Claims:
     times = (as_text(row['by_range']['mean_s'], 's', 1) for row in both)
     return {
         'task': claim_of(times, task <= PAPER_S + 0.5),
-        'tags': Claim(NOTHING, f'{tags:.1f} s', abs(tags - PAPER_TAG_S) < 0.3),
-        'our-tags': Claim(NOTHING, as_text(ours, 's', 1), ours is not None and ours > 7),
+        'tags': model(f'{tags:.1f} s', abs(tags - PAPER_TAG_S) < 0.3),
+        'our-tags': model(as_text(ours, 's', 1), ours is not None and ours > 7),
         'range': claim_of((as_text(one, 'mm', 1) for one in median), median[-1] < 10),
     }
 
 
 def draw(figures: dict[str, Any]) -> Any:
     """Draw how long looks take, and errors of range and position."""
-    figure, ((times, wrong),) = new_chart(1, 2, 14, 5.8, MESSAGE)
+    figure, (times, wrong) = new_chart(1, 2, 14, 6, MESSAGE)
     for method, row in figures['methods'].items():
-        how = look(method)
-        label = f'{method}: {percent(row["placed"])} placed'
-        shares = 100 * np.arange(1, len(row['looks_s']) + 1) / figures['trials']
-        times.step(row['looks_s'], shares, where='post', color=how['color'], label=label)
+        colour = look(method)['color']
+        ordered = 100 * np.arange(1, len(row['looks_s']) + 1) / figures['trials']
+        times.step(row['looks_s'], ordered, where='post', color=colour)
         for key, style in (('range_mm', '-'), ('position_mm', '--')):
-            sizes = np.sort(np.abs(row[key]))
-            share = 100 * (np.arange(len(sizes)) + 0.5) / max(len(sizes), 1)
-            label = f'{method}, {key.removesuffix("_mm")}'
-            wrong.plot(np.maximum(sizes, 0.1), share, style, color=how['color'], label=label)
-    times.axvline(PAPER_S - MOVE_S, color='0.2', linestyle=':', label="the paper's mean look")
-    times.set_xlabel('from rest until all three are placed [s]')
-    times.set_ylabel('looks [%]')
-    wrong.axvline(1e3 * TOLERANCE_M, color='0.2', linestyle=':', label='looked at again')
-    wrong.set_xscale('log')
-    wrong.set_xlabel('error [mm]')
-    wrong.set_ylabel('objects [%]')
-    for axis, place in ((times, 'lower right'), (wrong, 'upper left')):
-        axis.set_ylim(0, 103)
-        axis.legend(fontsize=11, loc=place)
+            sizes = np.maximum(np.abs(row[key]), 0.1)
+            draw_distribution(wrong, sizes, color=colour, linestyle=style)
+    times.axvline(PAPER_S - MOVE_S, **line(':'))
+    wrong.axvline(1e3 * TOLERANCE_M, **line('-.'))
+    label(times, 'from rest until all three are placed [s]', 'looks [%]', percent=True)
+    label(wrong, 'error [mm]', 'objects [%]', percent=True, xscale='log')
+    others = {
+        'range': line('-'),
+        'position': line('--'),
+        "left: the paper's mean look": line(':'),
+        'right: looked at again': line('-.'),
+    }
+    legend_below(figure, METHODS, others)
     return figure

@@ -8,13 +8,12 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
-from tqdm import tqdm
 
 from evaluation.bench.judging import BOTH, new_detector
-from evaluation.bench.live import LiveReading, millimetres, place_error, read_live
+from evaluation.bench.places import LiveReading, millimetres, place_error, read_live
 from evaluation.bench.rates import Rate, rate
-from evaluation.report.charts import draw_shares, legend_below, look, new_chart
-from evaluation.report.claims import NOTHING, Claims, Table, claim_of, percent
+from evaluation.report.charts import draw_shares, label, legend_below, line, look, new_chart
+from evaluation.report.claims import BOTH_CLAIMED, NOTHING, Claims, Table, claim_of, percent, shares
 from retrolidar_ros.detector import METHODS
 from retrolidar_ros.scene import Scene, Simulation
 from retrolidar_ros.scene.description import Occlusion, Wander
@@ -23,16 +22,15 @@ from retrolidar_ros.scene.optics import position_at
 from retrolidar_ros.sensor.frame import Recording
 
 TITLE = 'Drone'
+MESSAGE = 'The default reads the drone in every window of ten seconds, whatever was tried'
 PAPER_RATE, PAPER_RANGE_MM, PAPER_WINDOW_S = 0.91, 10.0, 10.0
-WINDOWS_S = (2.0, 5.0, 10.0)
+WINDOWS_S = {2.0: '--', 5.0: ':', 10.0: '-'}  # with the style of their curves
 DURATION_S, QUICK_DURATION_S = 260.0, 30.0
-_ACROSS_M, _ALONG_M = 0.12, 0.01
-"""The paper's drift of more than 20 cm."""
+_ACROSS_M, _ALONG_M = 0.12, 0.01  # the paper's drift of more than 20 cm
 _SPEEDS_M_S = (0.06, 0.1, 0.2, 0.3, 0.45, 0.6)
 _HIDDEN = (0.0, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6)
 _BLADE_S = 0.5  # a blade passes as often
-_STILL_M_S, _STILL_HIDDEN = 0.06, 0.04
-"""The flight of the shipped scene, about."""
+_STILL_M_S, _STILL_HIDDEN = 0.06, 0.04  # the flight of the shipped scene, about
 
 
 def flight(speed_m_s: float, hidden: float) -> Scene:
@@ -69,27 +67,21 @@ def _flown(speed_m_s: float, hidden: float, duration_s: float, rng: Any) -> dict
         ]
         row[method] = {
             'alive': [alive(own, recording, window_s) for window_s in WINDOWS_S],
-            'per_s': len(own) / duration_s,
             'wrong_ids': len(readings) - len(own),
             'range_mm': millimetres([one.range_m for one in errors]),
-            'position_mm': millimetres([one.position_m for one in errors]),
         }
     return row
 
 
 def run(rng: np.random.Generator, *, quick: bool) -> dict[str, Any]:
     """Return heartbeats and errors over the speed, and over what the rotor hides."""
-    duration_s = QUICK_DURATION_S if quick else DURATION_S
-    stride = 3 if quick else 1
-    faster = [(speed, _STILL_HIDDEN) for speed in _SPEEDS_M_S[::stride]]
-    darker = [(_STILL_M_S, hidden) for hidden in _HIDDEN[::stride]]
+    duration_s, stride = (QUICK_DURATION_S, 3) if quick else (DURATION_S, 1)
+    flights = {
+        'faster': [(speed, _STILL_HIDDEN) for speed in _SPEEDS_M_S[::stride]],
+        'darker': [(_STILL_M_S, hidden) for hidden in _HIDDEN[::stride]],
+    }
     return {
-        'duration_s': duration_s,
-        'windows_s': list(WINDOWS_S),
-        **{
-            name: [_flown(*one, duration_s, rng) for one in tqdm(flights, desc=name, leave=False)]
-            for name, flights in (('faster', faster), ('darker', darker))
-        },
+        name: [_flown(*one, duration_s, rng) for one in flown] for name, flown in flights.items()
     }
 
 
@@ -99,21 +91,14 @@ def _rms(values: list[float]) -> str:
 
 def table(figures: dict[str, Any]) -> Table:
     """Return windows with a reading and errors, by how the drone flies."""
-    rows = [
-        [
-            'flight',
-            *(f'{method}: windows of 2, 5, 10 s with a reading' for method in METHODS),
-            *(f'{method}: rms error of range, wrong IDs' for method in METHODS),
-        ]
-    ]
-    rows += [
-        [
-            f'{row["speed_m_s"]:g} m/s, hidden {row["hidden"]:.0%} of the time',
-            *(', '.join(map(percent, row[method]['alive'])) for method in METHODS),
-            *(f'{_rms(row[method]["range_mm"])}, {row[method]["wrong_ids"]}' for method in METHODS),
-        ]
-        for row in [*figures['faster'], *figures['darker']]
-    ]
+    windows = [f'{method}: windows of 2, 5, 10 s with a reading' for method in METHODS]
+    errors = [f'{method}: rms error of range, wrong IDs' for method in METHODS]
+    rows = [['flight', *windows, *errors]]
+    for row in [*figures['faster'], *figures['darker']]:
+        both = [row[method] for method in METHODS]
+        cells = [', '.join(map(percent, one['alive'])) for one in both]
+        cells += [f'{_rms(one["range_mm"])}, {one["wrong_ids"]}' for one in both]
+        rows.append([f'{row["speed_m_s"]:g} m/s, hidden {row["hidden"]:.0%} of the time', *cells])
     return rows
 
 
@@ -127,50 +112,34 @@ def _falls_to(figures: dict[str, Any], method: str) -> str:
 
 def claims(figures: dict[str, Any]) -> Claims:
     """Set heartbeats and errors beside the paper's."""
-    both = [figures['faster'][0][method] for method in reversed(METHODS)]
+    both = [figures['faster'][0][method] for method in BOTH_CLAIMED]
     good = [
         float(np.mean(np.abs(row['range_mm']) < PAPER_RANGE_MM)) if row['range_mm'] else 0.0
         for row in both
     ]
-    alive = [row['alive'][-1] for row in both]
+    alive = [row['alive'][-1]['rate'] for row in both]
     return {
-        'alive': claim_of(map(percent, alive), alive[1]['rate'] >= PAPER_RATE),
-        'falls': claim_of(_falls_to(figures, method) for method in reversed(METHODS)),
-        'range': claim_of((f'{share:.0%}' for share in good), good[1] > 0.95),
+        'alive': shares(alive, alive[1] >= PAPER_RATE),
+        'falls': claim_of(_falls_to(figures, method) for method in BOTH_CLAIMED),
+        'range': shares(good, good[1] > 0.95),
     }
 
 
 def draw(figures: dict[str, Any]) -> Any:
     """Draw windows with a reading over the speed, and over what the rotor hides."""
-    figure, (panels,) = new_chart(
-        1,
-        2,
-        14,
-        5.8,
-        'The default reads the drone in every window of ten seconds, whatever was tried',
+    figure, panels = new_chart(1, 2, 14, 5.8, MESSAGE)
+    styles = {f'windows of {window_s:g} s': line(style) for window_s, style in WINDOWS_S.items()}
+    axes = (
+        ('faster', 'speed_m_s', 1, 'mean speed of the drift [m/s]'),
+        ('darker', 'hidden', 100, 'hidden by the rotor, of the time [%]'),
     )
-    styles = ('--', ':', '-')
-    for axis, name, key, label in zip(
-        panels,
-        ('faster', 'darker'),
-        ('speed_m_s', 'hidden'),
-        ('mean speed of the drift [m/s]', 'hidden by the rotor, of the time [%]'),
-        strict=True,
-    ):
-        scale = 100 if key == 'hidden' else 1
+    for axis, (name, key, scale, x) in zip(panels, axes, strict=True):
         places = [scale * row[key] for row in figures[name]]
         for method in METHODS:
-            for index, style in enumerate(styles):
+            for index, style in enumerate(WINDOWS_S.values()):
                 rates = [row[method]['alive'][index] for row in figures[name]]
                 draw_shares(axis, places, rates, linestyle=style, **look(method))
-        axis.axhline(100 * PAPER_RATE, color='0.2', linestyle='-.', linewidth=1)
-        axis.set_xlabel(label)
-        axis.set_ylim(-2, 103)
-    panels[0].set_ylabel('windows with a reading [%]')
-    others = {
-        f'windows of {window_s:g} s': {'color': '0.2', 'linestyle': style}
-        for window_s, style in zip(WINDOWS_S, styles, strict=True)
-    }
-    others["the paper's own, 10 s"] = {'color': '0.2', 'linestyle': '-.'}
-    legend_below(figure, METHODS, others)
+        axis.axhline(100 * PAPER_RATE, **line('-.'), linewidth=1)
+        label(axis, x, 'windows with a reading [%]', percent=True)
+    legend_below(figure, METHODS, styles | {"the paper's own, 10 s": line('-.')})
     return figure

@@ -9,8 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from evaluation.report.charts import look, new_chart
-from evaluation.report.claims import Claim, Claims, Table
+from evaluation.report.charts import OTHERS, label, new_chart
+from evaluation.report.claims import Claim, Claims, Table, model
 from retrolidar_ros.marker.code import (
     IDS,
     MAX_CORRECTED_BITS,
@@ -25,12 +25,11 @@ from retrolidar_ros.marker.dictionary import USABLE_IDS, largest_set
 TITLE = 'Sets of IDs, and what the code accepts'
 MESSAGE = 'Three hundred IDs stay 8 bits apart, read from any bit'
 _DISTANCES = (12, 10, 8, 6, 4, 2)
-_WORDS, _QUICK_WORDS = 1_000_000, 100_000
 
 
 def run(rng: np.random.Generator, *, quick: bool) -> dict[str, Any]:
     """Return the sizes of sets by least distance, and the share of random words accepted."""
-    words = _QUICK_WORDS if quick else _WORDS
+    words = 100_000 if quick else 1_000_000
     decoded, _ = decode(rng.integers(0, 2, (words, WORD_BITS), dtype=np.uint8))
     return {
         'usable': len(USABLE_IDS),
@@ -38,7 +37,6 @@ def run(rng: np.random.Generator, *, quick: bool) -> dict[str, Any]:
             {'distance': distance, 'ids': len(largest_set(distance))} for distance in _DISTANCES
         ],
         'preambles_elsewhere': preambles_elsewhere(),
-        'random_words': words,
         'accepted': float(np.mean(decoded >= 0)),
         # Spheres of three errors about all words, which do not overlap.
         'accepted_by_count': IDS
@@ -74,7 +72,7 @@ def claims(figures: dict[str, Any]) -> Claims:
     """Return the number of IDs, and what the code accepts."""
     second = figures['preambles_elsewhere'][0]
     return {
-        'ids': Claim(default=f'{figures["usable"]}', agrees=False),
+        'ids': model(f'{figures["usable"]}', agrees=False),
         'second': Claim(f'{second} of {figures["usable"]}', 'no matter'),
         'random': Claim(f'{figures["accepted"]:.1%}', 'evidence decides', agrees=False),
     }
@@ -82,17 +80,9 @@ def claims(figures: dict[str, Any]) -> Claims:
 
 def draw(figures: dict[str, Any]) -> Any:
     """Draw the sizes of the sets."""
-    figure, ((axis,),) = new_chart(1, 1, 9, 5, MESSAGE)
-    places = range(len(figures['sets']))
-    sizes = [row['ids'] for row in figures['sets']]
-    axis.bar(places, sizes, color=look('joint')['color'])
-    for place, size in zip(places, sizes, strict=True):
-        axis.annotate(
-            f'{size}', (place, size), xytext=(0, 3), textcoords='offset points', ha='center'
-        )
-    axis.set_yscale('log')
-    axis.set_ylim(1, 2 * max(sizes))
-    axis.set_xticks(places, [f'{row["distance"]}' for row in figures['sets']])
-    axis.set_xlabel('least distance, over all shifts [bits]')
-    axis.set_ylabel('IDs found')
+    figure, (axis,) = new_chart(1, 1, 9, 5, MESSAGE)
+    sizes = {f'{row["distance"]}': row['ids'] for row in figures['sets']}
+    axis.bar_label(axis.bar(list(sizes), list(sizes.values()), color=OTHERS[0]), padding=3)
+    x, ends = 'least distance, over all shifts [bits]', (1, 2 * max(sizes.values()))
+    label(axis, x, 'IDs found', yscale='log', ylim=ends)
     return figure

@@ -8,7 +8,6 @@ import math
 from typing import Any
 
 import numpy as np
-from tqdm import tqdm
 
 from evaluation.bench.landmark_trials import (
     CORNERS,
@@ -23,9 +22,9 @@ from evaluation.bench.landmark_trials import (
     tilt_trial,
     visits,
 )
-from evaluation.bench.live import held
-from evaluation.report.charts import OTHERS, new_chart
-from evaluation.report.claims import NOTHING, Table, percent
+from evaluation.bench.places import held
+from evaluation.report.charts import OTHERS, label, legend_below, line, new_chart
+from evaluation.report.claims import NOTHING, Table, as_text, percent
 from retrolidar_ros.scene import Scene
 from retrolidar_ros.scene.files import load_scene
 from retrolidar_ros.tasks.survey import Survey
@@ -37,7 +36,6 @@ _SIDES_M = (0.1, 0.2, 0.4, 0.6)
 _READY_SIDE_M, _READY_M, _READY_S = 0.7, 0.01, 12.0
 """A hand that is to place all objects goes so far, until they are so well known, in such a time."""
 _STAY_S, _MOST = 4.3, 3
-_TRIALS, _QUICK_TRIALS = 20, 3
 _RARE = 16.266  # 99.9 % of a normal distribution in three dimensions
 _POSE_M, _WRONG, _LATE = 0.002, 0.05, 0.10
 _ACCELERATION = 0.04
@@ -49,7 +47,7 @@ def _errors(rows: list[Error]) -> dict[str, Any]:
     return {
         'median_mm': float(np.median(sizes)),
         'rms_mm': float(np.sqrt(np.mean(sizes**2))),
-        'told_mm': float(1e3 * np.median([row.stddev_m for row in rows])),
+        'stddev_mm': float(1e3 * np.median([row.stddev_m for row in rows])),
         'holds': held(squared),
         'beyond': int(np.count_nonzero(np.array(squared) > _RARE)),
     }
@@ -61,7 +59,7 @@ def _places(world: Scene, trials: int, rng: np.random.Generator) -> list[dict[st
     ids = [one.id for one in world.markers]
     for side_m in _SIDES_M:
         rows: dict[tuple[int, int], list[Error]] = {}
-        for _ in tqdm(range(trials), desc=f'{side_m} m', leave=False):
+        for _ in range(trials):
             trial = visits(world, side_m, _STAY_S, rng)
             places = hand_readings(trial, _MOST, rng)
             for count in range(1, len(CORNERS) + 1):
@@ -102,8 +100,8 @@ def _ready_s(world: Scene, rng: np.random.Generator) -> float:
                 landmarks[reading.marker].take(reading._replace(stamp_s=100.0 * turn + known_s))
                 missing.discard(reading.marker)
             now_s = looked_s + known_s - left[index]
-            told = [one.estimate() for one in landmarks.values()]
-            if all(one is not None and one.stddev_m <= _READY_M for one in told):
+            known = [one.estimate() for one in landmarks.values()]
+            if all(one is not None and one.stddev_m <= _READY_M for one in known):
                 return now_s
             if not missing:
                 break
@@ -116,15 +114,13 @@ def _stressed(world: Scene, trials: int, rng: np.random.Generator) -> dict[str, 
     truth_m = {one.id: np.array(one.position_m) for one in world.markers}
     ids = list(truth_m)
     rows: list[Error] = []
-    wrong = rejected = 0
-    for _ in tqdm(range(trials), desc='stress', leave=False):
+    for _ in range(trials):
         places = hand_readings(visits(world, 0.4, _STAY_S, rng), _MOST, rng, _POSE_M)
         flat = [reading for place in places for _, reading in place]
         for index, reading in enumerate(flat):
             if rng.random() < _WRONG:
                 others = [one for one in ids if one != reading.marker]
                 flat[index] = reading._replace(marker=int(rng.choice(others)))
-                wrong += 1
         # A late transform lets a reading come after those of the next seconds.
         order = np.arange(len(flat)) + 4.0 * (rng.random(len(flat)) < _LATE)
         queue = [flat[index] for index in np.argsort(order, kind='stable')]
@@ -133,56 +129,54 @@ def _stressed(world: Scene, trials: int, rng: np.random.Generator) -> dict[str, 
             if reading.marker in truth_m:
                 survey.take(reading, str(reading.marker))
                 rows += [error_of(one, truth_m[int(one.name)]) for one in survey.estimates()]
-        rejected += sum(one.rejected for one in survey.landmarks.values())
-    return _errors(rows) | {'told': len(rows), 'wrong': wrong, 'rejected': rejected}
+    return _errors(rows)
+
+
+def _drones(trials: int, rng: np.random.Generator) -> list[dict[str, Any]]:
+    """Return errors of a drone before one to three sensors."""
+    found = []
+    for sensors in (1, 2, 3):
+        tracks = [drone_trial(sensors, 30.0, _ACCELERATION, rng) for _ in range(trials)]
+        rows = [row for track in tracks for row in track.errors[3:]]
+        updates = float(np.mean([track.updates_per_s for track in tracks]))
+        found.append({'sensors': sensors, 'updates_per_s': updates} | _errors(rows))
+    return found
+
+
+def _rooms(trials: int, rng: np.random.Generator) -> list[dict[str, Any]]:
+    """Return errors of a robot among three to six markers."""
+    found = []
+    for markers in (3, 4, 5, 6):
+        off_m, yaw_deg = [], []
+        for result in (room_trial(markers, rng) for _ in range(trials)):
+            if result is not None:
+                pose, position_m, rotation = result
+                off_m.append(float(np.linalg.norm((pose.position_m - position_m)[:2])))
+                turned = pose.rotation @ rotation.T
+                yaw_deg.append(math.degrees(math.atan2(turned[1, 0], turned[0, 0])))
+        errors = {
+            'rms_mm': 1e3 * float(np.sqrt(np.mean(np.square(off_m)))),
+            'median_mm': 1e3 * float(np.median(off_m)),
+            'yaw_rms_deg': float(np.sqrt(np.mean(np.square(yaw_deg)))),
+        }
+        found.append({'markers': markers} | errors)
+    return found
 
 
 def run(rng: np.random.Generator, *, quick: bool) -> dict[str, Any]:
     """Return errors, times and coverage."""
-    trials = _QUICK_TRIALS if quick else _TRIALS
+    trials = 3 if quick else 8
     world = load_scene('coffee')
-    ready = [_ready_s(world, rng) for _ in tqdm(range(trials), desc='ready', leave=False)]
-    tilts = [
-        one
-        for one in (
-            tilt_trial(math.radians(15), rng) for _ in tqdm(range(trials), desc='tilt', leave=False)
-        )
-        if one is not None
-    ]
-    drones = []
-    for sensors in (1, 2, 3):
-        tracks = [
-            drone_trial(sensors, 30.0, _ACCELERATION, rng) for _ in range(max(trials // 8, 1))
-        ]
-        rows = [row for track in tracks for row in track.errors[3:]]
-        updates = float(np.mean([track.updates_per_s for track in tracks]))
-        drones.append({'sensors': sensors, 'updates_per_s': updates} | _errors(rows))
-    rooms = []
-    for markers in (3, 4, 5, 6):
-        off_m, yaw_deg = [], []
-        for _ in tqdm(range(max(trials // 2, 2)), desc='room', leave=False):
-            result = room_trial(markers, rng)
-            if result is None:
-                continue
-            pose, position_m, rotation = result
-            off_m.append(float(np.linalg.norm((pose.position_m - position_m)[:2])))
-            turned = pose.rotation @ rotation.T
-            yaw_deg.append(math.degrees(math.atan2(turned[1, 0], turned[0, 0])))
-        rooms.append(
-            {
-                'markers': markers,
-                'rms_mm': 1e3 * float(np.sqrt(np.mean(np.square(off_m)))),
-                'median_mm': 1e3 * float(np.median(off_m)),
-                'yaw_rms_deg': float(np.sqrt(np.mean(np.square(yaw_deg)))),
-            }
-        )
+    ready = [_ready_s(world, rng) for _ in range(trials)]
+    tilts = [tilt_trial(math.radians(15), rng) for _ in range(trials)]
+    known = [one for one in tilts if one is not None]
     return {
         'trials': trials,
         'places': _places(world, trials, rng),
         'ready_s': sorted(round(one, 2) for one in ready if math.isfinite(one)),
-        'tilt_deg': np.sqrt(np.mean(np.square(tilts), axis=0)).round(3).tolist(),
-        'drones': drones,
-        'rooms': rooms,
+        'tilt_deg': np.sqrt(np.mean(np.square(known), axis=0)).round(3).tolist(),
+        'drones': _drones(1 if quick else 2, rng),
+        'rooms': _rooms(max(trials // 2, 2), rng),
         'stress': _stressed(world, trials, rng),
     }
 
@@ -191,65 +185,53 @@ def table(figures: dict[str, Any]) -> Table:
     """Return errors, and how often the 95 % ellipsoid holds."""
     rows = [['', 'median', 'rms', 'in the 95 % ellipsoid']]
 
-    def add(words: str, row: dict[str, Any], rms: bool = True) -> None:
-        holds = row.get('holds')
-        rows.append(
-            [
-                words,
-                f'{row["median_mm"]:.1f} mm',
-                f'{row["rms_mm"]:.1f} mm' if rms else NOTHING,
-                NOTHING if holds is None else percent(holds),
-            ]
-        )
+    def add(what: str, row: dict[str, Any]) -> None:
+        sizes = [as_text(row[key], 'mm', 1) for key in ('median_mm', 'rms_mm')]
+        rows.append([what, *sizes, percent(row['holds']) if 'holds' in row else NOTHING])
 
     for row in figures['places']:
         if (row['side_m'], row['places']) in ((0.2, 1), (0.2, 4), (0.4, 4)):
             where = 'one place' if row['places'] == 1 else f'4 places {row["side_m"]} m apart'
-            add(f'{row["object"]} from {where}', row, rms=False)
+            add(f'{row["object"]} from {where}', row)
     for row in figures['drones']:
-        words = f'drone before {row["sensors"]}, {row["updates_per_s"]:.1f} updates a second'
-        add(words, row)
+        add(f'drone before {row["sensors"]}, {row["updates_per_s"]:.1f} updates a second', row)
     for row in figures['rooms']:
-        words = f'robot among {row["markers"]} markers, heading {row["yaw_rms_deg"]:.2f}° rms'
-        add(words, row)
-    ready, (sight, fixed, _) = figures['ready_s'], figures['tilt_deg']
-    within = sum(one <= _READY_S for one in ready)
-    stress, count = figures['stress'], figures['trials']
-    rows += [
-        [words, NOTHING, value, NOTHING]
-        for words, value in (
-            (f'all three within {1e3 * _READY_M:g} mm in {_READY_S:g} s', f'{within} of {count}'),
-            ('tilt of four markers on 20 cm, against the line of sight', f'{sight:.2f}°'),
-            ('the same in the fixed frame', f'{fixed:.2f}°'),
-            (
-                'places beyond their 99.9 % ellipsoid, with wrong IDs, late and wrong poses',
-                f'{stress["beyond"]} of {stress["told"]}',
-            ),
-        )
-    ]
-    return rows
+        add(f'robot among {row["markers"]} markers, heading {row["yaw_rms_deg"]:.2f}° rms', row)
+    ready, (sight, fixed) = figures['ready_s'], figures['tilt_deg']
+    within, stress = sum(one <= _READY_S for one in ready), figures['stress']
+    others = {
+        f'all three within {1e3 * _READY_M:g} mm in {_READY_S:g} s': (
+            f'{within} of {figures["trials"]}'
+        ),
+        'tilt of four markers on 20 cm, against the line of sight': f'{sight:.2f}°',
+        'the same in the fixed frame': f'{fixed:.2f}°',
+        'places beyond their 99.9 % ellipsoid, with wrong IDs, late and wrong poses': (
+            f'{stress["beyond"]} of {stress["holds"]["trials"]}'
+        ),
+    }
+    return rows + [[what, NOTHING, value, NOTHING] for what, value in others.items()]
 
 
 def draw(figures: dict[str, Any]) -> Any:
     """Draw errors over the distance of the places, and over their number."""
-    figure, ((baseline, number),) = new_chart(1, 2, 14, 5.5, MESSAGE)
-    names = list(dict.fromkeys(row['object'] for row in figures['places']))
-    for name, colour in zip(names, OTHERS, strict=False):
+    figure, (baseline, number) = new_chart(1, 2, 14, 6, MESSAGE)
+    names = dict.fromkeys(row['object'] for row in figures['places'])
+    looks = {name: line('-', one) for name, one in zip(names, OTHERS, strict=False)}
+    for name, how in looks.items():
         own = [row for row in figures['places'] if row['object'] == name]
         for axis, key, chosen in (
             (baseline, 'side_m', [row for row in own if row['places'] == len(CORNERS)]),
             (number, 'places', [row for row in own if row['side_m'] == 0.4]),
         ):
             at = [row[key] for row in chosen]
-            axis.plot(at, [row['median_mm'] for row in chosen], 'o-', color=colour, label=name)
-            axis.plot(at, [row['told_mm'] for row in chosen], ':', color=colour)
-            axis.set_yscale('log')
-            axis.set_ylabel('error of the position [mm]: median, and told (dotted)')
-            axis.axhline(10, color='0.4', linewidth=1, linestyle='--')
-            axis.legend(loc='best', fontsize=10)
-    baseline.set_xlabel('edge of the square whose corners the hand looks from [m]')
-    baseline.set_title('four places')
-    number.set_xlabel('places on a square of 0.4 m')
+            axis.plot(at, [row['median_mm'] for row in chosen], **how | {'marker': 'o'})
+            axis.plot(at, [row['stddev_mm'] for row in chosen], **how | {'linestyle': ':'})
+    x, y = 'edge of the square whose corners the hand looks from [m]', 'error of the position [mm]'
+    label(baseline, x, y, 'four places', yscale='log')
+    label(number, 'places on a square of 0.4 m', y, 'one place after the other', yscale='log')
     number.set_xticks(range(1, len(CORNERS) + 1))
-    number.set_title('one place after the other')
+    for axis in (baseline, number):
+        axis.axhline(10, **line('--', '0.4'), linewidth=1)
+    kinds = {'median': line('-'), 'estimated deviation': line(':'), '10 mm': line('--', '0.4')}
+    legend_below(figure, (), looks | kinds)
     return figure

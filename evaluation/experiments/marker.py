@@ -17,8 +17,8 @@ from typing import Any
 
 import numpy as np
 
-from evaluation.report.charts import OTHERS, new_chart
-from evaluation.report.claims import Claim, Claims, Table
+from evaluation.report.charts import OTHERS, label, legend_under, line, new_chart
+from evaluation.report.claims import Claims, Table, as_text, model
 from retrolidar_ros.marker.battery import CELL_MAH, PROTOTYPE, active_share, drawn, life_h
 from retrolidar_ros.marker.wakeup import (
     GUARD_V,
@@ -34,10 +34,8 @@ from retrolidar_ros.sensor.frame import ZoneGrid
 
 TITLE = 'The marker: waking and battery'
 MESSAGE = 'The guard is thin, and two months hold; two years need more than cheap looks'
-WITH_LIDAR_V = 32.413e-3
-"""Paper Tab. 5, both filters; we take it as measured at 1 m."""
-NARROW_TESTED_M = 3.75
-"""The paper's, with a VL53L4CX (§6.5)."""
+WITH_LIDAR_V = 32.413e-3  # paper Tab. 5, both filters; we take it as measured at 1 m
+NARROW_TESTED_M = 3.75  # the paper's, with a VL53L4CX (§6.5)
 _NARROW_FIELD_RAD = math.radians(18)
 # The transimpedance amplifier is one pole of 2 MΩ and 3 pF (paper §5); as much white noise passes
 # it as a sharp filter of π/2 times its corner.
@@ -46,8 +44,7 @@ _LOOKS_AN_HOUR = 3600 / LOOK_EVERY_S
 _BANDWIDTHS_HZ = np.geomspace(1e4, 3e6, 40)
 _RANGES_M = np.linspace(0.6, 4.0, 69)
 _ANGLES_DEG = (0, 30, 50)
-OPTIMISED_MA = 0.1
-"""The paper's "approximately 100 µA" (§5)."""
+OPTIMISED_MA = 0.1  # the paper's "approximately 100 µA" (§5)
 _CHEAP_LOOKS = replace(PROTOTYPE, detection=OPTIMISED_MA)
 PARTS = {
     'prototype': PROTOTYPE,
@@ -111,7 +108,6 @@ def run(rng: np.random.Generator, *, quick: bool) -> dict[str, Any]:
         'once_an_hour_h': {
             name: life_h(CELL_MAH, drawn(hourly, parts).total) for name, parts in PARTS.items()
         },
-        'looking': drawn(hourly).detection / drawn(hourly).total,
         'awake_h': life_h(CELL_MAH, PROTOTYPE.active),
         'mean_of_100_ua_h': life_h(CELL_MAH, OPTIMISED_MA),
         'two_years_active_ma': (most_ma - asleep.sleep - asleep.detection) / hourly,
@@ -135,19 +131,11 @@ def _mv(volts: float) -> str:
 
 def table(figures: dict[str, Any]) -> Table:
     """Return from where the marker wakes, and how long it lives."""
-    rows = [
-        ['surroundings', 'noise', "wakes to, the paper's threshold", 'noise + 1 mV as threshold']
-    ]
+    heads = ['surroundings', 'noise', "wakes to, the paper's threshold", 'with noise + 1 mV']
+    rows = [heads]
     for name, noise in NOISE_V.items():
-        at = figures['wakes_to_m'][name]
-        rows.append(
-            [
-                name,
-                _mv(noise),
-                'always awake' if at is None else f'{at:.2f} m',
-                f'{figures["own_threshold_m"][name]:.2f} m',
-            ]
-        )
+        at, own = figures['wakes_to_m'][name], figures['own_threshold_m'][name]
+        rows.append([name, _mv(noise), 'always awake' if at is None else as_text(at), as_text(own)])
     for name, hours in figures['once_an_hour_h'].items():
         rows.append([f'{CELL_MAH:g} mAh, a packet an hour', name, _days(hours), ''])
     return rows
@@ -157,58 +145,44 @@ def claims(figures: dict[str, Any]) -> Claims:
     """Return the model's values."""
     lives, volts = figures['once_an_hour_h'], figures['at_1_m_v']
     narrow = figures['narrow_m']
-
-    def ours(text: str, agrees: bool = True) -> Claim:
-        return Claim(default=text, agrees=agrees)
-
     return {
-        'two-months': ours(_days(lives['prototype'])),
-        'two-years': ours(_days(figures['mean_of_100_ua_h']), agrees=False),
-        'cheap-looks': ours(_days(lives['100 µA in detection']), agrees=False),
-        'active': Claim(default=f'{figures["two_years_active_ma"]:.1f} mA'),
-        'reach': ours(f'{figures["wakes_to_m"]["indoors"]:.2f} m'),
-        'powers': ours(_mv(volts), abs(volts / WITH_LIDAR_V - 1) < 0.06),
-        'voltages': ours(_mv(figures['voltages_added_at_1_m_v']), agrees=False),
-        'outdoors': Claim(default=f'always awake, {figures["awake_h"]:.0f} h'),
-        'guard': ours(_mv(figures['amplifier']['guard_v']), agrees=False),
-        'woken': Claim(default=f'{figures["amplifier"]["false_per_hour"]:.0f}'),
-        'narrow': ours(f'at most {narrow:.1f} m', narrow >= NARROW_TESTED_M),
+        'two-months': model(_days(lives['prototype'])),
+        'two-years': model(_days(figures['mean_of_100_ua_h']), agrees=False),
+        'cheap-looks': model(_days(lives['100 µA in detection']), agrees=False),
+        'active': model(f'{figures["two_years_active_ma"]:.1f} mA', agrees=None),
+        'reach': model(as_text(figures['wakes_to_m']['indoors'])),
+        'powers': model(_mv(volts), abs(volts / WITH_LIDAR_V - 1) < 0.06),
+        'voltages': model(_mv(figures['voltages_added_at_1_m_v']), agrees=False),
+        'outdoors': model(f'always awake, {figures["awake_h"]:.0f} h', agrees=None),
+        'guard': model(_mv(figures['amplifier']['guard_v']), agrees=False),
+        'woken': model(f'{figures["amplifier"]["false_per_hour"]:.0f}', agrees=None),
+        'narrow': model(f'at most {narrow:.1f} m', narrow >= NARROW_TESTED_M),
     }
 
 
 def draw(figures: dict[str, Any]) -> Any:
     """Draw voltages over distance, reach over the noise's bandwidth, and lives over queries."""
-    figure, ((volts, reach, life),) = new_chart(1, 3, 17, 5.6, MESSAGE)
+    figure, (volts, reach, life) = new_chart(1, 3, 17, 6.2, MESSAGE)
     for angle, colour in zip(_ANGLES_DEG, OTHERS, strict=False):
         course = 1e3 * voltage_v(_RANGES_M, math.radians(angle))
         volts.plot(_RANGES_M, course, color=colour, label=f'indoors, {angle}°')
     volts.plot(1.0, 1e3 * WITH_LIDAR_V, 'kD', label="paper's Tab. 5")
     volts.axhline(1e3 * THRESHOLD_V, color='k', linewidth=1, label='threshold')
-    volts.axhline(1e3 * NOISE_V['outdoors'], color='k', linestyle=':', label='noise outdoors')
-    volts.set_ylim(10, 70)
-    volts.set_xlabel('distance [m]')
-    volts.set_ylabel('behind both filters [mV rms]')
-    reach.plot(
-        1e-3 * np.array(figures['bandwidths_hz']),
-        figures['safe_m'],
-        color=OTHERS[0],
-        label='one false wake-up an hour',
-    )
+    volts.axhline(1e3 * NOISE_V['outdoors'], **line(':', 'k'), label='noise outdoors')
+    label(volts, 'distance [m]', 'behind both filters [mV rms]', ylim=(10, 70))
+    hertz = 1e-3 * np.array(figures['bandwidths_hz'])
+    reach.plot(hertz, figures['safe_m'], color=OTHERS[0], label='one false wake-up an hour')
     reach.axhline(REACH_M, color='k', linewidth=1, label="the paper's reach, guard 1 mV")
-    reach.axvline(1e-3 * AMPLIFIER_HZ, color='k', linestyle='--', label='first amplifier')
-    reach.set_xscale('log')
-    reach.set_ylim(0, 3)
-    reach.set_xlabel('bandwidth of the noise, taken as white [kHz]')
-    reach.set_ylabel('wakes to [m]')
+    reach.axvline(1e-3 * AMPLIFIER_HZ, **line('--', 'k'), label='first amplifier')
+    x = 'bandwidth of the noise, taken as white [kHz]'
+    label(reach, x, 'wakes to [m]', xscale='log', ylim=(0, 3))
     for (name, hours), colour in zip(figures['over_queries_h'].items(), OTHERS, strict=False):
         life.plot(figures['queries_per_hour'], np.array(hours) / _DAY_H, color=colour, label=name)
     for hours, words in ((_YEAR_H / 6, 'two months'), (2 * _YEAR_H, 'two years')):
         life.axhline(hours / _DAY_H, color='0.4', linewidth=1)
         life.text(900, 1.05 * hours / _DAY_H, words, ha='right', fontsize=11)
-    life.set_xscale('log')
-    life.set_yscale('log')
-    life.set_xlabel('queries an hour, a packet each')
-    life.set_ylabel(f'life of {CELL_MAH:g} mAh [days]')
-    for axis in (volts, reach, life):
-        axis.legend(fontsize=10, loc='best')
+    x, y = 'queries an hour, a packet each', f'life of {CELL_MAH:g} mAh [days]'
+    label(life, x, y, xscale='log', yscale='log')
+    for axis, columns in ((volts, 2), (reach, 1), (life, 1)):
+        legend_under(axis, columns)
     return figure

@@ -9,15 +9,14 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
-from tqdm import tqdm
 
 from evaluation.bench.judging import BOTH, judged
-from evaluation.bench.live import place_error
+from evaluation.bench.places import place_error
 from evaluation.bench.rates import rate
 from evaluation.bench.recordings import Path, record, signal_at
 from evaluation.bench.stresses import PLAIN
-from evaluation.report.charts import draw_shares, legend_below, look, new_chart
-from evaluation.report.claims import NOTHING, Table
+from evaluation.report.charts import draw_shares, label, legend_below, line, look, new_chart
+from evaluation.report.claims import Table, as_text, percent
 from retrolidar_ros.detector import METHODS
 from retrolidar_ros.marker.dictionary import USABLE_IDS
 from retrolidar_ros.scene.reference import SENSOR
@@ -28,8 +27,6 @@ MESSAGE = 'A marker may move by decimetres a second while it is read'
 RANGES_M = (1.0, 2.0)
 DURATION_S = 20.0
 _SPEEDS_M_S = (0.0, 0.05, 0.1, 0.2, 0.3, 0.4, 0.6, 0.8)
-_QUICK_SPEEDS_M_S = (0.0, 0.2)
-_RUNS, _QUICK_RUNS = 8, 1
 _SENSOR = replace(SENSOR, blur=0.05)
 _INNER = 0.85  # the marker turns round at this share of the view's half
 _ALONG_M = 0.3  # how far one that comes and goes does
@@ -69,28 +66,19 @@ def along(speed_m_s: float, range_m: float, rng: np.random.Generator) -> Path:
 WAYS = {'across the view': across, 'to and fro': along}
 
 
-def _rms(values: list[float]) -> float | None:
-    return float(np.sqrt(np.mean(np.square(values)))) if values else None
+def _rms(lengths_m: list[float]) -> float | None:
+    return 1e3 * float(np.sqrt(np.mean(np.square(lengths_m)))) if lengths_m else None
 
 
 def _followed(way: str, speed_m_s: float, range_m: float, runs: int, rng: Any) -> dict[str, Any]:
     """Return what both methods read of a marker that repeats while it moves."""
     packets = 0
     read = dict.fromkeys(METHODS, 0)
-    wrong = dict.fromkeys(METHODS, 0)
-    errors: dict[str, list[Any]] = {method: [] for method in METHODS}
+    errors_m: dict[str, list[float]] = {method: [] for method in METHODS}
+    how: dict[str, Any] = {'range_m': range_m, 'repeated_s': DURATION_S, 'sensor': _SENSOR}
     for _ in range(runs):
         path = WAYS[way](speed_m_s, range_m, rng)
-        sent = record(
-            PLAIN,
-            signal_at(range_m),
-            rng,
-            USABLE_IDS,
-            range_m=range_m,
-            repeated_s=DURATION_S,
-            sensor=_SENSOR,
-            path=path,
-        )
+        sent = record(PLAIN, signal_at(range_m), rng, USABLE_IDS, path=path, **how)
         # The first packet began before the first frame, and the last may be read after its end.
         whole = range(1, math.floor((DURATION_S - sent.start_s[0]) / sent.packet_s) - 1)
         packets += len(whole)
@@ -101,27 +89,20 @@ def _followed(way: str, speed_m_s: float, range_m: float, runs: int, rng: Any) -
                 for one in found.own
             ]
             read[method] += len({math.floor(one / sent.packet_s) for one in middles_s} & {*whole})
-            wrong[method] += found.readings - len(found.own)
-            errors[method] += [
-                place_error(one.place, path(np.array([1e-9 * one.stamp_ns]))[0])
-                for one in found.own
+            truths_m = [path(np.array([1e-9 * one.stamp_ns]))[0] for one in found.own]
+            errors_m[method] += [
+                place_error(one.place, truth_m).range_m
+                for one, truth_m in zip(found.own, truths_m, strict=True)
             ]
     return {
-        method: {
-            'read': rate(read[method], packets),
-            'wrong': wrong[method],
-            'range_mm': _rms([1e3 * one.range_m for one in errors[method]]),
-            'position_mm': _rms([1e3 * one.position_m for one in errors[method]]),
-        }
+        method: {'read': rate(read[method], packets), 'range_mm': _rms(errors_m[method])}
         for method in METHODS
     }
 
 
 def run(rng: np.random.Generator, *, quick: bool) -> dict[str, Any]:
     """Return shares of packets read and errors of place, by way, distance and speed."""
-    speeds = _QUICK_SPEEDS_M_S if quick else _SPEEDS_M_S
-    runs = _QUICK_RUNS if quick else _RUNS
-    curves = [(way, range_m) for way in WAYS for range_m in RANGES_M]
+    speeds, runs = ((0.0, 0.2), 1) if quick else (_SPEEDS_M_S, 3)
     return {
         'curves': [
             {
@@ -132,51 +113,38 @@ def run(rng: np.random.Generator, *, quick: bool) -> dict[str, Any]:
                     for speed in speeds
                 ],
             }
-            for way, range_m in tqdm(curves, desc='moving', leave=False)
+            for way in WAYS
+            for range_m in RANGES_M
         ]
     }
 
 
 def table(figures: dict[str, Any]) -> Table:
     """Return what is read, and how wrong it is placed, at some speeds."""
-    rows = [
-        [
-            'packets read; rms error of range [mm]',
-            *(f'{point["speed_m_s"]:g} m/s' for point in figures['curves'][0]['points'][::2]),
-        ]
-    ]
-    for curve in figures['curves']:
+    curves = figures['curves']
+    speeds = [f'{point["speed_m_s"]:g} m/s' for point in curves[0]['points'][::2]]
+    rows = [['packets read; rms error of range', *speeds]]
+    for curve in curves:
         for method in METHODS:
-            cells = []
-            for point in curve['points'][::2]:
-                found = point[method]
-                error = NOTHING if found['range_mm'] is None else f'{found["range_mm"]:.0f}'
-                cells.append(f'{found["read"]["rate"]:.0%}; {error}')
+            found = [point[method] for point in curve['points'][::2]]
+            cells = [
+                f'{percent(one["read"])}; {as_text(one["range_mm"], "mm", 0)}' for one in found
+            ]
             rows.append([f'{curve["way"]} at {curve["range_m"]:g} m, {method}', *cells])
     return rows
 
 
 def draw(figures: dict[str, Any]) -> Any:
     """Draw packets read over the speed, a panel for each way."""
-    figure, (panels,) = new_chart(1, 2, 13, 5.6, MESSAGE)
+    figure, panels = new_chart(1, 2, 13, 5.8, MESSAGE)
     styles = dict(zip(RANGES_M, ('-', ':'), strict=True))
+    for curve in figures['curves']:
+        axis = panels[list(WAYS).index(curve['way'])]
+        speeds = [point['speed_m_s'] for point in curve['points']]
+        for method in METHODS:
+            rates = [point[method]['read'] for point in curve['points']]
+            draw_shares(axis, speeds, rates, linestyle=styles[curve['range_m']], **look(method))
     for axis, way in zip(panels, WAYS, strict=True):
-        for curve in figures['curves']:
-            if curve['way'] != way:
-                continue
-            speeds = [point['speed_m_s'] for point in curve['points']]
-            for method in METHODS:
-                draw_shares(
-                    axis,
-                    speeds,
-                    [point[method]['read'] for point in curve['points']],
-                    linestyle=styles[curve['range_m']],
-                    **look(method),
-                )
-        axis.set_title(way, fontsize=13)
-        axis.set_xlabel('speed [m/s]')
-        axis.set_ylim(-2, 103)
-    panels[0].set_ylabel('packets read [%]')
-    others = {f'at {at:g} m': {'color': '0.2', 'linestyle': style} for at, style in styles.items()}
-    legend_below(figure, METHODS, others)
+        label(axis, 'speed [m/s]', 'packets read [%]', way, percent=True)
+    legend_below(figure, METHODS, {f'at {at:g} m': line(style) for at, style in styles.items()})
     return figure

@@ -1,33 +1,30 @@
 # Copyright 2026 retrolidar_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""The sweeps of the paper (§6.2, §6.4): Fig. 8a, 8b and 11."""
+"""The sweeps of the paper (§6.2, §6.4): Fig. 8a, 8b and 11, beside the paper's own values."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Sequence
 from dataclasses import replace
 from functools import partial
+from typing import Any
 
 import numpy as np
 
-from evaluation.bench.judging import Options
 from evaluation.bench.recordings import Path, Sent, record, signal_at
 from evaluation.bench.stresses import PLAIN
-from evaluation.experiments.sweep_claims import (
-    PAPER_ANGLE_DEG,
-    PAPER_REACH_M,
-    PAPER_SMALL_M,
-    PAPER_YAW_DEG,
-    Reading,
-    ambient_claims,
-    angle_claims,
-    reach_claims,
-    reading_claims,
-    size_claims,
-    yaw_claims,
+from evaluation.experiments.sweeps import (
+    MOST_BITS,
+    PAPERS_OWN,
+    Curve,
+    Sweep,
+    end_of,
+    point_of,
+    rng_at,
 )
-from evaluation.experiments.sweeps import Curve, Sweep
+from evaluation.report.charts import SHADES, WRONG, draw_reads, label, legend_below, line, new_chart
+from evaluation.report.claims import BOTH_CLAIMED, Claim, Claims, as_text, claim_of, model, shares
 from retrolidar_ros.detector import METHODS
 from retrolidar_ros.marker.dictionary import USABLE_IDS
 from retrolidar_ros.scene.optics import DISTANCE_EXPONENT, received_signal
@@ -35,18 +32,24 @@ from retrolidar_ros.scene.reference import NOISE, SENSOR, WALL_SIGNAL
 from retrolidar_ros.scene.truth import PACKET_S
 from retrolidar_ros.sensor.frame import Floats
 
+PAPER_REACH_M, PAPER_SURE_M, PAPER_FOUND_M = 2.6, 2.0, 2.8
+PAPER_SMALL_M, PAPER_ANGLE_DEG, PAPER_YAW_DEG = 1.3, 25, 50
+PAPER_LOSS_M, PAPER_OUTDOORS_M = 0.2, 1.0
+PAPER_CLEAN, PAPER_BROKEN = 0.89, 0.48
 LOOK_S = 0.45  # after the last packet: when the next look at several of them is due, at the latest
+LONE_RECORDINGS = 8  # of lone packets of 3 cm at a distance: the same ones wherever these are read
 LIGHTS = {'dark': 0.0, 'lamps at night': 2.0, 'daylight in a room': 24.0, 'shade outdoors': 1000.0}
 """Ambient light at 940 nm as the sensor reports it [kcps/SPAD].
 
 Public captures have 1 to 28 indoors; outdoors is forty times daylight in a room, as 20 000 lux
 are to 500.
 """
-_DAZZLED = replace(SENSOR, noise=replace(NOISE, ambient=NOISE.slope))
-_BLURRED = replace(SENSOR, blur=0.05)
-_RANGES_M = (1.0, 1.5, 2.0, 2.2, 2.4, 2.6, 2.7, 2.8, 2.9, 3.0, 3.2, 3.4)
+RANGES_M = (1.0, 1.5, 2.0, 2.2, 2.4, 2.6, 2.7, 2.8, 2.9, 3.0, 3.2, 3.4)
+_DISTANCE = 'distance of a marker of 3 cm [m]'
 _LIKE_M = (1.8, 2.2, 2.4, 2.6, 2.7, 2.8, 2.9, 3.0, 3.2)
 _OF_SEVERAL_M = (2.4, 2.8, 3.0, 3.2, 3.4, 3.6, 3.8, 4.0)
+_DAZZLED = replace(SENSOR, noise=replace(NOISE, ambient=NOISE.slope))
+_BLURRED = replace(SENSOR, blur=0.05)
 
 
 def lone(
@@ -56,6 +59,12 @@ def lone(
     at = np.array(range_m)
     signal = float(received_signal(at, size_m**2, math.radians(yaw_deg)))
     return record(PLAIN, signal, rng, USABLE_IDS, range_m=range_m)
+
+
+def lone_packets(range_m: float, seed: int, recordings: int = LONE_RECORDINGS) -> list[Sent]:
+    """Return the lone packets that every experiment has at a distance."""
+    rng = rng_at(seed, range_m)
+    return [lone(range_m, rng) for _ in range(recordings)]
 
 
 def repeating(range_m: float, rng: np.random.Generator, *, size_m: float, packets: int) -> Sent:
@@ -85,114 +94,199 @@ def _lit(range_m: float, rng: np.random.Generator, *, light: float) -> Sent:
     return record(PLAIN, signal_at(range_m), rng, USABLE_IDS, sensor=_DAZZLED, ambient=light)
 
 
-def _several(packets: int) -> dict[str, Options]:
-    return {method: {'method': method, 'max_packets': packets} for method in METHODS}
+def _scaled(places_m: Sequence[float], factor: float) -> tuple[float, ...]:
+    return tuple(round(factor * place, 3) for place in places_m)
 
 
-def _alike(size_m: float) -> tuple[float, ...]:
-    """Return where a marker is as bright as one of 3 cm where its reach ends."""
-    factor = (size_m / 0.03) ** (-2 / DISTANCE_EXPONENT)
-    return tuple(round(factor * place, 3) for place in _LIKE_M)
+def _of_size(places_m: Sequence[float], size_m: float) -> tuple[float, ...]:
+    """Return where a marker is as bright as one of 3 cm is at some places."""
+    return _scaled(places_m, (size_m / 0.03) ** (-2 / DISTANCE_EXPONENT))
 
 
 def _where_lit(light: float) -> tuple[float, ...]:
     """Return where a marker stands out of noise as it does in the dark where its reach ends."""
     dark = NOISE.floor + NOISE.slope * WALL_SIGNAL
     louder = (dark + NOISE.slope * light) / dark
-    return tuple(round(place * louder ** (0.5 / DISTANCE_EXPONENT), 3) for place in _LIKE_M)
+    return _scaled(_LIKE_M, louder ** (0.5 / DISTANCE_EXPONENT))
 
 
-def _curves(
-    makers: Mapping[str, Callable[[float, np.random.Generator], Sent]],
-    places: Mapping[str, tuple[float, ...]],
-    recordings: int,
-) -> list[Curve]:
-    return [Curve(name, make, places[name], recordings) for name, make in makers.items()]
+def _several(size_cm: int, packets: int) -> Curve:
+    """Return the curve of some packets that may be combined."""
+    size_m = size_cm / 100
+    make = partial(repeating, size_m=size_m, packets=packets)
+    variants = {method: {'method': method, 'max_packets': packets} for method in METHODS}
+    places_m = _of_size(_OF_SEVERAL_M, size_m)
+    return Curve(f'{size_cm} cm, {packets} packets', make, places_m, 3, variants, lone=False)
 
 
-_AREAS = {f'{1e4 * size_m**2:g} cm²': size_m for size_m in (0.01, 0.015, 0.02, 0.025, 0.03)}
-_ONE_OR_MORE = [
-    Curve('1 cm, one packet', partial(lone, size_m=0.01), _alike(0.01), 4),
-    *(
-        Curve(
-            f'{size} cm, {packets} packets',
-            partial(repeating, size_m=size / 100, packets=packets),
-            tuple(
-                round(place * (size / 3) ** (-2 / DISTANCE_EXPONENT), 3) for place in _OF_SEVERAL_M
-            ),
-            3,
-            _several(packets),
-            lone=False,
-        )
-        for size in (3, 1)
-        for packets in (3, 8)
-    ),
-]
+SMALL_M = _of_size(_LIKE_M, 0.01)
+"""Distances of lone packets of 1 cm, of which there are `SMALL_RECORDINGS` at each."""
+SMALL_RECORDINGS = 4
+YAWS_DEG = (0, 20, 40, 50, 52, 54, 56, 57, 58, 59, 60)
+
+
+class Reading(Sweep):
+    """Distance, and how many of the bits that were read rightly had been wrong."""
+
+    def draw(self, figures: dict[str, Any]) -> Any:
+        """Draw shares over distance, and the wrong bits of both methods."""
+        figure, (read, *bits) = new_chart(1, 3, 16, 6, self.message)
+        (points,) = (curve['points'] for curve in figures['curves'].values())
+        draw_reads(read, points)
+        places = [point['place'] for point in points]
+        found = [100 * point['paper']['found'] for point in points]
+        read.plot(places, found, **line('-.', '0.3'), linewidth=1)
+        read.axvline(PAPER_REACH_M, **line(':'))
+        label(read, self.axis, 'lone packets [%]', 'identified', percent=True)
+        names = [*map(str, range(MOST_BITS)), f'{MOST_BITS} or more']
+        for axis, method in zip(bits, METHODS, strict=True):
+            below = np.zeros(len(points))
+            for wrong, colour in enumerate(SHADES):
+                trials = [point[method]['right']['trials'] for point in points]
+                counts = [point[method]['bits'][wrong] for point in points]
+                height = 100 * np.array(counts) / np.array(trials)
+                axis.bar(range(len(places)), height, 0.8, below, color=colour)
+                below += height
+            label(
+                axis, self.axis, '', f'{method}: wrong bits of what is read rightly', percent=True
+            )
+            axis.set_xticks(range(len(places)), [f'{place:g}' for place in places])
+            axis.grid(axis='x', visible=False)
+        others: dict[str, Any] = {
+            **WRONG,
+            'paper: preamble found': line('-.', '0.3'),
+            **PAPERS_OWN,
+            **{
+                f'{name} wrong bits': line('', colour) | {'marker': 's', 'markersize': 9}
+                for name, colour in zip(names, SHADES, strict=True)
+            },
+        }
+        legend_below(figure, METHODS, others)
+        return figure
+
+
+def _ends(figures: dict[str, Any], curve: str) -> list[float | None]:
+    return [end_of(figures, curve, method) for method in BOTH_CLAIMED]
+
+
+def _reaches(ends: Sequence[float | None], least: float, unit: str = 'm', digits: int = 2) -> Claim:
+    """Return a claim that agrees if the default reaches as far as the paper."""
+    default = ends[-1]
+    words = (as_text(one, unit, digits) for one in ends)
+    return claim_of(words, default is not None and default >= least)
+
+
+def _reading_claims(figures: dict[str, Any]) -> Claims:
+    """Return the claims of distance, detection and wrong bits."""
+
+    def at(place: float, key: str) -> list[Any]:
+        return [point_of(figures, '3 cm', place)[method][key] for method in BOTH_CLAIMED]
+
+    sure = [one['rate'] for one in at(PAPER_SURE_M, 'right')]
+    wrong = [one['rate'] for one in at(1.0, 'wrong')]
+    found = at(PAPER_FOUND_M, 'found')
+    clean = [bits[0] / max(1, sum(bits)) for bits in at(PAPER_SURE_M, 'bits')]
+    broken = [1 - bits[0] / max(1, sum(bits)) for bits in at(PAPER_FOUND_M, 'bits')]
+    return {
+        'reach': _reaches(_ends(figures, '3 cm'), PAPER_REACH_M),
+        'sure': shares(sure, sure[1] > 0.98),
+        'found': shares(found, found[0] > 0.98),
+        'wrong': shares(wrong),
+        'clean': shares(clean, abs(clean[0] - PAPER_CLEAN) < 0.06),
+        'broken': shares(broken, abs(broken[0] - PAPER_BROKEN) < 0.08),
+    }
+
+
+def _reach_claims(figures: dict[str, Any]) -> Claims:
+    """Return the claims of small markers and several packets."""
+    point = point_of(figures, '3 cm, 3 packets', PAPER_FOUND_M)
+    three = [point[method]['right']['rate'] for method in BOTH_CLAIMED]
+    return {
+        'small': _reaches(_ends(figures, '1 cm, one packet'), PAPER_SMALL_M),
+        'three': shares(three, three[1] > 0.97),
+    }
+
+
+def _size_claims(figures: dict[str, Any]) -> Claims:
+    """Return the claims of how reach grows with area."""
+    known = [(float(name.split()[0]), end_of(figures, name, 'joint')) for name in figures['curves']]
+    areas, ends = np.array([one for one in known if one[1] is not None], dtype=float).T
+    power = float(np.polyfit(np.log(areas), np.log(ends), 1)[0])
+    paper = math.log(PAPER_REACH_M / PAPER_SMALL_M) / math.log(9)
+    return {'power': model(f'{power:.2f}', abs(power - paper) < 0.03)}
+
+
+def _ambient_claims(figures: dict[str, Any]) -> Claims:
+    """Return the claims of light."""
+    lights = ('dark', 'daylight in a room', 'shade outdoors')
+    dark, day, shade = (_ends(figures, light) for light in lights)
+    lost = [
+        None if before is None or after is None else before - after
+        for before, after in zip(dark, day, strict=True)
+    ]
+    near = lost[1] is not None and abs(lost[1] - PAPER_LOSS_M) < 0.1
+    return {
+        'loss': claim_of(map(as_text, lost), near),
+        'outdoors': _reaches(shade, PAPER_OUTDOORS_M),
+    }
+
+
 SWEEPS: dict[str, Sweep] = {
     'reading': Reading(
         'Reading over distance',
         'The code mends bits to the end of the reach; the default needs no clean ones',
-        'distance of a marker of 3 cm [m]',
-        'm',
-        [Curve('3 cm', lone, _RANGES_M, 8)],
-        reading_claims,
-        {},
+        _DISTANCE,
+        [Curve('3 cm', lone, RANGES_M, LONE_RECORDINGS)],
+        _reading_claims,
     ),
     'reach': Sweep(
         'Reach over several packets',
         'Packets that are added up reach farther',
         'distance [m]',
-        'm',
-        _ONE_OR_MORE,
-        reach_claims,
+        [
+            Curve('1 cm, one packet', partial(lone, size_m=0.01), SMALL_M, SMALL_RECORDINGS),
+            *(_several(size_cm, packets) for size_cm in (3, 1) for packets in (3, 8)),
+        ],
+        _reach_claims,
         {'1 cm, one packet': PAPER_SMALL_M},
     ),
     'size': Sweep(
         'Size of the marker',
         'The reach grows with the fourth root of the area, about',
         'distance [m]',
-        'm',
-        _curves(
-            {name: partial(lone, size_m=size_m) for name, size_m in _AREAS.items()},
-            {name: _alike(size_m) for name, size_m in _AREAS.items()},
-            3,
-        ),
-        size_claims,
+        [
+            Curve(f'{1e4 * at**2:g} cm²', partial(lone, size_m=at), _of_size(_LIKE_M, at))
+            for at in (0.01, 0.015, 0.02, 0.025, 0.03)
+        ],
+        _size_claims,
         {'1 cm²': PAPER_SMALL_M, '9 cm²': PAPER_REACH_M},
     ),
     'angle': Sweep(
         'Angle from the axis',
         'Markers are read to the edge of the view',
         'angle from the axis [°]',
-        '°',
         [Curve('at 1 m', _aside, (0, 6, 12, 18, 21, 22, 23, 24, 25, 26, 28), 32)],
-        angle_claims,
+        lambda got: {'angle': _reaches(_ends(got, 'at 1 m'), PAPER_ANGLE_DEG, '°', 1)},
         {'at 1 m': PAPER_ANGLE_DEG},
+        '°',
     ),
     'yaw': Sweep(
         'Yaw of the marker',
         'Near by, a marker may be turned until no light comes back',
         'yaw [°]',
-        '°',
-        _curves(
-            {f'at {at:g} m': partial(_turned, range_m=at) for at in (1.0, 2.0)},
-            dict.fromkeys(('at 1 m', 'at 2 m'), (0, 20, 40, 50, 52, 54, 56, 57, 58, 59, 60)),
-            3,
-        ),
-        yaw_claims,
+        [Curve(f'at {at:g} m', partial(_turned, range_m=at), YAWS_DEG) for at in (1.0, 2.0)],
+        lambda got: {'yaw': _reaches(_ends(got, 'at 1 m'), PAPER_YAW_DEG, '°', 1)},
         {'at 1 m': PAPER_YAW_DEG},
+        '°',
     ),
     'ambient': Sweep(
         'Ambient light',
         'Daylight in a room costs decimetres of reach, the shade outdoors a metre',
-        'distance of a marker of 3 cm [m]',
-        'm',
-        _curves(
-            {name: partial(_lit, light=light) for name, light in LIGHTS.items()},
-            {name: _where_lit(light) for name, light in LIGHTS.items()},
-            4,
-        ),
-        ambient_claims,
-        {},
+        _DISTANCE,
+        [
+            Curve(name, partial(_lit, light=light), _where_lit(light), 4)
+            for name, light in LIGHTS.items()
+        ],
+        _ambient_claims,
     ),
 }

@@ -9,18 +9,24 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
-from tqdm import tqdm
 
-from evaluation.bench.judging import FIRST_PACKETS, judged, read_of
-from evaluation.bench.rates import crossing
+from evaluation.bench.judging import BOTH, Judged, judged, read_of
 from evaluation.bench.recordings import Sent, record, signal_at
 from evaluation.bench.stresses import PLAIN
 from evaluation.experiments.moving import across
-from evaluation.experiments.paper_sweeps import lone
+from evaluation.experiments.paper_sweeps import (
+    LONE_RECORDINGS,
+    RANGES_M,
+    SMALL_M,
+    SMALL_RECORDINGS,
+    YAWS_DEG,
+    lone,
+)
+from evaluation.experiments.sweeps import ends_of, rng_at
 from evaluation.peers.background import Background
 from evaluation.peers.pictures import View, errors, read_pictures
 from evaluation.peers.visual_markers import APRILTAG, APRILTAG_FINE, QR, find_readers
-from evaluation.report.charts import LEVEL, draw_shares, legend_below, look, new_chart
+from evaluation.report.charts import LEVEL, draw_shares, label, legend_below, look, new_chart
 from evaluation.report.claims import (
     NOTHING,
     Claim,
@@ -37,17 +43,18 @@ from retrolidar_ros.scene.reference import SENSOR
 
 TITLE = 'LiDAR markers beside visual ones'
 MESSAGE = 'Tags: farther, sooner, turned more; LiDAR markers: smaller, in motion, in the dark'
-AT_M = 1.0
-"""Where everything but distance is swept: all read nearly everything there."""
+AT_M = 1.0  # where everything but distance is swept: all read nearly everything there
 SHORT_S = 1 / 250
-_PICTURES, _QUICK_PICTURES = 48, 8
-_RECORDINGS, _MOVERS = 3, 24
+_PICTURES, _QUICK_PICTURES = 32, 8
+# Of lone packets; the same frames as where these are swept alone.
+_COUNTS = {'3 cm': LONE_RECORDINGS, '1 cm': SMALL_RECORDINGS, 'speed': 32}
+_NAMES = ['joint', 'paper', APRILTAG, APRILTAG_FINE, QR]
 _SENSOR = replace(SENSOR, blur=0.05)
 
-_3_CM_M = (0.4, 0.7, 1.0, 1.4, 1.8, 2.0, 2.2, 2.4, 2.6, 2.8, 3.0, 3.2, 3.6, 4.0)
-_1_CM_M = (0.3, 0.4, 0.6, 0.8, 0.9, 1.0, 1.1, 1.2, 1.4, 1.6, 1.8)
-_ANGLES_DEG = (0, 15, 30, 40, 50, 55, 58, 60, 65, 70, 75, 80)
-_SPEEDS_M_S = (0.0, 0.05, 0.1, 0.15, 0.2, 0.3, 0.5, 0.8, 1.2, 1.8)
+_3_CM_M = (0.4, 0.7, *RANGES_M, 3.6, 4.0)
+_1_CM_M = (0.3, 0.5, 0.7, 0.85, 0.95, 1.05, 1.15, *SMALL_M[1:])
+_ANGLES_DEG = (0, 20, 40, 50, *YAWS_DEG[-3:], 65, 70, 75, 80)
+_SPEEDS_M_S = (0.0, 0.05, 0.1, 0.15, 0.2, 0.3, 0.5, 0.8, 1.0, 1.2, 1.8)
 _LUXES = (300.0, 30.0, 10.0, 3.0, 1.0, 0.3, 0.1)
 _VEILS = (0.0, 0.2, 0.4, 0.6, 0.8, 1.0, 1.2)
 
@@ -85,13 +92,17 @@ _SWEEPS: dict[str, tuple[str, tuple[float, ...], Callable[[float], View], Maker 
 }
 
 
-def _lidar(make: Maker, place: float, name: str, quick: bool, rng: Any) -> dict[str, Any]:
+def _lidar(name: str, place: float, quick: bool, seed: int) -> dict[str, Any]:
     """Return what both methods make of lone packets, with their errors of range."""
-    recordings = (_MOVERS if name == 'speed' else _RECORDINGS) // (3 if quick else 1)
-    found: dict[str, list[Any]] = {method: [] for method in METHODS}
+    make = _SWEEPS[name][3]
+    if make is None:
+        return {}
+    recordings = max(1, _COUNTS.get(name, 3) // (3 if quick else 1))
+    rng = rng_at(seed, place)
+    found: dict[str, list[Judged]] = {method: [] for method in METHODS}
     for _ in range(recordings):
         sent = make(place, rng)
-        for method, options in FIRST_PACKETS.items():
+        for method, options in BOTH.items():
             found[method].append(judged(sent, options))
     at_m = place if name.endswith('cm') else AT_M
     results = {}
@@ -104,28 +115,22 @@ def _lidar(make: Maker, place: float, name: str, quick: bool, rng: Any) -> dict[
 
 def run(rng: np.random.Generator, *, quick: bool) -> dict[str, Any]:
     """Return readings and errors over distance, angle, speed, light and glare."""
+    seed = int(rng.integers(2**31))
     readers, missing = find_readers()
     background = Background(rng)
     pictures = _QUICK_PICTURES if quick else _PICTURES
     sweeps = {}
-    for name, (axis, places, view, make) in tqdm(_SWEEPS.items(), desc='peers', leave=False):
-        points = []
-        for place in places[:: 3 if quick else 1]:
-            point: dict[str, Any] = {'place': place}
-            point |= read_pictures(readers, background, pictures, rng, view(place))
-            if make is not None:
-                point |= _lidar(make, place, name, quick, rng)
-            points.append(point)
-        names = [one for one in (*METHODS, APRILTAG, APRILTAG_FINE, QR) if one in points[0]]
-        ends = {
-            one: crossing(
-                LEVEL,
-                [point['place'] for point in points],
-                [point[one]['read' if one not in METHODS else 'right'] for point in points],
-            )
-            for one in names
-        }
-        sweeps[name] = {'axis': axis, 'points': points, 'ends': ends}
+    for name, (axis, places, view, _) in _SWEEPS.items():
+        points = [
+            {
+                'place': place,
+                **read_pictures(readers, background, pictures, rng, view(place)),
+                **_lidar(name, place, quick, seed),
+            }
+            for place in places[:: 3 if quick else 1]
+        ]
+        names = [one for one in _NAMES if one in points[0]]
+        sweeps[name] = {'axis': axis, 'points': points, 'ends': ends_of(points, names)}
     return {'sweeps': sweeps, 'missing': missing}
 
 
@@ -162,22 +167,23 @@ _ROWS = {
 
 def table(figures: dict[str, Any]) -> Table:
     """Return where each stops reading, where the AprilTag is better first."""
-    names = ['joint', 'paper', APRILTAG, APRILTAG_FINE, QR]
-    rows = [['80 % are read to', 'LiDAR, default', 'LiDAR, paper', *names[2:]]]
     lines: list[tuple[float, list[str]]] = []
     for sweep, (unit, what) in _ROWS.items():
-        cells = [words(figures, sweep, name, unit, 0 if unit == '°' else 2) for name in names]
+        cells = [words(figures, sweep, name, unit, 0 if unit == '°' else 2) for name in _NAMES]
         if sweep in ('light', 'glare'):
             cells[:2] = ['own light'] * 2
-        ends = [end(figures, sweep, name) or 0.0 for name in names]
+        ends = [end(figures, sweep, name) or 0.0 for name in _NAMES]
         lead = max(ends[2:]) / ends[0] if ends[0] else 0.0
         lines.append((lead, [what, *cells]))
-    rows += [line for _, line in sorted(lines, key=lambda one: -one[0])]
+    rows = [
+        ['80 % are read to', 'LiDAR, default', 'LiDAR, paper', *_NAMES[2:]],
+        ['time to an answer', '1.3 s', '1.3 s', *['33 ms'] * 3],
+        ['orientation', 'none', 'none', *['full'] * 3],
+        *(row for _, row in sorted(lines, key=lambda one: -one[0])),
+    ]
     for range_m in (1.0, 2.0):
-        cells = [as_text(error(figures, name, range_m, 'median'), 'mm', 1) for name in names]
+        cells = [as_text(error(figures, name, range_m, 'median'), 'mm', 1) for name in _NAMES]
         rows.append([f'median error of range, 3 cm at {range_m:g} m', *cells])
-    rows.append(['time to an answer', '1.3 s', '1.3 s', *['33 ms'] * 3])
-    rows.append(['orientation', 'none', 'none', *['full'] * 3])
     return rows
 
 
@@ -212,62 +218,48 @@ def claims(figures: dict[str, Any]) -> Claims:
     }
 
 
-_PANELS = (
-    ('3 cm', 'a tag of 3 cm reads farther'),
-    ('1 cm', 'the LiDAR reads 1 cm farther'),
-    ('error', 'ranges of 3 cm: median'),
-    ('yaw', 'yaw at 1 m'),
-    ('pitch', 'pitch at 1 m'),
-    ('speed', 'speed at 1 m (dotted: 4 ms)'),
-    ('light', 'the dark: LiDAR has its own light'),
-    ('glare', 'glare, until paper is white'),
-)
+_PANELS = {
+    '3 cm': 'a tag of 3 cm reads farther',
+    '1 cm': 'the LiDAR reads 1 cm farther',
+    'error': 'ranges of 3 cm',
+    'yaw': 'yaw at 1 m',
+    'pitch': 'pitch at 1 m',
+    'speed': 'speed at 1 m (dotted: 4 ms)',
+    'light': 'the dark: LiDAR has its own light',
+    'glare': 'glare, until paper is white',
+}
 
 
 def draw(figures: dict[str, Any]) -> Any:
     """Draw a panel for each sweep, and the error of range."""
-    figure, axes = new_chart(2, 4, 18, 9.5, MESSAGE)
-    for axis, (name, title) in zip(axes.flat, _PANELS, strict=True):
-        axis.set_title(title, fontsize=13)
+    figure, panels = new_chart(2, 4, 18, 9.5, MESSAGE)
+    for axis, (name, title) in zip(panels, _PANELS.items(), strict=True):
         if name == 'error':
-            _draw_errors(axis, figures)
+            _draw_errors(axis, figures['sweeps']['3 cm'])
+            label(axis, 'distance [m]', 'median error of range [mm]', title, yscale='log')
             continue
         _draw_reads(axis, figures['sweeps'][name], '-')
         if name == 'speed':
             _draw_reads(axis, figures['sweeps']['speed, 4 ms'], ':')
+        y = 'read in one packet or picture [%]' if axis in panels[::4] else ''
+        label(axis, figures['sweeps'][name]['axis'], y, title, percent=True)
         if name == 'light':
             axis.set_xscale('log')
             axis.invert_xaxis()
-        axis.set_ylim(-2, 103)
-    for row in axes:
-        row[0].set_ylabel('read in one packet or picture [%]')
-    names = [
-        name
-        for name in ('joint', 'paper', APRILTAG, APRILTAG_FINE, QR)
-        if name not in figures['missing']
-    ]
-    legend_below(figure, names)
+    legend_below(figure, [name for name in _NAMES if name not in figures['missing']])
     return figure
 
 
 def _draw_reads(axis: Any, sweep: dict[str, Any], style: str) -> None:
-    points = sweep['points']
+    places = [point['place'] for point in sweep['points']]
     for name in sweep['ends']:
-        key = 'right' if name in METHODS else 'read'
-        rates = [point[name][key] for point in points]
-        draw_shares(
-            axis, [point['place'] for point in points], rates, linestyle=style, **look(name)
-        )
+        rates = [point[name]['right'] for point in sweep['points']]
+        draw_shares(axis, places, rates, linestyle=style, **look(name))
     axis.axhline(100 * LEVEL, color='0.6', linewidth=0.8)
-    axis.set_xlabel(sweep['axis'])
 
 
-def _draw_errors(axis: Any, figures: dict[str, Any]) -> None:
-    sweep = figures['sweeps']['3 cm']
+def _draw_errors(axis: Any, sweep: dict[str, Any]) -> None:
     for name in sweep['ends']:
         points = [point for point in sweep['points'] if point[name]['error_mm']]
         values = [point[name]['error_mm']['median'] for point in points]
         axis.plot([point['place'] for point in points], values, **look(name))
-    axis.set_yscale('log')
-    axis.set_xlabel(sweep['axis'])
-    axis.set_ylabel('error of range [mm]')

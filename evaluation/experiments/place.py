@@ -7,11 +7,10 @@ from __future__ import annotations
 from typing import Any, NamedTuple
 
 import numpy as np
-from tqdm import tqdm
 
-from evaluation.bench.live import ELLIPSOID, held, place_error
-from evaluation.report.charts import OTHERS, new_chart
-from evaluation.report.claims import NOTHING, Claim, Claims, Table, percent
+from evaluation.bench.places import ELLIPSOID, held, place_error
+from evaluation.report.charts import OTHERS, draw_distribution, label, legend_below, line, new_chart
+from evaluation.report.claims import NOTHING, Claims, Table, as_text, model, percent
 from retrolidar_ros.detector import Detection, create_detector
 from retrolidar_ros.marker.dictionary import USABLE_IDS
 from retrolidar_ros.scene import Scene, Simulation
@@ -26,7 +25,7 @@ DURATION_S = 2.9  # a marker that repeats is read once
 _FAIR_SHARE = 0.05
 _BLURS = (0.05, 0.25)
 _RANGES_M = (0.4, 2.6)
-_MARKERS, _QUICK_MARKERS = 600, 60
+_QUICK_MARKERS = 60
 # From a wall that a marker merges with to one that the sensor separates.
 _BEHIND_M = (0.005, 1.5)
 _WALL_SIGNALS = (1.0, 40.0)  # [kcps/SPAD]
@@ -38,13 +37,8 @@ def random_scene(blur: float, rng: np.random.Generator) -> Scene:
     half = SENSOR.grid.pitch * SENSOR.grid.columns / 2
     ray = np.append(rng.uniform(-half, half, 2), 1.0)
     x, y, z = (rng.uniform(*_RANGES_M) * ray / np.linalg.norm(ray)).tolist()
-    marker = Marker(
-        id=int(rng.choice(USABLE_IDS)),
-        position_m=(x, y, z),
-        name='marker',
-        start_s=float(-rng.uniform(0, 1.3)),
-        response=RESPONSE,
-    )
+    id_, start_s = int(rng.choice(USABLE_IDS)), float(-rng.uniform(0, 1.3))
+    marker = Marker(id_, (x, y, z), 'marker', start_s=start_s, response=RESPONSE)
     wall = Surface(z + float(rng.uniform(*_BEHIND_M)), float(rng.uniform(*_WALL_SIGNALS)))
     sensor = Sensor(noise=NOISE, ranging=RANGING, blur=blur)
     return Scene(sensor=sensor, markers=(marker,), surfaces=(wall,))
@@ -69,14 +63,11 @@ def seen_by_two(detection: Detection, scene: Scene) -> tuple[bool, bool]:
 class Error(NamedTuple):
     """By how much a marker's place was wrong; pairs are across and down."""
 
-    squared_distance: float
-    """In standard deviations of the covariance."""
+    squared_distance: float  # in standard deviations of the covariance
     range_m: float
     bearing_deg: Floats
-    centre_deg: Floats
-    """The same of the centre of the strongest zone."""
-    between: tuple[bool, bool]
-    """Whether two columns and two rows saw the marker."""
+    centre_deg: Floats  # the same of the centre of the strongest zone
+    between: tuple[bool, bool]  # whether two columns and two rows saw the marker
 
 
 def _error(scene: Scene, rng: np.random.Generator) -> Error | None:
@@ -91,13 +82,9 @@ def _error(scene: Scene, rng: np.random.Generator) -> Error | None:
             measured = one.place.position_m[:2] / one.place.position_m[2]
             tangents = np.array([measured, grid.tangents[one.zones[0]], truth_m[:2] / truth_m[2]])
             angles = np.degrees(np.arctan(tangents))
-            return Error(
-                wrong.squared_distance,
-                wrong.range_m,
-                angles[0] - angles[2],
-                angles[1] - angles[2],
-                seen_by_two(one, scene),
-            )
+            off, centre = angles[:2] - angles[2]
+            between = seen_by_two(one, scene)
+            return Error(wrong.squared_distance, wrong.range_m, off, centre, between)
     return None
 
 
@@ -118,9 +105,9 @@ def _figures(blur: float, rows: list[Error]) -> dict[str, Any]:
         'ellipsoid_holds': {name: held(distance[group]) for name, group in whole.items()},
         'bearing_rms_deg': {name: _rms(bearing[group]) for name, group in along.items()},
         'centre_rms_deg': {name: _rms(centre[group]) for name, group in along.items()},
-        'bearing_deg': {name: np.sort(bearing[group]).tolist() for name, group in along.items()},
+        'bearing_deg': {name: bearing[group].round(4).tolist() for name, group in along.items()},
         'distance': {
-            name: np.sqrt(np.sort(distance[group])).tolist() for name, group in whole.items()
+            name: np.sqrt(distance[group]).round(4).tolist() for name, group in whole.items()
         },
         'range_median_m': float(np.median(np.abs([row.range_m for row in rows]))),
     }
@@ -128,12 +115,12 @@ def _figures(blur: float, rows: list[Error]) -> dict[str, Any]:
 
 def run(rng: np.random.Generator, *, quick: bool) -> dict[str, Any]:
     """Return errors and coverage of markers alone in a zone and between zones, by blur."""
-    markers = _QUICK_MARKERS if quick else _MARKERS
+    markers = _QUICK_MARKERS if quick else 600
     blurs = []
     for blur in _BLURS:
-        rows = [_error(random_scene(blur, rng), rng) for _ in tqdm(range(markers), leave=False)]
+        rows = [_error(random_scene(blur, rng), rng) for _ in range(markers)]
         blurs.append(_figures(blur, [row for row in rows if row is not None]))
-    return {'markers': markers, 'blurs': blurs}
+    return {'blurs': blurs}
 
 
 def table(figures: dict[str, Any]) -> Table:
@@ -143,44 +130,37 @@ def table(figures: dict[str, Any]) -> Table:
     for row in figures['blurs']:
         for name, words in _NAMES.items():
             holds = row['ellipsoid_holds'][name]
-            rows.append(
-                [
-                    f'{words}, blur of {row["blur"]:.0%} of a zone',
-                    f'{row["bearing_rms_deg"][name]:.2f}°',
-                    f'{row["centre_rms_deg"][name]:.2f}°',
-                    NOTHING if holds is None else percent(holds),
-                    f'{1e3 * row["range_median_m"]:.1f} mm',
-                ]
-            )
+            cells = [f'{row[key][name]:.2f}°' for key in ('bearing_rms_deg', 'centre_rms_deg')]
+            cells.append(NOTHING if holds is None else percent(holds))
+            cells.append(as_text(1e3 * row['range_median_m'], 'mm', 1))
+            rows.append([f'{words}, blur of {row["blur"]:.0%} of a zone', *cells])
     return rows
 
 
 def claims(figures: dict[str, Any]) -> Claims:
     """Return the error of the range."""
     median_mm = 1e3 * figures['blurs'][0]['range_median_m']
-    return {'range': Claim(default=f'{median_mm:.1f} mm of range', agrees=False)}
+    return {'range': model(f'{median_mm:.1f} mm of range', agrees=False)}
 
 
 def draw(figures: dict[str, Any]) -> Any:
     """Draw the distribution of bearing errors, and of distances in standard deviations."""
-    figure, (panels,) = new_chart(1, 2, 14, 5.8, MESSAGE)
+    figure, panels = new_chart(1, 2, 14, 6, MESSAGE)
     axes = (
         ('bearing_deg', 'error of the bearing along one axis [°]', 8),
         ('distance', 'distance from the truth, in standard deviations of the covariance', 5),
     )
-    for axis, (key, label, most) in zip(panels, axes, strict=True):
-        for row, colour in zip(figures['blurs'], OTHERS, strict=False):
-            for name, style in zip(_NAMES, (':', '-'), strict=True):
-                errors = row[key][name]
-                shares = 100 * (np.arange(len(errors)) + 0.5) / max(len(errors), 1)
-                words = f'{_NAMES[name]}, blur {row["blur"]:.0%}'
-                axis.plot(errors, shares, color=colour, linestyle=style, label=words)
-        axis.set_xlabel(label)
-        axis.set_ylabel('markers [%]')
-        axis.set_xlim(0, most)
-        axis.set_ylim(0, 101)
-        axis.legend(loc='lower right', fontsize=11)
-    panels[1].axvline(np.sqrt(ELLIPSOID), color='0.4', linestyle='--', linewidth=1)
-    panels[1].axhline(95, color='0.4', linestyle='--', linewidth=1)
-    panels[1].text(np.sqrt(ELLIPSOID) + 0.05, 60, '95 % ellipsoid', color='0.3')
+    looks = {
+        f'{words}, blur {row["blur"]:.0%}': (row, name, line(style, colour))
+        for row, colour in zip(figures['blurs'], OTHERS, strict=False)
+        for (name, words), style in zip(_NAMES.items(), (':', '-'), strict=True)
+    }
+    for axis, (key, x, most) in zip(panels, axes, strict=True):
+        for row, name, how in looks.values():
+            draw_distribution(axis, row[key][name], **how)
+        label(axis, x, 'markers [%]', percent=True, xlim=(0, most))
+    panels[1].axvline(np.sqrt(ELLIPSOID), **line('--', '0.4'), linewidth=1)
+    panels[1].axhline(95, **line('--', '0.4'), linewidth=1)
+    others = {words: how for words, (_, _, how) in looks.items()}
+    legend_below(figure, (), others | {'95 % ellipsoid': line('--', '0.4')})
     return figure

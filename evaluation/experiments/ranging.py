@@ -8,24 +8,22 @@ import math
 from typing import Any
 
 import numpy as np
-from tqdm import tqdm
 
 from evaluation.bench.judging import BOTH, judged
-from evaluation.experiments.link_budget import NEVER_S, board_signal
-from evaluation.experiments.paper_sweeps import lone
-from evaluation.report.charts import OTHERS, legend_below, look, new_chart
-from evaluation.report.claims import NOTHING, Claim, Claims, Table, as_text, claim_of
+from evaluation.experiments.link import NEVER_S, board_signal
+from evaluation.experiments.paper_sweeps import LONE_RECORDINGS, lone_packets
+from evaluation.report.charts import OTHERS, label, legend_below, line, look, new_chart
+from evaluation.report.claims import BOTH_CLAIMED, Claims, Table, as_text, claim_of, model
 from retrolidar_ros.detector import METHODS
 from retrolidar_ros.scene import Scene, Simulation
 from retrolidar_ros.scene.description import Surface
-from retrolidar_ros.scene.reference import RANGING, SENSOR, marker_in_each_zone
+from retrolidar_ros.scene.reference import SENSOR, marker_in_each_zone
 from retrolidar_ros.sensor.frame import Floats
 
 TITLE = 'Ranging'
 MESSAGE = 'Fitting what blinks ranges it better than averaging all that is seen'
 PAPER_MEDIAN_MM, PAPER_FAR_MEDIAN_MM, PAPER_BOARD_MM = 2.0, 2.5, 1.0
 _RANGES_M = (1.0, 1.4, 1.8, 2.0, 2.2, 2.4, 2.6)
-_RECORDINGS = 8
 _PACKET_FRAMES = 62
 _GRID = SENSOR.grid
 _KINDS = {
@@ -65,21 +63,19 @@ def _summed(errors_m: list[float]) -> dict[str, Any]:
 
 def run(rng: np.random.Generator, *, quick: bool) -> dict[str, Any]:
     """Return errors of ranges over distance: read by both methods, silent, and of a board."""
-    points = []
-    for range_m in tqdm(_RANGES_M[:: 3 if quick else 1], desc='ranging', leave=False):
+    seed, points = int(rng.integers(2**31)), []
+    for range_m in _RANGES_M[:: 3 if quick else 1]:
         errors: dict[str, list[float]] = {kind: [] for kind in _KINDS}
-        for _ in range(1 if quick else _RECORDINGS):
-            sent = lone(range_m, rng)
+        for sent in lone_packets(range_m, seed, 1 if quick else LONE_RECORDINGS):
             for method in METHODS:
                 own = judged(sent, BOTH[method]).own
                 errors[method] += [one.place.range_m - range_m for one in own]
             still = marker_in_each_zone(range_m, rng, start_s=(NEVER_S, NEVER_S))
             errors['silent'] += mean_errors_m(still, range_m, rng).tolist()
             errors['board'] += mean_errors_m(board(range_m), range_m, rng).tolist()
-        points.append(
-            {'range_m': range_m, **{kind: _summed(found) for kind, found in errors.items()}}
-        )
-    return {'points': points, 'one_frame_floor_mm': 1e3 * RANGING.floor}
+        sizes = {kind: _summed(found) for kind, found in errors.items()}
+        points.append({'range_m': range_m, **sizes})
+    return {'points': points}
 
 
 def table(figures: dict[str, Any]) -> Table:
@@ -95,45 +91,35 @@ def claims(figures: dict[str, Any]) -> Claims:
     """Set the errors beside the paper's."""
 
     def at(range_m: float, kind: str) -> float:
-        points = figures['points']
-        nearest = min(points, key=lambda one: abs(float(one['range_m']) - range_m))
+        nearest = min(figures['points'], key=lambda one: abs(float(one['range_m']) - range_m))
         return float(nearest[kind]['median_mm'] or math.inf)
 
-    below = [
-        max(at(one['range_m'], kind) for one in figures['points'][:-1])
-        for kind in ('paper', 'joint')
-    ]
-    far = [at(2.6, kind) for kind in ('paper', 'joint')]
-    board_mm = at(2.0, 'board')
-
-    def mm(values: list[float]) -> list[str]:
-        return [as_text(value, 'mm', 1) for value in values]
-
+    places = [one['range_m'] for one in figures['points'][:-1]]
+    below = [max(at(place, kind) for place in places) for kind in BOTH_CLAIMED]
+    far, board_mm = [at(2.6, kind) for kind in BOTH_CLAIMED], at(2.0, 'board')
     return {
-        'near': claim_of(mm(below), below[1] < PAPER_MEDIAN_MM),
-        'far': claim_of(mm(far), far[1] < PAPER_FAR_MEDIAN_MM),
-        'board': Claim(NOTHING, mm([board_mm])[0], board_mm < 1.5 * PAPER_BOARD_MM),
+        'near': claim_of((as_text(one, 'mm', 1) for one in below), below[1] < PAPER_MEDIAN_MM),
+        'far': claim_of((as_text(one, 'mm', 1) for one in far), far[1] < PAPER_FAR_MEDIAN_MM),
+        'board': model(as_text(board_mm, 'mm', 1), board_mm < 1.5 * PAPER_BOARD_MM),
     }
 
 
 def draw(figures: dict[str, Any]) -> Any:
     """Draw median and 95 % errors over distance."""
-    figure, ((axis,),) = new_chart(1, 1, 10, 5.8, MESSAGE)
+    figure, (axis,) = new_chart(1, 1, 10, 6, MESSAGE)
     places = [one['range_m'] for one in figures['points']]
     for kind in _KINDS:
         how = _LOOKS.get(kind) or look(kind)
         for key, style in (('median_mm', '-'), ('p95_mm', ':')):
             axis.plot(places, [one[kind][key] or np.nan for one in figures['points']], style, **how)
-    axis.axhline(PAPER_MEDIAN_MM, color='0.2', linestyle='-.', linewidth=1)
-    axis.set_yscale('log')
-    axis.set_xlabel('distance of a marker of 3 cm [m]')
-    axis.set_ylabel('error of range [mm]')
+    axis.axhline(PAPER_MEDIAN_MM, **line('-.'), linewidth=1)
+    label(axis, 'distance of a marker of 3 cm [m]', 'error of range [mm]', yscale='log')
     others = {
         'silent, averaged': _LOOKS['silent'],
         'bare board': _LOOKS['board'],
-        'median': {'color': '0.2', 'linestyle': '-'},
-        '95 %': {'color': '0.2', 'linestyle': ':'},
-        "the paper's bound of medians": {'color': '0.2', 'linestyle': '-.'},
+        'median': line('-'),
+        '95 %': line(':'),
+        "the paper's bound of medians": line('-.'),
     }
     legend_below(figure, METHODS, others)
     return figure

@@ -9,35 +9,15 @@ import os
 import time
 from collections.abc import Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
+from importlib import import_module
 from multiprocessing import get_context
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any, Protocol, cast
 
 import numpy as np
 
 from evaluation.bench.machine import write_figures
-from evaluation.experiments import (
-    bound,
-    brighter,
-    calibration,
-    chain,
-    coffee,
-    drone,
-    ids,
-    landmarks,
-    link_budget,
-    marker,
-    moving,
-    paper_sweeps,
-    peers,
-    place,
-    ranging,
-    roc,
-    several,
-    speed_accuracy,
-    stability,
-    time_to_id,
-)
+from evaluation.experiments.paper_sweeps import SWEEPS
 from evaluation.report.charts import mark_rough
 from evaluation.report.claims import Table, text
 
@@ -45,8 +25,7 @@ from evaluation.report.claims import Table, text
 class Experiment(Protocol):
     """One experiment: a module, or what has the same functions."""
 
-    TITLE: str
-    """What it is about, in a few words."""
+    TITLE: str  # what it is about, in a few words
 
     def run(self, rng: np.random.Generator, *, quick: bool) -> dict[str, Any]:
         """Return the figures, fit for JSON."""
@@ -58,30 +37,19 @@ class Experiment(Protocol):
         """Return what the figures come to."""
 
 
-EXPERIMENTS: dict[str, Experiment] = {
-    'speed-accuracy': speed_accuracy,
-    'time-to-id': time_to_id,
-    'peers': peers,
-    'roc': roc,
-    'brighter': brighter,
-    'stability': stability,
-    'moving': moving,
-    'coffee': coffee,
-    'drone': drone,
-    'several': several,
-    'place': place,
-    'ranging': ranging,
-    'bound': bound,
-    'chain': chain,
-    'ids': ids,
-    'link': link_budget,
-    **paper_sweeps.SWEEPS,
-    'marker': marker,
-    'calibration': calibration,
-    'landmarks': landmarks,
-}
-TIMED = ('speed-accuracy',)
-"""Those that measure processor time, and so run alone."""
+def _experiment(name: str) -> Experiment:
+    """Return a sweep, or the module of that name."""
+    if name in SWEEPS:
+        return SWEEPS[name]
+    return cast(Experiment, import_module(f'evaluation.experiments.{name.replace("-", "_")}'))
+
+
+_NAMES = """
+    speed-accuracy time-to-id peers roc brighter stability moving coffee drone several place ranging
+    bound chain ids link reading reach size angle yaw ambient marker calibration landmarks
+"""
+EXPERIMENTS = {name: _experiment(name) for name in _NAMES.split()}
+TIMED = ('speed-accuracy',)  # those that measure processor time, and so run alone
 
 
 def save_chart(name: str, figures: dict[str, Any], directory: Path) -> None:
@@ -97,18 +65,16 @@ def run_experiment(name: str, directory: Path, *, quick: bool, seed: int) -> str
     experiment = EXPERIMENTS[name]
     began_s, began_cpu_s = time.monotonic(), time.process_time()
     figures = experiment.run(np.random.default_rng(seed), quick=quick)
-    run = {
-        'seconds': round(time.monotonic() - began_s, 1),
-        'cpu_s': round(time.process_time() - began_cpu_s, 1),
-    }
+    seconds = round(time.monotonic() - began_s, 1)
+    cpu_s = round(time.process_time() - began_cpu_s, 1)
     path = directory / f'{name}.json'
-    write_figures(path, figures, seed=seed, quick=quick, **run)
+    write_figures(path, figures, seed=seed, quick=quick, seconds=seconds, cpu_s=cpu_s)
     # Readers get what is written, not what was computed: a tuple is a list, a key is text.
     written = json.loads(path.read_text(encoding='utf-8'))
     save_chart(name, written, directory)
-    head = f'{name}: {experiment.TITLE} ({run["cpu_s"]} s of a core)'
     rough = ' QUICK RUN: ROUGH' if quick else ''
-    return f'{head}{rough}\n{text(experiment.table(written))}'
+    head = f'{name}: {experiment.TITLE} ({cpu_s} s of a core){rough}'
+    return f'{head}\n{text(experiment.table(written))}\n'
 
 
 def run_experiments(
@@ -138,7 +104,7 @@ def run_experiments(
                 for name in untimed
             ]
             for job in as_completed(jobs):
-                print(job.result() + '\n', flush=True)
+                print(job.result(), flush=True)
         names = [name for name in names if name in TIMED]
     for name in names:
-        print(run_experiment(name, directory, quick=quick, seed=seed) + '\n', flush=True)
+        print(run_experiment(name, directory, quick=quick, seed=seed), flush=True)

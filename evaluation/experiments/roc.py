@@ -3,7 +3,9 @@
 """What identification costs in false IDs: every method at every strictness of its knob.
 
 False IDs are counted before every member of the family of scenes without a marker
-(`evaluation.bench.disturbances`), and before markers that are silent.
+(`evaluation.bench.disturbances`), and before markers that are silent. The default is run with each
+budget; of `paper` one run with the lowest threshold serves for all, as what it reads has its
+likelihood.
 """
 
 from __future__ import annotations
@@ -13,16 +15,15 @@ from functools import partial
 from typing import Any
 
 import numpy as np
-from tqdm import tqdm
 
-from evaluation.bench.disturbances import FAMILY, White, source_blocks
-from evaluation.bench.judging import Options, judged, new_detector, read_of
-from evaluation.bench.rates import frequency, rate
+from evaluation.bench.disturbances import FAMILY, Member, White, source_blocks
+from evaluation.bench.judging import judged, new_detector, read_of
+from evaluation.bench.rates import Frequency, frequency, rate
 from evaluation.bench.recordings import record, signal_at
 from evaluation.bench.stresses import PLAIN
-from evaluation.report.charts import legend_below, look, new_chart
-from evaluation.report.claims import Claim, Claims, Table, claim_of, per_hour
-from retrolidar_ros.detector import METHODS
+from evaluation.report.charts import label, legend_below, line, look, new_chart
+from evaluation.report.claims import BOTH_CLAIMED, Claim, Claims, Table, claim_of, per_hour
+from retrolidar_ros.detector import METHODS, Detection
 from retrolidar_ros.detector.budget import USUAL_FALSE_IDS_PER_HOUR
 from retrolidar_ros.detector.paper import LIKELIHOOD_THRESHOLD
 from retrolidar_ros.marker.dictionary import USABLE_IDS
@@ -32,160 +33,173 @@ from retrolidar_ros.sensor.frame import Recording
 
 TITLE = 'Identification against false IDs'
 MESSAGE = "The default reads more than the paper's method at any rate of false IDs"
-KNOBS = {
-    'joint': ('false_ids_per_hour', (1e4, 1e3, 1e2, 10.0, 1.0, USUAL_FALSE_IDS_PER_HOUR)),
-    'paper': ('likelihood_threshold', (0.05, 0.1, 0.2, 0.3, LIKELIHOOD_THRESHOLD, 0.5, 0.8)),
-}
-"""The knob of each method, from lax to strict."""
+KNOBS = {'joint': 'false_ids_per_hour', 'paper': 'likelihood_threshold'}
 SHIPPED = {'joint': USUAL_FALSE_IDS_PER_HOUR, 'paper': LIKELIHOOD_THRESHOLD}
+BUDGETS_H = {1e4: 0.006, 1e3: 0.02, 1e2: 0.05}
+"""Sensor-hours before each member, by the budget: what is lax errs often enough in a short time."""
+THRESHOLDS = (0.03, 0.05, 0.08, 0.12, 0.16, 0.2, 0.25, 0.3, LIKELIHOOD_THRESHOLD, 0.5, 0.65, 0.8)
+PAPER_H = 0.06
+SHIPPED_H = {'white': 78.0, 'walk 0.1': 20.0}
+"""Sensor-hours of the default as shipped, before scenes in which there is little to search."""
+BUSY_H, BLINKING_H, SILENT_H = 0.25, 0.02, 0.3
+_BLINKING_SHARE = 0.1  # of the hours of other members: false IDs are frequent there
 GROUPS = {
     'bare wall': ('white',),
     'signals that walk': tuple(one.name for one in FAMILY if 'walk' in one.name),
     'what comes and goes, hands': ('come and go', 'come together', 'hands'),
-    'what blinks, and is no marker': ('random bits', 'random levels'),
+    'what blinks, and is no marker': tuple(one.name for one in FAMILY if one.blinks),
 }
 """Members of the family by the panel that shows them."""
-_RANGES_M = (2.6, 2.9)
-_RECORDINGS, _QUICK_RECORDINGS = 6, 1
-# Sensor-hours before each member: what is lax errs often enough in a short time.
-_LEAST_H, _SHIPPED_H, _QUIET_H = 0.003, 0.08, 1.0
-_BLINKING_H = 0.01
-_QUICK_SHARE = 0.05
+STILL = 'all that do not blink'
+_RANGES_M = (2.6, 3.0)
+_QUICK_SHARE = 0.02
 _PREAMBLES = 'false preambles'
 _SILENT = partial(source_blocks, partial(White, signals=(30.0, 30.0)))
 
 
-def _hours(member: str, method: str, value: float) -> float:
-    """Return for how long a member is watched."""
-    if member == 'white' and value != SHIPPED['joint']:
-        return _SHIPPED_H
-    if method == 'paper':
-        return 3 * _LEAST_H
-    if member.startswith('random'):
-        return _BLINKING_H if value == SHIPPED[method] else _LEAST_H / 2
-    if value != SHIPPED[method]:
-        return _LEAST_H * (1 + 2 * KNOBS[method][1].index(value))
-    return _QUIET_H if member == 'white' else _SHIPPED_H
+def watch(detector: Any, blocks: Iterable[Recording]) -> list[Detection]:
+    """Return what a detector reads of a stream without a marker."""
+    return [one for block in blocks for one in detector.update_all(block)]
 
 
-def watch(options: Options, blocks: Iterable[Recording], hours: float) -> dict[str, Any]:
-    """Play a stream without marker, which lasts some hours, and count what is read."""
-    detector = new_detector(SENSOR.grid, options)
-    events = sum(len(detector.update_all(block)) for block in blocks)
-    return {'false_ids': frequency(events, hours), 'candidates': detector.counts.candidates}
+def _detections(method: str, value: float, member: Member, hours: float, seed: int) -> Any:
+    detector = new_detector(SENSOR.grid, {'method': method, KNOBS[method]: value})
+    # The same noise for every method and setting.
+    rng = np.random.default_rng([seed, FAMILY.index(member)])
+    return watch(detector, member.blocks(3600 * hours, rng, SENSOR))
 
 
-def _point(method: str, value: float, seed: int, share: float) -> dict[str, Any]:
-    """Return the false IDs of one setting of a knob, by member."""
-    options = {'method': method, KNOBS[method][0]: value}
-    members = {}
-    for index, member in enumerate(FAMILY):
-        hours = share * _hours(member.name, method, value)
-        # The same noise for every method and setting.
-        blocks = member.blocks(3600 * hours, np.random.default_rng([seed, index]), SENSOR)
-        members[member.name] = watch(options, blocks, hours)
-    return {'knob': value, 'members': members}
+def _by_budget(seed: int, share: float) -> dict[float, dict[str, Frequency]]:
+    """Return the false IDs of the default by budget and member."""
+    found: dict[float, dict[str, Frequency]] = {}
+    for budget in (*BUDGETS_H, SHIPPED['joint']):
+        found[budget] = {}
+        for member in FAMILY:
+            if budget in BUDGETS_H:
+                hours = BUDGETS_H[budget] * (_BLINKING_SHARE if member.blinks else 1.0)
+            else:
+                hours = SHIPPED_H.get(member.name, BLINKING_H if member.blinks else BUSY_H)
+            read = _detections('joint', budget, member, share * hours, seed)
+            found[budget][member.name] = frequency(len(read), share * hours)
+    return found
+
+
+def _by_threshold(seed: int, share: float) -> dict[float, dict[str, Frequency]]:
+    """Return the false IDs of the paper's method by threshold and member."""
+    hours = share * PAPER_H
+    likelihoods = {
+        member.name: [
+            one.likelihood for one in _detections('paper', THRESHOLDS[0], member, hours, seed)
+        ]
+        for member in FAMILY
+    }
+    return {
+        least: {
+            name: frequency(sum(one >= least for one in rows), hours)
+            for name, rows in likelihoods.items()
+        }
+        for least in THRESHOLDS
+    }
 
 
 def run(rng: np.random.Generator, *, quick: bool) -> dict[str, Any]:
     """Return identification of lone packets and false IDs an hour over the methods' knobs."""
     share = _QUICK_SHARE if quick else 1.0
-    recordings = _QUICK_RECORDINGS if quick else _RECORDINGS
     sent = {
-        range_m: [record(PLAIN, signal_at(range_m), rng, USABLE_IDS) for _ in range(recordings)]
-        for range_m in _RANGES_M
+        f'{at:g}': [record(PLAIN, signal_at(at), rng, USABLE_IDS) for _ in range(1 if quick else 6)]
+        for at in _RANGES_M
     }
     seed = int(rng.integers(2**32))
-    methods = {}
-    for method in METHODS:
-        name, values = KNOBS[method]
-        points = []
-        for value in tqdm(values[:: 3 if quick else 1], desc=f'roc {method}', leave=False):
-            options = {'method': method, name: value}
-            point = _point(method, value, seed, share)
-            point['read'] = {
-                f'{range_m:g}': read_of([judged(one, options) for one in rows])
-                for range_m, rows in sent.items()
+    counted = {'joint': _by_budget(seed, share), 'paper': _by_threshold(seed, share)}
+    methods = {
+        method: [
+            {
+                'knob': value,
+                'members': members,
+                'read': {
+                    at: read_of(
+                        [judged(one, {'method': method, KNOBS[method]: value}) for one in rows]
+                    )
+                    for at, rows in sent.items()
+                },
             }
-            points.append(point)
-        if points[-1]['knob'] != SHIPPED[method] and quick:
-            points.append(points[-1] | {'knob': SHIPPED[method]})
-        methods[method] = {'knob': name, 'points': points}
+            for value, members in counted[method].items()
+        ]
+        for method in METHODS
+    }
     return {'methods': methods, 'silent': _silent(seed, share)}
 
 
 def _silent(seed: int, share: float) -> dict[str, Any]:
     """Return what is read of markers that do not send: a wall that is as bright as they are."""
-    hours = 0.3 * share
+    hours = SILENT_H * share
     looks = max(1, round(hours * 3600 / PACKET_S)) * SENSOR.grid.zones
     found: dict[str, Any] = {'hours': hours}
     for method in METHODS:
-        rng = np.random.default_rng(seed)
-        found[method] = watch({'method': method}, _SILENT(3600 * hours, rng), hours)
-        candidates = min(found[method]['candidates'], looks)
-        found[method][_PREAMBLES] = rate(candidates, looks)
+        detector = new_detector(SENSOR.grid, {'method': method})
+        read = watch(detector, _SILENT(3600 * hours, np.random.default_rng(seed)))
+        found[method] = {
+            'false_ids': len(read),
+            _PREAMBLES: rate(min(detector.counts.candidates, looks), looks),
+        }
     return found
 
 
 def shipped(figures: dict[str, Any], method: str) -> dict[str, Any]:
     """Return the point of a method as shipped."""
-    points: list[dict[str, Any]] = figures['methods'][method]['points']
+    points: list[dict[str, Any]] = figures['methods'][method]
     return next(point for point in points if point['knob'] == SHIPPED[method])
 
 
-def grouped(point: dict[str, Any], group: str) -> Any:
-    """Return the false IDs before the members of a group."""
-    found = [point['members'][name]['false_ids'] for name in GROUPS[group]]
+def grouped(point: dict[str, Any], group: str) -> Frequency:
+    """Return the false IDs before the members of a group, or before all that do not blink."""
+    names = GROUPS.get(group) or [one.name for one in FAMILY if not one.blinks]
+    found = [point['members'][name] for name in names]
     return frequency(sum(one['events'] for one in found), sum(one['hours'] for one in found))
 
 
 def table(figures: dict[str, Any]) -> Table:
     """Return false IDs an hour as shipped, by member, with their exact 95 % confidence."""
-    rows = [['false IDs an hour (95 %), as shipped', *METHODS, 'hours watched by joint']]
     points = [shipped(figures, method) for method in METHODS]
-    for member in FAMILY:
-        found = [point['members'][member.name]['false_ids'] for point in points]
-        rows.append([member.name, *map(per_hour, found), f'{found[0]["hours"]:.2g}'])
-    still = [grouped(points[0], group) for group in list(GROUPS)[:3]]
-    total = frequency(sum(one['events'] for one in still), sum(one['hours'] for one in still))
-    other = [grouped(points[1], group) for group in list(GROUPS)[:3]]
-    paper = frequency(sum(one['events'] for one in other), sum(one['hours'] for one in other))
-    rows.append(
-        ['all that do not blink', per_hour(total), per_hour(paper), f'{total["hours"]:.2g}']
-    )
-    return rows
+    rows = [(one.name, [point['members'][one.name] for point in points]) for one in FAMILY]
+    rows.append((STILL, [grouped(point, STILL) for point in points]))
+    heads = [part for method in METHODS for part in (method, 'in hours')]
+    return [
+        ['false IDs an hour (95 %), as shipped', *heads],
+        *(
+            [name, *(part for one in row for part in (per_hour(one), f'{one["hours"]:.3g}'))]
+            for name, row in rows
+        ),
+    ]
 
 
 def claims(figures: dict[str, Any]) -> Claims:
     """Set false preambles and false IDs beside the paper's."""
     silent = figures['silent']
-    words = [
-        f'{silent[method]["false_ids"]["events"]} in {silent["hours"]:.2g} h'
-        for method in reversed(METHODS)
-    ]
+    counts = [silent[method]['false_ids'] for method in BOTH_CLAIMED]
     preambles = silent['paper'][_PREAMBLES]['rate']
-    wall = [grouped(shipped(figures, method), 'bare wall') for method in reversed(METHODS)]
+    wall = [grouped(shipped(figures, method), 'bare wall') for method in BOTH_CLAIMED]
     return {
-        'silent': claim_of(words, silent['joint']['false_ids']['events'] == 0),
+        'silent': claim_of((f'{n} in {silent["hours"]:.2g} h' for n in counts), counts[1] == 0),
         'preambles': Claim(f'{preambles:.2%}', agrees=preambles <= 0.005),
         'wall': claim_of(map(per_hour, wall)),
     }
 
 
 def _draw_group(axis: Any, figures: dict[str, Any], group: str) -> None:
-    """Draw identification over the false IDs of a group, with the confidence of both."""
-    for method, style in zip(METHODS, ('-', '-'), strict=True):
-        points = figures['methods'][method]['points']
-        for range_m, face in zip(_RANGES_M, (None, 'white'), strict=True):
-            how = look(method) | ({} if face is None else {'markerfacecolor': face})
+    """Draw identification over the false IDs of a group, with the confidence of these."""
+    for method in METHODS:
+        for at, face in zip(_RANGES_M, ({}, {'markerfacecolor': 'white'}), strict=True):
+            how = look(method) | face
+            points = figures['methods'][method]
             found = [grouped(point, group) for point in points]
-            shares = [100 * point['read'][f'{range_m:g}']['right']['rate'] for point in points]
+            shares = [100 * point['read'][f'{at:g}']['right']['rate'] for point in points]
             # Where nothing was read, all that is known is the upper bound.
             places = [one['per_hour'] or one['high'] for one in found]
-            axis.plot(places, shares, linestyle=style, **how)
+            axis.plot(places, shares, **how)
             for one, place, share, point in zip(found, places, shares, points, strict=True):
-                low = one['low'] or place / 4
-                axis.plot([low, one['high']], [share, share], color=how['color'], alpha=0.35)
+                ends = [one['low'] or place / 4, one['high']]
+                axis.plot(ends, [share, share], color=how['color'], alpha=0.35)
                 if not one['events']:
                     axis.plot(place / 4, share, '<', color=how['color'], markersize=5, alpha=0.6)
                 if point['knob'] == SHIPPED[method]:
@@ -194,25 +208,17 @@ def _draw_group(axis: Any, figures: dict[str, Any], group: str) -> None:
 
 def draw(figures: dict[str, Any]) -> Any:
     """Draw identification over false IDs, a panel for each kind of scene."""
-    figure, axes = new_chart(2, 2, 14, 10.5, MESSAGE)
-    for axis, group in zip(axes.flat, GROUPS, strict=True):
+    figure, panels = new_chart(2, 2, 14, 10.5, MESSAGE)
+    for axis, group in zip(panels, GROUPS, strict=True):
         _draw_group(axis, figures, group)
-        axis.set_xscale('log')
-        axis.set_ylim(-2, 102)
-        axis.set_title(group, fontsize=13)
-        axis.set_xlabel('false IDs an hour, 16 zones')
-        axis.set_ylabel('lone packets identified [%]')
+        x, y = 'false IDs an hour, 16 zones', 'lone packets identified [%]'
+        label(axis, x, y, group, percent=True, xscale='log')
+    ring = {'markersize': 13, 'fillstyle': 'none', 'linestyle': ''}
     others: dict[str, Any] = {
-        f'at {_RANGES_M[0]:g} m': {'color': '0.2', 'marker': 'o'},
-        f'at {_RANGES_M[1]:g} m': {'color': '0.2', 'marker': 'o', 'markerfacecolor': 'white'},
-        'as shipped': {
-            'color': '0.1',
-            'marker': 'o',
-            'fillstyle': 'none',
-            'markersize': 13,
-            'linestyle': '',
-        },
-        'none seen: upper bound': {'color': '0.4', 'marker': '<', 'linestyle': '-'},
+        f'at {_RANGES_M[0]:g} m': line('-') | {'marker': 'o'},
+        f'at {_RANGES_M[1]:g} m': line('-') | {'marker': 'o', 'markerfacecolor': 'white'},
+        'as shipped': line('', '0.1') | {'marker': 'o'} | ring,
+        'none seen: upper bound': line('-', '0.4') | {'marker': '<'},
     }
     legend_below(figure, METHODS, others)
     return figure

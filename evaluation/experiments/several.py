@@ -5,29 +5,26 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-from tqdm import tqdm
 
-from evaluation.bench.judging import BOTH, new_detector
+from evaluation.bench.judging import read_by_both
 from evaluation.bench.rates import rate
 from evaluation.bench.recordings import record, signal_at
 from evaluation.bench.stresses import Stress
-from evaluation.report.charts import draw_shares, legend_below, look, new_chart
-from evaluation.report.claims import Claims, Table, claim_of, percent
+from evaluation.report.charts import draw_shares, label, legend_below, line, look, new_chart
+from evaluation.report.claims import BOTH_CLAIMED, Claims, Table, percent, shares
 from retrolidar_ros.detector import METHODS
 from retrolidar_ros.marker.dictionary import USABLE_IDS
 from retrolidar_ros.scene import Scene, Simulation
 from retrolidar_ros.scene.description import Marker, Sensor, Surface
 from retrolidar_ros.scene.reference import NOISE, RANGING, RESPONSE, WALL_SIGNAL
-from retrolidar_ros.sensor.frame import Recording
 
 TITLE = 'Several markers'
 MESSAGE = 'Three markers are read as surely as one; two in one zone are read less surely'
-PAPER_MEAN, PAPER_LEAST = 0.925, 0.85
-"""Of Tab. 3."""
+PAPER_MEAN, PAPER_LEAST = 0.925, 0.85  # of Tab. 3
 ARRANGEMENTS = {
     'far apart': ((1.0, -14, -8), (1.5, 12, 7), (2.0, 7, -14)),
     'one height': ((1.0, -17, 6), (1.5, -6, 6), (2.0, 17, 6)),
@@ -39,9 +36,9 @@ ARRANGEMENTS = {
 SHARES = (1.0, 0.7, 0.5, 0.35, 0.25, 0.15, 0.1)
 """Signal of the fainter marker of two in one zone over that of the brighter."""
 WATCHED_S = 8.0
-_PAIR = ('brighter', 'fainter', 'both')
+_PAIR = {'brighter': '-', 'fainter': ':', 'both': '--'}
 _WAKING_S = (2.0, 2.5)
-_TRIALS, _QUICK_TRIALS = 60, 4
+_QUICK_TRIALS = 4
 _RECORDINGS = 2
 _SENSOR = Sensor(noise=NOISE, ranging=RANGING, blur=0.05)
 _WALL = Surface(2.4, WALL_SIGNAL)
@@ -56,153 +53,124 @@ def _place(range_m: float, right_deg: float, down_deg: float) -> tuple[float, fl
 def three_markers(arrangement: str, rng: np.random.Generator) -> Scene:
     """Return three markers with random IDs that wake for one packet each, about the same time."""
     places = ARRANGEMENTS[arrangement]
+    ids = rng.choice(USABLE_IDS, 3, replace=False).tolist()
+    starts_s = rng.uniform(*_WAKING_S, 3).tolist()
     markers = tuple(
-        Marker(
-            id=int(identity),
-            position_m=_place(*place),
-            name=f'marker_{identity}',
-            start_s=float(rng.uniform(*_WAKING_S)),
-            packets=1,
-            response=RESPONSE,
-        )
-        for identity, place in zip(rng.choice(USABLE_IDS, 3, replace=False), places, strict=True)
+        Marker(id_, _place(*place), f'{id_}', start_s=start_s, packets=1, response=RESPONSE)
+        for id_, place, start_s in zip(ids, places, starts_s, strict=True)
     )
     return Scene(sensor=_SENSOR, markers=markers, surfaces=(_WALL,))
 
 
-def _ids_read(method: str, recording: Recording) -> set[int]:
-    detector = new_detector(recording.grid, BOTH[method])
-    return {detection.id for detection in detector.update_all(recording)}
-
-
 def _three(arrangement: str, trials: int, rng: np.random.Generator) -> dict[str, Any]:
     """Count how often each of three markers is read, and wrong IDs."""
-    read = {method: np.zeros(3, dtype=int) for method in METHODS}
-    wrong = dict.fromkeys(METHODS, 0)
+    counts = {method: np.zeros(4, dtype=int) for method in METHODS}
     for _ in range(trials):
         scene = three_markers(arrangement, rng)
-        recording = Simulation(scene, rng).run(4.4)
         sent = [marker.id for marker in scene.markers]
-        for method in METHODS:
-            ids = _ids_read(method, recording)
-            read[method] += [one in ids for one in sent]
-            wrong[method] += len(ids - set(sent))
-    return {
-        'arrangement': arrangement,
-        **{
-            method: {
-                'read': [rate(int(hits), trials) for hits in read[method]],
-                'wrong_ids': wrong[method],
-            }
-            for method in METHODS
-        },
+        for method, read in read_by_both(Simulation(scene, rng).run(4.4)).items():
+            ids = {one.id for one in read}
+            counts[method] += [*(one in ids for one in sent), len(ids - set(sent))]
+    rows = {
+        method: {'read': [rate(n, trials) for n in read], 'wrong_ids': wrong}
+        for method, (*read, wrong) in ((method, row.tolist()) for method, row in counts.items())
     }
+    return {'arrangement': arrangement, **rows}
 
 
 def _pairs(share: float, rng: np.random.Generator) -> dict[str, Any]:
     """Count how often both of two markers in a zone are read in a time: a pair in each zone."""
-    stress = Stress('pair', second=share)
-    found: dict[str, Any] = {method: np.zeros(4, dtype=int) for method in METHODS}
+    counts = {method: np.zeros(4, dtype=int) for method in METHODS}
     pairs = 0
     for _ in range(_RECORDINGS):
+        stress = Stress('pair', second=share)
         sent = record(stress, signal_at(1.3), rng, USABLE_IDS, repeated_s=WATCHED_S)
         assert sent.seconds is not None
         pairs += len(sent.ids)
-        for method in METHODS:
-            detections = new_detector(sent.recording.grid, BOTH[method]).update_all(sent.recording)
-            read = {(zone, one.id) for one in detections for zone in one.zones}
-            first = np.array([pair in read for pair in enumerate(sent.ids.tolist())])
-            second = np.array([pair in read for pair in enumerate(sent.seconds.tolist())])
-            right = {*sent.ids.tolist(), *sent.seconds.tolist()}
-            wrong = sum(one.id not in right for one in detections)
-            found[method] += [first.sum(), second.sum(), (first & second).sum(), wrong]
-    return {
-        'share': share,
-        **{
-            method: {
-                **{name: rate(int(hits), pairs) for name, hits in zip(_PAIR, row[:3], strict=True)},
-                'wrong_ids': int(row[3]),
-            }
-            for method, row in found.items()
-        },
+        for method, found in read_by_both(sent.recording).items():
+            read = {(zone, one.id) for one in found for zone in one.zones}
+            first, second = (
+                np.array([pair in read for pair in enumerate(ids.tolist())])
+                for ids in (sent.ids, sent.seconds)
+            )
+            wrong = sum(one.id not in (*sent.ids, *sent.seconds) for one in found)
+            counts[method] += [first.sum(), second.sum(), (first & second).sum(), wrong]
+    rows = {
+        method: {name: rate(n, pairs) for name, n in zip(_PAIR, row.tolist(), strict=False)}
+        | {'wrong_ids': int(row[3])}
+        for method, row in counts.items()
     }
+    return {'share': share, **rows}
 
 
 def run(rng: np.random.Generator, *, quick: bool) -> dict[str, Any]:
     """Return how often each of three markers is read from one packet, and of two in one zone."""
-    trials = _QUICK_TRIALS if quick else _TRIALS
+    trials = _QUICK_TRIALS if quick else 60
     return {
-        'trials': trials,
-        'three': [_three(one, trials, rng) for one in tqdm(ARRANGEMENTS, leave=False)],
+        'three': [_three(one, trials, rng) for one in ARRANGEMENTS],
         'two': [_pairs(share, rng) for share in SHARES[:: 3 if quick else 1]],
     }
 
 
 def table(figures: dict[str, Any]) -> Table:
     """Return the rates of all arrangements, and of pairs; wrong IDs in brackets."""
+
+    def cells(rates: Sequence[Sequence[Any]], row: dict[str, Any]) -> list[str]:
+        return [
+            f'{", ".join(map(percent, one))} ({row[method]["wrong_ids"]})'
+            for method, one in zip(METHODS, rates, strict=True)
+        ]
+
     rows = [['identified (wrong IDs)', *METHODS]]
-
-    def add(what: str, row: dict[str, Any], of: Callable[[Any], Sequence[Any]]) -> None:
-        cells = [f'{", ".join(map(percent, of(one)))} ({one["wrong_ids"]})' for one in _both(row)]
-        rows.append([what, *cells])
-
     for row in figures['three']:
-        add(f'three markers, one packet: {row["arrangement"]}', row, lambda one: one['read'])
+        what = f'three markers, one packet: {row["arrangement"]}'
+        rows.append([what, *cells([row[method]['read'] for method in METHODS], row)])
     for row in figures['two']:
         what = f'two in a zone as 1 to {row["share"]:g}: brighter, fainter, both'
-        add(what, row, lambda one: [one[name] for name in _PAIR])
+        rates = [[row[method][name] for name in _PAIR] for method in METHODS]
+        rows.append([what, *cells(rates, row)])
     return rows
-
-
-def _both(row: dict[str, Any]) -> list[Any]:
-    return [row[method] for method in METHODS]
 
 
 def claims(figures: dict[str, Any]) -> Claims:
     """Set the rates beside the paper's."""
-    shares = [
+    read = [
         [one['rate'] for row in figures['three'] for one in row[method]['read']]
-        for method in reversed(METHODS)
+        for method in BOTH_CLAIMED
     ]
-    mean = [float(np.mean(one)) for one in shares]
+    mean, least = [float(np.mean(one)) for one in read], [min(one) for one in read]
     return {
-        'mean': claim_of((f'{one:.1%}' for one in mean), mean[1] >= PAPER_MEAN),
-        'worst': claim_of((f'{min(one):.0%}' for one in shares), min(shares[1]) >= PAPER_LEAST),
+        'mean': shares(mean, mean[1] >= PAPER_MEAN, 1),
+        'worst': shares(least, least[1] >= PAPER_LEAST),
     }
 
 
 def draw(figures: dict[str, Any]) -> Any:
     """Draw the rates of the arrangements, and of two in a zone over their ratio."""
-    figure, ((three, two),) = new_chart(1, 2, 15, 5.8, MESSAGE)
+    figure, (three, two) = new_chart(1, 2, 15, 6, MESSAGE)
     for offset, method in zip((-0.14, 0.14), METHODS, strict=True):
         how = look(method) | {'linestyle': '', 'markersize': 8}
         for index, row in enumerate(figures['three']):
             places = index + offset + np.linspace(-0.08, 0.08, 3)
             three.plot(places, [100 * one['rate'] for one in row[method]['read']], **how)
-    three.axhline(100 * PAPER_LEAST, color='0.2', linestyle=':')
-    three.set_xticks(
-        range(len(ARRANGEMENTS)), [name.replace(' ', '\n', 1) for name in ARRANGEMENTS]
-    )
-    three.set_ylabel('packets identified [%]')
-    three.set_title('three markers at 1 to 2 m, one packet', fontsize=13)
-    styles = {'brighter': '-', 'fainter': ':', 'both': '--'}
-    shares = [row['share'] for row in figures['two']]
+    three.axhline(100 * PAPER_LEAST, **line('-.'))
+    names = [row['arrangement'].replace(' ', '\n', 1) for row in figures['three']]
+    title = 'three markers at 1 to 2 m, one packet'
+    label(three, '', 'packets identified [%]', title, percent=True)
+    three.set_xticks(range(len(names)), names)
+    ratios = [row['share'] for row in figures['two']]
     for method in METHODS:
-        for name, style in styles.items():
+        for name, style in _PAIR.items():
             rates = [row[method][name] for row in figures['two']]
-            draw_shares(two, shares, rates, linestyle=style, **look(method))
-    two.set_xscale('log')
-    two.set_xticks(shares, [f'{share:g}' for share in shares])
+            draw_shares(two, ratios, rates, linestyle=style, **look(method))
+    x, y = (
+        "the fainter marker's signal, over the brighter one's",
+        f'read within {WATCHED_S:g} s [%]',
+    )
+    label(two, x, y, 'two markers in one zone', percent=True, xscale='log')
+    two.set_xticks(ratios, [f'{share:g}' for share in ratios])
     two.minorticks_off()
     two.invert_xaxis()
-    two.set_xlabel("the fainter marker's signal, over the brighter one's")
-    two.set_ylabel(f'read within {WATCHED_S:g} s [%]')
-    two.set_title('two markers in one zone', fontsize=13)
-    for axis in (three, two):
-        axis.set_ylim(-2, 103)
-    others: dict[str, Any] = {
-        name: {'color': '0.2', 'linestyle': style} for name, style in styles.items()
-    }
-    others["left: the paper's worst"] = {'color': '0.2', 'linestyle': ':'}
-    legend_below(figure, METHODS, others)
+    others = {f'right: {name}': line(style) for name, style in _PAIR.items()}
+    legend_below(figure, METHODS, others | {"left: the paper's worst": line('-.')})
     return figure

@@ -5,49 +5,50 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from dataclasses import replace
 from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
-from tqdm import tqdm
 
 from evaluation.bench.judging import Options, new_detector, read_shares
 from evaluation.bench.rates import crossing, rate
 from evaluation.bench.recordings import Sent, record, signal_at
 from evaluation.bench.stresses import PLAIN
-from evaluation.experiments import bound
-from evaluation.experiments.paper_sweeps import lone, repeating
-from evaluation.experiments.speed_chart import draw
+from evaluation.experiments.bound import genie_reach
+from evaluation.experiments.paper_sweeps import LONE_RECORDINGS, RANGES_M, lone, repeating
+from evaluation.experiments.sweeps import rng_at
 from evaluation.peers.background import Background
 from evaluation.peers.pictures import View, picture_cost, read_pictures
 from evaluation.peers.visual_markers import AprilTagReader, QrReader, Reader
-from evaluation.report.charts import LEVEL
+from evaluation.report.charts import LEVEL, label, legend_below, line, look, new_chart
 from evaluation.report.claims import Table, end_as_text
-from retrolidar_ros.marker.dictionary import choose_ids
+from retrolidar_ros.marker.dictionary import USABLE_IDS, choose_ids
 from retrolidar_ros.scene import Simulation
 from retrolidar_ros.scene.reference import SENSOR, marker_in_each_zone
 from retrolidar_ros.scene.truth import PACKET_S
 
-__all__ = ['TITLE', 'at', 'draw', 'run', 'table']
-
 TITLE = 'Speed against accuracy'
-_LONE_M = (1.0, 1.6, 2.0, 2.4, 2.6, 2.7, 2.8, 2.9, 3.0, 3.2, 3.4)
+MESSAGE = (
+    "LiDAR: three metres for less than a hundredth of an AprilTag's computing; "
+    'AprilTag: an answer at once'
+)
+_LONE_M = RANGES_M[4:]
 _SEVERAL_M = (1.0, 2.0, 2.6, 3.0, 3.2, 3.4, 3.6, 3.8, 4.0, 4.4)
 _TAGS_M = (0.4, 0.6, 0.8, 1.0, 1.4, 1.8, 2.2, 2.6, 3.0, 3.4, 3.8, 4.2)
-_RECORDINGS, _PICTURES, _TIMED_PICTURES = 3, 32, 4
-_QUICK_RECORDINGS, _QUICK_PICTURES, _QUICK_TIMED_PICTURES = 1, 6, 1
 _FRAMES, _WARM_UP_FRAMES = 400, 500
 _AT_M, _TALKING = 2.0, 3
+_MOST_WRONG = 0.2  # where the colour of wrong IDs ends
 
 
 class Point(NamedTuple):
-    """One setting of a knob."""
+    """One setting of a knob of the LiDAR's methods."""
 
     label: str
     options: Options
     packets: int = 1
+    recordings: int = 4
 
 
 def _curves() -> dict[str, list[Point]]:
@@ -55,8 +56,11 @@ def _curves() -> dict[str, list[Point]]:
     joint = {'method': 'joint', 'max_packets': 1}
     return {
         'joint: packets combined': [
-            Point(f'{packets}', {'method': 'joint', 'max_packets': packets}, packets)
-            for packets in (1, 2, 3, 5, 8)
+            Point('1', joint, 1, LONE_RECORDINGS),
+            *(
+                Point(f'{packets}', joint | {'max_packets': packets}, packets, 3)
+                for packets in (2, 3, 5, 8)
+            ),
         ],
         'joint: IDs registered': [
             Point(f'{count}', joint | {'registered_ids': choose_ids(count)[0]})
@@ -67,23 +71,19 @@ def _curves() -> dict[str, list[Point]]:
             for budget in (1000.0, 10.0, 0.001)
         ],
         'paper: threshold': [
-            Point(f'{threshold:g}', {'method': 'paper', 'likelihood_threshold': threshold}, 3)
-            for threshold in (0.1, 0.2, 0.3, 0.38, 0.5)
+            Point(f'{least:g}', {'method': 'paper', 'likelihood_threshold': least}, 3, 3)
+            for least in (0.1, 0.2, 0.3, 0.38, 0.5)
         ],
     }
 
 
-def _of_known(range_m: float, ids: NDArray[np.int64], rng: np.random.Generator) -> Sent:
-    return record(PLAIN, signal_at(range_m), rng, ids)
-
-
 def _frame_ms(options: Options, rng: np.random.Generator) -> float:
-    """Return the processor time per second of watching three markers [ms]."""
+    """Return the processor time per second of watching three markers that may be read [ms]."""
     scene = marker_in_each_zone(_AT_M, rng, start_s=(-PACKET_S, 0.0), packets=None)
     some = scene.markers[:: len(scene.markers) // _TALKING][:_TALKING]
-    simulation = Simulation(
-        scene.__class__(sensor=SENSOR, markers=some, surfaces=scene.surfaces), rng
-    )
+    ids = rng.choice(options.get('registered_ids', USABLE_IDS), _TALKING, replace=False).tolist()
+    markers = tuple(replace(one, id=id_) for one, id_ in zip(some, ids, strict=True))
+    simulation = Simulation(replace(scene, markers=markers), rng)
     before, timed = simulation.advance(_WARM_UP_FRAMES), simulation.advance(_FRAMES)
     spent_s = []
     for _ in range(2):
@@ -96,50 +96,48 @@ def _frame_ms(options: Options, rng: np.random.Generator) -> float:
     return 1e3 * min(spent_s) / (_FRAMES * SENSOR.period_s)
 
 
-def _lidar(point: Point, recordings: int, quick: bool, seed: int) -> dict[str, Any]:
-    """Return what a setting of the LiDAR costs and gives."""
+def _summed(text: str, cpu_ms: float, answer_s: float, places: Any, found: Any) -> dict[str, Any]:
+    """Return what a setting costs, and what it gives over places."""
+    right, wrong = ([one[key] for one in found] for key in ('right', 'wrong'))
+    return {
+        'label': text,
+        'cpu_ms': cpu_ms,
+        'answer_s': answer_s,
+        'reach_m': crossing(LEVEL, places, right),
+        'half_m': crossing(0.5, places, right),
+        'wrong': rate(sum(one['hits'] for one in wrong), sum(one['trials'] for one in wrong)),
+    }
+
+
+def _lidar(point: Point, quick: bool, seed: int) -> dict[str, Any]:
+    """Return what a setting of the LiDAR costs and gives, of the same frames as all others."""
     places = (_LONE_M if point.packets == 1 else _SEVERAL_M)[:: 3 if quick else 1]
     make = lone if point.packets == 1 else partial(repeating, size_m=0.03, packets=point.packets)
     known = point.options.get('registered_ids')
     found = []
     for range_m in places:
-        rng = np.random.default_rng([seed, round(100 * range_m)])  # the same for all settings
         make_one: Callable[[np.random.Generator], Sent] = partial(make, range_m)
         if known is not None:
-            make_one = partial(_of_known, range_m, np.array(known))
-        shares = read_shares(
-            make_one, recordings, rng, {'it': point.options}, lone=point.packets == 1
-        )
-        found.append(shares['it'])
-    wrong = [one['wrong'] for one in found]
-    return {
-        'label': point.label,
-        'cpu_ms': _frame_ms(point.options, np.random.default_rng(seed)),
-        'answer_s': point.packets * PACKET_S,
-        'reach_m': crossing(LEVEL, places, [one['right'] for one in found]),
-        'half_m': crossing(0.5, places, [one['right'] for one in found]),
-        'wrong': rate(sum(one['hits'] for one in wrong), sum(one['trials'] for one in wrong)),
-    }
+            make_one = partial(record, PLAIN, signal_at(range_m), ids=np.array(known))
+        recordings, rng = 1 if quick else point.recordings, rng_at(seed, range_m)
+        variants, is_lone = {'it': point.options}, point.packets == 1
+        found.append(read_shares(make_one, recordings, rng, variants, lone=is_lone)['it'])
+    cpu_ms = _frame_ms(point.options, np.random.default_rng(seed))
+    return _summed(point.label, cpu_ms, point.packets * PACKET_S, places, found)
 
 
 def _camera(
-    reader: Reader, label: str, background: Background, counts: tuple[int, int], seed: int
+    reader: Reader, text: str, background: Background, quick: bool, seed: int
 ) -> dict[str, Any]:
     """Return what a setting of a reader of visual markers costs and gives."""
     rng = np.random.default_rng(seed)
+    pictures, timed = (6, 1) if quick else (32, 4)
     found = [
-        read_pictures([reader], background, counts[0], rng, View(range_m))[reader.name]
+        read_pictures([reader], background, pictures, rng, View(range_m))[reader.name]
         for range_m in _TAGS_M
     ]
-    wrong = [one['wrong'] for one in found]
-    return {
-        'label': label,
-        'cpu_ms': picture_cost(reader, background, counts[1], rng, View(_AT_M)),
-        'answer_s': 1 / 30,
-        'reach_m': crossing(LEVEL, _TAGS_M, [one['read'] for one in found]),
-        'half_m': crossing(0.5, _TAGS_M, [one['read'] for one in found]),
-        'wrong': rate(sum(one['hits'] for one in wrong), sum(one['trials'] for one in wrong)),
-    }
+    cpu_ms = picture_cost(reader, background, timed, rng, View(_AT_M))
+    return _summed(text, cpu_ms, 1 / 30, _TAGS_M, found)
 
 
 def _readers() -> dict[str, list[tuple[str, Reader]]]:
@@ -159,50 +157,122 @@ def _readers() -> dict[str, list[tuple[str, Reader]]]:
 
 def run(rng: np.random.Generator, *, quick: bool) -> dict[str, Any]:
     """Return processor time, reach and wrong IDs of every setting of every knob."""
-    seed = int(rng.integers(2**31))
-    recordings = _QUICK_RECORDINGS if quick else _RECORDINGS
-    counts = (_QUICK_PICTURES, _QUICK_TIMED_PICTURES) if quick else (_PICTURES, _TIMED_PICTURES)
+    seed, stride = int(rng.integers(2**31)), 2 if quick else 1
     curves = {
-        name: [_lidar(point, recordings, quick, seed) for point in points[:: 2 if quick else 1]]
-        for name, points in tqdm(_curves().items(), desc='speed-accuracy', leave=False)
+        name: [_lidar(point, quick, seed) for point in points[::stride]]
+        for name, points in _curves().items()
     }
     background = Background(rng)
-    for name, readers in tqdm(_readers().items(), desc='speed-accuracy', leave=False):
+    for name, readers in _readers().items():
         curves[name] = [
-            _camera(reader, label, background, counts, seed)
-            for label, reader in readers[:: 2 if quick else 1]
+            _camera(reader, text, background, quick, seed) for text, reader in readers[::stride]
         ]
-    told_m = bound.told_reach(1 if quick else 4, rng)
-    return {'curves': curves, 'told_m': told_m, 'frame_ms': 1e3 * SENSOR.period_s}
+    return {
+        'curves': curves,
+        'genie_m': genie_reach(seed, quick=quick),
+        'frame_ms': 1e3 * SENSOR.period_s,
+    }
 
 
-def at(figures: dict[str, Any], curve: str, label: str) -> dict[str, Any] | None:
+def at(figures: dict[str, Any], curve: str, text: str) -> dict[str, Any] | None:
     """Return a setting of a knob, None if it was not measured."""
-    return next((one for one in figures['curves'].get(curve, ()) if one['label'] == label), None)
+    return next((one for one in figures['curves'].get(curve, ()) if one['label'] == text), None)
 
 
 def table(figures: dict[str, Any]) -> Table:
     """Return what every knob costs and gives, its settings one after the other."""
-    rows = [
-        ['knob', 'settings', 'ms of a core a second', '80 % to [m]', 'half to [m]', 'wrong IDs']
-    ]
+    heads = ['settings', 'ms of a core a second', '80 % to [m]', 'half to [m]', 'wrong IDs']
 
-    def reach(point: dict[str, Any], key: str) -> str:
-        return end_as_text(point[key]).removesuffix(' m')
+    def cells(point: dict[str, Any]) -> list[str]:
+        reaches = (end_as_text(point[key]).removesuffix(' m') for key in ('reach_m', 'half_m'))
+        return [point['label'], f'{point["cpu_ms"]:.0f}', *reaches, f'{point["wrong"]["rate"]:.1%}']
 
+    rows = [['knob', *heads]]
     for name, points in figures['curves'].items():
-        cells = zip(
-            *(
-                (
-                    point['label'],
-                    f'{point["cpu_ms"]:.0f}',
-                    reach(point, 'reach_m'),
-                    reach(point, 'half_m'),
-                    f'{point["wrong"]["rate"]:.1%}',
-                )
-                for point in points
-            ),
-            strict=True,
-        )
-        rows.append([name, *(' / '.join(one) for one in cells)])
+        columns = zip(*map(cells, points), strict=True)
+        rows.append([name, *(' / '.join(column) for column in columns)])
     return rows
+
+
+_LINES = {
+    'joint: packets combined': ('-', 'default: 1 to 8 packets combined'),
+    'joint: IDs registered': ('--', 'default: 1000 to 16 IDs registered'),
+    'joint: false IDs allowed an hour': (':', 'default: 0.001 to 1000 false IDs an hour'),
+    'paper: threshold': ('--', 'paper, 3 packets: threshold 0.5 to 0.1; half are read'),
+    'AprilTag: decimation': ('-', 'AprilTag 3: decimation 4 to 1'),
+    'QR code: zbar': ('-', 'QR code'),
+}
+"""Line and words of the curves that are drawn."""
+
+
+def _frontier(points: Sequence[dict[str, Any]]) -> list[tuple[float, float]]:
+    """Return the points than which none is cheaper and reads farther, as steps."""
+    steps: list[tuple[float, float]] = []
+    for point in sorted(points, key=lambda one: float(one['cpu_ms'])):
+        reach_m = point['reach_m']['at'] or 0.0
+        if not steps or reach_m > steps[-1][1]:
+            if steps:
+                steps.append((point['cpu_ms'], steps[-1][1]))
+            steps.append((point['cpu_ms'], reach_m))
+    return steps
+
+
+def draw(figures: dict[str, Any]) -> Any:
+    """Draw reach over processor time, wrong IDs as colour, and reach over the time to an answer."""
+    figure, (cost, answer) = new_chart(1, 2, 16, 8.4, MESSAGE)
+    curves = {name: points for name, points in figures['curves'].items() if name in _LINES}
+    entries: dict[str, Any] = {}
+    for name, points in curves.items():
+        style, words = _LINES[name]
+        how = look('QR code' if name.startswith('QR') else name.partition(':')[0])
+        entries[words] = how | {'linestyle': style, 'markerfacecolor': 'white'}
+        # Where four of five are hardly read anywhere, half are shown.
+        key = 'half_m' if name.startswith('paper') else 'reach_m'
+        shown = [point for point in points if point[key]['at'] is not None]
+        for axis, place in ((cost, 'cpu_ms'), (answer, 'answer_s')):
+            image = _draw_curve(axis, shown, place, key, entries[words])
+    every = [point for points in curves.values() for point in points]
+    frontier = line('-', '0.7') | {'linewidth': 5, 'alpha': 0.5}
+    cost.plot(*zip(*_frontier(every), strict=True), **frontier, zorder=0)
+    genie = line('--', look('genie')['color'])
+    if figures['genie_m'] is not None:
+        for axis in (cost, answer):
+            axis.axhline(figures['genie_m'], **genie)
+    answer.axvline(1e-3 * figures['frame_ms'], **line(':', '0.3'))
+    answer.axvline(PACKET_S, **line('-.', '0.3'))
+    y = '80 % of markers of 3 cm are read to [m]'
+    label(cost, 'processor time per second of watching [ms]', y, xscale='log', ylim=(0, 4.5))
+    label(answer, 'time to an answer [s]', '', xscale='log', ylim=(0, 4.5))
+    figure.colorbar(image, ax=answer, label='wrong IDs [%]', shrink=0.7)
+    entries |= {
+        'frontier: nothing cheaper reads farther': frontier,
+        'genie-aided bound of one packet': genie,
+        'one frame': line(':', '0.3'),
+        'one packet': line('-.', '0.3'),
+    }
+    legend_below(figure, (), entries, columns=3)
+    return figure
+
+
+def _draw_curve(axis: Any, shown: Sequence[dict[str, Any]], place: str, key: str, how: Any) -> Any:
+    """Draw the settings of a knob with their confidence, wrong IDs as colour."""
+    places = [point[place] for point in shown]
+    reaches = np.array([point[key]['at'] for point in shown])
+    low, high = ([point[key][end] for point in shown] for end in ('low', 'high'))
+    ends = [reaches if None in bound else np.array(bound) for bound in (low, high)]
+    bars = np.maximum([reaches - ends[0], ends[1] - reaches], 0)
+    axis.plot(places, reaches, **how, linewidth=1.5)
+    axis.errorbar(places, reaches, bars, linestyle='', color=how['color'], capsize=3)
+    return axis.scatter(
+        places,
+        reaches,
+        s=120,
+        c=[100 * point['wrong']['rate'] for point in shown],
+        cmap='Reds',
+        vmin=0,
+        vmax=100 * _MOST_WRONG,
+        marker=how['marker'],
+        edgecolors=how['color'],
+        linewidths=2,
+        zorder=3,
+    )

@@ -12,30 +12,25 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
-from tqdm import tqdm
 
 from evaluation.bench.judging import BOTH, read_shares
-from evaluation.bench.panels import PANELS, Panel
 from evaluation.bench.recordings import Sent, record, signal_at
-from evaluation.bench.stresses import Stress
+from evaluation.bench.stresses import PANELS, Panel, Stress
 from evaluation.experiments.moving import across
-from evaluation.report.charts import LEVEL, WRONG, draw_reads, legend_below, new_chart
+from evaluation.report.charts import LEVEL, WRONG, draw_reads, label, legend_below, new_chart
 from evaluation.report.claims import Table
 from retrolidar_ros.detector import METHODS
 from retrolidar_ros.marker.dictionary import USABLE_IDS
 from retrolidar_ros.scene.reference import SENSOR
 
 TITLE = 'Where methods break'
-RANGES_M = (1.0, 2.0, 2.7)
-"""Near, far, and where the reach of a lone packet ends."""
-SPEED_M_S = 0.1
-"""Of a marker that moves, across the view."""
-REPEATED_S = 4.35
-"""How long repeating markers are watched: three packets and a look."""
+MESSAGE = "Lone packets at 2 m: no stress breaks the default before the paper's method"
+RANGES_M = (1.0, 2.0, 2.7)  # near, far, and where the reach of a lone packet ends
+SPEED_M_S = 0.1  # of a marker that moves, across the view
+REPEATED_S = 4.35  # how long repeating markers are watched: three packets and a look
 SHOWN_M = 2.0
+_COLUMNS = 4
 _MOVING = replace(SENSOR, blur=0.05)
-_RECORDINGS, _MOVERS = 2, 12
-_QUICK_RECORDINGS, _QUICK_MOVERS = 1, 3
 _LEAST = 0.25  # less than this without any stress is nothing to break
 
 
@@ -52,11 +47,12 @@ def trial(
 class _Condition:
     """What is read of one panel's values under one condition, each recording made once."""
 
-    def __init__(self, panel: Panel, where: tuple[float, bool, bool], seed: int, quick: bool):
+    def __init__(
+        self, panel: Panel, where: tuple[float, bool, bool], seed: int, recordings: tuple[int, int]
+    ) -> None:
         range_m, self.moves, self.repeats = where
         self._panel, self._range_m, self._seed = panel, range_m, seed
-        movers, standing = (_QUICK_MOVERS, _QUICK_RECORDINGS) if quick else (_MOVERS, _RECORDINGS)
-        self._recordings = movers if self.moves else standing
+        self._recordings = recordings[self.moves]
 
     def read(self, index: int, *names: str) -> dict[str, Any]:
         """Return what methods read at a value."""
@@ -106,41 +102,37 @@ def _named(where: tuple[float, bool, bool]) -> str:
 def run(rng: np.random.Generator, *, quick: bool) -> dict[str, Any]:
     """Return breaking points under all conditions, and the panels of one in full."""
     seed = int(rng.integers(2**31))
-    chosen = PANELS[::5] if quick else PANELS
     conditions = CONDITIONS[:: 4 if quick else 1]
+
+    recordings = (1, 3) if quick else (1, 5)  # of those that stand, and of those that move
+
+    def condition(panel: Panel, where: tuple[float, bool, bool]) -> _Condition:
+        return _Condition(panel, where, seed, recordings)
+
     harmless = {
-        _named(where): _Condition(PANELS[0], where, seed, quick).read(0, *METHODS)
-        for where in conditions
+        _named(where): condition(PANELS[0], where).read(0, *METHODS) for where in conditions
     }
     panels = []
-    for panel in tqdm(chosen, desc='stability', leave=False):
-        breaks = {}
-        for where in conditions:
-            condition = _Condition(panel, where, seed, quick)
-            usual = harmless[_named(where)]
-            breaks[_named(where)] = {
-                method: condition.breaks(method, usual[method]['right']['rate'])
-                for method in METHODS
+    for panel in PANELS[:: 5 if quick else 1]:
+        breaks = {
+            _named(where): {
+                method: condition(panel, where).breaks(method, read['right']['rate'])
+                for method, read in harmless[_named(where)].items()
             }
-        shown = _Condition(panel, (SHOWN_M, False, False), seed, quick)
+            for where in conditions
+        }
+        shown = _Condition(panel, (SHOWN_M, False, False), seed, (1 if quick else 2, 0))
         points = [
             {'place': value, **shown.read(index, *METHODS)}
             for index, value in enumerate(panel.values)
             if not quick or index % 3 == 0
         ]
-        panels.append(
-            {
-                'name': panel.name,
-                'title': panel.title,
-                'axis': panel.axis,
-                'breaks': breaks,
-                'points': points,
-            }
-        )
-    return {'harmless': harmless, 'panels': panels, 'speed_m_s': SPEED_M_S}
+        about = {'title': panel.title, 'axis': panel.axis}
+        panels.append(about | {'breaks': breaks, 'points': points})
+    return {'harmless': harmless, 'panels': panels}
 
 
-def _told(found: dict[str, Any]) -> str:
+def _at(found: dict[str, Any]) -> str:
     if found['state'] == 'not read':
         return '×'
     return f'{">" if found["state"] == "never" else ""}{found["at"]:.3g}'
@@ -152,39 +144,27 @@ def table(figures: dict[str, Any]) -> Table:
     kinds = list(dict.fromkeys(name.partition(', ')[2] for name in conditions))
     rows = [['breaks at', *(f'{method}: {kind}' for kind in kinds for method in METHODS)]]
     for panel in figures['panels']:
-        cells = [
-            '/'.join(
-                _told(panel['breaks'][name][method])
-                for name in conditions
-                if name.partition(', ')[2] == kind
-            )
-            for kind in kinds
-            for method in METHODS
-        ]
-        rows.append([f'{panel["title"]}, {panel["axis"]}', *cells])
+        row = [f'{panel["title"]}, {panel["axis"]}']
+        for kind in kinds:
+            names = [name for name in conditions if name.partition(', ')[2] == kind]
+            row += [
+                '/'.join(_at(panel['breaks'][name][method]) for name in names) for method in METHODS
+            ]
+        rows.append(row)
     return rows
 
 
 def draw(figures: dict[str, Any]) -> Any:
     """Draw a panel for every stress."""
-    columns = 4
-    rows = -(-len(figures['panels']) // columns)
-    figure, axes = new_chart(
-        rows,
-        columns,
-        16,
-        3.6 * rows + 1.2,
-        f"Lone packets at {SHOWN_M:g} m: no stress breaks the default before the paper's method",
-    )
-    for axis in axes.flat[len(figures['panels']) :]:
+    rows = -(-len(figures['panels']) // _COLUMNS)
+    figure, axes = new_chart(rows, _COLUMNS, 16, 3.6 * rows + 1.2, MESSAGE)
+    for axis in axes[len(figures['panels']) :]:
         axis.set_visible(False)
-    for index, (axis, panel) in enumerate(zip(axes.flat, figures['panels'], strict=False)):
+    for axis, panel in zip(axes, figures['panels'], strict=False):
         draw_reads(axis, panel['points'])
-        axis.set_title(panel['title'], fontsize=13)
-        axis.set_xlabel(panel['axis'])
+        y = 'markers [%]' if axis in axes[::_COLUMNS] else ''
+        label(axis, panel['axis'], y, panel['title'], percent=True)
         if panel['points'][0]['place'] > panel['points'][-1]['place']:
             axis.invert_xaxis()
-        if index % columns == 0:
-            axis.set_ylabel('markers [%]')
     legend_below(figure, METHODS, WRONG)
     return figure

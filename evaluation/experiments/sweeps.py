@@ -16,12 +16,12 @@ import numpy as np
 from evaluation.bench.judging import BOTH, Options, judged, read_of
 from evaluation.bench.rates import crossing
 from evaluation.bench.recordings import Sent
-from evaluation.report.charts import LEVEL, WRONG, draw_reads, legend_below, new_chart
+from evaluation.report.charts import LEVEL, WRONG, draw_reads, label, legend_below, line, new_chart
 from evaluation.report.claims import Claims, Table, end_as_text
 from retrolidar_ros.detector import METHODS
 
-MOST_BITS = 4
-"""So many wrong bits or more are counted together."""
+MOST_BITS = 4  # so many wrong bits or more are counted together
+PAPERS_OWN = {"80 % of the paper's own": line(':')}  # entry of a legend
 
 
 @dataclass(frozen=True)
@@ -31,14 +31,19 @@ class Curve:
     name: str
     make: Callable[[float, np.random.Generator], Sent]
     places: Sequence[float]
-    recordings: int = 3
-    """Of sixteen markers, or of one."""
+    recordings: int = 3  # of sixteen markers, or of one
     variants: Mapping[str, Options] = field(default_factory=lambda: BOTH)
     lone: bool = True
 
 
-def _point(curve: Curve, place: float, recordings: int, rng: np.random.Generator) -> dict[str, Any]:
+def rng_at(seed: int, place: float) -> np.random.Generator:
+    """Return a generator that gives the same frames at a place to every experiment."""
+    return np.random.default_rng([seed, round(1000 * place)])
+
+
+def _point(curve: Curve, place: float, recordings: int, seed: int) -> dict[str, Any]:
     """Return what is read at a place."""
+    rng = rng_at(seed, place)
     found: dict[str, list[Any]] = {name: [] for name in curve.variants}
     for _ in range(recordings):
         sent = curve.make(place, rng)
@@ -47,95 +52,73 @@ def _point(curve: Curve, place: float, recordings: int, rng: np.random.Generator
     point: dict[str, Any] = {'place': place}
     for name, rows in found.items():
         bits = [min(one.corrected_bits, MOST_BITS) for row in rows for one in row.own]
+        markers = sum(len(row.right) for row in rows)
         point[name] = {
             **read_of(rows),
             'bits': np.bincount(np.array(bits, dtype=int), minlength=MOST_BITS + 1).tolist(),
-            'found': sum(min(row.candidates, len(row.right)) for row in rows)
-            / sum(len(row.right) for row in rows),
+            'found': sum(min(row.candidates, len(row.right)) for row in rows) / markers,
         }
     return point
 
 
+def ends_of(points: Sequence[Mapping[str, Any]], names: Sequence[str]) -> dict[str, Any]:
+    """Return to where four of five are read, by name."""
+    places = [point['place'] for point in points]
+    return {
+        name: crossing(LEVEL, places, [point[name]['right'] for point in points]) for name in names
+    }
+
+
+@dataclass
 class Sweep:
-    """An experiment of some curves: what its chart says, over which axis, with which unit.
+    """An experiment of some curves."""
 
-    `marks` are the paper's own places by the names of curves.
-    """
-
-    def __init__(
-        self,
-        title: str,
-        message: str,
-        axis: str,
-        unit: str,
-        curves: Sequence[Curve],
-        claims: Callable[[dict[str, Any]], Claims],
-        marks: Mapping[str, float],
-    ) -> None:
-        self.TITLE = title
-        self.curves = curves
-        self.claims = claims
-        self._message, self._axis, self._unit, self._marks = message, axis, unit, marks
+    TITLE: str
+    message: str  # of the chart
+    axis: str
+    curves: Sequence[Curve]
+    claims: Callable[[dict[str, Any]], Claims]
+    marks: Mapping[str, float] = field(default_factory=dict)  # the paper's own places, by curve
+    unit: str = 'm'
 
     def run(self, rng: np.random.Generator, *, quick: bool) -> dict[str, Any]:
         """Return shares of markers that are read, and to where four of five are, by curve."""
-        curves = {}
+        seed, curves = int(rng.integers(2**31)), {}
         for curve in self.curves:
             places = curve.places[:: max(1, len(curve.places) // 3)] if quick else curve.places
             recordings = max(1, curve.recordings // 8) if quick else curve.recordings
-            points = [_point(curve, place, recordings, rng) for place in places]
-            ends = {
-                name: crossing(
-                    LEVEL,
-                    [point['place'] for point in points],
-                    [point[name]['right'] for point in points],
-                )
-                for name in curve.variants
-            }
-            curves[curve.name] = {'points': points, 'ends': ends}
+            points = [_point(curve, place, recordings, seed) for place in places]
+            curves[curve.name] = {'points': points, 'ends': ends_of(points, list(curve.variants))}
         return {'curves': curves}
 
     def table(self, figures: dict[str, Any]) -> Table:
         """Return to where four of five are read, and the most wrong IDs on the way."""
-        rows = [
-            [
-                '80 % are read to',
-                *METHODS,
-                *(f'most wrong IDs, {name}' for name in METHODS),
-            ]
-        ]
+        rows = [['80 % are read to', *METHODS, *(f'most wrong IDs, {name}' for name in METHODS)]]
         for name, curve in figures['curves'].items():
-            rows.append(
-                [
-                    name,
-                    *(end_as_text(curve['ends'][method], self._unit) for method in METHODS),
-                    *(
-                        f'{max(point[method]["wrong"]["rate"] for point in curve["points"]):.0%}'
-                        for method in METHODS
-                    ),
-                ]
-            )
+            ends = [end_as_text(curve['ends'][method], self.unit) for method in METHODS]
+            wrong = [
+                max(point[method]['wrong']['rate'] for point in curve['points'])
+                for method in METHODS
+            ]
+            rows.append([name, *ends, *(f'{share:.0%}' for share in wrong)])
         return rows
 
     def draw(self, figures: dict[str, Any]) -> Any:
         """Draw a panel for each curve."""
-        columns = 2 if len(figures['curves']) == 4 else min(3, len(figures['curves']))
-        rows = -(-len(figures['curves']) // columns)
-        figure, axes = new_chart(rows, columns, 4.7 * columns + 0.5, 4.2 * rows + 1, self._message)
-        for axis in axes.flat[len(figures['curves']) :]:
+        count = len(figures['curves'])
+        columns = 2 if count == 4 else min(3, count)
+        rows = -(-count // columns)
+        width = max(4.7 * columns + 0.5, 7.5)
+        figure, panels = new_chart(rows, columns, width, 4.2 * rows + 1, self.message)
+        for axis in panels[count:]:
             axis.set_visible(False)
-        for axis, (name, curve) in zip(axes.flat, figures['curves'].items(), strict=False):
+        for axis, (name, curve) in zip(panels, figures['curves'].items(), strict=False):
             draw_reads(axis, curve['points'])
-            if name in self._marks:
-                axis.axvline(self._marks[name], color='0.2', linewidth=1.2, linestyle=':')
-            axis.set_title(name, fontsize=12)
-            axis.set_xlabel(self._axis)
-        for row in axes:
-            row[0].set_ylabel('markers [%]')
-        others = dict(WRONG)
-        if self._marks:
-            others["80 % of the paper's own"] = {'color': '0.2', 'linestyle': ':'}
-        legend_below(figure, METHODS, others)
+            if name in self.marks:
+                axis.axvline(self.marks[name], **line(':'), linewidth=1.2)
+            y = 'markers [%]' if axis in panels[::columns] else ''
+            label(axis, self.axis, y, name, percent=True)
+        legend_below(figure, METHODS, WRONG | (PAPERS_OWN if self.marks else {}))
         return figure
 
 

@@ -10,7 +10,6 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from tqdm import tqdm
 
 from evaluation.bench.judging import BOTH, Options, judged
 from evaluation.bench.recordings import SILENCE_BITS, Sent, record, signal_at
@@ -19,7 +18,7 @@ from evaluation.peers.background import Background
 from evaluation.peers.camera import PICTURES_HZ
 from evaluation.peers.pictures import View, read_pictures
 from evaluation.peers.visual_markers import APRILTAG, find_readers
-from evaluation.report.charts import legend_below, look, new_chart
+from evaluation.report.charts import label, legend_below, line, look, new_chart
 from evaluation.report.claims import Table
 from retrolidar_ros.detector import METHODS
 from retrolidar_ros.marker.code import BIT_PERIOD_S
@@ -33,9 +32,9 @@ MESSAGE = 'A tag answers in a picture, a LiDAR marker in little more than a pack
 TIMEOUT_S = 12.0
 VIEW_S = SILENCE_BITS * BIT_PERIOD_S  # when the markers come into view
 SHARES = (0.5, 0.9)
+_STYLES = {'half': '-', 'nine tenths': '--'}
 _RANGES_M = (1.0, 1.5, 2.0, 2.4, 2.6, 2.8, 3.0, 3.2, 3.4, 3.6)
-_RECORDINGS, _QUICK_RECORDINGS = 2, 1
-_PICTURES, _QUICK_PICTURES = 48, 8
+_QUICK_PICTURES = 8
 
 
 def appearing(range_m: float, rng: np.random.Generator) -> Sent:
@@ -77,30 +76,19 @@ def _by_pictures(share: float, read: float) -> float | None:
 
 def run(rng: np.random.Generator, *, quick: bool) -> dict[str, Any]:
     """Return times to the first right ID over distance."""
-    ranges_m = _RANGES_M[::3] if quick else _RANGES_M
-    recordings = _QUICK_RECORDINGS if quick else _RECORDINGS
     readers = [one for one in find_readers()[0] if one.name == APRILTAG]
     background = Background(rng)
+    pictures = _QUICK_PICTURES if quick else 48
     points = []
-    for range_m in tqdm(ranges_m, desc='time-to-id', leave=False):
+    for range_m in _RANGES_M[::3] if quick else _RANGES_M:
+        sent = [appearing(range_m, rng) for _ in range(1 if quick else 2)]
         point: dict[str, Any] = {'range_m': range_m}
-        times: dict[str, list[Any]] = {method: [] for method in METHODS}
-        wrong = dict.fromkeys(METHODS, 0)
-        for _ in range(recordings):
-            sent = appearing(range_m, rng)
-            for method in METHODS:
-                found, errors = first_ids(sent, BOTH[method])
-                times[method].append(found)
-                wrong[method] += errors
         for method in METHODS:
-            all_s = np.concatenate(times[method])
-            point[method] = {
-                'by_share_s': [time_by_which(share, all_s) for share in SHARES],
-            }
-        count = _QUICK_PICTURES if quick else _PICTURES
-        for name, result in read_pictures(readers, background, count, rng, View(range_m)).items():
-            read = result['read']['rate']
-            point[name] = {'by_share_s': [_by_pictures(share, read) for share in SHARES]}
+            times_s = np.concatenate([first_ids(one, BOTH[method])[0] for one in sent])
+            point[method] = [time_by_which(share, times_s) for share in SHARES]
+        found = read_pictures(readers, background, pictures, rng, View(range_m))
+        for name, result in found.items():
+            point[name] = [_by_pictures(share, result['right']['rate']) for share in SHARES]
         points.append(point)
     return {'points': points, 'names': [*METHODS, *(one.name for one in readers)]}
 
@@ -111,44 +99,32 @@ def _seconds(time_s: float | None) -> str:
 
 def table(figures: dict[str, Any]) -> Table:
     """Return the times by which half and nine tenths are identified."""
-    rows = [['identified within: half, nine tenths', *figures['names']]]
-    rows += [
-        [
-            f'{point["range_m"]:g} m',
-            *(
-                ', '.join(_seconds(time_s) for time_s in point[name]['by_share_s'])
-                for name in figures['names']
-            ),
-        ]
-        for point in figures['points']
+    return [
+        ['identified within: half, nine tenths', *figures['names']],
+        *(
+            [
+                f'{point["range_m"]:g} m',
+                *(', '.join(map(_seconds, point[name])) for name in figures['names']),
+            ]
+            for point in figures['points']
+        ),
     ]
-    return rows
 
 
 def draw(figures: dict[str, Any]) -> Any:
     """Draw the times over distance."""
-    figure, ((axis,),) = new_chart(1, 1, 10, 6, MESSAGE)
+    figure, (axis,) = new_chart(1, 1, 10, 6.2, MESSAGE)
     ranges_m = [point['range_m'] for point in figures['points']]
     for name in figures['names']:
-        for index, style in enumerate(('-', '--')):
-            times_s = [point[name]['by_share_s'][index] for point in figures['points']]
-            places = [place for place, time_s in zip(ranges_m, times_s, strict=True) if time_s]
-            axis.plot(places, [time_s for time_s in times_s if time_s], style, **look(name))
-    for time_s, words in (
-        (SENSOR.period_s, 'one frame of the sensor'),
-        (1 / PICTURES_HZ, 'one picture'),
-        (PACKET_S, 'one packet'),
-    ):
+        for index, style in enumerate(_STYLES.values()):
+            times_s = [point[name][index] or np.nan for point in figures['points']]
+            axis.plot(ranges_m, times_s, style, **look(name))
+    limits = {'one frame': SENSOR.period_s, 'one picture': 1 / PICTURES_HZ, 'one packet': PACKET_S}
+    for words, time_s in limits.items():
         axis.axhline(time_s, color='0.5', linewidth=1, linestyle=':')
         axis.text(ranges_m[-1] + 0.18, 1.05 * time_s, words, fontsize=11, color='0.35', ha='right')
-    axis.set_yscale('log')
-    axis.set_ylim(0.015, 1.4 * TIMEOUT_S)
-    axis.set_xlim(ranges_m[0] - 0.2, ranges_m[-1] + 0.2)
-    axis.set_xlabel('distance of a marker of 3 cm [m]')
-    axis.set_ylabel('from view to the first right ID [s]')
-    others = {
-        'half': {'color': '0.2', 'linestyle': '-'},
-        'nine tenths': {'color': '0.2', 'linestyle': '--'},
-    }
-    legend_below(figure, figures['names'], others)
+    x, y = 'distance of a marker of 3 cm [m]', 'from view to the first right ID [s]'
+    ends = (ranges_m[0] - 0.2, ranges_m[-1] + 0.2)
+    label(axis, x, y, yscale='log', ylim=(0.015, 1.4 * TIMEOUT_S), xlim=ends)
+    legend_below(figure, figures['names'], {words: line(one) for words, one in _STYLES.items()})
     return figure

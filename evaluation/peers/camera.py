@@ -68,7 +68,6 @@ def expose(
     rng: np.random.Generator,
     *,
     veil: float = 0.0,
-    gamma: float = 1.0,
     longest_s: float = LONGEST_EXPOSURE_S,
 ) -> NDArray[np.uint8]:
     """Return the picture of a scene: 8-bit grey levels, of the shape of the light.
@@ -76,8 +75,7 @@ def expose(
     The light is in shares of white paper. Exposure time, up to the longest, and gain are set to the
     illuminance. Shot noise is Gaussian, as for many electrons. A veil of glare, in shares of white
     paper, lies over all; the exposure does not follow it, as that of a shiny spot in a large
-    picture. Levels are light to the power of 1/gamma: above 1 it moves blurred edges to the dark
-    side.
+    picture.
     """
     target = _WHITE_LEVEL * _FULL_WELL_E
     white = min(paper_electrons(illuminance_lux, longest_s), target)
@@ -85,8 +83,9 @@ def expose(
     electrons = (white * (light + veil)).astype(np.float32)
     deviation = np.sqrt(electrons + np.float32(_READ_NOISE_E**2))
     electrons += deviation * rng.standard_normal(light.shape, dtype=np.float32)
-    levels = np.clip(electrons * np.float32(gain / _FULL_WELL_E), 0, 1) ** np.float32(1 / gamma)
-    return np.rint(255 * levels).astype(np.uint8)
+    levels = np.clip(electrons * np.float32(gain / _FULL_WELL_E), 0, 1)
+    picture: NDArray[np.uint8] = np.rint(255 * levels).astype(np.uint8)
+    return picture
 
 
 def exposure_s(illuminance_lux: float, longest_s: float = LONGEST_EXPOSURE_S) -> float:
@@ -116,10 +115,8 @@ def smear(light: Floats, length_px: float) -> Floats:
 class Pose(NamedTuple):
     """Where a plate is, in the camera's frame."""
 
-    position_m: Floats
-    """Of its centre, shape (3,)."""
-    rotation: Floats
-    """Its axes as columns: right, down, and away from the camera, shape (3, 3)."""
+    position_m: Floats  # of its centre, shape (3,)
+    rotation: Floats  # its axes as columns: right, down, and away from the camera, shape (3, 3)
 
     @property
     def homography(self) -> Floats:

@@ -36,19 +36,13 @@ class View(NamedTuple):
     """How a marker is seen."""
 
     range_m: float
-    size_m: float = 0.03
-    """Edge of the pattern."""
-    lux: float = 300.0
-    """A room with its lamps on."""
-    veil: float = 0.0
-    """Of glare, in shares of white paper."""
-    gamma: float = 1.0
+    size_m: float = 0.03  # edge of the pattern
+    lux: float = 300.0  # a room with its lamps on
+    veil: float = 0.0  # of glare, in shares of white paper
     yaw_deg: float = 0.0
     pitch_deg: float = 0.0
-    speed_m_s: float = 0.0
-    """Across the line of sight."""
-    longest_s: float = LONGEST_EXPOSURE_S
-    """Exposure that the camera takes at most."""
+    speed_m_s: float = 0.0  # across the line of sight
+    longest_s: float = LONGEST_EXPOSURE_S  # exposure that the camera takes at most
 
 
 class Error(TypedDict):
@@ -57,19 +51,15 @@ class Error(TypedDict):
     median: float
     p95: float
     largest: float
-    above_1_cm: float
-    """Share of them."""
+    above_1_cm: float  # share of them
 
 
 class Result(TypedDict):
     """What one reader made of the pictures of one view."""
 
-    read: Rate
-    """Of single pictures."""
-    wrong: Rate
-    """Of pictures in which an ID was read that was not there."""
-    error_mm: Error | None
-    """Of the right readings, if any."""
+    right: Rate  # of single pictures
+    wrong: Rate  # of pictures in which an ID was read that was not there
+    error_mm: Error | None  # of the right readings, if any
 
 
 def errors(errors_m: Sequence[float]) -> Error | None:
@@ -106,9 +96,7 @@ def read_pictures(
         for _ in range(pictures):
             identity = int(rng.integers(IDS))
             light, window = _marker_before(background, alike[0], identity, view, rng)
-            picture = expose(
-                light, view.lux, rng, veil=view.veil, gamma=view.gamma, longest_s=view.longest_s
-            )
+            picture = expose(light, view.lux, rng, veil=view.veil, longest_s=view.longest_s)
             for reader in alike:
                 sightings = reader.read(picture, window.centre_px, view.size_m)
                 right = [seen.range_m - view.range_m for seen in sightings if seen.id == identity]
@@ -117,7 +105,7 @@ def read_pictures(
                 errors_m[reader.name] += right
         for name, count in hits.items():
             results[name] = Result(
-                read=rate(count, pictures),
+                right=rate(count, pictures),
                 wrong=rate(wrong[name], pictures),
                 error_mm=errors(errors_m[name]),
             )

@@ -18,8 +18,7 @@ from numpy.typing import NDArray
 from evaluation.peers.camera import FOCAL_PX
 from retrolidar_ros.sensor.frame import Floats
 
-IDS = 2115
-"""How many IDs tagStandard41h12 has."""
+IDS = 2115  # how many IDs tagStandard41h12 has
 APRILTAG, APRILTAG_FINE, QR = 'AprilTag', 'AprilTag, all pixels', 'QR code'
 _FAMILY = 'tagStandard41h12'
 _INK = 0.05  # in shares of white paper
@@ -29,26 +28,22 @@ _SQUARE = np.array([(0, 0), (1, 0), (1, 1), (0, 1)]) - 0.5
 class Plate(NamedTuple):
     """A marker with its margin."""
 
-    cells: Floats
-    """In shares of white paper, shape (n, n)."""
-    side_m: float
-    """Edge, with the margin [m]."""
+    cells: Floats  # in shares of white paper, shape (n, n)
+    side_m: float  # edge, with the margin [m]
 
 
 class Sighting(NamedTuple):
     """A marker that was read in a picture."""
 
     id: int
-    range_m: float
-    """To its centre, radially."""
+    range_m: float  # to its centre, radially
 
 
 class Reader(Protocol):
     """Makes one kind of marker, and reads it."""
 
     name: str
-    kind: str
-    """Of marker; readers of one kind can read the same pictures."""
+    kind: str  # of marker; readers of one kind can read the same pictures
 
     def plate(self, identity: int, size_m: float) -> Plate:
         """Return the marker of an ID, of a size [m]."""

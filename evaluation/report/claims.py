@@ -7,22 +7,20 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any, NamedTuple
 
-NOTHING = '–'
-"""Stands where there is no value: the paper gives none, or a method has no part in it."""
+from retrolidar_ros.detector import METHODS
 
-Table = list[list[str]]
-"""Rows of text, the heads first."""
+NOTHING = '–'  # stands where there is no value: the paper gives none, or a method has no part in it
+
+BOTH_CLAIMED = tuple(reversed(METHODS))  # the methods in the order of a claim's values
+Table = list[list[str]]  # rows of text, the heads first
 
 
 class Claim(NamedTuple):
     """What one item of the paper comes to here, as text with units."""
 
-    method: str = NOTHING
-    """What our implementation of the paper's method gives."""
-    default: str = NOTHING
-    """What our default method gives, or a model that is the same for both."""
-    agrees: bool | None = None
-    """None where the paper gives nothing to agree with."""
+    method: str = NOTHING  # what our implementation of the paper's method gives
+    default: str = NOTHING  # what our default method gives, or a model that is the same for both
+    agrees: bool | None = None  # None where the paper gives nothing to agree with
 
     @property
     def cells(self) -> str:
@@ -35,6 +33,16 @@ def claim_of(values: Iterable[str], agrees: bool | None = None) -> Claim:
     """Return a claim of the values of the paper's method and of the default."""
     method, default = values
     return Claim(method, default, agrees)
+
+
+def model(text: str, agrees: bool | None = True) -> Claim:
+    """Return a claim of a model that is the same for both methods."""
+    return Claim(default=text, agrees=agrees)
+
+
+def shares(values: Iterable[float], agrees: bool | None = None, digits: int = 0) -> Claim:
+    """Return a claim of shares of the paper's method and of the default."""
+    return claim_of((f'{value:.{digits}%}' for value in values), agrees)
 
 
 Claims = dict[str, Claim]

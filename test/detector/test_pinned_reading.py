@@ -16,9 +16,8 @@ import pytest
 
 from evaluation.bench.disturbances import restless_blocks, wall_blocks
 from evaluation.bench.judging import judged
-from evaluation.bench.panels import PANELS
 from evaluation.bench.recordings import Sent, record
-from evaluation.bench.stresses import PLAIN
+from evaluation.bench.stresses import PANELS, PLAIN
 from evaluation.experiments.paper_sweeps import lone, repeating
 from retrolidar_ros.detector import Detection, Detector, create_detector
 from retrolidar_ros.marker.dictionary import USABLE_IDS

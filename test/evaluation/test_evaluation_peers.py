@@ -230,8 +230,8 @@ class Liar:
 def test_wrong_ids_are_counted(background: Background, rng: np.random.Generator) -> None:
     readers: list[Reader] = [READERS[APRILTAG], Liar()]
     results = read_pictures(readers, background, 4, rng, View(0.6))
-    assert (results[APRILTAG]['read']['hits'], results[APRILTAG]['wrong']['hits']) == (4, 0)
-    assert (results['liar']['read']['hits'], results['liar']['wrong']['hits']) == (0, 4)
+    assert (results[APRILTAG]['right']['hits'], results[APRILTAG]['wrong']['hits']) == (4, 0)
+    assert (results['liar']['right']['hits'], results['liar']['wrong']['hits']) == (0, 4)
     assert results['liar']['error_mm'] is None
 
 
@@ -243,7 +243,7 @@ def test_tags_end_in_the_dark_turned_away_and_blurred(
     view: View, background: Background, rng: np.random.Generator
 ) -> None:
     usual, worse = (
-        read_pictures([READERS[APRILTAG]], background, 5, rng, one)[APRILTAG]['read']['hits']
+        read_pictures([READERS[APRILTAG]], background, 5, rng, one)[APRILTAG]['right']['hits']
         for one in (View(1.0), view)
     )
     assert (usual, worse) == (5, 0)

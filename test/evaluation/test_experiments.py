@@ -3,16 +3,15 @@
 """Every experiment runs, and gives figures, a table and a chart: their shape, not their digits."""
 
 import json
-import math
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
-from evaluation.bench.disturbances import wall_blocks
-from evaluation.bench.panels import PANELS
-from evaluation.bench.stresses import STRESSES
+from evaluation.bench.disturbances import FAMILY, wall_blocks
+from evaluation.bench.judging import BOTH, new_detector
+from evaluation.bench.stresses import PANELS, STRESSES
 from evaluation.experiments import (
     brighter,
     coffee,
@@ -28,6 +27,7 @@ from evaluation.experiments import (
 )
 from evaluation.experiments.registry import EXPERIMENTS, run_experiment
 from evaluation.peers.visual_markers import QR, find_readers
+from retrolidar_ros.scene.reference import SENSOR
 
 # So small that all run in seconds.
 TINY: dict[str, tuple[Any, dict[str, Any]]] = {
@@ -36,8 +36,8 @@ TINY: dict[str, tuple[Any, dict[str, Any]]] = {
         {'_LONE_M': (1.0, 3.2), '_SEVERAL_M': (1.0, 4.0), '_TAGS_M': (1.0, 4.2), '_FRAMES': 20},
     ),
     'time-to-id': (time_to_id, {'_RANGES_M': (1.0, 3.6), '_QUICK_PICTURES': 2}),
-    'peers': (peers, {'_QUICK_PICTURES': 2, '_MOVERS': 3, '_3_CM_M': (1.0, 4.0)}),
-    'roc': (roc, {'_QUICK_SHARE': 0.002}),
+    'peers': (peers, {'_QUICK_PICTURES': 2}),
+    'roc': (roc, {'_QUICK_SHARE': 0.0005}),
     'brighter': (brighter, {'STRESSES': STRESSES[:2]}),
     'stability': (stability, {'PANELS': PANELS[:1], 'CONDITIONS': [(1.0, True, False)]}),
     'moving': (moving, {'DURATION_S': 4.0}),
@@ -53,8 +53,8 @@ def test_an_experiment_runs(name: str, tmp_path: Path, monkeypatch: pytest.Monke
     module, sizes = TINY.get(name, (None, {}))
     for attribute, value in sizes.items():
         monkeypatch.setattr(module, attribute, value)
-    told = run_experiment(name, tmp_path, quick=True, seed=1)
-    assert 'QUICK RUN: ROUGH' in told
+    words = run_experiment(name, tmp_path, quick=True, seed=1)
+    assert 'QUICK RUN: ROUGH' in words
     figures = json.loads(
         (tmp_path / f'{name}.json').read_text(), parse_constant=lambda word: pytest.fail(word)
     )
@@ -78,9 +78,22 @@ def test_peers_tell_what_is_left_out(monkeypatch: pytest.MonkeyPatch) -> None:
 
 def test_silent_stretches_are_no_false_ids() -> None:
     blocks = wall_blocks(60, np.random.default_rng(1))
-    watched = roc.watch({'method': 'joint'}, blocks, 60 / 3600)
-    assert watched['false_ids']['events'] == 0
-    assert math.isfinite(watched['false_ids']['high'])
+    assert roc.watch(new_detector(SENSOR.grid, BOTH['joint']), blocks) == []
+
+
+def test_a_higher_threshold_of_paper_keeps_those_of_higher_likelihood() -> None:
+    """One run with a low threshold serves for all, as `roc` has it."""
+    (hands,) = (member for member in FAMILY if member.name == 'hands')
+    seen = {
+        least: roc.watch(
+            new_detector(SENSOR.grid, {'method': 'paper', 'likelihood_threshold': least}),
+            hands.blocks(180.0, np.random.default_rng(4), SENSOR),
+        )
+        for least in (0.1, 0.4)
+    }
+    kept = sum(one.likelihood >= 0.4 for one in seen[0.1])
+    assert len(seen[0.4]) > 50
+    assert kept == pytest.approx(len(seen[0.4]), rel=0.1)
 
 
 def test_at_one_metre_the_default_reads_all_and_the_papers_chain_mislocks(tmp_path: Path) -> None:

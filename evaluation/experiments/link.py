@@ -14,8 +14,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from evaluation.report.charts import OTHERS, look, new_chart
-from evaluation.report.claims import Claim, Claims, Table
+from evaluation.report.charts import OTHERS, label, legend_under, line, look, new_chart
+from evaluation.report.claims import Claims, Table, model
 from retrolidar_ros.scene import Simulation
 from retrolidar_ros.scene.reference import SENSOR, WALL_SIGNAL, marker_in_each_zone
 from retrolidar_ros.sensor.frame import Floats
@@ -24,15 +24,12 @@ TITLE = 'Link budget'
 MESSAGE = "The simulated link keeps the paper's laws"
 PAPER_EXPONENT, PAPER_DISTANCE_R2, PAPER_AREA_R2 = -3.8, 0.9826, 0.9853
 PAPER_GAIN, PAPER_BOARD_M = 100.4, 1.4
-BOARD_SIGNAL = 4.0
-"""Of a plain board of 9 cm² at `PAPER_BOARD_M` (paper §3.2) [kcps/SPAD]."""
-CRYSTAL_PASSES = 0.25
-"""Of the light, twice through both polarisers: what we put in."""
+BOARD_SIGNAL = 4.0  # of a plain board of 9 cm² at `PAPER_BOARD_M` (paper §3.2) [kcps/SPAD]
+CRYSTAL_PASSES = 0.25  # of the light, twice through both polarisers: what we put in
 _RANGES_M = (0.5, 0.75, 1.0, 1.25, 1.5, 1.75, 2.0, 2.25, 2.5, 2.75, 3.0)
 _FAR_M = 1.5  # from here on the paper fits its power law
 _EDGES_M = (0.010, 0.015, 0.020, 0.025, 0.030, 0.040)
 _AT_M = 1.0
-_FRAMES, _QUICK_FRAMES = 2000, 400
 _INTEGRATED = (1, 2, 4, 8, 16)  # frames
 NEVER_S = 1e9
 
@@ -70,7 +67,7 @@ def integrated_db(signal: Floats, integrated: int) -> float:
 
 def run(rng: np.random.Generator, *, quick: bool) -> dict[str, Any]:
     """Return signals over distance and area with their fits, and SNR over integration time."""
-    frames = _QUICK_FRAMES if quick else _FRAMES
+    frames = 400 if quick else 2000
     signals = [
         float(bright_signal(range_m, 0.03, frames, rng, wall=False).mean()) for range_m in _RANGES_M
     ]
@@ -81,7 +78,6 @@ def run(rng: np.random.Generator, *, quick: bool) -> dict[str, Any]:
     far = [place for place in _RANGES_M if place >= _FAR_M]
     exponent, _, distance_r2 = fit_line(np.log(far), np.log(signals[-len(far) :]))
     per_cm2, offset, area_r2 = fit_line(areas, of_areas)
-    per_decade, _, _ = fit_line(np.log10(_INTEGRATED), snrs_db)
     return {
         'ranges_m': list(_RANGES_M),
         'signals': signals,
@@ -94,7 +90,7 @@ def run(rng: np.random.Generator, *, quick: bool) -> dict[str, Any]:
         'area_r2': area_r2,
         'times_ms': [1e3 * SENSOR.period_s * count for count in _INTEGRATED],
         'snrs_db': snrs_db,
-        'db_per_decade': per_decade,
+        'db_per_decade': fit_line(np.log10(_INTEGRATED), snrs_db)[0],
     }
 
 
@@ -113,49 +109,42 @@ def claims(figures: dict[str, Any]) -> Claims:
     bare = figures['signals'][2] / CRYSTAL_PASSES / board_signal(1.0)
     sinks = PAPER_BOARD_M * (WALL_SIGNAL / BOARD_SIGNAL) ** (1 / PAPER_EXPONENT)
     decade = figures['db_per_decade']
-
-    def ours(text: str, agrees: bool = True) -> Claim:
-        return Claim(default=text, agrees=agrees)
-
     return {
-        'gain': ours(f'{bare:.0f} times', abs(bare - PAPER_GAIN) < 5),
-        'board': ours(f'{sinks:.1f} m'),
-        'distance': ours(f'R^{figures["exponent"]:.2f}, R² {figures["distance_r2"]:.4f}'),
-        'near': ours('none', agrees=False),
-        'area': ours(f'{figures["area_r2"]:.4f}'),
-        'time': ours(f'{decade:.2f} log10 k dB', abs(decade - 10) < 0.5),
+        'gain': model(f'{bare:.0f} times', abs(bare - PAPER_GAIN) < 5),
+        'board': model(f'{sinks:.1f} m'),
+        'distance': model(f'R^{figures["exponent"]:.2f}, R² {figures["distance_r2"]:.4f}'),
+        'near': model('none', agrees=False),
+        'area': model(f'{figures["area_r2"]:.4f}'),
+        'time': model(f'{decade:.2f} log10 k dB', abs(decade - 10) < 0.5),
     }
 
 
 def draw(figures: dict[str, Any]) -> Any:
     """Draw signal over distance and area, and SNR over integration time."""
-    figure, ((far, wide, long),) = new_chart(1, 3, 16, 5.2, MESSAGE)
+    figure, (far, wide, long) = new_chart(1, 3, 16, 6, MESSAGE)
     how = look('joint') | {'linestyle': '', 'markersize': 7}
     ranges_m, signals = figures['ranges_m'], figures['signals']
-    far.loglog(ranges_m, signals, **how, label='marker of 3 cm')
+    far.plot(ranges_m, signals, **how, label='marker of 3 cm')
     fitted = signals[-1] * (np.array(ranges_m) / ranges_m[-1]) ** figures['exponent']
-    far.loglog(ranges_m, fitted, color='0.4', label=f'R^{figures["exponent"]:.2f}')
+    far.plot(ranges_m, fitted, color='0.4', label=f'R^{figures["exponent"]:.2f}')
     boards = [board_signal(range_m) for range_m in ranges_m]
-    far.loglog(ranges_m, boards, color=OTHERS[1], linestyle='--', label='bare board of 9 cm²')
-    far.axhline(WALL_SIGNAL, color='0.4', linestyle=':', label='what is around it')
+    far.plot(ranges_m, boards, **line('--', OTHERS[1]), label='bare board of 9 cm²')
+    far.axhline(WALL_SIGNAL, **line(':', '0.4'), label='what is around it')
+    label(far, 'distance [m]', 'signal [kcps/SPAD]', xscale='log', yscale='log')
     far.set_xticks([0.5, 1, 2, 3], ['0.5', '1', '2', '3'])
-    far.minorticks_off()
-    far.set_xlabel('distance [m]')
-    far.set_ylabel('signal [kcps/SPAD]')
     areas = np.array([0, *figures['areas_cm2']])
     wide.plot(figures['areas_cm2'], figures['of_areas'], **how, label='marker at 1 m, with wall')
-    line = figures['per_cm2'] * areas + figures['offset']
-    wide.plot(areas, line, color='0.4', label=f'line, R² {figures["area_r2"]:.4f}')
-    wide.set_xlabel('area [cm²]')
-    wide.set_ylabel('signal [kcps/SPAD]')
+    fitted = figures['per_cm2'] * areas + figures['offset']
+    wide.plot(areas, fitted, color='0.4', label=f'line, R² {figures["area_r2"]:.4f}')
+    label(wide, 'area [cm²]', 'signal [kcps/SPAD]')
     times_ms = figures['times_ms']
-    long.semilogx(times_ms, figures['snrs_db'], **how, label='marker at 2 m')
+    long.plot(times_ms, figures['snrs_db'], **how, label='marker at 2 m')
     law = figures['snrs_db'][0] + 10 * np.log10(np.array(times_ms) / times_ms[0])
-    long.semilogx(times_ms, law, color='0.4', label='10 log10 k')
+    long.plot(times_ms, law, color='0.4', label='10 log10 k')
+    label(long, 'integration time [ms]', 'signal over noise [dB]', xscale='log')
     long.set_xticks(times_ms, [f'{time_ms:.0f}' for time_ms in times_ms])
-    long.minorticks_off()
-    long.set_xlabel('integration time [ms]')
-    long.set_ylabel('signal over noise [dB]')
     for axis in (far, wide, long):
-        axis.legend(fontsize=11)
+        if axis is not wide:
+            axis.minorticks_off()
+        legend_under(axis)
     return figure
