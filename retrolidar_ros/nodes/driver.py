@@ -48,9 +48,12 @@ class DriverNode(LifecycleNode):
         **options
             As for any node.
         """
+        # Before all else: an rclpy that cannot make the node destroys it.
+        self._source: SerialSource | None = None
+        self._thread: Thread | None = None
+        self._stop = Event()
+        self._is_active = self.failed = False
         super().__init__('driver', **options)
-        self.failed = False
-        """Whether reading has ended by an unexpected error."""
         self._take = take
         for service in self.services:
             if service.srv_name.endswith('/change_state'):
@@ -62,12 +65,8 @@ class DriverNode(LifecycleNode):
         self._topics = FrameTopics(self, self._frame_id)
         parameters.warn_of_unknown()
         parameters.follow(self._change)
-        self._source: SerialSource | None = None
         self._clock_map = ClockMap(self._values['transport_delay'])
         self._tally = DriverTally()
-        self._thread: Thread | None = None
-        self._stop = Event()
-        self._is_active = False
         board = publish_health(self, 'frames', self._values['serial_port'], self._examine, board)
         self._watch = None if take else DetectorWatch(self)
         if self._watch is not None:
