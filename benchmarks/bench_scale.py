@@ -7,8 +7,8 @@ embedded/run python benchmarks/bench_scale.py [--seconds S] [--most N]
 It prints the load of more and more pairs of driver and detector until the machine keeps up no
 longer, beside that of one reader of as many sensors; what sensors cost in one process without DDS;
 the traffic of one through the loopback interface; and what follows for halls. Each sensor sees
-three markers that never stop talking, except where it says quiet. Whatever else runs on the machine, or talks through its loopback
-interface, is measured as well.
+three markers that never stop talking, except where it says quiet. Whatever else runs on the
+machine, or talks through its loopback interface, is measured as well.
 """
 
 from __future__ import annotations
