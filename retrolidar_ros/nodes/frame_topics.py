@@ -30,15 +30,11 @@ class FrameTopics:
         """Make the publishers; the optical frame is `frame_id`."""
         self._frame_id = frame_id
         self._frames = publisher(node, FrameMsg, 'frames', STREAM)
-        standard: dict[str, tuple[Any, Callable[..., Any]]] = {
-            'points': (PointCloud2, to_point_cloud),
-            'signal_image': (Image, to_signal_image),
-            'depth/image_raw': (Image, to_depth_image),
-            'depth/camera_info': (CameraInfo, to_camera_info),
-        }
-        self._standard = [
-            (publisher(node, kind, topic, STREAM), convert)
-            for topic, (kind, convert) in standard.items()
+        self._standard: list[tuple[Any, Callable[..., Any]]] = [
+            (publisher(node, PointCloud2, 'points', STREAM), to_point_cloud),
+            (publisher(node, Image, 'signal_image', STREAM), to_signal_image),
+            (publisher(node, Image, 'depth/image_raw', STREAM), to_depth_image),
+            (publisher(node, CameraInfo, 'depth/camera_info', STREAM), to_camera_info),
         ]
 
     def publish(self, frame: Frame) -> None:
