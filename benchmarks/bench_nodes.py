@@ -38,6 +38,12 @@ def cpu_seconds(pid: int) -> float:
     return (int(fields[11]) + int(fields[12])) / os.sysconf('SC_CLK_TCK')
 
 
+def megabytes(pid: int) -> float:
+    """Return the memory of a process, with its part of what it shares with others [MB]."""
+    lines = Path(f'/proc/{pid}/smaps_rollup').read_text().splitlines()
+    return next(int(line.split()[1]) for line in lines if line.startswith('Pss:')) / 1024
+
+
 class Run(NamedTuple):
     """What came of a sensor, and what that took."""
 

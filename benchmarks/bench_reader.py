@@ -15,17 +15,30 @@ import time
 from contextlib import closing
 from pathlib import Path
 from tempfile import TemporaryDirectory
+from typing import NamedTuple
 
-from bench_nodes import SETTLING_S, cpu_seconds
-from bench_scale import REPORT_TIMEOUT_S
+from bench_nodes import SETTLING_S, cpu_seconds, megabytes
 from many_sensors import CountListener
 
 from retrolidar_ros.cli.demo import executable
 from retrolidar_ros.cli.processes import ProcessGroup
 
+REPORT_TIMEOUT_S = 30.0
 
-def measure(sensors: int, seconds: float) -> tuple[float, int, int]:
-    """Return the share of a core, and how many frames were judged and lost."""
+
+class ReaderLoad(NamedTuple):
+    """What a reader of many sensors does."""
+
+    share: float
+    """Of one core."""
+    judged: int
+    lost: int
+    """Frames, as those that were judged."""
+    memory_mb: float
+
+
+def measure_reader(sensors: int, seconds: float) -> ReaderLoad:
+    """Run a reader of as many sensors."""
     names = [f'sensor{index}' for index in range(sensors)]
     with TemporaryDirectory() as directory, ProcessGroup(Path(directory)) as processes:
         ports = [f'{directory}/{name}' for name in names]
@@ -49,9 +62,10 @@ def measure(sensors: int, seconds: float) -> tuple[float, int, int]:
             listener.spin_until(lambda: False, seconds)
             share = cpu_seconds(processes.pid('reader')) - used_s
             share /= time.monotonic() - began_s
+            memory_mb = megabytes(processes.pid('reader'))
         judged = sum(listener.taken[name][1] - taken[name][1] for name in taken)
         came = sum(listener.sent[name][1] - sent[name][1] for name in sent)
-    return share, judged, came - judged
+    return ReaderLoad(share, judged, came - judged, memory_mb)
 
 
 def main() -> None:
@@ -61,8 +75,11 @@ def main() -> None:
     parser.add_argument('--seconds', type=float, default=20.0)
     arguments = parser.parse_args()
     for sensors in arguments.sensors:
-        share, judged, lost = measure(sensors, arguments.seconds)
-        print(f'{sensors:3d} sensors: {share:.1%} of a core, {judged} frames judged, {lost} lost')
+        load = measure_reader(sensors, arguments.seconds)
+        print(
+            f'{sensors:3d} sensors: {load.share:.1%} of a core, {load.judged} frames judged, '
+            f'{load.lost} lost, {load.memory_mb:.0f} MB'
+        )
 
 
 if __name__ == '__main__':

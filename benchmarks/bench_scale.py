@@ -5,10 +5,10 @@
 embedded/run python benchmarks/bench_scale.py [--seconds S] [--most N]
 
 It prints the load of more and more pairs of driver and detector until the machine keeps up no
-longer, what sensors cost in one process without DDS, the traffic of one through the loopback
-interface, and what follows for halls. Each sensor sees three markers that never stop talking,
-except where it says quiet. Whatever else runs on the machine, or talks through its loopback
-interface, is measured as well.
+longer, beside that of one reader of as many sensors; what sensors cost in one process without DDS;
+the traffic of one through the loopback interface; and what follows for halls. Each sensor sees
+three markers that never stop talking, except where it says quiet. Whatever else runs on the
+machine, or talks through its loopback interface, is measured as well.
 """
 
 from __future__ import annotations
@@ -32,7 +32,8 @@ from tempfile import TemporaryDirectory
 from typing import NamedTuple, TypeVar
 
 import numpy as np
-from bench_nodes import HALF_EXPOSURE_S, SETTLING_S, cpu_seconds
+from bench_nodes import HALF_EXPOSURE_S, SETTLING_S, cpu_seconds, megabytes
+from bench_reader import REPORT_TIMEOUT_S, measure_reader
 from builtin_interfaces.msg import Time
 from dds_traffic import Traffic, measure_traffic, print_traffic
 from many_sensors import PERIOD_S, SCENE, CountListener, Counts, NodePairs, Replay
@@ -44,7 +45,6 @@ from retrolidar_ros.detector import create_detector
 from retrolidar_ros.nodes.conversion import to_ns
 from retrolidar_ros.sensor.wire import FrameReader
 
-REPORT_TIMEOUT_S = 30.0
 PAIRS = (1, *range(2, 20, 2), *range(20, 65, 4))
 MOST_LOST = 0.01
 MOST_LATE_PERIODS = 2.0
@@ -114,12 +114,6 @@ def delay_ms(received: list[tuple[Time, int]], percent: float) -> float:
     return float(np.percentile(delays, percent)) if delays else math.nan
 
 
-def megabytes(pid: int) -> float:
-    """Return the memory of a process, with its part of what it shares with others [MB]."""
-    lines = Path(f'/proc/{pid}/smaps_rollup').read_text().splitlines()
-    return next(int(line.split()[1]) for line in lines if line.startswith('Pss:')) / 1024
-
-
 def busy_and_total() -> NDArray[np.int64]:
     """Return for how long all cores have been busy, and have been there [ticks]."""
     ticks = np.array(Path('/proc/stat').read_text().split(maxsplit=9)[1:9], dtype=np.int64)
@@ -164,12 +158,24 @@ def measure_load(pairs: int, seconds: float) -> Load:
     )
 
 
-def measure_loads(most: int, seconds: float) -> Load:
-    """Print the load of more and more pairs; return the last that the machine kept up with."""
+def measure_loads(most: int, seconds: float) -> tuple[Load, Cost]:
+    """Print the load of more and more pairs, and of one reader of as many sensors.
+
+    Returns
+    -------
+    load : Load
+        The last that the machine kept up with.
+    reader : Cost
+        Of a sensor in a reader of as many.
+    """
     print(
         f'Pairs of nodes, on {os.cpu_count()} cores; shares of one core\n'
-        'pairs  drivers  detectors  sensors  a pair  all cores  frames  frames  markers  MB a\n'
-        '                                                 busy    lost  p95 ms   med ms  pair'
+        '                                                                                 | '
+        'one reader\n'
+        'pairs  drivers  detectors  sensors  a pair  all cores  frames  frames  markers  MB a | '
+        '   all  a sensor  frames    MB\n'
+        '                                                 busy    lost  p95 ms   med ms  pair | '
+        '                    lost'
     )
     kept = None
     for pairs in [number for number in PAIRS if number <= most]:
@@ -180,17 +186,20 @@ def measure_loads(most: int, seconds: float) -> Load:
                 raise
             print(error)
             return kept
+        reader = measure_reader(pairs, seconds)
+        cost = Cost(reader.share / pairs, reader.memory_mb / pairs)
         print(
             f'{pairs:5d}  {load.drivers:7.1%}  {load.detectors:9.1%}  {load.sensors:7.1%}  '
             f'{load.pair:6.1%}  {load.busy:9.1%}  {load.lost:6.2%}  {load.frame_ms:6.1f}  '
-            f'{load.marker_ms:7.1f}  {load.pair_mb:4.0f}',
+            f'{load.marker_ms:7.1f}  {load.pair_mb:4.0f} | {reader.share:6.1%}  {cost.share:8.1%}  '
+            f'{reader.lost:6d}  {reader.memory_mb:4.0f}',
             flush=True,
         )
         if not load.keeps_up():
             print(f'the machine does not keep up with {pairs}')
-            return kept or load
-        kept = load
-    return load
+            return kept or (load, cost)
+        kept = load, cost
+    return load, cost
 
 
 def measure_streams(method: str, markers: int, seconds: float) -> Cost:
@@ -227,11 +236,12 @@ def in_new_process(measure: Callable[..., Result], *arguments: object) -> Result
 
 
 def print_sizing(load: Load, costs: dict[str, Cost], traffic: Traffic) -> None:
-    """Print what halls of many sensors need."""
+    """Print what halls of many sensors need: extrapolated, as if nothing else grew."""
     ways = {'a pair of nodes each': Cost(load.pair, load.pair_mb), **costs}
     for hall in HALLS:
         print(
-            f'\n{hall} sensors, hosts of {HOST_CORES} cores, {PLANNED_SHARE:.0%} of a core used\n'
+            f'\nextrapolated: {hall} sensors, hosts of {HOST_CORES} cores, '
+            f'{PLANNED_SHARE:.0%} of a core used\n'
             '                                       a core  MB each  cores  hosts  memory GB'
         )
         for way, cost in ways.items():
@@ -259,14 +269,14 @@ def main() -> None:
     arguments = parser.parse_args()
     if arguments.most < 1:
         parser.error('--most must be at least 1')
-    load = measure_loads(arguments.most, arguments.seconds)
+    load, reader = measure_loads(arguments.most, arguments.seconds)
     if arguments.json is not None:
         write_figures(arguments.json, load._asdict())
     print(
         f'\n{STREAMS} sensors in one process without DDS\n'
         'method  markers  a sensor  sensors a core  longest round ms  MB a sensor'
     )
-    costs = {
+    costs = {'a reader of many': reader} | {
         f'one process a core, {method}, {markers} markers': in_new_process(
             measure_streams, method, markers, arguments.seconds
         )

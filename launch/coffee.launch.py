@@ -5,17 +5,17 @@
 from launch import LaunchDescription
 from launch.actions import OpaqueFunction
 
-from retrolidar_ros.nodes.launching import MARKERS, SENSOR, declared, node, sensor, value
+from retrolidar_ros.nodes.launching import MARKERS, SENSOR, declared, node, number, sensor, value
 
 
 def _coffee(context):
-    """Return the node, now that the arguments have values."""
-    given = (
-        {'target_frame': value(context, 'target_frame')} if value(context, 'target_frame') else {}
-    )
+    """Return sensor and node, now that the arguments have values."""
+    given = {}
+    if value(context, 'target_frame'):
+        given['target_frame'] = value(context, 'target_frame')
     if value(context, 'max_stddev'):
-        given['max_stddev'] = float(value(context, 'max_stddev'))
-    return [node(context, 'coffee', given)]
+        given['max_stddev'] = number(context, 'max_stddev')
+    return [sensor(list(SENSOR)), node(context, 'coffee', given)]
 
 
 def generate_launch_description():
@@ -26,6 +26,4 @@ def generate_launch_description():
         'target_frame': ('', 'Frame of the poses; empty = as in the parameter file.'),
         'max_stddev': ('', 'How uncertain places may be [m]; empty = as in the parameter file.'),
     }
-    return LaunchDescription(
-        [*declared(arguments), sensor(list(SENSOR)), OpaqueFunction(function=_coffee)]
-    )
+    return LaunchDescription([*declared(arguments), OpaqueFunction(function=_coffee)])

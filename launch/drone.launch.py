@@ -8,11 +8,20 @@ With sensors:=3, as many on a triangle on the ground locate the drone, too.
 import math
 import time
 
-import yaml
 from launch import LaunchDescription
 from launch.actions import GroupAction, OpaqueFunction
 
-from retrolidar_ros.nodes.launching import COMMON, MARKERS, SENSOR, declared, node, sensor, value
+from retrolidar_ros.nodes.launching import (
+    COMMON,
+    MARKERS,
+    SENSOR,
+    declared,
+    listed,
+    node,
+    number,
+    sensor,
+    value,
+)
 
 # Emulated sensors see the same scene, which begins when all of them have started.
 _EMULATORS_START_S = 3.0
@@ -26,13 +35,13 @@ def _drone(context):
         raise RuntimeError(f'sensors:={count}: it needs 1 or 3')
     if count == '1':
         return [sensor(list(SENSOR)), heartbeat]
-    ports = yaml.safe_load(value(context, 'ports'))
-    if not isinstance(ports, list) or len(ports) != (0 if value(context, 'emulate') else 3):
+    ports = listed(context, 'ports')
+    if len(ports) != (0 if value(context, 'emulate') else 3):
         raise RuntimeError(
             f'ports:={value(context, "ports")}: it needs three, as [a, b, c], or emulate'
         )
     start_s = time.monotonic() + _EMULATORS_START_S
-    radius_m = float(value(context, 'edge')) / math.sqrt(3)
+    radius_m = number(context, 'edge') / math.sqrt(3)
     actions, places = [], {}
     for index in range(3):
         angle = 2 * math.pi * index / 3
@@ -46,7 +55,7 @@ def _drone(context):
     given = {
         'fixed_frame': value(context, 'fixed_frame'),
         'marker_file': value(context, 'marker_file'),
-        'acceleration': float(value(context, 'acceleration')),
+        'acceleration': number(context, 'acceleration'),
     }
     return [*actions, node(context, 'landmarks', given), heartbeat]
 

@@ -6,11 +6,10 @@ On one host: ros2 launch retrolidar_ros hall.launch.py serve:=true ports:=[/dev/
 On the rest: ros2 launch retrolidar_ros hall.launch.py server:=HOST:11811 ports:=[...] names:=[...]
 """
 
-import yaml
 from launch import LaunchDescription
 from launch.actions import ExecuteProcess, OpaqueFunction, SetEnvironmentVariable
 
-from retrolidar_ros.nodes.launching import COMMON, declared, is_on, node, value
+from retrolidar_ros.nodes.launching import COMMON, declared, is_on, listed, node, value
 
 _OVERRIDES = ('marker_file', 'protocol')
 
@@ -27,11 +26,7 @@ def _host(context):
     if server:
         actions.append(SetEnvironmentVariable('ROS_DISCOVERY_SERVER', server))
     given = {name: value(context, name) for name in _OVERRIDES if value(context, name)}
-    for name in ('ports', 'names'):
-        given[name] = yaml.safe_load(value(context, name))
-        if not isinstance(given[name], list):
-            raise RuntimeError(f'{name}:={value(context, name)}: it needs a list, as [a, b]')
-    given = {name: one for name, one in given.items() if one != []}
+    given |= {name: some for name in ('ports', 'names') if (some := listed(context, name))}
     remappings = [('markers', value(context, 'markers'))] if value(context, 'markers') else []
     return [*actions, node(context, 'reader', given, remappings=remappings)]
 

@@ -12,10 +12,10 @@ _OVERRIDES = ('fixed_frame', 'marker_file', 'load_file', 'save_file', 'base_fram
 
 
 def _landmarks(context):
-    """Return the node, now that the arguments have values."""
+    """Return sensor and node, now that the arguments have values."""
     given = {name: value(context, name) for name in _OVERRIDES if value(context, name)}
     given['localize'] = is_on(context, 'localize')
-    return [node(context, 'landmarks', given)]
+    return [sensor(list(SENSOR)), node(context, 'landmarks', given)]
 
 
 def generate_launch_description():
@@ -29,6 +29,4 @@ def generate_launch_description():
         'localize': ('false', 'Locate base_frame among the landmarks of load_file.'),
         'base_frame': ('', 'Frame of the robot; empty = as in the parameter file.'),
     }
-    return LaunchDescription(
-        [*declared(arguments), sensor(list(SENSOR)), OpaqueFunction(function=_landmarks)]
-    )
+    return LaunchDescription([*declared(arguments), OpaqueFunction(function=_landmarks)])

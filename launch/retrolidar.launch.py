@@ -34,8 +34,6 @@ def _link(context):
 
 def _nodes(context):
     """Return the processes to start, now that the arguments have values."""
-    if not os.path.isfile(value(context, 'params_file')):
-        raise RuntimeError(f'params_file {value(context, "params_file")} does not exist')
     overrides = {name: value(context, name) for names in _OVERRIDES.values() for name in names}
     actions = []
     if scene := value(context, 'emulate'):

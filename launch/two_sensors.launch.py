@@ -10,6 +10,7 @@ from launch import LaunchDescription
 from launch.actions import GroupAction, OpaqueFunction
 
 from retrolidar_ros.nodes.launching import COMMON, declared, sensor, value
+from retrolidar_ros.scene.files import load_scene
 
 _SIDES = ('left', 'right')
 
@@ -19,6 +20,9 @@ def _sensors(context):
     namespace = value(context, 'namespace').strip('/')
     # Relative to a namespace that may have been pushed.
     above = f'{namespace}/' if namespace else ''
+    for side in _SIDES:  # once one runs, what is wrong with the other would leave it behind
+        if scene := value(context, f'{side}_emulate'):
+            load_scene(scene)
     groups = []
     for side in _SIDES:
         arguments = {

@@ -20,6 +20,7 @@ from evaluation.bench.machine import write_figures
 from evaluation.experiments.paper_sweeps import SWEEPS
 from evaluation.report.charts import mark_rough
 from evaluation.report.claims import Table, text
+from retrolidar_ros.cli.processes import end_with_parent
 
 
 class Experiment(Protocol):
@@ -98,7 +99,8 @@ def run_experiments(
     untimed = [name for name in names if name not in TIMED]
     cores = min(processes or os.cpu_count() or 1, len(untimed))
     if cores > 1:
-        with ProcessPoolExecutor(cores, mp_context=get_context('spawn')) as pool:
+        spawn, parent = get_context('spawn'), (os.getpid(),)
+        with ProcessPoolExecutor(cores, spawn, end_with_parent, parent) as pool:
             jobs = [
                 pool.submit(run_experiment, name, directory, quick=quick, seed=seed)
                 for name in untimed

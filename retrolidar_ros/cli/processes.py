@@ -70,7 +70,7 @@ class ProcessGroup:
                 stdout=log,
                 stderr=subprocess.STDOUT,
                 start_new_session=True,
-                preexec_fn=_end_with_parent,
+                preexec_fn=end_with_parent,
             )
 
     def log(self, name: str) -> Path:
@@ -102,9 +102,14 @@ class ProcessGroup:
                 )
 
 
-def _end_with_parent() -> None:
-    """Let the kernel end this new process when its parent is gone, be it by SIGKILL."""
+def end_with_parent(parent: int | None = None) -> None:
+    """Let the kernel end this new process when its parent is gone, be it by SIGKILL.
+
+    Whose start takes its time says which process `parent` is, for it may be gone already.
+    """
     _LIBC.prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)
+    if parent not in (None, os.getppid()):
+        os._exit(1)
 
 
 def _signal(group: int, number: signal.Signals) -> None:

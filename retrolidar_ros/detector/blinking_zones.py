@@ -85,11 +85,13 @@ def bit_periods(recording: Recording, samples: Samples, zone: int) -> tuple[Peri
         return ()
     time_s = recording.stamp_ns * 1e-9
     step_s = np.diff(time_s)
-    frame = np.cumsum(
-        np.concatenate([[0], np.maximum(np.rint(step_s / np.median(step_s)), 1)])
-    ).astype(np.intp)
-    if frame[-1] > 4 * len(frame):  # a pause: there is no one grid of frames
+    usual_s = np.median(step_s)
+    if step_s.min() < 0 or not usual_s:  # a replay that began again, or a clock that stands
         return ()
+    number = np.cumsum(np.concatenate([[0], np.maximum(np.rint(step_s / usual_s), 1)]))
+    if number[-1] > 4 * len(number):  # a pause: there is no one grid of frames
+        return ()
+    frame = number.astype(np.intp)
     period_s = (time_s[-1] - time_s[0]) / frame[-1]
     signal = np.zeros(frame[-1] + 1)
     valid = np.zeros(len(signal), dtype=bool)

@@ -18,7 +18,7 @@ from retrolidar_ros.nodes.diagnostics import OK, WARN, Health, publish_health
 from retrolidar_ros.nodes.names import topic_part
 from retrolidar_ros.nodes.parameters import Parameters
 from retrolidar_ros.nodes.placed_readings import PlacedReadings
-from retrolidar_ros.nodes.qos import EVENTS, LATCHED, OVERRIDABLE
+from retrolidar_ros.nodes.qos import EVENTS, LATCHED, subscribe
 from retrolidar_ros.nodes.run import run
 from retrolidar_ros.sensor.frame import Floats
 from retrolidar_ros.sensor.rotation import matrix_of
@@ -81,9 +81,7 @@ class CoffeeNode(Node):
                 self, ['markers'], self._target, _PATIENCE_S, self._place, self._survey.forget
             )
         else:
-            self.create_subscription(
-                MarkerDetection, 'markers', self._take, EVENTS, qos_overriding_options=OVERRIDABLE
-            )
+            subscribe(self, MarkerDetection, 'markers', self._take, EVENTS)
         parameters.warn_of_unknown()
         self.create_timer(_TICK_S, self._tick, clock=Clock(clock_type=ClockType.STEADY_TIME))
 

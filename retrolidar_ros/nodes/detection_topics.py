@@ -15,17 +15,17 @@ from retrolidar_ros.detector import Detection
 from retrolidar_ros.marker.known_markers import KnownMarker, frame_of
 from retrolidar_ros.msg import MarkerDetection
 from retrolidar_ros.nodes.conversion import to_detection_msg, to_header, to_transform
-from retrolidar_ros.nodes.detector_parameters import NAME
 from retrolidar_ros.nodes.names import topic_part
-from retrolidar_ros.nodes.qos import EVENTS, LATCHED, OVERRIDABLE
+from retrolidar_ros.nodes.qos import EVENTS, LATCHED, publisher
 from retrolidar_ros.nodes.transforms import transform_sender
-from retrolidar_ros.nodes.vision import to_detections
 from retrolidar_ros.nodes.visualization import marker_shapes
 
 try:
-    from vision_msgs.msg import Detection3DArray
+    from vision_msgs.msg import Detection3D, Detection3DArray, ObjectHypothesisWithPose
 except ImportError:  # not installed, so nothing can listen
     Detection3DArray = None
+NAME = '{name}'
+"""What stands for a marker's name in the parameter `child_frame`."""
 _MOST_POSES = 100
 _BEAT_PERIOD_NS = 200_000_000
 
@@ -37,13 +37,12 @@ class DetectionTopics:
         """Make the publishers; names of markers are those of `known`."""
         self._node = node
         self._known = known
-
-        def publisher(kind: Any, topic: str, qos: Any = EVENTS) -> Any:
-            return node.create_publisher(kind, topic, qos, qos_overriding_options=OVERRIDABLE)
-
-        self._markers = publisher(MarkerDetection, 'markers')
-        self._shapes = publisher(MarkerArray, 'marker_array')
-        self._detections = publisher(Detection3DArray, 'detections') if Detection3DArray else None
+        self._markers = publisher(node, MarkerDetection, 'markers', EVENTS)
+        # Each with what makes its message of all detections of a frame.
+        self._standard = [(publisher(node, MarkerArray, 'marker_array', EVENTS), self._shapes)]
+        if Detection3DArray is not None:
+            vision = publisher(node, Detection3DArray, 'detections', EVENTS)
+            self._standard.append((vision, to_detections))
         self._heartbeat = node.create_publisher(Header, '~/heartbeat', 10)
         if len(known) > _MOST_POSES:
             node.get_logger().warning(
@@ -51,7 +50,7 @@ class DetectionTopics:
             )
             known = {}
         self._poses = {
-            identity: publisher(PoseStamped, f'poses/{topic_part(marker.frame)}', LATCHED)
+            identity: publisher(node, PoseStamped, f'poses/{topic_part(marker.frame)}', LATCHED)
             for identity, marker in known.items()
         }
         self._send_transforms: Any = None
@@ -84,9 +83,28 @@ class DetectionTopics:
             if message.id in self._poses:
                 pose = PoseStamped(header=message.header, pose=message.pose.pose)
                 self._poses[message.id].publish(pose)
-        if self._shapes.get_subscription_count():
-            stale_after_s = self._values['stale_after']
-            shapes = [shape for one in messages for shape in marker_shapes(one, stale_after_s)]
-            self._shapes.publish(MarkerArray(markers=shapes))
-        if self._detections is not None and self._detections.get_subscription_count():
-            self._detections.publish(to_detections(messages))
+        for topic, convert in self._standard:
+            if topic.get_subscription_count():
+                topic.publish(convert(messages))
+
+    def _shapes(self, messages: list[MarkerDetection]) -> MarkerArray:
+        stale_after_s = self._values['stale_after']
+        shapes = [shape for one in messages for shape in marker_shapes(one, stale_after_s)]
+        return MarkerArray(markers=shapes)
+
+
+def to_detections(messages: list[MarkerDetection]) -> Any:
+    """Return detections of one frame as a `vision_msgs/Detection3DArray`.
+
+    The class of a hypothesis is the ID, and its score the correlation with the sent packet.
+    """
+    array = Detection3DArray(header=messages[0].header)
+    for message in messages:
+        hypothesis = ObjectHypothesisWithPose(pose=message.pose)
+        hypothesis.hypothesis.class_id = str(message.id)
+        hypothesis.hypothesis.score = float(message.score)
+        detection = Detection3D(header=message.header, id=message.child_frame_id)
+        detection.results = [hypothesis]
+        detection.bbox.center = message.pose.pose
+        array.detections.append(detection)
+    return array

@@ -6,31 +6,21 @@ from __future__ import annotations
 
 import re
 import time
-from collections.abc import Sequence
 from threading import Lock
 from typing import Any
 
 from rclpy.logging import LoggingSeverity
 from rclpy.node import Node
-from rclpy.parameter import Parameter
 
 from retrolidar_ros.detector.likelihood_detector import LikelihoodDetector
-from retrolidar_ros.detector.settings import (
-    PARAMETERS,
-    detector_of,
-    known_markers,
-    noise_of,
-    registered,
-)
+from retrolidar_ros.detector.settings import PARAMETERS, detector_of, known_markers
 from retrolidar_ros.msg import Frame as FrameMsg
 from retrolidar_ros.nodes.conversion import from_frame_msg
-from retrolidar_ros.nodes.detection_topics import DetectionTopics
+from retrolidar_ros.nodes.detection_topics import NAME, DetectionTopics
 from retrolidar_ros.nodes.detector_health import DetectorHealth
-from retrolidar_ros.nodes.detector_parameters import check_child_frame, declare
 from retrolidar_ros.nodes.diagnostics import Health, HealthBoard, publish_health
-from retrolidar_ros.nodes.names import in_namespace
-from retrolidar_ros.nodes.parameters import Parameters
-from retrolidar_ros.nodes.qos import OVERRIDABLE, STREAM_HEARD
+from retrolidar_ros.nodes.parameters import Parameters, check_frame_id
+from retrolidar_ros.nodes.qos import STREAM_HEARD, subscribe
 from retrolidar_ros.nodes.run import run
 from retrolidar_ros.sensor.frame import Frame, ZoneGrid
 
@@ -38,34 +28,20 @@ from retrolidar_ros.sensor.frame import Frame, ZoneGrid
 class DetectorNode(Node):
     """Publishes every marker that is read, as a message and as a transform."""
 
-    def __init__(
-        self,
-        *,
-        subscribe: bool = True,
-        board: HealthBoard | None = None,
-        namespace: str = '',
-        overrides: Sequence[Parameter] = (),
-    ) -> None:
+    def __init__(self, board: HealthBoard | None = None, **options: Any) -> None:
         """Declare parameters and subscribe.
 
         Parameters
         ----------
-        subscribe : bool
-            To `frames`; else they are given by `take`.
         board : HealthBoard, optional
-            Of the process, if it has one.
-        namespace : str, optional
-            That of the process if not given.
-        overrides : sequence of Parameter
-            Go before what the parameter file says.
+            That of a process which gives the frames by `take`; else they come by a topic.
+        **options
+            As for any node.
         """
-        super().__init__(
-            'detector', cli_args=in_namespace(namespace), parameter_overrides=[*overrides]
-        )
+        super().__init__('detector', **options)
         parameters = Parameters(self, 'detector')
-        declare(parameters)
+        _declare(parameters)
         self._values = parameters.values
-        check_child_frame(self._values)
         self._known = known_markers(self._values)
         # Zones are known with the first frame, but impossible parameters end the start.
         self._grid = ZoneGrid()
@@ -78,13 +54,7 @@ class DetectorNode(Node):
         parameters.follow(self._change)
         self.get_logger().info(f'reading markers by method {self._values["method"]}')
         publish_health(self, 'markers', '', self._examine, board)
-        self._frames = (
-            self.create_subscription(
-                FrameMsg, 'frames', self._hear, STREAM_HEARD, qos_overriding_options=OVERRIDABLE
-            )
-            if subscribe
-            else None
-        )
+        self._topic = '' if board else subscribe(self, FrameMsg, 'frames', self._hear, STREAM_HEARD)
         parameters.warn_of_unknown()
 
     def _change(self, values: dict[str, Any]) -> None:
@@ -155,16 +125,12 @@ class DetectorNode(Node):
                 )
 
     def _examine(self) -> Health:
-        publishers = self._senders()
+        # Those that have just been killed included.
+        found = self.get_publishers_info_by_topic(self._topic) if self._topic else []
+        publishers = [f'{one.node_namespace.rstrip("/")}/{one.node_name}' for one in found]
         with self._lock:
             health, problem = self._health.examine(
-                self._values['method'],
-                self._detector.counts,
-                self._known,
-                registered(self._values, self._known),
-                publishers,
-                noise_of(self._values),
-                self._values['bit_period'],
+                self._values, self._known, self._detector.counts, publishers
             )
         # Each kind of problem once: what is said again and again is on /diagnostics.
         kind = re.sub(r'[\d.]+', '', problem)
@@ -173,12 +139,26 @@ class DetectorNode(Node):
             self.get_logger().warning(problem)
         return health
 
-    def _senders(self) -> list[str]:
-        """Return the nodes that publish frames, those that have just been killed included."""
-        if self._frames is None:
-            return []
-        found = self.get_publishers_info_by_topic(self._frames.topic_name)
-        return [f'{one.node_namespace.rstrip("/")}/{one.node_name}' for one in found]
+
+def _declare(parameters: Parameters) -> None:
+    for name, one in PARAMETERS.items():
+        if one.kind is str:
+            parameters.text(name, one.description, one.among, live=one.live)
+        elif one.kind is bool:
+            parameters.flag(name, one.description, live=one.live)
+        elif one.kind is float:
+            parameters.number(name, one.description, *one.limits, live=one.live)
+        else:
+            whole = parameters.integer if one.kind is int else parameters.integers
+            whole(name, one.description, *map(int, one.limits), live=one.live)
+    parameters.flag('publish_tf', 'Send a transform for every detection.', live=True)
+    parameters.text('child_frame', 'TF frame of a marker; {name} stands for its name.')
+    parameters.number(
+        'stale_after', 'How long marker_array shows a marker [s].', 0.1, 3600.0, live=True
+    )
+    child_frame = check_frame_id('child_frame', parameters.values['child_frame'])
+    if child_frame.count(NAME) != 1:
+        raise ValueError(f'child_frame: {child_frame!r} needs {NAME} once')
 
 
 def main() -> int:

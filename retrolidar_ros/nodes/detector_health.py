@@ -6,10 +6,11 @@ from __future__ import annotations
 
 import time
 from collections.abc import Iterable, Mapping
+from typing import Any
 
 from retrolidar_ros.detector import Detection, DetectorCounts
-from retrolidar_ros.detector.noise import NoiseLaw
 from retrolidar_ros.detector.reception import Reception
+from retrolidar_ros.detector.settings import noise_of, registered
 from retrolidar_ros.marker.known_markers import KnownMarker, frame_of
 from retrolidar_ros.nodes.diagnostics import ERROR, STALE, WARN, Health, health_of
 from retrolidar_ros.sensor.frame import ZoneGrid
@@ -17,6 +18,7 @@ from retrolidar_ros.sensor.frame import ZoneGrid
 _SILENCE_S = 2.0
 # A sensor that restarts sets its counter back once.
 _MIXED = 2
+_FOREIGN = 'frames of another sensor'
 
 
 class DetectorHealth:
@@ -63,21 +65,26 @@ class DetectorHealth:
             'repeated frames': self.reception.repeated,
             'frames out of order': self.reception.reversed,
             'dropped frames': self._dropped,
-            'frames of another sensor': self.foreign,
+            _FOREIGN: self.foreign,
             'overloads': counts.overloads,
         }
 
     def examine(
         self,
-        method: str,
-        counts: DetectorCounts,
+        settings: Mapping[str, Any],
         known: Mapping[int, KnownMarker],
-        registered: list[int],
+        counts: DetectorCounts,
         publishers: list[str],
-        noise: NoiseLaw,
-        bit_period_s: float,
     ) -> tuple[Health, str]:
         """Judge what passed since this was last called, usually a second.
+
+        Parameters
+        ----------
+        settings, known
+            Parameters of the detector, and the markers of its file.
+        counts : DetectorCounts
+        publishers : list of str
+            Nodes that send frames.
 
         Returns
         -------
@@ -90,23 +97,20 @@ class DetectorHealth:
         self._then = now
         frames = max(new['frames'], 1)
         values = {
-            'method': method,
+            'method': settings['method'],
             'processing [ms a frame]': f'{1e3 * self._busy_s / frames:.2f}',
             'age of frames when processed [ms]': f'{1e3 * self._age_s / frames:.1f}',
             'publishers of frames': str(len(publishers)),
             'candidates': str(counts.candidates),
             'accepted': str(counts.accepted),
             'impossible samples': str(counts.impossible),
-            **{
-                name: str(number)
-                for name, number in now.items()
-                if name != 'frames of another sensor'
-            },
+            **{name: str(number) for name, number in now.items() if name != _FOREIGN},
         }
         self._busy_s = self._age_s = 0.0
         for reason, number in sorted(counts.rejected.items()):
             values[f'rejected: {reason}'] = str(number)
-        values |= self._ages(known, registered)
+        listed = registered(settings, known)
+        values |= self._ages(known, listed)
         silence_s = time.monotonic() - self._heard_s
         problem = ''
         if not now['frames'] and not new['dropped frames']:
@@ -114,13 +118,15 @@ class DetectorHealth:
         if silence_s > _SILENCE_S and not new['dropped frames']:
             return Health(STALE, f'no frame has come for {silence_s:.0f} s', values), problem
         problems = self._disturbances(new, publishers)
-        if rate := self.reception.rate_problem(bit_period_s):
+        if rate := self.reception.rate_problem(settings['bit_period']):
             problem = (
                 f'{rate}: set bit_period to how long the markers hold a bit [s], and let the '
                 f'sensor measure two to eight times in it'
             )
             problems.append((WARN, problem))
-        if unread := self.reception.unread_problem(noise, bit_period_s, all_come=not registered):
+        if unread := self.reception.unread_problem(
+            noise_of(settings), settings['bit_period'], all_come=not listed
+        ):
             problem = problem or unread
             problems.append((WARN, unread))
         fine = f'{counts.accepted} of {counts.candidates} candidates accepted'
@@ -129,27 +135,19 @@ class DetectorHealth:
     def _disturbances(self, new: dict[str, int], publishers: list[str]) -> list[tuple[bytes, str]]:
         """Return what happened to the frames of the last second."""
         problems = []
-        mixed = (
-            new['frames of another sensor'] + new['frames out of order'] + new['repeated frames']
-        )
+        mixed = new[_FOREIGN] + new['frames out of order'] + new['repeated frames']
         if mixed >= _MIXED:
             by = f' by {", ".join(sorted(publishers))}' if len(publishers) > 1 else ''
-            problems.append(
-                (ERROR, f'frames of several sensors come mixed{by}: one detector reads one sensor')
-            )
+            text = f'frames of several sensors come mixed{by}: one detector reads one sensor'
+            problems.append((ERROR, text))
         elif new['lost frames']:
             problems.append((WARN, f'{new["lost frames"]} frames were lost on the way'))
         if new['dropped frames']:
-            problems.append(
-                (ERROR, f'{new["dropped frames"]} frames cannot be used: {self._reason}')
-            )
+            text = f'{new["dropped frames"]} frames cannot be used: {self._reason}'
+            problems.append((ERROR, text))
         if new['overloads']:
-            problems.append(
-                (
-                    WARN,
-                    f'{new["overloads"]} frames with more that looks like packets than is judged',
-                )
-            )
+            text = f'{new["overloads"]} frames with more that looks like packets than is judged'
+            problems.append((WARN, text))
         return problems
 
     def _ages(self, known: Mapping[int, KnownMarker], registered: Iterable[int]) -> dict[str, str]:

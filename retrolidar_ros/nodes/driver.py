@@ -4,7 +4,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import replace
 from threading import Event, Thread
 from typing import Any
@@ -12,14 +12,11 @@ from typing import Any
 import rclpy
 from rclpy.lifecycle import LifecycleState, TransitionCallbackReturn
 from rclpy.lifecycle import Node as LifecycleNode
-from rclpy.parameter import Parameter
 
 from retrolidar_ros.nodes.diagnostics import WARN, Health, HealthBoard, publish_health
-from retrolidar_ros.nodes.driver_health import DriverTally
+from retrolidar_ros.nodes.driver_health import DetectorWatch, DriverTally
 from retrolidar_ros.nodes.frame_topics import FrameTopics
-from retrolidar_ros.nodes.names import in_namespace
 from retrolidar_ros.nodes.parameters import Parameters, check_frame_id
-from retrolidar_ros.nodes.partner import DetectorWatch
 from retrolidar_ros.nodes.run import run
 from retrolidar_ros.sensor.clock import ClockMap
 from retrolidar_ros.sensor.frame import Frame
@@ -38,12 +35,7 @@ class DriverNode(LifecycleNode):
     """
 
     def __init__(
-        self,
-        *,
-        take: Take | None = None,
-        board: HealthBoard | None = None,
-        namespace: str = '',
-        overrides: Sequence[Parameter] = (),
+        self, take: Take | None = None, board: HealthBoard | None = None, **options: Any
     ) -> None:
         """Declare parameters, and start to read if they say so.
 
@@ -53,16 +45,15 @@ class DriverNode(LifecycleNode):
             Gets every frame, without the way over a topic.
         board : HealthBoard, optional
             Of the process, if it has one.
-        namespace : str, optional
-            That of the process if not given.
-        overrides : sequence of Parameter
-            Go before what the parameter file says.
+        **options
+            As for any node.
         """
-        super().__init__(
-            'driver', cli_args=in_namespace(namespace), parameter_overrides=[*overrides]
-        )
-        self.failed = False
-        """Whether reading has ended by an unexpected error."""
+        # Before all else: an rclpy that cannot make the node destroys it.
+        self._source: SerialSource | None = None
+        self._thread: Thread | None = None
+        self._stop = Event()
+        self._is_active = self.failed = False
+        super().__init__('driver', **options)
         self._take = take
         for service in self.services:
             if service.srv_name.endswith('/change_state'):
@@ -70,17 +61,12 @@ class DriverNode(LifecycleNode):
         parameters = Parameters(self, 'driver')
         _declare(parameters)
         self._values = parameters.values
-        frame_id = check_frame_id('frame_id', self._values['frame_id'])
-        self._frame_id = frame_id
-        self._topics = FrameTopics(self, frame_id)
+        self._frame_id = check_frame_id('frame_id', self._values['frame_id'])
+        self._topics = FrameTopics(self, self._frame_id)
         parameters.warn_of_unknown()
         parameters.follow(self._change)
-        self._source: SerialSource | None = None
         self._clock_map = ClockMap(self._values['transport_delay'])
         self._tally = DriverTally()
-        self._thread: Thread | None = None
-        self._stop = Event()
-        self._is_active = False
         board = publish_health(self, 'frames', self._values['serial_port'], self._examine, board)
         self._watch = None if take else DetectorWatch(self)
         if self._watch is not None:

@@ -1,6 +1,6 @@
 # Copyright 2026 retrolidar_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""What a driver counts, and how it judges the last second by that."""
+"""What a driver counts, and how it judges the last second, and its detector, by that."""
 
 from __future__ import annotations
 
@@ -8,8 +8,10 @@ import time
 from typing import NamedTuple
 
 import numpy as np
+from rclpy.node import Node
+from std_msgs.msg import Header
 
-from retrolidar_ros.nodes.diagnostics import ERROR, OK, WARN, Health
+from retrolidar_ros.nodes.diagnostics import ERROR, OK, STALE, WARN, Health
 from retrolidar_ros.sensor.clock import ClockMap
 from retrolidar_ros.sensor.frame import NORMAL_STATUS, Frame
 from retrolidar_ros.sensor.frame_rate import missing_frames
@@ -18,6 +20,7 @@ from retrolidar_ros.sensor.serial_source import SerialSource
 # Share of abnormal zones from which on something is wrong with the sensor or before it: looking
 # into a room, a quarter of them is usual.
 _MANY_ABNORMAL = 0.75
+_SILENCE_S = 0.8
 
 
 class _Counts(NamedTuple):
@@ -108,3 +111,32 @@ def _silence(then: _Counts, now: _Counts) -> str:
     if received := now.received - then.received:
         return f'{silence}, though {received} bytes did: another serial_baud or protocol?'
     return silence
+
+
+class DetectorWatch:
+    """Hears the heartbeat of the detector that takes a driver's frames, to speak for it if it ends.
+
+    One that was killed, or hangs, has no word to say.
+    """
+
+    def __init__(self, node: Node) -> None:
+        """Listen in the name of a driver."""
+        self.name = f'{node.get_namespace().rstrip("/")}/detector: markers'
+        """Of the detector's health."""
+        self._beat_s: float | None = None
+        self._frame_s = 0.0
+        node.create_subscription(Header, 'detector/heartbeat', self._beat, 10)
+
+    def _beat(self, _: Header) -> None:
+        self._beat_s = self._frame_s = time.monotonic()
+
+    def sent(self) -> None:
+        """Take note that there was a frame to be judged."""
+        self._frame_s = time.monotonic()
+
+    def examine(self) -> Health | None:
+        """Say that the detector is silent, if it once was not and there are frames to judge."""
+        if self._beat_s is None or (silence_s := self._frame_s - self._beat_s) < _SILENCE_S:
+            return None
+        text = f'no frame has been judged for {silence_s:.1f} s: the node has ended, or hangs'
+        return Health(STALE, text, {})

@@ -19,7 +19,7 @@ from retrolidar_ros.nodes.conversion import (
     to_point_cloud,
     to_signal_image,
 )
-from retrolidar_ros.nodes.qos import OVERRIDABLE, STREAM
+from retrolidar_ros.nodes.qos import STREAM, publisher
 from retrolidar_ros.sensor.frame import Frame
 
 
@@ -29,22 +29,18 @@ class FrameTopics:
     def __init__(self, node: Node, frame_id: str) -> None:
         """Make the publishers; the optical frame is `frame_id`."""
         self._frame_id = frame_id
-
-        def publisher(kind: Any, topic: str) -> Any:
-            return node.create_publisher(kind, topic, STREAM, qos_overriding_options=OVERRIDABLE)
-
-        self._frames = publisher(FrameMsg, 'frames')
+        self._frames = publisher(node, FrameMsg, 'frames', STREAM)
         self._standard: list[tuple[Any, Callable[..., Any]]] = [
-            (publisher(PointCloud2, 'points'), to_point_cloud),
-            (publisher(Image, 'signal_image'), to_signal_image),
-            (publisher(Image, 'depth/image_raw'), to_depth_image),
-            (publisher(CameraInfo, 'depth/camera_info'), to_camera_info),
+            (publisher(node, PointCloud2, 'points', STREAM), to_point_cloud),
+            (publisher(node, Image, 'signal_image', STREAM), to_signal_image),
+            (publisher(node, Image, 'depth/image_raw', STREAM), to_depth_image),
+            (publisher(node, CameraInfo, 'depth/camera_info', STREAM), to_camera_info),
         ]
 
     def publish(self, frame: Frame) -> None:
         """Publish a frame, stamped in ROS time, on all topics with subscribers."""
         if self._frames.get_subscription_count():
             self._frames.publish(to_frame_msg(frame, self._frame_id))
-        for publisher, convert in self._standard:
-            if publisher.get_subscription_count():
-                publisher.publish(convert(frame, to_header(frame.stamp_ns, self._frame_id)))
+        for topic, convert in self._standard:
+            if topic.get_subscription_count():
+                topic.publish(convert(frame, to_header(frame.stamp_ns, self._frame_id)))

@@ -11,7 +11,7 @@ from std_msgs.msg import Bool
 from retrolidar_ros.msg import MarkerDetection
 from retrolidar_ros.nodes.diagnostics import OK, WARN, Health, publish_health
 from retrolidar_ros.nodes.parameters import Parameters
-from retrolidar_ros.nodes.qos import EVENTS, LATCHED, OVERRIDABLE
+from retrolidar_ros.nodes.qos import EVENTS, LATCHED, subscribe
 from retrolidar_ros.nodes.run import run
 from retrolidar_ros.tasks.heartbeat import Heartbeat
 
@@ -40,9 +40,7 @@ class HeartbeatNode(Node):
         self._is_alive: bool | None = None
         self._alive = self.create_publisher(Bool, '~/alive', LATCHED)
         publish_health(self, 'markers', '', self._examine)
-        self.create_subscription(
-            MarkerDetection, 'markers', self._take, EVENTS, qos_overriding_options=OVERRIDABLE
-        )
+        subscribe(self, MarkerDetection, 'markers', self._take, EVENTS)
         parameters.warn_of_unknown()
         self.create_timer(_TICK_S, self._tick, clock=Clock(clock_type=ClockType.STEADY_TIME))
 

@@ -24,9 +24,9 @@ from retrolidar_ros.msg import MarkerDetection
 from retrolidar_ros.nodes.conversion import to_pose_msg, to_time
 from retrolidar_ros.nodes.diagnostics import OK, WARN, Health, publish_health
 from retrolidar_ros.nodes.names import topic_part
-from retrolidar_ros.nodes.parameters import Parameters
+from retrolidar_ros.nodes.parameters import Parameters, check_frame_id
 from retrolidar_ros.nodes.placed_readings import PlacedReadings
-from retrolidar_ros.nodes.qos import LATCHED
+from retrolidar_ros.nodes.qos import LATCHED, STREAM, publisher
 from retrolidar_ros.nodes.run import run
 from retrolidar_ros.nodes.transforms import transform_sender
 from retrolidar_ros.nodes.visualization import landmark_shapes
@@ -49,11 +49,8 @@ class LandmarksNode(Node):
         super().__init__('landmarks')
         parameters = Parameters(self, 'landmarks')
         _declare(parameters)
-        parameters.warn_of_unknown()
         self._values = values = parameters.values
-        self._fixed: str = values['fixed_frame']
-        if not self._fixed:
-            raise ValueError('fixed_frame: is empty; name a frame that does not move')
+        self._fixed = check_frame_id('fixed_frame', values['fixed_frame'])
         markers = known_markers(values)
         objects: dict[str, dict[int, Floats]] = {
             name: {one: np.array(place) for one, place in places.items()}
@@ -79,7 +76,7 @@ class LandmarksNode(Node):
                 if not one.object:
                     alone[one.frame] = {one.id: np.zeros(3)}
             self._room = room_of(known, alone | objects, errors, flat=values['flat'])
-            self._pose = self.create_publisher(PoseWithCovarianceStamped, '~/pose', 10)
+            self._pose = publisher(self, PoseWithCovarianceStamped, '~/pose', STREAM)
         elif known and frame != self._fixed:
             raise ValueError(f'load_file: its landmarks are in {frame}, not in {self._fixed}')
         self._known_frame = frame
@@ -87,7 +84,7 @@ class LandmarksNode(Node):
         self._blocked: set[str] = set()
         self._sent: set[str] = set()
         self._send = transform_sender(self)
-        self._shapes = self.create_publisher(MarkerArray, '~/marker_array', LATCHED)
+        self._shapes = publisher(self, MarkerArray, '~/marker_array', LATCHED)
         self.create_service(Trigger, '~/save', self._save)
         self.create_service(Trigger, '~/forget', self._forget)
         publish_health(self, 'landmarks', '', self._examine)
@@ -99,6 +96,7 @@ class LandmarksNode(Node):
             self._take,
             self._survey.forget,
         )
+        parameters.warn_of_unknown()
         for estimate in [] if values['localize'] else self._survey.estimates():
             self._publish(estimate)
 

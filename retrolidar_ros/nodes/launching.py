@@ -1,11 +1,18 @@
 # Copyright 2026 retrolidar_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""What all launch files have in common: the arguments of a sensor, and how a node is started."""
+"""What all launch files have in common: the arguments of a sensor, and how a node is started.
+
+An error while a launch is being set up ends it, and leaves behind what was started by then: so
+whatever can be wrong is found before the first process is started.
+"""
 
 from __future__ import annotations
 
+import math
+from pathlib import Path
 from typing import Any
 
+import yaml
 from launch.actions import DeclareLaunchArgument, IncludeLaunchDescription
 from launch.launch_context import LaunchContext
 from launch.substitutions import LaunchConfiguration, PathJoinSubstitution
@@ -35,6 +42,7 @@ SENSOR: dict[str, tuple[Any, str]] = {
     'emulate': ('', 'A scene to emulate instead of a sensor: a file, or the name of one.'),
 }
 """Those of every launch file for one sensor."""
+_LEVELS = ('debug', 'info', 'warn', 'error', 'fatal')
 
 
 def declared(arguments: dict[str, tuple[Any, str]]) -> list[DeclareLaunchArgument]:
@@ -59,19 +67,56 @@ def is_on(context: LaunchContext, name: str) -> bool:
     return text in ('true', '1')
 
 
+def number(context: LaunchContext, name: str) -> float:
+    """Return a number that a launch argument says; RuntimeError if it is none, or negative."""
+    text = value(context, name)
+    try:
+        number = float(text)
+    except ValueError:
+        number = math.nan
+    if not 0 <= number < math.inf:
+        raise RuntimeError(f'{name}:={text}: it needs a number, 0 or above')
+    return number
+
+
+def listed(context: LaunchContext, name: str) -> list[Any]:
+    """Return a list that a launch argument says; RuntimeError if it is none."""
+    text = value(context, name)
+    try:
+        items = yaml.safe_load(text)
+    except yaml.YAMLError:
+        items = None
+    if not isinstance(items, list):
+        raise RuntimeError(f'{name}:={text}: it needs a list, as [a, b]')
+    return items
+
+
+def _parameter_file(context: LaunchContext) -> str:
+    """Return the path of the parameter file; RuntimeError if it is none, which rcl passes over."""
+    path = value(context, 'params_file')
+    if not Path(path).is_file():
+        raise RuntimeError(f'params_file:={path}: there is no such file')
+    if b'ros__parameters' not in Path(path).read_bytes():
+        raise RuntimeError(f'params_file:={path}: it has no ros__parameters')
+    return path
+
+
 def node(context: LaunchContext, executable: str, given: dict[str, Any], **options: Any) -> Node:
     """Return a node of the package, with the parameters that are given before those of the file."""
     parameters: dict[str, Any] = dict(given)
+    level = value(context, 'log_level')
+    if level.rpartition(':=')[2].lower() not in _LEVELS:
+        raise RuntimeError(f'log_level:={level}: it needs one of {", ".join(_LEVELS)}')
     if value(context, 'use_sim_time'):
         parameters['use_sim_time'] = is_on(context, 'use_sim_time')
     return Node(
         package='retrolidar_ros',
         executable=executable,
         namespace=value(context, 'namespace'),
-        parameters=[value(context, 'params_file'), *([parameters] if parameters else [])],
-        ros_arguments=['--log-level', value(context, 'log_level')],
+        parameters=[_parameter_file(context), *([parameters] if parameters else [])],
+        ros_arguments=['--log-level', level],
         respawn=is_on(context, 'respawn'),
-        respawn_delay=float(value(context, 'respawn_delay')),
+        respawn_delay=number(context, 'respawn_delay'),
         output='screen',
         **options,
     )

@@ -16,6 +16,7 @@ from rcl_interfaces.msg import (
     FloatingPointRange,
     IntegerRange,
     ParameterDescriptor,
+    ParameterType,
     SetParametersResult,
 )
 from rclpy.node import Node
@@ -42,6 +43,9 @@ class Parameters:
         self._node = node
         self._defaults = load_parameter_defaults(shared_file('config/retrolidar.yaml'), kind)
         self._checks: dict[str, Callable[[Any], Any]] = {}
+        for service in node.services:
+            if '/set_parameters' in service.srv_name:
+                service.callback = _refusing(service.callback)
 
     def text(
         self, name: str, description: str, among: tuple[str, ...] = (), *, live: bool = False
@@ -190,6 +194,24 @@ class Parameters:
         )
         self._checks[name] = check
         self.values[name] = values
+
+
+def _refusing(change: Callable[[Any, Any], Any]) -> Callable[[Any, Any], Any]:
+    """Return a service that refuses a type that is none; rclpy's ends the node by it."""
+
+    def answer(request: Any, response: Any) -> Any:
+        for parameter in request.parameters:
+            if parameter.value.type > ParameterType.PARAMETER_STRING_ARRAY:
+                text = f'{parameter.name}: there is no type {parameter.value.type}'
+                refused = SetParametersResult(successful=False, reason=text)
+                if hasattr(response, 'results'):
+                    response.results = [refused] * len(request.parameters)
+                else:  # of those that are set all at once
+                    response.result = refused
+                return response
+        return change(request, response)
+
+    return answer
 
 
 def check_frame_id(name: str, value: str) -> str:

@@ -14,6 +14,7 @@ from rclpy.time import Time
 
 from retrolidar_ros.msg import MarkerDetection
 from retrolidar_ros.nodes.conversion import to_ns
+from retrolidar_ros.nodes.qos import EVENTS, subscribe
 from retrolidar_ros.nodes.transforms import TransformFinder
 from retrolidar_ros.sensor.rotation import matrix_of
 from retrolidar_ros.tasks.reading import Reading, SensorPose, reading
@@ -60,7 +61,7 @@ class PlacedReadings:
         self._ticked = node.get_clock().now()
         self._waiting: deque[tuple[MarkerDetection, Time]] = deque(maxlen=_MOST_WAITING)
         for topic in topics:
-            node.create_subscription(MarkerDetection, topic, self._take, 100)
+            subscribe(node, MarkerDetection, topic, self._take, EVENTS)
         node.create_timer(_TICK_S, self.tick, clock=Clock(clock_type=ClockType.STEADY_TIME))
 
     def _take(self, message: MarkerDetection) -> None:

@@ -1,14 +1,16 @@
 # Copyright 2026 retrolidar_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""Qualities of service, each of which a parameter `qos_overrides.TOPIC.…` may change."""
+"""Topics, whose qualities of service a parameter `qos_overrides.TOPIC.…` may change."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from typing import Any
+
+from rclpy.node import Node
+from rclpy.publisher import Publisher
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.qos_overriding_options import QoSOverridingOptions
-
-OVERRIDABLE = QoSOverridingOptions.with_default_policies()
-"""Lets parameters set history, depth and reliability of a topic."""
 
 STREAM = QoSProfile(depth=10, reliability=ReliabilityPolicy.RELIABLE)
 """What a sensor sends: reliable, so that subscribers of either kind connect."""
@@ -17,3 +19,17 @@ EVENTS = QoSProfile(depth=100, reliability=ReliabilityPolicy.RELIABLE)
 """What comes now and then, and in bursts."""
 LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 """A state, which who comes late hears, too."""
+_OVERRIDABLE = QoSOverridingOptions.with_default_policies()
+
+
+def publisher(node: Node, kind: type[Any], topic: str, qos: QoSProfile) -> Publisher:
+    """Return a publisher, of which parameters may set history, depth and reliability."""
+    return node.create_publisher(kind, topic, qos, qos_overriding_options=_OVERRIDABLE)
+
+
+def subscribe(
+    node: Node, kind: type[Any], topic: str, take: Callable[[Any], None], qos: QoSProfile
+) -> str:
+    """Subscribe likewise; return the topic's full name."""
+    made = node.create_subscription(kind, topic, take, qos, qos_overriding_options=_OVERRIDABLE)
+    return str(made.topic_name)

@@ -7,11 +7,13 @@ Frames go from one to the other by a call; on topics all is as with a process ea
 
 from __future__ import annotations
 
+from typing import Any
+
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 
+from retrolidar_ros.nodes.detection_topics import NAME
 from retrolidar_ros.nodes.detector import DetectorNode
-from retrolidar_ros.nodes.detector_parameters import NAME
 from retrolidar_ros.nodes.diagnostics import HealthBoard
 from retrolidar_ros.nodes.driver import DriverNode
 from retrolidar_ros.nodes.names import topic_part
@@ -35,27 +37,29 @@ def create_nodes() -> list[Node]:
             raise ValueError(f'{what}: one stands there twice, in {", ".join(values)}')
     board = HealthBoard(reader)
     if not ports:
-        detector = DetectorNode(subscribe=False, board=board)
-        return [DriverNode(take=detector.take, board=board), detector, reader]
-    drivers, detectors = [], []
+        detector = DetectorNode(board)
+        return [DriverNode(detector.take, board), detector, reader]
+    drivers: list[Node] = []
+    detectors: list[Node] = []
     for name, port in zip(names, ports, strict=True):
-        namespace = f'{reader.get_namespace().rstrip("/")}/{topic_part(name)}'
-        detector = DetectorNode(
-            subscribe=False,
-            board=board,
-            namespace=namespace,
-            overrides=[Parameter('child_frame', value=f'{name}_{NAME}')],
-        )
-        overrides = {'serial_port': port, 'frame_id': f'{name}_optical_frame'}
-        driver = DriverNode(
-            take=detector.take,
-            board=board,
-            namespace=namespace,
-            overrides=[Parameter(key, value=value) for key, value in overrides.items()],
-        )
-        drivers.append(driver)
+        space = f'{reader.get_namespace().rstrip("/")}/{topic_part(name)}'
+        detector = DetectorNode(board, **_options(space, child_frame=f'{name}_{NAME}'))
+        frame_id = f'{name}_optical_frame'
+        options = _options(space, serial_port=port, frame_id=frame_id)
+        drivers.append(DriverNode(detector.take, board, **options))
         detectors.append(detector)
     return [*drivers, *detectors, reader]
+
+
+def _options(namespace: str, **parameters: str) -> dict[str, Any]:
+    """Return those of a node whose namespace and parameters go before what the process was given.
+
+    The `namespace` of a node would not: `__ns` on the command line overrides it.
+    """
+    return {
+        'cli_args': ['--ros-args', '-r', f'__ns:={namespace}'],
+        'parameter_overrides': [Parameter(key, value=one) for key, one in parameters.items()],
+    }
 
 
 def main() -> int:

@@ -4,6 +4,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -46,6 +48,16 @@ def test_bit_period_is_found_without_being_told(period: str, bit: str, zones: st
     strongest = blinking_zones(recording, NoiseLaw())[0]
     assert strongest.bit_period_s == pytest.approx(float(bit.split()[0]) * 1.004e-3, rel=0.02)
     assert strongest.periods[0].strength > 10
+
+
+@pytest.mark.parametrize('steps_s', [[0.0], [0.0, 0.0, 0.0, 0.1], [0.02] * 100 + [-2.0], [-0.02]])
+def test_stamps_that_do_not_go_on_have_no_bits(steps_s: list[float]) -> None:
+    """As of a simulated clock that stands or ticks slowly, and of a replay that begins again."""
+    recording = recorded('21 ms', '42 ms')
+    steps_ns = np.rint(1e9 * np.resize(steps_s, len(recording) - 1)).astype(np.int64)
+    odd = replace(recording, stamp_ns=10**12 + np.concatenate([[0], np.cumsum(steps_ns)]))
+    with np.errstate(all='raise'):
+        assert all(not zone.periods for zone in blinking_zones(odd, NoiseLaw()))
 
 
 def test_noise_does_not_blink() -> None:

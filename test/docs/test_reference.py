@@ -89,7 +89,7 @@ def test_every_topic() -> None:
     published = set()
     for path in NODES:
         for call in calls(path, 'create_publisher', 'publisher'):
-            name = call.args[1]
+            name = call.args[2 if ast.unparse(call.func) == 'publisher' else 1]
             first = name.values[0] if isinstance(name, ast.JoinedStr) else name
             if isinstance(first, ast.Constant):
                 published.add(str(first.value).strip('~/'))

@@ -144,7 +144,7 @@ def test_three_sensors_on_the_ground_tell_where_a_drone_is(tmp_path: Path) -> No
 @pytest.mark.parametrize(
     ('parameters', 'message'),
     [
-        (["fixed_frame:=''"], 'fixed_frame: is empty; name a frame that does not move'),
+        (["fixed_frame:=''"], 'fixed_frame is empty; TF needs a name'),
         (['load_file:=/nowhere.yaml'], 'load_file: /nowhere.yaml: '),
         (['localize:=true'], '0 markers are at known places; localisation needs three'),
     ],

@@ -1,0 +1,123 @@
+# Copyright 2026 retrolidar_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""What a command leaves behind that a full disk or a signal ends."""
+
+import os
+import resource
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from contextlib import suppress
+from functools import partial
+from pathlib import Path
+
+import pytest
+
+pytest.importorskip('rosbags', reason='bags are written with rosbags')
+
+from harness_frames import make_frames
+
+from retrolidar_ros import cli
+from retrolidar_ros.bag import FrameWriter, messages, read_frames
+from retrolidar_ros.bag.messages import BagError
+from retrolidar_ros.sensor.frame import Frame
+
+# Not -m: that finds the sources first, which have no messages.
+PROGRAM = [sys.executable, str(Path(cli.__file__).with_name('__main__.py'))]
+PATIENCE_S = 60.0
+
+
+def wait(done: Callable[[], object], what: str) -> None:
+    deadline_s = time.monotonic() + PATIENCE_S
+    while not done():
+        assert time.monotonic() < deadline_s, f'waited in vain for {what}'
+        time.sleep(0.005)
+
+
+def descendants(pid: int) -> set[int]:
+    """Return the children of a process, and theirs, that have not ended."""
+    children: dict[int, set[int]] = {}
+    for stat in Path('/proc').glob('[0-9]*/stat'):
+        try:
+            state, parent = stat.read_text().rpartition(')')[2].split()[:2]
+        except (FileNotFoundError, ProcessLookupError):
+            continue
+        if state != 'Z':
+            children.setdefault(int(parent), set()).add(int(stat.parent.name))
+    found, new = set(), {pid}
+    while new := {child for one in new for child in children.get(one, ())}:
+        found |= new
+    return found
+
+
+def lives(pid: int) -> bool:
+    try:
+        return 'State:\tZ' not in Path(f'/proc/{pid}/status').read_text()
+    except (FileNotFoundError, ProcessLookupError):
+        return False
+
+
+@pytest.mark.parametrize('storage', ['mcap', 'sqlite3'])
+def test_a_disk_that_is_full_keeps_what_was_recorded(tmp_path: Path, storage: str) -> None:
+    """A limit on the size of a file refuses to write as a full disk does."""
+    limit = partial(resource.setrlimit, resource.RLIMIT_FSIZE, (400_000, 400_000))
+    command = [*PROGRAM, 'emulate', 'coffee', '--duration', '120', '--storage', storage]
+    result = subprocess.run(
+        [*command, '--bag', str(tmp_path / 'bag')],
+        capture_output=True,
+        text=True,
+        preexec_fn=limit,
+        timeout=PATIENCE_S,
+        check=False,
+    )
+    assert result.returncode == 2
+    assert len(result.stderr.splitlines()) == 1, result.stderr
+    frames: list[Frame] = []
+    with suppress(BagError):  # an mcap says that the recording did not end properly
+        frames.extend(read_frames(tmp_path / 'bag'))
+    assert len(frames) >= 500
+    assert [frame.sequence for frame in frames] == list(range(len(frames)))
+
+
+def test_what_was_unpacked_goes_with_a_command_that_is_ended(tmp_path: Path) -> None:
+    zstd = pytest.importorskip(messages._ZSTD)
+    with FrameWriter(tmp_path / 'bag') as bag:
+        for frame in make_frames(20_000):
+            bag.write(frame)
+    (mcap,) = (tmp_path / 'bag').glob('*.mcap')
+    packed = tmp_path / 'packed.mcap.zstd'
+    packed.write_bytes(zstd.compress(mcap.read_bytes()))
+    unpacked = tmp_path / 'unpacked'
+    unpacked.mkdir()
+    environment = {**os.environ, 'TMPDIR': str(unpacked)}
+    with subprocess.Popen([*PROGRAM, 'decode', str(packed)], env=environment) as process:
+        wait(lambda: list(unpacked.glob('*/*')), 'the file that is unpacked')
+        process.send_signal(signal.SIGTERM)
+    assert process.returncode == 128 + signal.SIGTERM
+    assert not list(unpacked.iterdir())
+
+
+@pytest.mark.parametrize('request_to_end', [signal.SIGTERM, signal.SIGKILL])
+def test_processes_of_an_experiment_end_with_it(tmp_path: Path, request_to_end: int) -> None:
+    pytest.importorskip('tqdm', reason='experiments need libraries from pip')
+    command = [sys.executable, '-m', 'evaluation', 'roc', 'several', '--quick', '--processes', '2']
+    root = Path(__file__).resolve().parents[2]
+    with subprocess.Popen([*command, '-o', str(tmp_path)], cwd=root) as process:
+        # Two workers, and what keeps track of their semaphores.
+        wait(lambda: len(descendants(process.pid)) >= 3, 'workers')
+        workers = descendants(process.pid)
+        process.send_signal(request_to_end)
+    wait(lambda: not any(map(lives, workers)), 'their end')
+
+
+@pytest.mark.parametrize('request_to_end', [signal.SIGTERM, signal.SIGKILL])
+def test_processes_of_the_demo_end_with_it(request_to_end: int) -> None:
+    pytest.importorskip('rclpy', reason='needs ROS 2')
+    pytest.importorskip('retrolidar_ros.msg', reason='needs the messages: colcon build')
+    with subprocess.Popen([*PROGRAM, 'demo', 'coffee'], stdout=subprocess.DEVNULL) as process:
+        wait(lambda: len(descendants(process.pid)) >= 3, 'emulator, driver and detector')
+        children = descendants(process.pid)
+        process.send_signal(request_to_end)
+    wait(lambda: not any(map(lives, children)), 'their end')

@@ -1,0 +1,72 @@
+# Copyright 2026 retrolidar_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""Launch arguments that cannot be: the launch ends, says which, and leaves no process behind."""
+
+import subprocess
+import sys
+import unittest
+from contextlib import suppress
+from pathlib import Path
+
+import launch_testing.actions
+import pytest
+from launch import LaunchDescription
+from launch_testing.util import KeepAliveProc
+
+SCRIPT = """
+import sys
+from launch import LaunchDescription, LaunchService
+from launch.actions import IncludeLaunchDescription
+from retrolidar_ros.settings.resources import shared_file
+
+arguments = [argument.split(':=', 1) for argument in sys.argv[2:]]
+include = IncludeLaunchDescription(str(shared_file(f'launch/{sys.argv[1]}.launch.py')),
+                                   launch_arguments=arguments)
+service = LaunchService()
+service.include_launch_description(LaunchDescription([include]))
+sys.exit(service.run())
+"""
+NAMESPACE = 'wrongly_launched'
+WRONG = {
+    'coffee': ['max_stddev:=x', 'respawn_delay:=-1', 'log_level:=loud', 'emulate:=nowhere'],
+    'landmarks': ['localize:=perhaps', 'params_file:=/etc/passwd', 'params_file:=/nowhere'],
+    'two_sensors': ['right_emulate:=nowhere'],
+    'drone': ['edge:=wide', 'ports:=[a', 'sensors:=2'],
+    'hall': ['names:=left'],
+}
+
+
+@pytest.mark.launch_test
+def generate_test_description():
+    return LaunchDescription([KeepAliveProc(), launch_testing.actions.ReadyToTest()])
+
+
+def commands():
+    """Yield the command lines of all processes there are."""
+    for file in Path('/proc').glob('[0-9]*/cmdline'):
+        with suppress(OSError):
+            yield file.read_text()
+
+
+class TestWrongArguments(unittest.TestCase):
+    """One at a time, where the rest is right."""
+
+    def test_all(self):
+        right = {
+            'two_sensors': ['left_emulate:=coffee', 'right_emulate:=coffee'],
+            'drone': ['emulate:=drone', 'sensors:=3'],
+            'hall': [],
+        }
+        for name, arguments in WRONG.items():
+            for argument in arguments:
+                with self.subTest(name=name, argument=argument):
+                    given = [*right.get(name, ['emulate:=coffee']), argument]
+                    self.check(name, given, argument.partition(':=')[2])
+
+    def check(self, name, arguments, wrong):
+        command = [sys.executable, '-c', SCRIPT, name, f'namespace:={NAMESPACE}', *arguments]
+        result = subprocess.run(command, capture_output=True, text=True, timeout=60, check=False)
+        assert result.returncode == 1, result.stdout
+        assert wrong in result.stdout + result.stderr
+        assert 'process started' not in result.stdout + result.stderr
+        assert not [line for line in commands() if f'__ns:=/{NAMESPACE}' in line]
