@@ -2,7 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Bags that are made to harm, or that a recorder was killed over."""
 
-import os
 import shutil
 import signal
 import sqlite3
@@ -10,18 +9,22 @@ import subprocess
 import sys
 import time
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
-import yaml
 
 pytest.importorskip('rosbags', reason='bags are written with rosbags')
 
+from harness_bags import (
+    assert_good_until,
+    equal,
+    mcap_file,
+    read_all,
+    write_bag,
+)
 from harness_frames import make_frames
-from test_bag import equal, mcap_file, read_all, write_bag
 
-from retrolidar_ros.bag import FRAME_TYPE, FRAMES_TOPIC, FrameWriter, files, messages, writer
+from retrolidar_ros.bag import FRAME_TYPE, FRAMES_TOPIC, FrameWriter, files, messages
 from retrolidar_ros.cli.main import main
 
 TOPICS = f"""
@@ -37,11 +40,6 @@ CREATE TABLE messages(id INTEGER PRIMARY KEY, topic_id INTEGER, timestamp INTEGE
 data BLOB GENERATED ALWAYS AS (zeroblob(900000000)));
 INSERT INTO messages(topic_id, timestamp) VALUES (1, 1);
 """
-
-
-@pytest.fixture(scope='module')
-def types() -> Any:
-    return writer._type_store()
 
 
 @pytest.mark.parametrize('script', [ENDLESS, COMPUTED])
@@ -75,61 +73,23 @@ def test_a_query_can_be_interrupted(tmp_path: Path) -> None:
     assert b'KeyboardInterrupt' in errors
 
 
-def test_a_chunk_unpacks_to_the_limit_only(
-    tmp_path: Path, types: Any, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(messages, 'MOST_BYTES', 500)
-    path = tmp_path / 'bag.mcap'
-    path.write_bytes(mcap_file(types, make_frames(100), compression='ZSTD'))
-    frames, error = read_all(path)
-    assert not frames
-    assert 'unpack to more than 500' in str(error)
-
-
-def test_a_file_unpacks_to_the_limit_only(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    zstd = pytest.importorskip(messages._ZSTD)
-    monkeypatch.setattr(messages, 'MOST_BYTES', 4096)
-    path = tmp_path / 'bag.mcap.zstd'
-    path.write_bytes(zstd.compress(bytes(10**8)))
-    _, error = read_all(path)
-    assert 'it unpacks to more than' in str(error)
-
-
-def test_messages_out_of_order_are_held_to_the_limit_only(
+def test_what_unpacks_or_is_out_of_order_is_held_to_the_limit_only(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(files, '_MOST_HELD', 1000)
-    _, error = read_all(write_bag(tmp_path / 'bag', make_frames(100)))
-    assert 'more than 1000 bytes of messages are out of order' in str(error)
-
-
-@pytest.mark.parametrize('kind', ['pipe', 'device', 'directory'])
-def test_metadata_that_is_no_file_is_not_read(tmp_path: Path, kind: str) -> None:
-    frames = make_frames(10)
-    write_bag(tmp_path / 'bag', frames)
-    metadata = tmp_path / 'bag' / 'metadata.yaml'
-    metadata.unlink()
-    if kind == 'pipe':
-        os.mkfifo(metadata)
-    elif kind == 'device':
-        metadata.symlink_to('/dev/zero')
-    else:
-        metadata.mkdir()
-    read, error = read_all(tmp_path / 'bag')
-    assert equal(read, frames)
-    assert 'metadata.yaml is no file' in str(error)
-
-
-def test_a_file_that_is_named_twice_is_read_once(tmp_path: Path) -> None:
-    frames = make_frames(10)
-    file = write_bag(tmp_path / 'bag', frames)
-    metadata = file.with_name('metadata.yaml')
-    content = yaml.safe_load(metadata.read_text())
-    content['rosbag2_bagfile_information']['relative_file_paths'] *= 2
-    metadata.write_text(yaml.safe_dump(content))
-    read, error = read_all(tmp_path / 'bag')
-    assert equal(read, frames)
-    assert 'metadata.yaml is damaged' in str(error)
+    zstd = pytest.importorskip(messages._ZSTD)
+    frames = make_frames(100)
+    packed, file = tmp_path / 'a.mcap', tmp_path / 'b.mcap.zstd'
+    packed.write_bytes(mcap_file(frames, compression='ZSTD'))
+    file.write_bytes(zstd.compress(bytes(10**8)))
+    plain = write_bag(tmp_path / 'bag', frames)
+    for module, name, limit, path, read, says in (
+        (messages, 'MOST_BYTES', 500, packed, 0, 'unpack to more than 500'),
+        (messages, 'MOST_BYTES', 4096, file, 0, 'it unpacks to more than'),
+        (files, '_MOST_HELD', 1000, plain, 100, 'more than 1000 bytes of messages are out of'),
+    ):
+        with monkeypatch.context() as patch:
+            patch.setattr(module, name, limit)
+            assert assert_good_until(path, frames, says) == read
 
 
 @pytest.mark.parametrize('mode', ['WAL', 'DELETE'])
@@ -155,27 +115,6 @@ def test_what_a_killed_recorder_has_left_is_read(tmp_path: Path, mode: str) -> N
     read, _ = read_all(left)
     assert equal(read, frames)
     assert {part: part.read_bytes() for part in left.iterdir()} == before
-
-
-@pytest.mark.parametrize('storage', ['mcap', 'sqlite3'])
-def test_what_was_written_before_the_end_is_kept(tmp_path: Path, storage: str) -> None:
-    """Of a process that is gone without a word."""
-    script = (
-        'import os, sys; from harness_frames import make_frames; from retrolidar_ros.bag import *\n'
-        'writer = FrameWriter(sys.argv[1], sys.argv[2]); writer.__enter__()\n'
-        'for frame in make_frames(3000, 8): writer.write(frame)\n'
-        'os._exit(9)'
-    )
-    path = os.pathsep.join([str(Path(__file__).parent), *sys.path])
-    subprocess.run(
-        [sys.executable, '-c', script, str(tmp_path / 'bag'), storage],
-        env={**os.environ, 'PYTHONPATH': path},
-        check=False,
-    )
-    read, error = read_all(tmp_path / 'bag')
-    assert len(read) >= 2000
-    assert equal(read, make_frames(3000, 8)[: len(read)])
-    assert error is not None
 
 
 def test_chunks_of_one_time_cost_no_more_than_others(tmp_path: Path) -> None:

@@ -11,16 +11,11 @@ import pytest
 pytest.importorskip('launch_testing', reason='needs launch_testing, which has no wheel')
 
 import launch_testing
-import launch_testing.actions
-import launch_testing.asserts
-from launch import LaunchDescription
-from launch.actions import IncludeLaunchDescription
-from launch.substitutions import PathJoinSubstitution
-from launch_ros.substitutions import FindPackageShare
 
 sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
 
-from harness_use_cases import BASE_VIEW, SENSOR_VIEW, check_coffee, publish_base
+from harness_coffee import BASE_VIEW, SENSOR_VIEW, check_coffee, publish_base
+from harness_launch import INTERRUPTED, end_test, included, launched
 
 from retrolidar_ros.nodes.listener import Listener
 from retrolidar_ros.scene.files import load_scene
@@ -33,21 +28,13 @@ def _namespace(target_frame):
 @pytest.mark.launch_test
 @launch_testing.parametrize('target_frame', ['', BASE_VIEW.frame])
 def generate_test_description(target_frame):
-    launch_file = PathJoinSubstitution(
-        [FindPackageShare('retrolidar_ros'), 'launch', 'coffee.launch.py']
-    )
     arguments = {
         'emulate': 'coffee',
         'namespace': _namespace(target_frame),
         'target_frame': target_frame,
         'max_stddev': '0.2',
     }
-    return LaunchDescription(
-        [
-            IncludeLaunchDescription(launch_file, launch_arguments=arguments.items()),
-            launch_testing.actions.ReadyToTest(),
-        ]
-    )
+    return launched(included('coffee', **arguments))
 
 
 class TestCoffee(unittest.TestCase):
@@ -62,10 +49,4 @@ class TestCoffee(unittest.TestCase):
         check_coffee(listener, load_scene('coffee'), _namespace(target_frame), view)
 
 
-@launch_testing.post_shutdown_test()
-class TestEnd(unittest.TestCase):
-    """What is left behind."""
-
-    def test_exit_codes(self, proc_info):
-        # A command that is interrupted says so.
-        launch_testing.asserts.assertExitCodes(proc_info, allowable_exit_codes=[0, 130])
+TestEnd = end_test(INTERRUPTED)

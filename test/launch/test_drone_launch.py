@@ -11,16 +11,11 @@ import pytest
 
 pytest.importorskip('launch_testing', reason='needs launch_testing, which has no wheel')
 
-import launch_testing.actions
-import launch_testing.asserts
-from launch import LaunchDescription
-from launch.actions import IncludeLaunchDescription
-from launch.substitutions import PathJoinSubstitution
-from launch_ros.substitutions import FindPackageShare
 from std_msgs.msg import Bool
 
 sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
 
+from harness_launch import INTERRUPTED, end_test, included, launched
 from harness_use_cases import (
     Collected,
     Health,
@@ -40,20 +35,12 @@ SCENE = silent_drone(DIRECTORY, start_s=3.0, packets=5)
 
 @pytest.mark.launch_test
 def generate_test_description():
-    launch_file = PathJoinSubstitution(
-        [FindPackageShare('retrolidar_ros'), 'launch', 'drone.launch.py']
-    )
     arguments = {
         'emulate': str(SCENE),
         'namespace': NAMESPACE,
         'params_file': str(impatient_parameters(DIRECTORY)),
     }
-    return LaunchDescription(
-        [
-            IncludeLaunchDescription(launch_file, launch_arguments=arguments.items()),
-            launch_testing.actions.ReadyToTest(),
-        ]
-    )
+    return launched(included('drone', **arguments))
 
 
 class TestDrone(unittest.TestCase):
@@ -67,10 +54,4 @@ class TestDrone(unittest.TestCase):
         check_heartbeat(listener, alive, health, load_scene(str(SCENE)))
 
 
-@launch_testing.post_shutdown_test()
-class TestEnd(unittest.TestCase):
-    """What is left behind."""
-
-    def test_exit_codes(self, proc_info):
-        # A command that is interrupted says so.
-        launch_testing.asserts.assertExitCodes(proc_info, allowable_exit_codes=[0, 130])
+TestEnd = end_test(INTERRUPTED)

@@ -1,6 +1,6 @@
 # Copyright 2026 retrolidar_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""The launch file of the drone with three sensors on the ground, which tell where it is."""
+"""The launch file of the drone with three sensors on the ground, which place it."""
 
 import sys
 import tempfile
@@ -12,16 +12,11 @@ import pytest
 
 pytest.importorskip('launch_testing', reason='needs launch_testing, which has no wheel')
 
-import launch_testing.actions
-import launch_testing.asserts
-from launch import LaunchDescription
-from launch.actions import IncludeLaunchDescription
-from launch.substitutions import PathJoinSubstitution
-from launch_ros.substitutions import FindPackageShare
 
 sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
 
 from harness_landmarks import check_drone
+from harness_launch import INTERRUPTED, end_test, included, launched
 from harness_use_cases import silent_drone
 
 from retrolidar_ros.nodes.listener import Listener
@@ -34,25 +29,17 @@ SCENE = silent_drone(Path(tempfile.mkdtemp()), start_s=0.2, packets=1000)
 
 @pytest.mark.launch_test
 def generate_test_description():
-    launch_file = PathJoinSubstitution(
-        [FindPackageShare('retrolidar_ros'), 'launch', 'drone.launch.py']
-    )
     arguments = {
         'emulate': str(SCENE),
         'namespace': NAMESPACE,
         'sensors': '3',
         'single_process': 'true',
     }
-    return LaunchDescription(
-        [
-            IncludeLaunchDescription(launch_file, launch_arguments=arguments.items()),
-            launch_testing.actions.ReadyToTest(),
-        ]
-    )
+    return launched(included('drone', **arguments))
 
 
 class TestDrone(unittest.TestCase):
-    """Its place is told in the frame of the triangle."""
+    """Its place is published in the frame of the triangle."""
 
     def test_position(self):
         listener = Listener(NAMESPACE)
@@ -61,10 +48,4 @@ class TestDrone(unittest.TestCase):
         check_drone(listener, NAMESPACE, lambda _: np.array(drone.position_m))
 
 
-@launch_testing.post_shutdown_test()
-class TestEnd(unittest.TestCase):
-    """What is left behind."""
-
-    def test_exit_codes(self, proc_info):
-        # A command that is interrupted says so.
-        launch_testing.asserts.assertExitCodes(proc_info, allowable_exit_codes=[0, 130])
+TestEnd = end_test(INTERRUPTED)

@@ -11,16 +11,11 @@ import pytest
 
 pytest.importorskip('launch_testing', reason='needs launch_testing, which has no wheel')
 
-import launch_testing.actions
-import launch_testing.asserts
-from launch import LaunchDescription
-from launch.actions import IncludeLaunchDescription
-from launch.substitutions import PathJoinSubstitution
-from launch_ros.substitutions import FindPackageShare
 
 sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
 
 from harness import check_detections, wait_for_nodes, wait_for_readings, wait_for_traffic
+from harness_launch import INTERRUPTED, end_test, included, launched
 
 from retrolidar_ros.nodes.listener import Listener
 from retrolidar_ros.scene.files import load_scene
@@ -32,16 +27,8 @@ FRAME_ID = 'gripper_lidar'
 def generate_test_description():
     parameters = Path(tempfile.mkdtemp()) / 'parameters.yaml'
     parameters.write_text(f'/**/driver:\n  ros__parameters:\n    frame_id: {FRAME_ID}\n')
-    launch_file = PathJoinSubstitution(
-        [FindPackageShare('retrolidar_ros'), 'launch', 'retrolidar.launch.py']
-    )
     arguments = {'emulate': 'coffee', 'params_file': str(parameters), 'namespace': 'emulated'}
-    return LaunchDescription(
-        [
-            IncludeLaunchDescription(launch_file, launch_arguments=arguments.items()),
-            launch_testing.actions.ReadyToTest(),
-        ]
-    )
+    return launched(included('retrolidar', **arguments))
 
 
 class TestEmulated(unittest.TestCase):
@@ -57,10 +44,4 @@ class TestEmulated(unittest.TestCase):
         check_detections(listener, scene, FRAME_ID)
 
 
-@launch_testing.post_shutdown_test()
-class TestEnd(unittest.TestCase):
-    """What is left behind."""
-
-    def test_exit_codes(self, proc_info):
-        # A command that is interrupted says so.
-        launch_testing.asserts.assertExitCodes(proc_info, allowable_exit_codes=[0, 130])
+TestEnd = end_test(INTERRUPTED)

@@ -12,16 +12,11 @@ import pytest
 
 pytest.importorskip('launch_testing', reason='needs launch_testing, which has no wheel')
 
-import launch_testing.actions
-import launch_testing.asserts
-from launch import LaunchDescription
-from launch.actions import IncludeLaunchDescription
-from launch.substitutions import PathJoinSubstitution
-from launch_ros.substitutions import FindPackageShare
 
 sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
 
 from harness import PATIENCE_S, Sensor
+from harness_launch import INTERRUPTED, end_test, included, launched
 
 from retrolidar_ros.nodes.listener import Listener
 from retrolidar_ros.scene.files import load_scene
@@ -33,9 +28,6 @@ IDS = {'left': {2073, 2096, 2107}, 'right': {2127}}
 
 @pytest.mark.launch_test
 def generate_test_description():
-    launch_file = PathJoinSubstitution(
-        [FindPackageShare('retrolidar_ros'), 'launch', 'hall.launch.py']
-    )
     arguments = {
         'serve': 'true',
         'server': SERVER,
@@ -44,12 +36,7 @@ def generate_test_description():
         'namespace': 'hall',
         'markers': '/hall/markers',
     }
-    return LaunchDescription(
-        [
-            IncludeLaunchDescription(launch_file, launch_arguments=arguments.items()),
-            launch_testing.actions.ReadyToTest(),
-        ]
-    )
+    return launched(included('hall', **arguments))
 
 
 class TestHall(unittest.TestCase):
@@ -72,9 +59,4 @@ class TestHall(unittest.TestCase):
             assert listener.spin_until(lambda: read() == IDS, PATIENCE_S), read()
 
 
-@launch_testing.post_shutdown_test()
-class TestEnd(unittest.TestCase):
-    """What is left behind."""
-
-    def test_exit_codes(self, proc_info):
-        launch_testing.asserts.assertExitCodes(proc_info, allowable_exit_codes=[0, 130])
+TestEnd = end_test(INTERRUPTED)

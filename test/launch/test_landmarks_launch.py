@@ -11,17 +11,11 @@ import pytest
 
 pytest.importorskip('launch_testing', reason='needs launch_testing, which has no wheel')
 
-import launch_testing
-import launch_testing.actions
-import launch_testing.asserts
-from launch import LaunchDescription
-from launch.actions import IncludeLaunchDescription
-from launch.substitutions import PathJoinSubstitution
-from launch_ros.substitutions import FindPackageShare
 
 sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
 
 from harness_landmarks import check_landmarks
+from harness_launch import end_test, included, launched
 
 from retrolidar_ros.nodes.listener import Listener
 
@@ -31,21 +25,13 @@ _SAVED = Path(tempfile.mkdtemp(prefix='retrolidar_')) / 'room.yaml'
 
 @pytest.mark.launch_test
 def generate_test_description():
-    launch_file = PathJoinSubstitution(
-        [FindPackageShare('retrolidar_ros'), 'launch', 'landmarks.launch.py']
-    )
     # Driver and detector run, but wait for a sensor: what the hand reads is said by the test.
     arguments = {
         'namespace': _NAMESPACE,
         'save_file': str(_SAVED),
         'serial_port': str(_SAVED.parent / 'port'),
     }
-    return LaunchDescription(
-        [
-            IncludeLaunchDescription(launch_file, launch_arguments=arguments.items()),
-            launch_testing.actions.ReadyToTest(),
-        ]
-    )
+    return launched(included('landmarks', **arguments))
 
 
 class TestLandmarks(unittest.TestCase):
@@ -57,9 +43,4 @@ class TestLandmarks(unittest.TestCase):
         check_landmarks(listener, _NAMESPACE, _SAVED)
 
 
-@launch_testing.post_shutdown_test()
-class TestEnd(unittest.TestCase):
-    """What is left behind."""
-
-    def test_exit_codes(self, proc_info):
-        launch_testing.asserts.assertExitCodes(proc_info)
+TestEnd = end_test()

@@ -11,12 +11,6 @@ import pytest
 
 pytest.importorskip('launch_testing', reason='needs launch_testing, which has no wheel')
 
-import launch_testing.actions
-import launch_testing.asserts
-from launch import LaunchDescription
-from launch.actions import IncludeLaunchDescription
-from launch.substitutions import PathJoinSubstitution
-from launch_ros.substitutions import FindPackageShare
 
 sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
 
@@ -29,6 +23,7 @@ from harness import (
     wait_for_nodes,
     wait_for_readings,
 )
+from harness_launch import end_test, included, launched
 
 from retrolidar_ros.nodes.listener import Listener
 from retrolidar_ros.scene.files import load_scene
@@ -39,16 +34,8 @@ FRAME_ID = 'retrolidar_optical_frame'
 
 @pytest.mark.launch_test
 def generate_test_description():
-    launch_file = PathJoinSubstitution(
-        [FindPackageShare('retrolidar_ros'), 'launch', 'retrolidar.launch.py']
-    )
     arguments = {'serial_port': str(PORT), 'namespace': 'launched'}
-    return LaunchDescription(
-        [
-            IncludeLaunchDescription(launch_file, launch_arguments=arguments.items()),
-            launch_testing.actions.ReadyToTest(),
-        ]
-    )
+    return launched(included('retrolidar', **arguments))
 
 
 class TestChain(unittest.TestCase):
@@ -67,9 +54,4 @@ class TestChain(unittest.TestCase):
             check_corruption(listener, sensor, 0.05)
 
 
-@launch_testing.post_shutdown_test()
-class TestEnd(unittest.TestCase):
-    """What is left behind."""
-
-    def test_exit_codes(self, proc_info):
-        launch_testing.asserts.assertExitCodes(proc_info)
+TestEnd = end_test()

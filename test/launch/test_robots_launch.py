@@ -13,20 +13,17 @@ import pytest
 
 pytest.importorskip('launch_testing', reason='needs launch_testing, which has no wheel')
 
-import launch_testing.actions
-import launch_testing.asserts
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
-from launch import LaunchDescription
-from launch.actions import GroupAction, IncludeLaunchDescription
-from launch.substitutions import PathJoinSubstitution
+from launch.actions import GroupAction
 from launch_ros.actions import PushRosNamespace
-from launch_ros.substitutions import FindPackageShare
 from lifecycle_msgs.msg import Transition
 from lifecycle_msgs.srv import ChangeState
 
 sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
 
 from harness import PATIENCE_S, check_detections, wait_for_readings, wait_for_traffic
+from harness_launch import INTERRUPTED, end_test, included, launched
+from harness_services import Services
 
 from retrolidar_ros.nodes.listener import Listener
 from retrolidar_ros.scene.files import load_scene
@@ -47,9 +44,6 @@ PARAMETERS = """
 def generate_test_description():
     parameters = Path(tempfile.mkdtemp()) / 'parameters.yaml'
     parameters.write_text(PARAMETERS)
-    launch_file = PathJoinSubstitution(
-        [FindPackageShare('retrolidar_ros'), 'launch', 'retrolidar.launch.py']
-    )
     robots = []
     for robot, single_process in ROBOTS.items():
         arguments = {
@@ -59,9 +53,9 @@ def generate_test_description():
             'respawn_delay': '0.5',
             'log_level': 'warn',
         }
-        include = IncludeLaunchDescription(launch_file, launch_arguments=arguments.items())
+        include = included('retrolidar', **arguments)
         robots.append(GroupAction([PushRosNamespace(robot), include]))
-    return LaunchDescription([*robots, launch_testing.actions.ReadyToTest()])
+    return launched(*robots)
 
 
 class TestRobots(unittest.TestCase):
@@ -100,39 +94,26 @@ class TestRobots(unittest.TestCase):
 
     def check_life_cycle(self, robot):
         listener = self.listen(robot)
+        services = Services(listener)
+        node = f'/{robot}/retrolidar/driver'
         messages = []
-        name = f'/{robot}/retrolidar/driver: frames'
 
-        def hear(message):
-            messages.extend(status for status in message.status if status.name == name)
+        def take(message):
+            messages.extend(one for one in message.status if one.name == f'{node}: frames')
 
-        listener.node.create_subscription(DiagnosticArray, '/diagnostics', hear, 10)
-
-        def wait(done, what):
-            assert listener.spin_until(done, PATIENCE_S), f'waited in vain for {what}'
-
-        client = listener.node.create_client(
-            ChangeState, f'/{robot}/retrolidar/driver/change_state'
-        )
-        wait(client.service_is_ready, 'the life cycle')
-        for transition, told in (
+        listener.node.create_subscription(DiagnosticArray, '/diagnostics', take, 10)
+        for transition, text in (
             (Transition.TRANSITION_DEACTIVATE, 'not active'),
             (Transition.TRANSITION_CLEANUP, 'not configured'),
             (Transition.TRANSITION_CONFIGURE, 'not active'),
             (Transition.TRANSITION_ACTIVATE, 'frames a second'),
         ):
             request = ChangeState.Request(transition=Transition(id=transition))
-            answer = client.call_async(request)
-            wait(answer.done, 'an answer')
-            assert answer.result().success
-            wait(lambda told=told: messages and told in messages[-1].message, told)
+            assert services.call(ChangeState, f'{node}/change_state', request).success
+            assert listener.spin_until(
+                lambda text=text: bool(messages) and text in messages[-1].message, PATIENCE_S
+            ), f'waited in vain for {text}'
         assert messages[-1].level == DiagnosticStatus.OK
 
 
-@launch_testing.post_shutdown_test()
-class TestEnd(unittest.TestCase):
-    """What is left behind."""
-
-    def test_exit_codes(self, proc_info):
-        # A command that is interrupted says so; those that were killed here, too.
-        launch_testing.asserts.assertExitCodes(proc_info, allowable_exit_codes=[0, 130, -9])
+TestEnd = end_test(INTERRUPTED, -9)

@@ -10,15 +10,10 @@ import pytest
 
 pytest.importorskip('launch_testing', reason='needs launch_testing, which has no wheel')
 
-import launch_testing.actions
-import launch_testing.asserts
-from launch import LaunchDescription
-from launch.actions import IncludeLaunchDescription
-from launch.substitutions import PathJoinSubstitution
-from launch_ros.substitutions import FindPackageShare
 
 sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
 
+from harness_launch import INTERRUPTED, end_test, included, launched
 from harness_use_cases import SIDES, check_two_sensors
 
 from retrolidar_ros.nodes.listener import Listener
@@ -30,20 +25,12 @@ NAMESPACE = 'launched_two'
 
 @pytest.mark.launch_test
 def generate_test_description():
-    launch_file = PathJoinSubstitution(
-        [FindPackageShare('retrolidar_ros'), 'launch', 'two_sensors.launch.py']
-    )
     arguments = {
         'namespace': NAMESPACE,
         'marker_file': str(shared_file('config/markers.yaml')),
         **{f'{side}_emulate': 'coffee' for side in SIDES},
     }
-    return LaunchDescription(
-        [
-            IncludeLaunchDescription(launch_file, launch_arguments=arguments.items()),
-            launch_testing.actions.ReadyToTest(),
-        ]
-    )
+    return launched(included('two_sensors', **arguments))
 
 
 class TestTwoSensors(unittest.TestCase):
@@ -55,10 +42,4 @@ class TestTwoSensors(unittest.TestCase):
         check_two_sensors(listener, load_scene('coffee'), f'/{NAMESPACE}')
 
 
-@launch_testing.post_shutdown_test()
-class TestEnd(unittest.TestCase):
-    """What is left behind."""
-
-    def test_exit_codes(self, proc_info):
-        # A command that is interrupted says so.
-        launch_testing.asserts.assertExitCodes(proc_info, allowable_exit_codes=[0, 130])
+TestEnd = end_test(INTERRUPTED)

@@ -1,0 +1,236 @@
+# Copyright 2026 retrolidar_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""Damaged bags give their frames up to the damage, and an error that names it."""
+
+from __future__ import annotations
+
+import os
+import random
+import sqlite3
+from io import BytesIO
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import yaml
+from harness_bags import (
+    FRAME_ID,
+    SUFFIXES,
+    Storage,
+    assert_good_until,
+    bits,
+    both_storages,
+    mcap_file,
+    message,
+    read_all,
+    serialized,
+    type_store,
+    write_bag,
+    write_messages,
+)
+from harness_frames import make_frames
+
+from retrolidar_ros.bag import FRAME_TYPE, FRAMES_TOPIC, BagError, read_frames
+
+
+@both_storages
+@pytest.mark.parametrize('filling', [b'', b'\0'], ids=['cut', 'zeros'])
+def test_files_are_read_to_where_they_are_cut_or_filled_with_zeros(
+    tmp_path: Path, storage: Storage, filling: bytes
+) -> None:
+    """File systems leave either after a power cut."""
+    frames = make_frames(300)
+    whole = write_bag(tmp_path / 'bag', frames, storage).read_bytes()
+    cut = tmp_path / f'cut{SUFFIXES[storage]}'
+    places = random.Random(2).sample(range(len(whole) - 37), 15)
+    counts = []
+    for size in sorted([*places, 0, 1, 8, 9, 100, len(whole) - 37]):
+        cut.write_bytes(whole[:size] + filling * (len(whole) - size))
+        counts.append(assert_good_until(cut, frames, ''))
+        in_file = whole[:size].count(FRAME_ID)
+        assert in_file - counts[-1] <= (1 if storage == 'mcap' else 20)  # a page of a database
+    assert counts == sorted(counts)
+    if storage == 'mcap':
+        says = 'no whole record' if filling else ''
+        assert assert_good_until(cut, frames, says) == len(frames)
+
+
+def test_a_database_is_read_without_its_index(tmp_path: Path) -> None:
+    frames = make_frames(400)
+    file = write_bag(tmp_path / 'bag', frames, 'sqlite3')
+    connection = sqlite3.connect(file)
+    query = "SELECT rootpage FROM sqlite_master WHERE name = 'timestamp_idx'"
+    ((root,),) = connection.execute(query)
+    connection.close()
+    data = bytearray(file.read_bytes())
+    data[4096 * (root - 1) : 4096 * root] = bytes(4096)
+    file.write_bytes(data)
+    assert assert_good_until(file, frames, 'malformed') == len(frames)
+
+
+@pytest.mark.parametrize(
+    ('storage', 'compression'), [('mcap', 'STORAGE'), ('mcap', 'FILE'), ('sqlite3', 'FILE')]
+)
+def test_truncated_compression(tmp_path: Path, storage: Storage, compression: str) -> None:
+    frames = make_frames(2000, side=8)
+    write_messages(tmp_path / 'bag', serialized(frames), storage, compression)
+    end = '.zstd' if compression == 'FILE' else ''
+    file = tmp_path / 'bag' / f'bag{SUFFIXES[storage]}{end}'
+    file.write_bytes(file.read_bytes()[: file.stat().st_size // (2 if end else 3)])
+    assert assert_good_until(file, frames, '' if end else 'byte') > len(frames) // 4
+    if end:
+        file.write_bytes(b'not zstd')
+        assert assert_good_until(file, frames, '') == 0
+
+
+@pytest.mark.parametrize('page', [512, 65536])
+def test_a_lost_end_is_reported_though_no_frame_was_in_it(tmp_path: Path, page: int) -> None:
+    frames = make_frames(20)
+    file = write_bag(tmp_path / 'bag', frames, 'sqlite3')
+    connection = sqlite3.connect(file)
+    connection.execute(f'PRAGMA page_size = {page}')
+    connection.execute('VACUUM')
+    connection.execute('CREATE TABLE appendix (content)')
+    connection.execute('INSERT INTO appendix VALUES (?)', (bytes(200_000),))
+    connection.commit()
+    connection.close()
+    data = file.read_bytes()
+    file.write_bytes(data[:-page])
+    says = f'ends at byte {len(data) - page} of {len(data)}'
+    assert assert_good_until(file, frames, says) == len(frames)
+
+
+@pytest.mark.parametrize('compression', ['NONE', 'LZ4', 'ZSTD'])
+def test_a_damaged_chunk_ends_the_frames(tmp_path: Path, compression: str) -> None:
+    frames, file = make_frames(200), tmp_path / 'a.mcap'
+    whole = mcap_file(frames, compression=compression)
+    first = 17 + int.from_bytes(whole[9:17], 'little')
+    assert whole[first] == 6
+    # Somewhere in a chunk, and in the uncompressed size of the first.
+    for place, where, least, most in (
+        (len(whole) // 2, '', 81, 100),
+        (first + 25, first + 9, 0, 20),
+    ):
+        data = bytearray(whole)
+        data[place] ^= 0x10
+        file.write_bytes(data)
+        assert least <= assert_good_until(file, frames, f'the record at byte {where}') <= most
+
+
+def test_a_disk_error_ends_frames(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    class FailingDisk(BytesIO):
+        def read(self, size: int | None = -1) -> bytes:
+            if size is not None and size > 1000 and self.tell() > len(data) // 2:
+                raise OSError('Input/output error')
+            return super().read(size)
+
+    frames = make_frames(200)
+    data = mcap_file(frames)
+    file = tmp_path / 'a.mcap'
+    file.write_bytes(data)
+    monkeypatch.setattr(Path, 'open', lambda *_: FailingDisk(data))
+    assert 80 < assert_good_until(file, frames, 'Input/output error') < 120
+
+
+@both_storages
+def test_flipped_bytes_raise_nothing_else(tmp_path: Path, storage: Storage) -> None:
+    frames = make_frames(60)
+    whole = write_bag(tmp_path / 'bag', frames, storage).read_bytes()
+    file = tmp_path / f'flipped{SUFFIXES[storage]}'
+    originals = set(map(bits, frames))
+    rng = random.Random(3)
+    errors = 0
+    for _ in range(100):
+        data = bytearray(whole)
+        place = rng.randrange(len(data) - 8)
+        data[place : place + 8] = rng.randbytes(8)
+        file.write_bytes(data)
+        read, error = read_all(file)
+        errors += error is not None
+        assert len(read) <= len(frames)
+        assert sum(bits(frame) not in originals for frame in read) <= 2  # as many as 8 bytes hit
+    assert errors > 10
+
+
+@both_storages
+def test_damaged_metadata_costs_no_frames(tmp_path: Path, storage: Storage) -> None:
+    frames = make_frames(20)
+    write_bag(tmp_path / 'bag', frames, storage)
+    metadata = tmp_path / 'bag' / 'metadata.yaml'
+    text = metadata.read_bytes()
+    twice = yaml.safe_load(text)
+    twice['rosbag2_bagfile_information']['relative_file_paths'] *= 2
+    damaged = [text[:size] for size in range(0, text.index(b'version'), 97)]
+    damaged += [yaml.safe_dump(twice).encode(), bytes(200), b'\xff\xfe', b'- 1', b'text', b'a: {']
+    for content in damaged:
+        metadata.write_bytes(content)
+        assert assert_good_until(tmp_path / 'bag', frames, 'metadata.yaml is damaged') == 20
+    metadata.unlink()
+    assert assert_good_until(tmp_path / 'bag', frames, 'no metadata.yaml') == 20
+    # A pipe, a device and a directory in its place are not opened.
+    for make in (os.mkfifo, lambda path: path.symlink_to('/dev/zero'), Path.mkdir):
+        make(metadata)
+        assert assert_good_until(tmp_path / 'bag', frames, 'metadata.yaml is no file') == 20
+        metadata.rmdir() if metadata.is_dir() else metadata.unlink()
+
+
+@pytest.mark.parametrize(
+    ('name', 'content', 'says'),
+    [
+        *((f'a{end}', b'', 'the file is empty') for end in SUFFIXES.values()),
+        ('a.mcap', b'Dear reader,\n' * 99, 'not an MCAP file'),
+        ('a.db3', b'Dear reader,\n' * 99, 'not an SQLite file'),
+        ('a.txt', b'Dear reader,\n' * 99, 'does not end in .mcap or .db3'),
+    ],
+)
+def test_what_is_no_bag(tmp_path: Path, name: str, content: bytes, says: str) -> None:
+    assert assert_good_until(tmp_path, [], 'no .mcap or .db3 file') == 0
+    file = tmp_path / name
+    file.write_bytes(content)
+    assert assert_good_until(file, [], says) == 0
+    with pytest.raises(BagError, match='nowhere does not exist'):
+        next(read_frames(tmp_path / 'nowhere'))
+
+
+@both_storages
+def test_a_wrong_topic_is_refused(tmp_path: Path, storage: Storage) -> None:
+    messages = serialized(make_frames(2))
+    write_messages(tmp_path / 'bag', messages, storage, topic='/left/frames')
+    write_bag(tmp_path / 'empty', [], storage)
+    assert len(list(read_frames(tmp_path / 'bag', '/left/frames'))) == 2
+    there = r'.*/left/frames \(retrolidar_ros/msg/Frame\).*'
+    for bag, topic, text in (
+        (
+            'bag',
+            FRAMES_TOPIC,
+            rf'no topic {FRAMES_TOPIC}(?={there})(?=.*/other \(std_msgs/msg/Header)',
+        ),
+        ('bag', '/other', f'/other is of type std_msgs/msg/Header, not {FRAME_TYPE}'),
+        ('empty', FRAMES_TOPIC, f'{FRAMES_TOPIC} has no frames'),
+    ):
+        with pytest.raises(BagError, match=text):
+            next(read_frames(tmp_path / bag, topic))
+
+
+def test_messages_that_are_no_frames(tmp_path: Path) -> None:
+    frames = make_frames(4)
+    *messages, (time, data) = serialized(frames)
+    wrongs: list[tuple[str, dict[str, Any]]] = [
+        ('distance has 15 values for 4x4 zones', {'distance': np.zeros(15, np.float32)}),
+        ('ambient has 64 values for 4x4 zones', {'ambient': np.zeros(64, np.float32)}),
+        ('status has 0 values for 4x4 zones', {'status': np.zeros(0, np.uint8)}),
+        ('a frame of 3x4 zones', {'rows': 3}),
+    ]
+    cases = [
+        (says, type_store().serialize_cdr(message(frames[3], **changes), FRAME_TYPE))
+        for says, changes in wrongs
+    ]
+    big_endian = type_store().serialize_cdr(message(frames[3]), FRAME_TYPE, little_endian=False)
+    cases += [
+        ('a message', wrong) for wrong in [big_endian, *(data[:n] for n in range(0, len(data), 19))]
+    ]
+    for index, (says, wrong) in enumerate(cases):
+        path = tmp_path / f'bag_{index}'
+        write_messages(path, [*messages, (time, wrong)])
+        assert assert_good_until(path, frames, says) == 3

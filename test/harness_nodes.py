@@ -1,0 +1,199 @@
+# Copyright 2026 retrolidar_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""Running nodes: how tests start, feed, question and end them, and what the nodes report."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+from collections import defaultdict
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+from harness import PATIENCE_S, STAMP_ERROR_S, Sensor, wait_for_readings
+from harness_services import Services
+
+from retrolidar_ros.cli.demo import executable
+from retrolidar_ros.cli.processes import ProcessGroup
+from retrolidar_ros.msg import Frame as FrameMsg
+from retrolidar_ros.nodes.conversion import to_frame_msg, to_ns
+from retrolidar_ros.nodes.listener import Listener
+from retrolidar_ros.scene import Simulation
+from retrolidar_ros.scene.description import Scene
+from retrolidar_ros.scene.files import load_scene
+from retrolidar_ros.sensor.frame import Frame
+
+FRAME_ID = 'retrolidar_optical_frame'
+COFFEE_IDS = {2073, 2096, 2107}
+FEED_PERIOD_S = 0.007
+"""Between frames that are published, which is faster than they would come."""
+
+
+def values_of(status: DiagnosticStatus) -> dict[str, str]:
+    return {value.key: value.value for value in status.values}
+
+
+def endless(scene: Scene) -> Iterator[Frame]:
+    simulation = Simulation(scene)
+    while True:
+        yield from simulation.advance(100)
+
+
+class System:
+    """Nodes of a namespace, a listener in it, and the statuses of all nodes."""
+
+    def __init__(self, directory: Path, namespace: str, processes: ProcessGroup) -> None:
+        self.namespace = namespace
+        self.port = directory / 'port'
+        self.processes = processes
+        self.listener = Listener(namespace)
+        self.node = self.listener.node
+        self.statuses: defaultdict[str, list[DiagnosticStatus]] = defaultdict(list)
+        """By `node: subject`, which begins with the namespace if that is another one."""
+        self.started: list[str] = []
+        self.services = Services(self.listener)
+        self.node.create_subscription(DiagnosticArray, '/diagnostics', self._take, 100)
+
+    def _take(self, message: DiagnosticArray) -> None:
+        for status in message.status:
+            self.statuses[status.name.removeprefix(f'{self.namespace}/')].append(status)
+
+    def start(
+        self, node: str, *arguments: str, name: str = '', namespace: str = '', **parameters: object
+    ) -> None:
+        """Start a node; its process has a name of its own if there are several of a kind."""
+        command = [executable(node), '--ros-args', '-r', f'__ns:={namespace or self.namespace}']
+        command += arguments
+        for key, value in parameters.items():
+            command += ['-p', f'{key}:={value}']
+        self.processes.start(name or node, command)
+        self.started.append(name or node)
+
+    def stop(self, name: str, number: signal.Signals = signal.SIGINT) -> None:
+        """End a process by a signal, which must end it in order."""
+        if number != signal.SIGINT:
+            self.send(name, number)
+        self.started.remove(name)
+        assert self.processes.stop(name) == 0
+        assert 'Traceback' not in self.log(name)
+
+    def send(self, name: str, number: signal.Signals) -> None:
+        """End a process by a signal of one's choice; it is left to be stopped."""
+        os.kill(self.processes.pid(name), number)
+        os.waitid(os.P_PID, self.processes.pid(name), os.WEXITED | os.WNOWAIT)
+
+    def kill(self, name: str) -> None:
+        """End a process by SIGKILL."""
+        self.send(name, signal.SIGKILL)
+        self.processes.stop(name)
+        self.started.remove(name)
+
+    def log(self, name: str) -> str:
+        return self.processes.log(name).read_text()
+
+    def wait(self, done: Callable[[], bool], what: str, timeout_s: float = PATIENCE_S) -> None:
+        assert self.listener.spin_until(done, timeout_s), f'waited in vain for {what}'
+
+    def pass_time(self, duration_s: float) -> None:
+        self.listener.spin_until(lambda: False, duration_s)
+
+    def next_status(self, name: str) -> DiagnosticStatus:
+        seen = len(self.statuses[name])
+        self.wait(lambda: len(self.statuses[name]) > seen, f'a status of {name}')
+        return self.statuses[name][-1]
+
+    def number(self, name: str, key: str) -> int:
+        """Return a number of the next status."""
+        return int(values_of(self.next_status(name))[key])
+
+    def wait_for_status(
+        self, name: str, level: bytes, text: str, timeout_s: float = PATIENCE_S
+    ) -> DiagnosticStatus:
+        """Return the next status of a level that has a text within."""
+        seen = len(self.statuses[name])
+
+        def found() -> list[DiagnosticStatus]:
+            statuses = self.statuses[name][seen:]
+            return [one for one in statuses if one.level == level and text in one.message]
+
+        self.wait(lambda: bool(found()), f'{text!r} of {name}', timeout_s)
+        return found()[0]
+
+    @contextmanager
+    def subscribed(self, kind: Any, topic: str) -> Iterator[list[Any]]:
+        """Subscribe for as long as the block lasts; what comes is in the list."""
+        came: list[Any] = []
+        subscription = self.node.create_subscription(kind, topic, came.append, 100)
+        try:
+            yield came
+        finally:
+            self.node.destroy_subscription(subscription)
+
+    @contextmanager
+    def fed(self, topic: str) -> Iterator[None]:
+        """Publish frames of the coffee scene."""
+        frames = endless(load_scene('coffee'))
+        publisher = self.node.create_publisher(FrameMsg, topic, 10)
+        self.wait(lambda: publisher.get_subscription_count() > 0, f'subscribers of {topic}')
+        feed = self.node.create_timer(
+            FEED_PERIOD_S, lambda: publisher.publish(to_frame_msg(next(frames), FRAME_ID))
+        )
+        try:
+            yield
+        finally:
+            self.node.destroy_timer(feed)
+            self.node.destroy_publisher(publisher)
+
+    def read_all(self, ids: set[int] = COFFEE_IDS) -> None:
+        """Wait until each marker is read from now on."""
+        self.listener.markers.clear()
+        wait_for_readings(self.listener, ids)
+
+    def check_stamps(self, sensor: Sensor, frames: slice, step_ns: int = 0) -> None:
+        """Check that frames are stamped with the time of their exposure, on a clock set by a step.
+
+        Parameters
+        ----------
+        sensor : Sensor
+        frames : slice
+            Which of those that have come.
+        step_ns : int
+            By which the clock was set [ns].
+        """
+        for message, _ in self.listener.frames[frames]:
+            true_ns = sensor.middle_ns[message.sequence] + step_ns
+            error_s = (to_ns(message.header.stamp) - true_ns) * 1e-9
+            assert abs(error_s) < STAMP_ERROR_S, f'frame {message.sequence}: {error_s} s'
+
+
+@contextmanager
+def running(directory: Path, namespace: str) -> Iterator[System]:
+    """Open a system; what runs at the end of the block must end in order."""
+    with ProcessGroup(directory) as processes:
+        system = System(directory, namespace, processes)
+        try:
+            yield system
+            processes.check()
+            for name in list(system.started):
+                system.stop(name)
+        finally:
+            system.listener.close()
+
+
+def refusal(node: str, *arguments: str) -> list[str]:
+    """Return what a node prints that does not start, and check that it ends in order."""
+    ended = subprocess.run(
+        [executable(node), '--ros-args', *arguments],
+        capture_output=True,
+        text=True,
+        timeout=30,
+        check=False,
+    )
+    lines = (ended.stdout + ended.stderr).splitlines()
+    assert ended.returncode == 2, lines
+    assert not any('Traceback' in line for line in lines), lines
+    return lines

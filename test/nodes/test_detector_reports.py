@@ -1,0 +1,58 @@
+# Copyright 2026 retrolidar_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""What detectors report of frames and candidates that are not as they expect."""
+
+import re
+from collections.abc import Iterator
+
+import pytest
+
+pytest.importorskip('rclpy', reason='needs ROS 2')
+pytest.importorskip('retrolidar_ros.msg', reason='needs the messages: colcon build')
+
+from diagnostic_msgs.msg import DiagnosticStatus
+from harness_nodes import System, running, values_of
+
+from retrolidar_ros.detector.reason import Reason
+
+FRAMES = ('-r', 'frames:=/reports/frames')
+
+
+@pytest.fixture(scope='module')
+def system(tmp_path_factory: pytest.TempPathFactory) -> Iterator[System]:
+    """Give three detectors the frames of one sensor."""
+    with running(tmp_path_factory.mktemp('reports'), '/reports') as system:
+        system.start('detector', '--log-level', 'debug')
+        system.start('detector', *FRAMES, name='fast', namespace='/fast', bit_period=0.03)
+        system.start('detector', *FRAMES, name='slow', namespace='/slow', bit_period=0.084)
+        system.wait(lambda: system.node.count_subscribers('frames') == 4, 'all detectors')
+        with system.fed('/reports/frames'):
+            yield system
+
+
+def test_a_marker_of_other_bits_is_reported_for_as_long_as_it_blinks(system: System) -> None:
+    for _ in range(2):
+        status = system.wait_for_status(
+            '/slow/detector: markers', DiagnosticStatus.WARN, 'and is not read: its bits last'
+        )
+        assert 'its bits last 42.' in status.message
+
+
+def test_frames_that_do_not_suit_the_bits_are_warned_of_once(system: System) -> None:
+    name = '/fast/detector: markers'
+    system.wait(lambda: int(values_of(system.next_status(name))['frames']) > 50, 'frames')
+    (line,) = (line for line in system.log('fast').splitlines() if 'a frame comes every' in line)
+    assert 'WARN' in line
+    assert re.search(r'a frame comes every 2[01]\.\d ms, but bit_period is 30\.0 ms', line)
+
+
+def test_every_candidate_that_is_refused_is_logged_for_debugging(system: System) -> None:
+    def counted() -> int:
+        values = values_of(system.next_status('detector: markers'))
+        return sum(int(count) for key, count in values.items() if 'rejected' in key)
+
+    system.wait(lambda: counted() > 0, 'a refusal')
+    reasons = '|'.join(reason.value for reason in Reason)
+    refused = rf'refused: ({reasons}): ID \d+, evidence \S+, word \S+, margin \S+ nats'
+    expected = counted()
+    assert len(re.findall(refused, system.log('detector'))) >= expected > 0

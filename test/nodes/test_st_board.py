@@ -1,0 +1,82 @@
+# Copyright 2026 retrolidar_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""A driver at a board that runs ST's example, by the protocol for it and by another one."""
+
+import re
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+import pytest
+
+pytest.importorskip('rclpy', reason='needs ROS 2')
+pytest.importorskip('retrolidar_ros.msg', reason='needs the messages: colcon build')
+
+from harness_nodes import System, running, values_of
+from st_board import Board, Zone
+
+from retrolidar_ros.msg import Frame as FrameMsg
+from retrolidar_ros.nodes.conversion import to_ns
+
+
+@contextmanager
+def printing(board: Board) -> Iterator[None]:
+    """Let a board print frames for as long as the block lasts."""
+    stop = threading.Event()
+    thread = threading.Thread(target=board.run, args=(stop, 0.05))
+    thread.start()
+    try:
+        yield
+    finally:
+        stop.set()
+        thread.join()
+
+
+@pytest.fixture(scope='module')
+def system(tmp_path_factory: pytest.TempPathFactory) -> Iterator[System]:
+    with running(tmp_path_factory.mktemp('board'), '/kit') as system:
+        yield system
+
+
+def test_text_is_published_as_frames_and_its_period_warned_of(system: System) -> None:
+    zones: list[Zone | None] = [None] * 16
+    zones[3] = Zone(700, signal_kcps=250, ambient_kcps=4)  # at the scene's top left
+    with Board(zones) as board, system.subscribed(FrameMsg, 'frames') as messages:
+        system.start('driver', serial_port=board.path, protocol='st_example')
+        with printing(board):
+            system.wait(lambda: sum(one.signal[0] > 0 for one in messages) > 30, 'frames')
+            values = values_of(system.next_status('driver: frames'))
+        system.stop('driver')
+        assert board.keys == b's'
+    lit = [message.signal[0] > 0 for message in messages]
+    assert lit == sorted(lit)  # once switched on, it stays on
+    for message in messages:
+        assert (message.rows, message.columns) == (4, 4)
+        assert message.distance[0] == pytest.approx(0.7)
+        assert list(message.status) == [5] + [255] * 15
+    assert (messages[-1].signal[0], messages[-1].ambient[0]) == (250, 4)
+    stamps = [to_ns(message.header.stamp) for message in messages]
+    assert stamps == sorted(set(stamps))
+    assert int(values['frames']) >= 30
+    assert values['clock restarts'] == '0'
+    log = system.log('driver').splitlines()
+    warning, *_ = (line for line in log if "ST's example sends" in line)
+    assert 'WARN' in warning
+    found = re.search(r'sends a frame every (\d+) ms.* bit_period to ([\d.]+\d)', warning)
+    assert found  # how long a busy machine takes is not to be foreseen
+    assert float(found[2]) == pytest.approx(int(found[1]) * 2e-3, abs=2e-3)
+
+
+def test_text_to_a_driver_that_expects_packets_is_reported(system: System) -> None:
+    statuses = system.statuses['/text/driver: frames']
+
+    def wait_for(pattern: str) -> None:
+        system.wait(lambda: any(re.fullmatch(pattern, one.message) for one in statuses), pattern)
+
+    silence = 'the port is open, but no frames come'
+    with Board([Zone(700)] * 16) as board:
+        system.start('driver', name='text', namespace='/text', serial_port=board.path)
+        wait_for(silence)
+        with printing(board):
+            wait_for(rf'{silence}, though \d+ bytes did: another serial_baud or protocol\?')
+        system.stop('text')

@@ -1,0 +1,235 @@
+# Copyright 2026 retrolidar_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""What driver and detector offer beside frames and detections: clouds, images, shapes, names."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+import serial
+
+pytest.importorskip('rclpy', reason='needs ROS 2')
+pytest.importorskip('retrolidar_ros.msg', reason='needs the messages: colcon build')
+
+from diagnostic_msgs.msg import DiagnosticStatus
+from harness import PATIENCE_S, Sensor
+from harness_nodes import FRAME_ID, System, endless, running, values_of
+from sensor_msgs.msg import Image, PointCloud2, PointField
+from visualization_msgs.msg import Marker, MarkerArray
+
+from retrolidar_ros.msg import Frame as FrameMsg
+from retrolidar_ros.msg import MarkerDetection
+from retrolidar_ros.nodes.conversion import to_ns
+from retrolidar_ros.scene.description import Scene
+from retrolidar_ros.scene.emulator import PortLink
+from retrolidar_ros.scene.files import load_scene
+from retrolidar_ros.sensor.frame import Floats, ZoneGrid
+from retrolidar_ros.sensor.rotation import matrix_of
+from retrolidar_ros.sensor.wire import encode_frame
+
+DARK_ZONES = {0, 15}
+MARKER_FILE = 'markers: {2073: {frame: beans}, 2096: {frame: machine}, 2127: {frame: drone}}'
+NAMES = {2073: 'beans', 2096: 'machine', 2107: 'marker_2107'}
+READ = {'/topics': set(NAMES), '/left': {2073, 2096}, '/mute': {2096, 2107}}
+"""What is read in each namespace."""
+
+
+def scene_with_dark_zones() -> Scene:
+    """Return a scene in some of whose zones there is nothing."""
+    scene = load_scene('coffee')
+    wall = scene.surfaces[-1]
+    assert wall.zones is not None
+    seen = tuple(zone for zone in wall.zones if zone not in DARK_ZONES)
+    return replace(scene, surfaces=(*scene.surfaces[:-1], replace(wall, zones=seen)))
+
+
+@dataclass
+class Chain:
+    """A sensor, its driver, and three detectors that hear it."""
+
+    system: System
+    sensor: Sensor
+    readings: dict[str, list[MarkerDetection]]
+    """By namespace."""
+
+    def wait_for_names(self, *names: str) -> None:
+        """Wait until there are these frames of TF."""
+        transforms = self.system.listener.transforms
+        self.system.wait(
+            lambda: set(names) <= {one.child_frame_id for one in transforms}, 'transforms'
+        )
+
+    def frames(self) -> dict[int, FrameMsg]:
+        return {to_ns(message.header.stamp): message for message, _ in self.system.listener.frames}
+
+
+@pytest.fixture(scope='module')
+def chain(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Chain]:
+    directory = tmp_path_factory.mktemp('topics')
+    known = directory / 'markers.yaml'
+    known.write_text(MARKER_FILE)
+    frames = ('-r', 'frames:=/topics/frames')
+    with (
+        running(directory, '/topics') as system,
+        Sensor(scene_with_dark_zones(), system.port) as sensor,
+    ):
+        readings: dict[str, list[MarkerDetection]] = {namespace: [] for namespace in READ}
+        for namespace, found in readings.items():
+            topic = f'{namespace}/markers'
+            system.node.create_subscription(MarkerDetection, topic, found.append, 100)
+        system.start('driver', serial_port=system.port)
+        system.start('detector', marker_file=known)
+        left = {'marker_file': known, 'only_registered': 'true', 'child_frame': 'left_{name}'}
+        system.start('detector', *frames, name='left', namespace='/left', method='paper', **left)
+        mute = {'registered_ids': [2096, 2107], 'child_frame': 'mute/{name}', 'publish_tf': 'false'}
+        system.start('detector', *frames, name='mute', namespace='/mute', **mute)
+        for namespace, expected in READ.items():
+            system.wait(
+                lambda found=readings[namespace], ids=expected: all(  # type: ignore[misc]
+                    [one.id for one in found].count(identity) >= 2 for identity in ids
+                ),
+                f'markers of {namespace}',
+            )
+        yield Chain(system, sensor, readings)
+
+
+def test_points_are_what_each_zone_saw(chain: Chain) -> None:
+    with chain.system.subscribed(PointCloud2, 'points') as clouds:
+        chain.system.wait(lambda: len(clouds) >= 20, 'points')
+    frames = chain.frames()
+    for cloud in clouds[:15]:
+        frame = frames[to_ns(cloud.header.stamp)]
+        assert cloud.header == frame.header
+        assert (cloud.height, cloud.width) == (4, 4)
+        assert (cloud.point_step, cloud.row_step, cloud.is_bigendian) == (20, 80, False)
+        assert [field.name for field in cloud.fields] == ['x', 'y', 'z', 'signal', 'ambient']
+        assert [field.offset for field in cloud.fields] == [0, 4, 8, 12, 16]
+        assert {field.datatype for field in cloud.fields} == {PointField.FLOAT32}
+        points = np.frombuffer(bytes(cloud.data), dtype='<f4').reshape(16, 5)
+        missing = np.isnan(np.array(frame.distance))
+        assert set(np.flatnonzero(missing)) == DARK_ZONES
+        assert not cloud.is_dense
+        assert np.isnan(points[missing, :3]).all()
+        depth = np.array(frame.distance)[:, None]
+        expected = np.hstack([depth * ZoneGrid().tangents, depth])
+        np.testing.assert_allclose(points[~missing, :3], expected[~missing], rtol=1e-6)
+        np.testing.assert_array_equal(points[:, 3], frame.signal)
+        np.testing.assert_array_equal(points[:, 4], frame.ambient)
+
+
+def test_the_signal_image_is_the_signal(chain: Chain) -> None:
+    with chain.system.subscribed(Image, 'signal_image') as images:
+        chain.system.wait(lambda: len(images) >= 20, 'images')
+    frames = chain.frames()
+    for image in images[:15]:
+        frame = frames[to_ns(image.header.stamp)]
+        assert image.header == frame.header
+        assert (image.height, image.width, image.encoding) == (4, 4, '32FC1')
+        assert (image.step, image.is_bigendian) == (16, 0)
+        np.testing.assert_array_equal(np.frombuffer(bytes(image.data), '<f4'), frame.signal)
+
+
+def test_detections_are_drawn_with_their_uncertainty(chain: Chain) -> None:
+    with chain.system.subscribed(MarkerArray, 'marker_array') as arrays:
+        chain.system.wait(lambda: sum(len(array.markers) for array in arrays) >= 6, 'shapes')
+    shapes = [shape for array in arrays for shape in array.markers]
+    found = {(one.id, to_ns(one.header.stamp)): one for one in chain.readings['/topics']}
+    for ellipsoid, label in zip(shapes[::2], shapes[1::2], strict=True):
+        detection = found[ellipsoid.id, to_ns(ellipsoid.header.stamp)]
+        for shape, layer in ((ellipsoid, 'place'), (label, 'label')):
+            assert shape.header == detection.header
+            assert (shape.ns, shape.id) == (f'{FRAME_ID}/{layer}', detection.id)
+            assert shape.action == Marker.ADD
+            assert (shape.lifetime.sec, shape.lifetime.nanosec) == (4, 0)
+            assert shape.color.a > 0
+        assert (ellipsoid.type, label.type) == (Marker.SPHERE, Marker.TEXT_VIEW_FACING)
+        assert label.text == f'{detection.child_frame_id}\n{detection.range:.3f} m'
+        assert ellipsoid.pose.position == detection.pose.pose.position
+        covariance = np.array(detection.pose.covariance).reshape(6, 6)[:3, :3]
+        np.testing.assert_allclose(drawn_covariance(ellipsoid), covariance, atol=0.0025**2)
+
+
+def drawn_covariance(ellipsoid: Marker) -> Floats:
+    """Return the covariance whose two standard deviations are the half axes."""
+    turn, scale = ellipsoid.pose.orientation, ellipsoid.scale
+    axes = matrix_of(np.array([turn.x, turn.y, turn.z, turn.w]))
+    covariance: Floats = axes * (np.array([scale.x, scale.y, scale.z]) / 4) ** 2 @ axes.T
+    return covariance
+
+
+def test_names_are_those_of_the_file_or_prefixed_for_a_second_sensor(chain: Chain) -> None:
+    for detection in chain.readings['/topics']:
+        assert detection.child_frame_id == NAMES.get(detection.id, f'marker_{detection.id}')
+    for detection in chain.readings['/left']:
+        assert detection.child_frame_id == f'left_{NAMES[detection.id]}'
+    chain.wait_for_names(*NAMES.values(), 'left_beans', 'left_machine')
+
+
+def test_only_registered_ids_come(chain: Chain) -> None:
+    for namespace in ('/left', '/mute'):
+        assert {one.id for one in chain.readings[namespace]} == READ[namespace]
+
+
+def test_a_detector_may_leave_tf_alone(chain: Chain) -> None:
+    assert {one.child_frame_id for one in chain.readings['/mute']} == {
+        'mute/marker_2096',
+        'mute/marker_2107',
+    }
+    transforms = chain.system.listener.transforms
+    assert not any(one.child_frame_id.startswith('mute') for one in transforms)
+    publishers = chain.system.node.get_publishers_info_by_topic('/tf')
+    senders = {f'{one.node_namespace}/{one.node_name}' for one in publishers}
+    assert senders == {'/topics/detector', '/left/detector'}
+
+
+def test_the_driver_reports_latency_clock_offset_and_abnormal_zones(chain: Chain) -> None:
+    status = chain.system.next_status('driver: frames')
+    values = values_of(status)
+    assert status.level == DiagnosticStatus.OK, status.message
+    assert 0 < float(values['latency [ms]']) < 50
+    assert float(values['abnormal zones [%]']) == pytest.approx(100 * len(DARK_ZONES) / 16, abs=0.1)
+    message, _ = chain.system.listener.frames[-5]
+    true_ns = chain.sensor.middle_ns[message.sequence] - message.sensor_time * 1000
+    assert float(values['clock offset [s]']) == pytest.approx(true_ns * 1e-9, abs=0.05)
+
+
+def test_the_detector_reports_the_ages_of_the_readings_of_known_markers(chain: Chain) -> None:
+    def ages(name: str) -> dict[str, str]:
+        values = values_of(chain.system.next_status(name))
+        before, after = 'since last reading of ', ' [s]'
+        return {
+            key.removeprefix(before).removesuffix(after): value
+            for key, value in values.items()
+            if key.startswith(before)
+        }
+
+    known = ages('detector: markers')
+    assert set(known) == {'beans', 'machine', 'drone'}
+    assert known.pop('drone') == 'never'
+    assert all(0 <= float(age) < PATIENCE_S for age in known.values())
+    assert set(ages('/mute/detector: markers')) == {'marker_2096', 'marker_2107'}
+
+
+def test_a_port_in_use_is_logged_once_and_tried_again(tmp_path: Path) -> None:
+    held, name = tmp_path / 'held', 'driver: frames'
+    packets = map(encode_frame, endless(load_scene('coffee')))
+    with running(tmp_path, '/busy') as system, PortLink(held) as port:
+        absent = f'{system.port} does not exist; is the sensor plugged in?'
+        busy = f'{system.port} is in use by another program'
+        with serial.Serial(str(held), exclusive=True):
+            system.start('driver', serial_port=system.port)
+            assert system.next_status(name).message == absent
+            system.port.symlink_to(held.readlink())
+            for _ in range(2):
+                system.wait_for_status(name, DiagnosticStatus.ERROR, busy)
+
+        def is_well() -> bool:
+            port.write(next(packets))
+            return bool(system.statuses[name][-1].level == DiagnosticStatus.OK)
+
+        system.wait(is_well, 'frames')
+        log = system.log('driver')
+        counts = [log.count(f'{one}; retrying') for one in (absent, busy)]
+        assert (counts, log.count(f'reading {system.port}')) == ([1, 1], 1)
