@@ -7,12 +7,17 @@ Written from what the example does (X-CUBE-TOF1, `app_tof.c`, `vl53l8cx.c`), not
 
 import os
 import pty
+import random
 import select
 import threading
 import tty
 from collections.abc import Sequence
 from contextlib import suppress
 from typing import NamedTuple
+
+import numpy as np
+
+from retrolidar_ros.sensor.frame import Frame, Status
 
 DASHES = ' -----------------'
 BLANKS = '|                 '
@@ -121,3 +126,31 @@ class Board:
         while not stop.wait(pause_s):
             self.print_frame()
             self.heed_key(0)
+
+
+def make_zones(side: int = 4, seed: int = 1) -> list[Zone | None]:
+    """Return zones that all differ, some without a target."""
+    rng = random.Random(seed)
+    zones: list[Zone | None] = [
+        Zone(rng.randrange(1, 4000), rng.choice((5, 6, 10, 13)), rng.randrange(3000), index)
+        for index in range(side * side)
+    ]
+    for index in rng.sample(range(side * side), 3):
+        zones[index] = None
+    return zones
+
+
+def check_zones(frame: Frame, zones: Zones, light: bool) -> None:
+    """Hold a frame against zones in the sensor's order."""
+    side = frame.grid.columns
+    assert side * side == len(zones)
+    for index, zone in enumerate(zones):
+        row, column = divmod(index, side)
+        place = row * side + side - 1 - column  # the sensor begins at the right
+        got = frame.distance[place], frame.status[place], frame.signal[place], frame.ambient[place]
+        if zone is None:
+            assert np.isnan(got[0])
+            assert got[1:] == (Status.NO_TARGET, 0, 0)
+        else:
+            rates = (zone.signal_kcps, zone.ambient_kcps) if light else (0, 0)
+            assert got == (np.float32(zone.distance_mm / 1000), zone.status, *rates)

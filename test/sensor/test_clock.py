@@ -9,116 +9,31 @@ from __future__ import annotations
 
 import pickle
 import sys
-from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from types import FrameType
 from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
-from numpy.typing import NDArray
+from harness_clock import (
+    LEAST_DELAY_S,
+    PERIOD_S,
+    SLOW_PERIOD_S,
+    START_NS,
+    Floats,
+    checked_errors_ms,
+    errors_ms,
+    map_all,
+    simulate,
+    worst,
+)
 
 from retrolidar_ros.sensor.clock import MAX_SKEW, WINDOW_S, ClockMap
 
-PERIOD_S = 0.021
-SLOW_PERIOD_S = 1 / 15
-LEAST_DELAY_S = 0.005
-START_NS = 1_700_000_000_000_000_000
-BOOTED_US = 5_000_000
-
-Floats = NDArray[np.float64]
-Integers = NDArray[np.int64]
-
 # Errors [ms] for clocks good to 1 %: before the rate is known, and later.
 FIRST_MS, SECONDS_2_TO_10_MS, LATER_MS = 30.0, 1.0, 0.2
-
-law = settings(derandomize=True, deadline=None, max_examples=60)
 SKEWS = [-0.01, 0.0, 0.01]
 skews = pytest.mark.parametrize('skew', SKEWS)
-
-
-@dataclass(frozen=True)
-class Run:
-    """What a driver sees of some frames, and the truth; arrays of shape (frames,)."""
-
-    true_s: Floats
-    sensor_us: Integers
-    host_ns: Integers
-    """The host's clock at the middle of the exposure."""
-    arrival_ns: Integers
-
-    def only(self, kept: NDArray[np.bool_]) -> Run:
-        """Lose the other frames."""
-        return Run(
-            self.true_s[kept], self.sensor_us[kept], self.host_ns[kept], self.arrival_ns[kept]
-        )
-
-    def host_set(self, at_s: float, step_s: float) -> Run:
-        """Set the host's clock once."""
-        step_ns = np.where(self.true_s >= at_s, round(step_s * 1e9), 0)
-        return replace(self, host_ns=self.host_ns + step_ns, arrival_ns=self.arrival_ns + step_ns)
-
-    def stalled(self, at_s: float, length_s: float) -> Run:
-        """Hold back for some time all that would arrive."""
-        end_ns = START_NS + round((at_s + length_s) * 1e9)
-        held = (self.arrival_ns > START_NS + round(at_s * 1e9)) & (self.arrival_ns < end_ns)
-        return replace(self, arrival_ns=np.where(held, end_ns, self.arrival_ns))
-
-    def at(self, start_s: float, stop_s: float = np.inf) -> NDArray[np.bool_]:
-        return (self.true_s >= start_s) & (self.true_s < stop_s)
-
-
-def simulate(
-    length_s: float,
-    skew: float = 0.0,
-    seed: int = 0,
-    period_s: float = PERIOD_S,
-    sensor_error_s: Callable[[Floats], Floats] | None = None,
-) -> Run:
-    """Simulate a sensor whose clock is `skew` fast, and a transport that keeps the order.
-
-    Frames jitter by 1 ms; delays are exponential with a mean of 2 ms over the least, and one
-    frame in a hundred takes another 30 ms on average.
-    """
-    rng = np.random.default_rng(seed)
-    count = round(length_s / period_s)
-    jitter_s = rng.normal(0, 0.001, count).clip(-0.002, 0.002)
-    true_s = period_s * np.arange(count) + jitter_s
-    delay_s = LEAST_DELAY_S + rng.exponential(0.002, count)
-    delay_s += (rng.random(count) < 0.01) * rng.exponential(0.03, count)
-    error_s = skew * true_s if sensor_error_s is None else sensor_error_s(true_s)
-    return Run(
-        true_s,
-        BOOTED_US + np.rint((true_s + error_s) * 1e6).astype(np.int64),
-        START_NS + np.rint(true_s * 1e9).astype(np.int64),
-        START_NS + np.rint(np.maximum.accumulate(true_s + delay_s) * 1e9).astype(np.int64),
-    )
-
-
-def map_all(clock_map: ClockMap, run: Run) -> Integers:
-    pairs = zip(run.sensor_us.tolist(), run.arrival_ns.tolist(), strict=True)
-    return np.array([clock_map.map(*pair) for pair in pairs], dtype=np.int64)
-
-
-def errors_ms(run: Run, stamps_ns: Integers) -> Floats:
-    errors: Floats = (stamps_ns - run.host_ns).astype(np.float64) / 1e6
-    return errors
-
-
-def checked_errors_ms(run: Run, restarts: int = 0, set_back: bool = False) -> Floats:
-    """Return stamp less truth of each frame, having checked what holds for all stamps."""
-    clock_map = ClockMap(LEAST_DELAY_S)
-    stamps_ns = map_all(clock_map, run)
-    assert clock_map.restarts == restarts
-    assert (np.diff(stamps_ns) <= 0).sum() == set_back
-    assert (stamps_ns < run.arrival_ns).all()
-    return errors_ms(run, stamps_ns)
-
-
-def worst(errors: Floats) -> float:
-    return float(np.abs(errors).max())
 
 
 @pytest.mark.parametrize(
@@ -337,60 +252,3 @@ def test_skew_may_be_read_while_another_thread_maps() -> None:
     finally:
         sys.settrace(tracer)
     assert skew == pytest.approx(1 / 1.01 - 1, abs=1e-4)
-
-
-# Mostly frames as they come, and now and then anything.
-steps = st.lists(
-    st.tuples(
-        st.integers(1, 100_000) | st.integers(-(2**40), 2**40),
-        st.integers(0, 100_000_000) | st.integers(-(2**45), 2**45),
-    ),
-    min_size=1,
-    max_size=40,
-)
-Pairs = list[tuple[int, int]]
-
-
-def pairs_of(moves: Pairs) -> Pairs:
-    """Return sensor times [µs] and arrivals [ns] that follow one another by `moves`."""
-    sensor_us, arrival_ns = np.cumsum(
-        np.array([(2**48, START_NS), *moves], dtype=np.int64), axis=0
-    ).T
-    return list(zip(sensor_us.tolist(), arrival_ns.tolist(), strict=True))
-
-
-def outcome(pairs: Pairs, least_delay_s: float = 0.0) -> tuple[list[int], list[int], list[float]]:
-    """Return stamps, restarts and skews after each pair."""
-    clock_map = ClockMap(least_delay_s)
-    results = [(clock_map.map(*pair), clock_map.restarts, clock_map.skew) for pair in pairs]
-    stamps_ns, restarts, rates = zip(*results, strict=True)
-    return list(stamps_ns), list(restarts), list(rates)
-
-
-@law
-@given(steps, st.integers(-(2**47), 2**62), st.integers(-START_NS, 2**62), st.integers(0, 1000))
-def test_all_may_count_from_anywhere(
-    moves: Pairs, shift_us: int, shift_ns: int, delay_ms: int
-) -> None:
-    pairs = pairs_of(moves)
-    stamps_ns, *rest = outcome(pairs)
-    for shifted, later_ns in (
-        (outcome([(sensor + shift_us, arrival) for sensor, arrival in pairs]), 0),
-        (outcome([(sensor, arrival + shift_ns) for sensor, arrival in pairs]), shift_ns),
-        (outcome(pairs, delay_ms / 1000), -delay_ms * 1_000_000),
-    ):
-        assert shifted == ([stamp + later_ns for stamp in stamps_ns], *rest)
-
-
-@law
-@given(steps)
-def test_stamps_rise_and_stay_before_arrivals_whatever_comes(moves: Pairs) -> None:
-    pairs = pairs_of(moves)
-    stamps_ns, restarts, _ = outcome(pairs)
-    assert stamps_ns[0] == pairs[0][1]
-    for index in range(1, len(pairs)):
-        arrival_ns, last_ns = pairs[index][1], stamps_ns[index - 1]
-        if restarts[index] > restarts[index - 1]:
-            assert stamps_ns[index] == arrival_ns
-        else:
-            assert last_ns < stamps_ns[index] <= max(arrival_ns, last_ns + 1)

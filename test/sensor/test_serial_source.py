@@ -1,5 +1,7 @@
 # Copyright 2026 retrolidar_ros contributors
 # SPDX-License-Identifier: Apache-2.0
+"""A serial port that comes and goes, is refused or is no port, and is read in between."""
+
 import errno
 import os
 import stat
@@ -9,12 +11,13 @@ from collections.abc import Callable, Iterator
 from contextlib import ExitStack
 from pathlib import Path
 from queue import Queue
-from threading import Event, Thread
+from threading import Event
 from typing import Any
 
 import numpy as np
 import pytest
 import serial
+from harness_serial import Reading
 
 from retrolidar_ros.scene import Scene, Simulation
 from retrolidar_ros.scene.description import Surface
@@ -25,44 +28,6 @@ from retrolidar_ros.sensor.serial_source import SerialSource, explain
 from retrolidar_ros.sensor.wire import FrameReader, encode_frame
 
 PACKETS = [encode_frame(frame) for frame in Simulation(Scene(surfaces=(Surface(1, 9),))).advance(9)]
-
-
-class Reading:
-    """A source that runs in a thread, and queues of what it says and takes."""
-
-    def __init__(self, port: Path) -> None:
-        self.source = SerialSource(str(port), 115200, FrameReader())
-        self.reports: Queue[str] = Queue()
-        self.frames: Queue[tuple[Frame, int]] = Queue()
-        self.stop = Event()
-        self.errors: list[BaseException] = []
-        self.thread = Thread(target=self._run)
-        self.thread.start()
-
-    def _run(self) -> None:
-        try:
-            self.source.run(self._take, self.reports.put, self.stop)
-        except BaseException as error:
-            self.errors.append(error)
-
-    def _take(self, frames: list[Frame], arrival_ns: int) -> None:
-        for frame in frames:
-            self.frames.put((frame, arrival_ns))
-
-    def report(self) -> str:
-        return self.reports.get(timeout=10)
-
-    def sequences(self, count: int) -> list[int]:
-        return [self.frames.get(timeout=10)[0].sequence for _ in range(count)]
-
-    def end(self) -> float:
-        """Stop the source; return how long that took [s]."""
-        begin_s = time.monotonic()
-        self.stop.set()
-        self.thread.join(10)
-        assert not self.thread.is_alive()
-        assert not self.errors
-        return time.monotonic() - begin_s
 
 
 Read = Callable[[], Reading]
@@ -85,7 +50,7 @@ def read(link: Path) -> Iterator[Read]:
     with ExitStack() as stack:
 
         def start() -> Reading:
-            reading = Reading(link)
+            reading = Reading(link, 115200, FrameReader())
             stack.callback(reading.end)
             return reading
 
@@ -111,7 +76,7 @@ def test_frames_come_with_the_time_of_their_arrival(link: Path, read: Read) -> N
 
 
 @pytest.mark.usefixtures('soon')
-def test_an_absent_port_is_told_once_and_opened_when_it_comes(
+def test_an_absent_port_is_reported_once_and_opened_when_it_comes(
     link: Path, read: Read, monkeypatch: Patch
 ) -> None:
     tries: Queue[None] = Queue()

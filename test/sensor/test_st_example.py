@@ -4,31 +4,20 @@
 
 import pickle
 import random
-import re
 import struct
-from collections.abc import Iterator
-from queue import Queue
-from threading import Event, Thread
 
 import numpy as np
 import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
-from st_board import Board, Zone, Zones, text_of
+from st_board import Zone, check_zones, make_zones, text_of
 
-from retrolidar_ros.sensor.clock import ClockMap
-from retrolidar_ros.sensor.frame import Frame, Status, ZoneGrid
-from retrolidar_ros.sensor.protocols import PROTOCOLS
-from retrolidar_ros.sensor.serial_source import SerialSource
+from retrolidar_ros.sensor.frame import Frame, ZoneGrid
 from retrolidar_ros.sensor.st_example import (
     MAX_LINE_BYTES,
     PATIENCE_FRAMES,
-    PERIODS,
     REQUESTS,
-    UNHEEDED,
-    FramePeriod,
     StExampleReader,
-    slow_text,
 )
 from retrolidar_ros.sensor.wire import FrameReader, WireCounts, encode_frame, encode_packet
 
@@ -37,18 +26,6 @@ WITHHELD = REQUESTS * PATIENCE_FRAMES
 law = settings(derandomize=True, deadline=None, max_examples=80)
 both_sides = pytest.mark.parametrize('side', [4, 8])
 both_lights = pytest.mark.parametrize('light', [False, True])
-
-
-def make_zones(side: int = 4, seed: int = 1) -> list[Zone | None]:
-    """Return zones that all differ, some without a target."""
-    rng = random.Random(seed)
-    zones: list[Zone | None] = [
-        Zone(rng.randrange(1, 4000), rng.choice((5, 6, 10, 13)), rng.randrange(3000), index)
-        for index in range(side * side)
-    ]
-    for index in rng.sample(range(side * side), 3):
-        zones[index] = None
-    return zones
 
 
 def new_reader(asked_in_vain: bool = False) -> StExampleReader:
@@ -72,22 +49,6 @@ def read_one(text: bytes) -> Frame:
     return frame
 
 
-def check(frame: Frame, zones: Zones, light: bool) -> None:
-    """Hold a frame against zones in the sensor's order."""
-    side = frame.grid.columns
-    assert side * side == len(zones)
-    for index, zone in enumerate(zones):
-        row, column = divmod(index, side)
-        place = row * side + side - 1 - column  # the sensor begins at the right
-        got = frame.distance[place], frame.status[place], frame.signal[place], frame.ambient[place]
-        if zone is None:
-            assert np.isnan(got[0])
-            assert got[1:] == (Status.NO_TARGET, 0, 0)
-        else:
-            rates = (zone.signal_kcps, zone.ambient_kcps) if light else (0, 0)
-            assert got == (np.float32(zone.distance_mm / 1000), zone.status, *rates)
-
-
 @both_sides
 @both_lights
 @pytest.mark.parametrize('line_end', ['\n', '\r\n'])
@@ -99,7 +60,7 @@ def test_what_is_printed_is_read(side: int, light: bool, line_end: str) -> None:
     for array in (frame.distance, frame.signal, frame.ambient):
         assert array.dtype == np.float32
     assert frame.status.dtype == np.uint8
-    check(frame, zones, light)
+    check_zones(frame, zones, light)
 
 
 def test_the_writer_makes_as_many_bytes_as_the_example_does() -> None:
@@ -137,7 +98,7 @@ def test_a_frame_comes_with_the_end_of_its_last_row(side: int, light: bool) -> N
     reader = new_reader(asked_in_vain=True)
     assert reader.feed(text[: end - 1]) == []
     (frame,) = reader.feed(text[end - 1 : end])
-    check(frame, make_zones(side), light)
+    check_zones(frame, make_zones(side), light)
     assert reader.feed(text[end:]) == []
     assert reader.counts == WireCounts(frames=1)
 
@@ -152,8 +113,8 @@ def test_it_does_not_matter_where_a_stream_is_cut(light: bool) -> None:
         frames = [frame for part in parts for frame in reader.feed(part)]
         assert [frame.sequence for frame in frames] == [0, 1]
         assert reader.counts.frames == 2
-        check(frames[0], first, light)
-        check(frames[1], second, light)
+        check_zones(frames[0], first, light)
+        check_zones(frames[1], second, light)
 
 
 @both_sides
@@ -175,7 +136,7 @@ def test_cut_off_text_is_dropped_and_the_next_frame_is_read(side: int, light: bo
     for end in range(text.index(b'\n') + 1, last + 2, {4: 3, 8: 13}[side]):
         frames, counts = read(text[:end] + text)
         assert len(frames) == 1, end
-        check(frames[0], make_zones(side), light)
+        check_zones(frames[0], make_zones(side), light)
         assert counts == WireCounts(frames=1, bad_shape=1), end
 
 
@@ -189,7 +150,7 @@ def test_a_lost_line_never_makes_another_frame(light: bool) -> None:
         frames = reader.feed(b''.join(lines[:lost] + lines[lost + 1 :]) + text)
         assert 1 <= len(frames) <= 2
         for frame in frames:
-            check(frame, zones, light)
+            check_zones(frame, zones, light)
         assert len(frames) + reader.counts.damaged == 2
 
 
@@ -221,7 +182,7 @@ def test_a_damaged_line_costs_its_frame_only(field: str, old: bytes, new: bytes)
     reader = new_reader()
     assert reader.feed(text.replace(old, new, 1)) == []
     (frame,) = reader.feed(text)
-    check(frame, [Zone(700)] * 16, light=True)
+    check_zones(frame, [Zone(700)] * 16, light=True)
     assert reader.counts == WireCounts(frames=1, **{field: 1})
 
 
@@ -259,7 +220,7 @@ def test_what_follows_garbage_is_read(garbage: list[bytes], light: bool) -> None
     for piece, expected in zip(garbage, zones, strict=True):
         frames = reader.feed(piece + text_of(expected, light))
         assert frames
-        check(frames[-1], expected, light)
+        check_zones(frames[-1], expected, light)
         found += len(frames)
     assert reader.counts.frames == found
 
@@ -273,7 +234,7 @@ def test_damage_anywhere_costs_no_other_frame(data: bytes, at: int, length: int)
     reader.feed(text[:at] + data + text[at + length :])
     frames = reader.feed(text)
     assert frames
-    check(frames[-1], zones, light=True)
+    check_zones(frames[-1], zones, light=True)
 
 
 def test_memory_is_bounded() -> None:
@@ -304,202 +265,5 @@ def test_neither_protocol_takes_the_other_for_its_own() -> None:
     assert reader.counts.bad_framing + reader.counts.overlong > 20
     assert reader.counts.frames == 0
     (frame,) = reader.feed(b'\n' + text)
-    check(frame, make_zones(), light=True)
+    check_zones(frame, make_zones(), light=True)
     assert packets.counts == WireCounts(overlong=1)
-
-
-# The key
-
-DARK, LIGHT = (text_of(make_zones(), light) for light in (False, True))
-
-
-def test_the_signal_is_asked_for_once_and_again_if_it_does_not_come() -> None:
-    reader = new_reader()
-    assert reader.request() == b''
-    requests = []
-    for _ in range(1 + 2 * PATIENCE_FRAMES):
-        reader.feed(DARK[:300])
-        requests.append(reader.request())
-        reader.feed(DARK[300:])
-        requests.append(reader.request())
-    asked = [index // 2 for index, request in enumerate(requests) if request == b's']
-    assert asked == [0, PATIENCE_FRAMES, 2 * PATIENCE_FRAMES]
-    assert requests.count(b'') == len(requests) - 3
-
-
-def test_frames_with_signal_are_left_alone() -> None:
-    reader = new_reader()
-    for _ in range(20):
-        reader.feed(LIGHT)
-        assert reader.request() == b''
-    reader.feed(DARK)  # somebody else has pressed the key
-    assert reader.request() == b's'
-
-
-def test_a_request_is_dropped_when_the_signal_comes_before_it_is_sent() -> None:
-    reader = new_reader()
-    reader.feed(DARK.replace(b'X', b'Y'))
-    assert reader.counts == WireCounts(bad_shape=1)
-    assert reader.request() == b''  # of a damaged frame
-    reader.feed(DARK + LIGHT)
-    assert reader.request() == b''
-    reader.feed(LIGHT + DARK)
-    assert reader.request() == b's'
-
-
-def test_a_port_that_was_opened_anew_is_asked_at_its_first_frame() -> None:
-    reader = new_reader()
-    reader.feed(DARK + DARK)
-    assert reader.request() == b's'
-    reader.feed(DARK[:700])
-    reader.restart()
-    reader.feed(DARK[700:])
-    assert reader.request() == b''
-    reader.feed(DARK)
-    assert reader.request() == b's'
-
-
-def test_frames_without_signal_are_withheld_until_two_requests_were_in_vain() -> None:
-    reader = new_reader()
-    assert reader.feed(LIGHT)
-    assert reader.feed(DARK * WITHHELD) == []
-    assert UNHEEDED not in reader.notice()
-    (frame,) = reader.feed(DARK)
-    assert frame.sequence == 1  # what is withheld is not lost
-    assert not frame.signal.any()
-    assert UNHEEDED in reader.notice()
-    assert len(reader.feed(DARK * 20)) == 20
-    assert UNHEEDED not in reader.notice()
-    assert reader.counts == WireCounts(frames=22, withheld=WITHHELD)
-    assert reader.feed(LIGHT + DARK)[0].signal.any()
-    assert reader.counts.withheld == WITHHELD + 1
-    # So a still scene does not blink when its signal is switched on.
-    frames = new_reader().feed(DARK * 2 + LIGHT * 20)
-    assert len(frames) == 20
-    assert {frame.signal.tobytes() for frame in frames} == {frames[0].signal.tobytes()}
-
-
-class Reading:
-    """A source that reads a board in a thread."""
-
-    def __init__(self, board: Board) -> None:
-        self.frames: Queue[Frame] = Queue()
-        self.stop = Event()
-        reports: Queue[str] = Queue()
-        reader = PROTOCOLS['st_example'](lambda: NOW_NS)
-        source = SerialSource(board.path, 460800, reader)
-        self.thread = Thread(target=source.run, args=(self._take, reports.put, self.stop))
-        self.thread.start()
-        assert reports.get(timeout=10) == f'reading {board.path}'
-
-    def _take(self, frames: list[Frame], arrival_ns: int) -> None:
-        for frame in frames:
-            self.frames.put(frame)
-
-    def end(self) -> None:
-        self.stop.set()
-        self.thread.join(10)
-        assert not self.thread.is_alive()
-
-
-@pytest.fixture
-def board() -> Iterator[Board]:
-    with Board(make_zones()) as board:
-        yield board
-
-
-@pytest.fixture
-def reading(board: Board) -> Iterator[Reading]:
-    reading = Reading(board)
-    yield reading
-    reading.end()
-
-
-def test_a_board_is_switched_on_once(board: Board, reading: Reading) -> None:
-    # It prints some more frames before it looks for a key, as the example may.
-    for _ in range(PATIENCE_FRAMES - 1):
-        board.print_frame()
-    assert board.heed_key(10)
-    for _ in range(2 * PATIENCE_FRAMES):
-        board.print_frame()
-        check(reading.frames.get(timeout=10), board.zones, light=True)
-        board.heed_key(0)
-    assert board.keys == b's'
-
-
-def test_a_board_that_did_not_hear_is_asked_again(board: Board, reading: Reading) -> None:
-    board.print_frame()
-    assert board.heed_key(10)
-    board.light = False  # the key was lost
-    for _ in range(PATIENCE_FRAMES):
-        board.print_frame()
-    assert board.heed_key(10)
-    assert board.keys == b'ss'
-    board.print_frame()
-    check(reading.frames.get(timeout=10), board.zones, light=True)
-
-
-# Time
-
-
-def notices(reader: StExampleReader, count: int) -> list[str]:
-    """Let frames come; return what is told."""
-    told = []
-    for _ in range(count):
-        assert reader.feed(text_of(make_zones(), light=True))
-        if notice := reader.notice():
-            told.append(notice)
-        assert reader.notice() == ''
-    return told
-
-
-def test_the_period_is_told_once_and_when_it_changes_much() -> None:
-    now_ns = 0
-    step_ns = 232_000_000
-
-    def clock() -> int:
-        nonlocal now_ns
-        now_ns += step_ns
-        return now_ns
-
-    reader = StExampleReader(clock)
-    assert notices(reader, PERIODS) == []
-    assert notices(reader, 1) == [slow_text(0.232)]
-    assert notices(reader, 50) == []
-    step_ns = 260_000_000
-    assert notices(reader, 50) == []
-    step_ns = 400_000_000
-    assert notices(reader, 50) == [slow_text(0.4)]
-    reader.restart()
-    assert notices(reader, PERIODS) == []
-    assert notices(reader, 1) == [slow_text(0.4)]
-    text = slow_text(0.2316)
-    assert 'a frame every 232 ms' in text
-    assert 'the 21 ms of the RetroLiDAR paper are out of reach' in text
-    assert re.findall(r'bit_period to ([\d.]+\d)', text) == ['0.463']
-
-
-def test_pauses_do_not_change_the_period_and_a_clock_that_stands_or_goes_back_has_none() -> None:
-    period = FramePeriod()
-    steps_us = [200_000] * PERIODS
-    steps_us[2] = steps_us[7] = 3_000_000
-    told = [period.take(int(time)) for time in np.cumsum([0, *steps_us])]
-    assert told == [None] * PERIODS + [pytest.approx(0.2)]
-    for step in (0, -1):
-        period = FramePeriod()
-        assert [period.take(5 + step * index) for index in range(3 * PERIODS)] == [
-            None
-        ] * 3 * PERIODS
-
-
-def test_stamps_are_the_arrival() -> None:
-    rng = random.Random(3)
-    arrival_ns = NOW_NS
-    clock_map = ClockMap()
-    reader = StExampleReader(lambda: arrival_ns + 700_000)  # read 0.7 ms after it arrived
-    for _ in range(500):
-        arrival_ns += rng.randrange(200_000_000, 400_000_000)
-        (frame,) = reader.feed(text_of(make_zones(), light=True))
-        stamp_ns = clock_map.map(frame.sensor_time_us, arrival_ns)
-        assert abs(stamp_ns - arrival_ns) < 2_000
-    assert clock_map.restarts == 0

@@ -1,104 +1,31 @@
 # Copyright 2026 retrolidar_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""The wire keeps every frame, and the reader survives every stream of bytes."""
+"""The wire keeps every frame, as the protocol has it byte for byte."""
 
 from __future__ import annotations
 
-import itertools
-import pickle
-import random
 import struct
-import tracemalloc
-from collections.abc import Iterable
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import example, given, settings
+from harness_wire import SENSOR_TIME_US, ZONES, content_of, law, make_frame, read
+from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
+from test_cobs import PACKET, SEQUENCE
 
 from retrolidar_ros.sensor.frame import Frame, ZoneGrid
 from retrolidar_ros.sensor.wire import (
     DELIMITER,
     MAX_PACKET_BYTES,
-    FrameReader,
     WireCounts,
     cobs_decode,
-    cobs_encode,
-    crc16,
     encode_frame,
     encode_packet,
 )
 
-SEQUENCE = 0x01020304
-SENSOR_TIME_US = 0x0123456789AB
-# The zones of one frame in the sensor's order: distance [mm/4], signal and ambient light
-# [kcps/SPAD/2048], status. Zone 0 is the scene's top right.
-ZONES = [(1000 * n - 4000, 2048 * n + 1024, 256 * n, 5 + n) for n in range(16)]
-ZONES[6] = (0, 0, 2**24, 255)
-ZONES[7] = (-32768, 2**24, 0, 0)
-# The same as a packet, written down.
-PACKET = bytes.fromhex(
-    """
-    0c 01 04 03 02 01 ab 89 67 45 23 01 01 05 04 04 60 f0 02 04 01 01 01 01 01 04 05 48 f4 02
-    0c 01 01 02 01 01 04 06 30 f8 02 14 01 01 02 02 01 04 07 18 fc 02 1c 01 01 02 03 01 02 08
-    01 01 02 24 01 01 02 04 01 04 09 e8 03 02 2c 01 01 02 05 01 02 0a 01 01 01 01 01 01 01 01
-    03 01 ff 02 80 01 01 02 01 01 01 01 01 03 a0 0f 02 44 01 01 02 08 01 04 0d 88 13 02 4c 01
-    01 02 09 01 04 0e 70 17 02 54 01 01 02 0a 01 04 0f 58 1b 02 5c 01 01 02 0b 01 04 10 40 1f
-    02 64 01 01 02 0c 01 04 11 28 23 02 6c 01 01 02 0d 01 04 12 10 27 02 74 01 01 02 0e 01 04
-    13 f8 2a 02 7c 01 01 02 0f 01 04 14 91 df 00
-    """
-)
-
-law = settings(derandomize=True, deadline=None, max_examples=60)
 both_grids = pytest.mark.parametrize('side', [4, 8])
-
-
-@pytest.fixture(scope='module')
-def pypi_cobs() -> Any:
-    return pytest.importorskip('cobs.cobs', reason='COBS is compared with this one')
-
-
-def bitwise_crc(data: bytes) -> int:
-    """Return the CRC-16/CCITT-FALSE as its definition has it, bit by bit."""
-    register = 0xFFFF
-    for byte in data:
-        register ^= byte << 8
-        for _ in range(8):
-            register = register << 1 ^ (0x1021 if register & 0x8000 else 0)
-            register &= 0xFFFF
-    return register
-
-
-def content_of(
-    rows: int, columns: int, zones: Iterable[tuple[int, ...]], kind: int = 1, sequence: int = 0
-) -> bytes:
-    """Return the content of a packet as the protocol's table has it."""
-    header = struct.pack('<BIQBB', kind, sequence, SENSOR_TIME_US, rows, columns)
-    return header + b''.join(struct.pack('<hIIB', *zone) for zone in zones)
-
-
-def make_frame(side: int = 4, sequence: int = 7, **changes: Any) -> Frame:
-    """Return a frame whose zones all differ."""
-    zones = np.arange(side * side)
-    frame = Frame(
-        stamp_ns=0,
-        sequence=sequence,
-        sensor_time_us=21_000 * sequence,
-        grid=ZoneGrid(side, side),
-        distance=(0.5 + 0.01 * zones).astype(np.float32),
-        signal=(10.0 + zones).astype(np.float32),
-        ambient=(1.0 + zones / 4).astype(np.float32),
-        status=np.full(side * side, 5, dtype=np.uint8),
-    )
-    return replace(frame, **changes)
-
-
-def make_packets(count: int, side: int = 4) -> list[bytes]:
-    """Return the packets of consecutive frames, each with its delimiter."""
-    return [encode_frame(make_frame(side, sequence)) for sequence in range(count)]
 
 
 @st.composite
@@ -125,146 +52,11 @@ def frames_of_whole_units(draw: st.DrawFn) -> Frame:
     )
 
 
-def reader_in_step() -> FrameReader:
-    """Return a reader that knows where the next packet begins."""
-    reader = FrameReader()
-    assert reader.feed(DELIMITER) == []
-    return reader
-
-
-def read(stream: bytes) -> tuple[list[Frame], WireCounts]:
-    """Read a stream that comes in one piece, from a packet's beginning."""
-    reader = reader_in_step()
-    return reader.feed(stream), reader.counts
-
-
 def read_one(packet: bytes) -> Frame:
     """Read a packet that holds a frame."""
     (frame,), counts = read(packet)
     assert counts == WireCounts(frames=1)
     return frame
-
-
-def sequences(frames: Iterable[Frame]) -> list[int]:
-    return [frame.sequence for frame in frames]
-
-
-def counted(counts: WireCounts) -> int:
-    return counts.frames + counts.unknown_kind + counts.damaged
-
-
-def ended_packets(stream: bytes) -> list[bytes]:
-    """Return what stands before each delimiter, where that is not nothing."""
-    return [packet for packet in stream.split(DELIMITER)[:-1] if packet]
-
-
-def damage(stream: bytes, rng: random.Random) -> bytes:
-    """Flip, drop, insert, repeat and blank bytes here and there."""
-    damaged = bytearray(stream)
-    for _ in range(len(stream) // 400):
-        at, length = rng.randrange(len(damaged)), rng.randrange(1, 30)
-        match rng.randrange(6):
-            case 0 | 1:
-                damaged[at] ^= 1 << rng.randrange(8)
-            case 2:
-                del damaged[at : at + length]
-            case 3:
-                damaged[at:at] = rng.randbytes(length)
-            case 4:
-                damaged[at:at] = damaged[at : at + 8 * length]
-            case _:
-                damaged[at : at + length] = bytes(length)
-    return bytes(damaged)
-
-
-def in_pieces(stream: bytes, rng: random.Random, longest: int) -> Iterable[bytes]:
-    """Cut a stream at random, at times into nothing."""
-    position = 0
-    while position < len(stream):
-        length = rng.randrange(longest + 1)
-        yield stream[position : position + length]
-        position += length
-
-
-# Checksum and framing.
-
-
-@law
-@given(st.binary(max_size=100))
-@example(b'123456789')
-def test_crc_is_the_bitwise_one(data: bytes) -> None:
-    assert crc16(data) == bitwise_crc(data)
-    assert bitwise_crc(b'123456789') == 0x29B1  # as published
-
-
-@law
-@given(
-    st.binary(max_size=600)
-    | st.lists(st.sampled_from([b'\0', b'\1', b'\xff', b'x' * 253, b'y' * 254]), max_size=8).map(
-        b''.join
-    )
-)
-def test_cobs_equals_the_reference_on_any_data(pypi_cobs: Any, data: bytes) -> None:
-    encoded = cobs_encode(data)
-    assert encoded == pypi_cobs.encode(data)
-    assert DELIMITER not in encoded
-    assert cobs_decode(encoded) == data
-
-
-@pytest.mark.parametrize('filling', [b'\0', b'a', b'\xff', b'a' * 253 + b'\0', b'a' * 254 + b'\0'])
-def test_cobs_equals_the_reference_at_every_length(pypi_cobs: Any, filling: bytes) -> None:
-    for length in range(770):
-        data = (filling * 770)[:length]
-        encoded = cobs_encode(data)
-        assert encoded == pypi_cobs.encode(data)
-        assert len(encoded) <= length + 1 + length // 254
-        assert cobs_decode(encoded) == data
-
-
-@law
-@given(
-    st.binary(max_size=8)
-    | st.lists(
-        st.sampled_from([b'\0', b'\1', b'\2', b'\3', b'\xff', b'z' * 253, b'z' * 254]), max_size=6
-    ).map(b''.join)
-)
-@example(b'\1')
-@example(b'\3a\0')
-@example(b'\xff' + b'z' * 254)
-@example(b'\xff' + b'z' * 254 + b'\1')
-@example(b'\xff' + b'z' * 253)
-def test_cobs_decodes_or_refuses_as_the_reference_does(pypi_cobs: Any, encoded: bytes) -> None:
-    try:
-        expected = pypi_cobs.decode(encoded)
-    except pypi_cobs.DecodeError:
-        with pytest.raises(ValueError, match='COBS'):
-            cobs_decode(encoded)
-    else:
-        assert cobs_decode(encoded) == expected
-
-
-@pytest.mark.parametrize(
-    ('encoded', 'message'),
-    [
-        (b'\0', 'zero at 0'),
-        (b'\3a\0', 'zero at 2'),
-        (b'\2', 'length byte 2 at 0 of 1'),
-        (b'\2a\5bc', 'length byte 5 at 2 of 5'),
-    ],
-)
-def test_what_is_not_cobs(encoded: bytes, message: str) -> None:
-    with pytest.raises(ValueError, match=message):
-        cobs_decode(encoded)
-
-
-# Frames.
-
-
-def test_the_written_packet_follows_the_protocol(pypi_cobs: Any) -> None:
-    content = content_of(4, 4, ZONES, sequence=SEQUENCE)
-    assert len(content) == 15 + 16 * 11
-    checksum = struct.pack('<H', bitwise_crc(content))
-    assert pypi_cobs.encode(content + checksum) + b'\0' == PACKET
 
 
 def test_the_written_packet_is_read_and_written_byte_for_byte() -> None:
@@ -366,163 +158,3 @@ def test_a_packet_at_its_longest_is_far_from_the_limit(side: int) -> None:
     packet = encode_packet(content_of(side, side, zones))
     assert len(packet) == {4: 195, 8: 725}[side]
     assert len(packet) < MAX_PACKET_BYTES / 5
-
-
-# The reader.
-
-
-NUMBERS = {
-    packet[:-1]: sequence
-    for side in (4, 8)
-    for sequence, packet in enumerate(make_packets(600 if side == 4 else 100, side))
-}
-
-
-def whole(stream: bytes) -> list[int]:
-    """Return the sequences of the packets of `NUMBERS` that stand whole in a stream."""
-    return [NUMBERS[packet] for packet in ended_packets(stream) if packet in NUMBERS]
-
-
-def garbage() -> st.SearchStrategy[bytes]:
-    good = st.sampled_from([*make_packets(3), *make_packets(2, side=8)])
-    cut = st.tuples(good, st.integers(1, 190)).map(lambda pair: pair[0][: pair[1]])
-    other = st.binary(max_size=20).map(encode_packet)
-    overlong = st.integers(MAX_PACKET_BYTES - 2, MAX_PACKET_BYTES + 2).map(lambda n: n * b'\1')
-    piece = good | cut | other | st.binary(max_size=30) | st.just(DELIMITER) | overlong
-    return st.lists(piece, max_size=10).map(b''.join)
-
-
-@settings(law, max_examples=120)
-@given(stream=garbage(), data=st.data())
-def test_what_is_whole_is_read_and_all_is_counted(stream: bytes, data: st.DataObject) -> None:
-    cuts = data.draw(st.lists(st.integers(0, len(stream)), max_size=20).map(sorted))
-    reader = reader_in_step()
-    found: list[int] = []
-    for start, end in itertools.pairwise([0, *cuts, len(stream)]):
-        found += sequences(reader.feed(stream[start:end]))
-        assert found == whole(stream[:end])
-    pending = stream.rpartition(DELIMITER)[2]
-    overlong = len(pending) > MAX_PACKET_BYTES  # is known before its end
-    assert counted(reader.counts) == len(ended_packets(stream)) + overlong
-    assert reader.counts.frames == len(found)
-    assert reader.counts == read(stream)[1]
-
-
-def test_a_stream_joined_anywhere_costs_that_packet_only_and_is_no_damage() -> None:
-    first, second, third = make_packets(3)
-    reader = FrameReader()
-    for start in range(1, len(first) - 1):
-        assert sequences(reader.feed(first[start:] + second + third)) == [1, 2], start
-        assert reader.counts.damaged == 0
-        reader.restart()
-    assert sequences(reader.feed(first + second[1:])) == [0]  # the first was whole
-    assert reader.counts.damaged == 1
-    assert sequences(reader.feed(second[:50])) == []
-    reader.restart()
-    assert reader.counts.damaged == 2  # it was begun, and cut off
-
-
-@pytest.mark.parametrize(
-    ('field', 'content'),
-    [
-        ('bad_crc', b''),
-        *(('unknown_kind', kind) for kind in (b'\0', b'\2', content_of(4, 4, ZONES, kind=255))),
-        *(('bad_shape', part) for part in (b'\1', content_of(4, 4, [])[:-1])),
-        *(
-            ('bad_shape', content_of(rows, columns, zones))
-            for rows, columns, zones in (
-                (4, 4, []),
-                (0, 0, []),
-                (4, 4, ZONES[:-1]),
-                (8, 8, ZONES),
-                (4, 4, ZONES * 4),
-                (1, 16, ZONES),
-                (2, 8, ZONES),
-                (16, 1, ZONES),
-                (4, 8, ZONES * 2),
-                (16, 16, ZONES * 16),
-                (255, 255, ZONES),
-                (255, 255, ZONES * 20),
-            )
-        ),
-        ('bad_shape', content_of(4, 4, ZONES)[:-1]),
-        ('bad_shape', content_of(4, 4, ZONES) + b'\0'),
-    ],
-)
-def test_whole_packets_that_are_no_frames(field: str, content: bytes) -> None:
-    reader = reader_in_step()
-    assert reader.feed(encode_packet(content)) == []
-    assert reader.counts == WireCounts(**{field: 1})
-    assert reader.counts.damaged == (field != 'unknown_kind')
-    assert sequences(reader.feed(make_packets(1)[0])) == [0]
-
-
-@pytest.mark.parametrize(
-    ('field', 'packet'),
-    [
-        *(('bad_crc', packet) for packet in (b'\1', b'\2a', b'\3ab', b'\1' * MAX_PACKET_BYTES)),
-        *(('bad_framing', packet) for packet in (b'\4ab', b'\xff')),
-        ('overlong', b'\1' * (MAX_PACKET_BYTES + 1)),
-    ],
-)
-def test_packets_that_are_not_whole(field: str, packet: bytes) -> None:
-    counts = WireCounts(**{field: 1})
-    assert read(packet + DELIMITER) == ([], counts)
-    assert counts.damaged == 1
-
-
-def test_the_longest_packet_is_read_and_kept_once_and_one_byte_more_is_not() -> None:
-    # COBS adds a byte and one for every 254, and the checksum has two.
-    longest = b'\2' + b'x' * (MAX_PACKET_BYTES - 1 - MAX_PACKET_BYTES // 255 - 3)
-    assert len(encode_packet(longest)) == MAX_PACKET_BYTES + len(DELIMITER)
-    assert read(encode_packet(longest)) == ([], WireCounts(unknown_kind=1))
-    assert read(encode_packet(longest + b'x')) == ([], WireCounts(overlong=1))
-    reader = FrameReader()
-    for length in range(1, MAX_PACKET_BYTES + 1):
-        reader.feed(b'x')
-        assert length < len(pickle.dumps(reader)) < length + 1000
-    reader.feed(b'x')
-    assert len(pickle.dumps(reader)) < 1000
-
-
-def test_endless_data_without_a_delimiter_is_not_kept() -> None:
-    reader = FrameReader()
-    block = random.Random(1).randbytes(1000).replace(DELIMITER, b'x')
-    tracemalloc.start()
-    try:
-        for count in range(2000):
-            assert reader.feed(block) == []
-            if count % 100 == 0:
-                assert len(pickle.dumps(reader)) < MAX_PACKET_BYTES + 1000
-        used, _ = tracemalloc.get_traced_memory()
-    finally:
-        tracemalloc.stop()
-    assert used < 20 * MAX_PACKET_BYTES
-    assert reader.counts == WireCounts(overlong=1)
-    first, second = make_packets(2)
-    assert sequences(reader.feed(first + second)) == [1]
-    assert reader.counts == WireCounts(overlong=1, frames=1)
-
-
-def test_random_bytes_are_no_frames() -> None:
-    rng = random.Random(2)
-    reader = reader_in_step()
-    noise = rng.randbytes(1_000_000)
-    assert [frame for piece in in_pieces(noise, rng, 4096) for frame in reader.feed(piece)] == []
-    assert counted(reader.counts) == len(ended_packets(noise))
-    assert reader.counts.bad_framing > 0
-    assert reader.counts.bad_crc > 0
-    assert sequences(reader.feed(DELIMITER + make_packets(1)[0])) == [0]
-
-
-@pytest.mark.parametrize('seed', range(3))
-def test_what_is_whole_in_a_damaged_stream_is_read(seed: int) -> None:
-    rng = random.Random(seed)
-    packets = [packet + DELIMITER for packet in NUMBERS]
-    rng.shuffle(packets)
-    stream = damage(b''.join(packets), rng)
-    reader = reader_in_step()
-    frames = [frame for piece in in_pieces(stream, rng, 700) for frame in reader.feed(piece)]
-    assert sequences(frames) == whole(stream)
-    assert 200 < len(frames) == reader.counts.frames < 650
-    assert counted(reader.counts) == len(ended_packets(stream))

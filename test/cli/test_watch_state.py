@@ -1,0 +1,206 @@
+# Copyright 2026 retrolidar_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""What `retrolidar watch` knows of a port: frames, zones that blink, their bits, and trouble."""
+
+import time
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from retrolidar_ros.cli.watch_state import Watch
+from retrolidar_ros.cli.watch_view import (
+    BLOCKS,
+    line,
+    screen,
+)
+from retrolidar_ros.detector.blinking import BitReader, Samples, modulation_db
+from retrolidar_ros.detector.noise import NoiseLaw
+from retrolidar_ros.detector.settings import defaults
+from retrolidar_ros.marker.code import BIT_PERIOD_S, packet
+from retrolidar_ros.scene import Scene, Simulation
+from retrolidar_ros.scene.description import Marker, Noise, Sensor, Surface
+from retrolidar_ros.sensor.frame import Frame, Recording, Status, ZoneGrid
+from retrolidar_ros.sensor.frame_rate import missing_frames, rate_mismatch
+from retrolidar_ros.sensor.protocols import PROTOCOLS
+from retrolidar_ros.sensor.serial_source import SerialSource
+
+ID, ZONE = 2073, 10
+SCENE = Scene(
+    seed=4,
+    sensor=Sensor(noise=Noise(4.6, 0.22)),
+    markers=(Marker(id=ID, position_m=(0.1, 0.1, 1), name='m'),),
+    surfaces=(Surface(2, 40),),
+)
+
+
+def frame(grid: ZoneGrid, sequence: int = 0) -> Frame:
+    """Return a frame with another signal in every zone, and no target in the last."""
+    zones = np.arange(grid.zones)
+    distance = (1 + zones / 100).astype(np.float32)
+    distance[-1] = np.nan
+    status = np.full(grid.zones, Status.VALID, dtype=np.uint8)
+    status[-1] = Status.NO_TARGET
+    return Frame(
+        stamp_ns=21_000_000 * sequence,
+        sequence=sequence,
+        sensor_time_us=21_000 * sequence,
+        grid=grid,
+        distance=distance,
+        signal=(zones + 0.5).astype(np.float32),
+        ambient=np.zeros(grid.zones, dtype=np.float32),
+        status=status,
+    )
+
+
+def seen(scene: Scene, frames: int) -> Samples:
+    return Samples.of(Recording.of(list(Simulation(scene).advance(frames))[-68:]))
+
+
+def open_watch(bit_period_s: float = BIT_PERIOD_S, zone: int | None = None) -> Watch:
+    """Return what is known of a port that is open, so far nothing."""
+    source = SerialSource('port', 460800, PROTOCOLS['retrolidar'](time.monotonic_ns))
+    source.problem = ''
+    return Watch(source, zone, {**defaults(), 'bit_period': bit_period_s})
+
+
+def give(state: Watch, frames: Sequence[Frame]) -> None:
+    """Let frames come when they were exposed, the last of them now."""
+    begin_ns = time.monotonic_ns() - frames[-1].sensor_time_us * 1000
+    for one in frames:
+        state.take([one], begin_ns + one.sensor_time_us * 1000)
+
+
+def watch_of(frames: list[Frame], zone: int | None = None) -> Watch:
+    """Return what is known after frames that come when they were exposed."""
+    state = open_watch(zone=zone)
+    give(state, frames)
+    return state
+
+
+@pytest.mark.parametrize('frames', range(100, 170, 7))
+def test_the_newest_bits_are_the_packet_from_some_bit_on(frames: int) -> None:
+    bits = BitReader(BIT_PERIOD_S).read(seen(SCENE, frames), ZONE, NoiseLaw())
+    assert bits is not None
+    assert bits.hard.tolist() == (np.roll(packet(ID), -bits.first) == 1).tolist()
+    assert (bits.id, bits.differing) == (ID, 0)
+    assert bits.correlation > 0.95
+    # The marker's light, at 1 m and beside the axis, and none of it; with the wall's behind it.
+    assert 200 < bits.bright < 400
+    assert bits.dark < 60
+
+
+def test_lost_bits_are_unknown_and_do_not_count_as_wrong() -> None:
+    frames = list(Simulation(SCENE).advance(140))[-72:]
+    samples = Samples.of(Recording.of(frames[:30] + frames[36:]))
+    bits = BitReader(BIT_PERIOD_S).read(samples, ZONE, NoiseLaw())
+    assert bits is not None
+    assert 2 <= np.count_nonzero(bits.erased) <= 4
+    assert (bits.id, bits.differing) == (ID, 0)
+    dark = [replace(frame(ZoneGrid(), n), signal=np.zeros(16, np.float32)) for n in range(72)]
+    samples = Samples.of(Recording.of(dark))
+    assert BitReader(BIT_PERIOD_S).read(samples, 3, NoiseLaw()) is None
+
+
+def test_blinking_is_the_marker_s_and_noise_is_none() -> None:
+    blinking = modulation_db(seen(SCENE, 140), NoiseLaw())
+    amplitude, noise = 290.0, NoiseLaw().variance(np.asarray(185.0))
+    assert blinking[ZONE] == pytest.approx(10 * np.log10(amplitude**2 / noise), abs=2)
+    assert np.delete(blinking, ZONE).max() < 3
+    known = watch_of(list(Simulation(replace(SCENE, markers=())).advance(100))).snapshot()
+    assert known.zone is None
+    assert 'no zone blinks' in line(known)
+    assert 'no zone blinks' in screen(known, BLOCKS)
+
+
+def test_the_zone_that_blinks_most_is_chosen_and_read() -> None:
+    state = watch_of(list(Simulation(SCENE).advance(200)))
+    known = state.snapshot()
+    assert (known.zone, known.trouble) == (ZONE, '')
+    assert (known.frames, known.lost, known.damaged) == (200, 0, 0)
+    assert known.bits is not None
+    assert known.bits.id == ID
+    (reading,) = known.readings
+    assert (reading.detection.id, reading.detection.zones[0]) == (ID, ZONE)
+    assert 0 <= reading.age_s < 3
+    assert f'zone {ZONE}' in line(known)
+    assert f'last ID {ID} at 1.0' in line(known)
+
+
+def test_a_zone_stays_chosen_until_another_blinks_far_more() -> None:
+    def blinking(number: int, other: float) -> Frame:
+        one = frame(ZoneGrid(), number)
+        dark = number // 2 % 2
+        one.signal[[2, 5]] = (10.0, 10.0) if dark else (110.0, other)
+        return one
+
+    state = open_watch()
+    for first, other, chosen in ((0, 60.0, 2), (80, 130.0, 2), (160, 400.0, 5)):
+        give(state, [blinking(number, other) for number in range(first, first + 80)])
+        assert state.snapshot().zone == chosen
+
+
+def test_trouble_is_reported_with_what_may_be_the_reason(monkeypatch: pytest.MonkeyPatch) -> None:
+    reader = PROTOCOLS['retrolidar'](time.monotonic_ns)
+    source = SerialSource('port', 460800, reader)
+    state = Watch(source, None, defaults())
+    assert state.snapshot().trouble == 'port has not been opened yet; retrying'
+    source.problem = ''  # as while it is open
+    begin_ns = time.monotonic_ns()
+    state.take([frame(ZoneGrid())], begin_ns)
+    assert state.snapshot().trouble == ''
+    state.take([frame(ZoneGrid(), 1)], begin_ns - 3_000_000_000)
+    assert state.snapshot().trouble.startswith('no frames come for 3 s; the sensor is silent')
+    source.received += 14
+    assert state.snapshot().trouble.endswith(
+        'bytes come, but no frame ends: another --baud, --protocol retrolidar or '
+        '--protocol st_example?'
+    )
+    reader.counts.withheld += 1
+    assert 'no signal, which the sensor has been asked for' in state.snapshot().trouble
+    reader.counts.withheld -= 1
+    reader.feed(b'\x0012 | 345 : 6\r\n\0')
+    known = state.snapshot()
+    assert known.damaged == 1
+    assert 'no frame of this protocol, or of another --baud' in known.trouble
+    unsuited = open_watch(bit_period_s=0.03)
+    give(unsuited, [frame(ZoneGrid(), number) for number in range(40)])
+    assert unsuited.snapshot().trouble == (
+        'a frame comes every 21.0 ms, but bit_period is 30.0 ms: 1.4 frames, and not two to eight: '
+        'set --bit-period to how long the markers hold a bit [s]'
+    )
+    # A notice of the reader is shown for a while.
+    state, now_ns = open_watch(), time.monotonic_ns()
+    state.take([frame(ZoneGrid())], now_ns, 'slow text')
+    assert state.snapshot().trouble == 'slow text'
+    monkeypatch.setattr(time, 'monotonic_ns', lambda: now_ns + 31_000_000_000)
+    state.take([frame(ZoneGrid(), 1)], now_ns + 31_000_000_000)
+    assert state.snapshot().trouble == ''
+
+
+def test_another_grid_begins_anew_and_needs_a_zone_of_its_own() -> None:
+    small = [frame(ZoneGrid(), number) for number in range(40)]
+    large = [frame(ZoneGrid(8, 8), number) for number in range(40, 80)]
+    known = watch_of(small + large).snapshot()
+    assert known.frame is not None
+    assert known.frame.grid == ZoneGrid(8, 8)
+    assert known.modulation_db.shape == (64,)
+    assert watch_of(small, zone=3).snapshot().zone == 3
+    assert watch_of(large, zone=16).snapshot().zone == 16
+    with pytest.raises(ValueError, match=r'--zone 16: the sensor has 4x4 zones, 0 to 15'):
+        watch_of(small, zone=16)
+
+
+def test_missing_frames_are_counted_and_a_rate_that_does_not_suit_is_reported() -> None:
+    frames = list(Simulation(SCENE).advance(50))
+    assert watch_of(frames[:20] + frames[23:]).snapshot().lost == 3
+    top = 2**32
+    pairs = [(None, 7), (3, 4), (3, 6), (top - 1, 0), (top - 2, 1), (5000, 0)]
+    assert [missing_frames(*pair) for pair in pairs] == [0, 0, 2, 0, 2, 0]
+    stamps_ns = [21_000_000 * number for number in range(33) if number != 7]
+    assert rate_mismatch(stamps_ns, 0.042) == ''
+    expected = 'a frame comes every 21.0 ms, but bit_period is 33.3 ms'
+    assert rate_mismatch(stamps_ns, 0.0333).startswith(expected)
+    assert rate_mismatch(stamps_ns, 0.168) == ''
+    assert '14.3 frames' in rate_mismatch(stamps_ns, 0.3)

@@ -1,0 +1,198 @@
+# Copyright 2026 retrolidar_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""What a reader of ST's example asks of the board, and what it says of its period."""
+
+import random
+import re
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+from harness_serial import Reading
+from st_board import Board, check_zones, make_zones, text_of
+
+from retrolidar_ros.sensor.clock import ClockMap
+from retrolidar_ros.sensor.protocols import PROTOCOLS
+from retrolidar_ros.sensor.st_example import (
+    PATIENCE_FRAMES,
+    PERIODS,
+    REQUESTS,
+    UNHEEDED,
+    FramePeriod,
+    StExampleReader,
+    slow_text,
+)
+from retrolidar_ros.sensor.wire import WireCounts
+
+NOW_NS = 1_700_000_000_123_456_789
+WITHHELD = REQUESTS * PATIENCE_FRAMES
+
+DARK, LIGHT = (text_of(make_zones(), light) for light in (False, True))
+
+
+def test_the_signal_is_asked_for_once_and_again_if_it_does_not_come() -> None:
+    reader = StExampleReader(lambda: NOW_NS)
+    assert reader.request() == b''
+    requests = []
+    for _ in range(1 + 2 * PATIENCE_FRAMES):
+        reader.feed(DARK[:300])
+        requests.append(reader.request())
+        reader.feed(DARK[300:])
+        requests.append(reader.request())
+    asked = [index // 2 for index, request in enumerate(requests) if request == b's']
+    assert asked == [0, PATIENCE_FRAMES, 2 * PATIENCE_FRAMES]
+    assert requests.count(b'') == len(requests) - 3
+
+
+def test_frames_with_signal_are_left_alone() -> None:
+    reader = StExampleReader(lambda: NOW_NS)
+    for _ in range(20):
+        reader.feed(LIGHT)
+        assert reader.request() == b''
+    reader.feed(DARK)  # somebody else has pressed the key
+    assert reader.request() == b's'
+
+
+def test_a_request_is_dropped_when_the_signal_comes_before_it_is_sent() -> None:
+    reader = StExampleReader(lambda: NOW_NS)
+    reader.feed(DARK.replace(b'X', b'Y'))
+    assert reader.counts == WireCounts(bad_shape=1)
+    assert reader.request() == b''  # of a damaged frame
+    reader.feed(DARK + LIGHT)
+    assert reader.request() == b''
+    reader.feed(LIGHT + DARK)
+    assert reader.request() == b's'
+
+
+def test_a_port_that_was_opened_anew_is_asked_at_its_first_frame() -> None:
+    reader = StExampleReader(lambda: NOW_NS)
+    reader.feed(DARK + DARK)
+    assert reader.request() == b's'
+    reader.feed(DARK[:700])
+    reader.restart()
+    reader.feed(DARK[700:])
+    assert reader.request() == b''
+    reader.feed(DARK)
+    assert reader.request() == b's'
+
+
+def test_frames_without_signal_are_withheld_until_two_requests_were_in_vain() -> None:
+    reader = StExampleReader(lambda: NOW_NS)
+    assert reader.feed(LIGHT)
+    assert reader.feed(DARK * WITHHELD) == []
+    assert UNHEEDED not in reader.notice()
+    (frame,) = reader.feed(DARK)
+    assert frame.sequence == 1  # what is withheld is not lost
+    assert not frame.signal.any()
+    assert UNHEEDED in reader.notice()
+    assert len(reader.feed(DARK * 20)) == 20
+    assert UNHEEDED not in reader.notice()
+    assert reader.counts == WireCounts(frames=22, withheld=WITHHELD)
+    assert reader.feed(LIGHT + DARK)[0].signal.any()
+    assert reader.counts.withheld == WITHHELD + 1
+    # So a still scene does not blink when its signal is switched on.
+    frames = StExampleReader(lambda: NOW_NS).feed(DARK * 2 + LIGHT * 20)
+    assert len(frames) == 20
+    assert {frame.signal.tobytes() for frame in frames} == {frames[0].signal.tobytes()}
+
+
+@pytest.fixture
+def board() -> Iterator[Board]:
+    with Board(make_zones()) as board:
+        yield board
+
+
+@pytest.fixture
+def reading(board: Board) -> Iterator[Reading]:
+    reading = Reading(Path(board.path), 460800, PROTOCOLS['st_example'](lambda: NOW_NS))
+    assert reading.report() == f'reading {board.path}'
+    yield reading
+    reading.end()
+
+
+def test_a_board_is_switched_on_once(board: Board, reading: Reading) -> None:
+    # It prints some more frames before it looks for a key, as the example may.
+    for _ in range(PATIENCE_FRAMES - 1):
+        board.print_frame()
+    assert board.heed_key(10)
+    for _ in range(2 * PATIENCE_FRAMES):
+        board.print_frame()
+        check_zones(reading.frame(), board.zones, light=True)
+        board.heed_key(0)
+    assert board.keys == b's'
+
+
+def test_a_board_that_did_not_hear_is_asked_again(board: Board, reading: Reading) -> None:
+    board.print_frame()
+    assert board.heed_key(10)
+    board.light = False  # the key was lost
+    for _ in range(PATIENCE_FRAMES):
+        board.print_frame()
+    assert board.heed_key(10)
+    assert board.keys == b'ss'
+    board.print_frame()
+    check_zones(reading.frame(), board.zones, light=True)
+
+
+def notices(reader: StExampleReader, count: int) -> list[str]:
+    """Let frames come; return the notices."""
+    found = []
+    for _ in range(count):
+        assert reader.feed(text_of(make_zones(), light=True))
+        if notice := reader.notice():
+            found.append(notice)
+        assert reader.notice() == ''
+    return found
+
+
+def test_a_slow_period_is_noticed_once_and_when_it_changes_much() -> None:
+    now_ns = 0
+    step_ns = 232_000_000
+
+    def clock() -> int:
+        nonlocal now_ns
+        now_ns += step_ns
+        return now_ns
+
+    reader = StExampleReader(clock)
+    assert notices(reader, PERIODS) == []
+    assert notices(reader, 1) == [slow_text(0.232)]
+    assert notices(reader, 50) == []
+    step_ns = 260_000_000
+    assert notices(reader, 50) == []
+    step_ns = 400_000_000
+    assert notices(reader, 50) == [slow_text(0.4)]
+    reader.restart()
+    assert notices(reader, PERIODS) == []
+    assert notices(reader, 1) == [slow_text(0.4)]
+    text = slow_text(0.2316)
+    assert 'a frame every 232 ms' in text
+    assert 'the 21 ms of the RetroLiDAR paper are out of reach' in text
+    assert re.findall(r'bit_period to ([\d.]+\d)', text) == ['0.463']
+
+
+def test_pauses_do_not_change_the_period_and_a_clock_that_stands_or_goes_back_has_none() -> None:
+    period = FramePeriod()
+    steps_us = [200_000] * PERIODS
+    steps_us[2] = steps_us[7] = 3_000_000
+    found = [period.take(int(time)) for time in np.cumsum([0, *steps_us])]
+    assert found == [None] * PERIODS + [pytest.approx(0.2)]
+    for step in (0, -1):
+        period = FramePeriod()
+        assert [period.take(5 + step * index) for index in range(3 * PERIODS)] == [
+            None
+        ] * 3 * PERIODS
+
+
+def test_stamps_are_the_arrival() -> None:
+    rng = random.Random(3)
+    arrival_ns = NOW_NS
+    clock_map = ClockMap()
+    reader = StExampleReader(lambda: arrival_ns + 700_000)  # read 0.7 ms after it arrived
+    for _ in range(500):
+        arrival_ns += rng.randrange(200_000_000, 400_000_000)
+        (frame,) = reader.feed(text_of(make_zones(), light=True))
+        stamp_ns = clock_map.map(frame.sensor_time_us, arrival_ns)
+        assert abs(stamp_ns - arrival_ns) < 2_000
+    assert clock_map.restarts == 0

@@ -1,0 +1,211 @@
+# Copyright 2026 retrolidar_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""The reader finds every whole packet in any stream of bytes, and counts all others."""
+
+from __future__ import annotations
+
+import itertools
+import pickle
+import random
+import tracemalloc
+from collections.abc import Iterable
+
+import pytest
+from harness_wire import ZONES, content_of, law, make_packets, read, reader_in_step, sequences
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from retrolidar_ros.sensor.wire import (
+    DELIMITER,
+    MAX_PACKET_BYTES,
+    FrameReader,
+    WireCounts,
+    encode_packet,
+)
+
+
+def counted(counts: WireCounts) -> int:
+    return counts.frames + counts.unknown_kind + counts.damaged
+
+
+def ended_packets(stream: bytes) -> list[bytes]:
+    """Return what stands before each delimiter, where that is not nothing."""
+    return [packet for packet in stream.split(DELIMITER)[:-1] if packet]
+
+
+def damage(stream: bytes, rng: random.Random) -> bytes:
+    """Flip, drop, insert, repeat and blank bytes here and there."""
+    damaged = bytearray(stream)
+    for _ in range(len(stream) // 400):
+        at, length = rng.randrange(len(damaged)), rng.randrange(1, 30)
+        match rng.randrange(6):
+            case 0 | 1:
+                damaged[at] ^= 1 << rng.randrange(8)
+            case 2:
+                del damaged[at : at + length]
+            case 3:
+                damaged[at:at] = rng.randbytes(length)
+            case 4:
+                damaged[at:at] = damaged[at : at + 8 * length]
+            case _:
+                damaged[at : at + length] = bytes(length)
+    return bytes(damaged)
+
+
+def in_pieces(stream: bytes, rng: random.Random, longest: int) -> Iterable[bytes]:
+    """Cut a stream at random, at times into nothing."""
+    position = 0
+    while position < len(stream):
+        length = rng.randrange(longest + 1)
+        yield stream[position : position + length]
+        position += length
+
+
+NUMBERS = {
+    packet[:-1]: sequence
+    for side in (4, 8)
+    for sequence, packet in enumerate(make_packets(600 if side == 4 else 100, side))
+}
+
+
+def whole(stream: bytes) -> list[int]:
+    """Return the sequences of the packets of `NUMBERS` that stand whole in a stream."""
+    return [NUMBERS[packet] for packet in ended_packets(stream) if packet in NUMBERS]
+
+
+def garbage() -> st.SearchStrategy[bytes]:
+    good = st.sampled_from([*make_packets(3), *make_packets(2, side=8)])
+    cut = st.tuples(good, st.integers(1, 190)).map(lambda pair: pair[0][: pair[1]])
+    other = st.binary(max_size=20).map(encode_packet)
+    overlong = st.integers(MAX_PACKET_BYTES - 2, MAX_PACKET_BYTES + 2).map(lambda n: n * b'\1')
+    piece = good | cut | other | st.binary(max_size=30) | st.just(DELIMITER) | overlong
+    return st.lists(piece, max_size=10).map(b''.join)
+
+
+@settings(law, max_examples=120)
+@given(stream=garbage(), data=st.data())
+def test_what_is_whole_is_read_and_all_is_counted(stream: bytes, data: st.DataObject) -> None:
+    cuts = data.draw(st.lists(st.integers(0, len(stream)), max_size=20).map(sorted))
+    reader = reader_in_step()
+    found: list[int] = []
+    for start, end in itertools.pairwise([0, *cuts, len(stream)]):
+        found += sequences(reader.feed(stream[start:end]))
+        assert found == whole(stream[:end])
+    pending = stream.rpartition(DELIMITER)[2]
+    overlong = len(pending) > MAX_PACKET_BYTES  # is known before its end
+    assert counted(reader.counts) == len(ended_packets(stream)) + overlong
+    assert reader.counts.frames == len(found)
+    assert reader.counts == read(stream)[1]
+
+
+def test_a_stream_joined_anywhere_costs_that_packet_only_and_is_no_damage() -> None:
+    first, second, third = make_packets(3)
+    reader = FrameReader()
+    for start in range(1, len(first) - 1):
+        assert sequences(reader.feed(first[start:] + second + third)) == [1, 2], start
+        assert reader.counts.damaged == 0
+        reader.restart()
+    assert sequences(reader.feed(first + second[1:])) == [0]  # the first was whole
+    assert reader.counts.damaged == 1
+    assert sequences(reader.feed(second[:50])) == []
+    reader.restart()
+    assert reader.counts.damaged == 2  # it was begun, and cut off
+
+
+# Rows, columns, and how many zones there are.
+SHAPES = [(4, 4, 0), (0, 0, 0), (4, 4, 15), (8, 8, 16), (4, 4, 64), (1, 16, 16), (2, 8, 16)]
+SHAPES += [(16, 1, 16), (4, 8, 32), (16, 16, 256), (255, 255, 16)]
+
+
+@pytest.mark.parametrize(
+    ('field', 'content'),
+    [
+        ('bad_crc', b''),
+        *(('unknown_kind', kind) for kind in (b'\0', b'\2', content_of(4, 4, ZONES, kind=255))),
+        *(('bad_shape', part) for part in (b'\1', content_of(4, 4, [])[:-1])),
+        *(
+            ('bad_shape', content_of(rows, columns, (ZONES * 16)[:zones]))
+            for rows, columns, zones in SHAPES
+        ),
+        ('bad_shape', content_of(255, 255, ZONES * 20)),
+        ('bad_shape', content_of(4, 4, ZONES)[:-1]),
+        ('bad_shape', content_of(4, 4, ZONES) + b'\0'),
+    ],
+)
+def test_whole_packets_that_are_no_frames(field: str, content: bytes) -> None:
+    reader = reader_in_step()
+    assert reader.feed(encode_packet(content)) == []
+    assert reader.counts == WireCounts(**{field: 1})
+    assert reader.counts.damaged == (field != 'unknown_kind')
+    assert sequences(reader.feed(make_packets(1)[0])) == [0]
+
+
+@pytest.mark.parametrize(
+    ('field', 'packet'),
+    [
+        *(('bad_crc', packet) for packet in (b'\1', b'\2a', b'\3ab', b'\1' * MAX_PACKET_BYTES)),
+        *(('bad_framing', packet) for packet in (b'\4ab', b'\xff')),
+        ('overlong', b'\1' * (MAX_PACKET_BYTES + 1)),
+    ],
+)
+def test_packets_that_are_not_whole(field: str, packet: bytes) -> None:
+    counts = WireCounts(**{field: 1})
+    assert read(packet + DELIMITER) == ([], counts)
+    assert counts.damaged == 1
+
+
+def test_the_longest_packet_is_read_and_kept_once_and_one_byte_more_is_not() -> None:
+    # COBS adds a byte and one for every 254, and the checksum has two.
+    longest = b'\2' + b'x' * (MAX_PACKET_BYTES - 1 - MAX_PACKET_BYTES // 255 - 3)
+    assert len(encode_packet(longest)) == MAX_PACKET_BYTES + len(DELIMITER)
+    assert read(encode_packet(longest)) == ([], WireCounts(unknown_kind=1))
+    assert read(encode_packet(longest + b'x')) == ([], WireCounts(overlong=1))
+    reader = FrameReader()
+    for length in range(1, MAX_PACKET_BYTES + 1):
+        reader.feed(b'x')
+        assert length < len(pickle.dumps(reader)) < length + 1000
+    reader.feed(b'x')
+    assert len(pickle.dumps(reader)) < 1000
+
+
+def test_endless_data_without_a_delimiter_is_not_kept() -> None:
+    reader = FrameReader()
+    block = random.Random(1).randbytes(1000).replace(DELIMITER, b'x')
+    tracemalloc.start()
+    try:
+        for count in range(2000):
+            assert reader.feed(block) == []
+            if count % 100 == 0:
+                assert len(pickle.dumps(reader)) < MAX_PACKET_BYTES + 1000
+        used, _ = tracemalloc.get_traced_memory()
+    finally:
+        tracemalloc.stop()
+    assert used < 20 * MAX_PACKET_BYTES
+    assert reader.counts == WireCounts(overlong=1)
+    first, second = make_packets(2)
+    assert sequences(reader.feed(first + second)) == [1]
+    assert reader.counts == WireCounts(overlong=1, frames=1)
+
+
+def test_random_bytes_are_no_frames() -> None:
+    rng = random.Random(2)
+    reader = reader_in_step()
+    noise = rng.randbytes(1_000_000)
+    assert [frame for piece in in_pieces(noise, rng, 4096) for frame in reader.feed(piece)] == []
+    assert counted(reader.counts) == len(ended_packets(noise))
+    assert reader.counts.bad_framing > 0
+    assert reader.counts.bad_crc > 0
+    assert sequences(reader.feed(DELIMITER + make_packets(1)[0])) == [0]
+
+
+@pytest.mark.parametrize('seed', range(3))
+def test_what_is_whole_in_a_damaged_stream_is_read(seed: int) -> None:
+    rng = random.Random(seed)
+    packets = [packet + DELIMITER for packet in NUMBERS]
+    rng.shuffle(packets)
+    stream = damage(b''.join(packets), rng)
+    reader = reader_in_step()
+    frames = [frame for piece in in_pieces(stream, rng, 700) for frame in reader.feed(piece)]
+    assert sequences(frames) == whole(stream)
+    assert 200 < len(frames) == reader.counts.frames < 650
+    assert counted(reader.counts) == len(ended_packets(stream))
