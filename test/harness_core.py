@@ -15,11 +15,14 @@ from oracle import Sending, Zone
 
 from retrolidar_ros.core import lib
 from retrolidar_ros.detector.noise import NoiseLaw
-from retrolidar_ros.sensor.frame import Floats, Recording
+from retrolidar_ros.sensor.frame import Floats, Recording, ZoneGrid
 
 ROOT = Path(__file__).resolve().parent.parent
 SOURCES = ROOT / 'core' / 'src'
 PROGRAMS = ROOT / 'test' / 'core'
+LAW = NoiseLaw()
+GRID = ZoneGrid()
+PERIOD_S = 0.021
 LEAST_NOISE = 0.5
 """Share of the noise law's variance that a fit may not fall short of."""
 
@@ -79,7 +82,7 @@ class Statistics:
         """Take the process."""
         self._core = core
         self.read = int(lib.RL_REASONS)
-        """What the core tells in place of a reason where there is none to refuse."""
+        """What the core answers in place of a reason where there is none to refuse."""
 
     def ask(self, *words: object) -> list[float]:
         """Return the numbers that answer one question."""
@@ -138,7 +141,7 @@ class Statistics:
 
 
 def _window(answer: list[float]) -> tuple[float, slice]:
-    """Return what the core tells of a window."""
+    """Return log likelihood and rows of a window."""
     null, first, rows = answer
     return null, slice(int(first), int(first + rows))
 

@@ -1,44 +1,23 @@
 # Copyright 2026 retrolidar_ros contributors
 # SPDX-License-Identifier: Apache-2.0
+"""The noise and the time of simulated frames; seeds and blocks."""
+
 import math
 from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
-from numpy.typing import NDArray
+from harness_scene import BITS, GRID, MARKER, NOISE, RANGING, ZONE, simulate, wall
 
-from retrolidar_ros.marker.code import packet
 from retrolidar_ros.scene import Scene, Simulation
 from retrolidar_ros.scene.description import (
-    Marker,
-    Noise,
     Occlusion,
-    Ranging,
-    Response,
     Sensor,
     Surface,
     Wander,
 )
-from retrolidar_ros.scene.optics import position_at
-from retrolidar_ros.sensor.frame import Floats, Recording, Status, ZoneGrid
+from retrolidar_ros.sensor.frame import Recording, Status, ZoneGrid
 
-GRID = ZoneGrid(4, 4)
-ZONE = 10
-CENTRE = GRID.directions[ZONE]
-NOISE = Noise(floor=4.6, slope=0.22)
-RANGING = Ranging(shot=0.49, floor=0.0016)
-MARKER = Marker(
-    id=2061,
-    position_m=(float(CENTRE[0]), float(CENTRE[1]), float(CENTRE[2])),
-    name='m',
-    response=Response(dark_s=0.5e-3, bright_s=3.5e-3),
-)
-# A bit and a frame of equal middles: each frame sees one half of a bit.
-BITS = packet(2061)
-# Bright for ever: its only packet begins after all that the tests look at.
-BRIGHT = replace(MARKER, start_s=1e6)
 EVERYTHING = Scene(
     seed=3,
     sensor=Sensor(
@@ -61,20 +40,6 @@ EVERYTHING = Scene(
 )
 
 
-def simulate(scene: Scene, frames: int) -> Recording:
-    return Simulation(scene).advance(frames)
-
-
-def wall(distance_m: float, signal: float, sensor: Sensor | None = None) -> Scene:
-    return Scene(sensor=sensor or Sensor(), surfaces=(Surface(distance_m, signal),))
-
-
-def at(position_m: Floats) -> Marker:
-    """Return the bright marker at a position, shape (3,) [m]."""
-    x, y, z = position_m.tolist()
-    return replace(BRIGHT, position_m=(x, y, z))
-
-
 def assert_same(one: Recording, other: Recording) -> None:
     assert one.grid == other.grid
     names = ('stamp_ns', 'sequence', 'sensor_time_us', 'distance', 'signal', 'ambient', 'status')
@@ -93,19 +58,6 @@ class NoRandomness:
         raise AssertionError(f'{name} was called')
 
 
-# What a scene does not name
-
-
-@pytest.mark.parametrize('sensor', [Sensor(), Sensor(noise=NOISE, ranging=RANGING)])
-def test_nothing_to_see_is_no_target(sensor: Sensor) -> None:
-    recording = simulate(Scene(sensor=sensor), 50)
-    assert recording.distance.shape == (50, 16)
-    assert (recording.status == Status.NO_TARGET).all()
-    assert np.isnan(recording.distance).all()
-    assert not recording.signal.any()
-    assert not recording.ambient.any()
-
-
 def test_an_ideal_sensor_uses_no_randomness() -> None:
     scene = Scene(markers=(MARKER,), surfaces=(Surface(2, 4),), ambient=4)
     simulation = Simulation(scene, rng=NoRandomness())  # type: ignore[arg-type]
@@ -121,98 +73,6 @@ def test_a_wall_is_reported_exactly() -> None:
     assert recording.sequence.tolist() == list(range(20))
     assert recording.sensor_time_us == pytest.approx(21_000 * (np.arange(20) + 0.5), abs=0.5)
     assert (recording.stamp_ns == recording.sensor_time_us * 1000).all()
-
-
-def test_a_surface_is_seen_in_its_zones_only() -> None:
-    recording = simulate(Scene(surfaces=(Surface(1, 5, zones=(2, 7)),)), 3)
-    assert np.flatnonzero(recording.signal[0]).tolist() == [2, 7]
-    # Nothing is known of what was before the first frame, so it is no first range.
-    assert (recording.status[:, [2, 7]] == Status.VALID).all()
-    assert not simulate(Scene(surfaces=(Surface(1, 5, zones=()),)), 3).signal.any()
-
-
-# The marker
-
-
-@pytest.mark.parametrize('range_m', [1.0, 2.0, 2.6])
-def test_a_bright_marker_has_the_signal_of_the_link_budget(range_m: float) -> None:
-    recording = simulate(Scene(markers=(at(range_m * CENTRE),)), 5)
-    assert recording.signal[:, ZONE] == pytest.approx(360 * range_m**-3.8, rel=1e-4)
-    assert np.flatnonzero(recording.signal[0]).tolist() == [ZONE]
-    assert recording.distance[:, ZONE] == pytest.approx(range_m * GRID.z_per_range[ZONE])
-
-
-@pytest.mark.parametrize('zone', range(16))
-def test_distance_is_along_the_axis_by_the_factor_of_the_zone(zone: int) -> None:
-    position = 1.5 * GRID.directions[zone] + [0.02, -0.01, 0]
-    recording = simulate(Scene(markers=(at(position),)), 2)
-    # UM3109 has one factor for the corners, one for the edges and one for the middle.
-    row, column = divmod(zone, 4)
-    factor = [0.9851, 0.9438, 0.9072][(row in (0, 3)) + (column in (0, 3))]
-    expected = float(np.linalg.norm(position)) * factor
-    assert recording.distance[0, zone] == pytest.approx(expected, rel=2e-3)
-
-
-def test_two_frames_a_bit_read_the_packet_but_the_crystal_needs_time() -> None:
-    recording = simulate(Scene(markers=(replace(MARKER, response=None),)), 2 * 62)
-    expected = 1 - np.repeat(np.tile(BITS, 2), 2)
-    assert recording.signal[:, ZONE] == pytest.approx(360.0 * expected, rel=1e-4)
-    recording = simulate(Scene(markers=(MARKER,)), 2 * 31)
-    signal = recording.signal[:, ZONE].reshape(31, 2) / 360
-    edges = np.diff([0, *BITS])
-    tau_share = 1e-3 / math.log(9) / 0.021
-    assert signal[edges == 1, 0] == pytest.approx(0.5 * tau_share, rel=1e-3)
-    assert signal[edges == -1, 0] == pytest.approx(1 - 3.5 * tau_share, rel=1e-3)
-    assert signal[:, 1] == pytest.approx(1 - BITS, abs=1e-4)
-
-
-def test_a_dark_marker_without_a_wall_is_no_target_whatever_the_rounding() -> None:
-    # Differences of long integrals of time are zero up to their last bits only.
-    identity = next(i for i in range(1, 4095) if packet(i)[-1] == 1)
-    scene = Scene(
-        sensor=Sensor(ranging=RANGING), markers=(replace(MARKER, id=identity, response=None),)
-    )
-    recording = simulate(scene, 14_000)
-    seen = recording.status[:, ZONE] != Status.NO_TARGET
-    assert recording.signal[seen, ZONE].min() > 0.01
-    assert 0.2 < seen.mean() < 0.8
-
-
-def test_clock_error_stretches_the_bits() -> None:
-    def dark_frames(clock_error: float) -> int:
-        marker = replace(MARKER, response=None, clock_error=clock_error, packets=100)
-        # A marker is bright for ever after its last packet.
-        recording = simulate(Scene(markers=(marker,)), 7000)
-        return int(np.flatnonzero(recording.signal[:, ZONE] < 1).max())
-
-    assert dark_frames(0.02) == pytest.approx(1.02 * dark_frames(0), abs=2)
-
-
-def test_wander_moves_signal_and_distance_and_across_changes_zones() -> None:
-    along = Wander(across_m=0.0, along_m=0.2, period_s=2)
-    recording = simulate(Scene(markers=(replace(BRIGHT, wander=along),)), 1000)
-    range_m = recording.distance[:, ZONE].astype(np.float64) / GRID.z_per_range[ZONE]
-    assert [range_m.min(), range_m.max()] == pytest.approx([0.8, 1.2], abs=0.01)
-    # While it moves along the axis it leaves the middle of the zone, but not the zone.
-    assert recording.signal[:, ZONE] == pytest.approx(360 * range_m**-3.8, rel=1e-4)
-    across = Wander(across_m=0.3, along_m=0, period_s=4)
-    marker = replace(BRIGHT, position_m=(0, 0, 1), wander=across)
-    recording = simulate(Scene(markers=(marker,)), 3000)
-    assert (recording.signal.max(axis=0) > 100).sum() > 6
-    position_m = position_at(marker, recording.sensor_time_us * 1e-6)
-    expected = 360 * np.linalg.norm(position_m, axis=-1) ** -3.8
-    assert recording.signal.sum(axis=1) == pytest.approx(expected, rel=1e-4)
-
-
-def test_occlusion_takes_its_share_of_light() -> None:
-    scene = Scene(markers=(replace(BRIGHT, occlusion=Occlusion(every_s=0.5, lasting_s=0.05)),))
-    signal = simulate(scene, 5000).signal[:, ZONE]
-    assert signal.mean() == pytest.approx(360 * 0.9, rel=2e-3)
-    assert np.isclose(signal, 360, rtol=1e-4).mean() == pytest.approx(1 - 0.071 / 0.5, abs=0.01)
-    assert np.mean(signal == 0) == pytest.approx(0.029 / 0.5, abs=0.01)
-
-
-# Noise
 
 
 @pytest.mark.parametrize('signal', [30, 100, 700])
@@ -256,126 +116,6 @@ def test_noise_is_independent_of_ranging_never_negative_and_before_the_threshold
     assert absent.mean() == pytest.approx(0.5, abs=4 * 0.5 / math.sqrt(absent.size))
     assert recording.signal[~absent].min() >= 20
     assert (np.isnan(recording.distance) == absent).all()
-
-
-# Which target is reported
-
-
-def bright_and_dark(scene: Scene) -> tuple[Recording, NDArray[np.bool_], NDArray[np.bool_]]:
-    """Simulate three packets; return frames wholly within bright and within dark bits, too."""
-    recording = simulate(scene, 2 * 93)
-    second_halves = np.arange(186) % 2 == 1
-    dark = np.repeat(np.tile(BITS, 3), 2) == 1
-    return recording, second_halves & ~dark, second_halves & dark
-
-
-def test_distance_flips_to_a_wall_far_behind_a_dark_marker() -> None:
-    recording, bright, dark = bright_and_dark(Scene(markers=(MARKER,), surfaces=(Surface(2, 4),)))
-    signal, distance = recording.signal[:, ZONE], recording.distance[:, ZONE]
-    assert signal[bright] == pytest.approx(360, rel=1e-3)
-    assert distance[bright] == pytest.approx(GRID.z_per_range[ZONE])
-    assert signal[dark] == pytest.approx(4)
-    assert (distance[dark] == 2).all()
-    # Told apart, no pulse is ever a merged one.
-    assert (recording.status == Status.VALID).all()
-
-
-def test_a_wall_near_behind_the_marker_merges_with_it() -> None:
-    scene = Scene(markers=(MARKER,), surfaces=(Surface(1.3, 90),))
-    recording, bright, dark = bright_and_dark(scene)
-    signal, distance = recording.signal[:, ZONE], recording.distance[:, ZONE]
-    assert signal[bright] == pytest.approx(450, rel=1e-3)
-    assert distance[bright] == pytest.approx(
-        (360 * GRID.z_per_range[ZONE] + 90 * 1.3) / 450, rel=1e-4
-    )
-    assert (recording.status[bright, ZONE] == Status.MERGED).all()
-    assert signal[dark] == pytest.approx(90, abs=0.05)
-    assert distance[dark] == pytest.approx(1.3, abs=1e-3)
-    assert (recording.status[dark, ZONE] == Status.VALID).all()
-    # The other zones see the wall only.
-    elsewhere = np.delete(recording.status, ZONE, axis=1)
-    assert (elsewhere == Status.VALID).all()
-
-
-MERGED, VALID = Status.MERGED, Status.VALID
-
-
-@pytest.mark.parametrize(
-    ('targets', 'signal', 'distance_m', 'status'),
-    [
-        # They are told apart from 600 mm on.
-        ([(1, 50), (1.599, 40)], 90, 1 + 0.599 * 4 / 9, MERGED),
-        ([(1, 50), (1.601, 40)], 50, 1, VALID),
-        # A pulse is pure if one target makes 95 % of it.
-        ([(1, 100), (1.1, 5)], 105, 1.1 - 10 / 105, VALID),
-        ([(1, 100), (1.1, 5.5)], 105.5, 1.1 - 10 / 105.5, MERGED),
-        # The strongest pulse counts, not the strongest target.
-        ([(1, 50), (3, 40), (3.2, 40)], 80, 3.1, MERGED),
-        # Something weak between two targets does not join them.
-        ([(1, 50), (1.45, 0), (1.9, 40)], 50, 1, VALID),
-        ([(1, 50), (1.45, 0.01), (1.9, 40)], 50.01, 1.0001, VALID),
-        ([(1, 50), (1.45, 9), (1.9, 40)], 59, 1 + 9 * 0.45 / 59, MERGED),
-    ],
-)
-def test_targets_make_one_pulse_or_several(
-    targets: list[tuple[float, float]], signal: float, distance_m: float, status: Status
-) -> None:
-    recording = simulate(Scene(surfaces=tuple(Surface(*target) for target in targets)), 2)
-    assert recording.signal == pytest.approx(signal)
-    assert recording.distance == pytest.approx(distance_m, abs=1e-4)
-    assert (recording.status == status).all()
-
-
-@settings(max_examples=60, deadline=None, derandomize=True)
-@given(
-    st.lists(st.tuples(st.floats(0.1, 4), st.sampled_from([0.0, 1.0, 5.0, 7.0, 50.0])), max_size=5)
-)
-def test_the_pulse_holds_or_outshines_the_strongest_target(
-    targets: list[tuple[float, float]],
-) -> None:
-    recording = simulate(Scene(surfaces=tuple(Surface(*target) for target in targets)), 1)
-    reported = float(recording.signal[0, 0])
-    strongest = max((signal for _, signal in targets), default=0.0)
-    assert strongest * (1 - 1e-6) <= reported <= sum(signal for _, signal in targets) + 1e-6
-    if strongest == 0:
-        assert recording.status[0, 0] == Status.NO_TARGET
-        return
-    distance = float(recording.distance[0, 0])
-    shining = [z for z, signal in targets if signal]
-    assert min(shining) - 1e-6 <= distance <= max(shining) + 1e-6
-    # The order in which a scene names its surfaces does not matter.
-    again = simulate(Scene(surfaces=tuple(Surface(*target) for target in targets[::-1])), 1)
-    assert again.signal[0, 0] == pytest.approx(reported)
-
-
-# Status codes
-
-
-@pytest.mark.parametrize(
-    ('threshold', 'wall', 'usual'),
-    [(5, Surface(2, 4), Status.VALID), (100, Surface(1.3, 90), Status.MERGED)],
-)
-def test_below_the_threshold_there_is_no_target_and_after_it_no_previous_one(
-    threshold: float, wall: Surface, usual: Status
-) -> None:
-    sensor = Sensor(target_threshold=threshold)
-    scene = Scene(sensor=sensor, markers=(MARKER,), surfaces=(wall,))
-    recording, bright, dark = bright_and_dark(scene)
-    status = recording.status[:, ZONE]
-    absent = status == Status.NO_TARGET
-    assert absent[dark].all()
-    assert not absent[bright].any()
-    assert (recording.signal[absent, ZONE] == 0).all()
-    assert np.isnan(recording.distance[absent, ZONE]).all()
-    first = ~absent[1:] & absent[:-1]
-    assert first.any()
-    assert (status[1:][first] == Status.NO_PREVIOUS_TARGET).all()
-    assert (status[1:][~absent[1:] & ~first] == usual).all()
-    # Where the wall alone is seen, it is too weak all the time.
-    assert (recording.status[:, 0] == Status.NO_TARGET).all()
-
-
-# Time
 
 
 @pytest.mark.parametrize('error', [-0.0036, 0.0, 0.05])
@@ -443,9 +183,6 @@ def test_abnormal_samples_have_their_share_and_mean_nothing() -> None:
     assert (recording.distance[~abnormal] == 1).all()
     assert recording.signal[abnormal].max() < 101
     assert 0 <= recording.distance[abnormal].min() < recording.distance[abnormal].max() < 4.01
-
-
-# Seeds and blocks
 
 
 def test_a_seed_gives_the_same_frames_again_and_another_gives_others() -> None:

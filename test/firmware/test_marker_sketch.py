@@ -1,11 +1,10 @@
 # Copyright 2026 retrolidar_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""The sketches themselves, run on this machine against stand-ins for an Arduino's libraries."""
+"""The marker's sketch, run on this machine against stand-ins for an Arduino's libraries."""
 
 from __future__ import annotations
 
 import re
-import shutil
 from collections.abc import Sequence
 from pathlib import Path
 from typing import NamedTuple
@@ -13,170 +12,21 @@ from typing import NamedTuple
 import numpy as np
 import pytest
 from harness_firmware import (
-    ROOT,
     IntArray,
-    RawFrame,
-    assert_same_zones,
     compile_firmware,
-    make,
-    read_line,
     run_host,
 )
 
 from retrolidar_ros.marker.battery import CELL_MAH, PROTOTYPE, active_share, drawn, life_h
 from retrolidar_ros.marker.code import BIT_PERIOD_S, packet
 from retrolidar_ros.marker.wakeup import LOOK_EVERY_S, LOOK_S, WAKING_S
-from retrolidar_ros.sensor.frame import Frame, Status
-from retrolidar_ros.sensor.wire import FrameReader
-
-FRAME_US = 20_833
 
 
 @pytest.fixture(scope='module')
 def programs(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Compile both sketches, which is what checks their types."""
+    """Compile the sketches, which checks their types."""
     return compile_firmware(tmp_path_factory)
 
-
-# --- Reader
-
-
-def raw_frames(count: int, zones: int = 16, seed: int = 1) -> list[RawFrame]:
-    rng = np.random.default_rng(seed)
-    return [
-        RawFrame(
-            0,
-            0,
-            rng.integers(0, 16_000, zones),
-            rng.integers(0, 2**24, zones),
-            rng.integers(0, 2**16, zones),
-            rng.choice([5, 6, 9, 10, 8], zones),
-        )
-        for _ in range(count)
-    ]
-
-
-def told_by_driver(
-    frames: Sequence[RawFrame], status: Sequence[int], targets: IntArray | None = None
-) -> str:
-    """Return what the reader's program reads as the results of ST's driver."""
-    lines = []
-    for frame, failure in zip(frames, status, strict=True):
-        counts = np.ones(frame.zones, dtype=int) if targets is None else targets
-        zones = np.stack(
-            [counts, frame.distance, frame.signal, frame.ambient, frame.status], axis=1
-        )
-        lines.append(' '.join(map(str, [failure, *zones.ravel()])))
-    return '\n'.join(lines)
-
-
-def read_by(
-    program: Path,
-    frames: Sequence[RawFrame],
-    *,
-    status: Sequence[int] | None = None,
-    targets: IntArray | None = None,
-    start_us: int = 0,
-    baud: int | None = None,
-    period_us: int = FRAME_US,
-) -> tuple[list[Frame], FrameReader]:
-    """Return the frames that come out of the line when a reader sees these."""
-    told = told_by_driver(frames, status or [0] * len(frames), targets)
-    slow = [] if baud is None else [baud]
-    return read_line(run_host(program, start_us, period_us, *slow, given=told))
-
-
-def test_every_frame_of_the_sensor_comes_out_of_the_line(programs: Path) -> None:
-    sent = raw_frames(500)
-    frames, reader = read_by(programs / 'reader_host', sent)
-    assert reader.counts.damaged == 0
-    assert [frame.sequence for frame in frames] == list(range(1, 501))
-    for frame, raw in zip(frames, sent, strict=True):
-        assert_same_zones(frame, raw)
-
-
-def test_stamps_are_of_the_middle_of_the_exposure_and_never_go_back(programs: Path) -> None:
-    start_us = 2**32 - 500_000  # the counter of the timer wraps after half a second
-    frames, _ = read_by(programs / 'reader_host', raw_frames(50), start_us=start_us)
-    times = np.array([frame.sensor_time_us for frame in frames])
-    # The timer counts to 2^32 - 2 and not to 2^32 - 1, so it gains a microsecond when it wraps.
-    assert set(np.diff(times)) == {FRAME_US, FRAME_US + 1}
-    interrupts = times[0] + FRAME_US // 2
-    # Between the start and the first frame, the sketch waited for the sensor's power only.
-    assert 0 < interrupts - start_us - FRAME_US < 20_000
-
-
-def test_zones_without_a_target_are_told_as_such(programs: Path) -> None:
-    (raw,) = raw_frames(1)
-    targets = np.arange(16) % 2
-    (frame,), _ = read_by(programs / 'reader_host', [raw], targets=targets)
-    read = RawFrame.of(frame)
-    np.testing.assert_array_equal(read.status == Status.NO_TARGET, targets == 0)
-    np.testing.assert_array_equal(read.signal, raw.signal * targets)
-
-
-@pytest.mark.parametrize(
-    ('status', 'numbers'),
-    [
-        ([0, 0, 2, 0, 0, 255, 2, 0, 0, 0], [1, 2, 4, 5, 8, 9, 10]),
-        # What was read third is the frame that was made while the second one was read.
-        ([0, 256, 0, 0, 256, 0, 0, 0, 0, 0], [1, 3, 4, 6, 7, 8, 9, 10]),
-    ],
-)
-def test_a_frame_that_was_not_read_is_a_gap(
-    programs: Path, status: list[int], numbers: list[int]
-) -> None:
-    sent = raw_frames(10)
-    frames, reader = read_by(programs / 'reader_host', sent, status=status)
-    assert reader.counts.damaged == 0
-    assert [frame.sequence for frame in frames] == numbers
-    for frame in frames:
-        assert_same_zones(frame, sent[frame.sequence - 1])
-
-
-@pytest.mark.parametrize('baud', [9_600, 57_600])
-def test_a_slow_line_loses_whole_frames_and_nothing_else(programs: Path, baud: int) -> None:
-    sent = raw_frames(200)
-    frames, reader = read_by(programs / 'reader_host', sent, baud=baud)
-    assert reader.counts.damaged == 0
-    for frame in frames:
-        assert_same_zones(frame, sent[frame.sequence - 1])
-    bytes_sent = 200 * FRAME_US * 1e-6 * baud / 10
-    assert len(frames) * 195 > bytes_sent  # what the line can carry is carried
-    assert len(frames) < 200
-
-
-def test_a_sensor_that_does_not_answer_is_complained_of(programs: Path) -> None:
-    line = run_host(programs / 'reader_host', 0, FRAME_US, NO_SENSOR='1')
-    assert re.search(rb'VL53L8CX: start failed; check the jumpers', line)
-    # Before the first delimiter there may be the rest of a packet, which is no damage.
-    frames, reader = read_line(b'\0' + line)
-    assert not frames
-    assert reader.counts.damaged == 1
-
-
-def test_one_constant_makes_it_8x8_at_15_hz(programs: Path, tmp_path: Path) -> None:
-    copy = tmp_path / 'package'
-    for directory in ('core', 'firmware', 'test/firmware'):
-        shutil.copytree(ROOT / directory, copy / directory)
-    sketch = copy / 'firmware' / 'reader' / 'reader.ino'
-    before = sketch.read_text()
-    after = before.replace('constexpr uint8_t ROWS = 4;', 'constexpr uint8_t ROWS = 8;')
-    assert after != before
-    sketch.write_text(after)
-    build = tmp_path / 'build'
-    # As sources keep their times, only the sketch is compiled anew.
-    shutil.copytree(programs, build)
-    make(copy / 'firmware', build, build / 'reader_host')
-    sent = raw_frames(20, zones=64)
-    frames, reader = read_by(build / 'reader_host', sent, period_us=66_667)
-    assert reader.counts.damaged == 0
-    assert len(frames) == 20
-    for frame, raw in zip(frames, sent, strict=True):
-        assert_same_zones(frame, raw)
-
-
-# --- Marker
 
 FIRST_PIN, SECOND_PIN, FRONTEND_PIN = 9, 10, 3
 LISTEN_US = 5_000_000

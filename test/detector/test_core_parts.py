@@ -1,0 +1,158 @@
+# Copyright 2026 retrolidar_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""Gains that change, targets and codebook of the core against plain numpy."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+import pytest
+from harness_core import GRID, LAW, PERIOD_S, Statistics, compile_core
+from harness_firmware import Core
+from harness_frames import recording_of
+from numpy.typing import NDArray
+from oracle import Sending, light
+
+from retrolidar_ros.marker.code import (
+    BIT_PERIOD_S,
+    IDS,
+    PACKET_BITS,
+    PREAMBLE,
+    RESERVED_IDS,
+    packet,
+)
+from retrolidar_ros.sensor.frame import Floats
+
+USABLE = np.setdiff1d(np.arange(IDS), RESERVED_IDS)
+
+
+@pytest.fixture(scope='module')
+def core(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Statistics]:
+    with Core(compile_core('window_host', tmp_path_factory)) as process:
+        yield Statistics(process)
+
+
+KNOTS = 7
+
+
+def tracked(signal: Floats, valid: Floats, sent: Floats, noise: float) -> Floats:
+    """Return what `rl_track_fit` does: explained, all, and the gains of the knots."""
+    at = np.arange(len(signal)) * (KNOTS - 1) / (len(signal) - 1)
+    hats = np.maximum(1 - np.abs(at[:, None] - np.arange(KNOTS)), 0)
+    kept = valid > 0
+    columns = np.diff((hats * sent[:, None])[kept], axis=0)
+    steps = np.diff(signal[kept])
+    normal, right, total = columns.T @ columns, columns.T @ steps, steps @ steps
+    stiff = 0.02 * np.trace(normal) / KNOTS + 1e-9
+    bends = np.diff(np.eye(KNOTS), axis=0)
+    gains = np.linalg.solve(normal + stiff * bends.T @ bends, right)
+    explained, steady = right @ gains, right.sum() ** 2 / normal.sum()
+    changes = total - explained < 0.6 * (total - steady)
+    if not changes:
+        explained, gains = steady, np.full(KNOTS, right.sum() / normal.sum())
+    beyond = 2 * noise * (KNOTS if changes else 1)
+    return np.array([explained - beyond, total - 2 * noise * len(steps), *gains])
+
+
+@pytest.mark.parametrize('sway', [0.0, 0.5, 0.9])
+def test_a_gain_that_changes_is_followed(core: Statistics, sway: float) -> None:
+    rng = np.random.default_rng(40)
+    begin_s = PERIOD_S * np.arange(70)
+    sending = Sending(packet(2073).astype(np.float64), True, -0.3, BIT_PERIOD_S)
+    sent = light(sending, begin_s, begin_s + PERIOD_S)
+    gain = 100 * (1 + sway * np.sin(5 * begin_s))
+    signal = (20 + gain * sent + 3 * rng.standard_normal(70)).astype(np.float32)
+    valid = (rng.random(70) > 0.1).astype(np.float64)
+    fitted = core.ask('track', 9.0, *np.stack([signal, valid, sent], axis=1).ravel())
+    assert fitted == pytest.approx(
+        tracked(signal.astype(np.float64), valid, sent, 9.0), rel=1e-5, abs=1e-3
+    )
+    assert (np.ptp(fitted[2:]) > 0) == (sway > 0)
+
+
+def column_of(core: Statistics, signal: Floats, distance: Floats) -> tuple[Floats, Floats]:
+    """Return signal and validity of zone 0, whose frames these are, as a window sees it."""
+    frames = len(signal)
+    stamp_ns = np.rint(1e9 * PERIOD_S * np.arange(frames)).astype(np.int64)
+    shape = (frames, GRID.zones)
+    signals, distances = np.full(shape, 5.0), np.ones(shape)
+    signals[:, 0], distances[:, 0] = signal, distance
+    core.take(recording_of(stamp_ns, signals, distances), LAW, BIT_PERIOD_S)
+    seen, valid = np.array(core.ask('column', 0)).reshape(-1, 2).T
+    return seen, valid
+
+
+def test_of_two_targets_by_turns_the_dimmer_one_is_the_dark_marker(core: Statistics) -> None:
+    rng = np.random.default_rng(50)
+    dark = rng.random(90) < 0.5
+    signal = np.where(dark, 30.0, 100.0) + rng.uniform(0, 5, 90)
+    distance = np.where(dark, 3.0, 1.0) + rng.uniform(-0.1, 0.1, 90)
+    for turned in (distance, 4.0 - distance):
+        seen, valid = column_of(core, signal, turned)
+        assert valid.all()
+        np.testing.assert_allclose(seen, np.where(dark, 0.0, signal), rtol=1e-6)
+
+
+def test_one_target_is_taken_as_it_is_and_a_hand_is_an_erasure(core: Statistics) -> None:
+    rng = np.random.default_rng(51)
+    signal, distance = rng.uniform(0, 100, 90), rng.uniform(2.0, 2.45, 90)
+    seen, valid = column_of(core, signal, distance)
+    assert valid.all()
+    np.testing.assert_allclose(seen, signal, rtol=1e-6)
+    hand = np.arange(90) // 10 == 4
+    seen, valid = column_of(core, signal, np.where(hand, 0.5, 2.0))
+    np.testing.assert_array_equal(valid, ~hand)
+    np.testing.assert_allclose(seen, np.where(hand, signal[39], signal), rtol=1e-6)
+
+
+def energies(own: float, adjacent: float, smooth: Floats, ids: NDArray[np.int64]) -> Floats:
+    """Return the energy of each packet, of shape (ids,), from its pairs of dark bits."""
+    bits = packet(ids).astype(np.float64)
+    pairs = np.stack(
+        [(bits[:, lag:] * bits[:, : PACKET_BITS - lag]).sum(axis=1) for lag in range(PACKET_BITS)]
+    )
+    energy: Floats = own * pairs[0] + 2 * adjacent * pairs[1] - smooth @ pairs
+    return energy
+
+
+@pytest.mark.parametrize('registered', [4094, 300, 30, 3, 1])
+def test_the_codebook_finds_the_two_best_packets(core: Statistics, registered: int) -> None:
+    rng = np.random.default_rng(registered)
+    ids = np.sort(rng.choice(USABLE, registered, replace=False))
+    assert core.ask('codebook', *ids) == [registered]
+    for case in range(40):
+        own, adjacent = rng.uniform(1.2, 2.0), rng.uniform(0, 0.3)
+        smooth, pair, decay = rng.uniform(0, [0.1, 0.1, 0.9])
+        lags = np.append(smooth, pair * decay ** np.arange(PACKET_BITS - 1))
+        soft = rng.standard_normal(PACKET_BITS)
+        if case % 2:
+            soft += rng.uniform(0, 3) * (2.0 * packet(rng.choice(ids)) - 1)
+        sums = packet(ids) @ soft
+        squared = np.where(sums > 0, sums**2 / energies(own, adjacent, lags, ids), 0)
+        least = rng.choice([0.0, 0.5 * squared.max(), 2 * squared.max()])
+        expected = np.sort(squared[squared > least])[::-1][:2]
+        answer = core.ask('best', least, own, adjacent, smooth, pair, decay, *soft)
+        answered = np.reshape(answer, (2, 2))
+        found = answered[answered[:, 0] >= 0]
+        np.testing.assert_allclose(found[:, 1], expected, rtol=1e-4)
+        at = np.searchsorted(ids, found[:, 0])
+        np.testing.assert_allclose(squared[at], expected, rtol=1e-4)
+
+
+@pytest.mark.parametrize('registered', [4094, 30, 1])
+def test_the_codebook_finds_the_heaviest_of_another_id(core: Statistics, registered: int) -> None:
+    rng = np.random.default_rng(registered)
+    ids = np.sort(rng.choice(USABLE, registered, replace=False))
+    core.ask('codebook', *ids)
+    for _ in range(40):
+        weight = rng.standard_normal(PACKET_BITS)
+        # The preamble is the same in all.
+        heavy = packet(ids)[:, len(PREAMBLE) :] @ weight[len(PREAMBLE) :]
+        excluded = rng.choice([ids[np.argmax(heavy)], 0])
+        heavy[ids == excluded] = -np.inf
+        (found,) = core.ask('heaviest', excluded, *weight)
+        if np.isfinite(heavy).any():
+            assert heavy[ids == found] == pytest.approx(heavy.max(), rel=1e-5)
+        else:
+            assert found == -1
