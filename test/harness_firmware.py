@@ -101,7 +101,7 @@ class Core:
         error: BaseException | None,
         trace: TracebackType | None,
     ) -> None:
-        """End it; a leak is told only then, by its exit code."""
+        """End it; a leak shows only then, by its exit code."""
         assert self._process.stdin is not None
         assert self._process.stdout is not None
         self._process.stdin.close()

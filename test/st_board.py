@@ -104,7 +104,7 @@ class Board:
         self._send(text_of(self.zones, self.light))
 
     def _send(self, data: bytes) -> None:
-        """Send bytes; a line does not wait for who does not read, so they may be lost."""
+        """Send bytes; a line does not wait for its reader, so they may be lost."""
         with suppress(BlockingIOError):
             while data:
                 data = data[os.write(self._master, data) :]

@@ -130,7 +130,7 @@ def test_chunks_of_one_time_cost_no_more_than_others(tmp_path: Path) -> None:
     assert len(read) == len(frames)
 
 
-def test_what_names_hold_does_not_reach_the_terminal(
+def test_control_characters_in_names_are_escaped(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     with FrameWriter(tmp_path / 'bag', topic='/a\x1b[2J\x07' + 'b' * 10**6) as bag:

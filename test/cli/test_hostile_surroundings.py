@@ -1,6 +1,6 @@
 # Copyright 2026 retrolidar_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""The command where locale, libraries, arguments or whoever started it are against it."""
+"""The command with a poor locale, a missing library, odd arguments, or a parent that is killed."""
 
 import os
 import signal
@@ -48,13 +48,13 @@ def test_a_locale_that_lacks_characters_costs_those_only() -> None:
 
 
 @pytest.mark.parametrize('duration', ['inf', 'nan', '1e300'])
-def test_a_duration_ends(duration: str, tmp_path: Path) -> None:
+def test_durations_without_an_end_are_refused(duration: str, tmp_path: Path) -> None:
     result = run('emulate', 'coffee', '--port-link', str(tmp_path / 'p'), '--duration', duration)
     assert result.returncode == 2
     assert b'is no positive number of seconds up to 1000000000' in result.stderr
 
 
-def test_the_library_that_is_missing_goes_by_its_name_in_the_registry() -> None:
+def test_a_missing_library_is_named_as_pip_knows_it() -> None:
     result = subprocess.run(
         [sys.executable, '-c', ABSENT], capture_output=True, text=True, timeout=60, check=False
     )
@@ -92,7 +92,7 @@ def test_what_was_started_ends_with_a_parent_that_is_killed(tmp_path: Path) -> N
             time.sleep(0.01)
 
 
-def test_a_text_is_made_fit_for_a_terminal() -> None:
+def test_control_characters_are_escaped_for_a_terminal() -> None:
     assert printable('a\x1b[31m\r\x9b\nb é') == 'a\\x1b[31m\\r\\x9b\nb é'
     long = printable('x' * 10**6)
     assert len(long) < 1100

@@ -14,7 +14,7 @@ import pytest
 from retrolidar_ros.cli import processes
 from retrolidar_ros.cli.processes import ProcessError, ProcessGroup
 
-# Programs of a shell. Descriptor 3 is the life line: it reaches its end when all who hold it,
+# Programs of a shell. Descriptor 3 is the life line: it reaches its end when all that hold it,
 # children's children included, have ended.
 SLEEPER = 'echo ready >&3; exec sleep 60'
 PARENT = 'sleep 60 & echo ready >&3; wait'
@@ -45,7 +45,7 @@ class LifeLine:
             data += chunk
 
     def all_gone(self, timeout_s: float = 10) -> bool:
-        """Wait until nobody holds the other end; return False after the timeout."""
+        """Wait until no process holds the other end; return False after the timeout."""
         deadline_s = time.monotonic() + timeout_s
         while self._readable(deadline_s):
             if not os.read(self._end, 4096):
@@ -128,7 +128,7 @@ def test_children_are_asked_by_sigint_first(tmp_path: Path, line: LifeLine) -> N
         assert line.all_gone()
 
 
-def test_who_ignores_sigint_is_killed(
+def test_a_child_that_ignores_sigint_is_killed(
     tmp_path: Path, line: LifeLine, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(processes, '_PATIENCE_S', 0.1)
@@ -158,7 +158,9 @@ def test_a_second_ctrl_c_is_no_way_out_for_the_children(tmp_path: Path, line: Li
     assert time.monotonic() - begin_s < processes._PATIENCE_S
 
 
-def test_check_reports_who_ended_and_the_end_of_its_log(tmp_path: Path, line: LifeLine) -> None:
+def test_check_reports_the_child_that_ended_and_the_end_of_its_log(
+    tmp_path: Path, line: LifeLine
+) -> None:
     program = 'for i in $(seq 1 40); do echo "line $i"; done; echo oops >&2; exit 3'
     lines = '\n'.join(f'line {number}' for number in range(27, 41))
     with ProcessGroup(tmp_path) as group:

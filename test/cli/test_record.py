@@ -45,11 +45,11 @@ def test_an_interrupted_recording_holds_what_was_sent(tmp_path: Path, storage: s
         process = recorder(tmp_path / 'port', tmp_path / 'bag', '--storage', storage)
         line = until(process.stderr, 'bits of')
         process.send_signal(signal.SIGINT)
-        told, _ = process.communicate(timeout=20)
+        output, _ = process.communicate(timeout=20)
     assert process.returncode == 0
     assert re.search(r'\d+ frames, 4\d\.\d a second, 0 lost; zone 9 blinks by 3\d dB', line)
     frames = list(read_frames(tmp_path / 'bag'))
-    assert f'{len(frames)} frames, 0 lost' in told
+    assert f'{len(frames)} frames, 0 lost' in output
     at_once = frames_in_real_time(load_scene('coffee'), 10.0, 0, lambda: 10**18)
     sent = {frame.sequence: frame for frame, _ in at_once}
     for frame in frames:
@@ -81,6 +81,6 @@ def test_no_frame_is_an_exit_code(tmp_path: Path, capsys: pytest.CaptureFixture[
         ['record', str(tmp_path / 'none'), '-o', str(tmp_path / 'bag'), '--duration', '0.3']
     )
     assert code == 1
-    told = capsys.readouterr()
-    assert 'does not exist; is the sensor plugged in?' in told.err
-    assert '0 frames' in told.out
+    output = capsys.readouterr()
+    assert 'does not exist; is the sensor plugged in?' in output.err
+    assert '0 frames' in output.out

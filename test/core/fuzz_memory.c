@@ -23,8 +23,8 @@ static int closed;
 static void *take(size_t bytes)
 {
     if (closed) {
-        static const char told[] = "memory is taken after a detector was created\n";
-        fwrite(told, 1, sizeof told - 1, stderr);
+        static const char text[] = "memory is taken after a detector was created\n";
+        fwrite(text, 1, sizeof text - 1, stderr);
         abort();
     }
     void *memory = arena.bytes + used;

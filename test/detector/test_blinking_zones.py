@@ -1,6 +1,6 @@
 # Copyright 2026 retrolidar_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""Bit periods that nobody told."""
+"""Bit periods that are not known beforehand."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ def recorded(period: str, bit: str, zones: str = '4x4', seconds: float = 20.0) -
     ('period', 'bit', 'zones'),
     [('21 ms', '42 ms', '4x4'), ('33.3 ms', '100 ms', '4x4'), ('66.7 ms', '300 ms', '8x8')],
 )
-def test_bit_period_is_found_without_being_told(period: str, bit: str, zones: str) -> None:
+def test_an_unknown_bit_period_is_found(period: str, bit: str, zones: str) -> None:
     recording = recorded(period, bit, zones)
     strongest = blinking_zones(recording, NoiseLaw())[0]
     assert strongest.bit_period_s == pytest.approx(float(bit.split()[0]) * 1.004e-3, rel=0.02)

@@ -1,6 +1,6 @@
 # Copyright 2026 retrolidar_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""The core in C is bound to Python, and whoever lacks it is told what to do."""
+"""The core in C is bound to Python, and the error where it is missing says what to do."""
 
 from __future__ import annotations
 
@@ -26,11 +26,11 @@ def test_arguments_that_the_types_do_not_hold_are_refused() -> None:
         core.lib.rl_packet(2**16)
 
 
-def test_a_missing_core_is_told_in_one_line(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_missing_core_is_reported_in_one_line(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, 'retrolidar_ros._core', None)
-    with pytest.raises(ImportError, match=r'compiled core is missing.*build-essential') as told:
+    with pytest.raises(ImportError, match=r'compiled core is missing.*build-essential') as caught:
         importlib.reload(core)
-    assert '\n' not in str(told.value)
+    assert '\n' not in str(caught.value)
 
 
 def test_a_header_without_marks_is_named() -> None:

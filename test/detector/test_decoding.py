@@ -62,7 +62,7 @@ def test_detections_come_before_the_last_frame() -> None:
 
 
 @pytest.mark.parametrize('method', METHODS)
-def test_what_is_told_is_json_or_a_line_below_its_header(method: str) -> None:
+def test_a_detection_is_json_or_a_line_below_its_header(method: str) -> None:
     detection = next(detect(frames(), method))
 
     def refuse(word: str) -> None:

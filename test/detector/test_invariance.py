@@ -31,8 +31,8 @@ NATS = 0.01
 ARRAYS = ('stamp_ns', 'sequence', 'sensor_time_us', 'distance', 'signal', 'ambient', 'status')
 
 
-class Told(NamedTuple):
-    """What is told of a marker, in the order of zones."""
+class Reading(NamedTuple):
+    """What is read of a marker, in the order of zones."""
 
     zones: tuple[int, ...]
     id: int
@@ -80,18 +80,18 @@ def new_detector(recording: Recording) -> Detector:
     return create_detector('joint', recording.grid)
 
 
-def told(detections: list[Detection]) -> list[Told]:
+def readings(detections: list[Detection]) -> list[Reading]:
     return sorted(
-        Told(one.zones, one.id, one.packets, one.start_ns, one.evidence) for one in detections
+        Reading(one.zones, one.id, one.packets, one.start_ns, one.evidence) for one in detections
     )
 
 
-def read(recording: Recording, noise: NoiseLaw = LAW) -> list[Told]:
-    return told(create_detector('joint', recording.grid, noise=noise).update_all(recording))
+def read(recording: Recording, noise: NoiseLaw = LAW) -> list[Reading]:
+    return readings(create_detector('joint', recording.grid, noise=noise).update_all(recording))
 
 
-def assert_alike(found: list[Told], expected: list[Told]) -> None:
-    """Compare all that is told, but for what rounding changes."""
+def assert_alike(found: list[Reading], expected: list[Reading]) -> None:
+    """Compare all that is read, but for what rounding changes."""
     assert [one[:3] for one in found] == [one[:3] for one in expected]
     for one, other in zip(found, expected, strict=True):
         assert one.start_ns == pytest.approx(other.start_ns, abs=1e5)
@@ -139,15 +139,15 @@ def test_frames_that_come_again_change_nothing(case: Case, seed: int) -> None:
 def test_it_does_not_matter_where_a_recording_is_split(case: Case, cuts: list[int]) -> None:
     recording = case.recording()
     whole = new_detector(recording)
-    expected = told(whole.update_all(recording))
+    expected = readings(whole.update_all(recording))
     parted = new_detector(recording)
     detections: list[Detection] = []
     for rows in np.split(np.arange(len(recording)), sorted(cuts)):
         detections += parted.update_all(at_rows(recording, rows))
-    assert told(detections) == expected
+    assert readings(detections) == expected
     assert parted.counts == whole.counts
     single = new_detector(recording)
-    assert told([one for frame in recording for one in single.update(frame)]) == expected
+    assert readings([one for frame in recording for one in single.update(frame)]) == expected
 
 
 @few
@@ -163,7 +163,7 @@ def test_a_mirrored_view_changes_nothing_else(case: Case, axis: int) -> None:
     order = np.flip(np.arange(grid.zones).reshape(1, grid.rows, grid.columns), axis).ravel()
     turned = replace(recording, **{name: getattr(recording, name)[:, order] for name in names})
     usual = new_detector(recording)
-    expected = told(usual.update_all(recording))
+    expected = readings(usual.update_all(recording))
     assume(usual.counts.overloads == 0)
     mirrored = [
         one._replace(zones=tuple(int(order[zone]) for zone in one.zones)) for one in read(turned)

@@ -3,7 +3,7 @@
 """Small versions of what the project claims of method `joint`.
 
 The experiments measure the same with hundreds of trials. Here seeds are fixed, and what is asked
-for lies some standard deviations below what they find: whoever fails has broken something.
+for lies some standard deviations below what they find, so a failure is a fault.
 """
 
 import os
@@ -137,7 +137,7 @@ def test_a_hundred_ids_are_read_and_none_is_taken_for_another() -> None:
         assert not found.wrong.any()
 
 
-def test_whoever_registers_ids_reads_them_farther() -> None:
+def test_registered_ids_are_read_farther() -> None:
     any_id = registered = 0
     for seed in range(2):
         sent = record(PLAIN, needed_swing(6.0), np.random.default_rng(seed), USABLE_IDS)

@@ -104,7 +104,7 @@ def test_truth_is_within_three_deviations(
     assert np.all(np.abs(bearing.tangent - tangent) < 3 * np.sqrt(bearing.variance) + 1e-3)
 
 
-def test_a_lone_zone_without_noise_leaves_little_but_its_middle_open() -> None:
+def test_a_single_zone_without_noise_gives_its_middle() -> None:
     grid = GRIDS[0]
     light = np.zeros(grid.zones)
     light[5] = 100.0

@@ -21,31 +21,31 @@ def frames_of(bit: str = '42 ms', seconds: float = 20.0) -> list[Frame]:
     return list(Simulation(parse_scene({'markers': [marker], 'surfaces': [wall]})).run(seconds))
 
 
-def told(frames: list[Frame], bit_period_s: float, *, all_come: bool = True) -> list[str]:
+def problems(frames: list[Frame], bit_period_s: float, *, all_come: bool = True) -> list[str]:
     """Return what is said once a second, while a detector reads what it can."""
     detector = create_detector('joint', frames[0].grid, bit_period_s=bit_period_s)
     reception = Reception(frames[0].grid)
-    problems = []
+    found = []
     for number, frame in enumerate(frames):
         if reception.take(frame):
             reception.read(detector.update(frame))
         if number % 48 == 47:
-            problems.append(reception.unread_problem(NoiseLaw(), bit_period_s, all_come=all_come))
-    return problems
+            found.append(reception.unread_problem(NoiseLaw(), bit_period_s, all_come=all_come))
+    return found
 
 
 def test_what_is_read_is_no_problem() -> None:
-    assert not any(told(frames_of(), 0.042))
-    assert not any(told(list(Simulation(load_scene('coffee')).run(20.0)), 0.042))
+    assert not any(problems(frames_of(), 0.042))
+    assert not any(problems(list(Simulation(load_scene('coffee')).run(20.0)), 0.042))
 
 
 @pytest.mark.parametrize(('bit', 'milliseconds'), [('46 ms', '46'), ('55 ms', '55')])
 @pytest.mark.parametrize('all_come', [True, False])
 def test_bits_of_another_length_are_named(bit: str, milliseconds: str, all_come: bool) -> None:
-    problems = told(frames_of(bit), 0.042, all_come=all_come)
-    assert problems[-1].startswith('zone 10 blinks by ')
-    assert f'its bits last {milliseconds}.' in problems[-1]
-    assert 'bit_period is 42.0 ms' in problems[-1]
+    found = problems(frames_of(bit), 0.042, all_come=all_come)
+    assert found[-1].startswith('zone 10 blinks by ')
+    assert f'its bits last {milliseconds}.' in found[-1]
+    assert 'bit_period is 42.0 ms' in found[-1]
 
 
 def test_noise_blinks_nowhere() -> None:
@@ -54,7 +54,7 @@ def test_noise_blinks_nowhere() -> None:
         replace(frame, signal=(60 + 4.2 * rng.standard_normal(16)).astype(np.float32))
         for frame in frames_of()
     ]
-    assert not any(told(frames, 0.042))
+    assert not any(problems(frames, 0.042))
 
 
 def test_an_unknown_code_is_missed_only_where_it_may_come() -> None:
@@ -67,8 +67,8 @@ def test_an_unknown_code_is_missed_only_where_it_may_come() -> None:
         replace(frame, signal=np.full(16, level, dtype=np.float32))
         for frame, level in zip(frames, light, strict=True)
     ]
-    assert 'of another code' in told(strange, 0.042)[-1]
-    assert not any(told(strange, 0.042, all_come=False))
+    assert 'of another code' in problems(strange, 0.042)[-1]
+    assert not any(problems(strange, 0.042, all_come=False))
 
 
 def test_gaps_repeats_and_steps_back_are_counted() -> None:
@@ -80,7 +80,7 @@ def test_gaps_repeats_and_steps_back_are_counted() -> None:
     assert (reception.repeated, reception.reversed) == (1, 1)
 
 
-def test_the_rate_is_told_from_what_came_however_much_is_lost() -> None:
+def test_the_rate_is_found_from_what_came_however_much_is_lost() -> None:
     frames = frames_of(seconds=8.0)
     kept = np.random.default_rng(3).random(len(frames)) < 0.4
     reception = Reception(frames[0].grid)

@@ -98,9 +98,9 @@ def test_the_tables_of_reasons_are_complete() -> None:
         for source in sources
         for reason in re.findall(r"rejected\['([^']+)'\]", source.read_text(encoding='utf-8'))
     }
-    told = [cells[0] for cells in rows(text_of('troubleshooting.md'), '`rejected: …`')]
-    assert len(told) == len(set(told))
-    assert set(told) == {*reasons, *paper}
+    listed = [cells[0] for cells in rows(text_of('troubleshooting.md'), '`rejected: …`')]
+    assert len(listed) == len(set(listed))
+    assert set(listed) == {*reasons, *paper}
 
 
 # What the firmware's builders rely on

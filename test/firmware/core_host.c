@@ -40,7 +40,7 @@ static void drive(void)
         }
         putchar("0+-"[electrodes]);
     }
-    /* Whoever goes on calling gets the state of rest. */
+    /* Further calls give the state of rest. */
     puts(rl_drive_tick(&state) == RL_SHORTED && !state.busy ? "" : "still busy");
 }
 

@@ -2,7 +2,7 @@
  * SPDX-License-Identifier: Apache-2.0
  *
  * All that a marker calls of the core, linked without any other code, so that its flash and RAM can
- * be told. What the hardware gives and takes is in volatile variables.
+ * be measured. What the hardware gives and takes is in volatile variables.
  */
 #include "retrolidar_command.h"
 #include "retrolidar_drive.h"

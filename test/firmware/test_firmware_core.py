@@ -48,7 +48,7 @@ def core(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Core]:
         yield core
 
 
-def test_all_packets_are_those_of_the_code_and_reserved_ids_are_told(core: Core) -> None:
+def test_all_packets_are_those_of_the_code_and_reserved_ids_are_not_usable(core: Core) -> None:
     np.testing.assert_array_equal(core.packets(), packet(np.arange(IDS)))
     usable = {number for number in range(IDS + 10) if core.ask('usable', number) == '1'}
     assert usable == set(range(IDS)) - set(RESERVED_IDS)

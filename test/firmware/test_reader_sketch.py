@@ -139,7 +139,7 @@ def test_a_slow_line_loses_whole_frames_and_nothing_else(programs: Path, baud: i
     assert len(frames) < 200
 
 
-def test_a_sensor_that_does_not_answer_is_complained_of(programs: Path) -> None:
+def test_a_sensor_that_does_not_answer_is_reported(programs: Path) -> None:
     line = run_host(programs / 'reader_host', 0, FRAME_US, NO_SENSOR='1')
     assert re.search(rb'VL53L8CX: start failed; check the jumpers', line)
     # Before the first delimiter there may be the rest of a packet, which is no damage.

@@ -198,7 +198,7 @@ def test_what_is_returned_may_be_written_to() -> None:
         ('7', 'must be an integer, not <U1'),
     ],
 )
-def test_ids_that_are_none(wrong: object, message: str) -> None:
+def test_values_that_are_no_id(wrong: object, message: str) -> None:
     for function in (check_ids, encode, packet):
         with pytest.raises(ValueError, match=message):
             function(wrong)  # type: ignore[arg-type]
@@ -216,6 +216,6 @@ def test_ids_that_are_none(wrong: object, message: str) -> None:
         (np.full(24, np.nan), 'only 0 and 1'),
     ],
 )
-def test_words_that_are_none(wrong: object, message: str) -> None:
+def test_values_that_are_no_word(wrong: object, message: str) -> None:
     with pytest.raises(ValueError, match=message):
         decode(wrong)  # type: ignore[arg-type]

@@ -135,7 +135,7 @@ def test_a_choice_is_the_same_every_time() -> None:
     assert kept[:8].tolist() == [2061, 2073, 2816, 2865, 2127, 2150, 2115, 2528]
 
 
-def test_a_double_is_a_pair_at_distance_zero_and_named_once() -> None:
+def test_a_duplicate_is_a_pair_at_distance_zero_and_named_once() -> None:
     assert distances([77, 78, 77])[0, 2] == 0
     own = confusable_pairs([77, 78], 31)
     assert confusable_pairs([77, 78, 77, 77], 31) == [ConfusablePair(77, 77, 0, 0), *own]
@@ -151,7 +151,7 @@ def test_a_double_is_a_pair_at_distance_zero_and_named_once() -> None:
         ([7.5], 'a marker ID must be an integer, not float64'),
     ],
 )
-def test_sets_that_are_none(wrong: object, message: str) -> None:
+def test_values_that_are_no_set_of_ids(wrong: object, message: str) -> None:
     with pytest.raises(ValueError, match=message):
         distances(wrong)  # type: ignore[arg-type]
     with pytest.raises(ValueError, match=message):

@@ -34,9 +34,9 @@ def test_objects_are_known_better_after_a_second_place(tmp_path: Path) -> None:
     assert ended.returncode == 0, ended.stdout + ended.stderr
     assert '3 of 3 objects are in their 99.9 % ellipsoid' in ended.stdout
     assert picture.stat().st_size > 10_000
-    told = [
+    spreads = [
         [float(one) for one in re.findall(r'± +([\d.]+)', line)]
         for line in re.findall(r'^  \d\. .*$', ended.stdout, re.MULTILINE)
     ]
-    assert [len(one) for one in told] == [3, 3]
-    assert all(later < first for first, later in zip(*told, strict=True))
+    assert [len(one) for one in spreads] == [3, 3]
+    assert all(later < first for first, later in zip(*spreads, strict=True))

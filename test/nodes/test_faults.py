@@ -137,7 +137,7 @@ def test_half_of_the_frames_lost_are_counted_and_cost_time(chain: Chain) -> None
     assert system.number(DRIVER, 'lost frames') - lost >= gone
 
 
-def test_a_subscriber_that_never_reads_costs_nobody_anything(chain: Chain) -> None:
+def test_a_subscriber_that_never_reads_costs_no_frames(chain: Chain) -> None:
     system = chain.system
     first = chain.sequences()[-1]
     deaf = Node('deaf', namespace=system.namespace, context=system.node.context)

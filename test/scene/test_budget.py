@@ -74,7 +74,7 @@ def test_a_turned_marker_shows_less_or_nothing(capsys: Output) -> None:
     assert 'wakes at no distance' in output
 
 
-def test_the_text_tells_the_same(capsys: Output) -> None:
+def test_the_text_says_the_same(capsys: Output) -> None:
     found = budget_of(capsys, '--queries', '6', '--cell', '220 mAh')
     assert main(['budget', '--queries', '6', '--cell', '220mAh']) == 0
     output = capsys.readouterr().out

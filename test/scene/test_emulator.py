@@ -163,7 +163,7 @@ def test_all_frames_arrive_in_order_and_at_their_time(
     assert not link.exists()
 
 
-def test_a_sensor_nobody_listens_to_loses_its_frames(link: Path) -> None:
+def test_without_a_listener_frames_are_lost(link: Path) -> None:
     assert emulate(WALL, link, 0.04) == (0, 40)
 
 

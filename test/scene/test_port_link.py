@@ -1,6 +1,6 @@
 # Copyright 2026 retrolidar_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""The pseudo-terminal of an emulated sensor: what is written to it, and who reads it."""
+"""The pseudo-terminal of an emulated sensor: what is written to it, and what a reader gets."""
 
 import itertools
 import os
@@ -97,7 +97,7 @@ def test_an_impossible_path_leaves_no_open_terminal(tmp_path: Path) -> None:
     assert len(os.listdir('/dev/fd')) == before
 
 
-def test_what_is_heard_arrives_and_what_nobody_hears_is_lost(link: Path) -> None:
+def test_packets_arrive_while_the_port_is_open_and_are_lost_otherwise(link: Path) -> None:
     sent = make_packets(50)
     with PortLink(link) as port:
         for heard in (sent, [b'second']):

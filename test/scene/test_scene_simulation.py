@@ -185,7 +185,7 @@ def test_abnormal_samples_have_their_share_and_mean_nothing() -> None:
     assert 0 <= recording.distance[abnormal].min() < recording.distance[abnormal].max() < 4.01
 
 
-def test_a_seed_gives_the_same_frames_again_and_another_gives_others() -> None:
+def test_frames_depend_on_the_seed_only() -> None:
     one = simulate(EVERYTHING, 300)
     assert_same(one, simulate(EVERYTHING, 300))
     assert_same(one, Simulation(EVERYTHING, np.random.default_rng(3)).advance(300))

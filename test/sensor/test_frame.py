@@ -139,7 +139,7 @@ def test_recordings_that_cannot_be() -> None:
             Recording.of(frames)
 
 
-def test_frames_and_recordings_cannot_be_changed_and_equal_themselves_only() -> None:
+def test_frames_and_recordings_are_frozen_and_equal_by_identity() -> None:
     frames = make_frames(1)
     for thing in (frames[0], Recording.of(frames)):
         with pytest.raises(FrozenInstanceError):
