@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Bags as tests write and read them, with the package and with other libraries."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from functools import cache
 from io import BytesIO

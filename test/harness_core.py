@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The core compiled for this machine, tried by programs of its own and questioned from Python."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import NamedTuple
 

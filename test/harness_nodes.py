@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Running nodes: how tests start, feed, question and end them, and what the nodes report."""
 
-from __future__ import annotations
-
 import os
 import signal
 import subprocess

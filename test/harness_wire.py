@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Frames and packets of the wire, and what a reader makes of them."""
 
-from __future__ import annotations
-
 import struct
 from collections.abc import Iterable
 from dataclasses import replace

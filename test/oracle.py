@@ -8,8 +8,6 @@ answers all: is something there (`evidence`), is it a word (`word`), and is it t
 Each zone has a, g, s and q of its own; the likelihoods of zones are multiplied.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Sequence
 from typing import NamedTuple
 

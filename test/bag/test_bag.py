@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Bags hold what was written, in every form that recorders give them."""
 
-from __future__ import annotations
-
 import random
 import shutil
 import sqlite3

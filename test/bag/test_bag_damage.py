@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Damaged bags give their frames up to the damage, and an error that names it."""
 
-from __future__ import annotations
-
 import os
 import random
 import sqlite3

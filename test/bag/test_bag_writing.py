@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """What a bag writer refuses, what it leaves when it is ended, and what it needs."""
 
-from __future__ import annotations
-
 import os
 import subprocess
 import sys

@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Bit periods that are not known beforehand."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The core in C is bound to Python, and the error where it is missing says what to do."""
 
-from __future__ import annotations
-
 import importlib
 import os
 import runpy

@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Gains that change, targets and codebook of the core against plain numpy."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 
 import numpy as np

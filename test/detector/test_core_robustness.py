@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Whatever the core is given: no fault, no memory taken, no state but its own; on any processor."""
 
-from __future__ import annotations
-
 import re
 import shutil
 import subprocess

@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """What does not concern a packet changes nothing; and the brighter it is, the surer it is read."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from typing import Any, NamedTuple
 

@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The core's statistics against the oracle in numpy, on random and on recorded windows."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import replace
 from typing import NamedTuple

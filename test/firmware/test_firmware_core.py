@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The core in C, compiled with sanitizers, against the package, byte for byte."""
 
-from __future__ import annotations
-
 import json
 import re
 import subprocess

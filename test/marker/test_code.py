@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The code has the published properties of the Golay code and the committed form."""
 
-from __future__ import annotations
-
 import runpy
 from itertools import combinations
 from pathlib import Path

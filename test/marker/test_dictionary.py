@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Chosen IDs keep their distance by an independent count, and those too near are named."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

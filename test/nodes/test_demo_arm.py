@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The demo of a hand that looks from several places, with real nodes, at two of them."""
 
-from __future__ import annotations
-
 import re
 import subprocess
 import sys

@@ -5,8 +5,6 @@
 The limits are wider than the worst error of a hundred simulated runs each.
 """
 
-from __future__ import annotations
-
 import pickle
 import sys
 from dataclasses import replace

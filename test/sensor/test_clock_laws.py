@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Stamps rise and stay before arrivals, wherever clocks begin and whatever they do."""
 
-from __future__ import annotations
-
 import numpy as np
 from harness_clock import (
     START_NS,

@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Checksum and framing of the wire against their definition and another library."""
 
-from __future__ import annotations
-
 import struct
 from typing import Any
 

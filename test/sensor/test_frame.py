@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Zones look where the sensor's geometry says, and recordings hold their frames."""
 
-from __future__ import annotations
-
 from dataclasses import FrozenInstanceError, fields, replace
 from typing import Any
 

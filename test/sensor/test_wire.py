@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The wire keeps every frame, as the protocol has it byte for byte."""
 
-from __future__ import annotations
-
 import struct
 from typing import Any
 

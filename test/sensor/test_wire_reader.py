@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The reader finds every whole packet in any stream of bytes, and counts all others."""
 
-from __future__ import annotations
-
 import itertools
 import pickle
 import random

@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Files that ship with the package are found wherever it is installed."""
 
-from __future__ import annotations
-
 import shutil
 from importlib.util import module_from_spec, spec_from_file_location
 from pathlib import Path

@@ -9,8 +9,6 @@ komm's words in that order.
 Run: python test/vectors/make_golay.py > test/vectors/golay.txt
 """
 
-from __future__ import annotations
-
 import komm  # type: ignore[import-untyped]
 import numpy as np
 from numpy.typing import NDArray
