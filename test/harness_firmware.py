@@ -9,8 +9,9 @@ import os
 import re
 import shutil
 import subprocess
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
-from types import TracebackType
 from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
@@ -85,36 +86,15 @@ def run_host(program: Path, *arguments: object, given: str = '', **environment: 
 class Core:
     """A process that answers questions to the core."""
 
-    def __init__(self, program: Path) -> None:
-        """Start it."""
-        self._process = subprocess.Popen(
-            [program], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
-        )
-
-    def __enter__(self) -> Core:
-        """Return itself."""
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
-        """End it; a leak shows only then, by its exit code."""
-        assert self._process.stdin is not None
-        assert self._process.stdout is not None
-        self._process.stdin.close()
-        self._process.stdout.close()
-        code = self._process.wait(TIME_LIMIT_S)
-        assert code == 0 or kind is not None
+    def __init__(self, process: subprocess.Popen[str]) -> None:
+        assert process.stdin is not None
+        assert process.stdout is not None
+        self._questions, self._answers = process.stdin, process.stdout
 
     def ask(self, *words: object) -> str:
         """Return the answer to one question."""
-        assert self._process.stdin is not None
-        assert self._process.stdout is not None
-        print(*words, file=self._process.stdin, flush=True)
-        answer = self._process.stdout.readline()
+        print(*words, file=self._questions, flush=True)
+        answer = self._answers.readline()
         assert answer, 'the core has crashed; see the standard error output'
         return answer.rstrip('\n')
 
@@ -129,21 +109,26 @@ class Core:
         self, raw: RawFrame, capacity: int | None = None, targets: IntArray | None = None
     ) -> bytes:
         """Return a frame as the core puts it on the line."""
-        zones = raw.zones
         if targets is None:
             targets = raw.status != Status.NO_TARGET
         if capacity is None:
-            capacity = int(self.ask('capacity', zones))
-        columns = (
-            targets.astype(int),
-            raw.distance.astype(int) + 2**15,  # the program reads no minus signs
-            raw.signal,
-            raw.ambient,
-            raw.status,
-        )
+            capacity = int(self.ask('capacity', raw.zones))
+        # The program reads no minus signs.
+        columns = (targets, raw.distance.astype(int) + 2**15, raw.signal, raw.ambient, raw.status)
         words = np.stack([column.astype(np.int64) for column in columns], axis=1).ravel()
         answer = self.ask('frame', raw.sequence, raw.time_us, raw.rows, capacity, *words)
         return bytes.fromhex(answer)
+
+
+@contextmanager
+def asked(program: Path) -> Iterator[Core]:
+    """Run a program that answers questions; a leak shows only at its end, by its exit code."""
+    pipe = subprocess.PIPE
+    with subprocess.Popen([program], stdin=pipe, stdout=pipe, text=True) as process:
+        yield Core(process)
+        assert process.stdin is not None
+        process.stdin.close()
+        assert process.wait(TIME_LIMIT_S) == 0
 
 
 class RawFrame(NamedTuple):
@@ -158,31 +143,31 @@ class RawFrame(NamedTuple):
 
     @property
     def zones(self) -> int:
-        """How many there are."""
         return len(self.status)
 
     @property
     def rows(self) -> int:
-        """Of zones."""
         return int(self.zones**0.5)
 
     @classmethod
     def of(cls, frame: Frame) -> RawFrame:
-        """Return what the sensor must have said for a frame to come out."""
+        """Return what the sensor must have measured for a frame to come out."""
         shape = (frame.grid.rows, frame.grid.columns)
 
         def turned(values: NDArray[Any], scale: float) -> IntArray:
             raw = np.rint(np.nan_to_num(values.astype(np.float64)) * scale).astype(np.int64)
             return raw.reshape(shape)[:, ::-1].ravel()
 
-        return cls(
-            frame.sequence,
-            frame.sensor_time_us,
-            turned(frame.distance, 4000.0),
-            turned(frame.signal, 2048.0),
-            turned(frame.ambient, 2048.0),
-            turned(frame.status, 1.0),
+        distance, signal, ambient = (
+            turned(values, scale)
+            for values, scale in (
+                (frame.distance, 4000.0),
+                (frame.signal, 2048.0),
+                (frame.ambient, 2048.0),
+            )
         )
+        status = turned(frame.status, 1.0)
+        return cls(frame.sequence, frame.sensor_time_us, distance, signal, ambient, status)
 
 
 def assert_same_zones(frame: Frame, raw: RawFrame) -> None:

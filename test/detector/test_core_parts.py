@@ -7,7 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 import pytest
 from harness_core import GRID, LAW, PERIOD_S, Statistics, compile_core
-from harness_firmware import Core
+from harness_firmware import asked
 from harness_frames import recording_of
 from numpy.typing import NDArray
 from oracle import Sending, light
@@ -27,7 +27,7 @@ USABLE = np.setdiff1d(np.arange(IDS), RESERVED_IDS)
 
 @pytest.fixture(scope='module')
 def core(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Statistics]:
-    with Core(compile_core('window_host', tmp_path_factory)) as process:
+    with asked(compile_core('window_host', tmp_path_factory)) as process:
         yield Statistics(process)
 
 

@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 import pytest
 from harness_core import GRID, LAW, PERIOD_S, Statistics, compile_core
-from harness_firmware import Core
+from harness_firmware import asked
 from harness_frames import recording_of
 from numpy.typing import NDArray
 from oracle import Sending, Zone, evidence, light, log_likelihood, margin, without, word
@@ -35,7 +35,7 @@ COST_OF_GAIN = 2.0
 
 @pytest.fixture(scope='module')
 def core(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Statistics]:
-    with Core(compile_core('window_host', tmp_path_factory)) as process:
+    with asked(compile_core('window_host', tmp_path_factory)) as process:
         yield Statistics(process)
 
 

@@ -16,6 +16,7 @@ from harness_firmware import (
     Core,
     IntArray,
     RawFrame,
+    asked,
     assert_same_zones,
     compile_firmware,
     make,
@@ -42,7 +43,7 @@ TICKS_PER_BIT = 84
 
 @pytest.fixture(scope='module')
 def core(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Core]:
-    with Core(compile_firmware(tmp_path_factory) / 'core_host') as core:
+    with asked(compile_firmware(tmp_path_factory) / 'core_host') as core:
         yield core
 
 

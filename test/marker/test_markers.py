@@ -22,7 +22,7 @@ from retrolidar_ros.settings.resources import shared_file
 from retrolidar_ros.settings.section import ConfigError
 
 ids = st.integers(1, IDS - 2)
-frames = st.from_regex(r'[A-Za-z0-9_.-][A-Za-z0-9_./-]*', fullmatch=True)
+frames = st.text('azAZ09_.-/', min_size=1, max_size=9).filter(lambda name: name[0] != '/')
 
 
 @pytest.fixture
@@ -113,16 +113,11 @@ def test_what_cannot_be_known_is_refused(key: object, value: object, complaint: 
     refused({5: {key: value}}, f'markers.5.{key}: {complaint}')
 
 
-@pytest.mark.parametrize('value', [None, 'mug', 3, ['frame']])
-def test_a_marker_is_a_mapping(value: object) -> None:
-    refused({5: value}, f'markers.5: needs keys with values, not {value!r}')
-
-
-def test_a_marker_cannot_have_the_frame_of_another() -> None:
-    refused(
-        {5: {'frame': 'mug'}, 6: {'frame': 'mug'}},
-        'markers.6.frame: marker 5 has the frame mug, too',
-    )
+def test_a_marker_is_a_mapping_with_a_frame_of_its_own() -> None:
+    for value in (None, 'mug', 3, ['frame']):
+        refused({5: value}, f'markers.5: needs keys with values, not {value!r}')
+    both = {5: {'frame': 'mug'}, 6: {'frame': 'mug'}}
+    refused(both, 'markers.6.frame: marker 5 has the frame mug, too')
     for other in (6, 77):
         refused(
             {5: {'frame': f'marker_{other}'}},
@@ -142,38 +137,28 @@ def test_markers_must_be_there_and_nothing_else() -> None:
             parse_markers(content)
 
 
-def test_a_file_may_write_an_id_in_any_base(file: Path) -> None:
+def test_a_file_may_write_an_id_in_any_base_but_once(file: Path) -> None:
     file.write_text('markers:\n  0x819: {frame: beans}\n  2096: {size: 5 cm}\n')
     assert load_markers(file) == {
         2073: KnownMarker(2073, 'beans'),
         2096: KnownMarker(2096, 'marker_2096', '', 0.05),
     }
-
-
-@pytest.mark.parametrize(('one', 'other'), [('2073', '2073'), ('0x819', '2073'), ('2073', '0x819')])
-def test_an_id_that_stands_twice_is_refused_with_its_line(file: Path, one: str, other: str) -> None:
-    file.write_text(f'markers:\n  {one}: {{frame: beans}}\n  {other}: {{frame: mug}}\n')
-    with pytest.raises(ConfigError, match='key 2073 stands here a second time') as caught:
-        load_markers(file)
-    assert str(caught.value).startswith(f'{file} is not a YAML file: ')
-    assert 'line 3, ' in str(caught.value)
+    for one, other in (('2073', '2073'), ('0x819', '2073'), ('2073', '0x819')):
+        file.write_text(f'markers:\n  {one}: {{frame: beans}}\n  {other}: {{frame: mug}}\n')
+        with pytest.raises(ConfigError, match='key 2073 stands here a second time') as caught:
+            load_markers(file)
+        assert str(caught.value).startswith(f'{file} is not a YAML file: ')
+        assert 'line 3, ' in str(caught.value)
 
 
 @pytest.mark.parametrize(
     ('text', 'complaint'),
     [
-        ('{}', 'markers: is missing'),
-        *((f'markers:{value}', 'markers: needs a mapping') for value in ('', ' [2073]')),
-        *(
-            (f'markers: {{{number}: {{}}}}', f'markers: {number} is not an ID')
-            for number in (0, 4095, -1, 4096, True)
-        ),
-        ('markers: {a: {}}', "markers: 'a' is not an ID"),
-        ('markers: {2073:}', 'markers.2073: needs keys with values'),
-        ('markers: {2073: {frame: /x}}', "markers.2073.frame: '/x' cannot be a TF frame"),
-        ('markers: {2073: {size: 3}}', 'markers.2073.size: 3 has no unit; write 3 m'),
-        ('markers: {2073: {name: mug}}', 'markers.2073.name: unknown key; '),
         ('', ''),
+        ('{}', 'markers: is missing'),
+        ('markers: {4095: {}}', 'markers: 4095 is not an ID'),
+        ('markers: {2073:}', 'markers.2073: needs keys with values'),
+        ('markers: {2073: {size: 3}}', 'markers.2073.size: 3 has no unit; write 3 m'),
     ],
 )
 def test_a_refusal_names_file_and_key(file: Path, text: str, complaint: str) -> None:

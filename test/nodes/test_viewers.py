@@ -74,21 +74,18 @@ def test_the_topics_are_those_of_the_reference(content: Any) -> None:
         assert re.search(rf'\b{TYPES[topic]}\b', known[topic]), f'{topic} is a {known[topic]}'
 
 
-@pytest.mark.parametrize('kind', ['PointCloud2', 'MarkerArray', 'Image'])
-def test_rviz_displays_a_topic_of_its_type(kind: str) -> None:
-    display = DISPLAYS[kind]
-    assert TYPES[display['Topic']['Value']] == kind
-    assert display['Enabled']
-    assert display['Value']
-    # All publishers are reliable and volatile, so RViz may ask for either reliability, and no more.
-    assert display['Topic']['Reliability Policy'] in {'Reliable', 'Best Effort'}
-    assert display['Topic']['Durability Policy'] == 'Volatile'
-
-
-def test_rviz_has_no_display_twice() -> None:
-    assert len(DISPLAYS) == len(RVIZ['Displays'])
+def test_rviz_displays_each_topic_once_and_by_its_type() -> None:
+    assert len({one['Name'] for one in RVIZ['Displays']}) == len(RVIZ['Displays'])
     assert set(DISPLAYS) == {'Grid', 'TF', 'PointCloud2', 'MarkerArray', 'Image'}
-    assert len({one['Name'] for one in RVIZ['Displays']}) == len(DISPLAYS)
+    assert len(DISPLAYS) == len(RVIZ['Displays'])
+    for kind in ('PointCloud2', 'MarkerArray', 'Image'):
+        display = DISPLAYS[kind]
+        assert TYPES[display['Topic']['Value']] == kind
+        assert display['Enabled']
+        assert display['Value']
+        # All publishers are reliable and volatile, so RViz may ask for either reliability.
+        assert display['Topic']['Reliability Policy'] in {'Reliable', 'Best Effort'}
+        assert display['Topic']['Durability Policy'] == 'Volatile'
 
 
 def test_rviz_colours_points_by_their_signal() -> None:
@@ -135,22 +132,13 @@ def looks_ahead(eye: Any, target: Any, pole: Any) -> None:
     assert ahead[2] > 0.7
 
 
-def test_foxglove_has_the_keys_of_an_exported_layout() -> None:
-    assert set(FOXGLOVE) == {
-        'configById',
-        'globalVariables',
-        'userNodes',
-        'playbackConfig',
-        'layout',
-    }
-
-
-def test_the_layout_of_foxglove_holds_each_panel_once() -> None:
+def test_the_layout_of_foxglove_is_one_that_it_exports_and_holds_each_panel_once() -> None:
+    keys = {'configById', 'globalVariables', 'userNodes', 'playbackConfig', 'layout'}
+    assert set(FOXGLOVE) == keys
     placed = list(panels_of(FOXGLOVE['layout']))
-    assert len(set(placed)) == len(placed)
+    assert len(set(placed)) == len(placed) == len(PANELS)
     assert set(placed) == set(FOXGLOVE['configById'])
     assert set(PANELS) == {'3D', 'Image', 'Plot', 'DiagnosticSummary', 'RawMessages'}
-    assert len(PANELS) == len(placed)
 
 
 def test_panels_of_foxglove_show_a_topic_of_their_type() -> None:

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from retrolidar_ros.scene import parse_scene
+from retrolidar_ros.scene.files import load_scene
 from retrolidar_ros.settings.section import ConfigError
 from retrolidar_ros.settings.yaml_files import load_yaml
 
@@ -31,27 +32,42 @@ def doubling(alias: str, levels: int) -> str:
         (doubling('<<', 30), 'it unfolds to'),
         ('a: &a [*a]', 'an alias stands within'),
         ('x: ' + 'y' * 2**20, 'is larger than the 1048576 bytes'),
-        ('[' * 5000, 'RecursionError'),
-        ('x: !!timestamp foo', 'is not a YAML file'),
-        ('x: !!bool maybe', 'is not a YAML file'),
-        ('x: !!int ""', 'is not a YAML file'),
-        ('x: !!set [1]', 'is not a YAML file'),
-        ('x: !!float "' + ':'.join(['59'] * 300) + '"', 'is not a YAML file'),
-        ('x: !!binary "é"', 'is not a YAML file'),
+        ('[' * 1500, 'RecursionError'),
+        *((f'x: !!{text}', '') for text in ('timestamp foo', 'bool maybe', 'int ""', 'set [1]')),
+        ('x: !!float "' + ':'.join(['59'] * 300) + '"', ''),
+        ('x: !!binary "é"', ''),
+        *((text, '') for text in ('[1, 2', 'a: b: c', '\t', '--- 1\n--- 2\n', '[' * 500)),
+        *((f'? {key}\n: no key\n', '') for key in ('[1, 2]', '{a: b}')),
+        ('a: !!python/object:os.system x', ''),
+        ('a: 2026-02-30', ''),
+        ('a: *nowhere', ''),
+        (b'a: \xff\xfe', ''),
     ],
+    ids=lambda value: str(value)[:20],
 )
-def test_what_harms_is_refused_with_the_reason(text: str, reason: str, tmp_path: Path) -> None:
+def test_what_is_no_yaml_or_harms_is_refused_with_the_reason(
+    text: str | bytes, reason: str, tmp_path: Path
+) -> None:
     path = tmp_path / 'hostile.yaml'
-    path.write_text(text, encoding='utf-8')
+    path.write_bytes(text.encode() if isinstance(text, str) else text)
     began = time.process_time()
-    with pytest.raises(ValueError, match=reason):
+    with pytest.raises(ValueError, match=reason or f'^{path} is not a YAML file: ') as caught:
         load_yaml(path)
-    assert time.process_time() - began < 2.0
+    assert str(path) in str(caught.value)
+    with pytest.raises(ConfigError, match=f'^{path} '):
+        load_scene(str(path))
+    assert time.process_time() - began < 4.0
 
 
-def test_what_never_ends_is_read_to_the_limit_only() -> None:
+def test_what_never_ends_is_read_to_the_limit_and_what_is_no_file_is_an_os_error(
+    tmp_path: Path,
+) -> None:
     with pytest.raises(ValueError, match='is larger than'):
         load_yaml(Path('/dev/zero'))
+    with pytest.raises(IsADirectoryError):
+        load_yaml(tmp_path)
+    with pytest.raises(FileNotFoundError):
+        load_yaml(tmp_path / 'missing.yaml')
 
 
 def test_so_many_markers_make_no_scene() -> None:
@@ -61,12 +77,12 @@ def test_so_many_markers_make_no_scene() -> None:
 
 
 def test_noise_in_a_file_is_read_or_refused(tmp_path: Path) -> None:
-    """Nothing but ValueError, for thousands of damaged files."""
+    """Nothing but ValueError, for hundreds of damaged files."""
     whole = b'markers:\n  2073: {frame: &f beans, note: !!str x, size: 3 cm}\n  <<: {7: [1, *f]}\n'
-    alphabet = np.frombuffer(b'!&*<>:[]{}"\'\n -?|%@`\t0x\xff' + whole, np.uint8)
+    alphabet = np.frombuffer(b'!&*<>:[]{}"\'\n -?|%@`\t0x\xff\0' + whole, np.uint8)
     rng = np.random.default_rng(4)
     path, refused = tmp_path / 'noise.yaml', 0
-    for _ in range(1500):
+    for _ in range(500):
         data = np.frombuffer(whole, np.uint8).copy()
         data[rng.integers(0, len(data), 6)] = rng.choice(alphabet, 6)
         path.write_bytes(data.tobytes())
@@ -74,4 +90,6 @@ def test_noise_in_a_file_is_read_or_refused(tmp_path: Path) -> None:
             load_yaml(path)
         except ValueError:
             refused += 1
-    assert 500 < refused < 1500
+        with pytest.raises(ConfigError, match=f'^{path}'):
+            load_scene(str(path))
+    assert 150 < refused < 500

@@ -1,12 +1,9 @@
 # Copyright 2026 retrolidar_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-from contextlib import suppress
 from inspect import signature
 from pathlib import Path
 
 import pytest
-from hypothesis import HealthCheck, given, settings
-from hypothesis import strategies as st
 
 from retrolidar_ros.detector import METHODS, create_detector
 from retrolidar_ros.detector.noise import NoiseLaw
@@ -109,52 +106,6 @@ def test_a_mapping_may_be_merged_in_and_overridden(file: Path) -> None:
         load_yaml(file)
     file.write_text('a: {x: 1}\nb: {x: 2}\nc: [{x: 3}, {x: 4}]\n')
     assert load_yaml(file) == {'a': {'x': 1}, 'b': {'x': 2}, 'c': [{'x': 3}, {'x': 4}]}
-
-
-@pytest.mark.parametrize(
-    'text',
-    [
-        '[1, 2',
-        'a: b: c',
-        '\t',
-        '--- 1\n--- 2\n',
-        '? [1, 2]\n: list as key\n',
-        '? {a: b}\n: mapping as key\n',
-        'a: !!python/object:os.system x',
-        'a: 2026-02-30',
-        'a: *nowhere',
-        '[' * 500,
-        b'a: \xff\xfe',
-    ],
-)
-def test_what_is_no_yaml_is_a_value_error_with_the_file(file: Path, text: str | bytes) -> None:
-    file.write_bytes(text.encode() if isinstance(text, str) else text)
-    with pytest.raises(ValueError, match=f'^{file} is not a YAML file: '):
-        load_yaml(file)
-    with pytest.raises(ConfigError, match=f'^{file} is not a YAML file: '):
-        load_scene(str(file))
-
-
-@settings(
-    max_examples=60,
-    deadline=None,
-    derandomize=True,
-    suppress_health_check=[HealthCheck.function_scoped_fixture],
-)
-@given(st.text(st.sampled_from('ab01 :-[]{},?&*<!|>"\'%\n\t#.é\0'), max_size=40))
-def test_any_text_is_content_or_a_value_error(file: Path, text: str) -> None:
-    file.write_text(text, encoding='utf-8')
-    with suppress(ValueError):
-        load_yaml(file)
-    with pytest.raises(ConfigError, match=f'^{file}'):
-        load_scene(str(file))
-
-
-def test_a_file_that_cannot_be_read_is_an_os_error(tmp_path: Path) -> None:
-    with pytest.raises(IsADirectoryError):
-        load_yaml(tmp_path)
-    with pytest.raises(FileNotFoundError):
-        load_yaml(tmp_path / 'missing.yaml')
 
 
 @pytest.mark.parametrize(('kind', 'name'), [('driver', 'serial_port'), ('detector', 'method')])
