@@ -6,35 +6,22 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from harness_frames import recording_of
 
 from retrolidar_ros.detector.blinking_zones import blinking_zones, unread
 from retrolidar_ros.detector.noise import NoiseLaw
 from retrolidar_ros.scene import Simulation, parse_scene
-from retrolidar_ros.sensor.frame import Recording, ZoneGrid
+from retrolidar_ros.sensor.frame import Recording
 
 
-def recorded(period: str, bit: str, zones: str = '4x4', seconds: float = 20.0) -> Recording:
-    scene = parse_scene(
-        {
-            'seed': 5,
-            'sensor': {
-                'zones': zones,
-                'period': period,
-                'jitter': '1 ms',
-                'noise': {'floor': '4.6 (kcps/SPAD)^2', 'slope': '0.22 kcps/SPAD'},
-            },
-            'markers': [
-                {
-                    'id': 2816,
-                    'position': ['0.13 m', '0.13 m', '1.2 m'],
-                    'bit_period': bit,
-                    'clock_error': '0.4 %',
-                }
-            ],
-            'surfaces': [{'distance': '1.25 m', 'signal': '10 kcps/SPAD'}],
-        }
-    )
-    return Simulation(scene).run(seconds)
+def recorded(period: str, bit: str, zones: str = '4x4') -> Recording:
+    noise = {'floor': '4.6 (kcps/SPAD)^2', 'slope': '0.22 kcps/SPAD'}
+    sensor = {'zones': zones, 'period': period, 'jitter': '1 ms', 'noise': noise}
+    marker = {'id': 2816, 'position': ['0.13 m', '0.13 m', '1.2 m'], 'clock_error': '0.4 %'}
+    wall = {'distance': '1.25 m', 'signal': '10 kcps/SPAD'}
+    markers = [{**marker, 'bit_period': bit}]
+    scene = {'seed': 5, 'sensor': sensor, 'markers': markers, 'surfaces': [wall]}
+    return Simulation(parse_scene(scene)).run(20.0)
 
 
 @pytest.mark.parametrize(
@@ -60,20 +47,9 @@ def test_stamps_that_do_not_go_on_have_no_bits(steps_s: list[float]) -> None:
 
 def test_noise_does_not_blink() -> None:
     rng = np.random.default_rng(3)
-    still = recorded('21 ms', '42 ms')
-    grid = ZoneGrid()
+    stamp_ns = 21_000_000 * np.arange(900)
     signal = 30 + NoiseLaw().variance(np.array(30.0)) ** 0.5 * rng.standard_normal((900, 16))
-    noise = Recording(
-        stamp_ns=still.stamp_ns[:900],
-        sequence=still.sequence[:900],
-        sensor_time_us=still.sensor_time_us[:900],
-        grid=grid,
-        distance=np.ones((900, 16), dtype=np.float32),
-        signal=signal.astype(np.float32),
-        ambient=np.zeros((900, 16), dtype=np.float32),
-        status=np.full((900, 16), 5, dtype=np.uint8),
-    )
-    assert blinking_zones(noise, NoiseLaw()) == []
+    assert blinking_zones(recording_of(stamp_ns, signal), NoiseLaw()) == []
 
 
 def test_every_mismatch_is_a_sentence_with_its_remedy() -> None:

@@ -97,25 +97,14 @@ def test_frames_of_another_grid_are_refused(method: str) -> None:
 
 
 @every_method
-def test_many_frames_at_a_time_read_the_same_as_one_by_one(method: str) -> None:
-    recording = simulate(and_another(a_scene(start_s=0.0, packets=None), packets=1), 8.0)
-    one_by_one = run(recording, method)
-    together = create_detector(method, GRID).update_all(recording)
-    assert set(ids(together)) == {ID, OTHER_ID}
-    # What becomes certain within a block is read at its end, so only the order may differ.
-    assert {d.id: d.zones for d in together} == {d.id: d.zones for d in one_by_one}
-    for identity in (ID, OTHER_ID):
-        assert abs(ids(together).count(identity) - ids(one_by_one).count(identity)) <= 1
-
-
-@every_method
 @pytest.mark.parametrize('length', [1, 7, 60, 1000])
 def test_blocks_follow_each_other_without_a_seam(method: str, length: int) -> None:
-    frames, detector = list(lone()), create_detector(method, GRID)
+    frames, detector = list(simulate(and_another(a_scene()))), create_detector(method, GRID)
     read: list[Detection] = []
     for first in range(0, len(frames), length):
         read += detector.update_all(Recording.of(frames[first : first + length]))
-    assert ids(read) == [ID]
+    # What becomes certain within a block is read at its end, so only the order may differ.
+    assert sorted(ids(read)) == [ID, OTHER_ID]
 
 
 @every_method
