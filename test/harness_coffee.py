@@ -167,19 +167,23 @@ def _check_demand(
         ('max_stddev', 0.2, {}),
     ]
     services = Services(listener)
-    # Landmarks are a bit less sure than single detections.
-    for parameter, number, expected in steps[view is not SENSOR_VIEW :]:
+
+    def check(parameter: str, number: float, expected: dict[str, str]) -> None:
         missing.clear()
         services.set(topic, **{parameter: number})
         pattern = ', '.join(f'{name} {reason}' for name, reason in expected.items())
         wait(
             listener,
-            lambda expected=expected, pattern=pattern: (  # type: ignore[misc]
+            lambda: (
                 any(fnmatchcase(text, pattern) for text in missing.data())
                 and ready.data()[-1] is not bool(expected)
             ),
-            lambda pattern=pattern: f'{pattern!r}, only {missing.data()} {ready.data()}',  # type: ignore[misc]
+            lambda: f'{pattern!r}, only {missing.data()} {ready.data()}',
         )
+
+    # Landmarks are a bit less sure than single detections.
+    for step in steps[view is not SENSOR_VIEW :]:
+        check(*step)
 
 
 def publish_base(listener: Listener) -> None:

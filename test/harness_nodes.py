@@ -96,6 +96,10 @@ class System:
     def wait(self, done: Callable[[], bool], what: str, timeout_s: float = PATIENCE_S) -> None:
         assert self.listener.spin_until(done, timeout_s), f'waited in vain for {what}'
 
+    def wait_for_frames(self, count: int) -> None:
+        """Wait until more frames than that have come."""
+        self.wait(lambda: len(self.listener.frames) > count, 'frames')
+
     def pass_time(self, duration_s: float) -> None:
         self.listener.spin_until(lambda: False, duration_s)
 

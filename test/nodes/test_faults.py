@@ -41,10 +41,6 @@ class Chain:
     def sequences(self, since: int = 0) -> list[int]:
         return [message.sequence for message, _ in self.frames[since:]]
 
-    def wait_for_frames(self, count: int) -> None:
-        """Wait until more frames than that have come."""
-        self.system.wait(lambda: len(self.frames) > count, 'frames')
-
     def expect_all(self, first: int) -> None:
         """Check that every frame sent from `first` on has come, once and in order."""
         last = max(self.sensor.middle_ns)
@@ -80,7 +76,7 @@ def test_a_cable_that_is_out_for_eight_seconds_costs_the_frames_of_that_time(cha
     assert system.statuses[DETECTOR][-1].level == DiagnosticStatus.STALE
     chain.sensor.plug()
     back = len(chain.frames)
-    chain.wait_for_frames(back + 50)
+    system.wait_for_frames(back + 50)
     chain.expect_all(first)
     # The clocks went on meanwhile, so the map still holds: the first stamps are right at once.
     assert system.number(DRIVER, 'clock restarts') == restarts
@@ -95,7 +91,7 @@ def test_a_sensor_that_restarts_costs_nothing_but_what_a_packet_had_so_far(chain
     chain.sensor.restart()
     system.wait(lambda: 0 in chain.sequences(before), 'the first frame')
     begin = before + chain.sequences(before).index(0)
-    chain.wait_for_frames(begin + 100)
+    system.wait_for_frames(begin + 100)
     assert chain.sequences(begin) == list(range(len(chain.frames) - begin))
     assert system.number(DRIVER, 'clock restarts') == restarts + 1
     assert system.number(DRIVER, 'lost frames') == lost
@@ -161,7 +157,7 @@ def test_a_node_that_is_killed_costs_what_it_would_have_published(chain: Chain, 
     system.pass_time(1.0)
     chain.start(node)
     began = time.monotonic()
-    chain.wait_for_frames(killed + 100)
+    system.wait_for_frames(killed + 100)
     if node == 'detector':
         chain.expect_all(first)
     else:
@@ -185,10 +181,10 @@ def test_a_host_clock_that_is_set_costs_no_frame(tmp_path: Path) -> None:
             remapped = ('-r', '/clock:=/stepped/clock', '-p', 'use_sim_time:=true')
             system.start(node, *remapped, serial_port=system.port)
         frames = system.listener.frames
-        system.wait(lambda: len(frames) > 100, 'frames')
+        system.wait_for_frames(100)
         for step_s in (-5.0, 8.0):
             before, step_ns = len(frames), round(step_s * 1e9)
-            system.wait(lambda needed=before + 250: len(frames) > needed, 'frames')  # type: ignore[misc]
+            system.wait_for_frames(before + 250)
             system.read_all()
             # A step forward is known from a transport that stalls after a second only.
             system.check_stamps(sensor, slice(before + 100, before + 250), step_ns)

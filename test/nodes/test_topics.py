@@ -85,13 +85,15 @@ def chain(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Chain]:
         system.start('detector', *frames, name='left', namespace='/left', method='paper', **left)
         mute = {'registered_ids': [2096, 2107], 'child_frame': 'mute/{name}', 'publish_tf': 'false'}
         system.start('detector', *frames, name='mute', namespace='/mute', **mute)
-        for namespace, expected in READ.items():
-            system.wait(
-                lambda found=readings[namespace], ids=expected: all(  # type: ignore[misc]
-                    [one.id for one in found].count(identity) >= 2 for identity in ids
-                ),
-                f'markers of {namespace}',
+
+        def are_read() -> bool:
+            return all(
+                [one.id for one in readings[namespace]].count(identity) >= 2
+                for namespace, expected in READ.items()
+                for identity in expected
             )
+
+        system.wait(are_read, 'all markers twice')
         yield Chain(system, sensor, readings)
 
 

@@ -105,12 +105,12 @@ def coffee(tmp_path_factory: pytest.TempPathFactory) -> Iterator[System]:
         wait_for_subscribers(system, 'frames', 2)
         wait_for_subscribers(system, 'markers', 3)
         nothing_seen = ', '.join(f'{one.name} has not been seen' for one in scene.markers)
-        for below in ('', 'base/'):
-            ready = Collected(system.listener, Bool, f'{below}coffee/ready')
-            missing = Collected(system.listener, String, f'{below}coffee/missing')
-            system.wait(lambda one=ready, other=missing: bool(one.messages and other.messages), '')  # type: ignore[misc]
-            assert ready.data() == [False]
-            assert missing.data() == [nothing_seen]
+        both = ('coffee', 'base/coffee')
+        ready = [Collected(system.listener, Bool, f'{node}/ready') for node in both]
+        missing = [Collected(system.listener, String, f'{node}/missing') for node in both]
+        system.wait(lambda: all(one.messages for one in ready + missing), 'what is missing')
+        assert [one.data() for one in ready] == [[False]] * 2
+        assert [one.data() for one in missing] == [[nothing_seen]] * 2
         with Sensor(scene, system.port):
             yield system
 
