@@ -54,9 +54,10 @@ def test_what_is_no_yaml_or_harms_is_refused_with_the_reason(
     with pytest.raises(ValueError, match=reason or f'^{path} is not a YAML file: ') as caught:
         load_yaml(path)
     assert str(path) in str(caught.value)
-    with pytest.raises(ConfigError, match=f'^{path} '):
-        load_scene(str(path))
-    assert time.process_time() - began < 4.0
+    assert time.process_time() - began < 2.0
+    if not reason:
+        with pytest.raises(ConfigError, match=f'^{path} is not a YAML file: '):
+            load_scene(str(path))
 
 
 def test_what_never_ends_is_read_to_the_limit_and_what_is_no_file_is_an_os_error(
