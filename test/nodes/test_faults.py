@@ -104,16 +104,18 @@ def test_a_sensor_that_restarts_costs_nothing_but_what_a_packet_had_so_far(chain
 
 def test_damaged_bytes_cost_their_own_packets_only_and_are_counted(chain: Chain) -> None:
     system = chain.system
+
+    def errors() -> int:
+        values = values_of(system.statuses[DRIVER][-1])
+        return sum(int(values[f'packets with {kind} errors']) for kind in ('CRC', 'framing'))
+
+    system.next_status(DRIVER)
+    before = errors()
+    check_corruption(system.listener, chain.sensor, 0.05)
+    system.wait(lambda: errors() - before >= len(chain.sensor.damaged), 'the damage to be counted')
     chain.sensor.corrupt_share = 0.3
     system.read_all()  # even then
-    check_corruption(system.listener, chain.sensor, 0.05)
-
-    def is_counted() -> bool:
-        values = values_of(system.statuses[DRIVER][-1])
-        errors = (int(values[f'packets with {kind} errors']) for kind in ('CRC', 'framing'))
-        return sum(errors) >= len(chain.sensor.damaged)
-
-    system.wait(is_counted, 'the damage to be counted')
+    chain.sensor.corrupt_share = 0.0
     system.wait_for_status(DRIVER, DiagnosticStatus.OK, 'frames a second')
 
 
