@@ -112,7 +112,8 @@ def test_damaged_bytes_cost_their_own_packets_only_and_are_counted(chain: Chain)
     system.next_status(DRIVER)
     before = errors()
     check_corruption(system.listener, chain.sensor, 0.05)
-    system.wait(lambda: errors() - before >= len(chain.sensor.damaged), 'the damage to be counted')
+    damaged = len(chain.sensor.damaged)
+    system.wait(lambda: errors() - before >= damaged, 'the damage to be counted')
     chain.sensor.corrupt_share = 0.3
     system.read_all()  # even then
     chain.sensor.corrupt_share = 0.0
