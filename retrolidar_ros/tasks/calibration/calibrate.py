@@ -134,7 +134,7 @@ def calibrate(
         zones=zones,
         markers=markers,
         link=_link(still[0], distance_m, size_m, law) if still and distance_m else None,
-        sweep=sweep_of(recording, moving.sent, moving.readings, size_m, speed_m_s)
+        sweep=sweep_of(recording, moving.sent, moving.readings, law, size_m, speed_m_s)
         if moving
         else None,
         size_m=size_m,

@@ -91,7 +91,8 @@ def noise_of(recording: Recording, waves: Floats | None = None) -> NoiseFound | 
     valid, _ = valid_samples(recording.signal, recording.distance, recording.status)
     signal = recording.signal.astype(np.float64)
     faint = (recording.status == Status.NO_TARGET) | (valid & (signal <= 0))
-    zones, correlation = _at_rest(signal, valid & ~faint)
+    # A marker whose dark bits are no target comes and goes, and not by chance.
+    zones, correlation = _at_rest(np.where(faint, 0.0, signal), valid | faint, valid & ~faint)
     if not zones:
         return None
     blocks = []
@@ -109,14 +110,15 @@ def noise_of(recording: Recording, waves: Floats | None = None) -> NoiseFound | 
     return _fitted(blocks, zones, correlation)
 
 
-def _at_rest(signal: Floats, valid: NDArray[np.bool_]) -> tuple[list[int], Estimate]:
+def _at_rest(
+    signal: Floats, known: NDArray[np.bool_], seen: NDArray[np.bool_]
+) -> tuple[list[int], Estimate]:
     """Return zones whose samples are no more alike than those of others, and how alike they are."""
     alike: dict[int, float] = {}
-    count = valid.sum(axis=0)
-    for zone in range(signal.shape[1]):
-        if count[zone] < max(_LEAST, (1 - _MOST_CENSORED) * len(signal)):
-            continue
-        change = np.where(valid[:, zone], signal[:, zone] - signal[valid[:, zone], zone].mean(), 0)
+    enough = seen.sum(axis=0) >= max(_LEAST, (1 - _MOST_CENSORED) * len(signal))
+    for zone in np.flatnonzero(enough).tolist():
+        own = known[:, zone]
+        change = np.where(own, signal[:, zone] - signal[own, zone].mean(), 0)
         if (power := float(change @ change)) > 0:
             alike[zone] = float(change[1:] @ change[:-1]) / power
     if not alike:
@@ -127,8 +129,8 @@ def _at_rest(signal: Floats, valid: NDArray[np.bool_]) -> tuple[list[int], Estim
     if usual > _ALL_MOVE:
         return [], Estimate(usual, chance)
     zones = [zone for zone, value in alike.items() if value < max(usual, 0.0) + _SIGMAS * chance]
-    own = np.array([alike[zone] for zone in zones])
-    return zones, Estimate(float(own.mean()) + 1 / len(signal), chance / math.sqrt(len(zones)))
+    mean = float(np.mean([alike[zone] for zone in zones]))
+    return zones, Estimate(mean + 1 / len(signal), chance / math.sqrt(len(zones)))
 
 
 def _without(level: Floats, valid: NDArray[np.bool_], waves: Floats) -> Floats:
