@@ -64,3 +64,12 @@ PANELS = (
     _panel('clip', 'saturates', 'at [%] of the top', '100 90 80 70 55 40 25 10', 0.01, clip=None),
     _panel('noise', 'more noise', 'variance, times', '1 2 3 4 6 8 12 20', 1, noise=None),
 )
+LABORATORY = (
+    _panel('pedestal', 'a bright wall', 'its signal', '0 5 10 20 40 80 300 800', 1, pedestal=None),
+    _panel('glass', 'a cover glass', 'its signal', '0 2 4 8 16 50 150 300 340 400', 1, glass=None),
+    _panel(
+        'neighbour', "another sensor's light", 'while it sends', '0 10 30 100 300 1000 3000', 1,
+        neighbour=None,
+    ),
+)  # fmt: skip
+"""In kcps/SPAD."""

@@ -27,6 +27,10 @@ class Stress:
     """How far the wall's signal walks in `WANDER_S`, as a share of the bright signal."""
     pedestal: float = 0.0
     """Signal that is added everywhere [kcps/SPAD]."""
+    glass: float = 0.0
+    """Signal of a cover glass, which the sensor separates [kcps/SPAD]."""
+    neighbour: float = 0.0
+    """Ambient light of another sensor while that sends [kcps/SPAD]."""
     clip: float = math.inf
     """No signal is above this share of marker and wall."""
     far_wall: float = 0.0

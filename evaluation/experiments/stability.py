@@ -96,7 +96,8 @@ CONDITIONS = [
 ]
 
 
-def _named(where: tuple[float, bool, bool]) -> str:
+def named(where: tuple[float, bool, bool]) -> str:
+    """Return the name of a condition: range, whether the marker moves, whether it repeats."""
     range_m, moves, repeats = where
     return (
         f'{range_m:g} m, {"moving" if moves else "standing"}, {"repeating" if repeats else "lone"}'
@@ -109,7 +110,7 @@ def run(rng: np.random.Generator, *, quick: bool) -> dict[str, Any]:
     chosen = PANELS[::5] if quick else PANELS
     conditions = CONDITIONS[:: 4 if quick else 1]
     harmless = {
-        _named(where): _Condition(PANELS[0], where, seed, quick).read(0, *METHODS)
+        named(where): _Condition(PANELS[0], where, seed, quick).read(0, *METHODS)
         for where in conditions
     }
     panels = []
@@ -117,8 +118,8 @@ def run(rng: np.random.Generator, *, quick: bool) -> dict[str, Any]:
         breaks = {}
         for where in conditions:
             condition = _Condition(panel, where, seed, quick)
-            usual = harmless[_named(where)]
-            breaks[_named(where)] = {
+            usual = harmless[named(where)]
+            breaks[named(where)] = {
                 method: condition.breaks(method, usual[method]['right']['rate'])
                 for method in METHODS
             }
@@ -140,7 +141,8 @@ def run(rng: np.random.Generator, *, quick: bool) -> dict[str, Any]:
     return {'harmless': harmless, 'panels': panels, 'speed_m_s': SPEED_M_S}
 
 
-def _told(found: dict[str, Any]) -> str:
+def told(found: dict[str, Any]) -> str:
+    """Return a breaking point as text."""
     if found['state'] == 'not read':
         return '×'
     return f'{">" if found["state"] == "never" else ""}{found["at"]:.3g}'
@@ -154,7 +156,7 @@ def table(figures: dict[str, Any]) -> Table:
     for panel in figures['panels']:
         cells = [
             '/'.join(
-                _told(panel['breaks'][name][method])
+                told(panel['breaks'][name][method])
                 for name in conditions
                 if name.partition(', ')[2] == kind
             )

@@ -77,9 +77,8 @@ def _noise(axes: Any, found: Calibration) -> None:
         return
     blocks = found.noise.blocks
     signal = np.array([block.signal for block in blocks])
-    axes.plot(
-        signal, [block.variance for block in blocks], '.', color=_GREY, label='some seconds of one'
-    )
+    variance = [block.variance for block in blocks]
+    axes.plot(signal, variance, '.', color=_GREY, label='a zone in some seconds')
     along = np.linspace(0, max(float(signal.max()) * 1.1, 1.0), 50)
     law = found.law.lit(found.noise.light)
     axes.plot(along, law.variance(along), color=_BLUE, label='law that was found')
@@ -100,7 +99,7 @@ def _signal(axes: Any, found: Calibration, marker: MarkerFound) -> None:
     if marker.pedestal:
         axes.axhline(marker.pedestal.value, color=_ORANGE, linestyle=':', label='what is around it')
     axes.set(xlabel='time [s]', ylabel='signal [kcps/SPAD]', title=f'ID {sent.id} in zone {zone}')
-    axes.margins(y=0.2)
+    axes.set_ylim(0, 1.2 * float(fitted[rows].max()))
     axes.legend(frameon=False, ncols=3, loc='upper center')
 
 

@@ -29,6 +29,7 @@ from retrolidar_ros.tasks.calibration.timing import Timing, timing
 _SAME_DEPTH_M, _MOVES_M = 0.1, 0.3
 _FLIPPED = 0.2
 _LEAST_ZONES = 3
+_UNLIKE = 0.05  # of a marker's light, by which walls around it differ
 
 
 @dataclass(frozen=True, eq=False)
@@ -116,13 +117,21 @@ def calibrate(
     law = NoiseLaw() if noise is None else noise.law
     zones = blinking_zones(recording, law.lit(noise.light) if noise else law)
     read = read_markers(recording, zones, law, frames.period_s.value)
-    sent = {one: fit_crystal(recording, own, law) for one, own in read.items()}
+    seen = {one: {zone for reading in own for zone in reading.zones} for one, own in read.items()}
+
+    def fitted(law: NoiseLaw) -> dict[int, Sent]:
+        others = {one: set().union(*(seen[i] for i in seen if i != one)) for one in seen}
+        return {
+            one: fit_crystal(recording, read[one], law, others[one] - seen[one]) for one in read
+        }
+
+    sent = fitted(law)
     if sent and noise is not None:
         # What little of a marker is in zones at rest is taken off, and all is fitted again.
         waves = np.stack([one.light for one in sent.values()], axis=-1)
         noise = noise_of(recording, waves) or noise
         law = noise.law
-        sent = {one: fit_crystal(recording, own, law) for one, own in read.items()}
+        sent = fitted(law)
     markers = [_marker(recording, own, sent[one], noise) for one, own in read.items()]
     markers.sort(key=lambda one: -one.sent.total)
     still = [one for one in markers if not one.moves]
@@ -191,7 +200,7 @@ def _pedestal(recording: Recording, sent: Sent, noise: NoiseFound) -> Estimate |
             for zone in noise.zones
             if abs(np.nanmedian(recording.distance[:, zone]) - depth) < _SAME_DEPTH_M
         ]
-    if len(near) < _LEAST_ZONES:
+    if len(near) < _LEAST_ZONES or np.std(near) > _UNLIKE * sent.gain[sent.zones[0]].value:
         return None
     return Estimate(float(np.median(near)), float(np.std(near, ddof=1)))
 

@@ -11,6 +11,7 @@ those of the sensor's noise at each level.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from collections.abc import Set as AbstractSet
 from typing import NamedTuple
 
 import numpy as np
@@ -98,7 +99,9 @@ def train_of(readings: Sequence[Detection], origin_ns: int) -> tuple[float, floa
     return float(line[0]) / PACKET_BITS, float(line[1]), int(number[-1]) + 1
 
 
-def fit_crystal(recording: Recording, readings: Sequence[Detection], law: NoiseLaw) -> Sent:
+def fit_crystal(
+    recording: Recording, readings: Sequence[Detection], law: NoiseLaw, others: AbstractSet[int]
+) -> Sent:
     """Return what one marker sent, from its readings and all samples of the zones that saw it.
 
     Parameters
@@ -108,12 +111,15 @@ def fit_crystal(recording: Recording, readings: Sequence[Detection], law: NoiseL
         All of one ID, at least one.
     law : NoiseLaw
         Of the sensor, in the light of the recording.
+    others : set of int
+        Zones of other markers, which are left out.
     """
     origin_ns = int(recording.stamp_ns[0])
     bit_s, start_s, packets = train_of(readings, origin_ns)
     time_s = (recording.stamp_ns - origin_ns) * 1e-9
     exposure_s = float(np.median(np.diff(time_s)))
     valid, _ = valid_samples(recording.signal, recording.distance, recording.status)
+    valid[:, list(others)] = False
     end_s = start_s + packets * PACKET_BITS * bit_s
     rows = (time_s > start_s + exposure_s) & (time_s < end_s - exposure_s)
     signal = recording.signal.astype(np.float64)[rows]
