@@ -90,7 +90,7 @@ def limits(panel: dict[str, Any]) -> list[str]:
             first = few.index(True)
             told.append(f'{(places[first - 1] + places[first]) / 2:.3g} {UNIT}')
         else:
-            told.append(f'> {places[-1]:g} {UNIT}')
+            told.append(f'>{places[-1]:g} {UNIT}')
     return told
 
 

@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from retrolidar_ros.marker.code import packet
 from retrolidar_ros.tasks.calibration.calibrate import Calibration, MarkerFound
 
 _BLUE, _ORANGE, _GREY = '#0072b2', '#d55e00', '0.6'
@@ -109,7 +110,7 @@ def _folded(axes: Any, found: Calibration, marker: MarkerFound) -> None:
     zone = sent.zones[0]
     bit_s = sent.bit_period_s.value
     time_s = (recording.stamp_ns - recording.stamp_ns[0]) * 1e-9
-    bits = marker.bits
+    bits = packet(sent.id)
     since = (time_s - sent.start_s) / bit_s
     nearest = np.rint(since).astype(int)
     before, after = bits[(nearest - 1) % len(bits)], bits[nearest % len(bits)]

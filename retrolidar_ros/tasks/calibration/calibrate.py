@@ -8,13 +8,11 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from retrolidar_ros.detector import Detection
 from retrolidar_ros.detector.blinking_zones import BlinkingZone, blinking_zones
 from retrolidar_ros.detector.noise import NoiseLaw
 from retrolidar_ros.detector.ranging import modulated_depth
-from retrolidar_ros.marker.code import packet
 from retrolidar_ros.marker.known_markers import MARKER_SIZE_M
 from retrolidar_ros.scene.marker_budget import NEEDED_SNR_DB, SENSOR_REACH_M, needed_swing
 from retrolidar_ros.scene.optics import DISTANCE_EXPONENT, REFERENCE_AREA_M2
@@ -49,11 +47,6 @@ class MarkerFound:
     flipped: bool
     """Whether its dark bits show something else, so that the crystal's times are not known."""
     moves: bool
-
-    @property
-    def bits(self) -> NDArray[np.uint8]:
-        """What it sends, 1 = dark, shape (31,)."""
-        return packet(self.sent.id)
 
 
 @dataclass(frozen=True)
@@ -114,8 +107,8 @@ def calibrate(
     """
     frames = timing(recording)
     noise = noise_of(recording)
-    law = NoiseLaw() if noise is None else noise.law
-    zones = blinking_zones(recording, law.lit(noise.light) if noise else law)
+    law = NoiseLaw() if noise is None else noise.law.lit(noise.light)
+    zones = blinking_zones(recording, law)
     read = read_markers(recording, zones, law, frames.period_s.value)
     seen = {one: {zone for reading in own for zone in reading.zones} for one, own in read.items()}
 
@@ -130,7 +123,7 @@ def calibrate(
         # What little of a marker is in zones at rest is taken off, and all is fitted again.
         waves = np.stack([one.light for one in sent.values()], axis=-1)
         noise = noise_of(recording, waves) or noise
-        law = noise.law
+        law = noise.law.lit(noise.light)
         sent = fitted(law)
     markers = [_marker(recording, own, sent[one], noise) for one, own in read.items()]
     markers.sort(key=lambda one: -one.sent.total)

@@ -65,7 +65,6 @@ class Sent(NamedTuple):
     """The same, of all zones that see it together [kcps/SPAD]."""
     flips: float
     """Share of dark samples at another distance than bright ones: something behind is seen."""
-    packets: int
 
 
 def train_of(readings: Sequence[Detection], origin_ns: int) -> tuple[float, float, int]:
@@ -162,7 +161,6 @@ def fit_crystal(
         gain=zone_gains,
         total=float(all_gains[all_gains > _SEEN * all_gains.max()].sum()),
         flips=_flips(recording.distance[:, zones[0]], valid[:, zones[0]], whole),
-        packets=packets,
     )
 
 

@@ -31,12 +31,6 @@ class Estimate(NamedTuple):
         """Return a number divided by it."""
         return Estimate(of / self.value, abs(of) * self.stddev / self.value**2)
 
-    @property
-    def interval(self) -> tuple[float, float]:
-        """The truth is between these in 95 of 100 cases."""
-        half = _NORMAL_95 * self.stddev
-        return self.value - half, self.value + half
-
     def text(self, unit: str = '') -> str:
         """Return value ± half of the interval that holds the truth in 95 of 100 cases."""
         half = _NORMAL_95 * self.stddev

@@ -59,8 +59,6 @@ class NoiseFound(NamedTuple):
     """Mean ambient light [kcps/SPAD]."""
     correlation: Estimate
     """Of successive samples: 0 of white noise."""
-    excess: float
-    """By how many times more than by chance the blocks scatter about the law (χ² a degree)."""
     zones: list[int]
     """Those at rest."""
     blocks: list[Block]
@@ -201,20 +199,20 @@ def _fitted(blocks: list[Block], zones: list[int], correlation: Estimate) -> Noi
     ones = np.ones_like(signal)
     columns = [ones, signal, ambient] if np.ptp(ambient) > _LEAST_AMBIENT else [ones, signal]
     while True:
-        values, excess = _weighted(np.stack(columns, axis=-1), variance, freedom)
+        values = _weighted(np.stack(columns, axis=-1), variance, freedom)
         if all(one.stddev < _LEAST_SURE * values[1].value for one in values[1:]):
             break
         columns.pop()
     floor, *others = values
     slope, light = (*others, None, None)[:2]
     return NoiseFound(
-        floor, slope, light, float(ambient.mean()), correlation, excess, zones, blocks,
+        floor, slope, light, float(ambient.mean()), correlation, zones, blocks,
         _ranging(blocks),
     )  # fmt: skip
 
 
-def _weighted(design: Floats, variance: Floats, freedom: Floats) -> tuple[list[Estimate], float]:
-    """Return the coefficients of a law, none negative, and by how much more than chance it errs."""
+def _weighted(design: Floats, variance: Floats, freedom: Floats) -> list[Estimate]:
+    """Return the coefficients of a law, none negative."""
     expected = np.full_like(variance, variance.mean())
     used = list(range(design.shape[1]))
     for _ in range(_ROUNDS):
@@ -231,7 +229,7 @@ def _weighted(design: Floats, variance: Floats, freedom: Floats) -> tuple[list[E
     found = [Estimate(0.0, math.inf)] * design.shape[1]
     for place, one in enumerate(used):
         found[one] = Estimate(float(value[place]), math.sqrt(excess * covariance[place, place]))
-    return found, excess
+    return found
 
 
 def _ranging(blocks: list[Block]) -> tuple[float, float] | None:
@@ -242,5 +240,5 @@ def _ranging(blocks: list[Block]) -> tuple[float, float] | None:
     inverse = np.array([1 / max(block.signal, 0.1) ** 2 for block in known])
     variance = np.array([max(block.distance_variance, 1e-12) for block in known])
     design = np.stack([np.ones_like(inverse), inverse], axis=-1)
-    found, _ = _weighted(design, variance, np.array([block.samples - 1.0 for block in known]))
+    found = _weighted(design, variance, np.array([block.samples - 1.0 for block in known]))
     return math.sqrt(found[1].value), math.sqrt(max(found[0].value, 0.0))

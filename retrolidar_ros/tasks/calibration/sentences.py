@@ -9,7 +9,6 @@ from retrolidar_ros.tasks.calibration.calibrate import Calibration, MarkerFound
 from retrolidar_ros.tasks.calibration.noise import NoiseFound
 
 _WHITE = 3.0  # standard deviations from it
-_CLEAR_EXCESS = 2.0
 _TWO_FRAMES = 1.9
 _NAMES = {int(one): one.name.lower().replace('_', ' ') for one in Status}
 _CLOCK = 0.03  # how far a detector looks for a bit period
@@ -51,16 +50,12 @@ def _timing(found: Calibration) -> list[str]:
         f'{code} ({_NAMES.get(code, "other")}) {100 * share:.1f} %'
         for code, share in one.statuses.items()
     )
+    period, jitter = (time.times(1e3).text('ms') for time in (one.period_s, one.jitter_s))
+    lost, gap_ms = one.lost.times(100).text('%'), 1e3 * one.longest_gap_s
     return [
         f'{one.frames} frames of {grid.rows}x{grid.columns} zones in {one.duration_s:.1f} s.',
-        (
-            f'A frame comes every {one.period_s.times(1e3).text("ms")}, with a jitter of '
-            f'{one.jitter_s.times(1e3).text("ms")}.'
-        ),
-        (
-            f'{one.lost.times(100).text("%")} of the frames are lost; the longest gap is '
-            f'{1e3 * one.longest_gap_s:.0f} ms.'
-        ),
+        f'A frame comes every {period}, with a jitter of {jitter}.',
+        f'{lost} of the frames are lost; the longest gap is {gap_ms:.0f} ms.',
         f'Statuses: {statuses}.',
     ]
 
@@ -76,19 +71,16 @@ def _noise(noise: NoiseFound) -> list[str]:
         )
     else:
         lines.append(f'{law} and {noise.slope.text("kcps/SPAD")} times the signal.')
-    if noise.ambient:
-        lines.append(f'Ambient light adds {noise.ambient.text("kcps/SPAD")} times itself.')
-    else:
-        lines.append(
-            f'That holds in ambient light of {noise.light:.0f} kcps/SPAD, which did not vary.'
-        )
+    lines.append(
+        f'Ambient light adds {noise.ambient.text("kcps/SPAD")} times itself.'
+        if noise.ambient
+        else f'That holds in ambient light of {noise.light:.0f} kcps/SPAD, which did not vary.'
+    )
     value, stddev = noise.correlation
     white = 'it is white' if abs(value) < _WHITE * stddev else 'it is not white'
     lines.append(
         f'Successive samples correlate by {noise.correlation.text()}: as far as seen {white}.'
     )
-    if noise.excess > _CLEAR_EXCESS:
-        lines.append(f'The zones differ {noise.excess:.1f} times more than by chance.')
     return lines
 
 

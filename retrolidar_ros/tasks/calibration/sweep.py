@@ -150,13 +150,9 @@ def _in_windows(recording: Recording, sent: Sent, law: NoiseLaw) -> _Windows:
 
 
 def _passes(windows: _Windows) -> list[tuple[NDArray[np.bool_], Floats]]:
-    """Return when a marker crosses borders one after the other, one way.
+    """Return which windows are of a marker on its way over borders, and its path.
 
-    Returns
-    -------
-    list of (array, array)
-        Which windows, and its place in steps: coefficients of a polynomial of the time since
-        the first frame, the highest first.
+    The path is in steps: coefficients of a polynomial of the time, the highest first.
     """
     time_s, light = windows.time_s, windows.light
     if len(time_s) < _LEAST_WINDOWS:
@@ -198,16 +194,7 @@ def _fit(
 ) -> tuple[Estimate, Estimate]:
     """Return the blur, and how many zones are crossed in a second, of a pass.
 
-    Parameters
-    ----------
-    windows : _Windows
-        Of rows or columns.
-    inside : array, shape (windows,)
-        Those of the pass.
-    path : array, shape (2,) or (3,)
-        First guess.
-    spot : float
-        Width of the marker, in widths of a zone.
+    It is `inside` some windows and begins with a guess of its path; the spot is in zones.
     """
     light, variance, parts = windows.light[inside], windows.variance[inside], windows.parts[inside]
     frames = parts.any(axis=(0, 1))
