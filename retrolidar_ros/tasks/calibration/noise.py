@@ -200,7 +200,7 @@ def _fitted(blocks: list[Block], zones: list[int], correlation: Estimate) -> Noi
     columns = [ones, signal, ambient] if np.ptp(ambient) > _LEAST_AMBIENT else [ones, signal]
     while True:
         values = _weighted(np.stack(columns, axis=-1), variance, freedom)
-        if all(one.stddev < _LEAST_SURE * values[1].value for one in values[1:]):
+        if all(one.stddev < _LEAST_SURE * values[1].value and one.value > 0 for one in values[1:]):
             break
         columns.pop()
     floor, *others = values
@@ -212,24 +212,17 @@ def _fitted(blocks: list[Block], zones: list[int], correlation: Estimate) -> Noi
 
 
 def _weighted(design: Floats, variance: Floats, freedom: Floats) -> list[Estimate]:
-    """Return the coefficients of a law, none negative."""
+    """Return the coefficients of a law."""
     expected = np.full_like(variance, variance.mean())
-    used = list(range(design.shape[1]))
     for _ in range(_ROUNDS):
         weight = freedom / (2 * expected**2)
-        part = design[:, used]
-        covariance = np.linalg.pinv((part.T * weight) @ part)
-        value = covariance @ (part.T @ (weight * variance))
-        if (value[1:] < 0).any():
-            used = [used[0], *(one for one, v in zip(used[1:], value[1:], strict=True) if v >= 0)]
-            continue
-        expected = np.maximum(part @ value, 1e-3 * variance.mean())
+        covariance = np.linalg.pinv((design.T * weight) @ design)
+        value = covariance @ (design.T @ (weight * variance))
+        expected = np.maximum(design @ value, 1e-3 * variance.mean())
     left = float(weight @ (variance - expected) ** 2)
-    excess = max(left / max(len(variance) - len(used), 1), 1.0)
-    found = [Estimate(0.0, math.inf)] * design.shape[1]
-    for place, one in enumerate(used):
-        found[one] = Estimate(float(value[place]), math.sqrt(excess * covariance[place, place]))
-    return found
+    excess = max(left / max(len(variance) - len(value), 1), 1.0)
+    deviation = np.sqrt(excess * np.diag(covariance))
+    return [Estimate(*one) for one in np.stack([value, deviation], axis=-1).tolist()]
 
 
 def _ranging(blocks: list[Block]) -> tuple[float, float] | None:
@@ -241,4 +234,4 @@ def _ranging(blocks: list[Block]) -> tuple[float, float] | None:
     variance = np.array([max(block.distance_variance, 1e-12) for block in known])
     design = np.stack([np.ones_like(inverse), inverse], axis=-1)
     found = _weighted(design, variance, np.array([block.samples - 1.0 for block in known]))
-    return math.sqrt(found[1].value), math.sqrt(max(found[0].value, 0.0))
+    return math.sqrt(max(found[1].value, 0.0)), math.sqrt(max(found[0].value, 0.0))

@@ -10,6 +10,7 @@ from retrolidar_ros.tasks.calibration.noise import NoiseFound
 
 _WHITE = 3.0  # standard deviations from it
 _TWO_FRAMES = 1.9
+_LONG_S = 20.0
 _NAMES = {int(one): one.name.lower().replace('_', ' ') for one in Status}
 _CLOCK = 0.03  # how far a detector looks for a bit period
 
@@ -123,53 +124,38 @@ def _marker(marker: MarkerFound) -> list[str]:
 
 def missing(found: Calibration) -> list[str]:
     """Return what to record or change next, for what the recording does not show."""
-    lines = []
-    period_s = found.timing.period_s.value
-    if found.timing.duration_s < 20:
-        lines.append('Record half a minute: every estimate gets more certain with time.')
-    if found.noise is None:
-        lines.append(
-            'No zone is at rest, so the noise is not known: record with the sensor and all but the '
-            'markers standing still.'
-        )
-    elif found.noise.slope is None:
-        lines.append(
-            'All zones at rest are alike: put white paper at several distances into the view, and '
-            'the noise is measured at all of their signals.'
-        )
-    if found.noise is not None and found.noise.ambient is None:
-        lines.append('Switch a lamp on and off while recording for the noise of ambient light.')
-    clocked = [zone for zone in found.zones if zone.periods]
-    if not found.zones:
-        lines.append('No zone blinks: put a marker that repeats its packet 0.5 to 1 m away.')
-    elif not found.markers:
-        lines.append(
-            'Zones blink, but no ID can be read: put one marker nearer, alone in its zone, and let '
-            'it repeat its packet; each bit is to last two to eight frames.'
-        )
-        if clocked and clocked[0].bit_period_s < _TWO_FRAMES * period_s:
-            lines.append('The bits are too fast for this frame rate.')
-    still = [marker for marker in found.markers if not marker.moves]
-    if found.markers and found.link is None and still:
-        lines.append(
-            'For the offset of ranges and the reach: measure the way from the sensor to the '
-            'brightest marker, and give --distance.'
-        )
-    if any(marker.flipped for marker in still):
-        lines.append('For the crystal: put the marker less than half a metre before a wall.')
-    elif any(marker.contrast is None for marker in still):
-        lines.append(
-            'For the contrast: let three zones see the wall that the marker hangs on, and only it.'
-        )
-    if found.sweep is None:
-        lines.append(
-            'For the blur: move a marker evenly across the view, through a zone in four packets '
-            'or slower; with --speed for the width of zones.'
-        )
-    periods = [marker.sent.bit_period_s.value for marker in found.markers]
-    if periods and max(periods) > (1 + _CLOCK) * min(periods):
-        lines.append(
-            'The markers have different bit periods; a detector reads one. That of the brightest '
-            'is written.'
-        )
-    return lines
+    noise, markers = found.noise, found.markers
+    still = [marker for marker in markers if not marker.moves]
+    flipped = any(marker.flipped for marker in still)
+    clocked = [zone.bit_period_s for zone in found.zones if zone.periods]
+    periods = [marker.sent.bit_period_s.value for marker in markers] or [1.0]
+    wanted = {
+        'Record half a minute: every estimate gets more certain with time.': (
+            found.timing.duration_s < _LONG_S
+        ),
+        'No zone is at rest, so the noise is not known: record with the sensor and all but the '
+        'markers standing still.': noise is None,
+        'All zones at rest are alike: put white paper at several distances into the view, and '
+        'the noise is measured at all of their signals.': noise and noise.slope is None,
+        'Switch a lamp on and off while recording for the noise of ambient light.': (
+            noise and noise.ambient is None
+        ),
+        'No zone blinks: put a marker that repeats its packet 0.5 to 1 m away.': not found.zones,
+        'Zones blink, but no ID can be read: put one marker nearer, alone in its zone, and let '
+        'it repeat its packet; each bit is to last two to eight frames.': found.zones
+        and not markers,
+        'The bits are too fast for this frame rate.': not markers
+        and clocked
+        and clocked[0] < _TWO_FRAMES * found.timing.period_s.value,
+        'For the offset of ranges and the reach: measure the way from the sensor to the '
+        'brightest marker, and give --distance.': still and found.link is None,
+        'For the crystal: put the marker less than half a metre before a wall.': flipped,
+        'For the contrast: let three zones see the wall that the marker hangs on, and only it.': (
+            not flipped and any(marker.contrast is None for marker in still)
+        ),
+        'For the blur: move a marker evenly across the view, through a zone in four packets '
+        'or slower; with --speed for the width of zones.': found.sweep is None,
+        'The markers have different bit periods; a detector reads one. That of the brightest '
+        'is written.': max(periods) > (1 + _CLOCK) * min(periods),
+    }
+    return [line for line, wants in wanted.items() if wants]
