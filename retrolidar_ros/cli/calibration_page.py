@@ -94,7 +94,7 @@ def _signal(axes: Any, found: Calibration, marker: MarkerFound) -> None:
     time_s = (recording.stamp_ns - recording.stamp_ns[0]) * 1e-9
     begin_s = float(time_s[np.isfinite(sent.light)][0])
     rows = (time_s >= begin_s) & (time_s < begin_s + 45 * sent.bit_period_s.value)
-    fitted = sent.level[zone].value + sent.gain[zone].value * sent.light
+    fitted = sent.level.value + sent.gain.value * sent.light
     axes.plot(time_s[rows], recording.signal[rows, zone], '.', color=_GREY, label='measured')
     axes.plot(time_s[rows], fitted[rows], color=_BLUE, linewidth=1, label='fitted')
     if marker.pedestal:
@@ -120,7 +120,7 @@ def _folded(axes: Any, found: Calibration, marker: MarkerFound) -> None:
         order = np.argsort((since - nearest)[rows])
         late_ms = (1e3 * bit_s * (since - nearest))[rows][order]
         axes.plot(late_ms, recording.signal[rows, zone][order], '.', markersize=3, color=colour)
-        fitted = sent.level[zone].value + sent.gain[zone].value * sent.light[rows][order]
+        fitted = sent.level.value + sent.gain.value * sent.light[rows][order]
         axes.plot(late_ms, fitted, color=colour, linewidth=1, alpha=0.7, label=name)
     axes.set(
         xlabel='middle of the exposure after an edge [ms]',

@@ -147,9 +147,8 @@ def _marker(
     recording: Recording, readings: list[Detection], sent: Sent, noise: NoiseFound | None
 ) -> MarkerFound:
     """Return what is known of a marker that was read."""
-    zone = sent.zones[0]
     flipped = sent.flips > _FLIPPED
-    gain, level = sent.gain[zone], sent.level[zone]
+    gain, level = sent.gain, sent.level
     bright = gain.value + level.value
     pedestal = None if noise is None or flipped else _pedestal(recording, sent, noise)
     contrast = None
@@ -193,7 +192,7 @@ def _pedestal(recording: Recording, sent: Sent, noise: NoiseFound) -> Estimate |
             for zone in noise.zones
             if abs(np.nanmedian(recording.distance[:, zone]) - depth) < _SAME_DEPTH_M
         ]
-    if len(near) < _LEAST_ZONES or np.std(near) > _UNLIKE * sent.gain[sent.zones[0]].value:
+    if len(near) < _LEAST_ZONES or np.std(near) > _UNLIKE * sent.gain.value:
         return None
     return Estimate(float(np.median(near)), float(np.std(near, ddof=1)))
 
@@ -223,8 +222,7 @@ def _link(marker: MarkerFound, distance_m: float, size_m: float, law: NoiseLaw) 
     """Return offset and signal of a marker at a known distance."""
     if marker.range_m is None:
         return None
-    zone = marker.sent.zones[0]
-    gain = marker.sent.gain[zone]
+    gain = marker.sent.gain
     contrast = marker.contrast or Estimate(1.0, 0.0)
     at_1_m = (
         marker.sent.total
@@ -234,7 +232,7 @@ def _link(marker: MarkerFound, distance_m: float, size_m: float, law: NoiseLaw) 
         / contrast.value
     )
     error = math.hypot(gain.stddev / gain.value, contrast.stddev / contrast.value)
-    wall = marker.pedestal.value if marker.pedestal else max(marker.sent.level[zone].value, 0.0)
+    wall = marker.pedestal.value if marker.pedestal else max(marker.sent.level.value, 0.0)
     swing = needed_swing(NEEDED_SNR_DB, law, wall) / contrast.value
     return Link(
         marker=marker.sent.id,

@@ -57,9 +57,9 @@ class Sent(NamedTuple):
     """Mean transmission of each exposure, 0 to 1, NaN before and after; shape (frames,)."""
     zones: tuple[int, ...]
     """Strongest first."""
-    level: dict[int, Estimate]
-    """Signal of a dark crystal in each of them [kcps/SPAD]."""
-    gain: dict[int, Estimate]
+    level: Estimate
+    """Signal of a dark crystal in the strongest [kcps/SPAD]."""
+    gain: Estimate
     """By how much a bright one exceeds it [kcps/SPAD]."""
     total: float
     """The same, of all zones that see it together [kcps/SPAD]."""
@@ -121,7 +121,7 @@ def fit_crystal(
     valid[:, list(others)] = False
     end_s = start_s + packets * PACKET_BITS * bit_s
     rows = (time_s > start_s + exposure_s) & (time_s < end_s - exposure_s)
-    signal = recording.signal.astype(np.float64)[rows]
+    signal = np.where(valid, recording.signal, 0.0).astype(np.float64)[rows]
     # The middle of the samples is where the start is known best, whatever the bit period.
     lever = (time_s[rows].mean() - start_s) / bit_s
 
@@ -142,23 +142,20 @@ def fit_crystal(
     level = ((used - shape[:, None] * gains[zones]) * use).sum(axis=0) / use.sum(axis=0)
     values = np.concatenate([values, level, gains[zones]])
     values, deviation = _fit(seen, values, used, use, law)
-    levels, zone_gains = (
-        {zone: Estimate(*one) for zone, one in zip(zones, part, strict=True)}
-        for part in np.stack([values, deviation], axis=-1)[4:].reshape(2, len(zones), 2).tolist()
-    )
+    found = [Estimate(*one) for one in np.stack([values, deviation], axis=-1).tolist()]
     whole = np.full(len(time_s), np.nan)
     whole[rows] = seen(values[:4])
     all_gains = _gains(whole[rows], signal, valid[rows])
     return Sent(
         id=readings[0].id,
-        bit_period_s=Estimate(float(values[0]), float(deviation[0])),
-        start_s=float(values[1] - lever * values[0]),
-        dark_s=Estimate(float(values[2]), float(deviation[2])),
-        bright_s=Estimate(float(values[3]), float(deviation[3])),
+        bit_period_s=found[0],
+        start_s=found[1].value - lever * found[0].value,
+        dark_s=found[2],
+        bright_s=found[3],
         light=whole,
         zones=tuple(zones),
-        level=levels,
-        gain=zone_gains,
+        level=found[4],
+        gain=found[4 + len(zones)],
         total=float(all_gains[all_gains > _SEEN * all_gains.max()].sum()),
         flips=_flips(recording.distance[:, zones[0]], valid[:, zones[0]], whole),
     )

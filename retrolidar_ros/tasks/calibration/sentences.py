@@ -97,10 +97,9 @@ def _marker(marker: MarkerFound) -> list[str]:
     ]
     if marker.moves:
         return [*lines, f'{name} moves, so its light and its crystal are not known.']
-    level, gain = sent.level[zone], sent.gain[zone]
     lines.append(
-        f'{name}: zone {zone} has {level.text("kcps/SPAD")} when it is dark, and '
-        f'{gain.text("kcps/SPAD")} more when it is bright.'
+        f'{name}: zone {zone} has {sent.level.text("kcps/SPAD")} when it is dark, and '
+        f'{sent.gain.text("kcps/SPAD")} more when it is bright.'
     )
     if marker.range_m:
         lines.append(f'{name} is measured at {marker.range_m.text("m")}.')
