@@ -22,7 +22,8 @@ from evaluation.bench.transmissions import transmission
 from retrolidar_ros.marker.code import BIT_PERIOD_S, PACKET_BITS
 from retrolidar_ros.marker.known_markers import MARKER_SIZE_M
 from retrolidar_ros.marker.liquid_crystal import Response
-from retrolidar_ros.scene.description import SIGNAL_AT_1_M, Noise, Sensor
+from retrolidar_ros.scene.description import SIGNAL_AT_1_M, Noise, SecondSensor, Sensor
+from retrolidar_ros.scene.laboratory import second_light
 from retrolidar_ros.scene.noise import deviating, noisy
 from retrolidar_ros.scene.optics import DISTANCE_EXPONENT, zone_shares
 from retrolidar_ros.scene.reference import NOISE, RANGING, RESPONSE, SENSOR, WALL_SIGNAL
@@ -34,6 +35,8 @@ SILENCE_BITS = 60  # before a lone packet: 2.5 s
 SECOND_CLOCK_ERROR = 0.01  # largest relative error of a second marker's clock
 WANDER_S = 0.5  # time in which a wandering wall goes its share of the bright signal
 FAR_WALL_M = 1.0  # how far a wall that is separated stands behind the marker
+GLASS_M = 0.01
+NEIGHBOUR_S = (0.033, 0.011)  # frame period of another sensor, and how long it sends in each
 _WAKING_BITS = PACKET_BITS  # a marker wakes at a random time within as many
 _TAIL_BITS = PACKET_BITS  # after the last packet
 _ABNORMAL = np.array(
@@ -209,6 +212,12 @@ def record(
         flipped = light < stress.far_wall * (signal + WALL_SIGNAL)
         light[flipped] = stress.far_wall * (signal + WALL_SIGNAL)
         ranges_m[flipped] += FAR_WALL_M
+    ranges_m[light < stress.glass] = GLASS_M
+    light = np.maximum(light, stress.glass)
+    around: Floats = np.full((len(middle_s), 1), ambient)
+    if stress.neighbour:
+        sending = SecondSensor(stress.neighbour, *NEIGHBOUR_S)
+        around += second_light(sending, middle_s, period_s)[:, None]
     law = sensor.noise or NOISE
     law = Noise(stress.noise * law.floor, stress.noise * law.slope, stress.noise * law.ambient)
     distance = deviating(ranges_m * sensor.grid.z_per_range, light, RANGING, rng)
@@ -219,8 +228,8 @@ def record(
         sensor_time_us=time_us,
         grid=sensor.grid,
         distance=distance.astype(np.float32),
-        signal=noisy(light, law, rng, ambient).astype(np.float32),
-        ambient=np.full(shape, ambient, dtype=np.float32),
+        signal=noisy(light, law, rng, around).astype(np.float32),
+        ambient=np.broadcast_to(around, shape).astype(np.float32),
         status=np.full(shape, Status.VALID, dtype=np.uint8),
     )
     if stress.no_target:

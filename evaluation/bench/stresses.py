@@ -26,6 +26,8 @@ class Stress:
     wander: float = 0.0
     """How far the wall's signal walks in `WANDER_S`, as a share of the bright signal."""
     pedestal: float = 0.0  # signal that is added everywhere [kcps/SPAD]
+    glass: float = 0.0  # signal of a cover glass, which the sensor separates [kcps/SPAD]
+    neighbour: float = 0.0  # ambient light of another sensor while that sends [kcps/SPAD]
     clip: float = math.inf  # no signal is above this share of marker and wall
     far_wall: float = 0.0
     """Signal of a wall that the sensor separates, over that of marker and near wall."""
@@ -109,3 +111,9 @@ PANELS = (
     _panel('clip', 'saturates', 'at [%] of the top', '100 90 80 70 55 40 25 10', 0.01, clip=None),
     _panel('noise', 'more noise', 'variance, times', '1 2 3 4 6 8 12 20', 1, noise=None),
 )
+_GLASS, _LIGHT = '0 2 4 8 16 50 150 300 340 400', '0 10 30 100 300 1000 3000'
+LABORATORY = (
+    _panel('pedestal', 'a bright wall', 'its signal', '0 5 10 20 40 80 300 800', 1, pedestal=None),
+    _panel('glass', 'a cover glass', 'its signal', _GLASS, 1, glass=None),
+    _panel('neighbour', "another sensor's light", 'while it sends', _LIGHT, 1, neighbour=None),
+)  # in kcps/SPAD

@@ -46,8 +46,9 @@ def _experiment(name: str) -> Experiment:
 
 
 _NAMES = """
-    speed-accuracy time-to-id peers roc brighter stability moving coffee drone several place ranging
-    bound chain ids link reading reach size angle yaw ambient marker calibration landmarks
+    speed-accuracy time-to-id peers roc brighter stability moving laboratory coffee drone several
+    place ranging bound chain ids link reading reach size angle yaw ambient marker calibration
+    landmarks
 """
 EXPERIMENTS = {name: _experiment(name) for name in _NAMES.split()}
 TIMED = ('speed-accuracy',)  # those that measure processor time, and so run alone

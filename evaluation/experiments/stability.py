@@ -92,7 +92,8 @@ CONDITIONS = [
 ]
 
 
-def _named(where: tuple[float, bool, bool]) -> str:
+def named(where: tuple[float, bool, bool]) -> str:
+    """Return the name of a condition: range, whether the marker moves, whether it repeats."""
     range_m, moves, repeats = where
     return (
         f'{range_m:g} m, {"moving" if moves else "standing"}, {"repeating" if repeats else "lone"}'
@@ -109,15 +110,13 @@ def run(rng: np.random.Generator, *, quick: bool) -> dict[str, Any]:
     def condition(panel: Panel, where: tuple[float, bool, bool]) -> _Condition:
         return _Condition(panel, where, seed, recordings)
 
-    harmless = {
-        _named(where): condition(PANELS[0], where).read(0, *METHODS) for where in conditions
-    }
+    harmless = {named(where): condition(PANELS[0], where).read(0, *METHODS) for where in conditions}
     panels = []
     for panel in PANELS[:: 5 if quick else 1]:
         breaks = {
-            _named(where): {
+            named(where): {
                 method: condition(panel, where).breaks(method, read['right']['rate'])
-                for method, read in harmless[_named(where)].items()
+                for method, read in harmless[named(where)].items()
             }
             for where in conditions
         }
@@ -127,12 +126,13 @@ def run(rng: np.random.Generator, *, quick: bool) -> dict[str, Any]:
             for index, value in enumerate(panel.values)
             if not quick or index % 3 == 0
         ]
-        about = {'title': panel.title, 'axis': panel.axis}
+        about = {'name': panel.name, 'title': panel.title, 'axis': panel.axis}
         panels.append(about | {'breaks': breaks, 'points': points})
     return {'harmless': harmless, 'panels': panels}
 
 
-def _at(found: dict[str, Any]) -> str:
+def breaking_point(found: dict[str, Any]) -> str:
+    """Return a breaking point as text."""
     if found['state'] == 'not read':
         return '×'
     return f'{">" if found["state"] == "never" else ""}{found["at"]:.3g}'
@@ -148,7 +148,8 @@ def table(figures: dict[str, Any]) -> Table:
         for kind in kinds:
             names = [name for name in conditions if name.partition(', ')[2] == kind]
             row += [
-                '/'.join(_at(panel['breaks'][name][method]) for name in names) for method in METHODS
+                '/'.join(breaking_point(panel['breaks'][name][method]) for name in names)
+                for method in METHODS
             ]
         rows.append(row)
     return rows

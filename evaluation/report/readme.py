@@ -17,7 +17,7 @@ from pathlib import Path
 from typing import Any
 
 from evaluation.bench.judging import BOTH
-from evaluation.experiments import peers, roc, speed_accuracy
+from evaluation.experiments import laboratory, peers, roc, speed_accuracy, stability
 from evaluation.experiments.registry import EXPERIMENTS
 from evaluation.experiments.sweeps import end_of
 from evaluation.peers.visual_markers import APRILTAG
@@ -144,7 +144,46 @@ def speed(report: Report) -> str:
     )
 
 
-_BLOCKS = {'headlines': headlines, 'ids': ids, 'reach': reach, 'speed': speed}
+_STRESSES = {
+    'second': ('a second marker in its zone: its signal, over that of the first', '%'),
+    'far_wall': ('a wall a metre behind: its signal, over that of the marker', 'times'),
+    'wander': ('a wall beside it that wanders within 0.5 s, by so much of its signal', '%'),
+    'fast': ('bits shorter than `bit_period`, by', '%'),
+    'slow': ('bits longer than `bit_period`, by', '%'),
+    'hand': ('a hand before it for', 'ms'),
+    'noise': ('noise, its variance over the usual', 'times'),
+}
+
+
+def limits(report: Report) -> str:
+    """Return what is borne near and at the end of the reach, of lone and of repeating markers."""
+    figures, others = report['stability'], report['laboratory']
+    conditions = [stability.named(where) for where in laboratory.CONDITIONS]
+    panels = {panel['name']: panel for panel in figures['panels']}
+    rows: Table = [['four fifths are read up to', *conditions]]
+    for name, (what, unit) in _STRESSES.items():
+        breaks = [panels[name]['breaks'][where] for where in conditions]
+        rows.append([what, *(f'{stability.breaking_point(one["joint"])} {unit}' for one in breaks)])
+    for panel in others['panels']:
+        rows.append([f'{panel["title"]}, {panel["axis"]}', *laboratory.limits(panel)])
+    return markdown(rows)
+
+
+def moves(report: Report) -> str:
+    """Return what is read of markers that move."""
+    heads, *rows = EXPERIMENTS['moving'].table(report['moving'])
+    own = [[row[0].removesuffix(', joint'), *row[1:]] for row in rows if row[0].endswith('joint')]
+    return markdown([heads, *own])
+
+
+_BLOCKS = {
+    'headlines': headlines,
+    'ids': ids,
+    'limits': limits,
+    'moves': moves,
+    'reach': reach,
+    'speed': speed,
+}
 
 
 def renewed(text: str, report: Report) -> str:

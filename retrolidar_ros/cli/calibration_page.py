@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from retrolidar_ros.marker.code import packet
 from retrolidar_ros.tasks.calibration.calibrate import Calibration, MarkerFound
 
 _BLUE, _ORANGE, _GREY = '#0072b2', '#d55e00', '0.6'
@@ -77,9 +78,8 @@ def _noise(axes: Any, found: Calibration) -> None:
         return
     blocks = found.noise.blocks
     signal = np.array([block.signal for block in blocks])
-    axes.plot(
-        signal, [block.variance for block in blocks], '.', color=_GREY, label='some seconds of one'
-    )
+    variance = [block.variance for block in blocks]
+    axes.plot(signal, variance, '.', color=_GREY, label='a zone in some seconds')
     along = np.linspace(0, max(float(signal.max()) * 1.1, 1.0), 50)
     law = found.law.lit(found.noise.light)
     axes.plot(along, law.variance(along), color=_BLUE, label='law that was found')
@@ -94,13 +94,13 @@ def _signal(axes: Any, found: Calibration, marker: MarkerFound) -> None:
     time_s = (recording.stamp_ns - recording.stamp_ns[0]) * 1e-9
     begin_s = float(time_s[np.isfinite(sent.light)][0])
     rows = (time_s >= begin_s) & (time_s < begin_s + 45 * sent.bit_period_s.value)
-    fitted = sent.level[zone].value + sent.gain[zone].value * sent.light
+    fitted = sent.level.value + sent.gain.value * sent.light
     axes.plot(time_s[rows], recording.signal[rows, zone], '.', color=_GREY, label='measured')
     axes.plot(time_s[rows], fitted[rows], color=_BLUE, linewidth=1, label='fitted')
     if marker.pedestal:
         axes.axhline(marker.pedestal.value, color=_ORANGE, linestyle=':', label='what is around it')
     axes.set(xlabel='time [s]', ylabel='signal [kcps/SPAD]', title=f'ID {sent.id} in zone {zone}')
-    axes.margins(y=0.2)
+    axes.set_ylim(0, 1.2 * float(fitted[rows].max()))
     axes.legend(frameon=False, ncols=3, loc='upper center')
 
 
@@ -110,7 +110,7 @@ def _folded(axes: Any, found: Calibration, marker: MarkerFound) -> None:
     zone = sent.zones[0]
     bit_s = sent.bit_period_s.value
     time_s = (recording.stamp_ns - recording.stamp_ns[0]) * 1e-9
-    bits = marker.bits
+    bits = packet(sent.id)
     since = (time_s - sent.start_s) / bit_s
     nearest = np.rint(since).astype(int)
     before, after = bits[(nearest - 1) % len(bits)], bits[nearest % len(bits)]
@@ -120,7 +120,7 @@ def _folded(axes: Any, found: Calibration, marker: MarkerFound) -> None:
         order = np.argsort((since - nearest)[rows])
         late_ms = (1e3 * bit_s * (since - nearest))[rows][order]
         axes.plot(late_ms, recording.signal[rows, zone][order], '.', markersize=3, color=colour)
-        fitted = sent.level[zone].value + sent.gain[zone].value * sent.light[rows][order]
+        fitted = sent.level.value + sent.gain.value * sent.light[rows][order]
         axes.plot(late_ms, fitted, color=colour, linewidth=1, alpha=0.7, label=name)
     axes.set(
         xlabel='middle of the exposure after an edge [ms]',

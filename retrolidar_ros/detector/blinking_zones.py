@@ -33,6 +33,11 @@ _CANDIDATES = 4
 _LEAST_FRAMES_A_BIT = 1.9
 _CAPTURED = 0.03  # a detector looks for bit periods so near to its bit_period
 _MOST_NAMED = 4
+_FLAT = 0.15
+LOW_CONTRAST = (
+    'its crystal blocks too little (check polarisers and voltage), or so much light saturates the '
+    'sensor (go farther away)'
+)
 _SURE = 10.0
 _SPANS = (1, 2, 4)  # frames that are averaged: the more, the fainter and slower what is found
 
@@ -51,6 +56,8 @@ class BlinkingZone(NamedTuple):
     zone: int
     modulation_db: float
     """As the SNR of a marker that varied so."""
+    contrast: float
+    """By what share of its most light it varies."""
     periods: tuple[Period, ...]
     """The likeliest first; none where nothing has a clock."""
 
@@ -72,10 +79,17 @@ def blinking_zones(recording: Recording, law: NoiseLaw) -> list[BlinkingZone]:
     """
     samples = Samples.of(recording)
     blinking = modulation_db(samples, law)
+    mean = samples.signal.sum(axis=0) / np.maximum(samples.valid.sum(axis=0), 1)
+    swing = 10 ** (blinking / 20) * np.sqrt(law.variance(mean))
     order = np.argsort(-blinking)
     return [
-        BlinkingZone(int(zone), float(blinking[zone]), bit_periods(recording, samples, int(zone)))
-        for zone in order[blinking[order] >= BLINKING_DB]
+        BlinkingZone(
+            zone,
+            float(blinking[zone]),
+            float(swing[zone] / (mean[zone] + swing[zone] / 2)),
+            bit_periods(recording, samples, zone),
+        )
+        for zone in order[blinking[order] >= BLINKING_DB].tolist()
     ]
 
 
@@ -190,11 +204,17 @@ def unread(zones: list[BlinkingZone], frame_period_s: float, bit_period_s: float
     told = any(clock_mismatch(zone.periods, bit_period_s) for zone in zones)
     found = [] if told else too_slow(frame_period_s, bit_period_s)
     if not zones:
-        still = 'no zone blinks: nothing varies beyond noise_floor, noise_slope and noise_ambient'
+        still = (
+            'no zone blinks: let a marker repeat its packet within the view, a metre away at most'
+        )
         return [*found, still]
     for zone in zones[:_MOST_NAMED]:
         text = f'zone {zone.zone} blinks by {zone.modulation_db:.0f} dB'
-        if not zone.periods:
+        if not clock_mismatch(zone.periods, bit_period_s) and zone.contrast < _FLAT:
+            found.append(
+                f'{text}, but by {100 * zone.contrast:.0f} % of its light only: {LOW_CONTRAST}'
+            )
+        elif not zone.periods:
             found.append(f'{text} without a bit clock: something moves, or the light flickers')
         elif mismatch := clock_mismatch(zone.periods, bit_period_s):
             found.append(f'{text} with {mismatch}')

@@ -9,9 +9,11 @@ from collections.abc import Iterable, Iterator, Mapping
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from retrolidar_ros.detector.blinking_zones import (
     LEAST_FRAMES,
+    LOW_CONTRAST,
     BlinkingZone,
     blinking_zones,
     clock_mismatch,
@@ -23,13 +25,15 @@ from retrolidar_ros.detector.likelihood_detector import Candidate, LikelihoodDet
 from retrolidar_ros.detector.noise import NoiseLaw
 from retrolidar_ros.detector.settings import detector_of, known_markers, registered
 from retrolidar_ros.marker.code import PACKET_BITS
-from retrolidar_ros.sensor.frame import Floats, Frame, Recording, valid_samples
+from retrolidar_ros.sensor.frame import Floats, Frame, Recording, Status, valid_samples
 
 _KEPT = 2048  # newest frames, which are looked at
 _MOST_NOISE = 2.0  # times what it is said to be
 _FEW = 0.5  # of the packets of a marker that was read
 _GLASS_M = 0.05
 _FAINTER_DB = 12.0
+_MOST_NAMED = 4
+_STANDS_OUT = 5.0
 _FLICKER = 0.1  # of the ambient light, from frame to frame
 
 
@@ -95,6 +99,7 @@ class Decoding:
         bit_s = self.values['bit_period']
         if not self.packets:
             found += self._unregistered(recording) or unread(zones, frame_s, bit_s)
+            found += [] if zones else _steady(recording)
         else:
             # What blinks beside a marker and much fainter is its own light in another zone.
             bright = [
@@ -172,6 +177,21 @@ def _noise_scale(recording: Recording, law: NoiseLaw) -> float:
     return float(np.quantile(scale[count > LEAST_FRAMES // 2], 0.25))
 
 
+def _steady(recording: Recording) -> list[str]:
+    """Say which zone may see a marker that does not blink."""
+    signal = np.median(recording.signal, axis=0)
+    if signal.max() < _STANDS_OUT * max(float(np.median(signal)), 1.0):
+        return []
+    brightest = f'zone {signal.argmax()} is by far the brightest, and steady'
+    return [f'{brightest}: if that is a marker, {LOW_CONTRAST}']
+
+
+def _zones(zones: NDArray[np.intp]) -> str:
+    named = ', '.join(map(str, zones[:_MOST_NAMED]))
+    others = len(zones) - _MOST_NAMED
+    return f'zone {named}' + (f' and {others} more' if others > 0 else '')
+
+
 def _about(recording: Recording, scale: float) -> list[str]:
     """Say what is wrong with the noise and the light."""
     found = []
@@ -184,8 +204,17 @@ def _about(recording: Recording, scale: float) -> list[str]:
         near = np.flatnonzero((recording.distance < _GLASS_M).mean(axis=0) > _FEW)
     if len(near):
         found.append(
-            f'zone {", ".join(map(str, near))} sees something nearer than {100 * _GLASS_M:.0f} cm, '
+            f'{_zones(near)} sees something nearer than {100 * _GLASS_M:.0f} cm, '
             'such as a cover glass: what is fainter is not seen behind it; take it off or clean it'
+        )
+    valid, _ = valid_samples(recording.signal, recording.distance, recording.status)
+    bad = ~valid & (recording.status != Status.NO_TARGET)
+    lame = np.flatnonzero(bad.mean(axis=0) > _FEW)
+    if len(lame):
+        code = np.bincount(recording.status[bad]).argmax()
+        found.append(
+            f'{_zones(lame)} gives invalid samples for the most part, as of status {code}: '
+            'shade it from the sun, clean the window, and let something be within reach'
         )
     ambient = recording.ambient.mean(axis=1)
     if np.std(np.diff(ambient)) > _FLICKER * max(float(ambient.mean()), 1.0):

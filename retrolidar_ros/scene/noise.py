@@ -9,6 +9,8 @@ import numpy as np
 from retrolidar_ros.scene.description import Noise, Ranging
 from retrolidar_ros.sensor.frame import Floats
 
+_NEAREST_M = 1e-3
+
 
 def noisy(
     signal: Floats, noise: Noise | None, rng: np.random.Generator, ambient: Floats | float = 0.0
@@ -26,9 +28,12 @@ def noisy(
 def deviating(
     distance: Floats, signal: Floats, ranging: Ranging | None, rng: np.random.Generator
 ) -> Floats:
-    """Add to distances [m] of any shape the deviation that belongs to their signals."""
+    """Add to distances [m] of any shape the deviation that belongs to their signals.
+
+    None is behind the sensor, however near its target is.
+    """
     if ranging is None:
         return distance
     shot = np.divide(ranging.shot, signal, out=np.zeros_like(signal), where=signal > 0)
     sigma: Floats = np.hypot(shot, ranging.floor)
-    return distance + sigma * rng.standard_normal(signal.shape)
+    return np.maximum(distance + sigma * rng.standard_normal(signal.shape), _NEAREST_M)

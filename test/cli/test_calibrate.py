@@ -61,6 +61,7 @@ def test_a_bag_without_markers_is_an_exit_code_of_its_own(
 
 
 FAINT = {**MARKER, 'position': ['0.29 m', '0.29 m', '2.8 m']}
+NEAR = {**MARKER, 'position': ['0.03 m', '0.03 m', '0.25 m'], 'contrast': '90 %'}
 LOUD = {'floor': '74 (kcps/SPAD)^2', 'slope': '3.5 kcps/SPAD'}
 NEIGHBOUR = {'ambient': '30 kcps/SPAD', 'period': '33 ms', 'lasting': '11 ms'}
 HAND = {
@@ -80,7 +81,18 @@ HAND = {
         ({'markers': [{**MARKER, 'clock_error': '5 %'}]}, [], 'set bit_period to 0.0441'),
         ({'sensor': {**SENSOR, 'period': '33.3 ms'}}, [], 'need two of them: let the sensor'),
         ({'sensor': {**SENSOR, 'zones': '8x8', 'period': '66.7 ms'}}, [], 'need two of them'),
-        ({'markers': []}, [], 'no zone blinks'),
+        ({'markers': []}, [], 'no zone blinks: let a marker repeat its packet'),
+        ({'markers': [{**MARKER, 'contrast': '1 %'}]}, [], 'check polarisers and voltage'),
+        (
+            {'sensor': {**SENSOR, 'saturation': '40 kcps/SPAD'}, 'markers': [NEAR], 'surfaces': []},
+            [],
+            'so much light saturates the sensor (go farther away)',
+        ),
+        (
+            {'sensor': {**SENSOR, 'abnormal': '70 %'}},
+            [],
+            'shade it from the sun, clean the window',
+        ),
         (
             {'sensor': {**SENSOR, 'noise': LOUD}, 'markers': [FAINT]},
             [],
@@ -95,7 +107,20 @@ HAND = {
         ),
         ({'markers': [], 'moving_surfaces': [HAND]}, [], 'without a bit clock: something moves'),
     ],
-    ids=['clock', '30 Hz', '8x8', 'dark', 'noise', 'ids', 'glass', 'neighbour', 'hand'],
+    ids=[
+        'clock',
+        '30 Hz',
+        '8x8',
+        'dark',
+        'contrast',
+        'saturation',
+        'statuses',
+        'noise',
+        'ids',
+        'glass',
+        'neighbour',
+        'hand',
+    ],
 )
 def test_a_mismatch_is_named_with_its_remedy(
     content: dict[str, Any],

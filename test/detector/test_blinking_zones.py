@@ -60,3 +60,5 @@ def test_every_mismatch_is_a_sentence_with_its_remedy() -> None:
     assert 'no zone blinks' in unread([], 0.021, 0.042)[0]
     assert 'without a bit clock' in unread([zones[0]._replace(periods=())], 0.021, 0.042)[0]
     assert 'as expected' in unread(zones, 0.021, 0.046)[0]
+    flat = zones[0]._replace(contrast=0.05)
+    assert 'but by 5 % of its light only' in unread([flat], 0.021, 0.046)[0]

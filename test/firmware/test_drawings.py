@@ -14,3 +14,19 @@ def test_a_drawing_names_the_pins_of_its_sketch(sketch: str) -> None:
     assert pins
     for pin in pins:
         assert re.search(rf'>{pin}\b', drawing), pin
+
+
+def test_the_schematic_has_the_pins_of_the_sketch_and_the_parts_of_the_bill() -> None:
+    source = (FIRMWARE / 'marker' / 'marker.ino').read_text(encoding='utf-8')
+    page = (ROOT / 'docs' / 'hardware.md').read_text(encoding='utf-8')
+    drawing = (ROOT / 'docs' / 'images' / 'hardware_schematic.svg').read_text(encoding='utf-8')
+    drawn = set(re.findall(r'class="n">([A-Z]+\d+)[AB]?<', drawing))
+    bill = page.partition('images/hardware_schematic.svg')[2].partition('\n\nA marker')[0]
+    assert drawn == set(re.findall(r'\b((?:R|C|U|PD|CR|P)\d+)\b', bill))
+    assert set(re.findall(r'class="pin">(\w+)<', drawing)) == {
+        *re.findall(r'_PIN = (\w+)', source),
+        '5V',
+    }
+    for part in ('74AHCT125', 'BPW34 FA', 'OPA320', 'SMS7630', 'TLV7031'):
+        assert part in drawing
+        assert part in bill

@@ -190,3 +190,26 @@ def test_a_recording_that_is_too_short_is_refused() -> None:
 
 def test_a_short_one_says_so() -> None:
     assert any('Record half a minute' in line for line in missing(calibrate(recorded(SCENE, 8))))
+
+
+def test_two_markers_do_not_tell_of_each_other() -> None:
+    other = replace(SCENE.markers[0], id=204, position_m=(-0.2, -0.2, 0.9), contrast=0.8)
+    found = calibrate(recorded(replace(SCENE, markers=(*SCENE.markers, other))))
+    near, far = found.markers
+    assert (near.sent.id, far.sent.id) == (2816, 204)
+    assert set(near.sent.zones).isdisjoint(far.sent.zones)
+    for marker in (near, far):
+        assert holds(marker.sent.bright_s, 9e-3)
+
+
+def test_a_marker_whose_dark_bits_are_no_target_is_no_zone_at_rest() -> None:
+    wall, *paper = SCENE.surfaces
+    sensor = replace(SCENE.sensor, target_threshold=15.0, noise=Noise(4.6, 0.22))
+    marker = replace(SCENE.markers[0], contrast=1.0, bit_period_s=0.18)
+    dark = replace(
+        SCENE, sensor=sensor, markers=(marker,), surfaces=(replace(wall, signal=3.0), *paper)
+    )
+    found = calibrate(recorded(dark))
+    assert found.noise is not None
+    assert found.noise.zones == [4, 8, 12]
+    assert [one.sent.id for one in found.markers] == [2816]

@@ -8,13 +8,11 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from retrolidar_ros.detector import Detection
 from retrolidar_ros.detector.blinking_zones import BlinkingZone, blinking_zones
 from retrolidar_ros.detector.noise import NoiseLaw
 from retrolidar_ros.detector.ranging import modulated_depth
-from retrolidar_ros.marker.code import packet
 from retrolidar_ros.marker.known_markers import MARKER_SIZE_M
 from retrolidar_ros.scene.marker_budget import NEEDED_SNR_DB, SENSOR_REACH_M, needed_swing
 from retrolidar_ros.scene.optics import DISTANCE_EXPONENT, REFERENCE_AREA_M2
@@ -29,6 +27,7 @@ from retrolidar_ros.tasks.calibration.timing import Timing, timing
 _SAME_DEPTH_M, _MOVES_M = 0.1, 0.3
 _FLIPPED = 0.2
 _LEAST_ZONES = 3
+_UNLIKE = 0.05  # of a marker's light, by which walls around it differ
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,11 +47,6 @@ class MarkerFound:
     flipped: bool
     """Whether its dark bits show something else, so that the crystal's times are not known."""
     moves: bool
-
-    @property
-    def bits(self) -> NDArray[np.uint8]:
-        """What it sends, 1 = dark, shape (31,)."""
-        return packet(self.sent.id)
 
 
 @dataclass(frozen=True)
@@ -113,16 +107,24 @@ def calibrate(
     """
     frames = timing(recording)
     noise = noise_of(recording)
-    law = NoiseLaw() if noise is None else noise.law
-    zones = blinking_zones(recording, law.lit(noise.light) if noise else law)
+    law = NoiseLaw() if noise is None else noise.law.lit(noise.light)
+    zones = blinking_zones(recording, law)
     read = read_markers(recording, zones, law, frames.period_s.value)
-    sent = {one: fit_crystal(recording, own, law) for one, own in read.items()}
+    seen = {one: {zone for reading in own for zone in reading.zones} for one, own in read.items()}
+
+    def fitted(law: NoiseLaw) -> dict[int, Sent]:
+        others = {one: set().union(*(seen[i] for i in seen if i != one)) for one in seen}
+        return {
+            one: fit_crystal(recording, read[one], law, others[one] - seen[one]) for one in read
+        }
+
+    sent = fitted(law)
     if sent and noise is not None:
         # What little of a marker is in zones at rest is taken off, and all is fitted again.
         waves = np.stack([one.light for one in sent.values()], axis=-1)
         noise = noise_of(recording, waves) or noise
-        law = noise.law
-        sent = {one: fit_crystal(recording, own, law) for one, own in read.items()}
+        law = noise.law.lit(noise.light)
+        sent = fitted(law)
     markers = [_marker(recording, own, sent[one], noise) for one, own in read.items()]
     markers.sort(key=lambda one: -one.sent.total)
     still = [one for one in markers if not one.moves]
@@ -134,7 +136,7 @@ def calibrate(
         zones=zones,
         markers=markers,
         link=_link(still[0], distance_m, size_m, law) if still and distance_m else None,
-        sweep=sweep_of(recording, moving.sent, moving.readings, size_m, speed_m_s)
+        sweep=sweep_of(recording, moving.sent, moving.readings, law, size_m, speed_m_s)
         if moving
         else None,
         size_m=size_m,
@@ -145,9 +147,8 @@ def _marker(
     recording: Recording, readings: list[Detection], sent: Sent, noise: NoiseFound | None
 ) -> MarkerFound:
     """Return what is known of a marker that was read."""
-    zone = sent.zones[0]
     flipped = sent.flips > _FLIPPED
-    gain, level = sent.gain[zone], sent.level[zone]
+    gain, level = sent.gain, sent.level
     bright = gain.value + level.value
     pedestal = None if noise is None or flipped else _pedestal(recording, sent, noise)
     contrast = None
@@ -191,7 +192,7 @@ def _pedestal(recording: Recording, sent: Sent, noise: NoiseFound) -> Estimate |
             for zone in noise.zones
             if abs(np.nanmedian(recording.distance[:, zone]) - depth) < _SAME_DEPTH_M
         ]
-    if len(near) < _LEAST_ZONES:
+    if len(near) < _LEAST_ZONES or np.std(near) > _UNLIKE * sent.gain.value:
         return None
     return Estimate(float(np.median(near)), float(np.std(near, ddof=1)))
 
@@ -221,8 +222,7 @@ def _link(marker: MarkerFound, distance_m: float, size_m: float, law: NoiseLaw) 
     """Return offset and signal of a marker at a known distance."""
     if marker.range_m is None:
         return None
-    zone = marker.sent.zones[0]
-    gain = marker.sent.gain[zone]
+    gain = marker.sent.gain
     contrast = marker.contrast or Estimate(1.0, 0.0)
     at_1_m = (
         marker.sent.total
@@ -232,7 +232,7 @@ def _link(marker: MarkerFound, distance_m: float, size_m: float, law: NoiseLaw) 
         / contrast.value
     )
     error = math.hypot(gain.stddev / gain.value, contrast.stddev / contrast.value)
-    wall = marker.pedestal.value if marker.pedestal else max(marker.sent.level[zone].value, 0.0)
+    wall = marker.pedestal.value if marker.pedestal else max(marker.sent.level.value, 0.0)
     swing = needed_swing(NEEDED_SNR_DB, law, wall) / contrast.value
     return Link(
         marker=marker.sent.id,

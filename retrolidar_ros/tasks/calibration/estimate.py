@@ -1,12 +1,20 @@
 # Copyright 2026 retrolidar_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""A number and how sure it is."""
+"""A number and how sure it is, and least squares that say so."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import NamedTuple
 
+import numpy as np
+
+from retrolidar_ros.sensor.frame import Floats
+
 _NORMAL_95 = 1.96
+_ROUNDS = 25
+_ENOUGH = 1e-3  # of a sum of squares, by which a round is to lower it
+_MOST_DAMPING = 1e6
 
 
 class Estimate(NamedTuple):
@@ -23,12 +31,6 @@ class Estimate(NamedTuple):
         """Return a number divided by it."""
         return Estimate(of / self.value, abs(of) * self.stddev / self.value**2)
 
-    @property
-    def interval(self) -> tuple[float, float]:
-        """The truth is between these in 95 of 100 cases."""
-        half = _NORMAL_95 * self.stddev
-        return self.value - half, self.value + half
-
     def text(self, unit: str = '') -> str:
         """Return value ± half of the interval that holds the truth in 95 of 100 cases."""
         half = _NORMAL_95 * self.stddev
@@ -38,3 +40,56 @@ class Estimate(NamedTuple):
 
 def _magnitude(number: float) -> int:
     return int(f'{number:e}'.split('e')[1])
+
+
+def least_squares(
+    missed: Callable[[Floats], Floats],
+    start: Floats,
+    steps: Floats,
+    bounds: tuple[Floats, Floats],
+) -> tuple[Floats, Floats]:
+    """Return the values with the least squares, and their covariance (Levenberg, Marquardt).
+
+    Parameters
+    ----------
+    missed : callable
+        From values to residuals in their standard deviations, shape (residuals,).
+    start : array, shape (n,)
+        First guess.
+    steps : array, shape (n,)
+        For slopes.
+    bounds : (array, array), each of shape (n,)
+        Least and greatest values.
+
+    Returns
+    -------
+    values : array, shape (n,)
+    covariance : array, shape (n, n)
+    """
+    values, damping = np.clip(start, *bounds), 1e-3
+    left = missed(values)
+    for _ in range(_ROUNDS):
+        slopes = np.stack(
+            [
+                (missed(values + one) - missed(values - one)) / (2 * one.max())
+                for one in np.diag(steps)
+            ],
+            axis=-1,
+        )
+        normal = slopes.T @ slopes
+        scale = np.sqrt(np.maximum(np.diag(normal), 1e-12))
+        normal /= np.outer(scale, scale)
+        gained = 0.0
+        while gained <= 0 and damping < _MOST_DAMPING:
+            damped = normal + damping * np.eye(len(scale))
+            trial = np.clip(
+                values - np.linalg.solve(damped, slopes.T @ left / scale) / scale, *bounds
+            )
+            after = missed(trial)
+            gained = float(left @ left - after @ after)
+            damping *= 10
+        if gained > 0:
+            values, left, damping = trial, after, damping / 50
+        if gained < _ENOUGH:
+            break
+    return values, np.linalg.pinv(normal) / np.outer(scale, scale)

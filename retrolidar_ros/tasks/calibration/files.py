@@ -118,20 +118,26 @@ def _marker(marker: MarkerFound, found: Calibration) -> dict[str, Any]:
 
 
 def _surfaces(found: Calibration) -> list[dict[str, Any]]:
-    """Return what each zone at rest sees."""
+    """Return what each zone at rest sees, and what is around markers."""
     if found.noise is None:
         return []
     surfaces = []
     factors = found.recording.grid.z_per_range
-    for zone in found.noise.zones:
-        signal = np.mean([one.signal for one in found.noise.blocks if one.zone == zone])
+    signals = {
+        zone: float(np.mean([one.signal for one in found.noise.blocks if one.zone == zone]))
+        for zone in found.noise.zones
+    }
+    for one in found.markers:
+        if one.pedestal and not one.moves:
+            signals[one.sent.zones[0]] = one.pedestal.value
+    for zone, signal in signals.items():
         distance = float(np.nanmedian(found.recording.distance[:, zone]))
         distance -= _offset(found) * float(factors[zone])
         if math.isfinite(distance) and distance > 0:
             surfaces.append(
                 {
                     'distance': f'{distance:.3f} m',
-                    'signal': f'{max(float(signal), 0.0):.2f} kcps/SPAD',
+                    'signal': f'{max(signal, 0.0):.2f} kcps/SPAD',
                     'zones': [zone],
                 }
             )

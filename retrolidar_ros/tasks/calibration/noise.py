@@ -59,8 +59,6 @@ class NoiseFound(NamedTuple):
     """Mean ambient light [kcps/SPAD]."""
     correlation: Estimate
     """Of successive samples: 0 of white noise."""
-    excess: float
-    """By how many times more than by chance the blocks scatter about the law (χ² a degree)."""
     zones: list[int]
     """Those at rest."""
     blocks: list[Block]
@@ -91,7 +89,8 @@ def noise_of(recording: Recording, waves: Floats | None = None) -> NoiseFound | 
     valid, _ = valid_samples(recording.signal, recording.distance, recording.status)
     signal = recording.signal.astype(np.float64)
     faint = (recording.status == Status.NO_TARGET) | (valid & (signal <= 0))
-    zones, correlation = _at_rest(signal, valid & ~faint)
+    # A marker whose dark bits are no target comes and goes, and not by chance.
+    zones, correlation = _at_rest(np.where(faint, 0.0, signal), valid | faint, valid & ~faint)
     if not zones:
         return None
     blocks = []
@@ -109,14 +108,15 @@ def noise_of(recording: Recording, waves: Floats | None = None) -> NoiseFound | 
     return _fitted(blocks, zones, correlation)
 
 
-def _at_rest(signal: Floats, valid: NDArray[np.bool_]) -> tuple[list[int], Estimate]:
+def _at_rest(
+    signal: Floats, known: NDArray[np.bool_], seen: NDArray[np.bool_]
+) -> tuple[list[int], Estimate]:
     """Return zones whose samples are no more alike than those of others, and how alike they are."""
     alike: dict[int, float] = {}
-    count = valid.sum(axis=0)
-    for zone in range(signal.shape[1]):
-        if count[zone] < max(_LEAST, (1 - _MOST_CENSORED) * len(signal)):
-            continue
-        change = np.where(valid[:, zone], signal[:, zone] - signal[valid[:, zone], zone].mean(), 0)
+    enough = seen.sum(axis=0) >= max(_LEAST, (1 - _MOST_CENSORED) * len(signal))
+    for zone in np.flatnonzero(enough).tolist():
+        own = known[:, zone]
+        change = np.where(own, signal[:, zone] - signal[own, zone].mean(), 0)
         if (power := float(change @ change)) > 0:
             alike[zone] = float(change[1:] @ change[:-1]) / power
     if not alike:
@@ -127,8 +127,8 @@ def _at_rest(signal: Floats, valid: NDArray[np.bool_]) -> tuple[list[int], Estim
     if usual > _ALL_MOVE:
         return [], Estimate(usual, chance)
     zones = [zone for zone, value in alike.items() if value < max(usual, 0.0) + _SIGMAS * chance]
-    own = np.array([alike[zone] for zone in zones])
-    return zones, Estimate(float(own.mean()) + 1 / len(signal), chance / math.sqrt(len(zones)))
+    mean = float(np.mean([alike[zone] for zone in zones]))
+    return zones, Estimate(mean + 1 / len(signal), chance / math.sqrt(len(zones)))
 
 
 def _without(level: Floats, valid: NDArray[np.bool_], waves: Floats) -> Floats:
@@ -199,37 +199,30 @@ def _fitted(blocks: list[Block], zones: list[int], correlation: Estimate) -> Noi
     ones = np.ones_like(signal)
     columns = [ones, signal, ambient] if np.ptp(ambient) > _LEAST_AMBIENT else [ones, signal]
     while True:
-        values, excess = _weighted(np.stack(columns, axis=-1), variance, freedom)
-        if all(one.stddev < _LEAST_SURE * values[1].value for one in values[1:]):
+        values = _weighted(np.stack(columns, axis=-1), variance, freedom)
+        if all(one.stddev < _LEAST_SURE * values[1].value and one.value > 0 for one in values[1:]):
             break
         columns.pop()
     floor, *others = values
     slope, light = (*others, None, None)[:2]
     return NoiseFound(
-        floor, slope, light, float(ambient.mean()), correlation, excess, zones, blocks,
+        floor, slope, light, float(ambient.mean()), correlation, zones, blocks,
         _ranging(blocks),
     )  # fmt: skip
 
 
-def _weighted(design: Floats, variance: Floats, freedom: Floats) -> tuple[list[Estimate], float]:
-    """Return the coefficients of a law, none negative, and by how much more than chance it errs."""
+def _weighted(design: Floats, variance: Floats, freedom: Floats) -> list[Estimate]:
+    """Return the coefficients of a law."""
     expected = np.full_like(variance, variance.mean())
-    used = list(range(design.shape[1]))
     for _ in range(_ROUNDS):
         weight = freedom / (2 * expected**2)
-        part = design[:, used]
-        covariance = np.linalg.pinv((part.T * weight) @ part)
-        value = covariance @ (part.T @ (weight * variance))
-        if (value[1:] < 0).any():
-            used = [used[0], *(one for one, v in zip(used[1:], value[1:], strict=True) if v >= 0)]
-            continue
-        expected = np.maximum(part @ value, 1e-3 * variance.mean())
+        covariance = np.linalg.pinv((design.T * weight) @ design)
+        value = covariance @ (design.T @ (weight * variance))
+        expected = np.maximum(design @ value, 1e-3 * variance.mean())
     left = float(weight @ (variance - expected) ** 2)
-    excess = max(left / max(len(variance) - len(used), 1), 1.0)
-    found = [Estimate(0.0, math.inf)] * design.shape[1]
-    for place, one in enumerate(used):
-        found[one] = Estimate(float(value[place]), math.sqrt(excess * covariance[place, place]))
-    return found, excess
+    excess = max(left / max(len(variance) - len(value), 1), 1.0)
+    deviation = np.sqrt(excess * np.diag(covariance))
+    return [Estimate(*one) for one in np.stack([value, deviation], axis=-1).tolist()]
 
 
 def _ranging(blocks: list[Block]) -> tuple[float, float] | None:
@@ -240,5 +233,5 @@ def _ranging(blocks: list[Block]) -> tuple[float, float] | None:
     inverse = np.array([1 / max(block.signal, 0.1) ** 2 for block in known])
     variance = np.array([max(block.distance_variance, 1e-12) for block in known])
     design = np.stack([np.ones_like(inverse), inverse], axis=-1)
-    found, _ = _weighted(design, variance, np.array([block.samples - 1.0 for block in known]))
-    return math.sqrt(found[1].value), math.sqrt(max(found[0].value, 0.0))
+    found = _weighted(design, variance, np.array([block.samples - 1.0 for block in known]))
+    return math.sqrt(max(found[1].value, 0.0)), math.sqrt(max(found[0].value, 0.0))

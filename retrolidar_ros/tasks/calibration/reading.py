@@ -27,9 +27,10 @@ def read_markers(
 ) -> dict[int, list[Detection]]:
     """Return the readings of each marker, by its ID.
 
-    A wrong period may let a wrong ID be read, again and again. So markers of another period than
-    the one with the most evidence are kept only if they are elsewhere and nearly as sure, and none
-    that was read but once of a packet that it is to repeat.
+    A wrong period may let a wrong ID be read, again and again, and the faint light of a marker in
+    the next zone, too. So beside the marker with the most evidence others are kept that have two
+    of three: its period, zones of their own, and nearly as much evidence; and none that was read
+    but once of a packet that it is to repeat.
 
     Parameters
     ----------
@@ -65,7 +66,8 @@ def read_markers(
             elsewhere = {one.zones[0] for one in own}.isdisjoint(
                 one.zones[0] for others in kept.values() for one in others
             )
-            if not alike and not (elsewhere and _evidence(own) > _AS_SURE * _evidence(most)):
+            sure = _evidence(own) > _AS_SURE * _evidence(most)
+            if alike + elsewhere + sure < 2:
                 continue
         kept.setdefault(own[0].id, own)
     return kept

@@ -9,8 +9,8 @@ from retrolidar_ros.tasks.calibration.calibrate import Calibration, MarkerFound
 from retrolidar_ros.tasks.calibration.noise import NoiseFound
 
 _WHITE = 3.0  # standard deviations from it
-_CLEAR_EXCESS = 2.0
 _TWO_FRAMES = 1.9
+_LONG_S = 20.0
 _NAMES = {int(one): one.name.lower().replace('_', ' ') for one in Status}
 _CLOCK = 0.03  # how far a detector looks for a bit period
 
@@ -51,16 +51,12 @@ def _timing(found: Calibration) -> list[str]:
         f'{code} ({_NAMES.get(code, "other")}) {100 * share:.1f} %'
         for code, share in one.statuses.items()
     )
+    period, jitter = (time.times(1e3).text('ms') for time in (one.period_s, one.jitter_s))
+    lost, gap_ms = one.lost.times(100).text('%'), 1e3 * one.longest_gap_s
     return [
         f'{one.frames} frames of {grid.rows}x{grid.columns} zones in {one.duration_s:.1f} s.',
-        (
-            f'A frame comes every {one.period_s.times(1e3).text("ms")}, with a jitter of '
-            f'{one.jitter_s.times(1e3).text("ms")}.'
-        ),
-        (
-            f'{one.lost.times(100).text("%")} of the frames are lost; the longest gap is '
-            f'{1e3 * one.longest_gap_s:.0f} ms.'
-        ),
+        f'A frame comes every {period}, with a jitter of {jitter}.',
+        f'{lost} of the frames are lost; the longest gap is {gap_ms:.0f} ms.',
         f'Statuses: {statuses}.',
     ]
 
@@ -76,19 +72,16 @@ def _noise(noise: NoiseFound) -> list[str]:
         )
     else:
         lines.append(f'{law} and {noise.slope.text("kcps/SPAD")} times the signal.')
-    if noise.ambient:
-        lines.append(f'Ambient light adds {noise.ambient.text("kcps/SPAD")} times itself.')
-    else:
-        lines.append(
-            f'That holds in ambient light of {noise.light:.0f} kcps/SPAD, which did not vary.'
-        )
+    lines.append(
+        f'Ambient light adds {noise.ambient.text("kcps/SPAD")} times itself.'
+        if noise.ambient
+        else f'That holds in ambient light of {noise.light:.0f} kcps/SPAD, which did not vary.'
+    )
     value, stddev = noise.correlation
     white = 'it is white' if abs(value) < _WHITE * stddev else 'it is not white'
     lines.append(
         f'Successive samples correlate by {noise.correlation.text()}: as far as seen {white}.'
     )
-    if noise.excess > _CLEAR_EXCESS:
-        lines.append(f'The zones differ {noise.excess:.1f} times more than by chance.')
     return lines
 
 
@@ -104,10 +97,9 @@ def _marker(marker: MarkerFound) -> list[str]:
     ]
     if marker.moves:
         return [*lines, f'{name} moves, so its light and its crystal are not known.']
-    level, gain = sent.level[zone], sent.gain[zone]
     lines.append(
-        f'{name}: zone {zone} has {level.text("kcps/SPAD")} when it is dark, and '
-        f'{gain.text("kcps/SPAD")} more when it is bright.'
+        f'{name}: zone {zone} has {sent.level.text("kcps/SPAD")} when it is dark, and '
+        f'{sent.gain.text("kcps/SPAD")} more when it is bright.'
     )
     if marker.range_m:
         lines.append(f'{name} is measured at {marker.range_m.text("m")}.')
@@ -131,53 +123,38 @@ def _marker(marker: MarkerFound) -> list[str]:
 
 def missing(found: Calibration) -> list[str]:
     """Return what to record or change next, for what the recording does not show."""
-    lines = []
-    period_s = found.timing.period_s.value
-    if found.timing.duration_s < 20:
-        lines.append('Record half a minute: every estimate gets more certain with time.')
-    if found.noise is None:
-        lines.append(
-            'No zone is at rest, so the noise is not known: record with the sensor and all but the '
-            'markers standing still.'
-        )
-    elif found.noise.slope is None:
-        lines.append(
-            'All zones at rest are alike: put white paper at several distances into the view, and '
-            'the noise is measured at all of their signals.'
-        )
-    if found.noise is not None and found.noise.ambient is None:
-        lines.append('Switch a lamp on and off while recording for the noise of ambient light.')
-    clocked = [zone for zone in found.zones if zone.periods]
-    if not found.zones:
-        lines.append('No zone blinks: put a marker that repeats its packet 0.5 to 1 m away.')
-    elif not found.markers:
-        lines.append(
-            'Zones blink, but no ID can be read: put one marker nearer, alone in its zone, and let '
-            'it repeat its packet; each bit is to last two to eight frames.'
-        )
-        if clocked and clocked[0].bit_period_s < _TWO_FRAMES * period_s:
-            lines.append('The bits are too fast for this frame rate.')
-    still = [marker for marker in found.markers if not marker.moves]
-    if found.markers and found.link is None and still:
-        lines.append(
-            'For the offset of ranges and the reach: measure the way from the sensor to the '
-            'brightest marker, and give --distance.'
-        )
-    if any(marker.flipped for marker in still):
-        lines.append('For the crystal: put the marker less than half a metre before a wall.')
-    elif any(marker.contrast is None for marker in still):
-        lines.append(
-            'For the contrast: let three zones see the wall that the marker hangs on, and only it.'
-        )
-    if found.sweep is None:
-        lines.append(
-            'For the blur: move a marker evenly across the view, through a zone in four packets '
-            'or slower; with --speed for the width of zones.'
-        )
-    periods = [marker.sent.bit_period_s.value for marker in found.markers]
-    if periods and max(periods) > (1 + _CLOCK) * min(periods):
-        lines.append(
-            'The markers have different bit periods; a detector reads one. That of the brightest '
-            'is written.'
-        )
-    return lines
+    noise, markers = found.noise, found.markers
+    still = [marker for marker in markers if not marker.moves]
+    flipped = any(marker.flipped for marker in still)
+    clocked = [zone.bit_period_s for zone in found.zones if zone.periods]
+    periods = [marker.sent.bit_period_s.value for marker in markers] or [1.0]
+    wanted = {
+        'Record half a minute: every estimate gets more certain with time.': (
+            found.timing.duration_s < _LONG_S
+        ),
+        'No zone is at rest, so the noise is not known: record with the sensor and all but the '
+        'markers standing still.': noise is None,
+        'All zones at rest are alike: put white paper at several distances into the view, and '
+        'the noise is measured at all of their signals.': noise and noise.slope is None,
+        'Switch a lamp on and off while recording for the noise of ambient light.': (
+            noise and noise.ambient is None
+        ),
+        'No zone blinks: put a marker that repeats its packet 0.5 to 1 m away.': not found.zones,
+        'Zones blink, but no ID can be read: put one marker nearer, alone in its zone, and let '
+        'it repeat its packet; each bit is to last two to eight frames.': found.zones
+        and not markers,
+        'The bits are too fast for this frame rate.': not markers
+        and clocked
+        and clocked[0] < _TWO_FRAMES * found.timing.period_s.value,
+        'For the offset of ranges and the reach: measure the way from the sensor to the '
+        'brightest marker, and give --distance.': still and found.link is None,
+        'For the crystal: put the marker less than half a metre before a wall.': flipped,
+        'For the contrast: let three zones see the wall that the marker hangs on, and only it.': (
+            not flipped and any(marker.contrast is None for marker in still)
+        ),
+        'For the blur: move a marker evenly across the view, through a zone in four packets '
+        'or slower; with --speed for the width of zones.': found.sweep is None,
+        'The markers have different bit periods; a detector reads one. That of the brightest '
+        'is written.': max(periods) > (1 + _CLOCK) * min(periods),
+    }
+    return [line for line, wants in wanted.items() if wants]

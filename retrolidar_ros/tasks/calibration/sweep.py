@@ -14,22 +14,26 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from retrolidar_ros.detector.detection import Detection
+from retrolidar_ros.detector.noise import NoiseLaw
 from retrolidar_ros.scene.optics import line_shares
 from retrolidar_ros.sensor.frame import Floats, Recording, valid_samples
 from retrolidar_ros.tasks.calibration.crystal import Sent
-from retrolidar_ros.tasks.calibration.estimate import Estimate
+from retrolidar_ros.tasks.calibration.estimate import Estimate, least_squares
 
 _WINDOW_BITS = 6  # in which a marker's light in each zone is measured
 _LEAST_BORDERS = 2
 _SEEN = 0.3  # of its most light, that a marker is within the view
 _LEAST_WINDOWS = 6
-_ROUNDS = 25
 _STEP = 1e-4
 _UNEVEN = 0.01  # of its speed, by which a sweep is off
 _BLURS = (0.005, 0.6)
-_MODEL_ERROR = 0.01  # of the light
+_MOST_DARK = 2.0
+_MODEL_ERROR = 0.004  # of the light
+_DEPTH_ERROR_M = 0.02
+_BLUR_SEEN = 0.03
 
 
 class Sweep(NamedTuple):
@@ -42,23 +46,28 @@ class Sweep(NamedTuple):
     passes: int
 
 
-class _Pass(NamedTuple):
-    """A marker on its way across rows or columns."""
+class _Windows(NamedTuple):
+    """Light of a marker, measured in one window of time after the other."""
 
     time_s: Floats
-    """Middle of each window, from the middle of the pass on, shape (windows,)."""
+    """Their middles, shape (windows,)."""
     light: Floats
-    """Of the marker in each row or column [kcps/SPAD], shape (windows, steps)."""
-    noise: Floats
-    """Standard deviation of that, of the same shape."""
-    path: Floats
-    """Place in steps, as coefficients of a parabola of the time, the highest first."""
+    """Of the marker in each zone, shape (windows, zones) [kcps/SPAD]."""
+    variance: Floats
+    """Of that, of the same shape."""
+    frame_s: Floats
+    """Times of the frames, shape (frames,)."""
+    parts: Floats
+    """What a marker in each frame adds to it: as far as it is bright, and in itself; shape
+    (windows, 2, frames).
+    """
 
 
 def sweep_of(
     recording: Recording,
     sent: Sent,
     readings: Sequence[Detection],
+    law: NoiseLaw,
     size_m: float,
     speed_m_s: float | None = None,
 ) -> Sweep | None:
@@ -71,29 +80,36 @@ def sweep_of(
         What it sent.
     readings : sequence of Detection
         Of it.
+    law : NoiseLaw
+        Of the sensor.
     size_m : float
         Its edge [m].
     speed_m_s : float, optional
         How fast it was moved, straight across the view [m/s].
     """
     depth_m = float(np.median([one.place.position_m[2] for one in readings]))
-    window_s = _WINDOW_BITS * sent.bit_period_s.value
-    time_s, light, noise = _in_windows(recording, sent, window_s)
-    spot = size_m / depth_m / recording.grid.pitch
-    shape = (len(time_s), recording.grid.rows, recording.grid.columns)
+    windows = _in_windows(recording, sent, law)
+    grid = recording.grid
+    spot = size_m / depth_m / grid.pitch
     found = []
     for axis in (1, 2):
-        along = light.reshape(shape).sum(axis=axis)
-        sure = np.sqrt((noise.reshape(shape) ** 2).sum(axis=axis))
-        found += [_fit(one, spot, window_s) for one in _passes(time_s, along, sure)]
+        light, variance = (
+            of.reshape(-1, grid.rows, grid.columns).sum(axis=axis)
+            for of in (windows.light, windows.variance)
+        )
+        along = windows._replace(light=light, variance=variance)
+        found += [_fit(along, *one, spot) for one in _passes(along)]
     if not found:
         return None
+    blur = _mean([blur for blur, _ in found])
+    # Squares of blur and spot add up, and the spot is as uncertain as the depth.
+    unsure = spot**2 / 12 * _DEPTH_ERROR_M / depth_m / max(blur.value, _BLUR_SEEN)
+    blur = Estimate(blur.value, math.hypot(blur.stddev, unsure))
     pitch = None
     if speed_m_s is not None:
-        tangent_s = speed_m_s / depth_m
-        pitch = _mean([rate.inverse(tangent_s) for _, rate in found])
+        pitch = _mean([rate.inverse(speed_m_s / depth_m) for _, rate in found])
         pitch = Estimate(pitch.value, math.hypot(pitch.stddev, _UNEVEN * pitch.value))
-    return Sweep(_mean([blur for blur, _ in found]), pitch, len(found))
+    return Sweep(blur, pitch, len(found))
 
 
 def _mean(values: Sequence[Estimate]) -> Estimate:
@@ -105,43 +121,49 @@ def _mean(values: Sequence[Estimate]) -> Estimate:
     return Estimate(mean, math.sqrt(max(excess, 1.0) / float(weight.sum())))
 
 
-def _in_windows(recording: Recording, sent: Sent, window_s: float) -> tuple[Floats, Floats, Floats]:
-    """Return times, and light of the marker with its deviation in each zone, window by window."""
-    time_s = (recording.stamp_ns - recording.stamp_ns[0]) * 1e-9
+def _in_windows(recording: Recording, sent: Sent, law: NoiseLaw) -> _Windows:
+    """Return the light of the marker in each zone, by least squares, window by window."""
+    window_s = _WINDOW_BITS * sent.bit_period_s.value
     valid, _ = valid_samples(recording.signal, recording.distance, recording.status)
-    signal = recording.signal.astype(np.float64)
-    known = np.flatnonzero(np.isfinite(sent.light))
-    times, lights, noises = [], [], []
-    for begin_s in np.arange(time_s[known[0]], time_s[known[-1]] - window_s, window_s):
-        rows = known[(time_s[known] >= begin_s) & (time_s[known] < begin_s + window_s)]
-        seen = sent.light[rows][:, None]
-        use = valid[rows]
-        count = np.maximum(use.sum(axis=0), 1)
-        change = (seen - (seen * use).sum(axis=0) / count) * use
+    known = np.isfinite(sent.light)
+    time_s = (recording.stamp_ns[known] - recording.stamp_ns[0]) * 1e-9
+    signal, seen, valid = (
+        recording.signal[known].astype(np.float64),
+        sent.light[known],
+        valid[known],
+    )
+    rows = []
+    for begin_s in np.arange(time_s[0], time_s[-1] - window_s, window_s):
+        inside = (time_s >= begin_s) & (time_s < begin_s + window_s)
+        use = valid & inside[:, None]
+        change = (seen[:, None] - seen @ use / np.maximum(use.sum(axis=0), 1)) * use
         energy = (change * change).sum(axis=0)
-        if energy.min() < 1:
-            continue
-        gain = (change * signal[rows]).sum(axis=0) / energy
-        left = (signal[rows] - (signal[rows] * use).sum(axis=0) / count - gain * change) * use
-        variance = (left * left).sum(axis=0) / np.maximum(count - 2, 1)
-        times.append(begin_s + window_s / 2)
-        lights.append(gain)
-        noises.append(np.sqrt(np.maximum(variance, 0.1) / energy))
-    return np.array(times), np.array(lights), np.array(noises)
+        if energy.min() >= 1:
+            light = (change * signal).sum(axis=0) / energy
+            noise = (change**2 * law.variance(signal)).sum(axis=0) / energy**2
+            # All zones alike: they lack no more than single samples.
+            parts = (change / energy).mean(axis=1)
+            rows.append((begin_s + window_s / 2, light, noise, (parts * seen, parts)))
+    columns = [np.array(column) for column in zip(*rows, strict=True)] or [np.zeros((0, 0))] * 4
+    middle_s, light, variance, parts = columns
+    return _Windows(middle_s, light, variance, time_s, parts)
 
 
-def _passes(time_s: Floats, light: Floats, noise: Floats) -> list[_Pass]:
-    """Return the stretches in which a marker crosses borders one after the other, one way."""
-    if len(time_s) < 3:
+def _passes(windows: _Windows) -> list[tuple[NDArray[np.bool_], Floats]]:
+    """Return which windows are of a marker on its way over borders, and its path.
+
+    The path is in steps: coefficients of a polynomial of the time, the highest first.
+    """
+    time_s, light = windows.time_s, windows.light
+    if len(time_s) < _LEAST_WINDOWS:
         return []
-    steps = light.shape[1]
     total = light.sum(axis=1)
     ordered = np.cumsum(light, axis=1) / np.maximum(total, 1e-9)[:, None]
     # So that noise lets it cross a border but once.
     ordered[1:-1] = (ordered[2:] + ordered[1:-1] + ordered[:-2]) / 3
     seen = total[1:] > _SEEN * total.max()
     crossings = []  # when, at which border, and to which side
-    for border in range(1, steps):
+    for border in range(1, light.shape[1]):
         before = ordered[:, border - 1] - 0.5
         for index in np.flatnonzero((before[1:] * before[:-1] < 0) & seen):
             share = before[index] / (before[index] - before[index + 1])
@@ -160,64 +182,44 @@ def _passes(time_s: Floats, light: Floats, noise: Floats) -> list[_Pass]:
         if len(run) < _LEAST_BORDERS:
             continue
         when, border = np.array([one[:2] for one in run]).T
-        middle_s = (when[0] + when[-1]) / 2
         margin_s = 0.4 * (when[-1] - when[0]) / (len(run) - 1)
         inside = (time_s > when[0] - margin_s) & (time_s < when[-1] + margin_s)
-        if np.count_nonzero(inside) < _LEAST_WINDOWS:
-            continue
-        path = np.polyfit(when - middle_s, border, min(len(run) - 1, 2))
-        path = np.concatenate([np.zeros(3 - len(path)), path])
-        doubt = np.hypot(noise[inside], _MODEL_ERROR * total[inside, None])
-        found.append(_Pass(time_s[inside] - middle_s, light[inside], doubt, path))
+        if np.count_nonzero(inside) >= _LEAST_WINDOWS:
+            found.append((inside, np.polyfit(when, border, min(len(run) - 1, 2))))
     return found
 
 
-def _fit(one: _Pass, spot: float, window_s: float) -> tuple[Estimate, Estimate]:
-    """Return the blur, and how many zones are crossed in a second.
+def _fit(
+    windows: _Windows, inside: NDArray[np.bool_], path: Floats, spot: float
+) -> tuple[Estimate, Estimate]:
+    """Return the blur, and how many zones are crossed in a second, of a pass.
 
-    Parameters
-    ----------
-    one : _Pass
-    spot : float
-        Width of the marker, in widths of a zone.
-    window_s : float
-        In which its light was measured [s]: it is smeared by its way in that time.
+    It is `inside` some windows and begins with a guess of its path; the spot is in zones.
     """
-    steps = one.light.shape[1]
-    free = [1, 2, 3] if one.path[0] == 0 else [0, 1, 2, 3]
+    light, variance, parts = windows.light[inside], windows.variance[inside], windows.parts[inside]
+    frames = parts.any(axis=(0, 1))
+    parts, frame_s = parts[..., frames], windows.frame_s[frames]
+    steps = light.shape[1]
+    middle_s = frame_s.mean()
+    path = np.poly1d(path)(np.poly1d([1.0, middle_s])).coeffs
+    weight = 1 / (variance + (_MODEL_ERROR * light.sum(axis=1, keepdims=True)) ** 2)
+    width = np.full(len(frame_s), spot)
 
     def missed(values: Floats) -> Floats:
-        place = np.polyval(values[:3], one.time_s)
-        speed = np.polyval(np.polyder(values[:3]), one.time_s)
-        # A smear of even width and the blur add up as variances do.
-        blur = np.sqrt(values[3] ** 2 + (speed * window_s) ** 2 / 12)
-        width = np.full_like(place, spot)
-        share = line_shares(place - steps / 2, width, steps, 1.0, blur[:, None])
-        strength = (share * one.light / one.noise**2).sum(axis=1)
-        strength /= np.maximum((share**2 / one.noise**2).sum(axis=1), 1e-12)
-        left: Floats = (one.light - strength[:, None] * share) / one.noise
+        *path, dark, blur = values
+        place = np.polyval(path, frame_s - middle_s) - steps / 2
+        share = (parts[:, 0] + dark * parts[:, 1]) @ line_shares(place, width, steps, 1.0, blur)
+        strength = (share * light * weight).sum(axis=1) / (share**2 * weight).sum(axis=1)
+        left: Floats = (light - strength[:, None] * share) * np.sqrt(weight)
         return left.ravel()
 
-    values = np.array([*one.path, 0.08])
-    damping = 1e-2
-    left = missed(values)
-    for _ in range(_ROUNDS):
-        slopes = np.stack(
-            [(missed(values + _STEP * np.eye(4)[i]) - left) / _STEP for i in free], axis=-1
-        )
-        normal = slopes.T @ slopes
-        scaled = normal + damping * np.diag(np.diag(normal) + 1e-9)
-        trial = values.copy()
-        trial[free] -= np.linalg.solve(scaled, slopes.T @ left)
-        trial[3] = np.clip(trial[3], *_BLURS)
-        after = missed(trial)
-        if after @ after < left @ left:
-            values, left, damping = trial, after, damping / 5
-        else:
-            damping *= 10
-    freedom = max(len(left) - len(one.time_s) - len(free), 1)
-    covariance = np.linalg.pinv(normal) * max(float(left @ left) / freedom, 1.0)
-    deviation = np.zeros(4)
-    deviation[free] = np.sqrt(np.maximum(np.diag(covariance), 1e-12))
-    rate = Estimate(abs(float(values[1])), float(deviation[1]))
-    return Estimate(float(values[3]), float(deviation[3])), rate
+    # What a dark marker still reflects, over the rest of its light, moves with it.
+    free = np.full(len(path), np.inf)
+    bounds = np.append(-free, (0.0, _BLURS[0])), np.append(free, (_MOST_DARK, _BLURS[1]))
+    start = np.append(path, (0.0, 0.08))
+    values, covariance = least_squares(missed, start, np.full(len(start), _STEP), bounds)
+    freedom = light.size - len(light) - len(values)
+    excess = max(float(np.square(missed(values)).sum()) / max(freedom, 1), 1.0)
+    deviation = np.sqrt(excess * np.diag(covariance))
+    speed, blur = (Estimate(float(values[i]), float(deviation[i])) for i in (-4, -1))
+    return blur, Estimate(abs(speed.value), speed.stddev)

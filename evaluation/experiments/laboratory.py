@@ -1,0 +1,118 @@
+# Copyright 2026 retrolidar_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""What stands and shines in laboratories: bright walls, cover glasses, other sensors."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from evaluation.bench.judging import BOTH, read_shares
+from evaluation.bench.recordings import record, signal_at
+from evaluation.bench.stresses import LABORATORY, Panel
+from evaluation.experiments.stability import RANGES_M, REPEATED_S, named
+from evaluation.report.charts import LEVEL, draw_shares, label, legend_below, new_chart
+from evaluation.report.claims import Table
+from retrolidar_ros.marker.dictionary import USABLE_IDS
+from retrolidar_ros.scene.reference import NOISE, SENSOR
+
+TITLE = 'Walls, glass and other sensors'
+MESSAGE = 'What is harmless beside a near marker hides one at the limit of the reach'
+METHOD = 'joint'
+UNIT = 'kcps/SPAD'
+CONDITIONS = [
+    (range_m, False, repeats)
+    for range_m in (RANGES_M[0], RANGES_M[-1])
+    for repeats in (False, True)
+]
+_LOOKS = [
+    {'color': colour, 'linestyle': line} for line in '-:' for colour in ('#0072b2', '#d55e00')
+]
+_RECORDINGS, _QUICK_RECORDINGS = 4, 1
+_LIT = replace(SENSOR, noise=replace(NOISE, ambient=NOISE.slope))
+
+
+def _point(
+    panel: Panel,
+    value: float,
+    where: tuple[float, bool, bool],
+    recordings: int,
+    rng: np.random.Generator,
+) -> dict[str, Any]:
+    """Return what is read at a value of a panel."""
+    range_m, _, repeats = where
+    how: dict[str, Any] = {'repeated_s': REPEATED_S if repeats else None, 'range_m': range_m}
+    shares = read_shares(
+        lambda rng: record(
+            panel.stress(value), signal_at(range_m), rng, USABLE_IDS, sensor=_LIT, **how
+        ),
+        recordings,
+        rng,
+        {METHOD: BOTH[METHOD]},
+        lone=not repeats,
+    )
+    return {'place': value, **shares}
+
+
+def run(rng: np.random.Generator, *, quick: bool) -> dict[str, Any]:
+    """Return what is read, by panel and condition."""
+    seed = int(rng.integers(2**31))
+    recordings = _QUICK_RECORDINGS if quick else _RECORDINGS
+    return {
+        'panels': [
+            {
+                'name': panel.name,
+                'title': panel.title,
+                'axis': panel.axis,
+                'points': [
+                    [
+                        _point(panel, value, where, recordings, np.random.default_rng([seed, i]))
+                        for i, value in enumerate(panel.values)
+                    ]
+                    for where in CONDITIONS
+                ],
+            }
+            for panel in LABORATORY
+        ]
+    }
+
+
+def limits(panel: dict[str, Any]) -> list[str]:
+    """Return at what value of a panel fewer packets are read than four fifths, by condition."""
+    found = []
+    for points in panel['points']:
+        shares = [point[METHOD]['right']['rate'] for point in points]
+        few = [share < LEVEL * shares[0] for share in shares]
+        places = [point['place'] for point in points]
+        if any(few):
+            first = few.index(True)
+            found.append(f'{(places[first - 1] + places[first]) / 2:.3g} {UNIT}')
+        else:
+            found.append(f'>{places[-1]:g} {UNIT}')
+    return found
+
+
+def table(figures: dict[str, Any]) -> Table:
+    """Return where reading breaks, near and far, of lone and of repeating markers."""
+    rows = [['breaks at', *(named(where) for where in CONDITIONS)]]
+    return rows + [
+        [f'{panel["title"]}, {panel["axis"]}', *limits(panel)] for panel in figures['panels']
+    ]
+
+
+def draw(figures: dict[str, Any]) -> Any:
+    """Draw what is read over the value of each panel."""
+    panels = figures['panels']
+    figure, axes = new_chart(1, len(panels), 14, 5.2, MESSAGE)
+    for axis, panel in zip(axes, panels, strict=True):
+        for where, points, how in zip(CONDITIONS, panel['points'], _LOOKS, strict=True):
+            shares = [point[METHOD]['right'] for point in points]
+            draw_shares(axis, [point['place'] for point in points], shares, **how)
+        y = 'markers read [%]' if axis is axes[0] else ''
+        label(axis, f'{panel["axis"]} [{UNIT}]', y, panel['title'], percent=True)
+        axis.set_xscale('symlog', linthresh=panel['points'][0][1]['place'])
+    conditions = {named(where): how for where, how in zip(CONDITIONS, _LOOKS, strict=True)}
+    legend_below(figure, others=conditions)
+    return figure
