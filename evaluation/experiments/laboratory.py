@@ -107,7 +107,7 @@ def draw(figures: dict[str, Any]) -> Any:
     panels = figures['panels']
     figure, axes = new_chart(1, len(panels), 14, 5.2, MESSAGE)
     for axis, panel in zip(axes, panels, strict=True):
-        for where, points, how in zip(CONDITIONS, panel['points'], _LOOKS, strict=True):
+        for points, how in zip(panel['points'], _LOOKS, strict=True):
             shares = [point[METHOD]['right'] for point in points]
             draw_shares(axis, [point['place'] for point in points], shares, **how)
         y = 'markers read [%]' if axis is axes[0] else ''
