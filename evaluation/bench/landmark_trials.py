@@ -1,138 +1,31 @@
 # Copyright 2026 retrolidar_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""Trials of landmarks: a hand at several places, an object, a drone, a robot in a room."""
+"""Trials of landmarks: an object of four markers, a drone, a robot in a room."""
 
 from __future__ import annotations
 
 import math
-from collections import Counter
-from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
 
-from evaluation.bench.hand import Pose, markers_at, rotation, sees_all, view_from
-from evaluation.bench.places import Look, looks, pose_of_tf, reading_of, scene_of
-from retrolidar_ros.scene import Scene
+from evaluation.bench.hand import Pose, rotation
+from evaluation.bench.hand_trials import BIAS_M, CORNERS, Error, Visit, error_of, hand_readings
+from evaluation.bench.places import looks, reading_of, scene_of
 from retrolidar_ros.scene.description import Wander
 from retrolidar_ros.scene.optics import position_at
 from retrolidar_ros.sensor.frame import Floats
 from retrolidar_ros.sensor.rotation import matrix_of_turn
-from retrolidar_ros.tasks.landmarks import Estimate, Landmark
+from retrolidar_ros.tasks.landmarks import Landmark
 from retrolidar_ros.tasks.least_squares import Prior, State
 from retrolidar_ros.tasks.localization import RobotPose, robot_pose, room_of
 from retrolidar_ros.tasks.reading import Errors, Reading, SensorPose
 
-CORNERS = np.array([(-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (-1.0, 1.0)]) / 2
-BIAS_M, CALIBRATED_M = 0.002, 0.0005
-"""Deviation of a sensor's range bias, and after a calibration against a known range."""
+CALIBRATED_M = 0.0005
+"""Deviation of a sensor's range bias after a calibration against a known range."""
 HEADINGS, STAY_S = 24, 1.6
 """In how many directions a robot looks, and how long [s]."""
-_HAND_M = 0.15
-_AIM_RAD = math.radians(3)
 _EXACT = Errors(range_bias_m=BIAS_M, pose_m=1e-4, turn_rad=1e-4)
-
-
-class Error(NamedTuple):
-    """By how much an estimate is wrong."""
-
-    error_m: float
-    stddev_m: float
-    """As estimated, along the worst axis."""
-    squared_distance: float
-    """In standard deviations."""
-
-
-def error_of(estimate: Estimate, truth_m: Floats) -> Error:
-    """Return by how much a position is wrong."""
-    off = estimate.position_m - truth_m
-    squared = float(off @ np.linalg.solve(estimate.covariance[:3, :3], off))
-    return Error(float(np.linalg.norm(off)), estimate.stddev_m, squared)
-
-
-def hand_poses(world: Scene, side_m: float, rng: np.random.Generator) -> list[Pose]:
-    """Return the hand at the corners of a square, all markers in view of each."""
-    aim_m = markers_at(world).mean(axis=0)
-    while True:
-        centre_m, roll = rng.uniform(-_HAND_M, _HAND_M, 3), rng.uniform(-0.6, 0.6)
-        turned = rotation(0, 0, rng.uniform(0, 2 * math.pi))
-        poses = []
-        for corner in CORNERS:
-            place_m = centre_m + side_m * turned @ np.append(corner, 0)
-            x, y, z = (aim_m - place_m).tolist()
-            # An arm aims at the middle of the objects as well as it can see them all.
-            for _ in range(100):
-                yaw, pitch, more = rng.uniform(-_AIM_RAD, _AIM_RAD, 3)
-                yaw, pitch = yaw + math.atan2(x, z), pitch - math.atan2(y, math.hypot(x, z))
-                pose = Pose(place_m, rotation(yaw, pitch, roll + more))
-                if sees_all(pose.to_sensor(markers_at(world)), world.sensor.grid):
-                    poses.append(pose)
-                    break
-        if len(poses) == len(CORNERS):
-            return poses
-
-
-class Visit(NamedTuple):
-    """One place of the hand, and what it read there, in order."""
-
-    pose: Pose
-    looks: list[Look]
-
-
-def visits(world: Scene, side_m: float, stay_s: float, rng: np.random.Generator) -> list[Visit]:
-    """Let the hand stay at each corner of a square."""
-    return [
-        Visit(pose, list(looks(view_from(pose, world, rng), stay_s, rng)))
-        for pose in hand_poses(world, side_m, rng)
-    ]
-
-
-def hand_readings(
-    trial: Sequence[Visit], most: int, rng: np.random.Generator, pose_m: float = 0.0
-) -> list[list[tuple[float, Reading]]]:
-    """Return readings by place of the hand, each with when it is known [s] there.
-
-    Parameters
-    ----------
-    trial : sequence of Visit
-    most : int
-        How many of one marker count at each place.
-    rng : numpy.random.Generator
-        Of the range bias, and of the errors of TF.
-    pose_m : float
-        Deviation of these [m].
-    """
-    bias_m = float(rng.normal(0, BIAS_M))
-    places = []
-    for index, visit in enumerate(trial):
-        pose = pose_of_tf(visit.pose, pose_m, rng)
-        count: Counter[int] = Counter()
-        rows = []
-        for known_s, detection in visit.looks:
-            count[detection.id] += 1
-            if count[detection.id] <= most:
-                rows.append(
-                    (known_s, reading_of(detection, pose, since_s=100.0 * index, bias_m=bias_m))
-                )
-        places.append(rows)
-    return places
-
-
-def errors_for(pose_m: float) -> Errors:
-    """Return the errors that landmarks assume in a trial."""
-    return Errors(range_bias_m=BIAS_M, pose_m=max(pose_m, 1e-4), turn_rad=max(1.75 * pose_m, 1e-4))
-
-
-def placed_from(
-    places: Sequence[Sequence[tuple[float, Reading]]], ids: Sequence[int], pose_m: float = 0.0
-) -> dict[int, Landmark]:
-    """Return the landmarks that readings of some places make, by marker."""
-    found = {one: Landmark(str(one), {one: np.zeros(3)}, errors_for(pose_m)) for one in ids}
-    for rows in places:
-        for _, reading in rows:
-            if reading.marker in found:
-                found[reading.marker].take(reading)
-    return found
 
 
 def tilt_trial(roll_rad: float, rng: np.random.Generator) -> tuple[float, float, float] | None:
@@ -157,7 +50,7 @@ def tilt_trial(roll_rad: float, rng: np.random.Generator) -> tuple[float, float,
     scene = scene_of(pose, {one: centre_m + turned @ at for one, at in on_object.items()}, rng)
     trial = [Visit(pose, list(looks(scene, 4.3, rng)))]
     landmark = Landmark('object', on_object, _EXACT)
-    for _, reading in hand_readings(trial, 3, rng)[0]:
+    for reading in hand_readings(trial, 3, rng)[0]:
         if landmark.has(reading.marker):
             landmark.take(reading)
     estimate = landmark.estimate()
