@@ -157,7 +157,7 @@ class CoffeeNode(Node):
                 self._offsets[one, other].publish(way)
 
     def _publish_missing(self, missing: dict[str, str]) -> None:
-        """Publish and log what is missing, why, and from where to look, but not for a new number."""
+        """Publish and log what is missing, why, and from where to look; not for a number alone."""
         text = ', '.join(f'{name} {reason}' for name, reason in missing.items())
         goal = f'; {self._goal}' if self._goal and 'is known to' in text else ''
         news = re.sub(r'[-+.0-9]+', '', text), goal
