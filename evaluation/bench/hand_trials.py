@@ -176,7 +176,8 @@ def ready_trial(world: Scene, wanted_m: float, reach_m: float, rng: np.random.Ge
     truth_m = dict(zip((one.id for one in world.markers), markers_at(world), strict=True))
     landmarks = landmarks_for(list(truth_m), errors_for(0.0))
     bias_m, roll = float(rng.normal(0, BIAS_M)), float(rng.uniform(-_ROLL_RAD, _ROLL_RAD))
-    began_m = place_m = rng.uniform(-_HAND_M, _HAND_M, 3)
+    began_m: Floats = rng.uniform(-_HAND_M, _HAND_M, 3)
+    place_m = began_m
     looked_s = 0.0
     for index in range(_MOST_PLACES):
         missing = sorted(truth_m, key=lambda one: -_stddev_of(landmarks[one]))

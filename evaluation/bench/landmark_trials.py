@@ -88,7 +88,7 @@ def drone_trial(
     sensors : int
         1 to 3.
     duration_s, acceleration
-        How long [s], and what the drone is thought to do [m/s²/√Hz].
+        How long [s], and how the drone is thought to accelerate [m/s²].
     rng : numpy.random.Generator
     """
     identity, height_m = 2127, float(rng.uniform(1.0, 1.5))

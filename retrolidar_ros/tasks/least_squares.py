@@ -95,7 +95,8 @@ class Problem:
         self.seen = Readings(readings)
         self.errors = errors
         self.prior = prior
-        self.stamp_s = float(self.seen.stamp_s.max())
+        moves = errors.acceleration > 0
+        self.stamp_s = self.seen.told_s if moves else float(self.seen.stamp_s.max())
         self._before_s = self.stamp_s - self.seen.stamp_s
         self._places = np.array([markers[one] for one in self.seen.marker.tolist()])
         doubts = place_variance or {}
@@ -103,7 +104,7 @@ class Problem:
             [doubts.get(one, np.zeros((3, 3))) for one in self.seen.marker.tolist()]
         )
         self._turns = len({tuple(place) for place in markers.values()}) > 1
-        self._free = np.repeat([True, self._turns, errors.acceleration > 0], 3)
+        self._free = np.repeat([True, self._turns, moves], 3)
 
     def solve(self, start: State | None = None) -> Fit:
         """Return the estimate that is found from a first guess, or from the best of many."""
@@ -178,7 +179,9 @@ class Problem:
         chi2 = float(residual[:, 0] @ weight @ residual[:, 0])
         scale = (_FREEDOM + chi2) / (_FREEDOM + max(len(residual) - 3, 0))
         known = np.einsum('nk,kl,nl->n', jacobian[:, 0], spread, jacobian[:, 0])
-        own = np.maximum(np.diag(whole) - known, 0.2 * np.diag(whole))
+        # As if it were no outlier, or none would be.
+        usual = np.diag(self._variances(state, 0 * seen.range_m, spread)[0])
+        own = np.maximum(usual - known, 0.2 * usual)
         scores = self._scores(residual, own, soft)
         return Fit(state, max(scale, 1.0) * spread, self.stamp_s, scores, sure)
 

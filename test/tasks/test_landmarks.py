@@ -61,17 +61,48 @@ def test_one_place_tells_no_more_however_often_it_looks() -> None:
     assert abs(estimate.open_axis @ HERE) < 0.2 * np.linalg.norm(HERE)
 
 
-def test_nothing_is_told_until_two_readings_agree() -> None:
+def test_nothing_is_told_until_two_more_agree_than_do_not() -> None:
     rng = np.random.default_rng(3)
     landmark = Landmark('mug', ALONE, ERRORS)
     landmark.take(seen(HERE + np.array([0, 0, 0.5]), np.zeros(3), rng))  # a reflection
-    assert landmark.estimate() is None
-    landmark.take(seen(HERE, np.zeros(3), rng, stamp_s=1))
-    assert landmark.estimate() is None
-    landmark.take(seen(HERE, SQUARE[0], rng, stamp_s=2))
+    for index, eye_m in enumerate([np.zeros(3), *SQUARE[:2]], start=1):
+        assert landmark.estimate() is None
+        landmark.take(seen(HERE, eye_m, rng, stamp_s=index))
     estimate = estimate_of(landmark)
     assert squared(estimate, HERE) < 16.27
     assert estimate.moved_s is None
+    assert estimate.rejected == 1
+
+
+def test_twice_a_wrong_id_at_the_beginning_is_not_told() -> None:
+    rng = np.random.default_rng(16)
+    other_m = HERE + np.array([0.4, 0.1, 0.3])
+    for order in ((0, 1, 0), (1, 0, 0), (0, 1, 0, 1)):
+        landmark = Landmark('mug', ALONE, ERRORS)
+        for index, wrong in enumerate(order):
+            landmark.take(seen((other_m, HERE)[wrong], np.zeros(3), rng, stamp_s=index))
+            assert landmark.estimate() is None
+
+
+def test_ranges_that_are_hardly_known_found_no_landmark() -> None:
+    rng = np.random.default_rng(17)
+    landmark = Landmark('mug', ALONE, ERRORS)
+    for index in range(3):
+        one = seen(HERE, np.zeros(3), rng, stamp_s=index)
+        landmark.take(one._replace(range_m=one.range_m - 0.35, range_stddev_m=0.05))
+    assert landmark.estimate() is None
+
+
+def test_directions_that_fail_do_not_move_a_landmark() -> None:
+    rng = np.random.default_rng(18)
+    landmark = Landmark('mug', ALONE, ERRORS)
+    look_round(landmark, HERE, rng)
+    aside = matrix_of_turn(np.array([0, 1.4 * GRID.pitch, 0]))
+    for index in range(2):
+        one = seen(HERE, SQUARE[0], rng, stamp_s=20 + index)
+        assert not landmark.take(one._replace(direction=aside @ one.direction))
+    assert estimate_of(landmark).moved_s is None
+    assert squared(estimate_of(landmark), HERE) < 16.27
 
 
 def test_readings_that_do_not_belong_are_counted_and_change_nothing() -> None:
@@ -200,13 +231,19 @@ def test_a_moving_marker_before_three_sensors() -> None:
     errors = Errors(range_bias_m=1e-4, pose_m=1e-4, turn_rad=1e-4, acceleration=0.01)
     landmark = Landmark('drone', ALONE, errors)
     off_m = []
+
+    def at(time_s: float) -> Floats:
+        return np.array([-0.1 + 0.02 * time_s, 0.05, 1.1])
+
     for step in range(40):
         time_s = 0.4 * step
-        place_m = np.array([-0.1 + 0.02 * time_s, 0.05, 1.1])
-        landmark.take(seen(place_m, eyes[step % 3], rng, stamp_s=time_s, sensor=str(step % 3)))
+        landmark.take(seen(at(time_s), eyes[step % 3], rng, stamp_s=time_s, sensor=str(step % 3)))
         if step > 20:
-            off_m.append(estimate_of(landmark).position_m - place_m)
-            assert squared(estimate_of(landmark), place_m) < 30
+            estimate = estimate_of(landmark)
+            # When the last of the sensors has told where it was.
+            assert estimate.stamp_s == pytest.approx(time_s - 0.8)
+            off_m.append(estimate.position_m - at(estimate.stamp_s))
+            assert squared(estimate, at(estimate.stamp_s)) < 16.27
     assert np.sqrt(np.mean(np.sum(np.square(off_m), axis=1))) < 0.015
     assert estimate_of(landmark).velocity == pytest.approx([0.02, 0, 0], abs=0.02)
 
