@@ -11,9 +11,11 @@ import numpy as np
 
 from evaluation.bench.hand import Pose, rotation
 from evaluation.bench.hand_trials import BIAS_M, CORNERS, Error, Visit, error_of, hand_readings
-from evaluation.bench.places import looks, reading_of, scene_of
-from retrolidar_ros.scene.description import Wander
-from retrolidar_ros.scene.optics import position_at
+from evaluation.bench.places import BLUR, looks, reading_of, scene_of
+from evaluation.bench.recordings import signal_at
+from retrolidar_ros.scene.description import Marker, Wander
+from retrolidar_ros.scene.optics import position_at, zone_shares
+from retrolidar_ros.scene.reference import NOISE, SENSOR
 from retrolidar_ros.sensor.frame import Floats
 from retrolidar_ros.sensor.rotation import matrix_of_turn
 from retrolidar_ros.tasks.landmarks import Landmark
@@ -25,21 +27,23 @@ CALIBRATED_M = 0.0005
 """Deviation of a sensor's range bias after a calibration against a known range."""
 HEADINGS, STAY_S = 24, 1.6
 """In how many directions a robot looks, and how long [s]."""
+_BOUND_STEPS, _SAMPLES = 81, 62
 _EXACT = Errors(range_bias_m=BIAS_M, pose_m=1e-4, turn_rad=1e-4)
 
 
-def tilt_trial(roll_rad: float, rng: np.random.Generator) -> tuple[float, float, float] | None:
-    """Let one place see four markers on 20 cm at 1 m, turned by up to some roll [rad].
+class Tilt(NamedTuple):
+    """By how much the tilt of an object is wrong, or must be [°]."""
 
-    Returns
-    -------
-    sight_deg : float
-        Error of the tilt against the line of sight.
-    fixed_deg : float
-        Error of the tilt in the fixed frame.
-    stddev_deg : float
-        Estimated, of the latter, along the worst axis across the object's normal.
-    """
+    sight: float
+    """Against the line of sight, for each axis."""
+    fixed: float
+    """In the fixed frame, of the normal."""
+    bound: float
+    """What zones and their light leave open of the latter, whoever estimates it."""
+
+
+def tilt_trial(roll_rad: float, rng: np.random.Generator) -> Tilt | None:
+    """Let one place see four markers on 20 cm at 1 m, turned by up to some roll [rad]."""
     on_object = {1000 + 101 * n: 0.2 * np.append(corner, 0) for n, corner in enumerate(CORNERS)}
     roll = matrix_of_turn(np.array([0, 0, rng.uniform(-roll_rad, roll_rad)]))
     way = rng.uniform(0, 2 * math.pi)
@@ -47,7 +51,8 @@ def tilt_trial(roll_rad: float, rng: np.random.Generator) -> tuple[float, float,
     turned = matrix_of_turn(tilt) @ roll
     centre_m = np.append(rng.uniform(-0.1, 0.1, 2), 1.0)
     pose = Pose(np.zeros(3), np.eye(3))
-    scene = scene_of(pose, {one: centre_m + turned @ at for one, at in on_object.items()}, rng)
+    places_m = {one: centre_m + turned @ at for one, at in on_object.items()}
+    scene = scene_of(pose, places_m, rng)
     trial = [Visit(pose, list(looks(scene, 4.3, rng)))]
     landmark = Landmark('object', on_object, _EXACT)
     for reading in hand_readings(trial, 3, rng)[0]:
@@ -66,9 +71,35 @@ def tilt_trial(roll_rad: float, rng: np.random.Generator) -> tuple[float, float,
         turned, centre_m
     )
     cosine = float(estimate.rotation[:, 2] @ turned[:, 2])
-    stddev = math.sqrt(float(np.linalg.eigvalsh(estimate.covariance[3:5, 3:5])[-1]))
-    fixed_deg = math.degrees(math.acos(min(cosine, 1.0)))
-    return float(np.linalg.norm(sight_deg)) / math.sqrt(2), fixed_deg, math.degrees(stddev)
+    return Tilt(
+        float(np.linalg.norm(sight_deg)) / math.sqrt(2),
+        math.degrees(math.acos(min(cosine, 1.0))),
+        math.degrees(_direction_bound(np.array(list(places_m.values())))),
+    )
+
+
+def _direction_bound(places_m: Floats) -> float:
+    """Return how much the light of markers leaves open of where a rigid object is seen [rad].
+
+    Turned about the sensor, an object keeps all its ranges; only what each zone sees of each
+    marker changes. This is the deviation of the directions, both axes together, that give what is
+    seen as well as the noise of one packet lets tell, all as likely before.
+    """
+    grid = SENSOR.grid
+    steps = np.linspace(-1, 1, _BOUND_STEPS) * grid.pitch
+    shifts = np.stack(np.meshgrid(steps, steps), axis=-1).reshape(-1, 1, 2)
+    turned = np.repeat(places_m[None], len(shifts), axis=0)
+    turned[..., :2] += shifts * places_m[:, 2:]
+    size_m = Marker(id=1, position_m=(0, 0, 1), name='').size_m
+    light = zone_shares(turned.reshape(-1, 3), size_m, grid, BLUR).reshape(len(shifts), -1)
+    seen = zone_shares(places_m, size_m, grid, BLUR).ravel()
+    signal = signal_at(float(np.linalg.norm(places_m.mean(axis=0))))
+    noise = 2 * np.sqrt(NOISE.floor + NOISE.slope * signal * seen) / math.sqrt(_SAMPLES) / signal
+    misfit = np.square((light - seen) / noise).sum(axis=1)
+    weight = np.exp(-0.5 * (misfit - misfit.min()))
+    weight /= weight.sum()
+    spread = shifts[:, 0] - weight @ shifts[:, 0]
+    return math.sqrt(float(weight @ np.square(spread).sum(axis=1)))
 
 
 class Track(NamedTuple):
@@ -144,7 +175,7 @@ def room_trial(
     Returns
     -------
     pose : RobotPose
-        As estimated.
+        As estimated; all is None if it is not clear.
     position_m, rotation : array, shapes (3,) and (3, 3)
         The truth.
     """
@@ -174,6 +205,5 @@ def room_trial(
             if room.has(detection.id):
                 room.take(reading_of(detection, seen_from, since_s=100.0 * index, bias_m=bias_m))
     estimate = room.estimate()
-    if estimate is None:
-        return None
-    return robot_pose(estimate, np.zeros(3), np.eye(3)), base.position_m, base.rotation
+    pose = estimate and robot_pose(estimate, np.zeros(3), np.eye(3))
+    return pose and (pose, base.position_m, base.rotation)

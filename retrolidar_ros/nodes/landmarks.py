@@ -138,8 +138,10 @@ class LandmarksNode(Node):
             way = found
         if room is not None:
             pose = robot_pose(room, way[1], matrix_of(way[0]))
-            header = Header(stamp=stamp, frame_id=self._known_frame)
-            self._pose.publish(to_pose_msg(header, pose.position_m, pose.rotation, pose.covariance))
+            if pose is not None:
+                header = Header(stamp=stamp, frame_id=self._known_frame)
+                place = (pose.position_m, pose.rotation, pose.covariance)
+                self._pose.publish(to_pose_msg(header, *place))
 
     def _publish(self, estimate: Estimate) -> None:
         """Publish a landmark."""

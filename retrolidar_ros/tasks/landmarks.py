@@ -30,7 +30,7 @@ _MOST_STRAYS = 6
 _MOVING_WINDOW_S = 8.0
 _ONE_VIEW_M = 0.05
 # Above this deviation, all orientations are tried again [rad].
-_TURN_UNKNOWN = 0.5
+_TURN_UNKNOWN = 0.2
 
 
 @dataclass(frozen=True, eq=False)

@@ -22,6 +22,8 @@ from retrolidar_ros.tasks.reading import Errors
 # Deviations of a robot on a floor from its plane [m] and from level [rad], and of all else.
 _LEVEL_M, _LEVEL = 0.01, 0.01
 _FAR_M, _ANY_TURN = 100.0, 100.0
+# Up to such a deviation of its turn, a room's far end moves on a straight line [rad].
+_CLEAR = 0.05
 
 
 class RobotPose(NamedTuple):
@@ -76,8 +78,11 @@ def room_of(
     return Landmark('room', places, errors, level, doubts)
 
 
-def robot_pose(room: Estimate, base_m: Floats, base_rotation: Floats) -> RobotPose:
+def robot_pose(room: Estimate, base_m: Floats, base_rotation: Floats) -> RobotPose | None:
     """Return where the base is in a room, from where both are in the fixed frame.
+
+    It is None while that is not clear: among one or two markers it can be anywhere on a circle, and
+    ranges of three can have two answers, which no covariance tells well.
 
     Parameters
     ----------
@@ -87,6 +92,8 @@ def robot_pose(room: Estimate, base_m: Floats, base_rotation: Floats) -> RobotPo
     base_rotation : array, shape (3, 3)
         Turns directions of the base into those of the fixed frame.
     """
+    if np.linalg.eigvalsh(room.covariance[3:, 3:])[-1] > _CLEAR**2:
+        return None
     back = room.rotation.T
     arm_m = base_m - room.position_m
     jacobian = np.block([[-back, back @ cross_matrix(arm_m)], [np.zeros((3, 3)), -back]])
