@@ -22,6 +22,8 @@ from evaluation.bench.hand_trials import (
 )
 from evaluation.bench.landmark_trials import drone_trial, room_trial, tilt_trial
 from evaluation.bench.live import held
+from evaluation.peers.hand_tags import TagCamera
+from evaluation.peers.visual_markers import APRILTAG, find_readers
 from evaluation.report.charts import OTHERS, new_chart
 from evaluation.report.claims import NOTHING, Table, percent
 from retrolidar_ros.scene import Scene
@@ -35,6 +37,8 @@ _SIDES_M = (0.1, 0.2, 0.4, 0.6)
 _REACH_M, _READY_M, _READY_S = 0.5, 0.01, 12.0
 """A hand that is to place all objects goes so far, until they are so well known, in such a time."""
 _STAY_S, _MOST = 4.3, 3
+_TAG_SIDE_M = 0.4
+LIDAR = 'LiDAR marker'
 _TRIALS, _QUICK_TRIALS = 30, 3
 _RARE = 16.266  # 99.9 % of a normal distribution in three dimensions
 _POSE_M, _WRONG, _LATE = 0.002, 0.05, 0.10
@@ -78,6 +82,37 @@ def _places(world: Scene, trials: int, rng: np.random.Generator) -> list[dict[st
     return found
 
 
+def _beside_tags(world: Scene, trials: int, rng: np.random.Generator) -> list[dict[str, Any]]:
+    """Return errors of each object from four places, of LiDAR markers and of AprilTags.
+
+    Both have the same places, the same least squares and the same errors of TF.
+    """
+    camera = TagCamera(rng)
+    ids = [one.id for one in world.markers]
+    rows: dict[tuple[str, float, int], list[Error]] = {}
+    for _ in tqdm(range(trials), desc='tags', leave=False):
+        trial = visits(world, _TAG_SIDE_M, _STAY_S, rng)
+        for pose_m in (0.0, _POSE_M):
+            for kind, places, errors in (
+                (LIDAR, hand_readings(trial, _MOST, rng, pose_m), errors_for(pose_m)),
+                (APRILTAG, camera.readings(trial, world, pose_m, rng), camera.errors(pose_m)),
+            ):
+                landmarks = placed_from(places, ids, errors)
+                for marker in world.markers:
+                    own = rows.setdefault((kind, pose_m, marker.id), [])
+                    estimate = landmarks[marker.id].estimate()
+                    if estimate is not None:
+                        own.append(error_of(estimate, np.array(marker.position_m)))
+    return [
+        {'kind': kind, 'pose_m': pose_m, 'object': marker.name, 'told': len(own)}
+        | {'range_m': float(np.linalg.norm(marker.position_m))}
+        | (_errors(own) if own else {})
+        for (kind, pose_m, identity), own in rows.items()
+        for marker in world.markers
+        if marker.id == identity
+    ]
+
+
 def _stressed(world: Scene, trials: int, rng: np.random.Generator) -> dict[str, Any]:
     """Return what wrong IDs, late transforms and wrong poses of the sensor do."""
     truth_m = {one.id: np.array(one.position_m) for one in world.markers}
@@ -104,6 +139,24 @@ def _stressed(world: Scene, trials: int, rng: np.random.Generator) -> dict[str, 
     return _errors(rows) | {'told': len(rows), 'wrong': wrong, 'rejected': rejected}
 
 
+def _room(markers: int, trials: int, rng: np.random.Generator) -> dict[str, Any]:
+    """Return errors of a robot's pose among markers, and how often it was clear enough."""
+    found = [room_trial(markers, rng) for _ in tqdm(range(trials), desc='room', leave=False)]
+    off_m, yaw_deg = [], []
+    for pose, position_m, rotation in (one for one in found if one is not None):
+        off_m.append(float(np.linalg.norm((pose.position_m - position_m)[:2])))
+        turned = pose.rotation @ rotation.T
+        yaw_deg.append(math.degrees(math.atan2(turned[1, 0], turned[0, 0])))
+    return {
+        'markers': markers,
+        'trials': trials,
+        'told': len(off_m),
+        'rms_mm': 1e3 * float(np.sqrt(np.mean(np.square(off_m)))),
+        'median_mm': 1e3 * float(np.median(off_m)),
+        'yaw_rms_deg': float(np.sqrt(np.mean(np.square(yaw_deg)))),
+    }
+
+
 def run(rng: np.random.Generator, *, quick: bool) -> dict[str, Any]:
     """Return errors, times and coverage."""
     trials = _QUICK_TRIALS if quick else _TRIALS
@@ -127,31 +180,14 @@ def run(rng: np.random.Generator, *, quick: bool) -> dict[str, Any]:
         rows = [row for track in tracks for row in track.errors[3:]]
         updates = float(np.mean([track.updates_per_s for track in tracks]))
         drones.append({'sensors': sensors, 'updates_per_s': updates} | _errors(rows))
-    rooms = []
-    for markers in (3, 4, 5, 6):
-        off_m, yaw_deg = [], []
-        for _ in tqdm(range(max(trials // 2, 2)), desc='room', leave=False):
-            result = room_trial(markers, rng)
-            if result is None:
-                continue
-            pose, position_m, rotation = result
-            off_m.append(float(np.linalg.norm((pose.position_m - position_m)[:2])))
-            turned = pose.rotation @ rotation.T
-            yaw_deg.append(math.degrees(math.atan2(turned[1, 0], turned[0, 0])))
-        rooms.append(
-            {
-                'markers': markers,
-                'rms_mm': 1e3 * float(np.sqrt(np.mean(np.square(off_m)))),
-                'median_mm': 1e3 * float(np.median(off_m)),
-                'yaw_rms_deg': float(np.sqrt(np.mean(np.square(yaw_deg)))),
-            }
-        )
+    rooms = [_room(markers, max(trials // 2, 2), rng) for markers in (3, 4, 5, 6)]
     return {
         'trials': trials,
         'places': _places(world, trials, rng),
         'ready_s': sorted(round(one.looked_s, 2) for one in ready if math.isfinite(one.looked_s)),
         'ready': _errors([error for one in ready for error in one.errors]),
         'tilt_deg': np.sqrt(np.mean(np.square(tilts), axis=0)).round(3).tolist(),
+        'tags': [] if APRILTAG in find_readers()[1] else _beside_tags(world, trials, rng),
         'drones': drones,
         'rooms': rooms,
         'stress': _stressed(world, trials, rng),
@@ -181,9 +217,16 @@ def table(figures: dict[str, Any]) -> Table:
         words = f'drone before {row["sensors"]}, {row["updates_per_s"]:.1f} updates a second'
         add(words, row)
     for row in figures['rooms']:
-        words = f'robot among {row["markers"]} markers, heading {row["yaw_rms_deg"]:.2f}° rms'
+        words = (
+            f'robot among {row["markers"]} markers, heading {row["yaw_rms_deg"]:.2f}° rms, '
+            f'told in {row["told"]} of {row["trials"]}'
+        )
         add(words, row)
-    ready, (sight, fixed, _) = figures['ready_s'], figures['tilt_deg']
+    for row in figures['tags']:
+        tf = f'TF off by {1e3 * row["pose_m"]:g} mm and 0.2°' if row['pose_m'] else 'exact TF'
+        if row['told']:
+            add(f'{row["object"]} from 4 places 0.4 m apart, {row["kind"]}, {tf}', row)
+    ready, (sight, fixed, bound) = figures['ready_s'], figures['tilt_deg']
     within = sum(one <= _READY_S for one in ready)
     stress, count = figures['stress'], figures['trials']
     rows += [
@@ -192,6 +235,7 @@ def table(figures: dict[str, Any]) -> Table:
             (f'all three within {1e3 * _READY_M:g} mm in {_READY_S:g} s', f'{within} of {count}'),
             ('tilt of four markers on 20 cm, against the line of sight', f'{sight:.2f}°'),
             ('the same in the fixed frame', f'{fixed:.2f}°'),
+            ('what zones and light leave open of that', f'{bound:.2f}°'),
             (
                 'places beyond their 99.9 % ellipsoid, with wrong IDs, late and wrong poses',
                 f'{stress["beyond"]} of {stress["told"]}',
@@ -203,7 +247,7 @@ def table(figures: dict[str, Any]) -> Table:
 
 def draw(figures: dict[str, Any]) -> Any:
     """Draw errors over the distance of the places, and over their number."""
-    figure, ((baseline, number),) = new_chart(1, 2, 14, 5.5, MESSAGE)
+    figure, ((baseline, number, beside),) = new_chart(1, 3, 19, 5.5, MESSAGE)
     names = list(dict.fromkeys(row['object'] for row in figures['places']))
     for name, colour in zip(names, OTHERS, strict=False):
         own = [row for row in figures['places'] if row['object'] == name]
@@ -223,4 +267,15 @@ def draw(figures: dict[str, Any]) -> Any:
     number.set_xlabel('places on a square of 0.4 m')
     number.set_xticks(range(1, len(CORNERS) + 1))
     number.set_title('one place after the other')
+    for kind, pose_m in dict.fromkeys((row['kind'], row['pose_m']) for row in figures['tags']):
+        own = [row for row in figures['tags'] if (row['kind'], row['pose_m']) == (kind, pose_m)]
+        words = f'{kind}, ' + ('TF off by 2 mm and 0.2°' if pose_m else 'exact TF')
+        known = [(row['range_m'], row['median_mm']) for row in own if row['told']]
+        style = 'o--' if pose_m else 'o-'
+        beside.plot(*zip(*known, strict=True), style, color=OTHERS[kind == APRILTAG], label=words)
+    beside.set_yscale('log')
+    beside.set_xlabel('distance of the object [m]')
+    beside.set_title('beside tags of 3 cm, four places 0.4 m apart')
+    if figures['tags']:
+        beside.legend(loc='best', fontsize=10)
     return figure
