@@ -205,5 +205,5 @@ def room_trial(
             if room.has(detection.id):
                 room.take(reading_of(detection, seen_from, since_s=100.0 * index, bias_m=bias_m))
     estimate = room.estimate()
-    found = estimate and robot_pose(estimate, np.zeros(3), np.eye(3))
-    return found and (found, base.position_m, base.rotation)
+    found = None if estimate is None else robot_pose(estimate, np.zeros(3), np.eye(3))
+    return None if found is None else (found, base.position_m, base.rotation)
