@@ -175,12 +175,12 @@ def run(rng: np.random.Generator, *, quick: bool) -> dict[str, Any]:
     drones = []
     for sensors in (1, 2, 3):
         tracks = [
-            drone_trial(sensors, 30.0, _ACCELERATION, rng) for _ in range(max(trials // 8, 1))
+            drone_trial(sensors, 30.0, _ACCELERATION, rng) for _ in range(max(trials // 3, 1))
         ]
         rows = [row for track in tracks for row in track.errors[3:]]
         updates = float(np.mean([track.updates_per_s for track in tracks]))
         drones.append({'sensors': sensors, 'updates_per_s': updates} | _errors(rows))
-    rooms = [_room(markers, max(trials // 2, 2), rng) for markers in (3, 4, 5, 6)]
+    rooms = [_room(markers, trials, rng) for markers in (3, 4, 5, 6)]
     return {
         'trials': trials,
         'places': _places(world, trials, rng),

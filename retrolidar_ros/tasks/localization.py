@@ -23,7 +23,7 @@ from retrolidar_ros.tasks.reading import Errors
 _LEVEL_M, _LEVEL = 0.01, 0.01
 _FAR_M, _ANY_TURN = 100.0, 100.0
 # A pose is clear up to such deviations: beyond, it is on a circle, or is one of two [m], [rad].
-_CLEAR_M, _CLEAR = 0.2, 0.2
+_CLEAR_M, _CLEAR = 0.2, 0.5
 
 
 class RobotPose(NamedTuple):
