@@ -13,17 +13,17 @@ from evaluation.bench import hand
 from evaluation.bench.hand_trials import Visit, errors_for
 from evaluation.bench.places import pose_of_tf
 from evaluation.peers.background import Background
-from evaluation.peers.camera import FOCAL_PX, Pose, expose, facing_pose
+from evaluation.peers.camera import FOCAL_PX, Pose, expose, facing_pose, tilted
 from evaluation.peers.visual_markers import APRILTAG, AprilTagReader, square_range
 from retrolidar_ros.scene import Scene
 from retrolidar_ros.sensor.frame import Floats
 from retrolidar_ros.tasks.reading import Errors, Reading
 
 _SIZE_M, _LUX, _TAG = 0.03, 300.0, 7
-_RANGES_M, _TRIES = (1.0, 1.5, 2.0), 16
+_RANGES_M, _TRIES = (0.8, 1.2, 1.6, 1.9, 2.2), 16
 _PICTURES = 3
 """Whose mean is a reading; more of them leave what pixels do to corners."""
-_ROLL_RAD, _AIM_RAD = 0.6, math.radians(5)
+_ROLL_RAD, _TILT_RAD, _AIM_RAD = 0.6, 0.2, math.radians(5)
 _EXACT = 1e-5
 
 
@@ -34,18 +34,19 @@ class TagCamera:
         """Take pictures of tags at known places to learn the deviations."""
         self._reader = AprilTagReader(APRILTAG, 2.0)
         self._background = Background(rng)
-        turns, ranges = [], []
-        for range_m in np.repeat(_RANGES_M, _TRIES).tolist():
-            pose = facing_pose(range_m, 3 * FOCAL_PX * _SIZE_M / range_m, _ROLL_RAD, rng)
-            seen_m = self._see(pose, rng)
-            if seen_m is not None:
-                seen_range_m = float(np.linalg.norm(seen_m))
-                turns += (seen_m / seen_range_m - pose.position_m / range_m)[:2].tolist()
-                ranges.append((seen_range_m - range_m) / range_m**2)
+        turns, self._stddev_m = [], []
+        for range_m in _RANGES_M:
+            off_m = []
+            for _ in range(_TRIES):
+                pose = facing_pose(range_m, 3 * FOCAL_PX * _SIZE_M / range_m, _ROLL_RAD, rng)
+                seen_m = self._see(tilted(pose, *rng.uniform(-_TILT_RAD, _TILT_RAD, 2)), rng)
+                if seen_m is not None:
+                    seen_range_m = float(np.linalg.norm(seen_m))
+                    turns += (seen_m / seen_range_m - pose.position_m / range_m)[:2].tolist()
+                    off_m.append(seen_range_m - range_m)
+            self._stddev_m.append(float(np.sqrt(np.mean(np.square(off_m)))))
         self.turn_rad = float(np.sqrt(np.mean(np.square(turns))))
         """Deviation of a direction, along each axis."""
-        self.range_per_m = float(np.sqrt(np.mean(np.square(ranges))))
-        """Deviation of a range, by its square [1/m]."""
 
     def errors(self, pose_m: float) -> Errors:
         """Return the errors that landmarks have to assume."""
@@ -89,7 +90,7 @@ class TagCamera:
                         'camera',
                         100.0 * index,
                         range_m,
-                        self.range_per_m * range_m**2,
+                        float(np.interp(range_m, _RANGES_M, self._stddev_m)),
                         seen_m / range_m,
                         np.full(2, _EXACT),
                         pose_of_tf(camera, pose_m, rng),
