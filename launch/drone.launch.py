@@ -102,6 +102,6 @@ def generate_launch_description():
         'ports': ('[]', 'Of three, as [/dev/a, /dev/b, /dev/c].'),
         'edge': ('0.4', 'Of the triangle that they lie on [m]; the first is on its x axis.'),
         'fixed_frame': ('ground', 'Frame of that triangle: its middle, z up.'),
-        'acceleration': ('0.04', "Density of the noise of the drone's own [m/s²/√Hz]."),
+        'acceleration': ('0.04', "Standard deviation of the drone's own [m/s²]."),
     }
     return LaunchDescription([*declared(arguments), OpaqueFunction(function=_drone)])

@@ -1,6 +1,6 @@
 # Copyright 2026 retrolidar_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""Recordings of emulated sensors that nothing was told of, and what calibration makes of them."""
+"""Recordings of emulated sensors that nothing is known of, and what calibration makes of them."""
 
 from __future__ import annotations
 

@@ -1,66 +1,38 @@
 # Copyright 2026 retrolidar_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""Trials of landmarks: a hand at several places, an object, a drone, a robot in a room."""
+"""Trials of landmarks: an object of four markers, a drone, a robot in a room."""
 
 from __future__ import annotations
 
 import math
-from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
 
-from evaluation.bench.places import (
-    Look,
-    Pose,
-    looks,
-    markers_at,
-    pose_of_tf,
-    reading_of,
-    rotation,
-    sees_all,
-    towards,
-    view_from,
-)
-from retrolidar_ros.scene import Scene
+from evaluation.bench.hand_trials import BIAS_M, CORNERS, Error, Visit, error_of, hand_readings
+from evaluation.bench.places import Pose, looks, reading_of, rotation, view_from
+from evaluation.bench.recordings import signal_at
+from retrolidar_ros.marker.known_markers import MARKER_SIZE_M
 from retrolidar_ros.scene.description import Marker, Wander
-from retrolidar_ros.scene.optics import position_at
+from retrolidar_ros.scene.optics import position_at, zone_shares
 from retrolidar_ros.scene.reference import NOISE, RESPONSE, SENSOR
 from retrolidar_ros.sensor.frame import Floats
 from retrolidar_ros.sensor.rotation import matrix_of_turn
-from retrolidar_ros.tasks.landmarks import Estimate, Landmark
+from retrolidar_ros.tasks.landmarks import Landmark
 from retrolidar_ros.tasks.least_squares import Prior, State
 from retrolidar_ros.tasks.localization import RobotPose, robot_pose, room_of
 from retrolidar_ros.tasks.reading import Errors, Reading, SensorPose
 
-CORNERS = np.array([(-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (-1.0, 1.0)]) / 2
-BIAS_M, CALIBRATED_M = 0.002, 0.0005
-"""Deviation of a sensor's range bias, and after a calibration against a known range."""
+CALIBRATED_M = 0.0005  # deviation of a sensor's range bias after a calibration
 HEADINGS, STAY_S = 24, 1.6  # in how many directions a robot looks, and how long [s]
-_HAND_M = 0.15
-_AIM_RAD = math.radians(3)
+_BOUND_STEPS, _SAMPLES = 81, 62
 _EXACT = Errors(range_bias_m=BIAS_M, pose_m=1e-4, turn_rad=1e-4)
 _SENSOR = replace(SENSOR, noise=NOISE, blur=0.05)
 _HERE = Pose(np.zeros(3), np.eye(3))
 # Directions of an optical frame in one whose z points up.
 _UPRIGHT = np.array([[0.0, 0.0, 1.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0]])
-
-
-class Error(NamedTuple):
-    """By how much an estimate is wrong."""
-
-    error_m: float
-    stddev_m: float  # as estimated, along the worst axis
-    squared_distance: float  # in standard deviations
-
-
-def error_of(estimate: Estimate, truth_m: Floats) -> Error:
-    """Return by how much a position is wrong."""
-    off = estimate.position_m - truth_m
-    squared = float(off @ np.linalg.solve(estimate.covariance[:3, :3], off))
-    return Error(float(np.linalg.norm(off)), estimate.stddev_m, squared)
 
 
 def markers_of(places_m: Mapping[int, Floats], wander: Wander | None = None) -> list[Marker]:
@@ -71,95 +43,27 @@ def markers_of(places_m: Mapping[int, Floats], wander: Wander | None = None) -> 
     ]
 
 
-def hand_poses(world: Scene, side_m: float, rng: np.random.Generator) -> list[Pose]:
-    """Return the hand at the corners of a square, all markers in view of each."""
-    places_m = markers_at(world)
-    while True:
-        centre_m, roll = rng.uniform(-_HAND_M, _HAND_M, 3), rng.uniform(-0.6, 0.6)
-        turned = rotation(0, 0, rng.uniform(0, 2 * math.pi))
-        poses = []
-        for corner in CORNERS:
-            corner_m = centre_m + side_m * turned @ np.append(corner, 0)
-            # An arm aims at the middle of the objects as well as it can see them all.
-            for _ in range(100):
-                turns = np.array([0, 0, roll]) + rng.uniform(-_AIM_RAD, _AIM_RAD, 3)
-                pose = towards(places_m.mean(axis=0), corner_m, turns)
-                if sees_all(pose.to_sensor(places_m), world.sensor.grid):
-                    poses.append(pose)
-                    break
-        if len(poses) == len(CORNERS):
-            return poses
+class Tilt(NamedTuple):
+    """By how much the tilt of an object is wrong, or must be [°]."""
+
+    sight: float  # against the line of sight, for each axis
+    fixed: float  # in the fixed frame, of the normal
+    bound: float  # what zones and their light leave open of the latter, whoever estimates it
 
 
-class Visit(NamedTuple):
-    """One place of the hand, and what it read there, in order."""
-
-    pose: Pose
-    looks: list[Look]
-
-
-def visits(world: Scene, side_m: float, stay_s: float, rng: np.random.Generator) -> list[Visit]:
-    """Let the hand stay at each corner of a square."""
-    return [
-        Visit(pose, list(looks(view_from(pose, world.markers, world.sensor, rng), stay_s, rng)))
-        for pose in hand_poses(world, side_m, rng)
-    ]
-
-
-def hand_readings(
-    trial: Sequence[Visit], most: int, rng: np.random.Generator, pose_m: float = 0.0
-) -> list[list[tuple[float, Reading]]]:
-    """Return readings by place of the hand, each with when it is known [s] there.
-
-    No more of one marker count than `most`, and the poses of TF have a deviation of `pose_m`.
-    """
-    bias_m = float(rng.normal(0, BIAS_M))
-    places = []
-    for index, visit in enumerate(trial):
-        pose = pose_of_tf(visit.pose, pose_m, rng)
-        count: Counter[int] = Counter()
-        rows = []
-        for known_s, one in visit.looks:
-            count[one.id] += 1
-            if count[one.id] <= most:
-                own = reading_of(one, pose, since_s=100.0 * index, bias_m=bias_m)
-                rows.append((known_s, own))
-        places.append(rows)
-    return places
-
-
-def errors_for(pose_m: float) -> Errors:
-    """Return the errors that landmarks assume in a trial."""
-    return Errors(range_bias_m=BIAS_M, pose_m=max(pose_m, 1e-4), turn_rad=max(1.75 * pose_m, 1e-4))
-
-
-def placed_from(
-    places: Sequence[Sequence[tuple[float, Reading]]], ids: Sequence[int], pose_m: float = 0.0
-) -> dict[int, Landmark]:
-    """Return the landmarks that readings of some places make, by marker."""
-    found = {one: Landmark(str(one), {one: np.zeros(3)}, errors_for(pose_m)) for one in ids}
-    for rows in places:
-        for _, reading in rows:
-            if reading.marker in found:
-                found[reading.marker].take(reading)
-    return found
-
-
-def tilt_trial(roll_rad: float, rng: np.random.Generator) -> tuple[float, float] | None:
-    """Let one place see four markers on 20 cm at 1 m, turned by up to some roll [rad].
-
-    Returns the error of the tilt against the line of sight, and in the fixed frame [°].
-    """
+def tilt_trial(roll_rad: float, rng: np.random.Generator) -> Tilt | None:
+    """Let one place see four markers on 20 cm at 1 m, turned by up to some roll [rad]."""
     on_object = {1000 + 101 * n: 0.2 * np.append(corner, 0) for n, corner in enumerate(CORNERS)}
     roll = matrix_of_turn(np.array([0, 0, rng.uniform(-roll_rad, roll_rad)]))
     way = rng.uniform(0, 2 * math.pi)
     tilt = rng.uniform(0, math.radians(30)) * np.array([math.cos(way), math.sin(way), 0])
     turned = matrix_of_turn(tilt) @ roll
     centre_m = np.append(rng.uniform(-0.1, 0.1, 2), 1.0)
-    markers = markers_of({one: centre_m + turned @ at for one, at in on_object.items()})
+    places_m = {one: centre_m + turned @ at for one, at in on_object.items()}
+    markers = markers_of(places_m)
     trial = [Visit(_HERE, list(looks(view_from(_HERE, markers, _SENSOR, rng), 4.3, rng)))]
     landmark = Landmark('object', on_object, _EXACT)
-    for _, reading in hand_readings(trial, 3, rng)[0]:
+    for reading in hand_readings(trial, 3, rng)[0]:
         if landmark.has(reading.marker):
             landmark.take(reading)
     estimate = landmark.estimate()
@@ -170,8 +74,36 @@ def tilt_trial(roll_rad: float, rng: np.random.Generator) -> tuple[float, float]
         for turn, at in ((estimate.rotation, estimate.position_m), (turned, centre_m))
     ]
     cosine = float(estimate.rotation[:, 2] @ turned[:, 2])
-    sight_deg = float(np.linalg.norm(off[0] - off[1])) / math.sqrt(2)
-    return sight_deg, math.degrees(math.acos(min(cosine, 1.0)))
+    return Tilt(
+        float(np.linalg.norm(off[0] - off[1])) / math.sqrt(2),
+        math.degrees(math.acos(min(cosine, 1.0))),
+        math.degrees(_direction_bound(np.array(list(places_m.values())))),
+    )
+
+
+def _direction_bound(places_m: Floats) -> float:
+    """Return how much the light of markers leaves open of where a rigid object is seen [rad].
+
+    Turned about the sensor, an object keeps all its ranges; only what each zone sees of each
+    marker changes. This is the deviation of the directions, both axes together, that give what is
+    seen as well as the noise of one packet lets tell, all as likely before.
+    """
+    grid = SENSOR.grid
+    steps = np.linspace(-1, 1, _BOUND_STEPS) * grid.pitch
+    shifts = np.stack(np.meshgrid(steps, steps), axis=-1).reshape(-1, 1, 2)
+    turned = np.repeat(places_m[None], len(shifts), axis=0)
+    turned[..., :2] += shifts * places_m[:, 2:]
+    light = zone_shares(turned.reshape(-1, 3), MARKER_SIZE_M, grid, _SENSOR.blur).reshape(
+        len(shifts), -1
+    )
+    seen = zone_shares(places_m, MARKER_SIZE_M, grid, _SENSOR.blur).ravel()
+    signal = signal_at(float(np.linalg.norm(places_m.mean(axis=0))))
+    noise = 2 * np.sqrt(NOISE.floor + NOISE.slope * signal * seen) / math.sqrt(_SAMPLES) / signal
+    misfit = np.square((light - seen) / noise).sum(axis=1)
+    weight = np.exp(-0.5 * (misfit - misfit.min()))
+    weight /= weight.sum()
+    spread = shifts[:, 0] - weight @ shifts[:, 0]
+    return math.sqrt(float(weight @ np.square(spread).sum(axis=1)))
 
 
 class Track(NamedTuple):
@@ -222,7 +154,7 @@ def room_trial(
     """Let a robot in a room of 4 m turn on the spot, and locate it by markers on the walls.
 
     Their places are known to a deviation of `survey_m`. Returns the estimated pose, and the true
-    position, shape (3,), and rotation, shape (3, 3).
+    position, shape (3,), and rotation, shape (3, 3); None if the pose is not clear.
     """
     base = Pose(np.append(rng.uniform(-0.5, 0.5, 2), 0.0), rotation(0, 0, rng.uniform(-3, 3)))
     places: dict[int, Floats] = {}
@@ -250,6 +182,5 @@ def room_trial(
                 own = reading_of(detection, seen_from, since_s=100.0 * index, bias_m=bias_m)
                 room.take(own)
     estimate = room.estimate()
-    if estimate is None:
-        return None
-    return robot_pose(estimate, np.zeros(3), np.eye(3)), base.position_m, base.rotation
+    found = None if estimate is None else robot_pose(estimate, np.zeros(3), np.eye(3))
+    return None if found is None else (found, base.position_m, base.rotation)

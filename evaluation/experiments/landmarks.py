@@ -9,21 +9,21 @@ from typing import Any
 
 import numpy as np
 
-from evaluation.bench.landmark_trials import (
+from evaluation.bench.hand_trials import (
     CORNERS,
     Error,
-    Visit,
-    drone_trial,
     error_of,
     errors_for,
     hand_readings,
     placed_from,
-    room_trial,
-    tilt_trial,
+    ready_trial,
     visits,
 )
+from evaluation.bench.landmark_trials import drone_trial, room_trial, tilt_trial
 from evaluation.bench.places import held
-from evaluation.report.charts import OTHERS, label, legend_below, line, new_chart
+from evaluation.peers.hand_tags import TagCamera
+from evaluation.peers.visual_markers import APRILTAG, find_readers
+from evaluation.report.charts import OTHERS, label, legend_below, legend_under, line, new_chart
 from evaluation.report.claims import NOTHING, Table, as_text, percent
 from retrolidar_ros.scene import Scene
 from retrolidar_ros.scene.files import load_scene
@@ -33,9 +33,12 @@ TITLE = 'Landmarks: readings from several places'
 MESSAGE = 'Half a metre of motion places objects to a centimetre'
 
 _SIDES_M = (0.1, 0.2, 0.4, 0.6)
-_READY_SIDE_M, _READY_M, _READY_S = 0.7, 0.01, 12.0
+_REACH_M, _READY_M, _READY_S = 0.5, 0.01, 12.0
 """A hand that is to place all objects goes so far, until they are so well known, in such a time."""
 _STAY_S, _MOST = 4.3, 3
+_TAG_SIDE_M = 0.4
+LIDAR = 'LiDAR marker'
+_TRIALS, _QUICK_TRIALS = 30, 3  # of a hand that looks until all is known; others are dearer
 _RARE = 16.266  # 99.9 % of a normal distribution in three dimensions
 _POSE_M, _WRONG, _LATE = 0.002, 0.05, 0.10
 _ACCELERATION = 0.04
@@ -63,7 +66,7 @@ def _places(world: Scene, trials: int, rng: np.random.Generator) -> list[dict[st
             trial = visits(world, side_m, _STAY_S, rng)
             places = hand_readings(trial, _MOST, rng)
             for count in range(1, len(CORNERS) + 1):
-                landmarks = placed_from(places[:count], ids)
+                landmarks = placed_from(places[:count], ids, errors_for(0.0))
                 for marker in world.markers:
                     estimate = landmarks[marker.id].estimate()
                     if estimate is not None:
@@ -78,35 +81,35 @@ def _places(world: Scene, trials: int, rng: np.random.Generator) -> list[dict[st
     return found
 
 
-def _ready_s(world: Scene, rng: np.random.Generator) -> float:
-    """Return how long a hand looks until all objects are known; infinite if it gives up.
+def _beside_tags(world: Scene, trials: int, rng: np.random.Generator) -> list[dict[str, Any]]:
+    """Return errors of each object from four places, of LiDAR markers and of AprilTags.
 
-    It goes round the corners of a square, and leaves each when every object has been read there.
+    Both have the same places, the same least squares and the same errors of TF.
     """
+    camera = TagCamera(rng)
     ids = [one.id for one in world.markers]
-    trial: list[Visit] = visits(world, _READY_SIDE_M, _READY_S, rng)
-    landmarks = placed_from([], ids)
-    looked_s = 0.0
-    places = hand_readings(trial, 99, rng)
-    left = [0.0] * len(places)
-    for turn in range(3 * len(places)):
-        index = turn % len(places)
-        missing = set(ids)
-        rows = [row for row in places[index] if row[0] > left[index]]
-        if not rows:
-            continue
-        for known_s, reading in rows:
-            if reading.marker in landmarks:
-                landmarks[reading.marker].take(reading._replace(stamp_s=100.0 * turn + known_s))
-                missing.discard(reading.marker)
-            now_s = looked_s + known_s - left[index]
-            known = [one.estimate() for one in landmarks.values()]
-            if all(one is not None and one.stddev_m <= _READY_M for one in known):
-                return now_s
-            if not missing:
-                break
-        looked_s, left[index] = now_s, known_s
-    return math.inf
+    rows: dict[tuple[str, float, int], list[Error]] = {}
+    for _ in range(trials):
+        trial = visits(world, _TAG_SIDE_M, _STAY_S, rng)
+        for pose_m in (0.0, _POSE_M):
+            for kind, places, errors in (
+                (LIDAR, hand_readings(trial, _MOST, rng, pose_m), errors_for(pose_m)),
+                (APRILTAG, camera.readings(trial, world, pose_m, rng), camera.errors(pose_m)),
+            ):
+                landmarks = placed_from(places, ids, errors)
+                for marker in world.markers:
+                    own = rows.setdefault((kind, pose_m, marker.id), [])
+                    estimate = landmarks[marker.id].estimate()
+                    if estimate is not None:
+                        own.append(error_of(estimate, np.array(marker.position_m)))
+    return [
+        {'kind': kind, 'pose_m': pose_m, 'object': marker.name}
+        | {'range_m': float(np.linalg.norm(marker.position_m))}
+        | _errors(own)
+        for (kind, pose_m, identity), own in rows.items()
+        for marker in world.markers
+        if marker.id == identity and own
+    ]
 
 
 def _stressed(world: Scene, trials: int, rng: np.random.Generator) -> dict[str, Any]:
@@ -116,7 +119,7 @@ def _stressed(world: Scene, trials: int, rng: np.random.Generator) -> dict[str, 
     rows: list[Error] = []
     for _ in range(trials):
         places = hand_readings(visits(world, 0.4, _STAY_S, rng), _MOST, rng, _POSE_M)
-        flat = [reading for place in places for _, reading in place]
+        flat = [reading for place in places for reading in place]
         for index, reading in enumerate(flat):
             if rng.random() < _WRONG:
                 others = [one for one in ids if one != reading.marker]
@@ -132,52 +135,50 @@ def _stressed(world: Scene, trials: int, rng: np.random.Generator) -> dict[str, 
     return _errors(rows)
 
 
-def _drones(trials: int, rng: np.random.Generator) -> list[dict[str, Any]]:
-    """Return errors of a drone before one to three sensors."""
-    found = []
-    for sensors in (1, 2, 3):
-        tracks = [drone_trial(sensors, 30.0, _ACCELERATION, rng) for _ in range(trials)]
-        rows = [row for track in tracks for row in track.errors[3:]]
-        updates = float(np.mean([track.updates_per_s for track in tracks]))
-        found.append({'sensors': sensors, 'updates_per_s': updates} | _errors(rows))
-    return found
+def _room(markers: int, trials: int, rng: np.random.Generator) -> dict[str, Any]:
+    """Return errors of a robot's pose among markers, and how often it was clear enough."""
+    found = [room_trial(markers, rng) for _ in range(trials)]
+    off_m, yaw_deg = [], []
+    for pose, position_m, rotation in (one for one in found if one is not None):
+        off_m.append(float(np.linalg.norm((pose.position_m - position_m)[:2])))
+        turned = pose.rotation @ rotation.T
+        yaw_deg.append(math.degrees(math.atan2(turned[1, 0], turned[0, 0])))
+    return {
+        'markers': markers,
+        'trials': trials,
+        'clear': len(off_m),
+        'rms_mm': 1e3 * float(np.sqrt(np.mean(np.square(off_m)))),
+        'median_mm': 1e3 * float(np.median(off_m)),
+        'yaw_rms_deg': float(np.sqrt(np.mean(np.square(yaw_deg)))),
+    }
 
 
-def _rooms(trials: int, rng: np.random.Generator) -> list[dict[str, Any]]:
-    """Return errors of a robot among three to six markers."""
-    found = []
-    for markers in (3, 4, 5, 6):
-        off_m, yaw_deg = [], []
-        for result in (room_trial(markers, rng) for _ in range(trials)):
-            if result is not None:
-                pose, position_m, rotation = result
-                off_m.append(float(np.linalg.norm((pose.position_m - position_m)[:2])))
-                turned = pose.rotation @ rotation.T
-                yaw_deg.append(math.degrees(math.atan2(turned[1, 0], turned[0, 0])))
-        errors = {
-            'rms_mm': 1e3 * float(np.sqrt(np.mean(np.square(off_m)))),
-            'median_mm': 1e3 * float(np.median(off_m)),
-            'yaw_rms_deg': float(np.sqrt(np.mean(np.square(yaw_deg)))),
-        }
-        found.append({'markers': markers} | errors)
-    return found
+def _drone(sensors: int, trials: int, rng: np.random.Generator) -> dict[str, Any]:
+    """Return errors of a drone before some sensors."""
+    tracks = [drone_trial(sensors, 30.0, _ACCELERATION, rng) for _ in range(trials)]
+    updates = float(np.mean([track.updates_per_s for track in tracks]))
+    rows = [row for track in tracks for row in track.errors[3:]]
+    return {'sensors': sensors, 'updates_per_s': updates} | _errors(rows)
 
 
 def run(rng: np.random.Generator, *, quick: bool) -> dict[str, Any]:
     """Return errors, times and coverage."""
-    trials = 3 if quick else 8
+    trials = _QUICK_TRIALS if quick else _TRIALS
+    fewer = 2 if quick else 8
     world = load_scene('coffee')
-    ready = [_ready_s(world, rng) for _ in range(trials)]
-    tilts = [tilt_trial(math.radians(15), rng) for _ in range(trials)]
+    ready = [ready_trial(world, _READY_M, _REACH_M, rng) for _ in range(trials)]
+    tilts = [tilt_trial(math.radians(15), rng) for _ in range(fewer)]
     known = [one for one in tilts if one is not None]
     return {
         'trials': trials,
-        'places': _places(world, trials, rng),
-        'ready_s': sorted(round(one, 2) for one in ready if math.isfinite(one)),
+        'places': _places(world, fewer, rng),
+        'ready_s': sorted(round(one.looked_s, 2) for one in ready if math.isfinite(one.looked_s)),
+        'ready': _errors([error for one in ready for error in one.errors]),
         'tilt_deg': np.sqrt(np.mean(np.square(known), axis=0)).round(3).tolist(),
-        'drones': _drones(1 if quick else 2, rng),
-        'rooms': _rooms(max(trials // 2, 2), rng),
-        'stress': _stressed(world, trials, rng),
+        'tags': [] if APRILTAG in find_readers()[1] else _beside_tags(world, fewer, rng),
+        'drones': [_drone(sensors, 1 if quick else 4, rng) for sensors in (1, 2, 3)],
+        'rooms': [_room(markers, fewer, rng) for markers in (3, 4, 5, 6)],
+        'stress': _stressed(world, fewer, rng),
     }
 
 
@@ -193,11 +194,17 @@ def table(figures: dict[str, Any]) -> Table:
         if (row['side_m'], row['places']) in ((0.2, 1), (0.2, 4), (0.4, 4)):
             where = 'one place' if row['places'] == 1 else f'4 places {row["side_m"]} m apart'
             add(f'{row["object"]} from {where}', row)
+    for row in figures['tags']:
+        tf = f'TF off by {1e3 * row["pose_m"]:g} mm and 0.2°' if row['pose_m'] else 'exact TF'
+        add(f'{row["object"]} from 4 places 0.4 m apart, {row["kind"]}, {tf}', row)
     for row in figures['drones']:
         add(f'drone before {row["sensors"]}, {row["updates_per_s"]:.1f} updates a second', row)
     for row in figures['rooms']:
-        add(f'robot among {row["markers"]} markers, heading {row["yaw_rms_deg"]:.2f}° rms', row)
-    ready, (sight, fixed) = figures['ready_s'], figures['tilt_deg']
+        heading = (
+            f'heading {row["yaw_rms_deg"]:.2f}° rms, clear in {row["clear"]} of {row["trials"]}'
+        )
+        add(f'robot among {row["markers"]} markers, {heading}', row)
+    ready, (sight, fixed, bound) = figures['ready_s'], figures['tilt_deg']
     within, stress = sum(one <= _READY_S for one in ready), figures['stress']
     others = {
         f'all three within {1e3 * _READY_M:g} mm in {_READY_S:g} s': (
@@ -205,6 +212,7 @@ def table(figures: dict[str, Any]) -> Table:
         ),
         'tilt of four markers on 20 cm, against the line of sight': f'{sight:.2f}°',
         'the same in the fixed frame': f'{fixed:.2f}°',
+        'what zones and light leave open of that': f'{bound:.2f}°',
         'places beyond their 99.9 % ellipsoid, with wrong IDs, late and wrong poses': (
             f'{stress["beyond"]} of {stress["holds"]["trials"]}'
         ),
@@ -213,8 +221,8 @@ def table(figures: dict[str, Any]) -> Table:
 
 
 def draw(figures: dict[str, Any]) -> Any:
-    """Draw errors over the distance of the places, and over their number."""
-    figure, (baseline, number) = new_chart(1, 2, 14, 6, MESSAGE)
+    """Draw errors over the distance of the places, over their number, and beside those of tags."""
+    figure, (baseline, number, beside) = new_chart(1, 3, 19, 6, MESSAGE)
     names = dict.fromkeys(row['object'] for row in figures['places'])
     looks = {name: line('-', one) for name, one in zip(names, OTHERS, strict=False)}
     for name, how in looks.items():
@@ -226,12 +234,22 @@ def draw(figures: dict[str, Any]) -> Any:
             at = [row[key] for row in chosen]
             axis.plot(at, [row['median_mm'] for row in chosen], **how | {'marker': 'o'})
             axis.plot(at, [row['stddev_mm'] for row in chosen], **how | {'linestyle': ':'})
+    for kind, pose_m in dict.fromkeys((row['kind'], row['pose_m']) for row in figures['tags']):
+        own = [row for row in figures['tags'] if (row['kind'], row['pose_m']) == (kind, pose_m)]
+        words = f'{kind}, ' + ('TF off by 2 mm, 0.2°' if pose_m else 'exact TF')
+        style = line('--' if pose_m else '-', OTHERS[kind == APRILTAG]) | {'marker': 'o'}
+        places = [row['range_m'] for row in own]
+        beside.plot(places, [row['median_mm'] for row in own], label=words, **style)
     x, y = 'edge of the square whose corners the hand looks from [m]', 'error of the position [mm]'
     label(baseline, x, y, 'four places', yscale='log')
     label(number, 'places on a square of 0.4 m', y, 'one place after the other', yscale='log')
+    what = 'beside tags of 3 cm, four places 0.4 m apart'
+    label(beside, 'distance of the object [m]', y, what, yscale='log')
     number.set_xticks(range(1, len(CORNERS) + 1))
     for axis in (baseline, number):
         axis.axhline(10, **line('--', '0.4'), linewidth=1)
+    if figures['tags']:
+        legend_under(beside)
     kinds = {'median': line('-'), 'estimated deviation': line(':'), '10 mm': line('--', '0.4')}
     legend_below(figure, (), looks | kinds)
     return figure

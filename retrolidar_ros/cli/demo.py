@@ -54,6 +54,12 @@ def executable(node: str) -> str:
     return str(Path(get_package_prefix('retrolidar_ros')) / 'lib' / 'retrolidar_ros' / node)
 
 
+def check_alone(listener: Listener) -> None:
+    """Raise ProcessError if another driver uses the demo's namespace."""
+    if listener.spin_until(lambda: listener.node.count_publishers('frames') > 0, 1.0):
+        raise ProcessError(_TAKEN)
+
+
 def start_nodes(processes: ProcessGroup, port: Path) -> None:
     """Start driver and detector with the shipped parameter file."""
     common = ['--ros-args', '--params-file', str(shared_file('config/retrolidar.yaml'))]
@@ -111,9 +117,7 @@ def run_demo(scene_name: str, picture: Path | None, timeout_s: float) -> int:
         try:
             with ProcessGroup(Path(directory)) as processes:
                 port = Path(directory) / 'port'
-                if listener.spin_until(lambda: listener.node.count_publishers('frames') > 0, 1.0):
-                    print(f'retrolidar: {_TAKEN}', file=sys.stderr)
-                    return 1
+                check_alone(listener)
                 start_nodes(processes, port)
                 if not listener.spin_until(lambda: _is_ready(listener, processes), timeout_s):
                     print(f'retrolidar: no nodes within {timeout_s:g} s', file=sys.stderr)

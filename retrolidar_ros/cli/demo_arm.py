@@ -17,7 +17,13 @@ import numpy as np
 from geometry_msgs.msg import PoseWithCovarianceStamped, TransformStamped
 from tf2_msgs.msg import TFMessage
 
-from retrolidar_ros.cli.demo import NAMESPACE, executable, start_emulator, start_nodes
+from retrolidar_ros.cli.demo import (
+    NAMESPACE,
+    check_alone,
+    executable,
+    start_emulator,
+    start_nodes,
+)
 from retrolidar_ros.cli.processes import ProcessError, ProcessGroup
 from retrolidar_ros.nodes.conversion import to_ns, to_time
 from retrolidar_ros.nodes.listener import Listener
@@ -50,7 +56,10 @@ class Known(NamedTuple):
 
 
 class _Hand:
-    """Says on /tf where the sensor is, and collects where objects are."""
+    """Says where the sensor is, and collects where objects are.
+
+    The transforms are on a topic of their own: a robot's are none of the demo's business.
+    """
 
     def __init__(self, listener: Listener, scene: Scene) -> None:
         self.zero_ns = 0
@@ -63,7 +72,7 @@ class _Hand:
         ]
         """Where the hand stays for a while [m], and until when [s]."""
         self._known: dict[str, list[Known]] = {marker.name: [] for marker in scene.markers}
-        self._transforms = listener.node.create_publisher(TFMessage, '/tf', 100)
+        self._transforms = listener.node.create_publisher(TFMessage, 'tf', 100)
         for marker in scene.markers:
             topic = f'landmarks/objects/{marker.name}'
             take = partial(self._take, marker.name, np.array(marker.position_m))
@@ -145,12 +154,13 @@ def _start(
     processes: ProcessGroup, listener: Listener, hand: _Hand, path: Path, timeout_s: float
 ) -> None:
     """Start the nodes, and the scene when they are there; ProcessError if they do not come."""
+    check_alone(listener)
     port = processes.log('port').with_suffix('')
     start_nodes(processes, port)
     common = ['--ros-args', '--params-file', str(shared_file('config/retrolidar.yaml'))]
     common += ['-r', f'__ns:={NAMESPACE}', '-p', f'fixed_frame:={_FIXED}']
     markers = f'marker_file:={shared_file("config/markers.yaml")}'
-    processes.start('landmarks', [executable('landmarks'), *common, '-p', markers])
+    processes.start('landmarks', [executable('landmarks'), *common, '-p', markers, '-r', '/tf:=tf'])
 
     def ready() -> bool:
         processes.check()

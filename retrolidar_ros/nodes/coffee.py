@@ -22,7 +22,7 @@ from retrolidar_ros.nodes.qos import EVENTS, LATCHED, subscribe
 from retrolidar_ros.nodes.run import run
 from retrolidar_ros.sensor.frame import Floats
 from retrolidar_ros.sensor.rotation import matrix_of
-from retrolidar_ros.tasks.next_view import best_move
+from retrolidar_ros.tasks.next_view import best_place
 from retrolidar_ros.tasks.objects import ObjectBoard
 from retrolidar_ros.tasks.reading import Errors, Reading
 from retrolidar_ros.tasks.survey import Survey
@@ -30,8 +30,6 @@ from retrolidar_ros.tasks.survey import Survey
 _TICK_S = 0.1
 # How long a detection waits for the transform of its time.
 _PATIENCE_S = 1.0
-# The step of the sensor that is proposed.
-_STEP_M = 0.2
 
 
 class CoffeeNode(Node):
@@ -45,7 +43,7 @@ class CoffeeNode(Node):
         parameters.text('target_frame', "Frame of the poses; empty = the sensor's.")
         parameters.number(
             'max_stddev',
-            'How uncertain a position may be, along any axis [m].',
+            'Largest standard deviation of a position, along its worst axis [m].',
             1e-4,
             10.0,
             live=True,
@@ -53,12 +51,18 @@ class CoffeeNode(Node):
         parameters.number(
             'stale_after', 'How long a detection counts [s].', 0.1, 86400.0, live=True
         )
+        parameters.number(
+            'reach', 'How far from its first place the sensor can go [m].', 0.01, 100.0, live=True
+        )
         values = parameters.values
+        self._reach_m = values['reach']
+        self._began_m: Floats | None = None
+        self._goal = ''
         self._board = ObjectBoard(values['objects'], values['max_stddev'], values['stale_after'])
         parameters.follow(self._change)
         self._target = values['target_frame']
         self._survey = Survey({}, Errors())
-        self._published: dict[str, str] | None = None
+        self._published: tuple[str, str] | None = None
         self._ready = self.create_publisher(Bool, '~/ready', LATCHED)
         self._missing = self.create_publisher(String, '~/missing', LATCHED)
         self._poses = {
@@ -78,7 +82,7 @@ class CoffeeNode(Node):
         if self._target:
             # In a frame that stays when the sensor moves, readings from several places add up.
             self._readings = PlacedReadings(
-                self, ['markers'], self._target, _PATIENCE_S, self._place, self._survey.forget
+                self, ['markers'], self._target, _PATIENCE_S, self._place, self._forget
             )
         else:
             subscribe(self, MarkerDetection, 'markers', self._take, EVENTS)
@@ -88,6 +92,11 @@ class CoffeeNode(Node):
     def _change(self, values: dict[str, float]) -> None:
         self._board.max_stddev_m = values['max_stddev']
         self._board.stale_after_s = values['stale_after']
+        self._reach_m = values['reach']
+
+    def _forget(self) -> None:
+        self._survey.forget()
+        self._began_m, self._goal = None, ''
 
     def _take(self, message: MarkerDetection) -> None:
         """Publish where the sensor has an object, as it is."""
@@ -107,23 +116,30 @@ class CoffeeNode(Node):
         name = message.child_frame_id
         if name not in self._poses:
             return
+        if self._began_m is None:
+            self._began_m = reading.pose.position_m
         estimate = self._survey.take(reading, name).estimate()
         if estimate is not None:
             header = Header(stamp=message.header.stamp, frame_id=self._target)
             place = (estimate.position_m, estimate.rotation, estimate.covariance)
             self._publish(name, header, *place)
+        self._goal = self._next_place(self._began_m)
         self._tick()
+
+    def _next_place(self, began_m: Floats) -> str:
+        """Return from where the sensor has to look for what is not known well enough."""
+        missing = self._board.missing(self.get_clock().now().nanoseconds)
+        landmarks = [
+            self._survey.landmarks[one] for one in missing if one in self._survey.landmarks
+        ]
+        place_m = best_place(landmarks, began_m, self._reach_m)
+        if place_m is None:
+            return ''
+        return f'look from ({", ".join(f"{part:.2f}" for part in place_m)}) m in {self._target}'
 
     def _tick(self) -> None:
         """Say what is missing, and what would help."""
-        missing = self._board.missing(self.get_clock().now().nanoseconds)
-        for name, reason in missing.items():
-            landmark = self._survey.landmarks.get(name)
-            move = best_move(landmark, _STEP_M) if landmark and 'is known to' in reason else None
-            if move is not None:
-                way = ', '.join(f'{part:+.2f}' for part in move.step_m)
-                missing[name] = f'{reason}: move by ({way}) m'
-        self._publish_missing(missing)
+        self._publish_missing(self._board.missing(self.get_clock().now().nanoseconds))
 
     def _publish(
         self, name: str, header: Header, position_m: Floats, rotation: Floats, covariance: Floats
@@ -139,12 +155,14 @@ class CoffeeNode(Node):
                 self._offsets[one, other].publish(way)
 
     def _publish_missing(self, missing: dict[str, str]) -> None:
-        """Publish and log what is missing, and why, whenever more than a number has changed."""
-        reasons = {name: re.sub(r'[-+\d.]+', '', reason) for name, reason in missing.items()}
-        if self._published == reasons:
-            return
-        self._published = reasons
+        """Publish and log what is missing, why, and from where to look; not for a number alone."""
         text = ', '.join(f'{name} {reason}' for name, reason in missing.items())
+        goal = f'; {self._goal}' if self._goal and 'is known to' in text else ''
+        news = re.sub(r'[-+.0-9]+', '', text), goal
+        if self._published == news:
+            return
+        self._published = news
+        text += goal
         self._missing.publish(String(data=text))
         self._ready.publish(Bool(data=not missing))
         self.get_logger().info(f'waiting: {text}' if missing else 'all objects are placed')

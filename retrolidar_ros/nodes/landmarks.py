@@ -136,8 +136,10 @@ class LandmarksNode(Node):
             way = found
         if room is not None:
             pose = robot_pose(room, way[1], matrix_of(way[0]))
-            header = Header(stamp=stamp, frame_id=self._known_frame)
-            self._pose.publish(to_pose_msg(header, pose.position_m, pose.rotation, pose.covariance))
+            if pose is not None:
+                header = Header(stamp=stamp, frame_id=self._known_frame)
+                place = (pose.position_m, pose.rotation, pose.covariance)
+                self._pose.publish(to_pose_msg(header, *place))
 
     def _publish(self, estimate: Estimate) -> None:
         """Publish a landmark."""
@@ -229,7 +231,7 @@ def _declare(parameters: Parameters) -> None:
     parameters.number('range_bias', "Deviation of a sensor's own range error [m].", 0.0, 1.0)
     parameters.number('pose_stddev', "Deviation of the sensor's position in TF [m].", 0.0, 1.0)
     parameters.number('turn_stddev', "Deviation of the sensor's turn in TF [rad].", 0.0, 1.0)
-    parameters.number('acceleration', 'Of what moves [m/s²/√Hz]; 0 = nothing does.', 0.0, 100.0)
+    parameters.number('acceleration', 'Of what moves [m/s²]; 0 = nothing does.', 0.0, 100.0)
     parameters.flag('localize', 'Tell where base_frame is among the landmarks of load_file.')
     parameters.flag('flat', 'The robot is on a floor: its frames are level with load_file.')
     parameters.text('base_frame', 'Frame of the robot that is localised.')

@@ -54,6 +54,15 @@ def matrix_of_turn(turn: Floats) -> Floats:
     return matrix
 
 
+def turn_of(matrix: Floats) -> Floats:
+    """Return the rotation vector, shape (3,) [rad], of a rotation matrix of shape (3, 3)."""
+    quaternion = quaternion_of(matrix)
+    sine = float(np.linalg.norm(quaternion[:3]))
+    angle = 2 * np.arctan2(sine, abs(quaternion[3]))
+    turn: Floats = angle * np.copysign(1, quaternion[3]) * quaternion[:3] / max(sine, 1e-12)
+    return turn
+
+
 def cross_matrix(vectors: Floats) -> Floats:
     """Return the matrices that multiply as the cross product with vectors (..., 3) does."""
     matrices: Floats = np.cross(vectors[..., None, :], np.eye(3)).swapaxes(-1, -2)

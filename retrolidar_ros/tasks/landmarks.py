@@ -17,16 +17,20 @@ from retrolidar_ros.tasks.reading import Errors, Reading
 
 # Residuals beyond so many deviations do not belong.
 _GATE = 4.5
-# A landmark is published when this many readings agree, and has moved when as many do elsewhere.
+# A landmark is published when so many more readings agree than do not, and has moved when as many
+# agree elsewhere.
 _AGREEING = 2
-# If it could be another landmark under a wrong ID that they show, so many.
+# If it could be another landmark under a wrong ID that they show, or if their ranges are those of
+# the old place, which no other place has but by chance, so many.
 _AGREEING_IN_DOUBT = 4
+# That a range agrees says nothing if it is so unsure, for itself or beside the best.
+_VAGUE_M, _VAGUE = 0.02, 5.0
 _MOST_READINGS = 40
 _MOST_STRAYS = 6
 _MOVING_WINDOW_S = 8.0
 _ONE_VIEW_M = 0.05
 # Above this deviation, all orientations are tried again [rad].
-_TURN_UNKNOWN = 0.5
+_TURN_UNKNOWN = 0.2
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,7 +39,7 @@ class Estimate:
 
     name: str
     stamp_s: float
-    """When it holds: at the last reading."""
+    """When it holds: at the last reading; if it moves, up to when all sensors have told."""
     position_m: Floats
     """Shape (3,), in the fixed frame."""
     rotation: Floats
@@ -93,6 +97,7 @@ class Landmark:
         self._markers = markers
         self._place_variance = place_variance
         self._prior = prior
+        self._told = prior is not None
         self._strays: list[Reading] = []
         self._since_s = -math.inf
         if prior is not None:
@@ -103,7 +108,7 @@ class Landmark:
     def forget(self) -> None:
         """Begin without any reading, and without what was known before."""
         self.members, self._strays, self.fit, self._prior = [], [], None, None
-        self._since_s = -math.inf
+        self._told, self._since_s = False, -math.inf
 
     def take(self, reading: Reading, doubt: Callable[[], bool] = lambda: False) -> bool:
         """Take a reading of one of the markers, and return whether it belongs.
@@ -113,28 +118,34 @@ class Landmark:
         if reading.stamp_s < self._since_s:
             self.rejected += 1
             return False
-        if self.fit is None or not self._knows_turn() or self._agrees(reading):
+        fits = self.fit is None or not self._knows_turn()
+        scores = np.zeros(3) if fits else self._scores(reading)
+        if scores.max() < _GATE:
             self.members.append(reading)
-            self._strays = [one for one in self._strays if one.stamp_s > reading.stamp_s]
+            if self._told:
+                self._strays = [one for one in self._strays if one.stamp_s > reading.stamp_s]
             self._thin()
             self._solve()
-            return reading in self.members
+            self._found()
+            return any(one is reading for one in self.members)
         self.rejected += 1
-        return self._looks_elsewhere(reading, _AGREEING_IN_DOUBT if doubt() else _AGREEING)
+        in_doubt = scores[0] < _GATE or doubt()
+        return self._looks_elsewhere(reading, _AGREEING_IN_DOUBT if in_doubt else _AGREEING)
 
     def could_be(self, reading: Reading) -> bool:
         """Return whether a reading agrees with the place of one of its markers, whatever its ID."""
         if self.estimate() is None:
             return False
-        return any(self._agrees(reading._replace(marker=one)) for one in self._markers)
+        own = [self._scores(reading._replace(marker=one)) for one in self._markers]
+        return bool(min(scores.max() for scores in own) < _GATE)
 
     def has(self, marker: int) -> bool:
         """Tell whether a marker is one of its own."""
         return marker in self._markers
 
     def estimate(self) -> Estimate | None:
-        """Return where the landmark is; None until two readings agree, or it was known before."""
-        if self.fit is None or (len(self.members) < _AGREEING and self._prior is None):
+        """Return where the landmark is; None until readings agree, or it was known before."""
+        if self.fit is None or not self._told:
             return None
         state = self.fit.state
         places = np.array([one.pose.position_m for one in self.members]).reshape(-1, 3)
@@ -164,14 +175,25 @@ class Landmark:
     def _problem(self, readings: Sequence[Reading]) -> Problem:
         return Problem(self._markers, readings, self.errors, self._prior, self._place_variance)
 
-    def _agrees(self, reading: Reading) -> bool:
+    def _is_founded(self, readings: Sequence[Reading], needed: int) -> bool:
+        """Return whether so many of the readings say where they are that their agreement counts."""
+        noise = np.array([one.range_stddev_m / one.range_m**2 for one in readings])
+        best = min([one.range_stddev_m / one.range_m**2 for one in self.members], default=np.inf)
+        telling = noise < _VAGUE * min(best, noise.min())
+        telling &= np.array([one.range_stddev_m for one in readings]) < _VAGUE_M
+        return bool(telling.sum() >= needed)
+
+    def _scores(self, reading: Reading) -> Floats:
+        """Return by how many deviations range and direction are off, shape (3,)."""
         assert self.fit is not None
         fit = self.fit
         if self.errors.acceleration and self.members:
             # Its own time counts, before or after that of the estimate.
             fit = self._problem([*self.members, reading]).solve(fit.state)
-            return bool(np.abs(fit.scores).max() < _GATE)
-        return bool(np.abs(self._problem([reading]).scores(fit)).max() < _GATE)
+            most: Floats = np.abs(fit.scores).max(axis=0)
+            return most
+        scores: Floats = np.abs(self._problem([reading]).scores(fit)[0])
+        return scores
 
     def _solve(self) -> None:
         """Fit all members, and let go those that do not belong."""
@@ -199,15 +221,27 @@ class Landmark:
         for others in itertools.combinations(self._strays[-_MOST_STRAYS:-1], needed - 1):
             agreeing = [*others, reading]
             fit = Problem(self._markers, agreeing, self.errors).solve()
-            if np.abs(fit.scores).max() < _GATE:
-                if len(self.members) >= _AGREEING or self._prior is not None:
-                    self.moved_s = reading.stamp_s
-                self._since_s = min(one.stamp_s for one in agreeing)
-                self.members, self._strays, self._prior = agreeing, [], None
+            if self._is_founded(agreeing, _AGREEING) and np.abs(fit.scores).max() < _GATE:
                 self.rejected -= needed
+                if self._told:
+                    self.moved_s = reading.stamp_s
+                    self._since_s = min(one.stamp_s for one in agreeing)
+                    self._strays = []
+                else:
+                    self.rejected += len(self.members)
+                    kept = set(map(id, agreeing))
+                    self._strays = [one for one in self._strays if id(one) not in kept]
+                    self._strays += self.members
+                self.members, self._prior = agreeing, None
                 self.fit = fit
+                self._found()
                 return True
         return False
+
+    def _found(self) -> None:
+        """Decide whether it is known well enough to be told."""
+        if not self._told:
+            self._told = self._is_founded(self.members, _AGREEING + len(self._strays))
 
     def _thin(self) -> None:
         """Keep what says most: of a standing object many views, of a moving one the latest."""

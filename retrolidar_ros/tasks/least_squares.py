@@ -7,12 +7,12 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from retrolidar_ros.sensor.frame import Floats
-from retrolidar_ros.sensor.rotation import cross_matrix, matrix_of_turn
+from retrolidar_ros.sensor.rotation import cross_matrix, matrix_of_turn, turn_of
 from retrolidar_ros.tasks.boxes import match_boxes, same_boxes
 from retrolidar_ros.tasks.reading import Errors, Reading, Readings
 
@@ -22,6 +22,8 @@ _MOST_STEP = 0.5
 _SOMEWHERE = 1e-6  # all is within a kilometre or so, which keeps equations solvable [1/m²]
 TURN_VARIANCE = math.pi**2 / 3
 """Of an angle that can be anything [rad²]."""
+# From such an angle on, two estimates are not the same [rad].
+_ANOTHER = 0.2
 # Ranges are assumed to follow Student's t of this many degrees of freedom, and residuals
 # raise the covariance as if this many more had been as expected.
 _FREEDOM = 5.0
@@ -95,7 +97,8 @@ class Problem:
         self.seen = Readings(readings)
         self.errors = errors
         self.prior = prior
-        self.stamp_s = float(self.seen.stamp_s.max())
+        moves = errors.acceleration > 0
+        self.stamp_s = self.seen.told_s if moves else float(self.seen.stamp_s.max())
         self._before_s = self.stamp_s - self.seen.stamp_s
         self._places = np.array([markers[one] for one in self.seen.marker.tolist()])
         doubts = place_variance or {}
@@ -103,10 +106,13 @@ class Problem:
             [doubts.get(one, np.zeros((3, 3))) for one in self.seen.marker.tolist()]
         )
         self._turns = len({tuple(place) for place in markers.values()}) > 1
-        self._free = np.repeat([True, self._turns, errors.acceleration > 0], 3)
+        self._free = np.repeat([True, self._turns, moves], 3)
 
     def solve(self, start: State | None = None) -> Fit:
-        """Return the estimate that is found from a first guess, or from the best of many."""
+        """Return the estimate that is found from a first guess, or from the best of many.
+
+        Of many, the covariance tells the second, too, as far as it is likely.
+        """
         if start is not None:
             return self._descend(start, _MOST_STEPS)
         seen = self.seen
@@ -115,10 +121,29 @@ class Problem:
             State((places - self._places @ turn.T).mean(axis=0), turn, np.zeros(3))
             for turn in (_QUARTER_TURNS if self._turns else _QUARTER_TURNS[:1])
         ]
-        if len(guesses) > 1:
-            fits = [self._descend(guess, _FEW_STEPS) for guess in guesses]
-            guesses = [min(fits, key=lambda fit: float(np.square(fit.scores).sum())).state]
-        return self._descend(guesses[0], _MOST_STEPS)
+        if len(guesses) == 1:
+            return self._descend(guesses[0], _MOST_STEPS)
+        fits = sorted((self._descend(guess, _FEW_STEPS) for guess in guesses), key=self._misfit)
+        best = self._descend(fits[0].state, _MOST_STEPS)
+        others = [fit for fit in fits if np.linalg.norm(_between(best, fit)[3:6]) > _ANOTHER]
+        if not others:
+            return best
+        other = self._descend(others[0].state, _MOST_STEPS)
+        if self._misfit(other) < self._misfit(best):
+            best, other = other, best
+        apart = _between(best, other)
+        likely = 1 / (1 + math.exp((self._misfit(other) - self._misfit(best)) / 2))
+        return replace(best, covariance=best.covariance + likely * np.outer(apart, apart))
+
+    def _misfit(self, fit: Fit) -> float:
+        """Return minus twice the logarithm of how likely an estimate makes the readings."""
+        unlikely = (_FREEDOM + 1) * np.log1p(np.square(fit.scores) / _FREEDOM)
+        known = 0.0
+        if self.prior is not None:
+            prior = Fit(self.prior.state, fit.covariance, 0.0, fit.scores, fit.bearing_weight)
+            off = _between(prior, fit)[:6]
+            known = float(off @ np.linalg.solve(self.prior.covariance, off))
+        return float(unlikely.sum()) + known
 
     def scores(self, fit: Fit) -> Floats:
         """Return how far readings are from an estimate that they are no part of, shape (n, 3)."""
@@ -178,7 +203,9 @@ class Problem:
         chi2 = float(residual[:, 0] @ weight @ residual[:, 0])
         scale = (_FREEDOM + chi2) / (_FREEDOM + max(len(residual) - 3, 0))
         known = np.einsum('nk,kl,nl->n', jacobian[:, 0], spread, jacobian[:, 0])
-        own = np.maximum(np.diag(whole) - known, 0.2 * np.diag(whole))
+        # As if it were no outlier, or none would be.
+        usual = np.diag(self._variances(state, 0 * seen.range_m, spread)[0])
+        own = np.maximum(usual - known, 0.2 * usual)
         scores = self._scores(residual, own, soft)
         return Fit(state, max(scale, 1.0) * spread, self.stamp_s, scores, sure)
 
@@ -259,6 +286,13 @@ class Problem:
         whole += np.diag(excess * self.seen.range_stddev_m**2)
         soft = self.seen.bearing_variance(range_m, doubt, self._before_s, self.errors)
         return whole, soft
+
+
+def _between(one: Fit, other: Fit) -> Floats:
+    """Return how the state of another estimate differs, shape (9,)."""
+    turn = turn_of(other.state.rotation @ one.state.rotation.T)
+    way = other.state.position_m - one.state.position_m
+    return np.concatenate([way, turn, other.state.velocity - one.state.velocity])
 
 
 def _outer(jacobian: Floats, sure: Floats) -> Floats:

@@ -22,6 +22,8 @@ from retrolidar_ros.tasks.reading import Errors
 # Deviations of a robot on a floor from its plane [m] and from level [rad], and of all else.
 _LEVEL_M, _LEVEL = 0.01, 0.01
 _FAR_M, _ANY_TURN = 100.0, 100.0
+# A pose is clear up to such deviations: beyond, it is on a circle, or is one of two [m], [rad].
+_CLEAR_M, _CLEAR = 0.2, 0.5
 
 
 class RobotPose(NamedTuple):
@@ -76,8 +78,11 @@ def room_of(
     return Landmark('room', places, errors, level, doubts)
 
 
-def robot_pose(room: Estimate, base_m: Floats, base_rotation: Floats) -> RobotPose:
+def robot_pose(room: Estimate, base_m: Floats, base_rotation: Floats) -> RobotPose | None:
     """Return where the base is in a room, from where both are in the fixed frame.
+
+    It is None while that is not clear: among one or two markers it can be anywhere on a circle, and
+    ranges of three can have two answers, which no covariance tells well.
 
     Parameters
     ----------
@@ -90,4 +95,8 @@ def robot_pose(room: Estimate, base_m: Floats, base_rotation: Floats) -> RobotPo
     back = room.rotation.T
     arm_m = base_m - room.position_m
     jacobian = np.block([[-back, back @ cross_matrix(arm_m)], [np.zeros((3, 3)), -back]])
-    return RobotPose(back @ arm_m, back @ base_rotation, jacobian @ room.covariance @ jacobian.T)
+    covariance = jacobian @ room.covariance @ jacobian.T
+    worst_m2, worst = (np.linalg.eigvalsh(covariance[k : k + 3, k : k + 3])[-1] for k in (0, 3))
+    if worst_m2 > _CLEAR_M**2 or worst > _CLEAR**2:
+        return None
+    return RobotPose(back @ arm_m, back @ base_rotation, covariance)

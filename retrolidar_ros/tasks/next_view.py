@@ -1,44 +1,58 @@
 # Copyright 2026 retrolidar_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""Where a sensor has to go for a landmark to be known best."""
+"""Where a sensor has to go for landmarks to be known best."""
 
 from __future__ import annotations
 
-import math
-from typing import NamedTuple
+import itertools
+from collections.abc import Sequence
 
 import numpy as np
 
 from retrolidar_ros.sensor.frame import Floats
 from retrolidar_ros.tasks.landmarks import Landmark
 
-_DIRECTIONS = 8
+_WAYS = np.array([way for way in itertools.product((-1, 0, 1), repeat=3) if any(way)], dtype=float)
+_NEAREST_M = 0.3
 
 
-class Move(NamedTuple):
-    """A step of the sensor across its line of sight."""
+def best_place(landmarks: Sequence[Landmark], middle_m: Floats, reach_m: float) -> Floats | None:
+    """Return the place from which one more reading of each landmark says most about all.
 
-    step_m: Floats
-    """In the fixed frame, shape (3,)."""
-    stddev_m: float
-    """Deviation of the landmark, along its worst axis, with a reading from there."""
+    It is the one that leaves the least mean squared error. Across the line of sight ranges from
+    there tell the direction; nearer, they are more exact, too.
 
+    Parameters
+    ----------
+    landmarks : sequence of Landmark
+        Those that are not known well enough yet.
+    middle_m : array, shape (3,)
+        In the fixed frame.
+    reach_m : float
+        How far from there the sensor can go in any direction.
 
-def best_move(landmark: Landmark, length_m: float) -> Move | None:
-    """Return the step of a length [m] after which one more reading says most; None without any.
-
-    All steps across the line of sight of the last reading are tried, and the range that would be
-    read: a step along it would change the range only, which is known.
+    Returns
+    -------
+    array, shape (3,), or None
+        In the fixed frame [m]; None if none of them has been read.
     """
-    if landmark.fit is None or not landmark.members:
-        return None
+    seen = [one for one in landmarks if one.fit is not None and one.members]
+    places = middle_m + reach_m * _WAYS / np.linalg.norm(_WAYS, axis=1)[:, None]
+    errors = np.array([sum(_error_after(one, place_m) for one in seen) for place_m in places])
+    return places[int(errors.argmin())] if seen and np.isfinite(errors.min()) else None
+
+
+def _error_after(landmark: Landmark, place_m: Floats) -> float:
+    """Return the mean squared error with one more reading [m²]; infinite if it is too near."""
+    assert landmark.fit is not None
     last = max(landmark.members, key=lambda one: one.stamp_s)
-    sight = last.place_m() - last.pose.position_m
-    axes = np.linalg.svd(sight[None] / np.linalg.norm(sight))[2][1:]
-    moves = []
-    for turn in np.arange(_DIRECTIONS) * 2 * math.pi / _DIRECTIONS:
-        step_m = length_m * (math.cos(turn) * axes[0] + math.sin(turn) * axes[1])
-        there = last._replace(pose=last.pose._replace(position_m=last.pose.position_m + step_m))
-        worst = float(np.linalg.eigvalsh(landmark.spread_with([there]))[-1])
-        moves.append(Move(step_m, math.sqrt(worst)))
-    return min(moves, key=lambda move: move.stddev_m)
+    range_m = float(np.linalg.norm(landmark.fit.state.position_m - place_m))
+    if range_m < _NEAREST_M:
+        return np.inf
+    # The noise of a range rises with about its square.
+    view = last._replace(
+        pose=last.pose._replace(position_m=place_m),
+        range_m=range_m,
+        range_stddev_m=last.range_stddev_m * (range_m / last.range_m) ** 2,
+    )
+    return float(np.trace(landmark.spread_with([view])))

@@ -104,7 +104,7 @@ class Errors:
     turn_rad: float = 0.0035
     """Of the sensor's orientation, about each axis."""
     acceleration: float = 0.0
-    """Density of the noise that a moving marker's acceleration is [m/s²/√Hz]; 0: it stands."""
+    """Of a moving marker, along each axis [m/s²]; 0: it stands."""
     speed: float = 0.5
     """Of a moving marker, along each axis [m/s]."""
 
@@ -115,6 +115,10 @@ class Errors:
 # of them would else be thought to differ by nothing.
 _SHARED, _DISTRUST, _SCATTER = 0.25, 2.5, 1.3
 _CROWDED_M = 0.01
+# For about how long what moves keeps its acceleration.
+_LASTING_S = 3.0
+# Who has read nothing for so long does not see it.
+_SILENT_S = 2.0
 # Within such a distance [m] a sensor's errors are the same.
 _ALIKE_M = 0.05
 
@@ -137,6 +141,9 @@ class Readings:
         self.direction = axes[:, 2]
         """As measured, in the fixed frame, shape (n, 3)."""
         sensor = np.array([one.sensor for one in readings])
+        newest_s = np.array([self.stamp_s[sensor == one].max() for one in set(sensor.tolist())])
+        self.told_s = float(newest_s[newest_s > newest_s.max() - _SILENT_S].min())
+        """Up to when all sensors have told what they see: one alone knows a single direction."""
         apart = np.linalg.norm(self.sensor_m[:, None] - self.sensor_m, axis=-1)
         self._one_sensor = sensor[:, None] == sensor
         self._one_pose = self._one_sensor * np.exp(-0.5 * (apart / _ALIKE_M) ** 2)
@@ -194,7 +201,18 @@ class Readings:
 
 
 def _wandered(before_s: Floats) -> Floats:
-    """Return the covariance of places, dated back, if the velocity is a Wiener process [s³]."""
-    least, most = np.minimum.outer(before_s, before_s), np.maximum.outer(before_s, before_s)
-    wandered: Floats = least**2 * (3 * most - least) / 6
+    """Return the covariance of places, dated back, if the acceleration has a variance of 1 [s⁴].
+
+    The acceleration is a Gauss-Markov process, whose correlation falls off in `_LASTING_S`
+    (Singer 1970). Times before and after that of the estimate have opposite signs.
+    """
+    once, apart_s = _LASTING_S, np.abs(before_s)
+    least, most = np.minimum.outer(apart_s, apart_s), np.maximum.outer(apart_s, apart_s)
+    white = once * least**2 * (most - least / 3)
+    early = (most + once) * (least + once * np.expm1(-least / once))
+    late = once * (np.exp((least - most) / once) - np.exp(-most / once))
+    late -= least * np.exp(-most / once)
+    same = white - once**2 * early + once**3 * late
+    across = once * (apart_s + once * np.expm1(-apart_s / once))
+    wandered: Floats = np.where(np.outer(before_s, before_s) < 0, np.outer(across, across), same)
     return wandered

@@ -6,7 +6,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from retrolidar_ros.sensor.frame import Floats
-from retrolidar_ros.sensor.rotation import matrix_of, product, quaternion_of
+from retrolidar_ros.sensor.rotation import (
+    matrix_of,
+    matrix_of_turn,
+    product,
+    quaternion_of,
+    turn_of,
+)
 
 EXACT = 1e-12
 NOTHING = np.array([0.0, 0.0, 0.0, 1.0])
@@ -90,3 +96,10 @@ def test_a_turn_is_undone_and_turns_a_vector(quaternion: Floats, vector: Floats)
     assert matrix_of(reverse) == pytest.approx(matrix_of(quaternion).T, abs=EXACT)
     turned = product(product(quaternion, np.append(vector, 0.0)), reverse)
     assert turned == pytest.approx(np.append(matrix_of(quaternion) @ vector, 0.0), abs=1e-9)
+
+
+@given(axis=quaternions, angle=st.floats(0, np.pi - 1e-3))
+def test_a_turn_of_less_than_half_is_found_in_its_matrix(axis: Floats, angle: float) -> None:
+    length = np.linalg.norm(axis[:3])
+    turned = angle * axis[:3] / length if length > 1e-3 else np.zeros(3)
+    assert turn_of(matrix_of_turn(turned)) == pytest.approx(turned, abs=1e-6)

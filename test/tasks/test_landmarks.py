@@ -26,7 +26,7 @@ from retrolidar_ros.settings.section import ConfigError
 from retrolidar_ros.tasks.landmarks import Landmark
 from retrolidar_ros.tasks.least_squares import Prior, State
 from retrolidar_ros.tasks.localization import robot_pose, room_of
-from retrolidar_ros.tasks.next_view import best_move
+from retrolidar_ros.tasks.next_view import best_place
 from retrolidar_ros.tasks.reading import Errors, SensorPose, reading
 from retrolidar_ros.tasks.survey import Survey, parse_survey, survey_content
 
@@ -61,17 +61,48 @@ def test_one_place_tells_no_more_however_often_it_looks() -> None:
     assert abs(estimate.open_axis @ HERE) < 0.2 * np.linalg.norm(HERE)
 
 
-def test_nothing_is_told_until_two_readings_agree() -> None:
+def test_nothing_is_told_until_two_more_agree_than_do_not() -> None:
     rng = np.random.default_rng(3)
     landmark = Landmark('mug', ALONE, ERRORS)
     landmark.take(seen(HERE + np.array([0, 0, 0.5]), np.zeros(3), rng))  # a reflection
-    assert landmark.estimate() is None
-    landmark.take(seen(HERE, np.zeros(3), rng, stamp_s=1))
-    assert landmark.estimate() is None
-    landmark.take(seen(HERE, SQUARE[0], rng, stamp_s=2))
+    for index, eye_m in enumerate([np.zeros(3), *SQUARE[:2]], start=1):
+        assert landmark.estimate() is None
+        landmark.take(seen(HERE, eye_m, rng, stamp_s=index))
     estimate = estimate_of(landmark)
     assert squared(estimate, HERE) < 16.27
     assert estimate.moved_s is None
+    assert estimate.rejected == 1
+
+
+def test_twice_a_wrong_id_at_the_beginning_is_not_told() -> None:
+    rng = np.random.default_rng(16)
+    other_m = HERE + np.array([0.4, 0.1, 0.3])
+    for order in ((0, 1, 0), (1, 0, 0), (0, 1, 0, 1)):
+        landmark = Landmark('mug', ALONE, ERRORS)
+        for index, wrong in enumerate(order):
+            landmark.take(seen((other_m, HERE)[wrong], np.zeros(3), rng, stamp_s=index))
+            assert landmark.estimate() is None
+
+
+def test_ranges_that_are_hardly_known_found_no_landmark() -> None:
+    rng = np.random.default_rng(17)
+    landmark = Landmark('mug', ALONE, ERRORS)
+    for index in range(3):
+        one = seen(HERE, np.zeros(3), rng, stamp_s=index)
+        landmark.take(one._replace(range_m=one.range_m - 0.35, range_stddev_m=0.05))
+    assert landmark.estimate() is None
+
+
+def test_directions_that_fail_do_not_move_a_landmark() -> None:
+    rng = np.random.default_rng(18)
+    landmark = Landmark('mug', ALONE, ERRORS)
+    look_round(landmark, HERE, rng)
+    aside = matrix_of_turn(np.array([0, 1.4 * GRID.pitch, 0]))
+    for index in range(2):
+        one = seen(HERE, SQUARE[0], rng, stamp_s=20 + index)
+        assert not landmark.take(one._replace(direction=aside @ one.direction))
+    assert estimate_of(landmark).moved_s is None
+    assert squared(estimate_of(landmark), HERE) < 16.27
 
 
 def test_readings_that_do_not_belong_are_counted_and_change_nothing() -> None:
@@ -174,21 +205,24 @@ def test_an_object_of_which_one_marker_is_seen_says_that_its_turn_is_open() -> N
     assert np.sqrt(np.linalg.eigvalsh(estimate_of(landmark).covariance[3:, 3:])[-1]) > 1
 
 
-def test_the_best_move_is_the_one_that_helps() -> None:
+def test_the_best_place_is_the_one_that_helps() -> None:
     rng = np.random.default_rng(9)
-    landmark = Landmark('mug', ALONE, ERRORS)
+    mug, jar = Landmark('mug', ALONE, ERRORS), Landmark('jar', ALONE, ERRORS)
+    assert best_place([mug], np.zeros(3), 0.3) is None
     for index, eye_x in enumerate((-0.2, 0.2, -0.2, 0.2)):
-        landmark.take(seen(HERE, np.array([eye_x, 0.0, 0.0]), rng, stamp_s=index))
-    move = best_move(landmark, 0.3)
-    assert move is not None
+        mug.take(seen(HERE, np.array([eye_x, 0.0, 0.0]), rng, stamp_s=index))
+    eye_m = best_place([mug, jar], np.zeros(3), 0.3)
+    assert eye_m is not None
+    assert np.linalg.norm(eye_m) == pytest.approx(0.3)
     # Along x it has looked from two places; so it is to go along y.
-    assert abs(move.step_m[1]) > 0.25
-    before_m = estimate_of(landmark).stddev_m
+    assert abs(eye_m[1]) > 0.15
+    assert abs(eye_m[0]) < 0.1
+    before_m = estimate_of(mug).stddev_m
     for index in range(2):
-        eye_m = np.array([0.2, 0.0, 0.0]) + move.step_m
-        landmark.take(seen(HERE, eye_m, rng, stamp_s=10 + index))
-    assert estimate_of(landmark).stddev_m < before_m / 2
-    assert best_move(Landmark('none', ALONE, ERRORS), 0.3) is None
+        mug.take(seen(HERE, eye_m, rng, stamp_s=10 + index))
+    assert estimate_of(mug).stddev_m < before_m / 2
+    # It does not go where the object is.
+    assert best_place([mug], HERE, 0.2) is None
 
 
 def test_a_moving_marker_before_three_sensors() -> None:
@@ -197,13 +231,19 @@ def test_a_moving_marker_before_three_sensors() -> None:
     errors = Errors(range_bias_m=1e-4, pose_m=1e-4, turn_rad=1e-4, acceleration=0.01)
     landmark = Landmark('drone', ALONE, errors)
     off_m = []
+
+    def at(time_s: float) -> Floats:
+        return np.array([-0.1 + 0.02 * time_s, 0.05, 1.1])
+
     for step in range(40):
         time_s = 0.4 * step
-        place_m = np.array([-0.1 + 0.02 * time_s, 0.05, 1.1])
-        landmark.take(seen(place_m, eyes[step % 3], rng, stamp_s=time_s, sensor=str(step % 3)))
+        landmark.take(seen(at(time_s), eyes[step % 3], rng, stamp_s=time_s, sensor=str(step % 3)))
         if step > 20:
-            off_m.append(estimate_of(landmark).position_m - place_m)
-            assert squared(estimate_of(landmark), place_m) < 30
+            estimate = estimate_of(landmark)
+            # When the last of the sensors has told where it was.
+            assert estimate.stamp_s == pytest.approx(time_s - 0.8)
+            off_m.append(estimate.position_m - at(estimate.stamp_s))
+            assert squared(estimate, at(estimate.stamp_s)) < 16.27
     assert np.sqrt(np.mean(np.sum(np.square(off_m), axis=1))) < 0.015
     assert estimate_of(landmark).velocity == pytest.approx([0.02, 0, 0], abs=0.02)
 
@@ -235,11 +275,31 @@ def test_a_robot_finds_itself_among_four_markers() -> None:
                     seen(there, np.zeros(3), rng, marker=marker, stamp_s=index, rotation=heading)
                 )
     pose = robot_pose(estimate_of(room), np.zeros(3), np.eye(3))
+    assert pose is not None
     assert np.linalg.norm(pose.position_m - base_m) < 0.015
     turned = pose.rotation @ base.T
     assert math.degrees(abs(math.atan2(turned[1, 0], turned[0, 0]))) < 1
     off = np.append(pose.position_m - base_m, np.zeros(3))
     assert off[:3] @ np.linalg.solve(pose.covariance[:3, :3], off[:3]) < 16.27
+
+
+def test_a_robot_is_not_told_to_be_where_it_is_not() -> None:
+    rng = np.random.default_rng(19)
+    places = [(one, np.array([2.0, 0.5 * one - 1, 0.0])) for one in range(1, 4)]
+    room = room_of(*known_room(places), ERRORS, flat=True)
+    ahead = np.array([[0.0, 0.0, 1.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0]])
+    told = []
+    # Three readings of one marker, which put it on a circle, and then the others.
+    for index, (marker, place_m) in enumerate([*places[:1] * 3, *places[1:]]):
+        room.take(seen(place_m, np.zeros(3), rng, marker=marker, stamp_s=index, rotation=ahead))
+        estimate = room.estimate()
+        told.append(None if estimate is None else robot_pose(estimate, np.zeros(3), np.eye(3)))
+    assert told[:3] == [None] * 3
+    assert told[-1] is not None
+    for pose in told[3:]:
+        if pose is not None:
+            off = pose.position_m
+            assert off @ np.linalg.solve(pose.covariance[:3, :3], off) < 16.27
 
 
 def test_a_room_needs_three_markers() -> None:

@@ -1,0 +1,220 @@
+# Copyright 2026 retrolidar_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""Trials of a hand that looks at objects from several places, and what landmarks make of it."""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from evaluation.bench.places import (
+    Look,
+    Pose,
+    looks,
+    markers_at,
+    pose_of_tf,
+    reading_of,
+    rotation,
+    sees_all,
+    towards,
+    view_from,
+)
+from retrolidar_ros.scene import Scene
+from retrolidar_ros.sensor.frame import Floats
+from retrolidar_ros.tasks.landmarks import Estimate, Landmark
+from retrolidar_ros.tasks.next_view import best_place
+from retrolidar_ros.tasks.reading import Errors, Reading
+
+CORNERS = np.array([(-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (-1.0, 1.0)]) / 2
+BIAS_M = 0.002
+"""Deviation of a sensor's range bias."""
+_HAND_M, _ROLL_RAD = 0.15, 0.6
+_AIM_RAD = math.radians(3)
+_STAY_S, _MOST_PLACES = 2.2, 16
+"""How long a hand waits for what is missing at a place, and when it gives up."""
+
+
+class Error(NamedTuple):
+    """By how much an estimate is wrong."""
+
+    error_m: float
+    stddev_m: float  # as estimated, along the worst axis
+    squared_distance: float  # in standard deviations
+
+
+def error_of(estimate: Estimate, truth_m: Floats) -> Error:
+    """Return by how much a position is wrong."""
+    off = estimate.position_m - truth_m
+    squared = float(off @ np.linalg.solve(estimate.covariance[:3, :3], off))
+    return Error(float(np.linalg.norm(off)), estimate.stddev_m, squared)
+
+
+def aim(
+    place_m: Floats, targets_m: Floats, roll: float, world: Scene, rng: np.random.Generator
+) -> Pose | None:
+    """Return a hand that looks at the middle of targets as well as it can see them all, if it can.
+
+    Parameters
+    ----------
+    place_m : array, shape (3,)
+    targets_m : array, shape (n, 3)
+    roll : float
+        [rad], to 3° more or less.
+    world : Scene
+    rng : numpy.random.Generator
+    """
+    for _ in range(100):
+        turns = np.array([0, 0, roll]) + rng.uniform(-_AIM_RAD, _AIM_RAD, 3)
+        pose = towards(targets_m.mean(axis=0), place_m, turns)
+        if sees_all(pose.to_sensor(targets_m), world.sensor.grid):
+            return pose
+    return None
+
+
+def hand_poses(world: Scene, side_m: float, rng: np.random.Generator) -> list[Pose]:
+    """Return the hand at the corners of a square, all markers in view of each."""
+    while True:
+        centre_m, roll = rng.uniform(-_HAND_M, _HAND_M, 3), rng.uniform(-_ROLL_RAD, _ROLL_RAD)
+        turned = rotation(0, 0, rng.uniform(0, 2 * math.pi))
+        places = centre_m + side_m * np.append(CORNERS, np.zeros((4, 1)), axis=1) @ turned.T
+        found = [aim(place_m, markers_at(world), roll, world, rng) for place_m in places]
+        poses = [pose for pose in found if pose is not None]
+        if len(poses) == len(CORNERS):
+            return poses
+
+
+class Visit(NamedTuple):
+    """One place of the hand, and what it read there, in order."""
+
+    pose: Pose
+    looks: list[Look]
+
+
+def visits(world: Scene, side_m: float, stay_s: float, rng: np.random.Generator) -> list[Visit]:
+    """Let the hand stay at each corner of a square."""
+    return [
+        Visit(pose, list(looks(view_from(pose, world.markers, world.sensor, rng), stay_s, rng)))
+        for pose in hand_poses(world, side_m, rng)
+    ]
+
+
+def hand_readings(
+    trial: Sequence[Visit], most: int, rng: np.random.Generator, pose_m: float = 0.0
+) -> list[list[Reading]]:
+    """Return readings by place of the hand.
+
+    Parameters
+    ----------
+    trial : sequence of Visit
+    most : int
+        How many of one marker count at each place.
+    rng : numpy.random.Generator
+        Of the range bias, and of the errors of TF.
+    pose_m : float
+        Deviation of these [m].
+    """
+    bias_m = float(rng.normal(0, BIAS_M))
+    places = []
+    for index, visit in enumerate(trial):
+        pose = pose_of_tf(visit.pose, pose_m, rng)
+        count: Counter[int] = Counter()
+        rows = []
+        for _, detection in visit.looks:
+            count[detection.id] += 1
+            if count[detection.id] <= most:
+                rows.append(reading_of(detection, pose, since_s=100.0 * index, bias_m=bias_m))
+        places.append(rows)
+    return places
+
+
+def errors_for(pose_m: float) -> Errors:
+    """Return the errors that landmarks assume in a trial."""
+    return Errors(range_bias_m=BIAS_M, pose_m=max(pose_m, 1e-4), turn_rad=max(1.75 * pose_m, 1e-4))
+
+
+def landmarks_for(ids: Sequence[int], errors: Errors) -> dict[int, Landmark]:
+    """Return landmarks of lone markers, by their IDs."""
+    return {one: Landmark(str(one), {one: np.zeros(3)}, errors) for one in ids}
+
+
+def placed_from(
+    places: Sequence[Sequence[Reading]], ids: Sequence[int], errors: Errors
+) -> dict[int, Landmark]:
+    """Return the landmarks that readings of some places make, by marker."""
+    found = landmarks_for(ids, errors)
+    for rows in places:
+        for reading in rows:
+            if reading.marker in found:
+                found[reading.marker].take(reading)
+    return found
+
+
+class Ready(NamedTuple):
+    """A hand that has looked until it knew all objects."""
+
+    looked_s: float  # how long; infinite if it gave up
+    places: int  # from how many it looked
+    errors: list[Error]  # of the objects, in the end
+
+
+def ready_trial(world: Scene, wanted_m: float, reach_m: float, rng: np.random.Generator) -> Ready:
+    """Let a hand look until all objects are known, from where it learns most each time.
+
+    It leaves a place when every object that is not known yet and is in view has been read there,
+    or does not come. If it cannot see all of those at once, it looks at the one known least.
+
+    Parameters
+    ----------
+    world : Scene
+    wanted_m : float
+        Deviation of a known object, along its worst axis [m].
+    reach_m : float
+        How far it can go from where it looks first [m].
+    rng : numpy.random.Generator
+    """
+    truth_m = dict(zip((one.id for one in world.markers), markers_at(world), strict=True))
+    landmarks = landmarks_for(list(truth_m), errors_for(0.0))
+    bias_m, roll = float(rng.normal(0, BIAS_M)), float(rng.uniform(-_ROLL_RAD, _ROLL_RAD))
+    began_m: Floats = rng.uniform(-_HAND_M, _HAND_M, 3)
+    place_m = began_m
+    looked_s = 0.0
+    for index in range(_MOST_PLACES):
+        missing = sorted(truth_m, key=lambda one: -_stddev_of(landmarks[one]))
+        missing = [one for one in missing if _stddev_of(landmarks[one]) > wanted_m]
+        if not missing:
+            return Ready(looked_s, index, _errors_of(landmarks, truth_m))
+        best_m = best_place([landmarks[one] for one in missing], began_m, reach_m)
+        place_m = place_m if best_m is None else best_m
+        for group in (list(truth_m), missing, missing[:1]):
+            pose = aim(place_m, np.array([truth_m[one] for one in group]), roll, world, rng)
+            if pose is not None:
+                break
+        assert pose is not None
+        wanted, stayed_s = set(group) & set(missing), _STAY_S
+        scene = view_from(pose, world.markers, world.sensor, rng)
+        for known_s, detection in looks(scene, _STAY_S, rng):
+            if detection.id in landmarks:
+                seen_from = pose_of_tf(pose, 0.0, rng)
+                landmarks[detection.id].take(
+                    reading_of(detection, seen_from, since_s=100.0 * index, bias_m=bias_m)
+                )
+                wanted.discard(detection.id)
+            if not wanted:
+                stayed_s = known_s
+                break
+        looked_s += stayed_s
+    return Ready(math.inf, _MOST_PLACES, _errors_of(landmarks, truth_m))
+
+
+def _stddev_of(landmark: Landmark) -> float:
+    estimate = landmark.estimate()
+    return math.inf if estimate is None else estimate.stddev_m
+
+
+def _errors_of(landmarks: Mapping[int, Landmark], truth_m: Mapping[int, Floats]) -> list[Error]:
+    known = {one: landmark.estimate() for one, landmark in landmarks.items()}
+    return [error_of(one, truth_m[marker]) for marker, one in known.items() if one is not None]
