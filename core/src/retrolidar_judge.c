@@ -3,6 +3,8 @@
  */
 #include "retrolidar_judge.h"
 
+#include "retrolidar_waiting.h"
+
 #include <math.h>
 #include <string.h>
 
@@ -17,8 +19,6 @@ static const double HIDDEN = 0.7;
 static const double COST_OF_PAIR = 8.0;
 /* A zone varies by so many times its noise where another packet may be hidden. */
 static const double MUCH = 1.5;
-/* Evidence over that in demand with which a packet stands out before it has ended. */
-static const float STRONG = 2.0f;
 /* Readings of one ID that overlap by more are of the same packet. */
 static const double SAME_BITS = 4.0;
 
@@ -91,22 +91,6 @@ static void add_reading(struct rl_detector *detector, const struct rl_verdict *v
     }
 }
 
-/* Remember the strongest lone packet of a source that is judged again later. */
-static void note_waiting(struct rl_detector *detector, int source,
-                         const struct rl_verdict *verdict, double to_s)
-{
-    const struct rl_sending *sending = &verdict->sending;
-    struct rl_hit *waiting = &detector->waiting[source];
-    const float nats = (float)verdict->evidence;
-    const bool is_over =
-        to_s > waiting->start_s + (RL_PACKET_BITS + RL_LATER_BITS) * waiting->bit_s;
-    const float strong = verdict->end_s > to_s ? STRONG : 1.0f;
-    if (verdict->reason == RL_INCOMPLETE && !sending->repeats &&
-        nats > strong * (float)detector->demands.evidence && (is_over || nats >= waiting->nats)) {
-        *waiting = (struct rl_hit){nats, verdict->id, false, sending->start_s, sending->bit_s};
-    }
-}
-
 static struct rl_verdict decide(struct rl_detector *detector, int source, int packets,
                                 const struct rl_hit *hit, const struct rl_hits *hits,
                                 double since_s, double to_s)
@@ -136,7 +120,7 @@ static struct rl_verdict decide(struct rl_detector *detector, int source, int pa
             0.0f, verdict.id, verdict.sending.repeats, verdict.sending.start_s,
             verdict.sending.bit_s};
     }
-    note_waiting(detector, source, &verdict, to_s);
+    rl_waiting_note(detector, source, &verdict, to_s);
     if (verdict.reason == RL_REASONS && !rl_shares_agree(&detector->shares, &verdict)) {
         verdict.reason = RL_NOT_A_WORD;
     }

@@ -5,6 +5,7 @@
 
 #include "retrolidar_judge.h"
 #include "retrolidar_noise.h"
+#include "retrolidar_waiting.h"
 
 #include <math.h>
 
@@ -75,23 +76,6 @@ static int due(const struct rl_detector *detector, int *sources, int count, doub
     return kept;
 }
 
-/* Lone packets that stood out before they had ended are judged again when they have, and once more
- * when stretches of them may be left out.
- */
-static void add_ended(struct rl_detector *detector, double from_s, double to_s)
-{
-    for (int source = 0; source < detector->samples.sources; source++) {
-        const struct rl_hit *waiting = &detector->waiting[source];
-        const double end_s = waiting->start_s + RL_PACKET_BITS * waiting->bit_s;
-        const double later_s = end_s + RL_LATER_BITS * waiting->bit_s;
-        if (waiting->id != 0 &&
-            ((end_s > from_s && end_s <= to_s) || (later_s > from_s && later_s <= to_s))) {
-            detector->pending[detector->pendings++] =
-                (struct rl_pending){source, 1, {.hit = {*waiting}, .count = 1}};
-        }
-    }
-}
-
 /* How promising a candidate is. */
 static float rank(const struct rl_detector *detector, int index)
 {
@@ -144,7 +128,7 @@ void rl_look(struct rl_detector *detector)
         }
         search(detector, sources, count, FOLD[fold], from_s, to_s);
     }
-    add_ended(detector, from_s, to_s);
+    rl_waiting_add(detector, from_s, to_s);
     while (detector->pendings > 0 && detector->decisions_left > 0) {
         int best = 0;
         for (int i = 1; i < detector->pendings; i++) {

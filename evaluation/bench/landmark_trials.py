@@ -21,9 +21,9 @@ from retrolidar_ros.scene.reference import NOISE, RESPONSE, SENSOR
 from retrolidar_ros.sensor.frame import Floats
 from retrolidar_ros.sensor.rotation import matrix_of_turn
 from retrolidar_ros.tasks.landmarks import Landmark
-from retrolidar_ros.tasks.least_squares import Prior, State
 from retrolidar_ros.tasks.localization import RobotPose, robot_pose, room_of
 from retrolidar_ros.tasks.reading import Errors, Reading, SensorPose
+from retrolidar_ros.tasks.state import Prior, State
 
 CALIBRATED_M = 0.0005  # deviation of a sensor's range bias after a calibration
 HEADINGS, STAY_S = 24, 1.6  # in how many directions a robot looks, and how long [s]

@@ -139,7 +139,7 @@ def run_arm(scene: Scene, path: Path, picture: Path, timeout_s: float) -> int:
         return 1
     finally:
         listener.close()
-    print('Error of the position ± its told deviation along the worst axis [mm]\n')
+    print('Error of the position ± its estimated deviation along the worst axis [mm]\n')
     _draw(scene, hand, picture)
     last = [hand.after(len(hand.stays) - 1, one) for one in names]
     off = [

@@ -126,19 +126,19 @@ def _spectrum(signal: Floats, valid: NDArray[np.bool_], span: int) -> tuple[Floa
     count = np.concatenate([[0], np.cumsum(valid)])
     number = count[span:] - count[:-span]
     mean = (total[span:] - total[:-span]) / np.maximum(number, 1)
-    told = 2 * number > span
+    known = 2 * number > span
     size = 8 << len(signal).bit_length()
     power = np.zeros(size // 2 + 1)
-    for energy, known in (
-        ((mean[span:] - mean[:-span]) ** 2, told[span:] & told[:-span]),
+    for energy, valid in (
+        ((mean[span:] - mean[:-span]) ** 2, known[span:] & known[:-span]),
         (
             (mean[2 * span :] - 2 * mean[span:-span] + mean[: -2 * span]) ** 2,
-            told[2 * span :] & told[span:-span] & told[: -2 * span],
+            known[2 * span :] & known[span:-span] & known[: -2 * span],
         ),
     ):
-        if not known.any():
+        if not valid.any():
             continue
-        change = np.where(known, energy - energy[known].mean(), 0.0)
+        change = np.where(valid, energy - energy[valid].mean(), 0.0)
         power += np.abs(np.fft.rfft(change, size)) ** 2 / max(change @ change, 1e-30)
     return np.arange(len(power)) / size, power
 
@@ -201,8 +201,8 @@ def unread(zones: list[BlinkingZone], frame_period_s: float, bit_period_s: float
     frame_period_s, bit_period_s : float
         How often frames come, and the bit_period of the detector [s].
     """
-    told = any(clock_mismatch(zone.periods, bit_period_s) for zone in zones)
-    found = [] if told else too_slow(frame_period_s, bit_period_s)
+    mismatched = any(clock_mismatch(zone.periods, bit_period_s) for zone in zones)
+    found = [] if mismatched else too_slow(frame_period_s, bit_period_s)
     if not zones:
         still = (
             'no zone blinks: let a marker repeat its packet within the view, a metre away at most'

@@ -35,9 +35,9 @@ from retrolidar_ros.sensor.rotation import matrix_of
 from retrolidar_ros.settings.section import ConfigError
 from retrolidar_ros.settings.yaml_files import load_yaml
 from retrolidar_ros.tasks.landmarks import Estimate
-from retrolidar_ros.tasks.least_squares import Prior
 from retrolidar_ros.tasks.localization import robot_pose, room_of
 from retrolidar_ros.tasks.reading import Errors, Reading
+from retrolidar_ros.tasks.state import Prior
 from retrolidar_ros.tasks.survey import Survey, parse_survey, survey_content
 
 

@@ -12,8 +12,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from retrolidar_ros.sensor.frame import Floats
-from retrolidar_ros.tasks.least_squares import Fit, Prior, Problem
+from retrolidar_ros.tasks.least_squares import Fit, Problem
 from retrolidar_ros.tasks.reading import Errors, Reading
+from retrolidar_ros.tasks.state import Prior
 
 # Residuals beyond so many deviations do not belong.
 _GATE = 4.5
@@ -39,7 +40,7 @@ class Estimate:
 
     name: str
     stamp_s: float
-    """When it holds: at the last reading; if it moves, up to when all sensors have told."""
+    """When it holds: at the last reading; if it moves, up to when all sensors have reported."""
     position_m: Floats
     """Shape (3,), in the fixed frame."""
     rotation: Floats
@@ -97,7 +98,7 @@ class Landmark:
         self._markers = markers
         self._place_variance = place_variance
         self._prior = prior
-        self._told = prior is not None
+        self._founded = prior is not None
         self._strays: list[Reading] = []
         self._since_s = -math.inf
         if prior is not None:
@@ -108,7 +109,7 @@ class Landmark:
     def forget(self) -> None:
         """Begin without any reading, and without what was known before."""
         self.members, self._strays, self.fit, self._prior = [], [], None, None
-        self._told, self._since_s = False, -math.inf
+        self._founded, self._since_s = False, -math.inf
 
     def take(self, reading: Reading, doubt: Callable[[], bool] = lambda: False) -> bool:
         """Take a reading of one of the markers, and return whether it belongs.
@@ -122,7 +123,7 @@ class Landmark:
         scores = np.zeros(3) if fits else self._scores(reading)
         if scores.max() < _GATE:
             self.members.append(reading)
-            if self._told:
+            if self._founded:
                 self._strays = [one for one in self._strays if one.stamp_s > reading.stamp_s]
             self._thin()
             self._solve()
@@ -145,7 +146,7 @@ class Landmark:
 
     def estimate(self) -> Estimate | None:
         """Return where the landmark is; None until readings agree, or it was known before."""
-        if self.fit is None or not self._told:
+        if self.fit is None or not self._founded:
             return None
         state = self.fit.state
         places = np.array([one.pose.position_m for one in self.members]).reshape(-1, 3)
@@ -223,7 +224,7 @@ class Landmark:
             fit = Problem(self._markers, agreeing, self.errors).solve()
             if self._is_founded(agreeing, _AGREEING) and np.abs(fit.scores).max() < _GATE:
                 self.rejected -= needed
-                if self._told:
+                if self._founded:
                     self.moved_s = reading.stamp_s
                     self._since_s = min(one.stamp_s for one in agreeing)
                     self._strays = []
@@ -239,9 +240,9 @@ class Landmark:
         return False
 
     def _found(self) -> None:
-        """Decide whether it is known well enough to be told."""
-        if not self._told:
-            self._told = self._is_founded(self.members, _AGREEING + len(self._strays))
+        """Decide whether it is known well enough to be published."""
+        if not self._founded:
+            self._founded = self._is_founded(self.members, _AGREEING + len(self._strays))
 
     def _thin(self) -> None:
         """Keep what says most: of a standing object many views, of a moving one the latest."""

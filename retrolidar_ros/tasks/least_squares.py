@@ -15,6 +15,7 @@ from retrolidar_ros.sensor.frame import Floats
 from retrolidar_ros.sensor.rotation import cross_matrix, matrix_of_turn, turn_of
 from retrolidar_ros.tasks.boxes import match_boxes, same_boxes
 from retrolidar_ros.tasks.reading import Errors, Reading, Readings
+from retrolidar_ros.tasks.state import Prior, State
 
 _MOST_STEPS, _FEW_STEPS = 60, 8
 _SMALL_STEP = 1e-5  # [m] or [rad]
@@ -27,27 +28,6 @@ _ANOTHER = 0.2
 # Ranges are assumed to follow Student's t of this many degrees of freedom, and residuals
 # raise the covariance as if this many more had been as expected.
 _FREEDOM = 5.0
-
-
-@dataclass(frozen=True, eq=False)
-class State:
-    """Pose and motion of an object in the fixed frame."""
-
-    position_m: Floats
-    """Shape (3,)."""
-    rotation: Floats
-    """Turns directions of the object into those of the fixed frame, shape (3, 3)."""
-    velocity: Floats
-    """Shape (3,) [m/s]."""
-
-
-@dataclass(frozen=True, eq=False)
-class Prior:
-    """What was known of a pose before any reading."""
-
-    state: State
-    covariance: Floats
-    """Of position [m²] and rotation about the fixed axes [rad²], shape (6, 6)."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -98,7 +78,7 @@ class Problem:
         self.errors = errors
         self.prior = prior
         moves = errors.acceleration > 0
-        self.stamp_s = self.seen.told_s if moves else float(self.seen.stamp_s.max())
+        self.stamp_s = self.seen.complete_s if moves else float(self.seen.stamp_s.max())
         self._before_s = self.stamp_s - self.seen.stamp_s
         self._places = np.array([markers[one] for one in self.seen.marker.tolist()])
         doubts = place_variance or {}

@@ -142,8 +142,8 @@ class Readings:
         """As measured, in the fixed frame, shape (n, 3)."""
         sensor = np.array([one.sensor for one in readings])
         newest_s = np.array([self.stamp_s[sensor == one].max() for one in set(sensor.tolist())])
-        self.told_s = float(newest_s[newest_s > newest_s.max() - _SILENT_S].min())
-        """Up to when all sensors have told what they see: one alone knows a single direction."""
+        self.complete_s = float(newest_s[newest_s > newest_s.max() - _SILENT_S].min())
+        """Up to when all sensors have reported: one alone knows a single direction."""
         apart = np.linalg.norm(self.sensor_m[:, None] - self.sensor_m, axis=-1)
         self._one_sensor = sensor[:, None] == sensor
         self._one_pose = self._one_sensor * np.exp(-0.5 * (apart / _ALIKE_M) ** 2)

@@ -13,8 +13,8 @@ from retrolidar_ros.sensor.frame import Floats
 from retrolidar_ros.sensor.rotation import matrix_of, quaternion_of
 from retrolidar_ros.settings.section import ConfigError, Section, text
 from retrolidar_ros.tasks.landmarks import Estimate, Landmark
-from retrolidar_ros.tasks.least_squares import Prior, State
 from retrolidar_ros.tasks.reading import Errors, Reading
+from retrolidar_ros.tasks.state import Prior, State
 
 _ORIGIN = np.zeros(3)
 

@@ -33,8 +33,8 @@ from retrolidar_ros.scene.optics import position_at
 from retrolidar_ros.sensor.frame import Floats
 from retrolidar_ros.settings.resources import shared_file
 from retrolidar_ros.tasks.landmarks import Landmark
-from retrolidar_ros.tasks.least_squares import Prior, State
 from retrolidar_ros.tasks.reading import Errors
+from retrolidar_ros.tasks.state import Prior, State
 from retrolidar_ros.tasks.survey import survey_content
 
 

@@ -24,10 +24,10 @@ from retrolidar_ros.sensor.frame import Floats
 from retrolidar_ros.sensor.rotation import matrix_of_turn
 from retrolidar_ros.settings.section import ConfigError
 from retrolidar_ros.tasks.landmarks import Landmark
-from retrolidar_ros.tasks.least_squares import Prior, State
 from retrolidar_ros.tasks.localization import robot_pose, room_of
 from retrolidar_ros.tasks.next_view import best_place
 from retrolidar_ros.tasks.reading import Errors, SensorPose, reading
+from retrolidar_ros.tasks.state import Prior, State
 from retrolidar_ros.tasks.survey import Survey, parse_survey, survey_content
 
 
