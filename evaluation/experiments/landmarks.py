@@ -21,10 +21,11 @@ from evaluation.bench.hand_trials import (
 )
 from evaluation.bench.landmark_trials import drone_trial, room_trial, tilt_trial
 from evaluation.bench.places import held
+from evaluation.bench.rates import rate
 from evaluation.peers.hand_tags import TagCamera
 from evaluation.peers.visual_markers import APRILTAG, find_readers
 from evaluation.report.charts import OTHERS, label, legend_below, legend_under, line, new_chart
-from evaluation.report.claims import NOTHING, Table, as_text, percent
+from evaluation.report.claims import NOTHING, Table, percent
 from retrolidar_ros.scene import Scene
 from retrolidar_ros.scene.files import load_scene
 from retrolidar_ros.tasks.survey import Survey
@@ -186,24 +187,34 @@ def table(figures: dict[str, Any]) -> Table:
     """Return errors, and how often the 95 % ellipsoid holds."""
     rows = [['', 'median', 'rms', 'in the 95 % ellipsoid']]
 
-    def add(what: str, row: dict[str, Any]) -> None:
-        sizes = [as_text(row[key], 'mm', 1) for key in ('median_mm', 'rms_mm')]
-        rows.append([what, *sizes, percent(row['holds']) if 'holds' in row else NOTHING])
-
-    for row in figures['places']:
-        if (row['side_m'], row['places']) in ((0.2, 1), (0.2, 4), (0.4, 4)):
-            where = 'one place' if row['places'] == 1 else f'4 places {row["side_m"]} m apart'
-            add(f'{row["object"]} from {where}', row)
-    for row in figures['tags']:
-        tf = f'TF off by {1e3 * row["pose_m"]:g} mm and 0.2°' if row['pose_m'] else 'exact TF'
-        add(f'{row["object"]} from 4 places 0.4 m apart, {row["kind"]}, {tf}', row)
-    for row in figures['drones']:
-        add(f'drone before {row["sensors"]}, {row["updates_per_s"]:.1f} updates a second', row)
-    for row in figures['rooms']:
-        heading = (
-            f'heading {row["yaw_rms_deg"]:.2f}° rms, clear in {row["clear"]} of {row["trials"]}'
+    def add(what: str, own: list[dict[str, Any]]) -> None:
+        hits, tries = (
+            sum(row['holds'][key] for row in own if 'holds' in row) for key in ('hits', 'trials')
         )
-        add(f'robot among {row["markers"]} markers, {heading}', row)
+        sizes = [
+            f'{"/".join(f"{row[key]:.1f}" for row in own)} mm' for key in ('median_mm', 'rms_mm')
+        ]
+        rows.append([what, *sizes, percent(rate(hits, tries)) if tries else NOTHING])
+
+    for side_m, count in ((0.2, 1), (0.2, 4), (0.4, 4)):
+        own = [
+            row for row in figures['places'] if (row['side_m'], row['places']) == (side_m, count)
+        ]
+        where = 'one place' if count == 1 else f'4 places {side_m} m apart'
+        add(f'{"/".join(row["object"] for row in own)} from {where}', own)
+    for kind, pose_m in dict.fromkeys((row['kind'], row['pose_m']) for row in figures['tags']):
+        own = [row for row in figures['tags'] if (row['kind'], row['pose_m']) == (kind, pose_m)]
+        tf = f'TF off by {1e3 * pose_m:g} mm and 0.2°' if pose_m else 'exact TF'
+        add(f'the last, {kind}, {tf}', own)
+    drones, rooms = figures['drones'], figures['rooms']
+    updates = '/'.join(f'{row["updates_per_s"]:.1f}' for row in drones)
+    sensors = '/'.join(f'{row["sensors"]}' for row in drones)
+    add(f'drone before {sensors} sensors, {updates} updates a second', drones)
+    markers = '/'.join(f'{row["markers"]}' for row in rooms)
+    heading = '/'.join(f'{row["yaw_rms_deg"]:.1f}' for row in rooms)
+    clear = '/'.join(f'{row["clear"]}' for row in rooms)
+    what = f'heading {heading}° rms, clear in {clear} of {rooms[0]["trials"]}'
+    add(f'robot among {markers} markers, {what}', rooms)
     ready, (sight, fixed, bound) = figures['ready_s'], figures['tilt_deg']
     within, stress = sum(one <= _READY_S for one in ready), figures['stress']
     others = {
