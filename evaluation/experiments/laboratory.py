@@ -113,6 +113,7 @@ def draw(figures: dict[str, Any]) -> Any:
         y = 'markers read [%]' if axis is axes[0] else ''
         label(axis, f'{panel["axis"]} [{UNIT}]', y, panel['title'], percent=True)
         axis.set_xscale('symlog', linthresh=panel['points'][0][1]['place'])
+        axis.set_xlim(0, panel['points'][0][-1]['place'])
     conditions = {named(where): how for where, how in zip(CONDITIONS, _LOOKS, strict=True)}
     legend_below(figure, others=conditions)
     return figure
