@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Sequence
 
 import numpy as np
 import pytest
@@ -24,10 +23,8 @@ from retrolidar_ros.sensor.frame import Floats
 from retrolidar_ros.sensor.rotation import matrix_of_turn
 from retrolidar_ros.settings.section import ConfigError
 from retrolidar_ros.tasks.landmarks import Landmark
-from retrolidar_ros.tasks.localization import robot_pose, room_of
 from retrolidar_ros.tasks.next_view import best_place
 from retrolidar_ros.tasks.reading import Errors, SensorPose, reading
-from retrolidar_ros.tasks.state import Prior, State
 from retrolidar_ros.tasks.survey import Survey, parse_survey, survey_content
 
 
@@ -246,65 +243,6 @@ def test_a_moving_marker_before_three_sensors() -> None:
             assert squared(estimate, at(estimate.stamp_s)) < 16.27
     assert np.sqrt(np.mean(np.sum(np.square(off_m), axis=1))) < 0.015
     assert estimate_of(landmark).velocity == pytest.approx([0.02, 0, 0], abs=0.02)
-
-
-def known_room(
-    survey: Sequence[tuple[int, Floats]],
-) -> tuple[dict[str, Prior], dict[str, dict[int, Floats]]]:
-    covariance = np.diag([1e-6] * 3 + [3.0] * 3)
-    known = {
-        str(one): Prior(State(place, np.eye(3), np.zeros(3)), covariance) for one, place in survey
-    }
-    return known, {str(one): {one: np.zeros(3)} for one, _ in survey}
-
-
-def test_a_robot_finds_itself_among_four_markers() -> None:
-    rng = np.random.default_rng(11)
-    walls = [(1, [2, 0.4, 0.3]), (2, [-0.3, 2, -0.2]), (3, [-2, -0.5, 0.1]), (4, [0.6, -2, 0.4])]
-    places = [(one, np.array(place)) for one, place in walls]
-    room = room_of(*known_room(places), ERRORS, flat=True)
-    base_m, base = np.array([0.3, -0.2, 0.0]), matrix_of_turn(np.array([0, 0, 0.7]))
-    forward = np.array([[0.0, 0.0, 1.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0]])
-    for index in range(48):
-        heading = matrix_of_turn(np.array([0, 0, math.radians(15 * (index % 24))])) @ forward
-        for marker, place_m in places:
-            own = (place_m - base_m) @ base @ heading
-            if own[2] > 0.5 and np.abs(own[:2]).max() < 0.4 * own[2]:
-                there = base.T @ (place_m - base_m)
-                room.take(
-                    seen(there, np.zeros(3), rng, marker=marker, stamp_s=index, rotation=heading)
-                )
-    pose = robot_pose(estimate_of(room), np.zeros(3), np.eye(3))
-    assert pose is not None
-    assert np.linalg.norm(pose.position_m - base_m) < 0.015
-    turned = pose.rotation @ base.T
-    assert math.degrees(abs(math.atan2(turned[1, 0], turned[0, 0]))) < 1
-    off = np.append(pose.position_m - base_m, np.zeros(3))
-    assert off[:3] @ np.linalg.solve(pose.covariance[:3, :3], off[:3]) < 16.27
-
-
-def test_a_robot_is_not_told_to_be_where_it_is_not() -> None:
-    rng = np.random.default_rng(19)
-    places = [(one, np.array([2.0, 0.5 * one - 1, 0.0])) for one in range(1, 4)]
-    room = room_of(*known_room(places), ERRORS, flat=True)
-    ahead = np.array([[0.0, 0.0, 1.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0]])
-    told = []
-    # Three readings of one marker, which put it on a circle, and then the others.
-    for index, (marker, place_m) in enumerate([*places[:1] * 3, *places[1:]]):
-        room.take(seen(place_m, np.zeros(3), rng, marker=marker, stamp_s=index, rotation=ahead))
-        estimate = room.estimate()
-        told.append(None if estimate is None else robot_pose(estimate, np.zeros(3), np.eye(3)))
-    assert told[:3] == [None] * 3
-    assert told[-1] is not None
-    for pose in told[3:]:
-        if pose is not None:
-            off = pose.position_m
-            assert off @ np.linalg.solve(pose.covariance[:3, :3], off) < 16.27
-
-
-def test_a_room_needs_three_markers() -> None:
-    with pytest.raises(ValueError, match='localisation needs three'):
-        room_of(*known_room([(1, HERE)]), ERRORS)
 
 
 def test_a_survey_is_written_and_read_again() -> None:
