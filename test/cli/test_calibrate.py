@@ -32,9 +32,9 @@ def test_what_is_not_read_by_default_is_read_after_calibration(
     slow = {**MARKER, 'bit_period': '60 ms'}
     bag = bag_of(tmp_path, 20, sensor={**SENSOR, 'period': '30 ms'}, markers=[slow])
     assert main(['decode', bag]) == 3
-    told = capsys.readouterr()
-    assert told.out.split()[:2] == ['stamp', '[s]']
-    assert 'bits of 60.0 ms, not of 42.0 ms: set bit_period to 0.0600' in told.err
+    printed = capsys.readouterr()
+    assert printed.out.split()[:2] == ['stamp', '[s]']
+    assert 'bits of 60.0 ms, not of 42.0 ms: set bit_period to 0.0600' in printed.err
     output = tmp_path / 'out'
     assert main(['calibrate', bag, '--distance', '0.91 m', '-o', str(output)]) == 0
     page = (output / 'calibration.md').read_text()
@@ -130,9 +130,9 @@ def test_a_mismatch_is_named_with_its_remedy(
     capsys: pytest.CaptureFixture[str],
 ) -> None:
     assert main(['decode', bag_of(tmp_path, **content), *options]) in (0, 3)
-    told = capsys.readouterr().err
-    assert sentence in told
-    assert all(len(line) < 200 for line in told.splitlines())
+    printed = capsys.readouterr().err
+    assert sentence in printed
+    assert all(len(line) < 200 for line in printed.splitlines())
 
 
 def test_a_marker_that_is_read_too_seldom_is_named(

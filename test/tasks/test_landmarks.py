@@ -25,6 +25,7 @@ from retrolidar_ros.settings.section import ConfigError
 from retrolidar_ros.tasks.landmarks import Landmark
 from retrolidar_ros.tasks.next_view import best_place
 from retrolidar_ros.tasks.reading import Errors, SensorPose, reading
+from retrolidar_ros.tasks.state import Prior, State
 from retrolidar_ros.tasks.survey import Survey, parse_survey, survey_content
 
 
@@ -237,7 +238,7 @@ def test_a_moving_marker_before_three_sensors() -> None:
         landmark.take(seen(at(time_s), eyes[step % 3], rng, stamp_s=time_s, sensor=str(step % 3)))
         if step > 20:
             estimate = estimate_of(landmark)
-            # When the last of the sensors has told where it was.
+            # When the last of the sensors has reported where it was.
             assert estimate.stamp_s == pytest.approx(time_s - 0.8)
             off_m.append(estimate.position_m - at(estimate.stamp_s))
             assert squared(estimate, at(estimate.stamp_s)) < 16.27
