@@ -101,7 +101,6 @@ def test_what_was_unpacked_goes_with_a_command_that_is_ended(tmp_path: Path) -> 
 
 @pytest.mark.parametrize('request_to_end', [signal.SIGTERM, signal.SIGKILL])
 def test_processes_of_an_experiment_end_with_it(tmp_path: Path, request_to_end: int) -> None:
-    pytest.importorskip('tqdm', reason='experiments need libraries from pip')
     command = [sys.executable, '-m', 'evaluation', 'roc', 'several', '--quick', '--processes', '2']
     root = Path(__file__).resolve().parents[2]
     with subprocess.Popen([*command, '-o', str(tmp_path)], cwd=root) as process:
