@@ -166,7 +166,7 @@ class DriverNode(LifecycleNode):
         try:
             source.run(publish, report, self._stop)
         except Exception as error:
-            # A request to end invalidates the publisher before this thread hears of it.
+            # Another node of the process that has failed invalidates the publisher.
             if rclpy.ok():
                 self.failed = True
                 self.get_logger().fatal(f'reading has failed: {error!r}')

@@ -6,14 +6,16 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Callable
+from contextlib import suppress
 
 import rclpy
 from rclpy.exceptions import InvalidParameterTypeException, InvalidParameterValueException
 from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.qos_overriding_options import InvalidQosOverridesError
+from rclpy.signals import SignalHandlerOptions
 
-from retrolidar_ros.settings.interrupts import ignore_requests
+from retrolidar_ros.nodes.ending import Requests, ended_in_order
 from retrolidar_ros.settings.printing import printable
 
 _IMPOSSIBLE = (
@@ -30,36 +32,40 @@ def run(create: Callable[[], Node | list[Node]]) -> int:
     A parameter or a parameter file that cannot be is one clear line and the exit code 2. Nodes end
     in the order in which they are listed.
     """
-    try:
-        rclpy.init()
-    except RuntimeError as error:
-        # A parameter file that cannot be read, say; where in rcl's sources is no help.
-        reason = str(error).partition(', at /')[0].removeprefix('failed to initialize rcl: ')
-        print(f'retrolidar_ros: {reason}', file=sys.stderr)
-        return 2
-    nodes: list[Node] = []
-    try:
+    with ended_in_order() as requests:
+        try:
+            rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
+        except RuntimeError as error:
+            # A parameter file that cannot be read, say; where in rcl's sources is no help.
+            reason = str(error).partition(', at /')[0].removeprefix('failed to initialize rcl: ')
+            print(f'retrolidar_ros: {reason}', file=sys.stderr)
+            return 2
+        nodes: list[Node] = []
         try:
             created = create()
+            nodes = created if isinstance(created, list) else [created]
+            _spin(nodes, requests)
         except _IMPOSSIBLE as error:
             rclpy.logging.get_logger('retrolidar_ros').fatal(printable(str(error)))
             return 2
-        nodes = created if isinstance(created, list) else [created]
-        executor = SingleThreadedExecutor()
-        for node in nodes:
-            executor.add_node(node)
-        executor.spin()
-    except (KeyboardInterrupt, ExternalShutdownException):
-        pass
-    except Exception:
-        # A request to end that comes while the node is being made lets that fail somewhere.
-        if rclpy.ok():
-            raise
-    finally:
-        ignore_requests()
-        for node in nodes:  # all at once, before each is waited for
-            getattr(node, 'stop', bool)()
-        for node in nodes:
-            node.destroy_node()
-        rclpy.try_shutdown()
+        except Exception:
+            # A node that has failed shuts the context down, and so lets the others fail somewhere.
+            if rclpy.ok():
+                raise
+        finally:
+            for node in nodes:  # all at once, before each is waited for
+                getattr(node, 'stop', bool)()
+            for node in nodes:
+                node.destroy_node()
+            rclpy.try_shutdown()
     return int(any(getattr(node, 'failed', False) for node in nodes))
+
+
+def _spin(nodes: list[Node], requests: Requests) -> None:
+    executor = SingleThreadedExecutor()
+    for node in nodes:
+        executor.add_node(node)
+    requests.wake = executor.wake
+    with suppress(ExternalShutdownException):
+        while rclpy.ok() and not requests.heard.is_set():
+            executor.spin_once()

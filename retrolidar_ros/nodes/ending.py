@@ -1,0 +1,60 @@
+# Copyright 2026 retrolidar_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""How a process of nodes hears that it is to end, and that it does."""
+
+from __future__ import annotations
+
+import os
+import signal
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from threading import Event, Thread
+
+from retrolidar_ros.settings.interrupts import REQUESTS, ignore_requests
+
+# `ros2 launch` sends SIGTERM five seconds after SIGINT.
+_GRACE_S = 4.0
+
+
+class Requests:
+    """Termination signals, and whom they wake."""
+
+    def __init__(self) -> None:
+        """Begin before the first one."""
+        self.heard = Event()
+        self.wake: Callable[[], object] = bool
+        """Is called after `heard` is set, from another thread."""
+
+
+@contextmanager
+def ended_in_order() -> Iterator[Requests]:
+    """Tell of the first termination signal, and ignore the others.
+
+    Nothing is raised: an exception between any two steps of a library would leave it half done. A
+    process that waits for what does not come is ended some seconds after the signal.
+    """
+    requests = Requests()
+    over = Event()
+    reading, writing = os.pipe()
+    os.set_blocking(writing, False)
+
+    def listen() -> None:
+        os.read(reading, 1)
+        requests.heard.set()
+        requests.wake()
+        if not over.wait(_GRACE_S):
+            print('retrolidar_ros: did not end in order, so it was ended', file=sys.stderr)
+            os._exit(1)
+
+    # The number of a signal is written there at once, whatever the main thread waits for.
+    signal.set_wakeup_fd(writing, warn_on_full_buffer=False)
+    for request in REQUESTS:
+        signal.signal(request, lambda *_: None)
+    Thread(target=listen, daemon=True).start()
+    try:
+        yield requests
+    finally:
+        ignore_requests()
+        signal.set_wakeup_fd(-1)
+        over.set()
