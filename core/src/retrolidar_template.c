@@ -45,25 +45,51 @@ static void lay_out(const struct rl_sending *sending, struct packet *packet)
     }
 }
 
-/* The integral of the transmission from the start of the packet to a time since then [s]. */
-static double integral(const struct rl_sending *sending, const struct packet *packet,
-                       double since_s)
+/* Where a time is in a transmission. */
+struct place {
+    int bit;
+    double bit_s; /* when the bit begins, since the start of the packet */
+    double sent;  /* the integral until that packet began */
+};
+
+static struct place place_of(const struct rl_sending *sending, const struct packet *packet,
+                             double since_s)
 {
-    double sent = 0.0;
+    double cycles = 0.0;
+    int bit = since_s > 0.0 ? (int)fmin(since_s / sending->bit_s, RL_PACKET_BITS) : 0;
     if (sending->repeats) {
         const double length_s = RL_PACKET_BITS * sending->bit_s;
-        const double cycles = floor(since_s / length_s);
-        since_s -= cycles * length_s;
-        sent = cycles * packet->elapsed[RL_PACKET_BITS];
-    } else if (since_s <= 0.0) {
+        cycles = floor(since_s / length_s);
+        bit = (int)((since_s - cycles * length_s) / sending->bit_s);
+        bit = bit < RL_PACKET_BITS ? bit : RL_PACKET_BITS - 1;
+    }
+    return (struct place){bit, (cycles * RL_PACKET_BITS + bit) * sending->bit_s,
+                          cycles * packet->elapsed[RL_PACKET_BITS]};
+}
+
+/* The integral of the transmission from the start of the packet to a time since then [s]. The place
+ * goes along: the next time is mostly in the same bit, or in the one behind it.
+ */
+static double integral(const struct rl_sending *sending, const struct packet *packet,
+                       double since_s, struct place *place)
+{
+    if (since_s <= 0.0 && !sending->repeats) {
         return since_s;
     }
-    const int last = RL_PACKET_BITS - (sending->repeats ? 1 : 0);
-    const int at = (int)(since_s / sending->bit_s);
-    const int bit = at < last ? at : last;
-    return sent + packet->elapsed[bit] +
-           relaxed(packet->before[bit], packet->level[bit], sending->brightening_s,
-                   fmax(since_s - bit * sending->bit_s, 0.0));
+    double passed_s = since_s - place->bit_s;
+    const int ends = sending->repeats || place->bit < RL_PACKET_BITS; /* as idle does not */
+    if (passed_s < 0.0 || (ends && passed_s >= sending->bit_s)) {
+        if (passed_s > 0.0 && passed_s < 2.0 * sending->bit_s && place->bit + 1 < RL_PACKET_BITS) {
+            place->bit++;
+            place->bit_s += sending->bit_s;
+        } else {
+            *place = place_of(sending, packet, since_s);
+        }
+        passed_s = since_s - place->bit_s;
+    }
+    return place->sent + packet->elapsed[place->bit] +
+           relaxed(packet->before[place->bit], packet->level[place->bit], sending->brightening_s,
+                   passed_s > 0.0 ? passed_s : 0.0);
 }
 
 void rl_template(const struct rl_sending *sending, const double *begin_s, const double *end_s,
@@ -71,13 +97,14 @@ void rl_template(const struct rl_sending *sending, const double *begin_s, const 
 {
     struct packet packet;
     lay_out(sending, &packet);
+    struct place place = {0, 0.0, 0.0};
     double until = 0.0, until_s = -INFINITY;
     for (int row = 0; row < rows; row++) {
-        const double from = begin_s[row] == until_s
-                                ? until
-                                : integral(sending, &packet, begin_s[row] - sending->start_s);
+        const double from = begin_s[row] == until_s ? until
+                                                    : integral(sending, &packet,
+                                                               begin_s[row] - sending->start_s, &place);
         until_s = end_s[row];
-        until = integral(sending, &packet, until_s - sending->start_s);
+        until = integral(sending, &packet, until_s - sending->start_s, &place);
         light[row] = (until - from) / (end_s[row] - begin_s[row]);
     }
 }

@@ -5,6 +5,8 @@
 from __future__ import annotations
 
 import errno
+import os
+import select
 import termios
 import time
 from collections.abc import Callable, Iterator
@@ -21,6 +23,7 @@ from retrolidar_ros.sensor.protocols import Reader
 
 RETRY_S = 0.5
 _READ_TIMEOUT_S = 0.2
+_MOST_BYTES = 4096
 
 
 def explain(error: OSError, port: str) -> str:
@@ -103,7 +106,7 @@ class SerialSource:
         """Open the port for this program alone; OSError if that cannot be."""
         try:
             # This empties the buffers: old bytes arrive at a meaningless time.
-            line = serial.Serial(self.port, self.baud, timeout=_READ_TIMEOUT_S, exclusive=True)
+            line = serial.Serial(self.port, self.baud, exclusive=True)
         except (ValueError, termios.error) as error:  # a baud rate it cannot do; a port just gone
             raise OSError(*error.args) from error
         except serial.SerialException as error:
@@ -118,8 +121,15 @@ class SerialSource:
         self, line: serial.Serial, take: Callable[[list[Frame], int], None], stop: Event
     ) -> None:
         """Pass on frames until the port fails or `stop` is set."""
+        # Not line.read: it takes the first byte by itself, so a frame would cost twice the calls.
+        waiting = select.poll()
+        waiting.register(line.fileno(), select.POLLIN)
         while not stop.is_set():
-            data = line.read(max(1, line.in_waiting))
+            data = b''
+            if waiting.poll(1e3 * _READ_TIMEOUT_S):
+                data = os.read(line.fileno(), _MOST_BYTES)
+                if not data:
+                    raise OSError(errno.EIO, 'the port has nothing to read')
             arrival_ns = self._now_ns()
             self.received += len(data)
             if frames := self.reader.feed(data):
