@@ -13,6 +13,8 @@
 static const float GAP_M = 0.5f;
 /* A nearer target in a smaller share of the frames is passing by. */
 static const double PASSING = 0.2;
+/* More often in a window it is what a zone sees while the marker is dark, as a cover glass. */
+static const int MOST_PASSES = 3;
 
 enum {
     FINE = 256, /* steps of a quarter of a millimetre, as the sensor has them, of a bin ... */
@@ -93,7 +95,7 @@ static float widest_gap(const struct bins *bins, float *middle)
 /* Distances that are less than this are of a target that passes by; 0 if there is none. */
 static float passing_by(const struct bins *bins, const float *distance, int rows)
 {
-    int passing = 0, rank = bins->all / 2, near = 0;
+    int passing = 0, passes = 0, rank = bins->all / 2, near = 0;
     while (bins->count[near] == 0) {
         near++;
     }
@@ -101,10 +103,13 @@ static float passing_by(const struct bins *bins, const float *distance, int rows
         return 0.0f;
     }
     const float nearer = middle_of(bins, distance, rows) - GAP_M;
-    for (int row = 0; row < rows; row++) {
-        passing += distance[row] < nearer;
+    for (int row = 0, before = 0; row < rows; row++) {
+        const int now = isnan(distance[row]) ? before : distance[row] < nearer;
+        passing += now && !isnan(distance[row]);
+        passes += now > before;
+        before = now;
     }
-    return passing > 0 && passing < PASSING * bins->all ? nearer : 0.0f;
+    return passing > 0 && passing < PASSING * bins->all && passes <= MOST_PASSES ? nearer : 0.0f;
 }
 
 static struct rl_column part(const float *distance, int rows, struct rl_column held,

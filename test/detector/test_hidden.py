@@ -1,6 +1,6 @@
 # Copyright 2026 retrolidar_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""Lone packets that something hides: another marker that goes on, or what passes by."""
+"""Lone packets beside what goes on, behind glass, and hidden by what passes."""
 
 import numpy as np
 import pytest
@@ -12,7 +12,8 @@ from retrolidar_ros.marker.dictionary import USABLE_IDS
 from retrolidar_ros.scene.description import Occlusion
 
 OFTEN = Stress('occluded twice a packet', occlusion=Occlusion(every_s=0.5, lasting_s=0.04))
-STRESS = {stress.name: stress for stress in (*STRESSES, OFTEN)}
+GLASS = Stress('behind glass', glass=20.0)
+STRESS = {stress.name: stress for stress in (*STRESSES, OFTEN, GLASS)}
 
 
 @pytest.mark.parametrize(
@@ -21,6 +22,7 @@ STRESS = {stress.name: stress for stress in (*STRESSES, OFTEN)}
         ('occluded as drone', 150.0, 0.95),
         ('occluded twice a packet', 150.0, 0.9),
         ('hand for 250 ms', 150.0, 0.9),
+        ('behind glass', 150.0, 0.95),
         ('second marker 25%', 150.0, 0.95),
         ('second marker 50%', 150.0, 0.95),
         ('second marker 70%', 600.0, 0.9),
