@@ -224,8 +224,16 @@ struct rl_verdict rl_decide(struct rl_window *window, const struct rl_codebook *
     verdict.reason = RL_MARGIN;
     verdict.margin = rl_rivals_margin(window, codebook, &bits, sending, packets, own, half_bits,
                                       hit->id, hits);
-    if (verdict.margin >= demands->margin) {
-        verdict.reason = RL_REASONS;
+    if (verdict.margin < demands->margin) {
+        return verdict;
+    }
+    verdict.reason = RL_REASONS;
+    if (packets == 1) {
+        const double other = rl_rivals_clock(window, sending, half_bits) - own;
+        if (other > demands->word) {
+            verdict.reason = RL_NOT_A_WORD;
+            verdict.word = other;
+        }
     }
     return verdict;
 }

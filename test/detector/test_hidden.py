@@ -39,3 +39,14 @@ def test_most_lone_packets_are_read_and_hardly_a_wrong_id(
     )['joint']
     assert found['right']['rate'] >= least
     assert found['wrong']['hits'] <= 1
+
+
+@pytest.mark.parametrize('error', [-0.1, 0.06, 0.1])
+def test_a_clock_too_far_off_is_not_read_as_another_id(error: float) -> None:
+    found = read_shares(
+        lambda rng: record(Stress('clock', clock_error=error), 150.0, rng, USABLE_IDS),
+        3,
+        np.random.default_rng(155),
+        {'joint': {'method': 'joint'}},
+    )['joint']
+    assert found['wrong']['hits'] == 0
