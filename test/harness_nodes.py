@@ -11,9 +11,12 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
+import rclpy
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from harness import PATIENCE_S, STAMP_ERROR_S, Sensor, wait_for_readings
 from harness_services import Services
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.node import Node
 
 from retrolidar_ros.cli.demo import executable
 from retrolidar_ros.cli.processes import ProcessGroup
@@ -184,6 +187,25 @@ def running(directory: Path, namespace: str) -> Iterator[System]:
                 system.stop(name)
         finally:
             system.listener.close()
+
+
+@contextmanager
+def in_this_process(
+    make: Callable[[], list[Node]], system: System, *arguments: str
+) -> Iterator[SingleThreadedExecutor]:
+    """Make nodes here, where they turn when they are spun, and their functions can be replaced."""
+    rclpy.init(args=['--ros-args', '-r', f'__ns:={system.namespace}', *arguments])
+    executor = SingleThreadedExecutor()
+    nodes = make()
+    for node in nodes:
+        executor.add_node(node)
+    try:
+        yield executor
+    finally:
+        executor.shutdown()
+        for node in nodes:
+            node.destroy_node()
+        rclpy.shutdown()
 
 
 def refusal(node: str, *arguments: str) -> list[str]:
