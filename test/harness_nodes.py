@@ -4,7 +4,6 @@
 
 import os
 import signal
-import subprocess
 from collections import defaultdict
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -206,18 +205,3 @@ def in_this_process(
         for node in nodes:
             node.destroy_node()
         rclpy.shutdown()
-
-
-def refusal(node: str, *arguments: str) -> list[str]:
-    """Return what a node prints that does not start, and check that it ends in order."""
-    ended = subprocess.run(
-        [executable(node), '--ros-args', *arguments],
-        capture_output=True,
-        text=True,
-        timeout=30,
-        check=False,
-    )
-    lines = (ended.stdout + ended.stderr).splitlines()
-    assert ended.returncode == 2, lines
-    assert not any('Traceback' in line for line in lines), lines
-    return lines

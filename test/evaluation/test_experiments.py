@@ -10,10 +10,11 @@ from typing import Any
 import numpy as np
 import pytest
 
+from evaluation.bench.calibration_trials import KINDS
 from evaluation.bench.disturbances import FAMILY, wall_blocks
 from evaluation.bench.judging import BOTH, new_detector
 from evaluation.bench.stresses import LABORATORY, PANELS, STRESSES
-from evaluation.experiments import calibration, peers, roc
+from evaluation.experiments import peers, roc
 from evaluation.experiments.paper_sweeps import SWEEPS
 from evaluation.experiments.registry import EXPERIMENTS, run_experiment
 from evaluation.peers.visual_markers import QR, find_readers
@@ -27,7 +28,7 @@ TINY: dict[str, dict[str, Any]] = {
     'experiments.calibration': {
         '_QUICK_TRIALS': 1,
         'SCALES': (1.0,),
-        'KINDS': dict([*calibration.KINDS.items()][:2]),
+        'KINDS': dict([*KINDS.items()][:2]),
     },
     'experiments.coffee': {'_QUICK_TRIALS': 1, '_QUICK_PICTURES': 2},
     'experiments.drone': {'QUICK_DURATION_S': 11.0},

@@ -69,16 +69,16 @@ def chain(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Chain]:
         yield chain
 
 
-def test_a_cable_that_is_out_for_eight_seconds_costs_the_frames_of_that_time(chain: Chain) -> None:
+def test_a_cable_that_is_out_for_seconds_costs_the_frames_of_that_time(chain: Chain) -> None:
     system = chain.system
     frames, restarts = len(chain.frames), system.number(DRIVER, 'clock restarts')
     first = chain.sequences()[-1]
     chain.sensor.pull()
     before = len(system.statuses[DRIVER])
-    system.pass_time(8.0)
-    assert len(chain.frames) - frames < 200
+    system.pass_time(3.5)
+    assert len(chain.frames) - frames < 80
     levels = [status.level for status in system.statuses[DRIVER][before + 1 :]]
-    assert levels.count(DiagnosticStatus.ERROR) >= 5
+    assert levels.count(DiagnosticStatus.ERROR) >= 2
     assert system.statuses[DETECTOR][-1].level == DiagnosticStatus.STALE
     chain.sensor.plug()
     back = len(chain.frames)
@@ -157,7 +157,7 @@ def test_a_subscriber_that_never_reads_costs_no_frames(chain: Chain) -> None:
         deaf.create_subscription(FrameMsg, 'frames', lambda _: None, reliable)
         name = f'{system.namespace}/frames'
         system.wait(lambda: deaf.count_subscribers(name) > 2, 'the deaf subscriber')
-        system.pass_time(5.0)
+        system.pass_time(2.0)
         chain.expect_all(first)
     finally:
         deaf.destroy_node()

@@ -2,7 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Requests and parameter files that no tool sends, and qualities of service that somebody sets."""
 
-import subprocess
 from pathlib import Path
 from typing import Any
 
@@ -51,17 +50,6 @@ def test_impossible_values_are_refused(tmp_path: Path, node: str) -> None:
     assert len(first) == 2
     assert not any(result.successful for result in [*first, second])
     assert first[0].reason == second.reason == 'anything: there is no type 200'
-
-
-def test_more_ids_than_there_are_end_the_start(tmp_path: Path) -> None:
-    file = tmp_path / 'parameters.yaml'
-    ids = ', '.join(str(number % 4096) for number in range(10_000))
-    file.write_text(f'/**:\n  ros__parameters:\n    registered_ids: [{ids}]\n')
-    command = [executable('detector'), '--ros-args', '--params-file', str(file)]
-    result = subprocess.run(command, capture_output=True, text=True, timeout=60, check=False)
-    assert result.returncode == 2
-    assert 'registered_ids: 10000 numbers; 4096 are the most' in result.stderr
-    assert len(result.stderr) < 1000
 
 
 def test_landmarks_take_qualities_of_service(tmp_path: Path) -> None:
