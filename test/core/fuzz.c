@@ -5,9 +5,7 @@
  *
  * fuzz SEED DETECTORS FRAMES
  *
- * Of every detector it prints what came of it. With -DISOLATED it gives every array of a detector
- * a block of memory of its own, where a sanitizer sees a sample too many. With -DNO_HEAP nothing
- * may be allocated once a detector is created.
+ * Of every detector it prints what came of it.
  */
 #include "fuzz.h"
 
@@ -69,10 +67,8 @@ static void try_one(int number, int frames)
     double time_s = 0.0;
     int kind = any_stamp_kind(), read = 0, candidates = 0;
     register_ids();
-    open_heap();
     struct rl_detector *detector = rl_detector_create(&settings, ids, id_count);
     EXPECT(detector != NULL);
-    close_heap();
     isolate(detector);
     for (int i = 0; i < zones; i++) {
         zone[i] = i > 0 && alike && below(8) ? beside(&zone[0]) : any_zone(settings.bit_s);
@@ -122,8 +118,6 @@ static void try_one(int number, int frames)
 
 int main(int count, char **words)
 {
-    static char buffer[1 << 16]; /* so that none is taken from the heap */
-    setvbuf(stdout, buffer, _IOFBF, sizeof buffer);
     EXPECT(count == 4);
     const int first = atoi(words[1]), detectors = atoi(words[2]), frames = atoi(words[3]);
     for (int number = first; number < first + detectors; number++) {

@@ -54,11 +54,9 @@ void check(const struct rl_detector *detector, const struct rl_settings *setting
 /* Ask of every reading what the package asks. */
 void ask(struct rl_detector *detector);
 
-/* With -DNO_HEAP: from now on memory may be taken, all of it anew, or may not. */
-void open_heap(void);
-void close_heap(void);
-
-/* With -DISOLATED: give each array of a detector a block of its own; free them all. */
+/* Give each array of a detector a block of its own, where a sanitizer sees a sample too many; free
+ * them all.
+ */
 void isolate(struct rl_detector *detector);
 void give_back(void);
 

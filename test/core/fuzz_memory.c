@@ -1,80 +1,15 @@
 /* Copyright 2026 retrolidar_ros contributors
  * SPDX-License-Identifier: Apache-2.0
  *
- * The memory of detectors: not to be taken once they are created, or each array for itself.
+ * The memory of detectors, each array for itself.
  */
 #include "fuzz.h"
 
 #include "retrolidar_detector_state.h"
 
-#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
-#ifdef NO_HEAP
-/* In place of those of the C library, for its own functions, too. */
-static union {
-    char bytes[1 << 26];
-    double aligned;
-} arena;
-static size_t used;
-static int closed;
-
-static void *take(size_t bytes)
-{
-    if (closed) {
-        static const char text[] = "memory is taken after a detector was created\n";
-        fwrite(text, 1, sizeof text - 1, stderr);
-        abort();
-    }
-    void *memory = arena.bytes + used;
-    used += (bytes + 15) / 16 * 16;
-    return used <= sizeof arena.bytes ? memory : NULL;
-}
-
-void *malloc(size_t bytes)
-{
-    return take(bytes);
-}
-
-void *calloc(size_t count, size_t bytes)
-{
-    void *memory = take(count * bytes);
-    return memory == NULL ? NULL : memset(memory, 0, count * bytes);
-}
-
-void *realloc(void *memory, size_t bytes)
-{
-    void *other = take(bytes);
-    return memory == NULL || other == NULL ? other : memcpy(other, memory, bytes);
-}
-
-void free(void *memory)
-{
-    (void)memory;
-}
-
-void open_heap(void)
-{
-    used = 0;
-    closed = 0;
-}
-
-void close_heap(void)
-{
-    closed = 1;
-}
-#else
-void open_heap(void)
-{
-}
-
-void close_heap(void)
-{
-}
-#endif
-
-#ifdef ISOLATED
 static void *blocks[96];
 static int block_count;
 
@@ -137,13 +72,3 @@ void give_back(void)
         free(blocks[--block_count]);
     }
 }
-#else
-void isolate(struct rl_detector *detector)
-{
-    (void)detector;
-}
-
-void give_back(void)
-{
-}
-#endif

@@ -7,10 +7,6 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-
-pytest.importorskip('rclpy', reason='needs ROS 2')
-pytest.importorskip('retrolidar_ros.msg', reason='needs the messages: colcon build')
-
 from harness_nodes import FRAME_ID, System, endless, in_this_process, running
 from sensor_msgs.msg import Image, PointCloud2
 from visualization_msgs.msg import MarkerArray

@@ -7,10 +7,6 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
-
-pytest.importorskip('rclpy', reason='needs ROS 2')
-pytest.importorskip('retrolidar_ros.msg', reason='needs the messages: colcon build')
-
 from diagnostic_msgs.msg import DiagnosticStatus
 from harness import PATIENCE_S, Sensor, check_corruption
 from harness_nodes import COFFEE_IDS, System, in_this_process, running, values_of

@@ -10,10 +10,6 @@ from typing import Any, cast
 
 import numpy as np
 import pytest
-
-pytest.importorskip('rclpy', reason='needs ROS 2')
-pytest.importorskip('retrolidar_ros.msg', reason='needs the messages: colcon build')
-
 from diagnostic_msgs.msg import DiagnosticStatus
 from harness import Sensor, check_cable_pull, check_detections, check_frames
 from harness_nodes import FRAME_ID, System, running, values_of

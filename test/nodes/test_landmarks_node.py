@@ -12,10 +12,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 import yaml
-
-pytest.importorskip('rclpy', reason='needs ROS 2')
-pytest.importorskip('retrolidar_ros.msg', reason='needs the messages: colcon build')
-
 from geometry_msgs.msg import PoseWithCovarianceStamped, TransformStamped
 from harness_landmarks import EDGE_M, GROUND, Hand, check_drone, check_landmarks
 from harness_use_cases import RELIABLE, Collected

@@ -10,8 +10,6 @@ from typing import Any
 
 import pytest
 
-pytest.importorskip('rclpy', reason='needs ROS 2')
-pytest.importorskip('retrolidar_ros.msg', reason='needs the messages: colcon build')
 pytest.importorskip('rosbags', reason='needs rosbags, which is a pip extra')
 
 from diagnostic_msgs.msg import DiagnosticStatus

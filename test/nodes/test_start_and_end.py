@@ -12,10 +12,6 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
-
-pytest.importorskip('rclpy', reason='needs ROS 2')
-pytest.importorskip('retrolidar_ros.msg', reason='needs the messages: colcon build')
-
 from harness_nodes import running
 
 from retrolidar_ros.cli.demo import executable
@@ -131,10 +127,23 @@ WARNED: dict[str, tuple[str, str, tuple[str, ...]]] = {
             'qos_overrides./nowhere.depth is unknown',
         ),
     ),
+    'shapes': (
+        'landmarks',
+        """/**/landmarks:
+  ros__parameters:
+    qos_overrides./shapes/markers.subscription: {reliability: best_effort}
+    qos_overrides./shapes/landmarks/marker_array.publisher: {reliability: best_effort}
+""",
+        (),
+    ),
 }
 """By namespace: a node, its parameters, and what it is to warn of."""
-PUBLISHED = {'driver': ('frames', 'frames'), 'detector': ('markers', 'markers')}
-"""A topic of each node, and the subject of its diagnostics."""
+PUBLISHED = {
+    'driver': ('frames', 'frames'),
+    'detector': ('markers', 'markers'),
+    'landmarks': ('landmarks', 'landmarks/marker_array'),
+}
+"""The subject of each node's diagnostics, and a topic."""
 
 
 def test_unknown_parameters_are_warned_of_and_sigterm_ends_in_order(tmp_path: Path) -> None:
@@ -146,11 +155,13 @@ def test_unknown_parameters_are_warned_of_and_sigterm_ends_in_order(tmp_path: Pa
             given = ('--params-file', str(file))
             system.start(node, *given, name=namespace, namespace=f'/{namespace}')
         for namespace, (node, _, _) in WARNED.items():
-            topic, subject = PUBLISHED[node]
+            subject, topic = PUBLISHED[node]
             system.next_status(f'/{namespace}/{node}: {subject}')
             (publisher,) = system.node.get_publishers_info_by_topic(f'/{namespace}/{topic}')
-            expected = 'BEST_EFFORT' if namespace == 'quality' else 'RELIABLE'
+            expected = 'BEST_EFFORT' if 'qos_overrides' in WARNED[namespace][1] else 'RELIABLE'
             assert publisher.qos_profile.reliability.name == expected
+        (subscriber,) = system.node.get_subscriptions_info_by_topic('/shapes/markers')
+        assert subscriber.qos_profile.reliability.name == 'BEST_EFFORT'
         for namespace, (_, _, warnings) in WARNED.items():
             system.stop(namespace, signal.SIGTERM)
             unknown = [x for x in system.log(namespace).splitlines() if 'is unknown' in x]
