@@ -38,7 +38,9 @@ def reliable(topic: str, end: str) -> tuple[str, ...]:
 
 def taken(system: System) -> int:
     """Return how many frames the detector has taken when no more come; none may be missing."""
-    status = system.wait_for_status('detector: markers', DiagnosticStatus.STALE, 'no frame')
+    status = system.wait_for_status(
+        'detector: markers', DiagnosticStatus.STALE, 'no frame has come'
+    )
     values = values_of(status)
     assert values['lost frames'] == '0'
     return int(values['frames'])
