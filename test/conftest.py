@@ -26,14 +26,28 @@ if signal.getsignal(signal.SIGINT) == signal.SIG_IGN:
 sys.path.append(str(Path(__file__).resolve().parents[1]))
 
 HERE = Path(__file__).resolve().parent
+NEEDED = {
+    'evaluation': ('pyapriltags',),  # experiments need libraries from pip, not of robots
+    'harness_nodes|retrolidar_ros.nodes': ('rclpy', 'retrolidar_ros.msg'),
+}
+"""What tests that import these modules need."""
 # Those of the launch files are for launch_test.
 collect_ignore = ['launch']
-if find_spec('pyapriltags') is None:  # experiments need libraries from pip, not of robots
-    collect_ignore += [
-        str(path.relative_to(HERE))
-        for path in HERE.rglob('test_*.py')
-        if re.search(r'^ *(from|import) evaluation', path.read_text(encoding='utf-8'), re.MULTILINE)
-    ]
+missing = {
+    path.relative_to(HERE): module
+    for path in HERE.rglob('test_*.py')
+    for imported, modules in NEEDED.items()
+    if re.search(rf'^(from|import) ({imported})\b', path.read_text(encoding='utf-8'), re.M)
+    for module in modules
+    if find_spec(module) is None
+}
+collect_ignore += map(str, missing)
+
+
+def pytest_report_header() -> list[str]:
+    """Say what is not tested, and why."""
+    return [f'without {module}: no {path}' for path, module in missing.items()]
+
 
 # In real time, with many processes, or with much to compute.
 SLOW = {'nodes', 'launch', 'docs', 'evaluation', 'test_watch.py'}

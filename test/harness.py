@@ -17,7 +17,7 @@ from retrolidar_ros.nodes.listener import Listener
 from retrolidar_ros.scene.description import Scene
 from retrolidar_ros.scene.emulator import PortLink, frames_in_real_time
 from retrolidar_ros.sensor.frame import Frame
-from retrolidar_ros.sensor.wire import encode_frame
+from retrolidar_ros.sensor.wire import DELIMITER, cobs_decode, cobs_encode, encode_frame
 
 STAMP_ERROR_S = 0.050
 RECONNECT_S = 2.0
@@ -32,7 +32,8 @@ class Sensor:
         """True middle of the exposure of each frame that was sent undamaged, by sequence."""
         self.damaged: set[int] = set()
         self.corrupt_share = 0.0
-        """Share of bytes that are overwritten by noise, in bursts as long as a packet."""
+        """Share of bytes in packets that are damaged: every other of them is overwritten by noise,
+        and of those of odd sequences only the checksum is wrong."""
         self.lost_share = 0.0
         """Share of frames that the sensor does not send."""
         self._first: Frame | None = None
@@ -71,6 +72,11 @@ class Sensor:
         with self._lock:
             self._restarting = True
 
+    def damages(self) -> tuple[int, int]:
+        """Return how many packets had a wrong checksum, and how many were overwritten."""
+        odd = sum(sequence % 2 for sequence in list(self.damaged))
+        return odd, len(self.damaged) - odd
+
     def _since_start(self, frame: Frame) -> Frame:
         with self._lock:
             if self._restarting:
@@ -94,7 +100,10 @@ class Sensor:
             frame = self._since_start(simulated)
             data = bytearray(encode_frame(frame))
             damaged = self._rng.random() < self.corrupt_share
-            if damaged:
+            if damaged and frame.sequence % 2:
+                content = cobs_decode(bytes(data[:-1]))
+                data[:] = cobs_encode(content[:-1] + bytes([content[-1] ^ 1])) + DELIMITER
+            elif damaged:
                 data[:-1] = self._rng.integers(0, 256, len(data) - 1, dtype=np.uint8).tobytes()
             with self._lock:
                 if self._port is None or not self._port.write(bytes(data)):
@@ -187,7 +196,7 @@ def check_corruption(listener: Listener, sensor: Sensor, share: float) -> None:
     sensor.damaged.clear()
     sensor.corrupt_share = share
     first = max(sensor.middle_ns) + 1
-    assert listener.spin_until(lambda: len(sensor.damaged) >= 5, PATIENCE_S)
+    assert listener.spin_until(lambda: min(sensor.damages()) >= 3, PATIENCE_S)
     sensor.corrupt_share = 0.0
     last = max(sensor.middle_ns) + 10
 

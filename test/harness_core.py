@@ -1,17 +1,17 @@
 # Copyright 2026 retrolidar_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""The core compiled for this machine, tried by programs of its own and questioned from Python."""
+"""The core compiled for this machine: its programs, and all its functions as Python sees them."""
 
+import re
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import pytest
-from harness_firmware import Core, make, need, shared_build
+from harness_firmware import make, need, shared_build
 from numpy.typing import NDArray
 from oracle import Sending, Zone
 
-from retrolidar_ros.core import lib
 from retrolidar_ros.detector.noise import NoiseLaw
 from retrolidar_ros.sensor.frame import Floats, Recording, ZoneGrid
 
@@ -21,16 +21,35 @@ PROGRAMS = ROOT / 'test' / 'core'
 LAW = NoiseLaw()
 GRID = ZoneGrid()
 PERIOD_S = 0.021
+KEPT = 1100
+TYPES = {'double': 'f8', 'float': 'f4', 'uint8_t': 'u1', 'uint16_t': 'u2'}
 LEAST_NOISE = 0.5
 """Share of the noise law's variance that a fit may not fall short of."""
 
 
-def compile_core(program: str, directories: pytest.TempPathFactory) -> Path:
-    """Make one of the programs; return its path, or fail with what the compiler said."""
+def compile_core(target: str, directories: pytest.TempPathFactory) -> Path:
+    """Make something of the core; return its path, or fail with what the compiler said."""
     need('make', 'cc')
     build = shared_build(directories, 'core')
-    make(PROGRAMS, build, build / program)
-    return build / program
+    make(PROGRAMS, build, build / target)
+    return build / target
+
+
+def declarations(header: str, known: set[str]) -> str:
+    """Return what a header and those that it includes declare, but for what is known."""
+    if header in known:
+        return ''
+    known.add(header)
+    text = (SOURCES / header).read_text(encoding='utf-8')
+    for unwanted in (r'/\*.*?\*/', r'^#ifdef __cplusplus.*?^#endif', r'^static inline .*?^}'):
+        text = re.sub(unwanted, '', text, flags=re.S | re.M)
+    text = re.sub(r'^static const .*?;', '', text, flags=re.S | re.M)
+    return re.sub(
+        r'^#include "(.*)"$|^#.*$',
+        lambda line: declarations(line[1], known) if line[1] else '',
+        text,
+        flags=re.M,
+    )
 
 
 class Rows(NamedTuple):
@@ -59,92 +78,112 @@ class Rows(NamedTuple):
         )
 
 
-class Verdict(NamedTuple):
-    """What the core decides of a hit, and the window that it has last looked at."""
-
-    reason: int
-    evidence: float
-    word: float
-    margin: float
-    start_s: float
-    bit_s: float
-    brightening_s: float
-    rows: slice
-    sources: list[int]
-
-
 class Statistics:
-    """The statistics of the core, in a process that holds the frames of one recording."""
+    """The statistics of the core, which hold the frames of one recording."""
 
-    def __init__(self, core: Core) -> None:
-        """Take the process."""
-        self._core = core
-        self.read = int(lib.RL_REASONS)
-        """What the core answers in place of a reason where there is none to refuse."""
+    def __init__(self, directories: pytest.TempPathFactory) -> None:
+        """Compile it."""
+        cffi = pytest.importorskip('cffi')
+        self.ffi: Any = cffi.FFI()
+        known: set[str] = set()
+        for name in ('decide', 'track'):
+            self.ffi.cdef(declarations(f'retrolidar_{name}.h', known))
+        self.lib: Any = self.ffi.dlopen(str(compile_core('core.so', directories)))
+        self.samples = self.ffi.new('struct rl_samples *')
+        self.window = self.ffi.new('struct rl_window *')
+        self.codebook = self.ffi.new('struct rl_codebook *')
 
-    def ask(self, *words: object) -> list[float]:
-        """Return the numbers that answer one question."""
-        return [float(word) for word in self._core.ask(*words).split()]
+    def array(self, values: Any, kind: str = 'double') -> Any:
+        """Return values for C."""
+        return self.ffi.from_buffer(f'{kind}[]', np.ascontiguousarray(values, TYPES[kind]))
+
+    def numpy(self, values: Any, count: int, kind: str = 'double') -> NDArray[Any]:
+        """Return a copy of values of C."""
+        values = self.ffi.buffer(values, count * self.ffi.sizeof(kind))
+        held: NDArray[Any] = np.frombuffer(values, TYPES[kind])
+        return held.copy()
 
     def take(self, recording: Recording, law: NoiseLaw, bit_s: float) -> None:
         """Forget all, and take the frames of a recording."""
-        grid = recording.grid
-        self.ask('begin', grid.rows, grid.columns, law.floor, law.slope, law.ambient, bit_s)
+        lib, ffi, grid = self.lib, self.ffi, recording.grid
+
+        def room(size: int) -> Any:
+            return ffi.new('double[]', size // 8 + 1)
+
+        noise = ffi.new('struct rl_noise_law *', (law.floor, law.slope, law.ambient))
+        shape = (grid.rows, grid.columns, KEPT)
+        self._memory = (room(lib.rl_samples_bytes(*shape)), room(lib.rl_window_bytes(KEPT)))
+        lib.rl_samples_start(self.samples, *shape, self._memory[0], noise, bit_s)
+        lib.rl_window_start(self.window, self.samples, KEPT, self._memory[1])
+        lib.rl_samples_clear(self.samples, int(recording.stamp_ns[0]))
+        ambient = self.array(np.zeros(grid.zones), 'float')
         for frame in recording:
-            columns = (frame.signal, frame.distance, frame.status)
-            zones = np.stack([column.astype(np.float64) for column in columns], axis=1)
-            self.ask('frame', frame.stamp_ns, *zones.ravel())
+            signal, distance = (self.array(one, 'float') for one in (frame.signal, frame.distance))
+            status = self.array(frame.status, 'uint8_t')
+            lib.rl_samples_push(self.samples, frame.stamp_ns, signal, distance, ambient, status)
 
     def rows(self, source: int) -> Rows:
         """Return the samples of a source."""
-        period_s, *values = self.ask('held', source)
-        begin_s, end_s, signal, valid = np.array(values).reshape(-1, 4).T
-        return Rows(period_s, begin_s, end_s, signal, valid > 0)
+        held, count = self.samples, self.samples.count
+        first = source * held.capacity
+        return Rows(
+            held.period_s,
+            self.numpy(held.begin_s, count),
+            self.numpy(held.end_s, count),
+            self.numpy(held.signal + first, count, 'float').astype(np.float64),
+            self.numpy(held.valid + first, count, 'uint8_t') > 0,
+        )
+
+    def column(self, source: int) -> tuple[NDArray[np.float32], NDArray[np.bool_]]:
+        """Return signal and validity of the target in question."""
+        count, room = self.samples.count, self.ffi.addressof(self.window, 'room')
+        seen = self.lib.rl_target_column(self.samples, source, 0, count, room)
+        return (
+            self.numpy(seen.signal, count, 'float'),
+            self.numpy(seen.valid, count, 'uint8_t') > 0,
+        )
 
     def open(self, from_s: float, to_s: float, *sources: int) -> tuple[float, slice]:
         """Open a window; return its log likelihood without a packet, and its rows."""
-        return _window(self.ask('open', sources[0], from_s, to_s, *sources[1:]))
+        self.lib.rl_window_open(self.window, sources[0], from_s, to_s)
+        for source in sources[1:]:
+            self.lib.rl_window_add(self.window, source)
+        return self.window.null, self.opened()
 
     def hide(self, from_s: float, to_s: float) -> tuple[float, slice]:
         """Leave out exposures of the window; return the same."""
-        return _window(self.ask('hide', from_s, to_s))
+        self.lib.rl_window_hide(self.window, from_s, to_s)
+        return self.window.null, self.opened()
 
-    def attempt(self, sending: Sending) -> tuple[float, Floats]:
-        """Return the log likelihood of a sending; and likelihood, gain, variance by source."""
-        total, *fits = self.ask('try', *_words(sending))
-        return total, np.array(fits).reshape(-1, 3)
+    def opened(self) -> slice:
+        """Return the rows of the window."""
+        return slice(self.window.first, self.window.first + self.window.rows)
+
+    def attempt(self, sending: Sending) -> tuple[float, list[Any]]:
+        """Return the log likelihood of a sending, and the fit to each source."""
+        bits = int(''.join(str(int(bit)) for bit in sending.bits), 2)
+        given = self.ffi.new('struct rl_sending *', (bits, *sending[1:]))
+        total = self.lib.rl_window_try(self.window, given)
+        return total, list(self.window.fit[0 : self.window.sources])
 
     def decide(
         self, source: int, packets: int, to_s: float, hits: list[tuple[int, Sending]]
-    ) -> Verdict:
+    ) -> Any:
         """Judge the first of hits of IDs, in a detector that demands nothing."""
-        words: list[object] = []
-        for number, hit in hits:
-            words += [number, int(hit.repeats), hit.start_s, hit.bit_s]
-        answer = self.ask('decide', source, packets, to_s, *words)
-        reason, evidence, word, margin, start_s, bit_s, brightening_s, first, rows, *sources = (
-            answer
-        )
-        return Verdict(
-            reason=int(reason),
-            evidence=evidence,
-            word=word,
-            margin=margin,
-            start_s=start_s,
-            bit_s=bit_s,
-            brightening_s=brightening_s,
-            rows=slice(int(first), int(first + rows)),
-            sources=[int(source) for source in sources],
+        demands = self.ffi.new('struct rl_demands *')
+        demands.evidence, demands.word, demands.margin = 1e-3, 1e6, -1e6
+        demands.bit_s, demands.most_skew = self.samples.dark_s / 12, 0.03
+        given = self.ffi.new('struct rl_hits *')
+        given.count = len(hits)
+        for hit, (number, sending) in zip(given.hit[0 : len(hits)], hits, strict=True):
+            hit.id, hit.repeats = int(number), sending.repeats
+            hit.start_s, hit.bit_s = sending.start_s, sending.bit_s
+        never = (-np.inf, -np.inf)
+        return self.lib.rl_decide(
+            self.window, self.codebook, demands, source, given.hit, given, packets, *never, to_s
         )
 
-
-def _window(answer: list[float]) -> tuple[float, slice]:
-    """Return log likelihood and rows of a window."""
-    null, first, rows = answer
-    return null, slice(int(first), int(first + rows))
-
-
-def _words(sending: Sending) -> list[object]:
-    """Return a sending as the core reads it."""
-    bits = int(''.join(str(int(bit)) for bit in sending.bits), 2)
-    return [bits, int(sending.repeats), sending.start_s, sending.bit_s, sending.brightening_s]
+    def start_codebook(self, ids: Any = ()) -> int:
+        """Let these IDs come, or all; return how many may."""
+        self.lib.rl_codebook_start(self.codebook, self.array(ids, 'uint16_t'), len(ids))
+        return int(self.codebook.words)

@@ -34,7 +34,7 @@ CORNERS = ((-0.2, -0.2), (0.2, -0.2), (0.2, 0.2), (-0.2, 0.2))
 _GRID = ZoneGrid()
 _RANGE_STDDEV_M = 0.001
 _MOST_MAHALANOBIS = 16.27
-_LATE_S = 0.4
+_LATE_S = 0.25
 
 
 class Hand:
@@ -65,8 +65,8 @@ class Hand:
 
     def read(
         self, name: str, identity: int, there_m: Floats, at_m: Floats, late_s: float = 0.0
-    ) -> None:
-        """Read a marker from a place; TF follows so much later."""
+    ) -> int:
+        """Read a marker from a place; TF follows so much later; return the stamp [ns]."""
         own = there_m - at_m
         column, row = np.rint(own[:2] / own[2] / _GRID.pitch + 1.5).astype(int)
         zone = int(4 * row + column)
@@ -95,6 +95,8 @@ class Hand:
         self.move(at_m, stamp_ns + 1_000_000)
         if not late_s:
             self._markers.publish(to_detection_msg(detection, HAND, name))
+        self._listener.spin_until(lambda: False, 0.01)  # the hand was there, and there only
+        return stamp_ns
 
 
 def _squared(message: PoseWithCovarianceStamped, truth_m: Floats) -> float:
@@ -121,12 +123,22 @@ def check_landmarks(listener: Listener, namespace: str, saved: Path) -> None:
     hand = Hand(listener, namespace)
     hand.wait_for_subscribers()
     health.wait_for(DiagnosticStatus.WARN, 'nothing is placed yet')
-    for index, corner in enumerate(CORNERS):
-        at_m = np.append(corner, 0.0)
-        for late_s in (0.0, _LATE_S if index == 1 else 0.0):
-            hand.read('mug', 2107, MUG_M, at_m, late_s)
-            listener.spin_until(lambda: False, 0.05)
-    wait(listener, lambda: len(mug.messages) >= 7, lambda: f'7 poses, not {len(mug.messages)}')
+    corners = [np.append(corner, 0.0) for corner in CORNERS]
+    # The topic is made with the first pose; until that is heard, messages may get lost.
+    while not mug.messages:
+        hand.read('mug', 2107, MUG_M, corners[0])
+        listener.spin_until(lambda: bool(mug.messages), 0.5)
+    delays_s = (_LATE_S, 0.0, 0.0, 0.0, 0.0, 0.0)
+    read_ns = {
+        hand.read('mug', 2107, MUG_M, at_m, late_s)
+        for at_m, late_s in zip(2 * corners[1:], delays_s, strict=True)
+    }
+
+    def without_pose() -> set[int]:
+        placed_ns = [to_ns(one.header.stamp) for one in mug.messages]
+        return {one for one in read_ns if not any(abs(one - ns) < 1000 for ns in placed_ns)}
+
+    wait(listener, lambda: not without_pose(), lambda: f'poses of {without_pose()}')
     last = mug.messages[-1]
     assert last.header.frame_id == FIXED
     assert all(_squared(one, MUG_M) < _MOST_MAHALANOBIS for one in mug.messages)
@@ -153,9 +165,8 @@ def check_landmarks(listener: Listener, namespace: str, saved: Path) -> None:
 
     there_m = MUG_M + np.array([0.25, 0.1, 0.2])
     mug.clear()
-    for corner in CORNERS[:2]:
-        hand.read('mug', 2107, there_m, np.append(corner, 0.0))
-        listener.spin_until(lambda: False, 0.1)
+    for at_m in corners[:2]:
+        hand.read('mug', 2107, there_m, at_m)
     wait(
         listener,
         lambda: bool(mug.messages) and _squared(mug.messages[-1], there_m) < _MOST_MAHALANOBIS,

@@ -111,12 +111,11 @@ def test_processes_of_an_experiment_end_with_it(tmp_path: Path, request_to_end: 
     wait(lambda: not any(map(lives, workers)), 'their end')
 
 
-@pytest.mark.parametrize('request_to_end', [signal.SIGTERM, signal.SIGKILL])
-def test_processes_of_the_demo_end_with_it(request_to_end: int) -> None:
+def test_processes_of_the_demo_end_with_it() -> None:
     pytest.importorskip('rclpy', reason='needs ROS 2')
     pytest.importorskip('retrolidar_ros.msg', reason='needs the messages: colcon build')
     with subprocess.Popen([*PROGRAM, 'demo', 'coffee'], stdout=subprocess.DEVNULL) as process:
         wait(lambda: len(descendants(process.pid)) >= 3, 'emulator, driver and detector')
         children = descendants(process.pid)
-        process.send_signal(request_to_end)
+        process.send_signal(signal.SIGTERM)
     wait(lambda: not any(map(lives, children)), 'their end')

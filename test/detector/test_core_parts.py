@@ -2,12 +2,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """Gains that change, targets and codebook of the core against plain numpy."""
 
-from collections.abc import Iterator
-
 import numpy as np
 import pytest
-from harness_core import GRID, LAW, PERIOD_S, Statistics, compile_core
-from harness_firmware import asked
+from harness_core import GRID, LAW, PERIOD_S, Statistics
 from harness_frames import recording_of
 from numpy.typing import NDArray
 from oracle import Sending, light
@@ -26,21 +23,19 @@ USABLE = np.setdiff1d(np.arange(IDS), RESERVED_IDS)
 
 
 @pytest.fixture(scope='module')
-def core(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Statistics]:
-    with asked(compile_core('window_host', tmp_path_factory)) as process:
-        yield Statistics(process)
+def core(tmp_path_factory: pytest.TempPathFactory) -> Statistics:
+    return Statistics(tmp_path_factory)
 
 
 KNOTS = 7
 
 
-def tracked(signal: Floats, valid: Floats, sent: Floats, noise: float) -> Floats:
+def tracked(signal: Floats, valid: NDArray[np.bool_], sent: Floats, noise: float) -> Floats:
     """Return what `rl_track_fit` does: explained, all, and the gains of the knots."""
     at = np.arange(len(signal)) * (KNOTS - 1) / (len(signal) - 1)
     hats = np.maximum(1 - np.abs(at[:, None] - np.arange(KNOTS)), 0)
-    kept = valid > 0
-    columns = np.diff((hats * sent[:, None])[kept], axis=0)
-    steps = np.diff(signal[kept])
+    columns = np.diff((hats * sent[:, None])[valid], axis=0)
+    steps = np.diff(signal[valid])
     normal, right, total = columns.T @ columns, columns.T @ steps, steps @ steps
     stiff = 0.02 * np.trace(normal) / KNOTS + 1e-9
     bends = np.diff(np.eye(KNOTS), axis=0)
@@ -61,15 +56,18 @@ def test_a_gain_that_changes_is_followed(core: Statistics, sway: float) -> None:
     sent = light(sending, begin_s, begin_s + PERIOD_S)
     gain = 100 * (1 + sway * np.sin(5 * begin_s))
     signal = (20 + gain * sent + 3 * rng.standard_normal(70)).astype(np.float32)
-    valid = (rng.random(70) > 0.1).astype(np.float64)
-    fitted = core.ask('track', 9.0, *np.stack([signal, valid, sent], axis=1).ravel())
-    assert fitted == pytest.approx(
-        tracked(signal.astype(np.float64), valid, sent, 9.0), rel=1e-5, abs=1e-3
-    )
-    assert (np.ptp(fitted[2:]) > 0) == (sway > 0)
+    valid = rng.random(70) > 0.1
+    gains = core.array(np.zeros(KNOTS))
+    seen = (core.array(signal, 'float'), core.array(valid, 'uint8_t'), core.array(sent))
+    fit = core.lib.rl_track_fit(*seen, 70, 9.0, gains)
+    expected = tracked(signal.astype(np.float64), valid, sent, 9.0)
+    assert [fit.explained, fit.all, *gains] == pytest.approx(expected, rel=1e-5, abs=1e-3)
+    assert (np.ptp(list(gains)) > 0) == (sway > 0)
 
 
-def column_of(core: Statistics, signal: Floats, distance: Floats) -> tuple[Floats, Floats]:
+def column_of(
+    core: Statistics, signal: Floats, distance: Floats
+) -> tuple[NDArray[np.float32], NDArray[np.bool_]]:
     """Return signal and validity of zone 0, whose frames these are, as a window sees it."""
     frames = len(signal)
     stamp_ns = np.rint(1e9 * PERIOD_S * np.arange(frames)).astype(np.int64)
@@ -77,8 +75,7 @@ def column_of(core: Statistics, signal: Floats, distance: Floats) -> tuple[Float
     signals, distances = np.full(shape, 5.0), np.ones(shape)
     signals[:, 0], distances[:, 0] = signal, distance
     core.take(recording_of(stamp_ns, signals, distances), LAW, BIT_PERIOD_S)
-    seen, valid = np.array(core.ask('column', 0)).reshape(-1, 2).T
-    return seen, valid
+    return core.column(0)
 
 
 def test_of_two_targets_by_turns_the_dimmer_one_is_the_dark_marker(core: Statistics) -> None:
@@ -118,7 +115,8 @@ def energies(own: float, adjacent: float, smooth: Floats, ids: NDArray[np.int64]
 def test_the_codebook_finds_the_two_best_packets(core: Statistics, registered: int) -> None:
     rng = np.random.default_rng(registered)
     ids = np.sort(rng.choice(USABLE, registered, replace=False))
-    assert core.ask('codebook', *ids) == [registered]
+    assert core.start_codebook(ids) == registered
+    smoothing, words = core.ffi.new('struct rl_smooth *'), core.ffi.new('struct rl_word[2]')
     for case in range(40):
         own, adjacent = rng.uniform(1.2, 2.0), rng.uniform(0, 0.3)
         smooth, pair, decay = rng.uniform(0, [0.1, 0.1, 0.9])
@@ -130,27 +128,29 @@ def test_the_codebook_finds_the_two_best_packets(core: Statistics, registered: i
         squared = np.where(sums > 0, sums**2 / energies(own, adjacent, lags, ids), 0)
         least = rng.choice([0.0, 0.5 * squared.max(), 2 * squared.max()])
         expected = np.sort(squared[squared > least])[::-1][:2]
-        answer = core.ask('best', least, own, adjacent, smooth, pair, decay, *soft)
-        answered = np.reshape(answer, (2, 2))
-        found = answered[answered[:, 0] >= 0]
-        np.testing.assert_allclose(found[:, 1], expected, rtol=1e-4)
-        at = np.searchsorted(ids, found[:, 0])
-        np.testing.assert_allclose(squared[at], expected, rtol=1e-4)
+        energy = core.ffi.new('struct rl_energy *', (own, adjacent, smooth, pair, decay))
+        core.lib.rl_codebook_smooth(core.codebook, energy, smoothing)
+        heard = core.array(soft, 'float')
+        core.lib.rl_codebook_best(core.codebook, energy, smoothing, heard, least, words)
+        found = [one for one in words if one.index >= 0]
+        np.testing.assert_allclose([one.squared for one in found], expected, rtol=1e-4)
+        np.testing.assert_allclose(squared[[one.index for one in found]], expected, rtol=1e-4)
 
 
 @pytest.mark.parametrize('registered', [4094, 30, 1])
 def test_the_codebook_finds_the_heaviest_of_another_id(core: Statistics, registered: int) -> None:
     rng = np.random.default_rng(registered)
     ids = np.sort(rng.choice(USABLE, registered, replace=False))
-    core.ask('codebook', *ids)
+    core.start_codebook(ids)
     for _ in range(40):
         weight = rng.standard_normal(PACKET_BITS)
         # The preamble is the same in all.
         heavy = packet(ids)[:, len(PREAMBLE) :] @ weight[len(PREAMBLE) :]
         excluded = rng.choice([ids[np.argmax(heavy)], 0])
         heavy[ids == excluded] = -np.inf
-        (found,) = core.ask('heaviest', excluded, *weight)
+        heard = core.array(weight, 'float')
+        found = core.lib.rl_codebook_heaviest(core.codebook, heard, int(excluded))
         if np.isfinite(heavy).any():
-            assert heavy[ids == found] == pytest.approx(heavy.max(), rel=1e-5)
+            assert heavy[found] == pytest.approx(heavy.max(), rel=1e-5)
         else:
             assert found == -1

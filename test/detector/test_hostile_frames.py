@@ -13,7 +13,7 @@ from retrolidar_ros.scene.files import load_scene
 from retrolidar_ros.sensor.frame import MOST_DISTANCE_M, Frame
 
 IMPOSSIBLE = (0.0, -0.5, -np.inf, np.inf, 3e38, 1e-40, 8.191)
-FRAMES = list(Simulation(load_scene('coffee')).run(4.0))
+FRAMES = list(Simulation(load_scene('coffee')).run(3.0))
 
 
 def spoilt(frame: Frame, field: str, value: float, zones: str) -> Frame:

@@ -2,14 +2,12 @@
 # SPDX-License-Identifier: Apache-2.0
 """The core's statistics against the oracle in numpy, on random and on recorded windows."""
 
-from collections.abc import Iterator
 from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
 import pytest
-from harness_core import GRID, LAW, PERIOD_S, Statistics, compile_core
-from harness_firmware import asked
+from harness_core import GRID, LAW, PERIOD_S, Statistics
 from harness_frames import recording_of
 from numpy.typing import NDArray
 from oracle import Sending, Zone, evidence, light, log_likelihood, margin, without, word
@@ -34,9 +32,8 @@ COST_OF_GAIN = 2.0
 
 
 @pytest.fixture(scope='module')
-def core(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Statistics]:
-    with asked(compile_core('window_host', tmp_path_factory)) as process:
-        yield Statistics(process)
+def core(tmp_path_factory: pytest.TempPathFactory) -> Statistics:
+    return Statistics(tmp_path_factory)
 
 
 class Sent(NamedTuple):
@@ -107,13 +104,13 @@ def assert_agrees(core: Statistics, zones: list[Zone], null: float, tried: list[
         total, fits = core.attempt(sending)
         wanted = [zone.fit(sending) for zone in zones]
         assert total == pytest.approx(sum(fit.log_likelihood for fit in wanted), abs=NATS)
-        for (likelihood, gain, variance), fit in zip(fits, wanted, strict=True):
-            assert likelihood == pytest.approx(fit.log_likelihood, abs=NATS)
+        for found, fit in zip(fits, wanted, strict=True):
+            assert found.log_likelihood == pytest.approx(fit.log_likelihood, abs=NATS)
             if fit.gain > 0:
-                assert gain == pytest.approx(fit.gain, rel=1e-4)
-                assert variance == pytest.approx(fit.variance, rel=1e-4)
+                assert found.gain == pytest.approx(fit.gain, rel=1e-4)
+                assert found.variance == pytest.approx(fit.variance, rel=1e-4)
             else:
-                assert gain == 0
+                assert found.gain == 0
 
 
 def around(sending: Sending, rng: np.random.Generator) -> list[Sending]:
@@ -200,7 +197,7 @@ def test_likelihoods_of_recorded_scenes(core: Statistics, name: str) -> None:
 def test_word_and_margin_decided(
     core: Statistics, packets: int, repeats: bool, alike: bool
 ) -> None:
-    core.ask('codebook')
+    core.start_codebook()
     rng = np.random.default_rng(20)
     sent = random_recording(rng, packets, repeats=repeats, alike=alike)
     core.take(sent.recording, LAW, BIT_PERIOD_S)
@@ -218,13 +215,15 @@ def test_word_and_margin_decided(
         to_s = sending.start_s + packets * PACKET_BITS * sending.bit_s + 0.02
         hits = [(own, sending), *zip(others, rivals, strict=True)]
         verdict = core.decide(zone, packets, to_s, hits)
-        if verdict.reason != core.read:
+        if verdict.reason != core.lib.RL_REASONS:
             continue
         judged += 1
-        together += len(verdict.sources) > 1
-        zones = [core.rows(source).zone(LAW, verdict.rows) for source in verdict.sources]
+        together += verdict.sources > 1
+        sources = verdict.source[0 : verdict.sources]
+        zones = [core.rows(source).zone(LAW, core.opened()) for source in sources]
+        last = verdict.sending
         final = sending._replace(
-            start_s=verdict.start_s, bit_s=verdict.bit_s, brightening_s=verdict.brightening_s
+            start_s=last.start_s, bit_s=last.bit_s, brightening_s=last.brightening_s
         )
         assert verdict.word == pytest.approx(word(zones, final), abs=NATS)
         # It is refined once more after that is noted, and each gain but the first costs some.

@@ -8,7 +8,9 @@ import shutil
 import subprocess
 import sys
 from pathlib import Path
+from typing import Any
 
+import matplotlib.pyplot as plt
 import pytest
 
 from evaluation.command import main
@@ -41,7 +43,13 @@ def test_the_committed_run_is_whole_and_says_of_what() -> None:
         assert said in page
 
 
-def test_the_committed_page_is_that_of_its_figures(tmp_path: Path) -> None:
+def test_the_committed_page_is_that_of_its_figures(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def draw(name: str, figures: dict[str, Any], _: Path) -> None:
+        plt.close(EXPERIMENTS[name].draw(figures))  # to write it takes long
+
+    monkeypatch.setattr('evaluation.report.page.save_chart', draw)
     for path in COMMITTED.glob('*.json'):
         shutil.copy(path, tmp_path)
     page = write_page(tmp_path).read_text(encoding='utf-8')
@@ -96,21 +104,17 @@ def test_a_quick_look_does_not_overwrite_the_report(
 def test_several_experiments_at_once_are_the_same_as_one_by_one(tmp_path: Path) -> None:
     together, alone = tmp_path / 'together', tmp_path / 'alone'
     alone.mkdir()
-    assert main(['marker', 'ids', '--quick', '-o', str(together)]) == 0
-    for name in ('marker', 'ids'):
+    command = [sys.executable, '-m', 'evaluation', 'chain', 'ids', '--quick', '-o', str(together)]
+    finished = subprocess.run(
+        command, check=True, capture_output=True, text=True, timeout=60, cwd=ROOT
+    )
+    assert finished.stdout.count('chain: One packet') == 1
+    assert sorted(path.name for path in together.glob('*.json')) == ['chain.json', 'ids.json']
+    for name in ('chain', 'ids'):
         run_experiment(name, alone, quick=True, seed=1)
         one, other = (json.loads((at / f'{name}.json').read_text()) for at in (together, alone))
         del one['run'], other['run']
         assert one == other
-
-
-def test_the_command_runs_several_at_once(tmp_path: Path) -> None:
-    command = [sys.executable, '-m', 'evaluation', 'marker', 'ids', '--quick', '-o', str(tmp_path)]
-    finished = subprocess.run(
-        command, check=True, capture_output=True, text=True, timeout=60, cwd=ROOT
-    )
-    assert sorted(path.name for path in tmp_path.glob('*.json')) == ['ids.json', 'marker.json']
-    assert finished.stdout.count('marker: The marker') == 1
 
 
 def test_an_unknown_experiment_is_named(capsys: pytest.CaptureFixture[str]) -> None:

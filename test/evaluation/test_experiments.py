@@ -3,56 +3,73 @@
 """Every experiment runs, and gives figures, a table and a chart: their shape, not their digits."""
 
 import json
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
+from evaluation.bench.calibration_trials import KINDS
 from evaluation.bench.disturbances import FAMILY, wall_blocks
 from evaluation.bench.judging import BOTH, new_detector
-from evaluation.bench.stresses import PANELS, STRESSES
-from evaluation.experiments import (
-    brighter,
-    coffee,
-    drone,
-    moving,
-    peers,
-    place,
-    roc,
-    several,
-    speed_accuracy,
-    stability,
-    time_to_id,
-)
+from evaluation.bench.stresses import LABORATORY, PANELS, STRESSES
+from evaluation.experiments import peers, roc
+from evaluation.experiments.paper_sweeps import SWEEPS
 from evaluation.experiments.registry import EXPERIMENTS, run_experiment
 from evaluation.peers.visual_markers import QR, find_readers
 from retrolidar_ros.scene.reference import SENSOR
 
-# So small that all run in seconds.
-TINY: dict[str, tuple[Any, dict[str, Any]]] = {
-    'speed-accuracy': (
-        speed_accuracy,
-        {'_LONE_M': (1.0, 3.2), '_SEVERAL_M': (1.0, 4.0), '_TAGS_M': (1.0, 4.2), '_FRAMES': 20},
-    ),
-    'time-to-id': (time_to_id, {'_RANGES_M': (1.0, 3.6), '_QUICK_PICTURES': 2}),
-    'peers': (peers, {'_QUICK_PICTURES': 2}),
-    'roc': (roc, {'_QUICK_SHARE': 0.0005}),
-    'brighter': (brighter, {'STRESSES': STRESSES[:2]}),
-    'stability': (stability, {'PANELS': PANELS[:1], 'CONDITIONS': [(1.0, True, False)]}),
-    'moving': (moving, {'DURATION_S': 4.0}),
-    'coffee': (coffee, {'_QUICK_TRIALS': 1, '_QUICK_PICTURES': 2}),
-    'drone': (drone, {'QUICK_DURATION_S': 11.0}),
-    'several': (several, {'_QUICK_TRIALS': 1, '_RECORDINGS': 1}),
-    'place': (place, {'_QUICK_MARKERS': 12}),
+# So small that all run in seconds, by the module that has a size.
+TINY: dict[str, dict[str, Any]] = {
+    'bench.landmark_trials': {'HEADINGS': 12},
+    'experiments.bound': {'RANGES_M': (2.5, 3.8), '_GENIE_RECORDINGS': 1},
+    'experiments.brighter': {'STRESSES': STRESSES[:2]},
+    'experiments.calibration': {
+        '_QUICK_TRIALS': 1,
+        'SCALES': (1.0,),
+        'KINDS': dict([*KINDS.items()][:2]),
+    },
+    'experiments.coffee': {'_QUICK_TRIALS': 1, '_QUICK_PICTURES': 2},
+    'experiments.drone': {'QUICK_DURATION_S': 11.0},
+    'experiments.laboratory': {
+        'LABORATORY': [replace(one, values=one.values[:3]) for one in LABORATORY]
+    },
+    'experiments.landmarks': {'_QUICK_TRIALS': 1, '_SIDES_M': (0.2, 0.4)},
+    'experiments.moving': {'DURATION_S': 4.0},
+    'experiments.peers': {
+        '_QUICK_PICTURES': 2,
+        '_SWEEPS': {
+            name: (axis, (places[0], *places[:1:-6]), view, make)
+            for name, (axis, places, view, make) in peers._SWEEPS.items()
+        },
+    },
+    'experiments.place': {'_QUICK_MARKERS': 12},
+    'experiments.roc': {'_QUICK_SHARE': 0.0005},
+    'experiments.several': {'_QUICK_TRIALS': 1, '_RECORDINGS': 1},
+    'experiments.speed_accuracy': {
+        '_LONE_M': (1.0, 3.2),
+        '_SEVERAL_M': (1.0, 4.0),
+        '_TAGS_M': (1.0, 4.2),
+        '_FRAMES': 20,
+        '_WARM_UP_FRAMES': 100,
+    },
+    'experiments.stability': {'PANELS': PANELS[:1], 'CONDITIONS': [(1.0, True, False)]},
+    'experiments.time_to_id': {'_RANGES_M': (1.0, 3.6), '_QUICK_PICTURES': 2},
 }
 
 
 @pytest.mark.parametrize('name', EXPERIMENTS)
 def test_an_experiment_runs(name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    module, sizes = TINY.get(name, (None, {}))
-    for attribute, value in sizes.items():
-        monkeypatch.setattr(module, attribute, value)
+    for module, sizes in TINY.items():
+        for attribute, value in sizes.items():
+            monkeypatch.setattr(f'evaluation.{module}.{attribute}', value)
+    for sweep in SWEEPS.values():
+        ends = [
+            replace(curve, places=(curve.places[0], curve.places[-1]), recordings=1)
+            for curve in sweep.curves
+        ]
+        monkeypatch.setattr(sweep, 'curves', ends)
     words = run_experiment(name, tmp_path, quick=True, seed=1)
     assert 'QUICK RUN: ROUGH' in words
     figures = json.loads(

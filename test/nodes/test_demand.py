@@ -3,19 +3,11 @@
 """Clouds, images and shapes are made only while somebody subscribes to them."""
 
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
 import pytest
-
-pytest.importorskip('rclpy', reason='needs ROS 2')
-pytest.importorskip('retrolidar_ros.msg', reason='needs the messages: colcon build')
-
-import rclpy
-from harness_nodes import FRAME_ID, System, endless, running
-from rclpy.executors import SingleThreadedExecutor
-from rclpy.node import Node
+from harness_nodes import FRAME_ID, System, endless, in_this_process, running
 from sensor_msgs.msg import Image, PointCloud2
 from visualization_msgs.msg import MarkerArray
 
@@ -27,20 +19,6 @@ from retrolidar_ros.nodes.driver import DriverNode
 from retrolidar_ros.scene.emulator import PortLink
 from retrolidar_ros.scene.files import load_scene
 from retrolidar_ros.sensor.wire import encode_frame
-
-
-@contextmanager
-def in_this_process(make: Callable[[], Node], *arguments: str) -> Iterator[SingleThreadedExecutor]:
-    """Make a node here, where its functions can be replaced; it turns when it is spun."""
-    rclpy.init(args=['--ros-args', '-r', '__ns:=/lazy', *arguments])
-    node, executor = make(), SingleThreadedExecutor()
-    executor.add_node(node)
-    try:
-        yield executor
-    finally:
-        executor.shutdown()
-        node.destroy_node()
-        rclpy.shutdown()
 
 
 @pytest.fixture
@@ -81,7 +59,7 @@ def test_points_and_image(system: System, monkeypatch: pytest.MonkeyPatch) -> No
 
     with (
         PortLink(system.port) as port,
-        in_this_process(DriverNode, '-p', f'serial_port:={system.port}'),
+        in_this_process(lambda: [DriverNode()], system, '-p', f'serial_port:={system.port}'),
     ):
         pass_frames()
         assert (len(points), len(images)) == (0, 0)
@@ -101,7 +79,7 @@ def test_shapes(system: System, monkeypatch: pytest.MonkeyPatch) -> None:
     drawn = counting(monkeypatch, detection_topics, 'marker_shapes')
     frames = endless(load_scene('coffee'))
     publisher = system.node.create_publisher(FrameMsg, 'frames', 10)
-    with in_this_process(DetectorNode) as executor:
+    with in_this_process(lambda: [DetectorNode()], system) as executor:
 
         def feed_until(done: Callable[[], bool]) -> None:
             def fed_and_done() -> bool:

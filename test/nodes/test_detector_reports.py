@@ -6,10 +6,6 @@ import re
 from collections.abc import Iterator
 
 import pytest
-
-pytest.importorskip('rclpy', reason='needs ROS 2')
-pytest.importorskip('retrolidar_ros.msg', reason='needs the messages: colcon build')
-
 from diagnostic_msgs.msg import DiagnosticStatus
 from harness_nodes import System, running, values_of
 

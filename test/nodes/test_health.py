@@ -10,10 +10,6 @@ from typing import Any, cast
 
 import numpy as np
 import pytest
-
-pytest.importorskip('rclpy', reason='needs ROS 2')
-pytest.importorskip('retrolidar_ros.msg', reason='needs the messages: colcon build')
-
 from diagnostic_msgs.msg import DiagnosticStatus
 from harness import Sensor, check_cable_pull, check_detections, check_frames
 from harness_nodes import FRAME_ID, System, running, values_of
@@ -195,11 +191,11 @@ def test_a_detector_that_stands_still_is_reported_and_counts_what_it_lost(two: S
     os.kill(pid, signal.SIGSTOP)
     try:
         two.wait_for_status(DETECTOR, STALE, 'has been judged', 2.5)
-        two.pass_time(6.0)
+        two.pass_time(2.5)
     finally:
         os.kill(pid, signal.SIGCONT)
     status = two.wait_for_status(DETECTOR, WARN, 'were lost', 2.0)
-    assert int(values_of(status)['lost frames']) - lost > 180
+    assert int(values_of(status)['lost frames']) - lost > 60
     two.wait_for_status(DETECTOR, OK, 'accepted')
 
 

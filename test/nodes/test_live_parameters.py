@@ -8,15 +8,11 @@ from typing import Any
 
 import numpy as np
 import pytest
-
-pytest.importorskip('rclpy', reason='needs ROS 2')
-pytest.importorskip('retrolidar_ros.msg', reason='needs the messages: colcon build')
-
 from diagnostic_msgs.msg import DiagnosticStatus
 from harness import Sensor
 from harness_nodes import System, running, values_of
 from harness_services import parameter_messages
-from rcl_interfaces.msg import ParameterType, ParameterValue
+from rcl_interfaces.msg import ParameterType, ParameterValue, SetParametersResult
 from rcl_interfaces.srv import SetParametersAtomically
 from test_topics import MARKER_FILE, NAMES
 from visualization_msgs.msg import MarkerArray
@@ -210,10 +206,14 @@ REFUSED: list[tuple[dict[str, Any], str]] = [
     ({'registered_ids': [True]}, 'registered_ids: True is not a whole number'),
     ({'registered_ids': ParameterValue()}, 'registered_ids: None is not a list'),
     ({'method': ParameterValue()}, 'cannot be undeclared'),
+    (
+        {'registered_ids': ParameterValue(type=7, integer_array_value=[1] * 200_000)},
+        'registered_ids: 200000 numbers; 4096 are the most',
+    ),
 ]
 
 
-@pytest.mark.parametrize(('changes', 'reason'), REFUSED, ids=str)
+@pytest.mark.parametrize(('changes', 'reason'), REFUSED, ids=lambda one: str(one)[:60])
 def test_what_is_refused_changes_nothing(nodes: Live, changes: dict[str, Any], reason: str) -> None:
     before = nodes.services.get(DETECTOR)
     (result,) = nodes.services.try_to_set(DETECTOR, **changes)
@@ -223,16 +223,30 @@ def test_what_is_refused_changes_nothing(nodes: Live, changes: dict[str, Any], r
     assert nodes.services.get(DETECTOR) == before
 
 
-def test_one_refusal_spoils_all_that_is_to_be_set_at_once(live: Live) -> None:
-    before = live.services.get(DETECTOR)
-    changes = {'publish_tf': False, 'method': 'paper', 'registered_ids': [0]}
-    answer = live.services.call(
+def set_at_once(nodes: Live, node: str, **changes: Any) -> SetParametersResult:
+    answer = nodes.services.call(
         SetParametersAtomically,
-        f'{DETECTOR}/set_parameters_atomically',
+        f'{node}/set_parameters_atomically',
         SetParametersAtomically.Request(parameters=parameter_messages(changes)),
     )
-    assert not answer.result.successful
-    assert 'no usable ID' in answer.result.reason
+    return answer.result
+
+
+@pytest.mark.parametrize('node', [DRIVER, DETECTOR])
+def test_a_type_that_is_none_does_not_end_the_node(nodes: Live, node: str) -> None:
+    changes = {'use_sim_time': False, 'anything': ParameterValue(type=200)}
+    results = [*nodes.services.try_to_set(node, **changes), set_at_once(nodes, node, **changes)]
+    assert {(one.successful, one.reason) for one in results} == {
+        (False, 'anything: there is no type 200')
+    }
+    nodes.system.processes.check()
+
+
+def test_one_refusal_spoils_all_that_is_to_be_set_at_once(live: Live) -> None:
+    before = live.services.get(DETECTOR)
+    result = set_at_once(live, DETECTOR, publish_tf=False, method='paper', registered_ids=[0])
+    assert not result.successful
+    assert 'no usable ID' in result.reason
     assert live.services.get(DETECTOR) == before
     for _ in range(2):
         live.forget()

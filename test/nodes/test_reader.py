@@ -4,11 +4,6 @@
 
 from pathlib import Path
 
-import pytest
-
-pytest.importorskip('rclpy', reason='needs ROS 2')
-pytest.importorskip('retrolidar_ros.msg', reason='needs the messages: colcon build')
-
 from geometry_msgs.msg import PoseStamped
 from harness import Sensor, wait_for_readings
 from harness_nodes import COFFEE_IDS, running

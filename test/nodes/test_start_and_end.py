@@ -2,27 +2,68 @@
 # SPDX-License-Identifier: Apache-2.0
 """How the executables start, what they refuse at the start, and how they end."""
 
+import itertools
 import os
 import re
 import signal
 import subprocess
 import sys
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
-
-pytest.importorskip('rclpy', reason='needs ROS 2')
-pytest.importorskip('retrolidar_ros.msg', reason='needs the messages: colcon build')
-
-from harness_nodes import refusal, running
+from harness_nodes import running
 
 from retrolidar_ros.cli.demo import executable
 
 FILES = {
+    'many': f'/**:\n  ros__parameters:\n    registered_ids: {10_000 * [7]}',
     'broken': '/**:\n  ros__parameters:\n    method: [joint',
     'twice': 'markers:\n  2073: {frame: a}\n  2073: {frame: b}\n',
     'same': 'markers: {2073: {frame: mug}, 2096: {frame: mug}}\n',
 }
+
+
+# Libraries are loaded once for all nodes, each of which starts in a process of its own.
+START = """
+import os, sys
+from importlib import import_module
+mains = {name: import_module(f'retrolidar_ros.nodes.{name}').main for name in sys.argv[1:]}
+for line in sys.stdin:
+    node, log, *arguments = line.split()
+    if not (child := os.fork()):
+        for stream in (1, 2):
+            os.dup2(os.open(log, os.O_WRONLY | os.O_CREAT | os.O_APPEND), stream)
+        sys.argv = [node, '--ros-args', *arguments]
+        sys.exit(mains[node]())
+    print(os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]), flush=True)
+"""
+
+
+@pytest.fixture(scope='module')
+def refuse(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Callable[..., list[str]]]:
+    """Return a function that starts a node, and returns what it prints before it gives up."""
+    directory = tmp_path_factory.mktemp('refused')
+    for name, text in FILES.items():
+        (directory / f'{name}.yaml').write_text(text)
+    nodes = ('driver', 'detector', 'reader', 'coffee', 'heartbeat', 'landmarks')
+    command, pipe = [sys.executable, '-c', START, *nodes], subprocess.PIPE
+    with subprocess.Popen(command, stdin=pipe, stdout=pipe, text=True, cwd=directory) as process:
+        assert process.stdin is not None
+        assert process.stdout is not None
+        answers, count = process.stdout, itertools.count()
+
+        def refuse(node: str, *arguments: str) -> list[str]:
+            log = directory / f'{next(count)}.log'
+            given = [one.replace('{}', str(directory)) for one in arguments]
+            print(node, log, *given, file=process.stdin, flush=True)
+            code, lines = answers.readline(), log.read_text().splitlines()
+            assert code == '2\n', lines
+            assert not any('Traceback' in line for line in lines), lines
+            return lines
+
+        yield refuse
+        process.stdin.close()
 
 
 @pytest.mark.parametrize(
@@ -43,6 +84,10 @@ FILES = {
         ('detector', '-p marker_file:={}/same.yaml', 'marker 2073 has the frame mug, too'),
         ('detector', '-p only_registered:=true', 'only_registered: there is no marker_file'),
         ('detector', '-p child_frame:=left', "child_frame: 'left' needs {name} once"),
+        ('detector', '--params-file {}/many.yaml', '10000 numbers; 4096 are the most'),
+        ('landmarks', "-p fixed_frame:=''", 'fixed_frame is empty; TF needs a name'),
+        ('landmarks', '-p load_file:={}/nowhere.yaml', 'load_file: '),
+        ('landmarks', '-p localize:=true', '0 markers are at known places; localisation needs'),
         ('coffee', '-p objects:=[]', 'objects: there is no name'),
         ('heartbeat', '-p markers:=[]', 'markers: there is no name'),
         ('reader', '-p ports:=[/a,/b] -p names:=[x]', 'names: 1 of them for 2 ports'),
@@ -51,59 +96,78 @@ FILES = {
     ],
 )
 def test_what_cannot_be_is_one_clear_line(
-    node: str, arguments: str, message: str, tmp_path: Path
+    refuse: Callable[..., list[str]], node: str, arguments: str, message: str
 ) -> None:
-    for name, text in FILES.items():
-        (tmp_path / f'{name}.yaml').write_text(text)
-    lines = refusal(node, *arguments.replace('{}', str(tmp_path)).split())
+    lines = refuse(node, *arguments.split())
     output = '\n'.join(lines)
     assert output.count(message) == 1, output
+    assert len(output) < 2000
     written = [line for line in lines if not re.search(r'\[rcl\]: Failed to parse|\[INFO\]', line)]
     assert len(written) - ('twice.yaml' in output) == 1, output
 
 
-def warnings_of(directory: Path, node: str, *arguments: str, reliability: str) -> list[str]:
-    """Return what a node warns of until SIGTERM ends it, which it must do in order."""
-    topic, status = {
-        'driver': ('frames', 'driver: frames'),
-        'detector': ('markers', 'detector: markers'),
-    }[node]
-    with running(directory, '/ending') as system:
-        system.start(node, *arguments)
-        system.next_status(status)
-        (publisher,) = system.node.get_publishers_info_by_topic(f'/ending/{topic}')
-        assert publisher.qos_profile.reliability.name == reliability
-        system.stop(node, signal.SIGTERM)
-        return [line for line in system.log(node).splitlines() if 'is unknown' in line]
+WARNED: dict[str, tuple[str, str, tuple[str, ...]]] = {
+    'own': ('detector', '/**:\n  ros__parameters: {use_sim_time: false, robot_name: r2}', ()),
+    'other': ('driver', '/**:\n  ros__parameters: {robot_name: r2, method: paper}', ()),
+    'driver': ('driver', '/**/driver:\n  ros__parameters: {robot_name: r2}', ('robot_name',)),
+    'misspelt': (
+        'driver',
+        '/**:\n  ros__parameters: {serial_prt: x}',
+        ('serial_prt is unknown; did you mean',),
+    ),
+    'quality': (
+        'driver',
+        """/**/driver:
+  ros__parameters:
+    qos_overrides./quality/frames.publisher: {reliability: best_effort, depht: 3}
+    qos_overrides./nowhere.depth: 3
+""",
+        (
+            'publisher.depht is unknown; did you mean qos_overrides./quality/frames.publisher.d',
+            'qos_overrides./nowhere.depth is unknown',
+        ),
+    ),
+    'shapes': (
+        'landmarks',
+        """/**/landmarks:
+  ros__parameters:
+    qos_overrides./shapes/markers.subscription: {reliability: best_effort}
+    qos_overrides./shapes/landmarks/marker_array.publisher: {reliability: best_effort}
+""",
+        (),
+    ),
+}
+"""By namespace: a node, its parameters, and what it is to warn of."""
+PUBLISHED = {
+    'driver': ('frames', 'frames'),
+    'detector': ('markers', 'markers'),
+    'landmarks': ('landmarks', 'landmarks/marker_array'),
+}
+"""The subject of each node's diagnostics, and a topic."""
 
 
-def test_qualities_of_service_may_be_overridden(tmp_path: Path) -> None:
-    topic = 'qos_overrides./ending/frames.publisher'
-    elsewhere = 'qos_overrides./nowhere.depth'
-    values = (f'{topic}.reliability:=best_effort', f'{topic}.depht:=3', f'{elsewhere}:=3')
-    given = [part for one in values for part in ('-p', one)]
-    unknown = warnings_of(tmp_path, 'driver', *given, reliability='BEST_EFFORT')
-    assert any(f'{topic}.depht is unknown; did you mean {topic}.depth?' in one for one in unknown)
-    assert any(f'{elsewhere} is unknown' in one for one in unknown)
-
-
-@pytest.mark.parametrize(
-    ('node', 'text', 'expected'),
-    [
-        ('detector', '/**:\n  ros__parameters: {use_sim_time: false, robot_name: r2}', []),
-        ('driver', '/**:\n  ros__parameters: {robot_name: r2, method: paper}', []),
-        ('driver', '/**/driver:\n  ros__parameters: {robot_name: r2}', ['robot_name']),
-        ('driver', '/**:\n  ros__parameters: {serial_prt: x}', ['serial_prt is unknown; did you']),
-    ],
-)
-def test_parameters_for_all_nodes_draw_no_false_warnings(
-    node: str, text: str, expected: list[str], tmp_path: Path
-) -> None:
-    file = tmp_path / 'all.yaml'
-    file.write_text(text)
-    warnings = warnings_of(tmp_path, node, '--params-file', str(file), reliability='RELIABLE')
-    assert len(warnings) == len(expected), warnings
-    assert all(text in line for text, line in zip(expected, warnings, strict=True))
+def test_unknown_parameters_are_warned_of_and_sigterm_ends_in_order(tmp_path: Path) -> None:
+    """Where they are for all nodes, without false warnings; qualities of service are known."""
+    with running(tmp_path, '/ending') as system:
+        for namespace, (node, text, _) in WARNED.items():
+            file = tmp_path / f'{namespace}.yaml'
+            file.write_text(text)
+            given = ('--params-file', str(file))
+            system.start(node, *given, name=namespace, namespace=f'/{namespace}')
+        for namespace, (node, _, _) in WARNED.items():
+            subject, topic = PUBLISHED[node]
+            system.next_status(f'/{namespace}/{node}: {subject}')
+            (publisher,) = system.node.get_publishers_info_by_topic(f'/{namespace}/{topic}')
+            expected = 'BEST_EFFORT' if 'qos_overrides' in WARNED[namespace][1] else 'RELIABLE'
+            assert publisher.qos_profile.reliability.name == expected
+        (subscriber,) = system.node.get_subscriptions_info_by_topic('/shapes/markers')
+        assert subscriber.qos_profile.reliability.name == 'BEST_EFFORT'
+        for namespace, (_, _, warnings) in WARNED.items():
+            system.stop(namespace, signal.SIGTERM)
+            unknown = [x for x in system.log(namespace).splitlines() if 'is unknown' in x]
+            assert len(unknown) == len(warnings), unknown
+            for warning in warnings:
+                assert any(warning in line for line in unknown), unknown
 
 
 SPY = """

@@ -9,10 +9,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 import serial
-
-pytest.importorskip('rclpy', reason='needs ROS 2')
-pytest.importorskip('retrolidar_ros.msg', reason='needs the messages: colcon build')
-
 from diagnostic_msgs.msg import DiagnosticStatus
 from harness import PATIENCE_S, Sensor
 from harness_nodes import FRAME_ID, System, endless, running, values_of

@@ -6,10 +6,6 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
-
-pytest.importorskip('rclpy', reason='needs ROS 2')
-pytest.importorskip('retrolidar_ros.msg', reason='needs the messages: colcon build')
-
 from harness import Sensor
 from harness_coffee import BASE_VIEW, SENSOR_VIEW, check_coffee, publish_base
 from harness_nodes import System, running
