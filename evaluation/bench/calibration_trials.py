@@ -6,6 +6,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
+from itertools import islice
 from typing import Any
 
 import numpy as np
@@ -36,6 +37,7 @@ from retrolidar_ros.tasks.calibration.files import parameters
 SECONDS = 30.0
 SIGNALS = np.array([5.0, 30.0, 100.0])
 """At which a law of noise is held against the truth [kcps/SPAD]."""
+_READ_PACKETS = 7  # of a recording, for how much is read before and after
 _STEPS = np.array([1e-7, 2e-5, 5e-5, 5e-5])  # of bit, start, darkening and brightening [s]
 
 
@@ -157,12 +159,14 @@ def rise_bound(scene: Scene, recording: Recording) -> float:
 
 
 def packets_read(recording: Recording, scene: Scene, values: dict[str, Any]) -> float:
-    """Return the share of the time in which a repeating marker was read by some packet."""
+    """Return the share of the time of some packets in which a repeating marker was read."""
     marker = scene.markers[0]
-    begin_ns, end_ns = recording.stamp_ns[[0, -1]].tolist()
-    covered = np.zeros(int((end_ns - begin_ns) * 1e-7) + 1, dtype=bool)
     packet_ns = PACKET_BITS * marker.bit_period_s * (1 + marker.clock_error) * 1e9
-    for one in Decoding({**defaults(), **values}).detect(recording):
+    since_ns = recording.stamp_ns - recording.stamp_ns[0]
+    frames = int(np.searchsorted(since_ns, marker.start_s * 1e9 + _READ_PACKETS * packet_ns))
+    begin_ns, end_ns = recording.stamp_ns[[0, min(frames, len(recording)) - 1]].tolist()
+    covered = np.zeros(int((end_ns - begin_ns) * 1e-7) + 1, dtype=bool)
+    for one in Decoding({**defaults(), **values}).detect(islice(recording, frames)):
         if one.id == marker.id:
             first = int((one.end_ns - one.packets * packet_ns - begin_ns) * 1e-7)
             covered[max(first, 0) : int((one.end_ns - begin_ns) * 1e-7)] = True

@@ -6,7 +6,7 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -141,16 +141,11 @@ def landmarks_for(ids: Sequence[int], errors: Errors) -> dict[int, Landmark]:
     return {one: Landmark(str(one), {one: np.zeros(3)}, errors) for one in ids}
 
 
-def placed_from(
-    places: Sequence[Sequence[Reading]], ids: Sequence[int], errors: Errors
-) -> dict[int, Landmark]:
-    """Return the landmarks that readings of some places make, by marker."""
-    found = landmarks_for(ids, errors)
-    for rows in places:
-        for reading in rows:
-            if reading.marker in found:
-                found[reading.marker].take(reading)
-    return found
+def take_all(landmarks: Mapping[int, Landmark], readings: Iterable[Reading]) -> None:
+    """Let landmarks take the readings of their markers."""
+    for reading in readings:
+        if reading.marker in landmarks:
+            landmarks[reading.marker].take(reading)
 
 
 class Ready(NamedTuple):

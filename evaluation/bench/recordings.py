@@ -31,14 +31,14 @@ from retrolidar_ros.scene.transmission import visible_share
 from retrolidar_ros.sensor.frame import Floats, Recording, Status
 
 HAND_SIGNAL, HAND_DISTANCE_M = 1700.0, 0.2  # [kcps/SPAD]
-SILENCE_BITS = 60  # before a lone packet: 2.5 s
+SILENCE_BITS = 40  # before a lone packet: 1.7 s
 SECOND_CLOCK_ERROR = 0.01  # largest relative error of a second marker's clock
 WANDER_S = 0.5  # time in which a wandering wall goes its share of the bright signal
 FAR_WALL_M = 1.0  # how far a wall that is separated stands behind the marker
 GLASS_M = 0.01
 NEIGHBOUR_S = (0.033, 0.011)  # frame period of another sensor, and how long it sends in each
 _WAKING_BITS = PACKET_BITS  # a marker wakes at a random time within as many
-_TAIL_BITS = PACKET_BITS  # after the last packet
+_TAIL_BITS = 16  # after the last packet: a reading of it comes within half a second
 _ABNORMAL = np.array(
     [Status.NOT_UPDATED, Status.SIGNAL_TOO_LOW_ON_ARRAY, Status.SIGMA_TOO_HIGH, 4, 7, 8, 11],
     dtype=np.uint8,

@@ -6,6 +6,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
+from functools import cache, partial
 from typing import Any
 
 import numpy as np
@@ -46,8 +47,6 @@ MESSAGE = 'Tags: farther, sooner, turned more; LiDAR markers: smaller, in motion
 AT_M = 1.0  # where everything but distance is swept: all read nearly everything there
 SHORT_S = 1 / 250
 _PICTURES, _QUICK_PICTURES = 32, 8
-# Of lone packets; the same frames as where these are swept alone.
-_COUNTS = {'3 cm': LONE_RECORDINGS, '1 cm': SMALL_RECORDINGS, 'speed': 32}
 _NAMES = ['joint', 'paper', APRILTAG, APRILTAG_FINE, QR]
 _SENSOR = replace(SENSOR, blur=0.05)
 
@@ -73,6 +72,8 @@ def _moved(speed_m_s: float, rng: np.random.Generator) -> Sent:
 
 
 Maker = Callable[[float, np.random.Generator], Sent]
+# Recordings of lone packets; the same frames as where these are swept alone.
+_COUNTS: dict[Maker, int] = {lone: LONE_RECORDINGS, _small: SMALL_RECORDINGS, _moved: 32}
 # Of each sweep: its axis, its places, what the camera sees, and what the LiDAR sees.
 _SWEEPS: dict[str, tuple[str, tuple[float, ...], Callable[[float], View], Maker | None]] = {
     '3 cm': ('distance [m]', _3_CM_M, View, lone),
@@ -92,24 +93,21 @@ _SWEEPS: dict[str, tuple[str, tuple[float, ...], Callable[[float], View], Maker 
 }
 
 
-def _lidar(name: str, place: float, quick: bool, seed: int) -> dict[str, Any]:
+def _lidar(make: Maker, place: float, *, quick: bool, seed: int) -> dict[str, Any]:
     """Return what both methods make of lone packets, with their errors of range."""
-    make = _SWEEPS[name][3]
-    if make is None:
-        return {}
-    recordings = max(1, _COUNTS.get(name, 3) // (3 if quick else 1))
+    recordings = max(1, _COUNTS.get(make, 3) // (3 if quick else 1))
     rng = rng_at(seed, place)
     found: dict[str, list[Judged]] = {method: [] for method in METHODS}
     for _ in range(recordings):
         sent = make(place, rng)
         for method, options in BOTH.items():
             found[method].append(judged(sent, options))
-    at_m = place if name.endswith('cm') else AT_M
+    at_m = place if make in (lone, _small) else AT_M
     results = {}
     for method, rows in found.items():
         off_m = [one.place.range_m - at_m for row in rows for one in row.own]
         # Of one that moves, the range is another one at each stamp.
-        results[method] = {**read_of(rows), 'error_mm': errors([] if name == 'speed' else off_m)}
+        results[method] = {**read_of(rows), 'error_mm': errors([] if make is _moved else off_m)}
     return results
 
 
@@ -119,13 +117,13 @@ def run(rng: np.random.Generator, *, quick: bool) -> dict[str, Any]:
     readers, missing = find_readers()
     background = Background(rng)
     pictures = _QUICK_PICTURES if quick else _PICTURES
-    sweeps = {}
-    for name, (axis, places, view, _) in _SWEEPS.items():
+    sweeps, read = {}, cache(partial(_lidar, quick=quick, seed=seed))
+    for name, (axis, places, view, make) in _SWEEPS.items():
         points = [
             {
                 'place': place,
                 **read_pictures(readers, background, pictures, rng, view(place)),
-                **_lidar(name, place, quick, seed),
+                **({} if make is None else read(make, place)),
             }
             for place in places[:: 3 if quick else 1]
         ]
