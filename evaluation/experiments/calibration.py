@@ -76,7 +76,7 @@ def table(figures: dict[str, Any]) -> Table:
         inside += held.tolist()
         worst = float(np.abs(errors[:, 0]).max())
         cells = [name, str(len(errors)), f'{worst:.4g}', f'{held.mean():.0%}']
-        rows.append([*cells, *[NOTHING] * len(bound)])
+        rows.append([*cells, *[''] * len(bound)])
     for scale in dict.fromkeys(one['scale'] for one in trials):
         found = np.array(
             [
@@ -112,7 +112,7 @@ def table(figures: dict[str, Any]) -> Table:
         unread, read = _reading(of)
         words = f'packets not read: {what}'
         others.append([words, str(unread), f'{100 * (1 - read):.1f} %'])
-    rows += [[*cells, *[NOTHING] * (len(rows[0]) - len(cells))] for cells in others]
+    rows += [[*cells, *[''] * (len(rows[0]) - len(cells))] for cells in others]
     return rows
 
 

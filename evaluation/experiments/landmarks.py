@@ -233,7 +233,7 @@ def table(figures: dict[str, Any]) -> Table:
             f'{stress["beyond"]} of {stress["holds"]["trials"]}'
         ),
     }
-    return rows + [[what, NOTHING, value, NOTHING] for what, value in others.items()]
+    return rows + [[what, '', value, ''] for what, value in others.items()]
 
 
 def draw(figures: dict[str, Any]) -> Any:

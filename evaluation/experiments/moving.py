@@ -17,7 +17,7 @@ from evaluation.bench.rates import rate
 from evaluation.bench.recordings import Path, record, signal_at
 from evaluation.bench.stresses import PLAIN
 from evaluation.report.charts import draw_shares, label, legend_below, line, look, new_chart
-from evaluation.report.claims import NOTHING, Table, as_text, percent
+from evaluation.report.claims import Table, as_text, percent
 from retrolidar_ros.detector import METHODS
 from retrolidar_ros.marker.dictionary import USABLE_IDS
 from retrolidar_ros.scene.reference import SENSOR
@@ -153,7 +153,7 @@ def table(figures: dict[str, Any]) -> Table:
             cells = [
                 f'{percent(one["read"])}; {as_text(one["range_mm"], "mm", 0)}' for one in found
             ]
-            cells += [NOTHING] * (len(rows[0]) - 1 - len(cells))
+            cells += [''] * (len(rows[0]) - 1 - len(cells))
             rows.append([f'{curve["way"]} at {curve["range_m"]:g} m, {method}', *cells])
     return rows
 

@@ -24,7 +24,6 @@ from evaluation.bench.stresses import PLAIN
 from evaluation.report.charts import label, legend_below, line, look, new_chart
 from evaluation.report.claims import (
     BOTH_CLAIMED,
-    NOTHING,
     Claim,
     Claims,
     Table,
@@ -184,7 +183,7 @@ def table(figures: dict[str, Any]) -> Table:
     table = [['false IDs an hour (95 %), as shipped', 'joint', 'in hours', 'paper', 'in hours']]
     for name, row in rows.items():
         cells = [part for one in row for part in (per_hour(one), f'{one["hours"]:.3g}')]
-        table.append([name, *cells, *[NOTHING] * (4 - len(cells))])
+        table.append([name, *cells, *[''] * (4 - len(cells))])
     return table
 
 

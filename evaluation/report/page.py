@@ -58,19 +58,9 @@ def _run(report: Report) -> str:
     )
 
 
-def _chart(name: str, figures: Mapping[str, Any]) -> str:
-    """Return a chart with where its figures are and how to make it again."""
-    run = figures['run']
-    options = ' '.join([name, *(['--quick'] if run['quick'] else []), *_seed(run['seed'])])
-    quoted = f"'{options}'" if ' ' in options else options
-    return (
-        f'![{EXPERIMENTS[name].TITLE}]({name}.png)\n\n'
-        f'`make evaluate ARGS={quoted}` · [figures]({name}.json)'
-    )
-
-
-def _seed(seed: int) -> list[str]:
-    return [] if seed == 1 else [f'--seed {seed}']
+def _chart(name: str) -> str:
+    """Return a chart with where its figures are."""
+    return f'![{EXPERIMENTS[name].TITLE}]({name}.png)\n\n[figures]({name}.json)'
 
 
 def filled(text: str, report: Report) -> str:
@@ -83,7 +73,7 @@ def filled(text: str, report: Report) -> str:
         if name not in report:
             raise ValueError(f'{slot[0]}: there is no experiment of that name, or it has not run')
         if kind == 'chart':
-            return _chart(name, report[name])
+            return _chart(name)
         if kind == 'table':
             return markdown(EXPERIMENTS[name].table(report[name]))
         if kind == 'claim' and item in (claims := claims_of(name, report)):
