@@ -109,8 +109,7 @@ KINDS: dict[str, Callable[[Scene], Scene]] = {
     'a cover glass': _sensor(crosstalk=60.0),
     "another sensor's light": _sensor(second_sensor=SecondSensor(30.0, 0.033, 0.011)),
     'walls a metre behind': _walls_behind,
-}
-"""What else recordings are of, that are read before and after calibration."""
+}  # what else recordings are of, that are read before and after calibration
 
 
 def rise_bound(scene: Scene, recording: Recording) -> float:

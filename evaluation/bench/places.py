@@ -139,13 +139,6 @@ def view_from(
     return Scene(sensor=sensor, markers=tuple(seen), surfaces=surfaces)
 
 
-class LiveReading(NamedTuple):
-    """A detection, and when it is known."""
-
-    known_ns: int  # stamp of the frame with which it came [ns]
-    detection: Detection
-
-
 class PlaceError(NamedTuple):
     """By how much a place is wrong."""
 
@@ -155,11 +148,18 @@ class PlaceError(NamedTuple):
     squared_distance: float  # of the position, in standard deviations of its covariance
 
 
-def read_live(detector: Detector, recording: Recording) -> Iterator[LiveReading]:
+class Look(NamedTuple):
+    """A detection, and when it is known."""
+
+    known_s: float  # from the first frame to that with which it came
+    detection: Detection
+
+
+def read_live(detector: Detector, recording: Recording) -> Iterator[Look]:
     """Give frames to a detector one by one, and yield what comes of each."""
     for frame in recording:
         for detection in detector.update(frame):
-            yield LiveReading(frame.stamp_ns, detection)
+            yield Look(1e-9 * (frame.stamp_ns - int(recording.stamp_ns[0])), detection)
 
 
 def place_error(place: Place, truth_m: Floats) -> PlaceError:
@@ -181,25 +181,21 @@ def millimetres(lengths_m: ArrayLike) -> list[float]:
     return rounded
 
 
+def rms(values: ArrayLike) -> float | None:
+    """Return the root mean square of values, None without any."""
+    return float(np.sqrt(np.mean(np.square(values)))) if np.size(values) else None
+
+
 def held(squared_distances: ArrayLike) -> Rate | None:
     """Return in how many places the truth is within the 95 % ellipsoid; None without any."""
     squared = np.asarray(squared_distances)
     return rate(int(np.count_nonzero(squared <= ELLIPSOID)), squared.size) if squared.size else None
 
 
-class Look(NamedTuple):
-    """One detection, from when it was known on."""
-
-    known_s: float
-    detection: Detection
-
-
 def looks(scene: Scene, duration_s: float, rng: np.random.Generator) -> Iterator[Look]:
-    """Yield what a detector reads of a scene, in order, by the time from the first frame."""
+    """Return what the default reads of a scene, in order."""
     recording = Simulation(scene, rng).run(duration_s)
-    origin_ns = int(recording.stamp_ns[0])
-    for known_ns, detection in read_live(create_detector('joint', recording.grid), recording):
-        yield Look((known_ns - origin_ns) * 1e-9, detection)
+    return read_live(create_detector('joint', recording.grid), recording)
 
 
 def pose_of_tf(pose: Pose, stddev_m: float, rng: np.random.Generator) -> SensorPose:

@@ -127,24 +127,11 @@ def record(
 ) -> Sent:
     """Return frames of a marker in the middle of every zone, or of one on its way.
 
-    Parameters
-    ----------
-    stress : Stress
-    signal : float
-        Of the bright markers, without the wall [kcps/SPAD].
-    rng : numpy.random.Generator
-    ids : array of int, shape (n,)
-        What IDs are drawn from; ValueError if there are fewer than markers.
-    range_m : float or None
-        Of markers and walls [m]; None = where a marker of 3 cm is so bright.
-    repeated_s : float or None
-        How long the recording is [s], of markers that have always been sending; None = each
-        sends one packet, at a random time.
-    sensor : Sensor
-    ambient : float
-        Light [kcps/SPAD].
-    path : callable or None
-        Where the only marker is; it has `signal` at `range_m`.
+    Bright markers have `signal` above the wall [kcps/SPAD], and stand with their walls at `range_m`
+    [m], by default where markers of 3 cm are so bright; or the only one is on `path`, and has
+    `signal` at `range_m`. Their IDs are drawn from `ids`, shape (n,); ValueError if these are fewer
+    than markers. Each sends one packet at a random time, or has always been sending in a recording
+    of `repeated_s` [s]. There is `ambient` light [kcps/SPAD].
     """
     zones, period_s = sensor.grid.zones, sensor.period_s
     markers = zones if path is None else 1

@@ -18,14 +18,10 @@ TITLE = 'Calibration from a recording'
 MESSAGE = 'What a calibration says of its own errors holds'
 _TRIALS, _QUICK_TRIALS = 20, 2
 SCALES = (0.25, 1.0, 4.0, 8.0)
-SENSORS = ((1 / 60, 4), (0.021, 4), (1 / 30, 4), (1 / 15, 8))
-"""Frame period [s], and rows of zones."""
-KIND_SCALE = 4.0
-"""Scale of the noise, of other kinds of recordings."""
-RISE_MS = 1.0
-"""How well the time in which a crystal brightens is to be found, where that can be."""
-FEW = 0.5
-"""Of the packets, below which a recording counts as not read."""
+SENSORS = ((1 / 60, 4), (0.021, 4), (1 / 30, 4), (1 / 15, 8))  # frame period [s], and rows of zones
+KIND_SCALE = 4.0  # scale of the noise, of other kinds of recordings
+RISE_MS = 1.0  # how well the time in which a crystal brightens is to be found, where that can be
+FEW = 0.5  # of the packets, below which a recording counts as not read
 
 
 def run(rng: np.random.Generator, *, quick: bool) -> dict[str, Any]:

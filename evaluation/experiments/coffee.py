@@ -59,7 +59,7 @@ def place_all(method: str, recording: Recording, scene: Scene, pose: Pose) -> Ou
     markers = {marker.id: marker for marker in scene.markers}
     board = ObjectBoard([one.name for one in markers.values()], MAX_STDDEV_M, STALE_AFTER_S)
     errors: dict[str, PlaceError] = {}
-    for known_ns, detection in read_live(new_detector(recording.grid, BOTH[method]), recording):
+    for known_s, detection in read_live(new_detector(recording.grid, BOTH[method]), recording):
         marker = markers.get(detection.id)
         if marker is None:
             continue
@@ -68,8 +68,8 @@ def place_all(method: str, recording: Recording, scene: Scene, pose: Pose) -> Ou
         position_m = pose.to_world(place.position_m)
         board.see(marker.name, detection.stamp_ns, 'world', position_m, covariance)
         errors[marker.name] = place_error(place, np.array(marker.position_m))
-        if not board.missing(known_ns):
-            return Outcome((known_ns - int(recording.stamp_ns[0])) * 1e-9, errors)
+        if not board.missing(int(recording.stamp_ns[0]) + round(1e9 * known_s)):
+            return Outcome(known_s, errors)
     return Outcome(math.inf, errors)
 
 

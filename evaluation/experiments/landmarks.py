@@ -22,7 +22,7 @@ from evaluation.bench.hand_trials import (
     visits,
 )
 from evaluation.bench.landmark_trials import drone_trial, room_trial, tilt_trial
-from evaluation.bench.places import held
+from evaluation.bench.places import held, rms
 from evaluation.bench.rates import rate
 from evaluation.peers.hand_tags import TagCamera
 from evaluation.peers.visual_markers import APRILTAG, find_readers
@@ -52,7 +52,7 @@ def _errors(rows: list[Error]) -> dict[str, Any]:
     sizes = 1e3 * np.array([row.error_m for row in rows])
     return {
         'median_mm': float(np.median(sizes)),
-        'rms_mm': float(np.sqrt(np.mean(sizes**2))),
+        'rms_mm': rms(sizes),
         'stddev_mm': float(1e3 * np.median([row.stddev_m for row in rows])),
         'holds': held(squared),
         'beyond': int(np.count_nonzero(np.array(squared) > _RARE)),
@@ -144,18 +144,18 @@ def _stressed(world: Scene, trials: int, rng: np.random.Generator) -> dict[str, 
 def _room(markers: int, trials: int, rng: np.random.Generator) -> dict[str, Any]:
     """Return errors of a robot's pose among markers, and how often it was clear enough."""
     found = [room_trial(markers, rng) for _ in range(trials)]
-    off_m, yaw_deg = [], []
+    off_mm, yaw_deg = [], []
     for pose, position_m, rotation in (one for one in found if one is not None):
-        off_m.append(float(np.linalg.norm((pose.position_m - position_m)[:2])))
+        off_mm.append(1e3 * float(np.linalg.norm((pose.position_m - position_m)[:2])))
         turned = pose.rotation @ rotation.T
         yaw_deg.append(math.degrees(math.atan2(turned[1, 0], turned[0, 0])))
     return {
         'markers': markers,
         'trials': trials,
-        'clear': len(off_m),
-        'rms_mm': 1e3 * float(np.sqrt(np.mean(np.square(off_m)))),
-        'median_mm': 1e3 * float(np.median(off_m)),
-        'yaw_rms_deg': float(np.sqrt(np.mean(np.square(yaw_deg)))),
+        'clear': len(off_mm),
+        'rms_mm': rms(off_mm),
+        'median_mm': float(np.median(off_mm)),
+        'yaw_rms_deg': rms(yaw_deg),
     }
 
 

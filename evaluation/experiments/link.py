@@ -22,7 +22,7 @@ from retrolidar_ros.sensor.frame import Floats
 
 TITLE = 'Link budget'
 MESSAGE = "The simulated link keeps the paper's laws"
-PAPER_EXPONENT, PAPER_DISTANCE_R2, PAPER_AREA_R2 = -3.8, 0.9826, 0.9853
+PAPER_EXPONENT = -3.8
 PAPER_GAIN, PAPER_BOARD_M = 100.4, 1.4
 BOARD_SIGNAL = 4.0  # of a plain board of 9 cm² at `PAPER_BOARD_M` (paper §3.2) [kcps/SPAD]
 CRYSTAL_PASSES = 0.25  # of the light, twice through both polarisers: what we put in

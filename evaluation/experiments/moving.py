@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from evaluation.bench.judging import BOTH, judged
-from evaluation.bench.places import place_error
+from evaluation.bench.places import place_error, rms
 from evaluation.bench.rates import rate
 from evaluation.bench.recordings import Path, record, signal_at
 from evaluation.bench.stresses import PLAIN
@@ -79,10 +79,6 @@ def swinging(half_m: float, range_m: float, rng: np.random.Generator) -> Path:
 WAYS = {'across the view': across, 'to and fro': along}
 
 
-def _rms(lengths_m: list[float]) -> float | None:
-    return 1e3 * float(np.sqrt(np.mean(np.square(lengths_m)))) if lengths_m else None
-
-
 def _followed(
     way: Callable[[float, float, np.random.Generator], Path],
     value: float,
@@ -93,7 +89,7 @@ def _followed(
     """Return what both methods read of a marker that repeats while it moves."""
     packets = 0
     read = dict.fromkeys(METHODS, 0)
-    errors_m: dict[str, list[float]] = {method: [] for method in METHODS}
+    errors_mm: dict[str, list[float]] = {method: [] for method in METHODS}
     how: dict[str, Any] = {'range_m': range_m, 'repeated_s': DURATION_S, 'sensor': _SENSOR}
     for _ in range(runs):
         path = way(value, range_m, rng)
@@ -109,12 +105,12 @@ def _followed(
             ]
             read[method] += len({math.floor(one / sent.packet_s) for one in middles_s} & {*whole})
             truths_m = [path(np.array([1e-9 * one.stamp_ns]))[0] for one in found.own]
-            errors_m[method] += [
-                place_error(one.place, truth_m).range_m
+            errors_mm[method] += [
+                1e3 * place_error(one.place, truth_m).range_m
                 for one, truth_m in zip(found.own, truths_m, strict=True)
             ]
     return {
-        method: {'read': rate(read[method], packets), 'range_mm': _rms(errors_m[method])}
+        method: {'read': rate(read[method], packets), 'range_mm': rms(errors_mm[method])}
         for method in METHODS
     }
 

@@ -27,7 +27,7 @@ from evaluation.experiments.sweeps import ends_of, rng_at
 from evaluation.peers.background import Background
 from evaluation.peers.pictures import View, errors, read_pictures
 from evaluation.peers.visual_markers import APRILTAG, APRILTAG_FINE, QR, find_readers
-from evaluation.report.charts import LEVEL, draw_shares, label, legend_below, look, new_chart
+from evaluation.report.charts import draw_reads, label, legend_below, look, new_chart
 from evaluation.report.claims import (
     NOTHING,
     Claim,
@@ -233,12 +233,17 @@ def draw(figures: dict[str, Any]) -> Any:
     figure, panels = new_chart(2, 4, 18, 9.5, MESSAGE)
     for axis, (name, title) in zip(panels, _PANELS.items(), strict=True):
         if name == 'error':
-            _draw_errors(axis, figures['sweeps']['3 cm'])
+            sweep = figures['sweeps']['3 cm']
+            for reader in sweep['ends']:
+                known = [point for point in sweep['points'] if point[reader]['error_mm']]
+                medians = [point[reader]['error_mm']['median'] for point in known]
+                axis.plot([point['place'] for point in known], medians, **look(reader))
             label(axis, 'distance [m]', 'median error of range [mm]', title, yscale='log')
             continue
-        _draw_reads(axis, figures['sweeps'][name], '-')
-        if name == 'speed':
-            _draw_reads(axis, figures['sweeps']['speed, 4 ms'], ':')
+        for key, style in ((name, '-'), (f'{name}, 4 ms', ':')):
+            if key in figures['sweeps']:
+                sweep = figures['sweeps'][key]
+                draw_reads(axis, sweep['points'], sweep['ends'], wrong=False, linestyle=style)
         y = 'read in one packet or picture [%]' if axis in panels[::4] else ''
         label(axis, figures['sweeps'][name]['axis'], y, title, percent=True)
         if name == 'light':
@@ -246,18 +251,3 @@ def draw(figures: dict[str, Any]) -> Any:
             axis.invert_xaxis()
     legend_below(figure, [name for name in _NAMES if name not in figures['missing']])
     return figure
-
-
-def _draw_reads(axis: Any, sweep: dict[str, Any], style: str) -> None:
-    places = [point['place'] for point in sweep['points']]
-    for name in sweep['ends']:
-        rates = [point[name]['right'] for point in sweep['points']]
-        draw_shares(axis, places, rates, linestyle=style, **look(name))
-    axis.axhline(100 * LEVEL, color='0.6', linewidth=0.8)
-
-
-def _draw_errors(axis: Any, sweep: dict[str, Any]) -> None:
-    for name in sweep['ends']:
-        points = [point for point in sweep['points'] if point[name]['error_mm']]
-        values = [point[name]['error_mm']['median'] for point in points]
-        axis.plot([point['place'] for point in points], values, **look(name))

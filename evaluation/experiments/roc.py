@@ -56,8 +56,7 @@ GROUPS = {
     'signals that walk': tuple(one.name for one in FAMILY if 'walk' in one.name),
     'what comes and goes, hands': ('come and go', 'come together', 'hands'),
     'what blinks, and is no marker': tuple(one.name for one in FAMILY if one.blinks),
-}
-"""Members of the family by the panel that shows them."""
+}  # members of the family by the panel that shows them
 STILL = 'all that do not blink'
 _RANGES_M = (2.6, 3.0)
 _QUICK_SHARE = 0.02

@@ -31,8 +31,7 @@ ARRANGEMENTS = {
     'neighbours': ((1.2, -6, -6), (1.5, 6, -6), (1.8, 6, 6)),
     'on borders': ((1.0, -12, 6), (1.5, 0, -6), (2.0, 12, 6)),
     'bright beside faint': ((1.0, 6, 6), (2.0, 18, 6), (2.0, 6, -6)),
-}
-"""Where the markers are: range [m], angles to the right and down [°]."""
+}  # where the markers are: range [m], angles to the right and down [°]
 SHARES = (1.0, 0.7, 0.5, 0.35, 0.25, 0.15, 0.1)
 """Signal of the fainter marker of two in one zone over that of the brighter."""
 WATCHED_S = 8.0

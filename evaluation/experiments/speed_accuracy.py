@@ -201,8 +201,7 @@ _LINES = {
     'paper: threshold': ('--', 'paper, 3 packets: threshold 0.5 to 0.1; half are read'),
     'AprilTag: decimation': ('-', 'AprilTag 3: decimation 4 to 1'),
     'QR code: zbar': ('-', 'QR code'),
-}
-"""Line and words of the curves that are drawn."""
+}  # line and words of the curves that are drawn
 
 
 def _frontier(points: Sequence[dict[str, Any]]) -> list[tuple[float, float]]:

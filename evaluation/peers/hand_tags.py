@@ -11,7 +11,7 @@ import numpy as np
 
 from evaluation.bench import places as hand
 from evaluation.bench.hand_trials import Visit, errors_for
-from evaluation.bench.places import pose_of_tf
+from evaluation.bench.places import pose_of_tf, rms
 from evaluation.peers.background import Background
 from evaluation.peers.camera import FOCAL_PX, Pose, expose, facing_pose, tilted
 from evaluation.peers.visual_markers import APRILTAG, AprilTagReader, square_range
@@ -21,8 +21,7 @@ from retrolidar_ros.tasks.reading import Errors, Reading
 
 _SIZE_M, _LUX, _TAG = 0.03, 300.0, 7
 _RANGES_M, _TRIES = (0.8, 1.2, 1.6, 1.9, 2.2), 16
-_PICTURES = 3
-"""Whose mean is a reading; more of them leave what pixels do to corners."""
+_PICTURES = 3  # whose mean is a reading; more of them leave what pixels do to corners
 _ROLL_RAD, _TILT_RAD, _AIM_RAD = 0.6, 0.2, math.radians(5)
 _EXACT = 1e-5
 
@@ -44,8 +43,8 @@ class TagCamera:
                     seen_range_m = float(np.linalg.norm(seen_m))
                     turns += (seen_m / seen_range_m - pose.position_m / range_m)[:2].tolist()
                     off_m.append(seen_range_m - range_m)
-            self._stddev_m.append(float(np.sqrt(np.mean(np.square(off_m)))))
-        self.turn_rad = float(np.sqrt(np.mean(np.square(turns))))
+            self._stddev_m.append(rms(off_m) or math.nan)
+        self.turn_rad = rms(turns) or math.nan
         """Deviation of a direction, along each axis."""
 
     def errors(self, pose_m: float) -> Errors:

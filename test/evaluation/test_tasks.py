@@ -113,7 +113,8 @@ def test_frames_one_by_one_give_each_reading_as_soon_as_all_of_it_was_seen() -> 
     recording = Simulation(WORLD).run(4)
     readings = list(read_live(create_detector('joint', recording.grid), recording))
     assert {one.detection.id for one in readings} == {one.id for one in WORLD.markers}
-    for known_ns, detection in readings:
+    for known_s, detection in readings:
+        known_ns = 1e9 * known_s + recording.stamp_ns[0]
         assert detection.start_ns < detection.stamp_ns < detection.end_ns
         assert 0 <= known_ns - detection.end_ns < 0.5e9
 
