@@ -7,7 +7,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import replace
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -37,10 +37,8 @@ _UPRIGHT = np.array([[0.0, 0.0, 1.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0]])
 
 def markers_of(places_m: Mapping[int, Floats], wander: Wander | None = None) -> list[Marker]:
     """Return markers at places [m] by ID."""
-    return [
-        Marker(one, tuple(place_m), f'{one}', response=RESPONSE, wander=wander)
-        for one, place_m in places_m.items()
-    ]
+    how: dict[str, Any] = {'response': RESPONSE, 'wander': wander}
+    return [Marker(one, tuple(place_m), f'{one}', **how) for one, place_m in places_m.items()]
 
 
 class Tilt(NamedTuple):
@@ -84,9 +82,8 @@ def tilt_trial(roll_rad: float, rng: np.random.Generator) -> Tilt | None:
 def _direction_bound(places_m: Floats) -> float:
     """Return how much the light of markers leaves open of where a rigid object is seen [rad].
 
-    Turned about the sensor, an object keeps all its ranges; only what each zone sees of each
-    marker changes. This is the deviation of the directions, both axes together, that give what is
-    seen as well as the noise of one packet lets tell, all as likely before.
+    Turned about the sensor, it keeps its ranges; only what zones see of markers changes. This is
+    the deviation of the directions that give what is seen as well as one packet's noise lets tell.
     """
     grid = SENSOR.grid
     steps = np.linspace(-1, 1, _BOUND_STEPS) * grid.pitch

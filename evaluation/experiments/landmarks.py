@@ -63,8 +63,7 @@ def _places(
     world: Scene, sides_m: Sequence[float], trials: int, rng: np.random.Generator
 ) -> list[dict[str, Any]]:
     """Return errors of each object by distance of the places, and by how many of them."""
-    found = []
-    ids = [one.id for one in world.markers]
+    found, ids = [], [one.id for one in world.markers]
     for side_m in sides_m:
         rows: dict[tuple[int, int], list[Error]] = {}
         for _ in range(trials):
@@ -87,12 +86,8 @@ def _places(
 
 
 def _beside_tags(world: Scene, trials: int, rng: np.random.Generator) -> list[dict[str, Any]]:
-    """Return errors of each object from four places, of LiDAR markers and of AprilTags.
-
-    Both have the same places, the same least squares and the same errors of TF.
-    """
-    camera = TagCamera(rng)
-    ids = [one.id for one in world.markers]
+    """Return errors of LiDAR markers and of AprilTags, all else alike, from four places."""
+    camera, ids = TagCamera(rng), [one.id for one in world.markers]
     rows: dict[tuple[str, float, int], list[Error]] = {}
     for _ in range(trials):
         trial = visits(world, _TAG_SIDE_M, _STAY_S, rng)
@@ -192,13 +187,14 @@ def table(figures: dict[str, Any]) -> Table:
     """Return errors, and how often the 95 % ellipsoid holds."""
     rows = [['', 'median', 'rms', 'in the 95 % ellipsoid']]
 
+    def joined(own: list[dict[str, Any]], key: str, digits: int = 0) -> str:
+        return '/'.join(f'{row[key]:.{digits}f}' for row in own)
+
     def add(what: str, own: list[dict[str, Any]]) -> None:
         hits, tries = (
             sum(row['holds'][key] for row in own if 'holds' in row) for key in ('hits', 'trials')
         )
-        sizes = [
-            f'{"/".join(f"{row[key]:.1f}" for row in own)} mm' for key in ('median_mm', 'rms_mm')
-        ]
+        sizes = [f'{joined(own, key, 1)} mm' for key in ('median_mm', 'rms_mm')]
         rows.append([what, *sizes, percent(rate(hits, tries)) if tries else NOTHING])
 
     for side_m, count in ((0.2, 1), (0.2, 4), (0.4, 4)):
@@ -212,20 +208,16 @@ def table(figures: dict[str, Any]) -> Table:
         tf = f'TF off by {1e3 * pose_m:g} mm and 0.2°' if pose_m else 'exact TF'
         add(f'the last, {kind}, {tf}', own)
     drones, rooms = figures['drones'], figures['rooms']
-    updates = '/'.join(f'{row["updates_per_s"]:.1f}' for row in drones)
-    sensors = '/'.join(f'{row["sensors"]}' for row in drones)
+    sensors, updates = joined(drones, 'sensors'), joined(drones, 'updates_per_s', 1)
     add(f'drone before {sensors} sensors, {updates} updates a second', drones)
-    markers = '/'.join(f'{row["markers"]}' for row in rooms)
-    heading = '/'.join(f'{row["yaw_rms_deg"]:.1f}' for row in rooms)
-    clear = '/'.join(f'{row["clear"]}' for row in rooms)
-    what = f'heading {heading}° rms, clear in {clear} of {rooms[0]["trials"]}'
-    add(f'robot among {markers} markers, {what}', rooms)
-    ready, (sight, fixed, bound) = figures['ready_s'], figures['tilt_deg']
-    within, stress = sum(one <= _READY_S for one in ready), figures['stress']
+    what = f'robot among {joined(rooms, "markers")} markers, heading '
+    what += f'{joined(rooms, "yaw_rms_deg", 1)}° rms, clear in {joined(rooms, "clear")}'
+    add(f'{what} of {rooms[0]["trials"]}', rooms)
+    sight, fixed, bound = figures['tilt_deg']
+    within, stress = sum(one <= _READY_S for one in figures['ready_s']), figures['stress']
+    ready = f'all three within {1e3 * _READY_M:g} mm in {_READY_S:g} s'
     others = {
-        f'all three within {1e3 * _READY_M:g} mm in {_READY_S:g} s': (
-            f'{within} of {figures["trials"]}'
-        ),
+        ready: f'{within} of {figures["trials"]}',
         'tilt of four markers on 20 cm, against the line of sight': f'{sight:.2f}°',
         'the same in the fixed frame': f'{fixed:.2f}°',
         'what zones and light leave open of that': f'{bound:.2f}°',
@@ -262,8 +254,8 @@ def draw(figures: dict[str, Any]) -> Any:
     what = 'beside tags of 3 cm, four places 0.4 m apart'
     label(beside, 'distance of the object [m]', y, what, yscale='log')
     number.set_xticks(range(1, len(CORNERS) + 1))
-    for axis in (baseline, number):
-        axis.axhline(10, **line('--', '0.4'), linewidth=1)
+    baseline.axhline(10, **line('--', '0.4'), linewidth=1)
+    number.axhline(10, **line('--', '0.4'), linewidth=1)
     if figures['tags']:
         legend_under(beside)
     kinds = {'median': line('-'), 'estimated deviation': line(':'), '10 mm': line('--', '0.4')}

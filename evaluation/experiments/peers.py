@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from evaluation.bench.judging import BOTH, Judged, judged, read_of
+from evaluation.bench.judging import judge_all, read_of
 from evaluation.bench.recordings import Sent, record, signal_at
 from evaluation.bench.stresses import PLAIN
 from evaluation.experiments.moving import across
@@ -38,7 +38,6 @@ from evaluation.report.claims import (
     end_as_text,
     signed,
 )
-from retrolidar_ros.detector import METHODS
 from retrolidar_ros.marker.dictionary import USABLE_IDS
 from retrolidar_ros.scene.reference import SENSOR
 
@@ -96,14 +95,8 @@ _SWEEPS: dict[str, tuple[str, tuple[float, ...], Callable[[float], View], Maker 
 def _lidar(make: Maker, place: float, *, quick: bool, seed: int) -> dict[str, Any]:
     """Return what both methods make of lone packets, with their errors of range."""
     recordings = max(1, _COUNTS.get(make, 3) // (3 if quick else 1))
-    rng = rng_at(seed, place)
-    found: dict[str, list[Judged]] = {method: [] for method in METHODS}
-    for _ in range(recordings):
-        sent = make(place, rng)
-        for method, options in BOTH.items():
-            found[method].append(judged(sent, options))
-    at_m = place if make in (lone, _small) else AT_M
-    results = {}
+    at_m, results = place if make in (lone, _small) else AT_M, {}
+    found = judge_all(partial(make, place), recordings, rng_at(seed, place))
     for method, rows in found.items():
         off_m = [one.place.range_m - at_m for row in rows for one in row.own]
         # Of one that moves, the range is another one at each stamp.
@@ -165,20 +158,21 @@ _ROWS = {
 
 def table(figures: dict[str, Any]) -> Table:
     """Return where each stops reading, where the AprilTag is better first."""
-    lines: list[tuple[float, list[str]]] = []
-    for sweep, (unit, what) in _ROWS.items():
-        cells = [words(figures, sweep, name, unit, 0 if unit == '°' else 2) for name in _NAMES]
-        if sweep in ('light', 'glare'):
-            cells[:2] = ['own light'] * 2
-        ends = [end(figures, sweep, name) or 0.0 for name in _NAMES]
-        lead = max(ends[2:]) / ends[0] if ends[0] else 0.0
-        lines.append((lead, [what, *cells]))
+
+    def lead(sweep: str) -> float:
+        ours, _, *tags = (end(figures, sweep, name) or 0.0 for name in _NAMES)
+        return max(tags) / ours if ours else 0.0
+
     rows = [
         ['80 % are read to', 'LiDAR, default', 'LiDAR, paper', *_NAMES[2:]],
         ['time to an answer', '1.3 s', '1.3 s', *['33 ms'] * 3],
         ['orientation', 'none', 'none', *['full'] * 3],
-        *(row for _, row in sorted(lines, key=lambda one: -one[0])),
     ]
+    for sweep in sorted(_ROWS, key=lead, reverse=True):
+        unit, what = _ROWS[sweep]
+        cells = [words(figures, sweep, name, unit, 0 if unit == '°' else 2) for name in _NAMES]
+        lit = ['own light'] * 2 if sweep in ('light', 'glare') else cells[:2]
+        rows.append([what, *lit, *cells[2:]])
     for range_m in (1.0, 2.0):
         cells = [as_text(error(figures, name, range_m, 'median'), 'mm', 1) for name in _NAMES]
         rows.append([f'median error of range, 3 cm at {range_m:g} m', *cells])

@@ -45,9 +45,9 @@ SHIPPED = {'joint': USUAL_FALSE_IDS_PER_HOUR, 'paper': LIKELIHOOD_THRESHOLD}
 BUDGETS_H = {1e4: 0.006, 1e3: 0.02, 1e2: 0.05}
 """Sensor-hours before each member, by the budget: what is lax errs often enough in a short time."""
 THRESHOLDS = (0.03, 0.05, 0.08, 0.12, 0.16, 0.2, 0.25, 0.3, LIKELIHOOD_THRESHOLD, 0.5, 0.65, 0.8)
-SHIPPED_H = {'white': 6.0, 'walk 0.1': 3.0}
+SHIPPED_H = {'white': 5.0, 'walk 0.1': 2.5}
 """Sensor-hours of the default as shipped: what leaves little to search gets as long to compute."""
-BUSY_H, BLINKING_H, PAPER_H, SILENT_H, WHITE_H = 0.5, 0.02, 0.06, 0.3, 2.0
+BUSY_H, BLINKING_H, PAPER_H, SILENT_H, WHITE_H = 0.4, 0.02, 0.05, 0.2, 2.0
 _BLINKING_SHARE = 0.1  # of the hours of other members: false IDs are frequent there
 WHITE_BUDGET, REGISTERED = 10.0, (3, 30, 300)
 """Budget, and how many IDs are registered, for `WHITE_H` before white noise alone."""
@@ -59,6 +59,7 @@ GROUPS = {
 }  # members of the family by the panel that shows them
 STILL = 'all that do not blink'
 _RANGES_M = (2.6, 3.0)
+_FACES: tuple[dict[str, str], ...] = ({}, {'markerfacecolor': 'white'})
 _QUICK_SHARE = 0.02
 _PREAMBLES = 'false preambles'
 _SILENT = partial(source_blocks, partial(White, signals=(30.0, 30.0)))
@@ -202,7 +203,7 @@ def claims(figures: dict[str, Any]) -> Claims:
 def _draw_group(axis: Any, figures: dict[str, Any], group: str) -> None:
     """Draw identification over the false IDs of a group, with the confidence of these."""
     for method in METHODS:
-        for at, face in zip(_RANGES_M, ({}, {'markerfacecolor': 'white'}), strict=True):
+        for at, face in zip(_RANGES_M, _FACES, strict=True):
             how = look(method) | face
             points = figures['methods'][method]
             found = [grouped(point, group) for point in points]
@@ -228,10 +229,10 @@ def draw(figures: dict[str, Any]) -> Any:
         label(axis, x, y, group, percent=True, xscale='log')
     ring = {'markersize': 13, 'fillstyle': 'none', 'linestyle': ''}
     others: dict[str, Any] = {
-        f'at {_RANGES_M[0]:g} m': line('-') | {'marker': 'o'},
-        f'at {_RANGES_M[1]:g} m': line('-') | {'marker': 'o', 'markerfacecolor': 'white'},
-        'as shipped': line('', '0.1') | {'marker': 'o'} | ring,
-        'none seen: upper bound': line('-', '0.4') | {'marker': '<'},
+        f'at {at:g} m': line('-') | {'marker': 'o'} | face
+        for at, face in zip(_RANGES_M, _FACES, strict=True)
     }
+    others['as shipped'] = line('', '0.1') | {'marker': 'o'} | ring
+    others['none seen: upper bound'] = line('-', '0.4') | {'marker': '<'}
     legend_below(figure, METHODS, others)
     return figure

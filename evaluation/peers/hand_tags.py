@@ -13,7 +13,7 @@ from evaluation.bench import places as hand
 from evaluation.bench.hand_trials import Visit, errors_for
 from evaluation.bench.places import pose_of_tf, rms
 from evaluation.peers.background import Background
-from evaluation.peers.camera import FOCAL_PX, Pose, expose, facing_pose, tilted
+from evaluation.peers.camera import FOCAL_PX, Pose, expose, facing, facing_pose, tilted
 from evaluation.peers.visual_markers import APRILTAG, AprilTagReader, square_range
 from retrolidar_ros.scene import Scene
 from retrolidar_ros.sensor.frame import Floats
@@ -78,7 +78,7 @@ class TagCamera:
                     yaw + math.atan2(x, z), pitch - math.atan2(y, math.hypot(x, z)), 0.0
                 )
                 camera = hand.Pose(visit.pose.position_m, turned)
-                tag = Pose(camera.to_sensor(at_m), turned.T @ _facing(at_m))
+                tag = Pose(camera.to_sensor(at_m), turned.T @ facing(at_m).rotation)
                 seen_m = self._see(tag, rng)
                 if seen_m is None:
                     continue
@@ -111,11 +111,3 @@ class TagCamera:
                     range_m = square_range(tag.corners, window.centre_px, edge_m)
                     found.append(range_m * ray / np.linalg.norm(ray))
         return np.mean(found, axis=0) if found else None
-
-
-def _facing(at_m: Floats) -> Floats:
-    """Return the axes of a tag that faces the origin: right, down and away, shape (3, 3)."""
-    away = at_m / np.linalg.norm(at_m)
-    right = np.cross([0.0, 1.0, 0.0], away)
-    right /= np.linalg.norm(right)
-    return np.column_stack([right, np.cross(away, right), away])
