@@ -7,8 +7,6 @@ sensor's noise is one everywhere: in the square root of the signal, so that a st
 the noise at every level. All of it is computed block by block, for all zones at once.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Iterator
 from functools import partial

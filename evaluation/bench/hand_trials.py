@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Trials of a hand that looks at objects from several places, and what landmarks make of it."""
 
-from __future__ import annotations
-
 import math
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
@@ -31,6 +29,7 @@ from retrolidar_ros.tasks.reading import Errors, Reading
 
 CORNERS = np.array([(-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (-1.0, 1.0)]) / 2
 BIAS_M = 0.002  # deviation of a sensor's range bias
+VISIT_S, _MOST_READINGS = 4.3, 3  # of each place, and of one marker there
 _HAND_M, _ROLL_RAD = 0.15, 0.6
 _AIM_RAD = math.radians(3)
 _STAY_S, _MOST_PLACES = 2.2, 16
@@ -86,18 +85,18 @@ class Visit(NamedTuple):
     looks: list[Look]
 
 
-def visits(world: Scene, side_m: float, stay_s: float, rng: np.random.Generator) -> list[Visit]:
+def visits(world: Scene, side_m: float, rng: np.random.Generator) -> list[Visit]:
     """Let the hand stay at each corner of a square."""
     return [
-        Visit(pose, list(looks(view_from(pose, world.markers, world.sensor, rng), stay_s, rng)))
+        Visit(pose, list(looks(view_from(pose, world.markers, world.sensor, rng), VISIT_S, rng)))
         for pose in hand_poses(world, side_m, rng)
     ]
 
 
 def hand_readings(
-    trial: Sequence[Visit], most: int, rng: np.random.Generator, pose_m: float = 0.0
+    trial: Sequence[Visit], rng: np.random.Generator, pose_m: float = 0.0
 ) -> list[list[Reading]]:
-    """Return readings by place of the hand, at most so many of one marker at each.
+    """Return readings by place of the hand, at most `_MOST_READINGS` of one marker at each.
 
     The range has a random bias; TF is off by a deviation of `pose_m` [m].
     """
@@ -109,7 +108,7 @@ def hand_readings(
         rows = []
         for _, detection in visit.looks:
             count[detection.id] += 1
-            if count[detection.id] <= most:
+            if count[detection.id] <= _MOST_READINGS:
                 rows.append(reading_of(detection, pose, since_s=100.0 * index, bias_m=bias_m))
         places.append(rows)
     return places

@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """What a detector makes of a recording, against what was sent."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any, NamedTuple, TypedDict
 

@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """What machine and what software figures were measured with."""
 
-from __future__ import annotations
-
 import json
 import os
 import platform

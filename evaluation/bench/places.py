@@ -6,8 +6,6 @@ The fixed frame is optical, as that of a scene's own sensor. Every marker faces 
 on an object; behind all is a wall.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import replace

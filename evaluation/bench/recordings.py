@@ -7,8 +7,6 @@ light of all zones is computed at once; what happens to light comes first, then 
 noise that belongs to it, then what the sensor does to its samples.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 from dataclasses import replace

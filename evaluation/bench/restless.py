@@ -8,8 +8,6 @@ hand has them: from frame to frame |ln ratio| is 0.10, 0.41, 1.40 and 3.08 at 50
 so that calm and hurry alternate. Targets vanish and come back, and some zones see nothing.
 """
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

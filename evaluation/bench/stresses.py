@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """What markers and their light are put through, and stresses that grow until none is read."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace

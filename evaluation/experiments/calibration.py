@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Calibration: recordings of emulated sensors that it has not seen, truth beside estimate."""
 
-from __future__ import annotations
-
 import math
 from typing import Any
 

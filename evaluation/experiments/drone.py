@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """How steadily a hovering drone is read, the harder it flies (paper §7.2)."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from typing import Any
 

@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """What stands and shines in laboratories: bright walls, cover glasses, other sensors."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from typing import Any
 

@@ -2,25 +2,13 @@
 # SPDX-License-Identifier: Apache-2.0
 """How well places are known from several places: objects, a tilted one, a drone, a robot."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 
-from evaluation.bench.hand_trials import (
-    CORNERS,
-    Error,
-    error_of,
-    errors_for,
-    hand_readings,
-    landmarks_for,
-    ready_trial,
-    take_all,
-    visits,
-)
+from evaluation.bench import hand_trials as hand
 from evaluation.bench.landmark_trials import drone_trial, room_trial, tilt_trial
 from evaluation.bench.places import held, rms
 from evaluation.bench.rates import rate
@@ -38,16 +26,14 @@ MESSAGE = 'Half a metre of motion places objects to a centimetre'
 _SIDES_M = (0.1, 0.2, 0.4, 0.6)
 _REACH_M, _READY_M, _READY_S = 0.5, 0.01, 12.0
 """A hand that is to place all objects goes so far, until they are so well known, in such a time."""
-_STAY_S, _MOST = 4.3, 3
 _TAG_SIDE_M = 0.4
 LIDAR = 'LiDAR marker'
 _TRIALS, _QUICK_TRIALS = 30, 3  # of a hand that looks until all is known; others are dearer
 _RARE = 16.266  # 99.9 % of a normal distribution in three dimensions
 _POSE_M, _WRONG, _LATE = 0.002, 0.05, 0.10
-_ACCELERATION = 0.04
 
 
-def _errors(rows: list[Error]) -> dict[str, Any]:
+def _errors(rows: list[hand.Error]) -> dict[str, Any]:
     squared = [row.squared_distance for row in rows]
     sizes = 1e3 * np.array([row.error_m for row in rows])
     return {
@@ -65,21 +51,21 @@ def _places(
     """Return errors of each object by distance of the places, and by how many of them."""
     found, ids = [], [one.id for one in world.markers]
     for side_m in sides_m:
-        rows: dict[tuple[int, int], list[Error]] = {}
+        rows: dict[tuple[int, int], list[hand.Error]] = {}
         for _ in range(trials):
-            trial = visits(world, side_m, _STAY_S, rng)
-            landmarks = landmarks_for(ids, errors_for(0.0))
-            for count, readings in enumerate(hand_readings(trial, _MOST, rng), 1):
-                take_all(landmarks, readings)
+            trial = hand.visits(world, side_m, rng)
+            landmarks = hand.landmarks_for(ids, hand.errors_for(0.0))
+            for count, readings in enumerate(hand.hand_readings(trial, rng), 1):
+                hand.take_all(landmarks, readings)
                 for marker in world.markers:
                     estimate = landmarks[marker.id].estimate()
                     if estimate is not None:
-                        error = error_of(estimate, np.array(marker.position_m))
+                        error = hand.error_of(estimate, np.array(marker.position_m))
                         rows.setdefault((count, marker.id), []).append(error)
         found += [
             {'side_m': side_m, 'places': count, 'object': marker.name}
             | _errors(rows[count, marker.id])
-            for count in range(1, len(CORNERS) + 1)
+            for count in range(1, len(hand.CORNERS) + 1)
             for marker in world.markers
         ]
     return found
@@ -88,21 +74,21 @@ def _places(
 def _beside_tags(world: Scene, trials: int, rng: np.random.Generator) -> list[dict[str, Any]]:
     """Return errors of LiDAR markers and of AprilTags, all else alike, from four places."""
     camera, ids = TagCamera(rng), [one.id for one in world.markers]
-    rows: dict[tuple[str, float, int], list[Error]] = {}
+    rows: dict[tuple[str, float, int], list[hand.Error]] = {}
     for _ in range(trials):
-        trial = visits(world, _TAG_SIDE_M, _STAY_S, rng)
+        trial = hand.visits(world, _TAG_SIDE_M, rng)
         for pose_m in (0.0, _POSE_M):
             for kind, places, errors in (
-                (LIDAR, hand_readings(trial, _MOST, rng, pose_m), errors_for(pose_m)),
+                (LIDAR, hand.hand_readings(trial, rng, pose_m), hand.errors_for(pose_m)),
                 (APRILTAG, camera.readings(trial, world, pose_m, rng), camera.errors(pose_m)),
             ):
-                landmarks = landmarks_for(ids, errors)
-                take_all(landmarks, [reading for place in places for reading in place])
+                landmarks = hand.landmarks_for(ids, errors)
+                hand.take_all(landmarks, [reading for place in places for reading in place])
                 for marker in world.markers:
                     own = rows.setdefault((kind, pose_m, marker.id), [])
                     estimate = landmarks[marker.id].estimate()
                     if estimate is not None:
-                        own.append(error_of(estimate, np.array(marker.position_m)))
+                        own.append(hand.error_of(estimate, np.array(marker.position_m)))
     return [
         {'kind': kind, 'pose_m': pose_m, 'object': marker.name}
         | {'range_m': float(np.linalg.norm(marker.position_m))}
@@ -117,9 +103,9 @@ def _stressed(world: Scene, trials: int, rng: np.random.Generator) -> dict[str, 
     """Return what wrong IDs, late transforms and wrong poses of the sensor do."""
     truth_m = {one.id: np.array(one.position_m) for one in world.markers}
     ids = list(truth_m)
-    rows: list[Error] = []
+    rows: list[hand.Error] = []
     for _ in range(trials):
-        places = hand_readings(visits(world, 0.4, _STAY_S, rng), _MOST, rng, _POSE_M)
+        places = hand.hand_readings(hand.visits(world, 0.4, rng), rng, _POSE_M)
         flat = [reading for place in places for reading in place]
         for index, reading in enumerate(flat):
             if rng.random() < _WRONG:
@@ -128,11 +114,11 @@ def _stressed(world: Scene, trials: int, rng: np.random.Generator) -> dict[str, 
         # A late transform lets a reading come after those of the next seconds.
         order = np.arange(len(flat)) + 4.0 * (rng.random(len(flat)) < _LATE)
         queue = [flat[index] for index in np.argsort(order, kind='stable')]
-        survey = Survey({}, errors_for(_POSE_M))
+        survey = Survey({}, hand.errors_for(_POSE_M))
         for reading in queue:
             if reading.marker in truth_m:
                 survey.take(reading, str(reading.marker))
-                rows += [error_of(one, truth_m[int(one.name)]) for one in survey.estimates()]
+                rows += [hand.error_of(one, truth_m[int(one.name)]) for one in survey.estimates()]
     return _errors(rows)
 
 
@@ -156,7 +142,7 @@ def _room(markers: int, trials: int, rng: np.random.Generator) -> dict[str, Any]
 
 def _drone(sensors: int, trials: int, rng: np.random.Generator) -> dict[str, Any]:
     """Return errors of a drone before some sensors."""
-    tracks = [drone_trial(sensors, 30.0, _ACCELERATION, rng) for _ in range(trials)]
+    tracks = [drone_trial(sensors, rng) for _ in range(trials)]
     updates = float(np.mean([track.updates_per_s for track in tracks]))
     rows = [row for track in tracks for row in track.errors[3:]]
     return {'sensors': sensors, 'updates_per_s': updates} | _errors(rows)
@@ -167,7 +153,7 @@ def run(rng: np.random.Generator, *, quick: bool) -> dict[str, Any]:
     trials = _QUICK_TRIALS if quick else _TRIALS
     fewer = 2 if quick else 8
     world = load_scene('coffee')
-    ready = [ready_trial(world, _READY_M, _REACH_M, rng) for _ in range(trials)]
+    ready = [hand.ready_trial(world, _READY_M, _REACH_M, rng) for _ in range(trials)]
     tilts = [tilt_trial(math.radians(15), rng) for _ in range(fewer)]
     known = [one for one in tilts if one is not None]
     return {
@@ -178,7 +164,9 @@ def run(rng: np.random.Generator, *, quick: bool) -> dict[str, Any]:
         'tilt_deg': np.sqrt(np.mean(np.square(known), axis=0)).round(3).tolist(),
         'tags': [] if APRILTAG in find_readers()[1] else _beside_tags(world, fewer, rng),
         'drones': [_drone(sensors, 1 if quick else 4, rng) for sensors in (1, 2, 3)],
-        'rooms': [_room(markers, fewer, rng) for markers in (3, 4, 5, 6)[:: 3 if quick else 1]],
+        'rooms': [
+            _room(markers, 2 if quick else 6, rng) for markers in (3, 4, 5, 6)[:: 3 if quick else 1]
+        ],
         'stress': _stressed(world, fewer, rng),
     }
 
@@ -236,7 +224,7 @@ def draw(figures: dict[str, Any]) -> Any:
     for name, how in looks.items():
         own = [row for row in figures['places'] if row['object'] == name]
         for axis, key, chosen in (
-            (baseline, 'side_m', [row for row in own if row['places'] == len(CORNERS)]),
+            (baseline, 'side_m', [row for row in own if row['places'] == len(hand.CORNERS)]),
             (number, 'places', [row for row in own if row['side_m'] == 0.4]),
         ):
             at = [row[key] for row in chosen]
@@ -253,7 +241,7 @@ def draw(figures: dict[str, Any]) -> Any:
     label(number, 'places on a square of 0.4 m', y, 'one place after the other', yscale='log')
     what = 'beside tags of 3 cm, four places 0.4 m apart'
     label(beside, 'distance of the object [m]', y, what, yscale='log')
-    number.set_xticks(range(1, len(CORNERS) + 1))
+    number.set_xticks(range(1, len(hand.CORNERS) + 1))
     baseline.axhline(10, **line('--', '0.4'), linewidth=1)
     number.axhline(10, **line('--', '0.4'), linewidth=1)
     if figures['tags']:

@@ -6,8 +6,6 @@ This checks the simulation, not the world: exponent, proportion to area and whit
 are put in.
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
 from typing import Any
 

@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """A marker that moves: how many of its packets are read, and how well it is placed."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 from dataclasses import replace

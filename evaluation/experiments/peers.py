@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """LiDAR markers beside AprilTags and QR codes of the same size, at the same places."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import replace
 from functools import cache, partial

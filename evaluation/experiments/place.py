@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Where markers are said to be, against where they are, and whether the covariance is honest."""
 
-from __future__ import annotations
-
 from typing import Any, NamedTuple
 
 import numpy as np

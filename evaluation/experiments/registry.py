@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The experiments by name, and what runs them."""
 
-from __future__ import annotations
-
 import json
 import os
 import time

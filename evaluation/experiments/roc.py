@@ -8,8 +8,6 @@ budget; of `paper` one run with the lowest threshold serves for all, as what it 
 likelihood.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from functools import partial
 from typing import Any
@@ -22,14 +20,7 @@ from evaluation.bench.rates import Frequency, frequency, rate
 from evaluation.bench.recordings import record, signal_at
 from evaluation.bench.stresses import PLAIN
 from evaluation.report.charts import label, legend_below, line, look, new_chart
-from evaluation.report.claims import (
-    BOTH_CLAIMED,
-    Claim,
-    Claims,
-    Table,
-    claim_of,
-    per_hour,
-)
+from evaluation.report.claims import BOTH_CLAIMED, Claim, Claims, Table, claim_of, per_hour
 from retrolidar_ros.detector import METHODS, Detection
 from retrolidar_ros.detector.budget import USUAL_FALSE_IDS_PER_HOUR
 from retrolidar_ros.detector.paper import LIKELIHOOD_THRESHOLD

@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Three markers at once (paper §6.2, Tab. 3), and two in one zone, which the paper leaves out."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from typing import Any

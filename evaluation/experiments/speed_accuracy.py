@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """What each method costs in computing time, and what it reads for it: every knob swept."""
 
-from __future__ import annotations
-
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import replace

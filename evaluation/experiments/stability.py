@@ -6,8 +6,6 @@ A stress breaks a method where it reads less than four fifths of what the same m
 without the stress. It is sought by halving, so only about the breaking point many are tried.
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
 from typing import Any
 

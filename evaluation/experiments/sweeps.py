@@ -5,8 +5,6 @@
 All of them follow the paper's way: lone packets, and four of five identified count as read.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import partial

@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """How long it takes until a repeating marker that comes into view is identified."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 from typing import Any

@@ -8,8 +8,6 @@ is in shares of what white paper sends. Left out are lens distortion, colour, a 
 reduction and video compression, as of a calibrated camera.
 """
 
-from __future__ import annotations
-
 import math
 from typing import NamedTuple
 

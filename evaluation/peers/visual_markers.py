@@ -5,8 +5,6 @@
 A marker's size is the edge of its pattern. The plate that carries it adds a white margin.
 """
 
-from __future__ import annotations
-
 import ctypes
 import re
 from collections.abc import Callable

@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """What the charts share: one colour for the same thing everywhere, shares with confidence."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 

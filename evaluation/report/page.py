@@ -7,8 +7,6 @@ slots: `{{chart NAME}}`, `{{table NAME}}`, `{{run}}`, and, for cells of a table,
 `{{claim NAME ITEM}}`.
 """
 
-from __future__ import annotations
-
 import json
 import re
 from collections.abc import Mapping

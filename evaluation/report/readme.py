@@ -8,8 +8,6 @@ renews them in the repository's root. They stand between comments that name them
 copy a number by hand; the tests compare.
 """
 
-from __future__ import annotations
-
 import json
 import re
 from collections.abc import Mapping
