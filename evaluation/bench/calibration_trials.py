@@ -95,18 +95,15 @@ def _dark_is_nothing(scene: Scene) -> Scene:
     return _sensor(target_threshold=15.0)(scene)
 
 
-def _walls_behind(scene: Scene) -> Scene:
-    """Return a scene in which the sensor tells the walls apart from the marker."""
-    return replace(scene, surfaces=tuple(replace(one, distance_m=2.5) for one in scene.surfaces))
-
-
 KINDS: dict[str, Callable[[Scene], Scene]] = {
     'dark bits are no target': _dark_is_nothing,
     '20 % of samples invalid': _sensor(abnormal=0.2),
     '10 % of frames lost': _sensor(lost=0.1),
     'a cover glass': _sensor(crosstalk=60.0),
     "another sensor's light": _sensor(second_sensor=SecondSensor(30.0, 0.033, 0.011)),
-    'walls a metre behind': _walls_behind,
+    'walls a metre behind': lambda scene: replace(
+        scene, surfaces=tuple(replace(one, distance_m=2.5) for one in scene.surfaces)
+    ),
 }  # what else recordings are of, that are read before and after calibration
 
 

@@ -27,7 +27,7 @@ _SURVEY_M = 0.002  # deviation of what is known of the places of markers on wall
 CALIBRATED_M = 0.0005  # deviation of a sensor's range bias after a calibration
 HEADINGS, STAY_S = 24, 1.6  # in how many directions a robot looks, and how long [s]
 _BOUND_STEPS, _SAMPLES = 81, 62
-_FLIGHT_S = 30.0
+FLIGHT_S = 30.0
 # Of the drone, which is thought to accelerate [m/s²/√Hz].
 _FOLLOWED = Errors(range_bias_m=CALIBRATED_M, pose_m=1e-3, turn_rad=0.0035, acceleration=0.04)
 _EXACT = Errors(range_bias_m=hand.BIAS_M, pose_m=1e-4, turn_rad=1e-4)
@@ -109,14 +109,7 @@ def _direction_bound(places_m: Floats) -> float:
     return math.sqrt(float(weight @ np.square(spread).sum(axis=1)))
 
 
-class Track(NamedTuple):
-    """A drone as sensors on the ground have followed it."""
-
-    errors: list[hand.Error]
-    updates_per_s: float
-
-
-def drone_trial(sensors: int, rng: np.random.Generator) -> Track:
+def drone_trial(sensors: int, rng: np.random.Generator) -> list[hand.Error]:
     """Follow a drone over one to three sensors on a triangle of 0.4 m that look up."""
     identity, height_m = 2127, float(rng.uniform(1.0, 1.5))
     wander = Wander(across_m=0.12, along_m=0.01, period_s=13.0)
@@ -129,7 +122,7 @@ def drone_trial(sensors: int, rng: np.random.Generator) -> Track:
         # It is one marker, whichever sensor sees it: all have it from one generator.
         scene = view_from(pose, [drone], _SENSOR, np.random.default_rng(clock))
         bias_m = float(rng.normal(0, CALIBRATED_M))
-        for known_s, detection in looks(scene, _FLIGHT_S, rng):
+        for known_s, detection in looks(scene, FLIGHT_S, rng):
             if detection.id == identity:
                 one = reading_of(detection, SensorPose(*pose), bias_m=bias_m)
                 rows.append((known_s, one._replace(sensor=str(index))))
@@ -140,7 +133,7 @@ def drone_trial(sensors: int, rng: np.random.Generator) -> Track:
         if estimate is not None:
             place_m = position_at(drone, np.array([estimate.stamp_s])).reshape(3)
             found.append(hand.error_of(estimate, place_m))
-    return Track(found, len(found) / _FLIGHT_S)
+    return found
 
 
 def room_trial(markers: int, rng: np.random.Generator) -> tuple[RobotPose, Floats, Floats] | None:

@@ -95,22 +95,6 @@ def _lose_targets(
     )
 
 
-def _garble(recording: Recording, share: float, rng: np.random.Generator) -> None:
-    """Make a share of the samples meaningless, with an abnormal status (in place)."""
-    hit = rng.random(recording.signal.shape) < share
-    count = np.count_nonzero(hit)
-    recording.signal[hit] = _GARBAGE_SIGNAL * rng.random(count)
-    recording.distance[hit] = _GARBAGE_DISTANCE_M * rng.random(count)
-    recording.status[hit] = rng.choice(_ABNORMAL, count)
-
-
-def _lose_frames(recording: Recording, share: float, rng: np.random.Generator) -> Recording:
-    """Drop a share of the frames."""
-    kept = rng.random(len(recording)) >= share
-    arrays = ('stamp_ns', 'sequence', 'sensor_time_us', 'distance', 'signal', 'ambient', 'status')
-    return replace(recording, **{name: getattr(recording, name)[kept] for name in arrays})
-
-
 def record(
     stress: Stress,
     signal: float,
@@ -220,7 +204,13 @@ def record(
     if stress.no_target:
         recording = _lose_targets(recording, light, stress.no_target, rng)
     if stress.abnormal:
-        _garble(recording, stress.abnormal, rng)
+        hit = rng.random(shape) < stress.abnormal
+        count = np.count_nonzero(hit)
+        recording.signal[hit] = _GARBAGE_SIGNAL * rng.random(count)
+        recording.distance[hit] = _GARBAGE_DISTANCE_M * rng.random(count)
+        recording.status[hit] = rng.choice(_ABNORMAL, count)
     if stress.lost:
-        recording = _lose_frames(recording, stress.lost, rng)
+        kept = rng.random(len(recording)) >= stress.lost
+        arrays = {name: values for name, values in vars(recording).items() if name != 'grid'}
+        recording = replace(recording, **{name: values[kept] for name, values in arrays.items()})
     return Sent(recording, own, start_s, packet_s, seconds)

@@ -42,13 +42,6 @@ def _walk(steps: Floats, memory: float, before: Floats) -> Floats:
     return walked
 
 
-def _between(log_signal: Floats) -> Floats:
-    """Reflect the log signal at its bounds."""
-    low, high = math.log(LEAST_SIGNAL), math.log(MOST_SIGNAL)
-    turned: Floats = np.abs((log_signal - low) % (2 * (high - low)) - (high - low))
-    return high - turned
-
-
 def _statuses(frames: int, zones: int, rng: np.random.Generator) -> NDArray[np.uint8]:
     """Return statuses of targets that vanish and come back, shape (frames, zones)."""
     turns = 16 + frames // 16  # a turn takes 33 frames in the mean
@@ -80,7 +73,9 @@ class Hands:
         steps = _STEP_SCALE * np.exp(scale) * self._rng.standard_normal(shape)
         level = _walk(steps, _LEVEL_MEMORY, self._level)
         self._level = level[-1]
-        received = np.exp(_between(_HOME + level))
+        # It turns round at its bounds.
+        low, high = math.log(LEAST_SIGNAL), math.log(MOST_SIGNAL)
+        received = np.exp(high - np.abs((_HOME + level - low) % (2 * (high - low)) - (high - low)))
         status = _statuses(*shape, self._rng)
         received[status == Status.SIGNAL_TOO_LOW] = 0.0
         return received.astype(np.float32), status

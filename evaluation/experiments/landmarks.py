@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from evaluation.bench import hand_trials as hand
-from evaluation.bench.landmark_trials import drone_trial, room_trial, tilt_trial
+from evaluation.bench.landmark_trials import FLIGHT_S, drone_trial, room_trial, tilt_trial
 from evaluation.bench.places import held, rms
 from evaluation.bench.rates import rate
 from evaluation.peers.hand_tags import TagCamera
@@ -143,8 +143,8 @@ def _room(markers: int, trials: int, rng: np.random.Generator) -> dict[str, Any]
 def _drone(sensors: int, trials: int, rng: np.random.Generator) -> dict[str, Any]:
     """Return errors of a drone before some sensors."""
     tracks = [drone_trial(sensors, rng) for _ in range(trials)]
-    updates = float(np.mean([track.updates_per_s for track in tracks]))
-    rows = [row for track in tracks for row in track.errors[3:]]
+    updates = float(np.mean([len(track) for track in tracks])) / FLIGHT_S
+    rows = [row for track in tracks for row in track[3:]]
     return {'sensors': sensors, 'updates_per_s': updates} | _errors(rows)
 
 

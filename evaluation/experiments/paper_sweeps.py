@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from evaluation.bench.recordings import Path, Sent, record, signal_at
+from evaluation.bench.recordings import Sent, record, signal_at
 from evaluation.bench.stresses import PLAIN
 from evaluation.experiments import sweeps
 from evaluation.report.charts import SHADES, WRONG, draw_reads, label, legend_below, line, new_chart
@@ -64,19 +64,18 @@ def repeating(range_m: float, rng: np.random.Generator, *, size_m: float, packet
     return record(PLAIN, signal, rng, USABLE_IDS, range_m=range_m, repeated_s=lasting_s)
 
 
-def _turned(yaw_deg: float, rng: np.random.Generator, *, range_m: float) -> Sent:
+def turned(yaw_deg: float, rng: np.random.Generator, *, range_m: float) -> Sent:
+    """Return lone packets of markers that are turned."""
     return lone(range_m, rng, yaw_deg=yaw_deg)
-
-
-def _standing(position_m: Floats) -> Path:
-    return lambda time_s: np.repeat(position_m[None], len(time_s), axis=0)
 
 
 def _aside(angle_deg: float, rng: np.random.Generator) -> Sent:
     """Return one marker at 1 m, at an angle from the axis, half-way between two rows of zones."""
-    angle = math.radians(angle_deg)
-    path = _standing(np.array([math.sin(angle), 0.0, math.cos(angle)]))
-    signal = signal_at(1.0)
+    angle, signal = math.radians(angle_deg), signal_at(1.0)
+
+    def path(time_s: Floats) -> Floats:
+        return np.tile([math.sin(angle), 0.0, math.cos(angle)], (len(time_s), 1))
+
     return record(PLAIN, signal, rng, USABLE_IDS, range_m=1.0, sensor=_BLURRED, path=path)
 
 
@@ -267,7 +266,7 @@ SWEEPS: dict[str, sweeps.Sweep] = {
         'Yaw of the marker',
         'Near by, a marker may be turned until no light comes back',
         'yaw [°]',
-        [sweeps.Curve(f'at {at:g} m', partial(_turned, range_m=at), YAWS_DEG) for at in (1.0, 2.0)],
+        [sweeps.Curve(f'at {at:g} m', partial(turned, range_m=at), YAWS_DEG) for at in (1.0, 2.0)],
         lambda got: {'yaw': _reaches(_ends(got, 'at 1 m'), PAPER_YAW_DEG, '°', 1)},
         {'at 1 m': PAPER_YAW_DEG},
         '°',

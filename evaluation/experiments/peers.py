@@ -20,6 +20,7 @@ from evaluation.experiments.paper_sweeps import (
     SMALL_RECORDINGS,
     YAWS_DEG,
     lone,
+    turned,
 )
 from evaluation.experiments.sweeps import ends_of, rng_at
 from evaluation.peers.background import Background
@@ -55,12 +56,7 @@ _LUXES = (300.0, 30.0, 10.0, 3.0, 1.0, 0.3, 0.1)
 _VEILS = (0.0, 0.2, 0.4, 0.6, 0.8, 1.0, 1.2)
 
 
-def _yawed(yaw_deg: float, rng: np.random.Generator) -> Sent:
-    return lone(AT_M, rng, yaw_deg=yaw_deg)
-
-
-def _small(range_m: float, rng: np.random.Generator) -> Sent:
-    return lone(range_m, rng, size_m=0.01)
+_yawed, _small = partial(turned, range_m=AT_M), partial(lone, size_m=0.01)
 
 
 def _moved(speed_m_s: float, rng: np.random.Generator) -> Sent:

@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from evaluation.experiments.registry import EXPERIMENTS, save_chart
-from evaluation.report.claims import Claims, markdown
+from evaluation.report.claims import markdown
 
 PAGE = 'README.md'
 _PAGES = Path(__file__).parent / 'pages'
@@ -29,12 +29,6 @@ def load(directory: Path) -> dict[str, dict[str, Any]]:
         for name in EXPERIMENTS
         if (path := directory / f'{name}.json').exists()
     }
-
-
-def claims_of(name: str, report: Report) -> Claims:
-    """Return what items of the paper come to in an experiment; nothing where it has none."""
-    claims: Claims = getattr(EXPERIMENTS[name], 'claims', lambda figures: {})(report[name])
-    return claims
 
 
 def _run(report: Report) -> str:
@@ -56,11 +50,6 @@ def _run(report: Report) -> str:
     )
 
 
-def _chart(name: str) -> str:
-    """Return a chart with where its figures are."""
-    return f'![{EXPERIMENTS[name].TITLE}]({name}.png)\n\n[figures]({name}.json)'
-
-
 def filled(text: str, report: Report) -> str:
     """Return a chapter with its figures; ValueError for a slot that nothing fills."""
 
@@ -71,11 +60,13 @@ def filled(text: str, report: Report) -> str:
         if name not in report:
             raise ValueError(f'{slot[0]}: there is no experiment of that name, or it has not run')
         if kind == 'chart':
-            return _chart(name)
+            return f'![{EXPERIMENTS[name].TITLE}]({name}.png)\n\n[figures]({name}.json)'
         if kind == 'table':
             return markdown(EXPERIMENTS[name].table(report[name]))
-        if kind == 'claim' and item in (claims := claims_of(name, report)):
-            return claims[item].cells
+        if kind == 'claim':
+            claims: Claims = getattr(EXPERIMENTS[name], 'claims', lambda figures: {})(report[name])
+            if item in claims:
+                return claims[item].cells
         raise ValueError(f'{slot[0]}: a slot is a chart, a table, a claim or the run')
 
     return _SLOT.sub(fill, text)
