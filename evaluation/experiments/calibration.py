@@ -15,7 +15,7 @@ from retrolidar_ros.sensor.frame import Floats
 
 TITLE = 'Calibration from a recording'
 MESSAGE = 'What a calibration says of its own errors holds'
-_TRIALS, _QUICK_TRIALS = 20, 2
+_TRIALS, _QUICK_TRIALS = 16, 2
 SCALES = (0.25, 1.0, 4.0, 8.0)
 SENSORS = ((1 / 60, 4), (0.021, 4), (1 / 30, 4), (1 / 15, 8))  # frame period [s], and rows of zones
 KIND_SCALE = 4.0  # scale of the noise, of other kinds of recordings

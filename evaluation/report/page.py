@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from evaluation.experiments.registry import EXPERIMENTS, save_chart
-from evaluation.report.claims import markdown
+from evaluation.report.claims import Claims, markdown
 
 PAGE = 'README.md'
 _PAGES = Path(__file__).parent / 'pages'
