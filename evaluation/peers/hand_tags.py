@@ -72,13 +72,9 @@ class TagCamera:
             rows = []
             for marker in world.markers:
                 at_m = np.array(marker.position_m)
-                x, y, z = (at_m - visit.pose.position_m).tolist()
-                yaw, pitch = rng.uniform(-_AIM_RAD, _AIM_RAD, 2)
-                turned = hand.rotation(
-                    yaw + math.atan2(x, z), pitch - math.atan2(y, math.hypot(x, z)), 0.0
-                )
-                camera = hand.Pose(visit.pose.position_m, turned)
-                tag = Pose(camera.to_sensor(at_m), turned.T @ facing(at_m).rotation)
+                turns = np.append(rng.uniform(-_AIM_RAD, _AIM_RAD, 2), 0.0)
+                camera = hand.towards(at_m, visit.pose.position_m, turns)
+                tag = Pose(camera.to_sensor(at_m), camera.rotation.T @ facing(at_m).rotation)
                 seen_m = self._see(tag, rng)
                 if seen_m is None:
                     continue
