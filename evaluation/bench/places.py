@@ -142,7 +142,6 @@ class PlaceError(NamedTuple):
 
     range_m: float  # measured less true
     position_m: float  # distance between measured and true position
-    bearing_deg: float  # angle between measured and true direction
     squared_distance: float  # of the position, in standard deviations of its covariance
 
 
@@ -164,19 +163,11 @@ def place_error(place: Place, truth_m: Floats) -> PlaceError:
     """Return by how much a place differs from where the marker was at its stamp, shape (3,) [m]."""
     range_m = float(np.linalg.norm(truth_m))
     offset = place.position_m - truth_m
-    across = float(np.linalg.norm(np.cross(place.position_m, truth_m)))
     return PlaceError(
         range_m=place.range_m - range_m,
         position_m=float(np.linalg.norm(offset)),
-        bearing_deg=float(np.degrees(np.arctan2(across, place.position_m @ truth_m))),
         squared_distance=float(offset @ np.linalg.solve(place.covariance[:3, :3], offset)),
     )
-
-
-def millimetres(lengths_m: ArrayLike) -> list[float]:
-    """Return lengths [m] in millimetres, to a hundredth."""
-    rounded: list[float] = np.round(1e3 * np.asarray(lengths_m), 2).tolist()
-    return rounded
 
 
 def rms(values: ArrayLike) -> float | None:

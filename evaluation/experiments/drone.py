@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from evaluation.bench.judging import BOTH, new_detector
-from evaluation.bench.places import millimetres, place_error, read_live, rms
+from evaluation.bench.places import place_error, read_live, rms
 from evaluation.bench.rates import Rate, rate
 from evaluation.report.charts import draw_shares, label, legend_below, line, look, new_chart
 from evaluation.report.claims import BOTH_CLAIMED, Claims, Table, as_text, claim_of, percent, shares
@@ -58,13 +58,14 @@ def _flown(speed_m_s: float, hidden: float, duration_s: float, rng: Any) -> dict
         own = [one for one in readings if one.detection.id == marker.id]
         places = [one.detection for one in own]
         truths_m = position_at(marker, 1e-9 * np.array([one.stamp_ns for one in places]))
-        errors = [
-            place_error(one.place, truth) for one, truth in zip(places, truths_m, strict=True)
+        errors_mm = [
+            round(1e3 * place_error(one.place, truth_m).range_m, 2)
+            for one, truth_m in zip(places, truths_m, strict=True)
         ]
         row[method] = {
             'alive': [alive([one.known_s for one in own], lasting_s, at) for at in WINDOWS_S],
             'wrong_ids': len(readings) - len(own),
-            'range_mm': millimetres([one.range_m for one in errors]),
+            'range_mm': errors_mm,
         }
     return row
 

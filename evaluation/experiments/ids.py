@@ -2,7 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """How many IDs there are that are hard to confuse, and how many random words the code accepts."""
 
-import math
 from typing import Any
 
 import numpy as np
@@ -28,10 +27,6 @@ def run(rng: np.random.Generator, *, quick: bool) -> dict[str, Any]:
         ],
         'preambles_elsewhere': preambles_elsewhere(),
         'accepted': float(np.mean(decoded >= 0)),
-        # Spheres of three errors about all words, which do not overlap.
-        'accepted_by_count': code.IDS
-        * sum(math.comb(code.WORD_BITS, wrong) for wrong in range(code.MAX_CORRECTED_BITS + 1))
-        / 2**code.WORD_BITS,
     }
 
 
