@@ -59,10 +59,16 @@ def headlines(report: Report) -> str:
     points = [speed_accuracy.at(report['speed-accuracy'], *of) for of in _COSTS]
     costs = [as_text(None if one is None else one['cpu_ms'], 'ms of a core', 0) for one in points]
     still = [roc.grouped(roc.shipped(report['roc'], method), roc.STILL) for method in BOTH]
-    false_ids = [
-        f'{one["per_hour"]:.{0 if one["per_hour"] > 1 else 2}f} ({one["events"]} in '
-        f'{one["hours"]:.3g} h)'
+    # Where none was seen, all that is known is the upper bound.
+    rates = [
+        f'{one["per_hour"]:.{0 if one["per_hour"] > 1 else 2}f}'
+        if one['events']
+        else f'below {one["high"]:.1g}'
         for one in still
+    ]
+    false_ids = [
+        f'{rate} ({one["events"]} in {one["hours"]:.3g} h)'
+        for rate, one in zip(rates, still, strict=True)
     ]
     # What, the paper's own, and the values of both methods and the AprilTag.
     rows: list[tuple[str, str, list[str]]] = [
