@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The command line of `make evaluate`."""
 
-from __future__ import annotations
-
 import argparse
 import sys
 from pathlib import Path

@@ -2,10 +2,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """Recordings of emulated sensors that nothing is known of, and what calibration makes of them."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import replace
+from itertools import islice
 from typing import Any
 
 import numpy as np
@@ -36,6 +35,7 @@ from retrolidar_ros.tasks.calibration.files import parameters
 SECONDS = 30.0
 SIGNALS = np.array([5.0, 30.0, 100.0])
 """At which a law of noise is held against the truth [kcps/SPAD]."""
+_READ_PACKETS = 7  # of a recording, for how much is read before and after
 _STEPS = np.array([1e-7, 2e-5, 5e-5, 5e-5])  # of bit, start, darkening and brightening [s]
 
 
@@ -95,20 +95,16 @@ def _dark_is_nothing(scene: Scene) -> Scene:
     return _sensor(target_threshold=15.0)(scene)
 
 
-def _walls_behind(scene: Scene) -> Scene:
-    """Return a scene in which the sensor tells the walls apart from the marker."""
-    return replace(scene, surfaces=tuple(replace(one, distance_m=2.5) for one in scene.surfaces))
-
-
 KINDS: dict[str, Callable[[Scene], Scene]] = {
     'dark bits are no target': _dark_is_nothing,
     '20 % of samples invalid': _sensor(abnormal=0.2),
     '10 % of frames lost': _sensor(lost=0.1),
     'a cover glass': _sensor(crosstalk=60.0),
     "another sensor's light": _sensor(second_sensor=SecondSensor(30.0, 0.033, 0.011)),
-    'walls a metre behind': _walls_behind,
-}
-"""What else recordings are of, that are read before and after calibration."""
+    'walls a metre behind': lambda scene: replace(
+        scene, surfaces=tuple(replace(one, distance_m=2.5) for one in scene.surfaces)
+    ),
+}  # what else recordings are of, that are read before and after calibration
 
 
 def rise_bound(scene: Scene, recording: Recording) -> float:
@@ -157,12 +153,14 @@ def rise_bound(scene: Scene, recording: Recording) -> float:
 
 
 def packets_read(recording: Recording, scene: Scene, values: dict[str, Any]) -> float:
-    """Return the share of the time in which a repeating marker was read by some packet."""
+    """Return the share of the time of some packets in which a repeating marker was read."""
     marker = scene.markers[0]
-    begin_ns, end_ns = recording.stamp_ns[[0, -1]].tolist()
-    covered = np.zeros(int((end_ns - begin_ns) * 1e-7) + 1, dtype=bool)
     packet_ns = PACKET_BITS * marker.bit_period_s * (1 + marker.clock_error) * 1e9
-    for one in Decoding({**defaults(), **values}).detect(recording):
+    since_ns = recording.stamp_ns - recording.stamp_ns[0]
+    frames = int(np.searchsorted(since_ns, marker.start_s * 1e9 + _READ_PACKETS * packet_ns))
+    begin_ns, end_ns = recording.stamp_ns[[0, min(frames, len(recording)) - 1]].tolist()
+    covered = np.zeros(int((end_ns - begin_ns) * 1e-7) + 1, dtype=bool)
+    for one in Decoding({**defaults(), **values}).detect(islice(recording, frames)):
         if one.id == marker.id:
             first = int((one.end_ns - one.packets * packet_ns - begin_ns) * 1e-7)
             covered[max(first, 0) : int((one.end_ns - begin_ns) * 1e-7)] = True

@@ -7,8 +7,6 @@ sensor's noise is one everywhere: in the square root of the signal, so that a st
 the noise at every level. All of it is computed block by block, for all zones at once.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Iterator
 from functools import partial
@@ -30,7 +28,6 @@ _NEAR_M, _NEAR_SIGNAL, _FAR_M = 0.2, 1700.0, 6.0  # distances follow the square 
 _NOTHING_BEHIND = 0.3  # share of the absences in which there is no wall either
 _MERGED = 0.1  # share of what appears that is reported as merged
 
-Bounds = tuple[float, float]
 Singles = NDArray[np.float32]
 Codes = NDArray[np.uint8]
 
@@ -64,7 +61,9 @@ def _log_uniform(bounds: tuple[float, float], size: int, rng: np.random.Generato
 class White:
     """Noise alone, in every zone at another level."""
 
-    def __init__(self, sensor: Sensor, rng: Any, signals: Bounds = (4.0, 600.0)) -> None:
+    def __init__(
+        self, sensor: Sensor, rng: Any, signals: tuple[float, float] = (4.0, 600.0)
+    ) -> None:
         levels = np.geomspace(*signals, sensor.grid.zones, dtype=np.float32)
         self._levels = rng.permutation(levels)
 

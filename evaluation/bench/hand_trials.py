@@ -2,11 +2,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """Trials of a hand that looks at objects from several places, and what landmarks make of it."""
 
-from __future__ import annotations
-
 import math
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -30,8 +28,8 @@ from retrolidar_ros.tasks.next_view import best_place
 from retrolidar_ros.tasks.reading import Errors, Reading
 
 CORNERS = np.array([(-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (-1.0, 1.0)]) / 2
-BIAS_M = 0.002
-"""Deviation of a sensor's range bias."""
+BIAS_M = 0.002  # deviation of a sensor's range bias
+VISIT_S, _MOST_READINGS = 4.3, 3  # of each place, and of one marker there
 _HAND_M, _ROLL_RAD = 0.15, 0.6
 _AIM_RAD = math.radians(3)
 _STAY_S, _MOST_PLACES = 2.2, 16
@@ -56,16 +54,9 @@ def error_of(estimate: Estimate, truth_m: Floats) -> Error:
 def aim(
     place_m: Floats, targets_m: Floats, roll: float, world: Scene, rng: np.random.Generator
 ) -> Pose | None:
-    """Return a hand that looks at the middle of targets as well as it can see them all, if it can.
+    """Return a hand that sees all targets, shape (n, 3) [m], about in its middle, if it can.
 
-    Parameters
-    ----------
-    place_m : array, shape (3,)
-    targets_m : array, shape (n, 3)
-    roll : float
-        [rad], to 3° more or less.
-    world : Scene
-    rng : numpy.random.Generator
+    It is at a place, shape (3,) [m], with a roll to 3° more or less [rad].
     """
     for _ in range(100):
         turns = np.array([0, 0, roll]) + rng.uniform(-_AIM_RAD, _AIM_RAD, 3)
@@ -94,28 +85,20 @@ class Visit(NamedTuple):
     looks: list[Look]
 
 
-def visits(world: Scene, side_m: float, stay_s: float, rng: np.random.Generator) -> list[Visit]:
+def visits(world: Scene, side_m: float, rng: np.random.Generator) -> list[Visit]:
     """Let the hand stay at each corner of a square."""
     return [
-        Visit(pose, list(looks(view_from(pose, world.markers, world.sensor, rng), stay_s, rng)))
+        Visit(pose, list(looks(view_from(pose, world.markers, world.sensor, rng), VISIT_S, rng)))
         for pose in hand_poses(world, side_m, rng)
     ]
 
 
 def hand_readings(
-    trial: Sequence[Visit], most: int, rng: np.random.Generator, pose_m: float = 0.0
+    trial: Sequence[Visit], rng: np.random.Generator, pose_m: float = 0.0
 ) -> list[list[Reading]]:
-    """Return readings by place of the hand.
+    """Return readings by place of the hand, at most `_MOST_READINGS` of one marker at each.
 
-    Parameters
-    ----------
-    trial : sequence of Visit
-    most : int
-        How many of one marker count at each place.
-    rng : numpy.random.Generator
-        Of the range bias, and of the errors of TF.
-    pose_m : float
-        Deviation of these [m].
+    The range has a random bias; TF is off by a deviation of `pose_m` [m].
     """
     bias_m = float(rng.normal(0, BIAS_M))
     places = []
@@ -125,7 +108,7 @@ def hand_readings(
         rows = []
         for _, detection in visit.looks:
             count[detection.id] += 1
-            if count[detection.id] <= most:
+            if count[detection.id] <= _MOST_READINGS:
                 rows.append(reading_of(detection, pose, since_s=100.0 * index, bias_m=bias_m))
         places.append(rows)
     return places
@@ -141,23 +124,17 @@ def landmarks_for(ids: Sequence[int], errors: Errors) -> dict[int, Landmark]:
     return {one: Landmark(str(one), {one: np.zeros(3)}, errors) for one in ids}
 
 
-def placed_from(
-    places: Sequence[Sequence[Reading]], ids: Sequence[int], errors: Errors
-) -> dict[int, Landmark]:
-    """Return the landmarks that readings of some places make, by marker."""
-    found = landmarks_for(ids, errors)
-    for rows in places:
-        for reading in rows:
-            if reading.marker in found:
-                found[reading.marker].take(reading)
-    return found
+def take_all(landmarks: Mapping[int, Landmark], readings: Iterable[Reading]) -> None:
+    """Let landmarks take the readings of their markers."""
+    for reading in readings:
+        if reading.marker in landmarks:
+            landmarks[reading.marker].take(reading)
 
 
 class Ready(NamedTuple):
     """A hand that has looked until it knew all objects."""
 
     looked_s: float  # how long; infinite if it gave up
-    places: int  # from how many it looked
     errors: list[Error]  # of the objects, in the end
 
 
@@ -165,16 +142,9 @@ def ready_trial(world: Scene, wanted_m: float, reach_m: float, rng: np.random.Ge
     """Let a hand look until all objects are known, from where it learns most each time.
 
     It leaves a place when every object that is not known yet and is in view has been read there,
-    or does not come. If it cannot see all of those at once, it looks at the one known least.
-
-    Parameters
-    ----------
-    world : Scene
-    wanted_m : float
-        Deviation of a known object, along its worst axis [m].
-    reach_m : float
-        How far it can go from where it looks first [m].
-    rng : numpy.random.Generator
+    or does not come. If it cannot see all of those at once, it looks at the one known least. Known
+    is what has a deviation of `wanted_m` along its worst axis [m]; the hand can go `reach_m` from
+    where it looks first [m].
     """
     truth_m = dict(zip((one.id for one in world.markers), markers_at(world), strict=True))
     landmarks = landmarks_for(list(truth_m), errors_for(0.0))
@@ -186,7 +156,7 @@ def ready_trial(world: Scene, wanted_m: float, reach_m: float, rng: np.random.Ge
         missing = sorted(truth_m, key=lambda one: -_stddev_of(landmarks[one]))
         missing = [one for one in missing if _stddev_of(landmarks[one]) > wanted_m]
         if not missing:
-            return Ready(looked_s, index, _errors_of(landmarks, truth_m))
+            return Ready(looked_s, _errors_of(landmarks, truth_m))
         best_m = best_place([landmarks[one] for one in missing], began_m, reach_m)
         place_m = place_m if best_m is None else best_m
         for group in (list(truth_m), missing, missing[:1]):
@@ -207,7 +177,7 @@ def ready_trial(world: Scene, wanted_m: float, reach_m: float, rng: np.random.Ge
                 stayed_s = known_s
                 break
         looked_s += stayed_s
-    return Ready(math.inf, _MOST_PLACES, _errors_of(landmarks, truth_m))
+    return Ready(math.inf, _errors_of(landmarks, truth_m))
 
 
 def _stddev_of(landmark: Landmark) -> float:

@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """What a detector makes of a recording, against what was sent."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any, NamedTuple, TypedDict
 
@@ -76,6 +74,22 @@ class Read(TypedDict):
     wrong: Rate
 
 
+def judge_all(
+    make: Callable[[np.random.Generator], Sent],
+    recordings: int,
+    rng: np.random.Generator,
+    variants: Mapping[str, Options] = BOTH,
+    *,
+    lone: bool = True,
+) -> dict[str, list[Judged]]:
+    """Play the same recordings to all variants of the detector, by their names."""
+    sent = [make(rng) for _ in range(recordings)]
+    return {
+        name: [judged(one, options, lone=lone) for one in sent]
+        for name, options in variants.items()
+    }
+
+
 def read_shares(
     make: Callable[[np.random.Generator], Sent],
     recordings: int,
@@ -84,12 +98,8 @@ def read_shares(
     *,
     lone: bool = True,
 ) -> dict[str, Read]:
-    """Play the same recordings to all variants of the detector, by their names."""
-    found: dict[str, list[Judged]] = {name: [] for name in variants}
-    for _ in range(recordings):
-        sent = make(rng)
-        for name, options in variants.items():
-            found[name].append(judged(sent, options, lone=lone))
+    """Sum up what all variants make of the same recordings."""
+    found = judge_all(make, recordings, rng, variants, lone=lone)
     return {name: read_of(rows) for name, rows in found.items()}
 
 

@@ -2,16 +2,14 @@
 # SPDX-License-Identifier: Apache-2.0
 """Trials of landmarks: an object of four markers, a drone, a robot in a room."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping
 from dataclasses import replace
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from evaluation.bench.hand_trials import BIAS_M, CORNERS, Error, Visit, error_of, hand_readings
+from evaluation.bench import hand_trials as hand
 from evaluation.bench.places import Pose, looks, reading_of, rotation, view_from
 from evaluation.bench.recordings import signal_at
 from retrolidar_ros.marker.known_markers import MARKER_SIZE_M
@@ -25,10 +23,14 @@ from retrolidar_ros.tasks.localization import RobotPose, robot_pose, room_of
 from retrolidar_ros.tasks.reading import Errors, Reading, SensorPose
 from retrolidar_ros.tasks.state import Prior, State
 
+_SURVEY_M = 0.002  # deviation of what is known of the places of markers on walls
 CALIBRATED_M = 0.0005  # deviation of a sensor's range bias after a calibration
 HEADINGS, STAY_S = 24, 1.6  # in how many directions a robot looks, and how long [s]
 _BOUND_STEPS, _SAMPLES = 81, 62
-_EXACT = Errors(range_bias_m=BIAS_M, pose_m=1e-4, turn_rad=1e-4)
+FLIGHT_S = 30.0
+# Of the drone, which is thought to accelerate [m/s²/√Hz].
+_FOLLOWED = Errors(range_bias_m=CALIBRATED_M, pose_m=1e-3, turn_rad=0.0035, acceleration=0.04)
+_EXACT = Errors(range_bias_m=hand.BIAS_M, pose_m=1e-4, turn_rad=1e-4)
 _SENSOR = replace(SENSOR, noise=NOISE, blur=0.05)
 _HERE = Pose(np.zeros(3), np.eye(3))
 # Directions of an optical frame in one whose z points up.
@@ -37,10 +39,8 @@ _UPRIGHT = np.array([[0.0, 0.0, 1.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0]])
 
 def markers_of(places_m: Mapping[int, Floats], wander: Wander | None = None) -> list[Marker]:
     """Return markers at places [m] by ID."""
-    return [
-        Marker(one, tuple(place_m), f'{one}', response=RESPONSE, wander=wander)
-        for one, place_m in places_m.items()
-    ]
+    how: dict[str, Any] = {'response': RESPONSE, 'wander': wander}
+    return [Marker(one, tuple(place_m), f'{one}', **how) for one, place_m in places_m.items()]
 
 
 class Tilt(NamedTuple):
@@ -53,7 +53,9 @@ class Tilt(NamedTuple):
 
 def tilt_trial(roll_rad: float, rng: np.random.Generator) -> Tilt | None:
     """Let one place see four markers on 20 cm at 1 m, turned by up to some roll [rad]."""
-    on_object = {1000 + 101 * n: 0.2 * np.append(corner, 0) for n, corner in enumerate(CORNERS)}
+    on_object = {
+        1000 + 101 * n: 0.2 * np.append(corner, 0) for n, corner in enumerate(hand.CORNERS)
+    }
     roll = matrix_of_turn(np.array([0, 0, rng.uniform(-roll_rad, roll_rad)]))
     way = rng.uniform(0, 2 * math.pi)
     tilt = rng.uniform(0, math.radians(30)) * np.array([math.cos(way), math.sin(way), 0])
@@ -61,9 +63,11 @@ def tilt_trial(roll_rad: float, rng: np.random.Generator) -> Tilt | None:
     centre_m = np.append(rng.uniform(-0.1, 0.1, 2), 1.0)
     places_m = {one: centre_m + turned @ at for one, at in on_object.items()}
     markers = markers_of(places_m)
-    trial = [Visit(_HERE, list(looks(view_from(_HERE, markers, _SENSOR, rng), 4.3, rng)))]
+    trial = [
+        hand.Visit(_HERE, list(looks(view_from(_HERE, markers, _SENSOR, rng), hand.VISIT_S, rng)))
+    ]
     landmark = Landmark('object', on_object, _EXACT)
-    for reading in hand_readings(trial, 3, rng)[0]:
+    for reading in hand.hand_readings(trial, rng)[0]:
         if landmark.has(reading.marker):
             landmark.take(reading)
     estimate = landmark.estimate()
@@ -84,9 +88,8 @@ def tilt_trial(roll_rad: float, rng: np.random.Generator) -> Tilt | None:
 def _direction_bound(places_m: Floats) -> float:
     """Return how much the light of markers leaves open of where a rigid object is seen [rad].
 
-    Turned about the sensor, an object keeps all its ranges; only what each zone sees of each
-    marker changes. This is the deviation of the directions, both axes together, that give what is
-    seen as well as the noise of one packet lets tell, all as likely before.
+    Turned about the sensor, it keeps its ranges; only what zones see of markers changes. This is
+    the deviation of the directions that give what is seen as well as one packet's noise lets tell.
     """
     grid = SENSOR.grid
     steps = np.linspace(-1, 1, _BOUND_STEPS) * grid.pitch
@@ -106,20 +109,8 @@ def _direction_bound(places_m: Floats) -> float:
     return math.sqrt(float(weight @ np.square(spread).sum(axis=1)))
 
 
-class Track(NamedTuple):
-    """A drone as sensors on the ground have followed it."""
-
-    errors: list[Error]
-    updates_per_s: float
-
-
-def drone_trial(
-    sensors: int, duration_s: float, acceleration: float, rng: np.random.Generator
-) -> Track:
-    """Follow a drone over one to three sensors on a triangle of 0.4 m that look up.
-
-    It is thought to accelerate by `acceleration` [m/s²/√Hz].
-    """
+def drone_trial(sensors: int, rng: np.random.Generator) -> list[hand.Error]:
+    """Follow a drone over one to three sensors on a triangle of 0.4 m that look up."""
     identity, height_m = 2127, float(rng.uniform(1.0, 1.5))
     wander = Wander(across_m=0.12, along_m=0.01, period_s=13.0)
     (drone,) = markers_of({identity: np.array([0, 0, height_m])}, wander)
@@ -131,30 +122,25 @@ def drone_trial(
         # It is one marker, whichever sensor sees it: all have it from one generator.
         scene = view_from(pose, [drone], _SENSOR, np.random.default_rng(clock))
         bias_m = float(rng.normal(0, CALIBRATED_M))
-        for known_s, detection in looks(scene, duration_s, rng):
+        for known_s, detection in looks(scene, FLIGHT_S, rng):
             if detection.id == identity:
                 one = reading_of(detection, SensorPose(*pose), bias_m=bias_m)
                 rows.append((known_s, one._replace(sensor=str(index))))
-    errors = Errors(
-        range_bias_m=CALIBRATED_M, pose_m=1e-3, turn_rad=0.0035, acceleration=acceleration
-    )
-    landmark, found = Landmark('drone', {identity: np.zeros(3)}, errors), []
+    landmark, found = Landmark('drone', {identity: np.zeros(3)}, _FOLLOWED), []
     for _, reading in sorted(rows, key=lambda row: row[0]):
         landmark.take(reading)
         estimate = landmark.estimate()
         if estimate is not None:
             place_m = position_at(drone, np.array([estimate.stamp_s])).reshape(3)
-            found.append(error_of(estimate, place_m))
-    return Track(found, len(found) / duration_s)
+            found.append(hand.error_of(estimate, place_m))
+    return found
 
 
-def room_trial(
-    markers: int, rng: np.random.Generator, survey_m: float = 0.002
-) -> tuple[RobotPose, Floats, Floats] | None:
+def room_trial(markers: int, rng: np.random.Generator) -> tuple[RobotPose, Floats, Floats] | None:
     """Let a robot in a room of 4 m turn on the spot, and locate it by markers on the walls.
 
-    Their places are known to a deviation of `survey_m`. Returns the estimated pose, and the true
-    position, shape (3,), and rotation, shape (3, 3); None if the pose is not clear.
+    Returns the estimated pose, and the true position, shape (3,), and rotation, shape (3, 3); None
+    if the pose is not clear.
     """
     base = Pose(np.append(rng.uniform(-0.5, 0.5, 2), 0.0), rotation(0, 0, rng.uniform(-3, 3)))
     places: dict[int, Floats] = {}
@@ -165,13 +151,13 @@ def room_trial(
         places[1000 + 101 * index] = 2 * way / np.abs(way).max() + [0, 0, height_m]
     known = {
         str(one): Prior(
-            State(place + rng.normal(0, survey_m, 3), np.eye(3), np.zeros(3)),
-            np.diag([survey_m**2] * 3 + [1.0] * 3),
+            State(place + rng.normal(0, _SURVEY_M, 3), np.eye(3), np.zeros(3)),
+            np.diag([_SURVEY_M**2] * 3 + [1.0] * 3),
         )
         for one, place in places.items()
     }
     room = room_of(known, {str(one): {one: np.zeros(3)} for one in places}, _EXACT, flat=True)
-    bias_m = float(rng.normal(0, BIAS_M))
+    bias_m = float(rng.normal(0, hand.BIAS_M))
     for index in range(HEADINGS):
         heading = rotation(0, 0, 2 * math.pi * index / HEADINGS) @ _UPRIGHT
         pose = Pose(base.position_m, base.rotation @ heading)

@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """What machine and what software figures were measured with."""
 
-from __future__ import annotations
-
 import json
 import os
 import platform
@@ -20,8 +18,10 @@ _PROCESSORS = Path('/proc/cpuinfo')
 
 def machine() -> dict[str, Any]:
     """Return processor, number of cores, system, Python, and the versions of libraries."""
+    described = _PROCESSORS.read_text(encoding='utf-8') if _PROCESSORS.exists() else ''
+    named = re.search(r'^model name\s*: (.+)$', described, re.MULTILINE)
     return {
-        'processor': _processor(),
+        'processor': named[1].strip() if named else platform.processor() or platform.machine(),
         'cores': os.cpu_count() or 1,
         'machine': platform.machine(),
         'system': platform.system(),
@@ -34,10 +34,3 @@ def write_figures(path: Path, figures: Mapping[str, Any], **run: Any) -> None:
     """Write figures as JSON, with what they were measured on and whatever else is said of it."""
     text = json.dumps({**figures, 'run': {**run, **machine()}}, indent=1)
     path.write_text(text + '\n', encoding='utf-8')
-
-
-def _processor() -> str:
-    """Return the processor's name, as far as the system gives it."""
-    described = _PROCESSORS.read_text(encoding='utf-8') if _PROCESSORS.exists() else ''
-    named = re.search(r'^model name\s*: (.+)$', described, re.MULTILINE)
-    return named[1].strip() if named else platform.processor() or platform.machine()

@@ -6,8 +6,6 @@ The fixed frame is optical, as that of a scene's own sensor. Every marker faces 
 on an object; behind all is a wall.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
@@ -139,46 +137,42 @@ def view_from(
     return Scene(sensor=sensor, markers=tuple(seen), surfaces=surfaces)
 
 
-class LiveReading(NamedTuple):
-    """A detection, and when it is known."""
-
-    known_ns: int  # stamp of the frame with which it came [ns]
-    detection: Detection
-
-
 class PlaceError(NamedTuple):
     """By how much a place is wrong."""
 
     range_m: float  # measured less true
     position_m: float  # distance between measured and true position
-    bearing_deg: float  # angle between measured and true direction
     squared_distance: float  # of the position, in standard deviations of its covariance
 
 
-def read_live(detector: Detector, recording: Recording) -> Iterator[LiveReading]:
+class Look(NamedTuple):
+    """A detection, and when it is known."""
+
+    known_s: float  # from the first frame to that with which it came
+    detection: Detection
+
+
+def read_live(detector: Detector, recording: Recording) -> Iterator[Look]:
     """Give frames to a detector one by one, and yield what comes of each."""
     for frame in recording:
         for detection in detector.update(frame):
-            yield LiveReading(frame.stamp_ns, detection)
+            yield Look(1e-9 * (frame.stamp_ns - int(recording.stamp_ns[0])), detection)
 
 
 def place_error(place: Place, truth_m: Floats) -> PlaceError:
     """Return by how much a place differs from where the marker was at its stamp, shape (3,) [m]."""
     range_m = float(np.linalg.norm(truth_m))
     offset = place.position_m - truth_m
-    across = float(np.linalg.norm(np.cross(place.position_m, truth_m)))
     return PlaceError(
         range_m=place.range_m - range_m,
         position_m=float(np.linalg.norm(offset)),
-        bearing_deg=float(np.degrees(np.arctan2(across, place.position_m @ truth_m))),
         squared_distance=float(offset @ np.linalg.solve(place.covariance[:3, :3], offset)),
     )
 
 
-def millimetres(lengths_m: ArrayLike) -> list[float]:
-    """Return lengths [m] in millimetres, to a hundredth."""
-    rounded: list[float] = np.round(1e3 * np.asarray(lengths_m), 2).tolist()
-    return rounded
+def rms(values: ArrayLike) -> float | None:
+    """Return the root mean square of values, None without any."""
+    return float(np.sqrt(np.mean(np.square(values)))) if np.size(values) else None
 
 
 def held(squared_distances: ArrayLike) -> Rate | None:
@@ -187,19 +181,10 @@ def held(squared_distances: ArrayLike) -> Rate | None:
     return rate(int(np.count_nonzero(squared <= ELLIPSOID)), squared.size) if squared.size else None
 
 
-class Look(NamedTuple):
-    """One detection, from when it was known on."""
-
-    known_s: float
-    detection: Detection
-
-
 def looks(scene: Scene, duration_s: float, rng: np.random.Generator) -> Iterator[Look]:
-    """Yield what a detector reads of a scene, in order, by the time from the first frame."""
+    """Return what the default reads of a scene, in order."""
     recording = Simulation(scene, rng).run(duration_s)
-    origin_ns = int(recording.stamp_ns[0])
-    for known_ns, detection in read_live(create_detector('joint', recording.grid), recording):
-        yield Look((known_ns - origin_ns) * 1e-9, detection)
+    return read_live(create_detector('joint', recording.grid), recording)
 
 
 def pose_of_tf(pose: Pose, stddev_m: float, rng: np.random.Generator) -> SensorPose:

@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Rates with their confidence, and where they fall below a level."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from typing import TypedDict

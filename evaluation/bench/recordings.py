@@ -7,8 +7,6 @@ light of all zones is computed at once; what happens to light comes first, then 
 noise that belongs to it, then what the sensor does to its samples.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 from dataclasses import replace
@@ -31,14 +29,14 @@ from retrolidar_ros.scene.transmission import visible_share
 from retrolidar_ros.sensor.frame import Floats, Recording, Status
 
 HAND_SIGNAL, HAND_DISTANCE_M = 1700.0, 0.2  # [kcps/SPAD]
-SILENCE_BITS = 60  # before a lone packet: 2.5 s
+SILENCE_BITS = 40  # before a lone packet: 1.7 s
 SECOND_CLOCK_ERROR = 0.01  # largest relative error of a second marker's clock
 WANDER_S = 0.5  # time in which a wandering wall goes its share of the bright signal
 FAR_WALL_M = 1.0  # how far a wall that is separated stands behind the marker
 GLASS_M = 0.01
 NEIGHBOUR_S = (0.033, 0.011)  # frame period of another sensor, and how long it sends in each
 _WAKING_BITS = PACKET_BITS  # a marker wakes at a random time within as many
-_TAIL_BITS = PACKET_BITS  # after the last packet
+_TAIL_BITS = 16  # after the last packet: a reading of it comes within half a second
 _ABNORMAL = np.array(
     [Status.NOT_UPDATED, Status.SIGNAL_TOO_LOW_ON_ARRAY, Status.SIGMA_TOO_HIGH, 4, 7, 8, 11],
     dtype=np.uint8,
@@ -97,22 +95,6 @@ def _lose_targets(
     )
 
 
-def _garble(recording: Recording, share: float, rng: np.random.Generator) -> None:
-    """Make a share of the samples meaningless, with an abnormal status (in place)."""
-    hit = rng.random(recording.signal.shape) < share
-    count = np.count_nonzero(hit)
-    recording.signal[hit] = _GARBAGE_SIGNAL * rng.random(count)
-    recording.distance[hit] = _GARBAGE_DISTANCE_M * rng.random(count)
-    recording.status[hit] = rng.choice(_ABNORMAL, count)
-
-
-def _lose_frames(recording: Recording, share: float, rng: np.random.Generator) -> Recording:
-    """Drop a share of the frames."""
-    kept = rng.random(len(recording)) >= share
-    arrays = ('stamp_ns', 'sequence', 'sensor_time_us', 'distance', 'signal', 'ambient', 'status')
-    return replace(recording, **{name: getattr(recording, name)[kept] for name in arrays})
-
-
 def record(
     stress: Stress,
     signal: float,
@@ -127,24 +109,11 @@ def record(
 ) -> Sent:
     """Return frames of a marker in the middle of every zone, or of one on its way.
 
-    Parameters
-    ----------
-    stress : Stress
-    signal : float
-        Of the bright markers, without the wall [kcps/SPAD].
-    rng : numpy.random.Generator
-    ids : array of int, shape (n,)
-        What IDs are drawn from; ValueError if there are fewer than markers.
-    range_m : float or None
-        Of markers and walls [m]; None = where a marker of 3 cm is so bright.
-    repeated_s : float or None
-        How long the recording is [s], of markers that have always been sending; None = each
-        sends one packet, at a random time.
-    sensor : Sensor
-    ambient : float
-        Light [kcps/SPAD].
-    path : callable or None
-        Where the only marker is; it has `signal` at `range_m`.
+    Bright markers have `signal` above the wall [kcps/SPAD], and stand with their walls at `range_m`
+    [m], by default where markers of 3 cm are so bright; or the only one is on `path`, and has
+    `signal` at `range_m`. Their IDs are drawn from `ids`, shape (n,); ValueError if these are fewer
+    than markers. Each sends one packet at a random time, or has always been sending in a recording
+    of `repeated_s` [s]. There is `ambient` light [kcps/SPAD].
     """
     zones, period_s = sensor.grid.zones, sensor.period_s
     markers = zones if path is None else 1
@@ -235,7 +204,13 @@ def record(
     if stress.no_target:
         recording = _lose_targets(recording, light, stress.no_target, rng)
     if stress.abnormal:
-        _garble(recording, stress.abnormal, rng)
+        hit = rng.random(shape) < stress.abnormal
+        count = np.count_nonzero(hit)
+        recording.signal[hit] = _GARBAGE_SIGNAL * rng.random(count)
+        recording.distance[hit] = _GARBAGE_DISTANCE_M * rng.random(count)
+        recording.status[hit] = rng.choice(_ABNORMAL, count)
     if stress.lost:
-        recording = _lose_frames(recording, stress.lost, rng)
+        kept = rng.random(len(recording)) >= stress.lost
+        arrays = {name: values for name, values in vars(recording).items() if name != 'grid'}
+        recording = replace(recording, **{name: values[kept] for name, values in arrays.items()})
     return Sent(recording, own, start_s, packet_s, seconds)

@@ -8,8 +8,6 @@ hand has them: from frame to frame |ln ratio| is 0.10, 0.41, 1.40 and 3.08 at 50
 so that calm and hurry alternate. Targets vanish and come back, and some zones see nothing.
 """
 
-from __future__ import annotations
-
 import math
 
 import numpy as np
@@ -44,13 +42,6 @@ def _walk(steps: Floats, memory: float, before: Floats) -> Floats:
     return walked
 
 
-def _between(log_signal: Floats) -> Floats:
-    """Reflect the log signal at its bounds."""
-    low, high = math.log(LEAST_SIGNAL), math.log(MOST_SIGNAL)
-    turned: Floats = np.abs((log_signal - low) % (2 * (high - low)) - (high - low))
-    return high - turned
-
-
 def _statuses(frames: int, zones: int, rng: np.random.Generator) -> NDArray[np.uint8]:
     """Return statuses of targets that vanish and come back, shape (frames, zones)."""
     turns = 16 + frames // 16  # a turn takes 33 frames in the mean
@@ -82,7 +73,9 @@ class Hands:
         steps = _STEP_SCALE * np.exp(scale) * self._rng.standard_normal(shape)
         level = _walk(steps, _LEVEL_MEMORY, self._level)
         self._level = level[-1]
-        received = np.exp(_between(_HOME + level))
+        # It turns round at its bounds.
+        low, high = math.log(LEAST_SIGNAL), math.log(MOST_SIGNAL)
+        received = np.exp(high - np.abs((_HOME + level - low) % (2 * (high - low)) - (high - low)))
         status = _statuses(*shape, self._rng)
         received[status == Status.SIGNAL_TOO_LOW] = 0.0
         return received.astype(np.float32), status

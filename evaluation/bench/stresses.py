@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """What markers and their light are put through, and stresses that grow until none is read."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -86,14 +84,8 @@ def _panel(name: str, title: str, axis: str, values: str, scale: float, **fixed:
     return Panel(name, title, axis, tuple(map(float, values.split())), stress)
 
 
-def _rotor(percent: float) -> Stress:
-    """Return a blade that hides the marker for a share of each fifth of a second."""
-    return replace(PLAIN, occlusion=Occlusion(every_s=0.2, lasting_s=0.2 * percent / 100))
-
-
 _LOST, _SWAY = '0 5 10 20 30 40 50 60 75 90', '0 10 20 30 40 50 65 80 95'
 _CLOCK, _WALL = '0 .5 1 2 3 4 6 8', '0 .2 .4 .6 .7 .8 .9 1'
-_ROTOR = (0.0, 5.0, 10.0, 20.0, 30.0, 40.0, 50.0, 65.0, 80.0)
 PANELS = (
     _panel('lost_frames', 'lost frames', 'frames lost [%]', _LOST, 0.01, lost=None),
     _panel('abnormal', 'abnormal samples', 'samples abnormal [%]', _LOST, 0.01, abnormal=None),
@@ -105,7 +97,13 @@ PANELS = (
     _panel('sway_fast', 'sways in 0.9 s', 'by ± [%]', _SWAY, 0.01, sway=None, sway_s=0.9),
     _panel('wander', 'wall wanders', 'in 0.5 s [%]', '0 5 10 20 40 60 100', 0.01, wander=None),
     _panel('hand', 'a hand', 'hides for [ms]', '0 42 84 126 210 300 450 600', 1e-3, hand_s=None),
-    Panel('rotor', 'a rotor, 5 blades/s', 'hidden [%]', _ROTOR, _rotor),
+    Panel(
+        'rotor',
+        'a rotor, 5 blades/s',
+        'hidden [%]',
+        (0, 5, 10, 20, 30, 40, 50, 65, 80),
+        lambda hidden: replace(PLAIN, occlusion=Occlusion(0.2, 0.002 * hidden)),
+    ),
     _panel('far_wall', 'a wall 1 m behind', 'over marker', _WALL, 1, far_wall=None),
     _panel('second', 'second marker in zone', 'its signal [%]', _SWAY, 0.01, second=None),
     _panel('clip', 'saturates', 'at [%] of the top', '100 90 80 70 55 40 25 10', 0.01, clip=None),

@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """What share of the light many markers let through, all at once."""
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import NDArray
 

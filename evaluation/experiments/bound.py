@@ -7,8 +7,6 @@ name an ID. `genie` knows start, clock, gain and offset, and takes the word of m
 The search of `joint` knows nothing; of all its candidates, that of most evidence counts.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from functools import lru_cache
 from typing import Any

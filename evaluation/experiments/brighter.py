@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Brighter is surer: lone packets of dim to bright markers, under one stress after the other."""
 
-from __future__ import annotations
-
 import itertools
 from collections.abc import Sequence
 from typing import Any

@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """One packet on one zone: its samples, what was judged while it came, and the reading."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -6,23 +6,13 @@ The hand looks from random places. An object whose range is off by more than a c
 at again after another move, as the paper has it; so is one that was not placed.
 """
 
-from __future__ import annotations
-
 import math
 from typing import Any, NamedTuple
 
 import numpy as np
 
+from evaluation.bench import places as hand
 from evaluation.bench.judging import BOTH, new_detector
-from evaluation.bench.places import (
-    PlaceError,
-    Pose,
-    markers_at,
-    place_error,
-    random_pose,
-    read_live,
-    view_from,
-)
 from evaluation.peers.background import Background
 from evaluation.peers.camera import PICTURES_HZ
 from evaluation.peers.pictures import View, read_pictures
@@ -51,15 +41,15 @@ class Outcome(NamedTuple):
     """What became of one look."""
 
     time_s: float  # from the first frame until all objects were placed; infinite if they were not
-    errors: dict[str, PlaceError]  # by object, of those seen
+    errors: dict[str, hand.PlaceError]  # by object, of those seen
 
 
-def place_all(method: str, recording: Recording, scene: Scene, pose: Pose) -> Outcome:
+def place_all(method: str, recording: Recording, scene: Scene, pose: hand.Pose) -> Outcome:
     """Read frames until all markers of a scene are placed in the world."""
     markers = {marker.id: marker for marker in scene.markers}
     board = ObjectBoard([one.name for one in markers.values()], MAX_STDDEV_M, STALE_AFTER_S)
-    errors: dict[str, PlaceError] = {}
-    for known_ns, detection in read_live(new_detector(recording.grid, BOTH[method]), recording):
+    errors: dict[str, hand.PlaceError] = {}
+    for known_s, detection in hand.read_live(new_detector(recording.grid, BOTH[method]), recording):
         marker = markers.get(detection.id)
         if marker is None:
             continue
@@ -67,9 +57,9 @@ def place_all(method: str, recording: Recording, scene: Scene, pose: Pose) -> Ou
         covariance = pose.rotation @ place.covariance[:3, :3] @ pose.rotation.T
         position_m = pose.to_world(place.position_m)
         board.see(marker.name, detection.stamp_ns, 'world', position_m, covariance)
-        errors[marker.name] = place_error(place, np.array(marker.position_m))
-        if not board.missing(known_ns):
-            return Outcome((known_ns - int(recording.stamp_ns[0])) * 1e-9, errors)
+        errors[marker.name] = hand.place_error(place, np.array(marker.position_m))
+        if not board.missing(int(recording.stamp_ns[0]) + round(1e9 * known_s)):
+            return Outcome(known_s, errors)
     return Outcome(math.inf, errors)
 
 
@@ -130,10 +120,10 @@ def run(rng: np.random.Generator, *, quick: bool) -> dict[str, Any]:
     outcomes: dict[str, list[Outcome]] = {method: [] for method in METHODS}
     ranges_m: list[float] = []
     for _ in range(trials):
-        pose = random_pose(world, rng)
-        scene = view_from(pose, world.markers, world.sensor, rng)
+        pose = hand.random_pose(world, rng)
+        scene = hand.view_from(pose, world.markers, world.sensor, rng)
         recording = Simulation(scene, rng).run(TIMEOUT_S)
-        ranges_m += np.linalg.norm(markers_at(scene), axis=1).tolist()
+        ranges_m += np.linalg.norm(hand.markers_at(scene), axis=1).tolist()
         for method in METHODS:
             outcomes[method].append(place_all(method, recording, scene, pose))
     names = [marker.name for marker in world.markers]

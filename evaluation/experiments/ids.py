@@ -2,24 +2,13 @@
 # SPDX-License-Identifier: Apache-2.0
 """How many IDs there are that are hard to confuse, and how many random words the code accepts."""
 
-from __future__ import annotations
-
-import math
 from typing import Any
 
 import numpy as np
 
 from evaluation.report.charts import OTHERS, label, new_chart
 from evaluation.report.claims import Claim, Claims, Table, model
-from retrolidar_ros.marker.code import (
-    IDS,
-    MAX_CORRECTED_BITS,
-    PACKET_BITS,
-    PREAMBLE,
-    WORD_BITS,
-    decode,
-    packet,
-)
+from retrolidar_ros.marker import code
 from retrolidar_ros.marker.dictionary import USABLE_IDS, largest_set
 
 TITLE = 'Sets of IDs, and what the code accepts'
@@ -30,7 +19,7 @@ _DISTANCES = (12, 10, 8, 6, 4, 2)
 def run(rng: np.random.Generator, *, quick: bool) -> dict[str, Any]:
     """Return the sizes of sets by least distance, and the share of random words accepted."""
     words = 100_000 if quick else 1_000_000
-    decoded, _ = decode(rng.integers(0, 2, (words, WORD_BITS), dtype=np.uint8))
+    decoded, _ = code.decode(rng.integers(0, 2, (words, code.WORD_BITS), dtype=np.uint8))
     return {
         'usable': len(USABLE_IDS),
         'sets': [
@@ -38,10 +27,6 @@ def run(rng: np.random.Generator, *, quick: bool) -> dict[str, Any]:
         ],
         'preambles_elsewhere': preambles_elsewhere(),
         'accepted': float(np.mean(decoded >= 0)),
-        # Spheres of three errors about all words, which do not overlap.
-        'accepted_by_count': IDS
-        * sum(math.comb(WORD_BITS, wrong) for wrong in range(MAX_CORRECTED_BITS + 1))
-        / 2**WORD_BITS,
     }
 
 
@@ -51,11 +36,14 @@ def preambles_elsewhere() -> list[int]:
     Of every usable ID, over all other places in the cycle of 31 bits, the fewest bits that
     differ from the preamble, counted: none makes the place as likely a start as the right one.
     """
-    packets = packet(USABLE_IDS)
+    packets = code.packet(USABLE_IDS)
     windows = np.stack(
-        [np.roll(packets, -shift, axis=1)[:, : len(PREAMBLE)] for shift in range(1, PACKET_BITS)]
+        [
+            np.roll(packets, -shift, axis=1)[:, : len(code.PREAMBLE)]
+            for shift in range(1, code.PACKET_BITS)
+        ]
     )
-    fewest: list[int] = np.bincount((windows != PREAMBLE).sum(axis=-1).min(axis=0)).tolist()
+    fewest: list[int] = np.bincount((windows != code.PREAMBLE).sum(axis=-1).min(axis=0)).tolist()
     return fewest
 
 

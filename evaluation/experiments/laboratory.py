@@ -2,20 +2,15 @@
 # SPDX-License-Identifier: Apache-2.0
 """What stands and shines in laboratories: bright walls, cover glasses, other sensors."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
-from evaluation.bench.judging import BOTH, read_shares
-from evaluation.bench.recordings import record, signal_at
-from evaluation.bench.stresses import LABORATORY, Panel
-from evaluation.experiments.stability import RANGES_M, REPEATED_S, named
+from evaluation.bench.stresses import LABORATORY
+from evaluation.experiments.stability import RANGES_M, named, read
 from evaluation.report.charts import LEVEL, draw_shares, label, legend_below, new_chart
 from evaluation.report.claims import Table
-from retrolidar_ros.marker.dictionary import USABLE_IDS
 from retrolidar_ros.scene.reference import NOISE, SENSOR
 
 TITLE = 'Walls, glass and other sensors'
@@ -30,46 +25,24 @@ CONDITIONS = [
 _LOOKS = [
     {'color': colour, 'linestyle': line} for line in '-:' for colour in ('#0072b2', '#d55e00')
 ]
-_RECORDINGS, _QUICK_RECORDINGS = 4, 1
 _LIT = replace(SENSOR, noise=replace(NOISE, ambient=NOISE.slope))
-
-
-def _point(
-    panel: Panel,
-    value: float,
-    where: tuple[float, bool, bool],
-    recordings: int,
-    rng: np.random.Generator,
-) -> dict[str, Any]:
-    """Return what is read at a value of a panel."""
-    range_m, _, repeats = where
-    how: dict[str, Any] = {'repeated_s': REPEATED_S if repeats else None, 'range_m': range_m}
-    shares = read_shares(
-        lambda rng: record(
-            panel.stress(value), signal_at(range_m), rng, USABLE_IDS, sensor=_LIT, **how
-        ),
-        recordings,
-        rng,
-        {METHOD: BOTH[METHOD]},
-        lone=not repeats,
-    )
-    return {'place': value, **shares}
 
 
 def run(rng: np.random.Generator, *, quick: bool) -> dict[str, Any]:
     """Return what is read, by panel and condition."""
-    seed = int(rng.integers(2**31))
-    recordings = _QUICK_RECORDINGS if quick else _RECORDINGS
+    seed, recordings = int(rng.integers(2**31)), 1 if quick else 4
     return {
         'panels': [
             {
-                'name': panel.name,
                 'title': panel.title,
                 'axis': panel.axis,
                 'points': [
                     [
-                        _point(panel, value, where, recordings, np.random.default_rng([seed, i]))
-                        for i, value in enumerate(panel.values)
+                        {
+                            'place': value,
+                            **read(panel, index, where, seed, recordings, METHOD, sensor=_LIT),
+                        }
+                        for index, value in enumerate(panel.values)
                     ]
                     for where in CONDITIONS
                 ],

@@ -2,25 +2,15 @@
 # SPDX-License-Identifier: Apache-2.0
 """How well places are known from several places: objects, a tilted one, a drone, a robot."""
 
-from __future__ import annotations
-
 import math
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 
-from evaluation.bench.hand_trials import (
-    CORNERS,
-    Error,
-    error_of,
-    errors_for,
-    hand_readings,
-    placed_from,
-    ready_trial,
-    visits,
-)
-from evaluation.bench.landmark_trials import drone_trial, room_trial, tilt_trial
-from evaluation.bench.places import held
+from evaluation.bench import hand_trials as hand
+from evaluation.bench.landmark_trials import FLIGHT_S, drone_trial, room_trial, tilt_trial
+from evaluation.bench.places import held, rms
 from evaluation.bench.rates import rate
 from evaluation.peers.hand_tags import TagCamera
 from evaluation.peers.visual_markers import APRILTAG, find_readers
@@ -36,73 +26,69 @@ MESSAGE = 'Half a metre of motion places objects to a centimetre'
 _SIDES_M = (0.1, 0.2, 0.4, 0.6)
 _REACH_M, _READY_M, _READY_S = 0.5, 0.01, 12.0
 """A hand that is to place all objects goes so far, until they are so well known, in such a time."""
-_STAY_S, _MOST = 4.3, 3
 _TAG_SIDE_M = 0.4
 LIDAR = 'LiDAR marker'
 _TRIALS, _QUICK_TRIALS = 30, 3  # of a hand that looks until all is known; others are dearer
 _RARE = 16.266  # 99.9 % of a normal distribution in three dimensions
 _POSE_M, _WRONG, _LATE = 0.002, 0.05, 0.10
-_ACCELERATION = 0.04
 
 
-def _errors(rows: list[Error]) -> dict[str, Any]:
+def _errors(rows: list[hand.Error]) -> dict[str, Any]:
     squared = [row.squared_distance for row in rows]
     sizes = 1e3 * np.array([row.error_m for row in rows])
     return {
         'median_mm': float(np.median(sizes)),
-        'rms_mm': float(np.sqrt(np.mean(sizes**2))),
+        'rms_mm': rms(sizes),
         'stddev_mm': float(1e3 * np.median([row.stddev_m for row in rows])),
         'holds': held(squared),
         'beyond': int(np.count_nonzero(np.array(squared) > _RARE)),
     }
 
 
-def _places(world: Scene, trials: int, rng: np.random.Generator) -> list[dict[str, Any]]:
+def _places(
+    world: Scene, sides_m: Sequence[float], trials: int, rng: np.random.Generator
+) -> list[dict[str, Any]]:
     """Return errors of each object by distance of the places, and by how many of them."""
-    found = []
-    ids = [one.id for one in world.markers]
-    for side_m in _SIDES_M:
-        rows: dict[tuple[int, int], list[Error]] = {}
+    found, ids = [], [one.id for one in world.markers]
+    for side_m in sides_m:
+        rows: dict[tuple[int, int], list[hand.Error]] = {}
         for _ in range(trials):
-            trial = visits(world, side_m, _STAY_S, rng)
-            places = hand_readings(trial, _MOST, rng)
-            for count in range(1, len(CORNERS) + 1):
-                landmarks = placed_from(places[:count], ids, errors_for(0.0))
+            trial = hand.visits(world, side_m, rng)
+            landmarks = hand.landmarks_for(ids, hand.errors_for(0.0))
+            for count, readings in enumerate(hand.hand_readings(trial, rng), 1):
+                hand.take_all(landmarks, readings)
                 for marker in world.markers:
                     estimate = landmarks[marker.id].estimate()
                     if estimate is not None:
-                        error = error_of(estimate, np.array(marker.position_m))
+                        error = hand.error_of(estimate, np.array(marker.position_m))
                         rows.setdefault((count, marker.id), []).append(error)
         found += [
             {'side_m': side_m, 'places': count, 'object': marker.name}
             | _errors(rows[count, marker.id])
-            for count in range(1, len(CORNERS) + 1)
+            for count in range(1, len(hand.CORNERS) + 1)
             for marker in world.markers
         ]
     return found
 
 
 def _beside_tags(world: Scene, trials: int, rng: np.random.Generator) -> list[dict[str, Any]]:
-    """Return errors of each object from four places, of LiDAR markers and of AprilTags.
-
-    Both have the same places, the same least squares and the same errors of TF.
-    """
-    camera = TagCamera(rng)
-    ids = [one.id for one in world.markers]
-    rows: dict[tuple[str, float, int], list[Error]] = {}
+    """Return errors of LiDAR markers and of AprilTags, all else alike, from four places."""
+    camera, ids = TagCamera(rng), [one.id for one in world.markers]
+    rows: dict[tuple[str, float, int], list[hand.Error]] = {}
     for _ in range(trials):
-        trial = visits(world, _TAG_SIDE_M, _STAY_S, rng)
+        trial = hand.visits(world, _TAG_SIDE_M, rng)
         for pose_m in (0.0, _POSE_M):
             for kind, places, errors in (
-                (LIDAR, hand_readings(trial, _MOST, rng, pose_m), errors_for(pose_m)),
+                (LIDAR, hand.hand_readings(trial, rng, pose_m), hand.errors_for(pose_m)),
                 (APRILTAG, camera.readings(trial, world, pose_m, rng), camera.errors(pose_m)),
             ):
-                landmarks = placed_from(places, ids, errors)
+                landmarks = hand.landmarks_for(ids, errors)
+                hand.take_all(landmarks, [reading for place in places for reading in place])
                 for marker in world.markers:
                     own = rows.setdefault((kind, pose_m, marker.id), [])
                     estimate = landmarks[marker.id].estimate()
                     if estimate is not None:
-                        own.append(error_of(estimate, np.array(marker.position_m)))
+                        own.append(hand.error_of(estimate, np.array(marker.position_m)))
     return [
         {'kind': kind, 'pose_m': pose_m, 'object': marker.name}
         | {'range_m': float(np.linalg.norm(marker.position_m))}
@@ -117,9 +103,9 @@ def _stressed(world: Scene, trials: int, rng: np.random.Generator) -> dict[str, 
     """Return what wrong IDs, late transforms and wrong poses of the sensor do."""
     truth_m = {one.id: np.array(one.position_m) for one in world.markers}
     ids = list(truth_m)
-    rows: list[Error] = []
+    rows: list[hand.Error] = []
     for _ in range(trials):
-        places = hand_readings(visits(world, 0.4, _STAY_S, rng), _MOST, rng, _POSE_M)
+        places = hand.hand_readings(hand.visits(world, 0.4, rng), rng, _POSE_M)
         flat = [reading for place in places for reading in place]
         for index, reading in enumerate(flat):
             if rng.random() < _WRONG:
@@ -128,37 +114,37 @@ def _stressed(world: Scene, trials: int, rng: np.random.Generator) -> dict[str, 
         # A late transform lets a reading come after those of the next seconds.
         order = np.arange(len(flat)) + 4.0 * (rng.random(len(flat)) < _LATE)
         queue = [flat[index] for index in np.argsort(order, kind='stable')]
-        survey = Survey({}, errors_for(_POSE_M))
+        survey = Survey({}, hand.errors_for(_POSE_M))
         for reading in queue:
             if reading.marker in truth_m:
                 survey.take(reading, str(reading.marker))
-                rows += [error_of(one, truth_m[int(one.name)]) for one in survey.estimates()]
+                rows += [hand.error_of(one, truth_m[int(one.name)]) for one in survey.estimates()]
     return _errors(rows)
 
 
 def _room(markers: int, trials: int, rng: np.random.Generator) -> dict[str, Any]:
     """Return errors of a robot's pose among markers, and how often it was clear enough."""
     found = [room_trial(markers, rng) for _ in range(trials)]
-    off_m, yaw_deg = [], []
+    off_mm, yaw_deg = [], []
     for pose, position_m, rotation in (one for one in found if one is not None):
-        off_m.append(float(np.linalg.norm((pose.position_m - position_m)[:2])))
+        off_mm.append(1e3 * float(np.linalg.norm((pose.position_m - position_m)[:2])))
         turned = pose.rotation @ rotation.T
         yaw_deg.append(math.degrees(math.atan2(turned[1, 0], turned[0, 0])))
     return {
         'markers': markers,
         'trials': trials,
-        'clear': len(off_m),
-        'rms_mm': 1e3 * float(np.sqrt(np.mean(np.square(off_m)))),
-        'median_mm': 1e3 * float(np.median(off_m)),
-        'yaw_rms_deg': float(np.sqrt(np.mean(np.square(yaw_deg)))),
+        'clear': len(off_mm),
+        'rms_mm': rms(off_mm),
+        'median_mm': float(np.median(off_mm)),
+        'yaw_rms_deg': rms(yaw_deg),
     }
 
 
 def _drone(sensors: int, trials: int, rng: np.random.Generator) -> dict[str, Any]:
     """Return errors of a drone before some sensors."""
-    tracks = [drone_trial(sensors, 30.0, _ACCELERATION, rng) for _ in range(trials)]
-    updates = float(np.mean([track.updates_per_s for track in tracks]))
-    rows = [row for track in tracks for row in track.errors[3:]]
+    tracks = [drone_trial(sensors, rng) for _ in range(trials)]
+    updates = float(np.mean([len(track) for track in tracks])) / FLIGHT_S
+    rows = [row for track in tracks for row in track[3:]]
     return {'sensors': sensors, 'updates_per_s': updates} | _errors(rows)
 
 
@@ -167,18 +153,22 @@ def run(rng: np.random.Generator, *, quick: bool) -> dict[str, Any]:
     trials = _QUICK_TRIALS if quick else _TRIALS
     fewer = 2 if quick else 8
     world = load_scene('coffee')
-    ready = [ready_trial(world, _READY_M, _REACH_M, rng) for _ in range(trials)]
+    ready = [hand.ready_trial(world, _READY_M, _REACH_M, rng) for _ in range(trials)]
     tilts = [tilt_trial(math.radians(15), rng) for _ in range(fewer)]
     known = [one for one in tilts if one is not None]
     return {
         'trials': trials,
-        'places': _places(world, fewer, rng),
+        'places': _places(world, _SIDES_M[1:3] if quick else _SIDES_M, fewer, rng),
         'ready_s': sorted(round(one.looked_s, 2) for one in ready if math.isfinite(one.looked_s)),
         'ready': _errors([error for one in ready for error in one.errors]),
         'tilt_deg': np.sqrt(np.mean(np.square(known), axis=0)).round(3).tolist(),
         'tags': [] if APRILTAG in find_readers()[1] else _beside_tags(world, fewer, rng),
-        'drones': [_drone(sensors, 1 if quick else 4, rng) for sensors in (1, 2, 3)],
-        'rooms': [_room(markers, fewer, rng) for markers in (3, 4, 5, 6)],
+        'drones': [
+            _drone(sensors, 1 if quick else 4, rng) for sensors in (1, 2, 3)[:: 2 if quick else 1]
+        ],
+        'rooms': [
+            _room(markers, 2 if quick else 6, rng) for markers in (3, 4, 5, 6)[:: 3 if quick else 1]
+        ],
         'stress': _stressed(world, fewer, rng),
     }
 
@@ -187,13 +177,14 @@ def table(figures: dict[str, Any]) -> Table:
     """Return errors, and how often the 95 % ellipsoid holds."""
     rows = [['', 'median', 'rms', 'in the 95 % ellipsoid']]
 
+    def joined(own: list[dict[str, Any]], key: str, digits: int = 0) -> str:
+        return '/'.join(f'{row[key]:.{digits}f}' for row in own)
+
     def add(what: str, own: list[dict[str, Any]]) -> None:
         hits, tries = (
             sum(row['holds'][key] for row in own if 'holds' in row) for key in ('hits', 'trials')
         )
-        sizes = [
-            f'{"/".join(f"{row[key]:.1f}" for row in own)} mm' for key in ('median_mm', 'rms_mm')
-        ]
+        sizes = [f'{joined(own, key, 1)} mm' for key in ('median_mm', 'rms_mm')]
         rows.append([what, *sizes, percent(rate(hits, tries)) if tries else NOTHING])
 
     for side_m, count in ((0.2, 1), (0.2, 4), (0.4, 4)):
@@ -207,20 +198,16 @@ def table(figures: dict[str, Any]) -> Table:
         tf = f'TF off by {1e3 * pose_m:g} mm and 0.2°' if pose_m else 'exact TF'
         add(f'the last, {kind}, {tf}', own)
     drones, rooms = figures['drones'], figures['rooms']
-    updates = '/'.join(f'{row["updates_per_s"]:.1f}' for row in drones)
-    sensors = '/'.join(f'{row["sensors"]}' for row in drones)
+    sensors, updates = joined(drones, 'sensors'), joined(drones, 'updates_per_s', 1)
     add(f'drone before {sensors} sensors, {updates} updates a second', drones)
-    markers = '/'.join(f'{row["markers"]}' for row in rooms)
-    heading = '/'.join(f'{row["yaw_rms_deg"]:.1f}' for row in rooms)
-    clear = '/'.join(f'{row["clear"]}' for row in rooms)
-    what = f'heading {heading}° rms, clear in {clear} of {rooms[0]["trials"]}'
-    add(f'robot among {markers} markers, {what}', rooms)
-    ready, (sight, fixed, bound) = figures['ready_s'], figures['tilt_deg']
-    within, stress = sum(one <= _READY_S for one in ready), figures['stress']
+    what = f'robot among {joined(rooms, "markers")} markers, heading '
+    what += f'{joined(rooms, "yaw_rms_deg", 1)}° rms, clear in {joined(rooms, "clear")}'
+    add(f'{what} of {rooms[0]["trials"]}', rooms)
+    sight, fixed, bound = figures['tilt_deg']
+    within, stress = sum(one <= _READY_S for one in figures['ready_s']), figures['stress']
+    ready = f'all three within {1e3 * _READY_M:g} mm in {_READY_S:g} s'
     others = {
-        f'all three within {1e3 * _READY_M:g} mm in {_READY_S:g} s': (
-            f'{within} of {figures["trials"]}'
-        ),
+        ready: f'{within} of {figures["trials"]}',
         'tilt of four markers on 20 cm, against the line of sight': f'{sight:.2f}°',
         'the same in the fixed frame': f'{fixed:.2f}°',
         'what zones and light leave open of that': f'{bound:.2f}°',
@@ -228,7 +215,7 @@ def table(figures: dict[str, Any]) -> Table:
             f'{stress["beyond"]} of {stress["holds"]["trials"]}'
         ),
     }
-    return rows + [[what, NOTHING, value, NOTHING] for what, value in others.items()]
+    return rows + [[what, '', value, ''] for what, value in others.items()]
 
 
 def draw(figures: dict[str, Any]) -> Any:
@@ -239,7 +226,7 @@ def draw(figures: dict[str, Any]) -> Any:
     for name, how in looks.items():
         own = [row for row in figures['places'] if row['object'] == name]
         for axis, key, chosen in (
-            (baseline, 'side_m', [row for row in own if row['places'] == len(CORNERS)]),
+            (baseline, 'side_m', [row for row in own if row['places'] == len(hand.CORNERS)]),
             (number, 'places', [row for row in own if row['side_m'] == 0.4]),
         ):
             at = [row[key] for row in chosen]
@@ -256,9 +243,9 @@ def draw(figures: dict[str, Any]) -> Any:
     label(number, 'places on a square of 0.4 m', y, 'one place after the other', yscale='log')
     what = 'beside tags of 3 cm, four places 0.4 m apart'
     label(beside, 'distance of the object [m]', y, what, yscale='log')
-    number.set_xticks(range(1, len(CORNERS) + 1))
-    for axis in (baseline, number):
-        axis.axhline(10, **line('--', '0.4'), linewidth=1)
+    number.set_xticks(range(1, len(hand.CORNERS) + 1))
+    baseline.axhline(10, **line('--', '0.4'), linewidth=1)
+    number.axhline(10, **line('--', '0.4'), linewidth=1)
     if figures['tags']:
         legend_under(beside)
     kinds = {'median': line('-'), 'estimated deviation': line(':'), '10 mm': line('--', '0.4')}

@@ -6,8 +6,6 @@ This checks the simulation, not the world: exponent, proportion to area and whit
 are put in.
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
 from typing import Any
 
@@ -22,7 +20,7 @@ from retrolidar_ros.sensor.frame import Floats
 
 TITLE = 'Link budget'
 MESSAGE = "The simulated link keeps the paper's laws"
-PAPER_EXPONENT, PAPER_DISTANCE_R2, PAPER_AREA_R2 = -3.8, 0.9826, 0.9853
+PAPER_EXPONENT = -3.8
 PAPER_GAIN, PAPER_BOARD_M = 100.4, 1.4
 BOARD_SIGNAL = 4.0  # of a plain board of 9 cm² at `PAPER_BOARD_M` (paper §3.2) [kcps/SPAD]
 CRYSTAL_PASSES = 0.25  # of the light, twice through both polarisers: what we put in
@@ -143,8 +141,8 @@ def draw(figures: dict[str, Any]) -> Any:
     long.plot(times_ms, law, color='0.4', label='10 log10 k')
     label(long, 'integration time [ms]', 'signal over noise [dB]', xscale='log')
     long.set_xticks(times_ms, [f'{time_ms:.0f}' for time_ms in times_ms])
+    far.minorticks_off()
+    long.minorticks_off()
     for axis in (far, wide, long):
-        if axis is not wide:
-            axis.minorticks_off()
         legend_under(axis)
     return figure

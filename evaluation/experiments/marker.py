@@ -8,8 +8,6 @@ over a look of T seconds of white Gaussian noise of a bandwidth B has 2·B·T in
 its square is distributed as chi-squared.
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 from statistics import NormalDist
@@ -19,17 +17,8 @@ import numpy as np
 
 from evaluation.report.charts import OTHERS, label, legend_under, line, new_chart
 from evaluation.report.claims import Claims, Table, as_text, model
+from retrolidar_ros.marker import wakeup
 from retrolidar_ros.marker.battery import CELL_MAH, PROTOTYPE, active_share, drawn, life_h
-from retrolidar_ros.marker.wakeup import (
-    GUARD_V,
-    LOOK_EVERY_S,
-    LOOK_S,
-    NOISE_V,
-    REACH_M,
-    THRESHOLD_V,
-    voltage_v,
-    wakeup_range_m,
-)
 from retrolidar_ros.sensor.frame import ZoneGrid
 
 TITLE = 'The marker: waking and battery'
@@ -40,7 +29,7 @@ _NARROW_FIELD_RAD = math.radians(18)
 # The transimpedance amplifier is one pole of 2 MΩ and 3 pF (paper §5); as much white noise passes
 # it as a sharp filter of π/2 times its corner.
 AMPLIFIER_HZ = math.pi / 2 / (2 * math.pi * 2e6 * 3e-12)
-_LOOKS_AN_HOUR = 3600 / LOOK_EVERY_S
+_LOOKS_AN_HOUR = 3600 / wakeup.LOOK_EVERY_S
 _BANDWIDTHS_HZ = np.geomspace(1e4, 3e6, 40)
 _RANGES_M = np.linspace(0.6, 4.0, 69)
 _ANGLES_DEG = (0, 30, 50)
@@ -60,7 +49,7 @@ def guard_v(bandwidth_hz: float, chance: float, noise_v: float) -> float:
 
     The quantile of chi-squared is that of Wilson and Hilferty (1931).
     """
-    samples = 2 * bandwidth_hz * LOOK_S
+    samples = 2 * bandwidth_hz * wakeup.LOOK_S
     normal = NormalDist().inv_cdf(1 - chance)
     power = (1 - 2 / (9 * samples) + normal * math.sqrt(2 / (9 * samples))) ** 3
     return noise_v * (math.sqrt(power) - 1)
@@ -68,7 +57,7 @@ def guard_v(bandwidth_hz: float, chance: float, noise_v: float) -> float:
 
 def false_per_hour(bandwidth_hz: float, threshold_v: float, noise_v: float) -> float:
     """Return how often noise alone passes a threshold in an hour."""
-    samples = 2 * bandwidth_hz * LOOK_S
+    samples = 2 * bandwidth_hz * wakeup.LOOK_S
     root = ((threshold_v / noise_v) ** 2) ** (1 / 3)
     normal = (root - 1 + 2 / (9 * samples)) / math.sqrt(2 / (9 * samples))
     return _LOOKS_AN_HOUR * 0.5 * math.erfc(normal / math.sqrt(2))
@@ -83,28 +72,32 @@ def narrow_gain() -> float:
 
 def run(rng: np.random.Generator, *, quick: bool) -> dict[str, Any]:
     """Return voltages, ranges, guards and lives; nothing is random."""
-    indoors = NOISE_V['indoors']
+    indoors = wakeup.NOISE_V['indoors']
     hourly = active_share(1)
     guards = [guard_v(hertz, 1 / _LOOKS_AN_HOUR, indoors) for hertz in _BANDWIDTHS_HZ.tolist()]
     most_ma = CELL_MAH / (2 * _YEAR_H)
     asleep = drawn(hourly, _CHEAP_LOOKS)
-    reaches = {name: wakeup_range_m(THRESHOLD_V, noise) for name, noise in NOISE_V.items()}
+    reaches = {
+        name: wakeup.wakeup_range_m(wakeup.THRESHOLD_V, noise)
+        for name, noise in wakeup.NOISE_V.items()
+    }
     return {
         'wakes_to_m': {name: at if math.isfinite(at) else None for name, at in reaches.items()},
         'own_threshold_m': {
-            name: wakeup_range_m(noise + GUARD_V, noise) for name, noise in NOISE_V.items()
+            name: wakeup.wakeup_range_m(noise + wakeup.GUARD_V, noise)
+            for name, noise in wakeup.NOISE_V.items()
         },
-        'at_1_m_v': float(voltage_v(np.array(1.0))),
+        'at_1_m_v': float(wakeup.voltage_v(np.array(1.0))),
         # If voltages added, the guard alone would be the light at the reach.
-        'voltages_added_at_1_m_v': indoors + GUARD_V * REACH_M**2,
-        'narrow_m': REACH_M * math.sqrt(narrow_gain()),
+        'voltages_added_at_1_m_v': indoors + wakeup.GUARD_V * wakeup.REACH_M**2,
+        'narrow_m': wakeup.REACH_M * math.sqrt(narrow_gain()),
         'amplifier': {
-            'false_per_hour': false_per_hour(AMPLIFIER_HZ, THRESHOLD_V, indoors),
+            'false_per_hour': false_per_hour(AMPLIFIER_HZ, wakeup.THRESHOLD_V, indoors),
             'guard_v': guard_v(AMPLIFIER_HZ, 1 / _LOOKS_AN_HOUR, indoors),
         },
         'bandwidths_hz': _BANDWIDTHS_HZ.tolist(),
         'guards_v': guards,
-        'safe_m': [wakeup_range_m(indoors + guard) for guard in guards],
+        'safe_m': [wakeup.wakeup_range_m(indoors + guard) for guard in guards],
         'once_an_hour_h': {
             name: life_h(CELL_MAH, drawn(hourly, parts).total) for name, parts in PARTS.items()
         },
@@ -133,7 +126,7 @@ def table(figures: dict[str, Any]) -> Table:
     """Return from where the marker wakes, and how long it lives."""
     heads = ['surroundings', 'noise', "wakes to, the paper's threshold", 'with noise + 1 mV']
     rows = [heads]
-    for name, noise in NOISE_V.items():
+    for name, noise in wakeup.NOISE_V.items():
         at, own = figures['wakes_to_m'][name], figures['own_threshold_m'][name]
         rows.append([name, _mv(noise), 'always awake' if at is None else as_text(at), as_text(own)])
     for name, hours in figures['once_an_hour_h'].items():
@@ -164,15 +157,15 @@ def draw(figures: dict[str, Any]) -> Any:
     """Draw voltages over distance, reach over the noise's bandwidth, and lives over queries."""
     figure, (volts, reach, life) = new_chart(1, 3, 17, 6.2, MESSAGE)
     for angle, colour in zip(_ANGLES_DEG, OTHERS, strict=False):
-        course = 1e3 * voltage_v(_RANGES_M, math.radians(angle))
+        course = 1e3 * wakeup.voltage_v(_RANGES_M, math.radians(angle))
         volts.plot(_RANGES_M, course, color=colour, label=f'indoors, {angle}°')
     volts.plot(1.0, 1e3 * WITH_LIDAR_V, 'kD', label="paper's Tab. 5")
-    volts.axhline(1e3 * THRESHOLD_V, color='k', linewidth=1, label='threshold')
-    volts.axhline(1e3 * NOISE_V['outdoors'], **line(':', 'k'), label='noise outdoors')
+    volts.axhline(1e3 * wakeup.THRESHOLD_V, color='k', linewidth=1, label='threshold')
+    volts.axhline(1e3 * wakeup.NOISE_V['outdoors'], **line(':', 'k'), label='noise outdoors')
     label(volts, 'distance [m]', 'behind both filters [mV rms]', ylim=(10, 70))
     hertz = 1e-3 * np.array(figures['bandwidths_hz'])
     reach.plot(hertz, figures['safe_m'], color=OTHERS[0], label='one false wake-up an hour')
-    reach.axhline(REACH_M, color='k', linewidth=1, label="the paper's reach, guard 1 mV")
+    reach.axhline(wakeup.REACH_M, color='k', linewidth=1, label="the paper's reach, guard 1 mV")
     reach.axvline(1e-3 * AMPLIFIER_HZ, **line('--', 'k'), label='first amplifier')
     x = 'bandwidth of the noise, taken as white [kHz]'
     label(reach, x, 'wakes to [m]', xscale='log', ylim=(0, 3))

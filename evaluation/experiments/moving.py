@@ -2,16 +2,15 @@
 # SPDX-License-Identifier: Apache-2.0
 """A marker that moves: how many of its packets are read, and how well it is placed."""
 
-from __future__ import annotations
-
 import math
+from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
 from evaluation.bench.judging import BOTH, judged
-from evaluation.bench.places import place_error
+from evaluation.bench.places import place_error, rms
 from evaluation.bench.rates import rate
 from evaluation.bench.recordings import Path, record, signal_at
 from evaluation.bench.stresses import PLAIN
@@ -26,6 +25,7 @@ TITLE = 'Markers that move'
 MESSAGE = 'A marker may move by decimetres a second while it is read'
 RANGES_M = (1.0, 2.0)
 DURATION_S = 20.0
+SWINGS_M, SWING_S = (0.2, 0.3), 3.0  # to each side, at the first of the distances; and the period
 _SPEEDS_M_S = (0.0, 0.05, 0.1, 0.2, 0.3, 0.4, 0.6, 0.8)
 _SENSOR = replace(SENSOR, blur=0.05)
 _INNER = 0.85  # the marker turns round at this share of the view's half
@@ -63,21 +63,34 @@ def along(speed_m_s: float, range_m: float, rng: np.random.Generator) -> Path:
     return path
 
 
+def swinging(half_m: float, range_m: float, rng: np.random.Generator) -> Path:
+    """Return the way of a marker that swings sideways about the middle of a row of zones."""
+    turn, down_m = rng.uniform(0, 2 * math.pi), 0.5 * range_m * SENSOR.grid.pitch
+
+    def path(time_s: Floats) -> Floats:
+        x = half_m * np.sin(2 * math.pi / SWING_S * time_s + turn)
+        return np.column_stack([x, np.full(len(x), down_m), np.full(len(x), range_m)])
+
+    return path
+
+
 WAYS = {'across the view': across, 'to and fro': along}
 
 
-def _rms(lengths_m: list[float]) -> float | None:
-    return 1e3 * float(np.sqrt(np.mean(np.square(lengths_m)))) if lengths_m else None
-
-
-def _followed(way: str, speed_m_s: float, range_m: float, runs: int, rng: Any) -> dict[str, Any]:
+def _followed(
+    way: Callable[[float, float, np.random.Generator], Path],
+    value: float,
+    range_m: float,
+    runs: int,
+    rng: np.random.Generator,
+) -> dict[str, Any]:
     """Return what both methods read of a marker that repeats while it moves."""
     packets = 0
     read = dict.fromkeys(METHODS, 0)
-    errors_m: dict[str, list[float]] = {method: [] for method in METHODS}
+    errors_mm: dict[str, list[float]] = {method: [] for method in METHODS}
     how: dict[str, Any] = {'range_m': range_m, 'repeated_s': DURATION_S, 'sensor': _SENSOR}
     for _ in range(runs):
-        path = WAYS[way](speed_m_s, range_m, rng)
+        path = way(value, range_m, rng)
         sent = record(PLAIN, signal_at(range_m), rng, USABLE_IDS, path=path, **how)
         # The first packet began before the first frame, and the last may be read after its end.
         whole = range(1, math.floor((DURATION_S - sent.start_s[0]) / sent.packet_s) - 1)
@@ -90,12 +103,12 @@ def _followed(way: str, speed_m_s: float, range_m: float, runs: int, rng: Any) -
             ]
             read[method] += len({math.floor(one / sent.packet_s) for one in middles_s} & {*whole})
             truths_m = [path(np.array([1e-9 * one.stamp_ns]))[0] for one in found.own]
-            errors_m[method] += [
-                place_error(one.place, truth_m).range_m
+            errors_mm[method] += [
+                1e3 * place_error(one.place, truth_m).range_m
                 for one, truth_m in zip(found.own, truths_m, strict=True)
             ]
     return {
-        method: {'read': rate(read[method], packets), 'range_mm': _rms(errors_m[method])}
+        method: {'read': rate(read[method], packets), 'range_mm': rms(errors_mm[method])}
         for method in METHODS
     }
 
@@ -106,30 +119,35 @@ def run(rng: np.random.Generator, *, quick: bool) -> dict[str, Any]:
     return {
         'curves': [
             {
-                'way': way,
+                'way': name,
                 'range_m': range_m,
                 'points': [
                     {'speed_m_s': speed, **_followed(way, speed, range_m, runs, rng)}
                     for speed in speeds
                 ],
             }
-            for way in WAYS
+            for name, way in WAYS.items()
             for range_m in RANGES_M
-        ]
+        ],
+        'swings': [_followed(swinging, half_m, RANGES_M[0], runs, rng) for half_m in SWINGS_M],
     }
 
 
 def table(figures: dict[str, Any]) -> Table:
-    """Return what is read, and how wrong it is placed, at some speeds."""
+    """Return what is read, and how wrong it is placed, at some speeds, and of what swings."""
     curves = figures['curves']
     speeds = [f'{point["speed_m_s"]:g} m/s' for point in curves[0]['points'][::2]]
-    rows = [['packets read; rms error of range', *speeds]]
-    for curve in curves:
+    swings = [f'swings ±{100 * half_m:g} cm in {SWING_S:g} s' for half_m in SWINGS_M]
+    rows = [['packets read; rms error of range', *speeds, *swings]]
+    for index, curve in enumerate(curves):
+        # Only the first is across the view and at the distance at which markers swing.
+        others = [] if index else figures['swings']
         for method in METHODS:
-            found = [point[method] for point in curve['points'][::2]]
+            found = [point[method] for point in (*curve['points'][::2], *others)]
             cells = [
                 f'{percent(one["read"])}; {as_text(one["range_mm"], "mm", 0)}' for one in found
             ]
+            cells += [''] * (len(rows[0]) - 1 - len(cells))
             rows.append([f'{curve["way"]} at {curve["range_m"]:g} m, {method}', *cells])
     return rows
 

@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The sweeps of the paper (§6.2, §6.4): Fig. 8a, 8b and 11, beside the paper's own values."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from dataclasses import replace
@@ -12,17 +10,9 @@ from typing import Any
 
 import numpy as np
 
-from evaluation.bench.recordings import Path, Sent, record, signal_at
+from evaluation.bench.recordings import Sent, record, signal_at
 from evaluation.bench.stresses import PLAIN
-from evaluation.experiments.sweeps import (
-    MOST_BITS,
-    PAPERS_OWN,
-    Curve,
-    Sweep,
-    end_of,
-    point_of,
-    rng_at,
-)
+from evaluation.experiments import sweeps
 from evaluation.report.charts import SHADES, WRONG, draw_reads, label, legend_below, line, new_chart
 from evaluation.report.claims import BOTH_CLAIMED, Claim, Claims, as_text, claim_of, model, shares
 from retrolidar_ros.detector import METHODS
@@ -63,7 +53,7 @@ def lone(
 
 def lone_packets(range_m: float, seed: int, recordings: int = LONE_RECORDINGS) -> list[Sent]:
     """Return the lone packets that every experiment has at a distance."""
-    rng = rng_at(seed, range_m)
+    rng = sweeps.rng_at(seed, range_m)
     return [lone(range_m, rng) for _ in range(recordings)]
 
 
@@ -74,19 +64,18 @@ def repeating(range_m: float, rng: np.random.Generator, *, size_m: float, packet
     return record(PLAIN, signal, rng, USABLE_IDS, range_m=range_m, repeated_s=lasting_s)
 
 
-def _turned(yaw_deg: float, rng: np.random.Generator, *, range_m: float) -> Sent:
+def turned(yaw_deg: float, rng: np.random.Generator, *, range_m: float) -> Sent:
+    """Return lone packets of markers that are turned."""
     return lone(range_m, rng, yaw_deg=yaw_deg)
-
-
-def _standing(position_m: Floats) -> Path:
-    return lambda time_s: np.repeat(position_m[None], len(time_s), axis=0)
 
 
 def _aside(angle_deg: float, rng: np.random.Generator) -> Sent:
     """Return one marker at 1 m, at an angle from the axis, half-way between two rows of zones."""
-    angle = math.radians(angle_deg)
-    path = _standing(np.array([math.sin(angle), 0.0, math.cos(angle)]))
-    signal = signal_at(1.0)
+    angle, signal = math.radians(angle_deg), signal_at(1.0)
+
+    def path(time_s: Floats) -> Floats:
+        return np.tile([math.sin(angle), 0.0, math.cos(angle)], (len(time_s), 1))
+
     return record(PLAIN, signal, rng, USABLE_IDS, range_m=1.0, sensor=_BLURRED, path=path)
 
 
@@ -110,13 +99,13 @@ def _where_lit(light: float) -> tuple[float, ...]:
     return _scaled(_LIKE_M, louder ** (0.5 / DISTANCE_EXPONENT))
 
 
-def _several(size_cm: int, packets: int) -> Curve:
+def _several(size_cm: int, packets: int) -> sweeps.Curve:
     """Return the curve of some packets that may be combined."""
     size_m = size_cm / 100
     make = partial(repeating, size_m=size_m, packets=packets)
     variants = {method: {'method': method, 'max_packets': packets} for method in METHODS}
     places_m = _of_size(_OF_SEVERAL_M, size_m)
-    return Curve(f'{size_cm} cm, {packets} packets', make, places_m, 3, variants, lone=False)
+    return sweeps.Curve(f'{size_cm} cm, {packets} packets', make, places_m, 3, variants, lone=False)
 
 
 SMALL_M = _of_size(_LIKE_M, 0.01)
@@ -125,7 +114,7 @@ SMALL_RECORDINGS = 4
 YAWS_DEG = (0, 20, 40, 50, 52, 54, 56, 57, 58, 59, 60)
 
 
-class Reading(Sweep):
+class Reading(sweeps.Sweep):
     """Distance, and how many of the bits that were read rightly had been wrong."""
 
     def draw(self, figures: dict[str, Any]) -> Any:
@@ -138,7 +127,7 @@ class Reading(Sweep):
         read.plot(places, found, **line('-.', '0.3'), linewidth=1)
         read.axvline(PAPER_REACH_M, **line(':'))
         label(read, self.axis, 'lone packets [%]', 'identified', percent=True)
-        names = [*map(str, range(MOST_BITS)), f'{MOST_BITS} or more']
+        names = [*map(str, range(sweeps.MOST_BITS)), f'{sweeps.MOST_BITS} or more']
         for axis, method in zip(bits, METHODS, strict=True):
             below = np.zeros(len(points))
             for wrong, colour in enumerate(SHADES):
@@ -155,7 +144,7 @@ class Reading(Sweep):
         others: dict[str, Any] = {
             **WRONG,
             'paper: preamble found': line('-.', '0.3'),
-            **PAPERS_OWN,
+            **sweeps.PAPERS_OWN,
             **{
                 f'{name} wrong bits': line('', colour) | {'marker': 's', 'markersize': 9}
                 for name, colour in zip(names, SHADES, strict=True)
@@ -166,7 +155,7 @@ class Reading(Sweep):
 
 
 def _ends(figures: dict[str, Any], curve: str) -> list[float | None]:
-    return [end_of(figures, curve, method) for method in BOTH_CLAIMED]
+    return [sweeps.end_of(figures, curve, method) for method in BOTH_CLAIMED]
 
 
 def _reaches(ends: Sequence[float | None], least: float, unit: str = 'm', digits: int = 2) -> Claim:
@@ -180,7 +169,7 @@ def _reading_claims(figures: dict[str, Any]) -> Claims:
     """Return the claims of distance, detection and wrong bits."""
 
     def at(place: float, key: str) -> list[Any]:
-        return [point_of(figures, '3 cm', place)[method][key] for method in BOTH_CLAIMED]
+        return [sweeps.point_of(figures, '3 cm', place)[method][key] for method in BOTH_CLAIMED]
 
     sure = [one['rate'] for one in at(PAPER_SURE_M, 'right')]
     wrong = [one['rate'] for one in at(1.0, 'wrong')]
@@ -199,7 +188,7 @@ def _reading_claims(figures: dict[str, Any]) -> Claims:
 
 def _reach_claims(figures: dict[str, Any]) -> Claims:
     """Return the claims of small markers and several packets."""
-    point = point_of(figures, '3 cm, 3 packets', PAPER_FOUND_M)
+    point = sweeps.point_of(figures, '3 cm, 3 packets', PAPER_FOUND_M)
     three = [point[method]['right']['rate'] for method in BOTH_CLAIMED]
     return {
         'small': _reaches(_ends(figures, '1 cm, one packet'), PAPER_SMALL_M),
@@ -209,7 +198,10 @@ def _reach_claims(figures: dict[str, Any]) -> Claims:
 
 def _size_claims(figures: dict[str, Any]) -> Claims:
     """Return the claims of how reach grows with area."""
-    known = [(float(name.split()[0]), end_of(figures, name, 'joint')) for name in figures['curves']]
+    known = [
+        (float(name.split()[0]), sweeps.end_of(figures, name, 'joint'))
+        for name in figures['curves']
+    ]
     areas, ends = np.array([one for one in known if one[1] is not None], dtype=float).T
     power = float(np.polyfit(np.log(areas), np.log(ends), 1)[0])
     paper = math.log(PAPER_REACH_M / PAPER_SMALL_M) / math.log(9)
@@ -231,60 +223,60 @@ def _ambient_claims(figures: dict[str, Any]) -> Claims:
     }
 
 
-SWEEPS: dict[str, Sweep] = {
+SWEEPS: dict[str, sweeps.Sweep] = {
     'reading': Reading(
         'Reading over distance',
         'The code mends bits to the end of the reach; the default needs no clean ones',
         _DISTANCE,
-        [Curve('3 cm', lone, RANGES_M, LONE_RECORDINGS)],
+        [sweeps.Curve('3 cm', lone, RANGES_M, LONE_RECORDINGS)],
         _reading_claims,
     ),
-    'reach': Sweep(
+    'reach': sweeps.Sweep(
         'Reach over several packets',
         'Packets that are added up reach farther',
         'distance [m]',
         [
-            Curve('1 cm, one packet', partial(lone, size_m=0.01), SMALL_M, SMALL_RECORDINGS),
+            sweeps.Curve('1 cm, one packet', partial(lone, size_m=0.01), SMALL_M, SMALL_RECORDINGS),
             *(_several(size_cm, packets) for size_cm in (3, 1) for packets in (3, 8)),
         ],
         _reach_claims,
         {'1 cm, one packet': PAPER_SMALL_M},
     ),
-    'size': Sweep(
+    'size': sweeps.Sweep(
         'Size of the marker',
         'The reach grows with the fourth root of the area, about',
         'distance [m]',
         [
-            Curve(f'{1e4 * at**2:g} cm²', partial(lone, size_m=at), _of_size(_LIKE_M, at))
+            sweeps.Curve(f'{1e4 * at**2:g} cm²', partial(lone, size_m=at), _of_size(_LIKE_M, at))
             for at in (0.01, 0.015, 0.02, 0.025, 0.03)
         ],
         _size_claims,
         {'1 cm²': PAPER_SMALL_M, '9 cm²': PAPER_REACH_M},
     ),
-    'angle': Sweep(
+    'angle': sweeps.Sweep(
         'Angle from the axis',
         'Markers are read to the edge of the view',
         'angle from the axis [°]',
-        [Curve('at 1 m', _aside, (0, 6, 12, 18, 21, 22, 23, 24, 25, 26, 28), 32)],
+        [sweeps.Curve('at 1 m', _aside, (0, 6, 12, 18, 21, 22, 23, 24, 25, 26, 28), 32)],
         lambda got: {'angle': _reaches(_ends(got, 'at 1 m'), PAPER_ANGLE_DEG, '°', 1)},
         {'at 1 m': PAPER_ANGLE_DEG},
         '°',
     ),
-    'yaw': Sweep(
+    'yaw': sweeps.Sweep(
         'Yaw of the marker',
         'Near by, a marker may be turned until no light comes back',
         'yaw [°]',
-        [Curve(f'at {at:g} m', partial(_turned, range_m=at), YAWS_DEG) for at in (1.0, 2.0)],
+        [sweeps.Curve(f'at {at:g} m', partial(turned, range_m=at), YAWS_DEG) for at in (1.0, 2.0)],
         lambda got: {'yaw': _reaches(_ends(got, 'at 1 m'), PAPER_YAW_DEG, '°', 1)},
         {'at 1 m': PAPER_YAW_DEG},
         '°',
     ),
-    'ambient': Sweep(
+    'ambient': sweeps.Sweep(
         'Ambient light',
         'Daylight in a room costs decimetres of reach, the shade outdoors a metre',
         _DISTANCE,
         [
-            Curve(name, partial(_lit, light=light), _where_lit(light), 4)
+            sweeps.Curve(name, partial(_lit, light=light), _where_lit(light), 4)
             for name, light in LIGHTS.items()
         ],
         _ambient_claims,

@@ -2,15 +2,14 @@
 # SPDX-License-Identifier: Apache-2.0
 """LiDAR markers beside AprilTags and QR codes of the same size, at the same places."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import replace
+from functools import cache, partial
 from typing import Any
 
 import numpy as np
 
-from evaluation.bench.judging import BOTH, Judged, judged, read_of
+from evaluation.bench.judging import judge_all, read_of
 from evaluation.bench.recordings import Sent, record, signal_at
 from evaluation.bench.stresses import PLAIN
 from evaluation.experiments.moving import across
@@ -21,12 +20,13 @@ from evaluation.experiments.paper_sweeps import (
     SMALL_RECORDINGS,
     YAWS_DEG,
     lone,
+    turned,
 )
 from evaluation.experiments.sweeps import ends_of, rng_at
 from evaluation.peers.background import Background
 from evaluation.peers.pictures import View, errors, read_pictures
 from evaluation.peers.visual_markers import APRILTAG, APRILTAG_FINE, QR, find_readers
-from evaluation.report.charts import LEVEL, draw_shares, label, legend_below, look, new_chart
+from evaluation.report.charts import draw_reads, label, legend_below, look, new_chart
 from evaluation.report.claims import (
     NOTHING,
     Claim,
@@ -37,7 +37,6 @@ from evaluation.report.claims import (
     end_as_text,
     signed,
 )
-from retrolidar_ros.detector import METHODS
 from retrolidar_ros.marker.dictionary import USABLE_IDS
 from retrolidar_ros.scene.reference import SENSOR
 
@@ -46,8 +45,6 @@ MESSAGE = 'Tags: farther, sooner, turned more; LiDAR markers: smaller, in motion
 AT_M = 1.0  # where everything but distance is swept: all read nearly everything there
 SHORT_S = 1 / 250
 _PICTURES, _QUICK_PICTURES = 32, 8
-# Of lone packets; the same frames as where these are swept alone.
-_COUNTS = {'3 cm': LONE_RECORDINGS, '1 cm': SMALL_RECORDINGS, 'speed': 32}
 _NAMES = ['joint', 'paper', APRILTAG, APRILTAG_FINE, QR]
 _SENSOR = replace(SENSOR, blur=0.05)
 
@@ -59,12 +56,7 @@ _LUXES = (300.0, 30.0, 10.0, 3.0, 1.0, 0.3, 0.1)
 _VEILS = (0.0, 0.2, 0.4, 0.6, 0.8, 1.0, 1.2)
 
 
-def _yawed(yaw_deg: float, rng: np.random.Generator) -> Sent:
-    return lone(AT_M, rng, yaw_deg=yaw_deg)
-
-
-def _small(range_m: float, rng: np.random.Generator) -> Sent:
-    return lone(range_m, rng, size_m=0.01)
+_yawed, _small = partial(turned, range_m=AT_M), partial(lone, size_m=0.01)
 
 
 def _moved(speed_m_s: float, rng: np.random.Generator) -> Sent:
@@ -73,6 +65,8 @@ def _moved(speed_m_s: float, rng: np.random.Generator) -> Sent:
 
 
 Maker = Callable[[float, np.random.Generator], Sent]
+# Recordings of lone packets; the same frames as where these are swept alone.
+_COUNTS: dict[Maker, int] = {lone: LONE_RECORDINGS, _small: SMALL_RECORDINGS, _moved: 32}
 # Of each sweep: its axis, its places, what the camera sees, and what the LiDAR sees.
 _SWEEPS: dict[str, tuple[str, tuple[float, ...], Callable[[float], View], Maker | None]] = {
     '3 cm': ('distance [m]', _3_CM_M, View, lone),
@@ -92,24 +86,15 @@ _SWEEPS: dict[str, tuple[str, tuple[float, ...], Callable[[float], View], Maker 
 }
 
 
-def _lidar(name: str, place: float, quick: bool, seed: int) -> dict[str, Any]:
+def _lidar(make: Maker, place: float, *, quick: bool, seed: int) -> dict[str, Any]:
     """Return what both methods make of lone packets, with their errors of range."""
-    make = _SWEEPS[name][3]
-    if make is None:
-        return {}
-    recordings = max(1, _COUNTS.get(name, 3) // (3 if quick else 1))
-    rng = rng_at(seed, place)
-    found: dict[str, list[Judged]] = {method: [] for method in METHODS}
-    for _ in range(recordings):
-        sent = make(place, rng)
-        for method, options in BOTH.items():
-            found[method].append(judged(sent, options))
-    at_m = place if name.endswith('cm') else AT_M
-    results = {}
+    recordings = max(1, _COUNTS.get(make, 3) // (3 if quick else 1))
+    at_m, results = place if make in (lone, _small) else AT_M, {}
+    found = judge_all(partial(make, place), recordings, rng_at(seed, place))
     for method, rows in found.items():
         off_m = [one.place.range_m - at_m for row in rows for one in row.own]
         # Of one that moves, the range is another one at each stamp.
-        results[method] = {**read_of(rows), 'error_mm': errors([] if name == 'speed' else off_m)}
+        results[method] = {**read_of(rows), 'error_mm': errors([] if make is _moved else off_m)}
     return results
 
 
@@ -119,13 +104,13 @@ def run(rng: np.random.Generator, *, quick: bool) -> dict[str, Any]:
     readers, missing = find_readers()
     background = Background(rng)
     pictures = _QUICK_PICTURES if quick else _PICTURES
-    sweeps = {}
-    for name, (axis, places, view, _) in _SWEEPS.items():
+    sweeps, read = {}, cache(partial(_lidar, quick=quick, seed=seed))
+    for name, (axis, places, view, make) in _SWEEPS.items():
         points = [
             {
                 'place': place,
                 **read_pictures(readers, background, pictures, rng, view(place)),
-                **_lidar(name, place, quick, seed),
+                **({} if make is None else read(make, place)),
             }
             for place in places[:: 3 if quick else 1]
         ]
@@ -167,20 +152,21 @@ _ROWS = {
 
 def table(figures: dict[str, Any]) -> Table:
     """Return where each stops reading, where the AprilTag is better first."""
-    lines: list[tuple[float, list[str]]] = []
-    for sweep, (unit, what) in _ROWS.items():
-        cells = [words(figures, sweep, name, unit, 0 if unit == '°' else 2) for name in _NAMES]
-        if sweep in ('light', 'glare'):
-            cells[:2] = ['own light'] * 2
-        ends = [end(figures, sweep, name) or 0.0 for name in _NAMES]
-        lead = max(ends[2:]) / ends[0] if ends[0] else 0.0
-        lines.append((lead, [what, *cells]))
+
+    def lead(sweep: str) -> float:
+        ours, _, *tags = (end(figures, sweep, name) or 0.0 for name in _NAMES)
+        return max(tags) / ours if ours else 0.0
+
     rows = [
         ['80 % are read to', 'LiDAR, default', 'LiDAR, paper', *_NAMES[2:]],
         ['time to an answer', '1.3 s', '1.3 s', *['33 ms'] * 3],
         ['orientation', 'none', 'none', *['full'] * 3],
-        *(row for _, row in sorted(lines, key=lambda one: -one[0])),
     ]
+    for sweep in sorted(_ROWS, key=lead, reverse=True):
+        unit, what = _ROWS[sweep]
+        cells = [words(figures, sweep, name, unit, 0 if unit == '°' else 2) for name in _NAMES]
+        lit = ['own light'] * 2 if sweep in ('light', 'glare') else cells[:2]
+        rows.append([what, *lit, *cells[2:]])
     for range_m in (1.0, 2.0):
         cells = [as_text(error(figures, name, range_m, 'median'), 'mm', 1) for name in _NAMES]
         rows.append([f'median error of range, 3 cm at {range_m:g} m', *cells])
@@ -235,12 +221,17 @@ def draw(figures: dict[str, Any]) -> Any:
     figure, panels = new_chart(2, 4, 18, 9.5, MESSAGE)
     for axis, (name, title) in zip(panels, _PANELS.items(), strict=True):
         if name == 'error':
-            _draw_errors(axis, figures['sweeps']['3 cm'])
+            sweep = figures['sweeps']['3 cm']
+            for reader in sweep['ends']:
+                known = [point for point in sweep['points'] if point[reader]['error_mm']]
+                medians = [point[reader]['error_mm']['median'] for point in known]
+                axis.plot([point['place'] for point in known], medians, **look(reader))
             label(axis, 'distance [m]', 'median error of range [mm]', title, yscale='log')
             continue
-        _draw_reads(axis, figures['sweeps'][name], '-')
-        if name == 'speed':
-            _draw_reads(axis, figures['sweeps']['speed, 4 ms'], ':')
+        for key, style in ((name, '-'), (f'{name}, 4 ms', ':')):
+            if key in figures['sweeps']:
+                sweep = figures['sweeps'][key]
+                draw_reads(axis, sweep['points'], sweep['ends'], wrong=False, linestyle=style)
         y = 'read in one packet or picture [%]' if axis in panels[::4] else ''
         label(axis, figures['sweeps'][name]['axis'], y, title, percent=True)
         if name == 'light':
@@ -248,18 +239,3 @@ def draw(figures: dict[str, Any]) -> Any:
             axis.invert_xaxis()
     legend_below(figure, [name for name in _NAMES if name not in figures['missing']])
     return figure
-
-
-def _draw_reads(axis: Any, sweep: dict[str, Any], style: str) -> None:
-    places = [point['place'] for point in sweep['points']]
-    for name in sweep['ends']:
-        rates = [point[name]['right'] for point in sweep['points']]
-        draw_shares(axis, places, rates, linestyle=style, **look(name))
-    axis.axhline(100 * LEVEL, color='0.6', linewidth=0.8)
-
-
-def _draw_errors(axis: Any, sweep: dict[str, Any]) -> None:
-    for name in sweep['ends']:
-        points = [point for point in sweep['points'] if point[name]['error_mm']]
-        values = [point[name]['error_mm']['median'] for point in points]
-        axis.plot([point['place'] for point in points], values, **look(name))

@@ -2,13 +2,11 @@
 # SPDX-License-Identifier: Apache-2.0
 """Where markers are said to be, against where they are, and whether the covariance is honest."""
 
-from __future__ import annotations
-
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from evaluation.bench.places import ELLIPSOID, held, place_error
+from evaluation.bench.places import ELLIPSOID, held, place_error, rms
 from evaluation.report.charts import OTHERS, draw_distribution, label, legend_below, line, new_chart
 from evaluation.report.claims import NOTHING, Claims, Table, as_text, model, percent
 from retrolidar_ros.detector import Detection, create_detector
@@ -88,10 +86,6 @@ def _error(scene: Scene, rng: np.random.Generator) -> Error | None:
     return None
 
 
-def _rms(values: Floats) -> float:
-    return float(np.sqrt(np.mean(np.square(values)))) if values.size else 0.0
-
-
 def _figures(blur: float, rows: list[Error]) -> dict[str, Any]:
     """Sum up the errors of markers that a sensor of some blur has seen."""
     axes = np.array([row.between for row in rows])
@@ -103,8 +97,8 @@ def _figures(blur: float, rows: list[Error]) -> dict[str, Any]:
     return {
         'blur': blur,
         'ellipsoid_holds': {name: held(distance[group]) for name, group in whole.items()},
-        'bearing_rms_deg': {name: _rms(bearing[group]) for name, group in along.items()},
-        'centre_rms_deg': {name: _rms(centre[group]) for name, group in along.items()},
+        'bearing_rms_deg': {name: rms(bearing[group]) for name, group in along.items()},
+        'centre_rms_deg': {name: rms(centre[group]) for name, group in along.items()},
         'bearing_deg': {name: bearing[group].round(4).tolist() for name, group in along.items()},
         'distance': {
             name: np.sqrt(distance[group]).round(4).tolist() for name, group in whole.items()
@@ -130,7 +124,7 @@ def table(figures: dict[str, Any]) -> Table:
     for row in figures['blurs']:
         for name, words in _NAMES.items():
             holds = row['ellipsoid_holds'][name]
-            cells = [f'{row[key][name]:.2f}°' for key in ('bearing_rms_deg', 'centre_rms_deg')]
+            cells = [as_text(row[key][name], '°') for key in ('bearing_rms_deg', 'centre_rms_deg')]
             cells.append(NOTHING if holds is None else percent(holds))
             cells.append(as_text(1e3 * row['range_median_m'], 'mm', 1))
             rows.append([f'{words}, blur of {row["blur"]:.0%} of a zone', *cells])

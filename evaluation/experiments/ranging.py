@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """How well markers are ranged while they blink, while they are silent, and beside a bare board."""
 
-from __future__ import annotations
-
 import math
 from typing import Any
 

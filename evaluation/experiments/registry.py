@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The experiments by name, and what runs them."""
 
-from __future__ import annotations
-
 import json
 import os
 import time
@@ -52,6 +50,7 @@ _NAMES = """
 """
 EXPERIMENTS = {name: _experiment(name) for name in _NAMES.split()}
 TIMED = ('speed-accuracy',)  # those that measure processor time, and so run alone
+_LONGEST = ('roc', 'landmarks', 'calibration')  # begun first, so that none is waited for
 
 
 def save_chart(name: str, figures: dict[str, Any], directory: Path) -> None:
@@ -98,6 +97,7 @@ def run_experiments(
             raise ValueError(f'unknown experiment {name!r}; there is {", ".join(EXPERIMENTS)}')
     directory.mkdir(parents=True, exist_ok=True)
     untimed = [name for name in names if name not in TIMED]
+    untimed.sort(key=lambda name: name not in _LONGEST)
     cores = min(processes or os.cpu_count() or 1, len(untimed))
     if cores > 1:
         spawn, parent = get_context('spawn'), (os.getpid(),)

@@ -8,8 +8,6 @@ budget; of `paper` one run with the lowest threshold serves for all, as what it 
 likelihood.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from functools import partial
 from typing import Any
@@ -17,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from evaluation.bench.disturbances import FAMILY, Member, White, source_blocks
-from evaluation.bench.judging import judged, new_detector, read_of
+from evaluation.bench.judging import Options, judged, new_detector, read_of
 from evaluation.bench.rates import Frequency, frequency, rate
 from evaluation.bench.recordings import record, signal_at
 from evaluation.bench.stresses import PLAIN
@@ -26,7 +24,7 @@ from evaluation.report.claims import BOTH_CLAIMED, Claim, Claims, Table, claim_o
 from retrolidar_ros.detector import METHODS, Detection
 from retrolidar_ros.detector.budget import USUAL_FALSE_IDS_PER_HOUR
 from retrolidar_ros.detector.paper import LIKELIHOOD_THRESHOLD
-from retrolidar_ros.marker.dictionary import USABLE_IDS
+from retrolidar_ros.marker.dictionary import USABLE_IDS, choose_ids
 from retrolidar_ros.scene.reference import SENSOR
 from retrolidar_ros.scene.truth import PACKET_S
 from retrolidar_ros.sensor.frame import Recording
@@ -38,20 +36,21 @@ SHIPPED = {'joint': USUAL_FALSE_IDS_PER_HOUR, 'paper': LIKELIHOOD_THRESHOLD}
 BUDGETS_H = {1e4: 0.006, 1e3: 0.02, 1e2: 0.05}
 """Sensor-hours before each member, by the budget: what is lax errs often enough in a short time."""
 THRESHOLDS = (0.03, 0.05, 0.08, 0.12, 0.16, 0.2, 0.25, 0.3, LIKELIHOOD_THRESHOLD, 0.5, 0.65, 0.8)
-PAPER_H = 0.06
-SHIPPED_H = {'white': 78.0, 'walk 0.1': 20.0}
-"""Sensor-hours of the default as shipped, before scenes in which there is little to search."""
-BUSY_H, BLINKING_H, SILENT_H = 0.25, 0.02, 0.3
+SHIPPED_H = {'white': 4.0, 'walk 0.1': 2.0}
+"""Sensor-hours of the default as shipped: what leaves little to search gets as long to compute."""
+BUSY_H, BLINKING_H, PAPER_H, SILENT_H, WHITE_H = 0.35, 0.02, 0.05, 0.2, 1.5
 _BLINKING_SHARE = 0.1  # of the hours of other members: false IDs are frequent there
+WHITE_BUDGET, REGISTERED = 10.0, (3, 30, 300)
+"""Budget, and how many IDs are registered, for `WHITE_H` before white noise alone."""
 GROUPS = {
     'bare wall': ('white',),
     'signals that walk': tuple(one.name for one in FAMILY if 'walk' in one.name),
     'what comes and goes, hands': ('come and go', 'come together', 'hands'),
     'what blinks, and is no marker': tuple(one.name for one in FAMILY if one.blinks),
-}
-"""Members of the family by the panel that shows them."""
+}  # members of the family by the panel that shows them
 STILL = 'all that do not blink'
 _RANGES_M = (2.6, 3.0)
+_FACES: tuple[dict[str, str], ...] = ({}, {'markerfacecolor': 'white'})
 _QUICK_SHARE = 0.02
 _PREAMBLES = 'false preambles'
 _SILENT = partial(source_blocks, partial(White, signals=(30.0, 30.0)))
@@ -62,8 +61,8 @@ def watch(detector: Any, blocks: Iterable[Recording]) -> list[Detection]:
     return [one for block in blocks for one in detector.update_all(block)]
 
 
-def _detections(method: str, value: float, member: Member, hours: float, seed: int) -> Any:
-    detector = new_detector(SENSOR.grid, {'method': method, KNOBS[method]: value})
+def _detections(options: Options, member: Member, hours: float, seed: int) -> list[Detection]:
+    detector = new_detector(SENSOR.grid, options)
     # The same noise for every method and setting.
     rng = np.random.default_rng([seed, FAMILY.index(member)])
     return watch(detector, member.blocks(3600 * hours, rng, SENSOR))
@@ -79,18 +78,17 @@ def _by_budget(seed: int, share: float) -> dict[float, dict[str, Frequency]]:
                 hours = BUDGETS_H[budget] * (_BLINKING_SHARE if member.blinks else 1.0)
             else:
                 hours = SHIPPED_H.get(member.name, BLINKING_H if member.blinks else BUSY_H)
-            read = _detections('joint', budget, member, share * hours, seed)
+            options = {'method': 'joint', KNOBS['joint']: budget}
+            read = _detections(options, member, share * hours, seed)
             found[budget][member.name] = frequency(len(read), share * hours)
     return found
 
 
 def _by_threshold(seed: int, share: float) -> dict[float, dict[str, Frequency]]:
     """Return the false IDs of the paper's method by threshold and member."""
-    hours = share * PAPER_H
+    hours, options = share * PAPER_H, {'method': 'paper', KNOBS['paper']: THRESHOLDS[0]}
     likelihoods = {
-        member.name: [
-            one.likelihood for one in _detections('paper', THRESHOLDS[0], member, hours, seed)
-        ]
+        member.name: [one.likelihood for one in _detections(options, member, hours, seed)]
         for member in FAMILY
     }
     return {
@@ -127,7 +125,16 @@ def run(rng: np.random.Generator, *, quick: bool) -> dict[str, Any]:
         ]
         for method in METHODS
     }
-    return {'methods': methods, 'silent': _silent(seed, share)}
+    hours = share * WHITE_H
+    settings: dict[str, Options] = {
+        f'budget of {WHITE_BUDGET:g} an hour': {KNOBS['joint']: WHITE_BUDGET},
+        **{f'{n} IDs registered': {'registered_ids': choose_ids(n)[0]} for n in REGISTERED},
+    }
+    before_white = {
+        name: frequency(len(_detections({'method': 'joint', **one}, FAMILY[0], hours, seed)), hours)
+        for name, one in settings.items()
+    }
+    return {'methods': methods, 'before_white': before_white, 'silent': _silent(seed, share)}
 
 
 def _silent(seed: int, share: float) -> dict[str, Any]:
@@ -161,16 +168,14 @@ def grouped(point: dict[str, Any], group: str) -> Frequency:
 def table(figures: dict[str, Any]) -> Table:
     """Return false IDs an hour as shipped, by member, with their exact 95 % confidence."""
     points = [shipped(figures, method) for method in METHODS]
-    rows = [(one.name, [point['members'][one.name] for point in points]) for one in FAMILY]
-    rows.append((STILL, [grouped(point, STILL) for point in points]))
-    heads = [part for method in METHODS for part in (method, 'in hours')]
-    return [
-        ['false IDs an hour (95 %), as shipped', *heads],
-        *(
-            [name, *(part for one in row for part in (per_hour(one), f'{one["hours"]:.3g}'))]
-            for name, row in rows
-        ),
-    ]
+    rows = {one.name: [point['members'][one.name] for point in points] for one in FAMILY}
+    rows[STILL] = [grouped(point, STILL) for point in points]
+    rows |= {f'white, {name}': [one] for name, one in figures['before_white'].items()}
+    table = [['false IDs an hour (95 %), as shipped', 'joint', 'in hours', 'paper', 'in hours']]
+    for name, row in rows.items():
+        cells = [part for one in row for part in (per_hour(one), f'{one["hours"]:.3g}')]
+        table.append([name, *cells, *[''] * (4 - len(cells))])
+    return table
 
 
 def claims(figures: dict[str, Any]) -> Claims:
@@ -189,7 +194,7 @@ def claims(figures: dict[str, Any]) -> Claims:
 def _draw_group(axis: Any, figures: dict[str, Any], group: str) -> None:
     """Draw identification over the false IDs of a group, with the confidence of these."""
     for method in METHODS:
-        for at, face in zip(_RANGES_M, ({}, {'markerfacecolor': 'white'}), strict=True):
+        for at, face in zip(_RANGES_M, _FACES, strict=True):
             how = look(method) | face
             points = figures['methods'][method]
             found = [grouped(point, group) for point in points]
@@ -215,10 +220,10 @@ def draw(figures: dict[str, Any]) -> Any:
         label(axis, x, y, group, percent=True, xscale='log')
     ring = {'markersize': 13, 'fillstyle': 'none', 'linestyle': ''}
     others: dict[str, Any] = {
-        f'at {_RANGES_M[0]:g} m': line('-') | {'marker': 'o'},
-        f'at {_RANGES_M[1]:g} m': line('-') | {'marker': 'o', 'markerfacecolor': 'white'},
-        'as shipped': line('', '0.1') | {'marker': 'o'} | ring,
-        'none seen: upper bound': line('-', '0.4') | {'marker': '<'},
+        f'at {at:g} m': line('-') | {'marker': 'o'} | face
+        for at, face in zip(_RANGES_M, _FACES, strict=True)
     }
+    others['as shipped'] = line('', '0.1') | {'marker': 'o'} | ring
+    others['none seen: upper bound'] = line('-', '0.4') | {'marker': '<'}
     legend_below(figure, METHODS, others)
     return figure

@@ -2,9 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Three markers at once (paper §6.2, Tab. 3), and two in one zone, which the paper leaves out."""
 
-from __future__ import annotations
-
-import math
 from collections.abc import Sequence
 from typing import Any
 
@@ -31,8 +28,7 @@ ARRANGEMENTS = {
     'neighbours': ((1.2, -6, -6), (1.5, 6, -6), (1.8, 6, 6)),
     'on borders': ((1.0, -12, 6), (1.5, 0, -6), (2.0, 12, 6)),
     'bright beside faint': ((1.0, 6, 6), (2.0, 18, 6), (2.0, 6, -6)),
-}
-"""Where the markers are: range [m], angles to the right and down [°]."""
+}  # where the markers are: range [m], angles to the right and down [°]
 SHARES = (1.0, 0.7, 0.5, 0.35, 0.25, 0.15, 0.1)
 """Signal of the fainter marker of two in one zone over that of the brighter."""
 WATCHED_S = 8.0
@@ -44,20 +40,16 @@ _SENSOR = Sensor(noise=NOISE, ranging=RANGING, blur=0.05)
 _WALL = Surface(2.4, WALL_SIGNAL)
 
 
-def _place(range_m: float, right_deg: float, down_deg: float) -> tuple[float, float, float]:
-    ray = np.array([math.tan(math.radians(right_deg)), math.tan(math.radians(down_deg)), 1.0])
-    x, y, z = (range_m * ray / np.linalg.norm(ray)).tolist()
-    return x, y, z
-
-
 def three_markers(arrangement: str, rng: np.random.Generator) -> Scene:
     """Return three markers with random IDs that wake for one packet each, about the same time."""
-    places = ARRANGEMENTS[arrangement]
+    ranges_m, *angles_deg = np.array(ARRANGEMENTS[arrangement]).T
+    rays = np.column_stack([*np.tan(np.radians(angles_deg)), np.ones(3)])
+    places_m = (ranges_m / np.linalg.norm(rays, axis=1))[:, None] * rays
     ids = rng.choice(USABLE_IDS, 3, replace=False).tolist()
     starts_s = rng.uniform(*_WAKING_S, 3).tolist()
     markers = tuple(
-        Marker(id_, _place(*place), f'{id_}', start_s=start_s, packets=1, response=RESPONSE)
-        for id_, place, start_s in zip(ids, places, starts_s, strict=True)
+        Marker(id_, tuple(place_m), f'{id_}', start_s=start_s, packets=1, response=RESPONSE)
+        for id_, place_m, start_s in zip(ids, places_m.tolist(), starts_s, strict=True)
     )
     return Scene(sensor=_SENSOR, markers=markers, surfaces=(_WALL,))
 
@@ -68,14 +60,14 @@ def _three(arrangement: str, trials: int, rng: np.random.Generator) -> dict[str,
     for _ in range(trials):
         scene = three_markers(arrangement, rng)
         sent = [marker.id for marker in scene.markers]
-        for method, read in read_by_both(Simulation(scene, rng).run(4.4)).items():
-            ids = {one.id for one in read}
+        for method, found in read_by_both(Simulation(scene, rng).run(4.4)).items():
+            ids = {one.id for one in found}
             counts[method] += [*(one in ids for one in sent), len(ids - set(sent))]
-    rows = {
-        method: {'read': [rate(n, trials) for n in read], 'wrong_ids': wrong}
-        for method, (*read, wrong) in ((method, row.tolist()) for method, row in counts.items())
-    }
-    return {'arrangement': arrangement, **rows}
+    figures: dict[str, Any] = {'arrangement': arrangement}
+    for method, count in counts.items():
+        *read, wrong = count.tolist()
+        figures[method] = {'read': [rate(n, trials) for n in read], 'wrong_ids': wrong}
+    return figures
 
 
 def _pairs(share: float, rng: np.random.Generator) -> dict[str, Any]:

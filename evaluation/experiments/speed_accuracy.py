@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """What each method costs in computing time, and what it reads for it: every knob swept."""
 
-from __future__ import annotations
-
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import replace
@@ -45,35 +43,29 @@ _MOST_WRONG = 0.2  # where the colour of wrong IDs ends
 class Point(NamedTuple):
     """One setting of a knob of the LiDAR's methods."""
 
-    label: str
     options: Options
     packets: int = 1
     recordings: int = 4
 
 
-def _curves() -> dict[str, list[Point]]:
-    """Return the settings of the LiDAR's methods, by the knob that is swept."""
-    joint = {'method': 'joint', 'max_packets': 1}
+def _curves() -> dict[str, dict[str, Point]]:
+    """Return the settings of the LiDAR's methods by their labels, by the knob that is swept."""
+    joint, paper = {'method': 'joint', 'max_packets': 1}, {'method': 'paper'}
     return {
-        'joint: packets combined': [
-            Point('1', joint, 1, LONE_RECORDINGS),
-            *(
-                Point(f'{packets}', joint | {'max_packets': packets}, packets, 3)
-                for packets in (2, 3, 5, 8)
-            ),
-        ],
-        'joint: IDs registered': [
-            Point(f'{count}', joint | {'registered_ids': choose_ids(count)[0]})
-            for count in (1000, 64, 16)
-        ],
-        'joint: false IDs allowed an hour': [
-            Point(f'{budget:g}', joint | {'false_ids_per_hour': budget})
-            for budget in (1000.0, 10.0, 0.001)
-        ],
-        'paper: threshold': [
-            Point(f'{least:g}', {'method': 'paper', 'likelihood_threshold': least}, 3, 3)
+        'joint: packets combined': {
+            f'{n}': Point(joint | {'max_packets': n}, n, 3 if n > 1 else LONE_RECORDINGS)
+            for n in (1, 2, 3, 5, 8)
+        },
+        'joint: IDs registered': {
+            f'{n}': Point(joint | {'registered_ids': choose_ids(n)[0]}) for n in (1000, 64, 16)
+        },
+        'joint: false IDs allowed an hour': {
+            f'{n:g}': Point(joint | {'false_ids_per_hour': n}) for n in (1000.0, 10.0, 0.001)
+        },
+        'paper: threshold': {
+            f'{least:g}': Point(paper | {'likelihood_threshold': least}, 3, 3)
             for least in (0.1, 0.2, 0.3, 0.38, 0.5)
-        ],
+        },
     }
 
 
@@ -109,7 +101,7 @@ def _summed(text: str, cpu_ms: float, answer_s: float, places: Any, found: Any) 
     }
 
 
-def _lidar(point: Point, quick: bool, seed: int) -> dict[str, Any]:
+def _lidar(text: str, point: Point, quick: bool, seed: int) -> dict[str, Any]:
     """Return what a setting of the LiDAR costs and gives, of the same frames as all others."""
     places = (_LONE_M if point.packets == 1 else _SEVERAL_M)[:: 3 if quick else 1]
     make = lone if point.packets == 1 else partial(repeating, size_m=0.03, packets=point.packets)
@@ -123,11 +115,11 @@ def _lidar(point: Point, quick: bool, seed: int) -> dict[str, Any]:
         variants, is_lone = {'it': point.options}, point.packets == 1
         found.append(read_shares(make_one, recordings, rng, variants, lone=is_lone)['it'])
     cpu_ms = _frame_ms(point.options, np.random.default_rng(seed))
-    return _summed(point.label, cpu_ms, point.packets * PACKET_S, places, found)
+    return _summed(text, cpu_ms, point.packets * PACKET_S, places, found)
 
 
 def _camera(
-    reader: Reader, text: str, background: Background, quick: bool, seed: int
+    text: str, reader: Reader, background: Background, quick: bool, seed: int
 ) -> dict[str, Any]:
     """Return what a setting of a reader of visual markers costs and gives."""
     rng = np.random.default_rng(seed)
@@ -159,14 +151,12 @@ def run(rng: np.random.Generator, *, quick: bool) -> dict[str, Any]:
     """Return processor time, reach and wrong IDs of every setting of every knob."""
     seed, stride = int(rng.integers(2**31)), 2 if quick else 1
     curves = {
-        name: [_lidar(point, quick, seed) for point in points[::stride]]
+        name: [_lidar(*point, quick, seed) for point in list(points.items())[::stride]]
         for name, points in _curves().items()
     }
     background = Background(rng)
     for name, readers in _readers().items():
-        curves[name] = [
-            _camera(reader, text, background, quick, seed) for text, reader in readers[::stride]
-        ]
+        curves[name] = [_camera(*one, background, quick, seed) for one in readers[::stride]]
     return {
         'curves': curves,
         'genie_m': genie_reach(seed, quick=quick),
@@ -201,8 +191,7 @@ _LINES = {
     'paper: threshold': ('--', 'paper, 3 packets: threshold 0.5 to 0.1; half are read'),
     'AprilTag: decimation': ('-', 'AprilTag 3: decimation 4 to 1'),
     'QR code: zbar': ('-', 'QR code'),
-}
-"""Line and words of the curves that are drawn."""
+}  # line and words of the curves that are drawn
 
 
 def _frontier(points: Sequence[dict[str, Any]]) -> list[tuple[float, float]]:
@@ -230,7 +219,21 @@ def draw(figures: dict[str, Any]) -> Any:
         key = 'half_m' if name.startswith('paper') else 'reach_m'
         shown = [point for point in points if point[key]['at'] is not None]
         for axis, place in ((cost, 'cpu_ms'), (answer, 'answer_s')):
-            image = _draw_curve(axis, shown, place, key, entries[words])
+            places, reaches = [one[place] for one in shown], [one[key]['at'] for one in shown]
+            ends = [
+                [
+                    at if one[key][end] is None else one[key][end]
+                    for one, at in zip(shown, reaches, strict=True)
+                ]
+                for end in ('low', 'high')
+            ]
+            bars = np.maximum(np.array([[1], [-1]]) * (np.array(reaches) - ends), 0)
+            axis.plot(places, reaches, **entries[words], linewidth=1.5)
+            axis.errorbar(places, reaches, bars, linestyle='', color=how['color'], capsize=3)
+            wrong = [100 * point['wrong']['rate'] for point in shown]
+            spots = {'s': 120, 'marker': how['marker'], 'edgecolors': how['color'], 'linewidths': 2}
+            colours = {'c': wrong, 'cmap': 'Reds', 'vmin': 0, 'vmax': 100 * _MOST_WRONG}
+            image = axis.scatter(places, reaches, **spots, **colours, zorder=3)
     every = [point for points in curves.values() for point in points]
     frontier = line('-', '0.7') | {'linewidth': 5, 'alpha': 0.5}
     cost.plot(*zip(*_frontier(every), strict=True), **frontier, zorder=0)
@@ -252,27 +255,3 @@ def draw(figures: dict[str, Any]) -> Any:
     }
     legend_below(figure, (), entries, columns=3)
     return figure
-
-
-def _draw_curve(axis: Any, shown: Sequence[dict[str, Any]], place: str, key: str, how: Any) -> Any:
-    """Draw the settings of a knob with their confidence, wrong IDs as colour."""
-    places = [point[place] for point in shown]
-    reaches = np.array([point[key]['at'] for point in shown])
-    low, high = ([point[key][end] for point in shown] for end in ('low', 'high'))
-    ends = [reaches if None in bound else np.array(bound) for bound in (low, high)]
-    bars = np.maximum([reaches - ends[0], ends[1] - reaches], 0)
-    axis.plot(places, reaches, **how, linewidth=1.5)
-    axis.errorbar(places, reaches, bars, linestyle='', color=how['color'], capsize=3)
-    return axis.scatter(
-        places,
-        reaches,
-        s=120,
-        c=[100 * point['wrong']['rate'] for point in shown],
-        cmap='Reds',
-        vmin=0,
-        vmax=100 * _MOST_WRONG,
-        marker=how['marker'],
-        edgecolors=how['color'],
-        linewidths=2,
-        zorder=3,
-    )

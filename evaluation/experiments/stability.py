@@ -6,8 +6,6 @@ A stress breaks a method where it reads less than four fifths of what the same m
 without the stress. It is sought by halving, so only about the breaking point many are tried.
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
 from typing import Any
 
@@ -15,12 +13,13 @@ import numpy as np
 
 from evaluation.bench.judging import BOTH, read_shares
 from evaluation.bench.recordings import Sent, record, signal_at
-from evaluation.bench.stresses import PANELS, Panel, Stress
+from evaluation.bench.stresses import PANELS, Panel
 from evaluation.experiments.moving import across
 from evaluation.report.charts import LEVEL, WRONG, draw_reads, label, legend_below, new_chart
 from evaluation.report.claims import Table
 from retrolidar_ros.detector import METHODS
 from retrolidar_ros.marker.dictionary import USABLE_IDS
+from retrolidar_ros.scene.description import Sensor
 from retrolidar_ros.scene.reference import SENSOR
 
 TITLE = 'Where methods break'
@@ -30,58 +29,53 @@ SPEED_M_S = 0.1  # of a marker that moves, across the view
 REPEATED_S = 4.35  # how long repeating markers are watched: three packets and a look
 SHOWN_M = 2.0
 _COLUMNS = 4
-_MOVING = replace(SENSOR, blur=0.05)
 _LEAST = 0.25  # less than this without any stress is nothing to break
 
 
-def trial(
-    stress: Stress, range_m: float, moves: bool, repeats: bool, rng: np.random.Generator
-) -> Sent:
-    """Return a recording under a stress."""
-    how: dict[str, Any] = {'repeated_s': REPEATED_S if repeats else None, 'range_m': range_m}
-    if moves:
-        how |= {'path': across(SPEED_M_S, range_m, rng), 'sensor': _MOVING}
-    return record(stress, signal_at(range_m), rng, USABLE_IDS, **how)
+Where = tuple[float, bool, bool]  # range [m], whether the marker moves, whether it repeats
 
 
-class _Condition:
-    """What is read of one panel's values under one condition, each recording made once."""
+def read(
+    panel: Panel,
+    index: int,
+    where: Where,
+    seed: int,
+    recordings: int,
+    *names: str,
+    sensor: Sensor = SENSOR,
+) -> dict[str, Any]:
+    """Return what methods read at a value of a panel under a condition."""
+    range_m, moves, repeats = where
+    stress = panel.stress(panel.values[index])
+    how: dict[str, Any] = {'range_m': range_m, 'repeated_s': REPEATED_S if repeats else None}
 
-    def __init__(
-        self, panel: Panel, where: tuple[float, bool, bool], seed: int, recordings: tuple[int, int]
-    ) -> None:
-        range_m, self.moves, self.repeats = where
-        self._panel, self._range_m, self._seed = panel, range_m, seed
-        self._recordings = recordings[self.moves]
+    def make(rng: np.random.Generator) -> Sent:
+        path = across(SPEED_M_S, range_m, rng) if moves else None
+        seen_by = replace(sensor, blur=0.05) if moves else sensor
+        return record(stress, signal_at(range_m), rng, USABLE_IDS, sensor=seen_by, path=path, **how)
 
-    def read(self, index: int, *names: str) -> dict[str, Any]:
-        """Return what methods read at a value."""
-        stress = self._panel.stress(self._panel.values[index])
-        rng = np.random.default_rng([self._seed, index])
-        return read_shares(
-            lambda rng: trial(stress, self._range_m, self.moves, self.repeats, rng),
-            self._recordings,
-            rng,
-            {name: BOTH[name] for name in names},
-            lone=not self.repeats,
-        )
+    rng, variants = np.random.default_rng([seed, index]), {name: BOTH[name] for name in names}
+    return read_shares(make, recordings, rng, variants, lone=not repeats)
 
-    def breaks(self, method: str, harmless: float) -> dict[str, Any]:
-        """Return between which values a method breaks, and the most wrong IDs on the way."""
-        if harmless < _LEAST:
-            return {'state': 'not read'}
-        low, high, wrong = 0, len(self._panel.values), 0.0
-        while high - low > 1:
-            middle = (low + high) // 2
-            found = self.read(middle, method)[method]
-            wrong = max(wrong, found['wrong']['rate'])
-            low, high = (
-                (middle, high) if found['right']['rate'] >= LEVEL * harmless else (low, middle)
-            )
-        values = self._panel.values
-        if high == len(values):
-            return {'state': 'never', 'at': values[-1], 'wrong': wrong}
-        return {'state': 'breaks', 'at': (values[low] + values[high]) / 2, 'wrong': wrong}
+
+def _breaks(
+    panel: Panel, where: Where, seed: int, recordings: int, method: str, harmless: float
+) -> dict[str, Any]:
+    """Return between which values a method breaks, and the most wrong IDs on the way."""
+    if harmless < _LEAST:
+        return {'state': 'not read'}
+    values, low, high, wrong = panel.values, 0, len(panel.values), 0.0
+    while high - low > 1:
+        middle = (low + high) // 2
+        found = read(panel, middle, where, seed, recordings, method)[method]
+        wrong = max(wrong, found['wrong']['rate'])
+        if found['right']['rate'] >= LEVEL * harmless:
+            low = middle
+        else:
+            high = middle
+    if high == len(values):
+        return {'state': 'never', 'at': values[-1], 'wrong': wrong}
+    return {'state': 'breaks', 'at': (values[low] + values[high]) / 2, 'wrong': wrong}
 
 
 CONDITIONS = [
@@ -92,43 +86,40 @@ CONDITIONS = [
 ]
 
 
-def named(where: tuple[float, bool, bool]) -> str:
-    """Return the name of a condition: range, whether the marker moves, whether it repeats."""
+def named(where: Where) -> str:
+    """Return the name of a condition."""
     range_m, moves, repeats = where
-    return (
-        f'{range_m:g} m, {"moving" if moves else "standing"}, {"repeating" if repeats else "lone"}'
-    )
+    how = f'{"moving" if moves else "standing"}, {"repeating" if repeats else "lone"}'
+    return f'{range_m:g} m, {how}'
 
 
 def run(rng: np.random.Generator, *, quick: bool) -> dict[str, Any]:
     """Return breaking points under all conditions, and the panels of one in full."""
-    seed = int(rng.integers(2**31))
-    conditions = CONDITIONS[:: 4 if quick else 1]
-
+    seed, conditions = int(rng.integers(2**31)), CONDITIONS[:: 4 if quick else 1]
     recordings = (1, 3) if quick else (1, 5)  # of those that stand, and of those that move
-
-    def condition(panel: Panel, where: tuple[float, bool, bool]) -> _Condition:
-        return _Condition(panel, where, seed, recordings)
-
-    harmless = {named(where): condition(PANELS[0], where).read(0, *METHODS) for where in conditions}
+    harmless = {
+        where: read(PANELS[0], 0, where, seed, recordings[where[1]], *METHODS)
+        for where in conditions
+    }
     panels = []
     for panel in PANELS[:: 5 if quick else 1]:
         breaks = {
             named(where): {
-                method: condition(panel, where).breaks(method, read['right']['rate'])
-                for method, read in harmless[named(where)].items()
+                method: _breaks(
+                    panel, where, seed, recordings[where[1]], method, own['right']['rate']
+                )
+                for method, own in harmless[where].items()
             }
             for where in conditions
         }
-        shown = _Condition(panel, (SHOWN_M, False, False), seed, (1 if quick else 2, 0))
         points = [
-            {'place': value, **shown.read(index, *METHODS)}
-            for index, value in enumerate(panel.values)
-            if not quick or index % 3 == 0
+            {'place': panel.values[index]}
+            | read(panel, index, (SHOWN_M, False, False), seed, 1 if quick else 2, *METHODS)
+            for index in range(0, len(panel.values), 3 if quick else 1)
         ]
         about = {'name': panel.name, 'title': panel.title, 'axis': panel.axis}
         panels.append(about | {'breaks': breaks, 'points': points})
-    return {'harmless': harmless, 'panels': panels}
+    return {'harmless': {named(where): own for where, own in harmless.items()}, 'panels': panels}
 
 
 def breaking_point(found: dict[str, Any]) -> str:

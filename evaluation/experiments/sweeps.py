@@ -5,15 +5,14 @@
 All of them follow the paper's way: lone packets, and four of five identified count as read.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import partial
 from typing import Any
 
 import numpy as np
 
-from evaluation.bench.judging import BOTH, Options, judged, read_of
+from evaluation.bench.judging import BOTH, Options, judge_all, read_of
 from evaluation.bench.rates import crossing
 from evaluation.bench.recordings import Sent
 from evaluation.report.charts import LEVEL, WRONG, draw_reads, label, legend_below, line, new_chart
@@ -43,12 +42,8 @@ def rng_at(seed: int, place: float) -> np.random.Generator:
 
 def _point(curve: Curve, place: float, recordings: int, seed: int) -> dict[str, Any]:
     """Return what is read at a place."""
-    rng = rng_at(seed, place)
-    found: dict[str, list[Any]] = {name: [] for name in curve.variants}
-    for _ in range(recordings):
-        sent = curve.make(place, rng)
-        for name, options in curve.variants.items():
-            found[name].append(judged(sent, options, lone=curve.lone))
+    make, rng = partial(curve.make, place), rng_at(seed, place)
+    found = judge_all(make, recordings, rng, curve.variants, lone=curve.lone)
     point: dict[str, Any] = {'place': place}
     for name, rows in found.items():
         bits = [min(one.corrected_bits, MOST_BITS) for row in rows for one in row.own]

@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """How long it takes until a repeating marker that comes into view is identified."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 from typing import Any
@@ -93,22 +91,16 @@ def run(rng: np.random.Generator, *, quick: bool) -> dict[str, Any]:
     return {'points': points, 'names': [*METHODS, *(one.name for one in readers)]}
 
 
-def _seconds(time_s: float | None) -> str:
-    return f'>{TIMEOUT_S:g} s' if time_s is None else f'{time_s:.2g} s'
-
-
 def table(figures: dict[str, Any]) -> Table:
     """Return the times by which half and nine tenths are identified."""
-    return [
-        ['identified within: half, nine tenths', *figures['names']],
-        *(
-            [
-                f'{point["range_m"]:g} m',
-                *(', '.join(map(_seconds, point[name])) for name in figures['names']),
-            ]
-            for point in figures['points']
-        ),
-    ]
+    rows = [['identified within: half, nine tenths', *figures['names']]]
+    for point in figures['points']:
+        times = [
+            [f'>{TIMEOUT_S:g} s' if one is None else f'{one:.2g} s' for one in point[name]]
+            for name in figures['names']
+        ]
+        rows.append([f'{point["range_m"]:g} m', *map(', '.join, times)])
+    return rows
 
 
 def draw(figures: dict[str, Any]) -> Any:

@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """What is behind a visual marker in a picture, and the light around the marker."""
 
-from __future__ import annotations
-
 from typing import Any, NamedTuple
 
 import numpy as np

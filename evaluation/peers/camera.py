@@ -8,8 +8,6 @@ is in shares of what white paper sends. Left out are lens distortion, colour, a 
 reduction and video compression, as of a calibrated camera.
 """
 
-from __future__ import annotations
-
 import math
 from typing import NamedTuple
 
@@ -72,10 +70,9 @@ def expose(
 ) -> NDArray[np.uint8]:
     """Return the picture of a scene: 8-bit grey levels, of the shape of the light.
 
-    The light is in shares of white paper. Exposure time, up to the longest, and gain are set to the
-    illuminance. Shot noise is Gaussian, as for many electrons. A veil of glare, in shares of white
-    paper, lies over all; the exposure does not follow it, as that of a shiny spot in a large
-    picture.
+    Light, and a veil of glare over all that the exposure does not follow, are in shares of white
+    paper. Exposure time, up to the longest, and gain are set to the illuminance. Shot noise is
+    Gaussian, as for many electrons.
     """
     target = _WHITE_LEVEL * _FULL_WELL_E
     white = min(paper_electrons(illuminance_lux, longest_s), target)
@@ -101,15 +98,7 @@ def smear(light: Floats, length_px: float) -> Floats:
     if length_px <= 1:
         weights = np.array([1.0, length_px]) / (1 + length_px)
     padded = np.pad(light, ((0, 0), (len(weights) // 2, len(weights))), mode='edge')
-    columns = light.shape[1]
-    smeared: Floats = (
-        sum(
-            (weight * padded[:, index : index + columns] for index, weight in enumerate(weights)),
-            np.zeros_like(light),
-        )
-        / weights.sum()
-    )
-    return smeared
+    return _weighted(padded.T, weights / weights.sum(), light.shape[1]).T
 
 
 class Pose(NamedTuple):
@@ -134,6 +123,15 @@ def transform(homography: Floats, points: ArrayLike) -> Floats:
     return result
 
 
+def facing(position_m: Floats, roll_rad: float = 0.0) -> Pose:
+    """Return a plate at a place, shape (3,) [m], that faces the origin."""
+    away = position_m / np.linalg.norm(position_m)
+    level = np.cross([0.0, 1.0, 0.0], away)
+    level /= np.linalg.norm(level)
+    right = math.cos(roll_rad) * level + math.sin(roll_rad) * np.cross(away, level)
+    return Pose(position_m, np.column_stack([right, np.cross(away, right), away]))
+
+
 def facing_pose(
     range_m: float, margin_px: float, max_roll_rad: float, rng: np.random.Generator
 ) -> Pose:
@@ -143,12 +141,8 @@ def facing_pose(
     """
     place = rng.uniform(margin_px, np.array([WIDTH, HEIGHT]) - margin_px)
     ray = np.append((place - CENTRE_PX) / FOCAL_PX, 1.0)
-    away = ray / np.linalg.norm(ray)
-    level = np.cross([0.0, 1.0, 0.0], away)
-    level /= np.linalg.norm(level)
-    roll = rng.uniform(-max_roll_rad, max_roll_rad)
-    right = math.cos(roll) * level + math.sin(roll) * np.cross(away, level)
-    return Pose(range_m * away, np.column_stack([right, np.cross(away, right), away]))
+    position_m = range_m / np.linalg.norm(ray) * ray
+    return facing(position_m, rng.uniform(-max_roll_rad, max_roll_rad))
 
 
 def tilted(pose: Pose, yaw_rad: float, pitch_rad: float) -> Pose:
@@ -166,9 +160,12 @@ def blur(light: Floats) -> Floats:
     kernel /= kernel.sum()
     for _ in range(2):
         padded = np.pad(light, ((_BLUR_RADIUS, _BLUR_RADIUS), (0, 0)))
-        rows = len(light)
-        light = sum(
-            (weight * padded[index : index + rows] for index, weight in enumerate(kernel)),
-            np.zeros_like(light),
-        ).T
+        light = _weighted(padded, kernel, len(light)).T
     return light
+
+
+def _weighted(padded: Floats, weights: Floats, rows: int) -> Floats:
+    """Return the weighted sum of an array that is shifted by one row after the other."""
+    shifted = (weight * padded[index : index + rows] for index, weight in enumerate(weights))
+    total: Floats = sum(shifted, np.zeros((rows, padded.shape[1])))
+    return total

@@ -11,9 +11,9 @@ import numpy as np
 
 from evaluation.bench import places as hand
 from evaluation.bench.hand_trials import Visit, errors_for
-from evaluation.bench.places import pose_of_tf
+from evaluation.bench.places import pose_of_tf, rms
 from evaluation.peers.background import Background
-from evaluation.peers.camera import FOCAL_PX, Pose, expose, facing_pose, tilted
+from evaluation.peers.camera import FOCAL_PX, Pose, expose, facing, facing_pose, tilted
 from evaluation.peers.visual_markers import APRILTAG, AprilTagReader, square_range
 from retrolidar_ros.scene import Scene
 from retrolidar_ros.sensor.frame import Floats
@@ -21,8 +21,7 @@ from retrolidar_ros.tasks.reading import Errors, Reading
 
 _SIZE_M, _LUX, _TAG = 0.03, 300.0, 7
 _RANGES_M, _TRIES = (0.8, 1.2, 1.6, 1.9, 2.2), 16
-_PICTURES = 3
-"""Whose mean is a reading; more of them leave what pixels do to corners."""
+_PICTURES = 3  # whose mean is a reading; more of them leave what pixels do to corners
 _ROLL_RAD, _TILT_RAD, _AIM_RAD = 0.6, 0.2, math.radians(5)
 _EXACT = 1e-5
 
@@ -44,8 +43,8 @@ class TagCamera:
                     seen_range_m = float(np.linalg.norm(seen_m))
                     turns += (seen_m / seen_range_m - pose.position_m / range_m)[:2].tolist()
                     off_m.append(seen_range_m - range_m)
-            self._stddev_m.append(float(np.sqrt(np.mean(np.square(off_m)))))
-        self.turn_rad = float(np.sqrt(np.mean(np.square(turns))))
+            self._stddev_m.append(rms(off_m) or math.nan)
+        self.turn_rad = rms(turns) or math.nan
         """Deviation of a direction, along each axis."""
 
     def errors(self, pose_m: float) -> Errors:
@@ -73,13 +72,9 @@ class TagCamera:
             rows = []
             for marker in world.markers:
                 at_m = np.array(marker.position_m)
-                x, y, z = (at_m - visit.pose.position_m).tolist()
-                yaw, pitch = rng.uniform(-_AIM_RAD, _AIM_RAD, 2)
-                turned = hand.rotation(
-                    yaw + math.atan2(x, z), pitch - math.atan2(y, math.hypot(x, z)), 0.0
-                )
-                camera = hand.Pose(visit.pose.position_m, turned)
-                tag = Pose(camera.to_sensor(at_m), turned.T @ _facing(at_m))
+                turns = np.append(rng.uniform(-_AIM_RAD, _AIM_RAD, 2), 0.0)
+                camera = hand.towards(at_m, visit.pose.position_m, turns)
+                tag = Pose(camera.to_sensor(at_m), camera.rotation.T @ facing(at_m).rotation)
                 seen_m = self._see(tag, rng)
                 if seen_m is None:
                     continue
@@ -112,11 +107,3 @@ class TagCamera:
                     range_m = square_range(tag.corners, window.centre_px, edge_m)
                     found.append(range_m * ray / np.linalg.norm(ray))
         return np.mean(found, axis=0) if found else None
-
-
-def _facing(at_m: Floats) -> Floats:
-    """Return the axes of a tag that faces the origin: right, down and away, shape (3, 3)."""
-    away = at_m / np.linalg.norm(at_m)
-    right = np.cross([0.0, 1.0, 0.0], away)
-    right /= np.linalg.norm(right)
-    return np.column_stack([right, np.cross(away, right), away])

@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Pictures of visual markers, and what readers make of them."""
 
-from __future__ import annotations
-
 import math
 import time
 from collections.abc import Sequence
@@ -14,18 +12,8 @@ from typing import NamedTuple, TypedDict
 import numpy as np
 
 from evaluation.bench.rates import Rate, rate
+from evaluation.peers import camera
 from evaluation.peers.background import Background, Window
-from evaluation.peers.camera import (
-    CENTRE_PX,
-    FOCAL_PX,
-    LONGEST_EXPOSURE_S,
-    PICTURES_HZ,
-    expose,
-    exposure_s,
-    facing_pose,
-    smear,
-    tilted,
-)
 from evaluation.peers.visual_markers import IDS, Reader
 from retrolidar_ros.sensor.frame import Floats
 
@@ -42,7 +30,7 @@ class View(NamedTuple):
     yaw_deg: float = 0.0
     pitch_deg: float = 0.0
     speed_m_s: float = 0.0  # across the line of sight
-    longest_s: float = LONGEST_EXPOSURE_S  # exposure that the camera takes at most
+    longest_s: float = camera.LONGEST_EXPOSURE_S  # exposure that the camera takes at most
 
 
 class Error(TypedDict):
@@ -96,7 +84,7 @@ def read_pictures(
         for _ in range(pictures):
             identity = int(rng.integers(IDS))
             light, window = _marker_before(background, alike[0], identity, view, rng)
-            picture = expose(light, view.lux, rng, veil=view.veil, longest_s=view.longest_s)
+            picture = camera.expose(light, view.lux, rng, veil=view.veil, longest_s=view.longest_s)
             for reader in alike:
                 sightings = reader.read(picture, window.centre_px, view.size_m)
                 right = [seen.range_m - view.range_m for seen in sightings if seen.id == identity]
@@ -117,13 +105,15 @@ def _marker_before(
 ) -> tuple[Floats, Window]:
     """Return the light around a marker at a random place, wholly in the picture."""
     plate = reader.plate(identity, view.size_m)
-    pose = facing_pose(view.range_m, FOCAL_PX * plate.side_m / view.range_m, _MAX_ROLL_RAD, rng)
-    pose = tilted(pose, math.radians(view.yaw_deg), math.radians(view.pitch_deg))
+    pose = camera.facing_pose(
+        view.range_m, camera.FOCAL_PX * plate.side_m / view.range_m, _MAX_ROLL_RAD, rng
+    )
+    pose = camera.tilted(pose, math.radians(view.yaw_deg), math.radians(view.pitch_deg))
     light, window = background.with_plate(plate.cells, plate.side_m, pose)
     if view.speed_m_s:
         # The camera follows the background as little as the marker does.
-        open_s = exposure_s(view.lux, view.longest_s)
-        light = smear(light, FOCAL_PX * view.speed_m_s * open_s / view.range_m)
+        open_s = camera.exposure_s(view.lux, view.longest_s)
+        light = camera.smear(light, camera.FOCAL_PX * view.speed_m_s * open_s / view.range_m)
     return light, window
 
 
@@ -136,8 +126,8 @@ def picture_cost(
         light, window = _marker_before(background, reader, int(rng.integers(IDS)), view, rng)
         whole = background.light.copy()
         whole[window.slices] = light
-        picture = expose(whole, view.lux, rng)
+        picture = camera.expose(whole, view.lux, rng)
         began_s = time.process_time()
-        reader.read(picture, CENTRE_PX, view.size_m)
+        reader.read(picture, camera.CENTRE_PX, view.size_m)
         spent_s += time.process_time() - began_s
-    return 1000 * PICTURES_HZ * spent_s / pictures
+    return 1000 * camera.PICTURES_HZ * spent_s / pictures

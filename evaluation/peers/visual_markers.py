@@ -5,8 +5,6 @@
 A marker's size is the edge of its pattern. The plate that carries it adds a white margin.
 """
 
-from __future__ import annotations
-
 import ctypes
 import re
 from collections.abc import Callable
@@ -51,10 +49,7 @@ class Reader(Protocol):
     def read(
         self, picture: NDArray[np.uint8], centre_px: tuple[float, float], size_m: float
     ) -> list[Sighting]:
-        """Read markers of a size [m] in grey levels, shape (rows, columns).
-
-        The optical axis is at the centre, from the left and from above [pixels].
-        """
+        """Read markers of a size [m] in grey levels; the optical axis is at the centre [pixels]."""
 
 
 def _plate(white: NDArray[np.bool_], size_m: float, margin: int) -> Plate:
@@ -64,10 +59,7 @@ def _plate(white: NDArray[np.bool_], size_m: float, margin: int) -> Plate:
 
 
 class AprilTagReader:
-    """Tags of tagStandard41h12, read by AprilTag 3.
-
-    Squares are searched in `quad_decimate` times fewer rows and columns, by default twice.
-    """
+    """Tags read by AprilTag 3, which seeks squares in `quad_decimate` times fewer pixels a side."""
 
     kind = APRILTAG
 
@@ -98,11 +90,7 @@ class AprilTagReader:
     def read(
         self, picture: NDArray[np.uint8], centre_px: tuple[float, float], size_m: float
     ) -> list[Sighting]:
-        """Read tags.
-
-        The range comes from the tag's corners. The library's own pose gives no better one, and
-        its search for a second pose complains on the terminal when noise makes it fail.
-        """
+        """Read tags; ranges are of corners, for the library's own pose is no better and prints."""
         return [
             Sighting(tag.tag_id, square_range(tag.corners, centre_px, size_m * self.border))
             for tag in self.detector.detect(picture)

@@ -2,9 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """What the charts share: one colour for the same thing everywhere, shares with confidence."""
 
-from __future__ import annotations
-
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -77,14 +75,20 @@ def draw_shares(axis: Any, places: Sequence[float], rates: Sequence[Rate], **how
 
 
 def draw_reads(
-    axis: Any, points: Sequence[Mapping[str, Any]], names: Sequence[str] = METHODS
+    axis: Any,
+    points: Sequence[Mapping[str, Any]],
+    names: Iterable[str] = METHODS,
+    *,
+    wrong: bool = True,
+    **how: Any,
 ) -> None:
     """Draw right and, dashed, wrong shares over the places of points."""
     places = [point['place'] for point in points]
     for name in names:
-        draw_shares(axis, places, [point[name]['right'] for point in points], **look(name))
-        wrong = [100 * point[name]['wrong']['rate'] for point in points]
-        axis.plot(places, wrong, linestyle='--', color=look(name)['color'], linewidth=1)
+        draw_shares(axis, places, [point[name]['right'] for point in points], **look(name), **how)
+        if wrong:
+            rates = [100 * point[name]['wrong']['rate'] for point in points]
+            axis.plot(places, rates, linestyle='--', color=look(name)['color'], linewidth=1)
     axis.axhline(100 * LEVEL, color='0.6', linewidth=0.8)
 
 

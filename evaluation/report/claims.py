@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """What experiments report: tables, and the paper's own values beside ours."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any, NamedTuple
 

@@ -7,8 +7,6 @@ slots: `{{chart NAME}}`, `{{table NAME}}`, `{{run}}`, and, for cells of a table,
 `{{claim NAME ITEM}}`.
 """
 
-from __future__ import annotations
-
 import json
 import re
 from collections.abc import Mapping
@@ -33,12 +31,6 @@ def load(directory: Path) -> dict[str, dict[str, Any]]:
     }
 
 
-def claims_of(name: str, report: Report) -> Claims:
-    """Return what items of the paper come to in an experiment; nothing where it has none."""
-    claims: Claims = getattr(EXPERIMENTS[name], 'claims', lambda figures: {})(report[name])
-    return claims
-
-
 def _run(report: Report) -> str:
     """Return on what the experiments ran, and for how long."""
     kinds = set()
@@ -58,21 +50,6 @@ def _run(report: Report) -> str:
     )
 
 
-def _chart(name: str, figures: Mapping[str, Any]) -> str:
-    """Return a chart with where its figures are and how to make it again."""
-    run = figures['run']
-    options = ' '.join([name, *(['--quick'] if run['quick'] else []), *_seed(run['seed'])])
-    quoted = f"'{options}'" if ' ' in options else options
-    return (
-        f'![{EXPERIMENTS[name].TITLE}]({name}.png)\n\n'
-        f'`make evaluate ARGS={quoted}` · [figures]({name}.json)'
-    )
-
-
-def _seed(seed: int) -> list[str]:
-    return [] if seed == 1 else [f'--seed {seed}']
-
-
 def filled(text: str, report: Report) -> str:
     """Return a chapter with its figures; ValueError for a slot that nothing fills."""
 
@@ -83,11 +60,13 @@ def filled(text: str, report: Report) -> str:
         if name not in report:
             raise ValueError(f'{slot[0]}: there is no experiment of that name, or it has not run')
         if kind == 'chart':
-            return _chart(name, report[name])
+            return f'![{EXPERIMENTS[name].TITLE}]({name}.png)\n\n[figures]({name}.json)'
         if kind == 'table':
             return markdown(EXPERIMENTS[name].table(report[name]))
-        if kind == 'claim' and item in (claims := claims_of(name, report)):
-            return claims[item].cells
+        if kind == 'claim':
+            claims: Claims = getattr(EXPERIMENTS[name], 'claims', lambda figures: {})(report[name])
+            if item in claims:
+                return claims[item].cells
         raise ValueError(f'{slot[0]}: a slot is a chart, a table, a claim or the run')
 
     return _SLOT.sub(fill, text)

@@ -8,8 +8,6 @@ renews them in the repository's root. They stand between comments that name them
 copy a number by hand; the tests compare.
 """
 
-from __future__ import annotations
-
 import json
 import re
 from collections.abc import Mapping
@@ -57,13 +55,20 @@ def headlines(report: Report) -> str:
     def reach(sweep: str, digits: int, unit: str) -> list[str]:
         return [peers.words(figures, sweep, name, unit, digits) for name in names]
 
-    errors_mm = [peers.error(figures, name, 2.0, 'median') for name in names]
-    costs = [speed_accuracy.at(report['speed-accuracy'], *of) for of in _COSTS]
+    errors_mm = [as_text(peers.error(figures, name, 2.0, 'median'), 'mm', 1) for name in names]
+    points = [speed_accuracy.at(report['speed-accuracy'], *of) for of in _COSTS]
+    costs = [as_text(None if one is None else one['cpu_ms'], 'ms of a core', 0) for one in points]
     still = [roc.grouped(roc.shipped(report['roc'], method), roc.STILL) for method in BOTH]
-    false_ids = [
-        f'{one["per_hour"]:.{0 if one["per_hour"] > 1 else 2}f} ({one["events"]} in '
-        f'{one["hours"]:.3g} h)'
+    # Where none was seen, all that is known is the upper bound.
+    rates = [
+        f'{one["per_hour"]:.{0 if one["per_hour"] > 1 else 2}f}'
+        if one['events']
+        else f'below {one["high"]:.1g}'
         for one in still
+    ]
+    false_ids = [
+        f'{rate} ({one["events"]} in {one["hours"]:.3g} h)'
+        for rate, one in zip(rates, still, strict=True)
     ]
     # What, the paper's own, and the values of both methods and the AprilTag.
     rows: list[tuple[str, str, list[str]]] = [
@@ -72,17 +77,9 @@ def headlines(report: Report) -> str:
         ('that packet, or picture, lasts', _PACKET, [_PACKET, _PACKET, f'{1 / 30:.2f} s']),
         ('yaw, at 1 m, to', '50 °', reach('yaw', 0, '°')),
         ('moving across at 1 m (tag: 33 ms exposed), at', NOTHING, reach('speed', 2, 'm/s')),
-        (
-            'median error of range at 2 m',
-            'below 2 mm',
-            [as_text(one, 'mm', 1) for one in errors_mm],
-        ),
+        ('median error of range at 2 m', 'below 2 mm', errors_mm),
         ('light that it needs, at 1 m', 'none', ['none', 'none', reach('light', 1, 'lux')[2]]),
-        (
-            'computing, per second of watching, as shipped',
-            NOTHING,
-            [as_text(None if one is None else one['cpu_ms'], 'ms of a core', 0) for one in costs],
-        ),
+        ('computing, per second of watching, as shipped', NOTHING, costs),
         ('false IDs an hour of scenes without a marker', NOTHING, [*false_ids, NOTHING]),
     ]
     heads = ['', 'LiDAR, default `joint`', 'LiDAR, method `paper`', "the paper's own", 'AprilTag 3']
@@ -119,29 +116,25 @@ def speed(report: Report) -> str:
     through = f'{nodes["seconds"]:.0f} s at {nodes["rate_hz"]:.1f} Hz through all'
     kept = f'{nodes["lost"]} frames lost; driver {shares["driver"]:.0%}, detector '
     stamps = f'{nodes["stamp_stddev_ms"]:.2f} ms standard deviation, '
-    rows = {
-        f'{through}, {nodes["run"]["cores"]} cores': f'{kept}{shares["detector"]:.0%} of a core',
-        'from the end of the exposure to the detection, median and 99 %': (
-            f'{seen["median_ms"]:.0f} and {seen["p99_ms"]:.0f} ms'
-        ),
-        'stamps against the true exposure, once settled': (
-            f'{stamps}{nodes["stamp_worst_ms"]:.2f} ms at most'
-        ),
-    }
-    costs = {}
+    delays = f'{seen["median_ms"]:.0f} and {seen["p99_ms"]:.0f} ms'
+    worst = f'{stamps}{nodes["stamp_worst_ms"]:.2f} ms at most'
+    by_nodes, by_detector = (
+        f'`embedded/run python benchmarks/bench_{name}.py`' for name in ('nodes', 'detector')
+    )
+    rows = [
+        ['', '', 'command'],
+        [f'{through}, {nodes["run"]["cores"]} cores', f'{kept}{shares["detector"]:.0%} of a core'],
+        ['from the end of the exposure to the detection, median and 99 %', delays],
+        ['stamps against the true exposure, once settled', worst],
+    ]
+    rows = [rows[0], *([*row, by_nodes] for row in rows[1:])]
     for cost in report['bench-detector']['against']['rows']:
         new = cost['new']
         frame = f'{new["frame_us"]:.0f} µs, at most {new["longest_us"] / 1e3:.1f} ms'
         replay = f'{new["bag_times_real_time"]:.0f} times real time'
-        costs[f'a frame by `joint`, {cost["case"]}; a bag to JSON'] = f'{frame}; {replay}'
-    command = '`embedded/run python benchmarks/bench_{}.py`'
-    return markdown(
-        [
-            ['', '', 'command'],
-            *([*row, command.format('nodes')] for row in rows.items()),
-            *([*row, command.format('detector')] for row in costs.items()),
-        ]
-    )
+        what = f'a frame by `joint`, {cost["case"]}; a bag to JSON'
+        rows.append([what, f'{frame}; {replay}', by_detector])
+    return markdown(rows)
 
 
 _STRESSES = {

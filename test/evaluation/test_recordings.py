@@ -11,7 +11,7 @@ from evaluation.bench.judging import BOTH, judged
 from evaluation.bench.recordings import SILENCE_BITS, record, signal_at, snr_db
 from evaluation.bench.stresses import PLAIN, STRESSES, Stress
 from evaluation.bench.transmissions import transmission
-from evaluation.experiments.moving import across
+from evaluation.experiments.moving import SWING_S, across, swinging
 from evaluation.experiments.time_to_id import VIEW_S, appearing, first_ids, time_by_which
 from retrolidar_ros.marker.code import BIT_PERIOD_S, PACKET_BITS
 from retrolidar_ros.marker.dictionary import USABLE_IDS
@@ -111,6 +111,14 @@ def test_a_marker_on_its_way_is_in_one_zone_after_the_other() -> None:
     seen = sent.recording.signal.argmax(axis=1)[sent.recording.signal.max(axis=1) > 100]
     assert len(np.unique(seen % 4)) == 4
     assert judged(sent, BOTH['joint'], lone=False).right.shape == (1,)
+
+
+def test_a_marker_swings_as_far_and_as_fast_as_told() -> None:
+    path = swinging(0.2, 1.0, np.random.default_rng(3))
+    x, y, z = path(np.arange(0, SWING_S, 0.01)).T
+    assert (x.min(), x.max()) == pytest.approx((-0.2, 0.2), abs=1e-3)
+    assert np.abs(np.diff(x)).sum() == pytest.approx(4 * 0.2, rel=0.02)
+    assert (np.ptp(y), np.ptp(z)) == (0, 0)
 
 
 @pytest.mark.parametrize('member', FAMILY, ids=lambda member: member.name)

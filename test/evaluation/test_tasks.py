@@ -98,11 +98,10 @@ def test_the_hand_sees_all_from_every_place() -> None:
 def test_errors_of_a_place() -> None:
     found = place(zone_bearing(5, ZoneGrid()), 1.5, 0.002)
     right = place_error(found, found.position_m)
-    assert right == pytest.approx(PlaceError(0, 0, 0, 0), abs=1e-6)
+    assert right == pytest.approx(PlaceError(0, 0, 0), abs=1e-6)
     farther = place_error(found, found.position_m * 1.53 / 1.5)
     assert farther.range_m == pytest.approx(-0.03)
     assert farther.position_m == pytest.approx(0.03)
-    assert place_error(found, -found.position_m).bearing_deg == pytest.approx(180)
     share = held([0.1, 7.0, 9.0])
     assert share is not None
     assert (share['hits'], share['trials']) == (2, 3)
@@ -113,7 +112,8 @@ def test_frames_one_by_one_give_each_reading_as_soon_as_all_of_it_was_seen() -> 
     recording = Simulation(WORLD).run(4)
     readings = list(read_live(create_detector('joint', recording.grid), recording))
     assert {one.detection.id for one in readings} == {one.id for one in WORLD.markers}
-    for known_ns, detection in readings:
+    for known_s, detection in readings:
+        known_ns = 1e9 * known_s + recording.stamp_ns[0]
         assert detection.start_ns < detection.stamp_ns < detection.end_ns
         assert 0 <= known_ns - detection.end_ns < 0.5e9
 
