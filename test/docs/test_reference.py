@@ -81,7 +81,7 @@ def test_every_launch_argument(path: Path, monkeypatch: pytest.MonkeyPatch) -> N
         name
         for cells in rows(REFERENCE, 'launch file')
         if cells[0].startswith('all') != (path.name in quoted(cells[0]))
-        for name in quoted(cells[2])
+        for name in quoted(cells[1])
     )
 
 
