@@ -1,6 +1,6 @@
 # Copyright 2026 retrolidar_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""What `retrolidar watch` shows: what is known at one moment, as lines of text."""
+"""The display of `retrolidar watch`: a snapshot as lines of text."""
 
 from __future__ import annotations
 
@@ -71,7 +71,7 @@ class LastReading(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Snapshot:
-    """All that is known of port, zones and markers at one moment."""
+    """The state of port, zones and markers at one moment."""
 
     port: str
     trouble: str
@@ -99,7 +99,7 @@ class Snapshot:
 
 
 def screen(snapshot: Snapshot, symbols: Symbols) -> list[str]:
-    """Return a picture of all that is known, in lines of at most 100 characters."""
+    """Return the whole snapshot, in lines of at most 100 characters."""
     lines = [_head(snapshot), *_trouble(snapshot)]
     if snapshot.frame is None:
         return lines
@@ -123,7 +123,7 @@ def fitted(lines: list[str], columns: int, rows: int) -> list[str]:
 
 
 def line(snapshot: Snapshot) -> str:
-    """Return the most important of it in one line."""
+    """Return the most important values in one line."""
     parts = [snapshot.trouble] if snapshot.trouble else []
     parts.append(_flow(snapshot))
     if (frame := snapshot.frame) is not None and snapshot.rate_hz > 0:

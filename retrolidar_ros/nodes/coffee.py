@@ -43,17 +43,13 @@ class CoffeeNode(Node):
         parameters.text('target_frame', "Frame of the poses; empty = the sensor's.")
         parameters.number(
             'max_stddev',
-            'Largest standard deviation of a position, along its worst axis [m].',
+            'Largest standard deviation of a position, worst axis [m].',
             1e-4,
             10.0,
             live=True,
         )
-        parameters.number(
-            'stale_after', 'How long a detection counts [s].', 0.1, 86400.0, live=True
-        )
-        parameters.number(
-            'reach', 'How far from its first place the sensor can go [m].', 0.01, 100.0, live=True
-        )
+        parameters.number('stale_after', 'Lifetime of a detection [s].', 0.1, 86400.0, live=True)
+        parameters.number('reach', 'Radius around the first viewpoint [m].', 0.01, 100.0, live=True)
         values = parameters.values
         self._reach_m = values['reach']
         self._began_m: Floats | None = None

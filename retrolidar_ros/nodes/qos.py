@@ -1,6 +1,6 @@
 # Copyright 2026 retrolidar_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""Topics, whose qualities of service a parameter `qos_overrides.TOPIC.…` may change."""
+"""Topics whose QoS parameters `qos_overrides.TOPIC.…` may change."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ _OVERRIDABLE = QoSOverridingOptions.with_default_policies()
 
 
 def publisher(node: Node, kind: type[Any], topic: str, qos: QoSProfile) -> Publisher:
-    """Return a publisher, of which parameters may set history, depth and reliability."""
+    """Return a publisher; parameters may set its history, depth and reliability."""
     return node.create_publisher(kind, topic, qos, qos_overriding_options=_OVERRIDABLE)
 
 
