@@ -136,11 +136,11 @@ class Decoding:
         return [f'ID {names} would be read: add it to registered_ids'] if ids else []
 
     def table(self) -> list[str]:
-        """Return how each zone blinks, and its best candidate against what was asked."""
+        """Return how each zone blinks, and its best candidate beside the thresholds."""
         if len(self._newest) < 2:
             return ['no zone to describe']
         _, zones, _ = self.blinking()
-        lines = ['zone  blinks [dB]  bits [ms]  best ID  evidence  word  margin  refused for']
+        lines = ['zone  blinks [dB]  bits [ms]  best ID  evidence  word  margin  rejected for']
         for zone in zones:
             text = f'{zone.zone:4d}  {zone.modulation_db:11.1f}  {1e3 * zone.bit_period_s:9.1f}'
             best = self.refused.get(zone.zone)
@@ -157,8 +157,8 @@ class Decoding:
         if isinstance(self._detector, LikelihoodDetector):
             asked = self._detector.demands
             lines.append(
-                f'asked: evidence {asked.evidence:.1f} at least, word {asked.word:.1f} at most, '
-                f'margin {asked.margin:.1f} at least [nats]'
+                f'thresholds [nats]: evidence at least {asked.evidence:.1f}, '
+                f'word at most {asked.word:.1f}, margin at least {asked.margin:.1f}'
             )
         return lines
 

@@ -1,6 +1,6 @@
 # Copyright 2026 retrolidar_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""The `detector` node: from `frames` to `markers`, TF and what people look at."""
+"""The `detector` node: from `frames` to `markers`, TF and visualization topics."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ class DetectorNode(Node):
         Parameters
         ----------
         board : HealthBoard, optional
-            That of a process which gives the frames by `take`; else they come by a topic.
+            Of a process that passes frames by `take`; otherwise they come by a topic.
         **options
             As for any node.
         """
@@ -119,7 +119,7 @@ class DetectorNode(Node):
         for candidate in self._detector.candidates:
             if candidate.reason is not None:
                 self.get_logger().debug(
-                    f'refused: {candidate.reason.value}: ID {candidate.id}, '
+                    f'rejected: {candidate.reason.value}: ID {candidate.id}, '
                     f'evidence {candidate.evidence:.1f}, word {candidate.word:.1f}, '
                     f'margin {candidate.margin:.1f} nats'
                 )

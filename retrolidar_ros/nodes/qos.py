@@ -18,7 +18,7 @@ STREAM_HEARD = QoSProfile(depth=10, reliability=ReliabilityPolicy.BEST_EFFORT)
 EVENTS = QoSProfile(depth=100, reliability=ReliabilityPolicy.RELIABLE)
 """What comes now and then, and in bursts."""
 LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
-"""A state, which who comes late hears, too."""
+"""Latched: late-joining subscribers receive the last message."""
 _OVERRIDABLE = QoSOverridingOptions.with_default_policies()
 
 
