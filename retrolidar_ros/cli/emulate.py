@@ -63,5 +63,5 @@ def run(arguments: argparse.Namespace) -> int:
     start_ns = None if arguments.start is None else round(arguments.start * 1e9)
     with interrupted_once():
         sent, lost = emulate(scene, arguments.port_link, arguments.duration, say_ready, start_ns)
-    print(f'{sent} frames sent, {lost} were not received')
+    print(f'{sent} frames sent, {lost} found no listener')
     return 0

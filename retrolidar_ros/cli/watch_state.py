@@ -217,7 +217,7 @@ class Watch:
 def _reason(then: _Tally, now: _Tally) -> str:
     """Return why no frames have come since `then`."""
     if now.withheld > then.withheld:
-        return 'those that come have no signal, which the sensor should send'
+        return 'those that come have no signal, which the sensor has been asked for'
     if now.damaged > then.damaged:
         return 'what comes is no frame of this protocol, or of another --baud'
     if now.received > then.received:

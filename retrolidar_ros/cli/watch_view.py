@@ -250,7 +250,7 @@ def _readings(snapshot: Snapshot) -> list[str]:
 def _refused(snapshot: Snapshot) -> list[str]:
     """Return the counts of rejected candidates, and how far the last missed its threshold."""
     reasons = [f'{reason} {count}' for reason, count in sorted(snapshot.rejected.items())]
-    text = f'rejected so far: {", ".join(reasons) or "nothing"}'
+    text = f'refused so far: {", ".join(reasons) or "nothing"}'
     last, asked = snapshot.refused, snapshot.demands
     if last is not None and last.reason is not None and asked is not None:
         shortfall = {

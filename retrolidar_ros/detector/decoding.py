@@ -140,7 +140,7 @@ class Decoding:
         if len(self._newest) < 2:
             return ['no zone to describe']
         _, zones, _ = self.blinking()
-        lines = ['zone  blinks [dB]  bits [ms]  best ID  evidence  word  margin  rejected for']
+        lines = ['zone  blinks [dB]  bits [ms]  best ID  evidence  word  margin  refused for']
         for zone in zones:
             text = f'{zone.zone:4d}  {zone.modulation_db:11.1f}  {1e3 * zone.bit_period_s:9.1f}'
             best = self.refused.get(zone.zone)
@@ -157,8 +157,8 @@ class Decoding:
         if isinstance(self._detector, LikelihoodDetector):
             asked = self._detector.demands
             lines.append(
-                f'thresholds [nats]: evidence at least {asked.evidence:.1f}, '
-                f'word at most {asked.word:.1f}, margin at least {asked.margin:.1f}'
+                f'asked: evidence {asked.evidence:.1f} at least, word {asked.word:.1f} at most, '
+                f'margin {asked.margin:.1f} at least [nats]'
             )
         return lines
 

@@ -151,7 +151,7 @@ class CoffeeNode(Node):
                 self._offsets[one, other].publish(way)
 
     def _publish_missing(self, missing: dict[str, str]) -> None:
-        """Publish and log missing objects, why, and the next viewpoint; not if only numbers change."""
+        """Publish and log missing objects, why, and the next viewpoint; not for a number alone."""
         text = ', '.join(f'{name} {reason}' for name, reason in missing.items())
         goal = f'; {self._goal}' if self._goal and 'is known to' in text else ''
         news = re.sub(r'[-+.0-9]+', '', text), goal

@@ -119,7 +119,7 @@ class DetectorNode(Node):
         for candidate in self._detector.candidates:
             if candidate.reason is not None:
                 self.get_logger().debug(
-                    f'rejected: {candidate.reason.value}: ID {candidate.id}, '
+                    f'refused: {candidate.reason.value}: ID {candidate.id}, '
                     f'evidence {candidate.evidence:.1f}, word {candidate.word:.1f}, '
                     f'margin {candidate.margin:.1f} nats'
                 )

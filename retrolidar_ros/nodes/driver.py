@@ -175,7 +175,7 @@ class DriverNode(LifecycleNode):
     def _publish(self, frames: list[Frame], arrival_ns: int) -> None:
         if not arrival_ns:
             self.get_logger().warning(
-                'use_sim_time is set, but /clock is not published: frames are dropped',
+                'use_sim_time is set, but nobody publishes /clock: frames are dropped',
                 throttle_duration_sec=5.0,
             )
             return

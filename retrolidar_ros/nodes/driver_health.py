@@ -107,7 +107,7 @@ def _silence(then: _Counts, now: _Counts) -> str:
     """Report that no frames have come since `then`, and what came instead."""
     silence = 'the port is open, but no frames come'
     if now.withheld > then.withheld:
-        return f'{silence} with signal, which the sensor should send'
+        return f'{silence} with signal, which the sensor has been asked for'
     if received := now.received - then.received:
         return f'{silence}, though {received} bytes did: another serial_baud or protocol?'
     return silence

@@ -158,7 +158,7 @@ def test_trouble_is_reported_with_what_may_be_the_reason(monkeypatch: pytest.Mon
         '--protocol st_example?'
     )
     reader.counts.withheld += 1
-    assert 'no signal, which the sensor should send' in state.snapshot().trouble
+    assert 'no signal, which the sensor has been asked for' in state.snapshot().trouble
     reader.counts.withheld -= 1
     reader.feed(b'\x0012 | 345 : 6\r\n\0')
     known = state.snapshot()

@@ -105,7 +105,7 @@ def test_how_far_the_last_candidate_was_from_being_read(reason: Reason, text: st
         demands=Demands(28.0, 6.0, 8.0, 6.9, 9.2),
     )
     shown = '\n'.join(screen(known, ASCII))
-    assert f'  rejected so far: {reason.value} 3; last ID 77: {text}\n' in shown
+    assert f'  refused so far: {reason.value} 3; last ID 77: {text}\n' in shown
 
 
 @pytest.mark.parametrize(
