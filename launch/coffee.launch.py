@@ -1,6 +1,6 @@
 # Copyright 2026 retrolidar_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""One sensor, and the node that waits until beans, machine and mug are placed."""
+"""One sensor, and the node that reports when beans, machine and mug are placed."""
 
 from launch import LaunchDescription
 from launch.actions import OpaqueFunction
@@ -24,6 +24,6 @@ def generate_launch_description():
         **SENSOR,
         'marker_file': (MARKERS, 'YAML file of the known markers.'),
         'target_frame': ('', 'Frame of the poses; empty = as in the parameter file.'),
-        'max_stddev': ('', 'How uncertain places may be [m]; empty = as in the parameter file.'),
+        'max_stddev': ('', 'Largest standard deviation [m]; empty = as in the parameter file.'),
     }
     return LaunchDescription([*declared(arguments), OpaqueFunction(function=_coffee)])

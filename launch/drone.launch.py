@@ -78,7 +78,7 @@ def _sensor(context, name, frame, port, options):
 
 
 def _tell_places(context, places):
-    """Say once and for all where sensors lie, by frame: x and y in the fixed frame [m]."""
+    """Send static transforms of the sensors, by frame: x and y in the fixed frame [m]."""
     from geometry_msgs.msg import TransformStamped
     from launch_ros.ros_adapters import get_ros_node
     from tf2_ros import StaticTransformBroadcaster
@@ -98,10 +98,10 @@ def generate_launch_description():
     arguments = {
         **SENSOR,
         'marker_file': (MARKERS, 'YAML file of the known markers.'),
-        'sensors': ('1', 'How many: 1, or 3, which locate the drone.'),
+        'sensors': ('1', 'Number of sensors: 1, or 3 to locate the drone.'),
         'ports': ('[]', 'Of three, as [/dev/a, /dev/b, /dev/c].'),
-        'edge': ('0.4', 'Of the triangle that they lie on [m]; the first is on its x axis.'),
+        'edge': ('0.4', 'Edge of the triangle of sensors [m]; the first is on its x axis.'),
         'fixed_frame': ('ground', 'Frame of that triangle: its middle, z up.'),
-        'acceleration': ('0.04', "Standard deviation of the drone's own [m/s²]."),
+        'acceleration': ('0.04', "Standard deviation of the drone's acceleration [m/s²]."),
     }
     return LaunchDescription([*declared(arguments), OpaqueFunction(function=_drone)])

@@ -36,8 +36,8 @@ def generate_launch_description():
     arguments = {
         **COMMON,
         'ports': ('[]', 'Devices of the sensors, as [/dev/a, /dev/b].'),
-        'names': ('[]', 'Of the sensors; [] = sensor0, sensor1, ...'),
-        'namespace': ('retrolidar', 'Of all; each sensor adds its name.'),
+        'names': ('[]', 'Names of the sensors; [] = sensor0, sensor1, ...'),
+        'namespace': ('retrolidar', 'Common namespace; each sensor adds its name.'),
         'markers': ('', 'One topic for all detections, as /retrolidar/markers.'),
         'server': ('', 'Discovery server, HOST:PORT; empty = none but that of serve.'),
         'serve': ('false', 'Whether the discovery server runs here.'),

@@ -3,7 +3,7 @@
 """Two sensors, left and right, whose detections come on one topic.
 
 Each has its own namespace, port and frame. A marker that both see has a TF frame below each, such
-as left_mug and right_mug, for TF allows a frame but one parent.
+as left_mug and right_mug, since TF allows one parent per frame.
 """
 
 from launch import LaunchDescription

@@ -39,21 +39,21 @@ def seconds(text: str) -> float:
 
 
 def add_port(command: argparse.ArgumentParser) -> None:
-    """Add where a sensor is, and what it speaks."""
+    """Add the port and the protocol of a sensor."""
     command.add_argument('port', metavar='PORT', help='device of the sensor')
     command.add_argument('--baud', type=int, default=460800, help='bit/s (default: %(default)s)')
     command.add_argument(
         '--protocol',
         choices=PROTOCOLS,
         default='retrolidar',
-        help='what the sensor speaks (default: %(default)s)',
+        help='protocol of the sensor (default: %(default)s)',
     )
 
 
 def add_detector_options(command: argparse.ArgumentParser) -> None:
     """Add the parameters of the detector node as options of the same names."""
     options = command.add_argument_group(
-        'parameters of the detector', 'as those of the node; an option goes before the file'
+        'parameters of the detector', 'as those of the node; options override the file'
     )
     options.add_argument(
         '--params', type=Path, metavar='FILE', help='parameter file, as of `retrolidar calibrate`'
@@ -93,7 +93,7 @@ def _value(name: str, text: str) -> Any:
 
 
 def detector_values(arguments: argparse.Namespace) -> dict[str, Any]:
-    """Return the values of all parameters: options, else of the file, else the usual ones."""
+    """Return all parameters: of the options, else the file, else the defaults."""
     given = {name: getattr(arguments, name) for name in PARAMETERS}
     return {
         **defaults(),

@@ -1,6 +1,6 @@
 # Copyright 2026 retrolidar_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""Say what to expect of a marker before it is built."""
+"""Link, wake-up and battery life to expect of a marker."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ def add_command(subparsers: Subparsers) -> None:
     """Add `retrolidar budget`."""
     command = subparsers.add_parser(
         'budget',
-        help='what to expect of a marker: its link, its waking and its battery',
+        help='expected link, wake-up and battery life of a marker',
         description='Quantities carry their units, as in scene files.',
     )
     for name, default, what in (

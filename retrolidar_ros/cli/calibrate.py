@@ -1,6 +1,6 @@
 # Copyright 2026 retrolidar_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""From a recording to parameters, a scene, and a page that describes them."""
+"""Estimate parameters and a scene from a recording, and describe them on a page."""
 
 from __future__ import annotations
 
@@ -25,10 +25,10 @@ def add_command(subparsers: Subparsers) -> None:
     """Add `retrolidar calibrate`."""
     command = subparsers.add_parser(
         'calibrate',
-        help='find the parameters of a recorded sensor and of its markers',
+        help='estimate the parameters of a recorded sensor and its markers',
         description='Writes calibration.yaml, a params_file of the nodes and of decode; '
-        'scene.yaml, for the emulator; and calibration.md with calibration.png. What the recording '
-        f'does not show is not written. Exit code {NOTHING_READ} if no marker is read.',
+        'scene.yaml, for the emulator; and calibration.md with calibration.png. Only what the '
+        f'recording shows is written. Exit code {NOTHING_READ} if no marker is read.',
     )
     command.add_argument('bag', type=Path, help='rosbag2 directory, .mcap or .db3 file')
     command.add_argument('--topic', default=FRAMES_TOPIC, help='(default: %(default)s)')

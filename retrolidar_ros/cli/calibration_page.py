@@ -1,6 +1,6 @@
 # Copyright 2026 retrolidar_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""A page of what was found in a recording, with pictures of what it rests on."""
+"""A page with the results of a calibration, and pictures of the samples."""
 
 from __future__ import annotations
 
@@ -67,7 +67,7 @@ def _frames(axes: Any, found: Calibration) -> None:
 
 
 def _noise(axes: Any, found: Calibration) -> None:
-    """Draw the variances of zones at rest against their signals, and the law."""
+    """Draw the variances of steady zones over their signals, and the noise law."""
     axes.set(
         xlabel='signal [kcps/SPAD]',
         ylabel='variance [(kcps/SPAD)²]',

@@ -1,6 +1,6 @@
 # Copyright 2026 retrolidar_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""Print what is read in a bag."""
+"""Print the detections in a bag."""
 
 from __future__ import annotations
 
@@ -22,17 +22,15 @@ def add_command(subparsers: Subparsers) -> None:
         'decode',
         'read the markers in a bag',
         run,
-        'If less is read than could be, it says why on the standard error output. '
+        'If markers could be read better, standard error says why. '
         f'Exit code {NOTHING_READ} if nothing is read.',
     )
     command.add_argument('--json', action='store_true', help='one JSON object a line')
-    command.add_argument(
-        '--explain', action='store_true', help='describe every zone that blinks, read or not'
-    )
+    command.add_argument('--explain', action='store_true', help='describe every blinking zone')
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Print detections as lines of JSON or as a table, and why there are no more."""
+    """Print detections as lines of JSON or as a table, and why there are not more."""
     decoding = Decoding(detector_values(arguments))
     if not arguments.json:
         print(TEXT_HEADER)

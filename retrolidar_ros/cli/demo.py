@@ -69,13 +69,13 @@ def start_nodes(processes: ProcessGroup, port: Path) -> None:
 
 
 def start_emulator(processes: ProcessGroup, scene: str, port: Path, *options: str) -> None:
-    """Plug in a sensor that sees a scene."""
+    """Start the emulator of a scene."""
     emulate = [sys.executable, '-m', 'retrolidar_ros.cli', 'emulate']
     processes.start('emulator', [*emulate, scene, '--port-link', str(port), *options])
 
 
 def _listen(scene: Scene, listener: Listener, processes: ProcessGroup, timeout_s: float) -> None:
-    """Handle messages until every marker was read often enough, and say so as it comes."""
+    """Process messages until every marker was read often enough, and print progress."""
     names = {marker.id: marker.name for marker in scene.markers}
     shown: set[int] = set()
 
@@ -92,7 +92,7 @@ def _listen(scene: Scene, listener: Listener, processes: ProcessGroup, timeout_s
 
 
 def _is_ready(listener: Listener, processes: ProcessGroup) -> bool:
-    """Return whether driver, detector and listener have found each other."""
+    """Return whether driver, detector and listener are connected."""
     processes.check()
     return listener.is_connected()
 

@@ -1,6 +1,6 @@
 # Copyright 2026 retrolidar_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""A hand that looks from several places: sensor, driver, detector and landmarks, and the truth."""
+"""An arm that looks from several places: sensor, driver, detector and landmarks, and the truth."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ _COLOURS = ('#56b4e9', '#0072b2', '#e69f00', '#d55e00', '#cc79a7', '#009e73')
 
 
 class Known(NamedTuple):
-    """Where an object is thought to be: when in the scene, how far off, and how surely [m²]."""
+    """The estimate of an object: time in the scene, error, and covariance [m²]."""
 
     time_s: float
     off_m: Floats
@@ -56,9 +56,9 @@ class Known(NamedTuple):
 
 
 class _Hand:
-    """Says where the sensor is, and collects where objects are.
+    """Sends the pose of the sensor, and collects those of objects.
 
-    The transforms are on a topic of their own: a robot's are none of the demo's business.
+    The transforms are on a topic of their own, apart from a robot's.
     """
 
     def __init__(self, listener: Listener, scene: Scene) -> None:

@@ -1,6 +1,6 @@
 # Copyright 2026 retrolidar_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""Be a sensor that sees a scene."""
+"""Emulate a sensor that sees a scene."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from retrolidar_ros.settings.interrupts import interrupted_once
 
 def add_command(subparsers: Subparsers) -> None:
     """Add `retrolidar emulate`."""
-    command = subparsers.add_parser('emulate', help='be a sensor that sees a scene')
+    command = subparsers.add_parser('emulate', help='emulate a sensor that sees a scene')
     command.add_argument('scene', help='name or file')
     where = command.add_mutually_exclusive_group(required=True)
     where.add_argument('--port-link', type=Path, help='in real time, at a serial port linked here')
@@ -28,7 +28,11 @@ def add_command(subparsers: Subparsers) -> None:
     )
     command.add_argument('--duration', type=seconds, help='stop after [s]')
     command.add_argument(
-        '--at', type=float, nargs=3, metavar=('X', 'Y', 'Z'), help='where in the scene it is [m]'
+        '--at',
+        type=float,
+        nargs=3,
+        metavar=('X', 'Y', 'Z'),
+        help='position of the sensor in the scene [m]',
     )
     command.add_argument('--seed', type=int, help="of the noise (default: the scene's)")
     command.add_argument(
@@ -40,7 +44,7 @@ def add_command(subparsers: Subparsers) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Be a sensor at a serial port, or write a bag."""
+    """Emulate a sensor at a serial port, or write a bag."""
     scene = load_scene(arguments.scene)
     if arguments.at is not None:
         path = (Waypoint(0.0, tuple(arguments.at)),)

@@ -1,6 +1,6 @@
 # Copyright 2026 retrolidar_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""Choose IDs that are hard to confuse, or check those in use."""
+"""Choose IDs that are hard to confuse, or check given ones."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ def add_command(subparsers: Subparsers) -> None:
     """Add `retrolidar ids`."""
     command = subparsers.add_parser(
         'ids',
-        help='choose marker IDs that are hard to confuse, or check those in use',
+        help='choose marker IDs that are hard to confuse, or check given ones',
         description='The distance of two IDs is the fewest bits, of 31, in which the packet of one '
         'differs from that of the other when the reading of a repeating marker starts at any bit. '
         'At a distance of 8, which the Golay code has when read from the first bit, three wrong '

@@ -139,7 +139,7 @@ def _signal_with_bits(axes: Any, shown: _Shown, reading: Reading, colour: str) -
 
 
 def _blinking_zone(axes: Any, shown: _Shown, zone: BlinkingZone) -> None:
-    """Draw the middle of a zone's signal, of which nothing was read."""
+    """Draw the middle of a zone's signal without a reading."""
     middle_s = float(shown.time_s[-1]) / 2
     span_s = _SHOWN_BITS * (zone.bit_period_s if zone.periods else BIT_PERIOD_S)
     _signal(axes, shown, zone.zone, middle_s - span_s / 2, middle_s + span_s / 2)

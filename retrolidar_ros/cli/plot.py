@@ -1,6 +1,6 @@
 # Copyright 2026 retrolidar_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""Draw what is read in a bag."""
+"""Draw the detections in a bag."""
 
 from __future__ import annotations
 

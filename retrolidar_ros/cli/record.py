@@ -35,8 +35,8 @@ def add_command(subparsers: Subparsers) -> None:
     command = subparsers.add_parser(
         'record',
         help='record a sensor into a bag, without ROS',
-        description='Ctrl-C ends it, and the bag is whole. A sensor that is unplugged is waited '
-        'for. Exit code 1 if no frame came.',
+        description='Ctrl-C ends the recording and completes the bag. Waits while the sensor is '
+        'unplugged. Exit code 1 if no frame came.',
     )
     add_port(command)
     command.add_argument(
@@ -51,7 +51,7 @@ def add_command(subparsers: Subparsers) -> None:
 
 
 class Progress:
-    """Counts frames, and says in a line what has come."""
+    """Counts frames, and summarises them in a line."""
 
     def __init__(self) -> None:
         """Begin without frames."""
@@ -70,7 +70,7 @@ class Progress:
         self._newest.append(frame)
 
     def line(self, elapsed_s: float, since_s: float) -> str:
-        """Return what there is after a time, and how fast it came in the last `since_s`."""
+        """Return the counts after a time, and the rate over the last `since_s`."""
         rate_hz = (self.frames - self._counted) / since_s
         self._counted = self.frames
         text = f'{elapsed_s:4.0f} s: {self.frames} frames, {rate_hz:.1f} a second, {self.lost} lost'
@@ -86,7 +86,7 @@ class Progress:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Record until it is enough."""
+    """Record until Ctrl-C or the end of the duration."""
     defaults = load_parameter_defaults(shared_file('config/retrolidar.yaml'), 'driver')
     reader = PROTOCOLS[arguments.protocol](time.time_ns)
     source = SerialSource(arguments.port, arguments.baud, reader)

@@ -44,9 +44,9 @@ def add_command(subparsers: Subparsers) -> None:
     """Add `retrolidar watch`."""
     command = subparsers.add_parser(
         'watch',
-        help='show live what a sensor sees, zone by zone and bit by bit',
-        description='On a terminal a picture five times a second, else a line a second. Ctrl-C '
-        'ends it. Exit code 1 if a duration ends without any frame.',
+        help='show zones, bits and markers of a sensor live',
+        description='Updates a terminal five times a second, else prints a line a second. End with '
+        'Ctrl-C. Exit code 1 if a duration ends without any frame.',
     )
     add_port(command)
     command.add_argument(
@@ -78,7 +78,7 @@ def run(arguments: argparse.Namespace) -> int:
 
 @contextmanager
 def _display(output: TextIO) -> Iterator[Callable[[Snapshot], None]]:
-    """Give what shows a snapshot: on the whole screen of a terminal, else as a line of a log."""
+    """Yield a function that shows a snapshot: on a whole terminal, else as a line."""
     if not is_screen(output):
         yield lambda snapshot: print(line(snapshot), file=output, flush=True)
         return

@@ -1,6 +1,6 @@
 # Copyright 2026 retrolidar_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""What is known of a sensor that is watched: its frames, through the detector."""
+"""The state of a watched sensor: its frames, through the detector."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ _MORE_DB = 3.0
 
 
 class _Tally(NamedTuple):
-    """What has been counted until some time."""
+    """Counters at some time."""
 
     time_s: float
     frames: int
@@ -51,7 +51,7 @@ class _Tally(NamedTuple):
 
 
 class Watch:
-    """What is known of a sensor, from its frames."""
+    """The state of a sensor, from its frames."""
 
     def __init__(self, source: SerialSource, zone: int | None, values: Mapping[str, Any]) -> None:
         """Begin without frames; `zone` is the one to look at, None for that which blinks most.
@@ -86,7 +86,7 @@ class Watch:
         Raises
         ------
         ValueError
-            If there is no such zone as was asked for.
+            If the sensor has no such zone.
         """
         for frame in frames:
             stamp_ns = self._clock.map(frame.sensor_time_us, arrival_ns)
@@ -125,7 +125,7 @@ class Watch:
                 self._refused = candidate
 
     def snapshot(self) -> Snapshot:
-        """Return what is known now."""
+        """Return a snapshot."""
         now_ns = time.monotonic_ns()
         counts = self._source.reader.counts
         damaged = counts.damaged + counts.unknown_kind

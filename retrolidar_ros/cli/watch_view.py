@@ -1,6 +1,6 @@
 # Copyright 2026 retrolidar_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""What `retrolidar watch` shows: what is known at one moment, as lines of text."""
+"""The display of `retrolidar watch`: a snapshot as lines of text."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ _READINGS = 3  # with 4x4 zones they all fit on 24 lines
 
 
 class Symbols(NamedTuple):
-    """The characters that a terminal may not have, and what stands for them."""
+    """Characters that a terminal may lack, and their substitutes."""
 
     dark: str
     bright: str
@@ -71,7 +71,7 @@ class LastReading(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Snapshot:
-    """All that is known of port, zones and markers at one moment."""
+    """The state of port, zones and markers at one moment."""
 
     port: str
     trouble: str
@@ -86,7 +86,7 @@ class Snapshot:
     modulation_db: Floats = field(default_factory=lambda: np.empty(0))
     """How much each zone of that frame blinks [dB], shape (zones,)."""
     zone: int | None = None
-    """The one whose bits are shown; None while none blinks and none is asked for."""
+    """The zone whose bits are shown; None while none blinks and none is chosen."""
     bits: NewestBits | None = None
     """Of that zone; None while there are too few."""
     readings: Sequence[LastReading] = ()
@@ -95,11 +95,11 @@ class Snapshot:
     refused: Candidate | None = None
     """The last of them."""
     demands: Demands | None = None
-    """What is asked of a candidate."""
+    """The thresholds for a candidate."""
 
 
 def screen(snapshot: Snapshot, symbols: Symbols) -> list[str]:
-    """Return a picture of all that is known, in lines of at most 100 characters."""
+    """Return the whole snapshot, in lines of at most 100 characters."""
     lines = [_head(snapshot), *_trouble(snapshot)]
     if snapshot.frame is None:
         return lines
@@ -113,7 +113,7 @@ def screen(snapshot: Snapshot, symbols: Symbols) -> list[str]:
 
 
 def fitted(lines: list[str], columns: int, rows: int) -> list[str]:
-    """Return what a terminal can show of a picture, and if that is not all what size would."""
+    """Return what fits the terminal, and if that is not all, the size needed."""
     longest = max(map(len, lines))
     shown = [text[:columns] for text in lines[:rows]]
     if longest > columns or len(lines) > rows:
@@ -123,7 +123,7 @@ def fitted(lines: list[str], columns: int, rows: int) -> list[str]:
 
 
 def line(snapshot: Snapshot) -> str:
-    """Return the most important of it in one line."""
+    """Return the most important values in one line."""
     parts = [snapshot.trouble] if snapshot.trouble else []
     parts.append(_flow(snapshot))
     if (frame := snapshot.frame) is not None and snapshot.rate_hz > 0:
@@ -159,7 +159,7 @@ def _flow(snapshot: Snapshot) -> str:
 
 
 def _trouble(snapshot: Snapshot) -> list[str]:
-    """Return what is wrong in lines that fit; a path that does not fit is broken."""
+    """Return problems in lines that fit; a path that does not fit is broken."""
     if not snapshot.trouble:
         return ['']
     return textwrap.wrap(f'! {snapshot.trouble}', COLUMNS, break_on_hyphens=False)
@@ -193,7 +193,7 @@ def _cell(snapshot: Snapshot, frame: Frame, zone: int, symbols: Symbols) -> tupl
 
 
 def _bits(snapshot: Snapshot, symbols: Symbols) -> list[str]:
-    """Return the levels and the newest bits of the zone in question."""
+    """Return the levels and newest bits of the shown zone."""
     if snapshot.zone is None:
         return ['no zone blinks', *[''] * 4]
     bits = snapshot.bits
@@ -229,7 +229,7 @@ def _bits(snapshot: Snapshot, symbols: Symbols) -> list[str]:
 
 
 def _readings(snapshot: Snapshot) -> list[str]:
-    """Return the last reading of each of the markers that were read last."""
+    """Return the last reading of each of the latest markers."""
     newest = sorted(snapshot.readings, key=lambda reading: reading.age_s)[:_READINGS]
     lines = [
         *_refused(snapshot),
@@ -248,7 +248,7 @@ def _readings(snapshot: Snapshot) -> list[str]:
 
 
 def _refused(snapshot: Snapshot) -> list[str]:
-    """Return how many candidates were refused, and how far the last was from being read."""
+    """Return the counts of rejected candidates, and how far the last missed its threshold."""
     reasons = [f'{reason} {count}' for reason, count in sorted(snapshot.rejected.items())]
     text = f'refused so far: {", ".join(reasons) or "nothing"}'
     last, asked = snapshot.refused, snapshot.demands

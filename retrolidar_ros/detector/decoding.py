@@ -136,7 +136,7 @@ class Decoding:
         return [f'ID {names} would be read: add it to registered_ids'] if ids else []
 
     def table(self) -> list[str]:
-        """Return how each zone blinks, and its best candidate against what was asked."""
+        """Return how each zone blinks, and its best candidate beside the thresholds."""
         if len(self._newest) < 2:
             return ['no zone to describe']
         _, zones, _ = self.blinking()

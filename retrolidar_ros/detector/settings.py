@@ -28,44 +28,42 @@ class Parameter(NamedTuple):
     limits: tuple[float, float] = (0.0, 0.0)
     among: tuple[str, ...] = ()
     live: bool = True
-    """Whether it may be set while a node runs."""
+    """Whether it may be set while the node runs."""
 
 
 _LAW = (0.0, 1e6)
 PARAMETERS = {
     'method': Parameter(str, 'How markers are read.', among=METHODS),
-    'bit_period': Parameter(float, 'How long a marker holds a bit [s].', BIT_PERIOD_LIMITS_S),
+    'bit_period': Parameter(float, 'Duration of a bit [s].', BIT_PERIOD_LIMITS_S),
     'false_ids_per_hour': Parameter(
-        float, 'How many false IDs may come in an hour, over all zones (joint).', (1e-6, 1e6)
+        float, 'Allowed false IDs per hour, over all zones (joint).', (1e-6, 1e6)
     ),
     'max_packets': Parameter(
-        int, 'How many packets of a repeating marker may be combined (joint).', (1, MAX_PACKETS)
+        int, 'Packets of a repeating marker that may be combined (joint).', (1, MAX_PACKETS)
     ),
     'marker_file': Parameter(str, 'YAML file of the known markers; empty = none.', live=False),
     'only_registered': Parameter(
-        bool, 'Let only markers of the marker file come, and registered_ids.'
+        bool, 'Report only markers of the marker file, and registered_ids.'
     ),
-    'registered_ids': Parameter(list, 'The only IDs that may come; [] = all.', (0, IDS - 1)),
+    'registered_ids': Parameter(list, 'IDs to report; [] = all.', (0, IDS - 1)),
     'noise_floor': Parameter(
-        float, 'Variance of a signal of nothing [(kcps/SPAD)^2] (joint).', (1e-6, 1e6)
+        float, 'Variance of the noise at zero signal [(kcps/SPAD)^2] (joint).', (1e-6, 1e6)
     ),
     'noise_slope': Parameter(
-        float, 'By how much the variance grows with the signal [kcps/SPAD] (joint).', _LAW
+        float, 'Growth of the variance with the signal [kcps/SPAD] (joint).', _LAW
     ),
     'noise_ambient': Parameter(
-        float, 'By how much the variance grows with the ambient light [kcps/SPAD] (joint).', _LAW
+        float, 'Growth of the variance with the ambient light [kcps/SPAD] (joint).', _LAW
     ),
-    'range_offset': Parameter(
-        float, 'By how much the sensor measures all ranges too long [m] (joint).', (-0.5, 0.5)
-    ),
+    'range_offset': Parameter(float, 'Excess of all measured ranges [m] (joint).', (-0.5, 0.5)),
     'zone_pitch': Parameter(
         float, "Width of a zone as a tangent; 0 = the sensor's usual one (joint).", (0.0, 1.0)
     ),
     'zone_blur': Parameter(
-        float, 'Blur as a share of the width of a zone; 0 = not known (joint).', (0.0, 1.0)
+        float, 'Blur of the optics in zone widths; 0 = unknown (joint).', (0.0, 1.0)
     ),
     'likelihood_threshold': Parameter(
-        float, 'Least likelihood of a preamble (paper).', (1e-6, 1e6)
+        float, 'Minimum likelihood of a preamble (paper).', (1e-6, 1e6)
     ),
 }
 """Those that decide what is read and where; the node has a few more."""
@@ -138,7 +136,7 @@ def known_markers(values: Mapping[str, Any]) -> dict[int, KnownMarker]:
 
 
 def registered(values: Mapping[str, Any], known: Mapping[int, KnownMarker]) -> list[int]:
-    """Return the only IDs that may come; empty = all."""
+    """Return the IDs to report; empty = all."""
     ids = set(values['registered_ids'])
     if values['only_registered']:
         if not known:

@@ -1,6 +1,6 @@
 # Copyright 2026 retrolidar_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""The `coffee` node: waits until all objects of a task are placed, and says where (paper §7.1)."""
+"""The `coffee` node: poses of the objects of a task, until all are placed (paper §7.1)."""
 
 from __future__ import annotations
 
@@ -43,17 +43,13 @@ class CoffeeNode(Node):
         parameters.text('target_frame', "Frame of the poses; empty = the sensor's.")
         parameters.number(
             'max_stddev',
-            'Largest standard deviation of a position, along its worst axis [m].',
+            'Largest standard deviation of a position, worst axis [m].',
             1e-4,
             10.0,
             live=True,
         )
-        parameters.number(
-            'stale_after', 'How long a detection counts [s].', 0.1, 86400.0, live=True
-        )
-        parameters.number(
-            'reach', 'How far from its first place the sensor can go [m].', 0.01, 100.0, live=True
-        )
+        parameters.number('stale_after', 'Lifetime of a detection [s].', 0.1, 86400.0, live=True)
+        parameters.number('reach', 'Radius around the first viewpoint [m].', 0.01, 100.0, live=True)
         values = parameters.values
         self._reach_m = values['reach']
         self._began_m: Floats | None = None
@@ -80,7 +76,7 @@ class CoffeeNode(Node):
         }
         publish_health(self, 'objects', '', self._examine)
         if self._target:
-            # In a frame that stays when the sensor moves, readings from several places add up.
+            # In a fixed frame readings from several places accumulate.
             self._readings = PlacedReadings(
                 self, ['markers'], self._target, _PATIENCE_S, self._place, self._forget
             )
@@ -99,7 +95,7 @@ class CoffeeNode(Node):
         self._began_m, self._goal = None, ''
 
     def _take(self, message: MarkerDetection) -> None:
-        """Publish where the sensor has an object, as it is."""
+        """Publish the pose of an object from one detection."""
         if message.child_frame_id in self._poses and to_ns(message.header.stamp) >= 0:
             place, turn = message.pose.pose.position, message.pose.pose.orientation
             self._publish(
@@ -112,7 +108,7 @@ class CoffeeNode(Node):
             self._tick()
 
     def _place(self, reading: Reading, message: MarkerDetection) -> None:
-        """Publish where all readings so far have an object."""
+        """Publish the pose of an object from all readings."""
         name = message.child_frame_id
         if name not in self._poses:
             return
@@ -127,7 +123,7 @@ class CoffeeNode(Node):
         self._tick()
 
     def _next_place(self, began_m: Floats) -> str:
-        """Return from where the sensor has to look for what is not known well enough."""
+        """Return the next viewpoint for objects that are not known well enough."""
         missing = self._board.missing(self.get_clock().now().nanoseconds)
         landmarks = [
             self._survey.landmarks[one] for one in missing if one in self._survey.landmarks
@@ -138,7 +134,7 @@ class CoffeeNode(Node):
         return f'look from ({", ".join(f"{part:.2f}" for part in place_m)}) m in {self._target}'
 
     def _tick(self) -> None:
-        """Say what is missing, and what would help."""
+        """Report missing objects and the next viewpoint."""
         self._publish_missing(self._board.missing(self.get_clock().now().nanoseconds))
 
     def _publish(
@@ -155,7 +151,7 @@ class CoffeeNode(Node):
                 self._offsets[one, other].publish(way)
 
     def _publish_missing(self, missing: dict[str, str]) -> None:
-        """Publish and log what is missing, why, and from where to look; not for a number alone."""
+        """Publish and log missing objects, why, and the next viewpoint; not for a number alone."""
         text = ', '.join(f'{name} {reason}' for name, reason in missing.items())
         goal = f'; {self._goal}' if self._goal and 'is known to' in text else ''
         news = re.sub(r'[-+.0-9]+', '', text), goal

@@ -90,7 +90,7 @@ def from_frame_msg(message: FrameMsg) -> Frame:
 def to_point_cloud(frame: Frame, header: Header) -> PointCloud2:
     """Return a point for each zone in rows and columns of the grid, NaN where there is no target.
 
-    A point is on the axis of its zone, at the distance that the sensor reports along its own axis.
+    A point is on the axis of its zone, at the reported distance along the optical axis.
     """
     grid = frame.grid
     depth = _depth(frame)
@@ -127,7 +127,7 @@ def to_depth_image(frame: Frame, header: Header) -> Image:
 
 
 def to_camera_info(frame: Frame, header: Header) -> CameraInfo:
-    """Return the pinhole camera that the sensor is: its zones are equal steps of a tangent."""
+    """Return the sensor as a pinhole camera: its zones are equal steps of a tangent."""
     grid = frame.grid
     focal = 1 / grid.pitch  # [zones]
     middle = (grid.columns - 1) / 2, (grid.rows - 1) / 2

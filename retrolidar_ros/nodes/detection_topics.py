@@ -1,6 +1,6 @@
 # Copyright 2026 retrolidar_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""What a detector publishes of a reading: the message, its transform, and standard messages."""
+"""The topics of a detection: the message, its transform, and standard messages."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from retrolidar_ros.nodes.visualization import marker_shapes
 
 try:
     from vision_msgs.msg import Detection3D, Detection3DArray, ObjectHypothesisWithPose
-except ImportError:  # not installed, so nothing can listen
+except ImportError:  # not installed: no subscribers
     Detection3DArray = None
 NAME = '{name}'
 """What stands for a marker's name in the parameter `child_frame`."""
@@ -38,7 +38,7 @@ class DetectionTopics:
         self._node = node
         self._known = known
         self._markers = publisher(node, MarkerDetection, 'markers', EVENTS)
-        # Each with what makes its message of all detections of a frame.
+        # Each with the function that makes its message.
         self._standard = [(publisher(node, MarkerArray, 'marker_array', EVENTS), self._shapes)]
         if Detection3DArray is not None:
             vision = publisher(node, Detection3DArray, 'detections', EVENTS)
@@ -58,19 +58,19 @@ class DetectionTopics:
         self.change(values)
 
     def change(self, values: dict[str, Any]) -> None:
-        """Take new values of the parameters."""
+        """Apply new parameters."""
         self._values = values
         if values['publish_tf'] and self._send_transforms is None:
             self._send_transforms = transform_sender(self._node)
 
     def beat(self, stamp_ns: int, frame_id: str) -> None:
-        """Say, a few times a second, that all up to a frame has been judged."""
+        """Report, several times a second, up to which frame all are searched."""
         if abs(stamp_ns - self._beat_ns) >= _BEAT_PERIOD_NS:
             self._beat_ns = stamp_ns
             self._heartbeat.publish(to_header(stamp_ns, frame_id))
 
     def publish(self, detections: list[Detection], frame_id: str) -> None:
-        """Publish what was read with one frame: transforms first, for who looks them up."""
+        """Publish the detections of one frame, transforms first: subscribers look them up."""
         messages = []
         for detection in detections:
             name = frame_of(detection.id, self._known)

@@ -1,6 +1,6 @@
 # Copyright 2026 retrolidar_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""The `detector` node: from `frames` to `markers`, TF and what people look at."""
+"""The `detector` node: from `frames` to `markers`, TF and visualization topics."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ class DetectorNode(Node):
         Parameters
         ----------
         board : HealthBoard, optional
-            That of a process which gives the frames by `take`; else they come by a topic.
+            Of a process that passes frames by `take`; otherwise they come by a topic.
         **options
             As for any node.
         """
@@ -58,7 +58,7 @@ class DetectorNode(Node):
         parameters.warn_of_unknown()
 
     def _change(self, values: dict[str, Any]) -> None:
-        """Take new values; ValueError if they cannot be."""
+        """Apply new values; ValueError for impossible ones."""
         with self._lock:
             if any(values[name] != self._values[name] for name in PARAMETERS):
                 self._detector = detector_of(values, self._grid, self._known)
@@ -113,7 +113,7 @@ class DetectorNode(Node):
         self.get_logger().error(f'frame dropped: {reason}', throttle_duration_sec=5.0)
 
     def _log_refused(self) -> None:
-        """Log the candidates that the newest frame has made judged and refused."""
+        """Log the candidates rejected with the newest frame."""
         if not isinstance(self._detector, LikelihoodDetector):
             return
         for candidate in self._detector.candidates:
@@ -132,7 +132,7 @@ class DetectorNode(Node):
             health, problem = self._health.examine(
                 self._values, self._known, self._detector.counts, publishers
             )
-        # Each kind of problem once: what is said again and again is on /diagnostics.
+        # Each kind of problem once; /diagnostics repeats them.
         kind = re.sub(r'[\d.]+', '', problem)
         if problem and kind not in self._warned:
             self._warned.add(kind)
@@ -154,7 +154,7 @@ def _declare(parameters: Parameters) -> None:
     parameters.flag('publish_tf', 'Send a transform for every detection.', live=True)
     parameters.text('child_frame', 'TF frame of a marker; {name} stands for its name.')
     parameters.number(
-        'stale_after', 'How long marker_array shows a marker [s].', 0.1, 3600.0, live=True
+        'stale_after', 'Lifetime of a marker in marker_array [s].', 0.1, 3600.0, live=True
     )
     child_frame = check_frame_id('child_frame', parameters.values['child_frame'])
     if child_frame.count(NAME) != 1:

@@ -1,6 +1,6 @@
 # Copyright 2026 retrolidar_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""What a detector counts, and how it judges the last second by that."""
+"""The counters of a detector, and its health over the last second."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ _FOREIGN = 'frames of another sensor'
 
 
 class DetectorHealth:
-    """Counts what comes and what is read."""
+    """Counts frames and detections."""
 
     def __init__(self, grid: ZoneGrid) -> None:
         """Begin at zero."""
@@ -47,13 +47,13 @@ class DetectorHealth:
         self._reason = reason
 
     def done(self, busy_s: float, age_s: float) -> None:
-        """Count what a frame cost, and how old it was."""
+        """Count the processing time of a frame, and its age."""
         self._heard_s = time.monotonic()
         self._busy_s += busy_s
         self._age_s += age_s
 
     def read(self, detections: list[Detection]) -> None:
-        """Take note of what was read."""
+        """Count detections."""
         self.reception.read(detections)
         for detection in detections:
             self._read_s[detection.id] = time.monotonic()
@@ -76,7 +76,7 @@ class DetectorHealth:
         counts: DetectorCounts,
         publishers: list[str],
     ) -> tuple[Health, str]:
-        """Judge what passed since this was last called, usually a second.
+        """Judge the time since the last call, usually a second.
 
         Parameters
         ----------
@@ -90,7 +90,7 @@ class DetectorHealth:
         -------
         health : Health
         problem : str
-            What keeps markers from being read, for the log; empty if nothing is known to.
+            Why markers are not read, for the log; empty if no reason is known.
         """
         now = self._counts(counts)
         new = {name: number - self._then[name] for name, number in now.items()}
@@ -133,7 +133,7 @@ class DetectorHealth:
         return health_of(problems, fine, values), problem
 
     def _disturbances(self, new: dict[str, int], publishers: list[str]) -> list[tuple[bytes, str]]:
-        """Return what happened to the frames of the last second."""
+        """Return the disturbances of the last second's frames."""
         problems = []
         mixed = new[_FOREIGN] + new['frames out of order'] + new['repeated frames']
         if mixed >= _MIXED:
@@ -151,7 +151,7 @@ class DetectorHealth:
         return problems
 
     def _ages(self, known: Mapping[int, KnownMarker], registered: Iterable[int]) -> dict[str, str]:
-        """Return how long ago each marker that is expected was read."""
+        """Return the time since the last reading of each expected marker."""
         now_s = time.monotonic()
         ages = {}
         for identity in sorted({*known, *registered}):

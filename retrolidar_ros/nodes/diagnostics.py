@@ -19,7 +19,7 @@ PERIOD_S = 1.0
 
 
 class Health(NamedTuple):
-    """What a node says of itself."""
+    """The health of a node."""
 
     level: bytes
     summary: str
@@ -39,14 +39,14 @@ def health_of(problems: list[tuple[bytes, str]], fine: str, values: dict[str, st
 
 
 class HealthBoard:
-    """Publishes the health of all that one process does, in one message a second."""
+    """Publishes the health of all nodes of a process, in one message a second."""
 
     def __init__(self, node: Node) -> None:
         """Publish in the name of `node`, for as long as it lives."""
         self._node = node
         self._subjects: list[tuple[str, str, Examine]] = []
         self._publisher = node.create_publisher(DiagnosticArray, '/diagnostics', 10)
-        # Of the steady clock: a paused replay, or a clock that is set, silences no node.
+        # Of the steady clock: a paused replay, or a clock change, must not stop diagnostics.
         node.create_timer(PERIOD_S, self._publish, clock=Clock(clock_type=ClockType.STEADY_TIME))
 
     def add(self, name: str, hardware_id: str, examine: Examine) -> None:
@@ -73,12 +73,12 @@ def publish_health(
     examine: Examine,
     board: HealthBoard | None = None,
 ) -> HealthBoard:
-    """Publish what `examine` returns of a subject once a second, on a board of its own or another.
+    """Publish what `examine` returns once a second, on a new board or a given one.
 
     Returns
     -------
     HealthBoard
-        To which more can be added.
+        To which others can be added.
     """
     board = HealthBoard(node) if board is None else board
     board.add(f'{node.get_fully_qualified_name()}: {subject}', hardware_id, examine)

@@ -1,6 +1,6 @@
 # Copyright 2026 retrolidar_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""The `driver` node: from the serial port to `frames` and what else shows them."""
+"""The `driver` node: from the serial port to `frames` and other topics."""
 
 from __future__ import annotations
 
@@ -37,12 +37,12 @@ class DriverNode(LifecycleNode):
     def __init__(
         self, take: Take | None = None, board: HealthBoard | None = None, **options: Any
     ) -> None:
-        """Declare parameters, and start to read if they say so.
+        """Declare parameters, and start reading with autostart.
 
         Parameters
         ----------
         take : callable, optional
-            Gets every frame, without the way over a topic.
+            Gets every frame directly, not by a topic.
         board : HealthBoard, optional
             Of the process, if it has one.
         **options
@@ -76,7 +76,7 @@ class DriverNode(LifecycleNode):
             self.trigger_activate()
 
     def _refusing(self, change_state: Callable[[Any, Any], Any]) -> Callable[[Any, Any], Any]:
-        """Return a service that refuses an impossible transition; rclpy's ends the node by it."""
+        """Return a service that refuses impossible transitions; rclpy's ends the node."""
 
         def answer(request: Any, response: Any) -> Any:
             try:
@@ -89,7 +89,7 @@ class DriverNode(LifecycleNode):
         return answer
 
     def on_configure(self, state: LifecycleState) -> TransitionCallbackReturn:
-        """Begin to read the port; one that is not there yet is waited for."""
+        """Start reading the port, or waiting for it."""
         values = self._values
         self._clock_map = ClockMap(values['transport_delay'])
         self._source = SerialSource(
@@ -105,12 +105,12 @@ class DriverNode(LifecycleNode):
         return TransitionCallbackReturn.SUCCESS
 
     def on_activate(self, state: LifecycleState) -> TransitionCallbackReturn:
-        """Begin to publish."""
+        """Start publishing."""
         self._is_active = True
         return TransitionCallbackReturn.SUCCESS
 
     def on_deactivate(self, state: LifecycleState) -> TransitionCallbackReturn:
-        """Publish no more, but go on to read: the sensor's clock stays known."""
+        """Stop publishing, but keep reading, to follow the sensor's clock."""
         self._is_active = False
         return TransitionCallbackReturn.SUCCESS
 
@@ -125,7 +125,7 @@ class DriverNode(LifecycleNode):
         return TransitionCallbackReturn.SUCCESS
 
     def stop(self) -> None:
-        """Let the reading end, without waiting for it."""
+        """Stop reading, without waiting for the thread."""
         self._stop.set()
 
     def destroy_node(self) -> None:
@@ -149,7 +149,7 @@ class DriverNode(LifecycleNode):
         self._values = values
 
     def _read(self, source: SerialSource) -> None:
-        """Read until the node ends, whichever of the two ends first."""
+        """Read until the node or its context ends."""
 
         def report(line: str) -> None:
             # One call each: a logger refuses another severity from the same place.
@@ -204,13 +204,13 @@ class DriverNode(LifecycleNode):
 
 
 def _declare(parameters: Parameters) -> None:
-    parameters.text('serial_port', 'Device of the sensor; a path under by-id is best.')
-    parameters.integer('serial_baud', 'Speed of the line [bit/s].', 9600, 12_000_000)
-    parameters.text('protocol', 'What the sensor speaks.', tuple(PROTOCOLS))
+    parameters.text('serial_port', 'Device of the sensor; prefer a path under /dev/serial/by-id.')
+    parameters.integer('serial_baud', 'Baud rate [bit/s].', 9600, 12_000_000)
+    parameters.text('protocol', 'Protocol of the sensor.', tuple(PROTOCOLS))
     parameters.text('frame_id', 'TF frame of the sensor: x right, y down, z forward.')
     parameters.number(
         'transport_delay',
-        'Least time from the middle of an exposure to the arrival of its frame [s].',
+        'Shortest time from mid-exposure to the arrival of a frame [s].',
         0.0,
         1.0,
         live=True,

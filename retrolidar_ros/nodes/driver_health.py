@@ -1,6 +1,6 @@
 # Copyright 2026 retrolidar_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""What a driver counts, and how it judges the last second, and its detector, by that."""
+"""The counters of a driver, its health over the last second, and its detector's."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ _SILENCE_S = 0.8
 
 
 class _Counts(NamedTuple):
-    """What has been counted until some time."""
+    """Counters at some time."""
 
     time_s: float
     frames: int = 0
@@ -62,7 +62,7 @@ class DriverTally:
         )
 
     def examine(self, source: SerialSource, clock_map: ClockMap) -> Health:
-        """Judge what passed since this was last called, usually a second."""
+        """Judge the time since the last call, usually a second."""
         counts = source.reader.counts
         now = self._counts._replace(
             time_s=time.monotonic(),
@@ -104,7 +104,7 @@ class DriverTally:
 
 
 def _silence(then: _Counts, now: _Counts) -> str:
-    """Say that no frames have come since `then`, and what came instead."""
+    """Report that no frames have come since `then`, and what came instead."""
     silence = 'the port is open, but no frames come'
     if now.withheld > then.withheld:
         return f'{silence} with signal, which the sensor has been asked for'
@@ -120,7 +120,7 @@ class DetectorWatch:
     """
 
     def __init__(self, node: Node) -> None:
-        """Listen in the name of a driver."""
+        """Subscribe for a driver."""
         self.name = f'{node.get_namespace().rstrip("/")}/detector: markers'
         """Of the detector's health."""
         self._beat_s: float | None = None
@@ -131,11 +131,11 @@ class DetectorWatch:
         self._beat_s = self._frame_s = time.monotonic()
 
     def sent(self) -> None:
-        """Take note that there was a frame to be judged."""
+        """Note that a frame was sent."""
         self._frame_s = time.monotonic()
 
     def examine(self) -> Health | None:
-        """Say that the detector is silent, if it once was not and there are frames to judge."""
+        """Report a detector that was heard before and is silent although frames are sent."""
         if self._beat_s is None or (silence_s := self._frame_s - self._beat_s) < _SILENCE_S:
             return None
         text = f'no frame has been judged for {silence_s:.1f} s: the node has ended, or hangs'

@@ -1,6 +1,6 @@
 # Copyright 2026 retrolidar_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""How a process of nodes hears that it is to end, and that it does."""
+"""Termination signals of a process of nodes."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ _GRACE_S = 4.0
 
 
 class Requests:
-    """Termination signals, and whom they wake."""
+    """Termination signals, and the callbacks they wake."""
 
     def __init__(self) -> None:
         """Begin before the first one."""
@@ -31,7 +31,7 @@ class Requests:
 
 @contextmanager
 def ended_in_order() -> Iterator[Requests]:
-    """Tell of the first termination signal, and ignore the others.
+    """Report the first termination signal, and ignore the others.
 
     Nothing is raised: an exception between any two steps of a library would leave it half done. A
     process in which nothing more is undone, since it waits for what does not come, is ended.

@@ -1,6 +1,6 @@
 # Copyright 2026 retrolidar_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""What a driver publishes of a frame: the frame itself, and standard messages for who listens."""
+"""The topics of a frame: the frame itself, and standard messages for their subscribers."""
 
 from __future__ import annotations
 

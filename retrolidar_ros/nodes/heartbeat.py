@@ -19,7 +19,7 @@ _TICK_S = 0.1
 
 
 class HeartbeatNode(Node):
-    """Publishes whether all of some markers have been read lately."""
+    """Publishes whether all of some markers were read recently."""
 
     def __init__(self) -> None:
         """Declare parameters and subscribe."""
@@ -27,9 +27,9 @@ class HeartbeatNode(Node):
         parameters = Parameters(self, 'heartbeat')
         parameters.texts('markers', 'TF frames of the markers to watch.')
         parameters.number(
-            'overdue_after', 'Silence after which a marker is overdue [s].', 0.1, 3600.0, live=True
+            'overdue_after', 'Time without a reading until overdue [s].', 0.1, 3600.0, live=True
         )
-        parameters.number('window', 'Length of the windows that are counted [s].', 0.1, 3600.0)
+        parameters.number('window', 'Length of the counted windows [s].', 0.1, 3600.0)
         names = parameters.values['markers']
         if not names:
             raise ValueError('markers: there is no name; name at least one')
@@ -56,7 +56,7 @@ class HeartbeatNode(Node):
             self._tick()
 
     def _tick(self) -> None:
-        """Let time pass, and say who has become overdue and who is back."""
+        """Advance the time, and log markers that are overdue or back."""
         now_s = self._now_s()
         if not now_s:  # a simulated clock that does not tick yet
             return

@@ -42,10 +42,10 @@ from retrolidar_ros.tasks.survey import Survey, parse_survey, survey_content
 
 
 class LandmarksNode(Node):
-    """Publishes where objects are, or where the robot is among them."""
+    """Publishes the poses of objects, or the robot's among them."""
 
     def __init__(self) -> None:
-        """Declare parameters, load what is known, and subscribe."""
+        """Declare parameters, load known landmarks, and subscribe."""
         super().__init__('landmarks')
         parameters = Parameters(self, 'landmarks')
         _declare(parameters)
@@ -121,7 +121,7 @@ class LandmarksNode(Node):
             self._publish(estimate)
 
     def _localize(self, stamp: Any) -> None:
-        """Publish where the base was at the time of a reading."""
+        """Publish the pose of the base at the time of a reading."""
         assert self._room is not None
         room = self._room.estimate()
         base = self._values['base_frame']
@@ -221,19 +221,25 @@ class LandmarksNode(Node):
 
 def _declare(parameters: Parameters) -> None:
     parameters.texts('topics', 'Topics of detections.')
-    parameters.text('fixed_frame', 'Frame of the landmarks, in which TF knows the sensors.')
-    parameters.text('marker_file', 'YAML file of the known markers, for objects of several.')
-    parameters.text('load_file', 'Landmarks that ~/save has written; empty = none.')
+    parameters.text('fixed_frame', 'Frame of the landmarks; TF must connect the sensors to it.')
+    parameters.text('marker_file', 'YAML file of the known markers, for objects with several.')
+    parameters.text('load_file', 'Landmarks written by ~/save; empty = none.')
     parameters.text('save_file', 'Where ~/save writes; empty = nowhere.')
     parameters.flag('publish_tf', 'Send a transform for every landmark.')
     parameters.text('child_frame', 'TF frame of a landmark; {name} stands for its name.')
-    parameters.number('patience', 'How late a transform may be [s].', 0.0, 60.0)
-    parameters.number('range_bias', "Deviation of a sensor's own range error [m].", 0.0, 1.0)
-    parameters.number('pose_stddev', "Deviation of the sensor's position in TF [m].", 0.0, 1.0)
-    parameters.number('turn_stddev', "Deviation of the sensor's turn in TF [rad].", 0.0, 1.0)
-    parameters.number('acceleration', 'Of what moves [m/s²]; 0 = nothing does.', 0.0, 100.0)
-    parameters.flag('localize', 'Tell where base_frame is among the landmarks of load_file.')
-    parameters.flag('flat', 'The robot is on a floor: its frames are level with load_file.')
+    parameters.number('patience', 'Longest wait for a transform [s].', 0.0, 60.0)
+    parameters.number('range_bias', "Standard deviation of a sensor's range bias [m].", 0.0, 1.0)
+    parameters.number(
+        'pose_stddev', "Standard deviation of the sensor's position in TF [m].", 0.0, 1.0
+    )
+    parameters.number(
+        'turn_stddev', "Standard deviation of the sensor's rotation in TF [rad].", 0.0, 1.0
+    )
+    parameters.number(
+        'acceleration', 'Standard deviation for moving landmarks [m/s²]; 0 = static.', 0.0, 100.0
+    )
+    parameters.flag('localize', 'Locate base_frame among the landmarks of load_file.')
+    parameters.flag('flat', 'The robot moves on a floor: its frames are level with load_file.')
     parameters.text('base_frame', 'Frame of the robot that is localised.')
 
 

@@ -1,6 +1,6 @@
 # Copyright 2026 retrolidar_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""What all launch files have in common: the arguments of a sensor, and how a node is started.
+"""Shared by all launch files: the arguments of a sensor, and the start of a node.
 
 An error while a launch is being set up ends it, and leaves behind what was started by then: so
 whatever can be wrong is found before the first process is started.
@@ -25,13 +25,13 @@ MARKERS = PathJoinSubstitution([SHARE, 'config', 'markers.yaml'])
 COMMON: dict[str, tuple[Any, str]] = {
     'params_file': (PARAMETERS, 'Parameters of the nodes.'),
     'marker_file': ('', 'YAML file of the known markers; empty = as in the parameter file.'),
-    'protocol': ('', 'What the sensor speaks; empty = as in the parameter file.'),
+    'protocol': ('', 'Protocol of the sensor; empty = as in the parameter file.'),
     'autostart': ('', 'Whether the driver activates itself; empty = as in the parameter file.'),
     'single_process': ('false', 'Whether driver and detector share a process, the reader.'),
     'log_level': ('info', 'debug, info, warn, error or fatal.'),
     'use_sim_time': ('', 'Whether time is that of /clock; empty = as in the parameter file.'),
     'respawn': ('true', 'Whether a node that ends is started again, after a delay.'),
-    'respawn_delay': ('2.0', 'How long that is [s].'),
+    'respawn_delay': ('2.0', 'That delay [s].'),
 }
 """Launch arguments of every launch file: default and description."""
 SENSOR: dict[str, tuple[Any, str]] = {
@@ -54,13 +54,13 @@ def declared(arguments: dict[str, tuple[Any, str]]) -> list[DeclareLaunchArgumen
 
 
 def value(context: LaunchContext, name: str) -> str:
-    """Return what a launch argument has been set to."""
+    """Return the value of a launch argument."""
     text: str = LaunchConfiguration(name).perform(context)
     return text
 
 
 def is_on(context: LaunchContext, name: str) -> bool:
-    """Return whether a launch argument says yes; RuntimeError if it says neither yes nor no."""
+    """Return a launch argument as a boolean; RuntimeError if it is none."""
     text = value(context, name).lower()
     if text not in ('true', 'false', '1', '0'):
         raise RuntimeError(f'{name}:={text}: it needs true or false')
@@ -68,7 +68,7 @@ def is_on(context: LaunchContext, name: str) -> bool:
 
 
 def number(context: LaunchContext, name: str) -> float:
-    """Return a number that a launch argument says; RuntimeError if it is none, or negative."""
+    """Return a launch argument as a number; RuntimeError if it is none, or negative."""
     text = value(context, name)
     try:
         number = float(text)
@@ -80,7 +80,7 @@ def number(context: LaunchContext, name: str) -> float:
 
 
 def listed(context: LaunchContext, name: str) -> list[Any]:
-    """Return a list that a launch argument says; RuntimeError if it is none."""
+    """Return a launch argument as a list; RuntimeError if it is none."""
     text = value(context, name)
     try:
         items = yaml.safe_load(text)
@@ -92,7 +92,7 @@ def listed(context: LaunchContext, name: str) -> list[Any]:
 
 
 def _parameter_file(context: LaunchContext) -> str:
-    """Return the path of the parameter file; RuntimeError if it is none, which rcl passes over."""
+    """Return the path of the parameter file; RuntimeError if it is none, which rcl ignores."""
     path = value(context, 'params_file')
     if not Path(path).is_file():
         raise RuntimeError(f'params_file:={path}: there is no such file')

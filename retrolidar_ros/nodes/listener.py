@@ -48,7 +48,7 @@ class Listener:
         self.transforms.extend(message.transforms)
 
     def spin_until(self, done: Callable[[], bool], timeout_s: float) -> bool:
-        """Handle messages until `done` returns true; return False after the timeout."""
+        """Process messages until `done` returns true; return False after the timeout."""
         deadline = time.monotonic() + timeout_s
         while not done():
             remaining_s = deadline - time.monotonic()
@@ -58,7 +58,7 @@ class Listener:
         return True
 
     def is_connected(self) -> bool:
-        """Return whether driver and detector are there, and the detector hears the driver."""
+        """Return whether driver and detector run and are connected."""
         return (
             self.node.count_publishers('frames') > 0
             and self.node.count_publishers('markers') > 0

@@ -1,6 +1,6 @@
 # Copyright 2026 retrolidar_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""Names that are made of other names."""
+"""Names derived from other names."""
 
 from __future__ import annotations
 

@@ -33,7 +33,7 @@ from retrolidar_ros.settings.yaml_files import (
 class Parameters:
     """Declares the parameters of a node, each with the default of the shipped file.
 
-    They are read-only but those declared `live`, which may be set while the node runs.
+    Only those declared `live` may be set while the node runs.
     """
 
     def __init__(self, node: Node, kind: str) -> None:
@@ -118,8 +118,8 @@ class Parameters:
         Parameters
         ----------
         apply : callable
-            Gets the values of all parameters as they would be; what it refuses by a ValueError
-            is not set, and the error's text is the reason.
+            Gets the new values of all parameters; a ValueError rejects them, with its text as
+            the reason.
         """
 
         def change(parameters: Sequence[Parameter]) -> SetParametersResult:
@@ -138,10 +138,10 @@ class Parameters:
         self._node.add_on_set_parameters_callback(change)
 
     def warn_of_unknown(self) -> None:
-        """Log a warning for each parameter that was set for this node and that it does not have.
+        """Log a warning for each parameter set for this node that it does not have.
 
-        To be called when all is declared, the overrides of topics included. Who says `/**:` means
-        other nodes, too, and so does who launches several in one process.
+        Call it when all is declared, the overrides of topics included. `/**:` addresses other
+        nodes, too, and so do the parameters of several nodes in one process.
         """
         known_elsewhere = load_parameter_names(shared_file('config/retrolidar.yaml'))
         for name in self._node._parameter_overrides:
@@ -197,7 +197,7 @@ class Parameters:
 
 
 def _refusing(change: Callable[[Any, Any], Any]) -> Callable[[Any, Any], Any]:
-    """Return a service that refuses a type that is none; rclpy's ends the node by it."""
+    """Return a service that refuses unknown types; rclpy's ends the node."""
 
     def answer(request: Any, response: Any) -> Any:
         for parameter in request.parameters:
@@ -215,7 +215,7 @@ def _refusing(change: Callable[[Any, Any], Any]) -> Callable[[Any, Any], Any]:
 
 
 def check_frame_id(name: str, value: str) -> str:
-    """Return the name of a TF frame; ValueError for one that TF does not take."""
+    """Return the name of a TF frame; ValueError for one that TF does not accept."""
     if not value:
         raise ValueError(f'{name} is empty; TF needs a name')
     if value.startswith('/'):
@@ -226,7 +226,7 @@ def check_frame_id(name: str, value: str) -> str:
 
 
 def _meant_for_all() -> set[str]:
-    """Return the parameters that files on the command line give to all nodes there are."""
+    """Return the parameters that files on the command line set for all nodes."""
     names: set[str] = set()
     for option, value in pairwise(sys.argv):
         if option == '--params-file':

@@ -44,11 +44,11 @@ class PlacedReadings:
         fixed_frame : str
             Empty: the sensor does not move, and its own frame is the fixed one.
         patience_s : float
-            How long a transform may be late [s].
+            Longest wait for a transform [s].
         take : callable
-            Gets each reading, and the detection that it is of.
+            Gets each reading, and its detection.
         forget : callable
-            Is called when time jumps back, as that of a replay does.
+            Called when time jumps back, as in a replay.
         """
         self.dropped: Counter[str] = Counter()
         """Detections that could not be placed, by reason."""
@@ -70,7 +70,7 @@ class PlacedReadings:
             self.tick()
 
     def tick(self) -> None:
-        """Hand on what waits, as far as its transforms are known."""
+        """Hand on waiting detections whose transforms are known."""
         now = self._node.get_clock().now()
         if now < self._ticked:
             self.finder.forget()
@@ -87,7 +87,7 @@ class PlacedReadings:
                 self._drop(f'no transform from {message.header.frame_id} to {self._fixed}', message)
 
     def _place(self, message: MarkerDetection) -> bool:
-        """Hand a detection on; return False if its transform is not there yet."""
+        """Hand a detection on; return False if its transform is not known yet."""
         sensor = message.header.frame_id
         pose = SensorPose(np.zeros(3), np.eye(3))
         if self._fixed and self._fixed != sensor:

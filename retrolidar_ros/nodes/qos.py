@@ -1,6 +1,6 @@
 # Copyright 2026 retrolidar_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""Topics, whose qualities of service a parameter `qos_overrides.TOPIC.…` may change."""
+"""Topics whose QoS parameters `qos_overrides.TOPIC.…` may change."""
 
 from __future__ import annotations
 
@@ -18,12 +18,12 @@ STREAM_HEARD = QoSProfile(depth=10, reliability=ReliabilityPolicy.BEST_EFFORT)
 EVENTS = QoSProfile(depth=100, reliability=ReliabilityPolicy.RELIABLE)
 """What comes now and then, and in bursts."""
 LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
-"""A state, which who comes late hears, too."""
+"""Latched: late-joining subscribers receive the last message."""
 _OVERRIDABLE = QoSOverridingOptions.with_default_policies()
 
 
 def publisher(node: Node, kind: type[Any], topic: str, qos: QoSProfile) -> Publisher:
-    """Return a publisher, of which parameters may set history, depth and reliability."""
+    """Return a publisher; parameters may set its history, depth and reliability."""
     return node.create_publisher(kind, topic, qos, qos_overriding_options=_OVERRIDABLE)
 
 

@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The `reader`: driver and detector of one sensor, or of many, in one process.
 
-Frames go from one to the other by a call; on topics all is as with a process each.
+Frames pass by a call; the topics are those of separate processes.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from retrolidar_ros.nodes.run import run
 
 
 def create_nodes() -> list[Node]:
-    """Return the nodes of the process, drivers first; ValueError if there cannot be such ones."""
+    """Return the nodes of the process, drivers first; ValueError for impossible parameters."""
     reader = Node('reader')
     parameters = Parameters(reader, 'reader')
     parameters.texts('ports', 'Devices of several sensors; [] = one, of the driver.')
@@ -52,7 +52,7 @@ def create_nodes() -> list[Node]:
 
 
 def _options(namespace: str, **parameters: str) -> dict[str, Any]:
-    """Return those of a node whose namespace and parameters go before what the process was given.
+    """Return a node's options whose namespace and parameters override those of the process.
 
     The `namespace` of a node would not: `__ns` on the command line overrides it.
     """

@@ -29,8 +29,8 @@ _IMPOSSIBLE = (
 def run(create: Callable[[], Node | list[Node]]) -> int:
     """Spin a node, or several, until interrupted; return the exit code of the process.
 
-    A parameter or a parameter file that cannot be is one clear line and the exit code 2. Nodes end
-    in the order in which they are listed.
+    An impossible parameter or parameter file gives one line and exit code 2. Nodes end in the order
+    listed.
     """
     with ended_in_order() as requests:
         try:

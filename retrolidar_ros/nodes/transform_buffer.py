@@ -1,6 +1,6 @@
 # Copyright 2026 retrolidar_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""A buffer of transforms for machines without tf2_ros, as that of tf2 as far as this goes."""
+"""A buffer of transforms for machines without tf2_ros: a part of tf2's."""
 
 from __future__ import annotations
 
@@ -74,7 +74,7 @@ class TransformBuffer:
         return None
 
     def _chain(self, frame: str, stamp_ns: int) -> dict[str, Floats]:
-        """Return a frame and those above it, with the matrices that lead there, shape (4, 4)."""
+        """Return a frame and its ancestors, with the matrices that lead there, shape (4, 4)."""
         matrix: Floats = np.eye(4)
         chain = {frame: matrix}
         while len(chain) < _MOST_FRAMES:

@@ -31,10 +31,10 @@ def transform_sender(node: Node) -> Callable[[list[TransformStamped]], None]:
 
 
 class TransformFinder:
-    """Looks up how frames lie to each other."""
+    """Looks up transforms between frames."""
 
     def __init__(self, node: Node) -> None:
-        """Listen to TF in the name of `node`."""
+        """Subscribe to TF with `node`."""
         self._own: TransformBuffer | None = None
         try:
             from tf2_ros import Buffer, TransformListener

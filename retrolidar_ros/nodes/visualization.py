@@ -23,7 +23,7 @@ _COLOUR = (0.0, 0.62, 0.45)
 
 
 def marker_shapes(detection: MarkerDetection, stale_after_s: float) -> list[Marker]:
-    """Return an ellipsoid of the covariance and a label, which vanish when they are stale."""
+    """Return an ellipsoid of the covariance and a label, removed when stale."""
     place = detection.pose.pose.position
     position_m = np.array([place.x, place.y, place.z])
     covariance = np.array(detection.pose.covariance).reshape(6, 6)[:3, :3]
@@ -38,7 +38,7 @@ def marker_shapes(detection: MarkerDetection, stale_after_s: float) -> list[Mark
 
 
 def landmark_shapes(header: Header, estimates: Sequence[Estimate]) -> list[Marker]:
-    """Return ellipsoids and labels of all landmarks; others that were shown vanish."""
+    """Return ellipsoids and labels of all landmarks, and remove all others."""
     shapes = [Marker(header=header, action=Marker.DELETEALL)]
     for index, one in enumerate(estimates):
         text = f'{one.name}\n±{1e3 * one.stddev_m:.0f} mm'
@@ -57,7 +57,7 @@ def _ellipsoid(
     scale = ellipsoid.scale
     scale.x, scale.y, scale.z = np.maximum(diameters, _LEAST_DIAMETER_M).tolist()
     orientation = ellipsoid.pose.orientation
-    # Eigenvectors may be mirrored, which no rotation is; an ellipsoid does not mind.
+    # Eigenvectors may be mirrored, which is no rotation; the ellipsoid is the same.
     turn = quaternion_of(axes * np.sign(np.linalg.det(axes)))
     orientation.x, orientation.y, orientation.z, orientation.w = turn.tolist()
     label = _shape(header, Marker.TEXT_VIEW_FACING, 'label', 1.0, position_m, identity)
