@@ -52,6 +52,7 @@ struct rl_samples {
     float *signal;     /* [kcps/SPAD]; of an erasure, the last one before it */
     uint8_t *valid;    /* 0 = erasure */
     float *distance;   /* of zones only, NaN where none was measured [m] */
+    bool is_parted[RL_MOST_SOURCES]; /* while a packet is taken off: its own target is all there is */
     int variance_rows; /* how many of the newest rows the sums below are of */
     double *sum, *square;
     struct rl_noise_law law;

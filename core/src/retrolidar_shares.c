@@ -107,23 +107,31 @@ bool rl_shares_agree(struct rl_shares *shares, const struct rl_verdict *verdict)
 
 void rl_shares_take_off(struct rl_shares *shares, const struct rl_verdict *verdict, bool back)
 {
-    const struct rl_samples *samples = shares->samples;
+    struct rl_samples *samples = shares->samples;
     int first;
     const int rows = light_of(shares, verdict, &first);
     for (int i = 0; i < verdict->sources; i++) {
         double gain[RL_KNOTS];
+        const int source = verdict->source[i];
         if (verdict->steady) {
             for (int knot = 0; knot < RL_KNOTS; knot++) {
                 gain[knot] = verdict->fit[i].gain;
             }
         } else if (!back) {
-            track(shares, verdict->source[i], first, rows, gain);
+            track(shares, source, first, rows, gain);
         }
-        float *signal = samples->signal + rl_sample(samples, verdict->source[i], first);
+        float *signal = samples->signal + rl_sample(samples, source, first);
         float *taken = shares->taken + (size_t)i * (size_t)samples->kept;
         memcpy(back ? signal : taken, back ? taken : signal, (size_t)rows * sizeof *signal);
-        for (int row = 0; !back && row < rows; row++) {
-            signal[row] += (float)(rl_track_gain(gain, row, rows) * (1.0 - shares->light[row]));
+        if (!back) {
+            /* Without the packet nothing would tell its target from that behind it. */
+            const struct rl_column column =
+                rl_target_column(samples, source, first, rows, &shares->window->room);
+            for (int row = 0; row < rows; row++) {
+                signal[row] = column.signal[row] +
+                              (float)(rl_track_gain(gain, row, rows) * (1.0 - shares->light[row]));
+            }
         }
+        samples->is_parted[source] = !back;
     }
 }

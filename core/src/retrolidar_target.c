@@ -194,7 +194,8 @@ struct rl_column rl_target_column(const struct rl_samples *samples, int source, 
 {
     const size_t at = rl_sample(samples, source, first);
     const struct rl_column held = {samples->signal + at, samples->valid + at};
-    if (source >= samples->zones || !(range_of(samples->distance + at, rows) > GAP_M)) {
+    if (source >= samples->zones || samples->is_parted[source] ||
+        !(range_of(samples->distance + at, rows) > GAP_M)) {
         return held;
     }
     return part(samples->distance + at, rows, held, room);
