@@ -11,7 +11,7 @@ from evaluation.bench.stresses import STRESSES, Stress
 from retrolidar_ros.detector import create_detector
 from retrolidar_ros.marker.dictionary import USABLE_IDS
 from retrolidar_ros.scene import Scene, Simulation
-from retrolidar_ros.scene.description import Marker, Occlusion, Surface
+from retrolidar_ros.scene.description import Marker, Occlusion, Sensor, Surface
 
 OFTEN = Stress('occluded twice a packet', occlusion=Occlusion(every_s=0.5, lasting_s=0.04))
 GLASS = Stress('behind glass', glass=20.0)
@@ -56,7 +56,8 @@ def test_a_clock_too_far_off_is_not_read_as_another_id(error: float) -> None:
 
 def test_a_marker_before_a_wall_that_the_sensor_separates_makes_no_other() -> None:
     marker = Marker(id=1447, position_m=(-0.073, -0.379, 1.795), name='own')
-    scene = Scene(markers=(marker,), surfaces=(Surface(distance_m=3.07, signal=8.0),))
+    wall = Surface(distance_m=3.07, signal=8.0)
+    scene = Scene(seed=0, sensor=Sensor(blur=0.05), markers=(marker,), surfaces=(wall,))
     detector = create_detector('joint', scene.sensor.grid)
     found = [one.id for frame in Simulation(scene).run(20.0) for one in detector.update(frame)]
     assert len(found) >= 14
