@@ -13,7 +13,7 @@ from std_msgs.msg import Header
 
 from retrolidar_ros.nodes.diagnostics import ERROR, OK, STALE, WARN, Health
 from retrolidar_ros.sensor.clock import ClockMap
-from retrolidar_ros.sensor.frame import NORMAL_STATUS, Frame
+from retrolidar_ros.sensor.frame import IS_NORMAL, Frame
 from retrolidar_ros.sensor.frame_rate import missing_frames
 from retrolidar_ros.sensor.serial_source import SerialSource
 
@@ -51,7 +51,7 @@ class DriverTally:
         counts = self._counts
         missing = missing_frames(self._last_sequence, frame.sequence)
         self._last_sequence = frame.sequence
-        normal = int(np.count_nonzero(np.isin(frame.status, NORMAL_STATUS)))
+        normal = int(np.count_nonzero(IS_NORMAL[frame.status]))
         # One assignment, for another thread reads it.
         self._counts = counts._replace(
             frames=counts.frames + 1,

@@ -55,7 +55,8 @@ NORMAL_STATUS = (
 A blinking marker itself makes the sensor report "first range" and "no previous target" at its
 dark-to-bright edges, so these are valid, too.
 """
-_IS_NORMAL: NDArray[np.bool_] = np.isin(np.arange(256), NORMAL_STATUS)
+IS_NORMAL: NDArray[np.bool_] = np.isin(np.arange(256), NORMAL_STATUS)
+"""Whether a status is normal, shape (256,)."""
 
 
 def valid_samples(
@@ -75,7 +76,7 @@ def valid_samples(
     impossible : int
         How many have a normal status and impossible values.
     """
-    normal: NDArray[np.bool_] = _IS_NORMAL[status]
+    normal: NDArray[np.bool_] = IS_NORMAL[status]
     # Comparisons with NaN are false: a NaN signal is an erasure, a NaN distance is no target.
     possible = (signal >= 0) & (signal <= MOST_SIGNAL)
     possible &= ((distance > 0) & (distance < MOST_DISTANCE_M)) | np.isnan(distance)
