@@ -70,3 +70,4 @@ def _spin(nodes: list[Node], requests: Requests) -> None:
     with suppress(ExternalShutdownException):
         while rclpy.ok() and not requests.heard.is_set():
             executor.spin_once()
+    requests.wake = bool
