@@ -153,6 +153,10 @@ def check_heartbeat(listener: Listener, alive: Collected, health: Health, scene:
     assert float(values['drone: longest silence [s]']) >= silence_s
 
 
+def _side(message: Any) -> str:
+    return str(message.child_frame_id).partition('_')[0]
+
+
 def check_two_sensors(listener: Listener, scene: Scene, namespace: str) -> None:
     """What both sensors see comes on one topic, and each marker has one TF frame below each."""
     frames = {
@@ -170,17 +174,25 @@ def check_two_sensors(listener: Listener, scene: Scene, namespace: str) -> None:
         return set(markers) - {name for name, _ in placed}
 
     wait(listener, lambda: not missing(), lambda: f'detection and transform of {missing()}')
-    stamps = {}
+    messages = [message for message, _ in listener.markers]
+
+    def stamps(side: str) -> set[int]:
+        return {to_ns(one.header.stamp) for one in frames[side].messages}
+
+    def unheard() -> set[int]:
+        """Return the ends of readings whose last frame is still on its way to here."""
+        ends = {side: {to_ns(one.end) for one in messages if _side(one) == side} for side in SIDES}
+        return {end for side in SIDES for end in ends[side] - stamps(side)}
+
+    wait(listener, lambda: not unheard(), lambda: f'the frames of {unheard()}')
     for side, collected in frames.items():
         assert {one.header.frame_id for one in collected.messages} == {f'{side}_optical_frame'}
-        stamps[side] = {to_ns(one.header.stamp) for one in collected.messages}
-    assert stamps['left'] & stamps['right'] == set()
-    for message, _ in listener.markers:
+    assert stamps('left') & stamps('right') == set()
+    for message in messages:
         side, _, name = message.child_frame_id.partition('_')
         marker = markers[message.child_frame_id]
         assert (message.id, name) == (marker.id, marker.name)
         assert message.header.frame_id == f'{side}_optical_frame'
-        assert to_ns(message.end) in stamps[side]
         position = vector_of(message.pose.pose.position)
         truth = np.array(marker.position_m)
         check_place(position, covariance_of(message)[:3, :3], truth, np.zeros(3))
