@@ -27,8 +27,8 @@ struct rl_bits {
 double rl_rivals_sequence(struct rl_window *window, const struct rl_sending *sending,
                           double half_bits, const struct rl_hits *hits);
 
-/* The same of any sequence whose clock is further off than is searched, up to 15 %. Bits that are a
- * little too long or too short may look like another packet in time.
+/* The same of sequences whose clock is further off than is searched, up to 16 %: a packet of another
+ * clock may look like one of another ID.
  *
  * half_bits: from the start to the middle of the window
  */

@@ -13,7 +13,7 @@
 static const float GAP_M = 0.5f;
 /* A nearer target in a smaller share of the frames is passing by. */
 static const double PASSING = 0.2;
-/* More often in a window it is what a zone sees while the marker is dark, as a cover glass. */
+/* What comes and goes more often in a window, as a cover glass, is seen while the marker is dark. */
 static const int MOST_PASSES = 3;
 
 enum {

@@ -25,8 +25,8 @@ class Requests:
         self.heard = Event()
         self.wake: Callable[[], object] = bool
         """Is called after `heard` is set, from another thread."""
-        self.undone = 0
-        """What has been ended since, of many things."""
+        self.cleaned = 0
+        """How many things have been cleaned up since: while it grows, the process is not stuck."""
 
 
 @contextmanager
@@ -34,7 +34,7 @@ def ended_in_order() -> Iterator[Requests]:
     """Report the first termination signal, and ignore the others.
 
     Nothing is raised: an exception between any two steps of a library would leave it half done. A
-    process in which nothing more is undone, since it waits for what does not come, is ended.
+    process that is stuck in its clean-up is ended.
     """
     requests = Requests()
     over = Event()
@@ -45,12 +45,12 @@ def ended_in_order() -> Iterator[Requests]:
         os.read(reading, 1)
         requests.heard.set()
         requests.wake()
-        undone = 0
+        cleaned = 0
         while not over.wait(_GRACE_S):
-            if requests.undone == undone:
+            if requests.cleaned == cleaned:
                 print('retrolidar_ros: did not end in order, so it was ended', file=sys.stderr)
                 os._exit(1)
-            undone = requests.undone
+            cleaned = requests.cleaned
 
     # The number of a signal is written there at once, whatever the main thread waits for.
     signal.set_wakeup_fd(writing, warn_on_full_buffer=False)

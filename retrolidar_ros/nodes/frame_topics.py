@@ -22,7 +22,7 @@ from retrolidar_ros.nodes.conversion import (
 from retrolidar_ros.nodes.qos import STREAM, publisher
 from retrolidar_ros.sensor.frame import Frame
 
-_LOOK_FRAMES = 5  # after so many frames, who listens is looked up again
+_LOOK_FRAMES = 5  # subscribers are counted once in so many frames: that is slow
 
 
 class FrameTopics:
@@ -31,7 +31,6 @@ class FrameTopics:
     def __init__(self, node: Node, frame_id: str) -> None:
         """Make the publishers; the optical frame is `frame_id`."""
         self._frame_id = frame_id
-        self._until_look = 0
         self._heard: list[tuple[Any, Callable[..., Any]]] = []
         self._frames = publisher(node, FrameMsg, 'frames', STREAM)
         self._standard: list[tuple[Any, Callable[..., Any]]] = [
@@ -45,8 +44,7 @@ class FrameTopics:
         """Publish a frame, stamped in ROS time, on all topics with subscribers."""
         if self._frames.get_subscription_count():
             self._frames.publish(to_frame_msg(frame, self._frame_id))
-        self._until_look = (self._until_look or _LOOK_FRAMES) - 1
-        if self._until_look == 0:
+        if frame.sequence % _LOOK_FRAMES == 0:
             self._heard = [one for one in self._standard if one[0].get_subscription_count()]
         for topic, convert in self._heard:
             topic.publish(convert(frame, to_header(frame.stamp_ns, self._frame_id)))

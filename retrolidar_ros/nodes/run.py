@@ -57,7 +57,7 @@ def run(create: Callable[[], Node | list[Node]]) -> int:
                 getattr(node, 'stop', bool)()
             for node in nodes:
                 node.destroy_node()
-                requests.undone += 1
+                requests.cleaned += 1
             rclpy.try_shutdown()
     return int(any(getattr(node, 'failed', False) for node in nodes))
 
