@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from retrolidar_ros.sensor.frame import ZONE_SHAPES, Frame, ZoneGrid
+from retrolidar_ros.sensor.frame import GRIDS, Frame
 
 INSTALL = 'pip install rosbags'
 
@@ -83,7 +83,6 @@ _CDR_LITTLE_ENDIAN = b'\0\1\0\0'  # fields are aligned from its end
 _STAMP = Struct('<iII')  # seconds, nanoseconds, and the length of the frame_id that follows
 _SENSOR = Struct('<QBB')  # sensor time, rows, columns
 _UINT32 = Struct('<I')
-_GRIDS = {shape: ZoneGrid(*shape) for shape in ZONE_SHAPES}
 _ARRAYS = (
     ('distance', np.dtype('<f4')),
     ('signal', np.dtype('<f4')),
@@ -103,7 +102,7 @@ def decode_frame(data: bytes) -> Frame:
         (sequence,) = _UINT32.unpack_from(data, position)
         position = origin + ((position - origin + _UINT32.size + 7) & -8)
         sensor_time_us, rows, columns = _SENSOR.unpack_from(data, position)
-        grid = _GRIDS.get((rows, columns))
+        grid = GRIDS.get((rows, columns))
         if grid is None:
             raise DamageError(f'a frame of {rows}x{columns} zones')
         position += (_SENSOR.size + 3) & -4

@@ -87,7 +87,7 @@ def from_frame_msg(message: FrameMsg) -> Frame:
     return frame
 
 
-def to_point_cloud(frame: Frame, header: Header) -> PointCloud2:
+def to_point_cloud(frame: Frame, frame_id: str) -> PointCloud2:
     """Return a point for each zone in rows and columns of the grid, NaN where there is no target.
 
     A point is on the axis of its zone, at the reported distance along the optical axis.
@@ -104,7 +104,7 @@ def to_point_cloud(frame: Frame, header: Header) -> PointCloud2:
         for index, name in enumerate(_POINT_FIELDS)
     ]
     return PointCloud2(
-        header=header,
+        header=to_header(frame.stamp_ns, frame_id),
         height=grid.rows,
         width=grid.columns,
         fields=fields,
@@ -116,22 +116,24 @@ def to_point_cloud(frame: Frame, header: Header) -> PointCloud2:
     )
 
 
-def to_signal_image(frame: Frame, header: Header) -> Image:
+def to_signal_image(frame: Frame, frame_id: str) -> Image:
     """Return the signal of each zone [kcps/SPAD] as an image of floats, 32FC1."""
-    return _image(frame.signal, frame.grid, header)
+    return _image(frame, frame.signal, frame_id)
 
 
-def to_depth_image(frame: Frame, header: Header) -> Image:
+def to_depth_image(frame: Frame, frame_id: str) -> Image:
     """Return the distance of each zone along the optical axis [m], 32FC1, NaN of no target."""
-    return _image(_depth(frame), frame.grid, header)
+    return _image(frame, _depth(frame), frame_id)
 
 
-def to_camera_info(frame: Frame, header: Header) -> CameraInfo:
+def to_camera_info(frame: Frame, frame_id: str) -> CameraInfo:
     """Return the sensor as a pinhole camera: its zones are equal steps of a tangent."""
     grid = frame.grid
     focal = 1 / grid.pitch  # [zones]
     middle = (grid.columns - 1) / 2, (grid.rows - 1) / 2
-    info = CameraInfo(header=header, height=grid.rows, width=grid.columns)
+    info = CameraInfo(
+        header=to_header(frame.stamp_ns, frame_id), height=grid.rows, width=grid.columns
+    )
     info.distortion_model, info.d = 'plumb_bob', [0.0] * 5
     info.k = [focal, 0.0, middle[0], 0.0, focal, middle[1], 0.0, 0.0, 1.0]
     info.r = np.eye(3).ravel().tolist()
@@ -145,14 +147,14 @@ def _depth(frame: Frame) -> NDArray[np.float32]:
     return np.where(valid, frame.distance, np.nan).astype(np.float32)
 
 
-def _image(values: Floats, grid: ZoneGrid, header: Header) -> Image:
+def _image(frame: Frame, values: Floats, frame_id: str) -> Image:
     return Image(
-        header=header,
-        height=grid.rows,
-        width=grid.columns,
+        header=to_header(frame.stamp_ns, frame_id),
+        height=frame.grid.rows,
+        width=frame.grid.columns,
         encoding='32FC1',
         is_bigendian=0,
-        step=4 * grid.columns,
+        step=4 * frame.grid.columns,
         data=array('B', values.astype('<f4').tobytes()),
     )
 

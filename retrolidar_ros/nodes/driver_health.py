@@ -5,7 +5,7 @@
 from __future__ import annotations
 
 import time
-from typing import NamedTuple
+from dataclasses import dataclass, replace
 
 import numpy as np
 from rclpy.node import Node
@@ -23,7 +23,8 @@ _MANY_ABNORMAL = 0.75
 _SILENCE_S = 0.8
 
 
-class _Counts(NamedTuple):
+@dataclass
+class _Counts:
     """Counters at some time."""
 
     time_s: float
@@ -33,7 +34,7 @@ class _Counts(NamedTuple):
     withheld: int = 0
     lost: int = 0
     zones: int = 0
-    abnormal: int = 0
+    normal: int = 0
     latency_s: float = 0.0
     """Sum over the frames, from the middle of the exposure until they were published."""
 
@@ -43,28 +44,25 @@ class DriverTally:
 
     def __init__(self) -> None:
         """Begin at zero."""
-        self._counts = self._examined = _Counts(time.monotonic())
+        self._counts = _Counts(time.monotonic())
+        self._examined = replace(self._counts)
         self._last_sequence: int | None = None
 
     def count(self, frame: Frame, latency_ns: int) -> None:
         """Count a frame, published so long after the middle of its exposure."""
         counts = self._counts
-        missing = missing_frames(self._last_sequence, frame.sequence)
+        counts.frames += 1
+        counts.lost += missing_frames(self._last_sequence, frame.sequence)
         self._last_sequence = frame.sequence
-        normal = int(np.count_nonzero(IS_NORMAL[frame.status]))
-        # One assignment, for another thread reads it.
-        self._counts = counts._replace(
-            frames=counts.frames + 1,
-            lost=counts.lost + missing,
-            zones=counts.zones + frame.grid.zones,
-            abnormal=counts.abnormal + frame.grid.zones - normal,
-            latency_s=counts.latency_s + latency_ns * 1e-9,
-        )
+        counts.zones += len(frame.status)
+        counts.normal += int(np.count_nonzero(IS_NORMAL[frame.status]))
+        counts.latency_s += latency_ns * 1e-9
 
     def examine(self, source: SerialSource, clock_map: ClockMap) -> Health:
         """Judge the time since the last call, usually a second."""
         counts = source.reader.counts
-        now = self._counts._replace(
+        now = replace(
+            self._counts,
             time_s=time.monotonic(),
             damaged=counts.damaged,
             received=source.received,
@@ -74,7 +72,8 @@ class DriverTally:
         frames = now.frames - then.frames
         rate = frames / (now.time_s - then.time_s)
         damaged, lost = now.damaged - then.damaged, now.lost - then.lost
-        abnormal = (now.abnormal - then.abnormal) / max(now.zones - then.zones, 1)
+        zones = now.zones - then.zones
+        abnormal = (zones - (now.normal - then.normal)) / max(zones, 1)
         latency_ms = 1e3 * (now.latency_s - then.latency_s) / max(frames, 1)
         values = {
             'port': source.port,

@@ -15,7 +15,6 @@ from retrolidar_ros.nodes.conversion import (
     to_camera_info,
     to_depth_image,
     to_frame_msg,
-    to_header,
     to_point_cloud,
     to_signal_image,
 )
@@ -32,8 +31,8 @@ class FrameTopics:
         """Make the publishers; the optical frame is `frame_id`."""
         self._frame_id = frame_id
         self._heard: list[tuple[Any, Callable[..., Any]]] = []
-        self._frames = publisher(node, FrameMsg, 'frames', STREAM)
-        self._standard: list[tuple[Any, Callable[..., Any]]] = [
+        self._topics: list[tuple[Any, Callable[..., Any]]] = [
+            (publisher(node, FrameMsg, 'frames', STREAM), to_frame_msg),
             (publisher(node, PointCloud2, 'points', STREAM), to_point_cloud),
             (publisher(node, Image, 'signal_image', STREAM), to_signal_image),
             (publisher(node, Image, 'depth/image_raw', STREAM), to_depth_image),
@@ -42,9 +41,7 @@ class FrameTopics:
 
     def publish(self, frame: Frame) -> None:
         """Publish a frame, stamped in ROS time, on all topics with subscribers."""
-        if self._frames.get_subscription_count():
-            self._frames.publish(to_frame_msg(frame, self._frame_id))
         if frame.sequence % _LOOK_FRAMES == 0:
-            self._heard = [one for one in self._standard if one[0].get_subscription_count()]
+            self._heard = [one for one in self._topics if one[0].get_subscription_count()]
         for topic, convert in self._heard:
-            topic.publish(convert(frame, to_header(frame.stamp_ns, self._frame_id)))
+            topic.publish(convert(frame, self._frame_id))

@@ -141,6 +141,10 @@ class ZoneGrid:
         return 1 / mean_secant
 
 
+GRIDS = {shape: ZoneGrid(*shape) for shape in ZONE_SHAPES}
+"""The usual grid of each shape."""
+
+
 @dataclass(frozen=True, eq=False)
 class Frame:
     """One frame of the sensor: for every zone the quadruple (D, I, A, S) of paper §2.1.

@@ -16,7 +16,8 @@ from struct import Struct
 
 import numpy as np
 
-from retrolidar_ros.sensor.frame import ZONE_SHAPES, Frame, Status, ZoneGrid, check_frame_arrays
+from retrolidar_ros.core import ffi, lib
+from retrolidar_ros.sensor.frame import GRIDS, Frame, Status, check_frame_arrays
 
 KIND_FRAME = 1
 DELIMITER = b'\0'
@@ -51,20 +52,13 @@ def cobs_decode(encoded: bytes) -> bytes:
     ValueError
         If there is a zero, or a length byte points beyond the end.
     """
-    if DELIMITER in encoded:
-        raise ValueError(f'COBS data has a zero at {encoded.index(DELIMITER)}')
-    data = bytearray()
-    position = 0
-    while position < len(encoded):
-        length = encoded[position]
-        following = position + length
-        if following > len(encoded):
-            raise ValueError(f'COBS length byte {length} at {position} of {len(encoded)}')
-        data += encoded[position + 1 : following]
-        if length < 255 and following < len(encoded):
-            data.append(0)
-        position = following
-    return bytes(data)
+    data = ffi.new('uint8_t[]', len(encoded) + 1)
+    written = lib.rl_cobs_decode(encoded, len(encoded), data)
+    if written < 0:
+        raise ValueError(
+            f'no COBS: byte {encoded[-1 - written]} at {-1 - written} of {len(encoded)}'
+        )
+    return bytes(ffi.buffer(data, written))
 
 
 def crc16(data: bytes) -> int:
@@ -121,21 +115,26 @@ def _decode_frame(content: bytes) -> Frame:
         raise ValueError(f'a frame of {len(content)} bytes has no whole header')
     _, sequence, sensor_time_us, rows, columns = _HEADER.unpack_from(content)
     expected = _HEADER.size + rows * columns * _ZONE.itemsize
-    if (rows, columns) not in ZONE_SHAPES or len(content) != expected:
+    grid = GRIDS.get((rows, columns))
+    if grid is None or len(content) != expected:
         raise ValueError(f'a frame of {rows}x{columns} zones in {len(content)} bytes')
-    sensor_order = np.frombuffer(content, dtype=_ZONE, offset=_HEADER.size)
-    zones = sensor_order.reshape(rows, columns)[:, ::-1].ravel()
-    status = zones['status'].copy()
-    distance = (zones['distance'] / _DISTANCE_PER_M).astype(np.float32)
-    distance[status == Status.NO_TARGET] = np.nan
+    values = np.empty((3, rows * columns), dtype=np.float32)
+    status = np.empty(rows * columns, dtype=np.uint8)
+    distance, signal, ambient = values
+    lib.rl_wire_zones(
+        ffi.from_buffer('uint8_t[]', content) + _HEADER.size,
+        rows,
+        *(ffi.from_buffer('float[]', array) for array in (distance, signal, ambient)),
+        ffi.from_buffer('uint8_t[]', status),
+    )
     return Frame(
         stamp_ns=sensor_time_us * 1000,
         sequence=sequence,
         sensor_time_us=sensor_time_us,
-        grid=ZoneGrid(rows, columns),
+        grid=grid,
         distance=distance,
-        signal=(zones['signal'] / _SIGNAL_PER_KCPS).astype(np.float32),
-        ambient=(zones['ambient'] / _SIGNAL_PER_KCPS).astype(np.float32),
+        signal=signal,
+        ambient=ambient,
         status=status,
     )
 

@@ -165,13 +165,12 @@ def test_foxglove_plots_fields_of_a_detection() -> None:
 def test_points_have_the_channel_that_is_shown() -> None:
     pytest.importorskip('sensor_msgs', reason='needs ROS 2')
     pytest.importorskip('retrolidar_ros.msg', reason='needs the messages: colcon build')
-    from std_msgs.msg import Header
 
     from retrolidar_ros.nodes.conversion import to_point_cloud, to_signal_image
     from retrolidar_ros.scene import Scene, Simulation
 
     frame = next(iter(Simulation(Scene()).run(0.1)))
-    fields = [field.name for field in to_point_cloud(frame, Header()).fields]
+    fields = [field.name for field in to_point_cloud(frame, 'f').fields]
     assert DISPLAYS['PointCloud2']['Channel Name'] in fields
     assert PANELS['3D']['topics']['/retrolidar/points']['colorField'] in fields
-    assert to_signal_image(frame, Header()).encoding == '32FC1'
+    assert to_signal_image(frame, 'f').encoding == '32FC1'

@@ -105,10 +105,10 @@ def test_cobs_decodes_or_refuses_as_the_reference_does(pypi_cobs: Any, encoded: 
 @pytest.mark.parametrize(
     ('encoded', 'message'),
     [
-        (b'\0', 'zero at 0'),
-        (b'\3a\0', 'zero at 2'),
-        (b'\2', 'length byte 2 at 0 of 1'),
-        (b'\2a\5bc', 'length byte 5 at 2 of 5'),
+        (b'\0', 'byte 0 at 0 of 1'),
+        (b'\3a\0', 'byte 0 at 2 of 3'),
+        (b'\2', 'byte 2 at 0 of 1'),
+        (b'\2a\5bc', 'byte 5 at 2 of 5'),
     ],
 )
 def test_what_is_not_cobs(encoded: bytes, message: str) -> None:
