@@ -37,8 +37,9 @@ lint: env
 	$(RUN) ruff format --check
 	$(RUN) mypy
 
+# More workers than two cores: tests of nodes mostly wait for emulated sensors.
 test: build lint
-	$(RUN) pytest --timeout 120 -n 2 --dist loadfile --no-loadscope-reorder \
+	$(RUN) pytest --timeout 120 -n 3 --dist loadfile --no-loadscope-reorder \
 		--max-worker-restart 0 $(ARGS)
 
 evaluate: build

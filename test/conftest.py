@@ -14,7 +14,7 @@ os.environ.setdefault('OPENBLAS_NUM_THREADS', '1')
 
 # The nodes of workers of pytest-xdist, which run at the same time, must not hear each other.
 if worker := os.environ.get('PYTEST_XDIST_WORKER'):
-    domain = int(os.environ.get('ROS_DOMAIN_ID', '0')) + 50 * int(worker.removeprefix('gw'))
+    domain = int(os.environ.get('ROS_DOMAIN_ID', '0')) + 20 * int(worker.removeprefix('gw'))
     os.environ['ROS_DOMAIN_ID'] = str(domain % 100)
 
 # A shell lets its background jobs ignore SIGINT, and so do all that these start; but the tests
