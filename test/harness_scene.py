@@ -5,15 +5,9 @@
 from dataclasses import replace
 
 from retrolidar_ros.marker.code import packet
+from retrolidar_ros.marker.liquid_crystal import Response
 from retrolidar_ros.scene import Scene, Simulation
-from retrolidar_ros.scene.description import (
-    Marker,
-    Noise,
-    Ranging,
-    Response,
-    Sensor,
-    Surface,
-)
+from retrolidar_ros.scene.description import Marker, Noise, Ranging, Sensor, Surface
 from retrolidar_ros.sensor.frame import Recording, ZoneGrid
 
 GRID = ZoneGrid(4, 4)

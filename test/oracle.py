@@ -62,7 +62,7 @@ def light(sending: Sending, begin_s: Floats, end_s: Floats) -> Floats:
         level = np.append(level, 1.0)
         lasting_s = np.append(np.full(PACKET_BITS, bit_s), np.inf)
     start_s = sending.start_s + bit_s * (first * PACKET_BITS + np.arange(len(level)))
-    response = Response(bright_s=sending.brightening_s)
+    response = Response(0.0005, sending.brightening_s)
 
     def until(time_s: Floats) -> Floats:
         in_bit_s = np.clip(time_s[:, None] - start_s, 0.0, lasting_s)

@@ -8,10 +8,18 @@ import re
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 from retrolidar_ros.marker.code import IDS, RESERVED_IDS
-from retrolidar_ros.settings.section import ConfigError, Section, items, quantity, text
+from retrolidar_ros.settings.section import (
+    ConfigError,
+    Section,
+    Triple,
+    mapping,
+    place,
+    quantity,
+    text,
+)
 from retrolidar_ros.settings.yaml_files import load_parsed
 
 MARKER_SIZE_M = 0.03
@@ -22,20 +30,33 @@ _FRAME = re.compile(r'[A-Za-z0-9_.-][A-Za-z0-9_./-]*')
 _USUAL_FRAME = re.compile(r'marker_([0-9]+)')
 
 
+def _frame(value: Any, path: str) -> str:
+    name = text(value, path)
+    if not _FRAME.fullmatch(name):
+        raise ConfigError(
+            f'{path}: {name!r} cannot be a TF frame; letters, digits and _ . - / within'
+        )
+    return name
+
+
 @dataclass(frozen=True)
 class KnownMarker:
     """One line of a marker file."""
 
     id: int
-    frame: str
-    """Its TF frame."""
-    note: str = ''
-    size_m: float = MARKER_SIZE_M
+    frame: Annotated[str, _frame] = ''
+    """Its TF frame; if none is given, named by its ID."""
+    note: Annotated[str, text] = ''
+    size_m: Annotated[float, quantity('length', 1e-3, 1)] = MARKER_SIZE_M
     """Edge of the square retroreflector."""
-    object: str = ''
+    object: Annotated[str, _frame] = ''
     """What it is fixed to; empty: it is an object of its own."""
-    place_m: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    place_m: Annotated[Triple, place(100)] = (0.0, 0.0, 0.0)
     """Where on that."""
+
+    def __post_init__(self) -> None:
+        """Name the frame."""
+        object.__setattr__(self, 'frame', self.frame or frame_of(self.id, {}))
 
 
 def frame_of(marker_id: int, known: Mapping[int, KnownMarker]) -> str:
@@ -82,25 +103,7 @@ def _marker(identity: Any, value: Any, path: str) -> KnownMarker:
         raise ConfigError(f'{path}: {identity!r} is not an ID; it needs a number of 1 to {IDS - 2}')
     if not 0 <= identity < IDS or identity in RESERVED_IDS:
         raise ConfigError(f'{path}: {identity} is not an ID; 1 to {IDS - 2} are')
-    section = Section(value, f'{path}.{identity}')
-    marker = KnownMarker(
-        id=identity,
-        frame=section.take('frame', f'marker_{identity}', _frame),
-        note=section.take('note', '', text),
-        size_m=section.take('size', MARKER_SIZE_M, quantity('length', 1e-3, 1)),
-        object=section.take('object', '', _frame),
-        place_m=section.take('place', (0.0, 0.0, 0.0), _place),
-    )
-    section.end()
-    return marker
-
-
-def _place(value: Any, path: str) -> tuple[float, float, float]:
-    parts = items(value, path)
-    if len(parts) != 3:
-        raise ConfigError(f'{path}: needs x, y and z, not {len(parts)} values')
-    x, y, z = (quantity('length', -100, 100)(*part) for part in parts)
-    return x, y, z
+    return mapping(KnownMarker, id=identity)(value, f'{path}.{identity}')
 
 
 def objects_of(known: Mapping[int, KnownMarker]) -> dict[str, dict[int, tuple[float, ...]]]:
@@ -110,15 +113,6 @@ def objects_of(known: Mapping[int, KnownMarker]) -> dict[str, dict[int, tuple[fl
         if marker.object:
             objects.setdefault(marker.object, {})[marker.id] = marker.place_m
     return objects
-
-
-def _frame(value: Any, path: str) -> str:
-    name = text(value, path)
-    if not _FRAME.fullmatch(name):
-        raise ConfigError(
-            f'{path}: {name!r} cannot be a TF frame; letters, digits and _ . - / within'
-        )
-    return name
 
 
 def load_markers(path: Path) -> dict[int, KnownMarker]:

@@ -6,10 +6,14 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import Annotated, TypeAlias
 
 import numpy as np
 
 from retrolidar_ros.sensor.frame import Floats
+from retrolidar_ros.settings.section import quantity
+
+_Time: TypeAlias = Annotated[float, quantity('time', 1e-6, 0.1)]
 
 # An exponential runs from 10 to 90 % in ln 9 time constants.
 _TIME_CONSTANTS_10_TO_90 = math.log(9)
@@ -19,8 +23,8 @@ _TIME_CONSTANTS_10_TO_90 = math.log(9)
 class Response:
     """Times in which the liquid crystal darkens and brightens, from 10 to 90 % [s]."""
 
-    dark_s: float = 0.0005
-    bright_s: float = 0.0035
+    dark_s: _Time
+    bright_s: _Time
 
     def integral(self, before: Floats, level: Floats, elapsed_s: Floats) -> Floats:
         """Integrate the relaxation from one level to the next over the time since the edge.

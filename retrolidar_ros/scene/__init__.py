@@ -2,13 +2,12 @@
 # SPDX-License-Identifier: Apache-2.0
 """The smallest model of marker, sensor and room that a scene asks for.
 
-`description` says what a scene may name, `parsing` reads it from a file, `transmission` is what a
+`description` says what a scene may name and reads it from a file, `transmission` is what a
 marker's liquid crystal lets through, `optics` how much of it reaches which zone, `laboratory` what
 else happens on the way, `noise` what the sensor adds, and `simulation` what it reports.
 """
 
-from retrolidar_ros.scene.description import Scene
-from retrolidar_ros.scene.parsing import parse_scene
+from retrolidar_ros.scene.description import Scene, parse_scene
 from retrolidar_ros.scene.simulation import Simulation
 
 __all__ = ['Scene', 'Simulation', 'parse_scene']

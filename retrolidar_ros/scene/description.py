@@ -1,31 +1,28 @@
 # Copyright 2026 retrolidar_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""What a scene may name. What it does not name is not there, and is not computed."""
+"""What a scene may name, and how its file says it. What it does not name is not computed."""
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from itertools import pairwise
+from typing import Annotated, Any, TypeAlias
 
-from retrolidar_ros.marker.code import BIT_PERIOD_S
+from retrolidar_ros.marker.code import BIT_PERIOD_S, IDS
 from retrolidar_ros.marker.known_markers import MARKER_SIZE_M
 from retrolidar_ros.marker.liquid_crystal import Response
-from retrolidar_ros.sensor.frame import ZoneGrid
-
-__all__ = [
-    'Marker',
-    'MovingSurface',
-    'Noise',
-    'Occlusion',
-    'Ranging',
-    'Response',
-    'Scene',
-    'SecondSensor',
-    'Sensor',
-    'Surface',
-    'Wander',
-    'Waypoint',
-]
+from retrolidar_ros.sensor.frame import ZONE_SHAPES, ZoneGrid
+from retrolidar_ros.settings.section import (
+    ConfigError,
+    Triple,
+    each,
+    integer,
+    mapping,
+    place,
+    quantity,
+    text,
+)
 
 NEAREST_M = 1e-3
 SIGNAL_AT_1_M = 360.0
@@ -33,39 +30,51 @@ SIGNAL_AT_1_M = 360.0
 size returns 100.4 times what a board does, which is 4 kcps/SPAD at 1.4 m; the crystal's polarisers
 let a quarter of it pass."""
 
+Angle: TypeAlias = Annotated[float, quantity('angle', -math.pi / 2, math.pi / 2)]
+ClockError: TypeAlias = Annotated[float, quantity('share', -0.05, 0.05)]
+"""Relative error of a period."""
+Length: TypeAlias = Annotated[float, quantity('length', 0)]
+Period: TypeAlias = Annotated[float, quantity('time', 1e-3, 10)]
+Share: TypeAlias = Annotated[float, quantity('share', 0, 1)]
+Signal: TypeAlias = Annotated[float, quantity('signal', 0)]
+"""[kcps/SPAD]"""
+Time: TypeAlias = Annotated[float, quantity('time', 0)]
+
 
 @dataclass(frozen=True)
 class Noise:
     """Frame-to-frame variance of the signal: floor + slope · signal + ambient · ambient light."""
 
-    floor: float
+    floor: Annotated[float, quantity('variance', 0)]
     """[(kcps/SPAD)²]"""
-    slope: float
-    """[kcps/SPAD]"""
-    ambient: float = 0.0
-    """[kcps/SPAD]"""
+    slope: Signal
+    ambient: Signal = 0.0
 
 
 @dataclass(frozen=True)
 class Ranging:
-    """Standard deviation of the distance: hypot(shot / signal, floor)."""
+    """Standard deviation of the distance [m]: hypot(shot / signal, floor)."""
 
-    shot: float
-    """Deviation at a signal of one kcps/SPAD [m]."""
-    floor: float
-    """[m]"""
-    offset: float = 0.0
+    shot: Length
+    """At a signal of one kcps/SPAD."""
+    floor: Length
+    offset: Annotated[float, quantity('length', -0.5, 0.5)] = 0.0
     """By how much all ranges are too long [m]."""
+
+
+def _check_second_sensor(second: SecondSensor, path: str) -> None:
+    if second.lasting_s > second.period_s:
+        raise ConfigError(f'{path}.lasting: is longer than its period')
 
 
 @dataclass(frozen=True)
 class SecondSensor:
     """Another sensor, not in step with this one, whose light is part of what this one sees."""
 
-    ambient: float
-    """By how much it raises the ambient light while it sends [kcps/SPAD]."""
-    period_s: float
-    lasting_s: float
+    ambient: Signal
+    """By how much it raises the ambient light while it sends."""
+    period_s: Period
+    lasting_s: Time
     """How long it sends in each of its periods."""
 
 
@@ -76,42 +85,65 @@ class Waypoint:
     After the last one the path restarts.
     """
 
-    time_s: float
-    position_m: tuple[float, float, float]
-    yaw_rad: float = 0.0
+    time_s: Time
+    position_m: Annotated[Triple, place()]
+    yaw_rad: Angle = 0.0
     """To the right."""
-    pitch_rad: float = 0.0
+    pitch_rad: Angle = 0.0
     """Upwards."""
+
+
+def _waypoints(value: Any, path: str) -> tuple[Waypoint, ...]:
+    found = each(mapping(Waypoint))(value, path)
+    if not found:
+        raise ConfigError(f'{path}: needs a waypoint')
+    if any(after.time_s <= before.time_s for before, after in pairwise(found)):
+        raise ConfigError(f'{path}: times must rise')
+    return found
+
+
+def _grid(value: Any, path: str) -> ZoneGrid:
+    shapes = {f'{rows}x{columns}': ZoneGrid(rows, columns) for rows, columns in ZONE_SHAPES}
+    if not isinstance(value, str) or value not in shapes:
+        raise ConfigError(f'{path}: {value!r} is not {" or ".join(shapes)}')
+    return shapes[value]
+
+
+def _check_sensor(sensor: Sensor, path: str) -> None:
+    if sensor.jitter_s * 4 >= sensor.period_s * (1 + sensor.period_error):
+        raise ConfigError(f'{path}.jitter: frames would overtake each other; less than period / 4')
 
 
 @dataclass(frozen=True)
 class Sensor:
     """The LiDAR and its clock."""
 
-    grid: ZoneGrid = ZoneGrid()
-    period_s: float = 0.021
-    period_error: float = 0.0
-    """Relative error of the frame period."""
-    clock_error: float = 0.0
-    """Relative error of the clock that stamps the frames."""
-    jitter_s: float = 0.0
+    grid: Annotated[ZoneGrid, _grid, 'zones'] = ZoneGrid()
+    period_s: Period = 0.021
+    period_error: ClockError = 0.0
+    """Of the frame period."""
+    clock_error: ClockError = 0.0
+    """Of the clock that stamps the frames."""
+    jitter_s: Annotated[float, quantity('time', 0, 5e-3)] = 0.0
     """Standard deviation of the time of a frame, before it is limited to twice that."""
-    blur: float = 0.0
+    blur: Share = 0.0
     """Standard deviation of the optical blur, as a share of a zone's width."""
-    noise: Noise | None = None
-    ranging: Ranging | None = None
-    target_threshold: float = 0.0
-    """Signal below which the sensor reports no target [kcps/SPAD]; 0 = the last digit suffices."""
-    lost: float = 0.0
+    noise: Annotated[Noise | None, mapping(Noise)] = None
+    ranging: Annotated[Ranging | None, mapping(Ranging)] = None
+    target_threshold: Signal = 0.0
+    """Below it the sensor reports no target; 0 = the last digit suffices."""
+    lost: Annotated[float, quantity('share', 0, 0.99)] = 0.0
     """Share of frames that never arrive."""
-    abnormal: float = 0.0
+    abnormal: Share = 0.0
     """Share of samples with an abnormal status and meaningless values."""
-    saturation: float = math.inf
+    saturation: Annotated[float, quantity('signal', 1)] = math.inf
     """The most that a SPAD can count, one over its dead time [kcps/SPAD]."""
-    crosstalk: float = 0.0
-    """Signal that a cover glass throws back, a target of its own at the sensor [kcps/SPAD]."""
-    second_sensor: SecondSensor | None = None
-    path: tuple[Waypoint, ...] = ()
+    crosstalk: Signal = 0.0
+    """What a cover glass throws back, a target of its own at the sensor."""
+    second_sensor: Annotated[SecondSensor | None, mapping(SecondSensor, _check_second_sensor)] = (
+        None
+    )
+    path: Annotated[tuple[Waypoint, ...], _waypoints] = ()
     """Poses in the frame of the scene; none = at its origin."""
 
 
@@ -119,80 +151,129 @@ class Sensor:
 class Wander:
     """A smooth motion about the marker's position: slow sines of unlike periods."""
 
-    across_m: float
+    across_m: Length
     """Amplitude along x and along y."""
-    along_m: float
+    along_m: Length
     """Amplitude along z."""
-    period_s: float
+    period_s: Annotated[float, quantity('time', 0.1)]
+
+
+def _check_occlusion(occlusion: Occlusion, path: str) -> None:
+    if occlusion.lasting_s >= occlusion.every_s:
+        raise ConfigError(f'{path}.lasting: the marker would never be seen; less than every')
 
 
 @dataclass(frozen=True)
 class Occlusion:
     """Something that hides the marker again and again."""
 
-    every_s: float
-    lasting_s: float
+    every_s: Annotated[float, quantity('time', 1e-3)]
+    lasting_s: Time
+
+
+def _ahead(position_m: Triple, path: str) -> Triple:
+    """Return a position that is before the sensor [m]."""
+    if position_m[2] < NEAREST_M:
+        z = position_m[2]
+        raise ConfigError(f'{path}: z of {z:g} m is impossible; at least {NEAREST_M:g} m')
+    return position_m
+
+
+def _check_marker(marker: Marker, path: str) -> None:
+    _ahead(marker.position_m, f'{path}.position')
+    if marker.wander and marker.position_m[2] - marker.wander.along_m < NEAREST_M:
+        raise ConfigError(f'{path}.wander.along: the marker would reach the sensor')
+    response = marker.response
+    if response and max(response.dark_s, response.bright_s) > marker.bit_period_s / 2:
+        raise ConfigError(f'{path}.response: too slow to follow the bits; at most half a bit')
 
 
 @dataclass(frozen=True)
 class Marker:
     """A liquid-crystal marker."""
 
-    id: int
-    position_m: tuple[float, float, float]
+    id: Annotated[int, integer(0, IDS - 1)]
+    position_m: Annotated[Triple, place()]
     """In the optical frame: x right, y down, z forward."""
-    name: str
-    size_m: float = MARKER_SIZE_M
+    name: Annotated[str, text] = ''
+    """If none is given, that of its ID."""
+    size_m: Annotated[float, quantity('length', 1e-3, 1)] = MARKER_SIZE_M
     """Edge of the square retroreflector."""
-    yaw_rad: float = 0.0
-    bit_period_s: float = BIT_PERIOD_S
-    clock_error: float = 0.0
-    """Relative error of the bit period."""
-    start_s: float = 0.0
+    yaw_rad: Angle = 0.0
+    bit_period_s: Period = BIT_PERIOD_S
+    clock_error: ClockError = 0.0
+    """Of the bit period."""
+    start_s: Time = 0.0
     """When its first packet begins; it is bright before."""
-    packets: int | None = None
+    packets: Annotated[int | None, integer(1, 2**31)] = None
     """How many packets it sends; None = without end."""
-    gap_bits: int = 0
-    signal_at_1_m: float = SIGNAL_AT_1_M
+    gap_bits: Annotated[int, integer(0, 10_000)] = 0
+    signal_at_1_m: Annotated[float, quantity('signal', 1e-3), 'signal_at_1_m'] = SIGNAL_AT_1_M
     """Of a bright 3 cm one facing the sensor [kcps/SPAD]."""
-    contrast: float = 1.0
+    contrast: Share = 1.0
     """Share of its light that a dark crystal blocks."""
-    response: Response | None = None
-    wander: Wander | None = None
-    occlusion: Occlusion | None = None
+    response: Annotated[Response | None, mapping(Response)] = None
+    wander: Annotated[Wander | None, mapping(Wander)] = None
+    occlusion: Annotated[Occlusion | None, mapping(Occlusion, _check_occlusion)] = None
+
+    def __post_init__(self) -> None:
+        """Name it."""
+        object.__setattr__(self, 'name', self.name or f'marker_{self.id}')
 
 
 @dataclass(frozen=True)
 class Surface:
     """A background at one distance along the optical axis."""
 
-    distance_m: float
-    signal: float
-    """[kcps/SPAD]"""
-    zones: tuple[int, ...] | None = None
+    distance_m: Annotated[float, quantity('length', NEAREST_M)]
+    signal: Signal
+    zones: Annotated[tuple[int, ...] | None, each(integer(0, ZoneGrid(8, 8).zones - 1))] = None
     """Where it is seen; None = in every zone."""
+
+
+def _check_moving_surface(surface: MovingSurface, path: str) -> None:
+    for index, point in enumerate(surface.path):
+        _ahead(point.position_m, f'{path}.path[{index}].position')
 
 
 @dataclass(frozen=True)
 class MovingSurface:
     """A dull square facing the sensor, such as a hand, on a path; it hides what is behind it."""
 
-    width_m: float
-    signal: float
-    """Of a zone that it fills at 1 m [kcps/SPAD]."""
-    path: tuple[Waypoint, ...]
+    width_m: Annotated[float, quantity('length', 1e-3)]
+    signal: Signal
+    """Of a zone that it fills at 1 m."""
+    path: Annotated[tuple[Waypoint, ...], _waypoints]
+
+
+def _check_scene(scene: Scene, _: str) -> None:
+    zone = integer(0, scene.sensor.grid.zones - 1)
+    for index, surface in enumerate(scene.surfaces):
+        each(zone)(list(surface.zones or ()), f'surfaces[{index}].zones')
 
 
 @dataclass(frozen=True)
 class Scene:
     """Everything that a simulation computes."""
 
-    description: str = ''
-    seed: int = 0
-    duration_s: float = 30.0
-    sensor: Sensor = Sensor()
-    markers: tuple[Marker, ...] = ()
-    surfaces: tuple[Surface, ...] = ()
-    moving_surfaces: tuple[MovingSurface, ...] = ()
-    ambient: float = 0.0
-    """[kcps/SPAD]"""
+    description: Annotated[str, text] = ''
+    seed: Annotated[int, integer(0, 2**63 - 1)] = 0
+    duration_s: Annotated[float, quantity('time', 0.1)] = 30.0
+    sensor: Annotated[Sensor, mapping(Sensor, _check_sensor)] = Sensor()
+    markers: Annotated[tuple[Marker, ...], each(mapping(Marker, _check_marker))] = ()
+    surfaces: Annotated[tuple[Surface, ...], each(mapping(Surface))] = ()
+    moving_surfaces: Annotated[
+        tuple[MovingSurface, ...], each(mapping(MovingSurface, _check_moving_surface))
+    ] = ()
+    ambient: Signal = 0.0
+
+
+def parse_scene(content: object) -> Scene:
+    """Return the scene that nested mappings and lists describe, as read from a YAML file.
+
+    Raises
+    ------
+    ConfigError
+        For an unknown key, a missing unit or an impossible value; it names the key.
+    """
+    return mapping(Scene, _check_scene)(content, '')

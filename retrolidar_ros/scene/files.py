@@ -6,8 +6,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from retrolidar_ros.scene.description import Scene
-from retrolidar_ros.scene.parsing import parse_scene
+from retrolidar_ros.scene.description import Scene, parse_scene
 from retrolidar_ros.settings.resources import shared_file
 from retrolidar_ros.settings.yaml_files import load_parsed
 

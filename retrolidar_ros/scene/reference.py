@@ -12,15 +12,8 @@ from __future__ import annotations
 import numpy as np
 
 from retrolidar_ros.marker.code import BIT_PERIOD_S, IDS
-from retrolidar_ros.scene.description import (
-    Marker,
-    Noise,
-    Ranging,
-    Response,
-    Scene,
-    Sensor,
-    Surface,
-)
+from retrolidar_ros.marker.liquid_crystal import Response
+from retrolidar_ros.scene.description import Marker, Noise, Ranging, Scene, Sensor, Surface
 from retrolidar_ros.sensor.frame import ZoneGrid
 
 WALL_SIGNAL = 4.0  # [kcps/SPAD]

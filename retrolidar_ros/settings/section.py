@@ -7,10 +7,14 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Callable, Mapping
+from dataclasses import MISSING, Field, fields
 from difflib import get_close_matches
-from typing import Any, TypeVar
+from typing import Any, TypeAlias, TypeVar, get_type_hints
 
 T = TypeVar('T')
+Parser: TypeAlias = Callable[[Any, str], T]
+"""From a value and its dotted name to what it means; ConfigError if it cannot be."""
+Triple: TypeAlias = tuple[float, float, float]
 
 UNITS: dict[str, dict[str, float]] = {
     'time': {'s': 1.0, 'ms': 1e-3, 'us': 1e-6},
@@ -47,14 +51,14 @@ class Section:
         """Return the dotted name of a key, for messages."""
         return f'{self._path}.{key}' if self._path else key
 
-    def take(self, key: str, default: T, parse: Callable[[Any, str], T]) -> T:
+    def take(self, key: str, default: T, parse: Parser[T]) -> T:
         """Return the parsed value of a key, or the default if it is missing."""
         self._taken.append(key)
         if key not in self._content:
             return default
         return parse(self._content.pop(key), self.path(key))
 
-    def need(self, key: str, parse: Callable[[Any, str], T]) -> T:
+    def need(self, key: str, parse: Parser[T]) -> T:
         """Return the parsed value of a required key."""
         if key not in self._content:
             raise ConfigError(f'{self.path(key)}: is missing')
@@ -69,9 +73,46 @@ class Section:
             raise ConfigError(f'{self.path(str(key))}: unknown key; {hint}')
 
 
-def quantity(
-    kind: str, minimum: float = -_LARGEST, maximum: float = _LARGEST
-) -> Callable[[Any, str], float]:
+def mapping(
+    kind: type[T], check: Callable[[T, str], None] | None = None, **given: object
+) -> Parser[T]:
+    """Return a parser of mappings to a dataclass whose fields are annotated with their parsers.
+
+    The key of `start_s: Annotated[float, quantity('time')]` is `start`, unless another one follows
+    the parser; it is required if the field has no default. Fields that are `given` have no key.
+    `check` raises ConfigError for values that do not go together.
+    """
+
+    def parse(value: Any, path: str) -> T:
+        section = Section(value, path)
+        values = dict(given)
+        for field, key, parser in _keys(kind):
+            if field.name in given:
+                continue
+            if field.default is MISSING:
+                values[field.name] = section.need(key, parser)
+            else:
+                values[field.name] = section.take(key, field.default, parser)
+        section.end()
+        found = kind(**values)
+        if check is not None:
+            check(found, path)
+        return found
+
+    return parse
+
+
+def _keys(kind: Any) -> list[tuple[Field[Any], str, Parser[Any]]]:
+    """Return the fields of a dataclass with their keys and parsers."""
+    hints = get_type_hints(kind, include_extras=True)
+    keys = []
+    for field in fields(kind):
+        parser, *key = getattr(hints[field.name], '__metadata__', (None,))
+        keys.append((field, *(key or [re.sub('_(s|m|rad)$', '', field.name)]), parser))
+    return keys
+
+
+def quantity(kind: str, minimum: float = -_LARGEST, maximum: float = _LARGEST) -> Parser[float]:
     """Return a parser of quantities such as `21 ms` within limits in the code's own unit."""
 
     def parse(value: Any, path: str) -> float:
@@ -94,7 +135,7 @@ def quantity(
     return parse
 
 
-def integer(minimum: int, maximum: int) -> Callable[[Any, str], int]:
+def integer(minimum: int, maximum: int) -> Parser[int]:
     """Return a parser of whole numbers within limits."""
 
     def parse(value: Any, path: str) -> int:
@@ -114,10 +155,28 @@ def text(value: Any, path: str) -> str:
     return value
 
 
-def items(value: Any, path: str) -> list[tuple[Any, str]]:
-    """Parse a list into its items, each with its own path."""
-    if not isinstance(value, list):
-        raise ConfigError(f'{path}: needs a list, not {value!r}')
-    if len(value) > _MOST_ITEMS:
-        raise ConfigError(f'{path}: {len(value)} of them; {_MOST_ITEMS} are the most')
-    return [(item, f'{path}[{index}]') for index, item in enumerate(value)]
+def each(parse: Parser[T]) -> Parser[tuple[T, ...]]:
+    """Return a parser of lists by that of their items."""
+
+    def parse_all(value: Any, path: str) -> tuple[T, ...]:
+        if not isinstance(value, list):
+            raise ConfigError(f'{path}: needs a list, not {value!r}')
+        if len(value) > _MOST_ITEMS:
+            raise ConfigError(f'{path}: {len(value)} of them; {_MOST_ITEMS} are the most')
+        return tuple(parse(item, f'{path}[{index}]') for index, item in enumerate(value))
+
+    return parse_all
+
+
+def place(most_m: float = _LARGEST) -> Parser[Triple]:
+    """Return a parser of x, y and z within limits [m]."""
+    lengths = each(quantity('length', -most_m, most_m))
+
+    def parse(value: Any, path: str) -> Triple:
+        found = lengths(value, path)
+        if len(found) != 3:
+            raise ConfigError(f'{path}: needs x, y and z, not {len(found)} values')
+        x, y, z = found
+        return x, y, z
+
+    return parse

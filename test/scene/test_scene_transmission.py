@@ -10,7 +10,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from retrolidar_ros.marker.code import packet
-from retrolidar_ros.scene.description import Marker, Occlusion, Response
+from retrolidar_ros.marker.liquid_crystal import Response
+from retrolidar_ros.scene.description import Marker, Occlusion
 from retrolidar_ros.scene.transmission import Transmission, visible_share
 from retrolidar_ros.sensor.frame import Floats
 
