@@ -6,8 +6,14 @@ from __future__ import annotations
 
 import argparse
 import json
+import math
+from typing import Any
 
 from retrolidar_ros.cli.arguments import Subparsers
+from retrolidar_ros.marker.battery import active_share
+from retrolidar_ros.scene.marker_budget import SENSOR_REACH_M, SNR, budget
+from retrolidar_ros.scene.reference import SENSOR
+from retrolidar_ros.settings.section import ConfigError, quantity
 
 
 def add_command(subparsers: Subparsers) -> None:
@@ -30,12 +36,52 @@ def add_command(subparsers: Subparsers) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Print what to expect of a marker."""
-    from retrolidar_ros.scene.marker_budget import budget, parse_case, to_json, to_text
-
-    case = parse_case(
-        arguments.size, arguments.yaw, arguments.distance, arguments.cell, arguments.queries
+    """Print what to expect of a marker, as large as a zone is at its distance at most."""
+    distance_m = quantity('length', 0.1, SENSOR_REACH_M)(arguments.distance, '--distance')
+    zone_m = distance_m * float((SENSOR.grid.pitch * SENSOR.grid.z_per_range).min())
+    found = budget(
+        size_m=quantity('length', 1e-3, zone_m)(arguments.size, '--size'),
+        yaw_rad=quantity('angle', -math.pi / 2, math.pi / 2)(arguments.yaw, '--yaw'),
+        distance_m=distance_m,
+        cell_mah=quantity('charge', 1.0)(arguments.cell, '--cell'),
+        queries_per_hour=_rate(arguments.queries, '--queries'),
     )
-    found = budget(case)
-    print(json.dumps(to_json(found)) if arguments.json else to_text(found))
+    print(json.dumps(found) if arguments.json else _text(found))
     return 0
+
+
+def _rate(text: str, path: str) -> float:
+    """Parse how many packets a marker is asked for in an hour."""
+    try:
+        value = float(text)
+    except ValueError:
+        raise ConfigError(f'{path}: {text!r} is not a number') from None
+    try:
+        active_share(value)
+    except ValueError as error:
+        raise ConfigError(f'{path}: {error}') from None
+    return value
+
+
+def _text(found: dict[str, Any]) -> str:
+    """Return a budget as lines for the terminal."""
+    link, wake_up, battery = found['link'], found['wake_up'], found['battery']
+    ratio = 'nothing comes back' if link['snr_db'] is None else f'{link["snr_db"]:.1f} dB'
+    reach = f'up to {wake_up["range_m"]:.2f} m' if wake_up['range_m'] else 'at no distance'
+    drawn_ua = ', '.join(f'{name} {1e3 * part:.1f}' for name, part in battery['drawn_ma'].items())
+    awake = 'wakes' if wake_up['woken'] else 'stays asleep'
+    life_h = battery['life_h']
+    rows = (
+        ('marker', f'{100 * found["size_m"]:g} cm at {found["distance_m"]:g} m'),
+        ('', f'yaw {math.degrees(found["yaw_rad"]):g}°'),
+        ('link', f'bright {link["bright"]:.1f}, dark {link["dark"]:.1f} kcps/SPAD'),
+        ('', f'noise {link["noise"]:.1f} kcps/SPAD, {SNR} {ratio}'),
+        ('', f'80 % of lone packets are read to {link["reach_m"]:.2f} m'),
+        ('wake-up', f'{1e3 * wake_up["voltage_v"]:.1f} mV indoors'),
+        ('', f'threshold {1e3 * wake_up["threshold_v"]:.1f} mV: it {awake}'),
+        ('', f'at this yaw it wakes {reach}'),
+        ('battery', f'{drawn_ua}, together {1e3 * battery["total_ma"]:.1f} µA'),
+        ('', f'queries an hour: {found["queries_per_hour"]:g}, a packet each'),
+        ('', f'{found["cell_mah"]:g} mAh last {life_h:.0f} h, {life_h / 24:.1f} days'),
+    )
+    return '\n'.join(f'{subject:8}{value}' for subject, value in rows)

@@ -9,7 +9,6 @@ sends packets. Self-discharge, and the capacity left below the least voltage, ar
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import NamedTuple
 
 from retrolidar_ros.marker.code import BIT_PERIOD_S, PACKET_BITS
 from retrolidar_ros.marker.wakeup import LOOK_EVERY_S, LOOK_S
@@ -21,28 +20,19 @@ _HOUR_S = 3600.0
 
 @dataclass(frozen=True)
 class Currents:
-    """Current of a marker in each mode [mA]."""
+    """Current of a marker in each mode [mA], or by each mode in the mean; those of paper Tab. 2."""
 
     sleep: float = 0.001
     detection: float = 3.98
     active: float = 12.7
 
-
-PROTOTYPE = Currents()
-"""The paper's (Tab. 2)."""
-
-
-class Drawn(NamedTuple):
-    """Mean current by mode [mA]."""
-
-    sleep: float
-    detection: float
-    active: float
-
     @property
     def total(self) -> float:
         """Their sum [mA]."""
-        return sum(self)
+        return self.sleep + self.detection + self.active
+
+
+PROTOTYPE = Currents()
 
 
 def active_share(queries_per_hour: float, packets: int = 1) -> float:
@@ -70,10 +60,10 @@ def active_share(queries_per_hour: float, packets: int = 1) -> float:
     return share
 
 
-def drawn(active: float, currents: Currents = PROTOTYPE) -> Drawn:
+def drawn(active: float, currents: Currents = PROTOTYPE) -> Currents:
     """Return the mean currents [mA] of a marker that is active for a share of the time."""
     looking = LOOK_S / LOOK_EVERY_S
-    return Drawn(
+    return Currents(
         sleep=currents.sleep * (1 - looking) * (1 - active),
         detection=currents.detection * looking * (1 - active),
         active=currents.active * active,

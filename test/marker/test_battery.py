@@ -35,7 +35,7 @@ def test_modes_are_weighed_by_their_time() -> None:
     assert means.detection == pytest.approx(0.0398, rel=1e-3)
     assert means.sleep == pytest.approx(0.00099, rel=1e-3)
     assert means.active == pytest.approx(12.7 * 1.302 / 3600)
-    assert drawn(1.0) == (0, 0, 12.7)
+    assert drawn(1.0) == Currents(0, 0, 12.7)
 
 
 def test_two_years_need_a_lower_active_current() -> None:
