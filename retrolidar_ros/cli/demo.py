@@ -6,12 +6,14 @@ from __future__ import annotations
 
 import argparse
 import sys
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING
 
 from retrolidar_ros.cli.arguments import Subparsers, seconds
-from retrolidar_ros.cli.picture import Reading, plot_readings
+from retrolidar_ros.cli.picture import plot_readings
 from retrolidar_ros.cli.processes import ProcessError, ProcessGroup
 from retrolidar_ros.scene import Scene
 from retrolidar_ros.scene.files import find_scene, load_scene
@@ -43,8 +45,26 @@ def add_command(subparsers: Subparsers) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Run a scene, and compare what was read with the truth."""
-    return run_demo(arguments.scene, arguments.output, arguments.timeout)
+    """Run the demo of a scene; return 0 if all its markers were read well, else 1."""
+    file = find_scene(arguments.scene)
+    scene = load_scene(arguments.scene)
+    if not scene.markers:
+        raise ValueError(f'{arguments.scene} has no markers; there is nothing to read')
+    try:
+        from retrolidar_ros.cli.demo_arm import run_arm
+        from retrolidar_ros.nodes.listener import Listener
+    except ImportError as error:
+        raise ValueError(f'the demo needs ROS 2 and this package built for it: {error}') from error
+    picture = arguments.output or Path(f'demo_{file.stem}.png')
+    run_scene = run_arm if len(scene.sensor.path) > 1 else run_still
+    listener = Listener(NAMESPACE)
+    try:
+        return run_scene(scene, file, picture, listener, arguments.timeout)
+    except ProcessError as error:
+        print(f'retrolidar: {error}', file=sys.stderr)
+        return 1
+    finally:
+        listener.close()
 
 
 def executable(node: str) -> str:
@@ -54,18 +74,36 @@ def executable(node: str) -> str:
     return str(Path(get_package_prefix('retrolidar_ros')) / 'lib' / 'retrolidar_ros' / node)
 
 
-def check_alone(listener: Listener) -> None:
-    """Raise ProcessError if another driver uses the demo's namespace."""
-    if listener.spin_until(lambda: listener.node.count_publishers('frames') > 0, 1.0):
-        raise ProcessError(_TAKEN)
+@contextmanager
+def running_nodes(
+    listener: Listener, timeout_s: float, landmarks: Sequence[str] = ()
+) -> Iterator[tuple[ProcessGroup, Path]]:
+    """Yield driver and detector with the shipped parameters, and the port where they wait.
 
-
-def start_nodes(processes: ProcessGroup, port: Path) -> None:
-    """Start driver and detector with the shipped parameter file."""
+    With options for it, there is a node `landmarks`, too. ProcessError if they do not come.
+    """
     common = ['--ros-args', '--params-file', str(shared_file('config/retrolidar.yaml'))]
     common += ['-r', f'__ns:={NAMESPACE}']
-    processes.start('driver', [executable('driver'), *common, '-p', f'serial_port:={port}'])
-    processes.start('detector', [executable('detector'), *common])
+    with (
+        TemporaryDirectory(prefix='retrolidar_') as directory,
+        ProcessGroup(Path(directory)) as processes,
+    ):
+        if listener.spin_until(lambda: listener.node.count_publishers('frames') > 0, 1.0):
+            raise ProcessError(_TAKEN)
+        port = Path(directory) / 'port'
+        processes.start('driver', [executable('driver'), *common, '-p', f'serial_port:={port}'])
+        processes.start('detector', [executable('detector'), *common])
+        if landmarks:
+            processes.start('landmarks', [executable('landmarks'), *common, *landmarks])
+
+        def are_ready() -> bool:
+            processes.check()
+            placing = listener.node.count_publishers('landmarks/marker_array') > 0
+            return listener.is_connected() and (placing or not landmarks)
+
+        if not listener.spin_until(are_ready, timeout_s):
+            raise ProcessError(f'no nodes within {timeout_s:g} s')
+        yield processes, port
 
 
 def start_emulator(processes: ProcessGroup, scene: str, port: Path, *options: str) -> None:
@@ -91,72 +129,19 @@ def _listen(scene: Scene, listener: Listener, processes: ProcessGroup, timeout_s
     listener.spin_until(done, timeout_s)
 
 
-def _is_ready(listener: Listener, processes: ProcessGroup) -> bool:
-    """Return whether driver, detector and listener are connected."""
-    processes.check()
-    return listener.is_connected()
-
-
-def run_demo(scene_name: str, picture: Path | None, timeout_s: float) -> int:
-    """Run the demo of a scene; return 0 if all its markers were read well, else 1."""
-    scene = load_scene(scene_name)
-    if not scene.markers:
-        raise ValueError(f'{scene_name} has no markers; there is nothing to read')
-    try:
-        from retrolidar_ros.nodes.listener import Listener
-    except ImportError as error:
-        raise ValueError(f'the demo needs ROS 2 and this package built for it: {error}') from error
-    picture = picture or Path(f'demo_{find_scene(scene_name).stem}.png')
-    if len(scene.sensor.path) > 1:
-        from retrolidar_ros.cli.demo_arm import run_arm
-
-        return run_arm(scene, find_scene(scene_name), picture, timeout_s)
+def run_still(scene: Scene, file: Path, picture: Path, listener: Listener, timeout_s: float) -> int:
+    """Compare what is read of a scene with the truth; return 0 if all is read well, else 1."""
     print(f'{scene.description}\nDriver and detector are starting ...', flush=True)
-    with TemporaryDirectory(prefix='retrolidar_') as directory:
-        listener = Listener(NAMESPACE)
-        try:
-            with ProcessGroup(Path(directory)) as processes:
-                port = Path(directory) / 'port'
-                check_alone(listener)
-                start_nodes(processes, port)
-                if not listener.spin_until(lambda: _is_ready(listener, processes), timeout_s):
-                    print(f'retrolidar: no nodes within {timeout_s:g} s', file=sys.stderr)
-                    return 1
-                print('  driver and detector wait for the sensor', flush=True)
-                start_emulator(processes, str(find_scene(scene_name)), port)
-                _listen(scene, listener, processes, timeout_s)
-        except ProcessError as error:
-            print(f'retrolidar: {error}', file=sys.stderr)
-            return 1
-        finally:
-            listener.close()
+    with running_nodes(listener, timeout_s) as (processes, port):
+        print('  driver and detector wait for the sensor', flush=True)
+        start_emulator(processes, str(file), port)
+        _listen(scene, listener, processes, timeout_s)
     recording, heard = listener.recording(), listener.heard()
     if recording is None:
-        print(f'retrolidar: no frame came within {timeout_s:g} s', file=sys.stderr)
-        return 1
+        raise ProcessError(f'no frame came within {timeout_s:g} s')
     outcomes = judge(scene, recording, heard)
     print(f'\n{table(outcomes)}\n')
-    names = {marker.id: marker.name for marker in scene.markers}
-    origin_ns = int(recording.stamp_ns[0])
-    plot_readings(
-        recording,
-        [
-            Reading(
-                id=one.id,
-                name=names.get(one.id, 'ghost'),
-                start_s=(one.start_ns - origin_ns) * 1e-9,
-                stamp_s=(one.stamp_ns - origin_ns) * 1e-9,
-                range_m=one.range_m,
-                position_m=one.position_m,
-                zone=one.zone,
-            )
-            for one in heard
-        ],
-        picture,
-        origin_ns=origin_ns,
-        title=scene.description,
-        truth_m={marker.name: marker.position_m for marker in scene.markers},
-    )
+    plot_readings(recording, heard, picture, title=scene.description, markers=scene.markers)
     print(f'picture: {picture}')
     good = [outcome for outcome in outcomes if outcome.good]
     print(

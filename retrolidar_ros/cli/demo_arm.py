@@ -5,26 +5,17 @@
 from __future__ import annotations
 
 import math
-import sys
 import time
 from functools import partial
 from itertools import pairwise
 from pathlib import Path
-from tempfile import TemporaryDirectory
 from typing import NamedTuple
 
 import numpy as np
 from geometry_msgs.msg import PoseWithCovarianceStamped, TransformStamped
 from tf2_msgs.msg import TFMessage
 
-from retrolidar_ros.cli.demo import (
-    NAMESPACE,
-    check_alone,
-    executable,
-    start_emulator,
-    start_nodes,
-)
-from retrolidar_ros.cli.processes import ProcessError, ProcessGroup
+from retrolidar_ros.cli.demo import running_nodes, start_emulator
 from retrolidar_ros.nodes.conversion import to_ns, to_time
 from retrolidar_ros.nodes.listener import Listener
 from retrolidar_ros.nodes.qos import LATCHED
@@ -107,38 +98,31 @@ class _Hand:
         self._transforms.publish(TFMessage(transforms=[message]))
 
 
-def run_arm(scene: Scene, path: Path, picture: Path, timeout_s: float) -> int:
+def run_arm(scene: Scene, file: Path, picture: Path, listener: Listener, timeout_s: float) -> int:
     """Run a scene whose sensor moves; return 0 if all ellipsoids hold in the end, else 1.
 
-    `path` is its file, `picture` shows how the ellipsoids shrink, and nodes may take `timeout_s`
-    to start [s].
+    The picture shows how the ellipsoids shrink.
     """
     print(f'{scene.description}\nDriver, detector and landmarks are starting ...', flush=True)
     names = [marker.name for marker in scene.markers]
-    listener = Listener(NAMESPACE)
     hand = _Hand(listener, scene)
-    try:
-        with (
-            TemporaryDirectory(prefix='retrolidar_') as name,
-            ProcessGroup(Path(name)) as processes,
-        ):
-            _start(processes, listener, hand, path, timeout_s)
-            print(' ' * 26 + ''.join(f'{one:>16}' for one in names), flush=True)
-            for index, (place_m, left_s) in enumerate(hand.stays):
+    markers = f'marker_file:={shared_file("config/markers.yaml")}'
+    options = ['-p', f'fixed_frame:={_FIXED}', '-p', markers, '-r', '/tf:=tf']
+    with running_nodes(listener, timeout_s, options) as (processes, port):
+        start_ns = time.monotonic_ns() + round(_BEFORE_S * 1e9)
+        hand.zero_ns = start_ns + time.time_ns() - time.monotonic_ns()
+        start_emulator(processes, str(file), port, '--start', f'{start_ns * 1e-9:.9f}')
+        print(' ' * 26 + ''.join(f'{one:>16}' for one in names), flush=True)
+        for index, (place_m, left_s) in enumerate(hand.stays):
 
-                def has_left(until_s: float = left_s + _LATE_S) -> bool:
-                    processes.check()
-                    return hand.time_s(time.time_ns()) > until_s
+            def has_left(until_s: float = left_s + _LATE_S) -> bool:
+                processes.check()
+                return hand.time_s(time.time_ns()) > until_s
 
-                listener.spin_until(has_left, math.inf)
-                cells = ''.join(f'{hand.after(index, one) or "-"!s:>16}' for one in names)
-                place = ', '.join(f'{one:5.2f}' for one in place_m)
-                print(f'  {index + 1}. ({place}) m {cells}', flush=True)
-    except ProcessError as error:
-        print(f'retrolidar: {error}', file=sys.stderr)
-        return 1
-    finally:
-        listener.close()
+            listener.spin_until(has_left, math.inf)
+            cells = ''.join(f'{hand.after(index, one) or "-"!s:>16}' for one in names)
+            place = ', '.join(f'{one:5.2f}' for one in place_m)
+            print(f'  {index + 1}. ({place}) m {cells}', flush=True)
     print('Error of the position ± its estimated deviation along the worst axis [mm]\n')
     _draw(scene, hand, picture)
     last = [hand.after(len(hand.stays) - 1, one) for one in names]
@@ -148,30 +132,6 @@ def run_arm(scene: Scene, path: Path, picture: Path, timeout_s: float) -> int:
     good = np.array(off) < _RARE
     print(f'picture: {picture}\n{good.sum()} of {len(good)} objects are in their 99.9 % ellipsoid')
     return 0 if good.all() else 1
-
-
-def _start(
-    processes: ProcessGroup, listener: Listener, hand: _Hand, path: Path, timeout_s: float
-) -> None:
-    """Start the nodes, and the scene when they are there; ProcessError if they do not come."""
-    check_alone(listener)
-    port = processes.log('port').with_suffix('')
-    start_nodes(processes, port)
-    common = ['--ros-args', '--params-file', str(shared_file('config/retrolidar.yaml'))]
-    common += ['-r', f'__ns:={NAMESPACE}', '-p', f'fixed_frame:={_FIXED}']
-    markers = f'marker_file:={shared_file("config/markers.yaml")}'
-    processes.start('landmarks', [executable('landmarks'), *common, '-p', markers, '-r', '/tf:=tf'])
-
-    def ready() -> bool:
-        processes.check()
-        placing = listener.node.count_publishers('landmarks/marker_array') > 0
-        return placing and listener.is_connected()
-
-    if not listener.spin_until(ready, timeout_s):
-        raise ProcessError(f'no nodes within {timeout_s:g} s')
-    start_ns = time.monotonic_ns() + round(_BEFORE_S * 1e9)
-    hand.zero_ns = start_ns + time.time_ns() - time.monotonic_ns()
-    start_emulator(processes, str(path), port, '--start', f'{start_ns * 1e-9:.9f}')
 
 
 def _draw(scene: Scene, hand: _Hand, path: Path) -> None:

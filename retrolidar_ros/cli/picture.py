@@ -4,16 +4,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from retrolidar_ros.detector import Detection
 from retrolidar_ros.detector.blinking_zones import BlinkingZone
 from retrolidar_ros.marker.code import BIT_PERIOD_S, PREAMBLE, packet
+from retrolidar_ros.scene.description import Marker
+from retrolidar_ros.scene.truth import Heard
 from retrolidar_ros.sensor.frame import Floats, Recording, ZoneGrid
 
 _COLOURS = ('#0072b2', '#d55e00', '#009e73', '#cc79a7', '#e69f00', '#56b4e9')
@@ -28,39 +29,12 @@ _SHOWN_BITS = 66
 _MOST_SIGNALS, _MOST_UNREAD = 6, 3
 
 
-class Reading(NamedTuple):
-    """What the picture needs of a detection."""
-
-    id: int
-    name: str
-    start_s: float
-    """On the clock of the recording's stamps, as the next."""
-    stamp_s: float
-    range_m: float
-    position_m: tuple[float, float, float]
-    zone: int
-    bit_period_s: float = BIT_PERIOD_S
-
-    @classmethod
-    def of(cls, detection: Detection, origin_ns: int) -> Reading:
-        """Return a detection for a picture whose time zero is `origin_ns`."""
-        x, y, z = detection.place.position_m.tolist()
-        return cls(
-            id=detection.id,
-            name='marker',
-            start_s=(detection.start_ns - origin_ns) * 1e-9,
-            stamp_s=(detection.stamp_ns - origin_ns) * 1e-9,
-            range_m=detection.place.range_m,
-            position_m=(x, y, z),
-            zone=detection.zones[0],
-            bit_period_s=detection.bit_period_s,
-        )
-
-
 class _Shown(NamedTuple):
     """What all parts of the picture show."""
 
     recording: Recording
+    origin_ns: int
+    """Time zero of the picture."""
     time_s: Floats
     """Of each frame, shape (frames,)."""
     colours: dict[int, str]
@@ -114,14 +88,15 @@ def _signal(axes: Any, shown: _Shown, zone: int, begin_s: float, end_s: float) -
     return high + 0.2 * room
 
 
-def _signal_with_bits(axes: Any, shown: _Shown, reading: Reading, colour: str) -> None:
+def _signal_with_bits(axes: Any, shown: _Shown, reading: Heard, name: str) -> None:
     """Draw one zone's signal about a reading, and the bits that were read from it."""
-    bit_s = reading.bit_period_s
-    begin_s = max(reading.start_s - 0.4, 0.0)
+    bit_s, colour = reading.bit_period_s, shown.colours[reading.zone]
+    start_s = (reading.start_ns - shown.origin_ns) * 1e-9
+    begin_s = max(start_s - 0.4, 0.0)
     height = _signal(axes, shown, reading.zone, begin_s, begin_s + _SHOWN_BITS * bit_s)
     bits: NDArray[np.uint8] = packet(reading.id)
     for index, bit in enumerate(bits):
-        left = reading.start_s + index * bit_s
+        left = start_s + index * bit_s
         if bit:
             axes.axvspan(left, left + bit_s, color=colour, alpha=0.14, linewidth=0)
         axes.text(
@@ -134,7 +109,7 @@ def _signal_with_bits(axes: Any, shown: _Shown, reading: Reading, colour: str) -
             color='0.5' if index < len(PREAMBLE) else 'black',
             clip_on=True,
         )
-    title = f'{reading.name}, ID {reading.id}, zone {reading.zone}'
+    title = f'{name}, ID {reading.id}, zone {reading.zone}'
     axes.set_title(title, loc='left', fontsize=10, color=colour)
 
 
@@ -152,7 +127,7 @@ def _blinking_zone(axes: Any, shown: _Shown, zone: BlinkingZone) -> None:
     )
 
 
-def _whole(axes: tuple[Any, Any], shown: _Shown, readings: Sequence[Reading]) -> None:
+def _whole(axes: tuple[Any, Any], shown: _Shown, readings: Sequence[Heard]) -> None:
     """Draw the zones of interest over the whole recording, and the ranges that were read."""
     above, below = axes
     for zone, colour in shown.colours.items():
@@ -166,7 +141,7 @@ def _whole(axes: tuple[Any, Any], shown: _Shown, readings: Sequence[Reading]) ->
     for identity in dict.fromkeys(one.id for one in readings):
         own = [one for one in readings if one.id == identity]
         below.plot(
-            [one.stamp_s for one in own],
+            [(one.stamp_ns - shown.origin_ns) * 1e-9 for one in own],
             [one.range_m for one in own],
             '.',
             color=shown.colours.get(own[0].zone, '0.3'),
@@ -185,46 +160,33 @@ def _whole(axes: tuple[Any, Any], shown: _Shown, readings: Sequence[Reading]) ->
 
 def plot_readings(
     recording: Recording,
-    readings: Sequence[Reading],
+    readings: Sequence[Heard],
     path: Path,
     *,
-    origin_ns: int,
     title: str,
-    truth_m: Mapping[str, tuple[float, float, float]] | None = None,
+    markers: Sequence[Marker] = (),
     blinking: Sequence[BlinkingZone] = (),
 ) -> None:
     """Write a PNG of a recording, and of the first reading of each marker in it.
 
-    Parameters
-    ----------
-    recording : Recording
-        The frames.
-    readings : sequence of Reading
-        What was read, in order of time; start times count from `origin_ns`.
-    path : Path
-        Where the picture goes.
-    origin_ns : int
-        Time zero of the picture [ns].
-    title : str
-        Heads the picture.
-    truth_m : mapping of str to (x, y, z), optional
-        Where markers really are [m], by name.
-    blinking : sequence of BlinkingZone
-        Zones to show where nothing was read, the strongest first.
+    Readings are in order of time. Known `markers` are shown where they really are; where nothing
+    was read, so are zones that blink, the strongest first.
     """
     import matplotlib as mpl
 
     mpl.use('Agg')
     import matplotlib.pyplot as plt
 
-    first: dict[int, Reading] = {}
+    first: dict[int, Heard] = {}
     for reading in readings:
         first.setdefault(reading.id, reading)
     chosen = list(first.values())[:_MOST_SIGNALS]
     unread = [] if chosen else list(blinking[:_MOST_UNREAD])
     zones_shown = dict.fromkeys([one.zone for one in chosen] or [one.zone for one in unread])
+    origin_ns = int(recording.stamp_ns[0])
     shown = _Shown(
         recording,
+        origin_ns,
         (recording.stamp_ns - origin_ns) * 1e-9,
         {zone: _COLOURS[index % len(_COLOURS)] for index, zone in enumerate(zones_shown)},
     )
@@ -237,10 +199,11 @@ def plot_readings(
     _zone_of_interest(zones, recording.grid, recording.signal.std(axis=0).astype(np.float64))
     above = figure.add_subplot(spaces[rows, :])
     _whole((above, figure.add_subplot(spaces[rows + 1, :], sharex=above)), shown, readings)
-    for name, (x, y, z) in (truth_m or {}).items():
+    for marker in markers:
+        x, y, z = marker.position_m
         zones.plot(x / z, y / z, marker='s', markersize=9, fillstyle='none', color='black')
         zones.annotate(
-            name,
+            marker.name,
             (x / z, y / z),
             xytext=(0, 9),
             textcoords='offset points',
@@ -248,14 +211,16 @@ def plot_readings(
             fontsize=9,
             bbox={'facecolor': 'white', 'alpha': 0.8, 'edgecolor': 'none', 'pad': 1},
         )
+    names = {marker.id: marker.name for marker in markers}
     for index, reading in enumerate(chosen):
-        colour = shown.colours[reading.zone]
         x, y, z = reading.position_m
+        colour = shown.colours[reading.zone]
         zones.plot(x / z, y / z, marker='x', markersize=9, markeredgewidth=2, color=colour)
-        _signal_with_bits(figure.add_subplot(spaces[index, 1]), shown, reading, colour)
+        name = names.get(reading.id, 'ghost' if names else 'marker')
+        _signal_with_bits(figure.add_subplot(spaces[index, 1]), shown, reading, name)
     for index, zone in enumerate(unread):
         _blinking_zone(figure.add_subplot(spaces[index, 1]), shown, zone)
-    if chosen and truth_m:
+    if chosen and markers:
         zones.set_title('square: marker, cross: read', fontsize=10)
     path.parent.mkdir(parents=True, exist_ok=True)
     figure.savefig(path, dpi=110)

@@ -11,8 +11,10 @@ from pathlib import Path
 from retrolidar_ros.bag import salvage_frames
 from retrolidar_ros.cli.arguments import Subparsers, add_bag_command, detector_values
 from retrolidar_ros.cli.decode import NOTHING_READ
-from retrolidar_ros.cli.picture import Reading, plot_readings
+from retrolidar_ros.cli.picture import plot_readings
+from retrolidar_ros.detector import Detection
 from retrolidar_ros.detector.decoding import Decoding
+from retrolidar_ros.scene.truth import Heard
 from retrolidar_ros.sensor.frame import Recording
 
 
@@ -27,14 +29,12 @@ def run(arguments: argparse.Namespace) -> int:
     if arguments.output.is_dir():
         raise IsADirectoryError(f'{arguments.output} is a directory; name a PNG file')
     frames, damage = salvage_frames(arguments.bag, arguments.topic)
-    origin_ns = frames[0].stamp_ns
     decoding = Decoding(detector_values(arguments))
-    readings = [Reading.of(detection, origin_ns) for detection in decoding.detect(frames)]
+    readings = [_heard(detection) for detection in decoding.detect(frames)]
     plot_readings(
         Recording.of(frames),
         readings,
         arguments.output,
-        origin_ns=origin_ns,
         title=f'{arguments.bag.name}: {len(frames)} frames, {len(readings)} readings',
         blinking=() if readings or len(frames) < 2 else decoding.blinking()[1],
     )
@@ -44,3 +44,20 @@ def run(arguments: argparse.Namespace) -> int:
     if damage is not None:
         raise damage
     return 0 if readings else NOTHING_READ
+
+
+def _heard(detection: Detection) -> Heard:
+    """Return what a node would have published of a detection."""
+    x, y, z = detection.place.position_m.tolist()
+    return Heard(
+        id=detection.id,
+        start_ns=detection.start_ns,
+        stamp_ns=detection.stamp_ns,
+        end_ns=detection.end_ns,
+        range_m=detection.place.range_m,
+        snr_db=detection.snr_db,
+        position_m=(x, y, z),
+        zone=detection.zones[0],
+        bit_period_s=detection.bit_period_s,
+        has_transform=False,
+    )

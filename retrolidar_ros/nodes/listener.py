@@ -87,6 +87,7 @@ class Listener:
                     snr_db=message.snr,
                     position_m=(position.x, position.y, position.z),
                     zone=message.zones[0],
+                    bit_period_s=message.bit_period,
                     has_transform=(message.child_frame_id, stamp_ns) in transforms,
                 )
             )

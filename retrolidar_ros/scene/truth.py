@@ -32,6 +32,7 @@ class Heard(NamedTuple):
     snr_db: float
     position_m: tuple[float, float, float]
     zone: int
+    bit_period_s: float
     has_transform: bool
 
 

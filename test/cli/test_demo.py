@@ -30,6 +30,7 @@ def test_truth_is_the_range_at_the_stamp() -> None:
         snr_db=20.0,
         position_m=(0.0, 0.0, 1.0),
         zone=5,
+        bit_period_s=0.042,
         has_transform=True,
     )
     ghost = reading._replace(id=7)
