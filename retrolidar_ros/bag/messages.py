@@ -83,7 +83,7 @@ _CDR_LITTLE_ENDIAN = b'\0\1\0\0'  # fields are aligned from its end
 _STAMP = Struct('<iII')  # seconds, nanoseconds, and the length of the frame_id that follows
 _SENSOR = Struct('<QBB')  # sensor time, rows, columns
 _UINT32 = Struct('<I')
-_ARRAYS = (
+ARRAYS = (
     ('distance', np.dtype('<f4')),
     ('signal', np.dtype('<f4')),
     ('ambient', np.dtype('<f4')),
@@ -107,7 +107,7 @@ def decode_frame(data: bytes) -> Frame:
             raise DamageError(f'a frame of {rows}x{columns} zones')
         position += (_SENSOR.size + 3) & -4
         arrays: list[NDArray[Any]] = []
-        for name, dtype in _ARRAYS:
+        for name, dtype in ARRAYS:
             (length,) = _UINT32.unpack_from(data, position)
             if length != grid.zones:
                 raise DamageError(f'{name} has {length} values for {rows}x{columns} zones')

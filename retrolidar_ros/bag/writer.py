@@ -10,13 +10,12 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from functools import cache
 from pathlib import Path
-from types import TracebackType
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from retrolidar_ros.bag.messages import FRAME_TYPE, INSTALL, BagError
+from retrolidar_ros.bag.messages import ARRAYS, FRAME_TYPE, INSTALL, BagError
 from retrolidar_ros.bag.reader import FRAMES_TOPIC
 from retrolidar_ros.sensor.frame import Frame, check_frame_arrays
 from retrolidar_ros.settings.resources import shared_file
@@ -136,10 +135,7 @@ class FrameWriter:
         """
         grid = frame.grid
         arrays: dict[str, NDArray[Any]] = {
-            'distance': np.ascontiguousarray(frame.distance, np.float32),
-            'signal': np.ascontiguousarray(frame.signal, np.float32),
-            'ambient': np.ascontiguousarray(frame.ambient, np.float32),
-            'status': np.ascontiguousarray(frame.status, np.uint8),
+            name: np.ascontiguousarray(getattr(frame, name), dtype) for name, dtype in ARRAYS
         }
         check_frame_arrays(grid, **arrays)
         received_ns = frame.stamp_ns if received_ns is None else received_ns
@@ -163,12 +159,7 @@ class FrameWriter:
             if self._database is not None and self._written % _COMMITTED == 0:
                 self._database.commit()
 
-    def __exit__(
-        self,
-        exc_type: type[BaseException] | None,
-        exc_value: BaseException | None,
-        traceback: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         """Close the bag; BagError if that fails."""
         with self._bag_errors():
             self._writer.close()

@@ -10,9 +10,9 @@ import os
 import shutil
 import sys
 import time
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
-from typing import Any, TextIO
+from typing import TextIO
 
 from retrolidar_ros.cli.arguments import (
     Subparsers,
@@ -61,18 +61,25 @@ def add_command(subparsers: Subparsers) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Show live what a sensor sees."""
+    """Show what a sensor sees until the duration is over, or Ctrl-C."""
     with suppress(KeyboardInterrupt), interrupted_once():
-        frames = watch(
-            arguments.port,
-            sys.stdout,
-            baud=arguments.baud,
-            protocol=arguments.protocol,
-            zone=arguments.zone,
-            values=detector_values(arguments),
-            duration_s=arguments.duration,
-        )
-        return 0 if frames else 1
+        reader = PROTOCOLS[arguments.protocol](time.monotonic_ns)
+        source = SerialSource(arguments.port, arguments.baud, reader, time.monotonic_ns)
+        state = Watch(source, arguments.zone, detector_values(arguments))
+        interval_s = _SCREEN_S if is_screen(sys.stdout) else _LINE_S
+        begin_s = time.monotonic()
+        end_s = begin_s + (arguments.duration or math.inf)
+        due_s = min(begin_s + interval_s, end_s)
+        with BackgroundReading.of(source) as reading, _display(sys.stdout) as show:
+            while True:
+                if (arrival := reading.take_until(due_s)) is not None:
+                    state.take(*arrival)
+                now_s = time.monotonic()
+                if now_s >= due_s:
+                    show(state.snapshot())
+                    if now_s >= end_s:
+                        return 0 if state.frames else 1
+                    due_s = min(now_s + interval_s, end_s)
     return 0
 
 
@@ -102,60 +109,3 @@ def _display(output: TextIO) -> Iterator[Callable[[Snapshot], None]]:
 def is_screen(output: TextIO) -> bool:
     """Return whether an output is a terminal that can be drawn on."""
     return output.isatty() and os.environ.get('TERM', 'dumb') != 'dumb'
-
-
-def watch(
-    port: str,
-    output: TextIO,
-    *,
-    baud: int,
-    protocol: str,
-    zone: int | None,
-    values: Mapping[str, Any],
-    duration_s: float | None,
-) -> int:
-    """Show what a sensor sees until the duration is over, or KeyboardInterrupt.
-
-    Parameters
-    ----------
-    port : str
-        Its device.
-    output : text stream
-        Where to show it: in pictures on a terminal, else in lines.
-    baud : int
-        Speed of the line [bit/s].
-    protocol : str
-        One of `PROTOCOLS`.
-    zone : int or None
-        Whose bits to show; None = those of the zone that blinks most.
-    values : mapping
-        Of all parameters of a detector.
-    duration_s : float or None
-        When to end [s]; None = never.
-
-    Returns
-    -------
-    int
-        How many frames came.
-
-    Raises
-    ------
-    ValueError
-        If the sensor has no such zone.
-    """
-    source = SerialSource(port, baud, PROTOCOLS[protocol](time.monotonic_ns), time.monotonic_ns)
-    state = Watch(source, zone, values)
-    interval_s = _SCREEN_S if is_screen(output) else _LINE_S
-    begin_s = time.monotonic()
-    end_s = math.inf if duration_s is None else begin_s + duration_s
-    due_s = min(begin_s + interval_s, end_s)
-    with BackgroundReading.of(source) as reading, _display(output) as show:
-        while True:
-            if (arrival := reading.take_until(due_s)) is not None:
-                state.take(*arrival)
-            now_s = time.monotonic()
-            if now_s >= due_s:
-                show(state.snapshot())
-                if now_s >= end_s:
-                    return state.frames
-                due_s = min(now_s + interval_s, end_s)

@@ -16,9 +16,8 @@ from retrolidar_ros.scene.description import (
     Waypoint,
 )
 from retrolidar_ros.scene.optics import zone_shares
+from retrolidar_ros.scene.transmission import recurring_share
 from retrolidar_ros.sensor.frame import Floats
-
-_GLASS_M = 0.01  # how far a cover glass is, or nearly so
 
 
 def along(path: tuple[Waypoint, ...], time_s: Floats) -> tuple[Floats, Floats]:
@@ -90,11 +89,6 @@ def see_moving(
     return surface.signal / depth**2 * hidden, depth, hidden
 
 
-def cover_glass(sensor: Sensor) -> Surface:
-    """Return the target that a cover glass is: near, and in every zone (ST UM3109, crosstalk)."""
-    return Surface(_GLASS_M, sensor.crosstalk)
-
-
 def saturated(signal: Floats, ambient: Floats | float, limit: float) -> Floats:
     """Return what counters with a dead time make of rates [kcps/SPAD].
 
@@ -110,12 +104,4 @@ def second_light(second: SecondSensor, middle_s: Floats, exposure_s: float) -> F
     Its pulses are not in step with this sensor's, so they fall anywhere into the time of flight
     and count as ambient light does. What counts is how much of an exposure it was sending.
     """
-
-    def sent(time_s: Floats) -> Floats:
-        periods, phase = np.divmod(time_s, second.period_s)
-        total: Floats = periods * second.lasting_s + np.minimum(phase, second.lasting_s)
-        return total
-
-    half = exposure_s / 2
-    lit: Floats = (sent(middle_s + half) - sent(middle_s - half)) / exposure_s
-    return second.ambient * lit
+    return second.ambient * recurring_share(second.period_s, second.lasting_s, middle_s, exposure_s)

@@ -42,26 +42,10 @@ def marker_in_each_zone(
     sensor: Sensor = SENSOR,
     bit_period_s: float = BIT_PERIOD_S,
 ) -> Scene:
-    """Return the reference scene with random usable IDs and random starts, one of each a zone.
+    """Return the reference scene with random usable IDs, one of each a zone, at a radial distance.
 
-    Parameters
-    ----------
-    range_m : float
-        Radial distance of all markers [m].
-    rng : numpy.random.Generator
-        Where IDs and starts come from.
-    start_s : (float, float)
-        Earliest and latest start of a marker's first packet [s].
-    packets : int or None
-        How many packets each sends; None = without end.
-    size_m : float
-        Edge of the markers [m].
-    yaw_rad : float
-        Between each marker's normal and the line of sight [rad].
-    sensor : Sensor
-        What sees them.
-    bit_period_s : float
-        How long they hold a bit [s].
+    The first packets start at random between both times `start_s` [s]; None packets are sent
+    without end.
     """
     grid = sensor.grid
     ids = 1 + rng.choice(IDS - 2, grid.zones, replace=False)

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from retrolidar_ros.scene import laboratory as lab
-from retrolidar_ros.scene.description import Marker, Scene, Sensor
+from retrolidar_ros.scene.description import Marker, Scene, Sensor, Surface
 from retrolidar_ros.scene.noise import deviating, noisy
 from retrolidar_ros.scene.optics import position_at, received_signal, zone_shares
 from retrolidar_ros.scene.transmission import Transmission, visible_share
@@ -28,6 +28,7 @@ _ABNORMAL = np.array(
 )
 _GARBAGE_SIGNAL = 100.0  # [kcps/SPAD]
 _GARBAGE_DISTANCE_M = 4.0
+_GLASS_M = 0.01  # how far a cover glass is, or nearly so
 
 
 class Simulation:
@@ -120,7 +121,9 @@ class Simulation:
             seen = [(own * np.where(z > depth, 1 - hidden, 1.0), z) for own, z in seen]
             seen.append((signal, depth))
         if sensor.crosstalk:
-            seen.append(lab.see_surface(Sensor(sensor.grid), lab.cover_glass(sensor), middle_s))
+            # A cover glass is a near target in every zone (ST UM3109).
+            glass = Surface(_GLASS_M, sensor.crosstalk)
+            seen.append(lab.see_surface(Sensor(sensor.grid), glass, middle_s))
         signals = np.zeros((len(seen), len(middle_s), sensor.grid.zones))
         distances = np.zeros_like(signals)
         for index, (signal, distance) in enumerate(seen):

@@ -72,14 +72,21 @@ class Transmission:
         return passed / exposure_s
 
 
-def visible_share(occlusion: Occlusion, middle_s: Floats, exposure_s: float) -> Floats:
-    """Return the share of each exposure, 0 to 1, in which the occlusion leaves a free sight."""
+def recurring_share(
+    every_s: float, lasting_s: float, middle_s: Floats, exposure_s: float
+) -> Floats:
+    """Return the share of each exposure, 0 to 1, in which what recurs from time zero on lasts."""
 
-    def hidden_until(time_s: Floats) -> Floats:
-        times, phase = np.divmod(time_s, occlusion.every_s)
-        hidden: Floats = times * occlusion.lasting_s + np.minimum(phase, occlusion.lasting_s)
-        return hidden
+    def lasted_until(time_s: Floats) -> Floats:
+        times, phase = np.divmod(time_s, every_s)
+        lasted: Floats = times * lasting_s + np.minimum(phase, lasting_s)
+        return lasted
 
     half = exposure_s / 2
-    hidden: Floats = hidden_until(middle_s + half) - hidden_until(middle_s - half)
-    return 1 - hidden / exposure_s
+    lasted: Floats = lasted_until(middle_s + half) - lasted_until(middle_s - half)
+    return lasted / exposure_s
+
+
+def visible_share(occlusion: Occlusion, middle_s: Floats, exposure_s: float) -> Floats:
+    """Return the share of each exposure, 0 to 1, in which the occlusion leaves a free sight."""
+    return 1 - recurring_share(occlusion.every_s, occlusion.lasting_s, middle_s, exposure_s)

@@ -2,7 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The command `retrolidar watch`, in a log and in a terminal."""
 
-import io
 import os
 import pty
 import re
@@ -24,8 +23,6 @@ from st_board import Board, Zone
 
 from retrolidar_ros.cli.arguments import detector_values
 from retrolidar_ros.cli.main import main, parser
-from retrolidar_ros.cli.watch import watch
-from retrolidar_ros.detector.settings import defaults
 from retrolidar_ros.settings.resources import shared_file
 
 Output = pytest.CaptureFixture[str]
@@ -34,27 +31,19 @@ COMMAND = [sys.executable, '-m', 'retrolidar_ros.cli.main']
 PATIENCE_S = 60.0
 
 
-def test_a_still_scene_before_st_s_example_does_not_blink() -> None:
-    shown = io.StringIO()
+def test_a_still_scene_before_st_s_example_does_not_blink(capsys: Output) -> None:
+    options = ['--protocol', 'st_example', '--bit-period', '0.1', '--duration', '3']
     stop = Event()
     with Board([Zone(700, signal_kcps=250)] * 16) as board:
         printing = Thread(target=board.run, args=(stop, 0.05))
         printing.start()
         try:
-            frames = watch(
-                board.path,
-                shown,
-                baud=460800,
-                protocol='st_example',
-                zone=None,
-                values={**defaults(), 'bit_period': 0.1},
-                duration_s=3.0,
-            )
+            assert main(['watch', board.path, *options]) == 0
         finally:
             stop.set()
             printing.join()
-    assert frames > 10
-    last = shown.getvalue().splitlines()[-1]
+    last = capsys.readouterr().out.splitlines()[-1]
+    assert int(re.findall(r'(\d+) frames,', last)[0]) > 10
     assert "ST's example sends a frame every" in last
     assert last.endswith('no zone blinks')
 
