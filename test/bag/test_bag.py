@@ -3,8 +3,6 @@
 """Bags hold what was written, in every form that recorders give them."""
 
 import random
-import shutil
-import sqlite3
 from itertools import product
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -192,20 +190,3 @@ def test_split_bags(tmp_path: Path, storage: Storage) -> None:
     assert assert_good_until(bag, frames, 'no metadata.yaml') == len(frames)
     (bag / names[3]).write_bytes(b'')
     assert assert_good_until(bag, frames, f'{names[3]}: the file is empty') == 15
-
-
-def test_a_write_ahead_log_is_read(tmp_path: Path) -> None:
-    # Of a recording with the preset resilient, when the power was cut.
-    frames = make_frames(20)
-    file = write_bag(tmp_path / 'bag', frames[:10], 'sqlite3')
-    rest = write_bag(tmp_path / 'rest', frames[10:], 'sqlite3')
-    connection = sqlite3.connect(file)
-    connection.execute('PRAGMA journal_mode = WAL')
-    connection.execute('ATTACH ? AS rest', (str(rest),))
-    connection.execute('INSERT INTO messages SELECT id + 10, 1, timestamp, data FROM rest.messages')
-    connection.commit()
-    after = tmp_path / 'after'
-    shutil.copytree(file.parent, after)
-    connection.close()
-    assert (after / 'bag.db3-wal').stat().st_size
-    assert equal(read_frames(after), frames)

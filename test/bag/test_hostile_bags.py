@@ -96,22 +96,24 @@ def test_what_unpacks_or_is_out_of_order_is_held_to_the_limit_only(
 def test_what_a_killed_recorder_has_left_is_read(tmp_path: Path, mode: str) -> None:
     """A copy of the files in the midst of a transaction is what a SIGKILL leaves."""
     frames = make_frames(400)
-    file = write_bag(tmp_path / 'bag', frames, 'sqlite3')
+    file = write_bag(tmp_path / 'bag', frames[:200], 'sqlite3')
+    rest = write_bag(tmp_path / 'rest', frames[200:], 'sqlite3')
     left = tmp_path / 'left'
     left.mkdir()
-    with sqlite3.connect(file) as connection:
-        connection.execute(f'PRAGMA journal_mode = {mode}')
-        connection.execute('PRAGMA cache_size = 1')
-        connection.execute('PRAGMA wal_autocheckpoint = 0')
-        if mode == 'WAL':
-            connection.execute('UPDATE messages SET topic_id = topic_id')
-            connection.commit()
-        connection.execute('DELETE FROM messages')
-        for part in file.parent.glob(f'{file.name}*'):
-            shutil.copy(part, left)
-        connection.rollback()
-    assert len(list(left.iterdir())) >= 2
+    connection = sqlite3.connect(file)
+    for setting in (f'journal_mode = {mode}', 'cache_size = 1', 'wal_autocheckpoint = 0'):
+        connection.execute(f'PRAGMA {setting}')
+    connection.execute('ATTACH ? AS rest', (str(rest),))
+    copied = 'SELECT id + 200, 1, timestamp, data FROM rest.messages'
+    connection.execute(f'INSERT INTO messages {copied}')
+    connection.commit()
+    connection.execute('DELETE FROM messages')
+    for part in file.parent.glob(f'{file.name}*'):
+        shutil.copy(part, left)
+    connection.rollback()
+    connection.close()
     before = {part: part.read_bytes() for part in left.iterdir()}
+    assert before.keys() > {left / file.name}
     read, _ = read_all(left)
     assert equal(read, frames)
     assert {part: part.read_bytes() for part in left.iterdir()} == before

@@ -6,22 +6,20 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Callable, Iterator
-from concurrent.futures import Future, ThreadPoolExecutor
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from pathlib import Path
 from threading import Event
 
 import numpy as np
 import pytest
-import serial
 from harness_serial import listen
 from harness_wire import sequences
 
 from retrolidar_ros.bag import read_frames as read_bag
-from retrolidar_ros.scene import Scene, Simulation, emulator
+from retrolidar_ros.scene import Scene, Simulation
 from retrolidar_ros.scene.description import Marker, Noise, Sensor, Surface
-from retrolidar_ros.scene.emulator import PortLink, emulate, frames_in_real_time, record
+from retrolidar_ros.scene.emulator import emulate, frames_in_real_time, record
 from retrolidar_ros.sensor.frame import Frame
 from retrolidar_ros.sensor.wire import FrameReader
 
@@ -39,19 +37,6 @@ SCENE = Scene(
     ambient=3,
 )
 WALL = Scene(sensor=Sensor(period_s=0.001), surfaces=(Surface(2, 40),))
-
-
-def read_frames(line: serial.Serial, count: int) -> list[Frame]:
-    """Read until `count` frames have come, or nothing comes for the line's timeout."""
-    reader = FrameReader()
-    frames: list[Frame] = []
-    while len(frames) < count:
-        data = line.read(max(1, line.in_waiting))
-        if not data:
-            break
-        frames += reader.feed(data)
-    assert reader.counts.damaged == 0
-    return frames
 
 
 class Clock:
@@ -107,47 +92,29 @@ def test_a_late_emulator_catches_up_and_need_not_end(clock: Clock) -> None:
         assert clock() == pytest.approx(middle_ns + 500_000, abs=1000)
 
 
-@pytest.fixture
-def gate(monkeypatch: pytest.MonkeyPatch) -> tuple[Event, Event]:
-    """Return events: the port is there, and the sensor may begin."""
-    linked, begin = Event(), Event()
+def test_all_frames_arrive_in_order_and_at_their_time(link: Path) -> None:
+    linked, listening = Event(), Event()
 
-    def gated(
-        scene: Scene, duration_s: float | None, start_ns: int, clock: Callable[[], int]
-    ) -> Iterator[tuple[Frame, int]]:
+    def ready() -> None:
         linked.set()
-        assert begin.wait(10)
-        yield from frames_in_real_time(scene, duration_s, clock(), clock)
+        assert listening.wait(10)
 
-    monkeypatch.setattr(emulator, 'frames_in_real_time', gated)
-    return linked, begin
-
-
-@pytest.fixture
-def pool() -> Iterator[ThreadPoolExecutor]:
-    with ThreadPoolExecutor(1) as pool:
-        yield pool
-
-
-def test_all_frames_arrive_in_order_and_at_their_time(
-    link: Path, gate: tuple[Event, Event], pool: ThreadPoolExecutor
-) -> None:
-    linked, begin = gate
-    future: Future[tuple[int, int]] = pool.submit(emulate, SCENE, link, 0.6)
-    assert linked.wait(10)
     reader = FrameReader()
     frames: list[Frame] = []
     arrivals_s: list[float] = []
-    with listen(link) as line:
-        start_s = time.monotonic()
-        begin.set()
-        while len(frames) < 120:
-            data = line.read(max(1, line.in_waiting))
-            assert data
-            new = reader.feed(data)
-            frames += new
-            arrivals_s += [time.monotonic() - start_s] * len(new)
-        assert future.result(10) == (120, 0)
+    with ThreadPoolExecutor(1) as pool:
+        future = pool.submit(emulate, SCENE, link, 0.6, ready)
+        assert linked.wait(10)
+        with listen(link) as line:
+            start_s = time.monotonic()
+            listening.set()
+            while len(frames) < 120:
+                data = line.read(max(1, line.in_waiting))
+                assert data
+                new = reader.feed(data)
+                frames += new
+                arrivals_s += [time.monotonic() - start_s] * len(new)
+            assert future.result(10) == (120, 0)
     assert sequences(frames) == list(range(120))
     assert reader.counts.damaged == 0
     ends_s = 0.005 * (np.arange(120) + 1)
@@ -167,43 +134,6 @@ def test_without_a_listener_frames_are_lost(link: Path) -> None:
     assert emulate(WALL, link, 0.04) == (0, 40)
 
 
-def test_the_last_frame_is_whole(
-    link: Path, gate: tuple[Event, Event], pool: ThreadPoolExecutor
-) -> None:
-    linked, begin = gate
-    future = pool.submit(emulate, replace(WALL, sensor=Sensor(period_s=0.03)), link, 0.06)
-    assert linked.wait(10)
-    with listen(link) as line:
-        begin.set()
-        assert sequences(read_frames(line, 2)) == [0, 1]
-        assert future.result(10) == (2, 0)
-
-
-def test_a_listener_that_comes_late_gets_no_old_frames(
-    link: Path, gate: tuple[Event, Event], pool: ThreadPoolExecutor, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    linked, begin = gate
-    heard_nothing, listening = Event(), Event()
-    write = PortLink.write
-
-    def counted(port: PortLink, data: bytes) -> bool:
-        (frame,) = FrameReader().feed(data)
-        if frame.sequence == 10:
-            heard_nothing.set()
-            assert listening.wait(10)
-        return write(port, data)
-
-    monkeypatch.setattr(PortLink, 'write', counted)
-    begin.set()
-    future = pool.submit(emulate, WALL, link, 0.03)
-    assert heard_nothing.wait(10)
-    with listen(link) as line:
-        listening.set()
-        assert sequences(read_frames(line, 20)) == list(range(10, 30))
-        assert future.result(10) == (20, 10)
-    assert linked.is_set()
-
-
 @pytest.mark.parametrize('request_to_end', [signal.SIGINT, signal.SIGTERM])
 def test_ending_unplugs_the_sensor(
     tmp_path: Path, link: Path, request_to_end: signal.Signals
@@ -215,12 +145,15 @@ def test_ending_unplugs_the_sensor(
     with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:
         assert process.stdout
         assert 'a sensor is at' in process.stdout.readline()
+        reader, frames = FrameReader(), []
         with listen(link) as line:
-            frames = read_frames(line, 3)
+            while len(frames) < 3:
+                data = line.read(max(1, line.in_waiting))
+                assert data
+                frames += reader.feed(data)
         process.send_signal(request_to_end)
         assert ' frames sent, ' in process.stdout.read()
         assert process.wait(10) == 0
-    assert len(frames) >= 3
     assert not link.is_symlink()
 
 

@@ -6,7 +6,6 @@ import copy
 import re
 from collections.abc import Iterator
 from dataclasses import asdict
-from itertools import product
 from pathlib import Path
 from typing import Any
 
@@ -58,10 +57,10 @@ def at(content: Any, path: Place) -> Any:
     return content
 
 
-def with_value(path: Place, value: Any) -> dict[str, Any]:
-    content = copy.deepcopy(FULL)
-    at(content, path[:-1])[path[-1]] = value
-    return content
+def with_value(path: Place, value: Any) -> Any:
+    content = [copy.deepcopy(FULL)]
+    at(content, (0, *path)[:-1])[(0, *path)[-1]] = value
+    return content[0]
 
 
 def outcome(content: Any) -> Scene | str:
@@ -128,19 +127,16 @@ def test_what_a_scene_does_not_say_has_a_default() -> None:
 
 @pytest.mark.parametrize('path', list(sections(FULL)), ids=dotted)
 def test_unknown_key_is_named(path: Place) -> None:
-    content = copy.deepcopy(FULL)
-    at(content, path)['zzz'] = 'red'
-    message = refusal(content)
+    message = refusal(with_value((*path, 'zzz'), 'red'))
     assert message.startswith(f'{dotted((*path, "zzz"))}: unknown key; known are ')
     assert all(str(key) in message for key in at(FULL, path))
 
 
 @pytest.mark.parametrize('path', KEYS, ids=dotted)
 def test_a_mistyped_key_is_hinted_at(path: Place) -> None:
-    content = copy.deepcopy(FULL)
-    section, key = at(content, path[:-1]), path[-1]
-    section[f'{key}s'] = section[key]
-    assert refusal(content) == f'{dotted(path)}s: unknown key; did you mean {key}?'
+    mistyped = (*path[:-1], f'{path[-1]}s')
+    hint = f'{dotted(mistyped)}: unknown key; did you mean {path[-1]}?'
+    assert refusal(with_value(mistyped, at(FULL, path))) == hint
 
 
 @pytest.mark.parametrize(
@@ -148,23 +144,16 @@ def test_a_mistyped_key_is_hinted_at(path: Place) -> None:
 )
 def test_quantity_needs_its_unit(path: Place, value: str) -> None:
     number, unit = value.split(' ')
-    message = refusal(with_value(path, number))
-    assert re.match(f'{re.escape(dotted(path))}: .* has no unit; write {number} ', message)
-    written = message.rsplit('write ', 1)[1]
-    # What the message says to write is a quantity of the right kind, if perhaps of another size.
-    known = next(set(units) for units in UNITS.values() if unit in units)
-    assert written.split(' ', 1)[1] in known
-
-    # A number that YAML has read as such already.
-    assert 'has no unit' in refusal(with_value(path, float(number)))
-
+    known = next(units for units in UNITS.values() if unit in units)
+    # A number may have been read as such by YAML already.
+    for lacking in (number, float(number)):
+        message = refusal(with_value(path, lacking))
+        assert re.match(f'{re.escape(dotted(path))}: .* has no unit; write {lacking} ', message)
+        # What the message says to write is of the right kind, if perhaps of another size.
+        assert message.rsplit(' ', 1)[1] in known
     message = refusal(with_value(path, f'{number} furlong'))
     assert message.startswith(f'{dotted(path)}: ')
-    assert f'is in furlong; it needs {" or ".join(UNITS[_kind(unit)])}' in message
-
-
-def _kind(unit: str) -> str:
-    return next(kind for kind, units in UNITS.items() if unit in units)
+    assert f'is in furlong; it needs {" or ".join(known)}' in message
 
 
 @pytest.mark.parametrize('path', [path for path, _ in LEAVES], ids=dotted)
@@ -174,20 +163,18 @@ def test_wrong_type_names_the_key(path: Place) -> None:
         assert refusal(with_value(path, value)).startswith(f'{dotted(path)}: ')
 
 
-@pytest.mark.parametrize('path', [path for path in sections(FULL) if path], ids=dotted)
-@pytest.mark.parametrize('value', [None, 5, 'text', ['a']])
-def test_a_section_needs_keys_with_values(path: Place, value: Any) -> None:
-    message = refusal(with_value(path, value))
-    assert message == f'{dotted(path)}: needs keys with values, not {value!r}'
+@pytest.mark.parametrize('path', list(sections(FULL)), ids=dotted)
+def test_a_section_needs_keys_with_values(path: Place) -> None:
+    values: list[Any] = [None, 5, 'text', ['a'], [], [{}]]
+    for value in values:
+        message = refusal(with_value(path, value))
+        assert message == f'{dotted(path) or "the file"}: needs keys with values, not {value!r}'
 
 
-def test_a_scene_needs_keys_with_values_and_markers_and_surfaces_are_lists() -> None:
-    contents: tuple[Any, ...] = (None, 5, 'text', [], [{}])
-    for content in contents:
-        assert refusal(content) == f'the file: needs keys with values, not {content!r}'
-    values: tuple[Any, ...] = (None, {}, 'text', 3)
-    for key, value in product(('markers', 'surfaces'), values):
-        assert refusal({key: value}) == f'{key}: needs a list, not {value!r}'
+@pytest.mark.parametrize('key', ['markers', 'surfaces', 'moving_surfaces'])
+@pytest.mark.parametrize('value', [None, {}, 'text', 3])
+def test_markers_and_surfaces_are_lists(key: str, value: Any) -> None:
+    assert refusal({key: value}) == f'{key}: needs a list, not {value!r}'
 
 
 NOTHING, RATE = '-1 kcps/SPAD', 'kcps/SPAD'

@@ -71,16 +71,6 @@ def test_a_dark_marker_without_a_wall_is_no_target_whatever_the_rounding() -> No
     assert 0.2 < seen.mean() < 0.8
 
 
-def test_clock_error_stretches_the_bits() -> None:
-    def dark_frames(clock_error: float) -> int:
-        marker = replace(MARKER, response=None, clock_error=clock_error, packets=100)
-        # A marker is bright for ever after its last packet.
-        recording = simulate(Scene(markers=(marker,)), 7000)
-        return int(np.flatnonzero(recording.signal[:, ZONE] < 1).max())
-
-    assert dark_frames(0.02) == pytest.approx(1.02 * dark_frames(0), abs=2)
-
-
 def test_wander_moves_signal_and_distance_and_across_changes_zones() -> None:
     along = Wander(across_m=0.0, along_m=0.2, period_s=2)
     recording = simulate(Scene(markers=(replace(BRIGHT, wander=along),)), 1000)

@@ -67,20 +67,6 @@ def test_integral_is_that_of_a_crystal_stepped_through_time(marker: Marker) -> N
     assert np.abs(computed - computed[0] - integral).max() < error_s
 
 
-@pytest.mark.parametrize('marker', MARKERS)
-@pytest.mark.parametrize('exposure_s', [1e-3, 0.021, 0.1])
-def test_mean_is_that_of_the_integral_and_within_0_and_1(marker: Marker, exposure_s: float) -> None:
-    middle_s = np.random.default_rng(3).uniform(-1, 20, 2000)
-    transmission = Transmission(marker)
-    mean = transmission.mean(middle_s, exposure_s)
-    assert mean.shape == middle_s.shape
-    assert mean.min() > -1e-9
-    assert mean.max() < 1 + 1e-9
-    # Two halves make the whole.
-    halves = [transmission.mean(middle_s + s * exposure_s / 4, exposure_s / 2) for s in (-1, 1)]
-    assert mean == pytest.approx((halves[0] + halves[1]) / 2, abs=1e-9)
-
-
 @settings(max_examples=60, deadline=None, derandomize=True)
 @given(
     st.builds(
