@@ -11,6 +11,7 @@ import pytest
 
 from retrolidar_ros.cli.main import main
 from retrolidar_ros.detector import METHODS
+from retrolidar_ros.detector.text import TEXT_HEADER
 
 FIELDS = (
     'stamp id x y z range range_stddev snr evidence decision_margin score bit_period '
@@ -86,23 +87,66 @@ def test_a_damaged_bag_is_decoded_and_drawn(bag: Path, tmp_path: Path, capsys: O
 @pytest.mark.parametrize(
     ('arguments', 'message'),
     [
-        (['decode', 'nowhere'], 'nowhere does not exist'),
-        (['decode', 'BAG', '--topic', '/x'], '/retrolidar/frames .retrolidar_ros/msg/Frame'),
-        (
-            ['emulate', 'nowhere', '--port-link', 'port'],
-            'no scene nowhere; .* coffee, drone, range',
-        ),
-        (['demo', 'nowhere'], 'no scene nowhere'),
+        ('decode nowhere', 'nowhere does not exist'),
+        ('decode BAG --topic /x', '.*/retrolidar/frames .retrolidar_ros/msg/Frame'),
+        ('emulate nowhere --port-link port', '.*no scene nowhere; .* coffee, drone, range'),
+        ('demo nowhere', '.*no scene nowhere'),
+        ('ids --count 0', '0 IDs cannot be chosen: ask for 1 to 4094'),
+        ('ids --count 4095', '4095 IDs cannot be chosen'),
+        ('ids --count 400 --min-distance 8', '400 IDs at a distance of 8 bits'),
+        ('ids --count 4 --min-distance 32', 'a distance of 32 bits is outside'),
+        ('ids --check 3,4096', r'marker ID 4096 is outside 0\.\.4095'),
+        ('ids --check 3 --min-distance 0', 'a distance of 0 bits is outside'),
+        ('budget --size 3', "--size: '3' has no unit"),
+        ('budget --size 0cm', "--size: '0cm' is impossible"),
+        ('budget --size 1m', "--size: '1m' is impossible"),  # larger than a zone
+        ('budget --distance 2km', "--distance: '2km' is in km; it needs m or cm or mm"),
+        ('budget --distance 5m', "--distance: '5m' is impossible; at most 4"),
+        ('budget --distance 0m', "--distance: '0m' is impossible"),
+        ('budget --yaw 91deg', "--yaw: '91deg' is impossible; at most 90"),
+        ('budget --cell 90', "--cell: '90' has no unit; write 90 mAh"),
+        ('budget --cell 0mAh', "--cell: '0mAh' is impossible; at least 1"),
+        ('budget --queries often', "--queries: 'often' is not a number"),
+        ('budget --queries 1e4', '--queries: 10000 .* 0 to 2765'),
+        ('budget --queries -1', '--queries: -1 .* impossible'),
+        ('budget --queries nan', '--queries: nan .* impossible'),
     ],
 )
 def test_unusable_input_is_one_line(
-    bag: Path, arguments: list[str], message: str, capsys: Output
+    bag: Path, arguments: str, message: str, capsys: Output
 ) -> None:
-    assert main([str(bag) if word == 'BAG' else word for word in arguments]) == 2
-    (line,) = capsys.readouterr().err.splitlines()
-    assert re.search(message, line)
-    choices = (['decode', 'bag', '--method'], ['emulate', 'coffee', '--bag', 'bag', '--storage'])
-    for command in choices:
-        with pytest.raises(SystemExit, match='2'):
-            main([*command, 'magic'])
-        assert 'choose from' in capsys.readouterr().err
+    assert main(arguments.replace('BAG', str(bag)).split()) == 2
+    output = capsys.readouterr()
+    assert output.out in ('', f'{TEXT_HEADER}\n')
+    (line,) = output.err.splitlines()
+    assert re.match(f'retrolidar: {message}', line)
+
+
+@pytest.mark.parametrize(
+    ('arguments', 'message'),
+    [
+        ('decode bag --method magic', 'choose from'),
+        ('emulate coffee --bag bag --storage magic', 'choose from'),
+        *(
+            (f'emulate coffee --bag bag --duration {text}', f'{text} is no positive number of sec')
+            for text in ('inf', 'nan', '1e300')
+        ),
+        ('watch port --zone 64', '64 is no zone'),
+        ('watch port --zone=-1', '-1 is no zone'),
+        ('watch port --zone x', 'x is no zone: they are 0 to 15, or 0 to 63'),
+        ('watch port --bit-period 42ms', '42ms is no NUMBER'),
+        ('watch port --duration 1min', '1min is no number of seconds'),
+        ('watch port --bit-period 0.001', '0.001 is not within 0.002 to 10'),
+        ('watch port --bit-period 11', '11.0 is not within'),
+        ('watch port --protocol magic', 'choose from'),
+        ('ids', 'one of the arguments --count --check is required'),
+        ('ids --count 3 --check 3,17', 'not allowed with'),
+        ('ids --count many', "invalid int value: 'many'"),
+        ('ids --check 3,,17', "'3,,17' is no list of IDs such as 3,17,42"),
+        ('ids --check=', "'' is no list of IDs"),
+    ],
+)
+def test_arguments_that_do_not_fit(arguments: str, message: str, capsys: Output) -> None:
+    with pytest.raises(SystemExit, match=r'^2$'):
+        main(arguments.split())
+    assert message in capsys.readouterr().err

@@ -59,25 +59,6 @@ def test_the_defaults_are_those_of_the_nodes() -> None:
     assert detector_values(options)['bit_period'] == values['bit_period']
 
 
-@pytest.mark.parametrize(
-    ('option', 'message'),
-    [
-        (['--zone', '64'], '64 is no zone'),
-        (['--zone=-1'], '-1 is no zone'),
-        (['--zone', 'x'], 'x is no zone: they are 0 to 15, or 0 to 63'),
-        (['--bit-period', '42ms'], '42ms is no NUMBER'),
-        (['--duration', '1min'], '1min is no number of seconds'),
-        (['--bit-period', '0.001'], '0.001 is not within 0.002 to 10'),
-        (['--bit-period', '11'], '11.0 is not within'),
-        (['--protocol', 'magic'], 'choose from'),
-    ],
-)
-def test_impossible_options(option: list[str], message: str, capsys: Output) -> None:
-    with pytest.raises(SystemExit, match='2'):
-        main(['watch', 'port', *option])
-    assert message in capsys.readouterr().err
-
-
 def test_a_port_that_is_not_there_is_explained_even_to_a_closed_output(
     tmp_path: Path, capsys: Output
 ) -> None:

@@ -197,38 +197,3 @@ def test_the_command_names_bad_sets(
         assert main(['ids', '--check', checked, '--min-distance', str(least)]) == 0
     assert counted(26, 106)[2] == (2, 2)
     assert min(counted(1, 1)) == (4, 2)
-
-
-@pytest.mark.parametrize(
-    ('arguments', 'message'),
-    [
-        ('--count 0', '0 IDs cannot be chosen: ask for 1 to 4094'),
-        ('--count 4095', '4095 IDs cannot be chosen'),
-        ('--count 400 --min-distance 8', '400 IDs at a distance of 8 bits'),
-        ('--count 4 --min-distance 32', 'a distance of 32 bits is outside'),
-        ('--check 3,4096', 'marker ID 4096 is outside 0..4095'),
-        ('--check 3 --min-distance 0', 'a distance of 0 bits is outside'),
-    ],
-)
-def test_unusable_input_is_one_line(arguments: str, message: str, capsys: Output) -> None:
-    assert main(['ids', *arguments.split()]) == 2
-    output = capsys.readouterr()
-    assert output.out == ''
-    (line,) = output.err.splitlines()
-    assert line.startswith(f'retrolidar: {message}')
-
-
-@pytest.mark.parametrize(
-    ('arguments', 'message'),
-    [
-        ('', 'one of the arguments --count --check is required'),
-        ('--count 3 --check 3,17', 'not allowed with'),
-        ('--count many', "invalid int value: 'many'"),
-        ('--check 3,,17', "'3,,17' is no list of IDs such as 3,17,42"),
-        ('--check=', "'' is no list of IDs"),
-    ],
-)
-def test_arguments_that_do_not_fit(arguments: str, message: str, capsys: Output) -> None:
-    with pytest.raises(SystemExit, match=r'^2$'):
-        main(['ids', *arguments.split()])
-    assert message in capsys.readouterr().err

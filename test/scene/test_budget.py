@@ -85,34 +85,6 @@ def test_the_text_says_the_same(capsys: Output) -> None:
     assert heads == ['marker', 'link', 'wake-up', 'battery']
 
 
-@pytest.mark.parametrize(
-    ('option', 'value', 'reason'),
-    [
-        ('--size', '3', 'has no unit'),
-        ('--size', '0 cm', 'impossible'),
-        ('--size', '1m', 'impossible'),  # larger than a zone
-        ('--distance', '2 km', 'it needs m or cm or mm'),
-        ('--distance', '5m', 'at most 4'),
-        ('--distance', '0m', 'impossible'),
-        ('--yaw', '91deg', 'at most 90'),
-        ('--cell', '90', 'write 90 mAh'),
-        ('--cell', '0mAh', 'at least 1'),
-        ('--queries', 'often', 'not a number'),
-        ('--queries', '1e4', '0 to 2765'),
-        ('--queries', '-1', 'impossible'),
-        ('--queries', 'nan', 'impossible'),
-    ],
-)
-def test_bad_values_are_named(option: str, value: str, reason: str, capsys: Output) -> None:
-    assert main(['budget', option, value]) == 2
-    output = capsys.readouterr()
-    assert output.out == ''
-    (line,) = output.err.splitlines()
-    assert line.startswith(f'retrolidar: {option}: ')
-    assert reason in line
-    assert value in line or f'{float(value):g}' in line
-
-
 def test_every_marker_of_the_reference_scene_is_turned() -> None:
     scene = marker_in_each_zone(1.0, np.random.default_rng(0), start_s=(0, 1), yaw_rad=0.7)
     assert {marker.yaw_rad for marker in scene.markers} == {0.7}
