@@ -18,8 +18,7 @@ from retrolidar_ros.detector import Detection
 from retrolidar_ros.detector.blinking import BitReader, Samples, modulation_db
 from retrolidar_ros.detector.blinking_zones import LEAST_FRAMES, bit_periods, clock_mismatch
 from retrolidar_ros.detector.likelihood_detector import Candidate, LikelihoodDetector
-from retrolidar_ros.detector.noise import NoiseLaw
-from retrolidar_ros.detector.settings import detector_of, known_markers
+from retrolidar_ros.detector.settings import detector_of, known_markers, noise_of
 from retrolidar_ros.marker.code import PACKET_BITS
 from retrolidar_ros.sensor.clock import ClockMap
 from retrolidar_ros.sensor.frame import Frame, Recording
@@ -181,9 +180,7 @@ class Watch:
             return snapshot
         samples = Samples.of(Recording.of(recent))
         ambient = float(np.median(newest.ambient))
-        values = self._values
-        law = NoiseLaw(values['noise_floor'], values['noise_slope'], values['noise_ambient'])
-        law = law.lit(max(ambient, 0.0) if math.isfinite(ambient) else 0.0)
+        law = noise_of(self._values).lit(max(ambient, 0.0) if math.isfinite(ambient) else 0.0)
         blinking = modulation_db(samples, law)
         if self._asked is None:
             most = int(blinking.argmax())

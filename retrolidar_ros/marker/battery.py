@@ -36,14 +36,7 @@ PROTOTYPE = Currents()
 
 
 def active_share(queries_per_hour: float, packets: int = 1) -> float:
-    """Return the share of time in which the marker sends.
-
-    Parameters
-    ----------
-    queries_per_hour : float
-        How often it is woken.
-    packets : int
-        How many packets it sends each time.
+    """Return the share of time in which a marker sends, if each query wakes it for some packets.
 
     Raises
     ------

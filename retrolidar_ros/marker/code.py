@@ -99,17 +99,9 @@ def check_ids(ids: ArrayLike) -> NDArray[np.int64]:
 
 
 def encode(ids: ArrayLike) -> NDArray[np.uint8]:
-    """Return the Golay codewords of marker IDs.
+    """Return the Golay codewords of marker IDs of shape (...), as bits of shape (..., 24).
 
-    Parameters
-    ----------
-    ids : array of int, shape (...)
-        0..4095.
-
-    Returns
-    -------
-    array of uint8, shape (..., 24)
-        Bits, most significant first; the first twelve are the ID itself.
+    The first twelve bits are the ID itself.
 
     Raises
     ------

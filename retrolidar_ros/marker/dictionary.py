@@ -78,10 +78,6 @@ def distances(ids: ArrayLike) -> NDArray[np.uint8]:
 def choose_ids(count: int, min_distance: int | None = None) -> tuple[NDArray[np.int64], int]:
     """Choose usable IDs that are far apart, each also from its own shifts.
 
-    The next ID is always the one that rules out the fewest of those left, the lowest of several.
-    So there may be larger sets than are found, but the choice is the same everywhere, and with
-    the same `min_distance` a smaller set is the beginning of a larger one: a set can grow later.
-
     Parameters
     ----------
     count : int
@@ -103,54 +99,47 @@ def choose_ids(count: int, min_distance: int | None = None) -> tuple[NDArray[np.
     """
     if not 1 <= count <= len(USABLE_IDS):
         raise ValueError(f'{count} IDs cannot be chosen: ask for 1 to {len(USABLE_IDS)}')
-    apart = _usable_distances()
     if min_distance is None:
-        wanted = int(apart.max())
-        while len(chosen := _choose(apart, wanted, count)) < count:
+        wanted = int(_usable_distances().max())
+        while len(ids := largest_set(wanted, count)) < count:
             wanted -= 2  # there are no odd ones
-    else:
-        _check_distance(min_distance)
-        chosen = _choose(apart, min_distance, count)
-        if len(chosen) < count:
-            raise ValueError(
-                f'{count} IDs at a distance of {min_distance} bits were not found, only '
-                f'{len(chosen)}: ask for fewer, or for a smaller distance'
-            )
-    return USABLE_IDS[chosen], int(apart[np.ix_(chosen, chosen)].min())
+    elif len(ids := largest_set(min_distance, count)) < count:
+        raise ValueError(
+            f'{count} IDs at a distance of {min_distance} bits were not found, only '
+            f'{len(ids)}: ask for fewer, or for a smaller distance'
+        )
+    places = np.searchsorted(USABLE_IDS, ids)
+    return ids, int(_usable_distances()[np.ix_(places, places)].min())
 
 
-def largest_set(min_distance: int) -> NDArray[np.int64]:
-    """Return all IDs that the search of `choose_ids` finds at a least distance, in its order.
+def largest_set(min_distance: int, count: int = len(USABLE_IDS)) -> NDArray[np.int64]:
+    """Return all IDs that are found at a least distance, or `count` of them; ValueError as above.
 
-    Raises
-    ------
-    ValueError
-        If the distance is out of range.
+    The next ID is always the one that rules out the fewest of those left, the lowest of several.
+    So there may be larger sets than are found, but the choice is the same everywhere, and with
+    the same `min_distance` a smaller set is the beginning of a larger one: a set can grow later.
     """
     _check_distance(min_distance)
-    return USABLE_IDS[_choose(_usable_distances(), min_distance, len(USABLE_IDS))]
+    near = _usable_distances() < min_distance
+    left = ~near.diagonal()
+    conflicts = near[left].sum(axis=0)
+    chosen: list[int] = []
+    while len(chosen) < count and left.any():
+        best = int(np.where(left, conflicts, len(near)).argmin())
+        chosen.append(best)
+        taken = left & near[best]
+        taken[best] = True
+        left &= ~taken
+        conflicts -= near[taken].sum(axis=0)
+    return USABLE_IDS[chosen]
 
 
 def confusable_pairs(ids: ArrayLike, min_distance: int = SAFE_DISTANCE) -> list[ConfusablePair]:
-    """Find the pairs of a set that are nearer than `min_distance`.
+    """Return the pairs of a set of IDs that are nearer than `min_distance`, nearest first.
 
-    Parameters
-    ----------
-    ids : array of int, shape (n,)
-        0..4095, one or more, in any order. Reserved ones are compared like all others.
-    min_distance : int
-        The least distance that is not reported, 1..31 bits.
-
-    Returns
-    -------
-    list of ConfusablePair
-        Nearest first. An ID that is near its own shifts is paired with itself, and so, at distance
-        and shift 0, is one that occurs more than once.
-
-    Raises
-    ------
-    ValueError
-        If there is no ID, one is no integer or outside 0..4095, or the distance is out of range.
+    An ID that is near its own shifts is paired with itself, and so, at distance and shift 0, is one
+    that occurs more than once. IDs and their errors are as of `distances`, those of the distance,
+    1..31 bits, as of `choose_ids`.
     """
     _check_distance(min_distance)
     unique, occurrences = np.unique(_listed(ids), return_counts=True)
@@ -172,22 +161,6 @@ def _usable_distances() -> NDArray[np.uint8]:
     apart = distances(USABLE_IDS)
     apart.flags.writeable = False
     return apart
-
-
-def _choose(apart: NDArray[np.uint8], min_distance: int, count: int) -> list[int]:
-    """Choose up to `count` rows of the symmetric `apart`, shape (n, n), as `choose_ids` does."""
-    near = apart < min_distance
-    left = ~near.diagonal()
-    conflicts = near[left].sum(axis=0)
-    chosen: list[int] = []
-    while len(chosen) < count and left.any():
-        best = int(np.where(left, conflicts, len(near)).argmin())
-        chosen.append(best)
-        taken = left & near[best]
-        taken[best] = True
-        left &= ~taken
-        conflicts -= near[taken].sum(axis=0)
-    return chosen
 
 
 def _listed(ids: ArrayLike) -> NDArray[np.int64]:

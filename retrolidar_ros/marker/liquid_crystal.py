@@ -27,26 +27,16 @@ class Response:
     bright_s: _Time
 
     def integral(self, before: Floats, level: Floats, elapsed_s: Floats) -> Floats:
-        """Integrate the relaxation from one level to the next over the time since the edge.
-
-        A bit lasts many time constants, so the level of the bit before it is where it starts.
-
-        Parameters
-        ----------
-        before, level : array, shape (...)
-            Transmission of the bit before and of this one, 0 to 1.
-        elapsed_s : array, shape (...)
-            Time since the edge between them [s].
-
-        Returns
-        -------
-        array, shape (...)
-            [s]
-        """
+        """Return the first of what `relaxation` returns."""
         return self.relaxation(before, level, elapsed_s)[0]
 
     def relaxation(self, before: Floats, level: Floats, elapsed_s: Floats) -> tuple[Floats, Floats]:
-        """Return the integral of the relaxation [s] and its present value, 0 to 1."""
+        """Return the integral of the relaxation from level to level [s], and its present value.
+
+        A bit lasts many time constants, so the level of the bit `before` it is where it starts.
+        Levels are transmissions, 0 to 1; `elapsed_s` is the time since the edge between them; all
+        are of one shape (...).
+        """
         step = before - level
         tau = np.where(step > 0, self.dark_s, self.bright_s) / _TIME_CONSTANTS_10_TO_90
         share = np.divide(elapsed_s, tau, out=np.full_like(elapsed_s, np.inf), where=tau > 0)

@@ -41,19 +41,9 @@ LIGHT_AT_1_M_V = REACH_M**2 * needed_light_v(THRESHOLD_V, NOISE_V['indoors'])
 
 
 def light_v(range_m: Floats, angle_rad: float = 0.0) -> Floats:
-    """Return the voltage of the sensor's light alone.
+    """Return the voltage of the sensor's light alone [V], at distances above 0, shape (...) [m].
 
-    Parameters
-    ----------
-    range_m : array, shape (...)
-        Distance from the sensor, above 0 [m].
-    angle_rad : float
-        Between the marker's normal and the line of sight [rad].
-
-    Returns
-    -------
-    array, shape (...)
-        [V]
+    The angle is between the marker's normal and the line of sight.
     """
     return LIGHT_AT_1_M_V * _facing(angle_rad) / np.square(range_m)
 

@@ -106,25 +106,11 @@ def frames_in_real_time(
 ) -> Iterator[tuple[Frame, int]]:
     """Yield each frame of a scene when its exposure ends, with the true time of its middle [ns].
 
-    Parameters
-    ----------
-    scene : Scene
-        What the sensor sees.
-    duration_s : float or None
-        When to stop; None = never.
-    start_ns : int
-        Host time of the scene's time zero [ns].
-    clock : callable
-        Returns the host time now [ns].
+    The scene begins at a time of the clock [ns], and without a duration it does not end.
     """
     simulation = Simulation(scene)
-    block_frames = max(1, round(_BLOCK_S / simulation.period_s))
-    remaining = None if duration_s is None else round(duration_s / simulation.period_s)
-    while remaining is None or remaining > 0:
-        count = block_frames if remaining is None else min(block_frames, remaining)
-        if remaining is not None:
-            remaining -= count
-        for frame in simulation.advance(count):
+    for block in simulation.blocks(duration_s, max(1, round(_BLOCK_S / simulation.period_s))):
+        for frame in block:
             true_s = frame.sensor_time_us * 1e-6 / (1 + scene.sensor.clock_error)
             middle_ns = start_ns + round(true_s * 1e9)
             wait_s = (middle_ns - clock()) * 1e-9 + simulation.period_s / 2
@@ -160,13 +146,7 @@ def emulate(
 
 
 def record(scene: Scene, path: Path, storage: str, duration_s: float) -> int:
-    """Write a scene to a new rosbag2, as if it had begun at the host's present time.
-
-    Returns
-    -------
-    int
-        How many frames were written.
-    """
+    """Write a scene to a new bag, as if it began now; return how many frames were written."""
     start_ns = time.time_ns()
     frames = 0
     with FrameWriter(path, storage=storage) as bag:

@@ -21,23 +21,10 @@ _YAW_DEAD_RAD = math.radians(60)
 def received_signal(
     range_m: Floats, area_m2: float, yaw_rad: float, signal_at_1_m: float = SIGNAL_AT_1_M
 ) -> Floats:
-    """Return the signal of a bright marker wholly within one zone.
+    """Return the signal [kcps/SPAD] of a bright marker wholly within one zone.
 
-    Parameters
-    ----------
-    range_m : array, shape (...)
-        Radial distance [m].
-    area_m2 : float
-        Area of the retroreflector [m²].
-    yaw_rad : float
-        Angle between the marker's normal and the line of sight [rad].
-    signal_at_1_m : float
-        Of a bright 3 cm marker that faces the sensor [kcps/SPAD].
-
-    Returns
-    -------
-    array, shape (...)
-        [kcps/SPAD]
+    Its retroreflector is at radial distances of shape (...) and turned by `yaw_rad` from the line
+    of sight; `signal_at_1_m` is that of one of 3 cm that faces the sensor.
     """
     decline = (_YAW_DEAD_RAD - abs(yaw_rad)) / (_YAW_DEAD_RAD - _YAW_GOOD_RAD)
     facing = math.cos(yaw_rad) * min(1.0, max(0.0, decline))
@@ -92,23 +79,10 @@ def line_shares(
 
 
 def zone_shares(position_m: Floats, size_m: float, grid: ZoneGrid, blur: float) -> Floats:
-    """Return the share of a square marker's light that falls into each zone.
+    """Return the share of a square marker's light that falls into each zone, shape (n, zones).
 
-    Parameters
-    ----------
-    position_m : array, shape (n, 3)
-        Places of the marker [m].
-    size_m : float
-        Its edge [m].
-    grid : ZoneGrid
-        The zones.
-    blur : float
-        Standard deviation of the optical blur, as a share of a zone's width.
-
-    Returns
-    -------
-    array, shape (n, zones)
-        Sums to 1 where the whole spot is within the field of view.
+    Shares sum to 1 where the whole spot is within the field of view. The marker is at positions of
+    shape (n, 3); blur is its standard deviation as a share of a zone's width.
     """
     depth = position_m[:, 2]
     width = size_m / depth

@@ -97,11 +97,11 @@ class Simulation:
             status=status,
         )
 
-    def blocks(self, duration_s: float, block_frames: int = 1024) -> Iterator[Recording]:
-        """Yield the frames of a duration [s] in blocks."""
-        remaining = round(duration_s / self.period_s)
+    def blocks(self, duration_s: float | None, block_frames: int = 1024) -> Iterator[Recording]:
+        """Yield the frames of a duration [s] in blocks; without one, never end."""
+        remaining = math.inf if duration_s is None else round(duration_s / self.period_s)
         while remaining > 0:
-            count = min(block_frames, remaining)
+            count = int(min(block_frames, remaining))
             remaining -= count
             yield self.advance(count)
 
@@ -174,11 +174,6 @@ def _seen_in_each_zone(signals: Floats, distances: Floats) -> tuple[Floats, Floa
     """Return the targets that each zone sees, in their order, and no more than the most of them.
 
     Of many markers most zones see one or two, and only those can make a pulse.
-
-    Parameters
-    ----------
-    signals, distances : array, shape (targets, frames, zones)
-        Of each target [kcps/SPAD], [m].
     """
     seen = signals.any(axis=1)
     order = np.argsort(~seen, axis=0, kind='stable')[: seen.sum(axis=0).max(), None]
@@ -190,11 +185,6 @@ def _reported_pulse(signals: Floats, distances: Floats) -> tuple[Floats, Floats,
 
     Targets too near to each other to be separated make one pulse: signals add, and the
     distance is their mean weighted by signal. NaN distance where nothing reflects enough to see.
-
-    Parameters
-    ----------
-    signals, distances : array, shape (targets, frames, zones)
-        Of each target [kcps/SPAD], [m].
     """
     best_signal = np.zeros(signals.shape[1:])
     best_distance = np.full(signals.shape[1:], np.nan)

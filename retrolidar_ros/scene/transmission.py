@@ -41,17 +41,9 @@ class Transmission:
         self._first_excess = float(first[0] - whole_bits[0])
 
     def integral(self, time_s: Floats) -> Floats:
-        """Return the integral of the transmission from the first packet's start to each time.
+        """Return the integral [s] of the transmission from the first packet's start to each time.
 
-        Parameters
-        ----------
-        time_s : array, shape (...)
-            Times in the scene [s].
-
-        Returns
-        -------
-        array, shape (...)
-            [s]; negative before the start.
+        It is negative before the start.
         """
         since = time_s - self._start_s
         bits = np.clip(np.floor(since / self._bit_s), 0, self._bits_sent)
