@@ -22,7 +22,7 @@ from retrolidar_ros.cli.arguments import (
     seconds,
 )
 from retrolidar_ros.cli.watch_state import Watch
-from retrolidar_ros.cli.watch_view import Snapshot, Symbols, fitted, line, screen
+from retrolidar_ros.cli.watch_view import Snapshot, expressed, fitted, line, screen
 from retrolidar_ros.sensor.frame import ZONE_SHAPES
 from retrolidar_ros.sensor.protocols import PROTOCOLS
 from retrolidar_ros.sensor.serial_source import BackgroundReading, SerialSource
@@ -89,13 +89,13 @@ def _display(output: TextIO) -> Iterator[Callable[[Snapshot], None]]:
     if not is_screen(output):
         yield lambda snapshot: print(line(snapshot), file=output, flush=True)
         return
-    symbols = Symbols.of(output.encoding)
 
     def draw(snapshot: Snapshot) -> None:
         columns, rows = shutil.get_terminal_size()
-        lines = fitted(screen(snapshot, symbols), columns, rows)
+        lines = fitted(screen(snapshot), columns, rows)
         # Home; each line and the end of the one before; then the rest of the screen.
-        output.write('\x1b[H' + '\x1b[K\r\n'.join(lines) + '\x1b[J')
+        text = '\x1b[H' + '\x1b[K\r\n'.join(lines) + '\x1b[J'
+        output.write(expressed(text, output.encoding))
         output.flush()
 
     output.write('\x1b[?25l\x1b[2J')  # no cursor, no text

@@ -31,33 +31,20 @@ _CELL = {4: 18, 8: 11}  # width of a zone by the columns of the grid
 _READINGS = 3  # with 4x4 zones they all fit on 24 lines
 
 
-class Symbols(NamedTuple):
-    """Characters that a terminal may lack, and their substitutes."""
-
-    dark: str
-    bright: str
-    erased: str
-    shades: str
-    """Of soft bits, from bright to dark."""
-    bar: str
-    half: str
-    across: str
-    down: str
-    cross: str
-
-    @classmethod
-    def of(cls, encoding: str) -> Symbols:
-        """Return the symbols that an encoding can express."""
-        try:
-            ''.join(BLOCKS).encode(encoding)
-        except UnicodeEncodeError:
-            return ASCII
-        return BLOCKS
+# All in code page 437, which the console of Linux has, too.
+DARK, BRIGHT, ERASED = '█·?'
+_SHADES = f' ░▒▓{DARK}'  # of soft bits, from bright to dark
+_SYMBOLS = f'{BRIGHT}▌─│┼{_SHADES}'
+_ASCII = str.maketrans(_SYMBOLS, '.--|+ .:+#')
 
 
-# Those of code page 437, which the console of Linux has, too.
-BLOCKS = Symbols('█', '·', '?', ' ░▒▓█', '█', '▌', '─', '│', '┼')
-ASCII = Symbols('#', '.', '?', ' .:+#', '=', '-', '-', '|', '+')
+def expressed(text: str, encoding: str) -> str:
+    """Return a text with symbols that an encoding has."""
+    try:
+        _SYMBOLS.encode(encoding)
+    except UnicodeEncodeError:
+        return text.translate(_ASCII)
+    return text
 
 
 class LastReading(NamedTuple):
@@ -98,7 +85,7 @@ class Snapshot:
     """The thresholds for a candidate."""
 
 
-def screen(snapshot: Snapshot, symbols: Symbols) -> list[str]:
+def screen(snapshot: Snapshot) -> list[str]:
     """Return the whole snapshot, in lines of at most 100 characters."""
     lines = [_head(snapshot), *_trouble(snapshot)]
     if snapshot.frame is None:
@@ -106,8 +93,8 @@ def screen(snapshot: Snapshot, symbols: Symbols) -> list[str]:
     return [
         *lines,
         'seen from the sensor: zone, blinking, status / signal [kcps/SPAD], distance [m]',
-        *_zones(snapshot, snapshot.frame, symbols),
-        *_bits(snapshot, symbols),
+        *_zones(snapshot, snapshot.frame),
+        *_bits(snapshot),
         *_readings(snapshot),
     ]
 
@@ -165,26 +152,26 @@ def _trouble(snapshot: Snapshot) -> list[str]:
     return textwrap.wrap(f'! {snapshot.trouble}', COLUMNS, break_on_hyphens=False)
 
 
-def _zones(snapshot: Snapshot, frame: Frame, symbols: Symbols) -> Iterator[str]:
+def _zones(snapshot: Snapshot, frame: Frame) -> Iterator[str]:
     """Yield the zones in rows and columns, each in two lines."""
     grid = frame.grid
-    rule = symbols.cross.join([symbols.across * _CELL[grid.columns]] * grid.columns)
+    rule = '┼'.join(['─' * _CELL[grid.columns]] * grid.columns)
     for row in range(grid.rows):
         # The rows of a larger grid would not fit on a screen with a line between them.
         if row and grid.rows == 4:
             yield rule
         zones = range(row * grid.columns, (row + 1) * grid.columns)
-        cells = [_cell(snapshot, frame, zone, symbols) for zone in zones]
-        yield symbols.down.join(top for top, _ in cells)
-        yield symbols.down.join(bottom for _, bottom in cells)
+        cells = [_cell(snapshot, frame, zone) for zone in zones]
+        yield '│'.join(top for top, _ in cells)
+        yield '│'.join(bottom for _, bottom in cells)
 
 
-def _cell(snapshot: Snapshot, frame: Frame, zone: int, symbols: Symbols) -> tuple[str, str]:
+def _cell(snapshot: Snapshot, frame: Frame, zone: int) -> tuple[str, str]:
     """Return the two lines of a zone."""
     width = _CELL[frame.grid.columns]
     bar = width - 8
     halves = round(2 * bar * min(max(float(snapshot.modulation_db[zone]), 0.0) / _FULL_BAR_DB, 1.0))
-    blinking = symbols.bar * (halves // 2) + symbols.half * (halves % 2)
+    blinking = DARK * (halves // 2) + '▌' * (halves % 2)
     mark = '>' if zone == snapshot.zone else ' '
     top = f'{mark}{zone:<2} {blinking:<{bar}} {frame.status[zone]:>3}'
     decimals = 3 if frame.grid.columns == 4 else 2
@@ -192,24 +179,18 @@ def _cell(snapshot: Snapshot, frame: Frame, zone: int, symbols: Symbols) -> tupl
     return top, f'{signal:>6}{distance:>{width - 6}}'
 
 
-def _bits(snapshot: Snapshot, symbols: Symbols) -> list[str]:
+def _bits(snapshot: Snapshot) -> list[str]:
     """Return the levels and newest bits of the shown zone."""
     if snapshot.zone is None:
         return ['no zone blinks', *[''] * 4]
     bits = snapshot.bits
     if bits is None:
         return [f'zone {snapshot.zone}: too little of 31 bits, or all alike', *[''] * 4]
-    shade = np.clip(bits.darkness * len(symbols.shades), 0, len(symbols.shades) - 1)
-    soft = [
-        symbols.erased if erased else symbols.shades[int(step)]
-        for erased, step in zip(bits.erased, np.nan_to_num(shade), strict=True)
-    ]
-    hard = [
-        symbols.erased if erased else symbols.dark if dark else symbols.bright
-        for erased, dark in zip(bits.erased, bits.hard, strict=True)
-    ]
+    steps = np.nan_to_num(np.clip(bits.darkness * len(_SHADES), 0, len(_SHADES) - 1)).astype(int)
+    soft = np.where(bits.erased, ERASED, np.array(list(_SHADES))[steps])
+    hard = np.where(bits.erased, ERASED, np.where(bits.hard, DARK, BRIGHT))
     # As the nearest packet has them, whichever bit is the oldest.
-    digits = np.where(bits.erased, '?', np.where(bits.hard, '1', '0'))
+    digits = np.where(bits.erased, ERASED, np.where(bits.hard, '1', '0'))
     ordered = ''.join(np.roll(digits, bits.first))
     word = len(PREAMBLE)
     packet = ' '.join([ordered[:word], ordered[word : word + ID_BITS], ordered[word + ID_BITS :]])
@@ -219,7 +200,7 @@ def _bits(snapshot: Snapshot, symbols: Symbols) -> list[str]:
             f'SNR {bits.snr_db:.1f} dB'
         ),
         f'  soft    {"".join(soft)}',
-        f'  bits    {"".join(hard)}  {symbols.dark} dark, 1   {symbols.bright} bright, 0',
+        f'  bits    {"".join(hard)}  {DARK} dark, 1   {BRIGHT} bright, 0',
         f'  packet  {packet}  turned as ID {bits.id} has it',
         (
             f'  nearest ID {bits.id}: {bits.differing} of {PACKET_BITS} bits differ, correlation '

@@ -10,11 +10,7 @@ import numpy as np
 import pytest
 
 from retrolidar_ros.cli.watch_state import Watch
-from retrolidar_ros.cli.watch_view import (
-    BLOCKS,
-    line,
-    screen,
-)
+from retrolidar_ros.cli.watch_view import line, screen
 from retrolidar_ros.detector.blinking import BitReader, Samples, modulation_db
 from retrolidar_ros.detector.noise import NoiseLaw
 from retrolidar_ros.detector.settings import defaults
@@ -111,7 +107,7 @@ def test_blinking_is_the_marker_s_and_noise_is_none() -> None:
     known = watch_of(list(Simulation(replace(SCENE, markers=())).advance(100))).snapshot()
     assert known.zone is None
     assert 'no zone blinks' in line(known)
-    assert 'no zone blinks' in screen(known, BLOCKS)
+    assert 'no zone blinks' in screen(known)
 
 
 def test_the_zone_that_blinks_most_is_chosen_and_read() -> None:

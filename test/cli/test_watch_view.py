@@ -11,13 +11,14 @@ from numpy.typing import NDArray
 from test_watch_state import ID, SCENE, frame, watch_of
 
 from retrolidar_ros.cli.watch_view import (
-    ASCII,
-    BLOCKS,
+    BRIGHT,
     COLUMNS,
+    DARK,
+    ERASED,
     ROWS,
     LastReading,
     Snapshot,
-    Symbols,
+    expressed,
     fitted,
     line,
     screen,
@@ -40,9 +41,9 @@ def snapshot(grid: ZoneGrid, zone: int | None = None) -> Snapshot:
 
 @pytest.mark.parametrize(('grid', 'columns'), [(ZoneGrid(), 80), (ZoneGrid(8, 8), 100)])
 def test_zones_lie_as_seen_from_the_sensor(grid: ZoneGrid, columns: int) -> None:
-    lines = screen(snapshot(grid), ASCII)
+    lines = screen(snapshot(grid))
     assert max(map(len, lines)) <= columns
-    cells = [text.split('|') for text in lines if text.count('|') == grid.columns - 1]
+    cells = [text.split('│') for text in lines if text.count('│') == grid.columns - 1]
     tops, bottoms = cells[::2], cells[1::2]
     numbers = [[int(cell.split()[0]) for cell in row] for row in tops]
     assert numbers == np.arange(grid.zones).reshape(grid.rows, grid.columns).tolist()
@@ -52,14 +53,14 @@ def test_zones_lie_as_seen_from_the_sensor(grid: ZoneGrid, columns: int) -> None
     assert tops[-1][-1].split()[-1] == '255'
     assert bottoms[-1][-1].split()[1] == '-'
     # Everything lies in columns.
-    assert len({len(text) for text in lines if text.count('|') == grid.columns - 1}) == 1
+    assert len({len(text) for text in lines if text.count('│') == grid.columns - 1}) == 1
 
 
 @pytest.mark.parametrize('grid', [ZoneGrid(), ZoneGrid(8, 8)])
 def test_the_chosen_zone_is_marked_and_its_bar_is_full(grid: ZoneGrid) -> None:
-    text = '\n'.join(screen(snapshot(grid, 9), ASCII))
-    assert re.findall(r'>(\d+) +(=+) ', text) == [('9', '=' * (10 if grid.rows == 4 else 3))]
-    assert text.count('=') == (10 if grid.rows == 4 else 3)
+    text = '\n'.join(screen(snapshot(grid, 9)))
+    assert re.findall(r'>(\d+) +(█+) ', text) == [('9', '█' * (10 if grid.rows == 4 else 3))]
+    assert text.count('█') == (10 if grid.rows == 4 else 3)
 
 
 def bits_of(hard: NDArray[np.uint8], first: int) -> NewestBits:
@@ -67,17 +68,16 @@ def bits_of(hard: NDArray[np.uint8], first: int) -> NewestBits:
     return NewestBits(signal, 10.0, 110.0, 20.0, ID, 0.9, first)
 
 
-@pytest.mark.parametrize('symbols', [BLOCKS, ASCII])
-def test_bits_are_drawn_dark_and_turned_into_the_packet(symbols: Symbols) -> None:
+def test_bits_are_drawn_dark_and_turned_into_the_packet() -> None:
     bits = bits_of(np.roll(packet(ID), -5), 5)
     bits.signal[30] = np.nan
-    lines = screen(replace(snapshot(ZoneGrid(), 9), bits=bits), symbols)
+    lines = screen(replace(snapshot(ZoneGrid(), 9), bits=bits))
     (drawn,) = (text for text in lines if text.startswith('  bits'))
     sent = np.roll(packet(ID), -5)[:30]
-    dark = ''.join(symbols.dark if bit else symbols.bright for bit in sent)
-    assert drawn.split()[1] == dark + symbols.erased
+    dark = ''.join(DARK if bit else BRIGHT for bit in sent)
+    assert drawn.split()[1] == dark + ERASED
     (soft,) = (text for text in lines if text.startswith('  soft'))
-    assert soft[10:40] == dark.replace(symbols.bright, ' ').replace(symbols.dark, symbols.shades[4])
+    assert soft[10:40] == dark.replace(BRIGHT, ' ')
     (turned,) = (text for text in lines if text.startswith('  packet'))
     expected = ''.join(map(str, packet(ID)))
     expected = expected[:4] + '?' + expected[5:]
@@ -104,29 +104,28 @@ def test_how_far_the_last_candidate_was_from_being_read(reason: Reason, text: st
         refused=Candidate(77, 9, 1, reason, 0, 0.042, 20.5, 41.5, 3.5),
         demands=Demands(28.0, 6.0, 8.0, 6.9, 9.2),
     )
-    shown = '\n'.join(screen(known, ASCII))
+    shown = '\n'.join(screen(known))
     assert f'  refused so far: {reason.value} 3; last ID 77: {text}\n' in shown
 
 
-@pytest.mark.parametrize(
-    ('encoding', 'symbols'),
-    [('utf-8', BLOCKS), ('cp437', BLOCKS), ('ascii', ASCII), ('latin-1', ASCII)],
-)
-def test_a_terminal_gets_what_its_encoding_has(encoding: str, symbols: Symbols) -> None:
-    assert Symbols.of(encoding) is symbols
-    bits = bits_of(packet(ID), 0)
-    known = replace(snapshot(ZoneGrid(), 9), bits=bits)
-    '\n'.join([*screen(known, symbols), line(known)]).encode(encoding)
+@pytest.mark.parametrize('encoding', ['utf-8', 'cp437', 'ascii', 'latin-1'])
+def test_a_terminal_gets_what_its_encoding_has(encoding: str) -> None:
+    known = replace(snapshot(ZoneGrid(), 9), bits=bits_of(packet(ID), 0))
+    text = '\n'.join([*screen(known), line(known)])
+    shown = expressed(text, encoding)
+    shown.encode(encoding)
+    assert (shown == text) == (encoding in ('utf-8', 'cp437'))
+    assert len(set(shown)) >= len(set(text)) - 2  # a bar's half is a line, a faint shade bright
 
 
 def test_trouble_and_a_long_port_stand_in_lines_that_fit() -> None:
     trouble = f'no permission to open /dev/{"x" * 60}; it belongs to the group dialout; retrying'
-    lines = screen(Snapshot('port', trouble, 0.0, 0, 0, 0), BLOCKS)
+    lines = screen(Snapshot('port', trouble, 0.0, 0, 0, 0))
     assert max(map(len, lines)) <= 80
     assert ' '.join(lines).endswith(f'! {trouble}')
-    assert screen(snapshot(ZoneGrid()), ASCII)[0].endswith('0 damaged packets at port')
+    assert screen(snapshot(ZoneGrid()))[0].endswith('0 damaged packets at port')
     port = '/dev/serial/by-id/usb-STMicroelectronics_STM32_STLink_0672FF-if02'
-    head = screen(replace(snapshot(ZoneGrid()), port=port), ASCII)[0]
+    head = screen(replace(snapshot(ZoneGrid()), port=port))[0]
     assert head.startswith('47.6 frames/s, 100 frames, 0 lost, 0 damaged packets at ...')
     assert head.endswith('_0672FF-if02')
     assert len(head) == COLUMNS
@@ -135,7 +134,7 @@ def test_trouble_and_a_long_port_stand_in_lines_that_fit() -> None:
 def test_a_picture_that_is_cut_says_what_size_it_needs() -> None:
     (reading,) = watch_of(list(Simulation(SCENE).advance(200))).snapshot().readings
     readings = [LastReading(reading.detection, 1.0, 1)] * 3
-    lines = screen(replace(snapshot(ZoneGrid(), 9), readings=readings), ASCII)
+    lines = screen(replace(snapshot(ZoneGrid(), 9), readings=readings))
     assert len(lines) == ROWS
     assert fitted(lines, 80, 24) == lines
     assert fitted(lines, 80, 20) == [*lines[:19], 'enlarge the terminal to 80x24']
@@ -143,7 +142,7 @@ def test_a_picture_that_is_cut_says_what_size_it_needs() -> None:
     assert narrow[:-1] == [text[:60] for text in lines[:-1]]
     assert narrow[-1] == 'enlarge the terminal to 80x24'
     assert fitted(lines, 7, 1) == ['enlarge']
-    large = screen(snapshot(ZoneGrid(8, 8)), ASCII)
+    large = screen(snapshot(ZoneGrid(8, 8)))
     assert fitted(large, 80, 40)[-1] == f'enlarge the terminal to 95x{len(large)}'
-    troubled = screen(replace(snapshot(ZoneGrid(), 9), trouble='a ' * 79, readings=readings), ASCII)
+    troubled = screen(replace(snapshot(ZoneGrid(), 9), trouble='a ' * 79, readings=readings))
     assert fitted(troubled, 80, 24)[-1] == 'enlarge the terminal to 80x25'

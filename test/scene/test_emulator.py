@@ -145,7 +145,7 @@ def test_ending_unplugs_the_sensor(
     with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:
         assert process.stdout
         assert 'a sensor is at' in process.stdout.readline()
-        reader, frames = FrameReader(), []
+        reader, frames = FrameReader(), list[Frame]()
         with listen(link) as line:
             while len(frames) < 3:
                 data = line.read(max(1, line.in_waiting))
