@@ -68,11 +68,7 @@ def _frames(axes: Any, found: Calibration) -> None:
 
 def _noise(axes: Any, found: Calibration) -> None:
     """Draw the variances of steady zones over their signals, and the noise law."""
-    axes.set(
-        xlabel='signal [kcps/SPAD]',
-        ylabel='variance [(kcps/SPAD)²]',
-        title='Zones at rest',
-    )
+    axes.set(xlabel='signal [kcps/SPAD]', ylabel='variance [(kcps/SPAD)²]', title='Zones at rest')
     if found.noise is None:
         axes.text(0.5, 0.5, 'no zone is at rest', ha='center', transform=axes.transAxes)
         return

@@ -56,9 +56,7 @@ def voltage_v(
 
 
 def wakeup_range_m(
-    threshold_v: float = THRESHOLD_V,
-    noise_v: float = NOISE_V['indoors'],
-    angle_rad: float = 0.0,
+    threshold_v: float = THRESHOLD_V, noise_v: float = NOISE_V['indoors'], angle_rad: float = 0.0
 ) -> float:
     """Return the distance up to which the marker wakes [m].
 

@@ -25,12 +25,7 @@ SENSOR_REACH_M = 4.0
 
 
 def budget(
-    *,
-    size_m: float,
-    yaw_rad: float,
-    distance_m: float,
-    cell_mah: float,
-    queries_per_hour: float,
+    *, size_m: float, yaw_rad: float, distance_m: float, cell_mah: float, queries_per_hour: float
 ) -> dict[str, Any]:
     """Return what to expect of a marker, fit for JSON.
 

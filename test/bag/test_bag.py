@@ -115,8 +115,7 @@ def test_the_oldest_frame_comes_first(tmp_path: Path, storage: Storage) -> None:
 
 
 @pytest.mark.parametrize(
-    ('storage', 'compression'),
-    [*product(STORAGES, ('FILE', 'MESSAGE')), ('mcap', 'STORAGE')],
+    ('storage', 'compression'), [*product(STORAGES, ('FILE', 'MESSAGE')), ('mcap', 'STORAGE')]
 )
 def test_compressed_bags(tmp_path: Path, storage: Storage, compression: str) -> None:
     frames = make_frames(100)

@@ -15,13 +15,7 @@ import pytest
 
 pytest.importorskip('rosbags', reason='bags are written with rosbags')
 
-from harness_bags import (
-    assert_good_until,
-    equal,
-    mcap_file,
-    read_all,
-    write_bag,
-)
+from harness_bags import assert_good_until, equal, mcap_file, read_all, write_bag
 from harness_frames import make_frames
 
 from retrolidar_ros.bag import FRAME_TYPE, FRAMES_TOPIC, FrameWriter, files, messages

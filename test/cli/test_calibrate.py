@@ -88,11 +88,7 @@ HAND = {
             [],
             'so much light saturates the sensor (go farther away)',
         ),
-        (
-            {'sensor': {**SENSOR, 'abnormal': '70 %'}},
-            [],
-            'shade it from the sun, clean the window',
-        ),
+        ({'sensor': {**SENSOR, 'abnormal': '70 %'}}, [], 'shade it from the sun, clean the window'),
         (
             {'sensor': {**SENSOR, 'noise': LOUD}, 'markers': [FAINT]},
             [],
@@ -155,14 +151,8 @@ def test_explain_tells_of_each_zone(tmp_path: Path, capsys: pytest.CaptureFixtur
 @pytest.mark.parametrize(
     ('text', 'message'),
     [
-        (
-            '/**/detector: {ros__parameters: {bitperiod: 1}}',
-            'bitperiod: no such parameter',
-        ),
-        (
-            '/**/detector: {ros__parameters: {bit_period: x}}',
-            "'x' is not of type float",
-        ),
+        ('/**/detector: {ros__parameters: {bitperiod: 1}}', 'bitperiod: no such parameter'),
+        ('/**/detector: {ros__parameters: {bit_period: x}}', "'x' is not of type float"),
         ('/**/detector: {ros__parameters: {bit_period: 99.0}}', '99.0 is not within 0.002 to 10'),
         ('/**/detector: {bit_period: 1}', 'has no ros__parameters'),
         ('[]', 'is no parameter file'),

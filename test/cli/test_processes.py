@@ -86,10 +86,7 @@ def test_leaving_ends_children_and_theirs(tmp_path: Path, line: LifeLine, progra
     ],
 )
 def test_an_exception_or_a_signal_ends_them_too_and_passes_on(
-    tmp_path: Path,
-    line: LifeLine,
-    end: BaseException | signal.Signals,
-    raised: type[BaseException],
+    tmp_path: Path, line: LifeLine, end: BaseException | signal.Signals, raised: type[BaseException]
 ) -> None:
     before = signal.getsignal(signal.SIGTERM)
 

@@ -12,10 +12,7 @@ from retrolidar_ros.marker.battery import CELL_MAH, PROTOTYPE, Currents, active_
 
 SHARES = st.floats(0, 1)
 CURRENTS = st.builds(
-    Currents,
-    sleep=st.floats(1e-4, 0.01),
-    detection=st.floats(0.02, 10),
-    active=st.floats(0.5, 50),
+    Currents, sleep=st.floats(1e-4, 0.01), detection=st.floats(0.02, 10), active=st.floats(0.5, 50)
 )
 MONTH_H, YEAR_H = 730.5, 8766.0
 

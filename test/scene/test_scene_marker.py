@@ -11,12 +11,7 @@ from harness_scene import BITS, BRIGHT, CENTRE, GRID, MARKER, RANGING, ZONE, sim
 
 from retrolidar_ros.marker.code import packet
 from retrolidar_ros.scene import Scene
-from retrolidar_ros.scene.description import (
-    Marker,
-    Occlusion,
-    Sensor,
-    Wander,
-)
+from retrolidar_ros.scene.description import Marker, Occlusion, Sensor, Wander
 from retrolidar_ros.scene.optics import position_at
 from retrolidar_ros.sensor.frame import Floats, Status
 

@@ -10,12 +10,7 @@ import pytest
 from harness_scene import BITS, GRID, MARKER, NOISE, RANGING, ZONE, simulate, wall
 
 from retrolidar_ros.scene import Scene, Simulation
-from retrolidar_ros.scene.description import (
-    Occlusion,
-    Sensor,
-    Surface,
-    Wander,
-)
+from retrolidar_ros.scene.description import Occlusion, Sensor, Surface, Wander
 from retrolidar_ros.sensor.frame import Recording, Status, ZoneGrid
 
 EVERYTHING = Scene(

@@ -10,10 +10,7 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from retrolidar_ros.scene import Scene
-from retrolidar_ros.scene.description import (
-    Sensor,
-    Surface,
-)
+from retrolidar_ros.scene.description import Sensor, Surface
 from retrolidar_ros.sensor.frame import Recording, Status
 
 
