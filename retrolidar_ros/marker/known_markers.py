@@ -74,7 +74,7 @@ def parse_markers(content: object) -> dict[int, KnownMarker]:
         names the key.
     """
     section = Section(content)
-    known = section.need('markers', _markers)
+    known = section.take('markers', _markers)
     section.end()
     return known
 

@@ -9,7 +9,7 @@ import re
 from collections.abc import Callable, Mapping
 from dataclasses import MISSING, Field, fields
 from difflib import get_close_matches
-from typing import Any, TypeAlias, TypeVar, get_type_hints
+from typing import Any, TypeAlias, TypeVar, cast, get_type_hints
 
 T = TypeVar('T')
 Parser: TypeAlias = Callable[[Any, str], T]
@@ -51,18 +51,13 @@ class Section:
         """Return the dotted name of a key, for messages."""
         return f'{self._path}.{key}' if self._path else key
 
-    def take(self, key: str, default: T, parse: Parser[T]) -> T:
-        """Return the parsed value of a key, or the default if it is missing."""
-        self._taken.append(key)
-        if key not in self._content:
-            return default
-        return parse(self._content.pop(key), self.path(key))
-
-    def need(self, key: str, parse: Parser[T]) -> T:
-        """Return the parsed value of a required key."""
-        if key not in self._content:
+    def take(self, key: str, parse: Parser[T], default: Any = MISSING) -> T:
+        """Return the parsed value of a key; if it is missing, the default, or ConfigError."""
+        if key not in self._content and default is MISSING:
             raise ConfigError(f'{self.path(key)}: is missing')
         self._taken.append(key)
+        if key not in self._content:
+            return cast(T, default)
         return parse(self._content.pop(key), self.path(key))
 
     def end(self) -> None:
@@ -87,12 +82,8 @@ def mapping(
         section = Section(value, path)
         values = dict(given)
         for field, key, parser in _keys(kind):
-            if field.name in given:
-                continue
-            if field.default is MISSING:
-                values[field.name] = section.need(key, parser)
-            else:
-                values[field.name] = section.take(key, field.default, parser)
+            if field.name not in given:
+                values[field.name] = section.take(key, parser, field.default)
         section.end()
         found = kind(**values)
         if check is not None:

@@ -95,8 +95,8 @@ def parse_survey(content: object) -> tuple[str, dict[str, Prior]]:
         If numbers are missing or impossible; it names the key.
     """
     section = Section(content)
-    frame = section.need('frame', text)
-    known = section.need('landmarks', _priors)
+    frame = section.take('frame', text)
+    known = section.take('landmarks', _priors)
     section.end()
     return frame, known
 
@@ -109,9 +109,9 @@ def _priors(value: Any, path: str) -> dict[str, Prior]:
 
 def _prior(value: Any, path: str) -> Prior:
     section = Section(value, path)
-    position_m = section.need('position', _numbers(3))
-    turn = section.need('orientation', _numbers(4))
-    covariance = section.need('covariance', _numbers(36)).reshape(6, 6)
+    position_m = section.take('position', _numbers(3))
+    turn = section.take('orientation', _numbers(4))
+    covariance = section.take('covariance', _numbers(36)).reshape(6, 6)
     section.end()
     if not np.linalg.norm(turn) > 0:
         raise ConfigError(f'{path}.orientation: is no quaternion')
