@@ -3,6 +3,7 @@
 """Every key of a scene: what is read of it, and what is refused by its name."""
 
 import copy
+import math
 import re
 from collections.abc import Iterator
 from dataclasses import asdict
@@ -19,11 +20,11 @@ from retrolidar_ros.scene import Scene, Simulation, parse_scene
 from retrolidar_ros.sensor.frame import ZoneGrid
 from retrolidar_ros.settings.section import UNITS, ConfigError, quantity
 
-# Every key there is, none at its default, and what is read of it.
+# Every key there is, none at its default.
 FILE = Path(__file__).with_name('every_key.yaml')
-FULL: dict[str, Any]
-EXPECTED: dict[str, Any]
-FULL, EXPECTED = yaml.safe_load_all(FILE.read_text(encoding='utf-8'))
+FULL: dict[str, Any] = yaml.safe_load(FILE.read_text(encoding='utf-8'))
+SIZES = {'s': 1, 'ms': 1e-3, 'us': 1e-6, 'm': 1, 'cm': 1e-2, 'mm': 1e-3, 'deg': math.pi / 180}
+SIZES |= {'%': 1e-2, 'kcps/SPAD': 1, '(kcps/SPAD)^2': 1}
 
 Place = tuple[str | int, ...]
 
@@ -96,12 +97,19 @@ KEYS = [(*path, key) for path in sections(FULL) for key in at(FULL, path)]
 
 
 def test_every_key_is_read() -> None:
-    assert len(QUANTITIES) == 52
-    read = dict(leaves(asdict(COMPLETE)))
-    expected = dict(leaves(EXPECTED))
-    assert read.keys() == expected.keys()
-    for path, value in expected.items():
-        assert read[path] == (pytest.approx(value) if isinstance(value, float) else value), path
+    assert len(QUANTITIES) == 54
+    read = {
+        tuple(re.sub('(?<!_1)_(s|m|rad)$', '', p) if isinstance(p, str) else p for p in path): value
+        for path, value in leaves(asdict(COMPLETE))
+    }
+    for name in ('rows', 'columns', 'view'):
+        assert read.pop(('sensor', 'grid', name)) == getattr(ZoneGrid(8, 8), name)
+    expected = dict(LEAVES)
+    assert expected.pop(('sensor', 'zones')) == '8x8'
+    for path, text in QUANTITIES:
+        number, unit = text.split(' ')
+        expected[path] = pytest.approx(float(number) * SIZES[unit])
+    assert read == expected
 
 
 @pytest.mark.parametrize('path', KEYS, ids=dotted)
