@@ -68,16 +68,11 @@ class Watch:
         self._frames: deque[Frame] = deque(maxlen=_KEPT)
         self._last: dict[int, Detection] = {}
         self._times: Counter[int] = Counter()
-        self._counted = self._lost = 0
+        self.frames = self._lost = 0
         self._sequence: int | None = None
         self._heard_s = time.monotonic()
         self._notice, self._noticed_s = '', -math.inf
         self._tallies = deque([_Tally(self._heard_s, 0, 0, 0, 0, 0)])
-
-    @property
-    def frames(self) -> int:
-        """How many frames have come."""
-        return self._counted
 
     def take(self, frames: list[Frame], arrival_ns: int, notice: str = '') -> None:
         """Take frames that arrived together, and the messages of the reader then.
@@ -96,7 +91,7 @@ class Watch:
 
     def _take(self, frame: Frame) -> None:
         grid = frame.grid
-        self._counted += 1
+        self.frames += 1
         self._lost += missing_frames(self._sequence, frame.sequence)
         self._sequence = frame.sequence
         last = self._frames[-1] if self._frames else None
@@ -130,7 +125,7 @@ class Watch:
         damaged = counts.damaged + counts.unknown_kind
         now = _Tally(
             now_ns * 1e-9,
-            self._counted,
+            self.frames,
             damaged,
             self._clock.restarts,
             self._source.received,
