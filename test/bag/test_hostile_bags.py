@@ -136,11 +136,3 @@ def test_control_characters_in_names_are_escaped(
     assert '\\x1b[2J\\x07' in said
     assert '\x1b' not in said
     assert len(said) < 2000
-
-
-def test_a_picture_needs_the_name_of_a_file(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    file = write_bag(tmp_path / 'bag', make_frames(50))
-    assert main(['plot', str(file), '-o', str(tmp_path)]) == 2
-    assert f'{tmp_path} is a directory' in capsys.readouterr().err

@@ -89,6 +89,7 @@ def test_a_damaged_bag_is_decoded_and_drawn(bag: Path, tmp_path: Path, capsys: O
     [
         ('decode nowhere', 'nowhere does not exist'),
         ('decode BAG --topic /x', '.*/retrolidar/frames .retrolidar_ros/msg/Frame'),
+        ('plot BAG -o .', r'\. is a directory; name a PNG file'),
         ('emulate nowhere --port-link port', '.*no scene nowhere; .* coffee, drone, range'),
         ('demo nowhere', '.*no scene nowhere'),
         ('ids --count 0', '0 IDs cannot be chosen: ask for 1 to 4094'),

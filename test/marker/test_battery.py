@@ -58,11 +58,6 @@ def test_packets_count_as_queries_do(queries: float, packets: int) -> None:
     assert active_share(queries, packets) == pytest.approx(active_share(queries * packets))
 
 
-@given(st.floats(1, 1e4), st.floats(1e-4, 20))
-def test_life_is_linear_in_the_capacity(cell_mah: float, current_ma: float) -> None:
-    assert life_h(2 * cell_mah, current_ma) == pytest.approx(2 * life_h(cell_mah, current_ma))
-
-
 @pytest.mark.parametrize('queries', [-1.0, 2766.0, float('nan'), float('inf')])
 def test_impossible_queries_are_named(queries: float) -> None:
     with pytest.raises(

@@ -136,12 +136,9 @@ def test_a_file_may_write_an_id_in_any_base_but_once(file: Path) -> None:
         2073: KnownMarker(2073, 'beans'),
         2096: KnownMarker(2096, 'marker_2096', '', 0.05),
     }
-    for one, other in (('2073', '2073'), ('0x819', '2073'), ('2073', '0x819')):
-        file.write_text(f'markers:\n  {one}: {{frame: beans}}\n  {other}: {{frame: mug}}\n')
-        with pytest.raises(ConfigError, match='key 2073 stands here a second time') as caught:
-            load_markers(file)
-        assert str(caught.value).startswith(f'{file} is not a YAML file: ')
-        assert 'line 3, ' in str(caught.value)
+    file.write_text('markers:\n  0x819: {frame: beans}\n  2073: {frame: mug}\n')
+    with pytest.raises(ConfigError, match=r'(?s)key 2073 stands here a second time.*line 3, '):
+        load_markers(file)
 
 
 @pytest.mark.parametrize(
