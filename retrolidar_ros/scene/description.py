@@ -12,7 +12,7 @@ from typing import Annotated, Any, TypeAlias
 from retrolidar_ros.marker.code import BIT_PERIOD_S, IDS
 from retrolidar_ros.marker.known_markers import MARKER_SIZE_M
 from retrolidar_ros.marker.liquid_crystal import Response
-from retrolidar_ros.sensor.frame import ZONE_SHAPES, ZoneGrid
+from retrolidar_ros.sensor.frame import GRIDS, ZoneGrid
 from retrolidar_ros.settings.section import (
     ConfigError,
     Triple,
@@ -103,7 +103,7 @@ def _waypoints(value: Any, path: str) -> tuple[Waypoint, ...]:
 
 
 def _grid(value: Any, path: str) -> ZoneGrid:
-    shapes = {f'{rows}x{columns}': ZoneGrid(rows, columns) for rows, columns in ZONE_SHAPES}
+    shapes = {f'{rows}x{columns}': grid for (rows, columns), grid in GRIDS.items()}
     if not isinstance(value, str) or value not in shapes:
         raise ConfigError(f'{path}: {value!r} is not {" or ".join(shapes)}')
     return shapes[value]

@@ -178,18 +178,20 @@ def test_a_signal_and_a_log_of_any_bytes_are_reported(
 
 
 def test_a_stopped_process_may_be_started_again(tmp_path: Path, line: LifeLine) -> None:
+    again = LifeLine(tmp_path / 'again')
     with ProcessGroup(tmp_path) as group:
-        for _ in range(2):
-            group.start('sleeper', line.command(SLEEPER))
-            line.wait_for(b'ready')
+        for one in (line, again):
+            group.start('sleeper', one.command(SLEEPER))
+            one.wait_for(b'ready')
             with pytest.raises(ValueError, match='sleeper has been started already'):
-                group.start('sleeper', line.command(SLEEPER))
+                group.start('sleeper', one.command(SLEEPER))
             # So Ctrl-C in a terminal does not reach it past the group.
             pid = group.pid('sleeper')
             assert os.getpgid(pid) == pid != os.getpgrp()
             assert group.stop('sleeper') == -signal.SIGINT
             group.check()
-            assert line.all_gone()
+            assert one.all_gone()
+    os.close(again.end)
 
 
 def test_a_program_that_is_missing_ends_the_others(tmp_path: Path, line: LifeLine) -> None:
