@@ -96,14 +96,10 @@ def _write_page(
 
 
 def _draw(found: Calibration, path: Path, source: str) -> None:
-    import matplotlib as mpl
+    from matplotlib.figure import Figure
 
-    mpl.use('Agg')
-    import matplotlib.pyplot as plt
-
-    figure, ((frames, noise), (signal, fold)) = plt.subplots(
-        2, 2, figsize=(12, 8), layout='constrained'
-    )
+    figure = Figure(figsize=(12, 8), layout='constrained')
+    (frames, noise), (signal, fold) = figure.subplots(2, 2)
     figure.suptitle(f'Calibration from {source}', fontsize=13)
     _frames(frames, found)
     _noise(noise, found)
@@ -117,7 +113,6 @@ def _draw(found: Calibration, path: Path, source: str) -> None:
         _signal(signal, found, marker)
         _folded(fold, found, marker)
     figure.savefig(path, dpi=110)
-    plt.close(figure)
 
 
 def _frames(axes: Any, found: Calibration) -> None:

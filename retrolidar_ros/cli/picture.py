@@ -9,7 +9,6 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from retrolidar_ros.detector.blinking_zones import BlinkingZone
 from retrolidar_ros.marker.code import BIT_PERIOD_S, PREAMBLE, packet
@@ -55,22 +54,12 @@ def _zone_of_interest(axes: Any, grid: ZoneGrid, modulation: Floats) -> None:
     edges = grid.pitch * (np.arange(grid.columns + 1) - grid.columns / 2)
     axes.hlines(edges, -half, half, colors='0.6', linewidth=0.6)
     axes.vlines(edges, -half, half, colors='0.6', linewidth=0.6)
-    for zone, (x, y) in enumerate(grid.tangents):
-        axes.text(
-            x - 0.44 * grid.pitch,
-            y - 0.44 * grid.pitch,
-            str(zone),
-            fontsize=7,
-            color='0.35',
-            ha='left',
-            va='top',
-        )
+    for zone, (x, y) in enumerate(grid.tangents - 0.44 * grid.pitch):
+        axes.text(x, y, str(zone), fontsize=7, color='0.35', ha='left', va='top')
     degrees = np.array([-20, -10, 0, 10, 20])
     axes.set_xticks(np.tan(np.radians(degrees)), [f'{d}°' for d in degrees])
     axes.set_yticks(np.tan(np.radians(degrees)), [f'{-d}°' for d in degrees])
-    axes.set_xlabel('to the right')
-    axes.set_ylabel('upwards')
-    axes.set_anchor('S')
+    axes.set(xlabel='to the right', ylabel='upwards', anchor='S')
     colorbar = axes.figure.colorbar(image, ax=axes, orientation='horizontal', pad=0.02, aspect=30)
     colorbar.set_label('standard deviation of the signal [kcps/SPAD]', fontsize=9)
 
@@ -94,21 +83,13 @@ def _signal_with_bits(axes: Any, shown: _Shown, reading: Heard, name: str) -> No
     start_s = (reading.start_ns - shown.origin_ns) * 1e-9
     begin_s = max(start_s - 0.4, 0.0)
     height = _signal(axes, shown, reading.zone, begin_s, begin_s + _SHOWN_BITS * bit_s)
-    bits: NDArray[np.uint8] = packet(reading.id)
-    for index, bit in enumerate(bits):
+    for index, bit in enumerate(packet(reading.id)):
         left = start_s + index * bit_s
         if bit:
             axes.axvspan(left, left + bit_s, color=colour, alpha=0.14, linewidth=0)
-        axes.text(
-            left + bit_s / 2,
-            height,
-            str(bit),
-            ha='center',
-            va='center',
-            fontsize=7,
-            color='0.5' if index < len(PREAMBLE) else 'black',
-            clip_on=True,
-        )
+        shade = '0.5' if index < len(PREAMBLE) else 'black'
+        style = {'ha': 'center', 'va': 'center', 'fontsize': 7, 'clip_on': True}
+        axes.text(left + bit_s / 2, height, str(bit), color=shade, **style)
     title = f'{name}, ID {reading.id}, zone {reading.zone}'
     axes.set_title(title, loc='left', fontsize=10, color=colour)
 
@@ -119,12 +100,8 @@ def _blinking_zone(axes: Any, shown: _Shown, zone: BlinkingZone) -> None:
     span_s = _SHOWN_BITS * (zone.bit_period_s if zone.periods else BIT_PERIOD_S)
     _signal(axes, shown, zone.zone, middle_s - span_s / 2, middle_s + span_s / 2)
     bits = f'bits of {1e3 * zone.bit_period_s:.1f} ms' if zone.periods else 'no bit clock'
-    axes.set_title(
-        f'zone {zone.zone} blinks by {zone.modulation_db:.0f} dB, {bits}: not read',
-        loc='left',
-        fontsize=10,
-        color=shown.colours[zone.zone],
-    )
+    title = f'zone {zone.zone} blinks by {zone.modulation_db:.0f} dB, {bits}: not read'
+    axes.set_title(title, loc='left', fontsize=10, color=shown.colours[zone.zone])
 
 
 def _whole(axes: tuple[Any, Any], shown: _Shown, readings: Sequence[Heard]) -> None:
@@ -140,13 +117,10 @@ def _whole(axes: tuple[Any, Any], shown: _Shown, readings: Sequence[Heard]) -> N
         above.legend(ncols=len(shown.colours), **_LEGEND)
     for identity in dict.fromkeys(one.id for one in readings):
         own = [one for one in readings if one.id == identity]
-        below.plot(
-            [(one.stamp_ns - shown.origin_ns) * 1e-9 for one in own],
-            [one.range_m for one in own],
-            '.',
-            color=shown.colours.get(own[0].zone, '0.3'),
-            label=f'ID {identity}',
-        )
+        read_s = [(one.stamp_ns - shown.origin_ns) * 1e-9 for one in own]
+        colour = shown.colours.get(own[0].zone, '0.3')
+        ranges_m = [one.range_m for one in own]
+        below.plot(read_s, ranges_m, '.', color=colour, label=f'ID {identity}')
     below.set_ylabel('range [m]', fontsize=9)
     below.set_xlabel('time [s]')
     if readings:
@@ -172,10 +146,7 @@ def plot_readings(
     Readings are in order of time. Known `markers` are shown where they really are; where nothing
     was read, so are zones that blink, the strongest first.
     """
-    import matplotlib as mpl
-
-    mpl.use('Agg')
-    import matplotlib.pyplot as plt
+    from matplotlib.figure import Figure
 
     first: dict[int, Heard] = {}
     for reading in readings:
@@ -191,7 +162,7 @@ def plot_readings(
         {zone: _COLOURS[index % len(_COLOURS)] for index, zone in enumerate(zones_shown)},
     )
     rows = max(len(chosen), len(unread), 2)
-    figure = plt.figure(figsize=(13, 4.4 + 1.75 * rows), layout='constrained')
+    figure = Figure(figsize=(13, 4.4 + 1.75 * rows), layout='constrained')
     figure.suptitle(title, fontsize=13)
     heights = [1.75] * rows + [1.6, 1.6]
     spaces = figure.add_gridspec(rows + 2, 2, width_ratios=(1, 1.9), height_ratios=heights)
@@ -202,15 +173,10 @@ def plot_readings(
     for marker in markers:
         x, y, z = marker.position_m
         zones.plot(x / z, y / z, marker='s', markersize=9, fillstyle='none', color='black')
-        zones.annotate(
-            marker.name,
-            (x / z, y / z),
-            xytext=(0, 9),
-            textcoords='offset points',
-            ha='center',
-            fontsize=9,
-            bbox={'facecolor': 'white', 'alpha': 0.8, 'edgecolor': 'none', 'pad': 1},
+        label = zones.annotate(
+            marker.name, (x / z, y / z), (0, 9), textcoords='offset points', ha='center', fontsize=9
         )
+        label.set_bbox({'facecolor': 'white', 'alpha': 0.8, 'edgecolor': 'none', 'pad': 1})
     names = {marker.id: marker.name for marker in markers}
     for index, reading in enumerate(chosen):
         x, y, z = reading.position_m
@@ -224,4 +190,3 @@ def plot_readings(
         zones.set_title('square: marker, cross: read', fontsize=10)
     path.parent.mkdir(parents=True, exist_ok=True)
     figure.savefig(path, dpi=110)
-    plt.close(figure)
