@@ -122,19 +122,10 @@ def test_processes_of_the_demo_end_with_it() -> None:
     wait(lambda: not any(map(lives, children)), 'their end')
 
 
-ABSENT = """
-import sys
-
-class Absent:
-    def find_spec(self, name, path=None, target=None):
-        if name.partition('.')[0] == 'serial':
-            raise ModuleNotFoundError(f'No module named {name!r}', name=name)
-
-sys.meta_path.insert(0, Absent())
-sys.argv[1:] = ['demo']
-from retrolidar_ros.cli.__main__ import main
-sys.exit(main())
-"""
+ABSENT = (
+    "import sys; sys.modules['serial'] = None; sys.argv[1:] = ['demo']\n"
+    'from retrolidar_ros.cli.__main__ import main; sys.exit(main())\n'
+)
 
 
 def run(*arguments: str, **environment: str) -> subprocess.CompletedProcess[bytes]:

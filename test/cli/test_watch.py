@@ -84,25 +84,24 @@ def port(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
         process.stdout.read()
 
 
-def test_a_log_has_a_line_a_second(port: Path) -> None:
+def test_a_log_has_a_line_a_second(port: Path, capsys: Output) -> None:
     began_s = time.monotonic()
-    command = [*COMMAND, 'watch', str(port), '--duration', '4']
-    result = subprocess.run(command, capture_output=True, text=True, timeout=PATIENCE_S)
-    assert (result.returncode, result.stderr) == (0, '')
+    assert main(['watch', str(port), '--duration', '4']) == 0
     assert time.monotonic() - began_s > 4
-    lines = result.stdout.splitlines()
+    output = capsys.readouterr()
+    assert output.err == ''
+    assert '\x1b' not in output.out
+    lines = output.out.splitlines()
     assert 2 <= len(lines) <= 5
-    assert '\x1b' not in result.stdout
     assert re.search(r' 0 damaged packets; zone 9: .* kcps/SPAD, .* blinking 3\d\.\d dB', lines[-1])
-    assert set(re.findall(r'last ID (\d+) at', result.stdout)) <= COFFEE
+    assert set(re.findall(r'last ID (\d+) at', output.out)) <= COFFEE
     assert 'last ID' in lines[-1]
 
 
-def test_a_zone_that_is_not_there_ends_it(port: Path) -> None:
-    command = [*COMMAND, 'watch', str(port), '--zone', '20']
-    result = subprocess.run(command, capture_output=True, text=True, timeout=PATIENCE_S)
-    assert result.returncode == 2
-    assert result.stderr == 'retrolidar: --zone 20: the sensor has 4x4 zones, 0 to 15\n'
+def test_a_zone_that_is_not_there_ends_it(port: Path, capsys: Output) -> None:
+    assert main(['watch', str(port), '--zone', '20']) == 2
+    expected = 'retrolidar: --zone 20: the sensor has 4x4 zones, 0 to 15\n'
+    assert capsys.readouterr().err == expected
 
 
 @pytest.mark.parametrize('request_to_end', [signal.SIGINT, signal.SIGTERM])
