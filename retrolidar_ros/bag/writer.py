@@ -51,18 +51,10 @@ class FrameWriter:
         topic: str = FRAMES_TOPIC,
         frame_id: str = 'retrolidar_optical_frame',
     ) -> None:
-        """Prepare a bag; it is made on entering the block.
+        """Prepare a bag; its directory, and that one's parents, are made on entering the block.
 
-        Parameters
-        ----------
-        path
-            The directory to make; its parents are made if need be.
-        storage
-            The kind of file that holds the messages: one of `STORAGES`.
-        topic
-            Absolute name of the topic.
-        frame_id
-            The optical frame, for the messages' headers.
+        Messages are in a file of one of the `STORAGES`, with an absolute topic, and the optical
+        frame in their headers.
 
         Raises
         ------
@@ -117,14 +109,7 @@ class FrameWriter:
         return self
 
     def write(self, frame: Frame, received_ns: int | None = None) -> None:
-        """Append a frame.
-
-        Parameters
-        ----------
-        frame
-            Its `stamp_ns` becomes the header's stamp.
-        received_ns
-            The bag's own timestamp of the message [ns]; the stamp if not given.
+        """Append a frame; the bag's own timestamp is that of its receipt, or else its stamp.
 
         Raises
         ------

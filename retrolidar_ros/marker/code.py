@@ -26,9 +26,7 @@ BIT_PERIOD_LIMITS_S = (0.002, 10.0)
 
 def _to_bits(numbers: list[int], width: int) -> NDArray[np.uint8]:
     """Expand integers to bits of shape (len(numbers), width), most significant bit first."""
-    shifts = np.arange(width - 1, -1, -1)
-    bits: NDArray[np.uint8] = ((np.array(numbers)[:, None] >> shifts) & 1).astype(np.uint8)
-    return bits
+    return np.unpackbits(np.array(numbers, '>u4')[:, None].view(np.uint8), axis=1)[:, -width:]
 
 
 def _to_numbers(bits: NDArray[np.uint8]) -> NDArray[np.int64]:
@@ -123,20 +121,10 @@ def packet(ids: ArrayLike) -> NDArray[np.uint8]:
 
 
 def decode(words: ArrayLike) -> Decoded:
-    """Correct up to three wrong bits a word; reject a word with four.
+    """Correct up to three wrong bits a word of shape (..., 24); reject a word with four.
 
     Any word within three bits of a codeword decodes to it, and these are 56.8 % of all 24-bit
     words: a decoded ID alone is no evidence of a marker.
-
-    Parameters
-    ----------
-    words : array of 0 and 1, shape (..., 24)
-        Most significant bit first.
-
-    Returns
-    -------
-    Decoded
-        IDs and corrected bits, each of shape (...).
 
     Raises
     ------

@@ -41,17 +41,9 @@ class ConfusablePair(NamedTuple):
 
 
 def distances(ids: ArrayLike) -> NDArray[np.uint8]:
-    """Return the distance of every ID to every other and, on the diagonal, to itself.
+    """Return the distance of every ID to every other, in bits, shape (n, n), and to itself.
 
-    Parameters
-    ----------
-    ids : array of int, shape (n,)
-        0..4095, one or more. One that occurs twice is at distance 0 of its double.
-
-    Returns
-    -------
-    array of uint8, shape (n, n)
-        In bits, symmetric.
+    One that occurs twice is at distance 0 of its double. The diagonal has those to themselves.
 
     Raises
     ------
