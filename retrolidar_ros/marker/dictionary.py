@@ -41,9 +41,9 @@ class ConfusablePair(NamedTuple):
 
 
 def distances(ids: ArrayLike) -> NDArray[np.uint8]:
-    """Return the distance of every ID to every other, in bits, shape (n, n), and to itself.
+    """Return the distances of IDs, shape (n,), to each other and, on the diagonal, to themselves.
 
-    One that occurs twice is at distance 0 of its double. The diagonal has those to themselves.
+    They are in bits, shape (n, n). An ID that occurs twice is at distance 0 of its double.
 
     Raises
     ------
