@@ -8,6 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from harness_wire import make_frame
 
 from retrolidar_ros.cli.watch_state import Watch
 from retrolidar_ros.cli.watch_view import line, screen
@@ -33,21 +34,9 @@ SCENE = Scene(
 
 def frame(grid: ZoneGrid, sequence: int = 0) -> Frame:
     """Return a frame with another signal in every zone, and no target in the last."""
-    zones = np.arange(grid.zones)
-    distance = (1 + zones / 100).astype(np.float32)
-    distance[-1] = np.nan
-    status = np.full(grid.zones, Status.VALID, dtype=np.uint8)
-    status[-1] = Status.NO_TARGET
-    return Frame(
-        stamp_ns=21_000_000 * sequence,
-        sequence=sequence,
-        sensor_time_us=21_000 * sequence,
-        grid=grid,
-        distance=distance,
-        signal=(zones + 0.5).astype(np.float32),
-        ambient=np.zeros(grid.zones, dtype=np.float32),
-        status=status,
-    )
+    one = make_frame(grid.rows, sequence, stamp_ns=21_000_000 * sequence)
+    one.distance[-1], one.status[-1] = np.nan, Status.NO_TARGET
+    return one
 
 
 def seen(scene: Scene, frames: int) -> Samples:

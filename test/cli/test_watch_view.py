@@ -48,8 +48,8 @@ def test_zones_lie_as_seen_from_the_sensor(grid: ZoneGrid, columns: int) -> None
     numbers = [[int(cell.split()[0]) for cell in row] for row in tops]
     assert numbers == np.arange(grid.zones).reshape(grid.rows, grid.columns).tolist()
     signals = [[float(cell.split()[0]) for cell in row] for row in bottoms]
-    assert signals == (np.array(numbers) + 0.5).tolist()
-    assert bottoms[0][1].split()[1] in ('1.010', '1.01')
+    assert signals == (np.array(numbers) + 10.0).tolist()
+    assert bottoms[0][1].split()[1] in ('0.510', '0.51')
     assert tops[-1][-1].split()[-1] == '255'
     assert bottoms[-1][-1].split()[1] == '-'
     # Everything lies in columns.
