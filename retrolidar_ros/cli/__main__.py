@@ -6,9 +6,8 @@ from __future__ import annotations
 
 import signal
 import sys
-from types import FrameType
 
-from retrolidar_ros.settings.interrupts import ended_quietly
+from retrolidar_ros.settings.interrupts import ended_quietly, exit_by
 from retrolidar_ros.settings.printing import missing_library
 
 
@@ -20,13 +19,8 @@ def main() -> int:
     except ModuleNotFoundError as error:
         print(missing_library(error), file=sys.stderr)
         return 2
-    # As an exception, so that files and processes that were made for a while are ended, too.
-    signal.signal(signal.SIGTERM, _exit)
+    signal.signal(signal.SIGTERM, exit_by)
     return run()
-
-
-def _exit(number: int, frame: FrameType | None) -> None:
-    raise SystemExit(128 + number)
 
 
 if __name__ == '__main__':

@@ -10,7 +10,8 @@ import signal
 import subprocess
 from contextlib import suppress
 from pathlib import Path
-from types import FrameType
+
+from retrolidar_ros.settings.interrupts import exit_by
 
 _PATIENCE_S = 5.0
 _LIBC = ctypes.CDLL(None)
@@ -35,7 +36,7 @@ class ProcessGroup:
 
     def __enter__(self) -> ProcessGroup:
         """Turn both signals into SystemExit, so that leaving the block ends the processes."""
-        self._old_handlers = {number: signal.signal(number, _exit) for number in _ENDING}
+        self._old_handlers = {number: signal.signal(number, exit_by) for number in _ENDING}
         return self
 
     def __exit__(self, *_: object) -> None:
@@ -116,7 +117,3 @@ def _signal(group: int, number: signal.Signals) -> None:
     """Send a signal to a process group that may be gone."""
     with suppress(ProcessLookupError):
         os.killpg(group, number)
-
-
-def _exit(number: int, frame: FrameType | None) -> None:
-    raise SystemExit(128 + number)

@@ -22,6 +22,11 @@ def ignore_requests() -> None:
         signal.signal(request, signal.SIG_IGN)
 
 
+def exit_by(number: int, frame: FrameType | None) -> None:
+    """Exit by a signal as an exception: what was made for a while, files or processes, ends, too."""
+    raise SystemExit(128 + number)
+
+
 @contextmanager
 def ended_quietly() -> Iterator[None]:
     """Let Ctrl-C end the process at once while modules are imported, without a traceback."""

@@ -3,7 +3,6 @@
 """Chosen IDs keep their distance by an independent count, and those too near are named."""
 
 from collections.abc import Callable
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -12,7 +11,7 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from retrolidar_ros.cli.main import main
-from retrolidar_ros.marker.code import IDS, RESERVED_IDS
+from retrolidar_ros.marker.code import IDS, RESERVED_IDS, packet
 from retrolidar_ros.marker.dictionary import (
     USABLE_IDS,
     ConfusablePair,
@@ -23,7 +22,6 @@ from retrolidar_ros.marker.dictionary import (
 
 Output = pytest.CaptureFixture[str]
 
-PREAMBLE = '1010101'
 FOUND = {2: 4094, 4: 3857, 6: 1708, 8: 314, 10: 15, 12: 4, 14: 1}
 
 law = settings(derandomize=True, deadline=None, max_examples=30)
@@ -32,13 +30,7 @@ sets = st.lists(ids, min_size=1, max_size=6, unique=True)
 limits = st.integers(1, 31)
 
 
-def committed_packets() -> list[str]:
-    lines = (Path(__file__).parents[1] / 'vectors' / 'golay.txt').read_text().splitlines()
-    words = (line.split()[1] for line in lines if not line.startswith('#'))
-    return [f'{PREAMBLE}{int(word, 16):024b}' for word in words]
-
-
-PACKETS = committed_packets()
+PACKETS = [''.join(map(str, bits)) for bits in packet(np.arange(IDS)).tolist()]
 
 
 @pytest.fixture(scope='module')
