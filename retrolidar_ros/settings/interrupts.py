@@ -23,7 +23,7 @@ def ignore_requests() -> None:
 
 
 def exit_by(number: int, frame: FrameType | None) -> None:
-    """Exit by a signal as an exception: what was made for a while, files or processes, ends, too."""
+    """Exit by an exception, so that files and processes made for a while are ended, too."""
     raise SystemExit(128 + number)
 
 
