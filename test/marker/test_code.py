@@ -38,16 +38,6 @@ ids = st.integers(0, IDS - 1)
 words = hnp.arrays(np.uint8, WORD_BITS, elements=st.integers(0, 1))
 
 
-def committed_words() -> dict[int, int]:
-    lines = (VECTORS / 'golay.txt').read_text().splitlines()
-    pairs = (line.split() for line in lines if not line.startswith('#'))
-    return {int(marker_id): int(word, 16) for marker_id, word in pairs}
-
-
-def to_bits(number: int, width: int) -> Bits:
-    return np.array([int(digit) for digit in f'{number:0{width}b}'], dtype=np.uint8)
-
-
 def error_patterns(weight: int) -> Bits:
     places = np.array(list(combinations(range(WORD_BITS), weight)), dtype=np.intp)
     patterns = np.zeros((len(places), WORD_BITS), dtype=np.uint8)
@@ -56,9 +46,10 @@ def error_patterns(weight: int) -> Bits:
 
 
 def test_all_words_are_the_committed_ones() -> None:
-    committed = committed_words()
-    assert list(committed) == list(range(IDS))
-    expected = np.array([to_bits(word, WORD_BITS) for word in committed.values()])
+    lines = (VECTORS / 'golay.txt').read_text().splitlines()
+    committed = [line.split() for line in lines if not line.startswith('#')]
+    assert [int(marker_id) for marker_id, _ in committed] == list(range(IDS))
+    expected = [[int(digit) for digit in f'{int(word, 16):024b}'] for _, word in committed]
     np.testing.assert_array_equal(encode(np.arange(IDS)), expected)
 
 
