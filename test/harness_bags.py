@@ -82,15 +82,12 @@ def message(frame: Frame, **changes: object) -> Any:
     stamp = types['builtin_interfaces/msg/Time'](*divmod(frame.stamp_ns, 10**9))
     fields = {
         'header': types['std_msgs/msg/Header'](stamp, 'a'),
-        'sequence': frame.sequence,
         'sensor_time': frame.sensor_time_us,
         'rows': frame.grid.rows,
         'columns': frame.grid.columns,
-        'distance': frame.distance,
-        'signal': frame.signal,
-        'ambient': frame.ambient,
-        'status': frame.status,
     }
+    for name in ('sequence', 'distance', 'signal', 'ambient', 'status'):
+        fields[name] = getattr(frame, name)
     return types[FRAME_TYPE](**{**fields, **changes})
 
 

@@ -15,7 +15,6 @@ from retrolidar_ros.settings.section import ConfigError
 
 T = TypeVar('T')
 
-
 _MOST_BYTES = 2**20
 _MOST_VALUES = 100_000
 # What PyYAML raises for a value that its tag does not suit, as in `!!bool maybe`.
@@ -102,13 +101,11 @@ def load_parsed(path: Path, parse: Callable[[Any], T]) -> T:
         If the content is impossible; the message names the file and the key.
     """
     try:
-        content = load_yaml(path)
-    except ValueError as error:
-        raise ConfigError(str(error)) from error
-    try:
-        return parse(content)
+        return parse(load_yaml(path))
     except ConfigError as error:
         raise ConfigError(f'{path}: {error}') from error
+    except ValueError as error:
+        raise ConfigError(str(error)) from error
 
 
 def load_parameter_defaults(path: Path, kind: str) -> dict[str, Any]:

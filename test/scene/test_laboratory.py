@@ -9,6 +9,7 @@ import pytest
 
 from retrolidar_ros.scene import Simulation, parse_scene
 from retrolidar_ros.sensor.frame import Recording
+from retrolidar_ros.settings.section import Triple
 
 MARKER = {'id': 2816, 'position': ['0.107 m', '0.107 m', '1 m']}  # in the middle of zone 10
 WALL = {'distance': '1.05 m', 'signal': '40 kcps/SPAD'}
@@ -16,6 +17,14 @@ WALL = {'distance': '1.05 m', 'signal': '40 kcps/SPAD'}
 
 def seen(seconds: float = 8.0, **scene: Any) -> Recording:
     return Simulation(parse_scene(scene)).run(seconds)
+
+
+def way(end_s: float, begin: Triple, end: Triple, yaw_deg: tuple[int, int] = (0, 0)) -> Any:
+    """Return a path of two waypoints [m]."""
+    return [
+        {'time': f'{time_s} s', 'position': [f'{one} m' for one in place], 'yaw': f'{yaw} deg'}
+        for time_s, place, yaw in zip((0, end_s), (begin, end), yaw_deg, strict=True)
+    ]
 
 
 def test_contrast_is_what_a_dark_crystal_blocks() -> None:
@@ -64,14 +73,8 @@ def test_a_second_sensor_raises_the_ambient_light_while_it_sends() -> None:
 
 
 def test_a_hand_on_a_path_hides_what_is_behind_it() -> None:
-    hand = {
-        'width': '60 cm',
-        'signal': '60 kcps/SPAD',
-        'path': [
-            {'time': '0 s', 'position': ['-2 m', '0 m', '0.5 m']},
-            {'time': '4 s', 'position': ['2 m', '0 m', '0.5 m']},
-        ],
-    }
+    path = way(4, (-2, 0, 0.5), (2, 0, 0.5))
+    hand = {'width': '60 cm', 'signal': '60 kcps/SPAD', 'path': path}
     recording = seen(4, markers=[MARKER], surfaces=[WALL], moving_surfaces=[hand])
     middle = len(recording) // 2
     assert recording.distance[middle, 10] == pytest.approx(0.5)
@@ -80,10 +83,7 @@ def test_a_hand_on_a_path_hides_what_is_behind_it() -> None:
 
 
 def test_a_sensor_that_turns_sweeps_a_marker_across_its_zones() -> None:
-    path = [
-        {'time': '0 s', 'position': ['0 m', '0 m', '0 m'], 'yaw': '-15 deg'},
-        {'time': '8 s', 'position': ['0 m', '0 m', '0 m'], 'yaw': '15 deg'},
-    ]
+    path = way(8, (0, 0, 0), (0, 0, 0), (-15, 15))
     ahead = {'id': 2816, 'position': ['0 m', '0.1 m', '1 m']}
     recording = seen(7.9, sensor={'path': path}, markers=[ahead], surfaces=[WALL])
     blinking = np.array([block.std(axis=0) for block in np.array_split(recording.signal, 6)])
@@ -96,10 +96,7 @@ def test_a_sensor_that_turns_sweeps_a_marker_across_its_zones() -> None:
 
 
 def test_a_sensor_that_comes_nearer_sees_more() -> None:
-    path = [
-        {'time': '0 s', 'position': ['0 m', '0 m', '0 m']},
-        {'time': '8 s', 'position': ['0 m', '0 m', '0.5 m']},
-    ]
+    path = way(8, (0, 0, 0), (0, 0, 0.5))
     recording = seen(7.9, sensor={'path': path}, surfaces=[WALL])
     assert recording.distance[0, 5] == pytest.approx(1.05, abs=0.002)
     assert recording.distance[-1, 5] == pytest.approx(0.556, abs=0.005)
