@@ -15,9 +15,13 @@ AREA_M2 = 0.03**2
 MARKER = Marker(id=5, position_m=(0.1, -0.2, 1.5), name='m')
 
 
+def received(range_m: float = 1.0, area_m2: float = AREA_M2, yaw_deg: float = 0.0) -> float:
+    return float(received_signal(np.array(range_m), area_m2, math.radians(yaw_deg)))
+
+
 def test_link_budget_of_the_paper() -> None:
     for metres, signal in ((1.0, 360), (1.4, 100), (2.0, 26), (2.6, 9.5)):
-        assert received_signal(np.array([metres]), AREA_M2, 0) == pytest.approx(signal, rel=0.01)
+        assert received(metres) == pytest.approx(signal, rel=0.01)
     range_m = np.geomspace(0.5, 4, 50)
     slope = np.diff(np.log(received_signal(range_m, AREA_M2, 0))) / np.diff(np.log(range_m))
     assert slope == pytest.approx(-3.8)
@@ -25,24 +29,19 @@ def test_link_budget_of_the_paper() -> None:
 
 def test_signal_grows_linearly_with_area() -> None:
     areas = np.linspace(1e-4, 9e-4, 9)
-    signals = [float(received_signal(np.array(1.3), area, 0)) for area in areas]
-    assert signals == pytest.approx(
-        areas / AREA_M2 * float(received_signal(np.array(1.3), AREA_M2, 0))
-    )
+    signals = [received(1.3, area) for area in areas]
+    assert signals == pytest.approx(areas / AREA_M2 * received(1.3))
     # A bare retroreflector of 3 cm, without the crystal's loss of ¾, is 100.4 times the board's 4.
-    assert float(received_signal(np.array(1.4), AREA_M2, 0)) == pytest.approx(401.6 / 4, rel=0.01)
+    assert received(1.4) == pytest.approx(401.6 / 4, rel=0.01)
 
 
 def test_yaw_is_good_to_50_and_dead_from_60_degrees() -> None:
     degrees = np.arange(-90, 91)
-    at_yaw = np.array(
-        [float(received_signal(np.array(1.0), AREA_M2, math.radians(d))) for d in degrees]
-    )
-    facing = at_yaw[degrees == 0]
+    at_yaw = np.array([received(yaw_deg=float(one)) for one in degrees])
     assert at_yaw == pytest.approx(at_yaw[::-1])
     good, dead = np.abs(degrees) <= 50, np.abs(degrees) >= 60
     # Up to there only the projected area shrinks.
-    assert at_yaw[good] == pytest.approx(facing * np.cos(np.radians(degrees[good])))
+    assert at_yaw[good] == pytest.approx(received() * np.cos(np.radians(degrees[good])))
     assert (at_yaw[dead] == 0).all()
     assert (np.diff(at_yaw[(degrees >= 0) & (degrees <= 60)]) < 0).all()
     assert (at_yaw >= 0).all()
