@@ -72,6 +72,11 @@ def signal_at(range_m: float) -> float:
     return float(SIGNAL_AT_1_M * range_m**DISTANCE_EXPONENT)
 
 
+def rng_at(seed: int, place: float) -> np.random.Generator:
+    """Return a generator that gives the same frames at a place to every experiment."""
+    return np.random.default_rng([seed, round(1000 * place)])
+
+
 def _walk(shape: tuple[int, int], bound: float, step: float, rng: np.random.Generator) -> Floats:
     """Return walks from anywhere between 0 and a bound, which reflect there."""
     walked = np.cumsum(step * rng.standard_normal(shape), axis=0) + rng.uniform(0, bound, shape[1])

@@ -13,9 +13,8 @@ import numpy as np
 
 from evaluation.bench import places as hand
 from evaluation.bench.judging import BOTH, new_detector
-from evaluation.peers.background import Background
 from evaluation.peers.camera import PICTURES_HZ
-from evaluation.peers.pictures import View, read_pictures
+from evaluation.peers.pictures import read_over_distance
 from evaluation.peers.visual_markers import APRILTAG, find_readers
 from evaluation.report.charts import draw_distribution, label, legend_below, line, look, new_chart
 from evaluation.report.claims import BOTH_CLAIMED, Claims, Table, as_text, claim_of, model
@@ -34,7 +33,7 @@ TOLERANCE_M = 0.01  # an object whose range is wrong by more is looked at again 
 MOVE_S = 3.0
 PAPER_S, PAPER_TAG_S, PAPER_SHARE = 5.3, 8.1, 0.36
 _TASKS = 2000  # drawn from the trials
-_QUICK_TRIALS, _QUICK_PICTURES = 4, 8
+_QUICK_TRIALS = 4
 
 
 class Outcome(NamedTuple):
@@ -98,16 +97,14 @@ def _lidar(outcomes: list[Outcome], names: list[str], rng: np.random.Generator) 
     }
 
 
-def _tags(ranges_m: list[float], pictures: int, rng: np.random.Generator) -> dict[str, Any] | None:
+def _tags(ranges_m: list[float], rng: np.random.Generator, quick: bool) -> dict[str, Any] | None:
     """Return what AprilTags at the places of the objects come to; None without a reader."""
     readers = [one for one in find_readers()[0] if one.name == APRILTAG]
     if not readers:
         return None
-    background = Background(rng)
-    good = []
-    for range_m in np.quantile(ranges_m, np.linspace(0.05, 0.95, 7)).tolist():
-        result = read_pictures(readers, background, pictures, rng, View(range_m))[APRILTAG]
-        error = result['error_mm']
+    places_m, good = np.quantile(ranges_m, np.linspace(0.05, 0.95, 7)).tolist(), []
+    for found in read_over_distance(readers, places_m, int(rng.integers(2**31)), quick=quick):
+        result, error = found[APRILTAG], found[APRILTAG]['error_mm']
         good.append(0.0 if error is None else result['right']['rate'] * (1 - error['above_1_cm']))
     drawn = rng.random((500, 3)) < float(np.mean(good))
     return {'bad': 1 - float(np.mean(good)), **task_s([1 / PICTURES_HZ], drawn.tolist(), rng)}
@@ -131,7 +128,7 @@ def run(rng: np.random.Generator, *, quick: bool) -> dict[str, Any]:
     return {
         'trials': trials,
         'methods': {method: _lidar(rows, names, rng) for method, rows in outcomes.items()},
-        'tags': _tags(ranges_m, _QUICK_PICTURES if quick else 64, rng),
+        'tags': _tags(ranges_m, rng, quick),
         'tags_of_the_paper': {'bad': PAPER_SHARE, **task_s([0.0], papers, rng)},
     }
 

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from evaluation.bench.recordings import Sent, record, signal_at
+from evaluation.bench.recordings import Sent, record, rng_at, signal_at
 from evaluation.bench.stresses import PLAIN
 from evaluation.experiments import sweeps
 from evaluation.report.charts import SHADES, WRONG, draw_reads, label, legend_below, line, new_chart
@@ -35,6 +35,8 @@ Public captures have 1 to 28 indoors; outdoors is forty times daylight in a room
 are to 500.
 """
 RANGES_M = (1.0, 1.5, 2.0, 2.2, 2.4, 2.6, 2.7, 2.8, 2.9, 3.0, 3.2, 3.4)
+TAG_RANGES_M = (0.4, 0.7, 1.0, 1.25, 1.5, 1.75, *RANGES_M[2:], 3.6, 3.8, 4.0, 4.2)
+"""Distances of markers of 3 cm, of ours alone and of ours beside tags."""
 _DISTANCE = 'distance of a marker of 3 cm [m]'
 _LIKE_M = (1.8, 2.2, 2.4, 2.6, 2.7, 2.8, 2.9, 3.0, 3.2)
 _OF_SEVERAL_M = (2.4, 2.8, 3.0, 3.2, 3.4, 3.6, 3.8, 4.0)
@@ -53,7 +55,7 @@ def lone(
 
 def lone_packets(range_m: float, seed: int, recordings: int = LONE_RECORDINGS) -> list[Sent]:
     """Return the lone packets that every experiment has at a distance."""
-    rng = sweeps.rng_at(seed, range_m)
+    rng = rng_at(seed, range_m)
     return [lone(range_m, rng) for _ in range(recordings)]
 
 

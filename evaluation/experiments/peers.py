@@ -10,21 +10,21 @@ from typing import Any
 import numpy as np
 
 from evaluation.bench.judging import judge_all, read_of
-from evaluation.bench.recordings import Sent, record, signal_at
+from evaluation.bench.recordings import Sent, record, rng_at, signal_at
 from evaluation.bench.stresses import PLAIN
 from evaluation.experiments.moving import across
 from evaluation.experiments.paper_sweeps import (
     LONE_RECORDINGS,
-    RANGES_M,
     SMALL_M,
     SMALL_RECORDINGS,
+    TAG_RANGES_M,
     YAWS_DEG,
     lone,
     turned,
 )
-from evaluation.experiments.sweeps import ends_of, rng_at
+from evaluation.experiments.sweeps import ends_of
 from evaluation.peers.background import Background
-from evaluation.peers.pictures import View, errors, read_pictures
+from evaluation.peers.pictures import View, errors, read_over_distance, read_pictures
 from evaluation.peers.visual_markers import APRILTAG, APRILTAG_FINE, QR, find_readers
 from evaluation.report.charts import draw_reads, label, legend_below, look, new_chart
 from evaluation.report.claims import (
@@ -43,12 +43,10 @@ from retrolidar_ros.scene.reference import SENSOR
 TITLE = 'LiDAR markers beside visual ones'
 MESSAGE = 'Tags: farther, sooner, turned more; LiDAR markers: smaller, in motion, in the dark'
 AT_M = 1.0  # where everything but distance is swept: all read nearly everything there
-SHORT_S = 1 / 250
 _PICTURES, _QUICK_PICTURES = 32, 8
 _NAMES = ['joint', 'paper', APRILTAG, APRILTAG_FINE, QR]
 _SENSOR = replace(SENSOR, blur=0.05)
 
-_3_CM_M = (0.4, 0.7, *RANGES_M, 3.6, 4.0)
 _1_CM_M = (0.3, 0.5, 0.7, 0.85, 0.95, 1.05, 1.15, *SMALL_M[1:])
 _ANGLES_DEG = (0, 20, 40, 50, *YAWS_DEG[-3:], 65, 70, 75, 80)
 _SPEEDS_M_S = (0.0, 0.05, 0.1, 0.15, 0.2, 0.3, 0.5, 0.8, 1.0, 1.2, 1.8)
@@ -67,23 +65,19 @@ def _moved(speed_m_s: float, rng: np.random.Generator) -> Sent:
 Maker = Callable[[float, np.random.Generator], Sent]
 # Recordings of lone packets; the same frames as where these are swept alone.
 _COUNTS: dict[Maker, int] = {lone: LONE_RECORDINGS, _small: SMALL_RECORDINGS, _moved: 32}
-# Of each sweep: its axis, its places, what the camera sees, and what the LiDAR sees.
-_SWEEPS: dict[str, tuple[str, tuple[float, ...], Callable[[float], View], Maker | None]] = {
-    '3 cm': ('distance [m]', _3_CM_M, View, lone),
-    '1 cm': ('distance [m]', _1_CM_M, lambda at: View(at, size_m=0.01), _small),
-    'yaw': ('yaw [°]', _ANGLES_DEG, lambda yaw: View(AT_M, yaw_deg=yaw), _yawed),
+# Of each sweep: its axis, its places, what these are to the camera, and what the LiDAR sees.
+_SWEEPS: dict[str, tuple[str, tuple[float, ...], str, Maker | None]] = {
+    '3 cm': ('distance [m]', TAG_RANGES_M, 'range_m', lone),
+    '1 cm': ('distance [m]', _1_CM_M, 'range_m', _small),
+    'yaw': ('yaw [°]', _ANGLES_DEG, 'yaw_deg', _yawed),
     # The law of the retroreflector does not know about which axis it is turned.
-    'pitch': ('pitch [°]', _ANGLES_DEG, lambda pitch: View(AT_M, pitch_deg=pitch), _yawed),
-    'speed': ('speed across [m/s]', _SPEEDS_M_S, lambda v: View(AT_M, speed_m_s=v), _moved),
-    'speed, 4 ms': (
-        'speed across [m/s]',
-        _SPEEDS_M_S,
-        lambda v: View(AT_M, speed_m_s=v, longest_s=SHORT_S),
-        None,
-    ),
-    'light': ('light on the marker [lux]', _LUXES, lambda lux: View(AT_M, lux=lux), None),
-    'glare': ('veil of glare, of white paper', _VEILS, lambda veil: View(AT_M, veil=veil), None),
+    'pitch': ('pitch [°]', _ANGLES_DEG, 'pitch_deg', _yawed),
+    'speed': ('speed across [m/s]', _SPEEDS_M_S, 'speed_m_s', _moved),
+    'speed, 4 ms': ('speed across [m/s]', _SPEEDS_M_S, 'speed_m_s', None),
+    'light': ('light on the marker [lux]', _LUXES, 'lux', None),
+    'glare': ('veil of glare [of white]', _VEILS, 'veil', None),
 }
+_VIEWS = {'1 cm': {'size_m': 0.01}, 'speed, 4 ms': {'longest_s': 1 / 250}}
 
 
 def _lidar(make: Maker, place: float, *, quick: bool, seed: int) -> dict[str, Any]:
@@ -103,16 +97,19 @@ def run(rng: np.random.Generator, *, quick: bool) -> dict[str, Any]:
     seed = int(rng.integers(2**31))
     readers, missing = find_readers()
     background = Background(rng)
-    pictures = _QUICK_PICTURES if quick else _PICTURES
+    pictures, stride = (_QUICK_PICTURES, 3) if quick else (_PICTURES, 1)
     sweeps, read = {}, cache(partial(_lidar, quick=quick, seed=seed))
-    for name, (axis, places, view, make) in _SWEEPS.items():
+    for name, (axis, places, what, make) in _SWEEPS.items():
+        places = places[::stride]
+        if name == '3 cm':
+            found = read_over_distance(readers, places, seed, quick=quick)
+        else:
+            usual = {'range_m': AT_M, **_VIEWS.get(name, {})}
+            views = [View(**{**usual, what: place}) for place in places]
+            found = [read_pictures(readers, background, pictures, rng, view) for view in views]
         points = [
-            {
-                'place': place,
-                **read_pictures(readers, background, pictures, rng, view(place)),
-                **({} if make is None else read(make, place)),
-            }
-            for place in places[:: 3 if quick else 1]
+            {'place': place, **tags, **({} if make is None else read(make, place))}
+            for place, tags in zip(places, found, strict=True)
         ]
         names = [one for one in _NAMES if one in points[0]]
         sweeps[name] = {'axis': axis, 'points': points, 'ends': ends_of(points, names)}
@@ -125,10 +122,11 @@ def end(figures: dict[str, Any], sweep: str, name: str) -> float | None:
     return ends[name]['at'] if name in ends else None
 
 
-def words(figures: dict[str, Any], sweep: str, name: str, unit: str, digits: int = 2) -> str:
+def words(figures: dict[str, Any], sweep: str, name: str, digits: int = 2) -> str:
     """Return the same as text."""
-    ends = figures['sweeps'][sweep]['ends']
-    return end_as_text(ends[name], unit, digits) if name in ends else NOTHING
+    found = figures['sweeps'][sweep]
+    unit = found['axis'].partition('[')[2].rstrip(']')
+    return end_as_text(found['ends'][name], unit, digits) if name in found['ends'] else NOTHING
 
 
 def error(figures: dict[str, Any], name: str, range_m: float, which: str) -> float | None:
@@ -139,14 +137,14 @@ def error(figures: dict[str, Any], name: str, range_m: float, which: str) -> flo
 
 
 _ROWS = {
-    '3 cm': ('m', '3 cm, distance'),
-    '1 cm': ('m', '1 cm, distance'),
-    'yaw': ('°', 'yaw at 1 m'),
-    'pitch': ('°', 'pitch at 1 m'),
-    'speed': ('m/s', 'speed across at 1 m, exposure 33 ms'),
-    'speed, 4 ms': ('m/s', 'the same, exposure 4 ms'),
-    'light': ('lux', 'the dark, 3 cm at 1 m'),
-    'glare': ('of white', 'glare, 3 cm at 1 m'),
+    '3 cm': '3 cm, distance',
+    '1 cm': '1 cm, distance',
+    'yaw': 'yaw at 1 m',
+    'pitch': 'pitch at 1 m',
+    'speed': 'speed across at 1 m, exposure 33 ms',
+    'speed, 4 ms': 'the same, exposure 4 ms',
+    'light': 'the dark, 3 cm at 1 m',
+    'glare': 'glare, 3 cm at 1 m',
 }
 
 
@@ -163,10 +161,10 @@ def table(figures: dict[str, Any]) -> Table:
         ['orientation', 'none', 'none', *['full'] * 3],
     ]
     for sweep in sorted(_ROWS, key=lead, reverse=True):
-        unit, what = _ROWS[sweep]
-        cells = [words(figures, sweep, name, unit, 0 if unit == '°' else 2) for name in _NAMES]
+        digits = 0 if sweep in ('yaw', 'pitch') else 2
+        cells = [words(figures, sweep, name, digits) for name in _NAMES]
         lit = ['own light'] * 2 if sweep in ('light', 'glare') else cells[:2]
-        rows.append([what, *lit, *cells[2:]])
+        rows.append([_ROWS[sweep], *lit, *cells[2:]])
     for range_m in (1.0, 2.0):
         cells = [as_text(error(figures, name, range_m, 'median'), 'mm', 1) for name in _NAMES]
         rows.append([f'median error of range, 3 cm at {range_m:g} m', *cells])

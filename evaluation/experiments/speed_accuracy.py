@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """What each method costs in computing time, and what it reads for it: every knob swept."""
 
+import math
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import replace
@@ -12,13 +13,18 @@ import numpy as np
 
 from evaluation.bench.judging import Options, new_detector, read_shares
 from evaluation.bench.rates import crossing, rate
-from evaluation.bench.recordings import Sent, record, signal_at
+from evaluation.bench.recordings import Sent, record, rng_at, signal_at
 from evaluation.bench.stresses import PLAIN
 from evaluation.experiments.bound import genie_reach
-from evaluation.experiments.paper_sweeps import LONE_RECORDINGS, RANGES_M, lone, repeating
-from evaluation.experiments.sweeps import rng_at
+from evaluation.experiments.paper_sweeps import (
+    LONE_RECORDINGS,
+    RANGES_M,
+    TAG_RANGES_M,
+    lone,
+    repeating,
+)
 from evaluation.peers.background import Background
-from evaluation.peers.pictures import View, picture_cost, read_pictures
+from evaluation.peers.pictures import View, picture_cost, read_over_distance
 from evaluation.peers.visual_markers import AprilTagReader, QrReader, Reader
 from evaluation.report.charts import LEVEL, label, legend_below, line, look, new_chart
 from evaluation.report.claims import Table, end_as_text
@@ -34,10 +40,8 @@ MESSAGE = (
 )
 _LONE_M = RANGES_M[4:]
 _SEVERAL_M = (1.0, 2.0, 2.6, 3.0, 3.2, 3.4, 3.6, 3.8, 4.0, 4.4)
-_TAGS_M = (0.4, 0.6, 0.8, 1.0, 1.4, 1.8, 2.2, 2.6, 3.0, 3.4, 3.8, 4.2)
-_FRAMES, _WARM_UP_FRAMES = 400, 500
+_FRAMES, _WARM_UP_FRAMES, _TIMES = 400, 500, 5
 _AT_M, _TALKING = 2.0, 3
-_MOST_WRONG = 0.2  # where the colour of wrong IDs ends
 
 
 class Point(NamedTuple):
@@ -78,7 +82,7 @@ def _frame_ms(options: Options, rng: np.random.Generator) -> float:
     simulation = Simulation(replace(scene, markers=markers), rng)
     before, timed = simulation.advance(_WARM_UP_FRAMES), simulation.advance(_FRAMES)
     spent_s = []
-    for _ in range(2):
+    for _ in range(_TIMES):
         detector = new_detector(SENSOR.grid, options)
         detector.update_all(before)
         began_s = time.process_time()
@@ -118,33 +122,29 @@ def _lidar(text: str, point: Point, quick: bool, seed: int) -> dict[str, Any]:
     return _summed(text, cpu_ms, point.packets * PACKET_S, places, found)
 
 
-def _camera(
-    text: str, reader: Reader, background: Background, quick: bool, seed: int
-) -> dict[str, Any]:
-    """Return what a setting of a reader of visual markers costs and gives."""
-    rng = np.random.default_rng(seed)
-    pictures, timed = (6, 1) if quick else (32, 4)
-    found = [
-        read_pictures([reader], background, pictures, rng, View(range_m))[reader.name]
-        for range_m in _TAGS_M
-    ]
-    cpu_ms = picture_cost(reader, background, timed, rng, View(_AT_M))
-    return _summed(text, cpu_ms, 1 / 30, _TAGS_M, found)
-
-
-def _readers() -> dict[str, list[tuple[str, Reader]]]:
-    """Return the settings of the readers of visual markers that are installed, by their knob."""
-    found: dict[str, list[tuple[str, Reader]]] = {}
+def _cameras(seed: int, *, quick: bool) -> dict[str, list[dict[str, Any]]]:
+    """Return what the settings of readers of visual markers cost and give, of the same pictures."""
+    knobs: dict[str, list[tuple[str, Reader]]] = {}
     try:
-        found['AprilTag: decimation'] = [
+        knobs['AprilTag: decimation'] = [
             (f'{decimate:g}', AprilTagReader(f'tag {decimate:g}', decimate))
-            for decimate in (4.0, 3.0, 2.0, 1.5, 1.0)
+            for decimate in (4.0, 3.0, 2.0, 1.5, 1.0)[:: 2 if quick else 1]
         ]
-        found['AprilTag: two threads'] = [('2', AprilTagReader('threads', 2.0, threads=2))]
-        found['QR code: zbar'] = [('', QrReader())]
+        knobs['AprilTag: two threads'] = [('2', AprilTagReader('threads', 2.0, threads=2))]
+        knobs['QR code: zbar'] = [('', QrReader())]
     except ImportError:
         pass  # `peers` says what is missing
-    return found
+    readers = [reader for settings in knobs.values() for _, reader in settings]
+    ranges_m = TAG_RANGES_M[:: 3 if quick else 1]
+    found = read_over_distance(readers, ranges_m, seed, quick=quick)
+    background = Background(np.random.default_rng(seed))
+
+    def summed(text: str, reader: Reader) -> dict[str, Any]:
+        rng = np.random.default_rng(seed)
+        cpu_ms = picture_cost(reader, background, 1 if quick else 4, rng, View(_AT_M))
+        return _summed(text, cpu_ms, 1 / 30, ranges_m, [one[reader.name] for one in found])
+
+    return {name: [summed(*one) for one in settings] for name, settings in knobs.items()}
 
 
 def run(rng: np.random.Generator, *, quick: bool) -> dict[str, Any]:
@@ -154,11 +154,8 @@ def run(rng: np.random.Generator, *, quick: bool) -> dict[str, Any]:
         name: [_lidar(*point, quick, seed) for point in list(points.items())[::stride]]
         for name, points in _curves().items()
     }
-    background = Background(rng)
-    for name, readers in _readers().items():
-        curves[name] = [_camera(*one, background, quick, seed) for one in readers[::stride]]
     return {
-        'curves': curves,
+        'curves': curves | _cameras(seed, quick=quick),
         'genie_m': genie_reach(seed, quick=quick),
         'frame_ms': 1e3 * SENSOR.period_s,
     }
@@ -185,13 +182,13 @@ def table(figures: dict[str, Any]) -> Table:
 
 
 _LINES = {
-    'joint: packets combined': ('-', 'default: 1 to 8 packets combined'),
-    'joint: IDs registered': ('--', 'default: 1000 to 16 IDs registered'),
-    'joint: false IDs allowed an hour': (':', 'default: 0.001 to 1000 false IDs an hour'),
-    'paper: threshold': ('--', 'paper, 3 packets: threshold 0.5 to 0.1; half are read'),
-    'AprilTag: decimation': ('-', 'AprilTag 3: decimation 4 to 1'),
-    'QR code: zbar': ('-', 'QR code'),
-}  # line and words of the curves that are drawn
+    'joint: packets combined': ('o-', 'default: 1 to 8 packets combined'),
+    'joint: IDs registered': ('s--', 'default: 1000 to 16 IDs registered'),
+    'joint: false IDs allowed an hour': ('P:', 'default: 0.001 to 1000 false IDs an hour'),
+    'paper: threshold': ('D--', 'paper, 3 packets: threshold 0.5 to 0.1; only HALF are read'),
+    'AprilTag: decimation': ('v-', 'AprilTag 3: decimation 4 to 1'),
+    'QR code: zbar': ('X-', 'QR code'),
+}  # sign, line and words of the curves that are drawn
 
 
 def _frontier(points: Sequence[dict[str, Any]]) -> list[tuple[float, float]]:
@@ -210,31 +207,29 @@ def draw(figures: dict[str, Any]) -> Any:
     """Draw reach over processor time, wrong IDs as colour, and reach over the time to an answer."""
     figure, (cost, answer) = new_chart(1, 2, 16, 8.4, MESSAGE)
     curves = {name: points for name, points in figures['curves'].items() if name in _LINES}
+    every = [point for points in curves.values() for point in points]
+    most_wrong = 10 * max(math.ceil(10 * point['wrong']['rate']) for point in every) or 10  # [%]
     entries: dict[str, Any] = {}
     for name, points in curves.items():
-        style, words = _LINES[name]
-        how = look('QR code' if name.startswith('QR') else name.partition(':')[0])
-        entries[words] = how | {'linestyle': style, 'markerfacecolor': 'white'}
+        form, words = _LINES[name]
+        sign, style = form[0], form[1:]
+        how = look(name.partition(':')[0]) | {'marker': sign, 'linestyle': style}
+        entries[words] = how | {'markerfacecolor': 'white'}
         # Where four of five are hardly read anywhere, half are shown.
         key = 'half_m' if name.startswith('paper') else 'reach_m'
         shown = [point for point in points if point[key]['at'] is not None]
         for axis, place in ((cost, 'cpu_ms'), (answer, 'answer_s')):
-            places, reaches = [one[place] for one in shown], [one[key]['at'] for one in shown]
-            ends = [
-                [
-                    at if one[key][end] is None else one[key][end]
-                    for one, at in zip(shown, reaches, strict=True)
-                ]
-                for end in ('low', 'high')
-            ]
-            bars = np.maximum(np.array([[1], [-1]]) * (np.array(reaches) - ends), 0)
+            places = [one[place] for one in shown]
+            reaches, low, high = np.array(
+                [[one[key][end] for one in shown] for end in ('at', 'low', 'high')], dtype=float
+            )
+            bars = np.maximum([reaches - low, high - reaches], 0)
             axis.plot(places, reaches, **entries[words], linewidth=1.5)
             axis.errorbar(places, reaches, bars, linestyle='', color=how['color'], capsize=3)
             wrong = [100 * point['wrong']['rate'] for point in shown]
-            spots = {'s': 120, 'marker': how['marker'], 'edgecolors': how['color'], 'linewidths': 2}
-            colours = {'c': wrong, 'cmap': 'Reds', 'vmin': 0, 'vmax': 100 * _MOST_WRONG}
+            spots = {'s': 120, 'marker': sign, 'edgecolors': how['color'], 'linewidths': 2}
+            colours = {'c': wrong, 'cmap': 'Reds', 'vmin': 0, 'vmax': most_wrong}
             image = axis.scatter(places, reaches, **spots, **colours, zorder=3)
-    every = [point for points in curves.values() for point in points]
     frontier = line('-', '0.7') | {'linewidth': 5, 'alpha': 0.5}
     cost.plot(*zip(*_frontier(every), strict=True), **frontier, zorder=0)
     genie = line('--', look('genie')['color'])
@@ -243,7 +238,7 @@ def draw(figures: dict[str, Any]) -> Any:
             axis.axhline(figures['genie_m'], **genie)
     answer.axvline(1e-3 * figures['frame_ms'], **line(':', '0.3'))
     answer.axvline(PACKET_S, **line('-.', '0.3'))
-    y = '80 % of markers of 3 cm are read to [m]'
+    y = '80 % (of method paper: half) of markers of 3 cm are read to [m]'
     label(cost, 'processor time per second of watching [ms]', y, xscale='log', ylim=(0, 4.5))
     label(answer, 'time to an answer [s]', '', xscale='log', ylim=(0, 4.5))
     figure.colorbar(image, ax=answer, label='wrong IDs [%]', shrink=0.7)

@@ -14,7 +14,7 @@ import numpy as np
 
 from evaluation.bench.judging import BOTH, Options, judge_all, read_of
 from evaluation.bench.rates import crossing
-from evaluation.bench.recordings import Sent
+from evaluation.bench.recordings import Sent, rng_at
 from evaluation.report.charts import LEVEL, WRONG, draw_reads, label, legend_below, line, new_chart
 from evaluation.report.claims import Claims, Table, end_as_text
 from retrolidar_ros.detector import METHODS
@@ -33,11 +33,6 @@ class Curve:
     recordings: int = 3  # of sixteen markers, or of one
     variants: Mapping[str, Options] = field(default_factory=lambda: BOTH)
     lone: bool = True
-
-
-def rng_at(seed: int, place: float) -> np.random.Generator:
-    """Return a generator that gives the same frames at a place to every experiment."""
-    return np.random.default_rng([seed, round(1000 * place)])
 
 
 def _point(curve: Curve, place: float, recordings: int, seed: int) -> dict[str, Any]:

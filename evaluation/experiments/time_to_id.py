@@ -12,9 +12,8 @@ from numpy.typing import NDArray
 from evaluation.bench.judging import BOTH, Options, judged
 from evaluation.bench.recordings import SILENCE_BITS, Sent, record, signal_at
 from evaluation.bench.stresses import PLAIN
-from evaluation.peers.background import Background
 from evaluation.peers.camera import PICTURES_HZ
-from evaluation.peers.pictures import View, read_pictures
+from evaluation.peers.pictures import read_over_distance
 from evaluation.peers.visual_markers import APRILTAG, find_readers
 from evaluation.report.charts import label, legend_below, line, look, new_chart
 from evaluation.report.claims import Table
@@ -32,7 +31,6 @@ VIEW_S = SILENCE_BITS * BIT_PERIOD_S  # when the markers come into view
 SHARES = (0.5, 0.9)
 _STYLES = {'half': '-', 'nine tenths': '--'}
 _RANGES_M = (1.0, 1.5, 2.0, 2.4, 2.6, 2.8, 3.0, 3.2, 3.4, 3.6)
-_QUICK_PICTURES = 8
 
 
 def appearing(range_m: float, rng: np.random.Generator) -> Sent:
@@ -75,16 +73,14 @@ def _by_pictures(share: float, read: float) -> float | None:
 def run(rng: np.random.Generator, *, quick: bool) -> dict[str, Any]:
     """Return times to the first right ID over distance."""
     readers = [one for one in find_readers()[0] if one.name == APRILTAG]
-    background = Background(rng)
-    pictures = _QUICK_PICTURES if quick else 48
-    points = []
-    for range_m in _RANGES_M[::3] if quick else _RANGES_M:
+    ranges_m, points = _RANGES_M[:: 3 if quick else 1], []
+    pictures = read_over_distance(readers, ranges_m, int(rng.integers(2**31)), quick=quick)
+    for range_m, found in zip(ranges_m, pictures, strict=True):
         sent = [appearing(range_m, rng) for _ in range(1 if quick else 2)]
         point: dict[str, Any] = {'range_m': range_m}
         for method in METHODS:
             times_s = np.concatenate([first_ids(one, BOTH[method])[0] for one in sent])
             point[method] = [time_by_which(share, times_s) for share in SHARES]
-        found = read_pictures(readers, background, pictures, rng, View(range_m))
         for name, result in found.items():
             point[name] = [_by_pictures(share, result['right']['rate']) for share in SHARES]
         points.append(point)

@@ -12,11 +12,13 @@ from typing import NamedTuple, TypedDict
 import numpy as np
 
 from evaluation.bench.rates import Rate, rate
+from evaluation.bench.recordings import rng_at
 from evaluation.peers import camera
 from evaluation.peers.background import Background, Window
 from evaluation.peers.visual_markers import IDS, Reader
 from retrolidar_ros.sensor.frame import Floats
 
+PICTURES, QUICK_PICTURES = 96, 8  # of a marker of 3 cm at a range
 _MAX_ROLL_RAD = math.radians(10)
 
 
@@ -98,6 +100,20 @@ def read_pictures(
                 error_mm=errors(errors_m[name]),
             )
     return results
+
+
+def read_over_distance(
+    readers: Sequence[Reader], ranges_m: Sequence[float], seed: int, *, quick: bool
+) -> list[dict[str, Result]]:
+    """Return what readers make of markers of 3 cm at some ranges [m].
+
+    At a range every experiment has the same pictures, so a reader's reach is the same in all.
+    """
+    background = Background(np.random.default_rng(seed))
+    pictures = QUICK_PICTURES if quick else PICTURES
+    return [
+        read_pictures(readers, background, pictures, rng_at(seed, at), View(at)) for at in ranges_m
+    ]
 
 
 def _marker_before(

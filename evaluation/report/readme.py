@@ -21,7 +21,6 @@ from evaluation.experiments.sweeps import end_of
 from evaluation.peers.visual_markers import APRILTAG
 from evaluation.report.claims import NOTHING, Table, as_text, markdown
 from evaluation.report.page import load
-from retrolidar_ros.detector.methods import MAX_PACKETS
 from retrolidar_ros.detector.paper import LIKELIHOOD_THRESHOLD
 from retrolidar_ros.marker.code import BIT_PERIOD_S, PACKET_BITS
 
@@ -42,7 +41,7 @@ def load_report(directory: Path) -> Report:
 
 _PACKET = f'{PACKET_BITS * BIT_PERIOD_S:.1f} s'
 _COSTS = (
-    ('joint: packets combined', str(MAX_PACKETS)),
+    ('joint: packets combined', '1'),
     ('paper: threshold', f'{LIKELIHOOD_THRESHOLD:g}'),
     ('AprilTag: decimation', '2'),
 )
@@ -52,8 +51,8 @@ def headlines(report: Report) -> str:
     """Return what is read, how far, how fast, beside an AprilTag of the same size."""
     figures, names = report['peers'], (*BOTH, APRILTAG)
 
-    def reach(sweep: str, digits: int, unit: str) -> list[str]:
-        return [peers.words(figures, sweep, name, unit, digits) for name in names]
+    def reach(sweep: str, digits: int = 2) -> list[str]:
+        return [peers.words(figures, sweep, name, digits) for name in names]
 
     errors_mm = [as_text(peers.error(figures, name, 2.0, 'median'), 'mm', 1) for name in names]
     points = [speed_accuracy.at(report['speed-accuracy'], *of) for of in _COSTS]
@@ -72,14 +71,14 @@ def headlines(report: Report) -> str:
     ]
     # What, the paper's own, and the values of both methods and the AprilTag.
     rows: list[tuple[str, str, list[str]]] = [
-        ('3 cm, 80 % read in one packet or picture, to', '2.6 m', reach('3 cm', 2, 'm')),
-        ('1 cm, likewise, to', '1.3 m', reach('1 cm', 2, 'm')),
+        ('3 cm, 80 % read in one packet or picture, to', '2.6 m', reach('3 cm')),
+        ('1 cm, likewise, to', '1.3 m', reach('1 cm')),
         ('duration of a packet or picture', _PACKET, [_PACKET, _PACKET, f'{1 / 30:.2f} s']),
-        ('yaw at 1 m, to', '50 °', reach('yaw', 0, '°')),
-        ('speed across at 1 m (tag: 33 ms exposure), to', NOTHING, reach('speed', 2, 'm/s')),
+        ('yaw at 1 m, to', '50 °', reach('yaw', 0)),
+        ('speed across at 1 m (tag: 33 ms exposure), to', NOTHING, reach('speed')),
         ('median range error at 2 m', 'below 2 mm', errors_mm),
-        ('light needed at 1 m', 'none', ['none', 'none', reach('light', 1, 'lux')[2]]),
-        ('processor time per second, as shipped', NOTHING, costs),
+        ('light needed at 1 m', 'none', ['none', 'none', reach('light', 1)[2]]),
+        ('processor time per second, one packet or picture at a time', NOTHING, costs),
         ('false IDs an hour, no marker in view', NOTHING, [*false_ids, NOTHING]),
     ]
     heads = ['', 'LiDAR, default `joint`', 'LiDAR, method `paper`', "the paper's own", 'AprilTag 3']

@@ -30,7 +30,7 @@ TINY: dict[str, dict[str, Any]] = {
         'SCALES': (1.0,),
         'KINDS': dict([*KINDS.items()][:2]),
     },
-    'experiments.coffee': {'_QUICK_TRIALS': 1, '_QUICK_PICTURES': 2},
+    'experiments.coffee': {'_QUICK_TRIALS': 1},
     'experiments.drone': {'QUICK_DURATION_S': 11.0},
     'experiments.laboratory': {
         'LABORATORY': [replace(one, values=one.values[:3]) for one in LABORATORY]
@@ -40,8 +40,8 @@ TINY: dict[str, dict[str, Any]] = {
     'experiments.peers': {
         '_QUICK_PICTURES': 2,
         '_SWEEPS': {
-            name: (axis, (places[0], *places[:1:-6]), view, make)
-            for name, (axis, places, view, make) in peers._SWEEPS.items()
+            name: (axis, (places[0], *places[:1:-6]), what, make)
+            for name, (axis, places, what, make) in peers._SWEEPS.items()
         },
     },
     'experiments.place': {'_QUICK_MARKERS': 12},
@@ -50,12 +50,13 @@ TINY: dict[str, dict[str, Any]] = {
     'experiments.speed_accuracy': {
         '_LONE_M': (1.0, 3.2),
         '_SEVERAL_M': (1.0, 4.0),
-        '_TAGS_M': (1.0, 4.2),
+        'TAG_RANGES_M': (1.0, 4.2),
         '_FRAMES': 20,
         '_WARM_UP_FRAMES': 100,
     },
     'experiments.stability': {'PANELS': PANELS[:1], 'CONDITIONS': [(1.0, True, False)]},
-    'experiments.time_to_id': {'_RANGES_M': (1.0, 3.6), '_QUICK_PICTURES': 2},
+    'experiments.time_to_id': {'_RANGES_M': (1.0, 3.6)},
+    'peers.pictures': {'QUICK_PICTURES': 2},
 }
 
 
