@@ -5,48 +5,60 @@
 Each member yields blocks of frames that follow each other. Signals that walk do so where the
 sensor's noise is one everywhere: in the square root of the signal, so that a step is a share of
 the noise at every level. All of it is computed block by block, for all zones at once.
+
+Hands that move and bodies that pass, in every zone: the logarithm of each zone's signal walks
+about. Its steps are as a public recording of a moving hand has them: from frame to frame
+|ln ratio| is 0.10, 0.41, 1.40 and 3.08 at 50, 90, 99 and 99.9 %. A normal step whose scale is
+itself log-normal has such tails; the scale changes slowly, so that calm and hurry alternate.
+Targets vanish and come back, and some zones see nothing.
 """
 
 import math
 from collections.abc import Callable, Iterator
 from functools import partial
-from typing import Any, NamedTuple, Protocol
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from evaluation.bench.restless import LEAST_SIGNAL, MOST_SIGNAL, Hands
 from retrolidar_ros.marker.code import BIT_PERIOD_S
-from retrolidar_ros.scene.description import Sensor
-from retrolidar_ros.scene.reference import NOISE, SENSOR, WALL_SIGNAL
+from retrolidar_ros.scene.reference import NOISE, RANGING, SENSOR, WALL_SIGNAL
 from retrolidar_ros.sensor.frame import Floats, Recording, Status
 
 BLOCK_FRAMES = 4096
+LEAST_SIGNAL, MOST_SIGNAL = 2.0, 1700.0  # [kcps/SPAD]
 PRESENT_SIGNALS, BLINKING_SIGNAL = (5.0, 1000.0), 100.0
 PRESENT_S = (0.1, 3.0)
+_ZONES, _PERIOD_S = SENSOR.grid.zones, SENSOR.period_s
 _NEAR_M, _NEAR_SIGNAL, _FAR_M = 0.2, 1700.0, 6.0  # distances follow the square root of signals
 _NOTHING_BEHIND = 0.3  # share of the absences in which there is no wall either
 _MERGED = 0.1  # share of what appears that is reported as merged
+# The steps of the log signal of hands: the median of their scale, and the spread of its logarithm.
+# The noise that the sensor adds is in the quantiles above, so these are found by trial.
+_STEP_SCALE, _STEP_SPREAD = 0.113, 0.95
+_STEP_MEMORY = 0.95  # of the scale, a frame: half a second
+_HOME = math.log(150.0)  # where the log signal drifts back to
+_LEVEL_MEMORY = 0.99  # of the log signal, a frame: two seconds
+_VANISHING, _RETURNING = 0.04, 0.12  # a frame
+_INVALID = np.array([Status.NO_TARGET, Status.SIGNAL_TOO_LOW, 4], dtype=np.uint8)
+_INVALID_SHARES = (0.8, 0.1, 0.1)
+_EMPTY = 0.1  # share of the zones that see nothing, drawn for every block
+_CHUNK = 256  # samples, such that memory to this power is no denormal number
 
 Singles = NDArray[np.float32]
 Codes = NDArray[np.uint8]
+Source = Callable[[int], tuple[Singles, Codes | None]]
+"""Returns the next signals without noise [kcps/SPAD], and statuses unless all are valid.
 
-
-class Source(Protocol):
-    """One kind of scene, as it goes on."""
-
-    def advance(self, frames: int) -> tuple[Singles, Codes | None]:
-        """Return the next signals without noise [kcps/SPAD], and statuses unless all are valid.
-
-        Both are of shape (frames, zones); where there is no target the signal does not count.
-        """
+Both are of shape (frames, zones); where there is no target the signal does not count.
+"""
 
 
 class Member(NamedTuple):
     """One member of the family."""
 
     name: str
-    blocks: Callable[[float, np.random.Generator, Sensor], Iterator[Recording]]
+    blocks: Callable[[float, np.random.Generator], Iterator[Recording]]
     """Yields the frames of a duration [s]."""
     blinks: bool = False
     """Whether it has the bit clock: the rate of false IDs is reported, and not held to a budget."""
@@ -58,18 +70,10 @@ def _log_uniform(bounds: tuple[float, float], size: int, rng: np.random.Generato
     return values
 
 
-class White:
-    """Noise alone, in every zone at another level."""
-
-    def __init__(
-        self, sensor: Sensor, rng: Any, signals: tuple[float, float] = (4.0, 600.0)
-    ) -> None:
-        levels = np.geomspace(*signals, sensor.grid.zones, dtype=np.float32)
-        self._levels = rng.permutation(levels)
-
-    def advance(self, frames: int) -> tuple[Singles, None]:
-        """Return the levels again and again."""
-        return np.tile(self._levels, (frames, 1)), None
+def white(rng: np.random.Generator, signals: tuple[float, float] = (4.0, 600.0)) -> Source:
+    """Return noise alone, in every zone at another level."""
+    levels = rng.permutation(np.geomspace(*signals, _ZONES, dtype=np.float32))
+    return lambda frames: (np.tile(levels, (frames, 1)), None)
 
 
 def _scaled(signal: float) -> float:
@@ -77,26 +81,26 @@ def _scaled(signal: float) -> float:
     return 2 / NOISE.slope * math.sqrt(NOISE.floor + NOISE.slope * signal)
 
 
-class Walk:
-    """Signals that walk between bounds, in steps of a share of the noise."""
+def _walk(rng: np.random.Generator, *, step: float, heavy: bool = False) -> Source:
+    """Return signals that walk between bounds, in steps of a share of the noise.
 
-    def __init__(self, sensor: Sensor, rng: Any, *, step: float, heavy: bool = False) -> None:
-        self._rng, self._step, self._heavy = rng, step, heavy
-        self._low, self._high = _scaled(LEAST_SIGNAL), _scaled(MOST_SIGNAL)
-        self._last = rng.uniform(self._low, self._high, sensor.grid.zones)
+    Heavy-tailed steps are of Student's t with two degrees.
+    """
+    low, high = _scaled(LEAST_SIGNAL), _scaled(MOST_SIGNAL)
+    last = rng.uniform(low, high, _ZONES)
 
-    def advance(self, frames: int) -> tuple[Singles, None]:
-        """Return the next signals; heavy-tailed steps are of Student's t with two degrees."""
-        shape = (frames, len(self._last))
-        steps = self._rng.standard_normal(shape, dtype=np.float32)
-        if self._heavy:
-            steps /= np.sqrt(self._rng.standard_exponential(shape, dtype=np.float32))
-        walked = self._last + np.cumsum(self._step * steps, axis=0, dtype=np.float64)
-        width = self._high - self._low
-        walked = self._high - np.abs((walked - self._low) % (2 * width) - width)
-        self._last = walked[-1]
+    def advance(frames: int) -> tuple[Singles, None]:
+        shape = (frames, _ZONES)
+        steps = rng.standard_normal(shape, dtype=np.float32)
+        if heavy:
+            steps /= np.sqrt(rng.standard_exponential(shape, dtype=np.float32))
+        walked = last + np.cumsum(step * steps, axis=0, dtype=np.float64)
+        walked = high - np.abs((walked - low) % (2 * (high - low)) - (high - low))
+        last[:] = walked[-1]
         scaled = (NOISE.slope / 2 * walked).astype(np.float32)
         return (scaled * scaled - np.float32(NOISE.floor)) / np.float32(NOISE.slope), None
+
+    return advance
 
 
 def _held(
@@ -114,77 +118,121 @@ def _held(
     return means, place, edges[place] > times[:-1]
 
 
-class Targets:
-    """Targets that come and go, with levels and durations of their own, before a wall or none."""
+def _course(frames: int, rng: np.random.Generator) -> tuple[Singles, Codes]:
+    """Return signals and statuses of a zone where targets come and go, shape (frames,)."""
+    turns = 2 + int(frames * _PERIOD_S / PRESENT_S[0])
+    lasting = _log_uniform(PRESENT_S, turns, rng) / _PERIOD_S
+    edges = np.concatenate([[0.0], np.cumsum(lasting)]) - lasting[0] * rng.random()
+    turns = int(np.searchsorted(edges, frames))
+    levels = _log_uniform(PRESENT_SIGNALS, turns, rng)
+    codes = np.where(rng.random(turns) < _MERGED, Status.MERGED, Status.VALID)
+    # Every second is absent, so that what comes has another neighbour than what goes.
+    absent = np.arange(turns) % 2 == rng.integers(2)
+    levels[absent] = WALL_SIGNAL
+    codes[absent & (rng.random(turns) < _NOTHING_BEHIND)] = Status.NO_TARGET
+    means, place, first = _held(levels, edges[: turns + 1], frames)
+    status = codes[place].astype(np.uint8)
+    came = first & (codes[place - 1] == Status.NO_TARGET) & (status != Status.NO_TARGET)
+    status[came] = Status.NO_PREVIOUS_TARGET
+    return means, status
 
-    def __init__(self, sensor: Sensor, rng: Any, *, together: bool = False) -> None:
-        self._zones, self._rng, self._together = sensor.grid.zones, rng, together
-        self._period_s = sensor.period_s
 
-    def _course(self, frames: int) -> tuple[Singles, Codes]:
-        """Return signals and statuses of one zone, shape (frames,)."""
-        rng = self._rng
-        turns = 2 + int(frames * self._period_s / PRESENT_S[0])
-        lasting = _log_uniform(PRESENT_S, turns, rng) / self._period_s
-        edges = np.concatenate([[0.0], np.cumsum(lasting)]) - lasting[0] * rng.random()
-        turns = int(np.searchsorted(edges, frames))
-        levels = _log_uniform(PRESENT_SIGNALS, turns, rng)
-        codes = np.where(rng.random(turns) < _MERGED, Status.MERGED, Status.VALID)
-        # Every second is absent, so that what comes has another neighbour than what goes.
-        absent = np.arange(turns) % 2 == rng.integers(2)
-        levels[absent] = WALL_SIGNAL
-        codes[absent & (rng.random(turns) < _NOTHING_BEHIND)] = Status.NO_TARGET
-        means, place, first = _held(levels, edges[: turns + 1], frames)
-        status = codes[place].astype(np.uint8)
-        came = first & (codes[place - 1] == Status.NO_TARGET) & (status != Status.NO_TARGET)
-        status[came] = Status.NO_PREVIOUS_TARGET
-        return means, status
+def _targets(rng: np.random.Generator) -> Source:
+    """Return targets that come and go, with levels and durations of their own, before a wall."""
 
-    def advance(self, frames: int) -> tuple[Singles, Codes]:
-        """Return the next signals and statuses; together = all zones see shares of one target."""
-        if self._together:
-            signal, status = self._course(frames)
-            shares = self._rng.uniform(0.05, 1, self._zones).astype(np.float32)
-            shared = np.maximum(signal[:, None] * shares, np.float32(WALL_SIGNAL))
-            return shared, np.repeat(status[:, None], self._zones, axis=1)
-        courses = [self._course(frames) for _ in range(self._zones)]
+    def advance(frames: int) -> tuple[Singles, Codes]:
+        courses = [_course(frames, rng) for _ in range(_ZONES)]
         signals, statuses = zip(*courses, strict=True)
         return np.stack(signals, axis=1), np.stack(statuses, axis=1)
 
+    return advance
 
-class Blinking:
-    """What has the bit clock and is no marker: random bits, or a random level a bit."""
 
-    def __init__(self, sensor: Sensor, rng: Any, *, levels: bool = False) -> None:
-        self._zones, self._rng, self._levels = sensor.grid.zones, rng, levels
-        self._bit_frames = BIT_PERIOD_S / sensor.period_s
+def _target(rng: np.random.Generator) -> Source:
+    """Return one target that comes and goes, of which all zones see shares."""
 
-    def advance(self, frames: int) -> tuple[Singles, None]:
+    def advance(frames: int) -> tuple[Singles, Codes]:
+        signal, status = _course(frames, rng)
+        shares = rng.uniform(0.05, 1, _ZONES).astype(np.float32)
+        shared = np.maximum(signal[:, None] * shares, np.float32(WALL_SIGNAL))
+        return shared, np.repeat(status[:, None], _ZONES, axis=1)
+
+    return advance
+
+
+def _blinking(rng: np.random.Generator, *, levels: bool = False) -> Source:
+    """Return what has the bit clock and is no marker: random bits, or a random level a bit."""
+    bit_frames = BIT_PERIOD_S / _PERIOD_S
+
+    def advance(frames: int) -> tuple[Singles, None]:
         """Return the next signals; every zone has another phase in each block."""
-        bits = 2 + int(frames / self._bit_frames)
-        edges = self._bit_frames * np.arange(bits + 1)
-        signals = np.empty((frames, self._zones), dtype=np.float32)
-        for zone in range(self._zones):
-            drawn = self._rng.random(bits)
-            values = BLINKING_SIGNAL * (drawn if self._levels else drawn < 0.5)
-            phase = self._bit_frames * self._rng.random()
-            signals[:, zone] = _held(values, edges - phase, frames)[0]
+        bits = 2 + int(frames / bit_frames)
+        edges = bit_frames * np.arange(bits + 1)
+        signals = np.empty((frames, _ZONES), dtype=np.float32)
+        for zone in range(_ZONES):
+            drawn = rng.random(bits)
+            values = BLINKING_SIGNAL * (drawn if levels else drawn < 0.5)
+            signals[:, zone] = _held(values, edges - bit_frames * rng.random(), frames)[0]
         return signals + np.float32(WALL_SIGNAL), None
+
+    return advance
+
+
+def _fading(steps: Floats, memory: float, before: Floats) -> Floats:
+    """Return y[t] = memory · y[t-1] + steps[t] along the first axis, `before` being y[-1]."""
+    walked = np.empty_like(steps)
+    for begin in range(0, len(steps), _CHUNK):
+        chunk = steps[begin : begin + _CHUNK]
+        fading = memory ** np.arange(1, len(chunk) + 1)[:, None]
+        walked[begin : begin + len(chunk)] = fading * (before + np.cumsum(chunk / fading, axis=0))
+        before = walked[begin + len(chunk) - 1]
+    return walked
+
+
+def _vanishing(frames: int, rng: np.random.Generator) -> Codes:
+    """Return statuses of targets that vanish and come back, shape (frames, zones)."""
+    turns = 16 + frames // 16  # a turn takes 33 frames in the mean
+    status = np.empty((frames, _ZONES), dtype=np.uint8)
+    for zone in range(_ZONES):
+        back = np.ones(turns, dtype=np.int64)
+        lengths = [back, rng.geometric(_VANISHING, turns) - 1, rng.geometric(_RETURNING, turns)]
+        kinds = np.full((turns, 3), (Status.NO_PREVIOUS_TARGET, Status.VALID, Status.NO_TARGET))
+        kinds[:, 2] = rng.choice(_INVALID, turns, p=_INVALID_SHARES)
+        status[:, zone] = np.repeat(kinds.ravel(), np.column_stack(lengths).ravel())[:frames]
+    status[:, rng.random(_ZONES) < _EMPTY] = Status.NO_TARGET
+    return status
+
+
+def _hands(rng: np.random.Generator) -> Source:
+    """Return hands that move and bodies that pass."""
+    level, scale = np.zeros(_ZONES), rng.standard_normal(_ZONES) * _STEP_SPREAD
+
+    def advance(frames: int) -> tuple[Singles, Codes]:
+        pushes = rng.standard_normal((frames, _ZONES))
+        pushes *= _STEP_SPREAD * math.sqrt(1 - _STEP_MEMORY**2)
+        scales = _fading(pushes, _STEP_MEMORY, scale)
+        steps = _STEP_SCALE * np.exp(scales) * rng.standard_normal((frames, _ZONES))
+        levels = _fading(steps, _LEVEL_MEMORY, level)
+        scale[:], level[:] = scales[-1], levels[-1]
+        # It turns round at its bounds.
+        low, high = math.log(LEAST_SIGNAL), math.log(MOST_SIGNAL)
+        received = np.exp(high - np.abs((_HOME + levels - low) % (2 * (high - low)) - (high - low)))
+        status = _vanishing(frames, rng)
+        received[status == Status.SIGNAL_TOO_LOW] = 0.0
+        return received.astype(np.float32), status
+
+    return advance
 
 
 def _sensed(
-    signal: Singles, status: Codes | None, begin: int, sensor: Sensor, rng: np.random.Generator
+    signal: Singles, status: Codes | None, begin: int, rng: np.random.Generator
 ) -> Recording:
-    """Return signals without noise, shape (frames, zones), as frames of a sensor."""
-    shape = signal.shape
-    noise, ranging = sensor.noise or NOISE, sensor.ranging or SENSOR.ranging
-    assert ranging is not None
-    distance = np.minimum(
-        _NEAR_M * np.sqrt(_NEAR_SIGNAL / np.maximum(signal, LEAST_SIGNAL)), _FAR_M
-    )
-    spread = np.hypot(ranging.shot / np.maximum(signal, LEAST_SIGNAL), ranging.floor)
+    """Return signals without noise, shape (frames, zones), as frames of the sensor."""
+    shape, seen = signal.shape, np.maximum(signal, LEAST_SIGNAL)
+    distance = np.minimum(_NEAR_M * np.sqrt(_NEAR_SIGNAL / seen), _FAR_M)
+    spread = np.hypot(RANGING.shot / seen, RANGING.floor)
     distance += spread * rng.standard_normal(shape, dtype=np.float32)
-    sigma = np.sqrt(noise.floor + noise.slope * signal)
+    sigma = np.sqrt(NOISE.floor + NOISE.slope * signal)
     signal = np.maximum(signal + sigma * rng.standard_normal(shape, dtype=np.float32), 0)
     if status is None:
         status = np.full(shape, Status.VALID, dtype=np.uint8)
@@ -192,46 +240,35 @@ def _sensed(
     signal[none] = 0.0
     distance[none] = np.nan
     sequence = np.arange(begin, begin + shape[0])
-    time_us = np.rint((sequence + 0.5) * sensor.period_s * 1e6).astype(np.int64)
+    time_us = np.rint((sequence + 0.5) * _PERIOD_S * 1e6).astype(np.int64)
+    ambient = np.zeros(shape, dtype=np.float32)
     return Recording(
-        stamp_ns=time_us * 1000,
-        sequence=sequence,
-        sensor_time_us=time_us,
-        grid=sensor.grid,
-        distance=distance,
-        signal=signal,
-        ambient=np.zeros(shape, dtype=np.float32),
-        status=status,
+        time_us * 1000, sequence, time_us, SENSOR.grid, distance, signal, ambient, status
     )
 
 
 def source_blocks(
-    make: Callable[[Sensor, np.random.Generator], Source],
-    duration_s: float,
-    rng: np.random.Generator,
-    sensor: Sensor = SENSOR,
+    make: Callable[[np.random.Generator], Source], duration_s: float, rng: np.random.Generator
 ) -> Iterator[Recording]:
     """Yield the frames of a source in blocks."""
-    source = make(sensor, rng)
-    total = round(duration_s / sensor.period_s)
+    advance, total = make(rng), round(duration_s / _PERIOD_S)
     for begin in range(0, total, BLOCK_FRAMES):
-        signal, status = source.advance(min(BLOCK_FRAMES, total - begin))
-        yield _sensed(signal, status, begin, sensor, rng)
+        yield _sensed(*advance(min(BLOCK_FRAMES, total - begin)), begin, rng)
 
 
-restless_blocks = partial(source_blocks, Hands)
+restless_blocks = partial(source_blocks, _hands)
 """Yields the frames of hands that never rest, for a duration [s]."""
-wall_blocks = partial(source_blocks, partial(White, signals=(WALL_SIGNAL, WALL_SIGNAL)))
+wall_blocks = partial(source_blocks, partial(white, signals=(WALL_SIGNAL, WALL_SIGNAL)))
 """Yields the frames of a bare wall."""
-_SOURCES: dict[str, Callable[[Sensor, Any], Source]] = {
-    'white': White,
-    **{f'walk {step:g}': partial(Walk, step=step) for step in (0.1, 0.3, 1.0, 3.0)},
-    **{f'heavy walk {step:g}': partial(Walk, step=step, heavy=True) for step in (0.1, 0.5, 2.0)},
-    'come and go': Targets,
-    'come together': partial(Targets, together=True),
-    'hands': Hands,
-    'random bits': Blinking,
-    'random levels': partial(Blinking, levels=True),
+_SOURCES: dict[str, Callable[[np.random.Generator], Source]] = {
+    'white': white,
+    **{f'walk {step:g}': partial(_walk, step=step) for step in (0.1, 0.3, 1.0, 3.0)},
+    **{f'heavy walk {step:g}': partial(_walk, step=step, heavy=True) for step in (0.1, 0.5, 2.0)},
+    'come and go': _targets,
+    'come together': _target,
+    'hands': _hands,
+    'random bits': _blinking,
+    'random levels': partial(_blinking, levels=True),
 }
 FAMILY = tuple(
     Member(name, partial(source_blocks, make), blinks='random' in name)

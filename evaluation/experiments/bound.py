@@ -16,8 +16,7 @@ from numpy.typing import NDArray
 
 from evaluation.bench.judging import BOTH, judged, new_detector, read_of
 from evaluation.bench.rates import Rate, crossing, rate
-from evaluation.bench.recordings import Sent, signal_at, snr_db
-from evaluation.bench.transmissions import transmission
+from evaluation.bench.recordings import Sent, signal_at, snr_db, transmission
 from evaluation.experiments.paper_sweeps import LONE_RECORDINGS, lone_packets
 from evaluation.report.charts import LEVEL, draw_shares, label, legend_under, look, new_chart
 from evaluation.report.claims import Table, as_text

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from evaluation.bench.places import place_error
-from evaluation.bench.transmissions import transmission
+from evaluation.bench.recordings import transmission
 from evaluation.report.charts import label, legend_below, line, look, new_chart
 from evaluation.report.claims import Claim, Claims, Table
 from retrolidar_ros.detector import Detection, create_detector

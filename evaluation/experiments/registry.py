@@ -1,6 +1,11 @@
 # Copyright 2026 retrolidar_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""The experiments by name, and what runs them."""
+"""The experiments by name, and what runs them.
+
+An experiment is a module, or an object, with a `TITLE` of a few words, and functions `run`, which
+returns figures fit for JSON, `draw` and `table`, which make the chart and the table of figures,
+and perhaps `claims`.
+"""
 
 import json
 import os
@@ -10,45 +15,25 @@ from concurrent.futures import ProcessPoolExecutor, as_completed
 from importlib import import_module
 from multiprocessing import get_context
 from pathlib import Path
-from typing import Any, Protocol, cast
+from typing import Any
 
 import numpy as np
 
 from evaluation.bench.machine import write_figures
 from evaluation.experiments.paper_sweeps import SWEEPS
 from evaluation.report.charts import mark_rough
-from evaluation.report.claims import Table, text
+from evaluation.report.claims import markdown
 from retrolidar_ros.cli.processes import end_with_parent
-
-
-class Experiment(Protocol):
-    """One experiment: a module, or what has the same functions."""
-
-    TITLE: str  # what it is about, in a few words
-
-    def run(self, rng: np.random.Generator, *, quick: bool) -> dict[str, Any]:
-        """Return the figures, fit for JSON."""
-
-    def draw(self, figures: dict[str, Any]) -> Any:
-        """Return the chart of the figures."""
-
-    def table(self, figures: dict[str, Any]) -> Table:
-        """Return what the figures come to."""
-
-
-def _experiment(name: str) -> Experiment:
-    """Return a sweep, or the module of that name."""
-    if name in SWEEPS:
-        return SWEEPS[name]
-    return cast(Experiment, import_module(f'evaluation.experiments.{name.replace("-", "_")}'))
-
 
 _NAMES = """
     speed-accuracy time-to-id peers roc brighter stability moving laboratory coffee drone several
     place ranging bound chain ids link reading reach size angle yaw ambient marker calibration
     landmarks
 """
-EXPERIMENTS = {name: _experiment(name) for name in _NAMES.split()}
+EXPERIMENTS: dict[str, Any] = {
+    name: SWEEPS.get(name) or import_module(f'evaluation.experiments.{name.replace("-", "_")}')
+    for name in _NAMES.split()
+}
 TIMED = ('speed-accuracy',)  # those that measure processor time, and so run alone
 _LONGEST = ('roc', 'landmarks', 'calibration')  # begun first, so that none is waited for
 
@@ -75,7 +60,7 @@ def run_experiment(name: str, directory: Path, *, quick: bool, seed: int) -> str
     save_chart(name, written, directory)
     rough = ' QUICK RUN: ROUGH' if quick else ''
     head = f'{name}: {experiment.TITLE} ({cpu_s} s of a core){rough}'
-    return f'{head}\n{text(experiment.table(written))}\n'
+    return f'{head}\n{markdown(experiment.table(written))}\n'
 
 
 def run_experiments(

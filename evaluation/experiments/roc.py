@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from evaluation.bench.disturbances import FAMILY, Member, White, source_blocks
+from evaluation.bench.disturbances import FAMILY, Member, source_blocks, white
 from evaluation.bench.judging import Options, judged, new_detector, read_of
 from evaluation.bench.rates import Frequency, frequency, rate
 from evaluation.bench.recordings import record, signal_at
@@ -53,7 +53,7 @@ _RANGES_M = (2.6, 3.0)
 _FACES: tuple[dict[str, str], ...] = ({}, {'markerfacecolor': 'white'})
 _QUICK_SHARE = 0.02
 _PREAMBLES = 'false preambles'
-_SILENT = partial(source_blocks, partial(White, signals=(30.0, 30.0)))
+_SILENT = partial(source_blocks, partial(white, signals=(30.0, 30.0)))
 
 
 def watch(detector: Any, blocks: Iterable[Recording]) -> list[Detection]:
@@ -65,7 +65,7 @@ def _detections(options: Options, member: Member, hours: float, seed: int) -> li
     detector = new_detector(SENSOR.grid, options)
     # The same noise for every method and setting.
     rng = np.random.default_rng([seed, FAMILY.index(member)])
-    return watch(detector, member.blocks(3600 * hours, rng, SENSOR))
+    return watch(detector, member.blocks(3600 * hours, rng))
 
 
 def _by_budget(seed: int, share: float) -> dict[float, dict[str, Frequency]]:

@@ -81,12 +81,3 @@ def markdown(table: Sequence[Sequence[str]]) -> str:
     heads, *rows = table
     lines = [f'| {" | ".join(line)} |' for line in (heads, *rows)]
     return '\n'.join([lines[0], '|---' * len(heads) + '|', *lines[1:]])
-
-
-def text(table: Sequence[Sequence[str]]) -> str:
-    """Return a table as text for the terminal."""
-    widths = [max(map(len, column)) for column in zip(*table, strict=True)]
-    return '\n'.join(
-        '  '.join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip()
-        for row in table
-    )

@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from evaluation.bench.disturbances import restless_blocks
-from evaluation.bench.restless import MOST_SIGNAL
+from evaluation.bench.disturbances import MOST_SIGNAL, restless_blocks
 from retrolidar_ros.scene.reference import SENSOR
 from retrolidar_ros.sensor.frame import Recording, Status
 

@@ -105,7 +105,7 @@ def test_a_higher_threshold_of_paper_keeps_those_of_higher_likelihood() -> None:
     seen = {
         least: roc.watch(
             new_detector(SENSOR.grid, {'method': 'paper', 'likelihood_threshold': least}),
-            hands.blocks(180.0, np.random.default_rng(4), SENSOR),
+            hands.blocks(180.0, np.random.default_rng(4)),
         )
         for least in (0.1, 0.4)
     }

@@ -8,9 +8,8 @@ import pytest
 
 from evaluation.bench.disturbances import BLOCK_FRAMES, FAMILY, Member, wall_blocks
 from evaluation.bench.judging import BOTH, judged
-from evaluation.bench.recordings import SILENCE_BITS, record, signal_at, snr_db
+from evaluation.bench.recordings import SILENCE_BITS, record, signal_at, snr_db, transmission
 from evaluation.bench.stresses import PLAIN, STRESSES, Stress
-from evaluation.bench.transmissions import transmission
 from evaluation.experiments.moving import SWING_S, across, swinging
 from evaluation.experiments.time_to_id import VIEW_S, appearing, first_ids, time_by_which
 from retrolidar_ros.marker.code import BIT_PERIOD_S, PACKET_BITS
@@ -124,7 +123,7 @@ def test_a_marker_swings_as_far_and_as_fast_as_told() -> None:
 @pytest.mark.parametrize('member', FAMILY, ids=lambda member: member.name)
 def test_blocks_of_a_disturbance_follow_each_other(member: Member) -> None:
     duration_s = 2.5 * BLOCK_FRAMES * SENSOR.period_s
-    blocks = list(member.blocks(duration_s, np.random.default_rng(3), SENSOR))
+    blocks = list(member.blocks(duration_s, np.random.default_rng(3)))
     sequence = np.concatenate([block.sequence for block in blocks])
     np.testing.assert_array_equal(sequence, np.arange(len(sequence)))
     assert len(sequence) == round(duration_s / SENSOR.period_s)
