@@ -27,7 +27,7 @@ from retrolidar_ros.scene.laboratory import see_surface
 from retrolidar_ros.scene.optics import received_signal, zone_shares
 from retrolidar_ros.scene.transmission import Transmission
 from retrolidar_ros.sensor.frame import Floats, Recording, ZoneGrid
-from retrolidar_ros.tasks.calibration.calibrate import calibrate
+from retrolidar_ros.tasks.calibration.calibrate import Calibration, calibrate
 from retrolidar_ros.tasks.calibration.crystal import DARK_S
 from retrolidar_ros.tasks.calibration.estimate import Estimate
 from retrolidar_ros.tasks.calibration.files import parameters
@@ -169,6 +169,15 @@ def packets_read(recording: Recording, scene: Scene, values: dict[str, Any]) -> 
     return float(covered[inside].mean())
 
 
+def _read(recording: Recording, scene: Scene, found: Calibration) -> dict[str, Any]:
+    """Return what is read before and after a calibration."""
+    values = {name: value for name, (value, _) in parameters(found).items()}
+    return {
+        'read before': packets_read(recording, scene, {}),
+        'read after': packets_read(recording, scene, values),
+    }
+
+
 def trial(scene: Scene) -> dict[str, Any]:
     """Return errors of what is found, with what they claim, and what is read before and after."""
     recording = Simulation(scene).run(SECONDS)
@@ -177,11 +186,8 @@ def trial(scene: Scene) -> dict[str, Any]:
     assert sensor.ranging is not None
     assert marker.response is not None
     found = calibrate(recording, distance_m=float(np.linalg.norm(marker.position_m)))
-    values = {name: value for name, (value, _) in parameters(found).items()}
     truth = sensor.noise.floor + sensor.noise.slope * SIGNALS
-    result: dict[str, Any] = {
-        'read before': packets_read(recording, scene, {}),
-        'read after': packets_read(recording, scene, values),
+    result = _read(recording, scene, found) | {
         'noise': float(np.abs(found.law.variance(SIGNALS) / truth - 1).max()),
         'identified': [one.sent.id for one in found.markers] == [marker.id],
         'rise bound [ms]': 1e3 * rise_bound(scene, recording),
@@ -211,13 +217,7 @@ def kind_trial(kind: str, scene: Scene) -> dict[str, Any]:
     """Return what is read before and after calibration of a recording of a kind."""
     scene = KINDS[kind](scene)
     recording = Simulation(scene).run(SECONDS)
-    found = calibrate(recording)
-    values = {name: value for name, (value, _) in parameters(found).items()}
-    return {
-        'kind': kind,
-        'read before': packets_read(recording, scene, {}),
-        'read after': packets_read(recording, scene, values),
-    }
+    return {'kind': kind} | _read(recording, scene, calibrate(recording))
 
 
 def sweep_trial(rng: np.random.Generator, period_s: float) -> list[float]:

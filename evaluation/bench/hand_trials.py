@@ -9,21 +9,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from evaluation.bench.places import (
-    Look,
-    Pose,
-    looks,
-    markers_at,
-    pose_of_tf,
-    reading_of,
-    rotation,
-    sees_all,
-    towards,
-    view_from,
-)
+from evaluation.bench import places
+from evaluation.bench.places import Look, PlaceError, Pose
 from retrolidar_ros.scene import Scene
 from retrolidar_ros.sensor.frame import Floats
-from retrolidar_ros.tasks.landmarks import Estimate, Landmark
+from retrolidar_ros.tasks.landmarks import Landmark
 from retrolidar_ros.tasks.next_view import best_place
 from retrolidar_ros.tasks.reading import Errors, Reading
 
@@ -36,21 +26,6 @@ _STAY_S, _MOST_PLACES = 2.2, 16
 """How long a hand waits for what is missing at a place, and when it gives up."""
 
 
-class Error(NamedTuple):
-    """By how much an estimate is wrong."""
-
-    error_m: float
-    stddev_m: float  # as estimated, along the worst axis
-    squared_distance: float  # in standard deviations
-
-
-def error_of(estimate: Estimate, truth_m: Floats) -> Error:
-    """Return by how much a position is wrong."""
-    off = estimate.position_m - truth_m
-    squared = float(off @ np.linalg.solve(estimate.covariance[:3, :3], off))
-    return Error(float(np.linalg.norm(off)), estimate.stddev_m, squared)
-
-
 def aim(
     place_m: Floats, targets_m: Floats, roll: float, world: Scene, rng: np.random.Generator
 ) -> Pose | None:
@@ -60,8 +35,8 @@ def aim(
     """
     for _ in range(100):
         turns = np.array([0, 0, roll]) + rng.uniform(-_AIM_RAD, _AIM_RAD, 3)
-        pose = towards(targets_m.mean(axis=0), place_m, turns)
-        if sees_all(pose.to_sensor(targets_m), world.sensor.grid):
+        pose = places.towards(targets_m.mean(axis=0), place_m, turns)
+        if places.sees_all(pose.to_sensor(targets_m), world.sensor.grid):
             return pose
     return None
 
@@ -70,9 +45,9 @@ def hand_poses(world: Scene, side_m: float, rng: np.random.Generator) -> list[Po
     """Return the hand at the corners of a square, all markers in view of each."""
     while True:
         centre_m, roll = rng.uniform(-_HAND_M, _HAND_M, 3), rng.uniform(-_ROLL_RAD, _ROLL_RAD)
-        turned = rotation(0, 0, rng.uniform(0, 2 * math.pi))
-        places = centre_m + side_m * np.append(CORNERS, np.zeros((4, 1)), axis=1) @ turned.T
-        found = [aim(place_m, markers_at(world), roll, world, rng) for place_m in places]
+        turned = places.rotation(0, 0, rng.uniform(0, 2 * math.pi))
+        corners = centre_m + side_m * np.append(CORNERS, np.zeros((4, 1)), axis=1) @ turned.T
+        found = [aim(place_m, places.markers_at(world), roll, world, rng) for place_m in corners]
         poses = [pose for pose in found if pose is not None]
         if len(poses) == len(CORNERS):
             return poses
@@ -88,7 +63,12 @@ class Visit(NamedTuple):
 def visits(world: Scene, side_m: float, rng: np.random.Generator) -> list[Visit]:
     """Let the hand stay at each corner of a square."""
     return [
-        Visit(pose, list(looks(view_from(pose, world.markers, world.sensor, rng), VISIT_S, rng)))
+        Visit(
+            pose,
+            list(
+                places.looks(places.view_from(pose, world.markers, world.sensor, rng), VISIT_S, rng)
+            ),
+        )
         for pose in hand_poses(world, side_m, rng)
     ]
 
@@ -101,17 +81,19 @@ def hand_readings(
     The range has a random bias; TF is off by a deviation of `pose_m` [m].
     """
     bias_m = float(rng.normal(0, BIAS_M))
-    places = []
+    found = []
     for index, visit in enumerate(trial):
-        pose = pose_of_tf(visit.pose, pose_m, rng)
+        pose = places.pose_of_tf(visit.pose, pose_m, rng)
         count: Counter[int] = Counter()
         rows = []
         for _, detection in visit.looks:
             count[detection.id] += 1
             if count[detection.id] <= _MOST_READINGS:
-                rows.append(reading_of(detection, pose, since_s=100.0 * index, bias_m=bias_m))
-        places.append(rows)
-    return places
+                rows.append(
+                    places.reading_of(detection, pose, since_s=100.0 * index, bias_m=bias_m)
+                )
+        found.append(rows)
+    return found
 
 
 def errors_for(pose_m: float) -> Errors:
@@ -131,22 +113,27 @@ def take_all(landmarks: Mapping[int, Landmark], readings: Iterable[Reading]) -> 
             landmarks[reading.marker].take(reading)
 
 
-class Ready(NamedTuple):
-    """A hand that has looked until it knew all objects."""
+def errors_of(landmarks: Mapping[int, Landmark], world: Scene) -> dict[int, PlaceError]:
+    """Return by how much the landmarks that are known are wrong, by the IDs of their markers."""
+    known = {one.id: (one, landmarks[one.id].estimate()) for one in world.markers}
+    return {
+        identity: places.place_error(estimate, np.array(marker.position_m))
+        for identity, (marker, estimate) in known.items()
+        if estimate is not None
+    }
 
-    looked_s: float  # how long; infinite if it gave up
-    errors: list[Error]  # of the objects, in the end
 
+def ready_s(world: Scene, wanted_m: float, reach_m: float, rng: np.random.Generator) -> float:
+    """Return how long a hand looks until all objects are known [s], infinite if it gives up.
 
-def ready_trial(world: Scene, wanted_m: float, reach_m: float, rng: np.random.Generator) -> Ready:
-    """Let a hand look until all objects are known, from where it learns most each time.
+    It goes to where it learns most each time.
 
     It leaves a place when every object that is not known yet and is in view has been read there,
     or does not come. If it cannot see all of those at once, it looks at the one known least. Known
     is what has a deviation of `wanted_m` along its worst axis [m]; the hand can go `reach_m` from
     where it looks first [m].
     """
-    truth_m = dict(zip((one.id for one in world.markers), markers_at(world), strict=True))
+    truth_m = dict(zip((one.id for one in world.markers), places.markers_at(world), strict=True))
     landmarks = landmarks_for(list(truth_m), errors_for(0.0))
     bias_m, roll = float(rng.normal(0, BIAS_M)), float(rng.uniform(-_ROLL_RAD, _ROLL_RAD))
     began_m: Floats = rng.uniform(-_HAND_M, _HAND_M, 3)
@@ -156,7 +143,7 @@ def ready_trial(world: Scene, wanted_m: float, reach_m: float, rng: np.random.Ge
         missing = sorted(truth_m, key=lambda one: -_stddev_of(landmarks[one]))
         missing = [one for one in missing if _stddev_of(landmarks[one]) > wanted_m]
         if not missing:
-            return Ready(looked_s, _errors_of(landmarks, truth_m))
+            return looked_s
         best_m = best_place([landmarks[one] for one in missing], began_m, reach_m)
         place_m = place_m if best_m is None else best_m
         for group in (list(truth_m), missing, missing[:1]):
@@ -165,26 +152,21 @@ def ready_trial(world: Scene, wanted_m: float, reach_m: float, rng: np.random.Ge
                 break
         assert pose is not None
         wanted, stayed_s = set(group) & set(missing), _STAY_S
-        scene = view_from(pose, world.markers, world.sensor, rng)
-        for known_s, detection in looks(scene, _STAY_S, rng):
+        scene = places.view_from(pose, world.markers, world.sensor, rng)
+        for known_s, detection in places.looks(scene, _STAY_S, rng):
             if detection.id in landmarks:
-                seen_from = pose_of_tf(pose, 0.0, rng)
+                seen_from = places.pose_of_tf(pose, 0.0, rng)
                 landmarks[detection.id].take(
-                    reading_of(detection, seen_from, since_s=100.0 * index, bias_m=bias_m)
+                    places.reading_of(detection, seen_from, since_s=100.0 * index, bias_m=bias_m)
                 )
                 wanted.discard(detection.id)
             if not wanted:
                 stayed_s = known_s
                 break
         looked_s += stayed_s
-    return Ready(math.inf, _errors_of(landmarks, truth_m))
+    return math.inf
 
 
 def _stddev_of(landmark: Landmark) -> float:
     estimate = landmark.estimate()
     return math.inf if estimate is None else estimate.stddev_m
-
-
-def _errors_of(landmarks: Mapping[int, Landmark], truth_m: Mapping[int, Floats]) -> list[Error]:
-    known = {one: landmark.estimate() for one, landmark in landmarks.items()}
-    return [error_of(one, truth_m[marker]) for marker, one in known.items() if one is not None]

@@ -10,7 +10,15 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from evaluation.bench import hand_trials as hand
-from evaluation.bench.places import Pose, looks, reading_of, rotation, view_from
+from evaluation.bench.places import (
+    PlaceError,
+    Pose,
+    looks,
+    place_error,
+    reading_of,
+    rotation,
+    view_from,
+)
 from evaluation.bench.recordings import signal_at
 from retrolidar_ros.marker.known_markers import MARKER_SIZE_M
 from retrolidar_ros.scene.description import Marker, Wander
@@ -64,7 +72,7 @@ def tilt_trial(roll_rad: float, rng: np.random.Generator) -> Tilt | None:
     places_m = {one: centre_m + turned @ at for one, at in on_object.items()}
     markers = markers_of(places_m)
     trial = [
-        hand.Visit(_HERE, list(looks(view_from(_HERE, markers, _SENSOR, rng), hand.VISIT_S, rng)))
+        hand.Visit(_HERE, [*looks(view_from(_HERE, markers, _SENSOR, rng), hand.VISIT_S, rng)])
     ]
     landmark = Landmark('object', on_object, _EXACT)
     for reading in hand.hand_readings(trial, rng)[0]:
@@ -109,7 +117,7 @@ def _direction_bound(places_m: Floats) -> float:
     return math.sqrt(float(weight @ np.square(spread).sum(axis=1)))
 
 
-def drone_trial(sensors: int, rng: np.random.Generator) -> list[hand.Error]:
+def drone_trial(sensors: int, rng: np.random.Generator) -> list[PlaceError]:
     """Follow a drone over one to three sensors on a triangle of 0.4 m that look up."""
     identity, height_m = 2127, float(rng.uniform(1.0, 1.5))
     wander = Wander(across_m=0.12, along_m=0.01, period_s=13.0)
@@ -132,7 +140,7 @@ def drone_trial(sensors: int, rng: np.random.Generator) -> list[hand.Error]:
         estimate = landmark.estimate()
         if estimate is not None:
             place_m = position_at(drone, np.array([estimate.stamp_s])).reshape(3)
-            found.append(hand.error_of(estimate, place_m))
+            found.append(place_error(estimate, place_m))
     return found
 
 

@@ -23,6 +23,7 @@ from retrolidar_ros.scene.description import Marker, Sensor, Surface
 from retrolidar_ros.scene.optics import zone_shares
 from retrolidar_ros.sensor.frame import Floats, Recording, ZoneGrid
 from retrolidar_ros.sensor.rotation import matrix_of_turn
+from retrolidar_ros.tasks.landmarks import Estimate
 from retrolidar_ros.tasks.reading import Reading, SensorPose, reading
 
 # A hand is about where the scene has its sensor, and looks about where the objects are.
@@ -142,6 +143,7 @@ class PlaceError(NamedTuple):
 
     range_m: float  # measured less true
     position_m: float  # distance between measured and true position
+    stddev_m: float  # of the position as estimated, along the worst axis
     squared_distance: float  # of the position, in standard deviations of its covariance
 
 
@@ -159,14 +161,14 @@ def read_live(detector: Detector, recording: Recording) -> Iterator[Look]:
             yield Look(1e-9 * (frame.stamp_ns - int(recording.stamp_ns[0])), detection)
 
 
-def place_error(place: Place, truth_m: Floats) -> PlaceError:
+def place_error(place: Place | Estimate, truth_m: Floats) -> PlaceError:
     """Return by how much a place differs from where the marker was at its stamp, shape (3,) [m]."""
-    range_m = float(np.linalg.norm(truth_m))
-    offset = place.position_m - truth_m
+    offset, covariance = place.position_m - truth_m, place.covariance[:3, :3]
     return PlaceError(
-        range_m=place.range_m - range_m,
+        range_m=float(np.linalg.norm(place.position_m) - np.linalg.norm(truth_m)),
         position_m=float(np.linalg.norm(offset)),
-        squared_distance=float(offset @ np.linalg.solve(place.covariance[:3, :3], offset)),
+        stddev_m=math.sqrt(float(np.linalg.eigvalsh(covariance)[-1])),
+        squared_distance=float(offset @ np.linalg.solve(covariance, offset)),
     )
 
 

@@ -52,16 +52,16 @@ class Frequency(TypedDict):
 def falls_below(level: float, places: Sequence[float], shares: Sequence[float]) -> float | None:
     """Return where a share, linear between its places, first falls below a level.
 
-    None where the share begins below the level or stays above it.
+    None where it begins below the level, the last place where it stays above it.
     """
+    if shares[0] < level:
+        return None
     for index in range(1, len(places)):
         before, after = shares[index - 1], shares[index]
-        if before < level:
-            return None
         if after < level:
             step = (before - level) / (before - after)
             return places[index - 1] + step * (places[index] - places[index - 1])
-    return None
+    return float(places[-1])
 
 
 def frequency(events: int, hours: float) -> Frequency:
@@ -115,20 +115,13 @@ def crossing(level: float, places: Sequence[float], rates: Sequence[Rate]) -> Cr
 
     The bounds are those of shares that are redrawn with the binomial law.
     """
-
-    def last(shares: Sequence[float]) -> float | None:
-        if shares[0] < level:
-            return None
-        found = falls_below(level, places, shares)
-        return float(places[-1]) if found is None else found
-
     trials = np.array([one['trials'] for one in rates])
     # A share of none or all is not certain: half a trial more of either.
     shares = (np.array([one['hits'] for one in rates]) + 0.5) / (trials + 1)
     redrawn = np.random.default_rng(0).binomial(trials, shares, (_DRAWS, len(trials))) / trials
-    crossed = [last(row) for row in redrawn.tolist()]
+    crossed = [falls_below(level, places, row) for row in redrawn.tolist()]
     known = [place for place in crossed if place is not None]
-    at = last([one['rate'] for one in rates])
+    at = falls_below(level, places, [one['rate'] for one in rates])
     if at is None or not known:
         return Crossing(at=at, low=None, high=None)
     low, high = (float(bound) for bound in np.percentile(known, (2.5, 97.5)))

@@ -81,7 +81,7 @@ def table(figures: dict[str, Any]) -> Table:
 
 def draw(figures: dict[str, Any]) -> Any:
     """Draw shares read as colours, stresses over signals, for both methods."""
-    figure, panels = new_chart(1, 2, 14, 9.5, MESSAGE)
+    figure, panels = new_chart(2, 2, 14, 9.5, MESSAGE)
     names = [row['stress'] for row in figures['rows']]
     for axis, method in zip(panels, METHODS, strict=True):
         shares = np.array(

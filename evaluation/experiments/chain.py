@@ -40,9 +40,9 @@ _SIGNS = {
 
 def _samples(recording: Recording, detection: Detection) -> dict[str, Any]:
     """Return the samples of the strongest zone about a packet [s, kcps/SPAD], and its light."""
-    time_s = 1e-9 * (recording.stamp_ns - recording.stamp_ns[0])
-    start_s = 1e-9 * (detection.start_ns - int(recording.stamp_ns[0]))
-    end_s = 1e-9 * (detection.end_ns - int(recording.stamp_ns[0]))
+    first_ns = int(recording.stamp_ns[0])
+    time_s = 1e-9 * (recording.stamp_ns - first_ns)
+    start_s, end_s = (1e-9 * (one - first_ns) for one in (detection.start_ns, detection.end_ns))
     shown = (time_s > start_s - _SHOWN_S) & (time_s < end_s + _SHOWN_S)
     half_s = float(np.median(np.diff(time_s))) / 2
     edges_s = time_s[shown, None] + half_s * np.array([-1.0, 1.0])

@@ -120,7 +120,7 @@ def claims(figures: dict[str, Any]) -> Claims:
 
 def draw(figures: dict[str, Any]) -> Any:
     """Draw windows with a reading over the speed, and over what the rotor hides."""
-    figure, panels = new_chart(1, 2, 14, 5.8, MESSAGE)
+    figure, panels = new_chart(2, 2, 14, 5.8, MESSAGE)
     styles = {f'windows of {window_s:g} s': line(style) for window_s, style in WINDOWS_S.items()}
     axes = (
         ('faster', 'speed_m_s', 1, 'mean speed of the drift [m/s]'),

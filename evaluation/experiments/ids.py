@@ -36,14 +36,9 @@ def preambles_elsewhere() -> list[int]:
     Of every usable ID, over all other places in the cycle of 31 bits, the fewest bits that
     differ from the preamble, counted: none makes the place as likely a start as the right one.
     """
-    packets = code.packet(USABLE_IDS)
-    windows = np.stack(
-        [
-            np.roll(packets, -shift, axis=1)[:, : len(code.PREAMBLE)]
-            for shift in range(1, code.PACKET_BITS)
-        ]
-    )
-    fewest: list[int] = np.bincount((windows != code.PREAMBLE).sum(axis=-1).min(axis=0)).tolist()
+    cycles = np.tile(code.packet(USABLE_IDS), 2)[:, 1 : code.PACKET_BITS + len(code.PREAMBLE) - 1]
+    windows = np.lib.stride_tricks.sliding_window_view(cycles, len(code.PREAMBLE), axis=1)
+    fewest: list[int] = np.bincount((windows != code.PREAMBLE).sum(axis=-1).min(axis=1)).tolist()
     return fewest
 
 

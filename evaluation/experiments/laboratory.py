@@ -31,25 +31,17 @@ _LIT = replace(SENSOR, noise=replace(NOISE, ambient=NOISE.slope))
 def run(rng: np.random.Generator, *, quick: bool) -> dict[str, Any]:
     """Return what is read, by panel and condition."""
     seed, recordings = int(rng.integers(2**31)), 1 if quick else 4
-    return {
-        'panels': [
-            {
-                'title': panel.title,
-                'axis': panel.axis,
-                'points': [
-                    [
-                        {
-                            'place': value,
-                            **read(panel, index, where, seed, recordings, METHOD, sensor=_LIT),
-                        }
-                        for index, value in enumerate(panel.values)
-                    ]
-                    for where in CONDITIONS
-                ],
-            }
-            for panel in LABORATORY
+    panels = []
+    for panel in LABORATORY:
+        points = [
+            [
+                {'place': value} | read(panel, index, where, seed, recordings, METHOD, sensor=_LIT)
+                for index, value in enumerate(panel.values)
+            ]
+            for where in CONDITIONS
         ]
-    }
+        panels.append({'title': panel.title, 'axis': panel.axis, 'points': points})
+    return {'panels': panels}
 
 
 def limits(panel: dict[str, Any]) -> list[str]:
@@ -78,7 +70,7 @@ def table(figures: dict[str, Any]) -> Table:
 def draw(figures: dict[str, Any]) -> Any:
     """Draw what is read over the value of each panel."""
     panels = figures['panels']
-    figure, axes = new_chart(1, len(panels), 14, 5.2, MESSAGE)
+    figure, axes = new_chart(len(panels), len(panels), 14, 5.2, MESSAGE)
     for axis, panel in zip(axes, panels, strict=True):
         for points, how in zip(panel['points'], _LOOKS, strict=True):
             shares = [point[METHOD]['right'] for point in points]

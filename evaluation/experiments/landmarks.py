@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """How well places are known from several places: objects, a tilted one, a drone, a robot."""
 
+import itertools
 import math
 from collections.abc import Sequence
 from typing import Any
@@ -10,7 +11,7 @@ import numpy as np
 
 from evaluation.bench import hand_trials as hand
 from evaluation.bench.landmark_trials import FLIGHT_S, drone_trial, room_trial, tilt_trial
-from evaluation.bench.places import held, rms
+from evaluation.bench.places import PlaceError, held, place_error, rms
 from evaluation.bench.rates import rate
 from evaluation.peers.hand_tags import TagCamera
 from evaluation.peers.visual_markers import APRILTAG, find_readers
@@ -33,9 +34,9 @@ _RARE = 16.266  # 99.9 % of a normal distribution in three dimensions
 _POSE_M, _WRONG, _LATE = 0.002, 0.05, 0.10
 
 
-def _errors(rows: list[hand.Error]) -> dict[str, Any]:
+def _errors(rows: list[PlaceError]) -> dict[str, Any]:
     squared = [row.squared_distance for row in rows]
-    sizes = 1e3 * np.array([row.error_m for row in rows])
+    sizes = 1e3 * np.array([row.position_m for row in rows])
     return {
         'median_mm': float(np.median(sizes)),
         'rms_mm': rms(sizes),
@@ -51,17 +52,14 @@ def _places(
     """Return errors of each object by distance of the places, and by how many of them."""
     found, ids = [], [one.id for one in world.markers]
     for side_m in sides_m:
-        rows: dict[tuple[int, int], list[hand.Error]] = {}
+        rows: dict[tuple[int, int], list[PlaceError]] = {}
         for _ in range(trials):
             trial = hand.visits(world, side_m, rng)
             landmarks = hand.landmarks_for(ids, hand.errors_for(0.0))
             for count, readings in enumerate(hand.hand_readings(trial, rng), 1):
                 hand.take_all(landmarks, readings)
-                for marker in world.markers:
-                    estimate = landmarks[marker.id].estimate()
-                    if estimate is not None:
-                        error = hand.error_of(estimate, np.array(marker.position_m))
-                        rows.setdefault((count, marker.id), []).append(error)
+                for identity, error in hand.errors_of(landmarks, world).items():
+                    rows.setdefault((count, identity), []).append(error)
         found += [
             {'side_m': side_m, 'places': count, 'object': marker.name}
             | _errors(rows[count, marker.id])
@@ -74,28 +72,27 @@ def _places(
 def _beside_tags(world: Scene, trials: int, rng: np.random.Generator) -> list[dict[str, Any]]:
     """Return errors of LiDAR markers and of AprilTags, all else alike, from four places."""
     camera, ids = TagCamera(rng), [one.id for one in world.markers]
-    rows: dict[tuple[str, float, int], list[hand.Error]] = {}
+    rows: dict[tuple[str, float, int], list[PlaceError]] = {}
     for _ in range(trials):
         trial = hand.visits(world, _TAG_SIDE_M, rng)
         for pose_m in (0.0, _POSE_M):
-            for kind, places, errors in (
-                (LIDAR, hand.hand_readings(trial, rng, pose_m), hand.errors_for(pose_m)),
-                (APRILTAG, camera.readings(trial, world, pose_m, rng), camera.errors(pose_m)),
+            ours = itertools.chain(*hand.hand_readings(trial, rng, pose_m))
+            tags = camera.readings(trial, world, pose_m, rng)
+            for kind, readings, errors in (
+                (LIDAR, ours, hand.errors_for(pose_m)),
+                (APRILTAG, tags, camera.errors(pose_m)),
             ):
                 landmarks = hand.landmarks_for(ids, errors)
-                hand.take_all(landmarks, [reading for place in places for reading in place])
-                for marker in world.markers:
-                    own = rows.setdefault((kind, pose_m, marker.id), [])
-                    estimate = landmarks[marker.id].estimate()
-                    if estimate is not None:
-                        own.append(hand.error_of(estimate, np.array(marker.position_m)))
+                hand.take_all(landmarks, readings)
+                for identity, error in hand.errors_of(landmarks, world).items():
+                    rows.setdefault((kind, pose_m, identity), []).append(error)
     return [
         {'kind': kind, 'pose_m': pose_m, 'object': marker.name}
         | {'range_m': float(np.linalg.norm(marker.position_m))}
         | _errors(own)
         for (kind, pose_m, identity), own in rows.items()
         for marker in world.markers
-        if marker.id == identity and own
+        if marker.id == identity
     ]
 
 
@@ -103,10 +100,9 @@ def _stressed(world: Scene, trials: int, rng: np.random.Generator) -> dict[str, 
     """Return what wrong IDs, late transforms and wrong poses of the sensor do."""
     truth_m = {one.id: np.array(one.position_m) for one in world.markers}
     ids = list(truth_m)
-    rows: list[hand.Error] = []
+    rows: list[PlaceError] = []
     for _ in range(trials):
-        places = hand.hand_readings(hand.visits(world, 0.4, rng), rng, _POSE_M)
-        flat = [reading for place in places for reading in place]
+        flat = [*itertools.chain(*hand.hand_readings(hand.visits(world, 0.4, rng), rng, _POSE_M))]
         for index, reading in enumerate(flat):
             if rng.random() < _WRONG:
                 others = [one for one in ids if one != reading.marker]
@@ -118,7 +114,7 @@ def _stressed(world: Scene, trials: int, rng: np.random.Generator) -> dict[str, 
         for reading in queue:
             if reading.marker in truth_m:
                 survey.take(reading, str(reading.marker))
-                rows += [hand.error_of(one, truth_m[int(one.name)]) for one in survey.estimates()]
+                rows += [place_error(one, truth_m[int(one.name)]) for one in survey.estimates()]
     return _errors(rows)
 
 
@@ -153,14 +149,13 @@ def run(rng: np.random.Generator, *, quick: bool) -> dict[str, Any]:
     trials = _QUICK_TRIALS if quick else _TRIALS
     fewer = 2 if quick else 8
     world = load_scene('coffee')
-    ready = [hand.ready_trial(world, _READY_M, _REACH_M, rng) for _ in range(trials)]
+    ready_s = [hand.ready_s(world, _READY_M, _REACH_M, rng) for _ in range(trials)]
     tilts = [tilt_trial(math.radians(15), rng) for _ in range(fewer)]
     known = [one for one in tilts if one is not None]
     return {
         'trials': trials,
         'places': _places(world, _SIDES_M[1:3] if quick else _SIDES_M, fewer, rng),
-        'ready_s': sorted(round(one.looked_s, 2) for one in ready if math.isfinite(one.looked_s)),
-        'ready': _errors([error for one in ready for error in one.errors]),
+        'ready_s': sorted(round(one, 2) for one in ready_s if math.isfinite(one)),
         'tilt_deg': np.sqrt(np.mean(np.square(known), axis=0)).round(3).tolist(),
         'tags': [] if APRILTAG in find_readers()[1] else _beside_tags(world, fewer, rng),
         'drones': [
@@ -220,7 +215,7 @@ def table(figures: dict[str, Any]) -> Table:
 
 def draw(figures: dict[str, Any]) -> Any:
     """Draw errors over the distance of the places, over their number, and beside those of tags."""
-    figure, (baseline, number, beside) = new_chart(1, 3, 19, 6, MESSAGE)
+    figure, (baseline, number, beside) = new_chart(3, 3, 19, 6, MESSAGE)
     names = dict.fromkeys(row['object'] for row in figures['places'])
     looks = {name: line('-', one) for name, one in zip(names, OTHERS, strict=False)}
     for name, how in looks.items():

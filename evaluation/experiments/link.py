@@ -41,8 +41,7 @@ def fit_line(x: ArrayLike, y: ArrayLike) -> tuple[float, float, float]:
     """Return slope, intercept and R² of the least-squares line through points."""
     x, y = np.asarray(x, dtype=np.float64), np.asarray(y, dtype=np.float64)
     slope, intercept = np.polyfit(x, y, 1)
-    left = y - (slope * x + intercept)
-    return float(slope), float(intercept), float(1 - left @ left / ((y - y.mean()) ** 2).sum())
+    return float(slope), float(intercept), float(np.corrcoef(x, y)[0, 1] ** 2)
 
 
 def bright_signal(
@@ -119,7 +118,7 @@ def claims(figures: dict[str, Any]) -> Claims:
 
 def draw(figures: dict[str, Any]) -> Any:
     """Draw signal over distance and area, and SNR over integration time."""
-    figure, (far, wide, long) = new_chart(1, 3, 16, 6, MESSAGE)
+    figure, (far, wide, long) = new_chart(3, 3, 16, 6, MESSAGE)
     how = look('joint') | {'linestyle': '', 'markersize': 7}
     ranges_m, signals = figures['ranges_m'], figures['signals']
     far.plot(ranges_m, signals, **how, label='marker of 3 cm')

@@ -96,7 +96,6 @@ def run(rng: np.random.Generator, *, quick: bool) -> dict[str, Any]:
             'guard_v': guard_v(AMPLIFIER_HZ, 1 / _LOOKS_AN_HOUR, indoors),
         },
         'bandwidths_hz': _BANDWIDTHS_HZ.tolist(),
-        'guards_v': guards,
         'safe_m': [wakeup.wakeup_range_m(indoors + guard) for guard in guards],
         'once_an_hour_h': {
             name: life_h(CELL_MAH, drawn(hourly, parts).total) for name, parts in PARTS.items()
@@ -155,7 +154,7 @@ def claims(figures: dict[str, Any]) -> Claims:
 
 def draw(figures: dict[str, Any]) -> Any:
     """Draw voltages over distance, reach over the noise's bandwidth, and lives over queries."""
-    figure, (volts, reach, life) = new_chart(1, 3, 17, 6.2, MESSAGE)
+    figure, (volts, reach, life) = new_chart(3, 3, 17, 6.2, MESSAGE)
     for angle, colour in zip(_ANGLES_DEG, OTHERS, strict=False):
         course = 1e3 * wakeup.voltage_v(_RANGES_M, math.radians(angle))
         volts.plot(_RANGES_M, course, color=colour, label=f'indoors, {angle}°')

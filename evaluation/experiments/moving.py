@@ -154,7 +154,7 @@ def table(figures: dict[str, Any]) -> Table:
 
 def draw(figures: dict[str, Any]) -> Any:
     """Draw packets read over the speed, a panel for each way."""
-    figure, panels = new_chart(1, 2, 13, 5.8, MESSAGE)
+    figure, panels = new_chart(2, 2, 13, 5.8, MESSAGE)
     styles = dict(zip(RANGES_M, ('-', ':'), strict=True))
     for curve in figures['curves']:
         axis = panels[list(WAYS).index(curve['way'])]

@@ -121,7 +121,7 @@ class Reading(sweeps.Sweep):
 
     def draw(self, figures: dict[str, Any]) -> Any:
         """Draw shares over distance, and the wrong bits of both methods."""
-        figure, (read, *bits) = new_chart(1, 3, 16, 6, self.message)
+        figure, (read, *bits) = new_chart(3, 3, 16, 6, self.message)
         (points,) = (curve['points'] for curve in figures['curves'].values())
         draw_reads(read, points)
         places = [point['place'] for point in points]

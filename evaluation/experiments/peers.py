@@ -23,7 +23,7 @@ from evaluation.experiments.paper_sweeps import (
     turned,
 )
 from evaluation.experiments.sweeps import ends_of
-from evaluation.peers.background import Background
+from evaluation.peers.camera import Background
 from evaluation.peers.pictures import View, errors, read_over_distance, read_pictures
 from evaluation.peers.visual_markers import APRILTAG, APRILTAG_FINE, QR, find_readers
 from evaluation.report.charts import draw_reads, label, legend_below, look, new_chart
@@ -216,7 +216,7 @@ _PANELS = {
 
 def draw(figures: dict[str, Any]) -> Any:
     """Draw a panel for each sweep, and the error of range."""
-    figure, panels = new_chart(2, 4, 18, 9.5, MESSAGE)
+    figure, panels = new_chart(8, 4, 18, 9.5, MESSAGE)
     for axis, (name, title) in zip(panels, _PANELS.items(), strict=True):
         if name == 'error':
             sweep = figures['sweeps']['3 cm']

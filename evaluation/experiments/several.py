@@ -139,7 +139,7 @@ def claims(figures: dict[str, Any]) -> Claims:
 
 def draw(figures: dict[str, Any]) -> Any:
     """Draw the rates of the arrangements, and of two in a zone over their ratio."""
-    figure, (three, two) = new_chart(1, 2, 15, 6, MESSAGE)
+    figure, (three, two) = new_chart(2, 2, 15, 6, MESSAGE)
     for offset, method in zip((-0.14, 0.14), METHODS, strict=True):
         how = look(method) | {'linestyle': '', 'markersize': 8}
         for index, row in enumerate(figures['three']):

@@ -23,7 +23,7 @@ from evaluation.experiments.paper_sweeps import (
     lone,
     repeating,
 )
-from evaluation.peers.background import Background
+from evaluation.peers.camera import Background
 from evaluation.peers.pictures import View, picture_cost, read_over_distance
 from evaluation.peers.visual_markers import AprilTagReader, QrReader, Reader
 from evaluation.report.charts import LEVEL, label, legend_below, line, look, new_chart
@@ -205,7 +205,7 @@ def _frontier(points: Sequence[dict[str, Any]]) -> list[tuple[float, float]]:
 
 def draw(figures: dict[str, Any]) -> Any:
     """Draw reach over processor time, wrong IDs as colour, and reach over the time to an answer."""
-    figure, (cost, answer) = new_chart(1, 2, 16, 8.4, MESSAGE)
+    figure, (cost, answer) = new_chart(2, 2, 16, 8.4, MESSAGE)
     curves = {name: points for name, points in figures['curves'].items() if name in _LINES}
     every = [point for points in curves.values() for point in points]
     most_wrong = 10 * max(math.ceil(10 * point['wrong']['rate']) for point in every) or 10  # [%]

@@ -61,21 +61,20 @@ def read(
 def _breaks(
     panel: Panel, where: Where, seed: int, recordings: int, method: str, harmless: float
 ) -> dict[str, Any]:
-    """Return between which values a method breaks, and the most wrong IDs on the way."""
+    """Return between which values a method breaks."""
     if harmless < _LEAST:
         return {'state': 'not read'}
-    values, low, high, wrong = panel.values, 0, len(panel.values), 0.0
+    values, low, high = panel.values, 0, len(panel.values)
     while high - low > 1:
         middle = (low + high) // 2
         found = read(panel, middle, where, seed, recordings, method)[method]
-        wrong = max(wrong, found['wrong']['rate'])
         if found['right']['rate'] >= LEVEL * harmless:
             low = middle
         else:
             high = middle
     if high == len(values):
-        return {'state': 'never', 'at': values[-1], 'wrong': wrong}
-    return {'state': 'breaks', 'at': (values[low] + values[high]) / 2, 'wrong': wrong}
+        return {'state': 'never', 'at': values[-1]}
+    return {'state': 'breaks', 'at': (values[low] + values[high]) / 2}
 
 
 CONDITIONS = [
@@ -148,11 +147,9 @@ def table(figures: dict[str, Any]) -> Table:
 
 def draw(figures: dict[str, Any]) -> Any:
     """Draw a panel for every stress."""
-    rows = -(-len(figures['panels']) // _COLUMNS)
-    figure, axes = new_chart(rows, _COLUMNS, 16, 3.6 * rows + 1.2, MESSAGE)
-    for axis in axes[len(figures['panels']) :]:
-        axis.set_visible(False)
-    for axis, panel in zip(axes, figures['panels'], strict=False):
+    count = len(figures['panels'])
+    figure, axes = new_chart(count, _COLUMNS, 16, 3.6 * -(-count // _COLUMNS) + 1.2, MESSAGE)
+    for axis, panel in zip(axes, figures['panels'], strict=True):
         draw_reads(axis, panel['points'])
         y = 'markers [%]' if axis in axes[::_COLUMNS] else ''
         label(axis, panel['axis'], y, panel['title'], percent=True)

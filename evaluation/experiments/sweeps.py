@@ -97,12 +97,9 @@ class Sweep:
         """Draw a panel for each curve."""
         count = len(figures['curves'])
         columns = 2 if count == 4 else min(3, count)
-        rows = -(-count // columns)
-        width = max(4.7 * columns + 0.5, 7.5)
-        figure, panels = new_chart(rows, columns, width, 4.2 * rows + 1, self.message)
-        for axis in panels[count:]:
-            axis.set_visible(False)
-        for axis, (name, curve) in zip(panels, figures['curves'].items(), strict=False):
+        width, height = max(4.7 * columns + 0.5, 7.5), 4.2 * -(-count // columns) + 1
+        figure, panels = new_chart(count, columns, width, height, self.message)
+        for axis, (name, curve) in zip(panels, figures['curves'].items(), strict=True):
             draw_reads(axis, curve['points'])
             if name in self.marks:
                 axis.axvline(self.marks[name], **line(':'), linewidth=1.2)

@@ -2,18 +2,16 @@
 # SPDX-License-Identifier: Apache-2.0
 """AprilTags instead of LiDAR markers, at the same places, seen by a camera in the same hand."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
 from evaluation.bench import places as hand
 from evaluation.bench.hand_trials import Visit, errors_for
 from evaluation.bench.places import pose_of_tf, rms
-from evaluation.peers.background import Background
-from evaluation.peers.camera import FOCAL_PX, Pose, expose, facing, facing_pose, tilted
+from evaluation.peers.camera import FOCAL_PX, Background, Pose, expose, facing, facing_pose, tilted
 from evaluation.peers.visual_markers import APRILTAG, AprilTagReader, square_range
 from retrolidar_ros.scene import Scene
 from retrolidar_ros.sensor.frame import Floats
@@ -50,49 +48,32 @@ class TagCamera:
     def errors(self, pose_m: float) -> Errors:
         """Return the errors that landmarks have to assume."""
         others = errors_for(pose_m)
-        return Errors(
-            range_bias_m=1e-4,
-            range_m=0.0,
-            box_rad=0.0,
-            edge_rad=self.turn_rad,
-            pose_m=others.pose_m,
-            turn_rad=_EXACT if not pose_m else others.turn_rad,
-        )
+        own = {'range_bias_m': 1e-4, 'range_m': 0.0, 'box_rad': 0.0, 'edge_rad': self.turn_rad}
+        return replace(others, **own, turn_rad=others.turn_rad if pose_m else _EXACT)
 
     def readings(
         self, trial: Sequence[Visit], world: Scene, pose_m: float, rng: np.random.Generator
-    ) -> list[list[Reading]]:
-        """Return what it reads from where a hand has been, by place.
+    ) -> list[Reading]:
+        """Return what it reads from where a hand has been.
 
         It looks at each tag, about in the middle of its picture: a hand that shows all LiDAR
         markers to their sensor would lose some of the tags. Tags face the world's origin.
         """
-        places = []
+        rows = []
         for index, visit in enumerate(trial):
-            rows = []
             for marker in world.markers:
                 at_m = np.array(marker.position_m)
                 turns = np.append(rng.uniform(-_AIM_RAD, _AIM_RAD, 2), 0.0)
                 camera = hand.towards(at_m, visit.pose.position_m, turns)
                 tag = Pose(camera.to_sensor(at_m), camera.rotation.T @ facing(at_m).rotation)
                 seen_m = self._see(tag, rng)
-                if seen_m is None:
-                    continue
-                range_m = float(np.linalg.norm(seen_m))
-                rows.append(
-                    Reading(
-                        marker.id,
-                        'camera',
-                        100.0 * index,
-                        range_m,
-                        float(np.interp(range_m, _RANGES_M, self._stddev_m)),
-                        seen_m / range_m,
-                        np.full(2, _EXACT),
-                        pose_of_tf(camera, pose_m, rng),
-                    )
-                )
-            places.append(rows)
-        return places
+                if seen_m is not None:
+                    range_m, pose = float(np.linalg.norm(seen_m)), pose_of_tf(camera, pose_m, rng)
+                    stddev_m = float(np.interp(range_m, _RANGES_M, self._stddev_m))
+                    direction, exact = seen_m / range_m, np.full(2, _EXACT)
+                    where = (range_m, stddev_m, direction, exact, pose)
+                    rows.append(Reading(marker.id, 'camera', 100.0 * index, *where))
+        return rows
 
     def _see(self, pose: Pose, rng: np.random.Generator) -> Floats | None:
         """Return where a tag is in the camera's frame [m], by the mean of pictures that show it."""

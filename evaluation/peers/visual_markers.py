@@ -8,7 +8,7 @@ A marker's size is the edge of its pattern. The plate that carries it adds a whi
 import ctypes
 import re
 from collections.abc import Callable
-from typing import Any, NamedTuple, Protocol
+from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -37,21 +37,6 @@ class Sighting(NamedTuple):
     range_m: float  # to its centre, radially
 
 
-class Reader(Protocol):
-    """Makes one kind of marker, and reads it."""
-
-    name: str
-    kind: str  # of marker; readers of one kind can read the same pictures
-
-    def plate(self, identity: int, size_m: float) -> Plate:
-        """Return the marker of an ID, of a size [m]."""
-
-    def read(
-        self, picture: NDArray[np.uint8], centre_px: tuple[float, float], size_m: float
-    ) -> list[Sighting]:
-        """Read markers of a size [m] in grey levels; the optical axis is at the centre [pixels]."""
-
-
 def _plate(white: NDArray[np.bool_], size_m: float, margin: int) -> Plate:
     """Return a pattern with a white margin of some cells."""
     cells = np.pad(np.where(white, 1.0, _INK), margin, constant_values=1.0)
@@ -59,7 +44,10 @@ def _plate(white: NDArray[np.bool_], size_m: float, margin: int) -> Plate:
 
 
 class AprilTagReader:
-    """Tags read by AprilTag 3, which seeks squares in `quad_decimate` times fewer pixels a side."""
+    """Tags read by AprilTag 3, which seeks squares in `quad_decimate` times fewer pixels a side.
+
+    Markers have a size [m] and pictures grey levels; the optical axis is at a centre [pixels].
+    """
 
     kind = APRILTAG
 
@@ -126,6 +114,10 @@ class QrReader:
             for code in codes
             if len(code.polygon) == 4 and re.fullmatch(rb'\d{4}', code.data)
         ]
+
+
+Reader: TypeAlias = AprilTagReader | QrReader
+"""Makes a kind of marker, and reads it; readers of one kind can read the same pictures."""
 
 
 def square_range(corners_px: NDArray[Any], centre_px: tuple[float, float], size_m: float) -> float:

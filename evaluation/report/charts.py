@@ -43,13 +43,14 @@ WRONG = {'wrong ID': line('--') | {'linewidth': 1}}  # entry of a legend
 
 
 def new_chart(
-    rows: int, columns: int, width: float, height: float, title: str
+    count: int, columns: int, width: float, height: float, title: str
 ) -> tuple[Any, list[Any]]:
     """Return a figure [inches, 100 pixels each] and its panels, row by row."""
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=(width, height), dpi=100, layout='constrained')
-    panels = figure.subplots(rows, columns, squeeze=False).ravel().tolist()
+    rows = -(-count // columns)
+    panels = [figure.add_subplot(rows, columns, 1 + index) for index in range(count)]
     for panel in panels:
         panel.grid(alpha=0.3)
     figure.suptitle(title, fontsize=15, fontweight='bold')

@@ -49,7 +49,7 @@ def test_a_level_is_crossed_between_two_places() -> None:
     assert falls_below(0.8, [0, 10, 20], [1.0, 0.9, 0.5]) == pytest.approx(12.5)
     assert falls_below(0.8, [20, 10, 0], [1.0, 1.0, 0.0]) == pytest.approx(8.0)
     assert falls_below(0.8, [0, 1, 2, 3], [1.0, 0.6, 1.0, 0.0]) == pytest.approx(0.5)
-    assert falls_below(0.8, [0, 1, 2], [1.0, 0.8, 1.0]) is None
+    assert falls_below(0.8, [0, 1, 2], [1.0, 0.8, 1.0]) == 2
     assert falls_below(0.8, [0, 1, 2], [0.7, 0.9, 0.5]) is None
 
 
