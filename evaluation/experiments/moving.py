@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """A marker that moves: how many of its packets are read, and how well it is placed."""
 
+import itertools
 import math
 from collections.abc import Callable
 from dataclasses import replace
@@ -116,19 +117,13 @@ def _followed(
 def run(rng: np.random.Generator, *, quick: bool) -> dict[str, Any]:
     """Return shares of packets read and errors of place, by way, distance and speed."""
     speeds, runs = ((0.0, 0.2), 1) if quick else (_SPEEDS_M_S, 3)
+    curves = []
+    for (name, way), range_m in itertools.product(WAYS.items(), RANGES_M):
+        followed = [_followed(way, speed, range_m, runs, rng) for speed in speeds]
+        points = [{'speed_m_s': at, **of} for at, of in zip(speeds, followed, strict=True)]
+        curves.append({'way': name, 'range_m': range_m, 'points': points})
     return {
-        'curves': [
-            {
-                'way': name,
-                'range_m': range_m,
-                'points': [
-                    {'speed_m_s': speed, **_followed(way, speed, range_m, runs, rng)}
-                    for speed in speeds
-                ],
-            }
-            for name, way in WAYS.items()
-            for range_m in RANGES_M
-        ],
+        'curves': curves,
         'swings': [_followed(swinging, half_m, RANGES_M[0], runs, rng) for half_m in SWINGS_M],
     }
 

@@ -50,9 +50,8 @@ GROUPS = {
 }  # members of the family by the panel that shows them
 STILL = 'all that do not blink'
 _RANGES_M = (2.6, 3.0)
-_FACES: tuple[dict[str, str], ...] = ({}, {'markerfacecolor': 'white'})
+_FACES = (None, 'white')
 _QUICK_SHARE = 0.02
-_PREAMBLES = 'false preambles'
 _SILENT = partial(source_blocks, partial(white, signals=(30.0, 30.0)))
 
 
@@ -68,19 +67,15 @@ def _detections(options: Options, member: Member, hours: float, seed: int) -> li
     return watch(detector, member.blocks(3600 * hours, rng))
 
 
-def _by_budget(seed: int, share: float) -> dict[float, dict[str, Frequency]]:
-    """Return the false IDs of the default by budget and member."""
-    found: dict[float, dict[str, Frequency]] = {}
-    for budget in (*BUDGETS_H, SHIPPED['joint']):
-        found[budget] = {}
-        for member in FAMILY:
-            if budget in BUDGETS_H:
-                hours = BUDGETS_H[budget] * (_BLINKING_SHARE if member.blinks else 1.0)
-            else:
-                hours = SHIPPED_H.get(member.name, BLINKING_H if member.blinks else BUSY_H)
-            options = {'method': 'joint', KNOBS['joint']: budget}
-            read = _detections(options, member, share * hours, seed)
-            found[budget][member.name] = frequency(len(read), share * hours)
+def _by_budget(seed: int, share: float, budget: float) -> dict[str, Frequency]:
+    """Return the false IDs of the default with a budget, by member."""
+    found, options = {}, {'method': 'joint', KNOBS['joint']: budget}
+    for member in FAMILY:
+        if budget in BUDGETS_H:
+            hours = share * BUDGETS_H[budget] * (_BLINKING_SHARE if member.blinks else 1.0)
+        else:
+            hours = share * SHIPPED_H.get(member.name, BLINKING_H if member.blinks else BUSY_H)
+        found[member.name] = frequency(len(_detections(options, member, hours, seed)), hours)
     return found
 
 
@@ -108,23 +103,14 @@ def run(rng: np.random.Generator, *, quick: bool) -> dict[str, Any]:
         for at in _RANGES_M
     }
     seed = int(rng.integers(2**32))
-    counted = {'joint': _by_budget(seed, share), 'paper': _by_threshold(seed, share)}
-    methods = {
-        method: [
-            {
-                'knob': value,
-                'members': members,
-                'read': {
-                    at: read_of(
-                        [judged(one, {'method': method, KNOBS[method]: value}) for one in rows]
-                    )
-                    for at, rows in sent.items()
-                },
-            }
-            for value, members in counted[method].items()
-        ]
-        for method in METHODS
-    }
+    budgets = {one: _by_budget(seed, share, one) for one in (*BUDGETS_H, SHIPPED['joint'])}
+    methods: dict[str, list[dict[str, Any]]] = {}
+    for method, counted in {'joint': budgets, 'paper': _by_threshold(seed, share)}.items():
+        methods[method] = []
+        for knob, members in counted.items():
+            options = {'method': method, KNOBS[method]: knob}
+            read = {at: read_of([judged(one, options) for one in of]) for at, of in sent.items()}
+            methods[method].append({'knob': knob, 'members': members, 'read': read})
     hours = share * WHITE_H
     settings: dict[str, Options] = {
         f'budget of {WHITE_BUDGET:g} an hour': {KNOBS['joint']: WHITE_BUDGET},
@@ -147,7 +133,7 @@ def _silent(seed: int, share: float) -> dict[str, Any]:
         read = watch(detector, _SILENT(3600 * hours, np.random.default_rng(seed)))
         found[method] = {
             'false_ids': len(read),
-            _PREAMBLES: rate(min(detector.counts.candidates, looks), looks),
+            'false preambles': rate(min(detector.counts.candidates, looks), looks),
         }
     return found
 
@@ -182,7 +168,7 @@ def claims(figures: dict[str, Any]) -> Claims:
     """Set false preambles and false IDs beside the paper's."""
     silent = figures['silent']
     counts = [silent[method]['false_ids'] for method in BOTH_CLAIMED]
-    preambles = silent['paper'][_PREAMBLES]['rate']
+    preambles = silent['paper']['false preambles']['rate']
     wall = [grouped(shipped(figures, method), 'bare wall') for method in BOTH_CLAIMED]
     return {
         'silent': claim_of((f'{n} in {silent["hours"]:.2g} h' for n in counts), counts[1] == 0),
@@ -195,7 +181,7 @@ def _draw_group(axis: Any, figures: dict[str, Any], group: str) -> None:
     """Draw identification over the false IDs of a group, with the confidence of these."""
     for method in METHODS:
         for at, face in zip(_RANGES_M, _FACES, strict=True):
-            how = look(method) | face
+            how = look(method) | {'markerfacecolor': face}
             points = figures['methods'][method]
             found = [grouped(point, group) for point in points]
             shares = [100 * point['read'][f'{at:g}']['right']['rate'] for point in points]
@@ -220,7 +206,7 @@ def draw(figures: dict[str, Any]) -> Any:
         label(axis, x, y, group, percent=True, xscale='log')
     ring = {'markersize': 13, 'fillstyle': 'none', 'linestyle': ''}
     others: dict[str, Any] = {
-        f'at {at:g} m': line('-') | {'marker': 'o'} | face
+        f'at {at:g} m': line('-') | {'marker': 'o', 'markerfacecolor': face}
         for at, face in zip(_RANGES_M, _FACES, strict=True)
     }
     others['as shipped'] = line('', '0.1') | {'marker': 'o'} | ring

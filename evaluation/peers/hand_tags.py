@@ -2,6 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """AprilTags instead of LiDAR markers, at the same places, seen by a camera in the same hand."""
 
+from __future__ import annotations
+
 import math
 from collections.abc import Sequence
 from dataclasses import replace

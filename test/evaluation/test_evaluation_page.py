@@ -13,7 +13,7 @@ from typing import Any
 import matplotlib.pyplot as plt
 import pytest
 
-from evaluation.command import main
+from evaluation.__main__ import main
 from evaluation.experiments.registry import EXPERIMENTS, run_experiment
 from evaluation.report.claims import Claim, claim_of
 from evaluation.report.page import PAGE, filled, load, write_page
