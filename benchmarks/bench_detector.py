@@ -23,7 +23,6 @@ import subprocess
 import sys
 import time
 from collections.abc import Iterator
-from contextlib import ExitStack, contextmanager
 from dataclasses import replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -129,78 +128,52 @@ def export(revision: str, directory: Path) -> None:
         subprocess.run(build, cwd=directory, check=True)
 
 
-class Timer:
-    """Some sources, in a process of their own."""
+def timed(sources: Path | None, saved: list[tuple[Path, Path]]) -> list[dict[str, Any]]:
+    """Return what `frame_times` says of recordings and bags, by the sources in a directory.
 
-    def __init__(self, process: subprocess.Popen[str]) -> None:
-        self._process = process
-
-    @classmethod
-    @contextmanager
-    def of(cls, directory: Path | None) -> Iterator[Timer]:
-        """Start it with the sources in a directory; None = with these."""
-        environment = dict(os.environ)
-        if directory is not None:
-            paths = [str(directory), environment.get('PYTHONPATH', '')]
-            environment['PYTHONPATH'] = os.pathsep.join(filter(None, paths))
-        with subprocess.Popen(
-            [sys.executable, frame_times.__file__],
-            env=environment,
-            stdin=subprocess.PIPE,
-            stdout=subprocess.PIPE,
-            text=True,
-        ) as process:
-            yield cls(process)
-
-    def ask(self, kind: str, path: Path) -> Any:
-        """Return the answer of `frame_times` to a line.
-
-        Raises
-        ------
-        RuntimeError
-            If it ended.
-        """
-        assert self._process.stdin is not None
-        assert self._process.stdout is not None
-        self._process.stdin.write(f'{kind} {path}\n')
-        self._process.stdin.flush()
-        if not (answer := self._process.stdout.readline()):
-            raise RuntimeError(f'no answer to {kind} {path.name}')
-        return json.loads(answer)
+    None stands for these sources. Raises subprocess.CalledProcessError if it fails.
+    """
+    environment = dict(os.environ)
+    if sources is not None:
+        paths = [str(sources), environment.get('PYTHONPATH', '')]
+        environment['PYTHONPATH'] = os.pathsep.join(filter(None, paths))
+    command = [
+        sys.executable,
+        frame_times.__file__,
+        *(str(path) for pair in saved for path in pair),
+    ]
+    answer = subprocess.run(command, env=environment, stdout=subprocess.PIPE, check=True).stdout
+    found: list[dict[str, Any]] = json.loads(answer)
+    return found
 
 
 def compared(revision: str) -> list[dict[str, Any]]:
     """Return times of a revision and of these sources, in turns over the same frames."""
-    rows = []
-    with TemporaryDirectory() as text, ExitStack() as stack:
-        directory = Path(text)
+    with TemporaryDirectory() as text:
+        directory, recordings = Path(text), dict(cases())
+        sources = {'old': directory / 'old', 'new': None}
         (directory / 'old').mkdir()
         export(revision, directory / 'old')
-        timers = {
-            age: stack.enter_context(Timer.of(sources))
-            for age, sources in (('old', directory / 'old'), ('new', None))
-        }
-        for number, (name, frames) in enumerate(cases()):
-            file, bag = directory / f'{number}.npz', directory / f'{number}'
-            frame_times.save(file, frames)
-            with FrameWriter(bag) as writer:
+        saved = []
+        for number, frames in enumerate(recordings.values()):
+            saved.append((directory / f'{number}.npz', directory / f'{number}'))
+            frame_times.save(saved[-1][0], frames)
+            with FrameWriter(saved[-1][1]) as writer:
                 for frame in frames:
                     writer.write(frame)
-            row: dict[str, Any] = {'case': name}
-            taken: dict[str, list[list[int]]] = {age: [] for age in timers}
-            decoded: dict[str, list[int]] = {age: [] for age in timers}
-            for _ in range(REPEATS):
-                for age, timer in timers.items():
-                    taken[age].append(timer.ask('frames', file))
-                    decoded[age].append(timer.ask('bag', bag))
-            for age in timers:
-                # What else the machine does makes a frame longer and never shorter.
-                row[age] = {
-                    'frame_us': 1e-3 * min(sum(times) for times in taken[age]) / len(frames),
-                    'longest_us': 1e-3 * max(map(min, zip(*taken[age], strict=True))),
-                    'bag_times_real_time': len(frames) * PERIOD_S / (1e-9 * min(decoded[age])),
-                }
-            rows.append(row)
+        turns = [{age: timed(of, saved) for age, of in sources.items()} for _ in range(REPEATS)]
+    rows = []
+    for number, (name, frames) in enumerate(recordings.items()):
+        row: dict[str, Any] = {'case': name}
+        for age in sources:
+            of = [turn[age][number] for turn in turns]
+            # What else the machine does makes a frame longer and never shorter.
+            row[age] = {
+                'frame_us': 1e-3 * min(sum(one['frames_ns']) for one in of) / len(frames),
+                'longest_us': 1e-3 * np.min([one['frames_ns'] for one in of], axis=0).max(),
+                'bag_times_real_time': len(frames) * PERIOD_S / min(one['bag_s'] for one in of),
+            }
+        rows.append(row)
     return rows
 
 

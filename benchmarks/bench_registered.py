@@ -20,7 +20,6 @@ from dataclasses import replace
 os.environ.setdefault('OPENBLAS_NUM_THREADS', '1')
 
 import numpy as np
-from numpy.typing import NDArray
 
 from evaluation.bench.disturbances import restless_blocks
 from evaluation.bench.rates import frequency
@@ -46,11 +45,6 @@ def detector(registered: Sequence[int] | None) -> Detector:
     return create_detector('joint', SENSOR.grid, registered_ids=registered)
 
 
-def sent_of(snr_db: float, ids: NDArray[np.int64], rng: np.random.Generator) -> Sent:
-    """Return lone packets of some IDs, over a link of some strength."""
-    return record(PLAIN, needed_swing(snr_db), rng, ids)
-
-
 def alone(sent: Sent, zones: Sequence[int], rng: np.random.Generator) -> Recording:
     """Return a recording with the markers of some zones only: walls in the others."""
     wall = noisy(np.full(sent.recording.signal.shape, WALL_SIGNAL), NOISE, rng)
@@ -62,23 +56,20 @@ def compare_links(count: int, rng: np.random.Generator) -> None:
     """Print how many are read with `count` registered IDs and with none, of the same frames."""
     known, zones = choose_ids(count)[0], ZONES[count]
     for snr_db in LINKS_DB[count]:
-        free = registered = 0
+        read = [0, 0]  # free, and registered
         for _ in range(SCENES[count]):
             # Of few IDs the markers of other zones are strangers, which walls then hide.
             others = np.setdiff1d(USABLE_IDS, known)[: SENSOR.grid.zones]
-            sent = sent_of(snr_db, known if count >= SENSOR.grid.zones else others, rng)
+            own = known if count >= SENSOR.grid.zones else others
+            sent = record(PLAIN, needed_swing(snr_db), rng, own)
             told = dict(zip(zones, sent.ids[list(zones)].tolist(), strict=True))
             allowed = known.tolist() if count >= SENSOR.grid.zones else list(told.values())
             frames = alone(sent, zones, rng)
-            for ids in (None, sorted(allowed)):
+            for index, ids in enumerate((None, sorted(allowed))):
                 readings = detector(ids).update_all(frames)
-                read = len({(one.zones[0], one.id) for one in readings} & set(told.items()))
-                if ids is None:
-                    free += read
-                else:
-                    registered += read
+                read[index] += len({(one.zones[0], one.id) for one in readings} & {*told.items()})
         total = SCENES[count] * len(zones)
-        print(f'{snr_db:4.0f} dB: {free} of {total} free, {registered} with {count} registered')
+        print(f'{snr_db:4.0f} dB: {read[0]} of {total} free, {read[1]} with {count} registered')
 
 
 def count_strangers(rng: np.random.Generator) -> None:
@@ -86,7 +77,7 @@ def count_strangers(rng: np.random.Generator) -> None:
     for snr_db in STRANGER_LINKS_DB:
         misread = dict.fromkeys(SCENES, 0)
         for _ in range(STRANGER_SCENES):
-            sent = sent_of(snr_db, USABLE_IDS, rng)
+            sent = record(PLAIN, needed_swing(snr_db), rng, USABLE_IDS)
             there = set(sent.ids.tolist())
             for count in misread:
                 absent = sorted(set(choose_ids(count)[0].tolist()) - there)
