@@ -11,7 +11,7 @@ from pathlib import Path
 def main(arguments: list[str] | None = None) -> int:
     """Run experiments, or list them; return the exit code."""
     from evaluation.experiments.registry import EXPERIMENTS, run_experiments
-    from evaluation.report.page import write_page
+    from evaluation.report.readme import write_page
 
     parser = argparse.ArgumentParser(
         prog='evaluate',

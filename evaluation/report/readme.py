@@ -1,11 +1,15 @@
 # Copyright 2026 retrolidar_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""The figures of the README and of docs/, written from those of the report.
+"""The report, and the figures of the README and of docs/, written from those of experiments.
+
+The report is chapters of Markdown. Those in `pages/` hold prose and no measured figure. What
+experiments made is filled into slots: `{{chart NAME}}`, `{{table NAME}}`, `{{run}}`, and, for cells
+of a table, `{{claim NAME ITEM}}`.
 
     python3 -m evaluation.report.readme
 
-renews them in the repository's root. They stand between comments that name them, so nobody has to
-copy a number by hand; the tests compare.
+renews the figures of the README and of docs/ in the repository's root. They stand between comments
+that name them, so nobody has to copy a number by hand; the tests compare.
 """
 
 import json
@@ -16,18 +20,82 @@ from typing import Any
 
 from evaluation.bench.judging import BOTH
 from evaluation.experiments import laboratory, peers, roc, speed_accuracy, stability
-from evaluation.experiments.registry import EXPERIMENTS
+from evaluation.experiments.registry import EXPERIMENTS, save_chart
 from evaluation.experiments.sweeps import end_of
 from evaluation.peers.visual_markers import APRILTAG
-from evaluation.report.claims import NOTHING, Table, as_text, markdown
-from evaluation.report.page import load
+from evaluation.report.claims import NOTHING, Claims, Table, as_text, markdown
 from retrolidar_ros.detector.paper import LIKELIHOOD_THRESHOLD
 from retrolidar_ros.marker.code import BIT_PERIOD_S, PACKET_BITS
 
 Report = Mapping[str, dict[str, Any]]
+PAGE = 'README.md'
+_PAGES = Path(__file__).parent / 'pages'
+_SLOT = re.compile(r'\{\{(\w+)(?: ([\w-]+))?(?: ([\w-]+))?\}\}')
 BENCHMARKS = ('bench-detector', 'bench-nodes')
 _BLOCK = re.compile(r'(<!-- figures: (\S+) -->\n).*?(\n<!-- end of figures -->)', re.DOTALL)
 _DOCUMENTS = (Path('README.md'), *sorted(Path('docs').glob('*.md')))
+
+
+def load(directory: Path) -> dict[str, dict[str, Any]]:
+    """Return the figures of all experiments that have been written to a directory, by name."""
+    return {
+        name: json.loads(path.read_text(encoding='utf-8'))
+        for name in EXPERIMENTS
+        if (path := directory / f'{name}.json').exists()
+    }
+
+
+def _run(report: Report) -> str:
+    """Return on what the experiments ran, and for how long."""
+    kinds = set()
+    for figures in report.values():
+        run = figures['run']
+        versions = ', '.join(f'{name} {of}' for name, of in run['versions'].items() if of)
+        kinds.add(
+            f'{run["processor"]} ({run["cores"]} cores), {run["system"]} {run["machine"]}, '
+            f'Python {run["python"]}, {versions}, seed {run["seed"]}'
+        )
+    minutes = sum(figures['run']['cpu_s'] for figures in report.values()) / 60
+    rough = any(figures['run']['quick'] for figures in report.values())
+    return (
+        ('**A quick run: few trials, rough figures.** ' if rough else '')
+        + f'Measured on {"; and on ".join(sorted(kinds))}. All experiments took {minutes:.0f} '
+        'minutes of a core.'
+    )
+
+
+def filled(text: str, report: Report) -> str:
+    """Return a chapter with its figures; ValueError for a slot that nothing fills."""
+
+    def fill(slot: re.Match[str]) -> str:
+        kind, name, item = slot.groups()
+        if kind == 'run':
+            return _run(report)
+        if name not in report:
+            raise ValueError(f'{slot[0]}: there is no experiment of that name, or it has not run')
+        if kind == 'chart':
+            return f'![{EXPERIMENTS[name].TITLE}]({name}.png)\n\n[figures]({name}.json)'
+        if kind == 'table':
+            return markdown(EXPERIMENTS[name].table(report[name]))
+        if kind == 'claim':
+            claims: Claims = getattr(EXPERIMENTS[name], 'claims', lambda figures: {})(report[name])
+            if item in claims:
+                return claims[item].cells
+        raise ValueError(f'{slot[0]}: a slot is a chart, a table, a claim or the run')
+
+    return _SLOT.sub(fill, text)
+
+
+def write_page(directory: Path) -> Path:
+    """Write page and charts of the figures that are in a directory; return the page's path."""
+    report = load(directory)
+    for name, figures in report.items():
+        save_chart(name, figures, directory)
+    chapters = sorted(_PAGES.glob('*.md'))
+    path = directory / PAGE
+    parts = [filled(chapter.read_text(encoding='utf-8').strip(), report) for chapter in chapters]
+    path.write_text('\n\n'.join(parts) + '\n', encoding='utf-8')
+    return path
 
 
 def load_report(directory: Path) -> Report:
