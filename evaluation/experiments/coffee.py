@@ -14,8 +14,7 @@ import numpy as np
 from evaluation.bench import places as hand
 from evaluation.bench.judging import BOTH, new_detector
 from evaluation.peers.camera import PICTURES_HZ
-from evaluation.peers.pictures import read_over_distance
-from evaluation.peers.visual_markers import APRILTAG, find_readers
+from evaluation.peers.visual_markers import APRILTAG, find_readers, read_over_distance
 from evaluation.report.charts import draw_distribution, label, legend_below, line, look, new_chart
 from evaluation.report.claims import BOTH_CLAIMED, Claims, Table, as_text, claim_of, model
 from retrolidar_ros.detector import METHODS

@@ -24,8 +24,16 @@ from evaluation.experiments.paper_sweeps import (
 )
 from evaluation.experiments.sweeps import ends_of
 from evaluation.peers.camera import Background
-from evaluation.peers.pictures import View, errors, read_over_distance, read_pictures
-from evaluation.peers.visual_markers import APRILTAG, APRILTAG_FINE, QR, find_readers
+from evaluation.peers.visual_markers import (
+    APRILTAG,
+    APRILTAG_FINE,
+    QR,
+    View,
+    errors,
+    find_readers,
+    read_over_distance,
+    read_pictures,
+)
 from evaluation.report.charts import draw_reads, label, legend_below, look, new_chart
 from evaluation.report.claims import (
     NOTHING,

@@ -24,8 +24,14 @@ from evaluation.experiments.paper_sweeps import (
     repeating,
 )
 from evaluation.peers.camera import Background
-from evaluation.peers.pictures import View, picture_cost, read_over_distance
-from evaluation.peers.visual_markers import AprilTagReader, QrReader, Reader
+from evaluation.peers.visual_markers import (
+    AprilTagReader,
+    QrReader,
+    Reader,
+    View,
+    picture_cost,
+    read_over_distance,
+)
 from evaluation.report.charts import LEVEL, label, legend_below, line, look, new_chart
 from evaluation.report.claims import Table, end_as_text
 from retrolidar_ros.marker.dictionary import USABLE_IDS, choose_ids

@@ -13,8 +13,7 @@ from evaluation.bench.judging import BOTH, Options, judged
 from evaluation.bench.recordings import SILENCE_BITS, Sent, record, signal_at
 from evaluation.bench.stresses import PLAIN
 from evaluation.peers.camera import PICTURES_HZ
-from evaluation.peers.pictures import read_over_distance
-from evaluation.peers.visual_markers import APRILTAG, find_readers
+from evaluation.peers.visual_markers import APRILTAG, find_readers, read_over_distance
 from evaluation.report.charts import label, legend_below, line, look, new_chart
 from evaluation.report.claims import Table
 from retrolidar_ros.detector import METHODS

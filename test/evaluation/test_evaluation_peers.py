@@ -24,7 +24,6 @@ from evaluation.peers.camera import (
     tilted,
     transform,
 )
-from evaluation.peers.pictures import View, errors, read_pictures
 from evaluation.peers.visual_markers import (
     APRILTAG,
     APRILTAG_FINE,
@@ -32,7 +31,10 @@ from evaluation.peers.visual_markers import (
     QR,
     AprilTagReader,
     Reader,
+    View,
+    errors,
     find_readers,
+    read_pictures,
     square_range,
 )
 

@@ -56,7 +56,7 @@ TINY: dict[str, dict[str, Any]] = {
     },
     'experiments.stability': {'PANELS': PANELS[:1], 'CONDITIONS': [(1.0, True, False)]},
     'experiments.time_to_id': {'_RANGES_M': (1.0, 3.6)},
-    'peers.pictures': {'QUICK_PICTURES': 2},
+    'peers.visual_markers': {'QUICK_PICTURES': 2},
 }
 
 
