@@ -44,16 +44,10 @@ def run(rng: np.random.Generator, *, quick: bool) -> dict[str, Any]:
     rows = []
     for stress in STRESSES[:: 4 if quick else 1]:
         cells = [cell(stress, signal, 1 if quick else 2, rng) for signal in SIGNALS]
-        rows.append(
-            {
-                'stress': stress.name,
-                'snr_db': [snr_db(signal, stress.noise) for signal in SIGNALS],
-                **{method: [one[method] for one in cells] for method in METHODS},
-                'fall': {
-                    method: fall([one[method]['right'] for one in cells]) for method in METHODS
-                },
-            }
-        )
+        row: dict[str, Any] = {method: [one[method] for one in cells] for method in METHODS}
+        falls = {method: fall([one[method]['right'] for one in cells]) for method in METHODS}
+        snrs_db = [snr_db(signal, stress.noise) for signal in SIGNALS]
+        rows.append({'stress': stress.name, 'snr_db': snrs_db, **row, 'fall': falls})
     return {'signals': list(SIGNALS), 'rows': rows}
 
 

@@ -6,6 +6,7 @@ A stress breaks a method where it reads less than four fifths of what the same m
 without the stress. It is sought by halving, so only about the breaking point many are tried.
 """
 
+import itertools
 from dataclasses import replace
 from typing import Any
 
@@ -59,19 +60,16 @@ def read(
 
 
 def _breaks(
-    panel: Panel, where: Where, seed: int, recordings: int, method: str, harmless: float
+    panel: Panel, where: Where, seed: int, recordings: int, method: str, least: float
 ) -> dict[str, Any]:
-    """Return between which values a method breaks."""
-    if harmless < _LEAST:
+    """Return between which values a method reads less than a share."""
+    if least < LEVEL * _LEAST:
         return {'state': 'not read'}
     values, low, high = panel.values, 0, len(panel.values)
     while high - low > 1:
         middle = (low + high) // 2
-        found = read(panel, middle, where, seed, recordings, method)[method]
-        if found['right']['rate'] >= LEVEL * harmless:
-            low = middle
-        else:
-            high = middle
+        found = read(panel, middle, where, seed, recordings, method)[method]['right']['rate']
+        low, high = (middle, high) if found >= least else (low, middle)
     if high == len(values):
         return {'state': 'never', 'at': values[-1]}
     return {'state': 'breaks', 'at': (values[low] + values[high]) / 2}
@@ -102,15 +100,11 @@ def run(rng: np.random.Generator, *, quick: bool) -> dict[str, Any]:
     }
     panels = []
     for panel in PANELS[:: 5 if quick else 1]:
-        breaks = {
-            named(where): {
-                method: _breaks(
-                    panel, where, seed, recordings[where[1]], method, own['right']['rate']
-                )
-                for method, own in harmless[where].items()
-            }
-            for where in conditions
-        }
+        breaks: dict[str, dict[str, Any]] = {named(where): {} for where in conditions}
+        for where, method in itertools.product(conditions, METHODS):
+            least = LEVEL * harmless[where][method]['right']['rate']
+            found = _breaks(panel, where, seed, recordings[where[1]], method, least)
+            breaks[named(where)][method] = found
         points = [
             {'place': panel.values[index]}
             | read(panel, index, (SHOWN_M, False, False), seed, 1 if quick else 2, *METHODS)
