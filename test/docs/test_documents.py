@@ -1,20 +1,54 @@
 # Copyright 2026 retrolidar_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""All documents against the commands, messages, reasons, packets and pins that they name."""
+"""All documents against the commands, messages, parameters, packets and pins that they name."""
 
 import argparse
 import ast
 import re
+import runpy
+import sys
+from collections.abc import Iterator
 from functools import cache
 from pathlib import Path
+from unittest.mock import MagicMock
 
 import pytest
-from documents import DOCS, PAGES, ROOT, quoted, rows, without_blocks
 
 from retrolidar_ros.cli import main as cli
 from retrolidar_ros.detector.reason import Reason
+from retrolidar_ros.detector.settings import PARAMETERS
 from retrolidar_ros.marker.code import packet
 from retrolidar_ros.sensor import wire
+from retrolidar_ros.settings.resources import shared_file
+from retrolidar_ros.settings.yaml_files import load_yaml
+
+ROOT = Path(__file__).parents[2]
+DOCS = ROOT / 'docs'
+PAGES = [ROOT / 'README.md', *sorted(DOCS.rglob('*.md'))]
+
+
+def quoted(text: str) -> list[str]:
+    """Return what stands in backticks."""
+    return re.findall(r'`([^`]+)`', text)
+
+
+def without_blocks(page: Path) -> str:
+    """Return a page without its indented blocks."""
+    lines = page.read_text(encoding='utf-8').splitlines()
+    return '\n'.join(line for line in lines if not line.startswith('    '))
+
+
+def rows(text: str, header: str) -> Iterator[list[str]]:
+    """Yield the rows of all tables whose first column has this header.
+
+    An empty first cell is that of the row before.
+    """
+    for table in re.findall(rf'^\| {re.escape(header)} \|.*\n\|[-|]+\n((?:\|.*\n?)+)', text, re.M):
+        first = ''
+        for line in table.splitlines():
+            cells = [cell.strip() for cell in line.strip('|').split('|')]
+            first = cells[0] = cells[0] or first
+            yield cells
 
 
 def name_of(page: Path) -> str:
@@ -127,3 +161,107 @@ def test_the_pins_of_the_wiring_tables_are_those_of_the_sketches() -> None:
     sketches = '\n'.join(path.read_text('utf-8') for path in (ROOT / 'firmware').glob('*/*.ino'))
     constants = re.findall(r'(\w+_PIN) = (\w+)', sketches)
     assert sorted((name, pin) for pin, name in wired) == sorted(constants)
+
+
+# The reference against the declarations of the code
+
+REFERENCE = text_of('reference.md')
+LAUNCHING = 'retrolidar_ros.nodes.launching'
+NODES = sorted((ROOT / 'retrolidar_ros' / 'nodes').glob('*.py'))
+
+
+def calls(path: Path, *names: str) -> Iterator[ast.Call]:
+    """Yield the calls of functions and methods of these names."""
+    for node in ast.walk(ast.parse(path.read_text(encoding='utf-8'))):
+        if isinstance(node, ast.Call):
+            function = node.func
+            if getattr(function, 'attr', getattr(function, 'id', '')) in names:
+                yield node
+
+
+def written(default: object) -> str:
+    """Return a parameter's default as the table has it."""
+    if default == '':
+        return 'empty'
+    if isinstance(default, bool):
+        return str(default).lower()
+    if isinstance(default, list):
+        return f'`[{", ".join(map(str, default))}]`'
+    return f'`{default}`' if isinstance(default, str) else str(default)
+
+
+def test_every_parameter_and_its_default() -> None:
+    expected = [
+        (f'`{node.removeprefix("/**/")}`', f'`{name}`', written(default))
+        for node, section in load_yaml(shared_file('config/retrolidar.yaml')).items()
+        for name, default in section['ros__parameters'].items()
+    ]
+    listed = [
+        (node, name.strip('†'), default) for node, name, default, _ in rows(REFERENCE, 'node')
+    ]
+    assert sorted(listed) == sorted(expected)
+
+
+def test_which_parameters_are_live() -> None:
+    live = {
+        (node, name.strip('†')) for node, name, *_ in rows(REFERENCE, 'node') if name.endswith('†')
+    }
+    assert live == {
+        (f'`{path.stem.removesuffix("_parameters")}`', f'`{call.args[0].value!s}`')
+        for path in NODES
+        for call in calls(path, 'text', 'flag', 'integer', 'integers', 'number')
+        if any(keyword.arg == 'live' for keyword in call.keywords)
+        and isinstance(call.args[0], ast.Constant)
+    } | {('`detector`', f'`{name}`') for name, one in PARAMETERS.items() if one.live}
+
+
+@pytest.mark.parametrize('path', sorted((ROOT / 'launch').glob('*.py')), ids=lambda path: path.stem)
+def test_every_launch_argument(path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    launch = MagicMock()
+    # What the launch files share is imported anew, and forgotten.
+    monkeypatch.setitem(sys.modules, LAUNCHING, launch)
+    del sys.modules[LAUNCHING]
+    for name in ('', '.actions', '.launch_context', '.substitutions'):
+        monkeypatch.setitem(sys.modules, f'launch{name}', launch)
+        monkeypatch.setitem(sys.modules, f'launch_ros{name}', MagicMock())
+    runpy.run_path(str(path))['generate_launch_description']()
+    # A row is of all launch files, of all but those that it names, or of those that it names.
+    declared = [call.args[0] for call in launch.DeclareLaunchArgument.call_args_list]
+    assert declared
+    assert sorted(declared) == sorted(
+        name
+        for cells in rows(REFERENCE, 'launch file')
+        if cells[0].startswith('all') != (path.name in quoted(cells[0]))
+        for name in quoted(cells[1])
+    )
+
+
+def test_every_topic() -> None:
+    published = set()
+    for path in NODES:
+        for call in calls(path, 'create_publisher', 'publisher'):
+            name = call.args[2 if ast.unparse(call.func) == 'publisher' else 1]
+            first = name.values[0] if isinstance(name, ast.JoinedStr) else name
+            if isinstance(first, ast.Constant):
+                published.add(str(first.value).strip('~/'))
+    topics = {quoted(cells[0])[0] for cells in rows(REFERENCE, 'topic')}
+    unknown = [one for one in published if not any(f'/{one}/' in f'{topic}/' for topic in topics)]
+    assert not unknown
+    for topic in topics - {'/tf'}:
+        assert any(f'/{one}/' in f'{topic}/' for one in published), topic
+
+
+def test_every_diagnostic_value() -> None:
+    said = {value.strip() for cells in rows(REFERENCE, 'status') for value in cells[1].split(',')}
+    sources = [path.read_text(encoding='utf-8') for path in NODES]
+    keys = {
+        re.sub(r' \[.*\]', '', key.value)
+        for source in sources
+        if 'Health(' in source
+        for node in ast.walk(ast.parse(source))
+        for key in (node.keys if isinstance(node, ast.Dict) else [])
+        if isinstance(key, ast.Constant) and isinstance(key.value, str)
+    }
+    assert (
+        {'lost frames', 'candidates'} <= keys <= said | {'frames of another sensor'}
+    )  # counted, not reported

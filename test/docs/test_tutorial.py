@@ -1,14 +1,93 @@
 # Copyright 2026 retrolidar_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""The tutorial does what it says."""
+"""The tutorial does what it says: what it tells its reader is done, and the output compared.
+
+``bash`` blocks run in order in one shell. A ``python`` or ``yaml`` block after a line with "Save as
+`NAME`:" is written to that file. A ``text`` block after a ``bash`` block is its output, in which
+"…" stands for any text of a line, and a line of "…" for any lines. A ``console`` block is not run.
+"""
 
 import os
 import re
 import shutil
+import signal
+import subprocess
+from collections.abc import Mapping
+from contextlib import suppress
 from pathlib import Path
 
 import pytest
-from markdown_runner import matches, run_page
+
+_BLOCK = re.compile(r'^```(\w+)\n(.*?)^```$', re.DOTALL | re.MULTILINE)
+_SAVE = re.compile(r'Save as\s+`([^`\s]+)`:\s*\Z')
+_END = '__end_of_file__'
+
+
+def script_of(page: str, logs: Path) -> tuple[str, dict[int, str | None]]:
+    """Return a page's shell script, which logs by line number, and what each log must match."""
+    script = ['set -euo pipefail']
+    expected: dict[int, str | None] = {}
+    last = end = 0
+    for block in _BLOCK.finditer(page):
+        kind, text = block.groups()
+        between, end = page[end : block.start()], block.end()
+        line = page.count('\n', 0, block.start()) + 1
+        if kind == 'bash':
+            script.append(f"exec > '{logs / str(line)}' 2>&1\n{text}")
+            last, expected[line] = line, None
+        elif kind in ('python', 'yaml'):
+            save = _SAVE.search(between)
+            assert save, f'line {line}: this block has no "Save as `NAME`:" before it'
+            script.append(f"cat > '{save[1]}' <<'{_END}'\n{text}{_END}")
+        elif kind == 'text':
+            is_after = bool(last) and not between.strip()
+            assert is_after, f'line {line}: there are no commands before this'
+            expected[last] = text
+        else:
+            assert kind == 'console', f'line {line}: unknown kind of block {kind}'
+    return '\n'.join(script), expected
+
+
+def matches(expected: str, output: str) -> bool:
+    """Return whether an output is as a page says."""
+    lines = (map(re.escape, line.split('…')) for line in expected.splitlines())
+    patterns = (
+        r'(?:.*\n)*' if parts == ['', ''] else '.*'.join(parts) + r'\n'
+        for parts in map(list, lines)
+    )
+    return re.fullmatch(''.join(patterns), output) is not None
+
+
+def run_page(page: str, directory: Path, env: Mapping[str, str], timeout_s: float) -> None:
+    """Do everything that a page says in an empty directory, and check all outputs."""
+    logs = directory.with_name(f'{directory.name}_output')
+    logs.mkdir()
+    script, expected = script_of(page, logs)
+    shell = subprocess.Popen(
+        ['bash', '-c', script],
+        cwd=directory,
+        # What a command prints and what it says to stderr then come in the order of a terminal.
+        env={**env, 'PYTHONUNBUFFERED': '1'},
+        stdin=subprocess.DEVNULL,
+        start_new_session=True,
+    )
+    code, left_over = None, False
+    with suppress(subprocess.TimeoutExpired):
+        code = shell.wait(timeout_s)
+    with suppress(ProcessLookupError):
+        os.killpg(shell.pid, signal.SIGKILL)
+        left_over = code is not None
+    shell.wait()
+    last = 'nothing was run'
+    for line, text in expected.items():
+        log = logs / str(line)
+        if log.exists():
+            output = log.read_text(encoding='utf-8')
+            last = f'line {line}: exit code {code}, and the output is\n{output}'
+            assert text is None or matches(text, output), last
+    assert code == 0, last
+    assert not left_over, 'a process of the page is still running at its end'
+
 
 TUTORIAL = Path(__file__).parents[2] / 'docs' / 'tutorial.md'
 PAGE = """
@@ -45,7 +124,7 @@ def test_a_page_that_is_right(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ('right', 'wrong', 'complaint'),
     [
-        ('2 lines of …', '3 lines of …', 'line 14: exit code 0, and the output is\n2 lines'),
+        ('2 lines of …', '3 lines of …', 'line 14: exit code 0, and the output is'),
         ('the end\n```\n', 'the end\nmore\n```\n', 'line 14: exit code 0'),
         ('echo nonsense', 'false', 'line 14: exit code 1'),
         ('number=$(wc', 'number=$(wrong', 'line 11: exit code 127'),
