@@ -3,7 +3,7 @@
 """Rates with their confidence, and where they fall below a level."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from typing import TypedDict
 
 import numpy as np
@@ -37,6 +37,12 @@ def rate(hits: int, trials: int) -> Rate:
         low=max(0.0, (centre - spread) / scale),
         high=min(1.0, (centre + spread) / scale),
     )
+
+
+def sum_of(rates: Iterable[Rate]) -> Rate:
+    """Return the share of all trials of some rates."""
+    hits, trials = np.sum([(one['hits'], one['trials']) for one in rates], axis=0).tolist()
+    return rate(hits, trials)
 
 
 class Frequency(TypedDict):

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from evaluation.bench.judging import BOTH, Read, read_shares
-from evaluation.bench.rates import Rate, chance_of_fall
+from evaluation.bench.rates import Rate, chance_of_fall, sum_of
 from evaluation.bench.recordings import record, snr_db
 from evaluation.bench.stresses import STRESSES, Stress
 from evaluation.report.charts import label, new_chart
@@ -66,10 +66,7 @@ def table(figures: dict[str, Any]) -> Table:
             for method in METHODS
         ]
     wrong = [[one['wrong'] for row in figures['rows'] for one in row[name]] for name in METHODS]
-    rows['markers of which a wrong ID was read'] = [
-        f'{sum(one["hits"] for one in found) / sum(one["trials"] for one in found):.1%}'
-        for found in wrong
-    ]
+    rows['markers of which a wrong ID was read'] = [f'{sum_of(one)["rate"]:.1%}' for one in wrong]
     return [[what, *cells] for what, cells in rows.items()]
 
 

@@ -12,7 +12,7 @@ import numpy as np
 from evaluation.bench import hand_trials as hand
 from evaluation.bench.landmark_trials import FLIGHT_S, drone_trial, room_trial, tilt_trial
 from evaluation.bench.places import PlaceError, held, place_error, rms
-from evaluation.bench.rates import rate
+from evaluation.bench.rates import sum_of
 from evaluation.peers.hand_tags import TagCamera
 from evaluation.peers.visual_markers import APRILTAG, find_readers
 from evaluation.report.charts import OTHERS, label, legend_below, legend_under, line, new_chart
@@ -158,12 +158,8 @@ def run(rng: np.random.Generator, *, quick: bool) -> dict[str, Any]:
         'ready_s': sorted(round(one, 2) for one in ready_s if math.isfinite(one)),
         'tilt_deg': np.sqrt(np.mean(np.square(known), axis=0)).round(3).tolist(),
         'tags': [] if APRILTAG in find_readers()[1] else _beside_tags(world, fewer, rng),
-        'drones': [
-            _drone(sensors, 1 if quick else 4, rng) for sensors in (1, 2, 3)[:: 2 if quick else 1]
-        ],
-        'rooms': [
-            _room(markers, 2 if quick else 6, rng) for markers in (3, 4, 5, 6)[:: 3 if quick else 1]
-        ],
+        'drones': [_drone(one, 1 if quick else 4, rng) for one in (1, 2, 3)[:: 1 + quick]],
+        'rooms': [_room(one, 2 if quick else 6, rng) for one in (3, 4, 5, 6)[:: 1 + 2 * quick]],
         'stress': _stressed(world, fewer, rng),
     }
 
@@ -176,16 +172,13 @@ def table(figures: dict[str, Any]) -> Table:
         return '/'.join(f'{row[key]:.{digits}f}' for row in own)
 
     def add(what: str, own: list[dict[str, Any]]) -> None:
-        hits, tries = (
-            sum(row['holds'][key] for row in own if 'holds' in row) for key in ('hits', 'trials')
-        )
+        holds = [row['holds'] for row in own if 'holds' in row]
         sizes = [f'{joined(own, key, 1)} mm' for key in ('median_mm', 'rms_mm')]
-        rows.append([what, *sizes, percent(rate(hits, tries)) if tries else NOTHING])
+        rows.append([what, *sizes, percent(sum_of(holds)) if holds else NOTHING])
 
     for side_m, count in ((0.2, 1), (0.2, 4), (0.4, 4)):
-        own = [
-            row for row in figures['places'] if (row['side_m'], row['places']) == (side_m, count)
-        ]
+        places = figures['places']
+        own = [row for row in places if (row['side_m'], row['places']) == (side_m, count)]
         where = 'one place' if count == 1 else f'4 places {side_m} m apart'
         add(f'{"/".join(row["object"] for row in own)} from {where}', own)
     for kind, pose_m in dict.fromkeys((row['kind'], row['pose_m']) for row in figures['tags']):

@@ -131,27 +131,17 @@ class Reading(sweeps.Sweep):
         label(read, self.axis, 'lone packets [%]', 'identified', percent=True)
         names = [*map(str, range(sweeps.MOST_BITS)), f'{sweeps.MOST_BITS} or more']
         for axis, method in zip(bits, METHODS, strict=True):
-            below = np.zeros(len(points))
-            for wrong, colour in enumerate(SHADES):
-                trials = [point[method]['right']['trials'] for point in points]
-                counts = [point[method]['bits'][wrong] for point in points]
-                height = 100 * np.array(counts) / np.array(trials)
-                axis.bar(range(len(places)), height, 0.8, below, color=colour)
-                below += height
-            label(
-                axis, self.axis, '', f'{method}: wrong bits of what is read rightly', percent=True
-            )
+            trials = [point[method]['right']['trials'] for point in points]
+            heights = 100 * np.array([point[method]['bits'] for point in points]).T / trials
+            for height, below, colour in zip(heights, heights.cumsum(axis=0), SHADES, strict=True):
+                axis.bar(range(len(places)), height, 0.8, below - height, color=colour)
+            title = f'{method}: wrong bits of what is read rightly'
+            label(axis, self.axis, '', title, percent=True)
             axis.set_xticks(range(len(places)), [f'{place:g}' for place in places])
             axis.grid(axis='x', visible=False)
-        others: dict[str, Any] = {
-            **WRONG,
-            'paper: preamble found': line('-.', '0.3'),
-            **sweeps.PAPERS_OWN,
-            **{
-                f'{name} wrong bits': line('', colour) | {'marker': 's', 'markersize': 9}
-                for name, colour in zip(names, SHADES, strict=True)
-            },
-        }
+        others = WRONG | {'paper: preamble found': line('-.', '0.3')} | sweeps.PAPERS_OWN
+        for name, colour in zip(names, SHADES, strict=True):
+            others[f'{name} wrong bits'] = line('', colour) | {'marker': 's', 'markersize': 9}
         legend_below(figure, METHODS, others)
         return figure
 

@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from evaluation.bench.judging import Options, new_detector, read_shares
-from evaluation.bench.rates import crossing, rate
+from evaluation.bench.rates import crossing, sum_of
 from evaluation.bench.recordings import Sent, record, rng_at, signal_at
 from evaluation.bench.stresses import PLAIN
 from evaluation.experiments.bound import genie_reach
@@ -107,7 +107,7 @@ def _summed(text: str, cpu_ms: float, answer_s: float, places: Any, found: Any) 
         'answer_s': answer_s,
         'reach_m': crossing(LEVEL, places, right),
         'half_m': crossing(0.5, places, right),
-        'wrong': rate(sum(one['hits'] for one in wrong), sum(one['trials'] for one in wrong)),
+        'wrong': sum_of(wrong),
     }
 
 
