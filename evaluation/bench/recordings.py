@@ -17,9 +17,10 @@ from numpy.typing import NDArray
 
 from evaluation.bench.stresses import Stress
 from retrolidar_ros.marker.code import BIT_PERIOD_S, PACKET_BITS, packet
+from retrolidar_ros.marker.dictionary import USABLE_IDS
 from retrolidar_ros.marker.known_markers import MARKER_SIZE_M
 from retrolidar_ros.marker.liquid_crystal import Response
-from retrolidar_ros.scene.description import SIGNAL_AT_1_M, Noise, SecondSensor, Sensor
+from retrolidar_ros.scene.description import SIGNAL_AT_1_M, Noise, SecondSensor
 from retrolidar_ros.scene.laboratory import second_light
 from retrolidar_ros.scene.noise import deviating, noisy
 from retrolidar_ros.scene.optics import DISTANCE_EXPONENT, zone_shares
@@ -33,6 +34,7 @@ SECOND_CLOCK_ERROR = 0.01  # largest relative error of a second marker's clock
 WANDER_S = 0.5  # time in which a wandering wall goes its share of the bright signal
 FAR_WALL_M = 1.0  # how far a wall that is separated stands behind the marker
 GLASS_M = 0.01
+_BLUR = 0.05  # of what a marker that moves is seen by, in zones
 NEIGHBOUR_S = (0.033, 0.011)  # frame period of another sensor, and how long it sends in each
 _WAKING_BITS = PACKET_BITS  # a marker wakes at a random time within as many
 _TAIL_BITS = 16  # after the last packet: a reading of it comes within half a second
@@ -137,11 +139,10 @@ def record(
     stress: Stress,
     signal: float,
     rng: np.random.Generator,
-    ids: NDArray[np.int64],
+    ids: NDArray[np.int64] = USABLE_IDS,
     *,
     range_m: float | None = None,
     repeated_s: float | None = None,
-    sensor: Sensor = SENSOR,
     ambient: float = 0.0,
     path: Path | None = None,
 ) -> Sent:
@@ -153,7 +154,7 @@ def record(
     than markers. Each sends one packet at a random time, or has always been sending in a recording
     of `repeated_s` [s]. There is `ambient` light [kcps/SPAD].
     """
-    zones, period_s = sensor.grid.zones, sensor.period_s
+    zones, period_s = SENSOR.grid.zones, SENSOR.period_s
     markers = zones if path is None else 1
     if len(ids) < markers:
         raise ValueError(f'{len(ids)} IDs for {markers} markers, each with one of its own')
@@ -197,7 +198,7 @@ def record(
     if path is not None:
         position_m = path(middle_s)
         ranges_m = np.repeat(np.linalg.norm(position_m, axis=1)[:, None], zones, axis=1)
-        share = zone_shares(position_m, MARKER_SIZE_M, sensor.grid, sensor.blur)
+        share = zone_shares(position_m, MARKER_SIZE_M, SENSOR.grid, _BLUR)
         light = light * share * (ranges_m / at_m) ** DISTANCE_EXPONENT
     light += WALL_SIGNAL + stress.pedestal
     if stress.wander:
@@ -225,15 +226,15 @@ def record(
     if stress.neighbour:
         sending = SecondSensor(stress.neighbour, *NEIGHBOUR_S)
         around += second_light(sending, middle_s, period_s)[:, None]
-    law = sensor.noise or NOISE
-    law = Noise(stress.noise * law.floor, stress.noise * law.slope, stress.noise * law.ambient)
-    distance = deviating(ranges_m * sensor.grid.z_per_range, light, RANGING, rng)
+    # Ambient light is as noisy as what comes back.
+    law = Noise(*(stress.noise * one for one in (NOISE.floor, NOISE.slope, NOISE.slope)))
+    distance = deviating(ranges_m * SENSOR.grid.z_per_range, light, RANGING, rng)
     time_us = np.rint(middle_s * 1e6).astype(np.int64)
     recording = Recording(
         stamp_ns=time_us * 1000,
         sequence=np.arange(len(middle_s)),
         sensor_time_us=time_us,
-        grid=sensor.grid,
+        grid=SENSOR.grid,
         distance=distance.astype(np.float32),
         signal=noisy(light, law, rng, around).astype(np.float32),
         ambient=np.broadcast_to(around, shape).astype(np.float32),

@@ -15,7 +15,6 @@ from evaluation.bench.stresses import STRESSES, Stress
 from evaluation.report.charts import label, new_chart
 from evaluation.report.claims import Table
 from retrolidar_ros.detector import METHODS
-from retrolidar_ros.marker.dictionary import USABLE_IDS
 from retrolidar_ros.scene.marker_budget import SNR
 
 TITLE = 'Brighter is surer'
@@ -30,7 +29,7 @@ def cell(
     stress: Stress, signal: float, recordings: int, rng: np.random.Generator
 ) -> dict[str, Read]:
     """Return what both methods read under a stress at a signal."""
-    return read_shares(lambda rng: record(stress, signal, rng, USABLE_IDS), recordings, rng, BOTH)
+    return read_shares(lambda rng: record(stress, signal, rng), recordings, rng, BOTH)
 
 
 def fall(rates: Sequence[Rate]) -> float:

@@ -2,7 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """What stands and shines in laboratories: bright walls, cover glasses, other sensors."""
 
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -11,7 +10,6 @@ from evaluation.bench.stresses import LABORATORY
 from evaluation.experiments.stability import RANGES_M, named, read
 from evaluation.report.charts import LEVEL, draw_shares, label, legend_below, new_chart
 from evaluation.report.claims import Table
-from retrolidar_ros.scene.reference import NOISE, SENSOR
 
 TITLE = 'Walls, glass and other sensors'
 MESSAGE = 'What is harmless beside a near marker hides one at the limit of the reach'
@@ -25,7 +23,6 @@ CONDITIONS = [
 _LOOKS = [
     {'color': colour, 'linestyle': line} for line in '-:' for colour in ('#0072b2', '#d55e00')
 ]
-_LIT = replace(SENSOR, noise=replace(NOISE, ambient=NOISE.slope))
 
 
 def run(rng: np.random.Generator, *, quick: bool) -> dict[str, Any]:
@@ -35,7 +32,7 @@ def run(rng: np.random.Generator, *, quick: bool) -> dict[str, Any]:
     for panel in LABORATORY:
         points = [
             [
-                {'place': value} | read(panel, index, where, seed, recordings, METHOD, sensor=_LIT)
+                {'place': value} | read(panel, index, where, seed, recordings, METHOD)
                 for index, value in enumerate(panel.values)
             ]
             for where in CONDITIONS

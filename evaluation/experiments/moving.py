@@ -5,7 +5,6 @@
 import itertools
 import math
 from collections.abc import Callable
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -18,7 +17,6 @@ from evaluation.bench.stresses import PLAIN
 from evaluation.report.charts import draw_shares, label, legend_below, line, look, new_chart
 from evaluation.report.claims import Table, as_text, percent
 from retrolidar_ros.detector import METHODS
-from retrolidar_ros.marker.dictionary import USABLE_IDS
 from retrolidar_ros.scene.reference import SENSOR
 from retrolidar_ros.sensor.frame import Floats
 
@@ -28,7 +26,6 @@ RANGES_M = (1.0, 2.0)
 DURATION_S = 20.0
 SWINGS_M, SWING_S = (0.2, 0.3), 3.0  # to each side, at the first of the distances; and the period
 _SPEEDS_M_S = (0.0, 0.05, 0.1, 0.2, 0.3, 0.4, 0.6, 0.8)
-_SENSOR = replace(SENSOR, blur=0.05)
 _INNER = 0.85  # the marker turns round at this share of the view's half
 _ALONG_M = 0.3  # how far one that comes and goes does
 
@@ -89,10 +86,10 @@ def _followed(
     packets = 0
     read = dict.fromkeys(METHODS, 0)
     errors_mm: dict[str, list[float]] = {method: [] for method in METHODS}
-    how: dict[str, Any] = {'range_m': range_m, 'repeated_s': DURATION_S, 'sensor': _SENSOR}
+    how: dict[str, Any] = {'range_m': range_m, 'repeated_s': DURATION_S}
     for _ in range(runs):
         path = way(value, range_m, rng)
-        sent = record(PLAIN, signal_at(range_m), rng, USABLE_IDS, path=path, **how)
+        sent = record(PLAIN, signal_at(range_m), rng, path=path, **how)
         # The first packet began before the first frame, and the last may be read after its end.
         whole = range(1, math.floor((DURATION_S - sent.start_s[0]) / sent.packet_s) - 1)
         packets += len(whole)

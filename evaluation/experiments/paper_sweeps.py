@@ -4,7 +4,6 @@
 
 import math
 from collections.abc import Sequence
-from dataclasses import replace
 from functools import partial
 from typing import Any
 
@@ -16,9 +15,8 @@ from evaluation.experiments import sweeps
 from evaluation.report.charts import SHADES, WRONG, draw_reads, label, legend_below, line, new_chart
 from evaluation.report.claims import BOTH_CLAIMED, Claim, Claims, as_text, claim_of, model, shares
 from retrolidar_ros.detector import METHODS
-from retrolidar_ros.marker.dictionary import USABLE_IDS
 from retrolidar_ros.scene.optics import DISTANCE_EXPONENT, received_signal
-from retrolidar_ros.scene.reference import NOISE, SENSOR, WALL_SIGNAL
+from retrolidar_ros.scene.reference import NOISE, WALL_SIGNAL
 from retrolidar_ros.scene.truth import PACKET_S
 from retrolidar_ros.sensor.frame import Floats
 
@@ -40,8 +38,6 @@ TAG_RANGES_M = (0.4, 0.7, 1.0, 1.25, 1.5, 1.75, *RANGES_M[2:], 3.6, 3.8, 4.0, 4.
 _DISTANCE = 'distance of a marker of 3 cm [m]'
 _LIKE_M = (1.8, 2.2, 2.4, 2.6, 2.7, 2.8, 2.9, 3.0, 3.2)
 _OF_SEVERAL_M = (2.4, 2.8, 3.0, 3.2, 3.4, 3.6, 3.8, 4.0)
-_DAZZLED = replace(SENSOR, noise=replace(NOISE, ambient=NOISE.slope))
-_BLURRED = replace(SENSOR, blur=0.05)
 
 
 def lone(
@@ -50,7 +46,7 @@ def lone(
     """Return lone packets of markers in all zones at a distance."""
     at = np.array(range_m)
     signal = float(received_signal(at, size_m**2, math.radians(yaw_deg)))
-    return record(PLAIN, signal, rng, USABLE_IDS, range_m=range_m)
+    return record(PLAIN, signal, rng, range_m=range_m)
 
 
 def lone_packets(range_m: float, seed: int, recordings: int = LONE_RECORDINGS) -> list[Sent]:
@@ -63,7 +59,7 @@ def repeating(range_m: float, rng: np.random.Generator, *, size_m: float, packet
     """Return markers that repeat, for a time of some packets."""
     signal = float(received_signal(np.array(range_m), size_m**2, 0.0))
     lasting_s = packets * PACKET_S + LOOK_S
-    return record(PLAIN, signal, rng, USABLE_IDS, range_m=range_m, repeated_s=lasting_s)
+    return record(PLAIN, signal, rng, range_m=range_m, repeated_s=lasting_s)
 
 
 def turned(yaw_deg: float, rng: np.random.Generator, *, range_m: float) -> Sent:
@@ -78,11 +74,11 @@ def _aside(angle_deg: float, rng: np.random.Generator) -> Sent:
     def path(time_s: Floats) -> Floats:
         return np.tile([math.sin(angle), 0.0, math.cos(angle)], (len(time_s), 1))
 
-    return record(PLAIN, signal, rng, USABLE_IDS, range_m=1.0, sensor=_BLURRED, path=path)
+    return record(PLAIN, signal, rng, range_m=1.0, path=path)
 
 
 def _lit(range_m: float, rng: np.random.Generator, *, light: float) -> Sent:
-    return record(PLAIN, signal_at(range_m), rng, USABLE_IDS, sensor=_DAZZLED, ambient=light)
+    return record(PLAIN, signal_at(range_m), rng, ambient=light)
 
 
 def _scaled(places_m: Sequence[float], factor: float) -> tuple[float, ...]:

@@ -3,7 +3,6 @@
 """LiDAR markers beside AprilTags and QR codes of the same size, at the same places."""
 
 from collections.abc import Callable
-from dataclasses import replace
 from functools import cache, partial
 from typing import Any
 
@@ -45,15 +44,12 @@ from evaluation.report.claims import (
     end_as_text,
     signed,
 )
-from retrolidar_ros.marker.dictionary import USABLE_IDS
-from retrolidar_ros.scene.reference import SENSOR
 
 TITLE = 'LiDAR markers beside visual ones'
 MESSAGE = 'Tags: farther, sooner, turned more; LiDAR markers: smaller, in motion, in the dark'
 AT_M = 1.0  # where everything but distance is swept: all read nearly everything there
 _PICTURES, _QUICK_PICTURES = 32, 8
 _NAMES = ['joint', 'paper', APRILTAG, APRILTAG_FINE, QR]
-_SENSOR = replace(SENSOR, blur=0.05)
 
 _1_CM_M = (0.3, 0.5, 0.7, 0.85, 0.95, 1.05, 1.15, *SMALL_M[1:])
 _ANGLES_DEG = (0, 20, 40, 50, *YAWS_DEG[-3:], 65, 70, 75, 80)
@@ -67,7 +63,7 @@ _yawed, _small = partial(turned, range_m=AT_M), partial(lone, size_m=0.01)
 
 def _moved(speed_m_s: float, rng: np.random.Generator) -> Sent:
     path = across(speed_m_s, AT_M, rng)
-    return record(PLAIN, signal_at(AT_M), rng, USABLE_IDS, range_m=AT_M, sensor=_SENSOR, path=path)
+    return record(PLAIN, signal_at(AT_M), rng, range_m=AT_M, path=path)
 
 
 Maker = Callable[[float, np.random.Generator], Sent]

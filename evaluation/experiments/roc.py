@@ -24,7 +24,7 @@ from evaluation.report.claims import BOTH_CLAIMED, Claim, Claims, Table, claim_o
 from retrolidar_ros.detector import METHODS, Detection
 from retrolidar_ros.detector.budget import USUAL_FALSE_IDS_PER_HOUR
 from retrolidar_ros.detector.paper import LIKELIHOOD_THRESHOLD
-from retrolidar_ros.marker.dictionary import USABLE_IDS, choose_ids
+from retrolidar_ros.marker.dictionary import choose_ids
 from retrolidar_ros.scene.reference import SENSOR
 from retrolidar_ros.scene.truth import PACKET_S
 from retrolidar_ros.sensor.frame import Recording
@@ -99,7 +99,7 @@ def run(rng: np.random.Generator, *, quick: bool) -> dict[str, Any]:
     """Return identification of lone packets and false IDs an hour over the methods' knobs."""
     share = _QUICK_SHARE if quick else 1.0
     sent = {
-        f'{at:g}': [record(PLAIN, signal_at(at), rng, USABLE_IDS) for _ in range(1 if quick else 6)]
+        f'{at:g}': [record(PLAIN, signal_at(at), rng) for _ in range(1 if quick else 6)]
         for at in _RANGES_M
     }
     seed = int(rng.integers(2**32))

@@ -76,7 +76,7 @@ def _pairs(share: float, rng: np.random.Generator) -> dict[str, Any]:
     pairs = 0
     for _ in range(_RECORDINGS):
         stress = Stress('pair', second=share)
-        sent = record(stress, signal_at(1.3), rng, USABLE_IDS, repeated_s=WATCHED_S)
+        sent = record(stress, signal_at(1.3), rng, repeated_s=WATCHED_S)
         assert sent.seconds is not None
         pairs += len(sent.ids)
         for method, found in read_by_both(sent.recording).items():

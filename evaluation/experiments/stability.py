@@ -7,7 +7,6 @@ without the stress. It is sought by halving, so only about the breaking point ma
 """
 
 import itertools
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -19,9 +18,6 @@ from evaluation.experiments.moving import across
 from evaluation.report.charts import LEVEL, WRONG, draw_reads, label, legend_below, new_chart
 from evaluation.report.claims import Table
 from retrolidar_ros.detector import METHODS
-from retrolidar_ros.marker.dictionary import USABLE_IDS
-from retrolidar_ros.scene.description import Sensor
-from retrolidar_ros.scene.reference import SENSOR
 
 TITLE = 'Where methods break'
 MESSAGE = "Lone packets at 2 m: no stress breaks the default before the paper's method"
@@ -37,13 +33,7 @@ Where = tuple[float, bool, bool]  # range [m], whether the marker moves, whether
 
 
 def read(
-    panel: Panel,
-    index: int,
-    where: Where,
-    seed: int,
-    recordings: int,
-    *names: str,
-    sensor: Sensor = SENSOR,
+    panel: Panel, index: int, where: Where, seed: int, recordings: int, *names: str
 ) -> dict[str, Any]:
     """Return what methods read at a value of a panel under a condition."""
     range_m, moves, repeats = where
@@ -52,8 +42,7 @@ def read(
 
     def make(rng: np.random.Generator) -> Sent:
         path = across(SPEED_M_S, range_m, rng) if moves else None
-        seen_by = replace(sensor, blur=0.05) if moves else sensor
-        return record(stress, signal_at(range_m), rng, USABLE_IDS, sensor=seen_by, path=path, **how)
+        return record(stress, signal_at(range_m), rng, path=path, **how)
 
     rng, variants = np.random.default_rng([seed, index]), {name: BOTH[name] for name in names}
     return read_shares(make, recordings, rng, variants, lone=not repeats)

@@ -18,7 +18,6 @@ from evaluation.report.charts import label, legend_below, line, look, new_chart
 from evaluation.report.claims import Table
 from retrolidar_ros.detector import METHODS
 from retrolidar_ros.marker.code import BIT_PERIOD_S
-from retrolidar_ros.marker.dictionary import USABLE_IDS
 from retrolidar_ros.scene.noise import noisy
 from retrolidar_ros.scene.reference import NOISE, SENSOR, WALL_SIGNAL
 from retrolidar_ros.scene.truth import PACKET_S
@@ -34,7 +33,7 @@ _RANGES_M = (1.0, 1.5, 2.0, 2.4, 2.6, 2.8, 3.0, 3.2, 3.4, 3.6)
 
 def appearing(range_m: float, rng: np.random.Generator) -> Sent:
     """Return markers that have always been sending and come into view at `VIEW_S`."""
-    sent = record(PLAIN, signal_at(range_m), rng, USABLE_IDS, repeated_s=VIEW_S + TIMEOUT_S)
+    sent = record(PLAIN, signal_at(range_m), rng, repeated_s=VIEW_S + TIMEOUT_S)
     before = sent.recording.stamp_ns < VIEW_S * 1e9
     wall = noisy(np.full(sent.recording.signal.shape, WALL_SIGNAL), NOISE, rng)
     signal = np.where(before[:, None], wall, sent.recording.signal).astype(np.float32)

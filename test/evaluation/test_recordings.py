@@ -62,7 +62,7 @@ def test_recordings_are_those_of_the_simulation() -> None:
     rng = np.random.default_rng(2)
     scene = marker_in_each_zone(2.0, rng, start_s=(-1.3, 0.0), packets=None)
     simulated = Simulation(scene, rng).run(20.0)
-    recorded = record(PLAIN, signal_at(2.0), rng, USABLE_IDS, repeated_s=20.0).recording
+    recorded = record(PLAIN, signal_at(2.0), rng, repeated_s=20.0).recording
     for part in (0.05, 0.25, 0.75, 0.95):
         one, other = (np.quantile(frames.signal, part) for frames in (simulated, recorded))
         assert one == pytest.approx(other, rel=0.1, abs=0.3)
@@ -72,7 +72,7 @@ def test_recordings_are_those_of_the_simulation() -> None:
 
 @pytest.mark.parametrize('stress', STRESSES, ids=lambda stress: stress.name)
 def test_a_stress_gives_the_same_possible_frames_again(stress: Stress) -> None:
-    first, second = (record(stress, 150.0, np.random.default_rng(7), USABLE_IDS) for _ in range(2))
+    first, second = (record(stress, 150.0, np.random.default_rng(7)) for _ in range(2))
     np.testing.assert_array_equal(first.recording.signal, second.recording.signal)
     assert (first.recording.signal >= 0).all()
     assert (np.diff(first.recording.stamp_ns) > 0).all()
@@ -87,7 +87,7 @@ def test_a_link_is_as_strong_as_told(strength_db: float) -> None:
 
 
 def test_lone_packets_come_after_silence_and_end_before_the_recording() -> None:
-    sent = record(PLAIN, 600.0, np.random.default_rng(0), USABLE_IDS)
+    sent = record(PLAIN, 600.0, np.random.default_rng(0))
     assert sent.start_s.min() >= SILENCE_BITS * BIT_PERIOD_S
     time_s = sent.recording.stamp_ns * 1e-9
     dark = sent.recording.signal < WALL_SIGNAL + 300
@@ -98,22 +98,20 @@ def test_lone_packets_come_after_silence_and_end_before_the_recording() -> None:
 
 
 def test_a_hand_hides_the_middle_of_the_packet_and_a_far_wall_its_dark_bits() -> None:
-    hand = record(replace(PLAIN, hand_s=0.3), 150.0, np.random.default_rng(0), USABLE_IDS)
+    hand = record(replace(PLAIN, hand_s=0.3), 150.0, np.random.default_rng(0))
     near = hand.recording.distance < 0.3
     middles_s = [hand.recording.stamp_ns[near[:, zone]].mean() * 1e-9 for zone in range(16)]
     assert middles_s == pytest.approx(hand.start_s + hand.packet_s / 2, abs=0.02)
     assert near.sum(axis=0) * 0.021 == pytest.approx(np.full(16, 0.3), abs=0.05)
-    wall = record(replace(PLAIN, far_wall=0.5), 150.0, np.random.default_rng(0), USABLE_IDS)
+    wall = record(replace(PLAIN, far_wall=0.5), 150.0, np.random.default_rng(0))
     dark = wall.recording.signal.min(axis=0)
     assert dark == pytest.approx(np.full(16, 77.0), abs=25)
 
 
 def test_a_marker_on_its_way_is_in_one_zone_after_the_other() -> None:
     rng = np.random.default_rng(3)
-    sensor, path = replace(SENSOR, blur=0.05), across(0.4, 1.0, rng)
-    sent = record(
-        PLAIN, 360.0, rng, USABLE_IDS, range_m=1.0, repeated_s=8.0, sensor=sensor, path=path
-    )
+    path = across(0.4, 1.0, rng)
+    sent = record(PLAIN, 360.0, rng, range_m=1.0, repeated_s=8.0, path=path)
     speeds = np.abs(np.diff(path(np.arange(0, 8, 0.01))[:, 0])) / 0.01
     assert np.median(speeds) == pytest.approx(0.4)
     seen = sent.recording.signal.argmax(axis=1)[sent.recording.signal.max(axis=1) > 100]
