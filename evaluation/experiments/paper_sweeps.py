@@ -8,6 +8,7 @@ from functools import partial
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from evaluation.bench.recordings import Sent, record, rng_at, signal_at
 from evaluation.bench.stresses import PLAIN
@@ -15,6 +16,7 @@ from evaluation.experiments import sweeps
 from evaluation.report.charts import SHADES, WRONG, draw_reads, label, legend_below, line, new_chart
 from evaluation.report.claims import BOTH_CLAIMED, Claim, Claims, as_text, claim_of, model, shares
 from retrolidar_ros.detector import METHODS
+from retrolidar_ros.marker.dictionary import USABLE_IDS
 from retrolidar_ros.scene.optics import DISTANCE_EXPONENT, received_signal
 from retrolidar_ros.scene.reference import NOISE, WALL_SIGNAL
 from retrolidar_ros.scene.truth import PACKET_S
@@ -41,12 +43,17 @@ _OF_SEVERAL_M = (2.4, 2.8, 3.0, 3.2, 3.4, 3.6, 3.8, 4.0)
 
 
 def lone(
-    range_m: float, rng: np.random.Generator, *, size_m: float = 0.03, yaw_deg: float = 0.0
+    range_m: float,
+    rng: np.random.Generator,
+    *,
+    size_m: float = 0.03,
+    yaw_deg: float = 0.0,
+    ids: NDArray[np.int64] = USABLE_IDS,
 ) -> Sent:
     """Return lone packets of markers in all zones at a distance."""
     at = np.array(range_m)
     signal = float(received_signal(at, size_m**2, math.radians(yaw_deg)))
-    return record(PLAIN, signal, rng, range_m=range_m)
+    return record(PLAIN, signal, rng, ids, range_m=range_m)
 
 
 def lone_packets(range_m: float, seed: int, recordings: int = LONE_RECORDINGS) -> list[Sent]:
@@ -248,7 +255,6 @@ SWEEPS: dict[str, sweeps.Sweep] = {
         [sweeps.Curve('at 1 m', _aside, (0, 6, 12, 18, 21, 22, 23, 24, 25, 26, 28), 32)],
         lambda got: {'angle': _reaches(_ends(got, 'at 1 m'), PAPER_ANGLE_DEG, '°', 1)},
         {'at 1 m': PAPER_ANGLE_DEG},
-        '°',
     ),
     'yaw': sweeps.Sweep(
         'Yaw of the marker',
@@ -257,7 +263,6 @@ SWEEPS: dict[str, sweeps.Sweep] = {
         [sweeps.Curve(f'at {at:g} m', partial(turned, range_m=at), YAWS_DEG) for at in (1.0, 2.0)],
         lambda got: {'yaw': _reaches(_ends(got, 'at 1 m'), PAPER_YAW_DEG, '°', 1)},
         {'at 1 m': PAPER_YAW_DEG},
-        '°',
     ),
     'ambient': sweeps.Sweep(
         'Ambient light',

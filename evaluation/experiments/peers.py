@@ -43,6 +43,7 @@ from evaluation.report.claims import (
     claim_of,
     end_as_text,
     signed,
+    unit_of,
 )
 
 TITLE = 'LiDAR markers beside visual ones'
@@ -129,8 +130,8 @@ def end(figures: dict[str, Any], sweep: str, name: str) -> float | None:
 def words(figures: dict[str, Any], sweep: str, name: str, digits: int = 2) -> str:
     """Return the same as text."""
     found = figures['sweeps'][sweep]
-    unit = found['axis'].partition('[')[2].rstrip(']')
-    return end_as_text(found['ends'][name], unit, digits) if name in found['ends'] else NOTHING
+    ends, unit = found['ends'], unit_of(found['axis'])
+    return end_as_text(ends[name], unit, digits) if name in ends else NOTHING
 
 
 def error(figures: dict[str, Any], name: str, range_m: float, which: str) -> float | None:

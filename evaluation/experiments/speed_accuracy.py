@@ -4,17 +4,16 @@
 
 import math
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from evaluation.bench.judging import Options, new_detector, read_shares
+from evaluation.bench.judging import Options, judged, new_detector, read_of
 from evaluation.bench.rates import crossing, sum_of
-from evaluation.bench.recordings import Sent, record, rng_at, signal_at
-from evaluation.bench.stresses import PLAIN
+from evaluation.bench.recordings import rng_at
 from evaluation.experiments.bound import genie_reach
 from evaluation.experiments.paper_sweeps import (
     LONE_RECORDINGS,
@@ -114,16 +113,13 @@ def _summed(text: str, cpu_ms: float, answer_s: float, places: Any, found: Any) 
 def _lidar(text: str, point: Point, quick: bool, seed: int) -> dict[str, Any]:
     """Return what a setting of the LiDAR costs and gives, of the same frames as all others."""
     places = (_LONE_M if point.packets == 1 else _SEVERAL_M)[:: 3 if quick else 1]
-    make = lone if point.packets == 1 else partial(repeating, size_m=0.03, packets=point.packets)
-    known = point.options.get('registered_ids')
+    is_lone, known = point.packets == 1, np.array(point.options.get('registered_ids', USABLE_IDS))
+    several = partial(repeating, size_m=0.03, packets=point.packets)
     found = []
     for range_m in places:
-        make_one: Callable[[np.random.Generator], Sent] = partial(make, range_m)
-        if known is not None:
-            make_one = partial(record, PLAIN, signal_at(range_m), ids=np.array(known))
-        recordings, rng = 1 if quick else point.recordings, rng_at(seed, range_m)
-        variants, is_lone = {'it': point.options}, point.packets == 1
-        found.append(read_shares(make_one, recordings, rng, variants, lone=is_lone)['it'])
+        rng, make = rng_at(seed, range_m), partial(lone, ids=known) if is_lone else several
+        sent = [make(range_m, rng) for _ in range(1 if quick else point.recordings)]
+        found.append(read_of([judged(one, point.options, lone=is_lone) for one in sent]))
     cpu_ms = _frame_ms(point.options, np.random.default_rng(seed))
     return _summed(text, cpu_ms, point.packets * PACKET_S, places, found)
 

@@ -16,7 +16,7 @@ from evaluation.bench.judging import BOTH, Options, judge_all, read_of
 from evaluation.bench.rates import crossing
 from evaluation.bench.recordings import Sent, rng_at
 from evaluation.report.charts import LEVEL, WRONG, draw_reads, label, legend_below, line, new_chart
-from evaluation.report.claims import Claims, Table, end_as_text
+from evaluation.report.claims import Claims, Table, end_as_text, unit_of
 from retrolidar_ros.detector import METHODS
 
 MOST_BITS = 4  # so many wrong bits or more are counted together
@@ -69,7 +69,6 @@ class Sweep:
     curves: Sequence[Curve]
     claims: Callable[[dict[str, Any]], Claims]
     marks: Mapping[str, float] = field(default_factory=dict)  # the paper's own places, by curve
-    unit: str = 'm'
 
     def run(self, rng: np.random.Generator, *, quick: bool) -> dict[str, Any]:
         """Return shares of markers that are read, and to where four of five are, by curve."""
@@ -85,7 +84,7 @@ class Sweep:
         """Return to where four of five are read, and the most wrong IDs on the way."""
         rows = [['80 % are read to', *METHODS, *(f'most wrong IDs, {name}' for name in METHODS)]]
         for name, curve in figures['curves'].items():
-            ends = [end_as_text(curve['ends'][method], self.unit) for method in METHODS]
+            ends = [end_as_text(curve['ends'][method], unit_of(self.axis)) for method in METHODS]
             wrong = [
                 max(point[method]['wrong']['rate'] for point in curve['points'])
                 for method in METHODS

@@ -52,6 +52,11 @@ def as_text(value: float | None, unit: str = 'm', digits: int = 2) -> str:
     return NOTHING if value is None else f'{value:.{digits}f} {unit}'
 
 
+def unit_of(axis: str) -> str:
+    """Return what the words of an axis have in brackets."""
+    return axis.partition('[')[2].rstrip(']')
+
+
 def end_as_text(end: Mapping[str, Any], unit: str = 'm', digits: int = 2) -> str:
     """Return where a level is crossed as text, 'unsure' where that is left to chance."""
     at, low, high = end['at'], end['low'], end['high']
