@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from evaluation.bench.rates import Rate, rate
-from retrolidar_ros.detector import Detection, Detector, create_detector
+from retrolidar_ros.detector import Detection, create_detector
 from retrolidar_ros.detector.place import Place
 from retrolidar_ros.marker.code import BIT_PERIOD_S, PACKET_BITS
 from retrolidar_ros.scene import Scene, Simulation
@@ -154,8 +154,9 @@ class Look(NamedTuple):
     detection: Detection
 
 
-def read_live(detector: Detector, recording: Recording) -> Iterator[Look]:
-    """Give frames to a detector one by one, and yield what comes of each."""
+def read_live(method: str, recording: Recording) -> Iterator[Look]:
+    """Give frames to a detector of a method one by one, and yield what comes of each."""
+    detector = create_detector(method, recording.grid)
     for frame in recording:
         for detection in detector.update(frame):
             yield Look(1e-9 * (frame.stamp_ns - int(recording.stamp_ns[0])), detection)
@@ -185,8 +186,7 @@ def held(squared_distances: ArrayLike) -> Rate | None:
 
 def looks(scene: Scene, duration_s: float, rng: np.random.Generator) -> Iterator[Look]:
     """Return what the default reads of a scene, in order."""
-    recording = Simulation(scene, rng).run(duration_s)
-    return read_live(create_detector('joint', recording.grid), recording)
+    return read_live('joint', Simulation(scene, rng).run(duration_s))
 
 
 def pose_of_tf(pose: Pose, stddev_m: float, rng: np.random.Generator) -> SensorPose:

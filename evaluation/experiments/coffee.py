@@ -12,7 +12,6 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from evaluation.bench import places as hand
-from evaluation.bench.judging import BOTH, new_detector
 from evaluation.peers.camera import PICTURES_HZ
 from evaluation.peers.visual_markers import APRILTAG, find_readers, read_over_distance
 from evaluation.report.charts import draw_distribution, label, legend_below, line, look, new_chart
@@ -47,7 +46,7 @@ def place_all(method: str, recording: Recording, scene: Scene, pose: hand.Pose) 
     markers = {marker.id: marker for marker in scene.markers}
     board = ObjectBoard([one.name for one in markers.values()], MAX_STDDEV_M, STALE_AFTER_S)
     errors: dict[str, hand.PlaceError] = {}
-    for known_s, detection in hand.read_live(new_detector(recording.grid, BOTH[method]), recording):
+    for known_s, detection in hand.read_live(method, recording):
         marker = markers.get(detection.id)
         if marker is None:
             continue

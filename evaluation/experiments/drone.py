@@ -7,7 +7,6 @@ from typing import Any
 
 import numpy as np
 
-from evaluation.bench.judging import BOTH, new_detector
 from evaluation.bench.places import place_error, read_live, rms
 from evaluation.bench.rates import Rate, rate
 from evaluation.report.charts import draw_shares, label, legend_below, line, look, new_chart
@@ -54,7 +53,7 @@ def _flown(speed_m_s: float, hidden: float, duration_s: float, rng: Any) -> dict
     lasting_s = 1e-9 * int(recording.stamp_ns[-1] - recording.stamp_ns[0])
     row: dict[str, Any] = {'speed_m_s': speed_m_s, 'hidden': hidden}
     for method in METHODS:
-        readings = list(read_live(new_detector(recording.grid, BOTH[method]), recording))
+        readings = list(read_live(method, recording))
         own = [one for one in readings if one.detection.id == marker.id]
         places = [one.detection for one in own]
         truths_m = position_at(marker, 1e-9 * np.array([one.stamp_ns for one in places]))

@@ -11,8 +11,8 @@ import numpy as np
 import pytest
 
 from evaluation.bench.calibration_trials import KINDS
-from evaluation.bench.disturbances import FAMILY, wall_blocks
-from evaluation.bench.judging import BOTH, new_detector
+from evaluation.bench.disturbances import FAMILY
+from evaluation.bench.judging import new_detector
 from evaluation.bench.stresses import LABORATORY, PANELS, STRESSES
 from evaluation.experiments import peers, roc
 from evaluation.experiments.paper_sweeps import SWEEPS
@@ -92,11 +92,6 @@ def test_peers_tell_what_is_left_out(monkeypatch: pytest.MonkeyPatch) -> None:
     assert figures['missing'] == {QR: 'no zbar here'}
     assert peers.end(figures, '3 cm', QR) is None
     assert peers.claims(figures)['qr'].default == '–'
-
-
-def test_silent_stretches_are_no_false_ids() -> None:
-    blocks = wall_blocks(60, np.random.default_rng(1))
-    assert roc.watch(new_detector(SENSOR.grid, BOTH['joint']), blocks) == []
 
 
 def test_a_higher_threshold_of_paper_keeps_those_of_higher_likelihood() -> None:

@@ -21,7 +21,6 @@ from evaluation.bench.places import (
     yaw_of,
 )
 from evaluation.experiments import coffee, drone
-from retrolidar_ros.detector import create_detector
 from retrolidar_ros.detector.place import place, zone_bearing
 from retrolidar_ros.scene import Scene, Simulation
 from retrolidar_ros.scene.files import load_scene
@@ -110,7 +109,7 @@ def test_errors_of_a_place() -> None:
 
 def test_frames_one_by_one_give_each_reading_as_soon_as_all_of_it_was_seen() -> None:
     recording = Simulation(WORLD).run(4)
-    readings = list(read_live(create_detector('joint', recording.grid), recording))
+    readings = list(read_live('joint', recording))
     assert {one.detection.id for one in readings} == {one.id for one in WORLD.markers}
     for known_s, detection in readings:
         known_ns = 1e9 * known_s + recording.stamp_ns[0]
