@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """False IDs of the default before each disturbance, for as many sensor-hours as one has time for.
 
-embedded/run python benchmarks/bench_false_ids.py [--hours H] [--seed N] [MEMBER...]
+embedded/run python benchmarks/bench_false_ids.py [--hours H] [--seed N] [--registered N] [MEMBER...]
 
 The experiment `roc` looks for an hour or so at each; a budget of one in ten hours needs a night.
 """
@@ -20,6 +20,7 @@ from evaluation.bench.rates import frequency
 from evaluation.report.claims import markdown
 from retrolidar_ros.detector import create_detector
 from retrolidar_ros.detector.budget import USUAL_FALSE_IDS_PER_HOUR
+from retrolidar_ros.marker.dictionary import choose_ids
 from retrolidar_ros.sensor.frame import ZoneGrid
 
 TURN_H = 0.5
@@ -33,7 +34,9 @@ def main() -> None:
     parser.add_argument('members', nargs='*', default=[member.name for member in still])
     parser.add_argument('--hours', type=float, default=TURN_H, help='of each (default: 0.5)')
     parser.add_argument('--seed', type=int, default=1)
+    parser.add_argument('--registered', type=int, metavar='N', help='IDs (default: all are read)')
     arguments = parser.parse_args()
+    ids = None if arguments.registered is None else choose_ids(arguments.registered)[0].tolist()
     events = dict.fromkeys(arguments.members, 0)
     watched_h, began_s = 0.0, time.process_time()
     while watched_h < arguments.hours:
@@ -41,7 +44,7 @@ def main() -> None:
         for index, member in enumerate(FAMILY):
             if member.name not in events:
                 continue
-            detector = create_detector('joint', ZoneGrid())
+            detector = create_detector('joint', ZoneGrid(), registered_ids=ids)
             rng = np.random.default_rng([arguments.seed, index, round(watched_h / TURN_H)])
             for block in member.blocks(3600 * turn_h, rng):
                 events[member.name] += len(detector.update_all(block))

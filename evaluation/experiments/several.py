@@ -155,11 +155,9 @@ def draw(figures: dict[str, Any]) -> Any:
         for name, style in _PAIR.items():
             rates = [row[method][name] for row in figures['two']]
             draw_shares(two, ratios, rates, linestyle=style, **look(method))
-    x, y = (
-        "the fainter marker's signal, over the brighter one's",
-        f'read within {WATCHED_S:g} s [%]',
-    )
-    label(two, x, y, 'two markers in one zone', percent=True, xscale='log')
+    x = "the fainter marker's signal, over the brighter one's"
+    y, title = f'read within {WATCHED_S:g} s [%]', 'two markers in one zone'
+    label(two, x, y, title, percent=True, xscale='log')
     two.set_xticks(ratios, [f'{share:g}' for share in ratios])
     two.minorticks_off()
     two.invert_xaxis()

@@ -14,7 +14,7 @@ that name them, so nobody has to copy a number by hand; the tests compare.
 
 import json
 import re
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -32,15 +32,16 @@ PAGE = 'README.md'
 _PAGES = Path(__file__).parent / 'pages'
 _SLOT = re.compile(r'\{\{(\w+)(?: ([\w-]+))?(?: ([\w-]+))?\}\}')
 BENCHMARKS = ('bench-detector', 'bench-nodes')
+ALL = (*EXPERIMENTS, *BENCHMARKS)
 _BLOCK = re.compile(r'(<!-- figures: (\S+) -->\n).*?(\n<!-- end of figures -->)', re.DOTALL)
 _DOCUMENTS = (Path('README.md'), *sorted(Path('docs').glob('*.md')))
 
 
-def load(directory: Path) -> dict[str, dict[str, Any]]:
-    """Return the figures of all experiments that have been written to a directory, by name."""
+def load(directory: Path, names: Iterable[str] = EXPERIMENTS) -> dict[str, dict[str, Any]]:
+    """Return the figures that have been written to a directory, by what made them."""
     return {
         name: json.loads(path.read_text(encoding='utf-8'))
-        for name in EXPERIMENTS
+        for name in names
         if (path := directory / f'{name}.json').exists()
     }
 
@@ -98,15 +99,6 @@ def write_page(directory: Path) -> Path:
     return path
 
 
-def load_report(directory: Path) -> Report:
-    """Return the figures of all experiments and benchmarks in a directory, by name."""
-    benchmarks = {
-        name: json.loads((directory / f'{name}.json').read_text(encoding='utf-8'))
-        for name in BENCHMARKS
-    }
-    return {**load(directory), **benchmarks}
-
-
 _PACKET = f'{PACKET_BITS * BIT_PERIOD_S:.1f} s'
 _COSTS = (
     ('joint: packets combined', '1'),
@@ -126,17 +118,12 @@ def headlines(report: Report) -> str:
     points = [speed_accuracy.at(report['speed-accuracy'], *of) for of in _COSTS]
     costs = [as_text(None if one is None else one['cpu_ms'], 'ms of a core', 0) for one in points]
     still = [roc.grouped(roc.shipped(report['roc'], method), roc.STILL) for method in BOTH]
-    # Where none was seen, all that is known is the upper bound.
-    rates = [
-        f'{one["per_hour"]:.{0 if one["per_hour"] > 1 else 2}f}'
-        if one['events']
-        else f'below {one["high"]:.1g}'
-        for one in still
-    ]
-    false_ids = [
-        f'{rate} ({one["events"]} in {one["hours"]:.3g} h)'
-        for rate, one in zip(rates, still, strict=True)
-    ]
+    false_ids = []
+    for one in still:
+        # Where none was seen, all that is known is the upper bound.
+        rate = f'{one["per_hour"]:.{0 if one["per_hour"] > 1 else 2}f}'
+        words = rate if one['events'] else f'below {one["high"]:.1g}'
+        false_ids.append(f'{words} ({one["events"]} in {one["hours"]:.3g} h)')
     # What, the paper's own, and the values of both methods and the AprilTag.
     rows: list[tuple[str, str, list[str]]] = [
         ('3 cm, 80 % read in one packet or picture, to', '2.6 m', reach('3 cm')),
@@ -238,7 +225,7 @@ def renewed(text: str, report: Report) -> str:
 
 
 if __name__ == '__main__':
-    FIGURES = load_report(Path('docs/report'))
+    FIGURES = load(Path('docs/report'), ALL)
     for document in _DOCUMENTS:
         document.write_text(
             renewed(document.read_text(encoding='utf-8'), FIGURES), encoding='utf-8'

@@ -16,11 +16,11 @@ from evaluation.__main__ import main
 from evaluation.experiments.registry import EXPERIMENTS, run_experiment
 from evaluation.report.claims import Claim, claim_of
 from evaluation.report.readme import (
+    ALL,
     BENCHMARKS,
     PAGE,
     filled,
     load,
-    load_report,
     renewed,
     write_page,
 )
@@ -74,11 +74,11 @@ def test_a_slot_that_nothing_fills_is_named() -> None:
 @pytest.mark.parametrize('document', DOCUMENTS, ids=lambda path: path.name)
 def test_the_figures_of_a_document_are_those_of_the_report(document: Path) -> None:
     text = document.read_text(encoding='utf-8')
-    assert renewed(text, load_report(COMMITTED)) == text
+    assert renewed(text, load(COMMITTED, ALL)) == text
 
 
 def test_figures_of_benchmarks_say_on_what_they_were_measured() -> None:
-    report = load_report(COMMITTED)
+    report = load(COMMITTED, ALL)
     for name in BENCHMARKS:
         assert report[name]['run']['processor']
 
