@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """False IDs of the default before each disturbance, for as many sensor-hours as one has time for.
 
-embedded/run python benchmarks/bench_false_ids.py [--hours H] [--seed N] [--registered N] [MEMBER...]
+embedded/run python benchmarks/bench_false_ids.py [--hours H] [--registered N] [MEMBER...]
 
 The experiment `roc` looks for an hour or so at each; a budget of one in ten hours needs a night.
 """

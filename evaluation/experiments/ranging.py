@@ -53,10 +53,8 @@ def mean_errors_m(scene: Scene, range_m: float, rng: np.random.Generator) -> Flo
 
 def _summed(errors_m: list[float]) -> dict[str, Any]:
     sizes = 1e3 * np.abs(errors_m)
-    if not len(sizes):
-        return {'readings': 0, 'median_mm': None, 'p95_mm': None}
-    median, p95 = np.quantile(sizes, (0.5, 0.95)).tolist()
-    return {'readings': len(sizes), 'median_mm': median, 'p95_mm': p95}
+    median, p95 = np.quantile(sizes, (0.5, 0.95)).tolist() if len(sizes) else (None, None)
+    return {'median_mm': median, 'p95_mm': p95}
 
 
 def run(rng: np.random.Generator, *, quick: bool) -> dict[str, Any]:
