@@ -10,12 +10,12 @@ from typing import NamedTuple
 import numpy as np
 
 from evaluation.bench import places
-from evaluation.bench.places import Look, PlaceError, Pose
+from evaluation.bench.places import Look, PlaceError
 from retrolidar_ros.scene import Scene
 from retrolidar_ros.sensor.frame import Floats
 from retrolidar_ros.tasks.landmarks import Landmark
 from retrolidar_ros.tasks.next_view import best_place
-from retrolidar_ros.tasks.reading import Errors, Reading
+from retrolidar_ros.tasks.reading import Errors, Reading, SensorPose
 
 CORNERS = np.array([(-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (-1.0, 1.0)]) / 2
 BIAS_M = 0.002  # deviation of a sensor's range bias
@@ -28,7 +28,7 @@ _STAY_S, _MOST_PLACES = 2.2, 16
 
 def aim(
     place_m: Floats, targets_m: Floats, roll: float, world: Scene, rng: np.random.Generator
-) -> Pose | None:
+) -> SensorPose | None:
     """Return a hand that sees all targets, shape (n, 3) [m], about in its middle, if it can.
 
     It is at a place, shape (3,) [m], with a roll to 3° more or less [rad].
@@ -36,12 +36,12 @@ def aim(
     for _ in range(100):
         turns = np.array([0, 0, roll]) + rng.uniform(-_AIM_RAD, _AIM_RAD, 3)
         pose = places.towards(targets_m.mean(axis=0), place_m, turns)
-        if places.sees_all(pose.to_sensor(targets_m), world.sensor.grid):
+        if places.sees_all(places.to_sensor(pose, targets_m), world.sensor.grid):
             return pose
     return None
 
 
-def hand_poses(world: Scene, side_m: float, rng: np.random.Generator) -> list[Pose]:
+def hand_poses(world: Scene, side_m: float, rng: np.random.Generator) -> list[SensorPose]:
     """Return the hand at the corners of a square, all markers in view of each."""
     while True:
         centre_m, roll = rng.uniform(-_HAND_M, _HAND_M, 3), rng.uniform(-_ROLL_RAD, _ROLL_RAD)
@@ -56,7 +56,7 @@ def hand_poses(world: Scene, side_m: float, rng: np.random.Generator) -> list[Po
 class Visit(NamedTuple):
     """One place of the hand, and what it read there, in order."""
 
-    pose: Pose
+    pose: SensorPose
     looks: list[Look]
 
 

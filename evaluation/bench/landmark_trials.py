@@ -12,7 +12,6 @@ import numpy as np
 from evaluation.bench import hand_trials as hand
 from evaluation.bench.places import (
     PlaceError,
-    Pose,
     looks,
     place_error,
     reading_of,
@@ -40,7 +39,7 @@ FLIGHT_S = 30.0
 _FOLLOWED = Errors(range_bias_m=CALIBRATED_M, pose_m=1e-3, turn_rad=0.0035, acceleration=0.04)
 _EXACT = Errors(range_bias_m=hand.BIAS_M, pose_m=1e-4, turn_rad=1e-4)
 _SENSOR = replace(SENSOR, noise=NOISE, blur=0.05)
-_HERE = Pose(np.zeros(3), np.eye(3))
+_HERE = SensorPose(np.zeros(3), np.eye(3))
 # Directions of an optical frame in one whose z points up.
 _UPRIGHT = np.array([[0.0, 0.0, 1.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0]])
 
@@ -126,13 +125,13 @@ def drone_trial(sensors: int, rng: np.random.Generator) -> list[PlaceError]:
     clock = int(rng.integers(2**32))
     for index in range(sensors):
         angle, radius_m = 2 * math.pi * index / 3, 0.4 / math.sqrt(3)
-        pose = Pose(radius_m * np.array([math.cos(angle), math.sin(angle), 0]), np.eye(3))
+        pose = SensorPose(radius_m * np.array([math.cos(angle), math.sin(angle), 0]), np.eye(3))
         # It is one marker, whichever sensor sees it: all have it from one generator.
         scene = view_from(pose, [drone], _SENSOR, np.random.default_rng(clock))
         bias_m = float(rng.normal(0, CALIBRATED_M))
         for known_s, detection in looks(scene, FLIGHT_S, rng):
             if detection.id == identity:
-                one = reading_of(detection, SensorPose(*pose), bias_m=bias_m)
+                one = reading_of(detection, pose, bias_m=bias_m)
                 rows.append((known_s, one._replace(sensor=str(index))))
     landmark, found = Landmark('drone', {identity: np.zeros(3)}, _FOLLOWED), []
     for _, reading in sorted(rows, key=lambda row: row[0]):
@@ -150,7 +149,7 @@ def room_trial(markers: int, rng: np.random.Generator) -> tuple[RobotPose, Float
     Returns the estimated pose, and the true position, shape (3,), and rotation, shape (3, 3); None
     if the pose is not clear.
     """
-    base = Pose(np.append(rng.uniform(-0.5, 0.5, 2), 0.0), rotation(0, 0, rng.uniform(-3, 3)))
+    base = SensorPose(np.append(rng.uniform(-0.5, 0.5, 2), 0.0), rotation(0, 0, rng.uniform(-3, 3)))
     places: dict[int, Floats] = {}
     for index in range(markers):
         angle = 2 * math.pi * (index + rng.uniform(-0.2, 0.2)) / markers
@@ -168,13 +167,12 @@ def room_trial(markers: int, rng: np.random.Generator) -> tuple[RobotPose, Float
     bias_m = float(rng.normal(0, hand.BIAS_M))
     for index in range(HEADINGS):
         heading = rotation(0, 0, 2 * math.pi * index / HEADINGS) @ _UPRIGHT
-        pose = Pose(base.position_m, base.rotation @ heading)
+        pose = SensorPose(base.position_m, base.rotation @ heading)
         scene = view_from(pose, markers_of(places), _SENSOR, rng)
         for _, detection in looks(scene, STAY_S, rng):
             if room.has(detection.id):
                 seen_from = SensorPose(np.zeros(3), heading)
-                own = reading_of(detection, seen_from, since_s=100.0 * index, bias_m=bias_m)
-                room.take(own)
+                room.take(reading_of(detection, seen_from, since_s=100.0 * index, bias_m=bias_m))
     estimate = room.estimate()
     found = None if estimate is None else robot_pose(estimate, np.zeros(3), np.eye(3))
     return None if found is None else (found, base.position_m, base.rotation)

@@ -41,21 +41,16 @@ ELLIPSOID = 7.815
 """95 % of a normal distribution in three dimensions are within so many squared deviations."""
 
 
-class Pose(NamedTuple):
-    """Where the sensor is in the world, and how it is turned."""
+def to_sensor(pose: SensorPose, world_m: Floats) -> Floats:
+    """Return points of the world, shape (..., 3), in the frame of a sensor at a pose."""
+    points: Floats = (world_m - pose.position_m) @ pose.rotation
+    return points
 
-    position_m: Floats  # shape (3,)
-    rotation: Floats  # turns directions of the sensor's frame into those of the world, shape (3, 3)
 
-    def to_sensor(self, world_m: Floats) -> Floats:
-        """Return points of the world, shape (..., 3), in the sensor's frame."""
-        points: Floats = (world_m - self.position_m) @ self.rotation
-        return points
-
-    def to_world(self, sensor_m: Floats) -> Floats:
-        """Return points of the sensor's frame, shape (..., 3), in the world."""
-        points: Floats = sensor_m @ self.rotation.T + self.position_m
-        return points
+def to_world(pose: SensorPose, sensor_m: Floats) -> Floats:
+    """Return points of the frame of a sensor at a pose, shape (..., 3), in the world."""
+    points: Floats = sensor_m @ pose.rotation.T + pose.position_m
+    return points
 
 
 def rotation(yaw: float, pitch: float, roll: float) -> Floats:
@@ -71,7 +66,7 @@ def markers_at(scene: Scene) -> Floats:
     return np.array([marker.position_m for marker in scene.markers])
 
 
-def yaw_of(world_m: Floats, pose: Pose) -> float:
+def yaw_of(world_m: Floats, pose: SensorPose) -> float:
     """Return a marker's yaw [rad]: its normal points to the world's origin, not to the sensor."""
     normal = -world_m / np.linalg.norm(world_m)
     sight = pose.position_m - world_m
@@ -90,25 +85,25 @@ def sees_all(positions_m: Floats, grid: ZoneGrid) -> bool:
     return len(np.unique(np.floor(steps), axis=0)) == len(steps)
 
 
-def towards(aim_m: Floats, place_m: Floats, turns: Floats) -> Pose:
+def towards(aim_m: Floats, place_m: Floats, turns: Floats) -> SensorPose:
     """Return a pose that looks at a point but for some turns (yaw, pitch, roll) [rad]."""
     x, y, z = (aim_m - place_m).tolist()
     yaw, pitch = math.atan2(x, z), -math.atan2(y, math.hypot(x, z))
-    return Pose(place_m, rotation(yaw + turns[0], pitch + turns[1], turns[2]))
+    return SensorPose(place_m, rotation(yaw + turns[0], pitch + turns[1], turns[2]))
 
 
-def random_pose(world: Scene, rng: np.random.Generator) -> Pose:
+def random_pose(world: Scene, rng: np.random.Generator) -> SensorPose:
     """Return a pose of the hand from which all markers of the world are seen."""
     places_m = markers_at(world)
     while True:
         turns = rng.uniform(-1, 1, 3) * [_TURN_RAD, _TURN_RAD, _ROLL_RAD]
         pose = towards(places_m.mean(axis=0), rng.uniform(-_HAND_M, _HAND_M, 3), turns)
-        if sees_all(pose.to_sensor(places_m), world.sensor.grid):
+        if sees_all(to_sensor(pose, places_m), world.sensor.grid):
             return pose
 
 
 def view_from(
-    pose: Pose, markers: Sequence[Marker], sensor: Sensor, rng: np.random.Generator
+    pose: SensorPose, markers: Sequence[Marker], sensor: Sensor, rng: np.random.Generator
 ) -> Scene:
     """Return what a sensor at a pose sees of the world's markers, which have always been sending.
 
@@ -120,7 +115,7 @@ def view_from(
     depths, signals = np.full(grid.zones, _WALL_M), np.full(grid.zones, _WALL_SIGNAL)
     for marker in markers:
         world_m = np.array(marker.position_m)
-        sensor_m = pose.to_sensor(world_m)
+        sensor_m = to_sensor(pose, world_m)
         x, y, z = sensor_m.tolist()
         if z <= 0.1 or (np.abs(sensor_m[:2]) > half * z).any():
             continue
@@ -189,7 +184,7 @@ def looks(scene: Scene, duration_s: float, rng: np.random.Generator) -> Iterator
     return read_live('joint', Simulation(scene, rng).run(duration_s))
 
 
-def pose_of_tf(pose: Pose, stddev_m: float, rng: np.random.Generator) -> SensorPose:
+def pose_of_tf(pose: SensorPose, stddev_m: float, rng: np.random.Generator) -> SensorPose:
     """Return where TF has a sensor: off by a deviation [m], and by 1.75 rad/m about each axis."""
     off_m, turn = rng.normal(0, stddev_m, 3), rng.normal(0, 1.75 * stddev_m, 3)
     return SensorPose(pose.position_m + off_m, matrix_of_turn(turn) @ pose.rotation)

@@ -21,6 +21,7 @@ from retrolidar_ros.scene import Scene, Simulation
 from retrolidar_ros.scene.files import load_scene
 from retrolidar_ros.sensor.frame import Recording
 from retrolidar_ros.tasks.objects import ObjectBoard
+from retrolidar_ros.tasks.reading import SensorPose
 
 TITLE = 'Coffee arm'
 MESSAGE = 'Ranges are good to the centimetre in one look, positions are not'
@@ -41,7 +42,7 @@ class Outcome(NamedTuple):
     errors: dict[str, hand.PlaceError]  # by object, of those seen
 
 
-def place_all(method: str, recording: Recording, scene: Scene, pose: hand.Pose) -> Outcome:
+def place_all(method: str, recording: Recording, scene: Scene, pose: SensorPose) -> Outcome:
     """Read frames until all markers of a scene are placed in the world."""
     markers = {marker.id: marker for marker in scene.markers}
     board = ObjectBoard([one.name for one in markers.values()], MAX_STDDEV_M, STALE_AFTER_S)
@@ -52,7 +53,7 @@ def place_all(method: str, recording: Recording, scene: Scene, pose: hand.Pose) 
             continue
         place = detection.place
         covariance = pose.rotation @ place.covariance[:3, :3] @ pose.rotation.T
-        position_m = pose.to_world(place.position_m)
+        position_m = hand.to_world(pose, place.position_m)
         board.see(marker.name, detection.stamp_ns, 'world', position_m, covariance)
         errors[marker.name] = hand.place_error(place, np.array(marker.position_m))
         if not board.missing(int(recording.stamp_ns[0]) + round(1e9 * known_s)):

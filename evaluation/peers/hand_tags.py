@@ -67,7 +67,7 @@ class TagCamera:
                 at_m = np.array(marker.position_m)
                 turns = np.append(rng.uniform(-_AIM_RAD, _AIM_RAD, 2), 0.0)
                 camera = hand.towards(at_m, visit.pose.position_m, turns)
-                tag = Pose(camera.to_sensor(at_m), camera.rotation.T @ facing(at_m).rotation)
+                tag = Pose(hand.to_sensor(camera, at_m), camera.rotation.T @ facing(at_m).rotation)
                 seen_m = self._see(tag, rng)
                 if seen_m is not None:
                     range_m, pose = float(np.linalg.norm(seen_m)), pose_of_tf(camera, pose_m, rng)
