@@ -48,7 +48,8 @@ def test_to_the_sensor_and_back_is_the_identity(yaw: float, pitch: float, roll: 
 
 def test_a_sensor_that_turns_right_sees_what_is_ahead_on_its_left() -> None:
     here, ahead, quarter = at(0, 0, 0), at(0, 0, 1), math.pi / 2
-    right, up = (SensorPose(here, rotation(*turn, 0)) for turn in ((quarter, 0), (0, quarter)))
+    right = SensorPose(here, rotation(quarter, 0, 0))
+    up = SensorPose(here, rotation(0, quarter, 0))
     assert to_sensor(right, ahead) == pytest.approx([-1, 0, 0])
     # y is down: looking up leaves it below.
     assert to_sensor(up, ahead) == pytest.approx([0, 1, 0])
