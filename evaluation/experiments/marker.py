@@ -96,6 +96,7 @@ def run(rng: np.random.Generator, *, quick: bool) -> dict[str, Any]:
             'guard_v': guard_v(AMPLIFIER_HZ, 1 / _LOOKS_AN_HOUR, indoors),
         },
         'bandwidths_hz': _BANDWIDTHS_HZ.tolist(),
+        'guards_v': guards,
         'safe_m': [wakeup.wakeup_range_m(indoors + guard) for guard in guards],
         'once_an_hour_h': {
             name: life_h(CELL_MAH, drawn(hourly, parts).total) for name, parts in PARTS.items()
