@@ -35,7 +35,7 @@ Public captures have 1 to 28 indoors; outdoors is forty times daylight in a room
 are to 500.
 """
 RANGES_M = (1.0, 1.5, 2.0, 2.2, 2.4, 2.6, 2.7, 2.8, 2.9, 3.0, 3.2, 3.4)
-TAG_RANGES_M = (0.4, 0.7, 1.0, 1.25, 1.5, 1.75, *RANGES_M[2:], 3.6, 3.8, 4.0, 4.2)
+TAG_RANGES_M = (0.5, 0.75, 1.0, 1.5, 1.75, *RANGES_M[2:], 3.6, 3.8, 4.0, 4.2)
 """Distances of markers of 3 cm, of ours alone and of ours beside tags."""
 _DISTANCE = 'distance of a marker of 3 cm [m]'
 _LIKE_M = (1.8, 2.2, 2.4, 2.6, 2.7, 2.8, 2.9, 3.0, 3.2)

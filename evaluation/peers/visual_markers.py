@@ -28,7 +28,7 @@ IDS = 2115  # how many IDs tagStandard41h12 has
 APRILTAG, APRILTAG_FINE, QR = 'AprilTag', 'AprilTag, all pixels', 'QR code'
 _FAMILY = 'tagStandard41h12'
 _INK = 0.05  # in shares of white paper
-PICTURES, QUICK_PICTURES = 96, 8  # of a marker of 3 cm at a range
+PICTURES, QUICK_PICTURES = 64, 8  # of a marker of 3 cm at a range
 _MAX_ROLL_RAD = math.radians(10)
 _SQUARE = np.array([(0, 0), (1, 0), (1, 1), (0, 1)]) - 0.5
 
