@@ -11,8 +11,7 @@ from evaluation.bench.recordings import transmission
 from evaluation.report.charts import label, legend_below, line, look, new_chart
 from evaluation.report.claims import Claim, Claims, Table
 from retrolidar_ros.detector import Detection, create_detector
-from retrolidar_ros.detector.likelihood_detector import LikelihoodDetector
-from retrolidar_ros.detector.reason import Reason
+from retrolidar_ros.detector.likelihood_detector import LikelihoodDetector, Reason
 from retrolidar_ros.marker.code import BIT_PERIOD_S, packet
 from retrolidar_ros.scene import Scene, Simulation
 from retrolidar_ros.scene.description import Marker, Surface

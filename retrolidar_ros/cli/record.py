@@ -77,7 +77,7 @@ class Progress:
         if len(self._newest) < 2:
             return text
         recording = Recording.of(list(self._newest))
-        law = NoiseLaw().lit(max(float(recording.ambient.mean()), 0.0))
+        law = NoiseLaw().lit(recording.ambient)
         if not (zones := blinking_zones(recording, law)):
             return f'{text}; no zone blinks'
         best = zones[0]

@@ -174,8 +174,7 @@ class Watch:
         if len(recent) < 2:
             return snapshot
         samples = Samples.of(Recording.of(recent))
-        ambient = float(np.median(newest.ambient))
-        law = noise_of(self._values).lit(max(ambient, 0.0) if math.isfinite(ambient) else 0.0)
+        law = noise_of(self._values).lit(np.median(newest.ambient))
         blinking = modulation_db(samples, law)
         if self._asked is None:
             most = int(blinking.argmax())

@@ -15,8 +15,7 @@ import numpy as np
 from retrolidar_ros.detector import Detection
 from retrolidar_ros.detector.blinking import NewestBits
 from retrolidar_ros.detector.budget import Demands
-from retrolidar_ros.detector.likelihood_detector import Candidate
-from retrolidar_ros.detector.reason import Reason
+from retrolidar_ros.detector.likelihood_detector import Candidate, Reason
 from retrolidar_ros.marker.code import ID_BITS, PACKET_BITS, PREAMBLE
 from retrolidar_ros.sensor.frame import Floats, Frame
 

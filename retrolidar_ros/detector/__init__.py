@@ -2,9 +2,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """Frames in, detections out.
 
-The default method decides in the core: `likelihood_detector` feeds it, `budget` sets its
-thresholds, `reason` names why a packet is refused. The core says where a marker is, too;
-`placement` makes a detection of that, and `place` gives the pose. The paper's method is in `paper`.
+The default method decides in the core: `likelihood_detector` feeds it and names why a packet is
+refused, `budget` sets its thresholds. The core says where a marker is, too; `placement` makes a
+detection of that, and `place` gives the pose. The paper's method is in `paper`.
 """
 
 from retrolidar_ros.detector.detection import Detection, Detector, DetectorCounts

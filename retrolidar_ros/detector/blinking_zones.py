@@ -23,6 +23,8 @@ BLINKING_DB = 3.0
 """A zone of less is not said to blink: noise alone may reach it."""
 LEAST_FRAMES = 64
 """Frames that a bit period is estimated from."""
+CAPTURED = 0.03
+"""A detector looks for bit periods so near to its bit_period."""
 # A bit is sought that lasts so many frames at most; there is no line where it lasts less than two.
 _MOST_FRAMES = 9
 # A line of noise is 1 high on average; this is less than what one in thousands of them reaches.
@@ -31,7 +33,6 @@ _WEAKEST_FIRST = 0.1  # of the strongest of its lines is the first one of a true
 _APART = 0.03
 _CANDIDATES = 4
 _LEAST_FRAMES_A_BIT = 1.9
-_CAPTURED = 0.03  # a detector looks for bit periods so near to its bit_period
 _MOST_NAMED = 4
 _FLAT = 0.15
 LOW_CONTRAST = (
@@ -170,7 +171,7 @@ def clock_mismatch(periods: tuple[Period, ...], bit_period_s: float) -> str:
     if not periods or periods[0].strength < _SURE:
         return ''
     found_s = periods[0].bit_period_s
-    if abs(found_s / bit_period_s - 1) <= _CAPTURED:
+    if abs(found_s / bit_period_s - 1) <= CAPTURED:
         return ''
     return (
         f'bits of {1e3 * found_s:.1f} ms, not of {1e3 * bit_period_s:.1f} ms: '

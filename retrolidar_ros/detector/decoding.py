@@ -23,7 +23,7 @@ from retrolidar_ros.detector.blinking_zones import (
 from retrolidar_ros.detector.detection import Detection, Detector
 from retrolidar_ros.detector.likelihood_detector import Candidate, LikelihoodDetector
 from retrolidar_ros.detector.noise import NoiseLaw
-from retrolidar_ros.detector.settings import detector_of, known_markers, registered
+from retrolidar_ros.detector.settings import detector_of, known_markers, noise_of, registered
 from retrolidar_ros.marker.code import PACKET_BITS
 from retrolidar_ros.sensor.frame import Floats, Frame, Recording, Status, valid_samples
 
@@ -78,10 +78,7 @@ class Decoding:
     def blinking(self) -> tuple[Recording, list[BlinkingZone], float]:
         """Return the newest frames, their zones that blink, and the noise against the law."""
         recording = Recording.of(list(self._newest))
-        values = self.values
-        light = max(float(np.nanmean(recording.ambient)), 0.0)
-        law = NoiseLaw(values['noise_floor'], values['noise_slope'], values['noise_ambient'])
-        law = law.lit(light)
+        law = noise_of(self.values).lit(recording.ambient)
         scale = _noise_scale(recording, law)
         if scale > 1:
             law = NoiseLaw(law.floor * scale, law.slope * scale, 0.0)

@@ -61,7 +61,10 @@ class DetectorCounts:
 
 
 class Detector(Protocol):
-    """The interface of every method: frames in, detections out."""
+    """The interface of every method: frames in, detections out.
+
+    Both updates raise ValueError for frames of another zone grid than the detector's.
+    """
 
     @property
     def counts(self) -> DetectorCounts:

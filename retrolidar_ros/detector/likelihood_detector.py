@@ -10,23 +10,50 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Mapping
-from typing import Any, NamedTuple
+from enum import Enum
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from retrolidar_ros.core import ffi, lib
+from retrolidar_ros.core import array, ffi, lib
 from retrolidar_ros.detector.budget import demands
 from retrolidar_ros.detector.detection import Detection, DetectorCounts, check_grid
 from retrolidar_ros.detector.noise import NoiseLaw
-from retrolidar_ros.detector.placement import USUAL, Optics, Placer
-from retrolidar_ros.detector.reason import REASONS, Reason
+from retrolidar_ros.detector.placement import Optics, Placer
 from retrolidar_ros.marker.code import IDS, RESERVED_IDS, check_ids
 from retrolidar_ros.marker.known_markers import MARKER_SIZE_M
 from retrolidar_ros.sensor.frame import Frame, Recording, ZoneGrid
 
 # Capacity in frames: eight packets at two frames a bit, or one at more than thirty.
 _LEAST_HELD = 1100
+
+
+class Reason(str, Enum):
+    """Why a candidate is refused, as diagnostics and tables name it."""
+
+    EVIDENCE = 'evidence'
+    """Noise and a wandering level explain the samples nearly as well."""
+    NOT_A_WORD = 'not a word'
+    """Another sequence of bits, which is no packet, explains them much better."""
+    MARGIN = 'margin'
+    """A packet of another ID explains them nearly as well."""
+    INCOMPLETE = 'incomplete'
+    """The packet may not have ended yet."""
+    ERASED = 'erased'
+    """Too few of its samples are valid."""
+    DISTANCE = 'distance'
+    """It was read, but no distance was measured."""
+
+
+_REASONS = {
+    int(lib.RL_EVIDENCE): Reason.EVIDENCE,
+    int(lib.RL_NOT_A_WORD): Reason.NOT_A_WORD,
+    int(lib.RL_MARGIN): Reason.MARGIN,
+    int(lib.RL_INCOMPLETE): Reason.INCOMPLETE,
+    int(lib.RL_ERASED): Reason.ERASED,
+}
+"""By their numbers in the core."""
 
 
 class Candidate(NamedTuple):
@@ -48,31 +75,6 @@ class Candidate(NamedTuple):
     """[nats]"""
 
 
-class _OneFrame:
-    """Memory that the core takes one frame from."""
-
-    def __init__(self, zones: int) -> None:
-        self._stamp_ns = np.empty(1, dtype=np.int64)
-        self._signal, self._distance, self._ambient = np.empty((3, zones), dtype=np.float32)
-        self._status = np.empty(zones, dtype=np.uint8)
-        self.pointers = (
-            ffi.from_buffer('int64_t[]', self._stamp_ns),
-            *(
-                ffi.from_buffer('float[]', array)
-                for array in (self._signal, self._distance, self._ambient)
-            ),
-            ffi.from_buffer('uint8_t[]', self._status),
-        )
-
-    def fill(self, frame: Frame) -> None:
-        """Copy a frame."""
-        self._stamp_ns[0] = frame.stamp_ns
-        self._signal[:] = frame.signal
-        self._distance[:] = frame.distance
-        self._ambient[:] = frame.ambient
-        self._status[:] = frame.status
-
-
 class LikelihoodDetector:
     """Reads markers in all zones at once, frame by frame or many frames at a time."""
 
@@ -86,28 +88,9 @@ class LikelihoodDetector:
         registered_ids: ArrayLike | None,
         noise: NoiseLaw,
         sizes_m: Mapping[int, float],
-        optics: Optics = USUAL,
+        optics: Optics,
     ) -> None:
-        """Prepare for frames of `grid`.
-
-        Parameters
-        ----------
-        grid : ZoneGrid
-        bit_period_s : float
-            How long a marker holds a bit, to 3 % [s].
-        false_ids_per_hour : float
-            Budget of false IDs, over all zones.
-        max_packets : int
-            How many packets of a repeating marker may be combined.
-        registered_ids : array of int, optional
-            The only IDs that are read.
-        noise : NoiseLaw
-            Of the sensor, to a factor of 8.
-        sizes_m : mapping
-            Edges of markers by their IDs [m]; others have the default size.
-        optics : Optics
-            Where this sensor departs from the usual one.
-        """
+        """Prepare for frames of `grid`; parameters as of `create_detector`."""
         self.candidates: list[Candidate] = []
         """Candidates judged in the latest update."""
         self._grid = grid
@@ -131,19 +114,17 @@ class LikelihoodDetector:
                 **self.demands._asdict(),
             },
         )
-        numbers = ids.astype(np.uint16)
-        core = lib.rl_detector_create(settings, ffi.from_buffer('uint16_t[]', numbers), len(ids))
+        core = lib.rl_detector_create(settings, array('uint16_t', ids), len(ids))
         if core == ffi.NULL:
             raise MemoryError('no memory for the samples of the detector')
         self._core = ffi.gc(core, lib.rl_detector_destroy)
-        self._frame = _OneFrame(grid.zones)
         self._placer = Placer(self._core, grid, optics)
 
     @property
     def counts(self) -> DetectorCounts:
         """Candidates by outcome so far."""
         counts = lib.rl_detector_counts(self._core)
-        refused = {reason: counts.refused[number] for number, reason in REASONS.items()}
+        refused = {reason: counts.refused[number] for number, reason in _REASONS.items()}
         refused[Reason.DISTANCE] = self._unplaced
         return DetectorCounts(
             candidates=counts.candidates,
@@ -154,45 +135,25 @@ class LikelihoodDetector:
         )
 
     def update(self, frame: Frame) -> list[Detection]:
-        """Take the next frame; return the detections that became certain with it.
-
-        Raises
-        ------
-        ValueError
-            If the frame has another zone grid than the detector.
-        """
-        check_grid(frame.grid, self._grid)
-        self._frame.fill(frame)
-        self.candidates = []
-        lib.rl_detector_push(self._core, 1, *self._frame.pointers)
-        return self._take() if lib.rl_detector_candidates(self._core) else []
+        """Take the next frame; return the detections that became certain with it."""
+        return self._push(frame, np.array([frame.stamp_ns]))
 
     def update_all(self, recording: Recording) -> list[Detection]:
-        """Take many frames, faster than one by one.
+        """Take many frames, faster than one by one."""
+        return self._push(recording, recording.stamp_ns)
 
-        Raises
-        ------
-        ValueError
-            If the frames have another zone grid than the detector.
-        """
-        check_grid(recording.grid, self._grid)
-        zones = self._grid.zones
-        stamps = _pointer('int64_t[]', recording.stamp_ns, np.int64)
-        values = (recording.signal, recording.distance, recording.ambient)
-        arrays = [_pointer('float[]', array, np.float32) for array in values]
-        statuses = _pointer('uint8_t[]', recording.status, np.uint8)
+    def _push(self, frames: Frame | Recording, stamp_ns: NDArray[np.int64]) -> list[Detection]:
+        """Give frames to the core, which returns early where it has judged something."""
+        check_grid(frames.grid, self._grid)
+        stamps = array('int64_t', stamp_ns)
+        values = [array('float', one) for one in (frames.signal, frames.distance, frames.ambient)]
+        values.append(array('uint8_t', frames.status))
         detections: list[Detection] = []
         self.candidates = []
-        taken, frames = 0, len(recording)
-        while taken < frames:
-            at = taken * zones
-            taken += lib.rl_detector_push(
-                self._core,
-                frames - taken,
-                stamps + taken,
-                *(array + at for array in arrays),
-                statuses + at,
-            )
+        taken, count = 0, len(stamp_ns)
+        while taken < count:
+            left = (one + taken * self._grid.zones for one in values)
+            taken += lib.rl_detector_push(self._core, count - taken, stamps + taken, *left)
             if lib.rl_detector_candidates(self._core):
                 detections += self._take()
         return detections
@@ -202,13 +163,12 @@ class LikelihoodDetector:
         held = lib.rl_detector_held(self._core)
         for index in range(lib.rl_detector_candidates(self._core)):
             judged = lib.rl_detector_candidate(self._core, index)
-            reason = REASONS.get(judged.reason)
             self.candidates.append(
                 Candidate(
                     id=judged.id,
                     zone=judged.source,
                     packets=judged.packets,
-                    reason=reason,
+                    reason=_REASONS.get(judged.reason),
                     start_ns=held.origin_ns + round(judged.start_s * 1e9),
                     bit_period_s=judged.bit_s,
                     evidence=judged.evidence,
@@ -241,8 +201,3 @@ def usable_ids(registered_ids: ArrayLike | None) -> NDArray[np.int64]:
     if not len(ids):
         raise ValueError('registered_ids holds no usable ID (0 and 4095 cannot be read)')
     return ids
-
-
-def _pointer(kind: str, values: NDArray[Any], dtype: type) -> Any:
-    """Return a pointer to values, copied only if their layout is another."""
-    return ffi.from_buffer(kind, np.ascontiguousarray(values, dtype=dtype))

@@ -7,6 +7,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from retrolidar_ros.sensor.frame import Floats
 
@@ -34,9 +35,11 @@ class NoiseLaw:
                 'floor must be positive and the others not negative'
             )
 
-    def lit(self, ambient: float) -> NoiseLaw:
-        """Return the law at an ambient light [kcps/SPAD], whose noise is added to the floor."""
-        return NoiseLaw(self.floor + self.ambient * ambient, self.slope, 0.0)
+    def lit(self, ambient: ArrayLike) -> NoiseLaw:
+        """Return the law at the mean of ambient light [kcps/SPAD], whose noise joins the floor."""
+        light = np.asarray(ambient, dtype=np.float64)
+        mean = float(np.where(np.isfinite(light) & (light > 0), light, 0.0).mean())
+        return NoiseLaw(self.floor + self.ambient * mean, self.slope, 0.0)
 
     def variance(self, signal: Floats) -> Floats:
         """Return the variance [(kcps/SPAD)²] at signals [kcps/SPAD] of any shape."""

@@ -10,11 +10,11 @@ from itertools import pairwise
 import numpy as np
 
 from retrolidar_ros.detector.blinking import Samples, modulation_db
-from retrolidar_ros.detector.blinking_zones import bit_periods
+from retrolidar_ros.detector.blinking_zones import CAPTURED, bit_periods
 from retrolidar_ros.detector.detection import Detection
 from retrolidar_ros.detector.noise import NoiseLaw
 from retrolidar_ros.marker.code import PACKET_BITS
-from retrolidar_ros.sensor.frame import Floats, Frame, Recording, ZoneGrid
+from retrolidar_ros.sensor.frame import Frame, Recording, ZoneGrid
 from retrolidar_ros.sensor.frame_rate import RATE_FRAMES, missing_frames, rate_mismatch
 
 _KEPT = 256
@@ -23,7 +23,6 @@ _LEAST_KEPT = 128
 _CLEARLY_DB = 6.0
 # Lines of a spectrum that are no chance.
 _CLOCKED = 12.0
-_CAPTURED = 0.03  # a detector looks for bit periods so near to its bit_period
 # For so long a zone may blink unread by other bits, and for so many packets by the right ones: a
 # detector combines eight.
 _PATIENCE_S = 4.0
@@ -110,31 +109,19 @@ class Reception:
         if abs(self._kept[-1].stamp_ns - self._looked_ns) < _LOOKING_S * 1e9:
             return self._unread
         self._looked_ns = self._kept[-1].stamp_ns
+        self._unread = self._look(law, bit_period_s, all_come=all_come)
+        return self._unread
+
+    def _look(self, law: NoiseLaw, bit_period_s: float, *, all_come: bool) -> str:
+        """Return why the strongest zone that has waited for long enough is not read."""
         recording = Recording.of(list(self._kept))
         samples = Samples.of(recording)
-        ambient = float(np.nanmean(np.where(np.isfinite(recording.ambient), recording.ambient, 0)))
-        blinking = modulation_db(samples, law.lit(max(ambient, 0.0)))
-        now_ns = int(recording.stamp_ns[-1])
+        blinking = modulation_db(samples, law.lit(recording.ambient))
+        now_ns = self._looked_ns
         # Stamps may go back, where a bag is played again.
         quiet = ~(blinking >= _CLEARLY_DB) | (self._explained_ns > now_ns)
         self._explained_ns[quiet] = now_ns
         waited_s = (now_ns - self._explained_ns) * 1e-9
-        self._unread = self._cause(
-            recording, samples, blinking, waited_s, bit_period_s, all_come=all_come
-        )
-        return self._unread
-
-    def _cause(
-        self,
-        recording: Recording,
-        samples: Samples,
-        blinking: Floats,
-        waited_s: Floats,
-        bit_period_s: float,
-        *,
-        all_come: bool,
-    ) -> str:
-        """Return the cause of the strongest zone that has waited for long enough."""
         for zone in np.argsort(-blinking):
             if waited_s[zone] < _PATIENCE_S:
                 continue
@@ -144,7 +131,7 @@ class Reception:
             if not periods:
                 continue
             text = f'zone {zone} blinks by {blinking[zone]:.0f} dB and is not read: '
-            near = [p for p in periods if abs(p.bit_period_s / bit_period_s - 1) <= _CAPTURED]
+            near = [p for p in periods if abs(p.bit_period_s / bit_period_s - 1) <= CAPTURED]
             if not near:
                 bit_s, before_s = periods[0].bit_period_s, self._suspected_s
                 self._suspected_s = bit_s

@@ -39,13 +39,6 @@ def quaternion_of(matrix: Floats) -> Floats:
     return quaternion
 
 
-def product(first: Floats, second: Floats) -> Floats:
-    """Return the quaternion that turns by `second`, then by `first`; shapes (4,)."""
-    u, v = first[:3], second[:3]
-    vector = first[3] * v + second[3] * u + np.cross(u, v)
-    return np.append(vector, first[3] * second[3] - u @ v)
-
-
 def matrix_of_turn(turn: Floats) -> Floats:
     """Return the rotation matrix of a rotation vector, shape (3,) [rad] (Rodrigues)."""
     angle = max(float(np.linalg.norm(turn)), 1e-12)

@@ -25,8 +25,7 @@ from retrolidar_ros.cli.watch_view import (
 )
 from retrolidar_ros.detector.blinking import NewestBits
 from retrolidar_ros.detector.budget import Demands
-from retrolidar_ros.detector.likelihood_detector import Candidate
-from retrolidar_ros.detector.reason import Reason
+from retrolidar_ros.detector.likelihood_detector import Candidate, Reason
 from retrolidar_ros.marker.code import PACKET_BITS, packet
 from retrolidar_ros.scene import Simulation
 from retrolidar_ros.sensor.frame import ZoneGrid

@@ -7,10 +7,10 @@ import pytest
 from harness_frames import recording_of
 
 from retrolidar_ros.core import lib
+from retrolidar_ros.detector import create_detector
 from retrolidar_ros.detector.likelihood_detector import LikelihoodDetector
-from retrolidar_ros.detector.methods import MAX_PACKETS
 from retrolidar_ros.detector.noise import NoiseLaw
-from retrolidar_ros.marker.code import BIT_PERIOD_S, packet
+from retrolidar_ros.marker.code import packet
 from retrolidar_ros.sensor.frame import Floats, Status, ZoneGrid
 
 GRID = ZoneGrid()
@@ -25,15 +25,8 @@ def rng() -> np.random.Generator:
 
 def learnt_scale(signal: Floats, status: Status = Status.VALID) -> float:
     """Return by how much noisier than the law the core takes the sensor for."""
-    detector = LikelihoodDetector(
-        GRID,
-        bit_period_s=BIT_PERIOD_S,
-        false_ids_per_hour=0.1,
-        max_packets=MAX_PACKETS,
-        registered_ids=None,
-        noise=LAW,
-        sizes_m={},
-    )
+    detector = create_detector('joint', GRID)
+    assert isinstance(detector, LikelihoodDetector)
     stamp_ns = 21_000_000 * np.arange(len(signal))
     detector.update_all(recording_of(stamp_ns, np.maximum(signal, 0.0), status=status))
     return float(lib.rl_detector_held(detector._core).noise_scale)

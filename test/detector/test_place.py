@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from evaluation.experiments import place as experiment
 from retrolidar_ros.core import ffi, lib
 from retrolidar_ros.detector.place import Bearing, facing_sensor, place, zone_bearing
-from retrolidar_ros.detector.ranging import modulated_depth
+from retrolidar_ros.detector.placement import modulated_depth
 from retrolidar_ros.scene.optics import zone_shares
 from retrolidar_ros.sensor.frame import Floats, ZoneGrid
 

@@ -9,7 +9,7 @@ import pytest
 from diagnostic_msgs.msg import DiagnosticStatus
 from harness_nodes import System, running, values_of
 
-from retrolidar_ros.detector.reason import Reason
+from retrolidar_ros.detector.likelihood_detector import Reason
 
 FRAMES = ('-r', 'frames:=/reports/frames')
 

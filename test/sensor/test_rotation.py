@@ -6,18 +6,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from retrolidar_ros.sensor.frame import Floats
-from retrolidar_ros.sensor.rotation import (
-    matrix_of,
-    matrix_of_turn,
-    product,
-    quaternion_of,
-    turn_of,
-)
+from retrolidar_ros.sensor.rotation import matrix_of, matrix_of_turn, quaternion_of, turn_of
 
 EXACT = 1e-12
-NOTHING = np.array([0.0, 0.0, 0.0, 1.0])
-
-vectors = st.tuples(*[st.floats(-5, 5)] * 3).map(np.array)
 
 
 def unit(values: tuple[float, ...]) -> Floats:
@@ -76,26 +67,6 @@ def test_noise_on_a_matrix_moves_its_quaternion_as_little(quaternion: Floats, se
     noise = 1e-6 * np.random.default_rng(seed).standard_normal((3, 3))
     found = quaternion_of(matrix_of(quaternion) + noise)
     assert abs(found @ quaternion) > 1 - 1e-10
-
-
-@given(quaternions, quaternions, quaternions)
-def test_products_are_those_of_the_matrices(first: Floats, second: Floats, third: Floats) -> None:
-    both = product(first, second)
-    assert np.linalg.norm(both) == pytest.approx(1)
-    assert matrix_of(both) == pytest.approx(matrix_of(first) @ matrix_of(second), abs=1e-9)
-    assert product(both, third) == pytest.approx(product(first, product(second, third)), abs=EXACT)
-
-
-@given(quaternions, vectors)
-def test_a_turn_is_undone_and_turns_a_vector(quaternion: Floats, vector: Floats) -> None:
-    reverse = quaternion * [-1, -1, -1, 1]
-    assert product(quaternion, reverse) == pytest.approx(NOTHING, abs=EXACT)
-    assert product(quaternion, NOTHING) == pytest.approx(quaternion)
-    assert product(NOTHING, quaternion) == pytest.approx(quaternion)
-    assert matrix_of(NOTHING).tolist() == np.eye(3).tolist()
-    assert matrix_of(reverse) == pytest.approx(matrix_of(quaternion).T, abs=EXACT)
-    turned = product(product(quaternion, np.append(vector, 0.0)), reverse)
-    assert turned == pytest.approx(np.append(matrix_of(quaternion) @ vector, 0.0), abs=1e-9)
 
 
 @given(axis=quaternions, angle=st.floats(0, np.pi - 1e-3))

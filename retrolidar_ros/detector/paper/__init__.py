@@ -4,11 +4,9 @@
 
 One stage a file: `samples` keeps the samples, `baseline` estimates the silent level, `preamble`
 finds starts, `demodulation` turns samples into bits, and `detector` composes them. Its head lists
-what the paper leaves open and how that is decided here. Only the likelihood of a preamble is shared
-with the default method, which reports it, too.
+what the paper leaves open and how that is decided here.
 """
 
 from retrolidar_ros.detector.paper.detector import LIKELIHOOD_THRESHOLD, PaperDetector
-from retrolidar_ros.detector.paper.preamble import fit_preamble
 
-__all__ = ['LIKELIHOOD_THRESHOLD', 'PaperDetector', 'fit_preamble']
+__all__ = ['LIKELIHOOD_THRESHOLD', 'PaperDetector']

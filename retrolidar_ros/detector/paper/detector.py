@@ -48,16 +48,11 @@ from numpy.typing import NDArray
 from retrolidar_ros.detector.detection import Detection, DetectorCounts, check_grid
 from retrolidar_ros.detector.paper.baseline import silent_level
 from retrolidar_ros.detector.paper.demodulation import PACKET_SAMPLES, fit_packets, threshold_bits
-from retrolidar_ros.detector.paper.preamble import (
-    PREAMBLE_SAMPLES,
-    SAMPLES_PER_BIT,
-    PreambleFit,
-    fit_preamble,
-)
+from retrolidar_ros.detector.paper.preamble import PREAMBLE_SAMPLES, SAMPLES_PER_BIT, fit_preamble
 from retrolidar_ros.detector.paper.samples import SampleRing
 from retrolidar_ros.detector.place import place, zone_bearing
 from retrolidar_ros.marker.code import PREAMBLE, RESERVED_IDS, decode
-from retrolidar_ros.sensor.frame import Floats, Frame, Recording, ZoneGrid
+from retrolidar_ros.sensor.frame import Frame, Recording, ZoneGrid
 
 # The paper does not give its threshold. With this one the bare wall of the reference scene shows
 # false starts about as often as paper Fig. 8c has them; a higher one reads less far.
@@ -79,18 +74,7 @@ class PaperDetector:
         likelihood_threshold: float,
         registered_ids: NDArray[np.int64],
     ) -> None:
-        """Prepare for frames of `grid`.
-
-        Parameters
-        ----------
-        grid : ZoneGrid
-        bit_period_s : float
-            How long a marker holds a bit [s].
-        likelihood_threshold : float
-            Least likelihood of a preamble.
-        registered_ids : array of int, shape (ids,)
-            The only IDs that are read.
-        """
+        """Prepare for frames of `grid`; parameters as of `create_detector`."""
         self.counts = DetectorCounts()
         self._grid = grid
         self._threshold = likelihood_threshold
@@ -112,22 +96,9 @@ class PaperDetector:
         self._start = np.zeros(zones, dtype=np.int64)
         self._c = np.zeros(zones)
         self._d = np.zeros(zones)
-        self.newest = PreambleFit(np.zeros(zones), np.zeros(zones), np.zeros(zones))
-        """How well a preamble fits that ends with the newest sample."""
-
-    @property
-    def silent(self) -> Floats:
-        """The DC offset d in use [kcps/SPAD], shape (zones,)."""
-        return self._d.copy()
 
     def update(self, frame: Frame) -> list[Detection]:
-        """Take the next frame; return the detections that became certain with it.
-
-        Raises
-        ------
-        ValueError
-            If the frame has another zone grid than the detector.
-        """
+        """Take the next frame; return the detections that became certain with it."""
         check_grid(frame.grid, self._grid)
         detections = []
         for count, stamp_ns in self._ring.push(frame):
@@ -138,13 +109,7 @@ class PaperDetector:
         return detections
 
     def update_all(self, recording: Recording) -> list[Detection]:
-        """Take many frames, one after the other.
-
-        Raises
-        ------
-        ValueError
-            If the frames have another zone grid than the detector.
-        """
+        """Take many frames, one after the other."""
         return [detection for frame in recording for detection in self.update(frame)]
 
     def _advance(self, count: int, stamp_ns: int) -> list[Detection]:
@@ -156,7 +121,6 @@ class PaperDetector:
         history = self._ring.signal(min(start, PACKET_SAMPLES), before=PREAMBLE_SAMPLES)
         self._d[idle] = silent_level(history[:, idle])
         fit = fit_preamble(self._ring.signal(PREAMBLE_SAMPLES), self._d)
-        self.newest = fit
         likely = fit.likelihood >= self._threshold
         if likely.any():
             better = likely & (fit.likelihood > self._likelihood)

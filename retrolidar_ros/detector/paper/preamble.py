@@ -13,7 +13,8 @@ from retrolidar_ros.sensor.frame import Floats
 
 SAMPLES_PER_BIT = 2  # the marker sends at half the frame rate (paper §3.4)
 PREAMBLE_SAMPLES = SAMPLES_PER_BIT * len(PREAMBLE)
-PREAMBLE_TEMPLATE: Floats = np.repeat(PREAMBLE, SAMPLES_PER_BIT).astype(np.float64)
+_TEMPLATE: Floats = np.repeat(PREAMBLE, SAMPLES_PER_BIT).astype(np.float64)
+"""The paper's p."""
 
 
 class PreambleFit(NamedTuple):
@@ -26,7 +27,7 @@ class PreambleFit(NamedTuple):
     likelihood: Floats
 
 
-def fit_preamble(signal: Floats, d: Floats, template: Floats = PREAMBLE_TEMPLATE) -> PreambleFit:
+def fit_preamble(signal: Floats, d: Floats) -> PreambleFit:
     """Fit the preamble to samples and return the likelihood that it begins with the first one.
 
     The equations of paper §3.5, unnumbered there, in their order::
@@ -39,12 +40,10 @@ def fit_preamble(signal: Floats, d: Floats, template: Floats = PREAMBLE_TEMPLATE
 
     Parameters
     ----------
-    signal : array, shape (samples, zones)
+    signal : array, shape (14, zones)
         The cropped sequence I [kcps/SPAD].
     d : array, shape (zones,)
         DC offset: the signal while the marker does not transmit [kcps/SPAD].
-    template : array, shape (samples,)
-        The paper's p; of 14 samples in step with the bits unless given.
 
     Returns
     -------
@@ -52,8 +51,8 @@ def fit_preamble(signal: Floats, d: Floats, template: Floats = PREAMBLE_TEMPLATE
         Likelihood 0 where d is 0: nothing is received there.
     """
     s = signal - d
-    c = template @ s / max(float(template @ template), 1e-9)
-    residual = s - template[:, None] * c
+    c = _TEMPLATE @ s / (_TEMPLATE @ _TEMPLATE)
+    residual = s - _TEMPLATE[:, None] * c
     e = np.sqrt(np.einsum('tz,tz->z', residual, residual))
     likelihood = np.divide(c * c, (e + 1) * d, out=np.zeros_like(d), where=d > 0)
     return PreambleFit(c, e, likelihood)
