@@ -52,6 +52,15 @@ def declarations(header: str, known: set[str]) -> str:
     )
 
 
+def bind_core(directories: pytest.TempPathFactory, *headers: str) -> tuple[Any, Any]:
+    """Return all that headers declare: memory for it, and the functions."""
+    ffi: Any = pytest.importorskip('cffi').FFI()
+    known: set[str] = set()
+    for name in headers:
+        ffi.cdef(declarations(f'retrolidar_{name}.h', known))
+    return ffi, ffi.dlopen(str(compile_core('core.so', directories)))
+
+
 class Rows(NamedTuple):
     """What the core holds of a source, each field of shape (rows,)."""
 
@@ -83,12 +92,7 @@ class Statistics:
 
     def __init__(self, directories: pytest.TempPathFactory) -> None:
         """Compile it."""
-        cffi = pytest.importorskip('cffi')
-        self.ffi: Any = cffi.FFI()
-        known: set[str] = set()
-        for name in ('decide', 'track'):
-            self.ffi.cdef(declarations(f'retrolidar_{name}.h', known))
-        self.lib: Any = self.ffi.dlopen(str(compile_core('core.so', directories)))
+        self.ffi, self.lib = bind_core(directories, 'decide', 'track')
         self.samples = self.ffi.new('struct rl_samples *')
         self.window = self.ffi.new('struct rl_window *')
         self.codebook = self.ffi.new('struct rl_codebook *')

@@ -9,8 +9,6 @@ import os
 import re
 import shutil
 import subprocess
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, NamedTuple, TypeAlias
 
@@ -18,8 +16,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from retrolidar_ros.marker.code import IDS, PACKET_BITS
-from retrolidar_ros.sensor.frame import Frame, Status
+from retrolidar_ros.sensor.frame import Frame
 from retrolidar_ros.sensor.wire import FrameReader
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -81,54 +78,6 @@ def run_host(program: Path, *arguments: object, given: str = '', **environment: 
     )
     assert not ended.stderr, ended.stderr.decode()
     return ended.stdout
-
-
-class Core:
-    """A process that answers questions to the core."""
-
-    def __init__(self, process: subprocess.Popen[str]) -> None:
-        assert process.stdin is not None
-        assert process.stdout is not None
-        self._questions, self._answers = process.stdin, process.stdout
-
-    def ask(self, *words: object) -> str:
-        """Return the answer to one question."""
-        print(*words, file=self._questions, flush=True)
-        answer = self._answers.readline()
-        assert answer, 'the core has crashed; see the standard error output'
-        return answer.rstrip('\n')
-
-    def packets(self) -> IntArray:
-        """Return the packets of all IDs as bits, shape (4096, 31)."""
-        numbers = np.array([int(self.ask('packet', number)) for number in range(IDS)])
-        shifts = np.arange(PACKET_BITS - 1, -1, -1)
-        bits: IntArray = (numbers[:, None] >> shifts & 1).astype(np.uint8)
-        return bits
-
-    def encode(
-        self, raw: RawFrame, capacity: int | None = None, targets: IntArray | None = None
-    ) -> bytes:
-        """Return a frame as the core puts it on the line."""
-        if targets is None:
-            targets = raw.status != Status.NO_TARGET
-        if capacity is None:
-            capacity = int(self.ask('capacity', raw.zones))
-        # The program reads no minus signs.
-        columns = (targets, raw.distance.astype(int) + 2**15, raw.signal, raw.ambient, raw.status)
-        words = np.stack([column.astype(np.int64) for column in columns], axis=1).ravel()
-        answer = self.ask('frame', raw.sequence, raw.time_us, raw.rows, capacity, *words)
-        return bytes.fromhex(answer)
-
-
-@contextmanager
-def asked(program: Path) -> Iterator[Core]:
-    """Run a program that answers questions; a leak shows only at its end, by its exit code."""
-    pipe = subprocess.PIPE
-    with subprocess.Popen([program], stdin=pipe, stdout=pipe, text=True) as process:
-        yield Core(process)
-        assert process.stdin is not None
-        process.stdin.close()
-        assert process.wait(TIME_LIMIT_S) == 0
 
 
 class RawFrame(NamedTuple):

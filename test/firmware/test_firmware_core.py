@@ -1,24 +1,24 @@
 # Copyright 2026 retrolidar_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""The core in C, compiled with sanitizers, against the package, byte for byte."""
+"""What firmware calls of the core in C, against the package, byte for byte."""
+
+from __future__ import annotations
 
 import json
 import re
 import subprocess
-from collections.abc import Iterator
 from pathlib import Path
 from struct import pack
+from typing import Any
 
 import numpy as np
 import pytest
+from harness_core import bind_core
 from harness_firmware import (
     FIRMWARE,
-    Core,
     IntArray,
     RawFrame,
-    asked,
     assert_same_zones,
-    compile_firmware,
     make,
     need,
     read_line,
@@ -29,7 +29,7 @@ from hypothesis import strategies as st
 
 from retrolidar_ros.bag import FrameWriter
 from retrolidar_ros.cli import main as cli
-from retrolidar_ros.marker.code import IDS, RESERVED_IDS, packet
+from retrolidar_ros.marker.code import IDS, PACKET_BITS, RESERVED_IDS, packet
 from retrolidar_ros.marker.wakeup import NOISE_V, REACH_M, THRESHOLD_V, voltage_v
 from retrolidar_ros.scene import Simulation, transmission
 from retrolidar_ros.scene.files import load_scene
@@ -41,24 +41,72 @@ Output = pytest.CaptureFixture[str]
 TICKS_PER_BIT = 84
 
 
+class Core:
+    """The functions that firmware calls."""
+
+    def __init__(self, directories: pytest.TempPathFactory) -> None:
+        """Compile it."""
+        names = ('command', 'drive', 'packet', 'wakeup', 'wire')
+        self.ffi, self.lib = bind_core(directories, *names)
+
+    def encode(
+        self, raw: RawFrame, capacity: int | None = None, targets: IntArray | None = None
+    ) -> bytes:
+        """Return a frame as the core puts it on the line."""
+        if targets is None:
+            targets = raw.status != Status.NO_TARGET
+        columns = (targets, raw.distance, raw.signal, raw.ambient, raw.status)
+        zones = [self.lib.rl_zone_of(*map(int, zone)) for zone in zip(*columns, strict=True)]
+        return self.put(raw.sequence, raw.time_us, raw.rows, zones, capacity)
+
+    def put(
+        self, sequence: int, time_us: int, rows: int, zones: list[Any], capacity: int | None = None
+    ) -> bytes:
+        """Write a frame of any shape; what lies beyond the capacity must stay as it is."""
+        held = self.ffi.new('struct rl_zone[]', zones)
+        frame = self.ffi.new('struct rl_frame *', (sequence, time_us, rows, held))
+        room = capacity_of(len(zones)) if capacity is None else capacity
+        line = bytearray(b'\xa5' * (room + 8))
+        count = self.lib.rl_wire_encode(frame, self.ffi.from_buffer('uint8_t[]', line), room)
+        assert count <= room
+        assert line[room:] == b'\xa5' * 8
+        return bytes(line[:count])
+
+    def driven(self, marker_id: int, packets: int, ticks: int) -> str | None:
+        """Return the states of the electrodes at each tick; None if they are refused."""
+        state = self.ffi.new('struct rl_drive *')
+        if not self.lib.rl_drive_start(state, marker_id, packets, ticks):
+            return None
+        states = ''
+        electrodes = self.lib.rl_drive_tick(state)
+        while state.busy:
+            assert not self.lib.rl_drive_start(state, marker_id, 1, 2)
+            states += '0+-'[electrodes]
+            electrodes = self.lib.rl_drive_tick(state)
+        assert electrodes == self.lib.rl_drive_tick(state) == self.lib.RL_SHORTED
+        assert not state.busy
+        return states
+
+
 @pytest.fixture(scope='module')
-def core(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Core]:
-    with asked(compile_firmware(tmp_path_factory) / 'core_host') as core:
-        yield core
+def core(tmp_path_factory: pytest.TempPathFactory) -> Core:
+    return Core(tmp_path_factory)
 
 
 def test_all_packets_are_those_of_the_code_and_reserved_ids_are_not_usable(core: Core) -> None:
-    np.testing.assert_array_equal(core.packets(), packet(np.arange(IDS)))
-    usable = {number for number in range(IDS + 10) if core.ask('usable', number) == '1'}
+    numbers = np.array([core.lib.rl_packet(number) for number in range(IDS)])
+    bits = numbers[:, None] >> np.arange(PACKET_BITS - 1, -1, -1) & 1
+    np.testing.assert_array_equal(bits, packet(np.arange(IDS)))
+    usable = {number for number in range(IDS + 10) if core.lib.rl_id_is_usable(number)}
     assert usable == set(range(IDS)) - set(RESERVED_IDS)
 
 
 def test_the_command_that_sets_an_id(core: Core) -> None:
-    for line, wanted in {'id 2073': 2073, 'id 1': 1, 'id 0007': 7, 'id 4094': 4094}.items():
-        assert core.ask('command', line) == str(wanted)
+    good = {'id 2073': 2073, 'id 1': 1, 'id 0007': 7, 'id 4094': 4094}
     more = ('id 4294967303', 'id 99999999999999999999999')  # the first is 7 modulo 2^32
-    for line in ('id 4095', 'id 0', 'id', 'id ', '', 'ID 7', 'id 7x', 'id -7', *more):
-        assert core.ask('command', line) == '0', line
+    bad = ('id 4095', 'id 0', 'id', 'id ', '', 'ID 7', 'id 7x', 'id -7', *more)
+    for line, wanted in {**good, **dict.fromkeys(bad, 0)}.items():
+        assert core.lib.rl_command_id(line.encode()) == wanted, line
 
 
 # --- Wire
@@ -111,16 +159,21 @@ def test_a_zone_without_a_target_says_so_whatever_the_driver_left_in_it(core: Co
     assert np.isnan(frame.distance).sum() == 8
 
 
-@pytest.mark.parametrize(('zones', 'rows'), [(16, 4), (64, 8)])
-def test_the_longest_frame_needs_all_of_the_capacity(core: Core, zones: int, rows: int) -> None:
+def capacity_of(zones: int) -> int:
+    """Return the bytes of the longest line: header, zones, checksum, COBS and the delimiter."""
+    content = 15 + 11 * zones + 2
+    return content + content // 254 + 2
+
+
+@pytest.mark.parametrize('zones', [16, 64])
+def test_the_longest_frame_needs_all_of_the_capacity(core: Core, zones: int) -> None:
     full = np.full(zones, 2**32 - 1)  # no zero anywhere: COBS is at its longest
     raw = RawFrame(2**32 - 1, 2**64 - 1, np.full(zones, -1), full, full, np.full(zones, 254))
-    capacity = int(core.ask('capacity', zones))
-    line = core.encode(raw, capacity)
-    assert capacity - 1 <= len(line) <= capacity
+    capacity = capacity_of(zones)
+    assert capacity - 1 <= len(core.encode(raw, capacity)) <= capacity
     assert core.encode(raw, capacity - 1) == b''
     for none in (0, 1, 3, 5, 16, 255):
-        assert core.ask('frame', 1, 1, none, 4096) == ''
+        assert core.put(1, 1, none, [], 4096) == b''
 
 
 @settings(deadline=None)
@@ -129,7 +182,7 @@ def test_a_counter_that_wraps_is_extended(core: Core, start: int, steps: list[in
     true = extended = start
     for step in steps:
         true += step
-        extended = int(core.ask('extend', extended, true % 2**32))
+        extended = core.lib.rl_extend_us(extended, true % 2**32)
         assert extended == true
 
 
@@ -140,13 +193,14 @@ def test_a_counter_that_wraps_is_extended(core: Core, start: int, steps: list[in
 @pytest.mark.parametrize('ticks', [2, 84])
 def test_a_square_wave_drives_every_dark_bit(core: Core, packets: int, ticks: int) -> None:
     for marker_id in (1, 2073, 2047, 4094):
-        driven = core.ask('drive', marker_id, packets, ticks)
+        driven = core.driven(marker_id, packets, ticks)
+        assert driven is not None
         bits = ['0' * ticks, '+-' * (ticks // 2)]
         sent = [bits.index(driven[at : at + ticks]) for at in range(0, len(driven), ticks)]
         np.testing.assert_array_equal(sent, np.tile(packet(marker_id), packets))
-        assert core.ask('drive', marker_id, 0, ticks) == ''
+        assert core.driven(marker_id, 0, ticks) == ''
     for odd in (0, 1, 83):
-        assert core.ask('drive', 2073, 1, odd) == 'refused'
+        assert core.driven(2073, 1, odd) is None
 
 
 # --- Wake-up, on a photodiode's voltage in units of 10 µV and steps of 1 ms
@@ -154,9 +208,21 @@ def test_a_square_wave_drives_every_dark_bit(core: Core, packets: int, ticks: in
 THRESHOLD = round(THRESHOLD_V * 1e5)
 
 
-def woken(core: Core, *levels: object, threshold: int = THRESHOLD, hysteresis: int = 50) -> str:
+SENT = -1
+
+
+def woken(core: Core, *levels: int, threshold: int = THRESHOLD, hysteresis: int = 50) -> str:
     """Return the modes of a marker that sleeps for 99 ms and looks for one, a letter each."""
-    return core.ask('wakeup', 99_000, 1_000, threshold, hysteresis, 1000, *levels)
+    state = core.ffi.new('struct rl_wakeup *')
+    settings = core.ffi.new('struct rl_wakeup_settings *', (99_000, 1_000, threshold, hysteresis))
+    core.lib.rl_wakeup_start(state, settings)
+    modes = (
+        core.lib.rl_wakeup_sent(state)
+        if level == SENT
+        else core.lib.rl_wakeup_step(state, 1000, level)
+        for level in levels
+    )
+    return ''.join('sdt'[mode] for mode in modes)
 
 
 def test_in_the_dark_it_looks_for_a_hundredth_of_the_time(core: Core) -> None:
@@ -188,12 +254,12 @@ def test_hysteresis_keeps_a_marker_awake_that_has_sent(core: Core) -> None:
     below, far_below = THRESHOLD - 10, THRESHOLD - 60
     # It does not wake at a level at which, awake, it goes on.
     assert woken(core, below) == 's'
-    assert woken(core, THRESHOLD, 'S', below, 'S', below) == 'tdtdt'
+    assert woken(core, THRESHOLD, SENT, below, SENT, below) == 'tdtdt'
     # Below the hysteresis it sleeps, and then the full threshold is needed again.
-    slept = woken(core, THRESHOLD, 'S', far_below, *[below] * 101)
+    slept = woken(core, THRESHOLD, SENT, far_below, *[below] * 101)
     assert slept == 'tds' + 's' * 98 + 'd' + 's' * 2
     # A hysteresis above the threshold keeps nothing awake in the dark.
-    assert woken(core, 5, 'S', 0, threshold=5, hysteresis=9) == 'tds'
+    assert woken(core, 5, SENT, 0, threshold=5, hysteresis=9) == 'tds'
 
 
 # --- The whole way
@@ -208,7 +274,8 @@ def test_decode_reads_a_recording_whose_packets_and_bytes_the_core_made(
     pytest.importorskip('rosbags', reason='bags are written with rosbags')
 
     def driven(marker_id: int) -> IntArray:
-        ticks = core.ask('drive', marker_id, 1, TICKS_PER_BIT)
+        ticks = core.driven(marker_id, 1, TICKS_PER_BIT)
+        assert ticks is not None
         dark = [ticks[start] != '0' for start in range(0, len(ticks), TICKS_PER_BIT)]
         return np.array(dark, dtype=np.uint8)
 
