@@ -9,17 +9,9 @@ from harness_frames import recording_of
 from numpy.typing import NDArray
 from oracle import Sending, light
 
-from retrolidar_ros.marker.code import (
-    BIT_PERIOD_S,
-    IDS,
-    PACKET_BITS,
-    PREAMBLE,
-    RESERVED_IDS,
-    packet,
-)
+from retrolidar_ros.marker.code import BIT_PERIOD_S, PACKET_BITS, PREAMBLE, packet
+from retrolidar_ros.marker.dictionary import USABLE_IDS
 from retrolidar_ros.sensor.frame import Floats
-
-USABLE = np.setdiff1d(np.arange(IDS), RESERVED_IDS)
 
 
 @pytest.fixture(scope='module')
@@ -114,7 +106,7 @@ def energies(own: float, adjacent: float, smooth: Floats, ids: NDArray[np.int64]
 @pytest.mark.parametrize('registered', [4094, 300, 30, 3, 1])
 def test_the_codebook_finds_the_two_best_packets(core: Statistics, registered: int) -> None:
     rng = np.random.default_rng(registered)
-    ids = np.sort(rng.choice(USABLE, registered, replace=False))
+    ids = np.sort(rng.choice(USABLE_IDS, registered, replace=False))
     assert core.start_codebook(ids) == registered
     smoothing, words = core.ffi.new('struct rl_smooth *'), core.ffi.new('struct rl_word[2]')
     for case in range(40):
@@ -140,7 +132,7 @@ def test_the_codebook_finds_the_two_best_packets(core: Statistics, registered: i
 @pytest.mark.parametrize('registered', [4094, 30, 1])
 def test_the_codebook_finds_the_heaviest_of_another_id(core: Statistics, registered: int) -> None:
     rng = np.random.default_rng(registered)
-    ids = np.sort(rng.choice(USABLE, registered, replace=False))
+    ids = np.sort(rng.choice(USABLE_IDS, registered, replace=False))
     core.start_codebook(ids)
     for _ in range(40):
         weight = rng.standard_normal(PACKET_BITS)

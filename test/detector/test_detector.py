@@ -3,6 +3,7 @@
 """What every method promises."""
 
 from dataclasses import replace
+from itertools import cycle, islice
 
 import numpy as np
 import pytest
@@ -20,12 +21,22 @@ from harness_detector import (
     run,
     simulate,
 )
+from numpy.typing import NDArray
 
 from retrolidar_ros.detector import Detection, create_detector
 from retrolidar_ros.detector.noise import NoiseLaw
 from retrolidar_ros.marker.code import packet
 from retrolidar_ros.scene.description import Sensor
-from retrolidar_ros.sensor.frame import Recording, Status, ZoneGrid
+from retrolidar_ros.sensor.frame import MOST_DISTANCE_M, Recording, Status, ZoneGrid
+
+BEYOND = (np.inf, -np.inf, -1e30, 3e38, -0.5)
+IMPOSSIBLE = {'distance': (*BEYOND, 0.0, 8.192), 'signal': (*BEYOND, np.nan), 'ambient': ()}
+STRANGE = {
+    'distance': (np.nan, 1e-40, 8.191),
+    'signal': (0.0, 1e-40),
+    'ambient': (*BEYOND, 0.0, np.nan),
+}
+"""What may come, though hardly."""
 
 
 @every_method
@@ -107,35 +118,57 @@ def test_blocks_follow_each_other_without_a_seam(method: str, length: int) -> No
     assert sorted(ids(read)) == [ID, OTHER_ID]
 
 
-@every_method
-@pytest.mark.parametrize('garbage', [np.nan, np.inf, -1e30, 3e38])
-def test_garbage_neither_stops_nor_fools_a_detector(method: str, garbage: float) -> None:
-    recording = repeating(8.0)
-    signal, distance = recording.signal.copy(), recording.distance.copy()
-    status = recording.status.copy()
-    signal[100:110], distance[100:110] = garbage, garbage
-    status[105:110] = 77  # the other half claims to be normal
-    spoilt = replace(recording, signal=signal, distance=distance, status=status)
-    for read in (run(spoilt, method), create_detector(method, GRID).update_all(spoilt)):
-        assert set(ids(read)) == {ID}
-        late = [d for d in read if d.start_ns > recording.stamp_ns[110]]
-        assert len(late) >= 2
-        for d in late:
-            assert np.isfinite([d.score, d.snr_db, d.likelihood, d.place.range_m]).all()
+def samples(which: str, shape: tuple[int, ...]) -> NDArray[np.bool_]:
+    """Return some samples, those of the strongest zone, all, or all for a while."""
+    hit = np.random.default_rng(4).random(shape) < 0.3
+    if which != 'some':
+        hit[:] = which == 'all'
+        hit[60:80] |= which == 'for a while'
+        hit[:, ZONE] |= which == 'strongest'
+    return hit
 
 
+@pytest.mark.filterwarnings('error')
 @every_method
-@pytest.mark.parametrize('distance_m', [0.0, -0.5, np.inf, -np.inf, 3e38, 8.192])
-@pytest.mark.parametrize('share', [0.3, 1.0])
-def test_impossible_distances_are_erasures(method: str, distance_m: float, share: float) -> None:
+@pytest.mark.parametrize('field', ['distance', 'signal', 'ambient'])
+@pytest.mark.parametrize('which', ['for a while', 'strongest', 'some', 'all'])
+def test_impossible_values_are_erasures_that_place_nothing(
+    method: str, field: str, which: str
+) -> None:
     recording = repeating(5.0)
-    hit = np.random.default_rng(4).random(recording.distance.shape) < share
-    spoilt = replace(recording, distance=np.where(hit, np.float32(distance_m), recording.distance))
-    single, together = (create_detector(method, GRID) for _ in range(2))
-    read = [*run(spoilt, single), *together.update_all(spoilt)]
-    assert single.counts.impossible == together.counts.impossible == np.count_nonzero(hit)
-    assert all(0 < detection.place.range_m < 4 for detection in read)
-    assert bool(read) == (share < 1)
+    hit = samples(which, recording.signal.shape)
+    for value in (*IMPOSSIBLE[field], *STRANGE[field]):
+        values = np.where(hit, np.float32(value), getattr(recording, field))
+        spoilt = replace(recording, **{field: values})  # type: ignore[arg-type]
+        single, together = (create_detector(method, GRID) for _ in range(2))
+        read = [*run(spoilt, single), *together.update_all(spoilt)]
+        is_impossible = value in IMPOSSIBLE[field]
+        expected = np.count_nonzero(hit) if is_impossible else 0
+        assert single.counts.impossible == together.counts.impossible == expected
+        if is_impossible and which == 'for a while':
+            assert set(ids(read)) == {ID}
+            assert len([d for d in read if d.start_ns > recording.stamp_ns[80]]) >= 2
+        elif is_impossible:
+            assert bool(read) == (which == 'some')
+        for detection in read:
+            place = detection.place
+            assert 0 < place.range_m < 1.2 * MOST_DISTANCE_M
+            assert np.isfinite([*place.position_m, *place.covariance.ravel()]).all()
+            assert place.range_stddev_m >= 0
+            assert np.isfinite([detection.score, detection.snr_db, detection.likelihood]).all()
+
+
+@every_method
+def test_noise_of_all_bits_ends_nothing(method: str) -> None:
+    rng = np.random.default_rng(5)
+    noise = rng.integers(0, 256, (1500, 3, 64), dtype=np.uint8).view(np.float32)
+    status = rng.integers(0, 256, (1500, 16), dtype=np.uint8)
+    detector = create_detector(method, GRID)
+    for number, (frame, values) in enumerate(zip(islice(cycle(lone()), 1500), noise, strict=True)):
+        stamp_ns = int(rng.integers(0, 2**62)) if number % 50 == 0 else number * 10**7
+        strange = dict(zip(('distance', 'signal', 'ambient'), values, strict=True))
+        with np.errstate(all='ignore'):
+            detector.update(replace(frame, stamp_ns=stamp_ns, status=status[number], **strange))
 
 
 @every_method

@@ -17,10 +17,9 @@ from evaluation.bench.stresses import STRESSES
 from evaluation.experiments.brighter import cell
 from retrolidar_ros.detector import Detection, Detector, create_detector
 from retrolidar_ros.detector.noise import NoiseLaw
-from retrolidar_ros.marker.code import IDS, RESERVED_IDS
+from retrolidar_ros.marker.dictionary import USABLE_IDS
 from retrolidar_ros.sensor.frame import Recording
 
-USABLE = np.setdiff1d(np.arange(IDS), RESERVED_IDS)
 LAW = NoiseLaw()
 STRESS = {stress.name: stress for stress in STRESSES}
 PLAYED = ('plain', 'sways ±50 % in 2.6 s', 'second marker 25%', '20 % lost')
@@ -56,7 +55,7 @@ class Case(NamedTuple):
             STRESS[self.stress],
             self.signal,
             np.random.default_rng(self.seed),
-            USABLE,
+            USABLE_IDS,
             repeated_s=self.repeated_s,
         )
         # So that sums and products of the tests are exact.

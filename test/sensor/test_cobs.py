@@ -102,20 +102,6 @@ def test_cobs_decodes_or_refuses_as_the_reference_does(pypi_cobs: Any, encoded: 
         assert cobs_decode(encoded) == expected
 
 
-@pytest.mark.parametrize(
-    ('encoded', 'message'),
-    [
-        (b'\0', 'byte 0 at 0 of 1'),
-        (b'\3a\0', 'byte 0 at 2 of 3'),
-        (b'\2', 'byte 2 at 0 of 1'),
-        (b'\2a\5bc', 'byte 5 at 2 of 5'),
-    ],
-)
-def test_what_is_not_cobs(encoded: bytes, message: str) -> None:
-    with pytest.raises(ValueError, match=message):
-        cobs_decode(encoded)
-
-
 def test_the_written_packet_follows_the_protocol(pypi_cobs: Any) -> None:
     content = content_of(4, 4, ZONES, sequence=SEQUENCE)
     assert len(content) == 15 + 16 * 11
