@@ -17,12 +17,12 @@ import pytest
 from evaluation.bench.disturbances import restless_blocks, wall_blocks
 from evaluation.bench.judging import judged
 from evaluation.bench.recordings import Sent, record
-from evaluation.bench.stresses import PANELS, PLAIN
+from evaluation.bench.stresses import PANELS, PLAIN, STRESSES, Stress
 from evaluation.experiments.paper_sweeps import lone, repeating
 from retrolidar_ros.detector import Detection, Detector, create_detector
 from retrolidar_ros.marker.dictionary import USABLE_IDS
 from retrolidar_ros.scene import Scene, Simulation
-from retrolidar_ros.scene.description import Marker
+from retrolidar_ros.scene.description import Marker, Occlusion, Sensor, Surface
 from retrolidar_ros.scene.files import load_scene
 from retrolidar_ros.scene.marker_budget import needed_swing
 from retrolidar_ros.scene.reference import RESPONSE, SENSOR, walls
@@ -80,29 +80,50 @@ def test_a_repeating_marker_is_read_farther_with_three_packets_than_with_one() -
 # Stress
 
 
-def stressed(panel: str, value: float) -> Callable[[np.random.Generator], Sent]:
-    return lambda rng: record(PANEL[panel].stress(value), SIGNAL, rng, USABLE_IDS, range_m=1.0)
+OFTEN = Stress('occluded twice a packet', occlusion=Occlusion(every_s=0.5, lasting_s=0.04))
+GLASS = Stress('behind glass', glass=20.0)
+NAMED = {stress.name: stress for stress in (*STRESSES, OFTEN, GLASS)}
+STRESSED = [
+    *(
+        (f'{panel} {value}', PANEL[panel].stress(value), SIGNAL, 1.0, least)
+        for panel, value, least in (
+            ('lost_frames', 10, 29),
+            ('jitter', 1, 29),
+            ('slow', 1, 29),
+            ('fast', 1, 29),
+            ('abnormal', 20, 29),
+            ('no_target', 100, 29),
+            ('sway_slow', 20, 29),
+            ('far_wall', 0.4, 29),
+            ('hand', 42, 8),
+            ('hand', 84, 8),
+            ('hand', 210, 0),
+            ('hand', 300, 0),
+        )
+    ),
+    *(
+        (name, NAMED[name], signal, None, least)
+        for name, signal, least in (
+            ('occluded as drone', 150.0, 30),
+            ('occluded twice a packet', 150.0, 29),
+            ('hand for 250 ms', 150.0, 29),
+            ('behind glass', 150.0, 31),
+            ('second marker 25%', 150.0, 31),
+            ('second marker 50%', 150.0, 31),
+            ('second marker 70%', 600.0, 29),
+        )
+    ),
+]
 
 
 @pytest.mark.parametrize(
-    ('panel', 'value', 'least'),
-    [
-        ('lost_frames', 10, 29),
-        ('jitter', 1, 29),
-        ('slow', 1, 29),
-        ('fast', 1, 29),
-        ('abnormal', 20, 29),
-        ('no_target', 100, 29),
-        ('sway_slow', 20, 29),
-        ('far_wall', 0.4, 29),
-        *(
-            ('hand', lasting_ms, least)
-            for lasting_ms, least in ((42, 8), (84, 8), (210, 0), (300, 0))
-        ),
-    ],
+    ('stress', 'signal', 'range_m', 'least'),
+    [pytest.param(*given, id=name) for name, *given in STRESSED],
 )
-def test_stress_costs_little_and_makes_none_wrong(panel: str, value: float, least: int) -> None:
-    right, wrong = counts(stressed(panel, value))
+def test_stress_costs_little_and_makes_none_wrong(
+    stress: Stress, signal: float, range_m: float | None, least: int
+) -> None:
+    right, wrong = counts(lambda rng: record(stress, signal, rng, USABLE_IDS, range_m=range_m))
     assert right >= least
     assert wrong == 0
 
@@ -146,6 +167,22 @@ def test_registered_ids_are_read_farther() -> None:
         registered += np.count_nonzero(known.right)
         assert not known.wrong.any()
     assert registered > any_id + 5
+
+
+@pytest.mark.parametrize('error', [-0.1, 0.06, 0.1])
+def test_a_clock_too_far_off_is_not_read_as_another_id(error: float) -> None:
+    stress = Stress('clock', clock_error=error)
+    _, wrong = counts(lambda rng: record(stress, 150.0, rng, USABLE_IDS), 3)
+    assert wrong <= 1
+
+
+def test_a_marker_before_a_wall_that_the_sensor_separates_makes_no_other() -> None:
+    marker = Marker(id=1447, position_m=(-0.073, -0.379, 1.795), name='own')
+    wall = Surface(distance_m=3.07, signal=8.0)
+    scene = Scene(seed=0, sensor=Sensor(blur=0.05), markers=(marker,), surfaces=(wall,))
+    found = [one.id for one in joint().update_all(Simulation(scene).run(20.0))]
+    assert len(found) >= 14
+    assert set(found) == {1447}
 
 
 # Two zones
