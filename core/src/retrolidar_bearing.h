@@ -14,10 +14,6 @@
 
 #include <stdint.h>
 
-#ifdef __cplusplus
-extern "C" {
-#endif
-
 /* binding */
 enum { RL_PLACES = 151, RL_SCORES = 1002 };
 
@@ -46,9 +42,5 @@ struct rl_bearing rl_bearing_of(const struct rl_bearing_table *table, int32_t ro
                                 int32_t columns, int32_t zone, const double *amplitude,
                                 const double *variance, double width, double blur);
 /* end of binding */
-
-#ifdef __cplusplus
-}
-#endif
 
 #endif

@@ -7,10 +7,6 @@
 
 #include "retrolidar_packet.h"
 
-#ifdef __cplusplus
-extern "C" {
-#endif
-
 enum { RL_MOST_WORDS = 4096, RL_GROUPS = 256 };
 
 /* Energy of a sum of bits, taken as stationary:
@@ -71,9 +67,5 @@ void rl_codebook_best(const struct rl_codebook *codebook, const struct rl_energy
 
 /* The packet, of another ID than this, with the greatest sum of weights (31) over its dark bits. */
 int rl_codebook_heaviest(const struct rl_codebook *codebook, const float *weight, uint16_t id);
-
-#ifdef __cplusplus
-}
-#endif
 
 #endif

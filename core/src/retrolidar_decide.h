@@ -12,10 +12,6 @@
 #include "retrolidar_search.h"
 #include "retrolidar_window.h"
 
-#ifdef __cplusplus
-extern "C" {
-#endif
-
 /* binding */
 enum { RL_EVIDENCE, RL_NOT_A_WORD, RL_MARGIN, RL_INCOMPLETE, RL_ERASED, RL_REASONS };
 /* end of binding */
@@ -62,9 +58,5 @@ struct rl_verdict rl_decide(struct rl_window *window, const struct rl_codebook *
 
 /* Begin of what was used [s]. */
 double rl_verdict_begin(const struct rl_verdict *verdict);
-
-#ifdef __cplusplus
-}
-#endif
 
 #endif

@@ -10,10 +10,6 @@
 
 #include "retrolidar_decide.h"
 
-#ifdef __cplusplus
-extern "C" {
-#endif
-
 /* binding */
 enum { RL_MOST_READ = 16 };
 
@@ -93,9 +89,5 @@ struct rl_counts {
 };
 struct rl_counts rl_detector_counts(const struct rl_detector *detector);
 /* end of binding */
-
-#ifdef __cplusplus
-}
-#endif
 
 #endif

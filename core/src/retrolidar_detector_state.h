@@ -10,10 +10,6 @@
 #include "retrolidar_search.h"
 #include "retrolidar_going_on.h"
 
-#ifdef __cplusplus
-extern "C" {
-#endif
-
 enum {
     RL_READINGS = 32,  /* that one frame may bring */
     RL_DECISIONS = 12, /* candidates that are judged with one frame, at the most */
@@ -65,9 +61,5 @@ struct rl_detector {
     struct rl_pending pending[RL_MOST_PENDING];
     int pendings;
 };
-
-#ifdef __cplusplus
-}
-#endif
 
 #endif

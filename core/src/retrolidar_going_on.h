@@ -7,10 +7,6 @@
 
 #include "retrolidar_shares.h"
 
-#ifdef __cplusplus
-extern "C" {
-#endif
-
 /* What was read in a source. */
 struct rl_going_on {
     uint16_t id; /* 0: nothing was read */
@@ -32,9 +28,5 @@ struct rl_hit rl_going_on_hit(const struct rl_going_on *going_on);
  */
 bool rl_going_on_is_sent(const struct rl_going_on *going_on, struct rl_shares *shares, int source,
                          double to_s, struct rl_verdict *known, double *rest);
-
-#ifdef __cplusplus
-}
-#endif
 
 #endif

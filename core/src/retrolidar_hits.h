@@ -8,10 +8,6 @@
 #include "retrolidar_codebook.h"
 #include "retrolidar_view.h"
 
-#ifdef __cplusplus
-extern "C" {
-#endif
-
 enum {
     RL_FOUND = 6, /* hits of a search ... */
     RL_PAST = 4,  /* ... of those before ... */
@@ -89,9 +85,5 @@ int rl_promises_ration(struct rl_promises *promises, int sources, int *left);
 /* Search the words of promises, and find the best sequences of bits if there is one. */
 void rl_hits_find(struct rl_hits *hits, const struct rl_promises *promises,
                   const struct rl_codebook *codebook, const struct rl_demand *demand);
-
-#ifdef __cplusplus
-}
-#endif
 
 #endif

@@ -7,10 +7,6 @@
 
 #include "retrolidar_detector_state.h"
 
-#ifdef __cplusplus
-extern "C" {
-#endif
-
 /* Judge the best hit of a source, and what it may hide. */
 void rl_judge(struct rl_detector *detector, const struct rl_pending *pending, double to_s);
 
@@ -19,9 +15,5 @@ void rl_judge(struct rl_detector *detector, const struct rl_pending *pending, do
  * from_s, to_s: when they have ended [s]
  */
 void rl_judge_behind(struct rl_detector *detector, int source, double from_s, double to_s);
-
-#ifdef __cplusplus
-}
-#endif
 
 #endif

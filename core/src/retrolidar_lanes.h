@@ -9,10 +9,6 @@
 
 #include <stdint.h>
 
-#ifdef __cplusplus
-extern "C" {
-#endif
-
 enum { RL_LANES = 16 };
 
 /* One step of the elimination: rows from the first on. */
@@ -35,9 +31,5 @@ void rl_lanes_cut(float share, const float *restrict total, const float *restric
 
 void rl_lanes_reach(const float *restrict soft, uint32_t bit, float *restrict any,
                   float *restrict squares, uint32_t *restrict dark);
-
-#ifdef __cplusplus
-}
-#endif
 
 #endif

@@ -14,10 +14,6 @@
 
 #include <stdint.h>
 
-#ifdef __cplusplus
-extern "C" {
-#endif
-
 enum {
     RL_WALKS = 9,       /* values of q that are tried */
     RL_WALK_LANES = 10, /* the same, made even */
@@ -59,9 +55,5 @@ void rl_whiten(struct rl_whitened *whitened, const float *signal, const uint8_t 
 
 /* Fit a template, the light of each row of the window. */
 struct rl_gain rl_fit_gain(const struct rl_whitened *whitened, const double *light);
-
-#ifdef __cplusplus
-}
-#endif
 
 #endif

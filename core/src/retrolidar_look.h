@@ -7,15 +7,7 @@
 
 #include "retrolidar_detector_state.h"
 
-#ifdef __cplusplus
-extern "C" {
-#endif
-
 /* Search the newest samples, and judge what is found, the most promising first. */
 void rl_look(struct rl_detector *detector);
-
-#ifdef __cplusplus
-}
-#endif
 
 #endif

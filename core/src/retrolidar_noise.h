@@ -7,10 +7,6 @@
 
 #include "retrolidar_samples.h"
 
-#ifdef __cplusplus
-extern "C" {
-#endif
-
 /* Variance of the noise of a source at a signal [(kcps/SPAD)^2], as the law says. */
 double rl_noise_variance(const struct rl_samples *samples, int source, double signal);
 
@@ -24,9 +20,5 @@ double rl_noise_variation(const struct rl_samples *samples, int source);
 
 /* Learn the scale of the noise from the newest rows of zones that are white. */
 void rl_noise_learn(struct rl_samples *samples);
-
-#ifdef __cplusplus
-}
-#endif
 
 #endif

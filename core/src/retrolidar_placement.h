@@ -9,10 +9,6 @@
 #include "retrolidar_detector.h"
 #include "retrolidar_ranging.h"
 
-#ifdef __cplusplus
-extern "C" {
-#endif
-
 /* binding */
 struct rl_placement {
     double range_m, range_variance; /* radial */
@@ -42,9 +38,5 @@ struct rl_optics {
 bool rl_place(struct rl_detector *detector, const struct rl_reading *reading,
               const struct rl_optics *optics, struct rl_placement *placement);
 /* end of binding */
-
-#ifdef __cplusplus
-}
-#endif
 
 #endif

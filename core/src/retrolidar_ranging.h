@@ -14,10 +14,6 @@
 #include <stdbool.h>
 #include <stdint.h>
 
-#ifdef __cplusplus
-extern "C" {
-#endif
-
 /* Samples with more light than the first show the marker; with less than the second, the background.
  */
 static const double RL_BRIGHT = 0.75, RL_DARK = 0.25;
@@ -46,9 +42,5 @@ struct rl_ranged {
  */
 bool rl_ranging(const struct rl_seen *seen, float *values, uint8_t *role, struct rl_ranged *ranged);
 /* end of binding */
-
-#ifdef __cplusplus
-}
-#endif
 
 #endif

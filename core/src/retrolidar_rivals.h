@@ -8,10 +8,6 @@
 #include "retrolidar_hits.h"
 #include "retrolidar_scope.h"
 
-#ifdef __cplusplus
-extern "C" {
-#endif
-
 enum { RL_MOST_BITS = RL_SILENT_BITS + RL_PACKET_BITS }; /* that a window is cut into */
 
 /* A window cut into the bits of the packet in question, in the order of time. */
@@ -51,9 +47,5 @@ double rl_rivals_turn(struct rl_window *window, const struct rl_sending *sending
 double rl_rivals_margin(struct rl_window *window, const struct rl_codebook *codebook,
                         const struct rl_bits *bits, const struct rl_sending *sending, int packets,
                         double own, double half_bits, uint16_t id, const struct rl_hits *hits);
-
-#ifdef __cplusplus
-}
-#endif
 
 #endif

@@ -9,10 +9,6 @@
 #include <stddef.h>
 #include <stdint.h>
 
-#ifdef __cplusplus
-extern "C" {
-#endif
-
 enum {
     RL_MOST_ZONES = 64,
     RL_MOST_SOURCES = 114, /* zones, blocks of 2x2, the whole view */
@@ -90,9 +86,5 @@ int rl_samples_oldest(const struct rl_samples *samples);
 
 /* Number of the first row whose exposure ends after a time. */
 int rl_samples_row(const struct rl_samples *samples, double time_s);
-
-#ifdef __cplusplus
-}
-#endif
 
 #endif

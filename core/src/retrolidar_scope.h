@@ -9,10 +9,6 @@
 
 #include "retrolidar_window.h"
 
-#ifdef __cplusplus
-extern "C" {
-#endif
-
 enum { RL_SILENT_BITS = 31 }; /* before a lone packet, which show its bright level */
 
 /* Bits from the start of what is sent to the middle of the window that it was found in. */
@@ -41,9 +37,5 @@ int rl_scope_hide_bursts(struct rl_window *window, const struct rl_sending *send
 
 /* Add zones near by that see the same packet, of which the window's has that evidence. */
 void rl_scope_add_zones(struct rl_window *window, const struct rl_sending *sending, double evidence);
-
-#ifdef __cplusplus
-}
-#endif
 
 #endif

@@ -9,10 +9,6 @@
 
 #include "retrolidar_hits.h"
 
-#ifdef __cplusplus
-extern "C" {
-#endif
-
 /* How samples are whitened before they are searched. */
 struct rl_whitening {
     float walk; /* variance of the level's steps over that of the noise */
@@ -49,9 +45,5 @@ void rl_search_start(struct rl_search *search, const struct rl_samples *samples,
 void rl_search_look(struct rl_search *search, const int *sources, int count, int packets,
                     double from_s, double to_s, double least, double most_beyond,
                     struct rl_hits *hits);
-
-#ifdef __cplusplus
-}
-#endif
 
 #endif

@@ -7,10 +7,6 @@
 
 #include "retrolidar_decide.h"
 
-#ifdef __cplusplus
-extern "C" {
-#endif
-
 struct rl_shares {
     struct rl_samples *samples;
     struct rl_window *window; /* whose columns are used */
@@ -35,9 +31,5 @@ bool rl_shares_agree(struct rl_shares *shares, const struct rl_verdict *verdict)
 
 /* Take a packet off the samples of its sources, or put it back. */
 void rl_shares_take_off(struct rl_shares *shares, const struct rl_verdict *verdict, bool back);
-
-#ifdef __cplusplus
-}
-#endif
 
 #endif

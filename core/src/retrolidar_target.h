@@ -7,10 +7,6 @@
 
 #include "retrolidar_samples.h"
 
-#ifdef __cplusplus
-extern "C" {
-#endif
-
 /* Samples of a source, row by row: where they are held, or where there was room to change them. */
 struct rl_column {
     const float *signal;
@@ -34,9 +30,5 @@ void *rl_room_start(struct rl_room *room, int rows, void *memory);
  */
 struct rl_column rl_target_column(const struct rl_samples *samples, int source, int first,
                                   int rows, struct rl_room *room);
-
-#ifdef __cplusplus
-}
-#endif
 
 #endif

@@ -8,10 +8,6 @@
 #include <stdbool.h>
 #include <stdint.h>
 
-#ifdef __cplusplus
-extern "C" {
-#endif
-
 /* Bits that a marker sends, and when. */
 struct rl_sending {
     uint32_t bits; /* 31 of them, the first one the most significant; 1 = dark */
@@ -24,9 +20,5 @@ struct rl_sending {
 /* Mean transmission, 0 to 1, during exposures from begin_s to end_s; both of so many rows. */
 void rl_template(const struct rl_sending *sending, const double *begin_s, const double *end_s,
                  int rows, double *light);
-
-#ifdef __cplusplus
-}
-#endif
 
 #endif

@@ -7,10 +7,6 @@
 
 #include <stdint.h>
 
-#ifdef __cplusplus
-extern "C" {
-#endif
-
 enum { RL_KNOTS = 7 };
 
 struct rl_track {
@@ -29,9 +25,5 @@ struct rl_track rl_track_fit(const float *signal, const uint8_t *valid, const do
 
 /* The gain in a row. */
 double rl_track_gain(const double gain[RL_KNOTS], int row, int rows);
-
-#ifdef __cplusplus
-}
-#endif
 
 #endif

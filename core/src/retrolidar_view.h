@@ -9,10 +9,6 @@
 #include "retrolidar_lanes.h"
 #include "retrolidar_target.h"
 
-#ifdef __cplusplus
-extern "C" {
-#endif
-
 enum {
     RL_MOST_LANES = (RL_MOST_SOURCES + RL_LANES - 1) / RL_LANES * RL_LANES,
     RL_MOST_PACKETS = 8,
@@ -90,9 +86,5 @@ void rl_view_cut_lane(const struct rl_view *view, const struct rl_trial *trial, 
 /* The same of one lane, of those of all. */
 void rl_lane_of(const struct rl_view *view, const struct rl_sums *sums, int lane,
                 struct rl_lane *one);
-
-#ifdef __cplusplus
-}
-#endif
 
 #endif

@@ -9,19 +9,11 @@
 
 #include "retrolidar_detector_state.h"
 
-#ifdef __cplusplus
-extern "C" {
-#endif
-
 /* Remember the strongest one of a source. */
 void rl_waiting_note(struct rl_detector *detector, int source, const struct rl_verdict *verdict,
                      double to_s);
 
 /* Add those to the candidates that have just ended, and again `RL_LATER_BITS` after that. */
 void rl_waiting_add(struct rl_detector *detector, double from_s, double to_s);
-
-#ifdef __cplusplus
-}
-#endif
 
 #endif

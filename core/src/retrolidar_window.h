@@ -9,10 +9,6 @@
 #include "retrolidar_target.h"
 #include "retrolidar_template.h"
 
-#ifdef __cplusplus
-extern "C" {
-#endif
-
 enum { RL_BURSTS = 2 }; /* stretches of a packet that may be left out, as something hid them */
 
 struct rl_window {
@@ -61,9 +57,5 @@ double rl_window_try_bits(struct rl_window *window, const struct rl_sending *sen
  * half_bits: from the start to the middle of the window
  */
 double rl_window_refine(struct rl_window *window, struct rl_sending *sending, double half_bits);
-
-#ifdef __cplusplus
-}
-#endif
 
 #endif
