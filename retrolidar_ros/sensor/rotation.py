@@ -8,6 +8,9 @@ import numpy as np
 
 from retrolidar_ros.sensor.frame import Floats
 
+_CROSS: Floats = np.cross(np.eye(3)[:, None], np.eye(3)).swapaxes(1, 2)
+"""What multiplies as the cross product with each axis does, shape (3, 3, 3)."""
+
 
 def matrix_of(quaternion: Floats) -> Floats:
     """Return the rotation matrix, shape (3, 3), of a quaternion of shape (4,)."""
@@ -58,5 +61,5 @@ def turn_of(matrix: Floats) -> Floats:
 
 def cross_matrix(vectors: Floats) -> Floats:
     """Return the matrices that multiply as the cross product with vectors (..., 3) does."""
-    matrices: Floats = np.cross(vectors[..., None, :], np.eye(3)).swapaxes(-1, -2)
+    matrices: Floats = (vectors @ _CROSS.reshape(3, 9)).reshape(*vectors.shape, 3)
     return matrices
