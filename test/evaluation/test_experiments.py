@@ -22,7 +22,7 @@ from retrolidar_ros.scene.reference import SENSOR
 
 # So small that all run in seconds, by the module that has a size.
 TINY: dict[str, dict[str, Any]] = {
-    'bench.landmark_trials': {'HEADINGS': 12},
+    'bench.landmark_trials': {'HEADINGS': 12, 'FLIGHT_S': 10.0},
     'experiments.bound': {'RANGES_M': (2.5, 3.8), '_GENIE_RECORDINGS': 1},
     'experiments.brighter': {'STRESSES': STRESSES[:2]},
     'experiments.calibration': {
