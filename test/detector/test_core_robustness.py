@@ -4,7 +4,6 @@
 
 import os
 import re
-import shutil
 import subprocess
 import sys
 from pathlib import Path
@@ -89,8 +88,7 @@ def has_library(compiler: str) -> bool:
 @pytest.mark.parametrize('processor', PROCESSORS)
 def test_the_core_compiles_without_a_warning(processor: str, tmp_path: Path) -> None:
     compiler, options = PROCESSORS[processor]
-    if shutil.which(compiler) is None:
-        pytest.skip(f'needs {compiler}, which is not installed')
+    need(compiler)
     if not has_library(compiler):
         pytest.skip(f'needs a C library for {compiler}')
     ended = subprocess.run(

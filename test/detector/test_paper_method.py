@@ -21,9 +21,12 @@ from harness_detector import (
 from numpy.typing import NDArray
 
 from retrolidar_ros.detector import create_detector
-from retrolidar_ros.detector.paper.baseline import silent_level
-from retrolidar_ros.detector.paper.demodulation import fit_packets, threshold_bits
-from retrolidar_ros.detector.paper.preamble import fit_preamble
+from retrolidar_ros.detector.paper.stages import (
+    fit_packets,
+    fit_preamble,
+    silent_level,
+    threshold_bits,
+)
 from retrolidar_ros.marker.code import PREAMBLE, packet
 from retrolidar_ros.scene import Scene
 from retrolidar_ros.scene.description import Sensor

@@ -31,50 +31,30 @@ WITHHELD = REQUESTS * PATIENCE_FRAMES
 DARK, LIGHT = (text_of(make_zones(), light) for light in (False, True))
 
 
-def test_the_signal_is_asked_for_once_and_again_if_it_does_not_come() -> None:
+ONCE = [(DARK[:300], b''), (DARK[300:], b's'), *[(DARK, b'')] * (PATIENCE_FRAMES - 1)]
+
+
+@pytest.mark.parametrize(
+    'steps',
+    [
+        pytest.param([(b'', b''), *ONCE, *ONCE, (DARK, b's')], id='again if it does not come'),
+        pytest.param([*[(LIGHT, b'')] * 20, (DARK, b's')], id='somebody else has pressed the key'),
+        pytest.param([(DARK.replace(b'X', b'Y'), b''), (DARK, b's')], id='not of a damaged frame'),
+        pytest.param([(DARK + LIGHT, b''), (LIGHT + DARK, b's')], id='not if it comes meanwhile'),
+        pytest.param(
+            [(DARK + DARK, b's'), (DARK[:700], b''), (None, b''), (DARK[700:], b''), (DARK, b's')],
+            id='at the first frame of a port that was opened anew',
+        ),
+    ],
+)
+def test_the_signal_is_asked_for(steps: list[tuple[bytes | None, bytes]]) -> None:
     reader = StExampleReader(lambda: NOW_NS)
-    assert reader.request() == b''
-    requests = []
-    for _ in range(1 + 2 * PATIENCE_FRAMES):
-        reader.feed(DARK[:300])
-        requests.append(reader.request())
-        reader.feed(DARK[300:])
-        requests.append(reader.request())
-    asked = [index // 2 for index, request in enumerate(requests) if request == b's']
-    assert asked == [0, PATIENCE_FRAMES, 2 * PATIENCE_FRAMES]
-    assert requests.count(b'') == len(requests) - 3
-
-
-def test_frames_with_signal_are_left_alone() -> None:
-    reader = StExampleReader(lambda: NOW_NS)
-    for _ in range(20):
-        reader.feed(LIGHT)
-        assert reader.request() == b''
-    reader.feed(DARK)  # somebody else has pressed the key
-    assert reader.request() == b's'
-
-
-def test_a_request_is_dropped_when_the_signal_comes_before_it_is_sent() -> None:
-    reader = StExampleReader(lambda: NOW_NS)
-    reader.feed(DARK.replace(b'X', b'Y'))
-    assert reader.counts == WireCounts(bad_shape=1)
-    assert reader.request() == b''  # of a damaged frame
-    reader.feed(DARK + LIGHT)
-    assert reader.request() == b''
-    reader.feed(LIGHT + DARK)
-    assert reader.request() == b's'
-
-
-def test_a_port_that_was_opened_anew_is_asked_at_its_first_frame() -> None:
-    reader = StExampleReader(lambda: NOW_NS)
-    reader.feed(DARK + DARK)
-    assert reader.request() == b's'
-    reader.feed(DARK[:700])
-    reader.restart()
-    reader.feed(DARK[700:])
-    assert reader.request() == b''
-    reader.feed(DARK)
-    assert reader.request() == b's'
+    for data, request in steps:
+        if data is None:
+            reader.restart()
+        else:
+            reader.feed(data)
+        assert reader.request() == request
 
 
 def test_frames_without_signal_are_withheld_until_two_requests_were_in_vain() -> None:

@@ -15,7 +15,7 @@ Ties of the likelihood
     The earliest start wins.
 DC offset
     Taken from a packet's length of samples before the start (from fewer, at least four, soon
-    after the beginning) by `baseline`, whether a marker was silent then or not. It is held while
+    after the beginning) by `silent_level`, whether a marker was silent then or not. It is held while
     a candidate is open.
 Abnormal frames
     "No target" is one of them, so a marker without a background is not read: its bright level
@@ -46,10 +46,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from retrolidar_ros.detector.detection import Detection, DetectorCounts, check_grid
-from retrolidar_ros.detector.paper.baseline import silent_level
-from retrolidar_ros.detector.paper.demodulation import PACKET_SAMPLES, fit_packets, threshold_bits
-from retrolidar_ros.detector.paper.preamble import PREAMBLE_SAMPLES, SAMPLES_PER_BIT, fit_preamble
 from retrolidar_ros.detector.paper.samples import SampleRing
+from retrolidar_ros.detector.paper.stages import (
+    PACKET_SAMPLES,
+    PREAMBLE_SAMPLES,
+    SAMPLES_PER_BIT,
+    fit_packets,
+    fit_preamble,
+    silent_level,
+    threshold_bits,
+)
 from retrolidar_ros.detector.place import place, zone_bearing
 from retrolidar_ros.marker.code import PREAMBLE, RESERVED_IDS, decode
 from retrolidar_ros.sensor.frame import Frame, Recording, ZoneGrid
