@@ -55,12 +55,6 @@ def modulation_db(samples: Samples, law: NoiseLaw) -> Floats:
     Half of a marker's bits are dark, so an amplitude of c makes a variance of c²/4. A passing hand
     makes one, too.
 
-    Parameters
-    ----------
-    samples : Samples
-    law : NoiseLaw
-        Of the sensor.
-
     Returns
     -------
     array, shape (zones,)
@@ -149,13 +143,7 @@ class BitReader:
         )
 
     def _aligned(self, samples: Samples, zone: int) -> Floats:
-        """Return the mean signal of each bit, NaN of erased ones, cut where these vary most.
-
-        Returns
-        -------
-        array, shape (31,)
-            [kcps/SPAD]
-        """
+        """Return the mean of each bit (31,), NaN of erased ones, cut where these vary most."""
         bit_s, phase = (grid.ravel() for grid in np.meshgrid(self._bit_s * _CLOCKS, _PHASES))
         # Shape (alignments, bits + 1).
         edge_s = samples.end_s[-1] - bit_s[:, None] * (
@@ -178,18 +166,7 @@ class BitReader:
         return best
 
     def _correlations(self, signal: Floats) -> Floats:
-        """Return the correlation of bits with every packet, begun with any bit.
-
-        Parameters
-        ----------
-        signal : array, shape (31,)
-            NaN of erased bits.
-
-        Returns
-        -------
-        array, shape (31, packets)
-            By the index of the oldest bit in the packet.
-        """
+        """Return the correlation of bits with packets, (31, packets), by which bit is the first."""
         known = ~np.isnan(signal)
         change = np.where(known, signal - signal[known].mean(), 0.0)
         turned = np.stack([np.roll(change, first) for first in range(PACKET_BITS)])

@@ -69,15 +69,7 @@ class BlinkingZone(NamedTuple):
 
 
 def blinking_zones(recording: Recording, law: NoiseLaw) -> list[BlinkingZone]:
-    """Return the zones that vary beyond noise, strongest first.
-
-    Parameters
-    ----------
-    recording : Recording
-        At least two frames.
-    law : NoiseLaw
-        Of the sensor, in the light of the recording.
-    """
+    """Return the zones of two frames or more that vary beyond noise there, strongest first."""
     samples = Samples.of(recording)
     blinking = modulation_db(samples, law)
     mean = samples.signal.sum(axis=0) / np.maximum(samples.valid.sum(axis=0), 1)

@@ -47,16 +47,9 @@ class Placer:
         self._placement = ffi.new('struct rl_placement *')
 
     def place(self, index: int, origin_ns: int, size_m: float) -> Detection | None:
-        """Return a reading as a detection; None where the marker's distance was not measured.
+        """Return a reading of the newest frame; None where no distance was measured.
 
-        Parameters
-        ----------
-        index : int
-            Which of the readings of the newest frame.
-        origin_ns : int
-            From which the core's times count [ns].
-        size_m : float
-            Edge of the marker [m].
+        The core's times count from `origin_ns`; the marker has edges of `size_m`.
         """
         reading = ffi.new('struct rl_reading *', lib.rl_detector_reading(self._core, index))
         placed, pitch = self._placement, self._grid.pitch

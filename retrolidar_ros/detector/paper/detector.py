@@ -15,8 +15,8 @@ Ties of the likelihood
     The earliest start wins.
 DC offset
     Taken from a packet's length of samples before the start (from fewer, at least four, soon
-    after the beginning) by `silent_level`, whether a marker was silent then or not. It is held while
-    a candidate is open.
+    after the beginning) by `silent_level`, whether a marker was silent then or not. It is held
+    while a candidate is open.
 Abnormal frames
     "No target" is one of them, so a marker without a background is not read: its bright level
     is held through its dark bits. Before its first normal sample a zone has the same signal.

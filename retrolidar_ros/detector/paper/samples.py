@@ -93,15 +93,7 @@ class SampleRing:
         return slice(end - samples, end)
 
     def signal(self, samples: int, before: int = 0) -> NDArray[np.float64]:
-        """Return signals [kcps/SPAD], shape (samples, zones), a view.
-
-        Parameters
-        ----------
-        samples : int
-            How many.
-        before : int
-            How many newer ones to leave out.
-        """
+        """Return signals [kcps/SPAD] before the newest ones, shape (samples, zones), a view."""
         return self._signal[self._last(samples, before)]
 
     def distance(self, samples: int) -> NDArray[np.float64]:
