@@ -32,12 +32,8 @@ class Reader(Protocol):
         """Return a new warning for the user; mostly none."""
 
 
-def _retrolidar(_: Callable[[], int]) -> Reader:
-    return FrameReader()
-
-
 PROTOCOLS: dict[str, Callable[[Callable[[], int]], Reader]] = {
-    'retrolidar': _retrolidar,
+    'retrolidar': lambda _: FrameReader(),
     'st_example': StExampleReader,
 }
 """Factories of readers by name; each takes a function that returns the host's time [ns]."""

@@ -24,7 +24,7 @@ from harness_detector import (
 from numpy.typing import NDArray
 
 from retrolidar_ros.detector import Detection, create_detector
-from retrolidar_ros.detector.noise import NoiseLaw
+from retrolidar_ros.detector.likelihood_detector import LikelihoodDetector
 from retrolidar_ros.marker.code import packet
 from retrolidar_ros.scene.description import Sensor
 from retrolidar_ros.sensor.frame import MOST_DISTANCE_M, Recording, Status, ZoneGrid
@@ -214,9 +214,16 @@ def test_an_impossible_request_is_refused() -> None:
         create_detector('magic', GRID)
     with pytest.raises(ValueError, match='likelihood_threshold of nan'):
         create_detector('paper', GRID, likelihood_threshold=float('nan'))
-    for floor, slope in ((0.0, 0.22), (4.6, -0.1), (np.nan, 0.22), (4.6, np.nan)):
-        with pytest.raises(ValueError, match='the floor must be positive'):
-            create_detector('joint', GRID, noise=NoiseLaw(floor, slope))
+
+
+def test_candidates_are_those_of_the_latest_update() -> None:
+    detector = create_detector('joint', GRID)
+    assert isinstance(detector, LikelihoodDetector)
+    read = []
+    for frame in lone():
+        detector.update(frame)
+        read += [one.id for one in detector.candidates if one.reason is None]
+    assert read == [ID]
 
 
 @every_method
