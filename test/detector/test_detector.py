@@ -10,10 +10,8 @@ import pytest
 from harness_detector import (
     GRID,
     ID,
-    OTHER_ID,
     ZONE,
     a_scene,
-    and_another,
     every_method,
     ids,
     lone,
@@ -23,7 +21,7 @@ from harness_detector import (
 )
 from numpy.typing import NDArray
 
-from retrolidar_ros.detector import Detection, create_detector
+from retrolidar_ros.detector import create_detector
 from retrolidar_ros.detector.likelihood_detector import LikelihoodDetector
 from retrolidar_ros.marker.code import packet
 from retrolidar_ros.scene.description import Sensor
@@ -105,17 +103,6 @@ def test_frames_of_another_grid_are_refused(method: str) -> None:
         run(frames, detector)
     with pytest.raises(ValueError, match='4x4 zones came to a detector for 8x8'):
         detector.update_all(frames)
-
-
-@every_method
-@pytest.mark.parametrize('length', [1, 7, 60, 1000])
-def test_blocks_follow_each_other_without_a_seam(method: str, length: int) -> None:
-    frames, detector = list(simulate(and_another(a_scene()))), create_detector(method, GRID)
-    read: list[Detection] = []
-    for first in range(0, len(frames), length):
-        read += detector.update_all(Recording.of(frames[first : first + length]))
-    # What becomes certain within a block is read at its end, so only the order may differ.
-    assert sorted(ids(read)) == [ID, OTHER_ID]
 
 
 def samples(which: str, shape: tuple[int, ...]) -> NDArray[np.bool_]:
