@@ -6,19 +6,23 @@ from __future__ import annotations
 
 import re
 
-import numpy as np
 from geometry_msgs.msg import PoseWithCovarianceStamped, Vector3Stamped
 from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
 from std_msgs.msg import Bool, Header, String
 
 from retrolidar_ros.msg import MarkerDetection
-from retrolidar_ros.nodes.conversion import to_ns, to_pose_msg
+from retrolidar_ros.nodes.conversion import (
+    covariance_of,
+    quaternion_in,
+    to_ns,
+    to_pose_msg,
+    vector_of,
+)
 from retrolidar_ros.nodes.diagnostics import OK, WARN, Health, publish_health
-from retrolidar_ros.nodes.names import topic_part
 from retrolidar_ros.nodes.parameters import Parameters
 from retrolidar_ros.nodes.placed_readings import PlacedReadings
-from retrolidar_ros.nodes.qos import EVENTS, LATCHED, subscribe
+from retrolidar_ros.nodes.qos import EVENTS, LATCHED, subscribe, topic_part
 from retrolidar_ros.nodes.run import run
 from retrolidar_ros.sensor.frame import Floats
 from retrolidar_ros.sensor.rotation import matrix_of
@@ -39,17 +43,19 @@ class CoffeeNode(Node):
         """Declare parameters and subscribe."""
         super().__init__('coffee')
         parameters = Parameters(self, 'coffee')
-        parameters.texts('objects', 'TF frames of the markers on the objects.')
-        parameters.text('target_frame', "Frame of the poses; empty = the sensor's.")
-        parameters.number(
+        parameters.declare('objects', 'TF frames of the markers on the objects.')
+        parameters.declare('target_frame', "Frame of the poses; empty = the sensor's.")
+        parameters.declare(
             'max_stddev',
             'Largest standard deviation of a position, worst axis [m].',
             1e-4,
             10.0,
             live=True,
         )
-        parameters.number('stale_after', 'Lifetime of a detection [s].', 0.1, 86400.0, live=True)
-        parameters.number('reach', 'Radius around the first viewpoint [m].', 0.01, 100.0, live=True)
+        parameters.declare('stale_after', 'Lifetime of a detection [s].', 0.1, 86400.0, live=True)
+        parameters.declare(
+            'reach', 'Radius around the first viewpoint [m].', 0.01, 100.0, live=True
+        )
         values = parameters.values
         self._reach_m = values['reach']
         self._began_m: Floats | None = None
@@ -97,13 +103,13 @@ class CoffeeNode(Node):
     def _take(self, message: MarkerDetection) -> None:
         """Publish the pose of an object from one detection."""
         if message.child_frame_id in self._poses and to_ns(message.header.stamp) >= 0:
-            place, turn = message.pose.pose.position, message.pose.pose.orientation
+            pose = message.pose.pose
             self._publish(
                 message.child_frame_id,
                 message.header,
-                np.array([place.x, place.y, place.z]),
-                matrix_of(np.array([turn.x, turn.y, turn.z, turn.w])),
-                np.array(message.pose.covariance).reshape(6, 6),
+                vector_of(pose.position),
+                matrix_of(quaternion_in(pose.orientation)),
+                covariance_of(message.pose),
             )
             self._tick()
 

@@ -5,10 +5,16 @@
 from __future__ import annotations
 
 from array import array
+from typing import Any
 
 import numpy as np
 from builtin_interfaces.msg import Time
-from geometry_msgs.msg import PoseWithCovarianceStamped, TransformStamped
+from geometry_msgs.msg import (
+    Pose,
+    PoseWithCovariance,
+    PoseWithCovarianceStamped,
+    TransformStamped,
+)
 from numpy.typing import NDArray
 from sensor_msgs.msg import CameraInfo, Image, PointCloud2, PointField
 from std_msgs.msg import Header
@@ -37,6 +43,30 @@ def to_time(stamp_ns: int) -> Time:
 def to_ns(time: Time) -> int:
     """Return a ROS time in nanoseconds."""
     return int(time.sec) * 1_000_000_000 + int(time.nanosec)
+
+
+def vector_of(message: Any) -> Floats:
+    """Return a point or a vector as an array, shape (3,)."""
+    return np.array([message.x, message.y, message.z])
+
+
+def quaternion_in(message: Any) -> Floats:
+    """Return a quaternion (x, y, z, w) as an array, shape (4,)."""
+    return np.array([message.x, message.y, message.z, message.w])
+
+
+def covariance_of(pose: PoseWithCovariance) -> Floats:
+    """Return the covariance of a pose, shape (6, 6)."""
+    return np.array(pose.covariance).reshape(6, 6)
+
+
+def to_pose(position_m: Floats, quaternion: Floats) -> Pose:
+    """Return a pose of a position, shape (3,) [m], and a quaternion (x, y, z, w)."""
+    pose = Pose()
+    pose.position.x, pose.position.y, pose.position.z = position_m.tolist()
+    turn = pose.orientation
+    turn.x, turn.y, turn.z, turn.w = quaternion.tolist()
+    return pose
 
 
 def to_header(stamp_ns: int, frame_id: str) -> Header:
@@ -165,9 +195,7 @@ def to_detection_msg(detection: Detection, frame_id: str, child_frame_id: str) -
     message.child_frame_id = child_frame_id
     message.id = detection.id
     place = detection.place
-    position, orientation = message.pose.pose.position, message.pose.pose.orientation
-    position.x, position.y, position.z = place.position_m.tolist()
-    orientation.x, orientation.y, orientation.z, orientation.w = place.orientation.tolist()
+    message.pose.pose = to_pose(place.position_m, place.orientation)
     message.pose.covariance = place.covariance.ravel()
     message.range = place.range_m
     message.range_stddev = place.range_stddev_m
@@ -185,15 +213,12 @@ def to_detection_msg(detection: Detection, frame_id: str, child_frame_id: str) -
     return message
 
 
-def to_transform(message: MarkerDetection) -> TransformStamped:
-    """Return the transform from the sensor's frame to the marker's of a detection."""
-    transform = TransformStamped()
-    transform.header = message.header
-    transform.child_frame_id = message.child_frame_id
-    position = message.pose.pose.position
-    translation = transform.transform.translation
-    translation.x, translation.y, translation.z = position.x, position.y, position.z
-    transform.transform.rotation = message.pose.pose.orientation
+def to_transform(header: Header, child_frame_id: str, pose: Pose) -> TransformStamped:
+    """Return the transform from a frame to another one that has a pose there."""
+    transform = TransformStamped(header=header, child_frame_id=child_frame_id)
+    way = transform.transform.translation
+    way.x, way.y, way.z = pose.position.x, pose.position.y, pose.position.z
+    transform.transform.rotation = pose.orientation
     return transform
 
 
@@ -202,8 +227,6 @@ def to_pose_msg(
 ) -> PoseWithCovarianceStamped:
     """Return a pose: position, shape (3,) [m], rotation (3, 3), covariance (6, 6)."""
     message = PoseWithCovarianceStamped(header=header)
-    place, turn = message.pose.pose.position, message.pose.pose.orientation
-    place.x, place.y, place.z = position_m.tolist()
-    turn.x, turn.y, turn.z, turn.w = quaternion_of(rotation).tolist()
+    message.pose.pose = to_pose(position_m, quaternion_of(rotation))
     message.pose.covariance = covariance.ravel()
     return message

@@ -15,8 +15,7 @@ from retrolidar_ros.detector import Detection
 from retrolidar_ros.marker.known_markers import KnownMarker, frame_of
 from retrolidar_ros.msg import MarkerDetection
 from retrolidar_ros.nodes.conversion import to_detection_msg, to_header, to_transform
-from retrolidar_ros.nodes.names import topic_part
-from retrolidar_ros.nodes.qos import EVENTS, LATCHED, publisher
+from retrolidar_ros.nodes.qos import EVENTS, LATCHED, publisher, topic_part
 from retrolidar_ros.nodes.transforms import transform_sender
 from retrolidar_ros.nodes.visualization import marker_shapes
 
@@ -77,7 +76,9 @@ class DetectionTopics:
             child_frame_id = self._values['child_frame'].replace(NAME, name)
             messages.append(to_detection_msg(detection, frame_id, child_frame_id))
         if self._values['publish_tf']:
-            self._send_transforms([to_transform(message) for message in messages])
+            self._send_transforms(
+                [to_transform(one.header, one.child_frame_id, one.pose.pose) for one in messages]
+            )
         for message in messages:
             self._markers.publish(message)
             if message.id in self._poses:

@@ -142,18 +142,10 @@ class DetectorNode(Node):
 
 def _declare(parameters: Parameters) -> None:
     for name, one in PARAMETERS.items():
-        if one.kind is str:
-            parameters.text(name, one.description, one.among, live=one.live)
-        elif one.kind is bool:
-            parameters.flag(name, one.description, live=one.live)
-        elif one.kind is float:
-            parameters.number(name, one.description, *one.limits, live=one.live)
-        else:
-            whole = parameters.integer if one.kind is int else parameters.integers
-            whole(name, one.description, *map(int, one.limits), live=one.live)
-    parameters.flag('publish_tf', 'Send a transform for every detection.', live=True)
-    parameters.text('child_frame', 'TF frame of a marker; {name} stands for its name.')
-    parameters.number(
+        parameters.declare(name, one.description, *one.limits, among=one.among, live=one.live)
+    parameters.declare('publish_tf', 'Send a transform for every detection.', live=True)
+    parameters.declare('child_frame', 'TF frame of a marker; {name} stands for its name.')
+    parameters.declare(
         'stale_after', 'Lifetime of a marker in marker_array [s].', 0.1, 3600.0, live=True
     )
     child_frame = check_frame_id('child_frame', parameters.values['child_frame'])

@@ -204,18 +204,20 @@ class DriverNode(LifecycleNode):
 
 
 def _declare(parameters: Parameters) -> None:
-    parameters.text('serial_port', 'Device of the sensor; prefer a path under /dev/serial/by-id.')
-    parameters.integer('serial_baud', 'Baud rate [bit/s].', 9600, 12_000_000)
-    parameters.text('protocol', 'Protocol of the sensor.', tuple(PROTOCOLS))
-    parameters.text('frame_id', 'TF frame of the sensor: x right, y down, z forward.')
-    parameters.number(
+    parameters.declare(
+        'serial_port', 'Device of the sensor; prefer a path under /dev/serial/by-id.'
+    )
+    parameters.declare('serial_baud', 'Baud rate [bit/s].', 9600, 12_000_000)
+    parameters.declare('protocol', 'Protocol of the sensor.', among=tuple(PROTOCOLS))
+    parameters.declare('frame_id', 'TF frame of the sensor: x right, y down, z forward.')
+    parameters.declare(
         'transport_delay',
         'Shortest time from mid-exposure to the arrival of a frame [s].',
         0.0,
         1.0,
         live=True,
     )
-    parameters.flag('autostart', 'Configure and activate the node when it starts.')
+    parameters.declare('autostart', 'Configure and activate the node when it starts.')
 
 
 def main() -> int:

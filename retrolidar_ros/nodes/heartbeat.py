@@ -25,11 +25,11 @@ class HeartbeatNode(Node):
         """Declare parameters and subscribe."""
         super().__init__('heartbeat')
         parameters = Parameters(self, 'heartbeat')
-        parameters.texts('markers', 'TF frames of the markers to watch.')
-        parameters.number(
+        parameters.declare('markers', 'TF frames of the markers to watch.')
+        parameters.declare(
             'overdue_after', 'Time without a reading until overdue [s].', 0.1, 3600.0, live=True
         )
-        parameters.number('window', 'Length of the counted windows [s].', 0.1, 3600.0)
+        parameters.declare('window', 'Length of the counted windows [s].', 0.1, 3600.0)
         names = parameters.values['markers']
         if not names:
             raise ValueError('markers: there is no name; name at least one')

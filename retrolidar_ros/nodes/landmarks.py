@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 import yaml
-from geometry_msgs.msg import PoseWithCovarianceStamped, TransformStamped
+from geometry_msgs.msg import PoseWithCovarianceStamped
 from rclpy.node import Node
 from rclpy.publisher import Publisher
 from rclpy.time import Time
@@ -21,17 +21,15 @@ from visualization_msgs.msg import MarkerArray
 from retrolidar_ros.detector.settings import known_markers
 from retrolidar_ros.marker.known_markers import objects_of
 from retrolidar_ros.msg import MarkerDetection
-from retrolidar_ros.nodes.conversion import to_pose_msg, to_time
+from retrolidar_ros.nodes.conversion import to_pose_msg, to_time, to_transform
 from retrolidar_ros.nodes.diagnostics import OK, WARN, Health, publish_health
-from retrolidar_ros.nodes.names import topic_part
 from retrolidar_ros.nodes.parameters import Parameters, check_frame_id
 from retrolidar_ros.nodes.placed_readings import PlacedReadings
-from retrolidar_ros.nodes.qos import LATCHED, STREAM, publisher
+from retrolidar_ros.nodes.qos import LATCHED, STREAM, publisher, topic_part
 from retrolidar_ros.nodes.run import run
 from retrolidar_ros.nodes.transforms import transform_sender
 from retrolidar_ros.nodes.visualization import landmark_shapes
 from retrolidar_ros.sensor.frame import Floats
-from retrolidar_ros.sensor.rotation import matrix_of
 from retrolidar_ros.settings.section import ConfigError
 from retrolidar_ros.settings.yaml_files import load_yaml
 from retrolidar_ros.tasks.landmarks import Estimate
@@ -89,12 +87,7 @@ class LandmarksNode(Node):
         self.create_service(Trigger, '~/forget', self._forget)
         publish_health(self, 'landmarks', '', self._examine)
         self._readings = PlacedReadings(
-            self,
-            values['topics'],
-            self._fixed,
-            values['patience'],
-            self._take,
-            self._survey.forget,
+            self, values['topics'], self._fixed, values['patience'], self._take, self._survey.forget
         )
         parameters.warn_of_unknown()
         for estimate in [] if values['localize'] else self._survey.estimates():
@@ -125,21 +118,14 @@ class LandmarksNode(Node):
         assert self._room is not None
         room = self._room.estimate()
         base = self._values['base_frame']
-        way: tuple[Floats, Floats] = (np.array([0.0, 0.0, 0.0, 1.0]), np.zeros(3))
-        if base != self._fixed:
-            found = self._readings.finder.find(self._fixed, base, Time.from_msg(stamp))
-            if found is None:
-                self.get_logger().warning(
-                    f'no transform from {base} to {self._fixed}', throttle_duration_sec=5.0
-                )
-                return
-            way = found
-        if room is not None:
-            pose = robot_pose(room, way[1], matrix_of(way[0]))
-            if pose is not None:
-                header = Header(stamp=stamp, frame_id=self._known_frame)
-                place = (pose.position_m, pose.rotation, pose.covariance)
-                self._pose.publish(to_pose_msg(header, *place))
+        found = self._readings.finder.find(self._fixed, base, Time.from_msg(stamp))
+        if found is None:
+            self.get_logger().warning(
+                f'no transform from {base} to {self._fixed}', throttle_duration_sec=5.0
+            )
+        elif room is not None and (pose := robot_pose(room, *found)) is not None:
+            header = Header(stamp=stamp, frame_id=self._known_frame)
+            self._pose.publish(to_pose_msg(header, *pose))
 
     def _publish(self, estimate: Estimate) -> None:
         """Publish a landmark."""
@@ -170,12 +156,7 @@ class LandmarksNode(Node):
             )
             return
         self._sent.add(child)
-        transform = TransformStamped(header=message.header, child_frame_id=child)
-        place = message.pose.pose.position
-        way = transform.transform.translation
-        way.x, way.y, way.z = place.x, place.y, place.z
-        transform.transform.rotation = message.pose.pose.orientation
-        self._send([transform])
+        self._send([to_transform(message.header, child, message.pose.pose)])
 
     def _save(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         path = self._values['save_file']
@@ -220,27 +201,27 @@ class LandmarksNode(Node):
 
 
 def _declare(parameters: Parameters) -> None:
-    parameters.texts('topics', 'Topics of detections.')
-    parameters.text('fixed_frame', 'Frame of the landmarks; TF must connect the sensors to it.')
-    parameters.text('marker_file', 'YAML file of the known markers, for objects with several.')
-    parameters.text('load_file', 'Landmarks written by ~/save; empty = none.')
-    parameters.text('save_file', 'Where ~/save writes; empty = nowhere.')
-    parameters.flag('publish_tf', 'Send a transform for every landmark.')
-    parameters.text('child_frame', 'TF frame of a landmark; {name} stands for its name.')
-    parameters.number('patience', 'Longest wait for a transform [s].', 0.0, 60.0)
-    parameters.number('range_bias', "Standard deviation of a sensor's range bias [m].", 0.0, 1.0)
-    parameters.number(
+    parameters.declare('topics', 'Topics of detections.')
+    parameters.declare('fixed_frame', 'Frame of the landmarks; TF must connect the sensors to it.')
+    parameters.declare('marker_file', 'YAML file of the known markers, for objects with several.')
+    parameters.declare('load_file', 'Landmarks written by ~/save; empty = none.')
+    parameters.declare('save_file', 'Where ~/save writes; empty = nowhere.')
+    parameters.declare('publish_tf', 'Send a transform for every landmark.')
+    parameters.declare('child_frame', 'TF frame of a landmark; {name} stands for its name.')
+    parameters.declare('patience', 'Longest wait for a transform [s].', 0.0, 60.0)
+    parameters.declare('range_bias', "Standard deviation of a sensor's range bias [m].", 0.0, 1.0)
+    parameters.declare(
         'pose_stddev', "Standard deviation of the sensor's position in TF [m].", 0.0, 1.0
     )
-    parameters.number(
+    parameters.declare(
         'turn_stddev', "Standard deviation of the sensor's rotation in TF [rad].", 0.0, 1.0
     )
-    parameters.number(
+    parameters.declare(
         'acceleration', 'Standard deviation for moving landmarks [m/s²]; 0 = static.', 0.0, 100.0
     )
-    parameters.flag('localize', 'Locate base_frame among the landmarks of load_file.')
-    parameters.flag('flat', 'The robot moves on a floor: its frames are level with load_file.')
-    parameters.text('base_frame', 'Frame of the robot that is localised.')
+    parameters.declare('localize', 'Locate base_frame among the landmarks of load_file.')
+    parameters.declare('flat', 'The robot moves on a floor: its frames are level with load_file.')
+    parameters.declare('base_frame', 'Frame of the robot that is localised.')
 
 
 def main() -> int:

@@ -16,7 +16,7 @@ from tf2_msgs.msg import TFMessage
 
 from retrolidar_ros.msg import Frame as FrameMsg
 from retrolidar_ros.msg import MarkerDetection
-from retrolidar_ros.nodes.conversion import from_frame_msg, to_ns
+from retrolidar_ros.nodes.conversion import from_frame_msg, to_ns, vector_of
 from retrolidar_ros.scene.truth import Heard
 from retrolidar_ros.sensor.frame import Recording
 
@@ -76,7 +76,6 @@ class Listener:
         heard = []
         for message, _ in self.markers:
             stamp_ns = to_ns(message.header.stamp)
-            position = message.pose.pose.position
             heard.append(
                 Heard(
                     id=message.id,
@@ -85,7 +84,7 @@ class Listener:
                     end_ns=to_ns(message.end),
                     range_m=message.range,
                     snr_db=message.snr,
-                    position_m=(position.x, position.y, position.z),
+                    position_m=tuple(vector_of(message.pose.pose.position).tolist()),
                     zone=message.zones[0],
                     bit_period_s=message.bit_period,
                     has_transform=(message.child_frame_id, stamp_ns) in transforms,

@@ -8,6 +8,7 @@ import sys
 from collections.abc import Callable, Iterable, Sequence
 from contextlib import suppress
 from difflib import get_close_matches
+from functools import partial
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -47,69 +48,64 @@ class Parameters:
             if '/set_parameters' in service.srv_name:
                 service.callback = _refusing(service.callback)
 
-    def text(
-        self, name: str, description: str, among: tuple[str, ...] = (), *, live: bool = False
+    def declare(
+        self,
+        name: str,
+        description: str,
+        *limits: float,
+        among: tuple[str, ...] = (),
+        live: bool = False,
     ) -> None:
-        """Declare a string; ValueError if it is not `among`."""
-        constraints = f'one of {", ".join(among)}' if among else ''
+        """Declare a parameter of the type of its default; ValueError if its value is impossible.
 
-        def check(value: Any) -> str:
+        A number has limits. A list may be empty; it holds whole numbers within limits if there are
+        any, and texts otherwise. A text may have to be `among` some.
+        """
+        default = self._defaults[name]
+        if isinstance(default, list):
+            self._declare_list(name, description, limits, live)
+            return
+        kind, constraints = type(default), f'one of {", ".join(among)}' if among else ''
+
+        def check(value: Any) -> Any:
             if among and value not in among:
                 raise ValueError(f'{name}: {value!r} is not {constraints}')
-            return str(value)
+            return kind(value)
 
-        self._declare(name, description, check, live, additional_constraints=constraints)
-
-    def flag(self, name: str, description: str, *, live: bool = False) -> None:
-        """Declare a boolean."""
-        self._declare(name, description, bool, live)
-
-    def integer(
-        self, name: str, description: str, minimum: int, maximum: int, *, live: bool = False
-    ) -> None:
-        """Declare an integer within limits."""
-        limits = IntegerRange(from_value=minimum, to_value=maximum, step=0)
-        self._declare(name, description, int, live, integer_range=[limits])
-
-    def number(
-        self, name: str, description: str, minimum: float, maximum: float, *, live: bool = False
-    ) -> None:
-        """Declare a float within limits."""
-        limits = FloatingPointRange(from_value=minimum, to_value=maximum, step=0.0)
-        self._declare(name, description, float, live, floating_point_range=[limits])
-
-    def integers(
-        self, name: str, description: str, minimum: int, maximum: int, *, live: bool = False
-    ) -> None:
-        """Declare a list of integers, which may be empty; ValueError if one exceeds the limits."""
-        constraints = f'integers of {minimum} to {maximum}, or []'
-
-        def check(value: Any) -> list[int]:
-            if len(numbers := _listed(name, value)) > maximum - minimum + 1:
-                most = maximum - minimum + 1
-                raise ValueError(f'{name}: {len(numbers)} numbers; {most} are the most')
-            for number in numbers:
-                if isinstance(number, bool) or not isinstance(number, int):
-                    raise ValueError(f'{name}: {number!r} is not a whole number')
-                if not minimum <= number <= maximum:
-                    raise ValueError(f'{name}: {number} is not within {minimum} to {maximum}')
-            return list(value)
-
-        self._declare_list(
-            name, description, Parameter.Type.INTEGER_ARRAY, check, live, constraints
+        ranges: dict[str, Any] = {}
+        if kind is int:
+            least, most = map(int, limits)
+            ranges['integer_range'] = [IntegerRange(from_value=least, to_value=most)]
+        elif kind is float:
+            low, high = limits
+            ranges['floating_point_range'] = [FloatingPointRange(from_value=low, to_value=high)]
+        descriptor = ParameterDescriptor(
+            description=description,
+            additional_constraints=constraints,
+            read_only=not live,
+            **ranges,
         )
+        self._checks[name] = check
+        self.values[name] = check(self._node.declare_parameter(name, default, descriptor).value)
 
-    def texts(self, name: str, description: str) -> None:
-        """Declare a list of strings, which may be empty."""
-
-        def check(value: Any) -> list[str]:
-            for one in _listed(name, value):
-                if not isinstance(one, str) or not one:
-                    raise ValueError(f'{name}: {one!r} is not a text')
-            return list(value)
-
-        self._declare_list(
-            name, description, Parameter.Type.STRING_ARRAY, check, False, 'texts, or []'
+    def _declare_list(
+        self, name: str, description: str, limits: tuple[float, ...], live: bool
+    ) -> None:
+        # An empty list has no type of its own: as a default it is taken for bytes, from a file it
+        # comes without a value, and from the tools as a list of booleans. So the type is left
+        # open and checked here, and an empty list is given the type afterwards.
+        kind, held = Parameter.Type.STRING_ARRAY, 'texts'
+        if limits:
+            kind, held = Parameter.Type.INTEGER_ARRAY, f'integers of {limits[0]} to {limits[1]}'
+        texts = {'description': description, 'additional_constraints': f'{held}, or []'}
+        open_type = ParameterDescriptor(dynamic_typing=True, **texts)
+        value = self._node.declare_parameter(name, self._defaults[name], open_type).value
+        self._checks[name] = partial(_checked_list, name, limits)
+        self.values[name] = self._checks[name]([] if value is None else value)
+        if not self.values[name]:
+            self._node.set_parameters([Parameter(name, kind, [])])
+        self._node.set_descriptor(
+            name, ParameterDescriptor(dynamic_typing=True, read_only=not live, **texts)
         )
 
     def follow(self, apply: Callable[[dict[str, Any]], None]) -> None:
@@ -158,43 +154,6 @@ class Parameters:
     def _topic_names(self) -> list[str]:
         return [name for name in self._node._parameters if name.startswith('qos_overrides.')]
 
-    def _declare(
-        self,
-        name: str,
-        description: str,
-        check: Callable[[Any], Any],
-        live: bool,
-        **constraints: Any,
-    ) -> None:
-        descriptor = ParameterDescriptor(description=description, read_only=not live, **constraints)
-        parameter = self._node.declare_parameter(name, self._defaults[name], descriptor)
-        self._checks[name] = check
-        self.values[name] = check(parameter.value)
-
-    def _declare_list(
-        self,
-        name: str,
-        description: str,
-        kind: Parameter.Type,
-        check: Callable[[Any], Any],
-        live: bool,
-        constraints: str,
-    ) -> None:
-        # An empty list has no type of its own: as a default it is taken for bytes, from a file it
-        # comes without a value, and from the tools as a list of booleans. So the type is left
-        # open and checked here, and an empty list is given the type afterwards.
-        texts = {'description': description, 'additional_constraints': constraints}
-        open_type = ParameterDescriptor(dynamic_typing=True, **texts)
-        value = self._node.declare_parameter(name, self._defaults[name], open_type).value
-        values = check([] if value is None else value)
-        if not values:
-            self._node.set_parameters([Parameter(name, kind, [])])
-        self._node.set_descriptor(
-            name, ParameterDescriptor(dynamic_typing=True, read_only=not live, **texts)
-        )
-        self._checks[name] = check
-        self.values[name] = values
-
 
 def _refusing(change: Callable[[Any, Any], Any]) -> Callable[[Any, Any], Any]:
     """Return a service that refuses unknown types; rclpy's ends the node."""
@@ -237,7 +196,22 @@ def _meant_for_all() -> set[str]:
     return names
 
 
-def _listed(name: str, value: Any) -> list[Any]:
+def _checked_list(name: str, limits: tuple[float, ...], value: Any) -> list[Any]:
+    """Return a list of whole numbers within limits, or of texts; ValueError if it is none."""
     if isinstance(value, str) or not isinstance(value, Iterable):
         raise ValueError(f'{name}: {value!r} is not a list')
-    return list(value)
+    values = list(value)
+    if not limits:
+        for one in values:
+            if not isinstance(one, str) or not one:
+                raise ValueError(f'{name}: {one!r} is not a text')
+        return values
+    least, most = limits
+    if len(values) > most - least + 1:
+        raise ValueError(f'{name}: {len(values)} numbers; {most - least + 1} are the most')
+    for one in values:
+        if isinstance(one, bool) or not isinstance(one, int):
+            raise ValueError(f'{name}: {one!r} is not a whole number')
+        if not least <= one <= most:
+            raise ValueError(f'{name}: {one} is not within {least} to {most}')
+    return values

@@ -7,16 +7,14 @@ from __future__ import annotations
 from collections import Counter, deque
 from collections.abc import Callable, Sequence
 
-import numpy as np
 from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
 from rclpy.time import Time
 
 from retrolidar_ros.msg import MarkerDetection
-from retrolidar_ros.nodes.conversion import to_ns
+from retrolidar_ros.nodes.conversion import covariance_of, to_ns, vector_of
 from retrolidar_ros.nodes.qos import EVENTS, subscribe
 from retrolidar_ros.nodes.transforms import TransformFinder
-from retrolidar_ros.sensor.rotation import matrix_of
 from retrolidar_ros.tasks.reading import Reading, SensorPose, reading
 
 _TICK_S = 0.1
@@ -42,7 +40,6 @@ class PlacedReadings:
         node : Node
         topics : sequence of str
         fixed_frame : str
-            Empty: the sensor does not move, and its own frame is the fixed one.
         patience_s : float
             Longest wait for a transform [s].
         take : callable
@@ -88,25 +85,20 @@ class PlacedReadings:
 
     def _place(self, message: MarkerDetection) -> bool:
         """Hand a detection on; return False if its transform is not known yet."""
-        sensor = message.header.frame_id
-        pose = SensorPose(np.zeros(3), np.eye(3))
-        if self._fixed and self._fixed != sensor:
-            stamp = Time.from_msg(message.header.stamp)
-            found = self.finder.find(self._fixed, sensor, stamp)
-            if found is None:
-                return False
-            pose = SensorPose(found[1], matrix_of(found[0]))
-        place = message.pose.pose.position
+        sensor, stamp = message.header.frame_id, Time.from_msg(message.header.stamp)
+        found = self.finder.find(self._fixed, sensor, stamp)
+        if found is None:
+            return False
         try:
             placed = reading(
                 message.id,
                 sensor,
-                to_ns(message.header.stamp) * 1e-9,
+                stamp.nanoseconds * 1e-9,
                 message.range,
                 message.range_stddev,
-                np.array([place.x, place.y, place.z]),
-                np.array(message.pose.covariance).reshape(6, 6)[:3, :3],
-                pose,
+                vector_of(message.pose.pose.position),
+                covariance_of(message.pose)[:3, :3],
+                SensorPose(*found),
             )
         except ValueError as error:
             self._drop(str(error), message)

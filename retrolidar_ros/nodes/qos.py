@@ -1,9 +1,10 @@
 # Copyright 2026 retrolidar_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""Topics whose QoS parameters `qos_overrides.TOPIC.…` may change."""
+"""Topics: their names, and qualities that parameters `qos_overrides.TOPIC.…` may change."""
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable
 from typing import Any
 
@@ -33,3 +34,9 @@ def subscribe(
     """Subscribe likewise; return the topic's full name."""
     made = node.create_subscription(kind, topic, take, qos, qos_overriding_options=_OVERRIDABLE)
     return str(made.topic_name)
+
+
+def topic_part(frame: str) -> str:
+    """Return a TF frame as a part of a topic's name, which takes fewer characters."""
+    part = re.sub(r'\W', '_', frame, flags=re.ASCII)
+    return f'_{part}' if part[0].isdigit() else part

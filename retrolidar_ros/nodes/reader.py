@@ -16,8 +16,8 @@ from retrolidar_ros.nodes.detection_topics import NAME
 from retrolidar_ros.nodes.detector import DetectorNode
 from retrolidar_ros.nodes.diagnostics import HealthBoard
 from retrolidar_ros.nodes.driver import DriverNode
-from retrolidar_ros.nodes.names import topic_part
 from retrolidar_ros.nodes.parameters import Parameters
+from retrolidar_ros.nodes.qos import topic_part
 from retrolidar_ros.nodes.run import run
 
 
@@ -25,8 +25,8 @@ def create_nodes() -> list[Node]:
     """Return the nodes of the process, drivers first; ValueError for impossible parameters."""
     reader = Node('reader')
     parameters = Parameters(reader, 'reader')
-    parameters.texts('ports', 'Devices of several sensors; [] = one, of the driver.')
-    parameters.texts('names', 'Of these sensors; [] = sensor0, sensor1, ...')
+    parameters.declare('ports', 'Devices of several sensors; [] = one, of the driver.')
+    parameters.declare('names', 'Of these sensors; [] = sensor0, sensor1, ...')
     parameters.warn_of_unknown()
     ports, names = parameters.values['ports'], parameters.values['names']
     names = names or [f'sensor{index}' for index in range(len(ports))]

@@ -8,10 +8,12 @@ from collections.abc import Sequence
 
 import numpy as np
 from builtin_interfaces.msg import Duration
+from geometry_msgs.msg import Pose
 from std_msgs.msg import Header
 from visualization_msgs.msg import Marker
 
 from retrolidar_ros.msg import MarkerDetection
+from retrolidar_ros.nodes.conversion import covariance_of, to_pose, vector_of
 from retrolidar_ros.sensor.frame import Floats
 from retrolidar_ros.sensor.rotation import quaternion_of
 from retrolidar_ros.tasks.landmarks import Estimate
@@ -20,13 +22,13 @@ _DEVIATIONS = 2.0  # half axes of the drawn ellipsoid, in standard deviations
 _LEAST_DIAMETER_M = 0.01
 _LABEL_HEIGHT_M = 0.05
 _COLOUR = (0.0, 0.62, 0.45)
+_UPRIGHT = np.array([0.0, 0.0, 0.0, 1.0])
 
 
 def marker_shapes(detection: MarkerDetection, stale_after_s: float) -> list[Marker]:
     """Return an ellipsoid of the covariance and a label, removed when stale."""
-    place = detection.pose.pose.position
-    position_m = np.array([place.x, place.y, place.z])
-    covariance = np.array(detection.pose.covariance).reshape(6, 6)[:3, :3]
+    position_m = vector_of(detection.pose.pose.position)
+    covariance = covariance_of(detection.pose)[:3, :3]
     text = f'{detection.child_frame_id}\n{detection.range:.3f} m'
     shapes = _ellipsoid(detection.header, position_m, covariance, text, detection.id)
     # In the optical frame, up is against y.
@@ -52,28 +54,25 @@ def _ellipsoid(
     header: Header, position_m: Floats, covariance: Floats, text: str, identity: int
 ) -> list[Marker]:
     variances, axes = np.linalg.eigh(covariance)
-    ellipsoid = _shape(header, Marker.SPHERE, 'place', 0.35, position_m, identity)
+    # Eigenvectors may be mirrored, which is no rotation; the ellipsoid is the same.
+    turn = quaternion_of(axes * np.sign(np.linalg.det(axes)))
+    ellipsoid = _shape(header, Marker.SPHERE, 'place', 0.35, to_pose(position_m, turn), identity)
     diameters = 2 * _DEVIATIONS * np.sqrt(np.maximum(variances, 0.0))
     scale = ellipsoid.scale
     scale.x, scale.y, scale.z = np.maximum(diameters, _LEAST_DIAMETER_M).tolist()
-    orientation = ellipsoid.pose.orientation
-    # Eigenvectors may be mirrored, which is no rotation; the ellipsoid is the same.
-    turn = quaternion_of(axes * np.sign(np.linalg.det(axes)))
-    orientation.x, orientation.y, orientation.z, orientation.w = turn.tolist()
-    label = _shape(header, Marker.TEXT_VIEW_FACING, 'label', 1.0, position_m, identity)
+    upright = to_pose(position_m, _UPRIGHT)
+    label = _shape(header, Marker.TEXT_VIEW_FACING, 'label', 1.0, upright, identity)
     label.scale.z = _LABEL_HEIGHT_M
     label.text = text
     return [ellipsoid, label]
 
 
 def _shape(
-    header: Header, kind: int, layer: str, opacity: float, position_m: Floats, identity: int
+    header: Header, kind: int, layer: str, opacity: float, pose: Pose, identity: int
 ) -> Marker:
     # Two sensors may share a topic, and see the same marker.
     space = f'{header.frame_id}/{layer}'
-    shape = Marker(header=header, ns=space, id=identity, type=kind, action=Marker.ADD)
-    place = shape.pose.position
-    place.x, place.y, place.z = position_m.tolist()
+    shape = Marker(header=header, ns=space, id=identity, type=kind, action=Marker.ADD, pose=pose)
     shape.color.r, shape.color.g, shape.color.b = _COLOUR
     shape.color.a = opacity
     return shape

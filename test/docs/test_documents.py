@@ -209,7 +209,7 @@ def test_which_parameters_are_live() -> None:
     assert live == {
         (f'`{path.stem.removesuffix("_parameters")}`', f'`{call.args[0].value!s}`')
         for path in NODES
-        for call in calls(path, 'text', 'flag', 'integer', 'integers', 'number')
+        for call in calls(path, 'declare')
         if any(keyword.arg == 'live' for keyword in call.keywords)
         and isinstance(call.args[0], ast.Constant)
     } | {('`detector`', f'`{name}`') for name, one in PARAMETERS.items() if one.live}
