@@ -5,17 +5,15 @@
 from launch import LaunchDescription
 from launch.actions import OpaqueFunction
 
-from retrolidar_ros.nodes.launching import MARKERS, SENSOR, declared, node, number, sensor, value
+from retrolidar_ros.nodes.launching import MARKERS, SENSOR, declared, given, node, number, sensor
 
 
 def _coffee(context):
     """Return sensor and node, now that the arguments have values."""
-    given = {}
-    if value(context, 'target_frame'):
-        given['target_frame'] = value(context, 'target_frame')
-    if value(context, 'max_stddev'):
-        given['max_stddev'] = number(context, 'max_stddev')
-    return [sensor(list(SENSOR)), node(context, 'coffee', given)]
+    parameters = given(context, 'target_frame', 'max_stddev')
+    if 'max_stddev' in parameters:
+        parameters['max_stddev'] = number(context, 'max_stddev')
+    return [sensor(), node(context, 'coffee', parameters)]
 
 
 def generate_launch_description():

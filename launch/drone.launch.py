@@ -9,16 +9,16 @@ import math
 import time
 
 from launch import LaunchDescription
-from launch.actions import GroupAction, OpaqueFunction
+from launch.actions import OpaqueFunction
 
 from retrolidar_ros.nodes.launching import (
-    COMMON,
     MARKERS,
     SENSOR,
     declared,
     listed,
     node,
     number,
+    one_of_several,
     sensor,
     value,
 )
@@ -34,7 +34,7 @@ def _drone(context):
     if count not in ('1', '3'):
         raise RuntimeError(f'sensors:={count}: it needs 1 or 3')
     if count == '1':
-        return [sensor(list(SENSOR)), heartbeat]
+        return [sensor(), heartbeat]
     ports = listed(context, 'ports')
     if len(ports) != (0 if value(context, 'emulate') else 3):
         raise RuntimeError(
@@ -49,8 +49,14 @@ def _drone(context):
         options = f'--at {x:.4f} {y:.4f} 0 --seed {index} --start {start_s}'
         frame = f'sensor{index}_optical_frame'
         places[frame] = (x, y)
-        port = ports[index] if ports else ''
-        actions.append(_sensor(context, f'sensor{index}', frame, port, options))
+        own = {
+            'serial_port': ports[index] if ports else '',
+            'frame_id': frame,
+            'emulate': value(context, 'emulate'),
+            'emulate_options': options,
+            'publish_tf': 'false',
+        }
+        actions.append(one_of_several(context, f'sensor{index}', **own))
     _tell_places(context, places)
     given = {
         'fixed_frame': value(context, 'fixed_frame'),
@@ -58,23 +64,6 @@ def _drone(context):
         'acceleration': number(context, 'acceleration'),
     }
     return [*actions, node(context, 'landmarks', given), heartbeat]
-
-
-def _sensor(context, name, frame, port, options):
-    """Return one sensor of three."""
-    namespace = value(context, 'namespace').strip('/')
-    pushed = context.launch_configurations.get('ros_namespace', '').strip('/')
-    arguments = {
-        **{one: value(context, one) for one in COMMON},
-        'serial_port': port,
-        'frame_id': frame,
-        'emulate': value(context, 'emulate'),
-        'emulate_options': options,
-        'publish_tf': 'false',
-        'namespace': '/'.join(part for part in (namespace, name) if part),
-        'markers': '/' + '/'.join(part for part in (pushed, namespace, 'markers') if part),
-    }
-    return GroupAction([sensor(arguments)])
 
 
 def _tell_places(context, places):

@@ -9,9 +9,7 @@ On the rest: ros2 launch retrolidar_ros hall.launch.py server:=HOST:11811 ports:
 from launch import LaunchDescription
 from launch.actions import ExecuteProcess, OpaqueFunction, SetEnvironmentVariable
 
-from retrolidar_ros.nodes.launching import COMMON, declared, is_on, listed, node, value
-
-_OVERRIDES = ('marker_file', 'protocol')
+from retrolidar_ros.nodes.launching import COMMON, declared, given, is_on, listed, node, value
 
 
 def _host(context):
@@ -25,10 +23,10 @@ def _host(context):
         actions.append(ExecuteProcess(cmd=command, name='server', output='screen', respawn=True))
     if server:
         actions.append(SetEnvironmentVariable('ROS_DISCOVERY_SERVER', server))
-    given = {name: value(context, name) for name in _OVERRIDES if value(context, name)}
-    given |= {name: some for name in ('ports', 'names') if (some := listed(context, name))}
+    parameters = given(context, 'marker_file', 'protocol')
+    parameters |= {name: some for name in ('ports', 'names') if (some := listed(context, name))}
     remappings = [('markers', value(context, 'markers'))] if value(context, 'markers') else []
-    return [*actions, node(context, 'reader', given, remappings=remappings)]
+    return [*actions, node(context, 'reader', parameters, remappings=remappings)]
 
 
 def generate_launch_description():

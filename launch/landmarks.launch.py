@@ -5,17 +5,16 @@
 from launch import LaunchDescription
 from launch.actions import OpaqueFunction
 
-from retrolidar_ros.nodes.launching import MARKERS, SENSOR, declared, is_on, node, sensor, value
+from retrolidar_ros.nodes.launching import MARKERS, SENSOR, declared, given, is_on, node, sensor
 
-# Launch arguments that go before what the parameter file says, if they are given.
-_OVERRIDES = ('fixed_frame', 'marker_file', 'load_file', 'save_file', 'base_frame')
+_FILES_AND_FRAMES = ('fixed_frame', 'marker_file', 'load_file', 'save_file', 'base_frame')
 
 
 def _landmarks(context):
     """Return sensor and node, now that the arguments have values."""
-    given = {name: value(context, name) for name in _OVERRIDES if value(context, name)}
-    given['localize'] = is_on(context, 'localize')
-    return [sensor(list(SENSOR)), node(context, 'landmarks', given)]
+    parameters = given(context, *_FILES_AND_FRAMES)
+    parameters['localize'] = is_on(context, 'localize')
+    return [sensor(), node(context, 'landmarks', parameters)]
 
 
 def generate_launch_description():

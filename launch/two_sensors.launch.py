@@ -7,9 +7,9 @@ as left_mug and right_mug, since TF allows one parent per frame.
 """
 
 from launch import LaunchDescription
-from launch.actions import GroupAction, OpaqueFunction
+from launch.actions import OpaqueFunction
 
-from retrolidar_ros.nodes.launching import COMMON, declared, sensor, value
+from retrolidar_ros.nodes.launching import COMMON, declared, one_of_several, value
 from retrolidar_ros.scene.files import load_scene
 
 _SIDES = ('left', 'right')
@@ -17,31 +17,20 @@ _SIDES = ('left', 'right')
 
 def _sensors(context):
     """Return driver and detector of each side, now that the arguments have values."""
-    namespace = value(context, 'namespace').strip('/')
-    # Relative to a namespace that may have been pushed.
-    above = f'{namespace}/' if namespace else ''
     for side in _SIDES:  # once one runs, what is wrong with the other would leave it behind
         if scene := value(context, f'{side}_emulate'):
             load_scene(scene)
-    groups = []
-    for side in _SIDES:
-        arguments = {
-            **{name: value(context, name) for name in COMMON},
-            'serial_port': value(context, f'{side}_port'),
-            'frame_id': value(context, f'{side}_frame'),
-            'emulate': value(context, f'{side}_emulate'),
-            'child_frame': side + '_{name}',
-            'namespace': f'{above}{side}',
-            'markers': _beside(context, namespace),
-        }
-        groups.append(GroupAction([sensor(arguments)]))
-    return groups
-
-
-def _beside(context, namespace):
-    """Return the topic of both, in the namespace that is pushed, if one is."""
-    pushed = context.launch_configurations.get('ros_namespace', '').strip('/')
-    return '/' + '/'.join(part for part in (pushed, namespace, 'markers') if part)
+    return [
+        one_of_several(
+            context,
+            side,
+            serial_port=value(context, f'{side}_port'),
+            frame_id=value(context, f'{side}_frame'),
+            emulate=value(context, f'{side}_emulate'),
+            child_frame=side + '_{name}',
+        )
+        for side in _SIDES
+    ]
 
 
 def generate_launch_description():

@@ -9,22 +9,19 @@ from typing import Any, NamedTuple
 import numpy as np
 from diagnostic_msgs.msg import DiagnosticStatus
 from geometry_msgs.msg import PoseWithCovarianceStamped, TransformStamped, Vector3Stamped
-from harness_services import Services
-from harness_use_cases import (
-    LATCHED,
-    MOST_MAHALANOBIS,
-    Collected,
-    Health,
-    check_place,
-    covariance_of,
-    vector_of,
-    wait,
-)
-from std_msgs.msg import Bool, String
+from harness_observer import LATCHED, Observer, values_of
+from harness_use_cases import MOST_MAHALANOBIS, check_place
+from std_msgs.msg import Bool, Header, String
 from tf2_msgs.msg import TFMessage
 
-from retrolidar_ros.nodes.conversion import to_ns
-from retrolidar_ros.nodes.listener import Listener
+from retrolidar_ros.nodes.conversion import (
+    covariance_of,
+    quaternion_in,
+    to_ns,
+    to_pose,
+    to_transform,
+    vector_of,
+)
 from retrolidar_ros.scene.description import Marker, Scene
 from retrolidar_ros.sensor.frame import Floats
 from retrolidar_ros.sensor.rotation import matrix_of, quaternion_of
@@ -56,67 +53,65 @@ BASE_VIEW = View(
 )
 
 
-def check_coffee(listener: Listener, scene: Scene, namespace: str, view: View) -> None:
+def check_coffee(observer: Observer, scene: Scene, node: str, view: View) -> None:
     """All objects are found; subscribers that join later get that, and where they are."""
-    health = Health(listener, f'{namespace}/coffee: objects')
-    values = health.wait_for(DiagnosticStatus.OK, '3 objects placed')
-    assert values == dict.fromkeys(OBJECTS, 'placed')
+    status = observer.wait_for_status(f'{node}: objects', DiagnosticStatus.OK, '3 objects placed')
+    assert values_of(status) == dict.fromkeys(OBJECTS, 'placed')
     # Now that this has been published once and for all, these join late.
-    topic = f'{namespace}/coffee'
-    ready = Collected(listener, Bool, f'{topic}/ready')
-    missing = Collected(listener, String, f'{topic}/missing')
+    ready = observer.collect(Bool, f'{node}/ready')
+    missing = observer.collect(String, f'{node}/missing')
     poses = {
-        name: Collected(listener, PoseWithCovarianceStamped, f'{topic}/objects/{name}')
+        name: observer.collect(PoseWithCovarianceStamped, f'{node}/objects/{name}')
         for name in OBJECTS
     }
     offsets = {
-        (one, other): Collected(listener, Vector3Stamped, f'{topic}/offsets/{one}_to_{other}')
+        (one, other): observer.collect(Vector3Stamped, f'{node}/offsets/{one}_to_{other}')
         for one, other in combinations(OBJECTS, 2)
     }
     every = [ready, missing, *poses.values(), *offsets.values()]
-    wait(listener, lambda: all(one.messages for one in every), lambda: 'every topic of coffee')
-    assert ready.data() == [True]
-    assert missing.data() == ['']
+    observer.wait(lambda: all(every), 'every topic of coffee')
+    assert [one.data for one in ready] == [True]
+    assert [one.data for one in missing] == ['']
 
     markers = {marker.name: marker for marker in scene.markers}
     truth = {name: view.of(np.array(marker.position_m)) for name, marker in markers.items()}
 
     def have_origins() -> bool:
-        stamps = {name: pose.messages[-1].header.stamp for name, pose in poses.items()}
-        return all(_origin(listener, name, stamp) for name, stamp in stamps.items())
+        stamps = {name: pose[-1].header.stamp for name, pose in poses.items()}
+        return all(_origin(observer, name, stamp) for name, stamp in stamps.items())
 
-    wait(listener, have_origins, lambda: 'what the poses were made of')
+    observer.wait(have_origins, 'what the poses were made of')
     for name, pose in poses.items():
-        _check_pose(listener, markers[name], pose.messages[-1], view)
-    wait(listener, lambda: _agree(poses, offsets), lambda: 'offsets that are those of the poses')
+        _check_pose(observer, markers[name], pose[-1], view)
+    observer.wait(lambda: _agree(poses, offsets), 'offsets that are those of the poses')
     for (one, other), offset in offsets.items():
-        ends = [poses[name].messages[-1] for name in (one, other)]
-        covariance = sum(covariance_of(end)[:3, :3] for end in ends)
-        error = vector_of(offset.messages[-1].vector) - (truth[other] - truth[one])
+        ends = [poses[name][-1] for name in (one, other)]
+        covariance = sum(covariance_of(end.pose)[:3, :3] for end in ends)
+        error = vector_of(offset[-1].vector) - (truth[other] - truth[one])
         assert error @ np.linalg.solve(covariance, error) < MOST_MAHALANOBIS
-    _check_demand(listener, topic, ready, missing, view)
+    _check_demand(observer, node, ready, missing, view)
 
 
 def _position(pose: PoseWithCovarianceStamped) -> Floats:
     return vector_of(pose.pose.pose.position)
 
 
-def _origin(listener: Listener, name: str, stamp: Any) -> tuple[Any, TransformStamped] | None:
+def _origin(observer: Observer, name: str, stamp: Any) -> tuple[Any, TransformStamped] | None:
     """Return detection and transform of a marker at a time, as far as both were heard."""
-    for message, _ in listener.markers:
+    for message, _ in observer.markers:
         if message.child_frame_id == name and message.header.stamp == stamp:
-            for transform in listener.transforms:
+            for transform in observer.transforms:
                 if transform.child_frame_id == name and transform.header.stamp == stamp:
                     return message, transform
     return None
 
 
 def _check_pose(
-    listener: Listener, marker: Marker, pose: PoseWithCovarianceStamped, view: View
+    observer: Observer, marker: Marker, pose: PoseWithCovarianceStamped, view: View
 ) -> None:
     """A pose is that of the detection, turned into the view, and true."""
     assert pose.header.frame_id == view.frame
-    origin = _origin(listener, marker.name, pose.header.stamp)
+    origin = _origin(observer, marker.name, pose.header.stamp)
     assert origin is not None
     detection, transform = origin
     assert detection.id == marker.id
@@ -125,25 +120,24 @@ def _check_pose(
     assert np.array_equal(vector_of(transform.transform.translation), seen)
     assert transform.transform.rotation == detection.pose.pose.orientation
 
-    position, covariance = _position(pose), covariance_of(pose)
+    position, covariance = _position(pose), covariance_of(pose.pose)
     truth = view.of(np.array(marker.position_m))
     check_place(position, covariance[:3, :3], truth, view.translation_m)
     if view is not SENSOR_VIEW:
         return  # it is made of all detections so far
     assert np.allclose(position, seen)
-    assert np.allclose(covariance, covariance_of(detection))
+    assert np.allclose(covariance, covariance_of(detection.pose))
     # Facing the sensor: the marker's z points away from it.
-    turn = pose.pose.pose.orientation
     away = position - view.translation_m
-    axis = matrix_of(np.array([turn.x, turn.y, turn.z, turn.w]))[:, 2]
+    axis = matrix_of(quaternion_in(pose.pose.pose.orientation))[:, 2]
     assert np.allclose(axis, away / np.linalg.norm(away))
 
 
-def _agree(poses: dict[str, Collected], offsets: dict[tuple[str, str], Collected]) -> bool:
+def _agree(poses: dict[str, list[Any]], offsets: dict[tuple[str, str], list[Any]]) -> bool:
     """Tell whether each offset leads from one pose to the other, as of the later of the two."""
     for pair, offset in offsets.items():
-        one, other = (poses[name].messages[-1] for name in pair)
-        latest = offset.messages[-1]
+        one, other = (poses[name][-1] for name in pair)
+        latest = offset[-1]
         if to_ns(latest.header.stamp) != max(to_ns(end.header.stamp) for end in (one, other)):
             return False
         if latest.header.frame_id != one.header.frame_id:
@@ -154,7 +148,7 @@ def _agree(poses: dict[str, Collected], offsets: dict[tuple[str, str], Collected
 
 
 def _check_demand(
-    listener: Listener, topic: str, ready: Collected, missing: Collected, view: View
+    observer: Observer, node: str, ready: list[Any], missing: list[Any], view: View
 ) -> None:
     """While more is demanded than a zone can give, what is missing is published with its reason."""
     unsure, stale = 'is known to 0.*; {} m wanted*', 'was last seen ? s ago'
@@ -166,19 +160,17 @@ def _check_demand(
         ('stale_after', 10.0, dict.fromkeys(OBJECTS, unsure.format(0.01))),
         ('max_stddev', 0.2, {}),
     ]
-    services = Services(listener)
 
     def check(parameter: str, number: float, expected: dict[str, str]) -> None:
         missing.clear()
-        services.set(topic, **{parameter: number})
+        observer.services.set(f'{observer.namespace}/{node}', **{parameter: number})
         pattern = ', '.join(f'{name} {reason}' for name, reason in expected.items())
-        wait(
-            listener,
+        observer.wait(
             lambda: (
-                any(fnmatchcase(text, pattern) for text in missing.data())
-                and ready.data()[-1] is not bool(expected)
+                any(fnmatchcase(one.data, pattern) for one in missing)
+                and ready[-1].data is not bool(expected)
             ),
-            lambda: f'{pattern!r}, only {missing.data()} {ready.data()}',
+            pattern,
         )
 
     # Landmarks are a bit less sure than single detections.
@@ -186,12 +178,9 @@ def _check_demand(
         check(*step)
 
 
-def publish_base(listener: Listener) -> None:
+def publish_base(observer: Observer) -> None:
     """Publish once and for all how the sensor lies in the frame `base`."""
-    transform = TransformStamped()
-    transform.header.frame_id, transform.child_frame_id = BASE_VIEW.frame, SENSOR_FRAME
-    turn, way = transform.transform.rotation, transform.transform.translation
-    way.x, way.y, way.z = BASE_VIEW.translation_m.tolist()
-    turn.x, turn.y, turn.z, turn.w = quaternion_of(BASE_VIEW.rotation).tolist()
-    publisher = listener.node.create_publisher(TFMessage, '/tf_static', LATCHED)
+    pose = to_pose(BASE_VIEW.translation_m, quaternion_of(BASE_VIEW.rotation))
+    transform = to_transform(Header(frame_id=BASE_VIEW.frame), SENSOR_FRAME, pose)
+    publisher = observer.node.create_publisher(TFMessage, '/tf_static', LATCHED)
     publisher.publish(TFMessage(transforms=[transform]))

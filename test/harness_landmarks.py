@@ -7,22 +7,28 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
 from diagnostic_msgs.msg import DiagnosticStatus
 from geometry_msgs.msg import PoseWithCovarianceStamped, TransformStamped
-from harness_use_cases import RELIABLE, Collected, Health, wait
-from std_srvs.srv import Trigger
+from harness_observer import RELIABLE, Observer, values_of
+from harness_use_cases import MOST_MAHALANOBIS
 from tf2_msgs.msg import TFMessage
 from visualization_msgs.msg import Marker, MarkerArray
 
 from retrolidar_ros.detector.detection import Detection
 from retrolidar_ros.detector.place import place, zone_bearing
 from retrolidar_ros.msg import MarkerDetection
-from retrolidar_ros.nodes.conversion import to_detection_msg, to_ns, to_time
-from retrolidar_ros.nodes.listener import Listener
+from retrolidar_ros.nodes.conversion import (
+    covariance_of,
+    to_detection_msg,
+    to_header,
+    to_ns,
+    to_pose,
+    to_transform,
+    vector_of,
+)
 from retrolidar_ros.sensor.frame import Floats, ZoneGrid
 from retrolidar_ros.settings.yaml_files import load_yaml
 
@@ -33,34 +39,28 @@ MUG_M = np.array([0.1, -0.05, 1.2])
 CORNERS = ((-0.2, -0.2), (0.2, -0.2), (0.2, 0.2), (-0.2, 0.2))
 _GRID = ZoneGrid()
 _RANGE_STDDEV_M = 0.001
-_MOST_MAHALANOBIS = 16.27
 _LATE_S = 0.25
 
 
 class Hand:
     """Says where it is on /tf, and what it reads of markers on /NAMESPACE/markers."""
 
-    def __init__(self, listener: Listener, namespace: str) -> None:
-        self._listener = listener
-        node = listener.node
-        self._markers = node.create_publisher(MarkerDetection, f'{namespace}/markers', 100)
-        self._transforms = node.create_publisher(TFMessage, '/tf', 100)
-
-    def wait_for_subscribers(self) -> None:
-        wait(
-            self._listener,
+    def __init__(self, observer: Observer) -> None:
+        """Wait for subscribers."""
+        self._observer = observer
+        self._markers = observer.node.create_publisher(MarkerDetection, 'markers', 100)
+        self._transforms = observer.node.create_publisher(TFMessage, '/tf', 100)
+        observer.wait(
             lambda: (
-                self._markers.get_subscription_count() > 0
+                self._markers.get_subscription_count() > 1
                 and self._transforms.get_subscription_count() > 1
             ),
-            lambda: 'subscribers',
+            'subscribers',
         )
 
     def move(self, at_m: Floats, stamp_ns: int) -> None:
-        transform = TransformStamped(child_frame_id=HAND)
-        transform.header.frame_id, transform.header.stamp = FIXED, to_time(stamp_ns)
-        way = transform.transform.translation
-        way.x, way.y, way.z = at_m.tolist()
+        pose = to_pose(at_m, np.array([0.0, 0.0, 0.0, 1.0]))
+        transform = to_transform(to_header(stamp_ns, FIXED), HAND, pose)
         self._transforms.publish(TFMessage(transforms=[transform]))
 
     def read(
@@ -90,44 +90,33 @@ class Hand:
         )
         if late_s:
             self._markers.publish(to_detection_msg(detection, HAND, name))
-            self._listener.spin_until(lambda: False, late_s)
+            self._observer.pass_time(late_s)
         self.move(at_m, stamp_ns - 1_000_000)
         self.move(at_m, stamp_ns + 1_000_000)
         if not late_s:
             self._markers.publish(to_detection_msg(detection, HAND, name))
-        self._listener.spin_until(lambda: False, 0.01)  # the hand was there, and there only
+        self._observer.pass_time(0.01)  # the hand was there, and there only
         return stamp_ns
 
 
-def _squared(message: PoseWithCovarianceStamped, truth_m: Floats) -> float:
-    place_ = message.pose.pose.position
-    off = np.array([place_.x, place_.y, place_.z]) - truth_m
-    covariance = np.array(message.pose.covariance).reshape(6, 6)[:3, :3]
-    return float(off @ np.linalg.solve(covariance, off))
+def squared(message: PoseWithCovarianceStamped, truth_m: Floats) -> float:
+    """Return the squared distance from the truth, in deviations."""
+    off = vector_of(message.pose.pose.position) - truth_m
+    return float(off @ np.linalg.solve(covariance_of(message.pose)[:3, :3], off))
 
 
-def _call(listener: Listener, service: str) -> Any:
-    client = listener.node.create_client(Trigger, service)
-    wait(listener, client.service_is_ready, lambda: service)
-    future: Any = client.call_async(Trigger.Request())
-    wait(listener, future.done, lambda: f'an answer of {service}')
-    return future.result()
-
-
-def check_landmarks(listener: Listener, namespace: str, saved: Path) -> None:
+def check_landmarks(observer: Observer, saved: Path) -> None:
     """A hand that looks from four places finds the mug, and where it is carried to."""
-    node = f'{namespace}/landmarks'
-    health = Health(listener, f'{node}: landmarks')
-    mug = Collected(listener, PoseWithCovarianceStamped, f'{node}/objects/mug')
-    shapes = Collected(listener, MarkerArray, f'{node}/marker_array')
-    hand = Hand(listener, namespace)
-    hand.wait_for_subscribers()
-    health.wait_for(DiagnosticStatus.WARN, 'nothing is placed yet')
+    name = 'landmarks: landmarks'
+    mug = observer.collect(PoseWithCovarianceStamped, 'landmarks/objects/mug')
+    shapes = observer.collect(MarkerArray, 'landmarks/marker_array')
+    hand = Hand(observer)
+    observer.wait_for_status(name, DiagnosticStatus.WARN, 'nothing is placed yet')
     corners = [np.append(corner, 0.0) for corner in CORNERS]
     # The topic is made with the first pose; until that is heard, messages may get lost.
-    while not mug.messages:
+    while not mug:
         hand.read('mug', 2107, MUG_M, corners[0])
-        listener.spin_until(lambda: bool(mug.messages), 0.5)
+        observer.spin_until(lambda: bool(mug), 0.5)
     delays_s = (_LATE_S, 0.0, 0.0, 0.0, 0.0, 0.0)
     read_ns = {
         hand.read('mug', 2107, MUG_M, at_m, late_s)
@@ -135,29 +124,29 @@ def check_landmarks(listener: Listener, namespace: str, saved: Path) -> None:
     }
 
     def without_pose() -> set[int]:
-        placed_ns = [to_ns(one.header.stamp) for one in mug.messages]
+        placed_ns = [to_ns(one.header.stamp) for one in mug]
         return {one for one in read_ns if not any(abs(one - ns) < 1000 for ns in placed_ns)}
 
-    wait(listener, lambda: not without_pose(), lambda: f'poses of {without_pose()}')
-    last = mug.messages[-1]
+    observer.wait(lambda: not without_pose(), 'a pose of each reading')
+    last = mug[-1]
     assert last.header.frame_id == FIXED
-    assert all(_squared(one, MUG_M) < _MOST_MAHALANOBIS for one in mug.messages)
-    covariance = np.array(last.pose.covariance).reshape(6, 6)
+    assert all(squared(one, MUG_M) < MOST_MAHALANOBIS for one in mug)
+    covariance = covariance_of(last.pose)
     assert np.sqrt(np.linalg.eigvalsh(covariance[:3, :3])[-1]) < 0.03
     assert np.diag(covariance)[3:].min() > 1  # one marker has no orientation
 
     def transforms() -> list[TransformStamped]:
-        return [one for one in listener.transforms if one.child_frame_id == 'landmark_mug']
+        return [one for one in observer.transforms if one.child_frame_id == 'landmark_mug']
 
-    wait(listener, lambda: bool(transforms()), lambda: 'the frame of the mug')
+    observer.wait(lambda: bool(transforms()), 'the frame of the mug')
     assert {one.header.frame_id for one in transforms()} == {FIXED}
-    wait(listener, lambda: bool(shapes.messages), lambda: 'shapes')
-    kinds = [one.type for one in shapes.messages[-1].markers if one.action == Marker.ADD]
+    observer.wait(lambda: bool(shapes), 'shapes')
+    kinds = [one.type for one in shapes[-1].markers if one.action == Marker.ADD]
     assert kinds == [Marker.SPHERE, Marker.TEXT_VIEW_FACING]
 
-    values = health.wait_for(DiagnosticStatus.OK, '1 placed')
+    values = values_of(observer.wait_for_status(name, DiagnosticStatus.OK, '1 placed'))
     assert float(values['mug: baseline [m]']) > 0.5
-    answer = _call(listener, f'{node}/save')
+    answer = observer.services.trigger('landmarks/save')
     assert answer.success, answer.message
     content = load_yaml(saved)
     assert content['frame'] == FIXED
@@ -167,38 +156,29 @@ def check_landmarks(listener: Listener, namespace: str, saved: Path) -> None:
     mug.clear()
     for at_m in corners[:2]:
         hand.read('mug', 2107, there_m, at_m)
-    wait(
-        listener,
-        lambda: bool(mug.messages) and _squared(mug.messages[-1], there_m) < _MOST_MAHALANOBIS,
-        lambda: 'the mug at its new place',
+    observer.wait(
+        lambda: bool(mug) and squared(mug[-1], there_m) < MOST_MAHALANOBIS,
+        'the mug at its new place',
     )
-    for one in mug.messages:
-        assert min(_squared(one, MUG_M), _squared(one, there_m)) < _MOST_MAHALANOBIS
-    assert _call(listener, f'{node}/forget').success
-    health.wait_for(DiagnosticStatus.WARN, 'nothing is placed yet')
+    for one in mug:
+        assert min(squared(one, MUG_M), squared(one, there_m)) < MOST_MAHALANOBIS
+    assert observer.services.trigger('landmarks/forget').success
+    observer.wait_for_status(name, DiagnosticStatus.WARN, 'nothing is placed yet')
 
 
-def check_drone(listener: Listener, namespace: str, at: Callable[[int], Floats]) -> None:
+def check_drone(observer: Observer, at: Callable[[int], Floats]) -> None:
     """Three sensors on the ground tell where a drone is, across their lines of sight, too.
 
-    Parameters
-    ----------
-    listener : Listener
-    namespace : str
-    at : callable
-        Returns where it is at a stamp [ns], shape (3,) [m].
+    `at` returns where it is at a stamp [ns], shape (3,) [m].
     """
-    poses = Collected(
-        listener, PoseWithCovarianceStamped, f'{namespace}/landmarks/objects/drone', RELIABLE
-    )
-    health = Health(listener, f'{namespace}/landmarks: landmarks')
-    wait(listener, lambda: len(poses.messages) >= 12, lambda: f'12, not {len(poses.messages)}')
-    frames = {message.header.frame_id for message, _ in listener.markers}
+    topic, name = 'landmarks/objects/drone', 'landmarks: landmarks'
+    poses = observer.collect(PoseWithCovarianceStamped, topic, RELIABLE)
+    observer.wait(lambda: len(poses) >= 12, 'twelve poses')
+    frames = {message.header.frame_id for message, _ in observer.markers}
     assert frames == {f'sensor{index}_optical_frame' for index in range(3)}
-    for pose in poses.messages[-6:]:
+    for pose in poses[-6:]:
         assert pose.header.frame_id == GROUND
-        assert _squared(pose, at(to_ns(pose.header.stamp))) < _MOST_MAHALANOBIS
-        covariance = np.array(pose.pose.covariance).reshape(6, 6)[:3, :3]
-        assert np.sqrt(np.linalg.eigvalsh(covariance)[-1]) < 0.04
-    values = health.wait_for(DiagnosticStatus.OK, '1 placed')
+        assert squared(pose, at(to_ns(pose.header.stamp))) < MOST_MAHALANOBIS
+        assert np.sqrt(np.linalg.eigvalsh(covariance_of(pose.pose)[:3, :3])[-1]) < 0.04
+    values = values_of(observer.wait_for_status(name, DiagnosticStatus.OK, '1 placed'))
     assert float(values['drone: baseline [m]']) == pytest.approx(EDGE_M, abs=1e-3)

@@ -1,13 +1,10 @@
 # Copyright 2026 retrolidar_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""What the tests of launch files share: the file that is included, and what is left at the end."""
+"""What the tests of launch files share."""
 
-import unittest
 from typing import Any
 
-import launch_testing
 import launch_testing.actions
-import launch_testing.asserts
 from launch import LaunchDescription
 from launch.actions import IncludeLaunchDescription
 from launch.substitutions import PathJoinSubstitution
@@ -26,14 +23,3 @@ def included(name: str, **arguments: str) -> Any:
 def launched(*actions: Any) -> Any:
     """Return the description of a test that begins at once."""
     return LaunchDescription([*actions, launch_testing.actions.ReadyToTest()])
-
-
-def end_test(*exit_codes: int) -> Any:
-    """Return the test that all processes ended in order, or by one of these exit codes."""
-
-    class TestEnd(unittest.TestCase):
-        def test_exit_codes(self, proc_info: Any) -> None:
-            allowed = [0, *exit_codes]
-            launch_testing.asserts.assertExitCodes(proc_info, allowable_exit_codes=allowed)
-
-    return launch_testing.post_shutdown_test()(TestEnd)

@@ -4,16 +4,13 @@
 
 import os
 import signal
-from collections import defaultdict
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
 
 import rclpy
-from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
-from harness import PATIENCE_S, STAMP_ERROR_S, Sensor, wait_for_readings
-from harness_services import Services
+from harness import STAMP_ERROR_S, Sensor, wait_for_readings
+from harness_observer import Observer
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 
@@ -21,7 +18,6 @@ from retrolidar_ros.cli.demo import executable
 from retrolidar_ros.cli.processes import ProcessGroup
 from retrolidar_ros.msg import Frame as FrameMsg
 from retrolidar_ros.nodes.conversion import to_frame_msg, to_ns
-from retrolidar_ros.nodes.listener import Listener
 from retrolidar_ros.scene import Simulation
 from retrolidar_ros.scene.description import Scene
 from retrolidar_ros.scene.files import load_scene
@@ -33,34 +29,20 @@ FEED_PERIOD_S = 0.007
 """Between frames that are published, which is faster than they would come."""
 
 
-def values_of(status: DiagnosticStatus) -> dict[str, str]:
-    return {value.key: value.value for value in status.values}
-
-
 def endless(scene: Scene) -> Iterator[Frame]:
     simulation = Simulation(scene)
     while True:
         yield from simulation.advance(100)
 
 
-class System:
-    """Nodes of a namespace, a listener in it, and the statuses of all nodes."""
+class System(Observer):
+    """Nodes of a namespace, and what they say."""
 
     def __init__(self, directory: Path, namespace: str, processes: ProcessGroup) -> None:
-        self.namespace = namespace
+        super().__init__(namespace)
         self.port = directory / 'port'
         self.processes = processes
-        self.listener = Listener(namespace)
-        self.node = self.listener.node
-        self.statuses: defaultdict[str, list[DiagnosticStatus]] = defaultdict(list)
-        """By `node: subject`, which begins with the namespace if that is another one."""
         self.started: list[str] = []
-        self.services = Services(self.listener)
-        self.node.create_subscription(DiagnosticArray, '/diagnostics', self._take, 100)
-
-    def _take(self, message: DiagnosticArray) -> None:
-        for status in message.status:
-            self.statuses[status.name.removeprefix(f'{self.namespace}/')].append(status)
 
     def start(
         self, node: str, *arguments: str, name: str = '', namespace: str = '', **parameters: object
@@ -95,48 +77,6 @@ class System:
     def log(self, name: str) -> str:
         return self.processes.log(name).read_text()
 
-    def wait(self, done: Callable[[], bool], what: str, timeout_s: float = PATIENCE_S) -> None:
-        assert self.listener.spin_until(done, timeout_s), f'waited in vain for {what}'
-
-    def wait_for_frames(self, count: int) -> None:
-        """Wait until more frames than that have come."""
-        self.wait(lambda: len(self.listener.frames) > count, 'frames')
-
-    def pass_time(self, duration_s: float) -> None:
-        self.listener.spin_until(lambda: False, duration_s)
-
-    def next_status(self, name: str) -> DiagnosticStatus:
-        seen = len(self.statuses[name])
-        self.wait(lambda: len(self.statuses[name]) > seen, f'a status of {name}')
-        return self.statuses[name][-1]
-
-    def number(self, name: str, key: str) -> int:
-        """Return a number of the next status."""
-        return int(values_of(self.next_status(name))[key])
-
-    def wait_for_status(
-        self, name: str, level: bytes, text: str, timeout_s: float = PATIENCE_S
-    ) -> DiagnosticStatus:
-        """Return the next status of a level that has a text within."""
-        seen = len(self.statuses[name])
-
-        def found() -> list[DiagnosticStatus]:
-            statuses = self.statuses[name][seen:]
-            return [one for one in statuses if one.level == level and text in one.message]
-
-        self.wait(lambda: bool(found()), f'{text!r} of {name}', timeout_s)
-        return found()[0]
-
-    @contextmanager
-    def subscribed(self, kind: Any, topic: str) -> Iterator[list[Any]]:
-        """Subscribe for as long as the block lasts; what comes is in the list."""
-        came: list[Any] = []
-        subscription = self.node.create_subscription(kind, topic, came.append, 100)
-        try:
-            yield came
-        finally:
-            self.node.destroy_subscription(subscription)
-
     @contextmanager
     def fed(self, topic: str) -> Iterator[None]:
         """Publish frames of the coffee scene."""
@@ -154,8 +94,8 @@ class System:
 
     def read_all(self, ids: set[int] = COFFEE_IDS) -> None:
         """Wait until each marker is read from now on."""
-        self.listener.markers.clear()
-        wait_for_readings(self.listener, ids)
+        self.markers.clear()
+        wait_for_readings(self, ids)
 
     def check_stamps(self, sensor: Sensor, frames: slice, step_ns: int = 0) -> None:
         """Check that frames are stamped with the time of their exposure, on a clock set by a step.
@@ -168,7 +108,7 @@ class System:
         step_ns : int
             By which the clock was set [ns].
         """
-        for message, _ in self.listener.frames[frames]:
+        for message, _ in self.frames[frames]:
             true_ns = sensor.middle_ns[message.sequence] + step_ns
             error_s = (to_ns(message.header.stamp) - true_ns) * 1e-9
             assert abs(error_s) < STAMP_ERROR_S, f'frame {message.sequence}: {error_s} s'
@@ -185,7 +125,7 @@ def running(directory: Path, namespace: str) -> Iterator[System]:
             for name in list(system.started):
                 system.stop(name)
         finally:
-            system.listener.close()
+            system.close()
 
 
 @contextmanager

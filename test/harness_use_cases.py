@@ -3,19 +3,17 @@
 """What is asserted of heartbeat and two sensors, however their nodes were started."""
 
 import time
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import yaml
-from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
-from harness import PATIENCE_S
-from rclpy.qos import DurabilityPolicy, QoSProfile
+from diagnostic_msgs.msg import DiagnosticStatus
+from harness_observer import RELIABLE, Observer, values_of
+from std_msgs.msg import Bool
 
 from retrolidar_ros.msg import Frame as FrameMsg
-from retrolidar_ros.nodes.conversion import to_ns
-from retrolidar_ros.nodes.listener import Listener
+from retrolidar_ros.nodes.conversion import covariance_of, to_ns, vector_of
 from retrolidar_ros.scene.description import Scene
 from retrolidar_ros.scene.files import find_scene
 from retrolidar_ros.sensor.frame import Floats
@@ -28,64 +26,6 @@ OVERDUE_AFTER_S = 2.0
 MOST_MAHALANOBIS = 16.27
 # The nodes look at the time ten times a second; the rest is for a machine that is busy.
 _LATENESS_S = 1.0
-LATCHED = QoSProfile(  # type: ignore[no-untyped-call]
-    depth=100, durability=DurabilityPolicy.TRANSIENT_LOCAL
-)
-RELIABLE = QoSProfile(depth=1000)  # type: ignore[no-untyped-call]
-
-
-class Collected:
-    """Messages of a topic, each with the time of its receipt [s]."""
-
-    def __init__(
-        self, listener: Listener, kind: Any, topic: str, qos: QoSProfile = LATCHED
-    ) -> None:
-        self.messages: list[Any] = []
-        self.times_s: list[float] = []
-        listener.node.create_subscription(kind, topic, self._take, qos)
-
-    def _take(self, message: Any) -> None:
-        self.messages.append(message)
-        self.times_s.append(time.monotonic())
-
-    def data(self) -> list[Any]:
-        return [message.data for message in self.messages]
-
-    def clear(self) -> None:
-        self.messages.clear()
-        self.times_s.clear()
-
-
-class Health:
-    """What a node reports on /diagnostics, as `/namespace/node: subject`."""
-
-    def __init__(self, listener: Listener, name: str) -> None:
-        self.name = name
-        self.statuses: list[DiagnosticStatus] = []
-        self._listener = listener
-        listener.node.create_subscription(DiagnosticArray, '/diagnostics', self._take, 10)
-
-    def _take(self, message: DiagnosticArray) -> None:
-        self.statuses += [status for status in message.status if status.name == self.name]
-
-    def wait_for(self, level: bytes, text: str) -> dict[str, str]:
-        """Wait for the next status of a level and a text; return its values."""
-        seen = len(self.statuses)
-
-        def found() -> list[DiagnosticStatus]:
-            statuses = self.statuses[seen:]
-            return [one for one in statuses if (one.level, one.message) == (level, text)]
-
-        wait(
-            self._listener,
-            lambda: bool(found()),
-            lambda: f'{self.name}: {text!r} of level {level!r}, only {self.statuses[seen:]}',
-        )
-        return {value.key: value.value for value in found()[0].values}
-
-
-def wait(listener: Listener, done: Callable[[], bool], what: Callable[[], str]) -> None:
-    assert listener.spin_until(done, PATIENCE_S), f'waited in vain for {what()}'
 
 
 def check_place(position_m: Floats, covariance: Floats, truth_m: Floats, eye_m: Floats) -> None:
@@ -99,14 +39,6 @@ def check_place(position_m: Floats, covariance: Floats, truth_m: Floats, eye_m: 
     assert variances.min() > 0
     assert np.sqrt(variances.max()) < 0.12 * range_m
     assert error @ np.linalg.solve(covariance, error) < MOST_MAHALANOBIS
-
-
-def vector_of(message: Any) -> Floats:
-    return np.array([message.x, message.y, message.z])
-
-
-def covariance_of(pose: Any) -> Floats:
-    return np.array(pose.pose.covariance).reshape(6, 6)
 
 
 def silent_drone(directory: Path, start_s: float, packets: int) -> Path:
@@ -130,23 +62,26 @@ def impatient_parameters(directory: Path) -> Path:
     return path
 
 
-def check_heartbeat(listener: Listener, alive: Collected, health: Health, scene: Scene) -> None:
+def check_heartbeat(observer: Observer, scene: Scene) -> None:
     """A drone is alive from its first reading on, and overdue some time after its last."""
     (marker,) = scene.markers
     assert marker.packets is not None
-    wait(listener, lambda: bool(listener.markers), lambda: 'a reading')
-    wait(listener, lambda: alive.data()[-1:] == [True], lambda: f'life, only {alive.data()}')
+    name = 'heartbeat: markers'
+    alive = observer.collect(Bool, 'heartbeat/alive')
+    observer.wait(lambda: bool(observer.markers), 'a reading')
+    observer.wait(lambda: bool(alive) and alive[-1].data, 'life')
     alive.clear()
-    values = health.wait_for(DiagnosticStatus.OK, 'all markers are read')
+    values = values_of(observer.wait_for_status(name, DiagnosticStatus.OK, 'all markers are read'))
     assert int(values['drone: readings']) >= 1
     assert float(values['drone: silence [s]']) <= OVERDUE_AFTER_S
-    wait(listener, lambda: bool(alive.messages), lambda: 'silence to be noticed')
-    assert alive.data() == [False]  # and it was alive between its readings
-    messages = [message for message, _ in listener.markers]
+    observer.wait(lambda: bool(alive), 'silence to be noticed')
+    noticed_s = time.time()
+    assert [one.data for one in alive] == [False]  # and it was alive between its readings
+    messages = [message for message, _ in observer.markers]
     assert {(one.id, one.child_frame_id) for one in messages} == {(marker.id, 'drone')}
-    last_s = listener.markers[-1][1] * 1e-9 - time.time() + time.monotonic()
-    assert abs(alive.times_s[0] - last_s - OVERDUE_AFTER_S) < _LATENESS_S
-    values = health.wait_for(DiagnosticStatus.WARN, 'overdue: drone')
+    last_s = observer.markers[-1][1] * 1e-9
+    assert abs(noticed_s - last_s - OVERDUE_AFTER_S) < _LATENESS_S
+    values = values_of(observer.wait_for_status(name, DiagnosticStatus.WARN, 'overdue: drone'))
     assert len(messages) <= int(values['drone: readings']) <= marker.packets
     silence_s = float(values['drone: silence [s]'])
     assert silence_s > OVERDUE_AFTER_S
@@ -157,36 +92,33 @@ def _side(message: Any) -> str:
     return str(message.child_frame_id).partition('_')[0]
 
 
-def check_two_sensors(listener: Listener, scene: Scene, namespace: str) -> None:
+def check_two_sensors(observer: Observer, scene: Scene) -> None:
     """What both sensors see comes on one topic, and each marker has one TF frame below each."""
-    frames = {
-        side: Collected(listener, FrameMsg, f'{namespace}/{side}/frames', RELIABLE)
-        for side in SIDES
-    }
+    frames = {side: observer.collect(FrameMsg, f'{side}/frames', RELIABLE) for side in SIDES}
     markers = {f'{side}_{one.name}': one for side in SIDES for one in scene.markers}
-    wait(listener, lambda: all(one.messages for one in frames.values()), lambda: 'both sensors')
-    listener.markers.clear()  # they may be of frames that came before these were heard
+    observer.wait(lambda: all(frames.values()), 'both sensors')
+    observer.markers.clear()  # they may be of frames that came before these were heard
 
     def missing() -> set[str]:
-        transforms = {(one.child_frame_id, to_ns(one.header.stamp)) for one in listener.transforms}
-        messages = [message for message, _ in listener.markers]
+        transforms = {(one.child_frame_id, to_ns(one.header.stamp)) for one in observer.transforms}
+        messages = [message for message, _ in observer.markers]
         placed = {(one.child_frame_id, to_ns(one.header.stamp)) for one in messages} & transforms
         return set(markers) - {name for name, _ in placed}
 
-    wait(listener, lambda: not missing(), lambda: f'detection and transform of {missing()}')
-    messages = [message for message, _ in listener.markers]
+    observer.wait(lambda: not missing(), 'a detection and a transform of each')
+    messages = [message for message, _ in observer.markers]
 
     def stamps(side: str) -> set[int]:
-        return {to_ns(one.header.stamp) for one in frames[side].messages}
+        return {to_ns(one.header.stamp) for one in frames[side]}
 
     def unheard() -> set[int]:
         """Return the ends of readings whose last frame is still on its way to here."""
         ends = {side: {to_ns(one.end) for one in messages if _side(one) == side} for side in SIDES}
         return {end for side in SIDES for end in ends[side] - stamps(side)}
 
-    wait(listener, lambda: not unheard(), lambda: f'the frames of {unheard()}')
+    observer.wait(lambda: not unheard(), 'the frames of all readings')
     for side, collected in frames.items():
-        assert {one.header.frame_id for one in collected.messages} == {f'{side}_optical_frame'}
+        assert {one.header.frame_id for one in collected} == {f'{side}_optical_frame'}
     assert stamps('left') & stamps('right') == set()
     for message in messages:
         side, _, name = message.child_frame_id.partition('_')
@@ -195,10 +127,10 @@ def check_two_sensors(listener: Listener, scene: Scene, namespace: str) -> None:
         assert message.header.frame_id == f'{side}_optical_frame'
         position = vector_of(message.pose.pose.position)
         truth = np.array(marker.position_m)
-        check_place(position, covariance_of(message)[:3, :3], truth, np.zeros(3))
+        check_place(position, covariance_of(message.pose)[:3, :3], truth, np.zeros(3))
     parents = {
         (one.child_frame_id, one.header.frame_id)
-        for one in listener.transforms
+        for one in observer.transforms
         if one.header.frame_id in {f'{side}_optical_frame' for side in SIDES}
     }
     assert parents == {(name, f'{name.partition("_")[0]}_optical_frame') for name in markers}

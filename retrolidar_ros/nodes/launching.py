@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any
 
 import yaml
-from launch.actions import DeclareLaunchArgument, IncludeLaunchDescription
+from launch.actions import DeclareLaunchArgument, GroupAction, IncludeLaunchDescription
 from launch.launch_context import LaunchContext
 from launch.substitutions import LaunchConfiguration, PathJoinSubstitution
 from launch_ros.actions import Node
@@ -59,6 +59,11 @@ def value(context: LaunchContext, name: str) -> str:
     return text
 
 
+def given(context: LaunchContext, *names: str) -> dict[str, Any]:
+    """Return those launch arguments that have a value, which goes before the parameter file's."""
+    return {name: text for name in names if (text := value(context, name))}
+
+
 def is_on(context: LaunchContext, name: str) -> bool:
     """Return a launch argument as a boolean; RuntimeError if it is none."""
     text = value(context, name).lower()
@@ -101,9 +106,11 @@ def _parameter_file(context: LaunchContext) -> str:
     return path
 
 
-def node(context: LaunchContext, executable: str, given: dict[str, Any], **options: Any) -> Node:
-    """Return a node of the package, with the parameters that are given before those of the file."""
-    parameters: dict[str, Any] = dict(given)
+def node(
+    context: LaunchContext, executable: str, parameters: dict[str, Any], **options: Any
+) -> Node:
+    """Return a node of the package, with parameters that go before those of the file."""
+    parameters = dict(parameters)
     level = value(context, 'log_level')
     if level.rpartition(':=')[2].lower() not in _LEVELS:
         raise RuntimeError(f'log_level:={level}: it needs one of {", ".join(_LEVELS)}')
@@ -122,11 +129,25 @@ def node(context: LaunchContext, executable: str, given: dict[str, Any], **optio
     )
 
 
-def sensor(arguments: dict[str, Any] | list[str]) -> IncludeLaunchDescription:
-    """Return one sensor, by retrolidar.launch.py, with arguments or those that are passed on."""
-    if isinstance(arguments, list):
-        arguments = {name: LaunchConfiguration(name) for name in arguments}
+def sensor(**arguments: Any) -> IncludeLaunchDescription:
+    """Return one sensor, by retrolidar.launch.py; without arguments, with those of this launch."""
+    arguments = arguments or {name: LaunchConfiguration(name) for name in SENSOR}
     return IncludeLaunchDescription(
         PathJoinSubstitution([SHARE, 'launch', 'retrolidar.launch.py']),
         launch_arguments=arguments.items(),
     )
+
+
+def one_of_several(context: LaunchContext, name: str, **own: str) -> GroupAction:
+    """Return a sensor in a namespace of its own, whose detections come on the topic of all."""
+    # The namespace is relative to one that may have been pushed, and the topic is not.
+    pushed = context.launch_configurations.get('ros_namespace', '')
+    namespace = value(context, 'namespace')
+    common = {argument: value(context, argument) for argument in COMMON}
+    common['namespace'] = _joined(namespace, name)
+    common['markers'] = f'/{_joined(pushed, namespace, "markers")}'
+    return GroupAction([sensor(**common | own)])
+
+
+def _joined(*parts: str) -> str:
+    return '/'.join(part for one in parts if (part := one.strip('/')))

@@ -13,7 +13,9 @@ import pytest
 
 pytest.importorskip('launch_testing', reason='needs launch_testing, which has no wheel')
 
-from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+import launch_testing
+import launch_testing.asserts
+from diagnostic_msgs.msg import DiagnosticStatus
 from launch.actions import GroupAction
 from launch_ros.actions import PushRosNamespace
 from lifecycle_msgs.msg import Transition
@@ -21,11 +23,10 @@ from lifecycle_msgs.srv import ChangeState
 
 sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
 
-from harness import PATIENCE_S, check_detections, wait_for_readings, wait_for_traffic
-from harness_launch import INTERRUPTED, end_test, included, launched
-from harness_services import Services
+from harness import check_detections, wait_for_readings, wait_for_traffic
+from harness_launch import INTERRUPTED, included, launched
+from harness_observer import Observer
 
-from retrolidar_ros.nodes.listener import Listener
 from retrolidar_ros.scene.files import load_scene
 
 SCENE = load_scene('coffee')
@@ -62,25 +63,25 @@ class TestRobots(unittest.TestCase):
     """Each is read by itself; what is killed comes again; the life cycle is that of ROS."""
 
     def listen(self, robot):
-        listener = Listener(f'/{robot}/retrolidar')
-        self.addCleanup(listener.close)
-        wait_for_traffic(listener)
-        return listener
+        observer = Observer(f'/{robot}/retrolidar')
+        self.addCleanup(observer.close)
+        wait_for_traffic(observer)
+        return observer
 
     def test_both_are_read(self):
         for robot in ROBOTS:
-            listener = self.listen(robot)
-            wait_for_readings(listener, IDS)
-            check_detections(listener, SCENE, FRAME_ID)
+            observer = self.listen(robot)
+            wait_for_readings(observer, IDS)
+            check_detections(observer, SCENE, FRAME_ID)
 
     def test_what_is_killed_comes_again(self, proc_info):
         """The nodes of both, by SIGKILL."""
         for robot, name in (('robot1', 'detector'), ('robot1', 'driver'), ('robot2', 'reader')):
-            listener = self.listen(robot)
+            observer = self.listen(robot)
             pids = [info.pid for info in proc_info if info.process_name.startswith(f'{name}-')]
             os.kill(pids[-1], signal.SIGKILL)
-            listener.markers.clear()
-            wait_for_readings(listener, IDS)
+            observer.markers.clear()
+            wait_for_readings(observer, IDS)
 
     def test_qualities_of_service_are_those_of_the_file(self):
         for robot, expected in (('robot1', 'BEST_EFFORT'), ('robot2', 'RELIABLE')):
@@ -90,30 +91,23 @@ class TestRobots(unittest.TestCase):
 
     def test_the_life_cycle_can_be_managed(self):
         for robot in ROBOTS:
-            self.check_life_cycle(robot)
-
-    def check_life_cycle(self, robot):
-        listener = self.listen(robot)
-        services = Services(listener)
-        node = f'/{robot}/retrolidar/driver'
-        messages = []
-
-        def take(message):
-            messages.extend(one for one in message.status if one.name == f'{node}: frames')
-
-        listener.node.create_subscription(DiagnosticArray, '/diagnostics', take, 10)
-        for transition, text in (
-            (Transition.TRANSITION_DEACTIVATE, 'not active'),
-            (Transition.TRANSITION_CLEANUP, 'not configured'),
-            (Transition.TRANSITION_CONFIGURE, 'not active'),
-            (Transition.TRANSITION_ACTIVATE, 'frames a second'),
-        ):
-            request = ChangeState.Request(transition=Transition(id=transition))
-            assert services.call(ChangeState, f'{node}/change_state', request).success
-            assert listener.spin_until(
-                lambda text=text: bool(messages) and text in messages[-1].message, PATIENCE_S
-            ), f'waited in vain for {text}'
-        assert messages[-1].level == DiagnosticStatus.OK
+            observer = self.listen(robot)
+            for transition, level, text in (
+                (Transition.TRANSITION_DEACTIVATE, DiagnosticStatus.WARN, 'not active'),
+                (Transition.TRANSITION_CLEANUP, DiagnosticStatus.WARN, 'not configured'),
+                (Transition.TRANSITION_CONFIGURE, DiagnosticStatus.WARN, 'not active'),
+                (Transition.TRANSITION_ACTIVATE, DiagnosticStatus.OK, 'frames a second'),
+            ):
+                request = ChangeState.Request(transition=Transition(id=transition))
+                service = f'{observer.namespace}/driver/change_state'
+                assert observer.services.call(ChangeState, service, request).success
+                observer.wait_for_status('driver: frames', level, text)
 
 
-TestEnd = end_test(INTERRUPTED, -9)
+@launch_testing.post_shutdown_test()
+class TestEnd(unittest.TestCase):
+    """All processes end in order, but for those that were killed."""
+
+    def test_exit_codes(self, proc_info):
+        allowed = [0, INTERRUPTED, -signal.SIGKILL]
+        launch_testing.asserts.assertExitCodes(proc_info, allowable_exit_codes=allowed)

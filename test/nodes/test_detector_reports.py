@@ -7,7 +7,8 @@ from collections.abc import Iterator
 
 import pytest
 from diagnostic_msgs.msg import DiagnosticStatus
-from harness_nodes import System, running, values_of
+from harness_nodes import System, running
+from harness_observer import values_of
 
 from retrolidar_ros.detector.likelihood_detector import Reason
 

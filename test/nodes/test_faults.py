@@ -9,7 +9,8 @@ from pathlib import Path
 import pytest
 from diagnostic_msgs.msg import DiagnosticStatus
 from harness import PATIENCE_S, Sensor, check_corruption
-from harness_nodes import COFFEE_IDS, System, in_this_process, running, values_of
+from harness_nodes import COFFEE_IDS, System, in_this_process, running
+from harness_observer import values_of
 from rclpy.clock import ClockType
 from rclpy.node import Node
 from rclpy.qos import QoSProfile, ReliabilityPolicy
@@ -34,7 +35,7 @@ class Chain:
     def __init__(self, system: System, sensor: Sensor) -> None:
         self.system = system
         self.sensor = sensor
-        self.frames = system.listener.frames
+        self.frames = system.frames
 
     def start(self, node: str) -> None:
         parameters = str(shared_file('config/retrolidar.yaml'))
@@ -114,7 +115,7 @@ def test_damaged_bytes_cost_their_own_packets_only_and_are_counted(chain: Chain)
 
     system.next_status(DRIVER)
     before = errors()
-    check_corruption(system.listener, chain.sensor, 0.05)
+    check_corruption(system, chain.sensor, 0.05)
     wrong_checksums, overwritten = chain.sensor.damages()
 
     def all_counted() -> bool:
@@ -192,7 +193,7 @@ def test_a_host_clock_that_is_set_costs_no_frame(tmp_path: Path) -> None:
         ) as executor,
     ):
         clock = system.node.create_publisher(Clock, '/stepped/clock', 10)
-        came, markers = system.listener.frames, system.listener.markers
+        came, markers = system.frames, system.markers
 
         def send(step_s: float, timeout_s: float = PATIENCE_S) -> int | None:
             """Send the next frame; return by how much its stamp is wrong [ns], if it comes."""
@@ -204,7 +205,7 @@ def test_a_host_clock_that_is_set_costs_no_frame(tmp_path: Path) -> None:
                 executor.spin_once(timeout_sec=0.1)
             port.write(encode_frame(frame))
             seen = len(came)
-            if not system.listener.spin_until(lambda: len(came) > seen, timeout_s):
+            if not system.spin_until(lambda: len(came) > seen, timeout_s):
                 return None
             assert came[-1][0].sequence == frame.sequence
             return to_ns(came[-1][0].header.stamp) - middle_ns

@@ -12,7 +12,8 @@ import numpy as np
 import pytest
 from diagnostic_msgs.msg import DiagnosticStatus
 from harness import Sensor, check_cable_pull, check_detections, check_frames
-from harness_nodes import FRAME_ID, System, running, values_of
+from harness_nodes import FRAME_ID, System, running
+from harness_observer import values_of
 from lifecycle_msgs.msg import Transition
 from lifecycle_msgs.srv import ChangeState, GetState
 from sensor_msgs.msg import CameraInfo, Image
@@ -64,8 +65,8 @@ def test_markers_are_read_and_placed(pair: Pair) -> None:
     first = system.statuses[DETECTOR][0]
     assert (first.level, first.message) == (WARN, 'no frame has come yet')
     system.read_all()
-    check_frames(system.listener, sensor, FRAME_ID)
-    check_detections(system.listener, SCENE, FRAME_ID)
+    check_frames(system, sensor, FRAME_ID)
+    check_detections(system, SCENE, FRAME_ID)
     system.wait_for_status(DRIVER, OK, 'frames a second')
     values = values_of(system.wait_for_status(DETECTOR, OK, 'candidates accepted'))
     assert values['method'] == 'joint'
@@ -107,7 +108,7 @@ def test_a_heartbeat_is_of_the_last_frame_that_was_judged(pair: Pair) -> None:
         stamps = [to_ns(beat.stamp) for beat in beats]
         assert stamps == sorted(set(stamps))
         assert {beat.frame_id for beat in beats} == {FRAME_ID}
-        assert set(stamps) <= {to_ns(message.header.stamp) for message, _ in system.listener.frames}
+        assert set(stamps) <= {to_ns(message.header.stamp) for message, _ in system.frames}
         sensor.pull()
         system.wait_for_status(DETECTOR, STALE, 'no frame has come for ')
         silent = len(beats)
@@ -118,7 +119,7 @@ def test_a_heartbeat_is_of_the_last_frame_that_was_judged(pair: Pair) -> None:
 
 
 def test_a_cable_may_be_pulled(pair: Pair) -> None:
-    check_cable_pull(pair[0].listener, pair[1])
+    check_cable_pull(pair[0], pair[1])
 
 
 def test_the_life_cycle_goes_on_while_the_cable_is_out(pair: Pair) -> None:
@@ -146,11 +147,11 @@ def test_the_life_cycle_goes_on_while_the_cable_is_out(pair: Pair) -> None:
     system.wait_for_status(DRIVER, ERROR, 'does not exist')
     sensor.plug()
     system.wait_for_status(DRIVER, WARN, 'not active')
-    before = len(system.listener.frames)
+    before = len(system.frames)
     system.wait_for_status(DRIVER, WARN, 'not active')
-    assert len(system.listener.frames) == before
+    assert len(system.frames) == before
     assert change(Transition.TRANSITION_ACTIVATE)
-    system.wait(lambda: len(system.listener.frames) > before, 'frames')
+    system.wait(lambda: len(system.frames) > before, 'frames')
     system.wait_for_status(DETECTOR, OK, 'accepted')
 
 
@@ -163,7 +164,7 @@ def test_depth_is_the_image_of_a_pinhole(pair: Pair) -> None:
 
         def stamps() -> set[int]:
             """Return those of frames of which image and camera have come."""
-            frames = (message for message, _ in system.listener.frames)
+            frames = (message for message, _ in system.frames)
             each = (frames, images, cameras)
             return set.intersection(*({to_ns(one.header.stamp) for one in some} for some in each))
 
@@ -173,7 +174,7 @@ def test_depth_is_the_image_of_a_pinhole(pair: Pair) -> None:
     def of_that_stamp(messages: Any) -> Any:
         return next(one for one in messages if to_ns(one.header.stamp) == stamp_ns)
 
-    frame = of_that_stamp(message for message, _ in system.listener.frames)
+    frame = of_that_stamp(message for message, _ in system.frames)
     depth = np.frombuffer(of_that_stamp(images).data, '<f4')
     sure = np.isfinite(depth)
     assert sure.sum() > 8

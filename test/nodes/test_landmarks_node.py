@@ -13,16 +13,13 @@ import numpy as np
 import pytest
 import yaml
 from geometry_msgs.msg import PoseWithCovarianceStamped, TransformStamped
-from harness_landmarks import EDGE_M, GROUND, Hand, check_drone, check_landmarks
-from harness_use_cases import RELIABLE, Collected
+from harness_landmarks import EDGE_M, GROUND, Hand, check_drone, check_landmarks, squared
+from harness_nodes import running
+from harness_observer import LATCHED, RELIABLE
 from tf2_msgs.msg import TFMessage
 
-from retrolidar_ros.cli.demo import executable
-from retrolidar_ros.cli.processes import ProcessGroup
-from retrolidar_ros.nodes.conversion import to_time
-from retrolidar_ros.nodes.listener import Listener
-from retrolidar_ros.nodes.qos import LATCHED
-from retrolidar_ros.nodes.transform_buffer import TransformBuffer
+from retrolidar_ros.nodes.conversion import to_header, to_pose, to_transform, vector_of
+from retrolidar_ros.nodes.transforms import TransformBuffer
 from retrolidar_ros.scene.files import load_scene
 from retrolidar_ros.scene.optics import position_at
 from retrolidar_ros.sensor.frame import Floats
@@ -33,24 +30,19 @@ from retrolidar_ros.tasks.state import Prior, State
 from retrolidar_ros.tasks.survey import survey_content
 
 
-def start(processes: ProcessGroup, namespace: str, *parameters: str) -> None:
-    common = ['--ros-args', '--params-file', str(shared_file('config/retrolidar.yaml'))]
-    given = [part for one in parameters for part in ('-p', one)]
-    node = executable('landmarks')
-    processes.start('landmarks', [node, *common, '-r', f'__ns:={namespace}', *given])
+def transform(
+    child: str, parent: str, place_m: tuple[float, float], stamp_ns: int, yaw: float = 0.0
+) -> TransformStamped:
+    turn = np.array([0.0, 0.0, math.sin(yaw / 2), math.cos(yaw / 2)])
+    pose = to_pose(np.array([*place_m, 0.0]), turn)
+    return to_transform(to_header(stamp_ns, parent), child, pose)
 
 
 def test_landmarks_are_found_moved_saved_and_forgotten(tmp_path: Path) -> None:
-    listener = Listener('/landmarks_alone')
-    try:
-        with ProcessGroup(tmp_path) as processes:
-            saved = tmp_path / 'room.yaml'
-            start(processes, '/landmarks_alone', f'save_file:={saved}')
-            check_landmarks(listener, '/landmarks_alone', saved)
-            assert processes.stop('landmarks') == 0
-            assert 'Traceback' not in processes.log('landmarks').read_text()
-    finally:
-        listener.close()
+    saved = tmp_path / 'room.yaml'
+    with running(tmp_path, '/landmarks_alone') as system:
+        system.start('landmarks', save_file=saved)
+        check_landmarks(system, saved)
 
 
 def test_a_robot_is_localised_among_the_landmarks_of_a_file(tmp_path: Path) -> None:
@@ -64,102 +56,61 @@ def test_a_robot_is_localised_among_the_landmarks_of_a_file(tmp_path: Path) -> N
     known = tmp_path / 'room.yaml'
     known.write_text(yaml.safe_dump(survey_content('map', estimates)))
     robot_m = np.array([0.02, -0.03, 0.0])
-    listener = Listener('/landmarks_robot')
-    try:
-        with ProcessGroup(tmp_path) as processes:
-            start(processes, '/landmarks_robot', f'load_file:={known}', 'localize:=true')
-            poses = Collected(
-                listener, PoseWithCovarianceStamped, '/landmarks_robot/landmarks/pose', RELIABLE
-            )
-            hand = Hand(listener, '/landmarks_robot')
-            hand.wait_for_subscribers()
-            while len(poses.messages) < 6:
-                for identity, at in places.items():
-                    # The hand's own frame is the fixed one here, and the robot is off its origin.
-                    there_m = np.array(at) - robot_m
-                    hand.read(f'marker_{identity}', identity, there_m, np.zeros(3))
-            pose = poses.messages[-1]
-            assert pose.header.frame_id == 'map'
-            place = pose.pose.pose.position
-            off = np.array([place.x, place.y, place.z]) - robot_m
-            covariance = np.array(pose.pose.covariance).reshape(6, 6)
-            assert off @ np.linalg.solve(covariance[:3, :3], off) < 16.27
-            assert np.linalg.norm(off) < 0.05
-            assert processes.stop('landmarks') == 0
-    finally:
-        listener.close()
+    with running(tmp_path, '/landmarks_robot') as system:
+        system.start('landmarks', load_file=known, localize='true')
+        poses = system.collect(PoseWithCovarianceStamped, 'landmarks/pose', RELIABLE)
+        hand = Hand(system)
+        while len(poses) < 6:
+            for identity, at in places.items():
+                # The hand's own frame is the fixed one here, and the robot is off its origin.
+                there_m = np.array(at) - robot_m
+                hand.read(f'marker_{identity}', identity, there_m, np.zeros(3))
+        pose = poses[-1]
+        assert pose.header.frame_id == 'map'
+        assert squared(pose, robot_m) < 16.27
+        assert np.linalg.norm(vector_of(pose.pose.pose.position) - robot_m) < 0.05
 
 
 def test_three_sensors_on_the_ground_tell_where_a_drone_is(tmp_path: Path) -> None:
-    namespace = '/landmarks_drone'
-    marker_file = f'marker_file:={shared_file("config/markers.yaml")}'
+    known = shared_file('config/markers.yaml')
     (drone,) = load_scene('drone').markers
-    listener = Listener(namespace)
-    try:
-        with ProcessGroup(tmp_path) as processes:
-            start(
-                processes,
-                namespace,
-                f'fixed_frame:={GROUND}',
-                'acceleration:=0.04',
-                marker_file,
-            )
-            ports = [str(tmp_path / f'port{index}') for index in range(3)]
-            common = ['--params-file', str(shared_file('config/retrolidar.yaml'))]
-            common += ['-r', f'__ns:={namespace}', '-r', f'markers:={namespace}/markers']
-            given = ['-p', f'ports:=[{",".join(ports)}]', '-p', marker_file]
-            processes.start('reader', [executable('reader'), '--ros-args', *common, *given])
-            start_s = time.monotonic() + 3.0
-            zero_ns = time.time_ns() - time.monotonic_ns() + round(start_s * 1e9)
-            transforms = []
-            emulate = [sys.executable, '-m', 'retrolidar_ros.cli', 'emulate', 'drone']
-            for index, port in enumerate(ports):
-                angle = 2 * math.pi * index / 3
-                x, y = (EDGE_M / math.sqrt(3) * f(angle) for f in (math.cos, math.sin))
-                place = ['--at', str(x), str(y), '0', '--start', str(start_s), '--seed', str(index)]
-                processes.start(f'emulator{index}', [*emulate, '--port-link', port, *place])
-                one = transform(f'sensor{index}_optical_frame', GROUND, x, 0)
-                one.transform.translation.y = y
-                transforms.append(one)
-            static = listener.node.create_publisher(TFMessage, '/tf_static', LATCHED)
-            static.publish(TFMessage(transforms=transforms))
+    with running(tmp_path, '/landmarks_drone') as system:
+        system.start('landmarks', fixed_frame=GROUND, acceleration=0.04, marker_file=known)
+        ports = [str(tmp_path / f'port{index}') for index in range(3)]
+        topic = ('-r', f'markers:={system.namespace}/markers')
+        system.start('reader', *topic, ports=ports, marker_file=known)
+        start_s = time.monotonic() + 3.0
+        zero_ns = time.time_ns() - time.monotonic_ns() + round(start_s * 1e9)
+        transforms = []
+        emulate = [sys.executable, '-m', 'retrolidar_ros.cli', 'emulate', 'drone']
+        for index, port in enumerate(ports):
+            angle = 2 * math.pi * index / 3
+            x, y = (EDGE_M / math.sqrt(3) * f(angle) for f in (math.cos, math.sin))
+            place = ['--at', str(x), str(y), '0', '--start', str(start_s), '--seed', str(index)]
+            system.processes.start(f'emulator{index}', [*emulate, '--port-link', port, *place])
+            transforms.append(transform(f'sensor{index}_optical_frame', GROUND, (x, y), 0))
+        static = system.node.create_publisher(TFMessage, '/tf_static', LATCHED)
+        static.publish(TFMessage(transforms=transforms))
 
-            def at(stamp_ns: int) -> Floats:
-                place: Floats = position_at(drone, np.array([(stamp_ns - zero_ns) * 1e-9]))[0]
-                return place
+        def at(stamp_ns: int) -> Floats:
+            place: Floats = position_at(drone, np.array([(stamp_ns - zero_ns) * 1e-9]))[0]
+            return place
 
-            check_drone(listener, namespace, at)
-            processes.check()
-    finally:
-        listener.close()
-
-
-def transform(
-    child: str, parent: str, x: float, stamp_ns: int, yaw: float = 0.0
-) -> TransformStamped:
-    message = TransformStamped(child_frame_id=child)
-    message.header.frame_id, message.header.stamp = parent, to_time(stamp_ns)
-    message.transform.translation.x = x
-    message.transform.rotation.z, message.transform.rotation.w = (
-        math.sin(yaw / 2),
-        math.cos(yaw / 2),
-    )
-    return message
+        check_drone(system, at)
 
 
 def test_the_buffer_goes_between_frames_and_times() -> None:
     buffer = TransformBuffer()
-    buffer.take(
-        [transform('hand', 'base', 1.0, 1_000), transform('hand', 'base', 2.0, 3_000, 1.0)],
-        static=False,
-    )
-    buffer.take([transform('eye', 'hand', 0.5, 0)], static=True)
+    ways = [transform('hand', 'base', (1.0, 0.0), 1_000)]
+    ways += [transform('hand', 'base', (2.0, 0.0), 3_000, yaw=1.0)]
+    buffer.take(ways, static=False)
+    buffer.take([transform('eye', 'hand', (0.5, 0.0), 0)], static=True)
     found = buffer.find('base', 'eye', 2_000)
     assert found is not None
-    assert found[1] == pytest.approx([1.5 + 0.5 * math.cos(0.5), 0.5 * math.sin(0.5), 0])
+    assert found[0] == pytest.approx([1.5 + 0.5 * math.cos(0.5), 0.5 * math.sin(0.5), 0])
     back = buffer.find('eye', 'base', 1_000)
     assert back is not None
-    assert back[1] == pytest.approx([-1.5, 0, 0])
+    assert back[0] == pytest.approx([-1.5, 0, 0])
     assert buffer.find('base', 'eye', 3_001) is None  # not yet
     assert buffer.find('base', 'eye', 999) is None
     assert buffer.find('base', 'nowhere', 2_000) is None

@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 from diagnostic_msgs.msg import DiagnosticStatus
 from harness import Sensor
-from harness_nodes import System, running, values_of
-from harness_services import parameter_messages
+from harness_nodes import System, running
+from harness_observer import parameter_messages, values_of
 from rcl_interfaces.msg import ParameterType, ParameterValue, SetParametersResult
 from rcl_interfaces.srv import SetParametersAtomically
 from test_topics import MARKER_FILE, NAMES
@@ -49,7 +49,6 @@ class Live:
     def __init__(self, system: System) -> None:
         self.system = system
         self.services = system.services
-        self.listener = system.listener
 
     def set(self, node: str, **changes: Any) -> None:
         """Set parameters, and forget what was read before."""
@@ -58,11 +57,11 @@ class Live:
 
     def forget(self) -> None:
         self.system.pass_time(SETTLING_S)
-        self.listener.markers.clear()
-        self.listener.transforms.clear()
+        self.system.markers.clear()
+        self.system.transforms.clear()
 
     def read(self) -> list[int]:
-        return [message.id for message, _ in self.listener.markers]
+        return [message.id for message, _ in self.system.markers]
 
     def wait_for_readings(self, count: int, *ids: int) -> None:
         """Wait until each of these IDs was read so often."""
@@ -70,7 +69,7 @@ class Live:
 
     def wait_for_frames(self, *names: str) -> None:
         """Wait until there are these frames of TF."""
-        transforms = self.listener.transforms
+        transforms = self.system.transforms
         self.system.wait(lambda: {t.child_frame_id for t in transforms} >= set(names), 'transforms')
 
 
@@ -160,7 +159,7 @@ def test_the_file_and_the_list_add_up_and_an_empty_list_of_any_type_allows_all(l
 def test_tf_may_be_left_alone_for_a_while(live: Live) -> None:
     live.set(DETECTOR, publish_tf=False)
     live.wait_for_readings(2, *NAMES)
-    assert live.listener.transforms == []
+    assert live.system.transforms == []
     live.set(DETECTOR, publish_tf=True)
     live.wait_for_frames(*NAMES.values())
 
@@ -251,7 +250,7 @@ def test_one_refusal_spoils_all_that_is_to_be_set_at_once(live: Live) -> None:
     for _ in range(2):
         live.forget()
         live.wait_for_readings(1, *NAMES)
-        live.system.wait(lambda: bool(live.listener.transforms), 'transforms')
+        live.system.wait(lambda: bool(live.system.transforms), 'transforms')
         live.set(DETECTOR, stale_after=5.0)  # does not bring them after all
 
 

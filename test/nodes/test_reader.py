@@ -20,7 +20,7 @@ def test_poses_of_known_markers_come_by_their_names(tmp_path: Path) -> None:
         with system.subscribed(PoseStamped, 'poses/mug') as poses:
 
             def is_heard() -> bool:
-                messages = [message for message, _ in system.listener.markers]
+                messages = [message for message, _ in system.markers]
                 mugs = [one.pose.pose for one in messages if one.child_frame_id == 'mug']
                 return bool(poses) and poses[-1].pose in mugs
 

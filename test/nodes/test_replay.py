@@ -14,7 +14,8 @@ pytest.importorskip('rosbags', reason='needs rosbags, which is a pip extra')
 
 from diagnostic_msgs.msg import DiagnosticStatus
 from harness import Sensor, wait_for_nodes
-from harness_nodes import FRAME_ID, System, running, values_of
+from harness_nodes import FRAME_ID, System, running
+from harness_observer import values_of
 from rosgraph_msgs.msg import Clock
 from std_msgs.msg import Header
 
@@ -50,17 +51,16 @@ def taken(system: System) -> int:
 def live(tmp_path_factory: pytest.TempPathFactory) -> Listener:
     """Return what an emulated sensor made the nodes publish until it was unplugged."""
     with running(tmp_path_factory.mktemp('live'), '/live') as system:
-        listener = system.listener
         system.start('driver', *reliable('/live/frames', 'publisher'), serial_port=system.port)
         system.start('detector', *reliable('/live/frames', 'subscription'))
-        wait_for_nodes(listener)
+        wait_for_nodes(system)
         with Sensor(load_scene('coffee'), system.port):
-            system.wait(lambda: len(listener.frames) >= LIVE_FRAMES, 'frames')
+            system.wait(lambda: len(system.frames) >= LIVE_FRAMES, 'frames')
         # The first frames may come before both ends of a connection know of each other.
-        missed = len(listener.frames) - taken(system)
+        missed = len(system.frames) - taken(system)
         assert 0 <= missed < LIVE_FRAMES / 4
-        del listener.frames[:missed]
-    return listener
+        del system.frames[:missed]
+    return system
 
 
 @pytest.fixture(scope='module')
@@ -94,7 +94,7 @@ def test_a_replay_reads_what_was_read_live(live: Listener, bag: Path, tmp_path: 
             play(frame)
             system.pass_time(0.001)
         assert taken(system) >= len(frames)
-        replayed = [message for message, _ in system.listener.markers]
+        replayed = [message for message, _ in system.markers]
     assert len(replayed) > 10
     assert replayed == [message for message, _ in live.markers]
     sent = {to_ns(message.header.stamp) for message, _ in live.frames}

@@ -8,7 +8,8 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 
 import pytest
-from harness_nodes import System, running, values_of
+from harness_nodes import System, running
+from harness_observer import values_of
 from st_board import Board, Zone
 
 from retrolidar_ros.msg import Frame as FrameMsg

@@ -11,7 +11,8 @@ import pytest
 import serial
 from diagnostic_msgs.msg import DiagnosticStatus
 from harness import PATIENCE_S, Sensor
-from harness_nodes import FRAME_ID, System, endless, running, values_of
+from harness_nodes import FRAME_ID, System, endless, running
+from harness_observer import values_of
 from sensor_msgs.msg import Image, PointCloud2, PointField
 from visualization_msgs.msg import Marker, MarkerArray
 
@@ -52,13 +53,13 @@ class Chain:
 
     def wait_for_names(self, *names: str) -> None:
         """Wait until there are these frames of TF."""
-        transforms = self.system.listener.transforms
+        transforms = self.system.transforms
         self.system.wait(
             lambda: set(names) <= {one.child_frame_id for one in transforms}, 'transforms'
         )
 
     def frames(self) -> dict[int, FrameMsg]:
-        return {to_ns(message.header.stamp): message for message, _ in self.system.listener.frames}
+        return {to_ns(message.header.stamp): message for message, _ in self.system.frames}
 
 
 @pytest.fixture(scope='module')
@@ -175,7 +176,7 @@ def test_a_detector_may_leave_tf_alone(chain: Chain) -> None:
         'mute/marker_2096',
         'mute/marker_2107',
     }
-    transforms = chain.system.listener.transforms
+    transforms = chain.system.transforms
     assert not any(one.child_frame_id.startswith('mute') for one in transforms)
     publishers = chain.system.node.get_publishers_info_by_topic('/tf')
     senders = {f'{one.node_namespace}/{one.node_name}' for one in publishers}
@@ -188,7 +189,7 @@ def test_the_driver_reports_latency_clock_offset_and_abnormal_zones(chain: Chain
     assert status.level == DiagnosticStatus.OK, status.message
     assert 0 < float(values['latency [ms]']) < 50
     assert float(values['abnormal zones [%]']) == pytest.approx(100 * len(DARK_ZONES) / 16, abs=0.1)
-    message, _ = chain.system.listener.frames[-5]
+    message, _ = chain.system.frames[-5]
     true_ns = chain.sensor.middle_ns[message.sequence] - message.sensor_time * 1000
     assert float(values['clock offset [s]']) == pytest.approx(true_ns * 1e-9, abs=0.05)
 

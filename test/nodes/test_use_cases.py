@@ -11,8 +11,6 @@ from harness_coffee import BASE_VIEW, SENSOR_VIEW, check_coffee, publish_base
 from harness_nodes import System, running
 from harness_use_cases import (
     SIDES,
-    Collected,
-    Health,
     check_heartbeat,
     check_two_sensors,
     impatient_parameters,
@@ -48,8 +46,6 @@ def test_a_drone_that_falls_silent_is_overdue(tmp_path: Path) -> None:
     scene = load_scene(str(silent_drone(tmp_path, start_s=0.2, packets=2)))
     with running(tmp_path, '/use_drone') as system:
         parameters = impatient_parameters(tmp_path)
-        alive = Collected(system.listener, Bool, 'heartbeat/alive')
-        health = Health(system.listener, f'{system.namespace}/heartbeat: markers')
         start_sensor(system, parameters)
         system.start('heartbeat', '--params-file', str(parameters))
         wait_for_subscribers(system, 'frames', 2)
@@ -57,7 +53,7 @@ def test_a_drone_that_falls_silent_is_overdue(tmp_path: Path) -> None:
         # A marker that was never there is overdue as well.
         system.wait(lambda: 'drone is overdue' in system.log('heartbeat'), 'a first silence')
         with Sensor(scene, system.port):
-            check_heartbeat(system.listener, alive, health, scene)
+            check_heartbeat(system, scene)
         log = system.log('heartbeat')
         assert log.count('drone is overdue: not read for ') == 2
         assert log.count('drone is back') == 1
@@ -79,7 +75,7 @@ def test_two_sensors_publish_the_same_markers_on_one_topic(tmp_path: Path) -> No
             wait_for_subscribers(system, f'{side}/frames', 1)
         system.wait(lambda: system.node.count_publishers('markers') == 2, 'both detectors')
         with Sensor(scene, tmp_path / 'left'), Sensor(scene, tmp_path / 'right'):
-            check_two_sensors(system.listener, scene, system.namespace)
+            check_two_sensors(system, scene)
 
 
 @pytest.fixture(scope='module')
@@ -87,7 +83,7 @@ def coffee(tmp_path_factory: pytest.TempPathFactory) -> Iterator[System]:
     """Start two nodes that wait for the same objects, one of them in another frame."""
     scene = load_scene('coffee')
     with running(tmp_path_factory.mktemp('coffee'), '/use_coffee') as system:
-        publish_base(system.listener)
+        publish_base(system)
         start_sensor(system)
         system.start('coffee', max_stddev=0.2)
         system.start(
@@ -102,19 +98,19 @@ def coffee(tmp_path_factory: pytest.TempPathFactory) -> Iterator[System]:
         wait_for_subscribers(system, 'markers', 3)
         nothing_seen = ', '.join(f'{one.name} has not been seen' for one in scene.markers)
         both = ('coffee', 'base/coffee')
-        ready = [Collected(system.listener, Bool, f'{node}/ready') for node in both]
-        missing = [Collected(system.listener, String, f'{node}/missing') for node in both]
-        system.wait(lambda: all(one.messages for one in ready + missing), 'what is missing')
-        assert [one.data() for one in ready] == [[False]] * 2
-        assert [one.data() for one in missing] == [[nothing_seen]] * 2
+        ready = [system.collect(Bool, f'{node}/ready') for node in both]
+        missing = [system.collect(String, f'{node}/missing') for node in both]
+        system.wait(lambda: all(ready + missing), 'what is missing')
+        assert [[one.data for one in some] for some in ready] == [[False]] * 2
+        assert [[one.data for one in some] for some in missing] == [[nothing_seen]] * 2
         with Sensor(scene, system.port):
             yield system
 
 
 def test_coffee_is_ready_when_all_objects_are_placed(coffee: System) -> None:
-    check_coffee(coffee.listener, load_scene('coffee'), '/use_coffee', SENSOR_VIEW)
+    check_coffee(coffee, load_scene('coffee'), 'coffee', SENSOR_VIEW)
     assert ': all objects are placed' in coffee.log('coffee')
 
 
 def test_coffee_places_objects_in_the_target_frame(coffee: System) -> None:
-    check_coffee(coffee.listener, load_scene('coffee'), '/use_coffee/base', BASE_VIEW)
+    check_coffee(coffee, load_scene('coffee'), 'base/coffee', BASE_VIEW)

@@ -16,7 +16,7 @@ from retrolidar_ros.detector.placement import modulated_depth
 from retrolidar_ros.marker.known_markers import MARKER_SIZE_M
 from retrolidar_ros.scene.marker_budget import NEEDED_SNR_DB, SENSOR_REACH_M, needed_swing
 from retrolidar_ros.scene.optics import DISTANCE_EXPONENT, REFERENCE_AREA_M2
-from retrolidar_ros.sensor.frame import Floats, Recording, valid_samples
+from retrolidar_ros.sensor.frame import Recording, valid_samples
 from retrolidar_ros.tasks.calibration.crystal import Sent, fit_crystal
 from retrolidar_ros.tasks.calibration.estimate import Estimate
 from retrolidar_ros.tasks.calibration.noise import NoiseFound, noise_of
@@ -177,18 +177,12 @@ def _marker(
     )
 
 
-def _depth(recording: Recording, zone: int, light: Floats) -> float:
-    """Return the median distance of a zone's samples that saw a marker bright [m]."""
-    with np.errstate(invalid='ignore'):
-        return float(np.nanmedian(recording.distance[light > 0.9, zone]))
-
-
 def _pedestal(recording: Recording, sent: Sent, noise: NoiseFound) -> Estimate | None:
     """Return what zones at rest see at a marker's distance; None if too few do."""
-    depth = _depth(recording, sent.zones[0], sent.light)
     with np.errstate(invalid='ignore'):
+        depth = np.nanmedian(recording.distance[sent.light > 0.9, sent.zones[0]])
         near = [
-            float(np.mean([block.signal for block in noise.blocks if block.zone == zone]))
+            noise.signal(zone)
             for zone in noise.zones
             if abs(np.nanmedian(recording.distance[:, zone]) - depth) < _SAME_DEPTH_M
         ]

@@ -135,17 +135,16 @@ def fit_crystal(
 
     values = np.array([bit_s, start_s + lever * bit_s, DARK_S.value, 0.1 * bit_s])
     shape = seen(values)
-    gains = _gains(shape, signal, valid[rows])
-    order = np.argsort(-gains)
-    zones = [int(z) for z in order[:_MOST_ZONES] if gains[z] > _LEAST_SHARE * gains[order[0]]]
+    gain = gains(shape, signal, valid[rows])
+    order = np.argsort(-gain)
+    zones = [int(z) for z in order[:_MOST_ZONES] if gain[z] > _LEAST_SHARE * gain[order[0]]]
     used, use = signal[:, zones], valid[rows][:, zones]
-    level = ((used - shape[:, None] * gains[zones]) * use).sum(axis=0) / use.sum(axis=0)
-    values = np.concatenate([values, level, gains[zones]])
-    values, deviation = _fit(seen, values, used, use, law)
-    found = [Estimate(*one) for one in np.stack([values, deviation], axis=-1).tolist()]
+    level = ((used - shape[:, None] * gain[zones]) * use).sum(axis=0) / use.sum(axis=0)
+    values = np.concatenate([values, level, gain[zones]])
+    values, found = _fit(seen, values, used, use, law)
     whole = np.full(len(time_s), np.nan)
     whole[rows] = seen(values[:4])
-    all_gains = _gains(whole[rows], signal, valid[rows])
+    all_gains = gains(whole[rows], signal, valid[rows])
     return Sent(
         id=readings[0].id,
         bit_period_s=found[0],
@@ -161,18 +160,30 @@ def fit_crystal(
     )
 
 
-def _gains(light: Floats, signal: Floats, valid: NDArray[np.bool_]) -> Floats:
+def slopes(light: Floats, valid: NDArray[np.bool_]) -> tuple[Floats, Floats]:
+    """Return what samples weigh in the slope of a zone's signal by the light.
+
+    Returns
+    -------
+    weights : array, shape (frames, zones)
+    energy : array, shape (zones,)
+        Of the light that was seen.
+    """
+    change = (light[:, None] - light @ valid / np.maximum(valid.sum(axis=0), 1)) * valid
+    energy: Floats = (change * change).sum(axis=0)
+    return change / np.maximum(energy, 1e-9), energy
+
+
+def gains(light: Floats, signal: Floats, valid: NDArray[np.bool_]) -> Floats:
     """Return by how much each zone's signal rises with the light, shape (zones,)."""
-    count = np.maximum(valid.sum(axis=0), 1)
-    change = (light[:, None] - light @ valid / count) * valid
-    gains: Floats = (change * signal).sum(axis=0) / np.maximum((change * change).sum(axis=0), 1e-9)
-    return gains
+    rises: Floats = (slopes(light, valid)[0] * signal).sum(axis=0)
+    return rises
 
 
 def _fit(
     seen: Seen, values: Floats, signal: Floats, valid: NDArray[np.bool_], law: NoiseLaw
-) -> tuple[Floats, Floats]:
-    """Return values of the four parameters, and levels and gains of the zones; and deviations."""
+) -> tuple[Floats, list[Estimate]]:
+    """Return the four parameters, and levels and gains of the zones."""
 
     def fitted(values: Floats) -> Floats:
         level, gain = values[4:].reshape(2, -1)
@@ -193,10 +204,9 @@ def _fit(
             left = root * (fitted(trial) - signal)
             return np.append(left.ravel(), (trial[2] - DARK_S.value) / DARK_S.stddev)
 
-        values, covariance = least_squares(missed, values, steps, bounds)
-    left = missed(values)
-    excess = float(left @ left) / max(np.count_nonzero(valid), 1)
-    return values, np.sqrt(np.diag(covariance) * max(excess, 1.0))
+        freedom = int(np.count_nonzero(valid))
+        values, found = least_squares(missed, values, steps, bounds, freedom)
+    return values, found
 
 
 def _flips(distance: Floats, valid: NDArray[np.bool_], light: Floats) -> float:

@@ -42,13 +42,20 @@ def _magnitude(number: float) -> int:
     return int(f'{number:e}'.split('e')[1])
 
 
+def estimates(values: Floats, covariance: Floats, chi2: float, freedom: int) -> list[Estimate]:
+    """Return values with their deviations, raised if residuals exceed those of their freedom."""
+    deviations = np.sqrt(np.diag(covariance) * max(chi2 / max(freedom, 1), 1.0))
+    return [Estimate(*one) for one in zip(values.tolist(), deviations.tolist(), strict=True)]
+
+
 def least_squares(
     missed: Callable[[Floats], Floats],
     start: Floats,
     steps: Floats,
     bounds: tuple[Floats, Floats],
-) -> tuple[Floats, Floats]:
-    """Return the values with the least squares, and their covariance (Levenberg, Marquardt).
+    freedom: int,
+) -> tuple[Floats, list[Estimate]]:
+    """Return the values with the least squares, and how sure they are (Levenberg, Marquardt).
 
     Parameters
     ----------
@@ -60,11 +67,8 @@ def least_squares(
         For slopes.
     bounds : (array, array), each of shape (n,)
         Least and greatest values.
-
-    Returns
-    -------
-    values : array, shape (n,)
-    covariance : array, shape (n, n)
+    freedom : int
+        Of the residuals.
     """
     values, damping = np.clip(start, *bounds), 1e-3
     left = missed(values)
@@ -92,4 +96,5 @@ def least_squares(
             values, left, damping = trial, after, damping / 50
         if gained < _ENOUGH:
             break
-    return values, np.linalg.pinv(normal) / np.outer(scale, scale)
+    covariance = np.linalg.pinv(normal) / np.outer(scale, scale)
+    return values, estimates(values, covariance, float(left @ left), freedom)

@@ -123,10 +123,7 @@ def _surfaces(found: Calibration) -> list[dict[str, Any]]:
         return []
     surfaces = []
     factors = found.recording.grid.z_per_range
-    signals = {
-        zone: float(np.mean([one.signal for one in found.noise.blocks if one.zone == zone]))
-        for zone in found.noise.zones
-    }
+    signals = {zone: found.noise.signal(zone) for zone in found.noise.zones}
     for one in found.markers:
         if one.pedestal and not one.moves:
             signals[one.sent.zones[0]] = one.pedestal.value

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from retrolidar_ros.detector.noise import NoiseLaw
 from retrolidar_ros.sensor.frame import Floats, Recording, Status, valid_samples
-from retrolidar_ros.tasks.calibration.estimate import Estimate
+from retrolidar_ros.tasks.calibration.estimate import Estimate, estimates
 
 _BLOCK = 128  # frames
 _LEAST = 48  # samples of a block
@@ -64,6 +64,10 @@ class NoiseFound(NamedTuple):
     blocks: list[Block]
     ranging: tuple[float, float] | None
     """Deviation of a distance at 1 kcps/SPAD [m], and its least [m]."""
+
+    def signal(self, zone: int) -> float:
+        """Return the mean of a zone at rest [kcps/SPAD]."""
+        return float(np.mean([block.signal for block in self.blocks if block.zone == zone]))
 
     @property
     def law(self) -> NoiseLaw:
@@ -205,10 +209,8 @@ def _fitted(blocks: list[Block], zones: list[int], correlation: Estimate) -> Noi
         columns.pop()
     floor, *others = values
     slope, light = (*others, None, None)[:2]
-    return NoiseFound(
-        floor, slope, light, float(ambient.mean()), correlation, zones, blocks,
-        _ranging(blocks),
-    )  # fmt: skip
+    mean = float(ambient.mean())
+    return NoiseFound(floor, slope, light, mean, correlation, zones, blocks, _ranging(blocks))
 
 
 def _weighted(design: Floats, variance: Floats, freedom: Floats) -> list[Estimate]:
@@ -220,9 +222,7 @@ def _weighted(design: Floats, variance: Floats, freedom: Floats) -> list[Estimat
         value = covariance @ (design.T @ (weight * variance))
         expected = np.maximum(design @ value, 1e-3 * variance.mean())
     left = float(weight @ (variance - expected) ** 2)
-    excess = max(left / max(len(variance) - len(value), 1), 1.0)
-    deviation = np.sqrt(excess * np.diag(covariance))
-    return [Estimate(*one) for one in np.stack([value, deviation], axis=-1).tolist()]
+    return estimates(value, covariance, left, len(variance) - len(value))
 
 
 def _ranging(blocks: list[Block]) -> tuple[float, float] | None:

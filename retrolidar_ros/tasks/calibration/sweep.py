@@ -20,7 +20,7 @@ from retrolidar_ros.detector.detection import Detection
 from retrolidar_ros.detector.noise import NoiseLaw
 from retrolidar_ros.scene.optics import line_shares
 from retrolidar_ros.sensor.frame import Floats, Recording, valid_samples
-from retrolidar_ros.tasks.calibration.crystal import Sent
+from retrolidar_ros.tasks.calibration.crystal import Sent, slopes
 from retrolidar_ros.tasks.calibration.estimate import Estimate, least_squares
 
 _WINDOW_BITS = 6  # in which a marker's light in each zone is measured
@@ -73,19 +73,7 @@ def sweep_of(
 ) -> Sweep | None:
     """Return what a marker shows that moved across the view; None if too little.
 
-    Parameters
-    ----------
-    recording : Recording
-    sent : Sent
-        What it sent.
-    readings : sequence of Detection
-        Of it.
-    law : NoiseLaw
-        Of the sensor.
-    size_m : float
-        Its edge [m].
-    speed_m_s : float, optional
-        How fast it was moved, straight across the view [m/s].
+    Its edge is `size_m` [m], and it moved straight at `speed_m_s` [m/s], as far as is known.
     """
     depth_m = float(np.median([one.place.position_m[2] for one in readings]))
     windows = _in_windows(recording, sent, law)
@@ -136,13 +124,12 @@ def _in_windows(recording: Recording, sent: Sent, law: NoiseLaw) -> _Windows:
     for begin_s in np.arange(time_s[0], time_s[-1] - window_s, window_s):
         inside = (time_s >= begin_s) & (time_s < begin_s + window_s)
         use = valid & inside[:, None]
-        change = (seen[:, None] - seen @ use / np.maximum(use.sum(axis=0), 1)) * use
-        energy = (change * change).sum(axis=0)
+        weights, energy = slopes(seen, use)
         if energy.min() >= 1:
-            light = (change * signal).sum(axis=0) / energy
-            noise = (change**2 * law.variance(signal)).sum(axis=0) / energy**2
+            light = (weights * signal).sum(axis=0)
+            noise = (weights**2 * law.variance(signal)).sum(axis=0)
             # All zones alike: they lack no more than single samples.
-            parts = (change / energy).mean(axis=1)
+            parts = weights.mean(axis=1)
             rows.append((begin_s + window_s / 2, light, noise, (parts * seen, parts)))
     columns = [np.array(column) for column in zip(*rows, strict=True)] or [np.zeros((0, 0))] * 4
     middle_s, light, variance, parts = columns
@@ -217,9 +204,7 @@ def _fit(
     free = np.full(len(path), np.inf)
     bounds = np.append(-free, (0.0, _BLURS[0])), np.append(free, (_MOST_DARK, _BLURS[1]))
     start = np.append(path, (0.0, 0.08))
-    values, covariance = least_squares(missed, start, np.full(len(start), _STEP), bounds)
-    freedom = light.size - len(light) - len(values)
-    excess = max(float(np.square(missed(values)).sum()) / max(freedom, 1), 1.0)
-    deviation = np.sqrt(excess * np.diag(covariance))
-    speed, blur = (Estimate(float(values[i]), float(deviation[i])) for i in (-4, -1))
+    freedom = light.size - len(light) - len(start)
+    _, found = least_squares(missed, start, np.full(len(start), _STEP), bounds, freedom)
+    *_, speed, _, _, blur = found
     return blur, Estimate(abs(speed.value), speed.stddev)
