@@ -8,7 +8,6 @@ from collections.abc import Iterator
 from dataclasses import replace
 from typing import Any, cast
 
-import numpy as np
 import pytest
 from diagnostic_msgs.msg import DiagnosticStatus
 from harness import Sensor, check_cable_pull, check_detections, check_frames
@@ -16,7 +15,6 @@ from harness_nodes import FRAME_ID, System, running
 from harness_observer import values_of
 from lifecycle_msgs.msg import Transition
 from lifecycle_msgs.srv import ChangeState, GetState
-from sensor_msgs.msg import CameraInfo, Image
 from std_msgs.msg import Header
 from tf2_msgs.msg import TFMessage
 
@@ -25,7 +23,6 @@ from retrolidar_ros.msg import MarkerDetection
 from retrolidar_ros.nodes.conversion import to_frame_msg, to_ns
 from retrolidar_ros.scene import Simulation
 from retrolidar_ros.scene.files import load_scene
-from retrolidar_ros.sensor.frame import ZoneGrid
 
 DRIVER, DETECTOR = 'driver: frames', 'detector: markers'
 OK, WARN, ERROR = DiagnosticStatus.OK, DiagnosticStatus.WARN, DiagnosticStatus.ERROR
@@ -153,37 +150,6 @@ def test_the_life_cycle_goes_on_while_the_cable_is_out(pair: Pair) -> None:
     assert change(Transition.TRANSITION_ACTIVATE)
     system.wait(lambda: len(system.frames) > before, 'frames')
     system.wait_for_status(DETECTOR, OK, 'accepted')
-
-
-def test_depth_is_the_image_of_a_pinhole(pair: Pair) -> None:
-    system, _ = pair
-    with (
-        system.subscribed(Image, 'depth/image_raw') as images,
-        system.subscribed(CameraInfo, 'depth/camera_info') as cameras,
-    ):
-
-        def stamps() -> set[int]:
-            """Return those of frames of which image and camera have come."""
-            frames = (message for message, _ in system.frames)
-            each = (frames, images, cameras)
-            return set.intersection(*({to_ns(one.header.stamp) for one in some} for some in each))
-
-        system.wait(lambda: bool(stamps()), 'images')
-        stamp_ns = min(stamps())
-
-    def of_that_stamp(messages: Any) -> Any:
-        return next(one for one in messages if to_ns(one.header.stamp) == stamp_ns)
-
-    frame = of_that_stamp(message for message, _ in system.frames)
-    depth = np.frombuffer(of_that_stamp(images).data, '<f4')
-    sure = np.isfinite(depth)
-    assert sure.sum() > 8
-    assert (depth[sure] == np.asarray(frame.distance)[sure]).all()
-    camera = of_that_stamp(cameras)
-    matrix = np.array(camera.k).reshape(3, 3)
-    row, column = np.divmod(np.arange(16), camera.width)
-    rays = np.linalg.solve(matrix, np.stack([column, row, np.ones(16)]))
-    assert pytest.approx(ZoneGrid(4, 4).tangents) == rays[:2].T
 
 
 def test_a_detector_that_stands_still_is_reported_and_counts_what_it_lost(two: System) -> None:

@@ -2,27 +2,38 @@
 # SPDX-License-Identifier: Apache-2.0
 """What driver and detector offer beside frames and detections: clouds, images, shapes, names."""
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 import serial
 from diagnostic_msgs.msg import DiagnosticStatus
 from harness import PATIENCE_S, Sensor
+from harness_frames import make_frames
 from harness_nodes import FRAME_ID, System, endless, running
 from harness_observer import values_of
-from sensor_msgs.msg import Image, PointCloud2, PointField
+from sensor_msgs.msg import CameraInfo, Image, PointCloud2, PointField
+from std_msgs.msg import Header
 from visualization_msgs.msg import Marker, MarkerArray
 
 from retrolidar_ros.msg import Frame as FrameMsg
 from retrolidar_ros.msg import MarkerDetection
-from retrolidar_ros.nodes.conversion import to_ns
+from retrolidar_ros.nodes.conversion import (
+    from_frame_msg,
+    to_camera_info,
+    to_depth_image,
+    to_header,
+    to_ns,
+    to_point_cloud,
+    to_signal_image,
+)
 from retrolidar_ros.scene.description import Scene
 from retrolidar_ros.scene.emulator import PortLink
 from retrolidar_ros.scene.files import load_scene
-from retrolidar_ros.sensor.frame import Floats, ZoneGrid
+from retrolidar_ros.sensor.frame import Floats, Frame, valid_samples
 from retrolidar_ros.sensor.rotation import matrix_of
 from retrolidar_ros.sensor.wire import encode_frame
 
@@ -94,40 +105,63 @@ def chain(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Chain]:
         yield Chain(system, sensor, readings)
 
 
-def test_points_are_what_each_zone_saw(chain: Chain) -> None:
-    with chain.system.subscribed(PointCloud2, 'points') as clouds:
-        chain.system.wait(lambda: len(clouds) >= 20, 'points')
-    frames = chain.frames()
-    for cloud in clouds[:15]:
-        frame = frames[to_ns(cloud.header.stamp)]
-        assert cloud.header == frame.header
-        assert (cloud.height, cloud.width) == (4, 4)
-        assert (cloud.point_step, cloud.row_step, cloud.is_bigendian) == (20, 80, False)
-        assert [field.name for field in cloud.fields] == ['x', 'y', 'z', 'signal', 'ambient']
-        assert [field.offset for field in cloud.fields] == [0, 4, 8, 12, 16]
-        assert {field.datatype for field in cloud.fields} == {PointField.FLOAT32}
-        points = np.frombuffer(bytes(cloud.data), dtype='<f4').reshape(16, 5)
-        missing = np.isnan(np.array(frame.distance))
-        assert set(np.flatnonzero(missing)) == DARK_ZONES
-        assert not cloud.is_dense
-        assert np.isnan(points[missing, :3]).all()
-        depth = np.array(frame.distance)[:, None]
-        expected = np.hstack([depth * ZoneGrid().tangents, depth])
-        np.testing.assert_allclose(points[~missing, :3], expected[~missing], rtol=1e-6)
-        np.testing.assert_array_equal(points[:, 3], frame.signal)
-        np.testing.assert_array_equal(points[:, 4], frame.ambient)
+@pytest.mark.parametrize('side', [4, 8])
+def test_standard_messages_are_what_each_zone_saw(side: int) -> None:
+    (frame,) = make_frames(1, side)
+    header = to_header(frame.stamp_ns, FRAME_ID)
+    valid, _ = valid_samples(frame.signal, frame.distance, frame.status)
+    depth = np.where(valid, frame.distance, np.nan)
+    assert 0 < np.isfinite(depth).sum() < side * side
+
+    cloud = to_point_cloud(frame, header)
+    assert (cloud.header, cloud.height, cloud.width) == (header, side, side)
+    assert (cloud.point_step, cloud.row_step, cloud.is_bigendian) == (20, 20 * side, False)
+    assert [field.name for field in cloud.fields] == ['x', 'y', 'z', 'signal', 'ambient']
+    assert [field.offset for field in cloud.fields] == [0, 4, 8, 12, 16]
+    assert {field.datatype for field in cloud.fields} == {PointField.FLOAT32}
+    assert not cloud.is_dense
+    points = np.frombuffer(bytes(cloud.data), dtype='<f4').reshape(-1, 5)
+    expected = np.column_stack([depth[:, None] * frame.grid.tangents, depth])
+    np.testing.assert_allclose(points[:, :3], expected, rtol=1e-6)
+    np.testing.assert_array_equal(points[:, 3:].T, [frame.signal, frame.ambient])
+
+    for image, values in (
+        (to_signal_image(frame, header), frame.signal),
+        (to_depth_image(frame, header), depth),
+    ):
+        assert (image.header, image.height, image.width) == (header, side, side)
+        assert (image.encoding, image.step, image.is_bigendian) == ('32FC1', 4 * side, 0)
+        np.testing.assert_array_equal(np.frombuffer(bytes(image.data), '<f4'), values)
+
+    camera = to_camera_info(frame, header)
+    assert (camera.header, camera.height, camera.width) == (header, side, side)
+    row, column = np.divmod(np.arange(side * side), side)
+    pixels = np.stack([column, row, np.ones(side * side)])
+    rays = np.linalg.solve(np.array(camera.k).reshape(3, 3), pixels)
+    assert pytest.approx(frame.grid.tangents) == rays[:2].T
 
 
-def test_the_signal_image_is_the_signal(chain: Chain) -> None:
-    with chain.system.subscribed(Image, 'signal_image') as images:
-        chain.system.wait(lambda: len(images) >= 20, 'images')
-    frames = chain.frames()
-    for image in images[:15]:
-        frame = frames[to_ns(image.header.stamp)]
-        assert image.header == frame.header
-        assert (image.height, image.width, image.encoding) == (4, 4, '32FC1')
-        assert (image.step, image.is_bigendian) == (16, 0)
-        np.testing.assert_array_equal(np.frombuffer(bytes(image.data), '<f4'), frame.signal)
+@pytest.mark.parametrize(
+    ('topic', 'kind', 'convert'),
+    [
+        ('points', PointCloud2, to_point_cloud),
+        ('signal_image', Image, to_signal_image),
+        ('depth/image_raw', Image, to_depth_image),
+        ('depth/camera_info', CameraInfo, to_camera_info),
+    ],
+)
+def test_each_frame_has_its_standard_messages(
+    chain: Chain, topic: str, kind: Any, convert: Callable[[Frame, Header], Any]
+) -> None:
+    with chain.system.subscribed(kind, topic) as messages:
+        chain.system.wait(lambda: len(messages) >= 10, topic)
+    last_ns = to_ns(messages[-1].header.stamp)
+    chain.system.wait(lambda: last_ns in chain.frames(), 'its frame')
+    for message in messages:
+        frame = chain.frames()[to_ns(message.header.stamp)]
+        expected = convert(from_frame_msg(frame), frame.header)
+        # As text, for a NaN is not equal to itself.
+        assert str(message) == str(expected)
 
 
 def test_detections_are_drawn_with_their_uncertainty(chain: Chain) -> None:
