@@ -128,20 +128,17 @@ class CoffeeNode(Node):
         self._goal = self._next_place(self._began_m)
         self._tick()
 
+    def _missing_now(self) -> dict[str, str]:
+        return self._board.missing(self.get_clock().now().nanoseconds)
+
     def _next_place(self, began_m: Floats) -> str:
         """Return the next viewpoint for objects that are not known well enough."""
-        missing = self._board.missing(self.get_clock().now().nanoseconds)
-        landmarks = [
-            self._survey.landmarks[one] for one in missing if one in self._survey.landmarks
-        ]
+        known = self._survey.landmarks
+        landmarks = [known[one] for one in self._missing_now() if one in known]
         place_m = best_place(landmarks, began_m, self._reach_m)
         if place_m is None:
             return ''
         return f'look from ({", ".join(f"{part:.2f}" for part in place_m)}) m in {self._target}'
-
-    def _tick(self) -> None:
-        """Report missing objects and the next viewpoint."""
-        self._publish_missing(self._board.missing(self.get_clock().now().nanoseconds))
 
     def _publish(
         self, name: str, header: Header, position_m: Floats, rotation: Floats, covariance: Floats
@@ -156,8 +153,9 @@ class CoffeeNode(Node):
                 way.vector.x, way.vector.y, way.vector.z = offset.tolist()
                 self._offsets[one, other].publish(way)
 
-    def _publish_missing(self, missing: dict[str, str]) -> None:
+    def _tick(self) -> None:
         """Publish and log missing objects, why, and the next viewpoint; not for a number alone."""
+        missing = self._missing_now()
         text = ', '.join(f'{name} {reason}' for name, reason in missing.items())
         goal = f'; {self._goal}' if self._goal and 'is known to' in text else ''
         news = re.sub(r'[-+.0-9]+', '', text), goal
@@ -170,7 +168,7 @@ class CoffeeNode(Node):
         self.get_logger().info(f'waiting: {text}' if missing else 'all objects are placed')
 
     def _examine(self) -> Health:
-        missing = self._board.missing(self.get_clock().now().nanoseconds)
+        missing = self._missing_now()
         values = {name: missing.get(name, 'placed') for name in self._board.names}
         if missing:
             return Health(WARN, f'{len(missing)} of {len(values)} objects missing', values)

@@ -29,15 +29,7 @@ class DetectorNode(Node):
     """Publishes every marker that is read, as a message and as a transform."""
 
     def __init__(self, board: HealthBoard | None = None, **options: Any) -> None:
-        """Declare parameters and subscribe.
-
-        Parameters
-        ----------
-        board : HealthBoard, optional
-            Of a process that passes frames by `take`; otherwise they come by a topic.
-        **options
-            As for any node.
-        """
+        """Declare parameters and subscribe; with a board, frames come by `take` and no topic."""
         super().__init__('detector', **options)
         parameters = Parameters(self, 'detector')
         _declare(parameters)

@@ -78,19 +78,8 @@ class DetectorHealth:
     ) -> tuple[Health, str]:
         """Judge the time since the last call, usually a second.
 
-        Parameters
-        ----------
-        settings, known
-            Parameters of the detector, and the markers of its file.
-        counts : DetectorCounts
-        publishers : list of str
-            Nodes that send frames.
-
-        Returns
-        -------
-        health : Health
-        problem : str
-            Why markers are not read, for the log; empty if no reason is known.
+        It depends on the detector's parameters, the markers of its file, and the nodes that send
+        frames. With it comes why markers are not read, for the log; empty if no reason is known.
         """
         now = self._counts(counts)
         new = {name: number - self._then[name] for name, number in now.items()}

@@ -73,13 +73,7 @@ def publish_health(
     examine: Examine,
     board: HealthBoard | None = None,
 ) -> HealthBoard:
-    """Publish what `examine` returns once a second, on a new board or a given one.
-
-    Returns
-    -------
-    HealthBoard
-        To which others can be added.
-    """
+    """Publish what `examine` returns once a second, on a new board or a given one; return that."""
     board = HealthBoard(node) if board is None else board
     board.add(f'{node.get_fully_qualified_name()}: {subject}', hardware_id, examine)
     return board

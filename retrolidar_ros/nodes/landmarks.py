@@ -21,7 +21,7 @@ from visualization_msgs.msg import MarkerArray
 from retrolidar_ros.detector.settings import known_markers
 from retrolidar_ros.marker.known_markers import objects_of
 from retrolidar_ros.msg import MarkerDetection
-from retrolidar_ros.nodes.conversion import to_pose_msg, to_time, to_transform
+from retrolidar_ros.nodes.conversion import to_header, to_pose_msg, to_transform
 from retrolidar_ros.nodes.diagnostics import OK, WARN, Health, publish_health
 from retrolidar_ros.nodes.parameters import Parameters, check_frame_id
 from retrolidar_ros.nodes.placed_readings import PlacedReadings
@@ -108,8 +108,7 @@ class LandmarksNode(Node):
             return
         # Each of several sensors may have a name of its own for a marker.
         name = self._names.get(reading.marker, message.child_frame_id)
-        landmark = self._survey.take(reading, name)
-        estimate = landmark.estimate()
+        estimate = self._survey.take(reading, name).estimate()
         if estimate is not None:
             self._publish(estimate)
 
@@ -130,19 +129,15 @@ class LandmarksNode(Node):
     def _publish(self, estimate: Estimate) -> None:
         """Publish a landmark."""
         name = estimate.name
-        stamp_ns = max(round(max(estimate.stamp_s, 0.0) * 1e9), 0)
-        header = Header(stamp=to_time(stamp_ns), frame_id=self._fixed)
+        header = to_header(round(max(estimate.stamp_s, 0.0) * 1e9), self._fixed)
         if name not in self._poses:
             topic = f'~/objects/{topic_part(name)}'
             self._poses[name] = self.create_publisher(PoseWithCovarianceStamped, topic, LATCHED)
         message = to_pose_msg(header, estimate.position_m, estimate.rotation, estimate.covariance)
         self._poses[name].publish(message)
-        self._shapes.publish(MarkerArray(markers=landmark_shapes(header, self._estimates())))
+        self._shapes.publish(MarkerArray(markers=landmark_shapes(header, self._survey.estimates())))
         if self._values['publish_tf']:
             self._send_transform(name, message)
-
-    def _estimates(self) -> list[Estimate]:
-        return self._survey.estimates()
 
     def _send_transform(self, name: str, message: PoseWithCovarianceStamped) -> None:
         child = self._values['child_frame'].replace('{name}', name)
@@ -160,7 +155,7 @@ class LandmarksNode(Node):
 
     def _save(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         path = self._values['save_file']
-        content = survey_content(self._fixed, self._estimates())
+        content = survey_content(self._fixed, self._survey.estimates())
         try:
             if not path:
                 raise OSError('save_file is empty')
@@ -182,10 +177,9 @@ class LandmarksNode(Node):
 
     def _examine(self) -> Health:
         values = {}
-        rows = self._estimates()
+        rows = self._survey.estimates()
         if self._room is not None:
-            room = self._room.estimate()
-            rows = [] if room is None else [room]
+            rows = [room for room in [self._room.estimate()] if room is not None]
         for one in rows:
             values[f'{one.name}: readings'] = str(one.readings)
             values[f'{one.name}: rejected'] = str(one.rejected)

@@ -111,11 +111,7 @@ class Parameters:
     def follow(self, apply: Callable[[dict[str, Any]], None]) -> None:
         """Let live parameters be set.
 
-        Parameters
-        ----------
-        apply : callable
-            Gets the new values of all parameters; a ValueError rejects them, with its text as
-            the reason.
+        `apply` gets the new values of all; its ValueError rejects them, and tells why.
         """
 
         def change(parameters: Sequence[Parameter]) -> SetParametersResult:

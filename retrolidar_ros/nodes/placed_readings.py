@@ -35,17 +35,8 @@ class PlacedReadings:
     ) -> None:
         """Subscribe.
 
-        Parameters
-        ----------
-        node : Node
-        topics : sequence of str
-        fixed_frame : str
-        patience_s : float
-            Longest wait for a transform [s].
-        take : callable
-            Gets each reading, and its detection.
-        forget : callable
-            Called when time jumps back, as in a replay.
+        `take` gets each reading, and its detection, if its transform comes within `patience_s` [s];
+        `forget` is called when time jumps back, as in a replay.
         """
         self.dropped: Counter[str] = Counter()
         """Detections that could not be placed, by reason."""

@@ -12,9 +12,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from retrolidar_ros.sensor.frame import Floats
-from retrolidar_ros.tasks.least_squares import Fit, Problem
+from retrolidar_ros.tasks.least_squares import TURN_VARIANCE, Fit, Problem
 from retrolidar_ros.tasks.reading import Errors, Reading
-from retrolidar_ros.tasks.state import Prior
+from retrolidar_ros.tasks.state import Prior, largest_stddev
 
 # Residuals beyond so many deviations do not belong.
 _GATE = 4.5
@@ -61,13 +61,7 @@ class Estimate:
     @property
     def stddev_m(self) -> float:
         """Deviation of the position along the axis in which it is largest."""
-        return math.sqrt(float(np.linalg.eigvalsh(self.covariance[:3, :3])[-1]))
-
-    @property
-    def open_axis(self) -> Floats:
-        """The unit vector along which the position is least known, shape (3,)."""
-        axis: Floats = np.linalg.eigh(self.covariance[:3, :3])[1][:, -1]
-        return axis
+        return largest_stddev(self.covariance[:3, :3])
 
 
 class Landmark:
@@ -81,14 +75,7 @@ class Landmark:
         prior: Prior | None = None,
         place_variance: Mapping[int, Floats] | None = None,
     ) -> None:
-        """Wait for readings.
-
-        Parameters
-        ----------
-        name : str
-        markers, errors, prior, place_variance
-            As in `Problem`.
-        """
+        """Wait for readings; all but the name is as in `Problem`."""
         self.name = name
         self.errors = errors
         self.rejected = 0
@@ -154,7 +141,7 @@ class Landmark:
         covariance = self.fit.covariance[:6, :6]
         if len(self._markers) == 1:
             covariance = covariance.copy()
-            covariance[3:, 3:] = np.eye(3) * math.pi**2 / 3
+            covariance[3:, 3:] = np.eye(3) * TURN_VARIANCE
         return Estimate(
             name=self.name,
             stamp_s=self.fit.stamp_s,
@@ -212,7 +199,7 @@ class Landmark:
         if self.fit is None or len(self._markers) == 1:
             return self.fit is not None
         turning = self.fit.covariance[3:6, 3:6]
-        return float(np.linalg.eigvalsh(turning)[-1]) < _TURN_UNKNOWN**2
+        return largest_stddev(turning) < _TURN_UNKNOWN
 
     def _looks_elsewhere(self, reading: Reading, needed: int) -> bool:
         """Restart if enough strays agree with a reading, and none of the members is newer."""

@@ -17,7 +17,7 @@ from retrolidar_ros.sensor.frame import Floats
 from retrolidar_ros.sensor.rotation import cross_matrix
 from retrolidar_ros.tasks.landmarks import Estimate, Landmark
 from retrolidar_ros.tasks.reading import Errors
-from retrolidar_ros.tasks.state import Prior, State
+from retrolidar_ros.tasks.state import Prior, State, largest_stddev
 
 # Deviations of a robot on a floor from its plane [m] and from level [rad], and of all else.
 _LEVEL_M, _LEVEL = 0.01, 0.01
@@ -96,7 +96,6 @@ def robot_pose(room: Estimate, base_m: Floats, base_rotation: Floats) -> RobotPo
     arm_m = base_m - room.position_m
     jacobian = np.block([[-back, back @ cross_matrix(arm_m)], [np.zeros((3, 3)), -back]])
     covariance = jacobian @ room.covariance @ jacobian.T
-    worst_m2, worst = (np.linalg.eigvalsh(covariance[k : k + 3, k : k + 3])[-1] for k in (0, 3))
-    if worst_m2 > _CLEAR_M**2 or worst > _CLEAR**2:
+    if largest_stddev(covariance[:3, :3]) > _CLEAR_M or largest_stddev(covariance[3:, 3:]) > _CLEAR:
         return None
     return RobotPose(back @ arm_m, back @ base_rotation, covariance)

@@ -5,13 +5,13 @@
 from __future__ import annotations
 
 import itertools
-import math
 from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
 
 from retrolidar_ros.sensor.frame import Floats
+from retrolidar_ros.tasks.state import largest_stddev
 
 
 class Sighting(NamedTuple):
@@ -25,34 +25,14 @@ class Sighting(NamedTuple):
     """Standard deviation of the position along the axis in which it is largest."""
 
 
-def largest_stddev(covariance: Floats) -> float:
-    """Return the square root of the largest eigenvalue of a covariance of shape (3, 3).
-
-    It is infinite if the covariance is not a number.
-    """
-    if not np.isfinite(covariance).all():
-        return math.inf
-    return math.sqrt(max(float(np.linalg.eigvalsh(covariance)[-1]), 0.0))
-
-
 class ObjectBoard:
     """Keeps the latest sighting of each object, and which are missing."""
 
     def __init__(self, names: Sequence[str], max_stddev_m: float, stale_after_s: float) -> None:
-        """Wait for objects by name.
+        """Wait for objects by name; ValueError if there is none, or one comes twice.
 
-        Parameters
-        ----------
-        names : sequence of str
-        max_stddev_m : float
-            Largest `Sighting.stddev_m` of a placed object [m].
-        stale_after_s : float
-            Age from which a sighting no longer counts [s].
-
-        Raises
-        ------
-        ValueError
-            If there is no name, or one comes twice.
+        An object is placed if `Sighting.stddev_m` is at most `max_stddev_m` [m], and it was seen
+        less than `stale_after_s` [s] ago.
         """
         if not names:
             raise ValueError('objects: there is no name; name at least one')
@@ -69,18 +49,8 @@ class ObjectBoard:
     ) -> bool:
         """Take a sighting of an object; return whether it is used.
 
-        It is not if a newer one is known, or if the position is not finite.
-
-        Parameters
-        ----------
-        name : str
-        stamp_ns : int
-            When it was seen [ns].
-        frame_id : str
-            In which frame.
-        position_m : array, shape (3,)
-        covariance : array, shape (3, 3)
-            Of the position [m²].
+        It is not if a newer one is known, or if the position is not finite. The position in the
+        frame is of shape (3,) [m], its covariance of shape (3, 3) [m²].
         """
         if not np.isfinite(position_m).all():
             return False

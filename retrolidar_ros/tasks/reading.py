@@ -37,11 +37,6 @@ class Reading(NamedTuple):
     """Deviations of the direction along the rows of `axes_of`, shape (2,)."""
     pose: SensorPose
 
-    def place_m(self) -> Floats:
-        """Return where the marker is in the fixed frame by this alone, shape (3,) [m]."""
-        place: Floats = self.pose.position_m + self.range_m * (self.pose.rotation @ self.direction)
-        return place
-
 
 def axes_of(direction: Floats) -> Floats:
     """Return two unit vectors across a direction, the first as near to x as can be: (2, 3)."""
@@ -64,12 +59,12 @@ def reading(
 
     Parameters
     ----------
-    marker, sensor, stamp_s, range_m, range_stddev_m, pose
-        As in `Reading`.
     position_m : array, shape (3,)
         Of the marker in the sensor's frame [m]; its direction counts.
     covariance : array, shape (3, 3)
         Of that [m²]; what is across the direction counts, the box of a zone.
+    others
+        As in `Reading`.
 
     Raises
     ------

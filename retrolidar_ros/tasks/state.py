@@ -4,7 +4,10 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
+
+import numpy as np
 
 from retrolidar_ros.sensor.frame import Floats
 
@@ -28,3 +31,10 @@ class Prior:
     state: State
     covariance: Floats
     """Of position [m²] and rotation about the fixed axes [rad²], shape (6, 6)."""
+
+
+def largest_stddev(covariance: Floats) -> float:
+    """Return the largest deviation along any axis of a covariance; infinite if it is no number."""
+    if not np.isfinite(covariance).all():
+        return math.inf
+    return math.sqrt(max(float(np.linalg.eigvalsh(covariance)[-1]), 0.0))

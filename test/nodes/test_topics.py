@@ -33,7 +33,7 @@ from retrolidar_ros.nodes.conversion import (
 from retrolidar_ros.scene.description import Scene
 from retrolidar_ros.scene.emulator import PortLink
 from retrolidar_ros.scene.files import load_scene
-from retrolidar_ros.sensor.frame import Floats, Frame, valid_samples
+from retrolidar_ros.sensor.frame import Floats, Frame, Status, valid_samples
 from retrolidar_ros.sensor.rotation import matrix_of
 from retrolidar_ros.sensor.wire import encode_frame
 
@@ -108,6 +108,8 @@ def chain(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Chain]:
 @pytest.mark.parametrize('side', [4, 8])
 def test_standard_messages_are_what_each_zone_saw(side: int) -> None:
     (frame,) = make_frames(1, side)
+    status = np.where(np.arange(side * side) % 3, Status.VALID, Status.NO_TARGET)
+    frame = replace(frame, status=status.astype(np.uint8))
     header = to_header(frame.stamp_ns, FRAME_ID)
     valid, _ = valid_samples(frame.signal, frame.distance, frame.status)
     depth = np.where(valid, frame.distance, np.nan)
