@@ -12,16 +12,20 @@ from pathlib import Path
 
 import numpy as np
 
-from retrolidar_ros.nodes.conversion import to_ns
+from retrolidar_ros.msg import Frame as FrameMsg
+from retrolidar_ros.msg import MarkerDetection
+from retrolidar_ros.nodes.conversion import covariance_of, to_ns, vector_of
 from retrolidar_ros.nodes.listener import Listener
 from retrolidar_ros.scene.description import Scene
 from retrolidar_ros.scene.emulator import PortLink, frames_in_real_time
-from retrolidar_ros.sensor.frame import Frame
+from retrolidar_ros.sensor.frame import Floats, Frame
 from retrolidar_ros.sensor.wire import DELIMITER, cobs_decode, cobs_encode, encode_frame
 
 STAMP_ERROR_S = 0.050
 RECONNECT_S = 2.0
 PATIENCE_S = 60.0
+# A position is further off in one of a thousand cases, were its error normal.
+MOST_MAHALANOBIS = 16.27
 
 
 class Sensor:
@@ -150,16 +154,28 @@ def check_frames(listener: Listener, sensor: Sensor, frame_id: str) -> None:
         assert abs(error_s) < STAMP_ERROR_S, f'frame {message.sequence}: {error_s * 1e3:.1f} ms'
 
 
-def check_detections(listener: Listener, scene: Scene, frame_id: str) -> None:
-    """Detections of the scene's markers are placed, timed and named as they should be."""
-    frame_stamps = {to_ns(message.header.stamp) for message, _ in listener.frames}
+def check_detections(
+    listener: Listener,
+    scene: Scene,
+    frame_id: str,
+    read: list[MarkerDetection] | None = None,
+    frames: list[FrameMsg] | None = None,
+    name: str = 'marker_{0.id}',
+) -> None:
+    """Detections of the scene's markers are placed, timed and named as they should be.
+
+    They, and the frames, are all that were heard, or those that are given.
+    """
+    read = [message for message, _ in listener.markers] if read is None else read
+    frames = [message for message, _ in listener.frames] if frames is None else frames
+    frame_stamps = {to_ns(message.header.stamp) for message in frames}
     transforms = {(t.child_frame_id, to_ns(t.header.stamp)): t for t in listener.transforms}
     for marker in scene.markers:
-        messages = [message for message, _ in listener.markers if message.id == marker.id]
+        messages = [message for message in read if message.id == marker.id]
         assert messages
         for message in messages:
             assert message.header.frame_id == frame_id
-            assert message.child_frame_id == f'marker_{marker.id}'
+            assert message.child_frame_id == name.format(marker)
             stamp_ns = to_ns(message.header.stamp)
             start_ns, end_ns = to_ns(message.start), to_ns(message.end)
             assert end_ns in frame_stamps
@@ -168,16 +184,27 @@ def check_detections(listener: Listener, scene: Scene, frame_id: str) -> None:
             packets = (end_ns - start_ns) * 1e-9 / 1.302
             assert message.packets - 0.04 < packets < message.packets + 1.04
             assert abs(message.range - np.linalg.norm(marker.position_m)) < 0.01
-            position = message.pose.pose.position
-            place = np.array([position.x, position.y, position.z])
-            covariance = np.array(message.pose.covariance).reshape(6, 6)
-            assert np.linalg.eigvalsh(covariance).min() > 0
-            # Anywhere in the zone: half its diagonal at most.
-            assert np.linalg.norm(place - marker.position_m) < 0.16 * message.range
+            place_m = vector_of(message.pose.pose.position)
+            truth_m = np.array(marker.position_m)
+            check_place(place_m, covariance_of(message.pose)[:3, :3], truth_m, np.zeros(3))
             transform = transforms[message.child_frame_id, stamp_ns]
             assert transform.header.frame_id == frame_id
-            assert transform.transform.translation.x == position.x
+            assert (vector_of(transform.transform.translation) == place_m).all()
             assert transform.transform.rotation == message.pose.pose.orientation
+
+
+def check_place(position_m: Floats, covariance: Floats, truth_m: Floats, eye_m: Floats) -> None:
+    """A place is as far from the eye of the sensor as the truth is, and as sure as it says."""
+    error = position_m - truth_m
+    range_m = float(np.linalg.norm(truth_m - eye_m))
+    assert abs(np.linalg.norm(position_m - eye_m) - range_m) < 0.01
+    # Anywhere in the zone: half its diagonal at most.
+    assert np.linalg.norm(error) < 0.16 * range_m
+    assert np.allclose(covariance, covariance.T)
+    variances = np.linalg.eigvalsh(covariance)
+    assert variances.min() > 0
+    assert np.sqrt(variances.max()) < 0.12 * range_m
+    assert error @ np.linalg.solve(covariance, error) < MOST_MAHALANOBIS
 
 
 def check_cable_pull(listener: Listener, sensor: Sensor) -> None:

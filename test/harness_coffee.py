@@ -3,17 +3,19 @@
 """What is asserted of the task coffee, however its nodes were started."""
 
 from fnmatch import fnmatchcase
+from functools import partial
 from itertools import combinations
 from typing import Any, NamedTuple
 
 import numpy as np
 from diagnostic_msgs.msg import DiagnosticStatus
-from geometry_msgs.msg import PoseWithCovarianceStamped, TransformStamped, Vector3Stamped
+from geometry_msgs.msg import PoseWithCovarianceStamped, Vector3Stamped
+from harness import MOST_MAHALANOBIS, check_place
 from harness_observer import LATCHED, Observer, values_of
-from harness_use_cases import MOST_MAHALANOBIS, check_place
 from std_msgs.msg import Bool, Header, String
 from tf2_msgs.msg import TFMessage
 
+from retrolidar_ros.msg import MarkerDetection
 from retrolidar_ros.nodes.conversion import (
     covariance_of,
     quaternion_in,
@@ -96,14 +98,11 @@ def _position(pose: PoseWithCovarianceStamped) -> Floats:
     return vector_of(pose.pose.pose.position)
 
 
-def _origin(observer: Observer, name: str, stamp: Any) -> tuple[Any, TransformStamped] | None:
-    """Return detection and transform of a marker at a time, as far as both were heard."""
-    for message, _ in observer.markers:
-        if message.child_frame_id == name and message.header.stamp == stamp:
-            for transform in observer.transforms:
-                if transform.child_frame_id == name and transform.header.stamp == stamp:
-                    return message, transform
-    return None
+def _origin(observer: Observer, name: str, stamp: Any) -> MarkerDetection | None:
+    """Return the detection of a marker at a time, if it was heard."""
+    detections = (message for message, _ in observer.markers)
+    ours = (one for one in detections if (one.child_frame_id, one.header.stamp) == (name, stamp))
+    return next(ours, None)
 
 
 def _check_pose(
@@ -111,21 +110,15 @@ def _check_pose(
 ) -> None:
     """A pose is that of the detection, turned into the view, and true."""
     assert pose.header.frame_id == view.frame
-    origin = _origin(observer, marker.name, pose.header.stamp)
-    assert origin is not None
-    detection, transform = origin
-    assert detection.id == marker.id
-    assert detection.header.frame_id == transform.header.frame_id == SENSOR_FRAME
-    seen = vector_of(detection.pose.pose.position)
-    assert np.array_equal(vector_of(transform.transform.translation), seen)
-    assert transform.transform.rotation == detection.pose.pose.orientation
-
+    detection = _origin(observer, marker.name, pose.header.stamp)
+    assert detection is not None
+    assert (detection.id, detection.header.frame_id) == (marker.id, SENSOR_FRAME)
     position, covariance = _position(pose), covariance_of(pose.pose)
     truth = view.of(np.array(marker.position_m))
     check_place(position, covariance[:3, :3], truth, view.translation_m)
     if view is not SENSOR_VIEW:
         return  # it is made of all detections so far
-    assert np.allclose(position, seen)
+    assert np.allclose(position, vector_of(detection.pose.pose.position))
     assert np.allclose(covariance, covariance_of(detection.pose))
     # Facing the sensor: the marker's z points away from it.
     away = position - view.translation_m
@@ -152,30 +145,25 @@ def _check_demand(
 ) -> None:
     """While more is demanded than a zone can give, what is missing is published with its reason."""
     unsure, stale = 'is known to 0.*; {} m wanted*', 'was last seen ? s ago'
-    # The beans are 1 m away, which makes a zone small enough for the first of these.
-    steps: list[tuple[str, float, dict[str, str]]] = [
-        ('max_stddev', 0.055, dict.fromkeys(OBJECTS[1:], unsure.format(0.055))),
-        ('max_stddev', 0.01, dict.fromkeys(OBJECTS, unsure.format(0.01))),
-        ('stale_after', 0.1, dict.fromkeys(OBJECTS, stale)),
-        ('stale_after', 10.0, dict.fromkeys(OBJECTS, unsure.format(0.01))),
-        ('max_stddev', 0.2, {}),
+    steps: list[tuple[dict[str, float], tuple[str, ...], str]] = [
+        # The beans are 1 m away, which makes a zone small enough for this.
+        ({'max_stddev': 0.055}, OBJECTS[1:], unsure.format(0.055)),
+        ({'max_stddev': 0.01}, OBJECTS, unsure.format(0.01)),
+        ({'stale_after': 0.1}, OBJECTS, stale),
+        ({'stale_after': 10.0}, OBJECTS, unsure.format(0.01)),
+        ({'max_stddev': 0.2}, (), ''),
     ]
-
-    def check(parameter: str, number: float, expected: dict[str, str]) -> None:
-        missing.clear()
-        observer.services.set(f'{observer.namespace}/{node}', **{parameter: number})
-        pattern = ', '.join(f'{name} {reason}' for name, reason in expected.items())
-        observer.wait(
-            lambda: (
-                any(fnmatchcase(one.data, pattern) for one in missing)
-                and ready[-1].data is not bool(expected)
-            ),
-            pattern,
-        )
-
     # Landmarks are a bit less sure than single detections.
-    for step in steps[view is not SENSOR_VIEW :]:
-        check(*step)
+    for changes, names, reason in steps[view is not SENSOR_VIEW :]:
+        missing.clear()
+        observer.services.set(f'{observer.namespace}/{node}', **changes)
+        pattern = ', '.join(f'{name} {reason}' for name in names)
+        observer.wait(partial(_is_told, ready, missing, pattern), pattern)
+
+
+def _is_told(ready: list[Any], missing: list[Any], pattern: str) -> bool:
+    told = any(fnmatchcase(one.data, pattern) for one in missing)
+    return told and ready[-1].data is not bool(pattern)
 
 
 def publish_base(observer: Observer) -> None:

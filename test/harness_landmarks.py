@@ -12,8 +12,8 @@ import numpy as np
 import pytest
 from diagnostic_msgs.msg import DiagnosticStatus
 from geometry_msgs.msg import PoseWithCovarianceStamped, TransformStamped
+from harness import MOST_MAHALANOBIS
 from harness_observer import RELIABLE, Observer, values_of
-from harness_use_cases import MOST_MAHALANOBIS
 from tf2_msgs.msg import TFMessage
 from visualization_msgs.msg import Marker, MarkerArray
 

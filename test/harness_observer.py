@@ -62,6 +62,10 @@ class Observer(Listener):
     def wait(self, done: Callable[[], bool], what: str, timeout_s: float = PATIENCE_S) -> None:
         assert self.spin_until(done, timeout_s), f'waited in vain for {what}'
 
+    def wait_for_transforms(self, *names: str) -> None:
+        """Wait until TF has frames of these names."""
+        self.wait(lambda: {t.child_frame_id for t in self.transforms} >= set(names), f'{names}')
+
     def wait_for_frames(self, count: int) -> None:
         """Wait until more frames than that have come."""
         self.wait(lambda: len(self.frames) > count, 'frames')

@@ -3,42 +3,27 @@
 """What is asserted of heartbeat and two sensors, however their nodes were started."""
 
 import time
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import yaml
 from diagnostic_msgs.msg import DiagnosticStatus
+from harness import check_detections
 from harness_observer import RELIABLE, Observer, values_of
 from std_msgs.msg import Bool
 
 from retrolidar_ros.msg import Frame as FrameMsg
-from retrolidar_ros.nodes.conversion import covariance_of, to_ns, vector_of
+from retrolidar_ros.nodes.conversion import to_ns
 from retrolidar_ros.scene.description import Scene
 from retrolidar_ros.scene.files import find_scene
-from retrolidar_ros.sensor.frame import Floats
 from retrolidar_ros.settings.resources import shared_file
 from retrolidar_ros.settings.yaml_files import load_yaml
 
 SIDES = ('left', 'right')
 OVERDUE_AFTER_S = 2.0
-# A position is further off in one of a thousand cases, were its error normal.
-MOST_MAHALANOBIS = 16.27
 # The nodes look at the time ten times a second; the rest is for a machine that is busy.
 _LATENESS_S = 1.0
-
-
-def check_place(position_m: Floats, covariance: Floats, truth_m: Floats, eye_m: Floats) -> None:
-    """A place is as far from the eye of the sensor as the truth is, and as sure as it says."""
-    error = position_m - truth_m
-    range_m = float(np.linalg.norm(truth_m - eye_m))
-    assert abs(np.linalg.norm(position_m - eye_m) - range_m) < 0.01
-    assert np.linalg.norm(error) < 0.16 * range_m  # within its zone
-    assert np.allclose(covariance, covariance.T)
-    variances = np.linalg.eigvalsh(covariance)
-    assert variances.min() > 0
-    assert np.sqrt(variances.max()) < 0.12 * range_m
-    assert error @ np.linalg.solve(covariance, error) < MOST_MAHALANOBIS
 
 
 def silent_drone(directory: Path, start_s: float, packets: int) -> Path:
@@ -88,49 +73,36 @@ def check_heartbeat(observer: Observer, scene: Scene) -> None:
     assert float(values['drone: longest silence [s]']) >= silence_s
 
 
-def _side(message: Any) -> str:
-    return str(message.child_frame_id).partition('_')[0]
-
-
 def check_two_sensors(observer: Observer, scene: Scene) -> None:
     """What both sensors see comes on one topic, and each marker has one TF frame below each."""
     frames = {side: observer.collect(FrameMsg, f'{side}/frames', RELIABLE) for side in SIDES}
-    markers = {f'{side}_{one.name}': one for side in SIDES for one in scene.markers}
+    optical = {side: f'{side}_optical_frame' for side in SIDES}
+    names = {f'{side}_{marker.name}' for side in SIDES for marker in scene.markers}
     observer.wait(lambda: all(frames.values()), 'both sensors')
-    observer.markers.clear()  # they may be of frames that came before these were heard
+    # They may be of frames that came before these were heard.
+    observer.markers.clear()
+    observer.wait(lambda: {one.child_frame_id for one, _ in observer.markers} >= names, 'readings')
+    read = [message for message, _ in observer.markers]
+    assert {one.child_frame_id for one in read} == names
 
-    def missing() -> set[str]:
-        transforms = {(one.child_frame_id, to_ns(one.header.stamp)) for one in observer.transforms}
-        messages = [message for message, _ in observer.markers]
-        placed = {(one.child_frame_id, to_ns(one.header.stamp)) for one in messages} & transforms
-        return set(markers) - {name for name, _ in placed}
+    def stamps(messages: Iterable[Any]) -> set[int]:
+        return {to_ns(one.header.stamp) for one in messages}
 
-    observer.wait(lambda: not missing(), 'a detection and a transform of each')
-    messages = [message for message, _ in observer.markers]
+    def all_came() -> bool:
+        ends = {to_ns(one.end) for one in read}
+        of_frames = stamps(frames['left']) | stamps(frames['right'])
+        return ends <= of_frames and stamps(read) <= stamps(observer.transforms)
 
-    def stamps(side: str) -> set[int]:
-        return {to_ns(one.header.stamp) for one in frames[side]}
-
-    def unheard() -> set[int]:
-        """Return the ends of readings whose last frame is still on its way to here."""
-        ends = {side: {to_ns(one.end) for one in messages if _side(one) == side} for side in SIDES}
-        return {end for side in SIDES for end in ends[side] - stamps(side)}
-
-    observer.wait(lambda: not unheard(), 'the frames of all readings')
-    for side, collected in frames.items():
-        assert {one.header.frame_id for one in collected} == {f'{side}_optical_frame'}
-    assert stamps('left') & stamps('right') == set()
-    for message in messages:
-        side, _, name = message.child_frame_id.partition('_')
-        marker = markers[message.child_frame_id]
-        assert (message.id, name) == (marker.id, marker.name)
-        assert message.header.frame_id == f'{side}_optical_frame'
-        position = vector_of(message.pose.pose.position)
-        truth = np.array(marker.position_m)
-        check_place(position, covariance_of(message.pose)[:3, :3], truth, np.zeros(3))
+    observer.wait(all_came, 'frames and transforms of all readings')
+    for side in SIDES:
+        own = [one for one in read if one.child_frame_id.startswith(f'{side}_')]
+        name = f'{side}_{{0.name}}'
+        check_detections(observer, scene, optical[side], own, frames[side], name)
+        assert {one.header.frame_id for one in frames[side]} == {optical[side]}
+    assert stamps(frames['left']) & stamps(frames['right']) == set()
     parents = {
         (one.child_frame_id, one.header.frame_id)
         for one in observer.transforms
-        if one.header.frame_id in {f'{side}_optical_frame' for side in SIDES}
+        if one.header.frame_id in optical.values()
     }
-    assert parents == {(name, f'{name.partition("_")[0]}_optical_frame') for name in markers}
+    assert parents == {(name, optical[name.partition('_')[0]]) for name in names}

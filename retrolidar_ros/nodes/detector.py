@@ -133,13 +133,12 @@ class DetectorNode(Node):
 
 
 def _declare(parameters: Parameters) -> None:
+    declare = parameters.declare
     for name, one in PARAMETERS.items():
-        parameters.declare(name, one.description, *one.limits, among=one.among, live=one.live)
-    parameters.declare('publish_tf', 'Send a transform for every detection.', live=True)
-    parameters.declare('child_frame', 'TF frame of a marker; {name} stands for its name.')
-    parameters.declare(
-        'stale_after', 'Lifetime of a marker in marker_array [s].', 0.1, 3600.0, live=True
-    )
+        declare(name, one.description, *one.limits, among=one.among, live=one.live)
+    declare('publish_tf', 'Send a transform for every detection.', live=True)
+    declare('child_frame', 'TF frame of a marker; {name} stands for its name.')
+    declare('stale_after', 'Lifetime of a marker in marker_array [s].', 0.1, 3600.0, live=True)
     child_frame = check_frame_id('child_frame', parameters.values['child_frame'])
     if child_frame.count(NAME) != 1:
         raise ValueError(f'child_frame: {child_frame!r} needs {NAME} once')

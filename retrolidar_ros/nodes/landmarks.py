@@ -195,27 +195,24 @@ class LandmarksNode(Node):
 
 
 def _declare(parameters: Parameters) -> None:
-    parameters.declare('topics', 'Topics of detections.')
-    parameters.declare('fixed_frame', 'Frame of the landmarks; TF must connect the sensors to it.')
-    parameters.declare('marker_file', 'YAML file of the known markers, for objects with several.')
-    parameters.declare('load_file', 'Landmarks written by ~/save; empty = none.')
-    parameters.declare('save_file', 'Where ~/save writes; empty = nowhere.')
-    parameters.declare('publish_tf', 'Send a transform for every landmark.')
-    parameters.declare('child_frame', 'TF frame of a landmark; {name} stands for its name.')
-    parameters.declare('patience', 'Longest wait for a transform [s].', 0.0, 60.0)
-    parameters.declare('range_bias', "Standard deviation of a sensor's range bias [m].", 0.0, 1.0)
-    parameters.declare(
-        'pose_stddev', "Standard deviation of the sensor's position in TF [m].", 0.0, 1.0
-    )
-    parameters.declare(
-        'turn_stddev', "Standard deviation of the sensor's rotation in TF [rad].", 0.0, 1.0
-    )
-    parameters.declare(
+    declare = parameters.declare
+    declare('topics', 'Topics of detections.')
+    declare('fixed_frame', 'Frame of the landmarks; TF must connect the sensors to it.')
+    declare('marker_file', 'YAML file of the known markers, for objects with several.')
+    declare('load_file', 'Landmarks written by ~/save; empty = none.')
+    declare('save_file', 'Where ~/save writes; empty = nowhere.')
+    declare('publish_tf', 'Send a transform for every landmark.')
+    declare('child_frame', 'TF frame of a landmark; {name} stands for its name.')
+    declare('patience', 'Longest wait for a transform [s].', 0.0, 60.0)
+    declare('range_bias', "Standard deviation of a sensor's range bias [m].", 0.0, 1.0)
+    declare('pose_stddev', "Standard deviation of the sensor's position in TF [m].", 0.0, 1.0)
+    declare('turn_stddev', "Standard deviation of the sensor's rotation in TF [rad].", 0.0, 1.0)
+    declare(
         'acceleration', 'Standard deviation for moving landmarks [m/s²]; 0 = static.', 0.0, 100.0
     )
-    parameters.declare('localize', 'Locate base_frame among the landmarks of load_file.')
-    parameters.declare('flat', 'The robot moves on a floor: its frames are level with load_file.')
-    parameters.declare('base_frame', 'Frame of the robot that is localised.')
+    declare('localize', 'Locate base_frame among the landmarks of load_file.')
+    declare('flat', 'The robot moves on a floor: its frames are level with load_file.')
+    declare('base_frame', 'Frame of the robot that is localised.')
 
 
 def main() -> int:

@@ -67,11 +67,6 @@ class Live:
         """Wait until each of these IDs was read so often."""
         self.system.wait(lambda: all(self.read().count(one) >= count for one in ids), f'{ids}')
 
-    def wait_for_frames(self, *names: str) -> None:
-        """Wait until there are these frames of TF."""
-        transforms = self.system.transforms
-        self.system.wait(lambda: {t.child_frame_id for t in transforms} >= set(names), 'transforms')
-
 
 @pytest.fixture(scope='module')
 def nodes(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Live]:
@@ -161,7 +156,7 @@ def test_tf_may_be_left_alone_for_a_while(live: Live) -> None:
     live.wait_for_readings(2, *NAMES)
     assert live.system.transforms == []
     live.set(DETECTOR, publish_tf=True)
-    live.wait_for_frames(*NAMES.values())
+    live.system.wait_for_transforms(*NAMES.values())
 
 
 def test_a_detector_without_frames_or_a_marker_file(live: Live) -> None:
@@ -176,7 +171,7 @@ def test_a_detector_without_frames_or_a_marker_file(live: Live) -> None:
         live.system.fed('/bare/frames'),
     ):
         live.system.wait(lambda: {one.id for one in readings} >= set(NAMES), 'all markers')
-        live.wait_for_frames('marker_2073')
+        live.system.wait_for_transforms('marker_2073')
     live.set(BARE, publish_tf=False)
 
 

@@ -62,13 +62,6 @@ class Chain:
     readings: dict[str, list[MarkerDetection]]
     """By namespace."""
 
-    def wait_for_names(self, *names: str) -> None:
-        """Wait until there are these frames of TF."""
-        transforms = self.system.transforms
-        self.system.wait(
-            lambda: set(names) <= {one.child_frame_id for one in transforms}, 'transforms'
-        )
-
     def frames(self) -> dict[int, FrameMsg]:
         return {to_ns(message.header.stamp): message for message, _ in self.system.frames}
 
@@ -199,7 +192,7 @@ def test_names_are_those_of_the_file_or_prefixed_for_a_second_sensor(chain: Chai
         assert detection.child_frame_id == NAMES.get(detection.id, f'marker_{detection.id}')
     for detection in chain.readings['/left']:
         assert detection.child_frame_id == f'left_{NAMES[detection.id]}'
-    chain.wait_for_names(*NAMES.values(), 'left_beans', 'left_machine')
+    chain.system.wait_for_transforms(*NAMES.values(), 'left_beans', 'left_machine')
 
 
 def test_only_registered_ids_come(chain: Chain) -> None:
