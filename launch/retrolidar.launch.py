@@ -10,10 +10,10 @@ import tempfile
 from launch import LaunchDescription
 from launch.actions import ExecuteProcess, OpaqueFunction, Shutdown
 
-from retrolidar_ros.nodes.launching import SENSOR, declared, is_on, node, value
+from retrolidar_ros.nodes.launching import SENSOR, declared, given, is_on, node, value
 from retrolidar_ros.scene.files import load_scene
 
-# Launch arguments that go before what the parameter file says, if they are given.
+# Launch arguments that go before what the parameter file says.
 _OVERRIDES = {
     'driver': ('serial_port', 'protocol', 'frame_id', 'autostart'),
     'detector': ('marker_file', 'child_frame', 'publish_tf'),
@@ -34,31 +34,30 @@ def _link(context):
 
 def _nodes(context):
     """Return the processes to start, now that the arguments have values."""
-    overrides = {name: value(context, name) for names in _OVERRIDES.values() for name in names}
+    parameters = given(context, *(name for names in _OVERRIDES.values() for name in names))
     actions = []
     if scene := value(context, 'emulate'):
         load_scene(scene)  # says what is wrong with it before anything is started
         # The driver opens the emulator's port as it would open that of a sensor with our protocol.
-        overrides['serial_port'] = overrides['serial_port'] or _link(context)
-        overrides['protocol'] = 'retrolidar'
+        port = parameters.setdefault('serial_port', _link(context))
+        parameters['protocol'] = 'retrolidar'
         emulator = [sys.executable, '-m', 'retrolidar_ros.cli', 'emulate', scene]
         emulator += shlex.split(value(context, 'emulate_options'))
         actions.append(
             ExecuteProcess(
-                cmd=[*emulator, '--port-link', overrides['serial_port']],
+                cmd=[*emulator, '--port-link', port],
                 name='emulator',
                 output='screen',
                 on_exit=OpaqueFunction(function=_end),
             )
         )
-    given = {name: text for name, text in overrides.items() if text}
-    for name in {'autostart', 'publish_tf'} & given.keys():
-        given[name] = is_on(context, name)
+    for name in {'autostart', 'publish_tf'} & parameters.keys():
+        parameters[name] = is_on(context, name)
     remappings = [('markers', value(context, 'markers'))]
     if is_on(context, 'single_process'):
-        return [*actions, node(context, 'reader', given, remappings=remappings)]
+        return [*actions, node(context, 'reader', parameters, remappings=remappings)]
     for name, names in _OVERRIDES.items():
-        own = {key: given[key] for key in names if key in given}
+        own = {key: parameters[key] for key in names if key in parameters}
         options = {'remappings': remappings} if name == 'detector' else {}
         actions.append(node(context, name, own, **options))
     return actions

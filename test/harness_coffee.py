@@ -18,7 +18,7 @@ from tf2_msgs.msg import TFMessage
 from retrolidar_ros.msg import MarkerDetection
 from retrolidar_ros.nodes.conversion import (
     covariance_of,
-    quaternion_in,
+    from_pose,
     to_ns,
     to_pose,
     to_transform,
@@ -26,7 +26,7 @@ from retrolidar_ros.nodes.conversion import (
 )
 from retrolidar_ros.scene.description import Marker, Scene
 from retrolidar_ros.sensor.frame import Floats
-from retrolidar_ros.sensor.rotation import matrix_of, quaternion_of
+from retrolidar_ros.sensor.rotation import quaternion_of
 
 SENSOR_FRAME = 'retrolidar_optical_frame'
 OBJECTS = ('beans', 'machine', 'mug')
@@ -122,7 +122,7 @@ def _check_pose(
     assert np.allclose(covariance, covariance_of(detection.pose))
     # Facing the sensor: the marker's z points away from it.
     away = position - view.translation_m
-    axis = matrix_of(quaternion_in(pose.pose.pose.orientation))[:, 2]
+    axis = from_pose(pose.pose.pose)[1][:, 2]
     assert np.allclose(axis, away / np.linalg.norm(away))
 
 

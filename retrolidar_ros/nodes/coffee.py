@@ -12,20 +12,13 @@ from rclpy.node import Node
 from std_msgs.msg import Bool, Header, String
 
 from retrolidar_ros.msg import MarkerDetection
-from retrolidar_ros.nodes.conversion import (
-    covariance_of,
-    quaternion_in,
-    to_ns,
-    to_pose_msg,
-    vector_of,
-)
+from retrolidar_ros.nodes.conversion import covariance_of, from_pose, to_ns, to_pose_msg
 from retrolidar_ros.nodes.diagnostics import OK, WARN, Health, publish_health
 from retrolidar_ros.nodes.parameters import Parameters
 from retrolidar_ros.nodes.placed_readings import PlacedReadings
 from retrolidar_ros.nodes.qos import EVENTS, LATCHED, subscribe, topic_part
 from retrolidar_ros.nodes.run import run
 from retrolidar_ros.sensor.frame import Floats
-from retrolidar_ros.sensor.rotation import matrix_of
 from retrolidar_ros.tasks.next_view import best_place
 from retrolidar_ros.tasks.objects import ObjectBoard
 from retrolidar_ros.tasks.reading import Errors, Reading
@@ -103,14 +96,9 @@ class CoffeeNode(Node):
     def _take(self, message: MarkerDetection) -> None:
         """Publish the pose of an object from one detection."""
         if message.child_frame_id in self._poses and to_ns(message.header.stamp) >= 0:
-            pose = message.pose.pose
-            self._publish(
-                message.child_frame_id,
-                message.header,
-                vector_of(pose.position),
-                matrix_of(quaternion_in(pose.orientation)),
-                covariance_of(message.pose),
-            )
+            place = from_pose(message.pose.pose)
+            covariance = covariance_of(message.pose)
+            self._publish(message.child_frame_id, message.header, *place, covariance)
             self._tick()
 
     def _place(self, reading: Reading, message: MarkerDetection) -> None:

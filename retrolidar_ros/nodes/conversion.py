@@ -29,7 +29,7 @@ from retrolidar_ros.sensor.frame import (
     check_frame_arrays,
     valid_samples,
 )
-from retrolidar_ros.sensor.rotation import quaternion_of
+from retrolidar_ros.sensor.rotation import matrix_of, quaternion_of
 
 _POINT_FIELDS = ('x', 'y', 'z', 'signal', 'ambient')
 
@@ -67,6 +67,11 @@ def to_pose(position_m: Floats, quaternion: Floats) -> Pose:
     turn = pose.orientation
     turn.x, turn.y, turn.z, turn.w = quaternion.tolist()
     return pose
+
+
+def from_pose(pose: Pose) -> tuple[Floats, Floats]:
+    """Return the position, shape (3,) [m], and the rotation matrix of a pose."""
+    return vector_of(pose.position), matrix_of(quaternion_in(pose.orientation))
 
 
 def to_header(stamp_ns: int, frame_id: str) -> Header:

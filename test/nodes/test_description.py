@@ -9,20 +9,19 @@ from xml.etree import ElementTree
 import numpy as np
 import pytest
 import yaml
-from numpy.typing import NDArray
 
+from retrolidar_ros.sensor.frame import Floats
+from retrolidar_ros.sensor.rotation import matrix_of_turn
 from retrolidar_ros.settings.resources import shared_file
 
 ROOT = Path(__file__).resolve().parents[2]
 
 
-def rotation(roll: float, pitch: float, yaw: float) -> NDArray[np.float64]:
+def rotation(roll: float, pitch: float, yaw: float) -> Floats:
     """Return the matrix of URDF's angles: about the fixed axes x, then y, then z."""
-    (cr, sr), (cp, sp), (cy, sy) = ((np.cos(a), np.sin(a)) for a in (roll, pitch, yaw))
-    about_x = np.array([[1, 0, 0], [0, cr, -sr], [0, sr, cr]])
-    about_y = np.array([[cp, 0, sp], [0, 1, 0], [-sp, 0, cp]])
-    about_z = np.array([[cy, -sy, 0], [sy, cy, 0], [0, 0, 1]])
-    return np.asarray(about_z @ about_y @ about_x)
+    about_x, about_y, about_z = map(matrix_of_turn, np.diag([roll, pitch, yaw]))
+    turn: Floats = about_z @ about_y @ about_x
+    return turn
 
 
 def test_the_optical_frame_looks_along_the_x_of_its_link() -> None:

@@ -23,7 +23,6 @@ from retrolidar_ros.nodes.reader import create_nodes
 from retrolidar_ros.scene.emulator import PortLink, frames_in_real_time
 from retrolidar_ros.scene.files import load_scene
 from retrolidar_ros.sensor.wire import encode_frame
-from retrolidar_ros.settings.resources import shared_file
 
 DELAY_NS = 10_500_000  # from the middle of an exposure to the arrival of its frame
 DRIVER, DETECTOR = 'driver: frames', 'detector: markers'
@@ -38,8 +37,7 @@ class Chain:
         self.frames = system.frames
 
     def start(self, node: str) -> None:
-        parameters = str(shared_file('config/retrolidar.yaml'))
-        self.system.start(node, '--params-file', parameters, serial_port=self.system.port)
+        self.system.start(node, '-p', f'serial_port:={self.system.port}')
 
     def sequences(self, since: int = 0) -> list[int]:
         return [message.sequence for message, _ in self.frames[since:]]

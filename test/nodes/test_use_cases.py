@@ -10,10 +10,10 @@ from harness import Sensor
 from harness_coffee import BASE_VIEW, SENSOR_VIEW, check_coffee, publish_base
 from harness_nodes import System, running
 from harness_use_cases import (
+    OVERDUE_AFTER_S,
     SIDES,
     check_heartbeat,
     check_two_sensors,
-    impatient_parameters,
     silent_drone,
 )
 from std_msgs.msg import Bool, String
@@ -22,13 +22,12 @@ from retrolidar_ros.scene.files import load_scene
 from retrolidar_ros.settings.resources import shared_file
 
 KNOWN = shared_file('config/markers.yaml')
-PARAMETERS = shared_file('config/retrolidar.yaml')
 
 
-def start_sensor(system: System, parameters: Path = PARAMETERS) -> None:
+def start_sensor(system: System) -> None:
     """Start driver and detector of one sensor."""
-    system.start('driver', '--params-file', str(parameters), serial_port=system.port)
-    system.start('detector', '--params-file', str(parameters), marker_file=KNOWN)
+    system.start('driver', serial_port=system.port)
+    system.start('detector', marker_file=KNOWN)
 
 
 def wait_for_subscribers(system: System, topic: str, count: int) -> None:
@@ -45,9 +44,8 @@ def wait_for_subscribers(system: System, topic: str, count: int) -> None:
 def test_a_drone_that_falls_silent_is_overdue(tmp_path: Path) -> None:
     scene = load_scene(str(silent_drone(tmp_path, start_s=0.2, packets=2)))
     with running(tmp_path, '/use_drone') as system:
-        parameters = impatient_parameters(tmp_path)
-        start_sensor(system, parameters)
-        system.start('heartbeat', '--params-file', str(parameters))
+        start_sensor(system)
+        system.start('heartbeat', overdue_after=OVERDUE_AFTER_S)
         wait_for_subscribers(system, 'frames', 2)
         wait_for_subscribers(system, 'markers', 2)
         # A marker that was never there is overdue as well.
