@@ -16,7 +16,6 @@ from harness_frames import make_frames
 from harness_nodes import FRAME_ID, System, endless, running
 from harness_observer import values_of
 from sensor_msgs.msg import CameraInfo, Image, PointCloud2, PointField
-from std_msgs.msg import Header
 from visualization_msgs.msg import Marker, MarkerArray
 
 from retrolidar_ros.msg import Frame as FrameMsg
@@ -108,7 +107,7 @@ def test_standard_messages_are_what_each_zone_saw(side: int) -> None:
     depth = np.where(valid, frame.distance, np.nan)
     assert 0 < np.isfinite(depth).sum() < side * side
 
-    cloud = to_point_cloud(frame, header)
+    cloud = to_point_cloud(frame, FRAME_ID)
     assert (cloud.header, cloud.height, cloud.width) == (header, side, side)
     assert (cloud.point_step, cloud.row_step, cloud.is_bigendian) == (20, 20 * side, False)
     assert [field.name for field in cloud.fields] == ['x', 'y', 'z', 'signal', 'ambient']
@@ -121,14 +120,14 @@ def test_standard_messages_are_what_each_zone_saw(side: int) -> None:
     np.testing.assert_array_equal(points[:, 3:].T, [frame.signal, frame.ambient])
 
     for image, values in (
-        (to_signal_image(frame, header), frame.signal),
-        (to_depth_image(frame, header), depth),
+        (to_signal_image(frame, FRAME_ID), frame.signal),
+        (to_depth_image(frame, FRAME_ID), depth),
     ):
         assert (image.header, image.height, image.width) == (header, side, side)
         assert (image.encoding, image.step, image.is_bigendian) == ('32FC1', 4 * side, 0)
         np.testing.assert_array_equal(np.frombuffer(bytes(image.data), '<f4'), values)
 
-    camera = to_camera_info(frame, header)
+    camera = to_camera_info(frame, FRAME_ID)
     assert (camera.header, camera.height, camera.width) == (header, side, side)
     row, column = np.divmod(np.arange(side * side), side)
     pixels = np.stack([column, row, np.ones(side * side)])
@@ -146,7 +145,7 @@ def test_standard_messages_are_what_each_zone_saw(side: int) -> None:
     ],
 )
 def test_each_frame_has_its_standard_messages(
-    chain: Chain, topic: str, kind: Any, convert: Callable[[Frame, Header], Any]
+    chain: Chain, topic: str, kind: Any, convert: Callable[[Frame, str], Any]
 ) -> None:
     with chain.system.subscribed(kind, topic) as messages:
         chain.system.wait(lambda: len(messages) >= 10, topic)
@@ -154,7 +153,7 @@ def test_each_frame_has_its_standard_messages(
     chain.system.wait(lambda: last_ns in chain.frames(), 'its frame')
     for message in messages:
         frame = chain.frames()[to_ns(message.header.stamp)]
-        expected = convert(from_frame_msg(frame), frame.header)
+        expected = convert(from_frame_msg(frame), FRAME_ID)
         # As text, for a NaN is not equal to itself.
         assert str(message) == str(expected)
 
