@@ -17,12 +17,10 @@ from harness_observer import RELIABLE, Observer, values_of
 from tf2_msgs.msg import TFMessage
 from visualization_msgs.msg import Marker, MarkerArray
 
-from retrolidar_ros.detector.detection import Detection
 from retrolidar_ros.detector.place import place, zone_bearing
 from retrolidar_ros.msg import MarkerDetection
 from retrolidar_ros.nodes.conversion import (
     covariance_of,
-    to_detection_msg,
     to_header,
     to_ns,
     to_pose,
@@ -72,29 +70,18 @@ class Hand:
         zone = int(4 * row + column)
         range_m = float(np.linalg.norm(own))
         stamp_ns = time.time_ns()
-        detection = Detection(
-            id=identity,
-            stamp_ns=stamp_ns,
-            start_ns=stamp_ns,
-            end_ns=stamp_ns,
-            place=place(zone_bearing(zone, _GRID), range_m, _RANGE_STDDEV_M),
-            snr_db=20.0,
-            evidence=50.0,
-            decision_margin=20.0,
-            bit_period_s=0.042,
-            score=0.9,
-            likelihood=1.0,
-            corrected_bits=0,
-            packets=1,
-            zones=(zone,),
-        )
+        spot = place(zone_bearing(zone, _GRID), range_m, _RANGE_STDDEV_M)
+        message = MarkerDetection(header=to_header(stamp_ns, HAND), child_frame_id=name)
+        message.id, message.range, message.range_stddev = identity, range_m, _RANGE_STDDEV_M
+        message.pose.pose = to_pose(spot.position_m, spot.orientation)
+        message.pose.covariance = spot.covariance.ravel()
         if late_s:
-            self._markers.publish(to_detection_msg(detection, HAND, name))
+            self._markers.publish(message)
             self._observer.pass_time(late_s)
         self.move(at_m, stamp_ns - 1_000_000)
         self.move(at_m, stamp_ns + 1_000_000)
         if not late_s:
-            self._markers.publish(to_detection_msg(detection, HAND, name))
+            self._markers.publish(message)
         self._observer.pass_time(0.01)  # the hand was there, and there only
         return stamp_ns
 
