@@ -24,7 +24,7 @@ from retrolidar_ros.detector import create_detector
 
 try:
     from retrolidar_ros.detector.decoding import Decoding
-    from retrolidar_ros.detector.settings import defaults
+    from retrolidar_ros.detector.parameters import defaults
     from retrolidar_ros.detector.text import to_json
     from retrolidar_ros.sensor.frame import Recording, ZoneGrid
 except ModuleNotFoundError:  # before the package had rooms

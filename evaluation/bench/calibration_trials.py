@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from retrolidar_ros.detector.decoding import Decoding
-from retrolidar_ros.detector.settings import defaults
+from retrolidar_ros.detector.parameters import defaults
 from retrolidar_ros.marker.code import IDS, PACKET_BITS
 from retrolidar_ros.marker.liquid_crystal import Response
 from retrolidar_ros.scene import Scene, Simulation

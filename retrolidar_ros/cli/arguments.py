@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any, TypeAlias
 
 from retrolidar_ros.bag import FRAMES_TOPIC
-from retrolidar_ros.detector.settings import PARAMETERS, checked, defaults, load_parameters
+from retrolidar_ros.detector.parameters import PARAMETERS, checked, defaults, load_parameters
 from retrolidar_ros.sensor.protocols import PROTOCOLS
 
 Subparsers: TypeAlias = 'argparse._SubParsersAction[argparse.ArgumentParser]'

@@ -18,7 +18,7 @@ from retrolidar_ros.detector import Detection
 from retrolidar_ros.detector.blinking import BitReader, Samples, modulation_db
 from retrolidar_ros.detector.blinking_zones import LEAST_FRAMES, bit_periods, clock_mismatch
 from retrolidar_ros.detector.likelihood_detector import Candidate, LikelihoodDetector
-from retrolidar_ros.detector.settings import detector_of, known_markers, noise_of
+from retrolidar_ros.detector.parameters import detector_of, known_markers, noise_of
 from retrolidar_ros.marker.code import PACKET_BITS
 from retrolidar_ros.sensor.clock import ClockMap
 from retrolidar_ros.sensor.frame import Frame, Recording

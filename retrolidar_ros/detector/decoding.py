@@ -23,7 +23,7 @@ from retrolidar_ros.detector.blinking_zones import (
 from retrolidar_ros.detector.detection import Detection, Detector
 from retrolidar_ros.detector.likelihood_detector import Candidate, LikelihoodDetector
 from retrolidar_ros.detector.noise import NoiseLaw
-from retrolidar_ros.detector.settings import detector_of, known_markers, noise_of, registered
+from retrolidar_ros.detector.parameters import detector_of, known_markers, noise_of, registered
 from retrolidar_ros.marker.code import PACKET_BITS
 from retrolidar_ros.sensor.frame import Floats, Frame, Recording, Status, valid_samples
 

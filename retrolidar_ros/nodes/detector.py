@@ -13,7 +13,7 @@ from rclpy.logging import LoggingSeverity
 from rclpy.node import Node
 
 from retrolidar_ros.detector.likelihood_detector import LikelihoodDetector
-from retrolidar_ros.detector.settings import PARAMETERS, detector_of, known_markers
+from retrolidar_ros.detector.parameters import PARAMETERS, detector_of, known_markers
 from retrolidar_ros.msg import Frame as FrameMsg
 from retrolidar_ros.nodes.conversion import from_frame_msg
 from retrolidar_ros.nodes.detection_topics import NAME, DetectionTopics

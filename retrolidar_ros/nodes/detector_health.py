@@ -9,8 +9,8 @@ from collections.abc import Iterable, Mapping
 from typing import Any
 
 from retrolidar_ros.detector import Detection, DetectorCounts
+from retrolidar_ros.detector.parameters import noise_of, registered
 from retrolidar_ros.detector.reception import Reception
-from retrolidar_ros.detector.settings import noise_of, registered
 from retrolidar_ros.marker.known_markers import KnownMarker, frame_of
 from retrolidar_ros.nodes.diagnostics import ERROR, STALE, WARN, Health, health_of
 from retrolidar_ros.sensor.frame import ZoneGrid

@@ -18,7 +18,7 @@ from std_msgs.msg import Header
 from std_srvs.srv import Trigger
 from visualization_msgs.msg import MarkerArray
 
-from retrolidar_ros.detector.settings import known_markers
+from retrolidar_ros.detector.parameters import known_markers
 from retrolidar_ros.marker.known_markers import objects_of
 from retrolidar_ros.msg import MarkerDetection
 from retrolidar_ros.nodes.conversion import to_header, to_pose_msg, to_transform

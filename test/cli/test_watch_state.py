@@ -14,7 +14,7 @@ from retrolidar_ros.cli.watch_state import Watch
 from retrolidar_ros.cli.watch_view import line, screen
 from retrolidar_ros.detector.blinking import BitReader, Samples, modulation_db
 from retrolidar_ros.detector.noise import NoiseLaw
-from retrolidar_ros.detector.settings import defaults
+from retrolidar_ros.detector.parameters import defaults
 from retrolidar_ros.marker.code import BIT_PERIOD_S, packet
 from retrolidar_ros.scene import Scene, Simulation
 from retrolidar_ros.scene.description import Marker, Noise, Sensor, Surface

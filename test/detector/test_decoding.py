@@ -10,7 +10,7 @@ from retrolidar_ros.bag import BagError
 from retrolidar_ros.detector import METHODS
 from retrolidar_ros.detector.decoding import Decoding
 from retrolidar_ros.detector.detection import Detection
-from retrolidar_ros.detector.settings import defaults
+from retrolidar_ros.detector.parameters import defaults
 from retrolidar_ros.detector.text import TEXT_HEADER, to_json, to_text
 from retrolidar_ros.scene import Scene, Simulation
 from retrolidar_ros.scene.description import Marker, Noise, Sensor, Surface

@@ -16,7 +16,7 @@ import pytest
 
 from retrolidar_ros.cli import main as cli
 from retrolidar_ros.detector.likelihood_detector import Reason
-from retrolidar_ros.detector.settings import PARAMETERS
+from retrolidar_ros.detector.parameters import PARAMETERS
 from retrolidar_ros.marker.code import packet
 from retrolidar_ros.sensor import wire
 from retrolidar_ros.settings.resources import shared_file
