@@ -86,9 +86,9 @@ static void share_out(const struct rl_bearing_table *table, double width, struct
     }
 }
 
-/* surety: 1 over the variance of each light, 0 where there is no zone */
+/* precision: 1 over the variance of each light, 0 where there is no zone */
 static void believe(const struct rl_bearing_table *table, const struct shares *shares,
-                    const double light[NEAR], const double surety[NEAR], struct belief *belief)
+                    const double light[NEAR], const double precision[NEAR], struct belief *belief)
 {
     double most = 0.0;
     for (int blur = 0; blur < BLURS; blur++) {
@@ -96,8 +96,8 @@ static void believe(const struct rl_bearing_table *table, const struct shares *s
             const double *share = shares->of[blur][place];
             double common = 0.0, energy = 1e-30;
             for (int i = 0; i < NEAR; i++) {
-                common += share[i] * light[i] * surety[i];
-                energy += share[i] * share[i] * surety[i];
+                common += share[i] * light[i] * precision[i];
+                energy += share[i] * share[i] * precision[i];
             }
             /* The strength that fits best is taken for each place. */
             const double fitness = common > 0.0 ? common * common / energy / 2 : 0.0;
@@ -140,15 +140,15 @@ struct rl_bearing rl_bearing_of(const struct rl_bearing_table *table, int32_t ro
     share_out(table, width, &shares);
     /* Neighbours across and down suffice: the shares of others are products of theirs. */
     for (int axis = 0; axis < AXES; axis++) {
-        double light[NEAR] = {0.0}, surety[NEAR] = {0.0};
+        double light[NEAR] = {0.0}, precision[NEAR] = {0.0};
         for (int i = 0; i < NEAR; i++) {
             const int other = zone + (i - 1) * apart[axis];
             if (at[axis] + i - 1 >= 0 && at[axis] + i - 1 < most[axis]) {
                 light[i] = amplitude[other];
-                surety[i] = 1.0 / (variance[other] + doubt * doubt);
+                precision[i] = 1.0 / (variance[other] + doubt * doubt);
             }
         }
-        believe(table, &shares, light, surety, &belief[axis]);
+        believe(table, &shares, light, precision, &belief[axis]);
     }
     /* What one axis says of the blur weighs the other one. */
     struct rl_bearing bearing = {{0.0, 0.0}, {0.0, 0.0}};

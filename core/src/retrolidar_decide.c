@@ -11,7 +11,7 @@
 
 enum {
     BEFORE_BITS = 16,   /* before a stretch, which show whether its packet has repeated */
-    WANDERING = 3,      /* walk from which on what a packet leaves over is more than noise */
+    LEAST_WALK = 3,     /* walk from which on what a packet leaves over is more than noise */
     USUAL_CHANGES = 12, /* that all words but those of IDs 1 and 4094 have */
 };
 
@@ -76,7 +76,7 @@ static bool has_repeated(struct rl_window *window, const struct rl_sending *send
     return longer > LEAST_LONGER * evidence - AS_GOOD;
 }
 
-/* What speaks against a packet in one source by itself: RL_REASONS if nothing does. */
+/* What speaks against a packet in one source by itself: RL_READ if nothing does. */
 static int doubt(struct rl_window *window, const struct rl_demands *demands,
                  const struct rl_sending *sending, int packets, double own, double half_bits,
                  const struct rl_hits *hits, double *word)
@@ -85,7 +85,7 @@ static int doubt(struct rl_window *window, const struct rl_demands *demands,
         return RL_INCOMPLETE;
     }
     *word = rl_rivals_sequence(window, sending, half_bits, hits) - own;
-    return *word > demands->word ? RL_NOT_A_WORD : RL_REASONS;
+    return *word > demands->word ? RL_NOT_A_WORD : RL_READ;
 }
 
 /* Evidence that a packet of few changes needs besides: the fewer, the sooner do steps of what moves
@@ -188,7 +188,7 @@ struct rl_verdict rl_decide(struct rl_window *window, const struct rl_codebook *
         verdict.reason =
             doubt(window, demands, sending, packets, own, half_bits, hits, &verdict.word);
     }
-    if (verdict.reason != RL_REASONS) {
+    if (verdict.reason != RL_READ) {
         return verdict;
     }
     verdict.reason = RL_ERASED;
@@ -198,7 +198,7 @@ struct rl_verdict rl_decide(struct rl_window *window, const struct rl_codebook *
     verdict.reason = RL_EVIDENCE;
     rl_scope_add_zones(window, sending, verdict.evidence);
     own = refine(&verdict, window, half_bits);
-    asked += window->fit[0].walk >= WANDERING ? demands->wandering : 0.0;
+    asked += window->fit[0].walk >= LEAST_WALK ? demands->wandering : 0.0;
     if (verdict.evidence < asked) {
         return verdict;
     }
@@ -227,7 +227,7 @@ struct rl_verdict rl_decide(struct rl_window *window, const struct rl_codebook *
     if (verdict.margin < demands->margin) {
         return verdict;
     }
-    verdict.reason = RL_REASONS;
+    verdict.reason = RL_READ;
     if (packets == 1) {
         const double other = rl_rivals_clock(window, sending, half_bits) - own;
         if (other > demands->word) {

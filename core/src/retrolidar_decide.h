@@ -13,7 +13,7 @@
 #include "retrolidar_window.h"
 
 /* binding */
-enum { RL_EVIDENCE, RL_NOT_A_WORD, RL_MARGIN, RL_INCOMPLETE, RL_ERASED, RL_REASONS };
+enum { RL_EVIDENCE, RL_NOT_A_WORD, RL_MARGIN, RL_INCOMPLETE, RL_ERASED, RL_READ };
 /* end of binding */
 
 /* So much later is a lone packet judged of which stretches are left out: until then, one of another
@@ -31,7 +31,7 @@ struct rl_demands {
 };
 
 struct rl_verdict {
-    int reason; /* why it is not read, or RL_REASONS */
+    int reason; /* why it is rejected, or RL_READ */
     struct rl_sending sending;
     uint16_t id;
     int packets;

@@ -38,7 +38,7 @@ struct rl_reading {
 struct rl_candidate {
     uint16_t id;
     int32_t source, packets;
-    int32_t reason; /* why it is not read, RL_REASONS if it is */
+    int32_t reason; /* why it is not read, RL_READ if it is */
     double start_s, bit_s;
     double evidence, word, margin; /* [nats], 0 where it has not come so far */
 };
@@ -82,10 +82,10 @@ struct rl_candidate rl_detector_candidate(const struct rl_detector *detector, in
 
 struct rl_held rl_detector_held(const struct rl_detector *detector);
 
-/* Counters: candidates that were judged, refused for each reason, and so on. */
+/* Counters: candidates that were judged, rejected for each reason, and so on. */
 struct rl_counts {
     uint64_t candidates, accepted, impossible, overloads;
-    uint64_t refused[5];
+    uint64_t rejected[5];
 };
 struct rl_counts rl_detector_counts(const struct rl_detector *detector);
 /* end of binding */

@@ -61,7 +61,7 @@ bool rl_going_on_is_sent(const struct rl_going_on *going_on, struct rl_shares *s
 {
     const double packet_s = RL_PACKET_BITS * going_on->sending.bit_s, since_s = to_s - packet_s;
     *known = (struct rl_verdict){
-        .reason = RL_REASONS,
+        .reason = RL_READ,
         .id = going_on->id,
         /* Of more packets, to see whether another one has repeated. */
         .packets = to_s - going_on->begin_s < 2.0 * packet_s ? 1 : 2,

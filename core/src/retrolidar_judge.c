@@ -115,13 +115,13 @@ static struct rl_verdict decide(struct rl_detector *detector, int source, int pa
     struct rl_verdict verdict =
         rl_decide(&detector->window, &detector->search.codebook, &demands, source, hit, &rivals,
                   packets, detector->free_s[source], since_s, to_s);
-    if (verdict.reason != RL_REASONS && verdict.reason != RL_EVIDENCE && packets == 1) {
+    if (verdict.reason != RL_READ && verdict.reason != RL_EVIDENCE && packets == 1) {
         detector->past[source][detector->pasts[source]++ % RL_PAST] = (struct rl_hit){
             0.0f, verdict.id, verdict.sending.repeats, verdict.sending.start_s,
             verdict.sending.bit_s};
     }
     rl_waiting_note(detector, source, &verdict, to_s);
-    if (verdict.reason == RL_REASONS && !rl_shares_agree(&detector->shares, &verdict)) {
+    if (verdict.reason == RL_READ && !rl_shares_agree(&detector->shares, &verdict)) {
         verdict.reason = RL_NOT_A_WORD;
     }
     if (detector->candidates < 2 * RL_DECISIONS) {
@@ -197,14 +197,14 @@ static bool look_behind(struct rl_detector *detector, const struct rl_hits *foun
         }
         const struct rl_verdict again =
             decide_without(detector, behind, &found->hit[0], found, to_s);
-        if ((again.reason != RL_REASONS && !before->steady) ||
+        if ((again.reason != RL_READ && !before->steady) ||
             again.evidence < before->evidence) {
             continue;
         }
         *behind = decide_without(detector, &again, hit, hits, to_s);
         const double least = detector->demands.evidence + COST_OF_PAIR;
-        if (behind->reason == RL_REASONS &&
-            (before->reason == RL_REASONS ||
+        if (behind->reason == RL_READ &&
+            (before->reason == RL_READ ||
              (again.evidence > least && behind->evidence > least))) {
             *before = again;
             return true;
@@ -216,12 +216,12 @@ static bool look_behind(struct rl_detector *detector, const struct rl_hits *foun
 /* What was read in a zone and is sent on, other than an ID: how it is taken off, if at all, and how
  * the zone varies without it, over what is noise.
  */
-static bool goes_on(struct rl_detector *detector, int source, uint16_t but, double to_s,
+static bool goes_on(struct rl_detector *detector, int source, uint16_t except, double to_s,
                     struct rl_verdict *known, double *rest)
 {
     for (int i = 0; i < RL_GOING_ON; i++) {
         const struct rl_going_on *going_on = &detector->going_on[source][i];
-        if (going_on->id != 0 && going_on->id != but &&
+        if (going_on->id != 0 && going_on->id != except &&
             detector->samples.source[source].zones == 1 &&
             going_on->end_s > to_s - GOING_ON_BITS * detector->settings.bit_s &&
             rl_going_on_is_sent(going_on, &detector->shares, source, to_s, known, rest)) {
@@ -278,12 +278,12 @@ void rl_judge(struct rl_detector *detector, const struct rl_pending *pending, do
         verdict = first;
         detector->counts.candidates++;
         add_reading(detector, &behind);
-    } else if (others && verdict.reason == RL_REASONS) {
+    } else if (others && verdict.reason == RL_READ) {
         verdict = decide_without(detector, &known, hit, &pending->hits, to_s);
     }
-    if (verdict.reason == RL_REASONS) {
+    if (verdict.reason == RL_READ) {
         add_reading(detector, &verdict);
     } else {
-        detector->counts.refused[verdict.reason]++;
+        detector->counts.rejected[verdict.reason]++;
     }
 }

@@ -1,7 +1,7 @@
 /* Copyright 2026 retrolidar_ros contributors
  * SPDX-License-Identifier: Apache-2.0
  */
-/* What becomes of a hit of the search: it is read, alone or with one that it hides, or refused. */
+/* What becomes of a hit of the search: it is read, alone or with one that it hides, or rejected. */
 #ifndef RETROLIDAR_JUDGE_H
 #define RETROLIDAR_JUDGE_H
 

@@ -23,7 +23,7 @@ struct amplitude {
     double of[RL_MOST_ZONES], variance[RL_MOST_ZONES], noise[RL_MOST_ZONES];
 };
 
-/* The samples of a reading, which may be of a target that is not the one in question. */
+/* The times of the samples of a reading, and the light of its packet at each. */
 static struct rl_seen window_of(struct rl_detector *detector, const struct rl_reading *reading,
                                 int *first)
 {
@@ -47,7 +47,7 @@ static struct rl_seen window_of(struct rl_detector *detector, const struct rl_re
     return seen;
 }
 
-/* Let the samples be those of a zone, of that target which may be the marker. */
+/* Take the samples of a zone: of the target that may be the marker, where it sees several. */
 static void look_at(struct rl_detector *detector, struct rl_seen *seen, int first, int zone)
 {
     const struct rl_column column =
@@ -114,30 +114,31 @@ static void choose_zones(const struct rl_reading *reading, const struct amplitud
     }
 }
 
-/* The mean of what zones say of the range, by how sure they are. */
+/* The mean of the ranges of the zones, weighted by one over the variance. */
 static bool find_range(struct rl_detector *detector, struct rl_seen *seen, int first,
                        const double *z_per_range, struct rl_placement *placement)
 {
-    double surety = 0.0, range_m = 0.0, time_s = 0.0;
+    double precision = 0.0, range_m = 0.0, time_s = 0.0;
     for (int i = 0; i < placement->zones; i++) {
         const int zone = placement->zone[i];
         struct rl_ranged ranged;
         look_at(detector, seen, first, zone);
+        /* A distance is of all the light that comes back. */
         seen->signal = detector->samples.signal + rl_sample(&detector->samples, zone, first);
         if (rl_ranging(seen, detector->values, detector->role, &ranged)) {
             /* The sensor's own projection has the factor of the zone and not of the target. */
             const double weight = z_per_range[zone] * z_per_range[zone] / ranged.variance;
-            surety += weight;
+            precision += weight;
             range_m += weight * ranged.depth_m / z_per_range[zone];
             time_s += weight * ranged.time_s;
         }
     }
-    if (!(surety > 0.0)) {
+    if (!(precision > 0.0)) {
         return false;
     }
-    placement->range_m = range_m / surety;
-    placement->range_variance = 1.0 / surety;
-    placement->time_s = time_s / surety;
+    placement->range_m = range_m / precision;
+    placement->range_variance = 1.0 / precision;
+    placement->time_s = time_s / precision;
     return true;
 }
 

@@ -82,14 +82,13 @@ def _value(name: str, text: str) -> Any:
     """Parse a parameter."""
     kind = PARAMETERS[name].kind
     try:
-        if kind is list:
-            value: Any = [int(part) for part in text.split(',') if part]
-        else:
-            value = kind(text)
+        value = [int(part) for part in text.split(',') if part] if kind is list else kind(text)
+    except ValueError:
+        raise argparse.ArgumentTypeError(f'{text} is no {_METAVARS[kind]}') from None
+    try:
         return checked(name, value)
     except ValueError as error:
-        reason = str(error) if 'within' in str(error) else f'{text} is no {_METAVARS[kind]}'
-        raise argparse.ArgumentTypeError(reason) from None
+        raise argparse.ArgumentTypeError(str(error)) from None
 
 
 def detector_values(arguments: argparse.Namespace) -> dict[str, Any]:

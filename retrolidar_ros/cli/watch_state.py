@@ -64,7 +64,7 @@ class Watch:
         self._clock = ClockMap()
         self._bits = BitReader(self._bit_s)
         self._detector: LikelihoodDetector | None = None
-        self._refused: Candidate | None = None
+        self._last_rejected: Candidate | None = None
         self._frames: deque[Frame] = deque(maxlen=_KEPT)
         self._last: dict[int, Detection] = {}
         self._times: Counter[int] = Counter()
@@ -106,7 +106,7 @@ class Watch:
                 raise ValueError(f'--method {self._values["method"]}: watch shows joint only')
             self._detector = detector
             self._chosen = self._asked
-            self._refused = None
+            self._last_rejected = None
         if last is not None and (last.grid != grid or last.stamp_ns >= frame.stamp_ns):
             self._frames.clear()
         self._frames.append(frame)
@@ -116,7 +116,7 @@ class Watch:
             self._times[detection.id] += 1
         for candidate in self._detector.candidates:
             if candidate.reason is not None:
-                self._refused = candidate
+                self._last_rejected = candidate
 
     def snapshot(self) -> Snapshot:
         """Return a snapshot."""
@@ -200,7 +200,7 @@ class Watch:
             bits=None if zone is None else self._bits.read(samples, zone, law),
             readings=readings,
             rejected=detector.counts.rejected,
-            refused=self._refused,
+            last_rejected=self._last_rejected,
             demands=detector.demands,
         )
 

@@ -77,8 +77,8 @@ class Snapshot:
     """Of that zone; None while there are too few."""
     readings: Sequence[LastReading] = ()
     rejected: Mapping[str, int] = field(default_factory=dict)
-    """How many candidates the detector has refused in all zones so far, by reason."""
-    refused: Candidate | None = None
+    """How many candidates the detector has rejected in all zones so far, by reason."""
+    last_rejected: Candidate | None = None
     """The last of them."""
     demands: Demands | None = None
     """The thresholds for a candidate."""
@@ -212,7 +212,7 @@ def _readings(snapshot: Snapshot) -> list[str]:
     """Return the last reading of each of the latest markers."""
     newest = sorted(snapshot.readings, key=lambda reading: reading.age_s)[:_READINGS]
     lines = [
-        *_refused(snapshot),
+        *_rejected(snapshot),
         'read   ID  times  s ago  range [m]  score  SNR [dB]  corrected  packets  zones',
     ]
     # By ID, so that they stay where they are.
@@ -227,11 +227,11 @@ def _readings(snapshot: Snapshot) -> list[str]:
     return lines
 
 
-def _refused(snapshot: Snapshot) -> list[str]:
+def _rejected(snapshot: Snapshot) -> list[str]:
     """Return the counts of rejected candidates, and how far the last missed its threshold."""
     reasons = [f'{reason} {count}' for reason, count in sorted(snapshot.rejected.items())]
-    text = f'refused so far: {", ".join(reasons) or "nothing"}'
-    last, asked = snapshot.refused, snapshot.demands
+    text = f'rejected so far: {", ".join(reasons) or "nothing"}'
+    last, asked = snapshot.last_rejected, snapshot.demands
     if last is not None and last.reason is not None and asked is not None:
         shortfall = {
             Reason.EVIDENCE: f' {last.evidence:.1f} of {asked.evidence:.1f} nats',

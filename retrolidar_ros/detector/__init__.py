@@ -3,7 +3,7 @@
 """Frames in, detections out.
 
 The default method decides in the core: `likelihood_detector` feeds it and names why a packet is
-refused, `budget` sets its thresholds. The core says where a marker is, too; `placement` makes a
+rejected, `budget` sets its thresholds. The core says where a marker is, too; `placement` makes a
 detection of that, and `place` gives the pose. The paper's method is in `paper`.
 """
 

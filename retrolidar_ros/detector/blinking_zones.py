@@ -122,16 +122,16 @@ def _spectrum(signal: Floats, valid: NDArray[np.bool_], span: int) -> tuple[Floa
     known = 2 * number > span
     size = 8 << len(signal).bit_length()
     power = np.zeros(size // 2 + 1)
-    for energy, valid in (
+    for energy, both in (
         ((mean[span:] - mean[:-span]) ** 2, known[span:] & known[:-span]),
         (
             (mean[2 * span :] - 2 * mean[span:-span] + mean[: -2 * span]) ** 2,
             known[2 * span :] & known[span:-span] & known[: -2 * span],
         ),
     ):
-        if not valid.any():
+        if not both.any():
             continue
-        change = np.where(valid, energy - energy[valid].mean(), 0.0)
+        change = np.where(both, energy - energy[both].mean(), 0.0)
         power += np.abs(np.fft.rfft(change, size)) ** 2 / max(change @ change, 1e-30)
     return np.arange(len(power)) / size, power
 

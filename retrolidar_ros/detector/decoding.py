@@ -47,7 +47,7 @@ class Decoding:
         registered(values, self._known)
         self._detector: Detector | None = None
         self._newest: deque[Frame] = deque(maxlen=_KEPT)
-        self.refused: dict[int, Candidate] = {}
+        self.rejected: dict[int, Candidate] = {}
         """The best of each zone that was not read."""
         self.packets: Counter[int] = Counter()
         """Packets that were read, by ID."""
@@ -71,9 +71,9 @@ class Decoding:
                 yield detection
             if isinstance(self._detector, LikelihoodDetector):
                 for one in self._detector.candidates:
-                    best = self.refused.get(one.zone)
+                    best = self.rejected.get(one.zone)
                     if one.reason and (best is None or one.evidence > best.evidence):
-                        self.refused[one.zone] = one
+                        self.rejected[one.zone] = one
 
     def blinking(self) -> tuple[Recording, list[BlinkingZone], float]:
         """Return the newest frames, their zones that blink, and the noise against the law."""
@@ -137,10 +137,10 @@ class Decoding:
         if len(self._newest) < 2:
             return ['no zone to describe']
         _, zones, _ = self.blinking()
-        lines = ['zone  blinks [dB]  bits [ms]  best ID  evidence  word  margin  refused for']
+        lines = ['zone  blinks [dB]  bits [ms]  best ID  evidence  word  margin  rejected for']
         for zone in zones:
             text = f'{zone.zone:4d}  {zone.modulation_db:11.1f}  {1e3 * zone.bit_period_s:9.1f}'
-            best = self.refused.get(zone.zone)
+            best = self.rejected.get(zone.zone)
             if zone.zone in self._zones:
                 text += '     read'
             elif best is None or best.reason is None:

@@ -53,7 +53,7 @@ class DetectorCounts:
     """Packets found, one for every zone that saw one."""
     accepted: int = 0
     rejected: Counter[str] = field(default_factory=Counter)
-    """Candidates that were refused, by reason."""
+    """Candidates that were rejected, by reason."""
     impossible: int = 0
     """Samples of a normal status with an impossible signal or distance: erasures."""
     overloads: int = 0

@@ -30,7 +30,7 @@ _LEAST_HELD = 1100
 
 
 class Reason(str, Enum):
-    """Why a candidate is refused, as diagnostics and tables name it."""
+    """Why a candidate is rejected, as diagnostics and tables name it."""
 
     EVIDENCE = 'evidence'
     """Noise and a wandering level explain the samples nearly as well."""
@@ -64,11 +64,11 @@ class Candidate(NamedTuple):
     """The zone, or from `zones` on the sum of zones, that was searched."""
     packets: int
     reason: Reason | None
-    """Why it was refused; None if it was read."""
+    """Why it was rejected; None if it was read."""
     start_ns: int
     bit_period_s: float
     evidence: float
-    """[nats]; this and the next two are 0 if it was refused before they were computed."""
+    """[nats]; this and the next two are 0 if it was rejected before they were computed."""
     word: float
     """Log likelihood of the best other sequence of bits less its own [nats]."""
     margin: float
@@ -124,12 +124,12 @@ class LikelihoodDetector:
     def counts(self) -> DetectorCounts:
         """Candidates by outcome so far."""
         counts = lib.rl_detector_counts(self._core)
-        refused = {reason: counts.refused[number] for number, reason in _REASONS.items()}
-        refused[Reason.DISTANCE] = self._unplaced
+        rejected = {reason: counts.rejected[number] for number, reason in _REASONS.items()}
+        rejected[Reason.DISTANCE] = self._unplaced
         return DetectorCounts(
             candidates=counts.candidates,
             accepted=counts.accepted - self._unplaced,
-            rejected=Counter({reason.value: count for reason, count in refused.items() if count}),
+            rejected=Counter({reason.value: count for reason, count in rejected.items() if count}),
             impossible=counts.impossible,
             overloads=counts.overloads,
         )

@@ -95,7 +95,7 @@ class DetectorNode(Node):
     def _read(self, frame: Frame, frame_id: str) -> None:
         detections = self._detector.update(frame)
         if self.get_logger().is_enabled_for(LoggingSeverity.DEBUG):
-            self._log_refused()
+            self._log_rejected()
         if detections:
             self._health.read(detections)
             self._topics.publish(detections, frame_id)
@@ -104,14 +104,14 @@ class DetectorNode(Node):
         self._health.drop(reason)
         self.get_logger().error(f'frame dropped: {reason}', throttle_duration_sec=5.0)
 
-    def _log_refused(self) -> None:
+    def _log_rejected(self) -> None:
         """Log the candidates rejected with the newest frame."""
         if not isinstance(self._detector, LikelihoodDetector):
             return
         for candidate in self._detector.candidates:
             if candidate.reason is not None:
                 self.get_logger().debug(
-                    f'refused: {candidate.reason.value}: ID {candidate.id}, '
+                    f'rejected: {candidate.reason.value}: ID {candidate.id}, '
                     f'evidence {candidate.evidence:.1f}, word {candidate.word:.1f}, '
                     f'margin {candidate.margin:.1f} nats'
                 )

@@ -17,13 +17,17 @@ from retrolidar_ros.settings.interrupts import REQUESTS, ignore_requests
 _GRACE_S = 4.0
 
 
+def nothing() -> None:
+    """Do nothing."""
+
+
 class Requests:
     """Termination signals, and the callbacks they wake."""
 
     def __init__(self) -> None:
         """Begin before the first one."""
         self.heard = Event()
-        self.wake: Callable[[], object] = bool
+        self.wake: Callable[[], object] = nothing
         """Is called after `heard` is set, from another thread."""
         self.cleaned = 0
         """How many things have been cleaned up since: while it grows, the process is not stuck."""

@@ -15,7 +15,7 @@ from rclpy.node import Node
 from rclpy.qos_overriding_options import InvalidQosOverridesError
 from rclpy.signals import SignalHandlerOptions
 
-from retrolidar_ros.nodes.ending import Requests, ended_in_order
+from retrolidar_ros.nodes.ending import Requests, ended_in_order, nothing
 from retrolidar_ros.settings.printing import printable
 
 _IMPOSSIBLE = (
@@ -54,7 +54,7 @@ def run(create: Callable[[], Node | list[Node]]) -> int:
                 raise
         finally:
             for node in nodes:  # all at once, before each is waited for
-                getattr(node, 'stop', bool)()
+                getattr(node, 'stop', nothing)()
             for node in nodes:
                 node.destroy_node()
                 requests.cleaned += 1
@@ -70,4 +70,4 @@ def _spin(nodes: list[Node], requests: Requests) -> None:
     with suppress(ExternalShutdownException):
         while rclpy.ok() and not requests.heard.is_set():
             executor.spin_once()
-    requests.wake = bool
+    requests.wake = nothing

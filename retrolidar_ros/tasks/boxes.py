@@ -37,7 +37,7 @@ def same_boxes(jacobian: Floats, spread: Floats, mean: Floats, half: Floats) -> 
 
 
 def match_boxes(
-    mean: Floats, variance: Floats, sure: Floats, middle: Floats, half: Floats, soft: Floats
+    mean: Floats, variance: Floats, precision: Floats, middle: Floats, half: Floats, soft: Floats
 ) -> tuple[Floats, Floats]:
     """Return weights and middles of the normals that boxes are worth, given all the others.
 
@@ -45,13 +45,13 @@ def match_boxes(
     ----------
     mean, variance : array, shape (n, 2)
         Of the directions, as the state has them now.
-    sure, middle : array, shape (n, 2)
+    precision, middle : array, shape (n, 2)
         Of the normals that stood for the boxes so far.
     half, soft : array, shape (n, 2)
         Half the widths of the boxes, and the variance of their edges.
     """
-    left = np.maximum(1 / variance - sure, 0.1 / variance)
-    mean = (mean / variance - sure * middle) / left
+    left = np.maximum(1 / variance - precision, 0.1 / variance)
+    mean = (mean / variance - precision * middle) / left
     total = 1 / left + soft
     deviation = np.sqrt(total)
     low, high = (-half - mean) / deviation, (half - mean) / deviation

@@ -100,11 +100,11 @@ def test_how_far_the_last_candidate_was_from_being_read(reason: Reason, text: st
     known = replace(
         snapshot(ZoneGrid()),
         rejected={reason.value: 3},
-        refused=Candidate(77, 9, 1, reason, 0, 0.042, 20.5, 41.5, 3.5),
+        last_rejected=Candidate(77, 9, 1, reason, 0, 0.042, 20.5, 41.5, 3.5),
         demands=Demands(28.0, 6.0, 8.0, 6.9, 9.2),
     )
     shown = '\n'.join(screen(known))
-    assert f'  refused so far: {reason.value} 3; last ID 77: {text}\n' in shown
+    assert f'  rejected so far: {reason.value} 3; last ID 77: {text}\n' in shown
 
 
 @pytest.mark.parametrize('encoding', ['utf-8', 'cp437', 'ascii', 'latin-1'])

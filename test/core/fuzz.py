@@ -196,7 +196,7 @@ def check(lib: Any, detector: Any, settings: dict[str, Any], ids: NDArray[np.uin
     zones = rows * rows
     sources = zones + (rows - 1) ** 2 + 1
     counts, held = lib.rl_detector_counts(detector), lib.rl_detector_held(detector)
-    assert counts.accepted + sum(counts.refused) == counts.candidates
+    assert counts.accepted + sum(counts.rejected) == counts.candidates
     assert (held.zones, held.sources) == (zones, sources)
     assert 0 <= held.first <= held.count <= 4 * KEPT
     assert 1 / 16 <= held.noise_scale <= 16
@@ -216,7 +216,7 @@ def check(lib: Any, detector: Any, settings: dict[str, Any], ids: NDArray[np.uin
     assert (np.isnan(distance) | ((distance > 0) & (distance < 8.192))).all()
     for index in range(lib.rl_detector_candidates(detector)):
         one = lib.rl_detector_candidate(detector, index)
-        assert 0 <= one.reason <= lib.RL_REASONS
+        assert 0 <= one.reason <= lib.RL_READ
         assert 0 <= one.source < sources
         assert 1 <= one.packets <= most_packets
         assert abs(one.bit_s / settings['bit_s'] - 1) < 0.05

@@ -186,7 +186,7 @@ def test_word_and_margin_decided(
         to_s = sending.start_s + packets * PACKET_BITS * sending.bit_s + 0.02
         hits = [(own, sending), *zip(others, rivals, strict=True)]
         verdict = core.decide(zone, packets, to_s, hits)
-        if verdict.reason != core.lib.RL_REASONS:
+        if verdict.reason != core.lib.RL_READ:
             continue
         judged += 1
         together += verdict.sources > 1

@@ -50,6 +50,6 @@ def test_every_candidate_that_is_refused_is_logged_for_debugging(system: System)
 
     system.wait(lambda: counted() > 0, 'a refusal')
     reasons = '|'.join(reason.value for reason in Reason)
-    refused = rf'refused: ({reasons}): ID \d+, evidence \S+, word \S+, margin \S+ nats'
+    rejected = rf'rejected: ({reasons}): ID \d+, evidence \S+, word \S+, margin \S+ nats'
     expected = counted()
-    assert len(re.findall(refused, system.log('detector'))) >= expected > 0
+    assert len(re.findall(rejected, system.log('detector'))) >= expected > 0

@@ -69,6 +69,7 @@ def test_a_cable_that_is_out_for_seconds_costs_the_frames_of_that_time(chain: Ch
     frames, restarts = len(chain.frames), system.number(DRIVER, 'clock restarts')
     first = chain.sequences()[-1]
     chain.sensor.pull()
+    in_the_cable = max(chain.sensor.middle_ns)
     before = len(system.statuses[DRIVER])
     system.pass_time(3.5)
     assert len(chain.frames) - frames < 80
@@ -78,6 +79,8 @@ def test_a_cable_that_is_out_for_seconds_costs_the_frames_of_that_time(chain: Ch
     chain.sensor.plug()
     back = len(chain.frames)
     system.wait_for_frames(back + 50)
+    if in_the_cable not in chain.sequences():
+        del chain.sensor.middle_ns[in_the_cable]
     chain.expect_all(first)
     # The clocks went on meanwhile, so the map still holds: the first stamps are right at once.
     assert system.number(DRIVER, 'clock restarts') == restarts

@@ -26,9 +26,9 @@ Lost frames
 Sign of c
     A marker's dark bits make it negative, but l has only its square.
 Reserved IDs
-    The codewords of 0 and 4095 are constant: any step of the signal gives one. They are refused.
+    The codewords of 0 and 4095 are constant: any step of the signal gives one. They are rejected.
 Unregistered IDs
-    The paper has no list of allowed IDs. Here other IDs are refused after decoding; the search
+    The paper has no list of allowed IDs. Here other IDs are rejected after decoding; the search
     does not use the list.
 Range
     The mean of the distances measured during the packet, of any target.
