@@ -1,16 +1,23 @@
 # Copyright 2026 retrolidar_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""Trials of a hand that looks at objects from several places, and what landmarks make of it."""
+"""Trials of a hand that looks at objects from several places, and what landmarks make of it.
+
+It holds a LiDAR, or a camera that looks at AprilTags in the places of the markers.
+"""
+
+from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Iterable, Mapping, Sequence
-from typing import NamedTuple
+from collections.abc import Iterable, Sequence
+from dataclasses import replace
 
 import numpy as np
 
 from evaluation.bench import places
 from evaluation.bench.places import Look, PlaceError
+from evaluation.peers.camera import FOCAL_PX, Background, Pose, expose, facing, facing_pose, tilted
+from evaluation.peers.visual_markers import APRILTAG, AprilTagReader, square_range
 from retrolidar_ros.scene import Scene
 from retrolidar_ros.sensor.frame import Floats
 from retrolidar_ros.tasks.landmarks import Landmark
@@ -24,6 +31,13 @@ _HAND_M, _ROLL_RAD = 0.15, 0.6
 _AIM_RAD = math.radians(3)
 _STAY_S, _MOST_PLACES = 2.2, 16
 """How long a hand waits for what is missing at a place, and when it gives up."""
+_SIZE_M, _LUX, _TAG = 0.03, 300.0, 7
+_RANGES_M, _TRIES = (0.8, 1.2, 1.6, 1.9, 2.2), 16
+_PICTURES = 3  # whose mean is a reading; more of them leave what pixels do to corners
+_TILT_RAD, _TAG_AIM_RAD = 0.2, math.radians(5)
+_EXACT = 1e-5
+
+Visit = tuple[SensorPose, list[Look]]  # one place of the hand, and what it read there, in order
 
 
 def aim(
@@ -53,24 +67,14 @@ def hand_poses(world: Scene, side_m: float, rng: np.random.Generator) -> list[Se
             return poses
 
 
-class Visit(NamedTuple):
-    """One place of the hand, and what it read there, in order."""
-
-    pose: SensorPose
-    looks: list[Look]
+def visit(pose: SensorPose, world: Scene, rng: np.random.Generator) -> Visit:
+    """Let the hand stay at a pose."""
+    return pose, [*places.looks(places.view_from(pose, world, rng), VISIT_S, rng)]
 
 
 def visits(world: Scene, side_m: float, rng: np.random.Generator) -> list[Visit]:
     """Let the hand stay at each corner of a square."""
-    return [
-        Visit(
-            pose,
-            list(
-                places.looks(places.view_from(pose, world.markers, world.sensor, rng), VISIT_S, rng)
-            ),
-        )
-        for pose in hand_poses(world, side_m, rng)
-    ]
+    return [visit(pose, world, rng) for pose in hand_poses(world, side_m, rng)]
 
 
 def hand_readings(
@@ -82,16 +86,14 @@ def hand_readings(
     """
     bias_m = float(rng.normal(0, BIAS_M))
     found = []
-    for index, visit in enumerate(trial):
-        pose = places.pose_of_tf(visit.pose, pose_m, rng)
+    for index, (at, looks) in enumerate(trial):
+        pose, since_s = places.pose_of_tf(at, pose_m, rng), 100.0 * index
         count: Counter[int] = Counter()
         rows = []
-        for _, detection in visit.looks:
+        for _, detection in looks:
             count[detection.id] += 1
             if count[detection.id] <= _MOST_READINGS:
-                rows.append(
-                    places.reading_of(detection, pose, since_s=100.0 * index, bias_m=bias_m)
-                )
+                rows.append(places.reading_of(detection, pose, since_s=since_s, bias_m=bias_m))
         found.append(rows)
     return found
 
@@ -101,26 +103,24 @@ def errors_for(pose_m: float) -> Errors:
     return Errors(range_bias_m=BIAS_M, pose_m=max(pose_m, 1e-4), turn_rad=max(1.75 * pose_m, 1e-4))
 
 
-def landmarks_for(ids: Sequence[int], errors: Errors) -> dict[int, Landmark]:
+def _landmarks(world: Scene, errors: Errors) -> dict[int, Landmark]:
     """Return landmarks of lone markers, by their IDs."""
-    return {one: Landmark(str(one), {one: np.zeros(3)}, errors) for one in ids}
+    return {one.id: Landmark(one.name, {one.id: np.zeros(3)}, errors) for one in world.markers}
 
 
-def take_all(landmarks: Mapping[int, Landmark], readings: Iterable[Reading]) -> None:
-    """Let landmarks take the readings of their markers."""
+def errors_after(
+    readings: Iterable[Reading], world: Scene, errors: Errors
+) -> dict[int, PlaceError]:
+    """Return by how much landmarks are wrong that took some readings, by ID; of those known."""
+    landmarks, found = _landmarks(world, errors), {}
     for reading in readings:
         if reading.marker in landmarks:
             landmarks[reading.marker].take(reading)
-
-
-def errors_of(landmarks: Mapping[int, Landmark], world: Scene) -> dict[int, PlaceError]:
-    """Return by how much the landmarks that are known are wrong, by the IDs of their markers."""
-    known = {one.id: (one, landmarks[one.id].estimate()) for one in world.markers}
-    return {
-        identity: places.place_error(estimate, np.array(marker.position_m))
-        for identity, (marker, estimate) in known.items()
-        if estimate is not None
-    }
+    for marker in world.markers:
+        estimate = landmarks[marker.id].estimate()
+        if estimate is not None:
+            found[marker.id] = places.place_error(estimate, np.array(marker.position_m))
+    return found
 
 
 def ready_s(world: Scene, wanted_m: float, reach_m: float, rng: np.random.Generator) -> float:
@@ -134,7 +134,7 @@ def ready_s(world: Scene, wanted_m: float, reach_m: float, rng: np.random.Genera
     where it looks first [m].
     """
     truth_m = dict(zip((one.id for one in world.markers), places.markers_at(world), strict=True))
-    landmarks = landmarks_for(list(truth_m), errors_for(0.0))
+    landmarks = _landmarks(world, errors_for(0.0))
     bias_m, roll = float(rng.normal(0, BIAS_M)), float(rng.uniform(-_ROLL_RAD, _ROLL_RAD))
     began_m: Floats = rng.uniform(-_HAND_M, _HAND_M, 3)
     place_m = began_m
@@ -152,7 +152,7 @@ def ready_s(world: Scene, wanted_m: float, reach_m: float, rng: np.random.Genera
                 break
         assert pose is not None
         wanted, stayed_s = set(group) & set(missing), _STAY_S
-        scene = places.view_from(pose, world.markers, world.sensor, rng)
+        scene = places.view_from(pose, world, rng)
         for known_s, detection in places.looks(scene, _STAY_S, rng):
             if detection.id in landmarks:
                 seen_from = places.pose_of_tf(pose, 0.0, rng)
@@ -170,3 +170,74 @@ def ready_s(world: Scene, wanted_m: float, reach_m: float, rng: np.random.Genera
 def _stddev_of(landmark: Landmark) -> float:
     estimate = landmark.estimate()
     return math.inf if estimate is None else estimate.stddev_m
+
+
+class TagCamera:
+    """A camera that reads tags, and knows how well it does."""
+
+    def __init__(self, rng: np.random.Generator) -> None:
+        """Take pictures of tags at known places to learn the deviations."""
+        self._reader = AprilTagReader(APRILTAG, 2.0)
+        self._background = Background(rng)
+        turns, self._stddev_m = [], []
+        for range_m in _RANGES_M:
+            off_m = []
+            for _ in range(_TRIES):
+                pose = facing_pose(range_m, 3 * FOCAL_PX * _SIZE_M / range_m, _ROLL_RAD, rng)
+                seen_m = self._see(tilted(pose, *rng.uniform(-_TILT_RAD, _TILT_RAD, 2)), rng)
+                if seen_m is not None:
+                    seen_range_m = float(np.linalg.norm(seen_m))
+                    turns += (seen_m / seen_range_m - pose.position_m / range_m)[:2].tolist()
+                    off_m.append(seen_range_m - range_m)
+            self._stddev_m.append(places.rms(off_m) or math.nan)
+        self.turn_rad = places.rms(turns) or math.nan
+        """Deviation of a direction, along each axis."""
+
+    def errors(self, pose_m: float) -> Errors:
+        """Return the errors that landmarks have to assume."""
+        others = errors_for(pose_m)
+        own = {'range_bias_m': 1e-4, 'range_m': 0.0, 'box_rad': 0.0, 'edge_rad': self.turn_rad}
+        return replace(others, **own, turn_rad=others.turn_rad if pose_m else _EXACT)
+
+    def readings(
+        self, trial: Sequence[Visit], world: Scene, pose_m: float, rng: np.random.Generator
+    ) -> list[Reading]:
+        """Return what it reads from where a hand has been.
+
+        It looks at each tag, about in the middle of its picture: a hand that shows all LiDAR
+        markers to their sensor would lose some of the tags. Tags face the world's origin.
+        """
+        rows = []
+        for index, (hand, _) in enumerate(trial):
+            for marker in world.markers:
+                at_m = np.array(marker.position_m)
+                turns = np.append(rng.uniform(-_TAG_AIM_RAD, _TAG_AIM_RAD, 2), 0.0)
+                camera = places.towards(at_m, hand.position_m, turns)
+                tag = Pose(
+                    places.to_sensor(camera, at_m), camera.rotation.T @ facing(at_m).rotation
+                )
+                seen_m = self._see(tag, rng)
+                if seen_m is not None:
+                    range_m, pose = (
+                        float(np.linalg.norm(seen_m)),
+                        places.pose_of_tf(camera, pose_m, rng),
+                    )
+                    stddev_m = float(np.interp(range_m, _RANGES_M, self._stddev_m))
+                    direction, exact = seen_m / range_m, np.full(2, _EXACT)
+                    where = (range_m, stddev_m, direction, exact, pose)
+                    rows.append(Reading(marker.id, 'camera', 100.0 * index, *where))
+        return rows
+
+    def _see(self, pose: Pose, rng: np.random.Generator) -> Floats | None:
+        """Return where a tag is in the camera's frame [m], by the mean of pictures that show it."""
+        plate = self._reader.plate(_TAG, _SIZE_M)
+        light, window = self._background.with_plate(plate.cells, plate.side_m, pose)
+        found = []
+        for _ in range(_PICTURES):
+            for tag in self._reader.detector.detect(expose(light, _LUX, rng)):
+                if tag.tag_id == _TAG:
+                    edge_m = _SIZE_M * self._reader.border
+                    ray = np.append((np.array(tag.center) - window.centre_px) / FOCAL_PX, 1.0)
+                    range_m = square_range(tag.corners, window.centre_px, edge_m)
+                    found.append(range_m * ray / np.linalg.norm(ray))
+        return np.mean(found, axis=0) if found else None

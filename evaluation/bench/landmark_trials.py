@@ -5,28 +5,22 @@
 import math
 from collections.abc import Mapping
 from dataclasses import replace
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
 from evaluation.bench import hand_trials as hand
-from evaluation.bench.places import (
-    PlaceError,
-    looks,
-    place_error,
-    reading_of,
-    rotation,
-    view_from,
-)
+from evaluation.bench.places import PlaceError, looks, place_error, reading_of, rotation, view_from
 from evaluation.bench.recordings import signal_at
 from retrolidar_ros.marker.known_markers import MARKER_SIZE_M
+from retrolidar_ros.scene import Scene
 from retrolidar_ros.scene.description import Marker, Wander
 from retrolidar_ros.scene.optics import position_at, zone_shares
 from retrolidar_ros.scene.reference import NOISE, RESPONSE, SENSOR
 from retrolidar_ros.sensor.frame import Floats
 from retrolidar_ros.sensor.rotation import matrix_of_turn
 from retrolidar_ros.tasks.landmarks import Landmark
-from retrolidar_ros.tasks.localization import RobotPose, robot_pose, room_of
+from retrolidar_ros.tasks.localization import robot_pose, room_of
 from retrolidar_ros.tasks.reading import Errors, Reading, SensorPose
 from retrolidar_ros.tasks.state import Prior, State
 
@@ -44,22 +38,20 @@ _HERE = SensorPose(np.zeros(3), np.eye(3))
 _UPRIGHT = np.array([[0.0, 0.0, 1.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0]])
 
 
-def markers_of(places_m: Mapping[int, Floats], wander: Wander | None = None) -> list[Marker]:
+def world_of(places_m: Mapping[int, Floats], wander: Wander | None = None) -> Scene:
     """Return markers at places [m] by ID."""
     how: dict[str, Any] = {'response': RESPONSE, 'wander': wander}
-    return [Marker(one, tuple(place_m), f'{one}', **how) for one, place_m in places_m.items()]
+    markers = (Marker(one, tuple(at_m), f'{one}', **how) for one, at_m in places_m.items())
+    return Scene(sensor=_SENSOR, markers=tuple(markers))
 
 
-class Tilt(NamedTuple):
-    """By how much the tilt of an object is wrong, or must be [°]."""
+def tilt_trial(roll_rad: float, rng: np.random.Generator) -> tuple[float, float, float] | None:
+    """Let one place see four markers on 20 cm at 1 m, turned by up to some roll [rad].
 
-    sight: float  # against the line of sight, for each axis
-    fixed: float  # in the fixed frame, of the normal
-    bound: float  # what zones and their light leave open of the latter, whoever estimates it
-
-
-def tilt_trial(roll_rad: float, rng: np.random.Generator) -> Tilt | None:
-    """Let one place see four markers on 20 cm at 1 m, turned by up to some roll [rad]."""
+    Returns by how much the tilt is wrong against the line of sight, for each axis, and, of the
+    normal, in the fixed frame; and what zones and their light leave open of the latter, whoever
+    estimates it [°].
+    """
     on_object = {
         1000 + 101 * n: 0.2 * np.append(corner, 0) for n, corner in enumerate(hand.CORNERS)
     }
@@ -69,10 +61,7 @@ def tilt_trial(roll_rad: float, rng: np.random.Generator) -> Tilt | None:
     turned = matrix_of_turn(tilt) @ roll
     centre_m = np.append(rng.uniform(-0.1, 0.1, 2), 1.0)
     places_m = {one: centre_m + turned @ at for one, at in on_object.items()}
-    markers = markers_of(places_m)
-    trial = [
-        hand.Visit(_HERE, [*looks(view_from(_HERE, markers, _SENSOR, rng), hand.VISIT_S, rng)])
-    ]
+    trial = [hand.visit(_HERE, world_of(places_m), rng)]
     landmark = Landmark('object', on_object, _EXACT)
     for reading in hand.hand_readings(trial, rng)[0]:
         if landmark.has(reading.marker):
@@ -85,7 +74,7 @@ def tilt_trial(roll_rad: float, rng: np.random.Generator) -> Tilt | None:
         for turn, at in ((estimate.rotation, estimate.position_m), (turned, centre_m))
     ]
     cosine = float(estimate.rotation[:, 2] @ turned[:, 2])
-    return Tilt(
+    return (
         float(np.linalg.norm(off[0] - off[1])) / math.sqrt(2),
         math.degrees(math.acos(min(cosine, 1.0))),
         math.degrees(_direction_bound(np.array(list(places_m.values())))),
@@ -120,14 +109,14 @@ def drone_trial(sensors: int, rng: np.random.Generator) -> list[PlaceError]:
     """Follow a drone over one to three sensors on a triangle of 0.4 m that look up."""
     identity, height_m = 2127, float(rng.uniform(1.0, 1.5))
     wander = Wander(across_m=0.12, along_m=0.01, period_s=13.0)
-    (drone,) = markers_of({identity: np.array([0, 0, height_m])}, wander)
+    world = world_of({identity: np.array([0, 0, height_m])}, wander)
     rows: list[tuple[float, Reading]] = []
     clock = int(rng.integers(2**32))
     for index in range(sensors):
         angle, radius_m = 2 * math.pi * index / 3, 0.4 / math.sqrt(3)
         pose = SensorPose(radius_m * np.array([math.cos(angle), math.sin(angle), 0]), np.eye(3))
         # It is one marker, whichever sensor sees it: all have it from one generator.
-        scene = view_from(pose, [drone], _SENSOR, np.random.default_rng(clock))
+        scene = view_from(pose, world, np.random.default_rng(clock))
         bias_m = float(rng.normal(0, CALIBRATED_M))
         for known_s, detection in looks(scene, FLIGHT_S, rng):
             if detection.id == identity:
@@ -138,16 +127,15 @@ def drone_trial(sensors: int, rng: np.random.Generator) -> list[PlaceError]:
         landmark.take(reading)
         estimate = landmark.estimate()
         if estimate is not None:
-            place_m = position_at(drone, np.array([estimate.stamp_s])).reshape(3)
+            place_m = position_at(world.markers[0], np.array([estimate.stamp_s])).reshape(3)
             found.append(place_error(estimate, place_m))
     return found
 
 
-def room_trial(markers: int, rng: np.random.Generator) -> tuple[RobotPose, Floats, Floats] | None:
+def room_trial(markers: int, rng: np.random.Generator) -> tuple[float, float] | None:
     """Let a robot in a room of 4 m turn on the spot, and locate it by markers on the walls.
 
-    Returns the estimated pose, and the true position, shape (3,), and rotation, shape (3, 3); None
-    if the pose is not clear.
+    Returns by how much place [m] and heading [rad] are wrong; None if the pose is not clear.
     """
     base = SensorPose(np.append(rng.uniform(-0.5, 0.5, 2), 0.0), rotation(0, 0, rng.uniform(-3, 3)))
     places: dict[int, Floats] = {}
@@ -163,16 +151,20 @@ def room_trial(markers: int, rng: np.random.Generator) -> tuple[RobotPose, Float
         )
         for one, place in places.items()
     }
+    world = world_of(places)
     room = room_of(known, {str(one): {one: np.zeros(3)} for one in places}, _EXACT, flat=True)
     bias_m = float(rng.normal(0, hand.BIAS_M))
     for index in range(HEADINGS):
         heading = rotation(0, 0, 2 * math.pi * index / HEADINGS) @ _UPRIGHT
         pose = SensorPose(base.position_m, base.rotation @ heading)
-        scene = view_from(pose, markers_of(places), _SENSOR, rng)
-        for _, detection in looks(scene, STAY_S, rng):
+        for _, detection in looks(view_from(pose, world, rng), STAY_S, rng):
             if room.has(detection.id):
                 seen_from = SensorPose(np.zeros(3), heading)
                 room.take(reading_of(detection, seen_from, since_s=100.0 * index, bias_m=bias_m))
     estimate = room.estimate()
     found = None if estimate is None else robot_pose(estimate, np.zeros(3), np.eye(3))
-    return None if found is None else (found, base.position_m, base.rotation)
+    if found is None:
+        return None
+    turned = found.rotation @ base.rotation.T
+    off_m = float(np.linalg.norm((found.position_m - base.position_m)[:2]))
+    return off_m, math.atan2(turned[1, 0], turned[0, 0])

@@ -7,7 +7,7 @@ on an object; behind all is a wall.
 """
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -19,7 +19,7 @@ from retrolidar_ros.detector import Detection, create_detector
 from retrolidar_ros.detector.place import Place
 from retrolidar_ros.marker.code import BIT_PERIOD_S, PACKET_BITS
 from retrolidar_ros.scene import Scene, Simulation
-from retrolidar_ros.scene.description import Marker, Sensor, Surface
+from retrolidar_ros.scene.description import Marker, Surface
 from retrolidar_ros.scene.optics import zone_shares
 from retrolidar_ros.sensor.frame import Floats, Recording, ZoneGrid
 from retrolidar_ros.sensor.rotation import matrix_of_turn
@@ -102,18 +102,16 @@ def random_pose(world: Scene, rng: np.random.Generator) -> SensorPose:
             return pose
 
 
-def view_from(
-    pose: SensorPose, markers: Sequence[Marker], sensor: Sensor, rng: np.random.Generator
-) -> Scene:
-    """Return what a sensor at a pose sees of the world's markers, which have always been sending.
+def view_from(pose: SensorPose, world: Scene, rng: np.random.Generator) -> Scene:
+    """Return what the sensor sees of the world's markers at a pose; they have always been sending.
 
     Those beyond the field of view are left out.
     """
-    grid = sensor.grid
+    sensor, grid = world.sensor, world.sensor.grid
     half = grid.pitch * np.array([grid.columns, grid.rows]) / 2
     seen: list[Marker] = []
     depths, signals = np.full(grid.zones, _WALL_M), np.full(grid.zones, _WALL_SIGNAL)
-    for marker in markers:
+    for marker in world.markers:
         world_m = np.array(marker.position_m)
         sensor_m = to_sensor(pose, world_m)
         x, y, z = sensor_m.tolist()

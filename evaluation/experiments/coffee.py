@@ -117,7 +117,7 @@ def run(rng: np.random.Generator, *, quick: bool) -> dict[str, Any]:
     ranges_m: list[float] = []
     for _ in range(trials):
         pose = hand.random_pose(world, rng)
-        scene = hand.view_from(pose, world.markers, world.sensor, rng)
+        scene = hand.view_from(pose, world, rng)
         recording = Simulation(scene, rng).run(TIMEOUT_S)
         ranges_m += np.linalg.norm(hand.markers_at(scene), axis=1).tolist()
         for method in METHODS:

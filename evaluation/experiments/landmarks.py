@@ -13,7 +13,6 @@ from evaluation.bench import hand_trials as hand
 from evaluation.bench.landmark_trials import FLIGHT_S, drone_trial, room_trial, tilt_trial
 from evaluation.bench.places import PlaceError, held, place_error, rms
 from evaluation.bench.rates import sum_of
-from evaluation.peers.hand_tags import TagCamera
 from evaluation.peers.visual_markers import APRILTAG, find_readers
 from evaluation.report.charts import OTHERS, label, legend_below, legend_under, line, new_chart
 from evaluation.report.claims import NOTHING, Table, percent
@@ -50,15 +49,15 @@ def _places(
     world: Scene, sides_m: Sequence[float], trials: int, rng: np.random.Generator
 ) -> list[dict[str, Any]]:
     """Return errors of each object by distance of the places, and by how many of them."""
-    found, ids = [], [one.id for one in world.markers]
+    found = []
     for side_m in sides_m:
         rows: dict[tuple[int, int], list[PlaceError]] = {}
         for _ in range(trials):
-            trial = hand.visits(world, side_m, rng)
-            landmarks = hand.landmarks_for(ids, hand.errors_for(0.0))
-            for count, readings in enumerate(hand.hand_readings(trial, rng), 1):
-                hand.take_all(landmarks, readings)
-                for identity, error in hand.errors_of(landmarks, world).items():
+            readings = hand.hand_readings(hand.visits(world, side_m, rng), rng)
+            for count in range(1, len(readings) + 1):
+                taken = itertools.chain(*readings[:count])
+                errors = hand.errors_after(taken, world, hand.errors_for(0.0))
+                for identity, error in errors.items():
                     rows.setdefault((count, identity), []).append(error)
         found += [
             {'side_m': side_m, 'places': count, 'object': marker.name}
@@ -71,7 +70,7 @@ def _places(
 
 def _beside_tags(world: Scene, trials: int, rng: np.random.Generator) -> list[dict[str, Any]]:
     """Return errors of LiDAR markers and of AprilTags, all else alike, from four places."""
-    camera, ids = TagCamera(rng), [one.id for one in world.markers]
+    camera = hand.TagCamera(rng)
     rows: dict[tuple[str, float, int], list[PlaceError]] = {}
     for _ in range(trials):
         trial = hand.visits(world, _TAG_SIDE_M, rng)
@@ -82,9 +81,7 @@ def _beside_tags(world: Scene, trials: int, rng: np.random.Generator) -> list[di
                 (LIDAR, ours, hand.errors_for(pose_m)),
                 (APRILTAG, tags, camera.errors(pose_m)),
             ):
-                landmarks = hand.landmarks_for(ids, errors)
-                hand.take_all(landmarks, readings)
-                for identity, error in hand.errors_of(landmarks, world).items():
+                for identity, error in hand.errors_after(readings, world, errors).items():
                     rows.setdefault((kind, pose_m, identity), []).append(error)
     return [
         {'kind': kind, 'pose_m': pose_m, 'object': marker.name}
@@ -121,11 +118,9 @@ def _stressed(world: Scene, trials: int, rng: np.random.Generator) -> dict[str, 
 def _room(markers: int, trials: int, rng: np.random.Generator) -> dict[str, Any]:
     """Return errors of a robot's pose among markers, and how often it was clear enough."""
     found = [room_trial(markers, rng) for _ in range(trials)]
-    off_mm, yaw_deg = [], []
-    for pose, position_m, rotation in (one for one in found if one is not None):
-        off_mm.append(1e3 * float(np.linalg.norm((pose.position_m - position_m)[:2])))
-        turned = pose.rotation @ rotation.T
-        yaw_deg.append(math.degrees(math.atan2(turned[1, 0], turned[0, 0])))
+    known = [one for one in found if one is not None]
+    off_mm = [1e3 * off_m for off_m, _ in known]
+    yaw_deg = [math.degrees(yaw) for _, yaw in known]
     return {
         'markers': markers,
         'trials': trials,

@@ -71,7 +71,7 @@ def test_all_are_seen_within_the_border_and_in_zones_of_their_own() -> None:
 
 
 def seen_from(pose: SensorPose, rng: np.random.Generator) -> Scene:
-    return view_from(pose, WORLD.markers, WORLD.sensor, rng)
+    return view_from(pose, WORLD, rng)
 
 
 def test_from_its_own_place_the_sensor_sees_the_shipped_scene() -> None:
