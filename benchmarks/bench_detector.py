@@ -32,8 +32,7 @@ import frame_times
 import numpy as np
 
 from evaluation.bench.disturbances import restless_blocks
-from evaluation.bench.machine import write_figures
-from evaluation.report.claims import markdown
+from evaluation.report.claims import markdown, write_figures
 from retrolidar_ros.bag import FrameWriter
 from retrolidar_ros.detector import METHODS, create_detector
 from retrolidar_ros.scene import Simulation

@@ -23,7 +23,7 @@ import rclpy
 from dds_traffic import ANNOUNCEMENT_S, LOOPBACK_PROFILE, loopback_bytes
 from rclpy.node import Node
 
-from evaluation.bench.machine import write_figures
+from evaluation.report.claims import write_figures
 from retrolidar_ros.msg import MarkerDetection
 
 NUMBERS = (5, 10, 20, 40)

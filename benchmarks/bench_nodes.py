@@ -18,7 +18,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from evaluation.bench.machine import write_figures
+from evaluation.report.claims import write_figures
 from retrolidar_ros.cli.demo import NAMESPACE, executable, start_emulator
 from retrolidar_ros.cli.processes import ProcessGroup
 from retrolidar_ros.msg import Frame as FrameMsg

@@ -39,7 +39,7 @@ from dds_traffic import Traffic, measure_traffic, print_traffic
 from many_sensors import PERIOD_S, SCENE, CountListener, Counts, NodePairs, Replay
 from numpy.typing import NDArray
 
-from evaluation.bench.machine import write_figures
+from evaluation.report.claims import write_figures
 from retrolidar_ros.cli.processes import ProcessGroup
 from retrolidar_ros.detector import create_detector
 from retrolidar_ros.nodes.conversion import to_ns

@@ -19,10 +19,9 @@ from typing import Any
 
 import numpy as np
 
-from evaluation.bench.machine import write_figures
 from evaluation.experiments.paper_sweeps import SWEEPS
 from evaluation.report.charts import mark_rough
-from evaluation.report.claims import markdown
+from evaluation.report.claims import markdown, write_figures
 from retrolidar_ros.cli.processes import end_with_parent
 
 _NAMES = """

@@ -1,8 +1,15 @@
 # Copyright 2026 retrolidar_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""What experiments report: tables, and the paper's own values beside ours."""
+"""What experiments report: figures, tables, and the paper's own values beside ours."""
 
+import json
+import os
+import platform
+import re
 from collections.abc import Iterable, Mapping, Sequence
+from importlib.metadata import version
+from importlib.util import find_spec
+from pathlib import Path
 from typing import Any, NamedTuple
 
 from retrolidar_ros.detector import METHODS
@@ -11,6 +18,8 @@ NOTHING = '–'  # stands where there is no value: the paper gives none, or a me
 
 BOTH_CLAIMED = tuple(reversed(METHODS))  # the methods in the order of a claim's values
 Table = list[list[str]]  # rows of text, the heads first
+_PACKAGES = ('numpy', 'matplotlib', 'pyapriltags', 'pyzbar')
+_PROCESSORS = Path('/proc/cpuinfo')
 
 
 class Claim(NamedTuple):
@@ -86,3 +95,23 @@ def markdown(table: Sequence[Sequence[str]]) -> str:
     heads, *rows = table
     lines = [f'| {" | ".join(line)} |' for line in (heads, *rows)]
     return '\n'.join([lines[0], '|---' * len(heads) + '|', *lines[1:]])
+
+
+def machine() -> dict[str, Any]:
+    """Return processor, number of cores, system, Python, and the versions of libraries."""
+    described = _PROCESSORS.read_text(encoding='utf-8') if _PROCESSORS.exists() else ''
+    named = re.search(r'^model name\s*: (.+)$', described, re.MULTILINE)
+    return {
+        'processor': named[1].strip() if named else platform.processor() or platform.machine(),
+        'cores': os.cpu_count() or 1,
+        'machine': platform.machine(),
+        'system': platform.system(),
+        'python': platform.python_version(),
+        'versions': {name: version(name) for name in _PACKAGES if find_spec(name)},
+    }
+
+
+def write_figures(path: Path, figures: Mapping[str, Any], **run: Any) -> None:
+    """Write figures as JSON, with what they were measured on and whatever else is said of it."""
+    text = json.dumps({**figures, 'run': {**run, **machine()}}, indent=1)
+    path.write_text(text + '\n', encoding='utf-8')

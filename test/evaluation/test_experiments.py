@@ -10,11 +10,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-from evaluation.bench.calibration_trials import KINDS
 from evaluation.bench.disturbances import FAMILY
 from evaluation.bench.judging import new_detector
 from evaluation.bench.stresses import LABORATORY, PANELS, STRESSES
 from evaluation.experiments import peers, roc
+from evaluation.experiments.calibration import KINDS
 from evaluation.experiments.paper_sweeps import SWEEPS
 from evaluation.experiments.registry import EXPERIMENTS, run_experiment
 from evaluation.peers.visual_markers import QR, find_readers
