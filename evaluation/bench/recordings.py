@@ -36,7 +36,6 @@ FAR_WALL_M = 1.0  # how far a wall that is separated stands behind the marker
 GLASS_M = 0.01
 _BLUR = 0.05  # of what a marker that moves is seen by, in zones
 NEIGHBOUR_S = (0.033, 0.011)  # frame period of another sensor, and how long it sends in each
-_WAKING_BITS = PACKET_BITS  # a marker wakes at a random time within as many
 _TAIL_BITS = 16  # after the last packet: a reading of it comes within half a second
 _ABNORMAL = np.array(
     [Status.NOT_UPDATED, Status.SIGNAL_TOO_LOW_ON_ARRAY, Status.SIGMA_TOO_HIGH, 4, 7, 8, 11],
@@ -61,11 +60,6 @@ def snr_db(signal: float, noise: float = 1.0) -> float:
     """Return c over sigma of a bright signal [kcps/SPAD], the noise taken at its half [dB]."""
     variance = noise * (NOISE.floor + NOISE.slope * (WALL_SIGNAL + signal / 2))
     return 20 * math.log10(signal / math.sqrt(variance))
-
-
-def range_of(signal: float) -> float:
-    """Return the distance [m] at which a marker of 3 cm is so bright [kcps/SPAD]."""
-    return float((signal / SIGNAL_AT_1_M) ** (1 / DISTANCE_EXPONENT))
 
 
 def signal_at(range_m: float) -> float:
@@ -158,12 +152,12 @@ def record(
     markers = zones if path is None else 1
     if len(ids) < markers:
         raise ValueError(f'{len(ids)} IDs for {markers} markers, each with one of its own')
-    at_m = range_of(signal) if range_m is None else range_m
+    at_m = (signal / SIGNAL_AT_1_M) ** (1 / DISTANCE_EXPONENT) if range_m is None else range_m
     bit_s = BIT_PERIOD_S * (1 + stress.clock_error)
     packet_s = PACKET_BITS * bit_s
     own = rng.choice(ids, markers, replace=False)
     if repeated_s is None:
-        start_s = BIT_PERIOD_S * (SILENCE_BITS + _WAKING_BITS * rng.random(markers))
+        start_s = BIT_PERIOD_S * (SILENCE_BITS + PACKET_BITS * rng.random(markers))
         lasting_s = float(start_s.max()) + packet_s + _TAIL_BITS * BIT_PERIOD_S
         packets = 1.0
     else:

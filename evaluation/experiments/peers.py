@@ -11,40 +11,15 @@ import numpy as np
 from evaluation.bench.judging import judge_all, read_of
 from evaluation.bench.recordings import Sent, record, rng_at, signal_at
 from evaluation.bench.stresses import PLAIN
+from evaluation.experiments import paper_sweeps
 from evaluation.experiments.moving import across
-from evaluation.experiments.paper_sweeps import (
-    LONE_RECORDINGS,
-    SMALL_M,
-    SMALL_RECORDINGS,
-    TAG_RANGES_M,
-    YAWS_DEG,
-    lone,
-    turned,
-)
+from evaluation.experiments.paper_sweeps import lone, turned
 from evaluation.experiments.sweeps import ends_of
+from evaluation.peers import visual_markers
 from evaluation.peers.camera import Background
-from evaluation.peers.visual_markers import (
-    APRILTAG,
-    APRILTAG_FINE,
-    QR,
-    View,
-    errors,
-    find_readers,
-    read_over_distance,
-    read_pictures,
-)
+from evaluation.peers.visual_markers import APRILTAG, APRILTAG_FINE, QR, View
 from evaluation.report.charts import draw_reads, label, legend_below, look, new_chart
-from evaluation.report.claims import (
-    NOTHING,
-    Claim,
-    Claims,
-    Table,
-    as_text,
-    claim_of,
-    end_as_text,
-    signed,
-    unit_of,
-)
+from evaluation.report.claims import NOTHING, Claim, Claims, Table, as_text, claim_of, end_as_text
 
 TITLE = 'LiDAR markers beside visual ones'
 MESSAGE = 'Tags: farther, sooner, turned more; LiDAR markers: smaller, in motion, in the dark'
@@ -52,12 +27,11 @@ AT_M = 1.0  # where everything but distance is swept: all read nearly everything
 _PICTURES, _QUICK_PICTURES = 32, 8
 _NAMES = ['joint', 'paper', APRILTAG, APRILTAG_FINE, QR]
 
-_1_CM_M = (0.3, 0.5, 0.7, 0.85, 0.95, 1.05, 1.15, *SMALL_M[1:])
-_ANGLES_DEG = (0, 20, 40, 50, *YAWS_DEG[-3:], 65, 70, 75, 80)
+_1_CM_M = (0.3, 0.5, 0.7, 0.85, 0.95, 1.05, 1.15, *paper_sweeps.SMALL_M[1:])
+_ANGLES_DEG = (0, 20, 40, 50, *paper_sweeps.YAWS_DEG[-3:], 65, 70, 75, 80)
 _SPEEDS_M_S = (0.0, 0.05, 0.1, 0.15, 0.2, 0.3, 0.5, 0.8, 1.0, 1.2, 1.8)
 _LUXES = (300.0, 30.0, 10.0, 3.0, 1.0, 0.3, 0.1)
 _VEILS = (0.0, 0.2, 0.4, 0.6, 0.8, 1.0, 1.2)
-
 
 _yawed, _small = partial(turned, range_m=AT_M), partial(lone, size_m=0.01)
 
@@ -69,10 +43,14 @@ def _moved(speed_m_s: float, rng: np.random.Generator) -> Sent:
 
 Maker = Callable[[float, np.random.Generator], Sent]
 # Recordings of lone packets; the same frames as where these are swept alone.
-_COUNTS: dict[Maker, int] = {lone: LONE_RECORDINGS, _small: SMALL_RECORDINGS, _moved: 32}
+_COUNTS: dict[Maker, int] = {
+    lone: paper_sweeps.LONE_RECORDINGS,
+    _small: paper_sweeps.SMALL_RECORDINGS,
+    _moved: 32,
+}
 # Of each sweep: its axis, its places, what these are to the camera, and what the LiDAR sees.
 _SWEEPS: dict[str, tuple[str, tuple[float, ...], str, Maker | None]] = {
-    '3 cm': ('distance [m]', TAG_RANGES_M, 'range_m', lone),
+    '3 cm': ('distance [m]', paper_sweeps.TAG_RANGES_M, 'range_m', lone),
     '1 cm': ('distance [m]', _1_CM_M, 'range_m', _small),
     'yaw': ('yaw [°]', _ANGLES_DEG, 'yaw_deg', _yawed),
     # The law of the retroreflector does not know about which axis it is turned.
@@ -93,25 +71,29 @@ def _lidar(make: Maker, place: float, *, quick: bool, seed: int) -> dict[str, An
     for method, rows in found.items():
         off_m = [one.place.range_m - at_m for row in rows for one in row.own]
         # Of one that moves, the range is another one at each stamp.
-        results[method] = {**read_of(rows), 'error_mm': errors([] if make is _moved else off_m)}
+        results[method] = {
+            **read_of(rows),
+            'error_mm': visual_markers.errors([] if make is _moved else off_m),
+        }
     return results
 
 
 def run(rng: np.random.Generator, *, quick: bool) -> dict[str, Any]:
     """Return readings and errors over distance, angle, speed, light and glare."""
     seed = int(rng.integers(2**31))
-    readers, missing = find_readers()
+    readers, missing = visual_markers.find_readers()
     background = Background(rng)
     pictures, stride = (_QUICK_PICTURES, 3) if quick else (_PICTURES, 1)
     sweeps, read = {}, cache(partial(_lidar, quick=quick, seed=seed))
     for name, (axis, places, what, make) in _SWEEPS.items():
         places = places[::stride]
         if name == '3 cm':
-            found = read_over_distance(readers, places, seed, quick=quick)
+            found = visual_markers.read_over_distance(readers, places, seed, quick=quick)
         else:
             usual = {'range_m': AT_M, **_VIEWS.get(name, {})}
             views = [View(**{**usual, what: place}) for place in places]
-            found = [read_pictures(readers, background, pictures, rng, view) for view in views]
+            read_all = partial(visual_markers.read_pictures, readers, background, pictures, rng)
+            found = [read_all(view) for view in views]
         points = [
             {'place': place, **tags, **({} if make is None else read(make, place))}
             for place, tags in zip(places, found, strict=True)
@@ -130,8 +112,8 @@ def end(figures: dict[str, Any], sweep: str, name: str) -> float | None:
 def words(figures: dict[str, Any], sweep: str, name: str, digits: int = 2) -> str:
     """Return the same as text."""
     found = figures['sweeps'][sweep]
-    ends, unit = found['ends'], unit_of(found['axis'])
-    return end_as_text(ends[name], unit, digits) if name in ends else NOTHING
+    ends = found['ends']
+    return end_as_text(ends[name], found['axis'], digits) if name in ends else NOTHING
 
 
 def error(figures: dict[str, Any], name: str, range_m: float, which: str) -> float | None:
@@ -182,6 +164,9 @@ def claims(figures: dict[str, Any]) -> Claims:
     def tag(value: float | None, unit: str, low: float, high: float) -> Claim:
         within = None if value is None else low <= value <= high
         return Claim(NOTHING, as_text(value, unit, 2 if unit == 'm' else 1), within)
+
+    def signed(share: float | None) -> str:
+        return NOTHING if share is None else f'{share:+.0%}'
 
     def of_tag(range_m: float, which: str) -> float | None:
         return error(figures, APRILTAG, range_m, which)

@@ -14,23 +14,11 @@ import numpy as np
 from evaluation.bench.judging import Options, judged, new_detector, read_of
 from evaluation.bench.rates import crossing, sum_of
 from evaluation.bench.recordings import rng_at
+from evaluation.experiments import paper_sweeps
 from evaluation.experiments.bound import genie_reach
-from evaluation.experiments.paper_sweeps import (
-    LONE_RECORDINGS,
-    RANGES_M,
-    TAG_RANGES_M,
-    lone,
-    repeating,
-)
+from evaluation.peers import visual_markers
 from evaluation.peers.camera import Background
-from evaluation.peers.visual_markers import (
-    AprilTagReader,
-    QrReader,
-    Reader,
-    View,
-    picture_cost,
-    read_over_distance,
-)
+from evaluation.peers.visual_markers import AprilTagReader, QrReader, Reader, View
 from evaluation.report.charts import LEVEL, label, legend_below, line, look, new_chart
 from evaluation.report.claims import Table, end_as_text
 from retrolidar_ros.marker.dictionary import USABLE_IDS, choose_ids
@@ -43,7 +31,7 @@ MESSAGE = (
     "LiDAR: three metres for less than a hundredth of an AprilTag's computing; "
     'AprilTag: an answer at once'
 )
-_LONE_M = RANGES_M[4:]
+_LONE_M = paper_sweeps.RANGES_M[4:]
 _SEVERAL_M = (1.0, 2.0, 2.6, 3.0, 3.2, 3.4, 3.6, 3.8, 4.0, 4.4)
 _FRAMES, _WARM_UP_FRAMES, _TIMES = 400, 500, 5
 _AT_M, _TALKING = 2.0, 3
@@ -62,7 +50,9 @@ def _curves() -> dict[str, dict[str, Point]]:
     joint, paper = {'method': 'joint', 'max_packets': 1}, {'method': 'paper'}
     return {
         'joint: packets combined': {
-            f'{n}': Point(joint | {'max_packets': n}, n, 3 if n > 1 else LONE_RECORDINGS)
+            f'{n}': Point(
+                joint | {'max_packets': n}, n, 3 if n > 1 else paper_sweeps.LONE_RECORDINGS
+            )
             for n in (1, 2, 3, 5, 8)
         },
         'joint: IDs registered': {
@@ -114,10 +104,13 @@ def _lidar(text: str, point: Point, quick: bool, seed: int) -> dict[str, Any]:
     """Return what a setting of the LiDAR costs and gives, of the same frames as all others."""
     places = (_LONE_M if point.packets == 1 else _SEVERAL_M)[:: 3 if quick else 1]
     is_lone, known = point.packets == 1, np.array(point.options.get('registered_ids', USABLE_IDS))
-    several = partial(repeating, size_m=0.03, packets=point.packets)
+    several = partial(paper_sweeps.repeating, size_m=0.03, packets=point.packets)
     found = []
     for range_m in places:
-        rng, make = rng_at(seed, range_m), partial(lone, ids=known) if is_lone else several
+        rng, make = (
+            rng_at(seed, range_m),
+            partial(paper_sweeps.lone, ids=known) if is_lone else several,
+        )
         sent = [make(range_m, rng) for _ in range(1 if quick else point.recordings)]
         found.append(read_of([judged(one, point.options, lone=is_lone) for one in sent]))
     cpu_ms = _frame_ms(point.options, np.random.default_rng(seed))
@@ -137,13 +130,15 @@ def _cameras(seed: int, *, quick: bool) -> dict[str, list[dict[str, Any]]]:
     except ImportError:
         pass  # `peers` says what is missing
     readers = [reader for settings in knobs.values() for _, reader in settings]
-    ranges_m = TAG_RANGES_M[:: 3 if quick else 1]
-    found = read_over_distance(readers, ranges_m, seed, quick=quick)
+    ranges_m = paper_sweeps.TAG_RANGES_M[:: 3 if quick else 1]
+    found = visual_markers.read_over_distance(readers, ranges_m, seed, quick=quick)
     background = Background(np.random.default_rng(seed))
 
     def summed(text: str, reader: Reader) -> dict[str, Any]:
         rng = np.random.default_rng(seed)
-        cpu_ms = picture_cost(reader, background, 1 if quick else 4, rng, View(_AT_M))
+        cpu_ms = visual_markers.picture_cost(
+            reader, background, 1 if quick else 4, rng, View(_AT_M)
+        )
         return _summed(text, cpu_ms, 1 / 30, ranges_m, [one[reader.name] for one in found])
 
     return {name: [summed(*one) for one in settings] for name, settings in knobs.items()}
@@ -173,7 +168,7 @@ def table(figures: dict[str, Any]) -> Table:
     heads = ['settings', 'ms of a core a second', '80 % to [m]', 'half to [m]', 'wrong IDs']
 
     def cells(point: dict[str, Any]) -> list[str]:
-        reaches = (end_as_text(point[key]).removesuffix(' m') for key in ('reach_m', 'half_m'))
+        reaches = (end_as_text(point[key], '').rstrip() for key in ('reach_m', 'half_m'))
         return [point['label'], f'{point["cpu_ms"]:.0f}', *reaches, f'{point["wrong"]["rate"]:.1%}']
 
     rows = [['knob', *heads]]

@@ -16,7 +16,7 @@ from evaluation.bench.judging import BOTH, Options, judge_all, read_of
 from evaluation.bench.rates import crossing
 from evaluation.bench.recordings import Sent, rng_at
 from evaluation.report.charts import LEVEL, WRONG, draw_reads, label, legend_below, line, new_chart
-from evaluation.report.claims import Claims, Table, end_as_text, unit_of
+from evaluation.report.claims import Claims, Table, end_as_text
 from retrolidar_ros.detector import METHODS
 
 MOST_BITS = 4  # so many wrong bits or more are counted together
@@ -84,7 +84,7 @@ class Sweep:
         """Return to where four of five are read, and the most wrong IDs on the way."""
         rows = [['80 % are read to', *METHODS, *(f'most wrong IDs, {name}' for name in METHODS)]]
         for name, curve in figures['curves'].items():
-            ends = [end_as_text(curve['ends'][method], unit_of(self.axis)) for method in METHODS]
+            ends = [end_as_text(curve['ends'][method], self.axis) for method in METHODS]
             wrong = [
                 max(point[method]['wrong']['rate'] for point in curve['points'])
                 for method in METHODS

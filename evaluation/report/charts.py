@@ -22,10 +22,8 @@ _LOOKS = {
     'genie': ('#009e73', '*'),
 }
 _WORDS = {'joint': 'default, joint', 'paper': 'method paper', 'genie': 'genie-aided bound'}
-OTHERS = ('#332288', '#999933', '#882255', '#44aa99')
-"""For what is no method (Tol's muted colours)."""
-SHADES = ('#08306b', '#2b7bba', '#7db8da', '#fdae6b', '#d94801')
-"""From harmless to bad."""
+OTHERS = ('#332288', '#999933', '#882255', '#44aa99')  # for what is no method (Tol's muted ones)
+SHADES = ('#08306b', '#2b7bba', '#7db8da', '#fdae6b', '#d94801')  # from harmless to bad
 
 
 def look(name: str) -> dict[str, Any]:

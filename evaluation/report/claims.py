@@ -52,8 +52,7 @@ def shares(values: Iterable[float], agrees: bool | None = None, digits: int = 0)
     return claim_of((f'{value:.{digits}%}' for value in values), agrees)
 
 
-Claims = dict[str, Claim]
-"""Items of an experiment by name; the report's chapter of the paper has the words."""
+Claims = dict[str, Claim]  # by item; the report's chapter of the paper has the words
 
 
 def as_text(value: float | None, unit: str = 'm', digits: int = 2) -> str:
@@ -61,22 +60,12 @@ def as_text(value: float | None, unit: str = 'm', digits: int = 2) -> str:
     return NOTHING if value is None else f'{value:.{digits}f} {unit}'
 
 
-def unit_of(axis: str) -> str:
-    """Return what the words of an axis have in brackets."""
-    return axis.partition('[')[2].rstrip(']')
-
-
-def end_as_text(end: Mapping[str, Any], unit: str = 'm', digits: int = 2) -> str:
-    """Return where a level is crossed as text, 'unsure' where that is left to chance."""
+def end_as_text(end: Mapping[str, Any], axis: str, digits: int = 2) -> str:
+    """Return where a level is crossed, with the axis's unit, or 'unsure' if that is by chance."""
     at, low, high = end['at'], end['low'], end['high']
     if at is not None and low is not None and high - low > at / 2:
         return 'unsure'
-    return as_text(at, unit, digits)
-
-
-def signed(value: float | None) -> str:
-    """Return a share with its sign as text."""
-    return NOTHING if value is None else f'{value:+.0%}'
+    return as_text(at, axis.partition('[')[2].rstrip(']'), digits)
 
 
 def percent(rate: Any) -> str:

@@ -158,11 +158,6 @@ def reach(report: Report) -> str:
     return markdown(rows)
 
 
-def ids(report: Report) -> str:
-    """Return how many IDs keep each distance."""
-    return markdown(EXPERIMENTS['ids'].table(report['ids']))
-
-
 def speed(report: Report) -> str:
     """Return whether it keeps up."""
     nodes = report['bench-nodes']
@@ -212,7 +207,7 @@ def limits(report: Report) -> str:
 
 _BLOCKS = {
     'headlines': headlines,
-    'ids': ids,
+    'ids': lambda report: markdown(EXPERIMENTS['ids'].table(report['ids'])),
     'limits': limits,
     'reach': reach,
     'speed': speed,

@@ -17,6 +17,7 @@ from evaluation.experiments import peers, roc
 from evaluation.experiments.calibration import KINDS
 from evaluation.experiments.paper_sweeps import SWEEPS
 from evaluation.experiments.registry import EXPERIMENTS, run_experiment
+from evaluation.peers import visual_markers
 from evaluation.peers.visual_markers import QR, find_readers
 from retrolidar_ros.scene.reference import SENSOR
 
@@ -44,13 +45,13 @@ TINY: dict[str, dict[str, Any]] = {
             for name, (axis, places, what, make) in peers._SWEEPS.items()
         },
     },
+    'experiments.paper_sweeps': {'TAG_RANGES_M': (1.0, 4.2)},
     'experiments.place': {'_QUICK_MARKERS': 12},
     'experiments.roc': {'_QUICK_SHARE': 0.0005},
     'experiments.several': {'_QUICK_TRIALS': 1, '_RECORDINGS': 1},
     'experiments.speed_accuracy': {
         '_LONE_M': (1.0, 3.2),
         '_SEVERAL_M': (1.0, 4.0),
-        'TAG_RANGES_M': (1.0, 4.2),
         '_FRAMES': 20,
         '_WARM_UP_FRAMES': 100,
     },
@@ -85,7 +86,7 @@ def test_an_experiment_runs(name: str, tmp_path: Path, monkeypatch: pytest.Monke
 
 def test_peers_tell_what_is_left_out(monkeypatch: pytest.MonkeyPatch) -> None:
     kept = [reader for reader in find_readers()[0] if reader.name != QR]
-    monkeypatch.setattr(peers, 'find_readers', lambda: (kept, {QR: 'no zbar here'}))
+    monkeypatch.setattr(visual_markers, 'find_readers', lambda: (kept, {QR: 'no zbar here'}))
     monkeypatch.setattr(peers, '_SWEEPS', {key: peers._SWEEPS[key] for key in ('3 cm', '1 cm')})
     monkeypatch.setattr(peers, '_QUICK_PICTURES', 2)
     figures = peers.run(np.random.default_rng(1), quick=True)
