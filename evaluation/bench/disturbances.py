@@ -66,8 +66,7 @@ class Member(NamedTuple):
 
 def _log_uniform(bounds: tuple[float, float], size: int, rng: np.random.Generator) -> Floats:
     low, high = np.log(bounds)
-    values: Floats = np.exp(rng.uniform(low, high, size))
-    return values
+    return np.exp(rng.uniform(low, high, size))
 
 
 def white(rng: np.random.Generator, signals: tuple[float, float] = (4.0, 600.0)) -> Source:
@@ -204,7 +203,6 @@ def _vanishing(frames: int, rng: np.random.Generator) -> Codes:
 
 
 def _hands(rng: np.random.Generator) -> Source:
-    """Return hands that move and bodies that pass."""
     level, scale = np.zeros(_ZONES), rng.standard_normal(_ZONES) * _STEP_SPREAD
 
     def advance(frames: int) -> tuple[Singles, Codes]:

@@ -104,7 +104,6 @@ def errors_for(pose_m: float) -> Errors:
 
 
 def _landmarks(world: Scene, errors: Errors) -> dict[int, Landmark]:
-    """Return landmarks of lone markers, by their IDs."""
     return {one.id: Landmark(one.name, {one.id: np.zeros(3)}, errors) for one in world.markers}
 
 

@@ -11,25 +11,17 @@ from numpy.typing import NDArray
 from evaluation.bench.rates import Rate, rate
 from evaluation.bench.recordings import Sent
 from retrolidar_ros.detector import METHODS, Detection, create_detector
-from retrolidar_ros.sensor.frame import Recording, ZoneGrid
+from retrolidar_ros.sensor.frame import Recording
 
 Options = Mapping[str, Any]  # of `create_detector`; 'method' among them
 BOTH: dict[str, Options] = {method: {'method': method} for method in METHODS}
 """Both methods as shipped."""
 
 
-def new_detector(grid: ZoneGrid, options: Options) -> Any:
-    """Return a new detector of some options."""
-    return create_detector(
-        options['method'], grid, **{k: v for k, v in options.items() if k != 'method'}
-    )
-
-
 def read_by_both(recording: Recording) -> dict[str, list[Detection]]:
     """Return what both methods read of a recording, as shipped."""
     return {
-        method: new_detector(recording.grid, options).update_all(recording)
-        for method, options in BOTH.items()
+        method: create_detector(method, recording.grid).update_all(recording) for method in METHODS
     }
 
 
@@ -48,7 +40,7 @@ def judged(sent: Sent, options: Options, *, lone: bool = True) -> Judged:
 
     Of lone packets the time counts, too.
     """
-    detector = new_detector(sent.recording.grid, options)
+    detector = create_detector(grid=sent.recording.grid, **options)
     detections = detector.update_all(sent.recording)
     right, wrong = np.zeros((2, len(sent.ids)), dtype=bool)
     own: list[Detection] = []

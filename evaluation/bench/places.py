@@ -43,22 +43,19 @@ ELLIPSOID = 7.815
 
 def to_sensor(pose: SensorPose, world_m: Floats) -> Floats:
     """Return points of the world, shape (..., 3), in the frame of a sensor at a pose."""
-    points: Floats = (world_m - pose.position_m) @ pose.rotation
-    return points
+    return (world_m - pose.position_m) @ pose.rotation
 
 
 def to_world(pose: SensorPose, sensor_m: Floats) -> Floats:
     """Return points of the frame of a sensor at a pose, shape (..., 3), in the world."""
-    points: Floats = sensor_m @ pose.rotation.T + pose.position_m
-    return points
+    return sensor_m @ pose.rotation.T + pose.position_m
 
 
 def rotation(yaw: float, pitch: float, roll: float) -> Floats:
     """Return a rotation about y (down), then x, then z (forward) [rad], shape (3, 3)."""
     turns = ([0.0, yaw, 0.0], [pitch, 0.0, 0.0], [0.0, 0.0, roll])
     about_y, about_x, about_z = (matrix_of_turn(np.array(turn)) for turn in turns)
-    turned: Floats = about_y @ about_x @ about_z
-    return turned
+    return about_y @ about_x @ about_z
 
 
 def markers_at(scene: Scene) -> Floats:

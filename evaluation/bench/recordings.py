@@ -109,8 +109,7 @@ def transmission(
 def _walk(shape: tuple[int, int], bound: float, step: float, rng: np.random.Generator) -> Floats:
     """Return walks from anywhere between 0 and a bound, which reflect there."""
     walked = np.cumsum(step * rng.standard_normal(shape), axis=0) + rng.uniform(0, bound, shape[1])
-    reflected: Floats = bound - np.abs(walked % (2 * bound) - bound)
-    return reflected
+    return bound - np.abs(walked % (2 * bound) - bound)
 
 
 def _lose_targets(

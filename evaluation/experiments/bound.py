@@ -14,12 +14,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from evaluation.bench.judging import BOTH, judged, new_detector, read_of
+from evaluation.bench.judging import BOTH, judged, read_of
 from evaluation.bench.rates import Rate, crossing, rate
 from evaluation.bench.recordings import Sent, signal_at, snr_db, transmission
 from evaluation.experiments.paper_sweeps import LONE_RECORDINGS, lone_packets
 from evaluation.report.charts import LEVEL, draw_shares, label, legend_under, look, new_chart
 from evaluation.report.claims import Table, as_text
+from retrolidar_ros.detector import create_detector
 from retrolidar_ros.detector.likelihood_detector import LikelihoodDetector
 from retrolidar_ros.marker.code import BIT_PERIOD_S, PACKET_BITS
 from retrolidar_ros.marker.dictionary import USABLE_IDS
@@ -30,8 +31,7 @@ from retrolidar_ros.sensor.frame import Floats
 TITLE = 'The search against the bound'
 MESSAGE = 'Not to know start, clock, gain and offset costs more than the tests of acceptance'
 RANGES_M = (2.5, 2.7, 2.8, 2.9, 3.0, 3.1, 3.2, 3.3, 3.5, 3.8)
-# So lax that the search hands on whatever stands out at all.
-_LAX = {'method': 'joint', 'false_ids_per_hour': 1e6}
+_LAX = 1e6  # false IDs an hour: the search hands on whatever stands out at all
 _NAMES = {
     'genie': 'genie-aided: start, clock, gain and offset known',
     'searched': 'the search of the default, which knows none of them',
@@ -45,7 +45,7 @@ _FRAMES = round(PACKET_BITS * BIT_PERIOD_S / SENSOR.period_s) + 2
 def searched_ids(sent: Sent) -> NDArray[np.int64]:
     """Return the ID of most evidence in each zone, 0 without any; shape (zones,)."""
     zones = sent.recording.grid.zones
-    detector = new_detector(sent.recording.grid, _LAX)
+    detector = create_detector('joint', sent.recording.grid, false_ids_per_hour=_LAX)
     assert isinstance(detector, LikelihoodDetector)
     detector.update_all(sent.recording)
     ids = np.zeros(zones, dtype=np.int64)
@@ -81,7 +81,6 @@ def genie_ids(sent: Sent, signal: float) -> NDArray[np.int64]:
 
 
 def _genie(sent: Sequence[Sent], signal: float) -> Rate:
-    """Return how often the genie names the right ID."""
     right = [genie_ids(one, signal) == one.ids for one in sent]
     return rate(int(np.sum(right)), int(np.size(right)))
 

@@ -84,7 +84,6 @@ def _room(rng: np.random.Generator, period_s: float, rows: int, scale: float) ->
 
 
 def _sensor(**changes: Any) -> Callable[[Scene], Scene]:
-    """Return what changes the sensor of a scene."""
     return lambda scene: replace(scene, sensor=replace(scene.sensor, **changes))
 
 
@@ -165,7 +164,6 @@ def _packets_read(recording: Recording, scene: Scene, values: dict[str, Any]) ->
 
 
 def _read(recording: Recording, scene: Scene, found: Calibration) -> dict[str, Any]:
-    """Return what is read before and after a calibration."""
     values = {name: value for name, (value, _) in parameters(found).items()}
     return {
         'read before': _packets_read(recording, scene, {}),

@@ -7,7 +7,7 @@ at again after another move, as the paper has it; so is one that was not placed.
 """
 
 import math
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
@@ -35,15 +35,15 @@ _TASKS = 2000  # drawn from the trials
 _QUICK_TRIALS = 4
 
 
-class Outcome(NamedTuple):
-    """What became of one look."""
-
-    time_s: float  # from the first frame until all objects were placed; infinite if they were not
-    errors: dict[str, hand.PlaceError]  # by object, of those seen
+Outcome = tuple[float, dict[str, hand.PlaceError]]
 
 
 def place_all(method: str, recording: Recording, scene: Scene, pose: SensorPose) -> Outcome:
-    """Read frames until all markers of a scene are placed in the world."""
+    """Read frames until all markers of a scene are placed in the world.
+
+    Returns the time of that from the first frame [s], infinite if it does not come; and the errors
+    of the objects that were seen.
+    """
     markers = {marker.id: marker for marker in scene.markers}
     board = ObjectBoard([one.name for one in markers.values()], MAX_STDDEV_M, STALE_AFTER_S)
     errors: dict[str, hand.PlaceError] = {}
@@ -57,8 +57,8 @@ def place_all(method: str, recording: Recording, scene: Scene, pose: SensorPose)
         board.see(marker.name, detection.stamp_ns, 'world', position_m, covariance)
         errors[marker.name] = hand.place_error(place, np.array(marker.position_m))
         if not board.missing(int(recording.stamp_ns[0]) + round(1e9 * known_s)):
-            return Outcome(known_s, errors)
-    return Outcome(math.inf, errors)
+            return known_s, errors
+    return math.inf, errors
 
 
 def task_s(
@@ -78,13 +78,12 @@ def task_s(
 
 
 def _lidar(outcomes: list[Outcome], names: list[str], rng: np.random.Generator) -> dict[str, Any]:
-    """Sum up the looks of one method."""
-    placed_s = [one.time_s for one in outcomes if math.isfinite(one.time_s)]
-    looks_s = [min(one.time_s, TIMEOUT_S) for one in outcomes]
-    found = [error for one in outcomes for error in one.errors.values()]
+    placed_s = [time_s for time_s, _ in outcomes if math.isfinite(time_s)]
+    looks_s = [min(time_s, TIMEOUT_S) for time_s, _ in outcomes]
+    found = [error for _, errors in outcomes for error in errors.values()]
     good = [
-        [name in one.errors and abs(one.errors[name].range_m) <= TOLERANCE_M for name in names]
-        for one in outcomes
+        [name in errors and abs(errors[name].range_m) <= TOLERANCE_M for name in names]
+        for _, errors in outcomes
     ]
     return {
         'looks_s': sorted(placed_s),

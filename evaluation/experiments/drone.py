@@ -46,7 +46,6 @@ def alive(known_s: list[float], lasting_s: float, window_s: float) -> Rate:
 
 
 def _flown(speed_m_s: float, hidden: float, duration_s: float, rng: Any) -> dict[str, Any]:
-    """Return what both methods make of one flight."""
     scene = flight(speed_m_s, hidden)
     (marker,) = scene.markers
     recording = Simulation(scene, rng).run(duration_s)

@@ -132,7 +132,6 @@ def _room(markers: int, trials: int, rng: np.random.Generator) -> dict[str, Any]
 
 
 def _drone(sensors: int, trials: int, rng: np.random.Generator) -> dict[str, Any]:
-    """Return errors of a drone before some sensors."""
     tracks = [drone_trial(sensors, rng) for _ in range(trials)]
     updates = float(np.mean([len(track) for track in tracks])) / FLIGHT_S
     rows = [row for track in tracks for row in track[3:]]

@@ -140,8 +140,7 @@ def draw(figures: dict[str, Any]) -> Any:
     long.plot(times_ms, law, color='0.4', label='10 log10 k')
     label(long, 'integration time [ms]', 'signal over noise [dB]', xscale='log')
     long.set_xticks(times_ms, [f'{time_ms:.0f}' for time_ms in times_ms])
-    far.minorticks_off()
-    long.minorticks_off()
     for axis in (far, wide, long):
+        axis.minorticks_off()
         legend_under(axis)
     return figure

@@ -105,7 +105,6 @@ def _where_lit(light: float) -> tuple[float, ...]:
 
 
 def _several(size_cm: int, packets: int) -> sweeps.Curve:
-    """Return the curve of some packets that may be combined."""
     size_m = size_cm / 100
     make = partial(repeating, size_m=size_m, packets=packets)
     variants = {method: {'method': method, 'max_packets': packets} for method in METHODS}
@@ -161,8 +160,6 @@ def _reaches(ends: Sequence[float | None], least: float, unit: str = 'm', digits
 
 
 def _reading_claims(figures: dict[str, Any]) -> Claims:
-    """Return the claims of distance, detection and wrong bits."""
-
     def at(place: float, key: str) -> list[Any]:
         return [sweeps.point_of(figures, '3 cm', place)[method][key] for method in BOTH_CLAIMED]
 
@@ -182,7 +179,6 @@ def _reading_claims(figures: dict[str, Any]) -> Claims:
 
 
 def _reach_claims(figures: dict[str, Any]) -> Claims:
-    """Return the claims of small markers and several packets."""
     point = sweeps.point_of(figures, '3 cm, 3 packets', PAPER_FOUND_M)
     three = [point[method]['right']['rate'] for method in BOTH_CLAIMED]
     return {
@@ -192,7 +188,6 @@ def _reach_claims(figures: dict[str, Any]) -> Claims:
 
 
 def _size_claims(figures: dict[str, Any]) -> Claims:
-    """Return the claims of how reach grows with area."""
     known = [
         (float(name.split()[0]), sweeps.end_of(figures, name, 'joint'))
         for name in figures['curves']
@@ -204,7 +199,6 @@ def _size_claims(figures: dict[str, Any]) -> Claims:
 
 
 def _ambient_claims(figures: dict[str, Any]) -> Claims:
-    """Return the claims of light."""
     lights = ('dark', 'daylight in a room', 'shade outdoors')
     dark, day, shade = (_ends(figures, light) for light in lights)
     lost = [

@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Where markers are said to be, against where they are, and whether the covariance is honest."""
 
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
@@ -15,7 +15,6 @@ from retrolidar_ros.scene import Scene, Simulation
 from retrolidar_ros.scene.description import Marker, Sensor, Surface
 from retrolidar_ros.scene.optics import zone_shares
 from retrolidar_ros.scene.reference import NOISE, RANGING, RESPONSE, SENSOR
-from retrolidar_ros.sensor.frame import Floats
 
 TITLE = 'Bearing, and how honest the covariance is'
 MESSAGE = 'A bearing is sharp between zones, and the covariance says what it is worth'
@@ -58,18 +57,12 @@ def seen_by_two(detection: Detection, scene: Scene) -> tuple[bool, bool]:
     return bool(across), bool(down)
 
 
-class Error(NamedTuple):
-    """By how much a marker's place was wrong; pairs are across and down."""
+def _error(scene: Scene, rng: np.random.Generator) -> tuple[Any, ...] | None:
+    """Return by how much the first reading of the only marker is wrong; None if it is not read.
 
-    squared_distance: float  # in standard deviations of the covariance
-    range_m: float
-    bearing_deg: Floats
-    centre_deg: Floats  # the same of the centre of the strongest zone
-    between: tuple[bool, bool]  # whether two columns and two rows saw the marker
-
-
-def _error(scene: Scene, rng: np.random.Generator) -> Error | None:
-    """Return by how much the first reading of the only marker is wrong; None if it is not read."""
+    These are the squared distance in standard deviations, the range [m], and, across and down,
+    the bearing [°], that of the centre of the strongest zone [°], and whether two saw the marker.
+    """
     (marker,) = scene.markers
     grid = scene.sensor.grid
     recording = Simulation(scene, rng).run(DURATION_S)
@@ -81,17 +74,13 @@ def _error(scene: Scene, rng: np.random.Generator) -> Error | None:
             tangents = np.array([measured, grid.tangents[one.zones[0]], truth_m[:2] / truth_m[2]])
             angles = np.degrees(np.arctan(tangents))
             off, centre = angles[:2] - angles[2]
-            between = seen_by_two(one, scene)
-            return Error(wrong.squared_distance, wrong.range_m, off, centre, between)
+            return wrong.squared_distance, wrong.range_m, off, centre, seen_by_two(one, scene)
     return None
 
 
-def _figures(blur: float, rows: list[Error]) -> dict[str, Any]:
-    """Sum up the errors of markers that a sensor of some blur has seen."""
-    axes = np.array([row.between for row in rows])
-    bearing = np.abs([row.bearing_deg for row in rows])
-    centre = np.abs([row.centre_deg for row in rows])
-    distance = np.array([row.squared_distance for row in rows])
+def _figures(blur: float, rows: list[tuple[Any, ...]]) -> dict[str, Any]:
+    distance, range_m, bearing, centre, axes = map(np.array, zip(*rows, strict=True))
+    bearing, centre = np.abs(bearing), np.abs(centre)
     along = {'alone': ~axes, 'between': axes}
     whole = {'alone': ~axes.any(axis=1), 'between': axes.any(axis=1)}
     return {
@@ -103,7 +92,7 @@ def _figures(blur: float, rows: list[Error]) -> dict[str, Any]:
         'distance': {
             name: np.sqrt(distance[group]).round(4).tolist() for name, group in whole.items()
         },
-        'range_median_m': float(np.median(np.abs([row.range_m for row in rows]))),
+        'range_median_m': float(np.median(np.abs(range_m))),
     }
 
 

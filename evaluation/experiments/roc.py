@@ -15,13 +15,13 @@ from typing import Any
 import numpy as np
 
 from evaluation.bench.disturbances import FAMILY, Member, source_blocks, white
-from evaluation.bench.judging import Options, judged, new_detector, read_of
+from evaluation.bench.judging import Options, judged, read_of
 from evaluation.bench.rates import Frequency, frequency, rate
 from evaluation.bench.recordings import record, signal_at
 from evaluation.bench.stresses import PLAIN
 from evaluation.report.charts import label, legend_below, line, look, new_chart
 from evaluation.report.claims import BOTH_CLAIMED, Claim, Claims, Table, claim_of, per_hour
-from retrolidar_ros.detector import METHODS, Detection
+from retrolidar_ros.detector import METHODS, Detection, create_detector
 from retrolidar_ros.detector.budget import USUAL_FALSE_IDS_PER_HOUR
 from retrolidar_ros.detector.paper import LIKELIHOOD_THRESHOLD
 from retrolidar_ros.marker.dictionary import choose_ids
@@ -61,14 +61,13 @@ def watch(detector: Any, blocks: Iterable[Recording]) -> list[Detection]:
 
 
 def _detections(options: Options, member: Member, hours: float, seed: int) -> list[Detection]:
-    detector = new_detector(SENSOR.grid, options)
+    detector = create_detector(grid=SENSOR.grid, **options)
     # The same noise for every method and setting.
     rng = np.random.default_rng([seed, FAMILY.index(member)])
     return watch(detector, member.blocks(3600 * hours, rng))
 
 
 def _by_budget(seed: int, share: float, budget: float) -> dict[str, Frequency]:
-    """Return the false IDs of the default with a budget, by member."""
     found, options = {}, {'method': 'joint', KNOBS['joint']: budget}
     for member in FAMILY:
         if budget in BUDGETS_H:
@@ -80,7 +79,6 @@ def _by_budget(seed: int, share: float, budget: float) -> dict[str, Frequency]:
 
 
 def _by_threshold(seed: int, share: float) -> dict[float, dict[str, Frequency]]:
-    """Return the false IDs of the paper's method by threshold and member."""
     hours, options = share * PAPER_H, {'method': 'paper', KNOBS['paper']: THRESHOLDS[0]}
     likelihoods = {
         member.name: [one.likelihood for one in _detections(options, member, hours, seed)]
@@ -129,7 +127,7 @@ def _silent(seed: int, share: float) -> dict[str, Any]:
     looks = max(1, round(hours * 3600 / PACKET_S)) * SENSOR.grid.zones
     found: dict[str, Any] = {'hours': hours}
     for method in METHODS:
-        detector = new_detector(SENSOR.grid, {'method': method})
+        detector = create_detector(method, SENSOR.grid)
         read = watch(detector, _SILENT(3600 * hours, np.random.default_rng(seed)))
         found[method] = {
             'false_ids': len(read),

@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from evaluation.bench.judging import Options, judged, new_detector, read_of
+from evaluation.bench.judging import Options, judged, read_of
 from evaluation.bench.rates import crossing, sum_of
 from evaluation.bench.recordings import rng_at
 from evaluation.experiments import paper_sweeps
@@ -21,6 +21,7 @@ from evaluation.peers.camera import Background
 from evaluation.peers.visual_markers import AprilTagReader, QrReader, Reader, View
 from evaluation.report.charts import LEVEL, label, legend_below, line, look, new_chart
 from evaluation.report.claims import Table, end_as_text
+from retrolidar_ros.detector import create_detector
 from retrolidar_ros.marker.dictionary import USABLE_IDS, choose_ids
 from retrolidar_ros.scene import Simulation
 from retrolidar_ros.scene.reference import SENSOR, marker_in_each_zone
@@ -78,7 +79,7 @@ def _frame_ms(options: Options, rng: np.random.Generator) -> float:
     before, timed = simulation.advance(_WARM_UP_FRAMES), simulation.advance(_FRAMES)
     spent_s = []
     for _ in range(_TIMES):
-        detector = new_detector(SENSOR.grid, options)
+        detector = create_detector(grid=SENSOR.grid, **options)
         detector.update_all(before)
         began_s = time.process_time()
         for frame in timed:
@@ -88,7 +89,6 @@ def _frame_ms(options: Options, rng: np.random.Generator) -> float:
 
 
 def _summed(text: str, cpu_ms: float, answer_s: float, places: Any, found: Any) -> dict[str, Any]:
-    """Return what a setting costs, and what it gives over places."""
     right, wrong = ([one[key] for one in found] for key in ('right', 'wrong'))
     return {
         'label': text,

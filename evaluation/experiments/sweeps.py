@@ -36,7 +36,6 @@ class Curve:
 
 
 def _point(curve: Curve, place: float, recordings: int, seed: int) -> dict[str, Any]:
-    """Return what is read at a place."""
     make, rng = partial(curve.make, place), rng_at(seed, place)
     found = judge_all(make, recordings, rng, curve.variants, lone=curve.lone)
     point: dict[str, Any] = {'place': place}

@@ -118,17 +118,14 @@ class Pose(NamedTuple):
     @property
     def homography(self) -> Floats:
         """From the plate's right and down [m] to the picture [pixels], shape (3, 3)."""
-        columns = np.column_stack([self.rotation[:, :2], self.position_m])
-        result: Floats = INTRINSICS @ columns
-        return result
+        return INTRINSICS @ np.column_stack([self.rotation[:, :2], self.position_m])
 
 
 def transform(homography: Floats, points: ArrayLike) -> Floats:
     """Map points of a plane, shape (..., 2), by a homography."""
     points = np.asarray(points, dtype=float)
     mapped = points @ homography[:, :2].T + homography[:, 2]
-    result: Floats = mapped[..., :2] / mapped[..., 2:]
-    return result
+    return mapped[..., :2] / mapped[..., 2:]
 
 
 def facing(position_m: Floats, roll_rad: float = 0.0) -> Pose:
@@ -172,8 +169,7 @@ def blur(light: Floats) -> Floats:
 def _weighted(padded: Floats, weights: Floats, rows: int) -> Floats:
     """Return the weighted sum of an array that is shifted by one row after the other."""
     shifted = (weight * padded[index : index + rows] for index, weight in enumerate(weights))
-    total: Floats = sum(shifted, np.zeros((rows, padded.shape[1])))
-    return total
+    return sum(shifted, np.zeros((rows, padded.shape[1])))
 
 
 def dead_leaves(rng: np.random.Generator) -> Floats:
@@ -261,7 +257,6 @@ class Background:
 
 
 def _pixel_means(samples: NDArray[Any]) -> Floats:
-    """Return the means of the samples in each pixel."""
     rows, columns = np.array(samples.shape) // _SUBSAMPLES
     means: Floats = samples.reshape(rows, _SUBSAMPLES, columns, _SUBSAMPLES).mean(axis=(1, 3))
     return means

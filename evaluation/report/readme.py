@@ -47,7 +47,6 @@ def load(directory: Path, names: Iterable[str] = EXPERIMENTS) -> dict[str, dict[
 
 
 def _run(report: Report) -> str:
-    """Return on what the experiments ran, and for how long."""
     kinds = set()
     for figures in report.values():
         run = figures['run']

@@ -11,7 +11,6 @@ import numpy as np
 import pytest
 
 from evaluation.bench.disturbances import FAMILY
-from evaluation.bench.judging import new_detector
 from evaluation.bench.stresses import LABORATORY, PANELS, STRESSES
 from evaluation.experiments import peers, roc
 from evaluation.experiments.calibration import KINDS
@@ -19,6 +18,7 @@ from evaluation.experiments.paper_sweeps import SWEEPS
 from evaluation.experiments.registry import EXPERIMENTS, run_experiment
 from evaluation.peers import visual_markers
 from evaluation.peers.visual_markers import QR, find_readers
+from retrolidar_ros.detector import create_detector
 from retrolidar_ros.scene.reference import SENSOR
 
 # So small that all run in seconds, by the module that has a size.
@@ -100,7 +100,7 @@ def test_a_higher_threshold_of_paper_keeps_those_of_higher_likelihood() -> None:
     (hands,) = (member for member in FAMILY if member.name == 'hands')
     seen = {
         least: roc.watch(
-            new_detector(SENSOR.grid, {'method': 'paper', 'likelihood_threshold': least}),
+            create_detector('paper', SENSOR.grid, likelihood_threshold=least),
             hands.blocks(180.0, np.random.default_rng(4)),
         )
         for least in (0.1, 0.4)
