@@ -254,10 +254,9 @@ def source_blocks(
         yield _sensed(*advance(min(BLOCK_FRAMES, total - begin)), begin, rng)
 
 
+# Yield the frames of hands that never rest, and of a bare wall, for a duration [s].
 restless_blocks = partial(source_blocks, _hands)
-"""Yields the frames of hands that never rest, for a duration [s]."""
 wall_blocks = partial(source_blocks, partial(white, signals=(WALL_SIGNAL, WALL_SIGNAL)))
-"""Yields the frames of a bare wall."""
 _SOURCES: dict[str, Callable[[np.random.Generator], Source]] = {
     'white': white,
     **{f'walk {step:g}': partial(_walk, step=step) for step in (0.1, 0.3, 1.0, 3.0)},

@@ -82,19 +82,6 @@ def judge_all(
     }
 
 
-def read_shares(
-    make: Callable[[np.random.Generator], Sent],
-    recordings: int,
-    rng: np.random.Generator,
-    variants: Mapping[str, Options] = BOTH,
-    *,
-    lone: bool = True,
-) -> dict[str, Read]:
-    """Sum up what all variants make of the same recordings."""
-    found = judge_all(make, recordings, rng, variants, lone=lone)
-    return {name: read_of(rows) for name, rows in found.items()}
-
-
 def read_of(rows: Sequence[Judged]) -> Read:
     """Sum up what became of some recordings."""
     right = np.concatenate([one.right for one in rows])

@@ -52,9 +52,8 @@ def tilt_trial(roll_rad: float, rng: np.random.Generator) -> tuple[float, float,
     normal, in the fixed frame; and what zones and their light leave open of the latter, whoever
     estimates it [°].
     """
-    on_object = {
-        1000 + 101 * n: 0.2 * np.append(corner, 0) for n, corner in enumerate(hand.CORNERS)
-    }
+    corners = 0.2 * np.append(hand.CORNERS, np.zeros((4, 1)), axis=1)
+    on_object = {1000 + 101 * n: corner for n, corner in enumerate(corners)}
     roll = matrix_of_turn(np.array([0, 0, rng.uniform(-roll_rad, roll_rad)]))
     way = rng.uniform(0, 2 * math.pi)
     tilt = rng.uniform(0, math.radians(30)) * np.array([math.cos(way), math.sin(way), 0])
@@ -92,13 +91,11 @@ def _direction_bound(places_m: Floats) -> float:
     shifts = np.stack(np.meshgrid(steps, steps), axis=-1).reshape(-1, 1, 2)
     turned = np.repeat(places_m[None], len(shifts), axis=0)
     turned[..., :2] += shifts * places_m[:, 2:]
-    light = zone_shares(turned.reshape(-1, 3), MARKER_SIZE_M, grid, _SENSOR.blur).reshape(
-        len(shifts), -1
-    )
+    light = zone_shares(turned.reshape(-1, 3), MARKER_SIZE_M, grid, _SENSOR.blur)
     seen = zone_shares(places_m, MARKER_SIZE_M, grid, _SENSOR.blur).ravel()
     signal = signal_at(float(np.linalg.norm(places_m.mean(axis=0))))
     noise = 2 * np.sqrt(NOISE.floor + NOISE.slope * signal * seen) / math.sqrt(_SAMPLES) / signal
-    misfit = np.square((light - seen) / noise).sum(axis=1)
+    misfit = np.square((light.reshape(len(shifts), -1) - seen) / noise).sum(axis=1)
     weight = np.exp(-0.5 * (misfit - misfit.min()))
     weight /= weight.sum()
     spread = shifts[:, 0] - weight @ shifts[:, 0]

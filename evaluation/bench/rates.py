@@ -30,13 +30,8 @@ def rate(hits: int, trials: int) -> Rate:
     centre = share + z * z / (2 * trials)
     spread = z * math.sqrt(share * (1 - share) / trials + z * z / (4 * trials * trials))
     scale = 1 + z * z / trials
-    return Rate(
-        hits=hits,
-        trials=trials,
-        rate=share,
-        low=max(0.0, (centre - spread) / scale),
-        high=min(1.0, (centre + spread) / scale),
-    )
+    low, high = max(0.0, (centre - spread) / scale), min(1.0, (centre + spread) / scale)
+    return Rate(hits=hits, trials=trials, rate=share, low=low, high=high)
 
 
 def sum_of(rates: Iterable[Rate]) -> Rate:
@@ -89,13 +84,9 @@ def frequency(events: int, hours: float) -> Frequency:
             low, high = (mean, high) if sum(terms) > chance else (low, mean)
         return high
 
-    return Frequency(
-        events=events,
-        hours=hours,
-        per_hour=events / hours,
-        low=mean_with(events - 1, 0.975) / hours if events else 0.0,
-        high=mean_with(events, 0.025) / hours,
-    )
+    low = mean_with(events - 1, 0.975) / hours if events else 0.0
+    high = mean_with(events, 0.025) / hours
+    return Frequency(events=events, hours=hours, per_hour=events / hours, low=low, high=high)
 
 
 def chance_of_fall(before: Rate, after: Rate) -> float:

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from evaluation.bench.judging import BOTH, Read, read_shares
+from evaluation.bench.judging import Read, judge_all, read_of
 from evaluation.bench.rates import Rate, chance_of_fall, sum_of
 from evaluation.bench.recordings import record, snr_db
 from evaluation.bench.stresses import STRESSES, Stress
@@ -29,7 +29,8 @@ def cell(
     stress: Stress, signal: float, recordings: int, rng: np.random.Generator
 ) -> dict[str, Read]:
     """Return what both methods read under a stress at a signal."""
-    return read_shares(lambda rng: record(stress, signal, rng), recordings, rng, BOTH)
+    found = judge_all(lambda rng: record(stress, signal, rng), recordings, rng)
+    return {method: read_of(rows) for method, rows in found.items()}
 
 
 def fall(rates: Sequence[Rate]) -> float:

@@ -72,15 +72,12 @@ def swinging(half_m: float, range_m: float, rng: np.random.Generator) -> Path:
     return path
 
 
-WAYS = {'across the view': across, 'to and fro': along}
+Way = Callable[[float, float, np.random.Generator], Path]
+WAYS: dict[str, Way] = {'across the view': across, 'to and fro': along}
 
 
 def _followed(
-    way: Callable[[float, float, np.random.Generator], Path],
-    value: float,
-    range_m: float,
-    runs: int,
-    rng: np.random.Generator,
+    way: Way, value: float, range_m: float, runs: int, rng: np.random.Generator
 ) -> dict[str, Any]:
     """Return what both methods read of a marker that repeats while it moves."""
     packets = 0

@@ -63,12 +63,7 @@ def run_experiment(name: str, directory: Path, *, quick: bool, seed: int) -> str
 
 
 def run_experiments(
-    names: Sequence[str],
-    directory: Path,
-    *,
-    quick: bool = False,
-    seed: int = 1,
-    processes: int | None = None,
+    names: Sequence[str], directory: Path, *, quick: bool, seed: int, processes: int | None
 ) -> None:
     """Run experiments, and write their figures and charts as NAME.json and NAME.png.
 

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from evaluation.bench.judging import BOTH, read_shares
+from evaluation.bench.judging import BOTH, judge_all, read_of
 from evaluation.bench.recordings import Sent, record, signal_at
 from evaluation.bench.stresses import PANELS, Panel
 from evaluation.experiments.moving import across
@@ -45,7 +45,8 @@ def read(
         return record(stress, signal_at(range_m), rng, path=path, **how)
 
     rng, variants = np.random.default_rng([seed, index]), {name: BOTH[name] for name in names}
-    return read_shares(make, recordings, rng, variants, lone=not repeats)
+    found = judge_all(make, recordings, rng, variants, lone=not repeats)
+    return {name: read_of(rows) for name, rows in found.items()}
 
 
 def _breaks(
