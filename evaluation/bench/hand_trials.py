@@ -19,6 +19,7 @@ from evaluation.bench.places import Look, PlaceError
 from evaluation.peers.camera import FOCAL_PX, Background, Pose, expose, facing, facing_pose, tilted
 from evaluation.peers.visual_markers import APRILTAG, AprilTagReader, square_range
 from retrolidar_ros.scene import Scene
+from retrolidar_ros.scene.description import Marker
 from retrolidar_ros.sensor.frame import Floats
 from retrolidar_ros.tasks.landmarks import Landmark
 from retrolidar_ros.tasks.next_view import best_place
@@ -109,8 +110,8 @@ def _landmarks(world: Scene, errors: Errors) -> dict[int, Landmark]:
 
 def errors_after(
     readings: Iterable[Reading], world: Scene, errors: Errors
-) -> dict[int, PlaceError]:
-    """Return by how much landmarks are wrong that took some readings, by ID; of those known."""
+) -> dict[Marker, PlaceError]:
+    """Return by how much landmarks are wrong that took some readings, by marker; of those known."""
     landmarks, found = _landmarks(world, errors), {}
     for reading in readings:
         if reading.marker in landmarks:
@@ -118,7 +119,7 @@ def errors_after(
     for marker in world.markers:
         estimate = landmarks[marker.id].estimate()
         if estimate is not None:
-            found[marker.id] = places.place_error(estimate, np.array(marker.position_m))
+            found[marker] = places.place_error(estimate, np.array(marker.position_m))
     return found
 
 

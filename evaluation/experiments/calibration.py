@@ -2,10 +2,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """Calibration: recordings of emulated sensors that it has not seen, truth beside estimate."""
 
+import itertools
 import math
 from collections.abc import Callable
 from dataclasses import replace
-from itertools import islice
 from typing import Any
 
 import numpy as np
@@ -33,7 +33,6 @@ _TRIALS, _QUICK_TRIALS = 16, 2
 SCALES = (0.25, 1.0, 4.0, 8.0)
 # Frame period [s], and rows of zones.
 _SENSORS = ((1 / 60, 4), (0.021, 4), (1 / 30, 4), (1 / 15, 8))
-_KIND_SCALE = 4.0  # scale of the noise, of other kinds of recordings
 _RISE_MS = 1.0  # how well the time in which a crystal brightens is to be found, where that can be
 _FEW = 0.5  # of the packets, below which a recording counts as not read
 _SECONDS = 30.0
@@ -154,7 +153,7 @@ def _packets_read(recording: Recording, scene: Scene, values: dict[str, Any]) ->
     frames = int(np.searchsorted(since_ns, marker.start_s * 1e9 + _READ_PACKETS * packet_ns))
     begin_ns, end_ns = recording.stamp_ns[[0, min(frames, len(recording)) - 1]].tolist()
     covered = np.zeros(int((end_ns - begin_ns) * 1e-7) + 1, dtype=bool)
-    for one in Decoding({**defaults(), **values}).detect(islice(recording, frames)):
+    for one in Decoding({**defaults(), **values}).detect(itertools.islice(recording, frames)):
         if one.id == marker.id:
             first = int((one.end_ns - one.packets * packet_ns - begin_ns) * 1e-7)
             covered[max(first, 0) : int((one.end_ns - begin_ns) * 1e-7)] = True
@@ -210,12 +209,8 @@ def _sweep_trial(rng: np.random.Generator, period_s: float) -> list[float]:
     """Return error and deviation of the blur found from a sweep there and back."""
     scene = _room(rng, period_s, 4, 1.0)
     depth_m = float(rng.uniform(0.5, 0.8))
-    marker = replace(
-        scene.markers[0],
-        position_m=(0.0, 0.02, depth_m),
-        bit_period_s=2 * period_s,
-        response=Response(0.0005, 0.0035),
-    )
+    marker = replace(scene.markers[0], position_m=(0.0, 0.02, depth_m), bit_period_s=2 * period_s)
+    marker = replace(marker, response=Response(0.0005, 0.0035))
     ends = ((0.0, -0.5), (_SECONDS / 2, 0.5), (_SECONDS, -0.5))
     path = tuple(
         description.Waypoint(time_s, (share * depth_m, 0.0, 0.0)) for time_s, share in ends
@@ -230,17 +225,13 @@ def _sweep_trial(rng: np.random.Generator, period_s: float) -> list[float]:
 def run(rng: np.random.Generator, *, quick: bool) -> dict[str, Any]:
     """Return all trials, by the scale of the noise and the sensor."""
     count = _QUICK_TRIALS if quick else _TRIALS
-    sensors = [_SENSORS[index % len(_SENSORS)] for index in range(count)]
-    trials = [
-        {'scale': scale, **_trial(_room(rng, period_s, rows, scale))}
-        for scale in SCALES
-        for period_s, rows in sensors
-    ]
+    sensors = itertools.product(SCALES, (_SENSORS * count)[:count])
+    trials = [{'scale': scale, **_trial(_room(rng, *sensor, scale))} for scale, sensor in sensors]
     sweeps = [_sweep_trial(rng, _SENSORS[index % 3][0]) for index in range(count)]
     kinds = []
     for kind, change in list(KINDS.items())[:: 3 if quick else 1]:
         for period_s, rows in _SENSORS[: 1 if quick else None]:
-            scene = change(_room(rng, period_s, rows, _KIND_SCALE))
+            scene = change(_room(rng, period_s, rows, scale=4.0))
             recording = Simulation(scene).run(_SECONDS)
             kinds.append({'kind': kind} | _read(recording, scene, calibrate(recording)))
     return {'trials': trials, 'sweeps': sweeps, 'kinds': kinds}

@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """What stands and shines in laboratories: bright walls, cover glasses, other sensors."""
 
+import itertools
 from typing import Any
 
 import numpy as np
@@ -15,11 +16,7 @@ TITLE = 'Walls, glass and other sensors'
 MESSAGE = 'What is harmless beside a near marker hides one at the limit of the reach'
 METHOD = 'joint'
 UNIT = 'kcps/SPAD'
-CONDITIONS = [
-    (range_m, False, repeats)
-    for range_m in (RANGES_M[0], RANGES_M[-1])
-    for repeats in (False, True)
-]
+CONDITIONS = list(itertools.product((RANGES_M[0], RANGES_M[-1]), (False,), (False, True)))
 _LOOKS = [
     {'color': colour, 'linestyle': line} for line in '-:' for colour in ('#0072b2', '#d55e00')
 ]

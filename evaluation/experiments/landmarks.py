@@ -17,6 +17,7 @@ from evaluation.peers.visual_markers import APRILTAG, find_readers
 from evaluation.report.charts import OTHERS, label, legend_below, legend_under, line, new_chart
 from evaluation.report.claims import NOTHING, Table, percent
 from retrolidar_ros.scene import Scene
+from retrolidar_ros.scene.description import Marker
 from retrolidar_ros.scene.files import load_scene
 from retrolidar_ros.tasks.survey import Survey
 
@@ -51,17 +52,17 @@ def _places(
     """Return errors of each object by distance of the places, and by how many of them."""
     found = []
     for side_m in sides_m:
-        rows: dict[tuple[int, int], list[PlaceError]] = {}
+        rows: dict[tuple[int, Marker], list[PlaceError]] = {}
         for _ in range(trials):
             readings = hand.hand_readings(hand.visits(world, side_m, rng), rng)
             for count in range(1, len(readings) + 1):
                 taken = itertools.chain(*readings[:count])
                 errors = hand.errors_after(taken, world, hand.errors_for(0.0))
-                for identity, error in errors.items():
-                    rows.setdefault((count, identity), []).append(error)
+                for marker, error in errors.items():
+                    rows.setdefault((count, marker), []).append(error)
         found += [
             {'side_m': side_m, 'places': count, 'object': marker.name}
-            | _errors(rows[count, marker.id])
+            | _errors(rows[count, marker])
             for count in range(1, len(hand.CORNERS) + 1)
             for marker in world.markers
         ]
@@ -71,7 +72,7 @@ def _places(
 def _beside_tags(world: Scene, trials: int, rng: np.random.Generator) -> list[dict[str, Any]]:
     """Return errors of LiDAR markers and of AprilTags, all else alike, from four places."""
     camera = hand.TagCamera(rng)
-    rows: dict[tuple[str, float, int], list[PlaceError]] = {}
+    rows: dict[tuple[str, float, Marker], list[PlaceError]] = {}
     for _ in range(trials):
         trial = hand.visits(world, _TAG_SIDE_M, rng)
         for pose_m in (0.0, _POSE_M):
@@ -81,15 +82,13 @@ def _beside_tags(world: Scene, trials: int, rng: np.random.Generator) -> list[di
                 (LIDAR, ours, hand.errors_for(pose_m)),
                 (APRILTAG, tags, camera.errors(pose_m)),
             ):
-                for identity, error in hand.errors_after(readings, world, errors).items():
-                    rows.setdefault((kind, pose_m, identity), []).append(error)
+                for marker, error in hand.errors_after(readings, world, errors).items():
+                    rows.setdefault((kind, pose_m, marker), []).append(error)
     return [
         {'kind': kind, 'pose_m': pose_m, 'object': marker.name}
         | {'range_m': float(np.linalg.norm(marker.position_m))}
         | _errors(own)
-        for (kind, pose_m, identity), own in rows.items()
-        for marker in world.markers
-        if marker.id == identity
+        for (kind, pose_m, marker), own in rows.items()
     ]
 
 

@@ -73,7 +73,7 @@ def narrow_gain() -> float:
 def run(rng: np.random.Generator, *, quick: bool) -> dict[str, Any]:
     """Return voltages, ranges, guards and lives; nothing is random."""
     indoors = wakeup.NOISE_V['indoors']
-    hourly = active_share(1)
+    hourly, shares = active_share(1), [active_share(one) for one in _QUERIES.tolist()]
     guards = [guard_v(hertz, 1 / _LOOKS_AN_HOUR, indoors) for hertz in _BANDWIDTHS_HZ.tolist()]
     most_ma = CELL_MAH / (2 * _YEAR_H)
     asleep = drawn(hourly, _CHEAP_LOOKS)
@@ -106,9 +106,7 @@ def run(rng: np.random.Generator, *, quick: bool) -> dict[str, Any]:
         'two_years_active_ma': (most_ma - asleep.sleep - asleep.detection) / hourly,
         'queries_per_hour': _QUERIES.tolist(),
         'over_queries_h': {
-            name: [
-                life_h(CELL_MAH, drawn(active_share(one), parts).total) for one in _QUERIES.tolist()
-            ]
+            name: [life_h(CELL_MAH, drawn(share, parts).total) for share in shares]
             for name, parts in PARTS.items()
         },
     }

@@ -28,8 +28,8 @@ SHOWN_M = 2.0
 _COLUMNS = 4
 _LEAST = 0.25  # less than this without any stress is nothing to break
 
-
 Where = tuple[float, bool, bool]  # range [m], whether the marker moves, whether it repeats
+CONDITIONS = list(itertools.product(RANGES_M, (False, True), (False, True)))
 
 
 def read(
@@ -63,14 +63,6 @@ def _breaks(
     if high == len(values):
         return {'state': 'never', 'at': values[-1]}
     return {'state': 'breaks', 'at': (values[low] + values[high]) / 2}
-
-
-CONDITIONS = [
-    (range_m, moves, repeats)
-    for range_m in RANGES_M
-    for moves in (False, True)
-    for repeats in (False, True)
-]
 
 
 def named(where: Where) -> str:
