@@ -18,7 +18,7 @@ from evaluation.bench.judging import BOTH, judged, read_of
 from evaluation.bench.rates import Rate, crossing, rate
 from evaluation.bench.recordings import Sent, signal_at, snr_db, transmission
 from evaluation.experiments.paper_sweeps import LONE_RECORDINGS, lone_packets
-from evaluation.report.charts import LEVEL, draw_shares, label, legend_under, look, new_chart
+from evaluation.report.chart_style import LEVEL, draw_shares, label, legend_under, look, new_chart
 from evaluation.report.claims import Table, as_text
 from retrolidar_ros.detector import create_detector
 from retrolidar_ros.detector.likelihood_detector import LikelihoodDetector

@@ -12,7 +12,7 @@ from evaluation.bench.judging import Read, judge_all, read_of
 from evaluation.bench.rates import Rate, chance_of_fall, sum_of
 from evaluation.bench.recordings import record, snr_db
 from evaluation.bench.stresses import STRESSES, Stress
-from evaluation.report.charts import label, new_chart
+from evaluation.report.chart_style import label, new_chart
 from evaluation.report.claims import Table
 from retrolidar_ros.detector import METHODS
 from retrolidar_ros.scene.marker_budget import SNR
@@ -54,7 +54,7 @@ def run(rng: np.random.Generator, *, quick: bool) -> dict[str, Any]:
 def table(figures: dict[str, Any]) -> Table:
     """Return how many stresses there are under which a brighter marker is read less."""
     rows: dict[str, list[str]] = {'': list(METHODS)}
-    rows['stresses under which brighter is read less'] = [
+    rows['stresses under which brighter is significantly less read'] = [
         ', '.join(row['stress'] for row in figures['rows'] if row['fall'][method] < FALL_CHANCE)
         or 'none'
         for method in METHODS

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from evaluation.report.charts import label, legend_under, look, new_chart
+from evaluation.report.chart_style import label, legend_under, look, new_chart
 from evaluation.report.claims import Table
 from retrolidar_ros.detector.decoding import Decoding
 from retrolidar_ros.detector.parameters import defaults

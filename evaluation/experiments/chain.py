@@ -8,11 +8,11 @@ import numpy as np
 
 from evaluation.bench.places import place_error
 from evaluation.bench.recordings import transmission
-from evaluation.report.charts import label, legend_below, line, look, new_chart
+from evaluation.report.chart_style import label, legend_below, line, look, new_chart
 from evaluation.report.claims import Claim, Claims, Table
 from retrolidar_ros.detector import Detection, create_detector
 from retrolidar_ros.detector.likelihood_detector import LikelihoodDetector, Reason
-from retrolidar_ros.marker.code import BIT_PERIOD_S, packet
+from retrolidar_ros.marker.code import BIT_PERIOD_S, MAX_CORRECTED_BITS, packet
 from retrolidar_ros.scene import Scene, Simulation
 from retrolidar_ros.scene.description import Marker, Surface
 from retrolidar_ros.scene.files import load_scene
@@ -113,7 +113,8 @@ def table(figures: dict[str, Any]) -> Table:
 def claims(figures: dict[str, Any]) -> Claims:
     """Return the bits that were corrected."""
     paper = ', '.join(str(one['corrected_bits']) for one in figures['paper']) or 'not read'
-    return {'bits': Claim(paper, str(figures['corrected_bits']), bool(figures['ids']))}
+    agrees = bool(figures['ids']) and figures['corrected_bits'] <= MAX_CORRECTED_BITS
+    return {'bits': Claim(paper, str(figures['corrected_bits']), agrees)}
 
 
 def draw(figures: dict[str, Any]) -> Any:

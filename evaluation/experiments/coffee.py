@@ -14,7 +14,14 @@ import numpy as np
 from evaluation.bench import places as hand
 from evaluation.peers.camera import PICTURES_HZ
 from evaluation.peers.visual_markers import APRILTAG, find_readers, read_over_distance
-from evaluation.report.charts import draw_distribution, label, legend_below, line, look, new_chart
+from evaluation.report.chart_style import (
+    draw_distribution,
+    label,
+    legend_below,
+    line,
+    look,
+    new_chart,
+)
 from evaluation.report.claims import BOTH_CLAIMED, Claims, Table, as_text, claim_of, model
 from retrolidar_ros.detector import METHODS
 from retrolidar_ros.scene import Scene, Simulation

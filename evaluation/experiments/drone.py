@@ -9,7 +9,7 @@ import numpy as np
 
 from evaluation.bench.places import place_error, read_live, rms
 from evaluation.bench.rates import Rate, rate
-from evaluation.report.charts import draw_shares, label, legend_below, line, look, new_chart
+from evaluation.report.chart_style import draw_shares, label, legend_below, line, look, new_chart
 from evaluation.report.claims import BOTH_CLAIMED, Claims, Table, as_text, claim_of, percent, shares
 from retrolidar_ros.detector import METHODS
 from retrolidar_ros.scene import Scene, Simulation

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from evaluation.report.charts import OTHERS, label, new_chart
+from evaluation.report.chart_style import OTHERS, label, new_chart
 from evaluation.report.claims import Claim, Claims, Table, model
 from retrolidar_ros.marker import code
 from retrolidar_ros.marker.dictionary import USABLE_IDS, largest_set

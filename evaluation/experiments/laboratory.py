@@ -9,7 +9,7 @@ import numpy as np
 
 from evaluation.bench.stresses import LABORATORY
 from evaluation.experiments.stability import RANGES_M, named, read
-from evaluation.report.charts import LEVEL, draw_shares, label, legend_below, new_chart
+from evaluation.report.chart_style import LEVEL, draw_shares, label, legend_below, new_chart
 from evaluation.report.claims import Table
 
 TITLE = 'Walls, glass and other sensors'

@@ -14,7 +14,7 @@ from evaluation.bench.landmark_trials import FLIGHT_S, drone_trial, room_trial, 
 from evaluation.bench.places import PlaceError, held, place_error, rms
 from evaluation.bench.rates import sum_of
 from evaluation.peers.visual_markers import APRILTAG, find_readers
-from evaluation.report.charts import OTHERS, label, legend_below, legend_under, line, new_chart
+from evaluation.report.chart_style import OTHERS, label, legend_below, legend_under, line, new_chart
 from evaluation.report.claims import NOTHING, Table, percent
 from retrolidar_ros.scene import Scene
 from retrolidar_ros.scene.description import Marker

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from evaluation.report.charts import OTHERS, label, legend_under, line, look, new_chart
+from evaluation.report.chart_style import OTHERS, label, legend_under, line, look, new_chart
 from evaluation.report.claims import Claims, Table, model
 from retrolidar_ros.scene import Simulation
 from retrolidar_ros.scene.reference import SENSOR, WALL_SIGNAL, marker_in_each_zone

@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from evaluation.report.charts import OTHERS, label, legend_under, line, new_chart
+from evaluation.report.chart_style import OTHERS, label, legend_under, line, new_chart
 from evaluation.report.claims import Claims, Table, as_text, model
 from retrolidar_ros.marker import wakeup
 from retrolidar_ros.marker.battery import CELL_MAH, PROTOTYPE, active_share, drawn, life_h

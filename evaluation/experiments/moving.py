@@ -14,7 +14,7 @@ from evaluation.bench.places import place_error, rms
 from evaluation.bench.rates import rate
 from evaluation.bench.recordings import Path, record, signal_at
 from evaluation.bench.stresses import PLAIN
-from evaluation.report.charts import draw_shares, label, legend_below, line, look, new_chart
+from evaluation.report.chart_style import draw_shares, label, legend_below, line, look, new_chart
 from evaluation.report.claims import Table, as_text, percent
 from retrolidar_ros.detector import METHODS
 from retrolidar_ros.scene.reference import SENSOR

@@ -13,7 +13,15 @@ from numpy.typing import NDArray
 from evaluation.bench.recordings import Sent, record, rng_at, signal_at
 from evaluation.bench.stresses import PLAIN
 from evaluation.experiments import sweeps
-from evaluation.report.charts import SHADES, WRONG, draw_reads, label, legend_below, line, new_chart
+from evaluation.report.chart_style import (
+    SHADES,
+    WRONG,
+    draw_reads,
+    label,
+    legend_below,
+    line,
+    new_chart,
+)
 from evaluation.report.claims import BOTH_CLAIMED, Claim, Claims, as_text, claim_of, model, shares
 from retrolidar_ros.detector import METHODS
 from retrolidar_ros.marker.dictionary import USABLE_IDS

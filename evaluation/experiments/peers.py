@@ -18,11 +18,11 @@ from evaluation.experiments.sweeps import ends_of
 from evaluation.peers import visual_markers
 from evaluation.peers.camera import Background
 from evaluation.peers.visual_markers import APRILTAG, APRILTAG_FINE, QR, View
-from evaluation.report.charts import draw_reads, label, legend_below, look, new_chart
+from evaluation.report.chart_style import draw_reads, label, legend_below, look, new_chart
 from evaluation.report.claims import NOTHING, Claim, Claims, Table, as_text, claim_of, end_as_text
 
 TITLE = 'LiDAR markers beside visual ones'
-MESSAGE = 'Tags: farther, sooner, turned more; LiDAR markers: smaller, in motion, in the dark'
+MESSAGE = 'Tags: farther, sooner, turned more; LiDAR markers: smaller, in the dark'
 AT_M = 1.0  # where everything but distance is swept: all read nearly everything there
 _PICTURES, _QUICK_PICTURES = 32, 8
 _NAMES = ['joint', 'paper', APRILTAG, APRILTAG_FINE, QR]

@@ -10,7 +10,7 @@ import numpy as np
 from evaluation.bench.judging import BOTH, judged
 from evaluation.experiments.link import NEVER_S, board_signal
 from evaluation.experiments.paper_sweeps import LONE_RECORDINGS, lone_packets
-from evaluation.report.charts import OTHERS, label, legend_below, line, look, new_chart
+from evaluation.report.chart_style import OTHERS, label, legend_below, line, look, new_chart
 from evaluation.report.claims import BOTH_CLAIMED, Claims, Table, as_text, claim_of, model
 from retrolidar_ros.detector import METHODS
 from retrolidar_ros.scene import Scene, Simulation

@@ -20,7 +20,7 @@ from typing import Any
 import numpy as np
 
 from evaluation.experiments.paper_sweeps import SWEEPS
-from evaluation.report.charts import mark_rough
+from evaluation.report.chart_style import mark_rough
 from evaluation.report.claims import markdown, write_figures
 from retrolidar_ros.cli.processes import end_with_parent
 

@@ -19,7 +19,7 @@ from evaluation.bench.judging import Options, judged, read_of
 from evaluation.bench.rates import Frequency, frequency, rate
 from evaluation.bench.recordings import record, signal_at
 from evaluation.bench.stresses import PLAIN
-from evaluation.report.charts import label, legend_below, line, look, new_chart
+from evaluation.report.chart_style import label, legend_below, line, look, new_chart
 from evaluation.report.claims import BOTH_CLAIMED, Claim, Claims, Table, claim_of, per_hour
 from retrolidar_ros.detector import METHODS, Detection, create_detector
 from retrolidar_ros.detector.budget import USUAL_FALSE_IDS_PER_HOUR

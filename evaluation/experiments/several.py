@@ -11,7 +11,7 @@ from evaluation.bench.judging import read_by_both
 from evaluation.bench.rates import rate
 from evaluation.bench.recordings import record, signal_at
 from evaluation.bench.stresses import Stress
-from evaluation.report.charts import draw_shares, label, legend_below, line, look, new_chart
+from evaluation.report.chart_style import draw_shares, label, legend_below, line, look, new_chart
 from evaluation.report.claims import BOTH_CLAIMED, Claims, Table, percent, shares
 from retrolidar_ros.detector import METHODS
 from retrolidar_ros.marker.dictionary import USABLE_IDS

@@ -19,7 +19,7 @@ from evaluation.experiments.bound import genie_reach
 from evaluation.peers import visual_markers
 from evaluation.peers.camera import Background
 from evaluation.peers.visual_markers import AprilTagReader, QrReader, Reader, View
-from evaluation.report.charts import LEVEL, label, legend_below, line, look, new_chart
+from evaluation.report.chart_style import LEVEL, label, legend_below, line, look, new_chart
 from evaluation.report.claims import Table, end_as_text
 from retrolidar_ros.detector import create_detector
 from retrolidar_ros.marker.dictionary import USABLE_IDS, choose_ids

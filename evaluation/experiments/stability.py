@@ -15,7 +15,7 @@ from evaluation.bench.judging import BOTH, judge_all, read_of
 from evaluation.bench.recordings import Sent, record, signal_at
 from evaluation.bench.stresses import PANELS, Panel
 from evaluation.experiments.moving import across
-from evaluation.report.charts import LEVEL, WRONG, draw_reads, label, legend_below, new_chart
+from evaluation.report.chart_style import LEVEL, WRONG, draw_reads, label, legend_below, new_chart
 from evaluation.report.claims import Table
 from retrolidar_ros.detector import METHODS
 

@@ -15,7 +15,15 @@ import numpy as np
 from evaluation.bench.judging import BOTH, Options, judge_all, read_of
 from evaluation.bench.rates import crossing
 from evaluation.bench.recordings import Sent, rng_at
-from evaluation.report.charts import LEVEL, WRONG, draw_reads, label, legend_below, line, new_chart
+from evaluation.report.chart_style import (
+    LEVEL,
+    WRONG,
+    draw_reads,
+    label,
+    legend_below,
+    line,
+    new_chart,
+)
 from evaluation.report.claims import Claims, Table, end_as_text
 from retrolidar_ros.detector import METHODS
 

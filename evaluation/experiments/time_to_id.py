@@ -14,7 +14,7 @@ from evaluation.bench.recordings import SILENCE_BITS, Sent, record, signal_at
 from evaluation.bench.stresses import PLAIN
 from evaluation.peers.camera import PICTURES_HZ
 from evaluation.peers.visual_markers import APRILTAG, find_readers, read_over_distance
-from evaluation.report.charts import label, legend_below, line, look, new_chart
+from evaluation.report.chart_style import label, legend_below, line, look, new_chart
 from evaluation.report.claims import Table
 from retrolidar_ros.detector import METHODS
 from retrolidar_ros.marker.code import BIT_PERIOD_S

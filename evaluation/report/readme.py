@@ -195,7 +195,7 @@ def limits(report: Report) -> str:
     figures, others = report['stability'], report['laboratory']
     conditions = [stability.named(where) for where in laboratory.CONDITIONS]
     panels = {panel['name']: panel for panel in figures['panels']}
-    rows: Table = [['80 % are still read up to', *conditions]]
+    rows: Table = [['limit', *conditions]]
     for name, (what, unit) in _STRESSES.items():
         breaks = [panels[name]['breaks'][where] for where in conditions]
         rows.append([what, *(f'{stability.breaking_point(one["joint"])} {unit}' for one in breaks)])
