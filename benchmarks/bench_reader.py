@@ -32,8 +32,9 @@ class ReaderLoad(NamedTuple):
     share: float
     """Of one core."""
     judged: int
+    """Frames."""
     lost: int
-    """Frames, as those that were judged."""
+    """Frames, on the way to the drivers or from there to the detectors."""
     memory_mb: float
 
 
@@ -57,15 +58,15 @@ def measure_reader(sensors: int, seconds: float) -> ReaderLoad:
             ):
                 raise TimeoutError(f'some of {sensors} sensors are not read')
             listener.spin_until(lambda: False, SETTLING_S)
-            sent, taken = listener.sent.copy(), listener.taken.copy()
+            taken, lost = listener.taken.copy(), sum(listener.lost.values())
             used_s, began_s = cpu_seconds(processes.pid('reader')), time.monotonic()
             listener.spin_until(lambda: False, seconds)
             share = cpu_seconds(processes.pid('reader')) - used_s
             share /= time.monotonic() - began_s
             memory_mb = megabytes(processes.pid('reader'))
         judged = sum(listener.taken[name][1] - taken[name][1] for name in taken)
-        came = sum(listener.sent[name][1] - sent[name][1] for name in sent)
-    return ReaderLoad(share, judged, came - judged, memory_mb)
+        lost = sum(listener.lost.values()) - lost
+    return ReaderLoad(share, judged, lost, memory_mb)
 
 
 def main() -> None:

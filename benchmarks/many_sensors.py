@@ -157,6 +157,8 @@ class CountListener(Listener):
         super().__init__(namespaces[0])
         self.sent: Counts = {}
         self.taken: Counts = {}
+        self.lost: dict[str, int] = {}
+        """Frames that each node says are missing between those that it got."""
         self.node.create_subscription(DiagnosticArray, '/diagnostics', self._count, 1000)
 
     def _count(self, message: DiagnosticArray) -> None:
@@ -166,6 +168,7 @@ class CountListener(Listener):
             values = {pair.key: pair.value for pair in status.values}
             if 'frames' not in values:  # word of a node that is silent
                 continue
+            self.lost[status.name] = int(values['lost frames'])
             if node == 'driver':
                 sent = int(values['frames']) + int(values['lost frames'])
                 self.sent[namespace] = (stamp_s, sent)
