@@ -97,7 +97,7 @@ def test_a_marker_between_zones_is_one_detection_with_the_stronger_zone_first() 
     assert detection.zones == (10, 9)
 
 
-def test_candidates_are_counted_as_read_or_refused() -> None:
+def test_candidates_are_counted_as_read_or_rejected() -> None:
     scene = replace(a_scene(), markers=())
     detector = create_detector('paper', GRID, likelihood_threshold=0.2)
     detections = run(simulate(scene, 60.0), detector)

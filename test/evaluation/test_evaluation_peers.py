@@ -191,7 +191,7 @@ def test_plates_have_a_white_margin_around_the_size(name: str) -> None:
     assert (plate.cells[margin:-margin, margin] < 1).any()
 
 
-def test_missing_zbar_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_missing_zbar_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
     for module in [name for name in sys.modules if name.startswith('pyzbar')]:
         monkeypatch.delitem(sys.modules, module)
     monkeypatch.setattr(ctypes.util, 'find_library', lambda name: None)
@@ -202,7 +202,7 @@ def test_missing_zbar_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
     assert 'apt install libzbar0' in missing[QR]
 
 
-def test_missing_apriltag_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_missing_apriltag_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, 'pyapriltags', None)
     _, missing = find_readers()
     assert 'pip install pyapriltags' in missing[APRILTAG]

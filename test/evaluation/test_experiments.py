@@ -84,7 +84,7 @@ def test_an_experiment_runs(name: str, tmp_path: Path, monkeypatch: pytest.Monke
     assert {len(row) for row in rows} == {len(heads)}
 
 
-def test_peers_tell_what_is_left_out(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_peers_name_what_is_left_out(monkeypatch: pytest.MonkeyPatch) -> None:
     kept = [reader for reader in find_readers()[0] if reader.name != QR]
     monkeypatch.setattr(visual_markers, 'find_readers', lambda: (kept, {QR: 'no zbar here'}))
     monkeypatch.setattr(peers, '_SWEEPS', {key: peers._SWEEPS[key] for key in ('3 cm', '1 cm')})

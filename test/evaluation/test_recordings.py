@@ -82,7 +82,7 @@ def test_a_stress_gives_the_same_possible_frames_again(stress: Stress) -> None:
 
 
 @pytest.mark.parametrize('strength_db', [-2.0, 6.0, 20.0])
-def test_a_link_is_as_strong_as_told(strength_db: float) -> None:
+def test_a_link_is_as_strong_as_asked(strength_db: float) -> None:
     assert snr_db(needed_swing(strength_db)) == pytest.approx(strength_db)
 
 
@@ -119,7 +119,7 @@ def test_a_marker_on_its_way_is_in_one_zone_after_the_other() -> None:
     assert judged(sent, BOTH['joint'], lone=False).right.shape == (1,)
 
 
-def test_a_marker_swings_as_far_and_as_fast_as_told() -> None:
+def test_a_marker_swings_as_far_and_as_fast_as_asked() -> None:
     path = swinging(0.2, 1.0, np.random.default_rng(3))
     x, y, z = path(np.arange(0, SWING_S, 0.01)).T
     assert (x.min(), x.max()) == pytest.approx((-0.2, 0.2), abs=1e-3)
@@ -212,7 +212,7 @@ def test_targets_vanish_and_come_back(blocks: list[Recording]) -> None:
     assert back_of / gone_of == pytest.approx(0.12, rel=0.05)
 
 
-def test_statuses_tell_why(blocks: list[Recording]) -> None:
+def test_statuses_say_why(blocks: list[Recording]) -> None:
     status = joined(blocks, 'status')
     codes, counts = np.unique(status, return_counts=True)
     assert codes.tolist() == [4, Status.VALID, Status.SIGNAL_TOO_LOW, 10, Status.NO_TARGET]

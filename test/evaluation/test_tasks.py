@@ -140,7 +140,7 @@ def test_objects_that_are_not_read_are_not_placed() -> None:
     assert set(errors) == {marker.name for marker in scene.markers[:2]}
 
 
-def test_the_drone_drifts_as_fast_as_told_and_is_hidden_as_long() -> None:
+def test_the_drone_drifts_as_fast_as_asked_and_is_hidden_as_long() -> None:
     (marker,) = drone.flight(0.2, 0.3).markers
     times_s = np.arange(0, 260, 0.01)
     places_m = position_at(marker, times_s)

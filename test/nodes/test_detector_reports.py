@@ -43,7 +43,7 @@ def test_frames_that_do_not_suit_the_bits_are_warned_of_once(system: System) -> 
     assert re.search(r'a frame comes every 2[01]\.\d ms, but bit_period is 30\.0 ms', line)
 
 
-def test_every_candidate_that_is_refused_is_logged_for_debugging(system: System) -> None:
+def test_every_candidate_that_is_rejected_is_logged_for_debugging(system: System) -> None:
     def counted() -> int:
         values = values_of(system.next_status('detector: markers'))
         return sum(int(count) for key, count in values.items() if 'rejected' in key)

@@ -71,7 +71,7 @@ def test_a_robot_is_localised_among_the_landmarks_of_a_file(tmp_path: Path) -> N
         assert np.linalg.norm(vector_of(pose.pose.pose.position) - robot_m) < 0.05
 
 
-def test_three_sensors_on_the_ground_tell_where_a_drone_is(tmp_path: Path) -> None:
+def test_three_sensors_on_the_ground_locate_a_drone(tmp_path: Path) -> None:
     known = shared_file('config/markers.yaml')
     (drone,) = load_scene('drone').markers
     with running(tmp_path, '/landmarks_drone') as system:

@@ -66,13 +66,13 @@ def found() -> Calibration:
     return calibrate(recorded(SCENE), distance_m=DISTANCE_M)
 
 
-def test_frames_are_told(found: Calibration) -> None:
+def test_frames_are_reported(found: Calibration) -> None:
     assert holds(found.timing.period_s, 0.0333 * 1.003)
     assert found.timing.jitter_s.value == pytest.approx(0.96e-3, rel=0.1)
     assert holds(found.timing.lost, 0.02)
 
 
-def test_noise_is_told_of_zones_at_rest(found: Calibration) -> None:
+def test_noise_is_that_of_zones_at_rest(found: Calibration) -> None:
     noise = found.noise
     assert noise is not None
     assert 10 not in noise.zones
@@ -83,7 +83,7 @@ def test_noise_is_told_of_zones_at_rest(found: Calibration) -> None:
     assert noise.ambient is None
 
 
-def test_a_marker_is_read_and_told_of(found: Calibration) -> None:
+def test_a_marker_is_read_and_reported(found: Calibration) -> None:
     (marker,) = found.markers
     sent = marker.sent
     assert (sent.id, sent.zones[0]) == (2816, 10)
@@ -97,7 +97,7 @@ def test_a_marker_is_read_and_told_of(found: Calibration) -> None:
     assert holds(marker.pedestal, 20.0)
 
 
-def test_a_distance_tells_offset_and_reach(found: Calibration) -> None:
+def test_a_distance_gives_offset_and_reach(found: Calibration) -> None:
     link = found.link
     assert link is not None
     assert abs(link.offset_m.value - 0.014) < 2e-3
@@ -105,7 +105,7 @@ def test_a_distance_tells_offset_and_reach(found: Calibration) -> None:
     assert 1.5 < link.reach_m < 2.5
 
 
-def test_what_was_found_is_a_scene_that_tells_the_same(found: Calibration) -> None:
+def test_what_was_found_is_a_scene_that_gives_the_same(found: Calibration) -> None:
     again = parse_scene(scene(found, 'a bag'))
     once_more = calibrate(recorded(again), distance_m=DISTANCE_M)
     for name, (value, _) in parameters(found).items():
@@ -123,7 +123,7 @@ def test_noise_of_any_size(scale: float) -> None:
     np.testing.assert_allclose(found.law.variance(signal), truth, rtol=0.15)
 
 
-def test_ambient_light_that_varies_tells_its_noise() -> None:
+def test_ambient_light_that_varies_gives_its_noise() -> None:
     noise = Noise(4.6, 0.22, 0.5)
     scene = replace(SCENE, sensor=replace(SCENE.sensor, noise=noise), ambient=2.0)
     dim, lit = recorded(scene, 15), recorded(replace(scene, ambient=60.0, seed=9), 15)
@@ -134,7 +134,7 @@ def test_ambient_light_that_varies_tells_its_noise() -> None:
     assert holds(found.ambient, 0.5)
 
 
-def test_a_sweep_tells_blur_and_pitch() -> None:
+def test_a_sweep_gives_blur_and_pitch() -> None:
     ends = Waypoint(0, (-0.25, 0, 0)), Waypoint(20, (0.25, 0, 0)), Waypoint(40, (-0.25, 0, 0))
     marker = replace(SCENE.markers[0], position_m=(0.0, 0.03, 0.6), bit_period_s=0.0667)
     sensor = replace(SCENE.sensor, path=ends, blur=0.12)
@@ -155,7 +155,7 @@ def test_without_a_marker_there_is_noise_and_advice() -> None:
     assert any(line.startswith('No zone blinks') for line in missing(found))
 
 
-def test_zones_that_are_alike_tell_no_slope() -> None:
+def test_zones_that_are_alike_give_no_slope() -> None:
     wall = replace(SCENE.surfaces[0], zones=None)
     found = calibrate(recorded(replace(SCENE, surfaces=(wall,), markers=())))
     assert found.noise is not None
@@ -165,7 +165,7 @@ def test_zones_that_are_alike_tell_no_slope() -> None:
     assert any('is taken to be as usual' in line for line in sentences(found))
 
 
-def test_a_wall_far_behind_leaves_the_crystal_untold() -> None:
+def test_a_wall_far_behind_leaves_the_crystal_unknown() -> None:
     far = replace(SCENE.surfaces[0], distance_m=2.5, signal=120.0, zones=None)
     found = calibrate(recorded(replace(SCENE, surfaces=(far,))))
     (marker,) = found.markers
@@ -192,7 +192,7 @@ def test_a_short_one_says_so() -> None:
     assert any('Record half a minute' in line for line in missing(calibrate(recorded(SCENE, 8))))
 
 
-def test_two_markers_do_not_tell_of_each_other() -> None:
+def test_two_markers_are_measured_apart() -> None:
     other = replace(SCENE.markers[0], id=204, position_m=(-0.2, -0.2, 0.9), contrast=0.8)
     found = calibrate(recorded(replace(SCENE, markers=(*SCENE.markers, other))))
     near, far = found.markers

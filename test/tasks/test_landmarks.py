@@ -47,7 +47,7 @@ def test_four_places_trilaterate_and_the_ellipsoid_is_honest() -> None:
     assert np.mean(np.array(distances) < 7.815) >= 0.9
 
 
-def test_one_place_tells_no_more_however_often_it_looks() -> None:
+def test_one_place_gives_no_more_however_often_it_looks() -> None:
     rng = np.random.default_rng(2)
     landmark = Landmark('mug', ALONE, ERRORS)
     for stamp_s in range(20):
@@ -60,7 +60,7 @@ def test_one_place_tells_no_more_however_often_it_looks() -> None:
     assert abs(open_axis @ HERE) < 0.2 * np.linalg.norm(HERE)
 
 
-def test_nothing_is_told_until_two_more_agree_than_do_not() -> None:
+def test_nothing_is_published_until_two_more_agree_than_do_not() -> None:
     rng = np.random.default_rng(3)
     landmark = Landmark('mug', ALONE, ERRORS)
     landmark.take(seen(HERE + np.array([0, 0, 0.5]), np.zeros(3), rng))  # a reflection
@@ -73,7 +73,7 @@ def test_nothing_is_told_until_two_more_agree_than_do_not() -> None:
     assert estimate.rejected == 1
 
 
-def test_twice_a_wrong_id_at_the_beginning_is_not_told() -> None:
+def test_twice_a_wrong_id_at_the_beginning_is_not_published() -> None:
     rng = np.random.default_rng(16)
     other_m = HERE + np.array([0.4, 0.1, 0.3])
     for order in ((0, 1, 0), (1, 0, 0), (0, 1, 0, 1)):
@@ -115,7 +115,7 @@ def test_readings_that_do_not_belong_are_counted_and_change_nothing() -> None:
     assert np.array_equal(after.position_m, before.position_m)
 
 
-def test_what_is_carried_away_is_never_told_between_two_places() -> None:
+def test_what_is_carried_away_is_never_published_between_two_places() -> None:
     rng = np.random.default_rng(5)
     for way in ([0.3, 0.0, 0.0], [0.0, -0.4, 0.3], [-0.2, 0.2, -0.2]):
         landmark = Landmark('mug', ALONE, ERRORS)
