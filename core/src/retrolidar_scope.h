@@ -26,15 +26,6 @@ double rl_scope_open(struct rl_window *window, int source, struct rl_sending *se
 /* Whether too many samples are erasures to decide the word. */
 bool rl_scope_is_erased(const struct rl_window *window, const struct rl_sending *sending);
 
-/* Leave out stretches of a few bits if the packet is likely enough with them dark: something has
- * hidden the marker for a while. Return how many, up to `RL_BURSTS`.
- *
- * own: log likelihood of the packet as it is
- * least: and what it must be with dark stretches
- */
-int rl_scope_hide_bursts(struct rl_window *window, const struct rl_sending *sending, double own,
-                         double least);
-
 /* Add zones near by that see the same packet, of which the window's has that evidence. */
 void rl_scope_add_zones(struct rl_window *window, const struct rl_sending *sending, double evidence);
 
