@@ -155,7 +155,8 @@ static struct rl_verdict decide(struct rl_detector *detector, int source, int pa
 static bool judge_pair(struct rl_detector *detector, const struct rl_hits *found, double to_s,
                        struct rl_verdict *one, struct rl_verdict *other)
 {
-    const int source = one->source[0];
+    const int source = one->source[0], packets = one->packets;
+    const double search_bits = RL_SEARCH_BITS + RL_PACKET_BITS * (packets - 1);
     const double least = detector->demands.evidence + COST_OF_PAIR;
     struct rl_hits *hits = &detector->behind;
     struct rl_interference *interference = &detector->window.interference;
@@ -164,8 +165,8 @@ static bool judge_pair(struct rl_detector *detector, const struct rl_hits *found
     }
     interference->transmission[interference->count++] = transmission_of(one);
     rl_residual_subtract(&detector->residual, source, interference,
-                         to_s - RL_SEARCH_BITS * detector->settings.bit_s);
-    rl_search_look(&detector->search, &source, 1, 1, to_s, to_s,
+                         to_s - search_bits * detector->settings.bit_s);
+    rl_search_look(&detector->search, &source, 1, packets, to_s, to_s,
                    HIDDEN * detector->demands.evidence, 2.0 * detector->most_beyond, hits);
     rl_residual_restore(&detector->residual, source);
     for (int i = 0; i < hits->count && i < MAX_PARTNERS && detector->decisions_left > 0; i++) {
@@ -174,18 +175,18 @@ static bool judge_pair(struct rl_detector *detector, const struct rl_hits *found
             continue;
         }
         detector->decisions_left -= 3;
-        *other = decide(detector, source, 1, hit, hits, one, to_s);
+        *other = decide(detector, source, packets, hit, hits, one, to_s);
         if (other->evidence < HIDDEN * detector->demands.evidence ||
             other->reason == RL_INCOMPLETE ||
             is_known(detector, other->id, rl_verdict_begin(other), other->end_s)) {
             continue;
         }
         const struct rl_verdict again =
-            decide(detector, source, 1, &found->hit[0], found, other, to_s);
+            decide(detector, source, packets, &found->hit[0], found, other, to_s);
         if (again.reason != RL_READ || again.evidence < least) {
             continue;
         }
-        *other = decide(detector, source, 1, hit, hits, &again, to_s);
+        *other = decide(detector, source, packets, hit, hits, &again, to_s);
         if (other->reason == RL_READ && other->evidence >= least) {
             *one = again;
             return true;
@@ -206,9 +207,9 @@ void rl_judge(struct rl_detector *detector, const struct rl_pending *pending, do
     detector->decisions_left--;
     struct rl_verdict other, verdict = decide(detector, pending->source, pending->packets, hit,
                                               &pending->hits, NULL, to_s);
-    const bool may_hide = pending->packets == 1 &&
-                          detector->samples.source[pending->source].zones == 1 &&
-                          (verdict.reason == RL_NOT_A_WORD || verdict.reason == RL_MARGIN) &&
+    const bool may_hide = detector->samples.source[pending->source].zones == 1 &&
+                          (verdict.reason == RL_EVIDENCE || verdict.reason == RL_NOT_A_WORD ||
+                           verdict.reason == RL_MARGIN) &&
                           verdict.evidence > HIDDEN * detector->demands.evidence;
     if (may_hide && judge_pair(detector, &pending->hits, to_s, &verdict, &other)) {
         detector->counts.candidates++;
