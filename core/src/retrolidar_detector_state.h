@@ -18,6 +18,8 @@ enum {
     RL_MOST_PENDING = 2 * RL_MOST_SOURCES + 6 * RL_MOST_ZONES, /* all of a frame */
     RL_SEARCH_BITS = 66, /* that a search for one packet may look back */
 };
+/* A source that varies by less than so many times its noise holds no packet by itself. */
+static const double RL_ACTIVE = 1.5;
 /* Bits by which a packet may begin before the one before it has ended. */
 static const double RL_OVERLAP_BITS = 1.5;
 

@@ -108,6 +108,15 @@ static void note(struct rl_detector *detector, int source, int packets,
     }
 }
 
+/* Add a packet to what interferes, in place of the last one if there is no room. */
+static void add_beside(struct rl_interference *interference, const struct rl_verdict *beside)
+{
+    if (interference->count == RL_MAX_TRANSMISSIONS) {
+        interference->count--;
+    }
+    interference->transmission[interference->count++] = transmission_of(beside);
+}
+
 /* Judge a hit.
  *
  * beside: another packet that is taken to be there, if any
@@ -134,10 +143,7 @@ static struct rl_verdict decide(struct rl_detector *detector, int source, int pa
     rl_pool_interference(&detector->pool, rl_source_zones(&detector->samples, source), from_s,
                          to_s, hit->id, interference);
     if (beside != NULL) {
-        if (interference->count == RL_MAX_TRANSMISSIONS) {
-            interference->count--;
-        }
-        interference->transmission[interference->count++] = transmission_of(beside);
+        add_beside(interference, beside);
     }
     struct rl_verdict verdict =
         rl_decide(&detector->window, &detector->search.codebook, &demands, source, hit, &rivals,
@@ -149,26 +155,42 @@ static struct rl_verdict decide(struct rl_detector *detector, int source, int pa
     return verdict;
 }
 
-/* Look for another packet in the zone of one, each of which hides the other: each is judged with the
- * other one beside it, twice over. Return whether both are read.
+/* Search a zone without a packet, and without those that have been read in it. Return how the rest
+ * varies, in the variance of noise; it is not searched if that is as little as noise does.
  */
-static bool judge_pair(struct rl_detector *detector, const struct rl_hits *found, double to_s,
-                       struct rl_verdict *one, struct rl_verdict *other)
+static double search_without(struct rl_detector *detector, const struct rl_verdict *one,
+                             double to_s, struct rl_hits *hits)
+{
+    struct rl_interference interference;
+    const int source = one->source[0], packets = one->packets;
+    const double packet_s = RL_PACKET_BITS * detector->settings.bit_s;
+    const double from_s =
+        to_s - RL_SEARCH_BITS * detector->settings.bit_s - (packets - 1) * packet_s;
+    rl_pool_interference(&detector->pool, rl_source_zones(&detector->samples, source), from_s,
+                         to_s, one->id, &interference);
+    add_beside(&interference, one);
+    const double rest =
+        rl_residual_subtract(&detector->residual, source, &interference, from_s);
+    hits->count = 0;
+    if (rest > RL_ACTIVE) {
+        rl_search_look(&detector->search, &source, 1, packets, to_s, to_s,
+                       HIDDEN * detector->demands.evidence, 2.0 * detector->most_beyond, hits);
+    }
+    rl_residual_restore(&detector->residual, source);
+    return rest;
+}
+
+/* Look for another packet in the zone of one, as they hide each other: the other is the best one
+ * without the first, then the first is sought again without the other, and each is judged with the
+ * other one beside it. Return whether both are read.
+ */
+static bool judge_pair(struct rl_detector *detector, double to_s, struct rl_verdict *one,
+                       struct rl_verdict *other)
 {
     const int source = one->source[0], packets = one->packets;
-    const double search_bits = RL_SEARCH_BITS + RL_PACKET_BITS * (packets - 1);
     const double least = detector->demands.evidence + COST_OF_PAIR;
-    struct rl_hits *hits = &detector->behind;
-    struct rl_interference *interference = &detector->window.interference;
-    if (interference->count == RL_MAX_TRANSMISSIONS) {
-        interference->count--;
-    }
-    interference->transmission[interference->count++] = transmission_of(one);
-    rl_residual_subtract(&detector->residual, source, interference,
-                         to_s - search_bits * detector->settings.bit_s);
-    rl_search_look(&detector->search, &source, 1, packets, to_s, to_s,
-                   HIDDEN * detector->demands.evidence, 2.0 * detector->most_beyond, hits);
-    rl_residual_restore(&detector->residual, source);
+    struct rl_hits *hits = &detector->behind, again_hits;
+    search_without(detector, one, to_s, hits);
     for (int i = 0; i < hits->count && i < MAX_PARTNERS && detector->decisions_left > 0; i++) {
         const struct rl_hit *hit = &hits->hit[i];
         if (hit->id == one->id) {
@@ -181,9 +203,14 @@ static bool judge_pair(struct rl_detector *detector, const struct rl_hits *found
             is_known(detector, other->id, rl_verdict_begin(other), other->end_s)) {
             continue;
         }
+        search_without(detector, other, to_s, &again_hits);
+        if (again_hits.count == 0 || again_hits.hit[0].id == other->id) {
+            continue;
+        }
         const struct rl_verdict again =
-            decide(detector, source, packets, &found->hit[0], found, other, to_s);
-        if (again.reason != RL_READ || again.evidence < least) {
+            decide(detector, source, packets, &again_hits.hit[0], &again_hits, other, to_s);
+        if (again.reason != RL_READ || again.evidence < least ||
+            is_known(detector, again.id, rl_verdict_begin(&again), again.end_s)) {
             continue;
         }
         *other = decide(detector, source, packets, hit, hits, &again, to_s);
@@ -208,10 +235,9 @@ void rl_judge(struct rl_detector *detector, const struct rl_pending *pending, do
     struct rl_verdict other, verdict = decide(detector, pending->source, pending->packets, hit,
                                               &pending->hits, NULL, to_s);
     const bool may_hide = detector->samples.source[pending->source].zones == 1 &&
-                          (verdict.reason == RL_EVIDENCE || verdict.reason == RL_NOT_A_WORD ||
-                           verdict.reason == RL_MARGIN) &&
+                          verdict.reason != RL_INCOMPLETE && verdict.reason != RL_ERASED &&
                           verdict.evidence > HIDDEN * detector->demands.evidence;
-    if (may_hide && judge_pair(detector, &pending->hits, to_s, &verdict, &other)) {
+    if (may_hide && judge_pair(detector, to_s, &verdict, &other)) {
         detector->counts.candidates++;
         add_reading(detector, &other);
     }

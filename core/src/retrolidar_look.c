@@ -18,8 +18,6 @@ enum {
     WORDS_MORE = 100,
 };
 static const int FOLD[FOLDS] = {1, 2, 3, 5, 8};
-/* A source that varies by less than so many times its noise holds no packet by itself. */
-static const double ACTIVE = 1.5;
 /* So long after a reading the residual is searched: as long as no whole packet can have come. */
 static const double MAX_RESIDUAL_BITS = 95.0;
 /* Share of the evidence in demand that a coarse template must find. */
@@ -53,7 +51,7 @@ static int ready(const struct rl_detector *detector, double bits, double to_s, b
     for (int source = 0; source < detector->samples.sources; source++) {
         if (detector->read_s[source] <= since_s &&
             detector->samples.source[source].zones <= most_zones &&
-            (!active || rl_noise_variation(&detector->samples, source) > ACTIVE)) {
+            (!active || rl_noise_variation(&detector->samples, source) > RL_ACTIVE)) {
             sources[count++] = source;
         }
     }
@@ -91,7 +89,7 @@ static void search_residual(struct rl_detector *detector, double from_s, double 
         rl_pool_interference(&detector->pool, (uint64_t)1 << zone,
                              to_s - RL_SEARCH_BITS * bit_s, to_s, 0, &interference);
         if (rl_residual_subtract(&detector->residual, zone, &interference,
-                                 to_s - RL_SEARCH_BITS * bit_s) > ACTIVE) {
+                                 to_s - RL_SEARCH_BITS * bit_s) > RL_ACTIVE) {
             zones[count++] = zone;
         } else {
             rl_residual_restore(&detector->residual, zone);
