@@ -73,8 +73,8 @@ static bool has_repeated(struct rl_window *window, const struct rl_sending *send
 
 /* What speaks against a packet in one source by itself: RL_READ if nothing does. */
 static int doubt(struct rl_window *window, const struct rl_demands *demands,
-                 const struct rl_sending *sending, int packets, double own, double half_bits,
-                 const struct rl_hits *hits, double *word)
+                 const struct rl_sending *sending, int packets, double own,
+                 double half_bits, const struct rl_hits *hits, double *word)
 {
     if (sending->repeats && may_be_lone(window, sending, packets, own)) {
         return RL_INCOMPLETE;
@@ -101,7 +101,8 @@ static double refine(struct rl_verdict *verdict, struct rl_window *window, doubl
 
 struct rl_verdict rl_decide(struct rl_window *window, const struct rl_codebook *codebook,
                             const struct rl_demands *demands, int source, const struct rl_hit *hit,
-                            const struct rl_hits *hits, int packets, double read_s, double to_s)
+                            const struct rl_hits *hits, int packets, double read_s,
+                            bool follows, double to_s)
 {
     struct rl_verdict verdict = {.reason = RL_EVIDENCE, .id = hit->id, .packets = packets};
     struct rl_sending *sending = &verdict.sending;
@@ -124,7 +125,7 @@ struct rl_verdict rl_decide(struct rl_window *window, const struct rl_codebook *
         /* A packet that has begun looks like a faster one of another ID. */
         return verdict;
     }
-    if (sending->repeats && packets == 1 &&
+    if (sending->repeats && packets == 1 && !follows &&
         !has_repeated(window, sending, verdict.evidence, to_s - RL_PACKET_BITS * hit->bit_s,
                       to_s)) {
         return verdict;

@@ -42,11 +42,13 @@ struct rl_verdict {
  * hits: those that were found with it, rivals if they are of other IDs
  * packets: that the window holds
  * read_s: end of the packet that was read last in the source [s]
+ * follows: whether packets of this ID and clock were read before
  * to_s: end of the newest exposure [s]
  */
 struct rl_verdict rl_decide(struct rl_window *window, const struct rl_codebook *codebook,
                             const struct rl_demands *demands, int source, const struct rl_hit *hit,
-                            const struct rl_hits *hits, int packets, double read_s, double to_s);
+                            const struct rl_hits *hits, int packets, double read_s,
+                            bool follows, double to_s);
 
 /* Begin of what was used [s]. */
 double rl_verdict_begin(const struct rl_verdict *verdict);

@@ -20,6 +20,8 @@ enum {
 };
 /* A source that varies by less than so many times its noise holds no packet by itself. */
 static const double RL_ACTIVE = 1.5;
+/* A marker that has not been read for so long is not taken to go on. */
+static const double RL_GOES_ON_BITS = 33.0;
 /* Bits by which a packet may begin before the one before it has ended. */
 static const double RL_OVERLAP_BITS = 1.5;
 

@@ -139,15 +139,20 @@ static struct rl_verdict decide(struct rl_detector *detector, int source, int pa
         demands.margin = detector->settings.margin_of_more;
     }
     const double packet_s = RL_PACKET_BITS * hit->bit_s;
-    const double from_s = (hit->repeats ? to_s - packets * packet_s : hit->start_s) - packet_s;
-    rl_pool_interference(&detector->pool, rl_source_zones(&detector->samples, source), from_s,
-                         to_s, hit->id, interference);
+    const struct rl_transmission transmission = {
+        .sending = {.start_s = hit->start_s, .bit_s = hit->bit_s},
+        .begin_s = hit->repeats ? to_s - packets * packet_s : hit->start_s,
+        .end_s = to_s};
+    /* Markers may have gone on from what was read up to two packets before. */
+    rl_pool_interference(&detector->pool, rl_source_zones(&detector->samples, source),
+                         transmission.begin_s - 3.0 * packet_s, to_s, hit->id, interference);
     if (beside != NULL) {
         add_beside(interference, beside);
     }
     struct rl_verdict verdict =
         rl_decide(&detector->window, &detector->search.codebook, &demands, source, hit, &rivals,
-                  packets, detector->read_s[source], to_s);
+                  packets, detector->read_s[source],
+                  rl_pool_is_followed(&detector->pool, hit->id, &transmission), to_s);
     if (verdict.reason == RL_READ && !rl_shares_agree(&detector->shares, &verdict)) {
         verdict.reason = RL_NOT_A_WORD;
     }
@@ -166,8 +171,9 @@ static double search_without(struct rl_detector *detector, const struct rl_verdi
     const double packet_s = RL_PACKET_BITS * detector->settings.bit_s;
     const double from_s =
         to_s - RL_SEARCH_BITS * detector->settings.bit_s - (packets - 1) * packet_s;
-    rl_pool_interference(&detector->pool, rl_source_zones(&detector->samples, source), from_s,
-                         to_s, one->id, &interference);
+    rl_pool_interference(&detector->pool, rl_source_zones(&detector->samples, source),
+                         to_s - RL_GOES_ON_BITS * detector->settings.bit_s, to_s, one->id,
+                         &interference);
     add_beside(&interference, one);
     const double rest =
         rl_residual_subtract(&detector->residual, source, &interference, from_s);

@@ -87,7 +87,7 @@ static void search_residual(struct rl_detector *detector, double from_s, double 
             continue;
         }
         rl_pool_interference(&detector->pool, (uint64_t)1 << zone,
-                             to_s - RL_SEARCH_BITS * bit_s, to_s, 0, &interference);
+                             to_s - RL_GOES_ON_BITS * bit_s, to_s, 0, &interference);
         if (rl_residual_subtract(&detector->residual, zone, &interference,
                                  to_s - RL_SEARCH_BITS * bit_s) > RL_ACTIVE) {
             zones[count++] = zone;

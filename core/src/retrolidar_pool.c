@@ -103,7 +103,19 @@ bool rl_pool_knows(const struct rl_pool *pool, uint16_t id, double begin_s, doub
     return false;
 }
 
-void rl_pool_interference(const struct rl_pool *pool, uint64_t zones, double from_s, double to_s,
+bool rl_pool_is_followed(const struct rl_pool *pool, uint16_t id,
+                         const struct rl_transmission *transmission)
+{
+    for (int i = first_held(pool); i < pool->added; i++) {
+        const struct rl_member *member = &pool->member[i % RL_POOL];
+        if (member->id == id && goes_on(&member->transmission, transmission)) {
+            return true;
+        }
+    }
+    return false;
+}
+
+void rl_pool_interference(const struct rl_pool *pool, uint64_t zones, double since_s, double to_s,
                           uint16_t except, struct rl_interference *interference)
 {
     interference->count = 0;
@@ -112,10 +124,8 @@ void rl_pool_interference(const struct rl_pool *pool, uint64_t zones, double fro
             const struct rl_member *member = &pool->member[i % RL_POOL];
             const struct rl_transmission *transmission = &member->transmission;
             const uint64_t seen = beside ? member->near & ~member->zones : member->zones;
-            const double forgotten_s =
-                transmission->end_s + MAX_MISSED * RL_PACKET_BITS * transmission->sending.bit_s;
             const bool is_seen = (beside == 0) == ((member->zones & zones) != 0);
-            if (member->id != except && (seen & zones) != 0 && is_seen && forgotten_s > from_s &&
+            if (member->id != except && (seen & zones) != 0 && is_seen && transmission->end_s > since_s &&
                 transmission->begin_s < to_s && interference->count < RL_MAX_TRANSMISSIONS) {
                 interference->transmission[interference->count++] = *transmission;
             }

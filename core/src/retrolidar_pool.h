@@ -36,10 +36,14 @@ const struct rl_member *rl_pool_due(const struct rl_pool *pool, int *index, doub
 bool rl_pool_knows(const struct rl_pool *pool, uint16_t id, double begin_s, double end_s,
                    double overlap_s);
 
+/* Whether packets of an ID follow, by the same clock, others that are held. */
+bool rl_pool_is_followed(const struct rl_pool *pool, uint16_t id,
+                         const struct rl_transmission *transmission);
+
 /* Find what may be in some zones from one time to another besides an ID: what was read in them
- * first, then what was read beside them.
+ * first, then what was read beside them. Those whose last packet ended before `since_s` are over.
  */
-void rl_pool_interference(const struct rl_pool *pool, uint64_t zones, double from_s, double to_s,
+void rl_pool_interference(const struct rl_pool *pool, uint64_t zones, double since_s, double to_s,
                           uint16_t except, struct rl_interference *interference);
 
 /* The zones of a source as a bit mask. */
