@@ -3,6 +3,7 @@
  */
 #include "retrolidar_decide.h"
 
+#include "retrolidar_clock.h"
 #include "retrolidar_rivals.h"
 #include "retrolidar_scope.h"
 
@@ -110,8 +111,8 @@ struct rl_verdict rl_decide(struct rl_window *window, const struct rl_codebook *
     int silent_bits;
     *sending = (struct rl_sending){rl_packet(hit->id), hit->repeats, hit->start_s, hit->bit_s,
                                    BRIGHTENING_S};
-    window->least_bit_s = demands->bit_s * (1.0 - demands->most_skew - SKEW_SLACK);
-    window->most_bit_s = demands->bit_s * (1.0 + demands->most_skew + SKEW_SLACK);
+    window->min_bit_s = demands->bit_s * (1.0 - demands->most_skew - SKEW_SLACK);
+    window->max_bit_s = demands->bit_s * (1.0 + demands->most_skew + SKEW_SLACK);
     verdict.evidence = rl_scope_open(window, source, sending, packets, read_s, to_s, &silent_bits);
     verdict.end_s = sending->repeats ? to_s : sending->start_s + RL_PACKET_BITS * sending->bit_s;
     note_fit(&verdict, window);
@@ -164,12 +165,11 @@ struct rl_verdict rl_decide(struct rl_window *window, const struct rl_codebook *
         return verdict;
     }
     verdict.reason = RL_READ;
-    if (packets == 1) {
-        const double other = rl_rivals_clock(window, sending, half_bits) - own;
-        if (other > demands->word) {
-            verdict.reason = RL_NOT_A_WORD;
-            verdict.word = other;
-        }
+    const double other = packets == 1 ? rl_clock_excess(window, sending, own)
+                                      : rl_clock_period_excess(window, sending);
+    if (other > demands->word) {
+        verdict.reason = RL_NOT_A_WORD;
+        verdict.word = other;
     }
     return verdict;
 }

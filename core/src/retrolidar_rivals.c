@@ -3,19 +3,13 @@
  */
 #include "retrolidar_rivals.h"
 
-#include "retrolidar_target.h"
-
 #include <math.h>
 #include <stddef.h>
 
 enum {
     RIVALS = 3, /* that are tried exactly */
     ROUNDS = 4, /* bits that are turned to make a better sequence */
-    CLOCKS = 8, /* to either side that are too far off to be searched */
 };
-
-/* Between two of these: the ends of a window move by a quarter of a bit. */
-static const double CLOCK_STEP = 0.016;
 
 /* Nobody asks for more, so it need not be known exactly [nats]. */
 static const double ENOUGH = 30.0;
@@ -34,56 +28,6 @@ double rl_rivals_sequence(struct rl_window *window, const struct rl_sending *sen
         struct rl_sending any = {sequence->bits, sequence->repeats, sequence->start_s,
                                  sequence->bit_s, sending->brightening_s};
         best = fmax(best, rl_window_refine(window, &any, half_bits));
-    }
-    return best;
-}
-
-/* The sequence of bits that a source shows at a clock and a start: a bit is dark if its samples are,
- * on average, nearer to the dark samples of the packet that was tried last than to its bright ones.
- */
-static uint32_t shown(struct rl_window *window, const struct rl_column *column, float threshold,
-                      double start_s, double bit_s)
-{
-    const double *begin_s = window->samples->begin_s + window->first;
-    const double *end_s = window->samples->end_s + window->first;
-    float beyond[RL_PACKET_BITS] = {0.0f};
-    uint32_t bits = 0;
-    for (int row = 0; row < window->rows; row++) {
-        const double bit = ((begin_s[row] + end_s[row]) / 2 - start_s) / bit_s;
-        if (column->valid[row] && bit >= 0.0 && bit < RL_PACKET_BITS) {
-            beyond[(int)bit] += column->signal[row] - threshold;
-        }
-    }
-    for (int bit = 0; bit < RL_PACKET_BITS; bit++) {
-        bits |= beyond[bit] < 0.0f ? rl_packet_bit(bit) : 0u;
-    }
-    return bits;
-}
-
-double rl_rivals_clock(struct rl_window *window, const struct rl_sending *sending, double half_bits)
-{
-    const struct rl_column column =
-        rl_target_column(window->samples, window->source[0], window->first, window->rows,
-                         &window->room);
-    const double usual_s = (window->least_bit_s + window->most_bit_s) / 2;
-    const double middle_s = sending->start_s + half_bits * sending->bit_s;
-    float sum[2] = {0.0f, 0.0f}, count[2] = {1e-9f, 1e-9f};
-    double best = rl_window_try(window, sending);
-    for (int row = 0; row < window->rows; row++) {
-        const int bright = window->light[row] > 0.5;
-        sum[bright] += column.valid[row] ? column.signal[row] : 0.0f;
-        count[bright] += column.valid[row];
-    }
-    const float threshold = (sum[0] / count[0] + sum[1] / count[1]) / 2;
-    for (int clock = -CLOCKS; clock <= CLOCKS; clock++) {
-        const double limit_s = clock < 0 ? window->least_bit_s : window->most_bit_s;
-        struct rl_sending any = {0, false, 0.0, limit_s + clock * CLOCK_STEP * usual_s,
-                                 sending->brightening_s};
-        for (int quarter = -2; quarter < 2 && clock != 0; quarter++) {
-            any.start_s = middle_s + (quarter / 4.0 - RL_PACKET_BITS / 2.0) * any.bit_s;
-            any.bits = shown(window, &column, threshold, any.start_s, any.bit_s);
-            best = fmax(best, rl_window_try(window, &any));
-        }
     }
     return best;
 }

@@ -23,14 +23,6 @@ struct rl_bits {
 double rl_rivals_sequence(struct rl_window *window, const struct rl_sending *sending,
                           double half_bits, const struct rl_hits *hits);
 
-/* The same of sequences whose clock is further off than is searched, up to 16 %: a packet of another
- * clock may look like one of another ID.
- *
- * half_bits: from the start to the middle of the window
- */
-double rl_rivals_clock(struct rl_window *window, const struct rl_sending *sending,
-                       double half_bits);
-
 /* Cut the window into bits and turn each; return how much better another sequence of the packet's
  * own bits may be.
  *

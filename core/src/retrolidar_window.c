@@ -155,16 +155,38 @@ void rl_window_open(struct rl_window *window, int source, double from_s, double 
     add(window, source);
 }
 
-double rl_window_try(struct rl_window *window, const struct rl_sending *sending)
+static double fit(struct rl_window *window, const double *light)
 {
     double total = 0.0;
-    rl_template(sending, window->samples->begin_s + window->first,
-                window->samples->end_s + window->first, window->rows, window->light);
     for (int i = 0; i < window->sources; i++) {
-        window->fit[i] = rl_fit_gain(&window->whitened[i], window->light);
+        window->fit[i] = rl_fit_gain(&window->whitened[i], light);
         total += window->fit[i].log_likelihood;
     }
     return total;
+}
+
+static void lay_light(struct rl_window *window, const struct rl_sending *sending)
+{
+    rl_template(sending, window->samples->begin_s + window->first,
+                window->samples->end_s + window->first, window->rows, window->light);
+}
+
+double rl_window_try_light(struct rl_window *window)
+{
+    return fit(window, window->light);
+}
+
+double rl_window_try(struct rl_window *window, const struct rl_sending *sending)
+{
+    lay_light(window, sending);
+    return fit(window, window->light);
+}
+
+double rl_window_try_part(struct rl_window *window, const struct rl_sending *sending, int split,
+                          bool later)
+{
+    lay_light(window, sending);
+    return fit(window, part_of(window, split, later));
 }
 
 double rl_window_try_bits(struct rl_window *window, const struct rl_sending *sending, uint32_t bits)
@@ -202,7 +224,7 @@ static double climb(struct rl_window *window, struct rl_sending *sending, double
             const double shift_s = axis ? 0.0 : later_s;
             struct rl_sending one = moved(sending, half_bits, -shift_s, -longer_s);
             struct rl_sending other = moved(sending, half_bits, shift_s, longer_s);
-            if (one.bit_s < window->least_bit_s || other.bit_s > window->most_bit_s) {
+            if (one.bit_s < window->min_bit_s || other.bit_s > window->max_bit_s) {
                 continue;
             }
             const double before = rl_window_try(window, &one);

@@ -26,7 +26,7 @@ struct rl_window {
     struct rl_whitened whitened[RL_MOST_ZONES_TOGETHER];
     struct rl_gain fit[RL_MOST_ZONES_TOGETHER]; /* of the template that was tried last */
     struct rl_interference interference; /* of the windows that are opened from now on */
-    double least_bit_s, most_bit_s; /* limits of a refinement */
+    double min_bit_s, max_bit_s; /* limits of a refinement */
     double null;   /* log likelihood without a packet */
     double *light; /* of the template that was tried last */
     double *part;  /* of the light of an interferer */
@@ -48,6 +48,15 @@ void rl_window_drop(struct rl_window *window);
 
 /* Log likelihood of what is sent, each source having its own gain, noise and wandering level. */
 double rl_window_try(struct rl_window *window, const struct rl_sending *sending);
+
+/* The same of what `light` holds, for every row. */
+double rl_window_try_light(struct rl_window *window);
+
+/* The same if the packet is seen from a row of the window on only, or until it, as if its marker had
+ * appeared or vanished.
+ */
+double rl_window_try_part(struct rl_window *window, const struct rl_sending *sending, int split,
+                          bool later);
 
 /* The same of other bits. */
 double rl_window_try_bits(struct rl_window *window, const struct rl_sending *sending,
