@@ -161,6 +161,12 @@ struct rl_verdict rl_decide(struct rl_window *window, const struct rl_codebook *
     verdict.reason = RL_MARGIN;
     verdict.margin = rl_rivals_margin(window, codebook, &bits, sending, packets, own, half_bits,
                                       hit->id, hits);
+    if (verdict.margin >= demands->margin && packets == 1 && !follows) {
+        verdict.margin = fmin(verdict.margin, rl_rivals_part_margin(window, codebook, &bits, sending,
+                                                                    own, hit->id));
+        verdict.margin = fmin(verdict.margin, rl_rivals_sequence_margin(window, codebook, &bits,
+                                                                        sending, own, hit->id));
+    }
     if (verdict.margin < demands->margin) {
         return verdict;
     }

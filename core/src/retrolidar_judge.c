@@ -21,6 +21,18 @@ static bool is_known(const struct rl_detector *detector, uint16_t id, double beg
                          SAME_BITS * detector->settings.bit_s);
 }
 
+/* When the packet begins that fills the most of the window: before the window, if it was joined in its
+ * middle.
+ */
+static double start_of(const struct rl_verdict *verdict)
+{
+    const struct rl_sending *sending = &verdict->sending;
+    const double packet_s = RL_PACKET_BITS * sending->bit_s;
+    const double packets = (rl_verdict_begin(verdict) - sending->start_s) / packet_s;
+    return sending->repeats ? sending->start_s + packet_s * floor(packets + 0.5)
+                            : sending->start_s;
+}
+
 static struct rl_transmission transmission_of(const struct rl_verdict *verdict)
 {
     return (struct rl_transmission){verdict->sending, rl_verdict_begin(verdict), verdict->end_s};
@@ -63,7 +75,7 @@ static void add_reading(struct rl_detector *detector, const struct rl_verdict *v
         .id = verdict->id,
         .repeats = verdict->sending.repeats,
         .packets = verdict->packets,
-        .start_s = verdict->sending.start_s,
+        .start_s = start_of(verdict),
         .bit_s = verdict->sending.bit_s,
         .brightening_s = verdict->sending.brightening_s,
         .begin_s = transmission.begin_s,

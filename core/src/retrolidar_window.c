@@ -48,11 +48,11 @@ static void light_of(struct rl_window *window, const struct rl_transmission *tra
                           window->samples->end_s + window->first, window->rows, window->light);
 }
 
-/* The light until a row, or from it on. */
+/* The light until a row, or from it on: without the marker it is as dark as with a dark one. */
 static const double *part_of(const struct rl_window *window, int split, bool later)
 {
     for (int row = 0; row < window->rows; row++) {
-        window->part[row] = (row >= split) == later ? window->light[row] : 1.0;
+        window->part[row] = (row >= split) == later ? window->light[row] : 0.0;
     }
     return window->part;
 }
@@ -187,6 +187,18 @@ double rl_window_try_part(struct rl_window *window, const struct rl_sending *sen
 {
     lay_light(window, sending);
     return fit(window, part_of(window, split, later));
+}
+
+double rl_window_try_two(struct rl_window *window, const struct rl_sending *one,
+                         const struct rl_sending *other)
+{
+    lay_light(window, one);
+    memcpy(window->part, window->light, (size_t)window->rows * sizeof *window->part);
+    lay_light(window, other);
+    for (int row = 0; row < window->rows; row++) {
+        window->light[row] = fmax(window->light[row] + window->part[row] - 1.0, 0.0);
+    }
+    return fit(window, window->light);
 }
 
 double rl_window_try_bits(struct rl_window *window, const struct rl_sending *sending, uint32_t bits)

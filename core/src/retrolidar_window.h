@@ -58,6 +58,10 @@ double rl_window_try_light(struct rl_window *window);
 double rl_window_try_part(struct rl_window *window, const struct rl_sending *sending, int split,
                           bool later);
 
+/* The same of two lone packets, one of which follows the other. */
+double rl_window_try_two(struct rl_window *window, const struct rl_sending *one,
+                         const struct rl_sending *other);
+
 /* The same of other bits. */
 double rl_window_try_bits(struct rl_window *window, const struct rl_sending *sending,
                           uint32_t bits);
