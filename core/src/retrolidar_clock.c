@@ -17,7 +17,7 @@ enum {
 /* Bit periods over ours: from one frame to four bits; the ends of a packet move by a quarter of a bit
  * from one to the next. Those within the last are ours.
  */
-static const double MIN_RATIO = 0.5, MAX_RATIO = 4.0, STEP = 1.016, OURS = 0.035;
+static const double MIN_RATIO = 0.5, MAX_RATIO = 4.0, STEP = 1.016, OURS = 0.05;
 /* No packet of any clock is shorter. */
 static const double MIN_PERIOD_BITS = 7.0;
 static const double MAX_CORRELATION = 0.999;

@@ -24,6 +24,8 @@ static const double LEAST_BEFORE_BITS = 4.0, LEAST_LONGER = 0.9;
 static const double LEAST_ALONE = 0.4;
 /* Each zone has a gain of its own [nats]. */
 static const double COST_OF_GAIN = 2.0;
+/* To leave out a stretch of bits costs some, as it might be any [nats]. */
+static const double COST_OF_MASK = 10.0;
 /* Several packets are tried at several numbers of them, and at more clocks [nats]. */
 static const double COST_OF_FOLDS = 1.5;
 /* Part of the last bit that need not have come yet. */
@@ -142,6 +144,20 @@ struct rl_verdict rl_decide(struct rl_window *window, const struct rl_codebook *
     double asked = demands->evidence + (packets > 1 ? COST_OF_FOLDS : 0.0);
     /* Before others are asked: two zones may see different packets of which this one is a bit. */
     verdict.reason = doubt(window, demands, sending, packets, own, half_bits, hits, &verdict.word);
+    bool is_hidden = false;
+    if (verdict.reason == RL_NOT_A_WORD && packets == 1 && verdict.evidence > asked) {
+        is_hidden =
+            rl_scope_mask_occlusion(window, sending, own + verdict.word - demands->word);
+    }
+    if (is_hidden) {
+        asked += COST_OF_MASK;
+        own = refine(&verdict, window, half_bits);
+        verdict.reason =
+            doubt(window, demands, sending, packets, own, half_bits, hits, &verdict.word);
+    }
+    if (verdict.reason == RL_READ && rl_scope_is_erased(window, sending)) {
+        verdict.reason = RL_ERASED;
+    }
     if (verdict.reason != RL_READ) {
         return verdict;
     }
@@ -155,12 +171,24 @@ struct rl_verdict rl_decide(struct rl_window *window, const struct rl_codebook *
     verdict.reason = RL_NOT_A_WORD;
     verdict.word =
         rl_rivals_turn(window, sending, own, begin, silent_bits, 3.0 * demands->word, &bits);
+    if (verdict.word > demands->word && packets == 1 && !is_hidden &&
+        rl_scope_mask_occlusion(window, sending, own + verdict.word - demands->word)) {
+        own = refine(&verdict, window, half_bits);
+        is_hidden = true;
+        asked += COST_OF_MASK;
+        if (verdict.evidence < asked || rl_scope_is_erased(window, sending)) {
+            return verdict;
+        }
+        verdict.word =
+            rl_rivals_turn(window, sending, own, begin, silent_bits, 3.0 * demands->word, &bits);
+    }
     if (verdict.word > demands->word) {
         return verdict;
     }
     verdict.reason = RL_MARGIN;
     verdict.margin = rl_rivals_margin(window, codebook, &bits, sending, packets, own, half_bits,
-                                      hit->id, hits);
+                                      hit->id, hits) -
+                     (is_hidden ? COST_OF_MASK : 0.0);
     if (verdict.margin >= demands->margin && packets == 1 && !follows) {
         verdict.margin = fmin(verdict.margin, rl_rivals_part_margin(window, codebook, &bits, sending,
                                                                     own, hit->id));

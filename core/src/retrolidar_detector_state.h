@@ -15,7 +15,7 @@
 enum {
     RL_READINGS = 32,  /* that one frame may bring */
     RL_DECISIONS = 12, /* candidates that are judged with one frame, at the most */
-    RL_MOST_PENDING = 2 * RL_MOST_SOURCES + 6 * RL_MOST_ZONES, /* all of a frame */
+    RL_MOST_PENDING = 3 * RL_MOST_SOURCES + 6 * RL_MOST_ZONES, /* all of a frame */
     RL_SEARCH_BITS = 66, /* that a search for one packet may look back */
 };
 /* A source that varies by less than so many times its noise holds no packet by itself. */

@@ -102,8 +102,8 @@ static void note(struct rl_detector *detector, int source, int packets,
 {
     if (verdict->reason != RL_READ && verdict->reason != RL_EVIDENCE && packets == 1) {
         detector->past[source][detector->pasts[source]++ % RL_PAST] = (struct rl_hit){
-            0.0f, verdict->id, verdict->sending.repeats, verdict->sending.start_s,
-            verdict->sending.bit_s};
+            (float)verdict->evidence, verdict->id, verdict->sending.repeats,
+            verdict->sending.start_s, verdict->sending.bit_s};
     }
     if (detector->candidates < 2 * RL_DECISIONS) {
         detector->candidate[detector->candidates++] = (struct rl_candidate){

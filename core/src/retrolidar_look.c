@@ -123,6 +123,28 @@ static void judge_next(struct rl_detector *detector, double from_s, double to_s)
     }
 }
 
+/* Judge again what stood out before it had ended, as soon as it has. */
+static void add_deferred(struct rl_detector *detector, double from_s, double to_s)
+{
+    for (int source = 0; source < detector->samples.sources; source++) {
+        const struct rl_hit *best = NULL;
+        const int pasts = detector->pasts[source];
+        for (int i = pasts > RL_PAST ? pasts - RL_PAST : 0; i < pasts; i++) {
+            const struct rl_hit *past = &detector->past[source][i % RL_PAST];
+            const double end_s = past->start_s + RL_PACKET_BITS * past->bit_s;
+            if (!past->repeats && end_s > from_s && end_s <= to_s &&
+                past->nats > (float)detector->demands.evidence &&
+                (best == NULL || past->nats > best->nats)) {
+                best = past;
+            }
+        }
+        if (best != NULL) {
+            detector->pending[detector->pendings++] =
+                (struct rl_pending){source, 1, {.count = 1, .hit = {*best}}};
+        }
+    }
+}
+
 /* How promising a candidate is. */
 static float rank(const struct rl_detector *detector, int index)
 {
@@ -172,6 +194,7 @@ void rl_look(struct rl_detector *detector)
         }
         search(detector, sources, count, FOLD[fold], from_s, to_s);
     }
+    add_deferred(detector, from_s, to_s);
     if (is_turn) {
         search_residual(detector, (double)(turn - 1) * LOOK_BITS * bit_s, to_s);
     }

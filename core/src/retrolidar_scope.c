@@ -8,6 +8,7 @@
 #include <math.h>
 
 enum {
+    MAX_HIDDEN_BITS = 3, /* at a stretch */
     MOST_ERASED_BITS = 7, /* so many leave words of a code of distance 8 apart */
 };
 
@@ -89,6 +90,40 @@ bool rl_scope_is_erased(const struct rl_window *window, const struct rl_sending 
         erased += known[bit] < 0.25 * all[bit] || all[bit] == 0.0;
     }
     return erased > MOST_ERASED_BITS;
+}
+
+bool rl_scope_mask_occlusion(struct rl_window *window, const struct rl_sending *sending,
+                             double least)
+{
+    double best = least;
+    int from = 0, to = 0;
+    for (int length = 1; length <= MAX_HIDDEN_BITS; length++) {
+        for (int begin = 0; begin + length <= RL_PACKET_BITS; begin++) {
+            uint32_t dark = sending->bits;
+            for (int bit = begin; bit < begin + length; bit++) {
+                dark |= rl_packet_bit(bit);
+            }
+            const double likelihood =
+                dark == sending->bits ? best : rl_window_try_bits(window, sending, dark);
+            if (likelihood > best) {
+                best = likelihood;
+                from = begin;
+                to = begin + length;
+            }
+        }
+    }
+    if (to == 0) {
+        return false;
+    }
+    /* Half a bit at either end may be hidden, too. */
+    const double lasting_s = (to - from + 1) * sending->bit_s;
+    double from_s = sending->start_s + (from - 0.5) * sending->bit_s;
+    /* Of a packet that repeats, the window holds the bits of the one that began before or in it. */
+    if (sending->repeats && from_s + lasting_s < window->samples->begin_s[window->first]) {
+        from_s += RL_PACKET_BITS * sending->bit_s;
+    }
+    rl_window_hide(window, from_s, from_s + lasting_s);
+    return true;
 }
 
 /* Whether most of how a source varies beyond noise is the template that was tried last. */

@@ -22,7 +22,7 @@ static const double OTHER_CRYSTAL = 1.0;
 int64_t rl_window_bytes(int rows)
 {
     return RL_MOST_ZONES_TOGETHER * rl_whitened_doubles(rows) * (int64_t)sizeof(double) +
-           2 * (int64_t)rows * (int64_t)sizeof(double) + rl_room_bytes(rows);
+           (int64_t)rows * (2 * (int64_t)sizeof(double) + 1) + rl_room_bytes(rows);
 }
 
 void rl_window_start(struct rl_window *window, const struct rl_samples *samples, int rows,
@@ -38,7 +38,7 @@ void rl_window_start(struct rl_window *window, const struct rl_samples *samples,
     }
     window->light = next;
     window->part = next + rows;
-    rl_room_start(&window->room, rows, next + 2 * rows);
+    window->valid = rl_room_start(&window->room, rows, next + 2 * rows);
 }
 
 static void light_of(struct rl_window *window, const struct rl_transmission *transmission,
@@ -101,17 +101,20 @@ static void add_interferer(struct rl_window *window, struct rl_whitened *whitene
 static void add(struct rl_window *window, int source)
 {
     const struct rl_samples *samples = window->samples;
+    const double *begin_s = samples->begin_s + window->first;
+    const double *end_s = samples->end_s + window->first;
     double sum = 0.0;
     const struct rl_column column =
         rl_target_column(samples, source, window->first, window->rows, &window->room);
     for (int row = 0; row < window->rows; row++) {
         sum += (double)column.signal[row];
+        window->valid[row] = column.valid[row] && !(begin_s[row] < window->hidden_to_s &&
+                                                    end_s[row] > window->hidden_from_s);
     }
     const double noise = rl_noise_variance(samples, source, sum / fmax(window->rows, 1.0));
     struct rl_whitened *whitened = &window->whitened[window->sources];
-    rl_whiten(whitened, column.signal, column.valid, samples->begin_s + window->first,
-              samples->end_s + window->first, window->rows, samples->period_s,
-              LEAST_NOISE * noise);
+    rl_whiten(whitened, column.signal, window->valid, begin_s, end_s, window->rows,
+              samples->period_s, LEAST_NOISE * noise);
     for (int i = 0; i < window->interference.count; i++) {
         add_interferer(window, whitened, &window->interference.transmission[i]);
     }
@@ -128,6 +131,18 @@ void rl_window_add(struct rl_window *window, int source)
     }
     if (window->sources < RL_MOST_ZONES_TOGETHER) {
         add(window, source);
+    }
+}
+
+void rl_window_hide(struct rl_window *window, double from_s, double to_s)
+{
+    const int sources = window->sources;
+    window->hidden_from_s = from_s;
+    window->hidden_to_s = to_s;
+    window->sources = 0;
+    window->null = 0.0;
+    for (int i = 0; i < sources; i++) {
+        add(window, window->source[i]);
     }
 }
 
@@ -150,6 +165,7 @@ void rl_window_open(struct rl_window *window, int source, double from_s, double 
     if (window->rows < 0) {
         window->rows = 0;
     }
+    window->hidden_from_s = window->hidden_to_s = -INFINITY;
     window->sources = 0;
     window->null = 0.0;
     add(window, source);

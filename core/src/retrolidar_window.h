@@ -26,10 +26,12 @@ struct rl_window {
     struct rl_whitened whitened[RL_MOST_ZONES_TOGETHER];
     struct rl_gain fit[RL_MOST_ZONES_TOGETHER]; /* of the template that was tried last */
     struct rl_interference interference; /* of the windows that are opened from now on */
+    double hidden_from_s, hidden_to_s; /* exposures in between are left out */
     double min_bit_s, max_bit_s; /* limits of a refinement */
     double null;   /* log likelihood without a packet */
     double *light; /* of the template that was tried last */
     double *part;  /* of the light of an interferer */
+    uint8_t *valid; /* of the source that is added */
     struct rl_room room;
 };
 
@@ -39,6 +41,9 @@ void rl_window_start(struct rl_window *window, const struct rl_samples *samples,
 
 /* Look at the exposures from one time to another, at first in one source. */
 void rl_window_open(struct rl_window *window, int source, double from_s, double to_s);
+
+/* Leave out the exposures from one time to another in all sources. */
+void rl_window_hide(struct rl_window *window, double from_s, double to_s);
 
 /* Look at another source, too, if it is none of them and there is room; else do nothing. */
 void rl_window_add(struct rl_window *window, int source);
