@@ -10,7 +10,7 @@
 enum {
     RIVALS = 3, /* that are tried exactly */
     ROUNDS = 4, /* bits that are turned to make a better sequence */
-    PARTS = 8,  /* of a window, at whose ends a marker may appear or vanish, ... */
+    PARTS = 8,  /* of a packet, at whose ends a marker may appear or vanish, ... */
     MIN_ABSENT = 2, /* ... that is absent in so many of them */
 };
 
@@ -234,12 +234,13 @@ double rl_rivals_part_margin(struct rl_window *window, const struct rl_codebook 
                              const struct rl_bits *bits, const struct rl_sending *sending,
                              double own, uint16_t id)
 {
+    const int parts = PARTS * (bits->count + RL_PACKET_BITS / 2) / RL_PACKET_BITS;
     struct rival rivals[RIVALS];
     double margin = ENOUGH;
     for (int later = 0; later < 2; later++) {
         int split = -1;
-        for (int part = MIN_ABSENT; part <= PARTS - MIN_ABSENT; part++) {
-            const int row = (later ? part : PARTS - part) * window->rows / PARTS;
+        for (int part = MIN_ABSENT; part <= parts - MIN_ABSENT; part++) {
+            const int row = (later ? part : parts - part) * window->rows / parts;
             if (rl_window_try_part(window, sending, row, later) < own - AS_GOOD) {
                 break;
             }

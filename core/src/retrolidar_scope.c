@@ -98,7 +98,7 @@ bool rl_scope_mask_occlusion(struct rl_window *window, const struct rl_sending *
     double best = least;
     int from = 0, to = 0;
     for (int length = 1; length <= MAX_HIDDEN_BITS; length++) {
-        for (int begin = 0; begin + length <= RL_PACKET_BITS; begin++) {
+        for (int begin = 1; begin + length < RL_PACKET_BITS; begin++) {
             uint32_t dark = sending->bits;
             for (int bit = begin; bit < begin + length; bit++) {
                 dark |= rl_packet_bit(bit);

@@ -327,7 +327,7 @@ def _marker(
 
 def _foreign_bits(sending: str, count: int, rng: np.random.Generator) -> NDArray[np.uint8]:
     """Return what a foreign marker sends, shape (count,)."""
-    if sending == 'bits':
+    if sending in ('bits', 'clock'):
         return rng.integers(0, 2, count, dtype=np.uint8)
     bits = packet(rng.choice(USABLE_IDS))
     signs = 1 - 2 * packet(USABLE_IDS).astype(float)
