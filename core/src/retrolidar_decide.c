@@ -12,6 +12,7 @@
 
 enum {
     BEFORE_BITS = 16,   /* before a stretch, which show whether its packet has repeated */
+    USUAL_CHANGES = 12, /* that all words but those of IDs 1 and 4094 have */
     LEAST_WALK = 3,     /* walk from which on what a packet leaves over is more than noise */
 };
 
@@ -26,6 +27,8 @@ static const double LEAST_ALONE = 0.4;
 static const double COST_OF_GAIN = 2.0;
 /* To leave out a stretch of bits costs some, as it might be any [nats]. */
 static const double COST_OF_MASK = 10.0;
+/* [nats] a change that a word has less. */
+static const double COST_OF_CHANGE = 5.0;
 /* Several packets are tried at several numbers of them, and at more clocks [nats]. */
 static const double COST_OF_FOLDS = 1.5;
 /* Part of the last bit that need not have come yet. */
@@ -86,6 +89,18 @@ static int doubt(struct rl_window *window, const struct rl_demands *demands,
     return *word > demands->word ? RL_NOT_A_WORD : RL_READ;
 }
 
+/* Evidence that a packet of few changes needs besides: the fewer, the sooner do steps of what moves
+ * make one.
+ */
+static double cost_of_changes(uint32_t bits)
+{
+    int changes = 0;
+    for (int bit = 0; bit + 1 < RL_PACKET_BITS; bit++) {
+        changes += ((bits >> bit ^ bits >> (bit + 1)) & 1u) != 0;
+    }
+    return changes < USUAL_CHANGES ? COST_OF_CHANGE * (USUAL_CHANGES - changes) : 0.0;
+}
+
 static void note_fit(struct rl_verdict *verdict, const struct rl_window *window)
 {
     verdict->sources = window->sources;
@@ -141,11 +156,11 @@ struct rl_verdict rl_decide(struct rl_window *window, const struct rl_codebook *
     const double since_bits =
         (to_s - RL_PACKET_BITS * packets * sending->bit_s - sending->start_s) / sending->bit_s;
     const int begin = sending->repeats ? (int)floor(since_bits + 0.5) % RL_PACKET_BITS : 0;
-    double asked = demands->evidence + (packets > 1 ? COST_OF_FOLDS : 0.0);
+    double asked = demands->evidence + cost_of_changes(sending->bits) + (packets > 1 ? COST_OF_FOLDS : 0.0);
     /* Before others are asked: two zones may see different packets of which this one is a bit. */
     verdict.reason = doubt(window, demands, sending, packets, own, half_bits, hits, &verdict.word);
     bool is_hidden = false;
-    if (verdict.reason == RL_NOT_A_WORD && packets == 1 && verdict.evidence > asked) {
+    if (verdict.reason == RL_NOT_A_WORD && packets == 1 && follows && verdict.evidence > asked) {
         is_hidden =
             rl_scope_mask_occlusion(window, sending, own + verdict.word - demands->word);
     }
@@ -171,7 +186,7 @@ struct rl_verdict rl_decide(struct rl_window *window, const struct rl_codebook *
     verdict.reason = RL_NOT_A_WORD;
     verdict.word =
         rl_rivals_turn(window, sending, own, begin, silent_bits, 3.0 * demands->word, &bits);
-    if (verdict.word > demands->word && packets == 1 && !is_hidden &&
+    if (verdict.word > demands->word && packets == 1 && follows && !is_hidden &&
         rl_scope_mask_occlusion(window, sending, own + verdict.word - demands->word)) {
         own = refine(&verdict, window, half_bits);
         is_hidden = true;

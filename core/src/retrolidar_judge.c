@@ -254,6 +254,7 @@ void rl_judge(struct rl_detector *detector, const struct rl_pending *pending, do
                                               &pending->hits, NULL, to_s);
     const bool may_hide = detector->samples.source[pending->source].zones == 1 &&
                           verdict.reason != RL_INCOMPLETE && verdict.reason != RL_ERASED &&
+                          verdict.reason != RL_MARGIN &&
                           verdict.evidence > HIDDEN * detector->demands.evidence;
     if (may_hide && judge_pair(detector, to_s, &verdict, &other)) {
         detector->counts.candidates++;
