@@ -79,10 +79,10 @@ static bool has_repeated(struct rl_window *window, const struct rl_sending *send
 
 /* What speaks against a packet in one source by itself: RL_READ if nothing does. */
 static int doubt(struct rl_window *window, const struct rl_demands *demands,
-                 const struct rl_sending *sending, int packets, double own,
+                 const struct rl_sending *sending, int packets, bool is_new, double own,
                  double half_bits, const struct rl_hits *hits, double *word)
 {
-    if (sending->repeats && may_be_lone(window, sending, packets, own)) {
+    if (sending->repeats && !is_new && may_be_lone(window, sending, packets, own)) {
         return RL_INCOMPLETE;
     }
     *word = rl_rivals_sequence(window, sending, half_bits, hits) - own;
@@ -120,7 +120,7 @@ static double refine(struct rl_verdict *verdict, struct rl_window *window, doubl
 struct rl_verdict rl_decide(struct rl_window *window, const struct rl_codebook *codebook,
                             const struct rl_demands *demands, int source, const struct rl_hit *hit,
                             const struct rl_hits *hits, int packets, double read_s,
-                            bool follows, double to_s)
+                            double since_s, bool follows, double to_s)
 {
     struct rl_verdict verdict = {.reason = RL_EVIDENCE, .id = hit->id, .packets = packets};
     struct rl_sending *sending = &verdict.sending;
@@ -130,8 +130,11 @@ struct rl_verdict rl_decide(struct rl_window *window, const struct rl_codebook *
                                    BRIGHTENING_S};
     window->min_bit_s = demands->bit_s * (1.0 - demands->most_skew - SKEW_SLACK);
     window->max_bit_s = demands->bit_s * (1.0 + demands->most_skew + SKEW_SLACK);
-    verdict.evidence = rl_scope_open(window, source, sending, packets, read_s, to_s, &silent_bits);
-    verdict.end_s = sending->repeats ? to_s : sending->start_s + RL_PACKET_BITS * sending->bit_s;
+    verdict.evidence =
+        rl_scope_open(window, source, sending, packets, read_s, since_s, to_s, &silent_bits);
+    const double lasting_s = RL_PACKET_BITS * packets * sending->bit_s;
+    verdict.begin_s = sending->repeats ? fmax(to_s - lasting_s, since_s) : sending->start_s;
+    verdict.end_s = sending->repeats ? to_s : sending->start_s + lasting_s;
     note_fit(&verdict, window);
     if (verdict.evidence < LEAST_ALONE * demands->evidence) {
         return verdict;
@@ -143,7 +146,9 @@ struct rl_verdict rl_decide(struct rl_window *window, const struct rl_codebook *
         /* A packet that has begun looks like a faster one of another ID. */
         return verdict;
     }
-    if (sending->repeats && packets == 1 && !follows &&
+    /* One that has appeared has not repeated yet. */
+    const bool is_new = verdict.begin_s == since_s;
+    if (sending->repeats && packets == 1 && !follows && !is_new &&
         !has_repeated(window, sending, verdict.evidence, to_s - RL_PACKET_BITS * hit->bit_s,
                       to_s)) {
         return verdict;
@@ -158,7 +163,8 @@ struct rl_verdict rl_decide(struct rl_window *window, const struct rl_codebook *
     const int begin = sending->repeats ? (int)floor(since_bits + 0.5) % RL_PACKET_BITS : 0;
     double asked = demands->evidence + cost_of_changes(sending->bits) + (packets > 1 ? COST_OF_FOLDS : 0.0);
     /* Before others are asked: two zones may see different packets of which this one is a bit. */
-    verdict.reason = doubt(window, demands, sending, packets, own, half_bits, hits, &verdict.word);
+    verdict.reason = doubt(window, demands, sending, packets, is_new, own, half_bits, hits,
+                           &verdict.word);
     bool is_hidden = false;
     if (verdict.reason == RL_NOT_A_WORD && packets == 1 && follows && verdict.evidence > asked) {
         is_hidden =
@@ -168,7 +174,8 @@ struct rl_verdict rl_decide(struct rl_window *window, const struct rl_codebook *
         asked += COST_OF_MASK;
         own = refine(&verdict, window, half_bits);
         verdict.reason =
-            doubt(window, demands, sending, packets, own, half_bits, hits, &verdict.word);
+            doubt(window, demands, sending, packets, is_new, own, half_bits, hits,
+                           &verdict.word);
     }
     if (verdict.reason == RL_READ && rl_scope_is_erased(window, sending)) {
         verdict.reason = RL_ERASED;
@@ -221,11 +228,4 @@ struct rl_verdict rl_decide(struct rl_window *window, const struct rl_codebook *
         verdict.word = other;
     }
     return verdict;
-}
-
-double rl_verdict_begin(const struct rl_verdict *verdict)
-{
-    const struct rl_sending *sending = &verdict->sending;
-    return sending->repeats ? verdict->end_s - RL_PACKET_BITS * verdict->packets * sending->bit_s
-                            : sending->start_s;
 }
