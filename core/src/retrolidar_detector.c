@@ -55,7 +55,7 @@ struct rl_detector *rl_detector_create(const struct rl_settings *settings, const
     memory += search;
     rl_window_start(&detector->window, &detector->samples, rows, memory);
     memory += window;
-    rl_shares_start(&detector->shares, &detector->samples, &detector->window, rows, memory);
+    rl_shares_start(&detector->shares, &detector->samples, &detector->window, memory);
     memory += shares;
     rl_residual_start(&detector->residual, &detector->samples, rows, memory);
     memory += residual;

@@ -20,7 +20,7 @@ int64_t rl_shares_bytes(int rows)
 }
 
 void rl_shares_start(struct rl_shares *shares, const struct rl_samples *samples,
-                     struct rl_window *window, int rows, void *memory)
+                     struct rl_window *window, void *memory)
 {
     shares->samples = samples;
     shares->window = window;
