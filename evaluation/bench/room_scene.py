@@ -52,9 +52,8 @@ class Room:
     scene: Scene
     bit_period_s: float  # of a perfect marker
     markers: tuple[RoomMarker, ...]
-    cloth: tuple[
-        float, float
-    ]  # how far the walls' signals wander [kcps/SPAD], and how fast a frame
+    cloth: tuple[float, float] = (0.0, 0.0)
+    """How far the signals of walls wander, and their steps a frame [kcps/SPAD]."""
 
 
 class RoomSimulation(Simulation):
