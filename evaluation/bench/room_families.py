@@ -148,7 +148,7 @@ def first_id_s(room: Room, registered: int | None, rng: np.random.Generator) -> 
     own = int(room.markers[0].ids[0])
     ids = None
     if registered:
-        others = rng.choice(USABLE_IDS[USABLE_IDS != own], registered - 1, replace=False)
+        others = rng.choice(USABLE_IDS[own != USABLE_IDS], registered - 1, replace=False)
         ids = np.append(others, own)
     detector = create_detector('joint', recording.grid, registered_ids=ids)
     first_s, wrong = math.inf, 0

@@ -24,6 +24,7 @@ MOTIONS = ('still', 'swaying', 'crossing')
 INNER = 0.95
 """Markers that cross the view turn round at this share of its half."""
 _FOREIGN_BITS = (0.5, 1.5)  # lengths of bits without a clock
+_FOREIGN_PERIODS, _OWN_PERIODS = (0.25, 4.0), (0.9, 1.1)  # over ours
 _FOREIGN_DISTANCE = 4  # bits to the nearest packet, begun with any bit
 
 
@@ -115,6 +116,31 @@ def own_marker(
     return RoomMarker(sending, course, bit_s, ids, start_s, edges_s[kept], levels[kept], **rest)
 
 
+def foreign_ratio(rng: np.random.Generator) -> float:
+    """Return a bit period of a foreign marker, over ours."""
+    low, high = np.log(_FOREIGN_PERIODS)
+    while True:
+        ratio = float(np.exp(rng.uniform(low, high)))
+        if not _OWN_PERIODS[0] <= ratio <= _OWN_PERIODS[1]:
+            return ratio
+
+
+def foreign_edges(
+    sending: str, bit_s: float, begin_s: float, until_s: float, rng: np.random.Generator
+) -> tuple[Floats, Floats]:
+    """Return where the bits of a foreign marker begin [s], and 1 of bright ones, shape (bits,)."""
+    count = 2 + int((until_s - begin_s) / (bit_s * _FOREIGN_BITS[0]))
+    if sending == 'bits':
+        bits = rng.integers(0, 2, count, dtype=np.uint8)
+    else:
+        sent = _foreign_packet(rng) if sending == 'preamble' else packet(rng.choice(USABLE_IDS))
+        bits = np.resize(sent, count)
+    lengths_s = np.full(count, bit_s)
+    if sending == 'clock':
+        lengths_s *= rng.uniform(*_FOREIGN_BITS, count)
+    return begin_s + np.concatenate([[0.0], np.cumsum(lengths_s)[:-1]]), 1.0 - bits
+
+
 def foreign_marker(
     sending: str,
     course: Course,
@@ -125,26 +151,17 @@ def foreign_marker(
     **rest: Any,
 ) -> RoomMarker:
     """Return a foreign marker that sends from one time on, until another or later [s]."""
-    count = 2 + int((until_s - begin_s) / (bit_s * _FOREIGN_BITS[0]))
-    bits = _foreign_bits(sending, count, rng)
-    lengths_s = np.full(count, bit_s)
-    if sending == 'clock':
-        lengths_s *= rng.uniform(*_FOREIGN_BITS, count)
-    edges_s = begin_s + np.concatenate([[0.0], np.cumsum(lengths_s)[:-1]])
+    edges_s, levels = foreign_edges(sending, bit_s, begin_s, until_s, rng)
     none: NDArray[np.int64] = np.zeros(0, dtype=np.int64)
-    return RoomMarker(sending, course, bit_s, none, np.zeros(0), edges_s, 1.0 - bits, **rest)
+    return RoomMarker(sending, course, bit_s, none, np.zeros(0), edges_s, levels, **rest)
 
 
-def _foreign_bits(sending: str, count: int, rng: np.random.Generator) -> NDArray[np.uint8]:
-    """Return what a foreign marker sends, shape (count,)."""
-    if sending == 'bits':
-        return rng.integers(0, 2, count, dtype=np.uint8)
-    bits = packet(rng.choice(USABLE_IDS))
+def _foreign_packet(rng: np.random.Generator) -> NDArray[np.uint8]:
+    """Return another preamble with a word, far from every packet that is begun with any bit."""
     signs = 1 - 2 * packet(USABLE_IDS).astype(float)
-    while sending == 'preamble':
-        bits[: len(PREAMBLE)] = rng.integers(0, 2, len(PREAMBLE))
-        bits[len(PREAMBLE) :] = packet(rng.choice(USABLE_IDS))[len(PREAMBLE) :]
+    while True:
+        preamble = rng.integers(0, 2, len(PREAMBLE), dtype=np.uint8)
+        bits = np.concatenate([preamble, packet(rng.choice(USABLE_IDS))[len(PREAMBLE) :]])
         turned = np.array([np.roll(bits, turn) for turn in range(PACKET_BITS)])
         if ((1 - 2.0 * turned) @ signs.T).max() <= PACKET_BITS - 2 * _FOREIGN_DISTANCE:
-            break
-    return np.resize(bits, count)
+            return bits

@@ -20,6 +20,7 @@ from evaluation.bench.room_markers import (
     Course,
     RoomMarker,
     foreign_marker,
+    foreign_ratio,
     own_marker,
 )
 from retrolidar_ros.marker.code import BIT_PERIOD_S, PACKET_BITS
@@ -42,7 +43,6 @@ _COMES_AND_GOES = 0.3  # markers that appear or vanish, in mid-packet
 _RANGE_M = (0.4, 3.8)
 _ZONES_A_PACKET = (0.3, 3.6)  # how fast markers cross: 0.05 to 0.6 m/s at 1 m, in 4x4 zones
 _CLOCK_ERROR = 0.012
-_FOREIGN_PERIODS, _OWN_PERIODS = (0.25, 4.0), (0.9, 1.1)  # over ours
 
 
 @dataclass(frozen=True)
@@ -220,9 +220,7 @@ def _marker(
     }
     begin_s = -PACKET_BITS * bit_s * rng.random()
     if sending in FOREIGN:
-        ratio = 1.0
-        while sending == 'period' and _OWN_PERIODS[0] <= ratio <= _OWN_PERIODS[1]:
-            ratio = _log_uniform(*_FOREIGN_PERIODS, rng)
+        ratio = foreign_ratio(rng) if sending == 'period' else 1.0
         return foreign_marker(sending, course, ratio * bit_s, begin_s, duration_s, rng, **crystal)
     if sending == 'lone' or rng.random() < _BEGINS:
         begin_s = bit_s * (SILENCE_BITS + 4 * PACKET_BITS * rng.random())
