@@ -19,7 +19,7 @@ from retrolidar_ros.sensor.frame import Floats, ZoneGrid
 SENDINGS = ('repeating', 'lone', 'pauses', 'sequence')
 """Without end; one packet now and then; with short pauses; ever other IDs back to back."""
 FOREIGN = ('period', 'clock', 'bits', 'preamble')
-"""Another bit period; bits of any length; random bits; another preamble."""
+"""Another bit period; random bits of any length; random bits; another preamble."""
 MOTIONS = ('still', 'swaying', 'crossing')
 INNER = 0.95
 """Markers that cross the view turn round at this share of its half."""
@@ -130,7 +130,7 @@ def foreign_edges(
 ) -> tuple[Floats, Floats]:
     """Return where the bits of a foreign marker begin [s], and 1 of bright ones, shape (bits,)."""
     count = 2 + int((until_s - begin_s) / (bit_s * _FOREIGN_BITS[0]))
-    if sending == 'bits':
+    if sending in ('bits', 'clock'):
         bits = rng.integers(0, 2, count, dtype=np.uint8)
     else:
         sent = _foreign_packet(rng) if sending == 'preamble' else packet(rng.choice(USABLE_IDS))

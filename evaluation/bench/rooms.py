@@ -148,12 +148,12 @@ def report(figures: dict[str, Any]) -> str:
     keys = [(company, signal) for company in COMPANY for signal in SIGNALS]
     for row in [*rows, *((None, motion) for motion in MOTIONS), (None, None)]:
         texts = [_sum(figures, *row, *key) for key in keys]
-        wrong = _count(figures, 'wrong', *row)
+        wrong = counted(figures, *row)[2]
         name = ' '.join(one or 'all' for one in row)
         lines.append(f'{name:20}' + ''.join(f'{text:>17}' for text in texts) + f'{wrong:7}')
     lines.append('')
     for sending in (*FOREIGN, ''):
-        count = _count(figures, 'wrong', sending)
+        count = counted(figures, sending)[2]
         lines.append(f'wrong IDs near {f"foreign {sending}" if sending else "no marker"}: {count}')
     wrong, read = figures['wrong'], figures['read']
     total = (
@@ -186,19 +186,24 @@ def _cell(one: SentPacket | WrongReading) -> tuple[str, str, str, str]:
     return sending, one.motion, one.company, one.signal
 
 
-def _count(figures: dict[str, Any], what: str, *cell: str | None) -> int:
-    """Return a sum over the cells that begin so; None is any of `SENDINGS`, or any motion."""
-    total = 0
+def counted(figures: dict[str, Any], *cell: str | None) -> tuple[int, int, int]:
+    """Return packets, how many were read, and wrong IDs, of the cells that begin so.
+
+    A cell is sending, motion, company and signal; None is any of `SENDINGS`, or any other.
+    """
+    names = ('sending', 'motion', 'company', 'signal')
+    total = np.zeros(3, dtype=int)
     for one in figures['cells']:
-        place = (one['sending'], one['motion'], one['company'], one['signal'])
-        pairs = zip(cell, place, strict=False)
-        if one['sending'] in SENDINGS or cell[0] is not None:
-            total += one[what] if all(want is None or want == is_ for want, is_ in pairs) else 0
-    return total
+        own = one['sending'] in SENDINGS or cell[0] is not None
+        wanted = zip(cell, names, strict=False)
+        if own and all(want is None or want == one[name] for want, name in wanted):
+            total += (one['packets'], one['read'], one['wrong'])
+    packets, read, wrong = total.tolist()
+    return packets, read, wrong
 
 
 def _sum(figures: dict[str, Any], *cell: str | None) -> str:
-    packets, read, wrong = (_count(figures, what, *cell) for what in ('packets', 'read', 'wrong'))
+    packets, read, wrong = counted(figures, *cell)
     if not packets and not wrong:
         return ''
     share = f'{read / packets:.3f}' if packets else '–'
