@@ -110,7 +110,10 @@ def packets_of(simulation: RoomSimulation) -> list[SentPacket]:
                 apart = np.abs(tangents[other][during] - tangents[index][during]).max(axis=1)
                 if amplitude[other, during, zone].mean() >= _SHARES * own[zone]:
                     company = COMPANY[2]
-                elif company == COMPANY[0] and apart.min() < 1.5 * room.scene.sensor.grid.pitch:
+                elif (
+                    company == COMPANY[0]
+                    and apart.min() < NEAR_ZONES * room.scene.sensor.grid.pitch
+                ):
                     company = COMPANY[1]
             hidden = simulation.hidden[index, during, zone].mean()
             sent.append(
