@@ -16,6 +16,7 @@ from evaluation.report.claims import NOTHING, Table
 TITLE = 'Random rooms'
 MESSAGE = 'Random rooms: packets read, of how many; wrong IDs below'
 ROOMS, QUICK_ROOMS = 400, 8
+_DARK = 0.37  # so far from a half the map is dark
 _DB = (f'below {BRIGHT_DB[0]:g} dB', f'to {BRIGHT_DB[1]:g} dB', 'brighter')
 
 
@@ -61,7 +62,9 @@ def draw(figures: dict[str, Any]) -> Any:
             for x, (packets, read, wrong) in enumerate(row):
                 words = f'{read / packets:.0%} of {packets}' if packets else ''
                 words += f'\n{wrong} wrong' if wrong else ''
-                axis.text(x, y, words, ha='center', va='center', fontsize=11)
+                dark = packets and abs(read / packets - 0.5) > _DARK
+                colour = 'white' if dark else 'black'
+                axis.text(x, y, words, color=colour, ha='center', va='center', fontsize=11)
         axis.set_title(
             {'beside': 'beside another', 'shared': 'sharing a zone'}.get(company, company)
         )
