@@ -62,11 +62,11 @@ static bool may_be_lone(struct rl_window *window, const struct rl_sending *sendi
  *     samples cannot be compared
  */
 static bool has_repeated(struct rl_window *window, const struct rl_sending *sending,
-                         double evidence, double begin_s, double to_s)
+                         double evidence, double begin_s, double since_s, double to_s)
 {
     const struct rl_samples *samples = window->samples;
     const double held_s = samples->begin_s[rl_samples_oldest(samples)];
-    const double from_s = fmax(begin_s - BEFORE_BITS * sending->bit_s, held_s);
+    const double from_s = fmax(fmax(begin_s - BEFORE_BITS * sending->bit_s, held_s), since_s);
     if (begin_s - from_s < LEAST_BEFORE_BITS * sending->bit_s) {
         return true;
     }
@@ -150,7 +150,7 @@ struct rl_verdict rl_decide(struct rl_window *window, const struct rl_codebook *
     const bool is_new = verdict.begin_s == since_s;
     if (sending->repeats && packets == 1 && !follows && !is_new &&
         !has_repeated(window, sending, verdict.evidence, to_s - RL_PACKET_BITS * hit->bit_s,
-                      to_s)) {
+                      since_s, to_s)) {
         return verdict;
     }
     verdict.reason = RL_ERASED;
