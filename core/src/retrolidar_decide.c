@@ -184,9 +184,9 @@ static bool is_word(struct trial *trial, const struct rl_hits *hits, double to_s
     struct rl_verdict *verdict = trial->verdict;
     const struct rl_sending *sending = &verdict->sending;
     const double max_word = trial->demands->word;
+    /* A refined start may be later than the begin of the window. */
     const double since_bits =
-        (to_s - RL_PACKET_BITS * verdict->packets * sending->bit_s - sending->start_s) /
-        sending->bit_s;
+        (to_s - sending->start_s) / sending->bit_s - RL_PACKET_BITS * (verdict->packets - 1);
     const int begin = sending->repeats ? (int)floor(since_bits + 0.5) % RL_PACKET_BITS : 0;
     verdict->word = rl_rivals_turn(trial->window, sending, trial->own, begin, trial->silent_bits,
                                    3.0 * max_word, &trial->bits);
