@@ -13,7 +13,7 @@ from visualization_msgs.msg import MarkerArray
 
 from retrolidar_ros.detector import Detection
 from retrolidar_ros.marker.known_markers import KnownMarker, frame_of
-from retrolidar_ros.msg import MarkerDetection
+from retrolidar_ros.msg import MarkerDetection, MarkerDetectionArray
 from retrolidar_ros.nodes.conversion import to_detection_msg, to_header, to_transform
 from retrolidar_ros.nodes.qos import EVENTS, LATCHED, publisher, topic_part
 from retrolidar_ros.nodes.transforms import transform_sender
@@ -30,13 +30,14 @@ _BEAT_PERIOD_NS = 200_000_000
 
 
 class DetectionTopics:
-    """The topics `markers`, `marker_array`, `detections`, `poses/NAME`, `~/heartbeat`, and TF."""
+    """The topics `markers`, `markers_array`, `marker_array`, `poses/NAME` and more, and TF."""
 
     def __init__(self, node: Node, known: dict[int, KnownMarker], values: dict[str, Any]) -> None:
         """Make the publishers; names of markers are those of `known`."""
         self._node = node
         self._known = known
         self._markers = publisher(node, MarkerDetection, 'markers', EVENTS)
+        self._arrays = publisher(node, MarkerDetectionArray, 'markers_array', EVENTS)
         # Each with the function that makes its message.
         self._standard = [(publisher(node, MarkerArray, 'marker_array', EVENTS), self._shapes)]
         if Detection3DArray is not None:
@@ -68,8 +69,8 @@ class DetectionTopics:
             self._beat_ns = stamp_ns
             self._heartbeat.publish(to_header(stamp_ns, frame_id))
 
-    def publish(self, detections: list[Detection], frame_id: str) -> None:
-        """Publish the detections of one frame, transforms first: subscribers look them up."""
+    def publish(self, detections: list[Detection], stamp_ns: int, frame_id: str) -> None:
+        """Publish the detections of the frame of a stamp, transforms first: subscribers look them up."""
         messages = []
         for detection in detections:
             name = frame_of(detection.id, self._known)
@@ -84,6 +85,9 @@ class DetectionTopics:
             if message.id in self._poses:
                 pose = PoseStamped(header=message.header, pose=message.pose.pose)
                 self._poses[message.id].publish(pose)
+        if self._arrays.get_subscription_count():
+            header = to_header(stamp_ns, frame_id)
+            self._arrays.publish(MarkerDetectionArray(header=header, detections=messages))
         for topic, convert in self._standard:
             if topic.get_subscription_count():
                 topic.publish(convert(messages))
