@@ -70,7 +70,7 @@ class DetectionTopics:
             self._heartbeat.publish(to_header(stamp_ns, frame_id))
 
     def publish(self, detections: list[Detection], stamp_ns: int, frame_id: str) -> None:
-        """Publish the detections of the frame of a stamp, transforms first: subscribers look them up."""
+        """Publish the detections of one frame, transforms first: subscribers look them up."""
         messages = []
         for detection in detections:
             name = frame_of(detection.id, self._known)
@@ -86,8 +86,7 @@ class DetectionTopics:
                 pose = PoseStamped(header=message.header, pose=message.pose.pose)
                 self._poses[message.id].publish(pose)
         if self._arrays.get_subscription_count():
-            header = to_header(stamp_ns, frame_id)
-            self._arrays.publish(MarkerDetectionArray(header=header, detections=messages))
+            self._arrays.publish(to_array(to_header(stamp_ns, frame_id), messages))
         for topic, convert in self._standard:
             if topic.get_subscription_count():
                 topic.publish(convert(messages))
@@ -96,6 +95,11 @@ class DetectionTopics:
         stale_after_s = self._values['stale_after']
         shapes = [shape for one in messages for shape in marker_shapes(one, stale_after_s)]
         return MarkerArray(markers=shapes)
+
+
+def to_array(header: Header, messages: list[MarkerDetection]) -> MarkerDetectionArray:
+    """Return the detections of the frame of a header as one message."""
+    return MarkerDetectionArray(header=header, detections=messages)
 
 
 def to_detections(messages: list[MarkerDetection]) -> Any:

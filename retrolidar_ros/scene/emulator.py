@@ -136,9 +136,8 @@ def emulate(
 ) -> tuple[int, int]:
     """Serve a scene at a port until it ends or is interrupted; return frames sent and lost.
 
-    Frames that nobody takes are lost, as on a real line; while the sensor is stopped there are none.
-    The scene begins at a time of the
-    monotonic clock, or when the port is there.
+    Frames that nobody takes are lost, as on a real line; a stopped sensor sends none. The scene
+    begins at a time of the monotonic clock, or when the port is there.
     """
     sent = lost = 0
     firmware = EmulatedFirmware(str(link))

@@ -112,9 +112,7 @@ class Commands:
             self._is_reminded = True
             before = self._answers
             self._unsent.append(command)
-            self._answered.wait_for(
-                lambda: self._answers > before and self._is_obeyed(), timeout_s
-            )
+            self._answered.wait_for(lambda: self._answers > before and self._is_obeyed(), timeout_s)
             if self._answers == before:
                 self._wants_ranging = wanted
                 raise TimeoutError(f'no answer to {command.value}')
