@@ -35,7 +35,9 @@ def test_linters_of_ament_run_where_they_are_and_only_there() -> None:
     text = (ROOT / 'CMakeLists.txt').read_text()
     assert 'find_package(ament_lint_auto QUIET)' in text
     assert re.search(r'if\(ament_lint_auto_FOUND\)\n +ament_lint_auto_find_test_dependencies', text)
-    assert max(map(len, text.splitlines())) <= 140  # lint_cmake's limit
+    # Of lint_cmake.
+    assert max(map(len, text.splitlines())) <= 140
+    assert all(command.islower() for command in re.findall(r'^ *(\w+)\(', text, re.M))
 
 
 def test_what_the_workflow_runs_is_there() -> None:
