@@ -13,7 +13,7 @@ from visualization_msgs.msg import MarkerArray
 
 from retrolidar_ros.detector import Detection
 from retrolidar_ros.marker.known_markers import KnownMarker, frame_of
-from retrolidar_ros.msg import MarkerDetection
+from retrolidar_ros.msg import MarkerDetection, MarkerDetectionArray
 from retrolidar_ros.nodes.conversion import to_detection_msg, to_header, to_transform
 from retrolidar_ros.nodes.qos import EVENTS, LATCHED, publisher, topic_part
 from retrolidar_ros.nodes.transforms import transform_sender
@@ -30,13 +30,14 @@ _BEAT_PERIOD_NS = 200_000_000
 
 
 class DetectionTopics:
-    """The topics `markers`, `marker_array`, `detections`, `poses/NAME`, `~/heartbeat`, and TF."""
+    """The topics `markers`, `markers_array`, `marker_array`, `poses/NAME` and more, and TF."""
 
     def __init__(self, node: Node, known: dict[int, KnownMarker], values: dict[str, Any]) -> None:
         """Make the publishers; names of markers are those of `known`."""
         self._node = node
         self._known = known
         self._markers = publisher(node, MarkerDetection, 'markers', EVENTS)
+        self._arrays = publisher(node, MarkerDetectionArray, 'markers_array', EVENTS)
         # Each with the function that makes its message.
         self._standard = [(publisher(node, MarkerArray, 'marker_array', EVENTS), self._shapes)]
         if Detection3DArray is not None:
@@ -68,7 +69,7 @@ class DetectionTopics:
             self._beat_ns = stamp_ns
             self._heartbeat.publish(to_header(stamp_ns, frame_id))
 
-    def publish(self, detections: list[Detection], frame_id: str) -> None:
+    def publish(self, detections: list[Detection], stamp_ns: int, frame_id: str) -> None:
         """Publish the detections of one frame, transforms first: subscribers look them up."""
         messages = []
         for detection in detections:
@@ -84,6 +85,8 @@ class DetectionTopics:
             if message.id in self._poses:
                 pose = PoseStamped(header=message.header, pose=message.pose.pose)
                 self._poses[message.id].publish(pose)
+        if self._arrays.get_subscription_count():
+            self._arrays.publish(to_array(to_header(stamp_ns, frame_id), messages))
         for topic, convert in self._standard:
             if topic.get_subscription_count():
                 topic.publish(convert(messages))
@@ -92,6 +95,11 @@ class DetectionTopics:
         stale_after_s = self._values['stale_after']
         shapes = [shape for one in messages for shape in marker_shapes(one, stale_after_s)]
         return MarkerArray(markers=shapes)
+
+
+def to_array(header: Header, messages: list[MarkerDetection]) -> MarkerDetectionArray:
+    """Return the detections of the frame of a header as one message."""
+    return MarkerDetectionArray(header=header, detections=messages)
 
 
 def to_detections(messages: list[MarkerDetection]) -> Any:

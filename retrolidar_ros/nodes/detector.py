@@ -98,7 +98,7 @@ class DetectorNode(Node):
             self._log_rejected()
         if detections:
             self._health.read(detections)
-            self._topics.publish(detections, frame_id)
+            self._topics.publish(detections, frame.stamp_ns, frame_id)
 
     def _drop(self, reason: str) -> None:
         self._health.drop(reason)

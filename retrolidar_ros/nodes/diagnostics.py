@@ -24,6 +24,8 @@ class Health(NamedTuple):
     level: bytes
     summary: str
     values: dict[str, str]
+    hardware_id: str = ''
+    """Of the hardware, if it is known better by now than when the node began."""
 
 
 Examine = Callable[[], 'Health | None']
@@ -59,7 +61,10 @@ class HealthBoard:
         for name, hardware_id, examine in self._subjects:
             if (health := examine()) is not None:
                 status = DiagnosticStatus(
-                    level=health.level, name=name, message=health.summary, hardware_id=hardware_id
+                    level=health.level,
+                    name=name,
+                    message=health.summary,
+                    hardware_id=health.hardware_id or hardware_id,
                 )
                 status.values = [KeyValue(key=key, value=one) for key, one in health.values.items()]
                 message.status.append(status)

@@ -18,6 +18,7 @@ from retrolidar_ros.nodes.driver_health import DetectorWatch, DriverTally
 from retrolidar_ros.nodes.frame_topics import FrameTopics
 from retrolidar_ros.nodes.parameters import Parameters, check_frame_id
 from retrolidar_ros.nodes.run import run
+from retrolidar_ros.nodes.sensor_services import offer_services
 from retrolidar_ros.sensor.clock import ClockMap
 from retrolidar_ros.sensor.frame import Frame
 from retrolidar_ros.sensor.protocols import PROTOCOLS
@@ -67,6 +68,7 @@ class DriverNode(LifecycleNode):
         parameters.follow(self._change)
         self._clock_map = ClockMap(self._values['transport_delay'])
         self._tally = DriverTally()
+        offer_services(self, lambda: self._source)
         board = publish_health(self, 'frames', self._values['serial_port'], self._examine, board)
         self._watch = None if take else DetectorWatch(self)
         if self._watch is not None:
@@ -198,8 +200,14 @@ class DriverNode(LifecycleNode):
         if source is None:
             return Health(WARN, 'not configured: the port is closed', {})
         health = self._tally.examine(source, self._clock_map)
+        if (who := source.identity) is not None:
+            health.values['firmware'] = who.version
+            health = health._replace(hardware_id=who.serial)
+        if source.is_open and who is not None and not who.is_ranging:
+            return health._replace(level=WARN, summary='the sensor is stopped: call ~/start')
         if source.is_open and not self._is_active:
-            return Health(WARN, 'not active: frames are read and not published', health.values)
+            summary = 'not active: frames are read and not published'
+            return health._replace(level=WARN, summary=summary)
         return health
 
 

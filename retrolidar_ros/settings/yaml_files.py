@@ -77,8 +77,10 @@ def load_yaml(path: Path) -> Any:
     OSError
         If it cannot be read.
     ValueError
-        If it is not YAML, or a key is duplicate; the message names the line.
+        If it is a FIFO or not YAML, or a key is duplicate; the message names the line.
     """
+    if path.is_fifo():  # to open it would wait for a writer
+        raise ValueError(f'{path} is a FIFO; give a regular file')
     with path.open('rb') as file:
         data = file.read(_MOST_BYTES + 1)
     if len(data) > _MOST_BYTES:

@@ -124,10 +124,10 @@ def _numbers(count: int) -> Callable[[Any, str], Floats]:
     def parse(value: Any, path: str) -> Floats:
         try:
             numbers: Floats = np.array(value, dtype=float)
-        except (TypeError, ValueError):
+        except (TypeError, ValueError, OverflowError):
             numbers = np.array([])
         if numbers.shape != (count,) or not np.isfinite(numbers).all():
-            raise ConfigError(f'{path}: needs a list of {count} numbers, not {value!r}')
+            raise ConfigError(f'{path}: needs a list of {count} numbers, not {value!r:.200}')
         return numbers
 
     return parse

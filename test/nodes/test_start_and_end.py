@@ -21,6 +21,8 @@ FILES = {
     'broken': '/**:\n  ros__parameters:\n    method: [joint',
     'twice': 'markers:\n  2073: {frame: a}\n  2073: {frame: b}\n',
     'same': 'markers: {2073: {frame: mug}, 2096: {frame: mug}}\n',
+    'long': f'markers: {{7: {{frame: {300 * "x"}}}}}',
+    'huge': f'frame: map\nlandmarks: {{mug: {{position: [0, 0, {10**400}]}}}}',
 }
 
 
@@ -46,6 +48,7 @@ def refuse(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Callable[..., l
     directory = tmp_path_factory.mktemp('refused')
     for name, text in FILES.items():
         (directory / f'{name}.yaml').write_text(text)
+    os.mkfifo(directory / 'fifo')
     nodes = ('driver', 'detector', 'reader', 'coffee', 'heartbeat', 'landmarks')
     command, pipe = [sys.executable, '-c', START, *nodes], subprocess.PIPE
     with subprocess.Popen(command, stdin=pipe, stdout=pipe, text=True, cwd=directory) as process:
@@ -82,11 +85,14 @@ def refuse(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Callable[..., l
         ('detector', '-p marker_file:={}/nowhere.yaml', 'marker_file: [Errno 2] No such file'),
         ('detector', '-p marker_file:={}/twice.yaml', 'key 2073 stands here a second time'),
         ('detector', '-p marker_file:={}/same.yaml', 'marker 2073 has the frame mug, too'),
+        ('detector', '-p marker_file:={}/long.yaml', 'markers.7.frame: a name of 300 characters'),
+        ('detector', '-p marker_file:={}/fifo', 'fifo is a FIFO; give a regular file'),
         ('detector', '-p only_registered:=true', 'only_registered: there is no marker_file'),
         ('detector', '-p child_frame:=left', "child_frame: 'left' needs {name} once"),
         ('detector', '--params-file {}/many.yaml', '10000 numbers; 4096 are the most'),
         ('landmarks', "-p fixed_frame:=''", 'fixed_frame is empty; TF needs a name'),
         ('landmarks', '-p load_file:={}/nowhere.yaml', 'load_file: '),
+        ('landmarks', '-p load_file:={}/huge.yaml', 'mug.position: needs a list of 3 numbers'),
         ('landmarks', '-p localize:=true', '0 markers are at known places; localisation needs'),
         ('coffee', '-p objects:=[]', 'objects: there is no name'),
         ('heartbeat', '-p markers:=[]', 'markers: there is no name'),

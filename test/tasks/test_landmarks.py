@@ -269,6 +269,7 @@ def test_a_survey_is_written_and_read_again() -> None:
         ('orientation', [0, 0, 0, 0], 'is no quaternion'),
         ('covariance', [0.0] * 36, 'is not symmetric and above 0'),
         ('covariance', ['x'] * 36, 'needs a list of 36 numbers'),
+        ('position', [0, 0, 10**400], 'needs a list of 3 numbers, not .{200}$'),
     ],
 )
 def test_an_impossible_survey_is_refused(key: str, value: object, message: str) -> None:
