@@ -166,8 +166,6 @@ class CountListener(Listener):
         for status in message.status:
             namespace, _, node = status.name.partition(':')[0].rpartition('/')
             values = {pair.key: pair.value for pair in status.values}
-            if 'frames' not in values:  # word of a node that is silent
-                continue
             self.lost[status.name] = int(values['lost frames'])
             if node == 'driver':
                 sent = int(values['frames']) + int(values['lost frames'])

@@ -4,6 +4,8 @@
 
 from __future__ import annotations
 
+import math
+import time
 from typing import Any
 
 from geometry_msgs.msg import PoseStamped
@@ -26,7 +28,7 @@ except ImportError:  # not installed: no subscribers
 NAME = '{name}'
 """What stands for a marker's name in the parameter `child_frame`."""
 _MOST_POSES = 100
-_BEAT_PERIOD_NS = 200_000_000
+_BEAT_PERIOD_S = 0.2
 
 
 class DetectionTopics:
@@ -53,7 +55,7 @@ class DetectionTopics:
             for identity, marker in known.items()
         }
         self._send_transforms: Any = None
-        self._beat_ns = 0
+        self._beat_s = -math.inf
         self.change(values)
 
     def change(self, values: dict[str, Any]) -> None:
@@ -64,8 +66,9 @@ class DetectionTopics:
 
     def beat(self, stamp_ns: int, frame_id: str) -> None:
         """Report, several times a second, up to which frame all are searched."""
-        if abs(stamp_ns - self._beat_ns) >= _BEAT_PERIOD_NS:
-            self._beat_ns = stamp_ns
+        # By the steady clock: where stamps stand still, this node does not.
+        if (now_s := time.monotonic()) - self._beat_s >= _BEAT_PERIOD_S:
+            self._beat_s = now_s
             self._heartbeat.publish(to_header(stamp_ns, frame_id))
 
     def publish(self, detections: list[Detection], frame_id: str) -> None:

@@ -14,7 +14,7 @@ from rclpy.lifecycle import LifecycleState, TransitionCallbackReturn
 from rclpy.lifecycle import Node as LifecycleNode
 
 from retrolidar_ros.nodes.diagnostics import WARN, Health, HealthBoard, publish_health
-from retrolidar_ros.nodes.driver_health import DetectorWatch, DriverTally
+from retrolidar_ros.nodes.driver_health import NO_CLOCK, DetectorWatch, DriverTally
 from retrolidar_ros.nodes.frame_topics import FrameTopics
 from retrolidar_ros.nodes.parameters import Parameters, check_frame_id
 from retrolidar_ros.nodes.run import run
@@ -52,7 +52,7 @@ class DriverNode(LifecycleNode):
         self._source: SerialSource | None = None
         self._thread: Thread | None = None
         self._stop = Event()
-        self._is_active = self.failed = False
+        self._is_active = self._is_finalized = self.failed = False
         super().__init__('driver', **options)
         self._take = take
         for service in self.services:
@@ -67,10 +67,8 @@ class DriverNode(LifecycleNode):
         parameters.follow(self._change)
         self._clock_map = ClockMap(self._values['transport_delay'])
         self._tally = DriverTally()
-        board = publish_health(self, 'frames', self._values['serial_port'], self._examine, board)
         self._watch = None if take else DetectorWatch(self)
-        if self._watch is not None:
-            board.add(self._watch.name, '', self._watch.examine)
+        publish_health(self, 'frames', self._values['serial_port'], self._examine, board)
         if self._values['autostart']:
             self.trigger_configure()
             self.trigger_activate()
@@ -120,7 +118,8 @@ class DriverNode(LifecycleNode):
         return TransitionCallbackReturn.SUCCESS
 
     def on_shutdown(self, state: LifecycleState) -> TransitionCallbackReturn:
-        """Close the port."""
+        """Close the port for good."""
+        self._is_finalized = True
         self._end()
         return TransitionCallbackReturn.SUCCESS
 
@@ -174,10 +173,8 @@ class DriverNode(LifecycleNode):
 
     def _publish(self, frames: list[Frame], arrival_ns: int) -> None:
         if not arrival_ns:
-            self.get_logger().warning(
-                'use_sim_time is set, but nobody publishes /clock: frames are dropped',
-                throttle_duration_sec=5.0,
-            )
+            self._tally.count_untimed(len(frames))
+            self.get_logger().warning(NO_CLOCK, throttle_duration_sec=5.0)
             return
         for frame in frames:
             stamp_ns = self._clock_map.map(frame.sensor_time_us, arrival_ns)
@@ -186,7 +183,7 @@ class DriverNode(LifecycleNode):
             stamped = replace(frame, stamp_ns=stamp_ns)
             if self._is_active:
                 self._topics.publish(stamped)
-            self._tally.count(frame, self._now_ns() - stamp_ns)
+            self._tally.count(stamped, self._now_ns() - stamp_ns)
             if self._is_active and self._watch is not None:
                 self._watch.sent()
             if self._is_active and self._take is not None:
@@ -195,12 +192,14 @@ class DriverNode(LifecycleNode):
     def _examine(self) -> Health:
         """Judge the last second."""
         source = self._source
+        if self._is_finalized:
+            return Health(WARN, 'finalized: the node was shut down; start it again', {})
         if source is None:
             return Health(WARN, 'not configured: the port is closed', {})
         health = self._tally.examine(source, self._clock_map)
         if source.is_open and not self._is_active:
             return Health(WARN, 'not active: frames are read and not published', health.values)
-        return health
+        return health if self._watch is None else self._watch.add_to(health)
 
 
 def _declare(parameters: Parameters) -> None:
