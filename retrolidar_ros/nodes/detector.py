@@ -18,18 +18,27 @@ from retrolidar_ros.msg import Frame as FrameMsg
 from retrolidar_ros.nodes.conversion import from_frame_msg
 from retrolidar_ros.nodes.detection_topics import NAME, DetectionTopics
 from retrolidar_ros.nodes.detector_health import DetectorHealth
-from retrolidar_ros.nodes.diagnostics import Health, HealthBoard, publish_health
+from retrolidar_ros.nodes.diagnostics import WARN, Health, HealthBoard, publish_health
 from retrolidar_ros.nodes.parameters import Parameters, check_frame_id
 from retrolidar_ros.nodes.qos import FRAMES, subscribe
 from retrolidar_ros.nodes.run import run
+from retrolidar_ros.nodes.transform_watch import TransformWatch
 from retrolidar_ros.sensor.frame import Frame, ZoneGrid
 
 
 class DetectorNode(Node):
     """Publishes every marker that is read, as a message and as a transform."""
 
-    def __init__(self, board: HealthBoard | None = None, **options: Any) -> None:
-        """Declare parameters and subscribe; with a board, frames come by `take` and no topic."""
+    def __init__(
+        self,
+        board: HealthBoard | None = None,
+        watch: TransformWatch | None = None,
+        **options: Any,
+    ) -> None:
+        """Declare parameters and subscribe; with a board, frames come by `take` and no topic.
+
+        Board and watch are those of the process, if it has them.
+        """
         super().__init__('detector', **options)
         parameters = Parameters(self, 'detector')
         _declare(parameters)
@@ -38,7 +47,9 @@ class DetectorNode(Node):
         # Zones are known with the first frame, but impossible parameters end the start.
         self._grid = ZoneGrid()
         self._detector = detector_of(self._values, self._grid, self._known)
-        self._topics = DetectionTopics(self, self._known, self._values)
+        self._topics = DetectionTopics(
+            self, self._known, self._values, watch or TransformWatch(self)
+        )
         self._frame_id = ''
         self._number: int | None = None
         self._health = DetectorHealth(self._grid)
@@ -136,12 +147,13 @@ class DetectorNode(Node):
             )
         if lost and lost in health.summary:
             self.get_logger().warning(lost, throttle_duration_sec=5.0)
-        # Each kind of problem once; /diagnostics repeats them.
-        kind = re.sub(r'[\d.]+', '', problem)
-        if problem and kind not in self._warned:
-            self._warned.add(kind)
-            self.get_logger().warning(problem)
-        return health
+        shared = self._topics.shared_frames()
+        for text in filter(None, (problem, shared)):
+            # Each kind of problem once; /diagnostics repeats them.
+            if (kind := re.sub(r'[\d.]+', '', text)) not in self._warned:
+                self._warned.add(kind)
+                self.get_logger().warning(text)
+        return health.plus(WARN, shared)
 
 
 def _declare(parameters: Parameters) -> None:
@@ -151,7 +163,9 @@ def _declare(parameters: Parameters) -> None:
     declare('publish_tf', 'Send a transform for every detection.', live=True)
     declare('child_frame', 'TF frame of a marker; {name} stands for its name.')
     declare('stale_after', 'Lifetime of a marker in marker_array [s].', 0.1, 3600.0, live=True)
-    child_frame = check_frame_id('child_frame', parameters.values['child_frame'])
+    declare('frame_prefix', 'Prefix of child_frame.')
+    child_frame = parameters.values['frame_prefix'] + parameters.values['child_frame']
+    parameters.values['child_frame'] = check_frame_id('child_frame', child_frame)
     if child_frame.count(NAME) != 1:
         raise ValueError(f'child_frame: {child_frame!r} needs {NAME} once')
 

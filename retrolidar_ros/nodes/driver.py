@@ -55,13 +55,15 @@ class DriverNode(LifecycleNode):
         self._is_active = self._is_finalized = self.failed = False
         super().__init__('driver', **options)
         self._take = take
+        # It cannot be wrapped otherwise: rclpy makes the services of the life cycle itself.
         for service in self.services:
             if service.srv_name.endswith('/change_state'):
                 service.callback = self._refusing(service.callback)
         parameters = Parameters(self, 'driver')
         _declare(parameters)
         self._values = parameters.values
-        self._frame_id = check_frame_id('frame_id', self._values['frame_id'])
+        frame_id = self._values['frame_prefix'] + self._values['frame_id']
+        self._frame_id = check_frame_id('frame_id', frame_id)
         self._topics = FrameTopics(self, self._frame_id)
         parameters.warn_of_unknown()
         parameters.follow(self._change)
@@ -199,7 +201,7 @@ class DriverNode(LifecycleNode):
         health = self._tally.examine(source, self._clock_map)
         if source.is_open and not self._is_active:
             return Health(WARN, 'not active: frames are read and not published', health.values)
-        return health if self._watch is None else self._watch.add_to(health)
+        return health.plus(WARN, self._watch.problem() if self._watch else '')
 
 
 def _declare(parameters: Parameters) -> None:
@@ -209,6 +211,7 @@ def _declare(parameters: Parameters) -> None:
     parameters.declare('serial_baud', 'Baud rate [bit/s].', 9600, 12_000_000)
     parameters.declare('protocol', 'Protocol of the sensor.', among=tuple(PROTOCOLS))
     parameters.declare('frame_id', 'TF frame of the sensor: x right, y down, z forward.')
+    parameters.declare('frame_prefix', 'Prefix of frame_id.')
     parameters.declare(
         'transport_delay',
         'Shortest time from mid-exposure to the arrival of a frame [s].',

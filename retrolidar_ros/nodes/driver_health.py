@@ -143,11 +143,8 @@ class DetectorWatch:
         """Note that a frame was sent."""
         self._frame_s = time.monotonic()
 
-    def add_to(self, health: Health) -> Health:
-        """Add that a detector was heard before and is silent although frames are sent."""
+    def problem(self) -> str:
+        """Say that a detector was heard before and is silent although frames are sent."""
         if self._beat_s is None or (silence_s := self._frame_s - self._beat_s) < _SILENCE_S:
-            return health
-        text = f'the detector has judged no frame for {silence_s:.1f} s: it has ended, or hangs'
-        if health.level == OK:
-            return Health(WARN, text, health.values)
-        return health._replace(summary=f'{health.summary}; {text}')
+            return ''
+        return f'the detector has judged no frame for {silence_s:.1f} s: it has ended, or hangs'
