@@ -89,14 +89,14 @@ def test_two_sensors_with_the_same_frames_are_warned_of_until_they_have_prefixes
     ):
         for index, port in enumerate(ports):
             own = {'name': f'reader{index}', 'namespace': f'/same{index}'}
-            system.start('reader', **own, serial_port=port)  # type: ignore[arg-type]
+            system.start('reader', **own, serial_port=port)
         status = system.wait_for_status(name, DiagnosticStatus.WARN, 'another node sends the TF')
         assert '(in retrolidar_optical_frame)' in status.message
         assert 'another node sends the TF frames' in system.log('reader1')
         system.stop('reader0')
         system.start('reader', serial_port=ports[0], frame_prefix='robot0/')
         prefixed = {'frame_prefix': 'robot0/', 'markers': '[marker_2073]'}
-        system.start('heartbeat', **prefixed)  # type: ignore[arg-type]
+        system.start('heartbeat', **prefixed)
         system.wait_for_status('heartbeat: markers', DiagnosticStatus.OK, 'are read')
         system.markers.clear()
         wait_for_readings(system, COFFEE_IDS)
