@@ -166,6 +166,8 @@ class CountListener(Listener):
         for status in message.status:
             namespace, _, node = status.name.partition(':')[0].rpartition('/')
             values = {pair.key: pair.value for pair in status.values}
+            if 'frames' not in values:  # not configured
+                continue
             self.lost[status.name] = int(values['lost frames'])
             if node == 'driver':
                 sent = int(values['frames']) + int(values['lost frames'])
