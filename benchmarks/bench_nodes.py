@@ -109,12 +109,25 @@ def report(run: Run) -> dict[str, object]:
         f'stamps against the exposure: standard deviation {error_ms.std():.3f} ms, '
         f'largest {np.abs(error_ms).max():.3f} ms'
     )
+    frame_ns = {to_ns(message.header.stamp): received for message, received in frames}
+    # What is on the way at the ends of the run is left out.
+    after_ms = 1e-6 * np.array(
+        [
+            received - frame_ns[to_ns(message.end)]
+            for message, received in markers
+            if to_ns(message.end) in frame_ns
+        ]
+    )
     delays = {}
-    for what, values in (('Frame', delay_ms), ('MarkerDetection', latency_ms)):
+    for begin, what, values in (
+        ('end of the (last) exposure', 'Frame', delay_ms),
+        ('end of the (last) exposure', 'MarkerDetection', latency_ms),
+        ('last Frame received', 'its MarkerDetection', after_ms),
+    ):
         median, p99 = np.percentile(values, [50, 99])
         delays[what] = {'median_ms': float(median), 'p99_ms': float(p99), 'messages': len(values)}
         print(
-            f'end of the (last) exposure to {what} received: median {median:.1f} ms, '
+            f'{begin} to {what} received: median {median:.1f} ms, '
             f'p99 {p99:.1f} ms, {len(values)} messages'
         )
     for name, share in run.shares.items():

@@ -75,7 +75,7 @@ def _tell_places(context, places):
     transforms = []
     for frame, (x, y) in places.items():
         # It looks up: its frame has x, y and z where the fixed one has them.
-        transform = TransformStamped(child_frame_id=frame)
+        transform = TransformStamped(child_frame_id=value(context, 'frame_prefix') + frame)
         transform.header.frame_id = value(context, 'fixed_frame')
         transform.transform.translation.x, transform.transform.translation.y = x, y
         transforms.append(transform)

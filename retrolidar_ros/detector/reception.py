@@ -25,10 +25,10 @@ _CLEARLY_DB = 6.0
 _CLOCKED = 12.0
 # For so long a zone may blink unread by other bits, and for so many packets by the right ones: a
 # detector combines eight.
-_PATIENCE_S = 4.0
+_PATIENCE_S = 1.5
 _PACKETS = 9
 _STEADY = 0.01  # two looks agree so well on the bits of a marker
-_LOOKING_S = 3.0  # a look costs milliseconds
+_LOOKING_S = 0.9  # a look costs a millisecond
 
 
 class Reception:
@@ -39,6 +39,8 @@ class Reception:
         self.frames = 0
         self.lost = 0
         """Frames that the sequence counter says were sent, and that never came."""
+        self.unsent = 0
+        """Frames that the counter misses, too, but that the node before this one did not send."""
         self.repeated = 0
         """Frames that came a second time, and were left out."""
         self.reversed = 0
@@ -54,15 +56,21 @@ class Reception:
         self._explained_ns = np.zeros(grid.zones, dtype=np.int64)
         self._looked_ns, self._unread, self._suspected_s = 0, '', np.inf
 
-    def take(self, frame: Frame) -> bool:
-        """Count a frame; return whether it is a new one."""
+    def take(self, frame: Frame, max_lost: int | None = None) -> bool:
+        """Count a frame; return whether it is a new one.
+
+        Before it at most `max_lost` were lost on the way here, if that is known.
+        """
         self.frames += 1
         if self._kept:
             last = self._kept[-1]
             if (frame.sequence, frame.stamp_ns) == (last.sequence, last.stamp_ns):
                 self.repeated += 1
                 return False
-            self.lost += missing_frames(last.sequence, frame.sequence)
+            missing = missing_frames(last.sequence, frame.sequence)
+            lost = missing if max_lost is None else min(missing, max_lost)
+            self.lost += lost
+            self.unsent += missing - lost
             self.reversed += frame.sequence < last.sequence
         else:
             self._explained_ns[:] = frame.stamp_ns

@@ -37,6 +37,7 @@ class CoffeeNode(Node):
         super().__init__('coffee')
         parameters = Parameters(self, 'coffee')
         parameters.declare('objects', 'TF frames of the markers on the objects.')
+        parameters.declare('frame_prefix', 'Prefix of these frames.')
         parameters.declare('target_frame', "Frame of the poses; empty = the sensor's.")
         parameters.declare(
             'max_stddev',
@@ -50,6 +51,7 @@ class CoffeeNode(Node):
             'reach', 'Radius around the first viewpoint [m].', 0.01, 100.0, live=True
         )
         values = parameters.values
+        self._prefix = values['frame_prefix']
         self._reach_m = values['reach']
         self._began_m: Floats | None = None
         self._goal = ''
@@ -95,15 +97,16 @@ class CoffeeNode(Node):
 
     def _take(self, message: MarkerDetection) -> None:
         """Publish the pose of an object from one detection."""
-        if message.child_frame_id in self._poses and to_ns(message.header.stamp) >= 0:
+        name = message.child_frame_id.removeprefix(self._prefix)
+        if name in self._poses and to_ns(message.header.stamp) >= 0:
             place = from_pose(message.pose.pose)
             covariance = covariance_of(message.pose)
-            self._publish(message.child_frame_id, message.header, *place, covariance)
+            self._publish(name, message.header, *place, covariance)
             self._tick()
 
     def _place(self, reading: Reading, message: MarkerDetection) -> None:
         """Publish the pose of an object from all readings."""
-        name = message.child_frame_id
+        name = message.child_frame_id.removeprefix(self._prefix)
         if name not in self._poses:
             return
         if self._began_m is None:

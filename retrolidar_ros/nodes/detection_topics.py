@@ -4,6 +4,8 @@
 
 from __future__ import annotations
 
+import math
+import time
 from typing import Any
 
 from geometry_msgs.msg import PoseStamped
@@ -16,6 +18,7 @@ from retrolidar_ros.marker.known_markers import KnownMarker, frame_of
 from retrolidar_ros.msg import MarkerDetection, MarkerDetectionArray
 from retrolidar_ros.nodes.conversion import to_detection_msg, to_header, to_transform
 from retrolidar_ros.nodes.qos import EVENTS, LATCHED, publisher, topic_part
+from retrolidar_ros.nodes.transform_watch import TransformWatch, WatchedSender
 from retrolidar_ros.nodes.transforms import transform_sender
 from retrolidar_ros.nodes.visualization import marker_shapes
 
@@ -26,14 +29,21 @@ except ImportError:  # not installed: no subscribers
 NAME = '{name}'
 """What stands for a marker's name in the parameter `child_frame`."""
 _MOST_POSES = 100
-_BEAT_PERIOD_NS = 200_000_000
+_BEAT_PERIOD_S = 0.2
 
 
 class DetectionTopics:
     """The topics `markers`, `markers_array`, `marker_array`, `poses/NAME` and more, and TF."""
 
-    def __init__(self, node: Node, known: dict[int, KnownMarker], values: dict[str, Any]) -> None:
+    def __init__(
+        self,
+        node: Node,
+        known: dict[int, KnownMarker],
+        values: dict[str, Any],
+        watch: TransformWatch,
+    ) -> None:
         """Make the publishers; names of markers are those of `known`."""
+        self._watch = watch
         self._node = node
         self._known = known
         self._markers = publisher(node, MarkerDetection, 'markers', EVENTS)
@@ -53,20 +63,21 @@ class DetectionTopics:
             identity: publisher(node, PoseStamped, f'poses/{topic_part(marker.frame)}', LATCHED)
             for identity, marker in known.items()
         }
-        self._send_transforms: Any = None
-        self._beat_ns = 0
+        self._send_transforms: WatchedSender | None = None
+        self._beat_s = -math.inf
         self.change(values)
 
     def change(self, values: dict[str, Any]) -> None:
         """Apply new parameters."""
         self._values = values
         if values['publish_tf'] and self._send_transforms is None:
-            self._send_transforms = transform_sender(self._node)
+            self._send_transforms = self._watch.watched(transform_sender(self._node))
 
     def beat(self, stamp_ns: int, frame_id: str) -> None:
         """Report, several times a second, up to which frame all are searched."""
-        if abs(stamp_ns - self._beat_ns) >= _BEAT_PERIOD_NS:
-            self._beat_ns = stamp_ns
+        # By the steady clock: where stamps stand still, this node does not.
+        if (now_s := time.monotonic()) - self._beat_s >= _BEAT_PERIOD_S:
+            self._beat_s = now_s
             self._heartbeat.publish(to_header(stamp_ns, frame_id))
 
     def publish(self, detections: list[Detection], stamp_ns: int, frame_id: str) -> None:
@@ -76,7 +87,7 @@ class DetectionTopics:
             name = frame_of(detection.id, self._known)
             child_frame_id = self._values['child_frame'].replace(NAME, name)
             messages.append(to_detection_msg(detection, frame_id, child_frame_id))
-        if self._values['publish_tf']:
+        if self._values['publish_tf'] and self._send_transforms is not None:
             self._send_transforms(
                 [to_transform(one.header, one.child_frame_id, one.pose.pose) for one in messages]
             )
@@ -90,6 +101,10 @@ class DetectionTopics:
         for topic, convert in self._standard:
             if topic.get_subscription_count():
                 topic.publish(convert(messages))
+
+    def shared_frames(self) -> str:
+        """Say which TF frames others send, too; empty if they send none."""
+        return self._send_transforms.problem() if self._send_transforms is not None else ''
 
     def _shapes(self, messages: list[MarkerDetection]) -> MarkerArray:
         stale_after_s = self._values['stale_after']

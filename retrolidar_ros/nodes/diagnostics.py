@@ -27,6 +27,13 @@ class Health(NamedTuple):
     hardware_id: str = ''
     """Of the hardware, if it is known better by now than when the node began."""
 
+    def plus(self, level: bytes, problem: str) -> Health:
+        """Return this health with another problem; as it is if that is empty."""
+        if not problem:
+            return self
+        summary = problem if self.level == OK else f'{self.summary}; {problem}'
+        return self._replace(level=max(self.level, level), summary=summary)
+
 
 Examine = Callable[[], 'Health | None']
 """Judges what passed since it was last called; None where there is nothing to say."""

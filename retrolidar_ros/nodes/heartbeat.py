@@ -30,6 +30,8 @@ class HeartbeatNode(Node):
             'overdue_after', 'Time without a reading until overdue [s].', 0.1, 3600.0, live=True
         )
         parameters.declare('window', 'Length of the counted windows [s].', 0.1, 3600.0)
+        parameters.declare('frame_prefix', 'Prefix of these frames.')
+        self._prefix = parameters.values['frame_prefix']
         names = parameters.values['markers']
         if not names:
             raise ValueError('markers: there is no name; name at least one')
@@ -51,8 +53,9 @@ class HeartbeatNode(Node):
         return float(self.get_clock().now().nanoseconds) * 1e-9
 
     def _take(self, message: MarkerDetection) -> None:
-        if message.child_frame_id in self._hearts and self._now_s():
-            self._hearts[message.child_frame_id].beat(self._now_s())
+        name = message.child_frame_id.removeprefix(self._prefix)
+        if name in self._hearts and self._now_s():
+            self._hearts[name].beat(self._now_s())
             self._tick()
 
     def _tick(self) -> None:

@@ -107,7 +107,8 @@ class LandmarksNode(Node):
                 self._localize(message.header.stamp)
             return
         # Each of several sensors may have a name of its own for a marker.
-        name = self._names.get(reading.marker, message.child_frame_id)
+        own = message.child_frame_id.removeprefix(self._values['frame_prefix'])
+        name = self._names.get(reading.marker, own)
         estimate = self._survey.take(reading, name).estimate()
         if estimate is not None:
             self._publish(estimate)
@@ -140,7 +141,8 @@ class LandmarksNode(Node):
             self._send_transform(name, message)
 
     def _send_transform(self, name: str, message: PoseWithCovarianceStamped) -> None:
-        child = self._values['child_frame'].replace('{name}', name)
+        frame = self._values['frame_prefix'] + self._values['child_frame']
+        child = frame.replace('{name}', name)
         if child in self._blocked:
             return
         if child not in self._sent and self._readings.finder.knows(child):
@@ -203,6 +205,7 @@ def _declare(parameters: Parameters) -> None:
     declare('save_file', 'Where ~/save writes; empty = nowhere.')
     declare('publish_tf', 'Send a transform for every landmark.')
     declare('child_frame', 'TF frame of a landmark; {name} stands for its name.')
+    declare('frame_prefix', 'Prefix of child_frame.')
     declare('patience', 'Longest wait for a transform [s].', 0.0, 60.0)
     declare('range_bias', "Standard deviation of a sensor's range bias [m].", 0.0, 1.0)
     declare('pose_stddev', "Standard deviation of the sensor's position in TF [m].", 0.0, 1.0)

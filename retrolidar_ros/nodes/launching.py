@@ -13,8 +13,17 @@ from pathlib import Path
 from typing import Any
 
 import yaml
-from launch.actions import DeclareLaunchArgument, GroupAction, IncludeLaunchDescription
+from launch.actions import (
+    DeclareLaunchArgument,
+    EmitEvent,
+    GroupAction,
+    IncludeLaunchDescription,
+    LogInfo,
+)
+from launch.events import matches_action
+from launch.events.process import ProcessExited, ShutdownProcess
 from launch.launch_context import LaunchContext
+from launch.launch_description_entity import LaunchDescriptionEntity
 from launch.substitutions import LaunchConfiguration, PathJoinSubstitution
 from launch_ros.actions import Node
 from launch_ros.substitutions import FindPackageShare
@@ -27,10 +36,11 @@ COMMON: dict[str, tuple[Any, str]] = {
     'marker_file': ('', 'YAML file of the known markers; empty = as in the parameter file.'),
     'protocol': ('', 'Protocol of the sensor; empty = as in the parameter file.'),
     'autostart': ('', 'Whether the driver activates itself; empty = as in the parameter file.'),
+    'frame_prefix': ('', 'Prefix of the TF frames that are sent, such as robot1/.'),
     'single_process': ('false', 'Whether driver and detector share a process, the reader.'),
     'log_level': ('info', 'debug, info, warn, error or fatal.'),
     'use_sim_time': ('', 'Whether time is that of /clock; empty = as in the parameter file.'),
-    'respawn': ('true', 'Whether a node that ends is started again, after a delay.'),
+    'respawn': ('true', 'Whether a node that fails is started again, after a delay.'),
     'respawn_delay': ('2.0', 'That delay [s].'),
 }
 """Launch arguments of every launch file: default and description."""
@@ -42,6 +52,9 @@ SENSOR: dict[str, tuple[Any, str]] = {
     'emulate': ('', 'A scene to emulate instead of a sensor: a file, or the name of one.'),
 }
 """Those of every launch file for one sensor."""
+_LEAST_DELAY_S = 0.1
+_MISCONFIGURED = 2
+"""The exit code of a node whose parameters or files are wrong; starting it again is no help."""
 _LEVELS = ('debug', 'info', 'warn', 'error', 'fatal')
 
 
@@ -116,6 +129,7 @@ def node(
         raise RuntimeError(f'log_level:={level}: it needs one of {", ".join(_LEVELS)}')
     if value(context, 'use_sim_time'):
         parameters['use_sim_time'] = is_on(context, 'use_sim_time')
+    parameters |= given(context, 'frame_prefix')
     return Node(
         package='retrolidar_ros',
         executable=executable,
@@ -123,10 +137,22 @@ def node(
         parameters=[_parameter_file(context), *([parameters] if parameters else [])],
         ros_arguments=['--log-level', level],
         respawn=is_on(context, 'respawn'),
-        respawn_delay=number(context, 'respawn_delay'),
+        # Within the delay a node that is misconfigured is taken out.
+        respawn_delay=max(number(context, 'respawn_delay'), _LEAST_DELAY_S),
+        on_exit=_on_exit,
         output='screen',
         **options,
     )
+
+
+def _on_exit(event: ProcessExited, context: LaunchContext) -> list[LaunchDescriptionEntity]:
+    """Return what keeps a misconfigured node from being started again."""
+    if event.returncode != _MISCONFIGURED or context.is_shutdown:
+        return []
+    return [
+        LogInfo(msg=f'{event.process_name} is misconfigured, see above: it is not started again'),
+        EmitEvent(event=ShutdownProcess(process_matcher=matches_action(event.action))),
+    ]
 
 
 def sensor(**arguments: Any) -> IncludeLaunchDescription:

@@ -15,7 +15,8 @@ from rclpy.qos_overriding_options import QoSOverridingOptions
 
 STREAM = QoSProfile(depth=10, reliability=ReliabilityPolicy.RELIABLE)
 """What a sensor sends: reliable, so that subscribers of either kind connect."""
-STREAM_HEARD = QoSProfile(depth=10, reliability=ReliabilityPolicy.BEST_EFFORT)
+FRAMES = QoSProfile(depth=1000, reliability=ReliabilityPolicy.RELIABLE)
+"""Frames for a detector, which needs every one: those of 20 s wait for one that stands still."""
 EVENTS = QoSProfile(depth=100, reliability=ReliabilityPolicy.RELIABLE)
 """What comes now and then, and in bursts."""
 LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
@@ -29,9 +30,12 @@ def publisher(node: Node, kind: type[Any], topic: str, qos: QoSProfile) -> Publi
 
 
 def subscribe(
-    node: Node, kind: type[Any], topic: str, take: Callable[[Any], None], qos: QoSProfile
+    node: Node, kind: type[Any], topic: str, take: Callable[..., None], qos: QoSProfile
 ) -> str:
-    """Subscribe likewise; return the topic's full name."""
+    """Subscribe likewise; return the topic's full name.
+
+    `take` gets the message, and if it takes two arguments what rclpy knows of it, a dictionary.
+    """
     made = node.create_subscription(kind, topic, take, qos, qos_overriding_options=_OVERRIDABLE)
     return str(made.topic_name)
 

@@ -12,6 +12,8 @@ RATE_FRAMES = 33
 """Number of frames whose median interval is taken for the frame period."""
 _COUNTER = 2**32
 _FRAMES_A_BIT = (1.9, 9.0)
+_JUDGED_FRAMES = 10
+_LEAST_PERIOD_NS = 1_000_000
 
 
 def missing_frames(before: int | None, after: int) -> int:
@@ -27,6 +29,11 @@ def missing_frames(before: int | None, after: int) -> int:
         return 0
     missing = (after - before - 1) % _COUNTER
     return missing if missing < _COUNTER // 2 else 0
+
+
+def stamps_stand(frames: int, advance_ns: int) -> bool:
+    """Return whether the stamps of so many frames, which advanced by so much, stand still."""
+    return frames >= _JUDGED_FRAMES and abs(advance_ns) < frames * _LEAST_PERIOD_NS
 
 
 def rate_mismatch(stamps_ns: Sequence[int], bit_period_s: float) -> str:

@@ -48,6 +48,11 @@ def test_bits_of_another_length_are_named(bit: str, milliseconds: str, all_come:
     assert 'bit_period is 42.0 ms' in found[-1]
 
 
+@pytest.mark.parametrize('bit', ['46 ms', '55 ms'])
+def test_bits_of_another_length_are_told_within_four_seconds(bit: str) -> None:
+    assert any(problems(frames_of(bit, seconds=4.1), 0.042))
+
+
 def test_noise_blinks_nowhere() -> None:
     rng = np.random.default_rng(1)
     frames = [
@@ -78,6 +83,14 @@ def test_gaps_repeats_and_steps_back_are_counted() -> None:
     assert [reception.take(frame) for frame in taken] == [True, True, False, True, True, True]
     assert (reception.frames, reception.lost) == (6, 3)
     assert (reception.repeated, reception.reversed) == (1, 1)
+
+
+def test_what_was_not_sent_is_not_lost_on_the_way() -> None:
+    frames = frames_of(seconds=2.0)
+    reception = Reception(frames[0].grid)
+    for index, max_lost in ((0, 5), (1, 0), (5, 0), (9, 1), (10, 7)):
+        reception.take(frames[index], max_lost)
+    assert (reception.lost, reception.unsent) == (1, 5)
 
 
 def test_the_rate_is_found_from_what_came_however_much_is_lost() -> None:

@@ -221,7 +221,8 @@ def test_every_launch_argument(path: Path, monkeypatch: pytest.MonkeyPatch) -> N
     # What the launch files share is imported anew, and forgotten.
     monkeypatch.setitem(sys.modules, LAUNCHING, launch)
     del sys.modules[LAUNCHING]
-    for name in ('', '.actions', '.launch_context', '.substitutions'):
+    modules = ('', '.actions', '.events', '.events.process', '.launch_context', '.substitutions')
+    for name in (*modules, '.launch_description_entity'):
         monkeypatch.setitem(sys.modules, f'launch{name}', launch)
         monkeypatch.setitem(sys.modules, f'launch_ros{name}', MagicMock())
     runpy.run_path(str(path))['generate_launch_description']()

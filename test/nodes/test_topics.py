@@ -179,7 +179,10 @@ def test_detections_are_drawn_with_their_uncertainty(chain: Chain) -> None:
     with chain.system.subscribed(MarkerArray, 'marker_array') as arrays:
         chain.system.wait(lambda: sum(len(array.markers) for array in arrays) >= 6, 'shapes')
     shapes = [shape for array in arrays for shape in array.markers]
-    found = {(one.id, to_ns(one.header.stamp)): one for one in chain.readings['/topics']}
+    last_ns = max(to_ns(shape.header.stamp) for shape in shapes)
+    read = chain.readings['/topics']
+    chain.system.wait(lambda: to_ns(read[-1].header.stamp) > last_ns, 'a later reading')
+    found = {(one.id, to_ns(one.header.stamp)): one for one in read}
     for ellipsoid, label in zip(shapes[::2], shapes[1::2], strict=True):
         detection = found[ellipsoid.id, to_ns(ellipsoid.header.stamp)]
         for shape, layer in ((ellipsoid, 'place'), (label, 'label')):
