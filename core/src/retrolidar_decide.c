@@ -3,6 +3,7 @@
  */
 #include "retrolidar_decide.h"
 
+#include "retrolidar_clock.h"
 #include "retrolidar_rivals.h"
 #include "retrolidar_scope.h"
 
@@ -12,7 +13,6 @@
 enum {
     BEFORE_BITS = 16,   /* before a stretch, which show whether its packet has repeated */
     LEAST_WALK = 3,     /* walk from which on what a packet leaves over is more than noise */
-    USUAL_CHANGES = 12, /* that all words but those of IDs 1 and 4094 have */
 };
 
 static const double BRIGHTENING_S = 0.0035; /* of the usual crystal */
@@ -25,9 +25,7 @@ static const double LEAST_ALONE = 0.4;
 /* Each zone has a gain of its own [nats]. */
 static const double COST_OF_GAIN = 2.0;
 /* To leave out a stretch of bits costs some, as it might be any [nats]. */
-static const double COST_OF_BURST = 5.0;
-/* [nats] a change that a word has less. */
-static const double COST_OF_CHANGE = 5.0;
+static const double COST_OF_MASK = 10.0;
 /* Several packets are tried at several numbers of them, and at more clocks [nats]. */
 static const double COST_OF_FOLDS = 1.5;
 /* Part of the last bit that need not have come yet. */
@@ -61,11 +59,11 @@ static bool may_be_lone(struct rl_window *window, const struct rl_sending *sendi
  *     samples cannot be compared
  */
 static bool has_repeated(struct rl_window *window, const struct rl_sending *sending,
-                         double evidence, double begin_s, double since_s, double to_s)
+                         double evidence, double begin_s, double to_s)
 {
     const struct rl_samples *samples = window->samples;
     const double held_s = samples->begin_s[rl_samples_oldest(samples)];
-    const double from_s = fmax(fmax(begin_s - BEFORE_BITS * sending->bit_s, held_s), since_s);
+    const double from_s = fmax(begin_s - BEFORE_BITS * sending->bit_s, held_s);
     if (begin_s - from_s < LEAST_BEFORE_BITS * sending->bit_s) {
         return true;
     }
@@ -78,26 +76,14 @@ static bool has_repeated(struct rl_window *window, const struct rl_sending *send
 
 /* What speaks against a packet in one source by itself: RL_READ if nothing does. */
 static int doubt(struct rl_window *window, const struct rl_demands *demands,
-                 const struct rl_sending *sending, int packets, double own, double half_bits,
-                 const struct rl_hits *hits, double *word)
+                 const struct rl_sending *sending, int packets, double own,
+                 double half_bits, const struct rl_hits *hits, double *word)
 {
     if (sending->repeats && may_be_lone(window, sending, packets, own)) {
         return RL_INCOMPLETE;
     }
     *word = rl_rivals_sequence(window, sending, half_bits, hits) - own;
     return *word > demands->word ? RL_NOT_A_WORD : RL_READ;
-}
-
-/* Evidence that a packet of few changes needs besides: the fewer, the sooner do steps of what moves
- * make one.
- */
-static double cost_of_changes(uint32_t bits)
-{
-    int changes = 0;
-    for (int bit = 0; bit + 1 < RL_PACKET_BITS; bit++) {
-        changes += ((bits >> bit ^ bits >> (bit + 1)) & 1u) != 0;
-    }
-    return changes < USUAL_CHANGES ? COST_OF_CHANGE * (USUAL_CHANGES - changes) : 0.0;
 }
 
 static void note_fit(struct rl_verdict *verdict, const struct rl_window *window)
@@ -116,30 +102,10 @@ static double refine(struct rl_verdict *verdict, struct rl_window *window, doubl
     return own;
 }
 
-/* Leave out what hid the packet for a while, if something did. Return how many stretches; the verdict
- * and its likelihood, `own`, are then of the rest. If it is too early to say, the packet is incomplete.
- */
-static int hide(struct rl_verdict *verdict, struct rl_window *window,
-                const struct rl_demands *demands, double half_bits, double to_s, double *own)
-{
-    const struct rl_sending *sending = &verdict->sending;
-    const int bursts =
-        rl_scope_hide_bursts(window, sending, *own, *own + verdict->word - demands->word);
-    if (bursts > 0 && !sending->repeats &&
-        verdict->end_s > to_s - RL_LATER_BITS * sending->bit_s) {
-        verdict->reason = RL_INCOMPLETE;
-        return 0;
-    }
-    if (bursts > 0) {
-        *own = refine(verdict, window, half_bits);
-    }
-    return bursts;
-}
-
 struct rl_verdict rl_decide(struct rl_window *window, const struct rl_codebook *codebook,
                             const struct rl_demands *demands, int source, const struct rl_hit *hit,
-                            const struct rl_hits *hits, int packets, double free_s, double since_s,
-                            double to_s)
+                            const struct rl_hits *hits, int packets, double read_s,
+                            bool follows, double to_s)
 {
     struct rl_verdict verdict = {.reason = RL_EVIDENCE, .id = hit->id, .packets = packets};
     struct rl_sending *sending = &verdict.sending;
@@ -147,9 +113,9 @@ struct rl_verdict rl_decide(struct rl_window *window, const struct rl_codebook *
     int silent_bits;
     *sending = (struct rl_sending){rl_packet(hit->id), hit->repeats, hit->start_s, hit->bit_s,
                                    BRIGHTENING_S};
-    window->least_bit_s = demands->bit_s * (1.0 - demands->most_skew - SKEW_SLACK);
-    window->most_bit_s = demands->bit_s * (1.0 + demands->most_skew + SKEW_SLACK);
-    verdict.evidence = rl_scope_open(window, source, sending, packets, free_s, to_s, &silent_bits);
+    window->min_bit_s = demands->bit_s * (1.0 - demands->most_skew - SKEW_SLACK);
+    window->max_bit_s = demands->bit_s * (1.0 + demands->most_skew + SKEW_SLACK);
+    verdict.evidence = rl_scope_open(window, source, sending, packets, read_s, to_s, &silent_bits);
     verdict.end_s = sending->repeats ? to_s : sending->start_s + RL_PACKET_BITS * sending->bit_s;
     note_fit(&verdict, window);
     if (verdict.evidence < LEAST_ALONE * demands->evidence) {
@@ -162,9 +128,9 @@ struct rl_verdict rl_decide(struct rl_window *window, const struct rl_codebook *
         /* A packet that has begun looks like a faster one of another ID. */
         return verdict;
     }
-    if (sending->repeats && packets == 1 &&
+    if (sending->repeats && packets == 1 && !follows &&
         !has_repeated(window, sending, verdict.evidence, to_s - RL_PACKET_BITS * hit->bit_s,
-                      since_s, to_s)) {
+                      to_s)) {
         return verdict;
     }
     verdict.reason = RL_ERASED;
@@ -175,24 +141,24 @@ struct rl_verdict rl_decide(struct rl_window *window, const struct rl_codebook *
     const double since_bits =
         (to_s - RL_PACKET_BITS * packets * sending->bit_s - sending->start_s) / sending->bit_s;
     const int begin = sending->repeats ? (int)floor(since_bits + 0.5) % RL_PACKET_BITS : 0;
-    double asked = demands->evidence + cost_of_changes(sending->bits) +
-                   (packets > 1 ? COST_OF_FOLDS : 0.0);
+    double asked = demands->evidence + (packets > 1 ? COST_OF_FOLDS : 0.0);
     /* Before others are asked: two zones may see different packets of which this one is a bit. */
     verdict.reason = doubt(window, demands, sending, packets, own, half_bits, hits, &verdict.word);
-    int bursts = 0;
+    bool is_hidden = false;
     if (verdict.reason == RL_NOT_A_WORD && packets == 1 && verdict.evidence > asked) {
-        bursts = hide(&verdict, window, demands, half_bits, to_s, &own);
+        is_hidden =
+            rl_scope_mask_occlusion(window, sending, own + verdict.word - demands->word);
     }
-    if (bursts > 0) {
-        asked += COST_OF_BURST * bursts;
+    if (is_hidden) {
+        asked += COST_OF_MASK;
+        own = refine(&verdict, window, half_bits);
         verdict.reason =
             doubt(window, demands, sending, packets, own, half_bits, hits, &verdict.word);
     }
-    if (verdict.reason != RL_READ) {
-        return verdict;
+    if (verdict.reason == RL_READ && rl_scope_is_erased(window, sending)) {
+        verdict.reason = RL_ERASED;
     }
-    verdict.reason = RL_ERASED;
-    if (rl_scope_is_erased(window, sending)) {
+    if (verdict.reason != RL_READ) {
         return verdict;
     }
     verdict.reason = RL_EVIDENCE;
@@ -205,14 +171,12 @@ struct rl_verdict rl_decide(struct rl_window *window, const struct rl_codebook *
     verdict.reason = RL_NOT_A_WORD;
     verdict.word =
         rl_rivals_turn(window, sending, own, begin, silent_bits, 3.0 * demands->word, &bits);
-    if (verdict.word > demands->word && packets == 1 && bursts == 0) {
-        bursts = hide(&verdict, window, demands, half_bits, to_s, &own);
-        if (bursts == 0) {
-            return verdict;
-        }
-        asked += COST_OF_BURST * bursts;
-        if (verdict.evidence < asked) {
-            verdict.reason = RL_EVIDENCE;
+    if (verdict.word > demands->word && packets == 1 && !is_hidden &&
+        rl_scope_mask_occlusion(window, sending, own + verdict.word - demands->word)) {
+        own = refine(&verdict, window, half_bits);
+        is_hidden = true;
+        asked += COST_OF_MASK;
+        if (verdict.evidence < asked || rl_scope_is_erased(window, sending)) {
             return verdict;
         }
         verdict.word =
@@ -223,17 +187,23 @@ struct rl_verdict rl_decide(struct rl_window *window, const struct rl_codebook *
     }
     verdict.reason = RL_MARGIN;
     verdict.margin = rl_rivals_margin(window, codebook, &bits, sending, packets, own, half_bits,
-                                      hit->id, hits);
+                                      hit->id, hits) -
+                     (is_hidden ? COST_OF_MASK : 0.0);
+    if (verdict.margin >= demands->margin && packets == 1 && !follows) {
+        verdict.margin = fmin(verdict.margin, rl_rivals_part_margin(window, codebook, &bits, sending,
+                                                                    own, hit->id));
+        verdict.margin = fmin(verdict.margin, rl_rivals_sequence_margin(window, codebook, &bits,
+                                                                        sending, own, hit->id));
+    }
     if (verdict.margin < demands->margin) {
         return verdict;
     }
     verdict.reason = RL_READ;
-    if (packets == 1) {
-        const double other = rl_rivals_clock(window, sending, half_bits) - own;
-        if (other > demands->word) {
-            verdict.reason = RL_NOT_A_WORD;
-            verdict.word = other;
-        }
+    const double other = packets == 1 ? rl_clock_excess(window, sending, own)
+                                      : rl_clock_period_excess(window, sending);
+    if (other > demands->word) {
+        verdict.reason = RL_NOT_A_WORD;
+        verdict.word = other;
     }
     return verdict;
 }

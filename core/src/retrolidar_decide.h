@@ -16,11 +16,6 @@
 enum { RL_EVIDENCE, RL_NOT_A_WORD, RL_MARGIN, RL_INCOMPLETE, RL_ERASED, RL_READ };
 /* end of binding */
 
-/* So much later is a lone packet judged of which stretches are left out: until then, one of another
- * ID that has not ended may look like it.
- */
-static const double RL_LATER_BITS = 2.5;
-
 struct rl_demands {
     double evidence;  /* [nats] */
     double wandering; /* more of it where the level wanders besides [nats] */
@@ -37,7 +32,6 @@ struct rl_verdict {
     int packets;
     double evidence, word, margin; /* [nats], as far as it came */
     double end_s;   /* of what was used */
-    bool steady;    /* its gain is as of `fit`, whatever the samples say */
     int sources;
     int source[RL_MOST_ZONES_TOGETHER];
     struct rl_gain fit[RL_MOST_ZONES_TOGETHER];
@@ -47,14 +41,14 @@ struct rl_verdict {
  *
  * hits: those that were found with it, rivals if they are of other IDs
  * packets: that the window holds
- * free_s: before that, samples belong to packets that have been read [s]
- * since_s: earlier samples say nothing about this packet [s]
+ * read_s: end of the packet that was read last in the source [s]
+ * follows: whether packets of this ID and clock were read before
  * to_s: end of the newest exposure [s]
  */
 struct rl_verdict rl_decide(struct rl_window *window, const struct rl_codebook *codebook,
                             const struct rl_demands *demands, int source, const struct rl_hit *hit,
-                            const struct rl_hits *hits, int packets, double free_s, double since_s,
-                            double to_s);
+                            const struct rl_hits *hits, int packets, double read_s,
+                            bool follows, double to_s);
 
 /* Begin of what was used [s]. */
 double rl_verdict_begin(const struct rl_verdict *verdict);

@@ -28,8 +28,10 @@ struct rl_detector *rl_detector_create(const struct rl_settings *settings, const
     const int64_t search = aligned(rl_search_bytes(rows));
     const int64_t window = aligned(rl_window_bytes(rows));
     const int64_t shares = aligned(rl_shares_bytes(rows));
+    const int64_t residual =
+        aligned(rl_residual_bytes(settings->rows * settings->columns, rows));
     const int64_t values = rows * (int64_t)(sizeof(float) + 1);
-    char *memory = calloc(1, (size_t)(head + samples + search + window + shares + values));
+    char *memory = calloc(1, (size_t)(head + samples + search + window + shares + residual + values));
     if (memory == NULL) {
         return NULL;
     }
@@ -55,6 +57,8 @@ struct rl_detector *rl_detector_create(const struct rl_settings *settings, const
     memory += window;
     rl_shares_start(&detector->shares, &detector->samples, &detector->window, rows, memory);
     memory += shares;
+    rl_residual_start(&detector->residual, &detector->samples, rows, memory);
+    memory += residual;
     detector->values = (float *)memory;
     detector->role = (uint8_t *)(detector->values + rows);
     rl_bearing_start(&detector->bearing);
@@ -66,13 +70,16 @@ void rl_detector_destroy(struct rl_detector *detector)
     free(detector);
 }
 
+/* Forget all that came before. */
 static void restart(struct rl_detector *detector, int64_t stamp_ns)
 {
     rl_samples_clear(&detector->samples, stamp_ns);
-    detector->recents = 0;
-    detector->looked_s = detector->learnt_s = -INFINITY;
+    detector->pool.added = 0;
+    detector->looked_s = -INFINITY;
+    detector->turn = 0;
+    detector->search.frames_a_bit = 0.0;
     for (int source = 0; source < RL_MOST_SOURCES; source++) {
-        detector->free_s[source] = -INFINITY;
+        detector->read_s[source] = -INFINITY;
         detector->pasts[source] = 0;
     }
 }
@@ -135,7 +142,6 @@ struct rl_held rl_detector_held(const struct rl_detector *detector)
         .sources = samples->sources,
         .zones = samples->zones,
         .origin_ns = samples->origin_ns,
-        .noise_scale = samples->noise_scale,
         .period_s = samples->period_s,
         .begin_s = samples->begin_s,
         .end_s = samples->end_s,

@@ -49,7 +49,7 @@ struct rl_candidate {
 struct rl_held {
     int32_t first, count, capacity, sources, zones;
     int64_t origin_ns;
-    double noise_scale, period_s;
+    double period_s;
     const double *begin_s, *end_s;
     const int64_t *stamp_ns; /* the least of all where no frame came */
     const float *signal; /* of all sources, the zones first */

@@ -7,22 +7,23 @@
 
 #include "retrolidar_bearing.h"
 #include "retrolidar_detector.h"
+#include "retrolidar_pool.h"
+#include "retrolidar_residual.h"
 #include "retrolidar_search.h"
-#include "retrolidar_going_on.h"
+#include "retrolidar_shares.h"
 
 enum {
     RL_READINGS = 32,  /* that one frame may bring */
     RL_DECISIONS = 12, /* candidates that are judged with one frame, at the most */
-    RL_RECENT = 64,    /* readings that are remembered, not to be reported twice */
-    RL_MOST_PENDING = 3 * RL_MOST_SOURCES + 4 * RL_MOST_ZONES, /* all of a frame */
+    RL_MOST_PENDING = 3 * RL_MOST_SOURCES + 6 * RL_MOST_ZONES, /* all of a frame */
+    RL_SEARCH_BITS = 66, /* that a search for one packet may look back */
 };
+/* A source that varies by less than so many times its noise holds no packet by itself. */
+static const double RL_ACTIVE = 1.5;
+/* A marker that has not been read for so long is not taken to go on. */
+static const double RL_GOES_ON_BITS = 33.0;
 /* Bits by which a packet may begin before the one before it has ended. */
 static const double RL_OVERLAP_BITS = 1.5;
-
-struct rl_recent {
-    uint16_t id;
-    double start_s, end_s;
-};
 
 /* What a search has found in a source, not judged yet. */
 struct rl_pending {
@@ -36,19 +37,18 @@ struct rl_detector {
     struct rl_search search;
     struct rl_window window;
     struct rl_shares shares;
+    struct rl_residual residual;
+    struct rl_pool pool;
     struct rl_bearing_table bearing;
     float *values; /* room for placing, of a row each */
     uint8_t *role;
     struct rl_demands demands;
     struct rl_counts counts;
     int64_t last_ns;
-    double looked_s, learnt_s;
+    double looked_s;
     int64_t turn;
-    int next_behind; /* zone that is asked next what else is there where a marker goes on */
     double most_beyond; /* nats by which other sequences than the hits of a search may be better */
-    double free_s[RL_MOST_SOURCES]; /* before that, samples belong to what was read */
-    struct rl_recent recent[RL_RECENT];
-    int recents;
+    double read_s[RL_MOST_SOURCES]; /* end of what was read last in each */
     int readings, decisions_left;
     struct rl_reading reading[RL_READINGS];
     int candidates;
@@ -56,8 +56,6 @@ struct rl_detector {
     struct rl_hits hits[RL_MOST_SOURCES], behind;
     struct rl_hit past[RL_MOST_SOURCES][RL_PAST]; /* judged and not read: rivals of later ones */
     int pasts[RL_MOST_SOURCES];
-    struct rl_hit waiting[RL_MOST_SOURCES]; /* lone packets that are judged again later */
-    struct rl_going_on going_on[RL_MOST_SOURCES][RL_GOING_ON]; /* newest first */
     struct rl_pending pending[RL_MOST_PENDING];
     int pendings;
 };

@@ -10,9 +10,8 @@
 
 enum {
     RL_FOUND = 6, /* hits of a search ... */
-    RL_PAST = 4,  /* ... of those before ... */
-    RL_GOING_ON = 4, /* ... and of what was read in the source */
-    RL_HITS = RL_FOUND + RL_PAST + RL_GOING_ON,
+    RL_PAST = 4,  /* ... and of those before */
+    RL_HITS = RL_FOUND + RL_PAST,
     RL_SEQUENCES = 3,
     RL_PROMISES = 6,
 };

@@ -3,37 +3,58 @@
  */
 #include "retrolidar_judge.h"
 
-#include "retrolidar_waiting.h"
-
 #include <math.h>
 #include <string.h>
 
-enum {
-    BEHIND = 3,         /* hits that are judged behind another packet */
-    GOING_ON_BITS = 95, /* after a reading, in which its marker may have sent on */
-};
+enum { MAX_PARTNERS = 3 }; /* hits that are judged together with a packet that hides them */
 
 /* Share of the evidence in demand that a packet must have which another one hides. */
 static const double HIDDEN = 0.7;
 /* Evidence that two need besides of which none is read by itself: there are so many pairs. */
 static const double COST_OF_PAIR = 8.0;
-/* A zone varies by so many times its noise where another packet may be hidden. */
-static const double MUCH = 1.5;
 /* Readings of one ID that overlap by more are of the same packet. */
 static const double SAME_BITS = 4.0;
 
-/* Whether a packet of an ID was read already, by its time. */
-static bool is_known(const struct rl_detector *detector, uint16_t id, double start_s, double end_s)
+static bool is_known(const struct rl_detector *detector, uint16_t id, double begin_s, double end_s)
 {
-    const int first = detector->recents > RL_RECENT ? detector->recents - RL_RECENT : 0;
-    for (int i = first; i < detector->recents; i++) {
-        const struct rl_recent *recent = &detector->recent[i % RL_RECENT];
-        const double overlap_s = fmin(end_s, recent->end_s) - fmax(start_s, recent->start_s);
-        if (recent->id == id && overlap_s > SAME_BITS * detector->settings.bit_s) {
-            return true;
+    return rl_pool_knows(&detector->pool, id, begin_s, end_s,
+                         SAME_BITS * detector->settings.bit_s);
+}
+
+/* When the packet begins that fills the most of the window: before the window, if it was joined in its
+ * middle.
+ */
+static double start_of(const struct rl_verdict *verdict)
+{
+    const struct rl_sending *sending = &verdict->sending;
+    const double packet_s = RL_PACKET_BITS * sending->bit_s;
+    const double packets = (rl_verdict_begin(verdict) - sending->start_s) / packet_s;
+    return sending->repeats ? sending->start_s + packet_s * floor(packets + 0.5)
+                            : sending->start_s;
+}
+
+static struct rl_transmission transmission_of(const struct rl_verdict *verdict)
+{
+    return (struct rl_transmission){verdict->sending, rl_verdict_begin(verdict), verdict->end_s};
+}
+
+/* The zones that saw a packet, the strongest first. */
+static int zones_of(struct rl_detector *detector, const struct rl_verdict *verdict, int *zones)
+{
+    double gains[RL_MOST_ZONES];
+    const int seen = rl_shares_zones(&detector->shares, verdict, zones, gains);
+    for (int i = 1; i < seen; i++) {
+        const int zone = zones[i];
+        const double gain = gains[i];
+        int at = i;
+        for (; at > 0 && gains[at - 1] < gain; at--) {
+            zones[at] = zones[at - 1];
+            gains[at] = gains[at - 1];
         }
+        zones[at] = zone;
+        gains[at] = gain;
     }
-    return false;
+    return seen;
 }
 
 static void add_reading(struct rl_detector *detector, const struct rl_verdict *verdict)
@@ -43,60 +64,82 @@ static void add_reading(struct rl_detector *detector, const struct rl_verdict *v
     if (detector->readings == RL_READINGS) {
         return;
     }
+    int zones[RL_MOST_ZONES];
+    const int seen = zones_of(detector, verdict, zones);
     /* A packet of many frames may have begun before what is held. */
-    const double held_s = samples->begin_s[rl_samples_oldest(samples)];
+    struct rl_transmission transmission = transmission_of(verdict);
+    transmission.begin_s =
+        fmax(transmission.begin_s, samples->begin_s[rl_samples_oldest(samples)]);
     struct rl_reading *reading = &detector->reading[detector->readings++];
     *reading = (struct rl_reading){
         .id = verdict->id,
         .repeats = verdict->sending.repeats,
         .packets = verdict->packets,
-        .start_s = verdict->sending.start_s,
+        .start_s = start_of(verdict),
         .bit_s = verdict->sending.bit_s,
         .brightening_s = verdict->sending.brightening_s,
-        .begin_s = fmax(rl_verdict_begin(verdict), held_s),
-        .end_s = verdict->end_s,
+        .begin_s = transmission.begin_s,
+        .end_s = transmission.end_s,
         .evidence = verdict->evidence,
         .margin = verdict->margin,
+        .zones = seen < RL_MOST_READ ? seen : RL_MOST_READ,
     };
-    int zones[RL_MOST_ZONES];
-    double gains[RL_MOST_ZONES];
-    const int seen = rl_shares_zones(&detector->shares, verdict, zones, gains);
-    for (int i = 0; i < seen; i++) {
-        int at = i;
-        for (; at > 0 && gains[at - 1] < gains[i]; at--) {
-        }
-        const int zone = zones[i];
-        const double gain = gains[i];
-        memmove(zones + at + 1, zones + at, (size_t)(i - at) * sizeof *zones);
-        memmove(gains + at + 1, gains + at, (size_t)(i - at) * sizeof *gains);
-        zones[at] = zone;
-        gains[at] = gain;
-    }
-    reading->zones = seen < RL_MOST_READ ? seen : RL_MOST_READ;
+    memcpy(reading->zone, zones, (size_t)reading->zones * sizeof *zones);
+    rl_pool_add(&detector->pool, samples, verdict->id, &transmission, zones, seen);
+    uint64_t read = 0;
     for (int i = 0; i < reading->zones; i++) {
-        reading->zone[i] = zones[i];
+        read |= (uint64_t)1 << zones[i];
     }
-    detector->recent[detector->recents++ % RL_RECENT] =
-        (struct rl_recent){verdict->id, reading->begin_s, reading->end_s};
-    /* What was read is not read again, nor by sums that hold it; but it may go on. */
-    for (int other = 0; other < samples->sources; other++) {
-        for (int i = 0; i < reading->zones; i++) {
-            for (int j = 0; j < samples->source[other].zones; j++) {
-                if (samples->source[other].zone[j] == reading->zone[i]) {
-                    detector->free_s[other] = fmax(detector->free_s[other], reading->end_s);
-                    rl_going_on_add(detector->going_on[other], verdict, gains[i]);
-                }
-            }
+    for (int source = 0; source < samples->sources; source++) {
+        if ((rl_source_zones(samples, source) & read) != 0) {
+            detector->read_s[source] = fmax(detector->read_s[source], reading->end_s);
         }
     }
 }
 
+static void note(struct rl_detector *detector, int source, int packets,
+                 const struct rl_verdict *verdict)
+{
+    if (verdict->reason != RL_READ && verdict->reason != RL_EVIDENCE && packets == 1) {
+        detector->past[source][detector->pasts[source]++ % RL_PAST] = (struct rl_hit){
+            (float)verdict->evidence, verdict->id, verdict->sending.repeats,
+            verdict->sending.start_s, verdict->sending.bit_s};
+    }
+    if (detector->candidates < 2 * RL_DECISIONS) {
+        detector->candidate[detector->candidates++] = (struct rl_candidate){
+            verdict->id,
+            source,
+            packets,
+            verdict->reason,
+            verdict->sending.start_s,
+            verdict->sending.bit_s,
+            verdict->evidence,
+            verdict->word,
+            verdict->margin,
+        };
+    }
+}
+
+/* Add a packet to what interferes, in place of the last one if there is no room. */
+static void add_beside(struct rl_interference *interference, const struct rl_verdict *beside)
+{
+    if (interference->count == RL_MAX_TRANSMISSIONS) {
+        interference->count--;
+    }
+    interference->transmission[interference->count++] = transmission_of(beside);
+}
+
+/* Judge a hit.
+ *
+ * beside: another packet that is taken to be there, if any
+ */
 static struct rl_verdict decide(struct rl_detector *detector, int source, int packets,
                                 const struct rl_hit *hit, const struct rl_hits *hits,
-                                double since_s, double to_s)
+                                const struct rl_verdict *beside, double to_s)
 {
     struct rl_demands demands = detector->demands;
     struct rl_hits rivals = *hits;
+    struct rl_interference *interference = &detector->window.interference;
     const int pasts = detector->pasts[source];
     for (int i = pasts > RL_PAST ? pasts - RL_PAST : 0; packets == 1 && i < pasts; i++) {
         const struct rl_hit *past = &detector->past[source][i % RL_PAST];
@@ -104,151 +147,97 @@ static struct rl_verdict decide(struct rl_detector *detector, int source, int pa
             rivals.hit[rivals.count++] = *past;
         }
     }
-    for (int i = 0; packets == 1 && i < RL_GOING_ON; i++) {
-        if (detector->going_on[source][i].id != 0) {
-            rivals.hit[rivals.count++] = rl_going_on_hit(&detector->going_on[source][i]);
-        }
-    }
     if (hit->repeats && packets < detector->settings.max_packets) {
         demands.margin = detector->settings.margin_of_more;
     }
+    const double packet_s = RL_PACKET_BITS * hit->bit_s;
+    const struct rl_transmission transmission = {
+        .sending = {.start_s = hit->start_s, .bit_s = hit->bit_s},
+        .begin_s = hit->repeats ? to_s - packets * packet_s : hit->start_s,
+        .end_s = to_s};
+    /* Markers may have gone on from what was read up to two packets before. */
+    rl_pool_interference(&detector->pool, rl_source_zones(&detector->samples, source),
+                         transmission.begin_s - 3.0 * packet_s, to_s, hit->id, interference);
+    if (beside != NULL) {
+        add_beside(interference, beside);
+    }
     struct rl_verdict verdict =
         rl_decide(&detector->window, &detector->search.codebook, &demands, source, hit, &rivals,
-                  packets, detector->free_s[source], since_s, to_s);
-    if (verdict.reason != RL_READ && verdict.reason != RL_EVIDENCE && packets == 1) {
-        detector->past[source][detector->pasts[source]++ % RL_PAST] = (struct rl_hit){
-            0.0f, verdict.id, verdict.sending.repeats, verdict.sending.start_s,
-            verdict.sending.bit_s};
-    }
-    rl_waiting_note(detector, source, &verdict, to_s);
+                  packets, detector->read_s[source],
+                  rl_pool_is_followed(&detector->pool, hit->id, &transmission), to_s);
     if (verdict.reason == RL_READ && !rl_shares_agree(&detector->shares, &verdict)) {
         verdict.reason = RL_NOT_A_WORD;
     }
-    if (detector->candidates < 2 * RL_DECISIONS) {
-        detector->candidate[detector->candidates++] = (struct rl_candidate){
-            verdict.id,
-            source,
-            packets,
-            verdict.reason,
-            verdict.sending.start_s,
-            verdict.sending.bit_s,
-            verdict.evidence,
-            verdict.word,
-            verdict.margin,
-        };
-    }
+    note(detector, source, packets, &verdict);
     return verdict;
 }
 
-/* Judge a hit while another packet is taken off. */
-static struct rl_verdict decide_without(struct rl_detector *detector,
-                                        const struct rl_verdict *other, const struct rl_hit *hit,
-                                        const struct rl_hits *hits, double to_s)
-{
-    rl_shares_take_off(&detector->shares, other, false);
-    const struct rl_verdict verdict =
-        decide(detector, other->source[0], 1, hit, hits, rl_verdict_begin(other), to_s);
-    rl_shares_take_off(&detector->shares, other, true);
-    return verdict;
-}
-
-/* Whether a third marker was read in a source while a hit was sent: the light that it leaves over may
- * look like a packet.
+/* Search a zone without a packet, and without those that have been read in it. Return how the rest
+ * varies, in the variance of noise; it is not searched if that is as little as noise does.
  */
-static bool is_beside_a_third(const struct rl_detector *detector, int source, uint16_t other,
-                              const struct rl_hit *hit, double to_s)
+static double search_without(struct rl_detector *detector, const struct rl_verdict *one,
+                             double to_s, struct rl_hits *hits)
 {
-    const double begin_s = hit->repeats ? to_s - RL_PACKET_BITS * hit->bit_s : hit->start_s;
-    for (int i = 0; i < RL_GOING_ON; i++) {
-        const struct rl_going_on *third = &detector->going_on[source][i];
-        if (third->id != 0 && third->id != other && third->id != hit->id &&
-            third->end_s > begin_s + RL_OVERLAP_BITS * hit->bit_s) {
-            return true;
-        }
+    struct rl_interference interference;
+    const int source = one->source[0], packets = one->packets;
+    const double packet_s = RL_PACKET_BITS * detector->settings.bit_s;
+    const double from_s =
+        to_s - RL_SEARCH_BITS * detector->settings.bit_s - (packets - 1) * packet_s;
+    rl_pool_interference(&detector->pool, rl_source_zones(&detector->samples, source),
+                         to_s - RL_GOES_ON_BITS * detector->settings.bit_s, to_s, one->id,
+                         &interference);
+    add_beside(&interference, one);
+    const double rest =
+        rl_residual_subtract(&detector->residual, source, &interference, from_s);
+    hits->count = 0;
+    if (rest > RL_ACTIVE) {
+        rl_search_look(&detector->search, &source, 1, packets, to_s, to_s,
+                       HIDDEN * detector->demands.evidence, 2.0 * detector->most_beyond, hits);
     }
-    return false;
+    rl_residual_restore(&detector->residual, source);
+    return rest;
 }
 
-/* Look for another packet in the zone of one that was found, which hide each other: each is judged
- * with the other one taken off, twice over. Return whether both are read.
+/* Look for another packet in the zone of one, as they hide each other: the other is the best one
+ * without the first, then the first is sought again without the other, and each is judged with the
+ * other one beside it. Return whether both are read.
  */
-static bool look_behind(struct rl_detector *detector, const struct rl_hits *found, int packets,
-                        double from_s, double to_s, struct rl_verdict *before,
-                        struct rl_verdict *behind)
+static bool judge_pair(struct rl_detector *detector, double to_s, struct rl_verdict *one,
+                       struct rl_verdict *other)
 {
-    const int source = before->source[0];
-    struct rl_hits *hits = &detector->behind;
-    rl_shares_take_off(&detector->shares, before, false);
-    rl_search_look(&detector->search, &source, 1, packets, from_s, to_s,
-                   HIDDEN * detector->demands.evidence, 2.0 * detector->most_beyond, hits);
-    rl_shares_take_off(&detector->shares, before, true);
-    for (int i = 0; i < hits->count && i < BEHIND && detector->decisions_left > 0; i++) {
+    const int source = one->source[0], packets = one->packets;
+    const double least = detector->demands.evidence + COST_OF_PAIR;
+    struct rl_hits *hits = &detector->behind, again_hits;
+    search_without(detector, one, to_s, hits);
+    for (int i = 0; i < hits->count && i < MAX_PARTNERS && detector->decisions_left > 0; i++) {
         const struct rl_hit *hit = &hits->hit[i];
-        if (hit->id == before->id ||
-            is_beside_a_third(detector, source, before->id, hit, to_s)) {
+        if (hit->id == one->id) {
             continue;
         }
         detector->decisions_left -= 3;
-        *behind = decide_without(detector, before, hit, hits, to_s);
-        if (behind->evidence < HIDDEN * detector->demands.evidence ||
-            behind->reason == RL_INCOMPLETE ||
-            is_known(detector, behind->id, rl_verdict_begin(behind), behind->end_s)) {
+        *other = decide(detector, source, packets, hit, hits, one, to_s);
+        if (other->evidence < HIDDEN * detector->demands.evidence ||
+            other->reason == RL_INCOMPLETE ||
+            is_known(detector, other->id, rl_verdict_begin(other), other->end_s)) {
+            continue;
+        }
+        search_without(detector, other, to_s, &again_hits);
+        if (again_hits.count == 0 || again_hits.hit[0].id == other->id) {
             continue;
         }
         const struct rl_verdict again =
-            decide_without(detector, behind, &found->hit[0], found, to_s);
-        if ((again.reason != RL_READ && !before->steady) ||
-            again.evidence < before->evidence) {
+            decide(detector, source, packets, &again_hits.hit[0], &again_hits, other, to_s);
+        if (again.reason != RL_READ || again.evidence < least ||
+            is_known(detector, again.id, rl_verdict_begin(&again), again.end_s)) {
             continue;
         }
-        *behind = decide_without(detector, &again, hit, hits, to_s);
-        const double least = detector->demands.evidence + COST_OF_PAIR;
-        if (behind->reason == RL_READ &&
-            (before->reason == RL_READ ||
-             (again.evidence > least && behind->evidence > least))) {
-            *before = again;
+        *other = decide(detector, source, packets, hit, hits, &again, to_s);
+        if (other->reason == RL_READ && other->evidence >= least) {
+            *one = again;
             return true;
         }
     }
     return false;
-}
-
-/* What was read in a zone and is sent on, other than an ID: how it is taken off, if at all, and how
- * the zone varies without it, over what is noise.
- */
-static bool goes_on(struct rl_detector *detector, int source, uint16_t except, double to_s,
-                    struct rl_verdict *known, double *rest)
-{
-    for (int i = 0; i < RL_GOING_ON; i++) {
-        const struct rl_going_on *going_on = &detector->going_on[source][i];
-        if (going_on->id != 0 && going_on->id != except &&
-            detector->samples.source[source].zones == 1 &&
-            going_on->end_s > to_s - GOING_ON_BITS * detector->settings.bit_s &&
-            rl_going_on_is_sent(going_on, &detector->shares, source, to_s, known, rest)) {
-            return true;
-        }
-    }
-    return false;
-}
-
-void rl_judge_behind(struct rl_detector *detector, int source, double from_s, double to_s)
-{
-    struct rl_verdict before, behind;
-    double rest;
-    if (!goes_on(detector, source, 0, to_s, &before, &rest) || rest < MUCH) {
-        return;
-    }
-    const struct rl_hits known = {
-        .count = 1,
-        .hit = {{0.0f, before.id, true, before.sending.start_s, before.sending.bit_s}}};
-    detector->decisions_left--;
-    for (int packets = 0; packets <= 1; packets++) {
-        if (look_behind(detector, &known, packets, from_s, to_s, &before, &behind)) {
-            detector->counts.candidates++;
-            add_reading(detector, &behind);
-            return;
-        }
-    }
 }
 
 void rl_judge(struct rl_detector *detector, const struct rl_pending *pending, double to_s)
@@ -256,30 +245,19 @@ void rl_judge(struct rl_detector *detector, const struct rl_pending *pending, do
     const struct rl_hit *hit = &pending->hits.hit[0];
     const double lasting_s = RL_PACKET_BITS * pending->packets * hit->bit_s;
     const double begin_s = hit->repeats ? to_s - lasting_s : hit->start_s;
-    if (begin_s < detector->free_s[pending->source] - RL_OVERLAP_BITS * hit->bit_s ||
-        is_known(detector, hit->id, begin_s, begin_s + lasting_s)) {
+    if (is_known(detector, hit->id, begin_s, begin_s + lasting_s)) {
         return;
     }
     detector->counts.candidates++;
     detector->decisions_left--;
-    struct rl_verdict behind, verdict = decide(detector, pending->source, pending->packets, hit,
-                                               &pending->hits, -INFINITY, to_s);
-    struct rl_verdict known;
-    double rest;
-    const bool others = goes_on(detector, pending->source, hit->id, to_s, &known, &rest);
-    const bool may_hide = pending->packets == 1 &&
-                          detector->samples.source[pending->source].zones == 1 &&
+    struct rl_verdict other, verdict = decide(detector, pending->source, pending->packets, hit,
+                                              &pending->hits, NULL, to_s);
+    const bool may_hide = detector->samples.source[pending->source].zones == 1 &&
                           verdict.reason != RL_INCOMPLETE && verdict.reason != RL_ERASED &&
                           verdict.evidence > HIDDEN * detector->demands.evidence;
-    /* Where a marker goes on, others are to be there without it, too. */
-    struct rl_verdict first = verdict;
-    if (may_hide && look_behind(detector, &pending->hits, 1, to_s, to_s, &first, &behind) &&
-        (!others || behind.id == known.id)) {
-        verdict = first;
+    if (may_hide && judge_pair(detector, to_s, &verdict, &other)) {
         detector->counts.candidates++;
-        add_reading(detector, &behind);
-    } else if (others && verdict.reason == RL_READ) {
-        verdict = decide_without(detector, &known, hit, &pending->hits, to_s);
+        add_reading(detector, &other);
     }
     if (verdict.reason == RL_READ) {
         add_reading(detector, &verdict);

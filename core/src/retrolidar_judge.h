@@ -10,10 +10,4 @@
 /* Judge the best hit of a source, and what it may hide. */
 void rl_judge(struct rl_detector *detector, const struct rl_pending *pending, double to_s);
 
-/* Look for packets of others in a zone where what was read before goes on.
- *
- * from_s, to_s: when they have ended [s]
- */
-void rl_judge_behind(struct rl_detector *detector, int source, double from_s, double to_s);
-
 #endif

@@ -6,12 +6,14 @@
 #include <math.h>
 #include <string.h>
 
+/* A template of less energy does not change in the window. */
+static const double NO_ENERGY = 1e-9;
 /* The last lane repeats the one before it, so that vectors of two are full. */
 static const double WALK[RL_WALK_LANES] = {0.0, 0.003, 0.01, 0.03, 0.1, 0.3, 1.0, 3.0, 30.0, 30.0};
 
 int64_t rl_whitened_doubles(int rows)
 {
-    return (int64_t)rows * (3 * RL_WALK_LANES + 1);
+    return (int64_t)rows * ((3 + RL_MAX_INTERFERERS) * RL_WALK_LANES + 1);
 }
 
 void rl_whitened_start(struct rl_whitened *whitened, int rows, double *memory)
@@ -20,16 +22,30 @@ void rl_whitened_start(struct rl_whitened *whitened, int rows, double *memory)
     whitened->gain = (double(*)[RL_WALK_LANES])memory;
     whitened->scale = whitened->gain + rows;
     whitened->signal = whitened->scale + rows;
-    whitened->row = (int *)(whitened->signal + rows);
+    for (int i = 0; i < RL_MAX_INTERFERERS; i++) {
+        whitened->interferer[i] = whitened->signal + (i + 1) * rows;
+    }
+    whitened->row = (int *)(whitened->signal + (1 + RL_MAX_INTERFERERS) * rows);
 }
 
 static double log_likelihood(const struct rl_whitened *whitened, int walk, double squares,
                              int parameters, double *variance)
 {
     const double innovations = whitened->samples - 1;
+    parameters += whitened->interferers;
     *variance = fmax(squares / fmax(innovations - parameters, 1.0), whitened->least);
     return -0.5 * innovations * log(*variance) - 0.5 * squares / *variance +
            whitened->log_scales[walk];
+}
+
+static void find_null(struct rl_whitened *whitened)
+{
+    double ignored;
+    whitened->null = -INFINITY;
+    for (int walk = 0; walk < RL_WALKS; walk++) {
+        whitened->null = fmax(whitened->null, log_likelihood(whitened, walk, whitened->squares[walk],
+                                                             0, &ignored));
+    }
 }
 
 void rl_whiten(struct rl_whitened *whitened, const float *signal, const uint8_t *valid,
@@ -40,6 +56,7 @@ void rl_whiten(struct rl_whitened *whitened, const float *signal, const uint8_t 
     double last_s = 0.0, first = 0.0;
     int samples = 0;
     whitened->least = least;
+    whitened->interferers = 0;
     memset(whitened->log_scales, 0, sizeof whitened->log_scales);
     for (int walk = 0; walk < RL_WALK_LANES; walk++) {
         product[walk] = 1.0;
@@ -85,20 +102,97 @@ void rl_whiten(struct rl_whitened *whitened, const float *signal, const uint8_t 
         }
     }
     whitened->samples = samples;
-    whitened->null = -INFINITY;
     for (int walk = 0; walk < RL_WALK_LANES; walk++) {
-        double ignored;
         whitened->log_scales[walk] += 0.5 * log(product[walk]);
         whitened->squares[walk] = squares[walk];
-        whitened->null =
-            fmax(whitened->null, log_likelihood(whitened, walk, squares[walk], 0, &ignored));
     }
+    find_null(whitened);
+}
+
+/* Whiten a template as the signal was; the first sample is nothing. Return its energy by the way. */
+static void whiten_template(const struct rl_whitened *whitened, const double *light,
+                            double (*white)[RL_WALK_LANES], double power[RL_WALK_LANES])
+{
+    double level[RL_WALK_LANES] = {0.0};
+    const double first = light[whitened->row[0]];
+    memset(power, 0, RL_WALK_LANES * sizeof *power);
+    memset(white[0], 0, sizeof white[0]);
+    for (int sample = 1; sample < whitened->samples; sample++) {
+        const double value = light[whitened->row[sample]] - first;
+        const double *gain = whitened->gain[sample], *scale = whitened->scale[sample];
+        for (int walk = 0; walk < RL_WALK_LANES; walk++) {
+            const double innovation = value - level[walk];
+            white[sample][walk] = innovation * scale[walk];
+            level[walk] += gain[walk] * innovation;
+            power[walk] += white[sample][walk] * white[sample][walk];
+        }
+    }
+}
+
+/* Products of two whitened columns, for every walk. */
+static void multiply(const double (*a)[RL_WALK_LANES], const double (*b)[RL_WALK_LANES],
+                     int samples, double product[RL_WALK_LANES])
+{
+    memset(product, 0, RL_WALK_LANES * sizeof *product);
+    for (int sample = 1; sample < samples; sample++) {
+        for (int walk = 0; walk < RL_WALK_LANES; walk++) {
+            product[walk] += a[sample][walk] * b[sample][walk];
+        }
+    }
+}
+
+/* Take so many times another column off one. */
+static void take(double (*from)[RL_WALK_LANES], const double (*column)[RL_WALK_LANES], int samples,
+                 const double times[RL_WALK_LANES])
+{
+    for (int sample = 1; sample < samples; sample++) {
+        for (int walk = 0; walk < RL_WALK_LANES; walk++) {
+            from[sample][walk] -= times[walk] * column[sample][walk];
+        }
+    }
+}
+
+typedef const double (*rl_const_column)[RL_WALK_LANES];
+
+void rl_add_interferer(struct rl_whitened *whitened, const double *light)
+{
+    const int samples = whitened->samples;
+    double(*column)[RL_WALK_LANES] = whitened->interferer[whitened->interferers];
+    double power[RL_WALK_LANES], product[RL_WALK_LANES], scale[RL_WALK_LANES];
+    if (samples < 3) {
+        return;
+    }
+    whiten_template(whitened, light, column, power);
+    for (int i = 0; i < whitened->interferers; i++) {
+        rl_const_column other = (rl_const_column)whitened->interferer[i];
+        multiply((rl_const_column)column, other, samples, product);
+        take(column, other, samples, product);
+        for (int walk = 0; walk < RL_WALK_LANES; walk++) {
+            power[walk] -= product[walk] * product[walk];
+        }
+    }
+    multiply((rl_const_column)column, (rl_const_column)whitened->signal, samples, product);
+    for (int walk = 0; walk < RL_WALK_LANES; walk++) {
+        /* No marker makes a zone darker while it is bright. */
+        const bool is_there = product[walk] > 0.0 && power[walk] > NO_ENERGY;
+        scale[walk] = is_there ? 1.0 / sqrt(power[walk]) : 0.0;
+        product[walk] *= scale[walk];
+        whitened->squares[walk] -= product[walk] * product[walk];
+    }
+    for (int sample = 1; sample < samples; sample++) {
+        for (int walk = 0; walk < RL_WALK_LANES; walk++) {
+            column[sample][walk] *= scale[walk];
+        }
+    }
+    take(whitened->signal, (rl_const_column)column, samples, product);
+    whitened->interferers++;
+    find_null(whitened);
 }
 
 struct rl_gain rl_fit_gain(const struct rl_whitened *whitened, const double *light)
 {
     double level[RL_WALK_LANES] = {0.0}, cross[RL_WALK_LANES] = {0.0};
-    double power[RL_WALK_LANES] = {0.0};
+    double power[RL_WALK_LANES] = {0.0}, shared[RL_MAX_INTERFERERS][RL_WALK_LANES] = {{0.0}};
     struct rl_gain best = {whitened->null, 0.0, whitened->least, 0};
     if (whitened->samples < 3) {
         return best;
@@ -108,16 +202,27 @@ struct rl_gain rl_fit_gain(const struct rl_whitened *whitened, const double *lig
         const double value = light[whitened->row[sample]] - first;
         const double *gain = whitened->gain[sample], *scale = whitened->scale[sample];
         const double *signal = whitened->signal[sample];
+        double whites[RL_WALK_LANES];
         for (int walk = 0; walk < RL_WALK_LANES; walk++) {
             const double innovation = value - level[walk];
             const double white = innovation * scale[walk];
             level[walk] += gain[walk] * innovation;
             cross[walk] += white * signal[walk];
             power[walk] += white * white;
+            whites[walk] = white;
+        }
+        for (int i = 0; i < whitened->interferers; i++) {
+            const double *other = whitened->interferer[i][sample];
+            for (int walk = 0; walk < RL_WALK_LANES; walk++) {
+                shared[i][walk] += whites[walk] * other[walk];
+            }
         }
     }
     for (int walk = 0; walk < RL_WALKS; walk++) {
-        if (!(cross[walk] > 0.0) || !(power[walk] > 1e-9)) {
+        for (int i = 0; i < whitened->interferers; i++) {
+            power[walk] -= shared[i][walk] * shared[i][walk];
+        }
+        if (!(cross[walk] > 0.0) || !(power[walk] > NO_ENERGY)) {
             continue;
         }
         double variance;

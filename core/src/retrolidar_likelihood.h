@@ -12,9 +12,11 @@
 #ifndef RETROLIDAR_LIKELIHOOD_H
 #define RETROLIDAR_LIKELIHOOD_H
 
+#include <stdbool.h>
 #include <stdint.h>
 
 enum {
+    RL_MAX_INTERFERERS = 4, /* columns of other packets, fitted along with any template */
     RL_WALKS = 9,       /* values of q that are tried */
     RL_WALK_LANES = 10, /* the same, made even */
     RL_MOST_ZONES_TOGETHER = 4,
@@ -27,6 +29,9 @@ struct rl_whitened {
     double (*gain)[RL_WALK_LANES]; /* of the filter, for each sample */
     double (*scale)[RL_WALK_LANES]; /* 1 over the deviation of each innovation */
     double (*signal)[RL_WALK_LANES]; /* whitened */
+    int interferers;
+    /* Templates of other packets, whitened and made orthonormal; the signal is without them. */
+    double (*interferer[RL_MAX_INTERFERERS])[RL_WALK_LANES];
     double squares[RL_WALK_LANES];
     double log_scales[RL_WALK_LANES]; /* sum of the logarithms of 1/deviation */
     double least;        /* variance of noise that a fit may claim at least */
@@ -53,7 +58,12 @@ void rl_whitened_start(struct rl_whitened *whitened, int rows, double *memory);
 void rl_whiten(struct rl_whitened *whitened, const float *signal, const uint8_t *valid,
                const double *begin_s, const double *end_s, int rows, double period_s, double least);
 
-/* Fit a template, the light of each row of the window. */
+/* Fit a template, the light of each row of the window, together with the interferers. */
 struct rl_gain rl_fit_gain(const struct rl_whitened *whitened, const double *light);
+
+/* Make a template an interferer: from now on its gain is fitted along with that of any other, and
+ * the null hypothesis has it, too. There must be room.
+ */
+void rl_add_interferer(struct rl_whitened *whitened, const double *light);
 
 #endif

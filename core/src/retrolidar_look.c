@@ -5,7 +5,6 @@
 
 #include "retrolidar_judge.h"
 #include "retrolidar_noise.h"
-#include "retrolidar_waiting.h"
 
 #include <math.h>
 
@@ -19,8 +18,8 @@ enum {
     WORDS_MORE = 100,
 };
 static const int FOLD[FOLDS] = {1, 2, 3, 5, 8};
-/* A source that varies by less than so many times its noise holds no packet by itself. */
-static const double ACTIVE = 1.5;
+/* So long after a reading the residual is searched: as long as no whole packet can have come. */
+static const double MAX_RESIDUAL_BITS = 95.0;
 /* Share of the evidence in demand that a coarse template must find. */
 static const double COARSE = 0.7;
 /* Sums are asked after zones that explain nearly as much. */
@@ -50,9 +49,9 @@ static int ready(const struct rl_detector *detector, double bits, double to_s, b
     int count = 0;
     const double since_s = to_s - bits * detector->settings.bit_s;
     for (int source = 0; source < detector->samples.sources; source++) {
-        if (detector->free_s[source] <= since_s &&
+        if (detector->read_s[source] <= since_s &&
             detector->samples.source[source].zones <= most_zones &&
-            (!active || rl_noise_variation(&detector->samples, source) > ACTIVE)) {
+            (!active || rl_noise_variation(&detector->samples, source) > RL_ACTIVE)) {
             sources[count++] = source;
         }
     }
@@ -68,12 +67,82 @@ static int due(const struct rl_detector *detector, int *sources, int count, doub
     int kept = 0;
     for (int i = 0; i < count; i++) {
         const double since_s =
-            fmax(detector->free_s[sources[i]], 0.0) + bits * detector->settings.bit_s;
+            fmax(detector->read_s[sources[i]], 0.0) + bits * detector->settings.bit_s;
         if (since_s > from_s && since_s <= to_s) {
             sources[kept++] = sources[i];
         }
     }
     return kept;
+}
+
+/* Search zones in which packets were read a short while ago for others, with these subtracted. */
+static void search_residual(struct rl_detector *detector, double from_s, double to_s)
+{
+    const struct rl_samples *samples = &detector->samples;
+    const double bit_s = detector->settings.bit_s;
+    int zones[RL_MOST_ZONES], count = 0;
+    for (int zone = 0; zone < samples->zones; zone++) {
+        struct rl_interference interference;
+        if (detector->read_s[zone] <= to_s - MAX_RESIDUAL_BITS * bit_s) {
+            continue;
+        }
+        rl_pool_interference(&detector->pool, (uint64_t)1 << zone,
+                             to_s - RL_GOES_ON_BITS * bit_s, to_s, 0, &interference);
+        if (rl_residual_subtract(&detector->residual, zone, &interference,
+                                 to_s - RL_SEARCH_BITS * bit_s) > RL_ACTIVE) {
+            zones[count++] = zone;
+        } else {
+            rl_residual_restore(&detector->residual, zone);
+        }
+    }
+    search(detector, zones, count, 0, from_s, to_s);
+    search(detector, zones, count, 1, from_s, to_s);
+    for (int i = 0; i < count; i++) {
+        rl_residual_restore(&detector->residual, zones[i]);
+    }
+}
+
+/* Judge the packets that follow those that were read, if their markers go on. */
+static void judge_next(struct rl_detector *detector, double from_s, double to_s)
+{
+    const struct rl_member *member;
+    for (int i = 0; (member = rl_pool_due(&detector->pool, &i, from_s, to_s)) != NULL;) {
+        const struct rl_sending *sending = &member->transmission.sending;
+        const double packet_s = RL_PACKET_BITS * sending->bit_s;
+        /* The packet that the newest stretch of its length begins in. */
+        const double start_s =
+            sending->start_s + packet_s * floor((to_s - sending->start_s) / packet_s - 1.0);
+        const struct rl_pending pending = {
+            .source = member->zone,
+            .packets = 1,
+            .hits = {.count = 1,
+                     .hit = {{0.0f, member->id, true, start_s, sending->bit_s}}}};
+        if (detector->decisions_left > 0) {
+            rl_judge(detector, &pending, to_s);
+        }
+    }
+}
+
+/* Judge again what stood out before it had ended, as soon as it has. */
+static void add_deferred(struct rl_detector *detector, double from_s, double to_s)
+{
+    for (int source = 0; source < detector->samples.sources; source++) {
+        const struct rl_hit *best = NULL;
+        const int pasts = detector->pasts[source];
+        for (int i = pasts > RL_PAST ? pasts - RL_PAST : 0; i < pasts; i++) {
+            const struct rl_hit *past = &detector->past[source][i % RL_PAST];
+            const double end_s = past->start_s + RL_PACKET_BITS * past->bit_s;
+            if (!past->repeats && end_s > from_s && end_s <= to_s &&
+                past->nats > (float)detector->demands.evidence &&
+                (best == NULL || past->nats > best->nats)) {
+                best = past;
+            }
+        }
+        if (best != NULL) {
+            detector->pending[detector->pendings++] =
+                (struct rl_pending){source, 1, {.count = 1, .hit = {*best}}};
+        }
+    }
 }
 
 /* How promising a candidate is. */
@@ -98,14 +167,11 @@ void rl_look(struct rl_detector *detector)
     detector->search.dropped = false;
     detector->decisions_left = RL_DECISIONS;
     detector->looked_s = to_s;
-    if (to_s - detector->learnt_s > RL_PACKET_BITS * bit_s) {
-        rl_noise_learn(&detector->samples);
-        detector->learnt_s = to_s;
-    }
     const double packet_bits = RL_PACKET_BITS * (1.0 - most_skew) - RL_OVERLAP_BITS;
     if (held_s < (RL_PACKET_BITS - 0.5) * bit_s) {
         return;
     }
+    judge_next(detector, from_s, to_s);
     int count = ready(detector, packet_bits, to_s, true, RL_MOST_ZONES, sources);
     search(detector, sources, count, 0, from_s, to_s);
     detector->search.words_left += WORDS_MORE;
@@ -128,7 +194,10 @@ void rl_look(struct rl_detector *detector)
         }
         search(detector, sources, count, FOLD[fold], from_s, to_s);
     }
-    rl_waiting_add(detector, from_s, to_s);
+    add_deferred(detector, from_s, to_s);
+    if (is_turn) {
+        search_residual(detector, (double)(turn - 1) * LOOK_BITS * bit_s, to_s);
+    }
     while (detector->pendings > 0 && detector->decisions_left > 0) {
         int best = 0;
         for (int i = 1; i < detector->pendings; i++) {
@@ -139,14 +208,6 @@ void rl_look(struct rl_detector *detector)
         const struct rl_pending pending = detector->pending[best];
         detector->pending[best] = detector->pending[--detector->pendings];
         rl_judge(detector, &pending, to_s);
-    }
-    /* Zones in which a marker goes on are asked what else is there, once a turn; those for which this
-     * frame has no decisions left wait for the next.
-     */
-    detector->next_behind = is_turn ? 0 : detector->next_behind;
-    while (detector->next_behind < samples->zones && detector->decisions_left > 0) {
-        rl_judge_behind(detector, detector->next_behind++,
-                        (double)(turn - 1) * LOOK_BITS * bit_s, to_s);
     }
     detector->counts.overloads += detector->pendings > 0 || detector->search.dropped;
 }

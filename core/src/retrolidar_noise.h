@@ -1,7 +1,7 @@
 /* Copyright 2026 retrolidar_ros contributors
  * SPDX-License-Identifier: Apache-2.0
  */
-/* How much samples vary: by the law of the sensor's noise, as learnt, and in fact. */
+/* How much samples vary: by the law of the sensor's noise, and in fact. */
 #ifndef RETROLIDAR_NOISE_H
 #define RETROLIDAR_NOISE_H
 
@@ -17,8 +17,5 @@ void rl_noise_follow(struct rl_samples *samples, int wanted, bool recompute);
 
 /* By how many times its noise a source varies over the newest `variance_rows`. */
 double rl_noise_variation(const struct rl_samples *samples, int source);
-
-/* Learn the scale of the noise from the newest rows of zones that are white. */
-void rl_noise_learn(struct rl_samples *samples);
 
 #endif

@@ -3,20 +3,23 @@
  */
 #include "retrolidar_rivals.h"
 
-#include "retrolidar_target.h"
-
 #include <math.h>
 #include <stddef.h>
+#include <string.h>
 
 enum {
     RIVALS = 3, /* that are tried exactly */
     ROUNDS = 4, /* bits that are turned to make a better sequence */
-    CLOCKS = 8, /* to either side that are too far off to be searched */
+    PARTS = 8,  /* of a packet, at whose ends a marker may appear or vanish, ... */
+    MIN_ABSENT = 2, /* ... that is absent in so many of them */
 };
 
-/* Between two of these: the ends of a window move by a quarter of a bit. */
-static const double CLOCK_STEP = 0.016;
-
+/* A packet of another ID that follows one that ended may have any [nats]. */
+static const double COST_OF_NEXT = 10.0;
+/* That a marker appears or vanishes just then is a coincidence [nats]. */
+static const double COST_OF_ABSENCE = 6.0;
+/* A part of a packet is as good as the whole one if it is worse by less [nats]. */
+static const double AS_GOOD = 1.0;
 /* Nobody asks for more, so it need not be known exactly [nats]. */
 static const double ENOUGH = 30.0;
 
@@ -34,56 +37,6 @@ double rl_rivals_sequence(struct rl_window *window, const struct rl_sending *sen
         struct rl_sending any = {sequence->bits, sequence->repeats, sequence->start_s,
                                  sequence->bit_s, sending->brightening_s};
         best = fmax(best, rl_window_refine(window, &any, half_bits));
-    }
-    return best;
-}
-
-/* The sequence of bits that a source shows at a clock and a start: a bit is dark if its samples are,
- * on average, nearer to the dark samples of the packet that was tried last than to its bright ones.
- */
-static uint32_t shown(struct rl_window *window, const struct rl_column *column, float threshold,
-                      double start_s, double bit_s)
-{
-    const double *begin_s = window->samples->begin_s + window->first;
-    const double *end_s = window->samples->end_s + window->first;
-    float beyond[RL_PACKET_BITS] = {0.0f};
-    uint32_t bits = 0;
-    for (int row = 0; row < window->rows; row++) {
-        const double bit = ((begin_s[row] + end_s[row]) / 2 - start_s) / bit_s;
-        if (column->valid[row] && bit >= 0.0 && bit < RL_PACKET_BITS) {
-            beyond[(int)bit] += column->signal[row] - threshold;
-        }
-    }
-    for (int bit = 0; bit < RL_PACKET_BITS; bit++) {
-        bits |= beyond[bit] < 0.0f ? rl_packet_bit(bit) : 0u;
-    }
-    return bits;
-}
-
-double rl_rivals_clock(struct rl_window *window, const struct rl_sending *sending, double half_bits)
-{
-    const struct rl_column column =
-        rl_target_column(window->samples, window->source[0], window->first, window->rows,
-                         &window->room);
-    const double usual_s = (window->least_bit_s + window->most_bit_s) / 2;
-    const double middle_s = sending->start_s + half_bits * sending->bit_s;
-    float sum[2] = {0.0f, 0.0f}, count[2] = {1e-9f, 1e-9f};
-    double best = rl_window_try(window, sending);
-    for (int row = 0; row < window->rows; row++) {
-        const int bright = window->light[row] > 0.5;
-        sum[bright] += column.valid[row] ? column.signal[row] : 0.0f;
-        count[bright] += column.valid[row];
-    }
-    const float threshold = (sum[0] / count[0] + sum[1] / count[1]) / 2;
-    for (int clock = -CLOCKS; clock <= CLOCKS; clock++) {
-        const double limit_s = clock < 0 ? window->least_bit_s : window->most_bit_s;
-        struct rl_sending any = {0, false, 0.0, limit_s + clock * CLOCK_STEP * usual_s,
-                                 sending->brightening_s};
-        for (int quarter = -2; quarter < 2 && clock != 0; quarter++) {
-            any.start_s = middle_s + (quarter / 4.0 - RL_PACKET_BITS / 2.0) * any.bit_s;
-            any.bits = shown(window, &column, threshold, any.start_s, any.bit_s);
-            best = fmax(best, rl_window_try(window, &any));
-        }
     }
     return best;
 }
@@ -143,16 +96,15 @@ static void keep_rival(struct rival *rivals, struct rival kept)
     }
 }
 
-/* Find the packet, not of the ID in question, that is likeliest if it begins at a bit of the
- * window, by the sum over the bits that it turns.
+/* What the bits of a packet that begins at a bit of the window would do [nats]; all bright first, the
+ * sum of which is returned.
  */
-static void find_rival(const struct rl_codebook *codebook, const struct rl_bits *bits,
-                       const struct rl_sending *sending, uint16_t id, int begin, bool repeats,
-                       struct rival *rivals)
+static float weigh(const struct rl_bits *bits, int begin, bool repeats,
+                   float weight[RL_PACKET_BITS])
 {
-    float weight[RL_PACKET_BITS] = {0.0f}, all = 0.0f;
+    float all = 0.0f;
+    memset(weight, 0, RL_PACKET_BITS * sizeof *weight);
     for (int bit = 0; bit < bits->count; bit++) {
-        /* All bright first; then what a dark bit adds. */
         all += bits->dark[bit] ? bits->turned[bit] : 0.0f;
         int of = bit - begin;
         if (repeats) {
@@ -162,10 +114,38 @@ static void find_rival(const struct rl_codebook *codebook, const struct rl_bits 
             weight[of] += bits->dark[bit] ? -bits->turned[bit] : bits->turned[bit];
         }
     }
-    float most = all + weight[0] + weight[2] + weight[4] + weight[6];
+    return all;
+}
+
+static float sum_of(uint32_t packet, const float weight[RL_PACKET_BITS])
+{
+    float nats = 0.0f;
+    for (int bit = 0; bit < RL_PACKET_BITS; bit++) {
+        nats += packet & rl_packet_bit(bit) ? weight[bit] : 0.0f;
+    }
+    return nats;
+}
+
+/* What no packet exceeds with such bits. */
+static float max_sum(const float weight[RL_PACKET_BITS])
+{
+    float most = weight[0] + weight[2] + weight[4] + weight[6];
     for (int bit = RL_PACKET_BITS - RL_WORD_BITS; bit < RL_PACKET_BITS; bit++) {
         most += fmaxf(weight[bit], 0.0f);
     }
+    return most;
+}
+
+/* Find the packet, not of the ID in question, that is likeliest if it begins at a bit of the
+ * window, by the sum over the bits that it turns.
+ */
+static void find_rival(const struct rl_codebook *codebook, const struct rl_bits *bits,
+                       const struct rl_sending *sending, uint16_t id, int begin, bool repeats,
+                       struct rival *rivals)
+{
+    float weight[RL_PACKET_BITS];
+    const float all = weigh(bits, begin, repeats, weight);
+    const float most = all + max_sum(weight);
     if (most < -(float)ENOUGH || most <= rivals[RIVALS - 1].nats) {
         return;
     }
@@ -173,10 +153,7 @@ static void find_rival(const struct rl_codebook *codebook, const struct rl_bits 
     if (word < 0) {
         return;
     }
-    float nats = all;
-    for (int bit = 0; bit < RL_PACKET_BITS; bit++) {
-        nats += codebook->packet[word] & rl_packet_bit(bit) ? weight[bit] : 0.0f;
-    }
+    const float nats = all + sum_of(codebook->packet[word], weight);
     const struct rl_sending other = {codebook->packet[word], repeats,
                                      bits->begin_s + begin * sending->bit_s, sending->bit_s,
                                      sending->brightening_s};
@@ -216,4 +193,76 @@ double rl_rivals_margin(struct rl_window *window, const struct rl_codebook *code
         nearest = fmax(nearest, likelihood);
     }
     return own - nearest;
+}
+
+double rl_rivals_sequence_margin(struct rl_window *window, const struct rl_codebook *codebook,
+                                 const struct rl_bits *bits, const struct rl_sending *sending,
+                                 double own, uint16_t id)
+{
+    const double least = ENOUGH - COST_OF_NEXT;
+    struct rl_sending best[2];
+    float most = -(float)least;
+    for (int begin = 1; begin < bits->count; begin++) {
+        float weight[2][RL_PACKET_BITS];
+        const float all = weigh(bits, begin - RL_PACKET_BITS, false, weight[0]);
+        weigh(bits, begin, false, weight[1]);
+        if (all + max_sum(weight[0]) + max_sum(weight[1]) <= most) {
+            continue;
+        }
+        const int ended = rl_codebook_heaviest(codebook, weight[0], id);
+        const int begun = rl_codebook_heaviest(codebook, weight[1], id);
+        if (ended < 0 || begun < 0) {
+            continue;
+        }
+        const uint32_t packet[2] = {codebook->packet[ended], codebook->packet[begun]};
+        const float nats = all + sum_of(packet[0], weight[0]) + sum_of(packet[1], weight[1]);
+        for (int i = 0; nats > most && i < 2; i++) {
+            best[i] = (struct rl_sending){
+                packet[i], false,
+                bits->begin_s + (begin + (i - 1) * RL_PACKET_BITS) * sending->bit_s,
+                sending->bit_s, sending->brightening_s};
+        }
+        most = fmaxf(most, nats);
+    }
+    if (most <= -(float)least) {
+        return ENOUGH;
+    }
+    return own + COST_OF_NEXT - rl_window_try_two(window, &best[0], &best[1]);
+}
+
+double rl_rivals_part_margin(struct rl_window *window, const struct rl_codebook *codebook,
+                             const struct rl_bits *bits, const struct rl_sending *sending,
+                             double own, uint16_t id)
+{
+    const int parts = PARTS * (bits->count + RL_PACKET_BITS / 2) / RL_PACKET_BITS;
+    struct rival rivals[RIVALS];
+    double margin = ENOUGH;
+    for (int later = 0; later < 2; later++) {
+        int split = -1;
+        for (int part = MIN_ABSENT; part <= parts - MIN_ABSENT; part++) {
+            const int row = (later ? part : parts - part) * window->rows / parts;
+            if (rl_window_try_part(window, sending, row, later) < own - AS_GOOD) {
+                break;
+            }
+            split = row;
+        }
+        if (split < 0) {
+            continue;
+        }
+        struct rl_bits seen = *bits;
+        const double split_s = window->samples->begin_s[window->first + split];
+        for (int bit = 0; bit < bits->count; bit++) {
+            if ((bits->begin_s + (bit + 0.5) * sending->bit_s < split_s) == later) {
+                seen.turned[bit] = 0.0f;
+            }
+        }
+        for (int i = 0; i < RIVALS; i++) {
+            rivals[i].nats = -INFINITY;
+        }
+        for (int begin = 1 - RL_PACKET_BITS; begin < bits->count; begin++) {
+            find_rival(codebook, &seen, sending, id, begin, sending->repeats, rivals);
+        }
+        margin = fmin(margin, COST_OF_ABSENCE - (double)rivals[0].nats);
+    }
+    return margin;
 }

@@ -23,14 +23,6 @@ struct rl_bits {
 double rl_rivals_sequence(struct rl_window *window, const struct rl_sending *sending,
                           double half_bits, const struct rl_hits *hits);
 
-/* The same of sequences whose clock is further off than is searched, up to 16 %: a packet of another
- * clock may look like one of another ID.
- *
- * half_bits: from the start to the middle of the window
- */
-double rl_rivals_clock(struct rl_window *window, const struct rl_sending *sending,
-                       double half_bits);
-
 /* Cut the window into bits and turn each; return how much better another sequence of the packet's
  * own bits may be.
  *
@@ -47,5 +39,19 @@ double rl_rivals_turn(struct rl_window *window, const struct rl_sending *sending
 double rl_rivals_margin(struct rl_window *window, const struct rl_codebook *codebook,
                         const struct rl_bits *bits, const struct rl_sending *sending, int packets,
                         double own, double half_bits, uint16_t id, const struct rl_hits *hits);
+
+/* The same against packets of other IDs back to back, one of which ended in the window, and the next
+ * began.
+ */
+double rl_rivals_sequence_margin(struct rl_window *window, const struct rl_codebook *codebook,
+                                 const struct rl_bits *bits, const struct rl_sending *sending,
+                                 double own, uint16_t id);
+
+/* The same if the marker may have appeared or vanished in the window, where the packet is dark at its
+ * begin or end: a marker that is not there is as dark. About; infinite if the packet is not.
+ */
+double rl_rivals_part_margin(struct rl_window *window, const struct rl_codebook *codebook,
+                             const struct rl_bits *bits, const struct rl_sending *sending,
+                             double own, uint16_t id);
 
 #endif

@@ -70,8 +70,7 @@ void rl_samples_start(struct rl_samples *samples, int rows, int columns, int kep
     samples->kept = kept;
     samples->capacity = 4 * kept;
     samples->law = *law;
-    samples->noise_scale = 1.0;
-    samples->period_s = bit_s / 2;
+    samples->usual_period_s = bit_s / 2;
     samples->dark_s = DARK_BITS * bit_s;
     double *wide = memory;
     samples->sum = wide;
@@ -91,6 +90,8 @@ void rl_samples_clear(struct rl_samples *samples, int64_t stamp_ns)
     samples->count = 0;
     samples->variance_rows = 0;
     samples->steps = 0;
+    samples->period_s = samples->usual_period_s;
+    samples->ambient = 0.0;
     for (int source = 0; source < samples->sources; source++) {
         samples->sum[source] = samples->square[source] = 0.0;
     }

@@ -42,7 +42,8 @@ struct rl_samples {
     int capacity; /* rows that there is memory for */
     int count;    /* rows that are held */
     int64_t origin_ns; /* from which times count */
-    double period_s;   /* of the frames, as measured */
+    double period_s;   /* of the frames, as measured ... */
+    double usual_period_s; /* ... and as expected until then */
     int64_t *stamp_ns;       /* of each frame; RL_NO_FRAME = none came */
     double *begin_s, *end_s; /* of each exposure [s] */
     float *signal;     /* [kcps/SPAD]; of an erasure, the last one before it */
@@ -52,8 +53,6 @@ struct rl_samples {
     int variance_rows; /* how many of the newest rows the sums below are of */
     double *sum, *square;
     struct rl_noise_law law;
-    double noise_scale; /* how many times that law's variance the sensor has, as learnt ... */
-    int lessons;        /* ... so often */
     double ambient;     /* median of the newest frame [kcps/SPAD] */
     uint64_t impossible; /* samples of a normal status that no sensor measures */
     double dark_s;      /* no packet is dark for longer at a stretch */

@@ -8,8 +8,8 @@
 #include <math.h>
 
 enum {
+    MAX_HIDDEN_BITS = 3, /* at a stretch */
     MOST_ERASED_BITS = 7, /* so many leave words of a code of distance 8 apart */
-    MOST_HIDDEN_BITS = 3, /* half a bit at either end is left out, too */
 };
 
 /* Share of the samples of a window that must be valid. */
@@ -18,8 +18,6 @@ static const double LEAST_VALID = 0.5;
  * how it varies beyond noise, or it sees something else.
  */
 static const double LEAST_ADDED = 4.0, LEAST_SHARE = 0.5;
-/* All bits of a stretch were hidden if it is better by so much that all are dark [nats]. */
-static const double LEAST_TURNED = 2.0;
 
 double rl_scope_half_bits(const struct rl_sending *sending, int packets, double to_s)
 {
@@ -94,54 +92,38 @@ bool rl_scope_is_erased(const struct rl_window *window, const struct rl_sending 
     return erased > MOST_ERASED_BITS;
 }
 
-/* Leave out the exposures of a stretch of bits and of half a bit at either end. */
-static void hide(struct rl_window *window, const struct rl_sending *sending, const int bits[2])
+bool rl_scope_mask_occlusion(struct rl_window *window, const struct rl_sending *sending,
+                             double least)
 {
-    const double lasting_s = (bits[1] - bits[0] + 1) * sending->bit_s;
-    double from_s = sending->start_s + (bits[0] - 0.5) * sending->bit_s;
+    double best = least;
+    int from = 0, to = 0;
+    for (int length = 1; length <= MAX_HIDDEN_BITS; length++) {
+        for (int begin = 1; begin + length < RL_PACKET_BITS; begin++) {
+            uint32_t dark = sending->bits;
+            for (int bit = begin; bit < begin + length; bit++) {
+                dark |= rl_packet_bit(bit);
+            }
+            const double likelihood =
+                dark == sending->bits ? best : rl_window_try_bits(window, sending, dark);
+            if (likelihood > best) {
+                best = likelihood;
+                from = begin;
+                to = begin + length;
+            }
+        }
+    }
+    if (to == 0) {
+        return false;
+    }
+    /* Half a bit at either end may be hidden, too. */
+    const double lasting_s = (to - from + 1) * sending->bit_s;
+    double from_s = sending->start_s + (from - 0.5) * sending->bit_s;
     /* Of a packet that repeats, the window holds the bits of the one that began before or in it. */
     if (sending->repeats && from_s + lasting_s < window->samples->begin_s[window->first]) {
         from_s += RL_PACKET_BITS * sending->bit_s;
     }
     rl_window_hide(window, from_s, from_s + lasting_s);
-}
-
-int rl_scope_hide_bursts(struct rl_window *window, const struct rl_sending *sending, double own,
-                         double least)
-{
-    uint32_t seen = sending->bits;
-    int burst[RL_BURSTS][2], bursts = 0;
-    double most = own;
-    while (most < least && bursts < RL_BURSTS) {
-        uint32_t darkest = seen;
-        double likeliest = most + LEAST_TURNED;
-        for (int length = 1; length <= MOST_HIDDEN_BITS; length++) {
-            for (int begin = 0; begin + length <= RL_PACKET_BITS; begin++) {
-                uint32_t dark = seen;
-                for (int bit = begin; bit < begin + length; bit++) {
-                    dark |= rl_packet_bit(bit);
-                }
-                const double likelihood =
-                    dark == seen ? most : rl_window_try_bits(window, sending, dark);
-                if (likelihood > likeliest) {
-                    likeliest = likelihood;
-                    darkest = dark;
-                    burst[bursts][0] = begin;
-                    burst[bursts][1] = begin + length;
-                }
-            }
-        }
-        if (darkest == seen) {
-            return 0;
-        }
-        seen = darkest;
-        most = likeliest;
-        bursts++;
-    }
-    for (int i = 0; most >= least && i < bursts; i++) {
-        hide(window, sending, burst[i]);
-    }
-    return most >= least ? bursts : 0;
+    return true;
 }
 
 /* Whether most of how a source varies beyond noise is the template that was tried last. */

@@ -26,14 +26,13 @@ double rl_scope_open(struct rl_window *window, int source, struct rl_sending *se
 /* Whether too many samples are erasures to decide the word. */
 bool rl_scope_is_erased(const struct rl_window *window, const struct rl_sending *sending);
 
-/* Leave out stretches of a few bits if the packet is likely enough with them dark: something has
- * hidden the marker for a while. Return how many, up to `RL_BURSTS`.
+/* Leave out a stretch of a few bits if the packet is likely enough with it dark: something has hidden
+ * the marker for a while. Return whether there is one.
  *
- * own: log likelihood of the packet as it is
- * least: and what it must be with dark stretches
+ * least: log likelihood that it must have with the stretch dark
  */
-int rl_scope_hide_bursts(struct rl_window *window, const struct rl_sending *sending, double own,
-                         double least);
+bool rl_scope_mask_occlusion(struct rl_window *window, const struct rl_sending *sending,
+                             double least);
 
 /* Add zones near by that see the same packet, of which the window's has that evidence. */
 void rl_scope_add_zones(struct rl_window *window, const struct rl_sending *sending, double evidence);

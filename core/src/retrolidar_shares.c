@@ -8,37 +8,30 @@
 #include "retrolidar_track.h"
 
 #include <math.h>
-#include <string.h>
 
 /* Share of how zones vary that a packet must explain which their sum shows. */
 static const double LEAST_IN_ZONES = 0.7;
 /* A zone has a part in a sum if the packet explains this share of what it does where most. */
 static const double LEAST_PART = 0.1;
-/* Bits before a stretch that a search of it may reach. */
-static const double MARGIN_BITS = 4.0;
 
 int64_t rl_shares_bytes(int rows)
 {
-    return rows * (int64_t)(sizeof(double) + RL_MOST_ZONES_TOGETHER * sizeof(float));
+    return rows * (int64_t)sizeof(double);
 }
 
-void rl_shares_start(struct rl_shares *shares, struct rl_samples *samples,
+void rl_shares_start(struct rl_shares *shares, const struct rl_samples *samples,
                      struct rl_window *window, int rows, void *memory)
 {
     shares->samples = samples;
     shares->window = window;
     shares->light = memory;
-    shares->taken = (float *)(shares->light + rows);
 }
 
-/* Rows of the samples that a verdict is of, and the light of its packet in each. One that repeats
- * was sent some bits before, too, at which a search for others looks.
- */
+/* Rows of the samples that a verdict is of, and the light of its packet in each. */
 static int light_of(struct rl_shares *shares, const struct rl_verdict *verdict, int *first)
 {
     const struct rl_samples *samples = shares->samples;
-    const double before_s = verdict->sending.repeats ? MARGIN_BITS * verdict->sending.bit_s : 0.0;
-    *first = rl_samples_row(samples, rl_verdict_begin(verdict) - before_s);
+    *first = rl_samples_row(samples, rl_verdict_begin(verdict));
     int rows = rl_samples_row(samples, verdict->end_s) + 1;
     rows = (rows < samples->count ? rows : samples->count) - *first;
     rows = rows < samples->kept ? rows : samples->kept;
@@ -58,7 +51,7 @@ static struct rl_track track(struct rl_shares *shares, int zone, int first, int 
     for (int row = 0; row < rows; row++) {
         sum += (double)column.signal[row];
     }
-    const double noise = samples->noise_scale * rl_noise_variance(samples, zone, sum / rows);
+    const double noise = rl_noise_variance(samples, zone, sum / rows);
     return rl_track_fit(column.signal, column.valid, shares->light, rows, noise, gain);
 }
 
@@ -103,35 +96,4 @@ bool rl_shares_agree(struct rl_shares *shares, const struct rl_verdict *verdict)
         all += seen.all;
     }
     return sum->zones == 1 || explained > LEAST_IN_ZONES * fmax(all, 0.0);
-}
-
-void rl_shares_take_off(struct rl_shares *shares, const struct rl_verdict *verdict, bool back)
-{
-    struct rl_samples *samples = shares->samples;
-    int first;
-    const int rows = light_of(shares, verdict, &first);
-    for (int i = 0; i < verdict->sources; i++) {
-        double gain[RL_KNOTS];
-        const int source = verdict->source[i];
-        if (verdict->steady) {
-            for (int knot = 0; knot < RL_KNOTS; knot++) {
-                gain[knot] = verdict->fit[i].gain;
-            }
-        } else if (!back) {
-            track(shares, source, first, rows, gain);
-        }
-        float *signal = samples->signal + rl_sample(samples, source, first);
-        float *taken = shares->taken + (size_t)i * (size_t)samples->kept;
-        memcpy(back ? signal : taken, back ? taken : signal, (size_t)rows * sizeof *signal);
-        if (!back) {
-            /* Without the packet nothing would tell its target from that behind it. */
-            const struct rl_column column =
-                rl_target_column(samples, source, first, rows, &shares->window->room);
-            for (int row = 0; row < rows; row++) {
-                signal[row] = column.signal[row] +
-                              (float)(rl_track_gain(gain, row, rows) * (1.0 - shares->light[row]));
-            }
-        }
-        samples->is_parted[source] = !back;
-    }
 }

@@ -8,14 +8,13 @@
 #include "retrolidar_decide.h"
 
 struct rl_shares {
-    struct rl_samples *samples;
+    const struct rl_samples *samples;
     struct rl_window *window; /* whose columns are used */
     double *light; /* of a packet in each row */
-    float *taken;  /* signals before a packet was taken off them */
 };
 
 int64_t rl_shares_bytes(int rows);
-void rl_shares_start(struct rl_shares *shares, struct rl_samples *samples,
+void rl_shares_start(struct rl_shares *shares, const struct rl_samples *samples,
                      struct rl_window *window, int rows, void *memory);
 
 /* Find the zones that saw a packet, and how strongly; of a sum those with a part in it. Return how
@@ -28,8 +27,5 @@ int rl_shares_zones(struct rl_shares *shares, const struct rl_verdict *verdict, 
  * packet make a third one.
  */
 bool rl_shares_agree(struct rl_shares *shares, const struct rl_verdict *verdict);
-
-/* Take a packet off the samples of its sources, or put it back. */
-void rl_shares_take_off(struct rl_shares *shares, const struct rl_verdict *verdict, bool back);
 
 #endif

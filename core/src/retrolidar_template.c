@@ -108,3 +108,17 @@ void rl_template(const struct rl_sending *sending, const double *begin_s, const 
         light[row] = (until - from) / (end_s[row] - begin_s[row]);
     }
 }
+
+void rl_transmission_light(const struct rl_transmission *transmission, bool goes_on,
+                           const double *begin_s, const double *end_s, int rows, double *light)
+{
+    struct rl_sending sending = transmission->sending;
+    sending.repeats = sending.repeats || goes_on;
+    rl_template(&sending, begin_s, end_s, rows, light);
+    for (int row = 0; row < rows; row++) {
+        const double middle_s = (begin_s[row] + end_s[row]) / 2;
+        if (middle_s < transmission->begin_s || (!goes_on && middle_s > transmission->end_s)) {
+            light[row] = 1.0;
+        }
+    }
+}

@@ -17,8 +17,18 @@ struct rl_sending {
     double brightening_s; /* from 10 to 90 % [s] */
 };
 
+/* Packets of one ID that have been read, one behind the other. */
+struct rl_transmission {
+    struct rl_sending sending;
+    double begin_s, end_s; /* of what was read [s] */
+};
+
 /* Mean transmission, 0 to 1, during exposures from begin_s to end_s; both of so many rows. */
 void rl_template(const struct rl_sending *sending, const double *begin_s, const double *end_s,
                  int rows, double *light);
+
+/* The same of a transmission, as far as it was read, or as if it went on and on; bright before. */
+void rl_transmission_light(const struct rl_transmission *transmission, bool goes_on,
+                           const double *begin_s, const double *end_s, int rows, double *light);
 
 #endif

@@ -12,6 +12,9 @@
 static const double BRIGHTENING_S[] = {0.0035, 0.0005, 0.008, 0.014, 0.020};
 /* Share of the sensor's noise that a fit may not fall short of. */
 static const double LEAST_NOISE = 0.5;
+/* What the gain of another packet must explain to be fitted along [nats]. */
+static const double COST_OF_INTERFERER = 2.0;
+enum { SPLITS = 8 }; /* parts of a window between which a marker may come or go */
 static const int ROUNDS = 4; /* of a refinement, each with half the steps of the one before */
 /* A crystal other than the usual one must be likelier by so much [nats]. */
 static const double OTHER_CRYSTAL = 1.0;
@@ -19,7 +22,7 @@ static const double OTHER_CRYSTAL = 1.0;
 int64_t rl_window_bytes(int rows)
 {
     return RL_MOST_ZONES_TOGETHER * rl_whitened_doubles(rows) * (int64_t)sizeof(double) +
-           (int64_t)rows * ((int64_t)sizeof(double) + 1) + rl_room_bytes(rows);
+           (int64_t)rows * (2 * (int64_t)sizeof(double) + 1) + rl_room_bytes(rows);
 }
 
 void rl_window_start(struct rl_window *window, const struct rl_samples *samples, int rows,
@@ -34,7 +37,64 @@ void rl_window_start(struct rl_window *window, const struct rl_samples *samples,
         next += rl_whitened_doubles(rows);
     }
     window->light = next;
-    window->valid = rl_room_start(&window->room, rows, next + rows);
+    window->part = next + rows;
+    window->valid = rl_room_start(&window->room, rows, next + 2 * rows);
+}
+
+static void light_of(struct rl_window *window, const struct rl_transmission *transmission,
+                     bool goes_on)
+{
+    rl_transmission_light(transmission, goes_on, window->samples->begin_s + window->first,
+                          window->samples->end_s + window->first, window->rows, window->light);
+}
+
+/* The light until a row, or from it on: without the marker it is as dark as with a dark one. */
+static const double *part_of(const struct rl_window *window, int split, bool later)
+{
+    for (int row = 0; row < window->rows; row++) {
+        window->part[row] = (row >= split) == later ? window->light[row] : 0.0;
+    }
+    return window->part;
+}
+
+/* Make a transmission an interferer of a source, if it is seen there: all the time, or until a
+ * moment or from one on, as a marker that crosses from zone to zone.
+ */
+static void add_interferer(struct rl_window *window, struct rl_whitened *whitened,
+                           const struct rl_transmission *transmission)
+{
+    if (whitened->interferers == RL_MAX_INTERFERERS) {
+        return;
+    }
+    light_of(window, transmission, true);
+    const double on = rl_fit_gain(whitened, window->light).log_likelihood;
+    light_of(window, transmission, false);
+    const double over = rl_fit_gain(whitened, window->light).log_likelihood;
+    if (on > over) {
+        light_of(window, transmission, true);
+    }
+    double best = fmax(on, over) - whitened->null;
+    int split = 0;
+    for (int part = 1; part < SPLITS; part++) {
+        const int at = part * window->rows / SPLITS;
+        for (int later = 0; later < 2; later++) {
+            const double half =
+                rl_fit_gain(whitened, part_of(window, at, later)).log_likelihood - whitened->null;
+            if (half - COST_OF_INTERFERER > best) {
+                best = half - COST_OF_INTERFERER;
+                split = at;
+            }
+        }
+    }
+    if (best < COST_OF_INTERFERER) {
+        return;
+    }
+    if (split == 0 || whitened->interferers + 2 > RL_MAX_INTERFERERS) {
+        rl_add_interferer(whitened, window->light);
+    } else {
+        rl_add_interferer(whitened, part_of(window, split, false));
+        rl_add_interferer(whitened, part_of(window, split, true));
+    }
 }
 
 /* Whiten the samples of a source that is the next one. */
@@ -46,19 +106,18 @@ static void add(struct rl_window *window, int source)
     double sum = 0.0;
     const struct rl_column column =
         rl_target_column(samples, source, window->first, window->rows, &window->room);
-    memcpy(window->valid, column.valid, (size_t)window->rows);
     for (int row = 0; row < window->rows; row++) {
         sum += (double)column.signal[row];
-        for (int i = 0; i < window->bursts; i++) {
-            if (begin_s[row] < window->hidden_to_s[i] && end_s[row] > window->hidden_from_s[i]) {
-                window->valid[row] = 0;
-            }
-        }
+        window->valid[row] = column.valid[row] && !(begin_s[row] < window->hidden_to_s &&
+                                                    end_s[row] > window->hidden_from_s);
     }
     const double noise = rl_noise_variance(samples, source, sum / fmax(window->rows, 1.0));
     struct rl_whitened *whitened = &window->whitened[window->sources];
     rl_whiten(whitened, column.signal, window->valid, begin_s, end_s, window->rows,
               samples->period_s, LEAST_NOISE * noise);
+    for (int i = 0; i < window->interference.count; i++) {
+        add_interferer(window, whitened, &window->interference.transmission[i]);
+    }
     window->source[window->sources++] = source;
     window->null += whitened->null;
 }
@@ -78,8 +137,8 @@ void rl_window_add(struct rl_window *window, int source)
 void rl_window_hide(struct rl_window *window, double from_s, double to_s)
 {
     const int sources = window->sources;
-    window->hidden_from_s[window->bursts] = from_s;
-    window->hidden_to_s[window->bursts++] = to_s;
+    window->hidden_from_s = from_s;
+    window->hidden_to_s = to_s;
     window->sources = 0;
     window->null = 0.0;
     for (int i = 0; i < sources; i++) {
@@ -106,22 +165,56 @@ void rl_window_open(struct rl_window *window, int source, double from_s, double 
     if (window->rows < 0) {
         window->rows = 0;
     }
-    window->bursts = 0;
+    window->hidden_from_s = window->hidden_to_s = -INFINITY;
     window->sources = 0;
     window->null = 0.0;
     add(window, source);
 }
 
-double rl_window_try(struct rl_window *window, const struct rl_sending *sending)
+static double fit(struct rl_window *window, const double *light)
 {
     double total = 0.0;
-    rl_template(sending, window->samples->begin_s + window->first,
-                window->samples->end_s + window->first, window->rows, window->light);
     for (int i = 0; i < window->sources; i++) {
-        window->fit[i] = rl_fit_gain(&window->whitened[i], window->light);
+        window->fit[i] = rl_fit_gain(&window->whitened[i], light);
         total += window->fit[i].log_likelihood;
     }
     return total;
+}
+
+static void lay_light(struct rl_window *window, const struct rl_sending *sending)
+{
+    rl_template(sending, window->samples->begin_s + window->first,
+                window->samples->end_s + window->first, window->rows, window->light);
+}
+
+double rl_window_try_light(struct rl_window *window)
+{
+    return fit(window, window->light);
+}
+
+double rl_window_try(struct rl_window *window, const struct rl_sending *sending)
+{
+    lay_light(window, sending);
+    return fit(window, window->light);
+}
+
+double rl_window_try_part(struct rl_window *window, const struct rl_sending *sending, int split,
+                          bool later)
+{
+    lay_light(window, sending);
+    return fit(window, part_of(window, split, later));
+}
+
+double rl_window_try_two(struct rl_window *window, const struct rl_sending *one,
+                         const struct rl_sending *other)
+{
+    lay_light(window, one);
+    memcpy(window->part, window->light, (size_t)window->rows * sizeof *window->part);
+    lay_light(window, other);
+    for (int row = 0; row < window->rows; row++) {
+        window->light[row] = fmax(window->light[row] + window->part[row] - 1.0, 0.0);
+    }
+    return fit(window, window->light);
 }
 
 double rl_window_try_bits(struct rl_window *window, const struct rl_sending *sending, uint32_t bits)
@@ -159,7 +252,7 @@ static double climb(struct rl_window *window, struct rl_sending *sending, double
             const double shift_s = axis ? 0.0 : later_s;
             struct rl_sending one = moved(sending, half_bits, -shift_s, -longer_s);
             struct rl_sending other = moved(sending, half_bits, shift_s, longer_s);
-            if (one.bit_s < window->least_bit_s || other.bit_s > window->most_bit_s) {
+            if (one.bit_s < window->min_bit_s || other.bit_s > window->max_bit_s) {
                 continue;
             }
             const double before = rl_window_try(window, &one);

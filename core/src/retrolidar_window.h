@@ -9,7 +9,13 @@
 #include "retrolidar_target.h"
 #include "retrolidar_template.h"
 
-enum { RL_BURSTS = 2 }; /* stretches of a packet that may be left out, as something hid them */
+enum { RL_MAX_TRANSMISSIONS = 6 };
+
+/* Packets that may be in the samples besides the one in question. */
+struct rl_interference {
+    int count;
+    struct rl_transmission transmission[RL_MAX_TRANSMISSIONS];
+};
 
 struct rl_window {
     const struct rl_samples *samples;
@@ -19,12 +25,13 @@ struct rl_window {
     int source[RL_MOST_ZONES_TOGETHER];
     struct rl_whitened whitened[RL_MOST_ZONES_TOGETHER];
     struct rl_gain fit[RL_MOST_ZONES_TOGETHER]; /* of the template that was tried last */
-    int bursts;
-    double hidden_from_s[RL_BURSTS], hidden_to_s[RL_BURSTS]; /* exposures in between are left out */
-    double least_bit_s, most_bit_s; /* limits of a refinement */
+    struct rl_interference interference; /* of the windows that are opened from now on */
+    double hidden_from_s, hidden_to_s; /* exposures in between are left out */
+    double min_bit_s, max_bit_s; /* limits of a refinement */
     double null;   /* log likelihood without a packet */
     double *light; /* of the template that was tried last */
-    uint8_t *valid; /* of the column that is added */
+    double *part;  /* of the light of an interferer */
+    uint8_t *valid; /* of the source that is added */
     struct rl_room room;
 };
 
@@ -35,7 +42,7 @@ void rl_window_start(struct rl_window *window, const struct rl_samples *samples,
 /* Look at the exposures from one time to another, at first in one source. */
 void rl_window_open(struct rl_window *window, int source, double from_s, double to_s);
 
-/* Leave out the exposures from one time to another, too, in all sources: `RL_BURSTS` times at most. */
+/* Leave out the exposures from one time to another in all sources. */
 void rl_window_hide(struct rl_window *window, double from_s, double to_s);
 
 /* Look at another source, too, if it is none of them and there is room; else do nothing. */
@@ -46,6 +53,19 @@ void rl_window_drop(struct rl_window *window);
 
 /* Log likelihood of what is sent, each source having its own gain, noise and wandering level. */
 double rl_window_try(struct rl_window *window, const struct rl_sending *sending);
+
+/* The same of what `light` holds, for every row. */
+double rl_window_try_light(struct rl_window *window);
+
+/* The same if the packet is seen from a row of the window on only, or until it, as if its marker had
+ * appeared or vanished.
+ */
+double rl_window_try_part(struct rl_window *window, const struct rl_sending *sending, int split,
+                          bool later);
+
+/* The same of two lone packets, one of which follows the other. */
+double rl_window_try_two(struct rl_window *window, const struct rl_sending *one,
+                         const struct rl_sending *other);
 
 /* The same of other bits. */
 double rl_window_try_bits(struct rl_window *window, const struct rl_sending *sending,

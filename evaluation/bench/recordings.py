@@ -106,10 +106,16 @@ def transmission(
     return share.reshape(-1, len(ids))
 
 
-def _walk(shape: tuple[int, int], bound: float, step: float, rng: np.random.Generator) -> Floats:
+def walk(shape: tuple[int, int], bound: float, step: float, rng: np.random.Generator) -> Floats:
     """Return walks from anywhere between 0 and a bound, which reflect there."""
     walked = np.cumsum(step * rng.standard_normal(shape), axis=0) + rng.uniform(0, bound, shape[1])
     return bound - np.abs(walked % (2 * bound) - bound)
+
+
+def to_and_fro(distance: Floats, half: float) -> Floats:
+    """Return places that go from one end, `half` from the middle, to the other and back."""
+    turned: Floats = half - np.abs(distance % (4 * half) - 2 * half)
+    return turned
 
 
 def _lose_targets(
@@ -196,7 +202,7 @@ def record(
     light += WALL_SIGNAL + stress.pedestal
     if stress.wander:
         step = stress.wander * signal * math.sqrt(period_s / WANDER_S)
-        light += _walk(shape, signal / 2, step, rng)
+        light += walk(shape, signal / 2, step, rng)
     if stress.hand_s:
         # The first packet of a lone marker is also its only one.
         from_middle = (middle_s[:, None] - start_s) / packet_s - 0.5

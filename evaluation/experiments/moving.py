@@ -12,7 +12,7 @@ import numpy as np
 from evaluation.bench.judging import BOTH, judged
 from evaluation.bench.places import place_error, rms
 from evaluation.bench.rates import rate
-from evaluation.bench.recordings import Path, record, signal_at
+from evaluation.bench.recordings import Path, record, signal_at, to_and_fro
 from evaluation.bench.stresses import PLAIN
 from evaluation.report.chart_style import draw_shares, label, legend_below, line, look, new_chart
 from evaluation.report.claims import Table, as_text, percent
@@ -30,19 +30,13 @@ _INNER = 0.85  # the marker turns round at this share of the view's half
 _ALONG_M = 0.3  # how far one that comes and goes does
 
 
-def _to_and_fro(distance_m: Floats, half_m: float) -> Floats:
-    """Return places that go from one end to the other at a steady speed."""
-    turned: Floats = half_m - np.abs(distance_m % (4 * half_m) - 2 * half_m)
-    return turned
-
-
 def across(speed_m_s: float, range_m: float, rng: np.random.Generator) -> Path:
     """Return the way of a marker through the view at a speed, at a distance [m]."""
     half_m = _INNER * range_m * SENSOR.grid.pitch * SENSOR.grid.columns / 2
     begin_m, down_m = rng.uniform(0, 4 * half_m), rng.uniform(-half_m, half_m)
 
     def path(time_s: Floats) -> Floats:
-        x = _to_and_fro(begin_m + speed_m_s * time_s, half_m)
+        x = to_and_fro(begin_m + speed_m_s * time_s, half_m)
         return np.column_stack([x, np.full(len(x), down_m), np.full(len(x), range_m)])
 
     return path
@@ -55,7 +49,7 @@ def along(speed_m_s: float, range_m: float, rng: np.random.Generator) -> Path:
     tangents = rng.uniform(-half, half, 2)
 
     def path(time_s: Floats) -> Floats:
-        z = range_m + _to_and_fro(begin_m + speed_m_s * time_s, _ALONG_M)
+        z = range_m + to_and_fro(begin_m + speed_m_s * time_s, _ALONG_M)
         return np.column_stack([z * tangents[0], z * tangents[1], z])
 
     return path

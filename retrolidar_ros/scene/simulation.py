@@ -70,7 +70,7 @@ class Simulation:
         """Return the next `count` frames, less those that the scene loses."""
         scene, sensor = self.scene, self.scene.sensor
         sequence, middle_s = self.exposure_times(count)
-        signals, distances = _seen_in_each_zone(*self._targets(middle_s))
+        signals, distances = _seen_in_each_zone(*self.targets(middle_s))
         signal, distance, merged = _reported_pulse(signals, distances)
         ambient: Floats = np.full((len(middle_s), 1), scene.ambient)
         if sensor.second_sensor is not None:
@@ -109,7 +109,7 @@ class Simulation:
         """Return the frames of a duration [s] as one recording."""
         return self.advance(round(duration_s / self.period_s))
 
-    def _targets(self, middle_s: Floats) -> tuple[Floats, Floats]:
+    def targets(self, middle_s: Floats) -> tuple[Floats, Floats]:
         """Return signal [kcps/SPAD] and z [m] of every target: shape (targets, frames, zones)."""
         scene, sensor = self.scene, self.scene.sensor
         seen = [

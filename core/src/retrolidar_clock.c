@@ -1,0 +1,188 @@
+/* Copyright 2026 retrolidar_ros contributors
+ * SPDX-License-Identifier: Apache-2.0
+ */
+#include "retrolidar_clock.h"
+
+#include "retrolidar_packet.h"
+#include "retrolidar_target.h"
+
+#include <math.h>
+#include <string.h>
+
+enum {
+    PHASES = 4, /* of a bit, at which the bits of a clock may begin */
+    TRIED = 3,  /* clocks that are tried exactly */
+    MAX_BITS = 256,
+};
+/* Bit periods over ours: from one frame to four bits; the ends of a packet move by a quarter of a bit
+ * from one to the next. Those within the last are ours.
+ */
+static const double MIN_RATIO = 0.5, MAX_RATIO = 4.0, STEP = 1.016, OURS = 0.05;
+/* No packet of any clock is shorter. */
+static const double MIN_PERIOD_BITS = 7.0;
+static const double MAX_CORRELATION = 0.999;
+static const double LN_2 = 0.6931471805599453;
+
+/* Where bits begin, and how long they are. */
+struct clock {
+    double begin_s, bit_s;
+    int bits;
+    double cost; /* about, less the log likelihood [nats] */
+};
+
+/* The samples of the first source, and the levels of dark and bright. */
+struct slicer {
+    const struct rl_samples *samples;
+    struct rl_column column;
+    int first, rows;
+    float level[2], least;
+    float beyond[MAX_BITS], count[MAX_BITS]; /* of the samples of each bit, over the middle level */
+};
+
+/* Find the mean level of the samples in which the packet that was tried last is dark, and bright. */
+static struct slicer slicer_of(struct rl_window *window)
+{
+    struct slicer slicer = {.samples = window->samples, .first = window->first,
+                            .rows = window->rows,
+                            .least = (float)window->whitened[0].least};
+    float count[2] = {1e-9f, 1e-9f};
+    slicer.column = rl_target_column(window->samples, window->source[0], window->first,
+                                     window->rows, &window->room);
+    for (int row = 0; row < window->rows; row++) {
+        const int bright = window->light[row] > 0.5;
+        slicer.level[bright] += slicer.column.valid[row] ? slicer.column.signal[row] : 0.0f;
+        count[bright] += slicer.column.valid[row];
+    }
+    slicer.level[0] /= count[0];
+    slicer.level[1] /= count[1];
+    return slicer;
+}
+
+/* Sort the samples into the bits of a clock, each of which has the level that it is nearer to. */
+static void slice(struct slicer *slicer, struct clock *clock)
+{
+    const struct rl_samples *samples = slicer->samples;
+    const float middle = (slicer->level[0] + slicer->level[1]) / 2;
+    const float half = (slicer->level[1] - slicer->level[0]) / 2;
+    const double per_s = 1.0 / clock->bit_s;
+    float squares = 0.0f, count = 0.0f;
+    clock->bits = 0;
+    for (int row = 0; row < slicer->rows; row++) {
+        const double middle_s = (samples->begin_s[slicer->first + row] +
+                                 samples->end_s[slicer->first + row]) / 2;
+        const int bit = (int)((middle_s - clock->begin_s) * per_s);
+        for (; clock->bits <= bit && clock->bits < MAX_BITS; clock->bits++) {
+            slicer->beyond[clock->bits] = 0.0f;
+        }
+        if (slicer->column.valid[row] && bit < MAX_BITS) {
+            const float beyond = slicer->column.signal[row] - middle;
+            slicer->beyond[bit] += beyond;
+            squares += beyond * beyond + half * half;
+            count += 1.0f;
+        }
+    }
+    for (int bit = 0; bit < clock->bits; bit++) {
+        squares -= 2.0f * half * fabsf(slicer->beyond[bit]);
+    }
+    clock->cost = 0.5 * (double)(count * logf(fmaxf(squares, count * slicer->least))) +
+                  LN_2 * clock->bits;
+}
+
+/* Log likelihood of the bits that a clock shows. */
+static double try_clock(struct rl_window *window, struct slicer *slicer, struct clock *clock)
+{
+    const struct rl_samples *samples = window->samples;
+    slice(slicer, clock);
+    for (int row = 0; row < window->rows; row++) {
+        const double from = (samples->begin_s[window->first + row] - clock->begin_s) / clock->bit_s;
+        const double to = (samples->end_s[window->first + row] - clock->begin_s) / clock->bit_s;
+        double bright = 0.0;
+        for (int bit = (int)fmax(from, 0.0); bit < to && bit < clock->bits; bit++) {
+            const double part = fmin(to, bit + 1.0) - fmax(from, bit);
+            bright += slicer->beyond[bit] > 0.0f ? part : 0.0;
+        }
+        window->light[row] = bright / (to - from);
+    }
+    return rl_window_try_light(window);
+}
+
+double rl_clock_excess(struct rl_window *window, const struct rl_sending *sending, double own)
+{
+    rl_window_try(window, sending);
+    struct slicer slicer = slicer_of(window);
+    struct clock best[TRIED];
+    double excess = -INFINITY;
+    const double usual_s = (window->min_bit_s + window->max_bit_s) / 2;
+    const double begin_s = window->samples->begin_s[window->first];
+    for (int i = 0; i < TRIED; i++) {
+        best[i] = (struct clock){.bit_s = usual_s, .begin_s = begin_s, .cost = INFINITY};
+    }
+    for (double ratio = MIN_RATIO; ratio <= MAX_RATIO; ratio *= STEP) {
+        for (int phase = 0; phase < PHASES && fabs(ratio - 1.0) > OURS; phase++) {
+            struct clock clock = {.bit_s = ratio * usual_s};
+            clock.begin_s = begin_s - phase * clock.bit_s / PHASES;
+            slice(&slicer, &clock);
+            for (int i = 0; i < TRIED; i++) {
+                if (clock.cost < best[i].cost) {
+                    const struct clock worse = best[i];
+                    best[i] = clock;
+                    clock = worse;
+                }
+            }
+        }
+    }
+    const double end_s = window->samples->end_s[window->first + window->rows - 1];
+    const double ours = (end_s - begin_s) / sending->bit_s;
+    for (int i = 0; i < TRIED; i++) {
+        const double likelihood = try_clock(window, &slicer, &best[i]);
+        excess = fmax(excess, likelihood - own - LN_2 * fmax(best[i].bits - ours, 0.0));
+    }
+    return excess;
+}
+
+/* Log likelihood of a signal that repeats itself, from its correlation with itself a lag before. */
+static double repeats(const float *signal, int rows, int lag)
+{
+    float cross = 0.0f, power = 1e-9f;
+    for (int row = lag; row < rows; row++) {
+        cross += signal[row] * signal[row - lag];
+        power += (signal[row] * signal[row] + signal[row - lag] * signal[row - lag]) / 2;
+    }
+    const double correlation = fmin((double)fmaxf(cross / power, 0.0f), MAX_CORRELATION);
+    return -0.5 * (rows - lag) * log(1.0 - correlation * correlation);
+}
+
+double rl_clock_period_excess(struct rl_window *window, const struct rl_sending *sending)
+{
+    const struct rl_samples *samples = window->samples;
+    const int oldest = rl_samples_oldest(samples), rows = samples->count - oldest;
+    const double bit_rows = sending->bit_s / samples->period_s;
+    const double packet_rows = RL_PACKET_BITS * bit_rows;
+    const struct rl_column column =
+        rl_target_column(samples, window->source[0], oldest, rows, &window->room);
+    float *signal = window->room.signal;
+    memmove(signal, column.signal, (size_t)rows * sizeof *signal);
+    const int block = (int)packet_rows + 1;
+    for (int first = 0; first < rows; first += block) {
+        const int count = first + block < rows ? block : rows - first;
+        float sum = 0.0f;
+        for (int row = 0; row < count; row++) {
+            sum += signal[first + row];
+        }
+        for (int row = 0; row < count; row++) {
+            signal[first + row] -= sum / (float)count;
+        }
+    }
+    double ours = 0.0, other = 0.0;
+    for (int lag = (int)(MIN_PERIOD_BITS * bit_rows); lag < rows / 2; lag++) {
+        const double packets = lag / packet_rows;
+        const double off_rows = fabs(packets - floor(packets + 0.5)) * packet_rows;
+        const double nats = repeats(signal, rows, lag);
+        if (packets > 0.5 && off_rows <= 1.5 * bit_rows) {
+            ours = fmax(ours, nats);
+        } else {
+            other = fmax(other, nats);
+        }
+    }
+    return other - ours;
+}

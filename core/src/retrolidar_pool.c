@@ -1,0 +1,134 @@
+/* Copyright 2026 retrolidar_ros contributors
+ * SPDX-License-Identifier: Apache-2.0
+ */
+#include "retrolidar_pool.h"
+
+#include "retrolidar_packet.h"
+
+#include <math.h>
+
+/* A packet goes on from one before it if it begins where that would send again, about ... */
+static const double SAME_PHASE_BITS = 1.0;
+/* ... and before so many packets have been missed. */
+static const double MAX_MISSED = 2.0;
+
+uint64_t rl_source_zones(const struct rl_samples *samples, int source)
+{
+    uint64_t zones = 0;
+    for (int i = 0; i < samples->source[source].zones; i++) {
+        zones |= (uint64_t)1 << samples->source[source].zone[i];
+    }
+    return zones;
+}
+
+static uint64_t around(const struct rl_samples *samples, int zone)
+{
+    const int columns = samples->columns_of_zones;
+    uint64_t zones = 0;
+    for (int other = 0; other < samples->zones; other++) {
+        const int down = other / columns - zone / columns, right = other % columns - zone % columns;
+        if (down >= -1 && down <= 1 && right >= -1 && right <= 1) {
+            zones |= (uint64_t)1 << other;
+        }
+    }
+    return zones;
+}
+
+static int first_held(const struct rl_pool *pool)
+{
+    return pool->added > RL_POOL ? pool->added - RL_POOL : 0;
+}
+
+/* Whether a transmission goes on from another one. */
+static bool goes_on(const struct rl_transmission *before, const struct rl_transmission *now)
+{
+    const double packet_s = RL_PACKET_BITS * now->sending.bit_s;
+    const double apart = (now->sending.start_s - before->sending.start_s) / packet_s;
+    return now->begin_s - before->end_s < MAX_MISSED * packet_s &&
+           fabs(apart - floor(apart + 0.5)) * RL_PACKET_BITS < SAME_PHASE_BITS;
+}
+
+void rl_pool_add(struct rl_pool *pool, const struct rl_samples *samples, uint16_t id,
+                 const struct rl_transmission *transmission, const int *zones, int count)
+{
+    struct rl_member *member = NULL;
+    struct rl_transmission whole = *transmission;
+    for (int i = first_held(pool); i < pool->added; i++) {
+        struct rl_member *before = &pool->member[i % RL_POOL];
+        if (before->id == id && goes_on(&before->transmission, transmission)) {
+            member = before;
+            whole.begin_s = fmin(member->transmission.begin_s, whole.begin_s);
+            whole.end_s = fmax(member->transmission.end_s, whole.end_s);
+            whole.sending.repeats = true;
+        }
+    }
+    if (member == NULL) {
+        member = &pool->member[pool->added++ % RL_POOL];
+    }
+    *member = (struct rl_member){.id = id, .transmission = whole, .zone = zones[0]};
+    for (int i = 0; i < count; i++) {
+        member->zones |= (uint64_t)1 << zones[i];
+        member->near |= around(samples, zones[i]);
+    }
+}
+
+const struct rl_member *rl_pool_due(const struct rl_pool *pool, int *index, double from_s,
+                                    double to_s)
+{
+    if (*index < first_held(pool)) {
+        *index = first_held(pool);
+    }
+    while (*index < pool->added) {
+        const struct rl_member *member = &pool->member[(*index)++ % RL_POOL];
+        const double end_s = member->transmission.end_s +
+                             RL_PACKET_BITS * member->transmission.sending.bit_s;
+        if (end_s > from_s && end_s <= to_s) {
+            return member;
+        }
+    }
+    return NULL;
+}
+
+bool rl_pool_knows(const struct rl_pool *pool, uint16_t id, double begin_s, double end_s,
+                   double overlap_s)
+{
+    for (int i = first_held(pool); i < pool->added; i++) {
+        const struct rl_member *member = &pool->member[i % RL_POOL];
+        if (member->id == id && fmin(end_s, member->transmission.end_s) -
+                                        fmax(begin_s, member->transmission.begin_s) >
+                                    overlap_s) {
+            return true;
+        }
+    }
+    return false;
+}
+
+bool rl_pool_is_followed(const struct rl_pool *pool, uint16_t id,
+                         const struct rl_transmission *transmission)
+{
+    for (int i = first_held(pool); i < pool->added; i++) {
+        const struct rl_member *member = &pool->member[i % RL_POOL];
+        if (member->id == id && goes_on(&member->transmission, transmission)) {
+            return true;
+        }
+    }
+    return false;
+}
+
+void rl_pool_interference(const struct rl_pool *pool, uint64_t zones, double since_s, double to_s,
+                          uint16_t except, struct rl_interference *interference)
+{
+    interference->count = 0;
+    for (int beside = 0; beside < 2; beside++) {
+        for (int i = pool->added - 1; i >= first_held(pool); i--) {
+            const struct rl_member *member = &pool->member[i % RL_POOL];
+            const struct rl_transmission *transmission = &member->transmission;
+            const uint64_t seen = beside ? member->near & ~member->zones : member->zones;
+            const bool is_seen = (beside == 0) == ((member->zones & zones) != 0);
+            if (member->id != except && (seen & zones) != 0 && is_seen && transmission->end_s > since_s &&
+                transmission->begin_s < to_s && interference->count < RL_MAX_TRANSMISSIONS) {
+                interference->transmission[interference->count++] = *transmission;
+            }
+        }
+    }
+}

@@ -1,0 +1,96 @@
+/* Copyright 2026 retrolidar_ros contributors
+ * SPDX-License-Identifier: Apache-2.0
+ */
+#include "retrolidar_residual.h"
+
+#include "retrolidar_noise.h"
+#include "retrolidar_track.h"
+
+#include <string.h>
+
+int64_t rl_residual_bytes(int zones, int rows)
+{
+    return rows * (int64_t)(sizeof(double) + (size_t)zones * sizeof(float)) + rl_room_bytes(rows);
+}
+
+void rl_residual_start(struct rl_residual *residual, struct rl_samples *samples, int rows,
+                       void *memory)
+{
+    residual->samples = samples;
+    residual->light = memory;
+    residual->saved =
+        rl_room_start(&residual->room, rows, residual->light + rows);
+}
+
+static double mean_of(const float *signal, int rows)
+{
+    double sum = 0.0;
+    for (int row = 0; row < rows; row++) {
+        sum += (double)signal[row];
+    }
+    return rows > 0 ? sum / rows : 0.0;
+}
+
+/* Subtract one transmission, as far as it was read or as if it went on, whichever explains more. */
+static void subtract(struct rl_residual *residual, const struct rl_transmission *transmission,
+                     float *signal, const uint8_t *valid, int rows, double noise)
+{
+    const struct rl_samples *samples = residual->samples;
+    const double *begin_s = samples->begin_s + residual->first;
+    const double *end_s = samples->end_s + residual->first;
+    double gain[2][RL_KNOTS], explained[2];
+    for (int goes_on = 0; goes_on < 2; goes_on++) {
+        rl_transmission_light(transmission, goes_on, begin_s, end_s, rows, residual->light);
+        explained[goes_on] =
+            rl_track_fit(signal, valid, residual->light, rows, noise, gain[goes_on]).explained;
+    }
+    const int form = explained[1] > explained[0];
+    if (!(explained[form] > 0.0)) {
+        return;
+    }
+    rl_transmission_light(transmission, form, begin_s, end_s, rows, residual->light);
+    for (int row = 0; row < rows; row++) {
+        signal[row] +=
+            (float)(rl_track_gain(gain[form], row, rows) * (1.0 - residual->light[row]));
+    }
+}
+
+double rl_residual_subtract(struct rl_residual *residual, int zone,
+                            const struct rl_interference *interference, double from_s)
+{
+    struct rl_samples *samples = residual->samples;
+    const int oldest = rl_samples_oldest(samples);
+    residual->first = rl_samples_row(samples, from_s);
+    residual->first = residual->first > oldest ? residual->first : oldest;
+    const int rows = samples->count - residual->first;
+    const size_t at = rl_sample(samples, zone, residual->first);
+    float *signal = samples->signal + at;
+    const size_t bytes = (size_t)rows * sizeof *signal;
+    memcpy(residual->saved + (size_t)zone * (size_t)samples->kept, signal, bytes);
+    /* Without the packet nothing would tell its target from that behind it. */
+    const struct rl_column column =
+        rl_target_column(samples, zone, residual->first, rows, &residual->room);
+    memmove(signal, column.signal, bytes);
+    samples->is_parted[zone] = true;
+    const double noise = rl_noise_variance(samples, zone, mean_of(signal, rows));
+    for (int i = 0; i < interference->count; i++) {
+        subtract(residual, &interference->transmission[i], signal, samples->valid + at, rows, noise);
+    }
+    const int newest = samples->variance_rows < rows ? samples->variance_rows : rows;
+    const float *rest = signal + (rows - newest);
+    const double mean = mean_of(rest, newest);
+    double squares = 0.0;
+    for (int row = 0; row < newest; row++) {
+        squares += ((double)rest[row] - mean) * ((double)rest[row] - mean);
+    }
+    return newest > 1 ? squares / (newest - 1) / rl_noise_variance(samples, zone, mean) : 0.0;
+}
+
+void rl_residual_restore(struct rl_residual *residual, int zone)
+{
+    struct rl_samples *samples = residual->samples;
+    const size_t rows = (size_t)(samples->count - residual->first);
+    memcpy(samples->signal + rl_sample(samples, zone, residual->first),
+           residual->saved + (size_t)zone * (size_t)samples->kept, rows * sizeof(float));
+    samples->is_parted[zone] = false;
+}

@@ -1,0 +1,33 @@
+/* Copyright 2026 retrolidar_ros contributors
+ * SPDX-License-Identifier: Apache-2.0
+ */
+/* What zones show without the packets that have been read in them: there, fainter ones are found
+ * (successive interference cancellation).
+ */
+#ifndef RETROLIDAR_RESIDUAL_H
+#define RETROLIDAR_RESIDUAL_H
+
+#include "retrolidar_window.h"
+
+struct rl_residual {
+    struct rl_samples *samples;
+    struct rl_room room;
+    double *light;
+    float *saved; /* signals of each zone before */
+    int first;    /* row from which they were saved */
+};
+
+int64_t rl_residual_bytes(int zones, int rows);
+void rl_residual_start(struct rl_residual *residual, struct rl_samples *samples, int rows,
+                       void *memory);
+
+/* Subtract transmissions from the samples of a zone since a time. Return how the rest varies over
+ * the newest rows, a packet's length of them, in the variance of noise.
+ */
+double rl_residual_subtract(struct rl_residual *residual, int zone,
+                            const struct rl_interference *interference, double from_s);
+
+/* Put the samples of a zone back. */
+void rl_residual_restore(struct rl_residual *residual, int zone);
+
+#endif

@@ -1,0 +1,383 @@
+# Copyright 2026 retrolidar_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""Random rooms: everything in them is drawn from one seed, and nothing is named.
+
+Markers send and move, walls stand behind them or wander, hands pass, and the sensor loses frames.
+Some markers are foreign: they blink by another clock or in another code, and have no ID.
+"""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from evaluation.bench.recordings import SILENCE_BITS, to_and_fro, walk
+from retrolidar_ros.marker.code import BIT_PERIOD_S, PACKET_BITS, PREAMBLE, packet
+from retrolidar_ros.marker.dictionary import USABLE_IDS
+from retrolidar_ros.marker.known_markers import MARKER_SIZE_M
+from retrolidar_ros.marker.liquid_crystal import Response
+from retrolidar_ros.scene import Scene, Simulation
+from retrolidar_ros.scene import laboratory as lab
+from retrolidar_ros.scene.description import MovingSurface, Sensor, Surface, Waypoint
+from retrolidar_ros.scene.optics import received_signal, zone_shares
+from retrolidar_ros.scene.reference import NOISE, RANGING
+from retrolidar_ros.sensor.frame import GRIDS, Floats, ZoneGrid
+
+SENDINGS = ('repeating', 'lone', 'pauses', 'sequence')
+"""Without end; one packet now and then; with short pauses; ever other IDs back to back."""
+FOREIGN = ('period', 'clock', 'bits', 'preamble')
+"""Another bit period; bits of any length; random bits; another preamble."""
+MOTIONS = ('still', 'swaying', 'crossing')
+_ROOM_BITS = (500, 700)  # how long a room lasts, in bits
+_SLOW_BIT_S, _SLOW_PERIOD_S = 0.133, 1 / 15  # of 8x8 zones
+_SLOW = 0.12  # share of the rooms
+_FULL, _FULL_SEQUENCE = 0.08, 0.5  # rooms with all zones full; of these with other IDs in all
+_FOREIGN = 0.2  # rooms in which a marker is foreign
+_COMES_AND_GOES = 0.3  # markers that appear or vanish, in mid-packet
+_RANGE_M = (0.4, 3.8)
+_ZONES_A_PACKET = (0.3, 3.6)  # how fast markers cross: 0.05 to 0.6 m/s at 1 m, in 4x4 zones
+_CLOCK_ERROR = 0.012
+_INNER = 0.95  # markers stay in this share of the view's half
+_FOREIGN_PERIODS, _OWN_PERIODS = (0.25, 4.0), (0.9, 1.1)  # over ours
+_FOREIGN_BITS = (0.5, 1.5)  # lengths of bits without a clock
+_FOREIGN_DISTANCE = 4  # bits to the nearest packet, begun with any bit
+
+
+@dataclass(frozen=True)
+class Course:
+    """How a marker moves: about a place, or evenly through the view and back."""
+
+    motion: str
+    place_m: Floats  # its middle, shape (3,)
+    swing_m: Floats  # along x, y and z, shape (3,)
+    turn_s: Floats  # periods of these [s], shape (3,)
+    speed_m_s: Floats  # along x and y, shape (2,)
+    fade: float  # by what share its light rises and falls as it turns
+    half: float  # of the view, as a tangent
+
+    def positions(self, time_s: Floats) -> Floats:
+        """Return positions [m] at times, shape (n, 3), or (1, 3) of one that is still."""
+        if self.motion == 'still':
+            return self.place_m[None]
+        turn = 2 * math.pi * time_s[:, None] / self.turn_s
+        position: Floats = self.place_m + self.swing_m * np.sin(turn + np.arange(3))
+        if self.motion == 'crossing':
+            half_m = _INNER * self.half * self.place_m[2]
+            # Where the way is cut so that it begins in the place.
+            begin_m = self.place_m[:2] + half_m
+            along = begin_m + self.speed_m_s * time_s[:, None]
+            position[:, :2] = to_and_fro(along, half_m)
+        return position
+
+    def brightness(self, time_s: Floats) -> Floats:
+        """Return by what its light is multiplied at times, shape (n,)."""
+        turned: Floats = 1 + self.fade * np.sin(2 * math.pi * time_s / self.turn_s[0])
+        return turned
+
+
+@dataclass(frozen=True)
+class RoomMarker:
+    """What a marker sends, where and when."""
+
+    sending: str
+    course: Course
+    response: Response
+    contrast: float
+    bit_s: float  # of the true clock
+    present_s: tuple[float, float]  # before and after it is not there
+    ids: NDArray[np.int64]  # of its packets, shape (n,); none of a foreign one
+    start_s: Floats  # of its packets, shape (n,)
+    edges_s: Floats  # where its bits begin, ascending; shape (bits,)
+    levels: Floats  # 1 = bright, from there on, shape (bits,)
+
+    def transmission(self, edges_s: Floats) -> Floats:
+        """Return what share of the light it lets through between edges (n, 2) [s], shape (n,)."""
+        before = np.concatenate([[1.0], self.levels[:-1]])
+        whole = self.response.integral(before[:-1], self.levels[:-1], np.diff(self.edges_s))
+        passed = np.concatenate([[0.0], np.cumsum(whole)])
+        place = np.searchsorted(self.edges_s, edges_s, side='right') - 1
+        at = np.maximum(place, 0)
+        since = np.maximum(edges_s - self.edges_s[at], 0.0)
+        within = self.response.integral(before[at], self.levels[at], since)
+        sent = np.where(place < 0, edges_s - self.edges_s[0], passed[at] + within)
+        share: Floats = (sent[:, 1] - sent[:, 0]) / (edges_s[:, 1] - edges_s[:, 0])
+        there = np.clip(edges_s, *self.present_s)
+        visible = (there[:, 1] - there[:, 0]) / (edges_s[:, 1] - edges_s[:, 0])
+        return visible * (1 - self.contrast * (1 - share))
+
+
+@dataclass(frozen=True)
+class Room:
+    """A room, and its clock."""
+
+    scene: Scene
+    bit_period_s: float  # of a perfect marker
+    markers: tuple[RoomMarker, ...]
+    cloth: tuple[
+        float, float
+    ]  # how far the walls' signals wander [kcps/SPAD], and how fast a frame
+
+
+class RoomSimulation(Simulation):
+    """What the sensor reports of a room, once; and what of it the markers are."""
+
+    def __init__(self, room: Room, rng: np.random.Generator) -> None:
+        """Start a room at its time zero."""
+        super().__init__(room.scene, rng)
+        self.room = room
+        self.middle_s: Floats = np.zeros(0)
+        self.bright: Floats = np.zeros(0)  # light of bright markers, shape (markers, frames, zones)
+        self.depth_m: Floats = np.zeros(0)  # z of all targets, shape (targets, frames, zones)
+        self.others: Floats = np.zeros(0)  # light of surfaces, shape (surfaces, frames, zones)
+        self.hidden: Floats = np.zeros(0)  # by hands, shape (markers, frames, zones)
+
+    def targets(self, middle_s: Floats) -> tuple[Floats, Floats]:
+        """Return signal and z of every target; kept are also those of markers that are bright."""
+        sensor, markers = self.scene.sensor, self.room.markers
+        shape = (len(middle_s), sensor.grid.zones)
+        edges_s = middle_s[:, None] + self.period_s * np.array([-0.5, 0.5])
+        passed = np.array([marker.transmission(edges_s) for marker in markers])
+        self.bright = np.empty((len(markers), *shape))
+        depth = []
+        for index, marker in enumerate(markers):
+            position_m = marker.course.positions(middle_s)
+            range_m = np.linalg.norm(position_m, axis=1)
+            light = received_signal(range_m, MARKER_SIZE_M**2, 0.0)
+            light = light * marker.course.brightness(middle_s)
+            shares = zone_shares(position_m, MARKER_SIZE_M, sensor.grid, sensor.blur)
+            self.bright[index] = light[:, None] * shares
+            depth.append(range_m[:, None] * sensor.grid.z_per_range)
+        surfaces = []
+        for surface in self.scene.surfaces:
+            light, z = lab.see_surface(sensor, surface, middle_s)
+            on = light > 0
+            if self.room.cloth[0]:
+                light = light + walk(shape, *self.room.cloth, self._rng)
+            surfaces.append(np.broadcast_to(light * on, shape))
+            depth.append(z)
+        self.hidden = np.zeros_like(self.bright)
+        for moving in self.scene.moving_surfaces:
+            light, z, hidden = lab.see_moving(sensor, moving, middle_s)
+            for index in range(len(markers)):
+                behind = np.where(depth[index] > z, hidden, 0.0)
+                self.hidden[index] = np.maximum(self.hidden[index], behind)
+            surfaces = [
+                own * (1 - np.where(far > z, hidden, 0.0))
+                for own, far in zip(surfaces, depth[len(markers) :], strict=True)
+            ]
+            surfaces.append(light)
+            depth.append(z)
+        self.middle_s = middle_s
+        self.others = np.array(surfaces).reshape(len(surfaces), *shape)
+        self.depth_m = np.array([np.broadcast_to(one, shape) for one in depth])
+        light = self.bright * (1 - self.hidden) * passed[:, :, None]
+        return np.concatenate([light, self.others]), self.depth_m
+
+
+def draw_room(rng: np.random.Generator) -> Room:
+    """Draw a room."""
+    slow = rng.random() < _SLOW
+    bit_s = _SLOW_BIT_S if slow else BIT_PERIOD_S
+    grid = GRIDS[8, 8] if slow else GRIDS[4, 4]
+    duration_s = rng.uniform(*_ROOM_BITS) * bit_s
+    full = not slow and rng.random() < _FULL
+    places = _places(grid, full, rng)
+    crossing = 0.0 if full else rng.choice([0.0, 0.5, 1.0])
+    same_sending = SENDINGS[3] if full and rng.random() < _FULL_SEQUENCE else None
+    foreign = int(rng.integers(len(places))) if rng.random() < _FOREIGN else -1
+    markers = []
+    for index, place_m in enumerate(places):
+        sending = same_sending or str(rng.choice(SENDINGS))
+        if index == foreign:
+            sending = str(rng.choice(FOREIGN))
+        motion = 'crossing' if rng.random() < crossing else str(rng.choice(MOTIONS[:2]))
+        course = _course(motion, place_m, grid, bit_s, rng)
+        markers.append(_marker(sending, course, bit_s, duration_s, rng))
+    sensor = Sensor(
+        grid=grid,
+        period_s=_SLOW_PERIOD_S if slow else 0.021,
+        period_error=float(rng.uniform(-0.005, 0.005)),
+        jitter_s=float(rng.choice([0.0, 0.001, 0.003])),
+        blur=float(rng.uniform(0.03, 0.1)),
+        noise=NOISE,
+        ranging=RANGING,
+        target_threshold=float(rng.choice([0.0, 2.0])),
+        lost=float(rng.choice([0.0, 0.0, rng.uniform(0, 0.3)])),
+        abnormal=float(rng.choice([0.0, 0.0, rng.uniform(0, 0.2)])),
+    )
+    scene = Scene(
+        duration_s=duration_s,
+        sensor=sensor,
+        surfaces=_walls(places, grid, rng),
+        moving_surfaces=_hands(duration_s, rng),
+    )
+    return Room(scene, bit_s, tuple(markers), _cloth(sensor.period_s, rng))
+
+
+def _log_uniform(low: float, high: float, rng: np.random.Generator) -> float:
+    return float(np.exp(rng.uniform(math.log(low), math.log(high))))
+
+
+def _places(grid: ZoneGrid, full: bool, rng: np.random.Generator) -> list[Floats]:
+    """Return where markers are [m]: anywhere, in one zone, in zones side by side, or in all."""
+    if full:
+        zones = list(range(grid.zones))
+    else:
+        count = int(rng.integers(1, 5))
+        row, column = rng.integers(grid.rows), rng.integers(grid.columns)
+        layout = rng.choice(['anywhere', 'same', 'beside'])
+        if layout == 'anywhere':
+            zones = rng.choice(grid.zones, count, replace=False).tolist()
+        elif layout == 'same':
+            zones = [int(row * grid.columns + column)] * min(count, 2)
+        else:
+            # Of a block of 2x2 zones.
+            top, left = min(int(row), grid.rows - 2), min(int(column), grid.columns - 2)
+            block = [(top + i) * grid.columns + left + j for i in (0, 1) for j in (0, 1)]
+            zones = rng.choice(block, count, replace=False).tolist()
+    # Markers that share a zone are about as far, so that the sensor merges them.
+    together = len(set(zones)) < len(zones)
+    base_m = _log_uniform(*_RANGE_M, rng)
+    places = []
+    for zone in zones:
+        near = together or (full and rng.random() < 0.5)
+        range_m = base_m + rng.uniform(-0.2, 0.2) if near else _log_uniform(*_RANGE_M, rng)
+        tangents = grid.tangents[zone] + grid.pitch * rng.uniform(-0.5, 0.5, 2)
+        bound = _INNER * grid.view / 2
+        ray = np.append(np.clip(tangents, -bound, bound), 1.0)
+        places.append(max(range_m, _RANGE_M[0]) * ray / np.linalg.norm(ray))
+    return places
+
+
+def _course(
+    motion: str, place_m: Floats, grid: ZoneGrid, bit_s: float, rng: np.random.Generator
+) -> Course:
+    across_m = _log_uniform(0.002, 0.04, rng)
+    swings = motion == 'swaying'
+    speed = place_m[2] * grid.pitch * _log_uniform(*_ZONES_A_PACKET, rng) / (PACKET_BITS * bit_s)
+    angle = rng.uniform(0, 2 * math.pi)
+    return Course(
+        motion,
+        place_m,
+        swing_m=swings * np.array([across_m, across_m * rng.random(), rng.uniform(0, 0.02)]),
+        turn_s=rng.uniform(0.8, 4.0, 3),
+        speed_m_s=speed * np.array([math.cos(angle), math.sin(angle)]),
+        fade=float(swings * rng.uniform(0, 0.4)),
+        half=grid.view / 2,
+    )
+
+
+def _marker(
+    sending: str, course: Course, bit_s: float, duration_s: float, rng: np.random.Generator
+) -> RoomMarker:
+    """Draw what a marker sends."""
+    bit_s *= 1 + rng.uniform(-_CLOCK_ERROR, _CLOCK_ERROR)
+    response = Response(_log_uniform(3e-4, 1e-3, rng), _log_uniform(2e-3, 1.5e-2, rng))
+    present = [-math.inf, math.inf]
+    if rng.random() < _COMES_AND_GOES:
+        present[int(rng.integers(2))] = duration_s * rng.uniform(0.2, 0.8)
+    begin_s = -PACKET_BITS * bit_s * rng.random()
+    ids: NDArray[np.int64] = np.zeros(0, dtype=np.int64)
+    start_s: Floats = np.zeros(0)
+    if sending in FOREIGN:
+        if sending == 'period':
+            ratio = _OWN_PERIODS[0]
+            while _OWN_PERIODS[0] <= ratio <= _OWN_PERIODS[1]:
+                ratio = _log_uniform(*_FOREIGN_PERIODS, rng)
+            bit_s *= ratio
+        count = 2 + int((duration_s - begin_s) / (bit_s * _FOREIGN_BITS[0]))
+        bits = _foreign_bits(sending, count, rng)
+        lengths = np.full(count, bit_s)
+        if sending == 'clock':
+            lengths *= rng.uniform(*_FOREIGN_BITS, count)
+        edges_s = begin_s + np.concatenate([[0.0], np.cumsum(lengths)])[:-1]
+    else:
+        if rng.random() < 0.3 or sending == 'lone':
+            begin_s = bit_s * (SILENCE_BITS + PACKET_BITS * 4 * rng.random())
+        most = 2 + int((duration_s - begin_s) / (PACKET_BITS * bit_s))
+        pauses: NDArray[np.int64] = np.zeros(most, dtype=np.int64)
+        if sending == 'lone':
+            pauses = rng.integers(SILENCE_BITS, 4 * SILENCE_BITS, most)
+        elif sending == 'pauses':
+            pauses = rng.integers(1, PACKET_BITS, most)
+        drawn = rng.choice(USABLE_IDS, most)
+        ids = drawn if sending == 'sequence' else np.repeat(drawn[:1], most)
+        before = np.concatenate([[0], np.cumsum(PACKET_BITS + pauses)[:-1]])
+        start_s = begin_s + bit_s * before
+        # After each packet the marker stays bright.
+        in_packet = np.concatenate([packet(ids), np.zeros((most, 1), dtype=np.uint8)], axis=1)
+        edges_s = (start_s[:, None] + bit_s * np.arange(PACKET_BITS + 1)).ravel()
+        kept = np.tile(np.arange(PACKET_BITS + 1) < PACKET_BITS, (most, 1))
+        kept[:, -1] = pauses > 0
+        edges_s, bits = edges_s[kept.ravel()], in_packet.ravel()[kept.ravel()]
+    return RoomMarker(
+        sending,
+        course,
+        response,
+        contrast=float(rng.uniform(0.7, 1.0)),
+        bit_s=bit_s,
+        present_s=(present[0], present[1]),
+        ids=ids,
+        start_s=start_s,
+        edges_s=edges_s,
+        levels=1.0 - bits,
+    )
+
+
+def _foreign_bits(sending: str, count: int, rng: np.random.Generator) -> NDArray[np.uint8]:
+    """Return what a foreign marker sends, shape (count,)."""
+    if sending in ('bits', 'clock'):
+        return rng.integers(0, 2, count, dtype=np.uint8)
+    bits = packet(rng.choice(USABLE_IDS))
+    signs = 1 - 2 * packet(USABLE_IDS).astype(float)
+    while sending == 'preamble':
+        bits[: len(PREAMBLE)] = rng.integers(0, 2, len(PREAMBLE))
+        bits[len(PREAMBLE) :] = packet(rng.choice(USABLE_IDS))[len(PREAMBLE) :]
+        turned = np.array([np.roll(bits, turn) for turn in range(PACKET_BITS)])
+        if ((1 - 2.0 * turned) @ signs.T).max() <= PACKET_BITS - 2 * _FOREIGN_DISTANCE:
+            break
+    return np.resize(bits, count)
+
+
+def _walls(places: list[Floats], grid: ZoneGrid, rng: np.random.Generator) -> tuple[Surface, ...]:
+    """Return a wall close behind the markers, far behind, or none."""
+    farthest_m = max(float(place[2]) for place in places)
+    kind = rng.choice(['near', 'near', 'far', 'own', 'none'])
+    if kind == 'none':
+        return ()
+    signal = _log_uniform(1.0, 15.0, rng)
+    if kind != 'own':
+        behind_m = rng.uniform(0.02, 0.4) if kind == 'near' else rng.uniform(0.7, 2.0)
+        return (Surface(farthest_m + behind_m, signal),)
+    # Each marker is on something that fills its zone, and the wall is behind all others.
+    depths = np.full(grid.zones, farthest_m + rng.uniform(0.02, 1.0))
+    for place in places:
+        zone = np.abs(grid.tangents - place[:2] / place[2]).max(axis=1).argmin()
+        depths[zone] = place[2] + 0.02
+    return tuple(Surface(float(z), signal, (zone,)) for zone, z in enumerate(depths))
+
+
+def _hands(duration_s: float, rng: np.random.Generator) -> tuple[MovingSurface, ...]:
+    """Return a hand that passes now and then, or none."""
+    if rng.random() < 0.7:
+        return ()
+    z = rng.uniform(0.15, 0.35)
+    points, time_s, side = [], 0.0, 1.0
+    aside_m = 1.5 * z
+    while time_s < duration_s:
+        y = float(rng.uniform(-0.2, 0.2) * z)
+        points.append(Waypoint(time_s, (side * aside_m, y, z)))
+        time_s += rng.uniform(1.5, 8.0)
+        points.append(Waypoint(time_s, (side * aside_m, y, z)))
+        time_s += rng.uniform(0.3, 1.5)
+        side = -side
+    return (MovingSurface(float(rng.uniform(0.06, 0.1)), 60.0, tuple(points)),)
+
+
+def _cloth(period_s: float, rng: np.random.Generator) -> tuple[float, float]:
+    """Return how far the signals of walls wander, and their steps a frame; 0 = not at all."""
+    if rng.random() < 0.7:
+        return (0.0, 0.0)
+    bound = _log_uniform(1.0, 20.0, rng)
+    return (bound, rng.uniform(0.05, 0.4) * bound * math.sqrt(period_s / 0.5))
