@@ -12,6 +12,7 @@
 
 enum {
     BEFORE_BITS = 16,   /* before a stretch, which show whether its packet has repeated */
+    USUAL_CHANGES = 12, /* that all words but those of IDs 1 and 4094 have */
     LEAST_WALK = 3,     /* walk from which on what a packet leaves over is more than noise */
 };
 
@@ -26,6 +27,8 @@ static const double LEAST_ALONE = 0.4;
 static const double COST_OF_GAIN = 2.0;
 /* To leave out a stretch of bits costs some, as it might be any [nats]. */
 static const double COST_OF_MASK = 10.0;
+/* [nats] a change that a word has less. */
+static const double COST_OF_CHANGE = 5.0;
 /* Several packets are tried at several numbers of them, and at more clocks [nats]. */
 static const double COST_OF_FOLDS = 1.5;
 /* Part of the last bit that need not have come yet. */
@@ -59,11 +62,11 @@ static bool may_be_lone(struct rl_window *window, const struct rl_sending *sendi
  *     samples cannot be compared
  */
 static bool has_repeated(struct rl_window *window, const struct rl_sending *sending,
-                         double evidence, double begin_s, double to_s)
+                         double evidence, double begin_s, double since_s, double to_s)
 {
     const struct rl_samples *samples = window->samples;
     const double held_s = samples->begin_s[rl_samples_oldest(samples)];
-    const double from_s = fmax(begin_s - BEFORE_BITS * sending->bit_s, held_s);
+    const double from_s = fmax(fmax(begin_s - BEFORE_BITS * sending->bit_s, held_s), since_s);
     if (begin_s - from_s < LEAST_BEFORE_BITS * sending->bit_s) {
         return true;
     }
@@ -76,14 +79,26 @@ static bool has_repeated(struct rl_window *window, const struct rl_sending *send
 
 /* What speaks against a packet in one source by itself: RL_READ if nothing does. */
 static int doubt(struct rl_window *window, const struct rl_demands *demands,
-                 const struct rl_sending *sending, int packets, double own,
+                 const struct rl_sending *sending, int packets, bool is_new, double own,
                  double half_bits, const struct rl_hits *hits, double *word)
 {
-    if (sending->repeats && may_be_lone(window, sending, packets, own)) {
+    if (sending->repeats && !is_new && may_be_lone(window, sending, packets, own)) {
         return RL_INCOMPLETE;
     }
     *word = rl_rivals_sequence(window, sending, half_bits, hits) - own;
     return *word > demands->word ? RL_NOT_A_WORD : RL_READ;
+}
+
+/* Evidence that a packet of few changes needs besides: the fewer, the sooner do steps of what moves
+ * make one.
+ */
+static double cost_of_changes(uint32_t bits)
+{
+    int changes = 0;
+    for (int bit = 0; bit + 1 < RL_PACKET_BITS; bit++) {
+        changes += ((bits >> bit ^ bits >> (bit + 1)) & 1u) != 0;
+    }
+    return changes < USUAL_CHANGES ? COST_OF_CHANGE * (USUAL_CHANGES - changes) : 0.0;
 }
 
 static void note_fit(struct rl_verdict *verdict, const struct rl_window *window)
@@ -105,7 +120,7 @@ static double refine(struct rl_verdict *verdict, struct rl_window *window, doubl
 struct rl_verdict rl_decide(struct rl_window *window, const struct rl_codebook *codebook,
                             const struct rl_demands *demands, int source, const struct rl_hit *hit,
                             const struct rl_hits *hits, int packets, double read_s,
-                            bool follows, double to_s)
+                            double since_s, bool follows, double to_s)
 {
     struct rl_verdict verdict = {.reason = RL_EVIDENCE, .id = hit->id, .packets = packets};
     struct rl_sending *sending = &verdict.sending;
@@ -115,8 +130,11 @@ struct rl_verdict rl_decide(struct rl_window *window, const struct rl_codebook *
                                    BRIGHTENING_S};
     window->min_bit_s = demands->bit_s * (1.0 - demands->most_skew - SKEW_SLACK);
     window->max_bit_s = demands->bit_s * (1.0 + demands->most_skew + SKEW_SLACK);
-    verdict.evidence = rl_scope_open(window, source, sending, packets, read_s, to_s, &silent_bits);
-    verdict.end_s = sending->repeats ? to_s : sending->start_s + RL_PACKET_BITS * sending->bit_s;
+    verdict.evidence =
+        rl_scope_open(window, source, sending, packets, read_s, since_s, to_s, &silent_bits);
+    const double lasting_s = RL_PACKET_BITS * packets * sending->bit_s;
+    verdict.begin_s = sending->repeats ? fmax(to_s - lasting_s, since_s) : sending->start_s;
+    verdict.end_s = sending->repeats ? to_s : sending->start_s + lasting_s;
     note_fit(&verdict, window);
     if (verdict.evidence < LEAST_ALONE * demands->evidence) {
         return verdict;
@@ -128,9 +146,11 @@ struct rl_verdict rl_decide(struct rl_window *window, const struct rl_codebook *
         /* A packet that has begun looks like a faster one of another ID. */
         return verdict;
     }
-    if (sending->repeats && packets == 1 && !follows &&
+    /* One that has appeared has not repeated yet. */
+    const bool is_new = verdict.begin_s == since_s;
+    if (sending->repeats && packets == 1 && !follows && !is_new &&
         !has_repeated(window, sending, verdict.evidence, to_s - RL_PACKET_BITS * hit->bit_s,
-                      to_s)) {
+                      since_s, to_s)) {
         return verdict;
     }
     verdict.reason = RL_ERASED;
@@ -141,11 +161,12 @@ struct rl_verdict rl_decide(struct rl_window *window, const struct rl_codebook *
     const double since_bits =
         (to_s - RL_PACKET_BITS * packets * sending->bit_s - sending->start_s) / sending->bit_s;
     const int begin = sending->repeats ? (int)floor(since_bits + 0.5) % RL_PACKET_BITS : 0;
-    double asked = demands->evidence + (packets > 1 ? COST_OF_FOLDS : 0.0);
+    double asked = demands->evidence + cost_of_changes(sending->bits) + (packets > 1 ? COST_OF_FOLDS : 0.0);
     /* Before others are asked: two zones may see different packets of which this one is a bit. */
-    verdict.reason = doubt(window, demands, sending, packets, own, half_bits, hits, &verdict.word);
+    verdict.reason = doubt(window, demands, sending, packets, is_new, own, half_bits, hits,
+                           &verdict.word);
     bool is_hidden = false;
-    if (verdict.reason == RL_NOT_A_WORD && packets == 1 && verdict.evidence > asked) {
+    if (verdict.reason == RL_NOT_A_WORD && packets == 1 && follows && verdict.evidence > asked) {
         is_hidden =
             rl_scope_mask_occlusion(window, sending, own + verdict.word - demands->word);
     }
@@ -153,7 +174,8 @@ struct rl_verdict rl_decide(struct rl_window *window, const struct rl_codebook *
         asked += COST_OF_MASK;
         own = refine(&verdict, window, half_bits);
         verdict.reason =
-            doubt(window, demands, sending, packets, own, half_bits, hits, &verdict.word);
+            doubt(window, demands, sending, packets, is_new, own, half_bits, hits,
+                           &verdict.word);
     }
     if (verdict.reason == RL_READ && rl_scope_is_erased(window, sending)) {
         verdict.reason = RL_ERASED;
@@ -171,7 +193,7 @@ struct rl_verdict rl_decide(struct rl_window *window, const struct rl_codebook *
     verdict.reason = RL_NOT_A_WORD;
     verdict.word =
         rl_rivals_turn(window, sending, own, begin, silent_bits, 3.0 * demands->word, &bits);
-    if (verdict.word > demands->word && packets == 1 && !is_hidden &&
+    if (verdict.word > demands->word && packets == 1 && follows && !is_hidden &&
         rl_scope_mask_occlusion(window, sending, own + verdict.word - demands->word)) {
         own = refine(&verdict, window, half_bits);
         is_hidden = true;
@@ -206,11 +228,4 @@ struct rl_verdict rl_decide(struct rl_window *window, const struct rl_codebook *
         verdict.word = other;
     }
     return verdict;
-}
-
-double rl_verdict_begin(const struct rl_verdict *verdict)
-{
-    const struct rl_sending *sending = &verdict->sending;
-    return sending->repeats ? verdict->end_s - RL_PACKET_BITS * verdict->packets * sending->bit_s
-                            : sending->start_s;
 }

@@ -31,7 +31,7 @@ struct rl_verdict {
     uint16_t id;
     int packets;
     double evidence, word, margin; /* [nats], as far as it came */
-    double end_s;   /* of what was used */
+    double begin_s, end_s; /* of what was used */
     int sources;
     int source[RL_MOST_ZONES_TOGETHER];
     struct rl_gain fit[RL_MOST_ZONES_TOGETHER];
@@ -42,15 +42,13 @@ struct rl_verdict {
  * hits: those that were found with it, rivals if they are of other IDs
  * packets: that the window holds
  * read_s: end of the packet that was read last in the source [s]
+ * since_s: earlier samples are left out, as its marker was not there [s]
  * follows: whether packets of this ID and clock were read before
  * to_s: end of the newest exposure [s]
  */
 struct rl_verdict rl_decide(struct rl_window *window, const struct rl_codebook *codebook,
                             const struct rl_demands *demands, int source, const struct rl_hit *hit,
                             const struct rl_hits *hits, int packets, double read_s,
-                            bool follows, double to_s);
-
-/* Begin of what was used [s]. */
-double rl_verdict_begin(const struct rl_verdict *verdict);
+                            double since_s, bool follows, double to_s);
 
 #endif

@@ -55,7 +55,7 @@ struct rl_detector *rl_detector_create(const struct rl_settings *settings, const
     memory += search;
     rl_window_start(&detector->window, &detector->samples, rows, memory);
     memory += window;
-    rl_shares_start(&detector->shares, &detector->samples, &detector->window, rows, memory);
+    rl_shares_start(&detector->shares, &detector->samples, &detector->window, memory);
     memory += shares;
     rl_residual_start(&detector->residual, &detector->samples, rows, memory);
     memory += residual;
@@ -78,6 +78,9 @@ static void restart(struct rl_detector *detector, int64_t stamp_ns)
     detector->looked_s = -INFINITY;
     detector->turn = 0;
     detector->search.frames_a_bit = 0.0;
+    for (int zone = 0; zone < RL_MOST_ZONES; zone++) {
+        detector->active_s[zone] = -INFINITY;
+    }
     for (int source = 0; source < RL_MOST_SOURCES; source++) {
         detector->read_s[source] = -INFINITY;
         detector->pasts[source] = 0;

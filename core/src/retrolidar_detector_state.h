@@ -15,7 +15,7 @@
 enum {
     RL_READINGS = 32,  /* that one frame may bring */
     RL_DECISIONS = 12, /* candidates that are judged with one frame, at the most */
-    RL_MOST_PENDING = 3 * RL_MOST_SOURCES + 6 * RL_MOST_ZONES, /* all of a frame */
+    RL_MOST_PENDING = 3 * RL_MOST_SOURCES + 7 * RL_MOST_ZONES, /* all of a frame */
     RL_SEARCH_BITS = 66, /* that a search for one packet may look back */
 };
 /* A source that varies by less than so many times its noise holds no packet by itself. */
@@ -28,6 +28,7 @@ static const double RL_OVERLAP_BITS = 1.5;
 /* What a search has found in a source, not judged yet. */
 struct rl_pending {
     int source, packets;
+    double since_s; /* earlier samples are left out */
     struct rl_hits hits;
 };
 
@@ -49,6 +50,7 @@ struct rl_detector {
     int64_t turn;
     double most_beyond; /* nats by which other sequences than the hits of a search may be better */
     double read_s[RL_MOST_SOURCES]; /* end of what was read last in each */
+    double active_s[RL_MOST_ZONES]; /* since when each varies by more than noise; infinite if not */
     int readings, decisions_left;
     struct rl_reading reading[RL_READINGS];
     int candidates;

@@ -28,14 +28,14 @@ static double start_of(const struct rl_verdict *verdict)
 {
     const struct rl_sending *sending = &verdict->sending;
     const double packet_s = RL_PACKET_BITS * sending->bit_s;
-    const double packets = (rl_verdict_begin(verdict) - sending->start_s) / packet_s;
+    const double packets = (verdict->begin_s - sending->start_s) / packet_s;
     return sending->repeats ? sending->start_s + packet_s * floor(packets + 0.5)
                             : sending->start_s;
 }
 
 static struct rl_transmission transmission_of(const struct rl_verdict *verdict)
 {
-    return (struct rl_transmission){verdict->sending, rl_verdict_begin(verdict), verdict->end_s};
+    return (struct rl_transmission){verdict->sending, verdict->begin_s, verdict->end_s};
 }
 
 /* The zones that saw a packet, the strongest first. */
@@ -151,6 +151,9 @@ static struct rl_verdict decide(struct rl_detector *detector, int source, int pa
         demands.margin = detector->settings.margin_of_more;
     }
     const double packet_s = RL_PACKET_BITS * hit->bit_s;
+    const double active_s = detector->active_s[source < detector->samples.zones ? source : 0];
+    const double since_s =
+        source < detector->samples.zones && active_s < to_s ? active_s : -INFINITY;
     const struct rl_transmission transmission = {
         .sending = {.start_s = hit->start_s, .bit_s = hit->bit_s},
         .begin_s = hit->repeats ? to_s - packets * packet_s : hit->start_s,
@@ -163,7 +166,7 @@ static struct rl_verdict decide(struct rl_detector *detector, int source, int pa
     }
     struct rl_verdict verdict =
         rl_decide(&detector->window, &detector->search.codebook, &demands, source, hit, &rivals,
-                  packets, detector->read_s[source],
+                  packets, detector->read_s[source], since_s,
                   rl_pool_is_followed(&detector->pool, hit->id, &transmission), to_s);
     if (verdict.reason == RL_READ && !rl_shares_agree(&detector->shares, &verdict)) {
         verdict.reason = RL_NOT_A_WORD;
@@ -191,7 +194,7 @@ static double search_without(struct rl_detector *detector, const struct rl_verdi
         rl_residual_subtract(&detector->residual, source, &interference, from_s);
     hits->count = 0;
     if (rest > RL_ACTIVE) {
-        rl_search_look(&detector->search, &source, 1, packets, to_s, to_s,
+        rl_search_look(&detector->search, &source, 1, packets, to_s, to_s, -INFINITY,
                        HIDDEN * detector->demands.evidence, 2.0 * detector->most_beyond, hits);
     }
     rl_residual_restore(&detector->residual, source);
@@ -218,7 +221,7 @@ static bool judge_pair(struct rl_detector *detector, double to_s, struct rl_verd
         *other = decide(detector, source, packets, hit, hits, one, to_s);
         if (other->evidence < HIDDEN * detector->demands.evidence ||
             other->reason == RL_INCOMPLETE ||
-            is_known(detector, other->id, rl_verdict_begin(other), other->end_s)) {
+            is_known(detector, other->id, other->begin_s, other->end_s)) {
             continue;
         }
         search_without(detector, other, to_s, &again_hits);
@@ -228,7 +231,7 @@ static bool judge_pair(struct rl_detector *detector, double to_s, struct rl_verd
         const struct rl_verdict again =
             decide(detector, source, packets, &again_hits.hit[0], &again_hits, other, to_s);
         if (again.reason != RL_READ || again.evidence < least ||
-            is_known(detector, again.id, rl_verdict_begin(&again), again.end_s)) {
+            is_known(detector, again.id, again.begin_s, again.end_s)) {
             continue;
         }
         *other = decide(detector, source, packets, hit, hits, &again, to_s);
@@ -244,16 +247,19 @@ void rl_judge(struct rl_detector *detector, const struct rl_pending *pending, do
 {
     const struct rl_hit *hit = &pending->hits.hit[0];
     const double lasting_s = RL_PACKET_BITS * pending->packets * hit->bit_s;
-    const double begin_s = hit->repeats ? to_s - lasting_s : hit->start_s;
-    if (is_known(detector, hit->id, begin_s, begin_s + lasting_s)) {
+    const double begin_s =
+        hit->repeats ? fmax(to_s - lasting_s, pending->since_s) : hit->start_s;
+    if (is_known(detector, hit->id, begin_s, hit->repeats ? to_s : begin_s + lasting_s)) {
         return;
     }
     detector->counts.candidates++;
     detector->decisions_left--;
     struct rl_verdict other, verdict = decide(detector, pending->source, pending->packets, hit,
                                               &pending->hits, NULL, to_s);
-    const bool may_hide = detector->samples.source[pending->source].zones == 1 &&
+    const bool may_hide = pending->since_s < begin_s &&
+                          detector->samples.source[pending->source].zones == 1 &&
                           verdict.reason != RL_INCOMPLETE && verdict.reason != RL_ERASED &&
+                          verdict.reason != RL_MARGIN &&
                           verdict.evidence > HIDDEN * detector->demands.evidence;
     if (may_hide && judge_pair(detector, to_s, &verdict, &other)) {
         detector->counts.candidates++;

@@ -11,6 +11,7 @@
 enum {
     FOLDS = 5,
     LOOK_BITS = 4,       /* between two looks at stretches of one packet */
+    APPEARED_BITS = 2,   /* and at what has appeared */
     /* Soft bits that are held against all words with a frame, at the most: of packets that have
      * ended, and besides of packets that repeat.
      */
@@ -18,6 +19,8 @@ enum {
     WORDS_MORE = 100,
 };
 static const int FOLD[FOLDS] = {1, 2, 3, 5, 8};
+/* Bits that must be there besides those that tell the IDs apart: of start and preamble. */
+static const double EXTRA_BITS = 9.0;
 /* So long after a reading the residual is searched: as long as no whole packet can have come. */
 static const double MAX_RESIDUAL_BITS = 95.0;
 /* Share of the evidence in demand that a coarse template must find. */
@@ -26,18 +29,18 @@ static const double COARSE = 0.7;
 static const float SUM_SHARE = 0.8f;
 
 static void search(struct rl_detector *detector, const int *sources, int count, int packets,
-                   double from_s, double to_s)
+                   double from_s, double to_s, double since_s)
 {
     struct rl_hits *hits = detector->hits;
     if (count == 0) {
         return;
     }
-    rl_search_look(&detector->search, sources, count, packets, from_s, to_s,
+    rl_search_look(&detector->search, sources, count, packets, from_s, to_s, since_s,
                    COARSE * detector->demands.evidence, detector->most_beyond, hits);
     for (int i = 0; i < count; i++) {
         if (hits[i].count > 0) {
             detector->pending[detector->pendings++] =
-                (struct rl_pending){sources[i], packets > 0 ? packets : 1, hits[i]};
+                (struct rl_pending){sources[i], packets > 0 ? packets : 1, since_s, hits[i]};
         }
     }
 }
@@ -95,8 +98,8 @@ static void search_residual(struct rl_detector *detector, double from_s, double 
             rl_residual_restore(&detector->residual, zone);
         }
     }
-    search(detector, zones, count, 0, from_s, to_s);
-    search(detector, zones, count, 1, from_s, to_s);
+    search(detector, zones, count, 0, from_s, to_s, -INFINITY);
+    search(detector, zones, count, 1, from_s, to_s, -INFINITY);
     for (int i = 0; i < count; i++) {
         rl_residual_restore(&detector->residual, zones[i]);
     }
@@ -115,11 +118,37 @@ static void judge_next(struct rl_detector *detector, double from_s, double to_s)
         const struct rl_pending pending = {
             .source = member->zone,
             .packets = 1,
+            .since_s = -INFINITY,
             .hits = {.count = 1,
                      .hit = {{0.0f, member->id, true, start_s, sending->bit_s}}}};
         if (detector->decisions_left > 0) {
             rl_judge(detector, &pending, to_s);
         }
+    }
+}
+
+/* Search zones in which something has appeared, and nothing was read since: the samples before it say
+ * nothing. With few IDs, fewer bits are enough.
+ */
+static void search_appeared(struct rl_detector *detector, double to_s)
+{
+    const double bit_s = detector->settings.bit_s;
+    const double least_bits = EXTRA_BITS + log2(detector->search.codebook.words);
+    for (int zone = 0; zone < detector->samples.zones; zone++) {
+        const double since_s = detector->active_s[zone], bits = (to_s - since_s) / bit_s;
+        if (bits >= least_bits && bits < RL_PACKET_BITS && detector->read_s[zone] < since_s) {
+            search(detector, &zone, 1, 1, to_s, to_s, since_s);
+        }
+    }
+}
+
+/* Note since when zones vary by more than their noise. */
+static void note_active(struct rl_detector *detector, double begin_s)
+{
+    for (int zone = 0; zone < detector->samples.zones; zone++) {
+        double *since_s = &detector->active_s[zone];
+        const bool is_active = rl_noise_variation(&detector->samples, zone) > RL_ACTIVE;
+        *since_s = !is_active ? INFINITY : *since_s == INFINITY ? begin_s : *since_s;
     }
 }
 
@@ -140,7 +169,7 @@ static void add_deferred(struct rl_detector *detector, double from_s, double to_
         }
         if (best != NULL) {
             detector->pending[detector->pendings++] =
-                (struct rl_pending){source, 1, {.count = 1, .hit = {*best}}};
+                (struct rl_pending){source, 1, -INFINITY, {.count = 1, .hit = {*best}}};
         }
     }
 }
@@ -167,13 +196,14 @@ void rl_look(struct rl_detector *detector)
     detector->search.dropped = false;
     detector->decisions_left = RL_DECISIONS;
     detector->looked_s = to_s;
+    note_active(detector, samples->begin_s[samples->count - 1]);
     const double packet_bits = RL_PACKET_BITS * (1.0 - most_skew) - RL_OVERLAP_BITS;
     if (held_s < (RL_PACKET_BITS - 0.5) * bit_s) {
         return;
     }
     judge_next(detector, from_s, to_s);
     int count = ready(detector, packet_bits, to_s, true, RL_MOST_ZONES, sources);
-    search(detector, sources, count, 0, from_s, to_s);
+    search(detector, sources, count, 0, from_s, to_s, -INFINITY);
     detector->search.words_left += WORDS_MORE;
     const int64_t turn = (int64_t)floor(to_s / (LOOK_BITS * bit_s));
     const bool is_turn = turn != detector->turn;
@@ -181,7 +211,7 @@ void rl_look(struct rl_detector *detector)
     if (!is_turn) {
         count = due(detector, sources, count, RL_PACKET_BITS, from_s, to_s);
     }
-    search(detector, sources, count, 1, from_s, to_s);
+    search(detector, sources, count, 1, from_s, to_s, -INFINITY);
     /* More packets are looked at as soon as there are as many, and then in turn. */
     for (int fold = 1; fold < FOLDS && FOLD[fold] <= detector->settings.max_packets; fold++) {
         const double bits = RL_PACKET_BITS * FOLD[fold] * (1.0 + most_skew) + 1.0;
@@ -192,7 +222,10 @@ void rl_look(struct rl_detector *detector)
         if (!is_turn || turn % (RL_PACKET_BITS / LOOK_BITS + 1) != fold) {
             count = due(detector, sources, count, bits, from_s, to_s);
         }
-        search(detector, sources, count, FOLD[fold], from_s, to_s);
+        search(detector, sources, count, FOLD[fold], from_s, to_s, -INFINITY);
+    }
+    if (floor(to_s / (APPEARED_BITS * bit_s)) > floor(from_s / (APPEARED_BITS * bit_s))) {
+        search_appeared(detector, to_s);
     }
     add_deferred(detector, from_s, to_s);
     if (is_turn) {

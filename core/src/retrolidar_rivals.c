@@ -14,8 +14,8 @@ enum {
     MIN_ABSENT = 2, /* ... that is absent in so many of them */
 };
 
-/* A packet of another ID that follows one that ended may have any [nats]. */
-static const double COST_OF_NEXT = 10.0;
+/* The bits that are seen of a packet that ended may be any, as far as they are of its ID [nats]. */
+static const double COST_OF_BIT = 0.6931471805599453;
 /* That a marker appears or vanishes just then is a coincidence [nats]. */
 static const double COST_OF_ABSENCE = 6.0;
 /* A part of a packet is as good as the whole one if it is worse by less [nats]. */
@@ -199,14 +199,14 @@ double rl_rivals_sequence_margin(struct rl_window *window, const struct rl_codeb
                                  const struct rl_bits *bits, const struct rl_sending *sending,
                                  double own, uint16_t id)
 {
-    const double least = ENOUGH - COST_OF_NEXT;
     struct rl_sending best[2];
-    float most = -(float)least;
+    double most = -ENOUGH, cost = 0.0;
     for (int begin = 1; begin < bits->count; begin++) {
         float weight[2][RL_PACKET_BITS];
         const float all = weigh(bits, begin - RL_PACKET_BITS, false, weight[0]);
         weigh(bits, begin, false, weight[1]);
-        if (all + max_sum(weight[0]) + max_sum(weight[1]) <= most) {
+        const double price = COST_OF_BIT * (begin < RL_ID_BITS ? begin : RL_ID_BITS);
+        if ((double)(all + max_sum(weight[0]) + max_sum(weight[1])) - price <= most) {
             continue;
         }
         const int ended = rl_codebook_heaviest(codebook, weight[0], id);
@@ -215,19 +215,21 @@ double rl_rivals_sequence_margin(struct rl_window *window, const struct rl_codeb
             continue;
         }
         const uint32_t packet[2] = {codebook->packet[ended], codebook->packet[begun]};
-        const float nats = all + sum_of(packet[0], weight[0]) + sum_of(packet[1], weight[1]);
+        const double nats =
+            (double)(all + sum_of(packet[0], weight[0]) + sum_of(packet[1], weight[1])) - price;
         for (int i = 0; nats > most && i < 2; i++) {
             best[i] = (struct rl_sending){
                 packet[i], false,
                 bits->begin_s + (begin + (i - 1) * RL_PACKET_BITS) * sending->bit_s,
                 sending->bit_s, sending->brightening_s};
         }
-        most = fmaxf(most, nats);
+        cost = nats > most ? price : cost;
+        most = fmax(most, nats);
     }
-    if (most <= -(float)least) {
+    if (most <= -ENOUGH) {
         return ENOUGH;
     }
-    return own + COST_OF_NEXT - rl_window_try_two(window, &best[0], &best[1]);
+    return own + cost - rl_window_try_two(window, &best[0], &best[1]);
 }
 
 double rl_rivals_part_margin(struct rl_window *window, const struct rl_codebook *codebook,

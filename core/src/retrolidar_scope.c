@@ -36,16 +36,17 @@ static double open_lone(struct rl_window *window, int source, struct rl_sending 
 }
 
 double rl_scope_open(struct rl_window *window, int source, struct rl_sending *sending, int packets,
-                     double free_s, double to_s, int *silent_bits)
+                     double read_s, double since_s, double to_s, int *silent_bits)
 {
     *silent_bits = 0;
     if (sending->repeats) {
-        rl_window_open(window, source, to_s - RL_PACKET_BITS * packets * sending->bit_s, to_s);
+        rl_window_open(window, source,
+                       fmax(to_s - RL_PACKET_BITS * packets * sending->bit_s, since_s), to_s);
         return rl_window_refine(window, sending, rl_scope_half_bits(sending, packets, to_s)) -
                window->null;
     }
     const double tight = open_lone(window, source, sending, 0.0);
-    const double silence_s = fmin(RL_SILENT_BITS * sending->bit_s, sending->start_s - free_s);
+    const double silence_s = fmin(RL_SILENT_BITS * sending->bit_s, sending->start_s - read_s);
     if (silence_s < sending->bit_s) {
         return tight;
     }
@@ -87,7 +88,7 @@ bool rl_scope_is_erased(const struct rl_window *window, const struct rl_sending 
         known[bit] += valid;
     }
     for (int bit = 0; bit < RL_PACKET_BITS; bit++) {
-        erased += known[bit] < 0.25 * all[bit] || all[bit] == 0.0;
+        erased += known[bit] < 0.25 * all[bit];
     }
     return erased > MOST_ERASED_BITS;
 }

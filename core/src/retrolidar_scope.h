@@ -17,11 +17,12 @@ double rl_scope_half_bits(const struct rl_sending *sending, int packets, double 
 /* Open the window that a packet was found in, and refine it; for a lone packet that with the
  * silence before it, if it is the better one. Return its evidence.
  *
- * free_s: before that, samples belong to others [s]
+ * read_s: before that, samples are of what was read [s]
+ * since_s: and before that they are left out [s]
  * silent_bits: set to how many the window has before the packet
  */
 double rl_scope_open(struct rl_window *window, int source, struct rl_sending *sending, int packets,
-                     double free_s, double to_s, int *silent_bits);
+                     double read_s, double since_s, double to_s, int *silent_bits);
 
 /* Whether too many samples are erasures to decide the word. */
 bool rl_scope_is_erased(const struct rl_window *window, const struct rl_sending *sending);

@@ -237,7 +237,8 @@ static void look_at_stretches(struct rl_search *search, int count, int packets, 
 }
 
 void rl_search_look(struct rl_search *search, const int *sources, int count, int packets,
-                    double from_s, double to_s, double least, double most_beyond,
+                    double from_s, double to_s, double since_s, double least,
+                    double most_beyond,
                     struct rl_hits *hits)
 {
     const double longest_bits =
@@ -261,8 +262,8 @@ void rl_search_look(struct rl_search *search, const int *sources, int count, int
         const double asked = strong ? STRONG_SHARE * least : least;
         const struct rl_demand demand = {(float)asked, (float)most_beyond, packets > 0,
                                          whitening->energy, &whitening->smooth};
-        rl_view_open(&search->view, chosen, lanes, to_s - bits * search->bit_s, to_s,
-                     whitening->walk);
+        rl_view_open(&search->view, chosen, lanes, fmax(to_s - bits * search->bit_s, since_s),
+                     to_s, whitening->walk);
         if (packets > 0) {
             look_at_stretches(search, lanes, packets, to_s, &demand);
         } else {

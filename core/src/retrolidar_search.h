@@ -39,11 +39,13 @@ void rl_search_start(struct rl_search *search, const struct rl_samples *samples,
  *
  * packets: 0 = a packet that ended within (from_s, to_s], otherwise any stretch of so many packets
  *     that repeat, which ends at to_s
+ * since_s: earlier samples are left out: what is sought was not there
  * least: nats that a hit must have
  * most_beyond: nats by which any sequence of bits may be better
  */
 void rl_search_look(struct rl_search *search, const int *sources, int count, int packets,
-                    double from_s, double to_s, double least, double most_beyond,
+                    double from_s, double to_s, double since_s, double least,
+                    double most_beyond,
                     struct rl_hits *hits);
 
 #endif

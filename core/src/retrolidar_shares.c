@@ -20,7 +20,7 @@ int64_t rl_shares_bytes(int rows)
 }
 
 void rl_shares_start(struct rl_shares *shares, const struct rl_samples *samples,
-                     struct rl_window *window, int rows, void *memory)
+                     struct rl_window *window, void *memory)
 {
     shares->samples = samples;
     shares->window = window;
@@ -31,7 +31,7 @@ void rl_shares_start(struct rl_shares *shares, const struct rl_samples *samples,
 static int light_of(struct rl_shares *shares, const struct rl_verdict *verdict, int *first)
 {
     const struct rl_samples *samples = shares->samples;
-    *first = rl_samples_row(samples, rl_verdict_begin(verdict));
+    *first = rl_samples_row(samples, verdict->begin_s);
     int rows = rl_samples_row(samples, verdict->end_s) + 1;
     rows = (rows < samples->count ? rows : samples->count) - *first;
     rows = rows < samples->kept ? rows : samples->kept;

@@ -15,7 +15,7 @@ struct rl_shares {
 
 int64_t rl_shares_bytes(int rows);
 void rl_shares_start(struct rl_shares *shares, const struct rl_samples *samples,
-                     struct rl_window *window, int rows, void *memory);
+                     struct rl_window *window, void *memory);
 
 /* Find the zones that saw a packet, and how strongly; of a sum those with a part in it. Return how
  * many there are; both arrays are of RL_MOST_ZONES.

@@ -21,7 +21,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from retrolidar_ros.marker.code import BIT_PERIOD_S
+from evaluation.bench.room_markers import foreign_edges, foreign_ratio
+from retrolidar_ros.marker.code import BIT_PERIOD_S, PACKET_BITS
 from retrolidar_ros.scene.reference import NOISE, RANGING, SENSOR, WALL_SIGNAL
 from retrolidar_ros.sensor.frame import Floats, Recording, Status
 
@@ -61,7 +62,7 @@ class Member(NamedTuple):
     blocks: Callable[[float, np.random.Generator], Iterator[Recording]]
     """Yields the frames of a duration [s]."""
     blinks: bool = False
-    """Whether it has the bit clock: the rate of false IDs is reported, and not held to a budget."""
+    """Whether it blinks: the rate of false IDs is reported, and not held to a budget."""
 
 
 def _log_uniform(bounds: tuple[float, float], size: int, rng: np.random.Generator) -> Floats:
@@ -177,6 +178,22 @@ def _blinking(rng: np.random.Generator, *, levels: bool = False) -> Source:
     return advance
 
 
+def _foreign(rng: np.random.Generator, *, sending: str) -> Source:
+    """Return foreign markers that repeat, one in every zone, others in each block."""
+
+    def advance(frames: int) -> tuple[Singles, None]:
+        signals = np.empty((frames, _ZONES), dtype=np.float32)
+        until_s = frames * _PERIOD_S
+        for zone in range(_ZONES):
+            bit_s = BIT_PERIOD_S * (foreign_ratio(rng) if sending == 'period' else 1.0)
+            begin_s = -PACKET_BITS * bit_s * rng.random()
+            edges_s, levels = foreign_edges(sending, bit_s, begin_s, until_s, rng)
+            signals[:, zone] = _held(levels[:-1], edges_s / _PERIOD_S, frames)[0]
+        return np.float32(BLINKING_SIGNAL) * signals + np.float32(WALL_SIGNAL), None
+
+    return advance
+
+
 def _fading(steps: Floats, memory: float, before: Floats) -> Floats:
     """Return y[t] = memory · y[t-1] + steps[t] along the first axis, `before` being y[-1]."""
     walked = np.empty_like(steps)
@@ -266,8 +283,12 @@ _SOURCES: dict[str, Callable[[np.random.Generator], Source]] = {
     'hands': _hands,
     'random bits': _blinking,
     'random levels': partial(_blinking, levels=True),
+    'other bit periods': partial(_foreign, sending='period'),
+    'bits of any length': partial(_foreign, sending='clock'),
+    'another preamble': partial(_foreign, sending='preamble'),
 }
+_BLINKING = [*_SOURCES][-5:]  # the last of them
 FAMILY = tuple(
-    Member(name, partial(source_blocks, make), blinks='random' in name)
+    Member(name, partial(source_blocks, make), blinks=name in _BLINKING)
     for name, make in _SOURCES.items()
 )

@@ -10,11 +10,20 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-from evaluation.bench.recordings import SILENCE_BITS, to_and_fro, walk
-from retrolidar_ros.marker.code import BIT_PERIOD_S, PACKET_BITS, PREAMBLE, packet
-from retrolidar_ros.marker.dictionary import USABLE_IDS
+from evaluation.bench.recordings import SILENCE_BITS, walk
+from evaluation.bench.room_markers import (
+    FOREIGN,
+    INNER,
+    MOTIONS,
+    SENDINGS,
+    Course,
+    RoomMarker,
+    foreign_marker,
+    foreign_ratio,
+    own_marker,
+)
+from retrolidar_ros.marker.code import BIT_PERIOD_S, PACKET_BITS
 from retrolidar_ros.marker.known_markers import MARKER_SIZE_M
 from retrolidar_ros.marker.liquid_crystal import Response
 from retrolidar_ros.scene import Scene, Simulation
@@ -24,87 +33,16 @@ from retrolidar_ros.scene.optics import received_signal, zone_shares
 from retrolidar_ros.scene.reference import NOISE, RANGING
 from retrolidar_ros.sensor.frame import GRIDS, Floats, ZoneGrid
 
-SENDINGS = ('repeating', 'lone', 'pauses', 'sequence')
-"""Without end; one packet now and then; with short pauses; ever other IDs back to back."""
-FOREIGN = ('period', 'clock', 'bits', 'preamble')
-"""Another bit period; bits of any length; random bits; another preamble."""
-MOTIONS = ('still', 'swaying', 'crossing')
 _ROOM_BITS = (500, 700)  # how long a room lasts, in bits
 _SLOW_BIT_S, _SLOW_PERIOD_S = 0.133, 1 / 15  # of 8x8 zones
 _SLOW = 0.12  # share of the rooms
 _FULL, _FULL_SEQUENCE = 0.08, 0.5  # rooms with all zones full; of these with other IDs in all
 _FOREIGN = 0.2  # rooms in which a marker is foreign
+_BEGINS = 0.3  # markers that send after a silence; others have always been sending
 _COMES_AND_GOES = 0.3  # markers that appear or vanish, in mid-packet
 _RANGE_M = (0.4, 3.8)
 _ZONES_A_PACKET = (0.3, 3.6)  # how fast markers cross: 0.05 to 0.6 m/s at 1 m, in 4x4 zones
 _CLOCK_ERROR = 0.012
-_INNER = 0.95  # markers stay in this share of the view's half
-_FOREIGN_PERIODS, _OWN_PERIODS = (0.25, 4.0), (0.9, 1.1)  # over ours
-_FOREIGN_BITS = (0.5, 1.5)  # lengths of bits without a clock
-_FOREIGN_DISTANCE = 4  # bits to the nearest packet, begun with any bit
-
-
-@dataclass(frozen=True)
-class Course:
-    """How a marker moves: about a place, or evenly through the view and back."""
-
-    motion: str
-    place_m: Floats  # its middle, shape (3,)
-    swing_m: Floats  # along x, y and z, shape (3,)
-    turn_s: Floats  # periods of these [s], shape (3,)
-    speed_m_s: Floats  # along x and y, shape (2,)
-    fade: float  # by what share its light rises and falls as it turns
-    half: float  # of the view, as a tangent
-
-    def positions(self, time_s: Floats) -> Floats:
-        """Return positions [m] at times, shape (n, 3), or (1, 3) of one that is still."""
-        if self.motion == 'still':
-            return self.place_m[None]
-        turn = 2 * math.pi * time_s[:, None] / self.turn_s
-        position: Floats = self.place_m + self.swing_m * np.sin(turn + np.arange(3))
-        if self.motion == 'crossing':
-            half_m = _INNER * self.half * self.place_m[2]
-            # Where the way is cut so that it begins in the place.
-            begin_m = self.place_m[:2] + half_m
-            along = begin_m + self.speed_m_s * time_s[:, None]
-            position[:, :2] = to_and_fro(along, half_m)
-        return position
-
-    def brightness(self, time_s: Floats) -> Floats:
-        """Return by what its light is multiplied at times, shape (n,)."""
-        turned: Floats = 1 + self.fade * np.sin(2 * math.pi * time_s / self.turn_s[0])
-        return turned
-
-
-@dataclass(frozen=True)
-class RoomMarker:
-    """What a marker sends, where and when."""
-
-    sending: str
-    course: Course
-    response: Response
-    contrast: float
-    bit_s: float  # of the true clock
-    present_s: tuple[float, float]  # before and after it is not there
-    ids: NDArray[np.int64]  # of its packets, shape (n,); none of a foreign one
-    start_s: Floats  # of its packets, shape (n,)
-    edges_s: Floats  # where its bits begin, ascending; shape (bits,)
-    levels: Floats  # 1 = bright, from there on, shape (bits,)
-
-    def transmission(self, edges_s: Floats) -> Floats:
-        """Return what share of the light it lets through between edges (n, 2) [s], shape (n,)."""
-        before = np.concatenate([[1.0], self.levels[:-1]])
-        whole = self.response.integral(before[:-1], self.levels[:-1], np.diff(self.edges_s))
-        passed = np.concatenate([[0.0], np.cumsum(whole)])
-        place = np.searchsorted(self.edges_s, edges_s, side='right') - 1
-        at = np.maximum(place, 0)
-        since = np.maximum(edges_s - self.edges_s[at], 0.0)
-        within = self.response.integral(before[at], self.levels[at], since)
-        sent = np.where(place < 0, edges_s - self.edges_s[0], passed[at] + within)
-        share: Floats = (sent[:, 1] - sent[:, 0]) / (edges_s[:, 1] - edges_s[:, 0])
-        there = np.clip(edges_s, *self.present_s)
-        visible = (there[:, 1] - there[:, 0]) / (edges_s[:, 1] - edges_s[:, 0])
-        return visible * (1 - self.contrast * (1 - share))
 
 
 @dataclass(frozen=True)
@@ -114,9 +52,8 @@ class Room:
     scene: Scene
     bit_period_s: float  # of a perfect marker
     markers: tuple[RoomMarker, ...]
-    cloth: tuple[
-        float, float
-    ]  # how far the walls' signals wander [kcps/SPAD], and how fast a frame
+    cloth: tuple[float, float] = (0.0, 0.0)
+    """How far the signals of walls wander, and their steps a frame [kcps/SPAD]."""
 
 
 class RoomSimulation(Simulation):
@@ -244,7 +181,7 @@ def _places(grid: ZoneGrid, full: bool, rng: np.random.Generator) -> list[Floats
         near = together or (full and rng.random() < 0.5)
         range_m = base_m + rng.uniform(-0.2, 0.2) if near else _log_uniform(*_RANGE_M, rng)
         tangents = grid.tangents[zone] + grid.pitch * rng.uniform(-0.5, 0.5, 2)
-        bound = _INNER * grid.view / 2
+        bound = INNER * grid.view / 2
         ray = np.append(np.clip(tangents, -bound, bound), 1.0)
         places.append(max(range_m, _RANGE_M[0]) * ray / np.linalg.norm(ray))
     return places
@@ -273,71 +210,21 @@ def _marker(
 ) -> RoomMarker:
     """Draw what a marker sends."""
     bit_s *= 1 + rng.uniform(-_CLOCK_ERROR, _CLOCK_ERROR)
-    response = Response(_log_uniform(3e-4, 1e-3, rng), _log_uniform(2e-3, 1.5e-2, rng))
     present = [-math.inf, math.inf]
     if rng.random() < _COMES_AND_GOES:
         present[int(rng.integers(2))] = duration_s * rng.uniform(0.2, 0.8)
+    crystal = {
+        'response': Response(_log_uniform(3e-4, 1e-3, rng), _log_uniform(2e-3, 1.5e-2, rng)),
+        'contrast': float(rng.uniform(0.7, 1.0)),
+        'present_s': (present[0], present[1]),
+    }
     begin_s = -PACKET_BITS * bit_s * rng.random()
-    ids: NDArray[np.int64] = np.zeros(0, dtype=np.int64)
-    start_s: Floats = np.zeros(0)
     if sending in FOREIGN:
-        if sending == 'period':
-            ratio = _OWN_PERIODS[0]
-            while _OWN_PERIODS[0] <= ratio <= _OWN_PERIODS[1]:
-                ratio = _log_uniform(*_FOREIGN_PERIODS, rng)
-            bit_s *= ratio
-        count = 2 + int((duration_s - begin_s) / (bit_s * _FOREIGN_BITS[0]))
-        bits = _foreign_bits(sending, count, rng)
-        lengths = np.full(count, bit_s)
-        if sending == 'clock':
-            lengths *= rng.uniform(*_FOREIGN_BITS, count)
-        edges_s = begin_s + np.concatenate([[0.0], np.cumsum(lengths)])[:-1]
-    else:
-        if rng.random() < 0.3 or sending == 'lone':
-            begin_s = bit_s * (SILENCE_BITS + PACKET_BITS * 4 * rng.random())
-        most = 2 + int((duration_s - begin_s) / (PACKET_BITS * bit_s))
-        pauses: NDArray[np.int64] = np.zeros(most, dtype=np.int64)
-        if sending == 'lone':
-            pauses = rng.integers(SILENCE_BITS, 4 * SILENCE_BITS, most)
-        elif sending == 'pauses':
-            pauses = rng.integers(1, PACKET_BITS, most)
-        drawn = rng.choice(USABLE_IDS, most)
-        ids = drawn if sending == 'sequence' else np.repeat(drawn[:1], most)
-        before = np.concatenate([[0], np.cumsum(PACKET_BITS + pauses)[:-1]])
-        start_s = begin_s + bit_s * before
-        # After each packet the marker stays bright.
-        in_packet = np.concatenate([packet(ids), np.zeros((most, 1), dtype=np.uint8)], axis=1)
-        edges_s = (start_s[:, None] + bit_s * np.arange(PACKET_BITS + 1)).ravel()
-        kept = np.tile(np.arange(PACKET_BITS + 1) < PACKET_BITS, (most, 1))
-        kept[:, -1] = pauses > 0
-        edges_s, bits = edges_s[kept.ravel()], in_packet.ravel()[kept.ravel()]
-    return RoomMarker(
-        sending,
-        course,
-        response,
-        contrast=float(rng.uniform(0.7, 1.0)),
-        bit_s=bit_s,
-        present_s=(present[0], present[1]),
-        ids=ids,
-        start_s=start_s,
-        edges_s=edges_s,
-        levels=1.0 - bits,
-    )
-
-
-def _foreign_bits(sending: str, count: int, rng: np.random.Generator) -> NDArray[np.uint8]:
-    """Return what a foreign marker sends, shape (count,)."""
-    if sending in ('bits', 'clock'):
-        return rng.integers(0, 2, count, dtype=np.uint8)
-    bits = packet(rng.choice(USABLE_IDS))
-    signs = 1 - 2 * packet(USABLE_IDS).astype(float)
-    while sending == 'preamble':
-        bits[: len(PREAMBLE)] = rng.integers(0, 2, len(PREAMBLE))
-        bits[len(PREAMBLE) :] = packet(rng.choice(USABLE_IDS))[len(PREAMBLE) :]
-        turned = np.array([np.roll(bits, turn) for turn in range(PACKET_BITS)])
-        if ((1 - 2.0 * turned) @ signs.T).max() <= PACKET_BITS - 2 * _FOREIGN_DISTANCE:
-            break
-    return np.resize(bits, count)
+        ratio = foreign_ratio(rng) if sending == 'period' else 1.0
+        return foreign_marker(sending, course, ratio * bit_s, begin_s, duration_s, rng, **crystal)
+    if sending == 'lone' or rng.random() < _BEGINS:
+        begin_s = bit_s * (SILENCE_BITS + 4 * PACKET_BITS * rng.random())
+    return own_marker(sending, course, bit_s, begin_s, duration_s, rng, **crystal)
 
 
 def _walls(places: list[Floats], grid: ZoneGrid, rng: np.random.Generator) -> tuple[Surface, ...]:

@@ -2,8 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """What was sent in a random room, and what a detector made of it.
 
-A reading is right if a marker near its direction sent its ID during half a packet of it, or during
-half of what it sent of that packet. A packet was read if right readings cover half of it. What a
+A reading is right if a marker near its direction sent its ID during half a packet of it, or half of
+what it sent of that packet. A packet was read if right readings cover half of it. What a
 foreign marker is read as is wrong, whatever it is.
 """
 
@@ -14,7 +14,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from evaluation.bench.room_scene import RoomMarker, RoomSimulation
+from evaluation.bench.room_markers import RoomMarker
+from evaluation.bench.room_scene import RoomSimulation
 from retrolidar_ros.detector import Detection
 from retrolidar_ros.marker.code import PACKET_BITS
 from retrolidar_ros.scene.reference import NOISE
@@ -23,10 +24,11 @@ from retrolidar_ros.sensor.frame import SEPARABLE_M, Floats
 COMPANY = ('alone', 'beside', 'shared')
 """No other sends nearby; one does in a zone next to it; one does in its best zone."""
 FAINT, MIDDLING, BRIGHT = SIGNALS = ('faint', 'middling', 'bright')
-BRIGHT_DB = (6.0, 12.0)  # c over sigma from which a packet is middling, and bright
+BRIGHT_DB = (6.0, 14.0)
+"""c over sigma from which a packet is middling, and bright: 6 dB above what one can be read at."""
 NEAR_ZONES = 1.5
 _SHARES = 0.1  # of a marker's light in its best zone: another with so much shares it
-_HIDDEN = 0.25  # share of a packet that a hand may hide, for it to be one that is to be read
+_HIDDEN = 0.2  # share of a packet that a hand may hide, for it to be one that is to be read
 _TAIL_BITS = 48  # a packet that ends later before the last frame is not to be read
 _NO_LIGHT = 1e-6
 _WATCHED = 100  # times at which a marker's place is held against that of a reading
@@ -75,6 +77,7 @@ class Scored(NamedTuple):
     read: list[bool]  # of each packet, whether it was read
     readings: list[tuple[float, bool]]  # margin of each reading [nats], and whether it is right
     wrong: list[WrongReading]
+    misdated: int  # right readings whose packet began a packet later than they say
 
 
 def packets_of(simulation: RoomSimulation) -> list[SentPacket]:
@@ -107,7 +110,10 @@ def packets_of(simulation: RoomSimulation) -> list[SentPacket]:
                 apart = np.abs(tangents[other][during] - tangents[index][during]).max(axis=1)
                 if amplitude[other, during, zone].mean() >= _SHARES * own[zone]:
                     company = COMPANY[2]
-                elif company == COMPANY[0] and apart.min() < 1.5 * room.scene.sensor.grid.pitch:
+                elif (
+                    company == COMPANY[0]
+                    and apart.min() < NEAR_ZONES * room.scene.sensor.grid.pitch
+                ):
                     company = COMPANY[1]
             hidden = simulation.hidden[index, during, zone].mean()
             sent.append(
@@ -141,12 +147,11 @@ def score(
     spans: list[list[tuple[float, float]]] = [[] for _ in sent]
     readings: list[tuple[float, bool]] = []
     wrong: list[WrongReading] = []
+    misdated = 0
     for one in detections:
+        last_s, lasting_s = 1e-9 * one.end_ns, one.packets * PACKET_BITS * one.bit_period_s
         start_s = 1e-9 * one.start_ns
-        end_s = start_s + one.packets * PACKET_BITS * one.bit_period_s
-        packet_s = (end_s - start_s) / one.packets
-        # One that was joined in its middle has samples from after its packet, too.
-        watched_s = np.linspace(max(start_s, 0.0), max(end_s, 1e-9 * one.end_ns), _WATCHED)
+        watched_s = np.linspace(max(start_s, 0.0), max(start_s + lasting_s, last_s), _WATCHED)
         x, y, z = one.place.position_m.tolist()
         apart = [
             np.abs(_tangents(marker.course.positions(watched_s), 1) - (x / z, y / z))
@@ -155,24 +160,23 @@ def score(
             / grid.pitch
             for marker in markers
         ]
-        overlap_s = [min(end_s, p.end_s) - max(start_s, p.start_s) for p in sent]
-        during = [
-            place
-            for place, p in enumerate(sent)
-            if overlap_s[place] > 0 and apart[p.marker] <= NEAR_ZONES
-        ]
-        mine = [place for place in during if sent[place].id == one.id]
-        halves = defaultdict[int, float](float)  # of a packet that each marker sent meanwhile
-        for place in mine:
-            there_s = sent[place].end_s - sent[place].start_s
-            halves[sent[place].marker] += overlap_s[place] / min(packet_s, there_s) * 2
-        right = any(count >= 1 for count in halves.values())
-        if right:
-            for place in mine:
-                spans[place].append((start_s, end_s))
+        nearby = [place for place, p in enumerate(sent) if apart[p.marker] <= NEAR_ZONES]
+        own = [place for place in nearby if sent[place].id == one.id]
+        # One that was joined in its middle may begin a packet before its samples.
+        for begin_s in (start_s, last_s - lasting_s):
+            span_s = (begin_s, begin_s + lasting_s)
+            mine = [place for place in own if _overlap_s(sent[place], span_s) > 0]
+            right = _was_sent([sent[place] for place in mine], span_s, lasting_s / one.packets)
+            if right:
+                break
         readings.append((one.decision_margin, right))
         if right:
+            misdated += begin_s != start_s
+            for place in mine:
+                spans[place].append(span_s)
             continue
+        overlap_s = [_overlap_s(p, (start_s, start_s + lasting_s)) for p in sent]
+        during = [place for place in nearby if overlap_s[place] > 0]
         nearest = int(np.argmin(apart))
         near = markers[nearest] if apart[nearest] <= NEAR_ZONES else None
         its = [place for place in during if sent[place].marker == nearest]
@@ -193,7 +197,20 @@ def score(
             )
         )
     read = [_covered(p, spans[place]) for place, p in enumerate(sent)]
-    return Scored(list(sent), read, readings, wrong)
+    return Scored(list(sent), read, readings, wrong, misdated)
+
+
+def _overlap_s(packet: SentPacket, span_s: tuple[float, float]) -> float:
+    return min(span_s[1], packet.end_s) - max(span_s[0], packet.start_s)
+
+
+def _was_sent(packets: Sequence[SentPacket], span_s: tuple[float, float], packet_s: float) -> bool:
+    """Return whether one marker sent half a packet, or half of its part of one, in a time."""
+    halves = defaultdict[int, float](float)
+    for one in packets:
+        there_s = min(packet_s, one.end_s - one.start_s)
+        halves[one.marker] += 2 * _overlap_s(one, span_s) / there_s
+    return any(count >= 1 for count in halves.values())
 
 
 def _tangents(position_m: Floats, count: int) -> Floats:
@@ -235,7 +252,8 @@ def _seen(simulation: RoomSimulation) -> tuple[Floats, Floats]:
             apart = np.abs(depth[other] - depth[index]) >= SEPARABLE_M
             hiding = np.maximum(hiding, np.where(apart, light, 0.0))
             level = level + np.where(apart, 0.0, light * (0.5 if other < count else 1.0))
-        amplitude[index] = np.maximum(own - hiding, 0.0)
+        contrast = simulation.room.markers[index].contrast
+        amplitude[index] = contrast * np.maximum(own - hiding, 0.0)
         variance[index] = NOISE.floor + NOISE.slope * level
     return amplitude, variance
 

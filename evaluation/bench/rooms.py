@@ -21,7 +21,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from evaluation.bench.rates import rate
-from evaluation.bench.room_scene import FOREIGN, MOTIONS, SENDINGS, RoomSimulation, draw_room
+from evaluation.bench.room_markers import FOREIGN, MOTIONS, SENDINGS
+from evaluation.bench.room_scene import Room, RoomSimulation, draw_room
 from evaluation.bench.room_truth import (
     COMPANY,
     SIGNALS,
@@ -48,25 +49,31 @@ class RoomResult(NamedTuple):
     scored: Scored
 
 
-def play(room: int, seed: int, method: str = METHODS[0]) -> RoomResult:
-    """Draw a room of a seed, and read it by a new detector."""
-    rng = np.random.default_rng([seed, room])
-    drawn = draw_room(rng)
-    simulation = RoomSimulation(drawn, rng)
-    recording = simulation.run(drawn.scene.duration_s)
-    detector = create_detector(method, recording.grid, bit_period_s=drawn.bit_period_s)
+def play_room(
+    number: int, room: Room, rng: np.random.Generator, method: str = METHODS[0], **options: Any
+) -> RoomResult:
+    """Read a room by a new detector, with options of `create_detector`."""
+    simulation = RoomSimulation(room, rng)
+    recording = simulation.run(room.scene.duration_s)
+    detector = create_detector(method, recording.grid, bit_period_s=room.bit_period_s, **options)
     began_s = time.process_time()
     detections = detector.update_all(recording)
     cpu_s = time.process_time() - began_s
-    foreign = sum(marker.sending in FOREIGN for marker in drawn.markers)
+    foreign = sum(marker.sending in FOREIGN for marker in room.markers)
     return RoomResult(
-        room=room,
-        duration_s=drawn.scene.duration_s,
+        room=number,
+        duration_s=room.scene.duration_s,
         frames=len(recording),
         cpu_s=cpu_s,
-        foreign_s=foreign * drawn.scene.duration_s,
+        foreign_s=foreign * room.scene.duration_s,
         scored=score(simulation, packets_of(simulation), detections),
     )
+
+
+def play(number: int, seed: int, method: str = METHODS[0]) -> RoomResult:
+    """Draw a room of a seed, and read it."""
+    rng = np.random.default_rng([seed, number])
+    return play_room(number, draw_room(rng), rng, method)
 
 
 def play_all(
@@ -120,6 +127,7 @@ def summary(results: Sequence[RoomResult]) -> dict[str, Any]:
             for margin in MARGINS
         ],
         'read': rate(sum(read.values()), max(sum(packets.values()), 1)),
+        'misdated': sum(result.scored.misdated for result in results),
         'cpu_us_per_frame': 1e6 * sum(result.cpu_s for result in results) / max(frames, 1),
         'cells': cells,
         'wrong_ids': [
@@ -140,19 +148,20 @@ def report(figures: dict[str, Any]) -> str:
     keys = [(company, signal) for company in COMPANY for signal in SIGNALS]
     for row in [*rows, *((None, motion) for motion in MOTIONS), (None, None)]:
         texts = [_sum(figures, *row, *key) for key in keys]
-        wrong = _count(figures, 'wrong', *row)
+        wrong = counted(figures, *row)[2]
         name = ' '.join(one or 'all' for one in row)
         lines.append(f'{name:20}' + ''.join(f'{text:>17}' for text in texts) + f'{wrong:7}')
     lines.append('')
     for sending in (*FOREIGN, ''):
-        count = _count(figures, 'wrong', sending)
+        count = counted(figures, sending)[2]
         lines.append(f'wrong IDs near {f"foreign {sending}" if sending else "no marker"}: {count}')
     wrong, read = figures['wrong'], figures['read']
     total = (
         f'{figures["rooms"]} rooms, {figures["hours"]:.2f} h: {wrong["hits"]} of '
         f'{wrong["trials"]} readings wrong ({wrong["rate"]:.3%}, to {wrong["high"]:.3%}; '
         f'{figures["wrong_per_hour"]:.1f} an hour), {read["rate"]:.4f} of {read["trials"]} '
-        f'packets read, {figures["cpu_us_per_frame"]:.0f} µs a frame'
+        f'packets read, {figures["misdated"]} right readings begin a packet early, '
+        f'{figures["cpu_us_per_frame"]:.0f} µs a frame'
     )
     lines += [
         f'in {figures["foreign_hours"]:.2f} h of foreign markers',
@@ -177,19 +186,24 @@ def _cell(one: SentPacket | WrongReading) -> tuple[str, str, str, str]:
     return sending, one.motion, one.company, one.signal
 
 
-def _count(figures: dict[str, Any], what: str, *cell: str | None) -> int:
-    """Return a sum over the cells that begin so; None is any of `SENDINGS`, or any motion."""
-    total = 0
+def counted(figures: dict[str, Any], *cell: str | None) -> tuple[int, int, int]:
+    """Return packets, how many were read, and wrong IDs, of the cells that begin so.
+
+    A cell is sending, motion, company and signal; None is any of `SENDINGS`, or any other.
+    """
+    names = ('sending', 'motion', 'company', 'signal')
+    total = np.zeros(3, dtype=int)
     for one in figures['cells']:
-        place = (one['sending'], one['motion'], one['company'], one['signal'])
-        pairs = zip(cell, place, strict=False)
-        if one['sending'] in SENDINGS or cell[0] is not None:
-            total += one[what] if all(want is None or want == is_ for want, is_ in pairs) else 0
-    return total
+        own = one['sending'] in SENDINGS or cell[0] is not None
+        wanted = zip(cell, names, strict=False)
+        if own and all(want is None or want == one[name] for want, name in wanted):
+            total += (one['packets'], one['read'], one['wrong'])
+    packets, read, wrong = total.tolist()
+    return packets, read, wrong
 
 
 def _sum(figures: dict[str, Any], *cell: str | None) -> str:
-    packets, read, wrong = (_count(figures, what, *cell) for what in ('packets', 'read', 'wrong'))
+    packets, read, wrong = counted(figures, *cell)
     if not packets and not wrong:
         return ''
     share = f'{read / packets:.3f}' if packets else '–'

@@ -11,11 +11,11 @@ import numpy as np
 
 from evaluation.bench.judging import BOTH, judged
 from evaluation.bench.places import place_error, rms
-from evaluation.bench.rates import rate
+from evaluation.bench.rates import frequency, rate
 from evaluation.bench.recordings import Path, record, signal_at, to_and_fro
 from evaluation.bench.stresses import PLAIN
 from evaluation.report.chart_style import draw_shares, label, legend_below, line, look, new_chart
-from evaluation.report.claims import Table, as_text, percent
+from evaluation.report.claims import Table, as_text, per_hour, percent
 from retrolidar_ros.detector import METHODS
 from retrolidar_ros.scene.reference import SENSOR
 from retrolidar_ros.sensor.frame import Floats
@@ -74,7 +74,8 @@ def _followed(
     way: Way, value: float, range_m: float, runs: int, rng: np.random.Generator
 ) -> dict[str, Any]:
     """Return what both methods read of a marker that repeats while it moves."""
-    packets = 0
+    packets, hours = 0, runs * DURATION_S / 3600
+    wrong = dict.fromkeys(METHODS, 0)
     read = dict.fromkeys(METHODS, 0)
     errors_mm: dict[str, list[float]] = {method: [] for method in METHODS}
     how: dict[str, Any] = {'range_m': range_m, 'repeated_s': DURATION_S}
@@ -86,6 +87,7 @@ def _followed(
         packets += len(whole)
         for method in METHODS:
             found = judged(sent, BOTH[method], lone=False)
+            wrong[method] += found.readings - len(found.own)
             middles_s = [
                 1e-9 * one.start_ns + (one.packets - 0.5) * sent.packet_s - sent.start_s[0]
                 for one in found.own
@@ -97,14 +99,18 @@ def _followed(
                 for one, truth_m in zip(found.own, truths_m, strict=True)
             ]
     return {
-        method: {'read': rate(read[method], packets), 'range_mm': rms(errors_mm[method])}
+        method: {
+            'read': rate(read[method], packets),
+            'wrong': frequency(wrong[method], hours),
+            'range_mm': rms(errors_mm[method]),
+        }
         for method in METHODS
     }
 
 
 def run(rng: np.random.Generator, *, quick: bool) -> dict[str, Any]:
     """Return shares of packets read and errors of place, by way, distance and speed."""
-    speeds, runs = ((0.0, 0.2), 1) if quick else (_SPEEDS_M_S, 3)
+    speeds, runs = ((0.0, 0.2), 1) if quick else (_SPEEDS_M_S, 12)
     curves = []
     for (name, way), range_m in itertools.product(WAYS.items(), RANGES_M):
         followed = [_followed(way, speed, range_m, runs, rng) for speed in speeds]
@@ -117,11 +123,11 @@ def run(rng: np.random.Generator, *, quick: bool) -> dict[str, Any]:
 
 
 def table(figures: dict[str, Any]) -> Table:
-    """Return what is read, and how wrong it is placed, at some speeds, and of what swings."""
+    """Return what is read and how wrong it is placed at some speeds; wrong IDs at all together."""
     curves = figures['curves']
     speeds = [f'{point["speed_m_s"]:g} m/s' for point in curves[0]['points'][::2]]
     swings = [f'swings ±{100 * half_m:g} cm in {SWING_S:g} s' for half_m in SWINGS_M]
-    rows = [['packets read; rms error of range', *speeds, *swings]]
+    rows = [['packets read; rms error of range', *speeds, *swings, 'wrong IDs an hour']]
     for index, curve in enumerate(curves):
         # Only the first is across the view and at the distance at which markers swing.
         others = [] if index else figures['swings']
@@ -130,22 +136,30 @@ def table(figures: dict[str, Any]) -> Table:
             cells = [
                 f'{percent(one["read"])}; {as_text(one["range_mm"], "mm", 0)}' for one in found
             ]
-            cells += [''] * (len(rows[0]) - 1 - len(cells))
+            cells += [''] * (len(rows[0]) - 2 - len(cells))
+            wrong = [point[method]['wrong'] for point in (*curve['points'], *others)]
+            events, hours = (sum(one[of] for one in wrong) for of in ('events', 'hours'))
+            cells.append(per_hour(frequency(events, hours)))
             rows.append([f'{curve["way"]} at {curve["range_m"]:g} m, {method}', *cells])
     return rows
 
 
 def draw(figures: dict[str, Any]) -> Any:
-    """Draw packets read over the speed, a panel for each way."""
-    figure, panels = new_chart(2, 2, 13, 5.8, MESSAGE)
+    """Draw packets read and wrong IDs over the speed, a column for each way."""
+    figure, panels = new_chart(4, 2, 13, 9.5, MESSAGE)
     styles = dict(zip(RANGES_M, ('-', ':'), strict=True))
     for curve in figures['curves']:
-        axis = panels[list(WAYS).index(curve['way'])]
+        column = list(WAYS).index(curve['way'])
         speeds = [point['speed_m_s'] for point in curve['points']]
         for method in METHODS:
             rates = [point[method]['read'] for point in curve['points']]
-            draw_shares(axis, speeds, rates, linestyle=styles[curve['range_m']], **look(method))
-    for axis, way in zip(panels, WAYS, strict=True):
-        label(axis, 'speed [m/s]', 'packets read [%]', way, percent=True)
+            how = look(method) | {'linestyle': styles[curve['range_m']]}
+            draw_shares(panels[column], speeds, rates, **how)
+            wrong = [point[method]['wrong']['per_hour'] for point in curve['points']]
+            panels[2 + column].plot(speeds, wrong, **how)
+    for column, way in enumerate(WAYS):
+        label(panels[column], '', 'packets read [%]', way, percent=True)
+        axis = panels[2 + column]
+        label(axis, 'speed [m/s]', 'wrong IDs an hour', yscale='symlog', ylim=(-0.5, None))
     legend_below(figure, METHODS, {f'at {at:g} m': line(style) for at, style in styles.items()})
     return figure

@@ -48,6 +48,7 @@ TINY: dict[str, dict[str, Any]] = {
     'experiments.paper_sweeps': {'TAG_RANGES_M': (1.0, 4.2)},
     'experiments.place': {'_QUICK_MARKERS': 12},
     'experiments.roc': {'_QUICK_SHARE': 0.0005},
+    'experiments.rooms': {'QUICK_ROOMS': 2},
     'experiments.several': {'_QUICK_TRIALS': 1, '_RECORDINGS': 1},
     'experiments.speed_accuracy': {
         '_LONE_M': (1.0, 3.2),
