@@ -67,7 +67,8 @@ class LandmarksNode(Node):
             acceleration=values['acceleration'],
         )
         frame, known = self._load(values['load_file'])
-        topics_of('~/objects/', sorted({*known, *objects}))
+        names = sorted({*known, *objects})
+        self._owners = dict(zip(topics_of('~/objects/', names), names, strict=True))
         self._survey = Survey(objects, errors, known)
         self._room = None
         if values['localize']:
@@ -85,7 +86,6 @@ class LandmarksNode(Node):
             raise ValueError(f'load_file: its landmarks are in {frame}, not in {self._fixed}')
         self._known_frame = frame
         self._poses: dict[str, Publisher] = {}
-        self._owners: dict[str, str] = {}
         self._blocked: set[str] = set()
         self._sent: set[str] = set()
         self._send = transform_sender(self)
@@ -147,7 +147,7 @@ class LandmarksNode(Node):
 
     def _place(self, batch: Batch) -> None:
         """Publish a landmark with new readings."""
-        topic = f'~/objects/{topic_part(batch.name)}'
+        topic = '~/objects/' + topic_part(batch.name)
         try:
             owner = self._owners.get(topic, batch.name)
             if owner != batch.name:
@@ -164,11 +164,20 @@ class LandmarksNode(Node):
 
     def _localize(self, room: Landmark, batch: Batch) -> None:
         """Publish the pose of the base at the time of the newest reading."""
-        for reading in batch.readings:
-            room.add(reading)
-        room.settle()
+        try:
+            with room.unharmed():
+                for reading in batch.readings:
+                    room.add(reading)
+                room.settle()
+        except ValueError as error:
+            self._readings.refuse(str(error))
+            return
+        members = set(map(id, room.members))
+        stamps_s = [one.stamp_s for one in batch.readings if id(one) in members]
+        if not stamps_s:
+            return
         estimate, base = room.estimate(), self._values['base_frame']
-        stamp = Time(nanoseconds=round(max(one.stamp_s for one in batch.readings) * 1e9))
+        stamp = Time(nanoseconds=round(max(stamps_s) * 1e9))
         found = self._readings.finder.find(self._fixed, base, stamp)
         if found is None:
             self.get_logger().warning(
@@ -183,7 +192,7 @@ class LandmarksNode(Node):
         name = estimate.name
         header = to_header(round(max(estimate.stamp_s, 0.0) * 1e9), self._fixed)
         if name not in self._poses:
-            topic = f'~/objects/{topic_part(name)}'
+            (topic,) = topics_of('~/objects/', [name])
             self._poses[name] = self.create_publisher(PoseWithCovarianceStamped, topic, LATCHED)
         message = to_pose_msg(header, estimate.position_m, estimate.rotation, estimate.covariance)
         self._poses[name].publish(message)

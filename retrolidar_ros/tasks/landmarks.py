@@ -6,7 +6,8 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 
 import numpy as np
@@ -136,7 +137,25 @@ class Landmark:
         if not self._is_settled:
             self._is_settled, self._estimate = True, None
             self._solve()
+            assert self.fit is not None
+            state = self.fit.state
+            if not np.isfinite([*state.position_m, *self.fit.covariance.ravel()]).all():
+                raise np.linalg.LinAlgError('not finite')
             self._found()
+
+    @contextmanager
+    def unharmed(self) -> Iterator[None]:
+        """Take back what is added in the block if that cannot be solved, and raise ValueError."""
+        before = {
+            name: value.copy() if isinstance(value, list) else value
+            for name, value in vars(self).items()
+        }
+        try:
+            with np.errstate(all='ignore'):  # what is not finite is refused
+                yield
+        except np.linalg.LinAlgError as error:
+            vars(self).update(before)
+            raise ValueError(f'readings that cannot be solved: {self.name}') from error
 
     def could_be(self, reading: Reading) -> bool:
         """Return whether a reading agrees with the place of one of its markers, whatever its ID."""

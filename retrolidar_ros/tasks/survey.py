@@ -59,13 +59,16 @@ class Survey:
         Raises
         ------
         ValueError
-            If another marker has this name, or there are too many landmarks.
+            If another marker has this name, there are too many landmarks, or readings cannot be
+            solved.
         """
-        for reading in readings:
-            landmark = self._landmark(name, reading.marker)
-            others = [one for one in self.landmarks.values() if one is not landmark]
-            landmark.add(reading, partial(_could_be, others, reading))
-        landmark.settle()
+        landmark = self._landmark(name, readings[0].marker)
+        others = [one for one in self.landmarks.values() if one is not landmark]
+        with landmark.unharmed():
+            for reading in readings:
+                if landmark.has(reading.marker):
+                    landmark.add(reading, partial(_could_be, others, reading))
+            landmark.settle()
         return landmark
 
     def _landmark(self, name: str, marker: int) -> Landmark:

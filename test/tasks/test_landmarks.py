@@ -309,6 +309,25 @@ def test_a_stray_beside_a_landmark_that_is_only_known_is_no_error() -> None:
     assert survey.landmarks['mug'].rejected == 1
 
 
+def test_readings_that_cannot_be_solved_change_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
+    rng = np.random.default_rng(26)
+    survey = Survey({}, ERRORS)
+    for index, eye_m in enumerate(SQUARE):
+        survey.take('mug', seen(HERE, eye_m, rng, stamp_s=index))
+    before = estimate_of(survey.landmarks['mug'])
+
+    def fail(*_: object) -> None:
+        raise np.linalg.LinAlgError('Singular matrix')
+
+    monkeypatch.setattr(Problem, 'solve', fail)
+    with pytest.raises(ValueError, match='readings that cannot be solved: mug'):
+        survey.take('mug', seen(HERE, SQUARE[0], rng, stamp_s=9))
+    monkeypatch.undo()
+    assert estimate_of(survey.landmarks['mug']) is before
+    survey.take('mug', seen(HERE, SQUARE[0], rng, stamp_s=9))
+    assert estimate_of(survey.landmarks['mug']).readings == 5
+
+
 def test_readings_together_say_what_they_say_one_by_one() -> None:
     rng = np.random.default_rng(24)
     singly, together = Survey({}, ERRORS), Survey({}, ERRORS)
