@@ -5,6 +5,7 @@
 from __future__ import annotations
 
 import re
+from itertools import combinations
 
 from geometry_msgs.msg import PoseWithCovarianceStamped, Vector3Stamped
 from rclpy.clock import Clock, ClockType
@@ -13,10 +14,11 @@ from std_msgs.msg import Bool, Header, String
 
 from retrolidar_ros.msg import MarkerDetection
 from retrolidar_ros.nodes.conversion import covariance_of, from_pose, to_ns, to_pose_msg
-from retrolidar_ros.nodes.diagnostics import OK, WARN, Health, publish_health
+from retrolidar_ros.nodes.detection_subscriber import DetectionSubscriber
+from retrolidar_ros.nodes.diagnostics import WARN, Health, health_of, publish_health
 from retrolidar_ros.nodes.parameters import Parameters
 from retrolidar_ros.nodes.placed_readings import PlacedReadings
-from retrolidar_ros.nodes.qos import EVENTS, LATCHED, subscribe, topic_part
+from retrolidar_ros.nodes.qos import LATCHED, topics_of
 from retrolidar_ros.nodes.run import run
 from retrolidar_ros.sensor.frame import Floats
 from retrolidar_ros.tasks.next_view import best_place
@@ -62,27 +64,26 @@ class CoffeeNode(Node):
         self._published: tuple[str, str] | None = None
         self._ready = self.create_publisher(Bool, '~/ready', LATCHED)
         self._missing = self.create_publisher(String, '~/missing', LATCHED)
+        names = self._board.names
         self._poses = {
-            name: self.create_publisher(
-                PoseWithCovarianceStamped, f'~/objects/{topic_part(name)}', LATCHED
-            )
-            for name in self._board.names
+            name: self.create_publisher(PoseWithCovarianceStamped, topic, LATCHED)
+            for name, topic in zip(names, topics_of('~/objects/', names), strict=True)
         }
+        pairs = list(combinations(names, 2))
+        ways = topics_of('~/offsets/', [f'{one}_to_{other}' for one, other in pairs])
         self._offsets = {
-            (one, other): self.create_publisher(
-                Vector3Stamped, f'~/offsets/{topic_part(one)}_to_{topic_part(other)}', LATCHED
-            )
-            for index, one in enumerate(self._board.names)
-            for other in self._board.names[index + 1 :]
+            pair: self.create_publisher(Vector3Stamped, topic, LATCHED)
+            for pair, topic in zip(pairs, ways, strict=True)
         }
         publish_health(self, 'objects', '', self._examine)
+        self._readings: PlacedReadings | DetectionSubscriber
         if self._target:
             # In a fixed frame readings from several places accumulate.
             self._readings = PlacedReadings(
-                self, ['markers'], self._target, _PATIENCE_S, self._place, self._forget
+                self, ['markers'], self._target, _PATIENCE_S, self._place, self._restart
             )
         else:
-            subscribe(self, MarkerDetection, 'markers', self._take, EVENTS)
+            self._readings = DetectionSubscriber(self, ['markers'], self._take)
         parameters.warn_of_unknown()
         self.create_timer(_TICK_S, self._tick, clock=Clock(clock_type=ClockType.STEADY_TIME))
 
@@ -91,14 +92,14 @@ class CoffeeNode(Node):
         self._board.stale_after_s = values['stale_after']
         self._reach_m = values['reach']
 
-    def _forget(self) -> None:
-        self._survey.forget()
+    def _restart(self) -> None:
+        self._survey.restart()
         self._began_m, self._goal = None, ''
 
     def _take(self, message: MarkerDetection) -> None:
         """Publish the pose of an object from one detection."""
         name = message.child_frame_id.removeprefix(self._prefix)
-        if name in self._poses and to_ns(message.header.stamp) >= 0:
+        if name in self._poses:
             place = from_pose(message.pose.pose)
             covariance = covariance_of(message.pose)
             self._publish(name, message.header, *place, covariance)
@@ -111,7 +112,7 @@ class CoffeeNode(Node):
             return
         if self._began_m is None:
             self._began_m = reading.pose.position_m
-        estimate = self._survey.take(reading, name).estimate()
+        estimate = self._survey.take(name, reading).estimate()
         if estimate is not None:
             header = Header(stamp=message.header.stamp, frame_id=self._target)
             place = (estimate.position_m, estimate.rotation, estimate.covariance)
@@ -161,9 +162,11 @@ class CoffeeNode(Node):
     def _examine(self) -> Health:
         missing = self._missing_now()
         values = {name: missing.get(name, 'placed') for name in self._board.names}
+        problems = []
         if missing:
-            return Health(WARN, f'{len(missing)} of {len(values)} objects missing', values)
-        return Health(OK, f'{len(values)} objects placed', values)
+            problems.append((WARN, f'{len(missing)} of {len(values)} objects missing'))
+        fine = f'{len(values)} objects placed'
+        return health_of(self._readings.examine(values) + problems, fine, values)
 
 
 def main() -> int:

@@ -17,7 +17,7 @@ from retrolidar_ros.detector import Detection
 from retrolidar_ros.marker.known_markers import KnownMarker, frame_of
 from retrolidar_ros.msg import MarkerDetection, MarkerDetectionArray
 from retrolidar_ros.nodes.conversion import to_detection_msg, to_header, to_transform
-from retrolidar_ros.nodes.qos import EVENTS, LATCHED, publisher, topic_part
+from retrolidar_ros.nodes.qos import EVENTS, LATCHED, publisher, topics_of
 from retrolidar_ros.nodes.transform_watch import TransformWatch, WatchedSender
 from retrolidar_ros.nodes.transforms import transform_sender
 from retrolidar_ros.nodes.visualization import marker_shapes
@@ -59,9 +59,10 @@ class DetectionTopics:
                 f'{len(known)} known markers: no topic poses/NAME for more than {_MOST_POSES}'
             )
             known = {}
+        topics = topics_of('poses/', [marker.frame for marker in known.values()])
         self._poses = {
-            identity: publisher(node, PoseStamped, f'poses/{topic_part(marker.frame)}', LATCHED)
-            for identity, marker in known.items()
+            identity: publisher(node, PoseStamped, topic, LATCHED)
+            for identity, topic in zip(known, topics, strict=True)
         }
         self._send_transforms: WatchedSender | None = None
         self._beat_s = -math.inf

@@ -41,10 +41,10 @@ Examine = Callable[[], 'Health | None']
 
 def health_of(problems: list[tuple[bytes, str]], fine: str, values: dict[str, str]) -> Health:
     """Return problems as one health, the worst first; `fine` if there are none."""
-    if not problems:
-        return Health(OK, fine, values)
-    problems = sorted(problems, key=lambda problem: problem[0], reverse=True)
-    return Health(problems[0][0], '; '.join(text for _, text in problems), values)
+    health = Health(OK, fine, values)
+    for problem in sorted(problems, key=lambda problem: problem[0], reverse=True):
+        health = health.plus(*problem)
+    return health
 
 
 class HealthBoard:

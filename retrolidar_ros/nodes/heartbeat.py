@@ -9,9 +9,10 @@ from rclpy.node import Node
 from std_msgs.msg import Bool
 
 from retrolidar_ros.msg import MarkerDetection
-from retrolidar_ros.nodes.diagnostics import OK, WARN, Health, publish_health
+from retrolidar_ros.nodes.detection_subscriber import DetectionSubscriber
+from retrolidar_ros.nodes.diagnostics import WARN, Health, health_of, publish_health
 from retrolidar_ros.nodes.parameters import Parameters
-from retrolidar_ros.nodes.qos import EVENTS, LATCHED, subscribe
+from retrolidar_ros.nodes.qos import LATCHED
 from retrolidar_ros.nodes.run import run
 from retrolidar_ros.tasks.heartbeat import Heartbeat
 
@@ -42,7 +43,7 @@ class HeartbeatNode(Node):
         self._is_alive: bool | None = None
         self._alive = self.create_publisher(Bool, '~/alive', LATCHED)
         publish_health(self, 'markers', '', self._examine)
-        subscribe(self, MarkerDetection, 'markers', self._take, EVENTS)
+        self._detections = DetectionSubscriber(self, ['markers'], self._take)
         parameters.warn_of_unknown()
         self.create_timer(_TICK_S, self._tick, clock=Clock(clock_type=ClockType.STEADY_TIME))
 
@@ -88,11 +89,12 @@ class HeartbeatNode(Node):
             values[f'{name}: windows with a reading'] = f'{heart.windows_alive} of {heart.windows}'
             values[f'{name}: silence [s]'] = f'{heart.silence_s(now_s):.1f}'
             values[f'{name}: longest silence [s]'] = f'{heart.longest_silence_s(now_s):.1f}'
+        problems = self._detections.examine(values)
         if self._overdue:
-            return Health(WARN, f'overdue: {", ".join(sorted(self._overdue))}', values)
-        if not self._is_alive:
-            return Health(WARN, 'not all markers have been read yet', values)
-        return Health(OK, 'all markers are read', values)
+            problems.append((WARN, f'overdue: {", ".join(sorted(self._overdue))}'))
+        elif not self._is_alive:
+            problems.append((WARN, 'not all markers have been read yet'))
+        return health_of(problems, 'all markers are read', values)
 
 
 def main() -> int:

@@ -5,7 +5,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any
 
 from rclpy.node import Node
@@ -44,3 +44,16 @@ def topic_part(frame: str) -> str:
     """Return a TF frame as a part of a topic's name, which takes fewer characters."""
     part = re.sub(r'\W', '_', frame, flags=re.ASCII)
     return f'_{part}' if part[0].isdigit() else part
+
+
+def topics_of(prefix: str, names: Sequence[str]) -> list[str]:
+    """Return a topic for each name; ValueError if two would share one."""
+    owners: dict[str, str] = {}
+    for name in names:
+        topic = prefix + topic_part(name)
+        if topic in owners:
+            raise ValueError(
+                f'{owners[topic]} and {name} would share the topic {topic}: rename one of them'
+            )
+        owners[topic] = name
+    return list(owners)

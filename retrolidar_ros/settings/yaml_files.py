@@ -92,6 +92,12 @@ def load_yaml(path: Path) -> Any:
         raise ValueError(f'{path} is not a YAML file: {reason}') from error
 
 
+def yaml_text(content: object) -> str:
+    """Return plain values as YAML, in their order, lists of numbers on lines of their own."""
+    text: str = yaml.safe_dump(content, sort_keys=False, default_flow_style=None)
+    return text
+
+
 def load_parsed(path: Path, parse: Callable[[Any], T]) -> T:
     """Return the parsed content of a YAML file.
 
