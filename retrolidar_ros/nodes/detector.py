@@ -12,6 +12,7 @@ from typing import Any
 from rclpy.logging import LoggingSeverity
 from rclpy.node import Node
 
+from retrolidar_ros.detector.agreement import Agreement
 from retrolidar_ros.detector.likelihood_detector import LikelihoodDetector
 from retrolidar_ros.detector.parameters import PARAMETERS, detector_of, known_markers
 from retrolidar_ros.msg import Frame as FrameMsg
@@ -38,6 +39,7 @@ class DetectorNode(Node):
         # Zones are known with the first frame, but impossible parameters end the start.
         self._grid = ZoneGrid()
         self._detector = detector_of(self._values, self._grid, self._known)
+        self._agreement = Agreement(self._values['min_readings'])
         self._topics = DetectionTopics(self, self._known, self._values)
         self._frame_id = ''
         self._health = DetectorHealth(self._grid)
@@ -54,6 +56,7 @@ class DetectorNode(Node):
         with self._lock:
             if any(values[name] != self._values[name] for name in PARAMETERS):
                 self._detector = detector_of(values, self._grid, self._known)
+                self._agreement = Agreement(values['min_readings'])
                 self._health.restart(self._grid)
                 self.get_logger().info('the detector restarts with other parameters')
             self._topics.change(values)
@@ -85,6 +88,7 @@ class DetectorNode(Node):
             if frame.grid != self._grid or frame_id != self._frame_id:
                 self._grid, self._frame_id = frame.grid, frame_id
                 self._detector = detector_of(self._values, frame.grid, self._known)
+                self._agreement = Agreement(self._values['min_readings'])
                 self._health.restart(frame.grid)
             age_s = (self.get_clock().now().nanoseconds - frame.stamp_ns) * 1e-9
             if self._health.reception.take(frame):
@@ -98,7 +102,8 @@ class DetectorNode(Node):
             self._log_rejected()
         if detections:
             self._health.read(detections)
-            self._topics.publish(detections, frame_id)
+            if confirmed := self._agreement.confirmed(detections):
+                self._topics.publish(confirmed, frame_id)
 
     def _drop(self, reason: str) -> None:
         self._health.drop(reason)
@@ -124,6 +129,7 @@ class DetectorNode(Node):
             health, problem = self._health.examine(
                 self._values, self._known, self._detector.counts, publishers
             )
+            health.values['withheld by min_readings'] = str(self._agreement.withheld)
         # Each kind of problem once; /diagnostics repeats them.
         kind = re.sub(r'[\d.]+', '', problem)
         if problem and kind not in self._warned:
