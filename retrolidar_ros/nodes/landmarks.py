@@ -133,6 +133,7 @@ class LandmarksNode(Node):
         if name not in self._poses:
             topic = f'~/objects/{topic_part(name)}'
             self._poses[name] = self.create_publisher(PoseWithCovarianceStamped, topic, LATCHED)
+            self.get_logger().info(f'{name} is placed, to ±{1e3 * estimate.stddev_m:.0f} mm so far')
         message = to_pose_msg(header, estimate.position_m, estimate.rotation, estimate.covariance)
         self._poses[name].publish(message)
         self._shapes.publish(MarkerArray(markers=landmark_shapes(header, self._survey.estimates())))

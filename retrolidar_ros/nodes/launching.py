@@ -19,6 +19,9 @@ from launch.substitutions import LaunchConfiguration, PathJoinSubstitution
 from launch_ros.actions import Node
 from launch_ros.substitutions import FindPackageShare
 
+from retrolidar_ros.settings.resources import shared_file
+from retrolidar_ros.settings.yaml_files import load_parameter_defaults, load_yaml
+
 SHARE = FindPackageShare('retrolidar_ros')
 PARAMETERS = PathJoinSubstitution([SHARE, 'config', 'retrolidar.yaml'])
 MARKERS = PathJoinSubstitution([SHARE, 'config', 'markers.yaml'])
@@ -32,6 +35,7 @@ COMMON: dict[str, tuple[Any, str]] = {
     'use_sim_time': ('', 'Whether time is that of /clock; empty = as in the parameter file.'),
     'respawn': ('true', 'Whether a node that ends is started again, after a delay.'),
     'respawn_delay': ('2.0', 'That delay [s].'),
+    'rviz': ('false', 'Whether RViz starts, too.'),
 }
 """Launch arguments of every launch file: default and description."""
 SENSOR: dict[str, tuple[Any, str]] = {
@@ -40,6 +44,7 @@ SENSOR: dict[str, tuple[Any, str]] = {
     'frame_id': ('', 'TF frame of the sensor; empty = as in the parameter file.'),
     'namespace': ('retrolidar', 'Of nodes and topics.'),
     'emulate': ('', 'A scene to emulate instead of a sensor: a file, or the name of one.'),
+    'emulate_base': ('base_link', 'Frame in TF of an arm that moves the emulated sensor; empty = none.'),
 }
 """Those of every launch file for one sensor."""
 _LEVELS = ('debug', 'info', 'warn', 'error', 'fatal')
@@ -106,6 +111,17 @@ def _parameter_file(context: LaunchContext) -> str:
     return path
 
 
+def parameter(context: LaunchContext, kind: str, name: str) -> Any:
+    """Return a launch argument, or the parameter of a node of that name, as the file has it."""
+    if text := value(context, name):
+        return text
+    found = load_parameter_defaults(shared_file('config/retrolidar.yaml'), kind)[name]
+    for key, section in load_yaml(Path(_parameter_file(context))).items():
+        if str(key).rpartition('/')[2] in (kind, '**'):
+            found = (section.get('ros__parameters') or {}).get(name, found)
+    return found
+
+
 def node(
     context: LaunchContext, executable: str, parameters: dict[str, Any], **options: Any
 ) -> Node:
@@ -130,8 +146,8 @@ def node(
 
 
 def sensor(**arguments: Any) -> IncludeLaunchDescription:
-    """Return one sensor, by retrolidar.launch.py; without arguments, with those of this launch."""
-    arguments = arguments or {name: LaunchConfiguration(name) for name in SENSOR}
+    """Return one sensor, by retrolidar.launch.py, with arguments before those of this launch."""
+    arguments = {name: LaunchConfiguration(name) for name in SENSOR} | arguments
     return IncludeLaunchDescription(
         PathJoinSubstitution([SHARE, 'launch', 'retrolidar.launch.py']),
         launch_arguments=arguments.items(),
@@ -144,7 +160,7 @@ def one_of_several(context: LaunchContext, name: str, **own: str) -> GroupAction
     pushed = context.launch_configurations.get('ros_namespace', '')
     namespace = value(context, 'namespace')
     common = {argument: value(context, argument) for argument in COMMON}
-    common['namespace'] = _joined(namespace, name)
+    common |= {'namespace': _joined(namespace, name), 'rviz': 'false', 'emulate_base': ''}
     common['markers'] = f'/{_joined(pushed, namespace, "markers")}'
     return GroupAction([sensor(**common | own)])
 
