@@ -44,7 +44,10 @@ SENSOR: dict[str, tuple[Any, str]] = {
     'frame_id': ('', 'TF frame of the sensor; empty = as in the parameter file.'),
     'namespace': ('retrolidar', 'Of nodes and topics.'),
     'emulate': ('', 'A scene to emulate instead of a sensor: a file, or the name of one.'),
-    'emulate_base': ('base_link', 'Frame in TF of an arm that moves the emulated sensor; empty = none.'),
+    'emulate_base': (
+        'base_link',
+        'TF frame of an arm that moves the emulated sensor; empty = none.',
+    ),
 }
 """Those of every launch file for one sensor."""
 _LEVELS = ('debug', 'info', 'warn', 'error', 'fatal')
