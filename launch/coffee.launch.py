@@ -19,6 +19,8 @@ from retrolidar_ros.nodes.launching import (
     sensor,
     value,
 )
+from retrolidar_ros.nodes.viewing import viewer
+from retrolidar_ros.scene import Scene
 from retrolidar_ros.scene.files import load_scene
 
 _ONE_LOOK = 0.07  # standard deviation that one look leaves, of the range
@@ -29,14 +31,12 @@ def _coffee(context):
     parameters = given(context, 'target_frame', 'max_stddev')
     if 'max_stddev' in parameters:
         parameters['max_stddev'] = number(context, 'max_stddev')
-    if not value(context, 'emulate'):
-        return [sensor(), node(context, 'coffee', parameters)]
+    base, target = value(context, 'emulate_base'), parameter(context, 'coffee', 'target_frame')
     actions = []
-    scene = load_scene(value(context, 'emulate'))
-    base = value(context, 'emulate_base')
+    scene = load_scene(name) if (name := value(context, 'emulate')) else Scene()
     if len(scene.sensor.path) > 1:
         # Places in the sensor's frame say nothing while an arm moves it.
-        base = parameters['target_frame'] = parameter(context, 'coffee', 'target_frame') or base
+        target = parameters['target_frame'] = target or base
     elif scene.markers:
         wanted_m = float(parameter(context, 'coffee', 'max_stddev'))
         farthest_m = max(float(np.linalg.norm(one.position_m)) for one in scene.markers)
@@ -49,7 +49,9 @@ def _coffee(context):
                     f'{wanted_m:g} m. Try emulate:=arm, or max_stddev:={reached_m:g}'
                 )
             )
-    return [*actions, sensor(emulate_base=base), node(context, 'coffee', parameters)]
+    frame = target or parameter(context, 'driver', 'frame_id')
+    actions += viewer(context, frame, upright=bool(target))
+    return [*actions, sensor(emulate_base=target or base), node(context, 'coffee', parameters)]
 
 
 def generate_launch_description():

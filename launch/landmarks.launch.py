@@ -15,6 +15,7 @@ from retrolidar_ros.nodes.launching import (
     parameter,
     sensor,
 )
+from retrolidar_ros.nodes.viewing import viewer
 
 _FILES_AND_FRAMES = ('fixed_frame', 'marker_file', 'load_file', 'save_file', 'base_frame')
 
@@ -24,7 +25,8 @@ def _landmarks(context):
     parameters = given(context, *_FILES_AND_FRAMES)
     parameters['localize'] = is_on(context, 'localize')
     fixed_frame = parameter(context, 'landmarks', 'fixed_frame')
-    return [sensor(emulate_base=fixed_frame), node(context, 'landmarks', parameters)]
+    rviz = viewer(context, fixed_frame, upright=True, landmarks=True)
+    return [*rviz, sensor(emulate_base=fixed_frame), node(context, 'landmarks', parameters)]
 
 
 def generate_launch_description():

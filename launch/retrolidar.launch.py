@@ -11,7 +11,17 @@ import time
 from launch import LaunchDescription
 from launch.actions import ExecuteProcess, OpaqueFunction, Shutdown
 
-from retrolidar_ros.nodes.launching import SENSOR, declared, given, is_on, node, value
+from retrolidar_ros.nodes.launching import (
+    SENSOR,
+    declared,
+    full_namespace,
+    given,
+    is_on,
+    node,
+    parameter,
+    value,
+)
+from retrolidar_ros.nodes.viewing import viewer
 from retrolidar_ros.scene.files import load_scene
 
 # Launch arguments that go before what the parameter file says.
@@ -30,15 +40,14 @@ def _end(context):
 
 def _link(context):
     """Return a path for the port of an emulated sensor that no other launch or namespace has."""
-    pushed = context.launch_configurations.get('ros_namespace', '')
-    path = f'{pushed}/{value(context, "namespace")}'.strip('/').replace('/', '_')
+    path = full_namespace(context).replace('/', '_')
     return os.path.join(tempfile.gettempdir(), f'retrolidar_{os.getpid()}_{path}')
 
 
 def _nodes(context):
     """Return the processes to start, now that the arguments have values."""
     parameters = given(context, *(name for names in _OVERRIDES.values() for name in names))
-    actions = []
+    actions = viewer(context, parameter(context, 'driver', 'frame_id'))
     if scene := value(context, 'emulate'):
         load_scene(scene)  # says what is wrong with it before anything is started
         # The driver opens the emulator's port as it would open that of a sensor with our protocol.

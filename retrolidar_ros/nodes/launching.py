@@ -151,6 +151,7 @@ def node(
 def sensor(**arguments: Any) -> IncludeLaunchDescription:
     """Return one sensor, by retrolidar.launch.py, with arguments before those of this launch."""
     arguments = {name: LaunchConfiguration(name) for name in SENSOR} | arguments
+    arguments['rviz'] = 'false'  # what includes it shows all
     return IncludeLaunchDescription(
         PathJoinSubstitution([SHARE, 'launch', 'retrolidar.launch.py']),
         launch_arguments=arguments.items(),
@@ -160,12 +161,17 @@ def sensor(**arguments: Any) -> IncludeLaunchDescription:
 def one_of_several(context: LaunchContext, name: str, **own: str) -> GroupAction:
     """Return a sensor in a namespace of its own, whose detections come on the topic of all."""
     # The namespace is relative to one that may have been pushed, and the topic is not.
-    pushed = context.launch_configurations.get('ros_namespace', '')
     namespace = value(context, 'namespace')
     common = {argument: value(context, argument) for argument in COMMON}
-    common |= {'namespace': _joined(namespace, name), 'rviz': 'false', 'emulate_base': ''}
-    common['markers'] = f'/{_joined(pushed, namespace, "markers")}'
+    common |= {'namespace': _joined(namespace, name), 'emulate_base': ''}
+    common['markers'] = f'/{full_namespace(context)}/markers'
     return GroupAction([sensor(**common | own)])
+
+
+def full_namespace(context: LaunchContext) -> str:
+    """Return the namespace of the launch, below one that may have been pushed."""
+    pushed = context.launch_configurations.get('ros_namespace', '')
+    return _joined(pushed, value(context, 'namespace'))
 
 
 def _joined(*parts: str) -> str:
