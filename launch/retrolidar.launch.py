@@ -30,7 +30,7 @@ _OVERRIDES = {
     'detector': ('marker_file', 'child_frame', 'publish_tf'),
 }
 # The scene begins when driver and detector, and the arm, have started.
-_START_S = 3.0
+_START_S = 5.0
 
 
 def _end(context):

@@ -5,19 +5,21 @@
 from __future__ import annotations
 
 import time
+from collections import deque
 from xml.sax.saxutils import quoteattr
 
 import numpy as np
 from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
 from std_msgs.msg import Header, String
+from tf2_msgs.msg import TFMessage
 
 from retrolidar_ros.msg import Frame as FrameMsg
-from retrolidar_ros.nodes.conversion import to_pose, to_transform
+from retrolidar_ros.nodes.conversion import to_ns, to_pose, to_transform
 from retrolidar_ros.nodes.parameters import Parameters, check_frame_id
-from retrolidar_ros.nodes.qos import LATCHED, STREAM_HEARD
+from retrolidar_ros.nodes.qos import EVENTS, LATCHED, STREAM_HEARD
 from retrolidar_ros.nodes.run import run
-from retrolidar_ros.nodes.transforms import TransformFinder, transform_sender
+from retrolidar_ros.nodes.transforms import transform_sender
 from retrolidar_ros.scene.description import Waypoint
 from retrolidar_ros.scene.files import load_scene
 from retrolidar_ros.scene.laboratory import along, rotation_of
@@ -26,6 +28,8 @@ from retrolidar_ros.sensor.rotation import quaternion_of
 IN_BASE = np.array([[0.0, 0.0, 1.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0]])
 """Turns directions of a scene into those of the arm's base: x ahead, y left, z up (REP 103)."""
 _PERIOD_S = 0.02
+_LISTENING_S = 3.0  # for another arm, before it begins
+_KEPT = 1000
 _STILL = (Waypoint(0.0, (0.0, 0.0, 0.0)),)
 # A pillar behind the scene's origin, and a hand behind the sensor.
 _DESCRIPTION = """<robot name="emulated_arm">
@@ -54,29 +58,53 @@ class EmulatedArmNode(Node):
         except FileNotFoundError as error:
             raise ValueError(f'scene: {error}') from error
         self._start_s = values['start']
-        self._finder = TransformFinder(self)
+        self._sensor, self._gave_way = '', False
+        self._sent_ns: deque[int] = deque(maxlen=_KEPT)
+        self._moved: set[str] = set()
+        self._began_s = time.monotonic()
         self._send = transform_sender(self)
         self._description = self.create_publisher(String, 'robot_description', LATCHED)
+        for topic, qos in (('/tf', EVENTS), ('/tf_static', LATCHED)):
+            self.create_subscription(TFMessage, topic, self._hear, qos)
         self._frames = self.create_subscription(FrameMsg, 'frames', self._begin, STREAM_HEARD)
+        self.create_timer(_PERIOD_S, self._tell, clock=Clock(clock_type=ClockType.STEADY_TIME))
         parameters.warn_of_unknown()
 
     def _begin(self, message: FrameMsg) -> None:
-        self.destroy_subscription(self._frames)
-        self._sensor = sensor = message.header.frame_id
-        if self._finder.knows(sensor):
-            self.get_logger().info(f'{sensor} has a parent in TF already: that arm is used')
+        if time.monotonic() < self._began_s + _LISTENING_S:
             return
-        names = {'base': quoteattr(self._base), 'sensor': quoteattr(sensor)}
+        self.destroy_subscription(self._frames)
+        self._sensor = message.header.frame_id
+        if self._sensor in self._moved:
+            self._give_way()
+            return
+        names = {'base': quoteattr(self._base), 'sensor': quoteattr(self._sensor)}
         self._description.publish(String(data=_DESCRIPTION.format(**names)))
-        self.create_timer(_PERIOD_S, self._tell, clock=Clock(clock_type=ClockType.STEADY_TIME))
-        self.get_logger().info(f'sending the transform from {self._base} to {sensor}')
+        self.get_logger().info(f'sending the transform from {self._base} to {self._sensor}')
+
+    def _hear(self, message: TFMessage) -> None:
+        """Note what other nodes move; an arm of the user's goes before this one."""
+        for one in message.transforms:
+            if to_ns(one.header.stamp) not in self._sent_ns:
+                self._moved.add(one.child_frame_id)
+        if self._sensor in self._moved:
+            self._give_way()
+
+    def _give_way(self) -> None:
+        if self._gave_way:
+            return
+        self._gave_way = True
+        self.get_logger().info(f'{self._sensor} has another parent in TF: that arm is used')
 
     def _tell(self) -> None:
         """Send where the sensor is now."""
+        if not self._sensor or self._gave_way:
+            return
         time_s = np.array([max(time.monotonic() - self._start_s, 0.0)])
         place_m, turned = along(self._path, time_s)
         turn = quaternion_of(IN_BASE @ rotation_of(turned)[0])
         header = Header(frame_id=self._base, stamp=self.get_clock().now().to_msg())
+        self._sent_ns.append(to_ns(header.stamp))
         self._send([to_transform(header, self._sensor, to_pose(IN_BASE @ place_m[0], turn))])
 
 

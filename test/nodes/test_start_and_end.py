@@ -46,7 +46,7 @@ def refuse(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Callable[..., l
     directory = tmp_path_factory.mktemp('refused')
     for name, text in FILES.items():
         (directory / f'{name}.yaml').write_text(text)
-    nodes = ('driver', 'detector', 'reader', 'coffee', 'heartbeat', 'landmarks')
+    nodes = ('driver', 'detector', 'reader', 'coffee', 'heartbeat', 'landmarks', 'emulated_arm')
     command, pipe = [sys.executable, '-c', START, *nodes], subprocess.PIPE
     with subprocess.Popen(command, stdin=pipe, stdout=pipe, text=True, cwd=directory) as process:
         assert process.stdin is not None
@@ -89,6 +89,8 @@ def refuse(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Callable[..., l
         ('landmarks', '-p load_file:={}/nowhere.yaml', 'load_file: '),
         ('landmarks', '-p localize:=true', '0 markers are at known places; localisation needs'),
         ('coffee', '-p objects:=[]', 'objects: there is no name'),
+        ('coffee', '-p min_height:=2.0 -p max_height:=1.0', 'min_height is above max_height'),
+        ('emulated_arm', '-p scene:=nowhere', 'scene: there is no scene nowhere'),
         ('heartbeat', '-p markers:=[]', 'markers: there is no name'),
         ('reader', '-p ports:=[/a,/b] -p names:=[x]', 'names: 1 of them for 2 ports'),
         ('reader', '-p ports:=[/a,/a]', 'ports: one stands there twice'),
