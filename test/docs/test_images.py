@@ -1,6 +1,7 @@
 # Copyright 2026 retrolidar_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 import re
+import runpy
 from pathlib import Path
 from xml.etree import ElementTree
 
@@ -32,3 +33,12 @@ def test_text_has_room_in_any_font(name: str) -> None:
     assert texts
     for text, x in texts:
         assert x + _WIDEST * size * len(text) < width, text
+
+
+def test_the_layouts_are_drawn_from_their_files() -> None:
+    """`embedded/run python docs/images/viewers.py` draws them again."""
+    module = runpy.run_path(str(IMAGES / 'viewers.py'))
+    assert module['drawing']() == (IMAGES / 'viewers.svg').read_text(encoding='utf-8')
+    drawing = ElementTree.fromstring(module['drawing']())
+    texts = {text.strip() for text, _ in texts_of(drawing)}
+    assert {'Displays', 'Zones and markers', '/retrolidar/points', 'mug'} <= texts
