@@ -85,7 +85,7 @@ class EmulatedArmNode(Node):
     def _hear(self, message: TFMessage) -> None:
         """Note what other nodes move; an arm of the user's goes before this one."""
         for one in message.transforms:
-            if to_ns(one.header.stamp) not in self._sent_ns:
+            if one.child_frame_id != self._sensor or to_ns(one.header.stamp) not in self._sent_ns:
                 self._moved.add(one.child_frame_id)
         if self._sensor in self._moved:
             self._give_way()

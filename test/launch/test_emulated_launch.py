@@ -19,7 +19,11 @@ pytest.importorskip('launch_testing', reason='needs launch_testing, which has no
 import launch_testing
 import launch_testing.asserts
 from geometry_msgs.msg import PoseStamped, PoseWithCovarianceStamped
+from launch import LaunchContext
 from launch.actions import SetEnvironmentVariable
+from launch.launch_description_sources import get_launch_description_from_any_launch_file
+from launch.utilities import perform_substitutions
+from launch_ros.actions import Node
 from std_msgs.msg import Bool, String
 
 sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
@@ -31,6 +35,7 @@ from harness_observer import Observer
 from retrolidar_ros.nodes.conversion import covariance_of, vector_of
 from retrolidar_ros.nodes.emulated_arm import IN_BASE
 from retrolidar_ros.scene.files import load_scene
+from retrolidar_ros.settings.resources import shared_file
 
 ARM = load_scene('arm')
 WANTED_M = 0.01
@@ -62,6 +67,18 @@ def topics_of(file):
     displays = yaml.safe_load(file.read_text())['Visualization Manager']['Displays']
     places = [one.get('Topic', one.get('Description Topic', {})) for one in displays]
     return {place['Value'] for place in places if place}
+
+
+def shown_by(name, **arguments):
+    """Return the file that a launch file has RViz show; nothing is started."""
+    file = str(shared_file(f'launch/{name}.launch.py'))
+    context = LaunchContext()
+    context.launch_configurations.update(arguments, rviz='true')
+    entities = get_launch_description_from_any_launch_file(file).entities
+    actions = [action for one in entities for action in one.execute(context) or []]
+    (rviz,) = [one for one in actions if isinstance(one, Node) and one.node_executable == 'rviz2']
+    words = [perform_substitutions(context, part) for part in rviz.cmd]
+    return Path(words[words.index('-d') + 1])
 
 
 def check_poses(observer, node):
@@ -139,12 +156,33 @@ class TestLaunchFile(unittest.TestCase):
             command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True
         ) as process:
             lines = []
-            while not any('process started' in line for line in lines):
+            # Launch may hang if it is interrupted while it starts.
+            while not any('has not been seen' in line for line in lines):
                 lines.append(process.stdout.readline())
                 assert lines[-1], lines
             process.send_signal(signal.SIGINT)
             process.stdout.read()
-        assert any('stands still' in line and 'max_stddev:=0.1' in line for line in lines), lines
+        told = [index for index, line in enumerate(lines) if 'stands still' in line]
+        started = [index for index, line in enumerate(lines) if 'process started' in line]
+        assert told[0] < started[0], lines
+        assert 'max_stddev:=0.1' in lines[told[0]]
+
+    def test_every_launch_file_shows_its_topics_in_its_frame(self, case):
+        of_sensor = {'points', 'marker_array', 'signal_image'}
+        both = {f'{side}/{one}' for side in ('left', 'right') for one in of_sensor}
+        arm = {*of_sensor, 'robot_description'}
+        for name, arguments, topics, frame in (
+            ('retrolidar', {'frame_id': 'gripper'}, of_sensor, 'gripper'),
+            ('drone', {}, of_sensor, 'retrolidar_optical_frame'),
+            ('coffee', {}, of_sensor, 'retrolidar_optical_frame'),
+            ('coffee', {'emulate': 'arm'}, arm, 'base_link'),
+            ('two_sensors', {}, both, 'left_optical_frame'),
+            ('hall', {'ports': '[/a, /b]', 'names': '[left, right]'}, both, 'left_optical_frame'),
+        ):
+            with self.subTest(name=name):
+                file = shown_by(name, namespace='shown', **arguments)
+                assert topics_of(file) == {f'/shown/{one}' for one in topics}
+                assert f'Fixed Frame: {frame}\n' in file.read_text()
 
 
 @launch_testing.post_shutdown_test()
