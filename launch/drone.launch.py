@@ -92,6 +92,7 @@ def generate_launch_description():
     """Return the launch arguments and what they start."""
     arguments = {
         **SENSOR,
+        'emulate_base': ('', SENSOR['emulate_base'][1]),
         'marker_file': (MARKERS, 'YAML file of the known markers.'),
         'sensors': ('1', 'Number of sensors: 1, or 3 to locate the drone.'),
         'ports': ('[]', 'Of three, as [/dev/a, /dev/b, /dev/c].'),

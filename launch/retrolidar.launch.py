@@ -29,7 +29,7 @@ _OVERRIDES = {
     'driver': ('serial_port', 'protocol', 'frame_id', 'autostart'),
     'detector': ('marker_file', 'child_frame', 'publish_tf'),
 }
-# The scene begins when driver and detector, and the arm, have started.
+# The scene begins when the arm knows that there is no other one.
 _START_S = 5.0
 
 
@@ -53,9 +53,12 @@ def _nodes(context):
         # The driver opens the emulator's port as it would open that of a sensor with our protocol.
         port = parameters.setdefault('serial_port', _link(context))
         parameters['protocol'] = 'retrolidar'
-        start_s = time.monotonic() + _START_S
         emulator = [sys.executable, '-m', 'retrolidar_ros.cli', 'emulate', scene]
-        emulator += ['--start', str(start_s)]
+        if base := value(context, 'emulate_base'):
+            start_s = time.monotonic() + _START_S
+            emulator += ['--start', str(start_s)]
+            arm = {'scene': scene, 'start': start_s, 'fixed_frame': base}
+            actions.append(node(context, 'emulated_arm', arm))
         emulator += shlex.split(value(context, 'emulate_options'))
         actions.append(
             ExecuteProcess(
@@ -65,9 +68,6 @@ def _nodes(context):
                 on_exit=OpaqueFunction(function=_end),
             )
         )
-        if base := value(context, 'emulate_base'):
-            arm = {'scene': scene, 'start': start_s, 'fixed_frame': base}
-            actions.append(node(context, 'emulated_arm', arm))
     for name in {'autostart', 'publish_tf'} & parameters.keys():
         parameters[name] = is_on(context, name)
     remappings = [('markers', value(context, 'markers'))]
