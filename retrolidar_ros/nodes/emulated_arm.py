@@ -11,6 +11,7 @@ from xml.sax.saxutils import quoteattr
 import numpy as np
 from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
+from rclpy.qos import DurabilityPolicy, QoSProfile
 from std_msgs.msg import Header, String
 from tf2_msgs.msg import TFMessage
 
@@ -30,6 +31,7 @@ IN_BASE = np.array([[0.0, 0.0, 1.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0]])
 _PERIOD_S = 0.02
 _LISTENING_S = 3.0  # for another arm, before it begins
 _KEPT = 1000
+_STATIC = QoSProfile(depth=100, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 _STILL = (Waypoint(0.0, (0.0, 0.0, 0.0)),)
 # A pillar behind the scene's origin, and a hand behind the sensor.
 _DESCRIPTION = """<robot name="emulated_arm">
@@ -64,7 +66,7 @@ class EmulatedArmNode(Node):
         self._began_s = time.monotonic()
         self._send = transform_sender(self)
         self._description = self.create_publisher(String, 'robot_description', LATCHED)
-        for topic, qos in (('/tf', EVENTS), ('/tf_static', LATCHED)):
+        for topic, qos in (('/tf', EVENTS), ('/tf_static', _STATIC)):
             self.create_subscription(TFMessage, topic, self._hear, qos)
         self._frames = self.create_subscription(FrameMsg, 'frames', self._begin, STREAM_HEARD)
         self.create_timer(_PERIOD_S, self._tell, clock=Clock(clock_type=ClockType.STEADY_TIME))
