@@ -144,13 +144,13 @@ def _check_demand(
     observer: Observer, node: str, ready: list[Any], missing: list[Any], view: View
 ) -> None:
     """While more is demanded than a zone can give, what is missing is published with its reason."""
-    unsure, stale = 'is known to 0.*; {} m wanted*', 'was last seen ? s ago'
+    unsure, stale = '±* mm (±{} mm needed*', 'was last seen ? s ago'
     steps: list[tuple[dict[str, float], tuple[str, ...], str]] = [
         # The beans are 1 m away, which makes a zone small enough for this.
-        ({'max_stddev': 0.055}, OBJECTS[1:], unsure.format(0.055)),
-        ({'max_stddev': 0.01}, OBJECTS, unsure.format(0.01)),
+        ({'max_stddev': 0.055}, OBJECTS[1:], unsure.format(55)),
+        ({'max_stddev': 0.01}, OBJECTS, unsure.format(10)),
         ({'stale_after': 0.1}, OBJECTS, stale),
-        ({'stale_after': 10.0}, OBJECTS, unsure.format(0.01)),
+        ({'stale_after': 10.0}, OBJECTS, unsure.format(10)),
         ({'max_stddev': 0.2}, (), ''),
     ]
     # Landmarks are a bit less sure than single detections.

@@ -15,6 +15,7 @@ import numpy as np
 
 from retrolidar_ros.cli.watch_view import BLINKING_DB, LastReading, Snapshot
 from retrolidar_ros.detector import Detection
+from retrolidar_ros.detector.agreement import Agreement
 from retrolidar_ros.detector.blinking import BitReader, Samples, modulation_db
 from retrolidar_ros.detector.blinking_zones import LEAST_FRAMES, bit_periods, clock_mismatch
 from retrolidar_ros.detector.likelihood_detector import Candidate, LikelihoodDetector
@@ -64,6 +65,7 @@ class Watch:
         self._clock = ClockMap()
         self._bits = BitReader(self._bit_s)
         self._detector: LikelihoodDetector | None = None
+        self._agreement = Agreement(values['min_readings'])
         self._last_rejected: Candidate | None = None
         self._frames: deque[Frame] = deque(maxlen=_KEPT)
         self._last: dict[int, Detection] = {}
@@ -111,7 +113,7 @@ class Watch:
             self._frames.clear()
         self._frames.append(frame)
         assert self._detector is not None
-        for detection in self._detector.update(frame):
+        for detection in self._agreement.confirmed(self._detector.update(frame)):
             self._last[detection.id] = detection
             self._times[detection.id] += 1
         for candidate in self._detector.candidates:

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from retrolidar_ros.detector.agreement import Agreement
 from retrolidar_ros.detector.blinking_zones import (
     LEAST_FRAMES,
     LOW_CONTRAST,
@@ -46,6 +47,7 @@ class Decoding:
         self._known = known_markers(values)
         registered(values, self._known)
         self._detector: Detector | None = None
+        self._agreement = Agreement(values['min_readings'])
         self._newest: deque[Frame] = deque(maxlen=_KEPT)
         self.rejected: dict[int, Candidate] = {}
         """The best of each zone that was not read."""
@@ -62,13 +64,14 @@ class Decoding:
                 grid = frame.grid
                 self._newest.clear()
                 self._detector = detector_of(self.values, grid, self._known)
+                self._agreement = Agreement(self.values['min_readings'])
             self._newest.append(frame)
             assert self._detector is not None
             for detection in self._detector.update(frame):
                 self.packets[detection.id] += detection.packets
                 self._periods_s[detection.id] = detection.bit_period_s
                 self._zones.update(detection.zones)
-                yield detection
+                yield from self._agreement.confirmed([detection])
             if isinstance(self._detector, LikelihoodDetector):
                 for one in self._detector.candidates:
                     best = self.rejected.get(one.zone)
@@ -93,6 +96,11 @@ class Decoding:
         time_s = recording.stamp_ns * 1e-9
         frame_s = float(np.median(np.diff(time_s)))
         found = self._less(float(time_s[-1] - time_s[0]))
+        if self._agreement.withheld and not self._agreement.passed:
+            found.append(
+                f'{self._agreement.withheld} readings are withheld: fewer agree than min_readings, '
+                f'{self.values["min_readings"]}'
+            )
         bit_s = self.values['bit_period']
         if not self.packets:
             found += self._unregistered(recording) or unread(zones, frame_s, bit_s)

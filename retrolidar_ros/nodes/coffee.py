@@ -7,13 +7,19 @@ from __future__ import annotations
 import re
 from itertools import combinations
 
-from geometry_msgs.msg import PoseWithCovarianceStamped, Vector3Stamped
+from geometry_msgs.msg import PoseStamped, PoseWithCovarianceStamped, Vector3Stamped
 from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
 from std_msgs.msg import Bool, Header, String
 
 from retrolidar_ros.msg import MarkerDetection
-from retrolidar_ros.nodes.conversion import covariance_of, from_pose, to_ns, to_pose_msg
+from retrolidar_ros.nodes.conversion import (
+    covariance_of,
+    from_pose,
+    to_ns,
+    to_pose,
+    to_pose_msg,
+)
 from retrolidar_ros.nodes.detection_subscriber import DetectionSubscriber
 from retrolidar_ros.nodes.diagnostics import WARN, Health, health_of, publish_health
 from retrolidar_ros.nodes.parameters import Parameters
@@ -21,7 +27,8 @@ from retrolidar_ros.nodes.placed_readings import PlacedReadings
 from retrolidar_ros.nodes.qos import LATCHED, topics_of
 from retrolidar_ros.nodes.run import run
 from retrolidar_ros.sensor.frame import Floats
-from retrolidar_ros.tasks.next_view import best_place
+from retrolidar_ros.sensor.rotation import quaternion_of
+from retrolidar_ros.tasks.next_view import ViewPlanner
 from retrolidar_ros.tasks.objects import ObjectBoard
 from retrolidar_ros.tasks.reading import Errors, Reading
 from retrolidar_ros.tasks.survey import Survey
@@ -52,18 +59,23 @@ class CoffeeNode(Node):
         parameters.declare(
             'reach', 'Radius around the first viewpoint [m].', 0.01, 100.0, live=True
         )
+        parameters.declare('min_height', 'Least z of a viewpoint [m].', -1e3, 1e3, live=True)
+        parameters.declare('max_height', 'Largest z of a viewpoint [m].', -1e3, 1e3, live=True)
+        parameters.declare(
+            'move_time', 'Time to go to a viewpoint and read there [s].', 0.0, 3600.0, live=True
+        )
         values = parameters.values
         self._prefix = values['frame_prefix']
-        self._reach_m = values['reach']
-        self._began_m: Floats | None = None
-        self._goal = ''
+        self._planner = ViewPlanner()
         self._board = ObjectBoard(values['objects'], values['max_stddev'], values['stale_after'])
+        self._change(values)
         parameters.follow(self._change)
         self._target = values['target_frame']
         self._survey = Survey({}, Errors())
         self._published: tuple[str, str] | None = None
         self._ready = self.create_publisher(Bool, '~/ready', LATCHED)
         self._missing = self.create_publisher(String, '~/missing', LATCHED)
+        self._next_view = self.create_publisher(PoseStamped, '~/next_view', LATCHED)
         names = self._board.names
         self._poses = {
             name: self.create_publisher(PoseWithCovarianceStamped, topic, LATCHED)
@@ -88,13 +100,17 @@ class CoffeeNode(Node):
         self.create_timer(_TICK_S, self._tick, clock=Clock(clock_type=ClockType.STEADY_TIME))
 
     def _change(self, values: dict[str, float]) -> None:
+        if values['min_height'] > values['max_height']:
+            raise ValueError('min_height is above max_height')
         self._board.max_stddev_m = values['max_stddev']
         self._board.stale_after_s = values['stale_after']
-        self._reach_m = values['reach']
+        self._planner.reach_m, self._planner.move_s = values['reach'], values['move_time']
+        self._planner.heights_m = values['min_height'], values['max_height']
+        self._planner.max_stddev_m = values['max_stddev']
 
     def _restart(self) -> None:
         self._survey.restart()
-        self._began_m, self._goal = None, ''
+        self._planner.forget()
 
     def _take(self, message: MarkerDetection) -> None:
         """Publish the pose of an object from one detection."""
@@ -110,27 +126,32 @@ class CoffeeNode(Node):
         name = message.child_frame_id.removeprefix(self._prefix)
         if name not in self._poses:
             return
-        if self._began_m is None:
-            self._began_m = reading.pose.position_m
         estimate = self._survey.take(name, reading).estimate()
         if estimate is not None:
             header = Header(stamp=message.header.stamp, frame_id=self._target)
             place = (estimate.position_m, estimate.rotation, estimate.covariance)
             self._publish(name, header, *place)
-        self._goal = self._next_place(self._began_m)
+        missing = {one: self._survey.landmarks.get(one) for one in self._missing_now()}
+        before = self._planner.view
+        self._planner.take(reading, name, missing)
+        if (view := self._planner.view) is not None and view is not before:
+            pose = to_pose(view.position_m, quaternion_of(view.rotation))
+            header = Header(stamp=message.header.stamp, frame_id=self._target)
+            self._next_view.publish(PoseStamped(header=header, pose=pose))
         self._tick()
 
     def _missing_now(self) -> dict[str, str]:
         return self._board.missing(self.get_clock().now().nanoseconds)
 
-    def _next_place(self, began_m: Floats) -> str:
-        """Return the next viewpoint for objects that are not known well enough."""
-        known = self._survey.landmarks
-        landmarks = [known[one] for one in self._missing_now() if one in known]
-        place_m = best_place(landmarks, began_m, self._reach_m)
-        if place_m is None:
+    def _advice(self) -> str:
+        """Return what to do for objects that are not known well enough."""
+        if not self._target:
+            return '; set target_frame, and look from several places'
+        view = self._planner.view
+        if view is None:
             return ''
-        return f'look from ({", ".join(f"{part:.2f}" for part in place_m)}) m in {self._target}'
+        place = ', '.join(f'{part:.2f}' for part in view.position_m)
+        return f'; look from ({place}) m in {self._target}'
 
     def _publish(
         self, name: str, header: Header, position_m: Floats, rotation: Floats, covariance: Floats
@@ -148,13 +169,16 @@ class CoffeeNode(Node):
     def _tick(self) -> None:
         """Publish and log missing objects, why, and the next viewpoint; not for a number alone."""
         missing = self._missing_now()
+        unsure = [name for name, reason in missing.items() if 'needed' in reason]
+        for name in set(unsure) & self._planner.remedies.keys():
+            missing[name] = f'{missing[name].removesuffix(")")}: {self._planner.remedies[name]})'
         text = ', '.join(f'{name} {reason}' for name, reason in missing.items())
-        goal = f'; {self._goal}' if self._goal and 'is known to' in text else ''
-        news = re.sub(r'[-+.0-9]+', '', text), goal
+        advice = self._advice() if unsure else ''
+        news = re.sub(r'[-+.0-9]+', '', text), advice
         if self._published == news:
             return
         self._published = news
-        text += goal
+        text += advice
         self._missing.publish(String(data=text))
         self._ready.publish(Bool(data=not missing))
         self.get_logger().info(f'waiting: {text}' if missing else 'all objects are placed')

@@ -12,6 +12,7 @@ from typing import Any
 from rclpy.logging import LoggingSeverity
 from rclpy.node import Node
 
+from retrolidar_ros.detector.agreement import Agreement
 from retrolidar_ros.detector.likelihood_detector import LikelihoodDetector
 from retrolidar_ros.detector.parameters import PARAMETERS, detector_of, known_markers
 from retrolidar_ros.msg import Frame as FrameMsg
@@ -47,6 +48,7 @@ class DetectorNode(Node):
         # Zones are known with the first frame, but impossible parameters end the start.
         self._grid = ZoneGrid()
         self._detector = detector_of(self._values, self._grid, self._known)
+        self._agreement = Agreement(self._values['min_readings'])
         self._topics = DetectionTopics(
             self, self._known, self._values, watch or TransformWatch(self)
         )
@@ -66,6 +68,7 @@ class DetectorNode(Node):
         with self._lock:
             if any(values[name] != self._values[name] for name in PARAMETERS):
                 self._detector = detector_of(values, self._grid, self._known)
+                self._agreement = Agreement(values['min_readings'])
                 self._health.restart(self._grid)
                 self.get_logger().info('the detector restarts with other parameters')
             self._topics.change(values)
@@ -105,6 +108,7 @@ class DetectorNode(Node):
             if frame.grid != self._grid or frame_id != self._frame_id:
                 self._grid, self._frame_id = frame.grid, frame_id
                 self._detector = detector_of(self._values, frame.grid, self._known)
+                self._agreement = Agreement(self._values['min_readings'])
                 self._health.restart(frame.grid)
             age_s = (self.get_clock().now().nanoseconds - frame.stamp_ns) * 1e-9
             if self._health.reception.take(frame, max_lost):
@@ -118,7 +122,8 @@ class DetectorNode(Node):
             self._log_rejected()
         if detections:
             self._health.read(detections)
-            self._topics.publish(detections, frame.stamp_ns, frame_id)
+            if confirmed := self._agreement.confirmed(detections):
+                self._topics.publish(confirmed, frame.stamp_ns, frame_id)
 
     def _drop(self, reason: str) -> None:
         self._health.drop(reason)
@@ -145,6 +150,7 @@ class DetectorNode(Node):
             health, problem = self._health.examine(
                 self._values, self._known, self._detector.counts, publishers
             )
+            health.values['withheld by min_readings'] = str(self._agreement.withheld)
         if lost and lost in health.summary:
             self.get_logger().warning(lost, throttle_duration_sec=5.0)
         shared = self._topics.shared_frames()

@@ -195,6 +195,7 @@ class LandmarksNode(Node):
         if name not in self._poses:
             (topic,) = topics_of('~/objects/', [name])
             self._poses[name] = self.create_publisher(PoseWithCovarianceStamped, topic, LATCHED)
+            self.get_logger().info(f'{name} is placed, to ±{1e3 * estimate.stddev_m:.0f} mm so far')
         message = to_pose_msg(header, estimate.position_m, estimate.rotation, estimate.covariance)
         self._poses[name].publish(message)
         self._shapes_due = True

@@ -28,6 +28,9 @@ from launch.substitutions import LaunchConfiguration, PathJoinSubstitution
 from launch_ros.actions import Node
 from launch_ros.substitutions import FindPackageShare
 
+from retrolidar_ros.settings.resources import shared_file
+from retrolidar_ros.settings.yaml_files import load_parameter_defaults, load_yaml
+
 SHARE = FindPackageShare('retrolidar_ros')
 PARAMETERS = PathJoinSubstitution([SHARE, 'config', 'retrolidar.yaml'])
 MARKERS = PathJoinSubstitution([SHARE, 'config', 'markers.yaml'])
@@ -42,6 +45,7 @@ COMMON: dict[str, tuple[Any, str]] = {
     'use_sim_time': ('', 'Whether time is that of /clock; empty = as in the parameter file.'),
     'respawn': ('true', 'Whether a node that fails is started again, after a delay.'),
     'respawn_delay': ('2.0', 'That delay [s].'),
+    'rviz': ('false', 'Whether RViz starts, too.'),
 }
 """Launch arguments of every launch file: default and description."""
 SENSOR: dict[str, tuple[Any, str]] = {
@@ -50,6 +54,10 @@ SENSOR: dict[str, tuple[Any, str]] = {
     'frame_id': ('', 'TF frame of the sensor; empty = as in the parameter file.'),
     'namespace': ('retrolidar', 'Of nodes and topics.'),
     'emulate': ('', 'A scene to emulate instead of a sensor: a file, or the name of one.'),
+    'emulate_base': (
+        'base_link',
+        'TF frame of an arm that moves the emulated sensor; empty = none.',
+    ),
 }
 """Those of every launch file for one sensor."""
 _LEAST_DELAY_S = 0.1
@@ -119,6 +127,17 @@ def _parameter_file(context: LaunchContext) -> str:
     return path
 
 
+def parameter(context: LaunchContext, kind: str, name: str) -> Any:
+    """Return a launch argument, or the parameter of a node of that name, as the file has it."""
+    if text := value(context, name):
+        return text
+    found = load_parameter_defaults(shared_file('config/retrolidar.yaml'), kind)[name]
+    for key, section in load_yaml(Path(_parameter_file(context))).items():
+        if str(key).rpartition('/')[2] in (kind, '**'):
+            found = (section.get('ros__parameters') or {}).get(name, found)
+    return found
+
+
 def node(
     context: LaunchContext, executable: str, parameters: dict[str, Any], **options: Any
 ) -> Node:
@@ -156,8 +175,9 @@ def _on_exit(event: ProcessExited, context: LaunchContext) -> list[LaunchDescrip
 
 
 def sensor(**arguments: Any) -> IncludeLaunchDescription:
-    """Return one sensor, by retrolidar.launch.py; without arguments, with those of this launch."""
-    arguments = arguments or {name: LaunchConfiguration(name) for name in SENSOR}
+    """Return one sensor, by retrolidar.launch.py, with arguments before those of this launch."""
+    arguments = {name: LaunchConfiguration(name) for name in SENSOR} | arguments
+    arguments['rviz'] = 'false'  # what includes it shows all
     return IncludeLaunchDescription(
         PathJoinSubstitution([SHARE, 'launch', 'retrolidar.launch.py']),
         launch_arguments=arguments.items(),
@@ -167,12 +187,17 @@ def sensor(**arguments: Any) -> IncludeLaunchDescription:
 def one_of_several(context: LaunchContext, name: str, **own: str) -> GroupAction:
     """Return a sensor in a namespace of its own, whose detections come on the topic of all."""
     # The namespace is relative to one that may have been pushed, and the topic is not.
-    pushed = context.launch_configurations.get('ros_namespace', '')
     namespace = value(context, 'namespace')
     common = {argument: value(context, argument) for argument in COMMON}
-    common['namespace'] = _joined(namespace, name)
-    common['markers'] = f'/{_joined(pushed, namespace, "markers")}'
+    common |= {'namespace': _joined(namespace, name), 'emulate_base': ''}
+    common['markers'] = f'/{full_namespace(context)}/markers'
     return GroupAction([sensor(**common | own)])
+
+
+def full_namespace(context: LaunchContext) -> str:
+    """Return the namespace of the launch, below one that may have been pushed."""
+    pushed = context.launch_configurations.get('ros_namespace', '')
+    return _joined(pushed, value(context, 'namespace'))
 
 
 def _joined(*parts: str) -> str:

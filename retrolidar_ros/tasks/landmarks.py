@@ -204,10 +204,18 @@ class Landmark:
             moved_s=self.moved_s,
         )
 
-    def spread_with(self, readings: Sequence[Reading]) -> Floats:
-        """Return the covariance of the position, shape (3, 3) [m²], with more ranges besides."""
+    def spread_with(self, readings: Sequence[Reading], beside: int | None = None) -> Floats:
+        """Return the covariance of the position, shape (3, 3) [m²], with more ranges besides.
+
+        They may be of one more marker, `beside` the first.
+        """
         assert self.fit is not None
-        return self._problem([*self.members, *readings]).spread(self.fit)[:3, :3]
+        markers = dict(self._markers)
+        if beside is not None:
+            markers[beside] = next(iter(markers.values()))
+        every = [*self.members, *readings]
+        problem = Problem(markers, every, self.errors, self._prior, self._place_variance)
+        return problem.spread(self.fit)[:3, :3]
 
     def _problem(self, readings: Sequence[Reading]) -> Problem:
         return Problem(self._markers, readings, self.errors, self._prior, self._place_variance)

@@ -53,3 +53,18 @@ def test_every_candidate_that_is_rejected_is_logged_for_debugging(system: System
     rejected = rf'rejected: ({reasons}): ID \d+, evidence \S+, word \S+, margin \S+ nats'
     expected = counted()
     assert len(re.findall(rejected, system.log('detector'))) >= expected > 0
+
+
+def test_readings_with_which_too_few_agree_are_counted_and_not_published(system: System) -> None:
+    name = 'detector: markers'
+    system.services.set(f'{system.namespace}/detector', min_readings=100)
+    system.markers.clear()
+
+    def withheld() -> int:
+        return int(values_of(system.next_status(name))['withheld by min_readings'])
+
+    system.wait(lambda: withheld() > 2, 'readings')
+    assert not system.markers
+    system.services.set(f'{system.namespace}/detector', min_readings=1)
+    system.wait(lambda: bool(system.markers), 'a reading')
+    assert withheld() == 0

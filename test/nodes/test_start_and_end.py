@@ -51,7 +51,7 @@ def refuse(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Callable[..., l
     for name, text in FILES.items():
         (directory / f'{name}.yaml').write_text(text)
     os.mkfifo(directory / 'fifo')
-    nodes = ('driver', 'detector', 'reader', 'coffee', 'heartbeat', 'landmarks')
+    nodes = ('driver', 'detector', 'reader', 'coffee', 'heartbeat', 'landmarks', 'emulated_arm')
     command, pipe = [sys.executable, '-c', START, *nodes], subprocess.PIPE
     with subprocess.Popen(command, stdin=pipe, stdout=pipe, text=True, cwd=directory) as process:
         assert process.stdin is not None
@@ -110,6 +110,8 @@ def refuse(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Callable[..., l
             'the topic ~/offsets/a_to_b_to_c',
         ),
         ('coffee', '-p objects:=[]', 'objects: there is no name'),
+        ('coffee', '-p min_height:=2.0 -p max_height:=1.0', 'min_height is above max_height'),
+        ('emulated_arm', '-p scene:=nowhere', 'scene: there is no scene nowhere'),
         ('heartbeat', '-p markers:=[]', 'markers: there is no name'),
         ('reader', '-p ports:=[/a,/b] -p names:=[x]', 'names: 1 of them for 2 ports'),
         ('reader', '-p ports:=[/a,/a]', 'ports: one stands there twice'),

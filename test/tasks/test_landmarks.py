@@ -24,7 +24,6 @@ from retrolidar_ros.sensor.rotation import matrix_of_turn
 from retrolidar_ros.settings.section import ConfigError
 from retrolidar_ros.tasks.landmarks import Landmark
 from retrolidar_ros.tasks.least_squares import Problem
-from retrolidar_ros.tasks.next_view import best_place
 from retrolidar_ros.tasks.reading import Errors, SensorPose, reading
 from retrolidar_ros.tasks.state import Prior, State, largest_stddev
 from retrolidar_ros.tasks.survey import MAX_LANDMARKS, Survey, parse_survey, survey_content
@@ -203,26 +202,6 @@ def test_an_object_of_which_one_marker_is_seen_says_that_its_turn_is_open() -> N
     for stamp_s in range(2):
         landmark.take(seen(HERE, np.zeros(3), rng, marker=10, stamp_s=stamp_s))
     assert np.sqrt(np.linalg.eigvalsh(estimate_of(landmark).covariance[3:, 3:])[-1]) > 1
-
-
-def test_the_best_place_is_the_one_that_helps() -> None:
-    rng = np.random.default_rng(9)
-    mug, jar = Landmark('mug', ALONE, ERRORS), Landmark('jar', ALONE, ERRORS)
-    assert best_place([mug], np.zeros(3), 0.3) is None
-    for index, eye_x in enumerate((-0.2, 0.2, -0.2, 0.2)):
-        mug.take(seen(HERE, np.array([eye_x, 0.0, 0.0]), rng, stamp_s=index))
-    eye_m = best_place([mug, jar], np.zeros(3), 0.3)
-    assert eye_m is not None
-    assert np.linalg.norm(eye_m) == pytest.approx(0.3)
-    # Along x it has looked from two places; so it is to go along y.
-    assert abs(eye_m[1]) > 0.15
-    assert abs(eye_m[0]) < 0.1
-    before_m = estimate_of(mug).stddev_m
-    for index in range(2):
-        mug.take(seen(HERE, eye_m, rng, stamp_s=10 + index))
-    assert estimate_of(mug).stddev_m < before_m / 2
-    # It does not go where the object is.
-    assert best_place([mug], HERE, 0.2) is None
 
 
 def test_a_moving_marker_before_three_sensors() -> None:

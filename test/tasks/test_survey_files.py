@@ -81,7 +81,7 @@ def test_what_is_no_map_is_not_replaced(tmp_path: Path, content: str) -> None:
 def test_pipes_and_folders_are_refused(tmp_path: Path) -> None:
     pipe = tmp_path / 'pipe'
     os.mkfifo(pipe)
-    with pytest.raises(ValueError, match='is not a map.*is a FIFO'):
+    with pytest.raises(ValueError, match=r'is not a map.*is a FIFO'):
         save_survey(pipe, 'map', estimates('lamp'))
     with pytest.raises(IsADirectoryError):
         save_survey(tmp_path, 'map', estimates('lamp'))
