@@ -80,9 +80,7 @@ class Progress:
         law = NoiseLaw().lit(recording.ambient)
         if not (zones := blinking_zones(recording, law)):
             return f'{text}; no zone blinks'
-        best = zones[0]
-        text += f'; zone {best.zone} blinks by {best.modulation_db:.0f} dB'
-        return f'{text}, bits of {1e3 * best.bit_period_s:.1f} ms' if best.periods else text
+        return f'{text}; zone {zones[0].zone} blinks by {zones[0].modulation_db:.0f} dB'
 
 
 def run(arguments: argparse.Namespace) -> int:

@@ -5,19 +5,26 @@
 from __future__ import annotations
 
 from collections import deque
+from collections.abc import Mapping
 from itertools import pairwise
+from typing import Any
 
 import numpy as np
 
 from retrolidar_ros.detector.blinking import Samples, modulation_db
-from retrolidar_ros.detector.blinking_zones import CAPTURED, bit_periods
+from retrolidar_ros.detector.blinking_zones import bit_periods
 from retrolidar_ros.detector.detection import Detection
-from retrolidar_ros.detector.noise import NoiseLaw
+from retrolidar_ros.detector.explain import period_finding, rate_findings
+from retrolidar_ros.detector.findings import Cause, Finding, finding, named_periods
+from retrolidar_ros.detector.parameters import detector_of, noise_of, registered
+from retrolidar_ros.detector.rejections import adjacency
+from retrolidar_ros.detector.trials import Trial, best, candidates, trials
 from retrolidar_ros.marker.code import PACKET_BITS
+from retrolidar_ros.marker.known_markers import KnownMarker
 from retrolidar_ros.sensor.frame import Frame, Recording, ZoneGrid
-from retrolidar_ros.sensor.frame_rate import RATE_FRAMES, missing_frames, rate_mismatch
+from retrolidar_ros.sensor.frame_rate import RATE_FRAMES, frame_period, missing_frames
 
-_KEPT = 256
+_KEPT = 320  # a packet of nine frames a bit
 _LEAST_KEPT = 128
 # A zone that varies by less may do so by something that moves far away, or by noise.
 _CLEARLY_DB = 6.0
@@ -27,8 +34,29 @@ _CLOCKED = 12.0
 # detector combines eight.
 _PATIENCE_S = 4.0
 _PACKETS = 9
-_STEADY = 0.01  # two looks agree so well on the bits of a marker
-_LOOKING_S = 3.0  # a look costs milliseconds
+_REMEMBERED_NS = 10_000_000_000
+_LOOKING_S = 0.9  # a look costs milliseconds, with a trial tens of them
+_LONG_LOOKING_S = 2.0  # between trials when those that are likely have read nothing
+
+
+class _Search:
+    """Bit periods that are tried one after the other for a zone that blinks unread."""
+
+    def __init__(self, zone: int, blinks_db: float, likely_s: list[float]) -> None:
+        self.zone = zone
+        self.blinks_db = blinks_db
+        self.likely_s = likely_s
+        self.trials: list[Trial] = []
+        """What they read in the zone."""
+        self.finding: Finding | None = None
+        """That one reads it."""
+        self.until_ns = 0
+        """So long it is of interest, though the zone is read now and then."""
+
+    @property
+    def is_hasty(self) -> bool:
+        """Whether likely bit periods wait for their trial."""
+        return len(self.trials) < len(self.likely_s)
 
 
 class Reception:
@@ -43,22 +71,23 @@ class Reception:
         """Frames that came a second time, and were left out."""
         self.reversed = 0
         """Frames with a counter before the last one: a sensor restarted, or there are two."""
-        self._kept: deque[Frame] = deque(maxlen=_KEPT)
+        self.newest: deque[Frame] = deque(maxlen=_KEPT)
         self.restart(grid)
 
     def restart(self, grid: ZoneGrid) -> None:
-        """Forget the frames that are kept, not the counts: others follow, of another grid maybe."""
-        self._kept.clear()
-        place = np.stack(np.divmod(np.arange(grid.zones), grid.columns))
-        self._beside = np.abs(place[:, :, None] - place[:, None]).max(axis=0) <= 1
+        """Forget the newest frames, not the counts: others follow, of another grid maybe."""
+        self.newest.clear()
+        self._near = adjacency(grid)
         self._explained_ns = np.zeros(grid.zones, dtype=np.int64)
-        self._looked_ns, self._unread, self._suspected_s = 0, '', np.inf
+        self._looked_ns = 0
+        self._finding: Finding | None = None
+        self._search: _Search | None = None
 
     def take(self, frame: Frame) -> bool:
         """Count a frame; return whether it is a new one."""
         self.frames += 1
-        if self._kept:
-            last = self._kept[-1]
+        if self.newest:
+            last = self.newest[-1]
             if (frame.sequence, frame.stamp_ns) == (last.sequence, last.stamp_ns):
                 self.repeated += 1
                 return False
@@ -66,20 +95,20 @@ class Reception:
             self.reversed += frame.sequence < last.sequence
         else:
             self._explained_ns[:] = frame.stamp_ns
-        self._kept.append(frame)
+        self.newest.append(frame)
         return True
 
     def read(self, detections: list[Detection]) -> None:
         """Take note of what was read, which explains why its zones and those beside them blink."""
         for detection in detections:
             for zone in detection.zones:
-                self._explained_ns[self._beside[zone]] = detection.end_ns
+                self._explained_ns[self._near[zone]] = detection.end_ns
 
-    def rate_problem(self, bit_period_s: float) -> str:
-        """Say if a bit does not last two of the newest frames; empty if it does."""
-        newest = list(self._kept)[-RATE_FRAMES:]
+    def rate(self, bit_period_s: float) -> Finding | None:
+        """Return that a bit does not last one to eight of the newest frames, if it does not."""
+        newest = list(self.newest)[-RATE_FRAMES:]
         if len(newest) < RATE_FRAMES:
-            return ''
+            return None
         # By either clock: stamps of frames that come late, all at once, are too near to each other.
         steps = [
             max(
@@ -90,57 +119,71 @@ class Reception:
             for before, after in pairwise(newest)
         ]
         # As if none had been lost, whose gaps would make the frames look slow.
-        return rate_mismatch(np.cumsum([0, *steps]).tolist(), bit_period_s)
+        return next(iter(rate_findings(float(np.median(steps)) * 1e-9, bit_period_s)), None)
 
-    def unread_problem(self, law: NoiseLaw, bit_period_s: float, *, all_come: bool) -> str:
-        """Say which zone blinks by a clock and is not read, and why; empty if there is none.
+    def unread(self, values: Mapping[str, Any], known: Mapping[int, KnownMarker]) -> Finding | None:
+        """Return why a zone blinks by a clock and is not read, as far as is known by now.
 
-        Parameters
-        ----------
-        law : NoiseLaw
-            Of the sensor.
-        bit_period_s : float
-            That of the detector [s].
-        all_come : bool
-            Whether every ID may come: a marker that may not is not missed.
+        Each call may try one bit period, where the markers may come that a detector of `values`
+        reads.
         """
-        if len(self._kept) < _LEAST_KEPT:
-            return ''
-        if abs(self._kept[-1].stamp_ns - self._looked_ns) < _LOOKING_S * 1e9:
-            return self._unread
-        self._looked_ns = self._kept[-1].stamp_ns
-        self._unread = self._look(law, bit_period_s, all_come=all_come)
-        return self._unread
+        if len(self.newest) < _LEAST_KEPT:
+            return None
+        now_ns = self.newest[-1].stamp_ns
+        hasty = self._search is None or self._search.is_hasty
+        wait_s = _LOOKING_S if hasty else _LONG_LOOKING_S
+        if abs(now_ns - self._looked_ns) >= wait_s * 1e9:
+            self._looked_ns = now_ns
+            self._finding = self._look(now_ns, values, known)
+        return self._finding
 
-    def _look(self, law: NoiseLaw, bit_period_s: float, *, all_come: bool) -> str:
-        """Return why the strongest zone that has waited for long enough is not read."""
-        recording = Recording.of(list(self._kept))
+    def _look(
+        self, now_ns: int, values: Mapping[str, Any], known: Mapping[int, KnownMarker]
+    ) -> Finding | None:
+        """Return why the zone that has waited for long enough is not read; try one more period."""
+        recording = Recording.of(list(self.newest))
         samples = Samples.of(recording)
-        blinking = modulation_db(samples, law.lit(recording.ambient))
-        now_ns = self._looked_ns
+        blinking = modulation_db(samples, noise_of(values).lit(recording.ambient))
         # Stamps may go back, where a bag is played again.
         quiet = ~(blinking >= _CLEARLY_DB) | (self._explained_ns > now_ns)
         self._explained_ns[quiet] = now_ns
         waited_s = (now_ns - self._explained_ns) * 1e-9
-        for zone in np.argsort(-blinking):
-            if waited_s[zone] < _PATIENCE_S:
-                continue
-            periods = [
-                p for p in bit_periods(recording, samples, int(zone)) if p.strength > _CLOCKED
-            ]
-            if not periods:
-                continue
-            text = f'zone {zone} blinks by {blinking[zone]:.0f} dB and is not read: '
-            near = [p for p in periods if abs(p.bit_period_s / bit_period_s - 1) <= CAPTURED]
-            if not near:
-                bit_s, before_s = periods[0].bit_period_s, self._suspected_s
-                self._suspected_s = bit_s
-                if abs(bit_s / before_s - 1) > _STEADY:  # as while stamps have not settled yet
-                    return ''
-                return (
-                    f'{text}its bits last {1e3 * bit_s:.1f} ms, and bit_period is '
-                    f'{1e3 * bit_period_s:.1f} ms'
-                )
-            if all_come and waited_s[zone] >= _PACKETS * PACKET_BITS * bit_period_s:
-                return f'{text}too faint, disturbed, or of another code'
-        return ''
+        bit_s, search = values['bit_period'], self._search
+        if search and waited_s[search.zone] >= _PATIENCE_S:
+            search.until_ns = now_ns + _REMEMBERED_NS
+        elif search is None or search.finding is None or now_ns > search.until_ns:
+            search = self._search = self._begun(recording, samples, blinking, waited_s)
+        if search is None:
+            return None
+        if search.finding:
+            return search.finding
+
+        def read(recording: Recording, bit_s: float) -> list[Detection]:
+            detector = detector_of({**values, 'bit_period': bit_s}, recording.grid, known)
+            return detector.update_all(recording)
+
+        tried_s = [bit_s, *(one.tried_s for one in search.trials)]
+        if trial := next(trials(recording, search.likely_s, read, tried_s), None):
+            search.trials.append(trial.within(search.zone))
+        found = best(search.trials)
+        if found and (found.is_sure(recording) or not search.is_hasty):
+            search.finding = period_finding(search.zone, search.blinks_db, found, bit_s)
+            return search.finding
+        patience_s = _PACKETS * PACKET_BITS * bit_s
+        if search.is_hasty or registered(values, known) or waited_s[search.zone] < patience_s:
+            return None
+        tried = named_periods([bit_s, *search.likely_s])
+        return finding(Cause.NO_ID, zone=search.zone, blinks_db=search.blinks_db, tried=tried)
+
+    def _begun(
+        self, recording: Recording, samples: Samples, blinking: Any, waited_s: Any
+    ) -> _Search | None:
+        """Return a search for the strongest zone that has waited, and has a clock."""
+        for zone in np.argsort(-blinking).tolist():
+            if waited_s[zone] >= _PATIENCE_S:
+                periods = bit_periods(recording, samples, zone)
+                clocks_s = [one.bit_period_s for one in periods if one.strength > _CLOCKED]
+                if clocks_s:
+                    likely_s = candidates(clocks_s, frame_period(recording.stamp_ns))
+                    return _Search(zone, float(blinking[zone]), likely_s)
+        return None

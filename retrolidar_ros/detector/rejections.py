@@ -42,9 +42,7 @@ class Rejections:
         self._pending: deque[tuple[int, Candidate]] = deque()
         self._read: deque[Detection] = deque(maxlen=_READ)
 
-    def take(
-        self, candidates: list[Candidate], detections: list[Detection], now_ns: int
-    ) -> None:
+    def take(self, candidates: list[Candidate], detections: list[Detection], now_ns: int) -> None:
         """Take what was judged and what was read with a frame."""
         self.settle(now_ns)
         self._pending += ((now_ns, one) for one in candidates if one.reason is not None)
