@@ -20,7 +20,8 @@ from retrolidar_ros.nodes.conversion import to_ns, to_time
 from retrolidar_ros.nodes.listener import Listener
 from retrolidar_ros.nodes.qos import LATCHED
 from retrolidar_ros.scene import Scene
-from retrolidar_ros.scene.laboratory import along, rotation_of
+from retrolidar_ros.scene.laboratory import rotation_of
+from retrolidar_ros.scene.optics import along
 from retrolidar_ros.sensor.frame import Floats
 from retrolidar_ros.sensor.rotation import quaternion_of
 from retrolidar_ros.settings.resources import shared_file

@@ -82,7 +82,7 @@ def _places(axes: Any, shown: _Shown, readings: Sequence[Heard], markers: Sequen
     """Draw where markers are, and where they were read; what moves is a line."""
     time_s = np.linspace(0, shown.time_s[-1], _ALONG)
     for marker in markers:
-        x, y, z = position_at(marker, time_s if marker.wander else time_s[:1]).T
+        x, y, z = position_at(marker, time_s).T
         axes.plot(x / z, y / z, color='black', linewidth=0.8)
         axes.plot(x[0] / z[0], y[0] / z[0], 's', markersize=9, fillstyle='none', color='black')
         place = (x[0] / z[0], y[0] / z[0])
@@ -95,7 +95,9 @@ def _places(axes: Any, shown: _Shown, readings: Sequence[Heard], markers: Sequen
         style = {'markersize': 9, 'markeredgewidth': 2, 'color': colour}
         axes.plot(x[0] / z[0], y[0] / z[0], 'x+'[index % 2], **style)
     if readings and markers:
-        motion = '; lines: motion' if any(marker.wander for marker in markers) else ''
+        motion = (
+            '; lines: motion' if any(marker.wander or marker.path for marker in markers) else ''
+        )
         axes.set_title(f'square: marker, cross: read{motion}', fontsize=10)
 
 
@@ -234,7 +236,7 @@ def plot_readings(
     right = spaces[:rows, 1]
     if panels := len(chosen) + len(unread):
         parts = right.subgridspec(panels, 1)
-        panel = [figure.add_subplot(one) for one in parts]
+        panel = [figure.add_subplot(parts[one, 0]) for one in range(panels)]
     else:
         _every_zone(figure, right, shown)
         panel = []

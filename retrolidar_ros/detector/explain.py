@@ -67,10 +67,11 @@ class Explanation:
             packet_s, frames = PACKET_BITS * self._bit_s, len(self.recording)
             few = finding(Cause.FEW_FRAMES, frames=frames, packet_s=packet_s)
             return [] if self._detections else [few]
-        result = [less for one in self._ids() if (less := self._less(one))]
+        result = rate_findings(self._frame_s, self._bit_s)
+        result += [less for one in self._ids() if (less := self._less(one))]
         if not self._detections:
-            result += rate_findings(self._frame_s, self._bit_s)
-            result += self._unregistered() or self._unread(self.zones) or [self._nothing()]
+            reasons = self._unregistered() or self._patience(0)
+            result += reasons or self._unread(self.zones) or [self._nothing()]
         elif self.zones:
             # What blinks much fainter than a marker may be its light, thrown back by something.
             least_db = self.zones[0].modulation_db - _FAINTER_DB
@@ -117,10 +118,8 @@ class Explanation:
                     return period_finding(zone.zone, zone.modulation_db, again, self._bit_s)
         if not few:
             return None
-        if self._values['max_packets'] < MAX_PACKETS:
-            more = self._read(self.recording, max_packets=MAX_PACKETS)
-            if sum(one.packets for one in more if one.id == identity) > read:
-                return self._by_more_packets([identity])
+        if more := self._patience(read):
+            return more[0]
         return finding(Cause.FEW_READ, ids=identity, read=read, sent=sent)
 
     def _likely(self, zone: BlinkingZone) -> list[float]:
@@ -130,9 +129,16 @@ class Explanation:
     def _by(self, recording: Recording, bit_s: float) -> list[Detection]:
         return self._read(recording, bit_period=bit_s)
 
-    def _by_more_packets(self, ids: list[int]) -> Finding:
-        names = ', '.join(map(str, ids))
-        return finding(Cause.MAX_PACKETS, ids=names, packets=self._values['max_packets'])
+    def _patience(self, read: int) -> list[Finding]:
+        """Return that combining packets reads more than so many packets, if it does."""
+        packets = self._values['max_packets']
+        if packets == MAX_PACKETS:
+            return []
+        more = self._read(self.recording, max_packets=MAX_PACKETS)
+        if sum(one.packets for one in more) <= read:
+            return []
+        ids = ', '.join(map(str, sorted({one.id for one in more})))
+        return [finding(Cause.MAX_PACKETS, ids=ids, packets=packets)]
 
     def _unregistered(self) -> list[Finding]:
         """Return which IDs are there that were not to come."""
@@ -154,24 +160,19 @@ class Explanation:
         """Return why a zone is not read, and count as explained what the remedy reads."""
         newest = self.recording.newest(_TRIED_ON)
         self._explained.add(zone.zone)
-        if self._values['max_packets'] < MAX_PACKETS:
-            more = self._read(newest, max_packets=MAX_PACKETS)
-            self._explained |= self._seen(more)
-            if ids := sorted({one.id for one in more if zone.zone in one.zones}):
-                return self._by_more_packets(ids)
         values = {'zone': zone.zone, 'blinks_db': zone.modulation_db}
         fits = not zone.is_clocked or is_near(self._likely(zone), self._bit_s)
         if zone.contrast < _FLAT and fits:
-            return finding(Cause.LOW_CONTRAST, contrast=zone.contrast, **values)
+            return finding(Cause.LOW_CONTRAST, percent=100 * zone.contrast, **values)
         tried_s = [self._bit_s, *(one.tried_s for one in self._trials)]
         if not any(one.within(zone.zone).is_sure(newest) for one in self._trials):
             for trial in trials(newest, self._likely(zone), self._by, tried_s):
                 self._trials.append(trial)
                 if trial.within(zone.zone).is_sure(newest):
                     break
-        if trial := best(one.within(zone.zone) for one in self._trials):
-            self._explained |= self._seen(trial.detections)
-            return period_finding(zone.zone, zone.modulation_db, trial, self._bit_s)
+        if most := best(one.within(zone.zone) for one in self._trials):
+            self._explained |= self._seen(most.detections)
+            return period_finding(zone.zone, zone.modulation_db, most, self._bit_s)
         if not zone.is_clocked:
             return finding(Cause.NO_CLOCK, **values)
         tried = named_periods([self._bit_s, *(one.tried_s for one in self._trials)])

@@ -8,10 +8,7 @@ from collections.abc import Sequence
 from enum import Enum
 from typing import Any, NamedTuple
 
-LOW_CONTRAST = (
-    'its crystal blocks too little (check polarisers and voltage), or so much light saturates the '
-    'sensor (go farther away)'
-)
+_DARKER = 'check polarisers and voltage, or go farther away if so much light saturates the sensor'
 _MOST_NAMED = 4
 
 
@@ -43,12 +40,12 @@ class Cause(Enum):
         'it may be asleep: wake it with light'
     )
     STEADY = (
-        'zone {zone} is by far the brightest, and steady. If that is a marker, it may be asleep: '
-        f'wake it with light. Or {LOW_CONTRAST}'
+        'zone {zone} is by far the brightest, and steady. If that is a marker, wake it with light; '
+        f'{_DARKER}'
     )
     LOW_CONTRAST = (
-        'zone {zone} blinks by {blinks_db:.0f} dB, but by {contrast:.0%} of its light only: '
-        f'{LOW_CONTRAST}'
+        'zone {zone} blinks by {blinks_db:.0f} dB, but by {percent:.0f} % of its light only: '
+        f'{_DARKER}'
     )
     NO_CLOCK = (
         'zone {zone} blinks by {blinks_db:.0f} dB without a bit clock: something moves, or the '
