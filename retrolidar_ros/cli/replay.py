@@ -34,7 +34,8 @@ def add_command(subparsers: Subparsers) -> None:
         description='Stamps stay as they were recorded. Needs ROS 2, but not rosbag2.',
     )
     command.add_argument('bag', type=Path, help='rosbag2 directory, .mcap or .db3 file')
-    command.add_argument('--topic', default=FRAMES_TOPIC, help='(default: %(default)s)')
+    command.add_argument('--topic', default=FRAMES_TOPIC, help='in the bag (default: %(default)s)')
+    command.add_argument('--to', metavar='TOPIC', help='where they go (default: as in the bag)')
     command.add_argument('--rate', type=rate, default=1.0, help='times as fast (default: 1)')
     command.add_argument('--loop', action='store_true', help='begin again at the end')
     command.add_argument('--frame-id', help='TF frame of the sensor (default: of the driver)')
@@ -58,16 +59,17 @@ def run(arguments: argparse.Namespace) -> int:
     frame_id = arguments.frame_id or defaults['frame_id']
     frames = read_frames(arguments.bag, arguments.topic)
     first = next(frames)  # a bag that cannot be read is told of at once
+    name = arguments.to or arguments.topic
     sent = 0
     rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
     try:
         node = Node('replay')
-        topic = publisher(node, FrameMsg, arguments.topic, STREAM)
+        topic = publisher(node, FrameMsg, name, STREAM)
         with suppress(KeyboardInterrupt), interrupted_once():
             until_s = time.monotonic() + _DISCOVERY_S
             while not topic.get_subscription_count() and time.monotonic() < until_s:
                 time.sleep(0.05)
-            print(f'playing {arguments.bag} to {arguments.topic}', flush=True)
+            print(f'playing {arguments.bag} to {name}', flush=True)
             while True:
                 begin_s, start_ns, frame = time.monotonic(), first.stamp_ns, first
                 while True:
@@ -85,5 +87,5 @@ def run(arguments: argparse.Namespace) -> int:
             topic.wait_for_all_acked(Duration(seconds=1))
     finally:
         rclpy.try_shutdown()
-        print(f'{sent} frames to {arguments.topic}')
+        print(f'{sent} frames to {name}')
     return 0

@@ -224,7 +224,7 @@ class Marker:
 
     def __post_init__(self) -> None:
         """Name it, and place it at the begin of its path."""
-        if self.path:
+        if self.path and math.isnan(self.position_m[2]):
             object.__setattr__(self, 'position_m', self.path[0].position_m)
         object.__setattr__(self, 'name', self.name or f'marker_{self.id}')
 

@@ -3,6 +3,7 @@
 """What was read live, what a bag of it gives offline, and what a replay of the bag gives."""
 
 import json
+import signal
 import subprocess
 import sys
 from pathlib import Path
@@ -128,3 +129,29 @@ def test_decoding_the_bag_reads_what_was_read_live(live: Listener, bag: Path) ->
         for key, value in expected.items():
             # A message holds numbers of 32 bits.
             assert one[key] == (pytest.approx(value, rel=1e-6) if value != 0 else 0), key
+
+
+def test_the_command_replays_at_the_times_of_the_bag(
+    live: Listener, bag: Path, tmp_path: Path
+) -> None:
+    """To a detector with the defaults, twice as fast, and again from the begin."""
+    frames = [message for message, _ in live.frames]
+    with running(tmp_path, '/command') as system:
+        system.start('detector', *reliable('/command/frames', 'subscription'))
+        system.wait(lambda: system.node.count_subscribers('frames') == 2, 'the detector')
+        command = [sys.executable, '-m', 'retrolidar_ros.cli', 'replay', str(bag)]
+        options = ['--rate', '2', '--loop', '--frame-id', FRAME_ID]
+        # The bag has its own topic; the nodes have another.
+        topic = ['--topic', '/retrolidar/frames', '--to', '/command/frames']
+        command += [*options, *topic]
+        with subprocess.Popen(command, stdout=subprocess.DEVNULL, cwd=tmp_path) as process:
+            system.wait(lambda: len(system.frames) > len(frames) + 20, 'the second round')
+            process.send_signal(signal.SIGINT)
+            assert process.wait(20) == 0
+        heard = [message for message, _ in system.frames]
+        assert heard[:100] == frames[:100]
+        assert heard[len(frames)] == frames[0]
+        took_s = (system.frames[len(frames) - 1][1] - system.frames[0][1]) * 1e-9
+        stamps_ns = [to_ns(one.header.stamp) for one in frames]
+        assert took_s == pytest.approx((stamps_ns[-1] - stamps_ns[0]) * 1e-9 / 2, rel=0.2)
+        assert {message.id for message, _ in system.markers} == {2073, 2096, 2107}
