@@ -64,7 +64,7 @@ def _zone_map(axes: Any, grid: ZoneGrid, modulation: Floats) -> None:
     axes.vlines(edges, -half, half, colors='0.6', linewidth=0.6)
     halo = [withStroke(linewidth=2, foreground='white')]
     for zone, (x, y) in enumerate(grid.tangents - 0.44 * grid.pitch):
-        axes.text(x, y, str(zone), fontsize=8, ha='left', va='top', path_effects=halo)
+        axes.text(x, y, str(zone), fontsize=8, ha='left', va='top', path_effects=halo, zorder=4)
     degrees = np.array([-20, -10, 0, 10, 20])
     axes.set_xticks(np.tan(np.radians(degrees)), [f'{d}°' for d in degrees])
     axes.set_yticks(np.tan(np.radians(degrees)), [f'{-d}°' for d in degrees])

@@ -58,7 +58,7 @@ class Decoding:
         recording = Recording.of(list(self._newest))
         begin_ns = recording.stamp_ns[0]
         newest = [one for one in self.detections if one.stamp_ns >= begin_ns]
-        return Explanation(recording, self.values, newest)
+        return Explanation(recording, self.values, self._known, newest)
 
     def table(self, explanation: Explanation, findings: list[Finding]) -> list[str]:
         """Return how each zone blinks, and its best candidate beside the thresholds."""

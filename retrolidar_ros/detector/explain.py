@@ -19,14 +19,15 @@ from retrolidar_ros.detector.detection import Detection
 from retrolidar_ros.detector.findings import Cause, Finding, finding, named_periods, named_zones
 from retrolidar_ros.detector.methods import MAX_PACKETS
 from retrolidar_ros.detector.noise import NoiseLaw
-from retrolidar_ros.detector.parameters import detector_of, known_markers, noise_of, registered
+from retrolidar_ros.detector.parameters import detector_of, noise_of, registered
 from retrolidar_ros.detector.rejections import adjacency
 from retrolidar_ros.detector.trials import CAPTURED, Trial, best, candidates, trials
 from retrolidar_ros.marker.code import PACKET_BITS
+from retrolidar_ros.marker.known_markers import KnownMarker
 from retrolidar_ros.sensor.frame import Floats, Recording, Status, valid_samples
 from retrolidar_ros.sensor.frame_rate import FRAMES_A_BIT, frame_period
 
-_TRIED_ON = 1000  # newest frames
+_TRIED_ON = 640  # newest frames
 _MOST_ZONES = 4
 _MOST_NOISE = 2.0  # times what it is said to be
 _FEW = 0.5  # of the packets of a marker that was read
@@ -43,11 +44,15 @@ class Explanation:
     """What speaks for it that more could be read of a recording."""
 
     def __init__(
-        self, recording: Recording, values: Mapping[str, Any], detections: Iterable[Detection]
+        self,
+        recording: Recording,
+        values: Mapping[str, Any],
+        known: Mapping[int, KnownMarker],
+        detections: Iterable[Detection],
     ) -> None:
-        """Look at a recording of two frames or more, and what a detector of values read of it."""
+        """Look at two frames or more, and what a detector of values and known markers read."""
         self.recording = recording
-        self._values, self._known = values, known_markers(values)
+        self._values, self._known = values, known
         self._bit_s = values['bit_period']
         self._frame_s = frame_period(recording.stamp_ns)
         self._detections = list(detections)
@@ -153,30 +158,45 @@ class Explanation:
         result: list[Finding] = []
         for zone in zones:
             if zone.zone not in self._explained and len(result) < _MOST_ZONES:
-                result.append(self._why(zone))
+                self._explained.add(zone.zone)
+                if found := self.why(zone, self._trials):
+                    result.append(found)
         return result
 
-    def _why(self, zone: BlinkingZone) -> Finding:
-        """Return why a zone is not read, and count as explained what the remedy reads."""
-        newest = self.recording.newest(_TRIED_ON)
-        self._explained.add(zone.zone)
+    def why(self, zone: BlinkingZone, done: list[Trial], most: int | None = None) -> Finding | None:
+        """Return why a zone is not read.
+
+        Parameters
+        ----------
+        zone : BlinkingZone
+            Which blinks.
+        done : list of Trial
+            Those of former calls, to which new ones are added.
+        most : int, optional
+            How many are added at most. None is returned while likely ones are to be tried.
+        """
         values = {'zone': zone.zone, 'blinks_db': zone.modulation_db}
-        fits = not zone.is_clocked or is_near(self._likely(zone), self._bit_s)
+        likely_s = self._likely(zone)
+        fits = not zone.is_clocked or is_near(likely_s, self._bit_s)
         if zone.contrast < _FLAT and fits:
             return finding(Cause.LOW_CONTRAST, percent=100 * zone.contrast, **values)
-        tried_s = [self._bit_s, *(one.tried_s for one in self._trials)]
-        if not any(one.within(zone.zone).is_sure(newest) for one in self._trials):
-            for trial in trials(newest, self._likely(zone), self._by, tried_s):
-                self._trials.append(trial)
-                if trial.within(zone.zone).is_sure(newest):
-                    break
-        if most := best(one.within(zone.zone) for one in self._trials):
-            self._explained |= self._seen(most.detections)
-            return period_finding(zone.zone, zone.modulation_db, most, self._bit_s)
+        newest = self.recording.newest(_TRIED_ON)
+        tried_s = [self._bit_s, *(one.tried_s for one in done)]
+        sure = any(one.within(zone.zone).is_sure(newest) for one in done)
+        for trial in islice(trials(newest, likely_s, self._by, tried_s), 0 if sure else most):
+            done.append(trial)
+            if sure := trial.within(zone.zone).is_sure(newest):
+                break
+        if most and not sure and len(done) < len(likely_s):
+            return None
+        if read := best((one.within(zone.zone) for one in done), newest):
+            self._explained |= self._seen(read.detections)
+            return period_finding(zone.zone, zone.modulation_db, read, self._bit_s)
         if not zone.is_clocked:
             return finding(Cause.NO_CLOCK, **values)
-        tried = named_periods([self._bit_s, *(one.tried_s for one in self._trials)])
-        return finding(Cause.NO_ID, tried=tried, **values)
+        tried_s = likely_s if most else [one.tried_s for one in done]
+        tried_s = [one for one in tried_s if not is_near([one], self._bit_s)]
+        return finding(Cause.NO_ID, tried=named_periods([self._bit_s, *tried_s]), **values)
 
     def _nothing(self) -> Finding:
         """Return that nothing blinks, or which zone may see a marker that does not."""

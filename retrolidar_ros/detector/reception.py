@@ -11,52 +11,30 @@ from typing import Any
 
 import numpy as np
 
-from retrolidar_ros.detector.blinking import Samples, modulation_db
-from retrolidar_ros.detector.blinking_zones import bit_periods
+from retrolidar_ros.detector.blinking_zones import BlinkingZone
 from retrolidar_ros.detector.detection import Detection
-from retrolidar_ros.detector.explain import period_finding, rate_findings
-from retrolidar_ros.detector.findings import Cause, Finding, finding, named_periods
-from retrolidar_ros.detector.parameters import detector_of, noise_of, registered
+from retrolidar_ros.detector.explain import Explanation, rate_findings
+from retrolidar_ros.detector.findings import Cause, Finding
+from retrolidar_ros.detector.parameters import registered
 from retrolidar_ros.detector.rejections import adjacency
-from retrolidar_ros.detector.trials import Trial, best, candidates, trials
+from retrolidar_ros.detector.trials import Trial
 from retrolidar_ros.marker.code import PACKET_BITS
 from retrolidar_ros.marker.known_markers import KnownMarker
 from retrolidar_ros.sensor.frame import Frame, Recording, ZoneGrid
-from retrolidar_ros.sensor.frame_rate import RATE_FRAMES, frame_period, missing_frames
+from retrolidar_ros.sensor.frame_rate import RATE_FRAMES, missing_frames
 
 _KEPT = 320  # a packet of nine frames a bit
 _LEAST_KEPT = 128
 # A zone that varies by less may do so by something that moves far away, or by noise.
 _CLEARLY_DB = 6.0
-# Lines of a spectrum that are no chance.
-_CLOCKED = 12.0
 # For so long a zone may blink unread by other bits, and for so many packets by the right ones: a
 # detector combines eight.
 _PATIENCE_S = 4.0
 _PACKETS = 9
 _REMEMBERED_NS = 10_000_000_000
 _LOOKING_S = 0.9  # a look costs milliseconds, with a trial tens of them
-_LONG_LOOKING_S = 2.0  # between trials when those that are likely have read nothing
-
-
-class _Search:
-    """Bit periods that are tried one after the other for a zone that blinks unread."""
-
-    def __init__(self, zone: int, blinks_db: float, likely_s: list[float]) -> None:
-        self.zone = zone
-        self.blinks_db = blinks_db
-        self.likely_s = likely_s
-        self.trials: list[Trial] = []
-        """What they read in the zone."""
-        self.finding: Finding | None = None
-        """That one reads it."""
-        self.until_ns = 0
-        """So long it is of interest, though the zone is read now and then."""
-
-    @property
-    def is_hasty(self) -> bool:
-        """Whether likely bit periods wait for their trial."""
-        return len(self.trials) < len(self.likely_s)
+_LONG_LOOKING_S = 2.0  # after so many trials
+_HASTY = 9
 
 
 class Reception:
@@ -80,8 +58,10 @@ class Reception:
         self._near = adjacency(grid)
         self._explained_ns = np.zeros(grid.zones, dtype=np.int64)
         self._looked_ns = 0
-        self._finding: Finding | None = None
-        self._search: _Search | None = None
+        self._zone: BlinkingZone | None = None  # which blinks unread,
+        self._trials: list[Trial] = []  # what was tried,
+        self._finding: Finding | None = None  # what came of it,
+        self._until_ns = 0  # and how long that holds, though the zone is read now and then
 
     def take(self, frame: Frame) -> bool:
         """Count a frame; return whether it is a new one."""
@@ -130,8 +110,7 @@ class Reception:
         if len(self.newest) < _LEAST_KEPT:
             return None
         now_ns = self.newest[-1].stamp_ns
-        hasty = self._search is None or self._search.is_hasty
-        wait_s = _LOOKING_S if hasty else _LONG_LOOKING_S
+        wait_s = _LOOKING_S if len(self._trials) < _HASTY else _LONG_LOOKING_S
         if abs(now_ns - self._looked_ns) >= wait_s * 1e9:
             self._looked_ns = now_ns
             self._finding = self._look(now_ns, values, known)
@@ -141,49 +120,24 @@ class Reception:
         self, now_ns: int, values: Mapping[str, Any], known: Mapping[int, KnownMarker]
     ) -> Finding | None:
         """Return why the zone that has waited for long enough is not read; try one more period."""
-        recording = Recording.of(list(self.newest))
-        samples = Samples.of(recording)
-        blinking = modulation_db(samples, noise_of(values).lit(recording.ambient))
+        explanation = Explanation(Recording.of(list(self.newest)), values, known, [])
+        clearly = [one for one in explanation.zones if one.modulation_db >= _CLEARLY_DB]
+        quiet = np.ones(len(self._explained_ns), dtype=bool)
+        quiet[[one.zone for one in clearly]] = False
         # Stamps may go back, where a bag is played again.
-        quiet = ~(blinking >= _CLEARLY_DB) | (self._explained_ns > now_ns)
-        self._explained_ns[quiet] = now_ns
+        self._explained_ns[quiet | (self._explained_ns > now_ns)] = now_ns
         waited_s = (now_ns - self._explained_ns) * 1e-9
-        bit_s, search = values['bit_period'], self._search
-        if search and waited_s[search.zone] >= _PATIENCE_S:
-            search.until_ns = now_ns + _REMEMBERED_NS
-        elif search is None or search.finding is None or now_ns > search.until_ns:
-            search = self._search = self._begun(recording, samples, blinking, waited_s)
-        if search is None:
-            return None
-        if search.finding:
-            return search.finding
-
-        def read(recording: Recording, bit_s: float) -> list[Detection]:
-            detector = detector_of({**values, 'bit_period': bit_s}, recording.grid, known)
-            return detector.update_all(recording)
-
-        tried_s = [bit_s, *(one.tried_s for one in search.trials)]
-        if trial := next(trials(recording, search.likely_s, read, tried_s), None):
-            search.trials.append(trial.within(search.zone))
-        found = best(search.trials)
-        if found and (found.is_sure(recording) or not search.is_hasty):
-            search.finding = period_finding(search.zone, search.blinks_db, found, bit_s)
-            return search.finding
-        patience_s = _PACKETS * PACKET_BITS * bit_s
-        if search.is_hasty or registered(values, known) or waited_s[search.zone] < patience_s:
-            return None
-        tried = named_periods([bit_s, *search.likely_s])
-        return finding(Cause.NO_ID, zone=search.zone, blinks_db=search.blinks_db, tried=tried)
-
-    def _begun(
-        self, recording: Recording, samples: Samples, blinking: Any, waited_s: Any
-    ) -> _Search | None:
-        """Return a search for the strongest zone that has waited, and has a clock."""
-        for zone in np.argsort(-blinking).tolist():
-            if waited_s[zone] >= _PATIENCE_S:
-                periods = bit_periods(recording, samples, zone)
-                clocks_s = [one.bit_period_s for one in periods if one.strength > _CLOCKED]
-                if clocks_s:
-                    likely_s = candidates(clocks_s, frame_period(recording.stamp_ns))
-                    return _Search(zone, float(blinking[zone]), likely_s)
-        return None
+        if self._zone and waited_s[self._zone.zone] >= _PATIENCE_S:
+            self._until_ns = now_ns + _REMEMBERED_NS
+        elif self._finding is None or now_ns > self._until_ns:
+            waiting = (one for one in clearly if waited_s[one.zone] >= _PATIENCE_S)
+            self._zone = next((one for one in waiting if one.is_clocked), None)
+            self._trials, self._finding = [], None
+        if self._zone is None or (self._finding and self._finding.cause is Cause.BIT_PERIOD):
+            return self._finding
+        found = explanation.why(self._zone, self._trials, 1)
+        patience_s = _PACKETS * PACKET_BITS * values['bit_period']
+        if found and found.cause is not Cause.BIT_PERIOD:
+            is_early = waited_s[self._zone.zone] < patience_s
+            return None if is_early or registered(values, known) else found
+        return found

@@ -8,6 +8,7 @@ by bits of one frame it has no clock that could be seen. Only the detector tells
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable, Iterable, Iterator
 from typing import NamedTuple
 
@@ -52,19 +53,20 @@ class Trial(NamedTuple):
         return self._replace(detections=[one for one in self.detections if zone in one.zones])
 
     def is_sure(self, recording: Recording) -> bool:
-        """Whether so much of a recording was read that no other bit period needs a trial.
-
-        A wrong one may let a wrong ID be read now and then.
-        """
+        """Whether so much of a recording was read that no other bit period needs a trial."""
         read_ns = len(self.detections) * PACKET_BITS * self.bit_period_s * 1e9
         return read_ns > _SURE * float(recording.stamp_ns[-1] - recording.stamp_ns[0])
 
+    @property
+    def agrees(self) -> bool:
+        """Whether an ID was read twice: by a wrong bit period a wrong one is read, now and then."""
+        return max(Counter(one.id for one in self.detections).values(), default=0) > 1
 
-def best(trials: Iterable[Trial]) -> Trial | None:
-    """Return the trial that has read most; None if none has read anything."""
-    return max(
-        (one for one in trials if one.detections), key=lambda one: one.evidence, default=None
-    )
+
+def best(done: Iterable[Trial], recording: Recording) -> Trial | None:
+    """Return the trial that has read most of a recording; None if none can be trusted."""
+    trusted = (one for one in done if one.agrees or one.is_sure(recording))
+    return max(trusted, key=lambda one: one.evidence, default=None)
 
 
 def candidates(clocks_s: Iterable[float], frame_s: float) -> list[float]:
@@ -110,7 +112,7 @@ def _refined(recording: Recording, bit_s: float, read: Read) -> Trial:
         if abs(measured_s / bit_s - 1) < _SAME:
             break
         again, bit_s = read(recording, measured_s), measured_s
-        if not len(again) > len(trial.detections):
+        if len(again) < len(trial.detections):
             break
         trial = Trial(trial.tried_s, again)
     return trial

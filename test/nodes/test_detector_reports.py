@@ -4,6 +4,7 @@
 
 import re
 from collections.abc import Iterator
+from typing import Any
 
 import pytest
 from diagnostic_msgs.msg import DiagnosticStatus
@@ -22,7 +23,7 @@ def system(tmp_path_factory: pytest.TempPathFactory) -> Iterator[System]:
         system.start('detector')
         system.start('detector', *FRAMES, name='fast', namespace='/fast', bit_period=0.015)
         debug = ('--log-level', 'debug')
-        given = {'name': 'slow', 'namespace': '/slow', 'bit_period': 0.084}
+        given: dict[str, Any] = {'name': 'slow', 'namespace': '/slow', 'bit_period': 0.084}
         system.start('detector', *FRAMES, *debug, **given)
         system.wait(lambda: system.node.count_subscribers('frames') == 4, 'all detectors')
         with system.fed('/reports/frames'):
