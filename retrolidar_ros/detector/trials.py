@@ -112,7 +112,7 @@ def _refined(recording: Recording, bit_s: float, read: Read) -> Trial:
         if abs(measured_s / bit_s - 1) < _SAME:
             break
         again, bit_s = read(recording, measured_s), measured_s
-        if len(again) < len(trial.detections):
+        if not len(again) > len(trial.detections):
             break
         trial = Trial(trial.tried_s, again)
     return trial
