@@ -21,7 +21,7 @@ from retrolidar_ros.detector.methods import MAX_PACKETS
 from retrolidar_ros.detector.noise import NoiseLaw
 from retrolidar_ros.detector.parameters import detector_of, noise_of, registered
 from retrolidar_ros.detector.rejections import adjacency
-from retrolidar_ros.detector.trials import CAPTURED, Trial, best, candidates, trials
+from retrolidar_ros.detector.trials import CAPTURED, Trial, best, candidates, every, trials
 from retrolidar_ros.marker.code import PACKET_BITS
 from retrolidar_ros.marker.known_markers import KnownMarker
 from retrolidar_ros.sensor.frame import Floats, Recording, Status, valid_samples
@@ -117,7 +117,7 @@ class Explanation:
         if zone is not None:
             likely_s = [bit_s] if abs(bit_s / self._bit_s - 1) > CAPTURED / 2 else []
             likely_s += [one for one in self._likely(zone) if not is_near([one], self._bit_s)]
-            for trial in islice(trials(self.recording, likely_s, self._by), len(likely_s)):
+            for trial in trials(self.recording, likely_s, self._by):
                 again = trial.within(zone.zone)
                 if len(again.detections) > len(own):
                     return period_finding(zone.zone, zone.modulation_db, again, self._bit_s)
@@ -183,7 +183,8 @@ class Explanation:
         newest = self.recording.newest(_TRIED_ON)
         tried_s = [self._bit_s, *(one.tried_s for one in done)]
         sure = any(one.within(zone.zone).is_sure(newest) for one in done)
-        for trial in islice(trials(newest, likely_s, self._by, tried_s), 0 if sure else most):
+        periods_s = [*likely_s, *every(self._frame_s)]
+        for trial in islice(trials(newest, periods_s, self._by, tried_s), 0 if sure else most):
             done.append(trial)
             if sure := trial.within(zone.zone).is_sure(newest):
                 break

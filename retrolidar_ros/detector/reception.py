@@ -11,11 +11,12 @@ from typing import Any
 
 import numpy as np
 
+from retrolidar_ros.detector.blinking import Samples, modulation_db
 from retrolidar_ros.detector.blinking_zones import BlinkingZone
 from retrolidar_ros.detector.detection import Detection
 from retrolidar_ros.detector.explain import Explanation, rate_findings
 from retrolidar_ros.detector.findings import Cause, Finding
-from retrolidar_ros.detector.parameters import registered
+from retrolidar_ros.detector.parameters import noise_of, registered
 from retrolidar_ros.detector.rejections import adjacency
 from retrolidar_ros.detector.trials import Trial
 from retrolidar_ros.marker.code import PACKET_BITS
@@ -32,9 +33,10 @@ _CLEARLY_DB = 6.0
 _PATIENCE_S = 4.0
 _PACKETS = 9
 _REMEMBERED_NS = 10_000_000_000
-_LOOKING_S = 0.9  # a look costs milliseconds, with a trial tens of them
-_LONG_LOOKING_S = 2.0  # after so many trials
-_HASTY = 9
+# A look costs a millisecond, with a trial tens of them: between looks while nothing is searched
+# for, between the first trials, and later.
+_QUIET_S, _LOOKING_S = 3.0, (0.9, 2.0)
+_HASTY = 9  # first trials
 
 
 class Reception:
@@ -110,7 +112,7 @@ class Reception:
         if len(self.newest) < _LEAST_KEPT:
             return None
         now_ns = self.newest[-1].stamp_ns
-        wait_s = _LOOKING_S if len(self._trials) < _HASTY else _LONG_LOOKING_S
+        wait_s = _QUIET_S if self._zone is None else _LOOKING_S[len(self._trials) >= _HASTY]
         if abs(now_ns - self._looked_ns) >= wait_s * 1e9:
             self._looked_ns = now_ns
             self._finding = self._look(now_ns, values, known)
@@ -120,17 +122,19 @@ class Reception:
         self, now_ns: int, values: Mapping[str, Any], known: Mapping[int, KnownMarker]
     ) -> Finding | None:
         """Return why the zone that has waited for long enough is not read; try one more period."""
-        explanation = Explanation(Recording.of(list(self.newest)), values, known, [])
-        clearly = [one for one in explanation.zones if one.modulation_db >= _CLEARLY_DB]
-        quiet = np.ones(len(self._explained_ns), dtype=bool)
-        quiet[[one.zone for one in clearly]] = False
+        recording = Recording.of(list(self.newest))
+        law = noise_of(values).lit(recording.ambient)
+        quiet = ~(modulation_db(Samples.of(recording), law) >= _CLEARLY_DB)
         # Stamps may go back, where a bag is played again.
         self._explained_ns[quiet | (self._explained_ns > now_ns)] = now_ns
         waited_s = (now_ns - self._explained_ns) * 1e-9
+        if waited_s.max() < _PATIENCE_S and self._zone is None:
+            return None
+        explanation = Explanation(recording, values, known, [])
         if self._zone and waited_s[self._zone.zone] >= _PATIENCE_S:
             self._until_ns = now_ns + _REMEMBERED_NS
         elif self._finding is None or now_ns > self._until_ns:
-            waiting = (one for one in clearly if waited_s[one.zone] >= _PATIENCE_S)
+            waiting = (one for one in explanation.zones if waited_s[one.zone] >= _PATIENCE_S)
             self._zone = next((one for one in waiting if one.is_clocked), None)
             self._trials, self._finding = [], None
         if self._zone is None or (self._finding and self._finding.cause is Cause.BIT_PERIOD):

@@ -17,17 +17,15 @@ import numpy as np
 from retrolidar_ros.detector.detection import Detection
 from retrolidar_ros.marker.code import PACKET_BITS
 from retrolidar_ros.sensor.frame import Recording
-from retrolidar_ros.sensor.frame_rate import FRAMES_A_BIT, frame_period
+from retrolidar_ros.sensor.frame_rate import FRAMES_A_BIT
 
 Read = Callable[[Recording, float], list[Detection]]
 """What is read of a recording by a bit period [s]."""
 CAPTURED = 0.02
 """A detector looks for bit periods so near to its own, and for some that are farther."""
-# Frames a bit, 5 % apart: one, which has no clock, and then what is nearest to two.
-_GRID = np.array(
-    sorted(np.geomspace(1.0, 9.0, 46), key=lambda n: n > 1 and 1 + abs(np.log2(n / 2)))
-)
-_ROUNDS, _SAME = 3, 0.003
+# Frames a bit, 5 % apart, nearest to two first.
+_GRID = sorted(np.geomspace(1.0, 9.0, 46).tolist(), key=lambda frames: abs(np.log2(frames / 2)))
+_ROUNDS, _SAME = 2, 0.003
 _SURE = 0.4  # of a recording
 
 
@@ -70,7 +68,10 @@ def best(done: Iterable[Trial], recording: Recording) -> Trial | None:
 
 
 def candidates(clocks_s: Iterable[float], frame_s: float) -> list[float]:
-    """Return the bit periods of which frames every `frame_s` [s] may show clocks; all in [s]."""
+    """Return the bit periods of which frames every `frame_s` [s] may show clocks; all in [s].
+
+    Bits of one frame show none, or any.
+    """
     least_s, most_s = (frames * frame_s for frames in FRAMES_A_BIT)
     found: list[float] = []
     for clock_s in clocks_s:
@@ -78,27 +79,20 @@ def candidates(clocks_s: Iterable[float], frame_s: float) -> list[float]:
         for one in (clock_s, alias_s):
             if least_s <= one <= most_s and not _is_among(one, found):
                 found.append(one)
-    return found
+    return found if not found or _is_among(frame_s, found) else [*found, frame_s]
+
+
+def every(frame_s: float) -> list[float]:
+    """Return all bit periods that frames every `frame_s` may show [s]."""
+    return [frames * frame_s for frames in _GRID]
 
 
 def trials(
-    recording: Recording, likely_s: Iterable[float], read: Read, refused_s: Iterable[float] = ()
+    recording: Recording, periods_s: Iterable[float], read: Read, refused_s: Iterable[float] = ()
 ) -> Iterator[Trial]:
-    """Read a recording by likely bit periods, and then by all that there may be.
-
-    Parameters
-    ----------
-    recording : Recording
-        Of two frames or more.
-    likely_s : iterable of float
-        Bit periods to begin with [s].
-    read : callable
-        Which reads.
-    refused_s : iterable of float
-        Those that need no trial [s].
-    """
+    """Read a recording by bit periods, but by none that is near to another or a refused one [s]."""
     tried = [*refused_s]
-    for bit_s in [*likely_s, *(_GRID * frame_period(recording.stamp_ns)).tolist()]:
+    for bit_s in periods_s:
         if not _is_among(bit_s, tried):
             tried.append(bit_s)
             yield _refined(recording, bit_s, read)

@@ -5,12 +5,11 @@
 from __future__ import annotations
 
 from collections import defaultdict
-from itertools import islice
 
 from retrolidar_ros.detector import METHODS, Detection, create_detector
 from retrolidar_ros.detector.blinking_zones import BlinkingZone
 from retrolidar_ros.detector.noise import NoiseLaw
-from retrolidar_ros.detector.trials import candidates, trials
+from retrolidar_ros.detector.trials import candidates, every, trials
 from retrolidar_ros.marker.code import PACKET_BITS
 from retrolidar_ros.sensor.frame import Recording
 
@@ -54,11 +53,11 @@ def read_markers(
             if rank >= len(zone.periods) or zone.zone in _explained(groups, duration_s):
                 continue
             likely_s = candidates([zone.periods[rank].bit_period_s], frame_s)
-            for trial in islice(trials(recording, likely_s, read, tried_s), len(likely_s)):
+            for trial in trials(recording, likely_s, read, tried_s):
                 tried_s.append(trial.tried_s)
                 groups += _groups(trial.detections)
     if zones and not groups:
-        for trial in trials(recording, [], read, tried_s):
+        for trial in trials(recording, every(frame_s), read, tried_s):
             groups += _groups(trial.detections)
             if trial.is_sure(recording):
                 break
