@@ -190,7 +190,7 @@ class Explanation:
                 break
         if most and not sure and len(done) < len(likely_s):
             return None
-        if read := best((one.within(zone.zone) for one in done), newest):
+        if read := best((one.within(zone.zone) for one in done), newest, likely_s):
             self._explained |= self._seen(read.detections)
             return period_finding(zone.zone, zone.modulation_db, read, self._bit_s)
         if not zone.is_clocked:

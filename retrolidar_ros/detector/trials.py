@@ -61,9 +61,18 @@ class Trial(NamedTuple):
         return max(Counter(one.id for one in self.detections).values(), default=0) > 1
 
 
-def best(done: Iterable[Trial], recording: Recording) -> Trial | None:
-    """Return the trial that has read most of a recording; None if none can be trusted."""
-    trusted = (one for one in done if one.agrees or one.is_sure(recording))
+def best(done: Iterable[Trial], recording: Recording, likely_s: list[float]) -> Trial | None:
+    """Return the trial that has read most of a recording; None if none can be trusted.
+
+    One reading is trusted where a clock speaks for its bit period, too.
+    """
+    trusted = (
+        one
+        for one in done
+        if one.agrees
+        or one.is_sure(recording)
+        or (one.detections and _is_among(one.tried_s, likely_s))
+    )
     return max(trusted, key=lambda one: one.evidence, default=None)
 
 

@@ -59,6 +59,13 @@ def test_the_bit_period_that_is_advised_is_the_true_one(
     assert sum(one.packets for one in read) * 31 * bit_ms * 1e-3 > 0.6 * 20
 
 
+def test_one_packet_tells_its_bit_period_too() -> None:
+    lone = seen(marker(1.2, bit_period_s=0.06, start_s=2.0, packets=1), seconds=6)
+    (advice,) = explained(lone)
+    assert advice.cause is Cause.BIT_PERIOD
+    assert advice.values['found_s'] == pytest.approx(0.06, rel=0.01)
+
+
 def causes(findings: list[Finding]) -> list[Cause]:
     return [one.cause for one in findings]
 
