@@ -7,6 +7,7 @@ from __future__ import annotations
 import argparse
 import time
 from contextlib import suppress
+from itertools import chain
 from pathlib import Path
 
 from retrolidar_ros.bag import FRAMES_TOPIC, read_frames
@@ -71,15 +72,12 @@ def run(arguments: argparse.Namespace) -> int:
                 time.sleep(0.05)
             print(f'playing {arguments.bag} to {name}', flush=True)
             while True:
-                begin_s, start_ns, frame = time.monotonic(), first.stamp_ns, first
-                while True:
-                    due_s = begin_s + (frame.stamp_ns - start_ns) * 1e-9 / arguments.rate
+                begin_s = time.monotonic()
+                for frame in chain([first], frames):
+                    due_s = begin_s + (frame.stamp_ns - first.stamp_ns) * 1e-9 / arguments.rate
                     time.sleep(max(due_s - time.monotonic(), 0.0))
                     topic.publish(to_frame_msg(frame, frame_id))
                     sent += 1
-                    if (following := next(frames, None)) is None:
-                        break
-                    frame = following
                 if not arguments.loop:
                     break
                 frames = read_frames(arguments.bag, arguments.topic)
