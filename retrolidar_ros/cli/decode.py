@@ -10,6 +10,7 @@ import sys
 from retrolidar_ros.bag import read_frames
 from retrolidar_ros.cli.arguments import Subparsers, add_bag_command, detector_values
 from retrolidar_ros.detector.decoding import Decoding
+from retrolidar_ros.detector.findings import Finding
 from retrolidar_ros.detector.text import TEXT_HEADER, to_json, to_text
 
 NOTHING_READ = 3
@@ -32,11 +33,22 @@ def add_command(subparsers: Subparsers) -> None:
 def run(arguments: argparse.Namespace) -> int:
     """Print detections as lines of JSON or as a table, and why there are not more."""
     decoding = Decoding(detector_values(arguments))
-    if not arguments.json:
-        print(TEXT_HEADER)
     for detection in decoding.detect(read_frames(arguments.bag, arguments.topic)):
+        if not arguments.json and len(decoding.detections) == 1:
+            print(TEXT_HEADER)
         print(to_json(detection) if arguments.json else to_text(detection))
     sys.stdout.flush()
-    for line in [*decoding.why(), *(decoding.table() if arguments.explain else [])]:
+    print_hints(decoding, describe=arguments.explain)
+    return 0 if decoding.detections else NOTHING_READ
+
+
+def print_hints(decoding: Decoding, *, describe: bool = False) -> list[Finding]:
+    """Print to standard error, and return, why less was read than could be; zones on demand."""
+    explanation = decoding.explanation()
+    findings = explanation.findings()
+    lines = [str(one) for one in findings]
+    if describe:
+        lines += decoding.table(explanation, findings)
+    for line in lines:
         print(line, file=sys.stderr)
-    return 0 if decoding.packets else NOTHING_READ
+    return findings

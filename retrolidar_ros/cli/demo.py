@@ -148,7 +148,7 @@ def run_still(scene: Scene, file: Path, picture: Path, listener: Listener, timeo
     print(f'picture: {picture}')
     good = [outcome for outcome in outcomes if outcome.good]
     print(
-        f'{len(good)} of {len(scene.markers)} markers read with a range error below '
-        f'{MAX_RANGE_ERROR_M * 1e3:.0f} mm'
+        f'{len(good)} of {len(scene.markers)} markers read, the range within '
+        f'{MAX_RANGE_ERROR_M * 1e3:.0f} mm and the position within its 99.9 % ellipsoid'
     )
     return 0 if len(good) == len(scene.markers) else 1

@@ -120,32 +120,35 @@ def _draw(scene: Scene, hand: _Hand, path: Path) -> None:
     from matplotlib.figure import Figure
     from matplotlib.patches import Ellipse
 
-    figure = Figure(figsize=(15, 5.5), layout='constrained')
+    figure = Figure(figsize=(15, 4.9), layout='constrained')
     ratios = [1.8] + [1] * len(scene.markers)
     wide, *near = figure.subplots(1, len(ratios), width_ratios=ratios)
     for index, (place_m, _) in enumerate(hand.stays):
         colour = _COLOURS[index % len(_COLOURS)]
-        wide.plot(*place_m[:2], 's', color=colour, label=f'after place {index + 1}')
-        wide.annotate(str(index + 1), place_m[:2], xytext=(6, -4), textcoords='offset points')
+        eye_m = (place_m[0], -place_m[1])
+        wide.plot(*eye_m, 's', color=colour, label=f'after place {index + 1}')
+        wide.annotate(str(index + 1), eye_m, xytext=(6, -4), textcoords='offset points')
         for axes, marker in zip(near, scene.markers, strict=True):
             if (one := hand.after(index, marker.name)) is None:
                 continue
             size, turn = np.linalg.eigh(one.covariance[:2, :2])
             angle = math.degrees(math.atan2(turn[1, 0], turn[0, 0]))
             for panel, origin_m, unit in ((wide, marker.position_m, 1), (axes, (0, 0, 0), 1e3)):
-                x, y = (unit * (np.array(origin_m) + one.off_m)[:2]).tolist()
+                x, down = (unit * (np.array(origin_m) + one.off_m)[:2]).tolist()
                 width, height = (2 * unit * np.sqrt(_SURE * size)).tolist()
-                panel.add_patch(Ellipse((x, y), width, height, angle=angle, fill=False, ec=colour))
-                panel.plot(x, y, '.', color=colour)
+                ellipse = Ellipse((x, -down), width, height, angle=-angle, fill=False, ec=colour)
+                panel.add_patch(ellipse)
+                panel.plot(x, -down, '.', color=colour)
     for axes, marker in zip(near, scene.markers, strict=True):
-        wide.annotate(marker.name, marker.position_m[:2], (5, 5), textcoords='offset points')
-        wide.plot(*marker.position_m[:2], 'k+')
+        x, down, _ = marker.position_m
+        wide.annotate(marker.name, (x, -down), (5, 5), textcoords='offset points')
+        wide.plot(x, -down, 'k+')
         axes.plot(0, 0, 'k+', markersize=12)
-        axes.set(xlim=(-80, 80), ylim=(80, -80), aspect='equal', xlabel='x off [mm]')
+        axes.set(xlim=(-80, 80), ylim=(-80, 80), aspect='equal', xlabel='error to the right [mm]')
         axes.set_title(f'{marker.name}, {math.hypot(*marker.position_m):.1f} m away')
-    near[0].set_ylabel('y off [mm]')
-    wide.set(aspect='equal', xlabel='x [m]', ylabel='y, down [m]', title='as seen from the hand')
-    wide.invert_yaxis()
+    near[0].set_ylabel('error upwards [mm]')
+    wide.set(aspect='equal', xlabel='to the right [m]', ylabel='upwards [m]')
+    wide.set_title('as seen from the hand')
     figure.legend(loc='outside lower center', ncols=len(hand.stays), frameon=False)
     figure.suptitle('Where the objects are: ellipses of 95 %, and squares where the hand looked')
     figure.savefig(path, dpi=100)

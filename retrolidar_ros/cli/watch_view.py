@@ -23,8 +23,6 @@ COLUMNS = 80
 """Width of lines that are made to fit: of 8x8 zones they are wider."""
 ROWS = 24
 """As many lines as 4x4 zones need when nothing is wrong."""
-BLINKING_DB = 3.0
-"""A zone of less is not said to blink: noise alone may reach it."""
 _FULL_BAR_DB = 40.0
 _CELL = {4: 18, 8: 11}  # width of a zone by the columns of the grid
 _READINGS = 3  # with 4x4 zones they all fit on 24 lines
@@ -200,7 +198,7 @@ def _bits(snapshot: Snapshot) -> list[str]:
         ),
         f'  soft    {"".join(soft)}',
         f'  bits    {"".join(hard)}  {DARK} dark, 1   {BRIGHT} bright, 0',
-        f'  packet  {packet}  turned as ID {bits.id} has it',
+        f'  packet  {packet}  aligned to ID {bits.id}',
         (
             f'  nearest ID {bits.id}: {bits.differing} of {PACKET_BITS} bits differ, correlation '
             f'{bits.correlation:.2f}'

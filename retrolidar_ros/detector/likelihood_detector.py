@@ -8,7 +8,6 @@ and become detections.
 
 from __future__ import annotations
 
-from collections import Counter
 from collections.abc import Mapping
 from enum import Enum
 from typing import NamedTuple
@@ -21,6 +20,7 @@ from retrolidar_ros.detector.budget import demands
 from retrolidar_ros.detector.detection import Detection, DetectorCounts, check_grid
 from retrolidar_ros.detector.noise import NoiseLaw
 from retrolidar_ros.detector.placement import Optics, Placer
+from retrolidar_ros.detector.rejections import Rejections
 from retrolidar_ros.marker.code import IDS, RESERVED_IDS, check_ids
 from retrolidar_ros.marker.known_markers import MARKER_SIZE_M
 from retrolidar_ros.sensor.frame import Frame, Recording, ZoneGrid
@@ -96,6 +96,7 @@ class LikelihoodDetector:
         self._grid = grid
         self._sizes_m = sizes_m
         self._unplaced = 0
+        self._rejections = Rejections(grid)
         ids = usable_ids(registered_ids)
         self.demands = demands(
             false_ids_per_hour, zones=grid.zones, words=len(ids), bit_s=bit_period_s
@@ -122,17 +123,24 @@ class LikelihoodDetector:
 
     @property
     def counts(self) -> DetectorCounts:
-        """Candidates by outcome so far."""
+        """Candidates by outcome so far; one that lost to a packet that was read is none."""
         counts = lib.rl_detector_counts(self._core)
-        rejected = {reason: counts.rejected[number] for number, reason in _REASONS.items()}
-        rejected[Reason.DISTANCE] = self._unplaced
+        accepted = counts.accepted - self._unplaced
+        rejected = self._rejections.counts.copy()
+        if self._unplaced:
+            rejected[Reason.DISTANCE.value] = self._unplaced
         return DetectorCounts(
-            candidates=counts.candidates,
-            accepted=counts.accepted - self._unplaced,
-            rejected=Counter({reason.value: count for reason, count in rejected.items() if count}),
+            candidates=accepted + sum(rejected.values()),
+            accepted=accepted,
+            rejected=rejected,
             impossible=counts.impossible,
             overloads=counts.overloads,
         )
+
+    @property
+    def last_rejected(self) -> Candidate | None:
+        """The last candidate of which nothing was read."""
+        return self._rejections.last
 
     def update(self, frame: Frame) -> list[Detection]:
         """Take the next frame; return the detections that became certain with it."""
@@ -155,12 +163,15 @@ class LikelihoodDetector:
             left = (one + taken * self._grid.zones for one in values)
             taken += lib.rl_detector_push(self._core, count - taken, stamps + taken, *left)
             if lib.rl_detector_candidates(self._core):
-                detections += self._take()
+                detections += self._take(int(stamp_ns[taken - 1]))
+        if count:
+            self._rejections.settle(int(stamp_ns[-1]))
         return detections
 
-    def _take(self) -> list[Detection]:
+    def _take(self, now_ns: int) -> list[Detection]:
         """Return the detections of the newest frame, and store the candidates."""
         held = lib.rl_detector_held(self._core)
+        before = len(self.candidates)
         for index in range(lib.rl_detector_candidates(self._core)):
             judged = lib.rl_detector_candidate(self._core, index)
             self.candidates.append(
@@ -185,6 +196,7 @@ class LikelihoodDetector:
                 self._unplaced += 1
             else:
                 detections.append(detection)
+        self._rejections.take(self.candidates[before:], detections, now_ns)
         return detections
 
 

@@ -9,7 +9,7 @@ from collections.abc import Iterable, Mapping
 from typing import Any
 
 from retrolidar_ros.detector import Detection, DetectorCounts
-from retrolidar_ros.detector.parameters import noise_of, registered
+from retrolidar_ros.detector.parameters import registered
 from retrolidar_ros.detector.reception import Reception
 from retrolidar_ros.marker.known_markers import KnownMarker, frame_of
 from retrolidar_ros.nodes.diagnostics import ERROR, PERIOD_S, STALE, WARN, Health, health_of
@@ -115,8 +115,7 @@ class DetectorHealth:
         self._busy_s = self._age_s = 0.0
         for reason, number in sorted(counts.rejected.items()):
             values[f'rejected: {reason}'] = str(number)
-        listed = registered(settings, known)
-        values |= self._ages(known, listed)
+        values |= self._ages(known, registered(settings, known))
         now_s = time.monotonic()
         # While this process stood still, it heard nothing.
         self._heard_s += max(now_s - self._examined_s - PERIOD_S, 0.0)
@@ -127,20 +126,15 @@ class DetectorHealth:
         if silence_s > _SILENCE_S and not new['dropped frames']:
             return Health(STALE, f'no frame has come for {silence_s:.0f} s', values), problem
         problems = self._disturbances(new, publishers, lost)
+        hints = [self.reception.rate(settings['bit_period'])]
         if stamps_stand(new['frames'] - new['repeated frames'], advance_ns):
             problems.append((ERROR, 'the stamps of frames stand still: does /clock?'))
-        elif rate := self.reception.rate_problem(settings['bit_period']):
-            problem = (
-                f'{rate}: set bit_period to how long the markers hold a bit [s], and let the '
-                f'sensor measure two to eight times in it'
-            )
-            problems.append((WARN, problem))
-        if unread := self.reception.unread_problem(
-            noise_of(settings), settings['bit_period'], all_come=not listed
-        ):
-            problem = problem or unread
-            problems.append((WARN, unread))
-        fine = f'{counts.accepted} of {counts.candidates} candidates accepted'
+            hints.clear()
+        hints.append(self.reception.unread(settings, known))
+        sentences = [str(hint) for hint in hints if hint]
+        problems += [(WARN, sentence) for sentence in sentences]
+        problem = sentences[0] if sentences else ''
+        fine = f'{counts.accepted} packets accepted, {sum(counts.rejected.values())} rejected'
         return health_of(problems, fine, values), problem
 
     def _disturbances(

@@ -23,7 +23,8 @@ from retrolidar_ros.nodes.transform_watch import WatchedSender
 from retrolidar_ros.nodes.transforms import transform_sender
 from retrolidar_ros.scene.description import Waypoint
 from retrolidar_ros.scene.files import load_scene
-from retrolidar_ros.scene.laboratory import along, rotation_of
+from retrolidar_ros.scene.laboratory import rotation_of
+from retrolidar_ros.scene.optics import along
 from retrolidar_ros.sensor.rotation import quaternion_of
 
 IN_BASE = np.array([[0.0, 0.0, 1.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0]])

@@ -18,7 +18,8 @@ FRAMES = list(Simulation(SCENE).run(6.0))
 
 def detect(min_readings: int) -> tuple[list[Detection], list[str]]:
     decoding = Decoding({**defaults(), 'min_readings': min_readings})
-    return list(decoding.detect(FRAMES)), decoding.why()
+    found = list(decoding.detect(FRAMES))
+    return found, [str(one) for one in decoding.explanation().findings()]
 
 
 READING = detect(1)[0][0]

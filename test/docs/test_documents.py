@@ -163,6 +163,19 @@ def test_the_pins_of_the_wiring_tables_are_those_of_the_sketches() -> None:
     assert sorted((name, pin) for pin, name in wired) == sorted(constants)
 
 
+def test_every_key_of_scenes_is_listed() -> None:
+    def keys(content: object) -> set[str]:
+        if isinstance(content, list):
+            return set().union(*map(keys, content))
+        return (
+            set(content).union(*map(keys, content.values())) if isinstance(content, dict) else set()
+        )
+
+    section = text_of('reference.md').partition('## Scenes')[2].partition('\n## ')[0]
+    listed = {one.removesuffix('[]') for one in quoted(section)}
+    assert keys(load_yaml(ROOT / 'test' / 'scene' / 'every_key.yaml')) <= listed
+
+
 # The reference against the declarations of the code
 
 REFERENCE = text_of('reference.md')

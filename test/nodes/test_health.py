@@ -68,12 +68,11 @@ def test_markers_are_read_and_placed(pair: Pair) -> None:
     check_frames(system, sensor, FRAME_ID)
     check_detections(system, SCENE, FRAME_ID)
     system.wait_for_status(DRIVER, OK, 'frames a second')
-    values = values_of(system.wait_for_status(DETECTOR, OK, 'candidates accepted'))
+    values = values_of(system.wait_for_status(DETECTOR, OK, 'packets accepted'))
     assert values['method'] == 'joint'
     assert int(values['frames']) > 20
     assert 3 <= int(values['accepted']) <= int(values['candidates'])
-    refused = sum(int(values[key]) for key in values if key.startswith('rejected: '))
-    assert int(values['accepted']) + refused >= int(values['candidates'])
+    assert not [key for key in values if key.startswith('rejected: ')], values
 
 
 def test_transforms_go_out_before_what_they_belong_to(pair: Pair) -> None:

@@ -9,7 +9,8 @@ from retrolidar_ros.detector.decoding import Decoding
 from retrolidar_ros.detector.parameters import defaults
 from retrolidar_ros.scene import Simulation
 from retrolidar_ros.scene.files import load_scene
-from retrolidar_ros.scene.laboratory import along, rotation_of
+from retrolidar_ros.scene.laboratory import rotation_of
+from retrolidar_ros.scene.optics import along
 from retrolidar_ros.settings.resources import shared_file
 from retrolidar_ros.settings.yaml_files import load_parameter_defaults
 from retrolidar_ros.tasks.reading import Errors, SensorPose, reading
