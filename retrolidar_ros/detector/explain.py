@@ -76,6 +76,8 @@ class Explanation:
             packet_s, frames = PACKET_BITS * self._bit_s, len(self.recording)
             few = finding(Cause.FEW_FRAMES, frames=frames, packet_s=packet_s)
             return [] if self._detections else [few]
+        if self._frame_s <= 0:
+            return [finding(Cause.STAMPS)]
         result = rate_findings(self._frame_s, self._bit_s)
         result += [less for one in self._ids() if (less := self._less(one))]
         if self._withheld:

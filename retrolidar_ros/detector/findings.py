@@ -16,6 +16,7 @@ class Cause(Enum):
     """Why something is not read, and as a template the sentence with its remedy."""
 
     FEW_FRAMES = '{frames} frames are too few: a packet takes {packet_s:.1f} s'
+    STAMPS = 'the stamps of the frames stand still: record again with a clock that runs'
     FRAME_RATE = (
         'a frame comes every {frame_ms:.1f} ms, but bit_period is {bit_ms:.1f} ms: {frames:.1f} '
         'frames, and not one to eight. Set bit_period to how long the markers hold a bit, or let '

@@ -108,7 +108,9 @@ class Reception:
             for before, after in pairwise(newest)
         ]
         # As if none had been lost, whose gaps would make the frames look slow.
-        return next(iter(rate_findings(float(np.median(steps)) * 1e-9, bit_period_s)), None)
+        frame_s = float(np.median(steps)) * 1e-9
+        found = rate_findings(frame_s, bit_period_s) if frame_s > 0 else []  # or stamps stand still
+        return next(iter(found), None)
 
     def unread(self, values: Mapping[str, Any], known: Mapping[int, KnownMarker]) -> Finding | None:
         """Return why a zone blinks by a clock and is not read, as far as is known by now.

@@ -126,11 +126,11 @@ class DetectorHealth:
         if silence_s > _SILENCE_S and not new['dropped frames']:
             return Health(STALE, f'no frame has come for {silence_s:.0f} s', values), problem
         problems = self._disturbances(new, publishers, lost)
-        hints = [self.reception.rate(settings['bit_period'])]
+        hints = [self.reception.unread(settings, known)]
         if stamps_stand(new['frames'] - new['repeated frames'], advance_ns):
             problems.append((ERROR, 'the stamps of frames stand still: does /clock?'))
-            hints.clear()
-        hints.append(self.reception.unread(settings, known))
+        else:
+            hints.insert(0, self.reception.rate(settings['bit_period']))
         sentences = [str(hint) for hint in hints if hint]
         problems += [(WARN, sentence) for sentence in sentences]
         problem = sentences[0] if sentences else ''

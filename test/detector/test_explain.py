@@ -110,3 +110,11 @@ def test_noise_is_not_told_from_the_marker_s_zone_alone() -> None:
     dark = replace(recording, status=recording.status.copy())
     dark.status[:, [zone for zone in range(16) if zone != 10]] = 255
     assert causes(explained(dark)) == [Cause.BIT_PERIOD]
+
+
+def test_stamps_that_stand_still_are_told() -> None:
+    frames = list(Simulation(load_scene('coffee')).run(4.0))
+    decoding = Decoding(defaults())
+    assert not list(decoding.detect(replace(one, stamp_ns=0) for one in frames))
+    (found,) = decoding.explanation().findings()
+    assert 'stand still' in str(found)
