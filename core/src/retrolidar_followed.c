@@ -16,7 +16,7 @@
 static const double SHOT_M = 0.490, FLOOR_M = 0.0016;
 static const double LEAST_SCALE = 0.25, MOST_SCALE = 16.0, LESSON = 0.02, MOST_LESSON = 9.0;
 /* Of the clock of a reading: its start [s], its rate, and how they walk in a second. */
-static const double START_S = 2e-3, RATE = 1.5e-3, WALK_S = 1e-4, RATE_WALK = 1e-4;
+static const double START_S = 4e-3, RATE = 1.5e-3, WALK_S = 1e-4, RATE_WALK = 1e-4;
 static const double EDGE_S = 2e-3; /* to either side, to find how light changes with the start */
 static const double LIGHT_ERROR = 0.1;
 /* Light is as predicted if it differs by less. */
@@ -368,12 +368,17 @@ static void look(struct rl_followed *followed, const struct rl_scenery *scenery,
 
 /* How much light there is, and what that says of its presence. */
 static struct rl_glance glimpse(struct rl_followed *followed, const struct rl_scenery *scenery,
-                                const struct rl_zone_sample *sample)
+                                const struct rl_zone_sample *sample, bool *crossed)
 {
     const struct rl_samples *samples = scenery->samples;
-    struct rl_glance glance = {scenery->step_s, followed->sending.bit_s, followed->light, 0.0,
-                               INFINITY};
-    rl_zone_measure(followed->zone, sample, samples->zones, samples->columns_of_zones, &glance);
+    struct rl_glance glance = {
+        .step_s = scenery->step_s,
+        .bit_s = followed->sending.bit_s,
+        .light = followed->light,
+        .edge_variance = followed->slope * followed->slope * followed->clock.variance,
+    };
+    *crossed = rl_zone_measure(followed->zone, sample, samples->zones, samples->columns_of_zones,
+                               &glance);
     if (rl_presence_update(&followed->presence, &glance)) {
         followed->last_ns = samples->stamp_ns[scenery->row];
     }
@@ -385,14 +390,15 @@ void rl_followed_replay(struct rl_followed *followed, const struct rl_scenery *s
 {
     const struct rl_samples *samples = scenery->samples;
     struct rl_zone_sample sample[RL_MOST_ZONES];
+    bool crossed;
     followed->light = light;
     followed->slope = 0.0;
     move(followed, scenery);
     look(followed, scenery, sample);
-    if (rl_zone_update(followed->zone, sample, samples->zones, samples->columns_of_zones, light)) {
-        followed->crossed = 1.0;
-    }
-    glimpse(followed, scenery, sample);
+    glimpse(followed, scenery, sample, &crossed);
+    rl_zone_update(followed->zone, sample, samples->zones, samples->columns_of_zones, light,
+                   crossed);
+    followed->crossed = crossed ? 1.0 : followed->crossed;
 }
 
 /* Light that blinks as predicted, but by another amount, is a marker that has turned or moved. */
@@ -415,20 +421,20 @@ void rl_followed_update(struct rl_followed *followed, const struct rl_scenery *s
 {
     const struct rl_samples *samples = scenery->samples;
     struct rl_zone_sample sample[RL_MOST_ZONES];
+    bool crossed;
     look(followed, scenery, sample);
-    const struct rl_glance glance = glimpse(followed, scenery, sample);
+    const struct rl_glance glance = glimpse(followed, scenery, sample, &crossed);
     const double off = fabs(glance.measured - glance.light);
     if (!isfinite(glance.variance) ||
-        off > fmax(MAX_OFF, MAX_DEVIATIONS * sqrt(glance.variance))) {
+        off > fmax(MAX_OFF, MAX_DEVIATIONS * sqrt(glance.variance + glance.edge_variance))) {
         rescale(followed, samples->zones, &glance);
         return;
     }
     followed->off_scale = followed->light > RL_BRIGHT ? 0 : followed->off_scale;
     update_clock(followed, scenery, &glance);
-    if (rl_zone_update(followed->zone, sample, samples->zones, samples->columns_of_zones,
-                       followed->light)) {
-        followed->crossed = 1.0;
-    }
+    rl_zone_update(followed->zone, sample, samples->zones, samples->columns_of_zones,
+                   followed->light, crossed);
+    followed->crossed = crossed ? 1.0 : followed->crossed;
     if (followed->light > SHARED_LIGHT) {
         followed->shared_s = now_of(scenery);
         rl_followed_bearing(followed, scenery);

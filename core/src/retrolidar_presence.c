@@ -56,7 +56,8 @@ static void weigh(double chance[RL_EXPLANATIONS], const struct rl_glance *glance
     const double bright = variance + SHARE * SHARE;
     const double edge = seen > -OFFSET && seen < 1.0 + OFFSET ? EDGES : 0.0;
     const double more = seen > light ? 1.0 / MOST_MORE : 0.0;
-    chance[SAME] *= density(seen, light, variance + SHARE * SHARE * light * light) + ANYTHING;
+    const double own = variance + SHARE * SHARE * light * light + glance->edge_variance;
+    chance[SAME] *= density(seen, light, own) + ANYTHING;
     chance[HIDDEN] *= density(seen, 0.0, variance) + ANYTHING;
     chance[MORE] *= more + ANYTHING;
     chance[OTHER_DARK] *= (1.0 - EDGES) * density(seen, 0.0, variance) + edge + ANYTHING;
@@ -74,7 +75,7 @@ static void weigh(double chance[RL_EXPLANATIONS], const struct rl_glance *glance
 static int see(struct rl_presence *presence, const struct rl_glance *glance)
 {
     const double light = glance->light, off = glance->measured - light;
-    const double variance = glance->variance + OFFSET * OFFSET;
+    const double variance = glance->variance + OFFSET * OFFSET + glance->edge_variance;
     if (light > BRIGHT_LIGHT && glance->measured < 1.0 + MOST_MORE) {
         const double nats =
             (glance->measured * glance->measured - off * off) / variance / 2.0;

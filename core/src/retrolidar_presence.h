@@ -28,6 +28,7 @@ struct rl_glance {
     double light;    /* as predicted, 0 to 1 */
     double measured; /* over that of a bright marker */
     double variance; /* of that; infinite if nothing was seen */
+    double edge_variance; /* of the light as predicted, by when its edges come */
 };
 
 /* Return whether its light was seen. */

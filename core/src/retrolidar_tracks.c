@@ -29,9 +29,7 @@ struct rl_tracks {
     struct rl_followed track[RL_MAX_TRACKS];
     int64_t origin_ns, last_ns; /* of the samples, and of the newest frame */
     struct rl_scenery scenery;
-    /* Room for a window: of a zone, and of the light in it. */
-    struct rl_zone_sample *sample;
-    double *light;
+    double *light; /* room for a window, as has the next */
     float *distance;
 };
 
@@ -39,15 +37,14 @@ struct rl_tracks *rl_tracks_create(struct rl_detector *detector,
                                    const struct rl_track_settings *settings)
 {
     const size_t rows = (size_t)detector->samples.capacity;
-    const size_t a_row = sizeof(struct rl_zone_sample) + sizeof(double) + sizeof(float);
+    const size_t a_row = sizeof(double) + sizeof(float);
     struct rl_tracks *tracks = calloc(1, sizeof *tracks + rows * a_row);
     if (tracks == NULL) {
         return NULL;
     }
     tracks->detector = detector;
     tracks->settings = *settings;
-    tracks->sample = (struct rl_zone_sample *)(tracks + 1);
-    tracks->light = (double *)(tracks->sample + rows);
+    tracks->light = (double *)(tracks + 1);
     tracks->distance = (float *)(tracks->light + rows);
     tracks->scenery = (struct rl_scenery){
         .samples = &detector->samples,
@@ -83,10 +80,11 @@ static void go_to(struct rl_tracks *tracks, int row, double since_s)
 static void add_light(struct rl_scenery *scenery, const struct rl_followed *followed, double light,
                       double sign)
 {
+    const int strongest = rl_zone_strongest(followed->zone, scenery->samples->zones);
     for (int zone = 0; zone < scenery->samples->zones; zone++) {
         const struct rl_zone_light *one = &followed->zone[zone];
         const double seen = light * fmax(one->gain, 0.0);
-        if (one->gain > 2.0 * sqrt(one->gain_variance)) {
+        if (rl_zone_sees(followed->zone, zone, strongest)) {
             scenery->other[zone] += sign * seen;
             scenery->other_variance[zone] +=
                 sign * (light * light * one->gain_variance + OTHER_ERROR * OTHER_ERROR * seen * seen);
@@ -148,17 +146,24 @@ static bool begin(struct rl_tracks *tracks, struct rl_followed *followed,
     }
     go_to(tracks, first, samples->begin_s[first]);
     rl_followed_place(followed, &tracks->scenery, reading->zone[0], depth_m);
+    struct rl_zone_sums sums[RL_MOST_ZONES];
+    memset(sums, 0, sizeof sums);
     for (int zone = 0; zone < samples->zones; zone++) {
-        /* Before its level is known, nothing is too bright. */
-        followed->zone[zone].level = INFINITY;
-        for (int row = 0; row < rows; row++) {
-            go_to(tracks, first + row, INFINITY);
-            add_neighbours(tracks, reading->zone[0]);
-            tracks->sample[row] = rl_followed_sample(followed, &tracks->scenery, zone);
-        }
-        followed->zone[zone] = rl_zone_fit(tracks->sample, tracks->light, rows);
+        followed->zone[zone].level = INFINITY; /* before it is known, nothing is too bright */
     }
-    rl_zone_doubt(followed->zone, samples->zones);
+    for (int row = 0; row < rows; row++) {
+        go_to(tracks, first + row, INFINITY);
+        add_neighbours(tracks, reading->zone[0]);
+        for (int zone = 0; zone < samples->zones; zone++) {
+            const struct rl_zone_sample sample =
+                rl_followed_sample(followed, &tracks->scenery, zone);
+            rl_zone_add(&sums[zone], &sample, tracks->light[row]);
+        }
+    }
+    for (int zone = 0; zone < samples->zones; zone++) {
+        followed->zone[zone] = rl_zone_fit(&sums[zone]);
+    }
+    rl_zone_doubt(followed->zone, samples->zones, reading);
     const double chance = reading->repeats ? REPEATS : ALONE;
     rl_presence_start(&followed->presence, chance);
     for (int row = first; row < first + rows; row++) {

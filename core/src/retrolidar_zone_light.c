@@ -7,55 +7,66 @@
 #include <stdlib.h>
 
 /* Zones take part whose gain is above so many deviations and this share of the strongest's. */
-static const double MIN_DEVIATIONS = 2.0, MIN_SHARE = 0.1;
+static const double MIN_DEVIATIONS = 4.0, MIN_SHARE = 0.1;
 /* By how much levels and gains change in a second, as a share of the gain. */
 static const double LEVEL_WALK = 0.1, GAIN_WALK = 0.1, FLOOR_WALK = 0.3;
 /* And by how much while a packet was read, as a share of the strongest gain. */
-static const double MOVED_LEVEL = 0.1, MOVED_GAIN = 1.0;
+static const double MOVED_LEVEL = 0.1, MOVED_GAIN = 1.0, UNREAD_GAIN = 0.05;
 /* Squared deviations at which a zone begins anew: the marker has crossed its edge. */
 static const double MAX_SURPRISE = 9.0;
+/* How fast it is learnt what is left over, and how much that may be. */
+static const double EXCESS_SHARE = 0.1, MAX_EXCESS = 1e4;
 static const double BRIGHT_LIGHT = 0.5;
 
-struct rl_zone_light rl_zone_fit(const struct rl_zone_sample *samples, const double *light,
-                                 int rows)
+void rl_zone_add(struct rl_zone_sums *sums, const struct rl_zone_sample *sample, double light)
 {
-    double weight = 1e-12, mean = 0.0, signal = 0.0, energy = 1e-12, cross = 0.0, power = 0.0;
-    double count = 0.0;
-    for (int row = 0; row < rows; row++) {
-        const double precision = samples[row].valid ? 1.0 / samples[row].variance : 0.0;
-        weight += precision;
-        mean += precision * light[row];
-        signal += precision * samples[row].signal;
-        count += samples[row].valid;
-    }
-    mean /= weight;
-    signal /= weight;
-    for (int row = 0; row < rows; row++) {
-        const double precision = samples[row].valid ? 1.0 / samples[row].variance : 0.0;
-        energy += precision * (light[row] - mean) * (light[row] - mean);
-        cross += precision * (light[row] - mean) * (samples[row].signal - signal);
-    }
-    const double gain = cross / energy;
-    for (int row = 0; row < rows; row++) {
-        const double left = samples[row].signal - signal - gain * (light[row] - mean);
-        power += samples[row].valid ? left * left / samples[row].variance : 0.0;
-    }
-    const double scale = fmax(power / fmax(count - 2.0, 1.0), 1.0);
+    const double weight = sample->valid ? 1.0 / sample->variance : 0.0;
+    sums->count += sample->valid;
+    sums->weight += weight;
+    sums->light += weight * light;
+    sums->signal += weight * sample->signal;
+    sums->squares += weight * light * light;
+    sums->cross += weight * light * sample->signal;
+    sums->power += weight * sample->signal * sample->signal;
+}
+
+struct rl_zone_light rl_zone_fit(const struct rl_zone_sums *sums)
+{
+    const double weight = fmax(sums->weight, 1e-12);
+    const double mean = sums->light / weight, signal = sums->signal / weight;
+    const double energy = fmax(sums->squares - weight * mean * mean, 1e-12);
+    const double cross = sums->cross - weight * mean * signal, gain = cross / energy;
+    const double left = sums->power - weight * signal * signal - gain * cross;
+    const double excess = fmax(left / fmax(sums->count - 2.0, 1.0), 1.0);
     return (struct rl_zone_light){
         .level = signal - gain * mean,
         .gain = gain,
-        .level_variance = scale * (1.0 / weight + mean * mean / energy),
-        .common = -scale * mean / energy,
-        .gain_variance = scale / energy,
+        .level_variance = excess * (1.0 / weight + mean * mean / energy),
+        .common = -excess * mean / energy,
+        .gain_variance = excess / energy,
+        .excess = excess,
     };
 }
 
-void rl_zone_doubt(struct rl_zone_light *lights, int zones)
+void rl_zone_doubt(struct rl_zone_light *lights, int zones, const struct rl_reading *reading)
 {
-    const double most = fmax(lights[rl_zone_strongest(lights, zones)].gain, 0.0);
+    bool has_read[RL_MOST_ZONES] = {false};
+    double most = 0.0;
+    for (int i = 0; i < reading->zones; i++) {
+        has_read[reading->zone[i]] = true;
+        most = fmax(most, lights[reading->zone[i]].gain);
+    }
     for (int zone = 0; zone < zones; zone++) {
-        lights[zone].level_variance += MOVED_LEVEL * MOVED_LEVEL * most * most;
-        lights[zone].gain_variance += MOVED_GAIN * MOVED_GAIN * most * most;
+        struct rl_zone_light *one = &lights[zone];
+        if (has_read[zone]) {
+            one->level_variance += MOVED_LEVEL * MOVED_LEVEL * most * most;
+            one->gain_variance += MOVED_GAIN * MOVED_GAIN * most * most;
+        } else {
+            one->level += one->gain / 2;
+            one->gain = one->common = 0.0;
+            one->level_variance += UNREAD_GAIN * UNREAD_GAIN * most * most;
+            one->gain_variance = UNREAD_GAIN * UNREAD_GAIN * most * most;
+        }
     }
 }
 
@@ -68,12 +79,19 @@ int rl_zone_strongest(const struct rl_zone_light *lights, int zones)
     return strongest;
 }
 
+bool rl_zone_sees(const struct rl_zone_light *lights, int zone, int strongest)
+{
+    const struct rl_zone_light *one = &lights[zone];
+    return one->gain > (zone == strongest ? 2.0 : MIN_DEVIATIONS) * sqrt(one->gain_variance) &&
+           one->gain > MIN_SHARE * lights[strongest].gain;
+}
+
 bool rl_zone_beside(int zone, int other, int columns)
 {
     return abs(zone / columns - other / columns) <= 1 && abs(zone % columns - other % columns) <= 1;
 }
 
-void rl_zone_measure(const struct rl_zone_light *lights, const struct rl_zone_sample *samples,
+bool rl_zone_measure(const struct rl_zone_light *lights, const struct rl_zone_sample *samples,
                      int zones, int columns, struct rl_glance *glance)
 {
     const int strongest = rl_zone_strongest(lights, zones);
@@ -83,13 +101,12 @@ void rl_zone_measure(const struct rl_zone_light *lights, const struct rl_zone_sa
         if (!samples[zone].valid || !rl_zone_beside(zone, strongest, columns)) {
             continue;
         }
-        const double noise = samples[zone].variance + one->level_variance;
+        const double noise = one->excess * samples[zone].variance + one->level_variance;
         const double rise = samples[zone].signal - one->level;
         total += rise;
         gain += fmax(one->gain, 0.0);
         variance += noise;
-        if (one->gain > MIN_SHARE * lights[strongest].gain &&
-            one->gain > MIN_DEVIATIONS * sqrt(one->gain_variance)) {
+        if (rl_zone_sees(lights, zone, strongest)) {
             cross += one->gain * rise / noise;
             energy += one->gain * one->gain / noise;
         }
@@ -97,17 +114,20 @@ void rl_zone_measure(const struct rl_zone_light *lights, const struct rl_zone_sa
     glance->measured = 0.0;
     glance->variance = INFINITY;
     if (!(energy > 0.0)) {
-        return;
+        return false;
     }
     glance->measured = cross / energy;
     glance->variance = 1.0 / energy;
     /* A marker that has crossed an edge is seen by another zone than before. */
     const double all = total / gain;
-    if (fabs(all - glance->light) < fabs(glance->measured - glance->light) &&
-        fabs(glance->measured - glance->light) > 3.0 * sqrt(glance->variance)) {
+    const double lost = glance->light - glance->measured;
+    if (glance->light > BRIGHT_LIGHT && fabs(all - glance->light) < lost &&
+        lost * lost > MAX_SURPRISE * glance->variance) {
         glance->measured = all;
         glance->variance = variance / (gain * gain);
+        return true;
     }
+    return false;
 }
 
 void rl_zone_predict(struct rl_zone_light *lights, int zones, double step_s)
@@ -121,36 +141,40 @@ void rl_zone_predict(struct rl_zone_light *lights, int zones, double step_s)
     }
 }
 
-bool rl_zone_update(struct rl_zone_light *lights, const struct rl_zone_sample *samples, int zones,
-                    int columns, double light)
+void rl_zone_update(struct rl_zone_light *lights, const struct rl_zone_sample *samples, int zones,
+                    int columns, double light, bool crossed)
 {
     const int strongest = rl_zone_strongest(lights, zones);
-    bool shared = false;
+    const double least = MIN_SHARE * lights[strongest].gain;
     for (int zone = 0; zone < zones; zone++) {
         struct rl_zone_light *one = &lights[zone];
         if (!samples[zone].valid) {
             continue;
         }
+        const double noise = samples[zone].variance;
         const double off = samples[zone].signal - one->level - light * one->gain;
         double level = one->level_variance + light * one->common;
         double gain = one->common + light * one->gain_variance;
-        double spread = level + light * gain + samples[zone].variance;
-        if (off * off > MAX_SURPRISE * spread) {
-            if (light < BRIGHT_LIGHT) {
-                one->level_variance += off * off;
-            } else if (rl_zone_beside(zone, strongest, columns)) {
-                one->gain_variance += off * off / (light * light);
-                shared = true;
-            }
-            level = one->level_variance + light * one->common;
-            gain = one->common + light * one->gain_variance;
-            spread = level + light * gain + samples[zone].variance;
+        double spread = level + light * gain + noise;
+        const double surprise = off * off / spread;
+        if (surprise > MAX_SURPRISE && light > BRIGHT_LIGHT &&
+            rl_zone_beside(zone, strongest, columns) && (crossed || zone == strongest)) {
+            one->gain_variance += off * off / (light * light);
+            one->excess = 1.0;
+        } else if (surprise > MAX_SURPRISE && light < BRIGHT_LIGHT && one->gain > least) {
+            one->level_variance += off * off;
+        } else {
+            /* Light of another marker, maybe, which is no share of this one's. */
+            one->excess += EXCESS_SHARE * (fmin(surprise, MAX_EXCESS) - one->excess);
+            one->excess = fmax(one->excess, 1.0);
         }
+        level = one->level_variance + light * one->common;
+        gain = one->common + light * one->gain_variance;
+        spread = level + light * gain + one->excess * noise;
         one->level += level / spread * off;
         one->gain += gain / spread * off;
         one->level_variance -= level / spread * level;
         one->common -= level / spread * gain;
         one->gain_variance -= gain / spread * gain;
     }
-    return shared;
 }
