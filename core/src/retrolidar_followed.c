@@ -346,6 +346,7 @@ void rl_followed_bearing(struct rl_followed *followed, const struct rl_scenery *
     const double range_m = fmax(rl_range_estimate(&followed->range).range_m, NEAREST_M);
     const double size_m = (double)settings->size_m[followed->id];
     variance[strongest] = 0.0;
+    followed->crossed = strongest != followed->strongest ? 1.0 : followed->crossed;
     followed->strongest = strongest;
     followed->bright_frames = 0;
     memcpy(followed->amplitude, amplitude, sizeof amplitude);

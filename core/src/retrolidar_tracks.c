@@ -21,6 +21,8 @@ static const double ACROSS_M_S = 0.5;
 /* By how much the light of another marker is wrong, as a share of it. */
 static const double OTHER_ERROR = 0.1;
 
+enum { MOST_ROWS = 64 }; /* from one call to the next */
+
 struct rl_tracks {
     struct rl_detector *detector;
     struct rl_track_settings settings;
@@ -262,8 +264,13 @@ int32_t rl_tracks_follow(struct rl_tracks *tracks)
         return tracks->count;
     }
     int row = samples->count - 1;
-    while (row > 0 && samples->stamp_ns[row - 1] == RL_NO_FRAME) {
+    while (row > 0 && (samples->stamp_ns[row - 1] == RL_NO_FRAME ||
+                       samples->stamp_ns[row - 1] > tracks->last_ns)) {
         row--; /* frames that were lost are erasures */
+    }
+    if (samples->count - row > MOST_ROWS) { /* nobody has asked for long */
+        tracks->counts.ended += (uint64_t)tracks->count;
+        tracks->count = 0;
     }
     for (; row < samples->count && tracks->count > 0; row++) {
         follow(tracks, row);

@@ -1,6 +1,6 @@
 # Copyright 2026 retrolidar_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""Print the detections in a bag."""
+"""Print the detections or tracks in a bag."""
 
 from __future__ import annotations
 
@@ -10,7 +10,14 @@ import sys
 from retrolidar_ros.bag import read_frames
 from retrolidar_ros.cli.arguments import Subparsers, add_bag_command, detector_values
 from retrolidar_ros.detector.decoding import Decoding
-from retrolidar_ros.detector.text import TEXT_HEADER, to_json, to_text
+from retrolidar_ros.detector.text import (
+    TEXT_HEADER,
+    TRACK_HEADER,
+    to_json,
+    to_text,
+    track_to_json,
+    track_to_text,
+)
 
 NOTHING_READ = 3
 
@@ -26,16 +33,24 @@ def add_command(subparsers: Subparsers) -> None:
         f'Exit code {NOTHING_READ} if nothing is read.',
     )
     command.add_argument('--json', action='store_true', help='one JSON object a line')
+    command.add_argument(
+        '--tracks', action='store_true', help='where each marker is at every frame, once it is read'
+    )
     command.add_argument('--explain', action='store_true', help='describe every blinking zone')
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Print detections as lines of JSON or as a table, and why there are not more."""
+    """Print detections or tracks as lines of JSON or a table, and why there are not more."""
     decoding = Decoding(detector_values(arguments))
+    frames = read_frames(arguments.bag, arguments.topic)
     if not arguments.json:
-        print(TEXT_HEADER)
-    for detection in decoding.detect(read_frames(arguments.bag, arguments.topic)):
-        print(to_json(detection) if arguments.json else to_text(detection))
+        print(TRACK_HEADER if arguments.tracks else TEXT_HEADER)
+    if arguments.tracks:
+        for track in decoding.follow(frames):
+            print(track_to_json(track) if arguments.json else track_to_text(track))
+    else:
+        for detection in decoding.detect(frames):
+            print(to_json(detection) if arguments.json else to_text(detection))
     sys.stdout.flush()
     for line in [*decoding.why(), *(decoding.table() if arguments.explain else [])]:
         print(line, file=sys.stderr)

@@ -11,6 +11,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from retrolidar_ros.detector.blinking_zones import BlinkingZone
+from retrolidar_ros.detector.tracks import Track
 from retrolidar_ros.marker.code import BIT_PERIOD_S, PREAMBLE, packet
 from retrolidar_ros.scene.description import Marker
 from retrolidar_ros.scene.truth import Heard
@@ -25,6 +26,7 @@ _LEGEND: dict[str, Any] = {
     'borderaxespad': 0.2,
 }
 _SHOWN_BITS = 66
+_GAP_S = 0.1  # of a track
 _MOST_SIGNALS, _MOST_UNREAD = 6, 3
 
 
@@ -104,8 +106,21 @@ def _blinking_zone(axes: Any, shown: _Shown, zone: BlinkingZone) -> None:
     axes.set_title(title, loc='left', fontsize=10, color=shown.colours[zone.zone])
 
 
-def _whole(axes: tuple[Any, Any], shown: _Shown, readings: Sequence[Heard]) -> None:
-    """Draw the zones of interest over the whole recording, and the ranges that were read."""
+def _followed(axes: Any, shown: _Shown, tracks: Sequence[Track], marker: int, colour: str) -> None:
+    """Draw the range of a marker at every frame, with gaps where it was not followed."""
+    own = [one for one in tracks if one.id == marker]
+    time_s = np.array([(one.stamp_ns - shown.origin_ns) * 1e-9 for one in own])
+    range_m = np.array([one.place.range_m for one in own])
+    gaps = np.flatnonzero(np.diff(time_s) > _GAP_S) + 1
+    axes.plot(
+        np.insert(time_s, gaps, np.nan), np.insert(range_m, gaps, np.nan), color=colour, lw=0.7
+    )
+
+
+def _whole(
+    axes: tuple[Any, Any], shown: _Shown, readings: Sequence[Heard], tracks: Sequence[Track]
+) -> None:
+    """Draw the zones of interest over the whole recording, and the ranges of markers."""
     above, below = axes
     for zone, colour in shown.colours.items():
         signal = shown.recording.signal[:, zone]
@@ -121,6 +136,7 @@ def _whole(axes: tuple[Any, Any], shown: _Shown, readings: Sequence[Heard]) -> N
         colour = shown.colours.get(own[0].zone, '0.3')
         ranges_m = [one.range_m for one in own]
         below.plot(read_s, ranges_m, '.', color=colour, label=f'ID {identity}')
+        _followed(below, shown, tracks, identity, colour)
     below.set_ylabel('range [m]', fontsize=9)
     below.set_xlabel('time [s]')
     if readings:
@@ -138,6 +154,7 @@ def plot_readings(
     path: Path,
     *,
     title: str,
+    tracks: Sequence[Track] = (),
     markers: Sequence[Marker] = (),
     blinking: Sequence[BlinkingZone] = (),
 ) -> None:
@@ -169,7 +186,7 @@ def plot_readings(
     zones = figure.add_subplot(spaces[:rows, 0])
     _zone_of_interest(zones, recording.grid, recording.signal.std(axis=0).astype(np.float64))
     above = figure.add_subplot(spaces[rows, :])
-    _whole((above, figure.add_subplot(spaces[rows + 1, :], sharex=above)), shown, readings)
+    _whole((above, figure.add_subplot(spaces[rows + 1, :], sharex=above)), shown, readings, tracks)
     for marker in markers:
         x, y, z = marker.position_m
         zones.plot(x / z, y / z, marker='s', markersize=9, fillstyle='none', color='black')

@@ -19,6 +19,7 @@ from retrolidar_ros.detector.blinking import BitReader, Samples, modulation_db
 from retrolidar_ros.detector.blinking_zones import LEAST_FRAMES, bit_periods, clock_mismatch
 from retrolidar_ros.detector.likelihood_detector import Candidate, LikelihoodDetector
 from retrolidar_ros.detector.parameters import detector_of, known_markers, noise_of
+from retrolidar_ros.detector.tracks import Track
 from retrolidar_ros.marker.code import PACKET_BITS
 from retrolidar_ros.sensor.clock import ClockMap
 from retrolidar_ros.sensor.frame import Frame, Recording
@@ -67,6 +68,7 @@ class Watch:
         self._last_rejected: Candidate | None = None
         self._frames: deque[Frame] = deque(maxlen=_KEPT)
         self._last: dict[int, Detection] = {}
+        self._tracks: dict[int, Track] = {}
         self._times: Counter[int] = Counter()
         self.frames = self._lost = 0
         self._sequence: int | None = None
@@ -111,7 +113,9 @@ class Watch:
             self._frames.clear()
         self._frames.append(frame)
         assert self._detector is not None
-        for detection in self._detector.update(frame):
+        detections = self._detector.update(frame)
+        self._tracks = {track.id: track for track in self._detector.follow(frame)}
+        for detection in detections:
             self._last[detection.id] = detection
             self._times[detection.id] += 1
         for candidate in self._detector.candidates:
@@ -184,7 +188,12 @@ class Watch:
                 self._chosen = most
         zone = self._chosen
         readings = [
-            LastReading(detection, (now_ns - detection.end_ns) * 1e-9, self._times[identity])
+            LastReading(
+                detection,
+                (now_ns - detection.end_ns) * 1e-9,
+                self._times[identity],
+                self._tracks.get(identity),
+            )
             for identity, detection in self._last.items()
         ]
         trouble = snapshot.trouble

@@ -24,6 +24,7 @@ from retrolidar_ros.detector.detection import Detection, Detector
 from retrolidar_ros.detector.likelihood_detector import Candidate, LikelihoodDetector
 from retrolidar_ros.detector.noise import NoiseLaw
 from retrolidar_ros.detector.parameters import detector_of, known_markers, noise_of, registered
+from retrolidar_ros.detector.tracks import Track
 from retrolidar_ros.marker.code import PACKET_BITS
 from retrolidar_ros.sensor.frame import Floats, Frame, Recording, Status, valid_samples
 
@@ -56,6 +57,20 @@ class Decoding:
 
     def detect(self, frames: Iterable[Frame]) -> Iterator[Detection]:
         """Yield the detections in frames as they become certain."""
+        for detections, _ in self.steps(frames, follow=False):
+            yield from detections
+
+    def follow(self, frames: Iterable[Frame]) -> Iterator[Track]:
+        """Yield the tracks of each frame; ValueError for a method that follows no markers."""
+        if self.values['method'] != 'joint':
+            raise ValueError(f'method {self.values["method"]} follows no markers; joint does')
+        for _, tracks in self.steps(frames, follow=True):
+            yield from tracks
+
+    def steps(
+        self, frames: Iterable[Frame], *, follow: bool
+    ) -> Iterator[tuple[list[Detection], list[Track]]]:
+        """Yield the detections that become certain with each frame, and its tracks if asked."""
         grid = self._newest[-1].grid if self._newest else None
         for frame in frames:
             if frame.grid is not grid and frame.grid != grid:
@@ -64,16 +79,19 @@ class Decoding:
                 self._detector = detector_of(self.values, grid, self._known)
             self._newest.append(frame)
             assert self._detector is not None
-            for detection in self._detector.update(frame):
+            detections = self._detector.update(frame)
+            for detection in detections:
                 self.packets[detection.id] += detection.packets
                 self._periods_s[detection.id] = detection.bit_period_s
                 self._zones.update(detection.zones)
-                yield detection
+            tracks: list[Track] = []
             if isinstance(self._detector, LikelihoodDetector):
+                tracks = self._detector.follow(frame) if follow else tracks
                 for one in self._detector.candidates:
                     best = self.rejected.get(one.zone)
                     if one.reason and (best is None or one.evidence > best.evidence):
                         self.rejected[one.zone] = one
+            yield detections, tracks
 
     def blinking(self) -> tuple[Recording, list[BlinkingZone], float]:
         """Return the newest frames, their zones that blink, and the noise against the law."""

@@ -106,8 +106,7 @@ def _track(seen: Any, stamp_ns: int) -> Track:
         stamp_ns=stamp_ns,
         place=where,
         velocity=seen.range_rate * direction,
-        velocity_covariance=seen.range_rate_variance * along
-        + _ACROSS_M_S**2 * (np.eye(3) - along),
+        velocity_covariance=seen.range_rate_variance * along + _ACROSS_M_S**2 * (np.eye(3) - along),
         presence=seen.log_odds,
         first_ns=seen.first_ns,
         last_ns=seen.last_ns,

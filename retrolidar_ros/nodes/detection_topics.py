@@ -4,6 +4,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 from geometry_msgs.msg import PoseStamped
@@ -11,13 +12,16 @@ from rclpy.node import Node
 from std_msgs.msg import Header
 from visualization_msgs.msg import MarkerArray
 
-from retrolidar_ros.detector import Detection
+from retrolidar_ros.detector import Detection, Detector
+from retrolidar_ros.detector.likelihood_detector import LikelihoodDetector
 from retrolidar_ros.marker.known_markers import KnownMarker, frame_of
-from retrolidar_ros.msg import MarkerDetection
+from retrolidar_ros.msg import MarkerDetection, MarkerTrack
 from retrolidar_ros.nodes.conversion import to_detection_msg, to_header, to_transform
 from retrolidar_ros.nodes.qos import EVENTS, LATCHED, publisher, topic_part
+from retrolidar_ros.nodes.track_topics import TrackTopics
 from retrolidar_ros.nodes.transforms import transform_sender
 from retrolidar_ros.nodes.visualization import marker_shapes
+from retrolidar_ros.sensor.frame import Frame
 
 try:
     from vision_msgs.msg import Detection3D, Detection3DArray, ObjectHypothesisWithPose
@@ -30,18 +34,16 @@ _BEAT_PERIOD_NS = 200_000_000
 
 
 class DetectionTopics:
-    """The topics `markers`, `marker_array`, `detections`, `poses/NAME`, `~/heartbeat`, and TF."""
+    """The topics `markers`, `tracks`, `marker_array`, `detections`, `poses/NAME`, and TF."""
 
     def __init__(self, node: Node, known: dict[int, KnownMarker], values: dict[str, Any]) -> None:
         """Make the publishers; names of markers are those of `known`."""
         self._node = node
         self._known = known
         self._markers = publisher(node, MarkerDetection, 'markers', EVENTS)
-        # Each with the function that makes its message.
-        self._standard = [(publisher(node, MarkerArray, 'marker_array', EVENTS), self._shapes)]
+        self._drawn = publisher(node, MarkerArray, 'marker_array', EVENTS)
         if Detection3DArray is not None:
-            vision = publisher(node, Detection3DArray, 'detections', EVENTS)
-            self._standard.append((vision, to_detections))
+            self._vision = publisher(node, Detection3DArray, 'detections', EVENTS)
         self._heartbeat = node.create_publisher(Header, '~/heartbeat', 10)
         if len(known) > _MOST_POSES:
             node.get_logger().warning(
@@ -54,7 +56,14 @@ class DetectionTopics:
         }
         self._send_transforms: Any = None
         self._beat_ns = 0
+        self._has_tracks = False
         self.change(values)
+        self._tracks = TrackTopics(
+            node,
+            self._child_frame,
+            lambda transforms: self._send_transforms(transforms),
+            self._draw,
+        )
 
     def change(self, values: dict[str, Any]) -> None:
         """Apply new parameters."""
@@ -68,14 +77,25 @@ class DetectionTopics:
             self._beat_ns = stamp_ns
             self._heartbeat.publish(to_header(stamp_ns, frame_id))
 
+    def follow(self, detector: Detector, frame: Frame, frame_id: str) -> None:
+        """Publish the tracks at a frame; transforms come from them if parameters say so."""
+        if isinstance(detector, LikelihoodDetector):
+            self._has_tracks = self._values['tf_source'] == 'tracks'
+            self._tracks.follow(detector, frame, frame_id, self._values)
+        else:
+            self._has_tracks = False
+
+    def _child_frame(self, identity: int) -> str:
+        name = frame_of(identity, self._known)
+        return str(self._values['child_frame']).replace(NAME, name)
+
     def publish(self, detections: list[Detection], frame_id: str) -> None:
         """Publish the detections of one frame, transforms first: subscribers look them up."""
-        messages = []
-        for detection in detections:
-            name = frame_of(detection.id, self._known)
-            child_frame_id = self._values['child_frame'].replace(NAME, name)
-            messages.append(to_detection_msg(detection, frame_id, child_frame_id))
-        if self._values['publish_tf']:
+        messages = [
+            to_detection_msg(detection, frame_id, self._child_frame(detection.id))
+            for detection in detections
+        ]
+        if self._values['publish_tf'] and not self._has_tracks:
             self._send_transforms(
                 [to_transform(one.header, one.child_frame_id, one.pose.pose) for one in messages]
             )
@@ -84,14 +104,16 @@ class DetectionTopics:
             if message.id in self._poses:
                 pose = PoseStamped(header=message.header, pose=message.pose.pose)
                 self._poses[message.id].publish(pose)
-        for topic, convert in self._standard:
-            if topic.get_subscription_count():
-                topic.publish(convert(messages))
+        if Detection3DArray is not None and self._vision.get_subscription_count():
+            self._vision.publish(to_detections(messages))
+        if not self._has_tracks:
+            self._draw(messages)
 
-    def _shapes(self, messages: list[MarkerDetection]) -> MarkerArray:
-        stale_after_s = self._values['stale_after']
-        shapes = [shape for one in messages for shape in marker_shapes(one, stale_after_s)]
-        return MarkerArray(markers=shapes)
+    def _draw(self, messages: Sequence[MarkerDetection | MarkerTrack]) -> None:
+        if self._drawn.get_subscription_count():
+            stale_after_s = self._values['stale_after']
+            shapes = [shape for one in messages for shape in marker_shapes(one, stale_after_s)]
+            self._drawn.publish(MarkerArray(markers=shapes))
 
 
 def to_detections(messages: list[MarkerDetection]) -> Any:

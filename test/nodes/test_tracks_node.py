@@ -1,0 +1,79 @@
+# Copyright 2026 retrolidar_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""Tracks over the network: one for every frame, and transforms of them."""
+
+from collections.abc import Iterator
+
+import numpy as np
+import pytest
+from harness import Sensor
+from harness_nodes import COFFEE_IDS, FRAME_ID, System, running
+from visualization_msgs.msg import MarkerArray
+
+from retrolidar_ros.msg import MarkerTrack
+from retrolidar_ros.nodes.conversion import to_ns
+from retrolidar_ros.scene.files import load_scene
+
+
+@pytest.fixture(scope='module')
+def system(tmp_path_factory: pytest.TempPathFactory) -> Iterator[System]:
+    directory = tmp_path_factory.mktemp('tracks')
+    with running(directory, '/tracks') as one, Sensor(load_scene('coffee'), one.port):
+        one.start('driver', serial_port=one.port)
+        one.start('detector', tf_source='tracks')
+        yield one
+
+
+def test_every_frame_has_a_track_of_every_marker(system: System) -> None:
+    with system.subscribed(MarkerTrack, 'tracks') as tracks:
+        system.wait(lambda: {one.id for one in tracks} >= COFFEE_IDS, 'tracks of all')
+        seen = len(tracks)
+        system.wait(lambda: len(tracks) > seen + 3 * 60, 'tracks')
+    frames = {to_ns(message.header.stamp) for message, _ in system.frames}
+    own = [one for one in tracks[seen:] if one.id == min(COFFEE_IDS)]
+    stamps = [to_ns(one.header.stamp) for one in own]
+    rate_hz = (len(own) - 1) / (1e-9 * (stamps[-1] - stamps[0]))
+    assert rate_hz > 0.9 / load_scene('coffee').sensor.period_s
+    for one in own:
+        stamp_ns = to_ns(one.header.stamp)
+        assert stamp_ns in frames
+        assert (one.header.frame_id, one.child_frame_id) == (FRAME_ID, f'marker_{one.id}')
+        assert to_ns(one.first) < to_ns(one.last) <= stamp_ns
+        assert one.presence > 0
+        assert (np.array(one.pose.covariance).reshape(6, 6).diagonal() > 0).all()
+        assert (np.array(one.twist.covariance).reshape(6, 6).diagonal() > 0).all()
+        x, y, z = one.pose.pose.position.x, one.pose.pose.position.y, one.pose.pose.position.z
+        assert np.sqrt(x * x + y * y + z * z) == pytest.approx(one.range, rel=1e-6)
+
+
+def test_transforms_are_of_tracks_and_of_nothing_else(system: System) -> None:
+    system.wait(lambda: len(system.markers) > 3, 'detections, which send no transforms')
+    system.wait_for_transforms(*(f'marker_{one}' for one in COFFEE_IDS))
+    with system.subscribed(MarkerTrack, 'tracks') as tracks:
+        system.wait(lambda: len(tracks) > 100, 'tracks')
+        newest_ns = to_ns(tracks[-1].header.stamp)
+        system.wait(
+            lambda: to_ns(system.transforms[-1].header.stamp) >= newest_ns, 'their transforms'
+        )
+    sent = {(one.child_frame_id, to_ns(one.header.stamp)) for one in system.transforms}
+    followed = {(one.child_frame_id, to_ns(one.header.stamp)) for one in tracks}
+    assert followed <= sent
+    assert len(sent) == len(system.transforms)  # none was sent twice
+    frames = {to_ns(message.header.stamp) for message, _ in system.frames}
+    assert {stamp_ns for _, stamp_ns in sent} <= frames
+
+
+def test_shapes_move_with_the_tracks(system: System) -> None:
+    with system.subscribed(MarkerArray, 'marker_array') as arrays:
+        system.wait(lambda: len(arrays) > 20, 'shapes')
+    stamps = [to_ns(array.markers[0].header.stamp) for array in arrays]
+    assert np.median(np.diff(stamps)) < 0.15e9
+
+
+def test_tracks_can_be_fewer(system: System) -> None:
+    system.services.set('detector', max_track_rate=5.0)
+    with system.subscribed(MarkerTrack, 'tracks') as tracks:
+        system.wait(lambda: sum(one.id == 2073 for one in tracks) > 10, 'tracks')
+    system.services.set('detector', max_track_rate=0.0)
+    stamps = [to_ns(one.header.stamp) for one in tracks if one.id == 2073]
+    assert np.median(np.diff(stamps[3:])) == pytest.approx(0.2e9, rel=0.15)
