@@ -11,13 +11,14 @@ from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
 from std_msgs.msg import Bool, Header, String
 
-from retrolidar_ros.msg import MarkerDetection
+from retrolidar_ros.msg import MarkerDetection, MarkerTrack
 from retrolidar_ros.nodes.conversion import covariance_of, from_pose, to_ns, to_pose_msg
 from retrolidar_ros.nodes.diagnostics import OK, WARN, Health, publish_health
 from retrolidar_ros.nodes.parameters import Parameters
 from retrolidar_ros.nodes.placed_readings import PlacedReadings
 from retrolidar_ros.nodes.qos import EVENTS, LATCHED, subscribe, topic_part
 from retrolidar_ros.nodes.run import run
+from retrolidar_ros.nodes.track_topics import SOURCES
 from retrolidar_ros.sensor.frame import Floats
 from retrolidar_ros.tasks.next_view import best_place
 from retrolidar_ros.tasks.objects import ObjectBoard
@@ -37,6 +38,7 @@ class CoffeeNode(Node):
         super().__init__('coffee')
         parameters = Parameters(self, 'coffee')
         parameters.declare('objects', 'TF frames of the markers on the objects.')
+        parameters.declare('source', 'What readings are made of.', among=SOURCES)
         parameters.declare('target_frame', "Frame of the poses; empty = the sensor's.")
         parameters.declare(
             'max_stddev',
@@ -76,9 +78,13 @@ class CoffeeNode(Node):
         publish_health(self, 'objects', '', self._examine)
         if self._target:
             # In a fixed frame readings from several places accumulate.
+            source = values['source']
+            topic = 'tracks' if source == 'tracks' else 'markers'
             self._readings = PlacedReadings(
-                self, ['markers'], self._target, _PATIENCE_S, self._place, self._forget
+                self, [topic], source, self._target, _PATIENCE_S, self._place, self._forget
             )
+        elif values['source'] == 'tracks':
+            subscribe(self, MarkerTrack, 'tracks', self._take, EVENTS)
         else:
             subscribe(self, MarkerDetection, 'markers', self._take, EVENTS)
         parameters.warn_of_unknown()
@@ -93,7 +99,7 @@ class CoffeeNode(Node):
         self._survey.forget()
         self._began_m, self._goal = None, ''
 
-    def _take(self, message: MarkerDetection) -> None:
+    def _take(self, message: MarkerDetection | MarkerTrack) -> None:
         """Publish the pose of an object from one detection."""
         if message.child_frame_id in self._poses and to_ns(message.header.stamp) >= 0:
             place = from_pose(message.pose.pose)
@@ -101,7 +107,7 @@ class CoffeeNode(Node):
             self._publish(message.child_frame_id, message.header, *place, covariance)
             self._tick()
 
-    def _place(self, reading: Reading, message: MarkerDetection) -> None:
+    def _place(self, reading: Reading, message: MarkerDetection | MarkerTrack) -> None:
         """Publish the pose of an object from all readings."""
         name = message.child_frame_id
         if name not in self._poses:

@@ -22,7 +22,7 @@ from retrolidar_ros.nodes.diagnostics import Health, HealthBoard, publish_health
 from retrolidar_ros.nodes.parameters import Parameters, check_frame_id
 from retrolidar_ros.nodes.qos import STREAM_HEARD, subscribe
 from retrolidar_ros.nodes.run import run
-from retrolidar_ros.nodes.track_topics import TF_SOURCES
+from retrolidar_ros.nodes.track_topics import SOURCES
 from retrolidar_ros.sensor.frame import Frame, ZoneGrid
 
 
@@ -139,7 +139,7 @@ def _declare(parameters: Parameters) -> None:
     for name, one in PARAMETERS.items():
         declare(name, one.description, *one.limits, among=one.among, live=one.live)
     declare('publish_tf', 'Send transforms of markers.', live=True)
-    declare('tf_source', 'What transforms are of.', among=TF_SOURCES, live=True)
+    declare('tf_source', 'What transforms are of.', among=SOURCES, live=True)
     declare(
         'max_track_rate', 'Most tracks of a marker per second; 0 = each frame.', 0.0, 1e3, live=True
     )

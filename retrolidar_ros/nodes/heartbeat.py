@@ -8,14 +8,15 @@ from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
 from std_msgs.msg import Bool
 
-from retrolidar_ros.msg import MarkerDetection
+from retrolidar_ros.msg import MarkerDetection, MarkerTrack
 from retrolidar_ros.nodes.diagnostics import OK, WARN, Health, publish_health
 from retrolidar_ros.nodes.parameters import Parameters
 from retrolidar_ros.nodes.qos import EVENTS, LATCHED, subscribe
 from retrolidar_ros.nodes.run import run
+from retrolidar_ros.nodes.track_topics import SOURCES
 from retrolidar_ros.tasks.heartbeat import Heartbeat
 
-_TICK_S = 0.1
+_TICK_S = 0.02
 
 
 class HeartbeatNode(Node):
@@ -26,8 +27,9 @@ class HeartbeatNode(Node):
         super().__init__('heartbeat')
         parameters = Parameters(self, 'heartbeat')
         parameters.declare('markers', 'TF frames of the markers to watch.')
+        parameters.declare('source', 'What counts as a reading.', among=SOURCES)
         parameters.declare(
-            'overdue_after', 'Time without a reading until overdue [s].', 0.1, 3600.0, live=True
+            'overdue_after', 'Time without a reading until overdue [s].', 0.05, 3600.0, live=True
         )
         parameters.declare('window', 'Length of the counted windows [s].', 0.1, 3600.0)
         names = parameters.values['markers']
@@ -40,7 +42,10 @@ class HeartbeatNode(Node):
         self._is_alive: bool | None = None
         self._alive = self.create_publisher(Bool, '~/alive', LATCHED)
         publish_health(self, 'markers', '', self._examine)
-        subscribe(self, MarkerDetection, 'markers', self._take, EVENTS)
+        if parameters.values['source'] == 'tracks':
+            subscribe(self, MarkerTrack, 'tracks', self._take, EVENTS)
+        else:
+            subscribe(self, MarkerDetection, 'markers', self._take, EVENTS)
         parameters.warn_of_unknown()
         self.create_timer(_TICK_S, self._tick, clock=Clock(clock_type=ClockType.STEADY_TIME))
 
@@ -50,7 +55,7 @@ class HeartbeatNode(Node):
     def _now_s(self) -> float:
         return float(self.get_clock().now().nanoseconds) * 1e-9
 
-    def _take(self, message: MarkerDetection) -> None:
+    def _take(self, message: MarkerDetection | MarkerTrack) -> None:
         if message.child_frame_id in self._hearts and self._now_s():
             self._hearts[message.child_frame_id].beat(self._now_s())
             self._tick()

@@ -16,7 +16,7 @@ from retrolidar_ros.nodes.conversion import to_track_msg, to_transform
 from retrolidar_ros.nodes.qos import EVENTS, publisher
 from retrolidar_ros.sensor.frame import Frame
 
-TF_SOURCES = ('detections', 'tracks')
+SOURCES = ('detections', 'tracks')
 _SHAPE_PERIOD_NS = 60_000_000
 _EARLY = 0.9  # of a period, for frames come when they come
 

@@ -2,17 +2,23 @@
 # SPDX-License-Identifier: Apache-2.0
 """Tracks over the network: one for every frame, and transforms of them."""
 
+import time
 from collections.abc import Iterator
+from pathlib import Path
 
 import numpy as np
 import pytest
 from harness import Sensor
 from harness_nodes import COFFEE_IDS, FRAME_ID, System, running
+from harness_observer import RELIABLE, values_of
+from harness_use_cases import silent_drone
+from std_msgs.msg import Bool
 from visualization_msgs.msg import MarkerArray
 
 from retrolidar_ros.msg import MarkerTrack
 from retrolidar_ros.nodes.conversion import to_ns
 from retrolidar_ros.scene.files import load_scene
+from retrolidar_ros.settings.resources import shared_file
 
 
 @pytest.fixture(scope='module')
@@ -77,3 +83,40 @@ def test_tracks_can_be_fewer(system: System) -> None:
     system.services.set('detector', max_track_rate=0.0)
     stamps = [to_ns(one.header.stamp) for one in tracks if one.id == 2073]
     assert np.median(np.diff(stamps[3:])) == pytest.approx(0.2e9, rel=0.15)
+
+
+def test_tasks_may_take_tracks_for_readings(system: System) -> None:
+    names = [f'marker_{one}' for one in sorted(COFFEE_IDS)]
+    listed = f'[{", ".join(names)}]'
+    ready = system.collect(Bool, 'coffee/ready')
+    alive = system.collect(Bool, 'heartbeat/alive')
+    system.start('coffee', source='tracks', objects=listed, max_stddev=0.5)
+    system.start('heartbeat', source='tracks', markers=listed, overdue_after=0.5)
+    system.start('landmarks', source='tracks', topics='[tracks]', fixed_frame=FRAME_ID)
+    system.wait(lambda: bool(ready) and ready[-1].data, 'all objects')
+    system.wait(lambda: bool(alive) and alive[-1].data, 'life of all')
+
+    def readings() -> list[int]:
+        values = values_of(system.next_status('landmarks: landmarks'))
+        return [int(values.get(f'{name}: readings', 0)) for name in names]
+
+    system.wait(lambda: min(readings()) >= 3, 'landmarks of several readings')
+    for name in ('coffee', 'heartbeat', 'landmarks'):
+        system.stop(name)
+
+
+def test_a_marker_that_falls_silent_is_overdue_within_a_second(tmp_path: Path) -> None:
+    """Half a second in the detector; the rest is for a machine that is busy."""
+    scene = load_scene(str(silent_drone(tmp_path, start_s=0.2, packets=4)))
+    with running(tmp_path, '/silent') as one:
+        one.start('driver', serial_port=one.port)
+        one.start('detector', marker_file=shared_file('config/markers.yaml'))
+        one.start('heartbeat', source='tracks', overdue_after=0.1)
+        alive = one.collect(Bool, 'heartbeat/alive')
+        tracks = one.collect(MarkerTrack, 'tracks', RELIABLE)
+        with Sensor(scene, one.port):
+            one.wait(lambda: bool(alive) and alive[-1].data, 'life')
+            one.wait(lambda: not alive[-1].data, 'silence to be noticed')
+        end_ns = to_ns(tracks[0].first) + round(4e9 * 31 * scene.markers[0].bit_period_s)
+        assert time.time() - 1e-9 * end_ns < 1.5
+        assert 'drone is overdue' in one.log('heartbeat')
