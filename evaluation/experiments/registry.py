@@ -25,9 +25,9 @@ from evaluation.report.claims import markdown, write_figures
 from retrolidar_ros.cli.processes import end_with_parent
 
 _NAMES = """
-    speed-accuracy time-to-id peers roc brighter stability moving laboratory coffee drone several
-    place ranging bound chain ids link reading reach size angle yaw ambient marker calibration
-    landmarks
+    speed-accuracy time-to-id peers roc brighter stability moving tracks laboratory coffee drone
+    several place ranging bound chain ids link reading reach size angle yaw ambient marker
+    calibration landmarks
 """
 EXPERIMENTS: dict[str, Any] = {
     name: SWEEPS.get(name) or import_module(f'evaluation.experiments.{name.replace("-", "_")}')

@@ -31,8 +31,8 @@ SETTLING_S = 0.2  # until what was on its way has come
 READ_ONLY = {
     DRIVER: {'serial_port', 'serial_baud', 'protocol', 'frame_id', 'autostart'},
     DETECTOR: {'marker_file', 'child_frame'},
-    COFFEE: {'objects', 'target_frame'},
-    HEARTBEAT: {'markers', 'window'},
+    COFFEE: {'objects', 'source', 'target_frame'},
+    HEARTBEAT: {'markers', 'source', 'window'},
 }
 EMPTY = ParameterValue(type=ParameterType.PARAMETER_INTEGER_ARRAY)
 every_node = pytest.mark.parametrize('node', READ_ONLY)
