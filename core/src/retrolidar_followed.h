@@ -11,6 +11,11 @@
 #include "retrolidar_tracks.h"
 #include "retrolidar_zone_light.h"
 
+/* No range is less [m]. */
+static const double RL_NEAREST_M = 1e-3;
+/* Light falls with the range by this power (paper Fig. 5a). */
+static const double RL_EXPONENT = -3.8;
+
 /* What is seen in a zone while the marker is dark: how far behind it, and how sure that is. */
 struct rl_background {
     double offset_m, precision; /* [m], [1/m^2] */
@@ -59,6 +64,13 @@ struct rl_scenery {
     double other[RL_MOST_ZONES], other_variance[RL_MOST_ZONES];
 };
 
+/* The middle of the row's exposure [s]. */
+static inline double rl_scenery_now(const struct rl_scenery *scenery)
+{
+    const struct rl_samples *samples = scenery->samples;
+    return (samples->begin_s[scenery->row] + samples->end_s[scenery->row]) / 2;
+}
+
 /* Begin with a reading, whose place is not known yet. */
 void rl_followed_start(struct rl_followed *followed, const struct rl_reading *reading);
 
@@ -76,6 +88,9 @@ struct rl_zone_sample rl_followed_sample(const struct rl_followed *followed,
 /* Take a row of the reading, whose light is known. */
 void rl_followed_replay(struct rl_followed *followed, const struct rl_scenery *scenery,
                         double light);
+
+/* Update the range by all zones that measure it. */
+void rl_followed_range(struct rl_followed *followed, const struct rl_scenery *scenery);
 
 /* Find the bearing, if gains have changed. */
 void rl_followed_bearing(struct rl_followed *followed, const struct rl_scenery *scenery);

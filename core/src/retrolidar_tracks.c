@@ -88,8 +88,9 @@ static void add_light(struct rl_scenery *scenery, const struct rl_followed *foll
         const double seen = light * fmax(one->gain, 0.0);
         if (rl_zone_sees(followed->zone, zone, strongest)) {
             scenery->other[zone] += sign * seen;
+            const double error = OTHER_ERROR * seen;
             scenery->other_variance[zone] +=
-                sign * (light * light * one->gain_variance + OTHER_ERROR * OTHER_ERROR * seen * seen);
+                sign * (light * light * one->gain_variance + error * error);
         }
     }
 }
@@ -305,7 +306,8 @@ struct rl_marker_track rl_tracks_track(const struct rl_tracks *tracks, int32_t i
     const double moved = followed->crossed * ACROSS_M_S * dark_s / place.range_m;
     for (int axis = 0; axis < 2; axis++) {
         track.tangent[axis] = pitch * (middle[axis] + followed->bearing.mean[axis]);
-        track.tangent_variance[axis] = pitch * pitch * followed->bearing.variance[axis] + moved * moved;
+        track.tangent_variance[axis] =
+            pitch * pitch * followed->bearing.variance[axis] + moved * moved;
     }
     return track;
 }

@@ -46,8 +46,8 @@ struct rl_tracks *rl_tracks_create(struct rl_detector *detector,
                                    const struct rl_track_settings *settings);
 void rl_tracks_destroy(struct rl_tracks *tracks);
 
-/* Follow all markers to the frame that the detector has taken last, and begin with those that it has
- * read with it; return how many are followed. Call it after every frame.
+/* Follow all markers to the frame that the detector has taken last, and begin with those that it
+ * has read with it; return how many are followed. Call it after every frame.
  */
 int32_t rl_tracks_follow(struct rl_tracks *tracks);
 

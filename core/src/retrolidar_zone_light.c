@@ -16,7 +16,7 @@ static const double MOVED_LEVEL = 0.1, MOVED_GAIN = 1.0, UNREAD_GAIN = 0.05;
 static const double MAX_SURPRISE = 9.0;
 /* How fast it is learnt what is left over, and how much that may be. */
 static const double EXCESS_SHARE = 0.1, MAX_EXCESS = 1e4;
-static const double BRIGHT_LIGHT = 0.5;
+static const double BRIGHT_LIGHT = 0.5, WHOLE_LIGHT = 0.9;
 
 void rl_zone_add(struct rl_zone_sums *sums, const struct rl_zone_sample *sample, double light)
 {
@@ -82,8 +82,9 @@ int rl_zone_strongest(const struct rl_zone_light *lights, int zones)
 bool rl_zone_sees(const struct rl_zone_light *lights, int zone, int strongest)
 {
     const struct rl_zone_light *one = &lights[zone];
-    return one->gain > (zone == strongest ? 2.0 : MIN_DEVIATIONS) * sqrt(one->gain_variance) &&
-           one->gain > MIN_SHARE * lights[strongest].gain;
+    return zone == strongest ? one->gain > 0.0
+                             : one->gain > MIN_SHARE * lights[strongest].gain &&
+                                   one->gain > MIN_DEVIATIONS * sqrt(one->gain_variance);
 }
 
 bool rl_zone_beside(int zone, int other, int columns)
@@ -142,8 +143,9 @@ void rl_zone_predict(struct rl_zone_light *lights, int zones, double step_s)
 }
 
 void rl_zone_update(struct rl_zone_light *lights, const struct rl_zone_sample *samples, int zones,
-                    int columns, double light, bool crossed)
+                    int columns, const struct rl_glance *glance, bool crossed)
 {
+    const double light = glance->light;
     const int strongest = rl_zone_strongest(lights, zones);
     const double least = MIN_SHARE * lights[strongest].gain;
     for (int zone = 0; zone < zones; zone++) {
@@ -151,13 +153,14 @@ void rl_zone_update(struct rl_zone_light *lights, const struct rl_zone_sample *s
         if (!samples[zone].valid) {
             continue;
         }
-        const double noise = samples[zone].variance;
+        const double noise =
+            samples[zone].variance + one->gain * one->gain * glance->edge_variance;
         const double off = samples[zone].signal - one->level - light * one->gain;
         double level = one->level_variance + light * one->common;
         double gain = one->common + light * one->gain_variance;
         double spread = level + light * gain + noise;
         const double surprise = off * off / spread;
-        if (surprise > MAX_SURPRISE && light > BRIGHT_LIGHT &&
+        if (surprise > MAX_SURPRISE && light > WHOLE_LIGHT &&
             rl_zone_beside(zone, strongest, columns) && (crossed || zone == strongest)) {
             one->gain_variance += off * off / (light * light);
             one->excess = 1.0;

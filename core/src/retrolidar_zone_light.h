@@ -31,8 +31,8 @@ struct rl_zone_sums {
 void rl_zone_add(struct rl_zone_sums *sums, const struct rl_zone_sample *sample, double light);
 struct rl_zone_light rl_zone_fit(const struct rl_zone_sums *sums);
 
-/* Let the fits be of a marker that may have moved meanwhile, so the newest samples count. Zones that
- * have not read it see nothing of it: what fits there is the light of another.
+/* Let the fits be of a marker that may have moved meanwhile, so the newest samples count. Zones
+ * that have not read it see nothing of it: what fits there is the light of another.
  */
 void rl_zone_doubt(struct rl_zone_light *lights, int zones, const struct rl_reading *reading);
 
@@ -45,8 +45,8 @@ bool rl_zone_sees(const struct rl_zone_light *lights, int zone, int strongest);
 /* Whether a zone is the same as another one or beside it. */
 bool rl_zone_beside(int zone, int other, int columns);
 
-/* Find by how much of its light a marker is seen, from the zones about the strongest. Return whether
- * that is shared otherwise than before: it has crossed an edge.
+/* Find by how much of its light a marker is seen, from the zones about the strongest. Return
+ * whether that is shared otherwise than before: it has crossed an edge.
  */
 bool rl_zone_measure(const struct rl_zone_light *lights, const struct rl_zone_sample *samples,
                      int zones, int columns, struct rl_glance *glance);
@@ -54,8 +54,8 @@ bool rl_zone_measure(const struct rl_zone_light *lights, const struct rl_zone_sa
 /* Let time pass. */
 void rl_zone_predict(struct rl_zone_light *lights, int zones, double step_s);
 
-/* Update all zones with their samples, in which the light is as predicted, shared otherwise or not. */
+/* Update all zones with samples in which the light is as predicted, shared otherwise or not. */
 void rl_zone_update(struct rl_zone_light *lights, const struct rl_zone_sample *samples, int zones,
-                    int columns, double light, bool crossed);
+                    int columns, const struct rl_glance *glance, bool crossed);
 
 #endif
