@@ -14,6 +14,8 @@ static const double LEVEL_WALK = 0.1, GAIN_WALK = 0.1, FLOOR_WALK = 0.3;
 static const double MOVED_LEVEL = 0.1, MOVED_GAIN = 1.0, UNREAD_GAIN = 0.05;
 /* Squared deviations at which a zone begins anew: the marker has crossed its edge. */
 static const double MAX_SURPRISE = 9.0;
+/* The same of what one zone has lost, and another won. */
+static const double LOST = 2.0, WON = 6.0;
 /* How fast it is learnt what is left over, and how much that may be. */
 static const double EXCESS_SHARE = 0.1, MAX_EXCESS = 1e4;
 static const double BRIGHT_LIGHT = 0.5, WHOLE_LIGHT = 0.9;
@@ -96,7 +98,8 @@ bool rl_zone_measure(const struct rl_zone_light *lights, const struct rl_zone_sa
                      int zones, int columns, struct rl_glance *glance)
 {
     const int strongest = rl_zone_strongest(lights, zones);
-    double cross = 0.0, energy = 0.0, total = 0.0, gain = 0.0, variance = 0.0;
+    double cross = 0.0, energy = 0.0, total = 0.0, gain = 0.0, variance = 0.0, best_rise = 0.0;
+    int best = strongest; /* of the zones that have not seen it yet */
     for (int zone = 0; zone < zones; zone++) {
         const struct rl_zone_light *one = &lights[zone];
         if (!samples[zone].valid || !rl_zone_beside(zone, strongest, columns)) {
@@ -107,7 +110,10 @@ bool rl_zone_measure(const struct rl_zone_light *lights, const struct rl_zone_sa
         total += rise;
         gain += fmax(one->gain, 0.0);
         variance += noise;
-        if (rl_zone_sees(lights, zone, strongest)) {
+        if (!rl_zone_sees(lights, zone, strongest)) {
+            best = rise > best_rise ? zone : best;
+            best_rise = fmax(best_rise, rise);
+        } else {
             cross += one->gain * rise / noise;
             energy += one->gain * one->gain / noise;
         }
@@ -126,6 +132,16 @@ bool rl_zone_measure(const struct rl_zone_light *lights, const struct rl_zone_sa
         lost * lost > MAX_SURPRISE * glance->variance) {
         glance->measured = all;
         glance->variance = variance / (gain * gain);
+        return true;
+    }
+    /* Of a faint one, the light that one zone has lost, and another one has won. */
+    const double share = best_rise / gain, spread = glance->variance;
+    const double noise = (samples[best].variance + lights[best].level_variance) / (gain * gain);
+    const double left = lost - share;
+    if (glance->light > WHOLE_LIGHT && lost * lost > LOST * spread && lost > 0.0 &&
+        share * share > WON * noise && left * left < MAX_SURPRISE * (spread + noise)) {
+        glance->measured += share;
+        glance->variance += noise;
         return true;
     }
     return false;
@@ -160,8 +176,9 @@ void rl_zone_update(struct rl_zone_light *lights, const struct rl_zone_sample *s
         double gain = one->common + light * one->gain_variance;
         double spread = level + light * gain + noise;
         const double surprise = off * off / spread;
-        if (surprise > MAX_SURPRISE && light > WHOLE_LIGHT &&
-            rl_zone_beside(zone, strongest, columns) && (crossed || zone == strongest)) {
+        const bool is_shared = crossed && rl_zone_beside(zone, strongest, columns);
+        if (surprise > MAX_SURPRISE && light > BRIGHT_LIGHT &&
+            (is_shared || (zone == strongest && light > WHOLE_LIGHT))) {
             one->gain_variance += off * off / (light * light);
             one->excess = 1.0;
         } else if (surprise > MAX_SURPRISE && light < BRIGHT_LIGHT && one->gain > least) {
