@@ -177,14 +177,15 @@ def table(figures: dict[str, Any]) -> Table:
             for one in figures['apriltag']
         ]
         rows.append([f'AprilTag at 30 Hz, {RANGES_M[0]:g} m, across: read; median error', *cells])
+    blank = [''] * len(_SPEEDS_M_S)
     for one in figures['ends']:
         where = f'at {one["range_m"]:g} m'
         for name in ('vanished', 'other ID'):
             if one[name]:
                 median_s, most_s = one[name]
-                cells = [f'{median_s:.2f} s', f'{most_s:.2f} s', '', '']
+                cells = [f'{median_s:.2f} s; {most_s:.2f} s', *blank[1:]]
                 rows.append([f'{where}: {name}, dropped after: median; 95 %', *cells])
-        cells = [f'{one["false_ends_an_hour"]:.0f}', '', '', '']
+        cells = [f'{one["false_ends_an_hour"]:.0f}', *blank[1:]]
         rows.append([f'{where}: false ends an hour, standing', *cells])
     return rows
 
