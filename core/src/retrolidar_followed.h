@@ -50,7 +50,8 @@ struct rl_followed {
     struct rl_bearing bearing;
     double shared_s; /* when gains were found last */
     double crossed;  /* chance that it moves across the view */
-    int64_t first_ns, last_ns;
+    double first_s;
+    int64_t last_ns;
 };
 
 /* What a marker is followed in. */

@@ -26,6 +26,7 @@ static const double GATE = 25.0;      /* squared deviations */
 static const int MOST_MISSES = 3;
 static const double FIRST_M = 0.3; /* deviation of a range that is a guess */
 static const double MOUNTING_M = 0.005;
+static const double LEAST_PRECISION = 0.1; /* of a background that is known at all [1/m^2] */
 static const double BIAS_SHARE = 0.1, HIDDEN_SHARE = 0.3; /* of the newest frame */
 
 static double law_of(double signal)
@@ -94,7 +95,7 @@ static double behind_of(const struct rl_background *behind, double *chance, doub
     const double mounting = MOUNTING_M * MOUNTING_M;
     *chance = 0.0;
     *variance = mounting;
-    if (behind->precision <= 0.0 || fabs(behind->offset_m) > RL_SEPARABLE_M) {
+    if (behind->precision < LEAST_PRECISION || fabs(behind->offset_m) > RL_SEPARABLE_M) {
         return 0.0;
     }
     const double noise = 1.0 / behind->precision, spread = noise + mounting;

@@ -19,7 +19,7 @@ static const double TREMBLE = 4e-6;
 /* Of a rate before anything is known of it, and of one at rest [m/s]. */
 static const double ANY_RATE = 0.5, REST_RATE = 1e-3;
 static const double FIRST_CHANCE[RL_MOTIONS] = {0.5, 0.4, 0.1};
-static const double LEAST_CHANCE = 1e-12;
+static const double LEAST_CHANCE = 1e-12, LEAST_VARIANCE = 1e-10;
 
 void rl_range_start(struct rl_range_filter *filter, double range_m, double variance)
 {
@@ -101,7 +101,8 @@ void rl_range_update(struct rl_range_filter *filter, double range_m, double vari
         one->rate += rate_gain * innovation;
         one->rate_variance -= rate_gain * share * one->common;
         one->common -= gain * share * one->common;
-        one->variance -= gain * share * one->variance;
+        one->variance = fmax(one->variance - gain * share * one->variance, LEAST_VARIANCE);
+        one->rate_variance = fmax(one->rate_variance, LEAST_VARIANCE);
         nats[i] = log(one->chance) - (innovation * innovation / spread + log(spread)) / 2.0;
         most = fmax(most, nats[i]);
     }

@@ -18,6 +18,8 @@ static const double REPEATS = 0.98, ALONE = 0.7;
 static const double MOST_OFF_BITS = 0.5;
 /* Of a marker that crosses the view [m/s]. */
 static const double ACROSS_M_S = 0.5;
+/* What the sensor does not reach. */
+static const double FARTHEST_M = 10.0;
 /* By how much the light of another marker is wrong, as a share of it. */
 static const double OTHER_ERROR = 0.1;
 
@@ -66,6 +68,14 @@ static void end(struct rl_tracks *tracks, int index)
 {
     tracks->track[index] = tracks->track[--tracks->count];
     tracks->counts.ended++;
+}
+
+/* Whether a marker is likely to be there still, and where the sensor sees. */
+static bool is_there(const struct rl_followed *followed)
+{
+    const struct rl_motion place = rl_range_estimate(&followed->range);
+    return followed->presence.log_odds > 0.0 && place.range_m > RL_NEAREST_M &&
+           place.range_m < FARTHEST_M && place.variance < FARTHEST_M * FARTHEST_M;
 }
 
 /* Look at a row, in which there is no light of other markers yet. */
@@ -179,14 +189,14 @@ static bool begin(struct rl_tracks *tracks, struct rl_followed *followed,
     const double unseen_s = followed->presence.unseen_s;
     rl_presence_start(&followed->presence, chance);
     followed->presence.unseen_s = unseen_s;
-    followed->first_ns = samples->origin_ns + (int64_t)(reading->start_s * 1e9);
+    followed->first_s = reading->start_s;
     for (int row = first + rows; row < samples->count; row++) {
         go_to(tracks, row, samples->begin_s[row]);
         add_neighbours(tracks, reading->zone[0]);
         rl_followed_predict(followed, &tracks->scenery);
         rl_followed_update(followed, &tracks->scenery);
     }
-    return followed->presence.log_odds > 0.0;
+    return is_there(followed);
 }
 
 /* Whether a reading is of the transmission that is followed. */
@@ -244,7 +254,7 @@ static void follow(struct rl_tracks *tracks, int row)
         *scenery = all;
     }
     for (int i = tracks->count - 1; i >= 0; i--) {
-        if (!(tracks->track[i].presence.log_odds > 0.0)) {
+        if (!is_there(&tracks->track[i])) {
             end(tracks, i);
         }
     }
@@ -299,7 +309,7 @@ struct rl_marker_track rl_tracks_track(const struct rl_tracks *tracks, int32_t i
         .range_rate = place.rate,
         .range_rate_variance = place.rate_variance,
         .log_odds = followed->presence.log_odds,
-        .first_ns = followed->first_ns,
+        .first_s = followed->first_s,
         .last_ns = followed->last_ns,
     };
     const double dark_s = tracks->scenery.samples->end_s[tracks->scenery.row] - followed->shared_s;

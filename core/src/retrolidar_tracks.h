@@ -22,7 +22,8 @@ struct rl_marker_track {
     double range_m, range_variance;
     double range_rate, range_rate_variance; /* [m/s] */
     double log_odds; /* that it is there, and the same [nats] */
-    int64_t first_ns, last_ns; /* when its first packet began; the newest frame with its light */
+    double first_s;  /* when its first packet began */
+    int64_t last_ns; /* the newest frame with its light */
 };
 
 struct rl_track_settings {

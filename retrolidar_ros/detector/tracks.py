@@ -93,10 +93,14 @@ class Tracker:
     def follow(self, stamp_ns: int) -> list[Track]:
         """Follow all markers to the frame that the core has taken last; return them."""
         count = lib.rl_tracks_follow(self._tracks)
-        return [_track(lib.rl_tracks_track(self._tracks, i), stamp_ns) for i in range(count)]
+        origin_ns = lib.rl_detector_held(self._kept[0]).origin_ns if count else 0
+        return [
+            _track(lib.rl_tracks_track(self._tracks, index), stamp_ns, origin_ns)
+            for index in range(count)
+        ]
 
 
-def _track(seen: Any, stamp_ns: int) -> Track:
+def _track(seen: Any, stamp_ns: int, origin_ns: int) -> Track:
     bearing = Bearing(np.array(list(seen.tangent)), np.array(list(seen.tangent_variance)))
     where = place(bearing, seen.range_m, math.sqrt(seen.range_variance))
     direction = where.position_m / seen.range_m
@@ -108,6 +112,6 @@ def _track(seen: Any, stamp_ns: int) -> Track:
         velocity=seen.range_rate * direction,
         velocity_covariance=seen.range_rate_variance * along + _ACROSS_M_S**2 * (np.eye(3) - along),
         presence=seen.log_odds,
-        first_ns=seen.first_ns,
+        first_ns=origin_ns + round(seen.first_s * 1e9),
         last_ns=seen.last_ns,
     )
