@@ -13,7 +13,8 @@ from evaluation.bench.places import held, place_error, rms
 from evaluation.bench.recordings import Sent, record, signal_at
 from evaluation.bench.stresses import PLAIN
 from evaluation.experiments.moving import WAYS
-from evaluation.peers.visual_markers import APRILTAG, Background, View, find_readers, read_pictures
+from evaluation.peers.camera import Background
+from evaluation.peers.visual_markers import APRILTAG, View, find_readers, read_pictures
 from evaluation.report.chart_style import OTHERS, label, legend_below, line, look, new_chart
 from evaluation.report.claims import Table, as_text, percent
 from retrolidar_ros.detector.likelihood_detector import LikelihoodDetector
