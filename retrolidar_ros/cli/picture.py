@@ -12,6 +12,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from retrolidar_ros.detector.blinking_zones import BlinkingZone
+from retrolidar_ros.detector.tracks import Track
 from retrolidar_ros.marker.code import BIT_PERIOD_S, PREAMBLE, packet
 from retrolidar_ros.scene.description import Marker
 from retrolidar_ros.scene.optics import position_at
@@ -31,6 +32,7 @@ _REMARK_BITS = 5  # before the recording, which have room for a remark
 _MOST_SIGNALS, _MOST_UNREAD, _MOST_READINGS = 6, 3, 100
 _HINT_WIDTH = 150  # characters
 _ALONG = 400  # points of a marker's way
+_GAP_S = 0.1  # of a track
 
 
 class _Shown(NamedTuple):
@@ -155,6 +157,17 @@ def _blinking_zone(axes: Any, shown: _Shown, zone: BlinkingZone) -> None:
     axes.set_title(title, loc='left', fontsize=10, color=colour)
 
 
+def _followed(axes: Any, shown: _Shown, tracks: Sequence[Track], marker: int, colour: str) -> None:
+    """Draw the range of a marker at every frame, with gaps where it was not followed."""
+    own = [one for one in tracks if one.id == marker]
+    time_s = np.array([(one.stamp_ns - shown.origin_ns) * 1e-9 for one in own])
+    range_m = np.array([one.place.range_m for one in own])
+    gaps = np.flatnonzero(np.diff(time_s) > _GAP_S) + 1
+    axes.plot(
+        np.insert(time_s, gaps, np.nan), np.insert(range_m, gaps, np.nan), color=colour, lw=0.7
+    )
+
+
 def _signals(axes: Any, shown: _Shown) -> None:
     """Draw the signals of the zones of interest over the whole recording."""
     for zone, colour in shown.zones.items():
@@ -180,12 +193,13 @@ def _every_zone(figure: Any, place: Any, shown: _Shown) -> None:
         axes.label_outer()
 
 
-def _ranges(axes: Any, shown: _Shown, readings: Sequence[Heard]) -> None:
-    """Draw the ranges that were read over the whole recording."""
+def _ranges(axes: Any, shown: _Shown, readings: Sequence[Heard], tracks: Sequence[Track]) -> None:
+    """Draw the ranges of markers over the whole recording."""
     for identity, colour in shown.ids.items():
         own = [one for one in readings if one.id == identity]
         read_s = [(one.stamp_ns - shown.origin_ns) * 1e-9 for one in own]
         axes.plot(read_s, [one.range_m for one in own], '.', color=colour, label=f'ID {identity}')
+        _followed(axes, shown, tracks, identity, colour)
     axes.set_ylabel('range [m]', fontsize=9)
     axes.set_xlabel('time [s]')
     axes.margins(y=0.25)
@@ -199,6 +213,7 @@ def plot_readings(
     *,
     title: str,
     hint: str = '',
+    tracks: Sequence[Track] = (),
     markers: Sequence[Marker] = (),
     blinking: Sequence[BlinkingZone] = (),
 ) -> None:
@@ -250,7 +265,7 @@ def plot_readings(
         _signals(above, shown)
         if chosen:
             above.tick_params(labelbottom=False)
-            _ranges(figure.add_subplot(spaces[rows + 1, :], sharex=above), shown, readings)
+            _ranges(figure.add_subplot(spaces[rows + 1, :], sharex=above), shown, readings, tracks)
         else:
             above.set_xlabel('time [s]')
     path.parent.mkdir(parents=True, exist_ok=True)

@@ -13,6 +13,7 @@ from retrolidar_ros.cli.decode import NOTHING_READ, print_hints
 from retrolidar_ros.cli.picture import plot_readings
 from retrolidar_ros.detector import Detection
 from retrolidar_ros.detector.decoding import Decoding
+from retrolidar_ros.detector.tracks import Track
 from retrolidar_ros.scene.truth import Heard
 from retrolidar_ros.sensor.frame import Recording
 
@@ -29,12 +30,17 @@ def run(arguments: argparse.Namespace) -> int:
         raise IsADirectoryError(f'{arguments.output} is a directory; name a PNG file')
     frames, damage = salvage_frames(arguments.bag, arguments.topic)
     decoding = Decoding(detector_values(arguments))
-    readings = [_heard(detection) for detection in decoding.detect(frames)]
+    readings: list[Heard] = []
+    tracks: list[Track] = []
+    for detections, followed in decoding.steps(frames, follow=True):
+        readings += map(_heard, detections)
+        tracks += followed
     hints = print_hints(decoding)
     plot_readings(
         Recording.of(frames),
         readings,
         arguments.output,
+        tracks=tracks,
         title=f'{arguments.bag.name}: {len(frames)} frames, {len(readings)} readings',
         hint=str(hints[0]) if hints else '',
         blinking=() if readings else decoding.explanation().zones,

@@ -10,6 +10,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from retrolidar_ros.detector.detection import Detection
+from retrolidar_ros.detector.tracks import Track
 from retrolidar_ros.marker.code import PACKET_BITS
 
 # A faint marker is read once in eight packets, some of which may be hidden.
@@ -31,6 +32,7 @@ class Agreement:
         self._recent: defaultdict[int, deque[Detection]] = defaultdict(
             lambda: deque(maxlen=4 * min_readings)
         )
+        self._passed_ns: dict[int, int] = {}
         self.passed = self.withheld = 0
         """How many readings did, and did not."""
 
@@ -38,11 +40,17 @@ class Agreement:
         """Return those of new readings with which enough agree."""
         return [one for one in detections if self._is_confirmed(one)]
 
+    def followed(self, tracks: Sequence[Track]) -> list[Track]:
+        """Return those of tracks of which a reading was passed on."""
+        return [one for one in tracks if self._passed_ns.get(one.id, -1) >= one.first_ns]
+
     def _is_confirmed(self, reading: Detection) -> bool:
         recent = self._recent[reading.id]
         agreeing = 1 + sum(self._agree(one, reading) for one in recent)
         recent.append(reading)
         is_enough = agreeing >= self._min_readings
+        if is_enough:
+            self._passed_ns[reading.id] = reading.end_ns
         self.passed += is_enough
         self.withheld += not is_enough
         return is_enough

@@ -14,6 +14,7 @@ from retrolidar_ros.detector.explain import Explanation
 from retrolidar_ros.detector.findings import Cause, Finding
 from retrolidar_ros.detector.likelihood_detector import Candidate, LikelihoodDetector
 from retrolidar_ros.detector.parameters import detector_of, known_markers, registered
+from retrolidar_ros.detector.tracks import Track
 from retrolidar_ros.sensor.frame import Frame, Recording
 
 _KEPT = 2048  # newest frames, which are looked at
@@ -37,6 +38,20 @@ class Decoding:
 
     def detect(self, frames: Iterable[Frame]) -> Iterator[Detection]:
         """Yield the detections in frames as they become certain."""
+        for detections, _ in self.steps(frames, follow=False):
+            yield from detections
+
+    def follow(self, frames: Iterable[Frame]) -> Iterator[Track]:
+        """Yield the tracks of each frame; ValueError for a method that follows no markers."""
+        if self.values['method'] != 'joint':
+            raise ValueError(f'method {self.values["method"]} follows no markers; joint does')
+        for _, tracks in self.steps(frames, follow=True):
+            yield from tracks
+
+    def steps(
+        self, frames: Iterable[Frame], *, follow: bool
+    ) -> Iterator[tuple[list[Detection], list[Track]]]:
+        """Yield the detections that become certain with each frame, and its tracks if asked."""
         grid = self._newest[-1].grid if self._newest else None
         for frame in frames:
             if frame.grid is not grid and frame.grid != grid:
@@ -49,16 +64,18 @@ class Decoding:
                 self._agreement = Agreement(self.values['min_readings'])
             self._newest.append(frame)
             assert self._detector is not None
-            for detection in self._detector.update(frame):
-                self._read.append(detection)
-                if self._agreement.confirmed([detection]):
-                    self.detections.append(detection)
-                    yield detection
+            detections = self._detector.update(frame)
+            self._read += detections
+            confirmed = self._agreement.confirmed(detections)
+            self.detections += confirmed
+            tracks: list[Track] = []
             if isinstance(self._detector, LikelihoodDetector):
+                tracks = self._detector.follow(frame) if follow else tracks
                 for one in self._detector.candidates:
                     best = self._rejected.get(one.zone)
                     if one.reason and (best is None or one.evidence > best.evidence):
                         self._rejected[one.zone] = one
+            yield confirmed, self._agreement.followed(tracks)
 
     def explanation(self) -> Explanation:
         """Return an explanation of the newest frames; ValueError if there are none."""

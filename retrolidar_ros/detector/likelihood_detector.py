@@ -21,6 +21,7 @@ from retrolidar_ros.detector.detection import Detection, DetectorCounts, check_g
 from retrolidar_ros.detector.noise import NoiseLaw
 from retrolidar_ros.detector.placement import Optics, Placer
 from retrolidar_ros.detector.rejections import Rejections
+from retrolidar_ros.detector.tracks import Track, TrackCounts, Tracker
 from retrolidar_ros.marker.code import IDS, RESERVED_IDS, check_ids
 from retrolidar_ros.marker.known_markers import MARKER_SIZE_M
 from retrolidar_ros.sensor.frame import Frame, Recording, ZoneGrid
@@ -120,6 +121,28 @@ class LikelihoodDetector:
             raise MemoryError('no memory for the samples of the detector')
         self._core = ffi.gc(core, lib.rl_detector_destroy)
         self._placer = Placer(self._core, grid, optics)
+        self._optics = optics
+        self._tracker: Tracker | None = None
+
+    def follow(self, frame: Frame) -> list[Track]:
+        """Return the markers that are followed, at the frame that was taken last.
+
+        Call it after every `update`; it follows those that are read from the first call on.
+        """
+        if self._tracker is None:
+            self._tracker = Tracker(
+                self._core,
+                self._placer.grid,
+                range_offset_m=self._optics.range_offset_m,
+                zone_blur=self._optics.zone_blur,
+                sizes_m=self._sizes_m,
+            )
+        return self._tracker.follow(frame.stamp_ns)
+
+    @property
+    def track_counts(self) -> TrackCounts:
+        """Tracks so far."""
+        return TrackCounts(0, 0, 0) if self._tracker is None else self._tracker.counts
 
     @property
     def counts(self) -> DetectorCounts:

@@ -12,7 +12,6 @@ from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
 from std_msgs.msg import Bool, Header, String
 
-from retrolidar_ros.msg import MarkerDetection
 from retrolidar_ros.nodes.conversion import (
     covariance_of,
     from_pose,
@@ -26,6 +25,7 @@ from retrolidar_ros.nodes.parameters import Parameters
 from retrolidar_ros.nodes.placed_readings import PlacedReadings
 from retrolidar_ros.nodes.qos import LATCHED, topics_of
 from retrolidar_ros.nodes.run import run
+from retrolidar_ros.nodes.track_topics import SOURCES, Marked
 from retrolidar_ros.sensor.frame import Floats
 from retrolidar_ros.sensor.rotation import quaternion_of
 from retrolidar_ros.tasks.next_view import ViewPlanner
@@ -47,6 +47,7 @@ class CoffeeNode(Node):
         parameters = Parameters(self, 'coffee')
         parameters.declare('objects', 'TF frames of the markers on the objects.')
         parameters.declare('frame_prefix', 'Prefix of these frames.')
+        parameters.declare('source', 'What readings are made of.', among=SOURCES)
         parameters.declare('target_frame', "Frame of the poses; empty = the sensor's.")
         parameters.declare(
             'max_stddev',
@@ -89,13 +90,15 @@ class CoffeeNode(Node):
         }
         publish_health(self, 'objects', '', self._examine)
         self._readings: PlacedReadings | DetectionSubscriber
+        source = values['source']
+        topic = 'tracks' if source == 'tracks' else 'markers'
         if self._target:
             # In a fixed frame readings from several places accumulate.
             self._readings = PlacedReadings(
-                self, ['markers'], self._target, _PATIENCE_S, self._place, self._restart
+                self, [topic], source, self._target, _PATIENCE_S, self._place, self._restart
             )
         else:
-            self._readings = DetectionSubscriber(self, ['markers'], self._take)
+            self._readings = DetectionSubscriber(self, [topic], source, self._take)
         parameters.warn_of_unknown()
         self.create_timer(_TICK_S, self._tick, clock=Clock(clock_type=ClockType.STEADY_TIME))
 
@@ -112,7 +115,7 @@ class CoffeeNode(Node):
         self._survey.restart()
         self._planner.forget()
 
-    def _take(self, message: MarkerDetection) -> None:
+    def _take(self, message: Marked) -> None:
         """Publish the pose of an object from one detection."""
         name = message.child_frame_id.removeprefix(self._prefix)
         if name in self._poses:
@@ -121,7 +124,7 @@ class CoffeeNode(Node):
             self._publish(name, message.header, *place, covariance)
             self._tick()
 
-    def _place(self, reading: Reading, message: MarkerDetection) -> None:
+    def _place(self, reading: Reading, message: Marked) -> None:
         """Publish the pose of an object from all readings."""
         name = message.child_frame_id.removeprefix(self._prefix)
         if name not in self._poses:

@@ -11,10 +11,11 @@ import numpy as np
 from rclpy.node import Node
 
 from retrolidar_ros.marker.code import IDS
-from retrolidar_ros.msg import MarkerDetection
+from retrolidar_ros.msg import MarkerDetection, MarkerTrack
 from retrolidar_ros.nodes.conversion import covariance_of, quaternion_in, to_ns, vector_of
 from retrolidar_ros.nodes.diagnostics import ERROR
 from retrolidar_ros.nodes.qos import EVENTS, subscribe
+from retrolidar_ros.nodes.track_topics import Marked
 from retrolidar_ros.sensor.frame import Floats
 
 _MAX_NAME = 100
@@ -27,8 +28,8 @@ _UNIT = 1e-3
 _LOG_PERIOD_S = 5.0
 
 
-def check_detection(message: MarkerDetection, now_ns: int) -> None:
-    """Raise ValueError for a detection that cannot be; what follows a colon is its own value."""
+def check_detection(message: Marked, now_ns: int) -> None:
+    """Raise ValueError for what cannot be; what follows a colon is its own value."""
     for field, name in (
         ('frame_id', message.header.frame_id),
         ('child_frame_id', message.child_frame_id),
@@ -77,18 +78,19 @@ class DetectionSubscriber:
     """Hands detections on that can be; counts, tells and drops the others."""
 
     def __init__(
-        self, node: Node, topics: Sequence[str], callback: Callable[[MarkerDetection], None]
+        self, node: Node, topics: Sequence[str], source: str, callback: Callable[[Marked], None]
     ) -> None:
-        """Subscribe."""
+        """Subscribe to topics of a source, detections or tracks."""
         self._node = node
         self._callback = callback
         self._refused: Counter[str] = Counter()
         self._reason = ''
         self._told = 0
+        kind = MarkerTrack if source == 'tracks' else MarkerDetection
         for topic in topics:
-            subscribe(node, MarkerDetection, topic, self._on_detection, EVENTS)
+            subscribe(node, kind, topic, self._on_detection, EVENTS)
 
-    def _on_detection(self, message: MarkerDetection) -> None:
+    def _on_detection(self, message: Marked) -> None:
         try:
             check_detection(message, self._node.get_clock().now().nanoseconds)
             self._callback(message)

@@ -23,6 +23,7 @@ from retrolidar_ros.nodes.diagnostics import WARN, Health, HealthBoard, publish_
 from retrolidar_ros.nodes.parameters import Parameters, check_frame_id
 from retrolidar_ros.nodes.qos import FRAMES, subscribe
 from retrolidar_ros.nodes.run import run
+from retrolidar_ros.nodes.track_topics import SOURCES
 from retrolidar_ros.nodes.transform_watch import TransformWatch
 from retrolidar_ros.sensor.frame import Frame, ZoneGrid
 
@@ -124,6 +125,7 @@ class DetectorNode(Node):
             self._health.read(detections)
             if confirmed := self._agreement.confirmed(detections):
                 self._topics.publish(confirmed, frame.stamp_ns, frame_id)
+        self._topics.follow(self._detector, self._agreement, frame, frame_id)
 
     def _drop(self, reason: str) -> None:
         self._health.drop(reason)
@@ -166,7 +168,11 @@ def _declare(parameters: Parameters) -> None:
     declare = parameters.declare
     for name, one in PARAMETERS.items():
         declare(name, one.description, *one.limits, among=one.among, live=one.live)
-    declare('publish_tf', 'Send a transform for every detection.', live=True)
+    declare('publish_tf', 'Send transforms of markers.', live=True)
+    declare('tf_source', 'What transforms are of.', among=SOURCES, live=True)
+    declare(
+        'max_track_rate', 'Most tracks of a marker per second; 0 = each frame.', 0.0, 1e3, live=True
+    )
     declare('child_frame', 'TF frame of a marker; {name} stands for its name.')
     declare('stale_after', 'Lifetime of a marker in marker_array [s].', 0.1, 3600.0, live=True)
     declare('frame_prefix', 'Prefix of child_frame.')

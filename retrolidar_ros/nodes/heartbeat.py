@@ -8,15 +8,15 @@ from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
 from std_msgs.msg import Bool
 
-from retrolidar_ros.msg import MarkerDetection
 from retrolidar_ros.nodes.detection_subscriber import DetectionSubscriber
 from retrolidar_ros.nodes.diagnostics import WARN, Health, health_of, publish_health
 from retrolidar_ros.nodes.parameters import Parameters
 from retrolidar_ros.nodes.qos import LATCHED
 from retrolidar_ros.nodes.run import run
+from retrolidar_ros.nodes.track_topics import SOURCES, Marked
 from retrolidar_ros.tasks.heartbeat import Heartbeat
 
-_TICK_S = 0.1
+_TICK_S = 0.02
 
 
 class HeartbeatNode(Node):
@@ -27,8 +27,9 @@ class HeartbeatNode(Node):
         super().__init__('heartbeat')
         parameters = Parameters(self, 'heartbeat')
         parameters.declare('markers', 'TF frames of the markers to watch.')
+        parameters.declare('source', 'What counts as a reading.', among=SOURCES)
         parameters.declare(
-            'overdue_after', 'Time without a reading until overdue [s].', 0.1, 3600.0, live=True
+            'overdue_after', 'Time without a reading until overdue [s].', 0.05, 3600.0, live=True
         )
         parameters.declare('window', 'Length of the counted windows [s].', 0.1, 3600.0)
         parameters.declare('frame_prefix', 'Prefix of these frames.')
@@ -43,7 +44,9 @@ class HeartbeatNode(Node):
         self._is_alive: bool | None = None
         self._alive = self.create_publisher(Bool, '~/alive', LATCHED)
         publish_health(self, 'markers', '', self._examine)
-        self._detections = DetectionSubscriber(self, ['markers'], self._take)
+        source = parameters.values['source']
+        topic = 'tracks' if source == 'tracks' else 'markers'
+        self._detections = DetectionSubscriber(self, [topic], source, self._take)
         parameters.warn_of_unknown()
         self.create_timer(_TICK_S, self._tick, clock=Clock(clock_type=ClockType.STEADY_TIME))
 
@@ -53,7 +56,7 @@ class HeartbeatNode(Node):
     def _now_s(self) -> float:
         return float(self.get_clock().now().nanoseconds) * 1e-9
 
-    def _take(self, message: MarkerDetection) -> None:
+    def _take(self, message: Marked) -> None:
         name = message.child_frame_id.removeprefix(self._prefix)
         if name in self._hearts and self._now_s():
             self._hearts[name].beat(self._now_s())

@@ -20,13 +20,13 @@ from visualization_msgs.msg import MarkerArray
 
 from retrolidar_ros.detector.parameters import known_markers
 from retrolidar_ros.marker.known_markers import objects_of
-from retrolidar_ros.msg import MarkerDetection
 from retrolidar_ros.nodes.conversion import to_header, to_pose_msg, to_transform
 from retrolidar_ros.nodes.diagnostics import WARN, Health, health_of, publish_health
 from retrolidar_ros.nodes.parameters import Parameters, check_frame_id
 from retrolidar_ros.nodes.placed_readings import PlacedReadings
 from retrolidar_ros.nodes.qos import LATCHED, STREAM, publisher, topic_part, topics_of
 from retrolidar_ros.nodes.run import run
+from retrolidar_ros.nodes.track_topics import SOURCES, Marked
 from retrolidar_ros.nodes.transforms import transform_sender
 from retrolidar_ros.nodes.visualization import landmark_shapes
 from retrolidar_ros.sensor.frame import Floats
@@ -53,6 +53,8 @@ class LandmarksNode(Node):
         parameters = Parameters(self, 'landmarks')
         _declare(parameters)
         self._values = values = parameters.values
+        if values['source'] == 'tracks' and 'markers' in values['topics']:
+            raise ValueError('topics: markers are detections; name topics of tracks, or no source')
         self._fixed = check_frame_id('fixed_frame', values['fixed_frame'])
         markers = known_markers(values)
         objects: dict[str, dict[int, Floats]] = {
@@ -98,7 +100,13 @@ class LandmarksNode(Node):
         self.create_service(Trigger, '~/forget', self._forget)
         publish_health(self, 'landmarks', '', self._examine)
         self._readings = PlacedReadings(
-            self, values['topics'], self._fixed, values['patience'], self._take, self._restart
+            self,
+            values['topics'],
+            values['source'],
+            self._fixed,
+            values['patience'],
+            self._take,
+            self._restart,
         )
         parameters.warn_of_unknown()
         for estimate in [] if values['localize'] else self._survey.estimates():
@@ -115,7 +123,7 @@ class LandmarksNode(Node):
         except (OSError, ValueError) as error:
             raise ValueError(f'load_file: {path}: {error}') from error
 
-    def _take(self, reading: Reading, message: MarkerDetection) -> None:
+    def _take(self, reading: Reading, message: Marked) -> None:
         """Let a reading wait for its turn."""
         name = 'room'
         if self._room is None:
@@ -283,7 +291,8 @@ class LandmarksNode(Node):
 
 def _declare(parameters: Parameters) -> None:
     declare = parameters.declare
-    declare('topics', 'Topics of detections.')
+    declare('source', 'What readings are made of.', among=SOURCES)
+    declare('topics', 'Topics of the source.')
     declare('fixed_frame', 'Frame of the landmarks; TF must connect the sensors to it.')
     declare('marker_file', 'YAML file of the known markers, for objects with several.')
     declare('load_file', 'Landmarks written by ~/save; empty = none.')

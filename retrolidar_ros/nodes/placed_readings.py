@@ -7,15 +7,17 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Callable, Sequence
 
+import numpy as np
 from rclpy.clock import Clock, ClockType
 from rclpy.duration import Duration
 from rclpy.node import Node
 from rclpy.time import Time
 
-from retrolidar_ros.msg import MarkerDetection
-from retrolidar_ros.nodes.conversion import covariance_of, vector_of
+from retrolidar_ros.msg import MarkerTrack
+from retrolidar_ros.nodes.conversion import covariance_of, to_ns, vector_of
 from retrolidar_ros.nodes.detection_subscriber import DetectionSubscriber
 from retrolidar_ros.nodes.diagnostics import WARN
+from retrolidar_ros.nodes.track_topics import Marked
 from retrolidar_ros.nodes.transforms import TransformFinder
 from retrolidar_ros.tasks.reading import Reading, SensorPose, reading
 
@@ -23,6 +25,9 @@ _TICK_S = 0.1
 _MAX_WAITING = 1000
 # A clock that is set, or a replay that begins again; less is a clock that is kept in step.
 _JUMP = Duration(seconds=1.0)
+# Errors of a track are alike for about so long; a marker slower than this is at rest.
+_ALIKE_S = 1.0
+_REST_M_S = 0.02
 
 
 class PlacedReadings:
@@ -32,12 +37,13 @@ class PlacedReadings:
         self,
         node: Node,
         topics: Sequence[str],
+        source: str,
         fixed_frame: str,
         patience_s: float,
-        take: Callable[[Reading, MarkerDetection], None],
+        take: Callable[[Reading, Marked], None],
         restart: Callable[[], None],
     ) -> None:
-        """Subscribe.
+        """Subscribe to topics of a source, detections or tracks.
 
         `take` gets each reading, and its detection, if its transform comes within `patience_s` [s],
         and may refuse it by a ValueError; `restart` is called when time jumps back, as in a replay.
@@ -49,10 +55,11 @@ class PlacedReadings:
         self._hand_on = take
         self._restart = restart
         self._ticked = node.get_clock().now()
-        self._waiting: deque[tuple[MarkerDetection, Time]] = deque()
+        self._waiting: deque[tuple[Marked, Time]] = deque()
+        self._taken_ns: dict[tuple[str, str], int] = {}
         self._dropped = self._told = 0
         self._reason = ''
-        self._subscriber = DetectionSubscriber(node, topics, self._take)
+        self._subscriber = DetectionSubscriber(node, topics, source, self._take)
         node.create_timer(_TICK_S, self._tick, clock=Clock(clock_type=ClockType.STEADY_TIME))
 
     def examine(self, values: dict[str, str]) -> list[tuple[bytes, str]]:
@@ -69,8 +76,21 @@ class PlacedReadings:
         """Count and tell a reading that cannot be."""
         self._subscriber.refuse(reason)
 
-    def _take(self, message: MarkerDetection) -> None:
+    def _is_news(self, message: MarkerTrack) -> bool:
+        """Return whether a marker is at rest, and its track's errors differ from the last time."""
+        key = (message.header.frame_id, message.child_frame_id)
+        stamp_ns = to_ns(message.header.stamp)
+        age_s = 1e-9 * abs(stamp_ns - self._taken_ns.get(key, to_ns(message.first)))
+        speed = np.linalg.norm(vector_of(message.twist.twist.linear))
+        if age_s < _ALIKE_S or not speed < _REST_M_S:
+            return False
+        self._taken_ns[key] = stamp_ns
+        return True
+
+    def _take(self, message: Marked) -> None:
         self._look_at_clock()
+        if isinstance(message, MarkerTrack) and not self._is_news(message):
+            return
         if self._place(message):
             return
         self._waiting.append((message, self._ticked))
@@ -98,7 +118,7 @@ class PlacedReadings:
             else:
                 self._drop(message)
 
-    def _place(self, message: MarkerDetection) -> bool:
+    def _place(self, message: Marked) -> bool:
         """Hand a detection on; return False if its transform is not known yet."""
         sensor, stamp = message.header.frame_id, Time.from_msg(message.header.stamp)
         found = self.finder.find(self._fixed, sensor, stamp)
@@ -120,7 +140,7 @@ class PlacedReadings:
             self.refuse(str(error))
         return True
 
-    def _drop(self, message: MarkerDetection) -> None:
+    def _drop(self, message: Marked) -> None:
         self._dropped += 1
         self._reason = f'no transform from {message.header.frame_id} to {self._fixed}'
         self._node.get_logger().warning(

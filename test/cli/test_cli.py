@@ -54,6 +54,25 @@ def test_decode_prints_one_json_object_a_detection(bag: Path, method: str, capsy
     assert ends == sorted(ends)
 
 
+def test_decode_prints_where_markers_are_at_every_frame(bag: Path, capsys: Output) -> None:
+    tracks = decoded(capsys, bag, '--tracks')
+    assert set(tracks[0]) == {
+        *('stamp', 'id', 'x', 'y', 'z', 'vx', 'vy', 'vz', 'range', 'range_stddev', 'presence')
+    }
+    own = [one for one in tracks if one['id'] == 2073]
+    stamps = np.array([one['stamp'] for one in own])
+    assert np.median(np.diff(stamps)) < 0.03
+    for one in own:
+        assert np.linalg.norm([one['x'], one['y'], one['z']]) == pytest.approx(one['range'])
+        assert abs(one['range'] - 1.0) < 0.02
+    assert main(['decode', '--tracks', str(bag)]) == 0
+    header, *lines = capsys.readouterr().out.splitlines()
+    assert len(lines) == len(tracks)
+    assert len(header) == len(lines[0])
+    assert main(['decode', '--tracks', '--method', 'paper', str(bag)]) == 2
+    assert 'method paper follows no markers' in capsys.readouterr().err
+
+
 def test_decode_prints_a_table(bag: Path, capsys: Output) -> None:
     assert main(['decode', str(bag)]) == 0
     header, *rows = capsys.readouterr().out.splitlines()

@@ -13,6 +13,7 @@ from retrolidar_ros.detector.parameters import defaults
 from retrolidar_ros.marker.liquid_crystal import Response
 from retrolidar_ros.scene import Scene, Simulation
 from retrolidar_ros.scene.description import Marker, Noise, Sensor, Surface
+from retrolidar_ros.scene.files import load_scene
 from retrolidar_ros.sensor.frame import Recording
 
 SENSOR = Sensor(jitter_s=0.001, noise=Noise(4.6, 0.22))
