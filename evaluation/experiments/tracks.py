@@ -16,7 +16,7 @@ from evaluation.experiments.moving import WAYS
 from evaluation.peers.camera import Background
 from evaluation.peers.visual_markers import APRILTAG, View, find_readers, read_pictures
 from evaluation.report.chart_style import OTHERS, label, legend_below, line, look, new_chart
-from evaluation.report.claims import Table, as_text, percent
+from evaluation.report.claims import NOTHING, Table, as_text, percent
 from retrolidar_ros.detector.likelihood_detector import LikelihoodDetector
 from retrolidar_ros.detector.methods import create_detector
 from retrolidar_ros.detector.tracks import Track
@@ -155,39 +155,31 @@ def run(rng: np.random.Generator, *, quick: bool) -> dict[str, Any]:
 
 def table(figures: dict[str, Any]) -> Table:
     """Return errors of range by way, distance and speed, and how tracks end."""
-    rows = [['rms error of range', *(f'{at:g} m/s' for at in _SPEEDS_M_S)]]
+    names = ('packets_mm', 'bright_mm', 'all_mm')
+
+    def in_mm(one: dict[str, Any]) -> str:
+        errors = '/'.join(NOTHING if one[name] is None else f'{one[name]:.1f}' for name in names)
+        return f'{errors}; {percent(one["ellipsoid_holds"])}'
+
+    rows = [['rms errors [mm]; in 95 % ellipsoid', *(f'{at:g} m/s' for at in _SPEEDS_M_S)]]
     for curve in figures['curves']:
         where = f'{curve["way"]} at {curve["range_m"]:g} m'
-        for name, words in (
-            ('packets_mm', 'packets'),
-            ('bright_mm', 'tracks, frames with light'),
-            ('all_mm', 'tracks, all frames'),
-        ):
-            cells = [as_text(one[name], 'mm', 1) for one in curve['points']]
-            rows.append([f'{where}: {words}', *cells])
-        cells = [
-            f'{one["pull"]:.2f}; {percent(one["ellipsoid_holds"])}; {one["followed"]:.0%}; '
-            f'{one["updates_hz"]:.0f} Hz'
-            for one in curve['points']
-        ]
-        rows.append([f'{where}: pull; in 95 % ellipsoid; followed; updates', *cells])
+        rows.append([where, *map(in_mm, curve['points'])])
     if figures['apriltag']:
         cells = [
-            f'{percent(one["right"])}; '
-            + as_text(one['error_mm'] and one['error_mm']['median'], 'mm', 1)
+            as_text(one['error_mm'] and one['error_mm']['median'], 'mm', 1)
             for one in figures['apriltag']
         ]
-        rows.append([f'AprilTag at 30 Hz, {RANGES_M[0]:g} m, across: read; median error', *cells])
-    blank = [''] * len(_SPEEDS_M_S)
-    for one in figures['ends']:
-        where = f'at {one["range_m"]:g} m'
-        for name in ('vanished', 'other ID'):
-            if one[name]:
-                median_s, most_s = one[name]
-                cells = [f'{median_s:.2f} s; {most_s:.2f} s', *blank[1:]]
-                rows.append([f'{where}: {name}, dropped after: median; 95 %', *cells])
-        cells = [f'{one["false_ends_an_hour"]:.0f}', *blank[1:]]
-        rows.append([f'{where}: false ends an hour, standing', *cells])
+        rows.append([f'AprilTag at {RANGES_M[0]:g} m, median', *cells])
+    for name in ('vanished', 'other ID'):
+        ends = [
+            f'{one["range_m"]:g} m: {one[name][0]:.2f}/{one[name][1]:.2f} s'
+            for one in figures['ends']
+            if one[name]
+        ]
+        rows.append(
+            [f'{name}, dropped after (median/95 %)', *ends, *[''] * (len(_SPEEDS_M_S) - len(ends))]
+        )
     return rows
 
 

@@ -42,7 +42,8 @@ class Agreement:
 
     def followed(self, tracks: Sequence[Track]) -> list[Track]:
         """Return those of tracks of which a reading was passed on."""
-        return [one for one in tracks if self._passed_ns.get(one.id, -1) >= one.first_ns]
+        passed_ns = self._passed_ns
+        return [one for one in tracks if one.id in passed_ns and passed_ns[one.id] >= one.first_ns]
 
     def _is_confirmed(self, reading: Detection) -> bool:
         recent = self._recent[reading.id]

@@ -74,3 +74,14 @@ def test_rare_chance_readings_never_pass() -> None:
     rows = zip(at_s, rng.uniform(0.3, 4, 720), rng.integers(1, 4095, 720), strict=True)
     passed = [agreement.confirmed([reading(*row)]) for row in rows]
     assert sum(map(len, passed)) == 0
+
+
+def test_a_marker_is_followed_once_a_reading_of_it_was_passed_on() -> None:
+    found = {}
+    for min_readings in (1, 2):
+        decoding = Decoding({**defaults(), 'min_readings': min_readings})
+        found[min_readings] = list(decoding.follow(FRAMES))
+    second = detect(2)[0][0]
+    assert found[2]
+    assert min(one.stamp_ns for one in found[2]) >= second.end_ns
+    assert min(one.stamp_ns for one in found[1]) < second.end_ns
