@@ -2,6 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Driver and detector with an emulated sensor: losses, stamps, latency and CPU share.
 
+Then `landmarks`, with the readings of many sensors that stand still: delay and CPU share.
+
 embedded/run python benchmarks/bench_nodes.py [--seconds SECONDS] [--json FILE]
 """
 
@@ -11,25 +13,36 @@ import argparse
 import os
 import sys
 import time
+from collections import defaultdict, deque
+from collections.abc import Iterator
 from contextlib import closing
+from itertools import cycle, islice, product
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import NamedTuple
 
 import numpy as np
+from tf2_msgs.msg import TFMessage
 
 from evaluation.report.claims import write_figures
 from retrolidar_ros.cli.demo import NAMESPACE, executable, start_emulator
 from retrolidar_ros.cli.processes import ProcessGroup
+from retrolidar_ros.detector.place import place, zone_bearing
 from retrolidar_ros.msg import Frame as FrameMsg
 from retrolidar_ros.msg import MarkerDetection
-from retrolidar_ros.nodes.conversion import to_ns
+from retrolidar_ros.nodes.conversion import to_header, to_ns, to_pose, to_time, to_transform
 from retrolidar_ros.nodes.listener import Listener
+from retrolidar_ros.nodes.qos import LATCHED
 from retrolidar_ros.scene.files import find_scene
+from retrolidar_ros.sensor.frame import ZoneGrid
 from retrolidar_ros.settings.resources import shared_file
 
 SETTLING_S = 5.0
 HALF_EXPOSURE_S = 0.0105
+HALL_SENSORS, HALL_RATE_HZ = 16, 48.0
+HALL_MARKERS = ((-0.15, -0.1, 1.0), (0.1, -0.05, 1.2), (0.2, 0.15, 1.4))  # before each [m]
+HALL_FILLING = 45 * HALL_SENSORS * len(HALL_MARKERS)  # a landmark is made of 40 readings at most
+RANGE_STDDEV_M = 0.001
 
 
 def cpu_seconds(pid: int) -> float:
@@ -89,6 +102,88 @@ def measure(duration_s: float, *, single_process: bool) -> Run:
     return Run(elapsed_s, frames, markers, shares)
 
 
+def hall_readings(rng: np.random.Generator) -> Iterator[MarkerDetection]:
+    """Return one reading after the other of all markers of a hall, without stamps."""
+    grid = ZoneGrid()
+    for sensor, marker in product(range(HALL_SENSORS), HALL_MARKERS):
+        at_m = np.array(marker)
+        column, row = np.rint(at_m[:2] / at_m[2] / grid.pitch + 1.5).astype(int)
+        range_m = float(np.linalg.norm(at_m) + rng.normal(0, RANGE_STDDEV_M))
+        spot = place(zone_bearing(int(4 * row + column), grid), range_m, RANGE_STDDEV_M)
+        message = MarkerDetection(id=1 + HALL_MARKERS.index(marker))
+        message.header.frame_id = f'sensor{sensor}'
+        message.child_frame_id = f'sensor{sensor}_marker_{message.id}'
+        message.range, message.range_stddev = range_m, RANGE_STDDEV_M
+        message.pose.pose = to_pose(spot.position_m, spot.orientation)
+        message.pose.covariance = spot.covariance.ravel()
+        yield message
+
+
+def measure_landmarks(duration_s: float) -> dict[str, float]:
+    """Run the node `landmarks` with a hall of sensors; print and return delays and its load."""
+    rng = np.random.default_rng(1)
+    with (
+        TemporaryDirectory() as directory,
+        ProcessGroup(Path(directory)) as processes,
+        closing(Listener('/hall')) as listener,
+    ):
+        node = listener.node
+        options = ['--ros-args', '-r', f'__ns:={NAMESPACE}']
+        processes.start('landmarks', [executable('landmarks'), *options])
+        markers = node.create_publisher(MarkerDetection, f'{NAMESPACE}/markers', 1000)
+        static = node.create_publisher(TFMessage, '/tf_static', LATCHED)
+        upright = np.array([0.0, 0.0, 0.0, 1.0])
+        ways = [
+            to_transform(
+                to_header(0, 'base_link'),
+                f'sensor{index}',
+                to_pose(np.array([0.5 * index, 0.0, 0.0]), upright),
+            )
+            for index in range(HALL_SENSORS)
+        ]
+        static.publish(TFMessage(transforms=ways))
+        if not listener.spin_until(lambda: markers.get_subscription_count() > 0, 30.0):
+            sys.exit('landmarks did not start')
+        sent: defaultdict[str, deque[tuple[int, float]]] = defaultdict(deque)
+        delays_s: list[float] = []
+
+        def hear() -> bool:
+            """Take note of transforms, each of which answers all readings up to its stamp."""
+            for transform in listener.transforms:
+                newest_ns = to_ns(transform.header.stamp) + 1000  # but for its rounding
+                waiting = sent[transform.child_frame_id.removeprefix('landmark_')]
+                while waiting and waiting[0][0] <= newest_ns:
+                    delays_s.append(time.monotonic() - waiting.popleft()[1])
+            listener.transforms.clear()
+            return False
+
+        def feed(rate_hz: float, number: int) -> int:
+            """Publish so many readings; return how many are not answered."""
+            due_s = time.monotonic()
+            for message in islice(cycle(hall_readings(rng)), number):
+                message.header.stamp = to_time(time.time_ns())
+                sent[message.child_frame_id].append((to_ns(message.header.stamp), time.monotonic()))
+                markers.publish(message)
+                due_s += 1 / rate_hz
+                listener.spin_until(hear, max(0.0, due_s - time.monotonic()))
+            listener.spin_until(hear, SETTLING_S)
+            return sum(map(len, sent.values()))
+
+        before = feed(2 * HALL_RATE_HZ, HALL_FILLING)
+        delays_s.clear()
+        begin_s, began_s = cpu_seconds(processes.pid('landmarks')), time.monotonic()
+        number = round(duration_s * HALL_RATE_HZ)
+        lost = feed(HALL_RATE_HZ, number) - before
+        elapsed_s = time.monotonic() - began_s - SETTLING_S
+        share = (cpu_seconds(processes.pid('landmarks')) - begin_s) / elapsed_s
+    median, worst = 1e3 * np.percentile(delays_s, [50, 100])
+    print(
+        f'{number / elapsed_s:.0f} readings a second of {len(sent)} landmarks: {share:.1%} of a '
+        f'core, {median:.0f} ms to the pose, at most {worst:.0f} ms; {lost} without a pose'
+    )
+    return {'core_share': share, 'median_ms': median, 'worst_ms': worst, 'without_pose': lost}
+
+
 def report(run: Run) -> dict[str, object]:
     """Print a run; return its figures."""
     frames, markers = run.frames, run.markers
@@ -109,12 +204,25 @@ def report(run: Run) -> dict[str, object]:
         f'stamps against the exposure: standard deviation {error_ms.std():.3f} ms, '
         f'largest {np.abs(error_ms).max():.3f} ms'
     )
+    frame_ns = {to_ns(message.header.stamp): received for message, received in frames}
+    # What is on the way at the ends of the run is left out.
+    after_ms = 1e-6 * np.array(
+        [
+            received - frame_ns[to_ns(message.end)]
+            for message, received in markers
+            if to_ns(message.end) in frame_ns
+        ]
+    )
     delays = {}
-    for what, values in (('Frame', delay_ms), ('MarkerDetection', latency_ms)):
+    for begin, what, values in (
+        ('end of the (last) exposure', 'Frame', delay_ms),
+        ('end of the (last) exposure', 'MarkerDetection', latency_ms),
+        ('last Frame received', 'its MarkerDetection', after_ms),
+    ):
         median, p99 = np.percentile(values, [50, 99])
         delays[what] = {'median_ms': float(median), 'p99_ms': float(p99), 'messages': len(values)}
         print(
-            f'end of the (last) exposure to {what} received: median {median:.1f} ms, '
+            f'{begin} to {what} received: median {median:.1f} ms, '
             f'p99 {p99:.1f} ms, {len(values)} messages'
         )
     for name, share in run.shares.items():
@@ -141,6 +249,8 @@ def main() -> None:
     figures = report(measure(arguments.seconds, single_process=False))
     print('\nboth in one process, the reader')
     figures['single_process'] = report(measure(arguments.seconds, single_process=True))
+    print('\nlandmarks, in a hall')
+    figures['landmarks'] = measure_landmarks(arguments.seconds)
     if arguments.json is not None:
         write_figures(arguments.json, figures)
 

@@ -166,7 +166,7 @@ class CountListener(Listener):
         for status in message.status:
             namespace, _, node = status.name.partition(':')[0].rpartition('/')
             values = {pair.key: pair.value for pair in status.values}
-            if 'frames' not in values:  # word of a node that is silent
+            if 'frames' not in values:  # not configured
                 continue
             self.lost[status.name] = int(values['lost frames'])
             if node == 'driver':

@@ -13,7 +13,16 @@ from cffi import FFI
 
 HEADERS = tuple(
     f'retrolidar_{name}.h'
-    for name in ('packet', 'receive', 'decide', 'detector', 'bearing', 'ranging', 'placement')
+    for name in (
+        'packet',
+        'receive',
+        'decide',
+        'detector',
+        'bearing',
+        'ranging',
+        'placement',
+        'tracks',
+    )
 )
 """Those that Python sees, each after those that it needs."""
 

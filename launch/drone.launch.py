@@ -19,9 +19,11 @@ from retrolidar_ros.nodes.launching import (
     node,
     number,
     one_of_several,
+    parameter,
     sensor,
     value,
 )
+from retrolidar_ros.nodes.viewing import viewer
 
 # Emulated sensors see the same scene, which begins when all of them have started.
 _EMULATORS_START_S = 3.0
@@ -34,20 +36,24 @@ def _drone(context):
     if count not in ('1', '3'):
         raise RuntimeError(f'sensors:={count}: it needs 1 or 3')
     if count == '1':
-        return [sensor(), heartbeat]
+        rviz = viewer(context, parameter(context, 'driver', 'frame_id'))
+        return [*rviz, sensor(), heartbeat]
     ports = listed(context, 'ports')
     if len(ports) != (0 if value(context, 'emulate') else 3):
         raise RuntimeError(
             f'ports:={value(context, "ports")}: it needs three, as [a, b, c], or emulate'
         )
+    fixed_frame = value(context, 'fixed_frame')
+    names = [f'sensor{index}' for index in range(3)]
+    rviz = viewer(context, fixed_frame, sensors=names, upright=True, landmarks=True)
     start_s = time.monotonic() + _EMULATORS_START_S
     radius_m = number(context, 'edge') / math.sqrt(3)
     actions, places = [], {}
-    for index in range(3):
+    for index, name in enumerate(names):
         angle = 2 * math.pi * index / 3
         x, y = radius_m * math.cos(angle), radius_m * math.sin(angle)
         options = f'--at {x:.4f} {y:.4f} 0 --seed {index} --start {start_s}'
-        frame = f'sensor{index}_optical_frame'
+        frame = f'{name}_optical_frame'
         places[frame] = (x, y)
         own = {
             'serial_port': ports[index] if ports else '',
@@ -56,14 +62,14 @@ def _drone(context):
             'emulate_options': options,
             'publish_tf': 'false',
         }
-        actions.append(one_of_several(context, f'sensor{index}', **own))
+        actions.append(one_of_several(context, name, **own))
     _tell_places(context, places)
     given = {
-        'fixed_frame': value(context, 'fixed_frame'),
+        'fixed_frame': fixed_frame,
         'marker_file': value(context, 'marker_file'),
         'acceleration': number(context, 'acceleration'),
     }
-    return [*actions, node(context, 'landmarks', given), heartbeat]
+    return [*rviz, *actions, node(context, 'landmarks', given), heartbeat]
 
 
 def _tell_places(context, places):
@@ -75,7 +81,7 @@ def _tell_places(context, places):
     transforms = []
     for frame, (x, y) in places.items():
         # It looks up: its frame has x, y and z where the fixed one has them.
-        transform = TransformStamped(child_frame_id=frame)
+        transform = TransformStamped(child_frame_id=value(context, 'frame_prefix') + frame)
         transform.header.frame_id = value(context, 'fixed_frame')
         transform.transform.translation.x, transform.transform.translation.y = x, y
         transforms.append(transform)
@@ -86,6 +92,7 @@ def generate_launch_description():
     """Return the launch arguments and what they start."""
     arguments = {
         **SENSOR,
+        'emulate_base': ('', SENSOR['emulate_base'][1]),
         'marker_file': (MARKERS, 'YAML file of the known markers.'),
         'sensors': ('1', 'Number of sensors: 1, or 3 to locate the drone.'),
         'ports': ('[]', 'Of three, as [/dev/a, /dev/b, /dev/c].'),

@@ -10,6 +10,7 @@ from launch import LaunchDescription
 from launch.actions import ExecuteProcess, OpaqueFunction, SetEnvironmentVariable
 
 from retrolidar_ros.nodes.launching import COMMON, declared, given, is_on, listed, node, value
+from retrolidar_ros.nodes.viewing import viewer
 
 
 def _host(context):
@@ -25,6 +26,9 @@ def _host(context):
         actions.append(SetEnvironmentVariable('ROS_DISCOVERY_SERVER', server))
     parameters = given(context, 'marker_file', 'protocol')
     parameters |= {name: some for name in ('ports', 'names') if (some := listed(context, name))}
+    names = parameters.get('names') or [f'sensor{n}' for n in range(len(listed(context, 'ports')))]
+    frame = f'{names[0]}_optical_frame' if names else 'retrolidar_optical_frame'
+    actions += viewer(context, frame, sensors=names)
     remappings = [('markers', value(context, 'markers'))] if value(context, 'markers') else []
     return [*actions, node(context, 'reader', parameters, remappings=remappings)]
 

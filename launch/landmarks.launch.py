@@ -5,7 +5,17 @@
 from launch import LaunchDescription
 from launch.actions import OpaqueFunction
 
-from retrolidar_ros.nodes.launching import MARKERS, SENSOR, declared, given, is_on, node, sensor
+from retrolidar_ros.nodes.launching import (
+    MARKERS,
+    SENSOR,
+    declared,
+    given,
+    is_on,
+    node,
+    parameter,
+    sensor,
+)
+from retrolidar_ros.nodes.viewing import viewer
 
 _FILES_AND_FRAMES = ('fixed_frame', 'marker_file', 'load_file', 'save_file', 'base_frame')
 
@@ -14,7 +24,9 @@ def _landmarks(context):
     """Return sensor and node, now that the arguments have values."""
     parameters = given(context, *_FILES_AND_FRAMES)
     parameters['localize'] = is_on(context, 'localize')
-    return [sensor(), node(context, 'landmarks', parameters)]
+    fixed_frame = parameter(context, 'landmarks', 'fixed_frame')
+    rviz = viewer(context, fixed_frame, upright=True, landmarks=True)
+    return [*rviz, sensor(emulate_base=fixed_frame), node(context, 'landmarks', parameters)]
 
 
 def generate_launch_description():

@@ -6,11 +6,22 @@ import os
 import shlex
 import sys
 import tempfile
+import time
 
 from launch import LaunchDescription
 from launch.actions import ExecuteProcess, OpaqueFunction, Shutdown
 
-from retrolidar_ros.nodes.launching import SENSOR, declared, given, is_on, node, value
+from retrolidar_ros.nodes.launching import (
+    SENSOR,
+    declared,
+    full_namespace,
+    given,
+    is_on,
+    node,
+    parameter,
+    value,
+)
+from retrolidar_ros.nodes.viewing import viewer
 from retrolidar_ros.scene.files import load_scene
 
 # Launch arguments that go before what the parameter file says.
@@ -18,6 +29,8 @@ _OVERRIDES = {
     'driver': ('serial_port', 'protocol', 'frame_id', 'autostart'),
     'detector': ('marker_file', 'child_frame', 'publish_tf'),
 }
+# The scene begins when the arm knows that there is no other one.
+_START_S = 5.0
 
 
 def _end(context):
@@ -27,21 +40,25 @@ def _end(context):
 
 def _link(context):
     """Return a path for the port of an emulated sensor that no other launch or namespace has."""
-    pushed = context.launch_configurations.get('ros_namespace', '')
-    path = f'{pushed}/{value(context, "namespace")}'.strip('/').replace('/', '_')
+    path = full_namespace(context).replace('/', '_')
     return os.path.join(tempfile.gettempdir(), f'retrolidar_{os.getpid()}_{path}')
 
 
 def _nodes(context):
     """Return the processes to start, now that the arguments have values."""
     parameters = given(context, *(name for names in _OVERRIDES.values() for name in names))
-    actions = []
+    actions = viewer(context, parameter(context, 'driver', 'frame_id'))
     if scene := value(context, 'emulate'):
         load_scene(scene)  # says what is wrong with it before anything is started
         # The driver opens the emulator's port as it would open that of a sensor with our protocol.
         port = parameters.setdefault('serial_port', _link(context))
         parameters['protocol'] = 'retrolidar'
         emulator = [sys.executable, '-m', 'retrolidar_ros.cli', 'emulate', scene]
+        if base := value(context, 'emulate_base'):
+            start_s = time.monotonic() + _START_S
+            emulator += ['--start', str(start_s)]
+            arm = {'scene': scene, 'start': start_s, 'fixed_frame': base}
+            actions.append(node(context, 'emulated_arm', arm))
         emulator += shlex.split(value(context, 'emulate_options'))
         actions.append(
             ExecuteProcess(

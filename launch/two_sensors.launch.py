@@ -10,6 +10,7 @@ from launch import LaunchDescription
 from launch.actions import OpaqueFunction
 
 from retrolidar_ros.nodes.launching import COMMON, declared, one_of_several, value
+from retrolidar_ros.nodes.viewing import viewer
 from retrolidar_ros.scene.files import load_scene
 
 _SIDES = ('left', 'right')
@@ -20,7 +21,8 @@ def _sensors(context):
     for side in _SIDES:  # once one runs, what is wrong with the other would leave it behind
         if scene := value(context, f'{side}_emulate'):
             load_scene(scene)
-    return [
+    rviz = viewer(context, value(context, f'{_SIDES[0]}_frame'), sensors=_SIDES)
+    return rviz + [
         one_of_several(
             context,
             side,

@@ -105,16 +105,14 @@ def check_landmarks(observer: Observer, saved: Path) -> None:
         hand.read('mug', 2107, MUG_M, corners[0])
         observer.spin_until(lambda: bool(mug), 0.5)
     delays_s = (_LATE_S, 0.0, 0.0, 0.0, 0.0, 0.0)
-    read_ns = {
+    read_ns = [
         hand.read('mug', 2107, MUG_M, at_m, late_s)
         for at_m, late_s in zip(2 * corners[1:], delays_s, strict=True)
-    }
-
-    def without_pose() -> set[int]:
-        placed_ns = [to_ns(one.header.stamp) for one in mug]
-        return {one for one in read_ns if not any(abs(one - ns) < 1000 for ns in placed_ns)}
-
-    observer.wait(lambda: not without_pose(), 'a pose of each reading')
+    ]
+    # On a busy machine several readings share a pose.
+    observer.wait(
+        lambda: abs(to_ns(mug[-1].header.stamp) - read_ns[-1]) < 1000, 'a pose of the last reading'
+    )
     last = mug[-1]
     assert last.header.frame_id == FIXED
     assert all(squared(one, MUG_M) < MOST_MAHALANOBIS for one in mug)
@@ -133,11 +131,14 @@ def check_landmarks(observer: Observer, saved: Path) -> None:
 
     values = values_of(observer.wait_for_status(name, DiagnosticStatus.OK, '1 placed'))
     assert float(values['mug: baseline [m]']) > 0.5
+    assert int(values['mug: readings']) > len(read_ns)
     answer = observer.services.trigger('landmarks/save')
     assert answer.success, answer.message
     content = load_yaml(saved)
     assert content['frame'] == FIXED
     assert set(content['landmarks']) == {'mug'}
+    assert '1 landmarks' in answer.message
+    assert str(saved) in answer.message
 
     there_m = MUG_M + np.array([0.25, 0.1, 0.2])
     mug.clear()
@@ -150,6 +151,10 @@ def check_landmarks(observer: Observer, saved: Path) -> None:
     for one in mug:
         assert min(squared(one, MUG_M), squared(one, there_m)) < MOST_MAHALANOBIS
     assert observer.services.trigger('landmarks/forget').success
+    answer = observer.services.trigger('landmarks/save')
+    assert not answer.success
+    assert 'nothing is placed' in answer.message
+    assert load_yaml(saved) == content
     observer.wait_for_status(name, DiagnosticStatus.WARN, 'nothing is placed yet')
 
 

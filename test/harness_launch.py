@@ -12,6 +12,20 @@ from launch_ros.substitutions import FindPackageShare
 
 INTERRUPTED = 130
 """The exit code of a command that is interrupted."""
+SCRIPT = """
+import sys
+from launch import LaunchDescription, LaunchService
+from launch.actions import IncludeLaunchDescription
+from retrolidar_ros.settings.resources import shared_file
+
+arguments = [argument.split(':=', 1) for argument in sys.argv[2:]]
+include = IncludeLaunchDescription(str(shared_file(f'launch/{sys.argv[1]}.launch.py')),
+                                   launch_arguments=arguments)
+service = LaunchService()
+service.include_launch_description(LaunchDescription([include]))
+sys.exit(service.run())
+"""
+"""Launches a file of the package: its name, and arguments."""
 
 
 def included(name: str, **arguments: str) -> Any:

@@ -72,7 +72,7 @@ def test_rooms_need_no_ros_and_few_libraries(room: str) -> None:
             assert module.split('.')[0] in allowed, f'{path} imports {module}'
 
 
-def test_the_command_needs_ros_for_the_demos_only() -> None:
+def test_the_command_needs_ros_for_demos_and_replay_only() -> None:
     for path in (PRODUCT / 'cli').rglob('*.py'):
         for module in imports(path):
             package = module.split('.')[0]
@@ -81,4 +81,6 @@ def test_the_command_needs_ros_for_the_demos_only() -> None:
                 or package.endswith('_msgs')
                 or module.startswith('retrolidar_ros.nodes')
             ):
-                assert path.name in ('demo.py', 'demo_arm.py'), f'{path} imports {module}'
+                assert path.name in ('demo.py', 'demo_arm.py', 'replay.py'), (
+                    f'{path} imports {module}'
+                )

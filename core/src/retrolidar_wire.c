@@ -45,6 +45,14 @@ static void put(struct encoder *encoder, uint64_t value, uint8_t bytes)
     }
 }
 
+static size_t end(struct encoder *encoder)
+{
+    put(encoder, encoder->crc, 2);
+    encoder->line[encoder->code_at] = encoder->code;
+    encoder->line[encoder->length++] = 0;
+    return encoder->length;
+}
+
 struct rl_zone rl_zone_of(
     uint8_t targets, int16_t distance, uint32_t signal, uint32_t ambient, uint8_t status)
 {
@@ -76,10 +84,21 @@ size_t rl_wire_encode(const struct rl_frame *frame, uint8_t *line, size_t capaci
         put(&encoder, zone->ambient, 4);
         put(&encoder, zone->status, 1);
     }
-    put(&encoder, encoder.crc, 2);
-    line[encoder.code_at] = encoder.code;
-    line[encoder.length++] = 0;
-    return encoder.length;
+    return end(&encoder);
+}
+
+size_t rl_wire_encode_identity(const struct rl_identity *identity, uint8_t *line)
+{
+    struct encoder encoder = {line, 1, 0, 1, 0xFFFF};
+    put(&encoder, RL_KIND_IDENTITY, 1);
+    for (uint8_t i = 0; i < 3; i++) {
+        put(&encoder, identity->version[i], 1);
+    }
+    put(&encoder, identity->is_ranging, 1);
+    for (uint8_t i = 0; i < RL_SERIAL_BYTES; i++) {
+        put(&encoder, identity->serial[i], 1);
+    }
+    return end(&encoder);
 }
 
 uint64_t rl_extend_us(uint64_t last_us, uint32_t counter_us)

@@ -1,12 +1,13 @@
 /* Copyright 2026 retrolidar_ros contributors
  * SPDX-License-Identifier: Apache-2.0
  */
-/* A frame of the sensor as it goes on the serial line: protocol 1, all little-endian, with a
+/* What a reader puts on the serial line, a frame or who it is: protocol 1, all little-endian, with a
  * CRC-16/CCITT-FALSE, COBS-encoded (Cheshire and Baker 1999) and ended by a zero.
  */
 #ifndef RETROLIDAR_WIRE_H
 #define RETROLIDAR_WIRE_H
 
+#include <stdbool.h>
 #include <stddef.h>
 #include <stdint.h>
 
@@ -14,7 +15,7 @@
 extern "C" {
 #endif
 
-enum { RL_KIND_FRAME = 1, RL_STATUS_NO_TARGET = 255 };
+enum { RL_KIND_FRAME = 1, RL_KIND_IDENTITY = 2, RL_SERIAL_BYTES = 12, RL_STATUS_NO_TARGET = 255 };
 
 /* One zone, in the sensor's raw units. */
 struct rl_zone {
@@ -30,6 +31,16 @@ struct rl_frame {
     uint8_t rows;            /* 4 or 8, and as many columns */
     const struct rl_zone *zones; /* in the sensor's own order */
 };
+
+/* Who a reader is, and whether its sensor ranges. */
+struct rl_identity {
+    uint8_t version[3]; /* of the firmware: major, minor, patch */
+    bool is_ranging;
+    uint8_t serial[RL_SERIAL_BYTES]; /* of the processor; a shorter one begins with zeros */
+};
+
+/* Bytes that an identity takes on the line. */
+enum { RL_IDENTITY_BYTES = 1 + 3 + 1 + RL_SERIAL_BYTES + 2 + 2 };
 
 /* Bytes that a frame of so many zones may take on the line: header, zones and checksum, one byte in
  * 254 and one more for COBS, and the zero at the end.
@@ -47,6 +58,9 @@ struct rl_zone rl_zone_of(
  * capacity is less than RL_WIRE_BYTES.
  */
 size_t rl_wire_encode(const struct rl_frame *frame, uint8_t *line, size_t capacity);
+
+/* Write an identity; return its bytes on the line, always RL_IDENTITY_BYTES. */
+size_t rl_wire_encode_identity(const struct rl_identity *identity, uint8_t *line);
 
 /* Extend a counter of 32 bits that wraps, read more often than it wraps, to one that does not. */
 uint64_t rl_extend_us(uint64_t last_us, uint32_t counter_us);

@@ -109,7 +109,7 @@ def _stressed(world: Scene, trials: int, rng: np.random.Generator) -> dict[str, 
         survey = Survey({}, hand.errors_for(_POSE_M))
         for reading in queue:
             if reading.marker in truth_m:
-                survey.take(reading, str(reading.marker))
+                survey.take(str(reading.marker), reading)
                 rows += [place_error(one, truth_m[int(one.name)]) for one in survey.estimates()]
     return _errors(rows)
 

@@ -15,7 +15,7 @@ from evaluation.bench.rates import frequency, rate
 from evaluation.bench.recordings import Path, record, signal_at, to_and_fro
 from evaluation.bench.stresses import PLAIN
 from evaluation.report.chart_style import draw_shares, label, legend_below, line, look, new_chart
-from evaluation.report.claims import Table, as_text, per_hour, percent
+from evaluation.report.claims import Table, per_hour, percent
 from retrolidar_ros.detector import METHODS
 from retrolidar_ros.scene.reference import SENSOR
 from retrolidar_ros.sensor.frame import Floats
@@ -123,19 +123,17 @@ def run(rng: np.random.Generator, *, quick: bool) -> dict[str, Any]:
 
 
 def table(figures: dict[str, Any]) -> Table:
-    """Return what is read and how wrong it is placed at some speeds; wrong IDs at all together."""
+    """Return what is read at some speeds, and wrong IDs at all together."""
     curves = figures['curves']
     speeds = [f'{point["speed_m_s"]:g} m/s' for point in curves[0]['points'][::2]]
     swings = [f'swings ±{100 * half_m:g} cm in {SWING_S:g} s' for half_m in SWINGS_M]
-    rows = [['packets read; rms error of range', *speeds, *swings, 'wrong IDs an hour']]
+    rows = [['packets read', *speeds, *swings, 'wrong IDs an hour']]
     for index, curve in enumerate(curves):
         # Only the first is across the view and at the distance at which markers swing.
         others = [] if index else figures['swings']
         for method in METHODS:
             found = [point[method] for point in (*curve['points'][::2], *others)]
-            cells = [
-                f'{percent(one["read"])}; {as_text(one["range_mm"], "mm", 0)}' for one in found
-            ]
+            cells = [percent(one['read']) for one in found]
             cells += [''] * (len(rows[0]) - 2 - len(cells))
             wrong = [point[method]['wrong'] for point in (*curve['points'], *others)]
             events, hours = (sum(one[of] for one in wrong) for of in ('events', 'hours'))

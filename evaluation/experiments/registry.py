@@ -25,8 +25,8 @@ from evaluation.report.claims import markdown, write_figures
 from retrolidar_ros.cli.processes import end_with_parent
 
 _NAMES = """
-    speed-accuracy time-to-id peers roc rooms brighter stability moving laboratory coffee drone
-    several place ranging bound chain ids link reading reach size angle yaw ambient marker
+    speed-accuracy time-to-id peers roc rooms brighter stability moving tracks laboratory coffee
+    drone several place ranging bound chain ids link reading reach size angle yaw ambient marker
     calibration landmarks parts
 """
 EXPERIMENTS: dict[str, Any] = {

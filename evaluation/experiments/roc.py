@@ -155,10 +155,10 @@ def table(figures: dict[str, Any]) -> Table:
     rows = {one.name: [point['members'][one.name] for point in points] for one in FAMILY}
     rows[STILL] = [grouped(point, STILL) for point in points]
     rows |= {f'white, {name}': [one] for name, one in figures['before_white'].items()}
-    table = [['false IDs an hour (95 %), as shipped', 'joint', 'in hours', 'paper', 'in hours']]
+    table = [['false IDs an hour (95 %), as shipped', *METHODS]]
     for name, row in rows.items():
-        cells = [part for one in row for part in (per_hour(one), f'{one["hours"]:.3g}')]
-        table.append([name, *cells, *[''] * (4 - len(cells))])
+        cells = [per_hour(one) for one in row]
+        table.append([name, *cells, *[''] * (2 - len(cells))])
     return table
 
 

@@ -115,10 +115,10 @@ def table(figures: dict[str, Any]) -> Table:
 
     rows = [['identified (wrong IDs)', *METHODS]]
     for row in figures['three']:
-        what = f'three markers, one packet: {row["arrangement"]}'
+        what = f'three: {row["arrangement"]}'
         rows.append([what, *cells([row[method]['read'] for method in METHODS], row)])
     for row in figures['two']:
-        what = f'two in a zone as 1 to {row["share"]:g}: brighter, fainter, both'
+        what = f'two, 1 to {row["share"]:g}'
         rates = [[row[method][name] for name in _PAIR] for method in METHODS]
         rows.append([what, *cells(rates, row)])
     return rows

@@ -97,8 +97,7 @@ static void obey(const char *line)
 // Take commands until nobody has typed for LISTEN_MS.
 static void listen()
 {
-    char line[16];
-    uint8_t length = 0;
+    rl_line line = {};
     Serial.begin(CONSOLE_BAUD);
     Serial.print("RetroLiDAR marker, id ");
     Serial.print(id);
@@ -108,17 +107,8 @@ static void listen()
             continue;
         }
         last_ms = millis();
-        const char typed = static_cast<char>(Serial.read());
-        if (typed != '\r' && typed != '\n') {
-            if (length < sizeof line - 1) {
-                line[length++] = typed;
-            } else {
-                line[0] = '?'; // too long to be a command, even if its beginning is one
-            }
-        } else if (length > 0) {
-            line[length] = '\0';
-            length = 0;
-            obey(line);
+        if (rl_line_take(&line, static_cast<char>(Serial.read()))) {
+            obey(line.text);
         }
     }
     Serial.end();

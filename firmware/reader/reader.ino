@@ -2,11 +2,13 @@
 // SPDX-License-Identifier: Apache-2.0
 //
 // The reader: a NUCLEO-F401RE with an X-NUCLEO-53L8A1 (the kit P-NUCLEO-53L8A1), its jumpers J7, J8
-// and J9 on SPI. It sends each frame of the VL53L8CX as protocol 1 over the board's USB.
+// and J9 on SPI. It sends each frame of the VL53L8CX as protocol 1 over the board's USB, and obeys
+// the lines identify, start, stop and reset.
 //
 // Libraries: STM32duino VL53L8CX 2.1.0, and ../core. Flags of the build: build_opt.h.
 
 #include <SPI.h>
+#include <retrolidar_command.h>
 #include <retrolidar_wire.h>
 #include <vl53l8cx.h>
 
@@ -14,6 +16,7 @@
 #error "build_opt.h must lie beside this sketch: it sets the raw format and a buffer for a frame"
 #endif
 
+constexpr uint8_t VERSION[3] = {0, 1, 0};
 // 4 for the frames that markers are read from; 8 for finer bearings at 15 Hz, and bits of 133 ms.
 constexpr uint8_t ROWS = 4;
 // 20.8 ms a frame, as near to the paper's 21 ms as whole hertz come; 15 is the limit of 8x8.
@@ -61,6 +64,40 @@ static void require(uint8_t status, const char *what)
     }
 }
 
+static bool is_ranging;
+
+// Say who this is: to whoever listens at the start, and as the answer to every command.
+static void identify()
+{
+    rl_identity identity = {{VERSION[0], VERSION[1], VERSION[2]}, is_ranging, {}};
+    const uint32_t words[] = {HAL_GetUIDw0(), HAL_GetUIDw1(), HAL_GetUIDw2()};
+    memcpy(identity.serial, words, sizeof words);
+    uint8_t line[RL_IDENTITY_BYTES];
+    Serial.write(line, rl_wire_encode_identity(&identity, line));
+}
+
+static void obey(const char *line)
+{
+    switch (rl_command_of(line)) {
+    case RL_NO_COMMAND:
+        return; // noise
+    case RL_IDENTIFY:
+        break;
+    case RL_START:
+        is_ranging = is_ranging || sensor.start_ranging() == VL53L8CX_STATUS_OK;
+        break;
+    case RL_STOP:
+        is_ranging = is_ranging && sensor.stop_ranging() != VL53L8CX_STATUS_OK;
+        break;
+    case RL_RESET:
+        is_ranging = true; // as it will be
+        identify();
+        Serial.flush();
+        NVIC_SystemReset();
+    }
+    identify();
+}
+
 void setup()
 {
     pinMode(LED_BUILTIN, OUTPUT);
@@ -86,6 +123,8 @@ void setup()
     pinMode(INTERRUPT_PIN, INPUT_PULLUP);
     attachInterrupt(digitalPinToInterrupt(INTERRUPT_PIN), on_frame, FALLING);
     require(sensor.start_ranging(), "ranging");
+    is_ranging = true;
+    identify();
 }
 
 void loop()
@@ -95,7 +134,13 @@ void loop()
     static uint8_t line[RL_WIRE_BYTES(ZONES)];
     static uint32_t frames_taken;
     static uint64_t now_us;
+    static rl_line typed;
 
+    while (Serial.available()) {
+        if (rl_line_take(&typed, static_cast<char>(Serial.read()))) {
+            obey(typed.text);
+        }
+    }
     noInterrupts();
     const uint32_t sequence = frames_made;
     const uint32_t at_us = made_at_us;

@@ -86,6 +86,7 @@ class FrameWriter:
             liveliness_lease_duration=unspecified,
             avoid_ros_namespace_conventions=False,
         )
+        self._storage = storage
         self._topic = topic
         self._frame_id = frame_id
 
@@ -102,7 +103,6 @@ class FrameWriter:
         self._written = 0
         with self._bag_errors():
             self._writer.open()
-            self._database = getattr(self._writer.storage, 'conn', None)  # of sqlite3
             self._connection = self._writer.add_connection(
                 self._topic, FRAME_TYPE, typestore=self._types, offered_qos_profiles=[self._qos]
             )
@@ -141,8 +141,17 @@ class FrameWriter:
             data = self._types.serialize_cdr(message, FRAME_TYPE)
             self._writer.write(self._connection, received_ns, data)
             self._written += 1
-            if self._database is not None and self._written % _COMMITTED == 0:
-                self._database.commit()
+            if self._written % _COMMITTED == 0:
+                self._commit()
+
+    def _commit(self) -> None:
+        """Put on the disk what was written, instead of a megabyte at a time or all at the end."""
+        storage: Any = self._writer.storage
+        if self._storage == 'mcap':
+            storage.close_chunk()
+            storage.bio.flush()
+        else:
+            storage.conn.commit()
 
     def __exit__(self, *_: object) -> None:
         """Close the bag; BagError if that fails."""

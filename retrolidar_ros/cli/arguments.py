@@ -8,34 +8,54 @@ import argparse
 from collections.abc import Callable
 from functools import partial
 from pathlib import Path
-from typing import Any, TypeAlias
+from typing import Any, NoReturn, TypeAlias
 
 from retrolidar_ros.bag import FRAMES_TOPIC
 from retrolidar_ros.detector.parameters import PARAMETERS, checked, defaults, load_parameters
 from retrolidar_ros.sensor.protocols import PROTOCOLS
+from retrolidar_ros.settings.printing import printable
+from retrolidar_ros.settings.section import ConfigError, quantity
 
 Subparsers: TypeAlias = 'argparse._SubParsersAction[argparse.ArgumentParser]'
-_MOST_SECONDS = 1e9
+_MOST = 1e9
 Run = Callable[[argparse.Namespace], int]
+_UNITS = {'bit_period': 'time', 'range_offset': 'length'}
 _METAVARS = {str: 'TEXT', int: 'N', float: 'NUMBER', list: 'ID,ID,…'}
 
 
-def number_of_seconds(text: str) -> float:
-    """Parse a time in seconds."""
-    try:
-        return float(text)
-    except ValueError:
-        raise argparse.ArgumentTypeError(f'{text} is no number of seconds') from None
+class Parser(argparse.ArgumentParser):
+    """Says what is wrong in a line, and the help of the option that it is about."""
+
+    def error(self, message: str) -> NoReturn:
+        """Print an error and exit with code 2."""
+        lines = [f'{self.prog}: {printable(message)}']
+        about = message.partition(':')[0].removeprefix('argument ')
+        for action in self._actions:
+            if about in ('/'.join(action.option_strings), action.metavar, action.dest):
+                formatter = self._get_formatter()
+                formatter.add_argument(action)
+                lines.append(formatter.format_help().rstrip())
+                break
+        else:
+            lines.append(f'See {self.prog} --help')
+        self.exit(2, '\n'.join(lines) + '\n')
 
 
-def seconds(text: str) -> float:
-    """Parse a duration in seconds."""
-    value = number_of_seconds(text)
-    if not 0 < value <= _MOST_SECONDS:
-        raise argparse.ArgumentTypeError(
-            f'{text} is no positive number of seconds up to {_MOST_SECONDS:.0f}'
-        )
-    return value
+def measured(kind: str, least: float, most: float) -> Callable[[str], float]:
+    """Return a parser of quantities with units, or bare in the code's unit."""
+    parse = quantity(kind, least, most, bare=True)
+
+    def parsed(text: str) -> float:
+        try:
+            return parse(text, '')
+        except ConfigError as error:
+            raise argparse.ArgumentTypeError(str(error).removeprefix(': ')) from None
+
+    return parsed
+
+
+seconds = measured('time', 1e-3, 1e9)
+"""Parse a duration."""
 
 
 def add_port(command: argparse.ArgumentParser) -> None:
@@ -73,7 +93,7 @@ def add_detector_options(command: argparse.ArgumentParser) -> None:
             dest=name,
             type=str if one.among else partial(_value, name),
             choices=one.among or None,
-            metavar=None if one.among else _METAVARS[one.kind],
+            metavar=None if one.among else _UNITS.get(name, _METAVARS[one.kind]).upper(),
             help=description,
         )
 
@@ -81,10 +101,17 @@ def add_detector_options(command: argparse.ArgumentParser) -> None:
 def _value(name: str, text: str) -> Any:
     """Parse a parameter."""
     kind = PARAMETERS[name].kind
+    if name in _UNITS:
+        return _within(name, measured(_UNITS[name], -_MOST, _MOST)(text))
     try:
         value = [int(part) for part in text.split(',') if part] if kind is list else kind(text)
     except ValueError:
         raise argparse.ArgumentTypeError(f'{text} is no {_METAVARS[kind]}') from None
+    return _within(name, value)
+
+
+def _within(name: str, value: Any) -> Any:
+    """Return a value of a parameter, if it can have it."""
     try:
         return checked(name, value)
     except ValueError as error:

@@ -21,7 +21,7 @@ def add_command(subparsers: Subparsers) -> None:
     command = subparsers.add_parser(
         'budget',
         help='expected link, wake-up and battery life of a marker',
-        description='Quantities carry their units, as in scene files.',
+        description='Quantities carry their units, as in scene files; bare lengths are in metres.',
     )
     for name, default, what in (
         ('size', '3 cm', 'edge of the retroreflector'),
@@ -37,10 +37,12 @@ def add_command(subparsers: Subparsers) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Print what to expect of a marker, as large as a zone is at its distance at most."""
-    distance_m = quantity('length', 0.1, SENSOR_REACH_M)(arguments.distance, '--distance')
+    distance_m = quantity('length', 0.1, SENSOR_REACH_M, bare=True)(
+        arguments.distance, '--distance'
+    )
     zone_m = distance_m * float((SENSOR.grid.pitch * SENSOR.grid.z_per_range).min())
     found = budget(
-        size_m=quantity('length', 1e-3, zone_m)(arguments.size, '--size'),
+        size_m=quantity('length', 1e-3, zone_m, bare=True)(arguments.size, '--size'),
         yaw_rad=quantity('angle', -math.pi / 2, math.pi / 2)(arguments.yaw, '--yaw'),
         distance_m=distance_m,
         cell_mah=quantity('charge', 1.0)(arguments.cell, '--cell'),

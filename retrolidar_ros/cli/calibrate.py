@@ -57,10 +57,12 @@ def run(arguments: argparse.Namespace) -> int:
 
     def length(name: str, least: float, most: float) -> float | None:
         text = getattr(arguments, name)
-        return None if text is None else quantity('length', least, most)(text, f'--{name}')
+        return (
+            None if text is None else quantity('length', least, most, bare=True)(text, f'--{name}')
+        )
 
     distance_m, speed_m_s = length('distance', 0.05, 10), length('speed', 1e-3, 10)
-    size_m = quantity('length', 1e-3, 1)(arguments.size, '--size')
+    size_m = quantity('length', 1e-3, 1, bare=True)(arguments.size, '--size')
     frames, damage = salvage_frames(arguments.bag, arguments.topic)
     found = calibrate(
         Recording.of(frames), distance_m=distance_m, size_m=size_m, speed_m_s=speed_m_s

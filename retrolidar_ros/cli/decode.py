@@ -1,6 +1,6 @@
 # Copyright 2026 retrolidar_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""Print the detections in a bag."""
+"""Print the detections or tracks in a bag."""
 
 from __future__ import annotations
 
@@ -10,7 +10,15 @@ import sys
 from retrolidar_ros.bag import read_frames
 from retrolidar_ros.cli.arguments import Subparsers, add_bag_command, detector_values
 from retrolidar_ros.detector.decoding import Decoding
-from retrolidar_ros.detector.text import TEXT_HEADER, to_json, to_text
+from retrolidar_ros.detector.findings import Finding
+from retrolidar_ros.detector.text import (
+    TEXT_HEADER,
+    TRACK_HEADER,
+    to_json,
+    to_text,
+    track_to_json,
+    track_to_text,
+)
 
 NOTHING_READ = 3
 
@@ -26,17 +34,38 @@ def add_command(subparsers: Subparsers) -> None:
         f'Exit code {NOTHING_READ} if nothing is read.',
     )
     command.add_argument('--json', action='store_true', help='one JSON object a line')
+    command.add_argument(
+        '--tracks', action='store_true', help='where each marker is at every frame, once it is read'
+    )
     command.add_argument('--explain', action='store_true', help='describe every blinking zone')
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Print detections as lines of JSON or as a table, and why there are not more."""
+    """Print detections or tracks as lines of JSON or a table, and why there are not more."""
     decoding = Decoding(detector_values(arguments))
-    if not arguments.json:
-        print(TEXT_HEADER)
-    for detection in decoding.detect(read_frames(arguments.bag, arguments.topic)):
-        print(to_json(detection) if arguments.json else to_text(detection))
+    frames = read_frames(arguments.bag, arguments.topic)
+    if arguments.tracks:
+        for number, track in enumerate(decoding.follow(frames)):
+            if not arguments.json and not number:
+                print(TRACK_HEADER)
+            print(track_to_json(track) if arguments.json else track_to_text(track))
+    else:
+        for detection in decoding.detect(frames):
+            if not arguments.json and len(decoding.detections) == 1:
+                print(TEXT_HEADER)
+            print(to_json(detection) if arguments.json else to_text(detection))
     sys.stdout.flush()
-    for line in [*decoding.why(), *(decoding.table() if arguments.explain else [])]:
+    print_hints(decoding, describe=arguments.explain)
+    return 0 if decoding.detections else NOTHING_READ
+
+
+def print_hints(decoding: Decoding, *, describe: bool = False) -> list[Finding]:
+    """Print to standard error, and return, why less was read than could be; zones on demand."""
+    explanation = decoding.explanation()
+    findings = explanation.findings()
+    lines = [str(one) for one in findings]
+    if describe:
+        lines += decoding.table(explanation, findings)
+    for line in lines:
         print(line, file=sys.stderr)
-    return 0 if decoding.packets else NOTHING_READ
+    return findings

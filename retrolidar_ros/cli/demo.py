@@ -24,6 +24,11 @@ if TYPE_CHECKING:
     from retrolidar_ros.nodes.listener import Listener
 
 NAMESPACE = '/retrolidar'
+COMMON = (
+    *('--ros-args', '--params-file', str(shared_file('config/retrolidar.yaml'))),
+    *('-r', f'__ns:={NAMESPACE}'),
+)
+"""Arguments of each node."""
 READINGS = 3
 """How often each marker must be read before the demo ends."""
 _TAKEN = (
@@ -82,8 +87,6 @@ def running_nodes(
 
     With options for it, there is a node `landmarks`, too. ProcessError if they do not come.
     """
-    common = ['--ros-args', '--params-file', str(shared_file('config/retrolidar.yaml'))]
-    common += ['-r', f'__ns:={NAMESPACE}']
     with (
         TemporaryDirectory(prefix='retrolidar_') as directory,
         ProcessGroup(Path(directory)) as processes,
@@ -91,10 +94,10 @@ def running_nodes(
         if listener.spin_until(lambda: listener.node.count_publishers('frames') > 0, 1.0):
             raise ProcessError(_TAKEN)
         port = Path(directory) / 'port'
-        processes.start('driver', [executable('driver'), *common, '-p', f'serial_port:={port}'])
-        processes.start('detector', [executable('detector'), *common])
+        processes.start('driver', [executable('driver'), *COMMON, '-p', f'serial_port:={port}'])
+        processes.start('detector', [executable('detector'), *COMMON])
         if landmarks:
-            processes.start('landmarks', [executable('landmarks'), *common, *landmarks])
+            processes.start('landmarks', [executable('landmarks'), *COMMON, *landmarks])
 
         def are_ready() -> bool:
             processes.check()
@@ -145,7 +148,7 @@ def run_still(scene: Scene, file: Path, picture: Path, listener: Listener, timeo
     print(f'picture: {picture}')
     good = [outcome for outcome in outcomes if outcome.good]
     print(
-        f'{len(good)} of {len(scene.markers)} markers read with a range error below '
-        f'{MAX_RANGE_ERROR_M * 1e3:.0f} mm'
+        f'{len(good)} of {len(scene.markers)} markers read, the range within '
+        f'{MAX_RANGE_ERROR_M * 1e3:.0f} mm and the position within its 99.9 % ellipsoid'
     )
     return 0 if len(good) == len(scene.markers) else 1

@@ -12,23 +12,19 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
-from geometry_msgs.msg import PoseWithCovarianceStamped, TransformStamped
-from tf2_msgs.msg import TFMessage
+from geometry_msgs.msg import PoseWithCovarianceStamped
 
-from retrolidar_ros.cli.demo import running_nodes, start_emulator
-from retrolidar_ros.nodes.conversion import to_ns, to_time
+from retrolidar_ros.cli.demo import COMMON, executable, running_nodes, start_emulator
+from retrolidar_ros.nodes.conversion import covariance_of, to_ns, vector_of
+from retrolidar_ros.nodes.emulated_arm import IN_BASE
 from retrolidar_ros.nodes.listener import Listener
 from retrolidar_ros.nodes.qos import LATCHED
 from retrolidar_ros.scene import Scene
-from retrolidar_ros.scene.laboratory import along, rotation_of
 from retrolidar_ros.sensor.frame import Floats
-from retrolidar_ros.sensor.rotation import quaternion_of
 from retrolidar_ros.settings.resources import shared_file
 
-_FIXED = 'scene'
 _BEFORE_S = 3.0  # from the start of the emulator to the time zero of the scene
 _LATE_S = 1.0  # what has been read at a place is known so long after the hand has left it
-_TF_PERIOD_S = 0.02
 _RARE, _SURE = 16.266, 5.991  # 99.9 % of a normal distribution in space, 95 % in a plane
 _COLOURS = ('#56b4e9', '#0072b2', '#e69f00', '#d55e00', '#cc79a7', '#009e73')
 
@@ -47,28 +43,22 @@ class Known(NamedTuple):
 
 
 class _Hand:
-    """Sends the pose of the sensor, and collects those of objects.
-
-    The transforms are on a topic of their own, apart from a robot's.
-    """
+    """Collects the poses of objects, in the frame of the scene."""
 
     def __init__(self, listener: Listener, scene: Scene) -> None:
         self.zero_ns = 0
         """When the scene begins; 0 = it does not yet."""
-        path = self._path = scene.sensor.path
         self.stays = [
             (np.array(after.position_m), after.time_s)
-            for before, after in pairwise(path)
+            for before, after in pairwise(scene.sensor.path)
             if before.position_m == after.position_m
         ]
         """Where the hand stays for a while [m], and until when [s]."""
         self._known: dict[str, list[Known]] = {marker.name: [] for marker in scene.markers}
-        self._transforms = listener.node.create_publisher(TFMessage, 'tf', 100)
         for marker in scene.markers:
             topic = f'landmarks/objects/{marker.name}'
             take = partial(self._take, marker.name, np.array(marker.position_m))
             listener.node.create_subscription(PoseWithCovarianceStamped, topic, take, LATCHED)
-        listener.node.create_timer(_TF_PERIOD_S, self._tell)
 
     def after(self, stay: int, name: str) -> Known | None:
         """Return what was known of an object when the hand left a place."""
@@ -80,22 +70,9 @@ class _Hand:
         return (stamp_ns - self.zero_ns) * 1e-9
 
     def _take(self, name: str, truth_m: Floats, message: PoseWithCovarianceStamped) -> None:
-        place = message.pose.pose.position
-        covariance = np.array(message.pose.covariance).reshape(6, 6)[:3, :3]
-        off_m = np.array([place.x, place.y, place.z]) - truth_m
+        off_m = IN_BASE.T @ vector_of(message.pose.pose.position) - truth_m
+        covariance = IN_BASE.T @ covariance_of(message.pose)[:3, :3] @ IN_BASE
         self._known[name].append(Known(self.time_s(to_ns(message.header.stamp)), off_m, covariance))
-
-    def _tell(self) -> None:
-        if not self.zero_ns:
-            return
-        now_ns = time.time_ns()
-        place_m, turned = along(self._path, np.array([self.time_s(now_ns)]))
-        message = TransformStamped(child_frame_id='retrolidar_optical_frame')
-        message.header.frame_id, message.header.stamp = _FIXED, to_time(now_ns)
-        way, turn = message.transform.translation, message.transform.rotation
-        way.x, way.y, way.z = place_m[0].tolist()
-        turn.x, turn.y, turn.z, turn.w = quaternion_of(rotation_of(turned)[0]).tolist()
-        self._transforms.publish(TFMessage(transforms=[message]))
 
 
 def run_arm(scene: Scene, file: Path, picture: Path, listener: Listener, timeout_s: float) -> int:
@@ -107,11 +84,15 @@ def run_arm(scene: Scene, file: Path, picture: Path, listener: Listener, timeout
     names = [marker.name for marker in scene.markers]
     hand = _Hand(listener, scene)
     markers = f'marker_file:={shared_file("config/markers.yaml")}'
-    options = ['-p', f'fixed_frame:={_FIXED}', '-p', markers, '-r', '/tf:=tf']
+    apart = ['-r', '/tf:=tf']  # a topic apart from that of a robot
+    options = ['-p', markers, *apart]
     with running_nodes(listener, timeout_s, options) as (processes, port):
         start_ns = time.monotonic_ns() + round(_BEFORE_S * 1e9)
         hand.zero_ns = start_ns + time.time_ns() - time.monotonic_ns()
-        start_emulator(processes, str(file), port, '--start', f'{start_ns * 1e-9:.9f}')
+        start = f'{start_ns * 1e-9:.9f}'
+        arm = ['-p', f'scene:={file}', '-p', f'start:={start}', *apart]
+        processes.start('emulated_arm', [executable('emulated_arm'), *COMMON, *arm])
+        start_emulator(processes, str(file), port, '--start', start)
         print(' ' * 26 + ''.join(f'{one:>16}' for one in names), flush=True)
         for index, (place_m, left_s) in enumerate(hand.stays):
 
@@ -139,32 +120,35 @@ def _draw(scene: Scene, hand: _Hand, path: Path) -> None:
     from matplotlib.figure import Figure
     from matplotlib.patches import Ellipse
 
-    figure = Figure(figsize=(15, 5.5), layout='constrained')
+    figure = Figure(figsize=(15, 4.9), layout='constrained')
     ratios = [1.8] + [1] * len(scene.markers)
     wide, *near = figure.subplots(1, len(ratios), width_ratios=ratios)
     for index, (place_m, _) in enumerate(hand.stays):
         colour = _COLOURS[index % len(_COLOURS)]
-        wide.plot(*place_m[:2], 's', color=colour, label=f'after place {index + 1}')
-        wide.annotate(str(index + 1), place_m[:2], xytext=(6, -4), textcoords='offset points')
+        eye_m = (place_m[0], -place_m[1])
+        wide.plot(*eye_m, 's', color=colour, label=f'after place {index + 1}')
+        wide.annotate(str(index + 1), eye_m, xytext=(6, -4), textcoords='offset points')
         for axes, marker in zip(near, scene.markers, strict=True):
             if (one := hand.after(index, marker.name)) is None:
                 continue
             size, turn = np.linalg.eigh(one.covariance[:2, :2])
             angle = math.degrees(math.atan2(turn[1, 0], turn[0, 0]))
             for panel, origin_m, unit in ((wide, marker.position_m, 1), (axes, (0, 0, 0), 1e3)):
-                x, y = (unit * (np.array(origin_m) + one.off_m)[:2]).tolist()
+                x, down = (unit * (np.array(origin_m) + one.off_m)[:2]).tolist()
                 width, height = (2 * unit * np.sqrt(_SURE * size)).tolist()
-                panel.add_patch(Ellipse((x, y), width, height, angle=angle, fill=False, ec=colour))
-                panel.plot(x, y, '.', color=colour)
+                ellipse = Ellipse((x, -down), width, height, angle=-angle, fill=False, ec=colour)
+                panel.add_patch(ellipse)
+                panel.plot(x, -down, '.', color=colour)
     for axes, marker in zip(near, scene.markers, strict=True):
-        wide.annotate(marker.name, marker.position_m[:2], (5, 5), textcoords='offset points')
-        wide.plot(*marker.position_m[:2], 'k+')
+        x, down, _ = marker.position_m
+        wide.annotate(marker.name, (x, -down), (5, 5), textcoords='offset points')
+        wide.plot(x, -down, 'k+')
         axes.plot(0, 0, 'k+', markersize=12)
-        axes.set(xlim=(-80, 80), ylim=(80, -80), aspect='equal', xlabel='x off [mm]')
+        axes.set(xlim=(-80, 80), ylim=(-80, 80), aspect='equal', xlabel='error to the right [mm]')
         axes.set_title(f'{marker.name}, {math.hypot(*marker.position_m):.1f} m away')
-    near[0].set_ylabel('y off [mm]')
-    wide.set(aspect='equal', xlabel='x [m]', ylabel='y, down [m]', title='as seen from the hand')
-    wide.invert_yaxis()
+    near[0].set_ylabel('error upwards [mm]')
+    wide.set(aspect='equal', xlabel='to the right [m]', ylabel='upwards [m]')
+    wide.set_title('as seen from the hand')
     figure.legend(loc='outside lower center', ncols=len(hand.stays), frameon=False)
     figure.suptitle('Where the objects are: ellipses of 95 %, and squares where the hand looked')
     figure.savefig(path, dpi=100)

@@ -9,18 +9,22 @@ from dataclasses import replace
 from pathlib import Path
 
 from retrolidar_ros.bag import STORAGES
-from retrolidar_ros.cli.arguments import Subparsers, number_of_seconds, seconds
+from retrolidar_ros.cli.arguments import Subparsers, measured, seconds
 from retrolidar_ros.scene.description import Waypoint
 from retrolidar_ros.scene.emulator import emulate, record
-from retrolidar_ros.scene.files import load_scene
+from retrolidar_ros.scene.files import load_scene, scene_names
 from retrolidar_ros.settings.interrupts import interrupted_once
 
 
 def add_command(subparsers: Subparsers) -> None:
     """Add `retrolidar emulate`."""
-    command = subparsers.add_parser('emulate', help='emulate a sensor that sees a scene')
-    command.add_argument('scene', help='name or file')
-    where = command.add_mutually_exclusive_group(required=True)
+    command = subparsers.add_parser(
+        'emulate',
+        help='emulate a sensor that sees a scene',
+        description='Without a scene, lists those that ship with the package.',
+    )
+    command.add_argument('scene', nargs='?', help='name or file')
+    where = command.add_mutually_exclusive_group()
     where.add_argument('--port-link', type=Path, help='in real time, at a serial port linked here')
     where.add_argument('--bag', type=Path, help='at once, into a new rosbag2 directory')
     command.add_argument(
@@ -29,7 +33,7 @@ def add_command(subparsers: Subparsers) -> None:
     command.add_argument('--duration', type=seconds, help='stop after [s]')
     command.add_argument(
         '--at',
-        type=float,
+        type=measured('length', -1e3, 1e3),
         nargs=3,
         metavar=('X', 'Y', 'Z'),
         help='position of the sensor in the scene [m]',
@@ -37,7 +41,7 @@ def add_command(subparsers: Subparsers) -> None:
     command.add_argument('--seed', type=int, help="of the noise (default: the scene's)")
     command.add_argument(
         '--start',
-        type=number_of_seconds,
+        type=measured('time', -1e9, 1e9),
         help="the scene's time zero, by this machine's monotonic clock (default: now) [s]",
     )
     command.set_defaults(run=run)
@@ -45,6 +49,12 @@ def add_command(subparsers: Subparsers) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Emulate a sensor at a serial port, or write a bag."""
+    if arguments.scene is None:
+        for name in scene_names():
+            print(f'{name:8}{load_scene(name).description}')
+        return 0
+    if arguments.bag is None and arguments.port_link is None:
+        raise ValueError('emulate needs --port-link PATH or --bag DIR')
     scene = load_scene(arguments.scene)
     if arguments.at is not None:
         path = (Waypoint(0.0, tuple(arguments.at)),)

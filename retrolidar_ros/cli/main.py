@@ -13,19 +13,45 @@ import sys
 os.environ.setdefault('OPENBLAS_NUM_THREADS', '1')
 
 from retrolidar_ros.bag import BagError
-from retrolidar_ros.cli import budget, calibrate, decode, demo, emulate, ids, plot, record, watch
+from retrolidar_ros.cli import (
+    budget,
+    calibrate,
+    decode,
+    demo,
+    emulate,
+    ids,
+    plot,
+    record,
+    replay,
+    watch,
+)
+from retrolidar_ros.cli.arguments import Parser
 from retrolidar_ros.settings.printing import missing_library, printable
+from retrolidar_ros.settings.resources import shared_file
 from retrolidar_ros.settings.section import ConfigError
 
-COMMANDS = (demo, emulate, watch, record, calibrate, decode, plot, ids, budget)
+COMMANDS = (demo, emulate, watch, record, replay, calibrate, decode, plot, ids, budget)
 """Modules with `add_command(subparsers)`, which sets `run`: from the arguments to the exit code."""
+
+
+class _Version(argparse.Action):
+    """Prints the version of the package that is installed."""
+
+    def __init__(self, option_strings: list[str], dest: str, help: str) -> None:  # noqa: A002
+        super().__init__(option_strings, dest, nargs=0, help=help)
+
+    def __call__(self, parser: argparse.ArgumentParser, *_: object) -> None:
+        text = shared_file('package.xml').read_text(encoding='utf-8')
+        print('retrolidar', text.partition('<version>')[2].partition('<')[0])
+        parser.exit()
 
 
 def parser() -> argparse.ArgumentParser:
     """Return the parser of the command line."""
-    whole = argparse.ArgumentParser(
+    whole = Parser(
         prog='retrolidar', description='Read liquid-crystal fiducial markers with a LiDAR.'
     )
+    whole.add_argument('--version', action=_Version, help='print the version and exit')
     subparsers = whole.add_subparsers(required=True, metavar='COMMAND')
     for command in COMMANDS:
         command.add_command(subparsers)

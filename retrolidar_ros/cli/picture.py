@@ -6,13 +6,16 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
+from textwrap import fill
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from retrolidar_ros.detector.blinking_zones import BlinkingZone
+from retrolidar_ros.detector.tracks import Track
 from retrolidar_ros.marker.code import BIT_PERIOD_S, PREAMBLE, packet
 from retrolidar_ros.scene.description import Marker
+from retrolidar_ros.scene.optics import position_at
 from retrolidar_ros.scene.truth import Heard
 from retrolidar_ros.sensor.frame import Floats, Recording, ZoneGrid
 
@@ -25,7 +28,11 @@ _LEGEND: dict[str, Any] = {
     'borderaxespad': 0.2,
 }
 _SHOWN_BITS = 66
-_MOST_SIGNALS, _MOST_UNREAD = 6, 3
+_REMARK_BITS = 5  # before the recording, which have room for a remark
+_MOST_SIGNALS, _MOST_UNREAD, _MOST_READINGS = 6, 3, 100
+_HINT_WIDTH = 150  # characters
+_ALONG = 400  # points of a marker's way
+_GAP_S = 0.1  # of a track
 
 
 class _Shown(NamedTuple):
@@ -36,13 +43,16 @@ class _Shown(NamedTuple):
     """Time zero of the picture."""
     time_s: Floats
     """Of each frame, shape (frames,)."""
-    colours: dict[int, str]
-    """Of the zones of interest."""
+    ids: dict[int, str]
+    """Colours of markers."""
+    zones: dict[int, str]
+    """Colours of zones of interest."""
 
 
-def _zone_of_interest(axes: Any, grid: ZoneGrid, modulation: Floats) -> None:
+def _zone_map(axes: Any, grid: ZoneGrid, modulation: Floats) -> None:
     """Draw the zones as seen from the sensor, shaded by how much their signal varies."""
     from matplotlib.colors import LogNorm
+    from matplotlib.patheffects import withStroke
 
     half = grid.pitch * grid.columns / 2
     image = axes.imshow(
@@ -54,21 +64,52 @@ def _zone_of_interest(axes: Any, grid: ZoneGrid, modulation: Floats) -> None:
     edges = grid.pitch * (np.arange(grid.columns + 1) - grid.columns / 2)
     axes.hlines(edges, -half, half, colors='0.6', linewidth=0.6)
     axes.vlines(edges, -half, half, colors='0.6', linewidth=0.6)
+    halo = [withStroke(linewidth=2, foreground='white')]
     for zone, (x, y) in enumerate(grid.tangents - 0.44 * grid.pitch):
-        axes.text(x, y, str(zone), fontsize=7, color='0.35', ha='left', va='top')
+        axes.text(x, y, str(zone), fontsize=8, ha='left', va='top', path_effects=halo, zorder=4)
     degrees = np.array([-20, -10, 0, 10, 20])
     axes.set_xticks(np.tan(np.radians(degrees)), [f'{d}°' for d in degrees])
     axes.set_yticks(np.tan(np.radians(degrees)), [f'{-d}°' for d in degrees])
-    axes.set(xlabel='to the right', ylabel='upwards', anchor='S')
-    colorbar = axes.figure.colorbar(image, ax=axes, orientation='horizontal', pad=0.02, aspect=30)
-    colorbar.set_label('standard deviation of the signal [kcps/SPAD]', fontsize=9)
+    axes.set(xlabel='to the right', ylabel='upwards', anchor='N')
+    bar = axes.inset_axes((0, -0.17, 1, 0.03))
+    colorbar = axes.figure.colorbar(image, cax=bar, orientation='horizontal')
+    ticks = np.outer(10.0 ** np.arange(-1, 5), (1, 2, 5)).ravel()
+    ticks = ticks[(ticks >= image.norm.vmin) & (ticks <= image.norm.vmax)]
+    colorbar.set_ticks(ticks, labels=[f'{one:g}' for one in ticks], minor=False)
+    colorbar.minorticks_off()
+    colorbar.set_label('standard deviation of the signal [kcps/SPAD]', fontsize=9, labelpad=1)
 
 
-def _signal(axes: Any, shown: _Shown, zone: int, begin_s: float, end_s: float) -> float:
+def _places(axes: Any, shown: _Shown, readings: Sequence[Heard], markers: Sequence[Marker]) -> None:
+    """Draw where markers are, and where they were read; what moves is a line."""
+    time_s = np.linspace(0, shown.time_s[-1], _ALONG)
+    for marker in markers:
+        x, y, z = position_at(marker, time_s).T
+        axes.plot(x / z, y / z, color='black', linewidth=0.8)
+        axes.plot(x[0] / z[0], y[0] / z[0], 's', markersize=9, fillstyle='none', color='black')
+        place = (x[0] / z[0], y[0] / z[0])
+        style = {'textcoords': 'offset points', 'ha': 'center', 'fontsize': 9}
+        label = axes.annotate(marker.name, place, (0, 9), **style)
+        label.set_bbox({'facecolor': 'white', 'alpha': 0.8, 'edgecolor': 'none', 'pad': 1})
+    for index, (identity, colour) in enumerate(shown.ids.items()):
+        x, y, z = np.array([one.position_m for one in readings if one.id == identity]).T
+        axes.plot(x / z, y / z, color=colour, linewidth=1)
+        style = {'markersize': 9, 'markeredgewidth': 2, 'color': colour}
+        axes.plot(x[0] / z[0], y[0] / z[0], 'x+'[index % 2], **style)
+    if readings and markers:
+        motion = (
+            '; lines: motion' if any(marker.wander or marker.path for marker in markers) else ''
+        )
+        axes.set_title(f'square: marker, cross: read{motion}', fontsize=10)
+
+
+def _signal(
+    axes: Any, shown: _Shown, zone: int, begin_s: float, end_s: float, colour: str
+) -> float:
     """Draw one zone's signal of some seconds; return the height for digits."""
     rows = (shown.time_s >= begin_s) & (shown.time_s <= end_s)
     signal = shown.recording.signal[rows, zone]
-    axes.step(shown.time_s[rows], signal, where='mid', color=shown.colours[zone], linewidth=1.1)
+    axes.step(shown.time_s[rows], signal, where='mid', color=colour, linewidth=1.1)
     low, high = (float(signal.min()), float(signal.max())) if rows.any() else (0.0, 1.0)
     room = max(high - low, 1.0)
     axes.set_ylim(low - 0.1 * room, high + 0.35 * room)
@@ -78,58 +119,91 @@ def _signal(axes: Any, shown: _Shown, zone: int, begin_s: float, end_s: float) -
 
 
 def _signal_with_bits(axes: Any, shown: _Shown, reading: Heard, name: str) -> None:
-    """Draw one zone's signal about a reading, and the bits that were read from it."""
-    bit_s, colour = reading.bit_period_s, shown.colours[reading.zone]
+    """Draw one zone's signal about a reading, and the bits that were read from it.
+
+    A repeating packet may be read from any bit on: those before the recording are known by the
+    packets that follow.
+    """
+    bit_s, colour = reading.bit_period_s, shown.ids[reading.id]
     start_s = (reading.start_ns - shown.origin_ns) * 1e-9
-    begin_s = max(start_s - 0.4, 0.0)
-    height = _signal(axes, shown, reading.zone, begin_s, begin_s + _SHOWN_BITS * bit_s)
-    for index, bit in enumerate(packet(reading.id)):
-        left = start_s + index * bit_s
-        if bit:
+    begin_s = min(max(start_s - 0.4, 0.0), start_s)
+    height = _signal(axes, shown, reading.zone, begin_s, begin_s + _SHOWN_BITS * bit_s, colour)
+    bits = packet(reading.id)
+    known = max(round((reading.end_ns - reading.start_ns) * 1e-9 / bit_s), len(bits))
+    for index in range(min(known, _SHOWN_BITS)):
+        left, bit = start_s + index * bit_s, bits[index % len(bits)]
+        was_seen = left + bit_s > 0
+        if bit and was_seen:
             axes.axvspan(left, left + bit_s, color=colour, alpha=0.14, linewidth=0)
-        shade = '0.5' if index < len(PREAMBLE) else 'black'
+        shade = '0.5' if index % len(bits) < len(PREAMBLE) or not was_seen else 'black'
         style = {'ha': 'center', 'va': 'center', 'fontsize': 7, 'clip_on': True}
         axes.text(left + bit_s / 2, height, str(bit), color=shade, **style)
+    if begin_s < 0:
+        axes.axvspan(begin_s, 0, color='0.92', linewidth=0)
+    if begin_s < -_REMARK_BITS * bit_s:
+        middle = (begin_s / 2, np.mean(axes.get_ylim()))
+        remark = {'ha': 'center', 'va': 'center', 'fontsize': 7, 'color': '0.4'}
+        axes.text(*middle, 'before the\nrecording', **remark)
     title = f'{name}, ID {reading.id}, zone {reading.zone}'
     axes.set_title(title, loc='left', fontsize=10, color=colour)
 
 
 def _blinking_zone(axes: Any, shown: _Shown, zone: BlinkingZone) -> None:
     """Draw the middle of a zone's signal without a reading."""
-    middle_s = float(shown.time_s[-1]) / 2
-    span_s = _SHOWN_BITS * (zone.bit_period_s if zone.periods else BIT_PERIOD_S)
-    _signal(axes, shown, zone.zone, middle_s - span_s / 2, middle_s + span_s / 2)
-    bits = f'bits of {1e3 * zone.bit_period_s:.1f} ms' if zone.periods else 'no bit clock'
-    title = f'zone {zone.zone} blinks by {zone.modulation_db:.0f} dB, {bits}: not read'
-    axes.set_title(title, loc='left', fontsize=10, color=shown.colours[zone.zone])
+    middle_s, half_s = float(shown.time_s[-1]) / 2, _SHOWN_BITS * BIT_PERIOD_S / 2
+    colour = shown.zones[zone.zone]
+    _signal(axes, shown, zone.zone, middle_s - half_s, middle_s + half_s, colour)
+    title = f'zone {zone.zone} blinks by {zone.modulation_db:.0f} dB: not read'
+    axes.set_title(title, loc='left', fontsize=10, color=colour)
 
 
-def _whole(axes: tuple[Any, Any], shown: _Shown, readings: Sequence[Heard]) -> None:
-    """Draw the zones of interest over the whole recording, and the ranges that were read."""
-    above, below = axes
-    for zone, colour in shown.colours.items():
+def _followed(axes: Any, shown: _Shown, tracks: Sequence[Track], marker: int, colour: str) -> None:
+    """Draw the range of a marker at every frame, with gaps where it was not followed."""
+    own = [one for one in tracks if one.id == marker]
+    time_s = np.array([(one.stamp_ns - shown.origin_ns) * 1e-9 for one in own])
+    range_m = np.array([one.place.range_m for one in own])
+    gaps = np.flatnonzero(np.diff(time_s) > _GAP_S) + 1
+    axes.plot(
+        np.insert(time_s, gaps, np.nan), np.insert(range_m, gaps, np.nan), color=colour, lw=0.7
+    )
+
+
+def _signals(axes: Any, shown: _Shown) -> None:
+    """Draw the signals of the zones of interest over the whole recording."""
+    for zone, colour in shown.zones.items():
         signal = shown.recording.signal[:, zone]
-        above.plot(shown.time_s, signal, color=colour, linewidth=0.4, label=f'zone {zone}')
-    above.set_ylabel('kcps/SPAD', fontsize=9)
-    above.set_title('the whole recording', loc='left', fontsize=10)
-    above.tick_params(labelbottom=False)
-    if shown.colours:
-        above.legend(ncols=len(shown.colours), **_LEGEND)
-    for identity in dict.fromkeys(one.id for one in readings):
+        axes.plot(shown.time_s, signal, color=colour, linewidth=0.4, label=f'zone {zone}')
+    axes.set_ylabel('kcps/SPAD', fontsize=9)
+    axes.set_title('the whole recording', loc='left', fontsize=10)
+    axes.set_xlim(0, max(float(shown.time_s[-1]), 1e-3))
+    axes.legend(ncols=len(shown.zones), **_LEGEND)
+
+
+def _every_zone(figure: Any, place: Any, shown: _Shown) -> None:
+    """Draw the signals of all zones over the whole recording, as they lie."""
+    grid, first = shown.recording.grid, None
+    for zone, part in enumerate(place.subgridspec(grid.rows, grid.columns)):
+        axes = figure.add_subplot(part, sharex=first, sharey=first)
+        first = first or axes
+        axes.plot(shown.time_s, shown.recording.signal[:, zone], color=_COLOURS[0], linewidth=0.4)
+        axes.set_title(str(zone), loc='left', fontsize=8, pad=1)
+        axes.tick_params(labelsize=7)
+        axes.set_xlabel('time [s]', fontsize=8)
+        axes.set_ylabel('kcps/SPAD', fontsize=8)
+        axes.label_outer()
+
+
+def _ranges(axes: Any, shown: _Shown, readings: Sequence[Heard], tracks: Sequence[Track]) -> None:
+    """Draw the ranges of markers over the whole recording."""
+    for identity, colour in shown.ids.items():
         own = [one for one in readings if one.id == identity]
         read_s = [(one.stamp_ns - shown.origin_ns) * 1e-9 for one in own]
-        colour = shown.colours.get(own[0].zone, '0.3')
-        ranges_m = [one.range_m for one in own]
-        below.plot(read_s, ranges_m, '.', color=colour, label=f'ID {identity}')
-    below.set_ylabel('range [m]', fontsize=9)
-    below.set_xlabel('time [s]')
-    if readings:
-        below.margins(y=0.25)
-        below.legend(ncols=_MOST_SIGNALS, **_LEGEND)
-    else:
-        below.text(0.5, 0.5, 'nothing was read', ha='center', transform=below.transAxes)
-    for one in axes:
-        one.set_xlim(0, max(float(shown.time_s[-1]), 1e-3))
+        axes.plot(read_s, [one.range_m for one in own], '.', color=colour, label=f'ID {identity}')
+        _followed(axes, shown, tracks, identity, colour)
+    axes.set_ylabel('range [m]', fontsize=9)
+    axes.set_xlabel('time [s]')
+    axes.margins(y=0.25)
+    axes.legend(ncols=_MOST_SIGNALS, **_LEGEND)
 
 
 def plot_readings(
@@ -138,13 +212,16 @@ def plot_readings(
     path: Path,
     *,
     title: str,
+    hint: str = '',
+    tracks: Sequence[Track] = (),
     markers: Sequence[Marker] = (),
     blinking: Sequence[BlinkingZone] = (),
 ) -> None:
     """Write a PNG of a recording, and of the first reading of each marker in it.
 
     Readings are in order of time. Known `markers` are shown where they really are; where nothing
-    was read, so are zones that blink, the strongest first.
+    was read, so are zones that blink, the strongest first, or all if none does. A `hint` says what
+    to do about it.
     """
     from matplotlib.figure import Figure
 
@@ -153,40 +230,43 @@ def plot_readings(
         first.setdefault(reading.id, reading)
     chosen = list(first.values())[:_MOST_SIGNALS]
     unread = [] if chosen else list(blinking[:_MOST_UNREAD])
-    zones_shown = dict.fromkeys([one.zone for one in chosen] or [one.zone for one in unread])
     origin_ns = int(recording.stamp_ns[0])
-    shown = _Shown(
-        recording,
-        origin_ns,
-        (recording.stamp_ns - origin_ns) * 1e-9,
-        {zone: _COLOURS[index % len(_COLOURS)] for index, zone in enumerate(zones_shown)},
-    )
-    rows = max(len(chosen), len(unread), 2)
-    figure = Figure(figsize=(13, 4.4 + 1.75 * rows), layout='constrained')
-    figure.suptitle(title, fontsize=13)
-    heights = [1.75] * rows + [1.6, 1.6]
-    spaces = figure.add_gridspec(rows + 2, 2, width_ratios=(1, 1.9), height_ratios=heights)
-    zones = figure.add_subplot(spaces[:rows, 0])
-    _zone_of_interest(zones, recording.grid, recording.signal.std(axis=0).astype(np.float64))
-    above = figure.add_subplot(spaces[rows, :])
-    _whole((above, figure.add_subplot(spaces[rows + 1, :], sharex=above)), shown, readings)
-    for marker in markers:
-        x, y, z = marker.position_m
-        zones.plot(x / z, y / z, marker='s', markersize=9, fillstyle='none', color='black')
-        label = zones.annotate(
-            marker.name, (x / z, y / z), (0, 9), textcoords='offset points', ha='center', fontsize=9
-        )
-        label.set_bbox({'facecolor': 'white', 'alpha': 0.8, 'edgecolor': 'none', 'pad': 1})
+    ids = {one.id: _COLOURS[index % len(_COLOURS)] for index, one in enumerate(chosen)}
+    zones = {one.zone: _COLOURS[index] for index, one in enumerate(unread)}
+    for reading in readings[: _MOST_READINGS if chosen else 0]:
+        if reading.id in ids:
+            zones.setdefault(reading.zone, ids[reading.id])
+    time_s = (recording.stamp_ns - origin_ns) * 1e-9
+    shown = _Shown(recording, origin_ns, time_s, ids, zones)
+    rows = max(len(chosen), len(unread), 3)
+    below = [1.6] * (bool(zones) + bool(chosen))
+    figure = Figure(figsize=(13, 1.2 + 1.9 * rows + sum(below)), layout='constrained')
+    figure.suptitle('\n'.join([title, *([fill(hint, _HINT_WIDTH)] if hint else [])]), fontsize=11)
+    heights = [1.9] * rows + below
+    spaces = figure.add_gridspec(len(heights), 2, width_ratios=(1, 1.9), height_ratios=heights)
+    here = figure.add_subplot(spaces[:rows, 0])
+    _zone_map(here, recording.grid, recording.signal.std(axis=0).astype(np.float64))
+    _places(here, shown, readings, markers)
     names = {marker.id: marker.name for marker in markers}
-    for index, reading in enumerate(chosen):
-        x, y, z = reading.position_m
-        colour = shown.colours[reading.zone]
-        zones.plot(x / z, y / z, marker='x', markersize=9, markeredgewidth=2, color=colour)
+    right = spaces[:rows, 1]
+    if panels := len(chosen) + len(unread):
+        parts = right.subgridspec(panels, 1)
+        panel = [figure.add_subplot(parts[one, 0]) for one in range(panels)]
+    else:
+        _every_zone(figure, right, shown)
+        panel = []
+    for axes, reading in zip(panel, chosen, strict=False):
         name = names.get(reading.id, 'ghost' if names else 'marker')
-        _signal_with_bits(figure.add_subplot(spaces[index, 1]), shown, reading, name)
-    for index, zone in enumerate(unread):
-        _blinking_zone(figure.add_subplot(spaces[index, 1]), shown, zone)
-    if chosen and markers:
-        zones.set_title('square: marker, cross: read', fontsize=10)
+        _signal_with_bits(axes, shown, reading, name)
+    for axes, zone in zip(panel, unread, strict=False):
+        _blinking_zone(axes, shown, zone)
+    if zones:
+        above = figure.add_subplot(spaces[rows, :])
+        _signals(above, shown)
+        if chosen:
+            above.tick_params(labelbottom=False)
+            _ranges(figure.add_subplot(spaces[rows + 1, :], sharex=above), shown, readings, tracks)
+        else:
+            above.set_xlabel('time [s]')
     path.parent.mkdir(parents=True, exist_ok=True)
     figure.savefig(path, dpi=110)

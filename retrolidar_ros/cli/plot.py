@@ -5,15 +5,15 @@
 from __future__ import annotations
 
 import argparse
-import sys
 from pathlib import Path
 
 from retrolidar_ros.bag import salvage_frames
 from retrolidar_ros.cli.arguments import Subparsers, add_bag_command, detector_values
-from retrolidar_ros.cli.decode import NOTHING_READ
+from retrolidar_ros.cli.decode import NOTHING_READ, print_hints
 from retrolidar_ros.cli.picture import plot_readings
 from retrolidar_ros.detector import Detection
 from retrolidar_ros.detector.decoding import Decoding
+from retrolidar_ros.detector.tracks import Track
 from retrolidar_ros.scene.truth import Heard
 from retrolidar_ros.sensor.frame import Recording
 
@@ -30,17 +30,22 @@ def run(arguments: argparse.Namespace) -> int:
         raise IsADirectoryError(f'{arguments.output} is a directory; name a PNG file')
     frames, damage = salvage_frames(arguments.bag, arguments.topic)
     decoding = Decoding(detector_values(arguments))
-    readings = [_heard(detection) for detection in decoding.detect(frames)]
+    readings: list[Heard] = []
+    tracks: list[Track] = []
+    for detections, followed in decoding.steps(frames, follow=True):
+        readings += map(_heard, detections)
+        tracks += followed
+    hints = print_hints(decoding)
     plot_readings(
         Recording.of(frames),
         readings,
         arguments.output,
+        tracks=tracks,
         title=f'{arguments.bag.name}: {len(frames)} frames, {len(readings)} readings',
-        blinking=() if readings or len(frames) < 2 else decoding.blinking()[1],
+        hint=str(hints[0]) if hints else '',
+        blinking=() if readings else decoding.explanation().zones,
     )
     print(f'{arguments.output}: {len(frames)} frames, {len(readings)} readings')
-    for line in decoding.why():
-        print(line, file=sys.stderr)
     if damage is not None:
         raise damage
     return 0 if readings else NOTHING_READ
@@ -57,6 +62,7 @@ def _heard(detection: Detection) -> Heard:
         range_m=detection.place.range_m,
         snr_db=detection.snr_db,
         position_m=(x, y, z),
+        covariance=detection.place.covariance[:3, :3],
         zone=detection.zones[0],
         bit_period_s=detection.bit_period_s,
         has_transform=False,

@@ -6,6 +6,7 @@ from __future__ import annotations
 
 import argparse
 import math
+import shutil
 import sys
 import time
 from collections import deque
@@ -80,9 +81,7 @@ class Progress:
         law = NoiseLaw().lit(recording.ambient)
         if not (zones := blinking_zones(recording, law)):
             return f'{text}; no zone blinks'
-        best = zones[0]
-        text += f'; zone {best.zone} blinks by {best.modulation_db:.0f} dB'
-        return f'{text}, bits of {1e3 * best.bit_period_s:.1f} ms' if best.periods else text
+        return f'{text}; zone {zones[0].zone} blinks by {zones[0].modulation_db:.0f} dB'
 
 
 def run(arguments: argparse.Namespace) -> int:
@@ -93,6 +92,8 @@ def run(arguments: argparse.Namespace) -> int:
     clock = ClockMap(defaults['transport_delay'])
     progress = Progress()
     writer = FrameWriter(arguments.output, arguments.storage, arguments.topic, defaults['frame_id'])
+    output: Path = arguments.output
+    made = [one for one in (output, *output.parents) if not one.exists()]
     begin_s = time.monotonic()
     end_s = begin_s + (arguments.duration or math.inf)
     due_s = begin_s + _PROGRESS_S
@@ -118,5 +119,9 @@ def run(arguments: argparse.Namespace) -> int:
                 progress.take(frame)
             if arrival.notice:
                 say(arrival.notice)
-    print(f'{progress.frames} frames, {progress.lost} lost, in {arguments.output}')
-    return 0 if progress.frames else 1
+    if not progress.frames:
+        shutil.rmtree(made[-1])
+        print(f'no frame came; {output} was not kept')
+        return 1
+    print(f'{progress.frames} frames, {progress.lost} lost, in {output}')
+    return 0

@@ -13,22 +13,23 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from retrolidar_ros.cli.watch_view import BLINKING_DB, LastReading, Snapshot
+from retrolidar_ros.cli.watch_view import LastReading, Snapshot
 from retrolidar_ros.detector import Detection
+from retrolidar_ros.detector.agreement import Agreement
 from retrolidar_ros.detector.blinking import BitReader, Samples, modulation_db
-from retrolidar_ros.detector.blinking_zones import LEAST_FRAMES, bit_periods, clock_mismatch
-from retrolidar_ros.detector.likelihood_detector import Candidate, LikelihoodDetector
+from retrolidar_ros.detector.blinking_zones import BLINKING_DB
+from retrolidar_ros.detector.likelihood_detector import LikelihoodDetector
 from retrolidar_ros.detector.parameters import detector_of, known_markers, noise_of
+from retrolidar_ros.detector.reception import Reception
+from retrolidar_ros.detector.tracks import Track
 from retrolidar_ros.marker.code import PACKET_BITS
 from retrolidar_ros.sensor.clock import ClockMap
 from retrolidar_ros.sensor.frame import Frame, Recording
-from retrolidar_ros.sensor.frame_rate import RATE_FRAMES, missing_frames, rate_mismatch
 from retrolidar_ros.sensor.protocols import PROTOCOLS
 from retrolidar_ros.sensor.serial_source import SerialSource
 
 # The newest samples that are kept: a packet, and a bit or two as its end may be anywhere.
 _KEPT_BITS = PACKET_BITS + 3
-_KEPT = 2 * _KEPT_BITS
 _RATE_S = 2.0
 """Over which frames are counted for their rate."""
 _SILENCE_S = 1.0
@@ -64,15 +65,19 @@ class Watch:
         self._clock = ClockMap()
         self._bits = BitReader(self._bit_s)
         self._detector: LikelihoodDetector | None = None
-        self._last_rejected: Candidate | None = None
-        self._frames: deque[Frame] = deque(maxlen=_KEPT)
+        self._agreement = Agreement(values['min_readings'])
+        self._reception: Reception | None = None
         self._last: dict[int, Detection] = {}
+        self._tracks: dict[int, Track] = {}
         self._times: Counter[int] = Counter()
-        self.frames = self._lost = 0
-        self._sequence: int | None = None
         self._heard_s = time.monotonic()
         self._notice, self._noticed_s = '', -math.inf
         self._tallies = deque([_Tally(self._heard_s, 0, 0, 0, 0, 0)])
+
+    @property
+    def frames(self) -> int:
+        """How many frames have come."""
+        return self._reception.frames if self._reception else 0
 
     def take(self, frames: list[Frame], arrival_ns: int, notice: str = '') -> None:
         """Take frames that arrived together, and the messages of the reader then.
@@ -91,11 +96,9 @@ class Watch:
 
     def _take(self, frame: Frame) -> None:
         grid = frame.grid
-        self.frames += 1
-        self._lost += missing_frames(self._sequence, frame.sequence)
-        self._sequence = frame.sequence
-        last = self._frames[-1] if self._frames else None
-        if last is None or last.grid != grid:
+        newest = self._reception.newest if self._reception else None
+        last = newest[-1] if newest else None
+        if self._reception is None or last is None or last.grid != grid:
             if self._asked is not None and self._asked >= grid.zones:
                 raise ValueError(
                     f'--zone {self._asked}: the sensor has {grid.rows}x{grid.columns} zones, '
@@ -106,17 +109,20 @@ class Watch:
                 raise ValueError(f'--method {self._values["method"]}: watch shows joint only')
             self._detector = detector
             self._chosen = self._asked
-            self._last_rejected = None
-        if last is not None and (last.grid != grid or last.stamp_ns >= frame.stamp_ns):
-            self._frames.clear()
-        self._frames.append(frame)
+        if self._reception is None:
+            self._reception = Reception(grid)
+        elif last is not None and (last.grid != grid or last.stamp_ns >= frame.stamp_ns):
+            self._reception.restart(grid)
+        self._reception.take(frame)
         assert self._detector is not None
-        for detection in self._detector.update(frame):
+        detections = self._detector.update(frame)
+        self._reception.read(detections)
+        self._tracks = {
+            track.id: track for track in self._agreement.followed(self._detector.follow(frame))
+        }
+        for detection in self._agreement.confirmed(detections):
             self._last[detection.id] = detection
             self._times[detection.id] += 1
-        for candidate in self._detector.candidates:
-            if candidate.reason is not None:
-                self._last_rejected = candidate
 
     def snapshot(self) -> Snapshot:
         """Return a snapshot."""
@@ -140,12 +146,12 @@ class Watch:
             trouble=self._trouble(then, now),
             rate_hz=(now.frames - then.frames) / max(now.time_s - then.time_s, 1e-3),
             frames=now.frames,
-            lost=self._lost,
+            lost=self._reception.lost if self._reception else 0,
             damaged=damaged,
         )
-        if not self._frames or self._detector is None:
+        if self._reception is None or self._detector is None:
             return snapshot
-        return self._with_zones(snapshot, self._detector, now_ns)
+        return self._with_zones(snapshot, self._reception, self._detector, now_ns)
 
     def _trouble(self, then: _Tally, now: _Tally) -> str:
         """Return what is wrong since `then`."""
@@ -158,19 +164,24 @@ class Watch:
             return "the sensor's clock jumps again and again; are its times in microseconds?"
         if now.time_s - self._noticed_s < _NOTICE_S:
             return self._notice
-        if len(self._frames) >= RATE_FRAMES:
-            stamps_ns = [frame.stamp_ns for frame in self._frames]
-            if mismatch := rate_mismatch(stamps_ns, self._bit_s):
-                return f'{mismatch}: set --bit-period to how long the markers hold a bit [s]'
-        return ''
+        if self._reception is None:
+            return ''
+        hint = self._reception.rate(self._bit_s) or self._reception.unread(
+            self._values, self._known
+        )
+        return str(hint or '')
 
     def _with_zones(
-        self, snapshot: Snapshot, detector: LikelihoodDetector, now_ns: int
+        self,
+        snapshot: Snapshot,
+        reception: Reception,
+        detector: LikelihoodDetector,
+        now_ns: int,
     ) -> Snapshot:
         """Add zones, bits and readings."""
-        newest = self._frames[-1]
+        newest = reception.newest[-1]
         since_ns = newest.stamp_ns - round(_KEPT_BITS * self._bit_s * 1e9)
-        recent = [frame for frame in self._frames if frame.stamp_ns > since_ns]
+        recent = [frame for frame in reception.newest if frame.stamp_ns > since_ns]
         if len(recent) < 2:
             return snapshot
         samples = Samples.of(Recording.of(recent))
@@ -184,23 +195,23 @@ class Watch:
                 self._chosen = most
         zone = self._chosen
         readings = [
-            LastReading(detection, (now_ns - detection.end_ns) * 1e-9, self._times[identity])
+            LastReading(
+                detection,
+                (now_ns - detection.end_ns) * 1e-9,
+                self._times[identity],
+                self._tracks.get(identity),
+            )
             for identity, detection in self._last.items()
         ]
-        trouble = snapshot.trouble
-        if zone is not None and not trouble and not readings and len(self._frames) >= LEAST_FRAMES:
-            whole = Recording.of(list(self._frames))
-            trouble = clock_mismatch(bit_periods(whole, Samples.of(whole), zone), self._bit_s)
         return replace(
             snapshot,
-            trouble=trouble,
             frame=newest,
             modulation_db=blinking,
             zone=zone,
             bits=None if zone is None else self._bits.read(samples, zone, law),
             readings=readings,
             rejected=detector.counts.rejected,
-            last_rejected=self._last_rejected,
+            last_rejected=detector.last_rejected,
             demands=detector.demands,
         )
 

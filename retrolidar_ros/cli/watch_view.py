@@ -16,6 +16,7 @@ from retrolidar_ros.detector import Detection
 from retrolidar_ros.detector.blinking import NewestBits
 from retrolidar_ros.detector.budget import Demands
 from retrolidar_ros.detector.likelihood_detector import Candidate, Reason
+from retrolidar_ros.detector.tracks import Track
 from retrolidar_ros.marker.code import ID_BITS, PACKET_BITS, PREAMBLE
 from retrolidar_ros.sensor.frame import Floats, Frame
 
@@ -23,8 +24,6 @@ COLUMNS = 80
 """Width of lines that are made to fit: of 8x8 zones they are wider."""
 ROWS = 24
 """As many lines as 4x4 zones need when nothing is wrong."""
-BLINKING_DB = 3.0
-"""A zone of less is not said to blink: noise alone may reach it."""
 _FULL_BAR_DB = 40.0
 _CELL = {4: 18, 8: 11}  # width of a zone by the columns of the grid
 _READINGS = 3  # with 4x4 zones they all fit on 24 lines
@@ -53,6 +52,8 @@ class LastReading(NamedTuple):
     age_s: float
     times: int
     """How often the marker has been read so far."""
+    track: Track | None = None
+    """Where it is now, while it is followed."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -122,7 +123,7 @@ def line(snapshot: Snapshot) -> str:
                 f'blinking {_decibels(snapshot.modulation_db[zone])}'
             )
     if snapshot.readings:
-        detection, age_s, _ = min(snapshot.readings, key=lambda reading: reading.age_s)
+        detection, age_s, *_ = min(snapshot.readings, key=lambda reading: reading.age_s)
         parts.append(
             f'last ID {detection.id} at {detection.place.range_m:.3f} m, {age_s:.1f} s ago'
         )
@@ -200,7 +201,7 @@ def _bits(snapshot: Snapshot) -> list[str]:
         ),
         f'  soft    {"".join(soft)}',
         f'  bits    {"".join(hard)}  {DARK} dark, 1   {BRIGHT} bright, 0',
-        f'  packet  {packet}  turned as ID {bits.id} has it',
+        f'  packet  {packet}  aligned to ID {bits.id}',
         (
             f'  nearest ID {bits.id}: {bits.differing} of {PACKET_BITS} bits differ, correlation '
             f'{bits.correlation:.2f}'
@@ -209,16 +210,17 @@ def _bits(snapshot: Snapshot) -> list[str]:
 
 
 def _readings(snapshot: Snapshot) -> list[str]:
-    """Return the last reading of each of the latest markers."""
+    """Return the last reading of each of the latest markers; * = its range now, as followed."""
     newest = sorted(snapshot.readings, key=lambda reading: reading.age_s)[:_READINGS]
     lines = [
         *_rejected(snapshot),
         'read   ID  times  s ago  range [m]  score  SNR [dB]  corrected  packets  zones',
     ]
     # By ID, so that they stay where they are.
-    for detection, age_s, times in sorted(newest, key=lambda reading: reading.detection.id):
+    for detection, age_s, times, track in sorted(newest, key=lambda one: one.detection.id):
+        place, mark = (track.place, '*') if track else (detection.place, ' ')
         lines.append(
-            f'{detection.id:9d}  {times:5d}  {age_s:5.1f}  {detection.place.range_m:9.3f}  '
+            f'{detection.id:9d}  {times:5d}  {age_s:5.1f}  {place.range_m:9.3f}{mark} '
             f'{detection.score:5.2f}  {detection.snr_db:8.1f}  {detection.corrected_bits:9d}  '
             f'{detection.packets:7d}  {",".join(map(str, detection.zones))}'
         )

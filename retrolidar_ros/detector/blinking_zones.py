@@ -1,11 +1,11 @@
 # Copyright 2026 retrolidar_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""Which zones blink, how strongly, and by what bit period, without parameters.
+"""Which zones blink, how strongly, and by what clock, without parameters.
 
 What blinks with a clock changes at multiples of a bit only. So the squares of the steps from one
 sample to the next have a line in their spectrum at one over the bit period (Oerder and Meyr,
 1988), whatever is sent; squared second differences have it where all edges fall into the middle
-of exposures, and the first ones do not.
+of exposures, and the first ones do not. Of bits shorter than two frames it is an alias (`trials`).
 """
 
 from __future__ import annotations
@@ -23,8 +23,6 @@ BLINKING_DB = 3.0
 """A zone of less is not said to blink: noise alone may reach it."""
 LEAST_FRAMES = 64
 """Frames that a bit period is estimated from."""
-CAPTURED = 0.03
-"""A detector looks for bit periods so near to its bit_period."""
 # A bit is sought that lasts so many frames at most; there is no line where it lasts less than two.
 _MOST_FRAMES = 9
 # A line of noise is 1 high on average; this is less than what one in thousands of them reaches.
@@ -32,14 +30,8 @@ _NOISE_LINE = 8.0
 _WEAKEST_FIRST = 0.1  # of the strongest of its lines is the first one of a true period
 _APART = 0.03
 _CANDIDATES = 4
-_LEAST_FRAMES_A_BIT = 1.9
-_MOST_NAMED = 4
-_FLAT = 0.15
-LOW_CONTRAST = (
-    'its crystal blocks too little (check polarisers and voltage), or so much light saturates the '
-    'sensor (go farther away)'
-)
-_SURE = 10.0
+SURE = 10.0
+"""Strength of a line that is no chance."""
 _SPANS = (1, 2, 4)  # frames that are averaged: the more, the fainter and slower what is found
 
 
@@ -60,12 +52,12 @@ class BlinkingZone(NamedTuple):
     contrast: float
     """By what share of its most light it varies."""
     periods: tuple[Period, ...]
-    """The likeliest first; none where nothing has a clock."""
+    """As a clock shows, likeliest first; none where nothing has one."""
 
     @property
-    def bit_period_s(self) -> float:
-        """The likeliest, NaN where there is none."""
-        return self.periods[0].bit_period_s if self.periods else float('nan')
+    def is_clocked(self) -> bool:
+        """Whether it blinks by some clock."""
+        return bool(self.periods) and self.periods[0].strength >= SURE
 
 
 def blinking_zones(recording: Recording, law: NoiseLaw) -> list[BlinkingZone]:
@@ -155,65 +147,4 @@ def _periods(frequency: Floats, power: Floats, span: int, period_s: float) -> li
             break
         found.append(Period(period_s / float(frequency[lines[best]]), float(strength[best])))
         strength[np.abs(lines / lines[best] - 1) < _APART] = -np.inf
-    return found
-
-
-def clock_mismatch(periods: tuple[Period, ...], bit_period_s: float) -> str:
-    """Say by what bit period something blinks that is sought by another; empty if it is none."""
-    if not periods or periods[0].strength < _SURE:
-        return ''
-    found_s = periods[0].bit_period_s
-    if abs(found_s / bit_period_s - 1) <= CAPTURED:
-        return ''
-    return (
-        f'bits of {1e3 * found_s:.1f} ms, not of {1e3 * bit_period_s:.1f} ms: '
-        f'set bit_period to {found_s:.4f}'
-    )
-
-
-def too_slow(frame_period_s: float, bit_period_s: float) -> list[str]:
-    """Say that frames do not come twice in a bit, if they do not."""
-    if bit_period_s >= _LEAST_FRAMES_A_BIT * frame_period_s:
-        return []
-    return [
-        (
-            f'a frame comes every {1e3 * frame_period_s:.1f} ms, but bits of '
-            f'{1e3 * bit_period_s:.1f} ms need two of them: let the sensor measure faster, or the '
-            'markers blink slower and set bit_period'
-        )
-    ]
-
-
-def unread(zones: list[BlinkingZone], frame_period_s: float, bit_period_s: float) -> list[str]:
-    """Say in sentences, with the remedy, why markers of a bit period may not be read.
-
-    Parameters
-    ----------
-    zones : list of BlinkingZone
-        That blink and are not read, strongest first.
-    frame_period_s, bit_period_s : float
-        How often frames come, and the bit_period of the detector [s].
-    """
-    mismatched = any(clock_mismatch(zone.periods, bit_period_s) for zone in zones)
-    found = [] if mismatched else too_slow(frame_period_s, bit_period_s)
-    if not zones:
-        still = (
-            'no zone blinks: let a marker repeat its packet within the view, a metre away at most'
-        )
-        return [*found, still]
-    for zone in zones[:_MOST_NAMED]:
-        text = f'zone {zone.zone} blinks by {zone.modulation_db:.0f} dB'
-        if not clock_mismatch(zone.periods, bit_period_s) and zone.contrast < _FLAT:
-            found.append(
-                f'{text}, but by {100 * zone.contrast:.0f} % of its light only: {LOW_CONTRAST}'
-            )
-        elif not zone.periods:
-            found.append(f'{text} without a bit clock: something moves, or the light flickers')
-        elif mismatch := clock_mismatch(zone.periods, bit_period_s):
-            found.append(f'{text} with {mismatch}')
-        else:
-            found.append(
-                f'{text} with bits of {1e3 * zone.bit_period_s:.1f} ms, as expected: too faint '
-                'for its noise, another code, or several markers in a zone'
-            )
     return found

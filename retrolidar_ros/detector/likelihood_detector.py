@@ -8,7 +8,6 @@ and become detections.
 
 from __future__ import annotations
 
-from collections import Counter
 from collections.abc import Mapping
 from enum import Enum
 from typing import NamedTuple
@@ -21,6 +20,8 @@ from retrolidar_ros.detector.budget import demands
 from retrolidar_ros.detector.detection import Detection, DetectorCounts, check_grid
 from retrolidar_ros.detector.noise import NoiseLaw
 from retrolidar_ros.detector.placement import Optics, Placer
+from retrolidar_ros.detector.rejections import Rejections
+from retrolidar_ros.detector.tracks import Track, TrackCounts, Tracker
 from retrolidar_ros.marker.code import IDS, RESERVED_IDS, check_ids
 from retrolidar_ros.marker.known_markers import MARKER_SIZE_M
 from retrolidar_ros.sensor.frame import Frame, Recording, ZoneGrid
@@ -96,6 +97,7 @@ class LikelihoodDetector:
         self._grid = grid
         self._sizes_m = sizes_m
         self._unplaced = 0
+        self._rejections = Rejections(grid)
         ids = usable_ids(registered_ids)
         self.demands = demands(
             false_ids_per_hour, zones=grid.zones, words=len(ids), bit_s=bit_period_s
@@ -119,20 +121,49 @@ class LikelihoodDetector:
             raise MemoryError('no memory for the samples of the detector')
         self._core = ffi.gc(core, lib.rl_detector_destroy)
         self._placer = Placer(self._core, grid, optics)
+        self._optics = optics
+        self._tracker: Tracker | None = None
+
+    def follow(self, frame: Frame) -> list[Track]:
+        """Return the markers that are followed, at the frame that was taken last.
+
+        Call it after every `update`; it follows those that are read from the first call on.
+        """
+        if self._tracker is None:
+            self._tracker = Tracker(
+                self._core,
+                self._placer.grid,
+                range_offset_m=self._optics.range_offset_m,
+                zone_blur=self._optics.zone_blur,
+                sizes_m=self._sizes_m,
+            )
+        return self._tracker.follow(frame.stamp_ns)
+
+    @property
+    def track_counts(self) -> TrackCounts:
+        """Tracks so far."""
+        return TrackCounts(0, 0, 0) if self._tracker is None else self._tracker.counts
 
     @property
     def counts(self) -> DetectorCounts:
-        """Candidates by outcome so far."""
+        """Candidates by outcome so far; one that lost to a packet that was read is none."""
         counts = lib.rl_detector_counts(self._core)
-        rejected = {reason: counts.rejected[number] for number, reason in _REASONS.items()}
-        rejected[Reason.DISTANCE] = self._unplaced
+        accepted = counts.accepted - self._unplaced
+        rejected = self._rejections.counts.copy()
+        if self._unplaced:
+            rejected[Reason.DISTANCE.value] = self._unplaced
         return DetectorCounts(
-            candidates=counts.candidates,
-            accepted=counts.accepted - self._unplaced,
-            rejected=Counter({reason.value: count for reason, count in rejected.items() if count}),
+            candidates=accepted + sum(rejected.values()),
+            accepted=accepted,
+            rejected=rejected,
             impossible=counts.impossible,
             overloads=counts.overloads,
         )
+
+    @property
+    def last_rejected(self) -> Candidate | None:
+        """The last candidate of which nothing was read."""
+        return self._rejections.last
 
     def update(self, frame: Frame) -> list[Detection]:
         """Take the next frame; return the detections that became certain with it."""
@@ -155,12 +186,15 @@ class LikelihoodDetector:
             left = (one + taken * self._grid.zones for one in values)
             taken += lib.rl_detector_push(self._core, count - taken, stamps + taken, *left)
             if lib.rl_detector_candidates(self._core):
-                detections += self._take()
+                detections += self._take(int(stamp_ns[taken - 1]))
+        if count:
+            self._rejections.settle(int(stamp_ns[-1]))
         return detections
 
-    def _take(self) -> list[Detection]:
+    def _take(self, now_ns: int) -> list[Detection]:
         """Return the detections of the newest frame, and store the candidates."""
         held = lib.rl_detector_held(self._core)
+        before = len(self.candidates)
         for index in range(lib.rl_detector_candidates(self._core)):
             judged = lib.rl_detector_candidate(self._core, index)
             self.candidates.append(
@@ -185,6 +219,7 @@ class LikelihoodDetector:
                 self._unplaced += 1
             else:
                 detections.append(detection)
+        self._rejections.take(self.candidates[before:], detections, now_ns)
         return detections
 
 

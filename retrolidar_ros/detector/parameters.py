@@ -46,6 +46,9 @@ PARAMETERS = {
         bool, 'Report only markers of the marker file, and registered_ids.'
     ),
     'registered_ids': Parameter(list, 'IDs to report; [] = all.', (0, IDS - 1)),
+    'min_readings': Parameter(
+        int, 'Readings of a marker that must agree before it is reported.', (1, 100)
+    ),
     'noise_floor': Parameter(
         float, 'Variance of the noise at zero signal [(kcps/SPAD)^2] (joint).', (1e-6, 1e6)
     ),

@@ -38,7 +38,7 @@ class Placer:
         if optics.zone_pitch is not None:
             grid = replace(grid, view=optics.zone_pitch * grid.columns)
         self._core = core
-        self._grid = grid
+        self.grid = grid
         self._z_per_range = array('double', grid.z_per_range)
         self._optics = ffi.new('struct rl_optics *')
         self._optics.z_per_range = self._z_per_range
@@ -52,14 +52,14 @@ class Placer:
         The core's times count from `origin_ns`; the marker has edges of `size_m`.
         """
         reading = ffi.new('struct rl_reading *', lib.rl_detector_reading(self._core, index))
-        placed, pitch = self._placement, self._grid.pitch
+        placed, pitch = self._placement, self.grid.pitch
         self._optics.width_m = size_m / pitch
         if not lib.rl_place(self._core, reading, self._optics, placed):
             return None
         zones = tuple(placed.zone[0 : placed.zones])
         seen = placed.bearing
         bearing = Bearing(
-            self._grid.tangents[zones[0]] + pitch * np.array(list(seen.mean)),
+            self.grid.tangents[zones[0]] + pitch * np.array(list(seen.mean)),
             pitch**2 * np.array(list(seen.variance)),
         )
         return Detection(

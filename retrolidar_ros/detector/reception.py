@@ -5,30 +5,37 @@
 from __future__ import annotations
 
 from collections import deque
+from collections.abc import Mapping
 from itertools import pairwise
+from typing import Any
 
 import numpy as np
 
 from retrolidar_ros.detector.blinking import Samples, modulation_db
-from retrolidar_ros.detector.blinking_zones import CAPTURED, bit_periods
+from retrolidar_ros.detector.blinking_zones import BlinkingZone
 from retrolidar_ros.detector.detection import Detection
-from retrolidar_ros.detector.noise import NoiseLaw
+from retrolidar_ros.detector.explain import Explanation, rate_findings
+from retrolidar_ros.detector.findings import Cause, Finding
+from retrolidar_ros.detector.parameters import noise_of, registered
+from retrolidar_ros.detector.rejections import adjacency
+from retrolidar_ros.detector.trials import Trial
 from retrolidar_ros.marker.code import PACKET_BITS
+from retrolidar_ros.marker.known_markers import KnownMarker
 from retrolidar_ros.sensor.frame import Frame, Recording, ZoneGrid
-from retrolidar_ros.sensor.frame_rate import RATE_FRAMES, missing_frames, rate_mismatch
+from retrolidar_ros.sensor.frame_rate import RATE_FRAMES, missing_frames
 
-_KEPT = 256
+_KEPT = 320  # a packet of nine frames a bit
 _LEAST_KEPT = 128
 # A zone that varies by less may do so by something that moves far away, or by noise.
 _CLEARLY_DB = 6.0
-# Lines of a spectrum that are no chance.
-_CLOCKED = 12.0
 # For so long a zone may blink unread by other bits, and for so many packets by the right ones: a
 # detector combines eight.
-_PATIENCE_S = 4.0
+_PATIENCE_S = 1.5
 _PACKETS = 9
-_STEADY = 0.01  # two looks agree so well on the bits of a marker
-_LOOKING_S = 3.0  # a look costs milliseconds
+_REMEMBERED_NS = 10_000_000_000
+# A look costs a millisecond, with a trial tens of them: between the first ones, and later.
+_LOOKING_S = (0.9, 2.0)
+_HASTY = 9  # first trials
 
 
 class Reception:
@@ -39,47 +46,58 @@ class Reception:
         self.frames = 0
         self.lost = 0
         """Frames that the sequence counter says were sent, and that never came."""
+        self.unsent = 0
+        """Frames that the counter misses, too, but that the node before this one did not send."""
         self.repeated = 0
         """Frames that came a second time, and were left out."""
         self.reversed = 0
         """Frames with a counter before the last one: a sensor restarted, or there are two."""
-        self._kept: deque[Frame] = deque(maxlen=_KEPT)
+        self.newest: deque[Frame] = deque(maxlen=_KEPT)
         self.restart(grid)
 
     def restart(self, grid: ZoneGrid) -> None:
-        """Forget the frames that are kept, not the counts: others follow, of another grid maybe."""
-        self._kept.clear()
-        place = np.stack(np.divmod(np.arange(grid.zones), grid.columns))
-        self._beside = np.abs(place[:, :, None] - place[:, None]).max(axis=0) <= 1
+        """Forget the newest frames, not the counts: others follow, of another grid maybe."""
+        self.newest.clear()
+        self._near = adjacency(grid)
         self._explained_ns = np.zeros(grid.zones, dtype=np.int64)
-        self._looked_ns, self._unread, self._suspected_s = 0, '', np.inf
+        self._looked_ns = 0
+        self._zone: BlinkingZone | None = None  # which blinks unread,
+        self._trials: list[Trial] = []  # what was tried,
+        self._finding: Finding | None = None  # what came of it,
+        self._until_ns = 0  # and how long that holds, though the zone is read now and then
 
-    def take(self, frame: Frame) -> bool:
-        """Count a frame; return whether it is a new one."""
+    def take(self, frame: Frame, max_lost: int | None = None) -> bool:
+        """Count a frame; return whether it is a new one.
+
+        Before it at most `max_lost` were lost on the way here, if that is known.
+        """
         self.frames += 1
-        if self._kept:
-            last = self._kept[-1]
+        if self.newest:
+            last = self.newest[-1]
             if (frame.sequence, frame.stamp_ns) == (last.sequence, last.stamp_ns):
                 self.repeated += 1
                 return False
-            self.lost += missing_frames(last.sequence, frame.sequence)
+            missing = missing_frames(last.sequence, frame.sequence)
+            lost = missing if max_lost is None else min(missing, max_lost)
+            self.lost += lost
+            self.unsent += missing - lost
             self.reversed += frame.sequence < last.sequence
         else:
             self._explained_ns[:] = frame.stamp_ns
-        self._kept.append(frame)
+        self.newest.append(frame)
         return True
 
     def read(self, detections: list[Detection]) -> None:
         """Take note of what was read, which explains why its zones and those beside them blink."""
         for detection in detections:
             for zone in detection.zones:
-                self._explained_ns[self._beside[zone]] = detection.end_ns
+                self._explained_ns[self._near[zone]] = detection.end_ns
 
-    def rate_problem(self, bit_period_s: float) -> str:
-        """Say if a bit does not last two of the newest frames; empty if it does."""
-        newest = list(self._kept)[-RATE_FRAMES:]
+    def rate(self, bit_period_s: float) -> Finding | None:
+        """Return that a bit does not last one to eight of the newest frames, if it does not."""
+        newest = list(self.newest)[-RATE_FRAMES:]
         if len(newest) < RATE_FRAMES:
-            return ''
+            return None
         # By either clock: stamps of frames that come late, all at once, are too near to each other.
         steps = [
             max(
@@ -90,57 +108,49 @@ class Reception:
             for before, after in pairwise(newest)
         ]
         # As if none had been lost, whose gaps would make the frames look slow.
-        return rate_mismatch(np.cumsum([0, *steps]).tolist(), bit_period_s)
+        frame_s = float(np.median(steps)) * 1e-9
+        found = rate_findings(frame_s, bit_period_s) if frame_s > 0 else []  # or stamps stand still
+        return next(iter(found), None)
 
-    def unread_problem(self, law: NoiseLaw, bit_period_s: float, *, all_come: bool) -> str:
-        """Say which zone blinks by a clock and is not read, and why; empty if there is none.
+    def unread(self, values: Mapping[str, Any], known: Mapping[int, KnownMarker]) -> Finding | None:
+        """Return why a zone blinks by a clock and is not read, as far as is known by now.
 
-        Parameters
-        ----------
-        law : NoiseLaw
-            Of the sensor.
-        bit_period_s : float
-            That of the detector [s].
-        all_come : bool
-            Whether every ID may come: a marker that may not is not missed.
+        Each call may try one bit period, where the markers may come that a detector of `values`
+        reads.
         """
-        if len(self._kept) < _LEAST_KEPT:
-            return ''
-        if abs(self._kept[-1].stamp_ns - self._looked_ns) < _LOOKING_S * 1e9:
-            return self._unread
-        self._looked_ns = self._kept[-1].stamp_ns
-        self._unread = self._look(law, bit_period_s, all_come=all_come)
-        return self._unread
+        if len(self.newest) < _LEAST_KEPT:
+            return None
+        now_ns = self.newest[-1].stamp_ns
+        wait_s = _LOOKING_S[len(self._trials) >= _HASTY]
+        if abs(now_ns - self._looked_ns) >= wait_s * 1e9:
+            self._looked_ns = now_ns
+            self._finding = self._look(now_ns, values, known)
+        return self._finding
 
-    def _look(self, law: NoiseLaw, bit_period_s: float, *, all_come: bool) -> str:
-        """Return why the strongest zone that has waited for long enough is not read."""
-        recording = Recording.of(list(self._kept))
-        samples = Samples.of(recording)
-        blinking = modulation_db(samples, law.lit(recording.ambient))
-        now_ns = self._looked_ns
+    def _look(
+        self, now_ns: int, values: Mapping[str, Any], known: Mapping[int, KnownMarker]
+    ) -> Finding | None:
+        """Return why the zone that has waited for long enough is not read; try one more period."""
+        recording = Recording.of(list(self.newest))
+        law = noise_of(values).lit(recording.ambient)
+        quiet = ~(modulation_db(Samples.of(recording), law) >= _CLEARLY_DB)
         # Stamps may go back, where a bag is played again.
-        quiet = ~(blinking >= _CLEARLY_DB) | (self._explained_ns > now_ns)
-        self._explained_ns[quiet] = now_ns
+        self._explained_ns[quiet | (self._explained_ns > now_ns)] = now_ns
         waited_s = (now_ns - self._explained_ns) * 1e-9
-        for zone in np.argsort(-blinking):
-            if waited_s[zone] < _PATIENCE_S:
-                continue
-            periods = [
-                p for p in bit_periods(recording, samples, int(zone)) if p.strength > _CLOCKED
-            ]
-            if not periods:
-                continue
-            text = f'zone {zone} blinks by {blinking[zone]:.0f} dB and is not read: '
-            near = [p for p in periods if abs(p.bit_period_s / bit_period_s - 1) <= CAPTURED]
-            if not near:
-                bit_s, before_s = periods[0].bit_period_s, self._suspected_s
-                self._suspected_s = bit_s
-                if abs(bit_s / before_s - 1) > _STEADY:  # as while stamps have not settled yet
-                    return ''
-                return (
-                    f'{text}its bits last {1e3 * bit_s:.1f} ms, and bit_period is '
-                    f'{1e3 * bit_period_s:.1f} ms'
-                )
-            if all_come and waited_s[zone] >= _PACKETS * PACKET_BITS * bit_period_s:
-                return f'{text}too faint, disturbed, or of another code'
-        return ''
+        if waited_s.max() < _PATIENCE_S and self._zone is None:
+            return None
+        explanation = Explanation(recording, values, known, [])
+        if self._zone and waited_s[self._zone.zone] >= _PATIENCE_S:
+            self._until_ns = now_ns + _REMEMBERED_NS
+        elif self._finding is None or now_ns > self._until_ns:
+            waiting = (one for one in explanation.zones if waited_s[one.zone] >= _PATIENCE_S)
+            self._zone = next((one for one in waiting if one.is_clocked), None)
+            self._trials, self._finding = [], None
+        if self._zone is None or (self._finding and self._finding.cause is Cause.BIT_PERIOD):
+            return self._finding
+        found = explanation.why(self._zone, self._trials, 1)
+        patience_s = _PACKETS * PACKET_BITS * values['bit_period']
+        if found and found.cause is not Cause.BIT_PERIOD:
+            is_early = waited_s[self._zone.zone] < patience_s
+            return None if is_early or registered(values, known) else found
+        return found

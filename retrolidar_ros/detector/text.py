@@ -1,6 +1,6 @@
 # Copyright 2026 retrolidar_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""Detections to stable lines of text."""
+"""Detections and tracks to stable lines of text."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ import json
 import math
 
 from retrolidar_ros.detector import Detection
+from retrolidar_ros.detector.tracks import Track
 
 
 def to_json(detection: Detection) -> str:
@@ -56,4 +57,37 @@ def to_text(detection: Detection) -> str:
         f'{detection.stamp_ns * 1e-9:17.3f}  {detection.id:4d}  {detection.place.range_m:9.3f}  '
         f'{detection.snr_db:8.1f}  {detection.evidence:8.1f}  {detection.decision_margin:6.1f}  '
         f'{detection.score:5.2f}  {detection.corrected_bits:9d}  {detection.packets:7d}  {zones}'
+    )
+
+
+def track_to_json(track: Track) -> str:
+    """Return a track as one line of JSON: metres, metres a second, nats, seconds of ROS time."""
+    names = 'x', 'y', 'z', 'vx', 'vy', 'vz'
+    values = *track.place.position_m.tolist(), *track.velocity.tolist()
+    return json.dumps(
+        {
+            'stamp': track.stamp_ns * 1e-9,
+            'id': track.id,
+            **dict(zip(names, values, strict=True)),
+            'range': track.place.range_m,
+            'range_stddev': track.place.range_stddev_m,
+            'presence': track.presence,
+        }
+    )
+
+
+TRACK_HEADER = (
+    '        stamp [s]    id    x [m]    y [m]    z [m]  range [m]  stddev [m]  speed [m/s]'
+    '  presence'
+)
+
+
+def track_to_text(track: Track) -> str:
+    """Return a track as one line under `TRACK_HEADER`; its speed is that along the range."""
+    place = track.place
+    x, y, z = place.position_m.tolist()
+    speed = float(track.velocity @ place.position_m) / place.range_m
+    return (
+        f'{track.stamp_ns * 1e-9:17.3f}  {track.id:4d}  {x:7.3f}  {y:7.3f}  {z:7.3f}  '
+        f'{place.range_m:9.4f}  {place.range_stddev_m:10.4f}  {speed:11.3f}  {track.presence:8.1f}'
     )

@@ -27,6 +27,8 @@ MARKER_SIZE_M = 0.03
 # Names that TF accepts; a leading slash it does not.
 _FRAME = re.compile(r'[A-Za-z0-9_.-][A-Za-z0-9_./-]*')
 
+_MOST_CHARACTERS = 100  # of a frame: topics bear it, and DDS allows 255 of the whole name
+
 _USUAL_FRAME = re.compile(r'marker_([0-9]+)')
 
 
@@ -35,6 +37,10 @@ def _frame(value: Any, path: str) -> str:
     if not _FRAME.fullmatch(name):
         raise ConfigError(
             f'{path}: {name!r} cannot be a TF frame; letters, digits and _ . - / within'
+        )
+    if len(name) > _MOST_CHARACTERS:
+        raise ConfigError(
+            f'{path}: a name of {len(name)} characters is too long; {_MOST_CHARACTERS} are the most'
         )
     return name
 

@@ -5,21 +5,30 @@
 from __future__ import annotations
 
 import re
+from itertools import combinations
 
-from geometry_msgs.msg import PoseWithCovarianceStamped, Vector3Stamped
+from geometry_msgs.msg import PoseStamped, PoseWithCovarianceStamped, Vector3Stamped
 from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
 from std_msgs.msg import Bool, Header, String
 
-from retrolidar_ros.msg import MarkerDetection
-from retrolidar_ros.nodes.conversion import covariance_of, from_pose, to_ns, to_pose_msg
-from retrolidar_ros.nodes.diagnostics import OK, WARN, Health, publish_health
+from retrolidar_ros.nodes.conversion import (
+    covariance_of,
+    from_pose,
+    to_ns,
+    to_pose,
+    to_pose_msg,
+)
+from retrolidar_ros.nodes.detection_subscriber import DetectionSubscriber
+from retrolidar_ros.nodes.diagnostics import WARN, Health, health_of, publish_health
 from retrolidar_ros.nodes.parameters import Parameters
 from retrolidar_ros.nodes.placed_readings import PlacedReadings
-from retrolidar_ros.nodes.qos import EVENTS, LATCHED, subscribe, topic_part
+from retrolidar_ros.nodes.qos import LATCHED, topics_of
 from retrolidar_ros.nodes.run import run
+from retrolidar_ros.nodes.track_topics import SOURCES, Marked
 from retrolidar_ros.sensor.frame import Floats
-from retrolidar_ros.tasks.next_view import best_place
+from retrolidar_ros.sensor.rotation import quaternion_of
+from retrolidar_ros.tasks.next_view import ViewPlanner
 from retrolidar_ros.tasks.objects import ObjectBoard
 from retrolidar_ros.tasks.reading import Errors, Reading
 from retrolidar_ros.tasks.survey import Survey
@@ -37,6 +46,8 @@ class CoffeeNode(Node):
         super().__init__('coffee')
         parameters = Parameters(self, 'coffee')
         parameters.declare('objects', 'TF frames of the markers on the objects.')
+        parameters.declare('frame_prefix', 'Prefix of these frames.')
+        parameters.declare('source', 'What readings are made of.', among=SOURCES)
         parameters.declare('target_frame', "Frame of the poses; empty = the sensor's.")
         parameters.declare(
             'max_stddev',
@@ -49,84 +60,101 @@ class CoffeeNode(Node):
         parameters.declare(
             'reach', 'Radius around the first viewpoint [m].', 0.01, 100.0, live=True
         )
+        parameters.declare('min_height', 'Least z of a viewpoint [m].', -1e3, 1e3, live=True)
+        parameters.declare('max_height', 'Largest z of a viewpoint [m].', -1e3, 1e3, live=True)
+        parameters.declare(
+            'move_time', 'Time to go to a viewpoint and read there [s].', 0.0, 3600.0, live=True
+        )
         values = parameters.values
-        self._reach_m = values['reach']
-        self._began_m: Floats | None = None
-        self._goal = ''
+        self._prefix = values['frame_prefix']
+        self._planner = ViewPlanner()
         self._board = ObjectBoard(values['objects'], values['max_stddev'], values['stale_after'])
+        self._change(values)
         parameters.follow(self._change)
         self._target = values['target_frame']
         self._survey = Survey({}, Errors())
         self._published: tuple[str, str] | None = None
         self._ready = self.create_publisher(Bool, '~/ready', LATCHED)
         self._missing = self.create_publisher(String, '~/missing', LATCHED)
+        self._next_view = self.create_publisher(PoseStamped, '~/next_view', LATCHED)
+        names = self._board.names
         self._poses = {
-            name: self.create_publisher(
-                PoseWithCovarianceStamped, f'~/objects/{topic_part(name)}', LATCHED
-            )
-            for name in self._board.names
+            name: self.create_publisher(PoseWithCovarianceStamped, topic, LATCHED)
+            for name, topic in zip(names, topics_of('~/objects/', names), strict=True)
         }
+        pairs = list(combinations(names, 2))
+        ways = topics_of('~/offsets/', [f'{one}_to_{other}' for one, other in pairs])
         self._offsets = {
-            (one, other): self.create_publisher(
-                Vector3Stamped, f'~/offsets/{topic_part(one)}_to_{topic_part(other)}', LATCHED
-            )
-            for index, one in enumerate(self._board.names)
-            for other in self._board.names[index + 1 :]
+            pair: self.create_publisher(Vector3Stamped, topic, LATCHED)
+            for pair, topic in zip(pairs, ways, strict=True)
         }
         publish_health(self, 'objects', '', self._examine)
+        self._readings: PlacedReadings | DetectionSubscriber
+        source = values['source']
+        topic = 'tracks' if source == 'tracks' else 'markers'
         if self._target:
             # In a fixed frame readings from several places accumulate.
             self._readings = PlacedReadings(
-                self, ['markers'], self._target, _PATIENCE_S, self._place, self._forget
+                self, [topic], source, self._target, _PATIENCE_S, self._place, self._restart
             )
         else:
-            subscribe(self, MarkerDetection, 'markers', self._take, EVENTS)
+            self._readings = DetectionSubscriber(self, [topic], source, self._take)
         parameters.warn_of_unknown()
         self.create_timer(_TICK_S, self._tick, clock=Clock(clock_type=ClockType.STEADY_TIME))
 
     def _change(self, values: dict[str, float]) -> None:
+        if values['min_height'] > values['max_height']:
+            raise ValueError('min_height is above max_height')
         self._board.max_stddev_m = values['max_stddev']
         self._board.stale_after_s = values['stale_after']
-        self._reach_m = values['reach']
+        self._planner.reach_m, self._planner.move_s = values['reach'], values['move_time']
+        self._planner.heights_m = values['min_height'], values['max_height']
+        self._planner.max_stddev_m = values['max_stddev']
 
-    def _forget(self) -> None:
-        self._survey.forget()
-        self._began_m, self._goal = None, ''
+    def _restart(self) -> None:
+        self._survey.restart()
+        self._planner.forget()
 
-    def _take(self, message: MarkerDetection) -> None:
+    def _take(self, message: Marked) -> None:
         """Publish the pose of an object from one detection."""
-        if message.child_frame_id in self._poses and to_ns(message.header.stamp) >= 0:
+        name = message.child_frame_id.removeprefix(self._prefix)
+        if name in self._poses:
             place = from_pose(message.pose.pose)
             covariance = covariance_of(message.pose)
-            self._publish(message.child_frame_id, message.header, *place, covariance)
+            self._publish(name, message.header, *place, covariance)
             self._tick()
 
-    def _place(self, reading: Reading, message: MarkerDetection) -> None:
+    def _place(self, reading: Reading, message: Marked) -> None:
         """Publish the pose of an object from all readings."""
-        name = message.child_frame_id
+        name = message.child_frame_id.removeprefix(self._prefix)
         if name not in self._poses:
             return
-        if self._began_m is None:
-            self._began_m = reading.pose.position_m
-        estimate = self._survey.take(reading, name).estimate()
+        estimate = self._survey.take(name, reading).estimate()
         if estimate is not None:
             header = Header(stamp=message.header.stamp, frame_id=self._target)
             place = (estimate.position_m, estimate.rotation, estimate.covariance)
             self._publish(name, header, *place)
-        self._goal = self._next_place(self._began_m)
+        missing = {one: self._survey.landmarks.get(one) for one in self._missing_now()}
+        before = self._planner.view
+        self._planner.take(reading, name, missing)
+        if (view := self._planner.view) is not None and view is not before:
+            pose = to_pose(view.position_m, quaternion_of(view.rotation))
+            header = Header(stamp=message.header.stamp, frame_id=self._target)
+            self._next_view.publish(PoseStamped(header=header, pose=pose))
         self._tick()
 
     def _missing_now(self) -> dict[str, str]:
         return self._board.missing(self.get_clock().now().nanoseconds)
 
-    def _next_place(self, began_m: Floats) -> str:
-        """Return the next viewpoint for objects that are not known well enough."""
-        known = self._survey.landmarks
-        landmarks = [known[one] for one in self._missing_now() if one in known]
-        place_m = best_place(landmarks, began_m, self._reach_m)
-        if place_m is None:
+    def _advice(self) -> str:
+        """Return what to do for objects that are not known well enough."""
+        if not self._target:
+            return '; set target_frame, and look from several places'
+        view = self._planner.view
+        if view is None:
             return ''
-        return f'look from ({", ".join(f"{part:.2f}" for part in place_m)}) m in {self._target}'
+        place = ', '.join(f'{part:.2f}' for part in view.position_m)
+        return f'; look from ({place}) m in {self._target}'
 
     def _publish(
         self, name: str, header: Header, position_m: Floats, rotation: Floats, covariance: Floats
@@ -144,13 +172,16 @@ class CoffeeNode(Node):
     def _tick(self) -> None:
         """Publish and log missing objects, why, and the next viewpoint; not for a number alone."""
         missing = self._missing_now()
+        unsure = [name for name, reason in missing.items() if 'needed' in reason]
+        for name in set(unsure) & self._planner.remedies.keys():
+            missing[name] = f'{missing[name].removesuffix(")")}: {self._planner.remedies[name]})'
         text = ', '.join(f'{name} {reason}' for name, reason in missing.items())
-        goal = f'; {self._goal}' if self._goal and 'is known to' in text else ''
-        news = re.sub(r'[-+.0-9]+', '', text), goal
+        advice = self._advice() if unsure else ''
+        news = re.sub(r'[-+.0-9]+', '', text), advice
         if self._published == news:
             return
         self._published = news
-        text += goal
+        text += advice
         self._missing.publish(String(data=text))
         self._ready.publish(Bool(data=not missing))
         self.get_logger().info(f'waiting: {text}' if missing else 'all objects are placed')
@@ -158,9 +189,11 @@ class CoffeeNode(Node):
     def _examine(self) -> Health:
         missing = self._missing_now()
         values = {name: missing.get(name, 'placed') for name in self._board.names}
+        problems = []
         if missing:
-            return Health(WARN, f'{len(missing)} of {len(values)} objects missing', values)
-        return Health(OK, f'{len(values)} objects placed', values)
+            problems.append((WARN, f'{len(missing)} of {len(values)} objects missing'))
+        fine = f'{len(values)} objects placed'
+        return health_of(self._readings.examine(values) + problems, fine, values)
 
 
 def main() -> int:

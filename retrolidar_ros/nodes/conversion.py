@@ -20,8 +20,10 @@ from sensor_msgs.msg import CameraInfo, Image, PointCloud2, PointField
 from std_msgs.msg import Header
 
 from retrolidar_ros.detector import Detection
+from retrolidar_ros.detector.place import Place
+from retrolidar_ros.detector.tracks import Track
 from retrolidar_ros.msg import Frame as FrameMsg
-from retrolidar_ros.msg import MarkerDetection
+from retrolidar_ros.msg import MarkerDetection, MarkerTrack
 from retrolidar_ros.sensor.frame import (
     Floats,
     Frame,
@@ -31,6 +33,8 @@ from retrolidar_ros.sensor.frame import (
 )
 from retrolidar_ros.sensor.rotation import matrix_of, quaternion_of
 
+# Deviation of a marker's rate of turn, which is not measured [rad/s].
+_ANY_TURN_RATE = 3.0
 _POINT_FIELDS = ('x', 'y', 'z', 'signal', 'ambient')
 
 
@@ -199,11 +203,7 @@ def to_detection_msg(detection: Detection, frame_id: str, child_frame_id: str) -
     message = MarkerDetection(header=to_header(detection.stamp_ns, frame_id))
     message.child_frame_id = child_frame_id
     message.id = detection.id
-    place = detection.place
-    message.pose.pose = to_pose(place.position_m, place.orientation)
-    message.pose.covariance = place.covariance.ravel()
-    message.range = place.range_m
-    message.range_stddev = place.range_stddev_m
+    _set_place(message, detection.place)
     message.snr = detection.snr_db
     message.evidence = detection.evidence
     message.decision_margin = detection.decision_margin
@@ -216,6 +216,30 @@ def to_detection_msg(detection: Detection, frame_id: str, child_frame_id: str) -
     message.start = to_time(detection.start_ns)
     message.end = to_time(detection.end_ns)
     return message
+
+
+def to_track_msg(track: Track, frame_id: str, child_frame_id: str) -> MarkerTrack:
+    """Return a track as a message in the sensor's frame `frame_id`."""
+    message = MarkerTrack(header=to_header(track.stamp_ns, frame_id))
+    message.child_frame_id = child_frame_id
+    message.id = track.id
+    _set_place(message, track.place)
+    linear = message.twist.twist.linear
+    linear.x, linear.y, linear.z = track.velocity.tolist()
+    covariance = np.diag(np.full(6, _ANY_TURN_RATE**2))
+    covariance[:3, :3] = track.velocity_covariance
+    message.twist.covariance = covariance.ravel()
+    message.presence = track.presence
+    message.first = to_time(track.first_ns)
+    message.last = to_time(track.last_ns)
+    return message
+
+
+def _set_place(message: MarkerDetection | MarkerTrack, place: Place) -> None:
+    message.pose.pose = to_pose(place.position_m, place.orientation)
+    message.pose.covariance = place.covariance.ravel()
+    message.range = place.range_m
+    message.range_stddev = place.range_stddev_m
 
 
 def to_transform(header: Header, child_frame_id: str, pose: Pose) -> TransformStamped:

@@ -4,6 +4,9 @@
 
 from __future__ import annotations
 
+import math
+import time
+from collections.abc import Sequence
 from typing import Any
 
 from geometry_msgs.msg import PoseStamped
@@ -11,13 +14,18 @@ from rclpy.node import Node
 from std_msgs.msg import Header
 from visualization_msgs.msg import MarkerArray
 
-from retrolidar_ros.detector import Detection
+from retrolidar_ros.detector import Detection, Detector
+from retrolidar_ros.detector.agreement import Agreement
+from retrolidar_ros.detector.likelihood_detector import LikelihoodDetector
 from retrolidar_ros.marker.known_markers import KnownMarker, frame_of
-from retrolidar_ros.msg import MarkerDetection
+from retrolidar_ros.msg import MarkerDetection, MarkerDetectionArray
 from retrolidar_ros.nodes.conversion import to_detection_msg, to_header, to_transform
-from retrolidar_ros.nodes.qos import EVENTS, LATCHED, publisher, topic_part
+from retrolidar_ros.nodes.qos import EVENTS, LATCHED, publisher, topics_of
+from retrolidar_ros.nodes.track_topics import Marked, TrackTopics
+from retrolidar_ros.nodes.transform_watch import TransformWatch, WatchedSender
 from retrolidar_ros.nodes.transforms import transform_sender
 from retrolidar_ros.nodes.visualization import marker_shapes
+from retrolidar_ros.sensor.frame import Frame
 
 try:
     from vision_msgs.msg import Detection3D, Detection3DArray, ObjectHypothesisWithPose
@@ -26,72 +34,115 @@ except ImportError:  # not installed: no subscribers
 NAME = '{name}'
 """What stands for a marker's name in the parameter `child_frame`."""
 _MOST_POSES = 100
-_BEAT_PERIOD_NS = 200_000_000
+_BEAT_PERIOD_S = 0.2
 
 
 class DetectionTopics:
-    """The topics `markers`, `marker_array`, `detections`, `poses/NAME`, `~/heartbeat`, and TF."""
+    """The topics of detections and tracks, shapes, `poses/NAME`, and TF."""
 
-    def __init__(self, node: Node, known: dict[int, KnownMarker], values: dict[str, Any]) -> None:
+    def __init__(
+        self,
+        node: Node,
+        known: dict[int, KnownMarker],
+        values: dict[str, Any],
+        watch: TransformWatch,
+    ) -> None:
         """Make the publishers; names of markers are those of `known`."""
+        self._watch = watch
         self._node = node
         self._known = known
         self._markers = publisher(node, MarkerDetection, 'markers', EVENTS)
-        # Each with the function that makes its message.
-        self._standard = [(publisher(node, MarkerArray, 'marker_array', EVENTS), self._shapes)]
+        self._arrays = publisher(node, MarkerDetectionArray, 'markers_array', EVENTS)
+        self._drawn = publisher(node, MarkerArray, 'marker_array', EVENTS)
         if Detection3DArray is not None:
-            vision = publisher(node, Detection3DArray, 'detections', EVENTS)
-            self._standard.append((vision, to_detections))
+            self._vision = publisher(node, Detection3DArray, 'detections', EVENTS)
         self._heartbeat = node.create_publisher(Header, '~/heartbeat', 10)
         if len(known) > _MOST_POSES:
             node.get_logger().warning(
                 f'{len(known)} known markers: no topic poses/NAME for more than {_MOST_POSES}'
             )
             known = {}
+        topics = topics_of('poses/', [marker.frame for marker in known.values()])
         self._poses = {
-            identity: publisher(node, PoseStamped, f'poses/{topic_part(marker.frame)}', LATCHED)
-            for identity, marker in known.items()
+            identity: publisher(node, PoseStamped, topic, LATCHED)
+            for identity, topic in zip(known, topics, strict=True)
         }
-        self._send_transforms: Any = None
-        self._beat_ns = 0
+        self._send_transforms: WatchedSender | None = None
+        self._beat_s = -math.inf
+        self._has_tracks = False
         self.change(values)
+        self._tracks = TrackTopics(
+            node,
+            self._child_frame,
+            self._send,
+            self._draw,
+        )
 
     def change(self, values: dict[str, Any]) -> None:
         """Apply new parameters."""
         self._values = values
         if values['publish_tf'] and self._send_transforms is None:
-            self._send_transforms = transform_sender(self._node)
+            self._send_transforms = self._watch.watched(transform_sender(self._node))
 
     def beat(self, stamp_ns: int, frame_id: str) -> None:
         """Report, several times a second, up to which frame all are searched."""
-        if abs(stamp_ns - self._beat_ns) >= _BEAT_PERIOD_NS:
-            self._beat_ns = stamp_ns
+        # By the steady clock: where stamps stand still, this node does not.
+        if (now_s := time.monotonic()) - self._beat_s >= _BEAT_PERIOD_S:
+            self._beat_s = now_s
             self._heartbeat.publish(to_header(stamp_ns, frame_id))
 
-    def publish(self, detections: list[Detection], frame_id: str) -> None:
+    def follow(self, detector: Detector, agreement: Agreement, frame: Frame, frame_id: str) -> None:
+        """Publish the tracks at a frame; transforms come from them if parameters say so."""
+        if isinstance(detector, LikelihoodDetector):
+            self._has_tracks = self._values['tf_source'] == 'tracks'
+            self._tracks.follow(detector, agreement, frame, frame_id, self._values)
+        else:
+            self._has_tracks = False
+
+    def _child_frame(self, identity: int) -> str:
+        name = frame_of(identity, self._known)
+        return str(self._values['child_frame']).replace(NAME, name)
+
+    def publish(self, detections: list[Detection], stamp_ns: int, frame_id: str) -> None:
         """Publish the detections of one frame, transforms first: subscribers look them up."""
-        messages = []
-        for detection in detections:
-            name = frame_of(detection.id, self._known)
-            child_frame_id = self._values['child_frame'].replace(NAME, name)
-            messages.append(to_detection_msg(detection, frame_id, child_frame_id))
-        if self._values['publish_tf']:
-            self._send_transforms(
-                [to_transform(one.header, one.child_frame_id, one.pose.pose) for one in messages]
-            )
+        messages = [
+            to_detection_msg(detection, frame_id, self._child_frame(detection.id))
+            for detection in detections
+        ]
+        if not self._has_tracks:
+            self._send(messages)
         for message in messages:
             self._markers.publish(message)
             if message.id in self._poses:
                 pose = PoseStamped(header=message.header, pose=message.pose.pose)
                 self._poses[message.id].publish(pose)
-        for topic, convert in self._standard:
-            if topic.get_subscription_count():
-                topic.publish(convert(messages))
+        if self._arrays.get_subscription_count():
+            self._arrays.publish(to_array(to_header(stamp_ns, frame_id), messages))
+        if Detection3DArray is not None and self._vision.get_subscription_count():
+            self._vision.publish(to_detections(messages))
+        if not self._has_tracks:
+            self._draw(messages)
 
-    def _shapes(self, messages: list[MarkerDetection]) -> MarkerArray:
-        stale_after_s = self._values['stale_after']
-        shapes = [shape for one in messages for shape in marker_shapes(one, stale_after_s)]
-        return MarkerArray(markers=shapes)
+    def _send(self, messages: Sequence[Marked]) -> None:
+        if self._values['publish_tf'] and self._send_transforms is not None:
+            self._send_transforms(
+                [to_transform(one.header, one.child_frame_id, one.pose.pose) for one in messages]
+            )
+
+    def shared_frames(self) -> str:
+        """Say which TF frames others send, too; empty if they send none."""
+        return self._send_transforms.problem() if self._send_transforms is not None else ''
+
+    def _draw(self, messages: Sequence[Marked]) -> None:
+        if self._drawn.get_subscription_count():
+            stale_after_s = self._values['stale_after']
+            shapes = [shape for one in messages for shape in marker_shapes(one, stale_after_s)]
+            self._drawn.publish(MarkerArray(markers=shapes))
+
+
+def to_array(header: Header, messages: list[MarkerDetection]) -> MarkerDetectionArray:
+    """Return the detections of the frame of a header as one message."""
+    return MarkerDetectionArray(header=header, detections=messages)
 
 
 def to_detections(messages: list[MarkerDetection]) -> Any:

@@ -12,24 +12,35 @@ from typing import Any
 from rclpy.logging import LoggingSeverity
 from rclpy.node import Node
 
+from retrolidar_ros.detector.agreement import Agreement
 from retrolidar_ros.detector.likelihood_detector import LikelihoodDetector
 from retrolidar_ros.detector.parameters import PARAMETERS, detector_of, known_markers
 from retrolidar_ros.msg import Frame as FrameMsg
 from retrolidar_ros.nodes.conversion import from_frame_msg
 from retrolidar_ros.nodes.detection_topics import NAME, DetectionTopics
 from retrolidar_ros.nodes.detector_health import DetectorHealth
-from retrolidar_ros.nodes.diagnostics import Health, HealthBoard, publish_health
+from retrolidar_ros.nodes.diagnostics import WARN, Health, HealthBoard, publish_health
 from retrolidar_ros.nodes.parameters import Parameters, check_frame_id
-from retrolidar_ros.nodes.qos import STREAM_HEARD, subscribe
+from retrolidar_ros.nodes.qos import FRAMES, subscribe
 from retrolidar_ros.nodes.run import run
+from retrolidar_ros.nodes.track_topics import SOURCES
+from retrolidar_ros.nodes.transform_watch import TransformWatch
 from retrolidar_ros.sensor.frame import Frame, ZoneGrid
 
 
 class DetectorNode(Node):
     """Publishes every marker that is read, as a message and as a transform."""
 
-    def __init__(self, board: HealthBoard | None = None, **options: Any) -> None:
-        """Declare parameters and subscribe; with a board, frames come by `take` and no topic."""
+    def __init__(
+        self,
+        board: HealthBoard | None = None,
+        watch: TransformWatch | None = None,
+        **options: Any,
+    ) -> None:
+        """Declare parameters and subscribe; with a board, frames come by `take` and no topic.
+
+        Board and watch are those of the process, if it has them.
+        """
         super().__init__('detector', **options)
         parameters = Parameters(self, 'detector')
         _declare(parameters)
@@ -38,15 +49,19 @@ class DetectorNode(Node):
         # Zones are known with the first frame, but impossible parameters end the start.
         self._grid = ZoneGrid()
         self._detector = detector_of(self._values, self._grid, self._known)
-        self._topics = DetectionTopics(self, self._known, self._values)
+        self._agreement = Agreement(self._values['min_readings'])
+        self._topics = DetectionTopics(
+            self, self._known, self._values, watch or TransformWatch(self)
+        )
         self._frame_id = ''
+        self._number: int | None = None
         self._health = DetectorHealth(self._grid)
         self._warned: set[str] = set()
         self._lock = Lock()  # frames may come in another thread than parameters
         parameters.follow(self._change)
         self.get_logger().info(f'reading markers by method {self._values["method"]}')
         publish_health(self, 'markers', '', self._examine, board)
-        self._topic = '' if board else subscribe(self, FrameMsg, 'frames', self._hear, STREAM_HEARD)
+        self._topic = '' if board else subscribe(self, FrameMsg, 'frames', self._hear, FRAMES)
         parameters.warn_of_unknown()
 
     def _change(self, values: dict[str, Any]) -> None:
@@ -54,12 +69,18 @@ class DetectorNode(Node):
         with self._lock:
             if any(values[name] != self._values[name] for name in PARAMETERS):
                 self._detector = detector_of(values, self._grid, self._known)
+                self._agreement = Agreement(values['min_readings'])
                 self._health.restart(self._grid)
                 self.get_logger().info('the detector restarts with other parameters')
             self._topics.change(values)
             self._values = values
 
-    def _hear(self, message: FrameMsg) -> None:
+    def _hear(self, message: FrameMsg, info: dict[str, Any]) -> None:
+        # DDS numbers what a publisher sends. Older rclpy, and some middleware, do not tell.
+        before, self._number = self._number, info.get('publication_sequence_number')
+        max_lost = None
+        if before is not None and self._number is not None:
+            max_lost = max(self._number - before - 1, 0)
         try:
             if not message.header.frame_id:
                 raise ValueError('its frame_id is empty')
@@ -69,10 +90,13 @@ class DetectorNode(Node):
         except ValueError as error:
             self._drop(str(error))
             return
-        self.take(frame, message.header.frame_id)
+        self.take(frame, message.header.frame_id, max_lost)
 
-    def take(self, frame: Frame, frame_id: str) -> None:
-        """Read markers with the next frame, seen from a TF frame."""
+    def take(self, frame: Frame, frame_id: str, max_lost: int | None = 0) -> None:
+        """Read markers with the next frame, seen from a TF frame.
+
+        On the way here at most `max_lost` before it were lost, if that is known.
+        """
         with self._lock:
             began_s = time.perf_counter()
             if self._frame_id not in ('', frame_id):
@@ -85,12 +109,13 @@ class DetectorNode(Node):
             if frame.grid != self._grid or frame_id != self._frame_id:
                 self._grid, self._frame_id = frame.grid, frame_id
                 self._detector = detector_of(self._values, frame.grid, self._known)
+                self._agreement = Agreement(self._values['min_readings'])
                 self._health.restart(frame.grid)
             age_s = (self.get_clock().now().nanoseconds - frame.stamp_ns) * 1e-9
-            if self._health.reception.take(frame):
+            if self._health.reception.take(frame, max_lost):
                 self._read(frame, frame_id)
             self._topics.beat(frame.stamp_ns, frame_id)
-            self._health.done(time.perf_counter() - began_s, age_s)
+            self._health.done(frame.stamp_ns, time.perf_counter() - began_s, age_s)
 
     def _read(self, frame: Frame, frame_id: str) -> None:
         detections = self._detector.update(frame)
@@ -98,7 +123,9 @@ class DetectorNode(Node):
             self._log_rejected()
         if detections:
             self._health.read(detections)
-            self._topics.publish(detections, frame_id)
+            if confirmed := self._agreement.confirmed(detections):
+                self._topics.publish(confirmed, frame.stamp_ns, frame_id)
+        self._topics.follow(self._detector, self._agreement, frame, frame_id)
 
     def _drop(self, reason: str) -> None:
         self._health.drop(reason)
@@ -121,25 +148,36 @@ class DetectorNode(Node):
         found = self.get_publishers_info_by_topic(self._topic) if self._topic else []
         publishers = [f'{one.node_namespace.rstrip("/")}/{one.node_name}' for one in found]
         with self._lock:
+            lost = self._health.lost()
             health, problem = self._health.examine(
                 self._values, self._known, self._detector.counts, publishers
             )
-        # Each kind of problem once; /diagnostics repeats them.
-        kind = re.sub(r'[\d.]+', '', problem)
-        if problem and kind not in self._warned:
-            self._warned.add(kind)
-            self.get_logger().warning(problem)
-        return health
+            health.values['withheld by min_readings'] = str(self._agreement.withheld)
+        if lost and lost in health.summary:
+            self.get_logger().warning(lost, throttle_duration_sec=5.0)
+        shared = self._topics.shared_frames()
+        for text in filter(None, (problem, shared)):
+            # Each kind of problem once; /diagnostics repeats them.
+            if (kind := re.sub(r'[\d.]+', '', text)) not in self._warned:
+                self._warned.add(kind)
+                self.get_logger().warning(text)
+        return health.plus(WARN, shared)
 
 
 def _declare(parameters: Parameters) -> None:
     declare = parameters.declare
     for name, one in PARAMETERS.items():
         declare(name, one.description, *one.limits, among=one.among, live=one.live)
-    declare('publish_tf', 'Send a transform for every detection.', live=True)
+    declare('publish_tf', 'Send transforms of markers.', live=True)
+    declare('tf_source', 'What transforms are of.', among=SOURCES, live=True)
+    declare(
+        'max_track_rate', 'Most tracks of a marker per second; 0 = each frame.', 0.0, 1e3, live=True
+    )
     declare('child_frame', 'TF frame of a marker; {name} stands for its name.')
     declare('stale_after', 'Lifetime of a marker in marker_array [s].', 0.1, 3600.0, live=True)
-    child_frame = check_frame_id('child_frame', parameters.values['child_frame'])
+    declare('frame_prefix', 'Prefix of child_frame.')
+    child_frame = parameters.values['frame_prefix'] + parameters.values['child_frame']
+    parameters.values['child_frame'] = check_frame_id('child_frame', child_frame)
     if child_frame.count(NAME) != 1:
         raise ValueError(f'child_frame: {child_frame!r} needs {NAME} once')
 

@@ -9,15 +9,18 @@ from collections.abc import Iterable, Mapping
 from typing import Any
 
 from retrolidar_ros.detector import Detection, DetectorCounts
-from retrolidar_ros.detector.parameters import noise_of, registered
+from retrolidar_ros.detector.parameters import registered
 from retrolidar_ros.detector.reception import Reception
 from retrolidar_ros.marker.known_markers import KnownMarker, frame_of
-from retrolidar_ros.nodes.diagnostics import ERROR, STALE, WARN, Health, health_of
+from retrolidar_ros.nodes.diagnostics import ERROR, PERIOD_S, STALE, WARN, Health, health_of
 from retrolidar_ros.sensor.frame import ZoneGrid
+from retrolidar_ros.sensor.frame_rate import stamps_stand
 
 _SILENCE_S = 2.0
 # A sensor that restarts sets its counter back once.
 _MIXED = 2
+# Overloads in a second, of some six searches; a single one costs nothing.
+_OVERLOADED = 3
 _FOREIGN = 'frames of another sensor'
 
 
@@ -31,8 +34,9 @@ class DetectorHealth:
         """Frames from another TF frame than the one before."""
         self._dropped = 0
         self._reason = ''
-        self._heard_s = time.monotonic()
+        self._heard_s = self._examined_s = time.monotonic()
         self._busy_s = self._age_s = 0.0
+        self._stamp_ns = self._examined_ns = 0
         self._read_s: dict[int, float] = {}
         self._then = self._counts(DetectorCounts())
 
@@ -46,8 +50,9 @@ class DetectorHealth:
         self._dropped += 1
         self._reason = reason
 
-    def done(self, busy_s: float, age_s: float) -> None:
+    def done(self, stamp_ns: int, busy_s: float, age_s: float) -> None:
         """Count the processing time of a frame, and its age."""
+        self._stamp_ns = stamp_ns
         self._heard_s = time.monotonic()
         self._busy_s += busy_s
         self._age_s += age_s
@@ -62,12 +67,23 @@ class DetectorHealth:
         return {
             'frames': self.reception.frames,
             'lost frames': self.reception.lost,
+            'frames not sent': self.reception.unsent,
             'repeated frames': self.reception.repeated,
             'frames out of order': self.reception.reversed,
             'dropped frames': self._dropped,
             _FOREIGN: self.foreign,
             'overloads': counts.overloads,
         }
+
+    def lost(self) -> str:
+        """Say how many frames were lost since the last `examine`; empty if none."""
+        lost = self.reception.lost - self._then['lost frames']
+        if not lost:
+            return ''
+        return (
+            f'{lost} frames were lost between driver and detector, {self.reception.lost} in all: '
+            'this host is too slow, or the network'
+        )
 
     def examine(
         self,
@@ -83,7 +99,8 @@ class DetectorHealth:
         """
         now = self._counts(counts)
         new = {name: number - self._then[name] for name, number in now.items()}
-        self._then = now
+        lost, self._then = self.lost(), now
+        advance_ns, self._examined_ns = self._stamp_ns - self._examined_ns, self._stamp_ns
         frames = max(new['frames'], 1)
         values = {
             'method': settings['method'],
@@ -98,30 +115,31 @@ class DetectorHealth:
         self._busy_s = self._age_s = 0.0
         for reason, number in sorted(counts.rejected.items()):
             values[f'rejected: {reason}'] = str(number)
-        listed = registered(settings, known)
-        values |= self._ages(known, listed)
-        silence_s = time.monotonic() - self._heard_s
+        values |= self._ages(known, registered(settings, known))
+        now_s = time.monotonic()
+        # While this process stood still, it heard nothing.
+        self._heard_s += max(now_s - self._examined_s - PERIOD_S, 0.0)
+        self._examined_s, silence_s = now_s, now_s - self._heard_s
         problem = ''
         if not now['frames'] and not new['dropped frames']:
             return Health(WARN, 'no frame has come yet', values), problem
         if silence_s > _SILENCE_S and not new['dropped frames']:
             return Health(STALE, f'no frame has come for {silence_s:.0f} s', values), problem
-        problems = self._disturbances(new, publishers)
-        if rate := self.reception.rate_problem(settings['bit_period']):
-            problem = (
-                f'{rate}: set bit_period to how long the markers hold a bit [s], and let the '
-                f'sensor measure two to eight times in it'
-            )
-            problems.append((WARN, problem))
-        if unread := self.reception.unread_problem(
-            noise_of(settings), settings['bit_period'], all_come=not listed
-        ):
-            problem = problem or unread
-            problems.append((WARN, unread))
-        fine = f'{counts.accepted} of {counts.candidates} candidates accepted'
+        problems = self._disturbances(new, publishers, lost)
+        hints = [self.reception.unread(settings, known)]
+        if stamps_stand(new['frames'] - new['repeated frames'], advance_ns):
+            problems.append((ERROR, 'the stamps of frames stand still: does /clock?'))
+        else:
+            hints.insert(0, self.reception.rate(settings['bit_period']))
+        sentences = [str(hint) for hint in hints if hint]
+        problems += [(WARN, sentence) for sentence in sentences]
+        problem = sentences[0] if sentences else ''
+        fine = f'{counts.accepted} packets accepted, {sum(counts.rejected.values())} rejected'
         return health_of(problems, fine, values), problem
 
-    def _disturbances(self, new: dict[str, int], publishers: list[str]) -> list[tuple[bytes, str]]:
+    def _disturbances(
+        self, new: dict[str, int], publishers: list[str], lost: str
+    ) -> list[tuple[bytes, str]]:
         """Return the disturbances of the last second's frames."""
         problems = []
         mixed = new[_FOREIGN] + new['frames out of order'] + new['repeated frames']
@@ -129,12 +147,15 @@ class DetectorHealth:
             by = f' by {", ".join(sorted(publishers))}' if len(publishers) > 1 else ''
             text = f'frames of several sensors come mixed{by}: one detector reads one sensor'
             problems.append((ERROR, text))
-        elif new['lost frames']:
-            problems.append((WARN, f'{new["lost frames"]} frames were lost on the way'))
+        elif lost:
+            problems.append((WARN, lost))
+        elif unsent := new['frames not sent']:
+            text = f'{unsent} frames were not sent: lost before the driver, or it was not active'
+            problems.append((WARN, text))
         if new['dropped frames']:
             text = f'{new["dropped frames"]} frames cannot be used: {self._reason}'
             problems.append((ERROR, text))
-        if new['overloads']:
+        if new['overloads'] >= _OVERLOADED:
             text = f'{new["overloads"]} frames with more that looks like packets than is judged'
             problems.append((WARN, text))
         return problems

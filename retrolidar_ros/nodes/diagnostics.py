@@ -24,6 +24,15 @@ class Health(NamedTuple):
     level: bytes
     summary: str
     values: dict[str, str]
+    hardware_id: str = ''
+    """Of the hardware, if it is known better by now than when the node began."""
+
+    def plus(self, level: bytes, problem: str) -> Health:
+        """Return this health with another problem; as it is if that is empty."""
+        if not problem:
+            return self
+        summary = problem if self.level == OK else f'{self.summary}; {problem}'
+        return self._replace(level=max(self.level, level), summary=summary)
 
 
 Examine = Callable[[], 'Health | None']
@@ -32,10 +41,10 @@ Examine = Callable[[], 'Health | None']
 
 def health_of(problems: list[tuple[bytes, str]], fine: str, values: dict[str, str]) -> Health:
     """Return problems as one health, the worst first; `fine` if there are none."""
-    if not problems:
-        return Health(OK, fine, values)
-    problems = sorted(problems, key=lambda problem: problem[0], reverse=True)
-    return Health(problems[0][0], '; '.join(text for _, text in problems), values)
+    health = Health(OK, fine, values)
+    for problem in sorted(problems, key=lambda problem: problem[0], reverse=True):
+        health = health.plus(*problem)
+    return health
 
 
 class HealthBoard:
@@ -59,7 +68,10 @@ class HealthBoard:
         for name, hardware_id, examine in self._subjects:
             if (health := examine()) is not None:
                 status = DiagnosticStatus(
-                    level=health.level, name=name, message=health.summary, hardware_id=hardware_id
+                    level=health.level,
+                    name=name,
+                    message=health.summary,
+                    hardware_id=health.hardware_id or hardware_id,
                 )
                 status.values = [KeyValue(key=key, value=one) for key, one in health.values.items()]
                 message.status.append(status)

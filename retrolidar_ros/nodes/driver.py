@@ -14,10 +14,11 @@ from rclpy.lifecycle import LifecycleState, TransitionCallbackReturn
 from rclpy.lifecycle import Node as LifecycleNode
 
 from retrolidar_ros.nodes.diagnostics import WARN, Health, HealthBoard, publish_health
-from retrolidar_ros.nodes.driver_health import DetectorWatch, DriverTally
+from retrolidar_ros.nodes.driver_health import NO_CLOCK, DetectorWatch, DriverTally
 from retrolidar_ros.nodes.frame_topics import FrameTopics
 from retrolidar_ros.nodes.parameters import Parameters, check_frame_id
 from retrolidar_ros.nodes.run import run
+from retrolidar_ros.nodes.sensor_services import offer_services
 from retrolidar_ros.sensor.clock import ClockMap
 from retrolidar_ros.sensor.frame import Frame
 from retrolidar_ros.sensor.protocols import PROTOCOLS
@@ -52,25 +53,26 @@ class DriverNode(LifecycleNode):
         self._source: SerialSource | None = None
         self._thread: Thread | None = None
         self._stop = Event()
-        self._is_active = self.failed = False
+        self._is_active = self._is_finalized = self.failed = False
         super().__init__('driver', **options)
         self._take = take
+        # It cannot be wrapped otherwise: rclpy makes the services of the life cycle itself.
         for service in self.services:
             if service.srv_name.endswith('/change_state'):
                 service.callback = self._refusing(service.callback)
         parameters = Parameters(self, 'driver')
         _declare(parameters)
         self._values = parameters.values
-        self._frame_id = check_frame_id('frame_id', self._values['frame_id'])
+        frame_id = self._values['frame_prefix'] + self._values['frame_id']
+        self._frame_id = check_frame_id('frame_id', frame_id)
         self._topics = FrameTopics(self, self._frame_id)
         parameters.warn_of_unknown()
         parameters.follow(self._change)
         self._clock_map = ClockMap(self._values['transport_delay'])
         self._tally = DriverTally()
-        board = publish_health(self, 'frames', self._values['serial_port'], self._examine, board)
+        offer_services(self, lambda: self._source)
         self._watch = None if take else DetectorWatch(self)
-        if self._watch is not None:
-            board.add(self._watch.name, '', self._watch.examine)
+        publish_health(self, 'frames', self._values['serial_port'], self._examine, board)
         if self._values['autostart']:
             self.trigger_configure()
             self.trigger_activate()
@@ -120,7 +122,8 @@ class DriverNode(LifecycleNode):
         return TransitionCallbackReturn.SUCCESS
 
     def on_shutdown(self, state: LifecycleState) -> TransitionCallbackReturn:
-        """Close the port."""
+        """Close the port for good."""
+        self._is_finalized = True
         self._end()
         return TransitionCallbackReturn.SUCCESS
 
@@ -174,10 +177,8 @@ class DriverNode(LifecycleNode):
 
     def _publish(self, frames: list[Frame], arrival_ns: int) -> None:
         if not arrival_ns:
-            self.get_logger().warning(
-                'use_sim_time is set, but nobody publishes /clock: frames are dropped',
-                throttle_duration_sec=5.0,
-            )
+            self._tally.count_untimed(len(frames))
+            self.get_logger().warning(NO_CLOCK, throttle_duration_sec=5.0)
             return
         for frame in frames:
             stamp_ns = self._clock_map.map(frame.sensor_time_us, arrival_ns)
@@ -186,7 +187,7 @@ class DriverNode(LifecycleNode):
             stamped = replace(frame, stamp_ns=stamp_ns)
             if self._is_active:
                 self._topics.publish(stamped)
-            self._tally.count(frame, self._now_ns() - stamp_ns)
+            self._tally.count(stamped, self._now_ns() - stamp_ns)
             if self._is_active and self._watch is not None:
                 self._watch.sent()
             if self._is_active and self._take is not None:
@@ -195,12 +196,20 @@ class DriverNode(LifecycleNode):
     def _examine(self) -> Health:
         """Judge the last second."""
         source = self._source
+        if self._is_finalized:
+            return Health(WARN, 'finalized: the node was shut down; start it again', {})
         if source is None:
             return Health(WARN, 'not configured: the port is closed', {})
         health = self._tally.examine(source, self._clock_map)
+        if (who := source.identity) is not None:
+            health.values['firmware'] = who.version
+            health = health._replace(hardware_id=who.serial)
+        if source.is_open and who is not None and not who.is_ranging:
+            return health._replace(level=WARN, summary='the sensor is stopped: call ~/start')
         if source.is_open and not self._is_active:
-            return Health(WARN, 'not active: frames are read and not published', health.values)
-        return health
+            summary = 'not active: frames are read and not published'
+            return health._replace(level=WARN, summary=summary)
+        return health.plus(WARN, self._watch.problem() if self._watch else '')
 
 
 def _declare(parameters: Parameters) -> None:
@@ -210,6 +219,7 @@ def _declare(parameters: Parameters) -> None:
     parameters.declare('serial_baud', 'Baud rate [bit/s].', 9600, 12_000_000)
     parameters.declare('protocol', 'Protocol of the sensor.', among=tuple(PROTOCOLS))
     parameters.declare('frame_id', 'TF frame of the sensor: x right, y down, z forward.')
+    parameters.declare('frame_prefix', 'Prefix of frame_id.')
     parameters.declare(
         'transport_delay',
         'Shortest time from mid-exposure to the arrival of a frame [s].',

@@ -1,6 +1,6 @@
 # Copyright 2026 retrolidar_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""The counters of a driver, its health over the last second, and its detector's."""
+"""The counters of a driver, its health over the last second, and whether its detector lives."""
 
 from __future__ import annotations
 
@@ -11,16 +11,17 @@ import numpy as np
 from rclpy.node import Node
 from std_msgs.msg import Header
 
-from retrolidar_ros.nodes.diagnostics import ERROR, OK, STALE, WARN, Health
+from retrolidar_ros.nodes.diagnostics import ERROR, OK, WARN, Health
 from retrolidar_ros.sensor.clock import ClockMap
 from retrolidar_ros.sensor.frame import IS_NORMAL, Frame
-from retrolidar_ros.sensor.frame_rate import missing_frames
+from retrolidar_ros.sensor.frame_rate import missing_frames, stamps_stand
 from retrolidar_ros.sensor.serial_source import SerialSource
 
 # Share of abnormal zones from which on something is wrong with the sensor or before it: looking
 # into a room, a quarter of them is usual.
 _MANY_ABNORMAL = 0.75
 _SILENCE_S = 0.8
+NO_CLOCK = 'use_sim_time is set, but nobody publishes /clock: frames are dropped'
 
 
 @dataclass
@@ -33,6 +34,8 @@ class _Counts:
     received: int = 0
     withheld: int = 0
     lost: int = 0
+    untimed: int = 0
+    stamp_ns: int = 0
     zones: int = 0
     normal: int = 0
     latency_s: float = 0.0
@@ -49,14 +52,19 @@ class DriverTally:
         self._last_sequence: int | None = None
 
     def count(self, frame: Frame, latency_ns: int) -> None:
-        """Count a frame, published so long after the middle of its exposure."""
+        """Count a stamped frame, published so long after the middle of its exposure."""
         counts = self._counts
         counts.frames += 1
+        counts.stamp_ns = frame.stamp_ns
         counts.lost += missing_frames(self._last_sequence, frame.sequence)
         self._last_sequence = frame.sequence
         counts.zones += len(frame.status)
         counts.normal += int(np.count_nonzero(IS_NORMAL[frame.status]))
         counts.latency_s += latency_ns * 1e-9
+
+    def count_untimed(self, frames: int) -> None:
+        """Count frames that came before the clock did."""
+        self._counts.untimed += frames
 
     def examine(self, source: SerialSource, clock_map: ClockMap) -> Health:
         """Judge the time since the last call, usually a second."""
@@ -95,6 +103,8 @@ class DriverTally:
             return Health(ERROR, source.problem, values)
         if not frames:
             return Health(ERROR, _silence(then, now), values)
+        if stamps_stand(frames, now.stamp_ns - then.stamp_ns):
+            return Health(ERROR, 'the stamps stand still: does /clock?', values)
         if damaged or lost:
             return Health(WARN, f'{damaged} damaged packets, {lost} lost frames', values)
         if abnormal > _MANY_ABNORMAL:
@@ -104,6 +114,8 @@ class DriverTally:
 
 def _silence(then: _Counts, now: _Counts) -> str:
     """Report that no frames have come since `then`, and what came instead."""
+    if now.untimed > then.untimed:
+        return NO_CLOCK
     silence = 'the port is open, but no frames come'
     if now.withheld > then.withheld:
         return f'{silence} with signal, which the sensor has been asked for'
@@ -113,15 +125,13 @@ def _silence(then: _Counts, now: _Counts) -> str:
 
 
 class DetectorWatch:
-    """Hears the heartbeat of the detector that takes a driver's frames, to speak for it if it ends.
+    """Hears the heartbeat of the detector that takes a driver's frames.
 
     One that was killed, or hangs, has no word to say.
     """
 
     def __init__(self, node: Node) -> None:
         """Subscribe for a driver."""
-        self.name = f'{node.get_namespace().rstrip("/")}/detector: markers'
-        """Of the detector's health."""
         self._beat_s: float | None = None
         self._frame_s = 0.0
         node.create_subscription(Header, 'detector/heartbeat', self._beat, 10)
@@ -133,9 +143,8 @@ class DetectorWatch:
         """Note that a frame was sent."""
         self._frame_s = time.monotonic()
 
-    def examine(self) -> Health | None:
-        """Report a detector that was heard before and is silent although frames are sent."""
+    def problem(self) -> str:
+        """Say that a detector was heard before and is silent although frames are sent."""
         if self._beat_s is None or (silence_s := self._frame_s - self._beat_s) < _SILENCE_S:
-            return None
-        text = f'no frame has been judged for {silence_s:.1f} s: the node has ended, or hangs'
-        return Health(STALE, text, {})
+            return ''
+        return f'the detector has judged no frame for {silence_s:.1f} s: it has ended, or hangs'

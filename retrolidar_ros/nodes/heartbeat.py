@@ -8,14 +8,15 @@ from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
 from std_msgs.msg import Bool
 
-from retrolidar_ros.msg import MarkerDetection
-from retrolidar_ros.nodes.diagnostics import OK, WARN, Health, publish_health
+from retrolidar_ros.nodes.detection_subscriber import DetectionSubscriber
+from retrolidar_ros.nodes.diagnostics import WARN, Health, health_of, publish_health
 from retrolidar_ros.nodes.parameters import Parameters
-from retrolidar_ros.nodes.qos import EVENTS, LATCHED, subscribe
+from retrolidar_ros.nodes.qos import LATCHED
 from retrolidar_ros.nodes.run import run
+from retrolidar_ros.nodes.track_topics import SOURCES, Marked
 from retrolidar_ros.tasks.heartbeat import Heartbeat
 
-_TICK_S = 0.1
+_TICK_S = 0.02
 
 
 class HeartbeatNode(Node):
@@ -26,10 +27,13 @@ class HeartbeatNode(Node):
         super().__init__('heartbeat')
         parameters = Parameters(self, 'heartbeat')
         parameters.declare('markers', 'TF frames of the markers to watch.')
+        parameters.declare('source', 'What counts as a reading.', among=SOURCES)
         parameters.declare(
-            'overdue_after', 'Time without a reading until overdue [s].', 0.1, 3600.0, live=True
+            'overdue_after', 'Time without a reading until overdue [s].', 0.05, 3600.0, live=True
         )
         parameters.declare('window', 'Length of the counted windows [s].', 0.1, 3600.0)
+        parameters.declare('frame_prefix', 'Prefix of these frames.')
+        self._prefix = parameters.values['frame_prefix']
         names = parameters.values['markers']
         if not names:
             raise ValueError('markers: there is no name; name at least one')
@@ -40,7 +44,9 @@ class HeartbeatNode(Node):
         self._is_alive: bool | None = None
         self._alive = self.create_publisher(Bool, '~/alive', LATCHED)
         publish_health(self, 'markers', '', self._examine)
-        subscribe(self, MarkerDetection, 'markers', self._take, EVENTS)
+        source = parameters.values['source']
+        topic = 'tracks' if source == 'tracks' else 'markers'
+        self._detections = DetectionSubscriber(self, [topic], source, self._take)
         parameters.warn_of_unknown()
         self.create_timer(_TICK_S, self._tick, clock=Clock(clock_type=ClockType.STEADY_TIME))
 
@@ -50,9 +56,10 @@ class HeartbeatNode(Node):
     def _now_s(self) -> float:
         return float(self.get_clock().now().nanoseconds) * 1e-9
 
-    def _take(self, message: MarkerDetection) -> None:
-        if message.child_frame_id in self._hearts and self._now_s():
-            self._hearts[message.child_frame_id].beat(self._now_s())
+    def _take(self, message: Marked) -> None:
+        name = message.child_frame_id.removeprefix(self._prefix)
+        if name in self._hearts and self._now_s():
+            self._hearts[name].beat(self._now_s())
             self._tick()
 
     def _tick(self) -> None:
@@ -85,11 +92,12 @@ class HeartbeatNode(Node):
             values[f'{name}: windows with a reading'] = f'{heart.windows_alive} of {heart.windows}'
             values[f'{name}: silence [s]'] = f'{heart.silence_s(now_s):.1f}'
             values[f'{name}: longest silence [s]'] = f'{heart.longest_silence_s(now_s):.1f}'
+        problems = self._detections.examine(values)
         if self._overdue:
-            return Health(WARN, f'overdue: {", ".join(sorted(self._overdue))}', values)
-        if not self._is_alive:
-            return Health(WARN, 'not all markers have been read yet', values)
-        return Health(OK, 'all markers are read', values)
+            problems.append((WARN, f'overdue: {", ".join(sorted(self._overdue))}'))
+        elif not self._is_alive:
+            problems.append((WARN, 'not all markers have been read yet'))
+        return health_of(problems, 'all markers are read', values)
 
 
 def main() -> int:

@@ -5,12 +5,12 @@
 from __future__ import annotations
 
 import re
+import time
 from pathlib import Path
-from typing import Any
 
 import numpy as np
-import yaml
 from geometry_msgs.msg import PoseWithCovarianceStamped
+from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
 from rclpy.publisher import Publisher
 from rclpy.time import Time
@@ -20,23 +20,28 @@ from visualization_msgs.msg import MarkerArray
 
 from retrolidar_ros.detector.parameters import known_markers
 from retrolidar_ros.marker.known_markers import objects_of
-from retrolidar_ros.msg import MarkerDetection
 from retrolidar_ros.nodes.conversion import to_header, to_pose_msg, to_transform
-from retrolidar_ros.nodes.diagnostics import OK, WARN, Health, publish_health
+from retrolidar_ros.nodes.diagnostics import WARN, Health, health_of, publish_health
 from retrolidar_ros.nodes.parameters import Parameters, check_frame_id
 from retrolidar_ros.nodes.placed_readings import PlacedReadings
-from retrolidar_ros.nodes.qos import LATCHED, STREAM, publisher, topic_part
+from retrolidar_ros.nodes.qos import LATCHED, STREAM, publisher, topic_part, topics_of
 from retrolidar_ros.nodes.run import run
+from retrolidar_ros.nodes.track_topics import SOURCES, Marked
 from retrolidar_ros.nodes.transforms import transform_sender
 from retrolidar_ros.nodes.visualization import landmark_shapes
 from retrolidar_ros.sensor.frame import Floats
-from retrolidar_ros.settings.section import ConfigError
-from retrolidar_ros.settings.yaml_files import load_yaml
-from retrolidar_ros.tasks.landmarks import Estimate
+from retrolidar_ros.tasks.backlog import Backlog, Batch
+from retrolidar_ros.tasks.landmarks import Estimate, Landmark
 from retrolidar_ros.tasks.localization import robot_pose, room_of
 from retrolidar_ros.tasks.reading import Errors, Reading
 from retrolidar_ros.tasks.state import Prior
-from retrolidar_ros.tasks.survey import Survey, parse_survey, survey_content
+from retrolidar_ros.tasks.survey import Survey
+from retrolidar_ros.tasks.survey_files import load_survey, save_survey
+
+# Readings are solved in turns, with a rest as long as each: that takes half a core at most.
+_TURN_S, _MAX_TURN_S = 0.02, 0.01
+_SHAPES_S = 1.0
+_MAX_WAIT_S = 0.3  # more is told
 
 
 class LandmarksNode(Node):
@@ -48,6 +53,8 @@ class LandmarksNode(Node):
         parameters = Parameters(self, 'landmarks')
         _declare(parameters)
         self._values = values = parameters.values
+        if values['source'] == 'tracks' and 'markers' in values['topics']:
+            raise ValueError('topics: markers are detections; name topics of tracks, or no source')
         self._fixed = check_frame_id('fixed_frame', values['fixed_frame'])
         markers = known_markers(values)
         objects: dict[str, dict[int, Floats]] = {
@@ -62,6 +69,8 @@ class LandmarksNode(Node):
             acceleration=values['acceleration'],
         )
         frame, known = self._load(values['load_file'])
+        names = sorted({*known, *objects})
+        self._owners = dict(zip(topics_of('~/objects/', names), names, strict=True))
         self._survey = Survey(objects, errors, known)
         self._room = None
         if values['localize']:
@@ -83,47 +92,108 @@ class LandmarksNode(Node):
         self._sent: set[str] = set()
         self._send = transform_sender(self)
         self._shapes = publisher(self, MarkerArray, '~/marker_array', LATCHED)
+        self._shapes_due = False
+        self._backlog = Backlog()
+        self._longest_s = self._next_turn_s = 0.0
+        self._dropped = 0
         self.create_service(Trigger, '~/save', self._save)
         self.create_service(Trigger, '~/forget', self._forget)
         publish_health(self, 'landmarks', '', self._examine)
         self._readings = PlacedReadings(
-            self, values['topics'], self._fixed, values['patience'], self._take, self._survey.forget
+            self,
+            values['topics'],
+            values['source'],
+            self._fixed,
+            values['patience'],
+            self._take,
+            self._restart,
         )
         parameters.warn_of_unknown()
         for estimate in [] if values['localize'] else self._survey.estimates():
             self._publish(estimate)
+        steady = Clock(clock_type=ClockType.STEADY_TIME)
+        self._turn = self.create_timer(_TURN_S, self._solve, clock=steady)
+        self.create_timer(_SHAPES_S, self._publish_shapes, clock=steady)
 
     def _load(self, path: str) -> tuple[str, dict[str, Prior]]:
         if not path:
             return self._fixed, {}
         try:
-            return parse_survey(load_yaml(Path(path)))
-        except (OSError, ConfigError) as error:
+            return load_survey(Path(path))
+        except (OSError, ValueError) as error:
             raise ValueError(f'load_file: {path}: {error}') from error
 
-    def _take(self, reading: Reading, message: MarkerDetection) -> None:
-        if self._room is not None:
-            if self._room.has(reading.marker) and self._room.take(reading):
-                self._localize(message.header.stamp)
+    def _take(self, reading: Reading, message: Marked) -> None:
+        """Let a reading wait for its turn."""
+        name = 'room'
+        if self._room is None:
+            # Each of several sensors may have a name of its own for a marker.
+            own = message.child_frame_id.removeprefix(self._values['frame_prefix'])
+            name = self._names.get(reading.marker, own)
+            name = self._survey.owner_of(reading.marker, name)
+        elif not self._room.has(reading.marker):
             return
-        # Each of several sensors may have a name of its own for a marker.
-        name = self._names.get(reading.marker, message.child_frame_id)
-        estimate = self._survey.take(reading, name).estimate()
+        self._backlog.add(name, reading, time.monotonic())
+        if self._turn.is_canceled():
+            self._turn.reset()
+
+    def _solve(self) -> None:
+        """Solve and publish what waits, as far as this turn goes."""
+        if time.monotonic() < self._next_turn_s:
+            return
+        # Processor time: what others take of a busy machine is no reason for a rest.
+        began_s = time.thread_time()
+        while self._backlog and time.thread_time() < began_s + _MAX_TURN_S:
+            batch = self._backlog.pop()
+            if self._room is None:
+                self._place(batch)
+            else:
+                self._localize(self._room, batch)
+            self._longest_s = max(self._longest_s, time.monotonic() - batch.since_s)
+        self._next_turn_s = time.monotonic() + time.thread_time() - began_s
+        if not self._backlog:
+            self._turn.cancel()
+
+    def _place(self, batch: Batch) -> None:
+        """Publish a landmark with new readings."""
+        topic = '~/objects/' + topic_part(batch.name)
+        try:
+            owner = self._owners.get(topic, batch.name)
+            if owner != batch.name:
+                raise ValueError(
+                    f'two names would share a topic, rename one: {owner}, {batch.name}'
+                )
+            estimate = self._survey.take(batch.name, *batch.readings).estimate()
+            self._owners[topic] = batch.name
+        except ValueError as error:
+            self._readings.refuse(str(error))
+            return
         if estimate is not None:
             self._publish(estimate)
 
-    def _localize(self, stamp: Any) -> None:
-        """Publish the pose of the base at the time of a reading."""
-        assert self._room is not None
-        room = self._room.estimate()
-        base = self._values['base_frame']
-        found = self._readings.finder.find(self._fixed, base, Time.from_msg(stamp))
+    def _localize(self, room: Landmark, batch: Batch) -> None:
+        """Publish the pose of the base at the time of the newest reading."""
+        try:
+            with room.unharmed():
+                for reading in batch.readings:
+                    room.add(reading)
+                room.settle()
+        except ValueError as error:
+            self._readings.refuse(str(error))
+            return
+        members = set(map(id, room.members))
+        stamps_s = [one.stamp_s for one in batch.readings if id(one) in members]
+        if not stamps_s:
+            return
+        estimate, base = room.estimate(), self._values['base_frame']
+        stamp = Time(nanoseconds=round(max(stamps_s) * 1e9))
+        found = self._readings.finder.find(self._fixed, base, stamp)
         if found is None:
             self.get_logger().warning(
                 f'no transform from {base} to {self._fixed}', throttle_duration_sec=5.0
             )
-        elif room is not None and (pose := robot_pose(room, *found)) is not None:
-            header = Header(stamp=stamp, frame_id=self._known_frame)
+        elif estimate is not None and (pose := robot_pose(estimate, *found)) is not None:
+            header = Header(stamp=stamp.to_msg(), frame_id=self._known_frame)
             self._pose.publish(to_pose_msg(header, *pose))
 
     def _publish(self, estimate: Estimate) -> None:
@@ -131,16 +201,18 @@ class LandmarksNode(Node):
         name = estimate.name
         header = to_header(round(max(estimate.stamp_s, 0.0) * 1e9), self._fixed)
         if name not in self._poses:
-            topic = f'~/objects/{topic_part(name)}'
+            (topic,) = topics_of('~/objects/', [name])
             self._poses[name] = self.create_publisher(PoseWithCovarianceStamped, topic, LATCHED)
+            self.get_logger().info(f'{name} is placed, to ±{1e3 * estimate.stddev_m:.0f} mm so far')
         message = to_pose_msg(header, estimate.position_m, estimate.rotation, estimate.covariance)
         self._poses[name].publish(message)
-        self._shapes.publish(MarkerArray(markers=landmark_shapes(header, self._survey.estimates())))
+        self._shapes_due = True
         if self._values['publish_tf']:
             self._send_transform(name, message)
 
     def _send_transform(self, name: str, message: PoseWithCovarianceStamped) -> None:
-        child = self._values['child_frame'].replace('{name}', name)
+        frame = self._values['frame_prefix'] + self._values['child_frame']
+        child = frame.replace('{name}', name)
         if child in self._blocked:
             return
         if child not in self._sent and self._readings.finder.knows(child):
@@ -153,27 +225,43 @@ class LandmarksNode(Node):
         self._sent.add(child)
         self._send([to_transform(message.header, child, message.pose.pose)])
 
+    def _publish_shapes(self) -> None:
+        """Publish all landmarks at once, now and then."""
+        if self._shapes_due:
+            self._shapes_due = False
+            header = Header(stamp=self.get_clock().now().to_msg(), frame_id=self._fixed)
+            shapes = landmark_shapes(header, self._survey.estimates())
+            self._shapes.publish(MarkerArray(markers=shapes))
+
     def _save(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         path = self._values['save_file']
-        content = survey_content(self._fixed, self._survey.estimates())
         try:
             if not path:
-                raise OSError('save_file is empty')
-            text = yaml.safe_dump(content, sort_keys=False, default_flow_style=None)
-            Path(path).write_text(text, encoding='utf-8')
-        except OSError as error:
-            response.message = str(error)
-            return response
-        response.success = True
-        response.message = f'{len(content["landmarks"])} landmarks in {path}'
+                raise ValueError('save_file is empty')
+            if self._room is not None:
+                raise ValueError('while localising no map is made')
+            response.message = save_survey(Path(path), self._fixed, self._survey.estimates())
+            response.success = True
+            self.get_logger().info(response.message)
+        except (OSError, ValueError) as error:
+            response.message = f'nothing was saved: {error}'
+            self.get_logger().error(response.message)
         return response
 
     def _forget(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         self._survey.forget()
-        if self._room is not None:
-            self._room.forget()
+        self._restart()
         response.success = True
+        response.message = 'all landmarks are forgotten; files stay'
         return response
+
+    def _restart(self) -> None:
+        """Begin again: time has jumped back."""
+        self._backlog.clear()
+        self._survey.restart()
+        if self._room is not None:
+            self._room.restart()
+        self._shapes_due = True
 
     def _examine(self) -> Health:
         values = {}
@@ -187,22 +275,31 @@ class LandmarksNode(Node):
             values[f'{one.name}: deviation [m]'] = f'{one.stddev_m:.4f}'
             if one.moved_s is not None:
                 values[f'{one.name}: last moved [s]'] = f'{one.moved_s:.1f}'
-        for reason, count in self._readings.dropped.items():
-            values[f'dropped: {reason}'] = str(count)
+        problems = self._readings.examine(values)
+        values['backlog'] = str(len(self._backlog))
+        values['longest wait [s]'] = f'{self._longest_s:.3f}'
+        values['dropped for want of time'] = str(self._backlog.dropped)
+        dropped, self._dropped = self._backlog.dropped - self._dropped, self._backlog.dropped
+        if dropped or self._longest_s > _MAX_WAIT_S:
+            text = f'too many readings: they wait up to {self._longest_s:.1f} s, {dropped} dropped'
+            problems.append((WARN, text))
+        self._longest_s = 0.0
         if not rows:
-            return Health(WARN, 'nothing is placed yet', values)
-        return Health(OK, f'{len(rows)} placed', values)
+            problems.append((WARN, 'nothing is placed yet'))
+        return health_of(problems, f'{len(rows)} placed', values)
 
 
 def _declare(parameters: Parameters) -> None:
     declare = parameters.declare
-    declare('topics', 'Topics of detections.')
+    declare('source', 'What readings are made of.', among=SOURCES)
+    declare('topics', 'Topics of the source.')
     declare('fixed_frame', 'Frame of the landmarks; TF must connect the sensors to it.')
     declare('marker_file', 'YAML file of the known markers, for objects with several.')
     declare('load_file', 'Landmarks written by ~/save; empty = none.')
     declare('save_file', 'Where ~/save writes; empty = nowhere.')
     declare('publish_tf', 'Send a transform for every landmark.')
     declare('child_frame', 'TF frame of a landmark; {name} stands for its name.')
+    declare('frame_prefix', 'Prefix of child_frame.')
     declare('patience', 'Longest wait for a transform [s].', 0.0, 60.0)
     declare('range_bias', "Standard deviation of a sensor's range bias [m].", 0.0, 1.0)
     declare('pose_stddev', "Standard deviation of the sensor's position in TF [m].", 0.0, 1.0)

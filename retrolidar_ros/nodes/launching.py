@@ -13,11 +13,23 @@ from pathlib import Path
 from typing import Any
 
 import yaml
-from launch.actions import DeclareLaunchArgument, GroupAction, IncludeLaunchDescription
+from launch.actions import (
+    DeclareLaunchArgument,
+    EmitEvent,
+    GroupAction,
+    IncludeLaunchDescription,
+    LogInfo,
+)
+from launch.events import matches_action
+from launch.events.process import ProcessExited, ShutdownProcess
 from launch.launch_context import LaunchContext
+from launch.launch_description_entity import LaunchDescriptionEntity
 from launch.substitutions import LaunchConfiguration, PathJoinSubstitution
 from launch_ros.actions import Node
 from launch_ros.substitutions import FindPackageShare
+
+from retrolidar_ros.settings.resources import shared_file
+from retrolidar_ros.settings.yaml_files import load_parameter_defaults, load_yaml
 
 SHARE = FindPackageShare('retrolidar_ros')
 PARAMETERS = PathJoinSubstitution([SHARE, 'config', 'retrolidar.yaml'])
@@ -27,11 +39,13 @@ COMMON: dict[str, tuple[Any, str]] = {
     'marker_file': ('', 'YAML file of the known markers; empty = as in the parameter file.'),
     'protocol': ('', 'Protocol of the sensor; empty = as in the parameter file.'),
     'autostart': ('', 'Whether the driver activates itself; empty = as in the parameter file.'),
+    'frame_prefix': ('', 'Prefix of the TF frames that are sent, such as robot1/.'),
     'single_process': ('false', 'Whether driver and detector share a process, the reader.'),
     'log_level': ('info', 'debug, info, warn, error or fatal.'),
     'use_sim_time': ('', 'Whether time is that of /clock; empty = as in the parameter file.'),
-    'respawn': ('true', 'Whether a node that ends is started again, after a delay.'),
+    'respawn': ('true', 'Whether a node that fails is started again, after a delay.'),
     'respawn_delay': ('2.0', 'That delay [s].'),
+    'rviz': ('false', 'Whether RViz starts, too.'),
 }
 """Launch arguments of every launch file: default and description."""
 SENSOR: dict[str, tuple[Any, str]] = {
@@ -40,8 +54,15 @@ SENSOR: dict[str, tuple[Any, str]] = {
     'frame_id': ('', 'TF frame of the sensor; empty = as in the parameter file.'),
     'namespace': ('retrolidar', 'Of nodes and topics.'),
     'emulate': ('', 'A scene to emulate instead of a sensor: a file, or the name of one.'),
+    'emulate_base': (
+        'base_link',
+        'TF frame of an arm that moves the emulated sensor; empty = none.',
+    ),
 }
 """Those of every launch file for one sensor."""
+_LEAST_DELAY_S = 0.1
+_MISCONFIGURED = 2
+"""The exit code of a node whose parameters or files are wrong; starting it again is no help."""
 _LEVELS = ('debug', 'info', 'warn', 'error', 'fatal')
 
 
@@ -106,6 +127,17 @@ def _parameter_file(context: LaunchContext) -> str:
     return path
 
 
+def parameter(context: LaunchContext, kind: str, name: str) -> Any:
+    """Return a launch argument, or the parameter of a node of that name, as the file has it."""
+    if text := value(context, name):
+        return text
+    found = load_parameter_defaults(shared_file('config/retrolidar.yaml'), kind)[name]
+    for key, section in load_yaml(Path(_parameter_file(context))).items():
+        if str(key).rpartition('/')[2] in (kind, '**'):
+            found = (section.get('ros__parameters') or {}).get(name, found)
+    return found
+
+
 def node(
     context: LaunchContext, executable: str, parameters: dict[str, Any], **options: Any
 ) -> Node:
@@ -116,6 +148,7 @@ def node(
         raise RuntimeError(f'log_level:={level}: it needs one of {", ".join(_LEVELS)}')
     if value(context, 'use_sim_time'):
         parameters['use_sim_time'] = is_on(context, 'use_sim_time')
+    parameters |= given(context, 'frame_prefix')
     return Node(
         package='retrolidar_ros',
         executable=executable,
@@ -123,15 +156,28 @@ def node(
         parameters=[_parameter_file(context), *([parameters] if parameters else [])],
         ros_arguments=['--log-level', level],
         respawn=is_on(context, 'respawn'),
-        respawn_delay=number(context, 'respawn_delay'),
+        # Within the delay a node that is misconfigured is taken out.
+        respawn_delay=max(number(context, 'respawn_delay'), _LEAST_DELAY_S),
+        on_exit=_on_exit,
         output='screen',
         **options,
     )
 
 
+def _on_exit(event: ProcessExited, context: LaunchContext) -> list[LaunchDescriptionEntity]:
+    """Return what keeps a misconfigured node from being started again."""
+    if event.returncode != _MISCONFIGURED or context.is_shutdown:
+        return []
+    return [
+        LogInfo(msg=f'{event.process_name} is misconfigured, see above: it is not started again'),
+        EmitEvent(event=ShutdownProcess(process_matcher=matches_action(event.action))),
+    ]
+
+
 def sensor(**arguments: Any) -> IncludeLaunchDescription:
-    """Return one sensor, by retrolidar.launch.py; without arguments, with those of this launch."""
-    arguments = arguments or {name: LaunchConfiguration(name) for name in SENSOR}
+    """Return one sensor, by retrolidar.launch.py, with arguments before those of this launch."""
+    arguments = {name: LaunchConfiguration(name) for name in SENSOR} | arguments
+    arguments['rviz'] = 'false'  # what includes it shows all
     return IncludeLaunchDescription(
         PathJoinSubstitution([SHARE, 'launch', 'retrolidar.launch.py']),
         launch_arguments=arguments.items(),
@@ -141,12 +187,17 @@ def sensor(**arguments: Any) -> IncludeLaunchDescription:
 def one_of_several(context: LaunchContext, name: str, **own: str) -> GroupAction:
     """Return a sensor in a namespace of its own, whose detections come on the topic of all."""
     # The namespace is relative to one that may have been pushed, and the topic is not.
-    pushed = context.launch_configurations.get('ros_namespace', '')
     namespace = value(context, 'namespace')
     common = {argument: value(context, argument) for argument in COMMON}
-    common['namespace'] = _joined(namespace, name)
-    common['markers'] = f'/{_joined(pushed, namespace, "markers")}'
+    common |= {'namespace': _joined(namespace, name), 'emulate_base': ''}
+    common['markers'] = f'/{full_namespace(context)}/markers'
     return GroupAction([sensor(**common | own)])
+
+
+def full_namespace(context: LaunchContext) -> str:
+    """Return the namespace of the launch, below one that may have been pushed."""
+    pushed = context.launch_configurations.get('ros_namespace', '')
+    return _joined(pushed, value(context, 'namespace'))
 
 
 def _joined(*parts: str) -> str:

@@ -16,7 +16,7 @@ from tf2_msgs.msg import TFMessage
 
 from retrolidar_ros.msg import Frame as FrameMsg
 from retrolidar_ros.msg import MarkerDetection
-from retrolidar_ros.nodes.conversion import from_frame_msg, to_ns, vector_of
+from retrolidar_ros.nodes.conversion import covariance_of, from_frame_msg, to_ns, vector_of
 from retrolidar_ros.scene.truth import Heard
 from retrolidar_ros.sensor.frame import Recording
 
@@ -85,6 +85,7 @@ class Listener:
                     range_m=message.range,
                     snr_db=message.snr,
                     position_m=tuple(vector_of(message.pose.pose.position).tolist()),
+                    covariance=covariance_of(message.pose)[:3, :3],
                     zone=message.zones[0],
                     bit_period_s=message.bit_period,
                     has_transform=(message.child_frame_id, stamp_ns) in transforms,

@@ -44,6 +44,7 @@ class Parameters:
         self._node = node
         self._defaults = load_parameter_defaults(shared_file('config/retrolidar.yaml'), kind)
         self._checks: dict[str, Callable[[Any], Any]] = {}
+        # A service cannot be wrapped otherwise: rclpy makes those of parameters itself.
         for service in node.services:
             if '/set_parameters' in service.srv_name:
                 service.callback = _refusing(service.callback)
@@ -136,6 +137,7 @@ class Parameters:
         nodes, too, and so do the parameters of several nodes in one process.
         """
         known_elsewhere = load_parameter_names(shared_file('config/retrolidar.yaml'))
+        # Not public; what is, automatically_declare_parameters_from_overrides, would declare each.
         for name in self._node._parameter_overrides:
             if self._node.has_parameter(name) or name in known_elsewhere:
                 continue
@@ -148,7 +150,8 @@ class Parameters:
             self._node.get_logger().warning(f'parameter {name} is unknown; {hint}')
 
     def _topic_names(self) -> list[str]:
-        return [name for name in self._node._parameters if name.startswith('qos_overrides.')]
+        prefix = 'qos_overrides'
+        return [f'{prefix}.{name}' for name in self._node.get_parameters_by_prefix(prefix)]
 
 
 def _refusing(change: Callable[[Any, Any], Any]) -> Callable[[Any, Any], Any]:

@@ -4,21 +4,30 @@
 
 from __future__ import annotations
 
-from collections import Counter, deque
+from collections import deque
 from collections.abc import Callable, Sequence
 
+import numpy as np
 from rclpy.clock import Clock, ClockType
+from rclpy.duration import Duration
 from rclpy.node import Node
 from rclpy.time import Time
 
-from retrolidar_ros.msg import MarkerDetection
+from retrolidar_ros.msg import MarkerTrack
 from retrolidar_ros.nodes.conversion import covariance_of, to_ns, vector_of
-from retrolidar_ros.nodes.qos import EVENTS, subscribe
+from retrolidar_ros.nodes.detection_subscriber import DetectionSubscriber
+from retrolidar_ros.nodes.diagnostics import WARN
+from retrolidar_ros.nodes.track_topics import Marked
 from retrolidar_ros.nodes.transforms import TransformFinder
 from retrolidar_ros.tasks.reading import Reading, SensorPose, reading
 
 _TICK_S = 0.1
-_MOST_WAITING = 1000
+_MAX_WAITING = 1000
+# A clock that is set, or a replay that begins again; less is a clock that is kept in step.
+_JUMP = Duration(seconds=1.0)
+# Errors of a track are alike for about so long; a marker slower than this is at rest.
+_ALIKE_S = 1.0
+_REST_M_S = 0.02
 
 
 class PlacedReadings:
@@ -28,53 +37,88 @@ class PlacedReadings:
         self,
         node: Node,
         topics: Sequence[str],
+        source: str,
         fixed_frame: str,
         patience_s: float,
-        take: Callable[[Reading, MarkerDetection], None],
-        forget: Callable[[], None],
+        take: Callable[[Reading, Marked], None],
+        restart: Callable[[], None],
     ) -> None:
-        """Subscribe.
+        """Subscribe to topics of a source, detections or tracks.
 
-        `take` gets each reading, and its detection, if its transform comes within `patience_s` [s];
-        `forget` is called when time jumps back, as in a replay.
+        `take` gets each reading, and its detection, if its transform comes within `patience_s` [s],
+        and may refuse it by a ValueError; `restart` is called when time jumps back, as in a replay.
         """
-        self.dropped: Counter[str] = Counter()
-        """Detections that could not be placed, by reason."""
         self.finder = TransformFinder(node)
         self._node = node
         self._fixed = fixed_frame
         self._patience_s = patience_s
         self._hand_on = take
-        self._forget = forget
+        self._restart = restart
         self._ticked = node.get_clock().now()
-        self._waiting: deque[tuple[MarkerDetection, Time]] = deque(maxlen=_MOST_WAITING)
-        for topic in topics:
-            subscribe(node, MarkerDetection, topic, self._take, EVENTS)
-        node.create_timer(_TICK_S, self.tick, clock=Clock(clock_type=ClockType.STEADY_TIME))
+        self._waiting: deque[tuple[Marked, Time]] = deque()
+        self._taken_ns: dict[tuple[str, str], int] = {}
+        self._dropped = self._told = 0
+        self._reason = ''
+        self._subscriber = DetectionSubscriber(node, topics, source, self._take)
+        node.create_timer(_TICK_S, self._tick, clock=Clock(clock_type=ClockType.STEADY_TIME))
 
-    def _take(self, message: MarkerDetection) -> None:
-        if to_ns(message.header.stamp) >= 0:
-            self._waiting.append((message, self._node.get_clock().now()))
-            self.tick()
+    def examine(self, values: dict[str, str]) -> list[tuple[bytes, str]]:
+        """Add counts to values of diagnostics; return what was wrong since the last call."""
+        values['waiting for a transform'] = str(len(self._waiting))
+        values['dropped for want of a transform'] = str(self._dropped)
+        problems = self._subscriber.examine(values)
+        new, self._told = self._dropped - self._told, self._dropped
+        if new:
+            problems.append((WARN, f'{new} detections dropped: {self._reason}'))
+        return problems
 
-    def tick(self) -> None:
-        """Hand on waiting detections whose transforms are known."""
+    def refuse(self, reason: str) -> None:
+        """Count and tell a reading that cannot be."""
+        self._subscriber.refuse(reason)
+
+    def _is_news(self, message: MarkerTrack) -> bool:
+        """Return whether a marker is at rest, and its track's errors differ from the last time."""
+        key = (message.header.frame_id, message.child_frame_id)
+        stamp_ns = to_ns(message.header.stamp)
+        age_s = 1e-9 * abs(stamp_ns - self._taken_ns.get(key, to_ns(message.first)))
+        speed = np.linalg.norm(vector_of(message.twist.twist.linear))
+        if age_s < _ALIKE_S or not speed < _REST_M_S:
+            return False
+        self._taken_ns[key] = stamp_ns
+        return True
+
+    def _take(self, message: Marked) -> None:
+        self._look_at_clock()
+        if isinstance(message, MarkerTrack) and not self._is_news(message):
+            return
+        if self._place(message):
+            return
+        self._waiting.append((message, self._ticked))
+        if len(self._waiting) > _MAX_WAITING:
+            self._drop(self._waiting.popleft()[0])
+
+    def _look_at_clock(self) -> None:
+        """Begin again if time has jumped back."""
         now = self._node.get_clock().now()
-        if now < self._ticked:
+        if now + _JUMP < self._ticked:
             self.finder.forget()
             self._waiting.clear()
-            self._forget()
+            self._restart()
         self._ticked = now
+
+    def _tick(self) -> None:
+        """Hand on waiting detections whose transforms have come."""
+        self._look_at_clock()
         for _ in range(len(self._waiting)):
             message, came = self._waiting.popleft()
             if self._place(message):
                 continue
-            if (now - came).nanoseconds * 1e-9 < self._patience_s:
+            if (self._ticked - came).nanoseconds * 1e-9 < self._patience_s:
                 self._waiting.append((message, came))
             else:
-                self._drop(f'no transform from {message.header.frame_id} to {self._fixed}', message)
+                self._drop(message)
 
-    def _place(self, message: MarkerDetection) -> bool:
+    def _place(self, message: Marked) -> bool:
         """Hand a detection on; return False if its transform is not known yet."""
         sensor, stamp = message.header.frame_id, Time.from_msg(message.header.stamp)
         found = self.finder.find(self._fixed, sensor, stamp)
@@ -91,15 +135,15 @@ class PlacedReadings:
                 covariance_of(message.pose)[:3, :3],
                 SensorPose(*found),
             )
+            self._hand_on(placed, message)
         except ValueError as error:
-            self._drop(str(error), message)
-            return True
-        self._hand_on(placed, message)
+            self.refuse(str(error))
         return True
 
-    def _drop(self, reason: str, message: MarkerDetection) -> None:
-        self.dropped[reason.partition(':')[0]] += 1
+    def _drop(self, message: Marked) -> None:
+        self._dropped += 1
+        self._reason = f'no transform from {message.header.frame_id} to {self._fixed}'
         self._node.get_logger().warning(
-            f'{reason}; a reading of {message.child_frame_id} is left out',
+            f'{self._reason}; a reading of {message.child_frame_id} is left out',
             throttle_duration_sec=5.0,
         )

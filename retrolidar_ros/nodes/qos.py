@@ -5,7 +5,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any
 
 from rclpy.node import Node
@@ -15,7 +15,8 @@ from rclpy.qos_overriding_options import QoSOverridingOptions
 
 STREAM = QoSProfile(depth=10, reliability=ReliabilityPolicy.RELIABLE)
 """What a sensor sends: reliable, so that subscribers of either kind connect."""
-STREAM_HEARD = QoSProfile(depth=10, reliability=ReliabilityPolicy.BEST_EFFORT)
+FRAMES = QoSProfile(depth=1000, reliability=ReliabilityPolicy.RELIABLE)
+"""Frames for a detector, which needs every one: those of 20 s wait for one that stands still."""
 EVENTS = QoSProfile(depth=100, reliability=ReliabilityPolicy.RELIABLE)
 """What comes now and then, and in bursts."""
 LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
@@ -29,9 +30,12 @@ def publisher(node: Node, kind: type[Any], topic: str, qos: QoSProfile) -> Publi
 
 
 def subscribe(
-    node: Node, kind: type[Any], topic: str, take: Callable[[Any], None], qos: QoSProfile
+    node: Node, kind: type[Any], topic: str, take: Callable[..., None], qos: QoSProfile
 ) -> str:
-    """Subscribe likewise; return the topic's full name."""
+    """Subscribe likewise; return the topic's full name.
+
+    `take` gets the message, and if it takes two arguments what rclpy knows of it, a dictionary.
+    """
     made = node.create_subscription(kind, topic, take, qos, qos_overriding_options=_OVERRIDABLE)
     return str(made.topic_name)
 
@@ -40,3 +44,16 @@ def topic_part(frame: str) -> str:
     """Return a TF frame as a part of a topic's name, which takes fewer characters."""
     part = re.sub(r'\W', '_', frame, flags=re.ASCII)
     return f'_{part}' if part[0].isdigit() else part
+
+
+def topics_of(prefix: str, names: Sequence[str]) -> list[str]:
+    """Return a topic for each name; ValueError if two would share one."""
+    owners: dict[str, str] = {}
+    for name in names:
+        topic = prefix + topic_part(name)
+        if topic in owners:
+            raise ValueError(
+                f'{owners[topic]} and {name} would share the topic {topic}: rename one of them'
+            )
+        owners[topic] = name
+    return list(owners)

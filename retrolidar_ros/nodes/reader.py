@@ -19,6 +19,7 @@ from retrolidar_ros.nodes.driver import DriverNode
 from retrolidar_ros.nodes.parameters import Parameters
 from retrolidar_ros.nodes.qos import topic_part
 from retrolidar_ros.nodes.run import run
+from retrolidar_ros.nodes.transform_watch import TransformWatch
 
 
 def create_nodes() -> list[Node]:
@@ -35,15 +36,15 @@ def create_nodes() -> list[Node]:
     for what, values in (('names', [topic_part(name) for name in names]), ('ports', ports)):
         if len(set(values)) < len(values):
             raise ValueError(f'{what}: one stands there twice, in {", ".join(values)}')
-    board = HealthBoard(reader)
+    board, watch = HealthBoard(reader), TransformWatch(reader)
     if not ports:
-        detector = DetectorNode(board)
+        detector = DetectorNode(board, watch)
         return [DriverNode(detector.take, board), detector, reader]
     drivers: list[Node] = []
     detectors: list[Node] = []
     for name, port in zip(names, ports, strict=True):
         space = f'{reader.get_namespace().rstrip("/")}/{topic_part(name)}'
-        detector = DetectorNode(board, **_options(space, child_frame=f'{name}_{NAME}'))
+        detector = DetectorNode(board, watch, **_options(space, child_frame=f'{name}_{NAME}'))
         frame_id = f'{name}_optical_frame'
         options = _options(space, serial_port=port, frame_id=frame_id)
         drivers.append(DriverNode(detector.take, board, **options))

@@ -58,7 +58,9 @@ class TransformFinder:
         """Return whether a frame has a parent."""
         if isinstance(self._buffer, TransformBuffer):
             return self._buffer.has(frame)
-        return f'{frame}:' in self._buffer.all_frames_as_yaml()
+        # A line for each frame; its parent, times and rates follow on lines of their own.
+        lines = self._buffer.all_frames_as_yaml().splitlines()
+        return any(line.rstrip() == f'{frame}:' for line in lines)
 
     def find(self, target: str, source: str, stamp: Time) -> tuple[Floats, Floats] | None:
         """Return translation [m] and rotation matrix from source to target frame.

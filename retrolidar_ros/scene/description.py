@@ -180,6 +180,10 @@ def _ahead(position_m: Triple, path: str) -> Triple:
 
 
 def _check_marker(marker: Marker, path: str) -> None:
+    if math.isnan(marker.position_m[2]):
+        raise ConfigError(f'{path}.position: is missing')
+    for index, point in enumerate(marker.path):
+        _ahead(point.position_m, f'{path}.path[{index}].position')
     _ahead(marker.position_m, f'{path}.position')
     if marker.wander and marker.position_m[2] - marker.wander.along_m < NEAREST_M:
         raise ConfigError(f'{path}.wander.along: the marker would reach the sensor')
@@ -193,8 +197,8 @@ class Marker:
     """A liquid-crystal marker."""
 
     id: Annotated[int, integer(0, IDS - 1)]
-    position_m: Annotated[Triple, place()]
-    """In the optical frame: x right, y down, z forward."""
+    position_m: Annotated[Triple, place()] = (math.nan, math.nan, math.nan)
+    """In the optical frame: x right, y down, z forward; of one on a path where it begins."""
     name: Annotated[str, text] = ''
     """If none is given, that of its ID."""
     size_m: Annotated[float, quantity('length', 1e-3, 1)] = MARKER_SIZE_M
@@ -214,10 +218,14 @@ class Marker:
     """Share of its light that a dark crystal blocks."""
     response: Annotated[Response | None, mapping(Response)] = None
     wander: Annotated[Wander | None, mapping(Wander)] = None
+    path: Annotated[tuple[Waypoint, ...], _waypoints] = ()
+    """Positions in the frame of the scene, instead of one; it does not turn."""
     occlusion: Annotated[Occlusion | None, mapping(Occlusion, _check_occlusion)] = None
 
     def __post_init__(self) -> None:
-        """Name it."""
+        """Name it, and place it at the begin of its path."""
+        if self.path and math.isnan(self.position_m[2]):
+            object.__setattr__(self, 'position_m', self.path[0].position_m)
         object.__setattr__(self, 'name', self.name or f'marker_{self.id}')
 
 

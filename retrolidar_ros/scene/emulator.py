@@ -17,10 +17,12 @@ from pathlib import Path
 
 from retrolidar_ros.bag import FrameWriter
 from retrolidar_ros.scene import Scene, Simulation
+from retrolidar_ros.scene.firmware import EmulatedFirmware
 from retrolidar_ros.sensor.frame import Frame
-from retrolidar_ros.sensor.wire import DELIMITER, encode_frame
+from retrolidar_ros.sensor.wire import DELIMITER
 
 _BLOCK_S = 0.25  # computed ahead at a time
+_MOST_BYTES = 4096
 _LINGER_S = 0.25  # a hang-up discards what is still on the line
 
 
@@ -94,6 +96,12 @@ class PortLink:
         self._torn = False
         return True
 
+    def read(self) -> bytes:
+        """Return what a listener has sent."""
+        with suppress(OSError):  # nothing, or nobody listens
+            return os.read(self._master, _MOST_BYTES)
+        return b''
+
     def _forget_unread(self) -> None:
         """Discard what the last listener left: a real port buffers nothing for the next one."""
         slave = os.open(self._port, os.O_RDWR | os.O_NOCTTY)
@@ -128,16 +136,20 @@ def emulate(
 ) -> tuple[int, int]:
     """Serve a scene at a port until it ends or is interrupted; return frames sent and lost.
 
-    Frames that nobody takes are lost, as on a real line. The scene begins at a time of the
-    monotonic clock, or when the port is there.
+    Frames that nobody takes are lost, as on a real line; a stopped sensor sends none. The scene
+    begins at a time of the monotonic clock, or when the port is there.
     """
     sent = lost = 0
+    firmware = EmulatedFirmware(str(link))
     with PortLink(link) as port:
         ready()
         start_ns = time.monotonic_ns() if start_ns is None else start_ns
         with suppress(KeyboardInterrupt):
             for frame, _ in frames_in_real_time(scene, duration_s, start_ns, time.monotonic_ns):
-                if port.write(encode_frame(frame)):
+                port.write(firmware.answer(port.read()))
+                if not (data := firmware.encode(frame)):
+                    continue
+                if port.write(data):
                     sent += 1
                 else:
                     lost += 1

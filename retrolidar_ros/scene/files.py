@@ -11,6 +11,11 @@ from retrolidar_ros.settings.resources import shared_file
 from retrolidar_ros.settings.yaml_files import load_parsed
 
 
+def scene_names() -> list[str]:
+    """Return the names of the scenes that ship with the package."""
+    return sorted(path.stem for path in shared_file('config/scenes').glob('*.yaml'))
+
+
 def find_scene(name: str) -> Path:
     """Return the file of a scene: a path, or the name of one that ships with the package.
 
@@ -21,10 +26,10 @@ def find_scene(name: str) -> Path:
     """
     if Path(name).is_file():
         return Path(name)
-    shipped = shared_file('config/scenes')
-    if (shipped / f'{name}.yaml').is_file():
-        return shipped / f'{name}.yaml'
-    known = ', '.join(sorted(path.stem for path in shipped.glob('*.yaml')))
+    shipped = shared_file('config/scenes') / f'{name}.yaml'
+    if shipped.is_file():
+        return shipped
+    known = ', '.join(scene_names())
     raise FileNotFoundError(f'there is no scene {name}; give a file, or one of {known}')
 
 

@@ -13,21 +13,10 @@ from retrolidar_ros.scene.description import (
     SecondSensor,
     Sensor,
     Surface,
-    Waypoint,
 )
-from retrolidar_ros.scene.optics import zone_shares
+from retrolidar_ros.scene.optics import along, zone_shares
 from retrolidar_ros.scene.transmission import recurring_share
 from retrolidar_ros.sensor.frame import Floats
-
-
-def along(path: tuple[Waypoint, ...], time_s: Floats) -> tuple[Floats, Floats]:
-    """Return positions [m], shape (n, 3), and angles (yaw, pitch) [rad], shape (n, 2), at times."""
-    times = np.array([point.time_s for point in path])
-    span_s = times[-1] - times[0]
-    since = times[0] + np.mod(time_s - times[0], span_s) if span_s else np.full_like(time_s, 0.0)
-    places = np.array([(*point.position_m, point.yaw_rad, point.pitch_rad) for point in path])
-    pose = np.stack([np.interp(since, times, column) for column in places.T], axis=-1)
-    return pose[:, :3], pose[:, 3:]
 
 
 def seen_from(sensor: Sensor, position_m: Floats, time_s: Floats) -> Floats:

@@ -8,7 +8,7 @@ import math
 
 import numpy as np
 
-from retrolidar_ros.scene.description import SIGNAL_AT_1_M, Marker
+from retrolidar_ros.scene.description import SIGNAL_AT_1_M, Marker, Waypoint
 from retrolidar_ros.sensor.frame import Floats, ZoneGrid
 
 REFERENCE_AREA_M2 = 9e-4
@@ -32,11 +32,23 @@ def received_signal(
     return at_1_m * range_m**DISTANCE_EXPONENT
 
 
+def along(path: tuple[Waypoint, ...], time_s: Floats) -> tuple[Floats, Floats]:
+    """Return positions [m], shape (n, 3), and angles (yaw, pitch) [rad], shape (n, 2), at times."""
+    times = np.array([point.time_s for point in path])
+    span_s = times[-1] - times[0]
+    since = times[0] + np.mod(time_s - times[0], span_s) if span_s else np.full_like(time_s, 0.0)
+    places = np.array([(*point.position_m, point.yaw_rad, point.pitch_rad) for point in path])
+    pose = np.stack([np.interp(since, times, column) for column in places.T], axis=-1)
+    return pose[:, :3], pose[:, 3:]
+
+
 def position_at(marker: Marker, time_s: Floats) -> Floats:
     """Return where a marker is at times of shape (n,): x, y, z [m], shape (n, 3).
 
     One that does not move is at one place, shape (1, 3).
     """
+    if marker.path:
+        return along(marker.path, time_s)[0]
     rest = np.array(marker.position_m)
     if marker.wander is None:
         return rest[None]

@@ -4,11 +4,11 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from retrolidar_ros.marker.code import BIT_PERIOD_S, PACKET_BITS
 from retrolidar_ros.scene import Scene
@@ -18,6 +18,7 @@ from retrolidar_ros.scene.optics import position_at
 from retrolidar_ros.sensor.frame import Floats, Recording
 
 MAX_RANGE_ERROR_M = 0.01
+_RARE = 16.266  # 99.9 % of a normal distribution in space
 PACKET_S = PACKET_BITS * BIT_PERIOD_S
 
 
@@ -31,6 +32,8 @@ class Heard(NamedTuple):
     range_m: float
     snr_db: float
     position_m: tuple[float, float, float]
+    covariance: Floats
+    """Of the position [m²], shape (3, 3)."""
     zone: int
     bit_period_s: float
     has_transform: bool
@@ -46,6 +49,12 @@ class Outcome(NamedTuple):
     """True range, mean over the readings; NaN for a ghost."""
     error_m: float
     """Measured less true range, of the reading in which it is largest; NaN without truth."""
+    place_error_m: float
+    """Distance of the measured position from the true one, where it is largest; NaN likewise."""
+    place_stddev_m: float
+    """Deviation along the worst axis, as that reading has it; NaN likewise."""
+    is_placed: bool
+    """Whether all positions lie in the 99.9 % ellipsoids of their covariances."""
     snr_db: float
     first_reading_s: float
     """From the first frame to the end of the first reading; NaN without any."""
@@ -53,18 +62,18 @@ class Outcome(NamedTuple):
 
     @property
     def good(self) -> bool:
-        """Whether a marker was read, placed by TF, and ranged well."""
-        return self.readings > 0 and self.has_transforms and abs(self.error_m) < MAX_RANGE_ERROR_M
+        """Whether a marker was read, is in TF, and range and position are as sure as they say."""
+        is_ranged = self.readings > 0 and abs(self.error_m) < MAX_RANGE_ERROR_M
+        return is_ranged and self.has_transforms and self.is_placed
 
 
-def true_range(scene: Scene, marker: Marker, recording: Recording, stamps: Floats) -> Floats:
-    """Return a marker's true range [m] at stamps [ns after the recording's first], any shape."""
+def true_position(scene: Scene, marker: Marker, recording: Recording, stamps: Floats) -> Floats:
+    """Return where a marker is [m], shape (..., 3), at stamps [ns after the recording's first]."""
     elapsed = (recording.stamp_ns - recording.stamp_ns[0]).astype(np.float64)
     sensor_s = np.interp(stamps, elapsed, recording.sensor_time_us * 1e-6)
     true_s = sensor_s.ravel() / (1 + scene.sensor.clock_error)
     positions = seen_from(scene.sensor, position_at(marker, true_s), true_s)
-    ranges = np.linalg.norm(positions, axis=-1)
-    return np.broadcast_to(ranges, stamps.size).reshape(stamps.shape)
+    return np.broadcast_to(positions, (stamps.size, 3)).reshape(*stamps.shape, 3)
 
 
 def judge(scene: Scene, recording: Recording, heard: Sequence[Heard]) -> list[Outcome]:
@@ -76,18 +85,27 @@ def judge(scene: Scene, recording: Recording, heard: Sequence[Heard]) -> list[Ou
     outcomes = []
     for identity, marker in markers.items():
         own = [reading for reading in heard if reading.id == identity]
-        truth: Floats = np.full(len(own), np.nan)
-        if marker is not None:
+        truth: Floats = np.full((len(own), 3), np.nan)
+        if marker is not None and own:
             stamps = np.array([reading.stamp_ns - origin_ns for reading in own], dtype=float)
-            truth = true_range(scene, marker, recording, stamps)
-        ranges: NDArray[np.float64] = np.array([reading.range_m for reading in own])
+            truth = true_position(scene, marker, recording, stamps)
+        ranges = np.linalg.norm(truth, axis=1)
+        errors = [one.range_m - true for one, true in zip(own, ranges.tolist(), strict=True)]
+        off = [one.position_m - true for one, true in zip(own, truth, strict=True)]
+        worst = max(range(len(own)), key=lambda one: float(np.linalg.norm(off[one])), default=None)
         outcomes.append(
             Outcome(
                 id=identity,
                 name='ghost' if marker is None else marker.name,
                 readings=len(own),
-                range_m=float(truth.mean()) if own else np.nan,
-                error_m=max((ranges - truth).tolist(), key=abs) if own else np.nan,
+                range_m=float(ranges.mean()) if own else np.nan,
+                error_m=max(errors, key=abs, default=np.nan),
+                place_error_m=np.nan if worst is None else float(np.linalg.norm(off[worst])),
+                place_stddev_m=np.nan if worst is None else _worst_stddev(own[worst].covariance),
+                is_placed=all(
+                    vector @ np.linalg.solve(one.covariance, vector) < _RARE
+                    for one, vector in zip(own, off, strict=True)
+                ),
                 snr_db=float(np.median([r.snr_db for r in own])) if own else np.nan,
                 first_reading_s=(own[0].end_ns - origin_ns) * 1e-9 if own else np.nan,
                 has_transforms=all(reading.has_transform for reading in own),
@@ -96,12 +114,20 @@ def judge(scene: Scene, recording: Recording, heard: Sequence[Heard]) -> list[Ou
     return outcomes
 
 
+def _worst_stddev(covariance: Floats) -> float:
+    """Return the standard deviation along the worst axis [m]."""
+    return math.sqrt(float(np.linalg.eigvalsh(covariance)[-1]))
+
+
 def table(outcomes: Sequence[Outcome]) -> str:
     """Return outcomes as lines of text."""
-    lines = ['     id  name        range [m]  worst [mm]  SNR [dB]  first read [s]  readings  TF']
+    lines = [
+        '     id  name        range [m]  worst [mm]  position [mm]  SNR [dB]  first [s]  times  TF'
+    ]
     lines += [
         f'   {one.id:4d}  {one.name:10}  {one.range_m:9.3f}  {one.error_m * 1e3:10.1f}  '
-        f'{one.snr_db:8.1f}  {one.first_reading_s:14.2f}  {one.readings:8d}  '
+        f'{f"{one.place_error_m * 1e3:.0f} ± {one.place_stddev_m * 1e3:.0f}":>13}  '
+        f'{one.snr_db:8.1f}  {one.first_reading_s:9.2f}  {one.readings:5d}  '
         f'{"yes" if one.readings and one.has_transforms else "no"}'
         for one in outcomes
     ]

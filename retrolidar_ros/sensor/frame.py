@@ -9,7 +9,7 @@ from the sensor. Directions are in the optical frame: x right, y down, z forward
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from enum import IntEnum
 from functools import cached_property
 from typing import Any, TypeAlias
@@ -206,6 +206,11 @@ class Recording:
             ambient=np.stack([frame.ambient for frame in frames]),
             status=np.stack([frame.status for frame in frames]),
         )
+
+    def newest(self, count: int) -> Recording:
+        """Return the last frames, so many at most."""
+        arrays = {name: value[-count:] for name, value in vars(self).items() if name != 'grid'}
+        return replace(self, **arrays)
 
     def __len__(self) -> int:
         """Return the number of frames."""

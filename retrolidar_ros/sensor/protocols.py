@@ -8,6 +8,7 @@ from collections.abc import Callable
 from typing import Protocol
 
 from retrolidar_ros.sensor.frame import Frame
+from retrolidar_ros.sensor.identity import Commands
 from retrolidar_ros.sensor.st_example import StExampleReader
 from retrolidar_ros.sensor.wire import FrameReader, WireCounts
 
@@ -18,6 +19,10 @@ class Reader(Protocol):
     @property
     def counts(self) -> WireCounts:
         """Frames and errors so far."""
+
+    @property
+    def commands(self) -> Commands | None:
+        """What the sensor is told and answers; None if the protocol has no commands."""
 
     def feed(self, data: bytes) -> list[Frame]:
         """Take the next bytes of the stream; return the frames they complete, oldest first."""

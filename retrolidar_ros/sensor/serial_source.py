@@ -19,6 +19,7 @@ from typing import NamedTuple
 import serial
 
 from retrolidar_ros.sensor.frame import Frame
+from retrolidar_ros.sensor.identity import Identity
 from retrolidar_ros.sensor.protocols import Reader
 
 RETRY_S = 0.5
@@ -66,6 +67,11 @@ class SerialSource:
         self.received = 0
         """How many bytes have come."""
 
+    @property
+    def identity(self) -> Identity | None:
+        """Who was last at the port; None if it has not said."""
+        return self.reader.commands.identity if self.reader.commands else None
+
     def run(
         self,
         take: Callable[[list[Frame], int], None],
@@ -79,7 +85,8 @@ class SerialSource:
         take : callable
             Gets the frames of each read, and the time [ns] at which it returned.
         report : callable
-            Gets a line whenever the port opens, or a new reason why it cannot be read.
+            Gets a line whenever the port opens, a sensor says who it is, or there is a new reason
+            why the port cannot be read.
         stop : threading.Event
             Ends the reading within the read's timeout.
         """
@@ -90,7 +97,7 @@ class SerialSource:
                     self.problem = ''
                     self.openings += 1
                     report(f'reading {self.port}')
-                    self._read(line, take, stop)
+                    self._read(line, take, report, stop)
             except OSError as error:
                 lost = f'{self.port} was lost; is the sensor still plugged in?'
                 problem = lost if self.is_open else explain(error, self.port)
@@ -118,12 +125,17 @@ class SerialSource:
         return line
 
     def _read(
-        self, line: serial.Serial, take: Callable[[list[Frame], int], None], stop: Event
+        self,
+        line: serial.Serial,
+        take: Callable[[list[Frame], int], None],
+        report: Callable[[str], None],
+        stop: Event,
     ) -> None:
         """Pass on frames until the port fails or `stop` is set."""
         # Not line.read: it takes the first byte by itself, so a frame would cost twice the calls.
         waiting = select.poll()
         waiting.register(line.fileno(), select.POLLIN)
+        reported = ''
         while not stop.is_set():
             data = b''
             if waiting.poll(1e3 * _READ_TIMEOUT_S):
@@ -134,6 +146,9 @@ class SerialSource:
             self.received += len(data)
             if frames := self.reader.feed(data):
                 take(frames, arrival_ns)
+            if (who := self.identity) is not None and who.text() != reported:
+                reported = who.text()
+                report(f'{self.port}: {reported}')
             if request := self.reader.request():
                 line.write(request)
 

@@ -182,6 +182,8 @@ class StExampleReader:
     noticed. Memory is bounded.
     """
 
+    commands = None
+
     def __init__(self, now_ns: Callable[[], int]) -> None:
         """Start anywhere in the text; `now_ns` returns the host's time [ns]."""
         self.counts = WireCounts()

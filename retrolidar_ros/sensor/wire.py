@@ -18,6 +18,7 @@ import numpy as np
 
 from retrolidar_ros.core import ffi, lib
 from retrolidar_ros.sensor.frame import GRIDS, Frame, Status, check_frame_arrays
+from retrolidar_ros.sensor.identity import KIND_IDENTITY, Commands, decode_identity
 
 KIND_FRAME = 1
 DELIMITER = b'\0'
@@ -148,7 +149,7 @@ class WireCounts:
     """Not valid COBS; a line that is no text."""
     bad_crc: int = 0
     bad_shape: int = 0
-    """A frame of an impossible shape or length."""
+    """A packet of an impossible shape or length."""
     unknown_kind: int = 0
     overlong: int = 0
     """More than `MAX_PACKET_BYTES`, or than a line can have, without a delimiter."""
@@ -207,6 +208,7 @@ class FrameReader:
     def __init__(self) -> None:
         """Start between packets, or in the middle of one."""
         self.counts = WireCounts()
+        self.commands = Commands()
         self._packets = Splitter(DELIMITER, MAX_PACKET_BYTES)
         self._is_in_step = False
         """Whether the next packet is known to come from its beginning."""
@@ -223,13 +225,14 @@ class FrameReader:
         return frames
 
     def restart(self) -> None:
-        """Forget a frame that was cut off: the next bytes do not continue it."""
+        """Forget a frame that was cut off, and who sent it: the next bytes do not continue it."""
         self.feed(DELIMITER)
+        self.commands.restart()
         self._is_in_step = False
 
     def request(self) -> bytes:
-        """Return nothing: the sensor is never spoken to."""
-        return b''
+        """Return the commands to send to the sensor now; mostly none."""
+        return self.commands.request()
 
     def notice(self) -> str:
         """Return nothing: frames of this protocol come as fast as the sensor makes them."""
@@ -246,10 +249,13 @@ class FrameReader:
         if not content or crc16(content) != int.from_bytes(checksum, 'little'):
             self.counts.bad_crc += self._is_in_step
             return None
-        if content[0] != KIND_FRAME:
+        if content[0] not in (KIND_FRAME, KIND_IDENTITY):
             self.counts.unknown_kind += 1
             return None
         try:
+            if content[0] == KIND_IDENTITY:
+                self.commands.take(decode_identity(content))
+                return None
             frame = _decode_frame(content)
         except ValueError:
             self.counts.bad_shape += 1

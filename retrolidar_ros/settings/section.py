@@ -103,8 +103,13 @@ def _keys(kind: Any) -> list[tuple[Field[Any], str, Parser[Any]]]:
     return keys
 
 
-def quantity(kind: str, minimum: float = -_LARGEST, maximum: float = _LARGEST) -> Parser[float]:
-    """Return a parser of quantities such as `21 ms` within limits in the code's own unit."""
+def quantity(
+    kind: str, minimum: float = -_LARGEST, maximum: float = _LARGEST, *, bare: bool = False
+) -> Parser[float]:
+    """Return a parser of quantities such as `21 ms` within limits in the code's own unit.
+
+    A `bare` number may stand for one in that unit.
+    """
 
     def parse(value: Any, path: str) -> float:
         units = UNITS[kind]
@@ -113,6 +118,8 @@ def quantity(kind: str, minimum: float = -_LARGEST, maximum: float = _LARGEST) -
         if match is None:
             raise ConfigError(f'{path}: {value!r} is not a number with a unit ({known})')
         number, unit = match.groups()
+        if unit is None and bare:
+            unit = next(name for name, size in units.items() if size == 1)
         if unit is None:
             raise ConfigError(f'{path}: {value!r} has no unit; write {number} {next(iter(units))}')
         if unit not in units:

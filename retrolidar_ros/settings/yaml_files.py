@@ -77,8 +77,10 @@ def load_yaml(path: Path) -> Any:
     OSError
         If it cannot be read.
     ValueError
-        If it is not YAML, or a key is duplicate; the message names the line.
+        If it is a FIFO or not YAML, or a key is duplicate; the message names the line.
     """
+    if path.is_fifo():  # to open it would wait for a writer
+        raise ValueError(f'{path} is a FIFO; give a regular file')
     with path.open('rb') as file:
         data = file.read(_MOST_BYTES + 1)
     if len(data) > _MOST_BYTES:
@@ -88,6 +90,12 @@ def load_yaml(path: Path) -> Any:
     except (yaml.YAMLError, ValueError, RecursionError, *_OF_TAGS) as error:
         reason = str(error) if isinstance(error, (yaml.YAMLError, ValueError)) else repr(error)
         raise ValueError(f'{path} is not a YAML file: {reason}') from error
+
+
+def yaml_text(content: object) -> str:
+    """Return plain values as YAML, in their order, lists of numbers on lines of their own."""
+    text: str = yaml.safe_dump(content, sort_keys=False, default_flow_style=None)
+    return text
 
 
 def load_parsed(path: Path, parse: Callable[[Any], T]) -> T:

@@ -6,7 +6,8 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 
 import numpy as np
@@ -78,34 +79,44 @@ class Landmark:
         """Wait for readings; all but the name is as in `Problem`."""
         self.name = name
         self.errors = errors
+        self._markers = markers
+        self._place_variance = place_variance
+        self._known = prior
+        self.restart()
+
+    def restart(self) -> None:
+        """Begin again without any reading, with what was known before."""
         self.rejected = 0
         self.moved_s: float | None = None
         self.fit: Fit | None = None
         self.members: list[Reading] = []
-        self._markers = markers
-        self._place_variance = place_variance
-        self._prior = prior
-        self._founded = prior is not None
+        self._prior = self._known
+        self._founded = self._known is not None
         self._strays: list[Reading] = []
         self._since_s = -math.inf
-        if prior is not None:
+        self._is_settled = True
+        self._estimate: Estimate | None = None
+        if self._known is not None:
             spread = np.zeros((9, 9))
-            spread[:6, :6] = prior.covariance
-            self.fit = Fit(prior.state, spread, -math.inf, np.zeros((0, 3)), np.zeros((0, 2)))
-
-    def forget(self) -> None:
-        """Begin without any reading, and without what was known before."""
-        self.members, self._strays, self.fit, self._prior = [], [], None, None
-        self._founded, self._since_s = False, -math.inf
+            spread[:6, :6] = self._known.covariance
+            none = np.zeros((0, 2))
+            self.fit = Fit(self._known.state, spread, -math.inf, np.zeros((0, 3)), none, none)
 
     def take(self, reading: Reading, doubt: Callable[[], bool] = lambda: False) -> bool:
         """Take a reading of one of the markers, and return whether it belongs.
 
         `doubt` is asked, of a reading that does not, whether it could be of another landmark.
         """
+        self.add(reading, doubt)
+        self.settle()
+        return any(one is reading for one in self.members)
+
+    def add(self, reading: Reading, doubt: Callable[[], bool] = lambda: False) -> None:
+        """Take a reading as `take` does; several of them share what `settle` computes."""
+        self._estimate = None
         if reading.stamp_s < self._since_s:
             self.rejected += 1
-            return False
+            return
         fits = self.fit is None or not self._knows_turn()
         scores = np.zeros(3) if fits else self._scores(reading)
         if scores.max() < _GATE:
@@ -113,16 +124,51 @@ class Landmark:
             if self._founded:
                 self._strays = [one for one in self._strays if one.stamp_s > reading.stamp_s]
             self._thin()
-            self._solve()
-            self._found()
-            return any(one is reading for one in self.members)
+            self._is_settled = False
+            if not self._founded:  # until then each may be the wrong one
+                self.settle()
+            return
         self.rejected += 1
         in_doubt = scores[0] < _GATE or doubt()
-        return self._looks_elsewhere(reading, _AGREEING_IN_DOUBT if in_doubt else _AGREEING)
+        self._look_elsewhere(reading, _AGREEING_IN_DOUBT if in_doubt else _AGREEING)
+
+    def settle(self) -> None:
+        """Compute the place from the readings added since."""
+        if not self._is_settled:
+            self._is_settled, self._estimate = True, None
+            self._solve()
+            assert self.fit is not None
+            state = self.fit.state
+            if not np.isfinite([*state.position_m, *self.fit.covariance.ravel()]).all():
+                raise np.linalg.LinAlgError('not finite')
+            self._found()
+
+    @contextmanager
+    def unharmed(self) -> Iterator[None]:
+        """Take back what is added in the block if that cannot be solved, and raise ValueError."""
+        before = {
+            name: value.copy() if isinstance(value, list) else value
+            for name, value in vars(self).items()
+        }
+        try:
+            with np.errstate(all='ignore'):  # what is not finite is refused
+                yield
+        except np.linalg.LinAlgError as error:
+            vars(self).update(before)
+            raise ValueError(f'readings that cannot be solved: {self.name}') from error
 
     def could_be(self, reading: Reading) -> bool:
         """Return whether a reading agrees with the place of one of its markers, whatever its ID."""
-        if self.estimate() is None:
+        found = self.estimate()
+        if found is None or not self._markers:
+            return False
+        # Most are too near or too far, which costs little to see.
+        errors, stddev_m = self.errors, found.stddev_m
+        apart_m = float(np.linalg.norm(found.position_m - reading.pose.position_m))
+        arm_m = max(float(np.linalg.norm(place)) for place in self._markers.values())
+        open_m = stddev_m + 2 * stddev_m**2 / reading.range_m + reading.range_stddev_m
+        open_m += errors.pose_m + errors.range_bias_m + errors.range_m
+        if not errors.acceleration and abs(apart_m - reading.range_m) > arm_m + _GATE * open_m:
             return False
         own = [self._scores(reading._replace(marker=one)) for one in self._markers]
         return bool(min(scores.max() for scores in own) < _GATE)
@@ -133,18 +179,21 @@ class Landmark:
 
     def estimate(self) -> Estimate | None:
         """Return where the landmark is; None until readings agree, or it was known before."""
-        if self.fit is None or not self._founded:
-            return None
-        state = self.fit.state
+        if self._estimate is None and self.fit is not None and self._founded:
+            self._estimate = self._estimate_of(self.fit)
+        return self._estimate
+
+    def _estimate_of(self, fit: Fit) -> Estimate:
+        state = fit.state
         places = np.array([one.pose.position_m for one in self.members]).reshape(-1, 3)
         apart = np.linalg.norm(places[:, None] - places, axis=-1)
-        covariance = self.fit.covariance[:6, :6]
+        covariance = fit.covariance[:6, :6]
         if len(self._markers) == 1:
             covariance = covariance.copy()
             covariance[3:, 3:] = np.eye(3) * TURN_VARIANCE
         return Estimate(
             name=self.name,
-            stamp_s=self.fit.stamp_s,
+            stamp_s=fit.stamp_s,
             position_m=state.position_m,
             rotation=state.rotation,
             velocity=state.velocity,
@@ -155,10 +204,18 @@ class Landmark:
             moved_s=self.moved_s,
         )
 
-    def spread_with(self, readings: Sequence[Reading]) -> Floats:
-        """Return the covariance of the position, shape (3, 3) [m²], with more ranges besides."""
+    def spread_with(self, readings: Sequence[Reading], beside: int | None = None) -> Floats:
+        """Return the covariance of the position, shape (3, 3) [m²], with more ranges besides.
+
+        They may be of one more marker, `beside` the first.
+        """
         assert self.fit is not None
-        return self._problem([*self.members, *readings]).spread(self.fit)[:3, :3]
+        markers = dict(self._markers)
+        if beside is not None:
+            markers[beside] = next(iter(markers.values()))
+        every = [*self.members, *readings]
+        problem = Problem(markers, every, self.errors, self._prior, self._place_variance)
+        return problem.spread(self.fit)[:3, :3]
 
     def _problem(self, readings: Sequence[Reading]) -> Problem:
         return Problem(self._markers, readings, self.errors, self._prior, self._place_variance)
@@ -177,7 +234,7 @@ class Landmark:
         fit = self.fit
         if self.errors.acceleration and self.members:
             # Its own time counts, before or after that of the estimate.
-            fit = self._problem([*self.members, reading]).solve(fit.state)
+            fit = self._problem([*self.members, reading]).solve(fit)
             most: Floats = np.abs(fit.scores).max(axis=0)
             return most
         scores: Floats = np.abs(self._problem([reading]).scores(fit)[0])
@@ -186,8 +243,9 @@ class Landmark:
     def _solve(self) -> None:
         """Fit all members, and let go those that do not belong."""
         while True:
-            start = self.fit.state if self._knows_turn() and self.fit is not None else None
-            self.fit = self._problem(self.members).solve(start)
+            start = self.fit if self._knows_turn() else None
+            # A copy: the members change while the estimate stays.
+            self.fit = self._problem(tuple(self.members)).solve(start)
             scores = np.abs(self.fit.scores).max(axis=1)
             worst = int(scores.argmax())
             if scores[worst] < _GATE or len(self.members) <= _AGREEING:
@@ -201,15 +259,17 @@ class Landmark:
         turning = self.fit.covariance[3:6, 3:6]
         return largest_stddev(turning) < _TURN_UNKNOWN
 
-    def _looks_elsewhere(self, reading: Reading, needed: int) -> bool:
+    def _look_elsewhere(self, reading: Reading, needed: int) -> None:
         """Restart if enough strays agree with a reading, and none of the members is newer."""
         self._strays.append(reading)
         if self.members and reading.stamp_s < max(one.stamp_s for one in self.members):
-            return False
+            return
         for others in itertools.combinations(self._strays[-_MOST_STRAYS:-1], needed - 1):
             agreeing = [*others, reading]
-            fit = Problem(self._markers, agreeing, self.errors).solve()
-            if self._is_founded(agreeing, _AGREEING) and np.abs(fit.scores).max() < _GATE:
+            if not self._is_founded(agreeing, _AGREEING):
+                continue
+            fit = Problem(self._markers, tuple(agreeing), self.errors).solve()
+            if np.abs(fit.scores).max() < _GATE:
                 self.rejected -= needed
                 if self._founded:
                     self.moved_s = reading.stamp_s
@@ -221,10 +281,9 @@ class Landmark:
                     self._strays = [one for one in self._strays if id(one) not in kept]
                     self._strays += self.members
                 self.members, self._prior = agreeing, None
-                self.fit = fit
+                self.fit, self._is_settled = fit, True
                 self._found()
-                return True
-        return False
+                return
 
     def _found(self) -> None:
         """Decide whether it is known well enough to be published."""

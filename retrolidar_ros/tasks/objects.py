@@ -78,7 +78,7 @@ class ObjectBoard:
                 reasons[name] = f'was seen in {sighting.frame_id}, others in {newest.frame_id}'
             elif sighting.stddev_m > self.max_stddev_m:
                 reasons[name] = (
-                    f'is known to {sighting.stddev_m:.4f} m only; {self.max_stddev_m:g} m wanted'
+                    f'±{1e3 * sighting.stddev_m:.3g} mm (±{1e3 * self.max_stddev_m:.3g} mm needed)'
                 )
         return reasons
 

@@ -12,6 +12,8 @@ import numpy as np
 
 from retrolidar_ros.sensor.frame import Floats, ZoneGrid
 
+_UNIT, _MAX_AWAY_M = 1e-6, 1e7
+
 
 class SensorPose(NamedTuple):
     """Where a sensor was in the fixed frame."""
@@ -39,10 +41,10 @@ class Reading(NamedTuple):
 
 
 def axes_of(direction: Floats) -> Floats:
-    """Return two unit vectors across a direction, the first as near to x as can be: (2, 3)."""
-    across = np.array([1.0, 0.0, 0.0]) - direction[0] * direction
-    across /= np.linalg.norm(across)
-    return np.stack([across, np.cross(direction, across)])
+    """Return two unit vectors across each direction (..., 3), the first near x: (..., 2, 3)."""
+    across = np.array([1.0, 0.0, 0.0]) - direction[..., :1] * direction
+    across /= np.linalg.norm(across, axis=-1, keepdims=True)
+    return np.stack([across, np.cross(direction, across)], axis=-2)
 
 
 def reading(
@@ -69,12 +71,16 @@ def reading(
     Raises
     ------
     ValueError
-        For a value that is not a number, or a range or a deviation that is not above 0.
+        For a value that is not a number, a range or a deviation that is not above 0, or a pose that
+        is none.
     """
     values = np.concatenate([position_m, covariance.ravel(), [stamp_s, range_m, range_stddev_m]])
     length_m = float(np.linalg.norm(position_m))
     if not np.isfinite(values).all() or min(range_m, range_stddev_m, length_m) <= 0:
         raise ValueError(f'marker {marker}: a range of {range_m} ± {range_stddev_m} m cannot be')
+    off = float(np.abs(pose.rotation @ pose.rotation.T - np.eye(3)).max())
+    if not (off < _UNIT and np.abs(pose.position_m).max() < _MAX_AWAY_M):  # nor NaN
+        raise ValueError(f'the transform of the sensor is no pose: {sensor}')
     direction = position_m / length_m
     axes = axes_of(direction)
     variance = np.einsum('ki,ij,kj->k', axes, covariance, axes) / length_m**2
@@ -129,7 +135,8 @@ class Readings:
         self.stamp_s = np.array([one.stamp_s for one in readings])
         self.sensor_m = np.array([one.pose.position_m for one in readings])
         rotation = np.array([one.pose.rotation for one in readings])
-        own = np.array([np.vstack([axes_of(one.direction), one.direction]) for one in readings])
+        direction = np.array([one.direction for one in readings])
+        own = np.concatenate([axes_of(direction), direction[:, None]], axis=1)
         axes = own @ rotation.swapaxes(1, 2)
         self.axes = axes[:, :2]
         """Across the measured directions, in the fixed frame, shape (n, 2, 3)."""
@@ -149,7 +156,7 @@ class Readings:
         variance = self.range_stddev_m**2
         # Two that blink in one zone spoil each other's range, and do not report it.
         other = self.marker[:, None] != self.marker
-        tangent = np.array([one.direction[:2] / one.direction[2] for one in readings])
+        tangent = direction[:, :2] / direction[:, 2:]
         close = np.abs(tangent[:, None] - tangent).max(axis=-1) < ZoneGrid().pitch / 2
         crowded = (other & close & (self._one_pose > 0.5)).any(axis=1)
         variance += (_CROWDED_M / _DISTRUST) ** 2 * crowded

@@ -4,7 +4,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -16,6 +17,8 @@ from retrolidar_ros.tasks.landmarks import Estimate, Landmark
 from retrolidar_ros.tasks.reading import Errors, Reading
 from retrolidar_ros.tasks.state import Prior, State
 
+MAX_LANDMARKS = 500
+"""Of a survey: as many fit into a file that is read."""
 _ORIGIN = np.zeros(3)
 
 
@@ -44,31 +47,67 @@ class Survey:
         self._errors = errors
         self._known = known or {}
         self._owners = {one: name for name, markers in objects.items() for one in markers}
-        for name in self._known:
-            self._begin(name, objects.get(name, {}))
+        self.restart()
 
-    def take(self, reading: Reading, name: str) -> Landmark:
-        """Take a reading of a marker that goes by a name if it is no part of an object."""
-        owner = self._owners.get(reading.marker, name)
-        if owner not in self.landmarks or not self.landmarks[owner].has(reading.marker):
-            self._begin(owner, self._objects.get(owner, {reading.marker: _ORIGIN}))
-        landmark = self.landmarks[owner]
+    def owner_of(self, marker: int, name: str) -> str:
+        """Return the landmark of a marker that goes by a name if it is no part of an object."""
+        return self._owners.get(marker, name)
+
+    def take(self, name: str, *readings: Reading) -> Landmark:
+        """Take readings of one landmark, and return that.
+
+        Raises
+        ------
+        ValueError
+            If another marker has this name, there are too many landmarks, or readings cannot be
+            solved.
+        """
+        landmark = self._landmark(name, readings[0].marker)
         others = [one for one in self.landmarks.values() if one is not landmark]
-        landmark.take(reading, lambda: any(one.could_be(reading) for one in others))
+        with landmark.unharmed():
+            for reading in readings:
+                if landmark.has(reading.marker):
+                    landmark.add(reading, partial(_could_be, others, reading))
+            landmark.settle()
         return landmark
+
+    def _landmark(self, name: str, marker: int) -> Landmark:
+        known = self.landmarks.get(name)
+        if known is not None and known.has(marker):
+            return known
+        if known is not None and known.members and known.estimate() is not None:
+            raise ValueError(f'two markers have one name, each needs its own: {marker}, {name}')
+        if known is None and len(self.landmarks) >= MAX_LANDMARKS:
+            unsure = [one for one, landmark in self.landmarks.items() if not landmark.estimate()]
+            if not unsure:
+                raise ValueError(f'{MAX_LANDMARKS} landmarks are the most; left out: {name}')
+            del self.landmarks[unsure[0]]
+        return self._begin(name, self._objects.get(name, {marker: _ORIGIN}))
+
+    def restart(self) -> None:
+        """Begin again with what was known before all readings, as time does in a replay."""
+        self.landmarks.clear()
+        for name in self._known:
+            self._begin(name, self._objects.get(name, {}))
 
     def forget(self) -> None:
         """Forget all landmarks, those of a former survey, too."""
-        self.landmarks.clear()
         self._known = {}
+        self.restart()
 
     def estimates(self) -> list[Estimate]:
         """Return what is known."""
         found = [landmark.estimate() for landmark in self.landmarks.values()]
         return [one for one in found if one is not None]
 
-    def _begin(self, name: str, markers: Mapping[int, Floats]) -> None:
-        self.landmarks[name] = Landmark(name, markers, self._errors, self._known.get(name))
+    def _begin(self, name: str, markers: Mapping[int, Floats]) -> Landmark:
+        fresh = Landmark(name, markers, self._errors, self._known.get(name))
+        self.landmarks[name] = fresh
+        return fresh
+
+
+def _could_be(landmarks: Sequence[Landmark], reading: Reading) -> bool:
+    return any(one.could_be(reading) for one in landmarks)
 
 
 def survey_content(frame: str, estimates: list[Estimate]) -> dict[str, Any]:
@@ -124,10 +163,10 @@ def _numbers(count: int) -> Callable[[Any, str], Floats]:
     def parse(value: Any, path: str) -> Floats:
         try:
             numbers: Floats = np.array(value, dtype=float)
-        except (TypeError, ValueError):
+        except (TypeError, ValueError, OverflowError):
             numbers = np.array([])
         if numbers.shape != (count,) or not np.isfinite(numbers).all():
-            raise ConfigError(f'{path}: needs a list of {count} numbers, not {value!r}')
+            raise ConfigError(f'{path}: needs a list of {count} numbers, not {value!r:.200}')
         return numbers
 
     return parse

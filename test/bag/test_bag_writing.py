@@ -3,6 +3,7 @@
 """What a bag writer refuses, what it leaves when it is ended, and what it needs."""
 
 import os
+import re
 import subprocess
 import sys
 from collections.abc import Iterator
@@ -118,11 +119,34 @@ def test_no_file_stays_open(tmp_path: Path, storage: Storage) -> None:
 
 
 @both_storages
+def test_a_disk_that_is_full_keeps_what_is_on_it(tmp_path: Path, storage: Storage) -> None:
+    script = (
+        'import resource, signal, sys; from harness_frames import make_frames\n'
+        'from retrolidar_ros.bag import *\n'
+        'signal.signal(signal.SIGXFSZ, signal.SIG_IGN)\n'
+        'with FrameWriter(sys.argv[1], sys.argv[2]) as writer:\n'
+        '    resource.setrlimit(resource.RLIMIT_FSIZE, (300_000, 300_000))\n'
+        '    for frame in make_frames(5000): writer.write(frame)\n'
+    )
+    ended = subprocess.run(
+        [sys.executable, '-c', script, str(tmp_path / 'bag'), storage],
+        env={**os.environ, 'PYTHONPATH': os.pathsep.join(sys.path)},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert re.search('BagError: .*(File too large|disk I/O error)', ended.stderr)
+    read, _ = read_all(tmp_path / 'bag')
+    assert len(read) >= 750
+    assert equal(read, make_frames(5000)[: len(read)])
+
+
+@both_storages
 def test_what_was_written_before_a_sudden_end_is_kept(tmp_path: Path, storage: Storage) -> None:
     script = (
         'import os, sys; from harness_frames import make_frames; from retrolidar_ros.bag import *\n'
         'writer = FrameWriter(sys.argv[1], sys.argv[2]); writer.__enter__()\n'
-        'for frame in make_frames(3000, 8): writer.write(frame)\n'
+        'for frame in make_frames(1000): writer.write(frame)\n'
         'os._exit(9)'
     )
     subprocess.run(
@@ -131,6 +155,6 @@ def test_what_was_written_before_a_sudden_end_is_kept(tmp_path: Path, storage: S
         check=False,
     )
     read, error = read_all(tmp_path / 'bag')
-    assert len(read) >= 2000
-    assert equal(read, make_frames(3000, 8)[: len(read)])
+    assert len(read) >= 750
+    assert equal(read, make_frames(1000)[: len(read)])
     assert error is not None

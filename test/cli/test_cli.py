@@ -11,7 +11,6 @@ import pytest
 
 from retrolidar_ros.cli.main import main
 from retrolidar_ros.detector import METHODS
-from retrolidar_ros.detector.text import TEXT_HEADER
 
 FIELDS = (
     'stamp id x y z range range_stddev snr evidence decision_margin score bit_period '
@@ -53,6 +52,25 @@ def test_decode_prints_one_json_object_a_detection(bag: Path, method: str, capsy
     assert method != METHODS[0] or detections == decoded(capsys, bag)
     ends = [detection['end'] for detection in detections]
     assert ends == sorted(ends)
+
+
+def test_decode_prints_where_markers_are_at_every_frame(bag: Path, capsys: Output) -> None:
+    tracks = decoded(capsys, bag, '--tracks')
+    assert set(tracks[0]) == {
+        *('stamp', 'id', 'x', 'y', 'z', 'vx', 'vy', 'vz', 'range', 'range_stddev', 'presence')
+    }
+    own = [one for one in tracks if one['id'] == 2073]
+    stamps = np.array([one['stamp'] for one in own])
+    assert np.median(np.diff(stamps)) < 0.03
+    for one in own:
+        assert np.linalg.norm([one['x'], one['y'], one['z']]) == pytest.approx(one['range'])
+        assert abs(one['range'] - 1.0) < 0.02
+    assert main(['decode', '--tracks', str(bag)]) == 0
+    header, *lines = capsys.readouterr().out.splitlines()
+    assert len(lines) == len(tracks)
+    assert len(header) == len(lines[0])
+    assert main(['decode', '--tracks', '--method', 'paper', str(bag)]) == 2
+    assert 'method paper follows no markers' in capsys.readouterr().err
 
 
 def test_decode_prints_a_table(bag: Path, capsys: Output) -> None:
@@ -98,7 +116,7 @@ def test_a_damaged_bag_is_decoded_and_drawn(bag: Path, tmp_path: Path, capsys: O
         ('ids --count 4 --min-distance 32', 'a distance of 32 bits is outside'),
         ('ids --check 3,4096', r'marker ID 4096 is outside 0\.\.4095'),
         ('ids --check 3 --min-distance 0', 'a distance of 0 bits is outside'),
-        ('budget --size 3', "--size: '3' has no unit"),
+        ('budget --size 3', "--size: '3' is impossible"),  # metres
         ('budget --size 0cm', "--size: '0cm' is impossible"),
         ('budget --size 1m', "--size: '1m' is impossible"),  # larger than a zone
         ('budget --distance 2km', "--distance: '2km' is in km; it needs m or cm or mm"),
@@ -118,7 +136,7 @@ def test_unusable_input_is_one_line(
 ) -> None:
     assert main(arguments.replace('BAG', str(bag)).split()) == 2
     output = capsys.readouterr()
-    assert output.out in ('', f'{TEXT_HEADER}\n')
+    assert output.out == ''
     (line,) = output.err.splitlines()
     assert re.match(f'retrolidar: {message}', line)
 
@@ -129,14 +147,14 @@ def test_unusable_input_is_one_line(
         ('decode bag --method magic', 'choose from'),
         ('emulate coffee --bag bag --storage magic', 'choose from'),
         *(
-            (f'emulate coffee --bag bag --duration {text}', f'{text} is no positive number of sec')
+            (f'emulate coffee --bag bag --duration {text}', f"'{text}' is")
             for text in ('inf', 'nan', '1e300')
         ),
         ('watch port --zone 64', '64 is no zone'),
         ('watch port --zone=-1', '-1 is no zone'),
         ('watch port --zone x', 'x is no zone: they are 0 to 15, or 0 to 63'),
-        ('watch port --bit-period 42ms', '42ms is no NUMBER'),
-        ('watch port --duration 1min', '1min is no number of seconds'),
+        ('watch port --bit-period 42m', "'42m' is in m; it needs s or ms or us"),
+        ('watch port --duration 1min', "'1min' is in min; it needs s or ms or us"),
         ('watch port --bit-period 0.001', '0.001 is not within 0.002 to 10'),
         ('watch port --bit-period 11', '11.0 is not within'),
         ('watch port --protocol magic', 'choose from'),
@@ -150,4 +168,28 @@ def test_unusable_input_is_one_line(
 def test_arguments_that_do_not_fit(arguments: str, message: str, capsys: Output) -> None:
     with pytest.raises(SystemExit, match=r'^2$'):
         main(arguments.split())
-    assert message in capsys.readouterr().err
+    error, *more = capsys.readouterr().err.splitlines()
+    assert error.startswith(f'retrolidar {arguments.split()[0]}: ')
+    assert message in error
+    assert 1 <= len(more) <= 3
+    option = arguments.split()[-1] if 'allowed' in error or 'required' in error else ''
+    assert option or '--help' in more[0] or more[0].strip().startswith(('-', 'ID'))
+
+
+def test_versions_scenes_and_units(bag: Path, capsys: Output) -> None:
+    with pytest.raises(SystemExit, match=r'^0$'):
+        main(['--version'])
+    assert re.fullmatch(r'retrolidar \d+\.\d+\.\d+\n', capsys.readouterr().out)
+    assert main(['emulate']) == 0
+    scenes = capsys.readouterr().out
+    assert [line.split()[0] for line in scenes.splitlines()] == ['arm', 'coffee', 'drone', 'range']
+    assert main(['emulate', 'coffee']) == 2
+    assert 'emulate needs --port-link PATH or --bag DIR' in capsys.readouterr().err
+    assert decoded(capsys, bag, '--bit-period', '42 ms', '--range-offset', '1mm') == decoded(
+        capsys, bag, '--bit-period', '0.042', '--range-offset', '0.001'
+    )
+    budgets = []
+    for distance in ('1.5 m', '1.5', '150cm'):
+        assert main(['budget', '--distance', distance]) == 0
+        budgets.append(capsys.readouterr().out)
+    assert len(set(budgets)) == 1

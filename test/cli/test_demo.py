@@ -8,7 +8,7 @@ import pytest
 from retrolidar_ros.scene import Simulation
 from retrolidar_ros.scene.files import load_scene
 from retrolidar_ros.scene.optics import position_at
-from retrolidar_ros.scene.truth import Heard, judge, true_range
+from retrolidar_ros.scene.truth import Heard, judge, true_position
 
 
 def test_truth_is_the_range_at_the_stamp() -> None:
@@ -28,7 +28,8 @@ def test_truth_is_the_range_at_the_stamp() -> None:
         end_ns=end_ns,
         range_m=truth + 0.004,
         snr_db=20.0,
-        position_m=(0.0, 0.0, 1.0),
+        position_m=tuple((places[0] + (0.06, 0, 0)).tolist()),
+        covariance=np.diag([0.05, 0.05, 0.005]) ** 2,
         zone=5,
         bit_period_s=0.042,
         has_transform=True,
@@ -37,7 +38,11 @@ def test_truth_is_the_range_at_the_stamp() -> None:
     outcome, other = judge(scene, recording, [reading, ghost])
     assert outcome.range_m == pytest.approx(truth, abs=3e-4)
     assert outcome.error_m == pytest.approx(0.004, abs=3e-4)
+    assert outcome.place_error_m == pytest.approx(0.06, abs=1e-3)
+    assert outcome.place_stddev_m == pytest.approx(0.05)
     assert outcome.good
+    (missed, _) = judge(scene, recording, [reading._replace(covariance=np.eye(3) * 1e-4), ghost])
+    assert (missed.is_placed, missed.good) == (False, False)
     assert outcome.first_reading_s == pytest.approx((end_ns - origin_ns) * 1e-9)
     assert (other.id, other.name, other.good) == (7, 'ghost', False)
     (unread,) = judge(scene, recording, [])
@@ -48,5 +53,5 @@ def test_a_marker_at_rest_has_one_range_at_all_times() -> None:
     scene = load_scene('drone')
     marker = replace(scene.markers[0], wander=None)
     recording = Simulation(scene).run(1.0)
-    ranges = true_range(scene, marker, recording, np.array([[0.0, 1e8], [2e8, 3e8]]))
-    assert ranges == pytest.approx(np.full((2, 2), np.linalg.norm(marker.position_m)))
+    places = true_position(scene, marker, recording, np.array([[0.0, 1e8], [2e8, 3e8]]))
+    assert places == pytest.approx(np.broadcast_to(marker.position_m, (2, 2, 3)))

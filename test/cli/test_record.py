@@ -43,7 +43,7 @@ def until(stream: IO[str] | None, pattern: str) -> str:
 def test_an_interrupted_recording_holds_what_was_sent(tmp_path: Path, storage: str) -> None:
     with Sensor(load_scene('coffee'), tmp_path / 'port') as sensor:
         process = recorder(tmp_path / 'port', tmp_path / 'bag', '--storage', storage)
-        line = until(process.stderr, 'bits of')
+        line = until(process.stderr, 'zone 9 blinks by')
         process.send_signal(signal.SIGINT)
         output, _ = process.communicate(timeout=20)
     assert process.returncode == 0
@@ -77,11 +77,12 @@ def test_a_cable_that_is_pulled_leaves_what_came_before_and_after(tmp_path: Path
     assert (np.diff(recording.stamp_ns) > 0).all()
 
 
-def test_no_frame_is_an_exit_code(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    code = main(
-        ['record', str(tmp_path / 'none'), '-o', str(tmp_path / 'bag'), '--duration', '0.3']
-    )
-    assert code == 1
+def test_no_frame_is_an_exit_code_and_leaves_nothing(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    bag = tmp_path / 'new' / 'bag'
+    assert main(['record', str(tmp_path / 'none'), '-o', str(bag), '--duration', '0.3']) == 1
     output = capsys.readouterr()
     assert 'does not exist; is the sensor plugged in?' in output.err
-    assert '0 frames' in output.out
+    assert 'no frame came' in output.out
+    assert list(tmp_path.iterdir()) == []

@@ -5,6 +5,7 @@
 import os
 import re
 import resource
+import shutil
 import signal
 import subprocess
 import sys
@@ -189,3 +190,14 @@ def test_control_characters_are_escaped_for_a_terminal() -> None:
     long = printable('x' * 10**6)
     assert len(long) < 1100
     assert '999000 characters' in long
+
+
+def test_tools_of_ros_that_are_not_there_are_named_with_what_does_the_same() -> None:
+    root = Path(__file__).parents[2]
+    if not (root / '.venv').exists() or shutil.which('ros2'):
+        pytest.skip('needs the environment of make build, without the tools of ROS')
+    command = [str(root / 'embedded' / 'run'), 'ros2', 'bag', 'play', 'x']
+    result = subprocess.run(command, capture_output=True, text=True, timeout=20)
+    assert result.returncode == 127
+    (line,) = result.stderr.splitlines()
+    assert 'retrolidar watch, record, replay' in line

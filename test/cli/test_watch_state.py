@@ -19,7 +19,7 @@ from retrolidar_ros.marker.code import BIT_PERIOD_S, packet
 from retrolidar_ros.scene import Scene, Simulation
 from retrolidar_ros.scene.description import Marker, Noise, Sensor, Surface
 from retrolidar_ros.sensor.frame import Frame, Recording, Status, ZoneGrid
-from retrolidar_ros.sensor.frame_rate import missing_frames, rate_mismatch
+from retrolidar_ros.sensor.frame_rate import missing_frames
 from retrolidar_ros.sensor.protocols import PROTOCOLS
 from retrolidar_ros.sensor.serial_source import SerialSource
 
@@ -149,11 +149,10 @@ def test_trouble_is_reported_with_what_may_be_the_reason(monkeypatch: pytest.Mon
     known = state.snapshot()
     assert known.damaged == 1
     assert 'no frame of this protocol, or of another --baud' in known.trouble
-    unsuited = open_watch(bit_period_s=0.03)
+    unsuited = open_watch(bit_period_s=0.015)
     give(unsuited, [frame(ZoneGrid(), number) for number in range(40)])
-    assert unsuited.snapshot().trouble == (
-        'a frame comes every 21.0 ms, but bit_period is 30.0 ms: 1.4 frames, and not two to eight: '
-        'set --bit-period to how long the markers hold a bit [s]'
+    assert unsuited.snapshot().trouble.startswith(
+        'a frame comes every 21.0 ms, but bit_period is 15.0 ms: 0.7 frames, and not one to eight'
     )
     # A notice of the reader is shown for a while.
     state, now_ns = open_watch(), time.monotonic_ns()
@@ -177,15 +176,15 @@ def test_another_grid_begins_anew_and_needs_a_zone_of_its_own() -> None:
         watch_of(small, zone=16)
 
 
-def test_missing_frames_are_counted_and_a_rate_that_does_not_suit_is_reported() -> None:
+def test_missing_frames_are_counted() -> None:
     frames = list(Simulation(SCENE).advance(50))
     assert watch_of(frames[:20] + frames[23:]).snapshot().lost == 3
     top = 2**32
     pairs = [(None, 7), (3, 4), (3, 6), (top - 1, 0), (top - 2, 1), (5000, 0)]
     assert [missing_frames(*pair) for pair in pairs] == [0, 0, 2, 0, 2, 0]
-    stamps_ns = [21_000_000 * number for number in range(33) if number != 7]
-    assert rate_mismatch(stamps_ns, 0.042) == ''
-    expected = 'a frame comes every 21.0 ms, but bit_period is 33.3 ms'
-    assert rate_mismatch(stamps_ns, 0.0333).startswith(expected)
-    assert rate_mismatch(stamps_ns, 0.168) == ''
-    assert '14.3 frames' in rate_mismatch(stamps_ns, 0.3)
+
+
+def test_a_marker_that_is_read_is_shown_as_healthy() -> None:
+    known = watch_of(list(Simulation(SCENE).advance(400))).snapshot()
+    assert known.readings[0].times >= 4
+    assert '  rejected so far: nothing' in screen(known)

@@ -31,6 +31,7 @@ ffi = FFI()
 declared: set[str] = set()
 ffi.cdef(declarations('retrolidar_detector_state.h', declared))
 ffi.cdef(declarations('retrolidar_placement.h', declared))
+ffi.cdef(declarations('retrolidar_tracks.h', declared))
 ffi.cdef('void *malloc(size_t); void free(void *);')
 
 
@@ -257,6 +258,23 @@ def place_all(lib: Any, detector: Any) -> None:
         assert all(0 <= variance < 0.49 for variance in placed.bearing.variance)
 
 
+def follow_all(lib: Any, tracks: Any) -> None:
+    """Check what must hold of tracks, whatever frames they are followed in."""
+    count = lib.rl_tracks_follow(tracks)
+    counts = lib.rl_tracks_counts(tracks)
+    assert 0 <= count <= lib.RL_MAX_TRACKS
+    assert counts.started - counts.ended - counts.dropped == count
+    for index in range(count):
+        one = lib.rl_tracks_track(tracks, index)
+        assert 0 < one.range_m < 100
+        assert 0 < one.range_variance < np.inf
+        assert np.isfinite([one.range_rate, one.first_s]).all()
+        assert 0 < one.range_rate_variance < np.inf
+        assert 0 < one.log_odds < np.inf
+        assert np.isfinite([*one.tangent]).all()
+        assert all(0 <= variance < np.inf for variance in one.tangent_variance)
+
+
 def try_one(lib: Any, libc: Any, seed: int, count: int) -> str:
     """Give frames to a detector; return what came of them."""
     rng = np.random.default_rng(seed)
@@ -268,6 +286,11 @@ def try_one(lib: Any, libc: Any, seed: int, count: int) -> str:
     )
     assert detector
     blocks = isolate(lib, libc, detector)
+    known = ffi.new('double[64]', [0.95] * 64), ffi.new('float[4096]', [0.03] * 4096)
+    tracks = lib.rl_tracks_create(
+        detector, ffi.new('struct rl_track_settings *', (0.2, 0.01, 0.0, *known))
+    )
+    assert tracks
     arrays = frames_of(rng, settings, ids, count)
     kinds = ('int64_t', 'float', 'float', 'float', 'uint8_t')
     taken = candidates = read = 0
@@ -283,7 +306,9 @@ def try_one(lib: Any, libc: Any, seed: int, count: int) -> str:
             read += lib.rl_detector_readings(detector)
             candidates += lib.rl_detector_candidates(detector)
             place_all(lib, detector)
+            follow_all(lib, tracks)
         check(lib, detector, settings, ids)
+    lib.rl_tracks_destroy(tracks)
     lib.rl_detector_destroy(detector)
     del blocks
     zones = settings['rows'] ** 2

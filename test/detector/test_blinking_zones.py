@@ -1,6 +1,6 @@
 # Copyright 2026 retrolidar_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""Bit periods that are not known beforehand."""
+"""Clocks of zones that blink."""
 
 from dataclasses import replace
 
@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from harness_frames import recording_of
 
-from retrolidar_ros.detector.blinking_zones import blinking_zones, unread
+from retrolidar_ros.detector.blinking_zones import blinking_zones
 from retrolidar_ros.detector.noise import NoiseLaw
 from retrolidar_ros.scene import Simulation, parse_scene
 from retrolidar_ros.sensor.frame import Recording
@@ -31,8 +31,10 @@ def recorded(period: str, bit: str, zones: str = '4x4') -> Recording:
 def test_an_unknown_bit_period_is_found(period: str, bit: str, zones: str) -> None:
     recording = recorded(period, bit, zones)
     strongest = blinking_zones(recording, NoiseLaw())[0]
-    assert strongest.bit_period_s == pytest.approx(float(bit.split()[0]) * 1.004e-3, rel=0.02)
-    assert strongest.periods[0].strength > 10
+    assert strongest.periods[0].bit_period_s == pytest.approx(
+        float(bit.split()[0]) * 1.004e-3, rel=0.02
+    )
+    assert strongest.is_clocked
 
 
 @pytest.mark.parametrize('steps_s', [[0.0], [0.0, 0.0, 0.0, 0.1], [0.02] * 100 + [-2.0], [-0.02]])
@@ -50,15 +52,3 @@ def test_noise_does_not_blink() -> None:
     stamp_ns = 21_000_000 * np.arange(900)
     signal = 30 + NoiseLaw().variance(np.array(30.0)) ** 0.5 * rng.standard_normal((900, 16))
     assert blinking_zones(recording_of(stamp_ns, signal), NoiseLaw()) == []
-
-
-def test_every_mismatch_is_a_sentence_with_its_remedy() -> None:
-    zones = blinking_zones(recorded('21 ms', '46 ms'), NoiseLaw())
-    (slow, *_) = unread(zones, 0.021, 0.042)
-    assert 'bits of 46.2 ms, not of 42.0 ms: set bit_period to 0.0462' in slow
-    assert 'a frame comes every 66.7 ms' in unread(zones, 0.0667, 0.046)[0]
-    assert 'no zone blinks' in unread([], 0.021, 0.042)[0]
-    assert 'without a bit clock' in unread([zones[0]._replace(periods=())], 0.021, 0.042)[0]
-    assert 'as expected' in unread(zones, 0.021, 0.046)[0]
-    flat = zones[0]._replace(contrast=0.05)
-    assert 'but by 5 % of its light only' in unread([flat], 0.021, 0.046)[0]

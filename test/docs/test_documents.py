@@ -163,6 +163,19 @@ def test_the_pins_of_the_wiring_tables_are_those_of_the_sketches() -> None:
     assert sorted((name, pin) for pin, name in wired) == sorted(constants)
 
 
+def test_every_key_of_scenes_is_listed() -> None:
+    def keys(content: object) -> set[str]:
+        if isinstance(content, list):
+            return set().union(*map(keys, content))
+        return (
+            set(content).union(*map(keys, content.values())) if isinstance(content, dict) else set()
+        )
+
+    section = text_of('reference.md').partition('## Scenes')[2].partition('\n## ')[0]
+    listed = {one.removesuffix('[]') for one in quoted(section)}
+    assert keys(load_yaml(ROOT / 'test' / 'scene' / 'every_key.yaml')) <= listed
+
+
 # The reference against the declarations of the code
 
 REFERENCE = text_of('reference.md')
@@ -221,7 +234,8 @@ def test_every_launch_argument(path: Path, monkeypatch: pytest.MonkeyPatch) -> N
     # What the launch files share is imported anew, and forgotten.
     monkeypatch.setitem(sys.modules, LAUNCHING, launch)
     del sys.modules[LAUNCHING]
-    for name in ('', '.actions', '.launch_context', '.substitutions'):
+    modules = ('', '.actions', '.events', '.events.process', '.launch_context', '.substitutions')
+    for name in (*modules, '.launch_description_entity'):
         monkeypatch.setitem(sys.modules, f'launch{name}', launch)
         monkeypatch.setitem(sys.modules, f'launch_ros{name}', MagicMock())
     runpy.run_path(str(path))['generate_launch_description']()
@@ -244,6 +258,8 @@ def test_every_topic() -> None:
             first = name.values[0] if isinstance(name, ast.JoinedStr) else name
             if isinstance(first, ast.Constant):
                 published.add(str(first.value).strip('~/'))
+        for call in calls(path, 'topics_of'):
+            published.add(str(ast.literal_eval(call.args[0])).strip('~/'))
     topics = {quoted(cells[0])[0] for cells in rows(REFERENCE, 'topic')}
     unknown = [one for one in published if not any(f'/{one}/' in f'{topic}/' for topic in topics)]
     assert not unknown

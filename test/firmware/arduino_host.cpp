@@ -100,9 +100,18 @@ void __WFI()
 __attribute__((weak)) void HAL_Delay(uint32_t milliseconds) { delay(milliseconds); }
 void HAL_SuspendTick() { tick_runs = false; }
 void HAL_ResumeTick() { tick_runs = true; }
+uint32_t HAL_GetUIDw0() { return 0x03020100; }
+uint32_t HAL_GetUIDw1() { return 0x07060504; }
+uint32_t HAL_GetUIDw2() { return 0x0b0a0908; }
+void NVIC_SystemReset()
+{
+    demand(world.is_flushed, "a reset would cut off what is on the line");
+    std::exit(0);
+}
 
 void HardwareSerial::begin(unsigned long baud) { world.baud = baud; }
 void HardwareSerial::end() { world.baud = 0; }
+void HardwareSerial::flush() { world.is_flushed = true; }
 int HardwareSerial::available() { return static_cast<int>(world.typed.size()); }
 int HardwareSerial::read()
 {
@@ -115,6 +124,7 @@ size_t HardwareSerial::write(uint8_t byte) { return write(&byte, 1); }
 size_t HardwareSerial::write(const uint8_t *bytes, size_t count)
 {
     demand(world.baud != 0, "the serial line is not open");
+    world.is_flushed = false;
     world.on_serial(bytes, count);
     return count;
 }

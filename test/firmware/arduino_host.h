@@ -19,6 +19,7 @@ struct World {
         [](const uint8_t *, size_t) {};
     std::function<int()> writable = [] { return 1 << 16; };
     std::string typed; // on the serial line, not read yet
+    bool is_flushed = true;
     uint64_t deep_sleep_us = 0;
     uint64_t waited_us = 0; // for interrupts
 

@@ -3,6 +3,7 @@
  *
  * All that a reader calls of the core, linked without any other code.
  */
+#include "retrolidar_command.h"
 #include "retrolidar_wire.h"
 
 volatile uint32_t counter_us;
@@ -11,6 +12,11 @@ static struct rl_zone zones[64];
 
 size_t start(const char *raw)
 {
+    static struct rl_line typed;
+    static struct rl_identity identity;
+    if (rl_line_take(&typed, raw[5]) && rl_command_of(typed.text) != RL_NO_COMMAND) {
+        return rl_wire_encode_identity(&identity, line);
+    }
     static uint64_t now_us;
     struct rl_frame frame = {0, 0, 8, zones};
     now_us = rl_extend_us(now_us, counter_us);

@@ -109,6 +109,21 @@ def test_the_command_that_sets_an_id(core: Core) -> None:
         assert core.lib.rl_command_id(line.encode()) == wanted, line
 
 
+def test_lines_are_put_together_and_only_whole_commands_are_obeyed(core: Core) -> None:
+    line = core.ffi.new('struct rl_line *')
+    said = 'identify\r\n\nstart\nstop\rreset\nstarts\nsto\n\xff\nidentify now\nSTOP\n'
+    said += 99 * 'x' + '\n'
+    lines = [
+        core.ffi.string(line.text)
+        for byte in said.encode('latin-1')
+        if core.lib.rl_line_take(line, bytes([byte]))
+    ]
+    commands = [core.lib.rl_command_of(one) for one in lines]
+    names = ('IDENTIFY', 'START', 'STOP', 'RESET')
+    assert commands == [*(getattr(core.lib, f'RL_{name}') for name in names), *[0] * 6]
+    assert lines[4:] == [b'starts', b'sto', b'\xff', b'identify now', b'STOP', b'?' + b'x' * 14]
+
+
 # --- Wire
 
 

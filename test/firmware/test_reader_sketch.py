@@ -22,8 +22,10 @@ from harness_firmware import (
     run_host,
 )
 
+from retrolidar_ros.scene.firmware import VERSION
 from retrolidar_ros.sensor.frame import Frame, Status
-from retrolidar_ros.sensor.wire import FrameReader
+from retrolidar_ros.sensor.identity import KIND_IDENTITY, Identity, decode_identity
+from retrolidar_ros.sensor.wire import FrameReader, cobs_decode
 
 FRAME_US = 20_833
 
@@ -146,6 +148,56 @@ def test_a_sensor_that_does_not_answer_is_reported(programs: Path) -> None:
     frames, reader = read_line(b'\0' + line)
     assert not frames
     assert reader.counts.damaged == 1
+
+
+SERIAL = bytes(range(12))
+
+
+def typed(*lines: str) -> str:
+    """Return what the reader's program types to the sketch."""
+    return ''.join(f'> {line}\n' for line in lines)
+
+
+def identities(line: bytes) -> list[Identity]:
+    """Return every identity on a line."""
+    contents = [cobs_decode(packet)[:-2] for packet in line.split(b'\0')[:-1]]
+    return [decode_identity(one) for one in contents if one[0] == KIND_IDENTITY]
+
+
+def test_the_reader_says_who_it_is_at_the_start_and_when_asked(programs: Path) -> None:
+    frames = results_of_driver(raw_frames(3), [0, 0, 0])
+    given = typed('identif', 'identify everything', '', 'identify') + frames
+    line = run_host(programs / 'reader_host', 0, FRAME_US, given=given)
+    assert identities(line) == 2 * [Identity(VERSION, SERIAL.hex(), True)]
+    seen, reader = read_line(line)
+    assert len(seen) == 3
+    assert (reader.counts.damaged, reader.counts.unknown_kind) == (0, 0)
+    assert reader.commands.identity == Identity(VERSION, SERIAL.hex(), True)
+
+
+def test_a_stopped_sensor_sends_no_frames_and_goes_on_with_the_next_number(programs: Path) -> None:
+    before, unseen, after = (raw_frames(4, seed=seed) for seed in (1, 2, 3))
+    parts = [results_of_driver(frames, [0] * 4) + '\n' for frames in (before, unseen, after)]
+    given = parts[0] + typed('stop', 'stop') + parts[1] + typed('start', 'start') + parts[2]
+    line = run_host(programs / 'reader_host', 0, FRAME_US, given=given)
+    assert [one.is_ranging for one in identities(line)] == [True, False, False, True, True]
+    seen, _ = read_line(line)
+    assert [frame.sequence for frame in seen] == list(range(1, 9))
+    for frame, raw in zip(seen, [*before, *after], strict=True):
+        assert_same_zones(frame, raw)
+
+
+def test_a_sensor_that_does_not_start_again_says_so(programs: Path) -> None:
+    given = typed('stop', 'start')
+    line = run_host(programs / 'reader_host', 0, FRAME_US, given=given, NO_RESTART='1')
+    assert [one.is_ranging for one in identities(line)] == [True, False, False]
+
+
+def test_a_reset_is_answered_before_it_happens(programs: Path) -> None:
+    given = typed('stop', 'reset', 'identify') + results_of_driver(raw_frames(1), [0])
+    line = run_host(programs / 'reader_host', 0, FRAME_US, given=given)
+    assert [one.is_ranging for one in identities(line)] == [True, False, True]
+    assert read_line(line)[0] == []
 
 
 def test_one_constant_makes_it_8x8_at_15_hz(programs: Path, tmp_path: Path) -> None:

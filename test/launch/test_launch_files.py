@@ -74,11 +74,11 @@ def check_sensor(observer):
 
 
 def check_emulated(observer):
-    """All markers are read, in the frame that the parameter file names."""
+    """All markers are read, in the frame that the parameter file names, with its prefix."""
     wait_for_nodes(observer)
     wait_for_traffic(observer)
     wait_for_readings(observer, IDS)
-    check_detections(observer, COFFEE, 'gripper_lidar')
+    check_detections(observer, COFFEE, 'robot1/gripper_lidar', name='robot1/marker_{0.id}')
 
 
 def check_coffee_in_base(observer):
@@ -106,7 +106,11 @@ def check_hall(observer):
 
 CASES = {
     'sensor': ('retrolidar', {'serial_port': str(PORTS / 'port')}, check_sensor),
-    'emulated': ('retrolidar', {'emulate': 'coffee', 'params_file': str(OWN)}, check_emulated),
+    'emulated': (
+        'retrolidar',
+        {'emulate': 'coffee', 'params_file': str(OWN), 'frame_prefix': 'robot1/'},
+        check_emulated,
+    ),
     'coffee': (
         'coffee',
         {'emulate': 'coffee', 'max_stddev': '0.2'},

@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Launch arguments that cannot be: the launch ends, says which, and leaves no process behind."""
 
+import signal
 import subprocess
 import sys
 import unittest
@@ -13,26 +14,18 @@ import pytest
 from launch import LaunchDescription
 from launch_testing.util import KeepAliveProc
 
-SCRIPT = """
-import sys
-from launch import LaunchDescription, LaunchService
-from launch.actions import IncludeLaunchDescription
-from retrolidar_ros.settings.resources import shared_file
+sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
 
-arguments = [argument.split(':=', 1) for argument in sys.argv[2:]]
-include = IncludeLaunchDescription(str(shared_file(f'launch/{sys.argv[1]}.launch.py')),
-                                   launch_arguments=arguments)
-service = LaunchService()
-service.include_launch_description(LaunchDescription([include]))
-sys.exit(service.run())
-"""
+from harness_launch import SCRIPT
+from harness_observer import Observer
+
 NAMESPACE = 'wrongly_launched'
 WRONG = {
     'coffee': ['max_stddev:=x', 'respawn_delay:=-1', 'log_level:=loud', 'emulate:=nowhere'],
     'landmarks': ['localize:=perhaps', 'params_file:=/etc/passwd', 'params_file:=/nowhere'],
     'two_sensors': ['right_emulate:=nowhere'],
     'drone': ['edge:=wide', 'ports:=[a', 'sensors:=2'],
-    'hall': ['names:=left'],
+    'hall': ['names:=left', 'rviz:=perhaps'],
 }
 
 
@@ -62,6 +55,20 @@ class TestWrongArguments(unittest.TestCase):
                 with self.subTest(name=name, argument=argument):
                     given = [*right.get(name, ['emulate:=coffee']), argument]
                     self.check(name, given, argument.partition(':=')[2])
+
+    def test_a_misconfigured_node_is_not_started_again(self):
+        """The others go on, until the launch is interrupted."""
+        arguments = ['marker_file:=/nowhere.yaml', 'emulate:=coffee', 'respawn_delay:=0.0']
+        command = [sys.executable, '-c', SCRIPT, 'retrolidar', f'namespace:={NAMESPACE}']
+        launch = subprocess.Popen([*command, *arguments], stdout=subprocess.PIPE, text=True)
+        observer = Observer(f'/{NAMESPACE}')
+        self.addCleanup(observer.close)
+        observer.wait_for_frames(150)
+        launch.send_signal(signal.SIGINT)
+        output, _ = launch.communicate(timeout=60)
+        assert output.count('FATAL') == 1, output
+        assert 'is misconfigured, see above: it is not started again' in output
+        assert not [line for line in commands() if f'__ns:=/{NAMESPACE}' in line]
 
     def check(self, name, arguments, wrong):
         command = [sys.executable, '-c', SCRIPT, name, f'namespace:={NAMESPACE}', *arguments]

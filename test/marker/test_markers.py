@@ -87,6 +87,10 @@ def test_what_is_no_id_is_refused(markers: object, complaint: str) -> None:
             for name in ('/x', 'a b', '~x', 'a\n', 'ü', 'a:b', '{name}', '/')
         ),
         *(
+            (key, 'x' * 300, 'a name of 300 characters is too long; 100 are the most')
+            for key in ('frame', 'object')
+        ),
+        *(
             (key, value, f'{value!r} is not a text')
             for key in ('frame', 'note')
             for value in ('', None, 7, True, ['a'])

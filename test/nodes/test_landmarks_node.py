@@ -56,8 +56,9 @@ def test_a_robot_is_localised_among_the_landmarks_of_a_file(tmp_path: Path) -> N
     known = tmp_path / 'room.yaml'
     known.write_text(yaml.safe_dump(survey_content('map', estimates)))
     robot_m = np.array([0.02, -0.03, 0.0])
+    before = known.read_bytes()
     with running(tmp_path, '/landmarks_robot') as system:
-        system.start('landmarks', load_file=known, localize='true')
+        system.start('landmarks', load_file=known, save_file=known, localize='true')
         poses = system.collect(PoseWithCovarianceStamped, 'landmarks/pose', RELIABLE)
         hand = Hand(system)
         while len(poses) < 6:
@@ -69,6 +70,10 @@ def test_a_robot_is_localised_among_the_landmarks_of_a_file(tmp_path: Path) -> N
         assert pose.header.frame_id == 'map'
         assert squared(pose, robot_m) < 16.27
         assert np.linalg.norm(vector_of(pose.pose.pose.position) - robot_m) < 0.05
+        answer = system.services.trigger('landmarks/save')
+        assert not answer.success
+        assert 'while localising no map is made' in answer.message
+    assert known.read_bytes() == before
 
 
 def test_three_sensors_on_the_ground_locate_a_drone(tmp_path: Path) -> None:

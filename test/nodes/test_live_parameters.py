@@ -29,10 +29,10 @@ DRIVER, DETECTOR, BARE = '/real/driver', '/live/detector', '/bare/detector'
 COFFEE, HEARTBEAT = '/live/coffee', '/live/heartbeat'
 SETTLING_S = 0.2  # until what was on its way has come
 READ_ONLY = {
-    DRIVER: {'serial_port', 'serial_baud', 'protocol', 'frame_id', 'autostart'},
-    DETECTOR: {'marker_file', 'child_frame'},
-    COFFEE: {'objects', 'target_frame'},
-    HEARTBEAT: {'markers', 'window'},
+    DRIVER: {'serial_port', 'serial_baud', 'protocol', 'frame_id', 'frame_prefix', 'autostart'},
+    DETECTOR: {'marker_file', 'child_frame', 'frame_prefix'},
+    COFFEE: {'objects', 'source', 'target_frame', 'frame_prefix'},
+    HEARTBEAT: {'markers', 'source', 'window', 'frame_prefix'},
 }
 EMPTY = ParameterValue(type=ParameterType.PARAMETER_INTEGER_ARRAY)
 every_node = pytest.mark.parametrize('node', READ_ONLY)

@@ -3,8 +3,13 @@
 """What was read live, what a bag of it gives offline, and what a replay of the bag gives."""
 
 import json
+import os
+import signal
 import subprocess
 import sys
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -16,6 +21,7 @@ from diagnostic_msgs.msg import DiagnosticStatus
 from harness import Sensor, wait_for_nodes
 from harness_nodes import FRAME_ID, System, running
 from harness_observer import values_of
+from rclpy.qos import QoSProfile
 from rosgraph_msgs.msg import Clock
 from std_msgs.msg import Header
 
@@ -24,24 +30,18 @@ from retrolidar_ros.msg import Frame as FrameMsg
 from retrolidar_ros.msg import MarkerDetection
 from retrolidar_ros.nodes.conversion import from_frame_msg, to_frame_msg, to_ns, to_time
 from retrolidar_ros.nodes.listener import Listener
+from retrolidar_ros.nodes.qos import FRAMES
 from retrolidar_ros.scene.files import load_scene
 from retrolidar_ros.sensor.frame import Frame
 
+DETECTOR = 'detector: markers'
 LIVE_FRAMES = 400
 EARLIER_NS = 10_000_000_000  # what the clock reads in the replay, before the bag begins
 
 
-def reliable(topic: str, end: str) -> tuple[str, ...]:
-    """Return arguments by which no frame is lost on a machine that is busy."""
-    name = f'qos_overrides.{topic}.{end}'
-    return ('-p', f'{name}.depth:=1000', '-p', f'{name}.reliability:=reliable')
-
-
 def taken(system: System) -> int:
     """Return how many frames the detector has taken when no more come; none may be missing."""
-    status = system.wait_for_status(
-        'detector: markers', DiagnosticStatus.STALE, 'no frame has come'
-    )
+    status = system.wait_for_status(DETECTOR, DiagnosticStatus.STALE, 'no frame has come')
     values = values_of(status)
     assert values['lost frames'] == '0'
     return int(values['frames'])
@@ -51,8 +51,8 @@ def taken(system: System) -> int:
 def live(tmp_path_factory: pytest.TempPathFactory) -> Listener:
     """Return what an emulated sensor made the nodes publish until it was unplugged."""
     with running(tmp_path_factory.mktemp('live'), '/live') as system:
-        system.start('driver', *reliable('/live/frames', 'publisher'), serial_port=system.port)
-        system.start('detector', *reliable('/live/frames', 'subscription'))
+        system.start('driver', serial_port=system.port)
+        system.start('detector')
         wait_for_nodes(system)
         with Sensor(load_scene('coffee'), system.port):
             system.wait(lambda: len(system.frames) >= LIVE_FRAMES, 'frames')
@@ -72,33 +72,81 @@ def bag(live: Listener, tmp_path_factory: pytest.TempPathFactory) -> Path:
     return path
 
 
-def test_a_replay_reads_what_was_read_live(live: Listener, bag: Path, tmp_path: Path) -> None:
-    """The bag is played to a new detector, faster than it was, on the clock of the bag."""
-    frames = list(read_frames(bag))
-    with running(tmp_path, '/replay') as system:
-        clock = system.node.create_publisher(Clock, '/replay/clock', 10)
-        publisher = system.node.create_publisher(FrameMsg, 'frames', 1000)
-        given = ('-r', '/clock:=/replay/clock', *reliable('/replay/frames', 'subscription'))
-        system.start('detector', *given, use_sim_time='true')
+@contextmanager
+def replayed(
+    system: System, first: Frame, *given: str, qos: QoSProfile | int = 10
+) -> Iterator[Callable[[Frame], None]]:
+    """Start a detector on the clock of a bag; yield what plays a frame.
 
-        def play(frame: Frame) -> None:
-            clock.publish(Clock(clock=to_time(frame.stamp_ns + EARLIER_NS)))
-            publisher.publish(to_frame_msg(frame, FRAME_ID))
+    By default with the depth of `ros2 bag play`.
+    """
+    clock = system.node.create_publisher(Clock, f'{system.namespace}/clock', 10)
+    publisher = system.node.create_publisher(FrameMsg, 'frames', qos)
+    remapped = ('-r', f'/clock:={system.namespace}/clock')
+    system.start('detector', *remapped, *given, use_sim_time='true')
 
-        with system.subscribed(Header, 'detector/heartbeat') as beats:
-            # Until the detector listens; the same frame again changes nothing.
-            while not beats:
-                play(frames[0])
-                system.pass_time(0.1)
-        for frame in frames[1:]:
+    def play(frame: Frame) -> None:
+        clock.publish(Clock(clock=to_time(frame.stamp_ns + EARLIER_NS)))
+        publisher.publish(to_frame_msg(frame, FRAME_ID))
+
+    with system.subscribed(Header, 'detector/heartbeat') as beats:
+        # Until the detector listens; the same frame again changes nothing.
+        while not beats:
+            play(first)
+            system.pass_time(0.1)
+    yield play
+
+
+@pytest.mark.parametrize(
+    ('rate', 'stall_s', 'qos'), [(40.0, 0.0, 10), (1.0, 7.0, FRAMES)], ids=['40 times', 'stall']
+)
+def test_a_replay_reads_what_was_read_live(
+    live: Listener, bag: Path, tmp_path: Path, rate: float, stall_s: float, qos: QoSProfile | int
+) -> None:
+    """Faster than it was; and, with the depth of a driver, by a detector that stands still."""
+    first, *frames = list(read_frames(bag))
+    with (
+        running(tmp_path, f'/replay{rate:.0f}') as system,
+        replayed(system, first, qos=qos) as play,
+    ):
+        began_s = time.monotonic()
+        if stall_s:
+            os.kill(system.processes.pid('detector'), signal.SIGSTOP)
+        for frame in frames:
+            due_s = began_s + (frame.stamp_ns - first.stamp_ns) * 1e-9 / rate
+            system.pass_time(max(due_s - time.monotonic(), 0.0))
             play(frame)
-            system.pass_time(0.001)
-        assert taken(system) >= len(frames)
-        replayed = [message for message, _ in system.markers]
-    assert len(replayed) > 10
-    assert replayed == [message for message, _ in live.markers]
+            if stall_s and time.monotonic() > began_s + stall_s:
+                stall_s = 0.0
+                os.kill(system.processes.pid('detector'), signal.SIGCONT)
+        # DDS may ask for what is missing only every three seconds.
+        system.wait(lambda: system.number(DETECTOR, 'frames') > len(frames), 'all frames')
+        assert system.number(DETECTOR, 'lost frames') == 0
+        replay = [message for message, _ in system.markers]
+    assert len(replay) > 10
+    assert replay == [message for message, _ in live.markers]
     sent = {to_ns(message.header.stamp) for message, _ in live.frames}
-    assert {to_ns(message.end) for message in replayed} <= sent
+    assert {to_ns(message.end) for message in replay} <= sent
+
+
+def test_a_detector_that_cannot_follow_says_how_many_frames_it_lost(
+    bag: Path, tmp_path: Path
+) -> None:
+    first, *frames = list(read_frames(bag))
+    shallow = ('-p', 'qos_overrides./overrun/frames.subscription.depth:=10')
+    with running(tmp_path, '/overrun') as system, replayed(system, first, *shallow) as play:
+        os.kill(system.processes.pid('detector'), signal.SIGSTOP)
+        for frame in frames[:100]:
+            play(frame)
+        os.kill(system.processes.pid('detector'), signal.SIGCONT)
+        status = system.wait_for_status(DETECTOR, DiagnosticStatus.WARN, 'frames were lost between')
+        lost = values_of(status)['lost frames']
+        assert 80 <= int(lost) <= 90
+        assert f'{lost} frames were lost between driver and detector' in system.log('detector')
+        for frame in frames[110:120]:  # those between are missing in the bag
+            play(frame)
+        status = system.wait_for_status(DETECTOR, DiagnosticStatus.WARN, '10 frames were not sent')
+        assert values_of(status)['lost frames'] == lost
 
 
 def described(message: MarkerDetection) -> dict[str, Any]:
@@ -128,3 +176,32 @@ def test_decoding_the_bag_reads_what_was_read_live(live: Listener, bag: Path) ->
         for key, value in expected.items():
             # A message holds numbers of 32 bits.
             assert one[key] == (pytest.approx(value, rel=1e-6) if value != 0 else 0), key
+
+
+def test_the_command_replays_at_the_times_of_the_bag(
+    live: Listener, bag: Path, tmp_path: Path
+) -> None:
+    """To a detector with the defaults, twice as fast, and again from the begin."""
+    frames = [message for message, _ in live.frames]
+    with running(tmp_path, '/command') as system:
+        system.start('detector')
+        system.wait(lambda: system.node.count_subscribers('frames') == 2, 'the detector')
+        command = [sys.executable, '-m', 'retrolidar_ros.cli', 'replay', str(bag)]
+        options = ['--rate', '2', '--loop', '--frame-id', FRAME_ID]
+        # The bag has its own topic; the nodes have another.
+        topic = ['--topic', '/retrolidar/frames', '--to', '/command/frames']
+        command += [*options, *topic]
+        with subprocess.Popen(command, stdout=subprocess.DEVNULL, cwd=tmp_path) as process:
+            system.wait(lambda: len(system.frames) > len(frames) + 20, 'the second round')
+            process.send_signal(signal.SIGINT)
+            assert process.wait(20) == 0
+        # The first frames may come before both ends of a connection know of each other.
+        heard = [message for message, _ in system.frames]
+        missed = frames.index(heard[0])
+        again = len(frames) - missed
+        assert heard[:again] == frames[missed:]
+        assert heard[again : again + 20] == frames[:20]
+        took_s = (system.frames[again - 1][1] - system.frames[0][1]) * 1e-9
+        stamps_ns = [to_ns(one.header.stamp) for one in frames[missed:]]
+        assert took_s == pytest.approx((stamps_ns[-1] - stamps_ns[0]) * 1e-9 / 2, rel=0.2)
+        assert {message.id for message, _ in system.markers} == {2073, 2096, 2107}

@@ -20,7 +20,11 @@ FILES = {
     'many': f'/**:\n  ros__parameters:\n    registered_ids: {10_000 * [7]}',
     'broken': '/**:\n  ros__parameters:\n    method: [joint',
     'twice': 'markers:\n  2073: {frame: a}\n  2073: {frame: b}\n',
+    'alike': 'markers: {2073: {frame: a.b}, 2096: {frame: a_b}}\n',
+    'objects': 'markers: {2073: {object: a.b}, 2096: {object: a-b}}\n',
     'same': 'markers: {2073: {frame: mug}, 2096: {frame: mug}}\n',
+    'long': f'markers: {{7: {{frame: {300 * "x"}}}}}',
+    'huge': f'frame: map\nlandmarks: {{mug: {{position: [0, 0, {10**400}]}}}}',
 }
 
 
@@ -46,7 +50,8 @@ def refuse(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Callable[..., l
     directory = tmp_path_factory.mktemp('refused')
     for name, text in FILES.items():
         (directory / f'{name}.yaml').write_text(text)
-    nodes = ('driver', 'detector', 'reader', 'coffee', 'heartbeat', 'landmarks')
+    os.mkfifo(directory / 'fifo')
+    nodes = ('driver', 'detector', 'reader', 'coffee', 'heartbeat', 'landmarks', 'emulated_arm')
     command, pipe = [sys.executable, '-c', START, *nodes], subprocess.PIPE
     with subprocess.Popen(command, stdin=pipe, stdout=pipe, text=True, cwd=directory) as process:
         assert process.stdin is not None
@@ -82,13 +87,31 @@ def refuse(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Callable[..., l
         ('detector', '-p marker_file:={}/nowhere.yaml', 'marker_file: [Errno 2] No such file'),
         ('detector', '-p marker_file:={}/twice.yaml', 'key 2073 stands here a second time'),
         ('detector', '-p marker_file:={}/same.yaml', 'marker 2073 has the frame mug, too'),
+        ('detector', '-p marker_file:={}/long.yaml', 'markers.7.frame: a name of 300 characters'),
+        ('detector', '-p marker_file:={}/fifo', 'fifo is a FIFO; give a regular file'),
+        (
+            'detector',
+            '-p marker_file:={}/alike.yaml',
+            'would share the topic poses/a_b',
+        ),
         ('detector', '-p only_registered:=true', 'only_registered: there is no marker_file'),
         ('detector', '-p child_frame:=left', "child_frame: 'left' needs {name} once"),
         ('detector', '--params-file {}/many.yaml', '10000 numbers; 4096 are the most'),
         ('landmarks', "-p fixed_frame:=''", 'fixed_frame is empty; TF needs a name'),
         ('landmarks', '-p load_file:={}/nowhere.yaml', 'load_file: '),
+        ('landmarks', '-p load_file:={}/huge.yaml', 'mug.position: needs a list of 3 numbers'),
         ('landmarks', '-p localize:=true', '0 markers are at known places; localisation needs'),
+        ('landmarks', '-p marker_file:={}/objects.yaml', 'a-b and a.b would share the topic'),
+        ('landmarks', '-p load_file:=/dev/null', 'load_file: /dev/null'),
+        ('coffee', '-p objects:=[a.b,a_b]', 'a.b and a_b would share the topic ~/objects/a_b'),
+        (
+            'coffee',
+            '-p objects:=[a,a_to_b,b_to_c,c]',
+            'the topic ~/offsets/a_to_b_to_c',
+        ),
         ('coffee', '-p objects:=[]', 'objects: there is no name'),
+        ('coffee', '-p min_height:=2.0 -p max_height:=1.0', 'min_height is above max_height'),
+        ('emulated_arm', '-p scene:=nowhere', 'scene: there is no scene nowhere'),
         ('heartbeat', '-p markers:=[]', 'markers: there is no name'),
         ('reader', '-p ports:=[/a,/b] -p names:=[x]', 'names: 1 of them for 2 ports'),
         ('reader', '-p ports:=[/a,/a]', 'ports: one stands there twice'),

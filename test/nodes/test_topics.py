@@ -19,7 +19,7 @@ from sensor_msgs.msg import CameraInfo, Image, PointCloud2, PointField
 from visualization_msgs.msg import Marker, MarkerArray
 
 from retrolidar_ros.msg import Frame as FrameMsg
-from retrolidar_ros.msg import MarkerDetection
+from retrolidar_ros.msg import MarkerDetection, MarkerDetectionArray
 from retrolidar_ros.nodes.conversion import (
     from_frame_msg,
     to_camera_info,
@@ -158,11 +158,31 @@ def test_each_frame_has_its_standard_messages(
         assert str(message) == str(expected)
 
 
+def test_the_detections_of_a_frame_come_in_one_array_with_its_stamp(chain: Chain) -> None:
+    readings = chain.readings['/topics']
+    seen = len(readings)
+    with chain.system.subscribed(MarkerDetectionArray, 'markers_array') as arrays:
+        chain.system.wait(lambda: sum(len(one.detections) for one in arrays) >= 6, 'arrays')
+        chain.system.wait(lambda: arrays[-1].detections[-1] in readings[seen:], 'its detections')
+    found = [detection for array in arrays for detection in array.detections]
+    first = readings.index(found[0])
+    assert readings[first : first + len(found)] == found
+    for array in arrays:
+        assert array.header.frame_id == FRAME_ID
+        assert to_ns(array.header.stamp) in chain.frames()
+        assert max(to_ns(one.end) for one in array.detections) <= to_ns(array.header.stamp)
+    stamps = [to_ns(array.header.stamp) for array in arrays]
+    assert stamps == sorted(set(stamps))
+
+
 def test_detections_are_drawn_with_their_uncertainty(chain: Chain) -> None:
     with chain.system.subscribed(MarkerArray, 'marker_array') as arrays:
         chain.system.wait(lambda: sum(len(array.markers) for array in arrays) >= 6, 'shapes')
     shapes = [shape for array in arrays for shape in array.markers]
-    found = {(one.id, to_ns(one.header.stamp)): one for one in chain.readings['/topics']}
+    last_ns = max(to_ns(shape.header.stamp) for shape in shapes)
+    read = chain.readings['/topics']
+    chain.system.wait(lambda: to_ns(read[-1].header.stamp) > last_ns, 'a later reading')
+    found = {(one.id, to_ns(one.header.stamp)): one for one in read}
     for ellipsoid, label in zip(shapes[::2], shapes[1::2], strict=True):
         detection = found[ellipsoid.id, to_ns(ellipsoid.header.stamp)]
         for shape, layer in ((ellipsoid, 'place'), (label, 'label')):

@@ -5,7 +5,9 @@
 from collections.abc import Iterator
 from pathlib import Path
 
+import numpy as np
 import pytest
+from geometry_msgs.msg import PoseStamped
 from harness import Sensor
 from harness_coffee import BASE_VIEW, SENSOR_VIEW, check_coffee, publish_base
 from harness_nodes import System, running
@@ -18,6 +20,7 @@ from harness_use_cases import (
 )
 from std_msgs.msg import Bool, String
 
+from retrolidar_ros.nodes.conversion import from_pose, vector_of
 from retrolidar_ros.scene.files import load_scene
 from retrolidar_ros.settings.resources import shared_file
 
@@ -111,4 +114,11 @@ def test_coffee_is_ready_when_all_objects_are_placed(coffee: System) -> None:
 
 
 def test_coffee_places_objects_in_the_target_frame(coffee: System) -> None:
+    views = coffee.collect(PoseStamped, 'base/coffee/next_view')
     check_coffee(coffee, load_scene('coffee'), 'base/coffee', BASE_VIEW)
+    coffee.wait(lambda: bool(views), 'a viewpoint')
+    assert views[-1].header.frame_id == BASE_VIEW.frame
+    reach_m = np.linalg.norm(vector_of(views[-1].pose.position) - BASE_VIEW.translation_m)
+    assert reach_m == pytest.approx(0.5)
+    # It looks at the objects, which are ahead.
+    assert from_pose(views[-1].pose)[1][0, 2] > 0.8

@@ -17,6 +17,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from retrolidar_ros.scene import Scene, Simulation, parse_scene
+from retrolidar_ros.scene.optics import position_at
 from retrolidar_ros.sensor.frame import ZoneGrid
 from retrolidar_ros.settings.section import UNITS, ConfigError, quantity
 
@@ -92,12 +93,13 @@ NEEDED = {(0, key) for key in ('id', 'position', 'distance', 'signal', 'width', 
     }.items()
     for key in keys.split()
 }
+EITHER = ('position', 'path')
 COMPLETE = parse_scene(FULL)
 KEYS = [(*path, key) for path in sections(FULL) for key in at(FULL, path)]
 
 
 def test_every_key_is_read() -> None:
-    assert len(QUANTITIES) == 54
+    assert len(QUANTITIES) == 66
     read = {
         tuple(re.sub('(?<!_1)_(s|m|rad)$', '', p) if isinstance(p, str) else p for p in path): value
         for path, value in leaves(asdict(COMPLETE))
@@ -119,7 +121,9 @@ def test_every_key_can_be_left_out_or_is_said_to_be_missing(path: Place) -> None
     if path == ('sensor',) or path == ('sensor', 'zones'):
         content['surfaces'] = []  # zone 63 would be too many
     result = outcome(content)
-    assert result == f'{dotted(path)}: is missing' if path[-2:] in NEEDED else result != COMPLETE
+    # A marker needs either.
+    is_needed = path[-2:] in NEEDED and path not in {('markers', 0, one) for one in EITHER}
+    assert result == f'{dotted(path)}: is missing' if is_needed else result != COMPLETE
 
 
 def test_what_a_scene_does_not_say_has_a_default() -> None:
@@ -286,3 +290,19 @@ def test_units_scale(kind_and_unit: tuple[str, str], data: st.DataObject) -> Non
     kind, unit = kind_and_unit
     number = data.draw(st.floats(-1e6, 1e6))
     assert quantity(kind)(f'{number!r} {unit}', 'key') == number * UNITS[kind][unit]
+
+
+def test_a_marker_on_a_path_is_where_its_waypoints_say() -> None:
+    path = [
+        {'time': '0 s', 'position': ['0 m', '0 m', '1 m']},
+        {'time': '2 s', 'position': ['40 cm', '0 m', '1 m']},
+    ]
+    (marker,) = parse_scene({'markers': [{'id': 7, 'path': path}]}).markers
+    assert marker.position_m == (0, 0, 1)
+    places = position_at(marker, np.array([0.0, 0.5, 1.0, 2.5]))
+    assert places[:, 0] == pytest.approx([0.0, 0.1, 0.2, 0.1])
+    with pytest.raises(ConfigError, match=r'markers\[0\].position: is missing'):
+        parse_scene({'markers': [{'id': 7}]})
+    path[1]['position'] = ['0 m', '0 m', '0 m']
+    with pytest.raises(ConfigError, match=r'path\[1\].position: z of 0 m is impossible'):
+        parse_scene({'markers': [{'id': 7, 'path': path}]})

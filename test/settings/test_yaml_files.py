@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """YAML files: scenes and parameters, and what is made to harm and refused at once with a reason."""
 
+import os
 import time
 from inspect import signature
 from pathlib import Path
@@ -175,6 +176,10 @@ def test_what_never_ends_is_read_to_the_limit_and_what_is_no_file_is_an_os_error
 ) -> None:
     with pytest.raises(ValueError, match='is larger than'):
         load_yaml(Path('/dev/zero'))
+    fifo = tmp_path / 'fifo'
+    os.mkfifo(fifo)
+    with pytest.raises(ValueError, match=f'^{fifo} is a FIFO; give a regular file$'):
+        load_yaml(fifo)
     with pytest.raises(IsADirectoryError):
         load_yaml(tmp_path)
     with pytest.raises(FileNotFoundError):

@@ -180,7 +180,7 @@ def test_a_blinking_light_that_is_no_marker_has_a_period_and_no_id() -> None:
     found = calibrate(recorded(replace(SCENE, markers=(lamp,))))
     assert found.markers == []
     assert 'bit_period' not in parameters(found)
-    assert any('no ID can be read' in line for line in sentences(found))
+    assert any('no ID fits' in line for line in sentences(found))
 
 
 def test_a_recording_that_is_too_short_is_refused() -> None:

@@ -23,10 +23,10 @@ from retrolidar_ros.sensor.frame import Floats
 from retrolidar_ros.sensor.rotation import matrix_of_turn
 from retrolidar_ros.settings.section import ConfigError
 from retrolidar_ros.tasks.landmarks import Landmark
-from retrolidar_ros.tasks.next_view import best_place
+from retrolidar_ros.tasks.least_squares import Problem
 from retrolidar_ros.tasks.reading import Errors, SensorPose, reading
-from retrolidar_ros.tasks.state import Prior, State
-from retrolidar_ros.tasks.survey import Survey, parse_survey, survey_content
+from retrolidar_ros.tasks.state import Prior, State, largest_stddev
+from retrolidar_ros.tasks.survey import MAX_LANDMARKS, Survey, parse_survey, survey_content
 
 
 def test_four_places_trilaterate_and_the_ellipsoid_is_honest() -> None:
@@ -136,17 +136,17 @@ def test_twice_the_wrong_id_of_another_landmark_is_no_move() -> None:
     survey = Survey({}, ERRORS)
     other_m = HERE + np.array([0.4, 0.1, 0.3])
     for index, eye_m in enumerate([*SQUARE, *SQUARE]):
-        survey.take(seen(HERE, eye_m, rng, stamp_s=index), 'mug')
-        survey.take(seen(other_m, eye_m, rng, stamp_s=index + 0.5, marker=8), 'jar')
+        survey.take('mug', seen(HERE, eye_m, rng, stamp_s=index))
+        survey.take('jar', seen(other_m, eye_m, rng, stamp_s=index + 0.5, marker=8))
     mug = survey.landmarks['mug']
     for index in range(2):
-        survey.take(seen(other_m, SQUARE[index], rng, stamp_s=10 + index), 'mug')
+        survey.take('mug', seen(other_m, SQUARE[index], rng, stamp_s=10 + index))
         assert squared(estimate_of(mug), HERE) < 16.27
     assert mug.rejected == 2
     # What stays there has been put beside it.
     beside_m = other_m + np.array([0.002, 0, 0])
     for index in range(4):
-        survey.take(seen(beside_m, SQUARE[index], rng, stamp_s=20 + index), 'mug')
+        survey.take('mug', seen(beside_m, SQUARE[index], rng, stamp_s=20 + index))
     assert estimate_of(mug).moved_s is not None
     assert squared(estimate_of(mug), beside_m) < 16.27
 
@@ -204,26 +204,6 @@ def test_an_object_of_which_one_marker_is_seen_says_that_its_turn_is_open() -> N
     assert np.sqrt(np.linalg.eigvalsh(estimate_of(landmark).covariance[3:, 3:])[-1]) > 1
 
 
-def test_the_best_place_is_the_one_that_helps() -> None:
-    rng = np.random.default_rng(9)
-    mug, jar = Landmark('mug', ALONE, ERRORS), Landmark('jar', ALONE, ERRORS)
-    assert best_place([mug], np.zeros(3), 0.3) is None
-    for index, eye_x in enumerate((-0.2, 0.2, -0.2, 0.2)):
-        mug.take(seen(HERE, np.array([eye_x, 0.0, 0.0]), rng, stamp_s=index))
-    eye_m = best_place([mug, jar], np.zeros(3), 0.3)
-    assert eye_m is not None
-    assert np.linalg.norm(eye_m) == pytest.approx(0.3)
-    # Along x it has looked from two places; so it is to go along y.
-    assert abs(eye_m[1]) > 0.15
-    assert abs(eye_m[0]) < 0.1
-    before_m = estimate_of(mug).stddev_m
-    for index in range(2):
-        mug.take(seen(HERE, eye_m, rng, stamp_s=10 + index))
-    assert estimate_of(mug).stddev_m < before_m / 2
-    # It does not go where the object is.
-    assert best_place([mug], HERE, 0.2) is None
-
-
 def test_a_moving_marker_before_three_sensors() -> None:
     rng = np.random.default_rng(10)
     eyes = [0.25 * np.array([math.cos(a), math.sin(a), 0]) for a in (0.0, 2.1, 4.2)]
@@ -251,7 +231,7 @@ def test_a_survey_is_written_and_read_again() -> None:
     rng = np.random.default_rng(12)
     survey = Survey({}, ERRORS)
     for index, eye_m in enumerate(SQUARE):
-        survey.take(seen(HERE, eye_m, rng, stamp_s=index), 'mug')
+        survey.take('mug', seen(HERE, eye_m, rng, stamp_s=index))
     (estimate,) = survey.estimates()
     frame, known = parse_survey(survey_content('map', [estimate]))
     assert frame == 'map'
@@ -262,13 +242,111 @@ def test_a_survey_is_written_and_read_again() -> None:
     assert survey.estimates() == []
 
 
+def test_a_name_stays_with_its_marker_once_that_is_placed() -> None:
+    rng = np.random.default_rng(20)
+    survey = Survey({}, ERRORS)
+    survey.take('mug', seen(HERE, SQUARE[0], rng, marker=9))  # alone, it may be the wrong one
+    for index, eye_m in enumerate(SQUARE):
+        survey.take('mug', seen(HERE, eye_m, rng, stamp_s=index))
+    before = estimate_of(survey.landmarks['mug'])
+    with pytest.raises(ValueError, match='two markers have one name'):
+        survey.take('mug', seen(HERE, SQUARE[0], rng, marker=8, stamp_s=9))
+    assert estimate_of(survey.landmarks['mug']) is before
+
+
+def test_a_survey_has_room_for_so_many_and_prefers_those_that_are_placed() -> None:
+    rng = np.random.default_rng(21)
+    survey = Survey({}, ERRORS)
+    for index, eye_m in enumerate(SQUARE):
+        survey.take('mug', seen(HERE, eye_m, rng, stamp_s=index))
+    for index in range(2 * MAX_LANDMARKS):
+        survey.take(f'flood {index}', seen(HERE, SQUARE[0], rng, stamp_s=9))
+    assert len(survey.landmarks) == MAX_LANDMARKS
+    assert estimate_of(survey.landmarks['mug']).readings == 4
+
+
+def test_after_a_restart_only_the_former_survey_is_known() -> None:
+    rng = np.random.default_rng(22)
+    prior = Prior(State(HERE, np.eye(3), np.zeros(3)), 1e-4 * np.eye(6))
+    survey = Survey({}, ERRORS, {'mug': prior})
+    for index, eye_m in enumerate(SQUARE):
+        survey.take('mug', seen(HERE, eye_m, rng, stamp_s=index))
+        survey.take('jar', seen(HERE, eye_m, rng, stamp_s=index, marker=8))
+    survey.restart()
+    (mug,) = survey.estimates()
+    assert (mug.name, mug.readings) == ('mug', 0)
+    assert np.array_equal(mug.position_m, HERE)
+
+
+def test_a_stray_beside_a_landmark_that_is_only_known_is_no_error() -> None:
+    rng = np.random.default_rng(23)
+    prior = Prior(State(HERE, np.eye(3), np.zeros(3)), 1e-4 * np.eye(6))
+    survey = Survey({}, ERRORS, {'jar': prior})
+    for index, eye_m in enumerate(SQUARE):
+        survey.take('mug', seen(HERE, eye_m, rng, stamp_s=index))
+    survey.take('mug', seen(HERE + np.array([0, 0, 0.5]), SQUARE[0], rng, stamp_s=9))
+    assert survey.landmarks['mug'].rejected == 1
+
+
+def test_readings_that_cannot_be_solved_change_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
+    rng = np.random.default_rng(26)
+    survey = Survey({}, ERRORS)
+    for index, eye_m in enumerate(SQUARE):
+        survey.take('mug', seen(HERE, eye_m, rng, stamp_s=index))
+    before = estimate_of(survey.landmarks['mug'])
+
+    def fail(*_: object) -> None:
+        raise np.linalg.LinAlgError('Singular matrix')
+
+    monkeypatch.setattr(Problem, 'solve', fail)
+    with pytest.raises(ValueError, match='readings that cannot be solved: mug'):
+        survey.take('mug', seen(HERE, SQUARE[0], rng, stamp_s=9))
+    monkeypatch.undo()
+    assert estimate_of(survey.landmarks['mug']) is before
+    survey.take('mug', seen(HERE, SQUARE[0], rng, stamp_s=9))
+    assert estimate_of(survey.landmarks['mug']).readings == 5
+
+
+def test_readings_together_say_what_they_say_one_by_one() -> None:
+    rng = np.random.default_rng(24)
+    singly, together = Survey({}, ERRORS), Survey({}, ERRORS)
+    far = HERE + np.array([0, 0, 0.5])
+    readings = [
+        seen(far if index % 7 == 6 else HERE, SQUARE[index % 4], rng, stamp_s=index)
+        for index in range(36)
+    ]
+    for one in readings:
+        singly.take('mug', one)
+    for index in range(0, 36, 4):
+        together.take('mug', *readings[index : index + 4])
+    first, second = (estimate_of(survey.landmarks['mug']) for survey in (singly, together))
+    assert (first.readings, first.rejected) == (second.readings, second.rejected) == (31, 5)
+    assert first.position_m == pytest.approx(second.position_m, abs=1e-4)
+    assert first.stddev_m == pytest.approx(second.stddev_m, rel=0.02)
+
+
+def test_an_estimate_does_not_depend_on_where_it_starts() -> None:
+    rng = np.random.default_rng(25)
+    readings = [seen(HERE, SQUARE[index % 2], rng, stamp_s=index) for index in range(30)]
+    readings += [readings[-1]._replace(stamp_s=30.0 + index) for index in range(60)]
+    landmark = Landmark('mug', ALONE, ERRORS)
+    for one in readings:
+        landmark.take(one)
+    alone = Problem(ALONE, tuple(landmark.members), ERRORS).solve()
+    estimate = estimate_of(landmark)
+    assert estimate.position_m == pytest.approx(alone.state.position_m, abs=1e-3)
+    assert estimate.stddev_m == pytest.approx(largest_stddev(alone.covariance[:3, :3]), rel=0.02)
+
+
 @pytest.mark.parametrize(
     ('key', 'value', 'message'),
     [
+        ('position', [10**400, 0, 1], 'needs a list of 3 numbers'),
         ('position', [1.0, 2.0], r'landmarks\.mug\.position: needs a list of 3 numbers'),
         ('orientation', [0, 0, 0, 0], 'is no quaternion'),
         ('covariance', [0.0] * 36, 'is not symmetric and above 0'),
         ('covariance', ['x'] * 36, 'needs a list of 36 numbers'),
+        ('position', [0, 0, 10**400], 'needs a list of 3 numbers, not .{200}$'),
     ],
 )
 def test_an_impossible_survey_is_refused(key: str, value: object, message: str) -> None:
@@ -284,3 +362,9 @@ def test_an_impossible_survey_is_refused(key: str, value: object, message: str) 
 def test_a_reading_that_is_not_a_number_is_refused() -> None:
     with pytest.raises(ValueError, match='a range of nan'):
         reading(7, 'hand', 0.0, math.nan, 0.001, HERE, np.eye(3), SensorPose(HERE, np.eye(3)))
+
+
+@pytest.mark.parametrize('spoilt', [np.full((3, 3), math.nan), np.zeros((3, 3)), 2 * np.eye(3)])
+def test_a_sensor_without_a_pose_is_refused(spoilt: Floats) -> None:
+    with pytest.raises(ValueError, match='the transform of the sensor is no pose'):
+        reading(7, 'hand', 0.0, 1.3, 0.001, HERE, np.eye(3), SensorPose(HERE, spoilt))

@@ -62,7 +62,7 @@ def test_an_uncertain_place_is_missing_until_it_is_seen_better() -> None:
     board = new_board()
     see_all(board, 0)
     board.see('mug', S, 'base', np.zeros(3), np.diag([1e-4, 0.09, 1e-4]))
-    assert board.missing(S) == {'mug': 'is known to 0.3000 m only; 0.15 m wanted'}
+    assert board.missing(S) == {'mug': '±300 mm (±150 mm needed)'}
     # The latest counts, not the best.
     board.see('mug', 2 * S, 'base', np.zeros(3), SHARP)
     assert board.missing(2 * S) == {}
@@ -71,7 +71,7 @@ def test_an_uncertain_place_is_missing_until_it_is_seen_better() -> None:
     # Just good enough is not missing, and stale goes before uncertain.
     for max_stddev_m, expected in (
         (0.25, {}),
-        (0.1, {'mug': 'is known to 0.2500 m only; 0.1 m wanted'}),
+        (0.1, {'mug': '±250 mm (±100 mm needed)'}),
     ):
         board = ObjectBoard(['mug'], max_stddev_m=max_stddev_m, stale_after_s=8.0)
         board.see('mug', 0, 'base', np.zeros(3), 0.0625 * np.eye(3))

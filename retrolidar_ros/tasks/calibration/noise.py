@@ -24,6 +24,8 @@ _LEAST = 48  # samples of a block
 _MOST_CENSORED = 0.4
 _SIGMAS = 3.0  # by so much more than others are samples of a zone alike that is not at rest
 _ALL_MOVE = 0.3
+_LAGS = (20, 320)  # frames after which a packet may come again
+_MOST_SIMILAR = 6.0  # standard deviations, of steps of white noise
 _ROUNDS = 30
 # A slope that is less certain than this share of it is not reported.
 _LEAST_SURE = 0.35
@@ -130,9 +132,27 @@ def _at_rest(
     usual = float(np.quantile(values, 0.25)) + 0.67 * chance
     if usual > _ALL_MOVE:
         return [], Estimate(usual, chance)
-    zones = [zone for zone, value in alike.items() if value < max(usual, 0.0) + _SIGMAS * chance]
+    zones = [
+        zone
+        for zone, value in alike.items()
+        if value < max(usual, 0.0) + _SIGMAS * chance
+        and not _repeats(signal[:, zone], known[:, zone])
+    ]
+    if not zones:
+        return [], Estimate(usual, chance)
     mean = float(np.mean([alike[zone] for zone in zones]))
     return zones, Estimate(mean + 1 / len(signal), chance / math.sqrt(len(zones)))
+
+
+def _repeats(signal: Floats, known: NDArray[np.bool_]) -> bool:
+    """Return whether a zone sees the same again and again: bits of one frame look like noise."""
+    both = known[1:] & known[:-1]
+    step = np.where(both, np.diff(signal), 0.0)
+    size = 2 << len(step).bit_length()
+    similar = np.fft.irfft(np.abs(np.fft.rfft(step, size)) ** 2, size)[: max(_LAGS)]
+    energy = np.fft.irfft(np.abs(np.fft.rfft(both.astype(float), size)) ** 2, size)[: max(_LAGS)]
+    score = similar / max(float(similar[0]), 1e-30) * energy[0] / np.sqrt(np.maximum(energy, 1))
+    return float(score[min(_LAGS) :].max(initial=0.0)) > _MOST_SIMILAR
 
 
 def _without(level: Floats, valid: NDArray[np.bool_], waves: Floats) -> Floats:

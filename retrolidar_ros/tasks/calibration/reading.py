@@ -6,20 +6,18 @@ from __future__ import annotations
 
 from collections import defaultdict
 
-import numpy as np
-
 from retrolidar_ros.detector import METHODS, Detection, create_detector
 from retrolidar_ros.detector.blinking_zones import BlinkingZone
 from retrolidar_ros.detector.noise import NoiseLaw
+from retrolidar_ros.detector.trials import candidates, every, trials
 from retrolidar_ros.marker.code import PACKET_BITS
 from retrolidar_ros.sensor.frame import Recording
 
 _ZONES = 8
-_APART, _ALIKE = 0.02, 0.04  # periods that are tried apart, and that are of one clock
+_ALIKE = 0.04  # periods that are of one clock
 _AS_SURE = 0.1
 _LEAST_PACKETS = 3
 _EXPLAINED = 0.4  # of the recording, that a zone's marker is read in
-_FRAMES = np.geomspace(1.95, 9.0, 32)  # a bit, tried where no line shows it; 5 % apart
 
 
 def read_markers(
@@ -43,19 +41,26 @@ def read_markers(
         Frame period [s].
     """
     groups: list[list[Detection]] = []
-    tried: list[float] = []
+    tried_s: list[float] = []
     duration_s = (recording.stamp_ns[-1] - recording.stamp_ns[0]) * 1e-9
+
+    def read(recording: Recording, bit_s: float) -> list[Detection]:
+        detector = create_detector(METHODS[0], recording.grid, bit_period_s=bit_s, noise=law)
+        return detector.update_all(recording)
+
     for rank in range(max((len(zone.periods) for zone in zones[:_ZONES]), default=0)):
         for zone in zones[:_ZONES]:
             if rank >= len(zone.periods) or zone.zone in _explained(groups, duration_s):
                 continue
-            period_s = zone.periods[rank].bit_period_s
-            if all(abs(period_s / one - 1) > _APART for one in tried):
-                tried.append(period_s)
-                groups += _groups(recording, period_s, law)
+            likely_s = candidates([zone.periods[rank].bit_period_s], frame_s)
+            for trial in trials(recording, likely_s, read, tried_s):
+                tried_s.append(trial.tried_s)
+                groups += _groups(trial.detections)
     if zones and not groups:
-        for period_s in (_FRAMES * frame_s).tolist():
-            groups += _groups(recording, period_s, law)
+        for trial in trials(recording, every(frame_s), read, tried_s):
+            groups += _groups(trial.detections)
+            if trial.is_sure(recording):
+                break
     kept: dict[int, list[Detection]] = {}
     for own in sorted(groups, key=lambda group: -_evidence(group)):
         if len(own) < 2 and duration_s > _LEAST_PACKETS * PACKET_BITS * own[0].bit_period_s:
@@ -77,11 +82,10 @@ def _evidence(group: list[Detection]) -> float:
     return sum(one.evidence for one in group)
 
 
-def _groups(recording: Recording, period_s: float, law: NoiseLaw) -> list[list[Detection]]:
-    """Return the readings by a bit period [s], a list an ID."""
+def _groups(detections: list[Detection]) -> list[list[Detection]]:
+    """Return readings as a list an ID."""
     found: defaultdict[int, list[Detection]] = defaultdict(list)
-    detector = create_detector(METHODS[0], recording.grid, bit_period_s=period_s, noise=law)
-    for detection in detector.update_all(recording):
+    for detection in detections:
         found[detection.id].append(detection)
     return list(found.values())
 

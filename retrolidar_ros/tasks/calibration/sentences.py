@@ -9,7 +9,6 @@ from retrolidar_ros.tasks.calibration.calibrate import Calibration, MarkerFound
 from retrolidar_ros.tasks.calibration.noise import NoiseFound
 
 _WHITE = 3.0  # standard deviations from it
-_TWO_FRAMES = 1.9
 _LONG_S = 20.0
 _NAMES = {int(one): one.name.lower().replace('_', ' ') for one in Status}
 _CLOCK = 0.03  # how far a detector looks for a bit period
@@ -23,11 +22,8 @@ def sentences(found: Calibration) -> list[str]:
     read = {zone for marker in found.markers for zone in marker.sent.zones}
     read |= {zone for marker in found.markers for one in marker.readings for zone in one.zones}
     for zone in found.zones:
-        if zone.zone not in read and zone.periods:
-            lines.append(
-                f'Zone {zone.zone} blinks by {zone.modulation_db:.0f} dB with bits of '
-                f'{1e3 * zone.bit_period_s:.1f} ms; no ID can be read.'
-            )
+        if zone.zone not in read and zone.is_clocked:
+            lines.append(f'Zone {zone.zone} blinks by {zone.modulation_db:.0f} dB; no ID fits.')
     if link := found.link:
         offset, light = link.offset_m.times(1e3).text('mm'), link.signal_at_1_m.text('kcps/SPAD')
         lines += [
@@ -126,7 +122,6 @@ def missing(found: Calibration) -> list[str]:
     noise, markers = found.noise, found.markers
     still = [marker for marker in markers if not marker.moves]
     flipped = any(marker.flipped for marker in still)
-    clocked = [zone.bit_period_s for zone in found.zones if zone.periods]
     periods = [marker.sent.bit_period_s.value for marker in markers] or [1.0]
     wanted = {
         'Record half a minute: every estimate gets more certain with time.': (
@@ -139,13 +134,12 @@ def missing(found: Calibration) -> list[str]:
         'Switch a lamp on and off while recording for the noise of ambient light.': (
             noise and noise.ambient is None
         ),
-        'No zone blinks: put a marker that repeats its packet 0.5 to 1 m away.': not found.zones,
+        'No zone blinks: wake a marker 0.5 to 1 m away, so that it repeats its packet.': (
+            not found.zones
+        ),
         'Zones blink, but no ID can be read: put one marker nearer, alone in its zone, and let '
-        'it repeat its packet; each bit is to last two to eight frames.': found.zones
+        'it repeat its packet; each bit is to last one to eight frames.': found.zones
         and not markers,
-        'The bits are too fast for this frame rate.': not markers
-        and clocked
-        and clocked[0] < _TWO_FRAMES * found.timing.period_s.value,
         'For the offset of ranges and the reach: measure the way from the sensor to the '
         'brightest marker, and give --distance.': still and found.link is None,
         'For the crystal: put the marker less than half a metre before a wall.': flipped,

@@ -7,6 +7,7 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <cstring>
 #include <functional>
 
 enum { LOW, HIGH };
@@ -29,12 +30,17 @@ extern "C" {
 void HAL_Delay(uint32_t milliseconds);
 void HAL_SuspendTick();
 void HAL_ResumeTick();
+uint32_t HAL_GetUIDw0();
+uint32_t HAL_GetUIDw1();
+uint32_t HAL_GetUIDw2();
 }
+[[noreturn]] void NVIC_SystemReset();
 
 class HardwareSerial {
 public:
     void begin(unsigned long baud);
     void end();
+    void flush();
     int available();
     int read();
     int availableForWrite();

@@ -33,5 +33,6 @@ public:
     uint8_t set_target_order(uint8_t target_order);
     uint8_t set_sharpener_percent(uint8_t sharpener_percent);
     uint8_t start_ranging();
+    uint8_t stop_ranging();
     uint8_t get_ranging_data(VL53L8CX_ResultsData *results);
 };

@@ -1,0 +1,102 @@
+/* Copyright 2026 retrolidar_ros contributors
+ * SPDX-License-Identifier: Apache-2.0
+ */
+/* One marker that is followed: its clock, its light in each zone, its range and its bearing. */
+#ifndef RETROLIDAR_FOLLOWED_H
+#define RETROLIDAR_FOLLOWED_H
+
+#include "retrolidar_bearing.h"
+#include "retrolidar_range_filter.h"
+#include "retrolidar_template.h"
+#include "retrolidar_tracks.h"
+#include "retrolidar_zone_light.h"
+
+/* No range is less [m]. */
+static const double RL_NEAREST_M = 1e-3;
+/* Light falls with the range by this power (paper Fig. 5a). */
+static const double RL_EXPONENT = -3.8;
+
+/* What is seen in a zone while the marker is dark: how far behind it, and how sure that is. */
+struct rl_background {
+    double offset_m, precision; /* [m], [1/m^2] */
+};
+
+/* An error of the marker's clock that is corrected: of the start, and of the bit period. */
+struct rl_clock_error {
+    double variance, common, rate_variance; /* [s^2], [s], of the rate */
+};
+
+struct rl_followed {
+    uint16_t id;
+    struct rl_sending sending;
+    struct rl_clock_error clock;
+    struct rl_presence presence;
+    struct rl_range_filter range;
+    struct rl_zone_light zone[RL_MOST_ZONES];
+    struct rl_background behind[RL_MOST_ZONES];
+    double hidden[RL_MOST_ZONES]; /* light of a farther target, which hides the marker's */
+    double light, slope;          /* in the newest frame, and how it changes with the start [1/s] */
+    double noise_scale;           /* variance of distances over the law */
+    double bias_variance;         /* of the range, by what is behind the marker [m^2] */
+    double distance_m, distance_s; /* the last one in the strongest zone ... */
+    double distance_variance;
+    int distance_zone;
+    double ranged_s;   /* when the range was measured last */
+    int misses;        /* distances that did not fit, one after the other */
+    int off_scale;     /* bright frames with another light, likewise */
+    int strongest;     /* zone, when the bearing was found ... */
+    int bright_frames; /* so many frames ago */
+    double amplitude[RL_MOST_ZONES]; /* and the gains then */
+    struct rl_bearing bearing;
+    double shared_s; /* when gains were found last */
+    double crossed;  /* chance that it moves across the view */
+    double first_s;
+    int64_t last_ns;
+};
+
+/* What a marker is followed in. */
+struct rl_scenery {
+    const struct rl_samples *samples;
+    const struct rl_track_settings *settings;
+    const struct rl_bearing_table *table;
+    int row;
+    double step_s; /* since the frame before */
+    /* Light of other markers in each zone, and its variance. */
+    double other[RL_MOST_ZONES], other_variance[RL_MOST_ZONES];
+};
+
+/* The middle of the row's exposure [s]. */
+static inline double rl_scenery_now(const struct rl_scenery *scenery)
+{
+    const struct rl_samples *samples = scenery->samples;
+    return (samples->begin_s[scenery->row] + samples->end_s[scenery->row]) / 2;
+}
+
+/* Begin with a reading, whose place is not known yet. */
+void rl_followed_start(struct rl_followed *followed, const struct rl_reading *reading);
+
+/* Find out where it is about by the distance that its strongest zone has measured [m]. */
+void rl_followed_place(struct rl_followed *followed, const struct rl_scenery *scenery, int zone,
+                       double depth_m);
+
+/* Predict clock, light and place of the row. */
+void rl_followed_predict(struct rl_followed *followed, const struct rl_scenery *scenery);
+
+/* The sample of a zone, of the target that may be the marker. */
+struct rl_zone_sample rl_followed_sample(const struct rl_followed *followed,
+                                         const struct rl_scenery *scenery, int zone);
+
+/* Take a row of the reading, whose light is known. */
+void rl_followed_replay(struct rl_followed *followed, const struct rl_scenery *scenery,
+                        double light);
+
+/* Update the range by all zones that measure it. */
+void rl_followed_range(struct rl_followed *followed, const struct rl_scenery *scenery);
+
+/* Find the bearing, if gains have changed. */
+void rl_followed_bearing(struct rl_followed *followed, const struct rl_scenery *scenery);
+
+/* Update all. */
+void rl_followed_update(struct rl_followed *followed, const struct rl_scenery *scenery);
+
+#endif

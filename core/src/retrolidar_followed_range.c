@@ -1,0 +1,212 @@
+/* Copyright 2026 retrolidar_ros contributors
+ * SPDX-License-Identifier: Apache-2.0
+ */
+/* The range of a marker that is followed, and which samples of a zone are its own. */
+#include "retrolidar_followed.h"
+
+#include "retrolidar_noise.h"
+#include "retrolidar_ranging.h"
+
+#include <math.h>
+
+/* Deviation of a distance at a signal: a VL53L8CX has hypot(SHOT_M / signal, FLOOR_M). How many
+ * times that variance a sensor has is learnt from frames that follow each other.
+ */
+static const double SHOT_M = 0.490, FLOOR_M = 0.0016;
+static const double LEAST_SCALE = 0.25, MOST_SCALE = 16.0, LESSON = 0.02, MOST_LESSON = 9.0;
+/* A nearer target hides the marker if it is so much nearer [m] and brighter. */
+static const double NEARER_M = 0.1, BRIGHTER = 1.5;
+static const double APART_M = 0.5; /* two targets, not one that is measured badly */
+/* A zone measures the range if the marker is so much of its signal, and others are no more, and it
+ * has so much of its light.
+ */
+static const double LEAST_OWN = 0.3, MOST_OTHER = 0.1, RANGED_LIGHT = 0.3;
+static const double MOST_SPEED = 1.2; /* of a marker that turned while it was dark [m/s] */
+static const double GATE = 25.0;      /* squared deviations */
+static const int MOST_MISSES = 3;
+static const double FIRST_M = 0.3; /* deviation of a range that is a guess */
+static const double MOUNTING_M = 0.005;
+static const double LEAST_PRECISION = 0.1; /* of a background that is known at all [1/m^2] */
+static const double BIAS_SHARE = 0.1, HIDDEN_SHARE = 0.3; /* of the newest frame */
+
+static double law_of(double signal)
+{
+    const double shot_m = SHOT_M / fmax(signal, 1e-3);
+    return shot_m * shot_m + FLOOR_M * FLOOR_M;
+}
+
+static double to_range(const struct rl_scenery *scenery, int zone, double depth_m)
+{
+    const struct rl_track_settings *settings = scenery->settings;
+    return depth_m / settings->z_per_range[zone] - settings->range_offset_m;
+}
+
+static double distance_of(const struct rl_scenery *scenery, int zone)
+{
+    return (double)scenery->samples->distance[rl_sample(scenery->samples, zone, scenery->row)];
+}
+
+void rl_followed_place(struct rl_followed *followed, const struct rl_scenery *scenery, int zone,
+                       double depth_m)
+{
+    rl_range_start(&followed->range, fmax(to_range(scenery, zone, depth_m), RL_NEAREST_M),
+                   FIRST_M * FIRST_M);
+    followed->ranged_s = rl_scenery_now(scenery);
+}
+
+struct rl_zone_sample rl_followed_sample(const struct rl_followed *followed,
+                                         const struct rl_scenery *scenery, int zone)
+{
+    const struct rl_samples *samples = scenery->samples;
+    const size_t at = rl_sample(samples, zone, scenery->row);
+    const struct rl_zone_light *light = &followed->zone[zone];
+    const double signal = (double)samples->signal[at];
+    const double noise = rl_noise_variance(samples, zone, signal);
+    struct rl_zone_sample sample = {samples->valid[at] != 0, signal - scenery->other[zone],
+                                    noise + scenery->other_variance[zone]};
+    const double range_m = to_range(scenery, zone, (double)samples->distance[at]);
+    if (!sample.valid || !isfinite(range_m)) {
+        return sample;
+    }
+    const struct rl_motion place = rl_range_estimate(&followed->range);
+    const double beyond_m = range_m - place.range_m;
+    const double spread_m = 5.0 * sqrt(place.variance + followed->noise_scale * law_of(signal));
+    /* A marker that has come nearer is brighter, too. */
+    const double nearer = fmax(range_m, RL_NEAREST_M) / fmax(place.range_m, RL_NEAREST_M);
+    const double way_m = MOST_SPEED * (rl_scenery_now(scenery) - followed->ranged_s);
+    const double usual = light->level + scenery->other[zone] +
+                         followed->light * light->gain * pow(fmin(nearer, 1.0), RL_EXPONENT);
+    if (beyond_m > fmax(APART_M, spread_m)) {
+        sample.signal = 0.0; /* a wall that the sensor separates: the marker is dimmer */
+    } else if (beyond_m < -fmax(NEARER_M, spread_m) &&
+               (signal > BRIGHTER * usual + 5.0 * sqrt(noise) ||
+                beyond_m < -way_m - 2.0 * NEARER_M)) {
+        sample.valid = false;
+    }
+    return sample;
+}
+
+/* Where it is open whether what is behind a marker is its own mounting or farther, both are weighed
+ * (`retrolidar_ranging.c`). Return by how far it is behind; find the chance that it is so, and the
+ * variance.
+ */
+static double behind_of(const struct rl_background *behind, double *chance, double *variance)
+{
+    const double mounting = MOUNTING_M * MOUNTING_M;
+    *chance = 0.0;
+    *variance = mounting;
+    if (behind->precision < LEAST_PRECISION || fabs(behind->offset_m) > RL_SEPARABLE_M) {
+        return 0.0;
+    }
+    const double noise = 1.0 / behind->precision, spread = noise + mounting;
+    const double squared = behind->offset_m * behind->offset_m;
+    const double mounted = exp(-squared / (2.0 * spread)) / sqrt(6.283185307179586 * spread);
+    const double anywhere = 1.0 / (2.0 * RL_SEPARABLE_M);
+    *chance = anywhere / (mounted + anywhere);
+    *variance = (1.0 - *chance) * noise * mounting / spread + *chance * noise +
+                *chance * (1.0 - *chance) * squared;
+    return behind->offset_m;
+}
+
+static void see_behind(struct rl_followed *followed, int zone, double range_m, double signal)
+{
+    struct rl_background *behind = &followed->behind[zone];
+    const struct rl_motion place = rl_range_estimate(&followed->range);
+    const double off_m = range_m - place.range_m - behind->offset_m;
+    const double precision = 1.0 / (followed->noise_scale * law_of(signal) + place.variance);
+    behind->precision += precision;
+    behind->offset_m += precision / behind->precision * off_m;
+}
+
+/* Learn how much distances vary, from two that follow each other. */
+static void learn_noise(struct rl_followed *followed, const struct rl_scenery *scenery, int zone,
+                        double range_m, double variance)
+{
+    const double now_s = rl_scenery_now(scenery), step_s = now_s - followed->distance_s;
+    if (followed->distance_zone == zone && step_s < 1.5 * scenery->samples->period_s) {
+        const struct rl_motion place = rl_range_estimate(&followed->range);
+        const double off = range_m - followed->distance_m - place.rate * step_s;
+        const double expected =
+            variance + followed->distance_variance + place.rate_variance * step_s * step_s;
+        const double surprise = fmin(off * off / expected, MOST_LESSON);
+        followed->noise_scale *= 1.0 + LESSON * (surprise - 1.0);
+        followed->noise_scale = fmin(fmax(followed->noise_scale, LEAST_SCALE), MOST_SCALE);
+    }
+    followed->distance_zone = zone;
+    followed->distance_m = range_m;
+    followed->distance_s = now_s;
+    followed->distance_variance = variance;
+}
+
+/* When most of the light of an exposure came, after its middle: an edge may be within it. */
+static double centre_of(const struct rl_followed *followed, const struct rl_scenery *scenery)
+{
+    const struct rl_samples *samples = scenery->samples;
+    const double dark_s = (1.0 - followed->light) *
+                          (samples->end_s[scenery->row] - samples->begin_s[scenery->row]);
+    return followed->slope > 0.0 ? -dark_s / 2 : followed->slope < 0.0 ? dark_s / 2 : 0.0;
+}
+
+static void measure_range(struct rl_followed *followed, const struct rl_scenery *scenery, int zone,
+                          double range_m, double signal)
+{
+    const struct rl_zone_light *light = &followed->zone[zone];
+    const double late_s = centre_of(followed, scenery);
+    const double share = fmin(fmax(light->level / fmax(signal, 1e-3), 0.0), 1.0 - LEAST_OWN);
+    const struct rl_motion place = rl_range_estimate(&followed->range);
+    const double variance =
+        followed->noise_scale * law_of(signal) + place.rate_variance * late_s * late_s;
+    double chance, offset_variance;
+    const double offset_m = behind_of(&followed->behind[zone], &chance, &offset_variance);
+    const double mixed = share * chance;
+    const double own_m = (range_m - mixed * (offset_m + place.range_m)) / (1.0 - mixed) -
+                         place.rate * late_s;
+    const double off = own_m - place.range_m;
+    /* It may have turned in the dark. */
+    const double way_m = MOST_SPEED * (rl_scenery_now(scenery) - followed->ranged_s);
+    if (off * off > GATE * (place.variance + variance) + way_m * way_m) {
+        if (++followed->misses > MOST_MISSES) {
+            rl_range_start(&followed->range, own_m, 4.0 * variance);
+            followed->misses = 0;
+        }
+        return;
+    }
+    followed->misses = 0;
+    followed->ranged_s = rl_scenery_now(scenery);
+    if (zone == rl_zone_strongest(followed->zone, scenery->samples->zones)) {
+        learn_noise(followed, scenery, zone, range_m, variance);
+    }
+    followed->bias_variance +=
+        BIAS_SHARE * (share * share * offset_variance - followed->bias_variance);
+    rl_range_update(&followed->range, own_m, variance, 1.0 - mixed);
+}
+
+void rl_followed_range(struct rl_followed *followed, const struct rl_scenery *scenery)
+{
+    const struct rl_samples *samples = scenery->samples;
+    const int strongest = rl_zone_strongest(followed->zone, samples->zones);
+    for (int zone = 0; zone < samples->zones; zone++) {
+        if (!rl_zone_beside(zone, strongest, samples->columns_of_zones)) {
+            continue;
+        }
+        const struct rl_zone_light *light = &followed->zone[zone];
+        const struct rl_zone_sample sample = rl_followed_sample(followed, scenery, zone);
+        const double signal = (double)samples->signal[rl_sample(samples, zone, scenery->row)];
+        const double range_m = to_range(scenery, zone, distance_of(scenery, zone));
+        if (!sample.valid || !isfinite(range_m)) {
+            continue;
+        }
+        if (followed->light > RANGED_LIGHT) {
+            const double own = sample.signal - light->level;
+            followed->hidden[zone] +=
+                HIDDEN_SHARE * ((sample.signal == 0.0 ? signal : 0.0) - followed->hidden[zone]);
+            if (own > LEAST_OWN * signal && own > 3.0 * sqrt(sample.variance) &&
+                light->gain > 3.0 * sqrt(light->gain_variance) &&
+                scenery->other[zone] < MOST_OTHER * signal) {
+                measure_range(followed, scenery, zone, range_m, signal);
+            }
+        } else if (followed->light < RL_DARK && scenery->other[zone] < MOST_OTHER * signal) {
+            see_behind(followed, zone, range_m, signal);
+        }
+    }
+}

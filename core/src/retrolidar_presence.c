@@ -1,0 +1,107 @@
+/* Copyright 2026 retrolidar_ros contributors
+ * SPDX-License-Identifier: Apache-2.0
+ */
+#include "retrolidar_presence.h"
+
+#include <math.h>
+#include <string.h>
+
+enum { SAME, HIDDEN, MORE, OTHER_DARK, OTHER_BRIGHT };
+
+/* How often each begins and ends [1/s]. */
+static const double HIDES = 0.3, SHOWS = 5.0, GAINS = 0.3, LOSES = 3.0, CHANGES = 0.05;
+/* By how much a model of light is wrong, for itself and as a share of the light. */
+static const double OFFSET = 0.05, SHARE = 0.15;
+/* Likelihood of what no model explains, and of an edge within an exposure of other bits. */
+static const double ANYTHING = 0.01, EDGES = 0.25;
+/* Other light may be so many times as bright. */
+static const double MOST_MORE = 2.0;
+/* Gone after so long unseen, in which dark bits count a part [s]. */
+static const double GONE_S = 0.36, GONE_STEP_S = 0.05, DARK_PART = 0.6;
+static const double BRIGHT_LIGHT = 0.5, SEEN = 4.0; /* [nats] */
+static const double LEAST_CHANCE = 1e-9, MOST_STEP_S = 0.1;
+
+void rl_presence_start(struct rl_presence *presence, double chance)
+{
+    memset(presence, 0, sizeof *presence);
+    presence->chance[SAME] = chance;
+    presence->chance[OTHER_DARK] = presence->chance[OTHER_BRIGHT] = (1.0 - chance) / 2;
+    presence->log_odds = log(chance / (1.0 - chance));
+}
+
+static double density(double value, double mean, double variance)
+{
+    const double off = value - mean;
+    return exp(-off * off / variance / 2.0) / sqrt(6.283185307179586 * variance);
+}
+
+static void change(double chance[RL_EXPLANATIONS], const struct rl_glance *glance)
+{
+    const double step_s = fmin(glance->step_s, MOST_STEP_S);
+    const double flips = 0.5 * fmin(step_s / glance->bit_s, 1.0);
+    const double same = chance[SAME], hidden = chance[HIDDEN], more = chance[MORE];
+    const double dark = chance[OTHER_DARK], bright = chance[OTHER_BRIGHT];
+    chance[SAME] = same * (1.0 - (HIDES + GAINS + CHANGES) * step_s) +
+                   (SHOWS * hidden + LOSES * more) * step_s;
+    chance[HIDDEN] = hidden * (1.0 - SHOWS * step_s) + same * HIDES * step_s;
+    chance[MORE] = more * (1.0 - LOSES * step_s) + same * GAINS * step_s;
+    chance[OTHER_DARK] = dark + flips * (bright - dark) + same * CHANGES * step_s / 2.0;
+    chance[OTHER_BRIGHT] = bright + flips * (dark - bright) + same * CHANGES * step_s / 2.0;
+}
+
+static void weigh(double chance[RL_EXPLANATIONS], const struct rl_glance *glance)
+{
+    const double light = glance->light, seen = glance->measured;
+    const double variance = glance->variance + OFFSET * OFFSET;
+    const double bright = variance + SHARE * SHARE;
+    const double edge = seen > -OFFSET && seen < 1.0 + OFFSET ? EDGES : 0.0;
+    const double more = seen > light ? 1.0 / MOST_MORE : 0.0;
+    const double own = variance + SHARE * SHARE * light * light + glance->edge_variance;
+    chance[SAME] *= density(seen, light, own) + ANYTHING;
+    chance[HIDDEN] *= density(seen, 0.0, variance) + ANYTHING;
+    chance[MORE] *= more + ANYTHING;
+    chance[OTHER_DARK] *= (1.0 - EDGES) * density(seen, 0.0, variance) + edge + ANYTHING;
+    chance[OTHER_BRIGHT] *= (1.0 - EDGES) * density(seen, 1.0, bright) + edge + ANYTHING;
+    double total = 0.0;
+    for (int i = 0; i < RL_EXPLANATIONS; i++) {
+        total += chance[i];
+    }
+    for (int i = 0; i < RL_EXPLANATIONS; i++) {
+        chance[i] = fmax(chance[i] / total, LEAST_CHANCE);
+    }
+}
+
+/* Whether the light was seen, by the sum of the evidence since it was last (Page 1954). */
+static int see(struct rl_presence *presence, const struct rl_glance *glance)
+{
+    const double light = glance->light, off = glance->measured - light;
+    const double variance = glance->variance + OFFSET * OFFSET + glance->edge_variance;
+    if (light > BRIGHT_LIGHT && glance->measured < 1.0 + MOST_MORE) {
+        const double nats =
+            (glance->measured * glance->measured - off * off) / variance / 2.0;
+        presence->seen_nats = fmax(presence->seen_nats + fmin(nats, 2.0 * SEEN), 0.0);
+    }
+    if (presence->seen_nats < SEEN) {
+        return 0;
+    }
+    presence->seen_nats = 0.0;
+    return light > BRIGHT_LIGHT;
+}
+
+int rl_presence_update(struct rl_presence *presence, const struct rl_glance *glance)
+{
+    int seen = 0;
+    change(presence->chance, glance);
+    presence->unseen_s += glance->step_s * (glance->light > BRIGHT_LIGHT ? 1.0 : DARK_PART);
+    if (isfinite(glance->variance)) {
+        weigh(presence->chance, glance);
+        seen = see(presence, glance);
+        presence->unseen_s = seen ? 0.0 : presence->unseen_s;
+    }
+    const double *chance = presence->chance;
+    const double gone = exp(fmin((presence->unseen_s - GONE_S) / GONE_STEP_S, 700.0));
+    const double other = (chance[OTHER_DARK] + chance[OTHER_BRIGHT]) /
+                         (chance[SAME] + chance[HIDDEN] + chance[MORE]);
+    presence->log_odds = -log(gone + other);
+    return seen;
+}

@@ -1,0 +1,125 @@
+/* Copyright 2026 retrolidar_ros contributors
+ * SPDX-License-Identifier: Apache-2.0
+ */
+#include "retrolidar_range_filter.h"
+
+#include <math.h>
+
+enum { STILL, EVEN, TURNING };
+
+/* How often one motion becomes another [1/s]. */
+static const double RATE[RL_MOTIONS][RL_MOTIONS] = {
+    {0.0, 0.1, 0.05},
+    {0.3, 0.0, 0.6},
+    {1.0, 8.0, 0.0},
+};
+/* Spectral density of the acceleration [m^2/s^3]; one at rest trembles [m^2/s]. */
+static const double ACCELERATION[RL_MOTIONS] = {0.0, 0.1, 8.0};
+static const double TREMBLE = 4e-6;
+/* Of a rate before anything is known of it, and of one at rest [m/s]. */
+static const double ANY_RATE = 0.5, REST_RATE = 1e-3;
+static const double FIRST_CHANCE[RL_MOTIONS] = {0.5, 0.4, 0.1};
+static const double LEAST_CHANCE = 1e-12, LEAST_VARIANCE = 1e-10;
+
+void rl_range_start(struct rl_range_filter *filter, double range_m, double variance)
+{
+    for (int i = 0; i < RL_MOTIONS; i++) {
+        const double rate = i == STILL ? REST_RATE : ANY_RATE;
+        filter->motion[i] =
+            (struct rl_motion){FIRST_CHANCE[i], range_m, 0.0, variance, 0.0, rate * rate};
+    }
+}
+
+/* Mean and covariance of motions with such weights, whose sum is `total`. */
+static struct rl_motion mixture(const struct rl_motion *motions, const double *weight, double total)
+{
+    struct rl_motion mean = {.chance = total};
+    for (int i = 0; i < RL_MOTIONS; i++) {
+        mean.range_m += weight[i] / total * motions[i].range_m;
+        mean.rate += weight[i] / total * motions[i].rate;
+    }
+    for (int i = 0; i < RL_MOTIONS; i++) {
+        const struct rl_motion *one = &motions[i];
+        const double off_m = one->range_m - mean.range_m, off = one->rate - mean.rate;
+        const double share = weight[i] / total;
+        mean.variance += share * (one->variance + off_m * off_m);
+        mean.common += share * (one->common + off_m * off);
+        mean.rate_variance += share * (one->rate_variance + off * off);
+    }
+    return mean;
+}
+
+static void move(struct rl_motion *one, int motion, double step_s)
+{
+    if (motion == STILL) {
+        one->variance += TREMBLE * step_s;
+        one->rate = one->common = 0.0;
+        one->rate_variance = REST_RATE * REST_RATE;
+        return;
+    }
+    const double noise = ACCELERATION[motion] * step_s;
+    one->range_m += one->rate * step_s;
+    one->variance += step_s * (2.0 * one->common + step_s * one->rate_variance) +
+                     noise * step_s * step_s / 3.0;
+    one->common += step_s * one->rate_variance + noise * step_s / 2.0;
+    one->rate_variance = fmin(one->rate_variance + noise, 4.0 * ANY_RATE * ANY_RATE);
+}
+
+void rl_range_predict(struct rl_range_filter *filter, double step_s)
+{
+    struct rl_motion after[RL_MOTIONS];
+    for (int to = 0; to < RL_MOTIONS; to++) {
+        double weight[RL_MOTIONS], total = 0.0;
+        for (int from = 0; from < RL_MOTIONS; from++) {
+            double change = 0.0, all = 0.0;
+            for (int i = 0; i < RL_MOTIONS; i++) {
+                all += RATE[from][i];
+            }
+            const double left = 1.0 - exp(-all * step_s);
+            change = from == to ? 1.0 - left : left * RATE[from][to] / all;
+            weight[from] = change * filter->motion[from].chance;
+            total += weight[from];
+        }
+        after[to] = mixture(filter->motion, weight, total);
+        move(&after[to], to, step_s);
+    }
+    for (int i = 0; i < RL_MOTIONS; i++) {
+        filter->motion[i] = after[i];
+    }
+}
+
+void rl_range_update(struct rl_range_filter *filter, double range_m, double variance, double share)
+{
+    double nats[RL_MOTIONS], most = -INFINITY, total = 0.0;
+    for (int i = 0; i < RL_MOTIONS; i++) {
+        struct rl_motion *one = &filter->motion[i];
+        const double innovation = share * (range_m - one->range_m);
+        const double spread = share * share * one->variance + variance;
+        const double gain = share * one->variance / spread;
+        const double rate_gain = share * one->common / spread;
+        one->range_m += gain * innovation;
+        one->rate += rate_gain * innovation;
+        one->rate_variance -= rate_gain * share * one->common;
+        one->common -= gain * share * one->common;
+        one->variance = fmax(one->variance - gain * share * one->variance, LEAST_VARIANCE);
+        one->rate_variance = fmax(one->rate_variance, LEAST_VARIANCE);
+        nats[i] = log(one->chance) - (innovation * innovation / spread + log(spread)) / 2.0;
+        most = fmax(most, nats[i]);
+    }
+    for (int i = 0; i < RL_MOTIONS; i++) {
+        filter->motion[i].chance = fmax(exp(nats[i] - most), LEAST_CHANCE);
+        total += filter->motion[i].chance;
+    }
+    for (int i = 0; i < RL_MOTIONS; i++) {
+        filter->motion[i].chance /= total;
+    }
+}
+
+struct rl_motion rl_range_estimate(const struct rl_range_filter *filter)
+{
+    double weight[RL_MOTIONS];
+    for (int i = 0; i < RL_MOTIONS; i++) {
+        weight[i] = filter->motion[i].chance;
+    }
+    return mixture(filter->motion, weight, 1.0);
+}

@@ -1,0 +1,201 @@
+# Copyright 2026 retrolidar_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""A marker that is followed: how well it is placed while it moves, and when a track ends."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from evaluation.bench.places import held, place_error, rms
+from evaluation.bench.recordings import Sent, record, signal_at
+from evaluation.bench.stresses import PLAIN
+from evaluation.experiments.moving import WAYS
+from evaluation.peers.camera import Background
+from evaluation.peers.visual_markers import APRILTAG, View, find_readers, read_pictures
+from evaluation.report.chart_style import OTHERS, label, legend_below, line, look, new_chart
+from evaluation.report.claims import NOTHING, Table, as_text, percent
+from retrolidar_ros.detector.likelihood_detector import LikelihoodDetector
+from retrolidar_ros.detector.methods import create_detector
+from retrolidar_ros.detector.tracks import Track
+from retrolidar_ros.sensor.frame import Recording
+
+TITLE = 'Markers that are followed'
+MESSAGE = 'Followed, a marker has a place in every frame, and moving it costs millimetres'
+RANGES_M = (1.0, 2.0)
+DURATION_S = 20.0
+_SPEEDS_M_S = (0.0, 0.1, 0.3, 0.6)
+_SETTLED_S = 1.0  # after a track began
+_GONE_S = 6.0  # when a marker vanishes, at the earliest
+_STANDING_S = 120.0
+_PICTURES = 40
+
+
+def _play(recording: Recording) -> tuple[LikelihoodDetector, list[list[Track]], list[Any]]:
+    """Return a detector that has taken a recording, its tracks at each frame, its detections."""
+    detector = create_detector('joint', recording.grid)
+    assert isinstance(detector, LikelihoodDetector)
+    tracks, detections = [], []
+    for frame in recording:
+        detections += detector.update(frame)
+        tracks.append(detector.follow(frame))
+    return detector, tracks, detections
+
+
+def _moving(way: str, speed_m_s: float, range_m: float, rng: np.random.Generator) -> dict[str, Any]:
+    """Return errors of a marker's packets and tracks while it moves."""
+    path = WAYS[way](speed_m_s, range_m, rng)
+    how: dict[str, Any] = {'range_m': range_m, 'repeated_s': DURATION_S}
+    sent = record(PLAIN, signal_at(range_m), rng, path=path, **how)
+    _, tracks, detections = _play(sent.recording)
+
+    def error(one: Any) -> Any:
+        return place_error(one.place, path(np.array([1e-9 * one.stamp_ns]))[0])
+
+    own = [one for frame in tracks for one in frame if one.id == sent.ids[0]]
+    began_ns = min((one.stamp_ns for one in own), default=0)
+    settled = [one for one in own if one.stamp_ns - began_ns > 1e9 * _SETTLED_S]
+    errors = [error(one) for one in settled]
+    bright = [index for index, one in enumerate(settled) if one.last_ns == one.stamp_ns]
+    frames = sum(1e-9 * (int(at) - began_ns) > _SETTLED_S for at in sent.recording.stamp_ns)
+    return {
+        'packets': [error(one).range_m for one in detections if one.id == sent.ids[0]],
+        'bright': [errors[index].range_m for index in bright],
+        'all': [one.range_m for one in errors],
+        'pull': [
+            one.range_m / track.place.range_stddev_m
+            for one, track in zip(errors, settled, strict=True)
+        ],
+        'squared': [one.squared_distance for one in errors],
+        'followed': len(settled) / max(frames, 1),
+        'updates_hz': len(bright) / max(frames * 0.021, 1e-9),
+    }
+
+
+def _sum(runs: Sequence[dict[str, Any]]) -> dict[str, Any]:
+    def joined(name: str) -> list[float]:
+        return [value for one in runs for value in one[name]]
+
+    return {
+        **{f'{name}_mm': _mm(joined(name)) for name in ('packets', 'bright', 'all')},
+        'pull': rms(joined('pull')),
+        'ellipsoid_holds': held(joined('squared')),
+        'followed': float(np.mean([one['followed'] for one in runs])),
+        'updates_hz': float(np.mean([one['updates_hz'] for one in runs])),
+    }
+
+
+def _mm(errors_m: list[float]) -> float | None:
+    value = rms(errors_m)
+    return None if value is None else 1e3 * value
+
+
+def _standing(range_m: float, duration_s: float, rng: np.random.Generator) -> Sent:
+    path = WAYS['to and fro'](0.0, range_m, rng)
+    return record(PLAIN, signal_at(range_m), rng, range_m=range_m, repeated_s=duration_s, path=path)
+
+
+def _dropped_s(range_m: float, rng: np.random.Generator, *, changes: bool) -> float | None:
+    """Return how long a marker is followed after it vanishes, or sends another ID [s]."""
+    sent = _standing(range_m, _GONE_S + 4.0, rng)
+    after = _standing(range_m, _GONE_S + 4.0, rng).recording
+    if not changes:
+        dark = record(PLAIN, 1e-6, rng, range_m=range_m, repeated_s=_GONE_S + 4.0)
+        after = dark.recording
+    frame = int((_GONE_S + 1.3 * rng.random()) / 0.021)
+    arrays = {name: values for name, values in vars(sent.recording).items() if name != 'grid'}
+    spliced = {
+        name: np.concatenate([values[:frame], getattr(after, name)[frame:]])
+        for name, values in arrays.items()
+    }
+    _, tracks, _ = _play(replace(sent.recording, **spliced))
+    known = [any(one.id == sent.ids[0] for one in each) for each in tracks]
+    if not known[frame - 1]:
+        return None
+    end = next((index for index in range(frame, len(known)) if not known[index]), len(known))
+    return (end - frame) * 0.021
+
+
+def run(rng: np.random.Generator, *, quick: bool) -> dict[str, Any]:
+    """Return errors over speed for packets and tracks, and how tracks end."""
+    runs, drops, standing_s = (1, 4, 30.0) if quick else (6, 60, _STANDING_S)
+    curves = []
+    for way in WAYS:
+        for range_m in RANGES_M:
+            points = [
+                {'speed_m_s': at, **_sum([_moving(way, at, range_m, rng) for _ in range(runs)])}
+                for at in _SPEEDS_M_S
+            ]
+            curves.append({'way': way, 'range_m': range_m, 'points': points})
+    ends = []
+    for range_m in RANGES_M:
+        still = [_play(_standing(range_m, standing_s, rng).recording)[0] for _ in range(runs)]
+        found: dict[str, Any] = {
+            'range_m': range_m,
+            'false_ends_an_hour': sum(one.track_counts.ended for one in still)
+            / (runs * standing_s / 3600),
+        }
+        for name, changes in (('vanished', False), ('other ID', True)):
+            lasted = [_dropped_s(range_m, rng, changes=changes) for _ in range(drops)]
+            times_s = [one for one in lasted if one is not None]
+            found[name] = np.percentile(times_s, [50, 95]).tolist() if times_s else None
+        ends.append(found)
+    readers, _ = find_readers()
+    tags = [one for one in readers if one.name == APRILTAG]
+    background = Background(rng)
+    pictures = 5 if quick else _PICTURES
+    seen = [
+        read_pictures(tags, background, pictures, rng, View(RANGES_M[0], speed_m_s=at))
+        for at in (_SPEEDS_M_S if tags else ())
+    ]
+    return {'curves': curves, 'ends': ends, 'apriltag': [one[APRILTAG] for one in seen]}
+
+
+def table(figures: dict[str, Any]) -> Table:
+    """Return errors of range by way, distance and speed, and how tracks end."""
+    names = ('packets_mm', 'bright_mm', 'all_mm')
+
+    def in_mm(one: dict[str, Any]) -> str:
+        errors = '/'.join(NOTHING if one[name] is None else f'{one[name]:.1f}' for name in names)
+        return f'{errors}; {percent(one["ellipsoid_holds"])}'
+
+    rows = [['rms errors [mm]; in 95 % ellipsoid', *(f'{at:g} m/s' for at in _SPEEDS_M_S)]]
+    for curve in figures['curves']:
+        where = f'{curve["way"]} at {curve["range_m"]:g} m'
+        rows.append([where, *map(in_mm, curve['points'])])
+    if figures['apriltag']:
+        cells = [
+            as_text(one['error_mm'] and one['error_mm']['median'], 'mm', 1)
+            for one in figures['apriltag']
+        ]
+        rows.append([f'AprilTag at {RANGES_M[0]:g} m, median', *cells])
+    for name in ('vanished', 'other ID'):
+        ends = [
+            f'{one["range_m"]:g} m: {one[name][0]:.2f}/{one[name][1]:.2f} s'
+            for one in figures['ends']
+            if one[name]
+        ]
+        rows.append(
+            [f'{name}, dropped after (median/95 %)', *ends, *[''] * (len(_SPEEDS_M_S) - len(ends))]
+        )
+    return rows
+
+
+def draw(figures: dict[str, Any]) -> Any:
+    """Draw the error of range over the speed, a panel for each way."""
+    figure, panels = new_chart(2, 2, 13, 5.8, MESSAGE)
+    styles = dict(zip(RANGES_M, ('-', ':'), strict=True))
+    tracks = look('joint') | {'color': OTHERS[0]}
+    for curve in figures['curves']:
+        axis = panels[list(WAYS).index(curve['way'])]
+        speeds = [point['speed_m_s'] for point in curve['points']]
+        for name, how in (('packets_mm', look('joint')), ('bright_mm', tracks)):
+            errors = [point[name] or math.nan for point in curve['points']]
+            axis.plot(speeds, errors, linestyle=styles[curve['range_m']], **how)
+    for axis, way in zip(panels, WAYS, strict=True):
+        label(axis, 'speed [m/s]', 'rms error of range [mm]', way, yscale='log')
+    others = {'packets': look('joint'), 'tracks': tracks}
+    legend_below(figure, (), others | {f'at {at:g} m': line(one) for at, one in styles.items()})
+    return figure

@@ -1,0 +1,89 @@
+# Copyright 2026 retrolidar_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""Publish the frames of a bag as a driver would, without rosbag2."""
+
+from __future__ import annotations
+
+import argparse
+import time
+from contextlib import suppress
+from itertools import chain
+from pathlib import Path
+
+from retrolidar_ros.bag import FRAMES_TOPIC, read_frames
+from retrolidar_ros.cli.arguments import Subparsers
+from retrolidar_ros.settings.interrupts import interrupted_once
+from retrolidar_ros.settings.resources import shared_file
+from retrolidar_ros.settings.yaml_files import load_parameter_defaults
+
+_DISCOVERY_S = 3.0  # until somebody listens, or not
+
+
+def rate(text: str) -> float:
+    """Parse how many times as fast."""
+    with suppress(ValueError):
+        if 0 < (value := float(text)) <= 1000:
+            return value
+    raise argparse.ArgumentTypeError(f'{text} is no rate: more than 0, and up to 1000')
+
+
+def add_command(subparsers: Subparsers) -> None:
+    """Add `retrolidar replay`."""
+    command = subparsers.add_parser(
+        'replay',
+        help='publish the frames of a bag to ROS',
+        description='Stamps stay as they were recorded. Needs ROS 2, but not rosbag2.',
+    )
+    command.add_argument('bag', type=Path, help='rosbag2 directory, .mcap or .db3 file')
+    command.add_argument('--topic', default=FRAMES_TOPIC, help='in the bag (default: %(default)s)')
+    command.add_argument('--to', metavar='TOPIC', help='where they go (default: as in the bag)')
+    command.add_argument('--rate', type=rate, default=1.0, help='times as fast (default: 1)')
+    command.add_argument('--loop', action='store_true', help='begin again at the end')
+    command.add_argument('--frame-id', help='TF frame of the sensor (default: of the driver)')
+    command.set_defaults(run=run)
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Publish frames at their times until the bag ends, or Ctrl-C."""
+    try:
+        import rclpy
+        from rclpy.duration import Duration
+        from rclpy.node import Node
+        from rclpy.signals import SignalHandlerOptions
+
+        from retrolidar_ros.msg import Frame as FrameMsg
+        from retrolidar_ros.nodes.conversion import to_frame_msg
+        from retrolidar_ros.nodes.qos import FRAMES, publisher
+    except ImportError as error:
+        raise ValueError(f'replay needs ROS 2 and this package built for it: {error}') from error
+    defaults = load_parameter_defaults(shared_file('config/retrolidar.yaml'), 'driver')
+    frame_id = arguments.frame_id or defaults['frame_id']
+    frames = read_frames(arguments.bag, arguments.topic)
+    first = next(frames)  # a bag that cannot be read is told of at once
+    name = arguments.to or arguments.topic
+    sent = 0
+    rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
+    try:
+        node = Node('replay')
+        topic = publisher(node, FrameMsg, name, FRAMES)
+        with suppress(KeyboardInterrupt), interrupted_once():
+            until_s = time.monotonic() + _DISCOVERY_S
+            while not topic.get_subscription_count() and time.monotonic() < until_s:
+                time.sleep(0.05)
+            print(f'playing {arguments.bag} to {name}', flush=True)
+            while True:
+                begin_s = time.monotonic()
+                for frame in chain([first], frames):
+                    due_s = begin_s + (frame.stamp_ns - first.stamp_ns) * 1e-9 / arguments.rate
+                    time.sleep(max(due_s - time.monotonic(), 0.0))
+                    topic.publish(to_frame_msg(frame, frame_id))
+                    sent += 1
+                if not arguments.loop:
+                    break
+                frames = read_frames(arguments.bag, arguments.topic)
+                first = next(frames)
+            topic.wait_for_all_acked(Duration(seconds=1))
+    finally:
+        rclpy.try_shutdown()
+        print(f'{sent} frames to {name}')
+    return 0

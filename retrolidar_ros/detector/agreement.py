@@ -1,0 +1,66 @@
+# Copyright 2026 retrolidar_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""Readings that count only if others agree: what happens once may be chance."""
+
+from __future__ import annotations
+
+from collections import defaultdict, deque
+from collections.abc import Sequence
+
+import numpy as np
+
+from retrolidar_ros.detector.detection import Detection
+from retrolidar_ros.detector.tracks import Track
+from retrolidar_ros.marker.code import PACKET_BITS
+
+# A faint marker is read once in eight packets, some of which may be hidden.
+_MAX_GAP_PACKETS = 12
+_MAX_DEVIATIONS = 3.0
+_MAX_SPEED = 1.0  # of a marker along the line of sight [m/s]
+
+
+class Agreement:
+    """Passes a reading on if enough agree with it, itself included."""
+
+    def __init__(self, min_readings: int) -> None:
+        """Begin without any reading; 1 = all pass.
+
+        Readings agree if they are of one ID, no more than twelve packets apart for each of
+        `min_readings`, and their ranges differ by no more than three deviations and 1 m/s.
+        """
+        self._min_readings = min_readings
+        self._recent: defaultdict[int, deque[Detection]] = defaultdict(
+            lambda: deque(maxlen=4 * min_readings)
+        )
+        self._passed_ns: dict[int, int] = {}
+        self.passed = self.withheld = 0
+        """How many readings did, and did not."""
+
+    def confirmed(self, detections: Sequence[Detection]) -> list[Detection]:
+        """Return those of new readings with which enough agree."""
+        return [one for one in detections if self._is_confirmed(one)]
+
+    def followed(self, tracks: Sequence[Track]) -> list[Track]:
+        """Return those of tracks of which a reading was passed on."""
+        passed_ns = self._passed_ns
+        return [one for one in tracks if one.id in passed_ns and passed_ns[one.id] >= one.first_ns]
+
+    def _is_confirmed(self, reading: Detection) -> bool:
+        recent = self._recent[reading.id]
+        agreeing = 1 + sum(self._agree(one, reading) for one in recent)
+        recent.append(reading)
+        is_enough = agreeing >= self._min_readings
+        if is_enough:
+            self._passed_ns[reading.id] = reading.end_ns
+        self.passed += is_enough
+        self.withheld += not is_enough
+        return is_enough
+
+    def _agree(self, one: Detection, other: Detection) -> bool:
+        apart_s = abs(other.stamp_ns - one.stamp_ns) * 1e-9
+        gap_s = _MAX_GAP_PACKETS * PACKET_BITS * other.bit_period_s
+        if apart_s > gap_s * (self._min_readings - 1):
+            return False
+        deviation_m = np.hypot(one.place.range_stddev_m, other.place.range_stddev_m)
+        allowed_m = _MAX_DEVIATIONS * deviation_m + _MAX_SPEED * apart_s
+        return bool(abs(other.place.range_m - one.place.range_m) <= allowed_m)

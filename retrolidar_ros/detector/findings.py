@@ -1,0 +1,107 @@
+# Copyright 2026 retrolidar_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""Why less is read than could be: what was found, and the one sentence that says it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from enum import Enum
+from typing import Any, NamedTuple
+
+_DARKER = 'check polarisers and voltage, or go farther away if so much light saturates the sensor'
+_MOST_NAMED = 4
+
+
+class Cause(Enum):
+    """Why something is not read, and as a template the sentence with its remedy."""
+
+    FEW_FRAMES = '{frames} frames are too few: a packet takes {packet_s:.1f} s'
+    STAMPS = 'the stamps of the frames stand still: record again with a clock that runs'
+    FRAME_RATE = (
+        'a frame comes every {frame_ms:.1f} ms, but bit_period is {bit_ms:.1f} ms: {frames:.1f} '
+        'frames, and not one to eight. Set bit_period to how long the markers hold a bit, or let '
+        'the sensor measure at another rate'
+    )
+    SHORT_BITS = (
+        'bits of {bit_ms:.1f} ms last {frames:.1f} frames: two are read farther. Let the sensor '
+        'measure faster, or the markers hold bits longer'
+    )
+    BIT_PERIOD = (
+        'zone {zone} blinks by {blinks_db:.0f} dB; ID {ids} is read with bits of {found_ms:.1f} '
+        'ms, not of {bit_ms:.1f} ms: set bit_period to {found_s:.4f}'
+    )
+    MAX_PACKETS = 'ID {ids} is read with max_packets 8: it is faint, and max_packets is {packets}'
+    UNREGISTERED = 'ID {ids} would be read: add it to registered_ids'
+    FEW_READ = (
+        'ID {ids} was read in {read} packets of {sent}: it is faint, hidden at times, or noisier '
+        'than set'
+    )
+    WITHHELD = '{withheld} readings are withheld: fewer agree than min_readings, {least}'
+    NO_BLINKING = (
+        'no zone blinks: let a marker repeat its packet within the view, a metre away at most; '
+        'it may be asleep: wake it with light'
+    )
+    STEADY = (
+        'zone {zone} is by far the brightest, and steady. If that is a marker, wake it with light; '
+        f'{_DARKER}'
+    )
+    LOW_CONTRAST = (
+        'zone {zone} blinks by {blinks_db:.0f} dB, but by {percent:.0f} % of its light only: '
+        f'{_DARKER}'
+    )
+    NO_CLOCK = (
+        'zone {zone} blinks by {blinks_db:.0f} dB without a bit clock: something moves, or the '
+        'light flickers'
+    )
+    NO_ID = (
+        'zone {zone} blinks by {blinks_db:.0f} dB, but no ID fits (tried bits of {tried}). Several '
+        'markers in the zone? Set registered_ids. Too faint? Go nearer. Else check the code'
+    )
+    NOISE = (
+        'noise is {scale:.2g} times the configured value: let `retrolidar calibrate` find '
+        'noise_floor, noise_slope and noise_ambient'
+    )
+    GLASS = (
+        '{zones} sees something nearer than {nearer_cm:.0f} cm, such as a cover glass: what is '
+        'fainter is not seen behind it; take it off or clean it'
+    )
+    INVALID = (
+        '{zones} gives mostly invalid samples, as of status {status}: shade it from the sun, clean '
+        'the window, and let something be within reach'
+    )
+    FLICKER = (
+        'the ambient light flickers from frame to frame: another sensor shines into the view, or a '
+        'lamp; turn one of them away'
+    )
+
+
+class Finding(NamedTuple):
+    """One cause, and the values of its sentence."""
+
+    cause: Cause
+    values: dict[str, Any]
+
+    def __str__(self) -> str:
+        """Return the sentence."""
+        return self.cause.value.format(**self.values)
+
+
+def finding(cause: Cause, **values: Any) -> Finding:
+    """Return a finding."""
+    return Finding(cause, values)
+
+
+def named_zones(zones: Sequence[int]) -> str:
+    """Return a list of zones for a sentence."""
+    others = len(zones) - _MOST_NAMED
+    text = f'zone {", ".join(map(str, zones[:_MOST_NAMED]))}'
+    return text + (f' and {others} more' if others > 0 else '')
+
+
+def named_periods(periods_s: Sequence[float]) -> str:
+    """Return bit periods that were tried for a sentence: all if they are few, else a range."""
+    if len(periods_s) <= _MOST_NAMED:
+        return f'{", ".join(f"{1e3 * one:.1f}" for one in periods_s)} ms'
+    first_s, *others_s = periods_s
+    least, most = (f'{1e3 * of(others_s):.0f}' for of in (min, max))
+    return f'{1e3 * first_s:.1f} ms and {len(others_s)} more from {least} to {most} ms'

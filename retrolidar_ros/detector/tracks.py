@@ -1,0 +1,117 @@
+# Copyright 2026 retrolidar_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""Markers that are followed once they are read: a place with every frame.
+
+The core (`core/src/retrolidar_tracks.h`) follows them; here its results become tracks.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from retrolidar_ros.core import array, ffi, lib
+from retrolidar_ros.detector.place import Bearing, Place, place
+from retrolidar_ros.marker.code import IDS
+from retrolidar_ros.marker.known_markers import MARKER_SIZE_M
+from retrolidar_ros.sensor.frame import Floats, ZoneGrid
+
+MAX_TRACKS = int(lib.RL_MAX_TRACKS)
+_ACROSS_M_S = 0.5  # deviation of a velocity across the line of sight, which is not measured
+
+
+@dataclass(frozen=True, eq=False)
+class Track:
+    """One marker that is followed, at one frame; the fields mirror `MarkerTrack.msg`."""
+
+    id: int
+    stamp_ns: int
+    """Of the frame [ns]."""
+    place: Place
+    velocity: Floats
+    """In the optical frame, shape (3,) [m/s]; across the line of sight it is not measured."""
+    velocity_covariance: Floats
+    """Shape (3, 3) [m²/s²]."""
+    presence: float
+    """Log odds that the marker is still there, and still this one [nats]."""
+    first_ns: int
+    """When its first packet began [ns]."""
+    last_ns: int
+    """Time of the newest frame in which its light was seen [ns]."""
+
+
+class TrackCounts(NamedTuple):
+    """Tracks so far."""
+
+    started: int
+    ended: int
+    dropped: int
+    """Tracks that were dropped because there were more than `MAX_TRACKS`."""
+
+
+class Tracker:
+    """Follows the markers that a core reads; call `follow` after every frame."""
+
+    def __init__(
+        self,
+        core: Any,
+        grid: ZoneGrid,
+        *,
+        range_offset_m: float,
+        zone_blur: float | None,
+        sizes_m: Mapping[int, float],
+    ) -> None:
+        """Follow what a core reads in the zones of `grid`; the rest is as of `create_detector`."""
+        sizes = np.full(IDS, MARKER_SIZE_M)
+        sizes[list(sizes_m)] = list(sizes_m.values())
+        self._kept = core, array('double', grid.z_per_range), array('float', sizes)
+        settings = ffi.new(
+            'struct rl_track_settings *',
+            {
+                'pitch': grid.pitch,
+                'range_offset_m': range_offset_m,
+                'blur': zone_blur or 0.0,
+                'z_per_range': self._kept[1],
+                'size_m': self._kept[2],
+            },
+        )
+        tracks = lib.rl_tracks_create(core, settings)
+        if tracks == ffi.NULL:
+            raise MemoryError('no memory for tracks')
+        self._tracks = ffi.gc(tracks, lib.rl_tracks_destroy)
+
+    @property
+    def counts(self) -> TrackCounts:
+        """Tracks so far."""
+        counts = lib.rl_tracks_counts(self._tracks)
+        return TrackCounts(counts.started, counts.ended, counts.dropped)
+
+    def follow(self, stamp_ns: int) -> list[Track]:
+        """Follow all markers to the frame that the core has taken last; return them."""
+        count = lib.rl_tracks_follow(self._tracks)
+        origin_ns = lib.rl_detector_held(self._kept[0]).origin_ns if count else 0
+        return [
+            _track(lib.rl_tracks_track(self._tracks, index), stamp_ns, origin_ns)
+            for index in range(count)
+        ]
+
+
+def _track(seen: Any, stamp_ns: int, origin_ns: int) -> Track:
+    bearing = Bearing(np.array(list(seen.tangent)), np.array(list(seen.tangent_variance)))
+    where = place(bearing, seen.range_m, math.sqrt(seen.range_variance))
+    direction = where.position_m / seen.range_m
+    along = np.outer(direction, direction)
+    return Track(
+        id=seen.id,
+        stamp_ns=stamp_ns,
+        place=where,
+        velocity=seen.range_rate * direction,
+        velocity_covariance=seen.range_rate_variance * along + _ACROSS_M_S**2 * (np.eye(3) - along),
+        presence=seen.log_odds,
+        first_ns=origin_ns + round(seen.first_s * 1e9),
+        last_ns=seen.last_ns,
+    )

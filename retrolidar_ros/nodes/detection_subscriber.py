@@ -1,0 +1,114 @@
+# Copyright 2026 retrolidar_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""Subscribes to detections, and refuses those that cannot be: anybody may publish on a topic."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Callable, Sequence
+
+import numpy as np
+from rclpy.node import Node
+
+from retrolidar_ros.marker.code import IDS
+from retrolidar_ros.msg import MarkerDetection, MarkerTrack
+from retrolidar_ros.nodes.conversion import covariance_of, quaternion_in, to_ns, vector_of
+from retrolidar_ros.nodes.diagnostics import ERROR
+from retrolidar_ros.nodes.qos import EVENTS, subscribe
+from retrolidar_ros.nodes.track_topics import Marked
+from retrolidar_ros.sensor.frame import Floats
+
+_MAX_NAME = 100
+_MAX_AHEAD_S, _MAX_AGE_S = 2.0, 60.0
+_MAX_DISTANCE_M = 100.0
+_MIN_FORWARD = 0.5  # the field of view is narrower
+# Deviations of a range or a position [m], and of an angle [rad].
+_MIN_STDDEV, _MAX_STDDEV = 1e-6, 100.0
+_UNIT = 1e-3
+_LOG_PERIOD_S = 5.0
+
+
+def check_detection(message: Marked, now_ns: int) -> None:
+    """Raise ValueError for what cannot be; what follows a colon is its own value."""
+    for field, name in (
+        ('frame_id', message.header.frame_id),
+        ('child_frame_id', message.child_frame_id),
+    ):
+        if not name or len(name) > _MAX_NAME or not name.isprintable() or name[0] == '/':
+            raise ValueError(
+                f'{field} is no TF frame of 1 to {_MAX_NAME} characters: {name[:_MAX_NAME]!r}'
+            )
+    if message.header.frame_id == message.child_frame_id:
+        raise ValueError(f'the marker has the frame of the sensor: {message.child_frame_id}')
+    if message.id >= IDS:
+        raise ValueError(f'the ID is not below {IDS}: {message.id}')
+    stamp_ns = to_ns(message.header.stamp)
+    age_s = (now_ns - stamp_ns) * 1e-9
+    if stamp_ns < 0 or not -_MAX_AHEAD_S <= age_s <= _MAX_AGE_S:
+        raise ValueError(
+            f'the stamp is far from the time here (is use_sim_time set alike?): {age_s:.1f} s old'
+        )
+    place_m = vector_of(message.pose.pose.position)
+    distance_m = float(np.linalg.norm(place_m))
+    for what, number in (('position', distance_m), ('range', message.range)):
+        if not 0 < number <= _MAX_DISTANCE_M:
+            raise ValueError(f'the {what} is not within {_MAX_DISTANCE_M:g} m: {number}')
+    if place_m[2] < _MIN_FORWARD * distance_m:
+        raise ValueError(f'the position is not before the sensor: {place_m.tolist()}')
+    if not _MIN_STDDEV <= message.range_stddev <= _MAX_STDDEV:
+        raise ValueError(f'range_stddev cannot be: {message.range_stddev}')
+    turn = quaternion_in(message.pose.pose.orientation)
+    if not abs(float(turn @ turn) - 1) <= _UNIT:
+        raise ValueError(f'the orientation is not of length 1: {turn.tolist()}')
+    _check_covariance(covariance_of(message.pose))
+
+
+def _check_covariance(covariance: Floats) -> None:
+    most = np.abs(covariance).max()
+    if not most <= _MAX_STDDEV**2:  # nor NaN
+        raise ValueError(f'the covariance is not of numbers to {_MAX_STDDEV**2:g}: {most}')
+    if np.abs(covariance - covariance.T).max() > _UNIT * most:
+        raise ValueError('the covariance is not symmetric')
+    least = min(np.linalg.eigvalsh(block)[0] for block in (covariance[:3, :3], covariance))
+    if not least >= _MIN_STDDEV**2:
+        raise ValueError(f'the covariance is not above 0: {least}')
+
+
+class DetectionSubscriber:
+    """Hands detections on that can be; counts, tells and drops the others."""
+
+    def __init__(
+        self, node: Node, topics: Sequence[str], source: str, callback: Callable[[Marked], None]
+    ) -> None:
+        """Subscribe to topics of a source, detections or tracks."""
+        self._node = node
+        self._callback = callback
+        self._refused: Counter[str] = Counter()
+        self._reason = ''
+        self._told = 0
+        kind = MarkerTrack if source == 'tracks' else MarkerDetection
+        for topic in topics:
+            subscribe(node, kind, topic, self._on_detection, EVENTS)
+
+    def _on_detection(self, message: Marked) -> None:
+        try:
+            check_detection(message, self._node.get_clock().now().nanoseconds)
+            self._callback(message)
+        except ValueError as error:
+            self.refuse(str(error))
+
+    def refuse(self, reason: str) -> None:
+        """Count and tell a detection that cannot be; what follows a colon is not counted apart."""
+        self._refused[reason.partition(':')[0]] += 1
+        self._reason = reason
+        self._node.get_logger().error(
+            f'detection refused: {reason}', throttle_duration_sec=_LOG_PERIOD_S
+        )
+
+    def examine(self, values: dict[str, str]) -> list[tuple[bytes, str]]:
+        """Add the counts to values of diagnostics; return what was wrong since the last call."""
+        for reason, count in self._refused.items():
+            values[f'refused: {reason}'] = str(count)
+        total = sum(self._refused.values())
+        new, self._told = total - self._told, total
+        return [(ERROR, f'{new} detections refused: {self._reason}')] if new else []

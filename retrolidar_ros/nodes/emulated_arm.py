@@ -1,0 +1,117 @@
+# Copyright 2026 retrolidar_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""The `emulated_arm` node: what an arm that moves the sensor of a scene tells ROS of itself."""
+
+from __future__ import annotations
+
+import time
+from xml.sax.saxutils import quoteattr
+
+import numpy as np
+from rclpy.clock import Clock, ClockType
+from rclpy.node import Node
+from rclpy.qos import DurabilityPolicy, QoSProfile, qos_profile_sensor_data
+from std_msgs.msg import Header, String
+from tf2_msgs.msg import TFMessage
+
+from retrolidar_ros.msg import Frame as FrameMsg
+from retrolidar_ros.nodes.conversion import to_pose, to_transform
+from retrolidar_ros.nodes.parameters import Parameters, check_frame_id
+from retrolidar_ros.nodes.qos import EVENTS, LATCHED
+from retrolidar_ros.nodes.run import run
+from retrolidar_ros.nodes.transform_watch import WatchedSender
+from retrolidar_ros.nodes.transforms import transform_sender
+from retrolidar_ros.scene.description import Waypoint
+from retrolidar_ros.scene.files import load_scene
+from retrolidar_ros.scene.laboratory import rotation_of
+from retrolidar_ros.scene.optics import along
+from retrolidar_ros.sensor.rotation import quaternion_of
+
+IN_BASE = np.array([[0.0, 0.0, 1.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0]])
+"""Turns directions of a scene into those of the arm's base: x ahead, y left, z up (REP 103)."""
+_PERIOD_S = 0.02
+_LISTENING_S = 3.0  # for another arm, before it begins
+_STATIC = QoSProfile(depth=100, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+_STILL = (Waypoint(0.0, (0.0, 0.0, 0.0)),)
+# A pillar behind the scene's origin, and a hand behind the sensor.
+_DESCRIPTION = """<robot name="emulated_arm">
+  <link name={base}><visual><origin xyz="-0.5 0 -0.4"/>
+    <geometry><cylinder radius="0.08" length="0.8"/></geometry></visual></link>
+  <link name={sensor}><visual><origin xyz="0 0 -0.06"/>
+    <geometry><box size="0.06 0.06 0.12"/></geometry></visual></link>
+  <joint name="arm" type="floating"><parent link={base}/><child link={sensor}/></joint>
+</robot>"""
+
+
+class EmulatedArmNode(Node):
+    """Sends the transform of a sensor that moves as a scene says, and a robot description."""
+
+    def __init__(self) -> None:
+        """Declare parameters, and wait for a frame, which says what the sensor's is called."""
+        super().__init__('emulated_arm')
+        parameters = Parameters(self, 'emulated_arm')
+        parameters.declare('scene', 'Name or file of the scene that is emulated.')
+        parameters.declare('start', "The scene's time zero by the monotonic clock [s].", 0.0, 1e12)
+        parameters.declare('fixed_frame', "Frame of the arm's base, at the origin of the scene.")
+        values = parameters.values
+        self._base = check_frame_id('fixed_frame', values['fixed_frame'])
+        try:
+            self._path = load_scene(values['scene']).sensor.path or _STILL
+        except FileNotFoundError as error:
+            raise ValueError(f'scene: {error}') from error
+        self._start_s = values['start']
+        self._sensor, self._gave_way = '', False
+        self._moved: set[str] = set()
+        self._began_s = time.monotonic()
+        self._send = WatchedSender(transform_sender(self))
+        self._description = self.create_publisher(String, 'robot_description', LATCHED)
+        for topic, qos in (('/tf', EVENTS), ('/tf_static', _STATIC)):
+            self.create_subscription(TFMessage, topic, self._hear, qos)
+        self._frames = self.create_subscription(
+            FrameMsg, 'frames', self._begin, qos_profile_sensor_data
+        )
+        self.create_timer(_PERIOD_S, self._tell, clock=Clock(clock_type=ClockType.STEADY_TIME))
+        parameters.warn_of_unknown()
+
+    def _begin(self, message: FrameMsg) -> None:
+        if time.monotonic() < self._began_s + _LISTENING_S:
+            return
+        self.destroy_subscription(self._frames)
+        self._sensor = message.header.frame_id
+        if self._sensor in self._moved:
+            self._give_way()
+            return
+        names = {'base': quoteattr(self._base), 'sensor': quoteattr(self._sensor)}
+        self._description.publish(String(data=_DESCRIPTION.format(**names)))
+        self.get_logger().info(f'sending the transform from {self._base} to {self._sensor}')
+
+    def _hear(self, message: TFMessage) -> None:
+        """Note what other nodes move; an arm of the user's goes before this one."""
+        for one in message.transforms:
+            if self._sensor:
+                self._send.hear(one)
+            else:
+                self._moved.add(one.child_frame_id)
+        if self._send.problem():
+            self._give_way()
+
+    def _give_way(self) -> None:
+        if self._gave_way:
+            return
+        self._gave_way = True
+        self.get_logger().info(f'{self._sensor} has another parent in TF: that arm is used')
+
+    def _tell(self) -> None:
+        """Send where the sensor is now."""
+        if not self._sensor or self._gave_way:
+            return
+        time_s = np.array([max(time.monotonic() - self._start_s, 0.0)])
+        place_m, turned = along(self._path, time_s)
+        turn = quaternion_of(IN_BASE @ rotation_of(turned)[0])
+        header = Header(frame_id=self._base, stamp=self.get_clock().now().to_msg())
+        self._send([to_transform(header, self._sensor, to_pose(IN_BASE @ place_m[0], turn))])
+
+
+def main() -> int:
+    """Run the node; return the exit code of the process."""
+    return run(EmulatedArmNode)

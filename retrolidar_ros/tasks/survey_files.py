@@ -1,0 +1,114 @@
+# Copyright 2026 retrolidar_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""Files of landmarks: written so that no map on disk is ever lost."""
+
+from __future__ import annotations
+
+import os
+import shutil
+from collections.abc import Collection
+from pathlib import Path
+
+from retrolidar_ros.settings.yaml_files import load_yaml, yaml_text
+from retrolidar_ros.tasks.landmarks import Estimate
+from retrolidar_ros.tasks.state import Prior
+from retrolidar_ros.tasks.survey import parse_survey, survey_content
+
+_BACKUP = '.bak'
+_MAX_NAMED = 5
+
+
+def load_survey(path: Path) -> tuple[str, dict[str, Prior]]:
+    """Return the fixed frame and the landmarks of a file.
+
+    Raises
+    ------
+    OSError
+        If it cannot be read.
+    ValueError
+        If it is not a map; the message names the key.
+    """
+    return parse_survey(load_yaml(path))
+
+
+def save_survey(path: Path, frame: str, estimates: list[Estimate]) -> str:
+    """Write landmarks, and return what was done.
+
+    The file is written beside and renamed, so there is always a whole one. The one before is kept
+    as a backup, with `.bak` after its name.
+
+    Parameters
+    ----------
+    path : Path
+        A file of landmarks, or none yet.
+    frame : str
+        The fixed frame of the estimates.
+    estimates : list of Estimate
+
+    Raises
+    ------
+    OSError
+        If a file cannot be read or written.
+    ValueError
+        If something would be lost: there is no landmark, or the file is not a map, or is one in
+        another frame or with other landmarks besides.
+    """
+    if not estimates:
+        raise ValueError('nothing is placed, and an empty map is not written; delete it by hand')
+    path = path.resolve()  # of a link, what it leads to is replaced
+    exists = path.exists()
+    if exists:
+        _check_replaceable(path, frame, {one.name for one in estimates})
+    text = yaml_text(survey_content(frame, estimates))
+    done = f'{len(estimates)} landmarks in {frame} saved to {path}'
+    if exists and path.read_text(encoding='utf-8') == text:
+        return f'{done}, unchanged'
+    fresh = path.with_name(f'.{path.name}.{os.getpid()}')
+    kept = path.with_name(path.name + _BACKUP)
+    try:
+        fresh.write_text(text, encoding='utf-8')
+        load_survey(fresh)  # what cannot be loaded is no map
+        if exists:
+            shutil.copymode(path, fresh)
+            copy = path.with_name(f'{fresh.name}{_BACKUP}')
+            try:
+                shutil.copy2(path, copy)
+                _flush(copy)
+                copy.replace(kept)
+            finally:
+                copy.unlink(missing_ok=True)
+        _flush(fresh)
+        fresh.replace(path)
+        _flush(path.parent)
+    finally:
+        fresh.unlink(missing_ok=True)
+    return f'{done}; the file before is {kept}' if exists else done
+
+
+def _check_replaceable(path: Path, frame: str, names: Collection[str]) -> None:
+    """Raise ValueError if a file has anything that the new one would not have."""
+    if path.is_file() and not path.stat().st_size:
+        return
+    try:
+        other, known = load_survey(path)
+    except ValueError as error:
+        raise ValueError(f'{path} is not a map, so it is not replaced: {error}') from error
+    if other != frame:
+        raise ValueError(
+            f'the landmarks in {path} are in {other}, these in {frame}; move it away first'
+        )
+    if missing := sorted(known.keys() - names):
+        more = ', …' if len(missing) > _MAX_NAMED else ''
+        raise ValueError(
+            f'{len(missing)} landmarks in {path} are not placed now and would be lost: '
+            f'{", ".join(missing[:_MAX_NAMED])}{more}; set load_file to it, or move it away first'
+        )
+
+
+def _flush(path: Path) -> None:
+    """Wait until a file, or a directory, is on the disk."""
+    descriptor = os.open(path, os.O_RDONLY)
+    try:
+        os.fsync(descriptor)
+    finally:
+        os.close(descriptor)

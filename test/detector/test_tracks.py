@@ -1,0 +1,264 @@
+# Copyright 2026 retrolidar_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+import math
+import runpy
+import subprocess
+from collections.abc import Iterable
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from harness_core import SOURCES
+from harness_detector import ID, OTHER_ID, a_scene, and_another, repeating, simulate
+from harness_firmware import need
+from numpy.typing import NDArray
+
+from retrolidar_ros import core
+from retrolidar_ros.detector import create_detector, likelihood_detector, placement
+from retrolidar_ros.detector import tracks as tracks_module
+from retrolidar_ros.detector.likelihood_detector import LikelihoodDetector
+from retrolidar_ros.detector.tracks import Track
+from retrolidar_ros.scene import Scene
+from retrolidar_ros.scene.description import Surface, Wander
+from retrolidar_ros.scene.optics import position_at
+from retrolidar_ros.scene.reference import RANGING, SENSOR, marker_in_each_zone
+from retrolidar_ros.sensor.frame import Frame, Recording
+
+KNOWN_S = 2.0  # a marker that repeats is read before
+GONE_S = 0.5
+
+
+def follow(frames: Iterable[Frame]) -> tuple[LikelihoodDetector, list[list[Track]]]:
+    """Give frames to a detector; return it, and the tracks at each frame."""
+    detector: LikelihoodDetector | None = None
+    tracks = []
+    for frame in frames:
+        if detector is None:
+            detector = create_detector('joint', frame.grid)  # type: ignore[assignment]
+            assert isinstance(detector, LikelihoodDetector)
+        detector.update(frame)
+        tracks.append(detector.follow(frame))
+    assert detector is not None
+    return detector, tracks
+
+
+def ranging_scene(**marker: object) -> Scene:
+    """Return a scene of a marker that repeats, with the ranging noise of the sensor."""
+    scene = a_scene(start_s=0.0, packets=None, **marker)
+    return replace(scene, sensor=replace(scene.sensor, ranging=RANGING))
+
+
+def switched(before: Recording, after: Recording, frame: int) -> Recording:
+    """Return one recording up to a frame, and another one from there on."""
+    arrays = {
+        name: np.concatenate([values[:frame], getattr(after, name)[frame:]])
+        for name, values in vars(before).items()
+        if name != 'grid'
+    }
+    return Recording(grid=before.grid, **arrays)
+
+
+def steady(tracks: list[list[Track]]) -> list[Track]:
+    """Return the tracks a second after they began to be followed."""
+    first_ns = min(one.stamp_ns for frame in tracks for one in frame)
+    return [one for frame in tracks for one in frame if one.stamp_ns - first_ns > 1e9]
+
+
+def lasted_s(
+    tracks: list[list[Track]], recording: Recording, frame: int, marker: int = ID
+) -> float:
+    """Return for how long after a frame a marker was followed [s]."""
+    stamps = [one.stamp_ns for frame in tracks for one in frame if one.id == marker]
+    return 1e-9 * (max(stamps) - int(recording.stamp_ns[frame]))
+
+
+def errors(scene: Scene, tracks: list[Track]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return the errors of ranges [m], and the same in standard deviations."""
+    truth = position_at(scene.markers[0], np.array([1e-9 * one.stamp_ns for one in tracks]))
+    truth_m = np.linalg.norm(truth, axis=1)
+    error = np.array([one.place.range_m for one in tracks]) - truth_m
+    return error, error / np.array([one.place.range_stddev_m for one in tracks])
+
+
+def rms(values: NDArray[np.float64]) -> float:
+    return math.sqrt(float(np.mean(values**2)))
+
+
+def test_a_marker_that_stands_is_known_to_a_millimetre_with_every_frame() -> None:
+    scene = ranging_scene()
+    recording = simulate(scene, 8.0)
+    _, tracks = follow(recording)
+    found = steady(tracks)
+    error, scaled = errors(scene, found)
+    assert len(found) > 0.95 * (len(recording) - (KNOWN_S + 1.0) / SENSOR.period_s)
+    assert rms(error) < 2e-3
+    assert rms(scaled) < 1.5
+
+
+@pytest.mark.parametrize('along_m', [0.05, 0.15, 0.3])
+def test_a_marker_that_comes_and_goes_is_followed_within_its_deviation(along_m: float) -> None:
+    scene = ranging_scene(wander=Wander(across_m=0.0, along_m=along_m, period_s=2.0))
+    _, tracks = follow(simulate(scene, 12.0))
+    found = steady(tracks)
+    error, scaled = errors(scene, found)
+    bright = np.array([one.last_ns == one.stamp_ns for one in found])
+    assert rms(error[bright]) < 8e-3
+    assert 0.6 < rms(scaled[bright]) < 1.6
+    assert 0.6 < rms(scaled) < 1.6
+    # Its velocity is that of its range.
+    speed = np.array([one.velocity @ one.place.position_m / one.place.range_m for one in found])
+    times_s = np.array([1e-9 * one.stamp_ns for one in found])
+    ranges_m = np.linalg.norm(position_at(scene.markers[0], times_s), axis=1)
+    true = np.gradient(ranges_m, times_s)
+    assert rms(speed - true) < 0.35 * rms(true) + 0.02
+
+
+def test_a_marker_that_crosses_the_view_is_within_its_deviation() -> None:
+    scene = ranging_scene(wander=Wander(across_m=0.3, along_m=0.0, period_s=6.0))
+    _, tracks = follow(simulate(scene, 20.0))
+    found = steady(tracks)
+    truth = position_at(scene.markers[0], np.array([1e-9 * one.stamp_ns for one in found]))
+    off = [one.place.position_m - true for one, true in zip(found, truth, strict=True)]
+    squared = [
+        e @ np.linalg.solve(one.place.covariance[:3, :3], e)
+        for e, one in zip(off, found, strict=True)
+    ]
+    assert 0.3 < np.mean(squared) / 3 < 2.0
+
+
+def test_what_vanishes_is_dropped_within_half_a_second() -> None:
+    recording = repeating(8.0)
+    nothing = simulate(replace(a_scene(), markers=()), 8.0)
+    lasting = []
+    for frame in range(280, 340, 6):
+        sent = switched(recording, nothing, frame)
+        _, tracks = follow(sent)
+        assert tracks[frame - 1]
+        lasting.append(lasted_s(tracks, sent, frame))
+    assert np.median(lasting) < GONE_S
+    assert max(lasting) < 2 * GONE_S
+
+
+@pytest.mark.parametrize('frame', [290, 303, 317, 331])
+def test_a_marker_that_sends_another_id_is_followed_no_longer(frame: int) -> None:
+    other = simulate(a_scene(start_s=0.0, packets=None, id=OTHER_ID), 8.0)
+    sent = switched(repeating(8.0), other, frame)
+    _, tracks = follow(sent)
+    assert lasted_s(tracks, sent, frame) < 1.0
+    assert {one.id for one in tracks[-1]} == {OTHER_ID}
+
+
+def test_a_packet_alone_is_followed_only_until_no_other_comes() -> None:
+    recording = simulate(a_scene(start_s=0.5), 5.0)
+    _, tracks = follow(recording)
+    stamps = [one.stamp_ns for frame in tracks for one in frame]
+    assert not stamps or max(stamps) - min(stamps) < 1e9 * GONE_S
+
+
+@pytest.mark.parametrize('hidden_s', [0.1, 0.3])
+def test_a_hand_and_lost_frames_end_no_track(hidden_s: float) -> None:
+    recording = repeating(8.0)
+    first, count = 300, round(hidden_s / SENSOR.period_s)
+    gone = slice(first, first + count)
+    recording = replace(
+        recording,
+        signal=recording.signal.copy(),
+        distance=recording.distance.copy(),
+    )
+    recording.signal[gone], recording.distance[gone] = 1700.0, 0.3
+    detector, _ = follow(recording)
+    assert detector.track_counts.ended == 0
+    detector, _ = follow([*recording][:first] + [*recording][first + count :])
+    assert detector.track_counts.ended == 0
+
+
+def test_markers_are_told_apart_in_one_zone() -> None:
+    place = a_scene().markers[0].position_m
+    scene = and_another(ranging_scene(), position_m=place, packets=None, signal_at_1_m=250.0)
+    _, tracks = follow(simulate(scene, 20.0))
+    both = [frame for frame in tracks if {one.id for one in frame} == {ID, OTHER_ID}]
+    assert len(both) > 200
+    truth_m = float(np.linalg.norm(place))
+    for marker in (ID, OTHER_ID):
+        own = [one.place.range_m for frame in both for one in frame if one.id == marker]
+        assert abs(np.median(own) - truth_m) < 5e-3
+
+
+@pytest.mark.parametrize('jump_s', [-5.0, 2.0, 100.0])
+def test_no_track_outlives_a_jump_of_time(jump_s: float) -> None:
+    recording = repeating(8.0)
+    detector, tracks = follow(recording)
+    assert len(tracks[-1]) == 1
+    last = [*recording][-1]
+    later = replace(last, stamp_ns=last.stamp_ns + round(1e9 * jump_s))
+    detector.update(later)
+    assert not detector.follow(later)
+    assert detector.track_counts.ended == 1
+
+
+def test_the_same_frame_twice_changes_nothing() -> None:
+    recording = repeating(8.0)
+    detector, tracks = follow(recording)
+    again = [*recording][-1]
+    detector.update(again)
+    (one,), (other,) = tracks[-1], detector.follow(again)
+    assert (one.presence, one.place.range_m) == (other.presence, other.place.range_m)
+
+
+def with_room_for(tracks: int, directory: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Let the core be one that follows no more than so many."""
+    need('cc')
+    header = SOURCES / 'retrolidar_tracks.h'
+    for path in SOURCES.iterdir():
+        text = path.read_text(encoding='utf-8')
+        if path == header:
+            assert 'RL_MAX_TRACKS = 64' in text
+            text = text.replace('RL_MAX_TRACKS = 64', f'RL_MAX_TRACKS = {tracks}')
+        (directory / path.name).write_text(text, encoding='utf-8')
+    sources = map(str, directory.glob('*.c'))
+    library = directory / 'core.so'
+    subprocess.run(['cc', '-O1', '-shared', '-fPIC', *sources, '-lm', '-o', library], check=True)
+    binding = runpy.run_path(str(SOURCES.parent / 'binding.py'))
+    ffi = binding['FFI']()
+    ffi.cdef(''.join(map(binding['declarations'], binding['HEADERS'])))
+    for module in (core, likelihood_detector, placement, tracks_module):
+        monkeypatch.setattr(module, 'ffi', ffi)
+        if module is not core:
+            monkeypatch.setattr(module, 'lib', ffi.dlopen(str(library)))
+
+
+def test_no_more_are_followed_than_there_is_room_for(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    with_room_for(5, tmp_path, monkeypatch)
+    rng = np.random.default_rng(1)
+    scene = marker_in_each_zone(1.0, rng, start_s=(0.0, 1.0), packets=None)
+    detector, tracks = follow(simulate(scene, 6.0))
+    counts = detector.track_counts
+    assert max(map(len, tracks)) == 5
+    assert counts.started - counts.ended - counts.dropped == len(tracks[-1])
+    assert counts.dropped >= 16 - 5
+
+
+def test_frames_of_noise_and_edges_of_numbers_leave_tracks_finite() -> None:
+    rng = np.random.default_rng(5)
+    recording = repeating(8.0)
+    wild = replace(recording, signal=recording.signal.copy(), distance=recording.distance.copy())
+    for values, edges in ((wild.signal, [0.0, 2e6, np.nan]), (wild.distance, [1e-4, 8.19, np.nan])):
+        hit = rng.random(values.shape) < 0.3
+        values[hit] = rng.choice(edges, np.count_nonzero(hit))
+    _, tracks = follow(switched(recording, wild, 300))
+    for one in (one for frame in tracks for one in frame):
+        assert np.isfinite(one.place.covariance).all()
+        assert np.isfinite([one.presence, *one.place.position_m, *one.velocity]).all()
+
+
+def test_the_background_moves_no_range() -> None:
+    """A wall half a metre behind merges with the marker, and is subtracted."""
+    scene = ranging_scene(position_m=a_scene().markers[0].position_m)
+    depth_m = scene.surfaces[0].distance_m
+    behind = replace(scene, surfaces=(Surface(depth_m + 0.4, 40.0),))
+    _, tracks = follow(simulate(behind, 15.0))
+    error, _ = errors(behind, steady(tracks)[200:])
+    assert rms(error) < 0.015

@@ -1,0 +1,193 @@
+# Copyright 2026 retrolidar_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""What a new user starts first: an emulated arm that reaches its goal by itself, and RViz."""
+
+import os
+import signal
+import subprocess
+import sys
+import tempfile
+import unittest
+from pathlib import Path
+
+import numpy as np
+import pytest
+import yaml
+
+pytest.importorskip('launch_testing', reason='needs launch_testing, which has no wheel')
+
+import launch_testing
+import launch_testing.asserts
+from geometry_msgs.msg import PoseStamped, PoseWithCovarianceStamped
+from launch import LaunchContext
+from launch.actions import SetEnvironmentVariable
+from launch.launch_description_sources import get_launch_description_from_any_launch_file
+from launch.utilities import perform_substitutions
+from launch_ros.actions import Node
+from std_msgs.msg import Bool, String
+
+sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
+
+from harness import MOST_MAHALANOBIS
+from harness_launch import INTERRUPTED, SCRIPT, included, launched
+from harness_observer import Observer
+
+from retrolidar_ros.nodes.conversion import covariance_of, vector_of
+from retrolidar_ros.nodes.emulated_arm import IN_BASE
+from retrolidar_ros.scene.files import load_scene
+from retrolidar_ros.settings.resources import shared_file
+
+ARM = load_scene('arm')
+WANTED_M = 0.01
+MINUTE_S = 60.0
+RVIZ = """#!/usr/bin/env python3
+import shutil, signal, sys
+shutil.copy(sys.argv[sys.argv.index('-d') + 1], '{shown}')
+signal.sigwait([signal.SIGINT, signal.SIGTERM])
+"""
+
+
+def stand_in(directory):
+    """Make a package `rviz2` whose executable keeps the file that it is to show."""
+    executable, shown = directory / 'lib' / 'rviz2' / 'rviz2', directory / 'shown.rviz'
+    index = directory / 'share' / 'ament_index' / 'resource_index' / 'packages' / 'rviz2'
+    for path, content in ((executable, RVIZ.format(shown=shown)), (index, '')):
+        path.parent.mkdir(parents=True)
+        path.write_text(content)
+    executable.chmod(0o755)
+    return shown
+
+
+DIRECTORY = Path(tempfile.mkdtemp(prefix='retrolidar_'))
+SHOWN = stand_in(DIRECTORY)
+os.environ['AMENT_PREFIX_PATH'] = f'{DIRECTORY}:{os.environ["AMENT_PREFIX_PATH"]}'
+
+
+def topics_of(file):
+    displays = yaml.safe_load(file.read_text())['Visualization Manager']['Displays']
+    places = [one.get('Topic', one.get('Description Topic', {})) for one in displays]
+    return {place['Value'] for place in places if place}
+
+
+def shown_by(name, **arguments):
+    """Return the file that a launch file has RViz show; nothing is started."""
+    file = str(shared_file(f'launch/{name}.launch.py'))
+    context = LaunchContext()
+    context.launch_configurations.update(arguments, rviz='true')
+    entities = get_launch_description_from_any_launch_file(file).entities
+    actions = [action for one in entities for action in one.execute(context) or []]
+    (rviz,) = [one for one in actions if isinstance(one, Node) and one.node_executable == 'rviz2']
+    words = [perform_substitutions(context, part) for part in rviz.cmd]
+    return Path(words[words.index('-d') + 1])
+
+
+def check_poses(observer, node):
+    """All objects get to a centimetre within a minute, and are where they are."""
+    truth = {one.name: IN_BASE @ np.array(one.position_m) for one in ARM.markers}
+    poses = {
+        name: observer.collect(PoseWithCovarianceStamped, f'{node}/objects/{name}')
+        for name in truth
+    }
+
+    def are_known():
+        last = [covariance_of(one[-1].pose)[:3, :3] for one in poses.values() if one]
+        spread = [np.sqrt(np.linalg.eigvalsh(one)[-1]) for one in last]
+        return len(spread) == len(truth) and max(spread) <= WANTED_M
+
+    observer.wait(are_known, 'objects that are known to a centimetre', MINUTE_S)
+    for name, came in poses.items():
+        assert came[-1].header.frame_id == 'base_link'
+        off = vector_of(came[-1].pose.pose.position) - truth[name]
+        covariance = covariance_of(came[-1].pose)[:3, :3]
+        assert off @ np.linalg.solve(covariance, off) < MOST_MAHALANOBIS, name
+
+
+def check_landmarks(observer):
+    """Without a node of one's own the markers are mapped, and RViz shows them."""
+    check_poses(observer, 'landmarks')
+    space = observer.namespace
+    shown = {'points', 'marker_array', 'signal_image', 'landmarks/marker_array'}
+    assert topics_of(SHOWN) == {f'{space}/{one}' for one in (*shown, 'robot_description')}
+    assert 'Fixed Frame: base_link' in SHOWN.read_text()
+
+
+def check_coffee(observer):
+    ready = observer.collect(Bool, 'coffee/ready')
+    views = observer.collect(PoseStamped, 'coffee/next_view')
+    missing = observer.collect(String, 'coffee/missing')
+    check_poses(observer, 'coffee')
+    observer.wait(lambda: ready[-1].data and not missing[-1].data, 'coffee that is ready')
+    first_m = IN_BASE @ np.array(ARM.sensor.path[0].position_m)
+    assert views
+    for view in views:
+        assert view.header.frame_id == 'base_link'
+        assert np.linalg.norm(vector_of(view.pose.position) - first_m) < 0.5 + 0.02
+    stamps = np.array([one.header.stamp.sec for one in views])
+    assert len(views) < 12, stamps  # not with every reading
+
+
+CASES = {
+    'landmarks': (check_landmarks, {'rviz': 'true'}),
+    'coffee': (check_coffee, {}),
+}
+
+
+@pytest.mark.launch_test
+@launch_testing.parametrize('case', CASES)
+def generate_test_description(case):
+    # The stand-in of RViz is found by the launch, and its executable needs no environment.
+    path = SetEnvironmentVariable('AMENT_PREFIX_PATH', os.environ['AMENT_PREFIX_PATH'])
+    arguments = {'emulate': 'arm', 'namespace': f'emulated_{case}', **CASES[case][1]}
+    return launched(path, included(case, **arguments))
+
+
+class TestLaunchFile(unittest.TestCase):
+    """What runs reaches its goal."""
+
+    def test_it(self, case):
+        observer = Observer(f'/emulated_{case}')
+        self.addCleanup(observer.close)
+        CASES[case][0](observer)
+
+    def test_a_goal_out_of_reach_is_told_first(self, case):
+        """The sensor of scene `coffee` stands still."""
+        command = [sys.executable, '-c', SCRIPT, 'coffee', 'namespace:=still', 'emulate:=coffee']
+        with subprocess.Popen(
+            command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True
+        ) as process:
+            lines = []
+            # Launch may hang if it is interrupted while it starts.
+            while not any('has not been seen' in line for line in lines):
+                lines.append(process.stdout.readline())
+                assert lines[-1], lines
+            process.send_signal(signal.SIGINT)
+            process.stdout.read()
+        told = [index for index, line in enumerate(lines) if 'stands still' in line]
+        started = [index for index, line in enumerate(lines) if 'process started' in line]
+        assert told[0] < started[0], lines
+        assert 'max_stddev:=0.1' in lines[told[0]]
+
+    def test_every_launch_file_shows_its_topics_in_its_frame(self, case):
+        of_sensor = {'points', 'marker_array', 'signal_image'}
+        both = {f'{side}/{one}' for side in ('left', 'right') for one in of_sensor}
+        arm = {*of_sensor, 'robot_description'}
+        for name, arguments, topics, frame in (
+            ('retrolidar', {'frame_id': 'gripper'}, of_sensor, 'gripper'),
+            ('drone', {}, of_sensor, 'retrolidar_optical_frame'),
+            ('coffee', {}, of_sensor, 'retrolidar_optical_frame'),
+            ('coffee', {'emulate': 'arm'}, arm, 'base_link'),
+            ('two_sensors', {}, both, 'left_optical_frame'),
+            ('hall', {'ports': '[/a, /b]', 'names': '[left, right]'}, both, 'left_optical_frame'),
+        ):
+            with self.subTest(name=name):
+                file = shown_by(name, namespace='shown', **arguments)
+                assert topics_of(file) == {f'/shown/{one}' for one in topics}
+                assert f'Fixed Frame: {frame}\n' in file.read_text()
+
+
+@launch_testing.post_shutdown_test()
+class TestEnd(unittest.TestCase):
+    """All processes end in order; the emulator is a command, which says that it is interrupted."""
+
+    def test_exit_codes(self, proc_info):
+        launch_testing.asserts.assertExitCodes(proc_info, allowable_exit_codes=[0, INTERRUPTED])

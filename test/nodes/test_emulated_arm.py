@@ -1,0 +1,71 @@
+# Copyright 2026 retrolidar_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""The emulated arm, started by itself: it tells where the sensor is unless another arm does."""
+
+import time
+from pathlib import Path
+from xml.etree import ElementTree
+
+import numpy as np
+import pytest
+from geometry_msgs.msg import TransformStamped
+from harness import Sensor
+from harness_coffee import BASE_VIEW, SENSOR_FRAME, publish_base
+from harness_nodes import running
+from harness_observer import RELIABLE
+from std_msgs.msg import String
+from tf2_msgs.msg import TFMessage
+
+from retrolidar_ros.nodes.conversion import quaternion_in, to_ns, vector_of
+from retrolidar_ros.nodes.emulated_arm import IN_BASE
+from retrolidar_ros.scene.files import load_scene
+from retrolidar_ros.sensor.rotation import matrix_of
+
+SCENE = load_scene('arm')
+
+
+def transforms_of(came: list[TFMessage]) -> list[TransformStamped]:
+    found = [one for message in came for one in message.transforms]
+    return [one for one in found if one.child_frame_id == SENSOR_FRAME]
+
+
+def test_it_sends_where_the_sensor_is_and_what_it_looks_like(tmp_path: Path) -> None:
+    first, second = (np.array(SCENE.sensor.path[index].position_m) for index in (0, 2))
+    with running(tmp_path, '/arm_alone') as system:
+        system.start('driver', serial_port=system.port)
+        # The scene has begun 5.5 s ago, so the hand moves on in half a second.
+        start_s = time.monotonic() - 5.5
+        system.start('emulated_arm', scene='arm', start=start_s, fixed_frame='stand')
+        sent = system.collect(TFMessage, '/tf', RELIABLE)
+        description = system.collect(String, 'robot_description')
+        with Sensor(SCENE, system.port):
+            system.wait(lambda: bool(description), 'a robot description')
+            system.wait(lambda: time.monotonic() > start_s + 8.0, 'the second place')
+            system.wait(lambda: len(transforms_of(sent)) > 10, 'transforms')
+    robot = ElementTree.fromstring(description[-1].data)
+    assert {one.get('name') for one in robot.iter('link')} == {'stand', SENSOR_FRAME}
+    found = transforms_of(sent)
+    assert {one.header.frame_id for one in found} == {'stand'}
+    stamps = np.array([to_ns(one.header.stamp) for one in found])
+    assert (np.diff(stamps) > 0).all()
+    last = found[-1].transform
+    assert vector_of(last.translation) == pytest.approx(IN_BASE @ second)
+    assert not np.allclose(IN_BASE @ first, IN_BASE @ second)
+    # The sensor looks ahead, 14 degrees to the right.
+    ahead = matrix_of(quaternion_in(last.rotation))[:, 2]
+    assert ahead[0] > 0.9
+    assert np.degrees(np.arctan2(ahead[1], ahead[0])) == pytest.approx(-14)
+
+
+def test_an_arm_that_is_there_already_is_used(tmp_path: Path) -> None:
+    with running(tmp_path, '/arm_other') as system:
+        publish_base(system)
+        system.start('driver', serial_port=system.port)
+        system.start('emulated_arm', scene='arm', fixed_frame=BASE_VIEW.frame)
+        sent = system.collect(TFMessage, '/tf', RELIABLE)
+        with Sensor(SCENE, system.port):
+            told = f'{SENSOR_FRAME} has another parent in TF: that arm is used'
+            system.wait(lambda: told in system.log('emulated_arm'), told)
+            count = len(transforms_of(sent))
+            system.pass_time(0.5)
+        assert len(transforms_of(sent)) <= count + 5  # those on the way

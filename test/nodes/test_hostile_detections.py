@@ -1,0 +1,212 @@
+# Copyright 2026 retrolidar_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""Detections that cannot be, from a publisher that nobody vouches for."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable, Iterator
+
+import numpy as np
+import pytest
+from diagnostic_msgs.msg import DiagnosticStatus
+from geometry_msgs.msg import PoseWithCovarianceStamped
+from harness_landmarks import CORNERS, FIXED, HAND, MUG_M, Hand, squared
+from harness_nodes import System, running
+from harness_observer import values_of
+from std_msgs.msg import Bool
+from tf2_msgs.msg import TFMessage
+
+from retrolidar_ros.detector.place import place, zone_bearing
+from retrolidar_ros.msg import MarkerDetection
+from retrolidar_ros.nodes.conversion import to_header, to_pose, to_time, to_transform
+from retrolidar_ros.nodes.detection_subscriber import check_detection
+from retrolidar_ros.sensor.frame import Floats, ZoneGrid
+
+NODES = {
+    'landmarks': 'landmarks: landmarks',
+    'coffee': 'coffee: objects',
+    'heartbeat': 'heartbeat: markers',
+}
+Spoil = Callable[[MarkerDetection], None]
+
+
+def detection(name: str = 'mug', identity: int = 2107) -> MarkerDetection:
+    spot = place(zone_bearing(5, ZoneGrid()), 1.2, 0.001)
+    message = MarkerDetection(header=to_header(time.time_ns(), HAND), child_frame_id=name)
+    message.id, message.range, message.range_stddev = identity, 1.2, 0.001
+    message.pose.pose = to_pose(spot.position_m, spot.orientation)
+    message.pose.covariance = spot.covariance.ravel()
+    return message
+
+
+def covariance(change: Callable[[Floats], None]) -> Spoil:
+    def spoil(message: MarkerDetection) -> None:
+        change(message.pose.covariance)
+
+    return spoil
+
+
+def asymmetric(values: Floats) -> None:
+    values[1] += 1.0
+
+
+def negative(values: Floats) -> None:
+    values[:] = -values
+
+
+def setting(path: str, value: object) -> Spoil:
+    def spoil(message: MarkerDetection) -> None:
+        *parents, field = path.split('.')
+        for parent in parents:
+            message = getattr(message, parent)
+        setattr(message, field, value)
+
+    return spoil
+
+
+def stamped(off_s: float) -> Spoil:
+    def spoil(message: MarkerDetection) -> None:
+        message.header.stamp = to_time(time.time_ns() + round(off_s * 1e9))
+
+    return spoil
+
+
+HOSTILE: dict[str, tuple[Spoil, str]] = {
+    'no name': (setting('child_frame_id', ''), 'child_frame_id is no TF frame'),
+    'a long name': (setting('child_frame_id', 'm' * 300), 'child_frame_id is no TF frame'),
+    'a slash': (setting('child_frame_id', '/mug'), 'child_frame_id is no TF frame'),
+    'a line': (setting('child_frame_id', 'mug\nmug'), 'child_frame_id is no TF frame'),
+    'no sensor': (setting('header.frame_id', ''), 'frame_id is no TF frame'),
+    'a long sensor': (setting('header.frame_id', 'h' * 300), 'frame_id is no TF frame'),
+    'itself': (setting('child_frame_id', HAND), 'the marker has the frame of the sensor'),
+    'a large ID': (setting('id', 4096), 'the ID is not below 4096'),
+    '2038': (setting('header.stamp.sec', 2**31 - 1), 'the stamp is far'),
+    'in a minute': (stamped(60.0), 'the stamp is far'),
+    'hours ago': (stamped(-7200.0), 'the stamp is far'),
+    'before 1970': (setting('header.stamp.sec', -5), 'the stamp is far'),
+    'no place': (setting('pose.pose.position.x', math.nan), 'the position is not within'),
+    'a far place': (setting('pose.pose.position.z', 1e300), 'the position is not within'),
+    'behind': (setting('pose.pose.position.z', -1.0), 'the position is not before'),
+    'no range': (setting('range', math.nan), 'the range is not within'),
+    'an endless range': (setting('range', math.inf), 'the range is not within'),
+    'a range of 0': (setting('range', 0.0), 'the range is not within'),
+    'a perfect range': (setting('range_stddev', 0.0), 'range_stddev cannot be'),
+    'a deviation of NaN': (setting('range_stddev', math.nan), 'range_stddev cannot be'),
+    'no turn': (setting('pose.pose.orientation.w', math.nan), 'the orientation is not'),
+    'a long turn': (setting('pose.pose.orientation.w', 5.0), 'the orientation is not'),
+    'a vast covariance': (covariance(lambda one: one.fill(1e300)), 'the covariance is not of'),
+    'covariance of NaN': (covariance(lambda one: one.fill(math.nan)), 'the covariance is not of'),
+    'endless covariance': (covariance(lambda one: one.fill(math.inf)), 'the covariance is not of'),
+    'no covariance': (covariance(lambda one: one.fill(0.0)), 'the covariance is not above 0'),
+    'negative covariance': (covariance(negative), 'the covariance is not above 0'),
+    'a skew covariance': (covariance(asymmetric), 'the covariance is not symmetric'),
+}
+
+
+@pytest.mark.parametrize(('spoil', 'reason'), HOSTILE.values(), ids=HOSTILE)
+def test_each_is_refused_for_its_reason(spoil: Spoil, reason: str) -> None:
+    message = detection()
+    check_detection(message, time.time_ns())
+    spoil(message)
+    with pytest.raises(ValueError, match=reason):
+        check_detection(message, time.time_ns())
+
+
+@pytest.fixture(scope='module')
+def hall(tmp_path_factory: pytest.TempPathFactory) -> Iterator[System]:
+    with running(tmp_path_factory.mktemp('hostile'), '/hostile') as system:
+        for node in NODES:
+            objects = {'objects': '[mug]'} if node == 'coffee' else {}
+            watched = {'markers': '[mug]'} if node == 'heartbeat' else {}
+            system.start(node, **objects, **watched)
+        system.wait(lambda: all(system.statuses[one] for one in NODES.values()), 'the nodes')
+        yield system
+
+
+def test_hostile_detections_are_counted_and_told_and_cost_nothing_else(hall: System) -> None:
+    system = hall
+    mug = system.collect(PoseWithCovarianceStamped, 'landmarks/objects/mug')
+    ours = system.collect(PoseWithCovarianceStamped, 'coffee/objects/mug')
+    alive = system.collect(Bool, 'heartbeat/alive')
+    publisher = system.node.create_publisher(MarkerDetection, 'markers', 1000)
+    system.wait(lambda: publisher.get_subscription_count() == 4, 'subscribers')
+    names = {reason for _, reason in HOSTILE.values()}
+    seen = {name: len(system.statuses[name]) for name in NODES.values()}
+    for spoil, _ in HOSTILE.values():
+        message = detection()
+        spoil(message)
+        publisher.publish(message)
+
+    def counted(name: str) -> int:
+        values = values_of(system.statuses[name][-1])
+        return sum(int(one) for key, one in values.items() if key.startswith('refused: '))
+
+    def all_counted() -> bool:
+        return all(counted(name) == len(HOSTILE) for name in NODES.values())
+
+    system.wait(all_counted, 'all to be counted')
+    for node, name in NODES.items():
+        values = values_of(system.statuses[name][-1])
+        for reason in names:
+            assert any(reason in key for key in values), reason
+        told = [one for one in system.statuses[name][seen[name] :] if 'refused' in one.message]
+        assert {one.level for one in told} == {DiagnosticStatus.ERROR}
+        assert 'detection refused: ' in system.log(node)
+    assert not mug
+    assert not ours
+    assert not any(one.data for one in alive)
+    # And what can be is read as before.
+    hand = Hand(system)
+    for corner in CORNERS:
+        hand.read('mug', 2107, MUG_M, np.append(corner, 0.0))
+    system.wait(lambda: len(mug) > 0 and squared(mug[-1], MUG_M) < 16.27, 'the mug')
+    system.wait(lambda: bool(ours) and any(one.data for one in alive), 'the others')
+
+
+def test_a_sensor_without_a_pose_in_tf_is_refused(hall: System) -> None:
+    system = hall
+    transforms = system.node.create_publisher(TFMessage, '/tf', 100)
+    markers = system.node.create_publisher(MarkerDetection, 'markers', 100)
+    system.wait(lambda: markers.get_subscription_count() == 4, 'subscribers')
+    system.wait(lambda: transforms.get_subscription_count() > 1, 'listeners of TF')
+    name = NODES['landmarks']
+
+    def refused() -> bool:
+        message = detection('jar', 2073)
+        message.header.frame_id = 'broken_frame'
+        pose = to_pose(np.array([math.nan, 0.0, 0.0]), np.array([0.0, 0.0, 0.0, 1.0]))
+        for off_s in (-0.001, 0.001):
+            stamp_ns = time.time_ns() + round(off_s * 1e9)
+            one = to_transform(to_header(stamp_ns, FIXED), 'broken_frame', pose)
+            transforms.publish(TFMessage(transforms=[one]))
+        markers.publish(message)
+        values = values_of(system.statuses[name][-1])
+        # A TF that refuses it knows no transform.
+        reasons = ('refused: the transform of the sensor is no pose',)
+        dropped = int(values['dropped for want of a transform'])
+        return dropped > 0 or any(reason in values for reason in reasons)
+
+    system.wait(refused, 'the reading to be refused')
+
+
+def test_a_second_marker_of_a_name_and_names_of_one_topic_are_refused(hall: System) -> None:
+    system = hall
+    hand = Hand(system)
+    at_m = np.zeros(3)
+    poses = system.collect(PoseWithCovarianceStamped, 'landmarks/objects/a_b')
+
+    def both() -> bool:
+        hand.read('a_b', 5, MUG_M, at_m)
+        hand.read('a_b', 6, MUG_M, at_m)
+        hand.read('a.b', 7, MUG_M + 0.1, at_m)
+        values = values_of(system.statuses[NODES['landmarks']][-1])
+        return {
+            'refused: two markers have one name, each needs its own',
+            'refused: two names would share a topic, rename one',
+        } <= values.keys()
+
+    system.wait(both, 'both refusals')
+    assert poses
+    assert all(squared(one, MUG_M) < 16.27 for one in poses)

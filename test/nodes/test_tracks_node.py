@@ -1,0 +1,122 @@
+# Copyright 2026 retrolidar_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""Tracks over the network: one for every frame, and transforms of them."""
+
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+from harness import Sensor
+from harness_nodes import COFFEE_IDS, FRAME_ID, System, running
+from harness_observer import RELIABLE, values_of
+from harness_use_cases import silent_drone
+from std_msgs.msg import Bool
+from visualization_msgs.msg import MarkerArray
+
+from retrolidar_ros.msg import MarkerTrack
+from retrolidar_ros.nodes.conversion import to_ns
+from retrolidar_ros.scene.files import load_scene
+from retrolidar_ros.settings.resources import shared_file
+
+
+@pytest.fixture(scope='module')
+def system(tmp_path_factory: pytest.TempPathFactory) -> Iterator[System]:
+    directory = tmp_path_factory.mktemp('tracks')
+    with running(directory, '/tracks') as one, Sensor(load_scene('coffee'), one.port):
+        one.start('driver', serial_port=one.port)
+        one.start('detector', tf_source='tracks')
+        yield one
+
+
+def test_every_frame_has_a_track_of_every_marker(system: System) -> None:
+    with system.subscribed(MarkerTrack, 'tracks') as tracks:
+        system.wait(lambda: {one.id for one in tracks} >= COFFEE_IDS, 'tracks of all')
+        seen = len(tracks)
+        system.wait(lambda: len(tracks) > seen + 3 * 60, 'tracks')
+    frames = {to_ns(message.header.stamp) for message, _ in system.frames}
+    own = [one for one in tracks[seen:] if one.id == min(COFFEE_IDS)]
+    stamps = [to_ns(one.header.stamp) for one in own]
+    rate_hz = (len(own) - 1) / (1e-9 * (stamps[-1] - stamps[0]))
+    assert rate_hz > 0.9 / load_scene('coffee').sensor.period_s
+    for one in own:
+        stamp_ns = to_ns(one.header.stamp)
+        assert stamp_ns in frames
+        assert (one.header.frame_id, one.child_frame_id) == (FRAME_ID, f'marker_{one.id}')
+        assert to_ns(one.first) < to_ns(one.last) <= stamp_ns
+        assert one.presence > 0
+        assert (np.array(one.pose.covariance).reshape(6, 6).diagonal() > 0).all()
+        assert (np.array(one.twist.covariance).reshape(6, 6).diagonal() > 0).all()
+        x, y, z = one.pose.pose.position.x, one.pose.pose.position.y, one.pose.pose.position.z
+        assert np.sqrt(x * x + y * y + z * z) == pytest.approx(one.range, rel=1e-6)
+
+
+def test_transforms_are_of_tracks_and_of_nothing_else(system: System) -> None:
+    system.wait(lambda: len(system.markers) > 3, 'detections, which send no transforms')
+    system.wait_for_transforms(*(f'marker_{one}' for one in COFFEE_IDS))
+    with system.subscribed(MarkerTrack, 'tracks') as tracks:
+        system.wait(lambda: len(tracks) > 100, 'tracks')
+        newest_ns = to_ns(tracks[-1].header.stamp)
+        system.wait(
+            lambda: to_ns(system.transforms[-1].header.stamp) >= newest_ns, 'their transforms'
+        )
+    sent = {(one.child_frame_id, to_ns(one.header.stamp)) for one in system.transforms}
+    followed = {(one.child_frame_id, to_ns(one.header.stamp)) for one in tracks}
+    assert followed <= sent
+    assert len(sent) == len(system.transforms)  # none was sent twice
+    frames = {to_ns(message.header.stamp) for message, _ in system.frames}
+    assert {stamp_ns for _, stamp_ns in sent} <= frames
+
+
+def test_shapes_move_with_the_tracks(system: System) -> None:
+    with system.subscribed(MarkerArray, 'marker_array') as arrays:
+        system.wait(lambda: len(arrays) > 20, 'shapes')
+    stamps = [to_ns(array.markers[0].header.stamp) for array in arrays]
+    assert np.median(np.diff(stamps)) < 0.15e9
+
+
+def test_tracks_can_be_fewer(system: System) -> None:
+    system.services.set('detector', max_track_rate=5.0)
+    with system.subscribed(MarkerTrack, 'tracks') as tracks:
+        system.wait(lambda: sum(one.id == 2073 for one in tracks) > 10, 'tracks')
+    system.services.set('detector', max_track_rate=0.0)
+    stamps = [to_ns(one.header.stamp) for one in tracks if one.id == 2073]
+    assert np.median(np.diff(stamps[3:])) == pytest.approx(0.2e9, rel=0.15)
+
+
+def test_tasks_may_take_tracks_for_readings(system: System) -> None:
+    names = [f'marker_{one}' for one in sorted(COFFEE_IDS)]
+    listed = f'[{", ".join(names)}]'
+    ready = system.collect(Bool, 'coffee/ready')
+    alive = system.collect(Bool, 'heartbeat/alive')
+    system.start('coffee', source='tracks', objects=listed, max_stddev=0.5)
+    system.start('heartbeat', source='tracks', markers=listed, overdue_after=0.5)
+    system.start('landmarks', source='tracks', topics='[tracks]', fixed_frame=FRAME_ID)
+    system.wait(lambda: bool(ready) and ready[-1].data, 'all objects')
+    system.wait(lambda: bool(alive) and alive[-1].data, 'life of all')
+
+    def readings() -> list[int]:
+        values = values_of(system.next_status('landmarks: landmarks'))
+        return [int(values.get(f'{name}: readings', 0)) for name in names]
+
+    system.wait(lambda: min(readings()) >= 3, 'landmarks of several readings')
+    for name in ('coffee', 'heartbeat', 'landmarks'):
+        system.stop(name)
+
+
+def test_a_marker_that_falls_silent_is_overdue_within_a_second(tmp_path: Path) -> None:
+    """Half a second in the detector; the rest is for a machine that is busy."""
+    scene = load_scene(str(silent_drone(tmp_path, start_s=0.2, packets=4)))
+    with running(tmp_path, '/silent') as one:
+        one.start('driver', serial_port=one.port)
+        one.start('detector', marker_file=shared_file('config/markers.yaml'))
+        one.start('heartbeat', source='tracks', overdue_after=0.1)
+        alive = one.collect(Bool, 'heartbeat/alive')
+        tracks = one.collect(MarkerTrack, 'tracks', RELIABLE)
+        with Sensor(scene, one.port):
+            one.wait(lambda: bool(alive) and alive[-1].data, 'life')
+            one.wait(lambda: not alive[-1].data, 'silence to be noticed')
+        end_ns = to_ns(tracks[0].first) + round(4e9 * 31 * scene.markers[0].bit_period_s)
+        assert time.time() - 1e-9 * end_ns < 1.5
+        assert 'drone is overdue' in one.log('heartbeat')

@@ -1,0 +1,109 @@
+# Copyright 2026 retrolidar_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""TF: lookups through tf2_ros and without it, and frames that two nodes send."""
+
+import sys
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+from diagnostic_msgs.msg import DiagnosticStatus
+from geometry_msgs.msg import TransformStamped
+from harness import Sensor, wait_for_readings
+from harness_nodes import COFFEE_IDS, running
+from harness_observer import LATCHED
+from rclpy.time import Time
+from tf2_msgs.msg import TFMessage
+
+from retrolidar_ros.nodes.conversion import to_header, to_pose, to_transform
+from retrolidar_ros.nodes.listener import Listener
+from retrolidar_ros.nodes.transform_watch import WatchedSender
+from retrolidar_ros.nodes.transforms import TransformFinder
+from retrolidar_ros.scene.files import load_scene
+
+STAMP_NS = 5_000_000_000
+
+
+def transform(child: str, parent: str, x_m: float = 1.0, stamp_ns: int = 0) -> TransformStamped:
+    pose = to_pose(np.array([x_m, 0.0, 0.0]), np.array([0.0, 0.0, 0.0, 1.0]))
+    return to_transform(to_header(stamp_ns, parent), child, pose)
+
+
+@pytest.fixture(params=['tf2_ros', 'own'])
+def listener(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> Iterator[Listener]:
+    """Return a node, where lookups go through tf2_ros, or do not."""
+    if request.param == 'tf2_ros':
+        pytest.importorskip('tf2_ros', reason='tf2_ros has no wheel')
+    else:
+        monkeypatch.setitem(sys.modules, 'tf2_ros', None)
+    listener = Listener('/finding')
+    yield listener
+    listener.close()
+
+
+def test_transforms_are_found_and_frames_known_by_their_whole_names(listener: Listener) -> None:
+    finder = TransformFinder(listener.node)
+    static = listener.node.create_publisher(TFMessage, '/tf_static', LATCHED)
+    static.publish(TFMessage(transforms=[transform('left_mug', 'map'), transform('hand', 'map')]))
+    moving = listener.node.create_publisher(TFMessage, '/tf', 10)
+
+    def is_found() -> bool:
+        steps = [transform('eye', 'hand', x, STAMP_NS + round(x * 1e9)) for x in (1.0, 3.0)]
+        moving.publish(TFMessage(transforms=steps))
+        return finder.knows('left_mug') and finder.knows('eye')
+
+    assert listener.spin_until(is_found, 30.0)
+    assert not finder.knows('mug')
+    assert not finder.knows('map')
+    found = finder.find('map', 'eye', Time(nanoseconds=STAMP_NS + 2_000_000_000))
+    assert found is not None
+    assert found[0] == pytest.approx([3.0, 0.0, 0.0])
+    assert finder.find('map', 'eye', Time(nanoseconds=STAMP_NS + 3_000_000_001)) is None
+    assert finder.find('map', 'nowhere', Time(nanoseconds=STAMP_NS)) is None
+    finder.forget()
+    assert finder.find('map', 'eye', Time(nanoseconds=STAMP_NS + 2_000_000_000)) is None
+    assert finder.find('map', 'hand', Time(nanoseconds=STAMP_NS)) is not None
+
+
+def test_what_others_send_is_told_from_what_is_sent() -> None:
+    sender = WatchedSender(lambda _: None)
+    sender([transform('mug', 'eye', stamp_ns=1), transform('mug', 'eye', stamp_ns=2)])
+    for stamp_ns, child in ((1, 'mug'), (2, 'mug'), (3, 'jug')):
+        sender.hear(transform(child, 'eye', stamp_ns=stamp_ns))
+    assert sender.problem() == ''
+    sender.hear(transform('mug', 'other_eye', stamp_ns=3))
+    assert 'mug (in other_eye): set frame_prefix' in sender.problem()
+
+
+def test_two_sensors_with_the_same_frames_are_warned_of_until_they_have_prefixes(
+    tmp_path: Path,
+) -> None:
+    ports = [tmp_path / 'one', tmp_path / 'other']
+    scene, name = load_scene('coffee'), '/same1/detector: markers'
+    with (
+        running(tmp_path, '/same0') as system,
+        Sensor(scene, ports[0]),
+        Sensor(scene, ports[1]),
+    ):
+        for index, port in enumerate(ports):
+            own = {'name': f'reader{index}', 'namespace': f'/same{index}'}
+            system.start('reader', **own, serial_port=port)
+        status = system.wait_for_status(name, DiagnosticStatus.WARN, 'another node sends the TF')
+        assert '(in retrolidar_optical_frame)' in status.message
+        assert 'another node sends the TF frames' in system.log('reader1')
+        system.stop('reader0')
+        system.start('reader', serial_port=ports[0], frame_prefix='robot0/')
+        prefixed = {'frame_prefix': 'robot0/', 'markers': '[marker_2073]'}
+        system.start('heartbeat', **prefixed)
+        system.wait_for_status('heartbeat: markers', DiagnosticStatus.OK, 'are read')
+        system.markers.clear()
+        wait_for_readings(system, COFFEE_IDS)
+        for message, _ in system.markers:
+            assert message.header.frame_id == 'robot0/retrolidar_optical_frame'
+            assert message.child_frame_id == f'robot0/marker_{message.id}'
+        began_s = time.monotonic()
+        while time.monotonic() < began_s + 11.0:  # it has listened once by then
+            status = system.next_status('detector: markers')
+            assert 'another node' not in status.message

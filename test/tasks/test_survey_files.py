@@ -1,0 +1,152 @@
+# Copyright 2026 retrolidar_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+from __future__ import annotations
+
+import os
+import stat
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+from harness_readings import HERE
+
+from retrolidar_ros.sensor.frame import Floats
+from retrolidar_ros.tasks.landmarks import Estimate, Landmark
+from retrolidar_ros.tasks.reading import Errors
+from retrolidar_ros.tasks.state import Prior, State
+from retrolidar_ros.tasks.survey import MAX_LANDMARKS
+from retrolidar_ros.tasks.survey_files import load_survey, save_survey
+
+
+def estimates(*names: str, at_m: Floats = HERE) -> list[Estimate]:
+    prior = Prior(State(at_m, np.eye(3), np.zeros(3)), 1e-6 * np.eye(6))
+    found = [Landmark(name, {}, Errors(), prior).estimate() for name in names]
+    return [one for one in found if one is not None]
+
+
+def names_in(path: Path) -> set[str]:
+    return set(load_survey(path)[1])
+
+
+@pytest.fixture
+def room(tmp_path: Path) -> Path:
+    path = tmp_path / 'room.yaml'
+    assert '2 landmarks in map' in save_survey(path, 'map', estimates('lamp', 'tray'))
+    return path
+
+
+def test_the_map_before_is_kept_and_nothing_else_is_left(room: Path) -> None:
+    before = room.read_bytes()
+    room.chmod(0o640)
+    answer = save_survey(room, 'map', estimates('lamp', 'tray', 'mug'))
+    backup = room.with_name('room.yaml.bak')
+    assert backup.read_bytes() == before
+    assert str(backup) in answer
+    assert names_in(room) == {'lamp', 'tray', 'mug'}
+    assert stat.S_IMODE(room.stat().st_mode) == 0o640
+    assert {one.name for one in room.parent.iterdir()} == {'room.yaml', 'room.yaml.bak'}
+    # The same again would push the older one out of the backup.
+    assert 'unchanged' in save_survey(room, 'map', estimates('lamp', 'tray', 'mug'))
+    assert backup.read_bytes() == before
+
+
+@pytest.mark.parametrize(
+    ('frame', 'names', 'message'),
+    [
+        ('map', (), 'nothing is placed'),
+        ('odom', ('lamp', 'tray'), r'are in map, these in odom'),
+        ('map', ('lamp', 'mug'), r'1 landmarks in .* would be lost: tray; set load_file'),
+    ],
+)
+def test_a_map_that_would_lose_something_is_not_replaced(
+    room: Path, frame: str, names: tuple[str, ...], message: str
+) -> None:
+    before = room.read_bytes()
+    with pytest.raises(ValueError, match=message):
+        save_survey(room, frame, estimates(*names))
+    assert room.read_bytes() == before
+    assert list(room.parent.iterdir()) == [room]
+
+
+@pytest.mark.parametrize('content', ['markers: {}', 'a line of a diary', 'frame: [', '\x00'])
+def test_what_is_no_map_is_not_replaced(tmp_path: Path, content: str) -> None:
+    path = tmp_path / 'diary'
+    path.write_text(content)
+    with pytest.raises(ValueError, match='is not a map'):
+        save_survey(path, 'map', estimates('lamp'))
+    assert path.read_text() == content
+
+
+def test_pipes_and_folders_are_refused(tmp_path: Path) -> None:
+    pipe = tmp_path / 'pipe'
+    os.mkfifo(pipe)
+    with pytest.raises(ValueError, match=r'is not a map.*is a FIFO'):
+        save_survey(pipe, 'map', estimates('lamp'))
+    with pytest.raises(IsADirectoryError):
+        save_survey(tmp_path, 'map', estimates('lamp'))
+
+
+def test_a_link_stays_a_link(room: Path) -> None:
+    link = room.with_name('link.yaml')
+    link.symlink_to(room)
+    save_survey(link, 'map', estimates('lamp', 'tray', 'mug'))
+    assert link.is_symlink()
+    assert names_in(room) == {'lamp', 'tray', 'mug'}
+
+
+@pytest.mark.parametrize('step', ['write_text', 'replace', 'fsync', 'copy2'])
+def test_a_disk_that_fails_costs_nothing(
+    room: Path, monkeypatch: pytest.MonkeyPatch, step: str
+) -> None:
+    before = room.read_bytes()
+
+    def fail(*_: object, **__: object) -> None:
+        raise OSError('No space left on device')
+
+    owners: dict[str, str] = {'fsync': 'os', 'copy2': 'shutil'}
+    monkeypatch.setattr(f'{owners.get(step, "pathlib.Path")}.{step}', fail)
+    with pytest.raises(OSError, match='No space left'):
+        save_survey(room, 'map', estimates('lamp', 'tray', 'mug'))
+    monkeypatch.undo()
+    assert room.read_bytes() == before
+    assert list(room.parent.iterdir()) == [room]
+
+
+@pytest.mark.parametrize(
+    'spoil',
+    [
+        lambda one: one.covariance.fill(np.nan),
+        lambda one: one.covariance.fill(0.0),
+        lambda one: one.position_m.fill(np.inf),
+    ],
+)
+def test_a_map_that_could_not_be_loaded_is_not_written(
+    room: Path, spoil: Callable[[Estimate], None]
+) -> None:
+    before = room.read_bytes()
+    spoilt = estimates('lamp', 'tray', at_m=HERE.copy())
+    spoil(spoilt[1])
+    with pytest.raises(ValueError, match=r'landmarks\.'):
+        save_survey(room, 'map', spoilt)
+    assert room.read_bytes() == before
+    assert list(room.parent.iterdir()) == [room]
+
+
+def test_names_that_yaml_takes_for_something_else_come_back(tmp_path: Path) -> None:
+    names = ['on', 'null', '12', '1e3', '<<', '~', 'a: b', 'größe', "'", '#x']
+    save_survey(tmp_path / 'room.yaml', 'map', estimates(*names))
+    assert names_in(tmp_path / 'room.yaml') == set(names)
+
+
+def test_as_many_landmarks_as_are_kept_fit_into_a_file(tmp_path: Path) -> None:
+    rng = np.random.default_rng(1)
+    some = []
+    for index in range(MAX_LANDMARKS):
+        root = rng.normal(size=(6, 6))
+        prior = Prior(State(rng.normal(size=3), np.eye(3), np.zeros(3)), root @ root.T)
+        estimate = Landmark(f'{index:0>100}', {}, Errors(), prior).estimate()
+        assert estimate is not None
+        some.append(estimate)
+    save_survey(tmp_path / 'room.yaml', 'map', some)
+    assert len(names_in(tmp_path / 'room.yaml')) == MAX_LANDMARKS
