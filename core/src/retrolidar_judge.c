@@ -10,8 +10,6 @@ enum { MAX_PARTNERS = 3 }; /* hits that are judged together with a packet that h
 
 /* Share of the evidence in demand that a packet must have which another one hides. */
 static const double HIDDEN = 0.7;
-/* Evidence that two need besides of which none is read by itself: there are so many pairs. */
-static const double COST_OF_PAIR = 8.0;
 /* Readings of one ID that overlap by more are of the same packet. */
 static const double SAME_BITS = 4.0;
 
@@ -209,7 +207,6 @@ static bool judge_pair(struct rl_detector *detector, double to_s, struct rl_verd
                        struct rl_verdict *other)
 {
     const int source = one->source[0], packets = one->packets;
-    const double least = detector->demands.evidence + COST_OF_PAIR;
     struct rl_hits *hits = &detector->behind, again_hits;
     search_without(detector, one, to_s, hits);
     for (int i = 0; i < hits->count && i < MAX_PARTNERS && detector->decisions_left > 0; i++) {
@@ -230,12 +227,12 @@ static bool judge_pair(struct rl_detector *detector, double to_s, struct rl_verd
         }
         const struct rl_verdict again =
             decide(detector, source, packets, &again_hits.hit[0], &again_hits, other, to_s);
-        if (again.reason != RL_READ || again.evidence < least ||
+        if (again.reason != RL_READ ||
             is_known(detector, again.id, again.begin_s, again.end_s)) {
             continue;
         }
         *other = decide(detector, source, packets, hit, hits, &again, to_s);
-        if (other->reason == RL_READ && other->evidence >= least) {
+        if (other->reason == RL_READ) {
             *one = again;
             return true;
         }
