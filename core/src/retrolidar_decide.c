@@ -29,8 +29,10 @@ static const double COST_OF_GAIN = 2.0;
 static const double COST_OF_MASK = 10.0;
 /* [nats] a change that a word has less. */
 static const double COST_OF_CHANGE = 5.0;
-/* Evidence that a packet beside others needs besides: what these leave over may look like one. */
-static const double COST_OF_PAIR = 8.0;
+/* Share of what others explain that a packet beside them needs besides: what they leave over may look
+ * like one.
+ */
+static const double LEFT_OVER = 0.1;
 /* Several packets are tried at several numbers of them, and at more clocks [nats]. */
 static const double COST_OF_FOLDS = 1.5;
 /* Part of the last bit that need not have come yet. */
@@ -189,7 +191,7 @@ struct rl_verdict rl_decide(struct rl_window *window, const struct rl_codebook *
     rl_scope_add_zones(window, sending, verdict.evidence);
     own = refine(&verdict, window, half_bits);
     asked += window->fit[0].walk >= LEAST_WALK ? demands->wandering : 0.0;
-    asked += window->whitened[0].interferers > 0 ? COST_OF_PAIR : 0.0;
+    asked += LEFT_OVER * window->whitened[0].explained;
     if (verdict.evidence < asked) {
         return verdict;
     }

@@ -35,7 +35,8 @@ struct rl_whitened {
     double squares[RL_WALK_LANES];
     double log_scales[RL_WALK_LANES]; /* sum of the logarithms of 1/deviation */
     double least;        /* variance of noise that a fit may claim at least */
-    double null;         /* log likelihood without a packet, the best of all q */
+    double null;         /* log likelihood without a packet, the best of all q, ... */
+    double explained;    /* ... of which so much is what interferers explain */
 };
 
 /* How much better a template explains samples than nothing does. */

@@ -13,7 +13,7 @@ static const double BRIGHTENING_S[] = {0.0035, 0.0005, 0.008, 0.014, 0.020};
 /* Share of the sensor's noise that a fit may not fall short of. */
 static const double LEAST_NOISE = 0.5;
 /* What the gain of another packet must explain to be fitted along [nats]. */
-static const double COST_OF_INTERFERER = 2.0;
+static const double COST_OF_INTERFERER = 6.0;
 enum {
     SPLITS = 8,    /* parts of a window between which a marker may come or go */
     MAX_STEPS = 4, /* of a gain */
