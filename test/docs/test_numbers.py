@@ -2,8 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """The numbers of search, decision and placement: their table in docs/detector.md against core/src.
 
-Run as a script, it writes names, files, values and counts anew from the sources. Units and origins stay;
-those of a new number are to be written by hand.
+Run as a script, it writes names, files, values and counts anew from the sources. Units and origins
+stay; those of a new number are to be written by hand.
 """
 
 import re
