@@ -3,7 +3,7 @@
 """The numbers of search, decision and placement: their table in docs/detector.md against core/src.
 
 Run as a script, it writes names, files, values and counts anew from the sources. Units and origins
-stay; those of a new number are to be written by hand.
+stay; those of a number that is new, and not one renamed, are to be written by hand.
 """
 
 import re
@@ -49,12 +49,18 @@ def written(page: str) -> str:
     """Return a page with the table, and the counts before it, as the sources have them."""
     before, header, after = page.partition(HEADER)
     old, _, rest = after.partition('\n\n')
-    cells = [line.strip('|').split('|') for line in old.splitlines()]
-    known = {(name, file): (unit, origin) for name, file, _, unit, origin in cells}
+    numbers = [(f'`{name}`', file, f'`{value}`') for name, file, value in constants()]
+    present = {(name, file) for name, file, _ in numbers}
+    known, renamed = {}, {}
+    for line in old.splitlines():
+        name, file, value, *written_by_hand = line[1:-1].split('|')
+        known[name, file] = written_by_hand
+        if (name, file) not in present:
+            renamed[file, value] = written_by_hand
     lines, origins = [], Counter[str]()
-    for name, file, value in constants():
-        unit, origin = known.get((f'`{name}`', file), ('', ''))
-        lines.append(f'|`{name}`|{file}|`{value}`|{unit}|{origin}|\n')
+    for name, file, value in numbers:
+        unit, origin = known.get((name, file)) or renamed.get((file, value)) or ('', '')
+        lines.append(f'|{name}|{file}|{value}|{unit}|{origin}|\n')
         origins[origin] += 1
     counts = ', '.join(f'{count} {origin}' for origin, count in origins.most_common())
     before = re.sub(r'\n\d+ numbers: .*\n', f'\n{len(lines)} numbers: {counts}.\n', before)
@@ -66,11 +72,17 @@ def test_the_table_is_that_of_the_sources() -> None:
     assert page == written(page)
 
 
+def test_a_number_that_is_renamed_keeps_its_origin() -> None:
+    page = PAGE.read_text(encoding='utf-8')
+    name, file, _ = constants()[0]
+    assert written(page.replace(f'|`{name}`|{file}|', f'|`OLD`|{file}|')) == page
+
+
 def test_every_number_says_where_it_comes_from() -> None:
     before, _, after = PAGE.read_text(encoding='utf-8').partition(HEADER)
     explained = set(re.findall(r'\*(\w+)\*', before.rpartition('\n## ')[2]))
     lines = after.partition('\n\n')[0].splitlines()
-    assert {line.strip('|').split('|')[4] for line in lines} == explained
+    assert {line[1:-1].split('|')[4] for line in lines} == explained
 
 
 def test_of_what_numbers_are_found() -> None:
