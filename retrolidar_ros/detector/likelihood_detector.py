@@ -34,13 +34,13 @@ class Reason(str, Enum):
     """Why a candidate is rejected, as diagnostics and tables name it."""
 
     EVIDENCE = 'evidence'
-    """Noise and a wandering level explain the samples nearly as well."""
+    """Noise, a wandering level and packets read before explain the samples nearly as well."""
     NOT_A_WORD = 'not a word'
-    """Another sequence of bits, which is no packet, explains them much better."""
+    """Other bits, of no packet or of another clock, explain them much better."""
     MARGIN = 'margin'
     """A packet of another ID explains them nearly as well."""
     INCOMPLETE = 'incomplete'
-    """The packet may not have ended yet."""
+    """The packet may not have ended, or not repeat, or its clock is off."""
     ERASED = 'erased'
     """Too few of its samples are valid."""
     DISTANCE = 'distance'

@@ -1,0 +1,98 @@
+# Copyright 2026 retrolidar_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""The numbers of search, decision and placement: their table in docs/detector.md against core/src.
+
+Run as a script, it writes names, files, values and counts anew from the sources. Units and origins
+stay; those of a number that is new, and not one renamed, are to be written by hand.
+"""
+
+import re
+from collections import Counter
+from pathlib import Path
+
+ROOT = Path(__file__).parents[2]
+PAGE = ROOT / 'docs' / 'detector.md'
+HEADER = '|name|file|value|unit|from|\n|---|---|---|---|---|\n'
+# What talks to sensors and firmware, and the packet itself.
+OTHER_FILES = {'command', 'drive', 'packet', 'receive', 'wakeup', 'wire'}
+
+
+def _split(text: str) -> list[str]:
+    """Split at the commas that are in no braces or parentheses."""
+    return re.findall(r'(?:[^,{(]|\{[^}]*\}|\([^)]*\))+', text)
+
+
+def _constants(source: str) -> list[tuple[str, str]]:
+    """Return names and values of what a source declares as static constants, or enumerates."""
+    text = re.sub(r'/\*.*?\*/', ' ', source, flags=re.S)
+    declared = re.findall(r'static const (?:double|float|u?int\w*) ([^;()]*?=[^;]*);', text)
+    listed = re.findall(r'\benum(?: \w+)? \{([^}]*)\}', text)
+    pairs = [one.partition('=') for group in declared + listed for one in _split(group)]
+    return [
+        (name.split('[')[0].strip(), re.sub(r'\s|(?<=\d)f\b', '', value))
+        for name, equals, value in pairs
+        if equals
+    ]
+
+
+def constants() -> list[tuple[str, str, str]]:
+    """Return name, file and value of each number, by file and in the order of the source."""
+    found = []
+    for path in sorted((ROOT / 'core' / 'src').glob('retrolidar_*.[ch]')):
+        file = path.stem.removeprefix('retrolidar_')
+        if file not in OTHER_FILES:
+            found += [(*one, file) for one in _constants(path.read_text(encoding='utf-8'))]
+    return [(name, file, value) for name, value, file in found]
+
+
+def written(page: str) -> str:
+    """Return a page with the table, and the counts before it, as the sources have them."""
+    before, header, after = page.partition(HEADER)
+    old, _, rest = after.partition('\n\n')
+    numbers = [(f'`{name}`', file, f'`{value}`') for name, file, value in constants()]
+    present = {(name, file) for name, file, _ in numbers}
+    known, renamed = {}, {}
+    for line in old.splitlines():
+        name, file, value, *written_by_hand = line[1:-1].split('|')
+        known[name, file] = written_by_hand
+        if (name, file) not in present:
+            renamed[file, value] = written_by_hand
+    lines, origins = [], Counter[str]()
+    for name, file, value in numbers:
+        unit, origin = known.get((name, file)) or renamed.get((file, value)) or ('', '')
+        lines.append(f'|{name}|{file}|{value}|{unit}|{origin}|\n')
+        origins[origin] += 1
+    counts = ', '.join(f'{count} {origin}' for origin, count in origins.most_common())
+    before = re.sub(r'\n\d+ numbers: .*\n', f'\n{len(lines)} numbers: {counts}.\n', before)
+    return before + header + ''.join(lines) + '\n' + rest
+
+
+def test_the_table_is_that_of_the_sources() -> None:
+    page = PAGE.read_text(encoding='utf-8')
+    assert page == written(page)
+
+
+def test_a_number_that_is_renamed_keeps_its_origin() -> None:
+    page = PAGE.read_text(encoding='utf-8')
+    name, file, _ = constants()[0]
+    assert written(page.replace(f'|`{name}`|{file}|', f'|`OLD`|{file}|')) == page
+
+
+def test_every_number_says_where_it_comes_from() -> None:
+    before, _, after = PAGE.read_text(encoding='utf-8').partition(HEADER)
+    explained = set(re.findall(r'\*(\w+)\*', before.rpartition('\n## ')[2]))
+    lines = after.partition('\n\n')[0].splitlines()
+    assert {line[1:-1].split('|')[4] for line in lines} == explained
+
+
+def test_of_what_numbers_are_found() -> None:
+    source = """
+        enum { A = 2, B, C = A + 1 }; /* D = 4 */
+        static const double E = 0.5, F[2] = {1e-3, 2.0};
+        static const float *of(const float G);
+    """
+    assert _constants(source) == [('E', '0.5'), ('F', '{1e-3,2.0}'), ('A', '2'), ('C', 'A+1')]
+
+
+if __name__ == '__main__':
+    PAGE.write_text(written(PAGE.read_text(encoding='utf-8')), encoding='utf-8')
