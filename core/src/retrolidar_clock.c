@@ -21,7 +21,8 @@ static const double MIN_RATIO = 0.5, MAX_RATIO = 4.0, STEP = 1.016, OURS = 0.05;
 /* No packet of any clock is shorter. */
 static const double MIN_PERIOD_BITS = 7.0;
 static const double MAX_CORRELATION = 0.999;
-static const double LN_2 = 0.6931471805599453;
+/* What a bit more than there are in a packet must explain: noise, too, is explained by more bits [nats]. */
+static const double COST_OF_BIT = 1.5;
 
 /* Where bits begin, and how long they are. */
 struct clock {
@@ -85,7 +86,7 @@ static void slice(struct slicer *slicer, struct clock *clock)
         squares -= 2.0f * half * fabsf(slicer->beyond[bit]);
     }
     clock->cost = 0.5 * (double)(count * logf(fmaxf(squares, count * slicer->least))) +
-                  LN_2 * clock->bits;
+                  COST_OF_BIT * clock->bits;
 }
 
 /* Log likelihood of the bits that a clock shows. */
@@ -135,7 +136,7 @@ double rl_clock_excess(struct rl_window *window, const struct rl_sending *sendin
     const double ours = (end_s - begin_s) / sending->bit_s;
     for (int i = 0; i < TRIED; i++) {
         const double likelihood = try_clock(window, &slicer, &best[i]);
-        excess = fmax(excess, likelihood - own - LN_2 * fmax(best[i].bits - ours, 0.0));
+        excess = fmax(excess, likelihood - own - COST_OF_BIT * fmax(best[i].bits - ours, 0.0));
     }
     return excess;
 }

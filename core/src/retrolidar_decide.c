@@ -29,6 +29,10 @@ static const double COST_OF_GAIN = 2.0;
 static const double COST_OF_MASK = 10.0;
 /* [nats] a change that a word has less. */
 static const double COST_OF_CHANGE = 5.0;
+/* Share of what others explain that a packet beside them needs besides: what they leave over may look
+ * like one.
+ */
+static const double LEFT_OVER = 0.1;
 /* Several packets are tried at several numbers of them, and at more clocks [nats]. */
 static const double COST_OF_FOLDS = 1.5;
 /* Part of the last bit that need not have come yet. */
@@ -62,11 +66,11 @@ static bool may_be_lone(struct rl_window *window, const struct rl_sending *sendi
  *     samples cannot be compared
  */
 static bool has_repeated(struct rl_window *window, const struct rl_sending *sending,
-                         double evidence, double begin_s, double to_s)
+                         double evidence, double begin_s, double since_s, double to_s)
 {
     const struct rl_samples *samples = window->samples;
     const double held_s = samples->begin_s[rl_samples_oldest(samples)];
-    const double from_s = fmax(begin_s - BEFORE_BITS * sending->bit_s, held_s);
+    const double from_s = fmax(fmax(begin_s - BEFORE_BITS * sending->bit_s, held_s), since_s);
     if (begin_s - from_s < LEAST_BEFORE_BITS * sending->bit_s) {
         return true;
     }
@@ -150,7 +154,7 @@ struct rl_verdict rl_decide(struct rl_window *window, const struct rl_codebook *
     const bool is_new = verdict.begin_s == since_s;
     if (sending->repeats && packets == 1 && !follows && !is_new &&
         !has_repeated(window, sending, verdict.evidence, to_s - RL_PACKET_BITS * hit->bit_s,
-                      to_s)) {
+                      since_s, to_s)) {
         return verdict;
     }
     verdict.reason = RL_ERASED;
@@ -187,6 +191,7 @@ struct rl_verdict rl_decide(struct rl_window *window, const struct rl_codebook *
     rl_scope_add_zones(window, sending, verdict.evidence);
     own = refine(&verdict, window, half_bits);
     asked += window->fit[0].walk >= LEAST_WALK ? demands->wandering : 0.0;
+    asked += LEFT_OVER * window->whitened[0].explained;
     if (verdict.evidence < asked) {
         return verdict;
     }

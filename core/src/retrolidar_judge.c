@@ -10,8 +10,6 @@ enum { MAX_PARTNERS = 3 }; /* hits that are judged together with a packet that h
 
 /* Share of the evidence in demand that a packet must have which another one hides. */
 static const double HIDDEN = 0.7;
-/* Evidence that two need besides of which none is read by itself: there are so many pairs. */
-static const double COST_OF_PAIR = 8.0;
 /* Readings of one ID that overlap by more are of the same packet. */
 static const double SAME_BITS = 4.0;
 
@@ -132,11 +130,10 @@ static void add_beside(struct rl_interference *interference, const struct rl_ver
 /* Judge a hit.
  *
  * beside: another packet that is taken to be there, if any
- * since_s: earlier samples are left out [s]
  */
 static struct rl_verdict decide(struct rl_detector *detector, int source, int packets,
                                 const struct rl_hit *hit, const struct rl_hits *hits,
-                                const struct rl_verdict *beside, double since_s, double to_s)
+                                const struct rl_verdict *beside, double to_s)
 {
     struct rl_demands demands = detector->demands;
     struct rl_hits rivals = *hits;
@@ -152,6 +149,9 @@ static struct rl_verdict decide(struct rl_detector *detector, int source, int pa
         demands.margin = detector->settings.margin_of_more;
     }
     const double packet_s = RL_PACKET_BITS * hit->bit_s;
+    const double active_s = detector->active_s[source < detector->samples.zones ? source : 0];
+    const double since_s =
+        source < detector->samples.zones && active_s < to_s ? active_s : -INFINITY;
     const struct rl_transmission transmission = {
         .sending = {.start_s = hit->start_s, .bit_s = hit->bit_s},
         .begin_s = hit->repeats ? to_s - packets * packet_s : hit->start_s,
@@ -207,7 +207,6 @@ static bool judge_pair(struct rl_detector *detector, double to_s, struct rl_verd
                        struct rl_verdict *other)
 {
     const int source = one->source[0], packets = one->packets;
-    const double least = detector->demands.evidence + COST_OF_PAIR;
     struct rl_hits *hits = &detector->behind, again_hits;
     search_without(detector, one, to_s, hits);
     for (int i = 0; i < hits->count && i < MAX_PARTNERS && detector->decisions_left > 0; i++) {
@@ -216,7 +215,7 @@ static bool judge_pair(struct rl_detector *detector, double to_s, struct rl_verd
             continue;
         }
         detector->decisions_left -= 3;
-        *other = decide(detector, source, packets, hit, hits, one, -INFINITY, to_s);
+        *other = decide(detector, source, packets, hit, hits, one, to_s);
         if (other->evidence < HIDDEN * detector->demands.evidence ||
             other->reason == RL_INCOMPLETE ||
             is_known(detector, other->id, other->begin_s, other->end_s)) {
@@ -227,14 +226,13 @@ static bool judge_pair(struct rl_detector *detector, double to_s, struct rl_verd
             continue;
         }
         const struct rl_verdict again =
-            decide(detector, source, packets, &again_hits.hit[0], &again_hits, other, -INFINITY,
-                   to_s);
-        if (again.reason != RL_READ || again.evidence < least ||
+            decide(detector, source, packets, &again_hits.hit[0], &again_hits, other, to_s);
+        if (again.reason != RL_READ ||
             is_known(detector, again.id, again.begin_s, again.end_s)) {
             continue;
         }
-        *other = decide(detector, source, packets, hit, hits, &again, -INFINITY, to_s);
-        if (other->reason == RL_READ && other->evidence >= least) {
+        *other = decide(detector, source, packets, hit, hits, &again, to_s);
+        if (other->reason == RL_READ) {
             *one = again;
             return true;
         }
@@ -254,7 +252,7 @@ void rl_judge(struct rl_detector *detector, const struct rl_pending *pending, do
     detector->counts.candidates++;
     detector->decisions_left--;
     struct rl_verdict other, verdict = decide(detector, pending->source, pending->packets, hit,
-                                              &pending->hits, NULL, pending->since_s, to_s);
+                                              &pending->hits, NULL, to_s);
     const bool may_hide = pending->since_s < begin_s &&
                           detector->samples.source[pending->source].zones == 1 &&
                           verdict.reason != RL_INCOMPLETE && verdict.reason != RL_ERASED &&

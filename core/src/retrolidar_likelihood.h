@@ -16,7 +16,7 @@
 #include <stdint.h>
 
 enum {
-    RL_MAX_INTERFERERS = 4, /* columns of other packets, fitted along with any template */
+    RL_MAX_INTERFERERS = 6, /* columns of other packets, fitted along with any template */
     RL_WALKS = 9,       /* values of q that are tried */
     RL_WALK_LANES = 10, /* the same, made even */
     RL_MOST_ZONES_TOGETHER = 4,
@@ -35,7 +35,8 @@ struct rl_whitened {
     double squares[RL_WALK_LANES];
     double log_scales[RL_WALK_LANES]; /* sum of the logarithms of 1/deviation */
     double least;        /* variance of noise that a fit may claim at least */
-    double null;         /* log likelihood without a packet, the best of all q */
+    double null;         /* log likelihood without a packet, the best of all q, ... */
+    double explained;    /* ... of which so much is what interferers explain */
 };
 
 /* How much better a template explains samples than nothing does. */

@@ -13,8 +13,11 @@ static const double BRIGHTENING_S[] = {0.0035, 0.0005, 0.008, 0.014, 0.020};
 /* Share of the sensor's noise that a fit may not fall short of. */
 static const double LEAST_NOISE = 0.5;
 /* What the gain of another packet must explain to be fitted along [nats]. */
-static const double COST_OF_INTERFERER = 2.0;
-enum { SPLITS = 8 }; /* parts of a window between which a marker may come or go */
+static const double COST_OF_INTERFERER = 6.0;
+enum {
+    SPLITS = 8,    /* parts of a window between which a marker may come or go */
+    MAX_STEPS = 4, /* of a gain */
+};
 static const int ROUNDS = 4; /* of a refinement, each with half the steps of the one before */
 /* A crystal other than the usual one must be likelier by so much [nats]. */
 static const double OTHER_CRYSTAL = 1.0;
@@ -57,43 +60,38 @@ static const double *part_of(const struct rl_window *window, int split, bool lat
     return window->part;
 }
 
-/* Make a transmission an interferer of a source, if it is seen there: all the time, or until a
- * moment or from one on, as a marker that crosses from zone to zone.
+/* Make a transmission an interferer of a source, as far as it is seen there: its gain is a sum of
+ * steps, as the marker may cross from zone to zone, and each must explain what it costs.
  */
 static void add_interferer(struct rl_window *window, struct rl_whitened *whitened,
                            const struct rl_transmission *transmission)
 {
-    if (whitened->interferers == RL_MAX_INTERFERERS) {
-        return;
-    }
     light_of(window, transmission, true);
     const double on = rl_fit_gain(whitened, window->light).log_likelihood;
     light_of(window, transmission, false);
-    const double over = rl_fit_gain(whitened, window->light).log_likelihood;
-    if (on > over) {
+    if (on > rl_fit_gain(whitened, window->light).log_likelihood) {
         light_of(window, transmission, true);
     }
-    double best = fmax(on, over) - whitened->null;
-    int split = 0;
-    for (int part = 1; part < SPLITS; part++) {
-        const int at = part * window->rows / SPLITS;
-        for (int later = 0; later < 2; later++) {
-            const double half =
-                rl_fit_gain(whitened, part_of(window, at, later)).log_likelihood - whitened->null;
-            if (half - COST_OF_INTERFERER > best) {
-                best = half - COST_OF_INTERFERER;
-                split = at;
+    for (int step = 0; step < MAX_STEPS && whitened->interferers < RL_MAX_INTERFERERS; step++) {
+        double best = rl_fit_gain(whitened, window->light).log_likelihood;
+        int best_split = 0;
+        bool best_later = true;
+        for (int part = 1; part < SPLITS; part++) {
+            const int split = part * window->rows / SPLITS;
+            for (int later = 0; later < 2; later++) {
+                const double likelihood =
+                    rl_fit_gain(whitened, part_of(window, split, later)).log_likelihood;
+                if (likelihood > best) {
+                    best = likelihood;
+                    best_split = split;
+                    best_later = later;
+                }
             }
         }
-    }
-    if (best < COST_OF_INTERFERER) {
-        return;
-    }
-    if (split == 0 || whitened->interferers + 2 > RL_MAX_INTERFERERS) {
-        rl_add_interferer(whitened, window->light);
-    } else {
-        rl_add_interferer(whitened, part_of(window, split, false));
-        rl_add_interferer(whitened, part_of(window, split, true));
+        if (best - whitened->null < COST_OF_INTERFERER) {
+            return;
+        }
+        rl_add_interferer(whitened, part_of(window, best_split, best_later));
     }
 }
 
