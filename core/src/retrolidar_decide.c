@@ -81,18 +81,6 @@ static bool has_repeated(struct rl_window *window, const struct rl_sending *send
     return longer > LEAST_LONGER * evidence - AS_GOOD;
 }
 
-/* What speaks against a packet in one source by itself: RL_READ if nothing does. */
-static int doubt(struct rl_window *window, const struct rl_demands *demands,
-                 const struct rl_sending *sending, int packets, bool is_new, double own,
-                 double half_bits, const struct rl_hits *hits, double *word)
-{
-    if (sending->repeats && !is_new && may_be_lone(window, sending, packets, own)) {
-        return RL_INCOMPLETE;
-    }
-    *word = rl_rivals_sequence(window, sending, half_bits, hits) - own;
-    return *word > demands->word ? RL_NOT_A_WORD : RL_READ;
-}
-
 /* Evidence that a packet of few changes needs besides: the fewer, the sooner do steps of what moves
  * make one.
  */
@@ -121,116 +109,156 @@ static double refine(struct rl_verdict *verdict, struct rl_window *window, doubl
     return own;
 }
 
+/* A packet that is judged, and what its window tells. */
+struct trial {
+    struct rl_window *window;
+    const struct rl_demands *demands;
+    struct rl_verdict *verdict;
+    bool follows;     /* others of this ID and clock */
+    bool is_hidden;   /* for a while */
+    int silent_bits;  /* of the window, before the packet */
+    double half_bits; /* from the start to the middle of the window */
+    double own;       /* its log likelihood */
+    double asked;     /* evidence */
+    struct rl_bits bits;
+};
+
+/* Open the window. Return why the packet cannot be judged, RL_READ if it can. */
+static int open(struct trial *trial, int source, double read_s, double since_s, double to_s)
+{
+    struct rl_window *window = trial->window;
+    const struct rl_demands *demands = trial->demands;
+    struct rl_verdict *verdict = trial->verdict;
+    struct rl_sending *sending = &verdict->sending;
+    const int packets = verdict->packets;
+    window->min_bit_s = demands->bit_s * (1.0 - demands->max_skew - SKEW_SLACK);
+    window->max_bit_s = demands->bit_s * (1.0 + demands->max_skew + SKEW_SLACK);
+    const double bit_s = sending->bit_s;
+    verdict->evidence = rl_scope_open(window, source, sending, packets, read_s, since_s, to_s,
+                                      &trial->silent_bits);
+    const double lasting_s = RL_PACKET_BITS * packets * sending->bit_s;
+    verdict->begin_s = sending->repeats ? fmax(to_s - lasting_s, since_s) : sending->start_s;
+    verdict->end_s = sending->repeats ? to_s : sending->start_s + lasting_s;
+    trial->half_bits = rl_scope_half_bits(sending, packets, to_s);
+    trial->own = verdict->evidence + window->null;
+    note_fit(verdict, window);
+    if (verdict->evidence < LEAST_ALONE * demands->evidence) {
+        return RL_EVIDENCE;
+    }
+    if ((!sending->repeats && verdict->end_s > to_s + NOT_YET_BITS * sending->bit_s) ||
+        fabs(sending->bit_s / demands->bit_s - 1.0) > demands->max_skew + SKEW_SLACK / 2) {
+        /* A packet that has begun looks like a faster one of another ID. */
+        return RL_INCOMPLETE;
+    }
+    /* One that has appeared has not repeated yet. */
+    const bool is_new = verdict->begin_s == since_s;
+    if (sending->repeats && packets == 1 && !trial->follows && !is_new &&
+        !has_repeated(window, sending, verdict->evidence, to_s - RL_PACKET_BITS * bit_s, since_s,
+                      to_s)) {
+        return RL_INCOMPLETE;
+    }
+    if (rl_scope_is_erased(window, sending)) {
+        return RL_ERASED;
+    }
+    return sending->repeats && !is_new && may_be_lone(window, sending, packets, trial->own)
+               ? RL_INCOMPLETE
+               : RL_READ;
+}
+
+/* Ask other zones; return whether the evidence is enough. */
+static bool is_evident(struct trial *trial)
+{
+    struct rl_window *window = trial->window;
+    struct rl_verdict *verdict = trial->verdict;
+    rl_scope_add_zones(window, &verdict->sending, verdict->evidence);
+    trial->own = refine(verdict, window, trial->half_bits);
+    trial->asked = trial->demands->evidence + cost_of_changes(verdict->sending.bits) +
+                   (verdict->packets > 1 ? COST_OF_FOLDS : 0.0) +
+                   (window->fit[0].walk >= LEAST_WALK ? trial->demands->wandering : 0.0) +
+                   LEFT_OVER * window->whitened[0].explained;
+    return verdict->evidence >= trial->asked;
+}
+
+static bool is_word(struct trial *trial, const struct rl_hits *hits, double to_s)
+{
+    struct rl_verdict *verdict = trial->verdict;
+    const struct rl_sending *sending = &verdict->sending;
+    const double max_word = trial->demands->word;
+    const double since_bits =
+        (to_s - RL_PACKET_BITS * verdict->packets * sending->bit_s - sending->start_s) /
+        sending->bit_s;
+    const int begin = sending->repeats ? (int)floor(since_bits + 0.5) % RL_PACKET_BITS : 0;
+    verdict->word = rl_rivals_turn(trial->window, sending, trial->own, begin, trial->silent_bits,
+                                   3.0 * max_word, &trial->bits);
+    verdict->word = fmax(verdict->word, rl_rivals_sequence(trial->window, sending,
+                                                           trial->half_bits, hits) -
+                                            trial->own);
+    if (verdict->word > max_word && verdict->packets == 1 && trial->follows &&
+        rl_scope_mask_occlusion(trial->window, sending,
+                                trial->own + verdict->word - max_word)) {
+        trial->is_hidden = true;
+        trial->own = refine(verdict, trial->window, trial->half_bits);
+        if (verdict->evidence < trial->asked + COST_OF_MASK ||
+            rl_scope_is_erased(trial->window, sending)) {
+            return false;
+        }
+        verdict->word = rl_rivals_turn(trial->window, sending, trial->own, begin,
+                                       trial->silent_bits, 3.0 * max_word, &trial->bits);
+    }
+    return verdict->word <= max_word;
+}
+
+/* How much likelier the packet is than what else may have been sent. */
+static double margin_of(struct trial *trial, const struct rl_codebook *codebook,
+                        const struct rl_hits *hits)
+{
+    struct rl_window *window = trial->window;
+    const struct rl_verdict *verdict = trial->verdict;
+    const struct rl_sending *sending = &verdict->sending;
+    const uint16_t id = verdict->id;
+    double margin = rl_rivals_margin(window, codebook, &trial->bits, sending, verdict->packets,
+                                     trial->own, trial->half_bits, id, hits) -
+                    (trial->is_hidden ? COST_OF_MASK : 0.0);
+    if (margin >= trial->demands->margin && verdict->packets == 1 && !trial->follows) {
+        margin = fmin(margin, rl_rivals_part_margin(window, codebook, &trial->bits, sending,
+                                                    trial->own, id));
+        margin = fmin(margin, rl_rivals_sequence_margin(window, codebook, &trial->bits, sending,
+                                                        trial->own, id));
+    }
+    return margin;
+}
+
 struct rl_verdict rl_decide(struct rl_window *window, const struct rl_codebook *codebook,
                             const struct rl_demands *demands, int source, const struct rl_hit *hit,
                             const struct rl_hits *hits, int packets, double read_s,
                             double since_s, bool follows, double to_s)
 {
-    struct rl_verdict verdict = {.reason = RL_EVIDENCE, .id = hit->id, .packets = packets};
-    struct rl_sending *sending = &verdict.sending;
-    struct rl_bits bits;
-    int silent_bits;
-    *sending = (struct rl_sending){rl_packet(hit->id), hit->repeats, hit->start_s, hit->bit_s,
-                                   BRIGHTENING_S};
-    window->min_bit_s = demands->bit_s * (1.0 - demands->most_skew - SKEW_SLACK);
-    window->max_bit_s = demands->bit_s * (1.0 + demands->most_skew + SKEW_SLACK);
-    verdict.evidence =
-        rl_scope_open(window, source, sending, packets, read_s, since_s, to_s, &silent_bits);
-    const double lasting_s = RL_PACKET_BITS * packets * sending->bit_s;
-    verdict.begin_s = sending->repeats ? fmax(to_s - lasting_s, since_s) : sending->start_s;
-    verdict.end_s = sending->repeats ? to_s : sending->start_s + lasting_s;
-    note_fit(&verdict, window);
-    if (verdict.evidence < LEAST_ALONE * demands->evidence) {
-        return verdict;
-    }
-    verdict.reason = RL_INCOMPLETE;
-    double own = verdict.evidence + window->null;
-    if ((!sending->repeats && verdict.end_s > to_s + NOT_YET_BITS * sending->bit_s) ||
-        fabs(sending->bit_s / demands->bit_s - 1.0) > demands->most_skew + SKEW_SLACK / 2) {
-        /* A packet that has begun looks like a faster one of another ID. */
-        return verdict;
-    }
-    /* One that has appeared has not repeated yet. */
-    const bool is_new = verdict.begin_s == since_s;
-    if (sending->repeats && packets == 1 && !follows && !is_new &&
-        !has_repeated(window, sending, verdict.evidence, to_s - RL_PACKET_BITS * hit->bit_s,
-                      since_s, to_s)) {
-        return verdict;
-    }
-    verdict.reason = RL_ERASED;
-    if (rl_scope_is_erased(window, sending)) {
-        return verdict;
-    }
-    const double half_bits = rl_scope_half_bits(sending, packets, to_s);
-    const double since_bits =
-        (to_s - RL_PACKET_BITS * packets * sending->bit_s - sending->start_s) / sending->bit_s;
-    const int begin = sending->repeats ? (int)floor(since_bits + 0.5) % RL_PACKET_BITS : 0;
-    double asked = demands->evidence + cost_of_changes(sending->bits) + (packets > 1 ? COST_OF_FOLDS : 0.0);
-    /* Before others are asked: two zones may see different packets of which this one is a bit. */
-    verdict.reason = doubt(window, demands, sending, packets, is_new, own, half_bits, hits,
-                           &verdict.word);
-    bool is_hidden = false;
-    if (verdict.reason == RL_NOT_A_WORD && packets == 1 && follows && verdict.evidence > asked) {
-        is_hidden =
-            rl_scope_mask_occlusion(window, sending, own + verdict.word - demands->word);
-    }
-    if (is_hidden) {
-        asked += COST_OF_MASK;
-        own = refine(&verdict, window, half_bits);
-        verdict.reason =
-            doubt(window, demands, sending, packets, is_new, own, half_bits, hits,
-                           &verdict.word);
-    }
-    if (verdict.reason == RL_READ && rl_scope_is_erased(window, sending)) {
-        verdict.reason = RL_ERASED;
-    }
+    struct rl_verdict verdict = {
+        .id = hit->id,
+        .packets = packets,
+        .sending = {rl_packet(hit->id), hit->repeats, hit->start_s, hit->bit_s, BRIGHTENING_S}};
+    struct trial trial = {
+        .window = window, .demands = demands, .verdict = &verdict, .follows = follows};
+    verdict.reason = open(&trial, source, read_s, since_s, to_s);
     if (verdict.reason != RL_READ) {
         return verdict;
     }
     verdict.reason = RL_EVIDENCE;
-    rl_scope_add_zones(window, sending, verdict.evidence);
-    own = refine(&verdict, window, half_bits);
-    asked += window->fit[0].walk >= LEAST_WALK ? demands->wandering : 0.0;
-    asked += LEFT_OVER * window->whitened[0].explained;
-    if (verdict.evidence < asked) {
+    if (!is_evident(&trial)) {
         return verdict;
     }
     verdict.reason = RL_NOT_A_WORD;
-    verdict.word =
-        rl_rivals_turn(window, sending, own, begin, silent_bits, 3.0 * demands->word, &bits);
-    if (verdict.word > demands->word && packets == 1 && follows && !is_hidden &&
-        rl_scope_mask_occlusion(window, sending, own + verdict.word - demands->word)) {
-        own = refine(&verdict, window, half_bits);
-        is_hidden = true;
-        asked += COST_OF_MASK;
-        if (verdict.evidence < asked || rl_scope_is_erased(window, sending)) {
-            return verdict;
-        }
-        verdict.word =
-            rl_rivals_turn(window, sending, own, begin, silent_bits, 3.0 * demands->word, &bits);
-    }
-    if (verdict.word > demands->word) {
+    if (!is_word(&trial, hits, to_s)) {
         return verdict;
     }
     verdict.reason = RL_MARGIN;
-    verdict.margin = rl_rivals_margin(window, codebook, &bits, sending, packets, own, half_bits,
-                                      hit->id, hits) -
-                     (is_hidden ? COST_OF_MASK : 0.0);
-    if (verdict.margin >= demands->margin && packets == 1 && !follows) {
-        verdict.margin = fmin(verdict.margin, rl_rivals_part_margin(window, codebook, &bits, sending,
-                                                                    own, hit->id));
-        verdict.margin = fmin(verdict.margin, rl_rivals_sequence_margin(window, codebook, &bits,
-                                                                        sending, own, hit->id));
-    }
+    verdict.margin = margin_of(&trial, codebook, hits);
     if (verdict.margin < demands->margin) {
         return verdict;
     }
-    verdict.reason = RL_READ;
-    const double other = packets == 1 ? rl_clock_excess(window, sending, own)
-                                      : rl_clock_period_excess(window, sending);
-    if (other > demands->word) {
-        verdict.reason = RL_NOT_A_WORD;
-        verdict.word = other;
-    }
+    const double other = packets == 1 ? rl_clock_excess(window, &verdict.sending, trial.own)
+                                      : rl_clock_period_excess(window, &verdict.sending);
+    verdict.word = fmax(verdict.word, other);
+    verdict.reason = other > demands->word ? RL_NOT_A_WORD : RL_READ;
     return verdict;
 }

@@ -22,7 +22,7 @@ struct rl_demands {
     double word;      /* by how much another sequence of bits may be better [nats] */
     double margin;    /* by how much a packet must be better than one of any other ID [nats] */
     double bit_s;     /* as expected [s] */
-    double most_skew; /* by how much a clock may be off */
+    double max_skew; /* by how much a clock may be off */
 };
 
 struct rl_verdict {

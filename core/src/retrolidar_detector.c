@@ -10,7 +10,7 @@
 
 /* Search finds no word where others are so much better [nats]. */
 static const double BEYOND_COARSE = 6.0;
-static const double MOST_SKEW = 0.03;
+static const double MAX_SKEW = 0.03;
 
 static int64_t aligned(int64_t bytes)
 {
@@ -43,15 +43,15 @@ struct rl_detector *rl_detector_create(const struct rl_settings *settings, const
         .word = settings->word,
         .margin = settings->margin,
         .bit_s = settings->bit_s,
-        .most_skew = MOST_SKEW,
+        .max_skew = MAX_SKEW,
     };
-    detector->most_beyond = BEYOND_COARSE + settings->word;
+    detector->max_beyond = BEYOND_COARSE + settings->word;
     memory += head;
     rl_samples_start(&detector->samples, settings->rows, settings->columns, rows, memory, &law,
                      settings->bit_s);
     memory += samples;
     rl_codebook_start(&detector->search.codebook, ids, count);
-    rl_search_start(&detector->search, &detector->samples, settings->bit_s, MOST_SKEW, memory);
+    rl_search_start(&detector->search, &detector->samples, settings->bit_s, MAX_SKEW, memory);
     memory += search;
     rl_window_start(&detector->window, &detector->samples, rows, memory);
     memory += window;

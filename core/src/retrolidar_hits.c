@@ -124,7 +124,7 @@ void rl_promise_add(struct rl_promises *promises, const struct rl_demand *demand
             continue;
         }
         const float nats = nats_of(squared, &lane->reach);
-        if (any_nats - nats <= demand->most_beyond) {
+        if (any_nats - nats <= demand->max_beyond) {
             keep_promise(promises->word, &promises->words, RL_PROMISES, nats, shift, trial, lane);
         }
     }
@@ -222,7 +222,7 @@ void rl_hits_find(struct rl_hits *hits, const struct rl_promises *promises,
         const float packets = (float)trial->packets;
         /* A word that others exceed by so much is none, and no rival either. */
         const float any_nats = rl_any_nats(demand, trial, &promise->lane.reach);
-        const float least_nats = rl_maxf(demand->least, any_nats - demand->most_beyond - MARGIN);
+        const float least_nats = rl_maxf(demand->least, any_nats - demand->max_beyond - MARGIN);
         const float least = least_of(least_nats, &promise->lane.reach);
         float soft[RL_PACKET_BITS];
         for (int bit = 0; bit < RL_PACKET_BITS; bit++) {

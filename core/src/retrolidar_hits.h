@@ -58,7 +58,7 @@ struct rl_promises {
 /* What is asked of a hit. */
 struct rl_demand {
     float least;       /* nats */
-    float most_beyond; /* nats by which any sequence of bits may be better */
+    float max_beyond; /* nats by which any sequence of bits may be better */
     bool repeats;      /* whether the window is any stretch of a packet that repeats */
     struct rl_energy energy; /* of the whitening */
     const struct rl_smooth *smooth;

@@ -193,7 +193,7 @@ static double search_without(struct rl_detector *detector, const struct rl_verdi
     hits->count = 0;
     if (rest > RL_ACTIVE) {
         rl_search_look(&detector->search, &source, 1, packets, to_s, to_s, -INFINITY,
-                       HIDDEN * detector->demands.evidence, 2.0 * detector->most_beyond, hits);
+                       HIDDEN * detector->demands.evidence, 2.0 * detector->max_beyond, hits);
     }
     rl_residual_restore(&detector->residual, source);
     return rest;

@@ -36,7 +36,7 @@ static void search(struct rl_detector *detector, const int *sources, int count, 
         return;
     }
     rl_search_look(&detector->search, sources, count, packets, from_s, to_s, since_s,
-                   COARSE * detector->demands.evidence, detector->most_beyond, hits);
+                   COARSE * detector->demands.evidence, detector->max_beyond, hits);
     for (int i = 0; i < count; i++) {
         if (hits[i].count > 0) {
             detector->pending[detector->pendings++] =
@@ -189,7 +189,7 @@ void rl_look(struct rl_detector *detector)
     const double to_s = samples->end_s[samples->count - 1];
     const double from_s = fmax(detector->looked_s, to_s - RL_PACKET_BITS * bit_s);
     const double held_s = to_s - samples->begin_s[rl_samples_oldest(samples)];
-    const double most_skew = detector->demands.most_skew;
+    const double max_skew = detector->demands.max_skew;
     int sources[RL_MOST_SOURCES];
     detector->pendings = 0;
     detector->search.words_left = WORDS_ENDED;
@@ -197,7 +197,7 @@ void rl_look(struct rl_detector *detector)
     detector->decisions_left = RL_DECISIONS;
     detector->looked_s = to_s;
     note_active(detector, samples->begin_s[samples->count - 1]);
-    const double packet_bits = RL_PACKET_BITS * (1.0 - most_skew) - RL_OVERLAP_BITS;
+    const double packet_bits = RL_PACKET_BITS * (1.0 - max_skew) - RL_OVERLAP_BITS;
     if (held_s < (RL_PACKET_BITS - 0.5) * bit_s) {
         return;
     }
@@ -214,7 +214,7 @@ void rl_look(struct rl_detector *detector)
     search(detector, sources, count, 1, from_s, to_s, -INFINITY);
     /* More packets are looked at as soon as there are as many, and then in turn. */
     for (int fold = 1; fold < FOLDS && FOLD[fold] <= detector->settings.max_packets; fold++) {
-        const double bits = RL_PACKET_BITS * FOLD[fold] * (1.0 + most_skew) + 1.0;
+        const double bits = RL_PACKET_BITS * FOLD[fold] * (1.0 + max_skew) + 1.0;
         if (held_s < bits * bit_s || bits * bit_s > samples->kept * samples->period_s) {
             break;
         }

@@ -43,11 +43,11 @@ int64_t rl_search_bytes(int rows)
 }
 
 void rl_search_start(struct rl_search *search, const struct rl_samples *samples, double bit_s,
-                     double most_skew, void *memory)
+                     double max_skew, void *memory)
 {
     search->samples = samples;
     search->bit_s = bit_s;
-    search->most_skew = most_skew;
+    search->max_skew = max_skew;
     search->frames_a_bit = 0.0;
     for (int which = 0; which < WALK_COUNT; which++) {
         search->whitening[which].walk = WALKS[which];
@@ -114,10 +114,10 @@ static void keep_trial(struct kept *kept, const struct rl_trial *trial,
 static void try_ends(struct rl_search *search, int count, double end_s, bool all, int shifts,
                      const struct rl_demand *demand)
 {
-    const int clocks = (int)(search->most_skew * RL_PACKET_BITS / 2 / CLOCK_BITS + 0.999);
+    const int clocks = (int)(search->max_skew * RL_PACKET_BITS / 2 / CLOCK_BITS + 0.999);
     struct rl_trial trial = {.end_s = end_s, .packets = 1};
     for (int clock = -clocks; clock <= clocks; clock++) {
-        trial.bit_s = search->bit_s * (1.0 + clock * search->most_skew / clocks);
+        trial.bit_s = search->bit_s * (1.0 + clock * search->max_skew / clocks);
         rl_view_lay(&search->view, &trial);
         if (all) {
             rl_view_cut(&search->view, &trial, &search->sums);
@@ -210,10 +210,10 @@ static void look_at_stretches(struct rl_search *search, int count, int packets, 
 {
     struct kept kept[RL_MOST_SOURCES];
     const double half_bits = RL_PACKET_BITS * packets / 2.0;
-    const int clocks = (int)(search->most_skew * half_bits / (2 * CLOCK_BITS) + 0.999);
-    const double skew = search->most_skew / clocks;
+    const int clocks = (int)(search->max_skew * half_bits / (2 * CLOCK_BITS) + 0.999);
+    const double skew = search->max_skew / clocks;
     /* All stretches have the same middle, or up to a bit before. */
-    const double middle_s = to_s - half_bits * search->bit_s * (1.0 + search->most_skew);
+    const double middle_s = to_s - half_bits * search->bit_s * (1.0 + search->max_skew);
     for (int lane = 0; lane < count; lane++) {
         kept[lane].count = 0;
     }
@@ -238,11 +238,11 @@ static void look_at_stretches(struct rl_search *search, int count, int packets, 
 
 void rl_search_look(struct rl_search *search, const int *sources, int count, int packets,
                     double from_s, double to_s, double since_s, double least,
-                    double most_beyond,
+                    double max_beyond,
                     struct rl_hits *hits)
 {
     const double longest_bits =
-        RL_PACKET_BITS * (packets > 0 ? packets : 1) * (1.0 + search->most_skew);
+        RL_PACKET_BITS * (packets > 0 ? packets : 1) * (1.0 + search->max_skew);
     const double bits = packets > 0 ? longest_bits + 2.0 : longest_bits + BEFORE_BITS + 1.0;
     plan(search);
     for (int strong = 0; strong < 2; strong++) {
@@ -260,7 +260,7 @@ void rl_search_look(struct rl_search *search, const int *sources, int count, int
             continue;
         }
         const double asked = strong ? STRONG_SHARE * least : least;
-        const struct rl_demand demand = {(float)asked, (float)most_beyond, packets > 0,
+        const struct rl_demand demand = {(float)asked, (float)max_beyond, packets > 0,
                                          whitening->energy, &whitening->smooth};
         rl_view_open(&search->view, chosen, lanes, fmax(to_s - bits * search->bit_s, since_s),
                      to_s, whitening->walk);

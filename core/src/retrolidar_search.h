@@ -22,7 +22,7 @@ struct rl_search {
     struct rl_whitening whitening[3]; /* for faint and strong sources, and faint lone packets */
     double frames_a_bit; /* that the whitening is for */
     double bit_s;        /* as expected [s] */
-    double most_skew;    /* by how much a clock may be off */
+    double max_skew;    /* by how much a clock may be off */
     struct rl_view view;
     struct rl_sums sums;
     struct rl_promises promises[RL_MOST_SOURCES];
@@ -33,7 +33,7 @@ struct rl_search {
 /* How much memory a search takes besides, and begin with it. */
 int64_t rl_search_bytes(int rows);
 void rl_search_start(struct rl_search *search, const struct rl_samples *samples, double bit_s,
-                     double most_skew, void *memory);
+                     double max_skew, void *memory);
 
 /* Find packets in some sources.
  *
@@ -41,11 +41,11 @@ void rl_search_start(struct rl_search *search, const struct rl_samples *samples,
  *     that repeat, which ends at to_s
  * since_s: earlier samples are left out: what is sought was not there
  * least: nats that a hit must have
- * most_beyond: nats by which any sequence of bits may be better
+ * max_beyond: nats by which any sequence of bits may be better
  */
 void rl_search_look(struct rl_search *search, const int *sources, int count, int packets,
                     double from_s, double to_s, double since_s, double least,
-                    double most_beyond,
+                    double max_beyond,
                     struct rl_hits *hits);
 
 #endif
