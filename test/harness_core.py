@@ -93,7 +93,7 @@ class Statistics:
 
     def __init__(self, directories: pytest.TempPathFactory) -> None:
         """Compile it."""
-        self.ffi, self.lib = bind_core(directories, 'decide', 'rivals', 'track')
+        self.ffi, self.lib = bind_core(directories, 'decide', 'rivals', 'clock', 'track')
         self.samples = self.ffi.new('struct rl_samples *')
         self.window = self.ffi.new('struct rl_window *')
         self.codebook = self.ffi.new('struct rl_codebook *')
@@ -180,7 +180,7 @@ class Statistics:
         """Judge the first of hits of IDs, in a detector that demands nothing."""
         demands = self.ffi.new('struct rl_demands *')
         demands.evidence, demands.word, demands.margin = 1e-3, 1e6, -1e6
-        demands.bit_s, demands.most_skew = self.samples.dark_s / 12, 0.03
+        demands.bit_s, demands.max_skew = self.samples.dark_s / 12, 0.03
         given = self.ffi.new('struct rl_hits *')
         given.count = len(hits)
         for hit, (number, sending) in zip(given.hit[0 : len(hits)], hits, strict=True):
@@ -210,6 +210,13 @@ class Statistics:
         lib.rl_rivals_turn(self.window, given, own, begin, 0, 1e6, bits)
         asked = (self.window, self.codebook, bits, given, own, number)
         return bits, lib.rl_rivals_sequence_margin(*asked), lib.rl_rivals_part_margin(*asked)
+
+    def other_clock(self, sending: Sending, packets: int) -> float:
+        """Return by how much bits of another clock, or another period, are likelier."""
+        given, (own, _) = self.given(sending), self.attempt(sending)
+        if packets > 1:
+            return float(self.lib.rl_clock_period_excess(self.window, given))
+        return float(self.lib.rl_clock_excess(self.window, given, own))
 
     def start_codebook(self, ids: Any = ()) -> int:
         """Let these IDs come, or all; return how many may."""
