@@ -27,14 +27,14 @@ from retrolidar_ros.cli.processes import end_with_parent
 _NAMES = """
     speed-accuracy time-to-id peers roc rooms brighter stability moving laboratory coffee drone
     several place ranging bound chain ids link reading reach size angle yaw ambient marker
-    calibration landmarks
+    calibration landmarks parts
 """
 EXPERIMENTS: dict[str, Any] = {
     name: SWEEPS.get(name) or import_module(f'evaluation.experiments.{name.replace("-", "_")}')
     for name in _NAMES.split()
 }
 TIMED = ('speed-accuracy',)  # those that measure processor time, and so run alone
-_LONGEST = ('roc', 'landmarks', 'calibration')  # begun first, so that none is waited for
+_LONGEST = ('parts', 'roc', 'landmarks', 'calibration')  # begun first, so that none is waited for
 
 
 def save_chart(name: str, figures: dict[str, Any], directory: Path) -> None:

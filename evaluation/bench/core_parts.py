@@ -1,0 +1,169 @@
+# Copyright 2026 retrolidar_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""Parts of the core's decision, and the core without some of them.
+
+A part is switched off by changing a line of its source before it is compiled, so that the core
+itself has no switches.
+"""
+
+import sys
+from importlib.util import module_from_spec, spec_from_file_location
+from pathlib import Path
+from tempfile import mkdtemp
+from typing import NamedTuple
+
+from cffi import FFI
+
+_ROOT = Path(__file__).resolve().parents[2]
+_MODULE = 'retrolidar_ros._core'
+
+
+class Part(NamedTuple):
+    """A line of the core that makes a part work, and what stands there without it."""
+
+    file: str
+    line: str
+    without: str
+
+
+def _call(file: str, call: str) -> Part:
+    return Part(file, call, call.replace(call.strip(), ';'))
+
+
+PARTS = {
+    'packets read before are fitted along': Part(
+        'window', 'i < window->interference.count;', 'i < 0;'
+    ),
+    '… with gains of several steps': Part('window', 'SPLITS = 8,', 'SPLITS = 1,'),
+    '… and a share of what they explain asked besides': Part(
+        'decide', 'LEFT_OVER = 0.1', 'LEFT_OVER = 0.0'
+    ),
+    'the next packet without a search': _call('look', '    judge_next(detector, from_s, to_s);'),
+    'search of the residual': _call(
+        'look', '        search_residual(detector, (double)(turn - 1) * LOOK_BITS * bit_s, to_s);'
+    ),
+    'pairs of packets': Part(
+        'judge', 'may_hide && judge_pair(', 'may_hide && false && judge_pair('
+    ),
+    'packets judged again when they have ended': _call(
+        'look', '    add_deferred(detector, from_s, to_s);'
+    ),
+    'what has appeared, from fewer bits': _call('look', '        search_appeared(detector, to_s);'),
+    'several packets combined': Part('look', 'fold < FOLDS &&', 'fold < 1 &&'),
+    'sums of zones': Part('look', 'true, RL_MOST_ZONES, sources', 'true, 1, sources'),
+    '… that agree with their zones': Part(
+        'judge', '!rl_shares_agree(', 'false && !rl_shares_agree('
+    ),
+    'zones nearby add evidence': _call(
+        'decide', '    rl_scope_add_zones(window, &verdict->sending, verdict->evidence);'
+    ),
+    'word test: bits turned': Part(
+        'rivals', 'round < ROUNDS && better < enough;', 'round < ROUNDS && false;'
+    ),
+    'word test: bits of the search': Part('rivals', 'i < hits->sequences;', 'i < 0;'),
+    'margin to other IDs': Part(
+        'decide', 'if (verdict.margin < demands->margin) {', 'if (false) {'
+    ),
+    '… that were rejected before': Part(
+        'judge', 'packets == 1 && i < pasts; i++', 'packets == 1 && i < 0; i++'
+    ),
+    '… back to back': Part(
+        'decide',
+        'margin = fmin(margin, rl_rivals_sequence_margin(',
+        'fmin(margin, rl_rivals_sequence_margin(',
+    ),
+    '… of markers that appear or vanish': Part(
+        'decide',
+        'margin = fmin(margin, rl_rivals_part_margin(',
+        'fmin(margin, rl_rivals_part_margin(',
+    ),
+    'other clocks': Part('decide', 'other > demands->word ? ', 'false ? '),
+    'a packet that repeats has repeated': Part(
+        'decide', '!has_repeated(', 'false && !has_repeated('
+    ),
+    '… and is no lone one': Part('decide', '!is_new && may_be_lone(', 'false && may_be_lone('),
+    'masks of what is hidden for a while': Part(
+        'decide', 'verdict->packets == 1 && trial->follows &&', 'false &&'
+    ),
+    'more evidence for few changes': Part('decide', 'COST_OF_CHANGE = 5.0', 'COST_OF_CHANGE = 0.0'),
+    'more evidence where levels wander': Part(
+        'decide', 'trial->demands->wandering : 0.0', '0.0 : 0.0'
+    ),
+    'crystals of five speeds': Part(
+        'window', 'i < sizeof BRIGHTENING_S / sizeof *BRIGHTENING_S;', 'i < 0;'
+    ),
+    'search: three ways to follow the level': Part(
+        'search', '{0.01f, 0.1f, 0.002f}', '{0.01f, 0.01f, 0.01f}'
+    ),
+    'search: packets that are about to end': Part(
+        'search', 'ahead <= AHEAD_QUARTERS;', 'ahead <= 0;'
+    ),
+    'two targets of a zone told apart': Part(
+        'target', 'samples->is_parted[source] ||', 'true || samples->is_parted[source] ||'
+    ),
+}
+"""By what they do."""
+
+SETS = {
+    'the two rival sequences': ('… back to back', '… of markers that appear or vanish'),
+    'both word tests': ('word test: bits turned', 'word test: bits of the search'),
+    'residual and pairs': ('search of the residual', 'pairs of packets'),
+    'crystals and levels of the search': (
+        'crystals of five speeds',
+        'search: three ways to follow the level',
+    ),
+}
+"""Parts that may cover for each other."""
+
+
+def names_of(off: str) -> tuple[str, ...]:
+    """Return the parts that a name of `PARTS` or `SETS` stands for; '' = none."""
+    return SETS.get(off) or ((off,) if off else ())
+
+
+def use_core_without(names: tuple[str, ...]) -> None:
+    """Compile the core without some parts, and make this process use it.
+
+    Raises
+    ------
+    ValueError
+        If the core has no such line any longer, or has it more than once.
+    RuntimeError
+        If the product's core has been imported already.
+    """
+    if _MODULE in sys.modules:
+        raise RuntimeError('a core has been imported already')
+    folder = Path(mkdtemp(prefix='core_parts_'))
+    sources = {path.name: path.read_text(encoding='utf-8') for path in _sources()}
+    for name in names:
+        part = PARTS[name]
+        file = f'retrolidar_{part.file}.c'
+        if sources[file].count(part.line) != 1:
+            raise ValueError(f'{name}: {file} has {part.line!r} not once')
+        sources[file] = sources[file].replace(part.line, part.without)
+    for file, text in sources.items():
+        (folder / file).write_text(text, encoding='utf-8')
+    sys.path.insert(0, str(_ROOT / 'core'))
+    import binding
+
+    sys.path.pop(0)
+    ffi = FFI()
+    ffi.cdef(''.join(map(binding.declarations, binding.HEADERS)))
+    ffi.set_source(
+        '_core',
+        ''.join(f'#include "{header}"\n' for header in binding.HEADERS),
+        sources=[str(folder / file) for file in sources if file.endswith('.c')],
+        include_dirs=[str(folder)],
+        extra_compile_args=(_ROOT / 'core/compile_flags.txt').read_text(encoding='utf-8').split(),
+        libraries=['m'],
+    )
+    spec = spec_from_file_location('_core', ffi.compile(tmpdir=str(folder)))
+    assert spec is not None
+    assert spec.loader is not None
+    module = module_from_spec(spec)
+    spec.loader.exec_module(module)
+    sys.modules[_MODULE] = module
+
+
+def _sources() -> list[Path]:
+    return sorted((_ROOT / 'core/src').glob('retrolidar_*.[ch]'))
