@@ -175,11 +175,16 @@ class Statistics:
         return total, list(self.window.fit[0 : self.window.sources])
 
     def decide(
-        self, source: int, packets: int, to_s: float, hits: list[tuple[int, Sending]]
+        self,
+        source: int,
+        packets: int,
+        to_s: float,
+        hits: list[tuple[int, Sending]],
+        least: float = 1e-3,
     ) -> Any:
-        """Judge the first of hits of IDs, in a detector that demands nothing."""
+        """Judge the first of hits of IDs, in a detector that demands little evidence only."""
         demands = self.ffi.new('struct rl_demands *')
-        demands.evidence, demands.word, demands.margin = 1e-3, 1e6, -1e6
+        demands.evidence, demands.word, demands.margin = least, 1e6, -1e6
         demands.bit_s, demands.max_skew = self.samples.dark_s / 12, 0.03
         given = self.ffi.new('struct rl_hits *')
         given.count = len(hits)

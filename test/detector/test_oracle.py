@@ -224,8 +224,8 @@ def test_word_and_margin_decided(
 
 
 def take_lights(core: Statistics, rng: np.random.Generator, seen: Floats) -> None:
-    """Let all zones see some light, of shape (80,), on a wall."""
-    mean = 10 + 200 * np.tile(seen[:, None], GRID.zones)
+    """Let zone 0 see some light, of shape (80,), on a wall, and the others the wall."""
+    mean = 10 + 200 * seen[:, None] * (np.arange(GRID.zones) == 0)
     signal = mean + np.sqrt(LAW.variance(mean)) * rng.standard_normal(mean.shape)
     stamp_ns = np.rint(1e9 * (EXPOSURES[0] + PERIOD_S / 2)).astype(np.int64)
     core.take(recording_of(stamp_ns, np.maximum(signal, 0)), LAW, BIT_PERIOD_S)
@@ -295,6 +295,37 @@ def test_other_ids_of_a_marker_that_appeared_compete(
     # The core adds up what single bits do.
     assert found == pytest.approx(wanted, abs=ABOUT)
     assert found < 25
+
+
+@pytest.mark.parametrize(('number', 'reason'), [(2073, 'RL_READ'), (1, 'RL_EVIDENCE')])
+def test_few_changes_need_more_evidence(core: Statistics, number: int, reason: str) -> None:
+    core.start_codebook()
+    sent = sent_since(number, 0.1)
+    take_lights(core, np.random.default_rng(0), shown(sent))
+    hits, to_s = [(number, sent)], 0.1 + PACKET_S
+    found = core.decide(0, 1, to_s, hits).evidence
+    assert core.decide(0, 1, to_s, hits, found - 3).reason == getattr(core.lib, reason)
+
+
+@pytest.mark.parametrize('late_s', [0.0, 0.1, 0.2])
+def test_a_lone_packet_is_not_taken_for_one_that_repeats(core: Statistics, late_s: float) -> None:
+    core.start_codebook()
+    repeating = sent_since(2073, 0.1)
+    for repeats, reason in ((True, core.lib.RL_READ), (False, core.lib.RL_INCOMPLETE)):
+        sent = repeating._replace(repeats=repeats)
+        take_lights(core, np.random.default_rng(0), shown(sent))
+        hits = [(2073, repeating)]
+        assert core.decide(0, 1, 0.1 + PACKET_S + late_s, hits).reason == reason
+
+
+@pytest.mark.parametrize('late_s', [0.1, 0.2])
+def test_a_packet_after_one_of_another_id_has_not_repeated(core: Statistics, late_s: float) -> None:
+    core.start_codebook()
+    before, after = sent_since(2073, -0.8), sent_since(1234, 0.5)
+    seen = np.where(EXPOSURES[1] < 0.5, shown(before), shown(after))
+    take_lights(core, np.random.default_rng(0), seen)
+    verdict = core.decide(0, 1, 0.5 + PACKET_S - late_s, [(1234, after)])
+    assert verdict.reason == core.lib.RL_INCOMPLETE
 
 
 @pytest.mark.parametrize('share', [0.7, 0.3])

@@ -60,12 +60,9 @@ def test_a_marker_that_crosses_the_view_is_read_as_no_other() -> None:
     assert wrong == 0
 
 
-@pytest.mark.parametrize('period_ms', [21, 28])
-def test_bits_of_another_period_are_no_packets(period_ms: int) -> None:
-    """By other periods where packets are combined, and the margin over rivals."""
-    _, wrong = played(
-        lambda rng: room_families.other_period(1e-3 * period_ms, 60.0, rng), 20 + period_ms, 4
-    )
+def test_bits_of_another_period_are_no_packets() -> None:
+    """By other periods, where packets are combined."""
+    _, wrong = played(lambda rng: room_families.other_period(0.021, 60.0, rng), 41, 4)
     assert wrong == 0
 
 
