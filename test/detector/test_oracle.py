@@ -324,7 +324,9 @@ def test_a_packet_after_one_of_another_id_has_not_repeated(core: Statistics, lat
     before, after = sent_since(2073, -0.8), sent_since(1234, 0.5)
     seen = np.where(EXPOSURES[1] < 0.5, shown(before), shown(after))
     take_lights(core, np.random.default_rng(0), seen)
-    verdict = core.decide(0, 1, 0.5 + PACKET_S - late_s, [(1234, after)])
+    # Hits begin before their stretch.
+    hit = after._replace(start_s=after.start_s - PACKET_S)
+    verdict = core.decide(0, 1, 0.5 + PACKET_S - late_s, [(1234, hit)])
     assert verdict.reason == core.lib.RL_INCOMPLETE
 
 
