@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from oracle import Sending, Zone
 
 from retrolidar_ros.detector.noise import NoiseLaw
+from retrolidar_ros.marker.code import PACKET_BITS
 from retrolidar_ros.sensor.frame import Floats, Recording, ZoneGrid
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -92,7 +93,7 @@ class Statistics:
 
     def __init__(self, directories: pytest.TempPathFactory) -> None:
         """Compile it."""
-        self.ffi, self.lib = bind_core(directories, 'decide', 'track')
+        self.ffi, self.lib = bind_core(directories, 'decide', 'rivals', 'clock', 'track')
         self.samples = self.ffi.new('struct rl_samples *')
         self.window = self.ffi.new('struct rl_window *')
         self.codebook = self.ffi.new('struct rl_codebook *')
@@ -163,20 +164,28 @@ class Statistics:
         """Return the rows of the window."""
         return slice(self.window.first, self.window.first + self.window.rows)
 
+    def given(self, sending: Sending) -> Any:
+        """Return what is sent for C."""
+        bits = int(''.join(str(int(bit)) for bit in sending.bits), 2)
+        return self.ffi.new('struct rl_sending *', (bits, *sending[1:]))
+
     def attempt(self, sending: Sending) -> tuple[float, list[Any]]:
         """Return the log likelihood of a sending, and the fit to each source."""
-        bits = int(''.join(str(int(bit)) for bit in sending.bits), 2)
-        given = self.ffi.new('struct rl_sending *', (bits, *sending[1:]))
-        total = self.lib.rl_window_try(self.window, given)
+        total = self.lib.rl_window_try(self.window, self.given(sending))
         return total, list(self.window.fit[0 : self.window.sources])
 
     def decide(
-        self, source: int, packets: int, to_s: float, hits: list[tuple[int, Sending]]
+        self,
+        source: int,
+        packets: int,
+        to_s: float,
+        hits: list[tuple[int, Sending]],
+        least: float = 1e-3,
     ) -> Any:
-        """Judge the first of hits of IDs, in a detector that demands nothing."""
+        """Judge the first of hits of IDs, in a detector that demands little evidence only."""
         demands = self.ffi.new('struct rl_demands *')
-        demands.evidence, demands.word, demands.margin = 1e-3, 1e6, -1e6
-        demands.bit_s, demands.most_skew = self.samples.dark_s / 12, 0.03
+        demands.evidence, demands.word, demands.margin = least, 1e6, -1e6
+        demands.bit_s, demands.max_skew = self.samples.dark_s / 12, 0.03
         given = self.ffi.new('struct rl_hits *')
         given.count = len(hits)
         for hit, (number, sending) in zip(given.hit[0 : len(hits)], hits, strict=True):
@@ -184,8 +193,35 @@ class Statistics:
             hit.start_s, hit.bit_s = sending.start_s, sending.bit_s
         never = (-np.inf, -np.inf)
         return self.lib.rl_decide(
-            self.window, self.codebook, demands, source, given.hit, given, packets, *never, to_s
+            self.window,
+            self.codebook,
+            demands,
+            source,
+            given.hit,
+            given,
+            packets,
+            *never,
+            False,
+            to_s,
         )
+
+    def margins(self, sending: Sending, number: int) -> tuple[Any, float, float]:
+        """Return bits of a packet in the window, and its margins against sequences and parts."""
+        lib, bits = self.lib, self.ffi.new('struct rl_bits *')
+        own, _ = self.attempt(sending)
+        given = self.given(sending)
+        begin_s = self.samples.begin_s[self.window.first]
+        begin = round((begin_s - sending.start_s) / sending.bit_s) % PACKET_BITS
+        lib.rl_rivals_turn(self.window, given, own, begin, 0, 1e6, bits)
+        asked = (self.window, self.codebook, bits, given, own, number)
+        return bits, lib.rl_rivals_sequence_margin(*asked), lib.rl_rivals_part_margin(*asked)
+
+    def other_clock(self, sending: Sending, packets: int) -> float:
+        """Return by how much bits of another clock, or another period, are likelier."""
+        given, (own, _) = self.given(sending), self.attempt(sending)
+        if packets > 1:
+            return float(self.lib.rl_clock_period_excess(self.window, given))
+        return float(self.lib.rl_clock_excess(self.window, given, own))
 
     def start_codebook(self, ids: Any = ()) -> int:
         """Let these IDs come, or all; return how many may."""

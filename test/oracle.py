@@ -5,9 +5,14 @@
 Samples are x = a + g·T + l + n: white noise n of variance s, a level l that walks at random with
 variance q·s a frame period, and a of any value (local level model: Harvey 1989). One likelihood
 answers all: is something there (`evidence`), is it a word (`word`), and is it this one (`margin`)?
-Each zone has a, g, s and q of its own; the likelihoods of zones are multiplied.
+Each zone has a, g, s and q of its own; the likelihoods of zones are multiplied. Other packets that
+are known of have a gain each, fitted along, with any template or none.
 """
 
+from __future__ import annotations
+
+import itertools
+import math
 from collections.abc import Iterable, Sequence
 from typing import NamedTuple
 
@@ -21,6 +26,11 @@ WALKS = (0.0, 0.003, 0.01, 0.03, 0.1, 0.3, 1.0, 3.0, 30.0)
 """Values of q that are tried."""
 FLIPS = 4
 """So many bits are turned to make a better sequence of a word."""
+ID_BITS = 12
+PARTS, MIN_ABSENT = 8, 2
+"""Of a packet, at whose ends a marker may appear or vanish; it is absent in two of them or more."""
+ABSENCE = 6.0
+"""What it costs that a marker appears or vanishes just then [nats]."""
 
 
 class Sending(NamedTuple):
@@ -89,7 +99,8 @@ class Zone:
         least : float
             Variance of the noise that there is at least [(kcps/SPAD)²].
         """
-        self._exposures = (begin_s, end_s)
+        self.times = (begin_s, end_s)
+        self._interferers: list[Floats] = []
         self._signal = signal
         self._least = least
         samples = len(signal)
@@ -106,30 +117,50 @@ class Zone:
             log_scale = -float(np.log(np.diag(factor)).sum())
             self._whitening.append((white, log_scale))
 
+    def add_interferer(self, template: Floats) -> None:
+        """Fit another packet's light along from now on, shape (samples,)."""
+        self._interferers.append(template)
+
+    def _without_interferers(self, white: Floats) -> tuple[Floats, list[Floats]]:
+        """Return the innovations that interferers leave over, and their orthonormal templates."""
+        left: Floats = white @ self._signal
+        basis: list[Floats] = []
+        for template in self._interferers:
+            column = white @ template
+            column -= sum((column @ other) * other for other in basis)
+            # No marker makes a zone darker while it is bright.
+            if column @ left > 0 and column @ column > 1e-9:
+                basis.append(column / np.linalg.norm(column))
+                left = left - (left @ basis[-1]) * basis[-1]
+        return left, basis
+
     def _fit(self, squares: float, log_scale: float, gain: float, parameters: int) -> Fit:
         """Return the likelihood of innovations whose sum of squares is left over."""
         count = len(self._signal) - 1
+        parameters += len(self._interferers)
         variance = max(squares / max(count - parameters, 1), self._least)
         likelihood = log_scale - 0.5 * count * np.log(variance) - 0.5 * squares / variance
         return Fit(float(likelihood), gain, variance)
 
-    def fit(self, sending: Sending | None) -> Fit:
-        """Return the best fit of all walks; a packet has a positive gain, or none."""
-        signal = [white @ self._signal for white, _ in self._whitening]
-        scales = [log_scale for _, log_scale in self._whitening]
-        best = max(
-            self._fit(float(x @ x), scale, 0.0, 0) for x, scale in zip(signal, scales, strict=True)
-        )
-        if sending is None or len(self._signal) < 3:
-            return best
-        template = light(sending, *self._exposures)
-        for x, (white, scale) in zip(signal, self._whitening, strict=True):
+    def fit_light(self, template: Floats | None) -> Fit:
+        """Return the best fit of all walks; a template has a positive gain, or none."""
+        fits = []
+        for white, scale in self._whitening:
+            x, basis = self._without_interferers(white)
+            fits.append(self._fit(float(x @ x), scale, 0.0, 0))
+            if template is None or len(self._signal) < 3:
+                continue
             t = white @ template
+            t -= sum((t @ other) * other for other in basis)
             if x @ t > 0 and t @ t > 1e-9:
                 gain = float(x @ t / (t @ t))
                 left = max(float(x @ x - gain * (x @ t)), 0.0)
-                best = max(best, self._fit(left, scale, gain, 1))
-        return best
+                fits.append(self._fit(left, scale, gain, 1))
+        return max(fits)
+
+    def fit(self, sending: Sending | None) -> Fit:
+        """Return the best fit of what is sent, or of nothing."""
+        return self.fit_light(None if sending is None else light(sending, *self.times))
 
 
 def log_likelihood(zones: Iterable[Zone], sending: Sending | None) -> float:
@@ -161,6 +192,68 @@ def margin(zones: Sequence[Zone], sending: Sending, others: Iterable[Sending]) -
     """Return by how much a packet is likelier than the likeliest of others [nats]."""
     own = log_likelihood(zones, sending)
     return own - max(log_likelihood(zones, other) for other in others)
+
+
+def sequence_margin(
+    zones: Sequence[Zone], sending: Sending, begin_s: float, others: Sequence[Floats]
+) -> float:
+    """Return by how much a packet is likelier than the end of one and the beginning of another.
+
+    These are lone packets of any of the others' bits, the second of which begins with a bit after
+    `begin_s` [s]. The bits of an ID that are seen of the first might be any: a choice of two each.
+    """
+    best = -math.inf
+    for bits in range(1, PACKET_BITS):
+        second_s = begin_s + bits * sending.bit_s
+        first_s = second_s - PACKET_BITS * sending.bit_s
+        for ended, begun in itertools.product(others, repeat=2):
+            first = sending._replace(bits=ended, repeats=False, start_s=first_s)
+            second = sending._replace(bits=begun, repeats=False, start_s=second_s)
+            found = sum(
+                zone.fit_light(
+                    np.maximum(light(first, *zone.times) + light(second, *zone.times) - 1, 0)
+                ).log_likelihood
+                for zone in zones
+            )
+            best = max(best, found - math.log(2) * min(bits, ID_BITS))
+    return log_likelihood(zones, sending) - best
+
+
+def part_margin(
+    zones: Sequence[Zone], sending: Sending, rows_s: Floats, others: Sequence[Floats]
+) -> float:
+    """Return by how much a packet is likelier than others of a marker that appears or vanishes.
+
+    A marker that is not there is as dark as with a dark bit. It is taken to be absent for as long
+    as that makes the packet no worse than by a nat, if for two eighths of it at least; the rows of
+    the window begin at `rows_s` [s]. Infinite if it is not.
+    """
+
+    def seen(one: Sending, split_s: float, later: bool) -> float:
+        return sum(
+            zone.fit_light(
+                np.where((zone.times[0] >= split_s) == later, light(one, *zone.times), 0)
+            ).log_likelihood
+            for zone in zones
+        )
+
+    own, margin = log_likelihood(zones, sending), math.inf
+    for later in (False, True):
+        absent_from: float | None = None
+        for part in range(MIN_ABSENT, PARTS - MIN_ABSENT + 1):
+            row = (part if later else PARTS - part) * len(rows_s) // PARTS
+            if seen(sending, rows_s[row], later) < own - 1:
+                break
+            absent_from = rows_s[row]
+        if absent_from is None:
+            continue
+        rivals = (
+            sending._replace(bits=bits, start_s=sending.start_s + bit * sending.bit_s)
+            for bits, bit in itertools.product(others, range(PACKET_BITS))
+        )
+        likelihood = max(seen(rival, absent_from, later) for rival in rivals)
+        margin = min(margin, ABSENCE + own - likelihood)
+    return margin
 
 
 def without(

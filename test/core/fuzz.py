@@ -164,7 +164,7 @@ def isolate(lib: Any, libc: Any, detector: Any) -> list[Any]:
     """Give each array a block of its own, where a sanitizer sees a sample too many."""
     samples, view, window = detector.samples, detector.search.view, detector.window
     capacity, kept = samples.capacity, samples.kept
-    lanes, together = (kept + 1) * lib.RL_MOST_LANES, len(window.whitened)
+    lanes, residual = (kept + 1) * lib.RL_MOST_LANES, detector.residual
     blocks = []
     for owner, lengths in (
         (samples, dict.fromkeys(('sum', 'square'), samples.sources)),
@@ -173,20 +173,32 @@ def isolate(lib: Any, libc: Any, detector: Any) -> list[Any]:
         (samples, {'distance': capacity * samples.zones}),
         (view, dict.fromkeys(('light', 'total', 'power', 'valid'), lanes)),
         (view, {'begin': kept + 1, 'rate': kept + 1, 'pivot': (kept + 1) * len(view.room)}),
-        *((room, {'signal': kept, 'valid': kept}) for room in [*view.room, window.room]),
+        *(
+            (room, {'signal': kept, 'valid': kept})
+            for room in [*view.room, window.room, residual.room]
+        ),
         *(
             (one, dict.fromkeys(('row', 'gain', 'scale', 'signal'), kept))
             for one in window.whitened
         ),
-        (window, {'light': kept, 'valid': kept}),
-        (detector.shares, {'taken': kept * together, 'light': kept}),
+        *(
+            (one.interferer, dict.fromkeys(range(len(one.interferer)), kept))
+            for one in window.whitened
+        ),
+        (window, dict.fromkeys(('light', 'part', 'valid'), kept)),
+        (residual, {'light': kept, 'saved': kept * samples.zones}),
+        (detector.shares, {'light': kept}),
     ):
         for name, length in lengths.items():
-            array = getattr(owner, name)
+            array = owner[name] if isinstance(name, int) else getattr(owner, name)
             size = length * ffi.sizeof(ffi.typeof(array).item)
             block = ffi.gc(libc.malloc(size), libc.free)
             ffi.memmove(block, array, size)
-            setattr(owner, name, ffi.cast(ffi.typeof(array), block))
+            taken = ffi.cast(ffi.typeof(array), block)
+            if isinstance(name, int):
+                owner[name] = taken
+            else:
+                setattr(owner, name, taken)
             blocks.append(block)
     return blocks
 
@@ -200,7 +212,6 @@ def check(lib: Any, detector: Any, settings: dict[str, Any], ids: NDArray[np.uin
     assert counts.accepted + sum(counts.rejected) == counts.candidates
     assert (held.zones, held.sources) == (zones, sources)
     assert 0 <= held.first <= held.count <= 4 * KEPT
-    assert 1 / 16 <= held.noise_scale <= 16
     assert 0 < held.period_s < np.inf
 
     def values(array: Any, columns: int, kind: str) -> NDArray[Any]:

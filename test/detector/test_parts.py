@@ -1,0 +1,77 @@
+# Copyright 2026 retrolidar_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""What parts of the decision buy: each test fails without the parts that it names.
+
+Rooms are seeded, and what is asked for lies between what is read with a part and without it.
+"""
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+
+from evaluation.bench import room_families
+from evaluation.bench.room_scene import Room
+from evaluation.bench.rooms import play_room
+
+
+def played(
+    make: Callable[[np.random.Generator], Room], place: int, rooms: int
+) -> tuple[float, int]:
+    """Return which share of the packets was read, and how many IDs were wrong."""
+    read: list[bool] = []
+    wrong = 0
+    for number in range(rooms):
+        rng = np.random.default_rng([77, place, number])
+        scored = play_room(0, make(rng), rng).scored
+        read += [
+            bool(was_read)
+            for sent, was_read in zip(scored.sent, scored.read, strict=True)
+            if sent.whole
+        ]
+        wrong += len(scored.wrong)
+    return sum(read) / max(len(read), 1), wrong
+
+
+@pytest.mark.parametrize(
+    ('ratio', 'sendings', 'least'),
+    [(1.0, ('repeating', 'repeating'), 0.85), (0.5, ('repeating', 'sequence'), 0.75)],
+)
+def test_two_markers_of_a_zone_are_read(
+    ratio: float, sendings: tuple[str, str], least: float
+) -> None:
+    """By interferers, packets that follow, pairs and the search of the residual."""
+    read, wrong = played(lambda rng: room_families.pair(ratio, sendings, rng), 15, 4)
+    assert read >= least
+    assert wrong == 0
+
+
+def test_packets_of_ever_other_ids_are_not_taken_for_others() -> None:
+    """By the margin over rivals."""
+    read, wrong = played(lambda rng: room_families.ten_packets(150.0, rng), 1, 1)
+    assert read >= 0.95
+    assert wrong == 0
+
+
+def test_a_marker_that_crosses_the_view_is_read_as_no_other() -> None:
+    """By the steps of an interferer's gain, and the word test."""
+    read, wrong = played(lambda rng: room_families.crossing(0.3, 40.0, rng), 8, 6)
+    assert read >= 0.95
+    assert wrong == 0
+
+
+def test_bits_of_another_period_are_no_packets() -> None:
+    """By other periods, where packets are combined."""
+    _, wrong = played(lambda rng: room_families.other_period(0.021, 60.0, rng), 41, 4)
+    assert wrong == 0
+
+
+def test_one_of_a_few_ids_is_read_before_its_packet_is_whole() -> None:
+    """By the search of what has appeared."""
+    first_s = []
+    for number in range(12):
+        rng = np.random.default_rng([79, 2, number])
+        time_s, wrong = room_families.first_id_s(room_families.appearing(150.0, rng), 16, rng)
+        first_s.append(time_s)
+        assert wrong == 0
+    assert np.median(first_s) < 1.0
