@@ -11,10 +11,10 @@ from launch.actions import LogInfo, OpaqueFunction
 from retrolidar_ros.nodes.launching import (
     MARKERS,
     SENSOR,
-    declared,
-    given,
+    declare_arguments,
     node,
     number,
+    overrides_from,
     parameter,
     sensor,
     value,
@@ -28,7 +28,7 @@ _ONE_LOOK = 0.07  # standard deviation that one look leaves, of the range
 
 def _coffee(context):
     """Return sensor and node, now that the arguments have values."""
-    parameters = given(context, 'target_frame', 'max_stddev')
+    parameters = overrides_from(context, 'target_frame', 'max_stddev')
     if 'max_stddev' in parameters:
         parameters['max_stddev'] = number(context, 'max_stddev')
     base, target = value(context, 'emulate_base'), parameter(context, 'coffee', 'target_frame')
@@ -62,4 +62,4 @@ def generate_launch_description():
         'target_frame': ('', 'Frame of the poses; empty = as in the parameter file.'),
         'max_stddev': ('', 'Largest standard deviation [m]; empty = as in the parameter file.'),
     }
-    return LaunchDescription([*declared(arguments), OpaqueFunction(function=_coffee)])
+    return LaunchDescription([*declare_arguments(arguments), OpaqueFunction(function=_coffee)])

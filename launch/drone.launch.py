@@ -14,8 +14,8 @@ from launch.actions import OpaqueFunction
 from retrolidar_ros.nodes.launching import (
     MARKERS,
     SENSOR,
-    declared,
-    listed,
+    declare_arguments,
+    list_argument,
     node,
     number,
     one_of_several,
@@ -38,7 +38,7 @@ def _drone(context):
     if count == '1':
         rviz = viewer(context, parameter(context, 'driver', 'frame_id'))
         return [*rviz, sensor(), heartbeat]
-    ports = listed(context, 'ports')
+    ports = list_argument(context, 'ports')
     if len(ports) != (0 if value(context, 'emulate') else 3):
         raise RuntimeError(
             f'ports:={value(context, "ports")}: it needs three, as [a, b, c], or emulate'
@@ -100,4 +100,4 @@ def generate_launch_description():
         'fixed_frame': ('ground', 'Frame of that triangle: its middle, z up.'),
         'acceleration': ('0.04', "Standard deviation of the drone's acceleration [m/s²]."),
     }
-    return LaunchDescription([*declared(arguments), OpaqueFunction(function=_drone)])
+    return LaunchDescription([*declare_arguments(arguments), OpaqueFunction(function=_drone)])

@@ -9,7 +9,15 @@ On the rest: ros2 launch retrolidar_ros hall.launch.py server:=HOST:11811 ports:
 from launch import LaunchDescription
 from launch.actions import ExecuteProcess, OpaqueFunction, SetEnvironmentVariable
 
-from retrolidar_ros.nodes.launching import COMMON, declared, given, is_on, listed, node, value
+from retrolidar_ros.nodes.launching import (
+    COMMON,
+    declare_arguments,
+    is_on,
+    list_argument,
+    node,
+    overrides_from,
+    value,
+)
 from retrolidar_ros.nodes.viewing import viewer
 
 
@@ -24,9 +32,13 @@ def _host(context):
         actions.append(ExecuteProcess(cmd=command, name='server', output='screen', respawn=True))
     if server:
         actions.append(SetEnvironmentVariable('ROS_DISCOVERY_SERVER', server))
-    parameters = given(context, 'marker_file', 'protocol')
-    parameters |= {name: some for name in ('ports', 'names') if (some := listed(context, name))}
-    names = parameters.get('names') or [f'sensor{n}' for n in range(len(listed(context, 'ports')))]
+    parameters = overrides_from(context, 'marker_file', 'protocol')
+    parameters |= {
+        name: some for name in ('ports', 'names') if (some := list_argument(context, name))
+    }
+    names = parameters.get('names') or [
+        f'sensor{n}' for n in range(len(list_argument(context, 'ports')))
+    ]
     frame = f'{names[0]}_optical_frame' if names else 'retrolidar_optical_frame'
     actions += viewer(context, frame, sensors=names)
     remappings = [('markers', value(context, 'markers'))] if value(context, 'markers') else []
@@ -46,4 +58,4 @@ def generate_launch_description():
     }
     arguments.pop('single_process')  # it is one
     arguments.pop('autostart')
-    return LaunchDescription([*declared(arguments), OpaqueFunction(function=_host)])
+    return LaunchDescription([*declare_arguments(arguments), OpaqueFunction(function=_host)])

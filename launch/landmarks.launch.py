@@ -8,10 +8,10 @@ from launch.actions import OpaqueFunction
 from retrolidar_ros.nodes.launching import (
     MARKERS,
     SENSOR,
-    declared,
-    given,
+    declare_arguments,
     is_on,
     node,
+    overrides_from,
     parameter,
     sensor,
 )
@@ -22,7 +22,7 @@ _FILES_AND_FRAMES = ('fixed_frame', 'marker_file', 'load_file', 'save_file', 'ba
 
 def _landmarks(context):
     """Return sensor and node, now that the arguments have values."""
-    parameters = given(context, *_FILES_AND_FRAMES)
+    parameters = overrides_from(context, *_FILES_AND_FRAMES)
     parameters['localize'] = is_on(context, 'localize')
     fixed_frame = parameter(context, 'landmarks', 'fixed_frame')
     rviz = viewer(context, fixed_frame, upright=True, landmarks=True)
@@ -40,4 +40,4 @@ def generate_launch_description():
         'localize': ('false', 'Locate base_frame among the landmarks of load_file.'),
         'base_frame': ('', 'Frame of the robot; empty = as in the parameter file.'),
     }
-    return LaunchDescription([*declared(arguments), OpaqueFunction(function=_landmarks)])
+    return LaunchDescription([*declare_arguments(arguments), OpaqueFunction(function=_landmarks)])

@@ -13,11 +13,11 @@ from launch.actions import ExecuteProcess, OpaqueFunction, Shutdown
 
 from retrolidar_ros.nodes.launching import (
     SENSOR,
-    declared,
+    declare_arguments,
     full_namespace,
-    given,
     is_on,
     node,
+    overrides_from,
     parameter,
     value,
 )
@@ -46,7 +46,7 @@ def _link(context):
 
 def _nodes(context):
     """Return the processes to start, now that the arguments have values."""
-    parameters = given(context, *(name for names in _OVERRIDES.values() for name in names))
+    parameters = overrides_from(context, *(name for names in _OVERRIDES.values() for name in names))
     actions = viewer(context, parameter(context, 'driver', 'frame_id'))
     if scene := value(context, 'emulate'):
         load_scene(scene)  # says what is wrong with it before anything is started
@@ -89,4 +89,4 @@ def generate_launch_description():
         'markers': ('markers', 'Topic of the detections.'),
         'emulate_options': ('', 'Options of `retrolidar emulate`, which --help lists.'),
     }
-    return LaunchDescription([*declared(arguments), OpaqueFunction(function=_nodes)])
+    return LaunchDescription([*declare_arguments(arguments), OpaqueFunction(function=_nodes)])

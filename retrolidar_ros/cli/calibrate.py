@@ -21,7 +21,7 @@ from retrolidar_ros.sensor.frame import Recording
 from retrolidar_ros.settings.section import quantity
 from retrolidar_ros.tasks.calibration.calibrate import Calibration, MarkerFound, calibrate
 from retrolidar_ros.tasks.calibration.files import parameter_file, scene
-from retrolidar_ros.tasks.calibration.sentences import missing, sentences
+from retrolidar_ros.tasks.calibration.report import missing, sentences
 
 _BLUE, _ORANGE, _GREY = '#0072b2', '#d55e00', '0.6'
 _BINS = 60

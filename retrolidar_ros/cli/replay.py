@@ -53,7 +53,7 @@ def run(arguments: argparse.Namespace) -> int:
 
         from retrolidar_ros.msg import Frame as FrameMsg
         from retrolidar_ros.nodes.conversion import to_frame_msg
-        from retrolidar_ros.nodes.qos import FRAMES, publisher
+        from retrolidar_ros.nodes.qos import FRAME_QOS, publisher
     except ImportError as error:
         raise ValueError(f'replay needs ROS 2 and this package built for it: {error}') from error
     defaults = load_parameter_defaults(shared_file('config/retrolidar.yaml'), 'driver')
@@ -65,7 +65,7 @@ def run(arguments: argparse.Namespace) -> int:
     rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
     try:
         node = Node('replay')
-        topic = publisher(node, FrameMsg, name, FRAMES)
+        topic = publisher(node, FrameMsg, name, FRAME_QOS)
         with suppress(KeyboardInterrupt), interrupted_once():
             until_s = time.monotonic() + _DISCOVERY_S
             while not topic.get_subscription_count() and time.monotonic() < until_s:

@@ -18,9 +18,9 @@ from retrolidar_ros.detector import Detection
 from retrolidar_ros.detector.agreement import Agreement
 from retrolidar_ros.detector.blinking import BitReader, Samples, modulation_db
 from retrolidar_ros.detector.blinking_zones import BLINKING_DB
+from retrolidar_ros.detector.frame_monitor import FrameMonitor
 from retrolidar_ros.detector.likelihood_detector import LikelihoodDetector
 from retrolidar_ros.detector.parameters import detector_of, known_markers, noise_of
-from retrolidar_ros.detector.reception import Reception
 from retrolidar_ros.detector.tracks import Track
 from retrolidar_ros.marker.code import PACKET_BITS
 from retrolidar_ros.sensor.clock import ClockMap
@@ -66,7 +66,7 @@ class Watch:
         self._bits = BitReader(self._bit_s)
         self._detector: LikelihoodDetector | None = None
         self._agreement = Agreement(values['min_readings'])
-        self._reception: Reception | None = None
+        self._monitor: FrameMonitor | None = None
         self._last: dict[int, Detection] = {}
         self._tracks: dict[int, Track] = {}
         self._times: Counter[int] = Counter()
@@ -77,7 +77,7 @@ class Watch:
     @property
     def frames(self) -> int:
         """How many frames have come."""
-        return self._reception.frames if self._reception else 0
+        return self._monitor.frames if self._monitor else 0
 
     def take(self, frames: list[Frame], arrival_ns: int, notice: str = '') -> None:
         """Take frames that arrived together, and the messages of the reader then.
@@ -96,9 +96,9 @@ class Watch:
 
     def _take(self, frame: Frame) -> None:
         grid = frame.grid
-        newest = self._reception.newest if self._reception else None
+        newest = self._monitor.newest if self._monitor else None
         last = newest[-1] if newest else None
-        if self._reception is None or last is None or last.grid != grid:
+        if self._monitor is None or last is None or last.grid != grid:
             if self._asked is not None and self._asked >= grid.zones:
                 raise ValueError(
                     f'--zone {self._asked}: the sensor has {grid.rows}x{grid.columns} zones, '
@@ -109,14 +109,14 @@ class Watch:
                 raise ValueError(f'--method {self._values["method"]}: watch shows joint only')
             self._detector = detector
             self._chosen = self._asked
-        if self._reception is None:
-            self._reception = Reception(grid)
+        if self._monitor is None:
+            self._monitor = FrameMonitor(grid)
         elif last is not None and (last.grid != grid or last.stamp_ns >= frame.stamp_ns):
-            self._reception.restart(grid)
-        self._reception.take(frame)
+            self._monitor.restart(grid)
+        self._monitor.take(frame)
         assert self._detector is not None
         detections = self._detector.update(frame)
-        self._reception.read(detections)
+        self._monitor.read(detections)
         self._tracks = {
             track.id: track for track in self._agreement.followed(self._detector.follow(frame))
         }
@@ -146,12 +146,12 @@ class Watch:
             trouble=self._trouble(then, now),
             rate_hz=(now.frames - then.frames) / max(now.time_s - then.time_s, 1e-3),
             frames=now.frames,
-            lost=self._reception.lost if self._reception else 0,
+            lost=self._monitor.lost if self._monitor else 0,
             damaged=damaged,
         )
-        if self._reception is None or self._detector is None:
+        if self._monitor is None or self._detector is None:
             return snapshot
-        return self._with_zones(snapshot, self._reception, self._detector, now_ns)
+        return self._with_zones(snapshot, self._monitor, self._detector, now_ns)
 
     def _trouble(self, then: _Tally, now: _Tally) -> str:
         """Return what is wrong since `then`."""
@@ -164,24 +164,22 @@ class Watch:
             return "the sensor's clock jumps again and again; are its times in microseconds?"
         if now.time_s - self._noticed_s < _NOTICE_S:
             return self._notice
-        if self._reception is None:
+        if self._monitor is None:
             return ''
-        hint = self._reception.rate(self._bit_s) or self._reception.unread(
-            self._values, self._known
-        )
+        hint = self._monitor.rate(self._bit_s) or self._monitor.unread(self._values, self._known)
         return str(hint or '')
 
     def _with_zones(
         self,
         snapshot: Snapshot,
-        reception: Reception,
+        monitor: FrameMonitor,
         detector: LikelihoodDetector,
         now_ns: int,
     ) -> Snapshot:
         """Add zones, bits and readings."""
-        newest = reception.newest[-1]
+        newest = monitor.newest[-1]
         since_ns = newest.stamp_ns - round(_KEPT_BITS * self._bit_s * 1e9)
-        recent = [frame for frame in reception.newest if frame.stamp_ns > since_ns]
+        recent = [frame for frame in monitor.newest if frame.stamp_ns > since_ns]
         if len(recent) < 2:
             return snapshot
         samples = Samples.of(Recording.of(recent))

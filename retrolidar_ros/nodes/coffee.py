@@ -20,11 +20,11 @@ from retrolidar_ros.nodes.conversion import (
     to_pose_msg,
 )
 from retrolidar_ros.nodes.detection_subscriber import DetectionSubscriber
-from retrolidar_ros.nodes.diagnostics import WARN, Health, health_of, publish_health
+from retrolidar_ros.nodes.diagnostics import WARN, Health, health_of, register_health_check
 from retrolidar_ros.nodes.parameters import Parameters
-from retrolidar_ros.nodes.placed_readings import PlacedReadings
 from retrolidar_ros.nodes.qos import LATCHED, topics_of
 from retrolidar_ros.nodes.run import run
+from retrolidar_ros.nodes.tf_filter import TransformedDetections
 from retrolidar_ros.nodes.track_topics import SOURCES, Marked
 from retrolidar_ros.sensor.frame import Floats
 from retrolidar_ros.sensor.rotation import quaternion_of
@@ -88,13 +88,13 @@ class CoffeeNode(Node):
             pair: self.create_publisher(Vector3Stamped, topic, LATCHED)
             for pair, topic in zip(pairs, ways, strict=True)
         }
-        publish_health(self, 'objects', '', self._examine)
-        self._readings: PlacedReadings | DetectionSubscriber
+        register_health_check(self, 'objects', '', self._examine)
+        self._readings: TransformedDetections | DetectionSubscriber
         source = values['source']
         topic = 'tracks' if source == 'tracks' else 'markers'
         if self._target:
             # In a fixed frame readings from several places accumulate.
-            self._readings = PlacedReadings(
+            self._readings = TransformedDetections(
                 self, [topic], source, self._target, _PATIENCE_S, self._place, self._restart
             )
         else:

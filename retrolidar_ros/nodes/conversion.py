@@ -68,8 +68,8 @@ def to_pose(position_m: Floats, quaternion: Floats) -> Pose:
     """Return a pose of a position, shape (3,) [m], and a quaternion (x, y, z, w)."""
     pose = Pose()
     pose.position.x, pose.position.y, pose.position.z = position_m.tolist()
-    turn = pose.orientation
-    turn.x, turn.y, turn.z, turn.w = quaternion.tolist()
+    orientation = pose.orientation
+    orientation.x, orientation.y, orientation.z, orientation.w = quaternion.tolist()
     return pose
 
 
@@ -245,8 +245,8 @@ def _set_place(message: MarkerDetection | MarkerTrack, place: Place) -> None:
 def to_transform(header: Header, child_frame_id: str, pose: Pose) -> TransformStamped:
     """Return the transform from a frame to another one that has a pose there."""
     transform = TransformStamped(header=header, child_frame_id=child_frame_id)
-    way = transform.transform.translation
-    way.x, way.y, way.z = pose.position.x, pose.position.y, pose.position.z
+    translation = transform.transform.translation
+    translation.x, translation.y, translation.z = pose.position.x, pose.position.y, pose.position.z
     transform.transform.rotation = pose.orientation
     return transform
 

@@ -19,9 +19,14 @@ from retrolidar_ros.msg import Frame as FrameMsg
 from retrolidar_ros.nodes.conversion import from_frame_msg
 from retrolidar_ros.nodes.detection_topics import NAME, DetectionTopics
 from retrolidar_ros.nodes.detector_health import DetectorHealth
-from retrolidar_ros.nodes.diagnostics import WARN, Health, HealthBoard, publish_health
+from retrolidar_ros.nodes.diagnostics import (
+    WARN,
+    DiagnosticsPublisher,
+    Health,
+    register_health_check,
+)
 from retrolidar_ros.nodes.parameters import Parameters, check_frame_id
-from retrolidar_ros.nodes.qos import FRAMES, subscribe
+from retrolidar_ros.nodes.qos import FRAME_QOS, subscribe
 from retrolidar_ros.nodes.run import run
 from retrolidar_ros.nodes.track_topics import SOURCES
 from retrolidar_ros.nodes.transform_watch import TransformWatch
@@ -33,7 +38,7 @@ class DetectorNode(Node):
 
     def __init__(
         self,
-        board: HealthBoard | None = None,
+        board: DiagnosticsPublisher | None = None,
         watch: TransformWatch | None = None,
         **options: Any,
     ) -> None:
@@ -60,8 +65,10 @@ class DetectorNode(Node):
         self._lock = Lock()  # frames may come in another thread than parameters
         parameters.follow(self._change)
         self.get_logger().info(f'reading markers by method {self._values["method"]}')
-        publish_health(self, 'markers', '', self._examine, board)
-        self._topic = '' if board else subscribe(self, FrameMsg, 'frames', self._hear, FRAMES)
+        register_health_check(self, 'markers', '', self._examine, board)
+        self._topic = (
+            '' if board else subscribe(self, FrameMsg, 'frames', self._on_frame, FRAME_QOS)
+        )
         parameters.warn_of_unknown()
 
     def _change(self, values: dict[str, Any]) -> None:
@@ -75,7 +82,7 @@ class DetectorNode(Node):
             self._topics.change(values)
             self._values = values
 
-    def _hear(self, message: FrameMsg, info: dict[str, Any]) -> None:
+    def _on_frame(self, message: FrameMsg, info: dict[str, Any]) -> None:
         # DDS numbers what a publisher sends. Older rclpy, and some middleware, do not tell.
         before, self._number = self._number, info.get('publication_sequence_number')
         max_lost = None
@@ -88,7 +95,7 @@ class DetectorNode(Node):
             if frame.stamp_ns < 0:
                 raise ValueError(f'its stamp of {frame.stamp_ns} ns is negative')
         except ValueError as error:
-            self._drop(str(error))
+            self._reject_frame(str(error))
             return
         self.take(frame, message.header.frame_id, max_lost)
 
@@ -112,7 +119,7 @@ class DetectorNode(Node):
                 self._agreement = Agreement(self._values['min_readings'])
                 self._health.restart(frame.grid)
             age_s = (self.get_clock().now().nanoseconds - frame.stamp_ns) * 1e-9
-            if self._health.reception.take(frame, max_lost):
+            if self._health.monitor.take(frame, max_lost):
                 self._read(frame, frame_id)
             self._topics.beat(frame.stamp_ns, frame_id)
             self._health.done(frame.stamp_ns, time.perf_counter() - began_s, age_s)
@@ -127,7 +134,7 @@ class DetectorNode(Node):
                 self._topics.publish(confirmed, frame.stamp_ns, frame_id)
         self._topics.follow(self._detector, self._agreement, frame, frame_id)
 
-    def _drop(self, reason: str) -> None:
+    def _reject_frame(self, reason: str) -> None:
         self._health.drop(reason)
         self.get_logger().error(f'frame dropped: {reason}', throttle_duration_sec=5.0)
 

@@ -9,8 +9,8 @@ from collections.abc import Iterable, Mapping
 from typing import Any
 
 from retrolidar_ros.detector import Detection, DetectorCounts
+from retrolidar_ros.detector.frame_monitor import FrameMonitor
 from retrolidar_ros.detector.parameters import registered
-from retrolidar_ros.detector.reception import Reception
 from retrolidar_ros.marker.known_markers import KnownMarker, frame_of
 from retrolidar_ros.nodes.diagnostics import ERROR, PERIOD_S, STALE, WARN, Health, health_of
 from retrolidar_ros.sensor.frame import ZoneGrid
@@ -29,7 +29,7 @@ class DetectorHealth:
 
     def __init__(self, grid: ZoneGrid) -> None:
         """Begin at zero."""
-        self.reception = Reception(grid)
+        self.monitor = FrameMonitor(grid)
         self.foreign = 0
         """Frames from another TF frame than the one before."""
         self._dropped = 0
@@ -42,7 +42,7 @@ class DetectorHealth:
 
     def restart(self, grid: ZoneGrid) -> None:
         """Restart watching; the counts go on, except those of the detector."""
-        self.reception.restart(grid)
+        self.monitor.restart(grid)
         self._then['overloads'] = 0
 
     def drop(self, reason: str) -> None:
@@ -59,17 +59,17 @@ class DetectorHealth:
 
     def read(self, detections: list[Detection]) -> None:
         """Count detections."""
-        self.reception.read(detections)
+        self.monitor.read(detections)
         for detection in detections:
             self._read_s[detection.id] = time.monotonic()
 
     def _counts(self, counts: DetectorCounts) -> dict[str, int]:
         return {
-            'frames': self.reception.frames,
-            'lost frames': self.reception.lost,
-            'frames not sent': self.reception.unsent,
-            'repeated frames': self.reception.repeated,
-            'frames out of order': self.reception.reversed,
+            'frames': self.monitor.frames,
+            'lost frames': self.monitor.lost,
+            'frames not sent': self.monitor.unsent,
+            'repeated frames': self.monitor.repeated,
+            'frames out of order': self.monitor.reversed,
             'dropped frames': self._dropped,
             _FOREIGN: self.foreign,
             'overloads': counts.overloads,
@@ -77,11 +77,11 @@ class DetectorHealth:
 
     def lost(self) -> str:
         """Say how many frames were lost since the last `examine`; empty if none."""
-        lost = self.reception.lost - self._then['lost frames']
+        lost = self.monitor.lost - self._then['lost frames']
         if not lost:
             return ''
         return (
-            f'{lost} frames were lost between driver and detector, {self.reception.lost} in all: '
+            f'{lost} frames were lost between driver and detector, {self.monitor.lost} in all: '
             'this host is too slow, or the network'
         )
 
@@ -126,11 +126,11 @@ class DetectorHealth:
         if silence_s > _SILENCE_S and not new['dropped frames']:
             return Health(STALE, f'no frame has come for {silence_s:.0f} s', values), problem
         problems = self._disturbances(new, publishers, lost)
-        hints = [self.reception.unread(settings, known)]
+        hints = [self.monitor.unread(settings, known)]
         if stamps_stand(new['frames'] - new['repeated frames'], advance_ns):
             problems.append((ERROR, 'the stamps of frames stand still: does /clock?'))
         else:
-            hints.insert(0, self.reception.rate(settings['bit_period']))
+            hints.insert(0, self.monitor.rate(settings['bit_period']))
         sentences = [str(hint) for hint in hints if hint]
         problems += [(WARN, sentence) for sentence in sentences]
         problem = sentences[0] if sentences else ''
@@ -156,7 +156,10 @@ class DetectorHealth:
             text = f'{new["dropped frames"]} frames cannot be used: {self._reason}'
             problems.append((ERROR, text))
         if new['overloads'] >= _OVERLOADED:
-            text = f'{new["overloads"]} frames with more that looks like packets than is judged'
+            text = (
+                f'search overloaded in {new["overloads"]} frames: more candidates than the limit; '
+                'reduce max_packets'
+            )
             problems.append((WARN, text))
         return problems
 

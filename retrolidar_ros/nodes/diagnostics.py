@@ -35,7 +35,7 @@ class Health(NamedTuple):
         return self._replace(level=max(self.level, level), summary=summary)
 
 
-Examine = Callable[[], 'Health | None']
+HealthCheck = Callable[[], 'Health | None']
 """Judges what passed since it was last called; None where there is nothing to say."""
 
 
@@ -47,18 +47,18 @@ def health_of(problems: list[tuple[bytes, str]], fine: str, values: dict[str, st
     return health
 
 
-class HealthBoard:
+class DiagnosticsPublisher:
     """Publishes the health of all nodes of a process, in one message a second."""
 
     def __init__(self, node: Node) -> None:
         """Publish in the name of `node`, for as long as it lives."""
         self._node = node
-        self._subjects: list[tuple[str, str, Examine]] = []
+        self._subjects: list[tuple[str, str, HealthCheck]] = []
         self._publisher = node.create_publisher(DiagnosticArray, '/diagnostics', 10)
         # Of the steady clock: a paused replay, or a clock change, must not stop diagnostics.
         node.create_timer(PERIOD_S, self._publish, clock=Clock(clock_type=ClockType.STEADY_TIME))
 
-    def add(self, name: str, hardware_id: str, examine: Examine) -> None:
+    def add(self, name: str, hardware_id: str, examine: HealthCheck) -> None:
         """Publish what `examine` returns, too."""
         self._subjects.append((name, hardware_id, examine))
 
@@ -78,14 +78,14 @@ class HealthBoard:
         self._publisher.publish(message)
 
 
-def publish_health(
+def register_health_check(
     node: Node,
     subject: str,
     hardware_id: str,
-    examine: Examine,
-    board: HealthBoard | None = None,
-) -> HealthBoard:
+    examine: HealthCheck,
+    board: DiagnosticsPublisher | None = None,
+) -> DiagnosticsPublisher:
     """Publish what `examine` returns once a second, on a new board or a given one; return that."""
-    board = HealthBoard(node) if board is None else board
+    board = DiagnosticsPublisher(node) if board is None else board
     board.add(f'{node.get_fully_qualified_name()}: {subject}', hardware_id, examine)
     return board

@@ -13,7 +13,12 @@ import rclpy
 from rclpy.lifecycle import LifecycleState, TransitionCallbackReturn
 from rclpy.lifecycle import Node as LifecycleNode
 
-from retrolidar_ros.nodes.diagnostics import WARN, Health, HealthBoard, publish_health
+from retrolidar_ros.nodes.diagnostics import (
+    WARN,
+    DiagnosticsPublisher,
+    Health,
+    register_health_check,
+)
 from retrolidar_ros.nodes.driver_health import NO_CLOCK, DetectorWatch, DriverTally
 from retrolidar_ros.nodes.frame_topics import FrameTopics
 from retrolidar_ros.nodes.parameters import Parameters, check_frame_id
@@ -36,7 +41,7 @@ class DriverNode(LifecycleNode):
     """
 
     def __init__(
-        self, take: Take | None = None, board: HealthBoard | None = None, **options: Any
+        self, take: Take | None = None, board: DiagnosticsPublisher | None = None, **options: Any
     ) -> None:
         """Declare parameters, and start reading with autostart.
 
@@ -44,12 +49,13 @@ class DriverNode(LifecycleNode):
         ----------
         take : callable, optional
             Gets every frame directly, not by a topic.
-        board : HealthBoard, optional
+        board : DiagnosticsPublisher, optional
             Of the process, if it has one.
         **options
             As for any node.
         """
-        # Before all else: an rclpy that cannot make the node destroys it.
+        # Set before super().__init__(): if that raises, rclpy calls destroy_node(), which needs
+        # these.
         self._source: SerialSource | None = None
         self._thread: Thread | None = None
         self._stop = Event()
@@ -59,7 +65,7 @@ class DriverNode(LifecycleNode):
         # It cannot be wrapped otherwise: rclpy makes the services of the life cycle itself.
         for service in self.services:
             if service.srv_name.endswith('/change_state'):
-                service.callback = self._refusing(service.callback)
+                service.callback = self._reject_invalid_transition(service.callback)
         parameters = Parameters(self, 'driver')
         _declare(parameters)
         self._values = parameters.values
@@ -72,12 +78,14 @@ class DriverNode(LifecycleNode):
         self._tally = DriverTally()
         offer_services(self, lambda: self._source)
         self._watch = None if take else DetectorWatch(self)
-        publish_health(self, 'frames', self._values['serial_port'], self._examine, board)
+        register_health_check(self, 'frames', self._values['serial_port'], self._examine, board)
         if self._values['autostart']:
             self.trigger_configure()
             self.trigger_activate()
 
-    def _refusing(self, change_state: Callable[[Any, Any], Any]) -> Callable[[Any, Any], Any]:
+    def _reject_invalid_transition(
+        self, change_state: Callable[[Any, Any], Any]
+    ) -> Callable[[Any, Any], Any]:
         """Return a service that refuses impossible transitions; rclpy's ends the node."""
 
         def answer(request: Any, response: Any) -> Any:

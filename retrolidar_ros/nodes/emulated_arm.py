@@ -66,14 +66,14 @@ class EmulatedArmNode(Node):
         self._send = WatchedSender(transform_sender(self))
         self._description = self.create_publisher(String, 'robot_description', LATCHED)
         for topic, qos in (('/tf', EVENTS), ('/tf_static', _STATIC)):
-            self.create_subscription(TFMessage, topic, self._hear, qos)
+            self.create_subscription(TFMessage, topic, self._on_transforms, qos)
         self._frames = self.create_subscription(
-            FrameMsg, 'frames', self._begin, qos_profile_sensor_data
+            FrameMsg, 'frames', self._on_frame, qos_profile_sensor_data
         )
         self.create_timer(_PERIOD_S, self._tell, clock=Clock(clock_type=ClockType.STEADY_TIME))
         parameters.warn_of_unknown()
 
-    def _begin(self, message: FrameMsg) -> None:
+    def _on_frame(self, message: FrameMsg) -> None:
         if time.monotonic() < self._began_s + _LISTENING_S:
             return
         self.destroy_subscription(self._frames)
@@ -85,7 +85,7 @@ class EmulatedArmNode(Node):
         self._description.publish(String(data=_DESCRIPTION.format(**names)))
         self.get_logger().info(f'sending the transform from {self._base} to {self._sensor}')
 
-    def _hear(self, message: TFMessage) -> None:
+    def _on_transforms(self, message: TFMessage) -> None:
         """Note what other nodes move; an arm of the user's goes before this one."""
         for one in message.transforms:
             if self._sensor:

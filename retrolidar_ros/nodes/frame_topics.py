@@ -18,7 +18,7 @@ from retrolidar_ros.nodes.conversion import (
     to_point_cloud,
     to_signal_image,
 )
-from retrolidar_ros.nodes.qos import FRAMES, STREAM, publisher
+from retrolidar_ros.nodes.qos import FRAME_QOS, STREAM, publisher
 from retrolidar_ros.sensor.frame import Frame
 
 _LOOK_FRAMES = 5  # subscribers are counted once in so many frames: that is slow
@@ -32,7 +32,7 @@ class FrameTopics:
         self._frame_id = frame_id
         self._heard: list[tuple[Any, Callable[..., Any]]] = []
         self._topics: list[tuple[Any, Callable[..., Any]]] = [
-            (publisher(node, FrameMsg, 'frames', FRAMES), to_frame_msg),
+            (publisher(node, FrameMsg, 'frames', FRAME_QOS), to_frame_msg),
             (publisher(node, PointCloud2, 'points', STREAM), to_point_cloud),
             (publisher(node, Image, 'signal_image', STREAM), to_signal_image),
             (publisher(node, Image, 'depth/image_raw', STREAM), to_depth_image),

@@ -9,7 +9,7 @@ from rclpy.node import Node
 from std_msgs.msg import Bool
 
 from retrolidar_ros.nodes.detection_subscriber import DetectionSubscriber
-from retrolidar_ros.nodes.diagnostics import WARN, Health, health_of, publish_health
+from retrolidar_ros.nodes.diagnostics import WARN, Health, health_of, register_health_check
 from retrolidar_ros.nodes.parameters import Parameters
 from retrolidar_ros.nodes.qos import LATCHED
 from retrolidar_ros.nodes.run import run
@@ -43,7 +43,7 @@ class HeartbeatNode(Node):
         self._overdue: set[str] = set()
         self._is_alive: bool | None = None
         self._alive = self.create_publisher(Bool, '~/alive', LATCHED)
-        publish_health(self, 'markers', '', self._examine)
+        register_health_check(self, 'markers', '', self._examine)
         source = parameters.values['source']
         topic = 'tracks' if source == 'tracks' else 'markers'
         self._detections = DetectionSubscriber(self, [topic], source, self._take)

@@ -21,11 +21,11 @@ from visualization_msgs.msg import MarkerArray
 from retrolidar_ros.detector.parameters import known_markers
 from retrolidar_ros.marker.known_markers import objects_of
 from retrolidar_ros.nodes.conversion import to_header, to_pose_msg, to_transform
-from retrolidar_ros.nodes.diagnostics import WARN, Health, health_of, publish_health
+from retrolidar_ros.nodes.diagnostics import WARN, Health, health_of, register_health_check
 from retrolidar_ros.nodes.parameters import Parameters, check_frame_id
-from retrolidar_ros.nodes.placed_readings import PlacedReadings
 from retrolidar_ros.nodes.qos import LATCHED, STREAM, publisher, topic_part, topics_of
 from retrolidar_ros.nodes.run import run
+from retrolidar_ros.nodes.tf_filter import TransformedDetections
 from retrolidar_ros.nodes.track_topics import SOURCES, Marked
 from retrolidar_ros.nodes.transforms import transform_sender
 from retrolidar_ros.nodes.visualization import landmark_shapes
@@ -98,8 +98,8 @@ class LandmarksNode(Node):
         self._dropped = 0
         self.create_service(Trigger, '~/save', self._save)
         self.create_service(Trigger, '~/forget', self._forget)
-        publish_health(self, 'landmarks', '', self._examine)
-        self._readings = PlacedReadings(
+        register_health_check(self, 'landmarks', '', self._examine)
+        self._readings = TransformedDetections(
             self,
             values['topics'],
             values['source'],

@@ -66,7 +66,7 @@ _MISCONFIGURED = 2
 _LEVELS = ('debug', 'info', 'warn', 'error', 'fatal')
 
 
-def declared(arguments: dict[str, tuple[Any, str]]) -> list[DeclareLaunchArgument]:
+def declare_arguments(arguments: dict[str, tuple[Any, str]]) -> list[DeclareLaunchArgument]:
     """Return launch arguments as actions."""
     return [
         DeclareLaunchArgument(name, default_value=default, description=description)
@@ -80,7 +80,7 @@ def value(context: LaunchContext, name: str) -> str:
     return text
 
 
-def given(context: LaunchContext, *names: str) -> dict[str, Any]:
+def overrides_from(context: LaunchContext, *names: str) -> dict[str, Any]:
     """Return those launch arguments that have a value, which goes before the parameter file's."""
     return {name: text for name in names if (text := value(context, name))}
 
@@ -105,7 +105,7 @@ def number(context: LaunchContext, name: str) -> float:
     return number
 
 
-def listed(context: LaunchContext, name: str) -> list[Any]:
+def list_argument(context: LaunchContext, name: str) -> list[Any]:
     """Return a launch argument as a list; RuntimeError if it is none."""
     text = value(context, name)
     try:
@@ -148,7 +148,7 @@ def node(
         raise RuntimeError(f'log_level:={level}: it needs one of {", ".join(_LEVELS)}')
     if value(context, 'use_sim_time'):
         parameters['use_sim_time'] = is_on(context, 'use_sim_time')
-    parameters |= given(context, 'frame_prefix')
+    parameters |= overrides_from(context, 'frame_prefix')
     return Node(
         package='retrolidar_ros',
         executable=executable,

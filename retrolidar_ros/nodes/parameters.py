@@ -47,7 +47,7 @@ class Parameters:
         # A service cannot be wrapped otherwise: rclpy makes those of parameters itself.
         for service in node.services:
             if '/set_parameters' in service.srv_name:
-                service.callback = _refusing(service.callback)
+                service.callback = _reject_unknown_types(service.callback)
 
     def declare(
         self,
@@ -154,7 +154,7 @@ class Parameters:
         return [f'{prefix}.{name}' for name in self._node.get_parameters_by_prefix(prefix)]
 
 
-def _refusing(change: Callable[[Any, Any], Any]) -> Callable[[Any, Any], Any]:
+def _reject_unknown_types(change: Callable[[Any, Any], Any]) -> Callable[[Any, Any], Any]:
     """Return a service that refuses unknown types; rclpy's ends the node."""
 
     def answer(request: Any, response: Any) -> Any:

@@ -15,7 +15,7 @@ from rclpy.qos_overriding_options import QoSOverridingOptions
 
 STREAM = QoSProfile(depth=10, reliability=ReliabilityPolicy.RELIABLE)
 """What a sensor sends: reliable, so that subscribers of either kind connect."""
-FRAMES = QoSProfile(depth=1000, reliability=ReliabilityPolicy.RELIABLE)
+FRAME_QOS = QoSProfile(depth=1000, reliability=ReliabilityPolicy.RELIABLE)
 """Frames for a detector, which needs every one: those of 20 s wait for one that stands still."""
 EVENTS = QoSProfile(depth=100, reliability=ReliabilityPolicy.RELIABLE)
 """What comes now and then, and in bursts."""

@@ -14,7 +14,7 @@ from rclpy.parameter import Parameter
 
 from retrolidar_ros.nodes.detection_topics import NAME
 from retrolidar_ros.nodes.detector import DetectorNode
-from retrolidar_ros.nodes.diagnostics import HealthBoard
+from retrolidar_ros.nodes.diagnostics import DiagnosticsPublisher
 from retrolidar_ros.nodes.driver import DriverNode
 from retrolidar_ros.nodes.parameters import Parameters
 from retrolidar_ros.nodes.qos import topic_part
@@ -36,7 +36,7 @@ def create_nodes() -> list[Node]:
     for what, values in (('names', [topic_part(name) for name in names]), ('ports', ports)):
         if len(set(values)) < len(values):
             raise ValueError(f'{what}: one stands there twice, in {", ".join(values)}')
-    board, watch = HealthBoard(reader), TransformWatch(reader)
+    board, watch = DiagnosticsPublisher(reader), TransformWatch(reader)
     if not ports:
         detector = DetectorNode(board, watch)
         return [DriverNode(detector.take, board), detector, reader]

@@ -15,7 +15,7 @@ from rclpy.node import Node
 from rclpy.qos_overriding_options import InvalidQosOverridesError
 from rclpy.signals import SignalHandlerOptions
 
-from retrolidar_ros.nodes.ending import Requests, ended_in_order, nothing
+from retrolidar_ros.nodes.shutdown import ShutdownRequest, graceful_shutdown, nothing
 from retrolidar_ros.settings.printing import printable
 
 _IMPOSSIBLE = (
@@ -32,7 +32,7 @@ def run(create: Callable[[], Node | list[Node]]) -> int:
     An impossible parameter or parameter file gives one line and exit code 2. Nodes end in the order
     listed.
     """
-    with ended_in_order() as requests:
+    with graceful_shutdown() as requests:
         try:
             rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
         except RuntimeError as error:
@@ -57,12 +57,12 @@ def run(create: Callable[[], Node | list[Node]]) -> int:
                 getattr(node, 'stop', nothing)()
             for node in nodes:
                 node.destroy_node()
-                requests.cleaned += 1
+                requests.nodes_destroyed += 1
             rclpy.try_shutdown()
     return int(any(getattr(node, 'failed', False) for node in nodes))
 
 
-def _spin(nodes: list[Node], requests: Requests) -> None:
+def _spin(nodes: list[Node], requests: ShutdownRequest) -> None:
     executor = SingleThreadedExecutor()
     for node in nodes:
         executor.add_node(node)

@@ -44,10 +44,12 @@ class TransformWatch:
             self._node.destroy_subscription(self._subscription)
             self._subscription = None
         elif self._turns % (1 + _PAUSES) == 0 and self._senders:
-            self._subscription = self._node.create_subscription(TFMessage, '/tf', self._hear, 100)
+            self._subscription = self._node.create_subscription(
+                TFMessage, '/tf', self._on_transforms, 100
+            )
         self._turns += 1
 
-    def _hear(self, message: TFMessage) -> None:
+    def _on_transforms(self, message: TFMessage) -> None:
         for sender in self._senders:
             for transform in message.transforms:
                 sender.hear(transform)

@@ -26,7 +26,7 @@ def judged(frames: list[Frame], counts: DetectorCounts | None = None) -> Health:
     for number, frame in enumerate(frames):
         if number % 48 == 0:
             health.examine(SETTINGS, {}, DetectorCounts(), [])
-        health.reception.take(frame, 0)
+        health.monitor.take(frame, 0)
         health.done(frame.stamp_ns, 0.0, 0.0)
     return health.examine(SETTINGS, {}, counts or DetectorCounts(), [])[0]
 

@@ -30,7 +30,7 @@ from retrolidar_ros.msg import Frame as FrameMsg
 from retrolidar_ros.msg import MarkerDetection
 from retrolidar_ros.nodes.conversion import from_frame_msg, to_frame_msg, to_ns, to_time
 from retrolidar_ros.nodes.listener import Listener
-from retrolidar_ros.nodes.qos import FRAMES
+from retrolidar_ros.nodes.qos import FRAME_QOS
 from retrolidar_ros.scene.files import load_scene
 from retrolidar_ros.sensor.frame import Frame
 
@@ -98,7 +98,7 @@ def replayed(
 
 
 @pytest.mark.parametrize(
-    ('rate', 'stall_s', 'qos'), [(40.0, 0.0, 10), (1.0, 7.0, FRAMES)], ids=['40 times', 'stall']
+    ('rate', 'stall_s', 'qos'), [(40.0, 0.0, 10), (1.0, 7.0, FRAME_QOS)], ids=['40 times', 'stall']
 )
 def test_a_replay_reads_what_was_read_live(
     live: Listener, bag: Path, tmp_path: Path, rate: float, stall_s: float, qos: QoSProfile | int

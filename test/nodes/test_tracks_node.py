@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from harness import Sensor
+from harness import Sensor, wait_for_nodes
 from harness_nodes import COFFEE_IDS, FRAME_ID, System, running
 from harness_observer import RELIABLE, values_of
 from harness_use_cases import silent_drone
@@ -24,10 +24,12 @@ from retrolidar_ros.settings.resources import shared_file
 @pytest.fixture(scope='module')
 def system(tmp_path_factory: pytest.TempPathFactory) -> Iterator[System]:
     directory = tmp_path_factory.mktemp('tracks')
-    with running(directory, '/tracks') as one, Sensor(load_scene('coffee'), one.port):
+    with running(directory, '/tracks') as one:
         one.start('driver', serial_port=one.port)
         one.start('detector', tf_source='tracks')
-        yield one
+        wait_for_nodes(one)
+        with Sensor(load_scene('coffee'), one.port):
+            yield one
 
 
 def test_every_frame_has_a_track_of_every_marker(system: System) -> None:

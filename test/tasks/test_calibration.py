@@ -15,7 +15,7 @@ from retrolidar_ros.sensor.frame import Recording
 from retrolidar_ros.tasks.calibration.calibrate import Calibration, calibrate
 from retrolidar_ros.tasks.calibration.estimate import Estimate
 from retrolidar_ros.tasks.calibration.files import parameters, scene
-from retrolidar_ros.tasks.calibration.sentences import missing, sentences
+from retrolidar_ros.tasks.calibration.report import missing, sentences
 
 WALL = [0, 1, 2, 3, 5, 6, 7, 9, 10, 11, 13, 14, 15]
 FOREIGN: dict[str, Any] = {

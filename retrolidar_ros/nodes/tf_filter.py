@@ -30,7 +30,7 @@ _ALIKE_S = 1.0
 _REST_M_S = 0.02
 
 
-class PlacedReadings:
+class TransformedDetections:
     """Subscribes to detections, and waits for the transforms of their time."""
 
     def __init__(
@@ -52,7 +52,7 @@ class PlacedReadings:
         self._node = node
         self._fixed = fixed_frame
         self._patience_s = patience_s
-        self._hand_on = take
+        self._on_reading = take
         self._restart = restart
         self._ticked = node.get_clock().now()
         self._waiting: deque[tuple[Marked, Time]] = deque()
@@ -135,7 +135,7 @@ class PlacedReadings:
                 covariance_of(message.pose)[:3, :3],
                 SensorPose(*found),
             )
-            self._hand_on(placed, message)
+            self._on_reading(placed, message)
         except ValueError as error:
             self.refuse(str(error))
         return True

@@ -38,7 +38,7 @@ _LOOKING_S = (0.9, 2.0)
 _HASTY = 9  # first trials
 
 
-class Reception:
+class FrameMonitor:
     """Counts frames, and watches the newest of them for what blinks without being read."""
 
     def __init__(self, grid: ZoneGrid) -> None:

@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 import pytest
 
+from retrolidar_ros.detector.frame_monitor import FrameMonitor
 from retrolidar_ros.detector.parameters import defaults, detector_of
-from retrolidar_ros.detector.reception import Reception
 from retrolidar_ros.scene import Simulation, parse_scene
 from retrolidar_ros.scene.files import load_scene
 from retrolidar_ros.sensor.frame import Frame
@@ -25,13 +25,13 @@ def findings(frames: list[Frame], **changes: Any) -> list[str]:
     """Return what is said once a second, while a detector reads what it can."""
     values = {**defaults(), **changes}
     detector = detector_of(values, frames[0].grid, {})
-    reception = Reception(frames[0].grid)
+    monitor = FrameMonitor(frames[0].grid)
     found = []
     for number, frame in enumerate(frames):
-        if reception.take(frame):
-            reception.read(detector.update(frame))
+        if monitor.take(frame):
+            monitor.read(detector.update(frame))
         if number % 48 == 47:
-            found.append(str(reception.unread(values, {}) or ''))
+            found.append(str(monitor.unread(values, {}) or ''))
     return found
 
 
@@ -85,37 +85,37 @@ def test_an_unknown_code_is_missed_only_where_it_may_come() -> None:
 
 def test_gaps_repeats_and_steps_back_are_counted() -> None:
     frames = frames_of(seconds=2.0)
-    reception = Reception(frames[0].grid)
+    monitor = FrameMonitor(frames[0].grid)
     taken = [frames[0], frames[1], frames[1], frames[5], frames[2], frames[3]]
-    assert [reception.take(frame) for frame in taken] == [True, True, False, True, True, True]
-    assert (reception.frames, reception.lost) == (6, 3)
-    assert (reception.repeated, reception.reversed) == (1, 1)
+    assert [monitor.take(frame) for frame in taken] == [True, True, False, True, True, True]
+    assert (monitor.frames, monitor.lost) == (6, 3)
+    assert (monitor.repeated, monitor.reversed) == (1, 1)
 
 
 def test_what_was_not_sent_is_not_lost_on_the_way() -> None:
     frames = frames_of(seconds=2.0)
-    reception = Reception(frames[0].grid)
+    monitor = FrameMonitor(frames[0].grid)
     for index, max_lost in ((0, 5), (1, 0), (5, 0), (9, 1), (10, 7)):
-        reception.take(frames[index], max_lost)
-    assert (reception.lost, reception.unsent) == (1, 5)
+        monitor.take(frames[index], max_lost)
+    assert (monitor.lost, monitor.unsent) == (1, 5)
 
 
 def test_the_rate_is_found_from_what_came_however_much_is_lost() -> None:
     frames = frames_of(seconds=8.0)
     kept = np.random.default_rng(3).random(len(frames)) < 0.4
-    reception = Reception(frames[0].grid)
+    monitor = FrameMonitor(frames[0].grid)
     for frame, is_kept in zip(frames, kept, strict=True):
         if is_kept:
-            reception.take(frame)
-    assert reception.rate(0.042) is None
-    assert reception.rate(0.021) is None
-    assert 'a frame comes every 2' in str(reception.rate(0.015))
-    assert '14.3 frames, and not one to eight' in str(reception.rate(0.3))
+            monitor.take(frame)
+    assert monitor.rate(0.042) is None
+    assert monitor.rate(0.021) is None
+    assert 'a frame comes every 2' in str(monitor.rate(0.015))
+    assert '14.3 frames, and not one to eight' in str(monitor.rate(0.3))
 
 
 def test_frames_that_come_late_all_at_once_are_not_too_fast() -> None:
     frames = frames_of(seconds=2.0)
-    reception = Reception(frames[0].grid)
+    monitor = FrameMonitor(frames[0].grid)
     for number, frame in enumerate(frames):
-        reception.take(replace(frame, stamp_ns=10**9 + number))
-    assert reception.rate(0.042) is None
+        monitor.take(replace(frame, stamp_ns=10**9 + number))
+    assert monitor.rate(0.042) is None

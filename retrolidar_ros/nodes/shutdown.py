@@ -21,7 +21,7 @@ def nothing() -> None:
     """Do nothing."""
 
 
-class Requests:
+class ShutdownRequest:
     """Termination signals, and the callbacks they wake."""
 
     def __init__(self) -> None:
@@ -29,18 +29,18 @@ class Requests:
         self.heard = Event()
         self.wake: Callable[[], object] = nothing
         """Is called after `heard` is set, from another thread."""
-        self.cleaned = 0
-        """How many things have been cleaned up since: while it grows, the process is not stuck."""
+        self.nodes_destroyed = 0
+        """How many nodes have been destroyed since: while it grows, the process is not stuck."""
 
 
 @contextmanager
-def ended_in_order() -> Iterator[Requests]:
+def graceful_shutdown() -> Iterator[ShutdownRequest]:
     """Report the first termination signal, and ignore the others.
 
     Nothing is raised: an exception between any two steps of a library would leave it half done. A
     process that is stuck in its clean-up is ended.
     """
-    requests = Requests()
+    requests = ShutdownRequest()
     over = Event()
     reading, writing = os.pipe()
     os.set_blocking(writing, False)
@@ -49,12 +49,12 @@ def ended_in_order() -> Iterator[Requests]:
         os.read(reading, 1)
         requests.heard.set()
         requests.wake()
-        cleaned = 0
+        nodes_destroyed = 0
         while not over.wait(_GRACE_S):
-            if requests.cleaned == cleaned:
+            if requests.nodes_destroyed == nodes_destroyed:
                 print('retrolidar_ros: did not end in order, so it was ended', file=sys.stderr)
                 os._exit(1)
-            cleaned = requests.cleaned
+            nodes_destroyed = requests.nodes_destroyed
 
     # The number of a signal is written there at once, whatever the main thread waits for.
     signal.set_wakeup_fd(writing, warn_on_full_buffer=False)
