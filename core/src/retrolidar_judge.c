@@ -151,7 +151,8 @@ static struct rl_verdict decide(struct rl_detector *detector, int source, int pa
     const double packet_s = RL_PACKET_BITS * hit->bit_s;
     const double active_s = detector->active_s[source < detector->samples.zones ? source : 0];
     const double since_s =
-        source < detector->samples.zones && active_s < to_s ? active_s : -INFINITY;
+        packets == 1 && source < detector->samples.zones && active_s < to_s ? active_s
+                                                                            : -INFINITY;
     const struct rl_transmission transmission = {
         .sending = {.start_s = hit->start_s, .bit_s = hit->bit_s},
         .begin_s = hit->repeats ? to_s - packets * packet_s : hit->start_s,
