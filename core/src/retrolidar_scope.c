@@ -163,7 +163,9 @@ void rl_scope_add_zones(struct rl_window *window, const struct rl_sending *sendi
                 continue;
             }
             const double together = rl_window_try(window, sending) - window->null;
+            /* Distances of a zone in which others are seen, too, may be theirs. */
             if (window->whitened[before].samples < least_rows(window) ||
+                window->whitened[before].interferers > 0 ||
                 together - evidence < LEAST_ADDED || !is_seen(window, before)) {
                 rl_window_drop(window);
             } else {
