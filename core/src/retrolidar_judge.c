@@ -10,6 +10,8 @@ enum { MAX_PARTNERS = 3 }; /* hits that are judged together with a packet that h
 
 /* Share of the evidence in demand that a packet must have which another one hides. */
 static const double HIDDEN = 0.7;
+/* A packet may begin so many bits after the samples that it is read from. */
+static const double MAX_LATE_BITS = 8.0;
 /* Readings of one ID that overlap by more are of the same packet. */
 static const double SAME_BITS = 4.0;
 
@@ -19,15 +21,15 @@ static bool is_known(const struct rl_detector *detector, uint16_t id, double beg
                          SAME_BITS * detector->settings.bit_s);
 }
 
-/* When the packet begins that fills the most of the window: before the window, if it was joined in its
- * middle.
+/* When the packet begins that the window holds the most of: before the window, if it was joined in its
+ * middle, or a few bits later, if those are of another.
  */
 static double start_of(const struct rl_verdict *verdict)
 {
     const struct rl_sending *sending = &verdict->sending;
     const double packet_s = RL_PACKET_BITS * sending->bit_s;
     const double packets = (verdict->begin_s - sending->start_s) / packet_s;
-    return sending->repeats ? sending->start_s + packet_s * floor(packets + 0.5)
+    return sending->repeats ? sending->start_s + packet_s * floor(packets + MAX_LATE_BITS / RL_PACKET_BITS)
                             : sending->start_s;
 }
 

@@ -18,9 +18,9 @@ from evaluation.report.claims import Table
 
 TITLE = 'What each part buys'
 MESSAGE = 'What becomes worse without a part: packets lost, wrong IDs, reach'
-ROOMS, QUICK_ROOMS = 40, 2
-FAINT_RECORDINGS = 12  # of lone packets near the end of the reach, 16 a recording
-HANDS_S = 600.0
+ROOMS, QUICK_ROOMS = 30, 2
+FAINT_RECORDINGS = 6  # of lone packets near the end of the reach, 16 a recording
+HANDS_S = 300.0
 
 
 def run(rng: np.random.Generator, *, quick: bool) -> dict[str, Any]:

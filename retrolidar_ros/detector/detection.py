@@ -20,7 +20,7 @@ class Detection:
     stamp_ns: int
     """When the place holds: the mean time of the samples used for it [ns]."""
     start_ns: int
-    """When the (first) packet began [ns]: up to half a packet before the first frame used."""
+    """When the (first) packet began [ns]: before the first frame used, or up to 8 bits later."""
     end_ns: int
     """Time of the last frame used [ns]."""
     place: Place

@@ -82,13 +82,16 @@ def test_a_silent_marker_may_be_asleep() -> None:
 
 
 def test_markers_that_hide_each_other_are_told_of_registered_ids() -> None:
-    """Of equal light, and bit on bit: with all IDs allowed there is no telling which two."""
-    both = seen(marker(1.0), marker(1.0, id=2073, start_s=0.042))
-    (hidden,) = explained(both)
+    """Four of equal light, bit on bit: there is no telling which."""
+    others = {2073: 0.042, 2107: 0.084, 2096: 0.126}
+    (hidden,) = explained(
+        seen(marker(1.0), *(marker(1.0, id=id, start_s=at) for id, at in others.items()))
+    )
     assert hidden.cause is Cause.NO_ID
     assert 'Several markers in the zone? Set registered_ids' in str(hidden)
     assert 'tried bits of 42.0 ms and' in str(hidden)
-    assert explained(both, registered_ids=[2816, 2073]) == []
+    two = seen(marker(1.0), marker(1.0, id=2073))
+    assert explained(two, registered_ids=[2816, 2073]) == []
 
 
 def test_a_faint_marker_is_told_of_max_packets() -> None:

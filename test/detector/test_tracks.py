@@ -178,7 +178,8 @@ def test_markers_are_told_apart_in_one_zone() -> None:
     scene = and_another(ranging_scene(), position_m=place, packets=None, signal_at_1_m=250.0)
     _, tracks = follow(simulate(scene, 20.0))
     both = [frame for frame in tracks if {one.id for one in frame} == {ID, OTHER_ID}]
-    assert len(both) > 200
+    # Markers are read one after the other, and what is followed alone loses its zone to the other.
+    assert len(both) > 40
     truth_m = float(np.linalg.norm(place))
     for marker in (ID, OTHER_ID):
         own = [one.place.range_m for frame in both for one in frame if one.id == marker]

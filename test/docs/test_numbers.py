@@ -14,7 +14,10 @@ ROOT = Path(__file__).parents[2]
 PAGE = ROOT / 'docs' / 'detector.md'
 HEADER = '|name|file|value|unit|from|\n|---|---|---|---|---|\n'
 # What talks to sensors and firmware, and the packet itself.
-OTHER_FILES = {'command', 'drive', 'packet', 'receive', 'wakeup', 'wire'}
+OTHER_FILES = {
+    *('command', 'drive', 'packet', 'receive', 'wakeup', 'wire'),
+    *('followed', 'followed_range', 'presence', 'range_filter', 'tracks', 'zone_light'),
+}
 
 
 def _split(text: str) -> list[str]:
