@@ -85,7 +85,7 @@ def test_markers_that_hide_each_other_are_told_of_registered_ids() -> None:
     """Four of equal light, bit on bit: there is no telling which."""
     others = {2073: 0.042, 2107: 0.084, 2096: 0.126}
     (hidden,) = explained(
-        seen(marker(1.0), *(marker(1.0, id=id, start_s=at) for id, at in others.items()))
+        seen(marker(1.0), *(marker(1.0, id=key, start_s=at) for key, at in others.items()))
     )
     assert hidden.cause is Cause.NO_ID
     assert 'Several markers in the zone? Set registered_ids' in str(hidden)
