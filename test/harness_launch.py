@@ -2,6 +2,11 @@
 # SPDX-License-Identifier: Apache-2.0
 """What the tests of launch files share."""
 
+import os
+import signal
+import subprocess
+import sys
+import threading
 from typing import Any
 
 import launch_testing.actions
@@ -9,6 +14,11 @@ from launch import LaunchDescription
 from launch.actions import IncludeLaunchDescription
 from launch.substitutions import PathJoinSubstitution
 from launch_ros.substitutions import FindPackageShare
+
+# A shell lets its background jobs ignore SIGINT, and so do all that these start; but launches are
+# ended by it.
+if signal.getsignal(signal.SIGINT) == signal.SIG_IGN:
+    signal.signal(signal.SIGINT, signal.default_int_handler)
 
 INTERRUPTED = 130
 """The exit code of a command that is interrupted."""
@@ -37,3 +47,27 @@ def included(name: str, **arguments: str) -> Any:
 def launched(*actions: Any) -> Any:
     """Return the description of a test that begins at once."""
     return LaunchDescription([*actions, launch_testing.actions.ReadyToTest()])
+
+
+def lines_until(wanted: str, *arguments: str, timeout_s: float = 60.0) -> list[str]:
+    """Launch a file, interrupt it once it has printed `wanted`, and return the lines it printed."""
+    with subprocess.Popen(
+        [sys.executable, '-c', SCRIPT, *arguments],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        text=True,
+        start_new_session=True,
+    ) as process:
+        kill = threading.Timer(timeout_s, os.killpg, (process.pid, signal.SIGKILL))
+        kill.start()
+        lines: list[str] = []
+        assert process.stdout is not None
+        for line in process.stdout:
+            if wanted in line and not any(wanted in one for one in lines):
+                process.send_signal(signal.SIGINT)
+            lines.append(line)
+        kill.cancel()
+    text = ''.join(lines)
+    assert wanted in text, text
+    assert process.returncode != -signal.SIGKILL, f'not ended within {timeout_s} s:\n{text}'
+    return lines

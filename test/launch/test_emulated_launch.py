@@ -3,8 +3,6 @@
 """What a new user starts first: an emulated arm that reaches its goal by itself, and RViz."""
 
 import os
-import signal
-import subprocess
 import sys
 import tempfile
 import unittest
@@ -29,7 +27,7 @@ from std_msgs.msg import Bool, String
 sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
 
 from harness import MOST_MAHALANOBIS
-from harness_launch import INTERRUPTED, SCRIPT, included, launched
+from harness_launch import INTERRUPTED, included, launched, lines_until
 from harness_observer import Observer
 
 from retrolidar_ros.nodes.conversion import covariance_of, vector_of
@@ -151,17 +149,8 @@ class TestLaunchFile(unittest.TestCase):
 
     def test_a_goal_out_of_reach_is_told_first(self, case):
         """The sensor of scene `coffee` stands still."""
-        command = [sys.executable, '-c', SCRIPT, 'coffee', 'namespace:=still', 'emulate:=coffee']
-        with subprocess.Popen(
-            command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True
-        ) as process:
-            lines = []
-            # Launch may hang if it is interrupted while it starts.
-            while not any('has not been seen' in line for line in lines):
-                lines.append(process.stdout.readline())
-                assert lines[-1], lines
-            process.send_signal(signal.SIGINT)
-            process.stdout.read()
+        # Launch may hang if it is interrupted while it starts.
+        lines = lines_until('has not been seen', 'coffee', 'namespace:=still', 'emulate:=coffee')
         told = [index for index, line in enumerate(lines) if 'stands still' in line]
         started = [index for index, line in enumerate(lines) if 'process started' in line]
         assert told[0] < started[0], lines
