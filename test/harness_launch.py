@@ -50,13 +50,18 @@ def launched(*actions: Any) -> Any:
 
 
 def lines_until(wanted: str, *arguments: str, timeout_s: float = 60.0) -> list[str]:
-    """Launch a file, interrupt it once it has printed `wanted`, and return the lines it printed."""
+    """Launch a file, interrupt it once it has printed `wanted`, and return the lines it printed.
+
+    Its nodes are in a domain of their own, as TF frames of the same names may be sent meanwhile.
+    """
+    domain = int(os.environ.get('ROS_DOMAIN_ID', '0')) + 1
     with subprocess.Popen(
         [sys.executable, '-c', SCRIPT, *arguments],
         stdout=subprocess.PIPE,
         stderr=subprocess.STDOUT,
         text=True,
         start_new_session=True,
+        env={**os.environ, 'ROS_DOMAIN_ID': str(domain)},
     ) as process:
         kill = threading.Timer(timeout_s, os.killpg, (process.pid, signal.SIGKILL))
         kill.start()
