@@ -9,8 +9,11 @@ import unittest
 from contextlib import suppress
 from pathlib import Path
 
-import launch_testing.actions
 import pytest
+
+pytest.importorskip('launch_testing', reason='needs launch_testing, which has no wheel')
+
+import launch_testing.actions
 from launch import LaunchDescription
 from launch_testing.util import KeepAliveProc
 

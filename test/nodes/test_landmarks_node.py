@@ -10,7 +10,6 @@ import time
 from pathlib import Path
 
 import numpy as np
-import pytest
 import yaml
 from geometry_msgs.msg import PoseWithCovarianceStamped, TransformStamped
 from harness_landmarks import EDGE_M, GROUND, Hand, check_drone, check_landmarks, squared
@@ -19,7 +18,6 @@ from harness_observer import LATCHED, RELIABLE
 from tf2_msgs.msg import TFMessage
 
 from retrolidar_ros.nodes.conversion import to_header, to_pose, to_transform, vector_of
-from retrolidar_ros.nodes.transforms import TransformBuffer
 from retrolidar_ros.scene.files import load_scene
 from retrolidar_ros.scene.optics import position_at
 from retrolidar_ros.sensor.frame import Floats
@@ -30,12 +28,9 @@ from retrolidar_ros.tasks.state import Prior, State
 from retrolidar_ros.tasks.survey import survey_content
 
 
-def transform(
-    child: str, parent: str, place_m: tuple[float, float], stamp_ns: int, yaw: float = 0.0
-) -> TransformStamped:
-    turn = np.array([0.0, 0.0, math.sin(yaw / 2), math.cos(yaw / 2)])
-    pose = to_pose(np.array([*place_m, 0.0]), turn)
-    return to_transform(to_header(stamp_ns, parent), child, pose)
+def static_transform(child: str, parent: str, place_m: tuple[float, float]) -> TransformStamped:
+    pose = to_pose(np.array([*place_m, 0.0]), np.array([0.0, 0.0, 0.0, 1.0]))
+    return to_transform(to_header(0, parent), child, pose)
 
 
 def test_landmarks_are_found_moved_saved_and_forgotten(tmp_path: Path) -> None:
@@ -93,7 +88,7 @@ def test_three_sensors_on_the_ground_locate_a_drone(tmp_path: Path) -> None:
             x, y = (EDGE_M / math.sqrt(3) * f(angle) for f in (math.cos, math.sin))
             place = ['--at', str(x), str(y), '0', '--start', str(start_s), '--seed', str(index)]
             system.processes.start(f'emulator{index}', [*emulate, '--port-link', port, *place])
-            transforms.append(transform(f'sensor{index}_optical_frame', GROUND, (x, y), 0))
+            transforms.append(static_transform(f'sensor{index}_optical_frame', GROUND, (x, y)))
         static = system.node.create_publisher(TFMessage, '/tf_static', LATCHED)
         static.publish(TFMessage(transforms=transforms))
 
@@ -102,25 +97,3 @@ def test_three_sensors_on_the_ground_locate_a_drone(tmp_path: Path) -> None:
             return place
 
         check_drone(system, at)
-
-
-def test_the_buffer_goes_between_frames_and_times() -> None:
-    buffer = TransformBuffer()
-    ways = [transform('hand', 'base', (1.0, 0.0), 1_000)]
-    ways += [transform('hand', 'base', (2.0, 0.0), 3_000, yaw=1.0)]
-    buffer.take(ways, static=False)
-    buffer.take([transform('eye', 'hand', (0.5, 0.0), 0)], static=True)
-    found = buffer.find('base', 'eye', 2_000)
-    assert found is not None
-    assert found[0] == pytest.approx([1.5 + 0.5 * math.cos(0.5), 0.5 * math.sin(0.5), 0])
-    back = buffer.find('eye', 'base', 1_000)
-    assert back is not None
-    assert back[0] == pytest.approx([-1.5, 0, 0])
-    assert buffer.find('base', 'eye', 3_001) is None  # not yet
-    assert buffer.find('base', 'eye', 999) is None
-    assert buffer.find('base', 'nowhere', 2_000) is None
-    assert buffer.has('eye')
-    assert not buffer.has('base')
-    buffer.clear()
-    assert buffer.find('hand', 'eye', 5) is not None
-    assert buffer.find('base', 'eye', 2_000) is None

@@ -1,8 +1,8 @@
 # Copyright 2026 retrolidar_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""TF: lookups through tf2_ros and without it, and frames that two nodes send."""
+"""TF: lookups, by tf2_ros or the part of it in embedded/, and frames that two nodes send."""
 
-import sys
+import math
 import time
 from collections.abc import Iterator
 from pathlib import Path
@@ -16,6 +16,7 @@ from harness_nodes import COFFEE_IDS, running
 from harness_observer import LATCHED
 from rclpy.time import Time
 from tf2_msgs.msg import TFMessage
+from tf2_ros import Buffer
 
 from retrolidar_ros.nodes.conversion import to_header, to_pose, to_transform
 from retrolidar_ros.nodes.listener import Listener
@@ -26,21 +27,47 @@ from retrolidar_ros.scene.files import load_scene
 STAMP_NS = 5_000_000_000
 
 
-def transform(child: str, parent: str, x_m: float = 1.0, stamp_ns: int = 0) -> TransformStamped:
-    pose = to_pose(np.array([x_m, 0.0, 0.0]), np.array([0.0, 0.0, 0.0, 1.0]))
+def transform(
+    child: str,
+    parent: str,
+    x_m: float = 1.0,
+    stamp_ns: int = 0,
+    quaternion: tuple[float, ...] = (0.0, 0.0, 0.0, 1.0),
+) -> TransformStamped:
+    pose = to_pose(np.array([x_m, 0.0, 0.0]), np.array(quaternion))
     return to_transform(to_header(stamp_ns, parent), child, pose)
 
 
-@pytest.fixture(params=['tf2_ros', 'own'])
-def listener(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> Iterator[Listener]:
-    """Return a node, where lookups go through tf2_ros, or do not."""
-    if request.param == 'tf2_ros':
-        pytest.importorskip('tf2_ros', reason='tf2_ros has no wheel')
-    else:
-        monkeypatch.setitem(sys.modules, 'tf2_ros', None)
+@pytest.fixture
+def listener() -> Iterator[Listener]:
     listener = Listener('/finding')
     yield listener
     listener.close()
+
+
+def test_the_buffer_goes_between_frames_and_times() -> None:
+    buffer = Buffer()
+    buffer.set_transform(transform('hand', 'base', 1.0, 1_000), 'test')
+    turned = (0.0, 0.0, math.sin(0.5), math.cos(0.5))
+    buffer.set_transform(transform('hand', 'base', 2.0, 3_000, turned), 'test')
+    buffer.set_transform_static(transform('eye', 'hand', 0.5), 'test')
+
+    def place(target: str, source: str, stamp_ns: int) -> list[float] | None:
+        stamp = Time(nanoseconds=stamp_ns)
+        if not buffer.can_transform(target, source, stamp):
+            return None
+        found = buffer.lookup_transform(target, source, stamp).transform.translation
+        return [found.x, found.y, found.z]
+
+    half = [1.5 + 0.5 * math.cos(0.5), 0.5 * math.sin(0.5), 0.0]
+    assert place('base', 'eye', 2_000) == pytest.approx(half)
+    assert place('eye', 'base', 1_000) == pytest.approx([-1.5, 0.0, 0.0])
+    assert place('base', 'eye', 3_001) is None  # not yet
+    assert place('base', 'eye', 999) is None
+    assert place('base', 'nowhere', 2_000) is None
+    buffer.clear()
+    assert place('hand', 'eye', 5) is not None
+    assert place('base', 'eye', 2_000) is None
 
 
 def test_transforms_are_found_and_frames_known_by_their_whole_names(listener: Listener) -> None:
