@@ -118,7 +118,7 @@ def table(figures: dict[str, Any]) -> Table:
 
 def draw(figures: dict[str, Any]) -> Any:
     """Draw identification over distance."""
-    figure, (axis,) = new_chart(1, 1, 10, 6.2, MESSAGE)
+    figure, (axis,) = new_chart(1, 1, 5, MESSAGE)
     looks = {
         'genie': look('genie'),
         'searched': look('joint') | {'linestyle': ':'},

@@ -72,7 +72,7 @@ def table(figures: dict[str, Any]) -> Table:
 
 def draw(figures: dict[str, Any]) -> Any:
     """Draw shares read as colours, stresses over signals, for both methods."""
-    figure, panels = new_chart(2, 2, 14, 9.5, MESSAGE)
+    figure, panels = new_chart(2, 1, 9, MESSAGE)
     names = [row['stress'] for row in figures['rows']]
     for axis, method in zip(panels, METHODS, strict=True):
         shares = np.array(
@@ -82,11 +82,12 @@ def draw(figures: dict[str, Any]) -> Any:
         for (row, column), share in np.ndenumerate(shares):
             weak = figures['rows'][row]['snr_db'][column] < _POSSIBLE_DB
             words, colour = f'{share:.0f}', 'black' if share > 55 else 'white'
-            centred = {'ha': 'center', 'va': 'center', 'fontsize': 11, 'color': colour}
+            centred = {'ha': 'center', 'va': 'center', 'fontsize': 10, 'color': colour}
             axis.text(column, row, f'({words})' if weak else words, **centred)
-        title = 'default, joint' if method == 'joint' else 'method paper'
+        title = 'default' if method == 'joint' else "the paper's method"
         label(axis, 'signal of the bright marker [kcps/SPAD]', '', title)
-        axis.set_yticks(range(len(names)), names if axis is panels[0] else [''] * len(names))
+        axis.set_yticks(range(len(names)), names)
+        axis.tick_params(axis='y', labelsize=9)
         axis.set_xticks(range(len(SIGNALS)), [f'{signal:g}' for signal in figures['signals']])
         axis.grid(visible=False)
     figure.colorbar(image, ax=panels, label='lone packets read [%]', shrink=0.6)

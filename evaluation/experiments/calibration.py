@@ -288,7 +288,7 @@ def table(figures: dict[str, Any]) -> Table:
 def draw(figures: dict[str, Any]) -> Any:
     """Draw errors against what they claim to be, quantity by quantity."""
     errors = _errors(figures)
-    figure, (axis,) = new_chart(1, 1, 9.0, 5, MESSAGE)
+    figure, (axis,) = new_chart(1, 1, 4.6, MESSAGE)
     for index, one in enumerate(errors.values()):
         scores = one[:, 0] / np.maximum(one[:, 1], 1e-12)
         across = index + 0.6 * (np.arange(len(scores)) / max(len(scores), 1) - 0.5)

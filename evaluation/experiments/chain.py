@@ -8,7 +8,7 @@ import numpy as np
 
 from evaluation.bench.places import place_error
 from evaluation.bench.recordings import transmission
-from evaluation.report.chart_style import label, legend_below, line, look, new_chart
+from evaluation.report.chart_style import OTHERS, label, legend_below, line, look, new_chart
 from evaluation.report.claims import Claim, Claims, Table
 from retrolidar_ros.detector import Detection, create_detector
 from retrolidar_ros.detector.likelihood_detector import LikelihoodDetector, Reason
@@ -28,12 +28,12 @@ _DURATION_S = 4.4
 _SHOWN_S = 0.3  # before and after the packet
 _READ = 'read'
 _SIGNS = {
-    _READ: ('o', '#0072b2'),
+    _READ: ('o', look('joint')['color']),
     Reason.EVIDENCE.value: ('.', '0.5'),
-    Reason.NOT_A_WORD.value: ('x', '#d55e00'),
-    Reason.MARGIN.value: ('^', '#cc79a7'),
-    Reason.INCOMPLETE.value: ('v', '#009e73'),
-    Reason.ERASED.value: ('d', '#e69f00'),
+    Reason.NOT_A_WORD.value: ('x', OTHERS[0]),
+    Reason.MARGIN.value: ('^', OTHERS[1]),
+    Reason.INCOMPLETE.value: ('v', OTHERS[2]),
+    Reason.ERASED.value: ('d', OTHERS[3]),
 }
 
 
@@ -119,7 +119,7 @@ def claims(figures: dict[str, Any]) -> Claims:
 
 def draw(figures: dict[str, Any]) -> Any:
     """Draw samples, and evidence, word test and margin of the candidates over time."""
-    figure, (top, *panels) = new_chart(4, 1, 12, 13.5, MESSAGE)
+    figure, (top, *panels) = new_chart(4, 1, 10, MESSAGE)
     samples, highest = figures['samples'], max(figures['samples']['signal'])
     fitted = line('-', look('joint')['color'])
     top.plot(samples['time_s'], samples['signal'], '.', color='0.3')

@@ -172,7 +172,7 @@ def claims(figures: dict[str, Any]) -> Claims:
 
 def draw(figures: dict[str, Any]) -> Any:
     """Draw how long looks take, and errors of range and position."""
-    figure, (times, wrong) = new_chart(2, 2, 14, 6, MESSAGE)
+    figure, (times, wrong) = new_chart(2, 2, 4.6, MESSAGE)
     for method, row in figures['methods'].items():
         colour = look(method)['color']
         ordered = 100 * np.arange(1, len(row['looks_s']) + 1) / figures['trials']

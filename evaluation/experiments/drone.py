@@ -18,7 +18,6 @@ from retrolidar_ros.scene.files import load_scene
 from retrolidar_ros.scene.optics import position_at
 
 TITLE = 'Drone'
-MESSAGE = 'The default reads the drone in every window of ten seconds, whatever was tried'
 PAPER_RATE, PAPER_RANGE_MM = 0.91, 10.0
 WINDOWS_S = {2.0: '--', 5.0: ':', 10.0: '-'}  # with the style of their curves
 DURATION_S, QUICK_DURATION_S = 200.0, 30.0
@@ -116,13 +115,23 @@ def claims(figures: dict[str, Any]) -> Claims:
     }
 
 
+def _message(figures: dict[str, Any]) -> str:
+    steady = [row for row in figures['faster'] if row['joint']['alive'][-1]['rate'] >= PAPER_RATE]
+    hidden = [row for row in figures['darker'] if row['joint']['alive'][-1]['rate'] >= PAPER_RATE]
+    speed_m_s = max((row['speed_m_s'] for row in steady), default=0.0)
+    share = max((row['hidden'] for row in hidden), default=0.0)
+    return (
+        f'A drone is read to {speed_m_s:g} m/s, or with a rotor that hides {share:.0%} of the time'
+    )
+
+
 def draw(figures: dict[str, Any]) -> Any:
     """Draw windows with a reading over the speed, and over what the rotor hides."""
-    figure, panels = new_chart(2, 2, 14, 5.8, MESSAGE)
+    figure, panels = new_chart(2, 2, 4.4, _message(figures))
     styles = {f'windows of {window_s:g} s': line(style) for window_s, style in WINDOWS_S.items()}
     axes = (
         ('faster', 'speed_m_s', 1, 'mean speed of the drift [m/s]'),
-        ('darker', 'hidden', 100, 'hidden by the rotor, of the time [%]'),
+        ('darker', 'hidden', 100, 'hidden by the rotor [% of the time]'),
     )
     for axis, (name, key, scale, x) in zip(panels, axes, strict=True):
         places = [scale * row[key] for row in figures[name]]

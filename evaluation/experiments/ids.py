@@ -63,7 +63,7 @@ def claims(figures: dict[str, Any]) -> Claims:
 
 def draw(figures: dict[str, Any]) -> Any:
     """Draw the sizes of the sets."""
-    figure, (axis,) = new_chart(1, 1, 9, 5, MESSAGE)
+    figure, (axis,) = new_chart(1, 1, 4.2, MESSAGE)
     sizes = {f'{row["distance"]}': row['ids'] for row in figures['sets']}
     axis.bar_label(axis.bar(list(sizes), list(sizes.values()), color=OTHERS[0]), padding=3)
     x, ends = 'least distance, over all shifts [bits]', (1, 2 * max(sizes.values()))

@@ -9,7 +9,7 @@ import numpy as np
 
 from evaluation.bench.stresses import LABORATORY
 from evaluation.experiments.stability import RANGES_M, named, read
-from evaluation.report.chart_style import LEVEL, draw_shares, label, legend_below, new_chart
+from evaluation.report.chart_style import LEVEL, OTHERS, draw_shares, label, legend_below, new_chart
 from evaluation.report.claims import Table
 
 TITLE = 'Walls, glass and other sensors'
@@ -18,7 +18,9 @@ METHOD = 'joint'
 UNIT = 'kcps/SPAD'
 CONDITIONS = list(itertools.product((RANGES_M[0], RANGES_M[-1]), (False,), (False, True)))
 _LOOKS = [
-    {'color': colour, 'linestyle': line} for line in '-:' for colour in ('#0072b2', '#d55e00')
+    {'color': colour, 'linestyle': style, 'linewidth': width}
+    for style in '-:'
+    for colour, width in zip(OTHERS[1::2], (4, 1.5), strict=True)
 ]
 
 
@@ -64,7 +66,7 @@ def table(figures: dict[str, Any]) -> Table:
 def draw(figures: dict[str, Any]) -> Any:
     """Draw what is read over the value of each panel."""
     panels = figures['panels']
-    figure, axes = new_chart(len(panels), len(panels), 14, 5.2, MESSAGE)
+    figure, axes = new_chart(len(panels), len(panels), 4.2, MESSAGE)
     for axis, panel in zip(axes, panels, strict=True):
         for points, how in zip(panel['points'], _LOOKS, strict=True):
             shares = [point[METHOD]['right'] for point in points]

@@ -14,7 +14,15 @@ from evaluation.bench.landmark_trials import FLIGHT_S, drone_trial, room_trial, 
 from evaluation.bench.places import PlaceError, held, place_error, rms
 from evaluation.bench.rates import sum_of
 from evaluation.peers.visual_markers import APRILTAG, find_readers
-from evaluation.report.chart_style import OTHERS, label, legend_below, legend_under, line, new_chart
+from evaluation.report.chart_style import (
+    OTHERS,
+    label,
+    legend_below,
+    legend_under,
+    line,
+    look,
+    new_chart,
+)
 from evaluation.report.claims import NOTHING, Table, percent
 from retrolidar_ros.scene import Scene
 from retrolidar_ros.scene.description import Marker
@@ -176,6 +184,7 @@ def table(figures: dict[str, Any]) -> Table:
         add(f'{"/".join(row["object"] for row in own)} from {where}', own)
     for kind, pose_m in dict.fromkeys((row['kind'], row['pose_m']) for row in figures['tags']):
         own = [row for row in figures['tags'] if (row['kind'], row['pose_m']) == (kind, pose_m)]
+        own.sort(key=lambda row: float(row['range_m']))
         tf = f'TF off by {1e3 * pose_m:g} mm and 0.2°' if pose_m else 'exact TF'
         add(f'the last, {kind}, {tf}', own)
     drones, rooms = figures['drones'], figures['rooms']
@@ -201,7 +210,7 @@ def table(figures: dict[str, Any]) -> Table:
 
 def draw(figures: dict[str, Any]) -> Any:
     """Draw errors over the distance of the places, over their number, and beside those of tags."""
-    figure, (baseline, number, beside) = new_chart(3, 3, 19, 6, MESSAGE)
+    figure, (baseline, number, beside) = new_chart(3, 2, 8.4, MESSAGE)
     names = dict.fromkeys(row['object'] for row in figures['places'])
     looks = {name: line('-', one) for name, one in zip(names, OTHERS, strict=False)}
     for name, how in looks.items():
@@ -215,20 +224,22 @@ def draw(figures: dict[str, Any]) -> Any:
             axis.plot(at, [row['stddev_mm'] for row in chosen], **how | {'linestyle': ':'})
     for kind, pose_m in dict.fromkeys((row['kind'], row['pose_m']) for row in figures['tags']):
         own = [row for row in figures['tags'] if (row['kind'], row['pose_m']) == (kind, pose_m)]
+        own.sort(key=lambda row: float(row['range_m']))
         words = f'{kind}, ' + ('TF off by 2 mm, 0.2°' if pose_m else 'exact TF')
-        style = line('--' if pose_m else '-', OTHERS[kind == APRILTAG]) | {'marker': 'o'}
+        style = look(APRILTAG if kind == APRILTAG else 'joint')
+        style['linestyle'] = '--' if pose_m else '-'
         places = [row['range_m'] for row in own]
         beside.plot(places, [row['median_mm'] for row in own], label=words, **style)
-    x, y = 'edge of the square whose corners the hand looks from [m]', 'error of the position [mm]'
+    x, y = 'edge of the square it looks from [m]', 'error of the position [mm]'
     label(baseline, x, y, 'four places', yscale='log')
     label(number, 'places on a square of 0.4 m', y, 'one place after the other', yscale='log')
-    what = 'beside tags of 3 cm, four places 0.4 m apart'
+    what = 'beside tags, four places 0.4 m apart'
     label(beside, 'distance of the object [m]', y, what, yscale='log')
     number.set_xticks(range(1, len(hand.CORNERS) + 1))
     baseline.axhline(10, **line('--', '0.4'), linewidth=1)
     number.axhline(10, **line('--', '0.4'), linewidth=1)
     if figures['tags']:
-        legend_under(beside)
+        legend_under(beside, 1)
     kinds = {'median': line('-'), 'estimated deviation': line(':'), '10 mm': line('--', '0.4')}
     legend_below(figure, (), looks | kinds)
     return figure

@@ -118,7 +118,7 @@ def claims(figures: dict[str, Any]) -> Claims:
 
 def draw(figures: dict[str, Any]) -> Any:
     """Draw signal over distance and area, and SNR over integration time."""
-    figure, (far, wide, long) = new_chart(3, 3, 16, 6, MESSAGE)
+    figure, (far, wide, long) = new_chart(3, 2, 8, MESSAGE)
     how = look('joint') | {'linestyle': '', 'markersize': 7}
     ranges_m, signals = figures['ranges_m'], figures['signals']
     far.plot(ranges_m, signals, **how, label='marker of 3 cm')

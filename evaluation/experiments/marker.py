@@ -153,7 +153,7 @@ def claims(figures: dict[str, Any]) -> Claims:
 
 def draw(figures: dict[str, Any]) -> Any:
     """Draw voltages over distance, reach over the noise's bandwidth, and lives over queries."""
-    figure, (volts, reach, life) = new_chart(3, 3, 17, 6.2, MESSAGE)
+    figure, (volts, reach, life) = new_chart(3, 2, 8.6, MESSAGE)
     for angle, colour in zip(_ANGLES_DEG, OTHERS, strict=False):
         course = 1e3 * wakeup.voltage_v(_RANGES_M, math.radians(angle))
         volts.plot(_RANGES_M, course, color=colour, label=f'indoors, {angle}°')
@@ -165,13 +165,13 @@ def draw(figures: dict[str, Any]) -> Any:
     reach.plot(hertz, figures['safe_m'], color=OTHERS[0], label='one false wake-up an hour')
     reach.axhline(wakeup.REACH_M, color='k', linewidth=1, label="the paper's reach, guard 1 mV")
     reach.axvline(1e-3 * AMPLIFIER_HZ, **line('--', 'k'), label='first amplifier')
-    x = 'bandwidth of the noise, taken as white [kHz]'
+    x = 'bandwidth of white noise [kHz]'
     label(reach, x, 'wakes to [m]', xscale='log', ylim=(0, 3))
     for (name, hours), colour in zip(figures['over_queries_h'].items(), OTHERS, strict=False):
         life.plot(figures['queries_per_hour'], np.array(hours) / _DAY_H, color=colour, label=name)
     for hours, words in ((_YEAR_H / 6, 'two months'), (2 * _YEAR_H, 'two years')):
         life.axhline(hours / _DAY_H, color='0.4', linewidth=1)
-        life.text(900, 1.05 * hours / _DAY_H, words, ha='right', fontsize=11)
+        life.text(0.06, 1.05 * hours / _DAY_H, words, ha='left', fontsize=11)
     x, y = 'queries an hour, a packet each', f'life of {CELL_MAH:g} mAh [days]'
     label(life, x, y, xscale='log', yscale='log')
     for axis, columns in ((volts, 2), (reach, 1), (life, 1)):

@@ -144,7 +144,7 @@ def table(figures: dict[str, Any]) -> Table:
 
 def draw(figures: dict[str, Any]) -> Any:
     """Draw packets read and wrong IDs over the speed, a column for each way."""
-    figure, panels = new_chart(4, 2, 13, 9.5, MESSAGE)
+    figure, panels = new_chart(4, 2, 7, MESSAGE)
     styles = dict(zip(RANGES_M, ('-', ':'), strict=True))
     for curve in figures['curves']:
         column = list(WAYS).index(curve['way'])

@@ -131,23 +131,23 @@ class Reading(sweeps.Sweep):
 
     def draw(self, figures: dict[str, Any]) -> Any:
         """Draw shares over distance, and the wrong bits of both methods."""
-        figure, (read, *bits) = new_chart(3, 3, 16, 6, self.message)
+        figure, (read, *bits) = new_chart(3, 3, 4.4, self.message)
         (points,) = (curve['points'] for curve in figures['curves'].values())
         draw_reads(read, points)
         places = [point['place'] for point in points]
         found = [100 * point['paper']['found'] for point in points]
         read.plot(places, found, **line('-.', '0.3'), linewidth=1)
         read.axvline(PAPER_REACH_M, **line(':'))
-        label(read, self.axis, 'lone packets [%]', 'identified', percent=True)
+        label(read, 'distance [m]', 'lone packets [%]', 'identified', percent=True)
         names = [*map(str, range(sweeps.MOST_BITS)), f'{sweeps.MOST_BITS} or more']
         for axis, method in zip(bits, METHODS, strict=True):
             trials = [point[method]['right']['trials'] for point in points]
             heights = 100 * np.array([point[method]['bits'] for point in points]).T / trials
             for height, below, colour in zip(heights, heights.cumsum(axis=0), SHADES, strict=True):
                 axis.bar(range(len(places)), height, 0.8, below - height, color=colour)
-            title = f'{method}: wrong bits of what is read rightly'
-            label(axis, self.axis, '', title, percent=True)
-            axis.set_xticks(range(len(places)), [f'{place:g}' for place in places])
+            label(axis, 'distance [m]', '', f'wrong bits, {method}', percent=True)
+            shown = range(0, len(places), 3)
+            axis.set_xticks(shown, [f'{places[index]:g}' for index in shown])
             axis.grid(axis='x', visible=False)
         others = WRONG | {'paper: preamble found': line('-.', '0.3')} | sweeps.PAPERS_OWN
         for name, colour in zip(names, SHADES, strict=True):

@@ -75,7 +75,7 @@ def draw(figures: dict[str, Any]) -> Any:
         ('processor time [µs]', _changes(figures, 'frame_us')),
     )
     names = figures['off'][1:]
-    figure, axes = new_chart(5, 5, 15, 0.5 + 0.27 * len(names) + 1.2, MESSAGE)
+    figure, axes = new_chart(5, 5, 0.5 + 0.27 * len(names) + 1.2, MESSAGE)
     for axis, (title, values) in zip(axes, panels, strict=True):
         places = np.arange(len(names))[::-1]
         axis.barh(places, values, color=OTHERS[0], height=0.7)

@@ -206,7 +206,7 @@ _PANELS = {
 
 def draw(figures: dict[str, Any]) -> Any:
     """Draw a panel for each sweep, and the error of range."""
-    figure, panels = new_chart(8, 4, 18, 9.5, MESSAGE)
+    figure, panels = new_chart(8, 2, 12.5, MESSAGE)
     for axis, (name, title) in zip(panels, _PANELS.items(), strict=True):
         if name == 'error':
             sweep = figures['sweeps']['3 cm']

@@ -135,10 +135,10 @@ def claims(figures: dict[str, Any]) -> Claims:
 
 def draw(figures: dict[str, Any]) -> Any:
     """Draw the distribution of bearing errors, and of distances in standard deviations."""
-    figure, panels = new_chart(2, 2, 14, 6, MESSAGE)
+    figure, panels = new_chart(2, 2, 4.6, MESSAGE)
     axes = (
-        ('bearing_deg', 'error of the bearing along one axis [°]', 8),
-        ('distance', 'distance from the truth, in standard deviations of the covariance', 5),
+        ('bearing_deg', 'error of the bearing [°]', 8),
+        ('distance', 'distance from the truth [deviations]', 5),
     )
     looks = {
         f'{words}, blur {row["blur"]:.0%}': (row, name, line(style, colour))

@@ -102,7 +102,7 @@ def claims(figures: dict[str, Any]) -> Claims:
 
 def draw(figures: dict[str, Any]) -> Any:
     """Draw median and 95 % errors over distance."""
-    figure, (axis,) = new_chart(1, 1, 10, 6, MESSAGE)
+    figure, (axis,) = new_chart(1, 1, 5, MESSAGE)
     places = [one['range_m'] for one in figures['points']]
     for kind in _KINDS:
         how = _LOOKS.get(kind) or look(kind)
@@ -115,7 +115,7 @@ def draw(figures: dict[str, Any]) -> Any:
         'bare board': _LOOKS['board'],
         'median': line('-'),
         '95 %': line(':'),
-        "the paper's bound of medians": line('-.'),
+        "the paper's bound": line('-.'),
     }
     legend_below(figure, METHODS, others)
     return figure

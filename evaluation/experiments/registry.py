@@ -4,7 +4,7 @@
 
 An experiment is a module, or an object, with a `TITLE` of a few words, and functions `run`, which
 returns figures fit for JSON, `draw` and `table`, which make the chart and the table of figures,
-and perhaps `claims`.
+and perhaps `claims`, and `draw_panels` for a chart of all details.
 """
 
 import json
@@ -38,11 +38,16 @@ _LONGEST = ('parts', 'roc', 'landmarks', 'calibration')  # begun first, so that 
 
 
 def save_chart(name: str, figures: dict[str, Any], directory: Path) -> None:
-    """Draw the chart of an experiment to NAME.png."""
-    chart = EXPERIMENTS[name].draw(figures)
-    if figures['run']['quick']:
-        mark_rough(chart)
-    chart.savefig(directory / f'{name}.png')
+    """Draw the chart of an experiment to NAME.png, and its details, if any, to NAME-panels.png."""
+    experiment = EXPERIMENTS[name]
+    charts = {name: experiment.draw}
+    if hasattr(experiment, 'draw_panels'):
+        charts[f'{name}-panels'] = experiment.draw_panels
+    for file, draw in charts.items():
+        chart = draw(figures)
+        if figures['run']['quick']:
+            mark_rough(chart)
+        chart.savefig(directory / f'{file}.png')
 
 
 def run_experiment(name: str, directory: Path, *, quick: bool, seed: int) -> str:

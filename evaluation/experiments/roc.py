@@ -197,7 +197,7 @@ def _draw_group(axis: Any, figures: dict[str, Any], group: str) -> None:
 
 def draw(figures: dict[str, Any]) -> Any:
     """Draw identification over false IDs, a panel for each kind of scene."""
-    figure, panels = new_chart(4, 2, 14, 10.5, MESSAGE)
+    figure, panels = new_chart(4, 2, 7.6, MESSAGE)
     for axis, group in zip(panels, GROUPS, strict=True):
         _draw_group(axis, figures, group)
         x, y = 'false IDs an hour, 16 zones', 'lone packets identified [%]'

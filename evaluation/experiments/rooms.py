@@ -14,9 +14,17 @@ from evaluation.report.chart_style import new_chart
 from evaluation.report.claims import NOTHING, Table
 
 TITLE = 'Random rooms'
-MESSAGE = 'Random rooms: packets read, of how many; wrong IDs below'
 ROOMS, QUICK_ROOMS = 400, 8
-_DARK = 0.37  # so far from a half the map is dark
+_DARK = 0.55  # a share from which the map is dark
+_RED, _BOLD = '#b00000', {'fontsize': 13, 'fontweight': 'bold'}
+_SHORT_DB = (f'< {BRIGHT_DB[0]:g}', f'to {BRIGHT_DB[1]:g}', f'> {BRIGHT_DB[1]:g}')
+_SENDINGS = {
+    'repeating': 'repeats',
+    'lone': 'one packet',
+    'pauses': 'with pauses',
+    'sequence': 'ever other IDs',
+}
+_MOTIONS = {'still': 'at rest', 'swaying': 'swaying', 'crossing': 'crossing zones'}
 _DB = (f'below {BRIGHT_DB[0]:g} dB', f'to {BRIGHT_DB[1]:g} dB', 'brighter')
 
 
@@ -47,28 +55,45 @@ def table(figures: dict[str, Any]) -> Table:
     return rows
 
 
+def _share(packets: int, read: int) -> str:
+    return f'{read / packets:.0%}' if packets else NOTHING
+
+
+def _message(figures: dict[str, Any]) -> str:
+    cells = [counted(figures, None, motion, None, SIGNALS[-1]) for motion in MOTIONS]
+    still, *_, crossing = (_share(packets, read) for packets, read, _ in cells)
+    wrong = figures['wrong']
+    return (
+        f'Random rooms, bright markers: {still} of packets are read at rest, {crossing} in motion; '
+        f'{wrong["hits"]} of {wrong["trials"]} readings are wrong'
+    )
+
+
 def draw(figures: dict[str, Any]) -> Any:
-    """Draw a map of what is read for each company: sending and motion against signal."""
-    figure, panels = new_chart(3, 3, 14, 9, MESSAGE)
-    places = [(sending, motion) for sending in SENDINGS for motion in MOTIONS]
-    for axis, company in zip(panels, COMPANY, strict=True):
-        cells = [[counted(figures, *place, company, one) for one in SIGNALS] for place in places]
+    """Draw a map for each motion, of sending against signal: what is read, and wrong IDs."""
+    figure, panels = new_chart(3, 3, 4.6, _message(figures))
+    for axis, motion in zip(panels, MOTIONS, strict=True):
+        cells = [
+            [counted(figures, sending, motion, None, one) for one in SIGNALS]
+            for sending in SENDINGS
+        ]
         shares = [
             [read / packets if packets else np.nan for packets, read, _ in row] for row in cells
         ]
         axis.grid(visible=False)
-        axis.imshow(shares, cmap='RdYlBu', vmin=0, vmax=1, aspect='auto')
-        for y, row in enumerate(cells):
-            for x, (packets, read, wrong) in enumerate(row):
-                words = f'{read / packets:.0%} of {packets}' if packets else ''
-                words += f'\n{wrong} wrong' if wrong else ''
-                dark = packets and abs(read / packets - 0.5) > _DARK
-                colour = 'white' if dark else 'black'
-                axis.text(x, y, words, color=colour, ha='center', va='center', fontsize=11)
-        axis.set_title(
-            {'beside': 'beside another', 'shared': 'sharing a zone'}.get(company, company)
-        )
-        axis.set_xticks(range(len(SIGNALS)), _DB, fontsize=11)
-        names = [' '.join(place) for place in places] if axis is panels[0] else [''] * len(places)
-        axis.set_yticks(range(len(places)), names, fontsize=11)
+        axis.imshow(shares, cmap='Blues', vmin=0, vmax=1, aspect='auto')
+        for (y, x), share in np.ndenumerate(shares):
+            packets, read, wrong = cells[y][x]
+            how = {'ha': 'center', 'va': 'center'}
+            colour = 'white' if share > _DARK else 'black'
+            axis.text(x, y - 0.2, _share(packets, read), color=colour, **_BOLD, **how)
+            axis.text(x, y + 0.08, f'of {packets}', color=colour, fontsize=9.5, **how)
+            if wrong:
+                box = {'facecolor': 'white', 'edgecolor': 'none', 'pad': 1.5}
+                axis.text(x, y + 0.34, f'{wrong} wrong', color=_RED, fontsize=9.5, bbox=box, **how)
+        axis.set_title(_MOTIONS[motion], fontsize=11.5)
+        axis.set_xticks(range(len(SIGNALS)), _SHORT_DB, fontsize=10.5)
+        names = list(_SENDINGS.values()) if axis is panels[0] else [''] * len(SENDINGS)
+        axis.set_yticks(range(len(SENDINGS)), names, fontsize=10.5)
+    figure.supxlabel('signal over noise [dB]; one packet needs 8 dB', fontsize=11)
     return figure

@@ -139,7 +139,7 @@ def claims(figures: dict[str, Any]) -> Claims:
 
 def draw(figures: dict[str, Any]) -> Any:
     """Draw the rates of the arrangements, and of two in a zone over their ratio."""
-    figure, (three, two) = new_chart(2, 2, 15, 6, MESSAGE)
+    figure, (three, two) = new_chart(2, 2, 4.8, MESSAGE)
     for offset, method in zip((-0.14, 0.14), METHODS, strict=True):
         how = look(method) | {'linestyle': '', 'markersize': 8}
         for index, row in enumerate(figures['three']):
@@ -149,13 +149,13 @@ def draw(figures: dict[str, Any]) -> Any:
     names = [row['arrangement'].replace(' ', '\n', 1) for row in figures['three']]
     title = 'three markers at 1 to 2 m, one packet'
     label(three, '', 'packets identified [%]', title, percent=True)
-    three.set_xticks(range(len(names)), names)
+    three.set_xticks(range(len(names)), names, fontsize=9)
     ratios = [row['share'] for row in figures['two']]
     for method in METHODS:
         for name, style in _PAIR.items():
             rates = [row[method][name] for row in figures['two']]
             draw_shares(two, ratios, rates, linestyle=style, **look(method))
-    x = "the fainter marker's signal, over the brighter one's"
+    x = 'fainter signal over brighter one'
     y, title = f'read within {WATCHED_S:g} s [%]', 'two markers in one zone'
     label(two, x, y, title, percent=True, xscale='log')
     two.set_xticks(ratios, [f'{share:g}' for share in ratios])

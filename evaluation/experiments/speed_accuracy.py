@@ -2,9 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """What each method costs in computing time, and what it reads for it: every knob swept."""
 
-import math
 import time
-from collections.abc import Sequence
 from dataclasses import replace
 from functools import partial
 from typing import Any, NamedTuple
@@ -19,7 +17,7 @@ from evaluation.experiments.bound import genie_reach
 from evaluation.peers import visual_markers
 from evaluation.peers.camera import Background
 from evaluation.peers.visual_markers import AprilTagReader, QrReader, Reader, View
-from evaluation.report.chart_style import LEVEL, label, legend_below, line, look, new_chart
+from evaluation.report.chart_style import LEVEL, label, look, name_curve, new_chart
 from evaluation.report.claims import Table, end_as_text
 from retrolidar_ros.detector import create_detector
 from retrolidar_ros.marker.dictionary import USABLE_IDS, choose_ids
@@ -28,10 +26,6 @@ from retrolidar_ros.scene.reference import SENSOR, marker_in_each_zone
 from retrolidar_ros.scene.truth import PACKET_S
 
 TITLE = 'Speed against accuracy'
-MESSAGE = (
-    "LiDAR: three metres for less than a hundredth of an AprilTag's computing; "
-    'AprilTag: an answer at once'
-)
 _LONE_M = paper_sweeps.RANGES_M[4:]
 _SEVERAL_M = (1.0, 2.0, 2.6, 3.0, 3.2, 3.4, 3.6, 3.8, 4.0, 4.4)
 _FRAMES, _WARM_UP_FRAMES, _TIMES = 400, 500, 5
@@ -178,72 +172,50 @@ def table(figures: dict[str, Any]) -> Table:
     return rows
 
 
-_LINES = {
-    'joint: packets combined': ('o-', 'default: 1 to 8 packets combined'),
-    'joint: IDs registered': ('s--', 'default: 1000 to 16 IDs registered'),
-    'joint: false IDs allowed an hour': ('P:', 'default: 0.001 to 1000 false IDs an hour'),
-    'paper: threshold': ('D--', 'paper, 3 packets: threshold 0.5 to 0.1; only HALF are read'),
-    'AprilTag: decimation': ('v-', 'AprilTag 3: decimation 4 to 1'),
-    'QR code: zbar': ('X-', 'QR code'),
-}  # sign, line and words of the curves that are drawn
+_CURVES = {
+    'joint: packets combined': ('joint', 'reach_m', 'LiDAR: {} to {} packets combined'),
+    'paper: threshold': ('paper', 'half_m', "the paper's method: only half are read"),
+    'AprilTag: decimation': ('AprilTag', 'reach_m', 'AprilTag: decimation {} to {}'),
+}  # whose colour, which reach, and the words of the curves that are drawn
+_DEAR_MS = 100.0
+_COSTS = {'LiDAR': ('joint: packets combined', '1'), 'tag': ('AprilTag: decimation', '2')}
 
 
-def _frontier(points: Sequence[dict[str, Any]]) -> list[tuple[float, float]]:
-    """Return the points than which none is cheaper and reads farther, as steps."""
-    steps: list[tuple[float, float]] = []
-    for point in sorted(points, key=lambda one: float(one['cpu_ms'])):
-        reach_m = point['reach_m']['at'] or 0.0
-        if not steps or reach_m > steps[-1][1]:
-            if steps:
-                steps.append((point['cpu_ms'], steps[-1][1]))
-            steps.append((point['cpu_ms'], reach_m))
-    return steps
+def _message(figures: dict[str, Any]) -> str:
+    ours, tag = (at(figures, *of) for of in _COSTS.values())
+    if ours is None or tag is None:
+        return 'What reach costs in computing'
+    times = tag['cpu_ms'] / ours['cpu_ms']
+    return f'An AprilTag takes {times:.0f} times the computing of a LiDAR marker'
 
 
 def draw(figures: dict[str, Any]) -> Any:
-    """Draw reach over processor time, wrong IDs as colour, and reach over the time to an answer."""
-    figure, (cost, answer) = new_chart(2, 2, 16, 8.4, MESSAGE)
-    curves = {name: points for name, points in figures['curves'].items() if name in _LINES}
-    every = [point for points in curves.values() for point in points]
-    most_wrong = 10 * max(math.ceil(10 * point['wrong']['rate']) for point in every) or 10  # [%]
-    entries: dict[str, Any] = {}
-    for name, points in curves.items():
-        form, words = _LINES[name]
-        sign, style = form[0], form[1:]
-        how = look(name.partition(':')[0]) | {'marker': sign, 'linestyle': style}
-        entries[words] = how | {'markerfacecolor': 'white'}
-        # Where four of five are hardly read anywhere, half are shown.
-        key = 'half_m' if name.startswith('paper') else 'reach_m'
-        shown = [point for point in points if point[key]['at'] is not None]
-        for axis, place in ((cost, 'cpu_ms'), (answer, 'answer_s')):
-            places = [one[place] for one in shown]
-            reaches, low, high = np.array(
-                [[one[key][end] for one in shown] for end in ('at', 'low', 'high')], dtype=float
-            )
-            bars = np.maximum([reaches - low, high - reaches], 0)
-            axis.plot(places, reaches, **entries[words], linewidth=1.5)
-            axis.errorbar(places, reaches, bars, linestyle='', color=how['color'], capsize=3)
-            wrong = [100 * point['wrong']['rate'] for point in shown]
-            spots = {'s': 120, 'marker': sign, 'edgecolors': how['color'], 'linewidths': 2}
-            colours = {'c': wrong, 'cmap': 'Reds', 'vmin': 0, 'vmax': most_wrong}
-            image = axis.scatter(places, reaches, **spots, **colours, zorder=3)
-    frontier = line('-', '0.7') | {'linewidth': 5, 'alpha': 0.5}
-    cost.plot(*zip(*_frontier(every), strict=True), **frontier, zorder=0)
-    genie = line('--', look('genie')['color'])
-    if figures['genie_m'] is not None:
-        for axis in (cost, answer):
-            axis.axhline(figures['genie_m'], **genie)
-    answer.axvline(1e-3 * figures['frame_ms'], **line(':', '0.3'))
-    answer.axvline(PACKET_S, **line('-.', '0.3'))
-    y = '80 % (of method paper: half) of markers of 3 cm are read to [m]'
-    label(cost, 'processor time per second of watching [ms]', y, xscale='log', ylim=(0, 4.5))
-    label(answer, 'time to an answer [s]', '', xscale='log', ylim=(0, 4.5))
-    figure.colorbar(image, ax=answer, label='wrong IDs [%]', shrink=0.7)
-    entries |= {
-        'frontier: nothing cheaper reads farther': frontier,
-        'genie-aided bound of one packet': genie,
-        'one frame': line(':', '0.3'),
-        'one packet': line('-.', '0.3'),
-    }
-    legend_below(figure, (), entries, columns=3)
+    """Draw reach over processor time."""
+    figure, (axis,) = new_chart(1, 1, 4.4, _message(figures))
+    for curve, (name, key, words) in _CURVES.items():
+        points = [one for one in figures['curves'].get(curve, ()) if one[key]['at'] is not None]
+        if not points:
+            continue
+        places = [one['cpu_ms'] for one in points]
+        reaches, low, high = np.array(
+            [[one[key][end] for one in points] for end in ('at', 'low', 'high')], dtype=float
+        )
+        how = look(name)
+        bars = np.maximum([reaches - low, high - reaches], 0)
+        axis.plot(places, reaches, **how)
+        axis.errorbar(places, reaches, bars, linestyle='', color=how['color'], capsize=3)
+        text = words.format(points[0]['label'], points[-1]['label'])
+        # Cheap ones are named at the right of their farthest, those that are dear at the left.
+        is_dear, top = places[-1] > _DEAR_MS, int(np.argmax(reaches))
+        where = (places[top] * (0.8 if is_dear else 1.2), reaches[top])
+        name_curve(axis, name, text, where, ha='right' if is_dear else 'left')
+    label(
+        axis,
+        'processor time per second of watching [ms]',
+        'markers of 3 cm are read to [m]',
+        xscale='log',
+        ylim=(0, 5),
+    )
+    ticks = (1, 3, 10, 30, 100, 300, 1000)
+    axis.set_xticks(ticks, [f'{one:g}' for one in ticks])
     return figure

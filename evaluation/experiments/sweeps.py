@@ -103,8 +103,8 @@ class Sweep:
         """Draw a panel for each curve."""
         count = len(figures['curves'])
         columns = 2 if count == 4 else min(3, count)
-        width, height = max(4.7 * columns + 0.5, 7.5), 4.2 * -(-count // columns) + 1
-        figure, panels = new_chart(count, columns, width, height, self.message)
+        height = (4.6 if count == 1 else 3.2) * -(-count // columns) + 1
+        figure, panels = new_chart(count, columns, height, self.message)
         for axis, (name, curve) in zip(panels, figures['curves'].items(), strict=True):
             draw_reads(axis, curve['points'])
             if name in self.marks:

@@ -2,7 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """A marker that is followed: how well it is placed while it moves, and when a track ends."""
 
-import math
 from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
@@ -15,7 +14,7 @@ from evaluation.bench.stresses import PLAIN
 from evaluation.experiments.moving import WAYS
 from evaluation.peers.camera import Background
 from evaluation.peers.visual_markers import APRILTAG, View, find_readers, read_pictures
-from evaluation.report.chart_style import OTHERS, label, legend_below, line, look, new_chart
+from evaluation.report.chart_style import label, look, name_curve, new_chart
 from evaluation.report.claims import NOTHING, Table, as_text, percent
 from retrolidar_ros.detector.likelihood_detector import LikelihoodDetector
 from retrolidar_ros.detector.methods import create_detector
@@ -23,7 +22,6 @@ from retrolidar_ros.detector.tracks import Track
 from retrolidar_ros.sensor.frame import Recording
 
 TITLE = 'Markers that are followed'
-MESSAGE = 'Followed, a marker has a place in every frame, and moving it costs millimetres'
 RANGES_M = (1.0, 2.0)
 DURATION_S = 20.0
 _SPEEDS_M_S = (0.0, 0.1, 0.3, 0.6)
@@ -31,6 +29,7 @@ _SETTLED_S = 1.0  # after a track began
 _GONE_S = 6.0  # when a marker vanishes, at the earliest
 _STANDING_S = 120.0
 _PICTURES = 40
+_EXPOSURES_S = {'33 ms': 1 / 30, '4 ms': 1 / 250}  # of its pictures, thirty a second
 
 
 def _play(recording: Recording) -> tuple[LikelihoodDetector, list[list[Track]], list[Any]]:
@@ -146,11 +145,20 @@ def run(rng: np.random.Generator, *, quick: bool) -> dict[str, Any]:
     tags = [one for one in readers if one.name == APRILTAG]
     background = Background(rng)
     pictures = 5 if quick else _PICTURES
-    seen = [
-        read_pictures(tags, background, pictures, rng, View(RANGES_M[0], speed_m_s=at))
-        for at in (_SPEEDS_M_S if tags else ())
-    ]
-    return {'curves': curves, 'ends': ends, 'apriltag': [one[APRILTAG] for one in seen]}
+    seen = {
+        words: [
+            read_pictures(
+                tags,
+                background,
+                pictures,
+                rng,
+                View(RANGES_M[0], speed_m_s=at, longest_s=longest_s),
+            )[APRILTAG]
+            for at in _SPEEDS_M_S
+        ]
+        for words, longest_s in (_EXPOSURES_S.items() if tags else ())
+    }
+    return {'curves': curves, 'ends': ends, 'apriltag': seen}
 
 
 def table(figures: dict[str, Any]) -> Table:
@@ -165,12 +173,9 @@ def table(figures: dict[str, Any]) -> Table:
     for curve in figures['curves']:
         where = f'{curve["way"]} at {curve["range_m"]:g} m'
         rows.append([where, *map(in_mm, curve['points'])])
-    if figures['apriltag']:
-        cells = [
-            as_text(one['error_mm'] and one['error_mm']['median'], 'mm', 1)
-            for one in figures['apriltag']
-        ]
-        rows.append([f'AprilTag at {RANGES_M[0]:g} m, median', *cells])
+    for words, tags in figures['apriltag'].items():
+        cells = [as_text(one['error_mm'] and one['error_mm']['rms'], 'mm', 1) for one in tags]
+        rows.append([f'AprilTag across at {RANGES_M[0]:g} m, exposure {words}', *cells])
     for name in ('vanished', 'other ID'):
         ends = [
             f'{one["range_m"]:g} m: {one[name][0]:.2f}/{one[name][1]:.2f} s'
@@ -183,19 +188,45 @@ def table(figures: dict[str, Any]) -> Table:
     return rows
 
 
+def _at(figures: dict[str, Any], way: str, range_m: float) -> list[dict[str, Any]]:
+    """Return the points of one way and distance."""
+    points: list[dict[str, Any]] = next(
+        one['points'] for one in figures['curves'] if (one['way'], one['range_m']) == (way, range_m)
+    )
+    return points
+
+
+def _message(figures: dict[str, Any]) -> str:
+    point = _at(figures, [*WAYS][-1], RANGES_M[0])[-1]
+    packets, tracks = (as_text(point[name], 'mm', 0) for name in ('packets_mm', 'bright_mm'))
+    speed = f'{point["speed_m_s"]:g} m/s'
+    return f'Who follows a marker knows its range to {tracks} at {speed}; a packet is {packets} off'
+
+
+_CURVES = {'packets_mm': ('joint', 'packets'), 'bright_mm': ('tracks', 'tracks')}
+
+
 def draw(figures: dict[str, Any]) -> Any:
-    """Draw the error of range over the speed, a panel for each way."""
-    figure, panels = new_chart(2, 2, 13, 5.8, MESSAGE)
-    styles = dict(zip(RANGES_M, ('-', ':'), strict=True))
-    tracks = look('joint') | {'color': OTHERS[0]}
-    for curve in figures['curves']:
-        axis = panels[list(WAYS).index(curve['way'])]
-        speeds = [point['speed_m_s'] for point in curve['points']]
-        for name, how in (('packets_mm', look('joint')), ('bright_mm', tracks)):
-            errors = [point[name] or math.nan for point in curve['points']]
-            axis.plot(speeds, errors, linestyle=styles[curve['range_m']], **how)
+    """Draw the error of range over the speed at the first distance, a panel for each way."""
+    figure, panels = new_chart(2, 2, 4.4, _message(figures))
     for axis, way in zip(panels, WAYS, strict=True):
-        label(axis, 'speed [m/s]', 'rms error of range [mm]', way, yscale='log')
-    others = {'packets': look('joint'), 'tracks': tracks}
-    legend_below(figure, (), others | {f'at {at:g} m': line(one) for at, one in styles.items()})
+        points = _at(figures, way, RANGES_M[0])
+        curves = {
+            (name, words): ([one['speed_m_s'] for one in points], [one[key] for one in points], '-')
+            for key, (name, words) in _CURVES.items()
+        }
+        if axis is panels[0]:
+            for words, tags in figures['apriltag'].items():
+                errors = [one['error_mm'] and one['error_mm']['rms'] for one in tags]
+                style = '-' if words == next(iter(_EXPOSURES_S)) else ':'
+                curves[APRILTAG, f'tag, {words}'] = ([*_SPEEDS_M_S[: len(tags)]], errors, style)
+        for (name, words), (speeds, errors, style) in curves.items():
+            known = [(at, mm) for at, mm in zip(speeds, errors, strict=True) if mm]
+            if known:
+                axis.plot(*zip(*known, strict=True), **look(name) | {'linestyle': style})
+                x, y = known[-1]
+                name_curve(axis, name, words, (x, 1.4 * y), ha='right' if x > 0.2 else 'center')
+        label(axis, 'speed [m/s]', 'rms error of range [mm]', f'{way} at {RANGES_M[0]:g} m')
+        axis.set(yscale='log', ylim=(0.2, 300))
+        axis.set_yticks((0.3, 1, 3, 10, 30, 100), ('0.3', '1', '3', '10', '30', '100'))
     return figure

@@ -183,6 +183,7 @@ class Error(TypedDict):
     """Absolute errors of range [mm]."""
 
     median: float
+    rms: float
     largest: float
     above_1_cm: float  # share of them
 
@@ -202,6 +203,7 @@ def errors(errors_m: Sequence[float]) -> Error | None:
     sizes = 1000 * np.abs(errors_m)
     return Error(
         median=float(np.median(sizes)),
+        rms=float(np.sqrt(np.mean(sizes**2))),
         largest=float(sizes.max()),
         above_1_cm=float(np.mean(sizes > 10)),
     )

@@ -2,7 +2,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """What the charts share: one colour for the same thing everywhere, shares with confidence."""
 
+import re
 from collections.abc import Iterable, Mapping, Sequence
+from textwrap import fill
 from typing import Any
 
 import numpy as np
@@ -12,16 +14,26 @@ from evaluation.bench.rates import Rate
 from retrolidar_ros.detector import METHODS
 
 LEVEL = 0.8  # of identification: what is less counts as not read (paper §6.1)
+_WIDTH, _TITLE_LETTERS = 8.0, 66  # of a chart [inches], and of a line of its title
 # Distinct with any colour vision (Okabe and Ito), and by their signs without any.
 _LOOKS = {
     'joint': ('#0072b2', 'o'),
+    'registered': ('#56b4e9', 's'),
+    'tracks': ('#009e73', 'P'),
     'paper': ('#cc79a7', 'D'),
     'AprilTag': ('#e69f00', 'v'),
     'AprilTag, all pixels': ('#d55e00', '^'),
-    'QR code': ('#56b4e9', 'X'),
-    'genie': ('#009e73', '*'),
+    'QR code': ('#8c564b', 'X'),
+    'genie': ('#555555', '*'),
 }
-_WORDS = {'joint': 'default, joint', 'paper': 'method paper', 'genie': 'genie-aided bound'}
+_BENEATH = ('joint', 'AprilTag')  # drawn first and broad, so that no other hides them
+_WORDS = {
+    'joint': 'default',
+    'registered': 'IDs registered',
+    'tracks': 'tracks',
+    'paper': "the paper's method",
+    'genie': 'genie-aided bound',
+}
 OTHERS = ('#332288', '#999933', '#882255', '#44aa99')  # for what is no method (Tol's muted ones)
 SHADES = ('#08306b', '#2b7bba', '#7db8da', '#fdae6b', '#d94801')  # from harmless to bad
 
@@ -29,7 +41,8 @@ SHADES = ('#08306b', '#2b7bba', '#7db8da', '#fdae6b', '#d94801')  # from harmles
 def look(name: str) -> dict[str, Any]:
     """Return colour and sign of what a name stands for."""
     colour, sign = _LOOKS[name]
-    return {'color': colour, 'marker': sign, 'markersize': 5}
+    broad, size = (2.8, 6.5) if name in _BENEATH else (1.5, 5)
+    return {'color': colour, 'marker': sign, 'markersize': size, 'linewidth': broad}
 
 
 def line(style: str, colour: str = '0.2') -> dict[str, Any]:
@@ -40,18 +53,23 @@ def line(style: str, colour: str = '0.2') -> dict[str, Any]:
 WRONG = {'wrong ID': line('--') | {'linewidth': 1}}  # entry of a legend
 
 
-def new_chart(
-    count: int, columns: int, width: float, height: float, title: str
-) -> tuple[Any, list[Any]]:
-    """Return a figure [inches, 100 pixels each] and its panels, row by row."""
+def new_chart(count: int, columns: int, height: float, title: str) -> tuple[Any, list[Any]]:
+    """Return a figure and its panels, row by row; 100 pixels are an inch.
+
+    All charts are as wide as a page, so that their letters are as large as its text.
+    """
     from matplotlib.figure import Figure
 
-    figure = Figure(figsize=(width, height), dpi=100, layout='constrained')
+    figure = Figure(figsize=(_WIDTH, height), dpi=100, layout='constrained')
     rows = -(-count // columns)
     panels = [figure.add_subplot(rows, columns, 1 + index) for index in range(count)]
     for panel in panels:
         panel.grid(alpha=0.3)
-    figure.suptitle(title, fontsize=15, fontweight='bold')
+    title = re.sub(r'(\d) ', '\\1\N{NO-BREAK SPACE}', title)  # a number keeps its unit
+    lines = -(-len(title) // _TITLE_LETTERS)
+    # Lines of a like length: none has a word alone.
+    words = fill(title, max(20, round(1.1 * len(title) / lines)))
+    figure.suptitle(words, fontsize=13, fontweight='bold')
     return figure, panels
 
 
@@ -60,10 +78,16 @@ def label(
 ) -> None:
     """Write what a panel shows and its axes; `more` is for matplotlib's `Axes.set`."""
     axis.set(**({'ylim': (-2, 103)} if percent else {}) | more)
-    axis.set_xlabel(x, fontsize=12)
-    axis.set_ylabel(y, fontsize=12)
-    axis.set_title(title, fontsize=13)
-    axis.tick_params(labelsize=11)
+    axis.set_xlabel(x, fontsize=11)
+    axis.set_ylabel(y, fontsize=11)
+    axis.set_title(title, fontsize=11.5)
+    axis.tick_params(labelsize=10.5)
+
+
+def name_curve(axis: Any, name: str, text: str, place: tuple[float, float], **more: Any) -> None:
+    """Write beside a curve, in its colour, what it is; `place` is in the units of the axes."""
+    how = {'fontsize': 11, 'fontweight': 'bold', 'va': 'center'} | more
+    axis.text(*place, text, color=look(name)['color'], **how)
 
 
 def draw_shares(axis: Any, places: Sequence[float], rates: Sequence[Rate], **how: Any) -> None:
@@ -102,28 +126,28 @@ def legend_below(
     figure: Any,
     names: Sequence[str] = (),
     others: Mapping[str, Mapping[str, Any]] | None = None,
-    columns: int = 0,
 ) -> None:
     """Write one legend below all panels: what is drawn, and other lines with their looks."""
     from matplotlib.lines import Line2D
 
     entries = {_WORDS.get(name, name): look(name) for name in names} | dict(others or {})
+    longest = 0.6 + 0.088 * max(map(len, entries))  # of an entry [inches]
     figure.legend(
         handles=[Line2D([], [], label=words, **how) for words, how in entries.items()],
         loc='outside lower center',
-        ncols=columns or min(len(entries), int(0.45 * figure.get_figwidth())),
+        ncols=max(1, min(len(entries), int(_WIDTH / longest))),
         frameon=False,
-        fontsize=12,
+        fontsize=11,
     )
 
 
 def legend_under(axis: Any, columns: int = 2) -> None:
     """Write the legend of one panel below it."""
-    place = {'loc': 'upper center', 'bbox_to_anchor': (0.5, -0.13), 'borderaxespad': 0.0}
-    axis.legend(**place, ncols=columns, frameon=False, fontsize=11)
+    place = {'loc': 'upper center', 'bbox_to_anchor': (0.5, -0.19), 'borderaxespad': 0.0}
+    axis.legend(**place, ncols=columns, frameon=False, fontsize=10.5)
 
 
 def mark_rough(figure: Any) -> None:
     """Say on a chart that few trials made it."""
     title = f'{figure.get_suptitle()}\nQUICK RUN: ROUGH'
-    figure.suptitle(title, color='#d55e00', fontsize=15, fontweight='bold')
+    figure.suptitle(title, color='#d55e00', fontsize=13, fontweight='bold')
