@@ -14,6 +14,7 @@ from retrolidar_ros.marker.code import PACKET_BITS, PREAMBLE, packet
 from retrolidar_ros.marker.dictionary import USABLE_IDS
 from retrolidar_ros.marker.liquid_crystal import Response
 from retrolidar_ros.scene.reference import RESPONSE
+from retrolidar_ros.scene.transmission import transmitted
 from retrolidar_ros.sensor.frame import Floats, ZoneGrid
 
 SENDINGS = ('repeating', 'lone', 'pauses', 'sequence')
@@ -75,15 +76,7 @@ class RoomMarker:
 
     def transmission(self, edges_s: Floats) -> Floats:
         """Return what share of the light it lets through between edges (n, 2) [s], shape (n,)."""
-        before = np.concatenate([[1.0], self.levels[:-1]])
-        whole = self.response.integral(before[:-1], self.levels[:-1], np.diff(self.edges_s))
-        passed = np.concatenate([[0.0], np.cumsum(whole)])
-        place = np.searchsorted(self.edges_s, edges_s, side='right') - 1
-        at = np.maximum(place, 0)
-        since = np.maximum(edges_s - self.edges_s[at], 0.0)
-        within = self.response.integral(before[at], self.levels[at], since)
-        sent = np.where(place < 0, edges_s - self.edges_s[0], passed[at] + within)
-        share: Floats = (sent[:, 1] - sent[:, 0]) / (edges_s[:, 1] - edges_s[:, 0])
+        share = transmitted(self.edges_s, self.levels, self.response, edges_s)
         there = np.clip(edges_s, *self.present_s)
         visible = (there[:, 1] - there[:, 0]) / (edges_s[:, 1] - edges_s[:, 0])
         return visible * (1 - self.contrast * (1 - share))

@@ -31,6 +31,7 @@ from retrolidar_ros.scene import laboratory as lab
 from retrolidar_ros.scene.description import MovingSurface, Sensor, Surface, Waypoint
 from retrolidar_ros.scene.optics import received_signal, zone_shares
 from retrolidar_ros.scene.reference import NOISE, RANGING
+from retrolidar_ros.scene.transmission import exposure_edges
 from retrolidar_ros.sensor.frame import GRIDS, Floats, ZoneGrid
 
 _ROOM_BITS = (500, 700)  # how long a room lasts, in bits
@@ -73,7 +74,7 @@ class RoomSimulation(Simulation):
         """Return signal and z of every target; kept are also those of markers that are bright."""
         sensor, markers = self.scene.sensor, self.room.markers
         shape = (len(middle_s), sensor.grid.zones)
-        edges_s = middle_s[:, None] + self.period_s * np.array([-0.5, 0.5])
+        edges_s = exposure_edges(middle_s, self.period_s)
         passed = np.array([marker.transmission(edges_s) for marker in markers])
         self.bright = np.empty((len(markers), *shape))
         depth = []

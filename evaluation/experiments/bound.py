@@ -16,16 +16,17 @@ from numpy.typing import NDArray
 
 from evaluation.bench.judging import BOTH, judged, read_of
 from evaluation.bench.rates import Rate, crossing, rate
-from evaluation.bench.recordings import Sent, signal_at, snr_db, transmission
+from evaluation.bench.recordings import Sent, signal_at, snr_db
 from evaluation.experiments.paper_sweeps import LONE_RECORDINGS, lone_packets
 from evaluation.report.chart_style import LEVEL, draw_shares, label, legend_under, look, new_chart
 from evaluation.report.claims import Table, as_text
 from retrolidar_ros.detector import create_detector
 from retrolidar_ros.detector.likelihood_detector import LikelihoodDetector
-from retrolidar_ros.marker.code import BIT_PERIOD_S, PACKET_BITS
+from retrolidar_ros.marker.code import BIT_PERIOD_S, PACKET_BITS, packet
 from retrolidar_ros.marker.dictionary import USABLE_IDS
 from retrolidar_ros.scene.marker_budget import SNR
 from retrolidar_ros.scene.reference import NOISE, RESPONSE, SENSOR, WALL_SIGNAL
+from retrolidar_ros.scene.transmission import Transmission, exposure_edges
 from retrolidar_ros.sensor.frame import Floats
 
 TITLE = 'The search against the bound'
@@ -59,10 +60,10 @@ def searched_ids(sent: Sent) -> NDArray[np.int64]:
 @lru_cache(_PHASES + 1)
 def _templates(phase: int) -> Floats:
     """Return the light of all words from a phase of a frame on, shape (frames, words)."""
-    edges_s = SENSOR.period_s * (np.arange(_FRAMES + 1) - phase / _PHASES)
-    words = len(USABLE_IDS)
-    bits_s = np.full(words, BIT_PERIOD_S)
-    return transmission(edges_s, USABLE_IDS, np.zeros(words), bits_s, RESPONSE)
+    middle_s = SENSOR.period_s * (np.arange(_FRAMES) + 0.5 - phase / _PHASES)
+    edges_s = exposure_edges(middle_s, SENSOR.period_s)
+    sent = (Transmission(bits, BIT_PERIOD_S, 0.0, RESPONSE, 1) for bits in packet(USABLE_IDS))
+    return np.column_stack([one.mean(edges_s) for one in sent])
 
 
 def genie_ids(sent: Sent, signal: float) -> NDArray[np.int64]:

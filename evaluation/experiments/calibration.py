@@ -20,7 +20,7 @@ from retrolidar_ros.marker.liquid_crystal import Response
 from retrolidar_ros.scene import Scene, Simulation, description
 from retrolidar_ros.scene.laboratory import see_surface
 from retrolidar_ros.scene.optics import received_signal, zone_shares
-from retrolidar_ros.scene.transmission import Transmission
+from retrolidar_ros.scene.transmission import Transmission, exposure_edges
 from retrolidar_ros.sensor.frame import Floats, Recording, ZoneGrid
 from retrolidar_ros.tasks.calibration.calibrate import Calibration, calibrate
 from retrolidar_ros.tasks.calibration.crystal import DARK_S
@@ -120,9 +120,9 @@ def _rise_bound(scene: Scene, recording: Recording) -> float:
     def light(values: Floats) -> Floats:
         bit, start, dark, bright = values.tolist()
         sent = replace(marker, bit_period_s=bit, start_s=start, response=Response(dark, bright))
-        return Transmission(replace(sent, clock_error=0.0)).mean(time_s, period_s)
+        return Transmission.of(replace(sent, clock_error=0.0)).mean(edges_s)
 
-    time_s = recording.stamp_ns * 1e-9
+    edges_s = exposure_edges(recording.stamp_ns * 1e-9, period_s)
     bit_s = marker.bit_period_s * (1 + marker.clock_error)
     crystal = marker.response
     truth = np.array([bit_s, marker.start_s, crystal.dark_s, crystal.bright_s])
@@ -133,7 +133,7 @@ def _rise_bound(scene: Scene, recording: Recording) -> float:
     most = share * received_signal(
         np.linalg.norm(place, axis=1), marker.size_m**2, 0.0, marker.signal_at_1_m
     )
-    walls = sum(see_surface(sensor, wall, time_s)[0][0] for wall in scene.surfaces)
+    walls = sum(see_surface(sensor, wall, edges_s[:, 0])[0][0] for wall in scene.surfaces)
     seen, information = light(truth), np.diag([0.0, 0.0, DARK_S.stddev**-2, 0.0])
     dark = most * (1 - marker.contrast) + walls
     for gain, wall in zip(marker.contrast * most, dark, strict=True):

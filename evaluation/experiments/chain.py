@@ -7,7 +7,6 @@ from typing import Any
 import numpy as np
 
 from evaluation.bench.places import place_error
-from evaluation.bench.recordings import transmission
 from evaluation.report.chart_style import OTHERS, label, legend_below, line, look, new_chart
 from evaluation.report.claims import Claim, Claims, Table
 from retrolidar_ros.detector import Detection, create_detector
@@ -17,6 +16,7 @@ from retrolidar_ros.scene import Scene, Simulation
 from retrolidar_ros.scene.description import Marker, Surface
 from retrolidar_ros.scene.files import load_scene
 from retrolidar_ros.scene.reference import RESPONSE
+from retrolidar_ros.scene.transmission import Transmission, exposure_edges
 from retrolidar_ros.sensor.frame import Recording
 
 TITLE = 'One packet'
@@ -43,10 +43,9 @@ def _samples(recording: Recording, detection: Detection) -> dict[str, Any]:
     time_s = 1e-9 * (recording.stamp_ns - first_ns)
     start_s, end_s = (1e-9 * (one - first_ns) for one in (detection.start_ns, detection.end_ns))
     shown = (time_s > start_s - _SHOWN_S) & (time_s < end_s + _SHOWN_S)
-    half_s = float(np.median(np.diff(time_s))) / 2
-    edges_s = time_s[shown, None] + half_s * np.array([-1.0, 1.0])
-    id_, start, bit = (np.array([one]) for one in (detection.id, start_s, detection.bit_period_s))
-    share = transmission(edges_s, id_, start, bit, RESPONSE)
+    period_s = float(np.median(np.diff(time_s)))
+    sent = Transmission(packet(detection.id), detection.bit_period_s, start_s, RESPONSE, 1)
+    share = sent.mean(exposure_edges(time_s[shown], period_s))
     signal = recording.signal[shown, detection.zones[0]].astype(np.float64)
     columns = np.column_stack([np.ones(len(share)), share])
     light = columns @ np.linalg.lstsq(columns, signal, rcond=None)[0]

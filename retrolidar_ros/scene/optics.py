@@ -62,7 +62,8 @@ def position_at(marker: Marker, time_s: Floats) -> Floats:
     return position
 
 
-_erf = np.vectorize(math.erf, otypes=[np.float64])
+erf = np.vectorize(math.erf, otypes=[np.float64])
+"""The error function, of any shape: numpy has none."""
 
 
 def _ramp(distance: Floats, sigma: Floats | float) -> Floats:
@@ -70,7 +71,7 @@ def _ramp(distance: Floats, sigma: Floats | float) -> Floats:
     if np.all(sigma == 0):
         return np.maximum(distance, 0.0)
     scaled = distance / sigma
-    cumulative = (1 + _erf(scaled / math.sqrt(2))) / 2
+    cumulative = (1 + erf(scaled / math.sqrt(2))) / 2
     density = np.exp(-scaled * scaled / 2) / math.sqrt(2 * math.pi)
     ramp: Floats = sigma * (scaled * cumulative + density)
     return ramp

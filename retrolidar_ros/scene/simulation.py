@@ -14,7 +14,7 @@ from retrolidar_ros.scene import laboratory as lab
 from retrolidar_ros.scene.description import Marker, Scene, Sensor, Surface
 from retrolidar_ros.scene.noise import deviating, noisy
 from retrolidar_ros.scene.optics import position_at, received_signal, zone_shares
-from retrolidar_ros.scene.transmission import Transmission, visible_share
+from retrolidar_ros.scene.transmission import Transmission, exposure_edges, visible_share
 from retrolidar_ros.sensor.frame import SEPARABLE_M, Floats, Recording, Status
 
 # A pulse counts as merged when its strongest target is less than this share of it.
@@ -43,7 +43,7 @@ class Simulation:
         self.scene = scene
         self._rng = np.random.default_rng(scene.seed) if rng is None else rng
         self._frames_done = 0
-        self._transmissions = [Transmission(marker) for marker in scene.markers]
+        self._transmissions = [Transmission.of(marker) for marker in scene.markers]
         self._had_target = np.ones(scene.sensor.grid.zones, dtype=bool)
 
     @property
@@ -139,7 +139,9 @@ class Simulation:
             lab.seen_from(sensor, position_at(marker, middle_s), middle_s)
         )
         range_m = np.linalg.norm(position_m, axis=-1)
-        light = 1 - marker.contrast * (1 - transmission.mean(middle_s, self.period_s))
+        light = 1 - marker.contrast * (
+            1 - transmission.mean(exposure_edges(middle_s, self.period_s))
+        )
         if marker.occlusion is not None:
             light = light * visible_share(marker.occlusion, middle_s, self.period_s)
         light = light * received_signal(

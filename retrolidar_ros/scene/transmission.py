@@ -5,8 +5,10 @@
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from retrolidar_ros.marker.code import packet
 from retrolidar_ros.marker.liquid_crystal import Response
@@ -16,52 +18,71 @@ from retrolidar_ros.sensor.frame import Floats
 _AT_ONCE = Response(dark_s=0.0, bright_s=0.0)
 
 
-class Transmission:
-    """The liquid crystal of one marker as the integral of its transmission over time.
+def exposure_edges(middle_s: Floats, exposure_s: float) -> Floats:
+    """Return begin and end of exposures about times of shape (n,) [s], shape (n, 2)."""
+    edges_s: Floats = middle_s[:, None] + exposure_s * np.array([-0.5, 0.5])
+    return edges_s
 
-    A bit lasts many time constants, so each bit relaxes from the level of the bit before it;
-    with that, the integral has a closed form, and an exposure is a difference of two values.
+
+def transmitted(begin_s: Floats, levels: Floats, response: Response, edges_s: Floats) -> Floats:
+    """Return the mean transmission of a liquid crystal in exposures, 0 to 1, shape (n,).
+
+    Parameters
+    ----------
+    begin_s : array, shape (bits,)
+        When its bits begin, ascending [s]; it is bright before the first, and the last one lasts.
+    levels : array, shape (bits,)
+        1 of bright bits and 0 of dark ones.
+    response : Response
+        A bit lasts many of its time constants, so each relaxes from the level of the one before.
+    edges_s : array, shape (n, 2)
+        Begin and end of each exposure [s].
     """
+    before = np.concatenate([[1.0], levels[:-1]])
+    whole = response.integral(before[:-1], levels[:-1], np.diff(begin_s))
+    passed = np.concatenate([[0.0], np.cumsum(whole)])
+    bit = np.maximum(np.searchsorted(begin_s, edges_s, side='right') - 1, 0)
+    since = edges_s - begin_s[bit]
+    within = response.integral(before[bit], levels[bit], np.maximum(since, 0.0))
+    integral = np.where(since < 0, since, passed[bit] + within)
+    share: Floats = np.diff(integral)[:, 0] / np.diff(edges_s)[:, 0]
+    return share
 
-    def __init__(self, marker: Marker) -> None:
-        """Tabulate one cycle of packet and gap."""
-        self._bit_s = marker.bit_period_s * (1 + marker.clock_error)
-        self._start_s = marker.start_s
-        bits = np.concatenate([packet(marker.id), np.zeros(marker.gap_bits, dtype=np.uint8)])
-        self._bright = 1.0 - bits
-        self._before = np.roll(self._bright, 1)
-        self._response = marker.response or _AT_ONCE
-        self._bits_sent = math.inf if marker.packets is None else marker.packets * len(bits)
-        whole_bits = self._response.integral(
-            self._before, self._bright, np.full(len(bits), self._bit_s)
+
+class Transmission(NamedTuple):
+    """What a marker sends, and how its liquid crystal follows."""
+
+    bits: NDArray[np.uint8]
+    """Of a packet and the gap behind it, 1 = dark, shape (n,)."""
+    bit_s: float
+    start_s: float
+    """When the first packet begins; it is bright before."""
+    response: Response
+    packets: float = math.inf
+    """How many it sends, before it stays bright."""
+
+    @classmethod
+    def of(cls, marker: Marker) -> Transmission:
+        """Return that of a marker of a scene."""
+        return cls(
+            np.concatenate([packet(marker.id), np.zeros(marker.gap_bits, dtype=np.uint8)]),
+            marker.bit_period_s * (1 + marker.clock_error),
+            marker.start_s,
+            marker.response or _AT_ONCE,
+            math.inf if marker.packets is None else marker.packets,
         )
-        self._elapsed = np.concatenate([[0.0], np.cumsum(whole_bits)])
-        # The very first bit follows the bright state of a silent marker.
-        first = self._response.integral(np.ones(1), self._bright[:1], np.full(1, self._bit_s))
-        self._first_excess = float(first[0] - whole_bits[0])
 
-    def integral(self, time_s: Floats) -> Floats:
-        """Return the integral [s] of the transmission from the first packet's start to each time.
-
-        It is negative before the start.
-        """
-        since = time_s - self._start_s
-        bits = np.clip(np.floor(since / self._bit_s), 0, self._bits_sent)
-        cycles, index = np.divmod(bits, len(self._bright))
-        index = index.astype(np.intp)
-        ended = bits == self._bits_sent
-        level = np.where(ended, 1.0, self._bright[index])
-        before = np.where(bits == 0, 1.0, self._before[index])
-        sent = cycles * self._elapsed[-1] + self._elapsed[index]
-        sent = sent + np.where(bits > 0, self._first_excess, 0.0)
-        within = self._response.integral(before, level, np.maximum(since - bits * self._bit_s, 0.0))
-        return np.where(since < 0, since, sent + within)
-
-    def mean(self, middle_s: Floats, exposure_s: float) -> Floats:
-        """Return the mean transmission, 0 to 1, of exposures about the given times [s]."""
-        half = exposure_s / 2
-        passed: Floats = self.integral(middle_s + half) - self.integral(middle_s - half)
-        return passed / exposure_s
+    def mean(self, edges_s: Floats) -> Floats:
+        """Return the mean transmission, 0 to 1, of exposures, whose edges [s] are (n, 2)."""
+        if not len(edges_s):  # all frames of a block are lost
+            return np.zeros(0)
+        sent = self.packets * len(self.bits)
+        span = np.floor((np.array([edges_s.min(), edges_s.max()]) - self.start_s) / self.bit_s)
+        # From the bit before, as this is what the first one relaxes from.
+        first, last = np.clip(span - [1, 0], 0, sent).astype(np.int64)
+        index = np.arange(first, last + 1)
+        levels = np.where(index < sent, 1.0 - self.bits[index % len(self.bits)], 1.0)
+        return transmitted(self.start_s + self.bit_s * index, levels, self.response, edges_s)
 
 
 def recurring_share(

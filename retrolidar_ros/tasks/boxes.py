@@ -13,9 +13,9 @@ import math
 
 import numpy as np
 
+from retrolidar_ros.scene.optics import erf
 from retrolidar_ros.sensor.frame import Floats
 
-_erf = np.vectorize(math.erf, otypes=[float])
 # How likely a direction is anywhere, for each radian of half its box.
 _ASTRAY = 0.02
 
@@ -55,7 +55,7 @@ def match_boxes(
     total = 1 / left + soft
     deviation = np.sqrt(total)
     low, high = (-half - mean) / deviation, (half - mean) / deviation
-    inside = (_erf(high / math.sqrt(2)) - _erf(low / math.sqrt(2))) / 2
+    inside = (erf(high / math.sqrt(2)) - erf(low / math.sqrt(2))) / 2
     low_density, high_density = (np.exp(-0.5 * x * x) / math.sqrt(2 * math.pi) for x in (low, high))
     chance = inside + _ASTRAY * half
     slope = (low_density - high_density) / deviation / chance

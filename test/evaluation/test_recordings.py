@@ -17,57 +17,14 @@ from evaluation.bench.disturbances import (
     wall_blocks,
 )
 from evaluation.bench.judging import BOTH, judged
-from evaluation.bench.recordings import SILENCE_BITS, record, signal_at, snr_db, transmission
+from evaluation.bench.recordings import SILENCE_BITS, record, snr_db
 from evaluation.bench.stresses import PLAIN, STRESSES, Stress
 from evaluation.experiments.moving import SWING_S, across, swinging
 from evaluation.experiments.time_to_id import VIEW_S, appearing, first_ids, time_by_which
 from retrolidar_ros.marker.code import BIT_PERIOD_S, PACKET_BITS
-from retrolidar_ros.marker.dictionary import USABLE_IDS
-from retrolidar_ros.scene import Simulation
-from retrolidar_ros.scene.description import Marker
 from retrolidar_ros.scene.marker_budget import needed_swing
-from retrolidar_ros.scene.reference import RESPONSE, SENSOR, WALL_SIGNAL, marker_in_each_zone
-from retrolidar_ros.scene.transmission import Transmission
+from retrolidar_ros.scene.reference import SENSOR, WALL_SIGNAL
 from retrolidar_ros.sensor.frame import Recording, Status
-
-
-@pytest.mark.parametrize('packets', [1, None])
-def test_transmission_of_many_markers_is_that_of_each(packets: int | None) -> None:
-    rng = np.random.default_rng(1)
-    edges_s = 0.021 * np.arange(200)
-    ids, start_s = rng.choice(USABLE_IDS, 4), rng.uniform(-1, 2, 4)
-    bit_s = rng.uniform(0.041, 0.043, 4)
-    sent = math.inf if packets is None else packets
-    found = transmission(edges_s, ids, start_s, bit_s, RESPONSE, sent)
-    apart = transmission(
-        np.column_stack([edges_s[:-1], edges_s[1:]]), ids, start_s, bit_s, RESPONSE, sent
-    )
-    np.testing.assert_allclose(apart, found, atol=1e-9)
-    for column, (identity, start, bit) in enumerate(zip(ids, start_s, bit_s, strict=True)):
-        marker = Marker(
-            int(identity),
-            (0.0, 0.0, 1.0),
-            'marker',
-            bit_period_s=float(bit),
-            start_s=float(start),
-            packets=packets,
-            response=RESPONSE,
-        )
-        expected = Transmission(marker).mean((edges_s[1:] + edges_s[:-1]) / 2, 0.021)
-        np.testing.assert_allclose(found[:, column], expected, atol=1e-9)
-
-
-def test_recordings_are_those_of_the_simulation() -> None:
-    """Levels and noise of both ways to make frames are the same."""
-    rng = np.random.default_rng(2)
-    scene = marker_in_each_zone(2.0, rng, start_s=(-1.3, 0.0), packets=None)
-    simulated = Simulation(scene, rng).run(20.0)
-    recorded = record(PLAIN, signal_at(2.0), rng, repeated_s=20.0).recording
-    for part in (0.05, 0.25, 0.75, 0.95):
-        one, other = (np.quantile(frames.signal, part) for frames in (simulated, recorded))
-        assert one == pytest.approx(other, rel=0.1, abs=0.3)
-    one, other = (np.nanmedian(frames.distance, axis=0) for frames in (simulated, recorded))
-    assert one == pytest.approx(other, abs=0.01)
 
 
 @pytest.mark.parametrize('stress', STRESSES, ids=lambda stress: stress.name)

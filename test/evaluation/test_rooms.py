@@ -27,7 +27,7 @@ from retrolidar_ros.marker.dictionary import USABLE_IDS
 from retrolidar_ros.scene import Scene
 from retrolidar_ros.scene.description import Marker, Surface
 from retrolidar_ros.scene.reference import RESPONSE, SENSOR, WALL_SIGNAL
-from retrolidar_ros.scene.transmission import Transmission
+from retrolidar_ros.scene.transmission import Transmission, exposure_edges
 from retrolidar_ros.sensor.frame import Recording
 
 PACKET_S = PACKET_BITS * BIT_PERIOD_S
@@ -118,8 +118,8 @@ def test_a_marker_that_repeats_is_that_of_a_scene() -> None:
     (marker,) = one_marker().markers
     middle_s = 0.021 * np.arange(1, 500)
     known = Marker(int(marker.ids[0]), (0.0, 0.0, 1.0), start_s=0.0, response=RESPONSE)
-    expected = Transmission(known).mean(middle_s + 0.4, 0.021)
-    edges_s = middle_s[:, None] + 0.021 * np.array([-0.5, 0.5])
+    expected = Transmission.of(known).mean(exposure_edges(middle_s + 0.4, 0.021))
+    edges_s = exposure_edges(middle_s, 0.021)
     np.testing.assert_allclose(marker.transmission(edges_s), expected, atol=1e-9)
 
 

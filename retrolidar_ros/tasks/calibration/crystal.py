@@ -19,10 +19,9 @@ from numpy.typing import NDArray
 
 from retrolidar_ros.detector.detection import Detection
 from retrolidar_ros.detector.noise import NoiseLaw
-from retrolidar_ros.marker.code import PACKET_BITS
+from retrolidar_ros.marker.code import PACKET_BITS, packet
 from retrolidar_ros.marker.liquid_crystal import Response
-from retrolidar_ros.scene.description import Marker
-from retrolidar_ros.scene.transmission import Transmission
+from retrolidar_ros.scene.transmission import Transmission, exposure_edges
 from retrolidar_ros.sensor.frame import Floats, Recording, valid_samples
 from retrolidar_ros.tasks.calibration.estimate import Estimate, least_squares
 
@@ -125,13 +124,12 @@ def fit_crystal(
     # The middle of the samples is where the start is known best, whatever the bit period.
     lever = (time_s[rows].mean() - start_s) / bit_s
 
+    edges_s = exposure_edges(time_s[rows], exposure_s)
+
     def seen(values: Floats) -> Floats:
         bit, middle, dark, bright = values.tolist()
         begin, response = middle - lever * bit, Response(max(dark, 0.0), max(bright, 0.0))
-        marker = Marker(
-            readings[0].id, (0, 0, 1), '', bit_period_s=bit, start_s=begin, response=response
-        )
-        return Transmission(marker).mean(time_s[rows], exposure_s)
+        return Transmission(packet(readings[0].id), bit, begin, response).mean(edges_s)
 
     values = np.array([bit_s, start_s + lever * bit_s, DARK_S.value, 0.1 * bit_s])
     shape = seen(values)
