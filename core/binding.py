@@ -14,7 +14,9 @@ from cffi import FFI
 HEADERS = tuple(
     f'retrolidar_{name}.h'
     for name in (
+        'packet_format',
         'packet',
+        'sensor',
         'receive',
         'decide',
         'detector',

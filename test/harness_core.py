@@ -3,6 +3,7 @@
 """The core compiled for this machine: its programs, and all its functions as Python sees them."""
 
 import re
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -12,9 +13,12 @@ from harness_firmware import make, need, shared_build
 from numpy.typing import NDArray
 from oracle import Sending, Zone
 
-from retrolidar_ros.detector.noise import NoiseLaw
+from retrolidar_ros.core import ffi as core_ffi
+from retrolidar_ros.detector.placement import core_sensor
 from retrolidar_ros.marker.code import PACKET_BITS
 from retrolidar_ros.sensor.frame import Floats, Recording, ZoneGrid
+from retrolidar_ros.sensor.model import VL53L8CX
+from retrolidar_ros.sensor.noise import NoiseLaw
 
 ROOT = Path(__file__).resolve().parent.parent
 SOURCES = ROOT / 'core' / 'src'
@@ -115,10 +119,12 @@ class Statistics:
         def room(size: int) -> Any:
             return ffi.new('double[]', size // 8 + 1)
 
-        noise = ffi.new('struct rl_noise_law *', (law.floor, law.slope, law.ambient))
-        shape = (grid.rows, grid.columns, KEPT)
-        self._memory = (room(lib.rl_samples_bytes(*shape)), room(lib.rl_window_bytes(KEPT)))
-        lib.rl_samples_start(self.samples, *shape, self._memory[0], noise, bit_s)
+        sensor = ffi.new('struct rl_sensor *')
+        model = core_sensor(replace(VL53L8CX, noise=law), grid)
+        ffi.memmove(sensor, core_ffi.buffer(model), ffi.sizeof('struct rl_sensor'))
+        samples = room(lib.rl_samples_bytes(grid.rows, grid.columns, KEPT))
+        self._memory = (samples, room(lib.rl_window_bytes(KEPT)))
+        lib.rl_samples_start(self.samples, sensor, KEPT, samples, bit_s)
         lib.rl_window_start(self.window, self.samples, KEPT, self._memory[1])
         lib.rl_samples_clear(self.samples, int(recording.stamp_ns[0]))
         ambient = self.array(np.zeros(grid.zones), 'float')
@@ -185,7 +191,7 @@ class Statistics:
         """Judge the first of hits of IDs, in a detector that demands little evidence only."""
         demands = self.ffi.new('struct rl_demands *')
         demands.evidence, demands.word, demands.margin = least, 1e6, -1e6
-        demands.bit_s, demands.max_skew = self.samples.dark_s / 12, 0.03
+        demands.bit_s, demands.max_skew = self.samples.dark_s / self.lib.RL_MAX_DARK_BITS, 0.03
         given = self.ffi.new('struct rl_hits *')
         given.count = len(hits)
         for hit, (number, sending) in zip(given.hit[0 : len(hits)], hits, strict=True):

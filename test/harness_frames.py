@@ -7,7 +7,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from retrolidar_ros.sensor.frame import Floats, Frame, Recording, Status, ZoneGrid
+from retrolidar_ros.sensor.frame import Floats, Frame, Recording, ZoneGrid
+from retrolidar_ros.sensor.model import Status
 
 START_NS = 1_700_000_000 * 10**9
 FRAME_PERIOD_NS = 21_000_000

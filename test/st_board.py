@@ -17,7 +17,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from retrolidar_ros.sensor.frame import Frame, Status
+from retrolidar_ros.sensor.frame import Frame
+from retrolidar_ros.sensor.model import Status
 
 DASHES = ' -----------------'
 BLANKS = '|                 '

@@ -7,7 +7,13 @@
 
 #include <math.h>
 
-enum { IDS = 1 << RL_ID_BITS, PREAMBLE_BITS = RL_PACKET_BITS - RL_WORD_BITS };
+/* A word as bytes, of which the last may have spare bits. */
+enum { WORD_BYTES = (RL_WORD_BITS + 7) / 8, SPARE_BITS = 8 * WORD_BYTES - RL_WORD_BITS };
+
+static uint8_t word_byte(uint32_t packet, int byte)
+{
+    return (uint8_t)((packet << SPARE_BITS) >> 8 * (WORD_BYTES - 1 - byte));
+}
 
 static int count_bits(uint32_t bits)
 {
@@ -20,7 +26,7 @@ static int count_bits(uint32_t bits)
 void rl_codebook_start(struct rl_codebook *codebook, const uint16_t *ids, int count)
 {
     codebook->words = codebook->groups = 0;
-    for (int index = 0; index < (count > 0 ? count : IDS); index++) {
+    for (int index = 0; index < (count > 0 ? count : RL_IDS); index++) {
         const uint16_t id = count > 0 ? ids[index] : (uint16_t)index;
         if (!rl_id_is_usable(id)) {
             continue;
@@ -32,9 +38,9 @@ void rl_codebook_start(struct rl_codebook *codebook, const uint16_t *ids, int co
         codebook->dark[word] = (float)count_bits(packet);
         codebook->pairs[word] = 2.0f * (float)count_bits(packet & packet >> 1);
         struct rl_group *group = &codebook->group[codebook->groups - 1];
-        if (word == 0 || group->high != id >> 4) {
+        if (word == 0 || group->high != word_byte(packet, 0)) {
             group = &codebook->group[codebook->groups++];
-            *group = (struct rl_group){word, 0, (uint8_t)(id >> 4), INFINITY, INFINITY};
+            *group = (struct rl_group){word, 0, word_byte(packet, 0), INFINITY, INFINITY};
         }
         group->count++;
         group->dark = rl_minf(group->dark, codebook->dark[word]);
@@ -91,18 +97,27 @@ float rl_energy_of(const struct rl_energy *energy, const struct rl_smooth *smoot
 }
 
 /* Sums of weights over the dark bits of every byte of a word. */
-static void tabulate(const float *weight, float table[3][256])
+static void tabulate(const float *weight, float table[WORD_BYTES][256])
 {
-    for (int byte = 0; byte < 3; byte++) {
+    for (int byte = 0; byte < WORD_BYTES; byte++) {
         table[byte][0] = 0.0f;
         for (int bit = 0; bit < 8; bit++) {
-            const int size = 1 << bit;
-            const float added = weight[PREAMBLE_BITS + 8 * byte + 7 - bit];
+            const int size = 1 << bit, of = RL_PREAMBLE_BITS + 8 * byte + 7 - bit;
+            const float added = of < RL_PACKET_BITS ? weight[of] : 0.0f;
             for (int low = 0; low < size; low++) {
                 table[byte][size + low] = table[byte][low] + added;
             }
         }
     }
+}
+
+/* The sum of weights over the dark bits of a word, of which that is the sum over the first byte. */
+static inline float sum_of(float sum, uint32_t packet, const float table[WORD_BYTES][256])
+{
+    for (int byte = 1; byte < WORD_BYTES; byte++) {
+        sum += table[byte][word_byte(packet, byte)];
+    }
+    return sum;
 }
 
 /* The least energy of a group: what is beyond that of reference, all bits may have or none. */
@@ -118,10 +133,10 @@ void rl_codebook_best(const struct rl_codebook *codebook, const struct rl_energy
                       const struct rl_smooth *smooth, const float *soft, float least,
                       struct rl_word best[2])
 {
-    float table[3][256], most_low = 0.0f;
+    float table[WORD_BYTES][256], most_low = 0.0f;
     tabulate(soft, table);
-    const float preamble = soft[0] + soft[2] + soft[4] + soft[6];
-    for (int bit = PREAMBLE_BITS + 8; bit < RL_PACKET_BITS; bit++) {
+    const float preamble = rl_add_preamble(0.0f, soft);
+    for (int bit = RL_PREAMBLE_BITS + 8; bit < RL_PACKET_BITS; bit++) {
         most_low += rl_maxf(soft[bit], 0.0f);
     }
     best[0] = best[1] = (struct rl_word){-1, least};
@@ -135,7 +150,7 @@ void rl_codebook_best(const struct rl_codebook *codebook, const struct rl_energy
         }
         for (int word = group->first; word < group->first + group->count; word++) {
             const uint32_t packet = codebook->packet[word];
-            const float sum = high + table[1][packet >> 8 & 255u] + table[2][packet & 255u];
+            const float sum = sum_of(high, packet, (const float(*)[256])table);
             if (sum <= least_sum) {
                 continue;
             }
@@ -156,13 +171,12 @@ void rl_codebook_best(const struct rl_codebook *codebook, const struct rl_energy
 
 int rl_codebook_heaviest(const struct rl_codebook *codebook, const float *weight, uint16_t id)
 {
-    float table[3][256], most = -INFINITY;
+    float table[WORD_BYTES][256], most = -INFINITY;
     int heaviest = -1;
     tabulate(weight, table);
     for (int word = 0; word < codebook->words; word++) {
         const uint32_t packet = codebook->packet[word];
-        const float sum = table[0][packet >> 16 & 255u] + table[1][packet >> 8 & 255u] +
-                          table[2][packet & 255u];
+        const float sum = sum_of(table[0][word_byte(packet, 0)], packet, (const float(*)[256])table);
         if (sum > most && codebook->id[word] != id) {
             most = sum;
             heaviest = word;

@@ -7,7 +7,7 @@
 
 #include "retrolidar_packet.h"
 
-enum { RL_MOST_WORDS = 4096, RL_GROUPS = 256 };
+enum { RL_GROUPS = 256 };
 
 /* Energy of a sum of bits, taken as stationary:
  *     own n_1 + 2 adjacent n_11 - smooth n_1 - sum over lags of pair decay^(lag - 1) n_lag
@@ -19,19 +19,19 @@ struct rl_energy {
     float smooth, pair, decay; /* pairs counted in both orders */
 };
 
-/* Words whose IDs differ in the last four bits alone, and bounds of their energies. */
+/* Packets whose words begin with the same byte, and bounds of their energies. */
 struct rl_group {
     int first, count;
-    uint8_t high; /* the other eight bits */
+    uint8_t high; /* that byte */
     float dark, pairs; /* least of all */
 };
 
 struct rl_codebook {
     int words, groups;
-    uint16_t id[RL_MOST_WORDS];
-    uint32_t packet[RL_MOST_WORDS];
-    float dark[RL_MOST_WORDS];  /* n_1 */
-    float pairs[RL_MOST_WORDS]; /* 2 n_11 */
+    uint16_t id[RL_IDS];
+    uint32_t packet[RL_IDS];
+    float dark[RL_IDS];  /* n_1 */
+    float pairs[RL_IDS]; /* 2 n_11 */
     struct rl_group group[RL_GROUPS];
 };
 
@@ -40,7 +40,7 @@ struct rl_codebook {
  * with what the bytes before it leave, and what it leaves itself.
  */
 struct rl_smooth {
-    float word[RL_MOST_WORDS];
+    float word[RL_IDS];
     float own, adjacent, group[RL_GROUPS];
     float alone[256], after[256], left[256];
     float decay; /* of what is left, a byte later */
@@ -60,12 +60,12 @@ struct rl_word {
     float squared; /* of the sum of its dark soft bits, over its energy */
 };
 
-/* The two best packets for soft bits (31, positive = dark), of those that exceed `least`. */
+/* The two best packets for soft bits (RL_PACKET_BITS, positive = dark), of those that exceed `least`. */
 void rl_codebook_best(const struct rl_codebook *codebook, const struct rl_energy *energy,
                       const struct rl_smooth *smooth, const float *soft, float least,
                       struct rl_word best[2]);
 
-/* The packet, of another ID than this, with the greatest sum of weights (31) over its dark bits. */
+/* The packet, of another ID than this, with the greatest sum of weights over its dark bits. */
 int rl_codebook_heaviest(const struct rl_codebook *codebook, const float *weight, uint16_t id);
 
 #endif

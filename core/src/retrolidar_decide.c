@@ -12,7 +12,6 @@
 
 enum {
     BEFORE_BITS = 16,   /* before a stretch, which show whether its packet has repeated */
-    USUAL_CHANGES = 12, /* that all words but those of IDs 1 and 4094 have */
     LEAST_WALK = 3,     /* walk from which on what a packet leaves over is more than noise */
 };
 
@@ -90,7 +89,7 @@ static double cost_of_changes(uint32_t bits)
     for (int bit = 0; bit + 1 < RL_PACKET_BITS; bit++) {
         changes += ((bits >> bit ^ bits >> (bit + 1)) & 1u) != 0;
     }
-    return changes < USUAL_CHANGES ? COST_OF_CHANGE * (USUAL_CHANGES - changes) : 0.0;
+    return changes < RL_USUAL_CHANGES ? COST_OF_CHANGE * (RL_USUAL_CHANGES - changes) : 0.0;
 }
 
 static void note_fit(struct rl_verdict *verdict, const struct rl_window *window)

@@ -20,16 +20,14 @@ static int64_t aligned(int64_t bytes)
 struct rl_detector *rl_detector_create(const struct rl_settings *settings, const uint16_t *ids,
                                        int32_t count)
 {
-    const struct rl_noise_law law = {settings->noise_floor, settings->noise_slope,
-                                     settings->noise_ambient};
+    const struct rl_sensor *sensor = &settings->sensor;
     const int rows = settings->kept;
     const int64_t head = aligned((int64_t)sizeof(struct rl_detector));
-    const int64_t samples = aligned(rl_samples_bytes(settings->rows, settings->columns, rows));
+    const int64_t samples = aligned(rl_samples_bytes(sensor->rows, sensor->columns, rows));
     const int64_t search = aligned(rl_search_bytes(rows));
     const int64_t window = aligned(rl_window_bytes(rows));
     const int64_t shares = aligned(rl_shares_bytes(rows));
-    const int64_t residual =
-        aligned(rl_residual_bytes(settings->rows * settings->columns, rows));
+    const int64_t residual = aligned(rl_residual_bytes(sensor->rows * sensor->columns, rows));
     const int64_t values = rows * (int64_t)(sizeof(float) + 1);
     char *memory = calloc(1, (size_t)(head + samples + search + window + shares + residual + values));
     if (memory == NULL) {
@@ -47,8 +45,7 @@ struct rl_detector *rl_detector_create(const struct rl_settings *settings, const
     };
     detector->max_beyond = BEYOND_COARSE + settings->word;
     memory += head;
-    rl_samples_start(&detector->samples, settings->rows, settings->columns, rows, memory, &law,
-                     settings->bit_s);
+    rl_samples_start(&detector->samples, sensor, rows, memory, settings->bit_s);
     memory += samples;
     rl_codebook_start(&detector->search.codebook, ids, count);
     rl_search_start(&detector->search, &detector->samples, settings->bit_s, MAX_SKEW, memory);

@@ -9,16 +9,16 @@
 #include <stdint.h>
 
 #include "retrolidar_decide.h"
+#include "retrolidar_sensor.h"
 
 /* binding */
 enum { RL_MOST_READ = 16 };
 
 struct rl_settings {
-    int32_t rows, columns; /* of zones */
+    struct rl_sensor sensor;
     int32_t max_packets;   /* that may be combined, 1 to 8 */
     int32_t kept;          /* rows of samples that are held */
     double bit_s;          /* how long markers hold a bit [s] */
-    double noise_floor, noise_slope, noise_ambient; /* law of the sensor's noise */
     double evidence, wandering, word, margin, margin_of_more; /* `rl_demands` [nats] */
 };
 

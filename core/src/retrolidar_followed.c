@@ -123,7 +123,7 @@ static void update_clock(struct rl_followed *followed, const struct rl_scenery *
 void rl_followed_bearing(struct rl_followed *followed, const struct rl_scenery *scenery)
 {
     const struct rl_samples *samples = scenery->samples;
-    const struct rl_track_settings *settings = scenery->settings;
+    const struct rl_sensor *sensor = scenery->sensor;
     const int strongest = rl_zone_strongest(followed->zone, samples->zones);
     double amplitude[RL_MOST_ZONES], variance[RL_MOST_ZONES];
     const double most = followed->zone[strongest].gain;
@@ -140,7 +140,7 @@ void rl_followed_bearing(struct rl_followed *followed, const struct rl_scenery *
         return;
     }
     const double range_m = fmax(rl_range_estimate(&followed->range).range_m, RL_NEAREST_M);
-    const double size_m = (double)settings->size_m[followed->id];
+    const double size_m = (double)scenery->size_m[followed->id];
     variance[strongest] = 0.0;
     followed->crossed = strongest != followed->strongest ? 1.0 : followed->crossed;
     followed->strongest = strongest;
@@ -148,7 +148,7 @@ void rl_followed_bearing(struct rl_followed *followed, const struct rl_scenery *
     memcpy(followed->amplitude, amplitude, sizeof amplitude);
     followed->bearing =
         rl_bearing_of(scenery->table, samples->rows_of_zones, samples->columns_of_zones, strongest,
-                      amplitude, variance, size_m / settings->pitch / range_m, settings->blur);
+                      amplitude, variance, size_m / sensor->zone_pitch / range_m, sensor->zone_blur);
 }
 
 /* Find the range, then the samples of all zones, of which it says which are the marker's. */

@@ -57,7 +57,8 @@ struct rl_followed {
 /* What a marker is followed in. */
 struct rl_scenery {
     const struct rl_samples *samples;
-    const struct rl_track_settings *settings;
+    const struct rl_sensor *sensor;
+    const float *size_m; /* of the marker of each ID */
     const struct rl_bearing_table *table;
     int row;
     double step_s; /* since the frame before */

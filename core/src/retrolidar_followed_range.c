@@ -9,10 +9,9 @@
 
 #include <math.h>
 
-/* Deviation of a distance at a signal: a VL53L8CX has hypot(SHOT_M / signal, FLOOR_M). How many
- * times that variance a sensor has is learnt from frames that follow each other.
+/* How many times the variance that is expected a sensor has is learnt from frames that follow each
+ * other.
  */
-static const double SHOT_M = 0.490, FLOOR_M = 0.0016;
 static const double LEAST_SCALE = 0.25, MOST_SCALE = 16.0, LESSON = 0.02, MOST_LESSON = 9.0;
 /* A nearer target hides the marker if it is so much nearer [m] and brighter. */
 static const double NEARER_M = 0.1, BRIGHTER = 1.5;
@@ -29,16 +28,16 @@ static const double MOUNTING_M = 0.005;
 static const double LEAST_PRECISION = 0.1; /* of a background that is known at all [1/m^2] */
 static const double BIAS_SHARE = 0.1, HIDDEN_SHARE = 0.3; /* of the newest frame */
 
-static double law_of(double signal)
+static double law_of(const struct rl_sensor *sensor, double signal)
 {
-    const double shot_m = SHOT_M / fmax(signal, 1e-3);
-    return shot_m * shot_m + FLOOR_M * FLOOR_M;
+    const double shot_m = sensor->ranging_shot / fmax(signal, 1e-3);
+    return shot_m * shot_m + sensor->ranging_floor_m * sensor->ranging_floor_m;
 }
 
 static double to_range(const struct rl_scenery *scenery, int zone, double depth_m)
 {
-    const struct rl_track_settings *settings = scenery->settings;
-    return depth_m / settings->z_per_range[zone] - settings->range_offset_m;
+    const struct rl_sensor *sensor = scenery->sensor;
+    return depth_m / sensor->z_per_range[zone] - sensor->range_offset_m;
 }
 
 static double distance_of(const struct rl_scenery *scenery, int zone)
@@ -70,7 +69,8 @@ struct rl_zone_sample rl_followed_sample(const struct rl_followed *followed,
     }
     const struct rl_motion place = rl_range_estimate(&followed->range);
     const double beyond_m = range_m - place.range_m;
-    const double spread_m = 5.0 * sqrt(place.variance + followed->noise_scale * law_of(signal));
+    const double spread_m =
+        5.0 * sqrt(place.variance + followed->noise_scale * law_of(scenery->sensor, signal));
     /* A marker that has come nearer is brighter, too. */
     const double nearer = fmax(range_m, RL_NEAREST_M) / fmax(place.range_m, RL_NEAREST_M);
     const double way_m = MOST_SPEED * (rl_scenery_now(scenery) - followed->ranged_s);
@@ -90,30 +90,33 @@ struct rl_zone_sample rl_followed_sample(const struct rl_followed *followed,
  * (`retrolidar_ranging.c`). Return by how far it is behind; find the chance that it is so, and the
  * variance.
  */
-static double behind_of(const struct rl_background *behind, double *chance, double *variance)
+static double behind_of(const struct rl_background *behind, double separable_m, double *chance,
+                        double *variance)
 {
     const double mounting = MOUNTING_M * MOUNTING_M;
     *chance = 0.0;
     *variance = mounting;
-    if (behind->precision < LEAST_PRECISION || fabs(behind->offset_m) > RL_SEPARABLE_M) {
+    if (behind->precision < LEAST_PRECISION || fabs(behind->offset_m) > separable_m) {
         return 0.0;
     }
     const double noise = 1.0 / behind->precision, spread = noise + mounting;
     const double squared = behind->offset_m * behind->offset_m;
     const double mounted = exp(-squared / (2.0 * spread)) / sqrt(6.283185307179586 * spread);
-    const double anywhere = 1.0 / (2.0 * RL_SEPARABLE_M);
+    const double anywhere = 1.0 / (2.0 * separable_m);
     *chance = anywhere / (mounted + anywhere);
     *variance = (1.0 - *chance) * noise * mounting / spread + *chance * noise +
                 *chance * (1.0 - *chance) * squared;
     return behind->offset_m;
 }
 
-static void see_behind(struct rl_followed *followed, int zone, double range_m, double signal)
+static void see_behind(struct rl_followed *followed, const struct rl_scenery *scenery, int zone,
+                       double range_m, double signal)
 {
     struct rl_background *behind = &followed->behind[zone];
     const struct rl_motion place = rl_range_estimate(&followed->range);
     const double off_m = range_m - place.range_m - behind->offset_m;
-    const double precision = 1.0 / (followed->noise_scale * law_of(signal) + place.variance);
+    const double noise = followed->noise_scale * law_of(scenery->sensor, signal);
+    const double precision = 1.0 / (noise + place.variance);
     behind->precision += precision;
     behind->offset_m += precision / behind->precision * off_m;
 }
@@ -154,10 +157,11 @@ static void measure_range(struct rl_followed *followed, const struct rl_scenery 
     const double late_s = centre_of(followed, scenery);
     const double share = fmin(fmax(light->level / fmax(signal, 1e-3), 0.0), 1.0 - LEAST_OWN);
     const struct rl_motion place = rl_range_estimate(&followed->range);
-    const double variance =
-        followed->noise_scale * law_of(signal) + place.rate_variance * late_s * late_s;
+    const double noise = followed->noise_scale * law_of(scenery->sensor, signal);
+    const double variance = noise + place.rate_variance * late_s * late_s;
     double chance, offset_variance;
-    const double offset_m = behind_of(&followed->behind[zone], &chance, &offset_variance);
+    const double offset_m = behind_of(&followed->behind[zone], scenery->sensor->separable_m,
+                                      &chance, &offset_variance);
     const double mixed = share * chance;
     const double own_m = (range_m - mixed * (offset_m + place.range_m)) / (1.0 - mixed) -
                          place.rate * late_s;
@@ -206,7 +210,7 @@ void rl_followed_range(struct rl_followed *followed, const struct rl_scenery *sc
                 measure_range(followed, scenery, zone, range_m, signal);
             }
         } else if (followed->light < RL_DARK && scenery->other[zone] < MOST_OTHER * signal) {
-            see_behind(followed, zone, range_m, signal);
+            see_behind(followed, scenery, zone, range_m, signal);
         }
     }
 }

@@ -8,8 +8,6 @@
 #include <math.h>
 #include <string.h>
 
-enum { PREAMBLE_BITS = RL_PACKET_BITS - RL_WORD_BITS };
-
 static const uint32_t PREAMBLE = (uint32_t)RL_PREAMBLE << RL_WORD_BITS;
 static const uint32_t WORD_MASK = ((uint32_t)1 << RL_WORD_BITS) - 1;
 /* Coarse templates explain no more than this, and some words more than the bound by this factor. */
@@ -112,8 +110,8 @@ void rl_promise_add(struct rl_promises *promises, const struct rl_demand *demand
     for (int shift = 0; shift < shifts; shift++) {
         const float *soft = twice + shift;
         const uint32_t turned = dark << shift | dark >> (RL_PACKET_BITS - shift);
-        const float word = until[shift + RL_PACKET_BITS] - until[shift + PREAMBLE_BITS];
-        const float sum = word + soft[0] + soft[2] + soft[4] + soft[6];
+        const float word = until[shift + RL_PACKET_BITS] - until[shift + RL_PREAMBLE_BITS];
+        const float sum = rl_add_preamble(word, soft);
         if (sum <= 0.0f) {
             continue;
         }

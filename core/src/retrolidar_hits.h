@@ -32,7 +32,7 @@ struct rl_promise {
     struct rl_lane lane;
 };
 
-/* A sequence of 31 bits, of a packet or not. */
+/* As many bits as a packet has, of one or not. */
 struct rl_sequence {
     uint32_t bits;
     bool repeats;

@@ -39,9 +39,10 @@ void rl_noise_follow(struct rl_samples *samples, int wanted, bool recompute)
 
 double rl_noise_variance(const struct rl_samples *samples, int source, double signal)
 {
-    const struct rl_noise_law *law = &samples->law;
+    const struct rl_sensor *sensor = &samples->sensor;
     const double zones = samples->source[source].zones;
-    return zones * (law->floor + law->ambient * samples->ambient) + law->slope * fmax(signal, 0.0);
+    return zones * (sensor->noise_floor + sensor->noise_ambient * samples->ambient) +
+           sensor->noise_slope * fmax(signal, 0.0);
 }
 
 double rl_noise_variation(const struct rl_samples *samples, int source)

@@ -3,36 +3,17 @@
  */
 #include "retrolidar_packet.h"
 
-/* Rows of the parity matrix: a circulant in which entry (i, j) is 1 where i + j mod 11 is one of
- * 0, 2, 6, 7, 8, 10, bordered by ones and a zero. Any rotation of the rows makes a Golay code, but
- * with this one no packet comes within one bit of a cyclic shift of another, and 3593 of the 4096
- * keep four bits away from all of them.
- */
-static const uint16_t PARITY[RL_ID_BITS] = {
-    0xA3B, 0x477, 0x8ED, 0x1DB, 0x3B5, 0x769, 0xED1, 0xDA3, 0xB47, 0x68F, 0xD1D, 0xFFE,
-};
-
-enum { IDS = 1 << RL_ID_BITS };
+static const uint32_t WORD_MASK = ((uint32_t)1 << RL_WORD_BITS) - 1;
 
 bool rl_id_is_usable(uint32_t id)
 {
-    return id > 0 && id < IDS - 1;
-}
-
-uint32_t rl_golay_word(uint16_t id)
-{
-    uint16_t parity = 0;
-    for (uint8_t row = 0; row < RL_ID_BITS; row++) {
-        if (id & (1u << (RL_ID_BITS - 1 - row))) {
-            parity ^= PARITY[row];
-        }
-    }
-    return (uint32_t)(id & (IDS - 1)) << RL_ID_BITS | parity;
+    const uint32_t word = id < RL_IDS ? rl_encode(id) : 0;
+    return word != 0 && word != WORD_MASK;
 }
 
 uint32_t rl_packet(uint16_t id)
 {
-    return (uint32_t)RL_PREAMBLE << RL_WORD_BITS | rl_golay_word(id);
+    return (uint32_t)RL_PREAMBLE << RL_WORD_BITS | rl_encode(id & (RL_IDS - 1));
 }
 
 void rl_schedule_start(struct rl_schedule *schedule, uint32_t packet, uint16_t packets)

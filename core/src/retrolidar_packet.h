@@ -1,11 +1,11 @@
 /* Copyright 2026 retrolidar_ros contributors
  * SPDX-License-Identifier: Apache-2.0
  */
-/* What a marker sends: a preamble of 7 bits and an extended Golay (24, 12) word, first the most
- * significant bit. A bit 1 is dark.
- */
+/* What a marker sends: packets of the format in retrolidar_packet_format.h. */
 #ifndef RETROLIDAR_PACKET_H
 #define RETROLIDAR_PACKET_H
+
+#include "retrolidar_packet_format.h"
 
 #include <stdbool.h>
 #include <stdint.h>
@@ -15,15 +15,12 @@ extern "C" {
 #endif
 
 /* binding */
-enum { RL_PACKET_BITS = 31, RL_WORD_BITS = 24, RL_ID_BITS = 12, RL_PREAMBLE = 0x55 };
+enum { RL_PACKET_BITS = RL_PREAMBLE_BITS + RL_WORD_BITS, RL_IDS = 1 << RL_ID_BITS };
 
-/* Whether an ID can be sent: 0 and 4095 are all bright and all dark after the preamble. */
+/* Whether an ID can be sent: not one whose word is all bright or all dark. */
 bool rl_id_is_usable(uint32_t id);
 
-/* The Golay word of an ID of 0 to 4095, in the lower 24 bits: the ID, then its parity. */
-uint32_t rl_golay_word(uint16_t id);
-
-/* Preamble and word of an ID of 0 to 4095, in the lower 31 bits. */
+/* Preamble and word of an ID, in the lower bits. */
 uint32_t rl_packet(uint16_t id);
 /* end of binding */
 
@@ -31,6 +28,15 @@ uint32_t rl_packet(uint16_t id);
 static inline uint32_t rl_packet_bit(int bit)
 {
     return (uint32_t)1 << (RL_PACKET_BITS - 1 - bit);
+}
+
+/* Add the dark bits of the preamble to a sum over the bits of a packet. */
+static inline float rl_add_preamble(float sum, const float *bits)
+{
+    for (int bit = 0; bit < RL_PREAMBLE_BITS; bit++) {
+        sum += RL_PREAMBLE >> (RL_PREAMBLE_BITS - 1 - bit) & 1 ? bits[bit] : 0.0f;
+    }
+    return sum;
 }
 
 /* Packets on their way, back to back. */

@@ -7,14 +7,10 @@
 
 #include <math.h>
 
-enum { PREAMBLE_BITS = RL_PACKET_BITS - RL_WORD_BITS };
-
 /* Least range, whatever the offset. */
 static const double NEAREST_M = 1e-3;
 /* Minimum share of an exposure within the packet. */
 static const double LEAST_INSIDE = 0.25;
-/* The variance of the sensor's own step is the least noise that a fit can claim. */
-static const double RESOLUTION = 1.0 / (2048.0 * 2048.0 * 12.0);
 /* A zone saw the packet if it rises with it by so many deviations. */
 static const double LEAST_SEEN = 3.0;
 
@@ -38,6 +34,7 @@ static struct rl_seen window_of(struct rl_detector *detector, const struct rl_re
     const struct rl_sending sending = {rl_packet(reading->id), reading->repeats, reading->start_s,
                                        reading->bit_s, reading->brightening_s};
     const struct rl_seen seen = {
+        .sensor = &samples->sensor,
         .rows = last - *first,
         .begin_s = samples->begin_s + *first,
         .end_s = samples->end_s + *first,
@@ -83,8 +80,11 @@ static void fit_amplitude(const struct rl_seen *seen, int zone, struct amplitude
         alike += left * before;
         before = left;
     }
-    /* The residual may be another marker, whose samples come in pairs and count half. */
-    const double noise = fmax(power / fmax(count - 2.0, 1.0), RESOLUTION);
+    /* The residual may be another marker, whose samples come in pairs and count half; no fit can
+     * claim less noise than the sensor's own step makes.
+     */
+    const double step = seen->sensor->signal_step;
+    const double noise = fmax(power / fmax(count - 2.0, 1.0), step * step / 12.0);
     amplitude->of[zone] = rise;
     amplitude->noise[zone] = noise;
     amplitude->variance[zone] =
@@ -116,8 +116,9 @@ static void choose_zones(const struct rl_reading *reading, const struct amplitud
 
 /* The mean of the ranges of the zones, weighted by one over the variance. */
 static bool find_range(struct rl_detector *detector, struct rl_seen *seen, int first,
-                       const double *z_per_range, struct rl_placement *placement)
+                       struct rl_placement *placement)
 {
+    const double *z_per_range = seen->sensor->z_per_range;
     double precision = 0.0, range_m = 0.0, time_s = 0.0;
     for (int i = 0; i < placement->zones; i++) {
         const int zone = placement->zone[i];
@@ -149,12 +150,13 @@ static double hidden_light(const struct rl_detector *detector, const struct rl_s
                            int zone, double depth_m)
 {
     const size_t at = rl_sample(&detector->samples, zone, first);
+    const double separable_m = seen->sensor->separable_m;
     double hidden = 0.0, bright = 0.0;
     for (int row = 0; row < seen->rows; row++) {
         if (seen->light[row] > RL_BRIGHT) {
             const double distance = (double)detector->samples.distance[at + (size_t)row];
             bright += 1.0;
-            hidden += fabs(distance - depth_m) >= RL_SEPARABLE_M
+            hidden += fabs(distance - depth_m) >= separable_m
                           ? (double)detector->samples.signal[at + (size_t)row]
                           : 0.0;
         }
@@ -197,7 +199,7 @@ static double likelihood_of(const struct rl_seen *seen, const struct rl_reading 
     level /= fmax(bright, 1.0);
     for (int row = 0; row < seen->rows; row++) {
         const double since_s = (seen->begin_s[row] + seen->end_s[row]) / 2 - start_s;
-        if (since_s > 0.0 && since_s < PREAMBLE_BITS * reading->bit_s && seen->valid[row]) {
+        if (since_s > 0.0 && since_s < RL_PREAMBLE_BITS * reading->bit_s && seen->valid[row]) {
             const double dark = 1.0 - seen->light[row];
             const double signal = (double)seen->signal[row] - level;
             cross += dark * signal;
@@ -241,10 +243,11 @@ static int32_t corrected_bits(const struct rl_seen *seen, const struct rl_readin
     return corrected;
 }
 
-bool rl_place(struct rl_detector *detector, const struct rl_reading *reading,
-              const struct rl_optics *optics, struct rl_placement *placement)
+bool rl_place(struct rl_detector *detector, const struct rl_reading *reading, double size_m,
+              struct rl_placement *placement)
 {
     const struct rl_samples *samples = &detector->samples;
+    const struct rl_sensor *sensor = &samples->sensor;
     struct amplitude amplitude;
     int first;
     struct rl_seen seen = window_of(detector, reading, &first);
@@ -253,7 +256,7 @@ bool rl_place(struct rl_detector *detector, const struct rl_reading *reading,
         fit_amplitude(&seen, zone, &amplitude);
     }
     choose_zones(reading, &amplitude, placement);
-    if (!find_range(detector, &seen, first, optics->z_per_range, placement)) {
+    if (!find_range(detector, &seen, first, placement)) {
         return false;
     }
     const int strongest = placement->zone[0];
@@ -261,15 +264,15 @@ bool rl_place(struct rl_detector *detector, const struct rl_reading *reading,
     placement->noise = amplitude.noise[strongest];
     for (int zone = 0; zone < samples->zones; zone++) {
         const double hidden = hidden_light(detector, &seen, first, zone,
-                                           placement->range_m * optics->z_per_range[zone]);
+                                           placement->range_m * sensor->z_per_range[zone]);
         amplitude.variance[zone] += hidden * hidden;
     }
     amplitude.variance[strongest] = 0.0;
-    placement->range_m = fmax(placement->range_m - optics->range_offset_m, NEAREST_M);
+    placement->range_m = fmax(placement->range_m - sensor->range_offset_m, NEAREST_M);
     placement->bearing =
         rl_bearing_of(&detector->bearing, samples->rows_of_zones, samples->columns_of_zones,
                       strongest, amplitude.of, amplitude.variance,
-                      optics->width_m / placement->range_m, optics->blur);
+                      size_m / sensor->zone_pitch / placement->range_m, sensor->zone_blur);
     look_at(detector, &seen, first, strongest);
     placement->score = score_of(&seen);
     placement->likelihood = likelihood_of(&seen, reading);

@@ -24,19 +24,12 @@ struct rl_placement {
     int32_t zone[RL_MOST_READ]; /* that saw it, strongest first */
 };
 
-/* Where a sensor departs from the usual one, and what is known of a marker. */
-struct rl_optics {
-    const double *z_per_range; /* distance that is reported over radial range, of each zone */
-    double range_offset_m;     /* by which all ranges are measured too long */
-    double blur;               /* standard deviation [widths of a zone]; 0 if not known */
-    double width_m;            /* of the marker, over that of a zone as a tangent */
-};
-
-/* Place a reading of the frame that was taken last; false where no distance was measured. Every zone
- * that has read it gives its range, and all zones around the strongest its bearing.
+/* Place a reading of the frame that was taken last, of a marker of a size; false where no distance
+ * was measured. Every zone that has read it gives its range, and all zones around the strongest its
+ * bearing.
  */
-bool rl_place(struct rl_detector *detector, const struct rl_reading *reading,
-              const struct rl_optics *optics, struct rl_placement *placement);
+bool rl_place(struct rl_detector *detector, const struct rl_reading *reading, double size_m,
+              struct rl_placement *placement);
 /* end of binding */
 
 #endif

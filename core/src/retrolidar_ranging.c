@@ -15,10 +15,6 @@ static const double IN_ZONE = 0.5, BRIGHTEST = 0.9;
 static const double UNSURE_M = 0.05;
 /* Distance of a marker from the surface that it is mounted on. */
 static const double MOUNTING_M = 0.005;
-/* Variance of the sensor's quantisation, the least that there can be. */
-static const double RESOLUTION = 0.25e-3 * 0.25e-3 / 12.0;
-/* What 16 bits of quarter millimetres do not reach. */
-static const double MOST_M = 8.192;
 static const double TWO_PI = 6.283185307179586;
 
 /* The value that a share of some values are below, which it moves. */
@@ -37,12 +33,12 @@ static double quantile(float *values, int count, double share)
 /* Whether the background was separated from the marker, and so is no part of its pulse. Near the
  * limit it is if subtracting it would put the marker beyond the limit.
  */
-static bool is_apart(double wall_m, double depth_m, const struct rl_ranged *parted)
+static bool is_apart(double wall_m, double depth_m, const struct rl_ranged *parted,
+                     double separable_m)
 {
     const double gap_m = fabs(wall_m - depth_m);
     const double beyond_m = fabs(wall_m - parted->depth_m) - 3 * sqrt(parted->variance);
-    return gap_m >= RL_SEPARABLE_M ||
-           (gap_m >= RL_SEPARABLE_M - UNSURE_M && beyond_m > RL_SEPARABLE_M);
+    return gap_m >= separable_m || (gap_m >= separable_m - UNSURE_M && beyond_m > separable_m);
 }
 
 /* Where it is open whether a background need be subtracted: in the same pulse it is mostly what the
@@ -52,14 +48,15 @@ static bool is_apart(double wall_m, double depth_m, const struct rl_ranged *part
  *
  * share: of the background in the signal while the marker is bright
  */
-static void weigh(struct rl_ranged *plain, const struct rl_ranged *parted, double share)
+static void weigh(struct rl_ranged *plain, const struct rl_ranged *parted, double share,
+                  double separable_m)
 {
     const double step_m = parted->depth_m - plain->depth_m;
     const double noise = fmax(parted->variance - plain->variance, 0.0);
     const double mounting = MOUNTING_M * share * MOUNTING_M * share;
     const double spread = noise + mounting;
     const double mounted = exp(-step_m * step_m / (2 * spread)) / sqrt(TWO_PI * spread);
-    const double anywhere = 1 / (2 * RL_SEPARABLE_M * share);
+    const double anywhere = 1 / (2 * separable_m * share);
     const double chance = anywhere / (mounted + anywhere);
     const double near_m = plain->depth_m + step_m * mounting / spread;
     const double near_variance = plain->variance + noise * mounting / spread;
@@ -151,7 +148,8 @@ static int mark_own(const struct rl_seen *seen, float *values, uint8_t *role)
     }
     const double about_m = (double)rl_select(values, brightest, brightest / 2);
     for (int row = 0; row < seen->rows; row++) {
-        role[row] = role[row] && fabs((double)seen->distance[row] - about_m) < RL_SEPARABLE_M;
+        role[row] = role[row] &&
+                    fabs((double)seen->distance[row] - about_m) < seen->sensor->separable_m;
         own += role[row];
     }
     return own;
@@ -159,6 +157,7 @@ static int mark_own(const struct rl_seen *seen, float *values, uint8_t *role)
 
 bool rl_ranging(const struct rl_seen *seen, float *values, uint8_t *role, struct rl_ranged *ranged)
 {
+    const struct rl_sensor *sensor = seen->sensor;
     const int own = mark_own(seen, values, role);
     double depth_m = 0.0, time_s = 0.0, signal = 0.0, squares = 0.0, behind = 0.0;
     int dark = 0, walls = 0;
@@ -186,9 +185,13 @@ bool rl_ranging(const struct rl_seen *seen, float *values, uint8_t *role, struct
     *ranged = (struct rl_ranged){depth_m, squares / (own - 1) / own, time_s};
     struct rl_ranged parted;
     if (dark > 0 && part(seen, role, depth_m, &parted) &&
-        !(walls > 0 && is_apart(quantile(values, walls, 0.5), depth_m, &parted))) {
-        weigh(ranged, &parted, fmax(behind / dark / fmax(signal, 1e-9), 1e-3));
+        !(walls > 0 &&
+          is_apart(quantile(values, walls, 0.5), depth_m, &parted, sensor->separable_m))) {
+        weigh(ranged, &parted, fmax(behind / dark / fmax(signal, 1e-9), 1e-3),
+              sensor->separable_m);
     }
-    ranged->variance += RESOLUTION / own;
-    return ranged->depth_m > 0.0 && ranged->depth_m < MOST_M; /* noise may put it beyond */
+    /* Quantisation adds the variance of a uniform distribution. */
+    ranged->variance += sensor->distance_step_m * sensor->distance_step_m / 12.0 / own;
+    /* Noise may put it beyond. */
+    return ranged->depth_m > 0.0 && ranged->depth_m < sensor->max_distance_m;
 }

@@ -11,18 +11,18 @@
 #ifndef RETROLIDAR_RANGING_H
 #define RETROLIDAR_RANGING_H
 
+#include "retrolidar_sensor.h"
+
 #include <stdbool.h>
-#include <stdint.h>
 
 /* Samples with more light than the first show the marker; with less than the second, the background.
  */
 static const double RL_BRIGHT = 0.75, RL_DARK = 0.25;
-/* Two targets in one zone are separated from this distance on (ST UM3109) [m]. */
-static const double RL_SEPARABLE_M = 0.6;
 
 /* binding */
 /* What one zone saw of a packet, sample by sample. */
 struct rl_seen {
+    const struct rl_sensor *sensor;
     int32_t rows;
     const double *begin_s, *end_s; /* of each exposure [s] */
     const double *light;           /* how bright the marker was, 0 to 1 */

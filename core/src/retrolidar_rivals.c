@@ -129,8 +129,8 @@ static float sum_of(uint32_t packet, const float weight[RL_PACKET_BITS])
 /* What no packet exceeds with such bits. */
 static float max_sum(const float weight[RL_PACKET_BITS])
 {
-    float most = weight[0] + weight[2] + weight[4] + weight[6];
-    for (int bit = RL_PACKET_BITS - RL_WORD_BITS; bit < RL_PACKET_BITS; bit++) {
+    float most = rl_add_preamble(0.0f, weight);
+    for (int bit = RL_PREAMBLE_BITS; bit < RL_PACKET_BITS; bit++) {
         most += fmaxf(weight[bit], 0.0f);
     }
     return most;

@@ -12,7 +12,7 @@ enum { RL_MOST_BITS = RL_SILENT_BITS + RL_PACKET_BITS }; /* that a window is cut
 
 /* A window cut into the bits of the packet in question, in the order of time. */
 struct rl_bits {
-    int count;      /* 31, or the silence before, too */
+    int count;      /* a packet's, and the silence before, too */
     double begin_s; /* of the first [s] */
     /* Log likelihood if a bit were the other one, less that as it is. */
     float turned[RL_MOST_BITS];

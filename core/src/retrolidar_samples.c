@@ -10,19 +10,6 @@
 #include <math.h>
 #include <string.h>
 
-/* ST's codes of samples whose signal and distance are valid; of these, a blinking marker
- * itself causes "first range" (6) and "no previous target" (10).
- */
-enum { VALID = 5, FIRST_RANGE = 6, SIGNAL_TOO_LOW = 8, MERGED = 9, NO_PREVIOUS = 10 };
-enum { NO_TARGET = 255 };
-
-static const float MOST_SIGNAL = 2097152.0f; /* 32 bits of 1/2048 kcps/SPAD */
-static const float MOST_DISTANCE = 8.192f;   /* 16 bits of a quarter of a millimetre */
-
-/* A signal that is called too low is about nothing, or something is wrong with it [kcps/SPAD]. */
-static const float LOW_SIGNAL = 8.0f;
-/* Dark bits that no packet exceeds at a stretch, and some more. */
-static const double DARK_BITS = 12.0;
 static const double LEAST_EXPOSURE_S = 1e-6;
 
 static int sources_of(int rows, int columns, struct rl_source *source)
@@ -59,19 +46,20 @@ int64_t rl_samples_bytes(int rows, int columns, int kept)
     return 2 * sources * (int64_t)sizeof(double) + 4 * (int64_t)kept * a_row;
 }
 
-void rl_samples_start(struct rl_samples *samples, int rows, int columns, int kept, void *memory,
-                      const struct rl_noise_law *law, double bit_s)
+void rl_samples_start(struct rl_samples *samples, const struct rl_sensor *sensor, int kept,
+                      void *memory, double bit_s)
 {
+    const int rows = sensor->rows, columns = sensor->columns;
     memset(samples, 0, sizeof *samples);
+    samples->sensor = *sensor;
     samples->rows_of_zones = rows;
     samples->columns_of_zones = columns;
     samples->zones = rows * columns;
     samples->sources = sources_of(rows, columns, samples->source);
     samples->kept = kept;
     samples->capacity = 4 * kept;
-    samples->law = *law;
     samples->usual_period_s = bit_s / 2;
-    samples->dark_s = DARK_BITS * bit_s;
+    samples->dark_s = RL_MAX_DARK_BITS * bit_s;
     double *wide = memory;
     samples->sum = wide;
     samples->square = samples->sum + samples->sources;
@@ -155,7 +143,7 @@ static double middle_of(const struct rl_samples *samples, int row)
 static int place_row(struct rl_samples *samples, double middle_s, int64_t stamp_ns)
 {
     const int row = samples->count++;
-    const double half_s = samples->period_s / 2;
+    const double half_s = samples->sensor.exposure * samples->period_s / 2;
     samples->begin_s[row] = middle_s - half_s;
     samples->end_s[row] = middle_s + half_s;
     if (row > 0 && samples->begin_s[row] < samples->end_s[row - 1]) {
@@ -172,16 +160,18 @@ static int place_row(struct rl_samples *samples, double middle_s, int64_t stamp_
 static void fill_row(struct rl_samples *samples, int row, double time_s, const float *signals,
                      const float *distances, const uint8_t *status)
 {
+    const struct rl_sensor *sensor = &samples->sensor;
+    const float max_signal = (float)sensor->max_signal, low_signal = (float)sensor->low_signal;
+    const float max_distance_m = (float)sensor->max_distance_m;
     for (int zone = 0; zone < samples->zones; zone++) {
         const size_t at = rl_sample(samples, zone, row);
         float *signal = &samples->signal[at];
         uint8_t *valid = &samples->valid[at];
-        const uint8_t code = status[zone];
+        const uint8_t meaning = sensor->meaning[status[zone]];
         const float s = signals[zone], d = distances[zone];
-        const bool normal =
-            code == VALID || code == FIRST_RANGE || code == MERGED || code == NO_PREVIOUS;
+        const bool normal = meaning == RL_VALID;
         const bool possible =
-            s >= 0.0f && s <= MOST_SIGNAL && ((d > 0.0f && d < MOST_DISTANCE) || isnan(d));
+            s >= 0.0f && s <= max_signal && ((d > 0.0f && d < max_distance_m) || isnan(d));
         samples->impossible += normal && !possible;
         *valid = normal && possible;
         samples->distance[at] = *valid ? d : NAN;
@@ -191,8 +181,7 @@ static void fill_row(struct rl_samples *samples, int row, double time_s, const f
             continue;
         }
         /* A marker that blocks the light leaves nothing to see. */
-        const bool nothing = code == NO_TARGET ||
-                             (code == SIGNAL_TOO_LOW && !(s >= LOW_SIGNAL));
+        const bool nothing = meaning == RL_NOTHING || (meaning == RL_FAINT && !(s >= low_signal));
         const bool dark = nothing && time_s - samples->last_seen_s[zone] < samples->dark_s;
         *valid = dark;
         *signal = nothing ? 0.0f : samples->last_signal[zone];
@@ -265,7 +254,7 @@ int rl_samples_push(struct rl_samples *samples, int64_t stamp_ns, const float *s
     fill_row(samples, row, time_s, signal, distance, status);
     follow_ambient(samples, ambient);
     const int packet =
-        (int)(RL_PACKET_BITS * samples->dark_s / DARK_BITS / samples->period_s + 0.5);
+        (int)(RL_PACKET_BITS * samples->dark_s / RL_MAX_DARK_BITS / samples->period_s + 0.5);
     rl_noise_follow(samples, packet < samples->kept ? packet : samples->kept, full);
     return rows;
 }

@@ -5,14 +5,13 @@
 #ifndef RETROLIDAR_SAMPLES_H
 #define RETROLIDAR_SAMPLES_H
 
+#include "retrolidar_sensor.h"
+
 #include <stdbool.h>
 #include <stddef.h>
 #include <stdint.h>
 
-enum {
-    RL_MOST_ZONES = 64,
-    RL_MOST_SOURCES = 114, /* zones, blocks of 2x2, the whole view */
-};
+enum { RL_MOST_SOURCES = 114 }; /* zones, blocks of 2x2, the whole view */
 
 /* In place of the stamp of a frame: 0 is one like others. */
 #define RL_NO_FRAME INT64_MIN
@@ -25,16 +24,11 @@ struct rl_source {
     uint8_t zone[RL_MOST_ZONES];
 };
 
-struct rl_noise_law {
-    double floor;   /* variance of a signal of nothing [(kcps/SPAD)^2] */
-    double slope;   /* by how much it grows with the signal [kcps/SPAD] */
-    double ambient; /* and with the ambient light [kcps/SPAD] */
-};
-
 /* Rows are frame periods: a lost frame is a row of erasures. Of the arrays over rows and sources,
  * `capacity` values that follow each other are a source's.
  */
 struct rl_samples {
+    struct rl_sensor sensor;
     int rows_of_zones, columns_of_zones, zones;
     int sources;
     struct rl_source source[RL_MOST_SOURCES];
@@ -52,9 +46,8 @@ struct rl_samples {
     bool is_parted[RL_MOST_SOURCES]; /* while a packet is taken off: its own target is all there is */
     int variance_rows; /* how many of the newest rows the sums below are of */
     double *sum, *square;
-    struct rl_noise_law law;
     double ambient;     /* median of the newest frame [kcps/SPAD] */
-    uint64_t impossible; /* samples of a normal status that no sensor measures */
+    uint64_t impossible; /* samples of a valid status that the sensor cannot measure */
     double dark_s;      /* no packet is dark for longer at a stretch */
     double last_seen_s[RL_MOST_ZONES];
     float last_signal[RL_MOST_ZONES];
@@ -70,8 +63,8 @@ static inline size_t rl_sample(const struct rl_samples *samples, int source, int
 
 /* How much memory the arrays take, and where they begin in it, all zeros at first. */
 int64_t rl_samples_bytes(int rows, int columns, int kept);
-void rl_samples_start(struct rl_samples *samples, int rows, int columns, int kept, void *memory,
-                      const struct rl_noise_law *law, double bit_s);
+void rl_samples_start(struct rl_samples *samples, const struct rl_sensor *sensor, int kept,
+                      void *memory, double bit_s);
 
 /* Forget all; times count from this stamp now. */
 void rl_samples_clear(struct rl_samples *samples, int64_t stamp_ns);

@@ -7,10 +7,7 @@
 
 #include <math.h>
 
-enum {
-    MAX_HIDDEN_BITS = 3, /* at a stretch */
-    MOST_ERASED_BITS = 7, /* so many leave words of a code of distance 8 apart */
-};
+enum { MAX_HIDDEN_BITS = 3 }; /* at a stretch */
 
 /* Share of the samples of a window that must be valid. */
 static const double LEAST_VALID = 0.5;
@@ -90,7 +87,8 @@ bool rl_scope_is_erased(const struct rl_window *window, const struct rl_sending 
     for (int bit = 0; bit < RL_PACKET_BITS; bit++) {
         erased += known[bit] < 0.25 * all[bit];
     }
-    return erased > MOST_ERASED_BITS;
+    /* Words still differ in the bits that are left. */
+    return erased >= RL_WORD_DISTANCE;
 }
 
 bool rl_scope_mask_occlusion(struct rl_window *window, const struct rl_sending *sending,

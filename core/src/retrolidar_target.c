@@ -9,28 +9,28 @@
 #include <math.h>
 #include <string.h>
 
-/* Distances further apart are two targets; the sensor parts them from 0.6 m on (ST UM3109). */
-static const float GAP_M = 0.5f;
+/* Distances further apart are two targets: share of the distance from which the sensor parts them. */
+static const double GAP = 5.0 / 6.0;
 /* A nearer target in a smaller share of the frames is passing by. */
 static const double PASSING = 0.2;
 /* What comes and goes more often in a window, as a cover glass, is seen while the marker is dark. */
 static const int MOST_PASSES = 3;
 
 enum {
-    FINE = 256, /* steps of a quarter of a millimetre, as the sensor has them, of a bin ... */
-    BINS = 128, /* ... and such bins, up to the farthest that it measures */
+    FINE = 256, /* steps of a bin ... */
+    BINS = 128, /* ... and such bins, up to the farthest that the sensor measures */
 };
-static const float STEPS_A_METRE = 4000.0f;
 
 /* Distances that are measured, by about how long they are. */
 struct bins {
+    float gap_m, steps_a_metre;
     int all, count[BINS];
     float nearest[BINS], farthest[BINS];
 };
 
-static int step_of(float distance)
+static int step_of(const struct bins *bins, float distance)
 {
-    const int step = (int)(distance * STEPS_A_METRE);
+    const int step = (int)(distance * bins->steps_a_metre);
     return step < FINE * BINS ? step : FINE * BINS - 1;
 }
 
@@ -44,7 +44,7 @@ static void sort_into(struct bins *bins, const float *distance, int rows, float 
     }
     for (int row = 0; row < rows; row++) {
         if (distance[row] >= least) {
-            const int bin = step_of(distance[row]) / FINE;
+            const int bin = step_of(bins, distance[row]) / FINE;
             bins->nearest[bin] = rl_minf(bins->nearest[bin], distance[row]);
             bins->farthest[bin] = rl_maxf(bins->farthest[bin], distance[row]);
             bins->count[bin]++;
@@ -69,11 +69,11 @@ static float middle_of(const struct bins *bins, const float *distance, int rows)
     int count[FINE] = {0}, rank = bins->all / 2;
     const int bin = place_of(bins->count, &rank);
     for (int row = 0; row < rows; row++) {
-        if (distance[row] > 0.0f && step_of(distance[row]) / FINE == bin) {
-            count[step_of(distance[row]) % FINE]++;
+        if (distance[row] > 0.0f && step_of(bins, distance[row]) / FINE == bin) {
+            count[step_of(bins, distance[row]) % FINE]++;
         }
     }
-    return (float)(bin * FINE + place_of(count, &rank)) / STEPS_A_METRE;
+    return (float)(bin * FINE + place_of(count, &rank)) / bins->steps_a_metre;
 }
 
 /* The widest gap between distances, if it is wider than a bin, and its middle. */
@@ -99,10 +99,10 @@ static float passing_by(const struct bins *bins, const float *distance, int rows
     while (bins->count[near] == 0) {
         near++;
     }
-    if ((place_of(bins->count, &rank) + 1 - near) * FINE < GAP_M * STEPS_A_METRE) {
+    if ((place_of(bins->count, &rank) + 1 - near) * FINE < bins->gap_m * bins->steps_a_metre) {
         return 0.0f;
     }
-    const float nearer = middle_of(bins, distance, rows) - GAP_M;
+    const float nearer = middle_of(bins, distance, rows) - bins->gap_m;
     for (int row = 0, before = 0; row < rows; row++) {
         const int now = isnan(distance[row]) ? before : distance[row] < nearer;
         passing += now && !isnan(distance[row]);
@@ -112,10 +112,11 @@ static float passing_by(const struct bins *bins, const float *distance, int rows
     return passing > 0 && passing < PASSING * bins->all && passes <= MOST_PASSES ? nearer : 0.0f;
 }
 
-static struct rl_column part(const float *distance, int rows, struct rl_column held,
-                             struct rl_room *room)
+static struct rl_column part(const struct rl_sensor *sensor, const float *distance, int rows,
+                             struct rl_column held, struct rl_room *room)
 {
-    struct bins bins;
+    struct bins bins = {.gap_m = (float)(GAP * sensor->separable_m),
+                        .steps_a_metre = (float)(FINE * BINS / sensor->max_distance_m)};
     float *signal = room->signal, middle = 0.0f;
     uint8_t *valid = room->valid;
     sort_into(&bins, distance, rows, 0.0f);
@@ -124,7 +125,7 @@ static struct rl_column part(const float *distance, int rows, struct rl_column h
         sort_into(&bins, distance, rows, nearer);
     }
     const float widest = widest_gap(&bins, &middle);
-    if (nearer <= 0.0f && widest < GAP_M) {
+    if (nearer <= 0.0f && widest < bins.gap_m) {
         return held;
     }
     memcpy(signal, held.signal, (size_t)rows * sizeof *signal);
@@ -144,7 +145,7 @@ static struct rl_column part(const float *distance, int rows, struct rl_column h
         seen[d > middle] += 1.0;
     }
     const struct rl_column changed = {signal, valid};
-    if (widest < GAP_M) {
+    if (widest < bins.gap_m) {
         return changed;
     }
     const int other = sum[1] / seen[1] < sum[0] / seen[0];
@@ -195,8 +196,8 @@ struct rl_column rl_target_column(const struct rl_samples *samples, int source, 
     const size_t at = rl_sample(samples, source, first);
     const struct rl_column held = {samples->signal + at, samples->valid + at};
     if (source >= samples->zones || samples->is_parted[source] ||
-        !(range_of(samples->distance + at, rows) > GAP_M)) {
+        !(range_of(samples->distance + at, rows) > (float)(GAP * samples->sensor.separable_m))) {
         return held;
     }
-    return part(samples->distance + at, rows, held, room);
+    return part(&samples->sensor, samples->distance + at, rows, held, room);
 }

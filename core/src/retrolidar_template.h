@@ -10,7 +10,7 @@
 
 /* Bits that a marker sends, and when. */
 struct rl_sending {
-    uint32_t bits; /* 31 of them, the first one the most significant; 1 = dark */
+    uint32_t bits; /* of a packet, the first one the most significant; 1 = dark */
     bool repeats;  /* back to back without end; a lone packet is bright before and after */
     double start_s; /* when a packet begins [s] */
     double bit_s;   /* how long a bit lasts [s] */

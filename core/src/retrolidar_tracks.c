@@ -27,7 +27,6 @@ enum { MOST_ROWS = 64 }; /* from one call to the next */
 
 struct rl_tracks {
     struct rl_detector *detector;
-    struct rl_track_settings settings;
     struct rl_track_counts counts;
     int count;
     struct rl_followed track[RL_MAX_TRACKS];
@@ -37,8 +36,7 @@ struct rl_tracks {
     float *distance;
 };
 
-struct rl_tracks *rl_tracks_create(struct rl_detector *detector,
-                                   const struct rl_track_settings *settings)
+struct rl_tracks *rl_tracks_create(struct rl_detector *detector, const float *size_m)
 {
     const size_t rows = (size_t)detector->samples.capacity;
     const size_t a_row = sizeof(double) + sizeof(float);
@@ -47,12 +45,12 @@ struct rl_tracks *rl_tracks_create(struct rl_detector *detector,
         return NULL;
     }
     tracks->detector = detector;
-    tracks->settings = *settings;
     tracks->light = (double *)(tracks + 1);
     tracks->distance = (float *)(tracks->light + rows);
     tracks->scenery = (struct rl_scenery){
         .samples = &detector->samples,
-        .settings = &tracks->settings,
+        .sensor = &detector->samples.sensor,
+        .size_m = size_m,
         .table = &detector->bearing,
     };
     tracks->origin_ns = RL_NO_FRAME;
@@ -299,7 +297,7 @@ struct rl_marker_track rl_tracks_track(const struct rl_tracks *tracks, int32_t i
     const struct rl_motion place = rl_range_estimate(&followed->range);
     const int columns = tracks->scenery.samples->columns_of_zones;
     const int rows = tracks->scenery.samples->rows_of_zones;
-    const double pitch = tracks->settings.pitch;
+    const double pitch = tracks->scenery.sensor->zone_pitch;
     const double middle[2] = {followed->strongest % columns - (columns - 1) / 2.0,
                               followed->strongest / columns - (rows - 1) / 2.0};
     struct rl_marker_track track = {

@@ -26,25 +26,16 @@ struct rl_marker_track {
     int64_t last_ns; /* the newest frame with its light */
 };
 
-struct rl_track_settings {
-    double pitch;          /* width of a zone as a tangent */
-    double range_offset_m; /* by which all ranges are measured too long */
-    double blur;           /* standard deviation [widths of a zone]; 0 if not known */
-    const double *z_per_range; /* distance that is reported over radial range, of each zone */
-    const float *size_m;       /* of the marker of each ID */
-};
-
 struct rl_track_counts {
     uint64_t started, ended, dropped; /* dropped: as there were more than are followed */
 };
 
 struct rl_tracks;
 
-/* Memory is taken here and never after; NULL if there is none. What the settings point to, and the
- * detector, are to be kept.
+/* Memory is taken here and never after; NULL if there is none. The detector, and the sizes of the
+ * markers of all IDs, are to be kept.
  */
-struct rl_tracks *rl_tracks_create(struct rl_detector *detector,
-                                   const struct rl_track_settings *settings);
+struct rl_tracks *rl_tracks_create(struct rl_detector *detector, const float *size_m);
 void rl_tracks_destroy(struct rl_tracks *tracks);
 
 /* Follow all markers to the frame that the detector has taken last, and begin with those that it

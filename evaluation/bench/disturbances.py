@@ -24,7 +24,8 @@ from numpy.typing import NDArray
 from evaluation.bench.room_markers import foreign_edges, foreign_ratio
 from retrolidar_ros.marker.code import BIT_PERIOD_S, PACKET_BITS
 from retrolidar_ros.scene.reference import NOISE, RANGING, SENSOR, WALL_SIGNAL
-from retrolidar_ros.sensor.frame import Floats, Recording, Status
+from retrolidar_ros.sensor.frame import Floats, Recording
+from retrolidar_ros.sensor.model import Status
 
 BLOCK_FRAMES = 4096
 LEAST_SIGNAL, MOST_SIGNAL = 2.0, 1700.0  # [kcps/SPAD]

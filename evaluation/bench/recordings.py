@@ -25,7 +25,8 @@ from retrolidar_ros.scene.description import SIGNAL_AT_1_M, Noise, SecondSensor
 from retrolidar_ros.scene.optics import DISTANCE_EXPONENT, zone_shares
 from retrolidar_ros.scene.reference import NOISE, RESPONSE, SENSOR, WALL_SIGNAL
 from retrolidar_ros.scene.transmission import Transmission, exposure_edges, visible_share
-from retrolidar_ros.sensor.frame import Floats, Recording, Status
+from retrolidar_ros.sensor.frame import Floats, Recording
+from retrolidar_ros.sensor.model import Status
 
 HAND_SIGNAL, HAND_DISTANCE_M = 1700.0, 0.2  # [kcps/SPAD]
 SILENCE_BITS = 40  # before a lone packet: 1.7 s

@@ -19,7 +19,8 @@ from evaluation.bench.room_scene import RoomSimulation
 from retrolidar_ros.detector import Detection
 from retrolidar_ros.marker.code import PACKET_BITS
 from retrolidar_ros.scene.reference import NOISE
-from retrolidar_ros.sensor.frame import SEPARABLE_M, Floats
+from retrolidar_ros.sensor.frame import Floats
+from retrolidar_ros.sensor.model import VL53L8CX
 
 COMPANY = ('alone', 'beside', 'shared')
 """No other sends nearby; one does in a zone next to it; one does in its best zone."""
@@ -249,7 +250,7 @@ def _seen(simulation: RoomSimulation) -> tuple[Floats, Floats]:
             light = everything[other]
             if not light.any():
                 continue
-            apart = np.abs(depth[other] - depth[index]) >= SEPARABLE_M
+            apart = np.abs(depth[other] - depth[index]) >= VL53L8CX.separable_m
             hiding = np.maximum(hiding, np.where(apart, light, 0.0))
             level = level + np.where(apart, 0.0, light * (0.5 if other < count else 1.0))
         contrast = simulation.room.markers[index].contrast

@@ -17,10 +17,10 @@ from pathlib import Path
 from retrolidar_ros.bag import FRAMES_TOPIC, STORAGES, FrameWriter
 from retrolidar_ros.cli.arguments import Subparsers, add_port, seconds
 from retrolidar_ros.detector.blinking_zones import blinking_zones
-from retrolidar_ros.detector.noise import NoiseLaw
 from retrolidar_ros.sensor.clock import ClockMap
 from retrolidar_ros.sensor.frame import Frame, Recording
 from retrolidar_ros.sensor.frame_rate import missing_frames
+from retrolidar_ros.sensor.noise import NoiseLaw
 from retrolidar_ros.sensor.protocols import PROTOCOLS
 from retrolidar_ros.sensor.serial_source import BackgroundReading, SerialSource
 from retrolidar_ros.settings.interrupts import interrupted_once

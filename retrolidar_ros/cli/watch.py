@@ -23,7 +23,7 @@ from retrolidar_ros.cli.arguments import (
 )
 from retrolidar_ros.cli.watch_state import Watch
 from retrolidar_ros.cli.watch_view import Snapshot, expressed, fitted, line, screen
-from retrolidar_ros.sensor.frame import ZONE_SHAPES
+from retrolidar_ros.sensor.model import VL53L8CX
 from retrolidar_ros.sensor.protocols import PROTOCOLS
 from retrolidar_ros.sensor.serial_source import BackgroundReading, SerialSource
 from retrolidar_ros.settings.interrupts import interrupted_once
@@ -33,7 +33,7 @@ _SCREEN_S, _LINE_S = 0.2, 1.0  # between two pictures, or two lines of a log
 
 def zone_index(text: str) -> int:
     """Parse the index of a zone of the largest grid."""
-    zones = range(max(rows * columns for rows, columns in ZONE_SHAPES))
+    zones = range(max(rows * columns for rows, columns in VL53L8CX.shapes))
     with suppress(ValueError):
         if (zone := int(text)) in zones:
             return zone

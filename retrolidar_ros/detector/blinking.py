@@ -10,9 +10,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from retrolidar_ros.detector.noise import NoiseLaw
 from retrolidar_ros.marker.code import IDS, PACKET_BITS, RESERVED_IDS, packet
 from retrolidar_ros.sensor.frame import Floats, Recording, valid_samples
+from retrolidar_ros.sensor.noise import NoiseLaw
 
 # Alignments of bits that are tried: end of the last bit, and error of the clock.
 _PHASES = np.arange(8) / 8

@@ -16,8 +16,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from retrolidar_ros.detector.blinking import Samples, modulation_db
-from retrolidar_ros.detector.noise import NoiseLaw
 from retrolidar_ros.sensor.frame import Floats, Recording
+from retrolidar_ros.sensor.noise import NoiseLaw
 
 BLINKING_DB = 3.0
 """A zone of less is not said to blink: noise alone may reach it."""

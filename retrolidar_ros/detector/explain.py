@@ -18,14 +18,15 @@ from retrolidar_ros.detector.blinking_zones import (
 from retrolidar_ros.detector.detection import Detection
 from retrolidar_ros.detector.findings import Cause, Finding, finding, named_periods, named_zones
 from retrolidar_ros.detector.methods import MAX_PACKETS
-from retrolidar_ros.detector.noise import NoiseLaw
 from retrolidar_ros.detector.parameters import detector_of, noise_of, registered
 from retrolidar_ros.detector.rejections import adjacency
 from retrolidar_ros.detector.trials import CAPTURED, Trial, best, candidates, every, trials
 from retrolidar_ros.marker.code import PACKET_BITS
 from retrolidar_ros.marker.known_markers import KnownMarker
-from retrolidar_ros.sensor.frame import Floats, Recording, Status, valid_samples
+from retrolidar_ros.sensor.frame import Floats, Recording, valid_samples
 from retrolidar_ros.sensor.frame_rate import FRAMES_A_BIT, frame_period
+from retrolidar_ros.sensor.model import Status
+from retrolidar_ros.sensor.noise import NoiseLaw
 
 _TRIED_ON = 640  # newest frames
 _MOST_ZONES = 4

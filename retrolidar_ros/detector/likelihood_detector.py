@@ -9,6 +9,7 @@ and become detections.
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from enum import Enum
 from typing import NamedTuple
 
@@ -18,13 +19,13 @@ from numpy.typing import ArrayLike, NDArray
 from retrolidar_ros.core import array, ffi, lib
 from retrolidar_ros.detector.budget import demands
 from retrolidar_ros.detector.detection import Detection, DetectorCounts, check_grid
-from retrolidar_ros.detector.noise import NoiseLaw
-from retrolidar_ros.detector.placement import Optics, Placer
+from retrolidar_ros.detector.placement import Placer, core_sensor
 from retrolidar_ros.detector.rejections import Rejections
 from retrolidar_ros.detector.tracks import Track, TrackCounts, Tracker
 from retrolidar_ros.marker.code import IDS, RESERVED_IDS, check_ids
 from retrolidar_ros.marker.known_markers import MARKER_SIZE_M
 from retrolidar_ros.sensor.frame import Frame, Recording, ZoneGrid
+from retrolidar_ros.sensor.model import SensorModel
 
 # Capacity in frames: eight packets at two frames a bit, or one at more than thirty.
 _LEAST_HELD = 1100
@@ -87,14 +88,13 @@ class LikelihoodDetector:
         false_ids_per_hour: float,
         max_packets: int,
         registered_ids: ArrayLike | None,
-        noise: NoiseLaw,
         sizes_m: Mapping[int, float],
-        optics: Optics,
+        sensor: SensorModel,
     ) -> None:
         """Prepare for frames of `grid`; parameters as of `create_detector`."""
         self.candidates: list[Candidate] = []
         """Candidates judged in the latest update."""
-        self._grid = grid
+        self._grid = replace(grid, view=sensor.field_of_view)
         self._sizes_m = sizes_m
         self._unplaced = 0
         self._rejections = Rejections(grid)
@@ -105,14 +105,10 @@ class LikelihoodDetector:
         settings = ffi.new(
             'struct rl_settings *',
             {
-                'rows': grid.rows,
-                'columns': grid.columns,
+                'sensor': core_sensor(sensor, self._grid)[0],
                 'max_packets': max_packets,
                 'kept': _LEAST_HELD,
                 'bit_s': bit_period_s,
-                'noise_floor': noise.floor,
-                'noise_slope': noise.slope,
-                'noise_ambient': noise.ambient,
                 **self.demands._asdict(),
             },
         )
@@ -120,8 +116,7 @@ class LikelihoodDetector:
         if core == ffi.NULL:
             raise MemoryError('no memory for the samples of the detector')
         self._core = ffi.gc(core, lib.rl_detector_destroy)
-        self._placer = Placer(self._core, grid, optics)
-        self._optics = optics
+        self._placer = Placer(self._core, self._grid, sensor)
         self._tracker: Tracker | None = None
 
     def follow(self, frame: Frame) -> list[Track]:
@@ -130,13 +125,7 @@ class LikelihoodDetector:
         Call it after every `update`; it follows those that are read from the first call on.
         """
         if self._tracker is None:
-            self._tracker = Tracker(
-                self._core,
-                self._placer.grid,
-                range_offset_m=self._optics.range_offset_m,
-                zone_blur=self._optics.zone_blur,
-                sizes_m=self._sizes_m,
-            )
+            self._tracker = Tracker(self._core, self._grid, self._sizes_m)
         return self._tracker.follow(frame.stamp_ns)
 
     @property

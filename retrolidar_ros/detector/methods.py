@@ -12,11 +12,10 @@ from numpy.typing import ArrayLike
 from retrolidar_ros.detector.budget import USUAL_FALSE_IDS_PER_HOUR
 from retrolidar_ros.detector.detection import Detector
 from retrolidar_ros.detector.likelihood_detector import LikelihoodDetector, usable_ids
-from retrolidar_ros.detector.noise import NoiseLaw
 from retrolidar_ros.detector.paper import LIKELIHOOD_THRESHOLD, PaperDetector
-from retrolidar_ros.detector.placement import Optics
 from retrolidar_ros.marker.code import BIT_PERIOD_S
 from retrolidar_ros.sensor.frame import ZoneGrid
+from retrolidar_ros.sensor.model import VL53L8CX, SensorModel
 
 MAX_PACKETS = 8
 METHODS = ('joint', 'paper')
@@ -32,11 +31,8 @@ def create_detector(
     false_ids_per_hour: float = USUAL_FALSE_IDS_PER_HOUR,
     max_packets: int = MAX_PACKETS,
     registered_ids: ArrayLike | None = None,
-    noise: NoiseLaw | None = None,
     marker_sizes_m: Mapping[int, float] | None = None,
-    range_offset_m: float = 0.0,
-    zone_pitch: float | None = None,
-    zone_blur: float | None = None,
+    sensor: SensorModel = VL53L8CX,
 ) -> Detector:
     """Return a new detector.
 
@@ -57,16 +53,10 @@ def create_detector(
     registered_ids : array of int, optional
         The only IDs that are read; the fewer, the farther. Method `paper` drops others after
         decoding, and its reach stays the same.
-    noise : NoiseLaw, optional
-        Of the sensor; by default that of a VL53L8CX (method `joint`).
     marker_sizes_m : mapping, optional
         Edges of markers by their IDs [m]; others have 3 cm (method `joint`).
-    range_offset_m : float
-        By how much all ranges are measured too long [m] (method `joint`).
-    zone_pitch : float, optional
-        Width of a zone as a tangent, if it is not the usual one (method `joint`).
-    zone_blur : float, optional
-        Standard deviation of the optics' blur in widths of a zone, if known (method `joint`).
+    sensor : SensorModel
+        Noise, optics and limits of the sensor (method `joint`).
 
     Raises
     ------
@@ -96,7 +86,6 @@ def create_detector(
         false_ids_per_hour=false_ids_per_hour,
         max_packets=max_packets,
         registered_ids=registered_ids,
-        noise=NoiseLaw() if noise is None else noise,
         sizes_m={} if marker_sizes_m is None else marker_sizes_m,
-        optics=Optics(range_offset_m, zone_pitch, zone_blur),
+        sensor=sensor,
     )

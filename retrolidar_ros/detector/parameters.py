@@ -5,16 +5,18 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from difflib import get_close_matches
 from pathlib import Path
 from typing import Any, NamedTuple
 
 from retrolidar_ros.detector.detection import Detector
 from retrolidar_ros.detector.methods import MAX_PACKETS, METHODS, create_detector
-from retrolidar_ros.detector.noise import NoiseLaw
 from retrolidar_ros.marker.code import BIT_PERIOD_LIMITS_S, IDS
 from retrolidar_ros.marker.known_markers import KnownMarker, load_markers
 from retrolidar_ros.sensor.frame import ZoneGrid
+from retrolidar_ros.sensor.model import VL53L8CX, SensorModel
+from retrolidar_ros.sensor.noise import NoiseLaw
 from retrolidar_ros.settings.resources import shared_file
 from retrolidar_ros.settings.yaml_files import load_parameter_defaults, load_yaml
 
@@ -153,6 +155,18 @@ def noise_of(values: Mapping[str, Any]) -> NoiseLaw:
     return NoiseLaw(values['noise_floor'], values['noise_slope'], values['noise_ambient'])
 
 
+def sensor_of(values: Mapping[str, Any], grid: ZoneGrid) -> SensorModel:
+    """Return the sensor, as calibrated."""
+    pitch = values['zone_pitch']
+    return replace(
+        VL53L8CX,
+        field_of_view=pitch * grid.columns if pitch else VL53L8CX.field_of_view,
+        zone_blur=values['zone_blur'],
+        range_offset_m=values['range_offset'],
+        noise=noise_of(values),
+    )
+
+
 def detector_of(
     values: Mapping[str, Any], grid: ZoneGrid, known: Mapping[int, KnownMarker]
 ) -> Detector:
@@ -165,9 +179,6 @@ def detector_of(
         false_ids_per_hour=values['false_ids_per_hour'],
         max_packets=values['max_packets'],
         registered_ids=registered(values, known) or None,
-        noise=noise_of(values),
         marker_sizes_m={marker.id: marker.size_m for marker in known.values()},
-        range_offset_m=values['range_offset'],
-        zone_pitch=values['zone_pitch'] or None,
-        zone_blur=values['zone_blur'] or None,
+        sensor=sensor_of(values, grid),
     )

@@ -5,7 +5,6 @@
 from __future__ import annotations
 
 import math
-from dataclasses import replace
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -14,36 +13,43 @@ from retrolidar_ros.core import array, ffi, lib
 from retrolidar_ros.detector.detection import Detection
 from retrolidar_ros.detector.place import Bearing, place
 from retrolidar_ros.sensor.frame import Floats, ZoneGrid
-
-SIGNAL_RESOLUTION = 1 / 2048 / math.sqrt(12)
-"""Lower bound of a residual: the quantisation noise of the sensor [kcps/SPAD]."""
+from retrolidar_ros.sensor.model import VL53L8CX, SensorModel
 
 
-class Optics(NamedTuple):
-    """Where a sensor departs from the usual one."""
-
-    range_offset_m: float = 0.0
-    """By how much it measures all ranges too long [m]."""
-    zone_pitch: float | None = None
-    """Width of a zone as a tangent; None = the usual one."""
-    zone_blur: float | None = None
-    """Standard deviation of its blur in widths of a zone; None = not known."""
+def core_sensor(sensor: SensorModel, grid: ZoneGrid) -> Any:
+    """Return a sensor with such zones, as the core knows it."""
+    meaning = np.full(256, lib.RL_INVALID)
+    meaning[list(sensor.valid)] = lib.RL_VALID
+    meaning[list(sensor.nothing)] = lib.RL_NOTHING
+    meaning[list(sensor.faint)] = lib.RL_FAINT
+    fields: dict[str, Any] = {
+        'rows': grid.rows,
+        'columns': grid.columns,
+        'zone_pitch': grid.pitch,
+        'z_per_range': grid.z_per_range.tolist(),
+        'noise_floor': sensor.noise.floor,
+        'noise_slope': sensor.noise.slope,
+        'noise_ambient': sensor.noise.ambient,
+        'meaning': meaning.tolist(),
+    }
+    alike = (
+        *('zone_blur', 'range_offset_m', 'exposure', 'ranging_shot', 'ranging_floor_m'),
+        *('signal_step', 'low_signal', 'max_signal'),
+        *('distance_step_m', 'max_distance_m', 'separable_m'),
+    )
+    fields.update({name: getattr(sensor, name) for name in alike})
+    return ffi.new('struct rl_sensor *', fields)
 
 
 class Placer:
     """Places readings of a core."""
 
-    def __init__(self, core: Any, grid: ZoneGrid, optics: Optics) -> None:
-        """Prepare for frames of `grid`."""
-        if optics.zone_pitch is not None:
-            grid = replace(grid, view=optics.zone_pitch * grid.columns)
+    def __init__(self, core: Any, grid: ZoneGrid, sensor: SensorModel) -> None:
+        """Prepare for frames of `grid`, the zones of a sensor."""
         self._core = core
-        self.grid = grid
-        self._z_per_range = array('double', grid.z_per_range)
-        self._optics = ffi.new('struct rl_optics *')
-        self._optics.z_per_range = self._z_per_range
-        self._optics.range_offset_m = optics.range_offset_m
-        self._optics.blur = optics.zone_blur or 0.0
+        self._grid = grid
+        # The quantisation noise is the least that a residual can be.
+        self._least_amplitude = sensor.signal_step / math.sqrt(12)
         self._placement = ffi.new('struct rl_placement *')
 
     def place(self, index: int, origin_ns: int, size_m: float) -> Detection | None:
@@ -52,14 +58,13 @@ class Placer:
         The core's times count from `origin_ns`; the marker has edges of `size_m`.
         """
         reading = ffi.new('struct rl_reading *', lib.rl_detector_reading(self._core, index))
-        placed, pitch = self._placement, self.grid.pitch
-        self._optics.width_m = size_m / pitch
-        if not lib.rl_place(self._core, reading, self._optics, placed):
+        placed, pitch = self._placement, self._grid.pitch
+        if not lib.rl_place(self._core, reading, size_m, placed):
             return None
         zones = tuple(placed.zone[0 : placed.zones])
         seen = placed.bearing
         bearing = Bearing(
-            self.grid.tangents[zones[0]] + pitch * np.array(list(seen.mean)),
+            self._grid.tangents[zones[0]] + pitch * np.array(list(seen.mean)),
             pitch**2 * np.array(list(seen.variance)),
         )
         return Detection(
@@ -69,7 +74,7 @@ class Placer:
             end_ns=placed.end_ns,
             place=place(bearing, placed.range_m, math.sqrt(placed.range_variance)),
             snr_db=20
-            * math.log10(max(placed.amplitude, SIGNAL_RESOLUTION) / math.sqrt(placed.noise)),
+            * math.log10(max(placed.amplitude, self._least_amplitude) / math.sqrt(placed.noise)),
             evidence=reading.evidence,
             decision_margin=reading.margin,
             bit_period_s=reading.bit_s,
@@ -94,7 +99,7 @@ class Depth(NamedTuple):
 def modulated_depth(
     begin_s: Floats, end_s: Floats, light: Floats, valid: Floats, signal: Floats, distance: Floats
 ) -> Depth | None:
-    """Return how far a marker is, as the core finds it; None without distances.
+    """Return how far a marker is from a VL53L8CX, as the core finds it; None without distances.
 
     Parameters
     ----------
@@ -114,7 +119,8 @@ def modulated_depth(
     held['valid'] = array('uint8_t', valid)
     held['signal'], held['distance'] = array('float', signal), array('float', distance)
     rows = len(light)
-    seen = ffi.new('struct rl_seen *', {'rows': rows, **held})
+    sensor = core_sensor(VL53L8CX, ZoneGrid())
+    seen = ffi.new('struct rl_seen *', {'sensor': sensor, 'rows': rows, **held})
     found = ffi.new('struct rl_ranged *')
     if not lib.rl_ranging(seen, ffi.new('float[]', rows), ffi.new('uint8_t[]', rows), found):
         return None

@@ -56,30 +56,12 @@ class TrackCounts(NamedTuple):
 class Tracker:
     """Follows the markers that a core reads; call `follow` after every frame."""
 
-    def __init__(
-        self,
-        core: Any,
-        grid: ZoneGrid,
-        *,
-        range_offset_m: float,
-        zone_blur: float | None,
-        sizes_m: Mapping[int, float],
-    ) -> None:
+    def __init__(self, core: Any, grid: ZoneGrid, sizes_m: Mapping[int, float]) -> None:
         """Follow what a core reads in the zones of `grid`; the rest is as of `create_detector`."""
         sizes = np.full(IDS, MARKER_SIZE_M)
         sizes[list(sizes_m)] = list(sizes_m.values())
-        self._kept = core, array('double', grid.z_per_range), array('float', sizes)
-        settings = ffi.new(
-            'struct rl_track_settings *',
-            {
-                'pitch': grid.pitch,
-                'range_offset_m': range_offset_m,
-                'blur': zone_blur or 0.0,
-                'z_per_range': self._kept[1],
-                'size_m': self._kept[2],
-            },
-        )
-        tracks = lib.rl_tracks_create(core, settings)
+        self._kept = core, array('float', sizes)
+        tracks = lib.rl_tracks_create(*self._kept)
         if tracks == ffi.NULL:
             raise MemoryError('no memory for tracks')
         self._tracks = ffi.gc(tracks, lib.rl_tracks_destroy)

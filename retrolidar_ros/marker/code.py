@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The packet of a marker: a 7-bit preamble and an extended Golay (24, 12) word.
 
+The format is that of the core (`core/src/retrolidar_packet_format.h`); another one may be built in.
 A bit 1 is a dark bit: the liquid crystal is driven and blocks the light (paper §2.2).
 Words are rows of bits, most significant bit first, in any leading batch shape.
 """
@@ -19,7 +20,7 @@ ID_BITS: int = lib.RL_ID_BITS
 WORD_BITS: int = lib.RL_WORD_BITS
 PACKET_BITS: int = lib.RL_PACKET_BITS
 IDS = 1 << ID_BITS
-MAX_CORRECTED_BITS = 3
+MAX_CORRECTED_BITS = (int(lib.RL_WORD_DISTANCE) - 1) // 2
 BIT_PERIOD_S = 0.042  # two 21 ms frames (paper §3.4 and §5)
 BIT_PERIOD_LIMITS_S = (0.002, 10.0)
 
@@ -36,32 +37,33 @@ def _to_numbers(bits: NDArray[np.uint8]) -> NDArray[np.int64]:
     return numbers
 
 
-WORDS = _to_bits([lib.rl_golay_word(marker_id) for marker_id in range(IDS)], WORD_BITS)
-"""The codewords of all IDs, shape (4096, 24)."""
-
 _PACKETS = _to_bits([lib.rl_packet(marker_id) for marker_id in range(IDS)], PACKET_BITS)
-PREAMBLE = _PACKETS[0, : PACKET_BITS - WORD_BITS]
+WORDS = _PACKETS[:, -WORD_BITS:]
+"""The codewords of all IDs, shape (4096, 24)."""
+PREAMBLE = _PACKETS[0, :-WORD_BITS]
 
 # Their codewords are all bright and all dark: nothing is modulated after the preamble.
 RESERVED_IDS = tuple(marker_id for marker_id in range(IDS) if not lib.rl_id_is_usable(marker_id))
 
+_PARITY_BITS = WORD_BITS - ID_BITS
 _PARITY_OF_ID = _to_numbers(WORDS[:, ID_BITS:])
 
 
 def _coset_leaders() -> tuple[NDArray[np.int64], NDArray[np.int8]]:
-    """Tabulate for each of 4096 syndromes the lightest error and its weight, -1 above three.
+    """Tabulate for each of the 4096 syndromes the lightest error and its weight, -1 above three.
 
     A coset whose leader has weight four has six leaders of that weight, so four errors are
     detected but cannot be corrected.
     """
-    errors = np.zeros(IDS, dtype=np.int64)
-    weights = np.full(IDS, -1, dtype=np.int8)
+    syndromes = 1 << _PARITY_BITS
+    errors = np.zeros(syndromes, dtype=np.int64)
+    weights = np.full(syndromes, -1, dtype=np.int8)
     single = 1 << np.arange(WORD_BITS, dtype=np.int64)
     patterns = np.zeros(1, dtype=np.int64)
     for weight in range(MAX_CORRECTED_BITS + 1):
-        syndromes = _syndromes(patterns)
-        errors[syndromes] = patterns
-        weights[syndromes] = weight
+        found = _syndromes(patterns)
+        errors[found] = patterns
+        weights[found] = weight
         wider = np.bitwise_or.outer(patterns, single).ravel()
         patterns = np.unique(wider[~np.isin(wider, patterns)])
     return errors, weights
@@ -69,8 +71,8 @@ def _coset_leaders() -> tuple[NDArray[np.int64], NDArray[np.int8]]:
 
 def _syndromes(words: NDArray[np.int64]) -> NDArray[np.int64]:
     """Return the 12-bit syndromes of packed words: parity received xor parity expected."""
-    expected: NDArray[np.int64] = _PARITY_OF_ID[words >> ID_BITS]
-    return expected ^ (words & (IDS - 1))
+    expected: NDArray[np.int64] = _PARITY_OF_ID[words >> _PARITY_BITS]
+    return expected ^ (words & ((1 << _PARITY_BITS) - 1))
 
 
 _ERROR_OF_SYNDROME, _WEIGHT_OF_SYNDROME = _coset_leaders()
@@ -139,5 +141,5 @@ def decode(words: ArrayLike) -> Decoded:
     packed = _to_numbers(bits.astype(np.uint8))
     syndromes = _syndromes(packed)
     corrected_bits = _WEIGHT_OF_SYNDROME[syndromes]
-    ids = (packed ^ _ERROR_OF_SYNDROME[syndromes]) >> ID_BITS
+    ids = (packed ^ _ERROR_OF_SYNDROME[syndromes]) >> _PARITY_BITS
     return Decoded(np.where(corrected_bits >= 0, ids, -1), corrected_bits)

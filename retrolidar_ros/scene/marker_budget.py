@@ -10,12 +10,12 @@ from typing import Any
 
 import numpy as np
 
-from retrolidar_ros.detector.noise import NoiseLaw
 from retrolidar_ros.marker.battery import active_share, drawn, life_h
 from retrolidar_ros.marker.wakeup import THRESHOLD_V, voltage_v, wakeup_range_m
 from retrolidar_ros.scene.description import Noise
 from retrolidar_ros.scene.optics import DISTANCE_EXPONENT, received_signal
 from retrolidar_ros.scene.reference import NOISE, WALL_SIGNAL
+from retrolidar_ros.sensor.noise import NoiseLaw
 
 SNR = 'c/\N{GREEK SMALL LETTER SIGMA}'
 NEEDED_SNR_DB = 8.4

@@ -15,10 +15,11 @@ from retrolidar_ros.marker.code import BIT_PERIOD_S, IDS
 from retrolidar_ros.marker.liquid_crystal import Response
 from retrolidar_ros.scene.description import Marker, Noise, Ranging, Scene, Sensor, Surface
 from retrolidar_ros.sensor.frame import ZoneGrid
+from retrolidar_ros.sensor.model import VL53L8CX
 
 WALL_SIGNAL = 4.0  # [kcps/SPAD]
-NOISE = Noise(floor=4.6, slope=0.22)
-RANGING = Ranging(shot=0.490, floor=0.0016)
+NOISE = Noise(floor=VL53L8CX.noise.floor, slope=VL53L8CX.noise.slope)
+RANGING = Ranging(shot=VL53L8CX.ranging_shot, floor=VL53L8CX.ranging_floor_m)
 SENSOR = Sensor(noise=NOISE, ranging=RANGING)
 RESPONSE = Response(dark_s=0.0005, bright_s=0.0035)
 

@@ -15,12 +15,12 @@ from retrolidar_ros.scene.description import Marker, Scene, Sensor, Surface
 from retrolidar_ros.scene.noise import deviating, noisy
 from retrolidar_ros.scene.optics import position_at, received_signal, zone_shares
 from retrolidar_ros.scene.transmission import Transmission, exposure_edges, visible_share
-from retrolidar_ros.sensor.frame import SEPARABLE_M, Floats, Recording, Status
+from retrolidar_ros.sensor.frame import Floats, Recording
+from retrolidar_ros.sensor.model import VL53L8CX, Status
 
 # A pulse counts as merged when its strongest target is less than this share of it.
 _PURE_SHARE = 0.95
 # One step of the sensor's output; what is weaker is nothing.
-_LEAST_SIGNAL = 1 / 2048  # [kcps/SPAD]
 # Codes that the sensor gives to measurements it does not trust.
 _ABNORMAL = np.array(
     [Status.NOT_UPDATED, Status.SIGNAL_TOO_LOW_ON_ARRAY, Status.SIGMA_TOO_HIGH, 4, 7, 8, 11],
@@ -192,11 +192,11 @@ def _reported_pulse(signals: Floats, distances: Floats) -> tuple[Floats, Floats,
     best_distance = np.full(signals.shape[1:], np.nan)
     best_merged = np.zeros(signals.shape[1:], dtype=bool)
     for around, own in zip(distances, signals, strict=True):
-        pulse = np.where(np.abs(distances - around) < SEPARABLE_M, signals, 0.0)
+        pulse = np.where(np.abs(distances - around) < VL53L8CX.separable_m, signals, 0.0)
         signal = pulse.sum(axis=0)
         strongest = pulse.max(axis=0)
         # A pulse is about its strongest target, so a weak one between two does not join them.
-        stronger = (signal > best_signal) & (own == strongest) & (signal >= _LEAST_SIGNAL)
+        stronger = (signal > best_signal) & (own == strongest) & (signal >= VL53L8CX.signal_step)
         weighted = (pulse * distances).sum(axis=0)
         best_distance[stronger] = weighted[stronger] / signal[stronger]
         best_merged[stronger] = (strongest < _PURE_SHARE * signal)[stronger]

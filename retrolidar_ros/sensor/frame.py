@@ -10,53 +10,19 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
-from enum import IntEnum
 from functools import cached_property
 from typing import Any, TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from retrolidar_ros.sensor.model import VL53L8CX
+
 # In quotes: numpy's number types take no parameter at run time before 1.22 (Ubuntu 22.04).
 Floats: TypeAlias = 'NDArray[np.floating[Any]]'
 
-ZONE_SHAPES = ((4, 4), (8, 8))
-SEPARABLE_M = 0.6
-"""Distance from which two targets in one zone are separated (ST UM3109); nearer ones merge."""
-MOST_SIGNAL = 2.0**21
-"""Upper bound of a signal: 32 bits of 1/2048 kcps/SPAD [kcps/SPAD]."""
-MOST_DISTANCE_M = 8.192
-"""Upper bound of a distance: 16 bits of quarter millimetres [m]."""
-_FIELD_OF_VIEW_TANGENT = 4 * 0.21498  # full width, in tangents: 46.5°
-
-
-class Status(IntEnum):
-    """The sensor's target status codes that the package distinguishes (ST UM3109 §5.5)."""
-
-    NOT_UPDATED = 0
-    SIGNAL_TOO_LOW_ON_ARRAY = 1
-    SIGMA_TOO_HIGH = 3
-    VALID = 5
-    FIRST_RANGE = 6  # no wrap-around check: the previous frame had no target here
-    SIGNAL_TOO_LOW = 8
-    MERGED = 9  # valid, large pulse: perhaps two targets nearer than 600 mm to each other
-    NO_PREVIOUS_TARGET = 10  # valid, but the previous range showed no target
-    NO_TARGET = 255
-
-
-NORMAL_STATUS = (
-    Status.VALID,
-    Status.FIRST_RANGE,
-    Status.MERGED,
-    Status.NO_PREVIOUS_TARGET,
-)
-"""Statuses whose signal and distance are valid.
-
-A blinking marker itself makes the sensor report "first range" and "no previous target" at its
-dark-to-bright edges, so these are valid, too.
-"""
-IS_NORMAL: NDArray[np.bool_] = np.isin(np.arange(256), NORMAL_STATUS)
-"""Whether a status is normal, shape (256,)."""
+IS_NORMAL: NDArray[np.bool_] = np.isin(np.arange(256), VL53L8CX.valid)
+"""Whether signal and distance are valid by a status, shape (256,)."""
 
 
 def valid_samples(
@@ -78,8 +44,8 @@ def valid_samples(
     """
     normal: NDArray[np.bool_] = IS_NORMAL[status]
     # Comparisons with NaN are false: a NaN signal is an erasure, a NaN distance is no target.
-    possible = (signal >= 0) & (signal <= MOST_SIGNAL)
-    possible &= ((distance > 0) & (distance < MOST_DISTANCE_M)) | np.isnan(distance)
+    possible = (signal >= 0) & (signal <= VL53L8CX.max_signal)
+    possible &= ((distance > 0) & (distance < VL53L8CX.max_distance_m)) | np.isnan(distance)
     return normal & possible, int(np.count_nonzero(normal & ~possible))
 
 
@@ -92,12 +58,12 @@ class ZoneGrid:
 
     rows: int = 4
     columns: int = 4
-    view: float = field(default=_FIELD_OF_VIEW_TANGENT, compare=False)
+    view: float = field(default=VL53L8CX.field_of_view, compare=False)
     """Width of all zones together, in tangents; it differs a little from lens to lens."""
 
     def __post_init__(self) -> None:
         """Raise ValueError for a shape that the sensor does not have."""
-        if (self.rows, self.columns) not in ZONE_SHAPES:
+        if (self.rows, self.columns) not in VL53L8CX.shapes:
             raise ValueError(f'{self.rows}x{self.columns} zones: the sensor has 4x4 or 8x8')
 
     @property
@@ -141,7 +107,7 @@ class ZoneGrid:
         return 1 / mean_secant
 
 
-GRIDS = {shape: ZoneGrid(*shape) for shape in ZONE_SHAPES}
+GRIDS = {shape: ZoneGrid(*shape) for shape in VL53L8CX.shapes}
 """The usual grid of each shape."""
 
 

@@ -16,7 +16,8 @@ from collections.abc import Callable
 import numpy as np
 
 from retrolidar_ros.marker.code import BIT_PERIOD_S
-from retrolidar_ros.sensor.frame import ZONE_SHAPES, Frame, Status, ZoneGrid
+from retrolidar_ros.sensor.frame import Frame, ZoneGrid
+from retrolidar_ros.sensor.model import VL53L8CX, Status
 from retrolidar_ros.sensor.wire import Splitter, WireCounts
 
 MAX_LINE_BYTES = 512  # one of eight cells has 258, if its numbers have five digits
@@ -101,7 +102,7 @@ class _Table:
         if row_is_whole:
             raise ValueError('a line of cells is in no row')
         columns = len(cells)
-        if (columns, columns) not in ZONE_SHAPES or not line.endswith('|'):
+        if (columns, columns) not in VL53L8CX.shapes or not line.endswith('|'):
             raise ValueError(f'a line of {columns} cells')
         row = self._rows[-1]
         row.append([(_light if row else _ranging)(cell) for cell in cells])

@@ -17,8 +17,9 @@ from struct import Struct
 import numpy as np
 
 from retrolidar_ros.core import ffi, lib
-from retrolidar_ros.sensor.frame import GRIDS, Frame, Status, check_frame_arrays
+from retrolidar_ros.sensor.frame import GRIDS, Frame, check_frame_arrays
 from retrolidar_ros.sensor.identity import KIND_IDENTITY, Commands, decode_identity
+from retrolidar_ros.sensor.model import Status
 
 KIND_FRAME = 1
 DELIMITER = b'\0'

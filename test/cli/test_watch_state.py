@@ -13,13 +13,14 @@ from harness_wire import make_frame
 from retrolidar_ros.cli.watch_state import Watch
 from retrolidar_ros.cli.watch_view import line, screen
 from retrolidar_ros.detector.blinking import BitReader, Samples, modulation_db
-from retrolidar_ros.detector.noise import NoiseLaw
 from retrolidar_ros.detector.parameters import defaults
 from retrolidar_ros.marker.code import BIT_PERIOD_S, packet
 from retrolidar_ros.scene import Scene, Simulation
 from retrolidar_ros.scene.description import Marker, Noise, Sensor, Surface
-from retrolidar_ros.sensor.frame import Frame, Recording, Status, ZoneGrid
+from retrolidar_ros.sensor.frame import Frame, Recording, ZoneGrid
 from retrolidar_ros.sensor.frame_rate import missing_frames
+from retrolidar_ros.sensor.model import Status
+from retrolidar_ros.sensor.noise import NoiseLaw
 from retrolidar_ros.sensor.protocols import PROTOCOLS
 from retrolidar_ros.sensor.serial_source import SerialSource
 

@@ -18,8 +18,11 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 from harness_core import KEPT, declarations
 from numpy.typing import NDArray
 
+from retrolidar_ros.core import ffi as core_ffi
+from retrolidar_ros.detector.placement import core_sensor
 from retrolidar_ros.marker.code import IDS, PACKET_BITS, packet
-from retrolidar_ros.sensor.frame import Floats
+from retrolidar_ros.sensor.frame import Floats, ZoneGrid
+from retrolidar_ros.sensor.model import VL53L8CX
 
 STRANGE = (np.nan, np.inf, -np.inf, 0, -0.0, 1e-40, 3e38, -3e38, 2097152, 2097153, 8.192, -1)
 USUAL_STATUS = (5, 5, 5, 5, 6, 9, 10, 255, 8, 0)
@@ -48,15 +51,18 @@ def settings_of(rng: np.random.Generator) -> dict[str, Any]:
 
     side = 4 if rng.random() < 2 / 3 else 8
     slope, ambient = (either(0.22, either(0.0, scaled(rng, 1e-12, 1e12), 0.25)) for _ in range(2))
+    sensor = core_sensor(VL53L8CX, ZoneGrid(side, side))
+    max_packets = int(rng.integers(1, 9))
+    bit_s = either(0.042, scaled(rng, 0.002, 10), 2 / 3)
+    sensor.noise_floor = either(4.6, scaled(rng, 1e-12, 1e12))
+    sensor.noise_slope, sensor.noise_ambient = slope, ambient
     return {
         'rows': side,
         'columns': side,
-        'max_packets': int(rng.integers(1, 9)),
+        'sensor': bytes(core_ffi.buffer(sensor)),
+        'max_packets': max_packets,
         'kept': KEPT,
-        'bit_s': either(0.042, scaled(rng, 0.002, 10), 2 / 3),
-        'noise_floor': either(4.6, scaled(rng, 1e-12, 1e12)),
-        'noise_slope': slope,
-        'noise_ambient': ambient,
+        'bit_s': bit_s,
         'evidence': either(28.0, 40 * rng.random()),
         'wandering': either(6.0, 0.0),
         'word': either(8.0, 1e3),
@@ -249,12 +255,10 @@ def check(lib: Any, detector: Any, settings: dict[str, Any], ids: NDArray[np.uin
 
 def place_all(lib: Any, detector: Any) -> None:
     """Ask of every reading what the package asks."""
-    shares = ffi.new('double[64]', [0.95] * 64)
-    optics = ffi.new('struct rl_optics *', (shares, 0.01, 0.0, 0.15))
     placed = ffi.new('struct rl_placement *')
     for index in range(lib.rl_detector_readings(detector)):
         one = ffi.new('struct rl_reading *', lib.rl_detector_reading(detector, index))
-        if not lib.rl_place(detector, one, optics, placed):
+        if not lib.rl_place(detector, one, 0.03, placed):
             continue
         assert 0 < placed.range_m < 20
         assert 0 < placed.range_variance < np.inf
@@ -292,15 +296,15 @@ def try_one(lib: Any, libc: Any, seed: int, count: int) -> str:
     settings = settings_of(rng)
     every = int(rng.integers(1, rng.choice([4, 4095, 4095])))
     ids = np.arange(rng.integers(1, every + 1), IDS - 1, every, dtype=np.uint16)
-    detector = lib.rl_detector_create(
-        ffi.new('struct rl_settings *', settings), ffi.from_buffer('uint16_t[]', ids), len(ids)
-    )
+    other = ('rows', 'columns', 'sensor')
+    scalars = {name: value for name, value in settings.items() if name not in other}
+    in_c = ffi.new('struct rl_settings *', scalars)
+    ffi.memmove(ffi.addressof(in_c, 'sensor'), settings['sensor'], len(settings['sensor']))
+    detector = lib.rl_detector_create(in_c, ffi.from_buffer('uint16_t[]', ids), len(ids))
     assert detector
     blocks = isolate(lib, libc, detector)
-    known = ffi.new('double[64]', [0.95] * 64), ffi.new('float[4096]', [0.03] * 4096)
-    tracks = lib.rl_tracks_create(
-        detector, ffi.new('struct rl_track_settings *', (0.2, 0.01, 0.0, *known))
-    )
+    sizes = ffi.new('float[4096]', [0.03] * 4096)
+    tracks = lib.rl_tracks_create(detector, sizes)
     assert tracks
     arrays = frames_of(rng, settings, ids, count)
     kinds = ('int64_t', 'float', 'float', 'float', 'uint8_t')

@@ -9,9 +9,9 @@ import pytest
 from harness_frames import recording_of
 
 from retrolidar_ros.detector.blinking_zones import blinking_zones
-from retrolidar_ros.detector.noise import NoiseLaw
 from retrolidar_ros.scene import Simulation, parse_scene
 from retrolidar_ros.sensor.frame import Recording
+from retrolidar_ros.sensor.noise import NoiseLaw
 
 
 def recorded(period: str, bit: str, zones: str = '4x4') -> Recording:

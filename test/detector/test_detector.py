@@ -25,7 +25,8 @@ from retrolidar_ros.detector import create_detector
 from retrolidar_ros.detector.likelihood_detector import LikelihoodDetector
 from retrolidar_ros.marker.code import packet
 from retrolidar_ros.scene.description import Sensor
-from retrolidar_ros.sensor.frame import MOST_DISTANCE_M, Recording, Status, ZoneGrid
+from retrolidar_ros.sensor.frame import Recording, ZoneGrid
+from retrolidar_ros.sensor.model import VL53L8CX, Status
 
 BEYOND = (np.inf, -np.inf, -1e30, 3e38, -0.5)
 IMPOSSIBLE = {'distance': (*BEYOND, 0.0, 8.192), 'signal': (*BEYOND, np.nan), 'ambient': ()}
@@ -138,7 +139,7 @@ def test_impossible_values_are_erasures_that_place_nothing(
             assert bool(read) == (which == 'some')
         for detection in read:
             place = detection.place
-            assert 0 < place.range_m < 1.2 * MOST_DISTANCE_M
+            assert 0 < place.range_m < 1.2 * VL53L8CX.max_distance_m
             assert np.isfinite([*place.position_m, *place.covariance.ravel()]).all()
             assert place.range_stddev_m >= 0
             assert np.isfinite([detection.score, detection.snr_db, detection.likelihood]).all()

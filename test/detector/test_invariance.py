@@ -16,9 +16,10 @@ from evaluation.bench.recordings import record
 from evaluation.bench.stresses import STRESSES
 from evaluation.experiments.brighter import cell
 from retrolidar_ros.detector import Detection, Detector, create_detector
-from retrolidar_ros.detector.noise import NoiseLaw
 from retrolidar_ros.marker.dictionary import USABLE_IDS
 from retrolidar_ros.sensor.frame import Recording
+from retrolidar_ros.sensor.model import VL53L8CX
+from retrolidar_ros.sensor.noise import NoiseLaw
 
 LAW = NoiseLaw()
 STRESS = {stress.name: stress for stress in STRESSES}
@@ -84,7 +85,8 @@ def readings(detections: list[Detection]) -> list[Reading]:
 
 
 def read(recording: Recording, noise: NoiseLaw = LAW) -> list[Reading]:
-    return readings(create_detector('joint', recording.grid, noise=noise).update_all(recording))
+    sensor = replace(VL53L8CX, noise=noise)
+    return readings(create_detector('joint', recording.grid, sensor=sensor).update_all(recording))
 
 
 def assert_alike(found: list[Reading], expected: list[Reading]) -> None:

@@ -25,7 +25,8 @@ from oracle import (
 
 from retrolidar_ros.marker.code import BIT_PERIOD_S, PACKET_BITS, packet
 from retrolidar_ros.marker.dictionary import USABLE_IDS
-from retrolidar_ros.sensor.frame import Floats, Recording, Status
+from retrolidar_ros.sensor.frame import Floats, Recording
+from retrolidar_ros.sensor.model import Status
 
 PACKET_S = PACKET_BITS * BIT_PERIOD_S
 SILENCE_S = 1.0  # before the first packet in question

@@ -30,7 +30,8 @@ from retrolidar_ros.detector.paper.stages import (
 from retrolidar_ros.marker.code import PREAMBLE, packet
 from retrolidar_ros.scene import Scene
 from retrolidar_ros.scene.description import Sensor
-from retrolidar_ros.sensor.frame import Floats, Status
+from retrolidar_ros.sensor.frame import Floats
+from retrolidar_ros.sensor.model import Status
 
 
 @pytest.mark.parametrize(('registered', 'read'), [(None, [ID, OTHER_ID]), ([OTHER_ID], [OTHER_ID])])

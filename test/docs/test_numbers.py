@@ -13,9 +13,10 @@ from pathlib import Path
 ROOT = Path(__file__).parents[2]
 PAGE = ROOT / 'docs' / 'detector.md'
 HEADER = '|name|file|value|unit|from|\n|---|---|---|---|---|\n'
-# What talks to sensors and firmware, and the packet itself.
+# The sensor and the packet, what talks to sensors and firmware, and tracks.
 OTHER_FILES = {
-    *('command', 'drive', 'packet', 'receive', 'wakeup', 'wire'),
+    *('command', 'drive', 'packet', 'packet_format', 'receive'),
+    *('sensor', 'wakeup', 'wire'),
     *('followed', 'followed_range', 'presence', 'range_filter', 'tracks', 'zone_light'),
 }
 

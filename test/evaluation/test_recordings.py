@@ -24,7 +24,8 @@ from evaluation.experiments.time_to_id import VIEW_S, appearing, first_ids, time
 from retrolidar_ros.marker.code import BIT_PERIOD_S, PACKET_BITS
 from retrolidar_ros.scene.marker_budget import needed_swing
 from retrolidar_ros.scene.reference import SENSOR, WALL_SIGNAL
-from retrolidar_ros.sensor.frame import Recording, Status
+from retrolidar_ros.sensor.frame import Recording
+from retrolidar_ros.sensor.model import Status
 
 
 @pytest.mark.parametrize('stress', STRESSES, ids=lambda stress: stress.name)

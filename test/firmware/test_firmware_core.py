@@ -33,7 +33,7 @@ from retrolidar_ros.marker.code import IDS, PACKET_BITS, RESERVED_IDS, packet
 from retrolidar_ros.marker.wakeup import NOISE_V, REACH_M, THRESHOLD_V, voltage_v
 from retrolidar_ros.scene import Simulation, transmission
 from retrolidar_ros.scene.files import load_scene
-from retrolidar_ros.sensor.frame import Status
+from retrolidar_ros.sensor.model import Status
 from retrolidar_ros.sensor.wire import encode_frame, encode_packet
 
 Output = pytest.CaptureFixture[str]

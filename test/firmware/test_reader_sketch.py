@@ -23,8 +23,9 @@ from harness_firmware import (
 )
 
 from retrolidar_ros.scene.firmware import VERSION
-from retrolidar_ros.sensor.frame import Frame, Status
+from retrolidar_ros.sensor.frame import Frame
 from retrolidar_ros.sensor.identity import KIND_IDENTITY, Identity, decode_identity
+from retrolidar_ros.sensor.model import Status
 from retrolidar_ros.sensor.wire import FrameReader, cobs_decode
 
 FRAME_US = 20_833

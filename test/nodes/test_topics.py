@@ -32,7 +32,8 @@ from retrolidar_ros.nodes.conversion import (
 from retrolidar_ros.scene.description import Scene
 from retrolidar_ros.scene.emulator import PortLink
 from retrolidar_ros.scene.files import load_scene
-from retrolidar_ros.sensor.frame import Floats, Frame, Status, valid_samples
+from retrolidar_ros.sensor.frame import Floats, Frame, valid_samples
+from retrolidar_ros.sensor.model import Status
 from retrolidar_ros.sensor.rotation import matrix_of
 from retrolidar_ros.sensor.wire import encode_frame
 

@@ -11,7 +11,8 @@ from harness_scene import BITS, GRID, MARKER, NOISE, RANGING, ZONE, simulate, wa
 
 from retrolidar_ros.scene import Scene, Simulation
 from retrolidar_ros.scene.description import Occlusion, Sensor, Surface, Wander
-from retrolidar_ros.sensor.frame import Recording, Status, ZoneGrid
+from retrolidar_ros.sensor.frame import Recording, ZoneGrid
+from retrolidar_ros.sensor.model import Status
 
 EVERYTHING = Scene(
     seed=3,

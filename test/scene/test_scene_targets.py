@@ -16,7 +16,8 @@ from retrolidar_ros.marker.code import packet
 from retrolidar_ros.scene import Scene
 from retrolidar_ros.scene.description import Marker, Occlusion, Sensor, Surface, Wander
 from retrolidar_ros.scene.optics import position_at
-from retrolidar_ros.sensor.frame import Floats, Recording, Status
+from retrolidar_ros.sensor.frame import Floats, Recording
+from retrolidar_ros.sensor.model import Status
 
 
 def at(position_m: Floats) -> Marker:

@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 from harness_frames import make_frames
 
-from retrolidar_ros.sensor.frame import Frame, Recording, Status, ZoneGrid
+from retrolidar_ros.sensor.frame import Frame, Recording, ZoneGrid
+from retrolidar_ros.sensor.model import Status
 
 GRIDS = [ZoneGrid(4, 4), ZoneGrid(8, 8)]
 both_grids = pytest.mark.parametrize('grid', GRIDS, ids=['4x4', '8x8'])

@@ -11,10 +11,10 @@ import numpy as np
 import pytest
 
 from retrolidar_ros.detector import METHODS, create_detector
-from retrolidar_ros.detector.noise import NoiseLaw
 from retrolidar_ros.marker.code import RESERVED_IDS
 from retrolidar_ros.scene import Scene, Simulation, parse_scene
 from retrolidar_ros.scene.files import find_scene, load_scene
+from retrolidar_ros.sensor.noise import NoiseLaw
 from retrolidar_ros.settings.resources import shared_file
 from retrolidar_ros.settings.section import ConfigError
 from retrolidar_ros.settings.yaml_files import load_parameter_defaults, load_yaml

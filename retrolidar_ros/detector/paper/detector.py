@@ -59,14 +59,14 @@ from retrolidar_ros.detector.paper.stages import (
 from retrolidar_ros.detector.place import place, zone_bearing
 from retrolidar_ros.marker.code import PREAMBLE, RESERVED_IDS, decode
 from retrolidar_ros.sensor.frame import Frame, Recording, ZoneGrid
+from retrolidar_ros.sensor.model import VL53L8CX
 
 # The paper does not give its threshold. With this one the bare wall of the reference scene shows
 # false starts about as often as paper Fig. 8c has them; a higher one reads less far.
 LIKELIHOOD_THRESHOLD = 0.38
 _LEAST_HISTORY = 4
 _LEAST_DISTANCES = 2
-# The sensor's distances are multiples of a quarter millimetre.
-_RESOLUTION_M = 0.25e-3 / np.sqrt(12)
+_RESOLUTION_M = VL53L8CX.distance_step_m / np.sqrt(12)
 
 
 class PaperDetector:

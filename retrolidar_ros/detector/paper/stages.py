@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from retrolidar_ros.marker.code import PACKET_BITS, PREAMBLE, packet
 from retrolidar_ros.sensor.frame import Floats
+from retrolidar_ros.sensor.model import VL53L8CX
 
 SAMPLES_PER_BIT = 2  # the marker sends at half the frame rate (paper §3.4)
 PREAMBLE_SAMPLES = SAMPLES_PER_BIT * len(PREAMBLE)
@@ -18,7 +19,7 @@ _TEMPLATE: Floats = np.repeat(PREAMBLE, SAMPLES_PER_BIT).astype(np.float64)
 """The paper's p."""
 PACKET_SAMPLES = SAMPLES_PER_BIT * PACKET_BITS
 # Lower bound of a residual: the quantisation noise of the sensor [kcps/SPAD].
-_RESOLUTION_STDDEV = 1 / 2048 / np.sqrt(12)
+_RESOLUTION_STDDEV = VL53L8CX.signal_step / np.sqrt(12)
 # Autocorrelation at one sample above which a zone transmits. A marker holds every bit for two
 # samples, so that of a packet with any usable ID is at least 0.145; that of white noise is 0, and
 # its estimate from 62 samples deviates by 0.13, so one silent window in six or so is taken for a

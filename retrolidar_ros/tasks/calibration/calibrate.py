@@ -11,12 +11,12 @@ import numpy as np
 
 from retrolidar_ros.detector import Detection
 from retrolidar_ros.detector.blinking_zones import BlinkingZone, blinking_zones
-from retrolidar_ros.detector.noise import NoiseLaw
 from retrolidar_ros.detector.placement import modulated_depth
 from retrolidar_ros.marker.known_markers import MARKER_SIZE_M
 from retrolidar_ros.scene.marker_budget import NEEDED_SNR_DB, SENSOR_REACH_M, needed_swing
 from retrolidar_ros.scene.optics import DISTANCE_EXPONENT, REFERENCE_AREA_M2
 from retrolidar_ros.sensor.frame import Recording, valid_samples
+from retrolidar_ros.sensor.noise import NoiseLaw
 from retrolidar_ros.tasks.calibration.crystal import Sent, fit_crystal
 from retrolidar_ros.tasks.calibration.estimate import Estimate
 from retrolidar_ros.tasks.calibration.noise import NoiseFound, noise_of

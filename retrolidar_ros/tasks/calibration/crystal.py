@@ -18,11 +18,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from retrolidar_ros.detector.detection import Detection
-from retrolidar_ros.detector.noise import NoiseLaw
 from retrolidar_ros.marker.code import PACKET_BITS, packet
 from retrolidar_ros.marker.liquid_crystal import Response
 from retrolidar_ros.scene.transmission import Transmission, exposure_edges
 from retrolidar_ros.sensor.frame import Floats, Recording, valid_samples
+from retrolidar_ros.sensor.noise import NoiseLaw
 from retrolidar_ros.tasks.calibration.estimate import Estimate, least_squares
 
 _MOST_ZONES = 4

@@ -5,13 +5,15 @@
 from __future__ import annotations
 
 from collections import defaultdict
+from dataclasses import replace
 
 from retrolidar_ros.detector import METHODS, Detection, create_detector
 from retrolidar_ros.detector.blinking_zones import BlinkingZone
-from retrolidar_ros.detector.noise import NoiseLaw
 from retrolidar_ros.detector.trials import candidates, every, trials
 from retrolidar_ros.marker.code import PACKET_BITS
 from retrolidar_ros.sensor.frame import Recording
+from retrolidar_ros.sensor.model import VL53L8CX
+from retrolidar_ros.sensor.noise import NoiseLaw
 
 _ZONES = 8
 _ALIKE = 0.04  # periods that are of one clock
@@ -45,7 +47,8 @@ def read_markers(
     duration_s = (recording.stamp_ns[-1] - recording.stamp_ns[0]) * 1e-9
 
     def read(recording: Recording, bit_s: float) -> list[Detection]:
-        detector = create_detector(METHODS[0], recording.grid, bit_period_s=bit_s, noise=law)
+        sensor = replace(VL53L8CX, noise=law)
+        detector = create_detector(METHODS[0], recording.grid, bit_period_s=bit_s, sensor=sensor)
         return detector.update_all(recording)
 
     for rank in range(max((len(zone.periods) for zone in zones[:_ZONES]), default=0)):

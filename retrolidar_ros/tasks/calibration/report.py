@@ -4,7 +4,7 @@
 
 from __future__ import annotations
 
-from retrolidar_ros.sensor.frame import Status
+from retrolidar_ros.sensor.model import Status
 from retrolidar_ros.tasks.calibration.calibrate import Calibration, MarkerFound
 from retrolidar_ros.tasks.calibration.noise import NoiseFound
 

@@ -17,9 +17,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from retrolidar_ros.detector.detection import Detection
-from retrolidar_ros.detector.noise import NoiseLaw
 from retrolidar_ros.scene.optics import line_shares
 from retrolidar_ros.sensor.frame import Floats, Recording, valid_samples
+from retrolidar_ros.sensor.noise import NoiseLaw
 from retrolidar_ros.tasks.calibration.crystal import Sent, slopes
 from retrolidar_ros.tasks.calibration.estimate import Estimate, least_squares
 

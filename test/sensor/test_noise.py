@@ -5,7 +5,7 @@
 import numpy as np
 import pytest
 
-from retrolidar_ros.detector.noise import NoiseLaw
+from retrolidar_ros.sensor.noise import NoiseLaw
 
 LAW = NoiseLaw()
 

@@ -5,11 +5,10 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike
-
-from retrolidar_ros.sensor.frame import Floats
+from numpy.typing import ArrayLike, NDArray
 
 
 @dataclass(frozen=True)
@@ -41,6 +40,7 @@ class NoiseLaw:
         mean = float(np.where(np.isfinite(light) & (light > 0), light, 0.0).mean())
         return NoiseLaw(self.floor + self.ambient * mean, self.slope, 0.0)
 
-    def variance(self, signal: Floats) -> Floats:
+    def variance(self, signal: NDArray[np.floating[Any]]) -> NDArray[np.floating[Any]]:
         """Return the variance [(kcps/SPAD)²] at signals [kcps/SPAD] of any shape."""
-        return self.floor + self.slope * np.maximum(signal, 0.0)
+        variance: NDArray[np.floating[Any]] = self.floor + self.slope * np.maximum(signal, 0.0)
+        return variance

@@ -1,0 +1,80 @@
+# Copyright 2026 retrolidar_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""What the package knows of a sensor.
+
+To use another one, give its `SensorModel` to `create_detector`; all that the core knows of a sensor
+comes from there (`core/src/retrolidar_sensor.h`).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from enum import IntEnum
+
+from retrolidar_ros.sensor.noise import NoiseLaw
+
+
+class Status(IntEnum):
+    """The sensor's target status codes that the package distinguishes (ST UM3109 §5.5)."""
+
+    NOT_UPDATED = 0
+    SIGNAL_TOO_LOW_ON_ARRAY = 1
+    SIGMA_TOO_HIGH = 3
+    VALID = 5
+    FIRST_RANGE = 6  # no wrap-around check: the previous frame had no target here
+    SIGNAL_TOO_LOW = 8
+    MERGED = 9  # valid, large pulse: perhaps two targets nearer than 600 mm to each other
+    NO_PREVIOUS_TARGET = 10  # valid, but the previous range showed no target
+    NO_TARGET = 255
+
+
+@dataclass(frozen=True)
+class SensorModel:
+    """A sensor that measures signal and distance in zones; by default, a VL53L8CX."""
+
+    shapes: tuple[tuple[int, int], ...] = ((4, 4), (8, 8))
+    """Rows and columns of zones that it has; at most 64 zones."""
+    field_of_view: float = 4 * 0.21498
+    """Width of all zones together as a tangent (46.5°); it differs a little from lens to lens."""
+    zone_blur: float = 0.0
+    """Standard deviation of the optics' blur in widths of a zone; 0 = not known."""
+    range_offset_m: float = 0.0
+    """By how much it measures all ranges too long [m]."""
+    exposure: float = 1.0
+    """Share of the frame period in which it counts light, about the stamp."""
+    noise: NoiseLaw = field(default_factory=NoiseLaw)
+    """Of its signals (a public recording at 8x8, 10 Hz)."""
+    ranging_shot: float = 0.490
+    """Standard deviation of a distance at one kcps/SPAD [m]; it falls as the signal grows."""
+    ranging_floor_m: float = 0.0016
+    """The same of the brightest target [m]."""
+    signal_step: float = 1 / 2048
+    """Smallest step of a signal [kcps/SPAD]."""
+    low_signal: float = 8.0
+    """Upper bound of a signal that is called too low; with more, something is wrong [kcps/SPAD]."""
+    max_signal: float = 2.0**21
+    """Upper bound of a signal: 32 bits of the smallest step [kcps/SPAD]."""
+    distance_step_m: float = 0.25e-3
+    """Smallest step of a distance [m]."""
+    max_distance_m: float = 8.192
+    """Upper bound of a distance: 16 bits of the smallest step, one of them its sign [m]."""
+    separable_m: float = 0.6
+    """Distance from which two targets in a zone are separated; nearer ones merge (ST UM3109)."""
+    valid: tuple[int, ...] = (
+        Status.VALID,
+        Status.FIRST_RANGE,
+        Status.MERGED,
+        Status.NO_PREVIOUS_TARGET,
+    )
+    """Statuses whose signal and distance are valid.
+
+    A blinking marker itself makes a VL53L8CX report "first range" and "no previous target" at its
+    dark-to-bright edges.
+    """
+    nothing: tuple[int, ...] = (Status.NO_TARGET,)
+    """Statuses that say that there is no target: a marker may be dark."""
+    faint: tuple[int, ...] = (Status.SIGNAL_TOO_LOW,)
+    """Statuses that say that the signal is too low: no target, if it is at most `low_signal`."""
+
+
+VL53L8CX = SensorModel()
