@@ -18,7 +18,7 @@ static const double MAX_OFF = 0.35, MAX_DEVIATIONS = 3.0;
 static const int MOST_OFF_SCALE = 3; /* bright frames */
 static const double LEAST_SCALED = 0.2; /* so much of its light is the marker's */
 /* What is behind is forgotten after so long, or after so much of a way. */
-static const double BACKGROUND_S = 3.0, BACKGROUND_M = 0.05;
+static const double BACKGROUND_S = 30.0, BACKGROUND_M = 0.05;
 /* The bearing is found anew after so many bright frames, or a change of gains. */
 static const int BEARING_FRAMES = 8;
 static const double BEARING_DEVIATIONS = 0.5, BEARING_SHARE = 0.01;
@@ -193,8 +193,8 @@ void rl_followed_replay(struct rl_followed *followed, const struct rl_scenery *s
     move(followed, scenery);
     look(followed, scenery, sample);
     const struct rl_glance glance = glimpse(followed, scenery, sample, &crossed);
-    rl_zone_update(followed->zone, sample, samples->zones, samples->columns_of_zones, &glance,
-                   crossed);
+    crossed = rl_zone_update(followed->zone, sample, samples->zones, samples->columns_of_zones,
+                             &glance, crossed);
     followed->crossed = crossed ? 1.0 : followed->crossed;
 }
 
@@ -229,8 +229,8 @@ void rl_followed_update(struct rl_followed *followed, const struct rl_scenery *s
     }
     followed->off_scale = followed->light > RL_BRIGHT ? 0 : followed->off_scale;
     update_clock(followed, scenery, &glance);
-    rl_zone_update(followed->zone, sample, samples->zones, samples->columns_of_zones,
-                   &glance, crossed);
+    crossed = rl_zone_update(followed->zone, sample, samples->zones, samples->columns_of_zones,
+                             &glance, crossed);
     followed->crossed = crossed ? 1.0 : followed->crossed;
     if (followed->light > SHARED_LIGHT) {
         followed->shared_s = rl_scenery_now(scenery);

@@ -205,7 +205,7 @@ void rl_followed_range(struct rl_followed *followed, const struct rl_scenery *sc
             followed->hidden[zone] +=
                 HIDDEN_SHARE * ((sample.signal == 0.0 ? signal : 0.0) - followed->hidden[zone]);
             if (own > LEAST_OWN * signal && own > 3.0 * sqrt(sample.variance) &&
-                light->gain > 3.0 * sqrt(light->gain_variance) &&
+                (zone == strongest || light->gain > 3.0 * sqrt(light->gain_variance)) &&
                 scenery->other[zone] < MOST_OTHER * signal) {
                 measure_range(followed, scenery, zone, range_m, signal);
             }

@@ -5,20 +5,25 @@
 
 #include <math.h>
 
-enum { STILL, EVEN, TURNING };
+enum { STILL, CREEPING, DRIFTING, EVEN, TURNING };
 
 /* How often one motion becomes another [1/s]. */
 static const double RATE[RL_MOTIONS][RL_MOTIONS] = {
-    {0.0, 0.1, 0.05},
-    {0.3, 0.0, 0.6},
-    {1.0, 8.0, 0.0},
+    {0.0, 0.01, 0.003, 0.001, 0.0005},
+    {0.05, 0.0, 0.02, 0.02, 0.02},
+    {0.02, 0.02, 0.0, 0.1, 0.6},
+    {0.01, 0.01, 0.2, 0.0, 2.0},
+    {0.01, 0.01, 1.0, 8.0, 0.0},
 };
 /* Spectral density of the acceleration [m^2/s^3]; one at rest trembles [m^2/s]. */
-static const double ACCELERATION[RL_MOTIONS] = {0.0, 0.1, 8.0};
-static const double TREMBLE = 4e-6;
+static const double ACCELERATION[RL_MOTIONS] = {0.0, 1e-6, 3e-4, 0.1, 8.0};
+static const double TREMBLE = 1e-9;
+static const double CREEPING_S = 10.0; /* what creeps comes to rest */
 /* Of a rate before anything is known of it, and of one at rest [m/s]. */
 static const double ANY_RATE = 0.5, REST_RATE = 1e-3;
-static const double FIRST_CHANCE[RL_MOTIONS] = {0.5, 0.4, 0.1};
+/* Of one that begins to move so [m/s]. */
+static const double BEGUN_RATE[RL_MOTIONS] = {0.0, 0.02, 0.03, 0.2, 0.5};
+static const double FIRST_CHANCE[RL_MOTIONS] = {0.4, 0.1, 0.1, 0.3, 0.1};
 static const double LEAST_CHANCE = 1e-12, LEAST_VARIANCE = 1e-10;
 
 void rl_range_start(struct rl_range_filter *filter, double range_m, double variance)
@@ -58,6 +63,7 @@ static void move(struct rl_motion *one, int motion, double step_s)
         return;
     }
     const double noise = ACCELERATION[motion] * step_s;
+    one->rate *= motion == CREEPING ? exp(-step_s / CREEPING_S) : 1.0;
     one->range_m += one->rate * step_s;
     one->variance += step_s * (2.0 * one->common + step_s * one->rate_variance) +
                      noise * step_s * step_s / 3.0;
@@ -70,6 +76,7 @@ void rl_range_predict(struct rl_range_filter *filter, double step_s)
     struct rl_motion after[RL_MOTIONS];
     for (int to = 0; to < RL_MOTIONS; to++) {
         double weight[RL_MOTIONS], total = 0.0;
+        filter->motion[STILL].rate_variance = BEGUN_RATE[to] * BEGUN_RATE[to];
         for (int from = 0; from < RL_MOTIONS; from++) {
             double change = 0.0, all = 0.0;
             for (int i = 0; i < RL_MOTIONS; i++) {

@@ -18,6 +18,8 @@ static const double REPEATS = 0.98, ALONE = 0.7;
 static const double MOST_OFF_BITS = 0.5;
 /* Of a marker that crosses the view [m/s]. */
 static const double ACROSS_M_S = 0.5;
+/* Gains are of the frames before. */
+static const double LAG_S = 0.03;
 /* What the sensor does not reach. */
 static const double FARTHEST_M = 10.0;
 /* By how much the light of another marker is wrong, as a share of it. */
@@ -311,7 +313,7 @@ struct rl_marker_track rl_tracks_track(const struct rl_tracks *tracks, int32_t i
         .last_ns = followed->last_ns,
     };
     const double dark_s = tracks->scenery.samples->end_s[tracks->scenery.row] - followed->shared_s;
-    const double moved = followed->crossed * ACROSS_M_S * dark_s / place.range_m;
+    const double moved = followed->crossed * ACROSS_M_S * (dark_s + LAG_S) / place.range_m;
     for (int axis = 0; axis < 2; axis++) {
         track.tangent[axis] = pitch * (middle[axis] + followed->bearing.mean[axis]);
         track.tangent_variance[axis] =

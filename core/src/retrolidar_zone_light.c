@@ -158,9 +158,10 @@ void rl_zone_predict(struct rl_zone_light *lights, int zones, double step_s)
     }
 }
 
-void rl_zone_update(struct rl_zone_light *lights, const struct rl_zone_sample *samples, int zones,
+bool rl_zone_update(struct rl_zone_light *lights, const struct rl_zone_sample *samples, int zones,
                     int columns, const struct rl_glance *glance, bool crossed)
 {
+    bool moved = crossed;
     const double light = glance->light;
     const int strongest = rl_zone_strongest(lights, zones);
     const double least = MIN_SHARE * lights[strongest].gain;
@@ -177,10 +178,12 @@ void rl_zone_update(struct rl_zone_light *lights, const struct rl_zone_sample *s
         double spread = level + light * gain + noise;
         const double surprise = off * off / spread;
         const bool is_shared = crossed && rl_zone_beside(zone, strongest, columns);
+        const bool has_left = off < 0.0 && one->gain > least; /* no other light takes any away */
         if (surprise > MAX_SURPRISE && light > BRIGHT_LIGHT &&
-            (is_shared || (zone == strongest && light > WHOLE_LIGHT))) {
+            (is_shared || ((zone == strongest || has_left) && light > WHOLE_LIGHT))) {
             one->gain_variance += off * off / (light * light);
             one->excess = 1.0;
+            moved = moved || has_left;
         } else if (surprise > MAX_SURPRISE && light < BRIGHT_LIGHT && one->gain > least) {
             one->level_variance += off * off;
         } else {
@@ -196,5 +199,5 @@ void rl_zone_update(struct rl_zone_light *lights, const struct rl_zone_sample *s
         one->level_variance -= level / spread * level;
         one->common -= level / spread * gain;
         one->gain_variance -= gain / spread * gain;
-    }
+    }    return moved;
 }

@@ -54,8 +54,10 @@ bool rl_zone_measure(const struct rl_zone_light *lights, const struct rl_zone_sa
 /* Let time pass. */
 void rl_zone_predict(struct rl_zone_light *lights, int zones, double step_s);
 
-/* Update all zones with samples in which the light is as predicted, shared otherwise or not. */
-void rl_zone_update(struct rl_zone_light *lights, const struct rl_zone_sample *samples, int zones,
+/* Update all zones with samples in which the light is as predicted, shared otherwise or not. Return
+ * whether the marker has moved across the view.
+ */
+bool rl_zone_update(struct rl_zone_light *lights, const struct rl_zone_sample *samples, int zones,
                     int columns, const struct rl_glance *glance, bool crossed);
 
 #endif

@@ -92,7 +92,7 @@ def test_a_marker_that_stands_is_known_to_a_millimetre_with_every_frame() -> Non
     found = steady(tracks)
     error, scaled = errors(scene, found)
     assert len(found) > 0.95 * (len(recording) - (KNOWN_S + 1.0) / SENSOR.period_s)
-    assert rms(error) < 2e-3
+    assert rms(error) < 1e-3
     assert rms(scaled) < 1.5
 
 
