@@ -3,23 +3,17 @@
  */
 #include "retrolidar_clock.h"
 
-#include "retrolidar_packet.h"
+#include "retrolidar_constants.h"
 #include "retrolidar_target.h"
 
 #include <math.h>
 #include <string.h>
 
-enum {
-    PHASES = 4, /* of a bit, at which the bits of a clock may begin */
-    TRIED = 3,  /* clocks that are tried exactly */
-    MAX_BITS = 256,
-};
+enum { MAX_BITS = 256 };
 /* Bit periods over ours: from one frame to four bits; the ends of a packet move by a quarter of a bit
  * from one to the next. Those within the last are ours.
  */
 static const double MIN_RATIO = 0.5, MAX_RATIO = 4.0, STEP = 1.016, OURS = 0.05;
-/* No packet of any clock is shorter. */
-static const double MIN_PERIOD_BITS = 7.0;
 static const double MAX_CORRELATION = 0.999;
 /* What a bit more than there are in a packet must explain: noise, too, is explained by more bits [nats]. */
 static const double COST_OF_BIT = 1.5;
@@ -111,19 +105,19 @@ double rl_clock_excess(struct rl_window *window, const struct rl_sending *sendin
 {
     rl_window_try(window, sending);
     struct slicer slicer = slicer_of(window);
-    struct clock best[TRIED];
+    struct clock best[RL_TRIED];
     double excess = -INFINITY;
     const double usual_s = (window->min_bit_s + window->max_bit_s) / 2;
     const double begin_s = window->samples->begin_s[window->first];
-    for (int i = 0; i < TRIED; i++) {
+    for (int i = 0; i < RL_TRIED; i++) {
         best[i] = (struct clock){.bit_s = usual_s, .begin_s = begin_s, .cost = INFINITY};
     }
     for (double ratio = MIN_RATIO; ratio <= MAX_RATIO; ratio *= STEP) {
-        for (int phase = 0; phase < PHASES && fabs(ratio - 1.0) > OURS; phase++) {
+        for (int phase = 0; phase < RL_PHASES && fabs(ratio - 1.0) > OURS; phase++) {
             struct clock clock = {.bit_s = ratio * usual_s};
-            clock.begin_s = begin_s - phase * clock.bit_s / PHASES;
+            clock.begin_s = begin_s - phase * clock.bit_s / RL_PHASES;
             slice(&slicer, &clock);
-            for (int i = 0; i < TRIED; i++) {
+            for (int i = 0; i < RL_TRIED; i++) {
                 if (clock.cost < best[i].cost) {
                     const struct clock worse = best[i];
                     best[i] = clock;
@@ -134,7 +128,7 @@ double rl_clock_excess(struct rl_window *window, const struct rl_sending *sendin
     }
     const double end_s = window->samples->end_s[window->first + window->rows - 1];
     const double ours = (end_s - begin_s) / sending->bit_s;
-    for (int i = 0; i < TRIED; i++) {
+    for (int i = 0; i < RL_TRIED; i++) {
         const double likelihood = try_clock(window, &slicer, &best[i]);
         excess = fmax(excess, likelihood - own - COST_OF_BIT * fmax(best[i].bits - ours, 0.0));
     }
@@ -175,7 +169,7 @@ double rl_clock_period_excess(struct rl_window *window, const struct rl_sending 
         }
     }
     double ours = 0.0, other = 0.0;
-    for (int lag = (int)(MIN_PERIOD_BITS * bit_rows); lag < rows / 2; lag++) {
+    for (int lag = (int)(RL_PREAMBLE_BITS * bit_rows); lag < rows / 2; lag++) {
         const double packets = lag / packet_rows;
         const double off_rows = fabs(packets - floor(packets + 0.5)) * packet_rows;
         const double nats = repeats(signal, rows, lag);

@@ -4,6 +4,7 @@
 #include "retrolidar_decide.h"
 
 #include "retrolidar_clock.h"
+#include "retrolidar_constants.h"
 #include "retrolidar_rivals.h"
 #include "retrolidar_scope.h"
 
@@ -15,15 +16,10 @@ enum {
     LEAST_WALK = 3,     /* walk from which on what a packet leaves over is more than noise */
 };
 
-static const double BRIGHTENING_S = 0.0035; /* of the usual crystal */
-/* Bits before a stretch that show whether its packet has repeated, and share of its evidence that
- * there must be with them.
- */
-static const double LEAST_BEFORE_BITS = 4.0, LEAST_LONGER = 0.9;
+/* Share of the evidence of a packet that has repeated that there must be with the bits before. */
+static const double LEAST_LONGER = 0.9;
 /* Share of the evidence in demand that one source must have by itself. */
 static const double LEAST_ALONE = 0.4;
-/* Each zone has a gain of its own [nats]. */
-static const double COST_OF_GAIN = 2.0;
 /* To leave out a stretch of bits costs some, as it might be any [nats]. */
 static const double COST_OF_MASK = 10.0;
 /* [nats] a change that a word has less. */
@@ -34,10 +30,6 @@ static const double COST_OF_CHANGE = 5.0;
 static const double LEFT_OVER = 0.1;
 /* Several packets are tried at several numbers of them, and at more clocks [nats]. */
 static const double COST_OF_FOLDS = 1.5;
-/* Part of the last bit that need not have come yet. */
-static const double NOT_YET_BITS = 0.25;
-/* By how much a part of a lone packet may be worse than a whole one to be as good [nats]. */
-static const double AS_GOOD = 1.0;
 /* A refined clock may be off by so much more than one that is searched. */
 static const double SKEW_SLACK = 0.005;
 
@@ -51,7 +43,7 @@ static bool may_be_lone(struct rl_window *window, const struct rl_sending *sendi
     lone.repeats = false;
     for (int packet = 0; packet <= packets; packet++) {
         lone.start_s = sending->start_s + packet * RL_PACKET_BITS * sending->bit_s;
-        if (rl_window_try(window, &lone) > own - AS_GOOD) {
+        if (rl_window_try(window, &lone) > own - RL_AS_GOOD) {
             return true;
         }
     }
@@ -70,14 +62,14 @@ static bool has_repeated(struct rl_window *window, const struct rl_sending *send
     const struct rl_samples *samples = window->samples;
     const double held_s = samples->begin_s[rl_samples_oldest(samples)];
     const double from_s = fmax(fmax(begin_s - BEFORE_BITS * sending->bit_s, held_s), since_s);
-    if (begin_s - from_s < LEAST_BEFORE_BITS * sending->bit_s) {
+    if (begin_s - from_s < RL_LOOK_BITS * sending->bit_s) {
         return true;
     }
     rl_window_open(window, window->source[0], from_s, to_s);
     const double longer = rl_window_try(window, sending) - window->null;
     rl_window_open(window, window->source[0], begin_s, to_s);
     rl_window_try(window, sending);
-    return longer > LEAST_LONGER * evidence - AS_GOOD;
+    return longer > LEAST_LONGER * evidence - RL_AS_GOOD;
 }
 
 /* Evidence that a packet of few changes needs besides: the fewer, the sooner do steps of what moves
@@ -103,7 +95,7 @@ static void note_fit(struct rl_verdict *verdict, const struct rl_window *window)
 static double refine(struct rl_verdict *verdict, struct rl_window *window, double half_bits)
 {
     const double own = rl_window_refine(window, &verdict->sending, half_bits);
-    verdict->evidence = own - window->null - COST_OF_GAIN * (window->sources - 1);
+    verdict->evidence = own - window->null - RL_COST_OF_GAIN * (window->sources - 1);
     note_fit(verdict, window);
     return own;
 }
@@ -144,7 +136,7 @@ static int open(struct trial *trial, int source, double read_s, double since_s, 
     if (verdict->evidence < LEAST_ALONE * demands->evidence) {
         return RL_EVIDENCE;
     }
-    if ((!sending->repeats && verdict->end_s > to_s + NOT_YET_BITS * sending->bit_s) ||
+    if ((!sending->repeats && verdict->end_s > to_s + sending->bit_s / RL_PHASES) ||
         fabs(sending->bit_s / demands->bit_s - 1.0) > demands->max_skew + SKEW_SLACK / 2) {
         /* A packet that has begun looks like a faster one of another ID. */
         return RL_INCOMPLETE;
@@ -235,7 +227,7 @@ struct rl_verdict rl_decide(struct rl_window *window, const struct rl_codebook *
     struct rl_verdict verdict = {
         .id = hit->id,
         .packets = packets,
-        .sending = {rl_packet(hit->id), hit->repeats, hit->start_s, hit->bit_s, BRIGHTENING_S}};
+        .sending = {rl_packet(hit->id), hit->repeats, hit->start_s, hit->bit_s, rl_brightening_s[0]}};
     struct trial trial = {
         .window = window, .demands = demands, .verdict = &verdict, .follows = follows};
     verdict.reason = open(&trial, source, read_s, since_s, to_s);

@@ -3,14 +3,12 @@
  */
 #include "retrolidar_detector.h"
 
+#include "retrolidar_constants.h"
 #include "retrolidar_look.h"
 
 #include <math.h>
 #include <stdlib.h>
 
-/* Search finds no word where others are so much better [nats]. */
-static const double BEYOND_COARSE = 6.0;
-static const double MAX_SKEW = 0.03;
 
 static int64_t aligned(int64_t bytes)
 {
@@ -41,14 +39,15 @@ struct rl_detector *rl_detector_create(const struct rl_settings *settings, const
         .word = settings->word,
         .margin = settings->margin,
         .bit_s = settings->bit_s,
-        .max_skew = MAX_SKEW,
+        .max_skew = RL_MAX_SKEW,
     };
-    detector->max_beyond = BEYOND_COARSE + settings->word;
+    /* On coarse templates others may be better by some more. */
+    detector->max_beyond = RL_COST_OF_CHANCE + settings->word;
     memory += head;
     rl_samples_start(&detector->samples, sensor, rows, memory, settings->bit_s);
     memory += samples;
     rl_codebook_start(&detector->search.codebook, ids, count);
-    rl_search_start(&detector->search, &detector->samples, settings->bit_s, MAX_SKEW, memory);
+    rl_search_start(&detector->search, &detector->samples, settings->bit_s, RL_MAX_SKEW, memory);
     memory += search;
     rl_window_start(&detector->window, &detector->samples, rows, memory);
     memory += window;

@@ -6,6 +6,7 @@
 #define RETROLIDAR_DETECTOR_STATE_H
 
 #include "retrolidar_bearing.h"
+#include "retrolidar_constants.h"
 #include "retrolidar_detector.h"
 #include "retrolidar_pool.h"
 #include "retrolidar_residual.h"
@@ -16,12 +17,11 @@ enum {
     RL_READINGS = 32,  /* that one frame may bring */
     RL_DECISIONS = 12, /* candidates that are judged with one frame, at the most */
     RL_MOST_PENDING = 3 * RL_MOST_SOURCES + 7 * RL_MOST_ZONES, /* all of a frame */
-    RL_SEARCH_BITS = 66, /* that a search for one packet may look back */
+    /* That a search for one packet may look back. */
+    RL_SEARCH_BITS = 2 * RL_PACKET_BITS + RL_LOOK_BITS,
 };
 /* A source that varies by less than so many times its noise holds no packet by itself. */
 static const double RL_ACTIVE = 1.5;
-/* A marker that has not been read for so long is not taken to go on. */
-static const double RL_GOES_ON_BITS = 33.0;
 /* Bits by which a packet may begin before the one before it has ended. */
 static const double RL_OVERLAP_BITS = 1.5;
 

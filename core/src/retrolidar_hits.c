@@ -65,7 +65,7 @@ static void keep_sequence(struct rl_promises *promises, float nats, const struct
             break;
         }
     }
-    keep_promise(promises->sequence, &promises->sequences, RL_SEQUENCES, nats, 0, trial, lane);
+    keep_promise(promises->sequence, &promises->sequences, RL_TRIED, nats, 0, trial, lane);
 }
 
 /* What any sequence of bits explains at the most. */
@@ -123,7 +123,7 @@ void rl_promise_add(struct rl_promises *promises, const struct rl_demand *demand
         }
         const float nats = nats_of(squared, &lane->reach);
         if (any_nats - nats <= demand->max_beyond) {
-            keep_promise(promises->word, &promises->words, RL_PROMISES, nats, shift, trial, lane);
+            keep_promise(promises->word, &promises->words, RL_FOUND, nats, shift, trial, lane);
         }
     }
 }

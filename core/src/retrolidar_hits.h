@@ -6,14 +6,13 @@
 #define RETROLIDAR_HITS_H
 
 #include "retrolidar_codebook.h"
+#include "retrolidar_constants.h"
 #include "retrolidar_view.h"
 
 enum {
-    RL_FOUND = 6, /* hits of a search ... */
+    RL_FOUND = 6, /* hits of a search, and words that it looks for ... */
     RL_PAST = 4,  /* ... and of those before */
     RL_HITS = RL_FOUND + RL_PAST,
-    RL_SEQUENCES = 3,
-    RL_PROMISES = 6,
 };
 
 /* A packet that may be there. */
@@ -45,14 +44,14 @@ struct rl_sequence {
 struct rl_hits {
     int count, sequences;
     struct rl_hit hit[RL_HITS];
-    struct rl_sequence sequence[RL_SEQUENCES];
+    struct rl_sequence sequence[RL_TRIED];
 };
 
 /* What is to be looked at once all trials are known. */
 struct rl_promises {
     int words, sequences;
-    struct rl_promise word[RL_PROMISES];
-    struct rl_promise sequence[RL_SEQUENCES];
+    struct rl_promise word[RL_FOUND];
+    struct rl_promise sequence[RL_TRIED];
 };
 
 /* What is asked of a hit. */

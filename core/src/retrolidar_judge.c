@@ -6,19 +6,14 @@
 #include <math.h>
 #include <string.h>
 
-enum { MAX_PARTNERS = 3 }; /* hits that are judged together with a packet that hides them */
-
-/* Share of the evidence in demand that a packet must have which another one hides. */
-static const double HIDDEN = 0.7;
 /* A packet may begin so many bits after the samples that it is read from. */
 static const double MAX_LATE_BITS = 8.0;
-/* Readings of one ID that overlap by more are of the same packet. */
-static const double SAME_BITS = 4.0;
 
+/* Whether a packet of an ID has been read that overlaps with a time by more than a few bits. */
 static bool is_known(const struct rl_detector *detector, uint16_t id, double begin_s, double end_s)
 {
     return rl_pool_knows(&detector->pool, id, begin_s, end_s,
-                         SAME_BITS * detector->settings.bit_s);
+                         RL_LOOK_BITS * detector->settings.bit_s);
 }
 
 /* When the packet begins that the window holds the most of: before the window, if it was joined in its
@@ -123,7 +118,7 @@ static void note(struct rl_detector *detector, int source, int packets,
 /* Add a packet to what interferes, in place of the last one if there is no room. */
 static void add_beside(struct rl_interference *interference, const struct rl_verdict *beside)
 {
-    if (interference->count == RL_MAX_TRANSMISSIONS) {
+    if (interference->count == RL_MAX_INTERFERERS) {
         interference->count--;
     }
     interference->transmission[interference->count++] = transmission_of(beside);
@@ -196,7 +191,7 @@ static double search_without(struct rl_detector *detector, const struct rl_verdi
     hits->count = 0;
     if (rest > RL_ACTIVE) {
         rl_search_look(&detector->search, &source, 1, packets, to_s, to_s, -INFINITY,
-                       HIDDEN * detector->demands.evidence, 2.0 * detector->max_beyond, hits);
+                       RL_COARSE * detector->demands.evidence, 2.0 * detector->max_beyond, hits);
     }
     rl_residual_restore(&detector->residual, source);
     return rest;
@@ -212,14 +207,14 @@ static bool judge_pair(struct rl_detector *detector, double to_s, struct rl_verd
     const int source = one->source[0], packets = one->packets;
     struct rl_hits *hits = &detector->behind, again_hits;
     search_without(detector, one, to_s, hits);
-    for (int i = 0; i < hits->count && i < MAX_PARTNERS && detector->decisions_left > 0; i++) {
+    for (int i = 0; i < hits->count && i < RL_TRIED && detector->decisions_left > 0; i++) {
         const struct rl_hit *hit = &hits->hit[i];
         if (hit->id == one->id) {
             continue;
         }
         detector->decisions_left -= 3;
         *other = decide(detector, source, packets, hit, hits, one, to_s);
-        if (other->evidence < HIDDEN * detector->demands.evidence ||
+        if (other->evidence < RL_COARSE * detector->demands.evidence ||
             other->reason == RL_INCOMPLETE ||
             is_known(detector, other->id, other->begin_s, other->end_s)) {
             continue;
@@ -260,7 +255,7 @@ void rl_judge(struct rl_detector *detector, const struct rl_pending *pending, do
                           detector->samples.source[pending->source].zones == 1 &&
                           verdict.reason != RL_INCOMPLETE && verdict.reason != RL_ERASED &&
                           verdict.reason != RL_MARGIN &&
-                          verdict.evidence > HIDDEN * detector->demands.evidence;
+                          verdict.evidence > RL_COARSE * detector->demands.evidence;
     if (may_hide && judge_pair(detector, to_s, &verdict, &other)) {
         detector->counts.candidates++;
         add_reading(detector, &other);

@@ -10,21 +10,12 @@
 
 enum {
     FOLDS = 5,
-    LOOK_BITS = 4,       /* between two looks at stretches of one packet */
-    APPEARED_BITS = 2,   /* and at what has appeared */
-    /* Soft bits that are held against all words with a frame, at the most: of packets that have
-     * ended, and besides of packets that repeat.
+    /* Soft bits of packets that have ended that are held against all words with a frame, at the
+     * most; half as many besides of packets that repeat.
      */
     WORDS_ENDED = 200,
-    WORDS_MORE = 100,
 };
-static const int FOLD[FOLDS] = {1, 2, 3, 5, 8};
-/* Bits that must be there besides those that tell the IDs apart: of start and preamble. */
-static const double EXTRA_BITS = 9.0;
-/* So long after a reading the residual is searched: as long as no whole packet can have come. */
-static const double MAX_RESIDUAL_BITS = 95.0;
-/* Share of the evidence in demand that a coarse template must find. */
-static const double COARSE = 0.7;
+static const int FOLD[FOLDS] = {1, 2, 3, 5, RL_MOST_PACKETS};
 /* Sums are asked after zones that explain nearly as much. */
 static const float SUM_SHARE = 0.8f;
 
@@ -36,7 +27,7 @@ static void search(struct rl_detector *detector, const int *sources, int count, 
         return;
     }
     rl_search_look(&detector->search, sources, count, packets, from_s, to_s, since_s,
-                   COARSE * detector->demands.evidence, detector->max_beyond, hits);
+                   RL_COARSE * detector->demands.evidence, detector->max_beyond, hits);
     for (int i = 0; i < count; i++) {
         if (hits[i].count > 0) {
             detector->pending[detector->pendings++] =
@@ -83,10 +74,12 @@ static void search_residual(struct rl_detector *detector, double from_s, double 
 {
     const struct rl_samples *samples = &detector->samples;
     const double bit_s = detector->settings.bit_s;
+    /* As long as no whole packet can have come since the reading. */
+    const double max_bits = 2 * RL_PACKET_BITS + RL_GOES_ON_BITS;
     int zones[RL_MOST_ZONES], count = 0;
     for (int zone = 0; zone < samples->zones; zone++) {
         struct rl_interference interference;
-        if (detector->read_s[zone] <= to_s - MAX_RESIDUAL_BITS * bit_s) {
+        if (detector->read_s[zone] <= to_s - max_bits * bit_s) {
             continue;
         }
         rl_pool_interference(&detector->pool, (uint64_t)1 << zone,
@@ -133,7 +126,9 @@ static void judge_next(struct rl_detector *detector, double from_s, double to_s)
 static void search_appeared(struct rl_detector *detector, double to_s)
 {
     const double bit_s = detector->settings.bit_s;
-    const double least_bits = EXTRA_BITS + log2(detector->search.codebook.words);
+    /* Start and preamble, and what tells the IDs apart. */
+    const double least_bits =
+        RL_LATE_BITS + RL_PREAMBLE_BITS + log2(detector->search.codebook.words);
     for (int zone = 0; zone < detector->samples.zones; zone++) {
         const double since_s = detector->active_s[zone], bits = (to_s - since_s) / bit_s;
         if (bits >= least_bits && bits < RL_PACKET_BITS && detector->read_s[zone] < since_s) {
@@ -204,8 +199,8 @@ void rl_look(struct rl_detector *detector)
     judge_next(detector, from_s, to_s);
     int count = ready(detector, packet_bits, to_s, true, RL_MOST_ZONES, sources);
     search(detector, sources, count, 0, from_s, to_s, -INFINITY);
-    detector->search.words_left += WORDS_MORE;
-    const int64_t turn = (int64_t)floor(to_s / (LOOK_BITS * bit_s));
+    detector->search.words_left += WORDS_ENDED / 2;
+    const int64_t turn = (int64_t)floor(to_s / (RL_LOOK_BITS * bit_s));
     const bool is_turn = turn != detector->turn;
     detector->turn = turn;
     if (!is_turn) {
@@ -219,17 +214,17 @@ void rl_look(struct rl_detector *detector)
             break;
         }
         count = ready(detector, bits - RL_OVERLAP_BITS, to_s, false, 1, sources);
-        if (!is_turn || turn % (RL_PACKET_BITS / LOOK_BITS + 1) != fold) {
+        if (!is_turn || turn % (RL_PACKET_BITS / RL_LOOK_BITS + 1) != fold) {
             count = due(detector, sources, count, bits, from_s, to_s);
         }
         search(detector, sources, count, FOLD[fold], from_s, to_s, -INFINITY);
     }
-    if (floor(to_s / (APPEARED_BITS * bit_s)) > floor(from_s / (APPEARED_BITS * bit_s))) {
+    if (floor(2.0 * to_s / (RL_LOOK_BITS * bit_s)) > floor(2.0 * from_s / (RL_LOOK_BITS * bit_s))) {
         search_appeared(detector, to_s);
     }
     add_deferred(detector, from_s, to_s);
     if (is_turn) {
-        search_residual(detector, (double)(turn - 1) * LOOK_BITS * bit_s, to_s);
+        search_residual(detector, (double)(turn - 1) * RL_LOOK_BITS * bit_s, to_s);
     }
     while (detector->pendings > 0 && detector->decisions_left > 0) {
         int best = 0;

@@ -9,8 +9,6 @@
 
 /* Least range, whatever the offset. */
 static const double NEAREST_M = 1e-3;
-/* Minimum share of an exposure within the packet. */
-static const double LEAST_INSIDE = 0.25;
 /* A zone saw the packet if it rises with it by so many deviations. */
 static const double LEAST_SEEN = 3.0;
 
@@ -25,7 +23,7 @@ static struct rl_seen window_of(struct rl_detector *detector, const struct rl_re
 {
     const struct rl_samples *samples = &detector->samples;
     /* An exposure mostly outside may show the packet before or after. */
-    const double most_s = LEAST_INSIDE * samples->period_s;
+    const double most_s = RL_DARK * samples->period_s;
     *first = rl_samples_row(samples, reading->begin_s + most_s);
     int last = *first;
     while (last < samples->count && samples->begin_s[last] < reading->end_s - most_s) {

@@ -126,7 +126,7 @@ void rl_pool_interference(const struct rl_pool *pool, uint64_t zones, double sin
             const uint64_t seen = beside ? member->near & ~member->zones : member->zones;
             const bool is_seen = (beside == 0) == ((member->zones & zones) != 0);
             if (member->id != except && (seen & zones) != 0 && is_seen && transmission->end_s > since_s &&
-                transmission->begin_s < to_s && interference->count < RL_MAX_TRANSMISSIONS) {
+                transmission->begin_s < to_s && interference->count < RL_MAX_INTERFERERS) {
                 interference->transmission[interference->count++] = *transmission;
             }
         }

@@ -11,13 +11,10 @@
 #ifndef RETROLIDAR_RANGING_H
 #define RETROLIDAR_RANGING_H
 
+#include "retrolidar_constants.h"
 #include "retrolidar_sensor.h"
 
 #include <stdbool.h>
-
-/* Samples with more light than the first show the marker; with less than the second, the background.
- */
-static const double RL_BRIGHT = 0.75, RL_DARK = 0.25;
 
 /* binding */
 /* What one zone saw of a packet, sample by sample. */

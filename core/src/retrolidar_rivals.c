@@ -8,18 +8,12 @@
 #include <string.h>
 
 enum {
-    RIVALS = 3, /* that are tried exactly */
-    ROUNDS = 4, /* bits that are turned to make a better sequence */
-    PARTS = 8,  /* of a packet, at whose ends a marker may appear or vanish, ... */
-    MIN_ABSENT = 2, /* ... that is absent in so many of them */
+    ROUNDS = 4,     /* bits that are turned to make a better sequence */
+    MIN_ABSENT = 2, /* parts of a packet in which a marker that appears or vanishes is absent */
 };
 
 /* The bits that are seen of a packet that ended may be any, as far as they are of its ID [nats]. */
 static const double COST_OF_BIT = 0.6931471805599453;
-/* That a marker appears or vanishes just then is a coincidence [nats]. */
-static const double COST_OF_ABSENCE = 6.0;
-/* A part of a packet is as good as the whole one if it is worse by less [nats]. */
-static const double AS_GOOD = 1.0;
 /* Nobody asks for more, so it need not be known exactly [nats]. */
 static const double ENOUGH = 30.0;
 
@@ -87,7 +81,7 @@ double rl_rivals_turn(struct rl_window *window, const struct rl_sending *sending
 
 static void keep_rival(struct rival *rivals, struct rival kept)
 {
-    for (int i = 0; i < RIVALS; i++) {
+    for (int i = 0; i < RL_TRIED; i++) {
         if (kept.nats > rivals[i].nats) {
             const struct rival worse = rivals[i];
             rivals[i] = kept;
@@ -146,7 +140,7 @@ static void find_rival(const struct rl_codebook *codebook, const struct rl_bits 
     float weight[RL_PACKET_BITS];
     const float all = weigh(bits, begin, repeats, weight);
     const float most = all + max_sum(weight);
-    if (most < -(float)ENOUGH || most <= rivals[RIVALS - 1].nats) {
+    if (most < -(float)ENOUGH || most <= rivals[RL_TRIED - 1].nats) {
         return;
     }
     const int word = rl_codebook_heaviest(codebook, weight, id);
@@ -164,8 +158,8 @@ double rl_rivals_margin(struct rl_window *window, const struct rl_codebook *code
                         const struct rl_bits *bits, const struct rl_sending *sending, int packets,
                         double own, double half_bits, uint16_t id, const struct rl_hits *hits)
 {
-    struct rival rivals[RIVALS];
-    for (int i = 0; i < RIVALS; i++) {
+    struct rival rivals[RL_TRIED];
+    for (int i = 0; i < RL_TRIED; i++) {
         rivals[i].nats = -INFINITY;
     }
     for (int begin = 1 - RL_PACKET_BITS; begin < bits->count; begin++) {
@@ -177,8 +171,8 @@ double rl_rivals_margin(struct rl_window *window, const struct rl_codebook *code
         }
     }
     double nearest = own - ENOUGH;
-    for (int i = 0; i < RIVALS + hits->count; i++) {
-        const struct rl_hit *hit = i < RIVALS ? NULL : &hits->hit[i - RIVALS];
+    for (int i = 0; i < RL_TRIED + hits->count; i++) {
+        const struct rl_hit *hit = i < RL_TRIED ? NULL : &hits->hit[i - RL_TRIED];
         if (hit == NULL ? !(rivals[i].nats > -ENOUGH) : hit->id == id) {
             continue;
         }
@@ -236,14 +230,14 @@ double rl_rivals_part_margin(struct rl_window *window, const struct rl_codebook 
                              const struct rl_bits *bits, const struct rl_sending *sending,
                              double own, uint16_t id)
 {
-    const int parts = PARTS * (bits->count + RL_PACKET_BITS / 2) / RL_PACKET_BITS;
-    struct rival rivals[RIVALS];
+    const int parts = RL_PARTS * (bits->count + RL_PACKET_BITS / 2) / RL_PACKET_BITS;
+    struct rival rivals[RL_TRIED];
     double margin = ENOUGH;
     for (int later = 0; later < 2; later++) {
         int split = -1;
         for (int part = MIN_ABSENT; part <= parts - MIN_ABSENT; part++) {
             const int row = (later ? part : parts - part) * window->rows / parts;
-            if (rl_window_try_part(window, sending, row, later) < own - AS_GOOD) {
+            if (rl_window_try_part(window, sending, row, later) < own - RL_AS_GOOD) {
                 break;
             }
             split = row;
@@ -258,13 +252,13 @@ double rl_rivals_part_margin(struct rl_window *window, const struct rl_codebook 
                 seen.turned[bit] = 0.0f;
             }
         }
-        for (int i = 0; i < RIVALS; i++) {
+        for (int i = 0; i < RL_TRIED; i++) {
             rivals[i].nats = -INFINITY;
         }
         for (int begin = 1 - RL_PACKET_BITS; begin < bits->count; begin++) {
             find_rival(codebook, &seen, sending, id, begin, sending->repeats, rivals);
         }
-        margin = fmin(margin, COST_OF_ABSENCE - (double)rivals[0].nats);
+        margin = fmin(margin, RL_COST_OF_CHANCE - (double)rivals[0].nats);
     }
     return margin;
 }

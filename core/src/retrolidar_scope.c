@@ -3,18 +3,12 @@
  */
 #include "retrolidar_scope.h"
 
-#include "retrolidar_packet.h"
+#include "retrolidar_constants.h"
 
 #include <math.h>
 
 enum { MAX_HIDDEN_BITS = 3 }; /* at a stretch */
 
-/* Share of the samples of a window that must be valid. */
-static const double LEAST_VALID = 0.5;
-/* Another zone counts if it adds so much to the evidence, and the packet explains such a share of
- * how it varies beyond noise, or it sees something else.
- */
-static const double LEAST_ADDED = 4.0, LEAST_SHARE = 0.5;
 
 double rl_scope_half_bits(const struct rl_sending *sending, int packets, double to_s)
 {
@@ -57,9 +51,10 @@ double rl_scope_open(struct rl_window *window, int source, struct rl_sending *se
     return open_lone(window, source, sending, 0.0);
 }
 
+/* Half of the samples of a window must be valid. */
 static int least_rows(const struct rl_window *window)
 {
-    return (int)(LEAST_VALID * window->rows);
+    return window->rows / 2;
 }
 
 bool rl_scope_is_erased(const struct rl_window *window, const struct rl_sending *sending)
@@ -137,7 +132,7 @@ static bool is_seen(const struct rl_window *window, int index)
     const double gain = window->fit[index].gain;
     const double explained = gain * gain * (square - sum * sum / window->rows) / window->rows;
     const double noise = 2.0 * whitened->least;
-    return explained > LEAST_SHARE * (whitened->squares[0] / (whitened->samples - 1) - noise);
+    return explained > 0.5 * (whitened->squares[0] / (whitened->samples - 1) - noise);
 }
 
 void rl_scope_add_zones(struct rl_window *window, const struct rl_sending *sending, double evidence)
@@ -161,10 +156,12 @@ void rl_scope_add_zones(struct rl_window *window, const struct rl_sending *sendi
                 continue;
             }
             const double together = rl_window_try(window, sending) - window->null;
-            /* Distances of a zone in which others are seen, too, may be theirs. */
+            /* It must add more than a gain costs. Distances of a zone in which others are seen, too,
+             * may be theirs.
+             */
             if (window->whitened[before].samples < least_rows(window) ||
                 window->whitened[before].interferers > 0 ||
-                together - evidence < LEAST_ADDED || !is_seen(window, before)) {
+                together - evidence < 2.0 * RL_COST_OF_GAIN || !is_seen(window, before)) {
                 rl_window_drop(window);
             } else {
                 evidence = together;

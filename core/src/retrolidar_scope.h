@@ -7,9 +7,11 @@
 #ifndef RETROLIDAR_SCOPE_H
 #define RETROLIDAR_SCOPE_H
 
+#include "retrolidar_constants.h"
 #include "retrolidar_window.h"
 
-enum { RL_SILENT_BITS = 31 }; /* before a lone packet, which show its bright level */
+/* Before a lone packet, which show its bright level. */
+enum { RL_SILENT_BITS = RL_PACKET_BITS };
 
 /* Bits from the start of what is sent to the middle of the window that it was found in. */
 double rl_scope_half_bits(const struct rl_sending *sending, int packets, double to_s);

@@ -10,11 +10,9 @@
 #include <string.h>
 
 enum {
-    EIGHTHS = 8,  /* of a bit, by which packets that ended are tried */
-    QUARTERS = 4, /* of a bit, by which stretches are tried first, ... */
-    AHEAD_QUARTERS = 6, /* ... and packets whose end has not come yet */
-    KEPT = 4,     /* stretches of a source that are looked at more closely */
-    BEFORE_BITS = 31, /* of samples before a packet, for the level */
+    EIGHTHS = 2 * RL_PHASES, /* of a bit, by which packets that ended are tried */
+    AHEAD = 6, /* phases of packets whose end has not come yet */
+    KEPT = 4,  /* stretches of a source that are looked at more closely */
 };
 
 /* Variance of a source, in that of its noise, from which it is strong. */
@@ -26,8 +24,6 @@ static const double STRONG_SHARE = 1.3;
 /* The longer the silence before a faint packet is remembered, the more certain its bright level. */
 static const float WALKS[] = {0.01f, 0.1f, 0.002f};
 enum { WALK_COUNT = 3, FAINT_LONE = 2 };
-/* By how much the ends of a window may be off between two clocks that are tried [bits]. */
-static const double CLOCK_BITS = 0.25;
 
 /* The stretches of a lane whose bits stand out most, by any sequence of bits. */
 struct kept {
@@ -114,7 +110,8 @@ static void keep_trial(struct kept *kept, const struct rl_trial *trial,
 static void try_ends(struct rl_search *search, int count, double end_s, bool all, int shifts,
                      const struct rl_demand *demand)
 {
-    const int clocks = (int)(search->max_skew * RL_PACKET_BITS / 2 / CLOCK_BITS + 0.999);
+    /* The ends of a packet differ by a phase from one clock to the next. */
+    const int clocks = (int)(search->max_skew * RL_PACKET_BITS / 2 * RL_PHASES + 0.999);
     struct rl_trial trial = {.end_s = end_s, .packets = 1};
     for (int clock = -clocks; clock <= clocks; clock++) {
         trial.bit_s = search->bit_s * (1.0 + clock * search->max_skew / clocks);
@@ -157,8 +154,8 @@ static void look_at_ended(struct rl_search *search, int count, double from_s, do
     for (; back < EIGHTHS; back++) {
         try_ends(search, count, (newest - back) * eighth_s, false, 0, demand);
     }
-    for (int ahead = 1; ahead <= AHEAD_QUARTERS; ahead++) {
-        const double later_s = ahead * search->bit_s / QUARTERS;
+    for (int ahead = 1; ahead <= AHEAD; ahead++) {
+        const double later_s = ahead * search->bit_s / RL_PHASES;
         try_ends(search, count, newest * eighth_s + later_s, false, 1, demand);
     }
 }
@@ -210,7 +207,7 @@ static void look_at_stretches(struct rl_search *search, int count, int packets, 
 {
     struct kept kept[RL_MOST_SOURCES];
     const double half_bits = RL_PACKET_BITS * packets / 2.0;
-    const int clocks = (int)(search->max_skew * half_bits / (2 * CLOCK_BITS) + 0.999);
+    const int clocks = (int)(search->max_skew * half_bits / 2 * RL_PHASES + 0.999);
     const double skew = search->max_skew / clocks;
     /* All stretches have the same middle, or up to a bit before. */
     const double middle_s = to_s - half_bits * search->bit_s * (1.0 + search->max_skew);
@@ -218,10 +215,10 @@ static void look_at_stretches(struct rl_search *search, int count, int packets, 
         kept[lane].count = 0;
     }
     for (int clock = -clocks; clock <= clocks; clock++) {
-        for (int quarter = 0; quarter < QUARTERS; quarter++) {
+        for (int quarter = 0; quarter < RL_PHASES; quarter++) {
             struct rl_trial trial = {.packets = packets,
                                      .bit_s = search->bit_s * (1.0 + clock * skew)};
-            trial.end_s = middle_s - quarter * search->bit_s / QUARTERS + half_bits * trial.bit_s;
+            trial.end_s = middle_s - quarter * search->bit_s / RL_PHASES + half_bits * trial.bit_s;
             rl_view_lay(&search->view, &trial);
             rl_view_cut(&search->view, &trial, &search->sums);
             for (int lane = 0; lane < count; lane++) {
@@ -243,7 +240,7 @@ void rl_search_look(struct rl_search *search, const int *sources, int count, int
 {
     const double longest_bits =
         RL_PACKET_BITS * (packets > 0 ? packets : 1) * (1.0 + search->max_skew);
-    const double bits = packets > 0 ? longest_bits + 2.0 : longest_bits + BEFORE_BITS + 1.0;
+    const double bits = packets > 0 ? longest_bits + 2.0 : longest_bits + RL_PACKET_BITS + 1.0;
     plan(search);
     for (int strong = 0; strong < 2; strong++) {
         const struct rl_whitening *whitening =

@@ -10,6 +10,7 @@
 /* From 10 to 90 % an exponential takes ln 9 time constants (paper 2.2: 0.5 ms and 3.5 ms). */
 static const double LN_9 = 2.1972245773362196;
 static const double DARKENING_S = 0.0005;
+const double rl_brightening_s[RL_CRYSTALS] = {0.0035, 0.0005, 0.008, 0.014, 0.020};
 
 struct packet {
     /* Of each bit, and of the idle after them: what it goes to, comes from, and when it begins, as

@@ -8,6 +8,10 @@
 #include <stdbool.h>
 #include <stdint.h>
 
+/* How long crystals take to brighten, from 10 to 90 %, the usual one first [s]. */
+enum { RL_CRYSTALS = 5 };
+extern const double rl_brightening_s[RL_CRYSTALS];
+
 /* Bits that a marker sends, and when. */
 struct rl_sending {
     uint32_t bits; /* of a packet, the first one the most significant; 1 = dark */

@@ -3,24 +3,16 @@
  */
 #include "retrolidar_window.h"
 
+#include "retrolidar_constants.h"
 #include "retrolidar_noise.h"
 
 #include <math.h>
 #include <string.h>
 
-/* Crystals that are tried: how long they take to brighten [s]. */
-static const double BRIGHTENING_S[] = {0.0035, 0.0005, 0.008, 0.014, 0.020};
 /* Share of the sensor's noise that a fit may not fall short of. */
 static const double LEAST_NOISE = 0.5;
-/* What the gain of another packet must explain to be fitted along [nats]. */
-static const double COST_OF_INTERFERER = 6.0;
-enum {
-    SPLITS = 8,    /* parts of a window between which a marker may come or go */
-    MAX_STEPS = 4, /* of a gain */
-};
+enum { MAX_STEPS = 4 }; /* of the gain of another packet */
 static const int ROUNDS = 4; /* of a refinement, each with half the steps of the one before */
-/* A crystal other than the usual one must be likelier by so much [nats]. */
-static const double OTHER_CRYSTAL = 1.0;
 
 int64_t rl_window_bytes(int rows)
 {
@@ -76,8 +68,8 @@ static void add_interferer(struct rl_window *window, struct rl_whitened *whitene
         double best = rl_fit_gain(whitened, window->light).log_likelihood;
         int best_split = 0;
         bool best_later = true;
-        for (int part = 1; part < SPLITS; part++) {
-            const int split = part * window->rows / SPLITS;
+        for (int part = 1; part < RL_PARTS; part++) {
+            const int split = part * window->rows / RL_PARTS;
             for (int later = 0; later < 2; later++) {
                 const double likelihood =
                     rl_fit_gain(whitened, part_of(window, split, later)).log_likelihood;
@@ -88,7 +80,7 @@ static void add_interferer(struct rl_window *window, struct rl_whitened *whitene
                 }
             }
         }
-        if (best - whitened->null < COST_OF_INTERFERER) {
+        if (best - whitened->null < RL_COST_OF_CHANCE) {
             return;
         }
         rl_add_interferer(whitened, part_of(window, best_split, best_later));
@@ -280,10 +272,10 @@ double rl_window_refine(struct rl_window *window, struct rl_sending *sending, do
     const double best = climb(window, sending, half_bits, ROUNDS);
     const struct rl_sending usual = *sending;
     struct rl_sending likeliest = usual;
-    double most = best + OTHER_CRYSTAL;
-    for (size_t i = 0; i < sizeof BRIGHTENING_S / sizeof *BRIGHTENING_S; i++) {
+    double most = best + RL_AS_GOOD;
+    for (int i = 0; i < RL_CRYSTALS; i++) {
         struct rl_sending other = usual;
-        other.brightening_s = BRIGHTENING_S[i];
+        other.brightening_s = rl_brightening_s[i];
         /* Half of the edges come later by the mean delay of the crystal. */
         other.start_s -= (other.brightening_s - usual.brightening_s) / 4;
         const double likelihood = rl_window_try(window, &other);

