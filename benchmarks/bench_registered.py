@@ -5,7 +5,7 @@
 embedded/run python benchmarks/bench_registered.py
 
 What registered IDs give is evaluated by `speed-accuracy`; what is read of them where no marker is,
-`bench_false_ids.py --registered N` counts.
+the experiment `roc` counts.
 """
 
 from __future__ import annotations

@@ -10,7 +10,8 @@ from pathlib import Path
 
 def main(arguments: list[str] | None = None) -> int:
     """Run experiments, or list them; return the exit code."""
-    from evaluation.experiments.registry import EXPERIMENTS, run_experiments
+    from evaluation.experiments import false_ids
+    from evaluation.experiments.registry import EXPERIMENTS, LONG, run_experiments
     from evaluation.report.readme import write_page
 
     parser = argparse.ArgumentParser(
@@ -20,9 +21,12 @@ def main(arguments: list[str] | None = None) -> int:
     )
     which = parser.add_mutually_exclusive_group()
     which.add_argument('names', nargs='*', default=[], metavar='NAME', help='which to run')
-    which.add_argument('--all', action='store_true', help='all of them, and the report')
+    all_help = f'all but {" and ".join(LONG)}, and the report'
+    which.add_argument('--all', action='store_true', help=all_help)
     which.add_argument('--page', action='store_true', help='the report of what has been run')
     parser.add_argument('--quick', action='store_true', help='few trials: a rough look')
+    hours_help = f'of {false_ids.NAME} that its file is to hold; only what is missing is run'
+    parser.add_argument('--hours', type=float, metavar='H', help=hours_help)
     parser.add_argument('--seed', type=int, default=1, help='(default: %(default)s)')
     parser.add_argument('--processes', type=int, help='how many at once (default: one a core)')
     output_help = '(default: docs/report, with --quick report_quick)'
@@ -34,7 +38,16 @@ def main(arguments: list[str] | None = None) -> int:
         return 0
     # A quick look is not to take the place of the report that stands in the repository.
     output = options.output or Path('report_quick' if options.quick else 'docs/report')
-    names = list(EXPERIMENTS) if options.all else options.names
+    names = [one for one in EXPERIMENTS if one not in LONG] if options.all else options.names
+    if names == [false_ids.NAME] and options.hours is not None:
+        path = output / f'{false_ids.NAME}.json'
+        turn_h = false_ids.TURN_H / (100 if options.quick else 1)
+        counted = false_ids.extend(
+            path, options.hours, seed=options.seed, turn_h=turn_h, processes=options.processes
+        )
+        for words in counted:
+            print(words, flush=True)
+        return 0
     try:
         run_experiments(
             names, output, quick=options.quick, seed=options.seed, processes=options.processes

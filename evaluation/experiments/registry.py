@@ -19,22 +19,25 @@ from typing import Any
 
 import numpy as np
 
+from evaluation.experiments import false_ids
 from evaluation.experiments.paper_sweeps import SWEEPS
 from evaluation.report.chart_style import mark_rough
 from evaluation.report.claims import markdown, write_figures
 from retrolidar_ros.cli.processes import end_with_parent
 
 _NAMES = """
-    speed-accuracy time-to-id peers roc rooms brighter stability moving tracks laboratory coffee
-    drone several place ranging bound chain ids link reading reach size angle yaw ambient marker
-    calibration landmarks parts
+    speed-accuracy time-to-id peers roc false-ids rooms brighter stability moving tracks laboratory
+    coffee drone several place ranging bound chain ids link reading reach size angle yaw ambient
+    marker calibration landmarks parts
 """
 EXPERIMENTS: dict[str, Any] = {
     name: SWEEPS.get(name) or import_module(f'evaluation.experiments.{name.replace("-", "_")}')
     for name in _NAMES.split()
 }
 TIMED = ('speed-accuracy',)  # those that measure processor time, and so run alone
-_LONGEST = ('parts', 'roc', 'landmarks', 'calibration')  # begun first, so that none is waited for
+_LONGEST = ('rooms', 'roc', 'stability', 'moving')  # begun first, so that none is waited for
+LONG = ('false-ids', 'parts')
+"""Those that take long, and so run by their names only; `false-ids` has a run of its own."""
 
 
 def save_chart(name: str, figures: dict[str, Any], directory: Path) -> None:
@@ -74,11 +77,13 @@ def run_experiments(
 
     Each starts from the seed, so it does not matter which others run. As many run at once as
     there are cores, unless set otherwise; those that take times run alone. Raises ValueError if
-    there is no such experiment.
+    there is no such experiment, or it has a run of its own.
     """
     for name in names:
         if name not in EXPERIMENTS:
             raise ValueError(f'unknown experiment {name!r}; there is {", ".join(EXPERIMENTS)}')
+        if name == false_ids.NAME:
+            raise ValueError(f'{name} runs by itself: {name} --hours H')
     directory.mkdir(parents=True, exist_ok=True)
     untimed = [name for name in names if name not in TIMED]
     untimed.sort(key=lambda name: name not in _LONGEST)

@@ -14,17 +14,24 @@ that name them, so nobody has to copy a number by hand; the tests compare.
 
 import json
 import re
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 from evaluation.bench.judging import BOTH
-from evaluation.experiments import laboratory, peers, roc, speed_accuracy, stability
-from evaluation.experiments.registry import EXPERIMENTS, save_chart
+from evaluation.experiments import (
+    false_ids,
+    laboratory,
+    peers,
+    speed_accuracy,
+    stability,
+    time_to_id,
+)
+from evaluation.experiments.registry import EXPERIMENTS, LONG, save_chart
 from evaluation.experiments.sweeps import end_of
+from evaluation.peers.camera import PICTURES_HZ
 from evaluation.peers.visual_markers import APRILTAG
 from evaluation.report.claims import NOTHING, Claims, Table, as_text, markdown
-from retrolidar_ros.detector.paper import LIKELIHOOD_THRESHOLD
 from retrolidar_ros.marker.code import BIT_PERIOD_S, PACKET_BITS
 
 Report = Mapping[str, dict[str, Any]]
@@ -71,6 +78,8 @@ def filled(text: str, report: Report) -> str:
         kind, name, item = slot.groups()
         if kind == 'run':
             return _run(report)
+        if name in LONG and name not in report:
+            return f'`{name}` has not been run here.'
         if name not in report:
             raise ValueError(f'{slot[0]}: there is no experiment of that name, or it has not run')
         if kind == 'chart':
@@ -99,44 +108,83 @@ def write_page(directory: Path) -> Path:
 
 
 _PACKET = f'{PACKET_BITS * BIT_PERIOD_S:.1f} s'
-_COSTS = (
-    ('joint: packets combined', '1'),
-    ('paper: threshold', f'{LIKELIHOOD_THRESHOLD:g}'),
-    ('AprilTag: decimation', '2'),
-)
+_COSTS = (('joint: packets combined', '1'), ('AprilTag: decimation', '2'))
+_MOVING_M_S = 0.3
+_EXPOSURE = '4 ms'  # with which tags are read while they move
+
+
+def _bold(cells: Sequence[str], best: int | None) -> list[str]:
+    """Return cells of which the best is bold."""
+    return [f'**{cell}**' if index == best else cell for index, cell in enumerate(cells)]
+
+
+def _best(ours: float | None, tag: float | None, *, most: bool) -> int | None:
+    """Return the column of the better value, of ours and of an AprilTag's; None: as good."""
+    if ours is None or tag is None or ours == tag:
+        return None if ours == tag else (0 if tag is None else 2)
+    return 0 if (ours > tag) == most else 2
+
+
+def _while_moving(report: Report) -> tuple[Any, Any]:
+    """Return the points of tracks and of a tag that move across the view."""
+    figures = report['tracks']
+    points = next(iter(figures['curves']))['points']
+    speeds = [point['speed_m_s'] for point in points]
+    index = speeds.index(_MOVING_M_S)
+    tags = figures['apriltag'].get(_EXPOSURE)
+    return points[index], tags[index]['error_mm'] if tags else None
 
 
 def headlines(report: Report) -> str:
-    """Return what is read, how far, how fast, beside an AprilTag of the same size."""
-    figures, names = report['peers'], (*BOTH, APRILTAG)
-
-    def reach(sweep: str, digits: int = 2) -> list[str]:
-        return [peers.words(figures, sweep, name, digits) for name in names]
-
-    errors_mm = [as_text(peers.error(figures, name, 2.0, 'median'), 'mm', 1) for name in names]
-    points = [speed_accuracy.at(report['speed-accuracy'], *of) for of in _COSTS]
-    costs = [as_text(None if one is None else one['cpu_ms'], 'ms of a core', 0) for one in points]
-    still = [roc.grouped(roc.shipped(report['roc'], method), roc.STILL) for method in BOTH]
-    false_ids = []
-    for one in still:
-        # Where none was seen, all that is known is the upper bound.
-        rate = f'{one["per_hour"]:.{0 if one["per_hour"] > 1 else 2}f}'
-        words = rate if one['events'] else f'below {one["high"]:.1g}'
-        false_ids.append(f'{words} ({one["events"]} in {one["hours"]:.3g} h)')
-    # What, the paper's own, and the values of both methods and the AprilTag.
-    rows: list[tuple[str, str, list[str]]] = [
-        ('3 cm, 80 % read in one packet or picture, to', '2.6 m', reach('3 cm')),
-        ('1 cm, likewise, to', '1.3 m', reach('1 cm')),
-        ('duration of a packet or picture', _PACKET, [_PACKET, _PACKET, f'{1 / 30:.2f} s']),
-        ('yaw at 1 m, to', '50 °', reach('yaw', 0)),
-        ('speed across at 1 m (tag: 33 ms exposure), to', NOTHING, reach('speed')),
-        ('median range error at 2 m', 'below 2 mm', errors_mm),
-        ('light needed at 1 m', 'none', ['none', 'none', reach('light', 1)[2]]),
-        ('processor time per second, one packet or picture at a time', NOTHING, costs),
-        ('false IDs an hour, no marker in view', NOTHING, [*false_ids, NOTHING]),
+    """Return what a robotics engineer asks first, beside the paper and an AprilTag."""
+    figures, soon = report['peers'], report['time-to-id']
+    ends = {
+        (sweep, name): peers.end(figures, sweep, name)
+        for sweep in ('3 cm', '1 cm')
+        for name in ('joint', APRILTAG)
+    }
+    several = end_of(report['reach'], '3 cm, 8 packets', 'joint')
+    few_s, any_s, tag_s = (
+        time_to_id.at(soon, name, 1.0) for name in (time_to_id.REGISTERED, 'joint', APRILTAG)
+    )
+    track, tag = _while_moving(report)
+    costs = [speed_accuracy.at(report['speed-accuracy'], *of) for of in _COSTS]
+    cpu_ms = [None if one is None else one['cpu_ms'] for one in costs]
+    rows: list[tuple[str, list[str], int | None]] = []
+    for size, paper in (('3 cm', '2.6 m'), ('1 cm', '1.3 m')):
+        ours, tags = (ends[size, name] for name in ('joint', APRILTAG))
+        words = as_text(ours)
+        if size == '3 cm':
+            words += f'; {as_text(several)} in 8 packets'
+        best = _best(ours, tags, most=True)
+        rows.append((f'How far is a marker of {size} read?', [words, paper, as_text(tags)], best))
+    rows.append(
+        (
+            'How soon, at 1 m?',
+            [f'{any_s}; {few_s} with 3 registered IDs', f'{_PACKET} and more', tag_s],
+            2,
+        )
+    )
+    updates = [None if track is None else track['updates_hz'], PICTURES_HZ]
+    cells = [as_text(updates[0], 'a second', 0), 'once a packet', f'{PICTURES_HZ:.0f} a second']
+    rows.append(('How often is its place known anew?', cells, _best(*updates, most=True)))
+    errors = [track and track['bright_mm'], tag and tag['rms']]
+    cells = [
+        as_text(errors[0], 'mm', 1),
+        NOTHING,
+        f'{as_text(errors[1], "mm", 1)}, exposed for {_EXPOSURE}',
     ]
-    heads = ['', 'LiDAR, default `joint`', 'LiDAR, method `paper`', "the paper's own", 'AprilTag 3']
-    return markdown([heads, *([what, *own[:2], paper, own[2]] for what, paper, own in rows)])
+    what = f'How exact is its range at 1 m, moving at {_MOVING_M_S:g} m/s?'
+    rows.append((what, cells, _best(*errors, most=False)))
+    cells = [as_text(cpu_ms[0], 'ms a second', 0), NOTHING, as_text(cpu_ms[1], 'ms a second', 0)]
+    rows.append(('What does it cost of a core?', cells, _best(*cpu_ms, most=False)))
+    one = false_ids.total(report[false_ids.NAME])
+    counted = f'{one["events"]} in {one["hours"]:g} h: at most {one["high"]:.2g} an hour'
+    rows.append(('How often is an ID read where none is?', [counted, '"none"', NOTHING], None))
+    lux = peers.words(figures, 'light', APRILTAG, 1)
+    rows.append(('Does it need light?', ['no', 'no', lux], 0))
+    heads = ['', 'this package', "the paper's own", 'AprilTag of that size']
+    return markdown([heads, *([what, *_bold(cells, best)] for what, cells, best in rows)])
 
 
 def reach(report: Report) -> str:

@@ -42,3 +42,9 @@ def test_the_layouts_are_drawn_from_their_files() -> None:
     drawing = ElementTree.fromstring(module['drawing']())
     texts = {text.strip() for text, _ in texts_of(drawing)}
     assert {'Displays', 'Zones and markers', '/retrolidar/points', 'mug'} <= texts
+
+
+def test_the_overview_is_that_of_its_script() -> None:
+    """`embedded/run python docs/images/overview.py` draws it again."""
+    module = runpy.run_path(str(IMAGES / 'overview.py'))
+    assert module['drawing']() == (IMAGES / 'overview.svg').read_text(encoding='utf-8')

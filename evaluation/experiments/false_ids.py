@@ -1,0 +1,139 @@
+# Copyright 2026 retrolidar_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""False IDs of the default as shipped, before all that is no marker and does not blink.
+
+A budget of one in ten hours takes days of frames to check. So this runs by itself, and adds to a
+file: hours and false IDs by the revision of the core, the seed, and the disturbance.
+"""
+
+import hashlib
+import json
+from collections.abc import Iterator
+from concurrent.futures import ProcessPoolExecutor
+from multiprocessing import get_context
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from evaluation.bench.disturbances import FAMILY
+from evaluation.bench.rates import Frequency, frequency
+from evaluation.report.chart_style import label, look, new_chart
+from evaluation.report.claims import Table, per_hour, write_figures
+from retrolidar_ros.detector import create_detector
+from retrolidar_ros.detector.budget import USUAL_FALSE_IDS_PER_HOUR
+from retrolidar_ros.scene.reference import SENSOR
+
+TITLE = 'False IDs, hour by hour'
+NAME = 'false-ids'
+TURN_H = 0.5
+MEMBERS = [member.name for member in FAMILY if not member.blinks]
+HANDS, HANDS_TURNS = 'hands', 3  # of a round, in which every other member has one turn
+ALL = 'all'
+_CORE = Path(__file__).resolve().parents[2] / 'core' / 'src'
+
+
+def revision() -> str:
+    """Return what tells this core from others: a hash of its sources."""
+    total = hashlib.sha256()
+    for path in sorted(_CORE.glob('*.[ch]')):
+        total.update(path.name.encode() + path.read_bytes())
+    return total.hexdigest()[:12]
+
+
+def _turns() -> list[tuple[str, int]]:
+    """Return the turns of a round: a member, and how often it had a turn before."""
+    times = {name: HANDS_TURNS if name == HANDS else 1 for name in MEMBERS}
+    return [(name, turn) for name in MEMBERS for turn in range(times[name])]
+
+
+def _count(job: tuple[str, int, int, int, float]) -> int:
+    """Return the false IDs of a member's turn in a round."""
+    name, turn, seed, number, hours = job
+    (index,) = (place for place, member in enumerate(FAMILY) if member.name == name)
+    rng = np.random.default_rng([seed, index, number, turn])
+    detector = create_detector('joint', SENSOR.grid)
+    blocks = FAMILY[index].blocks(3600 * hours, rng)
+    return sum(len(detector.update_all(block)) for block in blocks)
+
+
+def _rows(figures: dict[str, Any]) -> list[dict[str, Any]]:
+    """Return the rows of the core that was run last."""
+    last = figures['rows'][-1]['revision']
+    return [row for row in figures['rows'] if row['revision'] == last]
+
+
+def extend(
+    path: Path, hours: float, *, seed: int, turn_h: float = TURN_H, processes: int | None = None
+) -> Iterator[str]:
+    """Watch, round by round, until a file holds some hours of this core; yield what was found.
+
+    A run that is interrupted goes on after its last whole round.
+    """
+    figures: dict[str, Any] = {'rows': []}
+    if path.exists():
+        figures = json.loads(path.read_text(encoding='utf-8'))
+    own, turns = revision(), _turns()
+    path.parent.mkdir(parents=True, exist_ok=True)
+    with ProcessPoolExecutor(processes, get_context('spawn')) as pool:
+        while sum(row['hours'] for row in figures['rows'] if row['revision'] == own) < hours:
+            kept = [row for row in figures['rows'] if row['revision'] != own]
+            rows = {
+                (row['seed'], row['member']): row
+                for row in figures['rows']
+                if row['revision'] == own
+            }
+            number = rows[seed, MEMBERS[0]]['rounds'] if (seed, MEMBERS[0]) in rows else 0
+            jobs = [(*turn, seed, number, turn_h) for turn in turns]
+            for (name, _), events in zip(turns, pool.map(_count, jobs), strict=True):
+                none = {'revision': own, 'seed': seed, 'member': name, 'rounds': number}
+                row = rows.setdefault((seed, name), none | {'hours': 0.0, 'events': 0})
+                row['rounds'] = number + 1
+                row['hours'] += turn_h
+                row['events'] += events
+            figures = {'rows': [*kept, *rows.values()]}
+            write_figures(path, figures, seed=seed, quick=turn_h < TURN_H, cpu_s=0.0)
+            yield f'{total(figures)["hours"]:g} h: {per_hour(total(figures))} an hour'
+
+
+def total(figures: dict[str, Any], member: str = ALL) -> Frequency:
+    """Return the false IDs of the core that was run last, before a member or before all."""
+    rows = [row for row in _rows(figures) if member in (ALL, row['member'])]
+    return frequency(sum(row['events'] for row in rows), sum(row['hours'] for row in rows))
+
+
+def table(figures: dict[str, Any]) -> Table:
+    """Return hours and false IDs by member, with exact 95 % confidence."""
+    rows = [['before', 'hours', 'false IDs', 'an hour (95 %)']]
+    for name in (*MEMBERS, ALL):
+        one = total(figures, name)
+        rows.append([name, f'{one["hours"]:g}', str(one['events']), per_hour(one)])
+    return rows
+
+
+def draw(figures: dict[str, Any]) -> Any:
+    """Draw false IDs an hour with their confidence, a row for each member."""
+    names = [ALL, *MEMBERS[::-1]]
+    one, budget = total(figures), USUAL_FALSE_IDS_PER_HOUR
+    title = (
+        f'{one["events"]} false IDs in {one["hours"]:g} hours without a marker: '
+        f'at most {one["high"]:.2g} an hour; the budget is {budget:g}'
+    )
+    figure, (axis,) = new_chart(1, 1, 1.7 + 0.27 * len(names), title)
+    for place, name in enumerate(names):
+        one = total(figures, name)
+        how = look('joint') | {'linewidth': 4 if name == ALL else 2}
+        axis.plot([one['low'], one['high']], [place, place], color=how['color'], alpha=0.4)
+        axis.plot(one['per_hour'], place, **how)
+        axis.text(
+            1.01,
+            place,
+            f'{one["events"]} in {one["hours"]:g} h',
+            fontsize=9.5,
+            va='center',
+            transform=axis.get_yaxis_transform(),
+        )
+    axis.axvline(budget, color='0.3', linestyle='--')
+    axis.set_yticks(range(len(names)), names)
+    label(axis, 'false IDs an hour, with 95 % confidence; dashed: the budget', xlim=(0, None))
+    return figure
