@@ -62,8 +62,8 @@ struct rl_scenery {
     const struct rl_bearing_table *table;
     int row;
     double step_s; /* since the frame before */
-    /* Light of other markers in each zone, and its variance. */
-    double other[RL_MOST_ZONES], other_variance[RL_MOST_ZONES];
+    /* Light of other markers in each zone, its variance, and the sum of it times their ranges. */
+    double other[RL_MOST_ZONES], other_variance[RL_MOST_ZONES], other_product[RL_MOST_ZONES];
 };
 
 /* The middle of the row's exposure [s]. */

@@ -25,6 +25,7 @@ static const double GATE = 25.0;      /* squared deviations */
 static const int MOST_MISSES = 3;
 static const double FIRST_M = 0.3; /* deviation of a range that is a guess */
 static const double MOUNTING_M = 0.005;
+static const double LEAST_BEHIND = 0.5;    /* of it in what is measured */
 static const double LEAST_PRECISION = 0.1; /* of a background that is known at all [1/m^2] */
 static const double BIAS_SHARE = 0.1, HIDDEN_SHARE = 0.3; /* of the newest frame */
 
@@ -109,16 +110,23 @@ static double behind_of(const struct rl_background *behind, double separable_m, 
     return behind->offset_m;
 }
 
+/* Of a dark bit's edge the marker has a part in what is measured. */
 static void see_behind(struct rl_followed *followed, const struct rl_scenery *scenery, int zone,
                        double range_m, double signal)
 {
     struct rl_background *behind = &followed->behind[zone];
+    const struct rl_zone_light *light = &followed->zone[zone];
+    const double own = followed->light * fmax(light->gain, 0.0);
+    const double share = fmax(light->level, 0.0) / fmax(fmax(light->level, 0.0) + own, 1e-3);
     const struct rl_motion place = rl_range_estimate(&followed->range);
-    const double off_m = range_m - place.range_m - behind->offset_m;
     const double noise = followed->noise_scale * law_of(scenery->sensor, signal);
-    const double precision = 1.0 / (noise + place.variance);
+    const double precision = share * share / (noise + place.variance);
+    const double off_m = range_m - place.range_m - share * behind->offset_m;
+    if (share < LEAST_BEHIND) {
+        return;
+    }
     behind->precision += precision;
-    behind->offset_m += precision / behind->precision * off_m;
+    behind->offset_m += precision / behind->precision * off_m / share;
 }
 
 /* Learn how much distances vary, from two that follow each other. */
@@ -150,14 +158,39 @@ static double centre_of(const struct rl_followed *followed, const struct rl_scen
     return followed->slope > 0.0 ? -dark_s / 2 : followed->slope < 0.0 ? dark_s / 2 : 0.0;
 }
 
+/* Subtract other markers, which merge with this one, from a range and its signal, and find the
+ * variance of the range by the law. False where they do not merge.
+ */
+static bool subtract_others(const struct rl_scenery *scenery, int zone, double *range_m,
+                            double *signal, double *variance)
+{
+    const double other = scenery->other[zone], whole = *signal;
+    *variance = law_of(scenery->sensor, whole);
+    if (other <= 0.0) {
+        return true;
+    }
+    const double own = fmax(whole - other, 1e-3);
+    const double other_m = scenery->other_product[zone] / other;
+    const double apart_m = (*range_m - other_m) * whole / own;
+    const double error_m = apart_m * sqrt(scenery->other_variance[zone]) / own;
+    *variance = whole / own * whole / own * *variance + error_m * error_m;
+    *range_m = other_m + apart_m;
+    *signal = own;
+    return own > LEAST_OWN * whole && fabs(apart_m) < scenery->sensor->separable_m;
+}
+
 static void measure_range(struct rl_followed *followed, const struct rl_scenery *scenery, int zone,
                           double range_m, double signal)
 {
+    double law;
+    if (!subtract_others(scenery, zone, &range_m, &signal, &law)) {
+        return;
+    }
     const struct rl_zone_light *light = &followed->zone[zone];
     const double late_s = centre_of(followed, scenery);
     const double share = fmin(fmax(light->level / fmax(signal, 1e-3), 0.0), 1.0 - LEAST_OWN);
     const struct rl_motion place = rl_range_estimate(&followed->range);
-    const double noise = followed->noise_scale * law_of(scenery->sensor, signal);
+    const double noise = followed->noise_scale * law;
     const double variance = noise + place.rate_variance * late_s * late_s;
     double chance, offset_variance;
     const double offset_m = behind_of(&followed->behind[zone], scenery->sensor->separable_m,
@@ -200,16 +233,16 @@ void rl_followed_range(struct rl_followed *followed, const struct rl_scenery *sc
         if (!sample.valid || !isfinite(range_m)) {
             continue;
         }
+        const double own = sample.signal - light->level;
         if (followed->light > RANGED_LIGHT) {
-            const double own = sample.signal - light->level;
             followed->hidden[zone] +=
                 HIDDEN_SHARE * ((sample.signal == 0.0 ? signal : 0.0) - followed->hidden[zone]);
             if (own > LEAST_OWN * signal && own > 3.0 * sqrt(sample.variance) &&
-                (zone == strongest || light->gain > 3.0 * sqrt(light->gain_variance)) &&
-                scenery->other[zone] < MOST_OTHER * signal) {
+                (zone == strongest || light->gain > 3.0 * sqrt(light->gain_variance))) {
                 measure_range(followed, scenery, zone, range_m, signal);
             }
-        } else if (followed->light < RL_DARK && scenery->other[zone] < MOST_OTHER * signal) {
+        } else if (followed->light < RL_DARK && scenery->other[zone] < MOST_OTHER * signal &&
+                   own < followed->light * light->gain + 5.0 * sqrt(sample.variance)) {
             see_behind(followed, scenery, zone, range_m, signal);
         }
     }

@@ -29,6 +29,13 @@ void rl_presence_start(struct rl_presence *presence, double chance)
     presence->log_odds = log(chance / (1.0 - chance));
 }
 
+void rl_presence_restart(struct rl_presence *presence, double chance)
+{
+    const double unseen_s = presence->unseen_s;
+    rl_presence_start(presence, chance);
+    presence->unseen_s = unseen_s;
+}
+
 static double density(double value, double mean, double variance)
 {
     const double off = value - mean;

@@ -22,6 +22,9 @@ struct rl_presence {
 /* chance: that it goes on as predicted */
 void rl_presence_start(struct rl_presence *presence, double chance);
 
+/* Forget what was found out, but when it was seen. */
+void rl_presence_restart(struct rl_presence *presence, double chance);
+
 /* What a frame has shown. */
 struct rl_glance {
     double step_s, bit_s;

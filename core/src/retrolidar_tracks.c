@@ -1,42 +1,20 @@
 /* Copyright 2026 retrolidar_ros contributors
  * SPDX-License-Identifier: Apache-2.0
  */
-#include "retrolidar_tracks.h"
-
-#include "retrolidar_detector_state.h"
-#include "retrolidar_followed.h"
-#include "retrolidar_math.h"
-#include "retrolidar_ranging.h"
+#include "retrolidar_tracks_state.h"
 
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
 
-/* That a marker goes on after a reading: one that repeats, and one that sent a packet alone. */
-static const double REPEATS = 0.98, ALONE = 0.7;
 /* A reading is of another transmission if it is off by so many bits. */
 static const double MOST_OFF_BITS = 0.5;
 /* Of a marker that crosses the view [m/s]. */
 static const double ACROSS_M_S = 0.5;
 /* Gains are of the frames before. */
 static const double LAG_S = 0.03;
-/* What the sensor does not reach. */
-static const double FARTHEST_M = 10.0;
-/* By how much the light of another marker is wrong, as a share of it. */
-static const double OTHER_ERROR = 0.1;
 
 enum { MOST_ROWS = 64 }; /* from one call to the next */
-
-struct rl_tracks {
-    struct rl_detector *detector;
-    struct rl_track_counts counts;
-    int count;
-    struct rl_followed track[RL_MAX_TRACKS];
-    int64_t origin_ns, last_ns; /* of the samples, and of the newest frame */
-    struct rl_scenery scenery;
-    double *light; /* room for a window, as has the next */
-    float *distance;
-};
 
 struct rl_tracks *rl_tracks_create(struct rl_detector *detector, const float *size_m)
 {
@@ -68,135 +46,6 @@ static void end(struct rl_tracks *tracks, int index)
 {
     tracks->track[index] = tracks->track[--tracks->count];
     tracks->counts.ended++;
-}
-
-/* Whether a marker is likely to be there still, and where the sensor sees. */
-static bool is_there(const struct rl_followed *followed)
-{
-    const struct rl_motion place = rl_range_estimate(&followed->range);
-    return followed->presence.log_odds > 0.0 && place.range_m > RL_NEAREST_M &&
-           place.range_m < FARTHEST_M && place.variance < FARTHEST_M * FARTHEST_M;
-}
-
-/* Look at a row, in which there is no light of other markers yet. */
-static void go_to(struct rl_tracks *tracks, int row, double since_s)
-{
-    struct rl_scenery *scenery = &tracks->scenery;
-    scenery->row = row;
-    scenery->step_s = fmax(scenery->samples->end_s[row] - since_s, 0.0);
-    memset(scenery->other, 0, sizeof scenery->other);
-    memset(scenery->other_variance, 0, sizeof scenery->other_variance);
-}
-
-/* Add the light of a marker in the row, or take it off. */
-static void add_light(struct rl_scenery *scenery, const struct rl_followed *followed, double light,
-                      double sign)
-{
-    const int strongest = rl_zone_strongest(followed->zone, scenery->samples->zones);
-    for (int zone = 0; zone < scenery->samples->zones; zone++) {
-        const struct rl_zone_light *one = &followed->zone[zone];
-        const double seen = light * fmax(one->gain, 0.0);
-        if (rl_zone_sees(followed->zone, zone, strongest)) {
-            scenery->other[zone] += sign * seen;
-            const double error = OTHER_ERROR * seen;
-            scenery->other_variance[zone] +=
-                sign * (light * light * one->gain_variance + error * error);
-        }
-    }
-}
-
-static void add_neighbours(struct rl_tracks *tracks, int zone)
-{
-    struct rl_scenery *scenery = &tracks->scenery;
-    const struct rl_samples *samples = scenery->samples;
-    for (int i = 0; i < tracks->count; i++) {
-        const struct rl_followed *other = &tracks->track[i];
-        const int strongest = rl_zone_strongest(other->zone, samples->zones);
-        if (rl_zone_beside(zone, strongest, samples->columns_of_zones)) {
-            double light;
-            rl_template(&other->sending, &samples->begin_s[scenery->row],
-                        &samples->end_s[scenery->row], 1, &light);
-            add_light(scenery, other, light, 1.0);
-        }
-    }
-}
-
-/* The distance of a marker, the middle one of those while it was bright; NaN without any. */
-static double depth_of(struct rl_tracks *tracks, int zone, int first, int rows)
-{
-    const struct rl_samples *samples = tracks->scenery.samples;
-    const size_t at = rl_sample(samples, zone, first);
-    int count = 0;
-    for (int row = 0; row < rows; row++) {
-        const float distance = samples->distance[at + (size_t)row];
-        if (tracks->light[row] > RL_BRIGHT && !isnan(distance)) {
-            tracks->distance[count++] = distance;
-        }
-    }
-    return count > 0 ? (double)rl_select(tracks->distance, count, count / 2) : NAN;
-}
-
-/* Begin with a reading, from its own samples on. */
-static bool begin(struct rl_tracks *tracks, struct rl_followed *followed,
-                  const struct rl_reading *reading)
-{
-    const struct rl_samples *samples = tracks->scenery.samples;
-    const double packet_s = RL_PACKET_BITS * reading->bit_s;
-    const int first =
-        rl_samples_row(samples, fmax(reading->begin_s, reading->end_s - packet_s) +
-                                    samples->period_s / 4);
-    const int end_row = rl_samples_row(samples, reading->end_s + samples->period_s / 4);
-    const int rows = (end_row < samples->count ? end_row : samples->count) - first;
-    if (rows < 2) {
-        return false;
-    }
-    rl_followed_start(followed, reading);
-    rl_template(&followed->sending, samples->begin_s + first, samples->end_s + first, rows,
-                tracks->light);
-    const double depth_m = depth_of(tracks, reading->zone[0], first, rows);
-    if (isnan(depth_m)) {
-        return false;
-    }
-    go_to(tracks, first, samples->begin_s[first]);
-    rl_followed_place(followed, &tracks->scenery, reading->zone[0], depth_m);
-    struct rl_zone_sums sums[RL_MOST_ZONES];
-    memset(sums, 0, sizeof sums);
-    for (int zone = 0; zone < samples->zones; zone++) {
-        followed->zone[zone].level = INFINITY; /* before it is known, nothing is too bright */
-    }
-    for (int row = 0; row < rows; row++) {
-        go_to(tracks, first + row, INFINITY);
-        add_neighbours(tracks, reading->zone[0]);
-        for (int zone = 0; zone < samples->zones; zone++) {
-            const struct rl_zone_sample sample =
-                rl_followed_sample(followed, &tracks->scenery, zone);
-            rl_zone_add(&sums[zone], &sample, tracks->light[row]);
-        }
-    }
-    for (int zone = 0; zone < samples->zones; zone++) {
-        followed->zone[zone] = rl_zone_fit(&sums[zone]);
-    }
-    rl_zone_doubt(followed->zone, samples->zones, reading);
-    const double chance = reading->repeats ? REPEATS : ALONE;
-    rl_presence_start(&followed->presence, chance);
-    for (int row = first; row < first + rows; row++) {
-        go_to(tracks, row, samples->begin_s[row]);
-        add_neighbours(tracks, reading->zone[0]);
-        rl_followed_replay(followed, &tracks->scenery, tracks->light[row - first]);
-    }
-    rl_followed_bearing(followed, &tracks->scenery);
-    /* That its packet came says nothing of what it sends next. */
-    const double unseen_s = followed->presence.unseen_s;
-    rl_presence_start(&followed->presence, chance);
-    followed->presence.unseen_s = unseen_s;
-    followed->first_s = reading->start_s;
-    for (int row = first + rows; row < samples->count; row++) {
-        go_to(tracks, row, samples->begin_s[row]);
-        add_neighbours(tracks, reading->zone[0]);
-        rl_followed_predict(followed, &tracks->scenery);
-        rl_followed_update(followed, &tracks->scenery);
-    }
-    return is_there(followed);
 }
 
 /* Whether a reading is of the transmission that is followed. */
@@ -232,7 +81,7 @@ static void take(struct rl_tracks *tracks, const struct rl_reading *reading)
         tracks->counts.ended--;
         tracks->counts.dropped++;
     }
-    if (begin(tracks, &tracks->track[tracks->count], reading)) {
+    if (rl_tracks_begin(tracks, reading)) {
         tracks->counts.started++;
         tracks->count++;
     }
@@ -242,19 +91,19 @@ static void follow(struct rl_tracks *tracks, int row)
 {
     struct rl_scenery *scenery = &tracks->scenery;
     const double before_s = row > 0 ? scenery->samples->end_s[row - 1] : -INFINITY;
-    go_to(tracks, row, before_s);
+    rl_tracks_go_to(tracks, row, before_s);
     for (int i = 0; i < tracks->count; i++) {
         rl_followed_predict(&tracks->track[i], scenery);
-        add_light(scenery, &tracks->track[i], tracks->track[i].light, 1.0);
+        rl_tracks_add_light(scenery, &tracks->track[i], tracks->track[i].light, 1.0);
     }
     for (int i = 0; i < tracks->count; i++) {
         const struct rl_scenery all = *scenery;
-        add_light(scenery, &tracks->track[i], tracks->track[i].light, -1.0);
+        rl_tracks_add_light(scenery, &tracks->track[i], tracks->track[i].light, -1.0);
         rl_followed_update(&tracks->track[i], scenery);
         *scenery = all;
     }
     for (int i = tracks->count - 1; i >= 0; i--) {
-        if (!is_there(&tracks->track[i])) {
+        if (!rl_tracks_is_there(&tracks->track[i])) {
             end(tracks, i);
         }
     }

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from harness_core import SOURCES
-from harness_detector import ID, OTHER_ID, a_scene, and_another, repeating, simulate
+from harness_detector import ID, OTHER_ID, a_scene, repeating, simulate
 from harness_firmware import need
 from numpy.typing import NDArray
 
@@ -19,10 +19,17 @@ from retrolidar_ros.detector import create_detector, likelihood_detector, placem
 from retrolidar_ros.detector import tracks as tracks_module
 from retrolidar_ros.detector.likelihood_detector import LikelihoodDetector
 from retrolidar_ros.detector.tracks import Track
-from retrolidar_ros.scene import Scene
-from retrolidar_ros.scene.description import Surface, Wander
+from retrolidar_ros.marker.dictionary import USABLE_IDS
+from retrolidar_ros.scene import Scene, Simulation
+from retrolidar_ros.scene.description import Marker, Surface, Wander
 from retrolidar_ros.scene.optics import position_at
-from retrolidar_ros.scene.reference import RANGING, SENSOR, marker_in_each_zone
+from retrolidar_ros.scene.reference import (
+    RANGING,
+    RESPONSE,
+    SENSOR,
+    marker_in_each_zone,
+    walls,
+)
 from retrolidar_ros.sensor.frame import Frame, Recording
 
 KNOWN_S = 2.0  # a marker that repeats is read before
@@ -173,17 +180,45 @@ def test_a_hand_and_lost_frames_end_no_track(hidden_s: float) -> None:
     assert detector.track_counts.ended == 0
 
 
-def test_markers_are_told_apart_in_one_zone() -> None:
-    place = a_scene().markers[0].position_m
-    scene = and_another(ranging_scene(), position_m=place, packets=None, signal_at_1_m=250.0)
-    _, tracks = follow(simulate(scene, 20.0))
-    both = [frame for frame in tracks if {one.id for one in frame} == {ID, OTHER_ID}]
-    # Markers are read one after the other, and what is followed alone loses its zone to the other.
-    assert len(both) > 40
-    truth_m = float(np.linalg.norm(place))
-    for marker in (ID, OTHER_ID):
-        own = [one.place.range_m for frame in both for one in frame if one.id == marker]
-        assert abs(np.median(own) - truth_m) < 5e-3
+def two_in_a_zone(apart_m: float, rng: np.random.Generator) -> Scene:
+    """Return a scene of two markers that one zone sees, at ranges that differ."""
+    tangents = SENSOR.grid.tangents[9] + rng.uniform(-0.3, 0.3, (2, 2)) * SENSOR.grid.pitch
+    ids = rng.choice(USABLE_IDS, 2, replace=False)
+    markers = tuple(
+        Marker(
+            id=int(one),
+            position_m=(float(z * x), float(z * y), z),
+            name=f'marker_{one}',
+            start_s=float(start_s),
+            packets=None,
+            response=RESPONSE,
+        )
+        for one, start_s, z, (x, y) in zip(
+            ids, rng.uniform(-1.3, 0.0, 2), (1.0, 1.0 + apart_m), tangents, strict=True
+        )
+    )
+    return Scene(sensor=SENSOR, markers=markers, surfaces=walls(1.1, SENSOR.grid))
+
+
+@pytest.mark.parametrize('apart_m', [0.0, 0.3])
+def test_two_markers_in_a_zone_share_its_light(apart_m: float) -> None:
+    rng = np.random.default_rng([5200, round(10 * apart_m)])
+    followed, frames, errors_m = 0, 0, []
+    for _ in range(4):
+        scene = two_in_a_zone(apart_m, rng)
+        _, tracks = follow(Simulation(scene, rng).run(15.0))
+        known = [{one.id for one in frame} for frame in tracks]
+        both = {marker.id for marker in scene.markers}
+        first = next((at for at, one in enumerate(known) if one == both), len(known))
+        frames += len(known[first:])
+        followed += sum(one == both for one in known[first:])
+        for marker in scene.markers:
+            truth_m = np.linalg.norm(marker.position_m)
+            own = [one for frame in tracks[first + 50 :] for one in frame if one.id == marker.id]
+            errors_m += [one.place.range_m - truth_m for one in own]
+    assert frames > 1400
+    assert followed > 0.75 * frames
+    assert np.median(np.abs(errors_m)) < 2e-3
 
 
 @pytest.mark.parametrize('jump_s', [-5.0, 2.0, 100.0])
