@@ -19,7 +19,8 @@ DERIVED = r'[^{]*\bRL_\w+[^{]*|[^{]*\b[A-Z]{2,}_?[A-Z]+[^{]*'
 OTHER_FILES = {
     *('command', 'drive', 'packet', 'packet_format', 'receive'),
     *('sensor', 'wakeup', 'wire'),
-    *('followed', 'followed_range', 'presence', 'range_filter', 'tracks', 'zone_light'),
+    *('followed', 'followed_range', 'presence', 'range_filter', 'tracks', 'tracks_begin'),
+    'zone_light',
 }
 
 
