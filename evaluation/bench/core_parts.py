@@ -6,6 +6,8 @@ A part is switched off by changing a line of its source before it is compiled, s
 itself has no switches.
 """
 
+import re
+import subprocess
 import sys
 from importlib.util import module_from_spec, spec_from_file_location
 from pathlib import Path
@@ -31,13 +33,9 @@ def _call(file: str, call: str) -> Part:
 
 
 PARTS = {
-    'packets read before are fitted along': Part(
-        'window', 'i < window->interference.count;', 'i < 0;'
-    ),
-    '… with gains of several steps': Part('window', 'part < RL_PARTS;', 'part < 1;'),
-    '… and a share of what they explain asked besides': Part(
-        'decide', 'LEFT_OVER = 0.1', 'LEFT_OVER = 0.0'
-    ),
+    'earlier packets fitted along': Part('window', 'i < window->interference.count;', 'i < 0;'),
+    'earlier packets: gains of several steps': Part('window', 'part < RL_PARTS;', 'part < 1;'),
+    'earlier packets: evidence besides': Part('decide', 'LEFT_OVER = 0.1', 'LEFT_OVER = 0.0'),
     'the next packet without a search': _call('look', '    judge_next(detector, from_s, to_s);'),
     'search of the residual': _call(
         'look',
@@ -46,15 +44,11 @@ PARTS = {
     'pairs of packets': Part(
         'judge', 'may_hide && judge_pair(', 'may_hide && false && judge_pair('
     ),
-    'packets judged again when they have ended': _call(
-        'look', '    add_deferred(detector, from_s, to_s);'
-    ),
+    'packets judged again at their end': _call('look', '    add_deferred(detector, from_s, to_s);'),
     'what has appeared, from fewer bits': _call('look', '        search_appeared(detector, to_s);'),
     'several packets combined': Part('look', 'fold < FOLDS &&', 'fold < 1 &&'),
     'sums of zones': Part('look', 'true, RL_MOST_ZONES, sources', 'true, 1, sources'),
-    '… that agree with their zones': Part(
-        'judge', '!rl_shares_agree(', 'false && !rl_shares_agree('
-    ),
+    'sums agree with their zones': Part('judge', '!rl_shares_agree(', 'false && !rl_shares_agree('),
     'zones nearby add evidence': _call(
         'decide', '    rl_scope_add_zones(window, &verdict->sending, verdict->evidence);'
     ),
@@ -65,15 +59,15 @@ PARTS = {
     'margin to other IDs': Part(
         'decide', 'if (verdict.margin < demands->margin) {', 'if (false) {'
     ),
-    '… that were rejected before': Part(
+    'margin: IDs rejected before': Part(
         'judge', 'packets == 1 && i < pasts; i++', 'packets == 1 && i < 0; i++'
     ),
-    '… back to back': Part(
+    'margin: other IDs back to back': Part(
         'decide',
         'margin = fmin(margin, rl_rivals_sequence_margin(',
         'fmin(margin, rl_rivals_sequence_margin(',
     ),
-    '… of markers that appear or vanish': Part(
+    'margin: markers that appear or vanish': Part(
         'decide',
         'margin = fmin(margin, rl_rivals_part_margin(',
         'fmin(margin, rl_rivals_part_margin(',
@@ -82,7 +76,9 @@ PARTS = {
     'a packet that repeats has repeated': Part(
         'decide', '!has_repeated(', 'false && !has_repeated('
     ),
-    '… and is no lone one': Part('decide', '!is_new && may_be_lone(', 'false && may_be_lone('),
+    'a packet that repeats is no lone one': Part(
+        'decide', '!is_new && may_be_lone(', 'false && may_be_lone('
+    ),
     'masks of what is hidden for a while': Part(
         'decide', 'verdict->packets == 1 && trial->follows &&', 'false &&'
     ),
@@ -102,7 +98,10 @@ PARTS = {
 """By what they do."""
 
 SETS = {
-    'the two rival sequences': ('… back to back', '… of markers that appear or vanish'),
+    'the two rival sequences': (
+        'margin: other IDs back to back',
+        'margin: markers that appear or vanish',
+    ),
     'both word tests': ('word test: bits turned', 'word test: bits of the search'),
     'residual and pairs': ('search of the residual', 'pairs of packets'),
     'crystals and levels of the search': (
@@ -144,6 +143,7 @@ def use_core_without(names: tuple[str, ...]) -> None:
     import binding
 
     sys.path.pop(0)
+    flags = (_ROOT / 'core/compile_flags.txt').read_text(encoding='utf-8')
     ffi = FFI()
     ffi.cdef(''.join(map(binding.declarations, binding.HEADERS)))
     ffi.set_source(
@@ -151,7 +151,9 @@ def use_core_without(names: tuple[str, ...]) -> None:
         ''.join(f'#include "{header}"\n' for header in binding.HEADERS),
         sources=[str(folder / file) for file in sources if file.endswith('.c')],
         include_dirs=[str(folder)],
-        extra_compile_args=(_ROOT / 'core/compile_flags.txt').read_text(encoding='utf-8').split(),
+        # What nothing calls any longer is left out, so that lines of code tell what a part takes.
+        extra_compile_args=[*flags.split(), '-g', '-ffunction-sections', '-fvisibility=hidden'],
+        extra_link_args=['-Wl,--gc-sections'],
         libraries=['m'],
     )
     spec = spec_from_file_location('_core', ffi.compile(tmpdir=str(folder)))
@@ -160,6 +162,13 @@ def use_core_without(names: tuple[str, ...]) -> None:
     module = module_from_spec(spec)
     spec.loader.exec_module(module)
     sys.modules[_MODULE] = module
+
+
+def lines_of_core() -> int:
+    """Return how many lines of the core that `use_core_without` compiled have become code."""
+    command = ['objdump', '--dwarf=decodedline', str(sys.modules[_MODULE].__file__)]
+    text = subprocess.run(command, check=True, stdout=subprocess.PIPE, text=True).stdout
+    return len(set(re.findall(r'^(retrolidar_\w+\.c) +(\d+) ', text, re.MULTILINE)))
 
 
 def _sources() -> list[Path]:

@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from evaluation.bench.core_parts import names_of, use_core_without
+from evaluation.bench.core_parts import lines_of_core, names_of, use_core_without
 
 FAINT_SIGNAL = 8.0  # [kcps/SPAD]
 HANDS_BUDGET = 1000.0  # false IDs at so lax a budget [1/h] tell parts apart sooner
@@ -28,6 +28,7 @@ class Without(NamedTuple):
     faint: int  # lone packets read near the end of the reach
     false: int  # IDs before moving hands
     frame_us: float
+    lines: int  # of the core
 
 
 def measure(off: str, seed: int, rooms: int, recordings: int, hands_s: float) -> Without:
@@ -63,6 +64,7 @@ def measure(off: str, seed: int, rooms: int, recordings: int, hands_s: float) ->
         faint=int(sum(one.right.sum() for one in faint)),
         false=false,
         frame_us=1e6 * sum(one.cpu_s for one in results) / sum(one.frames for one in results),
+        lines=lines_of_core(),
     )
 
 

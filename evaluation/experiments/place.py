@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Where markers are said to be, against where they are, and whether the covariance is honest."""
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -18,6 +19,7 @@ from evaluation.report.chart_style import (
 from evaluation.report.claims import NOTHING, Claims, Table, as_text, model, percent
 from retrolidar_ros.detector import Detection, create_detector
 from retrolidar_ros.marker.dictionary import USABLE_IDS
+from retrolidar_ros.marker.known_markers import MARKER_SIZE_M
 from retrolidar_ros.scene import Scene, Simulation
 from retrolidar_ros.scene.description import Marker, Sensor, Surface
 from retrolidar_ros.scene.optics import zone_shares
@@ -33,16 +35,18 @@ _QUICK_MARKERS = 60
 # From a wall that a marker merges with to one that the sensor separates.
 _BEHIND_M = (0.005, 1.5)
 _WALL_SIGNALS = (1.0, 40.0)  # [kcps/SPAD]
+LARGE_M = 0.1  # a marker of which the size may be told
 _NAMES = {'alone': 'alone in a zone', 'between': 'between zones'}
 
 
-def random_scene(blur: float, rng: np.random.Generator) -> Scene:
+def random_scene(blur: float, rng: np.random.Generator, size_m: float = MARKER_SIZE_M) -> Scene:
     """Return one marker anywhere in the field of view, before a wall of any distance."""
     half = SENSOR.grid.pitch * SENSOR.grid.columns / 2
     ray = np.append(rng.uniform(-half, half, 2), 1.0)
     x, y, z = (rng.uniform(*_RANGES_M) * ray / np.linalg.norm(ray)).tolist()
     id_, start_s = int(rng.choice(USABLE_IDS)), float(-rng.uniform(0, 1.3))
     marker = Marker(id_, (x, y, z), 'marker', start_s=start_s, response=RESPONSE)
+    marker = replace(marker, size_m=size_m)
     wall = Surface(z + float(rng.uniform(*_BEHIND_M)), float(rng.uniform(*_WALL_SIGNALS)))
     sensor = Sensor(noise=NOISE, ranging=RANGING, blur=blur)
     return Scene(sensor=sensor, markers=(marker,), surfaces=(wall,))
@@ -64,7 +68,7 @@ def seen_by_two(detection: Detection, scene: Scene) -> tuple[bool, bool]:
     return bool(across), bool(down)
 
 
-def _error(scene: Scene, rng: np.random.Generator) -> tuple[Any, ...] | None:
+def _error(scene: Scene, rng: np.random.Generator, **options: Any) -> tuple[Any, ...] | None:
     """Return by how much the first reading of the only marker is wrong; None if it is not read.
 
     These are the squared distance in standard deviations, the range [m], and, across and down,
@@ -73,7 +77,7 @@ def _error(scene: Scene, rng: np.random.Generator) -> tuple[Any, ...] | None:
     (marker,) = scene.markers
     grid = scene.sensor.grid
     recording = Simulation(scene, rng).run(DURATION_S)
-    for one in create_detector('joint', grid).update_all(recording):
+    for one in create_detector('joint', grid, **options).update_all(recording):
         if one.id == marker.id:
             truth_m = np.array(marker.position_m)
             wrong = place_error(one.place, truth_m)
@@ -103,6 +107,18 @@ def _figures(blur: float, rows: list[tuple[Any, ...]]) -> dict[str, Any]:
     }
 
 
+def _bearing_deg(told: bool, markers: int, seed: int) -> float | None:
+    """Return by how much bearings of large markers are off if their size is told, or not."""
+    rng = np.random.default_rng(seed)
+    errors: list[float] = []
+    for _ in range(markers):
+        scene = random_scene(_BLURS[0], rng, LARGE_M)
+        sizes = {'marker_sizes_m': {one.id: LARGE_M for one in scene.markers}} if told else {}
+        found = _error(scene, rng, **sizes)
+        errors += [] if found is None else found[2].tolist()
+    return rms(errors)
+
+
 def run(rng: np.random.Generator, *, quick: bool) -> dict[str, Any]:
     """Return errors and coverage of markers alone in a zone and between zones, by blur."""
     markers = _QUICK_MARKERS if quick else 600
@@ -110,7 +126,9 @@ def run(rng: np.random.Generator, *, quick: bool) -> dict[str, Any]:
     for blur in _BLURS:
         rows = [_error(random_scene(blur, rng), rng) for _ in range(markers)]
         blurs.append(_figures(blur, [row for row in rows if row is not None]))
-    return {'blurs': blurs}
+    seed = int(rng.integers(2**31))
+    told = [_bearing_deg(told, markers // 4, seed) for told in (False, True)]
+    return {'blurs': blurs, 'size_told_deg': told}
 
 
 def table(figures: dict[str, Any]) -> Table:
@@ -124,6 +142,8 @@ def table(figures: dict[str, Any]) -> Table:
             cells.append(NOTHING if holds is None else percent(holds))
             cells.append(as_text(1e3 * row['range_median_m'], 'mm', 1))
             rows.append([f'{words}, blur of {row["blur"]:.0%} of a zone', *cells])
+    for words, error in zip(('not told', 'told'), figures['size_told_deg'], strict=True):
+        rows.append([f'{100 * LARGE_M:g} cm, size {words}', as_text(error, '°'), '', '', ''])
     return rows
 
 

@@ -10,13 +10,13 @@ import numpy as np
 from evaluation.bench.room_markers import MOTIONS, SENDINGS
 from evaluation.bench.room_truth import BRIGHT_DB, COMPANY, SIGNALS
 from evaluation.bench.rooms import counted, play_all, summary
-from evaluation.report.chart_style import new_chart
+from evaluation.report.chart_style import WRONG_COLOUR, new_chart
 from evaluation.report.claims import NOTHING, Table
 
 TITLE = 'Random rooms'
 ROOMS, QUICK_ROOMS = 400, 8
 _DARK = 0.55  # a share from which the map is dark
-_RED, _BOLD = '#b00000', {'fontsize': 13, 'fontweight': 'bold'}
+_BOLD = {'fontsize': 13, 'fontweight': 'bold'}
 _SHORT_DB = (f'< {BRIGHT_DB[0]:g}', f'to {BRIGHT_DB[1]:g}', f'> {BRIGHT_DB[1]:g}')
 _SENDINGS = {
     'repeating': 'repeats',
@@ -84,13 +84,15 @@ def draw(figures: dict[str, Any]) -> Any:
         axis.imshow(shares, cmap='Blues', vmin=0, vmax=1, aspect='auto')
         for (y, x), share in np.ndenumerate(shares):
             packets, read, wrong = cells[y][x]
-            how = {'ha': 'center', 'va': 'center'}
+            how: dict[str, Any] = {'ha': 'center', 'va': 'center'}
             colour = 'white' if share > _DARK else 'black'
             axis.text(x, y - 0.2, _share(packets, read), color=colour, **_BOLD, **how)
             axis.text(x, y + 0.08, f'of {packets}', color=colour, fontsize=9.5, **how)
             if wrong:
                 box = {'facecolor': 'white', 'edgecolor': 'none', 'pad': 1.5}
-                axis.text(x, y + 0.34, f'{wrong} wrong', color=_RED, fontsize=9.5, bbox=box, **how)
+                axis.text(
+                    x, y + 0.34, f'{wrong} wrong', color=WRONG_COLOUR, fontsize=9.5, bbox=box, **how
+                )
         axis.set_title(_MOTIONS[motion], fontsize=11.5)
         axis.set_xticks(range(len(SIGNALS)), _SHORT_DB, fontsize=10.5)
         names = list(_SENDINGS.values()) if axis is panels[0] else [''] * len(SENDINGS)

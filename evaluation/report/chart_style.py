@@ -50,6 +50,7 @@ def line(style: str, colour: str = '0.2') -> dict[str, Any]:
     return {'color': colour, 'linestyle': style}
 
 
+WRONG_COLOUR = '#b00000'
 WRONG = {'wrong ID': line('--') | {'linewidth': 1}}  # entry of a legend
 
 

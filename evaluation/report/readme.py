@@ -23,12 +23,15 @@ from evaluation.experiments import (
     false_ids,
     laboratory,
     peers,
+    place,
     speed_accuracy,
     stability,
     time_to_id,
+    tracks,
 )
 from evaluation.experiments.registry import EXPERIMENTS, LONG, save_chart
 from evaluation.experiments.sweeps import end_of
+from evaluation.experiments.time_to_id import REGISTERED
 from evaluation.peers.camera import PICTURES_HZ
 from evaluation.peers.visual_markers import APRILTAG
 from evaluation.report.claims import NOTHING, Claims, Table, as_text, markdown
@@ -110,6 +113,8 @@ def write_page(directory: Path) -> Path:
 _PACKET = f'{PACKET_BITS * BIT_PERIOD_S:.1f} s'
 _COSTS = (('joint: packets combined', '1'), ('AprilTag: decimation', '2'))
 _MOVING_M_S = 0.3
+_PACKETS = (('reading', '3 cm'), ('reach', '3 cm, 8 packets'))
+_SIDE_M = 0.4  # of the square from whose corners landmarks are looked at
 _EXPOSURE = '4 ms'  # with which tags are read while they move
 
 
@@ -145,7 +150,7 @@ def headlines(report: Report) -> str:
     }
     several = end_of(report['reach'], '3 cm, 8 packets', 'joint')
     few_s, any_s, tag_s = (
-        time_to_id.at(soon, name, 1.0) for name in (time_to_id.REGISTERED, 'joint', APRILTAG)
+        time_to_id.at(soon, name, 1.0) for name in (REGISTERED, 'joint', APRILTAG)
     )
     track, tag = _while_moving(report)
     costs = [speed_accuracy.at(report['speed-accuracy'], *of) for of in _COSTS]
@@ -205,6 +210,55 @@ def reach(report: Report) -> str:
     return markdown(rows)
 
 
+def telling(report: Report) -> str:
+    """Return what it buys to tell the detector more of a scene."""
+    soon = [time_to_id.at(report['time-to-id'], one, 1.0) for one in ('joint', REGISTERED)]
+    ends = [end_of(report[of], name, 'joint') for of, name in _PACKETS]
+    one, several = (as_text(end) for end in ends)
+    to_and_fro = report['tracks']['curves'][len(tracks.RANGES_M)]
+    point = next(one for one in to_and_fro['points'] if one['speed_m_s'] == _MOVING_M_S)
+    packets_mm, track_mm = (as_text(point[name], 'mm', 0) for name in ('packets_mm', 'bright_mm'))
+    moving = f'{track_mm} off instead of {packets_mm}'
+    looks = {
+        row['places']: as_text(row['median_mm'], 'mm', 0)
+        for row in report['landmarks']['places']
+        if row['side_m'] == _SIDE_M and row['object'] == 'machine'
+    }
+    sizes = [as_text(one, '°', 1) for one in report['place']['size_told_deg']]
+    few = f'with {time_to_id.FEW} of them the first ID comes after {soon[1]} instead of {soon[0]}'
+    large = f'a {100 * place.LARGE_M:g} cm marker'
+    return markdown(
+        [
+            ['if …', 'then …', 'which buys'],
+            [
+                'all IDs are known',
+                'set `registered_ids`, or `marker_file` and `only_registered`',
+                few,
+            ],
+            [
+                'markers repeat their packet',
+                'leave `max_packets` at 8, and `gap_bits` of the marker at 0',
+                f'3 cm are read to {several} instead of {one}',
+            ],
+            [
+                'markers stand still',
+                'look from several places: `landmarks`, or `coffee` with `target_frame`',
+                f'a position at 1.5 m is {looks[4]} off after four looks, {looks[1]} after one',
+            ],
+            [
+                'markers or the robot move',
+                'take `tracks`, and `tf_source: tracks`',
+                f'to and fro at {_MOVING_M_S:g} m/s a range is {moving}',
+            ],
+            [
+                'a marker is not of 3 cm',
+                'give its `size` in the marker file',
+                f'the bearing of {large} is off by {sizes[1]}, and by {sizes[0]} without it',
+            ],
+        ]
+    )
+
+
 def speed(report: Report) -> str:
     """Return whether it keeps up."""
     nodes = report['bench-nodes']
@@ -258,6 +312,7 @@ _BLOCKS = {
     'limits': limits,
     'reach': reach,
     'speed': speed,
+    'telling': telling,
 }
 
 
