@@ -1,44 +1,43 @@
 # Copyright 2026 retrolidar_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""Calibration: recordings of emulated sensors that it has not seen, truth beside estimate."""
+"""Calibration: what it changes to know a parameter, and how well each is found.
+
+Parameters are told to the detector over the range that sensors and markers have; recordings are of
+emulated sensors that the calibration has not seen.
+"""
 
 import itertools
-import math
 from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from evaluation.report.chart_style import label, legend_under, look, new_chart
-from evaluation.report.claims import Table
+from evaluation.bench.calibration_effects import PARAMETERS, effect
+from evaluation.report.chart_style import label, look, new_chart
+from evaluation.report.claims import Table, as_text
 from retrolidar_ros.detector.decoding import Decoding
 from retrolidar_ros.detector.parameters import defaults
 from retrolidar_ros.marker.code import IDS, PACKET_BITS
 from retrolidar_ros.marker.liquid_crystal import Response
 from retrolidar_ros.scene import Scene, Simulation, description
-from retrolidar_ros.scene.laboratory import see_surface
-from retrolidar_ros.scene.optics import received_signal, zone_shares
-from retrolidar_ros.scene.transmission import Transmission, exposure_edges
 from retrolidar_ros.sensor.frame import Floats, Recording, ZoneGrid
 from retrolidar_ros.tasks.calibration.calibrate import Calibration, calibrate
-from retrolidar_ros.tasks.calibration.crystal import DARK_S
 from retrolidar_ros.tasks.calibration.estimate import Estimate
-from retrolidar_ros.tasks.calibration.files import parameters
+from retrolidar_ros.tasks.calibration.report import parameters
 
 TITLE = 'Calibration from a recording'
-MESSAGE = 'What a calibration says of its own errors holds'
+MESSAGE = 'Bit period, noise and range offset change what is read; optics hardly'
 _TRIALS, _QUICK_TRIALS = 16, 2
 SCALES = (0.25, 1.0, 4.0, 8.0)
 # Frame period [s], and rows of zones.
 _SENSORS = ((1 / 60, 4), (0.021, 4), (1 / 30, 4), (1 / 15, 8))
-_RISE_MS = 1.0  # how well the time in which a crystal brightens is to be found, where that can be
+_MARKERS, _QUICK_MARKERS = 150, 3  # of each value of a parameter
+_SIGNS = {'range': ('o', '#0072b2'), 'position': ('^', '#d55e00')}
 _FEW = 0.5  # of the packets, below which a recording counts as not read
 _SECONDS = 30.0
 _SIGNALS = np.array([5.0, 30.0, 100.0])  # where a law of noise is held against the truth
 _READ_PACKETS = 7  # of a recording, for how much is read before and after
-_STEPS = np.array([1e-7, 2e-5, 5e-5, 5e-5])  # of bit, start, darkening and brightening [s]
 
 
 def _room(rng: np.random.Generator, period_s: float, rows: int, scale: float) -> Scene:
@@ -106,45 +105,6 @@ KINDS: dict[str, Callable[[Scene], Scene]] = {
 }  # what else recordings are of, that are read before and after calibration
 
 
-def _rise_bound(scene: Scene, recording: Recording) -> float:
-    """Return the Cramér–Rao bound of the time in which the crystal brightens [s].
-
-    Bit period, start, darkening, levels and gains are unknown, too, but for what `calibrate`
-    assumes of darkening.
-    """
-    marker, sensor = scene.markers[0], scene.sensor
-    assert marker.response is not None
-    assert sensor.noise is not None
-    period_s = sensor.period_s * (1 + sensor.period_error)
-
-    def light(values: Floats) -> Floats:
-        bit, start, dark, bright = values.tolist()
-        sent = replace(marker, bit_period_s=bit, start_s=start, response=Response(dark, bright))
-        return Transmission.of(replace(sent, clock_error=0.0)).mean(edges_s)
-
-    edges_s = exposure_edges(recording.stamp_ns * 1e-9, period_s)
-    bit_s = marker.bit_period_s * (1 + marker.clock_error)
-    crystal = marker.response
-    truth = np.array([bit_s, marker.start_s, crystal.dark_s, crystal.bright_s])
-    around = [light(truth + step) - light(truth - step) for step in np.diag(_STEPS)]
-    slopes = np.column_stack(around) / (2 * _STEPS)
-    place = np.array([marker.position_m])
-    share = zone_shares(place, marker.size_m, sensor.grid, sensor.blur)[0]
-    most = share * received_signal(
-        np.linalg.norm(place, axis=1), marker.size_m**2, 0.0, marker.signal_at_1_m
-    )
-    walls = sum(see_surface(sensor, wall, edges_s[:, 0])[0][0] for wall in scene.surfaces)
-    seen, information = light(truth), np.diag([0.0, 0.0, DARK_S.stddev**-2, 0.0])
-    dark = most * (1 - marker.contrast) + walls
-    for gain, wall in zip(marker.contrast * most, dark, strict=True):
-        root = (sensor.noise.floor + sensor.noise.slope * (wall + gain * seen)) ** -0.5
-        linear = np.linalg.qr(root[:, None] * np.column_stack([np.ones_like(seen), seen]))[0]
-        own = gain * root[:, None] * slopes
-        own -= linear @ (linear.T @ own)
-        information += own.T @ own
-    return float(np.sqrt(np.linalg.inv(information)[3, 3]))
-
-
 def _packets_read(recording: Recording, scene: Scene, values: dict[str, Any]) -> float:
     """Return the share of the time of some packets in which a repeating marker was read."""
     marker = scene.markers[0]
@@ -176,13 +136,11 @@ def _trial(scene: Scene) -> dict[str, Any]:
     marker, sensor = scene.markers[0], scene.sensor
     assert sensor.noise is not None
     assert sensor.ranging is not None
-    assert marker.response is not None
     found = calibrate(recording, distance_m=float(np.linalg.norm(marker.position_m)))
     truth = sensor.noise.floor + sensor.noise.slope * _SIGNALS
     result = _read(recording, scene, found) | {
         'noise': float(np.abs(found.law.variance(_SIGNALS) / truth - 1).max()),
-        'identified': [one.sent.id for one in found.markers] == [marker.id],
-        'rise bound [ms]': 1e3 * _rise_bound(scene, recording),
+        'identified': [one.id for one in found.markers] == [marker.id],
         'errors': {},
     }
 
@@ -197,29 +155,10 @@ def _trial(scene: Scene) -> dict[str, Any]:
     add('frame period', found.timing.period_s.times(1 / period_s), 1.0)
     for one in found.markers[:1] if result['identified'] else []:
         bit_s = marker.bit_period_s * (1 + marker.clock_error)
-        add('bit period', one.sent.bit_period_s.times(1 / bit_s), 1.0)
-        add('rise [ms]', one.sent.bright_s.times(1e3), 1e3 * marker.response.bright_s)
-        add('contrast', one.contrast, marker.contrast)
+        add('bit period', one.bit_period_s.times(1 / bit_s), 1.0)
     if found.link:
         add('offset [mm]', found.link.offset_m.times(1e3), 1e3 * sensor.ranging.offset)
     return result
-
-
-def _sweep_trial(rng: np.random.Generator, period_s: float) -> list[float]:
-    """Return error and deviation of the blur found from a sweep there and back."""
-    scene = _room(rng, period_s, 4, 1.0)
-    depth_m = float(rng.uniform(0.5, 0.8))
-    marker = replace(scene.markers[0], position_m=(0.0, 0.02, depth_m), bit_period_s=2 * period_s)
-    marker = replace(marker, response=Response(0.0005, 0.0035))
-    ends = ((0.0, -0.5), (_SECONDS / 2, 0.5), (_SECONDS, -0.5))
-    path = tuple(
-        description.Waypoint(time_s, (share * depth_m, 0.0, 0.0)) for time_s, share in ends
-    )
-    sensor = replace(scene.sensor, path=path)
-    walls = (description.Surface(depth_m + 0.02, 10.0),)
-    scene = replace(scene, sensor=sensor, markers=(marker,), surfaces=walls)
-    found = calibrate(Simulation(scene).run(_SECONDS)).sweep
-    return [] if found is None else [found.blur.value - sensor.blur, found.blur.stddev]
 
 
 def run(rng: np.random.Generator, *, quick: bool) -> dict[str, Any]:
@@ -227,74 +166,71 @@ def run(rng: np.random.Generator, *, quick: bool) -> dict[str, Any]:
     count = _QUICK_TRIALS if quick else _TRIALS
     sensors = itertools.product(SCALES, (_SENSORS * count)[:count])
     trials = [{'scale': scale, **_trial(_room(rng, *sensor, scale))} for scale, sensor in sensors]
-    sweeps = [_sweep_trial(rng, _SENSORS[index % 3][0]) for index in range(count)]
+    effects = {
+        name: [effect(name, value, _QUICK_MARKERS if quick else _MARKERS, rng) for value in values]
+        for name, (_, values, _) in PARAMETERS.items()
+    }
     kinds = []
     for kind, change in list(KINDS.items())[:: 3 if quick else 1]:
         for period_s, rows in _SENSORS[: 1 if quick else None]:
             scene = change(_room(rng, period_s, rows, scale=4.0))
             recording = Simulation(scene).run(_SECONDS)
             kinds.append({'kind': kind} | _read(recording, scene, calibrate(recording)))
-    return {'trials': trials, 'sweeps': sweeps, 'kinds': kinds}
+    return {'effects': effects, 'trials': trials, 'kinds': kinds}
 
 
 def _errors(figures: dict[str, Any]) -> dict[str, Floats]:
     """Return errors and deviations of every quantity, shape (trials, 2)."""
     names = dict.fromkeys(name for one in figures['trials'] for name in one['errors'])
-    errors = {
+    return {
         name: np.array([one['errors'][name] for one in figures['trials'] if name in one['errors']])
         for name in names
     }
-    errors['blur'] = np.array([one for one in figures['sweeps'] if one])
-    return errors
 
 
 def table(figures: dict[str, Any]) -> Table:
-    """Return the largest error of everything, and how often the intervals hold the truth."""
-    trials = figures['trials']
-    within = f'within {_RISE_MS:g} ms / at best / or twice the bound'
-    rows = [['', 'estimates', 'largest error', 'held by 95 %', within, 'bound, median and largest']]
-
-    def add(what: str, errors: Floats, *bound: str) -> NDArray[np.bool_]:
-        held: NDArray[np.bool_] = np.abs(errors[:, 0]) < 1.96 * errors[:, 1]
+    """Return what each parameter changes, how well it is found, and what is then read."""
+    rows = [['told to the detector', 'read by default', 'read when told', 'range', 'position']]
+    for name, (unit, _, _) in PARAMETERS.items():
+        for one in figures['effects'][name]:
+            shares = (f'{one["read " + how]:.0%}' for how in ('by default', 'when told'))
+            changes = (as_text(one[key], 'deviations', 1) for key in ('range', 'position'))
+            rows.append([f'{name}: {one["value"]:.3g} {unit}', *shares, *changes])
+    rows.append(['found by calibrate', 'estimates', 'largest error', 'held by 95 %', ''])
+    inside = []
+    for name, errors in _errors(figures).items():
+        held = np.abs(errors[:, 0]) < 1.96 * errors[:, 1]
         worst = f'{np.abs(errors[:, 0]).max():.4g}'
-        rows.append([what, str(len(errors)), worst, f'{held.mean():.0%}', *(bound or ('', ''))])
-        return held
-
-    inside = np.concatenate([add(name, errors) for name, errors in _errors(figures).items()])
-    for scale in dict.fromkeys(one['scale'] for one in trials):
-        alike = [one for one in trials if one['scale'] == scale and 'rise [ms]' in one['errors']]
-        errors = np.array([one['errors']['rise [ms]'] for one in alike])
-        bound_ms = np.array([one['rise bound [ms]'] for one in alike])
-        off_ms = np.abs(errors[:, 0])
-        shares = (
-            off_ms < _RISE_MS,
-            [math.erf(_RISE_MS / one / math.sqrt(2)) for one in bound_ms],
-            off_ms < np.maximum(_RISE_MS, 2 * bound_ms),
-        )
-        words = ' / '.join(f'{np.mean(share):.0%}' for share in shares)
-        bounds = f'{np.median(bound_ms):.2g} ms, {bound_ms.max():.2g} ms'
-        add(f'rise [ms], noise {scale:g} times the usual', errors, words, bounds)
+        rows.append([name, str(len(errors)), worst, f'{held.mean():.0%}', ''])
+        inside.append(held)
+    trials = figures['trials']
     law = f'{100 * max(one["noise"] for one in trials):.1f} %'
-    rows.append(['noise law', str(len(trials)), law, *[''] * 3])
-    rows.append(['all', str(len(inside)), '', f'{100 * np.mean(inside):.1f} %', '', ''])
+    rows.append(['noise law', str(len(trials)), law, '', ''])
+    every = np.concatenate(inside)
+    rows.append(['all', str(len(every)), '', f'{every.mean():.1%}', ''])
     kinds = {kind: [one for one in figures['kinds'] if one['kind'] == kind] for kind in KINDS}
     for what, recordings in {'as above': trials, **kinds}.items():
         after = [one['read after'] for one in recordings if one['read before'] < _FEW]
         missed = f'{100 * (1 - np.mean(after or [1.0])):.1f} %'
-        rows.append([f'packets not read: {what}', str(len(after)), missed, *[''] * 3])
+        rows.append([f'packets not read: {what}', str(len(after)), missed, '', ''])
     return rows
 
 
 def draw(figures: dict[str, Any]) -> Any:
-    """Draw errors against what they claim to be, quantity by quantity."""
-    errors = _errors(figures)
-    figure, (axis,) = new_chart(1, 1, 4.6, MESSAGE)
-    for index, one in enumerate(errors.values()):
-        scores = one[:, 0] / np.maximum(one[:, 1], 1e-12)
-        across = index + 0.6 * (np.arange(len(scores)) / max(len(scores), 1) - 0.5)
-        axis.plot(across, np.clip(scores, -5, 5), '.', color=look('joint')['color'], markersize=4)
-    axis.axhspan(-1.96, 1.96, color='0.9', zorder=0, label='95 of 100 are to be here')
-    label(axis, '', 'error / its standard deviation')
-    axis.set_xticks(range(len(errors)), [name.split(' [')[0] for name in errors])
-    legend_under(axis)
+    """Draw what each parameter changes, in points of reads and in deviations."""
+    figure, (reads, ranges) = new_chart(2, 2, 4.6, MESSAGE)
+    for index, name in enumerate(PARAMETERS):
+        effects = figures['effects'][name]
+        along = index + 0.15 * (np.arange(len(effects)) - (len(effects) - 1) / 2)
+        gain = [100 * (one['read when told'] - one['read by default']) for one in effects]
+        reads.plot(along, gain, 'o', color=look('joint')['color'])
+        for key, (sign, colour) in _SIGNS.items():
+            changed = [np.nan if one[key] is None else one[key] for one in effects]
+            ranges.plot(along, changed, sign, color=colour, label='' if index else key)
+    for axis, title in ((reads, 'more read [points]'), (ranges, 'change [deviations]')):
+        axis.axhspan(-1, 1, color='0.9', zorder=0)
+        axis.set_yscale('symlog', linthresh=1)
+        label(axis, '', title)
+        axis.set_xticks(range(len(PARAMETERS)), [name.replace(' ', '\n') for name in PARAMETERS])
+    ranges.legend(frameon=False)
     return figure

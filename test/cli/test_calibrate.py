@@ -48,7 +48,6 @@ def test_what_is_not_read_by_default_is_read_after_calibration(
     capsys.readouterr()
     assert main(['decode', bag, '--json', '--params', str(output / 'calibration.yaml')]) == 0
     assert len(capsys.readouterr().out.splitlines()) >= 10
-    assert main(['emulate', str(output / 'scene.yaml'), '--bag', str(tmp_path / 'again')]) == 0
 
 
 def test_a_bag_without_markers_is_an_exit_code_of_its_own(tmp_path: Path, capsys: Output) -> None:

@@ -31,6 +31,7 @@ TINY: dict[str, dict[str, Any]] = {
         '_QUICK_TRIALS': 1,
         'SCALES': (1.0,),
         'KINDS': dict([*KINDS.items()][:2]),
+        '_QUICK_MARKERS': 1,
     },
     'experiments.coffee': {'_QUICK_TRIALS': 1},
     'experiments.drone': {'QUICK_DURATION_S': 11.0},

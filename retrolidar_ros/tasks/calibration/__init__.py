@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """From a recording to parameters: what a sensor, its light and its markers are like.
 
-`timing` is of the frames, `noise` of zones at rest, `crystal` of what blinks, `sweep` of a marker
-that crosses the view; `calibrate` puts them together, and `files` writes what was found. Each
-estimate has a standard deviation, and what a recording does not show is not estimated.
+`timing` is of the frames, `noise` of zones at rest, `markers` of what blinks; `calibrate` puts them
+together, and `report` writes what was found. Only what changes readings or their ranges is
+estimated, each with a standard deviation, and nothing that a recording does not show.
 """

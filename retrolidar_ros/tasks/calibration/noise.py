@@ -45,8 +45,6 @@ class Block(NamedTuple):
     variance: float
     """[(kcps/SPAD)²]"""
     samples: int
-    distance_variance: float
-    """[m²], NaN without distances."""
 
 
 class NoiseFound(NamedTuple):
@@ -65,12 +63,6 @@ class NoiseFound(NamedTuple):
     zones: list[int]
     """Those at rest."""
     blocks: list[Block]
-    ranging: tuple[float, float] | None
-    """Deviation of a distance at 1 kcps/SPAD [m], and its least [m]."""
-
-    def signal(self, zone: int) -> float:
-        """Return the mean of a zone at rest [kcps/SPAD]."""
-        return float(np.mean([block.signal for block in self.blocks if block.zone == zone]))
 
     @property
     def law(self) -> NoiseLaw:
@@ -84,15 +76,8 @@ class NoiseFound(NamedTuple):
         return NoiseLaw(usual.floor * scale, usual.slope * scale, ambient)
 
 
-def noise_of(recording: Recording, waves: Floats | None = None) -> NoiseFound | None:
-    """Return the noise of the zones at rest; None if there is none.
-
-    Parameters
-    ----------
-    recording : Recording
-    waves : array, shape (frames, waves), optional
-        Light of markers, NaN where unknown; what little of it is in a zone is taken off.
-    """
+def noise_of(recording: Recording) -> NoiseFound | None:
+    """Return the noise of the zones at rest; None if there is none."""
     valid, _ = valid_samples(recording.signal, recording.distance, recording.status)
     signal = recording.signal.astype(np.float64)
     faint = (recording.status == Status.NO_TARGET) | (valid & (signal <= 0))
@@ -102,12 +87,9 @@ def noise_of(recording: Recording, waves: Floats | None = None) -> NoiseFound | 
         return None
     blocks = []
     for zone in zones:
-        level: Floats = signal[:, zone]
-        if waves is not None:
-            level = _without(level, valid[:, zone], waves)
         for begin in range(0, len(recording) - _LEAST + 1, _BLOCK):
             rows = slice(begin, begin + _BLOCK)
-            block = _block(recording, level, valid[:, zone], faint[:, zone], zone, rows)
+            block = _block(recording, valid[:, zone], faint[:, zone], zone, rows)
             if block is not None:
                 blocks.append(block)
     if not blocks:
@@ -156,20 +138,8 @@ def _repeats(signal: Floats, known: NDArray[np.bool_]) -> bool:
     return float(score[min(_LAGS) :].max(initial=0.0)) > _MOST_SIMILAR
 
 
-def _without(level: Floats, valid: NDArray[np.bool_], waves: Floats) -> Floats:
-    """Return a zone's signal less what of the waves is in it."""
-    known = valid & np.isfinite(waves).all(axis=1)
-    if np.count_nonzero(known) < _LEAST:
-        return level
-    change = waves - waves[known].mean(axis=0)
-    gain = np.linalg.lstsq(change[known], level[known] - level[known].mean(), rcond=None)[0]
-    rest: Floats = level - np.nan_to_num(change) @ gain
-    return rest
-
-
 def _block(
     recording: Recording,
-    level: Floats,
     valid: NDArray[np.bool_],
     faint: NDArray[np.bool_],
     zone: int,
@@ -178,21 +148,18 @@ def _block(
     """Return a block of a zone; None of too few samples."""
     seen = valid[rows] & ~faint[rows]
     hidden = int(np.count_nonzero(faint[rows]))
-    samples = level[rows][seen]
+    samples = recording.signal[rows, zone][seen].astype(np.float64)
     number = len(samples) + hidden
     if len(samples) < _LEAST or hidden > _MOST_CENSORED * number:
         return None
     ambient = float(recording.ambient[rows, zone][seen].mean())
-    distance = recording.distance[rows, zone][seen]
-    distance = distance[np.isfinite(distance)].astype(np.float64)
     if hidden:
         # A signal of nothing is cut off at zero, and a target that is not seen at some threshold.
         unseen = (recording.status[rows, zone][faint[rows]] == Status.NO_TARGET).any()
         mean, variance = _censored(samples, hidden, float(samples.min()) if unseen else 0.0)
     else:
         mean, variance = float(samples.mean()), float(samples.var(ddof=1))
-    spread = float(distance.var(ddof=1)) if len(distance) > _LEAST else math.nan
-    return Block(zone, mean, ambient, variance, number, spread)
+    return Block(zone, mean, ambient, variance, number)
 
 
 def _censored(samples: Floats, hidden: int, limit: float) -> tuple[float, float]:
@@ -231,7 +198,7 @@ def _fitted(blocks: list[Block], zones: list[int], correlation: Estimate) -> Noi
     floor, *others = values
     slope, light = (*others, None, None)[:2]
     mean = float(ambient.mean())
-    return NoiseFound(floor, slope, light, mean, correlation, zones, blocks, _ranging(blocks))
+    return NoiseFound(floor, slope, light, mean, correlation, zones, blocks)
 
 
 def _weighted(design: Floats, variance: Floats, freedom: Floats) -> list[Estimate]:
@@ -244,15 +211,3 @@ def _weighted(design: Floats, variance: Floats, freedom: Floats) -> list[Estimat
         expected = np.maximum(design @ value, 1e-3 * variance.mean())
     left = float(weight @ (variance - expected) ** 2)
     return estimates(value, covariance, left, len(variance) - len(value))
-
-
-def _ranging(blocks: list[Block]) -> tuple[float, float] | None:
-    """Return how distances deviate: at a signal of 1, and at least [m]."""
-    known = [block for block in blocks if math.isfinite(block.distance_variance)]
-    if len(known) < 2:
-        return None
-    inverse = np.array([1 / max(block.signal, 0.1) ** 2 for block in known])
-    variance = np.array([max(block.distance_variance, 1e-12) for block in known])
-    design = np.stack([np.ones_like(inverse), inverse], axis=-1)
-    found = _weighted(design, variance, np.array([block.samples - 1.0 for block in known]))
-    return math.sqrt(max(found[1].value, 0.0)), math.sqrt(max(found[0].value, 0.0))

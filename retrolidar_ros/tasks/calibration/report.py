@@ -1,11 +1,12 @@
 # Copyright 2026 retrolidar_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""What was found, in plain sentences; and what to record next for what was not."""
+"""What was found: as parameters, in plain sentences, and what to record next for what was not."""
 
 from __future__ import annotations
 
 from retrolidar_ros.sensor.model import Status
-from retrolidar_ros.tasks.calibration.calibrate import Calibration, MarkerFound
+from retrolidar_ros.tasks.calibration.calibrate import Calibration
+from retrolidar_ros.tasks.calibration.markers import MarkerFound
 from retrolidar_ros.tasks.calibration.noise import NoiseFound
 
 _WHITE = 3.0  # standard deviations from it
@@ -14,30 +15,54 @@ _NAMES = {int(one): one.name.lower().replace('_', ' ') for one in Status}
 _CLOCK = 0.03  # how far a detector looks for a bit period
 
 
+def parameters(found: Calibration) -> dict[str, tuple[float, str]]:
+    """Return the parameters of the detector that were found, each with a remark."""
+    values: dict[str, tuple[float, str]] = {}
+    if found.markers:
+        period = found.markers[0].bit_period_s
+        values['bit_period'] = (period.value, f'{period.text()} s')
+    if noise := found.noise:
+        slope = noise.slope.text() if noise.slope else 'not known: the usual shape, scaled'
+        ambient = noise.ambient.text() if noise.ambient else 'its part is in the floor'
+        values['noise_floor'] = (noise.law.floor, noise.floor.text())
+        values['noise_slope'] = (noise.law.slope, slope)
+        values['noise_ambient'] = (noise.law.ambient, ambient)
+    if found.link:
+        values['range_offset'] = (found.link.offset_m.value, f'{found.link.offset_m.text()} m')
+    return values
+
+
+def parameter_file(found: Calibration, source: str) -> str:
+    """Return the text of a parameter file; a node takes what it lacks from the usual one."""
+    lines = [
+        f'# From {source}, by `retrolidar calibrate`. What is not here was not found in it.',
+        '/**/detector:',
+    ]
+    values = parameters(found)
+    lines.append('  ros__parameters:' if values else '  ros__parameters: {}')
+    # ROS takes a number without a point for another type, and YAML one with an exponent for text.
+    lines += [f'    {name}: {value:.6f}  # {remark}' for name, (value, remark) in values.items()]
+    return '\n'.join(lines) + '\n'
+
+
 def sentences(found: Calibration) -> list[str]:
     """Return what was found; ± is half of the interval that holds the truth in 95 of 100 cases."""
     lines = [*_timing(found), *(_noise(found.noise) if found.noise else [])]
     for marker in found.markers:
         lines += _marker(marker)
-    read = {zone for marker in found.markers for zone in marker.sent.zones}
-    read |= {zone for marker in found.markers for one in marker.readings for zone in one.zones}
-    for zone in found.zones:
-        if zone.zone not in read and zone.is_clocked:
-            lines.append(f'Zone {zone.zone} blinks by {zone.modulation_db:.0f} dB; no ID fits.')
+    read = {zone for marker in found.markers for one in marker.readings for zone in one.zones}
+    lines += [
+        f'Zone {zone.zone} blinks by {zone.modulation_db:.0f} dB; no ID fits.'
+        for zone in found.zones
+        if zone.zone not in read and zone.is_clocked
+    ]
     if link := found.link:
         offset, light = link.offset_m.times(1e3).text('mm'), link.signal_at_1_m.text('kcps/SPAD')
         lines += [
             f'ID {link.marker} is at {link.distance_m:g} m, so ranges are too long by {offset}.',
-            f'If it faces the sensor, a bright marker of 3 cm gives {light} at 1 m.',
-            f'So 80 % of lone packets of 3 cm are to be expected to {link.reach_m:.1f} m.',
+            f'If it faces the sensor, a marker of 3 cm blinks by {light} at 1 m.',
+            f'Expected range of a 3 cm marker: {link.reach_m:.1f} m.',
         ]
-    if sweep := found.sweep:
-        lines.append(
-            f'The optics blur by {sweep.blur.times(100).text("% of a zone")}, by {sweep.passes} '
-            'passes of a marker.'
-        )
-        if sweep.pitch:
-            lines.append(f'A zone is {sweep.pitch.text()} wide, as a tangent.')
     return lines
 
 
@@ -74,55 +99,27 @@ def _noise(noise: NoiseFound) -> list[str]:
         else f'That holds in ambient light of {noise.light:.0f} kcps/SPAD, which did not vary.'
     )
     value, stddev = noise.correlation
-    white = 'it is white' if abs(value) < _WHITE * stddev else 'it is not white'
-    lines.append(
-        f'Successive samples correlate by {noise.correlation.text()}: as far as seen {white}.'
-    )
+    white = 'uncorrelated' if abs(value) < _WHITE * stddev else f'correlated by {value:.2f}'
+    lines.append(f'Noise is {white} from frame to frame.')
     return lines
 
 
 def _marker(marker: MarkerFound) -> list[str]:
-    sent = marker.sent
-    zone = sent.zones[0]
-    name = f'ID {sent.id}'
-    lines = [
-        (
-            f'{name} was read {len(marker.readings)} times, best in zone {zone}; its bits last '
-            f'{sent.bit_period_s.times(1e3).text("ms")}.'
-        )
-    ]
+    name, clock = f'ID {marker.id}', marker.bit_period_s.times(1e3).text('ms')
+    dark, more = f'{marker.level:.1f} kcps/SPAD', marker.gain.text('kcps/SPAD')
+    lines = [f'{name} was read {len(marker.readings)} times, best in zone {marker.zone}.']
+    lines += [f'{name}: bits last {clock}.']
     if marker.moves:
-        return [*lines, f'{name} moves, so its light and its crystal are not known.']
-    lines.append(
-        f'{name}: zone {zone} has {sent.level.text("kcps/SPAD")} when it is dark, and '
-        f'{sent.gain.text("kcps/SPAD")} more when it is bright.'
-    )
-    if marker.range_m:
-        lines.append(f'{name} is measured at {marker.range_m.text("m")}.')
-    if marker.flipped:
-        return [*lines, f'{name}: dark bits show something behind it, so its crystal is not known.']
-    lines.append(
-        f'{name}: from 10 to 90 % the crystal brightens in {sent.bright_s.times(1e3).text("ms")} '
-        f'and darkens in {sent.dark_s.times(1e3).text("ms")}.'
-    )
-    if marker.contrast and marker.pedestal:
-        lines.append(
-            f'{name}: the crystal blocks {marker.contrast.times(100).text("%")} of its light; '
-            f'{marker.pedestal.text("kcps/SPAD")} are of what is around it.'
-        )
-    else:
-        lines.append(
-            f'{name}: the crystal blocks {100 * marker.least_contrast:.0f} % of its light at least.'
-        )
-    return lines
+        return [*lines, f'{name} moves, so its signal and its range are not known.']
+    lines += [f'{name}: zone {marker.zone} has {dark} when it is dark, {more} more when bright.']
+    return [*lines, f'{name} is measured at {marker.range_m.text("m")}.']
 
 
 def missing(found: Calibration) -> list[str]:
     """Return what to record or change next, for what the recording does not show."""
     noise, markers = found.noise, found.markers
     still = [marker for marker in markers if not marker.moves]
-    flipped = any(marker.flipped for marker in still)
-    periods = [marker.sent.bit_period_s.value for marker in markers] or [1.0]
+    periods = [marker.bit_period_s.value for marker in markers] or [1.0]
     wanted = {
         'Record half a minute: every estimate gets more certain with time.': (
             found.timing.duration_s < _LONG_S
@@ -140,14 +137,8 @@ def missing(found: Calibration) -> list[str]:
         'Zones blink, but no ID can be read: put one marker nearer, alone in its zone, and let '
         'it repeat its packet; each bit is to last one to eight frames.': found.zones
         and not markers,
-        'For the offset of ranges and the reach: measure the way from the sensor to the '
+        'For the offset and the expected range: measure the distance from the sensor to the '
         'brightest marker, and give --distance.': still and found.link is None,
-        'For the crystal: put the marker less than half a metre before a wall.': flipped,
-        'For the contrast: let three zones see the wall that the marker hangs on, and only it.': (
-            not flipped and any(marker.contrast is None for marker in still)
-        ),
-        'For the blur: move a marker evenly across the view, through a zone in four packets '
-        'or slower; with --speed for the width of zones.': found.sweep is None,
         'The markers have different bit periods; a detector reads one. That of the brightest '
         'is written.': max(periods) > (1 + _CLOCK) * min(periods),
     }
