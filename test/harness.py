@@ -109,13 +109,16 @@ class Sensor:
                 data[:] = cobs_encode(content[:-1] + bytes([content[-1] ^ 1])) + DELIMITER
             elif damaged:
                 data[:-1] = self._rng.integers(0, 256, len(data) - 1, dtype=np.uint8).tobytes()
-            with self._lock:
-                if self._port is None or not self._port.write(bytes(data)):
-                    continue
+            # Recorded before it is sent: who receives it may look it up at once.
             if damaged:
                 self.damaged.add(frame.sequence)
             else:
                 self.middle_ns[frame.sequence] = middle_ns
+            with self._lock:
+                is_sent = self._port is not None and self._port.write(bytes(data))
+            if not is_sent:
+                self.damaged.discard(frame.sequence)
+                self.middle_ns.pop(frame.sequence, None)
 
 
 def wait_for_nodes(listener: Listener) -> None:

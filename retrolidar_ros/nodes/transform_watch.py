@@ -10,14 +10,16 @@ from threading import Lock
 
 from geometry_msgs.msg import TransformStamped
 from rclpy.clock import Clock, ClockType
+from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.subscription import Subscription
 from tf2_msgs.msg import TFMessage
 
 from retrolidar_ros.nodes.conversion import to_ns
 
-_LISTENING_S = 5.0
-_PAUSES = 5  # of that length each: all of a robot's TF costs more than the detector
+_PERIOD_S = 1.0
+_LISTENING, _PAUSE = 5, 25  # periods: all of a robot's TF costs more than the detector
+_DEPTH = 1000
 _KEPT = 512
 
 Send = Callable[[list[TransformStamped]], None]
@@ -27,29 +29,57 @@ class TransformWatch:
     """Listens to TF now and then, for all senders of a process."""
 
     def __init__(self, node: Node) -> None:
-        """Listen with `node`."""
+        """Listen for the process of `node`."""
         self._node = node
         self._senders: list[WatchedSender] = []
+        self._listener: Node | None = None
+        self._executor = SingleThreadedExecutor(context=node.context)
         self._subscription: Subscription | None = None
-        self._turns = 0
-        node.create_timer(_LISTENING_S, self._turn, clock=Clock(clock_type=ClockType.STEADY_TIME))
+        self._periods = self._messages = 0
+        node.create_timer(_PERIOD_S, self._watch, clock=Clock(clock_type=ClockType.STEADY_TIME))
 
     def watched(self, send: Send) -> WatchedSender:
         """Return a function that sends transforms, and is watched."""
         self._senders.append(WatchedSender(send))
         return self._senders[-1]
 
-    def _turn(self) -> None:
-        if self._subscription is not None:
-            self._node.destroy_subscription(self._subscription)
+    def _watch(self) -> None:
+        """Begin or end listening, or process what has come."""
+        phase = self._periods % (_LISTENING + _PAUSE)
+        self._periods += bool(self._senders)
+        if phase == _LISTENING and self._listener is not None and self._subscription is not None:
+            self._listener.destroy_subscription(self._subscription)
             self._subscription = None
-        elif self._turns % (1 + _PAUSES) == 0 and self._senders:
-            self._subscription = self._node.create_subscription(
-                TFMessage, '/tf', self._on_transforms, 100
+        elif phase == 0 and self._senders:
+            self._subscription = self._own_node().create_subscription(
+                TFMessage, '/tf', self._on_transforms, _DEPTH
             )
-        self._turns += 1
+        elif self._subscription is not None:
+            before = -1
+            while before < self._messages:
+                before = self._messages
+                self._executor.spin_once(timeout_sec=0)
+
+    def _own_node(self) -> Node:
+        """Return a hidden node for the subscription.
+
+        An executor looks through all that its nodes have for each message, which in a process of
+        many sensors takes ten milliseconds.
+        """
+        if self._listener is None:
+            name, space = f'_{self._node.get_name()}_tf', self._node.get_namespace()
+            self._listener = Node(
+                name,
+                context=self._node.context,
+                cli_args=['--ros-args', '-r', f'__node:={name}', '-r', f'__ns:={space}'],
+                enable_rosout=False,
+                start_parameter_services=False,
+            )
+            self._executor.add_node(self._listener)
+        return self._listener
 
     def _on_transforms(self, message: TFMessage) -> None:
+        self._messages += 1
         for sender in self._senders:
             for transform in message.transforms:
                 sender.hear(transform)
