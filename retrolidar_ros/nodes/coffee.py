@@ -22,7 +22,7 @@ from retrolidar_ros.nodes.conversion import (
 from retrolidar_ros.nodes.detection_subscriber import DetectionSubscriber
 from retrolidar_ros.nodes.diagnostics import WARN, Health, health_of, register_health_check
 from retrolidar_ros.nodes.parameters import Parameters
-from retrolidar_ros.nodes.qos import LATCHED, topics_of
+from retrolidar_ros.nodes.qos import latched, topics_of
 from retrolidar_ros.nodes.run import run
 from retrolidar_ros.nodes.tf_filter import TransformedDetections
 from retrolidar_ros.nodes.track_topics import SOURCES, Marked
@@ -74,18 +74,18 @@ class CoffeeNode(Node):
         self._target = values['target_frame']
         self._survey = Survey({}, Errors())
         self._published: tuple[str, str] | None = None
-        self._ready = self.create_publisher(Bool, '~/ready', LATCHED)
-        self._missing = self.create_publisher(String, '~/missing', LATCHED)
-        self._next_view = self.create_publisher(PoseStamped, '~/next_view', LATCHED)
+        self._ready = latched(self, Bool, '~/ready')
+        self._missing = latched(self, String, '~/missing')
+        self._next_view = latched(self, PoseStamped, '~/next_view')
         names = self._board.names
         self._poses = {
-            name: self.create_publisher(PoseWithCovarianceStamped, topic, LATCHED)
+            name: latched(self, PoseWithCovarianceStamped, topic)
             for name, topic in zip(names, topics_of('~/objects/', names), strict=True)
         }
         pairs = list(combinations(names, 2))
         ways = topics_of('~/offsets/', [f'{one}_to_{other}' for one, other in pairs])
         self._offsets = {
-            pair: self.create_publisher(Vector3Stamped, topic, LATCHED)
+            pair: latched(self, Vector3Stamped, topic)
             for pair, topic in zip(pairs, ways, strict=True)
         }
         register_health_check(self, 'objects', '', self._examine)

@@ -17,7 +17,7 @@ from tf2_msgs.msg import TFMessage
 from retrolidar_ros.msg import Frame as FrameMsg
 from retrolidar_ros.nodes.conversion import to_pose, to_transform
 from retrolidar_ros.nodes.parameters import Parameters, check_frame_id
-from retrolidar_ros.nodes.qos import EVENTS, LATCHED
+from retrolidar_ros.nodes.qos import EVENTS, latched
 from retrolidar_ros.nodes.run import run
 from retrolidar_ros.nodes.transform_watch import WatchedSender
 from retrolidar_ros.nodes.transforms import transform_sender
@@ -64,7 +64,7 @@ class EmulatedArmNode(Node):
         self._moved: set[str] = set()
         self._began_s = time.monotonic()
         self._send = WatchedSender(transform_sender(self))
-        self._description = self.create_publisher(String, 'robot_description', LATCHED)
+        self._description = latched(self, String, 'robot_description')
         for topic, qos in (('/tf', EVENTS), ('/tf_static', _STATIC)):
             self.create_subscription(TFMessage, topic, self._on_transforms, qos)
         self._frames = self.create_subscription(

@@ -11,7 +11,7 @@ from std_msgs.msg import Bool
 from retrolidar_ros.nodes.detection_subscriber import DetectionSubscriber
 from retrolidar_ros.nodes.diagnostics import WARN, Health, health_of, register_health_check
 from retrolidar_ros.nodes.parameters import Parameters
-from retrolidar_ros.nodes.qos import LATCHED
+from retrolidar_ros.nodes.qos import latched
 from retrolidar_ros.nodes.run import run
 from retrolidar_ros.nodes.track_topics import SOURCES, Marked
 from retrolidar_ros.tasks.heartbeat import Heartbeat
@@ -42,7 +42,7 @@ class HeartbeatNode(Node):
         self._hearts = {name: Heartbeat(parameters.values['window']) for name in names}
         self._overdue: set[str] = set()
         self._is_alive: bool | None = None
-        self._alive = self.create_publisher(Bool, '~/alive', LATCHED)
+        self._alive = latched(self, Bool, '~/alive')
         register_health_check(self, 'markers', '', self._examine)
         source = parameters.values['source']
         topic = 'tracks' if source == 'tracks' else 'markers'

@@ -12,34 +12,32 @@ import numpy as np
 from geometry_msgs.msg import PoseWithCovarianceStamped
 from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
-from rclpy.publisher import Publisher
 from rclpy.time import Time
 from std_msgs.msg import Header
 from std_srvs.srv import Trigger
-from visualization_msgs.msg import MarkerArray
 
 from retrolidar_ros.detector.parameters import known_markers
 from retrolidar_ros.marker.known_markers import objects_of
-from retrolidar_ros.nodes.conversion import to_header, to_pose_msg, to_transform
+from retrolidar_ros.nodes.conversion import to_pose_msg
 from retrolidar_ros.nodes.diagnostics import WARN, Health, health_of, register_health_check
+from retrolidar_ros.nodes.landmark_topics import OBJECTS, LandmarkTopics
 from retrolidar_ros.nodes.parameters import Parameters, check_frame_id
-from retrolidar_ros.nodes.qos import LATCHED, STREAM, publisher, topic_part, topics_of
+from retrolidar_ros.nodes.qos import STREAM, publisher, topic_part, topics_of
 from retrolidar_ros.nodes.run import run
 from retrolidar_ros.nodes.tf_filter import TransformedDetections
 from retrolidar_ros.nodes.track_topics import SOURCES, Marked
-from retrolidar_ros.nodes.transforms import transform_sender
-from retrolidar_ros.nodes.visualization import landmark_shapes
 from retrolidar_ros.sensor.frame import Floats
 from retrolidar_ros.tasks.backlog import Backlog, Batch
-from retrolidar_ros.tasks.landmarks import Estimate, Landmark
+from retrolidar_ros.tasks.landmarks import Landmark
 from retrolidar_ros.tasks.localization import robot_pose, room_of
 from retrolidar_ros.tasks.reading import Errors, Reading
 from retrolidar_ros.tasks.state import Prior
 from retrolidar_ros.tasks.survey import Survey
 from retrolidar_ros.tasks.survey_files import load_survey, save_survey
 
-# Readings are solved in turns, with a rest as long as each: that takes half a core at most.
-_TURN_S, _MAX_TURN_S = 0.02, 0.01
+# Readings are solved when they come, with a rest as long as it took: half a core at most. What
+# comes meanwhile is solved after it.
+_RETRY_S, _MAX_BUSY_S = 0.02, 0.01
 _SHAPES_S = 1.0
 _MAX_WAIT_S = 0.3  # more is told
 
@@ -70,7 +68,7 @@ class LandmarksNode(Node):
         )
         frame, known = self._load(values['load_file'])
         names = sorted({*known, *objects})
-        self._owners = dict(zip(topics_of('~/objects/', names), names, strict=True))
+        self._owners = dict(zip(topics_of(OBJECTS, names), names, strict=True))
         self._survey = Survey(objects, errors, known)
         self._room = None
         if values['localize']:
@@ -87,14 +85,8 @@ class LandmarksNode(Node):
         elif known and frame != self._fixed:
             raise ValueError(f'load_file: its landmarks are in {frame}, not in {self._fixed}')
         self._known_frame = frame
-        self._poses: dict[str, Publisher] = {}
-        self._blocked: set[str] = set()
-        self._sent: set[str] = set()
-        self._send = transform_sender(self)
-        self._shapes = publisher(self, MarkerArray, '~/marker_array', LATCHED)
-        self._shapes_due = False
         self._backlog = Backlog()
-        self._longest_s = self._next_turn_s = 0.0
+        self._longest_s = self._rest_until_s = 0.0
         self._dropped = 0
         self.create_service(Trigger, '~/save', self._save)
         self.create_service(Trigger, '~/forget', self._forget)
@@ -105,15 +97,24 @@ class LandmarksNode(Node):
             values['source'],
             self._fixed,
             values['patience'],
-            self._take,
+            self._on_reading,
             self._restart,
+        )
+        self._topics = LandmarkTopics(
+            self,
+            self._readings.finder,
+            self._fixed,
+            values['frame_prefix'] + values['child_frame'],
+            values['publish_tf'],
         )
         parameters.warn_of_unknown()
         for estimate in [] if values['localize'] else self._survey.estimates():
-            self._publish(estimate)
+            self._topics.publish(estimate)
         steady = Clock(clock_type=ClockType.STEADY_TIME)
-        self._turn = self.create_timer(_TURN_S, self._solve, clock=steady)
-        self.create_timer(_SHAPES_S, self._publish_shapes, clock=steady)
+        self._retry = self.create_timer(_RETRY_S, self._solve, clock=steady)
+        self.create_timer(
+            _SHAPES_S, lambda: self._topics.publish_shapes(self._survey.estimates()), clock=steady
+        )
 
     def _load(self, path: str) -> tuple[str, dict[str, Prior]]:
         if not path:
@@ -123,8 +124,8 @@ class LandmarksNode(Node):
         except (OSError, ValueError) as error:
             raise ValueError(f'load_file: {path}: {error}') from error
 
-    def _take(self, reading: Reading, message: Marked) -> None:
-        """Let a reading wait for its turn."""
+    def _on_reading(self, reading: Reading, message: Marked) -> None:
+        """Solve a reading, now or later."""
         name = 'room'
         if self._room is None:
             # Each of several sensors may have a name of its own for a marker.
@@ -134,29 +135,32 @@ class LandmarksNode(Node):
         elif not self._room.has(reading.marker):
             return
         self._backlog.add(name, reading, time.monotonic())
-        if self._turn.is_canceled():
-            self._turn.reset()
+        self._solve()
 
     def _solve(self) -> None:
-        """Solve and publish what waits, as far as this turn goes."""
-        if time.monotonic() < self._next_turn_s:
+        """Solve and publish what waits, for as long as it may take at once."""
+        if time.monotonic() < self._rest_until_s:
+            if self._retry.is_canceled():
+                self._retry.reset()
             return
         # Processor time: what others take of a busy machine is no reason for a rest.
         began_s = time.thread_time()
-        while self._backlog and time.thread_time() < began_s + _MAX_TURN_S:
+        while self._backlog and time.thread_time() < began_s + _MAX_BUSY_S:
             batch = self._backlog.pop()
             if self._room is None:
-                self._place(batch)
+                self._update_landmark(batch)
             else:
                 self._localize(self._room, batch)
             self._longest_s = max(self._longest_s, time.monotonic() - batch.since_s)
-        self._next_turn_s = time.monotonic() + time.thread_time() - began_s
+        self._rest_until_s = time.monotonic() + time.thread_time() - began_s
         if not self._backlog:
-            self._turn.cancel()
+            self._retry.cancel()
+        elif self._retry.is_canceled():
+            self._retry.reset()
 
-    def _place(self, batch: Batch) -> None:
+    def _update_landmark(self, batch: Batch) -> None:
         """Publish a landmark with new readings."""
-        topic = '~/objects/' + topic_part(batch.name)
+        topic = OBJECTS + topic_part(batch.name)
         try:
             owner = self._owners.get(topic, batch.name)
             if owner != batch.name:
@@ -169,7 +173,7 @@ class LandmarksNode(Node):
             self._readings.refuse(str(error))
             return
         if estimate is not None:
-            self._publish(estimate)
+            self._topics.publish(estimate)
 
     def _localize(self, room: Landmark, batch: Batch) -> None:
         """Publish the pose of the base at the time of the newest reading."""
@@ -195,43 +199,6 @@ class LandmarksNode(Node):
         elif estimate is not None and (pose := robot_pose(estimate, *found)) is not None:
             header = Header(stamp=stamp.to_msg(), frame_id=self._known_frame)
             self._pose.publish(to_pose_msg(header, *pose))
-
-    def _publish(self, estimate: Estimate) -> None:
-        """Publish a landmark."""
-        name = estimate.name
-        header = to_header(round(max(estimate.stamp_s, 0.0) * 1e9), self._fixed)
-        if name not in self._poses:
-            (topic,) = topics_of('~/objects/', [name])
-            self._poses[name] = self.create_publisher(PoseWithCovarianceStamped, topic, LATCHED)
-            self.get_logger().info(f'{name} is placed, to ±{1e3 * estimate.stddev_m:.0f} mm so far')
-        message = to_pose_msg(header, estimate.position_m, estimate.rotation, estimate.covariance)
-        self._poses[name].publish(message)
-        self._shapes_due = True
-        if self._values['publish_tf']:
-            self._send_transform(name, message)
-
-    def _send_transform(self, name: str, message: PoseWithCovarianceStamped) -> None:
-        frame = self._values['frame_prefix'] + self._values['child_frame']
-        child = frame.replace('{name}', name)
-        if child in self._blocked:
-            return
-        if child not in self._sent and self._readings.finder.knows(child):
-            self._blocked.add(child)
-            self.get_logger().warning(
-                f'{child} has a parent in TF already, so it is not sent; set child_frame, or '
-                'publish_tf of the detector to false'
-            )
-            return
-        self._sent.add(child)
-        self._send([to_transform(message.header, child, message.pose.pose)])
-
-    def _publish_shapes(self) -> None:
-        """Publish all landmarks at once, now and then."""
-        if self._shapes_due:
-            self._shapes_due = False
-            header = Header(stamp=self.get_clock().now().to_msg(), frame_id=self._fixed)
-            shapes = landmark_shapes(header, self._survey.estimates())
-            self._shapes.publish(MarkerArray(markers=shapes))
 
     def _save(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         path = self._values['save_file']
@@ -261,7 +228,7 @@ class LandmarksNode(Node):
         self._survey.restart()
         if self._room is not None:
             self._room.restart()
-        self._shapes_due = True
+        self._topics.change()
 
     def _examine(self) -> Health:
         values = {}

@@ -13,6 +13,11 @@ from rclpy.publisher import Publisher
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.qos_overriding_options import QoSOverridingOptions
 
+try:
+    from rclpy.event_handler import PublisherEventCallbacks
+except ImportError:  # before Iron
+    from rclpy.qos_event import PublisherEventCallbacks
+
 STREAM = QoSProfile(depth=10, reliability=ReliabilityPolicy.RELIABLE)
 """What a sensor sends: reliable, so that subscribers of either kind connect."""
 FRAME_QOS = QoSProfile(depth=1000, reliability=ReliabilityPolicy.RELIABLE)
@@ -27,6 +32,16 @@ _OVERRIDABLE = QoSOverridingOptions.with_default_policies()
 def publisher(node: Node, kind: type[Any], topic: str, qos: QoSProfile) -> Publisher:
     """Return a publisher; parameters may set its history, depth and reliability."""
     return node.create_publisher(kind, topic, qos, qos_overriding_options=_OVERRIDABLE)
+
+
+def latched(node: Node, kind: type[Any], topic: str) -> Publisher:
+    """Return a publisher of a latched topic.
+
+    No subscriber requests more than it offers, so it waits for no incompatible one: an executor
+    looks through all such events with each message, and some nodes have hundreds of these topics.
+    """
+    silent = PublisherEventCallbacks(use_default_callbacks=False)
+    return node.create_publisher(kind, topic, LATCHED, event_callbacks=silent)
 
 
 def subscribe(

@@ -62,7 +62,9 @@ def position_at(marker: Marker, time_s: Floats) -> Floats:
     return position
 
 
-erf = np.vectorize(math.erf, otypes=[np.float64])
+def erf(values: Floats) -> Floats:
+    """Return the error function of values; `numpy.vectorize` takes twice as long."""
+    return np.array([math.erf(one) for one in values.ravel().tolist()]).reshape(values.shape)
 """The error function, of any shape: numpy has none."""
 
 

@@ -135,7 +135,7 @@ class Problem:
         """Return how far readings are from an estimate that they are no part of, shape (n, 3)."""
         jacobian, residual = self._linearised(fit.state)
         whole, soft = self._variances(fit.state, 0 * residual[:, 0], fit.covariance)
-        known = np.einsum('nck,kl,ncl->nc', jacobian, fit.covariance, jacobian)
+        known = _variance_of(jacobian, fit.covariance)
         return self._scores(residual, np.diag(whole) + known[:, 0], soft + known[:, 1:])
 
     def spread(self, fit: Fit) -> Floats:
@@ -178,7 +178,7 @@ class Problem:
             information, slope = self._equations(state, jacobian, residual, weight)
             aside, per_state = residual[:, 1:], jacobian[:, 1:]
             information += _outer(per_state, sure)
-            slope += np.einsum('nck,nc->k', per_state, sure * (aside - middle))
+            slope += np.tensordot(sure * (aside - middle), per_state)
             before, spread = spread, self._inverse(information)
             step = spread @ slope * self._free
             largest = float(np.abs(step).max())
@@ -193,7 +193,7 @@ class Problem:
             if largest < _SMALL_STEP and is_known:
                 break
             mean = per_state @ step - aside
-            variance = np.einsum('nck,kl,ncl->nc', per_state, spread, per_state)
+            variance = _variance_of(per_state, spread)
             alike = same_boxes(per_state, spread, mean, half)
             fresh, shift = match_boxes(mean, variance, alike * sure, -middle, half, soft)
             fresh /= alike
@@ -203,7 +203,7 @@ class Problem:
         jacobian, residual = self._linearised(state)
         chi2 = float(residual[:, 0] @ weight @ residual[:, 0])
         scale = (_FREEDOM + chi2) / (_FREEDOM + max(len(residual) - 3, 0))
-        known = np.einsum('nk,kl,nl->n', jacobian[:, 0], spread, jacobian[:, 0])
+        known = _variance_of(jacobian[:, 0], spread)
         # As if it were no outlier, or none would be.
         usual = np.diag(self._variances(state, 0 * seen.range_m, spread)[0])
         own = np.maximum(usual - known, 0.2 * usual)
@@ -259,7 +259,7 @@ class Problem:
         range_m = np.maximum(np.linalg.norm(sight, axis=1), 1e-3)
         unit = sight / range_m[:, None]
         axes = self.seen.axes
-        aside = np.einsum('nck,nk->nc', axes, unit)
+        aside = (axes @ unit[..., None])[..., 0]
         residual = np.column_stack([self.seen.range_m - range_m, -aside])
         per_place = np.empty((len(range_m), 3, 3))
         per_place[:, 0] = unit
@@ -277,12 +277,15 @@ class Problem:
         doubt = state.rotation @ self._doubt @ state.rotation.T
         whole = self.seen.range_covariance(sight, doubt, self._before_s, self.errors)
         # Spheres bend away from the planes that they are taken for, as far as a place is open.
+        # With S the covariance of the place and P the projection across a direction u, that is
+        # sqrt(tr(PS)² + 2 tr(PSPS)) / 2r.
+        place_m2 = spread[:3, :3]
         unit = sight / range_m[:, None]
-        across = np.eye(3) - unit[:, :, None] * unit[:, None]
-        open_m2 = across @ spread[:3, :3] @ across
-        trace = np.trace(open_m2, axis1=1, axis2=2)
-        square = np.einsum('nij,nji->n', open_m2, open_m2)
-        bend = np.sqrt(trace**2 + 2 * square) / (2 * range_m)
+        seen = unit @ place_m2
+        along, aslant = (seen * unit).sum(axis=1), (seen * seen).sum(axis=1)
+        square = (place_m2 * place_m2).sum() - 2 * aslant + along**2
+        trace = np.trace(place_m2) - along
+        bend = np.sqrt(np.maximum(trace**2 + 2 * square, 0.0)) / (2 * range_m)
         whole += np.outer(bend, bend)
         excess = np.maximum(residual**2 / np.diag(whole) - 1, 0.0) / (_FREEDOM + 1)
         whole += np.diag(excess * self.seen.range_stddev_m**2)
@@ -299,8 +302,15 @@ def _between(one: State, other: State) -> Floats:
 
 def _outer(jacobian: Floats, sure: Floats) -> Floats:
     """Return the information, shape (9, 9), of directions known with weights, shape (n, 2)."""
-    information: Floats = np.einsum('nck,nc,ncl->kl', jacobian, sure, jacobian)
+    rows = jacobian.reshape(-1, jacobian.shape[-1])
+    information: Floats = (rows * sure.reshape(-1, 1)).T @ rows
     return information
+
+
+def _variance_of(jacobian: Floats, covariance: Floats) -> Floats:
+    """Return the variances, shape (...), of what depends on a state by a jacobian (..., k)."""
+    variance: Floats = ((jacobian @ covariance) * jacobian).sum(axis=-1)
+    return variance
 
 
 def _quarter_turns() -> list[Floats]:

@@ -43,8 +43,15 @@ class Reading(NamedTuple):
 def axes_of(direction: Floats) -> Floats:
     """Return two unit vectors across each direction (..., 3), the first near x: (..., 2, 3)."""
     across = np.array([1.0, 0.0, 0.0]) - direction[..., :1] * direction
-    across /= np.linalg.norm(across, axis=-1, keepdims=True)
-    return np.stack([across, np.cross(direction, across)], axis=-2)
+    across /= np.sqrt((across * across).sum(axis=-1, keepdims=True))
+    axes: Floats = np.empty((*direction.shape[:-1], 2, 3))
+    axes[..., 0, :] = across
+    # Their cross product; that of numpy takes as long as all else.
+    later, sooner = (1, 2, 0), (2, 0, 1)
+    axes[..., 1, :] = (
+        direction[..., later] * across[..., sooner] - direction[..., sooner] * across[..., later]
+    )
+    return axes
 
 
 def reading(
@@ -83,7 +90,7 @@ def reading(
         raise ValueError(f'the transform of the sensor is no pose: {sensor}')
     direction = position_m / length_m
     axes = axes_of(direction)
-    variance = np.einsum('ki,ij,kj->k', axes, covariance, axes) / length_m**2
+    variance = ((axes @ covariance) * axes).sum(axis=1) / length_m**2
     spread = np.sqrt(np.maximum(variance, 1e-8))
     return Reading(marker, sensor, stamp_s, range_m, range_stddev_m, direction, spread, pose)
 
@@ -161,8 +168,10 @@ class Readings:
         crowded = (other & close & (self._one_pose > 0.5)).any(axis=1)
         variance += (_CROWDED_M / _DISTRUST) ** 2 * crowded
         above = np.maximum(variance - usual**2, 0.0)
-        self._own_m2 = (1 - _SHARED) * np.minimum(variance, usual**2) + _SHARED * above
-        self._shared_m = np.sqrt(_SHARED * usual**2 + _DISTRUST**2 * above)
+        own_m2 = (1 - _SHARED) * np.minimum(variance, usual**2) + _SHARED * above
+        shared_m = np.sqrt(_SHARED * usual**2 + _DISTRUST**2 * above)
+        # Covariance of those errors that do not depend on where the marker is.
+        self._anywhere_m2 = np.outer(shared_m, shared_m) * self._one_view + np.diag(own_m2)
 
     def range_covariance(
         self, sight_m: Floats, place_variance: Floats, before_s: Floats, errors: Errors
@@ -183,11 +192,11 @@ class Readings:
         unit = sight_m / np.linalg.norm(sight_m, axis=1)[:, None]
         alike = unit @ unit.T
         result: Floats = errors.pose_m**2 * self._one_pose * alike
-        result += errors.range_bias_m**2 * self._one_sensor
-        result += np.outer(self._shared_m, self._shared_m) * self._one_view
-        result += np.diag(self._own_m2 + errors.range_m**2)
-        same = self.marker[:, None] == self.marker
-        result += np.einsum('ik,ikl,jl->ij', unit, place_variance, unit) * same
+        result += errors.range_bias_m**2 * self._one_sensor + self._anywhere_m2
+        result.flat[:: len(result) + 1] += errors.range_m**2
+        if place_variance.any():
+            doubt = (unit[:, None] @ place_variance)[:, 0] @ unit.T
+            result += doubt * (self.marker[:, None] == self.marker)
         if errors.acceleration:
             result += errors.acceleration**2 * _wandered(before_s) * alike
         return result
@@ -196,8 +205,11 @@ class Readings:
         self, range_m: Floats, place_variance: Floats, before_s: Floats, errors: Errors
     ) -> Floats:
         """Return the variance of boxes' edges, shape (n, 2) [rad²]; see `range_covariance`."""
-        along = errors.pose_m**2 + errors.acceleration**2 * np.diag(_wandered(before_s))
-        across = np.einsum('nck,nkl,ncl->nc', self.axes, place_variance, self.axes) + along[:, None]
+        across: Floats = np.full((len(range_m), 2), errors.pose_m**2)
+        if errors.acceleration:
+            across += errors.acceleration**2 * np.diag(_wandered(before_s))[:, None]
+        if place_variance.any():
+            across += ((self.axes @ place_variance) * self.axes).sum(axis=-1)
         variance: Floats = errors.edge_rad**2 + errors.turn_rad**2 + across / range_m[:, None] ** 2
         return variance
 

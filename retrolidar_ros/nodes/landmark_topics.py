@@ -1,0 +1,85 @@
+# Copyright 2026 retrolidar_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""The topics of landmarks: a pose for each, its transform, and shapes of all."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from geometry_msgs.msg import PoseWithCovarianceStamped
+from rclpy.node import Node
+from rclpy.publisher import Publisher
+from std_msgs.msg import Header
+from visualization_msgs.msg import MarkerArray
+
+from retrolidar_ros.nodes.conversion import to_header, to_pose_msg, to_transform
+from retrolidar_ros.nodes.qos import LATCHED, latched, publisher, topics_of
+from retrolidar_ros.nodes.transforms import TransformFinder, transform_sender
+from retrolidar_ros.nodes.visualization import landmark_shapes
+from retrolidar_ros.tasks.landmarks import Estimate
+
+OBJECTS = '~/objects/'
+"""Prefix of the topics of poses."""
+
+
+class LandmarkTopics:
+    """Publishes landmarks in a fixed frame."""
+
+    def __init__(
+        self, node: Node, finder: TransformFinder, fixed_frame: str, child_frame: str, send: bool
+    ) -> None:
+        """Make the publishers; `send` transforms to `child_frame`, with a name for its {name}."""
+        self._node = node
+        self._finder = finder
+        self._fixed = fixed_frame
+        self._child_frame = child_frame
+        self._poses: dict[str, Publisher] = {}
+        self._blocked: set[str] = set()
+        self._sent: set[str] = set()
+        self._send = transform_sender(node) if send else None
+        self._shapes = publisher(node, MarkerArray, '~/marker_array', LATCHED)
+        self._shapes_due = False
+
+    def publish(self, estimate: Estimate) -> None:
+        """Publish the pose of a landmark, and its transform."""
+        name = estimate.name
+        header = to_header(round(max(estimate.stamp_s, 0.0) * 1e9), self._fixed)
+        if name not in self._poses:
+            (topic,) = topics_of(OBJECTS, [name])
+            self._poses[name] = latched(self._node, PoseWithCovarianceStamped, topic)
+            deviation_mm = 1e3 * estimate.stddev_m
+            self._node.get_logger().info(f'{name} is placed, to ±{deviation_mm:.0f} mm so far')
+        message = to_pose_msg(header, estimate.position_m, estimate.rotation, estimate.covariance)
+        self._poses[name].publish(message)
+        self._shapes_due = True
+        if self._send is not None and self._is_ours(child := self._child_frame_of(name)):
+            self._send([to_transform(message.header, child, message.pose.pose)])
+
+    def change(self) -> None:
+        """Take note that landmarks have changed that are not published."""
+        self._shapes_due = True
+
+    def publish_shapes(self, estimates: Sequence[Estimate]) -> None:
+        """Publish the shapes of all landmarks if any has changed, and somebody listens."""
+        if self._shapes_due and self._shapes.get_subscription_count():
+            self._shapes_due = False
+            stamp = self._node.get_clock().now().to_msg()
+            shapes = landmark_shapes(Header(stamp=stamp, frame_id=self._fixed), estimates)
+            self._shapes.publish(MarkerArray(markers=shapes))
+
+    def _child_frame_of(self, name: str) -> str:
+        return self._child_frame.replace('{name}', name)
+
+    def _is_ours(self, child: str) -> bool:
+        """Return whether a frame has no other parent in TF than this node gives it."""
+        if child in self._blocked:
+            return False
+        if child not in self._sent and self._finder.knows(child):
+            self._blocked.add(child)
+            self._node.get_logger().warning(
+                f'{child} has a parent in TF already, so it is not sent; set child_frame, or '
+                'publish_tf of the detector to false'
+            )
+            return False
+        self._sent.add(child)
+        return True
