@@ -130,7 +130,11 @@ class DetectionTopics:
             )
 
     def shared_frames(self) -> str:
-        """Say which TF frames others send, too; empty if they send none."""
+        """Say which TF frames others send, too; empty if they send none.
+
+        Call it about once a second.
+        """
+        self._watch.listen()
         return self._send_transforms.problem() if self._send_transforms is not None else ''
 
     def _draw(self, messages: Sequence[Marked]) -> None:

@@ -4,12 +4,12 @@
 
 from __future__ import annotations
 
+import time
 from collections import deque
 from collections.abc import Callable
 from threading import Lock
 
 from geometry_msgs.msg import TransformStamped
-from rclpy.clock import Clock, ClockType
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.subscription import Subscription
@@ -17,7 +17,7 @@ from tf2_msgs.msg import TFMessage
 
 from retrolidar_ros.nodes.conversion import to_ns
 
-_PERIOD_S = 1.0
+_PERIOD_S = 0.9
 _LISTENING, _PAUSE = 5, 25  # periods: all of a robot's TF costs more than the detector
 _DEPTH = 1000
 _KEPT = 512
@@ -36,15 +36,22 @@ class TransformWatch:
         self._executor = SingleThreadedExecutor(context=node.context)
         self._subscription: Subscription | None = None
         self._periods = self._messages = 0
-        node.create_timer(_PERIOD_S, self._watch, clock=Clock(clock_type=ClockType.STEADY_TIME))
+        self._next_s = 0.0
 
     def watched(self, send: Send) -> WatchedSender:
         """Return a function that sends transforms, and is watched."""
         self._senders.append(WatchedSender(send))
         return self._senders[-1]
 
-    def _watch(self) -> None:
-        """Begin or end listening, or process what has come."""
+    def listen(self) -> None:
+        """Begin or end listening, or process what has come; call it about once a second.
+
+        It has no timer, for an executor looks through all that its nodes have whenever one is due,
+        which in a process of many sensors takes ten milliseconds.
+        """
+        if (now_s := time.monotonic()) < self._next_s:
+            return
+        self._next_s = now_s + _PERIOD_S
         phase = self._periods % (_LISTENING + _PAUSE)
         self._periods += bool(self._senders)
         if phase == _LISTENING and self._listener is not None and self._subscription is not None:
@@ -61,11 +68,7 @@ class TransformWatch:
                 self._executor.spin_once(timeout_sec=0)
 
     def _own_node(self) -> Node:
-        """Return a hidden node for the subscription.
-
-        An executor looks through all that its nodes have for each message, which in a process of
-        many sensors takes ten milliseconds.
-        """
+        """Return a hidden node for the subscription, which the executor of others never sees."""
         if self._listener is None:
             name, space = f'_{self._node.get_name()}_tf', self._node.get_namespace()
             self._listener = Node(

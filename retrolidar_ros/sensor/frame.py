@@ -173,6 +173,16 @@ class Recording:
             status=_stacked([frame.status for frame in frames]),
         )
 
+    def followed_by(self, frames: list[Frame], count: int) -> Recording:
+        """Return the last frames of this recording and more, so many at most."""
+        more = vars(Recording.of(frames))
+        arrays = {
+            name: np.concatenate([value, more[name]])[-count:]
+            for name, value in vars(self).items()
+            if name != 'grid'
+        }
+        return replace(self, **arrays)
+
     def newest(self, count: int) -> Recording:
         """Return the last frames, so many at most."""
         arrays = {name: value[-count:] for name, value in vars(self).items() if name != 'grid'}

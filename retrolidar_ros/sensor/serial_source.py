@@ -135,7 +135,7 @@ class SerialSource:
         # Not line.read: it takes the first byte by itself, so a frame would cost twice the calls.
         waiting = select.poll()
         waiting.register(line.fileno(), select.POLLIN)
-        reported = ''
+        reported: Identity | None = None
         while not stop.is_set():
             data = b''
             if waiting.poll(1e3 * _READ_TIMEOUT_S):
@@ -146,9 +146,10 @@ class SerialSource:
             self.received += len(data)
             if frames := self.reader.feed(data):
                 take(frames, arrival_ns)
-            if (who := self.identity) is not None and who.text() != reported:
-                reported = who.text()
-                report(f'{self.port}: {reported}')
+            if (who := self.identity) is not None and who is not reported:
+                if reported is None or who.text() != reported.text():
+                    report(f'{self.port}: {who.text()}')
+                reported = who
             if request := self.reader.request():
                 line.write(request)
 

@@ -122,13 +122,14 @@ def _decode_frame(content: bytes) -> Frame:
         raise ValueError(f'a frame of {rows}x{columns} zones in {len(content)} bytes')
     values = np.empty((3, rows * columns), dtype=np.float32)
     status = np.empty(rows * columns, dtype=np.uint8)
-    distance, signal, ambient = values
+    floats = ffi.from_buffer('float[]', values)
     lib.rl_wire_zones(
         ffi.from_buffer('uint8_t[]', content) + _HEADER.size,
         rows,
-        *(ffi.from_buffer('float[]', array) for array in (distance, signal, ambient)),
+        *(floats + first for first in range(0, values.size, len(status))),
         ffi.from_buffer('uint8_t[]', status),
     )
+    distance, signal, ambient = values
     return Frame(
         stamp_ns=sensor_time_us * 1000,
         sequence=sequence,
