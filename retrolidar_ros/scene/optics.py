@@ -63,9 +63,9 @@ def position_at(marker: Marker, time_s: Floats) -> Floats:
 
 
 def erf(values: Floats) -> Floats:
-    """Return the error function of values; `numpy.vectorize` takes twice as long."""
+    """Return the error function, which numpy has not, of values of any shape."""
+    # numpy.vectorize takes twice as long.
     return np.array([math.erf(one) for one in values.ravel().tolist()]).reshape(values.shape)
-"""The error function, of any shape: numpy has none."""
 
 
 def _ramp(distance: Floats, sigma: Floats | float) -> Floats:

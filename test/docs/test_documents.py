@@ -253,8 +253,8 @@ def test_every_launch_argument(path: Path, monkeypatch: pytest.MonkeyPatch) -> N
 def test_every_topic() -> None:
     published = set()
     for path in NODES:
-        for call in calls(path, 'create_publisher', 'publisher'):
-            name = call.args[2 if ast.unparse(call.func) == 'publisher' else 1]
+        for call in calls(path, 'create_publisher', 'publisher', 'latched'):
+            name = call.args[2 if ast.unparse(call.func) in ('publisher', 'latched') else 1]
             first = name.values[0] if isinstance(name, ast.JoinedStr) else name
             if isinstance(first, ast.Constant):
                 published.add(str(first.value).strip('~/'))

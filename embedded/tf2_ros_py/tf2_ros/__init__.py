@@ -27,6 +27,7 @@ from retrolidar_ros.sensor.frame import Floats
 from retrolidar_ros.sensor.rotation import matrix_of, quaternion_of
 
 _Add = Callable[[TransformStamped, str], None]
+_UNIT = 0.01
 _KEPT_NS = 10_000_000_000
 _MAX_FRAMES = 100  # from a frame to its root: a ring of frames has none
 
@@ -83,18 +84,19 @@ class Buffer:
         self._links = {child: self._links[child] for child in self._static}
 
     def set_transform(self, transform: TransformStamped, authority: str) -> None:
-        """Add a transform that holds at its stamp."""
+        """Add a transform that holds at its stamp, if it is one."""
         child, link = transform.child_frame_id, _link(transform)
-        if child not in self._static:
+        if child not in self._static and _is_pose(link):
             links = self._links.setdefault(child, [])
             insort(links, link, key=_stamp)
             while links[0].stamp_ns < links[-1].stamp_ns - _KEPT_NS:
                 links.pop(0)
 
     def set_transform_static(self, transform: TransformStamped, authority: str) -> None:
-        """Add a transform that holds always."""
-        self._static.add(transform.child_frame_id)
-        self._links[transform.child_frame_id] = [_link(transform)]
+        """Add a transform that holds always, if it is one."""
+        if _is_pose(link := _link(transform)):
+            self._static.add(transform.child_frame_id)
+            self._links[transform.child_frame_id] = [link]
 
     def all_frames_as_yaml(self) -> str:
         """Return the frames that have a parent, a line each."""
@@ -156,6 +158,12 @@ class Buffer:
             (1 - share) * old.translation_m + share * new.translation_m,
             (1 - share) * old.quaternion + share * sign * new.quaternion,
         )
+
+
+def _is_pose(link: _Link) -> bool:
+    """Return whether all are numbers, and the quaternion is of length 1, as tf2 demands."""
+    length = float(link.quaternion @ link.quaternion)
+    return bool(np.isfinite(link.translation_m).all() and abs(length - 1) < _UNIT)
 
 
 def _link(transform: TransformStamped) -> _Link:
