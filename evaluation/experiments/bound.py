@@ -86,14 +86,6 @@ def _genie(sent: Sequence[Sent], signal: float) -> Rate:
     return rate(int(np.sum(right)), int(np.size(right)))
 
 
-def genie_reach(seed: int, *, quick: bool) -> float | None:
-    """Return to where the genie names four of five words rightly [m], of the frames of `run`."""
-    recordings = 1 if quick else _GENIE_RECORDINGS
-    sent = [lone_packets(at, seed, recordings) for at in RANGES_M]
-    rates = [_genie(one, signal_at(at)) for at, one in zip(RANGES_M, sent, strict=True)]
-    return crossing(LEVEL, RANGES_M, rates)['at']
-
-
 def run(rng: np.random.Generator, *, quick: bool) -> dict[str, Any]:
     """Return how often each receiver names the right ID, over distance."""
     seed, ranges_m = int(rng.integers(2**31)), RANGES_M[::3] if quick else RANGES_M

@@ -8,6 +8,7 @@ file: hours and false IDs by the revision of the core, the seed, and the disturb
 
 import hashlib
 import json
+import time
 from collections.abc import Iterator
 from concurrent.futures import ProcessPoolExecutor
 from multiprocessing import get_context
@@ -47,14 +48,16 @@ def _turns() -> list[tuple[str, int]]:
     return [(name, turn) for name in MEMBERS for turn in range(times[name])]
 
 
-def _count(job: tuple[str, int, int, int, float]) -> int:
-    """Return the false IDs of a member's turn in a round."""
+def _count(job: tuple[str, int, int, int, float]) -> tuple[int, float]:
+    """Return the false IDs of a member's turn in a round, and what they took of a core [s]."""
     name, turn, seed, number, hours = job
+    began_s = time.process_time()
     (index,) = (place for place, member in enumerate(FAMILY) if member.name == name)
     rng = np.random.default_rng([seed, index, number, turn])
     detector = create_detector('joint', SENSOR.grid)
     blocks = FAMILY[index].blocks(3600 * hours, rng)
-    return sum(len(detector.update_all(block)) for block in blocks)
+    events = sum(len(detector.update_all(block)) for block in blocks)
+    return events, time.process_time() - began_s
 
 
 def _rows(figures: dict[str, Any]) -> list[dict[str, Any]]:
@@ -85,14 +88,18 @@ def extend(
             }
             number = rows[seed, MEMBERS[0]]['rounds'] if (seed, MEMBERS[0]) in rows else 0
             jobs = [(*turn, seed, number, turn_h) for turn in turns]
-            for (name, _), events in zip(turns, pool.map(_count, jobs), strict=True):
+            for (name, _), (events, cpu_s) in zip(turns, pool.map(_count, jobs), strict=True):
                 none = {'revision': own, 'seed': seed, 'member': name, 'rounds': number}
-                row = rows.setdefault((seed, name), none | {'hours': 0.0, 'events': 0})
+                row = rows.setdefault(
+                    (seed, name), none | {'hours': 0.0, 'events': 0, 'cpu_s': 0.0}
+                )
                 row['rounds'] = number + 1
                 row['hours'] += turn_h
                 row['events'] += events
+                row['cpu_s'] = round(row['cpu_s'] + cpu_s, 1)
             figures = {'rows': [*kept, *rows.values()]}
-            write_figures(path, figures, seed=seed, quick=turn_h < TURN_H, cpu_s=0.0)
+            spent_s = round(sum(row['cpu_s'] for row in _rows(figures)), 1)
+            write_figures(path, figures, seed=seed, quick=turn_h < TURN_H, cpu_s=spent_s)
             yield f'{total(figures)["hours"]:g} h: {per_hour(total(figures))} an hour'
 
 

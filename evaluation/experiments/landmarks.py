@@ -37,7 +37,7 @@ _REACH_M, _READY_M, _READY_S = 0.5, 0.01, 12.0
 """A hand that is to place all objects goes so far, until they are so well known, in such a time."""
 _TAG_SIDE_M = 0.4
 LIDAR = 'LiDAR marker'
-_TRIALS, _QUICK_TRIALS = 30, 3  # of a hand that looks until all is known; others are dearer
+_TRIALS, _QUICK_TRIALS = 20, 1  # of a hand that looks until all is known; others are dearer
 _RARE = 16.266  # 99.9 % of a normal distribution in three dimensions
 _POSE_M, _WRONG, _LATE = 0.002, 0.05, 0.10
 
@@ -148,7 +148,7 @@ def _drone(sensors: int, trials: int, rng: np.random.Generator) -> dict[str, Any
 def run(rng: np.random.Generator, *, quick: bool) -> dict[str, Any]:
     """Return errors, times and coverage."""
     trials = _QUICK_TRIALS if quick else _TRIALS
-    fewer = 2 if quick else 8
+    fewer = 1 if quick else 6
     world = load_scene('coffee')
     ready_s = [hand.ready_s(world, _READY_M, _REACH_M, rng) for _ in range(trials)]
     tilts = [tilt_trial(math.radians(15), rng) for _ in range(fewer)]

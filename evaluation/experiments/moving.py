@@ -110,7 +110,7 @@ def _followed(
 
 def run(rng: np.random.Generator, *, quick: bool) -> dict[str, Any]:
     """Return shares of packets read and errors of place, by way, distance and speed."""
-    speeds, runs = ((0.0, 0.2), 1) if quick else (_SPEEDS_M_S, 12)
+    speeds, runs = ((0.0, 0.2), 1) if quick else (_SPEEDS_M_S, 8)
     curves = []
     for (name, way), range_m in itertools.product(WAYS.items(), RANGES_M):
         followed = [_followed(way, speed, range_m, runs, rng) for speed in speeds]

@@ -83,7 +83,7 @@ def run(rng: np.random.Generator, *, quick: bool) -> dict[str, Any]:
     seed = int(rng.integers(2**31))
     readers, missing = visual_markers.find_readers()
     background = Background(rng)
-    pictures, stride = (_QUICK_PICTURES, 3) if quick else (_PICTURES, 1)
+    pictures, stride = (_QUICK_PICTURES, 5) if quick else (_PICTURES, 1)
     sweeps, read = {}, cache(partial(_lidar, quick=quick, seed=seed))
     for name, (axis, places, what, make) in _SWEEPS.items():
         places = places[::stride]

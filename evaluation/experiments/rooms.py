@@ -14,7 +14,7 @@ from evaluation.report.chart_style import WRONG_COLOUR, new_chart
 from evaluation.report.claims import NOTHING, Table
 
 TITLE = 'Random rooms'
-ROOMS, QUICK_ROOMS = 400, 8
+ROOMS, QUICK_ROOMS = 300, 8
 _DARK = 0.55  # a share from which the map is dark
 _BOLD = {'fontsize': 13, 'fontweight': 'bold'}
 _SHORT_DB = (f'< {BRIGHT_DB[0]:g}', f'to {BRIGHT_DB[1]:g}', f'> {BRIGHT_DB[1]:g}')

@@ -57,21 +57,22 @@ def load(directory: Path, names: Iterable[str] = EXPERIMENTS) -> dict[str, dict[
 
 
 def _run(report: Report) -> str:
-    kinds = set()
+    kinds: dict[str, set[int]] = {}
     for figures in report.values():
         run = figures['run']
         versions = ', '.join(f'{name} {of}' for name, of in run['versions'].items() if of)
-        kinds.add(
+        kind = (
             f'{run["processor"]} ({run["cores"]} cores), {run["system"]} {run["machine"]}, '
-            f'Python {run["python"]}, {versions}, seed {run["seed"]}'
+            f'Python {run["python"]}, {versions}'
         )
+        kinds.setdefault(kind, set()).add(run['seed'])
+    seeds = {kind: ' and '.join(map(str, sorted(own))) for kind, own in kinds.items()}
+    where = '; and on '.join(sorted(f'{kind}, seed {own}' for kind, own in seeds.items()))
     minutes = sum(figures['run']['cpu_s'] for figures in report.values()) / 60
     rough = any(figures['run']['quick'] for figures in report.values())
     return (
-        ('**A quick run: few trials, rough figures.** ' if rough else '')
-        + f'Measured on {"; and on ".join(sorted(kinds))}. All experiments took {minutes:.0f} '
-        'minutes of a core.'
-    )
+        '**A quick run: few trials, rough figures.** ' if rough else ''
+    ) + f'Measured on {where}. All experiments took {minutes:.0f} minutes of a core.'
 
 
 def filled(text: str, report: Report) -> str:
