@@ -36,7 +36,7 @@ TINY: dict[str, dict[str, Any]] = {
     'experiments.coffee': {'_QUICK_TRIALS': 1},
     'experiments.drone': {'QUICK_DURATION_S': 11.0},
     'experiments.laboratory': {
-        'LABORATORY': [replace(one, values=one.values[:3]) for one in LABORATORY]
+        'LABORATORY': [replace(one, values=one.values[:4]) for one in LABORATORY]
     },
     'experiments.landmarks': {'_QUICK_TRIALS': 1, '_SIDES_M': (0.2, 0.4)},
     'experiments.moving': {'DURATION_S': 4.0},
