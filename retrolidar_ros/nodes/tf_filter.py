@@ -20,14 +20,12 @@ from retrolidar_ros.nodes.diagnostics import WARN
 from retrolidar_ros.nodes.track_topics import Marked
 from retrolidar_ros.nodes.transforms import TransformFinder
 from retrolidar_ros.tasks.reading import Reading, SensorPose, reading
+from retrolidar_ros.tasks.resting import NEW, Resting
 
 _TICK_S = 0.1
 _MAX_WAITING = 1000
 # A clock that is set, or a replay that begins again; less is a clock that is kept in step.
 _JUMP = Duration(seconds=1.0)
-# Errors of a track are alike for about so long; a marker slower than this is at rest.
-_ALIKE_S = 1.0
-_REST_M_S = 0.02
 
 
 class TransformedDetections:
@@ -56,7 +54,7 @@ class TransformedDetections:
         self._restart = restart
         self._ticked = node.get_clock().now()
         self._waiting: deque[tuple[Marked, Time]] = deque()
-        self._taken_ns: dict[tuple[str, str], int] = {}
+        self._resting = Resting()
         self._dropped = self._told = 0
         self._reason = ''
         self._subscriber = DetectionSubscriber(node, topics, source, self._take)
@@ -76,20 +74,16 @@ class TransformedDetections:
         """Count and tell a reading that cannot be."""
         self._subscriber.refuse(reason)
 
-    def _is_news(self, message: MarkerTrack) -> bool:
-        """Return whether a marker is at rest, and its track's errors differ from the last time."""
+    def _is_due(self, message: MarkerTrack) -> bool:
+        """Return whether a track is to be taken as a reading."""
         key = (message.header.frame_id, message.child_frame_id)
-        stamp_ns = to_ns(message.header.stamp)
-        age_s = 1e-9 * abs(stamp_ns - self._taken_ns.get(key, to_ns(message.first)))
-        speed = np.linalg.norm(vector_of(message.twist.twist.linear))
-        if age_s < _ALIKE_S or not speed < _REST_M_S:
-            return False
-        self._taken_ns[key] = stamp_ns
-        return True
+        stamp_s, first_s = 1e-9 * to_ns(message.header.stamp), 1e-9 * to_ns(message.first)
+        speed = float(np.linalg.norm(vector_of(message.twist.twist.linear)))
+        return self._resting.is_due(key, stamp_s, first_s, speed)
 
     def _take(self, message: Marked) -> None:
         self._look_at_clock()
-        if isinstance(message, MarkerTrack) and not self._is_news(message):
+        if isinstance(message, MarkerTrack) and not self._is_due(message):
             return
         if self._place(message):
             return
@@ -130,7 +124,7 @@ class TransformedDetections:
                 sensor,
                 stamp.nanoseconds * 1e-9,
                 message.range,
-                message.range_stddev,
+                message.range_stddev * (NEW if isinstance(message, MarkerTrack) else 1.0),
                 vector_of(message.pose.pose.position),
                 covariance_of(message.pose)[:3, :3],
                 SensorPose(*found),
