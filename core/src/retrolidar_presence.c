@@ -16,8 +16,8 @@ static const double OFFSET = 0.05, SHARE = 0.15;
 static const double ANYTHING = 0.01, EDGES = 0.25;
 /* Other light may be so many times as bright. */
 static const double MOST_MORE = 2.0;
-/* Gone after so long unseen, in which dark bits count a part [s]. */
-static const double GONE_S = 0.36, GONE_STEP_S = 0.05, DARK_PART = 0.6;
+/* Gone after so many bits unseen, of which dark ones count a part: the experiment `track-ends`. */
+static const double GONE_BITS = 8.5, GONE_STEP_BITS = 1.2, DARK_PART = 0.6;
 static const double BRIGHT_LIGHT = 0.5, SEEN = 4.0; /* [nats] */
 static const double LEAST_CHANCE = 1e-9, MOST_STEP_S = 0.1;
 
@@ -31,9 +31,9 @@ void rl_presence_start(struct rl_presence *presence, double chance)
 
 void rl_presence_restart(struct rl_presence *presence, double chance)
 {
-    const double unseen_s = presence->unseen_s;
+    const double unseen_bits = presence->unseen_bits;
     rl_presence_start(presence, chance);
-    presence->unseen_s = unseen_s;
+    presence->unseen_bits = unseen_bits;
 }
 
 static double density(double value, double mean, double variance)
@@ -99,14 +99,15 @@ int rl_presence_update(struct rl_presence *presence, const struct rl_glance *gla
 {
     int seen = 0;
     change(presence->chance, glance);
-    presence->unseen_s += glance->step_s * (glance->light > BRIGHT_LIGHT ? 1.0 : DARK_PART);
+    presence->unseen_bits +=
+        glance->step_s / glance->bit_s * (glance->light > BRIGHT_LIGHT ? 1.0 : DARK_PART);
     if (isfinite(glance->variance)) {
         weigh(presence->chance, glance);
         seen = see(presence, glance);
-        presence->unseen_s = seen ? 0.0 : presence->unseen_s;
+        presence->unseen_bits = seen ? 0.0 : presence->unseen_bits;
     }
     const double *chance = presence->chance;
-    const double gone = exp(fmin((presence->unseen_s - GONE_S) / GONE_STEP_S, 700.0));
+    const double gone = exp(fmin((presence->unseen_bits - GONE_BITS) / GONE_STEP_BITS, 700.0));
     const double other = (chance[OTHER_DARK] + chance[OTHER_BRIGHT]) /
                          (chance[SAME] + chance[HIDDEN] + chance[MORE]);
     presence->log_odds = -log(gone + other);

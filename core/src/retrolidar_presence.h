@@ -15,7 +15,7 @@ enum { RL_EXPLANATIONS = 5 };
 struct rl_presence {
     double chance[RL_EXPLANATIONS];
     double seen_nats; /* that its light is there, since it was last known to be */
-    double unseen_s;  /* time since then, of dark bits a part */
+    double unseen_bits; /* since then, of dark ones a part */
     double log_odds;  /* that it is there, and the same [nats] */
 };
 

@@ -4,20 +4,26 @@
 
 import time
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
+import rclpy
 from harness import Sensor, wait_for_nodes
+from harness_detector import ID, a_scene, repeating, simulate
 from harness_nodes import COFFEE_IDS, FRAME_ID, System, running
 from harness_observer import RELIABLE, values_of
 from harness_use_cases import silent_drone
+from rclpy.context import Context
 from std_msgs.msg import Bool
 from visualization_msgs.msg import MarkerArray
 
 from retrolidar_ros.msg import MarkerTrack
 from retrolidar_ros.nodes.conversion import to_ns
+from retrolidar_ros.nodes.detector import DetectorNode
 from retrolidar_ros.scene.files import load_scene
+from retrolidar_ros.sensor.frame import ZoneGrid
 from retrolidar_ros.settings.resources import shared_file
 
 
@@ -122,3 +128,37 @@ def test_a_marker_that_falls_silent_is_overdue_within_a_second(tmp_path: Path) -
         end_ns = to_ns(tracks[0].first) + round(4e9 * 31 * scene.markers[0].bit_period_s)
         assert time.time() - 1e-9 * end_ns < 1.5
         assert 'drone is overdue' in one.log('heartbeat')
+
+
+@pytest.fixture
+def detector(monkeypatch: pytest.MonkeyPatch) -> Iterator[DetectorNode]:
+    """Give a detector in this process, which has followed a marker."""
+    context = Context()
+    rclpy.init(context=context)
+    monkeypatch.setattr('rclpy.node.get_default_context', lambda: context)
+    node = DetectorNode()
+    for frame in repeating(4.0):
+        node.take(frame, FRAME_ID)
+        followed = node._detector.follow(frame)
+    assert [one.id for one in followed] == [ID]
+    yield node
+    node.destroy_node()
+    rclpy.shutdown(context=context)
+
+
+@pytest.mark.parametrize(
+    ('frame_id', 'grid', 'goes_on'),
+    [
+        (FRAME_ID, ZoneGrid(), True),
+        ('another', ZoneGrid(), False),
+        (FRAME_ID, ZoneGrid(8, 8), False),
+    ],
+)
+def test_no_track_outlives_another_frame_id_or_grid(
+    detector: DetectorNode, frame_id: str, grid: ZoneGrid, goes_on: bool
+) -> None:
+    scene = a_scene(start_s=0.0, packets=None)
+    after = simulate(replace(scene, sensor=replace(scene.sensor, grid=grid)), 4.5)
+    frame = next(one for one in after if one.stamp_ns > [*repeating(4.0)][-1].stamp_ns)
+    detector.take(frame, frame_id)
+    assert bool(detector._detector.follow(frame)) == goes_on
