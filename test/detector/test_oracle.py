@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 import pytest
-from harness_core import GRID, LAW, PERIOD_S, Statistics
+from harness_core import GRID, LAW, PERIOD_S, Statistics, constant
 from harness_frames import recording_of
 from numpy.typing import NDArray
 from oracle import (
@@ -34,7 +34,6 @@ NATS = 1e-3
 """By how much core and oracle may differ."""
 ABOUT = 3.0
 """The same where the core does not try a rival exactly [nats]."""
-COST_OF_GAIN = 2.0
 EXPOSURES = (PERIOD_S * np.arange(80), PERIOD_S * np.arange(1, 81))
 
 
@@ -216,7 +215,7 @@ def test_word_and_margin_decided(
         wanted = max(word(zones, final), other)
         assert verdict.word == pytest.approx(wanted, abs=NATS)
         # It is refined once more after that is noted, and each gain but the first costs some.
-        noted = verdict.evidence + COST_OF_GAIN * (len(zones) - 1)
+        noted = verdict.evidence + constant('RL_COST_OF_GAIN') * (len(zones) - 1)
         assert noted < evidence(zones, final) + NATS
         # There may be likelier ones than those that were given.
         assert verdict.margin < margin(zones, final, rivals) + NATS
