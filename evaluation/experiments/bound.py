@@ -26,7 +26,7 @@ from retrolidar_ros.marker.code import BIT_PERIOD_S, PACKET_BITS, packet
 from retrolidar_ros.marker.dictionary import USABLE_IDS
 from retrolidar_ros.scene.marker_budget import SNR
 from retrolidar_ros.scene.reference import NOISE, RESPONSE, SENSOR, WALL_SIGNAL
-from retrolidar_ros.scene.transmission import Transmission, exposure_edges
+from retrolidar_ros.scene.transmission import exposure_edges, transmitted
 from retrolidar_ros.sensor.frame import Floats
 
 TITLE = 'The search against the bound'
@@ -61,9 +61,9 @@ def searched_ids(sent: Sent) -> NDArray[np.int64]:
 def _templates(phase: int) -> Floats:
     """Return the light of all words from a phase of a frame on, shape (frames, words)."""
     middle_s = SENSOR.period_s * (np.arange(_FRAMES) + 0.5 - phase / _PHASES)
-    edges_s = exposure_edges(middle_s, SENSOR.period_s)
-    sent = (Transmission(bits, BIT_PERIOD_S, 0.0, RESPONSE, 1) for bits in packet(USABLE_IDS))
-    return np.column_stack([one.mean(edges_s) for one in sent])
+    levels = np.column_stack([1.0 - packet(USABLE_IDS), np.ones(len(USABLE_IDS))]).T
+    begin_s = BIT_PERIOD_S * np.arange(len(levels))
+    return transmitted(begin_s, levels, RESPONSE, exposure_edges(middle_s, SENSOR.period_s))
 
 
 def genie_ids(sent: Sent, signal: float) -> NDArray[np.int64]:

@@ -25,27 +25,35 @@ def exposure_edges(middle_s: Floats, exposure_s: float) -> Floats:
 
 
 def transmitted(begin_s: Floats, levels: Floats, response: Response, edges_s: Floats) -> Floats:
-    """Return the mean transmission of a liquid crystal in exposures, 0 to 1, shape (n,).
+    """Return the mean transmission of liquid crystals in exposures, 0 to 1, shape (n, ...).
 
     Parameters
     ----------
     begin_s : array, shape (bits,)
-        When its bits begin, ascending [s]; it is bright before the first, and the last one lasts.
-    levels : array, shape (bits,)
+        When their bits begin, ascending [s]; they are bright before the first, and the last lasts.
+    levels : array, shape (bits, ...)
         1 of bright bits and 0 of dark ones.
     response : Response
         A bit lasts many of its time constants, so each relaxes from the level of the one before.
     edges_s : array, shape (n, 2)
         Begin and end of each exposure [s].
     """
-    before = np.concatenate([[1.0], levels[:-1]])
-    whole = response.integral(before[:-1], levels[:-1], np.diff(begin_s))
-    passed = np.concatenate([[0.0], np.cumsum(whole)])
-    bit = np.maximum(np.searchsorted(begin_s, edges_s, side='right') - 1, 0)
-    since = edges_s - begin_s[bit]
-    within = response.integral(before[bit], levels[bit], np.maximum(since, 0.0))
-    integral = np.where(since < 0, since, passed[bit] + within)
-    share: Floats = np.diff(integral)[:, 0] / np.diff(edges_s)[:, 0]
+    axes = tuple(range(1, levels.ndim))
+    before = np.concatenate([np.ones_like(levels[:1]), levels[:-1]])
+
+    def relaxed(before: Floats, levels: Floats, elapsed_s: Floats) -> Floats:
+        return response.integral(before, levels, np.broadcast_to(elapsed_s, levels.shape))
+
+    lasting_s = np.expand_dims(np.diff(begin_s), axes)
+    whole = relaxed(before[:-1], levels[:-1], lasting_s)
+    passed = np.concatenate([np.zeros_like(levels[:1]), np.cumsum(whole, axis=0)])
+    integral = []
+    for times_s in edges_s.T:
+        bit = np.maximum(np.searchsorted(begin_s, times_s, side='right') - 1, 0)
+        since = np.expand_dims(times_s - begin_s[bit], axes)
+        within = relaxed(before[bit], levels[bit], np.maximum(since, 0.0))
+        integral.append(np.where(since < 0, since, passed[bit] + within))
+    share: Floats = (integral[1] - integral[0]) / np.expand_dims(np.diff(edges_s)[:, 0], axes)
     return share
 
 
