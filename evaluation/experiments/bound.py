@@ -30,7 +30,6 @@ from retrolidar_ros.scene.transmission import exposure_edges, transmitted
 from retrolidar_ros.sensor.frame import Floats
 
 TITLE = 'The search against the bound'
-MESSAGE = 'Not to know start, clock, gain and offset costs more than the tests of acceptance'
 RANGES_M = (2.5, 2.7, 2.8, 2.9, 3.0, 3.1, 3.2, 3.3, 3.5, 3.8)
 _LAX = 1e6  # false IDs an hour: the search hands on whatever stands out at all
 _NAMES = {
@@ -109,9 +108,17 @@ def table(figures: dict[str, Any]) -> Table:
     return rows
 
 
+def _message(figures: dict[str, Any]) -> str:
+    genie, searched, accepted = (figures['ends'][name]['at'] for name in _NAMES)
+    if None in (genie, searched, accepted):
+        return 'What the search and its tests cost'
+    known, tests = (f'{100 * lost:.0f} cm' for lost in (genie - searched, searched - accepted))
+    return f'Not to know start, clock, gain and offset costs {known} of reach, the tests {tests}'
+
+
 def draw(figures: dict[str, Any]) -> Any:
     """Draw identification over distance."""
-    figure, (axis,) = new_chart(1, 1, 5, MESSAGE)
+    figure, (axis,) = new_chart(1, 1, 5, _message(figures))
     looks = {
         'genie': look('genie'),
         'searched': look('joint') | {'linestyle': ':'},

@@ -20,7 +20,7 @@ from retrolidar_ros.scene.transmission import Transmission, exposure_edges
 from retrolidar_ros.sensor.frame import Recording
 
 TITLE = 'One packet'
-MESSAGE = 'Of all that is judged while a packet comes, only the packet passes'
+MESSAGE = 'Only the complete packet passes all three tests'
 # One of the IDs that the paper's method reads best, near the edge of a zone.
 _MARKER = Marker(2096, (0.02, 0.215, 1.97), 'marker', start_s=2.11, packets=1, response=RESPONSE)
 _WALL = Surface(2.25, 10.0)

@@ -11,15 +11,17 @@ from evaluation.bench.places import place_error, read_live, rms
 from evaluation.bench.rates import Rate, rate
 from evaluation.report.chart_style import draw_shares, label, legend_below, line, look, new_chart
 from evaluation.report.claims import BOTH_CLAIMED, Claims, Table, as_text, claim_of, percent, shares
-from retrolidar_ros.detector import METHODS
+from retrolidar_ros.detector import METHODS, create_detector
+from retrolidar_ros.detector.likelihood_detector import LikelihoodDetector
 from retrolidar_ros.scene import Scene, Simulation
-from retrolidar_ros.scene.description import Occlusion, Wander
+from retrolidar_ros.scene.description import Marker, Occlusion, Wander
 from retrolidar_ros.scene.files import load_scene
 from retrolidar_ros.scene.optics import position_at
+from retrolidar_ros.sensor.frame import Recording
 
 TITLE = 'Drone'
 PAPER_RATE, PAPER_RANGE_MM = 0.91, 10.0
-WINDOWS_S = {2.0: '--', 5.0: ':', 10.0: '-'}  # with the style of their curves
+WINDOWS_S = (2.0, 5.0, 10.0)
 DURATION_S, QUICK_DURATION_S = 200.0, 30.0
 _ACROSS_M, _ALONG_M = 0.12, 0.01  # the paper's drift of more than 20 cm
 _SPEEDS_M_S = (0.06, 0.1, 0.2, 0.3, 0.45, 0.6)
@@ -44,6 +46,26 @@ def alive(known_s: list[float], lasting_s: float, window_s: float) -> Rate:
     return rate(len({int(one / window_s) for one in known_s} & set(range(windows))), windows)
 
 
+def _followed(recording: Recording, marker: Marker) -> dict[str, Any]:
+    """Return in how many frames the drone is followed, and by how much its range is off then."""
+    detector = create_detector('joint', recording.grid)
+    assert isinstance(detector, LikelihoodDetector)
+    tracks = []
+    for frame in recording:
+        detector.update(frame)
+        tracks += [one for one in detector.follow(frame) if one.id == marker.id]
+    truths_m = position_at(marker, 1e-9 * np.array([one.stamp_ns for one in tracks]))
+    errors_m = [
+        place_error(one.place, truth_m).range_m
+        for one, truth_m in zip(tracks, truths_m, strict=True)
+    ]
+    off_m = rms(errors_m)
+    return {
+        'followed': rate(len(tracks), len(recording)),
+        'range_mm': None if off_m is None else round(1e3 * off_m, 2),
+    }
+
+
 def _flown(speed_m_s: float, hidden: float, duration_s: float, rng: Any) -> dict[str, Any]:
     scene = flight(speed_m_s, hidden)
     (marker,) = scene.markers
@@ -64,7 +86,7 @@ def _flown(speed_m_s: float, hidden: float, duration_s: float, rng: Any) -> dict
             'wrong_ids': len(readings) - len(own),
             'range_mm': errors_mm,
         }
-    return row
+    return row | {'tracks': _followed(recording, marker)}
 
 
 def run(rng: np.random.Generator, *, quick: bool) -> dict[str, Any]:
@@ -83,7 +105,7 @@ def table(figures: dict[str, Any]) -> Table:
     """Return windows with a reading and errors, by how the drone flies."""
     windows = [f'{method}: windows of 2, 5, 10 s with a reading' for method in METHODS]
     errors = [f'{method}: rms error of range, wrong IDs' for method in METHODS]
-    rows = [['flight', *windows, *errors]]
+    rows = [['flight', *windows, *errors, 'followed, rms error of range']]
     for row in [*figures['faster'], *figures['darker']]:
         both = [row[method] for method in METHODS]
         cells = [', '.join(map(percent, one['alive'])) for one in both]
@@ -92,6 +114,8 @@ def table(figures: dict[str, Any]) -> Table:
             f'{as_text(off, "mm", 1)}, {one["wrong_ids"]}'
             for off, one in zip(rms_mm, both, strict=True)
         ]
+        tracks = row['tracks']
+        cells.append(f'{percent(tracks["followed"])}, {as_text(tracks["range_mm"], "mm", 1)}')
         rows.append([f'{row["speed_m_s"]:g} m/s, hidden {row["hidden"]:.0%} of the time', *cells])
     return rows
 
@@ -126,20 +150,21 @@ def _message(figures: dict[str, Any]) -> str:
 
 
 def draw(figures: dict[str, Any]) -> Any:
-    """Draw windows with a reading over the speed, and over what the rotor hides."""
+    """Draw windows with a reading, and frames in which it is followed, over speed and shadow."""
     figure, panels = new_chart(2, 2, 4.4, _message(figures))
-    styles = {f'windows of {window_s:g} s': line(style) for window_s, style in WINDOWS_S.items()}
     axes = (
         ('faster', 'speed_m_s', 1, 'mean speed of the drift [m/s]'),
         ('darker', 'hidden', 100, 'hidden by the rotor [% of the time]'),
     )
     for axis, (name, key, scale, x) in zip(panels, axes, strict=True):
-        places = [scale * row[key] for row in figures[name]]
+        rows = figures[name]
+        places = [scale * row[key] for row in rows]
         for method in METHODS:
-            for index, style in enumerate(WINDOWS_S.values()):
-                rates = [row[method]['alive'][index] for row in figures[name]]
-                draw_shares(axis, places, rates, linestyle=style, **look(method))
+            draw_shares(axis, places, [row[method]['alive'][-1] for row in rows], **look(method))
+        draw_shares(axis, places, [row['tracks']['followed'] for row in rows], **look('tracks'))
         axis.axhline(100 * PAPER_RATE, **line('-.'), linewidth=1)
-        label(axis, x, 'windows with a reading [%]', percent=True)
-    legend_below(figure, METHODS, styles | {"the paper's own, 10 s": line('-.')})
+        y = 'windows of 10 s, or frames [%]' if axis is panels[0] else ''
+        label(axis, x, y, percent=True)
+    others = {'frames followed (tracks)': look('tracks'), "the paper's own, 10 s": line('-.')}
+    legend_below(figure, METHODS, others)
     return figure

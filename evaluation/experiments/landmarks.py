@@ -30,7 +30,6 @@ from retrolidar_ros.scene.files import load_scene
 from retrolidar_ros.tasks.survey import Survey
 
 TITLE = 'Landmarks: readings from several places'
-MESSAGE = 'Half a metre of motion places objects to a centimetre'
 
 _SIDES_M = (0.1, 0.2, 0.4, 0.6)
 _REACH_M, _READY_M, _READY_S = 0.5, 0.01, 12.0
@@ -208,9 +207,16 @@ def table(figures: dict[str, Any]) -> Table:
     return rows + [[what, '', value, ''] for what, value in others.items()]
 
 
+def _message(figures: dict[str, Any]) -> str:
+    corners = [row for row in figures['places'] if row['places'] == len(hand.CORNERS)]
+    side_m = max(row['side_m'] for row in corners)
+    worst_mm = max(row['median_mm'] for row in corners if row['side_m'] == side_m)
+    return f'Looks from four places {side_m:g} m apart place objects to {worst_mm:.0f} mm'
+
+
 def draw(figures: dict[str, Any]) -> Any:
     """Draw errors over the distance of the places, over their number, and beside those of tags."""
-    figure, (baseline, number, beside) = new_chart(3, 2, 8.4, MESSAGE)
+    figure, (baseline, number, beside) = new_chart(3, 2, 8.4, _message(figures))
     names = dict.fromkeys(row['object'] for row in figures['places'])
     looks = {name: line('-', one) for name, one in zip(names, OTHERS, strict=False)}
     for name, how in looks.items():

@@ -22,7 +22,7 @@ from retrolidar_ros.marker.battery import CELL_MAH, PROTOTYPE, active_share, dra
 from retrolidar_ros.sensor.frame import ZoneGrid
 
 TITLE = 'The marker: waking and battery'
-MESSAGE = 'The guard is thin, and two months hold; two years need more than cheap looks'
+MESSAGE = 'The wake-up threshold is barely above noise; the battery lasts two months'
 WITH_LIDAR_V = 32.413e-3  # paper Tab. 5, both filters; we take it as measured at 1 m
 NARROW_TESTED_M = 3.75  # the paper's, with a VL53L4CX (§6.5)
 _NARROW_FIELD_RAD = math.radians(18)

@@ -2,7 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Random rooms: what is read, and what is read wrongly, by what was drawn."""
 
-from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
@@ -25,7 +24,8 @@ _SENDINGS = {
     'sequence': 'ever other IDs',
 }
 _MOTIONS = {'still': 'at rest', 'swaying': 'swaying', 'crossing': 'crossing zones'}
-_DB = (f'below {BRIGHT_DB[0]:g} dB', f'to {BRIGHT_DB[1]:g} dB', 'brighter')
+_DB = f'above {BRIGHT_DB[1]:g} dB'
+_COMPANY = {'beside': 'beside another', 'shared': 'sharing a zone'}
 
 
 def run(rng: np.random.Generator, *, quick: bool) -> dict[str, Any]:
@@ -33,20 +33,13 @@ def run(rng: np.random.Generator, *, quick: bool) -> dict[str, Any]:
     return summary(play_all(range(QUICK_ROOMS if quick else ROOMS), int(rng.integers(2**32))))
 
 
-def _rows() -> Iterator[tuple[str, str]]:
-    yield from ((company, signal) for company in COMPANY for signal in SIGNALS)
-
-
 def table(figures: dict[str, Any]) -> Table:
-    """Return packets read and wrong IDs by company, signal and motion, and wrong IDs of all."""
-    rows = [['packets read (wrong IDs)', *MOTIONS]]
-    for company, signal in _rows():
-        cells = []
-        for motion in MOTIONS:
-            packets, read, wrong = counted(figures, None, motion, company, signal)
-            share = f'{read / packets:.0%} of {packets}' if packets else NOTHING
-            cells.append(f'{share} ({wrong})' if wrong else share)
-        rows.append([f'{company}, {_DB[SIGNALS.index(signal)]}', *cells])
+    """Return bright packets read and wrong IDs by company and motion, and wrong IDs of all."""
+    rows = [[f'read of packets {_DB}, and wrong IDs', *MOTIONS]]
+    for company in COMPANY:
+        found = [counted(figures, None, motion, company, SIGNALS[-1]) for motion in MOTIONS]
+        cells = [f'{_share(packets, read)}, {wrong}' for packets, read, wrong in found]
+        rows.append([_COMPANY.get(company, company), *cells])
     wrong, top = figures['wrong'], figures['by_margin'][-1]
     bound = f'{wrong["rate"]:.2%}, at most {wrong["high"]:.2%}'
     rows.append(['wrong of all readings', f'{wrong["hits"]} of {wrong["trials"]}', bound, ''])

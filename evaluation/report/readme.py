@@ -87,7 +87,7 @@ def filled(text: str, report: Report) -> str:
         if name not in report:
             raise ValueError(f'{slot[0]}: there is no experiment of that name, or it has not run')
         if kind == 'chart':
-            return f'![{EXPERIMENTS[name].TITLE}]({name}.png)\n\n[figures]({name}.json)'
+            return f'[![{EXPERIMENTS[name].TITLE}]({name}.png)]({name}.json)'
         if kind == 'table':
             return markdown(EXPERIMENTS[name].table(report[name]))
         if kind == 'claim':
