@@ -10,12 +10,15 @@
 #include <string.h>
 
 enum { MAX_BITS = 256 };
-/* Bit periods over ours: from one frame to four bits; the ends of a packet move by a quarter of a bit
- * from one to the next. Those within the last are ours.
- */
-static const double MIN_RATIO = 0.5, MAX_RATIO = 4.0, STEP = 1.016, OURS = 0.05;
+/* Bit periods that are tried, over ours. */
+static const double MIN_RATIO = 0.5, MAX_RATIO = 4.0;
+/* The ends of a packet move by a phase from one period to the next. */
+static const double STEP = 1.0 + 2.0 / (RL_PHASES * RL_PACKET_BITS);
 static const double MAX_CORRELATION = 0.999;
-/* What a bit more than there are in a packet must explain: noise, too, is explained by more bits [nats]. */
+
+/* What a bit more than there are in a packet must explain: noise, too, is explained by more bits; with
+ * more, clocks that are off by a tenth are read as other IDs [nats].
+ */
 static const double COST_OF_BIT = 1.5;
 
 /* Where bits begin, and how long they are. */
@@ -113,7 +116,8 @@ double rl_clock_excess(struct rl_window *window, const struct rl_sending *sendin
         best[i] = (struct clock){.bit_s = usual_s, .begin_s = begin_s, .cost = INFINITY};
     }
     for (double ratio = MIN_RATIO; ratio <= MAX_RATIO; ratio *= STEP) {
-        for (int phase = 0; phase < RL_PHASES && fabs(ratio - 1.0) > OURS; phase++) {
+        /* Those about ours are ours. */
+        for (int phase = 0; phase < RL_PHASES && fabs(ratio - 1.0) > 2.0 * RL_MAX_SKEW; phase++) {
             struct clock clock = {.bit_s = ratio * usual_s};
             clock.begin_s = begin_s - phase * clock.bit_s / RL_PHASES;
             slice(&slicer, &clock);

@@ -9,25 +9,33 @@
 
 enum {
     RL_PHASES = 4,    /* of a bit, at which starts are tried */
-    RL_TRIED = 3,     /* the likeliest of many, which are tried exactly */
-    RL_PARTS = 8,     /* of a packet, between which a marker may come or go */
+    RL_TRIED = 3,     /* the likeliest of many, which are tried exactly, and rounds of trying */
     RL_LOOK_BITS = 4, /* between two searches of a stretch; fewer bits tell nothing */
-    /* A marker sends its next packet within a packet and these bits. */
-    RL_LATE_BITS = 2,
-    RL_GOES_ON_BITS = RL_PACKET_BITS + RL_LATE_BITS,
+    /* Parts of a packet, between which a marker may come or go. */
+    RL_PARTS = (RL_PACKET_BITS + RL_LOOK_BITS - 1) / RL_LOOK_BITS,
+    /* So long after a reading a marker may have sent the next one. */
+    RL_GOES_ON_BITS = RL_PACKET_BITS + RL_LOOK_BITS / 2,
 };
 
+/* Bits by which a packet may begin before the one before it has ended. */
+static const double RL_OVERLAP_BITS = 1.5;
 /* A clock may be off by so much from what is expected. */
 static const double RL_MAX_SKEW = 0.03;
-/* Each zone has a gain of its own, half the logarithm of the number of samples [nats]. */
+/* A parameter more, as the gain of a zone, must explain half the logarithm of the
+ * number of samples [nats].
+ */
 static const double RL_COST_OF_GAIN = 2.0;
 /* What happens at a time that is chosen among some must explain this [nats]. */
 static const double RL_COST_OF_CHANCE = 6.0;
 /* Hypotheses that differ by less are as good [nats]. */
 static const double RL_AS_GOOD = 1.0;
-/* Share of the evidence in demand that a coarse template, or a packet that others hide, must have. */
-static const double RL_COARSE = 0.7;
-/* Samples with more light than the first show the marker; with less than the second, the background. */
-static const double RL_BRIGHT = 0.75, RL_DARK = 0.25;
+/* Share that is enough where most of something must be found: of the evidence in demand by a coarse
+ * template, or of what others hide; of what a sum shows by its zones.
+ */
+static const double RL_MOST = 0.7;
+/* So near to the distance from which the sensor parts targets it may or may not. */
+static const double RL_UNSURE_M = 0.05;
+/* Samples with more light show the marker; with less than 1 - RL_BRIGHT, the background. */
+static const double RL_BRIGHT = 0.75;
 
 #endif

@@ -12,7 +12,6 @@
 #include <string.h>
 
 enum {
-    BEFORE_BITS = 16,   /* before a stretch, which show whether its packet has repeated */
     LEAST_WALK = 3,     /* walk from which on what a packet leaves over is more than noise */
 };
 
@@ -22,16 +21,12 @@ static const double LEAST_LONGER = 0.9;
 static const double LEAST_ALONE = 0.4;
 /* To leave out a stretch of bits costs some, as it might be any [nats]. */
 static const double COST_OF_MASK = 10.0;
-/* [nats] a change that a word has less. */
-static const double COST_OF_CHANGE = 5.0;
 /* Share of what others explain that a packet beside them needs besides: what they leave over may look
  * like one.
  */
 static const double LEFT_OVER = 0.1;
-/* Several packets are tried at several numbers of them, and at more clocks [nats]. */
-static const double COST_OF_FOLDS = 1.5;
-/* A refined clock may be off by so much more than one that is searched. */
-static const double SKEW_SLACK = 0.005;
+/* A refined clock may be off by more than one that is searched: by half a phase over a packet. */
+static const double SKEW_SLACK = 0.5 / (RL_PHASES * RL_PACKET_BITS);
 
 /* Whether packets that were taken for some of many may as well be a lone one, which has not ended
  * yet or has ended before.
@@ -60,8 +55,9 @@ static bool has_repeated(struct rl_window *window, const struct rl_sending *send
                          double evidence, double begin_s, double since_s, double to_s)
 {
     const struct rl_samples *samples = window->samples;
+    /* Half a packet shows whether it has repeated. */
     const double held_s = samples->begin_s[rl_samples_oldest(samples)];
-    const double from_s = fmax(fmax(begin_s - BEFORE_BITS * sending->bit_s, held_s), since_s);
+    const double from_s = fmax(fmax(begin_s - RL_PACKET_BITS / 2 * sending->bit_s, held_s), since_s);
     if (begin_s - from_s < RL_LOOK_BITS * sending->bit_s) {
         return true;
     }
@@ -81,7 +77,7 @@ static double cost_of_changes(uint32_t bits)
     for (int bit = 0; bit + 1 < RL_PACKET_BITS; bit++) {
         changes += ((bits >> bit ^ bits >> (bit + 1)) & 1u) != 0;
     }
-    return changes < RL_USUAL_CHANGES ? COST_OF_CHANGE * (RL_USUAL_CHANGES - changes) : 0.0;
+    return changes < RL_USUAL_CHANGES ? RL_COST_OF_CHANCE * (RL_USUAL_CHANGES - changes) : 0.0;
 }
 
 static void note_fit(struct rl_verdict *verdict, const struct rl_window *window)
@@ -164,7 +160,7 @@ static bool is_evident(struct trial *trial)
     rl_scope_add_zones(window, &verdict->sending, verdict->evidence);
     trial->own = refine(verdict, window, trial->half_bits);
     trial->asked = trial->demands->evidence + cost_of_changes(verdict->sending.bits) +
-                   (verdict->packets > 1 ? COST_OF_FOLDS : 0.0) +
+                   (verdict->packets > 1 ? RL_COST_OF_GAIN : 0.0) +
                    (window->fit[0].walk >= LEAST_WALK ? trial->demands->wandering : 0.0) +
                    LEFT_OVER * window->whitened[0].explained;
     return verdict->evidence >= trial->asked;

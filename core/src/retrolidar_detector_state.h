@@ -22,8 +22,6 @@ enum {
 };
 /* A source that varies by less than so many times its noise holds no packet by itself. */
 static const double RL_ACTIVE = 1.5;
-/* Bits by which a packet may begin before the one before it has ended. */
-static const double RL_OVERLAP_BITS = 1.5;
 
 /* What a search has found in a source, not judged yet. */
 struct rl_pending {

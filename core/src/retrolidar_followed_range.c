@@ -241,7 +241,7 @@ void rl_followed_range(struct rl_followed *followed, const struct rl_scenery *sc
                 (zone == strongest || light->gain > 3.0 * sqrt(light->gain_variance))) {
                 measure_range(followed, scenery, zone, range_m, signal);
             }
-        } else if (followed->light < RL_DARK && scenery->other[zone] < MOST_OTHER * signal &&
+        } else if (followed->light < 1.0 - RL_BRIGHT && scenery->other[zone] < MOST_OTHER * signal &&
                    own < followed->light * light->gain + 5.0 * sqrt(sample.variance)) {
             see_behind(followed, scenery, zone, range_m, signal);
         }

@@ -11,8 +11,6 @@
 static const uint32_t PREAMBLE = (uint32_t)RL_PREAMBLE << RL_WORD_BITS;
 static const uint32_t WORD_MASK = ((uint32_t)1 << RL_WORD_BITS) - 1;
 /* Coarse templates explain no more than this, and some words more than the bound by this factor. */
-/* By how much a rival may be worse than the word in question [nats]. */
-static const float MARGIN = 10.0f;
 static const float MOST_EXPLAINED = 0.995f, BOUND_SLACK = 1.1f;
 
 /* Half of the samples times the logarithm of what is left of the variance. */
@@ -220,7 +218,7 @@ void rl_hits_find(struct rl_hits *hits, const struct rl_promises *promises,
         const float packets = (float)trial->packets;
         /* A word that others exceed by so much is none, and no rival either. */
         const float any_nats = rl_any_nats(demand, trial, &promise->lane.reach);
-        const float least_nats = rl_maxf(demand->least, any_nats - demand->max_beyond - MARGIN);
+        const float least_nats = rl_maxf(demand->least, any_nats - 2.0f * demand->max_beyond);
         const float least = least_of(least_nats, &promise->lane.reach);
         float soft[RL_PACKET_BITS];
         for (int bit = 0; bit < RL_PACKET_BITS; bit++) {

@@ -10,8 +10,8 @@
 #include "retrolidar_view.h"
 
 enum {
-    RL_FOUND = 6, /* hits of a search, and words that it looks for ... */
-    RL_PAST = 4,  /* ... and of those before */
+    RL_FOUND = 2 * RL_TRIED, /* hits of a search, and words that it looks for ... */
+    RL_PAST = RL_TRIED, /* ... and of those before */
     RL_HITS = RL_FOUND + RL_PAST,
 };
 

@@ -6,8 +6,6 @@
 #include <math.h>
 #include <string.h>
 
-/* A packet may begin so many bits after the samples that it is read from. */
-static const double MAX_LATE_BITS = 8.0;
 
 /* Whether a packet of an ID has been read that overlaps with a time by more than a few bits. */
 static bool is_known(const struct rl_detector *detector, uint16_t id, double begin_s, double end_s)
@@ -24,7 +22,7 @@ static double start_of(const struct rl_verdict *verdict)
     const struct rl_sending *sending = &verdict->sending;
     const double packet_s = RL_PACKET_BITS * sending->bit_s;
     const double packets = (verdict->begin_s - sending->start_s) / packet_s;
-    return sending->repeats ? sending->start_s + packet_s * floor(packets + MAX_LATE_BITS / RL_PACKET_BITS)
+    return sending->repeats ? sending->start_s + packet_s * floor(packets + 0.25)
                             : sending->start_s;
 }
 
@@ -191,7 +189,7 @@ static double search_without(struct rl_detector *detector, const struct rl_verdi
     hits->count = 0;
     if (rest > RL_ACTIVE) {
         rl_search_look(&detector->search, &source, 1, packets, to_s, to_s, -INFINITY,
-                       RL_COARSE * detector->demands.evidence, 2.0 * detector->max_beyond, hits);
+                       RL_MOST * detector->demands.evidence, 2.0 * detector->max_beyond, hits);
     }
     rl_residual_restore(&detector->residual, source);
     return rest;
@@ -214,7 +212,7 @@ static bool judge_pair(struct rl_detector *detector, double to_s, struct rl_verd
         }
         detector->decisions_left -= 3;
         *other = decide(detector, source, packets, hit, hits, one, to_s);
-        if (other->evidence < RL_COARSE * detector->demands.evidence ||
+        if (other->evidence < RL_MOST * detector->demands.evidence ||
             other->reason == RL_INCOMPLETE ||
             is_known(detector, other->id, other->begin_s, other->end_s)) {
             continue;
@@ -255,7 +253,7 @@ void rl_judge(struct rl_detector *detector, const struct rl_pending *pending, do
                           detector->samples.source[pending->source].zones == 1 &&
                           verdict.reason != RL_INCOMPLETE && verdict.reason != RL_ERASED &&
                           verdict.reason != RL_MARGIN &&
-                          verdict.evidence > RL_COARSE * detector->demands.evidence;
+                          verdict.evidence > RL_MOST * detector->demands.evidence;
     if (may_hide && judge_pair(detector, to_s, &verdict, &other)) {
         detector->counts.candidates++;
         add_reading(detector, &other);

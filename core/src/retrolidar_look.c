@@ -16,8 +16,6 @@ enum {
     WORDS_ENDED = 200,
 };
 static const int FOLD[FOLDS] = {1, 2, 3, 5, RL_MOST_PACKETS};
-/* Sums are asked after zones that explain nearly as much. */
-static const float SUM_SHARE = 0.8f;
 
 static void search(struct rl_detector *detector, const int *sources, int count, int packets,
                    double from_s, double to_s, double since_s)
@@ -27,7 +25,7 @@ static void search(struct rl_detector *detector, const int *sources, int count, 
         return;
     }
     rl_search_look(&detector->search, sources, count, packets, from_s, to_s, since_s,
-                   RL_COARSE * detector->demands.evidence, detector->max_beyond, hits);
+                   RL_MOST * detector->demands.evidence, detector->max_beyond, hits);
     for (int i = 0; i < count; i++) {
         if (hits[i].count > 0) {
             detector->pending[detector->pendings++] =
@@ -128,7 +126,7 @@ static void search_appeared(struct rl_detector *detector, double to_s)
     const double bit_s = detector->settings.bit_s;
     /* Start and preamble, and what tells the IDs apart. */
     const double least_bits =
-        RL_LATE_BITS + RL_PREAMBLE_BITS + log2(detector->search.codebook.words);
+        RL_LOOK_BITS / 2 + RL_PREAMBLE_BITS + log2(detector->search.codebook.words);
     for (int zone = 0; zone < detector->samples.zones; zone++) {
         const double since_s = detector->active_s[zone], bits = (to_s - since_s) / bit_s;
         if (bits >= least_bits && bits < RL_PACKET_BITS && detector->read_s[zone] < since_s) {
@@ -174,7 +172,8 @@ static float rank(const struct rl_detector *detector, int index)
 {
     const struct rl_pending *pending = &detector->pending[index];
     const bool is_sum = detector->samples.source[pending->source].zones > 1;
-    return (is_sum ? SUM_SHARE : 1.0f) * pending->hits.hit[0].nats;
+    /* Sums are asked after zones that explain nearly as much. */
+    return (is_sum ? (float)RL_MOST : 1.0f) * pending->hits.hit[0].nats;
 }
 
 void rl_look(struct rl_detector *detector)

@@ -23,7 +23,7 @@ static struct rl_seen window_of(struct rl_detector *detector, const struct rl_re
 {
     const struct rl_samples *samples = &detector->samples;
     /* An exposure mostly outside may show the packet before or after. */
-    const double most_s = RL_DARK * samples->period_s;
+    const double most_s = (1.0 - RL_BRIGHT) * samples->period_s;
     *first = rl_samples_row(samples, reading->begin_s + most_s);
     int last = *first;
     while (last < samples->count && samples->begin_s[last] < reading->end_s - most_s) {

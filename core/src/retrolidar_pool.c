@@ -3,7 +3,7 @@
  */
 #include "retrolidar_pool.h"
 
-#include "retrolidar_packet.h"
+#include "retrolidar_constants.h"
 
 #include <math.h>
 

@@ -11,8 +11,6 @@ enum { OWN = 1, DARK = 2, LEAST_DISTANCES = 2 };
 
 /* A zone sees the marker while its signal has this share of that at this quantile. */
 static const double IN_ZONE = 0.5, BRIGHTEST = 0.9;
-/* So near to the limit noise may hide whether two targets are merged. */
-static const double UNSURE_M = 0.05;
 /* Distance of a marker from the surface that it is mounted on. */
 static const double MOUNTING_M = 0.005;
 static const double TWO_PI = 6.283185307179586;
@@ -38,7 +36,7 @@ static bool is_apart(double wall_m, double depth_m, const struct rl_ranged *part
 {
     const double gap_m = fabs(wall_m - depth_m);
     const double beyond_m = fabs(wall_m - parted->depth_m) - 3 * sqrt(parted->variance);
-    return gap_m >= separable_m || (gap_m >= separable_m - UNSURE_M && beyond_m > separable_m);
+    return gap_m >= separable_m || (gap_m >= separable_m - RL_UNSURE_M && beyond_m > separable_m);
 }
 
 /* Where it is open whether a background need be subtracted: in the same pulse it is mostly what the
@@ -169,7 +167,7 @@ bool rl_ranging(const struct rl_seen *seen, float *values, uint8_t *role, struct
             depth_m += (double)seen->distance[row] / own;
             time_s += (seen->begin_s[row] + seen->end_s[row]) / 2 / own;
             signal += (double)seen->signal[row] / own;
-        } else if (seen->valid[row] && seen->light[row] < RL_DARK) {
+        } else if (seen->valid[row] && seen->light[row] < (1.0 - RL_BRIGHT)) {
             role[row] = DARK;
             behind += (double)seen->signal[row];
             dark++;

@@ -7,10 +7,7 @@
 #include <stddef.h>
 #include <string.h>
 
-enum {
-    ROUNDS = 4,     /* bits that are turned to make a better sequence */
-    MIN_ABSENT = 2, /* parts of a packet in which a marker that appears or vanishes is absent */
-};
+enum { FLIPS = 4 }; /* bits that are turned to make a better sequence */
 
 /* The bits that are seen of a packet that ended may be any, as far as they are of its ID [nats]. */
 static const double COST_OF_BIT = 0.6931471805599453;
@@ -55,7 +52,7 @@ double rl_rivals_turn(struct rl_window *window, const struct rl_sending *sending
         bits->dark[bit] = false;
         bits->turned[bit] = first[1];
     }
-    for (int round = 0; round < ROUNDS && better < enough; round++) {
+    for (int round = 0; round < FLIPS && better < enough; round++) {
         int best = -1;
         double most = better;
         for (int bit = 0; bit < RL_PACKET_BITS; bit++) {
@@ -235,7 +232,7 @@ double rl_rivals_part_margin(struct rl_window *window, const struct rl_codebook 
     double margin = ENOUGH;
     for (int later = 0; later < 2; later++) {
         int split = -1;
-        for (int part = MIN_ABSENT; part <= parts - MIN_ABSENT; part++) {
+        for (int part = 1; part < parts; part++) {
             const int row = (later ? part : parts - part) * window->rows / parts;
             if (rl_window_try_part(window, sending, row, later) < own - RL_AS_GOOD) {
                 break;

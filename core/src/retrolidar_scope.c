@@ -7,8 +7,6 @@
 
 #include <math.h>
 
-enum { MAX_HIDDEN_BITS = 3 }; /* at a stretch */
-
 
 double rl_scope_half_bits(const struct rl_sending *sending, int packets, double to_s)
 {
@@ -91,7 +89,7 @@ bool rl_scope_mask_occlusion(struct rl_window *window, const struct rl_sending *
 {
     double best = least;
     int from = 0, to = 0;
-    for (int length = 1; length <= MAX_HIDDEN_BITS; length++) {
+    for (int length = 1; length < RL_LOOK_BITS; length++) {
         for (int begin = 1; begin + length < RL_PACKET_BITS; begin++) {
             uint32_t dark = sending->bits;
             for (int bit = begin; bit < begin + length; bit++) {

@@ -9,17 +9,11 @@
 #include <math.h>
 #include <string.h>
 
-enum {
-    EIGHTHS = 2 * RL_PHASES, /* of a bit, by which packets that ended are tried */
-    AHEAD = 6, /* phases of packets whose end has not come yet */
-    KEPT = 4,  /* stretches of a source that are looked at more closely */
-};
+enum { EIGHTHS = 2 * RL_PHASES }; /* of a bit, by which packets that ended are tried */
 
 /* Variance of a source, in that of its noise, from which it is strong. */
 static const double STRONG = 4.0;
-/* Share of the demand that a stretch must reach before it is looked at more closely. */
-static const float LEAST_COARSE = 0.75f;
-/* What stands out of strong samples is asked for more: it is better known. */
+/* What stands out of strong samples is asked for more, as most of it is judged in vain. */
 static const double STRONG_SHARE = 1.3;
 /* The longer the silence before a faint packet is remembered, the more certain its bright level. */
 static const float WALKS[] = {0.01f, 0.1f, 0.002f};
@@ -28,9 +22,9 @@ enum { WALK_COUNT = 3, FAINT_LONE = 2 };
 /* The stretches of a lane whose bits stand out most, by any sequence of bits. */
 struct kept {
     int count;
-    float share[KEPT];
-    struct rl_trial trial[KEPT];
-    struct rl_reach reach[KEPT];
+    float share[RL_TRIED];
+    struct rl_trial trial[RL_TRIED];
+    struct rl_reach reach[RL_TRIED];
 };
 
 int64_t rl_search_bytes(int rows)
@@ -92,10 +86,10 @@ static void keep_trial(struct kept *kept, const struct rl_trial *trial,
     while (at > 0 && kept->share[at - 1] < share) {
         at--;
     }
-    if (at == KEPT) {
+    if (at == RL_TRIED) {
         return;
     }
-    kept->count += kept->count < KEPT;
+    kept->count += kept->count < RL_TRIED;
     for (int i = kept->count - 1; i > at; i--) {
         kept->share[i] = kept->share[i - 1];
         kept->trial[i] = kept->trial[i - 1];
@@ -154,7 +148,7 @@ static void look_at_ended(struct rl_search *search, int count, double from_s, do
     for (; back < EIGHTHS; back++) {
         try_ends(search, count, (newest - back) * eighth_s, false, 0, demand);
     }
-    for (int ahead = 1; ahead <= AHEAD; ahead++) {
+    for (int ahead = 1; ahead <= RL_OVERLAP_BITS * RL_PHASES; ahead++) {
         const double later_s = ahead * search->bit_s / RL_PHASES;
         try_ends(search, count, newest * eighth_s + later_s, false, 1, demand);
     }
@@ -170,7 +164,7 @@ static void look_closely(struct rl_search *search, int lane, const struct kept *
                          double half_bits, const struct rl_demand *demand)
 {
     for (int i = 0; i < kept->count; i++) {
-        if (rl_any_nats(demand, &kept->trial[i], &kept->reach[i]) < LEAST_COARSE * demand->least) {
+        if (rl_any_nats(demand, &kept->trial[i], &kept->reach[i]) < (float)RL_MOST * demand->least) {
             continue;
         }
         /* Between those that were tried there may be a better one. */

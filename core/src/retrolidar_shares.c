@@ -3,14 +3,13 @@
  */
 #include "retrolidar_shares.h"
 
+#include "retrolidar_constants.h"
 #include "retrolidar_noise.h"
 #include "retrolidar_target.h"
 #include "retrolidar_track.h"
 
 #include <math.h>
 
-/* Share of how zones vary that a packet must explain which their sum shows. */
-static const double LEAST_IN_ZONES = 0.7;
 /* A zone has a part in a sum if the packet explains this share of what it does where most. */
 static const double LEAST_PART = 0.1;
 
@@ -95,5 +94,5 @@ bool rl_shares_agree(struct rl_shares *shares, const struct rl_verdict *verdict)
         explained += seen.explained;
         all += seen.all;
     }
-    return sum->zones == 1 || explained > LEAST_IN_ZONES * fmax(all, 0.0);
+    return sum->zones == 1 || explained > RL_MOST * fmax(all, 0.0);
 }

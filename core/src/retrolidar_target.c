@@ -3,14 +3,13 @@
  */
 #include "retrolidar_target.h"
 
+#include "retrolidar_constants.h"
 #include "retrolidar_lanes.h"
 #include "retrolidar_math.h"
 
 #include <math.h>
 #include <string.h>
 
-/* Distances further apart are two targets: share of the distance from which the sensor parts them. */
-static const double GAP = 5.0 / 6.0;
 /* A nearer target in a smaller share of the frames is passing by. */
 static const double PASSING = 0.2;
 /* What comes and goes more often in a window, as a cover glass, is seen while the marker is dark. */
@@ -115,7 +114,7 @@ static float passing_by(const struct bins *bins, const float *distance, int rows
 static struct rl_column part(const struct rl_sensor *sensor, const float *distance, int rows,
                              struct rl_column held, struct rl_room *room)
 {
-    struct bins bins = {.gap_m = (float)(GAP * sensor->separable_m),
+    struct bins bins = {.gap_m = (float)(sensor->separable_m - RL_UNSURE_M),
                         .steps_a_metre = (float)(FINE * BINS / sensor->max_distance_m)};
     float *signal = room->signal, middle = 0.0f;
     uint8_t *valid = room->valid;
@@ -196,7 +195,7 @@ struct rl_column rl_target_column(const struct rl_samples *samples, int source, 
     const size_t at = rl_sample(samples, source, first);
     const struct rl_column held = {samples->signal + at, samples->valid + at};
     if (source >= samples->zones || samples->is_parted[source] ||
-        !(range_of(samples->distance + at, rows) > (float)(GAP * samples->sensor.separable_m))) {
+        !(range_of(samples->distance + at, rows) > (float)(samples->sensor.separable_m - RL_UNSURE_M))) {
         return held;
     }
     return part(&samples->sensor, samples->distance + at, rows, held, room);

@@ -3,15 +3,14 @@
  */
 #include "retrolidar_track.h"
 
+#include "retrolidar_constants.h"
+
 #include <math.h>
 #include <stdbool.h>
 #include <string.h>
 
 /* What keeps the gain of a knot near to those beside it, as a share of the mean energy. */
 static const double STIFFNESS = 0.02;
-
-/* Share of what a steady gain leaves over that may be left if the gain is to change. */
-static const double LEAST_LEFT = 0.6;
 
 /* Which knot is the last one before a row, and how far beyond it the row is, 0 to 1. */
 static int knot_of(int row, int rows, double *beyond)
@@ -105,9 +104,9 @@ struct rl_track rl_track_fit(const float *signal, const uint8_t *valid, const do
     for (int i = 0; i < RL_KNOTS; i++) {
         explained += right[i] * sums[i];
     }
-    /* Seven gains take a part of whatever is there besides; so they must be worth it. */
+    /* Several gains take a part of whatever is there besides; so they must be worth it. */
     const double steady = all > 0.0 ? common * common / all : 0.0;
-    const bool changes = total - explained < LEAST_LEFT * (total - steady);
+    const bool changes = total - explained < RL_MOST * (total - steady);
     for (int i = 0; i < RL_KNOTS; i++) {
         gain[i] = changes ? right[i] : all > 0.0 ? common / all : 0.0;
     }

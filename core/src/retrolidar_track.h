@@ -5,9 +5,11 @@
 #ifndef RETROLIDAR_TRACK_H
 #define RETROLIDAR_TRACK_H
 
+#include "retrolidar_constants.h"
+
 #include <stdint.h>
 
-enum { RL_KNOTS = 7 };
+enum { RL_KNOTS = RL_PARTS - 1 };
 
 struct rl_track {
     double explained, all;

@@ -11,8 +11,6 @@
 
 /* Share of the sensor's noise that a fit may not fall short of. */
 static const double LEAST_NOISE = 0.5;
-enum { MAX_STEPS = 4 }; /* of the gain of another packet */
-static const int ROUNDS = 4; /* of a refinement, each with half the steps of the one before */
 
 int64_t rl_window_bytes(int rows)
 {
@@ -64,7 +62,7 @@ static void add_interferer(struct rl_window *window, struct rl_whitened *whitene
     if (on > rl_fit_gain(whitened, window->light).log_likelihood) {
         light_of(window, transmission, true);
     }
-    for (int step = 0; step < MAX_STEPS && whitened->interferers < RL_MAX_INTERFERERS; step++) {
+    for (int step = 0; step < RL_TRIED && whitened->interferers < RL_MAX_INTERFERERS; step++) {
         double best = rl_fit_gain(whitened, window->light).log_likelihood;
         int best_split = 0;
         bool best_later = true;
@@ -235,6 +233,7 @@ static double climb(struct rl_window *window, struct rl_sending *sending, double
                     int rounds)
 {
     double best = rl_window_try(window, sending);
+    /* Each round has half the steps of the one before. */
     double later_s = sending->bit_s / 8;
     for (int round = 0; round < rounds; round++, later_s /= 2) {
         for (int axis = 0; axis < 2; axis++) {
@@ -269,7 +268,7 @@ static double climb(struct rl_window *window, struct rl_sending *sending, double
 
 double rl_window_refine(struct rl_window *window, struct rl_sending *sending, double half_bits)
 {
-    const double best = climb(window, sending, half_bits, ROUNDS);
+    const double best = climb(window, sending, half_bits, RL_TRIED);
     const struct rl_sending usual = *sending;
     struct rl_sending likeliest = usual;
     double most = best + RL_AS_GOOD;
@@ -286,7 +285,7 @@ double rl_window_refine(struct rl_window *window, struct rl_sending *sending, do
     }
     if (likeliest.brightening_s != usual.brightening_s) {
         *sending = likeliest;
-        climb(window, sending, half_bits, ROUNDS - 1);
+        climb(window, sending, half_bits, RL_TRIED - 1);
     }
     /* So that `fit` and `light` are of what is returned. */
     return rl_window_try(window, sending);

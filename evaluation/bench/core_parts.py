@@ -53,7 +53,7 @@ PARTS = {
         'decide', '    rl_scope_add_zones(window, &verdict->sending, verdict->evidence);'
     ),
     'word test: bits turned': Part(
-        'rivals', 'round < ROUNDS && better < enough;', 'round < ROUNDS && false;'
+        'rivals', 'round < FLIPS && better < enough;', 'round < FLIPS && false;'
     ),
     'word test: bits of the search': Part('rivals', 'i < hits->sequences;', 'i < 0;'),
     'margin to other IDs': Part(
@@ -82,7 +82,7 @@ PARTS = {
     'masks of what is hidden for a while': Part(
         'decide', 'verdict->packets == 1 && trial->follows &&', 'false &&'
     ),
-    'more evidence for few changes': Part('decide', 'COST_OF_CHANGE = 5.0', 'COST_OF_CHANGE = 0.0'),
+    'more evidence for few changes': Part('decide', '? RL_COST_OF_CHANCE *', '? 0.0 *'),
     'more evidence where levels wander': Part(
         'decide', 'trial->demands->wandering : 0.0', '0.0 : 0.0'
     ),
@@ -90,7 +90,9 @@ PARTS = {
     'search: three ways to follow the level': Part(
         'search', '{0.01f, 0.1f, 0.002f}', '{0.01f, 0.01f, 0.01f}'
     ),
-    'search: packets that are about to end': Part('search', 'ahead <= AHEAD;', 'ahead <= 0;'),
+    'search: packets that are about to end': Part(
+        'search', 'ahead <= RL_OVERLAP_BITS * RL_PHASES;', 'ahead <= 0;'
+    ),
     'two targets of a zone told apart': Part(
         'target', 'samples->is_parted[source] ||', 'true || samples->is_parted[source] ||'
     ),
