@@ -19,12 +19,21 @@ from rclpy.context import Context
 from std_msgs.msg import Bool
 from visualization_msgs.msg import MarkerArray
 
+from retrolidar_ros.detector.likelihood_detector import LikelihoodDetector
+from retrolidar_ros.detector.tracks import Track
 from retrolidar_ros.msg import MarkerTrack
 from retrolidar_ros.nodes.conversion import to_ns
 from retrolidar_ros.nodes.detector import DetectorNode
 from retrolidar_ros.scene.files import load_scene
-from retrolidar_ros.sensor.frame import ZoneGrid
+from retrolidar_ros.sensor.frame import Frame, ZoneGrid
 from retrolidar_ros.settings.resources import shared_file
+
+
+def tracks_of(node: DetectorNode, frame: Frame) -> list[Track]:
+    """Return what the detector of a node follows at a frame."""
+    detector = node._detector
+    assert isinstance(detector, LikelihoodDetector)
+    return detector.follow(frame)
 
 
 @pytest.fixture(scope='module')
@@ -139,10 +148,10 @@ def detector(monkeypatch: pytest.MonkeyPatch) -> Iterator[DetectorNode]:
     node = DetectorNode()
     for frame in repeating(4.0):
         node.take(frame, FRAME_ID)
-        followed = node._detector.follow(frame)
+        followed = tracks_of(node, frame)
     assert [one.id for one in followed] == [ID]
     yield node
-    node.destroy_node()
+    node.destroy_node()  # type: ignore[no-untyped-call]
     rclpy.shutdown(context=context)
 
 
@@ -161,4 +170,4 @@ def test_no_track_outlives_another_frame_id_or_grid(
     after = simulate(replace(scene, sensor=replace(scene.sensor, grid=grid)), 4.5)
     frame = next(one for one in after if one.stamp_ns > [*repeating(4.0)][-1].stamp_ns)
     detector.take(frame, frame_id)
-    assert bool(detector._detector.follow(frame)) == goes_on
+    assert bool(tracks_of(detector, frame)) == goes_on
