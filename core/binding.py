@@ -23,6 +23,7 @@ HEADERS = tuple(
         'bearing',
         'ranging',
         'placement',
+        'pose',
         'tracks',
     )
 )

@@ -20,7 +20,7 @@ static const double LEAST_SCALED = 0.2; /* so much of its light is the marker's 
 /* What is behind is forgotten after so long, or after so much of a way. */
 static const double BACKGROUND_S = 30.0, BACKGROUND_M = 0.05;
 /* The bearing is found anew after so many bright frames, or a change of gains. */
-static const int BEARING_FRAMES = 8;
+static const int BEARING_FRAMES = 24;
 static const double BEARING_DEVIATIONS = 0.5, BEARING_SHARE = 0.01;
 static const double SHARED_LIGHT = 0.5;
 /* A marker that has crossed an edge goes on for so long. */

@@ -4,18 +4,13 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
 
+from retrolidar_ros.core import ffi, lib
 from retrolidar_ros.sensor.frame import Floats, ZoneGrid
-
-# Yaw and pitch of a marker are not measured, but beyond 60° it cannot be read (paper Fig. 11b); its
-# roll is arbitrary. Variances of the uniform distributions [rad²].
-_TILT_VARIANCE = math.radians(60) ** 2 / 3
-_ROLL_VARIANCE = math.pi**2 / 3
 
 
 class Bearing(NamedTuple):
@@ -47,14 +42,6 @@ class Place:
     range_stddev_m: float
 
 
-def facing_sensor(direction: Floats) -> Floats:
-    """Return the shortest rotation from the optical axis to a unit vector, as (x, y, z, w)."""
-    x, y, z = direction
-    quaternion = np.array([-y, x, 0.0, 1.0 + z])
-    unit: Floats = quaternion / np.linalg.norm(quaternion)
-    return unit
-
-
 def place(bearing: Bearing, range_m: float, range_stddev_m: float) -> Place:
     """Return the pose of a marker, with the variance of what is not measured.
 
@@ -65,25 +52,14 @@ def place(bearing: Bearing, range_m: float, range_stddev_m: float) -> Place:
     range_m, range_stddev_m : float
         Radial distance and its standard deviation [m].
     """
-    ray = np.append(bearing.tangent, 1.0)
-    secant = float(np.linalg.norm(ray))
-    direction = ray / secant
-    # Derivative of the unit vector with respect to the tangents, shape (3, 2).
-    per_tangent = (np.eye(3)[:, :2] - np.outer(direction, direction[:2])) / secant
-    line_of_sight = np.outer(direction, direction)
-    turning = _TILT_VARIANCE * (np.eye(3) - line_of_sight) + _ROLL_VARIANCE * line_of_sight
-    across = (per_tangent * bearing.variance) @ per_tangent.T
-    # The marker is on a sphere, which bends away from the tangent plane by half the square of the
-    # angle; this is the mean square of that for a normal distribution.
-    bend = (np.trace(across) ** 2 + 2 * np.trace(across @ across)) / 4
-    along = range_stddev_m**2 + range_m**2 * bend
-    covariance = np.zeros((6, 6))
-    covariance[:3, :3] = range_m**2 * across + along * line_of_sight
-    covariance[3:, 3:] = turning
+    variance = bearing.variance.tolist()
+    pose = ffi.new('struct rl_pose *')
+    lib.rl_pose(bearing.tangent.tolist(), variance, range_m, range_stddev_m**2, pose)
+    values = np.frombuffer(ffi.buffer(pose))
     return Place(
-        position_m=range_m * direction,
-        orientation=facing_sensor(direction),
-        covariance=covariance,
+        position_m=values[:3],
+        orientation=values[3:7],
+        covariance=values[7:].reshape(6, 6),
         range_m=range_m,
         range_stddev_m=range_stddev_m,
     )

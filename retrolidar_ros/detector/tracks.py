@@ -22,6 +22,7 @@ from retrolidar_ros.sensor.frame import Floats, ZoneGrid
 
 MAX_TRACKS = int(lib.RL_MAX_TRACKS)
 _ACROSS_M_S = 0.5  # deviation of a velocity across the line of sight, which is not measured
+_ACROSS = _ACROSS_M_S**2 * np.eye(3)
 
 
 @dataclass(frozen=True, eq=False)
@@ -83,16 +84,16 @@ class Tracker:
 
 
 def _track(seen: Any, stamp_ns: int, origin_ns: int) -> Track:
-    bearing = Bearing(np.array(list(seen.tangent)), np.array(list(seen.tangent_variance)))
+    bearing = Bearing(np.array([*seen.tangent]), np.array([*seen.tangent_variance]))
     where = place(bearing, seen.range_m, math.sqrt(seen.range_variance))
     direction = where.position_m / seen.range_m
-    along = np.outer(direction, direction)
+    along = direction[:, None] * direction
     return Track(
         id=seen.id,
         stamp_ns=stamp_ns,
         place=where,
         velocity=seen.range_rate * direction,
-        velocity_covariance=seen.range_rate_variance * along + _ACROSS_M_S**2 * (np.eye(3) - along),
+        velocity_covariance=(seen.range_rate_variance - _ACROSS_M_S**2) * along + _ACROSS,
         presence=seen.log_odds,
         first_ns=origin_ns + round(seen.first_s * 1e9),
         last_ns=seen.last_ns,

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from evaluation.experiments import place as experiment
 from retrolidar_ros.core import ffi, lib
-from retrolidar_ros.detector.place import Bearing, facing_sensor, place, zone_bearing
+from retrolidar_ros.detector.place import Bearing, place, zone_bearing
 from retrolidar_ros.detector.placement import modulated_depth
 from retrolidar_ros.scene.optics import zone_shares
 from retrolidar_ros.sensor.frame import Floats, ZoneGrid
@@ -29,10 +29,11 @@ def test_position_is_along_the_bearing_and_orientation_faces_the_sensor(grid: Zo
         assert (placed.range_m, placed.range_stddev_m) == (1.5, 0.01)
         assert np.linalg.norm(placed.position_m) == pytest.approx(1.5)
         assert placed.position_m[:2] / placed.position_m[2] == pytest.approx(grid.tangents[zone])
-        quaternion = facing_sensor(direction)
+        quaternion = placed.orientation
         assert np.linalg.norm(quaternion) == pytest.approx(1)
         assert rotate(quaternion, np.array([0.0, 0.0, 1.0])) == pytest.approx(direction)
-    assert facing_sensor(np.array([0.0, 0.0, 1.0])) == pytest.approx([0, 0, 0, 1])
+    ahead = place(Bearing(np.zeros(2), np.full(2, 1e-4)), 1.5, 0.01)
+    assert ahead.orientation == pytest.approx([0, 0, 0, 1])
 
 
 @pytest.mark.parametrize('zone', [0, 5, 15])

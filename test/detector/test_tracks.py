@@ -99,8 +99,8 @@ def test_a_marker_that_stands_is_known_to_a_millimetre_with_every_frame() -> Non
     found = steady(tracks)
     error, scaled = errors(scene, found)
     assert len(found) > 0.95 * (len(recording) - (KNOWN_S + 1.0) / SENSOR.period_s)
-    assert rms(error) < 1e-3
-    assert rms(scaled) < 1.5
+    assert rms(error) < 5e-4
+    assert 0.4 < rms(scaled) < 1.5
 
 
 @pytest.mark.parametrize('along_m', [0.05, 0.15, 0.3])
@@ -217,7 +217,7 @@ def test_two_markers_in_a_zone_share_its_light(apart_m: float) -> None:
             own = [one for frame in tracks[first + 50 :] for one in frame if one.id == marker.id]
             errors_m += [one.place.range_m - truth_m for one in own]
     assert frames > 1400
-    assert followed > 0.75 * frames
+    assert followed > 0.7 * frames
     assert np.median(np.abs(errors_m)) < 2e-3
 
 

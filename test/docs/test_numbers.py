@@ -20,7 +20,7 @@ OTHER_FILES = {
     *('command', 'drive', 'packet', 'packet_format', 'receive'),
     *('sensor', 'wakeup', 'wire'),
     *('followed', 'followed_range', 'presence', 'range_filter', 'tracks', 'tracks_begin'),
-    'zone_light',
+    *('pose', 'zone_light'),
 }
 
 
