@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from evaluation.bench.calibration_effects import PARAMETERS, effect
-from evaluation.report.chart_style import label, look, new_chart
+from evaluation.report.chart_style import OTHERS, label, look, new_chart
 from evaluation.report.claims import Table, as_text
 from retrolidar_ros.detector.decoding import Decoding
 from retrolidar_ros.detector.parameters import defaults
@@ -33,7 +33,7 @@ SCALES = (0.25, 1.0, 4.0, 8.0)
 # Frame period [s], and rows of zones.
 _SENSORS = ((1 / 60, 4), (0.021, 4), (1 / 30, 4), (1 / 15, 8))
 _MARKERS, _QUICK_MARKERS = 150, 3  # of each value of a parameter
-_SIGNS = {'range': ('o', '#0072b2'), 'position': ('^', '#d55e00')}
+_SIGNS = {'range': ('o', OTHERS[0]), 'position': ('^', OTHERS[2])}
 _FEW = 0.5  # of the packets, below which a recording counts as not read
 _SECONDS = 30.0
 _SIGNALS = np.array([5.0, 30.0, 100.0])  # where a law of noise is held against the truth
