@@ -6,6 +6,7 @@ import os
 import sys
 import tempfile
 import unittest
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import numpy as np
@@ -15,7 +16,6 @@ import yaml
 pytest.importorskip('launch_testing', reason='needs launch_testing, which has no wheel')
 
 import launch_testing
-import launch_testing.asserts
 from geometry_msgs.msg import PoseStamped, PoseWithCovarianceStamped
 from launch import LaunchContext
 from launch.actions import SetEnvironmentVariable
@@ -27,10 +27,18 @@ from std_msgs.msg import Bool, String
 sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
 
 from harness import MOST_MAHALANOBIS
-from harness_launch import INTERRUPTED, included, launched, lines_until
-from harness_observer import Observer
+from harness_launch import (
+    check_at_once,
+    check_exit_codes,
+    domain_of,
+    in_domain,
+    included,
+    launched,
+    lines_until,
+    observer_in,
+)
 
-from retrolidar_ros.nodes.conversion import covariance_of, vector_of
+from retrolidar_ros.nodes.conversion import covariance_of, to_ns, vector_of
 from retrolidar_ros.nodes.emulated_arm import IN_BASE
 from retrolidar_ros.scene.files import load_scene
 from retrolidar_ros.settings.resources import shared_file
@@ -115,48 +123,69 @@ def check_coffee(observer):
     missing = observer.collect(String, 'coffee/missing')
     check_poses(observer, 'coffee')
     observer.wait(lambda: ready[-1].data and not missing[-1].data, 'coffee that is ready')
-    first_m = IN_BASE @ np.array(ARM.sensor.path[0].position_m)
     assert views
+    # The reach is around the place of the first reading; the arm does not stand there.
+    first_ns = to_ns(views[0].header.stamp)
+    places = np.array(
+        [
+            vector_of(one.transform.translation)
+            for one in observer.transforms
+            if one.child_frame_id == 'retrolidar_optical_frame'
+            and to_ns(one.header.stamp) <= first_ns
+        ]
+    )
     for view in views:
         assert view.header.frame_id == 'base_link'
-        assert np.linalg.norm(vector_of(view.pose.position) - first_m) < 0.5 + 0.02
+        apart_m = np.linalg.norm(vector_of(view.pose.position) - places, axis=1)
+        assert apart_m.min() < 0.5 + 0.02
     stamps = np.array([one.header.stamp.sec for one in views])
     assert len(views) < 12, stamps  # not with every reading
 
 
 CASES = {
-    'landmarks': (check_landmarks, {'rviz': 'true'}),
-    'coffee': (check_coffee, {}),
+    'landmarks': (domain_of(0), check_landmarks, {'rviz': 'true'}),
+    'coffee': (domain_of(1), check_coffee, {}),
 }
 
 
 @pytest.mark.launch_test
-@launch_testing.parametrize('case', CASES)
-def generate_test_description(case):
+def generate_test_description():
     # The stand-in of RViz is found by the launch, and its executable needs no environment.
     path = SetEnvironmentVariable('AMENT_PREFIX_PATH', os.environ['AMENT_PREFIX_PATH'])
-    arguments = {'emulate': 'arm', 'namespace': f'emulated_{case}', **CASES[case][1]}
-    return launched(path, included(case, **arguments))
+    arms = []
+    for case, (domain, _, arguments) in CASES.items():
+        arm = included(case, emulate='arm', namespace=f'emulated_{case}', **arguments)
+        arms.append(in_domain(domain, arm))
+    return launched(path, *arms)
 
 
-class TestLaunchFile(unittest.TestCase):
-    """What runs reaches its goal."""
+class TestLaunchFiles(unittest.TestCase):
+    """What runs reaches its goal; meanwhile another launch tells that it will not."""
 
-    def test_it(self, case):
-        observer = Observer(f'/emulated_{case}')
-        self.addCleanup(observer.close)
-        CASES[case][0](observer)
-
-    def test_a_goal_out_of_reach_is_told_first(self, case):
-        """The sensor of scene `coffee` stands still."""
+    @classmethod
+    def setUpClass(cls):
+        pool = ThreadPoolExecutor(1)
+        cls.addClassCleanup(pool.shutdown)
         # Launch may hang if it is interrupted while it starts.
-        lines = lines_until('has not been seen', 'coffee', 'namespace:=still', 'emulate:=coffee')
+        wanted, arguments = 'has not been seen', ('namespace:=still', 'emulate:=coffee')
+        cls.still = pool.submit(lines_until, wanted, 'coffee', *arguments)
+
+    def test_both(self):
+        observers = {}
+        for case, (domain, _, _) in CASES.items():
+            observers[case] = observer_in(domain, f'/emulated_{case}')
+            self.addCleanup(observers[case].close)
+        check_at_once(self, {case: CASES[case][1] for case in CASES}, observers)
+
+    def test_goal_out_of_reach_is_told_first(self):
+        """The sensor of scene `coffee` stands still."""
+        lines = self.still.result()
         told = [index for index, line in enumerate(lines) if 'stands still' in line]
         started = [index for index, line in enumerate(lines) if 'process started' in line]
         assert told[0] < started[0], lines
         assert 'max_stddev:=0.1' in lines[told[0]]
 
-    def test_every_launch_file_shows_its_topics_in_its_frame(self, case):
+    def test_every_launch_file_shows_its_topics_in_its_frame(self):
         of_sensor = {'points', 'marker_array', 'signal_image'}
         both = {f'{side}/{one}' for side in ('left', 'right') for one in of_sensor}
         arm = {*of_sensor, 'robot_description'}
@@ -176,7 +205,7 @@ class TestLaunchFile(unittest.TestCase):
 
 @launch_testing.post_shutdown_test()
 class TestEnd(unittest.TestCase):
-    """All processes end in order; the emulator is a command, which says that it is interrupted."""
+    """All processes end in order."""
 
     def test_exit_codes(self, proc_info):
-        launch_testing.asserts.assertExitCodes(proc_info, allowable_exit_codes=[0, INTERRUPTED])
+        check_exit_codes(proc_info)

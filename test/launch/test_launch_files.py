@@ -2,10 +2,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """Each launch file, with the assertions that test/nodes makes of plain processes."""
 
-import os
 import sys
 import tempfile
 import unittest
+from itertools import chain
 from pathlib import Path
 
 import numpy as np
@@ -14,7 +14,6 @@ import pytest
 pytest.importorskip('launch_testing', reason='needs launch_testing, which has no wheel')
 
 import launch_testing
-import launch_testing.asserts
 
 sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
 
@@ -31,8 +30,15 @@ from harness import (
 )
 from harness_coffee import BASE_VIEW, SENSOR_VIEW, check_coffee, publish_base
 from harness_landmarks import check_drone, check_landmarks
-from harness_launch import INTERRUPTED, included, launched
-from harness_observer import Observer
+from harness_launch import (
+    check_at_once,
+    check_exit_codes,
+    domain_of,
+    in_domain,
+    included,
+    launched,
+    observer_in,
+)
 from harness_use_cases import (
     SIDES,
     check_heartbeat,
@@ -57,7 +63,7 @@ def directory():
 PORTS, SAVED, OWN = directory(), directory() / 'room.yaml', directory() / 'parameters.yaml'
 OWN.write_text('/**/driver:\n  ros__parameters:\n    frame_id: gripper_lidar\n')
 # It is to be read once at least, however long the nodes take to start.
-SILENT = silent_drone(directory(), start_s=3.0, packets=5)
+SILENT = silent_drone(directory(), start_s=3.0, packets=8)
 # It hangs still, for the test does not know when the scene began.
 STILL = silent_drone(directory(), start_s=0.2, packets=1000)
 
@@ -160,32 +166,42 @@ CASES = {
 """A launch file, its arguments, and what is checked."""
 
 
+GROUPS = {
+    'one_sensor': ['drone', 'sensor', 'landmarks', 'emulated'],
+    'objects': ['coffee_in_base', 'coffee', 'two_sensors'],
+    'many_sensors': ['three_sensors', 'hall'],
+}
+"""What is launched at the same time."""
+assert sorted(chain.from_iterable(GROUPS.values())) == sorted(CASES)
+DOMAINS = {case: domain_of(index) for index, case in enumerate(CASES)}
+
+
 @pytest.mark.launch_test
-@launch_testing.parametrize('case', CASES)
-def generate_test_description(case):
-    name, arguments, _ = CASES[case]
-    return launched(included(name, namespace=f'launched_{case}', **arguments))
+@launch_testing.parametrize('group', GROUPS)
+def generate_test_description(group):
+    actions = []
+    for case in GROUPS[group]:
+        name, arguments, _ = CASES[case]
+        action = included(name, namespace=f'launched_{case}', **arguments)
+        actions.append(in_domain(DOMAINS[case], action))
+    return launched(*actions)
 
 
-class TestLaunchFile(unittest.TestCase):
+class TestLaunchFiles(unittest.TestCase):
     """What runs does what it is to do."""
 
-    def test_it(self, case):
-        if case == 'hall':
-            os.environ['ROS_DISCOVERY_SERVER'] = SERVER
-        self.addCleanup(os.environ.pop, 'ROS_DISCOVERY_SERVER', None)
-        observer = Observer(f'/launched_{case}')
-        self.addCleanup(observer.close)
-        CASES[case][-1](observer)
+    def test_them(self, group):
+        observers = {}
+        for case in GROUPS[group]:
+            server = {'ROS_DISCOVERY_SERVER': SERVER} if case == 'hall' else {}
+            observers[case] = observer_in(DOMAINS[case], f'/launched_{case}', **server)
+            self.addCleanup(observers[case].close)
+        check_at_once(self, {case: CASES[case][-1] for case in observers}, observers)
 
 
 @launch_testing.post_shutdown_test()
 class TestEnd(unittest.TestCase):
-    """All processes end in order; the emulator is a command, which says that it is interrupted."""
+    """All processes end in order."""
 
-    def test_exit_codes(self, proc_info, case):
-        emulates = any('emulate' in name for name in CASES[case][1])
-        allowed = [0, INTERRUPTED] if emulates else [0]
-        if case == 'hall':
-            allowed.append(INTERRUPTED)  # the discovery server
-        launch_testing.asserts.assertExitCodes(proc_info, allowable_exit_codes=allowed)
+    def test_exit_codes(self, proc_info):
+        check_exit_codes(proc_info)

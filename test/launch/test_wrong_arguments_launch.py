@@ -6,6 +6,7 @@ import signal
 import subprocess
 import sys
 import unittest
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
 from pathlib import Path
 
@@ -23,6 +24,7 @@ from harness_launch import SCRIPT
 from harness_observer import Observer
 
 NAMESPACE = 'wrongly_launched'
+_AT_ONCE = 3
 WRONG = {
     'coffee': ['max_stddev:=x', 'respawn_delay:=-1', 'log_level:=loud', 'emulate:=nowhere'],
     'landmarks': ['localize:=perhaps', 'params_file:=/etc/passwd', 'params_file:=/nowhere'],
@@ -45,7 +47,7 @@ def commands():
 
 
 class TestWrongArguments(unittest.TestCase):
-    """One at a time, where the rest is right."""
+    """One in each launch, where the rest is right."""
 
     def test_all(self):
         right = {
@@ -53,11 +55,23 @@ class TestWrongArguments(unittest.TestCase):
             'drone': ['emulate:=drone', 'sensors:=3'],
             'hall': [],
         }
-        for name, arguments in WRONG.items():
-            for argument in arguments:
-                with self.subTest(name=name, argument=argument):
-                    given = [*right.get(name, ['emulate:=coffee']), argument]
-                    self.check(name, given, argument.partition(':=')[2])
+        wrong = [(name, argument) for name, arguments in WRONG.items() for argument in arguments]
+
+        def launch(case):
+            (name, argument), namespace = case, f'{NAMESPACE}{wrong.index(case)}'
+            given = [*right.get(name, ['emulate:=coffee']), argument]
+            command = [sys.executable, '-c', SCRIPT, name, f'namespace:={namespace}', *given]
+            return subprocess.run(command, capture_output=True, text=True, timeout=60, check=False)
+
+        with ThreadPoolExecutor(_AT_ONCE) as pool:
+            results = list(pool.map(launch, wrong))
+        for (name, argument), result in zip(wrong, results, strict=True):
+            with self.subTest(name=name, argument=argument):
+                output = result.stdout + result.stderr
+                assert result.returncode == 1, output
+                assert argument.partition(':=')[2] in output
+                assert 'process started' not in output
+        assert not [line for line in commands() if f'__ns:=/{NAMESPACE}' in line]
 
     def test_a_misconfigured_node_is_not_started_again(self):
         """The others go on, until the launch is interrupted."""
@@ -71,12 +85,4 @@ class TestWrongArguments(unittest.TestCase):
         output, _ = launch.communicate(timeout=60)
         assert output.count('FATAL') == 1, output
         assert 'is misconfigured, see above: it is not started again' in output
-        assert not [line for line in commands() if f'__ns:=/{NAMESPACE}' in line]
-
-    def check(self, name, arguments, wrong):
-        command = [sys.executable, '-c', SCRIPT, name, f'namespace:={NAMESPACE}', *arguments]
-        result = subprocess.run(command, capture_output=True, text=True, timeout=60, check=False)
-        assert result.returncode == 1, result.stdout
-        assert wrong in result.stdout + result.stderr
-        assert 'process started' not in result.stdout + result.stderr
         assert not [line for line in commands() if f'__ns:=/{NAMESPACE}' in line]
