@@ -8,6 +8,7 @@ file: hours and false IDs by the revision of the core, the seed, and the disturb
 
 import hashlib
 import json
+import os
 import time
 from collections.abc import Iterator
 from concurrent.futures import ProcessPoolExecutor
@@ -21,6 +22,7 @@ from evaluation.bench.disturbances import FAMILY
 from evaluation.bench.rates import Frequency, frequency
 from evaluation.report.chart_style import label, look, new_chart
 from evaluation.report.claims import Table, per_hour, write_figures
+from retrolidar_ros.cli.processes import end_with_parent
 from retrolidar_ros.detector import create_detector
 from retrolidar_ros.detector.budget import USUAL_FALSE_IDS_PER_HOUR
 from retrolidar_ros.scene.reference import SENSOR
@@ -78,7 +80,8 @@ def extend(
         figures = json.loads(path.read_text(encoding='utf-8'))
     own, turns = revision(), _turns()
     path.parent.mkdir(parents=True, exist_ok=True)
-    with ProcessPoolExecutor(processes, get_context('spawn')) as pool:
+    spawn, parent = get_context('spawn'), (os.getpid(),)
+    with ProcessPoolExecutor(processes, spawn, end_with_parent, parent) as pool:
         while sum(row['hours'] for row in figures['rows'] if row['revision'] == own) < hours:
             kept = [row for row in figures['rows'] if row['revision'] != own]
             rows = {
