@@ -98,7 +98,7 @@ HAND = {
 def test_a_mismatch_is_named_with_its_remedy(
     content: dict[str, Any], sentence: str, tmp_path: Path, capsys: Output
 ) -> None:
-    assert main(['decode', bag_of(tmp_path, **content)]) in (0, 3)
+    assert main(['decode', bag_of(tmp_path, 5, **content)]) in (0, 3)
     printed = capsys.readouterr().err
     assert sentence in printed
     assert all(len(line) < 200 for line in printed.splitlines())

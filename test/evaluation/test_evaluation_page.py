@@ -107,13 +107,13 @@ def test_a_quick_look_does_not_overwrite_the_report(
 def test_several_experiments_at_once_are_the_same_as_one_by_one(tmp_path: Path) -> None:
     together, alone = tmp_path / 'together', tmp_path / 'alone'
     alone.mkdir()
-    command = [sys.executable, '-m', 'evaluation', 'chain', 'ids', '--quick', '-o', str(together)]
+    command = [sys.executable, '-m', 'evaluation', 'chain', 'link', '--quick', '-o', str(together)]
     finished = subprocess.run(
         command, check=True, capture_output=True, text=True, timeout=60, cwd=ROOT
     )
     assert finished.stdout.count('chain: One packet') == 1
-    assert sorted(path.name for path in together.glob('*.json')) == ['chain.json', 'ids.json']
-    for name in ('chain', 'ids'):
+    assert sorted(path.name for path in together.glob('*.json')) == ['chain.json', 'link.json']
+    for name in ('chain', 'link'):
         run_experiment(name, alone, quick=True, seed=1)
         one, other = (json.loads((at / f'{name}.json').read_text()) for at in (together, alone))
         del one['run'], other['run']

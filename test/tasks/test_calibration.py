@@ -158,7 +158,7 @@ def test_zones_that_are_alike_give_no_slope() -> None:
 def test_a_blinking_light_that_is_no_marker_has_a_period_and_no_id() -> None:
     hidden = Occlusion(every_s=0.2, lasting_s=0.1)
     lamp = replace(SCENE.markers[0], packets=1, start_s=1000.0, occlusion=hidden)
-    found = calibrate(recorded(replace(SCENE, markers=(lamp,))))
+    found = calibrate(recorded(replace(SCENE, markers=(lamp,)), 8))
     assert found.markers == []
     assert 'bit_period' not in parameters(found)
     assert any('no ID fits' in line for line in sentences(found))
