@@ -211,9 +211,8 @@ def test_missing_apriltag_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
 
 def test_errors_are_absolute_and_in_millimetres() -> None:
     assert errors([]) is None
-    assert errors([-0.003, 0.001, 0.002]) == pytest.approx(
-        {'median': 2.0, 'largest': 3.0, 'above_1_cm': 0.0}
-    )
+    expected = {'median': 2.0, 'rms': (14 / 3) ** 0.5, 'largest': 3.0, 'above_1_cm': 0.0}
+    assert errors([-0.003, 0.001, 0.002]) == pytest.approx(expected)
 
 
 class Liar(AprilTagReader):

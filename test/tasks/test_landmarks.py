@@ -259,7 +259,7 @@ def test_a_survey_has_room_for_so_many_and_prefers_those_that_are_placed() -> No
     survey = Survey({}, ERRORS)
     for index, eye_m in enumerate(SQUARE):
         survey.take('mug', seen(HERE, eye_m, rng, stamp_s=index))
-    for index in range(2 * MAX_LANDMARKS):
+    for index in range(MAX_LANDMARKS + 10):
         survey.take(f'flood {index}', seen(HERE, SQUARE[0], rng, stamp_s=9))
     assert len(survey.landmarks) == MAX_LANDMARKS
     assert estimate_of(survey.landmarks['mug']).readings == 4
