@@ -128,9 +128,9 @@ static double prior_of(double blur, double known)
     return 1.0 / sqrt(blur);
 }
 
-struct rl_bearing rl_bearing_of(const struct rl_bearing_table *table, int32_t rows,
-                                int32_t columns, int32_t zone, const double *amplitude,
-                                const double *variance, double width, double blur)
+struct rl_bearing rl_bearing_of(const struct rl_bearing_table *table, int32_t rows, int32_t columns,
+                                int32_t zone, const double *amplitude, const double *variance,
+                                double width, double blur)
 {
     const int at[AXES] = {zone % columns, zone / columns}, most[AXES] = {columns, rows};
     const int apart[AXES] = {1, columns};

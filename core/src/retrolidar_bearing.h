@@ -3,11 +3,11 @@
  */
 /* Direction of a marker within a zone, from how its light is shared with the zones around.
  *
- * Only light that is modulated as the marker's counts, so the background cancels. A marker's spot is
- * mostly smaller than a zone, and then the shares say much near edges of zones and little in their
- * middle. So the result is the mean and the variance of all bearings that agree with the shares: a
- * marker that one zone sees alone is anywhere in it, except near edges where a neighbour would see
- * it.
+ * Only light that is modulated as the marker's counts, so the background cancels. A marker's spot
+ * is mostly smaller than a zone, and then the shares say much near edges of zones and little in
+ * their middle. So the result is the mean and the variance of all bearings that agree with the
+ * shares: a marker that one zone sees alone is anywhere in it, except near edges where a neighbour
+ * would see it.
  */
 #ifndef RETROLIDAR_BEARING_H
 #define RETROLIDAR_BEARING_H
@@ -38,9 +38,9 @@ void rl_bearing_start(struct rl_bearing_table *table);
  * width: of the marker [widths of a zone]
  * blur: of the optics, if it is known, else 0 [widths of a zone]
  */
-struct rl_bearing rl_bearing_of(const struct rl_bearing_table *table, int32_t rows,
-                                int32_t columns, int32_t zone, const double *amplitude,
-                                const double *variance, double width, double blur);
+struct rl_bearing rl_bearing_of(const struct rl_bearing_table *table, int32_t rows, int32_t columns,
+                                int32_t zone, const double *amplitude, const double *variance,
+                                double width, double blur);
 /* end of binding */
 
 #endif

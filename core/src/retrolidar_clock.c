@@ -16,8 +16,8 @@ static const double MIN_RATIO = 0.5, MAX_RATIO = 4.0;
 static const double STEP = 1.0 + 2.0 / (RL_PHASES * RL_PACKET_BITS);
 static const double MAX_CORRELATION = 0.999;
 
-/* What a bit more than there are in a packet must explain: noise, too, is explained by more bits; with
- * more, clocks that are off by a tenth are read as other IDs [nats].
+/* What a bit more than there are in a packet must explain: noise, too, is explained by more bits;
+ * with more, clocks that are off by a tenth are read as other IDs [nats].
  */
 static const double COST_OF_BIT = 1.5;
 
@@ -37,10 +37,12 @@ struct slicer {
     float beyond[MAX_BITS], count[MAX_BITS]; /* of the samples of each bit, over the middle level */
 };
 
-/* Find the mean level of the samples in which the packet that was tried last is dark, and bright. */
+/* Find the mean level of the samples in which the packet that was tried last is dark, and bright.
+ */
 static struct slicer slicer_of(struct rl_window *window)
 {
-    struct slicer slicer = {.samples = window->samples, .first = window->first,
+    struct slicer slicer = {.samples = window->samples,
+                            .first = window->first,
                             .rows = window->rows,
                             .least = (float)window->whitened[0].least};
     float count[2] = {1e-9f, 1e-9f};
@@ -66,8 +68,8 @@ static void slice(struct slicer *slicer, struct clock *clock)
     float squares = 0.0f, count = 0.0f;
     clock->bits = 0;
     for (int row = 0; row < slicer->rows; row++) {
-        const double middle_s = (samples->begin_s[slicer->first + row] +
-                                 samples->end_s[slicer->first + row]) / 2;
+        const double middle_s =
+            (samples->begin_s[slicer->first + row] + samples->end_s[slicer->first + row]) / 2;
         const int bit = (int)((middle_s - clock->begin_s) * per_s);
         for (; clock->bits <= bit && clock->bits < MAX_BITS; clock->bits++) {
             slicer->beyond[clock->bits] = 0.0f;

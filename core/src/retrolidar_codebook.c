@@ -143,14 +143,15 @@ void rl_codebook_best(const struct rl_codebook *codebook, const struct rl_energy
     for (int g = 0; g < codebook->groups; g++) {
         const struct rl_group *group = &codebook->group[g];
         const float high = preamble + table[0][group->high];
-        const float power_of_any = rl_maxf(least_power(energy, smooth, group, smooth->group[g]), 0.0f);
+        const float power_of_any =
+            rl_maxf(least_power(energy, smooth, group, smooth->group[g]), 0.0f);
         const float least_sum = sqrtf(best[1].squared * power_of_any);
         if (high + most_low <= least_sum) {
             continue;
         }
         for (int word = group->first; word < group->first + group->count; word++) {
             const uint32_t packet = codebook->packet[word];
-            const float sum = sum_of(high, packet, (const float(*)[256])table);
+            const float sum = sum_of(high, packet, (const float (*)[256])table);
             if (sum <= least_sum) {
                 continue;
             }
@@ -176,7 +177,8 @@ int rl_codebook_heaviest(const struct rl_codebook *codebook, const float *weight
     tabulate(weight, table);
     for (int word = 0; word < codebook->words; word++) {
         const uint32_t packet = codebook->packet[word];
-        const float sum = sum_of(table[0][word_byte(packet, 0)], packet, (const float(*)[256])table);
+        const float sum =
+            sum_of(table[0][word_byte(packet, 0)], packet, (const float (*)[256])table);
         if (sum > most && codebook->id[word] != id) {
             most = sum;
             heaviest = word;

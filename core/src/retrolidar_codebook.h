@@ -22,7 +22,7 @@ struct rl_energy {
 /* Packets whose words begin with the same byte, and bounds of their energies. */
 struct rl_group {
     int first, count;
-    uint8_t high; /* that byte */
+    uint8_t high;      /* that byte */
     float dark, pairs; /* least of all */
 };
 
@@ -60,7 +60,8 @@ struct rl_word {
     float squared; /* of the sum of its dark soft bits, over its energy */
 };
 
-/* The two best packets for soft bits (RL_PACKET_BITS, positive = dark), of those that exceed `least`. */
+/* The two best packets for soft bits (RL_PACKET_BITS, positive = dark), of those that exceed
+ * `least`. */
 void rl_codebook_best(const struct rl_codebook *codebook, const struct rl_energy *energy,
                       const struct rl_smooth *smooth, const float *soft, float least,
                       struct rl_word best[2]);

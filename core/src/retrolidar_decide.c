@@ -12,7 +12,7 @@
 #include <string.h>
 
 enum {
-    LEAST_WALK = 3,     /* walk from which on what a packet leaves over is more than noise */
+    LEAST_WALK = 3, /* walk from which on what a packet leaves over is more than noise */
 };
 
 /* Share of the evidence of a packet that has repeated that there must be with the bits before. */
@@ -21,8 +21,8 @@ static const double LEAST_LONGER = 0.9;
 static const double LEAST_ALONE = 0.4;
 /* To leave out a stretch of bits costs some, as it might be any [nats]. */
 static const double COST_OF_MASK = 10.0;
-/* Share of what others explain that a packet beside them needs besides: what they leave over may look
- * like one.
+/* Share of what others explain that a packet beside them needs besides: what they leave over may
+ * look like one.
  */
 static const double LEFT_OVER = 0.1;
 /* A refined clock may be off by more than one that is searched: by half a phase over a packet. */
@@ -57,7 +57,8 @@ static bool has_repeated(struct rl_window *window, const struct rl_sending *send
     const struct rl_samples *samples = window->samples;
     /* Half a packet shows whether it has repeated. */
     const double held_s = samples->begin_s[rl_samples_oldest(samples)];
-    const double from_s = fmax(fmax(begin_s - RL_PACKET_BITS / 2 * sending->bit_s, held_s), since_s);
+    const double from_s =
+        fmax(fmax(begin_s - RL_PACKET_BITS / 2 * sending->bit_s, held_s), since_s);
     if (begin_s - from_s < RL_LOOK_BITS * sending->bit_s) {
         return true;
     }
@@ -121,8 +122,8 @@ static int open(struct trial *trial, int source, double read_s, double since_s, 
     window->min_bit_s = demands->bit_s * (1.0 - demands->max_skew - SKEW_SLACK);
     window->max_bit_s = demands->bit_s * (1.0 + demands->max_skew + SKEW_SLACK);
     const double bit_s = sending->bit_s;
-    verdict->evidence = rl_scope_open(window, source, sending, packets, read_s, since_s, to_s,
-                                      &trial->silent_bits);
+    verdict->evidence =
+        rl_scope_open(window, source, sending, packets, read_s, since_s, to_s, &trial->silent_bits);
     const double lasting_s = RL_PACKET_BITS * packets * sending->bit_s;
     verdict->begin_s = sending->repeats ? fmax(to_s - lasting_s, since_s) : sending->start_s;
     verdict->end_s = sending->repeats ? to_s : sending->start_s + lasting_s;
@@ -177,12 +178,11 @@ static bool is_word(struct trial *trial, const struct rl_hits *hits, double to_s
     const int begin = sending->repeats ? (int)floor(since_bits + 0.5) % RL_PACKET_BITS : 0;
     verdict->word = rl_rivals_turn(trial->window, sending, trial->own, begin, trial->silent_bits,
                                    3.0 * max_word, &trial->bits);
-    verdict->word = fmax(verdict->word, rl_rivals_sequence(trial->window, sending,
-                                                           trial->half_bits, hits) -
-                                            trial->own);
+    verdict->word =
+        fmax(verdict->word,
+             rl_rivals_sequence(trial->window, sending, trial->half_bits, hits) - trial->own);
     if (verdict->word > max_word && verdict->packets == 1 && trial->follows &&
-        rl_scope_mask_occlusion(trial->window, sending,
-                                trial->own + verdict->word - max_word)) {
+        rl_scope_mask_occlusion(trial->window, sending, trial->own + verdict->word - max_word)) {
         trial->is_hidden = true;
         trial->own = refine(verdict, trial->window, trial->half_bits);
         if (verdict->evidence < trial->asked + COST_OF_MASK ||
@@ -207,8 +207,8 @@ static double margin_of(struct trial *trial, const struct rl_codebook *codebook,
                                      trial->own, trial->half_bits, id, hits) -
                     (trial->is_hidden ? COST_OF_MASK : 0.0);
     if (margin >= trial->demands->margin && verdict->packets == 1 && !trial->follows) {
-        margin = fmin(margin, rl_rivals_part_margin(window, codebook, &trial->bits, sending,
-                                                    trial->own, id));
+        margin = fmin(
+            margin, rl_rivals_part_margin(window, codebook, &trial->bits, sending, trial->own, id));
         margin = fmin(margin, rl_rivals_sequence_margin(window, codebook, &trial->bits, sending,
                                                         trial->own, id));
     }
@@ -217,13 +217,13 @@ static double margin_of(struct trial *trial, const struct rl_codebook *codebook,
 
 struct rl_verdict rl_decide(struct rl_window *window, const struct rl_codebook *codebook,
                             const struct rl_demands *demands, int source, const struct rl_hit *hit,
-                            const struct rl_hits *hits, int packets, double read_s,
-                            double since_s, bool follows, double to_s)
+                            const struct rl_hits *hits, int packets, double read_s, double since_s,
+                            bool follows, double to_s)
 {
-    struct rl_verdict verdict = {
-        .id = hit->id,
-        .packets = packets,
-        .sending = {rl_packet(hit->id), hit->repeats, hit->start_s, hit->bit_s, rl_brightening_s[0]}};
+    struct rl_verdict verdict = {.id = hit->id,
+                                 .packets = packets,
+                                 .sending = {rl_packet(hit->id), hit->repeats, hit->start_s,
+                                             hit->bit_s, rl_brightening_s[0]}};
     struct trial trial = {
         .window = window, .demands = demands, .verdict = &verdict, .follows = follows};
     verdict.reason = open(&trial, source, read_s, since_s, to_s);

@@ -22,7 +22,7 @@ struct rl_demands {
     double word;      /* by how much another sequence of bits may be better [nats] */
     double margin;    /* by how much a packet must be better than one of any other ID [nats] */
     double bit_s;     /* as expected [s] */
-    double max_skew; /* by how much a clock may be off */
+    double max_skew;  /* by how much a clock may be off */
 };
 
 struct rl_verdict {
@@ -31,7 +31,7 @@ struct rl_verdict {
     uint16_t id;
     int packets;
     double evidence, word, margin; /* [nats], as far as it came */
-    double begin_s, end_s; /* of what was used */
+    double begin_s, end_s;         /* of what was used */
     int sources;
     int source[RL_MOST_ZONES_TOGETHER];
     struct rl_gain fit[RL_MOST_ZONES_TOGETHER];
@@ -48,7 +48,7 @@ struct rl_verdict {
  */
 struct rl_verdict rl_decide(struct rl_window *window, const struct rl_codebook *codebook,
                             const struct rl_demands *demands, int source, const struct rl_hit *hit,
-                            const struct rl_hits *hits, int packets, double read_s,
-                            double since_s, bool follows, double to_s);
+                            const struct rl_hits *hits, int packets, double read_s, double since_s,
+                            bool follows, double to_s);
 
 #endif

@@ -9,7 +9,6 @@
 #include <math.h>
 #include <stdlib.h>
 
-
 static int64_t aligned(int64_t bytes)
 {
     return (bytes + 15) / 16 * 16;
@@ -27,7 +26,8 @@ struct rl_detector *rl_detector_create(const struct rl_settings *settings, const
     const int64_t shares = aligned(rl_shares_bytes(rows));
     const int64_t residual = aligned(rl_residual_bytes(sensor->rows * sensor->columns, rows));
     const int64_t values = rows * (int64_t)(sizeof(float) + 1);
-    char *memory = calloc(1, (size_t)(head + samples + search + window + shares + residual + values));
+    char *memory =
+        calloc(1, (size_t)(head + samples + search + window + shares + residual + values));
     if (memory == NULL) {
         return NULL;
     }

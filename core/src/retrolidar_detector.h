@@ -16,9 +16,9 @@ enum { RL_MOST_READ = 16 };
 
 struct rl_settings {
     struct rl_sensor sensor;
-    int32_t max_packets;   /* that may be combined, 1 to 8 */
-    int32_t kept;          /* rows of samples that are held */
-    double bit_s;          /* how long markers hold a bit [s] */
+    int32_t max_packets;                                      /* that may be combined, 1 to 8 */
+    int32_t kept;                                             /* rows of samples that are held */
+    double bit_s;                                             /* how long markers hold a bit [s] */
     double evidence, wandering, word, margin, margin_of_more; /* `rl_demands` [nats] */
 };
 
@@ -26,10 +26,10 @@ struct rl_settings {
 struct rl_reading {
     uint16_t id;
     bool repeats;
-    int32_t packets;   /* combined */
+    int32_t packets;                      /* combined */
     double start_s, bit_s, brightening_s; /* of what is sent [s] */
-    double begin_s, end_s; /* of the samples that were used [s] */
-    double evidence, margin; /* [nats] */
+    double begin_s, end_s;                /* of the samples that were used [s] */
+    double evidence, margin;              /* [nats] */
     int32_t zones;
     int32_t zone[RL_MOST_READ]; /* strongest first */
 };
@@ -52,7 +52,7 @@ struct rl_held {
     double period_s;
     const double *begin_s, *end_s;
     const int64_t *stamp_ns; /* the least of all where no frame came */
-    const float *signal; /* of all sources, the zones first */
+    const float *signal;     /* of all sources, the zones first */
     const uint8_t *valid;
     const float *distance; /* of zones only */
 };

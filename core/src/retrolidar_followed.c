@@ -15,7 +15,7 @@ static const double EDGE_S = 2e-3; /* to either side, to find how light changes 
 static const double LIGHT_ERROR = 0.1;
 /* Light is as predicted if it differs by less. */
 static const double MAX_OFF = 0.35, MAX_DEVIATIONS = 3.0;
-static const int MOST_OFF_SCALE = 3; /* bright frames */
+static const int MOST_OFF_SCALE = 3;    /* bright frames */
 static const double LEAST_SCALED = 0.2; /* so much of its light is the marker's */
 /* What is behind is forgotten after so long, or after so much of a way. */
 static const double BACKGROUND_S = 30.0, BACKGROUND_M = 0.05;
@@ -92,8 +92,8 @@ void rl_followed_predict(struct rl_followed *followed, const struct rl_scenery *
 {
     struct rl_clock_error *clock = &followed->clock;
     const double step_s = scenery->step_s;
-    clock->variance += step_s * (2.0 * clock->common + step_s * clock->rate_variance) +
-                       WALK_S * WALK_S * step_s;
+    clock->variance +=
+        step_s * (2.0 * clock->common + step_s * clock->rate_variance) + WALK_S * WALK_S * step_s;
     clock->common += step_s * clock->rate_variance;
     clock->rate_variance += RATE_WALK * RATE_WALK * step_s;
     predict_light(followed, scenery->samples, scenery->row);
@@ -130,8 +130,8 @@ void rl_followed_bearing(struct rl_followed *followed, const struct rl_scenery *
     bool changed = strongest != followed->strongest || ++followed->bright_frames > BEARING_FRAMES;
     for (int zone = 0; zone < samples->zones; zone++) {
         amplitude[zone] = followed->zone[zone].gain;
-        variance[zone] = followed->zone[zone].gain_variance +
-                         followed->hidden[zone] * followed->hidden[zone];
+        variance[zone] =
+            followed->zone[zone].gain_variance + followed->hidden[zone] * followed->hidden[zone];
         changed = changed || (rl_zone_beside(zone, strongest, samples->columns_of_zones) &&
                               fabs(amplitude[zone] - followed->amplitude[zone]) >
                                   BEARING_DEVIATIONS * sqrt(variance[zone]) + BEARING_SHARE * most);
@@ -146,9 +146,9 @@ void rl_followed_bearing(struct rl_followed *followed, const struct rl_scenery *
     followed->strongest = strongest;
     followed->bright_frames = 0;
     memcpy(followed->amplitude, amplitude, sizeof amplitude);
-    followed->bearing =
-        rl_bearing_of(scenery->table, samples->rows_of_zones, samples->columns_of_zones, strongest,
-                      amplitude, variance, size_m / sensor->zone_pitch / range_m, sensor->zone_blur);
+    followed->bearing = rl_bearing_of(scenery->table, samples->rows_of_zones,
+                                      samples->columns_of_zones, strongest, amplitude, variance,
+                                      size_m / sensor->zone_pitch / range_m, sensor->zone_blur);
 }
 
 /* Find the range, then the samples of all zones, of which it says which are the marker's. */
@@ -174,8 +174,8 @@ static struct rl_glance glimpse(struct rl_followed *followed, const struct rl_sc
         .light = followed->light,
         .edge_variance = followed->slope * followed->slope * followed->clock.variance,
     };
-    *crossed = rl_zone_measure(followed->zone, sample, samples->zones, samples->columns_of_zones,
-                               &glance);
+    *crossed =
+        rl_zone_measure(followed->zone, sample, samples->zones, samples->columns_of_zones, &glance);
     if (rl_presence_update(&followed->presence, &glance)) {
         followed->last_ns = samples->stamp_ns[scenery->row];
     }

@@ -41,11 +41,11 @@ struct rl_followed {
     double distance_m, distance_s; /* the last one in the strongest zone ... */
     double distance_variance;
     int distance_zone;
-    double ranged_s;   /* when the range was measured last */
-    int misses;        /* distances that did not fit, one after the other */
-    int off_scale;     /* bright frames with another light, likewise */
-    int strongest;     /* zone, when the bearing was found ... */
-    int bright_frames; /* so many frames ago */
+    double ranged_s;                 /* when the range was measured last */
+    int misses;                      /* distances that did not fit, one after the other */
+    int off_scale;                   /* bright frames with another light, likewise */
+    int strongest;                   /* zone, when the bearing was found ... */
+    int bright_frames;               /* so many frames ago */
     double amplitude[RL_MOST_ZONES]; /* and the gains then */
     struct rl_bearing bearing;
     double shared_s; /* when gains were found last */

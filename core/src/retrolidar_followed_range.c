@@ -153,8 +153,8 @@ static void learn_noise(struct rl_followed *followed, const struct rl_scenery *s
 static double centre_of(const struct rl_followed *followed, const struct rl_scenery *scenery)
 {
     const struct rl_samples *samples = scenery->samples;
-    const double dark_s = (1.0 - followed->light) *
-                          (samples->end_s[scenery->row] - samples->begin_s[scenery->row]);
+    const double dark_s =
+        (1.0 - followed->light) * (samples->end_s[scenery->row] - samples->begin_s[scenery->row]);
     return followed->slope > 0.0 ? -dark_s / 2 : followed->slope < 0.0 ? dark_s / 2 : 0.0;
 }
 
@@ -193,11 +193,11 @@ static void measure_range(struct rl_followed *followed, const struct rl_scenery 
     const double noise = followed->noise_scale * law;
     const double variance = noise + place.rate_variance * late_s * late_s;
     double chance, offset_variance;
-    const double offset_m = behind_of(&followed->behind[zone], scenery->sensor->separable_m,
-                                      &chance, &offset_variance);
+    const double offset_m =
+        behind_of(&followed->behind[zone], scenery->sensor->separable_m, &chance, &offset_variance);
     const double mixed = share * chance;
-    const double own_m = (range_m - mixed * (offset_m + place.range_m)) / (1.0 - mixed) -
-                         place.rate * late_s;
+    const double own_m =
+        (range_m - mixed * (offset_m + place.range_m)) / (1.0 - mixed) - place.rate * late_s;
     const double off = own_m - place.range_m;
     /* It may have turned in the dark. */
     const double way_m = MOST_SPEED * (rl_scenery_now(scenery) - followed->ranged_s);
@@ -241,7 +241,8 @@ void rl_followed_range(struct rl_followed *followed, const struct rl_scenery *sc
                 (zone == strongest || light->gain > 3.0 * sqrt(light->gain_variance))) {
                 measure_range(followed, scenery, zone, range_m, signal);
             }
-        } else if (followed->light < 1.0 - RL_BRIGHT && scenery->other[zone] < MOST_OTHER * signal &&
+        } else if (followed->light < 1.0 - RL_BRIGHT &&
+                   scenery->other[zone] < MOST_OTHER * signal &&
                    own < followed->light * light->gain + 5.0 * sqrt(sample.variance)) {
             see_behind(followed, scenery, zone, range_m, signal);
         }

@@ -11,7 +11,7 @@
 
 enum {
     RL_FOUND = 2 * RL_TRIED, /* hits of a search, and words that it looks for ... */
-    RL_PAST = RL_TRIED, /* ... and of those before */
+    RL_PAST = RL_TRIED,      /* ... and of those before */
     RL_HITS = RL_FOUND + RL_PAST,
 };
 
@@ -56,9 +56,9 @@ struct rl_promises {
 
 /* What is asked of a hit. */
 struct rl_demand {
-    float least;       /* nats */
-    float max_beyond; /* nats by which any sequence of bits may be better */
-    bool repeats;      /* whether the window is any stretch of a packet that repeats */
+    float least;             /* nats */
+    float max_beyond;        /* nats by which any sequence of bits may be better */
+    bool repeats;            /* whether the window is any stretch of a packet that repeats */
     struct rl_energy energy; /* of the whitening */
     const struct rl_smooth *smooth;
 };
@@ -71,7 +71,8 @@ float rl_any_nats(const struct rl_demand *demand, const struct rl_trial *trial,
 bool rl_promise_is_possible(const struct rl_demand *demand, const struct rl_trial *trial,
                             const struct rl_reach *reach);
 
-/* Note what a trial holds that is possible: sequences, and packets that begin with one of its first bits. */
+/* Note what a trial holds that is possible: sequences, and packets that begin with one of its first
+ * bits. */
 void rl_promise_add(struct rl_promises *promises, const struct rl_demand *demand,
                     const struct rl_trial *trial, const struct rl_lane *lane, int shifts);
 

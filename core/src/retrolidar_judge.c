@@ -6,7 +6,6 @@
 #include <math.h>
 #include <string.h>
 
-
 /* Whether a packet of an ID has been read that overlaps with a time by more than a few bits. */
 static bool is_known(const struct rl_detector *detector, uint16_t id, double begin_s, double end_s)
 {
@@ -14,8 +13,8 @@ static bool is_known(const struct rl_detector *detector, uint16_t id, double beg
                          RL_LOOK_BITS * detector->settings.bit_s);
 }
 
-/* When the packet begins that the window holds the most of: before the window, if it was joined in its
- * middle, or a few bits later, if those are of another.
+/* When the packet begins that the window holds the most of: before the window, if it was joined in
+ * its middle, or a few bits later, if those are of another.
  */
 static double start_of(const struct rl_verdict *verdict)
 {
@@ -61,8 +60,7 @@ static void add_reading(struct rl_detector *detector, const struct rl_verdict *v
     const int seen = zones_of(detector, verdict, zones);
     /* A packet of many frames may have begun before what is held. */
     struct rl_transmission transmission = transmission_of(verdict);
-    transmission.begin_s =
-        fmax(transmission.begin_s, samples->begin_s[rl_samples_oldest(samples)]);
+    transmission.begin_s = fmax(transmission.begin_s, samples->begin_s[rl_samples_oldest(samples)]);
     struct rl_reading *reading = &detector->reading[detector->readings++];
     *reading = (struct rl_reading){
         .id = verdict->id,
@@ -94,9 +92,9 @@ static void note(struct rl_detector *detector, int source, int packets,
                  const struct rl_verdict *verdict)
 {
     if (verdict->reason != RL_READ && verdict->reason != RL_EVIDENCE && packets == 1) {
-        detector->past[source][detector->pasts[source]++ % RL_PAST] = (struct rl_hit){
-            (float)verdict->evidence, verdict->id, verdict->sending.repeats,
-            verdict->sending.start_s, verdict->sending.bit_s};
+        detector->past[source][detector->pasts[source]++ % RL_PAST] =
+            (struct rl_hit){(float)verdict->evidence, verdict->id, verdict->sending.repeats,
+                            verdict->sending.start_s, verdict->sending.bit_s};
     }
     if (detector->candidates < 2 * RL_DECISIONS) {
         detector->candidate[detector->candidates++] = (struct rl_candidate){
@@ -146,8 +144,7 @@ static struct rl_verdict decide(struct rl_detector *detector, int source, int pa
     const double packet_s = RL_PACKET_BITS * hit->bit_s;
     const double active_s = detector->active_s[source < detector->samples.zones ? source : 0];
     const double since_s =
-        packets == 1 && source < detector->samples.zones && active_s < to_s ? active_s
-                                                                            : -INFINITY;
+        packets == 1 && source < detector->samples.zones && active_s < to_s ? active_s : -INFINITY;
     const struct rl_transmission transmission = {
         .sending = {.start_s = hit->start_s, .bit_s = hit->bit_s},
         .begin_s = hit->repeats ? to_s - packets * packet_s : hit->start_s,
@@ -184,8 +181,7 @@ static double search_without(struct rl_detector *detector, const struct rl_verdi
                          to_s - RL_GOES_ON_BITS * detector->settings.bit_s, to_s, one->id,
                          &interference);
     add_beside(&interference, one);
-    const double rest =
-        rl_residual_subtract(&detector->residual, source, &interference, from_s);
+    const double rest = rl_residual_subtract(&detector->residual, source, &interference, from_s);
     hits->count = 0;
     if (rest > RL_ACTIVE) {
         rl_search_look(&detector->search, &source, 1, packets, to_s, to_s, -INFINITY,
@@ -223,8 +219,7 @@ static bool judge_pair(struct rl_detector *detector, double to_s, struct rl_verd
         }
         const struct rl_verdict again =
             decide(detector, source, packets, &again_hits.hit[0], &again_hits, other, to_s);
-        if (again.reason != RL_READ ||
-            is_known(detector, again.id, again.begin_s, again.end_s)) {
+        if (again.reason != RL_READ || is_known(detector, again.id, again.begin_s, again.end_s)) {
             continue;
         }
         *other = decide(detector, source, packets, hit, hits, &again, to_s);
@@ -240,8 +235,7 @@ void rl_judge(struct rl_detector *detector, const struct rl_pending *pending, do
 {
     const struct rl_hit *hit = &pending->hits.hit[0];
     const double lasting_s = RL_PACKET_BITS * pending->packets * hit->bit_s;
-    const double begin_s =
-        hit->repeats ? fmax(to_s - lasting_s, pending->since_s) : hit->start_s;
+    const double begin_s = hit->repeats ? fmax(to_s - lasting_s, pending->since_s) : hit->start_s;
     if (is_known(detector, hit->id, begin_s, hit->repeats ? to_s : begin_s + lasting_s)) {
         return;
     }
@@ -249,11 +243,10 @@ void rl_judge(struct rl_detector *detector, const struct rl_pending *pending, do
     detector->decisions_left--;
     struct rl_verdict other, verdict = decide(detector, pending->source, pending->packets, hit,
                                               &pending->hits, NULL, to_s);
-    const bool may_hide = pending->since_s < begin_s &&
-                          detector->samples.source[pending->source].zones == 1 &&
-                          verdict.reason != RL_INCOMPLETE && verdict.reason != RL_ERASED &&
-                          verdict.reason != RL_MARGIN &&
-                          verdict.evidence > RL_MOST * detector->demands.evidence;
+    const bool may_hide =
+        pending->since_s < begin_s && detector->samples.source[pending->source].zones == 1 &&
+        verdict.reason != RL_INCOMPLETE && verdict.reason != RL_ERASED &&
+        verdict.reason != RL_MARGIN && verdict.evidence > RL_MOST * detector->demands.evidence;
     if (may_hide && judge_pair(detector, to_s, &verdict, &other)) {
         detector->counts.candidates++;
         add_reading(detector, &other);

@@ -9,9 +9,9 @@
 static const float ERASED = 1e-3f;
 
 void rl_lanes_eliminate(float stiff, float ends, const float *restrict known,
-                      const float *restrict value, const float *restrict light_before,
-                      const float *restrict pivot_before, float *restrict light,
-                      float *restrict pivot)
+                        const float *restrict value, const float *restrict light_before,
+                        const float *restrict pivot_before, float *restrict light,
+                        float *restrict pivot)
 {
     for (int lane = 0; lane < RL_LANES; lane++) {
         const float weight = known[lane] > 0.0f ? 1.0f : ERASED;
@@ -22,9 +22,9 @@ void rl_lanes_eliminate(float stiff, float ends, const float *restrict known,
 }
 
 void rl_lanes_substitute(const float *restrict level_after, const float *restrict total_after,
-                       const float *restrict power_after, const float *restrict valid_after,
-                       float *restrict pivot, float *restrict light, float *restrict total,
-                       float *restrict power, float *restrict valid)
+                         const float *restrict power_after, const float *restrict valid_after,
+                         float *restrict pivot, float *restrict light, float *restrict total,
+                         float *restrict power, float *restrict valid)
 {
     for (int lane = 0; lane < RL_LANES; lane++) {
         const float level = light[lane] + pivot[lane] * level_after[lane];
@@ -38,7 +38,7 @@ void rl_lanes_substitute(const float *restrict level_after, const float *restric
 }
 
 void rl_lanes_cut(float share, const float *restrict total, const float *restrict light,
-                const float *restrict before, float *restrict until, float *restrict soft)
+                  const float *restrict before, float *restrict until, float *restrict soft)
 {
     for (int lane = 0; lane < RL_LANES; lane++) {
         until[lane] = total[lane] + share * light[lane];
@@ -47,7 +47,7 @@ void rl_lanes_cut(float share, const float *restrict total, const float *restric
 }
 
 void rl_lanes_reach(const float *restrict soft, uint32_t bit, float *restrict any,
-                  float *restrict squares, uint32_t *restrict dark)
+                    float *restrict squares, uint32_t *restrict dark)
 {
     for (int lane = 0; lane < RL_LANES; lane++) {
         any[lane] += rl_maxf(0.0f, soft[lane]);

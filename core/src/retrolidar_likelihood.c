@@ -19,7 +19,7 @@ int64_t rl_whitened_doubles(int rows)
 void rl_whitened_start(struct rl_whitened *whitened, int rows, double *memory)
 {
     memset(whitened, 0, sizeof *whitened);
-    whitened->gain = (double(*)[RL_WALK_LANES])memory;
+    whitened->gain = (double (*)[RL_WALK_LANES])memory;
     whitened->scale = whitened->gain + rows;
     whitened->signal = whitened->scale + rows;
     for (int i = 0; i < RL_MAX_INTERFERERS; i++) {
@@ -43,8 +43,8 @@ static void find_null(struct rl_whitened *whitened)
     double ignored;
     whitened->null = -INFINITY;
     for (int walk = 0; walk < RL_WALKS; walk++) {
-        whitened->null = fmax(whitened->null, log_likelihood(whitened, walk, whitened->squares[walk],
-                                                             0, &ignored));
+        whitened->null = fmax(whitened->null,
+                              log_likelihood(whitened, walk, whitened->squares[walk], 0, &ignored));
     }
 }
 
@@ -110,7 +110,8 @@ void rl_whiten(struct rl_whitened *whitened, const float *signal, const uint8_t 
     find_null(whitened);
 }
 
-/* Whiten a template as the signal was; the first sample is nothing. Return its energy by the way. */
+/* Whiten a template as the signal was; the first sample is nothing. Return its energy by the way.
+ */
 static void whiten_template(const struct rl_whitened *whitened, const double *light,
                             double (*white)[RL_WALK_LANES], double power[RL_WALK_LANES])
 {
@@ -158,7 +159,7 @@ typedef const double (*rl_const_column)[RL_WALK_LANES];
 void rl_add_interferer(struct rl_whitened *whitened, const double *light)
 {
     const int samples = whitened->samples;
-    double(*column)[RL_WALK_LANES] = whitened->interferer[whitened->interferers];
+    double (*column)[RL_WALK_LANES] = whitened->interferer[whitened->interferers];
     double power[RL_WALK_LANES], product[RL_WALK_LANES], scale[RL_WALK_LANES];
     if (samples < 3) {
         return;

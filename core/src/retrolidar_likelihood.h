@@ -17,26 +17,26 @@
 
 enum {
     RL_MAX_INTERFERERS = 6, /* columns of other packets, fitted along with any template */
-    RL_WALKS = 9,       /* values of q that are tried */
-    RL_WALK_LANES = 10, /* the same, made even */
+    RL_WALKS = 9,           /* values of q that are tried */
+    RL_WALK_LANES = 10,     /* the same, made even */
     RL_MOST_ZONES_TOGETHER = 4,
 };
 
 /* Samples of a source in a window, whitened for every q. */
 struct rl_whitened {
-    int samples;         /* valid ones */
-    int *row;            /* of each, in the window */
-    double (*gain)[RL_WALK_LANES]; /* of the filter, for each sample */
-    double (*scale)[RL_WALK_LANES]; /* 1 over the deviation of each innovation */
+    int samples;                     /* valid ones */
+    int *row;                        /* of each, in the window */
+    double (*gain)[RL_WALK_LANES];   /* of the filter, for each sample */
+    double (*scale)[RL_WALK_LANES];  /* 1 over the deviation of each innovation */
     double (*signal)[RL_WALK_LANES]; /* whitened */
     int interferers;
     /* Templates of other packets, whitened and made orthonormal; the signal is without them. */
     double (*interferer[RL_MAX_INTERFERERS])[RL_WALK_LANES];
     double squares[RL_WALK_LANES];
     double log_scales[RL_WALK_LANES]; /* sum of the logarithms of 1/deviation */
-    double least;        /* variance of noise that a fit may claim at least */
-    double null;         /* log likelihood without a packet, the best of all q, ... */
-    double explained;    /* ... of which so much is what interferers explain */
+    double least;                     /* variance of noise that a fit may claim at least */
+    double null;                      /* log likelihood without a packet, the best of all q, ... */
+    double explained;                 /* ... of which so much is what interferers explain */
 };
 
 /* How much better a template explains samples than nothing does. */

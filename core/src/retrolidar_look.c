@@ -80,8 +80,8 @@ static void search_residual(struct rl_detector *detector, double from_s, double 
         if (detector->read_s[zone] <= to_s - max_bits * bit_s) {
             continue;
         }
-        rl_pool_interference(&detector->pool, (uint64_t)1 << zone,
-                             to_s - RL_GOES_ON_BITS * bit_s, to_s, 0, &interference);
+        rl_pool_interference(&detector->pool, (uint64_t)1 << zone, to_s - RL_GOES_ON_BITS * bit_s,
+                             to_s, 0, &interference);
         if (rl_residual_subtract(&detector->residual, zone, &interference,
                                  to_s - RL_SEARCH_BITS * bit_s) > RL_ACTIVE) {
             zones[count++] = zone;
@@ -110,16 +110,15 @@ static void judge_next(struct rl_detector *detector, double from_s, double to_s)
             .source = member->zone,
             .packets = 1,
             .since_s = -INFINITY,
-            .hits = {.count = 1,
-                     .hit = {{0.0f, member->id, true, start_s, sending->bit_s}}}};
+            .hits = {.count = 1, .hit = {{0.0f, member->id, true, start_s, sending->bit_s}}}};
         if (detector->decisions_left > 0) {
             rl_judge(detector, &pending, to_s);
         }
     }
 }
 
-/* Search zones in which something has appeared, and nothing was read since: the samples before it say
- * nothing. With few IDs, fewer bits are enough.
+/* Search zones in which something has appeared, and nothing was read since: the samples before it
+ * say nothing. With few IDs, fewer bits are enough.
  */
 static void search_appeared(struct rl_detector *detector, double to_s)
 {

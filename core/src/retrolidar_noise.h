@@ -10,8 +10,8 @@
 /* Variance of the noise of a source at a signal [(kcps/SPAD)^2], as the law says. */
 double rl_noise_variance(const struct rl_samples *samples, int source, double signal);
 
-/* After a row was appended: update the sums to the newest rows, as many as `wanted`; `recompute` them
- * after the rows have moved.
+/* After a row was appended: update the sums to the newest rows, as many as `wanted`; `recompute`
+ * them after the rows have moved.
  */
 void rl_noise_follow(struct rl_samples *samples, int wanted, bool recompute);
 

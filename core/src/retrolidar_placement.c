@@ -85,8 +85,7 @@ static void fit_amplitude(const struct rl_seen *seen, int zone, struct amplitude
     const double noise = fmax(power / fmax(count - 2.0, 1.0), step * step / 12.0);
     amplitude->of[zone] = rise;
     amplitude->noise[zone] = noise;
-    amplitude->variance[zone] =
-        noise * (1.0 + 2.0 * fmax(alike / fmax(power, 1e-9), 0.0)) / energy;
+    amplitude->variance[zone] = noise * (1.0 + 2.0 * fmax(alike / fmax(power, 1e-9), 0.0)) / energy;
 }
 
 /* The zones that saw the packet, strongest first. */
@@ -144,8 +143,8 @@ static bool find_range(struct rl_detector *detector, struct rl_seen *seen, int f
 /* Light of another target, which is reported when the marker is bright: so much of the marker's may
  * have been missed there.
  */
-static double hidden_light(const struct rl_detector *detector, const struct rl_seen *seen, int first,
-                           int zone, double depth_m)
+static double hidden_light(const struct rl_detector *detector, const struct rl_seen *seen,
+                           int first, int zone, double depth_m)
 {
     const size_t at = rl_sample(&detector->samples, zone, first);
     const double separable_m = seen->sensor->separable_m;

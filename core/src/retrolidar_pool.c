@@ -80,8 +80,8 @@ const struct rl_member *rl_pool_due(const struct rl_pool *pool, int *index, doub
     }
     while (*index < pool->added) {
         const struct rl_member *member = &pool->member[(*index)++ % RL_POOL];
-        const double end_s = member->transmission.end_s +
-                             RL_PACKET_BITS * member->transmission.sending.bit_s;
+        const double end_s =
+            member->transmission.end_s + RL_PACKET_BITS * member->transmission.sending.bit_s;
         if (end_s > from_s && end_s <= to_s) {
             return member;
         }
@@ -94,9 +94,9 @@ bool rl_pool_knows(const struct rl_pool *pool, uint16_t id, double begin_s, doub
 {
     for (int i = first_held(pool); i < pool->added; i++) {
         const struct rl_member *member = &pool->member[i % RL_POOL];
-        if (member->id == id && fmin(end_s, member->transmission.end_s) -
-                                        fmax(begin_s, member->transmission.begin_s) >
-                                    overlap_s) {
+        if (member->id == id &&
+            fmin(end_s, member->transmission.end_s) - fmax(begin_s, member->transmission.begin_s) >
+                overlap_s) {
             return true;
         }
     }
@@ -125,8 +125,9 @@ void rl_pool_interference(const struct rl_pool *pool, uint64_t zones, double sin
             const struct rl_transmission *transmission = &member->transmission;
             const uint64_t seen = beside ? member->near & ~member->zones : member->zones;
             const bool is_seen = (beside == 0) == ((member->zones & zones) != 0);
-            if (member->id != except && (seen & zones) != 0 && is_seen && transmission->end_s > since_s &&
-                transmission->begin_s < to_s && interference->count < RL_MAX_INTERFERERS) {
+            if (member->id != except && (seen & zones) != 0 && is_seen &&
+                transmission->end_s > since_s && transmission->begin_s < to_s &&
+                interference->count < RL_MAX_INTERFERERS) {
                 interference->transmission[interference->count++] = *transmission;
             }
         }

@@ -26,8 +26,8 @@ struct rl_pool {
 void rl_pool_add(struct rl_pool *pool, const struct rl_samples *samples, uint16_t id,
                  const struct rl_transmission *transmission, const int *zones, int count);
 
-/* The next member whose following packet has ended within (from_s, to_s] if it goes on; NULL if there is
- * none from the index on, which it moves.
+/* The next member whose following packet has ended within (from_s, to_s] if it goes on; NULL if
+ * there is none from the index on, which it moves.
  */
 const struct rl_member *rl_pool_due(const struct rl_pool *pool, int *index, double from_s,
                                     double to_s);

@@ -84,8 +84,7 @@ static int see(struct rl_presence *presence, const struct rl_glance *glance)
     const double light = glance->light, off = glance->measured - light;
     const double variance = glance->variance + OFFSET * OFFSET + glance->edge_variance;
     if (light > BRIGHT_LIGHT && glance->measured < 1.0 + MOST_MORE) {
-        const double nats =
-            (glance->measured * glance->measured - off * off) / variance / 2.0;
+        const double nats = (glance->measured * glance->measured - off * off) / variance / 2.0;
         presence->seen_nats = fmax(presence->seen_nats + fmin(nats, 2.0 * SEEN), 0.0);
     }
     if (presence->seen_nats < SEEN) {

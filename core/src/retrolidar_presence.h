@@ -14,9 +14,9 @@ enum { RL_EXPLANATIONS = 5 };
 
 struct rl_presence {
     double chance[RL_EXPLANATIONS];
-    double seen_nats; /* that its light is there, since it was last known to be */
+    double seen_nats;   /* that its light is there, since it was last known to be */
     double unseen_bits; /* since then, of dark ones a part */
-    double log_odds;  /* that it is there, and the same [nats] */
+    double log_odds;    /* that it is there, and the same [nats] */
 };
 
 /* chance: that it goes on as predicted */
@@ -28,9 +28,9 @@ void rl_presence_restart(struct rl_presence *presence, double chance);
 /* What a frame has shown. */
 struct rl_glance {
     double step_s, bit_s;
-    double light;    /* as predicted, 0 to 1 */
-    double measured; /* over that of a bright marker */
-    double variance; /* of that; infinite if nothing was seen */
+    double light;         /* as predicted, 0 to 1 */
+    double measured;      /* over that of a bright marker */
+    double variance;      /* of that; infinite if nothing was seen */
     double edge_variance; /* of the light as predicted, by when its edges come */
 };
 

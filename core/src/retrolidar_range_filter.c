@@ -9,11 +9,8 @@ enum { STILL, CREEPING, DRIFTING, EVEN, TURNING };
 
 /* How often one motion becomes another [1/s]. */
 static const double RATE[RL_MOTIONS][RL_MOTIONS] = {
-    {0.0, 0.01, 0.003, 0.001, 0.0005},
-    {0.05, 0.0, 0.02, 0.02, 0.02},
-    {0.02, 0.02, 0.0, 0.1, 0.6},
-    {0.01, 0.01, 0.2, 0.0, 2.0},
-    {0.01, 0.01, 1.0, 8.0, 0.0},
+    {0.0, 0.01, 0.003, 0.001, 0.0005}, {0.05, 0.0, 0.02, 0.02, 0.02}, {0.02, 0.02, 0.0, 0.1, 0.6},
+    {0.01, 0.01, 0.2, 0.0, 2.0},       {0.01, 0.01, 1.0, 8.0, 0.0},
 };
 /* Spectral density of the acceleration [m^2/s^3]; one at rest trembles [m^2/s]. */
 static const double ACCELERATION[RL_MOTIONS] = {0.0, 1e-6, 3e-4, 0.1, 8.0};
@@ -65,8 +62,8 @@ static void move(struct rl_motion *one, int motion, double step_s)
     const double noise = ACCELERATION[motion] * step_s;
     one->rate *= motion == CREEPING ? exp(-step_s / CREEPING_S) : 1.0;
     one->range_m += one->rate * step_s;
-    one->variance += step_s * (2.0 * one->common + step_s * one->rate_variance) +
-                     noise * step_s * step_s / 3.0;
+    one->variance +=
+        step_s * (2.0 * one->common + step_s * one->rate_variance) + noise * step_s * step_s / 3.0;
     one->common += step_s * one->rate_variance + noise * step_s / 2.0;
     one->rate_variance = fmin(one->rate_variance + noise, 4.0 * ANY_RATE * ANY_RATE);
 }

@@ -2,9 +2,9 @@
  * SPDX-License-Identifier: Apache-2.0
  */
 /* Range and range rate of a marker that is followed: an interacting multiple model filter (Blom and
- * Bar-Shalom 1988). A marker at rest, one that creeps, one that moves evenly and one that turns need
- * process noise that differs by orders of magnitude; the models weigh themselves by how well they
- * predict.
+ * Bar-Shalom 1988). A marker at rest, one that creeps, one that moves evenly and one that turns
+ * need process noise that differs by orders of magnitude; the models weigh themselves by how well
+ * they predict.
  */
 #ifndef RETROLIDAR_RANGE_FILTER_H
 #define RETROLIDAR_RANGE_FILTER_H
@@ -13,7 +13,7 @@ enum { RL_MOTIONS = 5 };
 
 struct rl_motion {
     double chance;
-    double range_m, rate; /* [m], [m/s] */
+    double range_m, rate;                   /* [m], [m/s] */
     double variance, common, rate_variance; /* of the range, of both, of the rate */
 };
 

@@ -124,8 +124,8 @@ static int mark_own(const struct rl_seen *seen, float *values, uint8_t *role)
 {
     int count = 0, brightest = 0, own = 0;
     for (int row = 0; row < seen->rows; row++) {
-        role[row] = seen->valid[row] && seen->light[row] > RL_BRIGHT &&
-                    isfinite(seen->distance[row]);
+        role[row] =
+            seen->valid[row] && seen->light[row] > RL_BRIGHT && isfinite(seen->distance[row]);
         if (role[row]) {
             values[count++] = seen->signal[row];
         }
@@ -146,8 +146,8 @@ static int mark_own(const struct rl_seen *seen, float *values, uint8_t *role)
     }
     const double about_m = (double)rl_select(values, brightest, brightest / 2);
     for (int row = 0; row < seen->rows; row++) {
-        role[row] = role[row] &&
-                    fabs((double)seen->distance[row] - about_m) < seen->sensor->separable_m;
+        role[row] =
+            role[row] && fabs((double)seen->distance[row] - about_m) < seen->sensor->separable_m;
         own += role[row];
     }
     return own;
@@ -185,8 +185,7 @@ bool rl_ranging(const struct rl_seen *seen, float *values, uint8_t *role, struct
     if (dark > 0 && part(seen, role, depth_m, &parted) &&
         !(walls > 0 &&
           is_apart(quantile(values, walls, 0.5), depth_m, &parted, sensor->separable_m))) {
-        weigh(ranged, &parted, fmax(behind / dark / fmax(signal, 1e-9), 1e-3),
-              sensor->separable_m);
+        weigh(ranged, &parted, fmax(behind / dark / fmax(signal, 1e-9), 1e-3), sensor->separable_m);
     }
     /* Quantisation adds the variance of a uniform distribution. */
     ranged->variance += sensor->distance_step_m * sensor->distance_step_m / 12.0 / own;

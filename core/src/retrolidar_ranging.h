@@ -4,9 +4,9 @@
 /* Distance of a marker, without the background behind it.
  *
  * A target too near to the marker to be separated merges with it, and the distance reported is the
- * mean of both, weighted by signal. So signal times distance is a sum, of which the marker's part is
- * modulated and the background's is not: the modulation of signal times distance over that of the
- * signal is the distance of the marker alone.
+ * mean of both, weighted by signal. So signal times distance is a sum, of which the marker's part
+ * is modulated and the background's is not: the modulation of signal times distance over that of
+ * the signal is the distance of the marker alone.
  */
 #ifndef RETROLIDAR_RANGING_H
 #define RETROLIDAR_RANGING_H

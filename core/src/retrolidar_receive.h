@@ -1,8 +1,8 @@
 /* Copyright 2026 retrolidar_ros contributors
  * SPDX-License-Identifier: Apache-2.0
  */
-/* The host's end of the serial line (retrolidar_wire.h), as the Python code cannot do it fast enough
- * for many sensors.
+/* The host's end of the serial line (retrolidar_wire.h), as the Python code cannot do it fast
+ * enough for many sensors.
  */
 #ifndef RETROLIDAR_RECEIVE_H
 #define RETROLIDAR_RECEIVE_H

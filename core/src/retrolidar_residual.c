@@ -18,8 +18,7 @@ void rl_residual_start(struct rl_residual *residual, struct rl_samples *samples,
 {
     residual->samples = samples;
     residual->light = memory;
-    residual->saved =
-        rl_room_start(&residual->room, rows, residual->light + rows);
+    residual->saved = rl_room_start(&residual->room, rows, residual->light + rows);
 }
 
 static double mean_of(const float *signal, int rows)
@@ -50,8 +49,7 @@ static void subtract(struct rl_residual *residual, const struct rl_transmission 
     }
     rl_transmission_light(transmission, form, begin_s, end_s, rows, residual->light);
     for (int row = 0; row < rows; row++) {
-        signal[row] +=
-            (float)(rl_track_gain(gain[form], row, rows) * (1.0 - residual->light[row]));
+        signal[row] += (float)(rl_track_gain(gain[form], row, rows) * (1.0 - residual->light[row]));
     }
 }
 
@@ -74,7 +72,8 @@ double rl_residual_subtract(struct rl_residual *residual, int zone,
     samples->is_parted[zone] = true;
     const double noise = rl_noise_variance(samples, zone, mean_of(signal, rows));
     for (int i = 0; i < interference->count; i++) {
-        subtract(residual, &interference->transmission[i], signal, samples->valid + at, rows, noise);
+        subtract(residual, &interference->transmission[i], signal, samples->valid + at, rows,
+                 noise);
     }
     const int newest = samples->variance_rows < rows ? samples->variance_rows : rows;
     const float *rest = signal + (rows - newest);

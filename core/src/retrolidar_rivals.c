@@ -58,9 +58,8 @@ double rl_rivals_turn(struct rl_window *window, const struct rl_sending *sending
         for (int bit = 0; bit < RL_PACKET_BITS; bit++) {
             if (round == 0 || first[bit] > -ENOUGH) {
                 const uint32_t other = sequence ^ rl_packet_bit(bit);
-                const double gained = round == 0
-                                          ? (double)first[bit]
-                                          : rl_window_try_bits(window, sending, other) - own;
+                const double gained = round == 0 ? (double)first[bit]
+                                                 : rl_window_try_bits(window, sending, other) - own;
                 if (gained > most) {
                     most = gained;
                     best = bit;
@@ -87,8 +86,8 @@ static void keep_rival(struct rival *rivals, struct rival kept)
     }
 }
 
-/* What the bits of a packet that begins at a bit of the window would do [nats]; all bright first, the
- * sum of which is returned.
+/* What the bits of a packet that begins at a bit of the window would do [nats]; all bright first,
+ * the sum of which is returned.
  */
 static float weigh(const struct rl_bits *bits, int begin, bool repeats,
                    float weight[RL_PACKET_BITS])
@@ -209,10 +208,10 @@ double rl_rivals_sequence_margin(struct rl_window *window, const struct rl_codeb
         const double nats =
             (double)(all + sum_of(packet[0], weight[0]) + sum_of(packet[1], weight[1])) - price;
         for (int i = 0; nats > most && i < 2; i++) {
-            best[i] = (struct rl_sending){
-                packet[i], false,
-                bits->begin_s + (begin + (i - 1) * RL_PACKET_BITS) * sending->bit_s,
-                sending->bit_s, sending->brightening_s};
+            best[i] = (struct rl_sending){packet[i], false,
+                                          bits->begin_s +
+                                              (begin + (i - 1) * RL_PACKET_BITS) * sending->bit_s,
+                                          sending->bit_s, sending->brightening_s};
         }
         cost = nats > most ? price : cost;
         most = fmax(most, nats);

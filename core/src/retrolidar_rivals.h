@@ -40,15 +40,15 @@ double rl_rivals_margin(struct rl_window *window, const struct rl_codebook *code
                         const struct rl_bits *bits, const struct rl_sending *sending, int packets,
                         double own, double half_bits, uint16_t id, const struct rl_hits *hits);
 
-/* The same against packets of other IDs back to back, one of which ended in the window, and the next
- * began.
+/* The same against packets of other IDs back to back, one of which ended in the window, and the
+ * next began.
  */
 double rl_rivals_sequence_margin(struct rl_window *window, const struct rl_codebook *codebook,
                                  const struct rl_bits *bits, const struct rl_sending *sending,
                                  double own, uint16_t id);
 
-/* The same if the marker may have appeared or vanished in the window, where the packet is dark at its
- * begin or end: a marker that is not there is as dark. About; infinite if the packet is not.
+/* The same if the marker may have appeared or vanished in the window, where the packet is dark at
+ * its begin or end: a marker that is not there is as dark. About; infinite if the packet is not.
  */
 double rl_rivals_part_margin(struct rl_window *window, const struct rl_codebook *codebook,
                              const struct rl_bits *bits, const struct rl_sending *sending,

@@ -7,7 +7,6 @@
 
 #include <math.h>
 
-
 double rl_scope_half_bits(const struct rl_sending *sending, int packets, double to_s)
 {
     return sending->repeats
@@ -154,8 +153,8 @@ void rl_scope_add_zones(struct rl_window *window, const struct rl_sending *sendi
                 continue;
             }
             const double together = rl_window_try(window, sending) - window->null;
-            /* It must add more than a gain costs. Distances of a zone in which others are seen, too,
-             * may be theirs.
+            /* It must add more than a gain costs. Distances of a zone in which others are seen,
+             * too, may be theirs.
              */
             if (window->whitened[before].samples < least_rows(window) ||
                 window->whitened[before].interferers > 0 ||

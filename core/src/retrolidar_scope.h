@@ -29,8 +29,8 @@ double rl_scope_open(struct rl_window *window, int source, struct rl_sending *se
 /* Whether too many samples are erasures to decide the word. */
 bool rl_scope_is_erased(const struct rl_window *window, const struct rl_sending *sending);
 
-/* Leave out a stretch of a few bits if the packet is likely enough with it dark: something has hidden
- * the marker for a while. Return whether there is one.
+/* Leave out a stretch of a few bits if the packet is likely enough with it dark: something has
+ * hidden the marker for a while. Return whether there is one.
  *
  * least: log likelihood that it must have with the stretch dark
  */
@@ -38,6 +38,7 @@ bool rl_scope_mask_occlusion(struct rl_window *window, const struct rl_sending *
                              double least);
 
 /* Add zones near by that see the same packet, of which the window's has that evidence. */
-void rl_scope_add_zones(struct rl_window *window, const struct rl_sending *sending, double evidence);
+void rl_scope_add_zones(struct rl_window *window, const struct rl_sending *sending,
+                        double evidence);
 
 #endif

@@ -164,7 +164,8 @@ static void look_closely(struct rl_search *search, int lane, const struct kept *
                          double half_bits, const struct rl_demand *demand)
 {
     for (int i = 0; i < kept->count; i++) {
-        if (rl_any_nats(demand, &kept->trial[i], &kept->reach[i]) < (float)RL_MOST * demand->least) {
+        if (rl_any_nats(demand, &kept->trial[i], &kept->reach[i]) <
+            (float)RL_MOST * demand->least) {
             continue;
         }
         /* Between those that were tried there may be a better one. */
@@ -228,8 +229,7 @@ static void look_at_stretches(struct rl_search *search, int count, int packets, 
 }
 
 void rl_search_look(struct rl_search *search, const int *sources, int count, int packets,
-                    double from_s, double to_s, double since_s, double least,
-                    double max_beyond,
+                    double from_s, double to_s, double since_s, double least, double max_beyond,
                     struct rl_hits *hits)
 {
     const double longest_bits =
@@ -253,8 +253,8 @@ void rl_search_look(struct rl_search *search, const int *sources, int count, int
         const double asked = strong ? STRONG_SHARE * least : least;
         const struct rl_demand demand = {(float)asked, (float)max_beyond, packets > 0,
                                          whitening->energy, &whitening->smooth};
-        rl_view_open(&search->view, chosen, lanes, fmax(to_s - bits * search->bit_s, since_s),
-                     to_s, whitening->walk);
+        rl_view_open(&search->view, chosen, lanes, fmax(to_s - bits * search->bit_s, since_s), to_s,
+                     whitening->walk);
         if (packets > 0) {
             look_at_stretches(search, lanes, packets, to_s, &demand);
         } else {

@@ -20,9 +20,9 @@ struct rl_search {
     const struct rl_samples *samples;
     struct rl_codebook codebook;
     struct rl_whitening whitening[3]; /* for faint and strong sources, and faint lone packets */
-    double frames_a_bit; /* that the whitening is for */
-    double bit_s;        /* as expected [s] */
-    double max_skew;    /* by how much a clock may be off */
+    double frames_a_bit;              /* that the whitening is for */
+    double bit_s;                     /* as expected [s] */
+    double max_skew;                  /* by how much a clock may be off */
     struct rl_view view;
     struct rl_sums sums;
     struct rl_promises promises[RL_MOST_SOURCES];
@@ -44,8 +44,7 @@ void rl_search_start(struct rl_search *search, const struct rl_samples *samples,
  * max_beyond: nats by which any sequence of bits may be better
  */
 void rl_search_look(struct rl_search *search, const int *sources, int count, int packets,
-                    double from_s, double to_s, double since_s, double least,
-                    double max_beyond,
+                    double from_s, double to_s, double since_s, double least, double max_beyond,
                     struct rl_hits *hits);
 
 #endif

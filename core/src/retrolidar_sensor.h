@@ -1,8 +1,8 @@
 /* Copyright 2026 retrolidar_ros contributors
  * SPDX-License-Identifier: Apache-2.0
  */
-/* All that the core knows of a sensor. To use another one, fill this struct: `SensorModel` in Python
- * has the values of a VL53L8CX and where they come from.
+/* All that the core knows of a sensor. To use another one, fill this struct: `SensorModel` in
+ * Python has the values of a VL53L8CX and where they come from.
  */
 #ifndef RETROLIDAR_SENSOR_H
 #define RETROLIDAR_SENSOR_H
@@ -23,10 +23,10 @@ enum {
 struct rl_sensor {
     int32_t rows, columns; /* of zones, RL_MOST_ZONES at the most */
     double zone_pitch;     /* width of a zone as a tangent */
-    double zone_blur;      /* of the optics, standard deviation [widths of a zone]; 0 if not known */
+    double zone_blur; /* of the optics, standard deviation [widths of a zone]; 0 if not known */
     double z_per_range[RL_MOST_ZONES]; /* distance that is reported over radial range */
-    double range_offset_m; /* by which all ranges are measured too long */
-    double exposure;       /* share of the frame period, about the stamp */
+    double range_offset_m;             /* by which all ranges are measured too long */
+    double exposure;                   /* share of the frame period, about the stamp */
     /* Variance of the signal S in ambient light A: floor + slope S + ambient A [(kcps/SPAD)^2]. */
     double noise_floor, noise_slope, noise_ambient;
     /* Deviation of a distance at a signal S: hypot(shot / S, floor) [m]. */

@@ -10,7 +10,7 @@
 struct rl_shares {
     const struct rl_samples *samples;
     struct rl_window *window; /* whose columns are used */
-    double *light; /* of a packet in each row */
+    double *light;            /* of a packet in each row */
 };
 
 int64_t rl_shares_bytes(int rows);

@@ -12,7 +12,8 @@
 
 /* A nearer target in a smaller share of the frames is passing by. */
 static const double PASSING = 0.2;
-/* What comes and goes more often in a window, as a cover glass, is seen while the marker is dark. */
+/* What comes and goes more often in a window, as a cover glass, is seen while the marker is dark.
+ */
 static const int MOST_PASSES = 3;
 
 enum {
@@ -189,13 +190,14 @@ static float range_of(const float *distance, int rows)
     return most[0] - least[0];
 }
 
-struct rl_column rl_target_column(const struct rl_samples *samples, int source, int first,
-                                  int rows, struct rl_room *room)
+struct rl_column rl_target_column(const struct rl_samples *samples, int source, int first, int rows,
+                                  struct rl_room *room)
 {
     const size_t at = rl_sample(samples, source, first);
     const struct rl_column held = {samples->signal + at, samples->valid + at};
     if (source >= samples->zones || samples->is_parted[source] ||
-        !(range_of(samples->distance + at, rows) > (float)(samples->sensor.separable_m - RL_UNSURE_M))) {
+        !(range_of(samples->distance + at, rows) >
+          (float)(samples->sensor.separable_m - RL_UNSURE_M))) {
         return held;
     }
     return part(&samples->sensor, samples->distance + at, rows, held, room);

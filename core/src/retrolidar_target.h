@@ -28,7 +28,7 @@ void *rl_room_start(struct rl_room *room, int rows, void *memory);
  * seen while the marker is dark: however bright it is, the marker is dark. One that is nearer and
  * seen for a short while hides the marker: erasures.
  */
-struct rl_column rl_target_column(const struct rl_samples *samples, int source, int first,
-                                  int rows, struct rl_room *room);
+struct rl_column rl_target_column(const struct rl_samples *samples, int source, int first, int rows,
+                                  struct rl_room *room);
 
 #endif

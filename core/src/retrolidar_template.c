@@ -101,9 +101,10 @@ void rl_template(const struct rl_sending *sending, const double *begin_s, const 
     struct place place = {0, 0.0, 0.0};
     double until = 0.0, until_s = -INFINITY;
     for (int row = 0; row < rows; row++) {
-        const double from = begin_s[row] == until_s ? until
-                                                    : integral(sending, &packet,
-                                                               begin_s[row] - sending->start_s, &place);
+        const double from =
+            begin_s[row] == until_s
+                ? until
+                : integral(sending, &packet, begin_s[row] - sending->start_s, &place);
         until_s = end_s[row];
         until = integral(sending, &packet, until_s - sending->start_s, &place);
         light[row] = (until - from) / (end_s[row] - begin_s[row]);

@@ -14,10 +14,10 @@ extern const double rl_brightening_s[RL_CRYSTALS];
 
 /* Bits that a marker sends, and when. */
 struct rl_sending {
-    uint32_t bits; /* of a packet, the first one the most significant; 1 = dark */
-    bool repeats;  /* back to back without end; a lone packet is bright before and after */
-    double start_s; /* when a packet begins [s] */
-    double bit_s;   /* how long a bit lasts [s] */
+    uint32_t bits;        /* of a packet, the first one the most significant; 1 = dark */
+    bool repeats;         /* back to back without end; a lone packet is bright before and after */
+    double start_s;       /* when a packet begins [s] */
+    double bit_s;         /* how long a bit lasts [s] */
     double brightening_s; /* from 10 to 90 % [s] */
 };
 

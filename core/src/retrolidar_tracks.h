@@ -21,9 +21,9 @@ struct rl_marker_track {
     double tangent[2], tangent_variance[2]; /* x/z and y/z */
     double range_m, range_variance;
     double range_rate, range_rate_variance; /* [m/s] */
-    double log_odds; /* that it is there, and the same [nats] */
-    double first_s;  /* when its first packet began */
-    int64_t last_ns; /* the newest frame with its light */
+    double log_odds;                        /* that it is there, and the same [nats] */
+    double first_s;                         /* when its first packet began */
+    int64_t last_ns;                        /* the newest frame with its light */
 };
 
 struct rl_track_counts {

@@ -68,7 +68,8 @@ static bool is_beside(const struct rl_tracks *tracks, const struct rl_followed *
     return rl_zone_beside(zone, strongest, samples->columns_of_zones);
 }
 
-static double light_of(const struct rl_followed *followed, const struct rl_samples *samples, int row)
+static double light_of(const struct rl_followed *followed, const struct rl_samples *samples,
+                       int row)
 {
     double light;
     rl_template(&followed->sending, &samples->begin_s[row], &samples->end_s[row], 1, &light);
@@ -82,7 +83,8 @@ static void add_neighbours(struct rl_tracks *tracks, int zone, const struct rl_f
     for (int i = 0; i <= tracks->count; i++) {
         const struct rl_followed *other = &tracks->track[i];
         if (other != own && is_beside(tracks, other, zone)) {
-            rl_tracks_add_light(scenery, other, light_of(other, scenery->samples, scenery->row), 1.0);
+            rl_tracks_add_light(scenery, other, light_of(other, scenery->samples, scenery->row),
+                                1.0);
         }
     }
 }
@@ -123,8 +125,8 @@ static void fit(struct rl_tracks *tracks, const struct rl_followed *followed, in
     }
 }
 
-/* What was the level of a marker that was followed alone is the light of another one in part: fit it
- * anew where the zones see both.
+/* What was the level of a marker that was followed alone is the light of another one in part: fit
+ * it anew where the zones see both.
  */
 static void refit(struct rl_tracks *tracks, struct rl_followed *old, const struct rl_followed *new,
                   int zone, const struct window *window)
@@ -199,8 +201,8 @@ bool rl_tracks_begin(struct rl_tracks *tracks, const struct rl_reading *reading)
     const double begin_s = fmax(reading->begin_s, reading->end_s - packet_s);
     const int first = rl_samples_row(samples, begin_s + early_s);
     const int end_row = rl_samples_row(samples, reading->end_s + early_s);
-    const struct window window = {
-        first, (end_row < samples->count ? end_row : samples->count) - first};
+    const struct window window = {first,
+                                  (end_row < samples->count ? end_row : samples->count) - first};
     if (window.rows < 2) {
         return false;
     }

@@ -73,9 +73,9 @@ static void whiten(struct rl_view *view, const struct rl_column *column, size_t 
             value[at + (size_t)i] = column[i].signal[row] - mean[i];
             known[at + (size_t)i] = column[i].valid[row];
         }
-        rl_lanes_eliminate(stiff, ends, known + at, value + at, row > 0 ? light + at - lanes : NOTHING,
-                  row > 0 ? pivot + (row - 1) * RL_LANES : NOTHING, light + at,
-                  pivot + row * RL_LANES);
+        rl_lanes_eliminate(
+            stiff, ends, known + at, value + at, row > 0 ? light + at - lanes : NOTHING,
+            row > 0 ? pivot + (row - 1) * RL_LANES : NOTHING, light + at, pivot + row * RL_LANES);
     }
     memset(total + rows * lanes, 0, RL_LANES * sizeof *total);
     memset(value + rows * lanes, 0, RL_LANES * sizeof *value);
@@ -84,8 +84,9 @@ static void whiten(struct rl_view *view, const struct rl_column *column, size_t 
     memset(pivot + rows * RL_LANES, 0, RL_LANES * sizeof *pivot);
     for (size_t row = rows; row-- > 0;) {
         const size_t at = row * lanes, after = at + lanes;
-        rl_lanes_substitute(pivot + (row + 1) * RL_LANES, total + after, value + after, known + after,
-                   pivot + row * RL_LANES, light + at, total + at, value + at, known + at);
+        rl_lanes_substitute(pivot + (row + 1) * RL_LANES, total + after, value + after,
+                            known + after, pivot + row * RL_LANES, light + at, total + at,
+                            value + at, known + at);
     }
 }
 
@@ -110,15 +111,14 @@ void rl_view_open(struct rl_view *view, const int *sources, int count, double fr
         struct rl_column column[RL_LANES];
         for (int i = 0; i < RL_LANES; i++) {
             const int source = sources[lane + i < count ? lane + i : count - 1];
-            column[i] =
-                rl_target_column(samples, source, view->first, view->rows, &view->room[i]);
+            column[i] = rl_target_column(samples, source, view->first, view->rows, &view->room[i]);
         }
         whiten(view, column, (size_t)lane, walk);
     }
 }
 
-/* The row of a time, or the first or the last one, about where exposures that are all as long as each
- * other would have it.
+/* The row of a time, or the first or the last one, about where exposures that are all as long as
+ * each other would have it.
  */
 static int row_of(const struct rl_view *view, float time_s)
 {
@@ -182,14 +182,15 @@ void rl_view_cut(const struct rl_view *view, const struct rl_trial *trial, struc
         for (int edge = 0, bit = 0; edge <= bits; edge++) {
             const size_t at = (size_t)view->edge[edge].row * lanes + lane;
             float *soft = edge > 0 ? sums->soft + (size_t)bit * lanes + lane : unused;
-            rl_lanes_cut(view->edge[edge].share, view->total + at, view->light + at, until[(edge + 1) % 2],
-                until[edge % 2], soft);
+            rl_lanes_cut(view->edge[edge].share, view->total + at, view->light + at,
+                         until[(edge + 1) % 2], until[edge % 2], soft);
             bit = edge == 0 || bit + 1 == RL_PACKET_BITS ? 0 : bit + 1;
         }
         float any[RL_LANES] = {0.0f}, squares[RL_LANES] = {0.0f};
         uint32_t dark[RL_LANES] = {0};
         for (int bit = 0; bit < RL_PACKET_BITS; bit++) {
-            rl_lanes_reach(sums->soft + (size_t)bit * lanes + lane, rl_packet_bit(bit), any, squares, dark);
+            rl_lanes_reach(sums->soft + (size_t)bit * lanes + lane, rl_packet_bit(bit), any,
+                           squares, dark);
         }
         for (int i = 0; i < RL_LANES; i++) {
             struct rl_reach *one = &sums->reach[lane + (size_t)i];

@@ -41,7 +41,7 @@ struct rl_view {
 /* What is tried: where bits begin and end. */
 struct rl_trial {
     double end_s, bit_s;
-    int packets; /* back to back, to be laid on top of each other */
+    int packets;         /* back to back, to be laid on top of each other */
     float own, adjacent; /* energy of a bit, and of two side by side (`rl_energy`) */
 };
 
@@ -56,7 +56,7 @@ struct rl_reach {
 /* What a trial makes of all lanes. */
 struct rl_sums {
     float soft[RL_PACKET_BITS * RL_MOST_LANES]; /* light of each bit and lane, positive = dark */
-    float squares[RL_MOST_LANES]; /* of soft bits */
+    float squares[RL_MOST_LANES];               /* of soft bits */
     struct rl_reach reach[RL_MOST_LANES];
 };
 

@@ -33,13 +33,13 @@ struct rl_wakeup {
 /* Begin with a look. */
 void rl_wakeup_start(struct rl_wakeup *wakeup, const struct rl_wakeup_settings *settings);
 
-/* Report how much time has passed in the present mode and, in RL_DETECT, the level of the light; get
- * the mode that follows. In RL_TRANSMIT nothing changes.
+/* Report how much time has passed in the present mode and, in RL_DETECT, the level of the light;
+ * get the mode that follows. In RL_TRANSMIT nothing changes.
  */
 enum rl_mode rl_wakeup_step(struct rl_wakeup *wakeup, uint32_t elapsed_us, uint16_t level);
 
-/* Report that all packets are sent. It looks again at once: as long as there is light, packets follow
- * packets.
+/* Report that all packets are sent. It looks again at once: as long as there is light, packets
+ * follow packets.
  */
 enum rl_mode rl_wakeup_sent(struct rl_wakeup *wakeup);
 

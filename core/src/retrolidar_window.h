@@ -23,13 +23,13 @@ struct rl_window {
     int source[RL_MOST_ZONES_TOGETHER];
     struct rl_whitened whitened[RL_MOST_ZONES_TOGETHER];
     struct rl_gain fit[RL_MOST_ZONES_TOGETHER]; /* of the template that was tried last */
-    struct rl_interference interference; /* of the windows that are opened from now on */
-    double hidden_from_s, hidden_to_s; /* exposures in between are left out */
-    double min_bit_s, max_bit_s; /* limits of a refinement */
-    double null;   /* log likelihood without a packet */
-    double *light; /* of the template that was tried last */
-    double *part;  /* of the light of an interferer */
-    uint8_t *valid; /* of the source that is added */
+    struct rl_interference interference;        /* of the windows that are opened from now on */
+    double hidden_from_s, hidden_to_s;          /* exposures in between are left out */
+    double min_bit_s, max_bit_s;                /* limits of a refinement */
+    double null;                                /* log likelihood without a packet */
+    double *light;                              /* of the template that was tried last */
+    double *part;                               /* of the light of an interferer */
+    uint8_t *valid;                             /* of the source that is added */
     struct rl_room room;
 };
 
@@ -55,8 +55,8 @@ double rl_window_try(struct rl_window *window, const struct rl_sending *sending)
 /* The same of what `light` holds, for every row. */
 double rl_window_try_light(struct rl_window *window);
 
-/* The same if the packet is seen from a row of the window on only, or until it, as if its marker had
- * appeared or vanished.
+/* The same if the packet is seen from a row of the window on only, or until it, as if its marker
+ * had appeared or vanished.
  */
 double rl_window_try_part(struct rl_window *window, const struct rl_sending *sending, int split,
                           bool later);

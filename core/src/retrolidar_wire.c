@@ -53,8 +53,8 @@ static size_t end(struct encoder *encoder)
     return encoder->length;
 }
 
-struct rl_zone rl_zone_of(
-    uint8_t targets, int16_t distance, uint32_t signal, uint32_t ambient, uint8_t status)
+struct rl_zone rl_zone_of(uint8_t targets, int16_t distance, uint32_t signal, uint32_t ambient,
+                          uint8_t status)
 {
     struct rl_zone zone = {0, 0, ambient, RL_STATUS_NO_TARGET};
     if (targets > 0) {

@@ -1,8 +1,8 @@
 /* Copyright 2026 retrolidar_ros contributors
  * SPDX-License-Identifier: Apache-2.0
  */
-/* What a reader puts on the serial line, a frame or who it is: protocol 1, all little-endian, with a
- * CRC-16/CCITT-FALSE, COBS-encoded (Cheshire and Baker 1999) and ended by a zero.
+/* What a reader puts on the serial line, a frame or who it is: protocol 1, all little-endian, with
+ * a CRC-16/CCITT-FALSE, COBS-encoded (Cheshire and Baker 1999) and ended by a zero.
  */
 #ifndef RETROLIDAR_WIRE_H
 #define RETROLIDAR_WIRE_H
@@ -27,8 +27,8 @@ struct rl_zone {
 
 struct rl_frame {
     uint32_t sequence;
-    uint64_t sensor_time_us; /* middle of the exposure */
-    uint8_t rows;            /* 4 or 8, and as many columns */
+    uint64_t sensor_time_us;     /* middle of the exposure */
+    uint8_t rows;                /* 4 or 8, and as many columns */
     const struct rl_zone *zones; /* in the sensor's own order */
 };
 
@@ -51,8 +51,8 @@ enum { RL_IDENTITY_BYTES = 1 + 3 + 1 + RL_SERIAL_BYTES + 2 + 2 };
 /* What the sensor's driver says of a zone, as a zone of a frame. In its raw format the driver
  * leaves the status and the values of an earlier target where there is none.
  */
-struct rl_zone rl_zone_of(
-    uint8_t targets, int16_t distance, uint32_t signal, uint32_t ambient, uint8_t status);
+struct rl_zone rl_zone_of(uint8_t targets, int16_t distance, uint32_t signal, uint32_t ambient,
+                          uint8_t status);
 
 /* Write a frame; return its bytes on the line, or 0 if the shape is none of the sensor's or
  * capacity is less than RL_WIRE_BYTES.

@@ -170,8 +170,7 @@ bool rl_zone_update(struct rl_zone_light *lights, const struct rl_zone_sample *s
         if (!samples[zone].valid) {
             continue;
         }
-        const double noise =
-            samples[zone].variance + one->gain * one->gain * glance->edge_variance;
+        const double noise = samples[zone].variance + one->gain * one->gain * glance->edge_variance;
         const double off = samples[zone].signal - one->level - light * one->gain;
         double level = one->level_variance + light * one->common;
         double gain = one->common + light * one->gain_variance;
@@ -199,5 +198,6 @@ bool rl_zone_update(struct rl_zone_light *lights, const struct rl_zone_sample *s
         one->level_variance -= level / spread * level;
         one->common -= level / spread * gain;
         one->gain_variance -= gain / spread * gain;
-    }    return moved;
+    }
+    return moved;
 }
