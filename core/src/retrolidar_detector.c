@@ -4,7 +4,7 @@
 #include "retrolidar_detector.h"
 
 #include "retrolidar_constants.h"
-#include "retrolidar_look.h"
+#include "retrolidar_process_frame.h"
 
 #include <math.h>
 #include <stdlib.h>
@@ -103,7 +103,7 @@ int32_t rl_detector_push(struct rl_detector *detector, int32_t frames, const int
         const size_t at = (size_t)frame * zones;
         rl_samples_push(&detector->samples, stamp, signal + at, distance + at, ambient + at,
                         status + at);
-        rl_look(detector);
+        rl_process_frame(detector);
         if (detector->candidates > 0) {
             return frame + 1;
         }

@@ -36,18 +36,24 @@ PARTS = {
     'earlier packets fitted along': Part('window', 'i < window->interference.count;', 'i < 0;'),
     'earlier packets: gains of several steps': Part('window', 'part < RL_PARTS;', 'part < 1;'),
     'earlier packets: evidence besides': Part('decide', 'LEFT_OVER = 0.1', 'LEFT_OVER = 0.0'),
-    'the next packet without a search': _call('look', '    judge_next(detector, from_s, to_s);'),
+    'the next packet without a search': _call(
+        'process_frame', '    judge_next(detector, from_s, to_s);'
+    ),
     'search of the residual': _call(
-        'look',
+        'process_frame',
         '        search_residual(detector, (double)(turn - 1) * RL_LOOK_BITS * bit_s, to_s);',
     ),
     'pairs of packets': Part(
         'judge', 'may_hide && judge_pair(', 'may_hide && false && judge_pair('
     ),
-    'packets judged again at their end': _call('look', '    add_deferred(detector, from_s, to_s);'),
-    'what has appeared, from fewer bits': _call('look', '        search_appeared(detector, to_s);'),
-    'several packets combined': Part('look', 'fold < FOLDS &&', 'fold < 1 &&'),
-    'sums of zones': Part('look', 'true, RL_MOST_ZONES, sources', 'true, 1, sources'),
+    'packets judged again at their end': _call(
+        'process_frame', '    add_deferred(detector, from_s, to_s);'
+    ),
+    'what has appeared, from fewer bits': _call(
+        'process_frame', '        search_appeared(detector, to_s);'
+    ),
+    'several packets combined': Part('process_frame', 'fold < FOLDS &&', 'fold < 1 &&'),
+    'sums of zones': Part('process_frame', 'true, RL_MOST_ZONES, sources', 'true, 1, sources'),
     'sums agree with their zones': Part('judge', '!rl_shares_agree(', 'false && !rl_shares_agree('),
     'zones nearby add evidence': _call(
         'decide', '    rl_scope_add_zones(window, &verdict->sending, verdict->evidence);'

@@ -1,7 +1,7 @@
 /* Copyright 2026 retrolidar_ros contributors
  * SPDX-License-Identifier: Apache-2.0
  */
-#include "retrolidar_look.h"
+#include "retrolidar_process_frame.h"
 
 #include "retrolidar_judge.h"
 #include "retrolidar_noise.h"
@@ -175,7 +175,7 @@ static float rank(const struct rl_detector *detector, int index)
     return (is_sum ? (float)RL_MOST : 1.0f) * pending->hits.hit[0].nats;
 }
 
-void rl_look(struct rl_detector *detector)
+void rl_process_frame(struct rl_detector *detector)
 {
     const struct rl_samples *samples = &detector->samples;
     const double bit_s = detector->settings.bit_s;
