@@ -102,7 +102,7 @@ class Statistics:
 
     def __init__(self, directories: pytest.TempPathFactory) -> None:
         """Compile it."""
-        self.ffi, self.lib = bind_core(directories, 'decide', 'rivals', 'clock', 'track')
+        self.ffi, self.lib = bind_core(directories, 'decide', 'rivals', 'clock', 'gain_profile')
         self.samples = self.ffi.new('struct rl_samples *')
         self.window = self.ffi.new('struct rl_window *')
         self.codebook = self.ffi.new('struct rl_codebook *')

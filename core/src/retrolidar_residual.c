@@ -4,7 +4,7 @@
 #include "retrolidar_residual.h"
 
 #include "retrolidar_noise.h"
-#include "retrolidar_track.h"
+#include "retrolidar_gain_profile.h"
 
 #include <string.h>
 
@@ -41,7 +41,8 @@ static void subtract(struct rl_residual *residual, const struct rl_transmission 
     for (int goes_on = 0; goes_on < 2; goes_on++) {
         rl_transmission_light(transmission, goes_on, begin_s, end_s, rows, residual->light);
         explained[goes_on] =
-            rl_track_fit(signal, valid, residual->light, rows, noise, gain[goes_on]).explained;
+            rl_gain_profile_fit(signal, valid, residual->light, rows, noise, gain[goes_on])
+                .explained;
     }
     const int form = explained[1] > explained[0];
     if (!(explained[form] > 0.0)) {
@@ -49,7 +50,8 @@ static void subtract(struct rl_residual *residual, const struct rl_transmission 
     }
     rl_transmission_light(transmission, form, begin_s, end_s, rows, residual->light);
     for (int row = 0; row < rows; row++) {
-        signal[row] += (float)(rl_track_gain(gain[form], row, rows) * (1.0 - residual->light[row]));
+        signal[row] +=
+            (float)(rl_gain_profile_at(gain[form], row, rows) * (1.0 - residual->light[row]));
     }
 }
 

@@ -6,7 +6,7 @@
 #include "retrolidar_constants.h"
 #include "retrolidar_noise.h"
 #include "retrolidar_target.h"
-#include "retrolidar_track.h"
+#include "retrolidar_gain_profile.h"
 
 #include <math.h>
 
@@ -40,8 +40,8 @@ static int light_of(struct rl_shares *shares, const struct rl_verdict *verdict, 
 }
 
 /* How much of how a zone varies from sample to sample a packet explains if its gain may change. */
-static struct rl_track track(struct rl_shares *shares, int zone, int first, int rows,
-                             double gain[RL_KNOTS])
+static struct rl_gain_profile fit_profile(struct rl_shares *shares, int zone, int first, int rows,
+                                          double gain[RL_KNOTS])
 {
     const struct rl_samples *samples = shares->samples;
     double sum = 0.0;
@@ -51,7 +51,7 @@ static struct rl_track track(struct rl_shares *shares, int zone, int first, int 
         sum += (double)column.signal[row];
     }
     const double noise = rl_noise_variance(samples, zone, sum / rows);
-    return rl_track_fit(column.signal, column.valid, shares->light, rows, noise, gain);
+    return rl_gain_profile_fit(column.signal, column.valid, shares->light, rows, noise, gain);
 }
 
 int rl_shares_zones(struct rl_shares *shares, const struct rl_verdict *verdict, int *zones,
@@ -70,7 +70,7 @@ int rl_shares_zones(struct rl_shares *shares, const struct rl_verdict *verdict, 
     const int rows = light_of(shares, verdict, &first);
     for (int i = 0; i < sum->zones; i++) {
         double gain[RL_KNOTS];
-        explained[i] = track(shares, sum->zone[i], first, rows, gain).explained;
+        explained[i] = fit_profile(shares, sum->zone[i], first, rows, gain).explained;
         most = fmax(most, explained[i]);
     }
     for (int i = 0; i < sum->zones; i++) {
@@ -90,7 +90,7 @@ bool rl_shares_agree(struct rl_shares *shares, const struct rl_verdict *verdict)
     double explained = 0.0, all = 0.0;
     for (int i = 0; sum->zones > 1 && i < sum->zones; i++) {
         double gain[RL_KNOTS];
-        const struct rl_track seen = track(shares, sum->zone[i], first, rows, gain);
+        const struct rl_gain_profile seen = fit_profile(shares, sum->zone[i], first, rows, gain);
         explained += seen.explained;
         all += seen.all;
     }

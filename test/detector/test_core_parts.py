@@ -33,7 +33,7 @@ def test_a_gain_that_changes_is_followed(core: Statistics, sway: float) -> None:
     valid = rng.random(70) > 0.1
     gains = core.array(np.zeros(KNOTS))
     seen = (core.array(signal, 'float'), core.array(valid, 'uint8_t'), core.array(sent))
-    fit = core.lib.rl_track_fit(*seen, 70, 9.0, gains)
+    fit = core.lib.rl_gain_profile_fit(*seen, 70, 9.0, gains)
     followed = np.interp(np.linspace(0, KNOTS - 1, 70), np.arange(KNOTS), list(gains))
     assert followed == pytest.approx(gain, abs=20)
     # What is left of the steps is noise alone, twice as much of which is in each.

@@ -2,8 +2,8 @@
  * SPDX-License-Identifier: Apache-2.0
  */
 /* How the gain of a packet changes while it is sent: a marker that moves, or a light that sways. */
-#ifndef RETROLIDAR_TRACK_H
-#define RETROLIDAR_TRACK_H
+#ifndef RETROLIDAR_GAIN_PROFILE_H
+#define RETROLIDAR_GAIN_PROFILE_H
 
 #include "retrolidar_constants.h"
 
@@ -11,7 +11,7 @@
 
 enum { RL_KNOTS = RL_PARTS - 1 };
 
-struct rl_track {
+struct rl_gain_profile {
     double explained, all;
 };
 
@@ -22,10 +22,11 @@ struct rl_track {
  *
  * Return how much of the sum of their squares it explains, and how much there is, beyond noise.
  */
-struct rl_track rl_track_fit(const float *signal, const uint8_t *valid, const double *light,
-                             int rows, double noise, double gain[RL_KNOTS]);
+struct rl_gain_profile rl_gain_profile_fit(const float *signal, const uint8_t *valid,
+                                           const double *light, int rows, double noise,
+                                           double gain[RL_KNOTS]);
 
 /* The gain in a row. */
-double rl_track_gain(const double gain[RL_KNOTS], int row, int rows);
+double rl_gain_profile_at(const double gain[RL_KNOTS], int row, int rows);
 
 #endif

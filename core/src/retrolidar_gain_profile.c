@@ -1,7 +1,7 @@
 /* Copyright 2026 retrolidar_ros contributors
  * SPDX-License-Identifier: Apache-2.0
  */
-#include "retrolidar_track.h"
+#include "retrolidar_gain_profile.h"
 
 #include "retrolidar_constants.h"
 
@@ -55,8 +55,9 @@ static void solve(double matrix[RL_KNOTS][RL_KNOTS], double right[RL_KNOTS])
     }
 }
 
-struct rl_track rl_track_fit(const float *signal, const uint8_t *valid, const double *light,
-                             int rows, double noise, double gain[RL_KNOTS])
+struct rl_gain_profile rl_gain_profile_fit(const float *signal, const uint8_t *valid,
+                                           const double *light, int rows, double noise,
+                                           double gain[RL_KNOTS])
 {
     double normal[RL_KNOTS][RL_KNOTS], right[RL_KNOTS], total = 0.0, energy = 0.0;
     int before = -1, steps = 0;
@@ -111,10 +112,11 @@ struct rl_track rl_track_fit(const float *signal, const uint8_t *valid, const do
         gain[i] = changes ? right[i] : all > 0.0 ? common / all : 0.0;
     }
     const double beyond = 2.0 * noise * (changes ? RL_KNOTS : 1);
-    return (struct rl_track){(changes ? explained : steady) - beyond, total - 2.0 * noise * steps};
+    return (struct rl_gain_profile){(changes ? explained : steady) - beyond,
+                                    total - 2.0 * noise * steps};
 }
 
-double rl_track_gain(const double gain[RL_KNOTS], int row, int rows)
+double rl_gain_profile_at(const double gain[RL_KNOTS], int row, int rows)
 {
     double beyond;
     const int knot = knot_of(row, rows, &beyond);
