@@ -159,7 +159,7 @@ static struct rl_verdict decide(struct rl_detector *detector, int source, int pa
         rl_decide(&detector->window, &detector->search.codebook, &demands, source, hit, &rivals,
                   packets, detector->read_s[source], since_s,
                   rl_pool_is_followed(&detector->pool, hit->id, &transmission), to_s);
-    if (verdict.reason == RL_READ && !rl_shares_agree(&detector->shares, &verdict)) {
+    if (verdict.reason == RL_READ && !rl_zones_consistent(&detector->shares, &verdict)) {
         verdict.reason = RL_NOT_A_WORD;
     }
     note(detector, source, packets, &verdict);

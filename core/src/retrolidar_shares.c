@@ -82,7 +82,7 @@ int rl_shares_zones(struct rl_shares *shares, const struct rl_verdict *verdict, 
     return seen;
 }
 
-bool rl_shares_agree(struct rl_shares *shares, const struct rl_verdict *verdict)
+bool rl_zones_consistent(struct rl_shares *shares, const struct rl_verdict *verdict)
 {
     const struct rl_source *sum = &shares->samples->source[verdict->source[0]];
     int first;

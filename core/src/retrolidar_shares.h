@@ -26,6 +26,6 @@ int rl_shares_zones(struct rl_shares *shares, const struct rl_verdict *verdict, 
 /* Whether a packet that a sum of zones shows is what these zones see: two that each see another
  * packet make a third one.
  */
-bool rl_shares_agree(struct rl_shares *shares, const struct rl_verdict *verdict);
+bool rl_zones_consistent(struct rl_shares *shares, const struct rl_verdict *verdict);
 
 #endif

@@ -54,7 +54,9 @@ PARTS = {
     ),
     'several packets combined': Part('process_frame', 'fold < FOLDS &&', 'fold < 1 &&'),
     'sums of zones': Part('process_frame', 'true, RL_MOST_ZONES, sources', 'true, 1, sources'),
-    'sums agree with their zones': Part('judge', '!rl_shares_agree(', 'false && !rl_shares_agree('),
+    'sums agree with their zones': Part(
+        'judge', '!rl_zones_consistent(', 'false && !rl_zones_consistent('
+    ),
     'zones nearby add evidence': _call(
         'decide', '    rl_scope_add_zones(window, &verdict->sending, verdict->evidence);'
     ),
