@@ -51,39 +51,39 @@ static bool goes_on(const struct rl_transmission *before, const struct rl_transm
 void rl_pool_add(struct rl_pool *pool, const struct rl_samples *samples, uint16_t id,
                  const struct rl_transmission *transmission, const int *zones, int count)
 {
-    struct rl_member *member = NULL;
+    struct rl_active_track *track = NULL;
     struct rl_transmission whole = *transmission;
     for (int i = first_held(pool); i < pool->added; i++) {
-        struct rl_member *before = &pool->member[i % RL_POOL];
+        struct rl_active_track *before = &pool->track[i % RL_POOL];
         if (before->id == id && goes_on(&before->transmission, transmission)) {
-            member = before;
-            whole.begin_s = fmin(member->transmission.begin_s, whole.begin_s);
-            whole.end_s = fmax(member->transmission.end_s, whole.end_s);
+            track = before;
+            whole.begin_s = fmin(track->transmission.begin_s, whole.begin_s);
+            whole.end_s = fmax(track->transmission.end_s, whole.end_s);
             whole.sending.repeats = true;
         }
     }
-    if (member == NULL) {
-        member = &pool->member[pool->added++ % RL_POOL];
+    if (track == NULL) {
+        track = &pool->track[pool->added++ % RL_POOL];
     }
-    *member = (struct rl_member){.id = id, .transmission = whole, .zone = zones[0]};
+    *track = (struct rl_active_track){.id = id, .transmission = whole, .zone = zones[0]};
     for (int i = 0; i < count; i++) {
-        member->zones |= (uint64_t)1 << zones[i];
-        member->near |= around(samples, zones[i]);
+        track->zones |= (uint64_t)1 << zones[i];
+        track->near |= around(samples, zones[i]);
     }
 }
 
-const struct rl_member *rl_pool_due(const struct rl_pool *pool, int *index, double from_s,
-                                    double to_s)
+const struct rl_active_track *rl_pool_due(const struct rl_pool *pool, int *index, double from_s,
+                                          double to_s)
 {
     if (*index < first_held(pool)) {
         *index = first_held(pool);
     }
     while (*index < pool->added) {
-        const struct rl_member *member = &pool->member[(*index)++ % RL_POOL];
+        const struct rl_active_track *track = &pool->track[(*index)++ % RL_POOL];
         const double end_s =
-            member->transmission.end_s + RL_PACKET_BITS * member->transmission.sending.bit_s;
+            track->transmission.end_s + RL_PACKET_BITS * track->transmission.sending.bit_s;
         if (end_s > from_s && end_s <= to_s) {
-            return member;
+            return track;
         }
     }
     return NULL;
@@ -93,9 +93,9 @@ bool rl_pool_knows(const struct rl_pool *pool, uint16_t id, double begin_s, doub
                    double overlap_s)
 {
     for (int i = first_held(pool); i < pool->added; i++) {
-        const struct rl_member *member = &pool->member[i % RL_POOL];
-        if (member->id == id &&
-            fmin(end_s, member->transmission.end_s) - fmax(begin_s, member->transmission.begin_s) >
+        const struct rl_active_track *track = &pool->track[i % RL_POOL];
+        if (track->id == id &&
+            fmin(end_s, track->transmission.end_s) - fmax(begin_s, track->transmission.begin_s) >
                 overlap_s) {
             return true;
         }
@@ -107,8 +107,8 @@ bool rl_pool_is_followed(const struct rl_pool *pool, uint16_t id,
                          const struct rl_transmission *transmission)
 {
     for (int i = first_held(pool); i < pool->added; i++) {
-        const struct rl_member *member = &pool->member[i % RL_POOL];
-        if (member->id == id && goes_on(&member->transmission, transmission)) {
+        const struct rl_active_track *track = &pool->track[i % RL_POOL];
+        if (track->id == id && goes_on(&track->transmission, transmission)) {
             return true;
         }
     }
@@ -121,11 +121,11 @@ void rl_pool_interference(const struct rl_pool *pool, uint64_t zones, double sin
     interference->count = 0;
     for (int beside = 0; beside < 2; beside++) {
         for (int i = pool->added - 1; i >= first_held(pool); i--) {
-            const struct rl_member *member = &pool->member[i % RL_POOL];
-            const struct rl_transmission *transmission = &member->transmission;
-            const uint64_t seen = beside ? member->near & ~member->zones : member->zones;
-            const bool is_seen = (beside == 0) == ((member->zones & zones) != 0);
-            if (member->id != except && (seen & zones) != 0 && is_seen &&
+            const struct rl_active_track *track = &pool->track[i % RL_POOL];
+            const struct rl_transmission *transmission = &track->transmission;
+            const uint64_t seen = beside ? track->near & ~track->zones : track->zones;
+            const bool is_seen = (beside == 0) == ((track->zones & zones) != 0);
+            if (track->id != except && (seen & zones) != 0 && is_seen &&
                 transmission->end_s > since_s && transmission->begin_s < to_s &&
                 interference->count < RL_MAX_INTERFERERS) {
                 interference->transmission[interference->count++] = *transmission;

@@ -10,7 +10,7 @@
 
 enum { RL_POOL = 64 };
 
-struct rl_member {
+struct rl_active_track {
     uint16_t id;
     struct rl_transmission transmission;
     int zone;             /* that saw it best */
@@ -19,18 +19,19 @@ struct rl_member {
 
 struct rl_pool {
     int added; /* the newest ones are held */
-    struct rl_member member[RL_POOL];
+    struct rl_active_track track[RL_POOL];
 };
 
-/* Add a packet, or several that repeat; one that goes on from a member becomes part of it. */
+/* Add a packet, or several that repeat; one that goes on from an active track becomes part of it.
+ */
 void rl_pool_add(struct rl_pool *pool, const struct rl_samples *samples, uint16_t id,
                  const struct rl_transmission *transmission, const int *zones, int count);
 
-/* The next member whose following packet has ended within (from_s, to_s] if it goes on; NULL if
- * there is none from the index on, which it moves.
+/* The next active track whose following packet has ended within (from_s, to_s] if it goes on; NULL
+ * if there is none from the index on, which it moves.
  */
-const struct rl_member *rl_pool_due(const struct rl_pool *pool, int *index, double from_s,
-                                    double to_s);
+const struct rl_active_track *rl_pool_due(const struct rl_pool *pool, int *index, double from_s,
+                                          double to_s);
 
 /* Whether packets of an ID are held that overlap with a time. */
 bool rl_pool_knows(const struct rl_pool *pool, uint16_t id, double begin_s, double end_s,

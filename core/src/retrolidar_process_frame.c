@@ -99,18 +99,18 @@ static void search_residual(struct rl_detector *detector, double from_s, double 
 /* Judge the packets that follow those that were read, if their markers go on. */
 static void judge_next(struct rl_detector *detector, double from_s, double to_s)
 {
-    const struct rl_member *member;
-    for (int i = 0; (member = rl_pool_due(&detector->pool, &i, from_s, to_s)) != NULL;) {
-        const struct rl_sending *sending = &member->transmission.sending;
+    const struct rl_active_track *track;
+    for (int i = 0; (track = rl_pool_due(&detector->pool, &i, from_s, to_s)) != NULL;) {
+        const struct rl_sending *sending = &track->transmission.sending;
         const double packet_s = RL_PACKET_BITS * sending->bit_s;
         /* The packet that the newest stretch of its length begins in. */
         const double start_s =
             sending->start_s + packet_s * floor((to_s - sending->start_s) / packet_s - 1.0);
         const struct rl_pending pending = {
-            .source = member->zone,
+            .source = track->zone,
             .packets = 1,
             .since_s = -INFINITY,
-            .hits = {.count = 1, .hit = {{0.0f, member->id, true, start_s, sending->bit_s}}}};
+            .hits = {.count = 1, .hit = {{0.0f, track->id, true, start_s, sending->bit_s}}}};
         if (detector->decisions_left > 0) {
             rl_judge(detector, &pending, to_s);
         }
