@@ -6,7 +6,7 @@
 #include "retrolidar_clock.h"
 #include "retrolidar_constants.h"
 #include "retrolidar_rivals.h"
-#include "retrolidar_scope.h"
+#include "retrolidar_observation.h"
 
 #include <math.h>
 #include <string.h>
@@ -122,12 +122,12 @@ static int open(struct trial *trial, int source, double read_s, double since_s, 
     window->min_bit_s = demands->bit_s * (1.0 - demands->max_skew - SKEW_SLACK);
     window->max_bit_s = demands->bit_s * (1.0 + demands->max_skew + SKEW_SLACK);
     const double bit_s = sending->bit_s;
-    verdict->evidence =
-        rl_scope_open(window, source, sending, packets, read_s, since_s, to_s, &trial->silent_bits);
+    verdict->evidence = rl_observation_open(window, source, sending, packets, read_s, since_s, to_s,
+                                            &trial->silent_bits);
     const double lasting_s = RL_PACKET_BITS * packets * sending->bit_s;
     verdict->begin_s = sending->repeats ? fmax(to_s - lasting_s, since_s) : sending->start_s;
     verdict->end_s = sending->repeats ? to_s : sending->start_s + lasting_s;
-    trial->half_bits = rl_scope_half_bits(sending, packets, to_s);
+    trial->half_bits = rl_observation_half_bits(sending, packets, to_s);
     trial->own = verdict->evidence + window->null;
     note_fit(verdict, window);
     if (verdict->evidence < LEAST_ALONE * demands->evidence) {
@@ -145,7 +145,7 @@ static int open(struct trial *trial, int source, double read_s, double since_s, 
                       to_s)) {
         return RL_INCOMPLETE;
     }
-    if (rl_scope_is_erased(window, sending)) {
+    if (rl_observation_is_erased(window, sending)) {
         return RL_ERASED;
     }
     return sending->repeats && !is_new && may_be_lone(window, sending, packets, trial->own)
@@ -158,7 +158,7 @@ static bool is_evident(struct trial *trial)
 {
     struct rl_window *window = trial->window;
     struct rl_verdict *verdict = trial->verdict;
-    rl_scope_add_zones(window, &verdict->sending, verdict->evidence);
+    rl_observation_add_zones(window, &verdict->sending, verdict->evidence);
     trial->own = refine(verdict, window, trial->half_bits);
     trial->asked = trial->demands->evidence + cost_of_changes(verdict->sending.bits) +
                    (verdict->packets > 1 ? RL_COST_OF_GAIN : 0.0) +
@@ -182,11 +182,12 @@ static bool is_word(struct trial *trial, const struct rl_hits *hits, double to_s
         fmax(verdict->word,
              rl_rivals_sequence(trial->window, sending, trial->half_bits, hits) - trial->own);
     if (verdict->word > max_word && verdict->packets == 1 && trial->follows &&
-        rl_scope_mask_occlusion(trial->window, sending, trial->own + verdict->word - max_word)) {
+        rl_observation_mask_occlusion(trial->window, sending,
+                                      trial->own + verdict->word - max_word)) {
         trial->is_hidden = true;
         trial->own = refine(verdict, trial->window, trial->half_bits);
         if (verdict->evidence < trial->asked + COST_OF_MASK ||
-            rl_scope_is_erased(trial->window, sending)) {
+            rl_observation_is_erased(trial->window, sending)) {
             return false;
         }
         verdict->word = rl_rivals_turn(trial->window, sending, trial->own, begin,

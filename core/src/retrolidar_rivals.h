@@ -6,7 +6,7 @@
 #define RETROLIDAR_RIVALS_H
 
 #include "retrolidar_hits.h"
-#include "retrolidar_scope.h"
+#include "retrolidar_observation.h"
 
 enum { RL_MOST_BITS = RL_SILENT_BITS + RL_PACKET_BITS }; /* that a window is cut into */
 

@@ -4,8 +4,8 @@
 /* The samples that a packet is judged by: from when to when, in which zones, and without those in
  * which something hid it.
  */
-#ifndef RETROLIDAR_SCOPE_H
-#define RETROLIDAR_SCOPE_H
+#ifndef RETROLIDAR_OBSERVATION_H
+#define RETROLIDAR_OBSERVATION_H
 
 #include "retrolidar_constants.h"
 #include "retrolidar_window.h"
@@ -14,7 +14,7 @@
 enum { RL_SILENT_BITS = RL_PACKET_BITS };
 
 /* Bits from the start of what is sent to the middle of the window that it was found in. */
-double rl_scope_half_bits(const struct rl_sending *sending, int packets, double to_s);
+double rl_observation_half_bits(const struct rl_sending *sending, int packets, double to_s);
 
 /* Open the window that a packet was found in, and refine it; for a lone packet that with the
  * silence before it, if it is the better one. Return its evidence.
@@ -23,22 +23,23 @@ double rl_scope_half_bits(const struct rl_sending *sending, int packets, double 
  * since_s: and before that they are left out [s]
  * silent_bits: set to how many the window has before the packet
  */
-double rl_scope_open(struct rl_window *window, int source, struct rl_sending *sending, int packets,
-                     double read_s, double since_s, double to_s, int *silent_bits);
+double rl_observation_open(struct rl_window *window, int source, struct rl_sending *sending,
+                           int packets, double read_s, double since_s, double to_s,
+                           int *silent_bits);
 
 /* Whether too many samples are erasures to decide the word. */
-bool rl_scope_is_erased(const struct rl_window *window, const struct rl_sending *sending);
+bool rl_observation_is_erased(const struct rl_window *window, const struct rl_sending *sending);
 
 /* Leave out a stretch of a few bits if the packet is likely enough with it dark: something has
  * hidden the marker for a while. Return whether there is one.
  *
  * least: log likelihood that it must have with the stretch dark
  */
-bool rl_scope_mask_occlusion(struct rl_window *window, const struct rl_sending *sending,
-                             double least);
+bool rl_observation_mask_occlusion(struct rl_window *window, const struct rl_sending *sending,
+                                   double least);
 
 /* Add zones near by that see the same packet, of which the window's has that evidence. */
-void rl_scope_add_zones(struct rl_window *window, const struct rl_sending *sending,
-                        double evidence);
+void rl_observation_add_zones(struct rl_window *window, const struct rl_sending *sending,
+                              double evidence);
 
 #endif

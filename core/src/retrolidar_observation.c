@@ -1,13 +1,13 @@
 /* Copyright 2026 retrolidar_ros contributors
  * SPDX-License-Identifier: Apache-2.0
  */
-#include "retrolidar_scope.h"
+#include "retrolidar_observation.h"
 
 #include "retrolidar_constants.h"
 
 #include <math.h>
 
-double rl_scope_half_bits(const struct rl_sending *sending, int packets, double to_s)
+double rl_observation_half_bits(const struct rl_sending *sending, int packets, double to_s)
 {
     return sending->repeats
                ? (to_s - sending->start_s) / sending->bit_s - RL_PACKET_BITS * packets / 2.0
@@ -23,14 +23,15 @@ static double open_lone(struct rl_window *window, int source, struct rl_sending 
     return rl_window_refine(window, sending, RL_PACKET_BITS / 2.0) - window->null;
 }
 
-double rl_scope_open(struct rl_window *window, int source, struct rl_sending *sending, int packets,
-                     double read_s, double since_s, double to_s, int *silent_bits)
+double rl_observation_open(struct rl_window *window, int source, struct rl_sending *sending,
+                           int packets, double read_s, double since_s, double to_s,
+                           int *silent_bits)
 {
     *silent_bits = 0;
     if (sending->repeats) {
         rl_window_open(window, source,
                        fmax(to_s - RL_PACKET_BITS * packets * sending->bit_s, since_s), to_s);
-        return rl_window_refine(window, sending, rl_scope_half_bits(sending, packets, to_s)) -
+        return rl_window_refine(window, sending, rl_observation_half_bits(sending, packets, to_s)) -
                window->null;
     }
     const double tight = open_lone(window, source, sending, 0.0);
@@ -54,7 +55,7 @@ static int least_rows(const struct rl_window *window)
     return window->rows / 2;
 }
 
-bool rl_scope_is_erased(const struct rl_window *window, const struct rl_sending *sending)
+bool rl_observation_is_erased(const struct rl_window *window, const struct rl_sending *sending)
 {
     const struct rl_whitened *whitened = &window->whitened[0];
     double known[RL_PACKET_BITS] = {0.0}, all[RL_PACKET_BITS] = {0.0};
@@ -83,8 +84,8 @@ bool rl_scope_is_erased(const struct rl_window *window, const struct rl_sending 
     return erased >= RL_WORD_DISTANCE;
 }
 
-bool rl_scope_mask_occlusion(struct rl_window *window, const struct rl_sending *sending,
-                             double least)
+bool rl_observation_mask_occlusion(struct rl_window *window, const struct rl_sending *sending,
+                                   double least)
 {
     double best = least;
     int from = 0, to = 0;
@@ -132,7 +133,8 @@ static bool is_seen(const struct rl_window *window, int index)
     return explained > 0.5 * (whitened->squares[0] / (whitened->samples - 1) - noise);
 }
 
-void rl_scope_add_zones(struct rl_window *window, const struct rl_sending *sending, double evidence)
+void rl_observation_add_zones(struct rl_window *window, const struct rl_sending *sending,
+                              double evidence)
 {
     const struct rl_samples *samples = window->samples;
     const struct rl_source *of = &samples->source[window->source[0]];
