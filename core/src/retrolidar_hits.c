@@ -14,15 +14,15 @@ static const uint32_t WORD_MASK = ((uint32_t)1 << RL_WORD_BITS) - 1;
 static const float MOST_EXPLAINED = 0.995f, BOUND_SLACK = 1.1f;
 
 /* Half of the samples times the logarithm of what is left of the variance. */
-static float nats_of(float squared, const struct rl_reach *reach)
+static float nats_of(float squared, const struct rl_soft_summary *summary)
 {
-    return -0.5f * reach->samples * log1pf(-rl_minf(squared / reach->power, MOST_EXPLAINED));
+    return -0.5f * summary->samples * log1pf(-rl_minf(squared / summary->power, MOST_EXPLAINED));
 }
 
 /* What must be explained for this many nats. */
-static float least_of(float nats, const struct rl_reach *reach)
+static float least_of(float nats, const struct rl_soft_summary *summary)
 {
-    return reach->power * (1.0f - expf(-2.0f * nats / reach->samples));
+    return summary->power * (1.0f - expf(-2.0f * nats / summary->samples));
 }
 
 static struct rl_energy energy_of(const struct rl_demand *demand, const struct rl_trial *trial)
@@ -68,36 +68,36 @@ static void keep_sequence(struct rl_promises *promises, float nats, const struct
 
 /* What any sequence of bits explains at the most. */
 static float any_squared(const struct rl_demand *demand, const struct rl_trial *trial,
-                         const struct rl_reach *reach)
+                         const struct rl_soft_summary *summary)
 {
-    if (reach->dark == 0 || reach->samples < 2.0f) {
+    if (summary->dark == 0 || summary->samples < 2.0f) {
         return 0.0f;
     }
     const struct rl_energy energy = energy_of(demand, trial);
-    return reach->any * reach->any /
-           (rl_energy_of(&energy, demand->smooth, reach->dark) * (float)trial->packets);
+    return summary->any * summary->any /
+           (rl_energy_of(&energy, demand->smooth, summary->dark) * (float)trial->packets);
 }
 
 float rl_any_nats(const struct rl_demand *demand, const struct rl_trial *trial,
-                  const struct rl_reach *reach)
+                  const struct rl_soft_summary *summary)
 {
-    return nats_of(any_squared(demand, trial, reach), reach);
+    return nats_of(any_squared(demand, trial, summary), summary);
 }
 
 bool rl_promise_is_possible(const struct rl_demand *demand, const struct rl_trial *trial,
-                            const struct rl_reach *reach)
+                            const struct rl_soft_summary *summary)
 {
-    const float squared = any_squared(demand, trial, reach);
-    return squared > 0.0f && squared >= least_of(demand->least / BOUND_SLACK, reach);
+    const float squared = any_squared(demand, trial, summary);
+    return squared > 0.0f && squared >= least_of(demand->least / BOUND_SLACK, summary);
 }
 
 void rl_promise_add(struct rl_promises *promises, const struct rl_demand *demand,
                     const struct rl_trial *trial, const struct rl_lane *lane, int shifts)
 {
-    const float any_nats = rl_any_nats(demand, trial, &lane->reach);
-    const float least = least_of(demand->least / BOUND_SLACK, &lane->reach);
+    const float any_nats = rl_any_nats(demand, trial, &lane->summary);
+    const float least = least_of(demand->least / BOUND_SLACK, &lane->summary);
     const struct rl_energy energy = energy_of(demand, trial);
-    const uint32_t dark = lane->reach.dark;
+    const uint32_t dark = lane->summary.dark;
     keep_sequence(promises, any_nats, trial, lane);
     float twice[2 * RL_PACKET_BITS], until[2 * RL_PACKET_BITS + 1] = {0.0f};
     memcpy(twice, lane->soft, sizeof lane->soft);
@@ -119,7 +119,7 @@ void rl_promise_add(struct rl_promises *promises, const struct rl_demand *demand
         if (squared < least) {
             continue;
         }
-        const float nats = nats_of(squared, &lane->reach);
+        const float nats = nats_of(squared, &lane->summary);
         if (any_nats - nats <= demand->max_beyond) {
             keep_promise(promises->word, &promises->words, RL_FOUND, nats, shift, trial, lane);
         }
@@ -132,8 +132,8 @@ void rl_promise_add(struct rl_promises *promises, const struct rl_demand *demand
 static uint32_t best_bits(const struct rl_energy *energy, const struct rl_smooth *smooth,
                           const struct rl_lane *lane)
 {
-    float sum = lane->reach.any;
-    uint32_t bits = lane->reach.dark;
+    float sum = lane->summary.any;
+    uint32_t bits = lane->summary.dark;
     float best = sum * sum / rl_energy_of(energy, smooth, bits);
     for (int turned = 0; turned >= 0;) {
         float best_sum = sum;
@@ -217,9 +217,9 @@ void rl_hits_find(struct rl_hits *hits, const struct rl_promises *promises,
         const struct rl_energy energy = energy_of(demand, trial);
         const float packets = (float)trial->packets;
         /* A word that others exceed by so much is none, and no rival either. */
-        const float any_nats = rl_any_nats(demand, trial, &promise->lane.reach);
+        const float any_nats = rl_any_nats(demand, trial, &promise->lane.summary);
         const float least_nats = rl_maxf(demand->least, any_nats - 2.0f * demand->max_beyond);
-        const float least = least_of(least_nats, &promise->lane.reach);
+        const float least = least_of(least_nats, &promise->lane.summary);
         float soft[RL_PACKET_BITS];
         for (int bit = 0; bit < RL_PACKET_BITS; bit++) {
             soft[bit] = promise->lane.soft[(bit + promise->shift) % RL_PACKET_BITS];
@@ -230,7 +230,7 @@ void rl_hits_find(struct rl_hits *hits, const struct rl_promises *promises,
             /* The packet that began first in the window, or before it. */
             const int begin = promise->shift > 0 ? promise->shift - RL_PACKET_BITS : 0;
             const struct rl_hit hit = {
-                .nats = nats_of(best[i].squared / packets, &promise->lane.reach),
+                .nats = nats_of(best[i].squared / packets, &promise->lane.summary),
                 .id = codebook->id[best[i].index],
                 .repeats = demand->repeats,
                 .start_s = start_of(trial) + begin * trial->bit_s,

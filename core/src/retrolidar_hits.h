@@ -65,11 +65,11 @@ struct rl_demand {
 
 /* About by how much any sequence of bits explains a trial better than noise does [nats]. */
 float rl_any_nats(const struct rl_demand *demand, const struct rl_trial *trial,
-                  const struct rl_reach *reach);
+                  const struct rl_soft_summary *summary);
 
 /* Whether a trial may hold a packet. */
 bool rl_promise_is_possible(const struct rl_demand *demand, const struct rl_trial *trial,
-                            const struct rl_reach *reach);
+                            const struct rl_soft_summary *summary);
 
 /* Note what a trial holds that is possible: sequences, and packets that begin with one of its first
  * bits. */

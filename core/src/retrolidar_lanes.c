@@ -37,8 +37,9 @@ void rl_lanes_substitute(const float *restrict level_after, const float *restric
     }
 }
 
-void rl_lanes_cut(float share, const float *restrict total, const float *restrict light,
-                  const float *restrict before, float *restrict until, float *restrict soft)
+void rl_lanes_integrate_and_dump(float share, const float *restrict total,
+                                 const float *restrict light, const float *restrict before,
+                                 float *restrict until, float *restrict soft)
 {
     for (int lane = 0; lane < RL_LANES; lane++) {
         until[lane] = total[lane] + share * light[lane];
@@ -46,8 +47,8 @@ void rl_lanes_cut(float share, const float *restrict total, const float *restric
     }
 }
 
-void rl_lanes_reach(const float *restrict soft, uint32_t bit, float *restrict any,
-                    float *restrict squares, uint32_t *restrict dark)
+void rl_lanes_summarise(const float *restrict soft, uint32_t bit, float *restrict any,
+                        float *restrict squares, uint32_t *restrict dark)
 {
     for (int lane = 0; lane < RL_LANES; lane++) {
         any[lane] += rl_maxf(0.0f, soft[lane]);

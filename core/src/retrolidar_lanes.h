@@ -27,10 +27,11 @@ void rl_lanes_substitute(const float *restrict level_after, const float *restric
                          float *restrict power, float *restrict valid);
 
 /* Light of some lanes until an edge, and what a bit has lost since the edge before. */
-void rl_lanes_cut(float share, const float *restrict total, const float *restrict light,
-                  const float *restrict before, float *restrict until, float *restrict soft);
+void rl_lanes_integrate_and_dump(float share, const float *restrict total,
+                                 const float *restrict light, const float *restrict before,
+                                 float *restrict until, float *restrict soft);
 
-void rl_lanes_reach(const float *restrict soft, uint32_t bit, float *restrict any,
-                    float *restrict squares, uint32_t *restrict dark);
+void rl_lanes_summarise(const float *restrict soft, uint32_t bit, float *restrict any,
+                        float *restrict squares, uint32_t *restrict dark);
 
 #endif

@@ -24,7 +24,7 @@ struct kept {
     int count;
     float share[RL_TRIED];
     struct rl_trial trial[RL_TRIED];
-    struct rl_reach reach[RL_TRIED];
+    struct rl_soft_summary summary[RL_TRIED];
 };
 
 int64_t rl_search_bytes(int rows)
@@ -80,7 +80,7 @@ static void plan(struct rl_search *search)
 }
 
 static void keep_trial(struct kept *kept, const struct rl_trial *trial,
-                       const struct rl_reach *reach, float share)
+                       const struct rl_soft_summary *summary, float share)
 {
     int at = kept->count;
     while (at > 0 && kept->share[at - 1] < share) {
@@ -93,11 +93,11 @@ static void keep_trial(struct kept *kept, const struct rl_trial *trial,
     for (int i = kept->count - 1; i > at; i--) {
         kept->share[i] = kept->share[i - 1];
         kept->trial[i] = kept->trial[i - 1];
-        kept->reach[i] = kept->reach[i - 1];
+        kept->summary[i] = kept->summary[i - 1];
     }
     kept->share[at] = share;
     kept->trial[at] = *trial;
-    kept->reach[at] = *reach;
+    kept->summary[at] = *summary;
 }
 
 /* Try packets that end at one time, at all clocks, in all lanes or in those that hold promise. */
@@ -109,18 +109,18 @@ static void try_ends(struct rl_search *search, int count, double end_s, bool all
     struct rl_trial trial = {.end_s = end_s, .packets = 1};
     for (int clock = -clocks; clock <= clocks; clock++) {
         trial.bit_s = search->bit_s * (1.0 + clock * search->max_skew / clocks);
-        rl_view_lay(&search->view, &trial);
+        rl_view_place_bit_edges(&search->view, &trial);
         if (all) {
-            rl_view_cut(&search->view, &trial, &search->sums);
+            rl_view_integrate_and_dump(&search->view, &trial, &search->sums);
         }
         for (int lane = 0; lane < count; lane++) {
             struct rl_lane one;
-            if (all && rl_promise_is_possible(demand, &trial, &search->sums.reach[lane])) {
+            if (all && rl_promise_is_possible(demand, &trial, &search->sums.summary[lane])) {
                 rl_lane_of(&search->view, &search->sums, lane, &one);
                 rl_promise_add(&search->promises[lane], demand, &trial, &one, shifts);
             } else if (!all && search->promises[lane].words > 0) {
-                rl_view_cut_lane(&search->view, &trial, lane, &one);
-                if (rl_promise_is_possible(demand, &trial, &one.reach)) {
+                rl_view_integrate_lane(&search->view, &trial, lane, &one);
+                if (rl_promise_is_possible(demand, &trial, &one.summary)) {
                     rl_promise_add(&search->promises[lane], demand, &trial, &one, shifts);
                 }
             }
@@ -155,22 +155,23 @@ static void look_at_ended(struct rl_search *search, int count, double from_s, do
 }
 
 /* By how much the bits of a trial stand out, of which that is the sum of squares. */
-static float stand_out(const struct rl_trial *trial, const struct rl_reach *reach, float squares)
+static float stand_out(const struct rl_trial *trial, const struct rl_soft_summary *summary,
+                       float squares)
 {
-    return squares / (trial->own * (float)trial->packets * reach->power);
+    return squares / (trial->own * (float)trial->packets * summary->power);
 }
 
 static void look_closely(struct rl_search *search, int lane, const struct kept *kept, double skew,
                          double half_bits, const struct rl_demand *demand)
 {
     for (int i = 0; i < kept->count; i++) {
-        if (rl_any_nats(demand, &kept->trial[i], &kept->reach[i]) <
+        if (rl_any_nats(demand, &kept->trial[i], &kept->summary[i]) <
             (float)RL_MOST * demand->least) {
             continue;
         }
         /* Between those that were tried there may be a better one. */
         struct rl_trial best = kept->trial[i];
-        struct rl_lane best_lane = {.reach = kept->reach[i]};
+        struct rl_lane best_lane = {.summary = kept->summary[i]};
         float most = -1.0f;
         for (int near = 0; near < 9; near++) {
             const double longer_s = (near % 3 - 1) * skew / 2 * search->bit_s;
@@ -178,20 +179,20 @@ static void look_closely(struct rl_search *search, int lane, const struct kept *
             struct rl_lane one;
             trial.bit_s += longer_s;
             trial.end_s += (near / 3 - 1) * search->bit_s / EIGHTHS + half_bits * longer_s;
-            rl_view_lay(&search->view, &trial);
-            rl_view_cut_lane(&search->view, &trial, lane, &one);
+            rl_view_place_bit_edges(&search->view, &trial);
+            rl_view_integrate_lane(&search->view, &trial, lane, &one);
             float squares = 0.0f;
             for (int bit = 0; bit < RL_PACKET_BITS; bit++) {
                 squares += one.soft[bit] * one.soft[bit];
             }
-            const float share = stand_out(&trial, &one.reach, squares);
+            const float share = stand_out(&trial, &one.summary, squares);
             if (share > most) {
                 most = share;
                 best = trial;
                 best_lane = one;
             }
         }
-        if (rl_promise_is_possible(demand, &best, &best_lane.reach)) {
+        if (rl_promise_is_possible(demand, &best, &best_lane.summary)) {
             rl_promise_add(&search->promises[lane], demand, &best, &best_lane, RL_PACKET_BITS);
         }
     }
@@ -214,12 +215,12 @@ static void look_at_stretches(struct rl_search *search, int count, int packets, 
             struct rl_trial trial = {.packets = packets,
                                      .bit_s = search->bit_s * (1.0 + clock * skew)};
             trial.end_s = middle_s - quarter * search->bit_s / RL_PHASES + half_bits * trial.bit_s;
-            rl_view_lay(&search->view, &trial);
-            rl_view_cut(&search->view, &trial, &search->sums);
+            rl_view_place_bit_edges(&search->view, &trial);
+            rl_view_integrate_and_dump(&search->view, &trial, &search->sums);
             for (int lane = 0; lane < count; lane++) {
-                const struct rl_reach *reach = &search->sums.reach[lane];
-                keep_trial(&kept[lane], &trial, reach,
-                           stand_out(&trial, reach, search->sums.squares[lane]));
+                const struct rl_soft_summary *summary = &search->sums.summary[lane];
+                keep_trial(&kept[lane], &trial, summary,
+                           stand_out(&trial, summary, search->sums.squares[lane]));
             }
         }
     }

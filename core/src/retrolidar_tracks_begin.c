@@ -12,7 +12,7 @@
 
 /* That a marker goes on after a reading: one that repeats, and one that sent a packet alone. */
 static const double REPEATS = 0.98, ALONE = 0.7;
-/* What the sensor does not reach. */
+/* What the sensor does not summary. */
 static const double FARTHEST_M = 10.0;
 /* By how much the light of another marker is wrong, as a share of it. */
 static const double OTHER_ERROR = 0.1;

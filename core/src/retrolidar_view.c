@@ -133,7 +133,7 @@ static int row_of(const struct rl_view *view, float time_s)
     return row;
 }
 
-void rl_view_lay(struct rl_view *view, struct rl_trial *trial)
+void rl_view_place_bit_edges(struct rl_view *view, struct rl_trial *trial)
 {
     const int bits = RL_PACKET_BITS * trial->packets;
     const float bit_s = (float)trial->bit_s;
@@ -160,7 +160,8 @@ void rl_view_lay(struct rl_view *view, struct rl_trial *trial)
 /* Power and number of the samples of a lane; bits of which samples are missing have so much less
  * energy.
  */
-static struct rl_reach reach_of(const struct rl_view *view, const struct rl_trial *trial, int lane)
+static struct rl_soft_summary summary_of(const struct rl_view *view, const struct rl_trial *trial,
+                                         int lane)
 {
     const size_t lanes = (size_t)view->lanes;
     const int from = view->edge[0].row;
@@ -169,10 +170,11 @@ static struct rl_reach reach_of(const struct rl_view *view, const struct rl_tria
     const size_t first = (size_t)from * lanes + (size_t)lane;
     const float samples = view->valid[last] - view->valid[first];
     const float power = (view->power[last] - view->power[first]) * samples / (float)(to - from);
-    return (struct rl_reach){0, 0.0f, rl_maxf(power, 1e-6f), samples};
+    return (struct rl_soft_summary){0, 0.0f, rl_maxf(power, 1e-6f), samples};
 }
 
-void rl_view_cut(const struct rl_view *view, const struct rl_trial *trial, struct rl_sums *sums)
+void rl_view_integrate_and_dump(const struct rl_view *view, const struct rl_trial *trial,
+                                struct rl_sums *sums)
 {
     const size_t lanes = (size_t)view->lanes;
     const int bits = RL_PACKET_BITS * trial->packets;
@@ -182,19 +184,19 @@ void rl_view_cut(const struct rl_view *view, const struct rl_trial *trial, struc
         for (int edge = 0, bit = 0; edge <= bits; edge++) {
             const size_t at = (size_t)view->edge[edge].row * lanes + lane;
             float *soft = edge > 0 ? sums->soft + (size_t)bit * lanes + lane : unused;
-            rl_lanes_cut(view->edge[edge].share, view->total + at, view->light + at,
-                         until[(edge + 1) % 2], until[edge % 2], soft);
+            rl_lanes_integrate_and_dump(view->edge[edge].share, view->total + at, view->light + at,
+                                        until[(edge + 1) % 2], until[edge % 2], soft);
             bit = edge == 0 || bit + 1 == RL_PACKET_BITS ? 0 : bit + 1;
         }
         float any[RL_LANES] = {0.0f}, squares[RL_LANES] = {0.0f};
         uint32_t dark[RL_LANES] = {0};
         for (int bit = 0; bit < RL_PACKET_BITS; bit++) {
-            rl_lanes_reach(sums->soft + (size_t)bit * lanes + lane, rl_packet_bit(bit), any,
-                           squares, dark);
+            rl_lanes_summarise(sums->soft + (size_t)bit * lanes + lane, rl_packet_bit(bit), any,
+                               squares, dark);
         }
         for (int i = 0; i < RL_LANES; i++) {
-            struct rl_reach *one = &sums->reach[lane + (size_t)i];
-            *one = reach_of(view, trial, (int)lane + i);
+            struct rl_soft_summary *one = &sums->summary[lane + (size_t)i];
+            *one = summary_of(view, trial, (int)lane + i);
             one->dark = dark[i];
             one->any = any[i];
             sums->squares[lane + (size_t)i] = squares[i];
@@ -202,8 +204,8 @@ void rl_view_cut(const struct rl_view *view, const struct rl_trial *trial, struc
     }
 }
 
-void rl_view_cut_lane(const struct rl_view *view, const struct rl_trial *trial, int lane,
-                      struct rl_lane *sums)
+void rl_view_integrate_lane(const struct rl_view *view, const struct rl_trial *trial, int lane,
+                            struct rl_lane *sums)
 {
     const size_t lanes = (size_t)view->lanes;
     const int bits = RL_PACKET_BITS * trial->packets;
@@ -216,10 +218,10 @@ void rl_view_cut_lane(const struct rl_view *view, const struct rl_trial *trial, 
         before = until;
         bit = edge == 0 || bit + 1 == RL_PACKET_BITS ? 0 : bit + 1;
     }
-    sums->reach = reach_of(view, trial, lane);
+    sums->summary = summary_of(view, trial, lane);
     for (int bit = 0; bit < RL_PACKET_BITS; bit++) {
-        sums->reach.dark |= sums->soft[bit] > 0.0f ? rl_packet_bit(bit) : 0u;
-        sums->reach.any += rl_maxf(sums->soft[bit], 0.0f);
+        sums->summary.dark |= sums->soft[bit] > 0.0f ? rl_packet_bit(bit) : 0u;
+        sums->summary.any += rl_maxf(sums->soft[bit], 0.0f);
     }
 }
 
@@ -229,5 +231,5 @@ void rl_lane_of(const struct rl_view *view, const struct rl_sums *sums, int lane
     for (int bit = 0; bit < RL_PACKET_BITS; bit++) {
         one->soft[bit] = sums->soft[(size_t)bit * (size_t)view->lanes + (size_t)lane];
     }
-    one->reach = sums->reach[lane];
+    one->summary = sums->summary[lane];
 }

@@ -46,7 +46,7 @@ struct rl_trial {
 };
 
 /* What the soft bits of a lane can be at the most. */
-struct rl_reach {
+struct rl_soft_summary {
     uint32_t dark; /* those that are positive ... */
     float any;     /* ... and their sum */
     float power;   /* of the samples in the window */
@@ -57,13 +57,13 @@ struct rl_reach {
 struct rl_sums {
     float soft[RL_PACKET_BITS * RL_MOST_LANES]; /* light of each bit and lane, positive = dark */
     float squares[RL_MOST_LANES];               /* of soft bits */
-    struct rl_reach reach[RL_MOST_LANES];
+    struct rl_soft_summary summary[RL_MOST_LANES];
 };
 
 /* What a trial makes of one lane. */
 struct rl_lane {
     float soft[RL_PACKET_BITS];
-    struct rl_reach reach;
+    struct rl_soft_summary summary;
 };
 
 int64_t rl_view_bytes(int rows);
@@ -76,12 +76,13 @@ void rl_view_open(struct rl_view *view, const int *sources, int count, double fr
                   float walk);
 
 /* Find where the bits of a trial begin and end, and their energies. */
-void rl_view_lay(struct rl_view *view, struct rl_trial *trial);
+void rl_view_place_bit_edges(struct rl_view *view, struct rl_trial *trial);
 
 /* Cut all lanes, or one, into the bits of the trial that was laid last. */
-void rl_view_cut(const struct rl_view *view, const struct rl_trial *trial, struct rl_sums *sums);
-void rl_view_cut_lane(const struct rl_view *view, const struct rl_trial *trial, int lane,
-                      struct rl_lane *sums);
+void rl_view_integrate_and_dump(const struct rl_view *view, const struct rl_trial *trial,
+                                struct rl_sums *sums);
+void rl_view_integrate_lane(const struct rl_view *view, const struct rl_trial *trial, int lane,
+                            struct rl_lane *sums);
 
 /* The same of one lane, of those of all. */
 void rl_lane_of(const struct rl_view *view, const struct rl_sums *sums, int lane,
