@@ -42,7 +42,7 @@ struct rl_detector *rl_detector_create(const struct rl_settings *settings, const
         .max_skew = RL_MAX_SKEW,
     };
     /* On coarse templates others may be better by some more. */
-    detector->max_beyond = RL_COST_OF_CHANCE + settings->word;
+    detector->max_llr_deficit = RL_COST_OF_CHANCE + settings->word;
     memory += head;
     rl_samples_start(&detector->samples, sensor, rows, memory, settings->bit_s);
     memory += samples;

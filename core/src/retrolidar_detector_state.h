@@ -46,7 +46,8 @@ struct rl_detector {
     int64_t last_ns;
     double looked_s;
     int64_t turn;
-    double max_beyond; /* nats by which other sequences than the hits of a search may be better */
+    double
+        max_llr_deficit; /* nats by which other sequences than the hits of a search may be better */
     double read_s[RL_MOST_SOURCES]; /* end of what was read last in each */
     double active_s[RL_MOST_ZONES]; /* since when each varies by more than noise; infinite if not */
     int readings, decisions_left;

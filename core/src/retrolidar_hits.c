@@ -33,8 +33,8 @@ static struct rl_energy energy_of(const struct rl_demand *demand, const struct r
     return energy;
 }
 
-static void keep_promise(struct rl_promise *kept, int *count, int most, float nats, int shift,
-                         const struct rl_trial *trial, const struct rl_lane *lane)
+static void keep_entry(struct rl_shortlist_entry *kept, int *count, int most, float nats, int shift,
+                       const struct rl_trial *trial, const struct rl_lane *lane)
 {
     int at = *count;
     while (at > 0 && kept[at - 1].nats < nats) {
@@ -45,25 +45,25 @@ static void keep_promise(struct rl_promise *kept, int *count, int most, float na
     }
     *count += *count < most;
     memmove(kept + at + 1, kept + at, (size_t)(*count - 1 - at) * sizeof *kept);
-    kept[at] = (struct rl_promise){nats, shift, *trial, *lane};
+    kept[at] = (struct rl_shortlist_entry){nats, shift, *trial, *lane};
 }
 
 /* Keep the best sequence of each clock. */
-static void keep_sequence(struct rl_promises *promises, float nats, const struct rl_trial *trial,
+static void keep_sequence(struct rl_shortlist *shortlist, float nats, const struct rl_trial *trial,
                           const struct rl_lane *lane)
 {
-    for (int i = 0; i < promises->sequences; i++) {
-        if (promises->sequence[i].trial.bit_s == trial->bit_s) {
-            if (promises->sequence[i].nats >= nats) {
+    for (int i = 0; i < shortlist->sequences; i++) {
+        if (shortlist->sequence[i].trial.bit_s == trial->bit_s) {
+            if (shortlist->sequence[i].nats >= nats) {
                 return;
             }
-            promises->sequences--;
-            memmove(promises->sequence + i, promises->sequence + i + 1,
-                    (size_t)(promises->sequences - i) * sizeof *promises->sequence);
+            shortlist->sequences--;
+            memmove(shortlist->sequence + i, shortlist->sequence + i + 1,
+                    (size_t)(shortlist->sequences - i) * sizeof *shortlist->sequence);
             break;
         }
     }
-    keep_promise(promises->sequence, &promises->sequences, RL_TRIED, nats, 0, trial, lane);
+    keep_entry(shortlist->sequence, &shortlist->sequences, RL_TRIED, nats, 0, trial, lane);
 }
 
 /* What any sequence of bits explains at the most. */
@@ -78,27 +78,27 @@ static float any_squared(const struct rl_demand *demand, const struct rl_trial *
            (rl_energy_of(&energy, demand->smooth, summary->dark) * (float)trial->packets);
 }
 
-float rl_any_nats(const struct rl_demand *demand, const struct rl_trial *trial,
-                  const struct rl_soft_summary *summary)
+float rl_llr_upper_bound(const struct rl_demand *demand, const struct rl_trial *trial,
+                         const struct rl_soft_summary *summary)
 {
     return nats_of(any_squared(demand, trial, summary), summary);
 }
 
-bool rl_promise_is_possible(const struct rl_demand *demand, const struct rl_trial *trial,
-                            const struct rl_soft_summary *summary)
+bool rl_shortlist_is_possible(const struct rl_demand *demand, const struct rl_trial *trial,
+                              const struct rl_soft_summary *summary)
 {
     const float squared = any_squared(demand, trial, summary);
     return squared > 0.0f && squared >= least_of(demand->least / BOUND_SLACK, summary);
 }
 
-void rl_promise_add(struct rl_promises *promises, const struct rl_demand *demand,
-                    const struct rl_trial *trial, const struct rl_lane *lane, int shifts)
+void rl_shortlist_add(struct rl_shortlist *shortlist, const struct rl_demand *demand,
+                      const struct rl_trial *trial, const struct rl_lane *lane, int shifts)
 {
-    const float any_nats = rl_any_nats(demand, trial, &lane->summary);
+    const float upper_bound = rl_llr_upper_bound(demand, trial, &lane->summary);
     const float least = least_of(demand->least / BOUND_SLACK, &lane->summary);
     const struct rl_energy energy = energy_of(demand, trial);
     const uint32_t dark = lane->summary.dark;
-    keep_sequence(promises, any_nats, trial, lane);
+    keep_sequence(shortlist, upper_bound, trial, lane);
     float twice[2 * RL_PACKET_BITS], until[2 * RL_PACKET_BITS + 1] = {0.0f};
     memcpy(twice, lane->soft, sizeof lane->soft);
     memcpy(twice + RL_PACKET_BITS, lane->soft, sizeof lane->soft);
@@ -120,8 +120,8 @@ void rl_promise_add(struct rl_promises *promises, const struct rl_demand *demand
             continue;
         }
         const float nats = nats_of(squared, &lane->summary);
-        if (any_nats - nats <= demand->max_beyond) {
-            keep_promise(promises->word, &promises->words, RL_FOUND, nats, shift, trial, lane);
+        if (upper_bound - nats <= demand->max_llr_deficit) {
+            keep_entry(shortlist->word, &shortlist->words, RL_FOUND, nats, shift, trial, lane);
         }
     }
 }
@@ -185,16 +185,16 @@ static void keep_hit(struct rl_hits *hits, const struct rl_hit *hit)
     hits->hit[at] = *hit;
 }
 
-int rl_promises_ration(struct rl_promises *promises, int sources, int *left)
+int rl_shortlists_ration(struct rl_shortlist *shortlist, int sources, int *left)
 {
     int words = 0, dropped = 0;
     for (int source = 0; source < sources; source++) {
-        words += promises[source].words;
+        words += shortlist[source].words;
     }
     for (; words - dropped > *left; dropped++) {
-        struct rl_promises *least = NULL;
+        struct rl_shortlist *least = NULL;
         for (int source = 0; source < sources; source++) {
-            struct rl_promises *one = &promises[source];
+            struct rl_shortlist *one = &shortlist[source];
             if (one->words > 0 && (least == NULL || one->word[one->words - 1].nats <
                                                         least->word[least->words - 1].nats)) {
                 least = one;
@@ -206,31 +206,32 @@ int rl_promises_ration(struct rl_promises *promises, int sources, int *left)
     return dropped;
 }
 
-void rl_hits_find(struct rl_hits *hits, const struct rl_promises *promises,
+void rl_hits_find(struct rl_hits *hits, const struct rl_shortlist *shortlist,
                   const struct rl_codebook *codebook, const struct rl_demand *demand)
 {
     memset(hits->hit, 0, sizeof hits->hit);
     hits->count = hits->sequences = 0;
-    for (int word = 0; word < promises->words; word++) {
-        const struct rl_promise *promise = &promises->word[word];
-        const struct rl_trial *trial = &promise->trial;
+    for (int word = 0; word < shortlist->words; word++) {
+        const struct rl_shortlist_entry *entry = &shortlist->word[word];
+        const struct rl_trial *trial = &entry->trial;
         const struct rl_energy energy = energy_of(demand, trial);
         const float packets = (float)trial->packets;
         /* A word that others exceed by so much is none, and no rival either. */
-        const float any_nats = rl_any_nats(demand, trial, &promise->lane.summary);
-        const float least_nats = rl_maxf(demand->least, any_nats - 2.0f * demand->max_beyond);
-        const float least = least_of(least_nats, &promise->lane.summary);
+        const float upper_bound = rl_llr_upper_bound(demand, trial, &entry->lane.summary);
+        const float least_nats =
+            rl_maxf(demand->least, upper_bound - 2.0f * demand->max_llr_deficit);
+        const float least = least_of(least_nats, &entry->lane.summary);
         float soft[RL_PACKET_BITS];
         for (int bit = 0; bit < RL_PACKET_BITS; bit++) {
-            soft[bit] = promise->lane.soft[(bit + promise->shift) % RL_PACKET_BITS];
+            soft[bit] = entry->lane.soft[(bit + entry->shift) % RL_PACKET_BITS];
         }
         struct rl_word best[2];
         rl_codebook_best(codebook, &energy, demand->smooth, soft, least * packets, best);
         for (int i = 0; i < 2 && best[i].index >= 0; i++) {
             /* The packet that began first in the window, or before it. */
-            const int begin = promise->shift > 0 ? promise->shift - RL_PACKET_BITS : 0;
+            const int begin = entry->shift > 0 ? entry->shift - RL_PACKET_BITS : 0;
             const struct rl_hit hit = {
-                .nats = nats_of(best[i].squared / packets, &promise->lane.summary),
+                .nats = nats_of(best[i].squared / packets, &entry->lane.summary),
                 .id = codebook->id[best[i].index],
                 .repeats = demand->repeats,
                 .start_s = start_of(trial) + begin * trial->bit_s,
@@ -239,14 +240,14 @@ void rl_hits_find(struct rl_hits *hits, const struct rl_promises *promises,
             keep_hit(hits, &hit);
         }
     }
-    for (int i = 0; hits->count > 0 && i < promises->sequences; i++) {
-        const struct rl_promise *promise = &promises->sequence[i];
-        const struct rl_energy energy = energy_of(demand, &promise->trial);
+    for (int i = 0; hits->count > 0 && i < shortlist->sequences; i++) {
+        const struct rl_shortlist_entry *entry = &shortlist->sequence[i];
+        const struct rl_energy energy = energy_of(demand, &entry->trial);
         hits->sequence[hits->sequences++] = (struct rl_sequence){
-            .bits = best_bits(&energy, demand->smooth, &promise->lane),
+            .bits = best_bits(&energy, demand->smooth, &entry->lane),
             .repeats = demand->repeats,
-            .start_s = start_of(&promise->trial),
-            .bit_s = promise->trial.bit_s,
+            .start_s = start_of(&entry->trial),
+            .bit_s = entry->trial.bit_s,
         };
     }
 }

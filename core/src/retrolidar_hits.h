@@ -24,7 +24,7 @@ struct rl_hit {
 };
 
 /* Soft bits of a trial, from one on. */
-struct rl_promise {
+struct rl_shortlist_entry {
     float nats; /* that no packet exceeds by much, or that any sequence of bits reaches */
     int shift;  /* bit of the window with which the packet begins */
     struct rl_trial trial;
@@ -48,41 +48,41 @@ struct rl_hits {
 };
 
 /* What is to be looked at once all trials are known. */
-struct rl_promises {
+struct rl_shortlist {
     int words, sequences;
-    struct rl_promise word[RL_FOUND];
-    struct rl_promise sequence[RL_TRIED];
+    struct rl_shortlist_entry word[RL_FOUND];
+    struct rl_shortlist_entry sequence[RL_TRIED];
 };
 
 /* What is asked of a hit. */
 struct rl_demand {
     float least;             /* nats */
-    float max_beyond;        /* nats by which any sequence of bits may be better */
+    float max_llr_deficit;   /* nats by which any sequence of bits may be better */
     bool repeats;            /* whether the window is any stretch of a packet that repeats */
     struct rl_energy energy; /* of the whitening */
     const struct rl_smooth *smooth;
 };
 
 /* About by how much any sequence of bits explains a trial better than noise does [nats]. */
-float rl_any_nats(const struct rl_demand *demand, const struct rl_trial *trial,
-                  const struct rl_soft_summary *summary);
+float rl_llr_upper_bound(const struct rl_demand *demand, const struct rl_trial *trial,
+                         const struct rl_soft_summary *summary);
 
 /* Whether a trial may hold a packet. */
-bool rl_promise_is_possible(const struct rl_demand *demand, const struct rl_trial *trial,
-                            const struct rl_soft_summary *summary);
+bool rl_shortlist_is_possible(const struct rl_demand *demand, const struct rl_trial *trial,
+                              const struct rl_soft_summary *summary);
 
 /* Note what a trial holds that is possible: sequences, and packets that begin with one of its first
  * bits. */
-void rl_promise_add(struct rl_promises *promises, const struct rl_demand *demand,
-                    const struct rl_trial *trial, const struct rl_lane *lane, int shifts);
+void rl_shortlist_add(struct rl_shortlist *shortlist, const struct rl_demand *demand,
+                      const struct rl_trial *trial, const struct rl_lane *lane, int shifts);
 
 /* Give up the least promising words of some sources, as far as there are more than are left; take
  * the others off what is left, and return how many were given up.
  */
-int rl_promises_ration(struct rl_promises *promises, int sources, int *left);
+int rl_shortlists_ration(struct rl_shortlist *shortlist, int sources, int *left);
 
-/* Search the words of promises, and find the best sequences of bits if there is one. */
-void rl_hits_find(struct rl_hits *hits, const struct rl_promises *promises,
+/* Search the words of a shortlist, and find the best sequences of bits if there is one. */
+void rl_hits_find(struct rl_hits *hits, const struct rl_shortlist *shortlist,
                   const struct rl_codebook *codebook, const struct rl_demand *demand);
 
 #endif

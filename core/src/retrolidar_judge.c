@@ -185,7 +185,7 @@ static double search_without(struct rl_detector *detector, const struct rl_verdi
     hits->count = 0;
     if (rest > RL_ACTIVE) {
         rl_search_look(&detector->search, &source, 1, packets, to_s, to_s, -INFINITY,
-                       RL_MOST * detector->demands.evidence, 2.0 * detector->max_beyond, hits);
+                       RL_MOST * detector->demands.evidence, 2.0 * detector->max_llr_deficit, hits);
     }
     rl_residual_restore(&detector->residual, source);
     return rest;

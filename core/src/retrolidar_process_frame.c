@@ -25,7 +25,7 @@ static void search(struct rl_detector *detector, const int *sources, int count, 
         return;
     }
     rl_search_look(&detector->search, sources, count, packets, from_s, to_s, since_s,
-                   RL_MOST * detector->demands.evidence, detector->max_beyond, hits);
+                   RL_MOST * detector->demands.evidence, detector->max_llr_deficit, hits);
     for (int i = 0; i < count; i++) {
         if (hits[i].count > 0) {
             detector->pending[detector->pendings++] =

@@ -100,7 +100,7 @@ static void keep_trial(struct kept *kept, const struct rl_trial *trial,
     kept->summary[at] = *summary;
 }
 
-/* Try packets that end at one time, at all clocks, in all lanes or in those that hold promise. */
+/* Try packets that end at one time, at all clocks, in all lanes or in those that are promising. */
 static void try_ends(struct rl_search *search, int count, double end_s, bool all, int shifts,
                      const struct rl_demand *demand)
 {
@@ -115,13 +115,13 @@ static void try_ends(struct rl_search *search, int count, double end_s, bool all
         }
         for (int lane = 0; lane < count; lane++) {
             struct rl_lane one;
-            if (all && rl_promise_is_possible(demand, &trial, &search->sums.summary[lane])) {
+            if (all && rl_shortlist_is_possible(demand, &trial, &search->sums.summary[lane])) {
                 rl_lane_of(&search->view, &search->sums, lane, &one);
-                rl_promise_add(&search->promises[lane], demand, &trial, &one, shifts);
-            } else if (!all && search->promises[lane].words > 0) {
+                rl_shortlist_add(&search->shortlist[lane], demand, &trial, &one, shifts);
+            } else if (!all && search->shortlist[lane].words > 0) {
                 rl_view_integrate_lane(&search->view, &trial, lane, &one);
-                if (rl_promise_is_possible(demand, &trial, &one.summary)) {
-                    rl_promise_add(&search->promises[lane], demand, &trial, &one, shifts);
+                if (rl_shortlist_is_possible(demand, &trial, &one.summary)) {
+                    rl_shortlist_add(&search->shortlist[lane], demand, &trial, &one, shifts);
                 }
             }
         }
@@ -139,7 +139,7 @@ static void look_at_ended(struct rl_search *search, int count, double from_s, do
     }
     bool promising = false;
     for (int lane = 0; lane < count; lane++) {
-        promising = promising || search->promises[lane].words > 0;
+        promising = promising || search->shortlist[lane].words > 0;
     }
     if (!promising) {
         return;
@@ -165,7 +165,7 @@ static void look_closely(struct rl_search *search, int lane, const struct kept *
                          double half_bits, const struct rl_demand *demand)
 {
     for (int i = 0; i < kept->count; i++) {
-        if (rl_any_nats(demand, &kept->trial[i], &kept->summary[i]) <
+        if (rl_llr_upper_bound(demand, &kept->trial[i], &kept->summary[i]) <
             (float)RL_MOST * demand->least) {
             continue;
         }
@@ -192,8 +192,8 @@ static void look_closely(struct rl_search *search, int lane, const struct kept *
                 best_lane = one;
             }
         }
-        if (rl_promise_is_possible(demand, &best, &best_lane.summary)) {
-            rl_promise_add(&search->promises[lane], demand, &best, &best_lane, RL_PACKET_BITS);
+        if (rl_shortlist_is_possible(demand, &best, &best_lane.summary)) {
+            rl_shortlist_add(&search->shortlist[lane], demand, &best, &best_lane, RL_PACKET_BITS);
         }
     }
 }
@@ -230,8 +230,8 @@ static void look_at_stretches(struct rl_search *search, int count, int packets, 
 }
 
 void rl_search_look(struct rl_search *search, const int *sources, int count, int packets,
-                    double from_s, double to_s, double since_s, double least, double max_beyond,
-                    struct rl_hits *hits)
+                    double from_s, double to_s, double since_s, double least,
+                    double max_llr_deficit, struct rl_hits *hits)
 {
     const double longest_bits =
         RL_PACKET_BITS * (packets > 0 ? packets : 1) * (1.0 + search->max_skew);
@@ -244,7 +244,7 @@ void rl_search_look(struct rl_search *search, const int *sources, int count, int
         for (int i = 0; i < count; i++) {
             if ((rl_noise_variation(search->samples, sources[i]) > STRONG) == strong) {
                 chosen[lanes] = sources[i];
-                search->promises[lanes].words = search->promises[lanes].sequences = 0;
+                search->shortlist[lanes].words = search->shortlist[lanes].sequences = 0;
                 index[lanes++] = i;
             }
         }
@@ -252,7 +252,7 @@ void rl_search_look(struct rl_search *search, const int *sources, int count, int
             continue;
         }
         const double asked = strong ? STRONG_SHARE * least : least;
-        const struct rl_demand demand = {(float)asked, (float)max_beyond, packets > 0,
+        const struct rl_demand demand = {(float)asked, (float)max_llr_deficit, packets > 0,
                                          whitening->energy, &whitening->smooth};
         rl_view_open(&search->view, chosen, lanes, fmax(to_s - bits * search->bit_s, since_s), to_s,
                      whitening->walk);
@@ -261,10 +261,10 @@ void rl_search_look(struct rl_search *search, const int *sources, int count, int
         } else {
             look_at_ended(search, lanes, from_s, to_s, &demand);
         }
-        const int dropped = rl_promises_ration(search->promises, lanes, &search->words_left);
+        const int dropped = rl_shortlists_ration(search->shortlist, lanes, &search->words_left);
         search->dropped = search->dropped || dropped > 0;
         for (int lane = 0; lane < lanes; lane++) {
-            rl_hits_find(&hits[index[lane]], &search->promises[lane], &search->codebook, &demand);
+            rl_hits_find(&hits[index[lane]], &search->shortlist[lane], &search->codebook, &demand);
         }
     }
 }

@@ -25,7 +25,7 @@ struct rl_search {
     double max_skew;                  /* by how much a clock may be off */
     struct rl_view view;
     struct rl_sums sums;
-    struct rl_promises promises[RL_MOST_SOURCES];
+    struct rl_shortlist shortlist[RL_MOST_SOURCES];
     int words_left; /* soft bits that may still be held against all words with this frame */
     bool dropped;   /* whether there were more */
 };
@@ -41,10 +41,10 @@ void rl_search_start(struct rl_search *search, const struct rl_samples *samples,
  *     that repeat, which ends at to_s
  * since_s: earlier samples are left out: what is sought was not there
  * least: nats that a hit must have
- * max_beyond: nats by which any sequence of bits may be better
+ * max_llr_deficit: nats by which any sequence of bits may be better
  */
 void rl_search_look(struct rl_search *search, const int *sources, int count, int packets,
-                    double from_s, double to_s, double since_s, double least, double max_beyond,
-                    struct rl_hits *hits);
+                    double from_s, double to_s, double since_s, double least,
+                    double max_llr_deficit, struct rl_hits *hits);
 
 #endif
