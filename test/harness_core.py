@@ -223,7 +223,7 @@ class Statistics:
         given = self.given(sending)
         begin_s = self.samples.begin_s[self.window.first]
         begin = round((begin_s - sending.start_s) / sending.bit_s) % PACKET_BITS
-        lib.rl_rivals_turn(self.window, given, own, begin, 0, 1e6, bits)
+        lib.rl_rivals_flip_bits(self.window, given, own, begin, 0, 1e6, bits)
         asked = (self.window, self.codebook, bits, given, own, number)
         return bits, lib.rl_rivals_sequence_margin(*asked), lib.rl_rivals_part_margin(*asked)
 

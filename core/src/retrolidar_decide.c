@@ -107,7 +107,7 @@ struct trial {
     int silent_bits;  /* of the window, before the packet */
     double half_bits; /* from the start to the middle of the window */
     double own;       /* its log likelihood */
-    double asked;     /* evidence */
+    double threshold; /* evidence */
     struct rl_bits bits;
 };
 
@@ -160,11 +160,11 @@ static bool is_evident(struct trial *trial)
     struct rl_verdict *verdict = trial->verdict;
     rl_observation_add_zones(window, &verdict->sending, verdict->evidence);
     trial->own = refine(verdict, window, trial->half_bits);
-    trial->asked = trial->demands->evidence + cost_of_changes(verdict->sending.bits) +
-                   (verdict->packets > 1 ? RL_COST_OF_GAIN : 0.0) +
-                   (window->fit[0].walk >= LEAST_WALK ? trial->demands->wandering : 0.0) +
-                   LEFT_OVER * window->whitened[0].explained;
-    return verdict->evidence >= trial->asked;
+    trial->threshold = trial->demands->evidence + cost_of_changes(verdict->sending.bits) +
+                       (verdict->packets > 1 ? RL_COST_OF_GAIN : 0.0) +
+                       (window->fit[0].walk >= LEAST_WALK ? trial->demands->wandering : 0.0) +
+                       LEFT_OVER * window->whitened[0].explained;
+    return verdict->evidence >= trial->threshold;
 }
 
 static bool is_word(struct trial *trial, const struct rl_hits *hits, double to_s)
@@ -176,8 +176,8 @@ static bool is_word(struct trial *trial, const struct rl_hits *hits, double to_s
     const double since_bits =
         (to_s - sending->start_s) / sending->bit_s - RL_PACKET_BITS * (verdict->packets - 1);
     const int begin = sending->repeats ? (int)floor(since_bits + 0.5) % RL_PACKET_BITS : 0;
-    verdict->word = rl_rivals_turn(trial->window, sending, trial->own, begin, trial->silent_bits,
-                                   3.0 * max_word, &trial->bits);
+    verdict->word = rl_rivals_flip_bits(trial->window, sending, trial->own, begin,
+                                        trial->silent_bits, 3.0 * max_word, &trial->bits);
     verdict->word =
         fmax(verdict->word,
              rl_rivals_sequence(trial->window, sending, trial->half_bits, hits) - trial->own);
@@ -186,12 +186,12 @@ static bool is_word(struct trial *trial, const struct rl_hits *hits, double to_s
                                       trial->own + verdict->word - max_word)) {
         trial->is_hidden = true;
         trial->own = refine(verdict, trial->window, trial->half_bits);
-        if (verdict->evidence < trial->asked + COST_OF_MASK ||
+        if (verdict->evidence < trial->threshold + COST_OF_MASK ||
             rl_observation_is_erased(trial->window, sending)) {
             return false;
         }
-        verdict->word = rl_rivals_turn(trial->window, sending, trial->own, begin,
-                                       trial->silent_bits, 3.0 * max_word, &trial->bits);
+        verdict->word = rl_rivals_flip_bits(trial->window, sending, trial->own, begin,
+                                            trial->silent_bits, 3.0 * max_word, &trial->bits);
     }
     return verdict->word <= max_word;
 }

@@ -45,7 +45,7 @@ struct rl_detector {
     struct rl_counts counts;
     int64_t last_ns;
     double looked_s;
-    int64_t turn;
+    int64_t slot;
     double
         max_llr_deficit; /* nats by which other sequences than the hits of a search may be better */
     double read_s[RL_MOST_SOURCES]; /* end of what was read last in each */

@@ -198,7 +198,7 @@ void rl_followed_replay(struct rl_followed *followed, const struct rl_scenery *s
     followed->crossed = crossed ? 1.0 : followed->crossed;
 }
 
-/* Light that blinks as predicted, but by another amount, is a marker that has turned or moved. */
+/* Light that blinks as predicted, but by another amount, is a marker that has flipped or moved. */
 static void rescale(struct rl_followed *followed, int zones, const struct rl_glance *glance)
 {
     if (!(followed->light > RL_BRIGHT) || !(glance->measured > LEAST_SCALED)) {

@@ -20,7 +20,7 @@ static const double APART_M = 0.5; /* two targets, not one that is measured badl
  * has so much of its light.
  */
 static const double LEAST_OWN = 0.3, MOST_OTHER = 0.1, RANGED_LIGHT = 0.3;
-static const double MOST_SPEED = 1.2; /* of a marker that turned while it was dark [m/s] */
+static const double MOST_SPEED = 1.2; /* of a marker that flipped while it was dark [m/s] */
 static const double GATE = 25.0;      /* squared deviations */
 static const int MOST_MISSES = 3;
 static const double FIRST_M = 0.3; /* deviation of a range that is a guess */
@@ -199,7 +199,7 @@ static void measure_range(struct rl_followed *followed, const struct rl_scenery 
     const double own_m =
         (range_m - mixed * (offset_m + place.range_m)) / (1.0 - mixed) - place.rate * late_s;
     const double off = own_m - place.range_m;
-    /* It may have turned in the dark. */
+    /* It may have flipped in the dark. */
     const double way_m = MOST_SPEED * (rl_scenery_now(scenery) - followed->ranged_s);
     if (off * off > GATE * (place.variance + variance) + way_m * way_m) {
         if (++followed->misses > MOST_MISSES) {

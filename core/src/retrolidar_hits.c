@@ -107,13 +107,13 @@ void rl_shortlist_add(struct rl_shortlist *shortlist, const struct rl_demand *de
     }
     for (int shift = 0; shift < shifts; shift++) {
         const float *soft = twice + shift;
-        const uint32_t turned = dark << shift | dark >> (RL_PACKET_BITS - shift);
+        const uint32_t flipped = dark << shift | dark >> (RL_PACKET_BITS - shift);
         const float word = until[shift + RL_PACKET_BITS] - until[shift + RL_PREAMBLE_BITS];
         const float sum = rl_add_preamble(word, soft);
         if (sum <= 0.0f) {
             continue;
         }
-        const uint32_t bits = PREAMBLE | (turned & WORD_MASK);
+        const uint32_t bits = PREAMBLE | (flipped & WORD_MASK);
         const float squared =
             sum * sum / (rl_energy_of(&energy, demand->smooth, bits) * (float)trial->packets);
         if (squared < least) {
@@ -135,9 +135,9 @@ static uint32_t best_bits(const struct rl_energy *energy, const struct rl_smooth
     float sum = lane->summary.any;
     uint32_t bits = lane->summary.dark;
     float best = sum * sum / rl_energy_of(energy, smooth, bits);
-    for (int turned = 0; turned >= 0;) {
+    for (int flipped = 0; flipped >= 0;) {
         float best_sum = sum;
-        turned = -1;
+        flipped = -1;
         for (int bit = 0; bit < RL_PACKET_BITS; bit++) {
             const uint32_t other = bits ^ rl_packet_bit(bit);
             const float other_sum = other & ~bits ? sum + lane->soft[bit] : sum - lane->soft[bit];
@@ -147,12 +147,12 @@ static uint32_t best_bits(const struct rl_energy *energy, const struct rl_smooth
             const float squared = other_sum * other_sum / rl_energy_of(energy, smooth, other);
             if (squared > best) {
                 best = squared;
-                turned = bit;
+                flipped = bit;
                 best_sum = other_sum;
             }
         }
-        if (turned >= 0) {
-            bits ^= rl_packet_bit(turned);
+        if (flipped >= 0) {
+            bits ^= rl_packet_bit(flipped);
             sum = best_sum;
         }
     }

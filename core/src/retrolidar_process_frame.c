@@ -198,10 +198,10 @@ void rl_process_frame(struct rl_detector *detector)
     int count = ready(detector, packet_bits, to_s, true, RL_MOST_ZONES, sources);
     search(detector, sources, count, 0, from_s, to_s, -INFINITY);
     detector->search.words_left += WORDS_ENDED / 2;
-    const int64_t turn = (int64_t)floor(to_s / (RL_LOOK_BITS * bit_s));
-    const bool is_turn = turn != detector->turn;
-    detector->turn = turn;
-    if (!is_turn) {
+    const int64_t slot = (int64_t)floor(to_s / (RL_LOOK_BITS * bit_s));
+    const bool is_new_slot = slot != detector->slot;
+    detector->slot = slot;
+    if (!is_new_slot) {
         count = due(detector, sources, count, RL_PACKET_BITS, from_s, to_s);
     }
     search(detector, sources, count, 1, from_s, to_s, -INFINITY);
@@ -212,7 +212,7 @@ void rl_process_frame(struct rl_detector *detector)
             break;
         }
         count = ready(detector, bits - RL_OVERLAP_BITS, to_s, false, 1, sources);
-        if (!is_turn || turn % (RL_PACKET_BITS / RL_LOOK_BITS + 1) != fold) {
+        if (!is_new_slot || slot % (RL_PACKET_BITS / RL_LOOK_BITS + 1) != fold) {
             count = due(detector, sources, count, bits, from_s, to_s);
         }
         search(detector, sources, count, FOLD[fold], from_s, to_s, -INFINITY);
@@ -221,8 +221,8 @@ void rl_process_frame(struct rl_detector *detector)
         search_appeared(detector, to_s);
     }
     add_deferred(detector, from_s, to_s);
-    if (is_turn) {
-        search_residual(detector, (double)(turn - 1) * RL_LOOK_BITS * bit_s, to_s);
+    if (is_new_slot) {
+        search_residual(detector, (double)(slot - 1) * RL_LOOK_BITS * bit_s, to_s);
     }
     while (detector->pendings > 0 && detector->decisions_left > 0) {
         int best = 0;

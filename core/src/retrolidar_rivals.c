@@ -7,7 +7,7 @@
 #include <stddef.h>
 #include <string.h>
 
-enum { FLIPS = 4 }; /* bits that are turned to make a better sequence */
+enum { FLIPS = 4 }; /* bits that are flipped to make a better sequence */
 
 /* The bits that are seen of a packet that ended may be any, as far as they are of its ID [nats]. */
 static const double COST_OF_BIT = 0.6931471805599453;
@@ -32,8 +32,8 @@ double rl_rivals_sequence(struct rl_window *window, const struct rl_sending *sen
     return best;
 }
 
-double rl_rivals_turn(struct rl_window *window, const struct rl_sending *sending, double own,
-                      int begin, int silent_bits, double enough, struct rl_bits *bits)
+double rl_rivals_flip_bits(struct rl_window *window, const struct rl_sending *sending, double own,
+                           int begin, int silent_bits, double enough, struct rl_bits *bits)
 {
     double better = 0.0;
     float first[RL_PACKET_BITS]; /* of each bit of the packet */
@@ -41,16 +41,16 @@ double rl_rivals_turn(struct rl_window *window, const struct rl_sending *sending
     bits->count = silent_bits + RL_PACKET_BITS;
     bits->begin_s = sending->start_s + (begin - silent_bits) * sending->bit_s;
     for (int bit = 0; bit < RL_PACKET_BITS; bit++) {
-        const uint32_t turned = rl_packet_bit((begin + bit) % RL_PACKET_BITS);
-        bits->dark[silent_bits + bit] = (sequence & turned) != 0;
-        bits->turned[silent_bits + bit] =
-            (float)(rl_window_try_bits(window, sending, sequence ^ turned) - own);
-        first[(begin + bit) % RL_PACKET_BITS] = bits->turned[silent_bits + bit];
+        const uint32_t flipped = rl_packet_bit((begin + bit) % RL_PACKET_BITS);
+        bits->dark[silent_bits + bit] = (sequence & flipped) != 0;
+        bits->flipped[silent_bits + bit] =
+            (float)(rl_window_try_bits(window, sending, sequence ^ flipped) - own);
+        first[(begin + bit) % RL_PACKET_BITS] = bits->flipped[silent_bits + bit];
     }
     for (int bit = 0; bit < silent_bits; bit++) {
         /* What a dark bit there would do is not tried: about as much as in the packet. */
         bits->dark[bit] = false;
-        bits->turned[bit] = first[1];
+        bits->flipped[bit] = first[1];
     }
     for (int round = 0; round < FLIPS && better < enough; round++) {
         int best = -1;
@@ -95,13 +95,13 @@ static float weigh(const struct rl_bits *bits, int begin, bool repeats,
     float all = 0.0f;
     memset(weight, 0, RL_PACKET_BITS * sizeof *weight);
     for (int bit = 0; bit < bits->count; bit++) {
-        all += bits->dark[bit] ? bits->turned[bit] : 0.0f;
+        all += bits->dark[bit] ? bits->flipped[bit] : 0.0f;
         int of = bit - begin;
         if (repeats) {
             of = (of % RL_PACKET_BITS + RL_PACKET_BITS) % RL_PACKET_BITS;
         }
         if (of >= 0 && of < RL_PACKET_BITS) {
-            weight[of] += bits->dark[bit] ? -bits->turned[bit] : bits->turned[bit];
+            weight[of] += bits->dark[bit] ? -bits->flipped[bit] : bits->flipped[bit];
         }
     }
     return all;
@@ -245,7 +245,7 @@ double rl_rivals_part_margin(struct rl_window *window, const struct rl_codebook 
         const double split_s = window->samples->begin_s[window->first + split];
         for (int bit = 0; bit < bits->count; bit++) {
             if ((bits->begin_s + (bit + 0.5) * sending->bit_s < split_s) == later) {
-                seen.turned[bit] = 0.0f;
+                seen.flipped[bit] = 0.0f;
             }
         }
         for (int i = 0; i < RL_TRIED; i++) {

@@ -15,7 +15,7 @@ struct rl_bits {
     int count;      /* a packet's, and the silence before, too */
     double begin_s; /* of the first [s] */
     /* Log likelihood if a bit were the other one, less that as it is. */
-    float turned[RL_MOST_BITS];
+    float flipped[RL_MOST_BITS];
     bool dark[RL_MOST_BITS];
 };
 
@@ -30,8 +30,8 @@ double rl_rivals_sequence(struct rl_window *window, const struct rl_sending *sen
  * begin: which bit of the packet the window begins with, after so many silent bits
  * enough: if one is better by so much, others are not asked [nats]
  */
-double rl_rivals_turn(struct rl_window *window, const struct rl_sending *sending, double own,
-                      int begin, int silent_bits, double enough, struct rl_bits *bits);
+double rl_rivals_flip_bits(struct rl_window *window, const struct rl_sending *sending, double own,
+                           int begin, int silent_bits, double enough, struct rl_bits *bits);
 
 /* How much likelier a packet is than one of any other ID: begun at any bit, cut by the window or
  * repeating, or found by the search with another start and clock.

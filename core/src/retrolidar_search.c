@@ -251,8 +251,8 @@ void rl_search_look(struct rl_search *search, const int *sources, int count, int
         if (lanes == 0) {
             continue;
         }
-        const double asked = strong ? STRONG_SHARE * least : least;
-        const struct rl_demand demand = {(float)asked, (float)max_llr_deficit, packets > 0,
+        const double threshold = strong ? STRONG_SHARE * least : least;
+        const struct rl_demand demand = {(float)threshold, (float)max_llr_deficit, packets > 0,
                                          whitening->energy, &whitening->smooth};
         rl_view_open(&search->view, chosen, lanes, fmax(to_s - bits * search->bit_s, since_s), to_s,
                      whitening->walk);

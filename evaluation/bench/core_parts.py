@@ -41,7 +41,7 @@ PARTS = {
     ),
     'search of the residual': _call(
         'process_frame',
-        '        search_residual(detector, (double)(turn - 1) * RL_LOOK_BITS * bit_s, to_s);',
+        '        search_residual(detector, (double)(slot - 1) * RL_LOOK_BITS * bit_s, to_s);',
     ),
     'pairs of packets': Part(
         'judge', 'may_hide && judge_pair(', 'may_hide && false && judge_pair('
