@@ -223,14 +223,14 @@ static struct rl_sending moved(const struct rl_sending *sending, double half_bit
 }
 
 /* Where a parabola through three points that are a step apart is highest, in steps. */
-static double summit(double before, double here, double after)
+static double parabolic_peak(double before, double here, double after)
 {
     const double bend = before - 2.0 * here + after;
     return bend < 0.0 ? fmin(fmax(0.5 * (before - after) / bend, -1.0), 1.0) : 0.0;
 }
 
-static double climb(struct rl_window *window, struct rl_sending *sending, double half_bits,
-                    int rounds)
+static double coordinate_ascent(struct rl_window *window, struct rl_sending *sending,
+                                double half_bits, int rounds)
 {
     double best = rl_window_try(window, sending);
     /* Each round has half the steps of the one before. */
@@ -246,7 +246,7 @@ static double climb(struct rl_window *window, struct rl_sending *sending, double
             }
             const double before = rl_window_try(window, &one);
             const double after = rl_window_try(window, &other);
-            const double at = summit(before, best, after);
+            const double at = parabolic_peak(before, best, after);
             struct rl_sending tried = moved(sending, half_bits, at * shift_s, at * longer_s);
             double likelihood = at == 0.0 ? best : rl_window_try(window, &tried);
             if (before > likelihood) {
@@ -268,7 +268,7 @@ static double climb(struct rl_window *window, struct rl_sending *sending, double
 
 double rl_window_refine(struct rl_window *window, struct rl_sending *sending, double half_bits)
 {
-    const double best = climb(window, sending, half_bits, RL_TRIED);
+    const double best = coordinate_ascent(window, sending, half_bits, RL_TRIED);
     const struct rl_sending usual = *sending;
     struct rl_sending likeliest = usual;
     double most = best + RL_AS_GOOD;
@@ -285,7 +285,7 @@ double rl_window_refine(struct rl_window *window, struct rl_sending *sending, do
     }
     if (likeliest.brightening_s != usual.brightening_s) {
         *sending = likeliest;
-        climb(window, sending, half_bits, RL_TRIED - 1);
+        coordinate_ascent(window, sending, half_bits, RL_TRIED - 1);
     }
     /* So that `fit` and `light` are of what is returned. */
     return rl_window_try(window, sending);
