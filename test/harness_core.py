@@ -183,7 +183,7 @@ class Statistics:
     def attempt(self, sending: Sending) -> tuple[float, list[Any]]:
         """Return the log likelihood of a sending, and the fit to each source."""
         total = self.lib.rl_window_try(self.window, self.given(sending))
-        return total, list(self.window.fit[0 : self.window.sources])
+        return total, list(self.window.fit[0 : self.window.channels])
 
     def decide(
         self,

@@ -28,7 +28,7 @@ struct clock {
     double cost; /* about, less the log likelihood [nats] */
 };
 
-/* The samples of the first source, and the levels of dark and bright. */
+/* The samples of the first channel, and the levels of dark and bright. */
 struct slicer {
     const struct rl_samples *samples;
     struct rl_column column;
@@ -46,7 +46,7 @@ static struct slicer slicer_of(struct rl_window *window)
                             .rows = window->rows,
                             .least = (float)window->whitened[0].least};
     float count[2] = {1e-9f, 1e-9f};
-    slicer.column = rl_target_column(window->samples, window->source[0], window->first,
+    slicer.column = rl_target_column(window->samples, window->channel[0], window->first,
                                      window->rows, &window->room);
     for (int row = 0; row < window->rows; row++) {
         const int bright = window->light[row] > 0.5;
@@ -160,7 +160,7 @@ double rl_clock_period_excess(struct rl_window *window, const struct rl_sending 
     const double bit_rows = sending->bit_s / samples->period_s;
     const double packet_rows = RL_PACKET_BITS * bit_rows;
     const struct rl_column column =
-        rl_target_column(samples, window->source[0], oldest, rows, &window->room);
+        rl_target_column(samples, window->channel[0], oldest, rows, &window->room);
     float *signal = window->room.signal;
     memmove(signal, column.signal, (size_t)rows * sizeof *signal);
     const int block = (int)packet_rows + 1;

@@ -16,7 +16,7 @@
  */
 double rl_clock_excess(struct rl_window *window, const struct rl_sending *sending, double own);
 
-/* By how much a source correlates better with itself some other time before than a packet's length
+/* By how much a channel correlates better with itself some other time before than a packet's length
  * before, over all rows that are held [nats]. Packets that are combined are too faint to ask which
  * bits each of them has.
  */

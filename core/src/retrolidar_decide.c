@@ -17,7 +17,7 @@ enum {
 
 /* Share of the evidence of a packet that has repeated that there must be with the bits before. */
 static const double LEAST_LONGER = 0.9;
-/* Share of the evidence in demand that one source must have by itself. */
+/* Share of the evidence in demand that one channel must have by itself. */
 static const double LEAST_ALONE = 0.4;
 /* To leave out a stretch of bits costs some, as it might be any [nats]. */
 static const double COST_OF_MASK = 10.0;
@@ -62,9 +62,9 @@ static bool has_repeated(struct rl_window *window, const struct rl_sending *send
     if (begin_s - from_s < RL_LOOK_BITS * sending->bit_s) {
         return true;
     }
-    rl_window_open(window, window->source[0], from_s, to_s);
+    rl_window_open(window, window->channel[0], from_s, to_s);
     const double longer = rl_window_try(window, sending) - window->null;
-    rl_window_open(window, window->source[0], begin_s, to_s);
+    rl_window_open(window, window->channel[0], begin_s, to_s);
     rl_window_try(window, sending);
     return longer > LEAST_LONGER * evidence - RL_AS_GOOD;
 }
@@ -83,8 +83,8 @@ static double cost_of_changes(uint32_t bits)
 
 static void note_fit(struct rl_verdict *verdict, const struct rl_window *window)
 {
-    verdict->sources = window->sources;
-    memcpy(verdict->source, window->source, sizeof verdict->source);
+    verdict->channels = window->channels;
+    memcpy(verdict->channel, window->channel, sizeof verdict->channel);
     memcpy(verdict->fit, window->fit, sizeof verdict->fit);
 }
 
@@ -92,7 +92,7 @@ static void note_fit(struct rl_verdict *verdict, const struct rl_window *window)
 static double refine(struct rl_verdict *verdict, struct rl_window *window, double half_bits)
 {
     const double own = rl_window_refine(window, &verdict->sending, half_bits);
-    verdict->evidence = own - window->null - RL_COST_OF_GAIN * (window->sources - 1);
+    verdict->evidence = own - window->null - RL_COST_OF_GAIN * (window->channels - 1);
     note_fit(verdict, window);
     return own;
 }
@@ -112,7 +112,7 @@ struct trial {
 };
 
 /* Open the window. Return why the packet cannot be judged, RL_READ if it can. */
-static int open(struct trial *trial, int source, double read_s, double since_s, double to_s)
+static int open(struct trial *trial, int channel, double read_s, double since_s, double to_s)
 {
     struct rl_window *window = trial->window;
     const struct rl_demands *demands = trial->demands;
@@ -122,8 +122,8 @@ static int open(struct trial *trial, int source, double read_s, double since_s, 
     window->min_bit_s = demands->bit_s * (1.0 - demands->max_skew - SKEW_SLACK);
     window->max_bit_s = demands->bit_s * (1.0 + demands->max_skew + SKEW_SLACK);
     const double bit_s = sending->bit_s;
-    verdict->evidence = rl_observation_open(window, source, sending, packets, read_s, since_s, to_s,
-                                            &trial->silent_bits);
+    verdict->evidence = rl_observation_open(window, channel, sending, packets, read_s, since_s,
+                                            to_s, &trial->silent_bits);
     const double lasting_s = RL_PACKET_BITS * packets * sending->bit_s;
     verdict->begin_s = sending->repeats ? fmax(to_s - lasting_s, since_s) : sending->start_s;
     verdict->end_s = sending->repeats ? to_s : sending->start_s + lasting_s;
@@ -217,7 +217,7 @@ static double margin_of(struct trial *trial, const struct rl_codebook *codebook,
 }
 
 struct rl_verdict rl_decide(struct rl_window *window, const struct rl_codebook *codebook,
-                            const struct rl_demands *demands, int source, const struct rl_hit *hit,
+                            const struct rl_demands *demands, int channel, const struct rl_hit *hit,
                             const struct rl_hits *hits, int packets, double read_s, double since_s,
                             bool follows, double to_s)
 {
@@ -227,7 +227,7 @@ struct rl_verdict rl_decide(struct rl_window *window, const struct rl_codebook *
                                              hit->bit_s, rl_brightening_s[0]}};
     struct trial trial = {
         .window = window, .demands = demands, .verdict = &verdict, .follows = follows};
-    verdict.reason = open(&trial, source, read_s, since_s, to_s);
+    verdict.reason = open(&trial, channel, read_s, since_s, to_s);
     if (verdict.reason != RL_READ) {
         return verdict;
     }

@@ -32,22 +32,22 @@ struct rl_verdict {
     int packets;
     double evidence, word, margin; /* [nats], as far as it came */
     double begin_s, end_s;         /* of what was used */
-    int sources;
-    int source[RL_MOST_ZONES_TOGETHER];
+    int channels;
+    int channel[RL_MOST_ZONES_TOGETHER];
     struct rl_gain fit[RL_MOST_ZONES_TOGETHER];
 };
 
-/* Judge a hit of a source.
+/* Judge a hit of a channel.
  *
  * hits: those that were found with it, rivals if they are of other IDs
  * packets: that the window holds
- * read_s: end of the packet that was read last in the source [s]
+ * read_s: end of the packet that was read last in the channel [s]
  * since_s: earlier samples are left out, as its marker was not there [s]
  * follows: whether packets of this ID and clock were read before
  * to_s: end of the newest exposure [s]
  */
 struct rl_verdict rl_decide(struct rl_window *window, const struct rl_codebook *codebook,
-                            const struct rl_demands *demands, int source, const struct rl_hit *hit,
+                            const struct rl_demands *demands, int channel, const struct rl_hit *hit,
                             const struct rl_hits *hits, int packets, double read_s, double since_s,
                             bool follows, double to_s);
 

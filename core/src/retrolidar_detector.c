@@ -77,9 +77,9 @@ static void restart(struct rl_detector *detector, int64_t stamp_ns)
     for (int zone = 0; zone < RL_MOST_ZONES; zone++) {
         detector->active_s[zone] = -INFINITY;
     }
-    for (int source = 0; source < RL_MOST_SOURCES; source++) {
-        detector->read_s[source] = -INFINITY;
-        detector->pasts[source] = 0;
+    for (int channel = 0; channel < RL_MOST_CHANNELS; channel++) {
+        detector->read_s[channel] = -INFINITY;
+        detector->pasts[channel] = 0;
     }
 }
 
@@ -138,7 +138,7 @@ struct rl_held rl_detector_held(const struct rl_detector *detector)
         .first = rl_samples_oldest(samples),
         .count = samples->count,
         .capacity = samples->capacity,
-        .sources = samples->sources,
+        .channels = samples->channels,
         .zones = samples->zones,
         .origin_ns = samples->origin_ns,
         .period_s = samples->period_s,

@@ -37,22 +37,22 @@ struct rl_reading {
 /* A packet that was judged, read or not. */
 struct rl_candidate {
     uint16_t id;
-    int32_t source, packets;
+    int32_t channel, packets;
     int32_t reason; /* why it is not read, RL_READ if it is */
     double start_s, bit_s;
     double evidence, word, margin; /* [nats], 0 where it has not come so far */
 };
 
-/* The samples that are held, `capacity` rows of one source or zone after those of another; `first`
+/* The samples that are held, `capacity` rows of one channel or zone after those of another; `first`
  * is the oldest row that is sure.
  */
 struct rl_held {
-    int32_t first, count, capacity, sources, zones;
+    int32_t first, count, capacity, channels, zones;
     int64_t origin_ns;
     double period_s;
     const double *begin_s, *end_s;
     const int64_t *stamp_ns; /* the least of all where no frame came */
-    const float *signal;     /* of all sources, the zones first */
+    const float *signal;     /* of all channels, the zones first */
     const uint8_t *valid;
     const float *distance; /* of zones only */
 };

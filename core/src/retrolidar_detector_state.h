@@ -16,16 +16,16 @@
 enum {
     RL_READINGS = 32,  /* that one frame may bring */
     RL_DECISIONS = 12, /* candidates that are judged with one frame, at the most */
-    RL_MOST_PENDING = 3 * RL_MOST_SOURCES + 7 * RL_MOST_ZONES, /* all of a frame */
+    RL_MOST_PENDING = 3 * RL_MOST_CHANNELS + 7 * RL_MOST_ZONES, /* all of a frame */
     /* That a search for one packet may look back. */
     RL_SEARCH_BITS = 2 * RL_PACKET_BITS + RL_LOOK_BITS,
 };
-/* A source that varies by less than so many times its noise holds no packet by itself. */
+/* A channel that varies by less than so many times its noise holds no packet by itself. */
 static const double RL_ACTIVE = 1.5;
 
-/* What a search has found in a source, not judged yet. */
+/* What a search has found in a channel, not judged yet. */
 struct rl_pending {
-    int source, packets;
+    int channel, packets;
     double since_s; /* earlier samples are left out */
     struct rl_hits hits;
 };
@@ -48,15 +48,15 @@ struct rl_detector {
     int64_t slot;
     double
         max_llr_deficit; /* nats by which other sequences than the hits of a search may be better */
-    double read_s[RL_MOST_SOURCES]; /* end of what was read last in each */
+    double read_s[RL_MOST_CHANNELS]; /* end of what was read last in each */
     double active_s[RL_MOST_ZONES]; /* since when each varies by more than noise; infinite if not */
     int readings, decisions_left;
     struct rl_reading reading[RL_READINGS];
     int candidates;
     struct rl_candidate candidate[2 * RL_DECISIONS];
-    struct rl_hits hits[RL_MOST_SOURCES], behind;
-    struct rl_hit past[RL_MOST_SOURCES][RL_PAST]; /* judged and not read: rivals of later ones */
-    int pasts[RL_MOST_SOURCES];
+    struct rl_hits hits[RL_MOST_CHANNELS], behind;
+    struct rl_hit past[RL_MOST_CHANNELS][RL_PAST]; /* judged and not read: rivals of later ones */
+    int pasts[RL_MOST_CHANNELS];
     struct rl_pending pending[RL_MOST_PENDING];
     int pendings;
 };

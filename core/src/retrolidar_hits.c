@@ -185,16 +185,16 @@ static void keep_hit(struct rl_hits *hits, const struct rl_hit *hit)
     hits->hit[at] = *hit;
 }
 
-int rl_shortlists_ration(struct rl_shortlist *shortlist, int sources, int *left)
+int rl_shortlists_ration(struct rl_shortlist *shortlist, int channels, int *left)
 {
     int words = 0, dropped = 0;
-    for (int source = 0; source < sources; source++) {
-        words += shortlist[source].words;
+    for (int channel = 0; channel < channels; channel++) {
+        words += shortlist[channel].words;
     }
     for (; words - dropped > *left; dropped++) {
         struct rl_shortlist *least = NULL;
-        for (int source = 0; source < sources; source++) {
-            struct rl_shortlist *one = &shortlist[source];
+        for (int channel = 0; channel < channels; channel++) {
+            struct rl_shortlist *one = &shortlist[channel];
             if (one->words > 0 && (least == NULL || one->word[one->words - 1].nats <
                                                         least->word[least->words - 1].nats)) {
                 least = one;

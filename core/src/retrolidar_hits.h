@@ -1,7 +1,7 @@
 /* Copyright 2026 retrolidar_ros contributors
  * SPDX-License-Identifier: Apache-2.0
  */
-/* What a search has found in one source, the most promising first. */
+/* What a search has found in one channel, the most promising first. */
 #ifndef RETROLIDAR_HITS_H
 #define RETROLIDAR_HITS_H
 
@@ -76,10 +76,10 @@ bool rl_shortlist_is_possible(const struct rl_demand *demand, const struct rl_tr
 void rl_shortlist_add(struct rl_shortlist *shortlist, const struct rl_demand *demand,
                       const struct rl_trial *trial, const struct rl_lane *lane, int shifts);
 
-/* Give up the least promising words of some sources, as far as there are more than are left; take
+/* Give up the least promising words of some channels, as far as there are more than are left; take
  * the others off what is left, and return how many were given up.
  */
-int rl_shortlists_ration(struct rl_shortlist *shortlist, int sources, int *left);
+int rl_shortlists_ration(struct rl_shortlist *shortlist, int channels, int *left);
 
 /* Search the words of a shortlist, and find the best sequences of bits if there is one. */
 void rl_hits_find(struct rl_hits *hits, const struct rl_shortlist *shortlist,

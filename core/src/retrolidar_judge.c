@@ -81,25 +81,25 @@ static void add_reading(struct rl_detector *detector, const struct rl_verdict *v
     for (int i = 0; i < reading->zones; i++) {
         read |= (uint64_t)1 << zones[i];
     }
-    for (int source = 0; source < samples->sources; source++) {
-        if ((rl_source_zones(samples, source) & read) != 0) {
-            detector->read_s[source] = fmax(detector->read_s[source], reading->end_s);
+    for (int channel = 0; channel < samples->channels; channel++) {
+        if ((rl_channel_zones(samples, channel) & read) != 0) {
+            detector->read_s[channel] = fmax(detector->read_s[channel], reading->end_s);
         }
     }
 }
 
-static void note(struct rl_detector *detector, int source, int packets,
+static void note(struct rl_detector *detector, int channel, int packets,
                  const struct rl_verdict *verdict)
 {
     if (verdict->reason != RL_READ && verdict->reason != RL_EVIDENCE && packets == 1) {
-        detector->past[source][detector->pasts[source]++ % RL_PAST] =
+        detector->past[channel][detector->pasts[channel]++ % RL_PAST] =
             (struct rl_hit){(float)verdict->evidence, verdict->id, verdict->sending.repeats,
                             verdict->sending.start_s, verdict->sending.bit_s};
     }
     if (detector->candidates < 2 * RL_DECISIONS) {
         detector->candidate[detector->candidates++] = (struct rl_candidate){
             verdict->id,
-            source,
+            channel,
             packets,
             verdict->reason,
             verdict->sending.start_s,
@@ -124,16 +124,16 @@ static void add_beside(struct rl_interference *interference, const struct rl_ver
  *
  * beside: another packet that is taken to be there, if any
  */
-static struct rl_verdict decide(struct rl_detector *detector, int source, int packets,
+static struct rl_verdict decide(struct rl_detector *detector, int channel, int packets,
                                 const struct rl_hit *hit, const struct rl_hits *hits,
                                 const struct rl_verdict *beside, double to_s)
 {
     struct rl_demands demands = detector->demands;
     struct rl_hits rivals = *hits;
     struct rl_interference *interference = &detector->window.interference;
-    const int pasts = detector->pasts[source];
+    const int pasts = detector->pasts[channel];
     for (int i = pasts > RL_PAST ? pasts - RL_PAST : 0; packets == 1 && i < pasts; i++) {
-        const struct rl_hit *past = &detector->past[source][i % RL_PAST];
+        const struct rl_hit *past = &detector->past[channel][i % RL_PAST];
         if (past->start_s + RL_PACKET_BITS * past->bit_s > hit->start_s) {
             rivals.hit[rivals.count++] = *past;
         }
@@ -142,27 +142,27 @@ static struct rl_verdict decide(struct rl_detector *detector, int source, int pa
         demands.margin = detector->settings.margin_of_more;
     }
     const double packet_s = RL_PACKET_BITS * hit->bit_s;
-    const double active_s = detector->active_s[source < detector->samples.zones ? source : 0];
+    const double active_s = detector->active_s[channel < detector->samples.zones ? channel : 0];
     const double since_s =
-        packets == 1 && source < detector->samples.zones && active_s < to_s ? active_s : -INFINITY;
+        packets == 1 && channel < detector->samples.zones && active_s < to_s ? active_s : -INFINITY;
     const struct rl_transmission transmission = {
         .sending = {.start_s = hit->start_s, .bit_s = hit->bit_s},
         .begin_s = hit->repeats ? to_s - packets * packet_s : hit->start_s,
         .end_s = to_s};
     /* Markers may have gone on from what was read up to two packets before. */
-    rl_pool_interference(&detector->pool, rl_source_zones(&detector->samples, source),
+    rl_pool_interference(&detector->pool, rl_channel_zones(&detector->samples, channel),
                          transmission.begin_s - 3.0 * packet_s, to_s, hit->id, interference);
     if (beside != NULL) {
         add_beside(interference, beside);
     }
     struct rl_verdict verdict =
-        rl_decide(&detector->window, &detector->search.codebook, &demands, source, hit, &rivals,
-                  packets, detector->read_s[source], since_s,
+        rl_decide(&detector->window, &detector->search.codebook, &demands, channel, hit, &rivals,
+                  packets, detector->read_s[channel], since_s,
                   rl_pool_is_followed(&detector->pool, hit->id, &transmission), to_s);
     if (verdict.reason == RL_READ && !rl_zones_consistent(&detector->shares, &verdict)) {
         verdict.reason = RL_NOT_A_WORD;
     }
-    note(detector, source, packets, &verdict);
+    note(detector, channel, packets, &verdict);
     return verdict;
 }
 
@@ -173,21 +173,21 @@ static double search_without(struct rl_detector *detector, const struct rl_verdi
                              double to_s, struct rl_hits *hits)
 {
     struct rl_interference interference;
-    const int source = one->source[0], packets = one->packets;
+    const int channel = one->channel[0], packets = one->packets;
     const double packet_s = RL_PACKET_BITS * detector->settings.bit_s;
     const double from_s =
         to_s - RL_SEARCH_BITS * detector->settings.bit_s - (packets - 1) * packet_s;
-    rl_pool_interference(&detector->pool, rl_source_zones(&detector->samples, source),
+    rl_pool_interference(&detector->pool, rl_channel_zones(&detector->samples, channel),
                          to_s - RL_GOES_ON_BITS * detector->settings.bit_s, to_s, one->id,
                          &interference);
     add_beside(&interference, one);
-    const double rest = rl_residual_subtract(&detector->residual, source, &interference, from_s);
+    const double rest = rl_residual_subtract(&detector->residual, channel, &interference, from_s);
     hits->count = 0;
     if (rest > RL_ACTIVE) {
-        rl_search_look(&detector->search, &source, 1, packets, to_s, to_s, -INFINITY,
+        rl_search_look(&detector->search, &channel, 1, packets, to_s, to_s, -INFINITY,
                        RL_MOST * detector->demands.evidence, 2.0 * detector->max_llr_deficit, hits);
     }
-    rl_residual_restore(&detector->residual, source);
+    rl_residual_restore(&detector->residual, channel);
     return rest;
 }
 
@@ -198,7 +198,7 @@ static double search_without(struct rl_detector *detector, const struct rl_verdi
 static bool judge_pair(struct rl_detector *detector, double to_s, struct rl_verdict *one,
                        struct rl_verdict *other)
 {
-    const int source = one->source[0], packets = one->packets;
+    const int channel = one->channel[0], packets = one->packets;
     struct rl_hits *hits = &detector->behind, again_hits;
     search_without(detector, one, to_s, hits);
     for (int i = 0; i < hits->count && i < RL_TRIED && detector->decisions_left > 0; i++) {
@@ -207,7 +207,7 @@ static bool judge_pair(struct rl_detector *detector, double to_s, struct rl_verd
             continue;
         }
         detector->decisions_left -= 3;
-        *other = decide(detector, source, packets, hit, hits, one, to_s);
+        *other = decide(detector, channel, packets, hit, hits, one, to_s);
         if (other->evidence < RL_MOST * detector->demands.evidence ||
             other->reason == RL_INCOMPLETE ||
             is_known(detector, other->id, other->begin_s, other->end_s)) {
@@ -218,11 +218,11 @@ static bool judge_pair(struct rl_detector *detector, double to_s, struct rl_verd
             continue;
         }
         const struct rl_verdict again =
-            decide(detector, source, packets, &again_hits.hit[0], &again_hits, other, to_s);
+            decide(detector, channel, packets, &again_hits.hit[0], &again_hits, other, to_s);
         if (again.reason != RL_READ || is_known(detector, again.id, again.begin_s, again.end_s)) {
             continue;
         }
-        *other = decide(detector, source, packets, hit, hits, &again, to_s);
+        *other = decide(detector, channel, packets, hit, hits, &again, to_s);
         if (other->reason == RL_READ) {
             *one = again;
             return true;
@@ -241,10 +241,10 @@ void rl_judge(struct rl_detector *detector, const struct rl_pending *pending, do
     }
     detector->counts.candidates++;
     detector->decisions_left--;
-    struct rl_verdict other, verdict = decide(detector, pending->source, pending->packets, hit,
+    struct rl_verdict other, verdict = decide(detector, pending->channel, pending->packets, hit,
                                               &pending->hits, NULL, to_s);
     const bool may_hide =
-        pending->since_s < begin_s && detector->samples.source[pending->source].zones == 1 &&
+        pending->since_s < begin_s && detector->samples.channel[pending->channel].zones == 1 &&
         verdict.reason != RL_INCOMPLETE && verdict.reason != RL_ERASED &&
         verdict.reason != RL_MARGIN && verdict.evidence > RL_MOST * detector->demands.evidence;
     if (may_hide && judge_pair(detector, to_s, &verdict, &other)) {

@@ -7,7 +7,7 @@
 
 #include "retrolidar_detector_state.h"
 
-/* Judge the best hit of a source, and what it may hide. */
+/* Judge the best hit of a channel, and what it may hide. */
 void rl_judge(struct rl_detector *detector, const struct rl_pending *pending, double to_s);
 
 #endif

@@ -1,7 +1,7 @@
 /* Copyright 2026 retrolidar_ros contributors
  * SPDX-License-Identifier: Apache-2.0
  */
-/* Arithmetic on sources side by side, RL_LANES of them; in a file of its own, as compilers make
+/* Arithmetic on channels side by side, RL_LANES of them; in a file of its own, as compilers make
  * vectors of these loops as long as nothing is around them.
  */
 #ifndef RETROLIDAR_LANES_H

@@ -22,7 +22,7 @@ enum {
     RL_MOST_ZONES_TOGETHER = 4,
 };
 
-/* Samples of a source in a window, whitened for every q. */
+/* Samples of a channel in a window, whitened for every q. */
 struct rl_whitened {
     int samples;                     /* valid ones */
     int *row;                        /* of each, in the window */

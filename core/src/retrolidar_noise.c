@@ -8,18 +8,18 @@
 
 static void change_sums(struct rl_samples *samples, int row, double sign)
 {
-    for (int source = 0; source < samples->sources; source++) {
-        const double value = samples->signal[rl_sample(samples, source, row)];
-        samples->sum[source] += sign * value;
-        samples->square[source] += sign * value * value;
+    for (int channel = 0; channel < samples->channels; channel++) {
+        const double value = samples->signal[rl_sample(samples, channel, row)];
+        samples->sum[channel] += sign * value;
+        samples->square[channel] += sign * value * value;
     }
 }
 
 void rl_noise_follow(struct rl_samples *samples, int wanted, bool recompute)
 {
     if (recompute || samples->variance_rows > wanted) {
-        for (int source = 0; source < samples->sources; source++) {
-            samples->sum[source] = samples->square[source] = 0.0;
+        for (int channel = 0; channel < samples->channels; channel++) {
+            samples->sum[channel] = samples->square[channel] = 0.0;
         }
         samples->variance_rows = 0;
         const int first = samples->count > wanted ? samples->count - wanted : 0;
@@ -37,21 +37,22 @@ void rl_noise_follow(struct rl_samples *samples, int wanted, bool recompute)
     }
 }
 
-double rl_noise_variance(const struct rl_samples *samples, int source, double signal)
+double rl_noise_variance(const struct rl_samples *samples, int channel, double signal)
 {
     const struct rl_sensor *sensor = &samples->sensor;
-    const double zones = samples->source[source].zones;
+    const double zones = samples->channel[channel].zones;
     return zones * (sensor->noise_floor + sensor->noise_ambient * samples->ambient) +
            sensor->noise_slope * fmax(signal, 0.0);
 }
 
-double rl_noise_variation(const struct rl_samples *samples, int source)
+double rl_noise_variation(const struct rl_samples *samples, int channel)
 {
     const double rows = samples->variance_rows;
     if (rows < 2.0) {
         return 0.0;
     }
-    const double mean = samples->sum[source] / rows;
-    const double variance = (samples->square[source] - samples->sum[source] * mean) / (rows - 1.0);
-    return variance / rl_noise_variance(samples, source, mean);
+    const double mean = samples->sum[channel] / rows;
+    const double variance =
+        (samples->square[channel] - samples->sum[channel] * mean) / (rows - 1.0);
+    return variance / rl_noise_variance(samples, channel, mean);
 }

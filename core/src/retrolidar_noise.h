@@ -7,15 +7,15 @@
 
 #include "retrolidar_samples.h"
 
-/* Variance of the noise of a source at a signal [(kcps/SPAD)^2], as the law says. */
-double rl_noise_variance(const struct rl_samples *samples, int source, double signal);
+/* Variance of the noise of a channel at a signal [(kcps/SPAD)^2], as the law says. */
+double rl_noise_variance(const struct rl_samples *samples, int channel, double signal);
 
 /* After a row was appended: update the sums to the newest rows, as many as `wanted`; `recompute`
  * them after the rows have moved.
  */
 void rl_noise_follow(struct rl_samples *samples, int wanted, bool recompute);
 
-/* By how many times its noise a source varies over the newest `variance_rows`. */
-double rl_noise_variation(const struct rl_samples *samples, int source);
+/* By how many times its noise a channel varies over the newest `variance_rows`. */
+double rl_noise_variation(const struct rl_samples *samples, int channel);
 
 #endif

@@ -15,38 +15,38 @@ double rl_observation_half_bits(const struct rl_sending *sending, int packets, d
 }
 
 /* Open the window of a lone packet and of the silence before it; return its evidence. */
-static double open_lone(struct rl_window *window, int source, struct rl_sending *sending,
+static double open_lone(struct rl_window *window, int channel, struct rl_sending *sending,
                         double silence_s)
 {
-    rl_window_open(window, source, sending->start_s - silence_s,
+    rl_window_open(window, channel, sending->start_s - silence_s,
                    sending->start_s + RL_PACKET_BITS * sending->bit_s);
     return rl_window_refine(window, sending, RL_PACKET_BITS / 2.0) - window->null;
 }
 
-double rl_observation_open(struct rl_window *window, int source, struct rl_sending *sending,
+double rl_observation_open(struct rl_window *window, int channel, struct rl_sending *sending,
                            int packets, double read_s, double since_s, double to_s,
                            int *silent_bits)
 {
     *silent_bits = 0;
     if (sending->repeats) {
-        rl_window_open(window, source,
+        rl_window_open(window, channel,
                        fmax(to_s - RL_PACKET_BITS * packets * sending->bit_s, since_s), to_s);
         return rl_window_refine(window, sending, rl_observation_half_bits(sending, packets, to_s)) -
                window->null;
     }
-    const double tight = open_lone(window, source, sending, 0.0);
+    const double tight = open_lone(window, channel, sending, 0.0);
     const double silence_s = fmin(RL_SILENT_BITS * sending->bit_s, sending->start_s - read_s);
     if (silence_s < sending->bit_s) {
         return tight;
     }
     struct rl_sending lone = *sending;
-    const double wide = open_lone(window, source, &lone, silence_s);
+    const double wide = open_lone(window, channel, &lone, silence_s);
     if (wide > tight) {
         *sending = lone;
         *silent_bits = (int)floor(silence_s / lone.bit_s);
         return wide;
     }
-    return open_lone(window, source, sending, 0.0);
+    return open_lone(window, channel, sending, 0.0);
 }
 
 /* Half of the samples of a window must be valid. */
@@ -118,7 +118,7 @@ bool rl_observation_mask_occlusion(struct rl_window *window, const struct rl_sen
     return true;
 }
 
-/* Whether most of how a source varies beyond noise is the template that was tried last. */
+/* Whether most of how a channel varies beyond noise is the template that was tried last. */
 static bool is_seen(const struct rl_window *window, int index)
 {
     const struct rl_whitened *whitened = &window->whitened[index];
@@ -137,7 +137,7 @@ void rl_observation_add_zones(struct rl_window *window, const struct rl_sending 
                               double evidence)
 {
     const struct rl_samples *samples = window->samples;
-    const struct rl_source *of = &samples->source[window->source[0]];
+    const struct rl_channel *of = &samples->channel[window->channel[0]];
     if (of->zones > 1) {
         return;
     }
@@ -146,12 +146,12 @@ void rl_observation_add_zones(struct rl_window *window, const struct rl_sending 
     for (int down = -1; down <= 1; down++) {
         for (int right = -1; right <= 1; right++) {
             const int r = row + down, c = column + right;
-            const int before = window->sources;
+            const int before = window->channels;
             if (r < 0 || c < 0 || r >= samples->rows_of_zones || c >= samples->columns_of_zones) {
                 continue;
             }
             rl_window_add(window, r * samples->columns_of_zones + c);
-            if (window->sources == before) {
+            if (window->channels == before) {
                 continue;
             }
             const double together = rl_window_try(window, sending) - window->null;

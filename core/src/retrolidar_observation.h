@@ -23,7 +23,7 @@ double rl_observation_half_bits(const struct rl_sending *sending, int packets, d
  * since_s: and before that they are left out [s]
  * silent_bits: set to how many the window has before the packet
  */
-double rl_observation_open(struct rl_window *window, int source, struct rl_sending *sending,
+double rl_observation_open(struct rl_window *window, int channel, struct rl_sending *sending,
                            int packets, double read_s, double since_s, double to_s,
                            int *silent_bits);
 

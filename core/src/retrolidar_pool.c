@@ -12,11 +12,11 @@ static const double SAME_PHASE_BITS = 1.0;
 /* ... and before so many packets have been missed. */
 static const double MAX_MISSED = 2.0;
 
-uint64_t rl_source_zones(const struct rl_samples *samples, int source)
+uint64_t rl_channel_zones(const struct rl_samples *samples, int channel)
 {
     uint64_t zones = 0;
-    for (int i = 0; i < samples->source[source].zones; i++) {
-        zones |= (uint64_t)1 << samples->source[source].zone[i];
+    for (int i = 0; i < samples->channel[channel].zones; i++) {
+        zones |= (uint64_t)1 << samples->channel[channel].zone[i];
     }
     return zones;
 }

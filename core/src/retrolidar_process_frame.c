@@ -17,51 +17,51 @@ enum {
 };
 static const int FOLD[FOLDS] = {1, 2, 3, 5, RL_MOST_PACKETS};
 
-static void search(struct rl_detector *detector, const int *sources, int count, int packets,
+static void search(struct rl_detector *detector, const int *channels, int count, int packets,
                    double from_s, double to_s, double since_s)
 {
     struct rl_hits *hits = detector->hits;
     if (count == 0) {
         return;
     }
-    rl_search_look(&detector->search, sources, count, packets, from_s, to_s, since_s,
+    rl_search_look(&detector->search, channels, count, packets, from_s, to_s, since_s,
                    RL_MOST * detector->demands.evidence, detector->max_llr_deficit, hits);
     for (int i = 0; i < count; i++) {
         if (hits[i].count > 0) {
             detector->pending[detector->pendings++] =
-                (struct rl_pending){sources[i], packets > 0 ? packets : 1, since_s, hits[i]};
+                (struct rl_pending){channels[i], packets > 0 ? packets : 1, since_s, hits[i]};
         }
     }
 }
 
-/* Sources that have not been read for so long, and are active if that is asked. */
+/* Channels that have not been read for so long, and are active if that is asked. */
 static int ready(const struct rl_detector *detector, double bits, double to_s, bool active,
-                 int most_zones, int *sources)
+                 int most_zones, int *channels)
 {
     int count = 0;
     const double since_s = to_s - bits * detector->settings.bit_s;
-    for (int source = 0; source < detector->samples.sources; source++) {
-        if (detector->read_s[source] <= since_s &&
-            detector->samples.source[source].zones <= most_zones &&
-            (!active || rl_noise_variation(&detector->samples, source) > RL_ACTIVE)) {
-            sources[count++] = source;
+    for (int channel = 0; channel < detector->samples.channels; channel++) {
+        if (detector->read_s[channel] <= since_s &&
+            detector->samples.channel[channel].zones <= most_zones &&
+            (!active || rl_noise_variation(&detector->samples, channel) > RL_ACTIVE)) {
+            channels[count++] = channel;
         }
     }
     return count;
 }
 
-/* Of some sources, those in which so many bits have just come since the last packet that was read,
+/* Of some channels, those in which so many bits have just come since the last packet that was read,
  * or since the first sample, at 0.
  */
-static int due(const struct rl_detector *detector, int *sources, int count, double bits,
+static int due(const struct rl_detector *detector, int *channels, int count, double bits,
                double from_s, double to_s)
 {
     int kept = 0;
     for (int i = 0; i < count; i++) {
         const double since_s =
-            fmax(detector->read_s[sources[i]], 0.0) + bits * detector->settings.bit_s;
+            fmax(detector->read_s[channels[i]], 0.0) + bits * detector->settings.bit_s;
         if (since_s > from_s && since_s <= to_s) {
-            sources[kept++] = sources[i];
+            channels[kept++] = channels[i];
         }
     }
     return kept;
@@ -107,7 +107,7 @@ static void judge_next(struct rl_detector *detector, double from_s, double to_s)
         const double start_s =
             sending->start_s + packet_s * floor((to_s - sending->start_s) / packet_s - 1.0);
         const struct rl_pending pending = {
-            .source = track->zone,
+            .channel = track->zone,
             .packets = 1,
             .since_s = -INFINITY,
             .hits = {.count = 1, .hit = {{0.0f, track->id, true, start_s, sending->bit_s}}}};
@@ -147,11 +147,11 @@ static void note_active(struct rl_detector *detector, double begin_s)
 /* Judge again what stood out before it had ended, as soon as it has. */
 static void add_deferred(struct rl_detector *detector, double from_s, double to_s)
 {
-    for (int source = 0; source < detector->samples.sources; source++) {
+    for (int channel = 0; channel < detector->samples.channels; channel++) {
         const struct rl_hit *best = NULL;
-        const int pasts = detector->pasts[source];
+        const int pasts = detector->pasts[channel];
         for (int i = pasts > RL_PAST ? pasts - RL_PAST : 0; i < pasts; i++) {
-            const struct rl_hit *past = &detector->past[source][i % RL_PAST];
+            const struct rl_hit *past = &detector->past[channel][i % RL_PAST];
             const double end_s = past->start_s + RL_PACKET_BITS * past->bit_s;
             if (!past->repeats && end_s > from_s && end_s <= to_s &&
                 past->nats > (float)detector->demands.evidence &&
@@ -161,7 +161,7 @@ static void add_deferred(struct rl_detector *detector, double from_s, double to_
         }
         if (best != NULL) {
             detector->pending[detector->pendings++] =
-                (struct rl_pending){source, 1, -INFINITY, {.count = 1, .hit = {*best}}};
+                (struct rl_pending){channel, 1, -INFINITY, {.count = 1, .hit = {*best}}};
         }
     }
 }
@@ -170,7 +170,7 @@ static void add_deferred(struct rl_detector *detector, double from_s, double to_
 static float rank(const struct rl_detector *detector, int index)
 {
     const struct rl_pending *pending = &detector->pending[index];
-    const bool is_sum = detector->samples.source[pending->source].zones > 1;
+    const bool is_sum = detector->samples.channel[pending->channel].zones > 1;
     /* Sums are asked after zones that explain nearly as much. */
     return (is_sum ? (float)RL_MOST : 1.0f) * pending->hits.hit[0].nats;
 }
@@ -183,7 +183,7 @@ void rl_process_frame(struct rl_detector *detector)
     const double from_s = fmax(detector->looked_s, to_s - RL_PACKET_BITS * bit_s);
     const double held_s = to_s - samples->begin_s[rl_samples_oldest(samples)];
     const double max_skew = detector->demands.max_skew;
-    int sources[RL_MOST_SOURCES];
+    int channels[RL_MOST_CHANNELS];
     detector->pendings = 0;
     detector->search.words_left = WORDS_ENDED;
     detector->search.dropped = false;
@@ -195,27 +195,27 @@ void rl_process_frame(struct rl_detector *detector)
         return;
     }
     judge_next(detector, from_s, to_s);
-    int count = ready(detector, packet_bits, to_s, true, RL_MOST_ZONES, sources);
-    search(detector, sources, count, 0, from_s, to_s, -INFINITY);
+    int count = ready(detector, packet_bits, to_s, true, RL_MOST_ZONES, channels);
+    search(detector, channels, count, 0, from_s, to_s, -INFINITY);
     detector->search.words_left += WORDS_ENDED / 2;
     const int64_t slot = (int64_t)floor(to_s / (RL_LOOK_BITS * bit_s));
     const bool is_new_slot = slot != detector->slot;
     detector->slot = slot;
     if (!is_new_slot) {
-        count = due(detector, sources, count, RL_PACKET_BITS, from_s, to_s);
+        count = due(detector, channels, count, RL_PACKET_BITS, from_s, to_s);
     }
-    search(detector, sources, count, 1, from_s, to_s, -INFINITY);
+    search(detector, channels, count, 1, from_s, to_s, -INFINITY);
     /* More packets are looked at as soon as there are as many, and then in turn. */
     for (int fold = 1; fold < FOLDS && FOLD[fold] <= detector->settings.max_packets; fold++) {
         const double bits = RL_PACKET_BITS * FOLD[fold] * (1.0 + max_skew) + 1.0;
         if (held_s < bits * bit_s || bits * bit_s > samples->kept * samples->period_s) {
             break;
         }
-        count = ready(detector, bits - RL_OVERLAP_BITS, to_s, false, 1, sources);
+        count = ready(detector, bits - RL_OVERLAP_BITS, to_s, false, 1, channels);
         if (!is_new_slot || slot % (RL_PACKET_BITS / RL_LOOK_BITS + 1) != fold) {
-            count = due(detector, sources, count, bits, from_s, to_s);
+            count = due(detector, channels, count, bits, from_s, to_s);
         }
-        search(detector, sources, count, FOLD[fold], from_s, to_s, -INFINITY);
+        search(detector, channels, count, FOLD[fold], from_s, to_s, -INFINITY);
     }
     if (floor(2.0 * to_s / (RL_LOOK_BITS * bit_s)) > floor(2.0 * from_s / (RL_LOOK_BITS * bit_s))) {
         search_appeared(detector, to_s);

@@ -1,7 +1,8 @@
 /* Copyright 2026 retrolidar_ros contributors
  * SPDX-License-Identifier: Apache-2.0
  */
-/* What is searched when: after each frame, the sources in which a packet may have ended or come. */
+/* What is searched when: after each frame, the channels in which a packet may have ended or come.
+ */
 #ifndef RETROLIDAR_PROCESS_FRAME_H
 #define RETROLIDAR_PROCESS_FRAME_H
 

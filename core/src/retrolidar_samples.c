@@ -12,27 +12,27 @@
 
 static const double LEAST_EXPOSURE_S = 1e-6;
 
-static int sources_of(int rows, int columns, struct rl_source *source)
+static int channels_of(int rows, int columns, struct rl_channel *channel)
 {
     int count = 0;
     for (; count < rows * columns; count++) {
-        source[count].zones = 1;
-        source[count].zone[0] = (uint8_t)count;
+        channel[count].zones = 1;
+        channel[count].zone[0] = (uint8_t)count;
     }
     for (int row = 0; row + 1 < rows; row++) {
         for (int column = 0; column + 1 < columns; column++) {
             const int corner = row * columns + column;
             const int block[4] = {corner, corner + 1, corner + columns, corner + columns + 1};
-            source[count].zones = 4;
+            channel[count].zones = 4;
             for (int i = 0; i < 4; i++) {
-                source[count].zone[i] = (uint8_t)block[i];
+                channel[count].zone[i] = (uint8_t)block[i];
             }
             count++;
         }
     }
-    source[count].zones = rows * columns;
+    channel[count].zones = rows * columns;
     for (int zone = 0; zone < rows * columns; zone++) {
-        source[count].zone[zone] = (uint8_t)zone;
+        channel[count].zone[zone] = (uint8_t)zone;
     }
     return count + 1;
 }
@@ -40,10 +40,10 @@ static int sources_of(int rows, int columns, struct rl_source *source)
 int64_t rl_samples_bytes(int rows, int columns, int kept)
 {
     const int64_t zones = (int64_t)rows * columns;
-    const int64_t sources = zones + (int64_t)(rows - 1) * (columns - 1) + 1;
-    const int64_t a_row = 3 * (int64_t)sizeof(double) + sources * (int64_t)(sizeof(float) + 1) +
+    const int64_t channels = zones + (int64_t)(rows - 1) * (columns - 1) + 1;
+    const int64_t a_row = 3 * (int64_t)sizeof(double) + channels * (int64_t)(sizeof(float) + 1) +
                           zones * (int64_t)sizeof(float);
-    return 2 * sources * (int64_t)sizeof(double) + 4 * (int64_t)kept * a_row;
+    return 2 * channels * (int64_t)sizeof(double) + 4 * (int64_t)kept * a_row;
 }
 
 void rl_samples_start(struct rl_samples *samples, const struct rl_sensor *sensor, int kept,
@@ -55,19 +55,19 @@ void rl_samples_start(struct rl_samples *samples, const struct rl_sensor *sensor
     samples->rows_of_zones = rows;
     samples->columns_of_zones = columns;
     samples->zones = rows * columns;
-    samples->sources = sources_of(rows, columns, samples->source);
+    samples->channels = channels_of(rows, columns, samples->channel);
     samples->kept = kept;
     samples->capacity = 4 * kept;
     samples->usual_period_s = bit_s / 2;
     samples->dark_s = RL_MAX_DARK_BITS * bit_s;
     double *wide = memory;
     samples->sum = wide;
-    samples->square = samples->sum + samples->sources;
-    samples->begin_s = samples->square + samples->sources;
+    samples->square = samples->sum + samples->channels;
+    samples->begin_s = samples->square + samples->channels;
     samples->end_s = samples->begin_s + samples->capacity;
     samples->stamp_ns = (int64_t *)(samples->end_s + samples->capacity);
     samples->signal = (float *)(samples->stamp_ns + samples->capacity);
-    samples->distance = samples->signal + rl_sample(samples, samples->sources, 0);
+    samples->distance = samples->signal + rl_sample(samples, samples->channels, 0);
     samples->valid = (uint8_t *)(samples->distance + rl_sample(samples, samples->zones, 0));
     rl_samples_clear(samples, 0);
 }
@@ -80,8 +80,8 @@ void rl_samples_clear(struct rl_samples *samples, int64_t stamp_ns)
     samples->steps = 0;
     samples->period_s = samples->usual_period_s;
     samples->ambient = 0.0;
-    for (int source = 0; source < samples->sources; source++) {
-        samples->sum[source] = samples->square[source] = 0.0;
+    for (int channel = 0; channel < samples->channels; channel++) {
+        samples->sum[channel] = samples->square[channel] = 0.0;
     }
     for (int zone = 0; zone < samples->zones; zone++) {
         samples->last_seen_s[zone] = -INFINITY;
@@ -94,11 +94,11 @@ static void make_room(struct rl_samples *samples)
 {
     const int first = samples->count - samples->kept;
     const size_t kept = (size_t)samples->kept, from = (size_t)first;
-    for (int source = 0; source < samples->sources; source++) {
-        const size_t to = rl_sample(samples, source, 0);
+    for (int channel = 0; channel < samples->channels; channel++) {
+        const size_t to = rl_sample(samples, channel, 0);
         memcpy(samples->signal + to, samples->signal + to + from, kept * sizeof(float));
         memcpy(samples->valid + to, samples->valid + to + from, kept);
-        if (source < samples->zones) {
+        if (channel < samples->zones) {
             memcpy(samples->distance + to, samples->distance + to + from, kept * sizeof(float));
         }
     }
@@ -118,16 +118,16 @@ static void sum_zones(struct rl_samples *samples, int row)
         erased[zone] = !samples->valid[rl_sample(samples, zone, row)] &&
                        samples->end_s[row] - samples->last_seen_s[zone] < samples->dark_s;
     }
-    for (int source = samples->zones; source < samples->sources; source++) {
-        const struct rl_source *sum = &samples->source[source];
+    for (int channel = samples->zones; channel < samples->channels; channel++) {
+        const struct rl_channel *sum = &samples->channel[channel];
         float total = 0.0f;
         int missing = 0;
         for (int i = 0; i < sum->zones; i++) {
             total += signal[sum->zone[i]];
             missing += erased[sum->zone[i]];
         }
-        samples->signal[rl_sample(samples, source, row)] = total;
-        samples->valid[rl_sample(samples, source, row)] = 2 * missing < sum->zones;
+        samples->signal[rl_sample(samples, channel, row)] = total;
+        samples->valid[rl_sample(samples, channel, row)] = 2 * missing < sum->zones;
     }
 }
 
@@ -191,11 +191,11 @@ static void fill_row(struct rl_samples *samples, int row, double time_s, const f
 
 static void fill_gap(struct rl_samples *samples, int row)
 {
-    for (int source = 0; source < samples->sources; source++) {
-        const size_t at = rl_sample(samples, source, row);
+    for (int channel = 0; channel < samples->channels; channel++) {
+        const size_t at = rl_sample(samples, channel, row);
         samples->signal[at] = samples->signal[at - 1];
         samples->valid[at] = 0;
-        if (source < samples->zones) {
+        if (channel < samples->zones) {
             samples->distance[at] = NAN;
         }
     }

@@ -11,41 +11,41 @@
 #include <stddef.h>
 #include <stdint.h>
 
-enum { RL_MOST_SOURCES = 114 }; /* zones, blocks of 2x2, the whole view */
+enum { RL_MOST_CHANNELS = 114 }; /* zones, blocks of 2x2, the whole view */
 
 /* In place of the stamp of a frame: 0 is one like others. */
 #define RL_NO_FRAME INT64_MIN
 
-/* A source is what is searched for packets: a zone, or a sum of zones, which sees the whole of a
+/* A channel is what is searched for packets: a zone, or a sum of zones, which sees the whole of a
  * packet of a marker that crosses from zone to zone.
  */
-struct rl_source {
+struct rl_channel {
     int zones; /* how many it sums */
     uint8_t zone[RL_MOST_ZONES];
 };
 
-/* Rows are frame periods: a lost frame is a row of erasures. Of the arrays over rows and sources,
- * `capacity` values that follow each other are a source's.
+/* Rows are frame periods: a lost frame is a row of erasures. Of the arrays over rows and channels,
+ * `capacity` values that follow each other are a channel's.
  */
 struct rl_samples {
     struct rl_sensor sensor;
     int rows_of_zones, columns_of_zones, zones;
-    int sources;
-    struct rl_source source[RL_MOST_SOURCES];
-    int kept;                        /* rows that are held for sure */
-    int capacity;                    /* rows that there is memory for */
-    int count;                       /* rows that are held */
-    int64_t origin_ns;               /* from which times count */
-    double period_s;                 /* of the frames, as measured ... */
-    double usual_period_s;           /* ... and as expected until then */
-    int64_t *stamp_ns;               /* of each frame; RL_NO_FRAME = none came */
-    double *begin_s, *end_s;         /* of each exposure [s] */
-    float *signal;                   /* [kcps/SPAD]; of an erasure, the last one before it */
-    uint8_t *valid;                  /* 0 = erasure */
-    float *distance;                 /* of zones only, NaN where none was measured [m] */
-    bool is_parted[RL_MOST_SOURCES]; /* while a packet is taken off: its own target is all there is
-                                      */
-    int variance_rows;               /* how many of the newest rows the sums below are of */
+    int channels;
+    struct rl_channel channel[RL_MOST_CHANNELS];
+    int kept;                         /* rows that are held for sure */
+    int capacity;                     /* rows that there is memory for */
+    int count;                        /* rows that are held */
+    int64_t origin_ns;                /* from which times count */
+    double period_s;                  /* of the frames, as measured ... */
+    double usual_period_s;            /* ... and as expected until then */
+    int64_t *stamp_ns;                /* of each frame; RL_NO_FRAME = none came */
+    double *begin_s, *end_s;          /* of each exposure [s] */
+    float *signal;                    /* [kcps/SPAD]; of an erasure, the last one before it */
+    uint8_t *valid;                   /* 0 = erasure */
+    float *distance;                  /* of zones only, NaN where none was measured [m] */
+    bool is_parted[RL_MOST_CHANNELS]; /* while a packet is taken off: its own target is all there is
+                                       */
+    int variance_rows;                /* how many of the newest rows the sums below are of */
     double *sum, *square;
     double ambient;      /* median of the newest frame [kcps/SPAD] */
     uint64_t impossible; /* samples of a valid status that the sensor cannot measure */
@@ -56,10 +56,10 @@ struct rl_samples {
     int steps;
 };
 
-/* Where in the arrays a row of a source is. */
-static inline size_t rl_sample(const struct rl_samples *samples, int source, int row)
+/* Where in the arrays a row of a channel is. */
+static inline size_t rl_sample(const struct rl_samples *samples, int channel, int row)
 {
-    return (size_t)source * (size_t)samples->capacity + (size_t)row;
+    return (size_t)channel * (size_t)samples->capacity + (size_t)row;
 }
 
 /* How much memory the arrays take, and where they begin in it, all zeros at first. */

@@ -11,7 +11,7 @@
 
 enum { EIGHTHS = 2 * RL_PHASES }; /* of a bit, by which packets that ended are tried */
 
-/* Variance of a source, in that of its noise, from which it is strong. */
+/* Variance of a channel, in that of its noise, from which it is strong. */
 static const double STRONG = 4.0;
 /* What stands out of strong samples is asked for more, as most of it is judged in vain. */
 static const double STRONG_SHARE = 1.3;
@@ -201,7 +201,7 @@ static void look_closely(struct rl_search *search, int lane, const struct kept *
 static void look_at_stretches(struct rl_search *search, int count, int packets, double to_s,
                               const struct rl_demand *demand)
 {
-    struct kept kept[RL_MOST_SOURCES];
+    struct kept kept[RL_MOST_CHANNELS];
     const double half_bits = RL_PACKET_BITS * packets / 2.0;
     const int clocks = (int)(search->max_skew * half_bits / 2 * RL_PHASES + 0.999);
     const double skew = search->max_skew / clocks;
@@ -229,7 +229,7 @@ static void look_at_stretches(struct rl_search *search, int count, int packets, 
     }
 }
 
-void rl_search_look(struct rl_search *search, const int *sources, int count, int packets,
+void rl_search_look(struct rl_search *search, const int *channels, int count, int packets,
                     double from_s, double to_s, double since_s, double least,
                     double max_llr_deficit, struct rl_hits *hits)
 {
@@ -240,10 +240,10 @@ void rl_search_look(struct rl_search *search, const int *sources, int count, int
     for (int strong = 0; strong < 2; strong++) {
         const struct rl_whitening *whitening =
             &search->whitening[!strong && packets == 0 ? FAINT_LONE : strong];
-        int chosen[RL_MOST_SOURCES], index[RL_MOST_SOURCES], lanes = 0;
+        int chosen[RL_MOST_CHANNELS], index[RL_MOST_CHANNELS], lanes = 0;
         for (int i = 0; i < count; i++) {
-            if ((rl_noise_variation(search->samples, sources[i]) > STRONG) == strong) {
-                chosen[lanes] = sources[i];
+            if ((rl_noise_variation(search->samples, channels[i]) > STRONG) == strong) {
+                chosen[lanes] = channels[i];
                 search->shortlist[lanes].words = search->shortlist[lanes].sequences = 0;
                 index[lanes++] = i;
             }

@@ -19,13 +19,13 @@ struct rl_whitening {
 struct rl_search {
     const struct rl_samples *samples;
     struct rl_codebook codebook;
-    struct rl_whitening whitening[3]; /* for faint and strong sources, and faint lone packets */
+    struct rl_whitening whitening[3]; /* for faint and strong channels, and faint lone packets */
     double frames_a_bit;              /* that the whitening is for */
     double bit_s;                     /* as expected [s] */
     double max_skew;                  /* by how much a clock may be off */
     struct rl_view view;
     struct rl_sums sums;
-    struct rl_shortlist shortlist[RL_MOST_SOURCES];
+    struct rl_shortlist shortlist[RL_MOST_CHANNELS];
     int words_left; /* soft bits that may still be held against all words with this frame */
     bool dropped;   /* whether there were more */
 };
@@ -35,7 +35,7 @@ int64_t rl_search_bytes(int rows);
 void rl_search_start(struct rl_search *search, const struct rl_samples *samples, double bit_s,
                      double max_skew, void *memory);
 
-/* Find packets in some sources.
+/* Find packets in some channels.
  *
  * packets: 0 = a packet that ended within (from_s, to_s], otherwise any stretch of so many packets
  *     that repeat, which ends at to_s
@@ -43,7 +43,7 @@ void rl_search_start(struct rl_search *search, const struct rl_samples *samples,
  * least: nats that a hit must have
  * max_llr_deficit: nats by which any sequence of bits may be better
  */
-void rl_search_look(struct rl_search *search, const int *sources, int count, int packets,
+void rl_search_look(struct rl_search *search, const int *channels, int count, int packets,
                     double from_s, double to_s, double since_s, double least,
                     double max_llr_deficit, struct rl_hits *hits);
 

@@ -57,13 +57,13 @@ static struct rl_gain_profile fit_profile(struct rl_shares *shares, int zone, in
 int rl_shares_zones(struct rl_shares *shares, const struct rl_verdict *verdict, int *zones,
                     double *gains)
 {
-    const struct rl_source *sum = &shares->samples->source[verdict->source[0]];
+    const struct rl_channel *sum = &shares->samples->channel[verdict->channel[0]];
     if (sum->zones == 1) {
-        for (int i = 0; i < verdict->sources; i++) {
-            zones[i] = verdict->source[i];
+        for (int i = 0; i < verdict->channels; i++) {
+            zones[i] = verdict->channel[i];
             gains[i] = verdict->fit[i].gain;
         }
-        return verdict->sources;
+        return verdict->channels;
     }
     int first, seen = 0;
     double most = 0.0, explained[RL_MOST_ZONES];
@@ -84,7 +84,7 @@ int rl_shares_zones(struct rl_shares *shares, const struct rl_verdict *verdict, 
 
 bool rl_zones_consistent(struct rl_shares *shares, const struct rl_verdict *verdict)
 {
-    const struct rl_source *sum = &shares->samples->source[verdict->source[0]];
+    const struct rl_channel *sum = &shares->samples->channel[verdict->channel[0]];
     int first;
     const int rows = light_of(shares, verdict, &first);
     double explained = 0.0, all = 0.0;

@@ -190,12 +190,12 @@ static float range_of(const float *distance, int rows)
     return most[0] - least[0];
 }
 
-struct rl_column rl_target_column(const struct rl_samples *samples, int source, int first, int rows,
-                                  struct rl_room *room)
+struct rl_column rl_target_column(const struct rl_samples *samples, int channel, int first,
+                                  int rows, struct rl_room *room)
 {
-    const size_t at = rl_sample(samples, source, first);
+    const size_t at = rl_sample(samples, channel, first);
     const struct rl_column held = {samples->signal + at, samples->valid + at};
-    if (source >= samples->zones || samples->is_parted[source] ||
+    if (channel >= samples->zones || samples->is_parted[channel] ||
         !(range_of(samples->distance + at, rows) >
           (float)(samples->sensor.separable_m - RL_UNSURE_M))) {
         return held;

@@ -1,13 +1,13 @@
 /* Copyright 2026 retrolidar_ros contributors
  * SPDX-License-Identifier: Apache-2.0
  */
-/* The samples of one source in a window, of that target which may be a marker. */
+/* The samples of one channel in a window, of that target which may be a marker. */
 #ifndef RETROLIDAR_TARGET_H
 #define RETROLIDAR_TARGET_H
 
 #include "retrolidar_samples.h"
 
-/* Samples of a source, row by row: where they are held, or where there was room to change them. */
+/* Samples of a channel, row by row: where they are held, or where there was room to change them. */
 struct rl_column {
     const float *signal;
     const uint8_t *valid;
@@ -24,11 +24,11 @@ int64_t rl_room_bytes(int rows);
 /* Begin with memory for `rows`; return the end of it. */
 void *rl_room_start(struct rl_room *room, int rows, void *memory);
 
-/* Find the column of a source. Where a zone reports two targets by turns, the dimmer one is what is
- * seen while the marker is dark: however bright it is, the marker is dark. One that is nearer and
- * seen for a short while hides the marker: erasures.
+/* Find the column of a channel. Where a zone reports two targets by turns, the dimmer one is what
+ * is seen while the marker is dark: however bright it is, the marker is dark. One that is nearer
+ * and seen for a short while hides the marker: erasures.
  */
-struct rl_column rl_target_column(const struct rl_samples *samples, int source, int first, int rows,
-                                  struct rl_room *room);
+struct rl_column rl_target_column(const struct rl_samples *samples, int channel, int first,
+                                  int rows, struct rl_room *room);
 
 #endif

@@ -11,7 +11,7 @@
 
 int64_t rl_view_bytes(int rows)
 {
-    return (int64_t)(rows + 1) * (4 * RL_MOST_SOURCES + RL_LANES + 2) * (int64_t)sizeof(float) +
+    return (int64_t)(rows + 1) * (4 * RL_MOST_CHANNELS + RL_LANES + 2) * (int64_t)sizeof(float) +
            RL_LANES * rl_room_bytes(rows);
 }
 
@@ -90,7 +90,7 @@ static void whiten(struct rl_view *view, const struct rl_column *column, size_t 
     }
 }
 
-void rl_view_open(struct rl_view *view, const int *sources, int count, double from_s, double to_s,
+void rl_view_open(struct rl_view *view, const int *channels, int count, double from_s, double to_s,
                   float walk)
 {
     const struct rl_samples *samples = view->samples;
@@ -110,8 +110,8 @@ void rl_view_open(struct rl_view *view, const int *sources, int count, double fr
     for (int lane = 0; lane < view->lanes; lane += RL_LANES) {
         struct rl_column column[RL_LANES];
         for (int i = 0; i < RL_LANES; i++) {
-            const int source = sources[lane + i < count ? lane + i : count - 1];
-            column[i] = rl_target_column(samples, source, view->first, view->rows, &view->room[i]);
+            const int channel = channels[lane + i < count ? lane + i : count - 1];
+            column[i] = rl_target_column(samples, channel, view->first, view->rows, &view->room[i]);
         }
         whiten(view, column, (size_t)lane, walk);
     }

@@ -1,7 +1,7 @@
 /* Copyright 2026 retrolidar_ros contributors
  * SPDX-License-Identifier: Apache-2.0
  */
-/* Samples of some sources side by side, less the level that wanders, ready to be cut into bits. */
+/* Samples of some channels side by side, less the level that wanders, ready to be cut into bits. */
 #ifndef RETROLIDAR_VIEW_H
 #define RETROLIDAR_VIEW_H
 
@@ -10,7 +10,7 @@
 #include "retrolidar_target.h"
 
 enum {
-    RL_MOST_LANES = (RL_MOST_SOURCES + RL_LANES - 1) / RL_LANES * RL_LANES,
+    RL_MOST_LANES = (RL_MOST_CHANNELS + RL_LANES - 1) / RL_LANES * RL_LANES,
     RL_MOST_PACKETS = 8,
     RL_MOST_EDGES = RL_PACKET_BITS * RL_MOST_PACKETS + 1,
 };
@@ -21,7 +21,7 @@ struct rl_edge {
     float share; /* of the exposure, 0 to 1 */
 };
 
-/* Arrays over rows and lanes; a lane is a source. */
+/* Arrays over rows and lanes; a lane is a channel. */
 struct rl_view {
     const struct rl_samples *samples;
     int first, rows; /* in the samples */
@@ -69,10 +69,10 @@ struct rl_lane {
 int64_t rl_view_bytes(int rows);
 void rl_view_start(struct rl_view *view, const struct rl_samples *samples, void *memory);
 
-/* Look at some sources from one time to another, whitened for steps of the level whose variance is
+/* Look at some channels from one time to another, whitened for steps of the level whose variance is
  * `walk` of that of the noise.
  */
-void rl_view_open(struct rl_view *view, const int *sources, int count, double from_s, double to_s,
+void rl_view_open(struct rl_view *view, const int *channels, int count, double from_s, double to_s,
                   float walk);
 
 /* Find where the bits of a trial begin and end, and their energies. */

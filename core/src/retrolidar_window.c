@@ -50,7 +50,7 @@ static const double *part_of(const struct rl_window *window, int split, bool lat
     return window->part;
 }
 
-/* Make a transmission an interferer of a source, as far as it is seen there: its gain is a sum of
+/* Make a transmission an interferer of a channel, as far as it is seen there: its gain is a sum of
  * steps, as the marker may cross from zone to zone, and each must explain what it costs.
  */
 static void add_interferer(struct rl_window *window, struct rl_whitened *whitened,
@@ -85,61 +85,61 @@ static void add_interferer(struct rl_window *window, struct rl_whitened *whitene
     }
 }
 
-/* Whiten the samples of a source that is the next one. */
-static void add(struct rl_window *window, int source)
+/* Whiten the samples of a channel that is the next one. */
+static void add(struct rl_window *window, int channel)
 {
     const struct rl_samples *samples = window->samples;
     const double *begin_s = samples->begin_s + window->first;
     const double *end_s = samples->end_s + window->first;
     double sum = 0.0;
     const struct rl_column column =
-        rl_target_column(samples, source, window->first, window->rows, &window->room);
+        rl_target_column(samples, channel, window->first, window->rows, &window->room);
     for (int row = 0; row < window->rows; row++) {
         sum += (double)column.signal[row];
         window->valid[row] = column.valid[row] && !(begin_s[row] < window->hidden_to_s &&
                                                     end_s[row] > window->hidden_from_s);
     }
-    const double noise = rl_noise_variance(samples, source, sum / fmax(window->rows, 1.0));
-    struct rl_whitened *whitened = &window->whitened[window->sources];
+    const double noise = rl_noise_variance(samples, channel, sum / fmax(window->rows, 1.0));
+    struct rl_whitened *whitened = &window->whitened[window->channels];
     rl_whiten(whitened, column.signal, window->valid, begin_s, end_s, window->rows,
               samples->period_s, LEAST_NOISE * noise);
     for (int i = 0; i < window->interference.count; i++) {
         add_interferer(window, whitened, &window->interference.transmission[i]);
     }
-    window->source[window->sources++] = source;
+    window->channel[window->channels++] = channel;
     window->null += whitened->null;
 }
 
-void rl_window_add(struct rl_window *window, int source)
+void rl_window_add(struct rl_window *window, int channel)
 {
-    for (int i = 0; i < window->sources; i++) {
-        if (window->source[i] == source) {
+    for (int i = 0; i < window->channels; i++) {
+        if (window->channel[i] == channel) {
             return;
         }
     }
-    if (window->sources < RL_MOST_ZONES_TOGETHER) {
-        add(window, source);
+    if (window->channels < RL_MOST_ZONES_TOGETHER) {
+        add(window, channel);
     }
 }
 
 void rl_window_hide(struct rl_window *window, double from_s, double to_s)
 {
-    const int sources = window->sources;
+    const int channels = window->channels;
     window->hidden_from_s = from_s;
     window->hidden_to_s = to_s;
-    window->sources = 0;
+    window->channels = 0;
     window->null = 0.0;
-    for (int i = 0; i < sources; i++) {
-        add(window, window->source[i]);
+    for (int i = 0; i < channels; i++) {
+        add(window, window->channel[i]);
     }
 }
 
 void rl_window_drop(struct rl_window *window)
 {
-    window->null -= window->whitened[--window->sources].null;
+    window->null -= window->whitened[--window->channels].null;
 }
 
-void rl_window_open(struct rl_window *window, int source, double from_s, double to_s)
+void rl_window_open(struct rl_window *window, int channel, double from_s, double to_s)
 {
     const struct rl_samples *samples = window->samples;
     const double tiny_s = 0.02 * samples->period_s;
@@ -154,15 +154,15 @@ void rl_window_open(struct rl_window *window, int source, double from_s, double 
         window->rows = 0;
     }
     window->hidden_from_s = window->hidden_to_s = -INFINITY;
-    window->sources = 0;
+    window->channels = 0;
     window->null = 0.0;
-    add(window, source);
+    add(window, channel);
 }
 
 static double fit(struct rl_window *window, const double *light)
 {
     double total = 0.0;
-    for (int i = 0; i < window->sources; i++) {
+    for (int i = 0; i < window->channels; i++) {
         window->fit[i] = rl_fit_gain(&window->whitened[i], light);
         total += window->fit[i].log_likelihood;
     }

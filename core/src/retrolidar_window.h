@@ -1,7 +1,7 @@
 /* Copyright 2026 retrolidar_ros contributors
  * SPDX-License-Identifier: Apache-2.0
  */
-/* A window of samples of one or more sources, and how well packets explain it. */
+/* A window of samples of one or more channels, and how well packets explain it. */
 #ifndef RETROLIDAR_WINDOW_H
 #define RETROLIDAR_WINDOW_H
 
@@ -19,8 +19,8 @@ struct rl_window {
     const struct rl_samples *samples;
     int most_rows;
     int first, rows; /* in the samples */
-    int sources;
-    int source[RL_MOST_ZONES_TOGETHER];
+    int channels;
+    int channel[RL_MOST_ZONES_TOGETHER];
     struct rl_whitened whitened[RL_MOST_ZONES_TOGETHER];
     struct rl_gain fit[RL_MOST_ZONES_TOGETHER]; /* of the template that was tried last */
     struct rl_interference interference;        /* of the windows that are opened from now on */
@@ -29,7 +29,7 @@ struct rl_window {
     double null;                                /* log likelihood without a packet */
     double *light;                              /* of the template that was tried last */
     double *part;                               /* of the light of an interferer */
-    uint8_t *valid;                             /* of the source that is added */
+    uint8_t *valid;                             /* of the channel that is added */
     struct rl_room room;
 };
 
@@ -37,19 +37,19 @@ int64_t rl_window_bytes(int rows);
 void rl_window_start(struct rl_window *window, const struct rl_samples *samples, int rows,
                      void *memory);
 
-/* Look at the exposures from one time to another, at first in one source. */
-void rl_window_open(struct rl_window *window, int source, double from_s, double to_s);
+/* Look at the exposures from one time to another, at first in one channel. */
+void rl_window_open(struct rl_window *window, int channel, double from_s, double to_s);
 
-/* Leave out the exposures from one time to another in all sources. */
+/* Leave out the exposures from one time to another in all channels. */
 void rl_window_hide(struct rl_window *window, double from_s, double to_s);
 
-/* Look at another source, too, if it is none of them and there is room; else do nothing. */
-void rl_window_add(struct rl_window *window, int source);
+/* Look at another channel, too, if it is none of them and there is room; else do nothing. */
+void rl_window_add(struct rl_window *window, int channel);
 
-/* Look no longer at the source that was added last. */
+/* Look no longer at the channel that was added last. */
 void rl_window_drop(struct rl_window *window);
 
-/* Log likelihood of what is sent, each source having its own gain, noise and wandering level. */
+/* Log likelihood of what is sent, each channel having its own gain, noise and wandering level. */
 double rl_window_try(struct rl_window *window, const struct rl_sending *sending);
 
 /* The same of what `light` holds, for every row. */

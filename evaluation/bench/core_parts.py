@@ -53,7 +53,7 @@ PARTS = {
         'process_frame', '        search_appeared(detector, to_s);'
     ),
     'several packets combined': Part('process_frame', 'fold < FOLDS &&', 'fold < 1 &&'),
-    'sums of zones': Part('process_frame', 'true, RL_MOST_ZONES, sources', 'true, 1, sources'),
+    'sums of zones': Part('process_frame', 'true, RL_MOST_ZONES, channels', 'true, 1, channels'),
     'sums agree with their zones': Part(
         'judge', '!rl_zones_consistent(', 'false && !rl_zones_consistent('
     ),
@@ -102,7 +102,7 @@ PARTS = {
         'search', 'ahead <= RL_OVERLAP_BITS * RL_PHASES;', 'ahead <= 0;'
     ),
     'two targets of a zone told apart': Part(
-        'target', 'samples->is_parted[source] ||', 'true || samples->is_parted[source] ||'
+        'target', 'samples->is_parted[channel] ||', 'true || samples->is_parted[channel] ||'
     ),
 }
 """By what they do."""

@@ -189,7 +189,7 @@ class LikelihoodDetector:
             self.candidates.append(
                 Candidate(
                     id=judged.id,
-                    zone=judged.source,
+                    zone=judged.channel,
                     packets=judged.packets,
                     reason=_REASONS.get(judged.reason),
                     start_ns=held.origin_ns + round(judged.start_s * 1e9),

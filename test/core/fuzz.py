@@ -173,9 +173,9 @@ def isolate(lib: Any, libc: Any, detector: Any) -> list[Any]:
     lanes, residual = (kept + 1) * lib.RL_MOST_LANES, detector.residual
     blocks = []
     for owner, lengths in (
-        (samples, dict.fromkeys(('sum', 'square'), samples.sources)),
+        (samples, dict.fromkeys(('sum', 'square'), samples.channels)),
         (samples, dict.fromkeys(('begin_s', 'end_s', 'stamp_ns'), capacity)),
-        (samples, dict.fromkeys(('signal', 'valid'), capacity * samples.sources)),
+        (samples, dict.fromkeys(('signal', 'valid'), capacity * samples.channels)),
         (samples, {'distance': capacity * samples.zones}),
         (view, dict.fromkeys(('light', 'total', 'power', 'valid'), lanes)),
         (view, {'begin': kept + 1, 'rate': kept + 1, 'pivot': (kept + 1) * len(view.room)}),
@@ -216,7 +216,7 @@ def check(lib: Any, detector: Any, settings: dict[str, Any], ids: NDArray[np.uin
     sources = zones + (rows - 1) ** 2 + 1
     counts, held = lib.rl_detector_counts(detector), lib.rl_detector_held(detector)
     assert counts.accepted + sum(counts.rejected) == counts.candidates
-    assert (held.zones, held.sources) == (zones, sources)
+    assert (held.zones, held.channels) == (zones, sources)
     assert 0 <= held.first <= held.count <= 4 * KEPT
     assert 0 < held.period_s < np.inf
 
@@ -235,7 +235,7 @@ def check(lib: Any, detector: Any, settings: dict[str, Any], ids: NDArray[np.uin
     for index in range(lib.rl_detector_candidates(detector)):
         one = lib.rl_detector_candidate(detector, index)
         assert 0 <= one.reason <= lib.RL_READ
-        assert 0 <= one.source < sources
+        assert 0 <= one.channel < sources
         assert 1 <= one.packets <= most_packets
         assert abs(one.bit_s / settings['bit_s'] - 1) < 0.05
         assert np.isfinite([one.start_s, one.evidence, one.margin]).all()

@@ -203,8 +203,8 @@ def test_word_and_margin_decided(
         if verdict.reason != core.lib.RL_READ:
             continue
         judged += 1
-        together += verdict.sources > 1
-        sources = verdict.source[0 : verdict.sources]
+        together += verdict.channels > 1
+        sources = verdict.channel[0 : verdict.channels]
         zones = [core.rows(source).zone(LAW, core.opened()) for source in sources]
         last = verdict.sending
         final = sending._replace(
