@@ -112,7 +112,8 @@ struct trial {
 };
 
 /* Open the window. Return why the packet cannot be judged, RL_READ if it can. */
-static int open(struct trial *trial, int channel, double read_s, double since_s, double to_s)
+static int open(struct trial *trial, int channel, double consumed_until_s, double since_s,
+                double to_s)
 {
     struct rl_window *window = trial->window;
     const struct rl_demands *demands = trial->demands;
@@ -122,8 +123,8 @@ static int open(struct trial *trial, int channel, double read_s, double since_s,
     window->min_bit_s = demands->bit_s * (1.0 - demands->max_skew - SKEW_SLACK);
     window->max_bit_s = demands->bit_s * (1.0 + demands->max_skew + SKEW_SLACK);
     const double bit_s = sending->bit_s;
-    verdict->evidence = rl_observation_open(window, channel, sending, packets, read_s, since_s,
-                                            to_s, &trial->silent_bits);
+    verdict->evidence = rl_observation_open(window, channel, sending, packets, consumed_until_s,
+                                            since_s, to_s, &trial->silent_bits);
     const double lasting_s = RL_PACKET_BITS * packets * sending->bit_s;
     verdict->begin_s = sending->repeats ? fmax(to_s - lasting_s, since_s) : sending->start_s;
     verdict->end_s = sending->repeats ? to_s : sending->start_s + lasting_s;
@@ -218,8 +219,8 @@ static double margin_of(struct trial *trial, const struct rl_codebook *codebook,
 
 struct rl_verdict rl_decide(struct rl_window *window, const struct rl_codebook *codebook,
                             const struct rl_demands *demands, int channel, const struct rl_hit *hit,
-                            const struct rl_hits *hits, int packets, double read_s, double since_s,
-                            bool follows, double to_s)
+                            const struct rl_hits *hits, int packets, double consumed_until_s,
+                            double since_s, bool follows, double to_s)
 {
     struct rl_verdict verdict = {.id = hit->id,
                                  .packets = packets,
@@ -227,7 +228,7 @@ struct rl_verdict rl_decide(struct rl_window *window, const struct rl_codebook *
                                              hit->bit_s, rl_brightening_s[0]}};
     struct trial trial = {
         .window = window, .demands = demands, .verdict = &verdict, .follows = follows};
-    verdict.reason = open(&trial, channel, read_s, since_s, to_s);
+    verdict.reason = open(&trial, channel, consumed_until_s, since_s, to_s);
     if (verdict.reason != RL_READ) {
         return verdict;
     }

@@ -41,14 +41,14 @@ struct rl_verdict {
  *
  * hits: those that were found with it, rivals if they are of other IDs
  * packets: that the window holds
- * read_s: end of the packet that was read last in the channel [s]
+ * consumed_until_s: end of the packet that was read last in the channel [s]
  * since_s: earlier samples are left out, as its marker was not there [s]
  * follows: whether packets of this ID and clock were read before
  * to_s: end of the newest exposure [s]
  */
 struct rl_verdict rl_decide(struct rl_window *window, const struct rl_codebook *codebook,
                             const struct rl_demands *demands, int channel, const struct rl_hit *hit,
-                            const struct rl_hits *hits, int packets, double read_s, double since_s,
-                            bool follows, double to_s);
+                            const struct rl_hits *hits, int packets, double consumed_until_s,
+                            double since_s, bool follows, double to_s);
 
 #endif

@@ -78,7 +78,7 @@ static void restart(struct rl_detector *detector, int64_t stamp_ns)
         detector->active_s[zone] = -INFINITY;
     }
     for (int channel = 0; channel < RL_MOST_CHANNELS; channel++) {
-        detector->read_s[channel] = -INFINITY;
+        detector->consumed_until_s[channel] = -INFINITY;
         detector->pasts[channel] = 0;
     }
 }

@@ -48,7 +48,7 @@ struct rl_detector {
     int64_t slot;
     double
         max_llr_deficit; /* nats by which other sequences than the hits of a search may be better */
-    double read_s[RL_MOST_CHANNELS]; /* end of what was read last in each */
+    double consumed_until_s[RL_MOST_CHANNELS]; /* end of what was read last in each */
     double active_s[RL_MOST_ZONES]; /* since when each varies by more than noise; infinite if not */
     int readings, decisions_left;
     struct rl_reading reading[RL_READINGS];

@@ -83,7 +83,8 @@ static void add_reading(struct rl_detector *detector, const struct rl_verdict *v
     }
     for (int channel = 0; channel < samples->channels; channel++) {
         if ((rl_channel_zones(samples, channel) & read) != 0) {
-            detector->read_s[channel] = fmax(detector->read_s[channel], reading->end_s);
+            detector->consumed_until_s[channel] =
+                fmax(detector->consumed_until_s[channel], reading->end_s);
         }
     }
 }
@@ -157,7 +158,7 @@ static struct rl_verdict decide(struct rl_detector *detector, int channel, int p
     }
     struct rl_verdict verdict =
         rl_decide(&detector->window, &detector->search.codebook, &demands, channel, hit, &rivals,
-                  packets, detector->read_s[channel], since_s,
+                  packets, detector->consumed_until_s[channel], since_s,
                   rl_pool_is_followed(&detector->pool, hit->id, &transmission), to_s);
     if (verdict.reason == RL_READ && !rl_zones_consistent(&detector->shares, &verdict)) {
         verdict.reason = RL_NOT_A_WORD;

@@ -9,7 +9,8 @@
 /* A template of less energy does not change in the window. */
 static const double NO_ENERGY = 1e-9;
 /* The last lane repeats the one before it, so that vectors of two are full. */
-static const double WALK[RL_WALK_LANES] = {0.0, 0.003, 0.01, 0.03, 0.1, 0.3, 1.0, 3.0, 30.0, 30.0};
+static const double Q_OVER_R[RL_WALK_LANES] = {0.0, 0.003, 0.01, 0.03, 0.1,
+                                               0.3, 1.0,   3.0,  30.0, 30.0};
 
 int64_t rl_whitened_doubles(int rows)
 {
@@ -84,7 +85,7 @@ void rl_whiten(struct rl_whitened *whitened, const float *signal, const uint8_t 
             continue;
         }
         for (int walk = 0; walk < RL_WALK_LANES; walk++) {
-            const double predicted = variance[walk] + WALK[walk] * periods;
+            const double predicted = variance[walk] + Q_OVER_R[walk] * periods;
             const double per_total = 1.0 / (predicted + 1.0);
             const double innovation = value - first - level[walk];
             gain[walk] = predicted * per_total;

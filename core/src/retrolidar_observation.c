@@ -24,7 +24,7 @@ static double open_lone(struct rl_window *window, int channel, struct rl_sending
 }
 
 double rl_observation_open(struct rl_window *window, int channel, struct rl_sending *sending,
-                           int packets, double read_s, double since_s, double to_s,
+                           int packets, double consumed_until_s, double since_s, double to_s,
                            int *silent_bits)
 {
     *silent_bits = 0;
@@ -35,7 +35,8 @@ double rl_observation_open(struct rl_window *window, int channel, struct rl_send
                window->null;
     }
     const double tight = open_lone(window, channel, sending, 0.0);
-    const double silence_s = fmin(RL_SILENT_BITS * sending->bit_s, sending->start_s - read_s);
+    const double silence_s =
+        fmin(RL_SILENT_BITS * sending->bit_s, sending->start_s - consumed_until_s);
     if (silence_s < sending->bit_s) {
         return tight;
     }

@@ -19,12 +19,12 @@ double rl_observation_half_bits(const struct rl_sending *sending, int packets, d
 /* Open the window that a packet was found in, and refine it; for a lone packet that with the
  * silence before it, if it is the better one. Return its evidence.
  *
- * read_s: before that, samples are of what was read [s]
+ * consumed_until_s: before that, samples are of what was read [s]
  * since_s: and before that they are left out [s]
  * silent_bits: set to how many the window has before the packet
  */
 double rl_observation_open(struct rl_window *window, int channel, struct rl_sending *sending,
-                           int packets, double read_s, double since_s, double to_s,
+                           int packets, double consumed_until_s, double since_s, double to_s,
                            int *silent_bits);
 
 /* Whether too many samples are erasures to decide the word. */

@@ -41,7 +41,7 @@ static int ready(const struct rl_detector *detector, double bits, double to_s, b
     int count = 0;
     const double since_s = to_s - bits * detector->settings.bit_s;
     for (int channel = 0; channel < detector->samples.channels; channel++) {
-        if (detector->read_s[channel] <= since_s &&
+        if (detector->consumed_until_s[channel] <= since_s &&
             detector->samples.channel[channel].zones <= most_zones &&
             (!active || rl_noise_variation(&detector->samples, channel) > RL_ACTIVE)) {
             channels[count++] = channel;
@@ -59,7 +59,7 @@ static int due(const struct rl_detector *detector, int *channels, int count, dou
     int kept = 0;
     for (int i = 0; i < count; i++) {
         const double since_s =
-            fmax(detector->read_s[channels[i]], 0.0) + bits * detector->settings.bit_s;
+            fmax(detector->consumed_until_s[channels[i]], 0.0) + bits * detector->settings.bit_s;
         if (since_s > from_s && since_s <= to_s) {
             channels[kept++] = channels[i];
         }
@@ -77,7 +77,7 @@ static void search_residual(struct rl_detector *detector, double from_s, double 
     int zones[RL_MOST_ZONES], count = 0;
     for (int zone = 0; zone < samples->zones; zone++) {
         struct rl_interference interference;
-        if (detector->read_s[zone] <= to_s - max_bits * bit_s) {
+        if (detector->consumed_until_s[zone] <= to_s - max_bits * bit_s) {
             continue;
         }
         rl_pool_interference(&detector->pool, (uint64_t)1 << zone, to_s - RL_GOES_ON_BITS * bit_s,
@@ -128,7 +128,8 @@ static void search_appeared(struct rl_detector *detector, double to_s)
         RL_LOOK_BITS / 2 + RL_PREAMBLE_BITS + log2(detector->search.codebook.words);
     for (int zone = 0; zone < detector->samples.zones; zone++) {
         const double since_s = detector->active_s[zone], bits = (to_s - since_s) / bit_s;
-        if (bits >= least_bits && bits < RL_PACKET_BITS && detector->read_s[zone] < since_s) {
+        if (bits >= least_bits && bits < RL_PACKET_BITS &&
+            detector->consumed_until_s[zone] < since_s) {
             search(detector, &zone, 1, 1, to_s, to_s, since_s);
         }
     }

@@ -71,7 +71,7 @@ double rl_residual_subtract(struct rl_residual *residual, int zone,
     const struct rl_column column =
         rl_target_column(samples, zone, residual->first, rows, &residual->room);
     memmove(signal, column.signal, bytes);
-    samples->is_parted[zone] = true;
+    samples->interference_removed[zone] = true;
     const double noise = rl_noise_variance(samples, zone, mean_of(signal, rows));
     for (int i = 0; i < interference->count; i++) {
         subtract(residual, &interference->transmission[i], signal, samples->valid + at, rows,
@@ -93,5 +93,5 @@ void rl_residual_restore(struct rl_residual *residual, int zone)
     const size_t rows = (size_t)(samples->count - residual->first);
     memcpy(samples->signal + rl_sample(samples, zone, residual->first),
            residual->saved + (size_t)zone * (size_t)samples->kept, rows * sizeof(float));
-    samples->is_parted[zone] = false;
+    samples->interference_removed[zone] = false;
 }

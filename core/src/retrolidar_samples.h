@@ -32,20 +32,21 @@ struct rl_samples {
     int rows_of_zones, columns_of_zones, zones;
     int channels;
     struct rl_channel channel[RL_MOST_CHANNELS];
-    int kept;                         /* rows that are held for sure */
-    int capacity;                     /* rows that there is memory for */
-    int count;                        /* rows that are held */
-    int64_t origin_ns;                /* from which times count */
-    double period_s;                  /* of the frames, as measured ... */
-    double usual_period_s;            /* ... and as expected until then */
-    int64_t *stamp_ns;                /* of each frame; RL_NO_FRAME = none came */
-    double *begin_s, *end_s;          /* of each exposure [s] */
-    float *signal;                    /* [kcps/SPAD]; of an erasure, the last one before it */
-    uint8_t *valid;                   /* 0 = erasure */
-    float *distance;                  /* of zones only, NaN where none was measured [m] */
-    bool is_parted[RL_MOST_CHANNELS]; /* while a packet is taken off: its own target is all there is
-                                       */
-    int variance_rows;                /* how many of the newest rows the sums below are of */
+    int kept;                /* rows that are held for sure */
+    int capacity;            /* rows that there is memory for */
+    int count;               /* rows that are held */
+    int64_t origin_ns;       /* from which times count */
+    double period_s;         /* of the frames, as measured ... */
+    double usual_period_s;   /* ... and as expected until then */
+    int64_t *stamp_ns;       /* of each frame; RL_NO_FRAME = none came */
+    double *begin_s, *end_s; /* of each exposure [s] */
+    float *signal;           /* [kcps/SPAD]; of an erasure, the last one before it */
+    uint8_t *valid;          /* 0 = erasure */
+    float *distance;         /* of zones only, NaN where none was measured [m] */
+    bool interference_removed[RL_MOST_CHANNELS]; /* while a packet is taken off: its own target is
+                                                  * all there is
+                                                  */
+    int variance_rows; /* how many of the newest rows the sums below are of */
     double *sum, *square;
     double ambient;      /* median of the newest frame [kcps/SPAD] */
     uint64_t impossible; /* samples of a valid status that the sensor cannot measure */

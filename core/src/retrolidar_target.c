@@ -195,7 +195,7 @@ struct rl_column rl_target_column(const struct rl_samples *samples, int channel,
 {
     const size_t at = rl_sample(samples, channel, first);
     const struct rl_column held = {samples->signal + at, samples->valid + at};
-    if (channel >= samples->zones || samples->is_parted[channel] ||
+    if (channel >= samples->zones || samples->interference_removed[channel] ||
         !(range_of(samples->distance + at, rows) >
           (float)(samples->sensor.separable_m - RL_UNSURE_M))) {
         return held;

@@ -102,7 +102,9 @@ PARTS = {
         'search', 'ahead <= RL_OVERLAP_BITS * RL_PHASES;', 'ahead <= 0;'
     ),
     'two targets of a zone told apart': Part(
-        'target', 'samples->is_parted[channel] ||', 'true || samples->is_parted[channel] ||'
+        'target',
+        'samples->interference_removed[channel] ||',
+        'true || samples->interference_removed[channel] ||',
     ),
 }
 """By what they do."""
