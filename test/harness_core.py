@@ -178,7 +178,7 @@ class Statistics:
     def given(self, sending: Sending) -> Any:
         """Return what is sent for C."""
         bits = int(''.join(str(int(bit)) for bit in sending.bits), 2)
-        return self.ffi.new('struct rl_sending *', (bits, *sending[1:]))
+        return self.ffi.new('struct rl_transmission *', (bits, *sending[1:]))
 
     def attempt(self, sending: Sending) -> tuple[float, list[Any]]:
         """Return the log likelihood of a sending, and the fit to each source."""

@@ -106,9 +106,10 @@ static double try_clock(struct rl_window *window, struct slicer *slicer, struct 
     return rl_window_try_light(window);
 }
 
-double rl_clock_excess(struct rl_window *window, const struct rl_sending *sending, double own)
+double rl_clock_excess(struct rl_window *window, const struct rl_transmission *transmission,
+                       double own)
 {
-    rl_window_try(window, sending);
+    rl_window_try(window, transmission);
     struct slicer slicer = slicer_of(window);
     struct clock best[RL_TRIED];
     double excess = -INFINITY;
@@ -133,7 +134,7 @@ double rl_clock_excess(struct rl_window *window, const struct rl_sending *sendin
         }
     }
     const double end_s = window->samples->end_s[window->first + window->rows - 1];
-    const double ours = (end_s - begin_s) / sending->bit_s;
+    const double ours = (end_s - begin_s) / transmission->bit_s;
     for (int i = 0; i < RL_TRIED; i++) {
         const double likelihood = try_clock(window, &slicer, &best[i]);
         excess = fmax(excess, likelihood - own - COST_OF_BIT * fmax(best[i].bits - ours, 0.0));
@@ -153,11 +154,11 @@ static double repeats(const float *signal, int rows, int lag)
     return -0.5 * (rows - lag) * log(1.0 - correlation * correlation);
 }
 
-double rl_clock_period_excess(struct rl_window *window, const struct rl_sending *sending)
+double rl_clock_period_excess(struct rl_window *window, const struct rl_transmission *transmission)
 {
     const struct rl_samples *samples = window->samples;
     const int oldest = rl_samples_oldest(samples), rows = samples->count - oldest;
-    const double bit_rows = sending->bit_s / samples->period_s;
+    const double bit_rows = transmission->bit_s / samples->period_s;
     const double packet_rows = RL_PACKET_BITS * bit_rows;
     const struct rl_column column =
         rl_target_column(samples, window->channel[0], oldest, rows, &window->room);

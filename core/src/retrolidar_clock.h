@@ -14,12 +14,13 @@
  *
  * own: log likelihood of the packet
  */
-double rl_clock_excess(struct rl_window *window, const struct rl_sending *sending, double own);
+double rl_clock_excess(struct rl_window *window, const struct rl_transmission *transmission,
+                       double own);
 
 /* By how much a channel correlates better with itself some other time before than a packet's length
  * before, over all rows that are held [nats]. Packets that are combined are too faint to ask which
  * bits each of them has.
  */
-double rl_clock_period_excess(struct rl_window *window, const struct rl_sending *sending);
+double rl_clock_period_excess(struct rl_window *window, const struct rl_transmission *transmission);
 
 #endif

@@ -31,13 +31,13 @@ static const double SKEW_SLACK = 0.5 / (RL_PHASES * RL_PACKET_BITS);
 /* Whether packets that were taken for some of many may as well be a lone one, which has not ended
  * yet or has ended before.
  */
-static bool may_be_lone(struct rl_window *window, const struct rl_sending *sending, int packets,
-                        double own)
+static bool may_be_lone(struct rl_window *window, const struct rl_transmission *transmission,
+                        int packets, double own)
 {
-    struct rl_sending lone = *sending;
+    struct rl_transmission lone = *transmission;
     lone.repeats = false;
     for (int packet = 0; packet <= packets; packet++) {
-        lone.start_s = sending->start_s + packet * RL_PACKET_BITS * sending->bit_s;
+        lone.start_s = transmission->start_s + packet * RL_PACKET_BITS * transmission->bit_s;
         if (rl_window_try(window, &lone) > own - RL_AS_GOOD) {
             return true;
         }
@@ -51,21 +51,21 @@ static bool may_be_lone(struct rl_window *window, const struct rl_sending *sendi
  * begin_s: of the stretch, as the window was opened; it is opened so again, as likelihoods of other
  *     samples cannot be compared
  */
-static bool has_repeated(struct rl_window *window, const struct rl_sending *sending,
+static bool has_repeated(struct rl_window *window, const struct rl_transmission *transmission,
                          double evidence, double begin_s, double since_s, double to_s)
 {
     const struct rl_samples *samples = window->samples;
     /* Half a packet shows whether it has repeated. */
     const double held_s = samples->begin_s[rl_samples_oldest(samples)];
     const double from_s =
-        fmax(fmax(begin_s - RL_PACKET_BITS / 2 * sending->bit_s, held_s), since_s);
-    if (begin_s - from_s < RL_LOOK_BITS * sending->bit_s) {
+        fmax(fmax(begin_s - RL_PACKET_BITS / 2 * transmission->bit_s, held_s), since_s);
+    if (begin_s - from_s < RL_LOOK_BITS * transmission->bit_s) {
         return true;
     }
     rl_window_open(window, window->channel[0], from_s, to_s);
-    const double longer = rl_window_try(window, sending) - window->null;
+    const double longer = rl_window_try(window, transmission) - window->null;
     rl_window_open(window, window->channel[0], begin_s, to_s);
-    rl_window_try(window, sending);
+    rl_window_try(window, transmission);
     return longer > LEAST_LONGER * evidence - RL_AS_GOOD;
 }
 
@@ -91,7 +91,7 @@ static void note_fit(struct rl_verdict *verdict, const struct rl_window *window)
 /* Fit a packet closely, and return its likelihood. */
 static double refine(struct rl_verdict *verdict, struct rl_window *window, double half_bits)
 {
-    const double own = rl_window_refine(window, &verdict->sending, half_bits);
+    const double own = rl_window_refine(window, &verdict->transmission, half_bits);
     verdict->evidence = own - window->null - RL_COST_OF_GAIN * (window->channels - 1);
     note_fit(verdict, window);
     return own;
@@ -118,38 +118,40 @@ static int open(struct trial *trial, int channel, double consumed_until_s, doubl
     struct rl_window *window = trial->window;
     const struct rl_demands *demands = trial->demands;
     struct rl_verdict *verdict = trial->verdict;
-    struct rl_sending *sending = &verdict->sending;
+    struct rl_transmission *transmission = &verdict->transmission;
     const int packets = verdict->packets;
     window->min_bit_s = demands->bit_s * (1.0 - demands->max_skew - SKEW_SLACK);
     window->max_bit_s = demands->bit_s * (1.0 + demands->max_skew + SKEW_SLACK);
-    const double bit_s = sending->bit_s;
-    verdict->evidence = rl_observation_open(window, channel, sending, packets, consumed_until_s,
-                                            since_s, to_s, &trial->silent_bits);
-    const double lasting_s = RL_PACKET_BITS * packets * sending->bit_s;
-    verdict->begin_s = sending->repeats ? fmax(to_s - lasting_s, since_s) : sending->start_s;
-    verdict->end_s = sending->repeats ? to_s : sending->start_s + lasting_s;
-    trial->half_bits = rl_observation_half_bits(sending, packets, to_s);
+    const double bit_s = transmission->bit_s;
+    verdict->evidence = rl_observation_open(window, channel, transmission, packets,
+                                            consumed_until_s, since_s, to_s, &trial->silent_bits);
+    const double lasting_s = RL_PACKET_BITS * packets * transmission->bit_s;
+    verdict->begin_s =
+        transmission->repeats ? fmax(to_s - lasting_s, since_s) : transmission->start_s;
+    verdict->end_s = transmission->repeats ? to_s : transmission->start_s + lasting_s;
+    trial->half_bits = rl_observation_half_bits(transmission, packets, to_s);
     trial->own = verdict->evidence + window->null;
     note_fit(verdict, window);
     if (verdict->evidence < LEAST_ALONE * demands->evidence) {
         return RL_EVIDENCE;
     }
-    if ((!sending->repeats && verdict->end_s > to_s + sending->bit_s / RL_PHASES) ||
-        fabs(sending->bit_s / demands->bit_s - 1.0) > demands->max_skew + SKEW_SLACK / 2) {
+    if ((!transmission->repeats && verdict->end_s > to_s + transmission->bit_s / RL_PHASES) ||
+        fabs(transmission->bit_s / demands->bit_s - 1.0) > demands->max_skew + SKEW_SLACK / 2) {
         /* A packet that has begun looks like a faster one of another ID. */
         return RL_INCOMPLETE;
     }
     /* One that has appeared has not repeated yet. */
     const bool is_new = verdict->begin_s == since_s;
-    if (sending->repeats && packets == 1 && !trial->follows && !is_new &&
-        !has_repeated(window, sending, verdict->evidence, to_s - RL_PACKET_BITS * bit_s, since_s,
-                      to_s)) {
+    if (transmission->repeats && packets == 1 && !trial->follows && !is_new &&
+        !has_repeated(window, transmission, verdict->evidence, to_s - RL_PACKET_BITS * bit_s,
+                      since_s, to_s)) {
         return RL_INCOMPLETE;
     }
-    if (rl_observation_is_erased(window, sending)) {
+    if (rl_observation_is_erased(window, transmission)) {
         return RL_ERASED;
     }
-    return sending->repeats && !is_new && may_be_lone(window, sending, packets, trial->own)
+    return transmission->repeats && !is_new &&
+                   may_be_lone(window, transmission, packets, trial->own)
                ? RL_INCOMPLETE
                : RL_READ;
 }
@@ -159,9 +161,9 @@ static bool is_evident(struct trial *trial)
 {
     struct rl_window *window = trial->window;
     struct rl_verdict *verdict = trial->verdict;
-    rl_observation_add_zones(window, &verdict->sending, verdict->evidence);
+    rl_observation_add_zones(window, &verdict->transmission, verdict->evidence);
     trial->own = refine(verdict, window, trial->half_bits);
-    trial->threshold = trial->demands->evidence + cost_of_changes(verdict->sending.bits) +
+    trial->threshold = trial->demands->evidence + cost_of_changes(verdict->transmission.bits) +
                        (verdict->packets > 1 ? RL_COST_OF_GAIN : 0.0) +
                        (window->fit[0].walk >= LEAST_WALK ? trial->demands->wandering : 0.0) +
                        LEFT_OVER * window->whitened[0].explained;
@@ -171,27 +173,27 @@ static bool is_evident(struct trial *trial)
 static bool is_word(struct trial *trial, const struct rl_hits *hits, double to_s)
 {
     struct rl_verdict *verdict = trial->verdict;
-    const struct rl_sending *sending = &verdict->sending;
+    const struct rl_transmission *transmission = &verdict->transmission;
     const double max_word = trial->demands->word;
     /* A refined start may be later than the begin of the window. */
-    const double since_bits =
-        (to_s - sending->start_s) / sending->bit_s - RL_PACKET_BITS * (verdict->packets - 1);
-    const int begin = sending->repeats ? (int)floor(since_bits + 0.5) % RL_PACKET_BITS : 0;
-    verdict->word = rl_rivals_flip_bits(trial->window, sending, trial->own, begin,
+    const double since_bits = (to_s - transmission->start_s) / transmission->bit_s -
+                              RL_PACKET_BITS * (verdict->packets - 1);
+    const int begin = transmission->repeats ? (int)floor(since_bits + 0.5) % RL_PACKET_BITS : 0;
+    verdict->word = rl_rivals_flip_bits(trial->window, transmission, trial->own, begin,
                                         trial->silent_bits, 3.0 * max_word, &trial->bits);
     verdict->word =
         fmax(verdict->word,
-             rl_rivals_sequence(trial->window, sending, trial->half_bits, hits) - trial->own);
+             rl_rivals_sequence(trial->window, transmission, trial->half_bits, hits) - trial->own);
     if (verdict->word > max_word && verdict->packets == 1 && trial->follows &&
-        rl_observation_mask_occlusion(trial->window, sending,
+        rl_observation_mask_occlusion(trial->window, transmission,
                                       trial->own + verdict->word - max_word)) {
         trial->is_hidden = true;
         trial->own = refine(verdict, trial->window, trial->half_bits);
         if (verdict->evidence < trial->threshold + COST_OF_MASK ||
-            rl_observation_is_erased(trial->window, sending)) {
+            rl_observation_is_erased(trial->window, transmission)) {
             return false;
         }
-        verdict->word = rl_rivals_flip_bits(trial->window, sending, trial->own, begin,
+        verdict->word = rl_rivals_flip_bits(trial->window, transmission, trial->own, begin,
                                             trial->silent_bits, 3.0 * max_word, &trial->bits);
     }
     return verdict->word <= max_word;
@@ -203,16 +205,16 @@ static double margin_of(struct trial *trial, const struct rl_codebook *codebook,
 {
     struct rl_window *window = trial->window;
     const struct rl_verdict *verdict = trial->verdict;
-    const struct rl_sending *sending = &verdict->sending;
+    const struct rl_transmission *transmission = &verdict->transmission;
     const uint16_t id = verdict->id;
-    double margin = rl_rivals_margin(window, codebook, &trial->bits, sending, verdict->packets,
+    double margin = rl_rivals_margin(window, codebook, &trial->bits, transmission, verdict->packets,
                                      trial->own, trial->half_bits, id, hits) -
                     (trial->is_hidden ? COST_OF_MASK : 0.0);
     if (margin >= trial->demands->margin && verdict->packets == 1 && !trial->follows) {
-        margin = fmin(
-            margin, rl_rivals_part_margin(window, codebook, &trial->bits, sending, trial->own, id));
-        margin = fmin(margin, rl_rivals_sequence_margin(window, codebook, &trial->bits, sending,
-                                                        trial->own, id));
+        margin = fmin(margin, rl_rivals_part_margin(window, codebook, &trial->bits, transmission,
+                                                    trial->own, id));
+        margin = fmin(margin, rl_rivals_sequence_margin(window, codebook, &trial->bits,
+                                                        transmission, trial->own, id));
     }
     return margin;
 }
@@ -224,8 +226,8 @@ struct rl_verdict rl_decide(struct rl_window *window, const struct rl_codebook *
 {
     struct rl_verdict verdict = {.id = hit->id,
                                  .packets = packets,
-                                 .sending = {rl_packet(hit->id), hit->repeats, hit->start_s,
-                                             hit->bit_s, rl_brightening_s[0]}};
+                                 .transmission = {rl_packet(hit->id), hit->repeats, hit->start_s,
+                                                  hit->bit_s, rl_brightening_s[0]}};
     struct trial trial = {
         .window = window, .demands = demands, .verdict = &verdict, .follows = follows};
     verdict.reason = open(&trial, channel, consumed_until_s, since_s, to_s);
@@ -245,8 +247,8 @@ struct rl_verdict rl_decide(struct rl_window *window, const struct rl_codebook *
     if (verdict.margin < demands->margin) {
         return verdict;
     }
-    const double other = packets == 1 ? rl_clock_excess(window, &verdict.sending, trial.own)
-                                      : rl_clock_period_excess(window, &verdict.sending);
+    const double other = packets == 1 ? rl_clock_excess(window, &verdict.transmission, trial.own)
+                                      : rl_clock_period_excess(window, &verdict.transmission);
     verdict.word = fmax(verdict.word, other);
     verdict.reason = other > demands->word ? RL_NOT_A_WORD : RL_READ;
     return verdict;

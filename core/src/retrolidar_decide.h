@@ -27,7 +27,7 @@ struct rl_demands {
 
 struct rl_verdict {
     int reason; /* why it is rejected, or RL_READ */
-    struct rl_sending sending;
+    struct rl_transmission transmission;
     uint16_t id;
     int packets;
     double evidence, word, margin; /* [nats], as far as it came */

@@ -30,8 +30,8 @@ void rl_followed_start(struct rl_followed *followed, const struct rl_reading *re
 {
     memset(followed, 0, sizeof *followed);
     followed->id = reading->id;
-    followed->sending = (struct rl_sending){rl_packet(reading->id), true, reading->start_s,
-                                            reading->bit_s, reading->brightening_s};
+    followed->transmission = (struct rl_transmission){
+        rl_packet(reading->id), true, reading->start_s, reading->bit_s, reading->brightening_s};
     followed->clock = (struct rl_clock_error){START_S * START_S, 0.0, RATE * RATE};
     followed->noise_scale = 1.0;
     followed->distance_zone = -1;
@@ -40,16 +40,16 @@ void rl_followed_start(struct rl_followed *followed, const struct rl_reading *re
 
 static void predict_light(struct rl_followed *followed, const struct rl_samples *samples, int row)
 {
-    struct rl_sending *sending = &followed->sending;
-    const double packet_s = RL_PACKET_BITS * sending->bit_s;
+    struct rl_transmission *transmission = &followed->transmission;
+    const double packet_s = RL_PACKET_BITS * transmission->bit_s;
     const double begin_s = samples->begin_s[row], end_s = samples->end_s[row];
-    if (begin_s - sending->start_s > packet_s) {
-        sending->start_s += packet_s * floor((begin_s - sending->start_s) / packet_s);
+    if (begin_s - transmission->start_s > packet_s) {
+        transmission->start_s += packet_s * floor((begin_s - transmission->start_s) / packet_s);
     }
     const double begins_s[] = {begin_s - EDGE_S, begin_s, begin_s + EDGE_S};
     const double ends_s[] = {end_s - EDGE_S, end_s, end_s + EDGE_S};
     double light[3];
-    rl_template(sending, begins_s, ends_s, 3, light);
+    rl_template(transmission, begins_s, ends_s, 3, light);
     followed->light = light[1];
     followed->slope = (light[0] - light[2]) / (2.0 * EDGE_S);
 }
@@ -105,7 +105,7 @@ static void update_clock(struct rl_followed *followed, const struct rl_scenery *
                          const struct rl_glance *glance)
 {
     struct rl_clock_error *clock = &followed->clock;
-    struct rl_sending *sending = &followed->sending;
+    struct rl_transmission *transmission = &followed->transmission;
     const double slope = followed->slope;
     const double noise = glance->variance + LIGHT_ERROR * LIGHT_ERROR;
     const double spread = slope * slope * clock->variance + noise;
@@ -115,9 +115,9 @@ static void update_clock(struct rl_followed *followed, const struct rl_scenery *
     clock->rate_variance -= rate_gain * slope * clock->common;
     clock->common -= gain * slope * clock->common;
     clock->variance -= gain * slope * clock->variance;
-    const double since_s = scenery->samples->end_s[scenery->row] - sending->start_s;
-    sending->start_s += gain * off - since_s * rate_gain * off;
-    sending->bit_s *= 1.0 + rate_gain * off;
+    const double since_s = scenery->samples->end_s[scenery->row] - transmission->start_s;
+    transmission->start_s += gain * off - since_s * rate_gain * off;
+    transmission->bit_s *= 1.0 + rate_gain * off;
 }
 
 void rl_followed_bearing(struct rl_followed *followed, const struct rl_scenery *scenery)
@@ -170,7 +170,7 @@ static struct rl_glance glimpse(struct rl_followed *followed, const struct rl_sc
     const struct rl_samples *samples = scenery->samples;
     struct rl_glance glance = {
         .step_s = scenery->step_s,
-        .bit_s = followed->sending.bit_s,
+        .bit_s = followed->transmission.bit_s,
         .light = followed->light,
         .edge_variance = followed->slope * followed->slope * followed->clock.variance,
     };

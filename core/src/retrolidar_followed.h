@@ -28,7 +28,7 @@ struct rl_clock_error {
 
 struct rl_followed {
     uint16_t id;
-    struct rl_sending sending;
+    struct rl_transmission transmission;
     struct rl_clock_error clock;
     struct rl_presence presence;
     struct rl_range_filter range;

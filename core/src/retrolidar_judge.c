@@ -18,16 +18,16 @@ static bool is_known(const struct rl_detector *detector, uint16_t id, double beg
  */
 static double start_of(const struct rl_verdict *verdict)
 {
-    const struct rl_sending *sending = &verdict->sending;
-    const double packet_s = RL_PACKET_BITS * sending->bit_s;
-    const double packets = (verdict->begin_s - sending->start_s) / packet_s;
-    return sending->repeats ? sending->start_s + packet_s * floor(packets + 0.25)
-                            : sending->start_s;
+    const struct rl_transmission *transmission = &verdict->transmission;
+    const double packet_s = RL_PACKET_BITS * transmission->bit_s;
+    const double packets = (verdict->begin_s - transmission->start_s) / packet_s;
+    return transmission->repeats ? transmission->start_s + packet_s * floor(packets + 0.25)
+                                 : transmission->start_s;
 }
 
-static struct rl_transmission transmission_of(const struct rl_verdict *verdict)
+static struct rl_packet_train train_of(const struct rl_verdict *verdict)
 {
-    return (struct rl_transmission){verdict->sending, verdict->begin_s, verdict->end_s};
+    return (struct rl_packet_train){verdict->transmission, verdict->begin_s, verdict->end_s};
 }
 
 /* The zones that saw a packet, the strongest first. */
@@ -59,24 +59,24 @@ static void add_reading(struct rl_detector *detector, const struct rl_verdict *v
     int zones[RL_MOST_ZONES];
     const int seen = zones_of(detector, verdict, zones);
     /* A packet of many frames may have begun before what is held. */
-    struct rl_transmission transmission = transmission_of(verdict);
-    transmission.begin_s = fmax(transmission.begin_s, samples->begin_s[rl_samples_oldest(samples)]);
+    struct rl_packet_train train = train_of(verdict);
+    train.begin_s = fmax(train.begin_s, samples->begin_s[rl_samples_oldest(samples)]);
     struct rl_reading *reading = &detector->reading[detector->readings++];
     *reading = (struct rl_reading){
         .id = verdict->id,
-        .repeats = verdict->sending.repeats,
+        .repeats = verdict->transmission.repeats,
         .packets = verdict->packets,
         .start_s = start_of(verdict),
-        .bit_s = verdict->sending.bit_s,
-        .brightening_s = verdict->sending.brightening_s,
-        .begin_s = transmission.begin_s,
-        .end_s = transmission.end_s,
+        .bit_s = verdict->transmission.bit_s,
+        .brightening_s = verdict->transmission.brightening_s,
+        .begin_s = train.begin_s,
+        .end_s = train.end_s,
         .evidence = verdict->evidence,
         .margin = verdict->margin,
         .zones = seen < RL_MOST_READ ? seen : RL_MOST_READ,
     };
     memcpy(reading->zone, zones, (size_t)reading->zones * sizeof *zones);
-    rl_pool_add(&detector->pool, samples, verdict->id, &transmission, zones, seen);
+    rl_pool_add(&detector->pool, samples, verdict->id, &train, zones, seen);
     uint64_t read = 0;
     for (int i = 0; i < reading->zones; i++) {
         read |= (uint64_t)1 << zones[i];
@@ -94,8 +94,8 @@ static void note(struct rl_detector *detector, int channel, int packets,
 {
     if (verdict->reason != RL_READ && verdict->reason != RL_EVIDENCE && packets == 1) {
         detector->past[channel][detector->pasts[channel]++ % RL_PAST] =
-            (struct rl_hit){(float)verdict->evidence, verdict->id, verdict->sending.repeats,
-                            verdict->sending.start_s, verdict->sending.bit_s};
+            (struct rl_hit){(float)verdict->evidence, verdict->id, verdict->transmission.repeats,
+                            verdict->transmission.start_s, verdict->transmission.bit_s};
     }
     if (detector->candidates < 2 * RL_DECISIONS) {
         detector->candidate[detector->candidates++] = (struct rl_candidate){
@@ -103,8 +103,8 @@ static void note(struct rl_detector *detector, int channel, int packets,
             channel,
             packets,
             verdict->reason,
-            verdict->sending.start_s,
-            verdict->sending.bit_s,
+            verdict->transmission.start_s,
+            verdict->transmission.bit_s,
             verdict->evidence,
             verdict->word,
             verdict->margin,
@@ -118,7 +118,7 @@ static void add_beside(struct rl_interference *interference, const struct rl_ver
     if (interference->count == RL_MAX_INTERFERERS) {
         interference->count--;
     }
-    interference->transmission[interference->count++] = transmission_of(beside);
+    interference->train[interference->count++] = train_of(beside);
 }
 
 /* Judge a hit.
@@ -146,20 +146,20 @@ static struct rl_verdict decide(struct rl_detector *detector, int channel, int p
     const double active_s = detector->active_s[channel < detector->samples.zones ? channel : 0];
     const double since_s =
         packets == 1 && channel < detector->samples.zones && active_s < to_s ? active_s : -INFINITY;
-    const struct rl_transmission transmission = {
-        .sending = {.start_s = hit->start_s, .bit_s = hit->bit_s},
+    const struct rl_packet_train train = {
+        .transmission = {.start_s = hit->start_s, .bit_s = hit->bit_s},
         .begin_s = hit->repeats ? to_s - packets * packet_s : hit->start_s,
         .end_s = to_s};
     /* Markers may have gone on from what was read up to two packets before. */
     rl_pool_interference(&detector->pool, rl_channel_zones(&detector->samples, channel),
-                         transmission.begin_s - 3.0 * packet_s, to_s, hit->id, interference);
+                         train.begin_s - 3.0 * packet_s, to_s, hit->id, interference);
     if (beside != NULL) {
         add_beside(interference, beside);
     }
     struct rl_verdict verdict =
         rl_decide(&detector->window, &detector->search.codebook, &demands, channel, hit, &rivals,
                   packets, detector->consumed_until_s[channel], since_s,
-                  rl_pool_is_followed(&detector->pool, hit->id, &transmission), to_s);
+                  rl_pool_is_followed(&detector->pool, hit->id, &train), to_s);
     if (verdict.reason == RL_READ && !rl_zones_consistent(&detector->shares, &verdict)) {
         verdict.reason = RL_NOT_A_WORD;
     }

@@ -7,47 +7,49 @@
 
 #include <math.h>
 
-double rl_observation_half_bits(const struct rl_sending *sending, int packets, double to_s)
+double rl_observation_half_bits(const struct rl_transmission *transmission, int packets,
+                                double to_s)
 {
-    return sending->repeats
-               ? (to_s - sending->start_s) / sending->bit_s - RL_PACKET_BITS * packets / 2.0
-               : RL_PACKET_BITS / 2.0;
+    return transmission->repeats ? (to_s - transmission->start_s) / transmission->bit_s -
+                                       RL_PACKET_BITS * packets / 2.0
+                                 : RL_PACKET_BITS / 2.0;
 }
 
 /* Open the window of a lone packet and of the silence before it; return its evidence. */
-static double open_lone(struct rl_window *window, int channel, struct rl_sending *sending,
+static double open_lone(struct rl_window *window, int channel, struct rl_transmission *transmission,
                         double silence_s)
 {
-    rl_window_open(window, channel, sending->start_s - silence_s,
-                   sending->start_s + RL_PACKET_BITS * sending->bit_s);
-    return rl_window_refine(window, sending, RL_PACKET_BITS / 2.0) - window->null;
+    rl_window_open(window, channel, transmission->start_s - silence_s,
+                   transmission->start_s + RL_PACKET_BITS * transmission->bit_s);
+    return rl_window_refine(window, transmission, RL_PACKET_BITS / 2.0) - window->null;
 }
 
-double rl_observation_open(struct rl_window *window, int channel, struct rl_sending *sending,
-                           int packets, double consumed_until_s, double since_s, double to_s,
-                           int *silent_bits)
+double rl_observation_open(struct rl_window *window, int channel,
+                           struct rl_transmission *transmission, int packets,
+                           double consumed_until_s, double since_s, double to_s, int *silent_bits)
 {
     *silent_bits = 0;
-    if (sending->repeats) {
+    if (transmission->repeats) {
         rl_window_open(window, channel,
-                       fmax(to_s - RL_PACKET_BITS * packets * sending->bit_s, since_s), to_s);
-        return rl_window_refine(window, sending, rl_observation_half_bits(sending, packets, to_s)) -
+                       fmax(to_s - RL_PACKET_BITS * packets * transmission->bit_s, since_s), to_s);
+        return rl_window_refine(window, transmission,
+                                rl_observation_half_bits(transmission, packets, to_s)) -
                window->null;
     }
-    const double tight = open_lone(window, channel, sending, 0.0);
+    const double tight = open_lone(window, channel, transmission, 0.0);
     const double silence_s =
-        fmin(RL_SILENT_BITS * sending->bit_s, sending->start_s - consumed_until_s);
-    if (silence_s < sending->bit_s) {
+        fmin(RL_SILENT_BITS * transmission->bit_s, transmission->start_s - consumed_until_s);
+    if (silence_s < transmission->bit_s) {
         return tight;
     }
-    struct rl_sending lone = *sending;
+    struct rl_transmission lone = *transmission;
     const double wide = open_lone(window, channel, &lone, silence_s);
     if (wide > tight) {
-        *sending = lone;
+        *transmission = lone;
         *silent_bits = (int)floor(silence_s / lone.bit_s);
         return wide;
     }
-    return open_lone(window, channel, sending, 0.0);
+    return open_lone(window, channel, transmission, 0.0);
 }
 
 /* Half of the samples of a window must be valid. */
@@ -56,7 +58,8 @@ static int least_rows(const struct rl_window *window)
     return window->rows / 2;
 }
 
-bool rl_observation_is_erased(const struct rl_window *window, const struct rl_sending *sending)
+bool rl_observation_is_erased(const struct rl_window *window,
+                              const struct rl_transmission *transmission)
 {
     const struct rl_whitened *whitened = &window->whitened[0];
     double known[RL_PACKET_BITS] = {0.0}, all[RL_PACKET_BITS] = {0.0};
@@ -70,8 +73,8 @@ bool rl_observation_is_erased(const struct rl_window *window, const struct rl_se
         sample += valid;
         const double middle_s =
             (samples->begin_s[window->first + row] + samples->end_s[window->first + row]) / 2;
-        const double since = floor((middle_s - sending->start_s) / sending->bit_s);
-        if (!sending->repeats && (since < 0.0 || since >= RL_PACKET_BITS)) {
+        const double since = floor((middle_s - transmission->start_s) / transmission->bit_s);
+        if (!transmission->repeats && (since < 0.0 || since >= RL_PACKET_BITS)) {
             continue;
         }
         const int bit = (int)(since - RL_PACKET_BITS * floor(since / RL_PACKET_BITS));
@@ -85,19 +88,19 @@ bool rl_observation_is_erased(const struct rl_window *window, const struct rl_se
     return erased >= RL_WORD_DISTANCE;
 }
 
-bool rl_observation_mask_occlusion(struct rl_window *window, const struct rl_sending *sending,
-                                   double least)
+bool rl_observation_mask_occlusion(struct rl_window *window,
+                                   const struct rl_transmission *transmission, double least)
 {
     double best = least;
     int from = 0, to = 0;
     for (int length = 1; length < RL_LOOK_BITS; length++) {
         for (int begin = 1; begin + length < RL_PACKET_BITS; begin++) {
-            uint32_t dark = sending->bits;
+            uint32_t dark = transmission->bits;
             for (int bit = begin; bit < begin + length; bit++) {
                 dark |= rl_packet_bit(bit);
             }
             const double likelihood =
-                dark == sending->bits ? best : rl_window_try_bits(window, sending, dark);
+                dark == transmission->bits ? best : rl_window_try_bits(window, transmission, dark);
             if (likelihood > best) {
                 best = likelihood;
                 from = begin;
@@ -109,11 +112,11 @@ bool rl_observation_mask_occlusion(struct rl_window *window, const struct rl_sen
         return false;
     }
     /* Half a bit at either end may be hidden, too. */
-    const double lasting_s = (to - from + 1) * sending->bit_s;
-    double from_s = sending->start_s + (from - 0.5) * sending->bit_s;
+    const double lasting_s = (to - from + 1) * transmission->bit_s;
+    double from_s = transmission->start_s + (from - 0.5) * transmission->bit_s;
     /* Of a packet that repeats, the window holds the bits of the one that began before or in it. */
-    if (sending->repeats && from_s + lasting_s < window->samples->begin_s[window->first]) {
-        from_s += RL_PACKET_BITS * sending->bit_s;
+    if (transmission->repeats && from_s + lasting_s < window->samples->begin_s[window->first]) {
+        from_s += RL_PACKET_BITS * transmission->bit_s;
     }
     rl_window_hide(window, from_s, from_s + lasting_s);
     return true;
@@ -134,7 +137,7 @@ static bool is_seen(const struct rl_window *window, int index)
     return explained > 0.5 * (whitened->squares[0] / (whitened->samples - 1) - noise);
 }
 
-void rl_observation_add_zones(struct rl_window *window, const struct rl_sending *sending,
+void rl_observation_add_zones(struct rl_window *window, const struct rl_transmission *transmission,
                               double evidence)
 {
     const struct rl_samples *samples = window->samples;
@@ -155,7 +158,7 @@ void rl_observation_add_zones(struct rl_window *window, const struct rl_sending 
             if (window->channels == before) {
                 continue;
             }
-            const double together = rl_window_try(window, sending) - window->null;
+            const double together = rl_window_try(window, transmission) - window->null;
             /* It must add more than a gain costs. Distances of a zone in which others are seen,
              * too, may be theirs.
              */

@@ -14,7 +14,8 @@
 enum { RL_SILENT_BITS = RL_PACKET_BITS };
 
 /* Bits from the start of what is sent to the middle of the window that it was found in. */
-double rl_observation_half_bits(const struct rl_sending *sending, int packets, double to_s);
+double rl_observation_half_bits(const struct rl_transmission *transmission, int packets,
+                                double to_s);
 
 /* Open the window that a packet was found in, and refine it; for a lone packet that with the
  * silence before it, if it is the better one. Return its evidence.
@@ -23,23 +24,24 @@ double rl_observation_half_bits(const struct rl_sending *sending, int packets, d
  * since_s: and before that they are left out [s]
  * silent_bits: set to how many the window has before the packet
  */
-double rl_observation_open(struct rl_window *window, int channel, struct rl_sending *sending,
-                           int packets, double consumed_until_s, double since_s, double to_s,
-                           int *silent_bits);
+double rl_observation_open(struct rl_window *window, int channel,
+                           struct rl_transmission *transmission, int packets,
+                           double consumed_until_s, double since_s, double to_s, int *silent_bits);
 
 /* Whether too many samples are erasures to decide the word. */
-bool rl_observation_is_erased(const struct rl_window *window, const struct rl_sending *sending);
+bool rl_observation_is_erased(const struct rl_window *window,
+                              const struct rl_transmission *transmission);
 
 /* Leave out a stretch of a few bits if the packet is likely enough with it dark: something has
  * hidden the marker for a while. Return whether there is one.
  *
  * least: log likelihood that it must have with the stretch dark
  */
-bool rl_observation_mask_occlusion(struct rl_window *window, const struct rl_sending *sending,
-                                   double least);
+bool rl_observation_mask_occlusion(struct rl_window *window,
+                                   const struct rl_transmission *transmission, double least);
 
 /* Add zones near by that see the same packet, of which the window's has that evidence. */
-void rl_observation_add_zones(struct rl_window *window, const struct rl_sending *sending,
+void rl_observation_add_zones(struct rl_window *window, const struct rl_transmission *transmission,
                               double evidence);
 
 #endif

@@ -29,8 +29,9 @@ static struct rl_seen window_of(struct rl_detector *detector, const struct rl_re
     while (last < samples->count && samples->begin_s[last] < reading->end_s - most_s) {
         last++;
     }
-    const struct rl_sending sending = {rl_packet(reading->id), reading->repeats, reading->start_s,
-                                       reading->bit_s, reading->brightening_s};
+    const struct rl_transmission transmission = {rl_packet(reading->id), reading->repeats,
+                                                 reading->start_s, reading->bit_s,
+                                                 reading->brightening_s};
     const struct rl_seen seen = {
         .sensor = &samples->sensor,
         .rows = last - *first,
@@ -38,7 +39,7 @@ static struct rl_seen window_of(struct rl_detector *detector, const struct rl_re
         .end_s = samples->end_s + *first,
         .light = detector->window.light,
     };
-    rl_template(&sending, seen.begin_s, seen.end_s, seen.rows, detector->window.light);
+    rl_template(&transmission, seen.begin_s, seen.end_s, seen.rows, detector->window.light);
     return seen;
 }
 

@@ -40,32 +40,32 @@ static int first_held(const struct rl_pool *pool)
 }
 
 /* Whether a transmission goes on from another one. */
-static bool goes_on(const struct rl_transmission *before, const struct rl_transmission *now)
+static bool goes_on(const struct rl_packet_train *before, const struct rl_packet_train *now)
 {
-    const double packet_s = RL_PACKET_BITS * now->sending.bit_s;
-    const double apart = (now->sending.start_s - before->sending.start_s) / packet_s;
+    const double packet_s = RL_PACKET_BITS * now->transmission.bit_s;
+    const double apart = (now->transmission.start_s - before->transmission.start_s) / packet_s;
     return now->begin_s - before->end_s < MAX_MISSED * packet_s &&
            fabs(apart - floor(apart + 0.5)) * RL_PACKET_BITS < SAME_PHASE_BITS;
 }
 
 void rl_pool_add(struct rl_pool *pool, const struct rl_samples *samples, uint16_t id,
-                 const struct rl_transmission *transmission, const int *zones, int count)
+                 const struct rl_packet_train *train, const int *zones, int count)
 {
     struct rl_active_track *track = NULL;
-    struct rl_transmission whole = *transmission;
+    struct rl_packet_train whole = *train;
     for (int i = first_held(pool); i < pool->added; i++) {
         struct rl_active_track *before = &pool->track[i % RL_POOL];
-        if (before->id == id && goes_on(&before->transmission, transmission)) {
+        if (before->id == id && goes_on(&before->train, train)) {
             track = before;
-            whole.begin_s = fmin(track->transmission.begin_s, whole.begin_s);
-            whole.end_s = fmax(track->transmission.end_s, whole.end_s);
-            whole.sending.repeats = true;
+            whole.begin_s = fmin(track->train.begin_s, whole.begin_s);
+            whole.end_s = fmax(track->train.end_s, whole.end_s);
+            whole.transmission.repeats = true;
         }
     }
     if (track == NULL) {
         track = &pool->track[pool->added++ % RL_POOL];
     }
-    *track = (struct rl_active_track){.id = id, .transmission = whole, .zone = zones[0]};
+    *track = (struct rl_active_track){.id = id, .train = whole, .zone = zones[0]};
     for (int i = 0; i < count; i++) {
         track->zones |= (uint64_t)1 << zones[i];
         track->near |= around(samples, zones[i]);
@@ -80,8 +80,7 @@ const struct rl_active_track *rl_pool_due(const struct rl_pool *pool, int *index
     }
     while (*index < pool->added) {
         const struct rl_active_track *track = &pool->track[(*index)++ % RL_POOL];
-        const double end_s =
-            track->transmission.end_s + RL_PACKET_BITS * track->transmission.sending.bit_s;
+        const double end_s = track->train.end_s + RL_PACKET_BITS * track->train.transmission.bit_s;
         if (end_s > from_s && end_s <= to_s) {
             return track;
         }
@@ -95,8 +94,7 @@ bool rl_pool_knows(const struct rl_pool *pool, uint16_t id, double begin_s, doub
     for (int i = first_held(pool); i < pool->added; i++) {
         const struct rl_active_track *track = &pool->track[i % RL_POOL];
         if (track->id == id &&
-            fmin(end_s, track->transmission.end_s) - fmax(begin_s, track->transmission.begin_s) >
-                overlap_s) {
+            fmin(end_s, track->train.end_s) - fmax(begin_s, track->train.begin_s) > overlap_s) {
             return true;
         }
     }
@@ -104,11 +102,11 @@ bool rl_pool_knows(const struct rl_pool *pool, uint16_t id, double begin_s, doub
 }
 
 bool rl_pool_is_followed(const struct rl_pool *pool, uint16_t id,
-                         const struct rl_transmission *transmission)
+                         const struct rl_packet_train *train)
 {
     for (int i = first_held(pool); i < pool->added; i++) {
         const struct rl_active_track *track = &pool->track[i % RL_POOL];
-        if (track->id == id && goes_on(&track->transmission, transmission)) {
+        if (track->id == id && goes_on(&track->train, train)) {
             return true;
         }
     }
@@ -122,13 +120,12 @@ void rl_pool_interference(const struct rl_pool *pool, uint64_t zones, double sin
     for (int beside = 0; beside < 2; beside++) {
         for (int i = pool->added - 1; i >= first_held(pool); i--) {
             const struct rl_active_track *track = &pool->track[i % RL_POOL];
-            const struct rl_transmission *transmission = &track->transmission;
+            const struct rl_packet_train *train = &track->train;
             const uint64_t seen = beside ? track->near & ~track->zones : track->zones;
             const bool is_seen = (beside == 0) == ((track->zones & zones) != 0);
-            if (track->id != except && (seen & zones) != 0 && is_seen &&
-                transmission->end_s > since_s && transmission->begin_s < to_s &&
-                interference->count < RL_MAX_INTERFERERS) {
-                interference->transmission[interference->count++] = *transmission;
+            if (track->id != except && (seen & zones) != 0 && is_seen && train->end_s > since_s &&
+                train->begin_s < to_s && interference->count < RL_MAX_INTERFERERS) {
+                interference->train[interference->count++] = *train;
             }
         }
     }

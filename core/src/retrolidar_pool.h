@@ -12,7 +12,7 @@ enum { RL_POOL = 64 };
 
 struct rl_active_track {
     uint16_t id;
-    struct rl_transmission transmission;
+    struct rl_packet_train train;
     int zone;             /* that saw it best */
     uint64_t zones, near; /* bit masks: those that saw it, and those around them besides */
 };
@@ -25,7 +25,7 @@ struct rl_pool {
 /* Add a packet, or several that repeat; one that goes on from an active track becomes part of it.
  */
 void rl_pool_add(struct rl_pool *pool, const struct rl_samples *samples, uint16_t id,
-                 const struct rl_transmission *transmission, const int *zones, int count);
+                 const struct rl_packet_train *train, const int *zones, int count);
 
 /* The next active track whose following packet has ended within (from_s, to_s] if it goes on; NULL
  * if there is none from the index on, which it moves.
@@ -39,7 +39,7 @@ bool rl_pool_knows(const struct rl_pool *pool, uint16_t id, double begin_s, doub
 
 /* Whether packets of an ID follow, by the same clock, others that are held. */
 bool rl_pool_is_followed(const struct rl_pool *pool, uint16_t id,
-                         const struct rl_transmission *transmission);
+                         const struct rl_packet_train *train);
 
 /* Find what may be in some zones from one time to another besides an ID: what was read in them
  * first, then what was read beside them. Those whose last packet ended before `since_s` are over.

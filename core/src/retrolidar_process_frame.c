@@ -101,16 +101,16 @@ static void judge_next(struct rl_detector *detector, double from_s, double to_s)
 {
     const struct rl_active_track *track;
     for (int i = 0; (track = rl_pool_due(&detector->pool, &i, from_s, to_s)) != NULL;) {
-        const struct rl_sending *sending = &track->transmission.sending;
-        const double packet_s = RL_PACKET_BITS * sending->bit_s;
+        const struct rl_transmission *transmission = &track->train.transmission;
+        const double packet_s = RL_PACKET_BITS * transmission->bit_s;
         /* The packet that the newest stretch of its length begins in. */
-        const double start_s =
-            sending->start_s + packet_s * floor((to_s - sending->start_s) / packet_s - 1.0);
+        const double start_s = transmission->start_s +
+                               packet_s * floor((to_s - transmission->start_s) / packet_s - 1.0);
         const struct rl_pending pending = {
             .channel = track->zone,
             .packets = 1,
             .since_s = -INFINITY,
-            .hits = {.count = 1, .hit = {{0.0f, track->id, true, start_s, sending->bit_s}}}};
+            .hits = {.count = 1, .hit = {{0.0f, track->id, true, start_s, transmission->bit_s}}}};
         if (detector->decisions_left > 0) {
             rl_judge(detector, &pending, to_s);
         }

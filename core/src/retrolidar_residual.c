@@ -30,8 +30,8 @@ static double mean_of(const float *signal, int rows)
     return rows > 0 ? sum / rows : 0.0;
 }
 
-/* Subtract one transmission, as far as it was read or as if it went on, whichever explains more. */
-static void subtract(struct rl_residual *residual, const struct rl_transmission *transmission,
+/* Subtract one train, as far as it was read or as if it went on, whichever explains more. */
+static void subtract(struct rl_residual *residual, const struct rl_packet_train *train,
                      float *signal, const uint8_t *valid, int rows, double noise)
 {
     const struct rl_samples *samples = residual->samples;
@@ -39,7 +39,7 @@ static void subtract(struct rl_residual *residual, const struct rl_transmission 
     const double *end_s = samples->end_s + residual->first;
     double gain[2][RL_KNOTS], explained[2];
     for (int goes_on = 0; goes_on < 2; goes_on++) {
-        rl_transmission_light(transmission, goes_on, begin_s, end_s, rows, residual->light);
+        rl_train_light(train, goes_on, begin_s, end_s, rows, residual->light);
         explained[goes_on] =
             rl_gain_profile_fit(signal, valid, residual->light, rows, noise, gain[goes_on])
                 .explained;
@@ -48,7 +48,7 @@ static void subtract(struct rl_residual *residual, const struct rl_transmission 
     if (!(explained[form] > 0.0)) {
         return;
     }
-    rl_transmission_light(transmission, form, begin_s, end_s, rows, residual->light);
+    rl_train_light(train, form, begin_s, end_s, rows, residual->light);
     for (int row = 0; row < rows; row++) {
         signal[row] +=
             (float)(rl_gain_profile_at(gain[form], row, rows) * (1.0 - residual->light[row]));
@@ -74,8 +74,7 @@ double rl_residual_subtract(struct rl_residual *residual, int zone,
     samples->interference_removed[zone] = true;
     const double noise = rl_noise_variance(samples, zone, mean_of(signal, rows));
     for (int i = 0; i < interference->count; i++) {
-        subtract(residual, &interference->transmission[i], signal, samples->valid + at, rows,
-                 noise);
+        subtract(residual, &interference->train[i], signal, samples->valid + at, rows, noise);
     }
     const int newest = samples->variance_rows < rows ? samples->variance_rows : rows;
     const float *rest = signal + (rows - newest);

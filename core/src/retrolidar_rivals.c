@@ -16,35 +16,36 @@ static const double ENOUGH = 30.0;
 
 struct rival {
     float nats; /* about, less those of the packet in question */
-    struct rl_sending sending;
+    struct rl_transmission transmission;
 };
 
-double rl_rivals_sequence(struct rl_window *window, const struct rl_sending *sending,
+double rl_rivals_sequence(struct rl_window *window, const struct rl_transmission *transmission,
                           double half_bits, const struct rl_hits *hits)
 {
     double best = -INFINITY;
     for (int i = 0; i < hits->sequences; i++) {
         const struct rl_sequence *sequence = &hits->sequence[i];
-        struct rl_sending any = {sequence->bits, sequence->repeats, sequence->start_s,
-                                 sequence->bit_s, sending->brightening_s};
+        struct rl_transmission any = {sequence->bits, sequence->repeats, sequence->start_s,
+                                      sequence->bit_s, transmission->brightening_s};
         best = fmax(best, rl_window_refine(window, &any, half_bits));
     }
     return best;
 }
 
-double rl_rivals_flip_bits(struct rl_window *window, const struct rl_sending *sending, double own,
-                           int begin, int silent_bits, double enough, struct rl_bits *bits)
+double rl_rivals_flip_bits(struct rl_window *window, const struct rl_transmission *transmission,
+                           double own, int begin, int silent_bits, double enough,
+                           struct rl_bits *bits)
 {
     double better = 0.0;
     float first[RL_PACKET_BITS]; /* of each bit of the packet */
-    uint32_t sequence = sending->bits;
+    uint32_t sequence = transmission->bits;
     bits->count = silent_bits + RL_PACKET_BITS;
-    bits->begin_s = sending->start_s + (begin - silent_bits) * sending->bit_s;
+    bits->begin_s = transmission->start_s + (begin - silent_bits) * transmission->bit_s;
     for (int bit = 0; bit < RL_PACKET_BITS; bit++) {
         const uint32_t flipped = rl_packet_bit((begin + bit) % RL_PACKET_BITS);
         bits->dark[silent_bits + bit] = (sequence & flipped) != 0;
         bits->flipped[silent_bits + bit] =
-            (float)(rl_window_try_bits(window, sending, sequence ^ flipped) - own);
+            (float)(rl_window_try_bits(window, transmission, sequence ^ flipped) - own);
         first[(begin + bit) % RL_PACKET_BITS] = bits->flipped[silent_bits + bit];
     }
     for (int bit = 0; bit < silent_bits; bit++) {
@@ -58,8 +59,9 @@ double rl_rivals_flip_bits(struct rl_window *window, const struct rl_sending *se
         for (int bit = 0; bit < RL_PACKET_BITS; bit++) {
             if (round == 0 || first[bit] > -ENOUGH) {
                 const uint32_t other = sequence ^ rl_packet_bit(bit);
-                const double gained = round == 0 ? (double)first[bit]
-                                                 : rl_window_try_bits(window, sending, other) - own;
+                const double gained = round == 0
+                                          ? (double)first[bit]
+                                          : rl_window_try_bits(window, transmission, other) - own;
                 if (gained > most) {
                     most = gained;
                     best = bit;
@@ -130,8 +132,8 @@ static float max_sum(const float weight[RL_PACKET_BITS])
  * window, by the sum over the bits that it turns.
  */
 static void find_rival(const struct rl_codebook *codebook, const struct rl_bits *bits,
-                       const struct rl_sending *sending, uint16_t id, int begin, bool repeats,
-                       struct rival *rivals)
+                       const struct rl_transmission *transmission, uint16_t id, int begin,
+                       bool repeats, struct rival *rivals)
 {
     float weight[RL_PACKET_BITS];
     const float all = weigh(bits, begin, repeats, weight);
@@ -144,15 +146,16 @@ static void find_rival(const struct rl_codebook *codebook, const struct rl_bits 
         return;
     }
     const float nats = all + sum_of(codebook->packet[word], weight);
-    const struct rl_sending other = {codebook->packet[word], repeats,
-                                     bits->begin_s + begin * sending->bit_s, sending->bit_s,
-                                     sending->brightening_s};
+    const struct rl_transmission other = {codebook->packet[word], repeats,
+                                          bits->begin_s + begin * transmission->bit_s,
+                                          transmission->bit_s, transmission->brightening_s};
     keep_rival(rivals, (struct rival){nats, other});
 }
 
 double rl_rivals_margin(struct rl_window *window, const struct rl_codebook *codebook,
-                        const struct rl_bits *bits, const struct rl_sending *sending, int packets,
-                        double own, double half_bits, uint16_t id, const struct rl_hits *hits)
+                        const struct rl_bits *bits, const struct rl_transmission *transmission,
+                        int packets, double own, double half_bits, uint16_t id,
+                        const struct rl_hits *hits)
 {
     struct rival rivals[RL_TRIED];
     for (int i = 0; i < RL_TRIED; i++) {
@@ -160,10 +163,10 @@ double rl_rivals_margin(struct rl_window *window, const struct rl_codebook *code
     }
     for (int begin = 1 - RL_PACKET_BITS; begin < bits->count; begin++) {
         if (packets == 1) {
-            find_rival(codebook, bits, sending, id, begin, false, rivals);
+            find_rival(codebook, bits, transmission, id, begin, false, rivals);
         }
-        if (sending->repeats && begin >= 0) {
-            find_rival(codebook, bits, sending, id, begin, true, rivals);
+        if (transmission->repeats && begin >= 0) {
+            find_rival(codebook, bits, transmission, id, begin, true, rivals);
         }
     }
     double nearest = own - ENOUGH;
@@ -172,10 +175,10 @@ double rl_rivals_margin(struct rl_window *window, const struct rl_codebook *code
         if (hit == NULL ? !(rivals[i].nats > -ENOUGH) : hit->id == id) {
             continue;
         }
-        struct rl_sending other =
-            hit == NULL ? rivals[i].sending
-                        : (struct rl_sending){rl_packet(hit->id), hit->repeats, hit->start_s,
-                                              hit->bit_s, sending->brightening_s};
+        struct rl_transmission other =
+            hit == NULL ? rivals[i].transmission
+                        : (struct rl_transmission){rl_packet(hit->id), hit->repeats, hit->start_s,
+                                                   hit->bit_s, transmission->brightening_s};
         double likelihood = rl_window_try(window, &other);
         if (likelihood > nearest - ENOUGH / 2) {
             likelihood = rl_window_refine(window, &other, half_bits);
@@ -186,10 +189,11 @@ double rl_rivals_margin(struct rl_window *window, const struct rl_codebook *code
 }
 
 double rl_rivals_sequence_margin(struct rl_window *window, const struct rl_codebook *codebook,
-                                 const struct rl_bits *bits, const struct rl_sending *sending,
-                                 double own, uint16_t id)
+                                 const struct rl_bits *bits,
+                                 const struct rl_transmission *transmission, double own,
+                                 uint16_t id)
 {
-    struct rl_sending best[2];
+    struct rl_transmission best[2];
     double most = -ENOUGH, cost = 0.0;
     for (int begin = 1; begin < bits->count; begin++) {
         float weight[2][RL_PACKET_BITS];
@@ -208,10 +212,10 @@ double rl_rivals_sequence_margin(struct rl_window *window, const struct rl_codeb
         const double nats =
             (double)(all + sum_of(packet[0], weight[0]) + sum_of(packet[1], weight[1])) - price;
         for (int i = 0; nats > most && i < 2; i++) {
-            best[i] = (struct rl_sending){packet[i], false,
-                                          bits->begin_s +
-                                              (begin + (i - 1) * RL_PACKET_BITS) * sending->bit_s,
-                                          sending->bit_s, sending->brightening_s};
+            best[i] = (struct rl_transmission){packet[i], false,
+                                               bits->begin_s + (begin + (i - 1) * RL_PACKET_BITS) *
+                                                                   transmission->bit_s,
+                                               transmission->bit_s, transmission->brightening_s};
         }
         cost = nats > most ? price : cost;
         most = fmax(most, nats);
@@ -223,7 +227,7 @@ double rl_rivals_sequence_margin(struct rl_window *window, const struct rl_codeb
 }
 
 double rl_rivals_part_margin(struct rl_window *window, const struct rl_codebook *codebook,
-                             const struct rl_bits *bits, const struct rl_sending *sending,
+                             const struct rl_bits *bits, const struct rl_transmission *transmission,
                              double own, uint16_t id)
 {
     const int parts = RL_PARTS * (bits->count + RL_PACKET_BITS / 2) / RL_PACKET_BITS;
@@ -233,7 +237,7 @@ double rl_rivals_part_margin(struct rl_window *window, const struct rl_codebook 
         int split = -1;
         for (int part = 1; part < parts; part++) {
             const int row = (later ? part : parts - part) * window->rows / parts;
-            if (rl_window_try_part(window, sending, row, later) < own - RL_AS_GOOD) {
+            if (rl_window_try_part(window, transmission, row, later) < own - RL_AS_GOOD) {
                 break;
             }
             split = row;
@@ -244,7 +248,7 @@ double rl_rivals_part_margin(struct rl_window *window, const struct rl_codebook 
         struct rl_bits seen = *bits;
         const double split_s = window->samples->begin_s[window->first + split];
         for (int bit = 0; bit < bits->count; bit++) {
-            if ((bits->begin_s + (bit + 0.5) * sending->bit_s < split_s) == later) {
+            if ((bits->begin_s + (bit + 0.5) * transmission->bit_s < split_s) == later) {
                 seen.flipped[bit] = 0.0f;
             }
         }
@@ -252,7 +256,7 @@ double rl_rivals_part_margin(struct rl_window *window, const struct rl_codebook 
             rivals[i].nats = -INFINITY;
         }
         for (int begin = 1 - RL_PACKET_BITS; begin < bits->count; begin++) {
-            find_rival(codebook, &seen, sending, id, begin, sending->repeats, rivals);
+            find_rival(codebook, &seen, transmission, id, begin, transmission->repeats, rivals);
         }
         margin = fmin(margin, RL_COST_OF_CHANCE - (double)rivals[0].nats);
     }

@@ -20,7 +20,7 @@ struct rl_bits {
 };
 
 /* Log likelihood of the best sequence of bits that the search has found, of a packet or not. */
-double rl_rivals_sequence(struct rl_window *window, const struct rl_sending *sending,
+double rl_rivals_sequence(struct rl_window *window, const struct rl_transmission *transmission,
                           double half_bits, const struct rl_hits *hits);
 
 /* Cut the window into bits and turn each; return how much better another sequence of the packet's
@@ -30,28 +30,31 @@ double rl_rivals_sequence(struct rl_window *window, const struct rl_sending *sen
  * begin: which bit of the packet the window begins with, after so many silent bits
  * enough: if one is better by so much, others are not asked [nats]
  */
-double rl_rivals_flip_bits(struct rl_window *window, const struct rl_sending *sending, double own,
-                           int begin, int silent_bits, double enough, struct rl_bits *bits);
+double rl_rivals_flip_bits(struct rl_window *window, const struct rl_transmission *transmission,
+                           double own, int begin, int silent_bits, double enough,
+                           struct rl_bits *bits);
 
 /* How much likelier a packet is than one of any other ID: begun at any bit, cut by the window or
  * repeating, or found by the search with another start and clock.
  */
 double rl_rivals_margin(struct rl_window *window, const struct rl_codebook *codebook,
-                        const struct rl_bits *bits, const struct rl_sending *sending, int packets,
-                        double own, double half_bits, uint16_t id, const struct rl_hits *hits);
+                        const struct rl_bits *bits, const struct rl_transmission *transmission,
+                        int packets, double own, double half_bits, uint16_t id,
+                        const struct rl_hits *hits);
 
 /* The same against packets of other IDs back to back, one of which ended in the window, and the
  * next began.
  */
 double rl_rivals_sequence_margin(struct rl_window *window, const struct rl_codebook *codebook,
-                                 const struct rl_bits *bits, const struct rl_sending *sending,
-                                 double own, uint16_t id);
+                                 const struct rl_bits *bits,
+                                 const struct rl_transmission *transmission, double own,
+                                 uint16_t id);
 
 /* The same if the marker may have appeared or vanished in the window, where the packet is dark at
  * its begin or end: a marker that is not there is as dark. About; infinite if the packet is not.
  */
 double rl_rivals_part_margin(struct rl_window *window, const struct rl_codebook *codebook,
-                             const struct rl_bits *bits, const struct rl_sending *sending,
+                             const struct rl_bits *bits, const struct rl_transmission *transmission,
                              double own, uint16_t id);
 
 #endif

@@ -34,7 +34,7 @@ static int light_of(struct rl_shares *shares, const struct rl_verdict *verdict, 
     int rows = rl_samples_row(samples, verdict->end_s) + 1;
     rows = (rows < samples->count ? rows : samples->count) - *first;
     rows = rows < samples->kept ? rows : samples->kept;
-    rl_template(&verdict->sending, samples->begin_s + *first, samples->end_s + *first, rows,
+    rl_template(&verdict->transmission, samples->begin_s + *first, samples->end_s + *first, rows,
                 shares->light);
     return rows;
 }

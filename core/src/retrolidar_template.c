@@ -30,96 +30,97 @@ static double relaxed(double before, double level, double brightening_s, double 
     return level * since_s + step * tau * (since_s > 20.0 * tau ? 1.0 : 1.0 - exp(-since_s / tau));
 }
 
-static void lay_out(const struct rl_sending *sending, struct packet *packet)
+static void lay_out(const struct rl_transmission *transmission, struct packet *packet)
 {
     for (int bit = 0; bit < RL_PACKET_BITS; bit++) {
-        packet->level[bit] = sending->bits & rl_packet_bit(bit) ? 0.0 : 1.0;
+        packet->level[bit] = transmission->bits & rl_packet_bit(bit) ? 0.0 : 1.0;
     }
     packet->level[RL_PACKET_BITS] = 1.0;
-    packet->before[0] = sending->repeats ? packet->level[RL_PACKET_BITS - 1] : 1.0;
+    packet->before[0] = transmission->repeats ? packet->level[RL_PACKET_BITS - 1] : 1.0;
     packet->elapsed[0] = 0.0;
     for (int bit = 0; bit < RL_PACKET_BITS; bit++) {
         packet->before[bit + 1] = packet->level[bit];
         packet->elapsed[bit + 1] =
             packet->elapsed[bit] + relaxed(packet->before[bit], packet->level[bit],
-                                           sending->brightening_s, sending->bit_s);
+                                           transmission->brightening_s, transmission->bit_s);
     }
 }
 
-/* Where a time is in a transmission. */
+/* Where a time is in a train. */
 struct place {
     int bit;
     double bit_s; /* when the bit begins, since the start of the packet */
     double sent;  /* the integral until that packet began */
 };
 
-static struct place place_of(const struct rl_sending *sending, const struct packet *packet,
-                             double since_s)
+static struct place place_of(const struct rl_transmission *transmission,
+                             const struct packet *packet, double since_s)
 {
     double cycles = 0.0;
-    int bit = since_s > 0.0 ? (int)fmin(since_s / sending->bit_s, RL_PACKET_BITS) : 0;
-    if (sending->repeats) {
-        const double length_s = RL_PACKET_BITS * sending->bit_s;
+    int bit = since_s > 0.0 ? (int)fmin(since_s / transmission->bit_s, RL_PACKET_BITS) : 0;
+    if (transmission->repeats) {
+        const double length_s = RL_PACKET_BITS * transmission->bit_s;
         cycles = floor(since_s / length_s);
-        bit = (int)((since_s - cycles * length_s) / sending->bit_s);
+        bit = (int)((since_s - cycles * length_s) / transmission->bit_s);
         bit = bit < RL_PACKET_BITS ? bit : RL_PACKET_BITS - 1;
     }
-    return (struct place){bit, (cycles * RL_PACKET_BITS + bit) * sending->bit_s,
+    return (struct place){bit, (cycles * RL_PACKET_BITS + bit) * transmission->bit_s,
                           cycles * packet->elapsed[RL_PACKET_BITS]};
 }
 
-/* The integral of the transmission from the start of the packet to a time since then [s]. The place
+/* The integral of the light from the start of the packet to a time since then [s]. The place
  * goes along: the next time is mostly in the same bit, or in the one behind it.
  */
-static double integral(const struct rl_sending *sending, const struct packet *packet,
+static double integral(const struct rl_transmission *transmission, const struct packet *packet,
                        double since_s, struct place *place)
 {
-    if (since_s <= 0.0 && !sending->repeats) {
+    if (since_s <= 0.0 && !transmission->repeats) {
         return since_s;
     }
     double passed_s = since_s - place->bit_s;
-    const int ends = sending->repeats || place->bit < RL_PACKET_BITS; /* as idle does not */
-    if (passed_s < 0.0 || (ends && passed_s >= sending->bit_s)) {
-        if (passed_s > 0.0 && passed_s < 2.0 * sending->bit_s && place->bit + 1 < RL_PACKET_BITS) {
+    const int ends = transmission->repeats || place->bit < RL_PACKET_BITS; /* as idle does not */
+    if (passed_s < 0.0 || (ends && passed_s >= transmission->bit_s)) {
+        if (passed_s > 0.0 && passed_s < 2.0 * transmission->bit_s &&
+            place->bit + 1 < RL_PACKET_BITS) {
             place->bit++;
-            place->bit_s += sending->bit_s;
+            place->bit_s += transmission->bit_s;
         } else {
-            *place = place_of(sending, packet, since_s);
+            *place = place_of(transmission, packet, since_s);
         }
         passed_s = since_s - place->bit_s;
     }
     return place->sent + packet->elapsed[place->bit] +
-           relaxed(packet->before[place->bit], packet->level[place->bit], sending->brightening_s,
-                   passed_s > 0.0 ? passed_s : 0.0);
+           relaxed(packet->before[place->bit], packet->level[place->bit],
+                   transmission->brightening_s, passed_s > 0.0 ? passed_s : 0.0);
 }
 
-void rl_template(const struct rl_sending *sending, const double *begin_s, const double *end_s,
-                 int rows, double *light)
+void rl_template(const struct rl_transmission *transmission, const double *begin_s,
+                 const double *end_s, int rows, double *light)
 {
     struct packet packet;
-    lay_out(sending, &packet);
+    lay_out(transmission, &packet);
     struct place place = {0, 0.0, 0.0};
     double until = 0.0, until_s = -INFINITY;
     for (int row = 0; row < rows; row++) {
         const double from =
             begin_s[row] == until_s
                 ? until
-                : integral(sending, &packet, begin_s[row] - sending->start_s, &place);
+                : integral(transmission, &packet, begin_s[row] - transmission->start_s, &place);
         until_s = end_s[row];
-        until = integral(sending, &packet, until_s - sending->start_s, &place);
+        until = integral(transmission, &packet, until_s - transmission->start_s, &place);
         light[row] = (until - from) / (end_s[row] - begin_s[row]);
     }
 }
 
-void rl_transmission_light(const struct rl_transmission *transmission, bool goes_on,
-                           const double *begin_s, const double *end_s, int rows, double *light)
+void rl_train_light(const struct rl_packet_train *train, bool goes_on, const double *begin_s,
+                    const double *end_s, int rows, double *light)
 {
-    struct rl_sending sending = transmission->sending;
-    sending.repeats = sending.repeats || goes_on;
-    rl_template(&sending, begin_s, end_s, rows, light);
+    struct rl_transmission transmission = train->transmission;
+    transmission.repeats = transmission.repeats || goes_on;
+    rl_template(&transmission, begin_s, end_s, rows, light);
     for (int row = 0; row < rows; row++) {
         const double middle_s = (begin_s[row] + end_s[row]) / 2;
-        if (middle_s < transmission->begin_s || (!goes_on && middle_s > transmission->end_s)) {
+        if (middle_s < train->begin_s || (!goes_on && middle_s > train->end_s)) {
             light[row] = 1.0;
         }
     }

@@ -13,7 +13,7 @@ enum { RL_CRYSTALS = 5 };
 extern const double rl_brightening_s[RL_CRYSTALS];
 
 /* Bits that a marker sends, and when. */
-struct rl_sending {
+struct rl_transmission {
     uint32_t bits;        /* of a packet, the first one the most significant; 1 = dark */
     bool repeats;         /* back to back without end; a lone packet is bright before and after */
     double start_s;       /* when a packet begins [s] */
@@ -22,17 +22,17 @@ struct rl_sending {
 };
 
 /* Packets of one ID that have been read, one behind the other. */
-struct rl_transmission {
-    struct rl_sending sending;
+struct rl_packet_train {
+    struct rl_transmission transmission;
     double begin_s, end_s; /* of what was read [s] */
 };
 
-/* Mean transmission, 0 to 1, during exposures from begin_s to end_s; both of so many rows. */
-void rl_template(const struct rl_sending *sending, const double *begin_s, const double *end_s,
-                 int rows, double *light);
+/* Mean light, 0 to 1, during exposures from begin_s to end_s; both of so many rows. */
+void rl_template(const struct rl_transmission *transmission, const double *begin_s,
+                 const double *end_s, int rows, double *light);
 
-/* The same of a transmission, as far as it was read, or as if it went on and on; bright before. */
-void rl_transmission_light(const struct rl_transmission *transmission, bool goes_on,
-                           const double *begin_s, const double *end_s, int rows, double *light);
+/* The same of a train, as far as it was read, or as if it went on and on; bright before. */
+void rl_train_light(const struct rl_packet_train *train, bool goes_on, const double *begin_s,
+                    const double *end_s, int rows, double *light);
 
 #endif

@@ -52,7 +52,7 @@ static void end(struct rl_tracks *tracks, int index)
 static bool goes_on(const struct rl_followed *followed, const struct rl_reading *reading)
 {
     const double packet_s = RL_PACKET_BITS * reading->bit_s;
-    const double cycles = (reading->start_s - followed->sending.start_s) / packet_s;
+    const double cycles = (reading->start_s - followed->transmission.start_s) / packet_s;
     return fabs(cycles - floor(cycles + 0.5)) * RL_PACKET_BITS < MOST_OFF_BITS;
 }
 

@@ -72,7 +72,7 @@ static double light_of(const struct rl_followed *followed, const struct rl_sampl
                        int row)
 {
     double light;
-    rl_template(&followed->sending, &samples->begin_s[row], &samples->end_s[row], 1, &light);
+    rl_template(&followed->transmission, &samples->begin_s[row], &samples->end_s[row], 1, &light);
     return light;
 }
 
@@ -208,8 +208,8 @@ bool rl_tracks_begin(struct rl_tracks *tracks, const struct rl_reading *reading)
     }
     rl_followed_start(followed, reading);
     followed->first_s = reading->start_s;
-    rl_template(&followed->sending, samples->begin_s + first, samples->end_s + first, window.rows,
-                tracks->light);
+    rl_template(&followed->transmission, samples->begin_s + first, samples->end_s + first,
+                window.rows, tracks->light);
     const double depth_m = depth_of(tracks, zone, &window);
     if (isnan(depth_m)) {
         return false;

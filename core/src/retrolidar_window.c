@@ -34,11 +34,10 @@ void rl_window_start(struct rl_window *window, const struct rl_samples *samples,
     window->valid = rl_room_start(&window->room, rows, next + 2 * rows);
 }
 
-static void light_of(struct rl_window *window, const struct rl_transmission *transmission,
-                     bool goes_on)
+static void light_of(struct rl_window *window, const struct rl_packet_train *train, bool goes_on)
 {
-    rl_transmission_light(transmission, goes_on, window->samples->begin_s + window->first,
-                          window->samples->end_s + window->first, window->rows, window->light);
+    rl_train_light(train, goes_on, window->samples->begin_s + window->first,
+                   window->samples->end_s + window->first, window->rows, window->light);
 }
 
 /* The light until a row, or from it on: without the marker it is as dark as with a dark one. */
@@ -54,13 +53,13 @@ static const double *part_of(const struct rl_window *window, int split, bool lat
  * steps, as the marker may cross from zone to zone, and each must explain what it costs.
  */
 static void add_interferer(struct rl_window *window, struct rl_whitened *whitened,
-                           const struct rl_transmission *transmission)
+                           const struct rl_packet_train *train)
 {
-    light_of(window, transmission, true);
+    light_of(window, train, true);
     const double on = rl_fit_gain(whitened, window->light).log_likelihood;
-    light_of(window, transmission, false);
+    light_of(window, train, false);
     if (on > rl_fit_gain(whitened, window->light).log_likelihood) {
-        light_of(window, transmission, true);
+        light_of(window, train, true);
     }
     for (int step = 0; step < RL_TRIED && whitened->interferers < RL_MAX_INTERFERERS; step++) {
         double best = rl_fit_gain(whitened, window->light).log_likelihood;
@@ -104,7 +103,7 @@ static void add(struct rl_window *window, int channel)
     rl_whiten(whitened, column.signal, window->valid, begin_s, end_s, window->rows,
               samples->period_s, LEAST_NOISE * noise);
     for (int i = 0; i < window->interference.count; i++) {
-        add_interferer(window, whitened, &window->interference.transmission[i]);
+        add_interferer(window, whitened, &window->interference.train[i]);
     }
     window->channel[window->channels++] = channel;
     window->null += whitened->null;
@@ -169,9 +168,9 @@ static double fit(struct rl_window *window, const double *light)
     return total;
 }
 
-static void lay_light(struct rl_window *window, const struct rl_sending *sending)
+static void lay_light(struct rl_window *window, const struct rl_transmission *transmission)
 {
-    rl_template(sending, window->samples->begin_s + window->first,
+    rl_template(transmission, window->samples->begin_s + window->first,
                 window->samples->end_s + window->first, window->rows, window->light);
 }
 
@@ -180,21 +179,21 @@ double rl_window_try_light(struct rl_window *window)
     return fit(window, window->light);
 }
 
-double rl_window_try(struct rl_window *window, const struct rl_sending *sending)
+double rl_window_try(struct rl_window *window, const struct rl_transmission *transmission)
 {
-    lay_light(window, sending);
+    lay_light(window, transmission);
     return fit(window, window->light);
 }
 
-double rl_window_try_part(struct rl_window *window, const struct rl_sending *sending, int split,
-                          bool later)
+double rl_window_try_part(struct rl_window *window, const struct rl_transmission *transmission,
+                          int split, bool later)
 {
-    lay_light(window, sending);
+    lay_light(window, transmission);
     return fit(window, part_of(window, split, later));
 }
 
-double rl_window_try_two(struct rl_window *window, const struct rl_sending *one,
-                         const struct rl_sending *other)
+double rl_window_try_two(struct rl_window *window, const struct rl_transmission *one,
+                         const struct rl_transmission *other)
 {
     lay_light(window, one);
     memcpy(window->part, window->light, (size_t)window->rows * sizeof *window->part);
@@ -205,18 +204,19 @@ double rl_window_try_two(struct rl_window *window, const struct rl_sending *one,
     return fit(window, window->light);
 }
 
-double rl_window_try_bits(struct rl_window *window, const struct rl_sending *sending, uint32_t bits)
+double rl_window_try_bits(struct rl_window *window, const struct rl_transmission *transmission,
+                          uint32_t bits)
 {
-    struct rl_sending other = *sending;
+    struct rl_transmission other = *transmission;
     other.bits = bits;
     return rl_window_try(window, &other);
 }
 
 /* Move the middle of the window by some time, and the bit period by another. */
-static struct rl_sending moved(const struct rl_sending *sending, double half_bits, double later_s,
-                               double longer_s)
+static struct rl_transmission moved(const struct rl_transmission *transmission, double half_bits,
+                                    double later_s, double longer_s)
 {
-    struct rl_sending other = *sending;
+    struct rl_transmission other = *transmission;
     other.start_s += later_s - half_bits * longer_s;
     other.bit_s += longer_s;
     return other;
@@ -229,25 +229,26 @@ static double parabolic_peak(double before, double here, double after)
     return bend < 0.0 ? fmin(fmax(0.5 * (before - after) / bend, -1.0), 1.0) : 0.0;
 }
 
-static double coordinate_ascent(struct rl_window *window, struct rl_sending *sending,
+static double coordinate_ascent(struct rl_window *window, struct rl_transmission *transmission,
                                 double half_bits, int rounds)
 {
-    double best = rl_window_try(window, sending);
+    double best = rl_window_try(window, transmission);
     /* Each round has half the steps of the one before. */
-    double later_s = sending->bit_s / 8;
+    double later_s = transmission->bit_s / 8;
     for (int round = 0; round < rounds; round++, later_s /= 2) {
         for (int axis = 0; axis < 2; axis++) {
             const double longer_s = axis ? later_s / half_bits : 0.0;
             const double shift_s = axis ? 0.0 : later_s;
-            struct rl_sending one = moved(sending, half_bits, -shift_s, -longer_s);
-            struct rl_sending other = moved(sending, half_bits, shift_s, longer_s);
+            struct rl_transmission one = moved(transmission, half_bits, -shift_s, -longer_s);
+            struct rl_transmission other = moved(transmission, half_bits, shift_s, longer_s);
             if (one.bit_s < window->min_bit_s || other.bit_s > window->max_bit_s) {
                 continue;
             }
             const double before = rl_window_try(window, &one);
             const double after = rl_window_try(window, &other);
             const double at = parabolic_peak(before, best, after);
-            struct rl_sending tried = moved(sending, half_bits, at * shift_s, at * longer_s);
+            struct rl_transmission tried =
+                moved(transmission, half_bits, at * shift_s, at * longer_s);
             double likelihood = at == 0.0 ? best : rl_window_try(window, &tried);
             if (before > likelihood) {
                 likelihood = before;
@@ -259,21 +260,22 @@ static double coordinate_ascent(struct rl_window *window, struct rl_sending *sen
             }
             if (likelihood > best) {
                 best = likelihood;
-                *sending = tried;
+                *transmission = tried;
             }
         }
     }
     return best;
 }
 
-double rl_window_refine(struct rl_window *window, struct rl_sending *sending, double half_bits)
+double rl_window_refine(struct rl_window *window, struct rl_transmission *transmission,
+                        double half_bits)
 {
-    const double best = coordinate_ascent(window, sending, half_bits, RL_TRIED);
-    const struct rl_sending usual = *sending;
-    struct rl_sending likeliest = usual;
+    const double best = coordinate_ascent(window, transmission, half_bits, RL_TRIED);
+    const struct rl_transmission usual = *transmission;
+    struct rl_transmission likeliest = usual;
     double most = best + RL_AS_GOOD;
     for (int i = 0; i < RL_CRYSTALS; i++) {
-        struct rl_sending other = usual;
+        struct rl_transmission other = usual;
         other.brightening_s = rl_brightening_s[i];
         /* Half of the edges come later by the mean delay of the crystal. */
         other.start_s -= (other.brightening_s - usual.brightening_s) / 4;
@@ -284,9 +286,9 @@ double rl_window_refine(struct rl_window *window, struct rl_sending *sending, do
         }
     }
     if (likeliest.brightening_s != usual.brightening_s) {
-        *sending = likeliest;
-        coordinate_ascent(window, sending, half_bits, RL_TRIED - 1);
+        *transmission = likeliest;
+        coordinate_ascent(window, transmission, half_bits, RL_TRIED - 1);
     }
     /* So that `fit` and `light` are of what is returned. */
-    return rl_window_try(window, sending);
+    return rl_window_try(window, transmission);
 }

@@ -12,7 +12,7 @@
 /* Packets that may be in the samples besides the one in question. */
 struct rl_interference {
     int count;
-    struct rl_transmission transmission[RL_MAX_INTERFERERS];
+    struct rl_packet_train train[RL_MAX_INTERFERERS];
 };
 
 struct rl_window {
@@ -50,7 +50,7 @@ void rl_window_add(struct rl_window *window, int channel);
 void rl_window_drop(struct rl_window *window);
 
 /* Log likelihood of what is sent, each channel having its own gain, noise and wandering level. */
-double rl_window_try(struct rl_window *window, const struct rl_sending *sending);
+double rl_window_try(struct rl_window *window, const struct rl_transmission *transmission);
 
 /* The same of what `light` holds, for every row. */
 double rl_window_try_light(struct rl_window *window);
@@ -58,15 +58,15 @@ double rl_window_try_light(struct rl_window *window);
 /* The same if the packet is seen from a row of the window on only, or until it, as if its marker
  * had appeared or vanished.
  */
-double rl_window_try_part(struct rl_window *window, const struct rl_sending *sending, int split,
-                          bool later);
+double rl_window_try_part(struct rl_window *window, const struct rl_transmission *transmission,
+                          int split, bool later);
 
 /* The same of two lone packets, one of which follows the other. */
-double rl_window_try_two(struct rl_window *window, const struct rl_sending *one,
-                         const struct rl_sending *other);
+double rl_window_try_two(struct rl_window *window, const struct rl_transmission *one,
+                         const struct rl_transmission *other);
 
 /* The same of other bits. */
-double rl_window_try_bits(struct rl_window *window, const struct rl_sending *sending,
+double rl_window_try_bits(struct rl_window *window, const struct rl_transmission *transmission,
                           uint32_t bits);
 
 /* Find the start, the bit period and the crystal's brightening that are likeliest, near to those
@@ -74,6 +74,7 @@ double rl_window_try_bits(struct rl_window *window, const struct rl_sending *sen
  *
  * half_bits: from the start to the middle of the window
  */
-double rl_window_refine(struct rl_window *window, struct rl_sending *sending, double half_bits);
+double rl_window_refine(struct rl_window *window, struct rl_transmission *transmission,
+                        double half_bits);
 
 #endif

@@ -58,7 +58,7 @@ PARTS = {
         'judge', '!rl_zones_consistent(', 'false && !rl_zones_consistent('
     ),
     'zones nearby add evidence': _call(
-        'decide', '    rl_observation_add_zones(window, &verdict->sending, verdict->evidence);'
+        'decide', '    rl_observation_add_zones(window, &verdict->transmission, verdict->evidence);'
     ),
     'word test: bits turned': Part(
         'rivals', 'round < FLIPS && better < enough;', 'round < FLIPS && false;'

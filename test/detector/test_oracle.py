@@ -206,7 +206,7 @@ def test_word_and_margin_decided(
         together += verdict.channels > 1
         sources = verdict.channel[0 : verdict.channels]
         zones = [core.rows(source).zone(LAW, core.opened()) for source in sources]
-        last = verdict.sending
+        last = verdict.transmission
         final = sending._replace(
             start_s=last.start_s, bit_s=last.bit_s, brightening_s=last.brightening_s
         )
