@@ -93,7 +93,7 @@ class Rows(NamedTuple):
             end_s[kept],
             self.signal[rows][kept],
             period_s=self.period_s,
-            least=constant('LEAST_NOISE') * noise,
+            least=constant('MIN_NOISE') * noise,
         )
 
 

@@ -20,8 +20,8 @@ static const int PLACES[STRETCHES] = {5, 50, 40, 50, 5};
 static const double FROM[STRETCHES + 1] = {-0.7, -0.6, -0.4, 0.4, 0.6, 0.7};
 /* Share of the light by which a zone may deviate from the model. */
 static const double MODEL_ERROR = 0.02;
-static const double LEAST_DOUBT = 1e-6; /* [kcps/SPAD] */
-static const double MOST_SCORE = 5.0, STEPS_A_SCORE = 100.0;
+static const double MIN_DOUBT = 1e-6; /* [kcps/SPAD] */
+static const double MAX_SCORE = 5.0, STEPS_A_SCORE = 100.0;
 static const double SQRT_2 = 1.4142135623730951, SQRT_2_PI = 2.5066282746310002;
 /* Places that are less likely than the likeliest by more have no part [nats]. */
 static const double HOPELESS = 40.0;
@@ -51,7 +51,7 @@ void rl_bearing_start(struct rl_bearing_table *table)
         table->prior[i] = (table->place[after] - table->place[before]) / (after - before);
     }
     for (int i = 0; i < RL_SCORES; i++) {
-        const double score = fabs(i / STEPS_A_SCORE - MOST_SCORE);
+        const double score = fabs(i / STEPS_A_SCORE - MAX_SCORE);
         table->ramp[i] = exp(-score * score / 2) / SQRT_2_PI - score * erfc(score / SQRT_2) / 2;
     }
 }
@@ -59,7 +59,7 @@ void rl_bearing_start(struct rl_bearing_table *table)
 /* The integral of a blurred step up to a distance. */
 static double ramp(const struct rl_bearing_table *table, double distance, double blur)
 {
-    const double score = distance / blur + MOST_SCORE;
+    const double score = distance / blur + MAX_SCORE;
     const double step = fmin(fmax(score * STEPS_A_SCORE, 0.0), RL_SCORES - 2);
     const int before = (int)step;
     const double excess =
@@ -134,7 +134,7 @@ struct rl_bearing rl_bearing_of(const struct rl_bearing_table *table, int32_t ro
 {
     const int at[AXES] = {zone % columns, zone / columns}, most[AXES] = {columns, rows};
     const int apart[AXES] = {1, columns};
-    const double doubt = fmax(MODEL_ERROR * amplitude[zone], LEAST_DOUBT);
+    const double doubt = fmax(MODEL_ERROR * amplitude[zone], MIN_DOUBT);
     struct shares shares;
     struct belief belief[AXES];
     share_out(table, width, &shares);

@@ -121,8 +121,8 @@ static inline float sum_of(float sum, uint32_t packet, const float table[WORD_BY
 }
 
 /* The least energy of a group: what is beyond that of reference, all bits may have or none. */
-static float least_power(const struct rl_energy *energy, const struct rl_smooth *smooth,
-                         const struct rl_group *group, float least)
+static float min_power(const struct rl_energy *energy, const struct rl_smooth *smooth,
+                       const struct rl_group *group, float least)
 {
     const float own = energy->own - smooth->own, adjacent = energy->adjacent - smooth->adjacent;
     return least + own * (own > 0.0f ? group->dark : (float)RL_PACKET_BITS) +
@@ -133,26 +133,26 @@ void rl_codebook_best(const struct rl_codebook *codebook, const struct rl_energy
                       const struct rl_smooth *smooth, const float *soft, float least,
                       struct rl_word best[2])
 {
-    float table[WORD_BYTES][256], most_low = 0.0f;
+    float table[WORD_BYTES][256], max_low = 0.0f;
     tabulate(soft, table);
     const float preamble = rl_add_preamble(0.0f, soft);
     for (int bit = RL_PREAMBLE_BITS + 8; bit < RL_PACKET_BITS; bit++) {
-        most_low += rl_maxf(soft[bit], 0.0f);
+        max_low += rl_maxf(soft[bit], 0.0f);
     }
     best[0] = best[1] = (struct rl_word){-1, least};
     for (int g = 0; g < codebook->groups; g++) {
         const struct rl_group *group = &codebook->group[g];
         const float high = preamble + table[0][group->high];
         const float power_of_any =
-            rl_maxf(least_power(energy, smooth, group, smooth->group[g]), 0.0f);
-        const float least_sum = sqrtf(best[1].squared * power_of_any);
-        if (high + most_low <= least_sum) {
+            rl_maxf(min_power(energy, smooth, group, smooth->group[g]), 0.0f);
+        const float min_sum = sqrtf(best[1].squared * power_of_any);
+        if (high + max_low <= min_sum) {
             continue;
         }
         for (int word = group->first; word < group->first + group->count; word++) {
             const uint32_t packet = codebook->packet[word];
             const float sum = sum_of(high, packet, (const float (*)[256])table);
-            if (sum <= least_sum) {
+            if (sum <= min_sum) {
                 continue;
             }
             const float power = energy->own * codebook->dark[word] +

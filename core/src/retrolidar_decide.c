@@ -12,13 +12,13 @@
 #include <string.h>
 
 enum {
-    LEAST_WALK = 3, /* walk from which on what a packet leaves over is more than noise */
+    MIN_WALK = 3, /* walk from which on what a packet leaves over is more than noise */
 };
 
 /* Share of the evidence of a packet that has repeated that there must be with the bits before. */
-static const double LEAST_LONGER = 0.9;
+static const double MIN_LONGER = 0.9;
 /* Share of the evidence in demand that one channel must have by itself. */
-static const double LEAST_ALONE = 0.4;
+static const double MIN_ALONE = 0.4;
 /* To leave out a stretch of bits costs some, as it might be any [nats]. */
 static const double COST_OF_MASK = 10.0;
 /* Share of what others explain that a packet beside them needs besides: what they leave over may
@@ -66,7 +66,7 @@ static bool has_repeated(struct rl_window *window, const struct rl_transmission 
     const double longer = rl_window_try(window, transmission) - window->null;
     rl_window_open(window, window->channel[0], begin_s, to_s);
     rl_window_try(window, transmission);
-    return longer > LEAST_LONGER * evidence - RL_AS_GOOD;
+    return longer > MIN_LONGER * evidence - RL_AS_GOOD;
 }
 
 /* Evidence that a packet of few changes needs besides: the fewer, the sooner do steps of what moves
@@ -132,7 +132,7 @@ static int open(struct trial *trial, int channel, double consumed_until_s, doubl
     trial->half_bits = rl_observation_half_bits(transmission, packets, to_s);
     trial->own = verdict->evidence + window->null;
     note_fit(verdict, window);
-    if (verdict->evidence < LEAST_ALONE * demands->evidence) {
+    if (verdict->evidence < MIN_ALONE * demands->evidence) {
         return RL_EVIDENCE;
     }
     if ((!transmission->repeats && verdict->end_s > to_s + transmission->bit_s / RL_PHASES) ||
@@ -165,7 +165,7 @@ static bool is_evident(struct trial *trial)
     trial->own = refine(verdict, window, trial->half_bits);
     trial->threshold = trial->demands->evidence + cost_of_changes(verdict->transmission.bits) +
                        (verdict->packets > 1 ? RL_COST_OF_GAIN : 0.0) +
-                       (window->fit[0].walk >= LEAST_WALK ? trial->demands->wandering : 0.0) +
+                       (window->fit[0].walk >= MIN_WALK ? trial->demands->wandering : 0.0) +
                        LEFT_OVER * window->whitened[0].explained;
     return verdict->evidence >= trial->threshold;
 }

@@ -33,8 +33,8 @@ struct rl_verdict {
     double evidence, word, margin; /* [nats], as far as it came */
     double begin_s, end_s;         /* of what was used */
     int channels;
-    int channel[RL_MOST_ZONES_TOGETHER];
-    struct rl_gain fit[RL_MOST_ZONES_TOGETHER];
+    int channel[RL_MAX_ZONES_TOGETHER];
+    struct rl_gain fit[RL_MAX_ZONES_TOGETHER];
 };
 
 /* Judge a hit of a channel.

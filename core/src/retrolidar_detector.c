@@ -74,10 +74,10 @@ static void restart(struct rl_detector *detector, int64_t stamp_ns)
     detector->looked_s = -INFINITY;
     detector->slot = 0;
     detector->search.frames_a_bit = 0.0;
-    for (int zone = 0; zone < RL_MOST_ZONES; zone++) {
+    for (int zone = 0; zone < RL_MAX_ZONES; zone++) {
         detector->active_s[zone] = -INFINITY;
     }
-    for (int channel = 0; channel < RL_MOST_CHANNELS; channel++) {
+    for (int channel = 0; channel < RL_MAX_CHANNELS; channel++) {
         detector->consumed_until_s[channel] = -INFINITY;
         detector->pasts[channel] = 0;
     }

@@ -12,7 +12,7 @@
 #include "retrolidar_sensor.h"
 
 /* binding */
-enum { RL_MOST_READ = 16 };
+enum { RL_MAX_READ = 16 };
 
 struct rl_settings {
     struct rl_sensor sensor;
@@ -31,7 +31,7 @@ struct rl_reading {
     double begin_s, end_s;                /* of the samples that were used [s] */
     double evidence, margin;              /* [nats] */
     int32_t zones;
-    int32_t zone[RL_MOST_READ]; /* strongest first */
+    int32_t zone[RL_MAX_READ]; /* strongest first */
 };
 
 /* A packet that was judged, read or not. */

@@ -16,7 +16,7 @@
 enum {
     RL_READINGS = 32,  /* that one frame may bring */
     RL_DECISIONS = 12, /* candidates that are judged with one frame, at the most */
-    RL_MOST_PENDING = 3 * RL_MOST_CHANNELS + 7 * RL_MOST_ZONES, /* all of a frame */
+    RL_MAX_PENDING = 3 * RL_MAX_CHANNELS + 7 * RL_MAX_ZONES, /* all of a frame */
     /* That a search for one packet may look back. */
     RL_SEARCH_BITS = 2 * RL_PACKET_BITS + RL_LOOK_BITS,
 };
@@ -48,16 +48,16 @@ struct rl_detector {
     int64_t slot;
     double
         max_llr_deficit; /* nats by which other sequences than the hits of a search may be better */
-    double consumed_until_s[RL_MOST_CHANNELS]; /* end of what was read last in each */
-    double active_s[RL_MOST_ZONES]; /* since when each varies by more than noise; infinite if not */
+    double consumed_until_s[RL_MAX_CHANNELS]; /* end of what was read last in each */
+    double active_s[RL_MAX_ZONES]; /* since when each varies by more than noise; infinite if not */
     int readings, decisions_left;
     struct rl_reading reading[RL_READINGS];
     int candidates;
     struct rl_candidate candidate[2 * RL_DECISIONS];
-    struct rl_hits hits[RL_MOST_CHANNELS], behind;
-    struct rl_hit past[RL_MOST_CHANNELS][RL_PAST]; /* judged and not read: rivals of later ones */
-    int pasts[RL_MOST_CHANNELS];
-    struct rl_pending pending[RL_MOST_PENDING];
+    struct rl_hits hits[RL_MAX_CHANNELS], behind;
+    struct rl_hit past[RL_MAX_CHANNELS][RL_PAST]; /* judged and not read: rivals of later ones */
+    int pasts[RL_MAX_CHANNELS];
+    struct rl_pending pending[RL_MAX_PENDING];
     int pendings;
 };
 

@@ -15,8 +15,8 @@ static const double EDGE_S = 2e-3; /* to either side, to find how light changes 
 static const double LIGHT_ERROR = 0.1;
 /* Light is as predicted if it differs by less. */
 static const double MAX_OFF = 0.35, MAX_DEVIATIONS = 3.0;
-static const int MOST_OFF_SCALE = 3;    /* bright frames */
-static const double LEAST_SCALED = 0.2; /* so much of its light is the marker's */
+static const int MAX_OFF_SCALE = 3;   /* bright frames */
+static const double MIN_SCALED = 0.2; /* so much of its light is the marker's */
 /* What is behind is forgotten after so long, or after so much of a way. */
 static const double BACKGROUND_S = 30.0, BACKGROUND_M = 0.05;
 /* The bearing is found anew after so many bright frames, or a change of gains. */
@@ -125,7 +125,7 @@ void rl_followed_bearing(struct rl_followed *followed, const struct rl_scenery *
     const struct rl_samples *samples = scenery->samples;
     const struct rl_sensor *sensor = scenery->sensor;
     const int strongest = rl_zone_strongest(followed->zone, samples->zones);
-    double amplitude[RL_MOST_ZONES], variance[RL_MOST_ZONES];
+    double amplitude[RL_MAX_ZONES], variance[RL_MAX_ZONES];
     const double most = followed->zone[strongest].gain;
     bool changed = strongest != followed->strongest || ++followed->bright_frames > BEARING_FRAMES;
     for (int zone = 0; zone < samples->zones; zone++) {
@@ -186,7 +186,7 @@ void rl_followed_replay(struct rl_followed *followed, const struct rl_scenery *s
                         double light)
 {
     const struct rl_samples *samples = scenery->samples;
-    struct rl_zone_sample sample[RL_MOST_ZONES];
+    struct rl_zone_sample sample[RL_MAX_ZONES];
     bool crossed;
     followed->light = light;
     followed->slope = 0.0;
@@ -201,10 +201,10 @@ void rl_followed_replay(struct rl_followed *followed, const struct rl_scenery *s
 /* Light that blinks as predicted, but by another amount, is a marker that has flipped or moved. */
 static void rescale(struct rl_followed *followed, int zones, const struct rl_glance *glance)
 {
-    if (!(followed->light > RL_BRIGHT) || !(glance->measured > LEAST_SCALED)) {
+    if (!(followed->light > RL_BRIGHT) || !(glance->measured > MIN_SCALED)) {
         return;
     }
-    if (++followed->off_scale > MOST_OFF_SCALE) {
+    if (++followed->off_scale > MAX_OFF_SCALE) {
         for (int zone = 0; zone < zones; zone++) {
             followed->zone[zone].gain *= glance->measured;
             followed->zone[zone].common *= glance->measured;
@@ -217,7 +217,7 @@ static void rescale(struct rl_followed *followed, int zones, const struct rl_gla
 void rl_followed_update(struct rl_followed *followed, const struct rl_scenery *scenery)
 {
     const struct rl_samples *samples = scenery->samples;
-    struct rl_zone_sample sample[RL_MOST_ZONES];
+    struct rl_zone_sample sample[RL_MAX_ZONES];
     bool crossed;
     look(followed, scenery, sample);
     const struct rl_glance glance = glimpse(followed, scenery, sample, &crossed);

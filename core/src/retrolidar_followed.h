@@ -32,21 +32,21 @@ struct rl_followed {
     struct rl_clock_error clock;
     struct rl_presence presence;
     struct rl_range_filter range;
-    struct rl_zone_light zone[RL_MOST_ZONES];
-    struct rl_background behind[RL_MOST_ZONES];
-    double hidden[RL_MOST_ZONES]; /* light of a farther target, which hides the marker's */
-    double light, slope;          /* in the newest frame, and how it changes with the start [1/s] */
-    double noise_scale;           /* variance of distances over the law */
-    double bias_variance;         /* of the range, by what is behind the marker [m^2] */
+    struct rl_zone_light zone[RL_MAX_ZONES];
+    struct rl_background behind[RL_MAX_ZONES];
+    double hidden[RL_MAX_ZONES]; /* light of a farther target, which hides the marker's */
+    double light, slope;         /* in the newest frame, and how it changes with the start [1/s] */
+    double noise_scale;          /* variance of distances over the law */
+    double bias_variance;        /* of the range, by what is behind the marker [m^2] */
     double distance_m, distance_s; /* the last one in the strongest zone ... */
     double distance_variance;
     int distance_zone;
-    double ranged_s;                 /* when the range was measured last */
-    int misses;                      /* distances that did not fit, one after the other */
-    int off_scale;                   /* bright frames with another light, likewise */
-    int strongest;                   /* zone, when the bearing was found ... */
-    int bright_frames;               /* so many frames ago */
-    double amplitude[RL_MOST_ZONES]; /* and the gains then */
+    double ranged_s;                /* when the range was measured last */
+    int misses;                     /* distances that did not fit, one after the other */
+    int off_scale;                  /* bright frames with another light, likewise */
+    int strongest;                  /* zone, when the bearing was found ... */
+    int bright_frames;              /* so many frames ago */
+    double amplitude[RL_MAX_ZONES]; /* and the gains then */
     struct rl_bearing bearing;
     double shared_s; /* when gains were found last */
     double crossed;  /* chance that it moves across the view */
@@ -63,7 +63,7 @@ struct rl_scenery {
     int row;
     double step_s; /* since the frame before */
     /* Light of other markers in each zone, its variance, and the sum of it times their ranges. */
-    double other[RL_MOST_ZONES], other_variance[RL_MOST_ZONES], other_product[RL_MOST_ZONES];
+    double other[RL_MAX_ZONES], other_variance[RL_MAX_ZONES], other_product[RL_MAX_ZONES];
 };
 
 /* The middle of the row's exposure [s]. */

@@ -12,21 +12,21 @@
 /* How many times the variance that is expected a sensor has is learnt from frames that follow each
  * other.
  */
-static const double LEAST_SCALE = 0.25, MOST_SCALE = 16.0, LESSON = 0.02, MOST_LESSON = 9.0;
+static const double MIN_SCALE = 0.25, MAX_SCALE = 16.0, LESSON = 0.02, MAX_LESSON = 9.0;
 /* A nearer target hides the marker if it is so much nearer [m] and brighter. */
 static const double NEARER_M = 0.1, BRIGHTER = 1.5;
 static const double APART_M = 0.5; /* two targets, not one that is measured badly */
 /* A zone measures the range if the marker is so much of its signal, and others are no more, and it
  * has so much of its light.
  */
-static const double LEAST_OWN = 0.3, MOST_OTHER = 0.1, RANGED_LIGHT = 0.3;
-static const double MOST_SPEED = 1.2; /* of a marker that flipped while it was dark [m/s] */
-static const double GATE = 25.0;      /* squared deviations */
-static const int MOST_MISSES = 3;
+static const double MIN_OWN = 0.3, MAX_OTHER = 0.1, RANGED_LIGHT = 0.3;
+static const double MAX_SPEED = 1.2; /* of a marker that flipped while it was dark [m/s] */
+static const double GATE = 25.0;     /* squared deviations */
+static const int MAX_MISSES = 3;
 static const double FIRST_M = 0.3; /* deviation of a range that is a guess */
 static const double MOUNTING_M = 0.005;
-static const double LEAST_BEHIND = 0.5;    /* of it in what is measured */
-static const double LEAST_PRECISION = 0.1; /* of a background that is known at all [1/m^2] */
+static const double MIN_BEHIND = 0.5;    /* of it in what is measured */
+static const double MIN_PRECISION = 0.1; /* of a background that is known at all [1/m^2] */
 static const double BIAS_SHARE = 0.1, HIDDEN_SHARE = 0.3; /* of the newest frame */
 
 static double law_of(const struct rl_sensor *sensor, double signal)
@@ -74,7 +74,7 @@ struct rl_zone_sample rl_followed_sample(const struct rl_followed *followed,
         5.0 * sqrt(place.variance + followed->noise_scale * law_of(scenery->sensor, signal));
     /* A marker that has come nearer is brighter, too. */
     const double nearer = fmax(range_m, RL_NEAREST_M) / fmax(place.range_m, RL_NEAREST_M);
-    const double way_m = MOST_SPEED * (rl_scenery_now(scenery) - followed->ranged_s);
+    const double way_m = MAX_SPEED * (rl_scenery_now(scenery) - followed->ranged_s);
     const double usual = light->level + scenery->other[zone] +
                          followed->light * light->gain * pow(fmin(nearer, 1.0), RL_EXPONENT);
     if (beyond_m > fmax(APART_M, spread_m)) {
@@ -97,7 +97,7 @@ static double behind_of(const struct rl_background *behind, double separable_m, 
     const double mounting = MOUNTING_M * MOUNTING_M;
     *chance = 0.0;
     *variance = mounting;
-    if (behind->precision < LEAST_PRECISION || fabs(behind->offset_m) > separable_m) {
+    if (behind->precision < MIN_PRECISION || fabs(behind->offset_m) > separable_m) {
         return 0.0;
     }
     const double noise = 1.0 / behind->precision, spread = noise + mounting;
@@ -122,7 +122,7 @@ static void see_behind(struct rl_followed *followed, const struct rl_scenery *sc
     const double noise = followed->noise_scale * law_of(scenery->sensor, signal);
     const double precision = share * share / (noise + place.variance);
     const double off_m = range_m - place.range_m - share * behind->offset_m;
-    if (share < LEAST_BEHIND) {
+    if (share < MIN_BEHIND) {
         return;
     }
     behind->precision += precision;
@@ -139,9 +139,9 @@ static void learn_noise(struct rl_followed *followed, const struct rl_scenery *s
         const double off = range_m - followed->distance_m - place.rate * step_s;
         const double expected =
             variance + followed->distance_variance + place.rate_variance * step_s * step_s;
-        const double surprise = fmin(off * off / expected, MOST_LESSON);
+        const double surprise = fmin(off * off / expected, MAX_LESSON);
         followed->noise_scale *= 1.0 + LESSON * (surprise - 1.0);
-        followed->noise_scale = fmin(fmax(followed->noise_scale, LEAST_SCALE), MOST_SCALE);
+        followed->noise_scale = fmin(fmax(followed->noise_scale, MIN_SCALE), MAX_SCALE);
     }
     followed->distance_zone = zone;
     followed->distance_m = range_m;
@@ -176,7 +176,7 @@ static bool subtract_others(const struct rl_scenery *scenery, int zone, double *
     *variance = whole / own * whole / own * *variance + error_m * error_m;
     *range_m = other_m + apart_m;
     *signal = own;
-    return own > LEAST_OWN * whole && fabs(apart_m) < scenery->sensor->separable_m;
+    return own > MIN_OWN * whole && fabs(apart_m) < scenery->sensor->separable_m;
 }
 
 static void measure_range(struct rl_followed *followed, const struct rl_scenery *scenery, int zone,
@@ -188,7 +188,7 @@ static void measure_range(struct rl_followed *followed, const struct rl_scenery 
     }
     const struct rl_zone_light *light = &followed->zone[zone];
     const double late_s = centre_of(followed, scenery);
-    const double share = fmin(fmax(light->level / fmax(signal, 1e-3), 0.0), 1.0 - LEAST_OWN);
+    const double share = fmin(fmax(light->level / fmax(signal, 1e-3), 0.0), 1.0 - MIN_OWN);
     const struct rl_motion place = rl_range_estimate(&followed->range);
     const double noise = followed->noise_scale * law;
     const double variance = noise + place.rate_variance * late_s * late_s;
@@ -200,9 +200,9 @@ static void measure_range(struct rl_followed *followed, const struct rl_scenery 
         (range_m - mixed * (offset_m + place.range_m)) / (1.0 - mixed) - place.rate * late_s;
     const double off = own_m - place.range_m;
     /* It may have flipped in the dark. */
-    const double way_m = MOST_SPEED * (rl_scenery_now(scenery) - followed->ranged_s);
+    const double way_m = MAX_SPEED * (rl_scenery_now(scenery) - followed->ranged_s);
     if (off * off > GATE * (place.variance + variance) + way_m * way_m) {
-        if (++followed->misses > MOST_MISSES) {
+        if (++followed->misses > MAX_MISSES) {
             rl_range_start(&followed->range, own_m, 4.0 * variance);
             followed->misses = 0;
         }
@@ -237,12 +237,11 @@ void rl_followed_range(struct rl_followed *followed, const struct rl_scenery *sc
         if (followed->light > RANGED_LIGHT) {
             followed->hidden[zone] +=
                 HIDDEN_SHARE * ((sample.signal == 0.0 ? signal : 0.0) - followed->hidden[zone]);
-            if (own > LEAST_OWN * signal && own > 3.0 * sqrt(sample.variance) &&
+            if (own > MIN_OWN * signal && own > 3.0 * sqrt(sample.variance) &&
                 (zone == strongest || light->gain > 3.0 * sqrt(light->gain_variance))) {
                 measure_range(followed, scenery, zone, range_m, signal);
             }
-        } else if (followed->light < 1.0 - RL_BRIGHT &&
-                   scenery->other[zone] < MOST_OTHER * signal &&
+        } else if (followed->light < 1.0 - RL_BRIGHT && scenery->other[zone] < MAX_OTHER * signal &&
                    own < followed->light * light->gain + 5.0 * sqrt(sample.variance)) {
             see_behind(followed, scenery, zone, range_m, signal);
         }

@@ -11,16 +11,16 @@
 static const uint32_t PREAMBLE = (uint32_t)RL_PREAMBLE << RL_WORD_BITS;
 static const uint32_t WORD_MASK = ((uint32_t)1 << RL_WORD_BITS) - 1;
 /* Coarse templates explain no more than this, and some words more than the bound by this factor. */
-static const float MOST_EXPLAINED = 0.995f, BOUND_SLACK = 1.1f;
+static const float MAX_EXPLAINED = 0.995f, BOUND_SLACK = 1.1f;
 
 /* Half of the samples times the logarithm of what is left of the variance. */
 static float nats_of(float squared, const struct rl_soft_summary *summary)
 {
-    return -0.5f * summary->samples * log1pf(-rl_minf(squared / summary->power, MOST_EXPLAINED));
+    return -0.5f * summary->samples * log1pf(-rl_minf(squared / summary->power, MAX_EXPLAINED));
 }
 
 /* What must be explained for this many nats. */
-static float least_of(float nats, const struct rl_soft_summary *summary)
+static float min_of(float nats, const struct rl_soft_summary *summary)
 {
     return summary->power * (1.0f - expf(-2.0f * nats / summary->samples));
 }
@@ -88,14 +88,14 @@ bool rl_shortlist_is_possible(const struct rl_demand *demand, const struct rl_tr
                               const struct rl_soft_summary *summary)
 {
     const float squared = any_squared(demand, trial, summary);
-    return squared > 0.0f && squared >= least_of(demand->least / BOUND_SLACK, summary);
+    return squared > 0.0f && squared >= min_of(demand->least / BOUND_SLACK, summary);
 }
 
 void rl_shortlist_add(struct rl_shortlist *shortlist, const struct rl_demand *demand,
                       const struct rl_trial *trial, const struct rl_lane *lane, int shifts)
 {
     const float upper_bound = rl_llr_upper_bound(demand, trial, &lane->summary);
-    const float least = least_of(demand->least / BOUND_SLACK, &lane->summary);
+    const float least = min_of(demand->least / BOUND_SLACK, &lane->summary);
     const struct rl_energy energy = energy_of(demand, trial);
     const uint32_t dark = lane->summary.dark;
     keep_sequence(shortlist, upper_bound, trial, lane);
@@ -218,9 +218,8 @@ void rl_hits_find(struct rl_hits *hits, const struct rl_shortlist *shortlist,
         const float packets = (float)trial->packets;
         /* A word that others exceed by so much is none, and no rival either. */
         const float upper_bound = rl_llr_upper_bound(demand, trial, &entry->lane.summary);
-        const float least_nats =
-            rl_maxf(demand->least, upper_bound - 2.0f * demand->max_llr_deficit);
-        const float least = least_of(least_nats, &entry->lane.summary);
+        const float min_nats = rl_maxf(demand->least, upper_bound - 2.0f * demand->max_llr_deficit);
+        const float least = min_of(min_nats, &entry->lane.summary);
         float soft[RL_PACKET_BITS];
         for (int bit = 0; bit < RL_PACKET_BITS; bit++) {
             soft[bit] = entry->lane.soft[(bit + entry->shift) % RL_PACKET_BITS];

@@ -33,7 +33,7 @@ static struct rl_packet_train train_of(const struct rl_verdict *verdict)
 /* The zones that saw a packet, the strongest first. */
 static int zones_of(struct rl_detector *detector, const struct rl_verdict *verdict, int *zones)
 {
-    double gains[RL_MOST_ZONES];
+    double gains[RL_MAX_ZONES];
     const int seen = rl_shares_zones(&detector->shares, verdict, zones, gains);
     for (int i = 1; i < seen; i++) {
         const int zone = zones[i];
@@ -56,7 +56,7 @@ static void add_reading(struct rl_detector *detector, const struct rl_verdict *v
     if (detector->readings == RL_READINGS) {
         return;
     }
-    int zones[RL_MOST_ZONES];
+    int zones[RL_MAX_ZONES];
     const int seen = zones_of(detector, verdict, zones);
     /* A packet of many frames may have begun before what is held. */
     struct rl_packet_train train = train_of(verdict);
@@ -73,7 +73,7 @@ static void add_reading(struct rl_detector *detector, const struct rl_verdict *v
         .end_s = train.end_s,
         .evidence = verdict->evidence,
         .margin = verdict->margin,
-        .zones = seen < RL_MOST_READ ? seen : RL_MOST_READ,
+        .zones = seen < RL_MAX_READ ? seen : RL_MAX_READ,
     };
     memcpy(reading->zone, zones, (size_t)reading->zones * sizeof *zones);
     rl_pool_add(&detector->pool, samples, verdict->id, &train, zones, seen);

@@ -53,7 +53,7 @@ double rl_observation_open(struct rl_window *window, int channel,
 }
 
 /* Half of the samples of a window must be valid. */
-static int least_rows(const struct rl_window *window)
+static int min_rows(const struct rl_window *window)
 {
     return window->rows / 2;
 }
@@ -65,7 +65,7 @@ bool rl_observation_is_erased(const struct rl_window *window,
     double known[RL_PACKET_BITS] = {0.0}, all[RL_PACKET_BITS] = {0.0};
     const struct rl_samples *samples = window->samples;
     int sample = 0, erased = 0;
-    if (whitened->samples < least_rows(window)) {
+    if (whitened->samples < min_rows(window)) {
         return true;
     }
     for (int row = 0; row < window->rows; row++) {
@@ -162,7 +162,7 @@ void rl_observation_add_zones(struct rl_window *window, const struct rl_transmis
             /* It must add more than a gain costs. Distances of a zone in which others are seen,
              * too, may be theirs.
              */
-            if (window->whitened[before].samples < least_rows(window) ||
+            if (window->whitened[before].samples < min_rows(window) ||
                 window->whitened[before].interferers > 0 ||
                 together - evidence < 2.0 * RL_COST_OF_GAIN || !is_seen(window, before)) {
                 rl_window_drop(window);

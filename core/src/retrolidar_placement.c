@@ -10,11 +10,11 @@
 /* Least range, whatever the offset. */
 static const double NEAREST_M = 1e-3;
 /* A zone saw the packet if it rises with it by so many deviations. */
-static const double LEAST_SEEN = 3.0;
+static const double MIN_SEEN = 3.0;
 
 /* By how much the signal of a zone rises with the light, and what the packet leaves over. */
 struct amplitude {
-    double of[RL_MOST_ZONES], variance[RL_MOST_ZONES], noise[RL_MOST_ZONES];
+    double of[RL_MAX_ZONES], variance[RL_MAX_ZONES], noise[RL_MAX_ZONES];
 };
 
 /* The times of the samples of a reading, and the light of its packet at each. */
@@ -23,10 +23,10 @@ static struct rl_seen window_of(struct rl_detector *detector, const struct rl_re
 {
     const struct rl_samples *samples = &detector->samples;
     /* An exposure mostly outside may show the packet before or after. */
-    const double most_s = (1.0 - RL_BRIGHT) * samples->period_s;
-    *first = rl_samples_row(samples, reading->begin_s + most_s);
+    const double max_s = (1.0 - RL_BRIGHT) * samples->period_s;
+    *first = rl_samples_row(samples, reading->begin_s + max_s);
     int last = *first;
-    while (last < samples->count && samples->begin_s[last] < reading->end_s - most_s) {
+    while (last < samples->count && samples->begin_s[last] < reading->end_s - max_s) {
         last++;
     }
     const struct rl_transmission transmission = {rl_packet(reading->id), reading->repeats,
@@ -101,7 +101,7 @@ static void choose_zones(const struct rl_reading *reading, const struct amplitud
     for (int i = 0; i < reading->zones; i++) {
         const int zone = reading->zone[i];
         const double of = amplitude->of[zone];
-        if (of < most && of <= LEAST_SEEN * sqrt(amplitude->variance[zone])) {
+        if (of < most && of <= MIN_SEEN * sqrt(amplitude->variance[zone])) {
             continue;
         }
         int at = placement->zones++;

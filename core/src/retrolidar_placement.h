@@ -21,7 +21,7 @@ struct rl_placement {
     double likelihood;         /* the paper's l of the first whole preamble */
     int32_t corrected_bits; /* of the last packet, which a receiver would take for the other ones */
     int32_t zones;
-    int32_t zone[RL_MOST_READ]; /* that saw it, strongest first */
+    int32_t zone[RL_MAX_READ]; /* that saw it, strongest first */
 };
 
 /* Place a reading of the frame that was taken last, of a marker of a size; false where no distance

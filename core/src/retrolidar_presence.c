@@ -15,11 +15,11 @@ static const double OFFSET = 0.05, SHARE = 0.15;
 /* Likelihood of what no model explains, and of an edge within an exposure of other bits. */
 static const double ANYTHING = 0.01, EDGES = 0.25;
 /* Other light may be so many times as bright. */
-static const double MOST_MORE = 2.0;
+static const double MAX_MORE = 2.0;
 /* Gone after so many bits unseen, of which dark ones count a part: the experiment `track-ends`. */
 static const double GONE_BITS = 8.5, GONE_STEP_BITS = 1.2, DARK_PART = 0.6;
 static const double BRIGHT_LIGHT = 0.5, SEEN = 4.0; /* [nats] */
-static const double LEAST_CHANCE = 1e-9, MOST_STEP_S = 0.1;
+static const double MIN_CHANCE = 1e-9, MAX_STEP_S = 0.1;
 
 void rl_presence_start(struct rl_presence *presence, double chance)
 {
@@ -44,7 +44,7 @@ static double density(double value, double mean, double variance)
 
 static void change(double chance[RL_EXPLANATIONS], const struct rl_glance *glance)
 {
-    const double step_s = fmin(glance->step_s, MOST_STEP_S);
+    const double step_s = fmin(glance->step_s, MAX_STEP_S);
     const double flips = 0.5 * fmin(step_s / glance->bit_s, 1.0);
     const double same = chance[SAME], hidden = chance[HIDDEN], more = chance[MORE];
     const double dark = chance[OTHER_DARK], bright = chance[OTHER_BRIGHT];
@@ -62,7 +62,7 @@ static void weigh(double chance[RL_EXPLANATIONS], const struct rl_glance *glance
     const double variance = glance->variance + OFFSET * OFFSET;
     const double bright = variance + SHARE * SHARE;
     const double edge = seen > -OFFSET && seen < 1.0 + OFFSET ? EDGES : 0.0;
-    const double more = seen > light ? 1.0 / MOST_MORE : 0.0;
+    const double more = seen > light ? 1.0 / MAX_MORE : 0.0;
     const double own = variance + SHARE * SHARE * light * light + glance->edge_variance;
     chance[SAME] *= density(seen, light, own) + ANYTHING;
     chance[HIDDEN] *= density(seen, 0.0, variance) + ANYTHING;
@@ -74,7 +74,7 @@ static void weigh(double chance[RL_EXPLANATIONS], const struct rl_glance *glance
         total += chance[i];
     }
     for (int i = 0; i < RL_EXPLANATIONS; i++) {
-        chance[i] = fmax(chance[i] / total, LEAST_CHANCE);
+        chance[i] = fmax(chance[i] / total, MIN_CHANCE);
     }
 }
 
@@ -83,7 +83,7 @@ static int see(struct rl_presence *presence, const struct rl_glance *glance)
 {
     const double light = glance->light, off = glance->measured - light;
     const double variance = glance->variance + OFFSET * OFFSET + glance->edge_variance;
-    if (light > BRIGHT_LIGHT && glance->measured < 1.0 + MOST_MORE) {
+    if (light > BRIGHT_LIGHT && glance->measured < 1.0 + MAX_MORE) {
         const double nats = (glance->measured * glance->measured - off * off) / variance / 2.0;
         presence->seen_nats = fmax(presence->seen_nats + fmin(nats, 2.0 * SEEN), 0.0);
     }

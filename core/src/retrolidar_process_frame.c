@@ -15,7 +15,7 @@ enum {
      */
     WORDS_ENDED = 200,
 };
-static const int FOLD[FOLDS] = {1, 2, 3, 5, RL_MOST_PACKETS};
+static const int FOLD[FOLDS] = {1, 2, 3, 5, RL_MAX_PACKETS};
 
 static void search(struct rl_detector *detector, const int *channels, int count, int packets,
                    double from_s, double to_s, double since_s)
@@ -36,13 +36,13 @@ static void search(struct rl_detector *detector, const int *channels, int count,
 
 /* Channels that have not been read for so long, and are active if that is asked. */
 static int ready(const struct rl_detector *detector, double bits, double to_s, bool active,
-                 int most_zones, int *channels)
+                 int max_zones, int *channels)
 {
     int count = 0;
     const double since_s = to_s - bits * detector->settings.bit_s;
     for (int channel = 0; channel < detector->samples.channels; channel++) {
         if (detector->consumed_until_s[channel] <= since_s &&
-            detector->samples.channel[channel].zones <= most_zones &&
+            detector->samples.channel[channel].zones <= max_zones &&
             (!active || rl_noise_variation(&detector->samples, channel) > RL_ACTIVE)) {
             channels[count++] = channel;
         }
@@ -74,7 +74,7 @@ static void search_residual(struct rl_detector *detector, double from_s, double 
     const double bit_s = detector->settings.bit_s;
     /* As long as no whole packet can have come since the reading. */
     const double max_bits = 2 * RL_PACKET_BITS + RL_GOES_ON_BITS;
-    int zones[RL_MOST_ZONES], count = 0;
+    int zones[RL_MAX_ZONES], count = 0;
     for (int zone = 0; zone < samples->zones; zone++) {
         struct rl_interference interference;
         if (detector->consumed_until_s[zone] <= to_s - max_bits * bit_s) {
@@ -124,11 +124,11 @@ static void search_appeared(struct rl_detector *detector, double to_s)
 {
     const double bit_s = detector->settings.bit_s;
     /* Start and preamble, and what tells the IDs apart. */
-    const double least_bits =
+    const double min_bits =
         RL_LOOK_BITS / 2 + RL_PREAMBLE_BITS + log2(detector->search.codebook.words);
     for (int zone = 0; zone < detector->samples.zones; zone++) {
         const double since_s = detector->active_s[zone], bits = (to_s - since_s) / bit_s;
-        if (bits >= least_bits && bits < RL_PACKET_BITS &&
+        if (bits >= min_bits && bits < RL_PACKET_BITS &&
             detector->consumed_until_s[zone] < since_s) {
             search(detector, &zone, 1, 1, to_s, to_s, since_s);
         }
@@ -184,7 +184,7 @@ void rl_process_frame(struct rl_detector *detector)
     const double from_s = fmax(detector->looked_s, to_s - RL_PACKET_BITS * bit_s);
     const double held_s = to_s - samples->begin_s[rl_samples_oldest(samples)];
     const double max_skew = detector->demands.max_skew;
-    int channels[RL_MOST_CHANNELS];
+    int channels[RL_MAX_CHANNELS];
     detector->pendings = 0;
     detector->search.words_left = WORDS_ENDED;
     detector->search.dropped = false;
@@ -196,7 +196,7 @@ void rl_process_frame(struct rl_detector *detector)
         return;
     }
     judge_next(detector, from_s, to_s);
-    int count = ready(detector, packet_bits, to_s, true, RL_MOST_ZONES, channels);
+    int count = ready(detector, packet_bits, to_s, true, RL_MAX_ZONES, channels);
     search(detector, channels, count, 0, from_s, to_s, -INFINITY);
     detector->search.words_left += WORDS_ENDED / 2;
     const int64_t slot = (int64_t)floor(to_s / (RL_LOOK_BITS * bit_s));

@@ -21,7 +21,7 @@ static const double ANY_RATE = 0.5, REST_RATE = 1e-3;
 /* Of one that begins to move so [m/s]. */
 static const double BEGUN_RATE[RL_MOTIONS] = {0.0, 0.02, 0.03, 0.2, 0.5};
 static const double FIRST_CHANCE[RL_MOTIONS] = {0.4, 0.1, 0.1, 0.3, 0.1};
-static const double LEAST_CHANCE = 1e-12, LEAST_VARIANCE = 1e-10;
+static const double MIN_CHANCE = 1e-12, MIN_VARIANCE = 1e-10;
 
 void rl_range_start(struct rl_range_filter *filter, double range_m, double variance)
 {
@@ -105,13 +105,13 @@ void rl_range_update(struct rl_range_filter *filter, double range_m, double vari
         one->rate += rate_gain * innovation;
         one->rate_variance -= rate_gain * share * one->common;
         one->common -= gain * share * one->common;
-        one->variance = fmax(one->variance - gain * share * one->variance, LEAST_VARIANCE);
-        one->rate_variance = fmax(one->rate_variance, LEAST_VARIANCE);
+        one->variance = fmax(one->variance - gain * share * one->variance, MIN_VARIANCE);
+        one->rate_variance = fmax(one->rate_variance, MIN_VARIANCE);
         nats[i] = log(one->chance) - (innovation * innovation / spread + log(spread)) / 2.0;
         most = fmax(most, nats[i]);
     }
     for (int i = 0; i < RL_MOTIONS; i++) {
-        filter->motion[i].chance = fmax(exp(nats[i] - most), LEAST_CHANCE);
+        filter->motion[i].chance = fmax(exp(nats[i] - most), MIN_CHANCE);
         total += filter->motion[i].chance;
     }
     for (int i = 0; i < RL_MOTIONS; i++) {

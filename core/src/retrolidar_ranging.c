@@ -7,7 +7,7 @@
 
 #include <math.h>
 
-enum { OWN = 1, DARK = 2, LEAST_DISTANCES = 2 };
+enum { OWN = 1, DARK = 2, MIN_DISTANCES = 2 };
 
 /* A zone sees the marker while its signal has this share of that at this quantile. */
 static const double IN_ZONE = 0.5, BRIGHTEST = 0.9;
@@ -159,7 +159,7 @@ bool rl_ranging(const struct rl_seen *seen, float *values, uint8_t *role, struct
     const int own = mark_own(seen, values, role);
     double depth_m = 0.0, time_s = 0.0, signal = 0.0, squares = 0.0, behind = 0.0;
     int dark = 0, walls = 0;
-    if (own < LEAST_DISTANCES) {
+    if (own < MIN_DISTANCES) {
         return false;
     }
     for (int row = 0; row < seen->rows; row++) {

@@ -8,15 +8,15 @@
 #include "retrolidar_hits.h"
 #include "retrolidar_observation.h"
 
-enum { RL_MOST_BITS = RL_SILENT_BITS + RL_PACKET_BITS }; /* that a window is cut into */
+enum { RL_MAX_BITS = RL_SILENT_BITS + RL_PACKET_BITS }; /* that a window is cut into */
 
 /* A window cut into the bits of the packet in question, in the order of time. */
 struct rl_bits {
     int count;      /* a packet's, and the silence before, too */
     double begin_s; /* of the first [s] */
     /* Log likelihood if a bit were the other one, less that as it is. */
-    float flipped[RL_MOST_BITS];
-    bool dark[RL_MOST_BITS];
+    float flipped[RL_MAX_BITS];
+    bool dark[RL_MAX_BITS];
 };
 
 /* Log likelihood of the best sequence of bits that the search has found, of a packet or not. */

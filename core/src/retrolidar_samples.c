@@ -10,7 +10,7 @@
 #include <math.h>
 #include <string.h>
 
-static const double LEAST_EXPOSURE_S = 1e-6;
+static const double MIN_EXPOSURE_S = 1e-6;
 
 static int channels_of(int rows, int columns, struct rl_channel *channel)
 {
@@ -110,8 +110,8 @@ static void make_room(struct rl_samples *samples)
 
 static void sum_zones(struct rl_samples *samples, int row)
 {
-    float signal[RL_MOST_ZONES];
-    bool erased[RL_MOST_ZONES];
+    float signal[RL_MAX_ZONES];
+    bool erased[RL_MAX_ZONES];
     for (int zone = 0; zone < samples->zones; zone++) {
         signal[zone] = samples->signal[rl_sample(samples, zone, row)];
         /* A zone that sees nothing for long is dark, and no reason to believe less. */
@@ -149,9 +149,9 @@ static int place_row(struct rl_samples *samples, double middle_s, int64_t stamp_
     if (row > 0 && samples->begin_s[row] < samples->end_s[row - 1]) {
         const double before_s = middle_of(samples, row - 1);
         const double between_s =
-            fmax((before_s + middle_s) / 2, samples->begin_s[row - 1] + LEAST_EXPOSURE_S);
+            fmax((before_s + middle_s) / 2, samples->begin_s[row - 1] + MIN_EXPOSURE_S);
         samples->end_s[row - 1] = samples->begin_s[row] = between_s;
-        samples->end_s[row] = fmax(samples->end_s[row], between_s + LEAST_EXPOSURE_S);
+        samples->end_s[row] = fmax(samples->end_s[row], between_s + MIN_EXPOSURE_S);
     }
     samples->stamp_ns[row] = stamp_ns;
     return row;
@@ -204,7 +204,7 @@ static void fill_gap(struct rl_samples *samples, int row)
 static void follow_period(struct rl_samples *samples, double step_s)
 {
     const int newest = (int)(sizeof samples->step_s / sizeof *samples->step_s);
-    samples->step_s[samples->steps % newest] = fmax(step_s, LEAST_EXPOSURE_S);
+    samples->step_s[samples->steps % newest] = fmax(step_s, MIN_EXPOSURE_S);
     if (++samples->steps % newest == 0) {
         double steps[sizeof samples->step_s / sizeof *samples->step_s];
         memcpy(steps, samples->step_s, sizeof steps);
@@ -215,7 +215,7 @@ static void follow_period(struct rl_samples *samples, double step_s)
 
 static void follow_ambient(struct rl_samples *samples, const float *ambient)
 {
-    double values[RL_MOST_ZONES];
+    double values[RL_MAX_ZONES];
     int count = 0;
     for (int zone = 0; zone < samples->zones; zone++) {
         if (isfinite(ambient[zone]) && ambient[zone] >= 0.0f) {

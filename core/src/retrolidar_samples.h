@@ -11,7 +11,7 @@
 #include <stddef.h>
 #include <stdint.h>
 
-enum { RL_MOST_CHANNELS = 114 }; /* zones, blocks of 2x2, the whole view */
+enum { RL_MAX_CHANNELS = 114 }; /* zones, blocks of 2x2, the whole view */
 
 /* In place of the stamp of a frame: 0 is one like others. */
 #define RL_NO_FRAME INT64_MIN
@@ -21,7 +21,7 @@ enum { RL_MOST_CHANNELS = 114 }; /* zones, blocks of 2x2, the whole view */
  */
 struct rl_channel {
     int zones; /* how many it sums */
-    uint8_t zone[RL_MOST_ZONES];
+    uint8_t zone[RL_MAX_ZONES];
 };
 
 /* Rows are frame periods: a lost frame is a row of erasures. Of the arrays over rows and channels,
@@ -31,7 +31,7 @@ struct rl_samples {
     struct rl_sensor sensor;
     int rows_of_zones, columns_of_zones, zones;
     int channels;
-    struct rl_channel channel[RL_MOST_CHANNELS];
+    struct rl_channel channel[RL_MAX_CHANNELS];
     int kept;                /* rows that are held for sure */
     int capacity;            /* rows that there is memory for */
     int count;               /* rows that are held */
@@ -43,16 +43,16 @@ struct rl_samples {
     float *signal;           /* [kcps/SPAD]; of an erasure, the last one before it */
     uint8_t *valid;          /* 0 = erasure */
     float *distance;         /* of zones only, NaN where none was measured [m] */
-    bool interference_removed[RL_MOST_CHANNELS]; /* while a packet is taken off: its own target is
-                                                  * all there is
-                                                  */
+    bool interference_removed[RL_MAX_CHANNELS]; /* while a packet is taken off: its own target is
+                                                 * all there is
+                                                 */
     int variance_rows; /* how many of the newest rows the sums below are of */
     double *sum, *square;
     double ambient;      /* median of the newest frame [kcps/SPAD] */
     uint64_t impossible; /* samples of a valid status that the sensor cannot measure */
     double dark_s;       /* no packet is dark for longer at a stretch */
-    double last_seen_s[RL_MOST_ZONES];
-    float last_signal[RL_MOST_ZONES];
+    double last_seen_s[RL_MAX_ZONES];
+    float last_signal[RL_MAX_ZONES];
     double step_s[15]; /* the newest times from frame to frame */
     int steps;
 };

@@ -201,7 +201,7 @@ static void look_closely(struct rl_search *search, int lane, const struct kept *
 static void look_at_stretches(struct rl_search *search, int count, int packets, double to_s,
                               const struct rl_demand *demand)
 {
-    struct kept kept[RL_MOST_CHANNELS];
+    struct kept kept[RL_MAX_CHANNELS];
     const double half_bits = RL_PACKET_BITS * packets / 2.0;
     const int clocks = (int)(search->max_skew * half_bits / 2 * RL_PHASES + 0.999);
     const double skew = search->max_skew / clocks;
@@ -240,7 +240,7 @@ void rl_search_look(struct rl_search *search, const int *channels, int count, in
     for (int strong = 0; strong < 2; strong++) {
         const struct rl_whitening *whitening =
             &search->whitening[!strong && packets == 0 ? FAINT_LONE : strong];
-        int chosen[RL_MOST_CHANNELS], index[RL_MOST_CHANNELS], lanes = 0;
+        int chosen[RL_MAX_CHANNELS], index[RL_MAX_CHANNELS], lanes = 0;
         for (int i = 0; i < count; i++) {
             if ((rl_noise_variation(search->samples, channels[i]) > STRONG) == strong) {
                 chosen[lanes] = channels[i];

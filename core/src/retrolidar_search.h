@@ -25,7 +25,7 @@ struct rl_search {
     double max_skew;                  /* by how much a clock may be off */
     struct rl_view view;
     struct rl_sums sums;
-    struct rl_shortlist shortlist[RL_MOST_CHANNELS];
+    struct rl_shortlist shortlist[RL_MAX_CHANNELS];
     int words_left; /* soft bits that may still be held against all words with this frame */
     bool dropped;   /* whether there were more */
 };

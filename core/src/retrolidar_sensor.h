@@ -10,7 +10,7 @@
 #include <stdint.h>
 
 /* binding */
-enum { RL_MOST_ZONES = 64 };
+enum { RL_MAX_ZONES = 64 };
 
 /* What the status of a sample says. */
 enum {
@@ -21,12 +21,12 @@ enum {
 };
 
 struct rl_sensor {
-    int32_t rows, columns; /* of zones, RL_MOST_ZONES at the most */
+    int32_t rows, columns; /* of zones, RL_MAX_ZONES at the most */
     double zone_pitch;     /* width of a zone as a tangent */
     double zone_blur; /* of the optics, standard deviation [widths of a zone]; 0 if not known */
-    double z_per_range[RL_MOST_ZONES]; /* distance that is reported over radial range */
-    double range_offset_m;             /* by which all ranges are measured too long */
-    double exposure;                   /* share of the frame period, about the stamp */
+    double z_per_range[RL_MAX_ZONES]; /* distance that is reported over radial range */
+    double range_offset_m;            /* by which all ranges are measured too long */
+    double exposure;                  /* share of the frame period, about the stamp */
     /* Variance of the signal S in ambient light A: floor + slope S + ambient A [(kcps/SPAD)^2]. */
     double noise_floor, noise_slope, noise_ambient;
     /* Deviation of a distance at a signal S: hypot(shot / S, floor) [m]. */

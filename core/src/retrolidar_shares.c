@@ -11,7 +11,7 @@
 #include <math.h>
 
 /* A zone has a part in a sum if the packet explains this share of what it does where most. */
-static const double LEAST_PART = 0.1;
+static const double MIN_PART = 0.1;
 
 int64_t rl_shares_bytes(int rows)
 {
@@ -66,7 +66,7 @@ int rl_shares_zones(struct rl_shares *shares, const struct rl_verdict *verdict, 
         return verdict->channels;
     }
     int first, seen = 0;
-    double most = 0.0, explained[RL_MOST_ZONES];
+    double most = 0.0, explained[RL_MAX_ZONES];
     const int rows = light_of(shares, verdict, &first);
     for (int i = 0; i < sum->zones; i++) {
         double gain[RL_KNOTS];
@@ -74,7 +74,7 @@ int rl_shares_zones(struct rl_shares *shares, const struct rl_verdict *verdict, 
         most = fmax(most, explained[i]);
     }
     for (int i = 0; i < sum->zones; i++) {
-        if (explained[i] >= LEAST_PART * most) {
+        if (explained[i] >= MIN_PART * most) {
             zones[seen] = sum->zone[i];
             gains[seen++] = explained[i];
         }

@@ -18,7 +18,7 @@ void rl_shares_start(struct rl_shares *shares, const struct rl_samples *samples,
                      struct rl_window *window, void *memory);
 
 /* Find the zones that saw a packet, and how strongly; of a sum those with a part in it. Return how
- * many there are; both arrays are of RL_MOST_ZONES.
+ * many there are; both arrays are of RL_MAX_ZONES.
  */
 int rl_shares_zones(struct rl_shares *shares, const struct rl_verdict *verdict, int *zones,
                     double *gains);

@@ -14,7 +14,7 @@
 static const double PASSING = 0.2;
 /* What comes and goes more often in a window, as a cover glass, is seen while the marker is dark.
  */
-static const int MOST_PASSES = 3;
+static const int MAX_PASSES = 3;
 
 enum {
     FINE = 256, /* steps of a bin ... */
@@ -109,7 +109,7 @@ static float passing_by(const struct bins *bins, const float *distance, int rows
         passes += now > before;
         before = now;
     }
-    return passing > 0 && passing < PASSING * bins->all && passes <= MOST_PASSES ? nearer : 0.0f;
+    return passing > 0 && passing < PASSING * bins->all && passes <= MAX_PASSES ? nearer : 0.0f;
 }
 
 static struct rl_column part(const struct rl_sensor *sensor, const float *distance, int rows,

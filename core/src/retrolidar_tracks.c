@@ -8,13 +8,13 @@
 #include <string.h>
 
 /* A reading is of another transmission if it is off by so many bits. */
-static const double MOST_OFF_BITS = 0.5;
+static const double MAX_OFF_BITS = 0.5;
 /* Of a marker that crosses the view [m/s]. */
 static const double ACROSS_M_S = 0.5;
 /* Gains are of the frames before. */
 static const double LAG_S = 0.03;
 
-enum { MOST_ROWS = 64 }; /* from one call to the next */
+enum { MAX_ROWS = 64 }; /* from one call to the next */
 
 struct rl_tracks *rl_tracks_create(struct rl_detector *detector, const float *size_m)
 {
@@ -53,7 +53,7 @@ static bool goes_on(const struct rl_followed *followed, const struct rl_reading 
 {
     const double packet_s = RL_PACKET_BITS * reading->bit_s;
     const double cycles = (reading->start_s - followed->transmission.start_s) / packet_s;
-    return fabs(cycles - floor(cycles + 0.5)) * RL_PACKET_BITS < MOST_OFF_BITS;
+    return fabs(cycles - floor(cycles + 0.5)) * RL_PACKET_BITS < MAX_OFF_BITS;
 }
 
 static int weakest(const struct rl_tracks *tracks)
@@ -128,7 +128,7 @@ int32_t rl_tracks_follow(struct rl_tracks *tracks)
                        samples->stamp_ns[row - 1] > tracks->last_ns)) {
         row--; /* frames that were lost are erasures */
     }
-    if (samples->count - row > MOST_ROWS) { /* nobody has asked for long */
+    if (samples->count - row > MAX_ROWS) { /* nobody has asked for long */
         tracks->counts.ended += (uint64_t)tracks->count;
         tracks->count = 0;
     }

@@ -109,7 +109,7 @@ static void fit(struct rl_tracks *tracks, const struct rl_followed *followed, in
                 const struct window *window, struct rl_zone_light *fitted)
 {
     const struct rl_samples *samples = tracks->scenery.samples;
-    struct rl_zone_sums sums[RL_MOST_ZONES];
+    struct rl_zone_sums sums[RL_MAX_ZONES];
     memset(sums, 0, sizeof sums);
     for (int row = window->first; row < window->first + window->rows; row++) {
         rl_tracks_go_to(tracks, row, INFINITY);
@@ -133,7 +133,7 @@ static void refit(struct rl_tracks *tracks, struct rl_followed *old, const struc
 {
     const int zones = tracks->scenery.samples->zones;
     const int strongest = rl_zone_strongest(new->zone, zones);
-    struct rl_zone_light fitted[RL_MOST_ZONES];
+    struct rl_zone_light fitted[RL_MAX_ZONES];
     fit(tracks, old, zone, window, fitted);
     for (int i = 0; i < zones; i++) {
         if (rl_zone_sees(new->zone, i, strongest)) {
@@ -151,7 +151,7 @@ static void fit_all(struct rl_tracks *tracks, struct rl_followed *followed, int 
                     const struct window *window)
 {
     const int zones = tracks->scenery.samples->zones;
-    struct rl_zone_light fitted[RL_MOST_ZONES];
+    struct rl_zone_light fitted[RL_MAX_ZONES];
     bool is_alone = false;
     for (int round = 0; round < ROUNDS && !is_alone; round++) {
         fit(tracks, followed, zone, window, fitted);

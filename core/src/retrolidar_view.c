@@ -11,7 +11,7 @@
 
 int64_t rl_view_bytes(int rows)
 {
-    return (int64_t)(rows + 1) * (4 * RL_MOST_CHANNELS + RL_LANES + 2) * (int64_t)sizeof(float) +
+    return (int64_t)(rows + 1) * (4 * RL_MAX_CHANNELS + RL_LANES + 2) * (int64_t)sizeof(float) +
            RL_LANES * rl_room_bytes(rows);
 }
 
@@ -20,10 +20,10 @@ void rl_view_start(struct rl_view *view, const struct rl_samples *samples, void 
     const size_t rows = (size_t)samples->kept + 1;
     view->samples = samples;
     view->light = memory;
-    view->total = view->light + rows * RL_MOST_LANES;
-    view->power = view->total + rows * RL_MOST_LANES;
-    view->valid = view->power + rows * RL_MOST_LANES;
-    view->pivot = view->valid + rows * RL_MOST_LANES;
+    view->total = view->light + rows * RL_MAX_LANES;
+    view->power = view->total + rows * RL_MAX_LANES;
+    view->valid = view->power + rows * RL_MAX_LANES;
+    view->pivot = view->valid + rows * RL_MAX_LANES;
     view->begin = view->pivot + rows * RL_LANES;
     view->rate = view->begin + rows;
     void *next = view->rate + rows;

@@ -10,9 +10,9 @@
 #include "retrolidar_target.h"
 
 enum {
-    RL_MOST_LANES = (RL_MOST_CHANNELS + RL_LANES - 1) / RL_LANES * RL_LANES,
-    RL_MOST_PACKETS = 8,
-    RL_MOST_EDGES = RL_PACKET_BITS * RL_MOST_PACKETS + 1,
+    RL_MAX_LANES = (RL_MAX_CHANNELS + RL_LANES - 1) / RL_LANES * RL_LANES,
+    RL_MAX_PACKETS = 8,
+    RL_MAX_EDGES = RL_PACKET_BITS * RL_MAX_PACKETS + 1,
 };
 
 /* A time within an exposure. */
@@ -35,7 +35,7 @@ struct rl_view {
     float *valid; /* sums of valid samples */
     float *pivot; /* of the lanes that are whitened */
     struct rl_room room[RL_LANES];
-    struct rl_edge edge[RL_MOST_EDGES]; /* of the bits of a trial */
+    struct rl_edge edge[RL_MAX_EDGES]; /* of the bits of a trial */
 };
 
 /* What is tried: where bits begin and end. */
@@ -55,9 +55,9 @@ struct rl_soft_summary {
 
 /* What a trial makes of all lanes. */
 struct rl_sums {
-    float soft[RL_PACKET_BITS * RL_MOST_LANES]; /* light of each bit and lane, positive = dark */
-    float squares[RL_MOST_LANES];               /* of soft bits */
-    struct rl_soft_summary summary[RL_MOST_LANES];
+    float soft[RL_PACKET_BITS * RL_MAX_LANES]; /* light of each bit and lane, positive = dark */
+    float squares[RL_MAX_LANES];               /* of soft bits */
+    struct rl_soft_summary summary[RL_MAX_LANES];
 };
 
 /* What a trial makes of one lane. */

@@ -10,11 +10,11 @@
 #include <string.h>
 
 /* Share of the sensor's noise that a fit may not fall short of. */
-static const double LEAST_NOISE = 0.5;
+static const double MIN_NOISE = 0.5;
 
 int64_t rl_window_bytes(int rows)
 {
-    return RL_MOST_ZONES_TOGETHER * rl_whitened_doubles(rows) * (int64_t)sizeof(double) +
+    return RL_MAX_ZONES_TOGETHER * rl_whitened_doubles(rows) * (int64_t)sizeof(double) +
            (int64_t)rows * (2 * (int64_t)sizeof(double) + 1) + rl_room_bytes(rows);
 }
 
@@ -24,8 +24,8 @@ void rl_window_start(struct rl_window *window, const struct rl_samples *samples,
     double *next = memory;
     memset(window, 0, sizeof *window);
     window->samples = samples;
-    window->most_rows = rows;
-    for (int i = 0; i < RL_MOST_ZONES_TOGETHER; i++) {
+    window->max_rows = rows;
+    for (int i = 0; i < RL_MAX_ZONES_TOGETHER; i++) {
         rl_whitened_start(&window->whitened[i], rows, next);
         next += rl_whitened_doubles(rows);
     }
@@ -101,7 +101,7 @@ static void add(struct rl_window *window, int channel)
     const double noise = rl_noise_variance(samples, channel, sum / fmax(window->rows, 1.0));
     struct rl_whitened *whitened = &window->whitened[window->channels];
     rl_whiten(whitened, column.signal, window->valid, begin_s, end_s, window->rows,
-              samples->period_s, LEAST_NOISE * noise);
+              samples->period_s, MIN_NOISE * noise);
     for (int i = 0; i < window->interference.count; i++) {
         add_interferer(window, whitened, &window->interference.train[i]);
     }
@@ -116,7 +116,7 @@ void rl_window_add(struct rl_window *window, int channel)
             return;
         }
     }
-    if (window->channels < RL_MOST_ZONES_TOGETHER) {
+    if (window->channels < RL_MAX_ZONES_TOGETHER) {
         add(window, channel);
     }
 }
@@ -145,9 +145,9 @@ void rl_window_open(struct rl_window *window, int channel, double from_s, double
     const int end = rl_samples_row(samples, to_s - tiny_s) + 1;
     window->first = rl_samples_row(samples, from_s + tiny_s);
     window->rows = (end < samples->count ? end : samples->count) - window->first;
-    if (window->rows > window->most_rows) {
-        window->first += window->rows - window->most_rows;
-        window->rows = window->most_rows;
+    if (window->rows > window->max_rows) {
+        window->first += window->rows - window->max_rows;
+        window->rows = window->max_rows;
     }
     if (window->rows < 0) {
         window->rows = 0;

@@ -17,19 +17,19 @@ struct rl_interference {
 
 struct rl_window {
     const struct rl_samples *samples;
-    int most_rows;
+    int max_rows;
     int first, rows; /* in the samples */
     int channels;
-    int channel[RL_MOST_ZONES_TOGETHER];
-    struct rl_whitened whitened[RL_MOST_ZONES_TOGETHER];
-    struct rl_gain fit[RL_MOST_ZONES_TOGETHER]; /* of the template that was tried last */
-    struct rl_interference interference;        /* of the windows that are opened from now on */
-    double hidden_from_s, hidden_to_s;          /* exposures in between are left out */
-    double min_bit_s, max_bit_s;                /* limits of a refinement */
-    double null;                                /* log likelihood without a packet */
-    double *light;                              /* of the template that was tried last */
-    double *part;                               /* of the light of an interferer */
-    uint8_t *valid;                             /* of the channel that is added */
+    int channel[RL_MAX_ZONES_TOGETHER];
+    struct rl_whitened whitened[RL_MAX_ZONES_TOGETHER];
+    struct rl_gain fit[RL_MAX_ZONES_TOGETHER]; /* of the template that was tried last */
+    struct rl_interference interference;       /* of the windows that are opened from now on */
+    double hidden_from_s, hidden_to_s;         /* exposures in between are left out */
+    double min_bit_s, max_bit_s;               /* limits of a refinement */
+    double null;                               /* log likelihood without a packet */
+    double *light;                             /* of the template that was tried last */
+    double *part;                              /* of the light of an interferer */
+    uint8_t *valid;                            /* of the channel that is added */
     struct rl_room room;
 };
 

@@ -52,7 +52,7 @@ struct rl_zone_light rl_zone_fit(const struct rl_zone_sums *sums)
 
 void rl_zone_doubt(struct rl_zone_light *lights, int zones, const struct rl_reading *reading)
 {
-    bool has_read[RL_MOST_ZONES] = {false};
+    bool has_read[RL_MAX_ZONES] = {false};
     double most = 0.0;
     for (int i = 0; i < reading->zones; i++) {
         has_read[reading->zone[i]] = true;

@@ -53,7 +53,7 @@ PARTS = {
         'process_frame', '        search_appeared(detector, to_s);'
     ),
     'several packets combined': Part('process_frame', 'fold < FOLDS &&', 'fold < 1 &&'),
-    'sums of zones': Part('process_frame', 'true, RL_MOST_ZONES, channels', 'true, 1, channels'),
+    'sums of zones': Part('process_frame', 'true, RL_MAX_ZONES, channels', 'true, 1, channels'),
     'sums agree with their zones': Part(
         'judge', '!rl_zones_consistent(', 'false && !rl_zones_consistent('
     ),

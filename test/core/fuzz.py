@@ -170,7 +170,7 @@ def isolate(lib: Any, libc: Any, detector: Any) -> list[Any]:
     """Give each array a block of its own, where a sanitizer sees a sample too many."""
     samples, view, window = detector.samples, detector.search.view, detector.window
     capacity, kept = samples.capacity, samples.kept
-    lanes, residual = (kept + 1) * lib.RL_MOST_LANES, detector.residual
+    lanes, residual = (kept + 1) * lib.RL_MAX_LANES, detector.residual
     blocks = []
     for owner, lengths in (
         (samples, dict.fromkeys(('sum', 'square'), samples.channels)),
