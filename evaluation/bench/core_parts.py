@@ -85,7 +85,9 @@ PARTS = {
         'decide', '!has_repeated(', 'false && !has_repeated('
     ),
     'a packet that repeats is no lone one': Part(
-        'decide', '!is_new && may_be_lone(', 'false && may_be_lone('
+        'decide',
+        'may_be_lone(window, transmission, packets',
+        'false && may_be_lone(window, transmission, packets',
     ),
     'masks of what is hidden for a while': Part(
         'decide', 'verdict->packets == 1 && trial->follows &&', 'false &&'

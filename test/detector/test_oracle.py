@@ -248,8 +248,8 @@ def test_interferers_are_fitted_along(core: Statistics) -> None:
     take_lights(core, rng, shown(first) + 0.7 * shown(second))
     known = core.window.interference
     known.count = 1
-    known.transmission[0].sending = core.given(second)[0]
-    known.transmission[0].begin_s, known.transmission[0].end_s = -1.0, 2.0
+    known.train[0].transmission = core.given(second)[0]
+    known.train[0].begin_s, known.train[0].end_s = -1.0, 2.0
     null, rows = core.open(0.1, 0.1 + PACKET_S, 0)
     known.count = 0
     zone = core.rows(0).zone(LAW, rows)
