@@ -197,10 +197,11 @@ def main() -> None:
         for name in {one.folder for one in sample}:
             if not copy.passes(name):
                 sys.exit(f'{name}: its tests fail without any mutant')
-        for mutant in sorted(sample):
+        for tried, mutant in enumerate(sorted(sample), 1):
             if not copy.notices(mutant):
                 survivors += 1
                 print(f'{mutant.file}:{mutant.line + 1}: {mutant.text.strip()}', flush=True)
+            print(f'{tried} tried, {survivors} survive', file=sys.stderr, flush=True)
     print(f'{survivors} of {len(sample)} survive, {survivors / max(len(sample), 1):.0%}')
 
 
