@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from harness_frames import make_frames
 
-from retrolidar_ros.sensor.frame import Frame, Recording, ZoneGrid
+from retrolidar_ros.sensor.frame import Frame, Recording, ZoneGrid, valid_samples
 from retrolidar_ros.sensor.model import Status
 
 GRIDS = [ZoneGrid(4, 4), ZoneGrid(8, 8)]
@@ -131,3 +131,26 @@ def test_frames_and_recordings_are_frozen_and_equal_by_identity() -> None:
             thing.sequence = 3  # type: ignore[misc]
         assert thing == thing
         assert thing != replace(thing)
+
+
+@pytest.mark.parametrize(
+    ('signal', 'distance', 'status', 'is_valid', 'is_impossible'),
+    [
+        (10.0, 1.0, Status.VALID, True, False),
+        (0.0, 8.19, Status.FIRST_RANGE, True, False),
+        (10.0, np.nan, Status.MERGED, True, False),  # no target is a value like others
+        (10.0, 8.192, Status.VALID, False, True),
+        (10.0, 0.0, Status.NO_PREVIOUS_TARGET, False, True),
+        (-0.1, 1.0, Status.VALID, False, True),
+        (2.0**21 + 1, 1.0, Status.VALID, False, True),
+        (np.nan, 1.0, Status.VALID, False, True),
+        (10.0, 1.0, Status.SIGMA_TOO_HIGH, False, False),
+        (-0.1, 9.0, Status.NO_TARGET, False, False),
+    ],
+)
+def test_samples_are_valid_if_their_status_is_and_they_are_possible(
+    signal: float, distance: float, status: Status, is_valid: bool, is_impossible: bool
+) -> None:
+    given = np.array([signal]), np.array([distance]), np.array([status], dtype=np.uint8)
+    valid, impossible = valid_samples(*given)
+    assert (valid.tolist(), impossible) == ([is_valid], is_impossible)
