@@ -9,6 +9,7 @@ itself has no switches.
 import re
 import subprocess
 import sys
+from collections.abc import Sequence
 from importlib.util import module_from_spec, spec_from_file_location
 from pathlib import Path
 from tempfile import mkdtemp
@@ -132,7 +133,12 @@ def names_of(off: str) -> tuple[str, ...]:
 
 
 def use_core_without(names: tuple[str, ...]) -> None:
-    """Compile the core without some parts, and make this process use it.
+    """Compile the core without some parts, and make this process use it; see `use_core_with`."""
+    use_core_with([PARTS[name] for name in names])
+
+
+def use_core_with(changes: Sequence[Part]) -> None:
+    """Compile the core with some lines changed, and make this process use it.
 
     Raises
     ------
@@ -145,11 +151,10 @@ def use_core_without(names: tuple[str, ...]) -> None:
         raise RuntimeError('a core has been imported already')
     folder = Path(mkdtemp(prefix='core_parts_'))
     sources = {path.name: path.read_text(encoding='utf-8') for path in _sources()}
-    for name in names:
-        part = PARTS[name]
+    for part in changes:
         file = f'retrolidar_{part.file}.c'
         if sources[file].count(part.line) != 1:
-            raise ValueError(f'{name}: {file} has {part.line!r} not once')
+            raise ValueError(f'{file} has {part.line!r} not once')
         sources[file] = sources[file].replace(part.line, part.without)
     for file, text in sources.items():
         (folder / file).write_text(text, encoding='utf-8')

@@ -27,9 +27,9 @@ from evaluation.report.claims import markdown, write_figures
 from retrolidar_ros.cli.processes import end_with_parent
 
 _NAMES = """
-    speed-accuracy time-to-id peers roc false-ids rooms brighter stability moving tracks laboratory
-    coffee drone several place ranging bound chain ids link reading reach size angle yaw ambient
-    marker calibration landmarks parts
+    speed-accuracy time-to-id peers roc false-ids rooms brighter stability moving tracks
+    track-ends laboratory coffee drone several place ranging bound chain ids link reading reach size
+    angle yaw ambient marker calibration landmarks parts
 """
 EXPERIMENTS: dict[str, Any] = {
     name: SWEEPS.get(name) or import_module(f'evaluation.experiments.{name.replace("-", "_")}')
@@ -37,7 +37,7 @@ EXPERIMENTS: dict[str, Any] = {
 }
 TIMED = ('speed-accuracy',)  # those that measure processor time, and so run alone
 _LONGEST = ('rooms', 'roc', 'stability', 'moving')  # begun first, so that none is waited for
-LONG = ('false-ids', 'parts')
+LONG = ('false-ids', 'parts', 'track-ends')
 """Those that take long, and so run by their names only; `false-ids` has a run of its own."""
 
 

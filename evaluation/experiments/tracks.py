@@ -1,46 +1,31 @@
 # Copyright 2026 retrolidar_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""A marker that is followed: how well it is placed while it moves, and when a track ends."""
+"""A marker that is followed: how well it is placed at every frame while it moves."""
 
 from collections.abc import Sequence
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
+from evaluation.bench.following import play
 from evaluation.bench.places import held, place_error, rms
-from evaluation.bench.recordings import Sent, record, signal_at
+from evaluation.bench.recordings import record, signal_at
 from evaluation.bench.stresses import PLAIN
 from evaluation.experiments.moving import WAYS
 from evaluation.peers.camera import Background
 from evaluation.peers.visual_markers import APRILTAG, View, find_readers, read_pictures
 from evaluation.report.chart_style import label, look, name_curve, new_chart
 from evaluation.report.claims import NOTHING, Table, as_text, percent
-from retrolidar_ros.detector.likelihood_detector import LikelihoodDetector
-from retrolidar_ros.detector.methods import create_detector
-from retrolidar_ros.detector.tracks import Track
-from retrolidar_ros.sensor.frame import Recording
+from retrolidar_ros.scene.reference import SENSOR
 
 TITLE = 'Markers that are followed'
 RANGES_M = (1.0, 2.0)
 DURATION_S = 20.0
 _SPEEDS_M_S = (0.0, 0.1, 0.3, 0.6)
 _SETTLED_S = 1.0  # after a track began
-_GONE_S = 6.0  # when a marker vanishes, at the earliest
-_STANDING_S = 120.0
+_RUNS = 12
 _PICTURES = 40
 _EXPOSURES_S = {'33 ms': 1 / 30, '4 ms': 1 / 250}  # of its pictures, thirty a second
-
-
-def _play(recording: Recording) -> tuple[LikelihoodDetector, list[list[Track]], list[Any]]:
-    """Return a detector that has taken a recording, its tracks at each frame, its detections."""
-    detector = create_detector('joint', recording.grid)
-    assert isinstance(detector, LikelihoodDetector)
-    tracks, detections = [], []
-    for frame in recording:
-        detections += detector.update(frame)
-        tracks.append(detector.follow(frame))
-    return detector, tracks, detections
 
 
 def _moving(way: str, speed_m_s: float, range_m: float, rng: np.random.Generator) -> dict[str, Any]:
@@ -48,7 +33,7 @@ def _moving(way: str, speed_m_s: float, range_m: float, rng: np.random.Generator
     path = WAYS[way](speed_m_s, range_m, rng)
     how: dict[str, Any] = {'range_m': range_m, 'repeated_s': DURATION_S}
     sent = record(PLAIN, signal_at(range_m), rng, path=path, **how)
-    _, tracks, detections = _play(sent.recording)
+    _, tracks, detections = play(sent.recording)
 
     def error(one: Any) -> Any:
         return place_error(one.place, path(np.array([1e-9 * one.stamp_ns]))[0])
@@ -69,7 +54,7 @@ def _moving(way: str, speed_m_s: float, range_m: float, rng: np.random.Generator
         ],
         'squared': [one.squared_distance for one in errors],
         'followed': len(settled) / max(frames, 1),
-        'updates_hz': len(bright) / max(frames * 0.021, 1e-9),
+        'updates_hz': len(bright) / max(frames * SENSOR.period_s, 1e-9),
     }
 
 
@@ -91,35 +76,9 @@ def _mm(errors_m: list[float]) -> float | None:
     return None if value is None else 1e3 * value
 
 
-def _standing(range_m: float, duration_s: float, rng: np.random.Generator) -> Sent:
-    path = WAYS['to and fro'](0.0, range_m, rng)
-    return record(PLAIN, signal_at(range_m), rng, range_m=range_m, repeated_s=duration_s, path=path)
-
-
-def _dropped_s(range_m: float, rng: np.random.Generator, *, changes: bool) -> float | None:
-    """Return how long a marker is followed after it vanishes, or sends another ID [s]."""
-    sent = _standing(range_m, _GONE_S + 4.0, rng)
-    after = _standing(range_m, _GONE_S + 4.0, rng).recording
-    if not changes:
-        dark = record(PLAIN, 1e-6, rng, range_m=range_m, repeated_s=_GONE_S + 4.0)
-        after = dark.recording
-    frame = int((_GONE_S + 1.3 * rng.random()) / 0.021)
-    arrays = {name: values for name, values in vars(sent.recording).items() if name != 'grid'}
-    spliced = {
-        name: np.concatenate([values[:frame], getattr(after, name)[frame:]])
-        for name, values in arrays.items()
-    }
-    _, tracks, _ = _play(replace(sent.recording, **spliced))
-    known = [any(one.id == sent.ids[0] for one in each) for each in tracks]
-    if not known[frame - 1]:
-        return None
-    end = next((index for index in range(frame, len(known)) if not known[index]), len(known))
-    return (end - frame) * 0.021
-
-
 def run(rng: np.random.Generator, *, quick: bool) -> dict[str, Any]:
-    """Return errors over speed for packets and tracks, and how tracks end."""
-    runs, drops, standing_s = (1, 4, 30.0) if quick else (6, 60, _STANDING_S)
+    """Return errors over speed for packets, tracks and a tag."""
+    runs = 1 if quick else _RUNS
     curves = []
     for way in WAYS:
         for range_m in RANGES_M:
@@ -128,19 +87,6 @@ def run(rng: np.random.Generator, *, quick: bool) -> dict[str, Any]:
                 for at in _SPEEDS_M_S
             ]
             curves.append({'way': way, 'range_m': range_m, 'points': points})
-    ends = []
-    for range_m in RANGES_M:
-        still = [_play(_standing(range_m, standing_s, rng).recording)[0] for _ in range(runs)]
-        found: dict[str, Any] = {
-            'range_m': range_m,
-            'false_ends_an_hour': sum(one.track_counts.ended for one in still)
-            / (runs * standing_s / 3600),
-        }
-        for name, changes in (('vanished', False), ('other ID', True)):
-            lasted = [_dropped_s(range_m, rng, changes=changes) for _ in range(drops)]
-            times_s = [one for one in lasted if one is not None]
-            found[name] = np.percentile(times_s, [50, 95]).tolist() if times_s else None
-        ends.append(found)
     readers, _ = find_readers()
     tags = [one for one in readers if one.name == APRILTAG]
     background = Background(rng)
@@ -158,33 +104,27 @@ def run(rng: np.random.Generator, *, quick: bool) -> dict[str, Any]:
         ]
         for words, longest_s in (_EXPOSURES_S.items() if tags else ())
     }
-    return {'curves': curves, 'ends': ends, 'apriltag': seen}
+    return {'curves': curves, 'apriltag': seen}
 
 
 def table(figures: dict[str, Any]) -> Table:
-    """Return errors of range by way, distance and speed, and how tracks end."""
-    names = ('packets_mm', 'bright_mm', 'all_mm')
+    """Return errors of range by way, distance and speed, their pull, and the rate of updates."""
+    names = ('packets_mm', 'all_mm', 'bright_mm')
 
     def in_mm(one: dict[str, Any]) -> str:
         errors = '/'.join(NOTHING if one[name] is None else f'{one[name]:.1f}' for name in names)
-        return f'{errors}; {percent(one["ellipsoid_holds"])}'
+        pull = NOTHING if one['pull'] is None else f'{one["pull"]:.2f}'
+        holds = percent(one['ellipsoid_holds'])
+        return f'{errors}; {pull}; {holds}; {one["updates_hz"]:.0f} Hz'
 
-    rows = [['rms errors [mm]; in 95 % ellipsoid', *(f'{at:g} m/s' for at in _SPEEDS_M_S)]]
+    head = 'packets/all frames/with light [mm]; pull; in 95 % ellipsoid; updates'
+    rows = [[head, *(f'{at:g} m/s' for at in _SPEEDS_M_S)]]
     for curve in figures['curves']:
         where = f'{curve["way"]} at {curve["range_m"]:g} m'
         rows.append([where, *map(in_mm, curve['points'])])
     for words, tags in figures['apriltag'].items():
         cells = [as_text(one['error_mm'] and one['error_mm']['rms'], 'mm', 1) for one in tags]
         rows.append([f'AprilTag across at {RANGES_M[0]:g} m, exposure {words}', *cells])
-    for name in ('vanished', 'other ID'):
-        ends = [
-            f'{one["range_m"]:g} m: {one[name][0]:.2f}/{one[name][1]:.2f} s'
-            for one in figures['ends']
-            if one[name]
-        ]
-        rows.append(
-            [f'{name}, dropped after (median/95 %)', *ends, *[''] * (len(_SPEEDS_M_S) - len(ends))]
-        )
     return rows
 
 
@@ -198,12 +138,12 @@ def _at(figures: dict[str, Any], way: str, range_m: float) -> list[dict[str, Any
 
 def _message(figures: dict[str, Any]) -> str:
     point = _at(figures, [*WAYS][-1], RANGES_M[0])[-1]
-    packets, tracks = (as_text(point[name], 'mm', 0) for name in ('packets_mm', 'bright_mm'))
+    packets, tracks = (as_text(point[name], 'mm', 0) for name in ('packets_mm', 'all_mm'))
     speed = f'{point["speed_m_s"]:g} m/s'
     return f'Who follows a marker knows its range to {tracks} at {speed}; a packet is {packets} off'
 
 
-_CURVES = {'packets_mm': ('joint', 'packets'), 'bright_mm': ('tracks', 'tracks')}
+_CURVES = {'packets_mm': ('joint', 'packets'), 'all_mm': ('tracks', 'tracks')}
 
 
 def draw(figures: dict[str, Any]) -> Any:

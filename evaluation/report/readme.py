@@ -163,8 +163,18 @@ def headlines(report: Report) -> str:
         if size == '3 cm':
             words += f'; {as_text(several)} in 8 packets'
         best = _best(ours, tags, most=True)
+<<<<<<< HEAD
         what = f'How far is {size} read, by one packet or picture?'
         rows.append((what, [words, paper, as_text(tags)], best))
+=======
+        rows.append(
+            (
+                f'How far is {size} read, by one packet or picture?',
+                [words, paper, as_text(tags)],
+                best,
+            )
+        )
+>>>>>>> 0950fd1 (Tracks: errors at all frames, pull and rate of updates; how they end, by the bits a marker may stay unseen)
     rows.append(
         (
             'How soon, at 1 m?',
@@ -175,7 +185,7 @@ def headlines(report: Report) -> str:
     updates = [None if track is None else track['updates_hz'], PICTURES_HZ]
     cells = [as_text(updates[0], 'a second', 0), 'once a packet', f'{PICTURES_HZ:.0f} a second']
     rows.append(('How often is its place known anew?', cells, _best(*updates, most=True)))
-    errors = [track and track['bright_mm'], tag and tag['rms']]
+    errors = [track and track['all_mm'], tag and tag['rms']]
     cells = [
         as_text(errors[0], 'mm', 1),
         NOTHING,
@@ -219,7 +229,7 @@ def telling(report: Report) -> str:
     one, several = (as_text(end) for end in ends)
     to_and_fro = report['tracks']['curves'][len(tracks.RANGES_M)]
     point = next(one for one in to_and_fro['points'] if one['speed_m_s'] == _MOVING_M_S)
-    packets_mm, track_mm = (as_text(point[name], 'mm', 0) for name in ('packets_mm', 'bright_mm'))
+    packets_mm, track_mm = (as_text(point[name], 'mm', 0) for name in ('packets_mm', 'all_mm'))
     moving = f'{track_mm} off instead of {packets_mm}'
     looks = {
         row['places']: as_text(row['median_mm'], 'mm', 0)

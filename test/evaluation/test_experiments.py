@@ -59,6 +59,7 @@ TINY: dict[str, dict[str, Any]] = {
         '_WARM_UP_FRAMES': 100,
     },
     'experiments.stability': {'PANELS': PANELS[:1], 'CONDITIONS': [(1.0, True, False)]},
+    'experiments.track_ends': {'_GONE_BITS': (8.5,), '_GAPS_BITS': (4.0,)},
     'experiments.tracks': {'DURATION_S': 5.0, '_PICTURES': 2, '_SPEEDS_M_S': (0.0, 0.3)},
     'experiments.time_to_id': {'_RANGES_M': (1.0, 3.6)},
     'peers.visual_markers': {'QUICK_PICTURES': 2},
