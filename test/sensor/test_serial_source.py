@@ -11,7 +11,7 @@ from collections.abc import Callable, Iterator
 from contextlib import ExitStack
 from pathlib import Path
 from queue import Queue
-from threading import Event
+from threading import Event, active_count
 from typing import Any
 
 import numpy as np
@@ -24,7 +24,7 @@ from retrolidar_ros.scene.description import Surface
 from retrolidar_ros.scene.emulator import PortLink
 from retrolidar_ros.sensor import serial_source
 from retrolidar_ros.sensor.frame import Frame
-from retrolidar_ros.sensor.serial_source import SerialSource, explain
+from retrolidar_ros.sensor.serial_source import BackgroundReading, SerialSource, explain
 from retrolidar_ros.sensor.wire import FrameReader, encode_frame
 
 PACKETS = [encode_frame(frame) for frame in Simulation(Scene(surfaces=(Surface(1, 9),))).advance(9)]
@@ -247,6 +247,14 @@ def test_a_source_stops_while_frames_come_or_not(link: Path, read: Read, sent: b
         assert reading.end() < 1
         assert not reading.source.is_open
         serial.Serial(str(link), exclusive=True).close()  # and the port is free again
+
+
+def test_a_source_in_the_background_has_ended_when_its_block_does(link: Path) -> None:
+    before = active_count()
+    with BackgroundReading.of(SerialSource(str(link), 115200, FrameReader())) as reading:
+        assert active_count() == before + 1
+        assert reading.take_until(time.monotonic()) is None
+    assert active_count() == before
 
 
 def test_a_source_stops_without_a_port(link: Path, read: Read, monkeypatch: Patch) -> None:
