@@ -163,18 +163,8 @@ def headlines(report: Report) -> str:
         if size == '3 cm':
             words += f'; {as_text(several)} in 8 packets'
         best = _best(ours, tags, most=True)
-<<<<<<< HEAD
         what = f'How far is {size} read, by one packet or picture?'
         rows.append((what, [words, paper, as_text(tags)], best))
-=======
-        rows.append(
-            (
-                f'How far is {size} read, by one packet or picture?',
-                [words, paper, as_text(tags)],
-                best,
-            )
-        )
->>>>>>> 0950fd1 (Tracks: errors at all frames, pull and rate of updates; how they end, by the bits a marker may stay unseen)
     rows.append(
         (
             'How soon, at 1 m?',
