@@ -2,7 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Driver and detector with an emulated sensor: losses, stamps, latency and CPU share.
 
-Then `landmarks`, with the readings of many sensors that stand still: delay and CPU share.
+Then both in one process, also while somebody listens to the tracks of three markers; and
+`landmarks`, with the readings of many sensors that stand still: delay and CPU share.
 
 embedded/run python benchmarks/bench_nodes.py [--seconds SECONDS] [--json FILE]
 """
@@ -29,7 +30,7 @@ from retrolidar_ros.cli.demo import NAMESPACE, executable, start_emulator
 from retrolidar_ros.cli.processes import ProcessGroup
 from retrolidar_ros.detector.place import place, zone_bearing
 from retrolidar_ros.msg import Frame as FrameMsg
-from retrolidar_ros.msg import MarkerDetection
+from retrolidar_ros.msg import MarkerDetection, MarkerTrack
 from retrolidar_ros.nodes.conversion import to_header, to_ns, to_pose, to_time, to_transform
 from retrolidar_ros.nodes.listener import Listener
 from retrolidar_ros.nodes.qos import LATCHED
@@ -63,12 +64,14 @@ class Run(NamedTuple):
     elapsed_s: float
     frames: list[tuple[FrameMsg, int]]
     markers: list[tuple[MarkerDetection, int]]
+    tracks: list[tuple[MarkerTrack, int]]
     shares: dict[str, float]
     """Of one core, by process."""
 
 
-def measure(duration_s: float, *, single_process: bool) -> Run:
+def measure(duration_s: float, *, single_process: bool, with_tracks: bool = False) -> Run:
     """Run driver and detector, in two processes or in one, with an emulated sensor."""
+    tracks: list[tuple[MarkerTrack, int]] = []
     names = ('reader',) if single_process else ('driver', 'detector')
     with (
         TemporaryDirectory() as directory,
@@ -81,6 +84,13 @@ def measure(duration_s: float, *, single_process: bool) -> Run:
         for name in names:
             processes.start(name, [executable(name), *common])
         node = listener.node
+        if with_tracks:
+            node.create_subscription(
+                MarkerTrack,
+                f'{NAMESPACE}/tracks',
+                lambda message: tracks.append((message, time.time_ns())),
+                1000,
+            )
         if not listener.spin_until(
             lambda: all(node.count_publishers(topic) for topic in ('frames', 'markers')), 30.0
         ):
@@ -90,6 +100,7 @@ def measure(duration_s: float, *, single_process: bool) -> Run:
             sys.exit('no frames came')
         listener.spin_until(lambda: False, SETTLING_S)
         settled = len(listener.frames)
+        tracks.clear()
         pids = {name: processes.pid(name) for name in (*names, 'emulator')}
         before = {name: cpu_seconds(pid) for name, pid in pids.items()}
         began = time.monotonic()
@@ -99,7 +110,7 @@ def measure(duration_s: float, *, single_process: bool) -> Run:
     frames = listener.frames[settled:]
     first_ns = to_ns(frames[0][0].header.stamp)
     markers = [pair for pair in listener.markers if to_ns(pair[0].start) > first_ns]
-    return Run(elapsed_s, frames, markers, shares)
+    return Run(elapsed_s, frames, markers, tracks, shares)
 
 
 def hall_readings(rng: np.random.Generator) -> Iterator[MarkerDetection]:
@@ -213,12 +224,21 @@ def report(run: Run) -> dict[str, object]:
             if to_ns(message.end) in frame_ns
         ]
     )
+    followed_ms = 1e-6 * np.array(
+        [
+            received - to_ns(message.header.stamp) - 1e9 * HALF_EXPOSURE_S
+            for message, received in run.tracks
+        ]
+    )
     delays = {}
     for begin, what, values in (
         ('end of the (last) exposure', 'Frame', delay_ms),
         ('end of the (last) exposure', 'MarkerDetection', latency_ms),
         ('last Frame received', 'its MarkerDetection', after_ms),
+        ('end of the exposure', 'MarkerTrack', followed_ms),
     ):
+        if not len(values):
+            continue
         median, p99 = np.percentile(values, [50, 99])
         delays[what] = {'median_ms': float(median), 'p99_ms': float(p99), 'messages': len(values)}
         print(
@@ -249,6 +269,9 @@ def main() -> None:
     figures = report(measure(arguments.seconds, single_process=False))
     print('\nboth in one process, the reader')
     figures['single_process'] = report(measure(arguments.seconds, single_process=True))
+    print('\nthe reader, with tracks')
+    tracks = measure(arguments.seconds, single_process=True, with_tracks=True)
+    figures['with_tracks'] = report(tracks)
     print('\nlandmarks, in a hall')
     figures['landmarks'] = measure_landmarks(arguments.seconds)
     if arguments.json is not None:
