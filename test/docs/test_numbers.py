@@ -71,8 +71,10 @@ def written(page: str) -> str:
         unit, origin = known.get((name, file)) or renamed.get((file, value)) or ('', '')
         lines.append(f'|{name}|{file}|{value}|{unit}|{origin}|\n')
         origins[origin] += 1
+    besides = ' and '.join(f'{origins.pop(one)} of {one}' for one in ('maths', 'layout'))
     counts = ', '.join(f'{count} {origin}' for origin, count in origins.most_common())
-    before = re.sub(r'\n\d+ numbers: .*\n', f'\n{len(lines)} numbers: {counts}.\n', before)
+    counted = f'{origins.total()} numbers decide: {counts}; besides, there are {besides}.'
+    before = re.sub(r'\n\d+ numbers decide: .*\n', f'\n{counted}\n', before)
     return before + header + ''.join(lines) + '\n' + rest
 
 
