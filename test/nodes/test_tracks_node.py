@@ -6,6 +6,8 @@ import time
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -19,11 +21,13 @@ from rclpy.context import Context
 from std_msgs.msg import Bool
 from visualization_msgs.msg import MarkerArray
 
+from retrolidar_ros.detector.agreement import Agreement
 from retrolidar_ros.detector.likelihood_detector import LikelihoodDetector
-from retrolidar_ros.detector.tracks import Track
+from retrolidar_ros.detector.tracks import Track, TrackCounts
 from retrolidar_ros.msg import MarkerTrack
 from retrolidar_ros.nodes.conversion import to_ns
 from retrolidar_ros.nodes.detector import DetectorNode
+from retrolidar_ros.nodes.track_topics import TrackTopics
 from retrolidar_ros.scene.files import load_scene
 from retrolidar_ros.sensor.frame import Frame, ZoneGrid
 from retrolidar_ros.settings.resources import shared_file
@@ -171,3 +175,18 @@ def test_no_track_outlives_another_frame_id_or_grid(
     frame = next(one for one in after if one.stamp_ns > [*repeating(4.0)][-1].stamp_ns)
     detector.take(frame, frame_id)
     assert bool(tracks_of(detector, frame)) == goes_on
+
+
+def test_tracks_that_are_dropped_are_told(
+    detector: DetectorNode, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    told: list[str] = []
+    logger = SimpleNamespace(warning=lambda text, **_: told.append(text))
+    topics = TrackTopics(detector, str, lambda _: None, lambda _: None)
+    monkeypatch.setattr(topics, '_node', SimpleNamespace(get_logger=lambda: logger))
+    agreement, values = Agreement(1), {'tf_source': 'tracks', 'max_track_rate': 0.0}
+    for dropped in (0, 2, 2):
+        counts = TrackCounts(70, 0, dropped)
+        core: Any = SimpleNamespace(follow=lambda _: [], track_counts=counts)
+        topics.follow(core, agreement, next(iter(repeating(4.0))), FRAME_ID, values)
+    assert told == ['more than 64 markers: 2 tracks were dropped, the least certain ones']
