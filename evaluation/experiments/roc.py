@@ -38,7 +38,7 @@ BUDGETS_H = {1e4: 0.006, 1e3: 0.02, 1e2: 0.05}
 THRESHOLDS = (0.03, 0.05, 0.08, 0.12, 0.16, 0.2, 0.25, 0.3, LIKELIHOOD_THRESHOLD, 0.5, 0.65, 0.8)
 SHIPPED_H = {'white': 2.0, 'other bit periods': 0.1, 'another preamble': 0.1}
 """Sensor-hours of the default as shipped; `false-ids` counts more of them."""
-BUSY_H, BLINKING_H, PAPER_H, SILENT_H, WHITE_H = 0.35, 0.02, 0.05, 0.2, 1.5
+BUSY_H, BLINKING_H, PAPER_H, SILENT_H, WHITE_H = 0.15, 0.02, 0.05, 0.2, 1.5
 _BLINKING_SHARE = 0.1  # of the hours of other members: false IDs are frequent there
 WHITE_BUDGET, REGISTERED = 10.0, (3, 30, 300)
 """Budget, and how many IDs are registered, for `WHITE_H` before white noise alone."""
