@@ -144,9 +144,9 @@ static void multiply(const double (*a)[RL_WALK_LANES], const double (*b)[RL_WALK
     }
 }
 
-/* Take so many times another column off one. */
-static void take(double (*from)[RL_WALK_LANES], const double (*column)[RL_WALK_LANES], int samples,
-                 const double times[RL_WALK_LANES])
+/* Subtract so many times another column from one. */
+static void subtract(double (*from)[RL_WALK_LANES], const double (*column)[RL_WALK_LANES],
+                     int samples, const double times[RL_WALK_LANES])
 {
     for (int sample = 1; sample < samples; sample++) {
         for (int walk = 0; walk < RL_WALK_LANES; walk++) {
@@ -169,7 +169,7 @@ void rl_add_interferer(struct rl_whitened *whitened, const double *light)
     for (int i = 0; i < whitened->interferers; i++) {
         rl_const_column other = (rl_const_column)whitened->interferer[i];
         multiply((rl_const_column)column, other, samples, product);
-        take(column, other, samples, product);
+        subtract(column, other, samples, product);
         for (int walk = 0; walk < RL_WALK_LANES; walk++) {
             power[walk] -= product[walk] * product[walk];
         }
@@ -187,7 +187,7 @@ void rl_add_interferer(struct rl_whitened *whitened, const double *light)
             column[sample][walk] *= scale[walk];
         }
     }
-    take(whitened->signal, (rl_const_column)column, samples, product);
+    subtract(whitened->signal, (rl_const_column)column, samples, product);
     whitened->interferers++;
     const double before = whitened->null;
     find_null(whitened);
