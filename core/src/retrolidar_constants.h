@@ -14,7 +14,7 @@ enum {
     /* Parts of a packet, between which a marker may come or go. */
     RL_PARTS = (RL_PACKET_BITS + RL_LOOK_BITS - 1) / RL_LOOK_BITS,
     /* So long after a reading a marker may have sent the next one. */
-    RL_GOES_ON_BITS = RL_PACKET_BITS + RL_LOOK_BITS / 2,
+    RL_CONTINUES_BITS = RL_PACKET_BITS + RL_LOOK_BITS / 2,
 };
 
 /* Bits by which a packet may begin before the one before it has ended. */

@@ -179,7 +179,7 @@ static double search_without(struct rl_detector *detector, const struct rl_verdi
     const double from_s =
         to_s - RL_SEARCH_BITS * detector->settings.bit_s - (packets - 1) * packet_s;
     rl_pool_interference(&detector->pool, rl_channel_zones(&detector->samples, channel),
-                         to_s - RL_GOES_ON_BITS * detector->settings.bit_s, to_s, one->id,
+                         to_s - RL_CONTINUES_BITS * detector->settings.bit_s, to_s, one->id,
                          &interference);
     add_beside(&interference, one);
     const double rest = rl_residual_subtract(&detector->residual, channel, &interference, from_s);

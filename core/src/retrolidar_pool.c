@@ -40,7 +40,7 @@ static int first_held(const struct rl_pool *pool)
 }
 
 /* Whether a transmission goes on from another one. */
-static bool goes_on(const struct rl_packet_train *before, const struct rl_packet_train *now)
+static bool continues(const struct rl_packet_train *before, const struct rl_packet_train *now)
 {
     const double packet_s = RL_PACKET_BITS * now->transmission.bit_s;
     const double apart = (now->transmission.start_s - before->transmission.start_s) / packet_s;
@@ -55,7 +55,7 @@ void rl_pool_add(struct rl_pool *pool, const struct rl_samples *samples, uint16_
     struct rl_packet_train whole = *train;
     for (int i = first_held(pool); i < pool->added; i++) {
         struct rl_active_track *before = &pool->track[i % RL_POOL];
-        if (before->id == id && goes_on(&before->train, train)) {
+        if (before->id == id && continues(&before->train, train)) {
             track = before;
             whole.begin_s = fmin(track->train.begin_s, whole.begin_s);
             whole.end_s = fmax(track->train.end_s, whole.end_s);
@@ -106,7 +106,7 @@ bool rl_pool_is_followed(const struct rl_pool *pool, uint16_t id,
 {
     for (int i = first_held(pool); i < pool->added; i++) {
         const struct rl_active_track *track = &pool->track[i % RL_POOL];
-        if (track->id == id && goes_on(&track->train, train)) {
+        if (track->id == id && continues(&track->train, train)) {
             return true;
         }
     }

@@ -38,10 +38,10 @@ static void subtract(struct rl_residual *residual, const struct rl_packet_train 
     const double *begin_s = samples->begin_s + residual->first;
     const double *end_s = samples->end_s + residual->first;
     double gain[2][RL_KNOTS], explained[2];
-    for (int goes_on = 0; goes_on < 2; goes_on++) {
-        rl_train_light(train, goes_on, begin_s, end_s, rows, residual->light);
-        explained[goes_on] =
-            rl_gain_profile_fit(signal, valid, residual->light, rows, noise, gain[goes_on])
+    for (int continues = 0; continues < 2; continues++) {
+        rl_train_light(train, continues, begin_s, end_s, rows, residual->light);
+        explained[continues] =
+            rl_gain_profile_fit(signal, valid, residual->light, rows, noise, gain[continues])
                 .explained;
     }
     const int form = explained[1] > explained[0];

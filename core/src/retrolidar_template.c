@@ -112,15 +112,15 @@ void rl_template(const struct rl_transmission *transmission, const double *begin
     }
 }
 
-void rl_train_light(const struct rl_packet_train *train, bool goes_on, const double *begin_s,
+void rl_train_light(const struct rl_packet_train *train, bool continues, const double *begin_s,
                     const double *end_s, int rows, double *light)
 {
     struct rl_transmission transmission = train->transmission;
-    transmission.repeats = transmission.repeats || goes_on;
+    transmission.repeats = transmission.repeats || continues;
     rl_template(&transmission, begin_s, end_s, rows, light);
     for (int row = 0; row < rows; row++) {
         const double middle_s = (begin_s[row] + end_s[row]) / 2;
-        if (middle_s < train->begin_s || (!goes_on && middle_s > train->end_s)) {
+        if (middle_s < train->begin_s || (!continues && middle_s > train->end_s)) {
             light[row] = 1.0;
         }
     }

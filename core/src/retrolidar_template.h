@@ -32,7 +32,7 @@ void rl_template(const struct rl_transmission *transmission, const double *begin
                  const double *end_s, int rows, double *light);
 
 /* The same of a train, as far as it was read, or as if it went on and on; bright before. */
-void rl_train_light(const struct rl_packet_train *train, bool goes_on, const double *begin_s,
+void rl_train_light(const struct rl_packet_train *train, bool continues, const double *begin_s,
                     const double *end_s, int rows, double *light);
 
 #endif

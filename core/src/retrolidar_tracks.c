@@ -49,7 +49,7 @@ static void end(struct rl_tracks *tracks, int index)
 }
 
 /* Whether a reading is of the transmission that is followed. */
-static bool goes_on(const struct rl_followed *followed, const struct rl_reading *reading)
+static bool continues(const struct rl_followed *followed, const struct rl_reading *reading)
 {
     const double packet_s = RL_PACKET_BITS * reading->bit_s;
     const double cycles = (reading->start_s - followed->transmission.start_s) / packet_s;
@@ -70,7 +70,7 @@ static void take(struct rl_tracks *tracks, const struct rl_reading *reading)
 {
     for (int i = 0; i < tracks->count; i++) {
         if (tracks->track[i].id == reading->id) {
-            if (goes_on(&tracks->track[i], reading)) {
+            if (continues(&tracks->track[i], reading)) {
                 return;
             }
             end(tracks, i--);
