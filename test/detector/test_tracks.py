@@ -121,8 +121,11 @@ def test_a_marker_that_comes_and_goes_is_followed_within_its_deviation(along_m: 
     assert rms(speed - true) < 0.35 * rms(true) + 0.02
 
 
-def test_a_marker_that_crosses_the_view_is_within_its_deviation() -> None:
-    scene = ranging_scene(wander=Wander(across_m=0.3, along_m=0.0, period_s=6.0))
+@pytest.mark.parametrize(('period_s', 'most'), [(6.0, 1.0), (3.0, 1.2)])
+def test_a_marker_that_crosses_the_view_is_within_its_deviation(
+    period_s: float, most: float
+) -> None:
+    scene = ranging_scene(wander=Wander(across_m=0.3, along_m=0.0, period_s=period_s))
     _, tracks = follow(simulate(scene, 20.0))
     found = steady(tracks)
     truth = position_at(scene.markers[0], np.array([1e-9 * one.stamp_ns for one in found]))
@@ -131,7 +134,7 @@ def test_a_marker_that_crosses_the_view_is_within_its_deviation() -> None:
         e @ np.linalg.solve(one.place.covariance[:3, :3], e)
         for e, one in zip(off, found, strict=True)
     ]
-    assert 0.3 < np.mean(squared) / 3 < 2.0
+    assert 0.3 < np.mean(squared) / 3 < most
 
 
 def test_what_vanishes_is_dropped_within_half_a_second() -> None:
@@ -226,9 +229,10 @@ def test_no_track_outlives_a_jump_of_time(jump_s: float) -> None:
     recording = repeating(8.0)
     detector, tracks = follow(recording)
     assert len(tracks[-1]) == 1
-    last = [*recording][-1]
-    later = replace(last, stamp_ns=last.stamp_ns + round(1e9 * jump_s))
-    detector.update(later)
+    # Of two frames, as nobody asks for tracks at each.
+    for frame in [*recording][-2:]:
+        later = replace(frame, stamp_ns=frame.stamp_ns + round(1e9 * jump_s))
+        detector.update(later)
     assert not detector.follow(later)
     assert detector.track_counts.ended == 1
 
