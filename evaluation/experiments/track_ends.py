@@ -78,5 +78,5 @@ def draw(figures: dict[str, Any]) -> Any:
     ends.set(yscale='symlog', ylim=(0, None))
     for axis in (times, ends):
         axis.axvline(USED_BITS, color='0.7', linewidth=1)
-        axis.legend(fontsize=7)
+        axis.legend(fontsize=9)
     return figure
