@@ -83,10 +83,10 @@ class CoffeeNode(Node):
             for name, topic in zip(names, topics_of('~/objects/', names), strict=True)
         }
         pairs = list(combinations(names, 2))
-        ways = topics_of('~/offsets/', [f'{one}_to_{other}' for one, other in pairs])
+        topics = topics_of('~/offsets/', [f'{one}_to_{other}' for one, other in pairs])
         self._offsets = {
             pair: latched(self, Vector3Stamped, topic)
-            for pair, topic in zip(pairs, ways, strict=True)
+            for pair, topic in zip(pairs, topics, strict=True)
         }
         register_health_check(self, 'objects', '', self._examine)
         self._readings: TransformedDetections | DetectionSubscriber
@@ -95,10 +95,10 @@ class CoffeeNode(Node):
         if self._target:
             # In a fixed frame readings from several places accumulate.
             self._readings = TransformedDetections(
-                self, [topic], source, self._target, _PATIENCE_S, self._place, self._restart
+                self, [topic], source, self._target, _PATIENCE_S, self._on_reading, self._restart
             )
         else:
-            self._readings = DetectionSubscriber(self, [topic], source, self._take)
+            self._readings = DetectionSubscriber(self, [topic], source, self._on_detection)
         parameters.warn_of_unknown()
         self.create_timer(_TICK_S, self._tick, clock=Clock(clock_type=ClockType.STEADY_TIME))
 
@@ -115,16 +115,16 @@ class CoffeeNode(Node):
         self._survey.restart()
         self._planner.forget()
 
-    def _take(self, message: Marked) -> None:
+    def _on_detection(self, message: Marked) -> None:
         """Publish the pose of an object from one detection."""
         name = message.child_frame_id.removeprefix(self._prefix)
         if name in self._poses:
-            place = from_pose(message.pose.pose)
+            pose = from_pose(message.pose.pose)
             covariance = covariance_of(message.pose)
-            self._publish(name, message.header, *place, covariance)
+            self._publish(name, message.header, *pose, covariance)
             self._tick()
 
-    def _place(self, reading: Reading, message: Marked) -> None:
+    def _on_reading(self, reading: Reading, message: Marked) -> None:
         """Publish the pose of an object from all readings."""
         name = message.child_frame_id.removeprefix(self._prefix)
         if name not in self._poses:
@@ -132,8 +132,8 @@ class CoffeeNode(Node):
         estimate = self._survey.take(name, reading).estimate()
         if estimate is not None:
             header = Header(stamp=message.header.stamp, frame_id=self._target)
-            place = (estimate.position_m, estimate.rotation, estimate.covariance)
-            self._publish(name, header, *place)
+            state = estimate.position_m, estimate.rotation
+            self._publish(name, header, *state, estimate.covariance)
         missing = {one: self._survey.landmarks.get(one) for one in self._missing_now()}
         before = self._planner.view
         self._planner.take(reading, name, missing)
@@ -153,8 +153,8 @@ class CoffeeNode(Node):
         view = self._planner.view
         if view is None:
             return ''
-        place = ', '.join(f'{part:.2f}' for part in view.position_m)
-        return f'; look from ({place}) m in {self._target}'
+        position = ', '.join(f'{part:.2f}' for part in view.position_m)
+        return f'; look from ({position}) m in {self._target}'
 
     def _publish(
         self, name: str, header: Header, position_m: Floats, rotation: Floats, covariance: Floats
@@ -165,9 +165,9 @@ class CoffeeNode(Node):
         self._poses[name].publish(to_pose_msg(header, position_m, rotation, covariance))
         for (one, other), offset in self._board.offsets(now_ns).items():
             if name in (one, other):
-                way = Vector3Stamped(header=header)
-                way.vector.x, way.vector.y, way.vector.z = offset.tolist()
-                self._offsets[one, other].publish(way)
+                message = Vector3Stamped(header=header)
+                message.vector.x, message.vector.y, message.vector.z = offset.tolist()
+                self._offsets[one, other].publish(message)
 
     def _tick(self) -> None:
         """Publish and log missing objects, why, and the next viewpoint; not for a number alone."""

@@ -48,18 +48,18 @@ def check_detection(message: Marked, now_ns: int) -> None:
         raise ValueError(
             f'the stamp is far from the time here (is use_sim_time set alike?): {age_s:.1f} s old'
         )
-    place_m = vector_of(message.pose.pose.position)
-    distance_m = float(np.linalg.norm(place_m))
+    position_m = vector_of(message.pose.pose.position)
+    distance_m = float(np.linalg.norm(position_m))
     for what, number in (('position', distance_m), ('range', message.range)):
         if not 0 < number <= _MAX_DISTANCE_M:
             raise ValueError(f'the {what} is not within {_MAX_DISTANCE_M:g} m: {number}')
-    if place_m[2] < _MIN_FORWARD * distance_m:
-        raise ValueError(f'the position is not before the sensor: {place_m.tolist()}')
+    if position_m[2] < _MIN_FORWARD * distance_m:
+        raise ValueError(f'the position is not before the sensor: {position_m.tolist()}')
     if not _MIN_STDDEV <= message.range_stddev <= _MAX_STDDEV:
         raise ValueError(f'range_stddev cannot be: {message.range_stddev}')
-    turn = quaternion_in(message.pose.pose.orientation)
-    if not abs(float(turn @ turn) - 1) <= _UNIT:
-        raise ValueError(f'the orientation is not of length 1: {turn.tolist()}')
+    orientation = quaternion_in(message.pose.pose.orientation)
+    if not abs(float(orientation @ orientation) - 1) <= _UNIT:
+        raise ValueError(f'the orientation is not of length 1: {orientation.tolist()}')
     _check_covariance(covariance_of(message.pose))
 
 

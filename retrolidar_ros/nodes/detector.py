@@ -42,9 +42,10 @@ class DetectorNode(Node):
         watch: TransformWatch | None = None,
         **options: Any,
     ) -> None:
-        """Declare parameters and subscribe; with a board, frames come by `take` and no topic.
+        """Declare parameters and subscribe.
 
-        Board and watch are those of the process, if it has them.
+        With a board, frames come by `process_frame` and no topic. Board and watch are those of the
+        process, if it has them.
         """
         super().__init__('detector', **options)
         parameters = Parameters(self, 'detector')
@@ -97,9 +98,9 @@ class DetectorNode(Node):
         except ValueError as error:
             self._reject_frame(str(error))
             return
-        self.take(frame, message.header.frame_id, max_lost)
+        self.process_frame(frame, message.header.frame_id, max_lost)
 
-    def take(self, frame: Frame, frame_id: str, max_lost: int | None = 0) -> None:
+    def process_frame(self, frame: Frame, frame_id: str, max_lost: int | None = 0) -> None:
         """Read markers with the next frame, seen from a TF frame.
 
         On the way here at most `max_lost` before it were lost, if that is known.

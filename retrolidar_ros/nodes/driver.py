@@ -30,7 +30,7 @@ from retrolidar_ros.sensor.frame import Frame
 from retrolidar_ros.sensor.protocols import PROTOCOLS
 from retrolidar_ros.sensor.serial_source import SerialSource
 
-Take = Callable[[Frame, str], None]
+FrameCallback = Callable[[Frame, str], None]
 """Takes a frame, stamped in ROS time, and the TF frame that it was seen from."""
 
 
@@ -42,13 +42,16 @@ class DriverNode(LifecycleNode):
     """
 
     def __init__(
-        self, take: Take | None = None, board: DiagnosticsPublisher | None = None, **options: Any
+        self,
+        on_frame: FrameCallback | None = None,
+        board: DiagnosticsPublisher | None = None,
+        **options: Any,
     ) -> None:
         """Declare parameters, and start reading with autostart.
 
         Parameters
         ----------
-        take : callable, optional
+        on_frame : callable, optional
             Gets every frame directly, not by a topic.
         board : DiagnosticsPublisher, optional
             Of the process, if it has one.
@@ -62,7 +65,7 @@ class DriverNode(LifecycleNode):
         self._stop = Event()
         self._is_active = self._is_finalized = self.failed = False
         super().__init__('driver', **options)
-        self._take = take
+        self._on_frame = on_frame
         # It cannot be wrapped otherwise: rclpy makes the services of the life cycle itself.
         for service in self.services:
             if service.srv_name.endswith('/change_state'):
@@ -78,7 +81,7 @@ class DriverNode(LifecycleNode):
         self._clock_map = ClockMap(self._values['transport_delay'])
         self._tally = DriverTally()
         offer_services(self, lambda: self._source)
-        self._watch = None if take else DetectorWatch(self)
+        self._watch = None if on_frame else DetectorWatch(self)
         register_health_check(self, 'frames', self._values['serial_port'], self._examine, board)
         if self._values['autostart']:
             self.trigger_configure()
@@ -201,8 +204,8 @@ class DriverNode(LifecycleNode):
             self._tally.count(stamped, arrival_ns - stamp_ns + time.perf_counter_ns() - arrived_ns)
             if self._is_active and self._watch is not None:
                 self._watch.sent()
-            if self._is_active and self._take is not None:
-                self._take(stamped, self._frame_id)
+            if self._is_active and self._on_frame is not None:
+                self._on_frame(stamped, self._frame_id)
 
     def _examine(self) -> Health:
         """Judge the last second."""

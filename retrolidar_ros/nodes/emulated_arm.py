@@ -89,7 +89,7 @@ class EmulatedArmNode(Node):
         """Note what other nodes move; an arm of the user's goes before this one."""
         for one in message.transforms:
             if self._sensor:
-                self._send.hear(one)
+                self._send.on_transform(one)
             else:
                 self._moved.add(one.child_frame_id)
         if self._send.problem():
@@ -106,10 +106,12 @@ class EmulatedArmNode(Node):
         if not self._sensor or self._gave_way:
             return
         time_s = np.array([max(time.monotonic() - self._start_s, 0.0)])
-        place_m, turned = along(self._path, time_s)
-        turn = quaternion_of(IN_BASE @ rotation_of(turned)[0])
+        position_m, rotation_vector = along(self._path, time_s)
+        orientation = quaternion_of(IN_BASE @ rotation_of(rotation_vector)[0])
         header = Header(frame_id=self._base, stamp=self.get_clock().now().to_msg())
-        self._send([to_transform(header, self._sensor, to_pose(IN_BASE @ place_m[0], turn))])
+        self._send(
+            [to_transform(header, self._sensor, to_pose(IN_BASE @ position_m[0], orientation))]
+        )
 
 
 def main() -> int:

@@ -21,7 +21,7 @@ from retrolidar_ros.nodes.conversion import (
 from retrolidar_ros.nodes.qos import FRAME_QOS, STREAM, publisher
 from retrolidar_ros.sensor.frame import Frame
 
-_LOOK_FRAMES = 5  # subscribers are counted once in so many frames: that is slow
+_COUNT_PERIOD_FRAMES = 5  # subscribers are counted once in so many frames: that is slow
 
 
 class FrameTopics:
@@ -30,7 +30,7 @@ class FrameTopics:
     def __init__(self, node: Node, frame_id: str) -> None:
         """Make the publishers; the optical frame is `frame_id`."""
         self._frame_id = frame_id
-        self._heard: list[tuple[Any, Callable[..., Any]]] = []
+        self._subscribed: list[tuple[Any, Callable[..., Any]]] = []
         self._topics: list[tuple[Any, Callable[..., Any]]] = [
             (publisher(node, FrameMsg, 'frames', FRAME_QOS), to_frame_msg),
             (publisher(node, PointCloud2, 'points', STREAM), to_point_cloud),
@@ -41,7 +41,7 @@ class FrameTopics:
 
     def publish(self, frame: Frame) -> None:
         """Publish a frame, stamped in ROS time, on all topics with subscribers."""
-        if frame.sequence % _LOOK_FRAMES == 0:
-            self._heard = [one for one in self._topics if one[0].get_subscription_count()]
-        for topic, convert in self._heard:
+        if frame.sequence % _COUNT_PERIOD_FRAMES == 0:
+            self._subscribed = [one for one in self._topics if one[0].get_subscription_count()]
+        for topic, convert in self._subscribed:
             topic.publish(convert(frame, self._frame_id))

@@ -46,7 +46,7 @@ class HeartbeatNode(Node):
         register_health_check(self, 'markers', '', self._examine)
         source = parameters.values['source']
         topic = 'tracks' if source == 'tracks' else 'markers'
-        self._detections = DetectionSubscriber(self, [topic], source, self._take)
+        self._detections = DetectionSubscriber(self, [topic], source, self._on_detection)
         parameters.warn_of_unknown()
         self.create_timer(_TICK_S, self._tick, clock=Clock(clock_type=ClockType.STEADY_TIME))
 
@@ -56,7 +56,7 @@ class HeartbeatNode(Node):
     def _now_s(self) -> float:
         return float(self.get_clock().now().nanoseconds) * 1e-9
 
-    def _take(self, message: Marked) -> None:
+    def _on_detection(self, message: Marked) -> None:
         name = message.child_frame_id.removeprefix(self._prefix)
         if name in self._hearts and self._now_s():
             self._hearts[name].beat(self._now_s())

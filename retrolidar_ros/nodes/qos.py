@@ -45,13 +45,13 @@ def latched(node: Node, kind: type[Any], topic: str) -> Publisher:
 
 
 def subscribe(
-    node: Node, kind: type[Any], topic: str, take: Callable[..., None], qos: QoSProfile
+    node: Node, kind: type[Any], topic: str, callback: Callable[..., None], qos: QoSProfile
 ) -> str:
     """Subscribe likewise; return the topic's full name.
 
-    `take` gets the message, and if it takes two arguments what rclpy knows of it, a dictionary.
+    `callback` gets the message, and if it takes two arguments what rclpy knows of it, a dictionary.
     """
-    made = node.create_subscription(kind, topic, take, qos, qos_overriding_options=_OVERRIDABLE)
+    made = node.create_subscription(kind, topic, callback, qos, qos_overriding_options=_OVERRIDABLE)
     return str(made.topic_name)
 
 

@@ -39,7 +39,7 @@ def create_nodes() -> list[Node]:
     board, watch = DiagnosticsPublisher(reader), TransformWatch(reader)
     if not ports:
         detector = DetectorNode(board, watch)
-        return [DriverNode(detector.take, board), detector, reader]
+        return [DriverNode(detector.process_frame, board), detector, reader]
     drivers: list[Node] = []
     detectors: list[Node] = []
     for name, port in zip(names, ports, strict=True):
@@ -47,7 +47,7 @@ def create_nodes() -> list[Node]:
         detector = DetectorNode(board, watch, **_options(space, child_frame=f'{name}_{NAME}'))
         frame_id = f'{name}_optical_frame'
         options = _options(space, serial_port=port, frame_id=frame_id)
-        drivers.append(DriverNode(detector.take, board, **options))
+        drivers.append(DriverNode(detector.process_frame, board, **options))
         detectors.append(detector)
     return [*drivers, *detectors, reader]
 

@@ -38,26 +38,27 @@ class TransformedDetections:
         source: str,
         fixed_frame: str,
         patience_s: float,
-        take: Callable[[Reading, Marked], None],
+        on_reading: Callable[[Reading, Marked], None],
         restart: Callable[[], None],
     ) -> None:
         """Subscribe to topics of a source, detections or tracks.
 
-        `take` gets each reading, and its detection, if its transform comes within `patience_s` [s],
-        and may refuse it by a ValueError; `restart` is called when time jumps back, as in a replay.
+        `on_reading` gets each reading, and its detection, if its transform comes within
+        `patience_s` [s], and may refuse it by a ValueError; `restart` is called when time jumps
+        back, as in a replay.
         """
         self.finder = TransformFinder(node)
         self._node = node
         self._fixed = fixed_frame
         self._patience_s = patience_s
-        self._on_reading = take
+        self._on_reading = on_reading
         self._restart = restart
         self._ticked = node.get_clock().now()
         self._waiting: deque[tuple[Marked, Time]] = deque()
         self._resting = Resting()
         self._dropped = self._told = 0
         self._reason = ''
-        self._subscriber = DetectionSubscriber(node, topics, source, self._take)
+        self._subscriber = DetectionSubscriber(node, topics, source, self._on_detection)
         node.create_timer(_TICK_S, self._tick, clock=Clock(clock_type=ClockType.STEADY_TIME))
 
     def examine(self, values: dict[str, str]) -> list[tuple[bytes, str]]:
@@ -81,11 +82,11 @@ class TransformedDetections:
         speed = float(np.linalg.norm(vector_of(message.twist.twist.linear)))
         return self._resting.is_due(key, stamp_s, first_s, speed)
 
-    def _take(self, message: Marked) -> None:
+    def _on_detection(self, message: Marked) -> None:
         self._look_at_clock()
         if isinstance(message, MarkerTrack) and not self._is_due(message):
             return
-        if self._place(message):
+        if self._transform(message):
             return
         self._waiting.append((message, self._ticked))
         if len(self._waiting) > _MAX_WAITING:
@@ -105,14 +106,14 @@ class TransformedDetections:
         self._look_at_clock()
         for _ in range(len(self._waiting)):
             message, came = self._waiting.popleft()
-            if self._place(message):
+            if self._transform(message):
                 continue
             if (self._ticked - came).nanoseconds * 1e-9 < self._patience_s:
                 self._waiting.append((message, came))
             else:
                 self._drop(message)
 
-    def _place(self, message: Marked) -> bool:
+    def _transform(self, message: Marked) -> bool:
         """Hand a detection on; return False if its transform is not known yet."""
         sensor, stamp = message.header.frame_id, Time.from_msg(message.header.stamp)
         found = self.finder.find(self._fixed, sensor, stamp)

@@ -53,8 +53,8 @@ class TrackTopics:
     ) -> None:
         """Publish the tracks at the newest frame, if somebody wants them."""
         leads = values['tf_source'] == 'tracks'
-        heard = self._tracks.get_subscription_count() > 0
-        if not leads and not heard:
+        has_subscribers = self._tracks.get_subscription_count() > 0
+        if not leads and not has_subscribers:
             return
         tracks = agreement.followed(detector.follow(frame))
         self._warn_of_dropped(detector.track_counts.dropped)
@@ -63,7 +63,7 @@ class TrackTopics:
         messages = [self._message(track, frame_id) for track in tracks]
         if leads:
             self._send(messages)
-        if heard:
+        if has_subscribers:
             for message in messages:
                 self._tracks.publish(message)
         if leads and abs(frame.stamp_ns - self._drawn_ns) >= _SHAPE_PERIOD_NS:

@@ -85,7 +85,7 @@ class TransformWatch:
         self._messages += 1
         for sender in self._senders:
             for transform in message.transforms:
-                sender.hear(transform)
+                sender.on_transform(transform)
 
 
 class WatchedSender:
@@ -106,7 +106,7 @@ class WatchedSender:
                 stamps.append(to_ns(one.header.stamp))
         self._send(transforms)
 
-    def hear(self, transform: TransformStamped) -> None:
+    def on_transform(self, transform: TransformStamped) -> None:
         """Take note of a transform that somebody sends."""
         child = transform.child_frame_id
         with self._lock:

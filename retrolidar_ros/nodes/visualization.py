@@ -55,8 +55,10 @@ def _ellipsoid(
 ) -> list[Marker]:
     variances, axes = np.linalg.eigh(covariance)
     # Eigenvectors may be mirrored, which is no rotation; the ellipsoid is the same.
-    turn = quaternion_of(axes * np.sign(np.linalg.det(axes)))
-    ellipsoid = _shape(header, Marker.SPHERE, 'place', 0.35, to_pose(position_m, turn), identity)
+    orientation = quaternion_of(axes * np.sign(np.linalg.det(axes)))
+    ellipsoid = _shape(
+        header, Marker.SPHERE, 'place', 0.35, to_pose(position_m, orientation), identity
+    )
     diameters = 2 * _DEVIATIONS * np.sqrt(np.maximum(variances, 0.0))
     scale = ellipsoid.scale
     scale.x, scale.y, scale.z = np.maximum(diameters, _LEAST_DIAMETER_M).tolist()

@@ -151,7 +151,7 @@ def detector(monkeypatch: pytest.MonkeyPatch) -> Iterator[DetectorNode]:
     monkeypatch.setattr('rclpy.node.get_default_context', lambda: context)
     node = DetectorNode()
     for frame in repeating(4.0):
-        node.take(frame, FRAME_ID)
+        node.process_frame(frame, FRAME_ID)
         followed = tracks_of(node, frame)
     assert [one.id for one in followed] == [ID]
     yield node
@@ -173,7 +173,7 @@ def test_no_track_outlives_another_frame_id_or_grid(
     scene = a_scene(start_s=0.0, packets=None)
     after = simulate(replace(scene, sensor=replace(scene.sensor, grid=grid)), 4.5)
     frame = next(one for one in after if one.stamp_ns > [*repeating(4.0)][-1].stamp_ns)
-    detector.take(frame, frame_id)
+    detector.process_frame(frame, frame_id)
     assert bool(tracks_of(detector, frame)) == goes_on
 
 

@@ -98,9 +98,9 @@ def test_what_others_send_is_told_from_what_is_sent() -> None:
     sender = WatchedSender(lambda _: None)
     sender([transform('mug', 'eye', stamp_ns=1), transform('mug', 'eye', stamp_ns=2)])
     for stamp_ns, child in ((1, 'mug'), (2, 'mug'), (3, 'jug')):
-        sender.hear(transform(child, 'eye', stamp_ns=stamp_ns))
+        sender.on_transform(transform(child, 'eye', stamp_ns=stamp_ns))
     assert sender.problem() == ''
-    sender.hear(transform('mug', 'other_eye', stamp_ns=3))
+    sender.on_transform(transform('mug', 'other_eye', stamp_ns=3))
     assert 'mug (in other_eye): set frame_prefix' in sender.problem()
 
 
