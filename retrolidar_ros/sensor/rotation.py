@@ -4,6 +4,8 @@
 
 from __future__ import annotations
 
+import itertools
+
 import numpy as np
 
 from retrolidar_ros.sensor.frame import Floats
@@ -63,3 +65,19 @@ def cross_matrix(vectors: Floats) -> Floats:
     """Return the matrices that multiply as the cross product with vectors (..., 3) does."""
     matrices: Floats = (vectors @ _CROSS.reshape(3, 9)).reshape(*vectors.shape, 3)
     return matrices
+
+
+def _quarter_turns() -> list[Floats]:
+    """Return the 24 rotations that turn a cube into itself."""
+    turns = []
+    for order in itertools.permutations(range(3)):
+        for signs in itertools.product((1.0, -1.0), repeat=3):
+            matrix = np.zeros((3, 3))
+            matrix[range(3), order] = signs
+            if np.linalg.det(matrix) > 0:
+                turns.append(matrix)
+    return sorted(turns, key=lambda turn: -float(np.trace(turn)))
+
+
+QUARTER_TURNS = _quarter_turns()
+"""The 24 rotations that turn a cube into itself, the least first."""

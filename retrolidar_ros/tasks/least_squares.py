@@ -4,7 +4,6 @@
 
 from __future__ import annotations
 
-import itertools
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -12,10 +11,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from retrolidar_ros.sensor.frame import Floats
-from retrolidar_ros.sensor.rotation import cross_matrix, matrix_of_turn, turn_of
+from retrolidar_ros.sensor.rotation import QUARTER_TURNS, cross_matrix, matrix_of_turn
 from retrolidar_ros.tasks.boxes import match_boxes, same_boxes
 from retrolidar_ros.tasks.reading import Errors, Reading, Readings
-from retrolidar_ros.tasks.state import Prior, State
+from retrolidar_ros.tasks.state import Prior, State, between
 
 _MOST_STEPS, _FEW_STEPS = 60, 8
 _SMALL_STEP = 1e-5  # [m] or [rad]
@@ -104,21 +103,21 @@ class Problem:
         places = seen.sensor_m + seen.range_m[:, None] * seen.direction
         guesses = [
             State((places - self._places @ turn.T).mean(axis=0), turn, np.zeros(3))
-            for turn in (_QUARTER_TURNS if self._turns else _QUARTER_TURNS[:1])
+            for turn in (QUARTER_TURNS if self._turns else QUARTER_TURNS[:1])
         ]
         if len(guesses) == 1:
             return self._descend(guesses[0], _MOST_STEPS)
         fits = sorted((self._descend(guess, _FEW_STEPS) for guess in guesses), key=self._misfit)
         best = self._descend(fits[0].state, _MOST_STEPS)
         others = [
-            fit for fit in fits if np.linalg.norm(_between(best.state, fit.state)[3:6]) > _ANOTHER
+            fit for fit in fits if np.linalg.norm(between(best.state, fit.state)[3:6]) > _ANOTHER
         ]
         if not others:
             return best
         other = self._descend(others[0].state, _MOST_STEPS)
         if self._misfit(other) < self._misfit(best):
             best, other = other, best
-        apart = _between(best.state, other.state)
+        apart = between(best.state, other.state)
         likely = 1 / (1 + math.exp((self._misfit(other) - self._misfit(best)) / 2))
         return replace(best, covariance=best.covariance + likely * np.outer(apart, apart))
 
@@ -127,7 +126,7 @@ class Problem:
         unlikely = (_FREEDOM + 1) * np.log1p(np.square(fit.scores) / _FREEDOM)
         known = 0.0
         if self.prior is not None:
-            off = _between(self.prior.state, fit.state)[:6]
+            off = between(self.prior.state, fit.state)[:6]
             known = float(off @ np.linalg.solve(self.prior.covariance, off))
         return float(unlikely.sum()) + known
 
@@ -293,13 +292,6 @@ class Problem:
         return whole, soft
 
 
-def _between(one: State, other: State) -> Floats:
-    """Return how another state differs, shape (9,)."""
-    turn = turn_of(other.rotation @ one.rotation.T)
-    way = other.position_m - one.position_m
-    return np.concatenate([way, turn, other.velocity - one.velocity])
-
-
 def _outer(jacobian: Floats, sure: Floats) -> Floats:
     """Return the information, shape (9, 9), of directions known with weights, shape (n, 2)."""
     rows = jacobian.reshape(-1, jacobian.shape[-1])
@@ -311,18 +303,3 @@ def _variance_of(jacobian: Floats, covariance: Floats) -> Floats:
     """Return the variances, shape (...), of what depends on a state by a jacobian (..., k)."""
     variance: Floats = ((jacobian @ covariance) * jacobian).sum(axis=-1)
     return variance
-
-
-def _quarter_turns() -> list[Floats]:
-    """Return the 24 rotations that turn a cube into itself."""
-    turns = []
-    for order in itertools.permutations(range(3)):
-        for signs in itertools.product((1.0, -1.0), repeat=3):
-            matrix = np.zeros((3, 3))
-            matrix[range(3), order] = signs
-            if np.linalg.det(matrix) > 0:
-                turns.append(matrix)
-    return sorted(turns, key=lambda turn: -float(np.trace(turn)))
-
-
-_QUARTER_TURNS = _quarter_turns()

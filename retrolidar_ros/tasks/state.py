@@ -10,6 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from retrolidar_ros.sensor.frame import Floats
+from retrolidar_ros.sensor.rotation import turn_of
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,3 +39,10 @@ def largest_stddev(covariance: Floats) -> float:
     if not np.isfinite(covariance).all():
         return math.inf
     return math.sqrt(max(float(np.linalg.eigvalsh(covariance)[-1]), 0.0))
+
+
+def between(one: State, other: State) -> Floats:
+    """Return how another state differs, shape (9,)."""
+    turn = turn_of(other.rotation @ one.rotation.T)
+    way = other.position_m - one.position_m
+    return np.concatenate([way, turn, other.velocity - one.velocity])
