@@ -126,7 +126,9 @@ class Copy:
         binding = self._objects / '_core.c'
         self.run(f'{shlex.quote(sys.executable)} core/binding.py {binding}')
         for source in [binding, *sorted((root / 'core/src').glob('*.c'))]:
-            self._compile(source)
+            if not self._compile(source):
+                sys.exit(f'{source} does not compile without any mutant')
+        self._link()
 
     def run(self, command: str) -> int:
         """Run a command in the environment of the package, with the copy before it."""
@@ -146,7 +148,7 @@ class Copy:
             return process.wait()
 
     def _compile(self, source: Path) -> bool:
-        flags = (ROOT / 'core/compile_flags.txt').read_text()
+        flags = ' '.join((ROOT / 'core/compile_flags.txt').read_text().split())
         headers = f'-I{self._root}/core/src -I{sysconfig.get_path("include")}'
         target = self._objects / f'{source.stem}.o'
         return self.run(f'cc {flags} -w -fPIC {headers} -c {source} -o {target}') == 0
