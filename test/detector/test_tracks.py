@@ -21,7 +21,7 @@ from retrolidar_ros.detector.likelihood_detector import LikelihoodDetector
 from retrolidar_ros.detector.tracks import Track
 from retrolidar_ros.marker.dictionary import USABLE_IDS
 from retrolidar_ros.scene import Scene, Simulation
-from retrolidar_ros.scene.description import Marker, Surface, Wander
+from retrolidar_ros.scene.description import Marker, Ranging, Surface, Wander
 from retrolidar_ros.scene.optics import position_at
 from retrolidar_ros.scene.reference import (
     RANGING,
@@ -302,3 +302,12 @@ def test_the_background_moves_no_range() -> None:
     _, tracks = follow(simulate(behind, 15.0))
     error, _ = errors(behind, steady(tracks)[200:])
     assert rms(error) < 0.015
+
+
+def test_the_noise_of_distances_is_learnt() -> None:
+    scene = ranging_scene(wander=Wander(across_m=0.0, along_m=0.05, period_s=4.0))
+    noisy = Ranging(shot=4 * RANGING.shot, floor=4 * RANGING.floor)
+    scene = replace(scene, sensor=replace(scene.sensor, ranging=noisy))
+    _, tracks = follow(simulate(scene, 20.0))
+    _, scaled = errors(scene, steady(tracks)[300:])
+    assert 0.5 < rms(scaled) < 1.5
