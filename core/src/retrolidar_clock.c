@@ -120,7 +120,7 @@ double rl_clock_excess(struct rl_window *window, const struct rl_transmission *t
     }
     for (double ratio = MIN_RATIO; ratio <= MAX_RATIO; ratio *= STEP) {
         /* Those about ours are ours. */
-        for (int phase = 0; phase < RL_PHASES && fabs(ratio - 1.0) > 2.0 * RL_MAX_SKEW; phase++) {
+        for (int phase = 0; phase < RL_PHASES && fabs(ratio - 1.0) > 1.5 * RL_MAX_SKEW; phase++) {
             struct clock clock = {.bit_s = ratio * usual_s};
             clock.begin_s = begin_s - phase * clock.bit_s / RL_PHASES;
             slice(&slicer, &clock);
