@@ -131,6 +131,7 @@ class Statistics:
         self._memory = (samples, room(lib.rl_window_bytes(KEPT)))
         lib.rl_samples_start(self.samples, sensor, KEPT, samples, bit_s)
         lib.rl_window_start(self.window, self.samples, KEPT, self._memory[1])
+        self.window.min_bit_s, self.window.max_bit_s = 0.965 * bit_s, 1.035 * bit_s
         lib.rl_samples_clear(self.samples, int(recording.stamp_ns[0]))
         ambient = self.array(np.zeros(grid.zones), 'float')
         for frame in recording:

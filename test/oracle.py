@@ -18,7 +18,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from retrolidar_ros.marker.code import PACKET_BITS
+from retrolidar_ros.marker.code import BIT_PERIOD_S, PACKET_BITS
 from retrolidar_ros.marker.liquid_crystal import Response
 from retrolidar_ros.sensor.frame import Floats
 
@@ -27,6 +27,7 @@ WALKS = (0.0, 0.003, 0.01, 0.03, 0.1, 0.3, 1.0, 3.0, 30.0)
 FLIPS = 4
 """So many bits are turned to make a better sequence of a word."""
 ID_BITS = 12
+CLOCK_SD = 0.01
 PARTS, MIN_ABSENT = 8, 2
 """Of a packet, at whose ends a marker may appear or vanish; it is absent in two of them or more."""
 ABSENCE = 6.0
@@ -163,9 +164,15 @@ class Zone:
         return self.fit_light(None if sending is None else light(sending, *self.times))
 
 
+def prior(sending: Sending) -> float:
+    """Return the log prior of a bit period: clocks are off by 1 % (standard deviation) [nats]."""
+    return -0.5 * ((sending.bit_s / BIT_PERIOD_S - 1) / CLOCK_SD) ** 2
+
+
 def log_likelihood(zones: Iterable[Zone], sending: Sending | None) -> float:
-    """Return the log likelihood of what is sent, or of nothing [nats]."""
-    return sum(zone.fit(sending).log_likelihood for zone in zones)
+    """Return the log likelihood of what is sent with the prior of its clock, or of nothing [nats]."""
+    fitted = sum(zone.fit(sending).log_likelihood for zone in zones)
+    return fitted if sending is None else fitted + prior(sending)
 
 
 def evidence(zones: Sequence[Zone], sending: Sending) -> float:
@@ -215,7 +222,7 @@ def sequence_margin(
                 ).log_likelihood
                 for zone in zones
             )
-            best = max(best, found - math.log(2) * min(bits, ID_BITS))
+            best = max(best, found + prior(sending) - math.log(2) * min(bits, ID_BITS))
     return log_likelihood(zones, sending) - best
 
 
@@ -230,7 +237,7 @@ def part_margin(
     """
 
     def seen(one: Sending, split_s: float, later: bool) -> float:
-        return sum(
+        return prior(one) + sum(
             zone.fit_light(
                 np.where((zone.times[0] >= split_s) == later, light(one, *zone.times), 0)
             ).log_likelihood

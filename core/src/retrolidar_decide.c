@@ -21,6 +21,8 @@ static const double MIN_LONGER = 0.9;
 static const double MIN_ALONE = 0.4;
 /* To leave out a stretch of bits costs some, as it might be any [nats]. */
 static const double COST_OF_MASK = 10.0;
+/* Of a change that a word has less: a marker that fades or crosses makes few [nats]. */
+static const double COST_OF_CHANGE = 15.0;
 /* Share of what others explain that a packet beside them needs besides: what they leave over may
  * look like one.
  */
@@ -78,7 +80,7 @@ static double cost_of_changes(uint32_t bits)
     for (int bit = 0; bit + 1 < RL_PACKET_BITS; bit++) {
         changes += ((bits >> bit ^ bits >> (bit + 1)) & 1u) != 0;
     }
-    return changes < RL_USUAL_CHANGES ? RL_COST_OF_CHANCE * (RL_USUAL_CHANGES - changes) : 0.0;
+    return changes < RL_USUAL_CHANGES ? COST_OF_CHANGE * (RL_USUAL_CHANGES - changes) : 0.0;
 }
 
 static void note_fit(struct rl_verdict *verdict, const struct rl_window *window)
@@ -216,7 +218,10 @@ static double margin_of(struct trial *trial, const struct rl_codebook *codebook,
         margin = fmin(margin, rl_rivals_sequence_margin(window, codebook, &trial->bits,
                                                         transmission, trial->own, id));
     }
-    return margin;
+    /* What another sequence explains better, and noise does not, other words may explain, too. */
+    const double noise = 2.0 * window->whitened[0].least;
+    const double beyond_noise = fmax(1.0 - noise / verdict->fit[0].variance, 0.0);
+    return margin - beyond_noise * fmax(verdict->word, 0.0);
 }
 
 struct rl_verdict rl_decide(struct rl_window *window, const struct rl_codebook *codebook,

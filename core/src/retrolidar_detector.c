@@ -76,6 +76,7 @@ static void restart(struct rl_detector *detector, int64_t stamp_ns)
     detector->search.frames_a_bit = 0.0;
     for (int zone = 0; zone < RL_MAX_ZONES; zone++) {
         detector->active_s[zone] = -INFINITY;
+        detector->is_read_anew[zone] = false;
     }
     for (int channel = 0; channel < RL_MAX_CHANNELS; channel++) {
         detector->consumed_until_s[channel] = -INFINITY;

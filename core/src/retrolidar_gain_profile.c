@@ -113,7 +113,7 @@ struct rl_gain_profile rl_gain_profile_fit(const float *signal, const uint8_t *v
     }
     const double beyond = 2.0 * noise * (changes ? RL_KNOTS : 1);
     return (struct rl_gain_profile){(changes ? explained : steady) - beyond,
-                                    total - 2.0 * noise * steps};
+                                    total - 2.0 * noise * steps, common, all};
 }
 
 double rl_gain_profile_at(const double gain[RL_KNOTS], int row, int rows)

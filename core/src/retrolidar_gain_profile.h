@@ -13,6 +13,7 @@ enum { RL_KNOTS = RL_PARTS - 1 };
 
 struct rl_gain_profile {
     double explained, all;
+    double cross, energy; /* whose ratio is the gain, if it does not change */
 };
 
 /* Fit a gain that is linear between so many knots, equally spaced over the rows, to the steps from

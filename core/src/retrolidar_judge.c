@@ -80,6 +80,7 @@ static void add_reading(struct rl_detector *detector, const struct rl_verdict *v
     uint64_t read = 0;
     for (int i = 0; i < reading->zones; i++) {
         read |= (uint64_t)1 << zones[i];
+        detector->is_read_anew[zones[i]] = true;
     }
     for (int channel = 0; channel < samples->channels; channel++) {
         if ((rl_channel_zones(samples, channel) & read) != 0) {
@@ -121,11 +122,11 @@ static void add_beside(struct rl_interference *interference, const struct rl_ver
     interference->train[interference->count++] = train_of(beside);
 }
 
-/* Judge a hit.
+/* Judge a hit as what it is found to be.
  *
  * beside: another packet that is taken to be there, if any
  */
-static struct rl_verdict decide(struct rl_detector *detector, int channel, int packets,
+static struct rl_verdict decide_as_found(struct rl_detector *detector, int channel, int packets,
                                 const struct rl_hit *hit, const struct rl_hits *hits,
                                 const struct rl_verdict *beside, double to_s)
 {
@@ -165,6 +166,33 @@ static struct rl_verdict decide(struct rl_detector *detector, int channel, int p
     }
     note(detector, channel, packets, &verdict);
     return verdict;
+}
+
+/* The packet of a stretch that has ended last, as one that is sent once. */
+static struct rl_hit last_ended(const struct rl_verdict *verdict, double to_s)
+{
+    const struct rl_transmission *transmission = &verdict->transmission;
+    const double packet_s = RL_PACKET_BITS * transmission->bit_s;
+    const double packets = floor((to_s - transmission->start_s) / packet_s) - 1.0;
+    return (struct rl_hit){(float)verdict->evidence, verdict->id, false,
+                           transmission->start_s + packets * packet_s, transmission->bit_s};
+}
+
+/* Judge a hit; a stretch that does not repeat for certain is judged as the packet that has ended in it. */
+static struct rl_verdict decide(struct rl_detector *detector, int channel, int packets,
+                                const struct rl_hit *hit, const struct rl_hits *hits,
+                                const struct rl_verdict *beside, double to_s)
+{
+    const struct rl_verdict verdict =
+        decide_as_found(detector, channel, packets, hit, hits, beside, to_s);
+    if (verdict.reason != RL_INCOMPLETE || !hit->repeats) {
+        return verdict;
+    }
+    const struct rl_hit ended = last_ended(&verdict, to_s);
+    return is_known(detector, ended.id, ended.start_s,
+                    ended.start_s + RL_PACKET_BITS * ended.bit_s)
+               ? verdict
+               : decide_as_found(detector, channel, 1, &ended, hits, beside, to_s);
 }
 
 /* Search a zone without a packet, and without those that have been read in it. Return how the rest

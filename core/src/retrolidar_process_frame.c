@@ -7,6 +7,7 @@
 #include "retrolidar_noise.h"
 
 #include <math.h>
+#include <string.h>
 
 enum {
     FOLDS = 5,
@@ -67,23 +68,28 @@ static int due(const struct rl_detector *detector, int *channels, int count, dou
     return kept;
 }
 
-/* Search zones in which packets were read a short while ago for others, with these subtracted. */
-static void search_residual(struct rl_detector *detector, double from_s, double to_s)
+/* Search zones in which packets were read a short while ago for others, with these subtracted.
+ *
+ * from_s: when the last packet ended that was searched with what is known, too
+ * anew: of zones in which another packet has been read since, or of the others
+ */
+static void search_residual_of(struct rl_detector *detector, double from_s, double to_s, bool anew)
 {
     const struct rl_samples *samples = &detector->samples;
     const double bit_s = detector->settings.bit_s;
     /* As long as no whole packet can have come since the reading. */
-    const double max_bits = 2 * RL_PACKET_BITS + RL_CONTINUES_BITS;
-    int zones[RL_MAX_ZONES], count = 0;
+    const double max_bits = 2 * RL_PACKET_BITS + RL_GOES_ON_BITS;
+    int zones[RL_MAX_ZONES] = {0}, count = 0;
     for (int zone = 0; zone < samples->zones; zone++) {
         struct rl_interference interference;
-        if (detector->consumed_until_s[zone] <= to_s - max_bits * bit_s) {
+        if (detector->consumed_until_s[zone] <= to_s - max_bits * bit_s ||
+            detector->is_read_anew[zone] != anew) {
             continue;
         }
-        rl_pool_interference(&detector->pool, (uint64_t)1 << zone, to_s - RL_CONTINUES_BITS * bit_s,
-                             to_s, 0, &interference);
+        rl_pool_interference(&detector->pool, (uint64_t)1 << zone,
+                             from_s - RL_GOES_ON_BITS * bit_s, to_s, 0, &interference);
         if (rl_residual_subtract(&detector->residual, zone, &interference,
-                                 to_s - RL_SEARCH_BITS * bit_s) > RL_ACTIVE) {
+                                 from_s - RL_SEARCH_BITS * bit_s) > RL_ACTIVE) {
             zones[count++] = zone;
         } else {
             rl_residual_restore(&detector->residual, zone);
@@ -94,6 +100,17 @@ static void search_residual(struct rl_detector *detector, double from_s, double 
     for (int i = 0; i < count; i++) {
         rl_residual_restore(&detector->residual, zones[i]);
     }
+}
+
+/* A packet that ended while another one was sent is found once both can be told apart: when the other
+ * has been read.
+ */
+static void search_residual(struct rl_detector *detector, double from_s, double to_s)
+{
+    const double packet_s = RL_PACKET_BITS * detector->settings.bit_s;
+    search_residual_of(detector, from_s, to_s, false);
+    search_residual_of(detector, from_s - packet_s, to_s, true);
+    memset(detector->is_read_anew, 0, sizeof detector->is_read_anew);
 }
 
 /* Judge the packets that follow those that were read, if their markers go on. */

@@ -8,9 +8,14 @@
 
 #include <string.h>
 
+/* Share of a packet's light that there is if it is sent again; of another packet's it is about half,
+ * as all have the preamble.
+ */
+static const double SAME_WORD = 0.75;
+
 int64_t rl_residual_bytes(int zones, int rows)
 {
-    return rows * (int64_t)(sizeof(double) + (size_t)zones * sizeof(float)) + rl_room_bytes(rows);
+    return rows * (int64_t)(2 * sizeof(double) + (size_t)zones * sizeof(float)) + rl_room_bytes(rows);
 }
 
 void rl_residual_start(struct rl_residual *residual, struct rl_samples *samples, int rows,
@@ -18,7 +23,8 @@ void rl_residual_start(struct rl_residual *residual, struct rl_samples *samples,
 {
     residual->samples = samples;
     residual->light = memory;
-    residual->saved = rl_room_start(&residual->room, rows, residual->light + rows);
+    residual->part = residual->light + rows;
+    residual->saved = rl_room_start(&residual->room, rows, residual->part + rows);
 }
 
 static double mean_of(const float *signal, int rows)
@@ -30,28 +36,28 @@ static double mean_of(const float *signal, int rows)
     return rows > 0 ? sum / rows : 0.0;
 }
 
-/* Subtract one train, as far as it was read or as if it went on, whichever explains more. */
-static void subtract(struct rl_residual *residual, const struct rl_packet_train *train,
-                     float *signal, const uint8_t *valid, int rows, double noise)
+/* Subtract one marker, as far as it was read, or as if it went on. */
+static void subtract(struct rl_residual *residual, const struct rl_interference *interference,
+                     int marker, float *signal, const uint8_t *valid, int rows, double noise)
 {
     const struct rl_samples *samples = residual->samples;
     const double *begin_s = samples->begin_s + residual->first;
     const double *end_s = samples->end_s + residual->first;
-    double gain[2][RL_KNOTS], explained[2];
-    for (int continues = 0; continues < 2; continues++) {
-        rl_train_light(train, continues, begin_s, end_s, rows, residual->light);
-        explained[continues] =
-            rl_gain_profile_fit(signal, valid, residual->light, rows, noise, gain[continues])
-                .explained;
+    double *light = residual->light, *part = residual->part;
+    double gain[2][RL_KNOTS];
+    struct rl_gain_profile profile[2];
+    for (int goes_on = 0; goes_on < 2; goes_on++) {
+        rl_interference_light(interference, marker, goes_on, begin_s, end_s, rows, part, light);
+        profile[goes_on] = rl_gain_profile_fit(signal, valid, light, rows, noise, gain[goes_on]);
     }
-    const int form = explained[1] > explained[0];
-    if (!(explained[form] > 0.0)) {
+    const double expected = profile[0].cross / profile[0].energy * (profile[1].energy - profile[0].energy);
+    const int form = profile[1].cross - profile[0].cross > SAME_WORD * expected;
+    if (!(profile[form].explained > 0.0)) {
         return;
     }
-    rl_train_light(train, form, begin_s, end_s, rows, residual->light);
+    rl_interference_light(interference, marker, form, begin_s, end_s, rows, part, light);
     for (int row = 0; row < rows; row++) {
-        signal[row] +=
-            (float)(rl_gain_profile_at(gain[form], row, rows) * (1.0 - residual->light[row]));
+        signal[row] += (float)(rl_gain_profile_at(gain[form], row, rows) * (1.0 - light[row]));
     }
 }
 
@@ -74,7 +80,9 @@ double rl_residual_subtract(struct rl_residual *residual, int zone,
     samples->interference_removed[zone] = true;
     const double noise = rl_noise_variance(samples, zone, mean_of(signal, rows));
     for (int i = 0; i < interference->count; i++) {
-        subtract(residual, &interference->train[i], signal, samples->valid + at, rows, noise);
+        if (rl_interference_marker(interference, i) == i) {
+            subtract(residual, interference, i, signal, samples->valid + at, rows, noise);
+        }
     }
     const int newest = samples->variance_rows < rows ? samples->variance_rows : rows;
     const float *rest = signal + (rows - newest);

@@ -12,7 +12,7 @@
 struct rl_residual {
     struct rl_samples *samples;
     struct rl_room room;
-    double *light;
+    double *light, *part;
     float *saved; /* signals of each zone before */
     int first;    /* row from which they were saved */
 };

@@ -254,8 +254,9 @@ void rl_search_look(struct rl_search *search, const int *channels, int count, in
         const double threshold = strong ? STRONG_SHARE * least : least;
         const struct rl_demand demand = {(float)threshold, (float)max_llr_deficit, packets > 0,
                                          whitening->energy, &whitening->smooth};
-        rl_view_open(&search->view, chosen, lanes, fmax(to_s - bits * search->bit_s, since_s), to_s,
-                     whitening->walk);
+        const double first_s = packets > 0 ? to_s : from_s;
+        rl_view_open(&search->view, chosen, lanes, fmax(first_s - bits * search->bit_s, since_s),
+                     to_s, whitening->walk);
         if (packets > 0) {
             look_at_stretches(search, lanes, packets, to_s, &demand);
         } else {

@@ -11,6 +11,8 @@
 
 /* Share of the sensor's noise that a fit may not fall short of. */
 static const double MIN_NOISE = 0.5;
+/* How far clocks are off: the oscillator of a microcontroller is good to a percent. */
+static const double CLOCK_SD = 0.01;
 
 int64_t rl_window_bytes(int rows)
 {
@@ -34,10 +36,12 @@ void rl_window_start(struct rl_window *window, const struct rl_samples *samples,
     window->valid = rl_room_start(&window->room, rows, next + 2 * rows);
 }
 
-static void light_of(struct rl_window *window, const struct rl_packet_train *train, bool continues)
+static void light_of(struct rl_window *window, int marker, bool goes_on)
 {
-    rl_train_light(train, continues, window->samples->begin_s + window->first,
-                   window->samples->end_s + window->first, window->rows, window->light);
+    rl_interference_light(&window->interference, marker, goes_on,
+                          window->samples->begin_s + window->first,
+                          window->samples->end_s + window->first, window->rows, window->part,
+                          window->light);
 }
 
 /* The light until a row, or from it on: without the marker it is as dark as with a dark one. */
@@ -49,17 +53,16 @@ static const double *part_of(const struct rl_window *window, int split, bool lat
     return window->part;
 }
 
-/* Make a transmission an interferer of a channel, as far as it is seen there: its gain is a sum of
- * steps, as the marker may cross from zone to zone, and each must explain what it costs.
+/* Make a marker an interferer of a channel, as far as it is seen there: its gain is a sum of steps, as
+ * the marker may cross from zone to zone, and each must explain what it costs.
  */
-static void add_interferer(struct rl_window *window, struct rl_whitened *whitened,
-                           const struct rl_packet_train *train)
+static void add_interferer(struct rl_window *window, struct rl_whitened *whitened, int marker)
 {
-    light_of(window, train, true);
+    light_of(window, marker, true);
     const double on = rl_fit_gain(whitened, window->light).log_likelihood;
-    light_of(window, train, false);
+    light_of(window, marker, false);
     if (on > rl_fit_gain(whitened, window->light).log_likelihood) {
-        light_of(window, train, true);
+        light_of(window, marker, true);
     }
     for (int step = 0; step < RL_TRIED && whitened->interferers < RL_MAX_INTERFERERS; step++) {
         double best = rl_fit_gain(whitened, window->light).log_likelihood;
@@ -103,7 +106,9 @@ static void add(struct rl_window *window, int channel)
     rl_whiten(whitened, column.signal, window->valid, begin_s, end_s, window->rows,
               samples->period_s, MIN_NOISE * noise);
     for (int i = 0; i < window->interference.count; i++) {
-        add_interferer(window, whitened, &window->interference.train[i]);
+        if (rl_interference_marker(&window->interference, i) == i) {
+            add_interferer(window, whitened, i);
+        }
     }
     window->channel[window->channels++] = channel;
     window->null += whitened->null;
@@ -158,6 +163,14 @@ void rl_window_open(struct rl_window *window, int channel, double from_s, double
     add(window, channel);
 }
 
+/* Log prior of a bit period. */
+static double prior_of(const struct rl_window *window, double bit_s)
+{
+    const double usual_s = (window->min_bit_s + window->max_bit_s) / 2;
+    const double off = (bit_s / usual_s - 1.0) / CLOCK_SD;
+    return -0.5 * off * off;
+}
+
 static double fit(struct rl_window *window, const double *light)
 {
     double total = 0.0;
@@ -182,14 +195,14 @@ double rl_window_try_light(struct rl_window *window)
 double rl_window_try(struct rl_window *window, const struct rl_transmission *transmission)
 {
     lay_light(window, transmission);
-    return fit(window, window->light);
+    return fit(window, window->light) + prior_of(window, transmission->bit_s);
 }
 
 double rl_window_try_part(struct rl_window *window, const struct rl_transmission *transmission,
                           int split, bool later)
 {
     lay_light(window, transmission);
-    return fit(window, part_of(window, split, later));
+    return fit(window, part_of(window, split, later)) + prior_of(window, transmission->bit_s);
 }
 
 double rl_window_try_two(struct rl_window *window, const struct rl_transmission *one,
@@ -201,7 +214,7 @@ double rl_window_try_two(struct rl_window *window, const struct rl_transmission 
     for (int row = 0; row < window->rows; row++) {
         window->light[row] = fmax(window->light[row] + window->part[row] - 1.0, 0.0);
     }
-    return fit(window, window->light);
+    return fit(window, window->light) + prior_of(window, one->bit_s);
 }
 
 double rl_window_try_bits(struct rl_window *window, const struct rl_transmission *transmission,

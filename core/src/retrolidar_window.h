@@ -5,15 +5,10 @@
 #ifndef RETROLIDAR_WINDOW_H
 #define RETROLIDAR_WINDOW_H
 
+#include "retrolidar_interference.h"
 #include "retrolidar_likelihood.h"
 #include "retrolidar_target.h"
 #include "retrolidar_template.h"
-
-/* Packets that may be in the samples besides the one in question. */
-struct rl_interference {
-    int count;
-    struct rl_packet_train train[RL_MAX_INTERFERERS];
-};
 
 struct rl_window {
     const struct rl_samples *samples;
