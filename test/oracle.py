@@ -170,7 +170,7 @@ def prior(sending: Sending) -> float:
 
 
 def log_likelihood(zones: Iterable[Zone], sending: Sending | None) -> float:
-    """Return the log likelihood of what is sent with the prior of its clock, or of nothing [nats]."""
+    """Return the log likelihood of what is sent, with its clock's prior, or of nothing [nats]."""
     fitted = sum(zone.fit(sending).log_likelihood for zone in zones)
     return fitted if sending is None else fitted + prior(sending)
 

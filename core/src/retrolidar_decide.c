@@ -21,8 +21,6 @@ static const double MIN_LONGER = 0.9;
 static const double MIN_ALONE = 0.4;
 /* To leave out a stretch of bits costs some, as it might be any [nats]. */
 static const double COST_OF_MASK = 10.0;
-/* Of a change that a word has less: a marker that fades or crosses makes few [nats]. */
-static const double COST_OF_CHANGE = 15.0;
 /* Share of what others explain that a packet beside them needs besides: what they leave over may
  * look like one.
  */
@@ -80,7 +78,9 @@ static double cost_of_changes(uint32_t bits)
     for (int bit = 0; bit + 1 < RL_PACKET_BITS; bit++) {
         changes += ((bits >> bit ^ bits >> (bit + 1)) & 1u) != 0;
     }
-    return changes < RL_USUAL_CHANGES ? COST_OF_CHANGE * (RL_USUAL_CHANGES - changes) : 0.0;
+    /* A step that comes by chance has a time and a height. */
+    const double cost = 2.0 * RL_COST_OF_CHANCE;
+    return changes < RL_USUAL_CHANGES ? cost * (RL_USUAL_CHANGES - changes) : 0.0;
 }
 
 static void note_fit(struct rl_verdict *verdict, const struct rl_window *window)

@@ -7,16 +7,20 @@
 
 #include <math.h>
 
-/* Two packets are of one marker if the later one begins so near to where the next one would [bits]. */
+/* Packets keep time if they begin so near to where others would [bits]. */
 static const double SAME_PHASE_BITS = 1.0;
+
+bool rl_keeps_time(const struct rl_packet_train *before, const struct rl_packet_train *now)
+{
+    const double apart = (now->transmission.start_s - before->transmission.start_s) /
+                         (RL_PACKET_BITS * now->transmission.bit_s);
+    return fabs(apart - floor(apart + 0.5)) * RL_PACKET_BITS < SAME_PHASE_BITS;
+}
 
 static bool is_of_one_marker(const struct rl_packet_train *one, const struct rl_packet_train *other)
 {
-    const double bit_s = one->transmission.bit_s;
-    const double apart = (other->transmission.start_s - one->transmission.start_s) / (RL_PACKET_BITS * bit_s);
     const double overlap_s = fmin(one->end_s, other->end_s) - fmax(one->begin_s, other->begin_s);
-    return fabs(apart - floor(apart + 0.5)) * RL_PACKET_BITS < SAME_PHASE_BITS &&
-           overlap_s < SAME_PHASE_BITS * bit_s;
+    return overlap_s < SAME_PHASE_BITS * one->transmission.bit_s && rl_keeps_time(one, other);
 }
 
 int rl_interference_marker(const struct rl_interference *interference, int index)

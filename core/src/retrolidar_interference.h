@@ -15,6 +15,9 @@ struct rl_interference {
     struct rl_packet_train train[RL_MAX_INTERFERERS];
 };
 
+/* Whether a train begins where the packets of another one would begin, too. */
+bool rl_keeps_time(const struct rl_packet_train *before, const struct rl_packet_train *now);
+
 /* Return the first train that the marker of one has sent: those that keep its time, and do not
  * overlap, are taken to be of one marker, whatever their IDs.
  */

@@ -7,9 +7,7 @@
 
 #include <math.h>
 
-/* A packet goes on from one before it if it begins where that would send again, about ... */
-static const double SAME_PHASE_BITS = 1.0;
-/* ... and before so many packets have been missed. */
+/* A packet goes on from one before it if it keeps its time, and no more packets have been missed. */
 static const double MAX_MISSED = 2.0;
 
 uint64_t rl_channel_zones(const struct rl_samples *samples, int channel)
@@ -43,9 +41,7 @@ static int first_held(const struct rl_pool *pool)
 static bool continues(const struct rl_packet_train *before, const struct rl_packet_train *now)
 {
     const double packet_s = RL_PACKET_BITS * now->transmission.bit_s;
-    const double apart = (now->transmission.start_s - before->transmission.start_s) / packet_s;
-    return now->begin_s - before->end_s < MAX_MISSED * packet_s &&
-           fabs(apart - floor(apart + 0.5)) * RL_PACKET_BITS < SAME_PHASE_BITS;
+    return now->begin_s - before->end_s < MAX_MISSED * packet_s && rl_keeps_time(before, now);
 }
 
 void rl_pool_add(struct rl_pool *pool, const struct rl_samples *samples, uint16_t id,

@@ -3,15 +3,11 @@
  */
 #include "retrolidar_residual.h"
 
-#include "retrolidar_noise.h"
+#include "retrolidar_constants.h"
 #include "retrolidar_gain_profile.h"
+#include "retrolidar_noise.h"
 
 #include <string.h>
-
-/* Share of a packet's light that there is if it is sent again; of another packet's it is about half,
- * as all have the preamble.
- */
-static const double SAME_WORD = 0.75;
 
 int64_t rl_residual_bytes(int zones, int rows)
 {
@@ -50,8 +46,9 @@ static void subtract(struct rl_residual *residual, const struct rl_interference 
         rl_interference_light(interference, marker, goes_on, begin_s, end_s, rows, part, light);
         profile[goes_on] = rl_gain_profile_fit(signal, valid, light, rows, noise, gain[goes_on]);
     }
+    /* Of another packet about half would be there, too, as all have the preamble. */
     const double expected = profile[0].cross / profile[0].energy * (profile[1].energy - profile[0].energy);
-    const int form = profile[1].cross - profile[0].cross > SAME_WORD * expected;
+    const int form = profile[1].cross - profile[0].cross > RL_MOST * expected;
     if (!(profile[form].explained > 0.0)) {
         return;
     }

@@ -11,8 +11,6 @@
 
 /* Share of the sensor's noise that a fit may not fall short of. */
 static const double MIN_NOISE = 0.5;
-/* How far clocks are off: the oscillator of a microcontroller is good to a percent. */
-static const double CLOCK_SD = 0.01;
 
 int64_t rl_window_bytes(int rows)
 {
@@ -167,7 +165,7 @@ void rl_window_open(struct rl_window *window, int channel, double from_s, double
 static double prior_of(const struct rl_window *window, double bit_s)
 {
     const double usual_s = (window->min_bit_s + window->max_bit_s) / 2;
-    const double off = (bit_s / usual_s - 1.0) / CLOCK_SD;
+    const double off = 3.0 * (bit_s / usual_s - 1.0) / RL_MAX_SKEW;
     return -0.5 * off * off;
 }
 

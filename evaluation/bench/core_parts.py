@@ -37,12 +37,20 @@ PARTS = {
     'earlier packets fitted along': Part('window', 'i < window->interference.count;', 'i < 0;'),
     'earlier packets: gains of several steps': Part('window', 'part < RL_PARTS;', 'part < 1;'),
     'earlier packets: evidence besides': Part('decide', 'LEFT_OVER = 0.1', 'LEFT_OVER = 0.0'),
+    'earlier packets: those of a marker as one': Part(
+        'interference',
+        'first < index && !is_of_one_marker(',
+        'first < index && true | !is_of_one_marker(',
+    ),
     'the next packet without a search': _call(
         'process_frame', '    judge_next(detector, from_s, to_s);'
     ),
     'search of the residual': _call(
         'process_frame',
         '        search_residual(detector, (double)(slot - 1) * RL_LOOK_BITS * bit_s, to_s);',
+    ),
+    'residual searched again once it is known': Part(
+        'process_frame', 'from_s - packet_s, to_s, true)', 'from_s, to_s, true)'
     ),
     'pairs of packets': Part(
         'judge', 'may_hide && judge_pair(', 'may_hide && false && judge_pair('
@@ -81,6 +89,12 @@ PARTS = {
         'margin = fmin(margin, rl_rivals_part_margin(',
         'fmin(margin, rl_rivals_part_margin(',
     ),
+    'margin: less what is beyond noise': Part(
+        'decide', 'return margin - ', 'return margin - 0.0 *'
+    ),
+    'clocks are good to a percent': Part(
+        'window', 'return -0.5 * off * off;', 'return -0.0 * off;'
+    ),
     'other clocks': Part('decide', 'other > demands->word ? ', 'false ? '),
     'a packet that repeats has repeated': Part(
         'decide', '!has_repeated(', 'false && !has_repeated('
@@ -90,10 +104,15 @@ PARTS = {
         'may_be_lone(window, transmission, packets',
         'false && may_be_lone(window, transmission, packets',
     ),
+    'stretches judged as lone packets, too': Part(
+        'judge', 'verdict.reason != RL_INCOMPLETE || !hit->repeats', 'true || !hit->repeats'
+    ),
     'masks of what is hidden for a while': Part(
         'decide', 'verdict->packets == 1 && trial->follows &&', 'false &&'
     ),
-    'more evidence for few changes': Part('decide', '? RL_COST_OF_CHANCE *', '? 0.0 *'),
+    'more evidence for few changes': Part(
+        'decide', 'cost = 2.0 * RL_COST_OF_CHANCE', 'cost = 0.0 * RL_COST_OF_CHANCE'
+    ),
     'more evidence where levels wander': Part(
         'decide', 'trial->demands->wandering : 0.0', '0.0 : 0.0'
     ),
