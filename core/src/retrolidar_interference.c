@@ -33,7 +33,7 @@ int rl_interference_marker(const struct rl_interference *interference, int index
     return first;
 }
 
-void rl_interference_light(const struct rl_interference *interference, int marker, bool goes_on,
+void rl_interference_light(const struct rl_interference *interference, int marker, bool continues,
                            const double *begin_s, const double *end_s, int rows, double *part,
                            double *light)
 {
@@ -48,7 +48,7 @@ void rl_interference_light(const struct rl_interference *interference, int marke
         if (rl_interference_marker(interference, i) != marker) {
             continue;
         }
-        rl_train_light(&interference->train[i], goes_on && i == last, begin_s, end_s,
+        rl_train_light(&interference->train[i], continues && i == last, begin_s, end_s,
                               rows, i == marker ? light : part);
         for (int row = 0; i != marker && row < rows; row++) {
             light[row] *= part[row];

@@ -26,10 +26,10 @@ int rl_interference_marker(const struct rl_interference *interference, int index
 /* Mean light, 0 to 1, of a marker during exposures: what it was seen to send, and bright else.
  *
  * marker: its first train
- * goes_on: whether its last packet is sent on and on
+ * continues: whether its last packet is sent on and on
  * part: room for as many rows
  */
-void rl_interference_light(const struct rl_interference *interference, int marker, bool goes_on,
+void rl_interference_light(const struct rl_interference *interference, int marker, bool continues,
                            const double *begin_s, const double *end_s, int rows, double *part,
                            double *light);
 

@@ -78,7 +78,7 @@ static void search_residual_of(struct rl_detector *detector, double from_s, doub
     const struct rl_samples *samples = &detector->samples;
     const double bit_s = detector->settings.bit_s;
     /* As long as no whole packet can have come since the reading. */
-    const double max_bits = 2 * RL_PACKET_BITS + RL_GOES_ON_BITS;
+    const double max_bits = 2 * RL_PACKET_BITS + RL_CONTINUES_BITS;
     int zones[RL_MAX_ZONES] = {0}, count = 0;
     for (int zone = 0; zone < samples->zones; zone++) {
         struct rl_interference interference;
@@ -87,7 +87,7 @@ static void search_residual_of(struct rl_detector *detector, double from_s, doub
             continue;
         }
         rl_pool_interference(&detector->pool, (uint64_t)1 << zone,
-                             from_s - RL_GOES_ON_BITS * bit_s, to_s, 0, &interference);
+                             from_s - RL_CONTINUES_BITS * bit_s, to_s, 0, &interference);
         if (rl_residual_subtract(&detector->residual, zone, &interference,
                                  from_s - RL_SEARCH_BITS * bit_s) > RL_ACTIVE) {
             zones[count++] = zone;

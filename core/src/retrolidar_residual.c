@@ -42,9 +42,9 @@ static void subtract(struct rl_residual *residual, const struct rl_interference 
     double *light = residual->light, *part = residual->part;
     double gain[2][RL_KNOTS];
     struct rl_gain_profile profile[2];
-    for (int goes_on = 0; goes_on < 2; goes_on++) {
-        rl_interference_light(interference, marker, goes_on, begin_s, end_s, rows, part, light);
-        profile[goes_on] = rl_gain_profile_fit(signal, valid, light, rows, noise, gain[goes_on]);
+    for (int continues = 0; continues < 2; continues++) {
+        rl_interference_light(interference, marker, continues, begin_s, end_s, rows, part, light);
+        profile[continues] = rl_gain_profile_fit(signal, valid, light, rows, noise, gain[continues]);
     }
     /* Of another packet about half would be there, too, as all have the preamble. */
     const double expected = profile[0].cross / profile[0].energy * (profile[1].energy - profile[0].energy);

@@ -34,9 +34,9 @@ void rl_window_start(struct rl_window *window, const struct rl_samples *samples,
     window->valid = rl_room_start(&window->room, rows, next + 2 * rows);
 }
 
-static void light_of(struct rl_window *window, int marker, bool goes_on)
+static void light_of(struct rl_window *window, int marker, bool continues)
 {
-    rl_interference_light(&window->interference, marker, goes_on,
+    rl_interference_light(&window->interference, marker, continues,
                           window->samples->begin_s + window->first,
                           window->samples->end_s + window->first, window->rows, window->part,
                           window->light);
