@@ -167,11 +167,12 @@ CASES = {
 
 
 GROUPS = {
-    'one_sensor': ['drone', 'sensor', 'landmarks', 'emulated'],
+    'plugged_sensor': ['sensor'],
+    'one_sensor': ['drone', 'landmarks', 'emulated'],
     'objects': ['coffee_in_base', 'coffee', 'two_sensors'],
     'many_sensors': ['three_sensors', 'hall'],
 }
-"""What is launched at the same time."""
+"""What is launched at the same time; stamps are checked where nothing else starts."""
 assert sorted(chain.from_iterable(GROUPS.values())) == sorted(CASES)
 DOMAINS = {case: domain_of(index) for index, case in enumerate(CASES)}
 
