@@ -94,7 +94,9 @@ def _walk(rng: np.random.Generator, *, step: float, heavy: bool = False) -> Sour
         shape = (frames, _ZONES)
         steps = rng.standard_normal(shape, dtype=np.float32)
         if heavy:
-            steps /= np.sqrt(rng.standard_exponential(shape, dtype=np.float32))
+            # Of so many numbers some are rounded to zero.
+            spread = np.maximum(rng.standard_exponential(shape, dtype=np.float32), 1e-9)
+            steps /= np.sqrt(spread)
         walked = last + np.cumsum(step * steps, axis=0, dtype=np.float64)
         walked = high - np.abs((walked - low) % (2 * (high - low)) - (high - low))
         last[:] = walked[-1]
