@@ -125,17 +125,21 @@ class Explanation:
             return None
         zone = next((one for one in self.zones if one.zone in own[0].zones), None)
         if zone is not None:
-            likely_s = [bit_s] if abs(bit_s / self._bit_s - 1) > CAPTURED / 2 else []
+            likely_s = [bit_s] if self._is_another(bit_s) else []
             likely_s += [one for one in self._likely(zone) if not is_near([one], self._bit_s)]
             for trial in trials(self.recording, likely_s, self._by):
                 again = trial.within(zone.zone)
-                if len(again.detections) > len(own):
+                if len(again.detections) > len(own) and self._is_another(again.bit_period_s):
                     return period_finding(zone.zone, zone.modulation_db, again, self._bit_s)
         if not few:
             return None
         if more := self._patience(read):
             return more[0]
         return finding(Cause.FEW_READ, ids=identity, read=read, sent=sent)
+
+    def _is_another(self, bit_s: float) -> bool:
+        """Return whether a bit period is another than that which was told."""
+        return abs(bit_s / self._bit_s - 1) > CAPTURED / 2
 
     def _likely(self, zone: BlinkingZone) -> list[float]:
         """Return the bit periods of which the clocks of a zone may be [s]."""

@@ -72,7 +72,9 @@ def test_markers_are_read_and_placed(pair: Pair) -> None:
     assert values['method'] == 'joint'
     assert int(values['frames']) > 20
     assert 3 <= int(values['accepted']) <= int(values['candidates'])
-    assert not [key for key in values if key.startswith('rejected: ')], values
+    # What is left over of packets that are subtracted may stand out a little.
+    rejected = {key for key in values if key.startswith('rejected: ')}
+    assert rejected <= {'rejected: evidence'}, values
 
 
 def test_transforms_go_out_before_what_they_belong_to(pair: Pair) -> None:
