@@ -139,7 +139,7 @@ class Explanation:
 
     def _is_another(self, bit_s: float) -> bool:
         """Return whether a bit period is another than that which was told."""
-        return abs(bit_s / self._bit_s - 1) > CAPTURED / 2
+        return bool(abs(bit_s / self._bit_s - 1) > CAPTURED / 2)
 
     def _likely(self, zone: BlinkingZone) -> list[float]:
         """Return the bit periods of which the clocks of a zone may be [s]."""
