@@ -138,6 +138,7 @@ def test_a_marker_that_falls_silent_is_overdue_within_a_second(tmp_path: Path) -
         with Sensor(scene, one.port):
             one.wait(lambda: bool(alive) and alive[-1].data, 'life')
             one.wait(lambda: not alive[-1].data, 'silence to be noticed')
+        one.wait(lambda: bool(tracks), 'the tracks that were there')
         end_ns = to_ns(tracks[0].first) + round(4e9 * 31 * scene.markers[0].bit_period_s)
         assert time.time() - 1e-9 * end_ns < 1.5
         assert 'drone is overdue' in one.log('heartbeat')
