@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Traffic of discovery among readers on hosts of their own, with and without a discovery server.
 
-embedded/run python benchmarks/bench_discovery.py [--seconds S] [--most N] [--json FILE]
+embedded/run python benchmarks/bench_discovery.py [--seconds S] [--most N]
 
 Each participant is what a reader is to the others: a node that publishes detections. All talk by
 UDP through the loopback interface of this machine, as if each were on a host of its own.
@@ -23,7 +23,6 @@ import rclpy
 from dds_traffic import ANNOUNCEMENT_S, LOOPBACK_PROFILE, loopback_bytes
 from rclpy.node import Node
 
-from evaluation.report.claims import write_figures
 from retrolidar_ros.msg import MarkerDetection
 
 NUMBERS = (5, 10, 20, 40)
@@ -65,39 +64,31 @@ def main() -> None:
     parser.add_argument('--seconds', type=float, default=9.0, help='of every measurement')
     parser.add_argument('--most', type=int, default=NUMBERS[-1], help='participants')
     parser.add_argument('--participants', type=int, help=argparse.SUPPRESS)
-    parser.add_argument('--json', type=Path, metavar='FILE', help='write the figures, too')
     arguments = parser.parse_args()
     if arguments.participants is not None:
         print(*measure(arguments.participants, arguments.seconds))
         return
-    figures: dict[str, list[list[float]]] = {'multicast': [], 'server': []}
     print('participants  all against all: to begin, to stay   by a server: to begin, to stay')
     with TemporaryDirectory() as name, ExitStack() as stack:
         profile = Path(name) / 'profile.xml'
         profile.write_text(LOOPBACK_PROFILE)
-        ways = {
-            'multicast': {
-                'ROS_AUTOMATIC_DISCOVERY_RANGE': 'SYSTEM_DEFAULT',
-                'FASTRTPS_DEFAULT_PROFILES_FILE': str(profile),
-            }
+        alone = {
+            'ROS_AUTOMATIC_DISCOVERY_RANGE': 'SYSTEM_DEFAULT',
+            'FASTRTPS_DEFAULT_PROFILES_FILE': str(profile),
         }
-        ways['server'] = {**ways['multicast'], 'ROS_DISCOVERY_SERVER': f'127.0.0.1:{PORT}'}
+        ways = (alone, {**alone, 'ROS_DISCOVERY_SERVER': f'127.0.0.1:{PORT}'})
         command = ['fast-discovery-server', '-i', '0', '-l', '127.0.0.1', '-p', str(PORT)]
         server = stack.enter_context(subprocess.Popen(command, stdout=subprocess.DEVNULL))
         stack.callback(server.terminate)
         for number in [number for number in NUMBERS if number <= arguments.most]:
-            for way, environment in ways.items():
-                figures[way].append(
-                    [number, *measured_apart(number, arguments.seconds, environment)]
-                )
-            (_, *simple), (_, *served) = figures['multicast'][-1], figures['server'][-1]
+            simple, served = (
+                measured_apart(number, arguments.seconds, environment) for environment in ways
+            )
             print(
                 f'{number:12d}  {simple[0]:15.0f} kB {simple[1]:10.1f} kbit/s  '
                 f'{served[0]:15.0f} kB {served[1]:6.1f} kbit/s',
                 flush=True,
             )
-    if arguments.json is not None:
-        write_figures(arguments.json, figures)
 
 
 if __name__ == '__main__':

@@ -21,17 +21,12 @@ from retrolidar_ros.scene import Scene, Simulation
 from retrolidar_ros.scene.description import Marker, Noise, Sensor, Surface
 
 FRAME_S = 0.021
-DISTANCES_M = (1.0, 1.5, 1.75, 2.0, 2.25, 2.5, 2.75, 3.0)
-PHASES = (0.0, 0.125, 0.25, 0.375, 0.5, 0.625, 0.75, 0.875)
+DISTANCES_M = (1.0, 1.75, 2.25, 2.75)
 CASES = (
-    *((f'1 frame, phase {phase:g}', 1.0, phase, 0.0, 0.0, 1) for phase in PHASES),
-    ('1 frame, any phase, 1 ms jitter', 1.0, None, 0.0, 0.001, 1),
-    ('1 frame, 1 % fast, 1 ms jitter', 1.0, None, -0.01, 0.001, 1),
-    ('1 frame, 1 % slow, 1 ms jitter', 1.0, None, 0.01, 0.001, 1),
-    ('1.4 frames, any phase, 1 ms jitter', 1.4, None, 0.0, 0.001, 1),
     ('2 frames, any phase, 1 ms jitter', 2.0, None, 0.0, 0.001, 1),
+    ('1 frame, any phase, 1 ms jitter', 1.0, None, 0.0, 0.001, 1),
+    ('1 frame, phase 0.5', 1.0, 0.5, 0.0, 0.0, 1),
     ('1 frame, 0.3 % slow, 1 ms, in 3 packets', 1.0, None, 0.003, 0.001, 3),
-    ('2 frames, 0.3 % slow, 1 ms, in 3 packets', 2.0, None, 0.003, 0.001, 3),
 )
 """Name, frames a bit, phase of the first bit, clock error, jitter [s], packets."""
 

@@ -20,7 +20,6 @@ from retrolidar_ros.cli.processes import ProcessGroup
 from retrolidar_ros.msg import MarkerDetection
 from retrolidar_ros.nodes.listener import Listener
 
-IDLE_PAIRS = (2, 4)
 ANNOUNCEMENT_S = 3.0  # every participant announces itself so often
 # Participants talk by UDP as if they were on many hosts, yet nothing leaves this one.
 LOOPBACK_PROFILE = """<?xml version="1.0" encoding="UTF-8"?>
@@ -53,13 +52,6 @@ class Traffic(NamedTuple):
     """The same to a second subscriber."""
     detections: float
     """Of one sensor: markers, TF, and the diagnostics of both nodes."""
-    idle: dict[int, float]
-    """Discovery among nodes without sensors, by their number."""
-
-    def discovery(self, participants: float) -> float:
-        """Extrapolate by the square: each participant announces itself to every other."""
-        most = max(self.idle)
-        return self.idle[most] * (participants / most) ** 2
 
 
 def loopback_bytes() -> int:
@@ -89,31 +81,26 @@ def measure_traffic(seconds: float) -> Traffic:
     # Jazzy brings shared memory of its own to the range LOCALHOST, so the variable
     # FASTDDS_BUILTIN_TRANSPORTS has no effect there.
     os.environ['ROS_AUTOMATIC_DISCOVERY_RANGE'] = 'SYSTEM_DEFAULT'
-    idle = {}
     with TemporaryDirectory() as name:
         directory = Path(name)
         (directory / 'profile.xml').write_text(LOOPBACK_PROFILE)
         os.environ['FASTRTPS_DEFAULT_PROFILES_FILE'] = str(directory / 'profile.xml')
         with ProcessGroup(directory) as processes:
             nodes = NodePairs(processes, directory, 1)
-            idle[2] = loopback_kbit_s(seconds)
+            two_idle = loopback_kbit_s(seconds)
             nodes.add_reader()
-            idle[3] = loopback_kbit_s(seconds)
+            three_idle = loopback_kbit_s(seconds)
             nodes.plug_in()
             to_two = loopback_kbit_s(seconds)
             nodes.remove_reader()
-            frames = loopback_kbit_s(seconds) - idle[2]
+            frames = loopback_kbit_s(seconds) - two_idle
             # In a namespace without nodes it hears no frames, but TF.
             with closing(Listener('/elsewhere')) as listener:
                 markers = f'{nodes.namespaces[0]}/markers'
                 listener.node.create_subscription(MarkerDetection, markers, _ignore, 100)
                 listener.node.create_subscription(DiagnosticArray, '/diagnostics', _ignore, 100)
-                detections = loopback_kbit_s(seconds) - idle[3] - frames
-        for pairs in IDLE_PAIRS:
-            with ProcessGroup(directory) as processes:
-                NodePairs(processes, directory, pairs)
-                idle[2 * pairs] = loopback_kbit_s(seconds)
-    return Traffic(frames, to_two - idle[3] - frames, detections, idle)
+                detections = loopback_kbit_s(seconds) - three_idle - frames
+    return Traffic(frames, to_two - three_idle - frames, detections)
 
 
 def print_traffic(traffic: Traffic) -> None:
@@ -124,8 +111,3 @@ def print_traffic(traffic: Traffic) -> None:
         f'the same to a second subscriber     {traffic.second:7.1f}\n'
         f'its markers, TF and diagnostics     {traffic.detections:7.1f}'
     )
-    for participants, kbit_s in sorted(traffic.idle.items()):
-        print(
-            f'discovery among {participants:2d} participants    {kbit_s:7.1f}, '
-            f'{kbit_s / participants**2:.2f} by the square of their number'
-        )

@@ -17,6 +17,7 @@ from retrolidar_ros.nodes.launching import (
     overrides_from,
     parameter,
     sensor,
+    unset,
     value,
 )
 from retrolidar_ros.nodes.viewing import viewer
@@ -59,7 +60,6 @@ def generate_launch_description():
     arguments = {
         **SENSOR,
         'marker_file': (MARKERS, 'YAML file of the known markers.'),
-        'target_frame': ('', 'Frame of the poses; empty = as in the parameter file.'),
-        'max_stddev': ('', 'Largest standard deviation [m]; empty = as in the parameter file.'),
+        **unset('coffee', 'target_frame', 'max_stddev'),
     }
     return LaunchDescription([*declare_arguments(arguments), OpaqueFunction(function=_coffee)])

@@ -14,6 +14,7 @@ from retrolidar_ros.nodes.launching import (
     overrides_from,
     parameter,
     sensor,
+    unset,
 )
 from retrolidar_ros.nodes.viewing import viewer
 
@@ -34,10 +35,7 @@ def generate_launch_description():
     arguments = {
         **SENSOR,
         'marker_file': (MARKERS, 'YAML file of the known markers.'),
-        'fixed_frame': ('', 'Frame of the landmarks; empty = as in the parameter file.'),
-        'load_file': ('', 'Landmarks of a former survey; empty = as in the parameter file.'),
-        'save_file': ('', 'Where ~/save writes; empty = as in the parameter file.'),
+        **unset('landmarks', 'fixed_frame', 'load_file', 'save_file', 'base_frame'),
         'localize': ('false', 'Locate base_frame among the landmarks of load_file.'),
-        'base_frame': ('', 'Frame of the robot; empty = as in the parameter file.'),
     }
     return LaunchDescription([*declare_arguments(arguments), OpaqueFunction(function=_landmarks)])

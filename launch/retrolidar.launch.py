@@ -19,6 +19,7 @@ from retrolidar_ros.nodes.launching import (
     node,
     overrides_from,
     parameter,
+    unset,
     value,
 )
 from retrolidar_ros.nodes.viewing import viewer
@@ -27,7 +28,7 @@ from retrolidar_ros.scene.files import load_scene
 # Launch arguments that go before what the parameter file says.
 _OVERRIDES = {
     'driver': ('serial_port', 'protocol', 'frame_id', 'autostart'),
-    'detector': ('marker_file', 'child_frame', 'publish_tf'),
+    'detector': ('marker_file', 'child_frame', 'publish_tf', 'tf_source'),
 }
 # The scene begins when the arm knows that there is no other one.
 _START_S = 5.0
@@ -84,8 +85,7 @@ def generate_launch_description():
     """Return the launch arguments and what they start."""
     arguments = {
         **SENSOR,
-        'child_frame': ('', 'TF frame of a marker; empty = as in the parameter file.'),
-        'publish_tf': ('', 'Whether markers get TF frames; empty = as in the parameter file.'),
+        **unset('detector', 'child_frame', 'publish_tf', 'tf_source'),
         'markers': ('markers', 'Topic of the detections.'),
         'emulate_options': ('', 'Options of `retrolidar emulate`, which --help lists.'),
     }

@@ -102,7 +102,11 @@ class Statistics:
 
     def __init__(self, directories: pytest.TempPathFactory) -> None:
         """Compile it."""
-        self.ffi, self.lib = bind_core(directories, 'decide', 'rivals', 'clock', 'gain_profile')
+        headers = (
+            *('decide', 'bits', 'rivals', 'successive'),
+            *('clock', 'gain_profile', 'observation', 'noise'),
+        )
+        self.ffi, self.lib = bind_core(directories, *headers)
         self.samples = self.ffi.new('struct rl_samples *')
         self.window = self.ffi.new('struct rl_window *')
         self.codebook = self.ffi.new('struct rl_codebook *')
@@ -193,8 +197,13 @@ class Statistics:
         to_s: float,
         hits: list[tuple[int, Sending]],
         least: float = 1e-3,
+        *,
+        follows: bool = False,
     ) -> Any:
-        """Judge the first of hits of IDs, in a detector that demands little evidence only."""
+        """Judge the first of hits of IDs, in a detector that demands little evidence only.
+
+        `follows`: whether it has read the packet before, of the same marker.
+        """
         demands = self.ffi.new('struct rl_demands *')
         demands.evidence, demands.word, demands.margin = least, 1e6, -1e6
         demands.bit_s, demands.max_skew = self.samples.dark_s / self.lib.RL_MAX_DARK_BITS, 0.03
@@ -213,7 +222,7 @@ class Statistics:
             given,
             packets,
             *never,
-            False,
+            follows,
             to_s,
         )
 
@@ -224,9 +233,11 @@ class Statistics:
         given = self.given(sending)
         begin_s = self.samples.begin_s[self.window.first]
         begin = round((begin_s - sending.start_s) / sending.bit_s) % PACKET_BITS
-        lib.rl_rivals_flip_bits(self.window, given, own, begin, 0, 1e6, bits)
+        bits[0] = lib.rl_bits_cut(given, begin, 0)
+        lib.rl_bits_flip(bits, self.window, given, own, 0, True)
         asked = (self.window, self.codebook, bits, given, own, number)
-        return bits, lib.rl_rivals_sequence_margin(*asked), lib.rl_rivals_part_margin(*asked)
+        successive = lib.rl_successive_margin(*asked, 0, True)
+        return bits, successive, lib.rl_rivals_part_margin(*asked)
 
     def other_clock(self, sending: Sending, packets: int) -> float:
         """Return by how much bits of another clock, or another period, are likelier."""

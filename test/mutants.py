@@ -3,15 +3,18 @@
 """Faults that are put into core and product on purpose: which ones does no test notice?
 
 Each mutant is one comparison or one logical operator turned round, or one call left out, in a copy
-of the repository. The tests of its folder run until one fails; what all of them pass survives.
+of the repository; or, as `parts`, one part of the decision switched off. The tests of its folder
+run until one fails; what all of them pass survives.
 
     make mutants ARGS="--count 40 --seed 1 core detector"
+    make mutants ARGS=parts
 """
 
 from __future__ import annotations
 
 import argparse
 import io
+import itertools
 import os
 import random
 import re
@@ -26,9 +29,17 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import NamedTuple
 
+from evaluation.bench.core_parts import PARTS
+
 ROOT = Path(__file__).resolve().parents[1]
-FOLDERS = {
-    'core': ('core/src', 'test/detector test/firmware test/marker test/sensor'),
+DECISION_TESTS = 'test/detector/test_oracle.py test/detector/test_decision_parts.py'
+CORE_TESTS = (
+    'test/detector/test_pinned_reading.py',
+    'test/detector test/firmware test/marker test/sensor',
+)
+FOLDERS: dict[str, tuple[str, ...]] = {
+    'core': ('core/src', *CORE_TESTS),
+    'parts': ('core/src', DECISION_TESTS, *CORE_TESTS),
     **{
         name: (f'retrolidar_ros/{name}', tests)
         for name, tests in {
@@ -42,7 +53,7 @@ FOLDERS = {
         }.items()
     },
 }
-"""What is changed, by a name, and the tests that are to notice; most telling ones first."""
+"""What is changed, by a name, and runs of tests that are to notice; most telling ones first."""
 TURNED = {
     '<': '>=',
     '<=': '>',
@@ -62,15 +73,17 @@ TIMEOUT_S = 900
 
 
 class Mutant(NamedTuple):
-    """One changed line."""
+    """One change of a source."""
 
     folder: str
     file: Path
     """From the root."""
-    line: int
-    """From 0 on."""
+    begin: int
+    """Of the characters that go."""
+    end: int
     text: str
     """What stands there then."""
+    name: str
 
 
 def operators(path: Path) -> Iterator[tuple[int, int, str]]:
@@ -88,19 +101,28 @@ def operators(path: Path) -> Iterator[tuple[int, int, str]]:
 
 def mutants_of(folder: str) -> Iterator[Mutant]:
     """Yield all changes of the sources of a folder."""
+    if folder == 'parts':
+        for name, part in PARTS.items():
+            file = Path(FOLDERS[folder][0]) / f'retrolidar_{part.file}.c'
+            begin = (ROOT / file).read_text().index(part.line)
+            yield Mutant(folder, file, begin, begin + len(part.line), part.without, name)
+        return
     for path in sorted((ROOT / FOLDERS[folder][0]).rglob('*.*')):
         if path.suffix not in ('.c', '.py'):
             continue
-        lines = path.read_text().splitlines()
+        lines = path.read_text().splitlines(keepends=True)
+        starts = [0, *itertools.accumulate(map(len, lines))]
         file = path.relative_to(ROOT)
         for number, column, old in operators(path):
-            line = lines[number]
-            turned = line[:column] + TURNED[old] + line[column + len(old) :]
-            yield Mutant(folder, file, number, turned)
+            begin = starts[number] + column
+            name = f'{number + 1}: {old} becomes {TURNED[old]}: {lines[number].strip()}'
+            yield Mutant(folder, file, begin, begin + len(old), TURNED[old], name)
         nothing = ';' if path.suffix == '.c' else 'pass'
         for number, line in enumerate(lines):
             if CALL.match(line):
-                yield Mutant(folder, file, number, re.sub(r'\S.*', nothing, line))
+                begin, end = starts[number] + len(line) - len(line.lstrip()), starts[number + 1] - 1
+                name = f'{number + 1}: without {line.strip()}'
+                yield Mutant(folder, file, begin, end, nothing, name)
 
 
 class Copy:
@@ -160,16 +182,14 @@ class Copy:
 
     def passes(self, folder: str) -> bool:
         """Return whether all tests of a folder pass."""
-        tests = FOLDERS[folder][1]
-        return self.run(f'pytest -q -x -n 0 -p no:cacheprovider --timeout 300 {tests}') == 0
+        pytest = 'pytest -q -x -n 0 -p no:cacheprovider --timeout 300'
+        return all(self.run(f'{pytest} {tests}') == 0 for tests in FOLDERS[folder][1:])
 
     def notices(self, mutant: Mutant) -> bool:
         """Return whether a test fails, or nothing compiles, with a mutant."""
         path = self._root / mutant.file
         whole = path.read_text()
-        lines = whole.splitlines()
-        lines[mutant.line] = mutant.text
-        path.write_text('\n'.join(lines) + '\n')
+        path.write_text(whole[: mutant.begin] + mutant.text + whole[mutant.end :])
         in_c = path.suffix == '.c'
         try:
             if in_c and not self._compile(path):
@@ -188,11 +208,14 @@ def main() -> None:
     """Try a random sample, and print what no test has noticed."""
     parser = argparse.ArgumentParser(description=(__doc__ or '').splitlines()[0])
     parser.add_argument('folders', nargs='*', metavar='FOLDER', help=f'of {", ".join(FOLDERS)}')
-    parser.add_argument('--count', type=int, default=40, help='how many (default: %(default)s)')
+    parser.add_argument(
+        '--count', type=int, default=40, help='how many, but of `parts` all (default: %(default)s)'
+    )
     parser.add_argument('--seed', type=int, default=0, help='which ones (default: %(default)s)')
     arguments = parser.parse_args()
-    every = [one for name in arguments.folders or FOLDERS for one in mutants_of(name)]
-    sample = random.Random(arguments.seed).sample(every, min(arguments.count, len(every)))
+    sample = [one for name in arguments.folders or FOLDERS for one in mutants_of(name)]
+    if arguments.folders != ['parts']:
+        sample = random.Random(arguments.seed).sample(sample, min(arguments.count, len(sample)))
     survivors = 0
     with tempfile.TemporaryDirectory(prefix='mutants_') as directory:
         copy = Copy(Path(directory))
@@ -202,7 +225,7 @@ def main() -> None:
         for tried, mutant in enumerate(sorted(sample), 1):
             if not copy.notices(mutant):
                 survivors += 1
-                print(f'{mutant.file}:{mutant.line + 1}: {mutant.text.strip()}', flush=True)
+                print(f'{mutant.file}:{mutant.name}', flush=True)
             print(f'{tried} tried, {survivors} survive', file=sys.stderr, flush=True)
     print(f'{survivors} of {len(sample)} survive, {survivors / max(len(sample), 1):.0%}')
 

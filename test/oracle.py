@@ -18,7 +18,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from retrolidar_ros.marker.code import BIT_PERIOD_S, PACKET_BITS
+from retrolidar_ros.marker.code import PACKET_BITS
 from retrolidar_ros.marker.liquid_crystal import Response
 from retrolidar_ros.sensor.frame import Floats
 
@@ -27,9 +27,8 @@ WALKS = (0.0, 0.003, 0.01, 0.03, 0.1, 0.3, 1.0, 3.0, 30.0)
 FLIPS = 4
 """So many bits are turned to make a better sequence of a word."""
 ID_BITS = 12
-CLOCK_SD = 0.01
-PARTS, MIN_ABSENT = 8, 2
-"""Of a packet, at whose ends a marker may appear or vanish; it is absent in two of them or more."""
+PARTS = 11
+"""Of the window of a packet, between which a marker may appear or vanish."""
 ABSENCE = 6.0
 """What it costs that a marker appears or vanishes just then [nats]."""
 
@@ -43,8 +42,6 @@ class Sending(NamedTuple):
     """Back to back without end; a lone packet is bright before and after."""
     start_s: float
     bit_s: float
-    brightening_s: float = 0.0035
-    """From 10 to 90 % [s]."""
 
 
 class Fit(NamedTuple):
@@ -73,7 +70,7 @@ def light(sending: Sending, begin_s: Floats, end_s: Floats) -> Floats:
         level = np.append(level, 1.0)
         lasting_s = np.append(np.full(PACKET_BITS, bit_s), np.inf)
     start_s = sending.start_s + bit_s * (first * PACKET_BITS + np.arange(len(level)))
-    response = Response(0.0005, sending.brightening_s)
+    response = Response(0.0005, 0.0035)
 
     def until(time_s: Floats) -> Floats:
         in_bit_s = np.clip(time_s[:, None] - start_s, 0.0, lasting_s)
@@ -164,15 +161,9 @@ class Zone:
         return self.fit_light(None if sending is None else light(sending, *self.times))
 
 
-def prior(sending: Sending) -> float:
-    """Return the log prior of a bit period: clocks are off by 1 % (standard deviation) [nats]."""
-    return -0.5 * ((sending.bit_s / BIT_PERIOD_S - 1) / CLOCK_SD) ** 2
-
-
 def log_likelihood(zones: Iterable[Zone], sending: Sending | None) -> float:
-    """Return the log likelihood of what is sent, with its clock's prior, or of nothing [nats]."""
-    fitted = sum(zone.fit(sending).log_likelihood for zone in zones)
-    return fitted if sending is None else fitted + prior(sending)
+    """Return the log likelihood of what is sent, or of nothing [nats]."""
+    return sum(zone.fit(sending).log_likelihood for zone in zones)
 
 
 def evidence(zones: Sequence[Zone], sending: Sending) -> float:
@@ -222,7 +213,7 @@ def sequence_margin(
                 ).log_likelihood
                 for zone in zones
             )
-            best = max(best, found + prior(sending) - math.log(2) * min(bits, ID_BITS))
+            best = max(best, found - math.log(2) * min(bits, ID_BITS))
     return log_likelihood(zones, sending) - best
 
 
@@ -231,36 +222,27 @@ def part_margin(
 ) -> float:
     """Return by how much a packet is likelier than others of a marker that appears or vanishes.
 
-    A marker that is not there is as dark as with a dark bit. It is taken to be absent for as long
-    as that makes the packet no worse than by a nat, if for two eighths of it at least; the rows of
-    the window begin at `rows_s` [s]. Infinite if it is not.
+    A marker that is not there is as dark as with a dark bit. It may come or go between any two
+    parts of the window, whose rows begin at `rows_s` [s].
     """
 
     def seen(one: Sending, split_s: float, later: bool) -> float:
-        return prior(one) + sum(
+        return sum(
             zone.fit_light(
                 np.where((zone.times[0] >= split_s) == later, light(one, *zone.times), 0)
             ).log_likelihood
             for zone in zones
         )
 
-    own, margin = log_likelihood(zones, sending), math.inf
-    for later in (False, True):
-        absent_from: float | None = None
-        for part in range(MIN_ABSENT, PARTS - MIN_ABSENT + 1):
-            row = (part if later else PARTS - part) * len(rows_s) // PARTS
-            if seen(sending, rows_s[row], later) < own - 1:
-                break
-            absent_from = rows_s[row]
-        if absent_from is None:
-            continue
-        rivals = (
-            sending._replace(bits=bits, start_s=sending.start_s + bit * sending.bit_s)
-            for bits, bit in itertools.product(others, range(PACKET_BITS))
-        )
-        likelihood = max(seen(rival, absent_from, later) for rival in rivals)
-        margin = min(margin, ABSENCE + own - likelihood)
-    return margin
+    rivals = [
+        sending._replace(bits=bits, start_s=sending.start_s + bit * sending.bit_s)
+        for bits, bit in itertools.product(others, range(PACKET_BITS))
+    ]
+    likelihood = max(
+        seen(rival, rows_s[part * len(rows_s) // PARTS], later)
+        for rival, part, later in itertools.product(rivals, range(1, PARTS), (False, True))
+    )
+    return ABSENCE + log_likelihood(zones, sending) - likelihood
 
 
 def without(

@@ -29,6 +29,8 @@ static const double RL_MAX_SKEW = 0.03;
 static const double RL_COST_OF_GAIN = 2.0;
 /* What happens at a time that is chosen among some must explain this [nats]. */
 static const double RL_COST_OF_CHANCE = 6.0;
+/* Nobody asks for a greater margin, so greater ones need not be known exactly [nats]. */
+static const double RL_MAX_MARGIN = 30.0;
 /* Hypotheses that differ by less are as good [nats]. */
 static const double RL_AS_GOOD = 1.0;
 /* Share that is enough where most of something must be found: of the evidence in demand by a coarse

@@ -5,8 +5,11 @@
 
 #include "retrolidar_clock.h"
 #include "retrolidar_constants.h"
-#include "retrolidar_rivals.h"
 #include "retrolidar_observation.h"
+#include "retrolidar_refine.h"
+#include "retrolidar_rivals.h"
+#include "retrolidar_successive.h"
+#include "retrolidar_word.h"
 
 #include <math.h>
 #include <string.h>
@@ -109,6 +112,7 @@ struct trial {
     int silent_bits;  /* of the window, before the packet */
     double half_bits; /* from the start to the middle of the window */
     double own;       /* its log likelihood */
+    double price;     /* of gains that change along it */
     double threshold; /* evidence */
     struct rl_bits bits;
 };
@@ -172,6 +176,15 @@ static bool is_evident(struct trial *trial)
     return verdict->evidence >= trial->threshold;
 }
 
+/* Flip the bits of the packet; return how much better another sequence is, if not by far. */
+static double flip_bits(struct trial *trial)
+{
+    const struct rl_transmission *transmission = &trial->verdict->transmission;
+    rl_bits_flip(&trial->bits, trial->window, transmission, trial->own, 0, true);
+    return rl_word_flip_bits(trial->window, transmission, trial->own, &trial->bits,
+                             3.0 * trial->demands->word);
+}
+
 static bool is_word(struct trial *trial, const struct rl_hits *hits, double to_s)
 {
     struct rl_verdict *verdict = trial->verdict;
@@ -180,12 +193,24 @@ static bool is_word(struct trial *trial, const struct rl_hits *hits, double to_s
     /* A refined start may be later than the begin of the window. */
     const double since_bits = (to_s - transmission->start_s) / transmission->bit_s -
                               RL_PACKET_BITS * (verdict->packets - 1);
-    const int begin = transmission->repeats ? (int)floor(since_bits + 0.5) % RL_PACKET_BITS : 0;
-    verdict->word = rl_rivals_flip_bits(trial->window, transmission, trial->own, begin,
-                                        trial->silent_bits, 3.0 * max_word, &trial->bits);
-    verdict->word =
-        fmax(verdict->word,
-             rl_rivals_sequence(trial->window, transmission, trial->half_bits, hits) - trial->own);
+    const int since = (int)floor(since_bits + 0.5) % RL_PACKET_BITS;
+    const int begin = transmission->repeats ? (since + RL_PACKET_BITS) % RL_PACKET_BITS : 0;
+    trial->bits = rl_bits_cut(transmission, begin, trial->silent_bits);
+    verdict->word = flip_bits(trial);
+    const double any = trial->own + verdict->word;
+    trial->price = verdict->packets == 1 && !trial->follows
+                       ? rl_window_follow_gain(trial->window, transmission)
+                       : 0.0;
+    if (trial->price > 0.0) {
+        trial->own = rl_window_try(trial->window, transmission);
+        verdict->word = fmax(flip_bits(trial), any - (trial->own - trial->price));
+    }
+    verdict->word = fmax(verdict->word,
+                         rl_word_sequence(trial->window, trial->half_bits, hits) - trial->own);
+    if (verdict->packets > 1) {
+        verdict->word = fmax(verdict->word, rl_word_packets(trial->window, transmission,
+                                                            trial->own, 2.0 * max_word));
+    }
     if (verdict->word > max_word && verdict->packets == 1 && trial->follows &&
         rl_observation_mask_occlusion(trial->window, transmission,
                                       trial->own + verdict->word - max_word)) {
@@ -195,8 +220,8 @@ static bool is_word(struct trial *trial, const struct rl_hits *hits, double to_s
             rl_observation_is_erased(trial->window, transmission)) {
             return false;
         }
-        verdict->word = rl_rivals_flip_bits(trial->window, transmission, trial->own, begin,
-                                            trial->silent_bits, 3.0 * max_word, &trial->bits);
+        trial->bits = rl_bits_cut(transmission, begin, trial->silent_bits);
+        verdict->word = flip_bits(trial);
     }
     return verdict->word <= max_word;
 }
@@ -212,16 +237,18 @@ static double margin_of(struct trial *trial, const struct rl_codebook *codebook,
     double margin = rl_rivals_margin(window, codebook, &trial->bits, transmission, verdict->packets,
                                      trial->own, trial->half_bits, id, hits) -
                     (trial->is_hidden ? COST_OF_MASK : 0.0);
-    if (margin >= trial->demands->margin && verdict->packets == 1 && !trial->follows) {
-        margin = fmin(margin, rl_rivals_part_margin(window, codebook, &trial->bits, transmission,
-                                                    trial->own, id));
-        margin = fmin(margin, rl_rivals_sequence_margin(window, codebook, &trial->bits,
-                                                        transmission, trial->own, id));
+    if (margin >= trial->demands->margin && verdict->packets == 1) {
+        /* Of a marker that goes on sending, its ID is known. */
+        const double known = trial->follows ? RL_ID_BITS * log(2.0) : 0.0;
+        margin = fmin(margin, known + rl_rivals_part_margin(window, codebook, &trial->bits,
+                                                            transmission, trial->own, id));
+        margin = fmin(margin, known + rl_successive_margin(window, codebook, &trial->bits,
+                                                           transmission, trial->own, id, 0, true));
     }
     /* What another sequence explains better, and noise does not, other words may explain, too. */
     const double noise = 2.0 * window->whitened[0].least;
     const double beyond_noise = fmax(1.0 - noise / verdict->fit[0].variance, 0.0);
-    return margin - beyond_noise * fmax(verdict->word, 0.0);
+    return margin - trial->price - beyond_noise * fmax(verdict->word, 0.0);
 }
 
 struct rl_verdict rl_decide(struct rl_window *window, const struct rl_codebook *codebook,
@@ -232,7 +259,7 @@ struct rl_verdict rl_decide(struct rl_window *window, const struct rl_codebook *
     struct rl_verdict verdict = {.id = hit->id,
                                  .packets = packets,
                                  .transmission = {rl_packet(hit->id), hit->repeats, hit->start_s,
-                                                  hit->bit_s, rl_brightening_s[0]}};
+                                                  hit->bit_s}};
     struct trial trial = {
         .window = window, .demands = demands, .verdict = &verdict, .follows = follows};
     verdict.reason = open(&trial, channel, consumed_until_s, since_s, to_s);
@@ -252,7 +279,9 @@ struct rl_verdict rl_decide(struct rl_window *window, const struct rl_codebook *
     if (verdict.margin < demands->margin) {
         return verdict;
     }
-    const double other = packets == 1 ? rl_clock_excess(window, &verdict.transmission, trial.own)
+    rl_window_steady(window);
+    const double steady = trial.own - trial.price;
+    const double other = packets == 1 ? rl_clock_excess(window, &verdict.transmission, steady)
                                       : rl_clock_period_excess(window, &verdict.transmission);
     verdict.word = fmax(verdict.word, other);
     verdict.reason = other > demands->word ? RL_NOT_A_WORD : RL_READ;

@@ -27,9 +27,9 @@ struct rl_reading {
     uint16_t id;
     bool repeats;
     int32_t packets;                      /* combined */
-    double start_s, bit_s, brightening_s; /* of what is sent [s] */
-    double begin_s, end_s;                /* of the samples that were used [s] */
-    double evidence, margin;              /* [nats] */
+    double start_s, bit_s;   /* of what is sent [s] */
+    double begin_s, end_s;   /* of the samples that were used [s] */
+    double evidence, margin; /* [nats] */
     int32_t zones;
     int32_t zone[RL_MAX_READ]; /* strongest first */
 };

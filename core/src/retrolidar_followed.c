@@ -30,8 +30,8 @@ void rl_followed_start(struct rl_followed *followed, const struct rl_reading *re
 {
     memset(followed, 0, sizeof *followed);
     followed->id = reading->id;
-    followed->transmission = (struct rl_transmission){
-        rl_packet(reading->id), true, reading->start_s, reading->bit_s, reading->brightening_s};
+    followed->transmission = (struct rl_transmission){rl_packet(reading->id), true,
+                                                      reading->start_s, reading->bit_s};
     followed->clock = (struct rl_clock_error){START_S * START_S, 0.0, RATE * RATE};
     followed->noise_scale = 1.0;
     followed->distance_zone = -1;
@@ -79,7 +79,8 @@ static void move(struct rl_followed *followed, const struct rl_scenery *scenery)
     const double step_s = scenery->step_s;
     rl_range_predict(&followed->range, step_s);
     follow_gains(followed, &before, scenery->samples->zones);
-    rl_zone_predict(followed->zone, scenery->samples->zones, step_s);
+    rl_zone_predict(followed->zone, scenery->samples->zones, scenery->samples->columns_of_zones,
+                    step_s, followed->crossed);
     followed->crossed *= exp(-step_s / CROSSED_S);
     const double rate = fabs(before.rate);
     const double kept = exp(-step_s * fmax(1.0 / BACKGROUND_S, rate / BACKGROUND_M));
@@ -193,8 +194,8 @@ void rl_followed_replay(struct rl_followed *followed, const struct rl_scenery *s
     move(followed, scenery);
     look(followed, scenery, sample);
     const struct rl_glance glance = glimpse(followed, scenery, sample, &crossed);
-    crossed = rl_zone_update(followed->zone, sample, samples->zones, samples->columns_of_zones,
-                             &glance, crossed);
+    rl_zone_update(followed->zone, sample, samples->zones, samples->columns_of_zones, &glance,
+                   crossed);
     followed->crossed = crossed ? 1.0 : followed->crossed;
 }
 
@@ -224,13 +225,18 @@ void rl_followed_update(struct rl_followed *followed, const struct rl_scenery *s
     const double off = fabs(glance.measured - glance.light);
     if (!isfinite(glance.variance) ||
         off > fmax(MAX_OFF, MAX_DEVIATIONS * sqrt(glance.variance + glance.edge_variance))) {
+        /* Darker than dark: another marker, which was a part of the level, has begun to send. */
+        if (glance.light < SHARED_LIGHT && glance.measured < glance.light) {
+            rl_zone_update(followed->zone, sample, samples->zones, samples->columns_of_zones,
+                           &glance, false);
+        }
         rescale(followed, samples->zones, &glance);
         return;
     }
     followed->off_scale = followed->light > RL_BRIGHT ? 0 : followed->off_scale;
     update_clock(followed, scenery, &glance);
-    crossed = rl_zone_update(followed->zone, sample, samples->zones, samples->columns_of_zones,
-                             &glance, crossed);
+    rl_zone_update(followed->zone, sample, samples->zones, samples->columns_of_zones, &glance,
+                   crossed);
     followed->crossed = crossed ? 1.0 : followed->crossed;
     if (followed->light > SHARED_LIGHT) {
         followed->shared_s = rl_scenery_now(scenery);

@@ -15,14 +15,15 @@
 static const double MIN_SCALE = 0.25, MAX_SCALE = 16.0, LESSON = 0.02, MAX_LESSON = 9.0;
 /* A nearer target hides the marker if it is so much nearer [m] and brighter. */
 static const double NEARER_M = 0.1, BRIGHTER = 1.5;
-static const double APART_M = 0.5; /* two targets, not one that is measured badly */
 /* A zone measures the range if the marker is so much of its signal, and others are no more, and it
  * has so much of its light.
  */
-static const double MIN_OWN = 0.3, MAX_OTHER = 0.1, RANGED_LIGHT = 0.3;
-static const double MAX_SPEED = 1.2; /* of a marker that flipped while it was dark [m/s] */
+static const double MIN_OWN = 0.3, MAX_OTHER = 0.1, RANGED_LIGHT = 0.1;
+static const double MAX_CHANGE = 2.4; /* of the rate while it was dark [m/s] */
 static const double GATE = 25.0;     /* squared deviations */
 static const int MAX_MISSES = 3;
+/* How far from the marker light is that is not known. */
+static const double UNKNOWN_M = 0.2;
 static const double FIRST_M = 0.3; /* deviation of a range that is a guess */
 static const double MOUNTING_M = 0.005;
 static const double MIN_BEHIND = 0.5;    /* of it in what is measured */
@@ -74,14 +75,11 @@ struct rl_zone_sample rl_followed_sample(const struct rl_followed *followed,
         5.0 * sqrt(place.variance + followed->noise_scale * law_of(scenery->sensor, signal));
     /* A marker that has come nearer is brighter, too. */
     const double nearer = fmax(range_m, RL_NEAREST_M) / fmax(place.range_m, RL_NEAREST_M);
-    const double way_m = MAX_SPEED * (rl_scenery_now(scenery) - followed->ranged_s);
+    const double way_m = MAX_CHANGE * (rl_scenery_now(scenery) - followed->ranged_s);
     const double usual = light->level + scenery->other[zone] +
                          followed->light * light->gain * pow(fmin(nearer, 1.0), RL_EXPONENT);
-    if (beyond_m > fmax(APART_M, spread_m)) {
-        sample.signal = 0.0; /* a wall that the sensor separates: the marker is dimmer */
-    } else if (beyond_m < -fmax(NEARER_M, spread_m) &&
-               (signal > BRIGHTER * usual + 5.0 * sqrt(noise) ||
-                beyond_m < -way_m - 2.0 * NEARER_M)) {
+    if (beyond_m < -fmax(NEARER_M, spread_m) &&
+        (signal > BRIGHTER * usual + 5.0 * sqrt(noise) || beyond_m < -way_m - 2.0 * NEARER_M)) {
         sample.valid = false;
     }
     return sample;
@@ -179,6 +177,30 @@ static bool subtract_others(const struct rl_scenery *scenery, int zone, double *
     return own > MIN_OWN * whole && fabs(apart_m) < scenery->sensor->separable_m;
 }
 
+/* The share of the light that is not explained, if another marker that is not known may be there. */
+static double unknown_share(const struct rl_followed *followed, int zone, double range_m,
+                            double signal)
+{
+    const struct rl_zone_light *light = &followed->zone[zone];
+    const double before_m = fmax(rl_range_estimate(&followed->range).range_m, RL_NEAREST_M);
+    const double brighter = pow(fmax(range_m, RL_NEAREST_M) / before_m, RL_EXPONENT);
+    const double rise = signal - light->level, own = followed->light * light->gain;
+    const double off = fmin(fabs(rise - own), fabs(rise - brighter * own)) / fmax(signal, 1e-3);
+    return off * sqrt(rl_presence_doubt(&followed->presence));
+}
+
+/* What is behind the marker stays where it is if the marker is found to be elsewhere. */
+static void correct_range(struct rl_followed *followed, double range_m, double variance,
+                          double share, int zones)
+{
+    const double before_m = rl_range_estimate(&followed->range).range_m;
+    rl_range_update(&followed->range, range_m, variance, share);
+    const double nearer_m = before_m - rl_range_estimate(&followed->range).range_m;
+    for (int zone = 0; zone < zones; zone++) {
+        followed->behind[zone].offset_m += nearer_m;
+    }
+}
+
 static void measure_range(struct rl_followed *followed, const struct rl_scenery *scenery, int zone,
                           double range_m, double signal)
 {
@@ -190,8 +212,9 @@ static void measure_range(struct rl_followed *followed, const struct rl_scenery 
     const double late_s = centre_of(followed, scenery);
     const double share = fmin(fmax(light->level / fmax(signal, 1e-3), 0.0), 1.0 - MIN_OWN);
     const struct rl_motion place = rl_range_estimate(&followed->range);
+    const double unknown_m = UNKNOWN_M * unknown_share(followed, zone, range_m, signal);
     const double noise = followed->noise_scale * law;
-    const double variance = noise + place.rate_variance * late_s * late_s;
+    const double variance = noise + place.rate_variance * late_s * late_s + unknown_m * unknown_m;
     double chance, offset_variance;
     const double offset_m =
         behind_of(&followed->behind[zone], scenery->sensor->separable_m, &chance, &offset_variance);
@@ -199,8 +222,8 @@ static void measure_range(struct rl_followed *followed, const struct rl_scenery 
     const double own_m =
         (range_m - mixed * (offset_m + place.range_m)) / (1.0 - mixed) - place.rate * late_s;
     const double off = own_m - place.range_m;
-    /* It may have flipped in the dark. */
-    const double way_m = MAX_SPEED * (rl_scenery_now(scenery) - followed->ranged_s);
+    /* It may have turned round in the dark. */
+    const double way_m = MAX_CHANGE * (rl_scenery_now(scenery) - followed->ranged_s);
     if (off * off > GATE * (place.variance + variance) + way_m * way_m) {
         if (++followed->misses > MAX_MISSES) {
             rl_range_start(&followed->range, own_m, 4.0 * variance);
@@ -213,9 +236,10 @@ static void measure_range(struct rl_followed *followed, const struct rl_scenery 
     if (zone == rl_zone_strongest(followed->zone, scenery->samples->zones)) {
         learn_noise(followed, scenery, zone, range_m, variance);
     }
-    followed->bias_variance +=
-        BIAS_SHARE * (share * share * offset_variance - followed->bias_variance);
-    rl_range_update(&followed->range, own_m, variance, 1.0 - mixed);
+    /* Frames count by their precision, which grows with the square of the light. */
+    followed->bias_variance += BIAS_SHARE * followed->light * followed->light *
+                               (share * share * offset_variance - followed->bias_variance);
+    correct_range(followed, own_m, variance, 1.0 - mixed, scenery->samples->zones);
 }
 
 void rl_followed_range(struct rl_followed *followed, const struct rl_scenery *scenery)

@@ -60,7 +60,7 @@ struct rl_gain_profile rl_gain_profile_fit(const float *signal, const uint8_t *v
                                            double gain[RL_KNOTS])
 {
     double normal[RL_KNOTS][RL_KNOTS], right[RL_KNOTS], total = 0.0, energy = 0.0;
-    int before = -1, steps = 0;
+    int before = -1;
     memset(normal, 0, sizeof normal);
     memset(right, 0, sizeof right);
     for (int row = 0; row < rows; row++) {
@@ -79,7 +79,6 @@ struct rl_gain_profile rl_gain_profile_fit(const float *signal, const uint8_t *v
                 right[i] += column[i] * step;
             }
             total += step * step;
-            steps++;
         }
         before = row;
     }
@@ -112,8 +111,7 @@ struct rl_gain_profile rl_gain_profile_fit(const float *signal, const uint8_t *v
         gain[i] = changes ? right[i] : all > 0.0 ? common / all : 0.0;
     }
     const double beyond = 2.0 * noise * (changes ? RL_KNOTS : 1);
-    return (struct rl_gain_profile){(changes ? explained : steady) - beyond,
-                                    total - 2.0 * noise * steps, common, all};
+    return (struct rl_gain_profile){(changes ? explained : steady) - beyond, common, all};
 }
 
 double rl_gain_profile_at(const double gain[RL_KNOTS], int row, int rows)

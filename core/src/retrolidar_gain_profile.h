@@ -12,7 +12,7 @@
 enum { RL_KNOTS = RL_PARTS - 1 };
 
 struct rl_gain_profile {
-    double explained, all;
+    double explained;
     double cross, energy; /* whose ratio is the gain, if it does not change */
 };
 
@@ -21,7 +21,7 @@ struct rl_gain_profile {
  *
  * light: of the packet in each row; noise: variance of a sample
  *
- * Return how much of the sum of their squares it explains, and how much there is, beyond noise.
+ * Return how much of the sum of their squares it explains beyond noise.
  */
 struct rl_gain_profile rl_gain_profile_fit(const float *signal, const uint8_t *valid,
                                            const double *light, int rows, double noise,

@@ -68,7 +68,6 @@ static void add_reading(struct rl_detector *detector, const struct rl_verdict *v
         .packets = verdict->packets,
         .start_s = start_of(verdict),
         .bit_s = verdict->transmission.bit_s,
-        .brightening_s = verdict->transmission.brightening_s,
         .begin_s = train.begin_s,
         .end_s = train.end_s,
         .evidence = verdict->evidence,
@@ -157,13 +156,10 @@ static struct rl_verdict decide_as_found(struct rl_detector *detector, int chann
     if (beside != NULL) {
         add_beside(interference, beside);
     }
-    struct rl_verdict verdict =
+    const struct rl_verdict verdict =
         rl_decide(&detector->window, &detector->search.codebook, &demands, channel, hit, &rivals,
                   packets, detector->consumed_until_s[channel], since_s,
                   rl_pool_is_followed(&detector->pool, hit->id, &train), to_s);
-    if (verdict.reason == RL_READ && !rl_zones_consistent(&detector->shares, &verdict)) {
-        verdict.reason = RL_NOT_A_WORD;
-    }
     note(detector, channel, packets, &verdict);
     return verdict;
 }

@@ -4,6 +4,7 @@
 #include "retrolidar_observation.h"
 
 #include "retrolidar_constants.h"
+#include "retrolidar_refine.h"
 
 #include <math.h>
 

@@ -30,8 +30,7 @@ static struct rl_seen window_of(struct rl_detector *detector, const struct rl_re
         last++;
     }
     const struct rl_transmission transmission = {rl_packet(reading->id), reading->repeats,
-                                                 reading->start_s, reading->bit_s,
-                                                 reading->brightening_s};
+                                                 reading->start_s, reading->bit_s};
     const struct rl_seen seen = {
         .sensor = &samples->sensor,
         .rows = last - *first,

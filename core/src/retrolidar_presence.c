@@ -6,16 +6,18 @@
 #include <math.h>
 #include <string.h>
 
-enum { SAME, HIDDEN, MORE, OTHER_DARK, OTHER_BRIGHT };
+enum { SAME, HIDDEN, BESIDE_DARK, BESIDE_BRIGHT, OTHER_DARK, OTHER_BRIGHT };
 
 /* How often each begins and ends [1/s]. */
-static const double HIDES = 0.3, SHOWS = 5.0, GAINS = 0.3, LOSES = 3.0, CHANGES = 0.05;
+static const double HIDES = 0.1, SHOWS = 5.0, GAINS = 0.6, LOSES = 0.3, CHANGES = 0.1;
 /* By how much a model of light is wrong, for itself and as a share of the light. */
 static const double OFFSET = 0.05, SHARE = 0.15;
 /* Likelihood of what no model explains, and of an edge within an exposure of other bits. */
 static const double ANYTHING = 0.01, EDGES = 0.25;
-/* Other light may be so many times as bright. */
-static const double MAX_MORE = 2.0;
+/* Light of another marker beside it may be so many times as bright. */
+static const double MAX_MORE = 1.2;
+/* That a bright bit is of any other brightness: its gain has changed, or it is another marker's. */
+static const double ANY_GAIN = 0.5;
 /* Gone after so many bits unseen, of which dark ones count a part: the experiment `track-ends`. */
 static const double GONE_BITS = 8.5, GONE_STEP_BITS = 1.2, DARK_PART = 0.6;
 static const double BRIGHT_LIGHT = 0.5, SEEN = 4.0; /* [nats] */
@@ -46,12 +48,16 @@ static void change(double chance[RL_EXPLANATIONS], const struct rl_glance *glanc
 {
     const double step_s = fmin(glance->step_s, MAX_STEP_S);
     const double flips = 0.5 * fmin(step_s / glance->bit_s, 1.0);
-    const double same = chance[SAME], hidden = chance[HIDDEN], more = chance[MORE];
+    const double same = chance[SAME], hidden = chance[HIDDEN];
+    const double beside_dark = chance[BESIDE_DARK], beside_bright = chance[BESIDE_BRIGHT];
     const double dark = chance[OTHER_DARK], bright = chance[OTHER_BRIGHT];
     chance[SAME] = same * (1.0 - (HIDES + GAINS + CHANGES) * step_s) +
-                   (SHOWS * hidden + LOSES * more) * step_s;
+                   (SHOWS * hidden + LOSES * (beside_dark + beside_bright)) * step_s;
     chance[HIDDEN] = hidden * (1.0 - SHOWS * step_s) + same * HIDES * step_s;
-    chance[MORE] = more * (1.0 - LOSES * step_s) + same * GAINS * step_s;
+    chance[BESIDE_DARK] =
+        beside_dark * (1.0 - LOSES * step_s) + flips * (beside_bright - beside_dark);
+    chance[BESIDE_BRIGHT] = beside_bright * (1.0 - LOSES * step_s) +
+                            flips * (beside_dark - beside_bright) + same * GAINS * step_s;
     chance[OTHER_DARK] = dark + flips * (bright - dark) + same * CHANGES * step_s / 2.0;
     chance[OTHER_BRIGHT] = bright + flips * (dark - bright) + same * CHANGES * step_s / 2.0;
 }
@@ -62,13 +68,22 @@ static void weigh(double chance[RL_EXPLANATIONS], const struct rl_glance *glance
     const double variance = glance->variance + OFFSET * OFFSET;
     const double bright = variance + SHARE * SHARE;
     const double edge = seen > -OFFSET && seen < 1.0 + OFFSET ? EDGES : 0.0;
-    const double more = seen > light ? 1.0 / MAX_MORE : 0.0;
+    const double less = fmin(glance->level, MAX_MORE); /* if the level was another's in part */
+    const double more = seen > light - less ? 1.0 / MAX_MORE : 0.0;
     const double own = variance + SHARE * SHARE * light * light + glance->edge_variance;
-    chance[SAME] *= density(seen, light, own) + ANYTHING;
-    chance[HIDDEN] *= density(seen, 0.0, variance) + ANYTHING;
-    chance[MORE] *= more + ANYTHING;
+    const double any = ANY_GAIN / (1.0 + MAX_MORE);
+    const double changed = any * light * fmin(fmax(seen, 0.0), 1.0);
+    const double same = density(seen, light, own) + changed + ANYTHING;
+    const double other_bright =
+        (1.0 - ANY_GAIN) * density(seen, 1.0, bright) + (seen > 0.0 ? any : 0.0);
+    chance[SAME] *= same;
+    chance[BESIDE_DARK] *= same;
+    chance[BESIDE_BRIGHT] *= more + ANYTHING;
+    /* What hides it may come or go within an exposure, as edges of other bits do. */
+    const double partly = seen < light ? edge : 0.0;
+    chance[HIDDEN] *= (1.0 - EDGES) * density(seen, 0.0, variance) + partly + ANYTHING;
     chance[OTHER_DARK] *= (1.0 - EDGES) * density(seen, 0.0, variance) + edge + ANYTHING;
-    chance[OTHER_BRIGHT] *= (1.0 - EDGES) * density(seen, 1.0, bright) + edge + ANYTHING;
+    chance[OTHER_BRIGHT] *= (1.0 - EDGES) * other_bright + edge + ANYTHING;
     double total = 0.0;
     for (int i = 0; i < RL_EXPLANATIONS; i++) {
         total += chance[i];
@@ -94,6 +109,11 @@ static int see(struct rl_presence *presence, const struct rl_glance *glance)
     return light > BRIGHT_LIGHT;
 }
 
+double rl_presence_doubt(const struct rl_presence *presence)
+{
+    return 1.0 - presence->chance[SAME] - presence->chance[HIDDEN];
+}
+
 int rl_presence_update(struct rl_presence *presence, const struct rl_glance *glance)
 {
     int seen = 0;
@@ -108,7 +128,7 @@ int rl_presence_update(struct rl_presence *presence, const struct rl_glance *gla
     const double *chance = presence->chance;
     const double gone = exp(fmin((presence->unseen_bits - GONE_BITS) / GONE_STEP_BITS, 700.0));
     const double other = (chance[OTHER_DARK] + chance[OTHER_BRIGHT]) /
-                         (chance[SAME] + chance[HIDDEN] + chance[MORE]);
+                         (chance[SAME] + chance[HIDDEN] + chance[BESIDE_DARK] + chance[BESIDE_BRIGHT]);
     presence->log_odds = -log(gone + other);
     return seen;
 }

@@ -4,13 +4,13 @@
 /* Whether a marker that is followed is still there, and still sends the same.
  *
  * Each frame the light that was seen is held against the light that was predicted. A hidden Markov
- * model weighs five explanations: as predicted, hidden, with more light than its own, and two of
- * other bits, dark or bright. What stays unseen for too long is gone, whatever hides it.
+ * model weighs six explanations: as predicted; hidden; beside another marker, dark or bright, that
+ * is unknown; and of other bits, dark or bright. What stays unseen for too long is gone, whatever hides it.
  */
 #ifndef RETROLIDAR_PRESENCE_H
 #define RETROLIDAR_PRESENCE_H
 
-enum { RL_EXPLANATIONS = 5 };
+enum { RL_EXPLANATIONS = 6 };
 
 struct rl_presence {
     double chance[RL_EXPLANATIONS];
@@ -31,8 +31,12 @@ struct rl_glance {
     double light;         /* as predicted, 0 to 1 */
     double measured;      /* over that of a bright marker */
     double variance;      /* of that; infinite if nothing was seen */
+    double level;         /* of the zone, likewise: what another marker may have been a part of */
     double edge_variance; /* of the light as predicted, by when its edges come */
 };
+
+/* The chance that there is light of another marker. */
+double rl_presence_doubt(const struct rl_presence *presence);
 
 /* Return whether its light was seen. */
 int rl_presence_update(struct rl_presence *presence, const struct rl_glance *glance);

@@ -162,28 +162,6 @@ static void note_active(struct rl_detector *detector, double begin_s)
     }
 }
 
-/* Judge again what stood out before it had ended, as soon as it has. */
-static void add_deferred(struct rl_detector *detector, double from_s, double to_s)
-{
-    for (int channel = 0; channel < detector->samples.channels; channel++) {
-        const struct rl_hit *best = NULL;
-        const int pasts = detector->pasts[channel];
-        for (int i = pasts > RL_PAST ? pasts - RL_PAST : 0; i < pasts; i++) {
-            const struct rl_hit *past = &detector->past[channel][i % RL_PAST];
-            const double end_s = past->start_s + RL_PACKET_BITS * past->bit_s;
-            if (!past->repeats && end_s > from_s && end_s <= to_s &&
-                past->nats > (float)detector->demands.evidence &&
-                (best == NULL || past->nats > best->nats)) {
-                best = past;
-            }
-        }
-        if (best != NULL) {
-            detector->pending[detector->pendings++] =
-                (struct rl_pending){channel, 1, -INFINITY, {.count = 1, .hit = {*best}}};
-        }
-    }
-}
-
 /* How promising a candidate is. */
 static float rank(const struct rl_detector *detector, int index)
 {
@@ -238,7 +216,6 @@ void rl_process_frame(struct rl_detector *detector)
     if (floor(2.0 * to_s / (RL_LOOK_BITS * bit_s)) > floor(2.0 * from_s / (RL_LOOK_BITS * bit_s))) {
         search_appeared(detector, to_s);
     }
-    add_deferred(detector, from_s, to_s);
     if (is_new_slot) {
         search_residual(detector, (double)(slot - 1) * RL_LOOK_BITS * bit_s, to_s);
     }

@@ -5,22 +5,28 @@
 
 #include <math.h>
 
-enum { STILL, CREEPING, DRIFTING, EVEN, TURNING };
+enum { STILL, EVEN, TURNING, CHANGED };
 
+/* Rates, accelerations, losses and rates begun are fitted to emulated markers that rest, go to and
+ * fro evenly, swing, are carried by hand, or go and stop, at 1 and 2 m: by likelihood, error and
+ * pull of all their ranges.
+ */
 /* How often one motion becomes another [1/s]. */
 static const double RATE[RL_MOTIONS][RL_MOTIONS] = {
-    {0.0, 0.01, 0.003, 0.001, 0.0005}, {0.05, 0.0, 0.02, 0.02, 0.02}, {0.02, 0.02, 0.0, 0.1, 0.6},
-    {0.01, 0.01, 0.2, 0.0, 2.0},       {0.01, 0.01, 1.0, 8.0, 0.0},
+    {0.0, 1e-5, 4e-5, 3e-4},
+    {7e-4, 0.0, 7e-4, 0.4},
+    {1e-4, 0.01, 0.0, 0.6},
+    {2e-4, 0.7, 0.4, 0.0},
 };
 /* Spectral density of the acceleration [m^2/s^3]; one at rest trembles [m^2/s]. */
-static const double ACCELERATION[RL_MOTIONS] = {0.0, 1e-6, 3e-4, 0.1, 8.0};
+static const double ACCELERATION[RL_MOTIONS] = {0.0, 3e-6, 1.0, 0.01};
 static const double TREMBLE = 1e-9;
-static const double CREEPING_S = 10.0; /* what creeps comes to rest */
+static const double SLOWS[RL_MOTIONS] = {0.0, 0.1, 2.5, 0.0}; /* share of the rate lost [1/s] */
 /* Of a rate before anything is known of it, and of one at rest [m/s]. */
 static const double ANY_RATE = 0.5, REST_RATE = 1e-3;
 /* Of one that begins to move so [m/s]. */
-static const double BEGUN_RATE[RL_MOTIONS] = {0.0, 0.02, 0.03, 0.2, 0.5};
-static const double FIRST_CHANCE[RL_MOTIONS] = {0.4, 0.1, 0.1, 0.3, 0.1};
+static const double BEGUN_RATE[RL_MOTIONS] = {0.0, 0.5, 0.02, 2e-4};
+static const double FIRST_CHANCE[RL_MOTIONS] = {0.4, 0.2, 0.3, 0.1};
 static const double MIN_CHANCE = 1e-12, MIN_VARIANCE = 1e-10;
 
 void rl_range_start(struct rl_range_filter *filter, double range_m, double variance)
@@ -59,8 +65,10 @@ static void move(struct rl_motion *one, int motion, double step_s)
         one->rate_variance = REST_RATE * REST_RATE;
         return;
     }
-    const double noise = ACCELERATION[motion] * step_s;
-    one->rate *= motion == CREEPING ? exp(-step_s / CREEPING_S) : 1.0;
+    const double noise = ACCELERATION[motion] * step_s, kept = exp(-SLOWS[motion] * step_s);
+    one->rate *= kept;
+    one->common *= kept;
+    one->rate_variance *= kept * kept;
     one->range_m += one->rate * step_s;
     one->variance +=
         step_s * (2.0 * one->common + step_s * one->rate_variance) + noise * step_s * step_s / 3.0;
@@ -68,23 +76,38 @@ static void move(struct rl_motion *one, int motion, double step_s)
     one->rate_variance = fmin(one->rate_variance + noise, 4.0 * ANY_RATE * ANY_RATE);
 }
 
+/* A motion, as it is when another one begins. */
+static struct rl_motion begin(const struct rl_motion *from, int motion, int to)
+{
+    struct rl_motion begun = *from;
+    if (motion == STILL && to != STILL) {
+        begun.rate_variance = BEGUN_RATE[to] * BEGUN_RATE[to];
+    }
+    if (motion != CHANGED && to == CHANGED) { /* as fast as before, either way */
+        begun.rate_variance += begun.rate * begun.rate;
+        begun.rate = begun.common = 0.0;
+    }
+    return begun;
+}
+
 void rl_range_predict(struct rl_range_filter *filter, double step_s)
 {
     struct rl_motion after[RL_MOTIONS];
     for (int to = 0; to < RL_MOTIONS; to++) {
+        struct rl_motion before[RL_MOTIONS];
         double weight[RL_MOTIONS], total = 0.0;
-        filter->motion[STILL].rate_variance = BEGUN_RATE[to] * BEGUN_RATE[to];
         for (int from = 0; from < RL_MOTIONS; from++) {
-            double change = 0.0, all = 0.0;
+            double all = 0.0;
             for (int i = 0; i < RL_MOTIONS; i++) {
                 all += RATE[from][i];
             }
             const double left = 1.0 - exp(-all * step_s);
-            change = from == to ? 1.0 - left : left * RATE[from][to] / all;
+            const double change = from == to ? 1.0 - left : left * RATE[from][to] / all;
+            before[from] = begin(&filter->motion[from], from, to);
             weight[from] = change * filter->motion[from].chance;
             total += weight[from];
         }
-        after[to] = mixture(filter->motion, weight, total);
+        after[to] = mixture(before, weight, total);
         move(&after[to], to, step_s);
     }
     for (int i = 0; i < RL_MOTIONS; i++) {

@@ -2,14 +2,13 @@
  * SPDX-License-Identifier: Apache-2.0
  */
 /* Range and range rate of a marker that is followed: an interacting multiple model filter (Blom and
- * Bar-Shalom 1988). A marker at rest, one that creeps, one that moves evenly and one that turns
- * need process noise that differs by orders of magnitude; the models weigh themselves by how well
- * they predict.
+ * Bar-Shalom 1988). A marker rests, moves evenly, turns as what swings does, or changes its rate at
+ * once; the models weigh themselves by how well they predict.
  */
 #ifndef RETROLIDAR_RANGE_FILTER_H
 #define RETROLIDAR_RANGE_FILTER_H
 
-enum { RL_MOTIONS = 5 };
+enum { RL_MOTIONS = 4 };
 
 struct rl_motion {
     double chance;

@@ -81,18 +81,3 @@ int rl_shares_zones(struct rl_shares *shares, const struct rl_verdict *verdict, 
     }
     return seen;
 }
-
-bool rl_zones_consistent(struct rl_shares *shares, const struct rl_verdict *verdict)
-{
-    const struct rl_channel *sum = &shares->samples->channel[verdict->channel[0]];
-    int first;
-    const int rows = light_of(shares, verdict, &first);
-    double explained = 0.0, all = 0.0;
-    for (int i = 0; sum->zones > 1 && i < sum->zones; i++) {
-        double gain[RL_KNOTS];
-        const struct rl_gain_profile seen = fit_profile(shares, sum->zone[i], first, rows, gain);
-        explained += seen.explained;
-        all += seen.all;
-    }
-    return sum->zones == 1 || explained > RL_MOST * fmax(all, 0.0);
-}

@@ -23,9 +23,4 @@ void rl_shares_start(struct rl_shares *shares, const struct rl_samples *samples,
 int rl_shares_zones(struct rl_shares *shares, const struct rl_verdict *verdict, int *zones,
                     double *gains);
 
-/* Whether a packet that a sum of zones shows is what these zones see: two that each see another
- * packet make a third one.
- */
-bool rl_zones_consistent(struct rl_shares *shares, const struct rl_verdict *verdict);
-
 #endif

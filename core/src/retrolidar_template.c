@@ -9,8 +9,7 @@
 
 /* From 10 to 90 % an exponential takes ln 9 time constants (paper 2.2: 0.5 ms and 3.5 ms). */
 static const double LN_9 = 2.1972245773362196;
-static const double DARKENING_S = 0.0005;
-const double rl_brightening_s[RL_CRYSTALS] = {0.0035, 0.0005, 0.008, 0.014, 0.020};
+static const double DARKENING_S = 0.0005, BRIGHTENING_S = 0.0035;
 
 struct packet {
     /* Of each bit, and of the idle after them: what it goes to, comes from, and when it begins, as
@@ -20,13 +19,13 @@ struct packet {
 };
 
 /* The integral of an exponential step over a time since it began [s]. */
-static double relaxed(double before, double level, double brightening_s, double since_s)
+static double relaxed(double before, double level, double since_s)
 {
     const double step = before - level;
     if (step == 0.0) {
         return level * since_s;
     }
-    const double tau = (step > 0.0 ? DARKENING_S : brightening_s) / LN_9;
+    const double tau = (step > 0.0 ? DARKENING_S : BRIGHTENING_S) / LN_9;
     return level * since_s + step * tau * (since_s > 20.0 * tau ? 1.0 : 1.0 - exp(-since_s / tau));
 }
 
@@ -41,8 +40,8 @@ static void lay_out(const struct rl_transmission *transmission, struct packet *p
     for (int bit = 0; bit < RL_PACKET_BITS; bit++) {
         packet->before[bit + 1] = packet->level[bit];
         packet->elapsed[bit + 1] =
-            packet->elapsed[bit] + relaxed(packet->before[bit], packet->level[bit],
-                                           transmission->brightening_s, transmission->bit_s);
+            packet->elapsed[bit] +
+            relaxed(packet->before[bit], packet->level[bit], transmission->bit_s);
     }
 }
 
@@ -91,7 +90,7 @@ static double integral(const struct rl_transmission *transmission, const struct 
     }
     return place->sent + packet->elapsed[place->bit] +
            relaxed(packet->before[place->bit], packet->level[place->bit],
-                   transmission->brightening_s, passed_s > 0.0 ? passed_s : 0.0);
+                   passed_s > 0.0 ? passed_s : 0.0);
 }
 
 void rl_template(const struct rl_transmission *transmission, const double *begin_s,

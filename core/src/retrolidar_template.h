@@ -8,17 +8,12 @@
 #include <stdbool.h>
 #include <stdint.h>
 
-/* How long crystals take to brighten, from 10 to 90 %, the usual one first [s]. */
-enum { RL_CRYSTALS = 5 };
-extern const double rl_brightening_s[RL_CRYSTALS];
-
 /* Bits that a marker sends, and when. */
 struct rl_transmission {
-    uint32_t bits;        /* of a packet, the first one the most significant; 1 = dark */
-    bool repeats;         /* back to back without end; a lone packet is bright before and after */
-    double start_s;       /* when a packet begins [s] */
-    double bit_s;         /* how long a bit lasts [s] */
-    double brightening_s; /* from 10 to 90 % [s] */
+    uint32_t bits;  /* of a packet, the first one the most significant; 1 = dark */
+    bool repeats;   /* back to back without end; a lone packet is bright before and after */
+    double start_s; /* when a packet begins [s] */
+    double bit_s;   /* how long a bit lasts [s] */
 };
 
 /* Packets of one ID that have been read, one behind the other. */

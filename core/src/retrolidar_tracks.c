@@ -7,8 +7,6 @@
 #include <stdlib.h>
 #include <string.h>
 
-/* A reading is of another transmission if it is off by so many bits. */
-static const double MAX_OFF_BITS = 0.5;
 /* Of a marker that crosses the view [m/s]. */
 static const double ACROSS_M_S = 0.5;
 /* Gains are of the frames before. */
@@ -48,14 +46,6 @@ static void end(struct rl_tracks *tracks, int index)
     tracks->counts.ended++;
 }
 
-/* Whether a reading is of the transmission that is followed. */
-static bool continues(const struct rl_followed *followed, const struct rl_reading *reading)
-{
-    const double packet_s = RL_PACKET_BITS * reading->bit_s;
-    const double cycles = (reading->start_s - followed->transmission.start_s) / packet_s;
-    return fabs(cycles - floor(cycles + 0.5)) * RL_PACKET_BITS < MAX_OFF_BITS;
-}
-
 static int weakest(const struct rl_tracks *tracks)
 {
     int least = 0;
@@ -70,10 +60,7 @@ static void take(struct rl_tracks *tracks, const struct rl_reading *reading)
 {
     for (int i = 0; i < tracks->count; i++) {
         if (tracks->track[i].id == reading->id) {
-            if (continues(&tracks->track[i], reading)) {
-                return;
-            }
-            end(tracks, i--);
+            return;
         }
     }
     if (tracks->count == RL_MAX_TRACKS) {

@@ -182,7 +182,11 @@ static void replay(struct rl_tracks *tracks, struct rl_followed *followed,
         see(tracks, followed, reading->zone[0], window->first + row);
         rl_followed_replay(followed, &tracks->scenery, tracks->light[row]);
     }
+    /* That its zone is found is no crossing. */
+    const double crossed = followed->crossed;
     rl_followed_bearing(followed, &tracks->scenery);
+    followed->crossed = crossed;
+    followed->shared_s = rl_scenery_now(&tracks->scenery);
     /* That its packet came says nothing of what it sends next. */
     rl_presence_restart(&followed->presence, chance);
     for (int row = window->first + window->rows; row < tracks->scenery.samples->count; row++) {

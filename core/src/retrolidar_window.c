@@ -4,6 +4,7 @@
 #include "retrolidar_window.h"
 
 #include "retrolidar_constants.h"
+#include "retrolidar_gain_profile.h"
 #include "retrolidar_noise.h"
 
 #include <math.h>
@@ -15,7 +16,8 @@ static const double MIN_NOISE = 0.5;
 int64_t rl_window_bytes(int rows)
 {
     return RL_MAX_ZONES_TOGETHER * rl_whitened_doubles(rows) * (int64_t)sizeof(double) +
-           (int64_t)rows * (2 * (int64_t)sizeof(double) + 1) + rl_room_bytes(rows);
+           (int64_t)rows * ((3 + RL_MAX_ZONES_TOGETHER) * (int64_t)sizeof(double) + 1) +
+           rl_room_bytes(rows);
 }
 
 void rl_window_start(struct rl_window *window, const struct rl_samples *samples, int rows,
@@ -29,9 +31,13 @@ void rl_window_start(struct rl_window *window, const struct rl_samples *samples,
         rl_whitened_start(&window->whitened[i], rows, next);
         next += rl_whitened_doubles(rows);
     }
+    for (int i = 0; i < RL_MAX_ZONES_TOGETHER; i++, next += rows) {
+        window->profile[i] = next;
+    }
     window->light = next;
     window->part = next + rows;
-    window->valid = rl_room_start(&window->room, rows, next + 2 * rows);
+    window->seen = next + 2 * rows;
+    window->valid = rl_room_start(&window->room, rows, next + 3 * rows);
 }
 
 static void light_of(struct rl_window *window, int marker, bool continues)
@@ -108,6 +114,7 @@ static void add(struct rl_window *window, int channel)
             add_interferer(window, whitened, i);
         }
     }
+    window->has_profile[window->channels] = false;
     window->channel[window->channels++] = channel;
     window->null += whitened->null;
 }
@@ -161,19 +168,23 @@ void rl_window_open(struct rl_window *window, int channel, double from_s, double
     add(window, channel);
 }
 
-/* Log prior of a bit period. */
-static double prior_of(const struct rl_window *window, double bit_s)
+/* Light as a channel sees it. */
+static const double *seen_of(struct rl_window *window, int index, const double *light)
 {
-    const double usual_s = (window->min_bit_s + window->max_bit_s) / 2;
-    const double off = 3.0 * (bit_s / usual_s - 1.0) / RL_MAX_SKEW;
-    return -0.5 * off * off;
+    if (!window->has_profile[index]) {
+        return light;
+    }
+    for (int row = 0; row < window->rows; row++) {
+        window->seen[row] = light[row] * window->profile[index][row];
+    }
+    return window->seen;
 }
 
 static double fit(struct rl_window *window, const double *light)
 {
     double total = 0.0;
     for (int i = 0; i < window->channels; i++) {
-        window->fit[i] = rl_fit_gain(&window->whitened[i], light);
+        window->fit[i] = rl_fit_gain(&window->whitened[i], seen_of(window, i, light));
         total += window->fit[i].log_likelihood;
     }
     return total;
@@ -193,18 +204,35 @@ double rl_window_try_light(struct rl_window *window)
 double rl_window_try(struct rl_window *window, const struct rl_transmission *transmission)
 {
     lay_light(window, transmission);
-    return fit(window, window->light) + prior_of(window, transmission->bit_s);
+    return fit(window, window->light);
 }
 
 double rl_window_try_part(struct rl_window *window, const struct rl_transmission *transmission,
                           int split, bool later)
 {
     lay_light(window, transmission);
-    return fit(window, part_of(window, split, later)) + prior_of(window, transmission->bit_s);
+    return fit(window, part_of(window, split, later));
+}
+
+double rl_window_try_stretch(struct rl_window *window, const struct rl_transmission *transmission,
+                             uint32_t bits, double from_s, double to_s)
+{
+    const double *begin_s = window->samples->begin_s + window->first;
+    struct rl_transmission other = *transmission;
+    other.bits = bits;
+    lay_light(window, transmission);
+    memcpy(window->part, window->light, (size_t)window->rows * sizeof *window->part);
+    lay_light(window, &other);
+    for (int row = 0; row < window->rows; row++) {
+        if (begin_s[row] >= from_s && begin_s[row] < to_s) {
+            window->part[row] = window->light[row];
+        }
+    }
+    return fit(window, window->part);
 }
 
 double rl_window_try_two(struct rl_window *window, const struct rl_transmission *one,
-                         const struct rl_transmission *other)
+                         const struct rl_transmission *other, int split, bool later)
 {
     lay_light(window, one);
     memcpy(window->part, window->light, (size_t)window->rows * sizeof *window->part);
@@ -212,7 +240,7 @@ double rl_window_try_two(struct rl_window *window, const struct rl_transmission 
     for (int row = 0; row < window->rows; row++) {
         window->light[row] = fmax(window->light[row] + window->part[row] - 1.0, 0.0);
     }
-    return fit(window, window->light) + prior_of(window, one->bit_s);
+    return fit(window, part_of(window, split, later));
 }
 
 double rl_window_try_bits(struct rl_window *window, const struct rl_transmission *transmission,
@@ -223,83 +251,43 @@ double rl_window_try_bits(struct rl_window *window, const struct rl_transmission
     return rl_window_try(window, &other);
 }
 
-/* Move the middle of the window by some time, and the bit period by another. */
-static struct rl_transmission moved(const struct rl_transmission *transmission, double half_bits,
-                                    double later_s, double longer_s)
+/* Find how the gain of a channel changes if a packet is there. */
+static void find_profile(struct rl_window *window, int index)
 {
-    struct rl_transmission other = *transmission;
-    other.start_s += later_s - half_bits * longer_s;
-    other.bit_s += longer_s;
-    return other;
+    double gain[RL_KNOTS], most = 0.0;
+    const struct rl_column column = rl_target_column(window->samples, window->channel[index],
+                                                     window->first, window->rows, &window->room);
+    rl_gain_profile_fit(column.signal, column.valid, window->light, window->rows,
+                        window->whitened[index].least / MIN_NOISE, gain);
+    for (int knot = 0; knot < RL_KNOTS; knot++) {
+        gain[knot] = fmax(gain[knot], 0.0);
+        most = fmax(most, gain[knot]);
+    }
+    for (int row = 0; row < window->rows; row++) {
+        window->profile[index][row] =
+            most > 0.0 ? rl_gain_profile_at(gain, row, window->rows) / most : 1.0;
+    }
 }
 
-/* Where a parabola through three points that are a step apart is highest, in steps. */
-static double parabolic_peak(double before, double here, double after)
+double rl_window_follow_gain(struct rl_window *window, const struct rl_transmission *transmission)
 {
-    const double bend = before - 2.0 * here + after;
-    return bend < 0.0 ? fmin(fmax(0.5 * (before - after) / bend, -1.0), 1.0) : 0.0;
+    const double price = RL_COST_OF_GAIN * (RL_KNOTS - 1);
+    double paid = 0.0;
+    lay_light(window, transmission);
+    for (int i = 0; i < window->channels; i++) {
+        const struct rl_whitened *whitened = &window->whitened[i];
+        const double steady = rl_fit_gain(whitened, window->light).log_likelihood;
+        find_profile(window, i);
+        window->has_profile[i] = true;
+        window->has_profile[i] =
+            rl_fit_gain(whitened, seen_of(window, i, window->light)).log_likelihood >
+            steady + price;
+        paid += window->has_profile[i] ? price : 0.0;
+    }
+    return paid;
 }
 
-static double coordinate_ascent(struct rl_window *window, struct rl_transmission *transmission,
-                                double half_bits, int rounds)
+void rl_window_steady(struct rl_window *window)
 {
-    double best = rl_window_try(window, transmission);
-    /* Each round has half the steps of the one before. */
-    double later_s = transmission->bit_s / 8;
-    for (int round = 0; round < rounds; round++, later_s /= 2) {
-        for (int axis = 0; axis < 2; axis++) {
-            const double longer_s = axis ? later_s / half_bits : 0.0;
-            const double shift_s = axis ? 0.0 : later_s;
-            struct rl_transmission one = moved(transmission, half_bits, -shift_s, -longer_s);
-            struct rl_transmission other = moved(transmission, half_bits, shift_s, longer_s);
-            if (one.bit_s < window->min_bit_s || other.bit_s > window->max_bit_s) {
-                continue;
-            }
-            const double before = rl_window_try(window, &one);
-            const double after = rl_window_try(window, &other);
-            const double at = parabolic_peak(before, best, after);
-            struct rl_transmission tried =
-                moved(transmission, half_bits, at * shift_s, at * longer_s);
-            double likelihood = at == 0.0 ? best : rl_window_try(window, &tried);
-            if (before > likelihood) {
-                likelihood = before;
-                tried = one;
-            }
-            if (after > likelihood) {
-                likelihood = after;
-                tried = other;
-            }
-            if (likelihood > best) {
-                best = likelihood;
-                *transmission = tried;
-            }
-        }
-    }
-    return best;
-}
-
-double rl_window_refine(struct rl_window *window, struct rl_transmission *transmission,
-                        double half_bits)
-{
-    const double best = coordinate_ascent(window, transmission, half_bits, RL_TRIED);
-    const struct rl_transmission usual = *transmission;
-    struct rl_transmission likeliest = usual;
-    double most = best + RL_AS_GOOD;
-    for (int i = 0; i < RL_CRYSTALS; i++) {
-        struct rl_transmission other = usual;
-        other.brightening_s = rl_brightening_s[i];
-        /* Half of the edges come later by the mean delay of the crystal. */
-        other.start_s -= (other.brightening_s - usual.brightening_s) / 4;
-        const double likelihood = rl_window_try(window, &other);
-        if (likelihood > most) {
-            most = likelihood;
-            likeliest = other;
-        }
-    }
-    if (likeliest.brightening_s != usual.brightening_s) {
-        *transmission = likeliest;
-        coordinate_ascent(window, transmission, half_bits, RL_TRIED - 1);
-    }
-    /* So that `fit` and `light` are of what is returned. */
-    return rl_window_try(window, transmission);
+    memset(window->has_profile, 0, sizeof window->has_profile);
 }

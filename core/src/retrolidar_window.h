@@ -24,6 +24,9 @@ struct rl_window {
     double null;                               /* log likelihood without a packet */
     double *light;                             /* of the template that was tried last */
     double *part;                              /* of the light of an interferer */
+    double *seen;                              /* of the light, where the gain changes */
+    double *profile[RL_MAX_ZONES_TOGETHER];    /* how the gain of a channel changes, 0 to 1 */
+    bool has_profile[RL_MAX_ZONES_TOGETHER];   /* else it does not */
     uint8_t *valid;                            /* of the channel that is added */
     struct rl_room room;
 };
@@ -56,20 +59,25 @@ double rl_window_try_light(struct rl_window *window);
 double rl_window_try_part(struct rl_window *window, const struct rl_transmission *transmission,
                           int split, bool later);
 
-/* The same of two lone packets, one of which follows the other. */
+/* The same of other bits in a stretch of time only. */
+double rl_window_try_stretch(struct rl_window *window, const struct rl_transmission *transmission,
+                             uint32_t bits, double from_s, double to_s);
+
+/* The same of two lone packets, one of which follows the other, seen in a part of the window. */
 double rl_window_try_two(struct rl_window *window, const struct rl_transmission *one,
-                         const struct rl_transmission *other);
+                         const struct rl_transmission *other, int split, bool later);
 
 /* The same of other bits. */
 double rl_window_try_bits(struct rl_window *window, const struct rl_transmission *transmission,
                           uint32_t bits);
 
-/* Find the start, the bit period and the crystal's brightening that are likeliest, near to those
- * given; return the log likelihood. The limits of the bit period are to be set before.
- *
- * half_bits: from the start to the middle of the window
+/* Let gains change from now on as the light of a packet does, where that explains more than it
+ * costs: for whatever is tried in this window, as its rivals may move as it does. Return what it
+ * costs [nats].
  */
-double rl_window_refine(struct rl_window *window, struct rl_transmission *transmission,
-                        double half_bits);
+double rl_window_follow_gain(struct rl_window *window, const struct rl_transmission *transmission);
+
+/* Let gains no longer change. */
+void rl_window_steady(struct rl_window *window);
 
 #endif

@@ -10,6 +10,8 @@
 static const double MIN_DEVIATIONS = 4.0, MIN_SHARE = 0.1;
 /* By how much levels and gains change in a second, as a share of the gain. */
 static const double LEVEL_WALK = 0.1, GAIN_WALK = 0.1, FLOOR_WALK = 0.3;
+/* And those of a marker that crosses the view, as a share of the strongest gain. */
+static const double CROSSED_WALK = 1.0;
 /* And by how much while a packet was read, as a share of the strongest gain. */
 static const double MOVED_LEVEL = 0.1, MOVED_GAIN = 1.0, UNREAD_GAIN = 0.05;
 /* Squared deviations at which a zone begins anew: the marker has crossed its edge. */
@@ -18,6 +20,8 @@ static const double MAX_SURPRISE = 9.0;
 static const double LOST = 2.0, WON = 6.0;
 /* How fast it is learnt what is left over, and how much that may be. */
 static const double EXCESS_SHARE = 0.1, MAX_EXCESS = 1e4;
+/* A level that is higher in all dark bits for so long has risen. */
+static const double MAX_RAISED_BITS = 6.0;
 static const double BRIGHT_LIGHT = 0.5, WHOLE_LIGHT = 0.9;
 
 void rl_zone_add(struct rl_zone_sums *sums, const struct rl_zone_sample *sample, double light)
@@ -123,6 +127,7 @@ bool rl_zone_measure(const struct rl_zone_light *lights, const struct rl_zone_sa
     if (!(energy > 0.0)) {
         return false;
     }
+    glance->level = fmax(lights[strongest].level, 0.0) / lights[strongest].gain;
     glance->measured = cross / energy;
     glance->variance = 1.0 / energy;
     /* A marker that has crossed an edge is seen by another zone than before. */
@@ -147,21 +152,24 @@ bool rl_zone_measure(const struct rl_zone_light *lights, const struct rl_zone_sa
     return false;
 }
 
-void rl_zone_predict(struct rl_zone_light *lights, int zones, double step_s)
+void rl_zone_predict(struct rl_zone_light *lights, int zones, int columns, double step_s,
+                     double crossed)
 {
-    const double most = fmax(lights[rl_zone_strongest(lights, zones)].gain, 0.0);
+    const int strongest = rl_zone_strongest(lights, zones);
+    const double most = fmax(lights[strongest].gain, 0.0);
     for (int zone = 0; zone < zones; zone++) {
+        const bool is_beside = rl_zone_beside(zone, strongest, columns);
         const double level = FLOOR_WALK + LEVEL_WALK * fmax(lights[zone].level, 0.0);
         const double gain = GAIN_WALK * fmax(lights[zone].gain, 0.1 * most);
+        const double won = is_beside ? CROSSED_WALK * crossed * most : 0.0;
         lights[zone].level_variance += level * level * step_s;
-        lights[zone].gain_variance += gain * gain * step_s;
+        lights[zone].gain_variance += (gain * gain + won * won) * step_s;
     }
 }
 
-bool rl_zone_update(struct rl_zone_light *lights, const struct rl_zone_sample *samples, int zones,
+void rl_zone_update(struct rl_zone_light *lights, const struct rl_zone_sample *samples, int zones,
                     int columns, const struct rl_glance *glance, bool crossed)
 {
-    bool moved = crossed;
     const double light = glance->light;
     const int strongest = rl_zone_strongest(lights, zones);
     const double least = MIN_SHARE * lights[strongest].gain;
@@ -177,15 +185,18 @@ bool rl_zone_update(struct rl_zone_light *lights, const struct rl_zone_sample *s
         double spread = level + light * gain + noise;
         const double surprise = off * off / spread;
         const bool is_shared = crossed && rl_zone_beside(zone, strongest, columns);
-        const bool has_left = off < 0.0 && one->gain > least; /* no other light takes any away */
         if (surprise > MAX_SURPRISE && light > BRIGHT_LIGHT &&
-            (is_shared || ((zone == strongest || has_left) && light > WHOLE_LIGHT))) {
+            (is_shared || (zone == strongest && light > WHOLE_LIGHT))) {
             one->gain_variance += off * off / (light * light);
             one->excess = 1.0;
-            moved = moved || has_left;
         } else if (surprise > MAX_SURPRISE && light < BRIGHT_LIGHT && one->gain > least) {
+            one->raised_bits += glance->step_s / glance->bit_s;
+            if (off > 0.0 && one->raised_bits < MAX_RAISED_BITS) {
+                continue; /* another marker blinks, maybe; it takes no light away */
+            }
             one->level_variance += off * off;
         } else {
+            one->raised_bits = light < BRIGHT_LIGHT ? 0.0 : one->raised_bits;
             /* Light of another marker, maybe, which is no share of this one's. */
             one->excess += EXCESS_SHARE * (fmin(surprise, MAX_EXCESS) - one->excess);
             one->excess = fmax(one->excess, 1.0);
@@ -199,5 +210,4 @@ bool rl_zone_update(struct rl_zone_light *lights, const struct rl_zone_sample *s
         one->common -= level / spread * gain;
         one->gain_variance -= gain / spread * gain;
     }
-    return moved;
 }

@@ -15,6 +15,7 @@ struct rl_zone_light {
     double level, gain; /* [kcps/SPAD] */
     double level_variance, common, gain_variance;
     double excess; /* variance of what is left over, over that of noise: of other light */
+    double raised_bits; /* for so long its dark bits are brighter than its level */
 };
 
 /* A sample of a zone, less the light of other markers. */
@@ -51,13 +52,12 @@ bool rl_zone_beside(int zone, int other, int columns);
 bool rl_zone_measure(const struct rl_zone_light *lights, const struct rl_zone_sample *samples,
                      int zones, int columns, struct rl_glance *glance);
 
-/* Let time pass. */
-void rl_zone_predict(struct rl_zone_light *lights, int zones, double step_s);
+/* Let time pass. crossed: the chance that the marker crosses the view */
+void rl_zone_predict(struct rl_zone_light *lights, int zones, int columns, double step_s,
+                     double crossed);
 
-/* Update all zones with samples in which the light is as predicted, shared otherwise or not. Return
- * whether the marker has moved across the view.
- */
-bool rl_zone_update(struct rl_zone_light *lights, const struct rl_zone_sample *samples, int zones,
+/* Update all zones with samples in which the light is as predicted, shared otherwise or not. */
+void rl_zone_update(struct rl_zone_light *lights, const struct rl_zone_sample *samples, int zones,
                     int columns, const struct rl_glance *glance, bool crossed);
 
 #endif

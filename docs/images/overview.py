@@ -4,6 +4,7 @@
 
 from __future__ import annotations
 
+import colorsys
 from pathlib import Path
 from xml.sax.saxutils import escape
 
@@ -67,7 +68,8 @@ def _sensor() -> list[str]:
     signals = (2, 2, 2, 2, 2, 5, 3, 2, 3, 9, 4, 2, 2, 3, 2, 2)
     for index, signal in enumerate(signals):
         row, column = divmod(index, 4)
-        shade = f'hsl(42 85% {96 - 5 * signal}%)'
+        red_green_blue = colorsys.hls_to_rgb(42 / 360, 0.96 - 0.05 * signal, 0.85)
+        shade = '#' + bytes(round(255 * one) for one in red_green_blue).hex()
         found.append(_box(grid + zone * column, top + zone * row, zone, zone, shade))
     found.append(_box(left, 88, 32, 32, '#3b4a5a', rx='3'))
     found += [f'<circle cx="{left + 16:g}" cy="{y}" r="4" fill="{_LIGHT}"/>' for y in (97, 111)]

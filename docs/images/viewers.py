@@ -8,6 +8,7 @@ are those of the scene `coffee`, projected by these cameras.
 
 from __future__ import annotations
 
+import colorsys
 import json
 import math
 from pathlib import Path
@@ -63,8 +64,9 @@ def _scene(box: tuple[float, float, float, float], target_m: Floats, away_m: Flo
     rays = np.column_stack([frame.grid.tangents, np.ones(frame.grid.zones)])
     for ray, distance_m, signal in zip(rays, frame.distance, frame.signal, strict=True):
         u, v, _ = seen(ray * float(distance_m))
-        hue = 240 * (1 - min(float(signal) / _BRIGHT, 1.0))
-        found.append(f'<circle cx="{u:.0f}" cy="{v:.0f}" r="4" fill="hsl({hue:.0f} 80% 55%)"/>')
+        hue = 2 / 3 * (1 - min(float(signal) / _BRIGHT, 1.0))
+        shade = bytes(round(255 * one) for one in colorsys.hls_to_rgb(hue, 0.55, 0.8)).hex()
+        found.append(f'<circle cx="{u:.0f}" cy="{v:.0f}" r="4" fill="#{shade}"/>')
     for marker in scene.markers:
         place_m = np.array(marker.position_m)
         u, v, pixels = seen(place_m)

@@ -10,15 +10,17 @@ import re
 import subprocess
 import sys
 from collections.abc import Sequence
+from hashlib import sha256
 from importlib.util import module_from_spec, spec_from_file_location
 from pathlib import Path
-from tempfile import mkdtemp
+from tempfile import gettempdir, mkdtemp
 from typing import NamedTuple
 
 from cffi import FFI
 
 _ROOT = Path(__file__).resolve().parents[2]
 _MODULE = 'retrolidar_ros._core'
+_OBJECTS = Path(gettempdir()) / 'retrolidar_core_objects'
 
 
 class Part(NamedTuple):
@@ -55,45 +57,48 @@ PARTS = {
     'pairs of packets': Part(
         'judge', 'may_hide && judge_pair(', 'may_hide && false && judge_pair('
     ),
-    'packets judged again at their end': _call(
-        'process_frame', '    add_deferred(detector, from_s, to_s);'
-    ),
     'what has appeared, from fewer bits': _call(
         'process_frame', '        search_appeared(detector, to_s);'
     ),
     'several packets combined': Part('process_frame', 'fold < FOLDS &&', 'fold < 1 &&'),
     'sums of zones': Part('process_frame', 'true, RL_MAX_ZONES, channels', 'true, 1, channels'),
-    'sums agree with their zones': Part(
-        'judge', '!rl_zones_consistent(', 'false && !rl_zones_consistent('
-    ),
     'zones nearby add evidence': _call(
         'decide', '    rl_observation_add_zones(window, &verdict->transmission, verdict->evidence);'
     ),
     'word test: bits turned': Part(
-        'rivals', 'round < FLIPS && better < enough;', 'round < FLIPS && false;'
+        'word', 'round < FLIPS && better < enough;', 'round < FLIPS && false;'
     ),
-    'word test: bits of the search': Part('rivals', 'i < hits->sequences;', 'i < 0;'),
+    'word test: bits of the search': Part('word', 'i < hits->sequences;', 'i < 0;'),
     'margin to other IDs': Part(
         'decide', 'if (verdict.margin < demands->margin) {', 'if (false) {'
     ),
     'margin: IDs rejected before': Part(
         'judge', 'packets == 1 && i < pasts; i++', 'packets == 1 && i < 0; i++'
     ),
-    'margin: other IDs back to back': Part(
+    'margin: other IDs one after the other': Part(
         'decide',
-        'margin = fmin(margin, rl_rivals_sequence_margin(',
-        'fmin(margin, rl_rivals_sequence_margin(',
+        'margin = fmin(margin, known + rl_successive_margin(',
+        'fmin(margin, known + rl_successive_margin(',
     ),
+    'margin: ... after a pause': Part('successive', 'pauses < 2; pauses++', 'pauses < 1; pauses++'),
     'margin: markers that appear or vanish': Part(
         'decide',
-        'margin = fmin(margin, rl_rivals_part_margin(',
-        'fmin(margin, rl_rivals_part_margin(',
+        'margin = fmin(margin, known + rl_rivals_part_margin(',
+        'fmin(margin, known + rl_rivals_part_margin(',
+    ),
+    'margin: the same of packets that follow': Part(
+        'decide',
+        'trial->demands->margin && verdict->packets == 1)',
+        'trial->demands->margin && verdict->packets == 1 && !trial->follows)',
+    ),
+    'gains that change along the packet': Part(
+        'decide', 'verdict->packets == 1 && !trial->follows\n', 'false\n'
+    ),
+    'word test: bits of each of several packets': Part(
+        'decide', '    if (verdict->packets > 1) {', '    if (false) {'
     ),
     'margin: less what is beyond noise': Part(
         'decide', 'return margin - ', 'return margin - 0.0 *'
-    ),
-    'clocks are good to a percent': Part(
-        'window', 'return -0.5 * off * off;', 'return -0.0 * off;'
     ),
     'other clocks': Part('decide', 'other > demands->word ? ', 'false ? '),
     'a packet that repeats has repeated': Part(
@@ -116,7 +121,6 @@ PARTS = {
     'more evidence where levels wander': Part(
         'decide', 'trial->demands->wandering : 0.0', '0.0 : 0.0'
     ),
-    'crystals of five speeds': Part('window', 'i < RL_CRYSTALS;', 'i < 0;'),
     'search: three ways to follow the level': Part(
         'search', '{0.01f, 0.1f, 0.002f}', '{0.01f, 0.01f, 0.01f}'
     ),
@@ -133,15 +137,11 @@ PARTS = {
 
 SETS = {
     'the two rival sequences': (
-        'margin: other IDs back to back',
+        'margin: other IDs one after the other',
         'margin: markers that appear or vanish',
     ),
     'both word tests': ('word test: bits turned', 'word test: bits of the search'),
     'residual and pairs': ('search of the residual', 'pairs of packets'),
-    'crystals and levels of the search': (
-        'crystals of five speeds',
-        'search: three ways to follow the level',
-    ),
 }
 """Parts that may cover for each other."""
 
@@ -149,6 +149,16 @@ SETS = {
 def names_of(off: str) -> tuple[str, ...]:
     """Return the parts that a name of `PARTS` or `SETS` stands for; '' = none."""
     return SETS.get(off) or ((off,) if off else ())
+
+
+def check_parts() -> None:
+    """Raise ValueError, with the names of all parts whose line the core has not once."""
+    texts = {path.name: path.read_text(encoding='utf-8') for path in _sources()}
+    files = {name: f'retrolidar_{part.file}.c' for name, part in PARTS.items()}
+    gone = [name for name in PARTS if texts.get(files[name], '').count(PARTS[name].line) != 1]
+    gone += [name for name, parts in SETS.items() if not set(parts) <= set(PARTS)]
+    if gone:
+        raise ValueError(f'of core_parts, the core has not once: {"; ".join(gone)}')
 
 
 def use_core_without(names: tuple[str, ...]) -> None:
@@ -172,7 +182,7 @@ def use_core_with(changes: Sequence[Part]) -> None:
     sources = {path.name: path.read_text(encoding='utf-8') for path in _sources()}
     for part in changes:
         file = f'retrolidar_{part.file}.c'
-        if sources[file].count(part.line) != 1:
+        if sources.get(file, '').count(part.line) != 1:
             raise ValueError(f'{file} has {part.line!r} not once')
         sources[file] = sources[file].replace(part.line, part.without)
     for file, text in sources.items():
@@ -181,16 +191,14 @@ def use_core_with(changes: Sequence[Part]) -> None:
     import binding
 
     sys.path.pop(0)
-    flags = (_ROOT / 'core/compile_flags.txt').read_text(encoding='utf-8')
     ffi = FFI()
     ffi.cdef(''.join(map(binding.declarations, binding.HEADERS)))
     ffi.set_source(
         '_core',
         ''.join(f'#include "{header}"\n' for header in binding.HEADERS),
-        sources=[str(folder / file) for file in sources if file.endswith('.c')],
         include_dirs=[str(folder)],
-        # What nothing calls any longer is left out, so that lines of code tell what a part takes.
-        extra_compile_args=[*flags.split(), '-g', '-ffunction-sections', '-fvisibility=hidden'],
+        extra_objects=_objects(folder, sources),
+        extra_compile_args=['-fvisibility=hidden'],
         extra_link_args=['-Wl,--gc-sections'],
         libraries=['m'],
     )
@@ -200,6 +208,27 @@ def use_core_with(changes: Sequence[Part]) -> None:
     module = module_from_spec(spec)
     spec.loader.exec_module(module)
     sys.modules[_MODULE] = module
+
+
+def _objects(folder: Path, sources: dict[str, str]) -> list[str]:
+    """Compile the sources in a folder, but for those that were compiled before; return objects."""
+    flags = (_ROOT / 'core/compile_flags.txt').read_text(encoding='utf-8').split()
+    # What nothing calls any longer is left out, so that lines of code tell what a part takes.
+    flags += ['-g', '-fPIC', '-ffunction-sections', '-fvisibility=hidden']
+    headers = ''.join(text for file, text in sources.items() if file.endswith('.h'))
+    _OBJECTS.mkdir(exist_ok=True)
+    objects = []
+    for file, text in sources.items():
+        if file.endswith('.c'):
+            content = '\0'.join([*flags, headers, file, text])
+            kept = _OBJECTS / f'{sha256(content.encode()).hexdigest()}.o'
+            if not kept.exists():
+                made = folder / f'{file}.o'
+                command = ['cc', *flags, '-c', str(folder / file), '-o', str(made)]
+                subprocess.run(command, check=True)
+                made.replace(kept)
+            objects.append(str(kept))
+    return objects
 
 
 def lines_of_core() -> int:

@@ -18,9 +18,8 @@ from retrolidar_ros.marker.code import BIT_PERIOD_S
 from retrolidar_ros.scene.reference import SENSOR
 from retrolidar_ros.sensor.frame import Recording
 
-_KNOWN_S = 6.0  # markers repeat so long before something happens
-_AFTER_S = 4.0
-_MOVING_M_S = 0.3
+_KNOWN_S = 3.0  # markers repeat so long before something happens
+_AFTER_S = 2.5
 
 
 def play(recording: Recording) -> tuple[LikelihoodDetector, list[list[Track]], list[Any]]:
@@ -93,9 +92,10 @@ def goes_on(range_m: float, bits: float, rng: np.random.Generator) -> bool | Non
 
 _STRESSES: dict[str, dict[str, Any]] = {
     'still': {},
-    'to and fro': {'speed_m_s': _MOVING_M_S},
-    'across the view': {'way': 'across the view', 'speed_m_s': _MOVING_M_S},
-    'hand for 0.1 s each packet': {'stress': Stress('hand', hand_s=0.1)},
+    'to and fro, 0.6 m/s': {'speed_m_s': 0.6},
+    'across, 0.3 m/s': {'way': 'across the view', 'speed_m_s': 0.3},
+    'across, 0.6 m/s': {'way': 'across the view', 'speed_m_s': 0.6},
+    'hand, 0.1 s a packet': {'stress': Stress('hand', hand_s=0.1)},
     '10 % lost': {'stress': Stress('lost', lost=0.1)},
 }
 SCENES = tuple(_STRESSES)

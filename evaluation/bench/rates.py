@@ -89,16 +89,6 @@ def frequency(events: int, hours: float) -> Frequency:
     return Frequency(events=events, hours=hours, per_hour=events / hours, low=low, high=high)
 
 
-def chance_of_fall(before: Rate, after: Rate) -> float:
-    """Return how probable a share falls at least so far by chance (Fisher's exact test)."""
-    hits, trials = before['hits'] + after['hits'], before['trials']
-    ways = (
-        math.comb(trials, found) * math.comb(after['trials'], hits - found)
-        for found in range(before['hits'], min(trials, hits) + 1)
-    )
-    return sum(ways) / math.comb(trials + after['trials'], hits)
-
-
 class Crossing(TypedDict):
     """Where shares fall below a level, with the bounds of its 95 % confidence interval."""
 

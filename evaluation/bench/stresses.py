@@ -104,10 +104,10 @@ PANELS = (
         (0, 5, 10, 20, 30, 40, 50, 65, 80),
         lambda hidden: replace(PLAIN, occlusion=Occlusion(0.2, 0.002 * hidden)),
     ),
-    _panel('far_wall', 'a wall 1 m behind', 'over marker', _WALL, 1, far_wall=None),
+    _panel('far_wall', 'a wall 1 m behind', 'signal [of marker]', _WALL, 1, far_wall=None),
     _panel('second', 'second marker in zone', 'its signal [%]', _SWAY, 0.01, second=None),
     _panel('clip', 'saturates', 'at [%] of the top', '100 90 80 70 55 40 25 10', 0.01, clip=None),
-    _panel('noise', 'more noise', 'variance, times', '1 2 3 4 6 8 12 20', 1, noise=None),
+    _panel('noise', 'more noise', 'variance [times]', '1 2 3 4 6 8 12 20', 1, noise=None),
 )
 _GLASS, _LIGHT = '0 2 4 8 16 50 150 300 340 400', '0 10 30 100 300 1000 3000'
 LABORATORY = (

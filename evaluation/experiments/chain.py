@@ -6,9 +6,8 @@ from typing import Any
 
 import numpy as np
 
-from evaluation.bench.places import place_error
 from evaluation.report.chart_style import OTHERS, label, legend_below, line, look, new_chart
-from evaluation.report.claims import Claim, Claims, Table
+from evaluation.report.claims import Claim, Claims
 from retrolidar_ros.detector import Detection, create_detector
 from retrolidar_ros.detector.likelihood_detector import LikelihoodDetector, Reason
 from retrolidar_ros.marker.code import BIT_PERIOD_S, MAX_CORRECTED_BITS, packet
@@ -20,7 +19,6 @@ from retrolidar_ros.scene.transmission import Transmission, exposure_edges
 from retrolidar_ros.sensor.frame import Recording
 
 TITLE = 'One packet'
-MESSAGE = 'Only the complete packet passes all three tests'
 # One of the IDs that the paper's method reads best, near the edge of a zone.
 _MARKER = Marker(2096, (0.02, 0.215, 1.97), 'marker', start_s=2.11, packets=1, response=RESPONSE)
 _WALL = Surface(2.25, 10.0)
@@ -79,34 +77,16 @@ def run(rng: np.random.Generator, *, quick: bool) -> dict[str, Any]:
         raise ValueError(f'the marker is not read: {dict(detector.counts.rejected)}')
     detection = detections[0]
     by_paper = create_detector('paper', recording.grid).update_all(recording)
-    wrong = place_error(detection.place, np.array(_MARKER.position_m))
     return {
-        'range_m': float(np.linalg.norm(_MARKER.position_m)),
         'demands': detector.demands._asdict(),
         'candidates': rows,
         'samples': _samples(recording, detection),
         'ids': [one.id for one in detections],
         'zone': detection.zones[0],
-        'evidence': detection.evidence,
-        'margin': detection.decision_margin,
         'bits': packet(detection.id).tolist(),
         'corrected_bits': detection.corrected_bits,
-        'range_error_mm': 1e3 * wrong.range_m,
         'paper': [{'id': one.id, 'corrected_bits': one.corrected_bits} for one in by_paper],
     }
-
-
-def table(figures: dict[str, Any]) -> Table:
-    """Return what is demanded of the packet, and what it has."""
-    asked = figures['demands']
-    paper = ', '.join(str(one['id']) for one in figures['paper']) or 'not read'
-    return [
-        ['question', 'demanded', f'ID {figures["ids"][0]} at {figures["range_m"]:.2f} m'],
-        ['evidence', f'at least {asked["evidence"]:.1f} nats', f'{figures["evidence"]:.1f} nats'],
-        ['decision margin', f'at least {asked["margin"]:.1f}', f'{figures["margin"]:.1f} nats'],
-        ['range', 'the true one', f'{figures["range_error_mm"]:+.0f} mm'],
-        ['method `paper`', 'the same ID', paper],
-    ]
 
 
 def claims(figures: dict[str, Any]) -> Claims:
@@ -117,8 +97,11 @@ def claims(figures: dict[str, Any]) -> Claims:
 
 
 def draw(figures: dict[str, Any]) -> Any:
-    """Draw samples, and evidence, word test and margin of the candidates over time."""
-    figure, (top, *panels) = new_chart(4, 1, 10, MESSAGE)
+    """Draw samples, evidence of the candidates over time, and what else the one read has."""
+    candidates = figures['candidates']
+    read = sum(row['reason'] == _READ for row in candidates)
+    title = f'Of {len(candidates)} candidates, {read} passes all three tests: the complete packet'
+    figure, (top, below) = new_chart(2, 1, 6, title)
     samples, highest = figures['samples'], max(figures['samples']['signal'])
     fitted = line('-', look('joint')['color'])
     top.plot(samples['time_s'], samples['signal'], '.', color='0.3')
@@ -128,25 +111,34 @@ def draw(figures: dict[str, Any]) -> Any:
         top.text(at_s, 1.06 * highest, str(bit), ha='center', fontsize=9)
     title = f'zone {figures["zone"]}: ID {figures["ids"][0]}'
     label(top, '', 'signal [kcps/SPAD]', title, ylim=(0, 1.18 * highest))
-    # Each question is asked of those only that have answered the one before.
-    worded = (_READ, Reason.MARGIN.value, Reason.NOT_A_WORD.value)
-    axes = (
-        ('evidence', 'evidence [nats]', 'at least', tuple(_SIGNS)),
-        ('word', 'better sequence of bits [nats]', 'at most', worded),
-        ('margin', 'decision margin [nats]', 'at least', worded[:2]),
-    )
     others = {'samples': line('', '0.3') | {'marker': '.'}, 'fitted': fitted}
-    for axis, (name, y, limit, asked_of) in zip(panels, axes, strict=True):
-        for reason in asked_of:
-            sign, colour = _SIGNS[reason]
-            rows = [row for row in figures['candidates'] if row['reason'] == reason]
-            if rows:
-                others[reason] = line('', colour) | {'marker': sign}
-                times_s, values = ([row[key] for row in rows] for key in ('time_s', name))
-                axis.plot(times_s, values, **others[reason])
-        asked = figures['demands'][name]
-        axis.axhline(asked, **line('--', '0.4'), linewidth=1)
-        axis.text(0.005, asked, limit, transform=axis.get_yaxis_transform(), va='bottom')
-        label(axis, 'time [s]' if axis is panels[-1] else '', y, xlim=top.get_xlim())
+    for reason, (sign, colour) in _SIGNS.items():
+        rows = [row for row in candidates if row['reason'] == reason]
+        if rows:
+            name = reason if reason == _READ else f'rejected: {reason}'
+            others[name] = line('', colour) | {'marker': sign}
+            times_s, values = ([row[key] for row in rows] for key in ('time_s', 'evidence'))
+            below.plot(times_s, values, **others[name])
+    asked = figures['demands']
+    # The other two questions are asked of those only that have evidence.
+    for row in candidates:
+        if row['reason'] == _READ:
+            words = (
+                f'better sequence of bits: {row["word"]:.0f}, at most {asked["word"]:.0f}\n'
+                f'margin to other IDs: {row["margin"]:.0f}, at least {asked["margin"]:.0f}'
+            )
+            below.annotate(
+                words,
+                (row['time_s'], row['evidence']),
+                (-12, 5),
+                textcoords='offset points',
+                ha='right',
+                va='top',
+                fontsize=10.5,
+            )
+    below.axhline(asked['evidence'], **line('--', '0.4'), linewidth=1)
+    beside = {'transform': below.get_yaxis_transform(), 'va': 'bottom', 'fontsize': 10.5}
+    below.text(0.005, asked['evidence'], 'at least', **beside)
+    label(below, 'time [s]', 'evidence [nats]', xlim=top.get_xlim())
     legend_below(figure, (), others)
     return figure

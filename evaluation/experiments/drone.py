@@ -7,12 +7,13 @@ from typing import Any
 
 import numpy as np
 
-from evaluation.bench.places import place_error, read_live, rms
+from evaluation.bench.places import place_error
 from evaluation.bench.rates import Rate, rate
 from evaluation.report.chart_style import draw_shares, label, legend_below, line, look, new_chart
-from evaluation.report.claims import BOTH_CLAIMED, Claims, Table, as_text, claim_of, percent, shares
+from evaluation.report.claims import BOTH_CLAIMED, Claims, as_text, claim_of, shares
 from retrolidar_ros.detector import METHODS, create_detector
 from retrolidar_ros.detector.likelihood_detector import LikelihoodDetector
+from retrolidar_ros.detector.place import Place
 from retrolidar_ros.scene import Scene, Simulation
 from retrolidar_ros.scene.description import Marker, Occlusion, Wander
 from retrolidar_ros.scene.files import load_scene
@@ -26,6 +27,7 @@ DURATION_S, QUICK_DURATION_S = 200.0, 30.0
 _ACROSS_M, _ALONG_M = 0.12, 0.01  # the paper's drift of more than 20 cm
 _SPEEDS_M_S = (0.06, 0.1, 0.2, 0.3, 0.45, 0.6)
 _HIDDEN = (0.0, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6)
+_FOLLOWED = 0.02  # share of the frames, below which errors of tracks are not drawn
 _BLADE_S = 0.5  # a blade passes as often
 _STILL_M_S, _STILL_HIDDEN = 0.06, 0.04  # the flight of the shipped scene, about
 
@@ -46,47 +48,52 @@ def alive(known_s: list[float], lasting_s: float, window_s: float) -> Rate:
     return rate(len({int(one / window_s) for one in known_s} & set(range(windows))), windows)
 
 
-def _followed(recording: Recording, marker: Marker) -> dict[str, Any]:
-    """Return in how many frames the drone is followed, and by how much its range is off then."""
-    detector = create_detector('joint', recording.grid)
-    assert isinstance(detector, LikelihoodDetector)
-    tracks = []
-    for frame in recording:
-        detector.update(frame)
-        tracks += [one for one in detector.follow(frame) if one.id == marker.id]
-    truths_m = position_at(marker, 1e-9 * np.array([one.stamp_ns for one in tracks]))
-    errors_m = [
-        place_error(one.place, truth_m).range_m
-        for one, truth_m in zip(tracks, truths_m, strict=True)
-    ]
-    off_m = rms(errors_m)
+def _watched(method: str, recording: Recording, marker: Marker) -> dict[str, Any]:
+    """Return when readings come, by how much their ranges are off, and where it is at any moment.
+
+    That is by how much the newest packet, or the track, is off at each frame at which there is one.
+    """
+    detector = create_detector(method, recording.grid)
+    truths_m = position_at(marker, 1e-9 * recording.stamp_ns.astype(np.float64))
+    known_s: list[float] = []
+    range_mm: list[float] = []
+    newest: Place | None = None
+    wrong, off_m, followed_m = 0, [], []
+    for frame, truth_m in zip(recording, truths_m, strict=True):
+        for one in detector.update(frame):
+            if one.id != marker.id:
+                wrong += 1
+                continue
+            newest = one.place
+            known_s.append(1e-9 * (frame.stamp_ns - int(recording.stamp_ns[0])))
+            then_m = position_at(marker, np.array([1e-9 * one.stamp_ns]))[0]
+            range_mm.append(round(1e3 * place_error(newest, then_m).range_m, 2))
+        if newest is not None:
+            off_m.append(place_error(newest, truth_m).position_m)
+        if isinstance(detector, LikelihoodDetector):
+            tracks = [one for one in detector.follow(frame) if one.id == marker.id]
+            followed_m += [place_error(one.place, truth_m).position_m for one in tracks]
+    lasting_s = 1e-9 * int(recording.stamp_ns[-1] - recording.stamp_ns[0])
     return {
-        'followed': rate(len(tracks), len(recording)),
-        'range_mm': None if off_m is None else round(1e3 * off_m, 2),
+        'alive': [alive(known_s, lasting_s, at) for at in WINDOWS_S],
+        'wrong_ids': wrong,
+        'range_mm': range_mm,
+        'off_mm': _median_mm(off_m),
+        'followed': rate(len(followed_m), len(recording)),
+        'followed_mm': _median_mm(followed_m),
     }
+
+
+def _median_mm(errors_m: list[float]) -> float | None:
+    return round(1e3 * float(np.median(errors_m)), 1) if errors_m else None
 
 
 def _flown(speed_m_s: float, hidden: float, duration_s: float, rng: Any) -> dict[str, Any]:
     scene = flight(speed_m_s, hidden)
     (marker,) = scene.markers
     recording = Simulation(scene, rng).run(duration_s)
-    lasting_s = 1e-9 * int(recording.stamp_ns[-1] - recording.stamp_ns[0])
-    row: dict[str, Any] = {'speed_m_s': speed_m_s, 'hidden': hidden}
-    for method in METHODS:
-        readings = list(read_live(method, recording))
-        own = [one for one in readings if one.detection.id == marker.id]
-        places = [one.detection for one in own]
-        truths_m = position_at(marker, 1e-9 * np.array([one.stamp_ns for one in places]))
-        errors_mm = [
-            round(1e3 * place_error(one.place, truth_m).range_m, 2)
-            for one, truth_m in zip(places, truths_m, strict=True)
-        ]
-        row[method] = {
-            'alive': [alive([one.known_s for one in own], lasting_s, at) for at in WINDOWS_S],
-            'wrong_ids': len(readings) - len(own),
-            'range_mm': errors_mm,
-        }
-    return row | {'tracks': _followed(recording, marker)}
+    watched = {method: _watched(method, recording, marker) for method in METHODS}
+    return {'speed_m_s': speed_m_s, 'hidden': hidden, **watched}
 
 
 def run(rng: np.random.Generator, *, quick: bool) -> dict[str, Any]:
@@ -99,25 +106,6 @@ def run(rng: np.random.Generator, *, quick: bool) -> dict[str, Any]:
     return {
         name: [_flown(*one, duration_s, rng) for one in flown] for name, flown in flights.items()
     }
-
-
-def table(figures: dict[str, Any]) -> Table:
-    """Return windows with a reading and errors, by how the drone flies."""
-    windows = [f'{method}: windows of 2, 5, 10 s with a reading' for method in METHODS]
-    errors = [f'{method}: rms error of range, wrong IDs' for method in METHODS]
-    rows = [['flight', *windows, *errors, 'followed, rms error of range']]
-    for row in [*figures['faster'], *figures['darker']]:
-        both = [row[method] for method in METHODS]
-        cells = [', '.join(map(percent, one['alive'])) for one in both]
-        rms_mm = [rms(one['range_mm']) for one in both]
-        cells += [
-            f'{as_text(off, "mm", 1)}, {one["wrong_ids"]}'
-            for off, one in zip(rms_mm, both, strict=True)
-        ]
-        tracks = row['tracks']
-        cells.append(f'{percent(tracks["followed"])}, {as_text(tracks["range_mm"], "mm", 1)}')
-        rows.append([f'{row["speed_m_s"]:g} m/s, hidden {row["hidden"]:.0%} of the time', *cells])
-    return rows
 
 
 def claims(figures: dict[str, Any]) -> Claims:
@@ -140,31 +128,39 @@ def claims(figures: dict[str, Any]) -> Claims:
 
 
 def _message(figures: dict[str, Any]) -> str:
-    steady = [row for row in figures['faster'] if row['joint']['alive'][-1]['rate'] >= PAPER_RATE]
-    hidden = [row for row in figures['darker'] if row['joint']['alive'][-1]['rate'] >= PAPER_RATE]
-    speed_m_s = max((row['speed_m_s'] for row in steady), default=0.0)
-    share = max((row['hidden'] for row in hidden), default=0.0)
+    row = figures['faster'][-1]
+    packets, tracks = (as_text(row['joint'][name], 'mm', 0) for name in ('off_mm', 'followed_mm'))
     return (
-        f'A drone is read to {speed_m_s:g} m/s, or with a rotor that hides {share:.0%} of the time'
+        f'A drone at {row["speed_m_s"]:g} m/s: at any moment its track is {tracks} off, '
+        f'its last packet {packets}'
     )
 
 
 def draw(figures: dict[str, Any]) -> Any:
-    """Draw windows with a reading, and frames in which it is followed, over speed and shadow."""
-    figure, panels = new_chart(2, 2, 4.4, _message(figures))
+    """Draw windows with a reading, and how far off the newest place is, over speed and shadow."""
+    figure, panels = new_chart(4, 2, 6.8, _message(figures))
     axes = (
         ('faster', 'speed_m_s', 1, 'mean speed of the drift [m/s]'),
         ('darker', 'hidden', 100, 'hidden by the rotor [% of the time]'),
     )
-    for axis, (name, key, scale, x) in zip(panels, axes, strict=True):
+    for column, (name, key, scale, x) in enumerate(axes):
         rows = figures[name]
         places = [scale * row[key] for row in rows]
+        read, off = panels[column], panels[2 + column]
         for method in METHODS:
-            draw_shares(axis, places, [row[method]['alive'][-1] for row in rows], **look(method))
-        draw_shares(axis, places, [row['tracks']['followed'] for row in rows], **look('tracks'))
-        axis.axhline(100 * PAPER_RATE, **line('-.'), linewidth=1)
-        y = 'windows of 10 s, or frames [%]' if axis is panels[0] else ''
-        label(axis, x, y, percent=True)
-    others = {'frames followed (tracks)': look('tracks'), "the paper's own, 10 s": line('-.')}
+            draw_shares(read, places, [row[method]['alive'][-1] for row in rows], **look(method))
+            off_mm = [row[method]['off_mm'] or np.nan for row in rows]
+            off.plot(places, off_mm, **look(method))
+        joint = [row['joint'] for row in rows]
+        draw_shares(read, places, [one['followed'] for one in joint], **look('tracks'))
+        # Of the few frames where hardly any is followed, an error says nothing.
+        tracks_mm = [
+            one['followed_mm'] if one['followed']['rate'] > _FOLLOWED else np.nan for one in joint
+        ]
+        off.plot(places, tracks_mm, **look('tracks'))
+        read.axhline(100 * PAPER_RATE, **line('-.'), linewidth=1)
+        label(read, '', '' if column else 'windows of 10 s, or frames [%]', percent=True)
+        label(off, x, '' if column else 'place off, median [mm]', ylim=(0, None))
+    others = {'tracks: frames followed': look('tracks'), "the paper's own, 10 s": line('-.')}
     legend_below(figure, METHODS, others)
     return figure

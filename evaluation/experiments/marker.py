@@ -16,13 +16,12 @@ from typing import Any
 import numpy as np
 
 from evaluation.report.chart_style import OTHERS, label, legend_under, line, new_chart
-from evaluation.report.claims import Claims, Table, as_text, model
+from evaluation.report.claims import Claims, as_text, model
 from retrolidar_ros.marker import wakeup
 from retrolidar_ros.marker.battery import CELL_MAH, PROTOTYPE, active_share, drawn, life_h
 from retrolidar_ros.sensor.frame import ZoneGrid
 
 TITLE = 'The marker: waking and battery'
-MESSAGE = 'The wake-up threshold is barely above noise; the battery lasts two months'
 WITH_LIDAR_V = 32.413e-3  # paper Tab. 5, both filters; we take it as measured at 1 m
 NARROW_TESTED_M = 3.75  # the paper's, with a VL53L4CX (§6.5)
 _NARROW_FIELD_RAD = math.radians(18)
@@ -83,10 +82,6 @@ def run(rng: np.random.Generator, *, quick: bool) -> dict[str, Any]:
     }
     return {
         'wakes_to_m': {name: at if math.isfinite(at) else None for name, at in reaches.items()},
-        'own_threshold_m': {
-            name: wakeup.wakeup_range_m(noise + wakeup.GUARD_V, noise)
-            for name, noise in wakeup.NOISE_V.items()
-        },
         'at_1_m_v': float(wakeup.voltage_v(np.array(1.0))),
         # If voltages added, the guard alone would be the light at the reach.
         'voltages_added_at_1_m_v': indoors + wakeup.GUARD_V * wakeup.REACH_M**2,
@@ -96,7 +91,6 @@ def run(rng: np.random.Generator, *, quick: bool) -> dict[str, Any]:
             'guard_v': guard_v(AMPLIFIER_HZ, 1 / _LOOKS_AN_HOUR, indoors),
         },
         'bandwidths_hz': _BANDWIDTHS_HZ.tolist(),
-        'guards_v': guards,
         'safe_m': [wakeup.wakeup_range_m(indoors + guard) for guard in guards],
         'once_an_hour_h': {
             name: life_h(CELL_MAH, drawn(hourly, parts).total) for name, parts in PARTS.items()
@@ -120,18 +114,6 @@ def _mv(volts: float) -> str:
     return f'{1e3 * volts:.1f} mV'
 
 
-def table(figures: dict[str, Any]) -> Table:
-    """Return from where the marker wakes, and how long it lives."""
-    heads = ['surroundings', 'noise', "wakes to, the paper's threshold", 'with noise + 1 mV']
-    rows = [heads]
-    for name, noise in wakeup.NOISE_V.items():
-        at, own = figures['wakes_to_m'][name], figures['own_threshold_m'][name]
-        rows.append([name, _mv(noise), 'always awake' if at is None else as_text(at), as_text(own)])
-    for name, hours in figures['once_an_hour_h'].items():
-        rows.append([f'{CELL_MAH:g} mAh, a packet an hour', name, _days(hours), ''])
-    return rows
-
-
 def claims(figures: dict[str, Any]) -> Claims:
     """Return the model's values."""
     lives, volts = figures['once_an_hour_h'], figures['at_1_m_v']
@@ -141,7 +123,6 @@ def claims(figures: dict[str, Any]) -> Claims:
         'two-years': model(_days(figures['mean_of_100_ua_h']), agrees=False),
         'cheap-looks': model(_days(lives['100 µA in detection']), agrees=False),
         'active': model(f'{figures["two_years_active_ma"]:.1f} mA', agrees=None),
-        'reach': model(as_text(figures['wakes_to_m']['indoors'])),
         'powers': model(_mv(volts), abs(volts / WITH_LIDAR_V - 1) < 0.06),
         'voltages': model(_mv(figures['voltages_added_at_1_m_v']), agrees=False),
         'outdoors': model(f'always awake, {figures["awake_h"]:.0f} h', agrees=None),
@@ -151,9 +132,15 @@ def claims(figures: dict[str, Any]) -> Claims:
     }
 
 
+def _message(figures: dict[str, Any]) -> str:
+    wakes = as_text(figures['wakes_to_m']['indoors'])
+    lives = _days(figures['once_an_hour_h']['prototype'])
+    return f'A marker wakes to {wakes} indoors, and lives {lives} with a packet an hour'
+
+
 def draw(figures: dict[str, Any]) -> Any:
     """Draw voltages over distance, reach over the noise's bandwidth, and lives over queries."""
-    figure, (volts, reach, life) = new_chart(3, 2, 8.6, MESSAGE)
+    figure, (volts, reach, life) = new_chart(3, 2, 8.6, _message(figures))
     for angle, colour in zip(_ANGLES_DEG, OTHERS, strict=False):
         course = 1e3 * wakeup.voltage_v(_RANGES_M, math.radians(angle))
         volts.plot(_RANGES_M, course, color=colour, label=f'indoors, {angle}°')

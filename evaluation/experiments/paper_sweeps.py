@@ -131,7 +131,7 @@ class Reading(sweeps.Sweep):
 
     def draw(self, figures: dict[str, Any]) -> Any:
         """Draw shares over distance, and the wrong bits of both methods."""
-        figure, (read, *bits) = new_chart(3, 3, 4.4, self.message)
+        figure, (read, *bits) = new_chart(3, 3, 4.4, self.message(figures))
         (points,) = (curve['points'] for curve in figures['curves'].values())
         draw_reads(read, points)
         places = [point['place'] for point in points]
@@ -158,6 +158,12 @@ class Reading(sweeps.Sweep):
 
 def _ends(figures: dict[str, Any], curve: str) -> list[float | None]:
     return [sweeps.end_of(figures, curve, method) for method in BOTH_CLAIMED]
+
+
+def _read_to(figures: dict[str, Any], curve: str, unit: str = 'm') -> str:
+    """Return to where the default reads, as text."""
+    at = as_text(sweeps.end_of(figures, curve, 'joint'), unit, 2 if unit == 'm' else 0)
+    return at.replace(' °', '°')
 
 
 def _reaches(ends: Sequence[float | None], least: float, unit: str = 'm', digits: int = 2) -> Claim:
@@ -195,13 +201,18 @@ def _reach_claims(figures: dict[str, Any]) -> Claims:
     }
 
 
-def _size_claims(figures: dict[str, Any]) -> Claims:
+def _power(figures: dict[str, Any]) -> float:
+    """Return with which power of the area the reach grows."""
     known = [
         (float(name.split()[0]), sweeps.end_of(figures, name, 'joint'))
         for name in figures['curves']
     ]
     areas, ends = np.array([one for one in known if one[1] is not None], dtype=float).T
-    power = float(np.polyfit(np.log(areas), np.log(ends), 1)[0])
+    return float(np.polyfit(np.log(areas), np.log(ends), 1)[0])
+
+
+def _size_claims(figures: dict[str, Any]) -> Claims:
+    power = _power(figures)
     paper = math.log(PAPER_REACH_M / PAPER_SMALL_M) / math.log(9)
     return {'power': model(f'{power:.2f}', abs(power - paper) < 0.03)}
 
@@ -223,14 +234,17 @@ def _ambient_claims(figures: dict[str, Any]) -> Claims:
 SWEEPS: dict[str, sweeps.Sweep] = {
     'reading': Reading(
         'Reading over distance',
-        'The code mends bits to the end of the reach; the default needs no clean ones',
+        lambda got: f'Lone packets of 3 cm are read to {_read_to(got, "3 cm")}',
         _DISTANCE,
         [sweeps.Curve('3 cm', lone, RANGES_M, LONE_RECORDINGS)],
         _reading_claims,
     ),
     'reach': sweeps.Sweep(
         'Reach over several packets',
-        'Packets that are added up reach farther',
+        lambda got: (
+            f'Eight packets added up: 1 cm is read to {_read_to(got, "1 cm, 8 packets")} '
+            f'instead of {_read_to(got, "1 cm, one packet")}'
+        ),
         'distance [m]',
         [
             sweeps.Curve('1 cm, one packet', partial(lone, size_m=0.01), SMALL_M, SMALL_RECORDINGS),
@@ -241,7 +255,7 @@ SWEEPS: dict[str, sweeps.Sweep] = {
     ),
     'size': sweeps.Sweep(
         'Size of the marker',
-        'The reach grows with the fourth root of the area, about',
+        lambda got: f'The reach grows with the area to the power {_power(got):.2f}',
         'distance [m]',
         [
             sweeps.Curve(f'{1e4 * at**2:g} cm²', partial(lone, size_m=at), _of_size(_LIKE_M, at))
@@ -252,7 +266,7 @@ SWEEPS: dict[str, sweeps.Sweep] = {
     ),
     'angle': sweeps.Sweep(
         'Angle from the axis',
-        'Markers are read to the edge of the view',
+        lambda got: f'Markers are read to {_read_to(got, "at 1 m", "°")} from the axis',
         'angle from the axis [°]',
         [sweeps.Curve('at 1 m', _aside, (0, 6, 12, 18, 21, 22, 23, 24, 25, 26, 28), 32)],
         lambda got: {'angle': _reaches(_ends(got, 'at 1 m'), PAPER_ANGLE_DEG, '°', 1)},
@@ -260,7 +274,10 @@ SWEEPS: dict[str, sweeps.Sweep] = {
     ),
     'yaw': sweeps.Sweep(
         'Yaw of the marker',
-        'Near by, a marker may be turned until no light comes back',
+        lambda got: (
+            f'A marker may be turned by {_read_to(got, "at 1 m", "°")} at 1 m, '
+            f'by {_read_to(got, "at 2 m", "°")} at 2 m'
+        ),
         'yaw [°]',
         [sweeps.Curve(f'at {at:g} m', partial(turned, range_m=at), YAWS_DEG) for at in (1.0, 2.0)],
         lambda got: {'yaw': _reaches(_ends(got, 'at 1 m'), PAPER_YAW_DEG, '°', 1)},
@@ -268,7 +285,11 @@ SWEEPS: dict[str, sweeps.Sweep] = {
     ),
     'ambient': sweeps.Sweep(
         'Ambient light',
-        'Daylight in a room costs decimetres of reach, the shade outdoors a metre',
+        lambda got: (
+            f'3 cm are read to {_read_to(got, "dark")} in the dark, to '
+            f'{_read_to(got, "daylight in a room")} by daylight, '
+            f'to {_read_to(got, "shade outdoors")} in the shade outdoors'
+        ),
         _DISTANCE,
         [
             sweeps.Curve(name, partial(_lit, light=light), _where_lit(light), 4)

@@ -3,124 +3,208 @@
 """What each part of the decision buys: everything as it is, but for one part, or a set of them."""
 
 import json
+import math
 import subprocess
 import sys
 from collections.abc import Sequence
-from concurrent.futures import ThreadPoolExecutor
+from hashlib import sha256
+from pathlib import Path
+from tempfile import gettempdir
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from evaluation.bench.core_parts import PARTS, SETS
-from evaluation.report.chart_style import WRONG_COLOUR, label, look, new_chart
+from evaluation.bench.core_parts import PARTS, SETS, check_parts, names_of
+from evaluation.experiments.false_ids import revision
+from evaluation.report.chart_style import SHADES, WRONG_COLOUR, new_chart
 from evaluation.report.claims import Table
 
 TITLE = 'What each part buys'
-CHANCE = 6  # packets or IDs: what two runs of other rooms may differ by
-ROOMS, QUICK_ROOMS = 30, 2
-FAINT_RECORDINGS = 6  # of lone packets near the end of the reach, 16 a recording
-HANDS_S = 300.0
+SIGMAS = 3.0  # of what chance does to scenes in pairs, with and without: beyond it a part buys
+_WORST = 10.0  # percent lost, or wrong IDs more, that are coloured most
+FAMILIES = {
+    'rooms': 'random\nrooms',
+    'pairs': 'two in\na zone',
+    'crossing': 'crossing\nzones',
+    'faint': 'at the\nlimit',
+    'appearing': 'first\nID later',
+}
+_WRONG, _NO_MARKER, _IDS = 'wrong IDs', 'no marker', 'both'
+_HEADS = {**FAMILIES, _WRONG: 'wrong\nIDs', _NO_MARKER: 'without\na marker'}
+_TRIAL = Path(__file__).parents[1] / 'bench' / 'core_trial.py'
+_KEPT = Path(gettempdir()) / 'retrolidar_core_parts'
+
+
+def _measured(off: str, seed: int, times: float, turn: int = 0) -> dict[str, Any]:
+    """Measure without a part in a process of its own, or read what an interrupted run has left."""
+    changed = [PARTS[name] for name in names_of(off)]
+    content = f'{revision()} {changed} {seed} {times} {turn}\n{_TRIAL.read_text(encoding="utf-8")}'
+    kept = _KEPT / f'{sha256(content.encode()).hexdigest()}.json'
+    if not kept.exists():
+        # The core that is imported first stays.
+        command = [sys.executable, '-m', 'evaluation.bench.core_trial', off, str(seed), str(times)]
+        text = subprocess.run(command, check=True, stdout=subprocess.PIPE, text=True).stdout
+        _KEPT.mkdir(exist_ok=True)
+        kept.write_text(text, encoding='utf-8')
+    row: dict[str, Any] = json.loads(kept.read_text(encoding='utf-8'))
+    return row
 
 
 def run(rng: np.random.Generator, *, quick: bool) -> dict[str, Any]:
-    """Return what is read without each part and set of parts, the first being without none."""
-    offs = ['', *list(PARTS)[:1]] if quick else ['', *PARTS, *SETS]
-    rooms, recordings = (QUICK_ROOMS, 1) if quick else (ROOMS, FAINT_RECORDINGS)
-    hands_s = HANDS_S / (60 if quick else 1)
-    settings = [str(one) for one in (rng.integers(2**32), rooms, recordings, hands_s)]
+    """Return what becomes of the detector without each part and set of parts.
 
-    def measured(off: str) -> dict[str, Any]:
-        # A process of its own each, as the core that is imported first stays.
-        command = [sys.executable, '-m', 'evaluation.bench.core_trial', off, *settings]
-        text = subprocess.run(command, check=True, stdout=subprocess.PIPE, text=True).stdout
-        row: dict[str, Any] = json.loads(text)
-        return row
+    Raises ValueError before anything is run if the core has no such part any longer.
+    """
+    check_parts()
+    offs = [*PARTS][:1] if quick else [*PARTS, *SETS]
+    settings = (int(rng.integers(2**32)), 0.05 if quick else 1.0)
+    whole = _measured('', *settings)
+    rows = []
+    for off in offs:
+        rows.append({'off': off, **_against(whole, _measured(off, *settings))})
+        print(f'{len(rows)} of {len(offs)}: without {off}', file=sys.stderr, flush=True)
+    # How far the time of the same goes by itself.
+    again = _against(whole, _measured('', *settings, turn=1))
+    return {
+        'whole': {name: np.sum(whole[name], axis=0).tolist() for name in (*FAMILIES, _NO_MARKER)},
+        'time_by_chance': abs(again['time']),
+        'rows': rows,
+    }
 
-    with ThreadPoolExecutor(2) as pool:
-        rows = list(pool.map(measured, offs))
-    return {'off': offs, 'rows': rows, 'faint_packets': 16 * recordings}
+
+def _change(lost: Sequence[float]) -> dict[str, float]:
+    """Return what scenes lose in sum, and that in deviations of what chance would make of them.
+
+    By chance, a scene loses as much as it wins: each sign is as likely as the other.
+    """
+    deviation = math.sqrt(math.fsum(one * one for one in lost))
+    total = math.fsum(lost)
+    return {'lost': round(total, 3), 'sigmas': round(total / deviation, 2) if deviation else 0.0}
+
+
+def _against(whole: dict[str, Any], other: dict[str, Any]) -> dict[str, Any]:
+    """Return what is lost without a part, from the same scenes with and without."""
+    row: dict[str, Any] = {}
+    for name in FAMILIES:
+        pairs = zip(whole[name], other[name], strict=True)
+        row[name] = _change([before[0] - after[0] for before, after in pairs])
+    marked = [pair for name in FAMILIES for pair in zip(whole[name], other[name], strict=True)]
+    none = [*zip(whole[_NO_MARKER], other[_NO_MARKER], strict=True)]
+    for name, scenes in ((_WRONG, marked), (_NO_MARKER, none), (_IDS, [*marked, *none])):
+        row[name] = _change([after[2] - before[2] for before, after in scenes])
+    # Each scene counts alike, so that one that was interrupted does not decide.
+    times = [after[3] / before[3] for before, after in marked if before[3]]
+    row['time'] = round(100 * (1 - float(np.median(times))), 1)
+    row['lines'] = whole['lines'] - other['lines']
+    return row
+
+
+class Part(NamedTuple):
+    """A part of the detector, as a row of the chart."""
+
+    name: str
+    lost: dict[str, float]
+    """Percent of packets, or of the time to the first ID, and wrong IDs more, by column."""
+    sigmas: dict[str, float]
+    """Of wrong IDs with and without a marker together."""
+    time: float  # that a frame takes less [%]
+    lines: int  # of code less
+
+    @property
+    def buys(self) -> bool:
+        """Whether anything is worse without it, beyond chance."""
+        return max(self.sigmas.values()) > SIGMAS
+
+
+def _parts(figures: dict[str, Any]) -> list[Part]:
+    """Return all parts, what buys most first, and of those that buy nothing the slowest."""
+
+    def percent(row: dict[str, Any], name: str) -> float:
+        if name not in FAMILIES:
+            return float(row[name]['lost'])
+        # The time to the first ID counts as negative.
+        of = figures['whole'][name][0 if name == 'appearing' else 1]
+        return float(100 * row[name]['lost'] / abs(of))
+
+    parts = [
+        Part(
+            row['off'],
+            {name: percent(row, name) for name in _HEADS},
+            {name: row[name if name in FAMILIES else _IDS]['sigmas'] for name in _HEADS},
+            row['time'],
+            row['lines'],
+        )
+        for row in figures['rows']
+    ]
+
+    def order(one: Part) -> tuple[bool, float]:
+        worse = [one.lost[name] for name in _HEADS if one.sigmas[name] > SIGMAS]
+        return (not one.buys, -sum(worse) if one.buys else -one.time)
+
+    return sorted(parts, key=order)
+
+
+def _text(name: str, value: float) -> str:
+    if abs(value) < (0.05 if name in FAMILIES else 0.5):
+        return '·'
+    return f'{value:+.1f}'.replace('-', '\N{MINUS SIGN}') if name in FAMILIES else f'{value:+.0f}'
 
 
 def table(figures: dict[str, Any]) -> Table:
-    """Return all figures, a row for each part that is off."""
-    faint = f'faint, of {figures["faint_packets"]}'
-    rows = [['off', 'read', 'wrong', faint, 'hands', 'µs', 'lines']]
-    for off, row in zip(figures['off'], figures['rows'], strict=True):
-        rows.append(
-            [
-                off or 'nothing',
-                f'{row["read"] / row["packets"]:.1%}',
-                f'{row["wrong"]} of {row["readings"]}',
-                f'{row["faint"]}',
-                f'{row["false"]}',
-                f'{row["frame_us"]:.0f}',
-                f'{row["lines"]}',
-            ]
-        )
+    """Return all figures, a row for each part; in brackets, in deviations of chance."""
+    heads = [head.replace('\n', ' ') for head in _HEADS.values()]
+    rows = [['without', *heads, 'time [%]', 'lines', 'buys']]
+    for one in _parts(figures):
+        cells = [f'{_text(name, one.lost[name])} ({one.sigmas[name]:+.1f})' for name in _HEADS]
+        saved = [f'{-one.time:+.0f}', f'{-one.lines:+d}', 'yes' if one.buys else '']
+        rows.append([one.name, *cells, *saved])
     return rows
 
 
-class Change(NamedTuple):
-    """What becomes of the core without a part."""
-
-    name: str
-    lost: float  # packets of rooms, and faint ones, that are read no longer
-    wrong: float  # IDs more, in rooms and before hands
-    time: float  # that a frame takes less [%]
-    lines: float  # of code less
-
-
-def _changes(figures: dict[str, Any]) -> list[Change]:
-    """Return what each part buys and costs, what buys most first."""
-    whole, *rows = figures['rows']
-
-    def less(row: dict[str, Any], *names: str) -> float:
-        return float(sum(whole[name] - row[name] for name in names))
-
-    changes = [
-        Change(
-            off,
-            lost=less(row, 'read', 'faint'),
-            wrong=-less(row, 'wrong', 'false'),
-            time=100 * less(row, 'frame_us') / whole['frame_us'],
-            lines=less(row, 'lines'),
-        )
-        for off, row in zip(figures['off'][1:], rows, strict=True)
-    ]
-    return sorted(changes, key=lambda one: one.lost + one.wrong, reverse=True)
-
-
-def _message(changes: Sequence[Change]) -> str:
-    buys = [one for one in changes if max(one.lost, one.wrong) > CHANCE]
-    rest = f'{len(changes) - len(buys)} of {len(changes)} change less than chance does'
-    return f'Most is bought by {buys[0].name}; {rest}' if buys else rest
+def _message(parts: Sequence[Part]) -> str:
+    buys = [one for one in parts if one.buys]
+    rest = f'{len(buys)} of {len(parts)} parts, or sets of them, buy more than chance would'
+    return f'{rest}; most: {buys[0].name}' if buys else rest
 
 
 def draw(figures: dict[str, Any]) -> Any:
-    """Draw what becomes worse without each part, and what time and lines are saved."""
-    changes = _changes(figures)
-    height = 1.9 + 0.235 * len(changes)
-    figure, axes = new_chart(4, 4, height, _message(changes))
-    panels: dict[str, tuple[list[float], str]] = {
-        f'packets lost,\nof {figures["rows"][0]["packets"] + figures["faint_packets"]}': (
-            [one.lost for one in changes],
-            look('joint')['color'],
-        ),
-        'more wrong\nIDs': ([one.wrong for one in changes], WRONG_COLOUR),
-        'time saved\n[% of a frame]': ([one.time for one in changes], '0.5'),
-        'lines saved\n(of code)': ([one.lines for one in changes], '0.5'),
-    }
-    places = np.arange(len(changes))[::-1]
-    for index, (axis, (title, (values, colour))) in enumerate(
-        zip(axes, panels.items(), strict=True)
-    ):
-        axis.barh(places, values, color=colour, height=0.7)
-        axis.axvline(0, color='0.3', linewidth=0.8)
-        if index < 2:
-            axis.axvspan(-CHANCE, CHANCE, color='0.85', zorder=0)
-        label(axis, title=title, ylim=(-0.6, len(changes) - 0.4))
-        axis.set_yticks(places, [one.name for one in changes] if index == 0 else [])
-        axis.tick_params(labelsize=9)
-        axis.set_title(title, fontsize=10.5)
-    figure.supxlabel('what changes without a part; grey: within chance', fontsize=10.5)
+    """Draw a map of what becomes worse without each part, and what time and lines are saved."""
+    parts = _parts(figures)
+    columns = len(_HEADS) + 2
+    figure, (axis,) = new_chart(1, 1, 2.2 + 0.235 * len(parts), _message(parts))
+    axis.grid(visible=False)
+    for y, one in enumerate(parts):
+        for x, name in enumerate(_HEADS):
+            value, sigmas = one.lost[name], one.sigmas[name]
+            colour, weight = '0.6', 'normal'
+            if abs(sigmas) > SIGMAS and value * sigmas > 0:
+                colour, weight = 'black', 'bold'
+                worse = SHADES[1] if name in FAMILIES else WRONG_COLOUR
+                alpha = 0.15 + 0.45 * min(abs(value) / _WORST, 1)
+                shade = {'color': worse if sigmas > 0 else '0.5', 'alpha': alpha, 'linewidth': 0}
+                axis.fill_between([x - 0.5, x + 0.5], y - 0.5, y + 0.5, **shade)
+            how = {'ha': 'center', 'va': 'center', 'fontsize': 9.5}
+            axis.text(x, y, _text(name, value), color=colour, fontweight=weight, **how)
+        by_chance = abs(one.time) <= max(3.0, figures['time_by_chance'])
+        saved = ((-one.time, by_chance), (-float(one.lines), not one.lines))
+        for last, (number, grey) in enumerate(saved):
+            x = len(_HEADS) + last
+            text = f'{number:+.0f}'.replace('-', '\N{MINUS SIGN}') if round(number) else '·'
+            axis.text(x, y, text, color='0.6' if grey else 'black', **how)
+    buying = sum(one.buys for one in parts)
+    if buying:
+        axis.axhline(buying - 0.5, color='black', linewidth=1)
+    for border in (len(FAMILIES) - 0.5, len(_HEADS) - 0.5):
+        axis.axvline(border, color='0.8', linewidth=0.8)
+    axis.set(xlim=(-0.5, columns - 0.5), ylim=(len(parts) - 0.5, -0.5))
+    heads = [*_HEADS.values(), 'time\n[%]', 'lines\nof code']
+    axis.set_xticks(range(columns), heads, fontsize=9.5)
+    axis.set_yticks(range(len(parts)), [one.name for one in parts], fontsize=9.5)
+    axis.tick_params(length=0, top=False, labeltop=True, labelbottom=False)
+    figure.supxlabel(
+        'What changes without it: packets lost [%], first ID later [%], IDs more.\n'
+        f'Bold: beyond {SIGMAS:g}\N{GREEK SMALL LETTER SIGMA} of chance; on grey: better without.\n'
+        'Those below the line buy nothing that shows in these scenes.',
+        fontsize=10,
+    )
     return figure

@@ -11,7 +11,7 @@ from evaluation.bench.judging import BOTH, judged
 from evaluation.experiments.link import NEVER_S, board_signal
 from evaluation.experiments.paper_sweeps import LONE_RECORDINGS, lone_packets
 from evaluation.report.chart_style import OTHERS, label, legend_below, line, look, new_chart
-from evaluation.report.claims import BOTH_CLAIMED, Claims, Table, as_text, claim_of, model
+from evaluation.report.claims import BOTH_CLAIMED, Claims, as_text, claim_of, model
 from retrolidar_ros.detector import METHODS
 from retrolidar_ros.scene import Scene, Simulation
 from retrolidar_ros.scene.description import Surface
@@ -19,7 +19,6 @@ from retrolidar_ros.scene.reference import SENSOR, marker_in_each_zone
 from retrolidar_ros.sensor.frame import Floats
 
 TITLE = 'Ranging'
-MESSAGE = 'Fitting what blinks ranges it better than averaging all that is seen'
 PAPER_MEDIAN_MM, PAPER_FAR_MEDIAN_MM, PAPER_BOARD_MM = 2.0, 2.5, 1.0
 _RANGES_M = (1.0, 1.4, 1.8, 2.0, 2.2, 2.4, 2.6)
 _PACKET_FRAMES = 62
@@ -74,15 +73,6 @@ def run(rng: np.random.Generator, *, quick: bool) -> dict[str, Any]:
     return {'points': points}
 
 
-def table(figures: dict[str, Any]) -> Table:
-    """Return median errors over distance."""
-    rows = [['median error of range', *(f'{one["range_m"]:g} m' for one in figures['points'])]]
-    for kind, words in _KINDS.items():
-        cells = [as_text(one[kind]['median_mm'], 'mm', 1) for one in figures['points']]
-        rows.append([words, *cells])
-    return rows
-
-
 def claims(figures: dict[str, Any]) -> Claims:
     """Set the errors beside the paper's."""
 
@@ -100,9 +90,22 @@ def claims(figures: dict[str, Any]) -> Claims:
     }
 
 
+def _message(figures: dict[str, Any]) -> str:
+    near, far = figures['points'][0], figures['points'][-1]
+
+    def words(point: dict[str, Any], kind: str) -> str:
+        return as_text(point[kind]['median_mm'], 'mm', 1)
+
+    return (
+        f'Ranges are {words(near, "joint")} off at {near["range_m"]:g} m, and '
+        f"{words(far, 'joint')} at {far['range_m']:g} m; of the paper's method "
+        f'{words(near, "paper")} and {words(far, "paper")}'
+    )
+
+
 def draw(figures: dict[str, Any]) -> Any:
     """Draw median and 95 % errors over distance."""
-    figure, (axis,) = new_chart(1, 1, 5, MESSAGE)
+    figure, (axis,) = new_chart(1, 1, 5, _message(figures))
     places = [one['range_m'] for one in figures['points']]
     for kind in _KINDS:
         how = _LOOKS.get(kind) or look(kind)

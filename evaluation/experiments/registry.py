@@ -3,8 +3,9 @@
 """The experiments by name, and what runs them.
 
 An experiment is a module, or an object, with a `TITLE` of a few words, and functions `run`, which
-returns figures fit for JSON, `draw` and `table`, which make the chart and the table of figures,
-and perhaps `claims`, and `draw_panels` for a chart of all details.
+returns figures fit for JSON, and `draw`, which makes the chart of figures; `table`, a table of
+them, or `claims`, what items of the paper come to, or both; and perhaps `draw_panels` for a chart
+of all details.
 """
 
 import json
@@ -27,9 +28,9 @@ from evaluation.report.claims import markdown, write_figures
 from retrolidar_ros.cli.processes import end_with_parent
 
 _NAMES = """
-    speed-accuracy time-to-id peers roc false-ids rooms brighter stability moving tracks
+    speed-accuracy time-to-id peers roc false-ids rooms stability moving tracks
     track-ends laboratory coffee drone several place ranging bound chain ids link reading reach size
-    angle yaw ambient marker calibration landmarks parts
+    angle yaw ambient marker landmarks parts
 """
 EXPERIMENTS: dict[str, Any] = {
     name: SWEEPS.get(name) or import_module(f'evaluation.experiments.{name.replace("-", "_")}')
@@ -61,7 +62,7 @@ def _cpu_s() -> float:
 
 
 def run_experiment(name: str, directory: Path, *, quick: bool, seed: int) -> str:
-    """Run an experiment, write NAME.json and NAME.png, and return its table as text."""
+    """Run an experiment, write NAME.json and NAME.png, and return its table or claims as text."""
     experiment = EXPERIMENTS[name]
     began_s, began_cpu_s = time.monotonic(), _cpu_s()
     figures = experiment.run(np.random.default_rng(seed), quick=quick)
@@ -74,7 +75,10 @@ def run_experiment(name: str, directory: Path, *, quick: bool, seed: int) -> str
     save_chart(name, written, directory)
     rough = ' QUICK RUN: ROUGH' if quick else ''
     head = f'{name}: {experiment.TITLE} ({cpu_s} s of a core){rough}'
-    return f'{head}\n{markdown(experiment.table(written))}\n'
+    if hasattr(experiment, 'table'):
+        return f'{head}\n{markdown(experiment.table(written))}\n'
+    claims = experiment.claims(written).items()
+    return '\n'.join([head, *(f'{item}: {claim.cells}' for item, claim in claims), ''])
 
 
 def run_experiments(

@@ -2,7 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Three markers at once (paper §6.2, Tab. 3), and two in one zone, which the paper leaves out."""
 
-from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -12,7 +11,7 @@ from evaluation.bench.rates import rate
 from evaluation.bench.recordings import record, signal_at
 from evaluation.bench.stresses import Stress
 from evaluation.report.chart_style import draw_shares, label, legend_below, line, look, new_chart
-from evaluation.report.claims import BOTH_CLAIMED, Claims, Table, percent, shares
+from evaluation.report.claims import BOTH_CLAIMED, Claims, shares
 from retrolidar_ros.detector import METHODS
 from retrolidar_ros.marker.dictionary import USABLE_IDS
 from retrolidar_ros.scene import Scene, Simulation
@@ -101,26 +100,6 @@ def run(rng: np.random.Generator, *, quick: bool) -> dict[str, Any]:
         'three': [_three(one, trials, rng) for one in ARRANGEMENTS],
         'two': [_pairs(share, rng) for share in SHARES[:: 3 if quick else 1]],
     }
-
-
-def table(figures: dict[str, Any]) -> Table:
-    """Return the rates of all arrangements, and of pairs; wrong IDs in brackets."""
-
-    def cells(rates: Sequence[Sequence[Any]], row: dict[str, Any]) -> list[str]:
-        return [
-            f'{", ".join(map(percent, one))} ({row[method]["wrong_ids"]})'
-            for method, one in zip(METHODS, rates, strict=True)
-        ]
-
-    rows = [['identified (wrong IDs)', *METHODS]]
-    for row in figures['three']:
-        what = f'three: {row["arrangement"]}'
-        rows.append([what, *cells([row[method]['read'] for method in METHODS], row)])
-    for row in figures['two']:
-        what = f'two, 1 to {row["share"]:g}'
-        rates = [[row[method][name] for name in _PAIR] for method in METHODS]
-        rows.append([what, *cells(rates, row)])
-    return rows
 
 
 def claims(figures: dict[str, Any]) -> Claims:

@@ -82,12 +82,11 @@ def _frame_ms(options: Options, times: int, rng: np.random.Generator) -> float:
     return 1e3 * min(spent_s) / (_FRAMES * SENSOR.period_s)
 
 
-def _summed(text: str, cpu_ms: float, answer_s: float, places: Any, found: Any) -> dict[str, Any]:
+def _summed(text: str, cpu_ms: float, places: Any, found: Any) -> dict[str, Any]:
     right, wrong = ([one[key] for one in found] for key in ('right', 'wrong'))
     return {
         'label': text,
         'cpu_ms': cpu_ms,
-        'answer_s': answer_s,
         'reach_m': crossing(LEVEL, places, right),
         'half_m': crossing(0.5, places, right),
         'wrong': sum_of(wrong),
@@ -108,7 +107,7 @@ def _lidar(text: str, point: Point, quick: bool, seed: int) -> dict[str, Any]:
         sent = [make(range_m, rng) for _ in range(1 if quick else point.recordings)]
         found.append(read_of([judged(one, point.options, lone=is_lone) for one in sent]))
     cpu_ms = _frame_ms(point.options, 1 if quick else _TIMES, np.random.default_rng(seed))
-    return _summed(text, cpu_ms, point.packets * PACKET_S, places, found)
+    return _summed(text, cpu_ms, places, found)
 
 
 def _cameras(seed: int, *, quick: bool) -> dict[str, list[dict[str, Any]]]:
@@ -133,7 +132,7 @@ def _cameras(seed: int, *, quick: bool) -> dict[str, list[dict[str, Any]]]:
         cpu_ms = visual_markers.picture_cost(
             reader, background, 1 if quick else 4, rng, View(_AT_M)
         )
-        return _summed(text, cpu_ms, 1 / 30, ranges_m, [one[reader.name] for one in found])
+        return _summed(text, cpu_ms, ranges_m, [one[reader.name] for one in found])
 
     return {name: [summed(*one) for one in settings] for name, settings in knobs.items()}
 

@@ -71,7 +71,7 @@ class Sweep:
     """An experiment of some curves."""
 
     TITLE: str
-    message: str  # of the chart
+    message: Callable[[dict[str, Any]], str]  # of the chart, by its figures
     axis: str
     curves: Sequence[Curve]
     claims: Callable[[dict[str, Any]], Claims]
@@ -104,7 +104,7 @@ class Sweep:
         count = len(figures['curves'])
         columns = 2 if count == 4 else min(3, count)
         height = (4.6 if count == 1 else 3.2) * -(-count // columns) + 1
-        figure, panels = new_chart(count, columns, height, self.message)
+        figure, panels = new_chart(count, columns, height, self.message(figures))
         for axis, (name, curve) in zip(panels, figures['curves'].items(), strict=True):
             draw_reads(axis, curve['points'])
             if name in self.marks:

@@ -17,7 +17,8 @@ from evaluation.peers.visual_markers import APRILTAG, find_readers, read_over_di
 from evaluation.report.chart_style import LEVEL, label, line, look, name_curve, new_chart
 from evaluation.report.claims import Table, as_text
 from retrolidar_ros.detector import METHODS
-from retrolidar_ros.marker.code import BIT_PERIOD_S
+from retrolidar_ros.marker.code import BIT_PERIOD_S, PACKET_BITS, packet
+from retrolidar_ros.marker.dictionary import USABLE_IDS
 from retrolidar_ros.scene.noise import noisy
 from retrolidar_ros.scene.reference import NOISE, WALL_SIGNAL
 from retrolidar_ros.scene.truth import PACKET_S
@@ -27,6 +28,7 @@ TIMEOUT_S = 8 * PACKET_S
 VIEW_S = SILENCE_BITS * BIT_PERIOD_S  # when the markers come into view
 SHARES = (0.5, LEVEL)
 REGISTERED, FEW = 'registered', 3  # IDs that are registered, of markers that come together
+_MENDED_BITS, _SETS = 1, 300  # bits that noise may turn; sets of IDs that are drawn
 _RANGES_M = (0.5, 0.75, 1.0, 1.5, 2.0, 2.4, 2.8, 3.2, 3.6, 4.0)
 _WORDS = {
     'joint': 'LiDAR, any of 4094 IDs',
@@ -74,6 +76,28 @@ def _few_first_ids(sent: Sent, rng: np.random.Generator) -> NDArray[np.float64]:
     return np.concatenate(times_s)
 
 
+def needed_bits(ids: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Return after how many bits of the first of some IDs the others are excluded, by its start.
+
+    A marker repeats, and is seen from any of its bits on, shape (31,). Another ID is excluded when
+    it differs in more than `_MENDED_BITS`, wherever it starts.
+    """
+    # Each packet from each of its bits on, and so on round it; shape (ids, starts, bits).
+    turns = (np.arange(PACKET_BITS)[:, None] + np.arange(PACKET_BITS)) % PACKET_BITS
+    words = packet(ids)[:, turns]
+    differing = words[0][:, None] != words[1:].reshape(-1, PACKET_BITS)
+    excluded = (np.cumsum(differing, axis=2) > _MENDED_BITS).all(axis=1)
+    needed: NDArray[np.int64] = PACKET_BITS - excluded.sum(axis=1) + 1
+    return needed
+
+
+def _least_s(rng: np.random.Generator) -> float:
+    """Return in what time a share of markers is known for sure, `FEW` IDs being registered [s]."""
+    sets = (rng.choice(USABLE_IDS, FEW, replace=False) for _ in range(_SETS))
+    bits = np.concatenate([needed_bits(ids) for ids in sets])
+    return float(np.quantile(bits, LEVEL)) * BIT_PERIOD_S
+
+
 def time_by_which(share: float, times_s: NDArray[np.float64]) -> float | None:
     """Return the time by which a share of all has been identified; None = never."""
     time_s = float(np.sort(times_s)[math.ceil(share * len(times_s)) - 1])
@@ -106,7 +130,8 @@ def run(rng: np.random.Generator, *, quick: bool) -> dict[str, Any]:
         for name, result in found.items():
             point[name] = [_by_pictures(share, result['right']['rate']) for share in SHARES]
         points.append(point)
-    return {'points': points, 'names': [REGISTERED, *METHODS, *(one.name for one in readers)]}
+    names = [REGISTERED, *METHODS, *(one.name for one in readers)]
+    return {'points': points, 'names': names, 'least_s': _least_s(rng)}
 
 
 def at(figures: dict[str, Any], name: str, range_m: float) -> str:
@@ -147,11 +172,14 @@ def draw(figures: dict[str, Any]) -> Any:
             x, y = known[len(known) // 3]
             above = name in ('joint', 'paper')
             name_curve(axis, name, _WORDS[name], (x, y * (1.3 if above else 0.75)))
+    beside = {'transform': axis.get_yaxis_transform(), 'color': '0.35', 'fontsize': 10}
     for packets in (1, 8):
         axis.axhline(packets * PACKET_S, **line(':', '0.5'), linewidth=1)
         words = f'{packets} packets' if packets > 1 else 'one packet'
-        right = {'transform': axis.get_yaxis_transform(), 'ha': 'right', 'fontsize': 10}
-        axis.text(0.99, 1.06 * packets * PACKET_S, words, color='0.35', **right)
+        axis.text(0.99, 1.06 * packets * PACKET_S, words, ha='right', **beside)
+    least_s = figures['least_s']
+    axis.axhline(least_s, **line('--', look(REGISTERED)['color']), linewidth=1)
+    axis.text(0.01, 0.93 * least_s, f'bits that tell {FEW} IDs apart', va='top', **beside)
     label(axis, 'distance of a marker of 3 cm [m]', 'time until 80 % are identified [s]')
     axis.set(yscale='log', ylim=(0.02, 1.5 * TIMEOUT_S))
     ticks = (0.03, 0.1, 0.3, 1.0, 3.0, 10.0)

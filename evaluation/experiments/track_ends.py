@@ -10,11 +10,11 @@ from typing import Any
 import numpy as np
 
 from evaluation.bench.track_end_trial import RANGES_M, USED_BITS
-from evaluation.report.chart_style import OTHERS, label, new_chart
+from evaluation.report.chart_style import OTHERS, label, legend_under, new_chart
 from evaluation.report.claims import NOTHING, Table
 
 TITLE = 'When tracks end'
-_GONE_BITS = (5.0, 7.0, USED_BITS, 10.0, 14.0)
+_GONE_BITS = (6.0, USED_BITS, 12.0)
 _GAPS_BITS = (2.0, 4.0, 6.0, 8.0, 10.0)
 _TRIALS, _DURATION_S = 24, 30.0
 
@@ -64,19 +64,24 @@ def draw(figures: dict[str, Any]) -> Any:
     """Draw the time until tracks end, and how often they end falsely, over the bits unseen."""
     rows = figures['rows']
     bits = [one['gone_bits'] for one in rows]
-    figure, (times, ends) = new_chart(2, 2, 3.6, _message(figures))
+    figure, (times, ends) = new_chart(2, 2, 4.2, _message(figures))
     for colour, name in zip(OTHERS, rows[0]['ends'], strict=False):
         for index, (range_m, style) in enumerate(zip(figures['ranges_m'], '-:', strict=True)):
             worst = [one['ends'][name][index][-1] for one in rows]
             what = f'{name}, {range_m:g} m'
             times.plot(bits, worst, color=colour, linestyle=style, marker='o', label=what)
-    for colour, scene in zip((*OTHERS, '0.4'), rows[0]['false_ends_an_hour'], strict=False):
+    never: list[str] = []
+    for colour, scene in zip((*OTHERS, '0.4', '0.7'), rows[0]['false_ends_an_hour'], strict=False):
         hourly = [one['false_ends_an_hour'][scene] for one in rows]
-        ends.plot(bits, hourly, color=colour, marker='o', label=scene)
+        if any(hourly):
+            ends.plot(bits, hourly, color=colour, marker='o', label=scene)
+        else:
+            never.append(scene)
     label(times, 'gone after bits unseen', 'dropped after, 95 % [s]', '')
-    label(ends, 'gone after bits unseen', 'false ends [1/h]', '')
+    title = f'never: {", ".join(never)}' if never else ''
+    label(ends, 'gone after bits unseen', 'false ends [1/h]', title)
     ends.set(yscale='symlog', ylim=(0, None))
     for axis in (times, ends):
         axis.axvline(USED_BITS, color='0.7', linewidth=1)
-        axis.legend(fontsize=9)
+        legend_under(axis, 2)
     return figure

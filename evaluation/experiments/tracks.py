@@ -10,6 +10,7 @@ import numpy as np
 from evaluation.bench.following import play
 from evaluation.bench.places import held, place_error, rms
 from evaluation.bench.recordings import record, signal_at
+from evaluation.bench.shared_zone import SECONDS_S, sum_of, two_in_a_zone
 from evaluation.bench.stresses import PLAIN
 from evaluation.experiments.moving import WAYS
 from evaluation.peers.camera import Background
@@ -25,6 +26,7 @@ _SPEEDS_M_S = (0.0, 0.1, 0.3, 0.6)
 _SETTLED_S = 1.0  # after a track began
 _RUNS = 12
 _PICTURES = 40
+_APART_M = (0.0, 0.1, 0.3)  # of two in a zone, at the first range
 _EXPOSURES_S = {'33 ms': 1 / 30, '4 ms': 1 / 250}  # of its pictures, thirty a second
 
 
@@ -87,6 +89,17 @@ def run(rng: np.random.Generator, *, quick: bool) -> dict[str, Any]:
                 for at in _SPEEDS_M_S
             ]
             curves.append({'way': way, 'range_m': range_m, 'points': points})
+    shared = [
+        {
+            'apart_m': apart_m,
+            'begins': begins,
+            **sum_of(
+                [two_in_a_zone(RANGES_M[0], apart_m, begins, DURATION_S, rng) for _ in range(runs)]
+            ),
+        }
+        for begins in SECONDS_S
+        for apart_m in _APART_M
+    ]
     readers, _ = find_readers()
     tags = [one for one in readers if one.name == APRILTAG]
     background = Background(rng)
@@ -104,7 +117,7 @@ def run(rng: np.random.Generator, *, quick: bool) -> dict[str, Any]:
         ]
         for words, longest_s in (_EXPOSURES_S.items() if tags else ())
     }
-    return {'curves': curves, 'apriltag': seen}
+    return {'curves': curves, 'shared': shared, 'apriltag': seen}
 
 
 def table(figures: dict[str, Any]) -> Table:
@@ -128,6 +141,25 @@ def table(figures: dict[str, Any]) -> Table:
     return rows
 
 
+def shared_table(figures: dict[str, Any]) -> Table:
+    """Return errors of two markers in a zone, and how often their tracks end."""
+    head = ['two in a zone, the second', 'farther', 'error: median', 'rms', 'both followed', 'ends']
+    return [
+        head,
+        *(
+            [
+                one['begins'],
+                f'{one["apart_m"]:g} m',
+                as_text(one['median_mm'], 'mm', 1),
+                as_text(one['rms_mm'], 'mm', 1),
+                NOTHING if one['both_followed'] is None else f'{one["both_followed"]:.0%}',
+                as_text(one['ends_an_hour'], '/h', 0),
+            ]
+            for one in figures['shared']
+        ),
+    ]
+
+
 def _at(figures: dict[str, Any], way: str, range_m: float) -> list[dict[str, Any]]:
     """Return the points of one way and distance."""
     points: list[dict[str, Any]] = next(
@@ -140,7 +172,10 @@ def _message(figures: dict[str, Any]) -> str:
     point = _at(figures, [*WAYS][-1], RANGES_M[0])[-1]
     packets, tracks = (as_text(point[name], 'mm', 0) for name in ('packets_mm', 'all_mm'))
     speed = f'{point["speed_m_s"]:g} m/s'
-    return f'Who follows a marker knows its range to {tracks} at {speed}; a packet is {packets} off'
+    return (
+        f'Who follows a marker that goes to and fro at {speed} knows its range to {tracks}; '
+        f'a packet is {packets} off'
+    )
 
 
 _CURVES = {'packets_mm': ('joint', 'packets'), 'all_mm': ('tracks', 'tracks')}
@@ -159,13 +194,22 @@ def draw(figures: dict[str, Any]) -> Any:
             for words, tags in figures['apriltag'].items():
                 errors = [one['error_mm'] and one['error_mm']['rms'] for one in tags]
                 style = '-' if words == next(iter(_EXPOSURES_S)) else ':'
-                curves[APRILTAG, f'tag, {words}'] = ([*_SPEEDS_M_S[: len(tags)]], errors, style)
+                curves[APRILTAG, f'tag, exposed {words}'] = (
+                    [*_SPEEDS_M_S[: len(tags)]],
+                    errors,
+                    style,
+                )
         for (name, words), (speeds, errors, style) in curves.items():
             known = [(at, mm) for at, mm in zip(speeds, errors, strict=True) if mm]
             if known:
                 axis.plot(*zip(*known, strict=True), **look(name) | {'linestyle': style})
                 x, y = known[-1]
-                name_curve(axis, name, words, (x, 1.4 * y), ha='right' if x > 0.2 else 'center')
+                # Names of tags stand below their curves, where there are no others.
+                ends_early = x < 0.2
+                lower = 0.62 if ends_early else 0.4
+                higher = lower if name == APRILTAG else 1.4
+                how = {'ha': 'left' if ends_early else 'right'}
+                name_curve(axis, name, words, (x, higher * y), **how)
         label(axis, 'speed [m/s]', 'rms error of range [mm]', f'{way} at {RANGES_M[0]:g} m')
         axis.set(yscale='log', ylim=(0.2, 300))
         axis.set_yticks((0.3, 1, 3, 10, 30, 100), ('0.3', '1', '3', '10', '30', '100'))

@@ -34,7 +34,7 @@ _MESSAGE_HEAD = Struct('<HIQQ')  # channel, sequence, log time, publish time
 _CHUNK_HEAD = Struct('<QQQII')  # first and last log time, size, CRC-32, length of compression
 _UINT32 = Struct('<I')
 _IDS = Struct('<HH')  # channel and schema
-_MOST_HELD = 2**29
+_MAX_HELD = 2**29
 _BROKEN = (DamageError, OSError, struct.error, UnicodeDecodeError)
 
 
@@ -76,8 +76,8 @@ class _McapFile:
                         raise DamageError('a message is older than its chunk')
                     heappush(pending, (time, next(order), data))
                     held += len(data)
-                if held > _MOST_HELD:
-                    raise DamageError(f'more than {_MOST_HELD} bytes of messages are out of order')
+                if held > _MAX_HELD:
+                    raise DamageError(f'more than {_MAX_HELD} bytes of messages are out of order')
             except _BROKEN as error:
                 damage = DamageError(f'the record at byte {start}: {_reason(error)}')
                 break

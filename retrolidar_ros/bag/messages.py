@@ -27,9 +27,9 @@ class DamageError(Exception):
     """A file is damaged; the frames before the damage are good."""
 
 
-MOST_BYTES = 2**28
+MAX_BYTES = 2**28
 """So much one chunk or message may unpack to: recorders make chunks of a megabyte or so."""
-_MOST_RATIO = 1000  # that a whole file may unpack to; frames unpack to ten times their size
+_MAX_RATIO = 1000  # that a whole file may unpack to; frames unpack to ten times their size
 _PIECE_BYTES = 2**16
 _ZSTD = 'compression.zstd' if sys.version_info >= (3, 14) else 'backports.zstd'
 
@@ -37,7 +37,7 @@ _ZSTD = 'compression.zstd' if sys.version_info >= (3, 14) else 'backports.zstd'
 def decompress_file(file: Path, plain: Path) -> DamageError | None:
     """Decompress as much of a file as can be, and as may be; return what is wrong with the rest."""
     zstd = _library(_ZSTD)
-    most = max(_MOST_RATIO * file.stat().st_size, MOST_BYTES // 4)
+    most = max(_MAX_RATIO * file.stat().st_size, MAX_BYTES // 4)
     with zstd.open(file) as source, plain.open('wb') as target:
         try:
             while piece := source.read(_PIECE_BYTES):
@@ -50,7 +50,7 @@ def decompress_file(file: Path, plain: Path) -> DamageError | None:
 
 
 def decompress(compression: str, data: bytes) -> bytes:
-    """Return as much decompressed data as there is; DamageError for more than `MOST_BYTES`."""
+    """Return as much decompressed data as there is; DamageError for more than `MAX_BYTES`."""
     if compression == '':
         return data
     if compression == 'zstd':
@@ -61,11 +61,11 @@ def decompress(compression: str, data: bytes) -> bytes:
     else:
         raise DamageError(f'unknown compression {compression!r}')
     try:
-        decompressed: bytes = decompressor.decompress(data, MOST_BYTES + 1)
+        decompressed: bytes = decompressor.decompress(data, MAX_BYTES + 1)
     except failure as error:
         raise DamageError(f'{compression}: {error}') from error
-    if len(decompressed) > MOST_BYTES:
-        raise DamageError(f'{len(data)} bytes unpack to more than {MOST_BYTES}')
+    if len(decompressed) > MAX_BYTES:
+        raise DamageError(f'{len(data)} bytes unpack to more than {MAX_BYTES}')
     return decompressed
 
 

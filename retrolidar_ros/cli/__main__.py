@@ -1,6 +1,6 @@
 # Copyright 2026 retrolidar_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""Where the command begins when it is run as a program: before what takes time to import."""
+"""Entry point of the command: handles signals before the slow imports."""
 
 from __future__ import annotations
 

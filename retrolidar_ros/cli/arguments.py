@@ -11,20 +11,20 @@ from pathlib import Path
 from typing import Any, NoReturn, TypeAlias
 
 from retrolidar_ros.bag import FRAMES_TOPIC
-from retrolidar_ros.detector.parameters import PARAMETERS, checked, defaults, load_parameters
-from retrolidar_ros.sensor.protocols import PROTOCOLS
+from retrolidar_ros.detector.parameters import READING, defaults, load_parameters
+from retrolidar_ros.settings.parameter import declared
 from retrolidar_ros.settings.printing import printable
 from retrolidar_ros.settings.section import ConfigError, quantity
 
 Subparsers: TypeAlias = 'argparse._SubParsersAction[argparse.ArgumentParser]'
-_MOST = 1e9
+_MAX_VALUE = 1e9
 Run = Callable[[argparse.Namespace], int]
 _UNITS = {'bit_period': 'time', 'range_offset': 'length'}
 _METAVARS = {str: 'TEXT', int: 'N', float: 'NUMBER', list: 'ID,ID,…'}
 
 
 class Parser(argparse.ArgumentParser):
-    """Says what is wrong in a line, and the help of the option that it is about."""
+    """Prints an error in one line, and the help of the option."""
 
     def error(self, message: str) -> NoReturn:
         """Print an error and exit with code 2."""
@@ -61,13 +61,15 @@ seconds = measured('time', 1e-3, 1e9)
 def add_port(command: argparse.ArgumentParser) -> None:
     """Add the port and the protocol of a sensor."""
     command.add_argument('port', metavar='PORT', help='device of the sensor')
-    command.add_argument('--baud', type=int, default=460800, help='bit/s (default: %(default)s)')
-    command.add_argument(
-        '--protocol',
-        choices=PROTOCOLS,
-        default='retrolidar',
-        help='protocol of the sensor (default: %(default)s)',
-    )
+    for option, name in (('--baud', 'serial_baud'), ('--protocol', 'protocol')):
+        one = declared()['driver'][name]
+        command.add_argument(
+            option,
+            type=type(one.default),
+            choices=one.among or None,
+            default=one.default,
+            help=f'{one.summary()} (default: %(default)s)',
+        )
 
 
 def add_detector_options(command: argparse.ArgumentParser) -> None:
@@ -78,12 +80,13 @@ def add_detector_options(command: argparse.ArgumentParser) -> None:
     options.add_argument(
         '--params', type=Path, metavar='FILE', help='parameter file, as of `retrolidar calibrate`'
     )
-    usual = defaults()
-    for name, one in PARAMETERS.items():
+    for name in READING:
+        one = declared()['detector'][name]
         dashed = f'--{name.replace("_", "-")}'
         names = list(dict.fromkeys([dashed, f'--{name}']))
-        description = f'{one.description} (default: {usual[name]!r})'
-        if one.kind is bool:
+        description = f'{one.summary()} (default: {one.default!r})'
+        kind = type(one.default)
+        if kind is bool:
             options.add_argument(
                 *names, dest=name, action='store_const', const=True, help=description
             )
@@ -93,16 +96,16 @@ def add_detector_options(command: argparse.ArgumentParser) -> None:
             dest=name,
             type=str if one.among else partial(_value, name),
             choices=one.among or None,
-            metavar=None if one.among else _UNITS.get(name, _METAVARS[one.kind]).upper(),
+            metavar=None if one.among else _UNITS.get(name, _METAVARS[kind]).upper(),
             help=description,
         )
 
 
 def _value(name: str, text: str) -> Any:
     """Parse a parameter."""
-    kind = PARAMETERS[name].kind
+    kind = type(declared()['detector'][name].default)
     if name in _UNITS:
-        return _within(name, measured(_UNITS[name], -_MOST, _MOST)(text))
+        return _within(name, measured(_UNITS[name], -_MAX_VALUE, _MAX_VALUE)(text))
     try:
         value = [int(part) for part in text.split(',') if part] if kind is list else kind(text)
     except ValueError:
@@ -111,16 +114,16 @@ def _value(name: str, text: str) -> Any:
 
 
 def _within(name: str, value: Any) -> Any:
-    """Return a value of a parameter, if it can have it."""
+    """Return a valid value of a parameter."""
     try:
-        return checked(name, value)
+        return declared()['detector'][name].check(name, value)
     except ValueError as error:
         raise argparse.ArgumentTypeError(str(error)) from None
 
 
 def detector_values(arguments: argparse.Namespace) -> dict[str, Any]:
     """Return all parameters: of the options, else the file, else the defaults."""
-    given = {name: getattr(arguments, name) for name in PARAMETERS}
+    given = {name: getattr(arguments, name) for name in READING}
     return {
         **defaults(),
         **(load_parameters(arguments.params) if arguments.params else {}),

@@ -36,7 +36,7 @@ def add_command(subparsers: Subparsers) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Print what to expect of a marker, as large as a zone is at its distance at most."""
+    """Print the budget of a marker; it may be as large as a zone at its distance."""
     distance_m = quantity('length', 0.1, SENSOR_REACH_M, bare=True)(
         arguments.distance, '--distance'
     )

@@ -41,7 +41,7 @@ def add_command(subparsers: Subparsers) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Print detections or tracks as lines of JSON or a table, and why there are not more."""
+    """Print detections or tracks as JSON lines or a table, and why markers are not read."""
     decoding = Decoding(detector_values(arguments))
     frames = read_frames(arguments.bag, arguments.topic)
     if arguments.tracks:
@@ -60,7 +60,7 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def print_hints(decoding: Decoding, *, describe: bool = False) -> list[Finding]:
-    """Print to standard error, and return, why less was read than could be; zones on demand."""
+    """Print to standard error, and return, why markers are not read; zones on demand."""
     explanation = decoding.explanation()
     findings = explanation.findings()
     lines = [str(one) for one in findings]

@@ -24,7 +24,7 @@ from retrolidar_ros.sensor.frame import Floats
 from retrolidar_ros.settings.resources import shared_file
 
 _BEFORE_S = 3.0  # from the start of the emulator to the time zero of the scene
-_LATE_S = 1.0  # what has been read at a place is known so long after the hand has left it
+_LATE_S = 1.0  # the estimate of a place is complete so long after the hand has left it
 _RARE, _SURE = 16.266, 5.991  # 99.9 % of a normal distribution in space, 95 % in a plane
 _COLOURS = ('#56b4e9', '#0072b2', '#e69f00', '#d55e00', '#cc79a7', '#009e73')
 
@@ -61,7 +61,7 @@ class _Hand:
             listener.node.create_subscription(PoseWithCovarianceStamped, topic, take, LATCHED)
 
     def after(self, stay: int, name: str) -> Known | None:
-        """Return what was known of an object when the hand left a place."""
+        """Return the estimate of an object when the hand left a place."""
         known = [one for one in self._known[name] if one.time_s < self.stays[stay][1]]
         return known[-1] if known else None
 

@@ -63,7 +63,7 @@ def main(arguments: list[str] | None = None) -> int:
     if sys.stdout is None:  # the shell has closed it
         sys.stdout = open(os.devnull, 'w')  # noqa: SIM115 - until the process ends
     for stream in (sys.stdout, sys.stderr):
-        if isinstance(stream, io.TextIOWrapper):  # of a locale that has not all our characters
+        if isinstance(stream, io.TextIOWrapper):  # the locale may lack some characters
             stream.reconfigure(errors='backslashreplace')
     try:
         options = parser().parse_args(arguments)

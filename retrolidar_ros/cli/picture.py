@@ -28,8 +28,8 @@ _LEGEND: dict[str, Any] = {
     'borderaxespad': 0.2,
 }
 _SHOWN_BITS = 66
-_REMARK_BITS = 5  # before the recording, which have room for a remark
-_MOST_SIGNALS, _MOST_UNREAD, _MOST_READINGS = 6, 3, 100
+_REMARK_BITS = 5  # before the recording, as room for a remark
+_MAX_SIGNALS, _MAX_UNREAD, _MAX_READINGS = 6, 3, 100
 _HINT_WIDTH = 150  # characters
 _ALONG = 400  # points of a marker's way
 _GAP_S = 0.1  # of a track
@@ -170,9 +170,14 @@ def _followed(axes: Any, shown: _Shown, tracks: Sequence[Track], marker: int, co
 
 def _signals(axes: Any, shown: _Shown) -> None:
     """Draw the signals of the zones of interest over the whole recording."""
+    drawn: list[str] = []
     for zone, colour in shown.zones.items():
         signal = shown.recording.signal[:, zone]
-        axes.plot(shown.time_s, signal, color=colour, linewidth=0.4, label=f'zone {zone}')
+        # A marker that moves has its colour in several zones.
+        alpha = 0.45 ** drawn.count(colour)
+        how: dict[str, Any] = {'color': colour, 'linewidth': 0.4, 'alpha': alpha}
+        axes.plot(shown.time_s, signal, label=f'zone {zone}', **how)
+        drawn.append(colour)
     axes.set_ylabel('kcps/SPAD', fontsize=9)
     axes.set_title('the whole recording', loc='left', fontsize=10)
     axes.set_xlim(0, max(float(shown.time_s[-1]), 1e-3))
@@ -180,7 +185,7 @@ def _signals(axes: Any, shown: _Shown) -> None:
 
 
 def _every_zone(figure: Any, place: Any, shown: _Shown) -> None:
-    """Draw the signals of all zones over the whole recording, as they lie."""
+    """Draw the signals of all zones over the whole recording, arranged as the zones."""
     grid, first = shown.recording.grid, None
     for zone, part in enumerate(place.subgridspec(grid.rows, grid.columns)):
         axes = figure.add_subplot(part, sharex=first, sharey=first)
@@ -203,7 +208,7 @@ def _ranges(axes: Any, shown: _Shown, readings: Sequence[Heard], tracks: Sequenc
     axes.set_ylabel('range [m]', fontsize=9)
     axes.set_xlabel('time [s]')
     axes.margins(y=0.25)
-    axes.legend(ncols=_MOST_SIGNALS, **_LEGEND)
+    axes.legend(ncols=_MAX_SIGNALS, **_LEGEND)
 
 
 def plot_readings(
@@ -228,12 +233,12 @@ def plot_readings(
     first: dict[int, Heard] = {}
     for reading in readings:
         first.setdefault(reading.id, reading)
-    chosen = list(first.values())[:_MOST_SIGNALS]
-    unread = [] if chosen else list(blinking[:_MOST_UNREAD])
+    chosen = list(first.values())[:_MAX_SIGNALS]
+    unread = [] if chosen else list(blinking[:_MAX_UNREAD])
     origin_ns = int(recording.stamp_ns[0])
     ids = {one.id: _COLOURS[index % len(_COLOURS)] for index, one in enumerate(chosen)}
     zones = {one.zone: _COLOURS[index] for index, one in enumerate(unread)}
-    for reading in readings[: _MOST_READINGS if chosen else 0]:
+    for reading in readings[: _MAX_READINGS if chosen else 0]:
         if reading.id in ids:
             zones.setdefault(reading.zone, ids[reading.id])
     time_s = (recording.stamp_ns - origin_ns) * 1e-9

@@ -1,6 +1,6 @@
 # Copyright 2026 retrolidar_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""Child processes that do not outlive their parent's work."""
+"""Child processes that end with their parent."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ class ProcessGroup:
         try:
             for name in list(self._running):
                 self.stop(name)
-        finally:  # a second Ctrl-C or SIGTERM cuts the patience short
+        finally:  # a second Ctrl-C or SIGTERM ends the waiting
             for process in self._running.values():
                 _signal(process.pid, signal.SIGKILL)
                 process.wait()
@@ -106,7 +106,7 @@ class ProcessGroup:
 def end_with_parent(parent: int | None = None) -> None:
     """Let the kernel end this new process when its parent is gone, be it by SIGKILL.
 
-    Whose start takes its time says which process `parent` is, for it may be gone already.
+    `parent` is the ID of the parent, which may have ended already.
     """
     _LIBC.prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)
     if parent not in (None, os.getppid()):

@@ -24,8 +24,7 @@ from retrolidar_ros.sensor.noise import NoiseLaw
 from retrolidar_ros.sensor.protocols import PROTOCOLS
 from retrolidar_ros.sensor.serial_source import BackgroundReading, SerialSource
 from retrolidar_ros.settings.interrupts import interrupted_once
-from retrolidar_ros.settings.resources import shared_file
-from retrolidar_ros.settings.yaml_files import load_parameter_defaults
+from retrolidar_ros.settings.parameter import declared
 
 _PROGRESS_S = 1.0
 _LOOKED_AT = 256  # newest frames, for the zone that blinks most
@@ -86,12 +85,14 @@ class Progress:
 
 def run(arguments: argparse.Namespace) -> int:
     """Record until Ctrl-C or the end of the duration."""
-    defaults = load_parameter_defaults(shared_file('config/retrolidar.yaml'), 'driver')
+    driver = declared()['driver']
     reader = PROTOCOLS[arguments.protocol](time.time_ns)
     source = SerialSource(arguments.port, arguments.baud, reader)
-    clock = ClockMap(defaults['transport_delay'])
+    clock = ClockMap(driver['transport_delay'].default)
     progress = Progress()
-    writer = FrameWriter(arguments.output, arguments.storage, arguments.topic, defaults['frame_id'])
+    writer = FrameWriter(
+        arguments.output, arguments.storage, arguments.topic, driver['frame_id'].default
+    )
     output: Path = arguments.output
     made = [one for one in (output, *output.parents) if not one.exists()]
     begin_s = time.monotonic()

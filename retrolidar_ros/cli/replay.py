@@ -13,14 +13,13 @@ from pathlib import Path
 from retrolidar_ros.bag import FRAMES_TOPIC, read_frames
 from retrolidar_ros.cli.arguments import Subparsers
 from retrolidar_ros.settings.interrupts import interrupted_once
-from retrolidar_ros.settings.resources import shared_file
-from retrolidar_ros.settings.yaml_files import load_parameter_defaults
+from retrolidar_ros.settings.parameter import declared
 
-_DISCOVERY_S = 3.0  # until somebody listens, or not
+_DISCOVERY_S = 3.0  # until there is a subscriber, or not
 
 
 def rate(text: str) -> float:
-    """Parse how many times as fast."""
+    """Parse a replay rate."""
     with suppress(ValueError):
         if 0 < (value := float(text)) <= 1000:
             return value
@@ -56,10 +55,9 @@ def run(arguments: argparse.Namespace) -> int:
         from retrolidar_ros.nodes.qos import FRAME_QOS, publisher
     except ImportError as error:
         raise ValueError(f'replay needs ROS 2 and this package built for it: {error}') from error
-    defaults = load_parameter_defaults(shared_file('config/retrolidar.yaml'), 'driver')
-    frame_id = arguments.frame_id or defaults['frame_id']
+    frame_id = arguments.frame_id or declared()['driver']['frame_id'].default
     frames = read_frames(arguments.bag, arguments.topic)
-    first = next(frames)  # a bag that cannot be read is told of at once
+    first = next(frames)  # an unreadable bag is reported at once
     name = arguments.to or arguments.topic
     sent = 0
     rclpy.init(signal_handler_options=SignalHandlerOptions.NO)

@@ -25,8 +25,7 @@ from retrolidar_ros.detector.tracks import Track
 from retrolidar_ros.marker.code import PACKET_BITS
 from retrolidar_ros.sensor.clock import ClockMap
 from retrolidar_ros.sensor.frame import Frame, Recording
-from retrolidar_ros.sensor.protocols import PROTOCOLS
-from retrolidar_ros.sensor.serial_source import SerialSource
+from retrolidar_ros.sensor.serial_source import Received, SerialSource
 
 # The newest samples that are kept: a packet, and a bit or two as its end may be anywhere.
 _KEPT_BITS = PACKET_BITS + 3
@@ -44,10 +43,8 @@ class _Tally(NamedTuple):
 
     time_s: float
     frames: int
-    damaged: int
     restarts: int
-    received: int
-    withheld: int
+    received: Received
 
 
 class Watch:
@@ -72,7 +69,7 @@ class Watch:
         self._times: Counter[int] = Counter()
         self._heard_s = time.monotonic()
         self._notice, self._noticed_s = '', -math.inf
-        self._tallies = deque([_Tally(self._heard_s, 0, 0, 0, 0, 0)])
+        self._tallies = deque([_Tally(self._heard_s, 0, 0, source.received)])
 
     @property
     def frames(self) -> int:
@@ -127,16 +124,8 @@ class Watch:
     def snapshot(self) -> Snapshot:
         """Return a snapshot."""
         now_ns = time.monotonic_ns()
-        counts = self._source.reader.counts
-        damaged = counts.damaged + counts.unknown_kind
-        now = _Tally(
-            now_ns * 1e-9,
-            self.frames,
-            damaged,
-            self._clock.restarts,
-            self._source.received,
-            counts.withheld,
-        )
+        received = self._source.received
+        now = _Tally(now_ns * 1e-9, self.frames, self._clock.restarts, received)
         self._tallies.append(now)
         while self._tallies[1].time_s <= now.time_s - _RATE_S:
             self._tallies.popleft()
@@ -147,7 +136,7 @@ class Watch:
             rate_hz=(now.frames - then.frames) / max(now.time_s - then.time_s, 1e-3),
             frames=now.frames,
             lost=self._monitor.lost if self._monitor else 0,
-            damaged=damaged,
+            damaged=received.damaged,
         )
         if self._monitor is None or self._detector is None:
             return snapshot
@@ -159,7 +148,7 @@ class Watch:
             return f'{problem}; retrying'
         silence_s = now.time_s - self._heard_s
         if silence_s > _SILENCE_S:
-            return f'no frames come for {silence_s:.0f} s; {_reason(then, now)}'
+            return f'{now.received.silence(then.received)} ({silence_s:.0f} s)'
         if now.restarts - then.restarts > 1:
             return "the sensor's clock jumps again and again; are its times in microseconds?"
         if now.time_s - self._noticed_s < _NOTICE_S:
@@ -212,15 +201,3 @@ class Watch:
             last_rejected=detector.last_rejected,
             demands=detector.demands,
         )
-
-
-def _reason(then: _Tally, now: _Tally) -> str:
-    """Return why no frames have come since `then`."""
-    if now.withheld > then.withheld:
-        return 'those that come have no signal, which the sensor has been asked for'
-    if now.damaged > then.damaged:
-        return 'what comes is no frame of this protocol, or of another --baud'
-    if now.received > then.received:
-        protocols = ' or '.join(f'--protocol {name}' for name in PROTOCOLS)
-        return f'bytes come, but no frame ends: another --baud, {protocols}?'
-    return 'the sensor is silent: not started, or of another --baud'

@@ -123,9 +123,10 @@ def line(snapshot: Snapshot) -> str:
                 f'blinking {_decibels(snapshot.modulation_db[zone])}'
             )
     if snapshot.readings:
-        detection, age_s, *_ = min(snapshot.readings, key=lambda reading: reading.age_s)
+        detection, age_s, _, track = min(snapshot.readings, key=lambda reading: reading.age_s)
+        now = f', now at {track.place.range_m:.3f} m' if track else ''
         parts.append(
-            f'last ID {detection.id} at {detection.place.range_m:.3f} m, {age_s:.1f} s ago'
+            f'last ID {detection.id} at {detection.place.range_m:.3f} m, {age_s:.1f} s ago{now}'
         )
     return '; '.join(parts)
 
@@ -214,7 +215,8 @@ def _readings(snapshot: Snapshot) -> list[str]:
     newest = sorted(snapshot.readings, key=lambda reading: reading.age_s)[:_READINGS]
     lines = [
         *_rejected(snapshot),
-        'read   ID  times  s ago  range [m]  score  SNR [dB]  corrected  packets  zones',
+        'read   ID  times  s ago  range [m]  score  SNR [dB]  corrected  packets  zones'
+        + ('    * now' if any(one.track for one in newest) else ''),
     ]
     # By ID, so that they stay where they are.
     for detection, age_s, times, track in sorted(newest, key=lambda one: one.detection.id):

@@ -1,6 +1,6 @@
 # Copyright 2026 retrolidar_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""Readings that count only if others agree: what happens once may be chance."""
+"""Readings count only if others agree with them: a single one may be a false ID."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ _MAX_SPEED = 1.0  # of a marker along the line of sight [m/s]
 
 
 class Agreement:
-    """Passes a reading on if enough agree with it, itself included."""
+    """Confirms a reading once enough readings agree, itself included."""
 
     def __init__(self, min_readings: int) -> None:
         """Begin without any reading; 1 = all pass.
@@ -34,14 +34,14 @@ class Agreement:
         )
         self._passed_ns: dict[int, int] = {}
         self.passed = self.withheld = 0
-        """How many readings did, and did not."""
+        """Counts of readings that were confirmed, and withheld."""
 
     def confirmed(self, detections: Sequence[Detection]) -> list[Detection]:
-        """Return those of new readings with which enough agree."""
+        """Return the new readings that are confirmed."""
         return [one for one in detections if self._is_confirmed(one)]
 
     def followed(self, tracks: Sequence[Track]) -> list[Track]:
-        """Return those of tracks of which a reading was passed on."""
+        """Return the tracks of markers with a confirmed reading."""
         passed_ns = self._passed_ns
         return [one for one in tracks if one.id in passed_ns and passed_ns[one.id] >= one.first_ns]
 

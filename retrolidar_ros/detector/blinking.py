@@ -1,6 +1,6 @@
 # Copyright 2026 retrolidar_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""Modulation of every zone, and the newest bits of one, without any decision."""
+"""Modulation of every zone, and the newest bits of one zone, before any detection."""
 
 from __future__ import annotations
 
@@ -14,11 +14,11 @@ from retrolidar_ros.marker.code import IDS, PACKET_BITS, RESERVED_IDS, packet
 from retrolidar_ros.sensor.frame import Floats, Recording, valid_samples
 from retrolidar_ros.sensor.noise import NoiseLaw
 
-# Alignments of bits that are tried: end of the last bit, and error of the clock.
+# Alignments of bits that are tried: end of the last bit, and clock error.
 _PHASES = np.arange(8) / 8
 _CLOCKS = 1 + 0.007 * np.arange(-4, 5)
 # Minimum number of valid samples of a bit, of two; with fewer it is erased.
-_LEAST_VALID = 0.5
+_MIN_VALID = 0.5
 # Iterations of the level between dark and bright.
 _ROUNDS = 5
 
@@ -157,7 +157,7 @@ class BitReader:
         count = share.sum(axis=-1)
         total = share @ samples.signal[:, zone]
         signal = np.full(count.shape, np.nan)
-        np.divide(total, count, out=signal, where=count > _LEAST_VALID)
+        np.divide(total, count, out=signal, where=count > _MIN_VALID)
         known = ~np.isnan(signal)
         number = np.maximum(known.sum(axis=-1), 1)
         mean = np.nansum(signal, axis=-1) / number

@@ -1,6 +1,6 @@
 # Copyright 2026 retrolidar_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""Which zones blink, how strongly, and by what clock, without parameters.
+"""Which zones blink, how strongly, and with which bit period, without any parameter.
 
 What blinks with a clock changes at multiples of a bit only. So the squares of the steps from one
 sample to the next have a line in their spectrum at one over the bit period (Oerder and Meyr,
@@ -20,23 +20,23 @@ from retrolidar_ros.sensor.frame import Floats, Recording
 from retrolidar_ros.sensor.noise import NoiseLaw
 
 BLINKING_DB = 3.0
-"""A zone of less is not said to blink: noise alone may reach it."""
-LEAST_FRAMES = 64
+"""Minimum modulation of a blinking zone: noise alone may reach less [dB]."""
+MIN_FRAMES = 64
 """Frames that a bit period is estimated from."""
 # A bit is sought that lasts so many frames at most; there is no line where it lasts less than two.
-_MOST_FRAMES = 9
+_MAX_FRAMES = 9
 # A line of noise is 1 high on average; this is less than what one in thousands of them reaches.
 _NOISE_LINE = 8.0
 _WEAKEST_FIRST = 0.1  # of the strongest of its lines is the first one of a true period
 _APART = 0.03
 _CANDIDATES = 4
 SURE = 10.0
-"""Strength of a line that is no chance."""
+"""Minimum strength of a spectral line that is not noise."""
 _SPANS = (1, 2, 4)  # frames that are averaged: the more, the fainter and slower what is found
 
 
 class Period(NamedTuple):
-    """A bit period that a zone may blink by."""
+    """A possible bit period of a blinking zone."""
 
     bit_period_s: float
     strength: float
@@ -48,20 +48,20 @@ class BlinkingZone(NamedTuple):
 
     zone: int
     modulation_db: float
-    """As the SNR of a marker that varied so."""
+    """The SNR of a marker with this variation [dB]."""
     contrast: float
-    """By what share of its most light it varies."""
+    """Its variation as a share of its largest signal."""
     periods: tuple[Period, ...]
-    """As a clock shows, likeliest first; none where nothing has one."""
+    """Possible bit periods, likeliest first; empty if there is no bit clock."""
 
     @property
     def is_clocked(self) -> bool:
-        """Whether it blinks by some clock."""
+        """Whether it has a bit clock."""
         return bool(self.periods) and self.periods[0].strength >= SURE
 
 
 def blinking_zones(recording: Recording, law: NoiseLaw) -> list[BlinkingZone]:
-    """Return the zones of two frames or more that vary beyond noise there, strongest first."""
+    """Return the zones that vary more than noise in two or more frames, strongest first."""
     samples = Samples.of(recording)
     blinking = modulation_db(samples, law)
     mean = samples.signal.sum(axis=0) / np.maximum(samples.valid.sum(axis=0), 1)
@@ -79,16 +79,16 @@ def blinking_zones(recording: Recording, law: NoiseLaw) -> list[BlinkingZone]:
 
 
 def bit_periods(recording: Recording, samples: Samples, zone: int) -> tuple[Period, ...]:
-    """Return the bit periods that a zone may blink by, likeliest first; none of too few frames."""
-    if len(recording) < LEAST_FRAMES:
+    """Return the possible bit periods of a zone, likeliest first; none for too few frames."""
+    if len(recording) < MIN_FRAMES:
         return ()
     time_s = recording.stamp_ns * 1e-9
     step_s = np.diff(time_s)
     usual_s = np.median(step_s)
-    if step_s.min() < 0 or not usual_s:  # a replay that began again, or a clock that stands
+    if step_s.min() < 0 or not usual_s:  # the replay restarted, or the clock stands still
         return ()
     number = np.cumsum(np.concatenate([[0], np.maximum(np.rint(step_s / usual_s), 1)]))
-    if number[-1] > 4 * len(number):  # a pause: there is no one grid of frames
+    if number[-1] > 4 * len(number):  # a pause: frames are not on one time grid
         return ()
     frame = number.astype(np.intp)
     period_s = (time_s[-1] - time_s[0]) / frame[-1]
@@ -131,10 +131,10 @@ def _spectrum(signal: Floats, valid: NDArray[np.bool_], span: int) -> tuple[Floa
 def _periods(frequency: Floats, power: Floats, span: int, period_s: float) -> list[Period]:
     """Return the bit periods whose lines, with their harmonics, are the strongest."""
     last = len(power) - 1
-    lines = np.arange(2 * last // _MOST_FRAMES, int(2 * last / max(1.5 * span, 2.0)) + 1)
+    lines = np.arange(2 * last // _MAX_FRAMES, int(2 * last / max(1.5 * span, 2.0)) + 1)
     strongest = power[lines].copy()
     strength = strongest - _NOISE_LINE
-    for harmonic in range(2, _MOST_FRAMES // 2 + 1):
+    for harmonic in range(2, _MAX_FRAMES // 2 + 1):
         index = lines * harmonic
         inside = index <= last
         strength[inside] += power[index[inside]] - _NOISE_LINE

@@ -18,15 +18,15 @@ class Demands(NamedTuple):
     """Thresholds of log likelihood ratios [nats]."""
 
     evidence: float
-    """Minimum, against noise and a wandering level."""
+    """Minimum ratio to noise and a wandering level."""
     wandering: float
-    """Added to it where the level wanders as well."""
+    """Added to it where the level wanders."""
     word: float
-    """Maximum by which another sequence of bits may be likelier."""
+    """Maximum log likelihood ratio of another bit sequence."""
     margin: float
-    """Minimum, against any other ID."""
+    """Minimum ratio to any other ID."""
     margin_of_more: float
-    """The same where more packets may follow, so that a doubtful one can wait."""
+    """The same if more packets may follow: then an ambiguous one can wait."""
 
 
 def demands(false_ids_per_hour: float, *, zones: int, words: int, bit_s: float) -> Demands:

@@ -1,6 +1,6 @@
 # Copyright 2026 retrolidar_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""A detector that keeps what is needed to explain why less was read than could be."""
+"""A detector that keeps the newest frames, to explain why markers are not read."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from retrolidar_ros.detector.parameters import detector_of, known_markers, regis
 from retrolidar_ros.detector.tracks import Track
 from retrolidar_ros.sensor.frame import Frame, Recording
 
-_KEPT = 2048  # newest frames, which are looked at
+_KEPT = 2048  # newest frames that are explained
 
 
 class Decoding:
@@ -34,7 +34,7 @@ class Decoding:
         self._rejected: dict[int, Candidate] = {}  # the best of each zone
         self._read: list[Detection] = []
         self.detections: list[Detection] = []
-        """With which enough agree, of the frames so far; of the last grid of zones only."""
+        """Confirmed detections so far, of the last zone grid."""
 
     def detect(self, frames: Iterable[Frame]) -> Iterator[Detection]:
         """Yield the detections in frames as they become certain."""

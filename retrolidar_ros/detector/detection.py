@@ -55,7 +55,7 @@ class DetectorCounts:
     rejected: Counter[str] = field(default_factory=Counter)
     """Candidates that were rejected, by reason."""
     impossible: int = 0
-    """Samples of a normal status with an impossible signal or distance: erasures."""
+    """Samples of a valid status with an impossible signal or distance; they are erasures."""
     overloads: int = 0
     """Frames with too many candidates, of which the least likely were dropped."""
 

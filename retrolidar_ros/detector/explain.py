@@ -1,6 +1,6 @@
 # Copyright 2026 retrolidar_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""Why less was read of a recording than could be: each remedy is tried before it is advised."""
+"""Why markers of a recording are not read. Each remedy is tried before it is advised."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from retrolidar_ros.detector.blinking_zones import (
-    LEAST_FRAMES,
+    MIN_FRAMES,
     BlinkingZone,
     blinking_zones,
 )
@@ -29,20 +29,20 @@ from retrolidar_ros.sensor.model import Status
 from retrolidar_ros.sensor.noise import NoiseLaw
 
 _TRIED_ON = 640  # newest frames
-_MOST_ZONES = 4
-_MOST_NOISE = 2.0  # times what it is said to be
-_FEW = 0.5  # of the packets of a marker that was read
+_MAX_ZONES = 4
+_MAX_NOISE = 2.0  # times the configured value
+_FEW = 0.5  # share of a marker's packets
 _GLASS_M = 0.05
 _FAINTER_DB = 12.0
 _STANDS_OUT = 5.0
 _FLICKER = 0.1  # of the ambient light, from frame to frame
 _FLAT = 0.15
 _TWO_FRAMES = 1.9
-_LEAST_SEEN = 0.25  # of the zones, to tell their noise
+_MIN_SEEN = 0.25  # of the zones, to tell their noise
 
 
 class Explanation:
-    """What speaks for it that more could be read of a recording."""
+    """Evidence that more markers could be read from a recording."""
 
     def __init__(
         self,
@@ -72,8 +72,8 @@ class Explanation:
         self._explained = self._seen(self._detections)
 
     def findings(self) -> list[Finding]:
-        """Return why less was read than could be; none if nothing speaks for it."""
-        if len(self.recording) < LEAST_FRAMES:
+        """Return why markers are not read; empty without evidence that they could be."""
+        if len(self.recording) < MIN_FRAMES:
             packet_s, frames = PACKET_BITS * self._bit_s, len(self.recording)
             few = finding(Cause.FEW_FRAMES, frames=frames, packet_s=packet_s)
             return [] if self._detections else [few]
@@ -88,7 +88,7 @@ class Explanation:
             reasons = self._unregistered() or self._patience(0)
             result += reasons or self._unread(self.zones) or [self._nothing()]
         elif self.zones:
-            # What blinks much fainter than a marker may be its light, thrown back by something.
+            # A much fainter zone may show a reflection of the marker.
             least_db = self.zones[0].modulation_db - _FAINTER_DB
             clocked = [one for one in self.zones if one.is_clocked and one.modulation_db > least_db]
             result += self._unread(clocked)
@@ -108,7 +108,7 @@ class Explanation:
         return detector.update_all(recording)
 
     def _seen(self, detections: Iterable[Detection]) -> set[int]:
-        """Return the zones that blink by detections, and those beside them."""
+        """Return the zones of detections, and their neighbours."""
         zones = {zone for one in detections for zone in one.zones}
         return set(np.flatnonzero(self._near[sorted(zones)].any(axis=0)).tolist())
 
@@ -120,7 +120,7 @@ class Explanation:
         duration_s = (self.recording.stamp_ns[-1] - self.recording.stamp_ns[0]) * 1e-9
         sent = int(duration_s / (PACKET_BITS * bit_s))
         few = read < _FEW * sent
-        # A single one beside others may be no marker's; alone, of some other bit period.
+        # A single reading beside others may be a false ID; alone, it may have another bit period.
         if (read == 1 and len(self._ids()) > 1) or not (few or (len(own) == 1 and sent > 2)):
             return None
         zone = next((one for one in self.zones if one.zone in own[0].zones), None)
@@ -138,18 +138,18 @@ class Explanation:
         return finding(Cause.FEW_READ, ids=identity, read=read, sent=sent)
 
     def _is_another(self, bit_s: float) -> bool:
-        """Return whether a bit period is another than that which was told."""
+        """Return whether a bit period differs from the configured one."""
         return bool(abs(bit_s / self._bit_s - 1) > CAPTURED / 2)
 
     def _likely(self, zone: BlinkingZone) -> list[float]:
-        """Return the bit periods of which the clocks of a zone may be [s]."""
+        """Return the possible bit periods of a zone [s]."""
         return candidates((one.bit_period_s for one in zone.periods), self._frame_s)
 
     def _by(self, recording: Recording, bit_s: float) -> list[Detection]:
         return self._read(recording, bit_period=bit_s)
 
     def _patience(self, read: int) -> list[Finding]:
-        """Return that combining packets reads more than so many packets, if it does."""
+        """Return that a larger max_packets reads more, if it does."""
         packets = self._values['max_packets']
         if packets == MAX_PACKETS:
             return []
@@ -160,7 +160,7 @@ class Explanation:
         return [finding(Cause.MAX_PACKETS, ids=ids, packets=packets)]
 
     def _unregistered(self) -> list[Finding]:
-        """Return which IDs are there that were not to come."""
+        """Return which unregistered IDs are seen."""
         if not registered(self._values, self._known):
             return []
         read = self._read(self.recording, registered_ids=[], only_registered=False)
@@ -171,7 +171,7 @@ class Explanation:
         """Return why zones that blink are not read."""
         result: list[Finding] = []
         for zone in zones:
-            if zone.zone not in self._explained and len(result) < _MOST_ZONES:
+            if zone.zone not in self._explained and len(result) < _MAX_ZONES:
                 self._explained.add(zone.zone)
                 if found := self.why(zone, self._trials):
                     result.append(found)
@@ -214,7 +214,7 @@ class Explanation:
         return finding(Cause.NO_ID, tried=named_periods([self._bit_s, *tried_s]), **values)
 
     def _nothing(self) -> Finding:
-        """Return that nothing blinks, or which zone may see a marker that does not."""
+        """Return that nothing blinks, or which zone may see a marker at rest."""
         signal = np.median(self.recording.signal, axis=0)
         if signal.max() < _STANDS_OUT * max(float(np.median(signal)), 1.0):
             return finding(Cause.NO_BLINKING)
@@ -222,12 +222,12 @@ class Explanation:
 
 
 def is_near(periods_s: Iterable[float], *others_s: float) -> bool:
-    """Return whether one of bit periods is taken for one of others by a detector."""
+    """Return whether a detector reads one of some bit periods as one of others."""
     return any(abs(one / other - 1) < 1.5 * CAPTURED for one in periods_s for other in others_s)
 
 
 def period_finding(zone: int, blinks_db: float, trial: Trial, bit_s: float) -> Finding:
-    """Return that what a trial read in a zone needs another bit period [s] than a detector has."""
+    """Return that a trial reads a zone with another bit period than the configured one [s]."""
     return finding(
         Cause.BIT_PERIOD,
         zone=zone,
@@ -240,7 +240,7 @@ def period_finding(zone: int, blinks_db: float, trial: Trial, bit_s: float) -> F
 
 
 def rate_findings(frame_s: float, bit_s: float) -> list[Finding]:
-    """Return that a bit does not last one to eight frames, if it does not; periods in [s]."""
+    """Return that a bit does not last one to eight frames, if so; periods in [s]."""
     frames = bit_s / frame_s
     if FRAMES_A_BIT[0] <= frames <= FRAMES_A_BIT[1]:
         return []
@@ -248,23 +248,23 @@ def rate_findings(frame_s: float, bit_s: float) -> list[Finding]:
 
 
 def _noise_scale(recording: Recording, law: NoiseLaw) -> float:
-    """Return by how many times the quietest quarter of zones varies more than a law says."""
+    """Return the variance of the quietest quarter of zones over that of a noise law."""
     valid, _ = valid_samples(recording.signal, recording.distance, recording.status)
     signal = recording.signal.astype(np.float64)
     pairs = valid[1:] & valid[:-1]
     count = pairs.sum(axis=0)
-    if np.count_nonzero(count > LEAST_FRAMES // 2) < _LEAST_SEEN * len(count):
+    if np.count_nonzero(count > MIN_FRAMES // 2) < _MIN_SEEN * len(count):
         return 1.0
     steps: Floats = np.where(pairs, np.diff(signal, axis=0), 0.0)
     mean = (signal * valid).sum(axis=0) / np.maximum(valid.sum(axis=0), 1)
     scale = (steps**2).sum(axis=0) / np.maximum(count, 1) / 2 / law.variance(mean)
-    return float(np.quantile(scale[count > LEAST_FRAMES // 2], 0.25))
+    return float(np.quantile(scale[count > MIN_FRAMES // 2], 0.25))
 
 
 def _surroundings(recording: Recording, scale: float) -> list[Finding]:
     """Return what is wrong with the noise and the light."""
     result = []
-    if not 1 / _MOST_NOISE < scale < _MOST_NOISE:
+    if not 1 / _MAX_NOISE < scale < _MAX_NOISE:
         result.append(finding(Cause.NOISE, scale=scale))
     with np.errstate(invalid='ignore'):
         near = np.flatnonzero((recording.distance < _GLASS_M).mean(axis=0) > _FEW).tolist()

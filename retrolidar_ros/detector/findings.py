@@ -1,6 +1,6 @@
 # Copyright 2026 retrolidar_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""Why less is read than could be: what was found, and the one sentence that says it."""
+"""Why markers are not read: causes, and one sentence for each."""
 
 from __future__ import annotations
 
@@ -9,11 +9,11 @@ from enum import Enum
 from typing import Any, NamedTuple
 
 _DARKER = 'check polarisers and voltage, or go farther away if so much light saturates the sensor'
-_MOST_NAMED = 4
+_MAX_NAMED = 4
 
 
 class Cause(Enum):
-    """Why something is not read, and as a template the sentence with its remedy."""
+    """A cause; its value is the template of the sentence with the remedy."""
 
     FEW_FRAMES = '{frames} frames are too few: a packet takes {packet_s:.1f} s'
     STAMPS = 'the stamps of the frames stand still: record again with a clock that runs'
@@ -76,7 +76,7 @@ class Cause(Enum):
 
 
 class Finding(NamedTuple):
-    """One cause, and the values of its sentence."""
+    """A cause, and the values in its sentence."""
 
     cause: Cause
     values: dict[str, Any]
@@ -93,14 +93,14 @@ def finding(cause: Cause, **values: Any) -> Finding:
 
 def named_zones(zones: Sequence[int]) -> str:
     """Return a list of zones for a sentence."""
-    others = len(zones) - _MOST_NAMED
-    text = f'zone {", ".join(map(str, zones[:_MOST_NAMED]))}'
+    others = len(zones) - _MAX_NAMED
+    text = f'zone {", ".join(map(str, zones[:_MAX_NAMED]))}'
     return text + (f' and {others} more' if others > 0 else '')
 
 
 def named_periods(periods_s: Sequence[float]) -> str:
     """Return bit periods that were tried for a sentence: all if they are few, else a range."""
-    if len(periods_s) <= _MOST_NAMED:
+    if len(periods_s) <= _MAX_NAMED:
         return f'{", ".join(f"{1e3 * one:.1f}" for one in periods_s)} ms'
     first_s, *others_s = periods_s
     least, most = (f'{1e3 * of(others_s):.0f}' for of in (min, max))

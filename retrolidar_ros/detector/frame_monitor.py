@@ -1,6 +1,6 @@
 # Copyright 2026 retrolidar_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""Whether frames come as a detector needs them, and whether what blinks in them is read."""
+"""Whether frames come as a detector needs them, and whether blinking zones are read."""
 
 from __future__ import annotations
 
@@ -24,9 +24,9 @@ from retrolidar_ros.marker.known_markers import KnownMarker
 from retrolidar_ros.sensor.frame import Frame, Recording, ZoneGrid
 from retrolidar_ros.sensor.frame_rate import RATE_FRAMES, missing_frames
 
-_KEPT = 320  # a packet of nine frames a bit
-_LEAST_KEPT = 128
-# A zone that varies by less may do so by something that moves far away, or by noise.
+_KEPT = 320  # a packet with nine frames a bit
+_MIN_KEPT = 128
+# Below this, something that moves far away, or noise, may be the cause.
 _CLEARLY_DB = 6.0
 # For so long a zone may blink unread by other bits, and for so many packets by the right ones: a
 # detector combines eight.
@@ -39,34 +39,34 @@ _HASTY = 9  # first trials
 
 
 class FrameMonitor:
-    """Counts frames, and watches the newest of them for what blinks without being read."""
+    """Counts frames, and looks for blinking zones that are not read in the newest."""
 
     def __init__(self, grid: ZoneGrid) -> None:
         """Begin with no frame of `grid`."""
         self.frames = 0
         self.lost = 0
-        """Frames that the sequence counter says were sent, and that never came."""
+        """Frames that were sent, by the sequence counter, and never came."""
         self.unsent = 0
-        """Frames that the counter misses, too, but that the node before this one did not send."""
+        """Frames that are missing because the node before this one did not send them."""
         self.repeated = 0
         """Frames that came a second time, and were left out."""
         self.reversed = 0
-        """Frames with a counter before the last one: a sensor restarted, or there are two."""
+        """Frames with a lower counter than the one before: a sensor restarted, or there are two."""
         self.newest: deque[Frame] = deque(maxlen=_KEPT)
         self.restart(grid)
 
     def restart(self, grid: ZoneGrid) -> None:
-        """Forget the newest frames, not the counts: others follow, of another grid maybe."""
+        """Forget the newest frames, not the counts; the next ones may have another grid."""
         self.newest.clear()
         self._recording: Recording | None = None  # of those that came before the last look,
         self._fresh = 0  # and how many have come since
         self._near = adjacency(grid)
         self._explained_ns = np.zeros(grid.zones, dtype=np.int64)
         self._looked_ns = 0
-        self._zone: BlinkingZone | None = None  # which blinks unread,
-        self._trials: list[Trial] = []  # what was tried,
-        self._finding: Finding | None = None  # what came of it,
-        self._until_ns = 0  # and how long that holds, though the zone is read now and then
+        self._zone: BlinkingZone | None = None  # the zone that blinks and is not read,
+        self._trials: list[Trial] = []  # the trials,
+        self._finding: Finding | None = None  # their result,
+        self._until_ns = 0  # and until when it holds, even if the zone is read now and then
 
     def take(self, frame: Frame, max_lost: int | None = None) -> bool:
         """Count a frame; return whether it is a new one.
@@ -121,7 +121,7 @@ class FrameMonitor:
         Each call may try one bit period, where the markers may come that a detector of `values`
         reads.
         """
-        if len(self.newest) < _LEAST_KEPT:
+        if len(self.newest) < _MIN_KEPT:
             return None
         now_ns = self.newest[-1].stamp_ns
         wait_s = _LOOKING_S[len(self._trials) >= _HASTY]

@@ -28,7 +28,7 @@ from retrolidar_ros.sensor.frame import Frame, Recording, ZoneGrid
 from retrolidar_ros.sensor.model import SensorModel
 
 # Capacity in frames: eight packets at two frames a bit, or one at more than thirty.
-_LEAST_HELD = 1100
+_MIN_HELD = 1100
 
 
 class Reason(str, Enum):
@@ -107,7 +107,7 @@ class LikelihoodDetector:
             {
                 'sensor': core_sensor(sensor, self._grid)[0],
                 'max_packets': max_packets,
-                'kept': _LEAST_HELD,
+                'kept': _MIN_HELD,
                 'bit_s': bit_period_s,
                 **self.demands._asdict(),
             },

@@ -1,6 +1,6 @@
 # Copyright 2026 retrolidar_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""Pose of a marker with covariance, from its bearing and its range."""
+"""Pose of a marker with covariance, from bearing and range."""
 
 from __future__ import annotations
 

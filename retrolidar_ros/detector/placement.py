@@ -1,23 +1,23 @@
 # Copyright 2026 retrolidar_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""What the core says of a marker's place: of a reading as a detection, and of samples."""
+"""The place of a reading, as the core computes it."""
 
 from __future__ import annotations
 
 import math
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
-from retrolidar_ros.core import array, ffi, lib
+from retrolidar_ros.core import ffi, lib
 from retrolidar_ros.detector.detection import Detection
 from retrolidar_ros.detector.place import Bearing, place
-from retrolidar_ros.sensor.frame import Floats, ZoneGrid
-from retrolidar_ros.sensor.model import VL53L8CX, SensorModel
+from retrolidar_ros.sensor.frame import ZoneGrid
+from retrolidar_ros.sensor.model import SensorModel
 
 
 def core_sensor(sensor: SensorModel, grid: ZoneGrid) -> Any:
-    """Return a sensor with such zones, as the core knows it."""
+    """Return the core's struct of a sensor with these zones."""
     meaning = np.full(256, lib.RL_INVALID)
     meaning[list(sensor.valid)] = lib.RL_VALID
     meaning[list(sensor.nothing)] = lib.RL_NOTHING
@@ -48,7 +48,7 @@ class Placer:
         """Prepare for frames of `grid`, the zones of a sensor."""
         self._core = core
         self._grid = grid
-        # The quantisation noise is the least that a residual can be.
+        # No residual is below the quantisation noise.
         self._least_amplitude = sensor.signal_step / math.sqrt(12)
         self._placement = ffi.new('struct rl_placement *')
 
@@ -84,44 +84,3 @@ class Placer:
             packets=reading.packets,
             zones=zones,
         )
-
-
-class Depth(NamedTuple):
-    """Of a marker, along the optical axis."""
-
-    depth_m: float
-    variance: float
-    """[m²]"""
-    time_s: float
-    """When it holds."""
-
-
-def modulated_depth(
-    begin_s: Floats, end_s: Floats, light: Floats, valid: Floats, signal: Floats, distance: Floats
-) -> Depth | None:
-    """Return how far a marker is from a VL53L8CX, as the core finds it; None without distances.
-
-    Parameters
-    ----------
-    begin_s, end_s : array, shape (samples,)
-        Of each exposure [s].
-    light : array, shape (samples,)
-        How bright the marker was, 0 to 1.
-    valid : array, shape (samples,)
-        Which samples are.
-    signal : array, shape (samples,)
-        [kcps/SPAD]
-    distance : array, shape (samples,)
-        [m], NaN where there was no target.
-    """
-    times = {'begin_s': begin_s, 'end_s': end_s, 'light': light}
-    held = {name: array('double', values) for name, values in times.items()}
-    held['valid'] = array('uint8_t', valid)
-    held['signal'], held['distance'] = array('float', signal), array('float', distance)
-    rows = len(light)
-    sensor = core_sensor(VL53L8CX, ZoneGrid())
-    seen = ffi.new('struct rl_seen *', {'sensor': sensor, 'rows': rows, **held})
-    found = ffi.new('struct rl_ranged *')
-    if not lib.rl_ranging(seen, ffi.new('float[]', rows), ffi.new('uint8_t[]', rows), found):
-        return None
-    return Depth(found.depth_m, found.variance, found.time_s)

@@ -1,6 +1,6 @@
 # Copyright 2026 retrolidar_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""Candidates that were rejected, less those that lost to a packet that was read."""
+"""Rejected candidates, without those that a packet that was read explains."""
 
 from __future__ import annotations
 
@@ -16,13 +16,13 @@ if TYPE_CHECKING:
     from retrolidar_ros.detector.detection import Detection
     from retrolidar_ros.detector.likelihood_detector import Candidate
 
-_SETTLED_PACKETS = 1.5  # after it was judged, whatever would explain a candidate has been read
+_SETTLED_PACKETS = 1.5  # by then, any packet that explains a candidate has been read
 _SLACK = 0.1  # of a packet
-_READ = 256  # newest readings, beside which candidates are held
+_READ = 256  # newest readings that candidates are compared with
 
 
 def adjacency(grid: ZoneGrid) -> np.ndarray[tuple[int, int], np.dtype[np.bool_]]:
-    """Return which zones touch, or are the same, shape (zones, zones)."""
+    """Return which zones are the same or neighbours, shape (zones, zones)."""
     place = np.stack(np.divmod(np.arange(grid.zones), grid.columns))
     near: np.ndarray[tuple[int, int], np.dtype[np.bool_]] = (
         np.abs(place[:, :, None] - place[:, None]).max(axis=0) <= 1
@@ -31,7 +31,7 @@ def adjacency(grid: ZoneGrid) -> np.ndarray[tuple[int, int], np.dtype[np.bool_]]
 
 
 class Rejections:
-    """Counts a rejected candidate when it is certain that its light was not read as a packet."""
+    """Counts rejected candidates, once it is certain that no packet explains them."""
 
     def __init__(self, grid: ZoneGrid) -> None:
         """Begin at zero."""
@@ -43,13 +43,13 @@ class Rejections:
         self._read: deque[Detection] = deque(maxlen=_READ)
 
     def take(self, candidates: list[Candidate], detections: list[Detection], now_ns: int) -> None:
-        """Take what was judged and what was read with a frame."""
+        """Take the candidates and the readings of a frame."""
         self.settle(now_ns)
         self._pending += ((now_ns, one) for one in candidates if one.reason is not None)
         self._read += detections
 
     def settle(self, now_ns: int) -> None:
-        """Count what was judged for long enough before a time, and is not explained."""
+        """Count the candidates that are old enough and not explained."""
         while self._pending:
             judged_ns, one = self._pending[0]
             packet_ns = PACKET_BITS * one.bit_period_s * 1e9

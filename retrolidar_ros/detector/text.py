@@ -7,6 +7,8 @@ from __future__ import annotations
 import json
 import math
 
+import numpy as np
+
 from retrolidar_ros.detector import Detection
 from retrolidar_ros.detector.tracks import Track
 
@@ -62,8 +64,9 @@ def to_text(detection: Detection) -> str:
 
 def track_to_json(track: Track) -> str:
     """Return a track as one line of JSON: metres, metres a second, nats, seconds of ROS time."""
-    names = 'x', 'y', 'z', 'vx', 'vy', 'vz'
-    values = *track.place.position_m.tolist(), *track.velocity.tolist()
+    names = 'x', 'y', 'z', 'x_stddev', 'y_stddev', 'z_stddev', 'vx', 'vy', 'vz'
+    deviations_m = np.sqrt(np.diag(track.place.covariance)[:3])
+    values = np.concatenate([track.place.position_m, deviations_m, track.velocity]).tolist()
     return json.dumps(
         {
             'stamp': track.stamp_ns * 1e-9,
@@ -86,7 +89,8 @@ def track_to_text(track: Track) -> str:
     """Return a track as one line under `TRACK_HEADER`; its speed is that along the range."""
     place = track.place
     x, y, z = place.position_m.tolist()
-    speed = float(track.velocity @ place.position_m) / place.range_m
+    # Rounded, and no minus before zero.
+    speed = round(float(track.velocity @ place.position_m) / place.range_m, 3) + 0.0
     return (
         f'{track.stamp_ns * 1e-9:17.3f}  {track.id:4d}  {x:7.3f}  {y:7.3f}  {z:7.3f}  '
         f'{place.range_m:9.4f}  {place.range_stddev_m:10.4f}  {speed:11.3f}  {track.presence:8.1f}'

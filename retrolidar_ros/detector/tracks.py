@@ -1,6 +1,6 @@
 # Copyright 2026 retrolidar_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""Markers that are followed once they are read: a place with every frame.
+"""Tracks: the place of every marker that was read, at every frame.
 
 The core (`core/src/retrolidar_tracks.h`) follows them; here its results become tracks.
 """

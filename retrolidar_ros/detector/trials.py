@@ -1,6 +1,6 @@
 # Copyright 2026 retrolidar_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""Bit periods that are not known, tried in the detector: what it reads is so.
+"""Trials of bit periods: the detector tells which one reads.
 
 What blinks by bits shorter than two frames looks as if it blinked by longer ones (an alias), and
 by bits of one frame it has no clock that could be seen. Only the detector tells.
@@ -20,9 +20,9 @@ from retrolidar_ros.sensor.frame import Recording
 from retrolidar_ros.sensor.frame_rate import FRAMES_A_BIT
 
 Read = Callable[[Recording, float], list[Detection]]
-"""What is read of a recording by a bit period [s]."""
+"""Reads a recording with a bit period [s]."""
 CAPTURED = 0.02
-"""A detector looks for bit periods so near to its own, and for some that are farther."""
+"""Relative difference up to which a detector finds a bit period, and that of farther trials."""
 # Frames a bit, 5 % apart, nearest to two first.
 _GRID = sorted(np.geomspace(1.0, 9.0, 46).tolist(), key=lambda frames: abs(np.log2(frames / 2)))
 _ROUNDS, _SAME = 2, 0.003
@@ -30,24 +30,24 @@ _SURE = 0.4  # of a recording
 
 
 class Trial(NamedTuple):
-    """What was read by a bit period."""
+    """The detections of a recording with a bit period."""
 
     tried_s: float
     detections: list[Detection]
 
     @property
     def bit_period_s(self) -> float:
-        """As measured by what was read [s]; that of the trial if nothing was."""
+        """As measured by the detections [s]; that of the trial if there are none."""
         measured_s = [one.bit_period_s for one in self.detections]
         return float(np.median(measured_s)) if measured_s else self.tried_s
 
     @property
     def evidence(self) -> float:
-        """Sum over all that was read [nats]."""
+        """Sum over its detections [nats]."""
         return sum(one.evidence for one in self.detections)
 
     def within(self, zone: int) -> Trial:
-        """Return what was read in a zone."""
+        """Return the detections in a zone."""
         return self._replace(detections=[one for one in self.detections if zone in one.zones])
 
     def is_sure(self, recording: Recording) -> bool:
@@ -62,7 +62,7 @@ class Trial(NamedTuple):
 
 
 def best(done: Iterable[Trial], recording: Recording, likely_s: list[float]) -> Trial | None:
-    """Return the trial that has read most of a recording; None if none can be trusted.
+    """Return the trial with the most evidence; None if none can be trusted.
 
     One reading is trusted where a clock speaks for its bit period, too.
     """
@@ -92,14 +92,14 @@ def candidates(clocks_s: Iterable[float], frame_s: float) -> list[float]:
 
 
 def every(frame_s: float) -> list[float]:
-    """Return all bit periods that frames every `frame_s` may show [s]."""
+    """Return all bit periods that frames every `frame_s` can show [s]."""
     return [frames * frame_s for frames in _GRID]
 
 
 def trials(
     recording: Recording, periods_s: Iterable[float], read: Read, refused_s: Iterable[float] = ()
 ) -> Iterator[Trial]:
-    """Read a recording by bit periods, but by none that is near to another or a refused one [s]."""
+    """Read a recording with bit periods [s], except those near to others or refused ones."""
     tried = [*refused_s]
     for bit_s in periods_s:
         if not _is_among(bit_s, tried):
@@ -108,7 +108,7 @@ def trials(
 
 
 def _refined(recording: Recording, bit_s: float, read: Read) -> Trial:
-    """Read by a bit period, and again by what it is found to be."""
+    """Read with a bit period, and again with the measured one."""
     trial = Trial(bit_s, read(recording, bit_s))
     for _ in range(_ROUNDS):
         measured_s = trial.bit_period_s

@@ -22,7 +22,6 @@ PACKET_BITS: int = lib.RL_PACKET_BITS
 IDS = 1 << ID_BITS
 MAX_CORRECTED_BITS = (int(lib.RL_WORD_DISTANCE) - 1) // 2
 BIT_PERIOD_S = 0.042  # two 21 ms frames (paper §3.4 and §5)
-BIT_PERIOD_LIMITS_S = (0.002, 10.0)
 
 
 def _to_bits(numbers: list[int], width: int) -> NDArray[np.uint8]:

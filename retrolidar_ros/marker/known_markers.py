@@ -27,7 +27,7 @@ MARKER_SIZE_M = 0.03
 # Names that TF accepts; a leading slash it does not.
 _FRAME = re.compile(r'[A-Za-z0-9_.-][A-Za-z0-9_./-]*')
 
-_MOST_CHARACTERS = 100  # of a frame: topics bear it, and DDS allows 255 of the whole name
+_MAX_CHARACTERS = 100  # of a frame: topics bear it, and DDS allows 255 of the whole name
 
 _USUAL_FRAME = re.compile(r'marker_([0-9]+)')
 
@@ -38,9 +38,9 @@ def _frame(value: Any, path: str) -> str:
         raise ConfigError(
             f'{path}: {name!r} cannot be a TF frame; letters, digits and _ . - / within'
         )
-    if len(name) > _MOST_CHARACTERS:
+    if len(name) > _MAX_CHARACTERS:
         raise ConfigError(
-            f'{path}: a name of {len(name)} characters is too long; {_MOST_CHARACTERS} are the most'
+            f'{path}: a name of {len(name)} characters is too long; {_MAX_CHARACTERS} are the most'
         )
     return name
 

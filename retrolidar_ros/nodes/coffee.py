@@ -25,7 +25,7 @@ from retrolidar_ros.nodes.parameters import Parameters
 from retrolidar_ros.nodes.qos import latched, topics_of
 from retrolidar_ros.nodes.run import run
 from retrolidar_ros.nodes.tf_filter import TransformedDetections
-from retrolidar_ros.nodes.track_topics import SOURCES, Marked
+from retrolidar_ros.nodes.track_topics import Marked
 from retrolidar_ros.sensor.frame import Floats
 from retrolidar_ros.sensor.rotation import quaternion_of
 from retrolidar_ros.tasks.next_view import ViewPlanner
@@ -45,26 +45,6 @@ class CoffeeNode(Node):
         """Declare parameters and subscribe."""
         super().__init__('coffee')
         parameters = Parameters(self, 'coffee')
-        parameters.declare('objects', 'TF frames of the markers on the objects.')
-        parameters.declare('frame_prefix', 'Prefix of these frames.')
-        parameters.declare('source', 'What readings are made of.', among=SOURCES)
-        parameters.declare('target_frame', "Frame of the poses; empty = the sensor's.")
-        parameters.declare(
-            'max_stddev',
-            'Largest standard deviation of a position, worst axis [m].',
-            1e-4,
-            10.0,
-            live=True,
-        )
-        parameters.declare('stale_after', 'Lifetime of a detection [s].', 0.1, 86400.0, live=True)
-        parameters.declare(
-            'reach', 'Radius around the first viewpoint [m].', 0.01, 100.0, live=True
-        )
-        parameters.declare('min_height', 'Least z of a viewpoint [m].', -1e3, 1e3, live=True)
-        parameters.declare('max_height', 'Largest z of a viewpoint [m].', -1e3, 1e3, live=True)
-        parameters.declare(
-            'move_time', 'Time to go to a viewpoint and read there [s].', 0.0, 3600.0, live=True
-        )
         values = parameters.values
         self._prefix = values['frame_prefix']
         self._planner = ViewPlanner()
@@ -147,7 +127,7 @@ class CoffeeNode(Node):
         return self._board.missing(self.get_clock().now().nanoseconds)
 
     def _advice(self) -> str:
-        """Return what to do for objects that are not known well enough."""
+        """Return remedies for objects that are not known well enough."""
         if not self._target:
             return '; set target_frame, and look from several places'
         view = self._planner.view

@@ -1,6 +1,6 @@
 # Copyright 2026 retrolidar_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""Subscribes to detections, and refuses those that cannot be: anybody may publish on a topic."""
+"""Subscribes to detections, and refuses impossible ones: anybody may publish on a topic."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ _LOG_PERIOD_S = 5.0
 
 
 def check_detection(message: Marked, now_ns: int) -> None:
-    """Raise ValueError for what cannot be; what follows a colon is its own value."""
+    """Raise ValueError for an impossible detection; after a colon stands its value."""
     for field, name in (
         ('frame_id', message.header.frame_id),
         ('child_frame_id', message.child_frame_id),
@@ -46,7 +46,7 @@ def check_detection(message: Marked, now_ns: int) -> None:
     age_s = (now_ns - stamp_ns) * 1e-9
     if stamp_ns < 0 or not -_MAX_AHEAD_S <= age_s <= _MAX_AGE_S:
         raise ValueError(
-            f'the stamp is far from the time here (is use_sim_time set alike?): {age_s:.1f} s old'
+            f'the stamp is far from the time here (same use_sim_time?): {age_s:.1f} s old'
         )
     position_m = vector_of(message.pose.pose.position)
     distance_m = float(np.linalg.norm(position_m))
@@ -66,7 +66,7 @@ def check_detection(message: Marked, now_ns: int) -> None:
 def _check_covariance(covariance: Floats) -> None:
     most = np.abs(covariance).max()
     if not most <= _MAX_STDDEV**2:  # nor NaN
-        raise ValueError(f'the covariance is not of numbers to {_MAX_STDDEV**2:g}: {most}')
+        raise ValueError(f'the covariance is not finite or exceeds {_MAX_STDDEV**2:g}: {most}')
     if np.abs(covariance - covariance.T).max() > _UNIT * most:
         raise ValueError('the covariance is not symmetric')
     least = min(np.linalg.eigvalsh(block)[0] for block in (covariance[:3, :3], covariance))
@@ -75,7 +75,7 @@ def _check_covariance(covariance: Floats) -> None:
 
 
 class DetectionSubscriber:
-    """Hands detections on that can be; counts, tells and drops the others."""
+    """Passes on valid detections; counts, logs and drops the others."""
 
     def __init__(
         self, node: Node, topics: Sequence[str], source: str, callback: Callable[[Marked], None]
@@ -98,7 +98,7 @@ class DetectionSubscriber:
             self.refuse(str(error))
 
     def refuse(self, reason: str) -> None:
-        """Count and tell a detection that cannot be; what follows a colon is not counted apart."""
+        """Count and log an impossible detection; reasons are counted up to their colon."""
         self._refused[reason.partition(':')[0]] += 1
         self._reason = reason
         self._node.get_logger().error(
@@ -106,7 +106,7 @@ class DetectionSubscriber:
         )
 
     def examine(self, values: dict[str, str]) -> list[tuple[bytes, str]]:
-        """Add the counts to values of diagnostics; return what was wrong since the last call."""
+        """Add the counts to diagnostics; return the problems since the last call."""
         for reason, count in self._refused.items():
             values[f'refused: {reason}'] = str(count)
         total = sum(self._refused.values())

@@ -33,7 +33,7 @@ except ImportError:  # not installed: no subscribers
     Detection3DArray = None
 NAME = '{name}'
 """What stands for a marker's name in the parameter `child_frame`."""
-_MOST_POSES = 100
+_MAX_POSES = 100
 _BEAT_PERIOD_S = 0.2
 
 
@@ -57,9 +57,9 @@ class DetectionTopics:
         if Detection3DArray is not None:
             self._vision = publisher(node, Detection3DArray, 'detections', EVENTS)
         self._heartbeat = node.create_publisher(Header, '~/heartbeat', 10)
-        if len(known) > _MOST_POSES:
+        if len(known) > _MAX_POSES:
             node.get_logger().warning(
-                f'{len(known)} known markers: no topic poses/NAME for more than {_MOST_POSES}'
+                f'{len(known)} known markers: no topic poses/NAME for more than {_MAX_POSES}'
             )
             known = {}
         topics = topics_of('poses/', [marker.frame for marker in known.values()])
@@ -85,8 +85,8 @@ class DetectionTopics:
             self._send_transforms = self._watch.watched(transform_sender(self._node))
 
     def beat(self, stamp_ns: int, frame_id: str) -> None:
-        """Report, several times a second, up to which frame all are searched."""
-        # By the steady clock: where stamps stand still, this node does not.
+        """Publish, several times a second, the stamp up to which all frames are searched."""
+        # By the steady clock: this node lives even if the stamps stand still.
         if (now_s := time.monotonic()) - self._beat_s >= _BEAT_PERIOD_S:
             self._beat_s = now_s
             self._heartbeat.publish(to_header(stamp_ns, frame_id))
@@ -130,7 +130,7 @@ class DetectionTopics:
             )
 
     def shared_frames(self) -> str:
-        """Say which TF frames others send, too; empty if they send none.
+        """Return which TF frames other nodes send, too; empty if none.
 
         Call it about once a second.
         """

@@ -14,7 +14,7 @@ from rclpy.node import Node
 
 from retrolidar_ros.detector.agreement import Agreement
 from retrolidar_ros.detector.likelihood_detector import LikelihoodDetector
-from retrolidar_ros.detector.parameters import PARAMETERS, detector_of, known_markers
+from retrolidar_ros.detector.parameters import READING, detector_of, known_markers
 from retrolidar_ros.msg import Frame as FrameMsg
 from retrolidar_ros.nodes.conversion import from_frame_msg
 from retrolidar_ros.nodes.detection_topics import NAME, DetectionTopics
@@ -28,7 +28,6 @@ from retrolidar_ros.nodes.diagnostics import (
 from retrolidar_ros.nodes.parameters import Parameters, check_frame_id
 from retrolidar_ros.nodes.qos import FRAME_QOS, subscribe
 from retrolidar_ros.nodes.run import run
-from retrolidar_ros.nodes.track_topics import SOURCES
 from retrolidar_ros.nodes.transform_watch import TransformWatch
 from retrolidar_ros.sensor.frame import Frame, ZoneGrid
 
@@ -49,10 +48,10 @@ class DetectorNode(Node):
         """
         super().__init__('detector', **options)
         parameters = Parameters(self, 'detector')
-        _declare(parameters)
         self._values = parameters.values
+        _check_child_frame(self._values)
         self._known = known_markers(self._values)
-        # Zones are known with the first frame, but impossible parameters end the start.
+        # The first frame tells the zone grid, but impossible parameters are to fail at the start.
         self._grid = ZoneGrid()
         self._detector = detector_of(self._values, self._grid, self._known)
         self._agreement = Agreement(self._values['min_readings'])
@@ -63,7 +62,7 @@ class DetectorNode(Node):
         self._number: int | None = None
         self._health = DetectorHealth(self._grid)
         self._warned: set[str] = set()
-        self._lock = Lock()  # frames may come in another thread than parameters
+        self._lock = Lock()  # frames and parameters may come in different threads
         parameters.follow(self._change)
         self.get_logger().info(f'reading markers by method {self._values["method"]}')
         register_health_check(self, 'markers', '', self._examine, board)
@@ -75,7 +74,7 @@ class DetectorNode(Node):
     def _change(self, values: dict[str, Any]) -> None:
         """Apply new values; ValueError for impossible ones."""
         with self._lock:
-            if any(values[name] != self._values[name] for name in PARAMETERS):
+            if any(values[name] != self._values[name] for name in READING):
                 self._detector = detector_of(values, self._grid, self._known)
                 self._agreement = Agreement(values['min_readings'])
                 self._health.restart(self._grid)
@@ -84,7 +83,7 @@ class DetectorNode(Node):
             self._values = values
 
     def _on_frame(self, message: FrameMsg, info: dict[str, Any]) -> None:
-        # DDS numbers what a publisher sends. Older rclpy, and some middleware, do not tell.
+        # DDS numbers the messages of a publisher. Older rclpy and some middleware do not.
         before, self._number = self._number, info.get('publication_sequence_number')
         max_lost = None
         if before is not None and self._number is not None:
@@ -152,7 +151,7 @@ class DetectorNode(Node):
                 )
 
     def _examine(self) -> Health:
-        # Those that have just been killed included.
+        # Includes nodes that have just been killed.
         found = self.get_publishers_info_by_topic(self._topic) if self._topic else []
         publishers = [f'{one.node_namespace.rstrip("/")}/{one.node_name}' for one in found]
         with self._lock:
@@ -172,20 +171,10 @@ class DetectorNode(Node):
         return health.plus(WARN, shared)
 
 
-def _declare(parameters: Parameters) -> None:
-    declare = parameters.declare
-    for name, one in PARAMETERS.items():
-        declare(name, one.description, *one.limits, among=one.among, live=one.live)
-    declare('publish_tf', 'Send transforms of markers.', live=True)
-    declare('tf_source', 'What transforms are of.', among=SOURCES, live=True)
-    declare(
-        'max_track_rate', 'Most tracks of a marker per second; 0 = each frame.', 0.0, 1e3, live=True
-    )
-    declare('child_frame', 'TF frame of a marker; {name} stands for its name.')
-    declare('stale_after', 'Lifetime of a marker in marker_array [s].', 0.1, 3600.0, live=True)
-    declare('frame_prefix', 'Prefix of child_frame.')
-    child_frame = parameters.values['frame_prefix'] + parameters.values['child_frame']
-    parameters.values['child_frame'] = check_frame_id('child_frame', child_frame)
+def _check_child_frame(values: dict[str, Any]) -> None:
+    """Put the prefix before `child_frame`; ValueError if TF refuses it, or no marker is named."""
+    child_frame = values['frame_prefix'] + values['child_frame']
+    values['child_frame'] = check_frame_id('child_frame', child_frame)
     if child_frame.count(NAME) != 1:
         raise ValueError(f'child_frame: {child_frame!r} needs {NAME} once')
 

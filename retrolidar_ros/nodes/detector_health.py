@@ -17,9 +17,9 @@ from retrolidar_ros.sensor.frame import ZoneGrid
 from retrolidar_ros.sensor.frame_rate import stamps_stand
 
 _SILENCE_S = 2.0
-# A sensor that restarts sets its counter back once.
+# A sensor that restarts resets its counter once.
 _MIXED = 2
-# Overloads in a second, of some six searches; a single one costs nothing.
+# Overloads in a second, of about six searches; a single one does no harm.
 _OVERLOADED = 3
 _FOREIGN = 'frames of another sensor'
 
@@ -46,7 +46,7 @@ class DetectorHealth:
         self._then['overloads'] = 0
 
     def drop(self, reason: str) -> None:
-        """Count an impossible frame."""
+        """Count an unusable frame."""
         self._dropped += 1
         self._reason = reason
 
@@ -76,7 +76,7 @@ class DetectorHealth:
         }
 
     def lost(self) -> str:
-        """Say how many frames were lost since the last `examine`; empty if none."""
+        """Return how many frames were lost since the last `examine`; empty if none."""
         lost = self.monitor.lost - self._then['lost frames']
         if not lost:
             return ''
@@ -117,7 +117,7 @@ class DetectorHealth:
             values[f'rejected: {reason}'] = str(number)
         values |= self._ages(known, registered(settings, known))
         now_s = time.monotonic()
-        # While this process stood still, it heard nothing.
+        # While this process was suspended, it received nothing.
         self._heard_s += max(now_s - self._examined_s - PERIOD_S, 0.0)
         self._examined_s, silence_s = now_s, now_s - self._heard_s
         problem = ''

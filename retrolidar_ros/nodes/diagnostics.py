@@ -25,7 +25,7 @@ class Health(NamedTuple):
     summary: str
     values: dict[str, str]
     hardware_id: str = ''
-    """Of the hardware, if it is known better by now than when the node began."""
+    """Of the hardware, if it became known after the node started."""
 
     def plus(self, level: bytes, problem: str) -> Health:
         """Return this health with another problem; as it is if that is empty."""
@@ -36,7 +36,7 @@ class Health(NamedTuple):
 
 
 HealthCheck = Callable[[], 'Health | None']
-"""Judges what passed since it was last called; None where there is nothing to say."""
+"""Judges the time since its last call; None if there is nothing to report."""
 
 
 def health_of(problems: list[tuple[bytes, str]], fine: str, values: dict[str, str]) -> Health:
@@ -59,7 +59,7 @@ class DiagnosticsPublisher:
         node.create_timer(PERIOD_S, self._publish, clock=Clock(clock_type=ClockType.STEADY_TIME))
 
     def add(self, name: str, hardware_id: str, examine: HealthCheck) -> None:
-        """Publish what `examine` returns, too."""
+        """Publish the result of `examine`, too."""
         self._subjects.append((name, hardware_id, examine))
 
     def _publish(self) -> None:

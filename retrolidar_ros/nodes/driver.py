@@ -66,12 +66,11 @@ class DriverNode(LifecycleNode):
         self._is_active = self._is_finalized = self.failed = False
         super().__init__('driver', **options)
         self._on_frame = on_frame
-        # It cannot be wrapped otherwise: rclpy makes the services of the life cycle itself.
+        # rclpy makes the lifecycle services itself, so they can only be wrapped here.
         for service in self.services:
             if service.srv_name.endswith('/change_state'):
                 service.callback = self._reject_invalid_transition(service.callback)
         parameters = Parameters(self, 'driver')
-        _declare(parameters)
         self._values = parameters.values
         frame_id = self._values['frame_prefix'] + self._values['frame_id']
         self._frame_id = check_frame_id('frame_id', frame_id)
@@ -167,7 +166,7 @@ class DriverNode(LifecycleNode):
         """Read until the node or its context ends."""
 
         def report(line: str) -> None:
-            # One call each: a logger refuses another severity from the same place.
+            # A separate call for each severity: a logger refuses two from one line.
             if source.is_open:
                 self.get_logger().info(line)
             else:
@@ -181,7 +180,7 @@ class DriverNode(LifecycleNode):
         try:
             source.run(publish, report, self._stop)
         except Exception as error:
-            # Another node of the process that has failed invalidates the publisher.
+            # If another node of the process fails, the publisher becomes invalid.
             if rclpy.ok():
                 self.failed = True
                 self.get_logger().fatal(f'reading has failed: {error!r}')
@@ -195,12 +194,12 @@ class DriverNode(LifecycleNode):
         arrived_ns = time.perf_counter_ns()
         for frame in frames:
             stamp_ns = self._clock_map.map(frame.sensor_time_us, arrival_ns)
-            if stamp_ns < 0:  # exposed before a simulated clock began
+            if stamp_ns < 0:  # exposed before the simulated clock started
                 continue
             stamped = replace(frame, stamp_ns=stamp_ns)
             if self._is_active:
                 self._topics.publish(stamped)
-            # The clock of ROS is asked but once a frame: that takes as long as all else here.
+            # The ROS clock is read once a frame: a call takes as long as all else here.
             self._tally.count(stamped, arrival_ns - stamp_ns + time.perf_counter_ns() - arrived_ns)
             if self._is_active and self._watch is not None:
                 self._watch.sent()
@@ -224,24 +223,6 @@ class DriverNode(LifecycleNode):
             summary = 'not active: frames are read and not published'
             return health._replace(level=WARN, summary=summary)
         return health.plus(WARN, self._watch.problem() if self._watch else '')
-
-
-def _declare(parameters: Parameters) -> None:
-    parameters.declare(
-        'serial_port', 'Device of the sensor; prefer a path under /dev/serial/by-id.'
-    )
-    parameters.declare('serial_baud', 'Baud rate [bit/s].', 9600, 12_000_000)
-    parameters.declare('protocol', 'Protocol of the sensor.', among=tuple(PROTOCOLS))
-    parameters.declare('frame_id', 'TF frame of the sensor: x right, y down, z forward.')
-    parameters.declare('frame_prefix', 'Prefix of frame_id.')
-    parameters.declare(
-        'transport_delay',
-        'Shortest time from mid-exposure to the arrival of a frame [s].',
-        0.0,
-        1.0,
-        live=True,
-    )
-    parameters.declare('autostart', 'Configure and activate the node when it starts.')
 
 
 def main() -> int:

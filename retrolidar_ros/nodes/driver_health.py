@@ -5,7 +5,7 @@
 from __future__ import annotations
 
 import time
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from rclpy.node import Node
@@ -15,9 +15,9 @@ from retrolidar_ros.nodes.diagnostics import ERROR, OK, WARN, Health
 from retrolidar_ros.sensor.clock import ClockMap
 from retrolidar_ros.sensor.frame import IS_NORMAL, Frame
 from retrolidar_ros.sensor.frame_rate import missing_frames, stamps_stand
-from retrolidar_ros.sensor.serial_source import SerialSource
+from retrolidar_ros.sensor.serial_source import Received, SerialSource
 
-# Share of abnormal zones from which on something is wrong with the sensor or before it: looking
+# Share of abnormal zones above which the sensor or its window is faulty: looking
 # into a room, a quarter of them is usual.
 _MANY_ABNORMAL = 0.75
 _SILENCE_S = 0.8
@@ -30,9 +30,8 @@ class _Counts:
 
     time_s: float
     frames: int = 0
+    received: Received = field(default_factory=Received)
     damaged: int = 0
-    received: int = 0
-    withheld: int = 0
     lost: int = 0
     untimed: int = 0
     stamp_ns: int = 0
@@ -72,9 +71,8 @@ class DriverTally:
         now = replace(
             self._counts,
             time_s=time.monotonic(),
-            damaged=counts.damaged,
             received=source.received,
-            withheld=counts.withheld,
+            damaged=counts.damaged,
         )
         then, self._examined = self._examined, now
         frames = now.frames - then.frames
@@ -102,7 +100,9 @@ class DriverTally:
         if not source.is_open:
             return Health(ERROR, source.problem, values)
         if not frames:
-            return Health(ERROR, _silence(then, now), values)
+            is_untimed = now.untimed > then.untimed
+            silence = NO_CLOCK if is_untimed else now.received.silence(then.received)
+            return Health(ERROR, silence, values)
         if stamps_stand(frames, now.stamp_ns - then.stamp_ns):
             return Health(ERROR, 'the stamps stand still: does /clock?', values)
         if damaged or lost:
@@ -112,22 +112,10 @@ class DriverTally:
         return Health(OK, f'{rate:.1f} frames a second', values)
 
 
-def _silence(then: _Counts, now: _Counts) -> str:
-    """Report that no frames have come since `then`, and what came instead."""
-    if now.untimed > then.untimed:
-        return NO_CLOCK
-    silence = 'the port is open, but no frames come'
-    if now.withheld > then.withheld:
-        return f'{silence} with signal, which the sensor has been asked for'
-    if received := now.received - then.received:
-        return f'{silence}, though {received} bytes did: another serial_baud or protocol?'
-    return silence
-
-
 class DetectorWatch:
-    """Hears the heartbeat of the detector that takes a driver's frames.
+    """Watches the heartbeat of the detector that takes a driver's frames.
 
-    One that was killed, or hangs, has no word to say.
+    A detector that was killed, or hangs, cannot report it.
     """
 
     def __init__(self, node: Node) -> None:
@@ -144,7 +132,7 @@ class DetectorWatch:
         self._frame_s = time.monotonic()
 
     def problem(self) -> str:
-        """Say that a detector was heard before and is silent although frames are sent."""
+        """Return that a detector sent heartbeats before, and is silent although frames are sent."""
         if self._beat_s is None or (silence_s := self._frame_s - self._beat_s) < _SILENCE_S:
             return ''
         return f'the detector has judged no frame for {silence_s:.1f} s: it has ended, or hangs'

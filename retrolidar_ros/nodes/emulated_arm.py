@@ -1,6 +1,6 @@
 # Copyright 2026 retrolidar_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""The `emulated_arm` node: what an arm that moves the sensor of a scene tells ROS of itself."""
+"""The `emulated_arm` node: TF and description of an arm that moves the emulated sensor."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ from retrolidar_ros.sensor.rotation import quaternion_of
 IN_BASE = np.array([[0.0, 0.0, 1.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0]])
 """Turns directions of a scene into those of the arm's base: x ahead, y left, z up (REP 103)."""
 _PERIOD_S = 0.02
-_LISTENING_S = 3.0  # for another arm, before it begins
+_LISTENING_S = 3.0  # waits so long for another arm before it starts
 _STATIC = QoSProfile(depth=100, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 _STILL = (Waypoint(0.0, (0.0, 0.0, 0.0)),)
 # A pillar behind the scene's origin, and a hand behind the sensor.
@@ -47,12 +47,9 @@ class EmulatedArmNode(Node):
     """Sends the transform of a sensor that moves as a scene says, and a robot description."""
 
     def __init__(self) -> None:
-        """Declare parameters, and wait for a frame, which says what the sensor's is called."""
+        """Declare parameters, and wait for a frame, which names the sensor's TF frame."""
         super().__init__('emulated_arm')
         parameters = Parameters(self, 'emulated_arm')
-        parameters.declare('scene', 'Name or file of the scene that is emulated.')
-        parameters.declare('start', "The scene's time zero by the monotonic clock [s].", 0.0, 1e12)
-        parameters.declare('fixed_frame', "Frame of the arm's base, at the origin of the scene.")
         values = parameters.values
         self._base = check_frame_id('fixed_frame', values['fixed_frame'])
         try:
@@ -86,7 +83,7 @@ class EmulatedArmNode(Node):
         self.get_logger().info(f'sending the transform from {self._base} to {self._sensor}')
 
     def _on_transforms(self, message: TFMessage) -> None:
-        """Note what other nodes move; an arm of the user's goes before this one."""
+        """Note what other nodes move: a real arm has priority over this one."""
         for one in message.transforms:
             if self._sensor:
                 self._send.on_transform(one)

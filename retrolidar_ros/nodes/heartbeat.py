@@ -8,12 +8,14 @@ from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
 from std_msgs.msg import Bool
 
+from retrolidar_ros.msg import MarkerTrack
+from retrolidar_ros.nodes.conversion import to_ns
 from retrolidar_ros.nodes.detection_subscriber import DetectionSubscriber
 from retrolidar_ros.nodes.diagnostics import WARN, Health, health_of, register_health_check
 from retrolidar_ros.nodes.parameters import Parameters
 from retrolidar_ros.nodes.qos import latched
 from retrolidar_ros.nodes.run import run
-from retrolidar_ros.nodes.track_topics import SOURCES, Marked
+from retrolidar_ros.nodes.track_topics import Marked
 from retrolidar_ros.tasks.heartbeat import Heartbeat
 
 _TICK_S = 0.02
@@ -26,13 +28,6 @@ class HeartbeatNode(Node):
         """Declare parameters and subscribe."""
         super().__init__('heartbeat')
         parameters = Parameters(self, 'heartbeat')
-        parameters.declare('markers', 'TF frames of the markers to watch.')
-        parameters.declare('source', 'What counts as a reading.', among=SOURCES)
-        parameters.declare(
-            'overdue_after', 'Time without a reading until overdue [s].', 0.05, 3600.0, live=True
-        )
-        parameters.declare('window', 'Length of the counted windows [s].', 0.1, 3600.0)
-        parameters.declare('frame_prefix', 'Prefix of these frames.')
         self._prefix = parameters.values['frame_prefix']
         names = parameters.values['markers']
         if not names:
@@ -58,8 +53,9 @@ class HeartbeatNode(Node):
 
     def _on_detection(self, message: Marked) -> None:
         name = message.child_frame_id.removeprefix(self._prefix)
-        if name in self._hearts and self._now_s():
-            self._hearts[name].beat(self._now_s())
+        now_s = self._now_s()
+        if name in self._hearts and now_s:
+            self._hearts[name].beat(now_s, _unseen_s(message))
             self._tick()
 
     def _tick(self) -> None:
@@ -98,6 +94,13 @@ class HeartbeatNode(Node):
         elif not self._is_alive:
             problems.append((WARN, 'not all markers have been read yet'))
         return health_of(problems, 'all markers are read', values)
+
+
+def _unseen_s(message: Marked) -> float:
+    """Return for how long a marker was unseen at the stamp of its message [s]."""
+    if isinstance(message, MarkerTrack):
+        return max(1e-9 * (to_ns(message.header.stamp) - to_ns(message.last)), 0.0)
+    return 0.0
 
 
 def main() -> int:

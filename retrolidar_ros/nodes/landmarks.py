@@ -25,7 +25,7 @@ from retrolidar_ros.nodes.parameters import Parameters, check_frame_id
 from retrolidar_ros.nodes.qos import STREAM, publisher
 from retrolidar_ros.nodes.run import run
 from retrolidar_ros.nodes.tf_filter import TransformedDetections
-from retrolidar_ros.nodes.track_topics import SOURCES, Marked
+from retrolidar_ros.nodes.track_topics import Marked
 from retrolidar_ros.sensor.frame import Floats
 from retrolidar_ros.tasks.backlog import Backlog, Batch
 from retrolidar_ros.tasks.landmarks import Landmark
@@ -49,7 +49,6 @@ class LandmarksNode(Node):
         """Declare parameters, load known landmarks, and subscribe."""
         super().__init__('landmarks')
         parameters = Parameters(self, 'landmarks')
-        _declare(parameters)
         self._values = values = parameters.values
         if values['source'] == 'tracks' and 'markers' in values['topics']:
             raise ValueError('topics: markers are detections; name topics of tracks, or no source')
@@ -143,7 +142,7 @@ class LandmarksNode(Node):
             if self._retry.is_canceled():
                 self._retry.reset()
             return
-        # Processor time: what others take of a busy machine is no reason for a rest.
+        # Processor time: on a busy machine wall time would be too long.
         began_s = time.thread_time()
         while self._backlog and time.thread_time() < began_s + _MAX_BUSY_S:
             batch = self._backlog.pop()
@@ -178,19 +177,14 @@ class LandmarksNode(Node):
     def _localize(self, room: Landmark, batch: Batch) -> None:
         """Publish the pose of the base at the time of the newest reading."""
         try:
-            with room.unharmed():
-                for reading in batch.readings:
-                    room.add(reading)
-                room.settle()
+            inliers = room.take(*batch.readings)
         except ValueError as error:
             self._readings.refuse(str(error))
             return
-        members = set(map(id, room.members))
-        stamps_s = [one.stamp_s for one in batch.readings if id(one) in members]
-        if not stamps_s:
+        if not inliers:
             return
         estimate, base = room.estimate(), self._values['base_frame']
-        stamp = Time(nanoseconds=round(max(stamps_s) * 1e9))
+        stamp = Time(nanoseconds=round(max(one.stamp_s for one in inliers) * 1e9))
         found = self._readings.finder.find(self._fixed, base, stamp)
         if found is None:
             self.get_logger().warning(
@@ -245,7 +239,7 @@ class LandmarksNode(Node):
         problems = self._readings.examine(values)
         values['backlog'] = str(len(self._backlog))
         values['longest wait [s]'] = f'{self._longest_s:.3f}'
-        values['dropped for want of time'] = str(self._backlog.dropped)
+        values['dropped without time'] = str(self._backlog.dropped)
         dropped, self._dropped = self._backlog.dropped - self._dropped, self._backlog.dropped
         if dropped or self._longest_s > _MAX_WAIT_S:
             text = f'too many readings: they wait up to {self._longest_s:.1f} s, {dropped} dropped'
@@ -254,29 +248,6 @@ class LandmarksNode(Node):
         if not rows:
             problems.append((WARN, 'nothing is placed yet'))
         return health_of(problems, f'{len(rows)} placed', values)
-
-
-def _declare(parameters: Parameters) -> None:
-    declare = parameters.declare
-    declare('source', 'What readings are made of.', among=SOURCES)
-    declare('topics', 'Topics of the source.')
-    declare('fixed_frame', 'Frame of the landmarks; TF must connect the sensors to it.')
-    declare('marker_file', 'YAML file of the known markers, for objects with several.')
-    declare('load_file', 'Landmarks written by ~/save; empty = none.')
-    declare('save_file', 'Where ~/save writes; empty = nowhere.')
-    declare('publish_tf', 'Send a transform for every landmark.')
-    declare('child_frame', 'TF frame of a landmark; {name} stands for its name.')
-    declare('frame_prefix', 'Prefix of child_frame.')
-    declare('patience', 'Longest wait for a transform [s].', 0.0, 60.0)
-    declare('range_bias', "Standard deviation of a sensor's range bias [m].", 0.0, 1.0)
-    declare('pose_stddev', "Standard deviation of the sensor's position in TF [m].", 0.0, 1.0)
-    declare('turn_stddev', "Standard deviation of the sensor's rotation in TF [rad].", 0.0, 1.0)
-    declare(
-        'acceleration', 'Standard deviation for moving landmarks [m/s²]; 0 = static.', 0.0, 100.0
-    )
-    declare('localize', 'Locate base_frame among the landmarks of load_file.')
-    declare('flat', 'The robot moves on a floor: its frames are level with load_file.')
-    declare('base_frame', 'Frame of the robot that is localised.')
 
 
 def main() -> int:

@@ -2,8 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Shared by all launch files: the arguments of a sensor, and the start of a node.
 
-An error while a launch is being set up ends it, and leaves behind what was started by then: so
-whatever can be wrong is found before the first process is started.
+An error during the setup of a launch ends it, but not the processes started by then. So all
+arguments are checked before the first process starts.
 """
 
 from __future__ import annotations
@@ -28,17 +28,24 @@ from launch.substitutions import LaunchConfiguration, PathJoinSubstitution
 from launch_ros.actions import Node
 from launch_ros.substitutions import FindPackageShare
 
-from retrolidar_ros.settings.resources import shared_file
-from retrolidar_ros.settings.yaml_files import load_parameter_defaults, load_yaml
+from retrolidar_ros.settings.parameter import declared
+from retrolidar_ros.settings.yaml_files import load_yaml
 
 SHARE = FindPackageShare('retrolidar_ros')
 PARAMETERS = PathJoinSubstitution([SHARE, 'config', 'retrolidar.yaml'])
 MARKERS = PathJoinSubstitution([SHARE, 'config', 'markers.yaml'])
+
+
+def unset(kind: str, *names: str) -> dict[str, tuple[Any, str]]:
+    """Return launch arguments that override parameters of a node if they are not empty."""
+    as_in_file = 'Empty = as in the parameter file.'
+    return {name: ('', f'{declared()[kind][name].summary()} {as_in_file}') for name in names}
+
+
 COMMON: dict[str, tuple[Any, str]] = {
     'params_file': (PARAMETERS, 'Parameters of the nodes.'),
-    'marker_file': ('', 'YAML file of the known markers; empty = as in the parameter file.'),
-    'protocol': ('', 'Protocol of the sensor; empty = as in the parameter file.'),
-    'autostart': ('', 'Whether the driver activates itself; empty = as in the parameter file.'),
+    **unset('detector', 'marker_file'),
+    **unset('driver', 'protocol', 'autostart'),
     'frame_prefix': ('', 'Prefix of the TF frames that are sent, such as robot1/.'),
     'single_process': ('false', 'Whether driver and detector share a process, the reader.'),
     'log_level': ('info', 'debug, info, warn, error or fatal.'),
@@ -50,8 +57,7 @@ COMMON: dict[str, tuple[Any, str]] = {
 """Launch arguments of every launch file: default and description."""
 SENSOR: dict[str, tuple[Any, str]] = {
     **COMMON,
-    'serial_port': ('', 'Device of the sensor; empty = as in the parameter file.'),
-    'frame_id': ('', 'TF frame of the sensor; empty = as in the parameter file.'),
+    **unset('driver', 'serial_port', 'frame_id'),
     'namespace': ('retrolidar', 'Of nodes and topics.'),
     'emulate': ('', 'A scene to emulate instead of a sensor: a file, or the name of one.'),
     'emulate_base': (
@@ -60,9 +66,9 @@ SENSOR: dict[str, tuple[Any, str]] = {
     ),
 }
 """Those of every launch file for one sensor."""
-_LEAST_DELAY_S = 0.1
+_MIN_DELAY_S = 0.1
 _MISCONFIGURED = 2
-"""The exit code of a node whose parameters or files are wrong; starting it again is no help."""
+"""Exit code of a node with wrong parameters or files; a restart would not help."""
 _LEVELS = ('debug', 'info', 'warn', 'error', 'fatal')
 
 
@@ -131,7 +137,7 @@ def parameter(context: LaunchContext, kind: str, name: str) -> Any:
     """Return a launch argument, or the parameter of a node of that name, as the file has it."""
     if text := value(context, name):
         return text
-    found = load_parameter_defaults(shared_file('config/retrolidar.yaml'), kind)[name]
+    found = declared()[kind][name].default
     for key, section in load_yaml(Path(_parameter_file(context))).items():
         if str(key).rpartition('/')[2] in (kind, '**'):
             found = (section.get('ros__parameters') or {}).get(name, found)
@@ -156,8 +162,8 @@ def node(
         parameters=[_parameter_file(context), *([parameters] if parameters else [])],
         ros_arguments=['--log-level', level],
         respawn=is_on(context, 'respawn'),
-        # Within the delay a node that is misconfigured is taken out.
-        respawn_delay=max(number(context, 'respawn_delay'), _LEAST_DELAY_S),
+        # A misconfigured node is removed within this delay.
+        respawn_delay=max(number(context, 'respawn_delay'), _MIN_DELAY_S),
         on_exit=_on_exit,
         output='screen',
         **options,
@@ -165,7 +171,7 @@ def node(
 
 
 def _on_exit(event: ProcessExited, context: LaunchContext) -> list[LaunchDescriptionEntity]:
-    """Return what keeps a misconfigured node from being started again."""
+    """Return actions that keep a misconfigured node from being respawned."""
     if event.returncode != _MISCONFIGURED or context.is_shutdown:
         return []
     return [
@@ -177,7 +183,7 @@ def _on_exit(event: ProcessExited, context: LaunchContext) -> list[LaunchDescrip
 def sensor(**arguments: Any) -> IncludeLaunchDescription:
     """Return one sensor, by retrolidar.launch.py, with arguments before those of this launch."""
     arguments = {name: LaunchConfiguration(name) for name in SENSOR} | arguments
-    arguments['rviz'] = 'false'  # what includes it shows all
+    arguments['rviz'] = 'false'  # the launch file that includes it starts RViz
     return IncludeLaunchDescription(
         PathJoinSubstitution([SHARE, 'launch', 'retrolidar.launch.py']),
         launch_arguments=arguments.items(),

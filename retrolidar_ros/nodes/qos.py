@@ -19,11 +19,11 @@ except ImportError:  # before Iron
     from rclpy.qos_event import PublisherEventCallbacks
 
 STREAM = QoSProfile(depth=10, reliability=ReliabilityPolicy.RELIABLE)
-"""What a sensor sends: reliable, so that subscribers of either kind connect."""
+"""QoS of a sensor's topics: reliable, so that reliable and best-effort subscribers connect."""
 FRAME_QOS = QoSProfile(depth=1000, reliability=ReliabilityPolicy.RELIABLE)
-"""Frames for a detector, which needs every one: those of 20 s wait for one that stands still."""
+"""QoS of frames for a detector, which needs all: the queue covers a stall of 20 s."""
 EVENTS = QoSProfile(depth=100, reliability=ReliabilityPolicy.RELIABLE)
-"""What comes now and then, and in bursts."""
+"""QoS of events, which come in bursts."""
 LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 """Latched: late-joining subscribers receive the last message."""
 _OVERRIDABLE = QoSOverridingOptions.with_default_policies()

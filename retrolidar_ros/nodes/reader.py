@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The `reader`: driver and detector of one sensor, or of many, in one process.
 
-Frames pass by a call; the topics are those of separate processes.
+Frames are passed by a function call; topics are as of separate processes.
 """
 
 from __future__ import annotations
@@ -26,8 +26,6 @@ def create_nodes() -> list[Node]:
     """Return the nodes of the process, drivers first; ValueError for impossible parameters."""
     reader = Node('reader')
     parameters = Parameters(reader, 'reader')
-    parameters.declare('ports', 'Devices of several sensors; [] = one, of the driver.')
-    parameters.declare('names', 'Of these sensors; [] = sensor0, sensor1, ...')
     parameters.warn_of_unknown()
     ports, names = parameters.values['ports'], parameters.values['names']
     names = names or [f'sensor{index}' for index in range(len(ports))]

@@ -36,7 +36,7 @@ def run(create: Callable[[], Node | list[Node]]) -> int:
         try:
             rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
         except RuntimeError as error:
-            # A parameter file that cannot be read, say; where in rcl's sources is no help.
+            # Such as an unreadable parameter file; the place in rcl's sources is left out.
             reason = str(error).partition(', at /')[0].removeprefix('failed to initialize rcl: ')
             print(f'retrolidar_ros: {reason}', file=sys.stderr)
             return 2
@@ -49,7 +49,7 @@ def run(create: Callable[[], Node | list[Node]]) -> int:
             rclpy.logging.get_logger('retrolidar_ros').fatal(printable(str(error)))
             return 2
         except Exception:
-            # A node that has failed shuts the context down, and so lets the others fail somewhere.
+            # A failed node shuts the context down, which makes the others fail anywhere.
             if rclpy.ok():
                 raise
         finally:

@@ -14,7 +14,7 @@ from std_srvs.srv import Trigger
 from retrolidar_ros.sensor.identity import Command
 from retrolidar_ros.sensor.serial_source import SerialSource
 
-# Of an answer: a sensor needs one period of a frame, and the thread that reads a silent port 0.2 s.
+# Timeout of an answer: a sensor needs a frame period, and the reading thread 0.2 s.
 _PATIENCE_S = 1.0
 _DONE = {
     Command.START: 'the sensor is ranging',
@@ -39,7 +39,7 @@ def offer_services(node: Node, source: Callable[[], SerialSource | None]) -> Non
 
 
 def _tell(source: SerialSource | None, command: Command) -> str:
-    """Send a command; return why it has no effect, or nothing."""
+    """Send a command; return why it has no effect, or ''."""
     if source is None:
         return 'not configured: the port is closed'
     if not source.is_open:

@@ -1,6 +1,6 @@
 # Copyright 2026 retrolidar_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""Detections as readings in a fixed frame, as soon as TF knows where their sensors were."""
+"""Detections as readings in a fixed frame, once TF knows the sensors' poses."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ from retrolidar_ros.tasks.resting import NEW, Resting
 
 _TICK_S = 0.1
 _MAX_WAITING = 1000
-# A clock that is set, or a replay that begins again; less is a clock that is kept in step.
+# A larger jump is a clock that was set, or a replay that restarted; a smaller one is NTP.
 _JUMP = Duration(seconds=1.0)
 
 
@@ -62,9 +62,9 @@ class TransformedDetections:
         node.create_timer(_TICK_S, self._tick, clock=Clock(clock_type=ClockType.STEADY_TIME))
 
     def examine(self, values: dict[str, str]) -> list[tuple[bytes, str]]:
-        """Add counts to values of diagnostics; return what was wrong since the last call."""
+        """Add counts to diagnostics; return the problems since the last call."""
         values['waiting for a transform'] = str(len(self._waiting))
-        values['dropped for want of a transform'] = str(self._dropped)
+        values['dropped without a transform'] = str(self._dropped)
         problems = self._subscriber.examine(values)
         new, self._told = self._dropped - self._told, self._dropped
         if new:
@@ -72,7 +72,7 @@ class TransformedDetections:
         return problems
 
     def refuse(self, reason: str) -> None:
-        """Count and tell a reading that cannot be."""
+        """Count and log an impossible reading."""
         self._subscriber.refuse(reason)
 
     def _is_due(self, message: MarkerTrack) -> bool:
@@ -102,7 +102,7 @@ class TransformedDetections:
         self._ticked = now
 
     def _tick(self) -> None:
-        """Hand on waiting detections whose transforms have come."""
+        """Pass on waiting detections whose transforms are known by now."""
         self._look_at_clock()
         for _ in range(len(self._waiting)):
             message, came = self._waiting.popleft()
@@ -114,7 +114,7 @@ class TransformedDetections:
                 self._drop(message)
 
     def _transform(self, message: Marked) -> bool:
-        """Hand a detection on; return False if its transform is not known yet."""
+        """Pass a detection on; return False if its transform is not known yet."""
         sensor, stamp = message.header.frame_id, Time.from_msg(message.header.stamp)
         found = self.finder.find(self._fixed, sensor, stamp)
         if found is None:

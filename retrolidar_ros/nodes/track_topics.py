@@ -18,14 +18,13 @@ from retrolidar_ros.nodes.qos import EVENTS, publisher
 from retrolidar_ros.sensor.frame import Frame
 
 Marked: TypeAlias = 'MarkerDetection | MarkerTrack'
-"""What says where a marker is."""
-SOURCES = ('detections', 'tracks')
+"""A message with the place of a marker."""
 _SHAPE_PERIOD_NS = 60_000_000
-_EARLY = 0.9  # of a period, for frames come when they come
+_EARLY = 0.9  # of a period, as frames jitter
 
 
 class TrackTopics:
-    """Follows markers while somebody wants to know, and publishes them."""
+    """Publishes tracks while there are subscribers."""
 
     def __init__(
         self,
@@ -51,7 +50,7 @@ class TrackTopics:
         frame_id: str,
         values: dict[str, Any],
     ) -> None:
-        """Publish the tracks at the newest frame, if somebody wants them."""
+        """Publish the tracks at the newest frame, if there are subscribers."""
         leads = values['tf_source'] == 'tracks'
         has_subscribers = self._tracks.get_subscription_count() > 0
         if not leads and not has_subscribers:

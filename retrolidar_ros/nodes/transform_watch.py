@@ -1,6 +1,6 @@
 # Copyright 2026 retrolidar_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""Whether others send TF frames of the same names, which then jump between their places."""
+"""Whether other nodes send TF frames of the same names, which then jump."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from tf2_msgs.msg import TFMessage
 from retrolidar_ros.nodes.conversion import to_ns
 
 _PERIOD_S = 0.9
-_LISTENING, _PAUSE = 5, 25  # periods: all of a robot's TF costs more than the detector
+_LISTENING, _PAUSE = 5, 25  # periods each: all of a robot's TF costs more than the detector
 _DEPTH = 1000
 _KEPT = 512
 
@@ -26,7 +26,7 @@ Send = Callable[[list[TransformStamped]], None]
 
 
 class TransformWatch:
-    """Listens to TF now and then, for all senders of a process."""
+    """Subscribes to TF from time to time, for all senders of a process."""
 
     def __init__(self, node: Node) -> None:
         """Listen for the process of `node`."""
@@ -89,12 +89,12 @@ class TransformWatch:
 
 
 class WatchedSender:
-    """Sends transforms, and knows which of its child frames others send, too."""
+    """Sends transforms, and notes which of its child frames other nodes send, too."""
 
     def __init__(self, send: Send) -> None:
         """Send by `send`."""
         self._send = send
-        self._lock = Lock()  # it may send in another thread than it hears
+        self._lock = Lock()  # sending and receiving may be in different threads
         self._sent: dict[str, deque[int]] = {}
         self._shared: dict[str, str] = {}
 
@@ -107,14 +107,14 @@ class WatchedSender:
         self._send(transforms)
 
     def on_transform(self, transform: TransformStamped) -> None:
-        """Take note of a transform that somebody sends."""
+        """Take a transform from any node."""
         child = transform.child_frame_id
         with self._lock:
             if child in self._sent and to_ns(transform.header.stamp) not in self._sent[child]:
                 self._shared[child] = transform.header.frame_id
 
     def problem(self) -> str:
-        """Say which frames others send, too; empty if they send none."""
+        """Return which frames other nodes send, too; empty if none."""
         with self._lock:
             children = ', '.join(f'{one} (in {parent})' for one, parent in self._shared.items())
         if not children:

@@ -44,7 +44,7 @@ def viewer(
     frame : str
         In TF, in which all is shown.
     sensors : sequence of str
-        Of several sensors, the namespaces below that of the launch.
+        Namespaces of several sensors, below that of the launch.
     upright : bool
         Whether z of the frame is up, as of a robot's base; else it is a sensor's, which looks
         there, without its prefix.

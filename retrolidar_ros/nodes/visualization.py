@@ -19,7 +19,7 @@ from retrolidar_ros.sensor.rotation import quaternion_of
 from retrolidar_ros.tasks.landmarks import Estimate
 
 _DEVIATIONS = 2.0  # half axes of the drawn ellipsoid, in standard deviations
-_LEAST_DIAMETER_M = 0.01
+_MIN_DIAMETER_M = 0.01
 _LABEL_HEIGHT_M = 0.05
 _COLOUR = (0.0, 0.62, 0.45)
 _UPRIGHT = np.array([0.0, 0.0, 0.0, 1.0])
@@ -54,14 +54,14 @@ def _ellipsoid(
     header: Header, position_m: Floats, covariance: Floats, text: str, identity: int
 ) -> list[Marker]:
     variances, axes = np.linalg.eigh(covariance)
-    # Eigenvectors may be mirrored, which is no rotation; the ellipsoid is the same.
+    # Eigenvectors may be a reflection; the ellipsoid is the same.
     orientation = quaternion_of(axes * np.sign(np.linalg.det(axes)))
     ellipsoid = _shape(
         header, Marker.SPHERE, 'place', 0.35, to_pose(position_m, orientation), identity
     )
     diameters = 2 * _DEVIATIONS * np.sqrt(np.maximum(variances, 0.0))
     scale = ellipsoid.scale
-    scale.x, scale.y, scale.z = np.maximum(diameters, _LEAST_DIAMETER_M).tolist()
+    scale.x, scale.y, scale.z = np.maximum(diameters, _MIN_DIAMETER_M).tolist()
     upright = to_pose(position_m, _UPRIGHT)
     label = _shape(header, Marker.TEXT_VIEW_FACING, 'label', 1.0, upright, identity)
     label.scale.z = _LABEL_HEIGHT_M
@@ -72,7 +72,7 @@ def _ellipsoid(
 def _shape(
     header: Header, kind: int, layer: str, opacity: float, pose: Pose, identity: int
 ) -> Marker:
-    # Two sensors may share a topic, and see the same marker.
+    # Two sensors with one topic may see the same marker.
     space = f'{header.frame_id}/{layer}'
     shape = Marker(header=header, ns=space, id=identity, type=kind, action=Marker.ADD, pose=pose)
     shape.color.r, shape.color.g, shape.color.b = _COLOUR

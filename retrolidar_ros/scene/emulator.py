@@ -22,7 +22,7 @@ from retrolidar_ros.sensor.frame import Frame
 from retrolidar_ros.sensor.wire import DELIMITER
 
 _BLOCK_S = 0.25  # computed ahead at a time
-_MOST_BYTES = 4096
+_MAX_BYTES = 4096
 _LINGER_S = 0.25  # a hang-up discards what is still on the line
 
 
@@ -99,7 +99,7 @@ class PortLink:
     def read(self) -> bytes:
         """Return what a listener has sent."""
         with suppress(OSError):  # nothing, or nobody listens
-            return os.read(self._master, _MOST_BYTES)
+            return os.read(self._master, _MAX_BYTES)
         return b''
 
     def _forget_unread(self) -> None:

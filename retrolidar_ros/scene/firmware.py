@@ -14,7 +14,7 @@ from retrolidar_ros.sensor.wire import Splitter, encode_frame, encode_packet
 
 VERSION = '0.1.0'
 """That of `firmware/reader`."""
-_MOST_CHARACTERS = 15  # of a line
+_MAX_CHARACTERS = 15  # of a line
 _END = b'\n'
 
 
@@ -24,7 +24,7 @@ class EmulatedFirmware:
     def __init__(self, name: str) -> None:
         """Begin to range; the serial number depends on a name."""
         self._serial = sha256(name.encode()).hexdigest()[:24]
-        self._lines = Splitter(_END, _MOST_CHARACTERS)
+        self._lines = Splitter(_END, _MAX_CHARACTERS)
         self._is_ranging = True
         self._is_reset = False
         self._begin_us = 0

@@ -13,7 +13,7 @@ _COUNTER = 2**32
 FRAMES_A_BIT = (0.95, 9.0)
 """How many frames a bit lasts at least and at most, if it is to be read."""
 _JUDGED_FRAMES = 10
-_LEAST_PERIOD_NS = 1_000_000
+_MIN_PERIOD_NS = 1_000_000
 
 
 def missing_frames(before: int | None, after: int) -> int:
@@ -33,7 +33,7 @@ def missing_frames(before: int | None, after: int) -> int:
 
 def stamps_stand(frames: int, advance_ns: int) -> bool:
     """Return whether the stamps of so many frames, which advanced by so much, stand still."""
-    return frames >= _JUDGED_FRAMES and abs(advance_ns) < frames * _LEAST_PERIOD_NS
+    return frames >= _JUDGED_FRAMES and abs(advance_ns) < frames * _MIN_PERIOD_NS
 
 
 def frame_period(stamps_ns: ArrayLike) -> float:

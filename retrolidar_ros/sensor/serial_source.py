@@ -24,7 +24,7 @@ from retrolidar_ros.sensor.protocols import Reader
 
 RETRY_S = 0.5
 _READ_TIMEOUT_S = 0.2
-_MOST_BYTES = 4096
+_MAX_BYTES = 4096
 
 
 def explain(error: OSError, port: str) -> str:
@@ -49,6 +49,26 @@ def _remedy(port: str) -> str:
     return f'it belongs to the group {group}: sudo usermod -aG {group} $USER, and log in again'
 
 
+class Received(NamedTuple):
+    """What has come from a port so far."""
+
+    bytes: int = 0
+    damaged: int = 0
+    """Packets that hold no frame."""
+    withheld: int = 0
+    """Frames without signal."""
+
+    def silence(self, then: Received) -> str:
+        """Return why no frames have come since `then`."""
+        if self.withheld > then.withheld:
+            return 'no frames come with signal, which the sensor has been asked for'
+        if self.damaged > then.damaged:
+            return 'no frames come, but damaged packets: another baud rate or protocol?'
+        if count := self.bytes - then.bytes:
+            return f'no frames come, but {count} bytes: another baud rate or protocol?'
+        return 'nothing comes: is the sensor started, and the baud rate right?'
+
+
 class SerialSource:
     """Reads frames from a port, and opens it again whenever that is needed."""
 
@@ -64,8 +84,13 @@ class SerialSource:
         self.problem = f'{port} has not been opened yet'
         """Why the port is not open; empty while it is."""
         self.openings = 0
-        self.received = 0
-        """How many bytes have come."""
+        self._bytes = 0
+
+    @property
+    def received(self) -> Received:
+        """What has come so far."""
+        counts = self.reader.counts
+        return Received(self._bytes, counts.damaged + counts.unknown_kind, counts.withheld)
 
     @property
     def identity(self) -> Identity | None:
@@ -139,11 +164,11 @@ class SerialSource:
         while not stop.is_set():
             data = b''
             if waiting.poll(1e3 * _READ_TIMEOUT_S):
-                data = os.read(line.fileno(), _MOST_BYTES)
+                data = os.read(line.fileno(), _MAX_BYTES)
                 if not data:
                     raise OSError(errno.EIO, 'the port has nothing to read')
             arrival_ns = self._now_ns()
-            self.received += len(data)
+            self._bytes += len(data)
             if frames := self.reader.feed(data):
                 take(frames, arrival_ns)
             if (who := self.identity) is not None and who is not reported:

@@ -4,11 +4,11 @@
 
 from __future__ import annotations
 
-_MOST = 1000
+_MAX_CHARACTERS = 1000
 _DISTRIBUTIONS = {'serial': 'pyserial', 'yaml': 'pyyaml'}
 
 
-def printable(text: str, most: int = _MOST) -> str:
+def printable(text: str, most: int = _MAX_CHARACTERS) -> str:
     """Return a text without control characters but newlines, and cut in its middle if need be."""
     if len(text) > most:
         half = most // 2

@@ -28,7 +28,7 @@ UNITS: dict[str, dict[str, float]] = {
 """Units of each kind of quantity, and their size in the unit that the code uses."""
 
 _LARGEST = 1e9  # of any quantity, in the code's own unit: what is computed from it stays finite
-_MOST_ITEMS = 256  # of a list: of markers, say
+_MAX_ITEMS = 256  # of a list: of markers, say
 _QUANTITY = re.compile(r'\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*(\S.*?)?\s*')
 
 
@@ -159,8 +159,8 @@ def each(parse: Parser[T]) -> Parser[tuple[T, ...]]:
     def parse_all(value: Any, path: str) -> tuple[T, ...]:
         if not isinstance(value, list):
             raise ConfigError(f'{path}: needs a list, not {value!r}')
-        if len(value) > _MOST_ITEMS:
-            raise ConfigError(f'{path}: {len(value)} of them; {_MOST_ITEMS} are the most')
+        if len(value) > _MAX_ITEMS:
+            raise ConfigError(f'{path}: {len(value)} of them; {_MAX_ITEMS} are the most')
         return tuple(parse(item, f'{path}[{index}]') for index, item in enumerate(value))
 
     return parse_all

@@ -15,8 +15,8 @@ from retrolidar_ros.settings.section import ConfigError
 
 T = TypeVar('T')
 
-_MOST_BYTES = 2**20
-_MOST_VALUES = 100_000
+MAX_BYTES = 2**20
+_MAX_VALUES = 100_000
 # What PyYAML raises for a value that its tag does not suit, as in `!!bool maybe`.
 _OF_TAGS = (LookupError, AttributeError, TypeError, ArithmeticError)
 
@@ -29,9 +29,9 @@ class _CarefulLoader(yaml.SafeLoader):
 
     def get_single_node(self) -> yaml.Node | None:
         node: yaml.Node | None = super().get_single_node()
-        if node is not None and (number := _unfolded(node, {})) > _MOST_VALUES:
+        if node is not None and (number := _unfolded(node, {})) > _MAX_VALUES:
             raise yaml.constructor.ConstructorError(
-                None, None, f'it unfolds to {number} values, and {_MOST_VALUES} are the most', None
+                None, None, f'it unfolds to {number} values, and {_MAX_VALUES} are the most', None
             )
         return node
 
@@ -82,9 +82,9 @@ def load_yaml(path: Path) -> Any:
     if path.is_fifo():  # to open it would wait for a writer
         raise ValueError(f'{path} is a FIFO; give a regular file')
     with path.open('rb') as file:
-        data = file.read(_MOST_BYTES + 1)
-    if len(data) > _MOST_BYTES:
-        raise ValueError(f'{path} is larger than the {_MOST_BYTES} bytes that are read of YAML')
+        data = file.read(MAX_BYTES + 1)
+    if len(data) > MAX_BYTES:
+        raise ValueError(f'{path} is larger than the {MAX_BYTES} bytes that are read of YAML')
     try:
         return yaml.load(StringIO(data.decode()), Loader=_CarefulLoader)
     except (yaml.YAMLError, ValueError, RecursionError, *_OF_TAGS) as error:
@@ -114,14 +114,3 @@ def load_parsed(path: Path, parse: Callable[[Any], T]) -> T:
         raise ConfigError(f'{path}: {error}') from error
     except ValueError as error:
         raise ConfigError(str(error)) from error
-
-
-def load_parameter_defaults(path: Path, kind: str) -> dict[str, Any]:
-    """Return the parameters in a ROS parameter file for the nodes of one kind."""
-    parameters: dict[str, Any] = load_yaml(path)[f'/**/{kind}']['ros__parameters']
-    return parameters
-
-
-def load_parameter_names(path: Path) -> set[str]:
-    """Return all parameters that a ROS parameter file gives to any node."""
-    return {name for node in load_yaml(path).values() for name in node['ros__parameters']}

@@ -1,6 +1,6 @@
 # Copyright 2026 retrolidar_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""Readings that wait until there is time to place their landmarks."""
+"""A queue of readings that wait for their landmarks to be solved."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ class Backlog:
     def __init__(self) -> None:
         """Begin empty."""
         self.dropped = 0
-        """Readings that newer ones of their landmark have pushed out."""
+        """Readings that were dropped for newer ones of their landmark."""
         self._batches: dict[str, Batch] = {}
 
     def __len__(self) -> int:
@@ -35,7 +35,7 @@ class Backlog:
         return sum(len(one.readings) for one in self._batches.values())
 
     def add(self, name: str, reading: Reading, now_s: float) -> None:
-        """Let a reading of a landmark wait."""
+        """Queue a reading of a landmark."""
         if name not in self._batches:
             self._batches[name] = Batch(name, deque(maxlen=_MAX_EACH), now_s)
         readings = self._batches[name].readings
@@ -43,9 +43,9 @@ class Backlog:
         readings.append(reading)
 
     def pop(self) -> Batch:
-        """Return what waits longest."""
+        """Return the batch that waits longest."""
         return self._batches.pop(next(iter(self._batches)))
 
     def clear(self) -> None:
-        """Let nothing wait."""
+        """Empty the queue."""
         self._batches.clear()

@@ -1,10 +1,10 @@
 # Copyright 2026 retrolidar_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""Directions that may be anywhere in a box, as the normals that they are worth (Minka 2001).
+"""Directions uniform within boxes, approximated by Gaussians (Minka 2001).
 
-A marker that one zone sees alone may be anywhere in the zone, and how often it is read so says no
-more. So each box is replaced by the normal that leaves the state, given all else, with the mean
-and the variance that the box would leave it: expectation propagation.
+A marker that a single zone sees may be anywhere in the zone, however often it is read there. So
+each box is replaced by the Gaussian that gives the state, with all other readings, the same mean
+and variance: expectation propagation.
 """
 
 from __future__ import annotations
@@ -16,15 +16,15 @@ import numpy as np
 from retrolidar_ros.scene.optics import erf
 from retrolidar_ros.sensor.frame import Floats
 
-# How likely a direction is anywhere, for each radian of half its box.
+# Probability density of an outlier, for each radian of half a box.
 _ASTRAY = 0.02
 
 
 def same_boxes(jacobian: Floats, spread: Floats, mean: Floats, half: Floats) -> Floats:
-    """Return how many boxes say the same as each, shape (n, 2).
+    """Return how many boxes are redundant with each, itself included, shape (n, 2).
 
-    Two do if their directions move together, and are at the same place of their boxes: together
-    they say no more than one of them.
+    Two are if their directions are correlated and at the same place of their boxes: together
+    they tell no more than one.
     """
     rows = jacobian.reshape(-1, jacobian.shape[-1])
     together = rows @ spread @ rows.T
@@ -39,14 +39,14 @@ def same_boxes(jacobian: Floats, spread: Floats, mean: Floats, half: Floats) -> 
 def match_boxes(
     mean: Floats, variance: Floats, precision: Floats, middle: Floats, half: Floats, soft: Floats
 ) -> tuple[Floats, Floats]:
-    """Return weights and middles of the normals that boxes are worth, given all the others.
+    """Return weights and means of the Gaussians that replace boxes, given all the others.
 
     Parameters
     ----------
     mean, variance : array, shape (n, 2)
         Of the directions, as the state has them now.
     precision, middle : array, shape (n, 2)
-        Of the normals that stood for the boxes so far.
+        Of the Gaussians that replaced the boxes so far.
     half, soft : array, shape (n, 2)
         Half the widths of the boxes, and the variance of their edges.
     """

@@ -9,7 +9,7 @@ import math
 WINDOW_S = 10.0
 """Of the paper's detection rate."""
 # A larger jump of time is a clock that was set.
-_MOST_WINDOWS = 100
+_MAX_WINDOWS = 100
 
 
 class Heartbeat:
@@ -36,11 +36,12 @@ class Heartbeat:
         self._longest_s = 0.0
         self._beats_in_window = 0
 
-    def beat(self, time_s: float) -> None:
-        """Take a detection."""
+    def beat(self, time_s: float, unseen_s: float = 0.0) -> None:
+        """Take a detection, or a track whose light was last seen `unseen_s` before [s]."""
         self.advance(time_s)
-        self._longest_s = max(self._longest_s, time_s - self._last_s)
-        self._last_s = max(self._last_s, time_s)
+        seen_s = time_s - unseen_s
+        self._longest_s = max(self._longest_s, seen_s - self._last_s)
+        self._last_s = max(self._last_s, seen_s)
         self._beats_in_window += 1
         self.beats += 1
 
@@ -49,7 +50,7 @@ class Heartbeat:
         if not self._begun or time_s < self._window_start_s:
             self._begin(time_s)
         passed = math.floor((time_s - self._window_start_s) / self.window_s)
-        if passed > _MOST_WINDOWS:
+        if passed > _MAX_WINDOWS:
             self._begin(time_s)
         elif passed:
             self._window_start_s += passed * self.window_s

@@ -6,33 +6,31 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from retrolidar_ros.sensor.frame import Floats
-from retrolidar_ros.tasks.least_squares import TURN_VARIANCE, Fit, Problem
+from retrolidar_ros.tasks.least_squares import TURN_VARIANCE, Problem
 from retrolidar_ros.tasks.reading import Errors, Reading
-from retrolidar_ros.tasks.state import Prior, largest_stddev
+from retrolidar_ros.tasks.state import Fit, Prior, largest_stddev
 
-# Residuals beyond so many deviations do not belong.
+# Gating: a reading with a residual beyond so many standard deviations is an outlier.
 _GATE = 4.5
-# A landmark is published when so many more readings agree than do not, and has moved when as many
-# agree elsewhere.
+# A landmark is initialised when so many more readings agree than do not. It has moved when as many
+# outliers agree with each other.
 _AGREEING = 2
-# If it could be another landmark under a wrong ID that they show, or if their ranges are those of
-# the old place, which no other place has but by chance, so many.
-_AGREEING_IN_DOUBT = 4
-# That a range agrees says nothing if it is so unsure, for itself or beside the best.
+# So many if they could be another landmark under a wrong ID, or if only their directions are off.
+_AGREEING_IF_AMBIGUOUS = 4
+# Ranges of a larger standard deviation, absolutely or relative to the best, do not count.
 _VAGUE_M, _VAGUE = 0.02, 5.0
-_MOST_READINGS = 40
-_MOST_STRAYS = 6
+_MAX_READINGS = 40
+_MAX_OUTLIERS = 6
 _MOVING_WINDOW_S = 8.0
 _ONE_VIEW_M = 0.05
-# Above this deviation, all orientations are tried again [rad].
-_TURN_UNKNOWN = 0.2
+# Above this standard deviation all orientations are tried again [rad].
+_ROTATION_UNKNOWN = 0.2
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,11 +49,11 @@ class Estimate:
     covariance: Floats
     """Of the position [m²] and the rotation about the fixed axes [rad²], shape (6, 6)."""
     readings: int
-    """How many it is made of."""
+    """How many readings it is made of."""
     baseline_m: float
-    """How far apart the sensors were at most."""
+    """Largest distance between the sensors' places."""
     rejected: int
-    """How many readings did not belong, since the beginning."""
+    """How many readings were outliers, since the beginning."""
     moved_s: float | None
     """When it was last found elsewhere."""
 
@@ -66,7 +64,7 @@ class Estimate:
 
 
 class Landmark:
-    """One object: the readings that belong to it, and where they put it."""
+    """One object: its readings, and the place that is estimated from them."""
 
     def __init__(
         self,
@@ -91,9 +89,9 @@ class Landmark:
         self.fit: Fit | None = None
         self.members: list[Reading] = []
         self._prior = self._known
-        self._founded = self._known is not None
-        self._strays: list[Reading] = []
-        self._since_s = -math.inf
+        self._is_initialised = self._known is not None
+        self._outliers: list[Reading] = []
+        self._valid_from_s = -math.inf
         self._is_settled = True
         self._estimate: Estimate | None = None
         if self._known is not None:
@@ -102,37 +100,48 @@ class Landmark:
             none = np.zeros((0, 2))
             self.fit = Fit(self._known.state, spread, -math.inf, np.zeros((0, 3)), none, none)
 
-    def take(self, reading: Reading, doubt: Callable[[], bool] = lambda: False) -> bool:
-        """Take a reading of one of the markers, and return whether it belongs.
+    def take(self, *readings: Reading, others: Sequence[Landmark] = ()) -> list[Reading]:
+        """Take readings, and return the inliers; those of other markers are ignored.
 
-        `doubt` is asked, of a reading that does not, whether it could be of another landmark.
+        An outlier that fits one of `others` may have a wrong ID. ValueError if readings cannot be
+        solved; then none is taken.
         """
-        self.add(reading, doubt)
-        self.settle()
-        return any(one is reading for one in self.members)
+        before = {
+            name: value.copy() if isinstance(value, list) else value
+            for name, value in vars(self).items()
+        }
+        try:
+            with np.errstate(all='ignore'):  # `_settle` refuses what is not finite
+                for reading in filter(lambda one: one.marker in self._markers, readings):
+                    self._add(reading, others)
+                self._settle()
+        except np.linalg.LinAlgError as error:
+            vars(self).update(before)
+            raise ValueError(f'readings that cannot be solved: {self.name}') from error
+        members = set(map(id, self.members))
+        return [one for one in readings if id(one) in members]
 
-    def add(self, reading: Reading, doubt: Callable[[], bool] = lambda: False) -> None:
-        """Take a reading as `take` does; several of them share what `settle` computes."""
+    def _add(self, reading: Reading, others: Sequence[Landmark]) -> None:
         self._estimate = None
-        if reading.stamp_s < self._since_s:
+        if reading.stamp_s < self._valid_from_s:
             self.rejected += 1
             return
-        fits = self.fit is None or not self._knows_turn()
+        fits = self.fit is None or not self._knows_rotation()
         scores = np.zeros(3) if fits else self._scores(reading)
         if scores.max() < _GATE:
             self.members.append(reading)
-            if self._founded:
-                self._strays = [one for one in self._strays if one.stamp_s > reading.stamp_s]
-            self._thin()
+            if self._is_initialised:
+                self._outliers = [one for one in self._outliers if one.stamp_s > reading.stamp_s]
+            self._prune()
             self._is_settled = False
-            if not self._founded:  # until then each may be the wrong one
-                self.settle()
+            if not self._is_initialised:  # until then any reading may be the outlier
+                self._settle()
             return
         self.rejected += 1
-        in_doubt = scores[0] < _GATE or doubt()
-        self._look_elsewhere(reading, _AGREEING_IN_DOUBT if in_doubt else _AGREEING)
+        ambiguous = scores[0] < _GATE or any(one.could_be(reading) for one in others)
+        self._relocate(reading, _AGREEING_IF_AMBIGUOUS if ambiguous else _AGREEING)
 
-    def settle(self) -> None:
+    def _settle(self) -> None:
         """Compute the place from the readings added since."""
         if not self._is_settled:
             self._is_settled, self._estimate = True, None
@@ -141,28 +150,14 @@ class Landmark:
             state = self.fit.state
             if not np.isfinite([*state.position_m, *self.fit.covariance.ravel()]).all():
                 raise np.linalg.LinAlgError('not finite')
-            self._found()
-
-    @contextmanager
-    def unharmed(self) -> Iterator[None]:
-        """Take back what is added in the block if that cannot be solved, and raise ValueError."""
-        before = {
-            name: value.copy() if isinstance(value, list) else value
-            for name, value in vars(self).items()
-        }
-        try:
-            with np.errstate(all='ignore'):  # what is not finite is refused
-                yield
-        except np.linalg.LinAlgError as error:
-            vars(self).update(before)
-            raise ValueError(f'readings that cannot be solved: {self.name}') from error
+            self._initialise()
 
     def could_be(self, reading: Reading) -> bool:
         """Return whether a reading agrees with the place of one of its markers, whatever its ID."""
         found = self.estimate()
         if found is None or not self._markers:
             return False
-        # Most are too near or too far, which costs little to see.
+        # Most are too near or too far; this check is cheap.
         errors, stddev_m = self.errors, found.stddev_m
         apart_m = float(np.linalg.norm(found.position_m - reading.pose.position_m))
         arm_m = max(float(np.linalg.norm(place)) for place in self._markers.values())
@@ -179,7 +174,7 @@ class Landmark:
 
     def estimate(self) -> Estimate | None:
         """Return where the landmark is; None until readings agree, or it was known before."""
-        if self._estimate is None and self.fit is not None and self._founded:
+        if self._estimate is None and self.fit is not None and self._is_initialised:
             self._estimate = self._estimate_of(self.fit)
         return self._estimate
 
@@ -205,23 +200,24 @@ class Landmark:
         )
 
     def spread_with(self, readings: Sequence[Reading], beside: int | None = None) -> Floats:
-        """Return the covariance of the position, shape (3, 3) [m²], with more ranges besides.
+        """Return the covariance of the position with further ranges, shape (3, 3) [m²].
 
-        They may be of one more marker, `beside` the first.
+        Their markers may include one more ID, `beside`, at the place of the first.
         """
         assert self.fit is not None
         markers = dict(self._markers)
         if beside is not None:
             markers[beside] = next(iter(markers.values()))
-        every = [*self.members, *readings]
-        problem = Problem(markers, every, self.errors, self._prior, self._place_variance)
-        return problem.spread(self.fit)[:3, :3]
+        return self._problem([*self.members, *readings], markers).spread(self.fit)[:3, :3]
 
-    def _problem(self, readings: Sequence[Reading]) -> Problem:
-        return Problem(self._markers, readings, self.errors, self._prior, self._place_variance)
+    def _problem(
+        self, readings: Sequence[Reading], markers: Mapping[int, Floats] | None = None
+    ) -> Problem:
+        known = self._prior, self._place_variance
+        return Problem(markers or self._markers, readings, self.errors, *known)
 
-    def _is_founded(self, readings: Sequence[Reading], needed: int) -> bool:
-        """Return whether so many of the readings say where they are that their agreement counts."""
+    def _can_initialise(self, readings: Sequence[Reading], needed: int) -> bool:
+        """Return whether so many readings have ranges that are exact enough."""
         noise = np.array([one.range_stddev_m / one.range_m**2 for one in readings])
         best = min([one.range_stddev_m / one.range_m**2 for one in self.members], default=np.inf)
         telling = noise < _VAGUE * min(best, noise.min())
@@ -233,7 +229,7 @@ class Landmark:
         assert self.fit is not None
         fit = self.fit
         if self.errors.acceleration and self.members:
-            # Its own time counts, before or after that of the estimate.
+            # The reading may be older or newer than the estimate.
             fit = self._problem([*self.members, reading]).solve(fit)
             most: Floats = np.abs(fit.scores).max(axis=0)
             return most
@@ -241,9 +237,9 @@ class Landmark:
         return scores
 
     def _solve(self) -> None:
-        """Fit all members, and let go those that do not belong."""
+        """Fit all members, without outliers."""
         while True:
-            start = self.fit if self._knows_turn() else None
+            start = self.fit if self._knows_rotation() else None
             # A copy: the members change while the estimate stays.
             self.fit = self._problem(tuple(self.members)).solve(start)
             scores = np.abs(self.fit.scores).max(axis=1)
@@ -253,51 +249,52 @@ class Landmark:
             del self.members[worst]
             self.rejected += 1
 
-    def _knows_turn(self) -> bool:
+    def _knows_rotation(self) -> bool:
         if self.fit is None or len(self._markers) == 1:
             return self.fit is not None
         turning = self.fit.covariance[3:6, 3:6]
-        return largest_stddev(turning) < _TURN_UNKNOWN
+        return largest_stddev(turning) < _ROTATION_UNKNOWN
 
-    def _look_elsewhere(self, reading: Reading, needed: int) -> None:
-        """Restart if enough strays agree with a reading, and none of the members is newer."""
-        self._strays.append(reading)
+    def _relocate(self, reading: Reading, needed: int) -> None:
+        """Restart from a reading and outliers that agree with it, if no member is newer."""
+        self._outliers.append(reading)
         if self.members and reading.stamp_s < max(one.stamp_s for one in self.members):
             return
-        for others in itertools.combinations(self._strays[-_MOST_STRAYS:-1], needed - 1):
+        for others in itertools.combinations(self._outliers[-_MAX_OUTLIERS:-1], needed - 1):
             agreeing = [*others, reading]
-            if not self._is_founded(agreeing, _AGREEING):
+            if not self._can_initialise(agreeing, _AGREEING):
                 continue
             fit = Problem(self._markers, tuple(agreeing), self.errors).solve()
             if np.abs(fit.scores).max() < _GATE:
                 self.rejected -= needed
-                if self._founded:
+                if self._is_initialised:
                     self.moved_s = reading.stamp_s
-                    self._since_s = min(one.stamp_s for one in agreeing)
-                    self._strays = []
+                    self._valid_from_s = min(one.stamp_s for one in agreeing)
+                    self._outliers = []
                 else:
                     self.rejected += len(self.members)
                     kept = set(map(id, agreeing))
-                    self._strays = [one for one in self._strays if id(one) not in kept]
-                    self._strays += self.members
+                    self._outliers = [one for one in self._outliers if id(one) not in kept]
+                    self._outliers += self.members
                 self.members, self._prior = agreeing, None
                 self.fit, self._is_settled = fit, True
-                self._found()
+                self._initialise()
                 return
 
-    def _found(self) -> None:
-        """Decide whether it is known well enough to be published."""
-        if not self._founded:
-            self._founded = self._is_founded(self.members, _AGREEING + len(self._strays))
+    def _initialise(self) -> None:
+        """Publish the landmark from now on if enough of its readings agree."""
+        if not self._is_initialised:
+            needed = _AGREEING + len(self._outliers)
+            self._is_initialised = self._can_initialise(self.members, needed)
 
-    def _thin(self) -> None:
-        """Keep what says most: of a standing object many views, of a moving one the latest."""
+    def _prune(self) -> None:
+        """Keep views from many places of an object at rest, and the latest of a moving one."""
         self.members.sort(key=lambda one: one.stamp_s)
         if self.errors.acceleration:
             oldest_s = self.members[-1].stamp_s - _MOVING_WINDOW_S
             self.members = [one for one in self.members if one.stamp_s >= oldest_s]
-        while len(self.members) > _MOST_READINGS:
+        while len(self.members) > _MAX_READINGS:
             places = np.array([one.pose.position_m for one in self.members])
             near = np.linalg.norm(places[:, None] - places, axis=-1) < _ONE_VIEW_M
-            # The oldest of the fullest view; the last one is what is news.
+            # The oldest of the view with most readings; the newest always stays.
             del self.members[int(near.sum(axis=1)[:-1].argmax())]

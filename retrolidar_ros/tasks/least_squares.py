@@ -6,7 +6,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
@@ -14,41 +14,19 @@ from retrolidar_ros.sensor.frame import Floats
 from retrolidar_ros.sensor.rotation import QUARTER_TURNS, cross_matrix, matrix_of_turn
 from retrolidar_ros.tasks.boxes import match_boxes, same_boxes
 from retrolidar_ros.tasks.reading import Errors, Reading, Readings
-from retrolidar_ros.tasks.state import Prior, State, between
+from retrolidar_ros.tasks.state import Fit, Prior, State, between
 
-_MOST_STEPS, _FEW_STEPS = 60, 8
+_MAX_STEPS, _FEW_STEPS = 60, 8
 _SMALL_STEP = 1e-5  # [m] or [rad]
-_MOST_STEP = 0.5
+_MAX_STEP = 0.5
 _SOMEWHERE = 1e-6  # all is within a kilometre or so, which keeps equations solvable [1/m²]
 TURN_VARIANCE = math.pi**2 / 3
 """Of an angle that can be anything [rad²]."""
-# From such an angle on, two estimates are not the same [rad].
-_ANOTHER = 0.2
+# Two estimates whose rotations differ by more are distinct [rad].
+_DISTINCT = 0.2
 # Ranges are assumed to follow Student's t of this many degrees of freedom, and residuals
 # raise the covariance as if this many more had been as expected.
 _FREEDOM = 5.0
-
-
-@dataclass(frozen=True, eq=False)
-class Fit:
-    """An estimate, and how well each reading agrees with it."""
-
-    state: State
-    covariance: Floats
-    """Of position, rotation about the fixed axes and velocity, shape (9, 9)."""
-    stamp_s: float
-    """When it holds."""
-    scores: Floats
-    """Of range and of both directions: residuals in their deviations, shape (n, 3).
-
-    Of a direction, what is beyond its box.
-    """
-    bearing_weight: Floats
-    """What the boxes were worth, shape (n, 2) [1/rad²]."""
-    bearing_middle: Floats
-    """Where, of each box, what it was worth is, shape (n, 2)."""
-    readings: Sequence[Reading] = ()
-    """What it is made of."""
 
 
 class Problem:
@@ -62,7 +40,7 @@ class Problem:
         prior: Prior | None = None,
         place_variance: Mapping[int, Floats] | None = None,
     ) -> None:
-        """Pose it.
+        """State the problem.
 
         Parameters
         ----------
@@ -71,11 +49,11 @@ class Problem:
         readings : sequence of Reading
             At least one, of these markers.
         errors : Errors
-            What their errors share.
+            The errors that they share.
         prior : Prior or None
-            Of its pose.
+            Of the pose of the object.
         place_variance : mapping of int to array, shape (3, 3), or None
-            How well the places on the object are known [m²]; None: for certain.
+            Of the markers' places on the object [m²]; None: they are exact.
         """
         self.seen = Readings(readings)
         self._readings = readings
@@ -85,20 +63,20 @@ class Problem:
         self.stamp_s = self.seen.complete_s if moves else float(self.seen.stamp_s.max())
         self._before_s = self.stamp_s - self.seen.stamp_s
         self._places = np.array([markers[one] for one in self.seen.marker.tolist()])
-        doubts = place_variance or {}
-        self._doubt: Floats = np.array(
-            [doubts.get(one, np.zeros((3, 3))) for one in self.seen.marker.tolist()]
+        variances = place_variance or {}
+        self._place_variance: Floats = np.array(
+            [variances.get(one, np.zeros((3, 3))) for one in self.seen.marker.tolist()]
         )
         self._turns = len({tuple(place) for place in markers.values()}) > 1
         self._free = np.repeat([True, self._turns, moves], 3)
 
     def solve(self, start: Fit | None = None) -> Fit:
-        """Return the estimate that is found from an earlier one, or from the best of many guesses.
+        """Return the estimate, from an earlier one or from the best of many guesses.
 
-        Of many, the covariance tells the second, too, as far as it is likely.
+        If a second guess is likely, too, the covariance includes it.
         """
         if start is not None:
-            return self._descend(start.state, _MOST_STEPS, start)
+            return self._descend(start.state, _MAX_STEPS, start)
         seen = self.seen
         places = seen.sensor_m + seen.range_m[:, None] * seen.direction
         guesses = [
@@ -106,15 +84,15 @@ class Problem:
             for turn in (QUARTER_TURNS if self._turns else QUARTER_TURNS[:1])
         ]
         if len(guesses) == 1:
-            return self._descend(guesses[0], _MOST_STEPS)
+            return self._descend(guesses[0], _MAX_STEPS)
         fits = sorted((self._descend(guess, _FEW_STEPS) for guess in guesses), key=self._misfit)
-        best = self._descend(fits[0].state, _MOST_STEPS)
+        best = self._descend(fits[0].state, _MAX_STEPS)
         others = [
-            fit for fit in fits if np.linalg.norm(between(best.state, fit.state)[3:6]) > _ANOTHER
+            fit for fit in fits if np.linalg.norm(between(best.state, fit.state)[3:6]) > _DISTINCT
         ]
         if not others:
             return best
-        other = self._descend(others[0].state, _MOST_STEPS)
+        other = self._descend(others[0].state, _MAX_STEPS)
         if self._misfit(other) < self._misfit(best):
             best, other = other, best
         apart = between(best.state, other.state)
@@ -122,7 +100,7 @@ class Problem:
         return replace(best, covariance=best.covariance + likely * np.outer(apart, apart))
 
     def _misfit(self, fit: Fit) -> float:
-        """Return minus twice the logarithm of how likely an estimate makes the readings."""
+        """Return minus twice the log likelihood of the readings under an estimate."""
         unlikely = (_FREEDOM + 1) * np.log1p(np.square(fit.scores) / _FREEDOM)
         known = 0.0
         if self.prior is not None:
@@ -131,84 +109,83 @@ class Problem:
         return float(unlikely.sum()) + known
 
     def scores(self, fit: Fit) -> Floats:
-        """Return how far readings are from an estimate that they are no part of, shape (n, 3)."""
+        """Return the scores of readings that the estimate does not include, shape (n, 3)."""
         jacobian, residual = self._linearised(fit.state)
         whole, soft = self._variances(fit.state, 0 * residual[:, 0], fit.covariance)
         known = _variance_of(jacobian, fit.covariance)
         return self._scores(residual, np.diag(whole) + known[:, 0], soft + known[:, 1:])
 
     def spread(self, fit: Fit) -> Floats:
-        """Return the covariance, shape (9, 9), with more readings after those of an estimate.
+        """Return the covariance with further readings after those of an estimate, shape (9, 9).
 
-        Of the additional ones only the ranges count.
+        Only the ranges of the further readings count.
         """
         jacobian, residual = self._linearised(fit.state)
         whole, _ = self._variances(fit.state, 0 * residual[:, 0], fit.covariance)
-        sure = np.zeros((len(residual), 2))
-        sure[: len(fit.bearing_weight)] = fit.bearing_weight
+        weights = np.zeros((len(residual), 2))
+        weights[: len(fit.bearing_weight)] = fit.bearing_weight
         information, _ = self._equations(fit.state, jacobian, residual, np.linalg.inv(whole))
-        return self._inverse(information + _outer(jacobian[:, 1:], sure))
+        return self._inverse(information + _outer(jacobian[:, 1:], weights))
 
     def _descend(self, state: State, steps: int, earlier: Fit | None = None) -> Fit:
-        """Follow Gauss and Newton, and match the moments of the boxes on the way (Minka 2001).
+        """Take Gauss-Newton steps, and match the moments of the boxes at each (Minka 2001).
 
-        What an earlier estimate found of the same boxes saves most of the steps.
+        The boxes' normals of an earlier estimate save most of the steps.
         """
         seen = self.seen
         half = self._half_box()
         _, soft = self._variances(state, 0 * seen.range_m, np.zeros((9, 9)))
-        sure = 1 / (half**2 / 3 + soft)
-        middle = np.zeros_like(sure)
+        weights = 1 / (half**2 / 3 + soft)
+        middle = np.zeros_like(weights)
         spread: Floats = np.zeros((9, 9))
         if earlier is not None and earlier.readings:
             spread = earlier.covariance
             rows = {id(one): row for row, one in enumerate(earlier.readings)}
-            same = [
-                (row, rows[id(one)]) for row, one in enumerate(self._readings) if id(one) in rows
-            ]
+            same = [row for row, one in enumerate(self._readings) if id(one) in rows]
             if same:
-                now, then = np.array(same).T
-                sure[:] = 0
-                sure[now], middle[now] = earlier.bearing_weight[then], earlier.bearing_middle[then]
+                now, then = same, [rows[id(self._readings[row])] for row in same]
+                weights[:] = 0
+                weights[now] = earlier.bearing_weight[then]
+                middle[now] = earlier.bearing_middle[then]
         for _ in range(steps):
             jacobian, residual = self._linearised(state)
             whole, soft = self._variances(state, residual[:, 0], spread)
             weight = np.linalg.inv(whole)
             information, slope = self._equations(state, jacobian, residual, weight)
             aside, per_state = residual[:, 1:], jacobian[:, 1:]
-            information += _outer(per_state, sure)
-            slope += np.tensordot(sure * (aside - middle), per_state)
+            information += _outer(per_state, weights)
+            slope += np.tensordot(weights * (aside - middle), per_state)
             before, spread = spread, self._inverse(information)
             step = spread @ slope * self._free
             largest = float(np.abs(step).max())
-            step *= min(1.0, _MOST_STEP / max(largest, 1e-12))
+            step *= min(1.0, _MAX_STEP / max(largest, 1e-12))
             state = State(
                 state.position_m + step[:3],
                 matrix_of_turn(step[3:6]) @ state.rotation,
                 state.velocity + step[6:],
             )
             change = np.abs(spread - before)[:3, :3].max()
-            is_known = change < 1e-3 * spread[:3, :3].max() and (sure > 0).all()
+            is_known = change < 1e-3 * spread[:3, :3].max() and (weights > 0).all()
             if largest < _SMALL_STEP and is_known:
                 break
             mean = per_state @ step - aside
             variance = _variance_of(per_state, spread)
             alike = same_boxes(per_state, spread, mean, half)
-            fresh, shift = match_boxes(mean, variance, alike * sure, -middle, half, soft)
+            fresh, shift = match_boxes(mean, variance, alike * weights, -middle, half, soft)
             fresh /= alike
-            shift = (sure * -middle + fresh * shift) / np.maximum(sure + fresh, 1e-12)
-            # Halfway only, so that boxes that depend on each other settle.
-            sure, middle = np.where(sure > 0, (sure + fresh) / 2, fresh), -shift
+            shift = (weights * -middle + fresh * shift) / np.maximum(weights + fresh, 1e-12)
+            # Damped, so that boxes that depend on each other converge.
+            weights, middle = np.where(weights > 0, (weights + fresh) / 2, fresh), -shift
         jacobian, residual = self._linearised(state)
         chi2 = float(residual[:, 0] @ weight @ residual[:, 0])
         scale = (_FREEDOM + chi2) / (_FREEDOM + max(len(residual) - 3, 0))
         known = _variance_of(jacobian[:, 0], spread)
-        # As if it were no outlier, or none would be.
+        # The variance of inliers: that of an outlier is raised, which would hide it.
         usual = np.diag(self._variances(state, 0 * seen.range_m, spread)[0])
         own = np.maximum(usual - known, 0.2 * usual)
         scores = self._scores(residual, own, soft)
         covariance = max(scale, 1.0) * spread
-        return Fit(state, covariance, self.stamp_s, scores, sure, middle, self._readings)
+        return Fit(state, covariance, self.stamp_s, scores, weights, middle, self._readings)
 
     def _scores(self, residual: Floats, variance: Floats, soft: Floats) -> Floats:
         beyond = np.maximum(np.abs(residual[:, 1:]) - self._half_box(), 0.0)
@@ -270,14 +247,13 @@ class Problem:
         return jacobian, residual
 
     def _variances(self, state: State, residual: Floats, spread: Floats) -> tuple[Floats, Floats]:
-        """Return covariance of ranges, shape (n, n), and softness of boxes, shape (n, 2)."""
+        """Return the covariance of ranges (n, n), and the variance of boxes' edges (n, 2)."""
         sight = self._sight(state)
         range_m = np.linalg.norm(sight, axis=1)
-        doubt = state.rotation @ self._doubt @ state.rotation.T
-        whole = self.seen.range_covariance(sight, doubt, self._before_s, self.errors)
-        # Spheres bend away from the planes that they are taken for, as far as a place is open.
-        # With S the covariance of the place and P the projection across a direction u, that is
-        # sqrt(tr(PS)² + 2 tr(PSPS)) / 2r.
+        place_variance = state.rotation @ self._place_variance @ state.rotation.T
+        whole = self.seen.range_covariance(sight, place_variance, self._before_s, self.errors)
+        # A range is a sphere, linearised to a plane. With S the covariance of the place and P the
+        # projection across a direction u, they differ by sqrt(tr(PS)² + 2 tr(PSPS)) / 2r.
         place_m2 = spread[:3, :3]
         unit = sight / range_m[:, None]
         seen = unit @ place_m2
@@ -288,18 +264,18 @@ class Problem:
         whole += np.outer(bend, bend)
         excess = np.maximum(residual**2 / np.diag(whole) - 1, 0.0) / (_FREEDOM + 1)
         whole += np.diag(excess * self.seen.range_stddev_m**2)
-        soft = self.seen.bearing_variance(range_m, doubt, self._before_s, self.errors)
+        soft = self.seen.bearing_variance(range_m, place_variance, self._before_s, self.errors)
         return whole, soft
 
 
-def _outer(jacobian: Floats, sure: Floats) -> Floats:
-    """Return the information, shape (9, 9), of directions known with weights, shape (n, 2)."""
+def _outer(jacobian: Floats, weights: Floats) -> Floats:
+    """Return the information of directions with weights (n, 2), shape (9, 9)."""
     rows = jacobian.reshape(-1, jacobian.shape[-1])
-    information: Floats = (rows * sure.reshape(-1, 1)).T @ rows
+    information: Floats = (rows * weights.reshape(-1, 1)).T @ rows
     return information
 
 
 def _variance_of(jacobian: Floats, covariance: Floats) -> Floats:
-    """Return the variances, shape (...), of what depends on a state by a jacobian (..., k)."""
+    """Return the variances of J·x, shape (...), for jacobians J of shape (..., k)."""
     variance: Floats = ((jacobian @ covariance) * jacobian).sum(axis=-1)
     return variance

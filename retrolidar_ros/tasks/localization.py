@@ -62,20 +62,20 @@ def room_of(
     ValueError
         If fewer than three markers are known.
     """
-    places, doubts = {}, {}
+    places, variances = {}, {}
     for name, prior in known.items():
         for marker, on_object_m in objects.get(name, {}).items():
             arm_m = prior.state.rotation @ on_object_m
             per_pose = np.hstack([np.eye(3), -cross_matrix(arm_m)])
             places[marker] = prior.state.position_m + arm_m
-            doubts[marker] = per_pose @ prior.covariance @ per_pose.T
+            variances[marker] = per_pose @ prior.covariance @ per_pose.T
     if len(places) < 3:
         raise ValueError(f'{len(places)} markers are at known places; localisation needs three')
     level = None
     if flat:
         state = State(np.zeros(3), np.eye(3), np.zeros(3))
         level = Prior(state, np.diag([_FAR_M, _FAR_M, _LEVEL_M, _LEVEL, _LEVEL, _ANY_TURN]) ** 2)
-    return Landmark('room', places, errors, level, doubts)
+    return Landmark('room', places, errors, level, variances)
 
 
 def robot_pose(room: Estimate, base_m: Floats, base_rotation: Floats) -> RobotPose | None:

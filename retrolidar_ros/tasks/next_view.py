@@ -1,6 +1,6 @@
 # Copyright 2026 retrolidar_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""Where a sensor has to go for landmarks to be known best, and what to change if that won't do."""
+"""The next viewpoint of a sensor, and remedies if no viewpoint suffices."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ _SECOND = -1  # ID of a marker beside another one
 
 
 class ViewPlanner:
-    """Chooses the next viewpoint, and keeps it until the sensor had time to go there."""
+    """Chooses the next viewpoint, and keeps it until the sensor can have reached it."""
 
     def __init__(self) -> None:
         """Begin without a viewpoint."""
@@ -35,7 +35,7 @@ class ViewPlanner:
         self.heights_m = (-math.inf, math.inf)
         """Least and largest z of a viewpoint [m]."""
         self.max_stddev_m = math.nan
-        """What landmarks are wanted to [m]."""
+        """Wanted standard deviation of landmarks [m]."""
         self.forget()
 
     def forget(self) -> None:
@@ -43,7 +43,7 @@ class ViewPlanner:
         self.view: SensorPose | None = None
         """The next viewpoint, in the fixed frame; None if there is none."""
         self.remedies: dict[str, str] = {}
-        """By name, what would help those that no viewpoint within reach does."""
+        """Remedies by name, for objects that no viewpoint within reach suffices for."""
         self._began_m: Floats | None = None
         self._since_s = -math.inf
         self._wanted: set[str] = set()
@@ -72,7 +72,7 @@ class ViewPlanner:
         self.remedies = {one: text for one, text in remedies.items() if text}
 
     def _aimed(self, place_m: Floats, last: Reading, seen: Mapping[str, Landmark]) -> SensorPose:
-        """Return a pose that looks at all objects, or at the one known least."""
+        """Return a pose that looks at all objects, or at the least certain one."""
         names = sorted(seen, key=lambda one: -_stddev(seen[one]))
         for group in (names, names[:1]):
             ways = [_position(seen[one]) - place_m for one in group]
@@ -82,7 +82,7 @@ class ViewPlanner:
             if (units @ ahead > math.cos(_IN_VIEW)).all():
                 break
         self._wanted = set(group)
-        # Rolled as the sensor is now, as far as that goes.
+        # Keeps the present roll of the sensor, if possible.
         right = last.pose.rotation[:, 0]
         if abs(right @ ahead) > 0.9:
             right = last.pose.rotation[:, 2]
@@ -91,7 +91,7 @@ class ViewPlanner:
         return SensorPose(place_m, np.column_stack([right, np.cross(ahead, right), ahead]))
 
     def _remedy(self, landmark: Landmark) -> str:
-        """Return what would place a landmark well enough; empty if all that is within reach."""
+        """Return what would suffice for a landmark; empty if a viewpoint within reach does."""
         assert self._began_m is not None
         wanted_m, place_m = self.max_stddev_m, _position(landmark)
         if self._reached_m(landmark, self._began_m, self.reach_m) <= wanted_m:
@@ -129,7 +129,7 @@ def best_place(
     reach_m: float,
     heights_m: tuple[float, float] = (-math.inf, math.inf),
 ) -> Floats | None:
-    """Return the place from which one more reading of each landmark says most about all.
+    """Return the place from which one more reading of each landmark helps most.
 
     It is the one that leaves the least mean squared error. Across the line of sight ranges from
     there tell the direction; nearer, they are more exact, too.
@@ -191,7 +191,7 @@ def _seen_from(landmark: Landmark, place_m: Floats) -> Reading | None:
 
 
 def _in_another_zone(reading: Reading) -> Reading:
-    """Return a reading as of another marker beside."""
+    """Return the reading of a second marker, in another zone."""
     direction = reading.direction + np.array([2 * ZoneGrid().pitch, 0, 0])
     return reading._replace(marker=_SECOND, direction=direction / np.linalg.norm(direction))
 

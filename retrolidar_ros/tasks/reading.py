@@ -1,6 +1,6 @@
 # Copyright 2026 retrolidar_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""A reading of a marker with the place of the sensor that took it, and how errors are alike."""
+"""A reading of a marker with the pose of its sensor, and the correlation of errors."""
 
 from __future__ import annotations
 
@@ -97,14 +97,14 @@ def reading(
 
 @dataclass(frozen=True)
 class Errors:
-    """Standard deviations of errors that readings share; a reading has its own besides."""
+    """Standard deviations of errors that readings share, besides the independent ones."""
 
     range_bias_m: float = 0.002
     """Of a sensor's range, the same in all its readings; a calibration narrows it."""
     range_m: float = 0.0005
-    """Of a range, besides its own."""
+    """Of a range, in addition to its own."""
     box_rad: float = 0.0175
-    """How far a direction may be beyond its box: lens and mounting; no deviation."""
+    """How far a direction may be beyond its box, by lens and mounting; a limit."""
     edge_rad: float = 0.009
     """How soft the edges of that box are."""
     pose_m: float = 0.002
@@ -112,22 +112,22 @@ class Errors:
     turn_rad: float = 0.0035
     """Of the sensor's orientation, about each axis."""
     acceleration: float = 0.0
-    """Of a moving marker, along each axis [m/s²]; 0: it stands."""
+    """Of a moving marker, along each axis [m/s²]; 0: it is at rest."""
     speed: float = 0.5
     """Of a moving marker, along each axis [m/s]."""
 
 
-# What stands behind a marker or blinks beside it makes its range wrong in the same way while the
-# sensor stays where it is. This share of the usual variance is of that kind, and all that a reading
-# has above the usual, which says only a part of it. Of that, the same share is not so alike: two
-# of them would else be thought to differ by nothing.
+# A background or another marker in the zone shifts a range in the same way while the sensor stays.
+# `_SHARED` of the usual variance is of that kind, and all of what exceeds it, `_DISTRUST` times its
+# reported deviation. `_SHARED` of the excess is independent: two readings never agree exactly.
+# Variance within `_SCATTER` of the median is usual.
 _SHARED, _DISTRUST, _SCATTER = 0.25, 2.5, 1.3
 _CROWDED_M = 0.01
-# For about how long what moves keeps its acceleration.
+# Correlation time of the acceleration of a moving marker.
 _LASTING_S = 3.0
-# Who has read nothing for so long does not see it.
+# A sensor without a reading for so long does not see the marker.
 _SILENT_S = 2.0
-# Within such a distance [m] a sensor's errors are the same.
+# Distance within which the errors of a sensor correlate [m].
 _ALIKE_M = 0.05
 
 
@@ -152,7 +152,7 @@ class Readings:
         sensor = np.array([one.sensor for one in readings])
         newest_s = np.array([self.stamp_s[sensor == one].max() for one in set(sensor.tolist())])
         self.complete_s = float(newest_s[newest_s > newest_s.max() - _SILENT_S].min())
-        """Up to when all sensors have reported: one alone knows a single direction."""
+        """Time up to which all sensors have reported."""
         apart = np.linalg.norm(self.sensor_m[:, None] - self.sensor_m, axis=-1)
         self._one_sensor = sensor[:, None] == sensor
         self._one_pose = self._one_sensor * np.exp(-0.5 * (apart / _ALIKE_M) ** 2)
@@ -161,7 +161,7 @@ class Readings:
         each = self.range_stddev_m / self.range_m**2
         usual = np.minimum(_SCATTER * np.median(each) * self.range_m**2, self.range_stddev_m)
         variance = self.range_stddev_m**2
-        # Two that blink in one zone spoil each other's range, and do not report it.
+        # Two markers in one zone shift each other's range beyond its standard deviation.
         other = self.marker[:, None] != self.marker
         tangent = direction[:, :2] / direction[:, 2:]
         close = np.abs(tangent[:, None] - tangent).max(axis=-1) < ZoneGrid().pitch / 2
@@ -170,7 +170,7 @@ class Readings:
         above = np.maximum(variance - usual**2, 0.0)
         own_m2 = (1 - _SHARED) * np.minimum(variance, usual**2) + _SHARED * above
         shared_m = np.sqrt(_SHARED * usual**2 + _DISTRUST**2 * above)
-        # Covariance of those errors that do not depend on where the marker is.
+        # Covariance of the errors that are independent of the marker's place.
         self._anywhere_m2 = np.outer(shared_m, shared_m) * self._one_view + np.diag(own_m2)
 
     def range_covariance(
@@ -195,8 +195,8 @@ class Readings:
         result += errors.range_bias_m**2 * self._one_sensor + self._anywhere_m2
         result.flat[:: len(result) + 1] += errors.range_m**2
         if place_variance.any():
-            doubt = (unit[:, None] @ place_variance)[:, 0] @ unit.T
-            result += doubt * (self.marker[:, None] == self.marker)
+            place_m2 = (unit[:, None] @ place_variance)[:, 0] @ unit.T
+            result += place_m2 * (self.marker[:, None] == self.marker)
         if errors.acceleration:
             result += errors.acceleration**2 * _wandered(before_s) * alike
         return result
@@ -215,7 +215,7 @@ class Readings:
 
 
 def _wandered(before_s: Floats) -> Floats:
-    """Return the covariance of places, dated back, if the acceleration has a variance of 1 [s⁴].
+    """Return the covariance of displacements for an acceleration of variance 1 [s⁴].
 
     The acceleration is a Gauss-Markov process, whose correlation falls off in `_LASTING_S`
     (Singer 1970). Times before and after that of the estimate have opposite signs.

@@ -1,6 +1,6 @@
 # Copyright 2026 retrolidar_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""Tracks of markers at rest as readings: what is new in a mean over all frames so far."""
+"""Tracks of markers at rest as readings that are independent of each other."""
 
 from __future__ import annotations
 
@@ -8,14 +8,14 @@ import math
 from collections.abc import Hashable
 
 FIRST_S = 1.0
-"""A marker has been at rest for so long when its track is taken first."""
+"""Time at rest before a track is taken first."""
 NEW = math.sqrt(2.0)
-"""The deviation of what is new in a track that is taken, over the deviation of the track."""
+"""Standard deviation of the new half of a track's frames, over that of the track."""
 _REST_M_S = 0.02  # a marker that is slower is at rest
 
 
 class Resting:
-    """Chooses those frames of tracks that may be taken as readings, one independent of the other.
+    """Chooses the frames at which a track is taken as a reading, so that readings are independent.
 
     The range of a marker at rest is a mean over all its frames so far, so tracks of successive
     frames have the same errors. When twice as many frames are in it as the last time, half of them

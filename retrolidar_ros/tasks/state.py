@@ -1,16 +1,18 @@
 # Copyright 2026 retrolidar_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""How an object is in the fixed frame, and what was known of that before."""
+"""Pose and motion of an object in the fixed frame: prior and estimate."""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from retrolidar_ros.sensor.frame import Floats
 from retrolidar_ros.sensor.rotation import turn_of
+from retrolidar_ros.tasks.reading import Reading
 
 
 @dataclass(frozen=True, eq=False)
@@ -27,11 +29,33 @@ class State:
 
 @dataclass(frozen=True, eq=False)
 class Prior:
-    """What was known of a pose before any reading."""
+    """A pose that is known before any reading."""
 
     state: State
     covariance: Floats
     """Of position [m²] and rotation about the fixed axes [rad²], shape (6, 6)."""
+
+
+@dataclass(frozen=True, eq=False)
+class Fit:
+    """An estimate, and how well each reading agrees with it."""
+
+    state: State
+    covariance: Floats
+    """Of position, rotation about the fixed axes and velocity, shape (9, 9)."""
+    stamp_s: float
+    """When it holds."""
+    scores: Floats
+    """Of range and of both directions: residuals in their deviations, shape (n, 3).
+
+    Of a direction, what is beyond its box.
+    """
+    bearing_weight: Floats
+    """Of the Gaussians that replace the boxes: 1 / variance, shape (n, 2) [1/rad²]."""
+    bearing_middle: Floats
+    """Their means, from the middle of each box, shape (n, 2)."""
+    readings: Sequence[Reading] = ()
+    """Those that it is estimated from."""
 
 
 def largest_stddev(covariance: Floats) -> float:

@@ -1,11 +1,10 @@
 # Copyright 2026 retrolidar_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""All landmarks of a place: which marker belongs to which, and what is written of them."""
+"""All landmarks: data association by name, and the file format."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
-from functools import partial
+from collections.abc import Callable, Mapping
 from typing import Any
 
 import numpy as np
@@ -23,7 +22,7 @@ _ORIGIN = np.zeros(3)
 
 
 class Survey:
-    """Landmarks by name; markers that nobody has named are landmarks of their own."""
+    """Landmarks by name; a marker without a name is a landmark of its own."""
 
     def __init__(
         self,
@@ -64,11 +63,7 @@ class Survey:
         """
         landmark = self._landmark(name, readings[0].marker)
         others = [one for one in self.landmarks.values() if one is not landmark]
-        with landmark.unharmed():
-            for reading in readings:
-                if landmark.has(reading.marker):
-                    landmark.add(reading, partial(_could_be, others, reading))
-            landmark.settle()
+        landmark.take(*readings, others=others)
         return landmark
 
     def _landmark(self, name: str, marker: int) -> Landmark:
@@ -104,10 +99,6 @@ class Survey:
         fresh = Landmark(name, markers, self._errors, self._known.get(name))
         self.landmarks[name] = fresh
         return fresh
-
-
-def _could_be(landmarks: Sequence[Landmark], reading: Reading) -> bool:
-    return any(one.could_be(reading) for one in landmarks)
 
 
 def survey_content(frame: str, estimates: list[Estimate]) -> dict[str, Any]:

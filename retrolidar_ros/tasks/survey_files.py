@@ -1,6 +1,6 @@
 # Copyright 2026 retrolidar_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""Files of landmarks: written so that no map on disk is ever lost."""
+"""Files of landmarks, written such that no map on disk is lost."""
 
 from __future__ import annotations
 
@@ -55,7 +55,7 @@ def save_survey(path: Path, frame: str, estimates: list[Estimate]) -> str:
     """
     if not estimates:
         raise ValueError('nothing is placed, and an empty map is not written; delete it by hand')
-    path = path.resolve()  # of a link, what it leads to is replaced
+    path = path.resolve()  # the target of a link is replaced
     exists = path.exists()
     if exists:
         _check_replaceable(path, frame, {one.name for one in estimates})
@@ -67,7 +67,7 @@ def save_survey(path: Path, frame: str, estimates: list[Estimate]) -> str:
     kept = path.with_name(path.name + _BACKUP)
     try:
         fresh.write_text(text, encoding='utf-8')
-        load_survey(fresh)  # what cannot be loaded is no map
+        load_survey(fresh)  # check that it can be loaded
         if exists:
             shutil.copymode(path, fresh)
             copy = path.with_name(f'{fresh.name}{_BACKUP}')
@@ -86,7 +86,7 @@ def save_survey(path: Path, frame: str, estimates: list[Estimate]) -> str:
 
 
 def _check_replaceable(path: Path, frame: str, names: Collection[str]) -> None:
-    """Raise ValueError if a file has anything that the new one would not have."""
+    """Raise ValueError if a file has content that would be lost."""
     if path.is_file() and not path.stat().st_size:
         return
     try:

@@ -77,9 +77,9 @@ def test_what_unpacks_or_is_out_of_order_is_held_to_the_limit_only(
     file.write_bytes(zstd.compress(bytes(10**8)))
     plain = write_bag(tmp_path / 'bag', frames)
     for module, name, limit, path, read, says in (
-        (messages, 'MOST_BYTES', 500, packed, 0, 'unpack to more than 500'),
-        (messages, 'MOST_BYTES', 4096, file, 0, 'it unpacks to more than'),
-        (files, '_MOST_HELD', 1000, plain, 100, 'more than 1000 bytes of messages are out of'),
+        (messages, 'MAX_BYTES', 500, packed, 0, 'unpack to more than 500'),
+        (messages, 'MAX_BYTES', 4096, file, 0, 'it unpacks to more than'),
+        (files, '_MAX_HELD', 1000, plain, 100, 'more than 1000 bytes of messages are out of'),
     ):
         with monkeypatch.context() as patch:
             patch.setattr(module, name, limit)

@@ -77,10 +77,8 @@ HAND = {
 @pytest.mark.parametrize(
     ('content', 'sentence'),
     [
-        ({'markers': [{**MARKER, 'clock_error': '5 %'}]}, 'set bit_period to 0.0441'),
         ({'sensor': {**SENSOR, 'zones': '8x8', 'period': '66.7 ms'}}, 'and not one to eight'),
         ({'sensor': {**SENSOR, 'period': '33.3 ms'}, 'markers': [FAINT]}, 'two are read farther'),
-        ({'markers': []}, 'no zone blinks: let a marker repeat its packet'),
         ({'markers': [{**MARKER, 'contrast': '1 %'}]}, 'check polarisers and voltage'),
         (
             {'sensor': {**SENSOR, 'saturation': '40 kcps/SPAD'}, 'markers': [NEAR], 'surfaces': []},

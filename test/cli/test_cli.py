@@ -22,12 +22,11 @@ Output = pytest.CaptureFixture[str]
 PNG = b'\x89PNG\r\n\x1a\n'
 
 
-@pytest.fixture(scope='module', params=['mcap', 'sqlite3'])
-def bag(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Path:
+@pytest.fixture(scope='module')
+def bag(tmp_path_factory: pytest.TempPathFactory) -> Path:
     pytest.importorskip('rosbags', reason='bags are written with rosbags')
-    path = tmp_path_factory.mktemp('bags') / str(request.param)
-    arguments = ['--bag', str(path), '--storage', request.param, '--duration', '8']
-    assert main(['emulate', 'coffee', *arguments]) == 0
+    path = tmp_path_factory.mktemp('bags') / 'bag'
+    assert main(['emulate', 'coffee', '--bag', str(path), '--duration', '8']) == 0
     return path
 
 
@@ -57,7 +56,8 @@ def test_decode_prints_one_json_object_a_detection(bag: Path, method: str, capsy
 def test_decode_prints_where_markers_are_at_every_frame(bag: Path, capsys: Output) -> None:
     tracks = decoded(capsys, bag, '--tracks')
     assert set(tracks[0]) == {
-        *('stamp', 'id', 'x', 'y', 'z', 'vx', 'vy', 'vz', 'range', 'range_stddev', 'presence')
+        *('stamp', 'id', 'x', 'y', 'z', 'x_stddev', 'y_stddev', 'z_stddev'),
+        *('vx', 'vy', 'vz', 'range', 'range_stddev', 'presence'),
     }
     own = [one for one in tracks if one['id'] == 2073]
     stamps = np.array([one['stamp'] for one in own])
@@ -65,8 +65,12 @@ def test_decode_prints_where_markers_are_at_every_frame(bag: Path, capsys: Outpu
     for one in own:
         assert np.linalg.norm([one['x'], one['y'], one['z']]) == pytest.approx(one['range'])
         assert abs(one['range'] - 1.0) < 0.02
+        assert one['range_stddev'] < 0.02
+    # Across the line of sight it is known as well as a zone and its neighbours say.
+    assert all(0.001 < own[-1][name] < 0.1 for name in ('x_stddev', 'y_stddev'))
     assert main(['decode', '--tracks', str(bag)]) == 0
     header, *lines = capsys.readouterr().out.splitlines()
+    assert not any('-0.000' in text.split()[7] for text in lines)
     assert len(lines) == len(tracks)
     assert len(header) == len(lines[0])
     assert main(['decode', '--tracks', '--method', 'paper', str(bag)]) == 2
@@ -90,7 +94,7 @@ def test_plot_writes_a_picture(bag: Path, tmp_path: Path, capsys: Output) -> Non
 def test_a_damaged_bag_is_decoded_and_drawn(bag: Path, tmp_path: Path, capsys: Output) -> None:
     damaged, picture = tmp_path / 'damaged', tmp_path / 'picture.png'
     shutil.copytree(bag, damaged)
-    (file,) = (path for path in damaged.iterdir() if path.suffix in ('.mcap', '.db3'))
+    (file,) = damaged.glob('*.mcap')
     data = file.read_bytes()
     file.write_bytes(data[: len(data) * 2 // 3])
     assert main(['decode', str(damaged)]) == 2
@@ -110,25 +114,11 @@ def test_a_damaged_bag_is_decoded_and_drawn(bag: Path, tmp_path: Path, capsys: O
         ('plot BAG -o .', r'\. is a directory; name a PNG file'),
         ('emulate nowhere --port-link port', '.*no scene nowhere; .* coffee, drone, range'),
         ('demo nowhere', '.*no scene nowhere'),
-        ('ids --count 0', '0 IDs cannot be chosen: ask for 1 to 4094'),
         ('ids --count 4095', '4095 IDs cannot be chosen'),
-        ('ids --count 400 --min-distance 8', '400 IDs at a distance of 8 bits'),
-        ('ids --count 4 --min-distance 32', 'a distance of 32 bits is outside'),
         ('ids --check 3,4096', r'marker ID 4096 is outside 0\.\.4095'),
-        ('ids --check 3 --min-distance 0', 'a distance of 0 bits is outside'),
-        ('budget --size 3', "--size: '3' is impossible"),  # metres
-        ('budget --size 0cm', "--size: '0cm' is impossible"),
         ('budget --size 1m', "--size: '1m' is impossible"),  # larger than a zone
         ('budget --distance 2km', "--distance: '2km' is in km; it needs m or cm or mm"),
-        ('budget --distance 5m', "--distance: '5m' is impossible; at most 4"),
-        ('budget --distance 0m', "--distance: '0m' is impossible"),
-        ('budget --yaw 91deg', "--yaw: '91deg' is impossible; at most 90"),
-        ('budget --cell 90', "--cell: '90' has no unit; write 90 mAh"),
-        ('budget --cell 0mAh', "--cell: '0mAh' is impossible; at least 1"),
-        ('budget --queries often', "--queries: 'often' is not a number"),
         ('budget --queries 1e4', '--queries: 10000 .* 0 to 2765'),
-        ('budget --queries -1', '--queries: -1 .* impossible'),
-        ('budget --queries nan', '--queries: nan .* impossible'),
     ],
 )
 def test_unusable_input_is_one_line(
@@ -145,24 +135,13 @@ def test_unusable_input_is_one_line(
     ('arguments', 'message'),
     [
         ('decode bag --method magic', 'choose from'),
-        ('emulate coffee --bag bag --storage magic', 'choose from'),
-        *(
-            (f'emulate coffee --bag bag --duration {text}', f"'{text}' is")
-            for text in ('inf', 'nan', '1e300')
-        ),
+        ('emulate coffee --bag bag --duration nan', "'nan' is"),
         ('watch port --zone 64', '64 is no zone'),
-        ('watch port --zone=-1', '-1 is no zone'),
         ('watch port --zone x', 'x is no zone: they are 0 to 15, or 0 to 63'),
-        ('watch port --bit-period 42m', "'42m' is in m; it needs s or ms or us"),
-        ('watch port --duration 1min', "'1min' is in min; it needs s or ms or us"),
-        ('watch port --bit-period 0.001', '0.001 is not within 0.002 to 10'),
         ('watch port --bit-period 11', '11.0 is not within'),
-        ('watch port --protocol magic', 'choose from'),
         ('ids', 'one of the arguments --count --check is required'),
         ('ids --count 3 --check 3,17', 'not allowed with'),
-        ('ids --count many', "invalid int value: 'many'"),
         ('ids --check 3,,17', "'3,,17' is no list of IDs such as 3,17,42"),
-        ('ids --check=', "'' is no list of IDs"),
     ],
 )
 def test_arguments_that_do_not_fit(arguments: str, message: str, capsys: Output) -> None:

@@ -65,12 +65,6 @@ def test_bits_before_the_recording_are_marked(monkeypatch: pytest.MonkeyPatch) -
     assert {one.get_color() for one in unseen} == {'0.5'}
 
 
-def test_a_recording_of_nothing_shows_all_zones(monkeypatch: pytest.MonkeyPatch) -> None:
-    figure = drawn(seen(), monkeypatch)
-    titles = {axes.get_title(loc='left') for axes in figure.axes}
-    assert titles >= {str(zone) for zone in range(16)}
-
-
 def test_what_moves_is_a_line(monkeypatch: pytest.MonkeyPatch) -> None:
     path = (Waypoint(0.0, (-0.2, 0.1, 1.0)), Waypoint(6.0, (0.2, 0.1, 1.0)))
     marker = Marker(id=2816, path=path)

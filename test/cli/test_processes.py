@@ -5,7 +5,6 @@ import select
 import signal
 import time
 from collections.abc import Iterator
-from contextlib import suppress
 from pathlib import Path
 
 import pytest
@@ -164,19 +163,6 @@ def test_check_reports_the_child_that_ended_and_the_end_of_its_log(
     assert line.all_gone()
 
 
-@pytest.mark.parametrize(
-    ('program', 'says'), [('kill -9 $$', '-9:'), (r"printf 'a\377b'", '0:\na\ufffdb')]
-)
-def test_a_signal_and_a_log_of_any_bytes_are_reported(
-    tmp_path: Path, program: str, says: str
-) -> None:
-    with ProcessGroup(tmp_path) as group:
-        group.start('odd', ['sh', '-c', program])
-        await_end(group, 'odd')
-        with pytest.raises(ProcessError, match=f'odd ended with exit code {says}'):
-            group.check()
-
-
 def test_a_stopped_process_may_be_started_again(tmp_path: Path, line: LifeLine) -> None:
     again = LifeLine(tmp_path / 'again')
     with ProcessGroup(tmp_path) as group:
@@ -192,15 +178,6 @@ def test_a_stopped_process_may_be_started_again(tmp_path: Path, line: LifeLine) 
             group.check()
             assert one.all_gone()
     os.close(again.end)
-
-
-def test_a_program_that_is_missing_ends_the_others(tmp_path: Path, line: LifeLine) -> None:
-    with suppress(FileNotFoundError), ProcessGroup(tmp_path) as group:
-        group.start('sleeper', line.command(SLEEPER))
-        line.wait_for(b'ready')
-        group.start('missing', [str(tmp_path / 'nothing')])
-        pytest.fail('it was started')
-    assert line.all_gone()
 
 
 def test_both_outputs_are_in_the_log_and_there_is_no_input(tmp_path: Path) -> None:

@@ -22,7 +22,6 @@ from retrolidar_ros import cli
 from retrolidar_ros.bag import FrameWriter, messages, read_frames
 from retrolidar_ros.bag.messages import BagError
 from retrolidar_ros.sensor.frame import Frame
-from retrolidar_ros.settings.printing import printable
 
 # Not -m: that finds the sources first, which have no messages.
 PROGRAM = [sys.executable, str(Path(cli.__file__).with_name('__main__.py'))]
@@ -101,18 +100,6 @@ def test_what_was_unpacked_goes_with_a_command_that_is_ended(tmp_path: Path) -> 
     assert not list(unpacked.iterdir())
 
 
-@pytest.mark.parametrize('request_to_end', [signal.SIGTERM, signal.SIGKILL])
-def test_processes_of_an_experiment_end_with_it(tmp_path: Path, request_to_end: int) -> None:
-    command = [sys.executable, '-m', 'evaluation', 'roc', 'several', '--quick', '--processes', '2']
-    root = Path(__file__).resolve().parents[2]
-    with subprocess.Popen([*command, '-o', str(tmp_path)], cwd=root) as process:
-        # Two workers, and what keeps track of their semaphores.
-        wait(lambda: len(descendants(process.pid)) >= 3, 'workers')
-        workers = descendants(process.pid)
-        process.send_signal(request_to_end)
-    wait(lambda: not any(map(lives, workers)), 'their end')
-
-
 def test_processes_of_the_demo_end_with_it() -> None:
     pytest.importorskip('rclpy', reason='needs ROS 2')
     pytest.importorskip('retrolidar_ros.msg', reason='needs the messages: colcon build')
@@ -183,13 +170,6 @@ def test_what_was_started_ends_with_a_parent_that_is_killed(tmp_path: Path) -> N
         child = int(parent.stdout.readline())
         parent.kill()
     wait(lambda: not lives(child), 'the end of the child')
-
-
-def test_control_characters_are_escaped_for_a_terminal() -> None:
-    assert printable('a\x1b[31m\r\x9b\nb é') == 'a\\x1b[31m\\r\\x9b\nb é'
-    long = printable('x' * 10**6)
-    assert len(long) < 1100
-    assert '999000 characters' in long
 
 
 def test_tools_of_ros_that_are_not_there_are_named_with_what_does_the_same() -> None:

@@ -18,12 +18,9 @@ from termios import TIOCSWINSZ
 from threading import Event, Thread
 
 import pytest
-import yaml
 from st_board import Board, Zone
 
-from retrolidar_ros.cli.arguments import detector_values
-from retrolidar_ros.cli.main import main, parser
-from retrolidar_ros.settings.resources import shared_file
+from retrolidar_ros.cli.main import main
 
 Output = pytest.CaptureFixture[str]
 COFFEE = {'2073', '2096', '2107'}
@@ -46,17 +43,6 @@ def test_a_still_scene_before_st_s_example_does_not_blink(capsys: Output) -> Non
     assert int(re.findall(r'(\d+) frames,', last)[0]) > 10
     assert "ST's example sends a frame every" in last
     assert last.endswith('no zone blinks')
-
-
-def test_the_defaults_are_those_of_the_nodes() -> None:
-    content = yaml.safe_load(shared_file('config/retrolidar.yaml').read_text(encoding='utf-8'))
-    values: dict[str, object] = {}
-    for section in content.values():
-        values |= section['ros__parameters']
-    options = parser().parse_args(['watch', 'port'])
-    assert options.baud == values['serial_baud']
-    assert options.protocol == values['protocol']
-    assert detector_values(options)['bit_period'] == values['bit_period']
 
 
 def test_a_port_that_is_not_there_is_explained_even_to_a_closed_output(

@@ -4,16 +4,14 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from harness_detector import ID, repeating
 
 from retrolidar_ros.detector.agreement import Agreement
 from retrolidar_ros.detector.decoding import Decoding
 from retrolidar_ros.detector.detection import Detection
 from retrolidar_ros.detector.parameters import defaults
-from retrolidar_ros.scene import Scene, Simulation
-from retrolidar_ros.scene.description import Marker
 
-SCENE = Scene(markers=(Marker(id=2073, position_m=(0.05, 0.04, 1.0)),))
-FRAMES = list(Simulation(SCENE).run(6.0))
+FRAMES = list(repeating(6.0))
 
 
 def detect(min_readings: int) -> tuple[list[Detection], list[str]]:
@@ -25,7 +23,7 @@ def detect(min_readings: int) -> tuple[list[Detection], list[str]]:
 READING = detect(1)[0][0]
 
 
-def reading(at_s: float, range_m: float = 1.0, identity: int = 2073) -> Detection:
+def reading(at_s: float, range_m: float = 1.0, identity: int = ID) -> Detection:
     place = replace(READING.place, range_m=range_m, range_stddev_m=0.002)
     return replace(READING, id=identity, stamp_ns=round(at_s * 1e9), place=place)
 

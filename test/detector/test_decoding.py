@@ -5,6 +5,7 @@ from collections.abc import Iterable, Iterator
 from dataclasses import replace
 
 import pytest
+from harness_detector import ID, a_scene, simulate
 
 from retrolidar_ros.bag import BagError
 from retrolidar_ros.detector import METHODS
@@ -12,27 +13,17 @@ from retrolidar_ros.detector.decoding import Decoding
 from retrolidar_ros.detector.detection import Detection
 from retrolidar_ros.detector.parameters import defaults
 from retrolidar_ros.detector.text import TEXT_HEADER, to_json, to_text
-from retrolidar_ros.scene import Scene, Simulation
-from retrolidar_ros.scene.description import Marker, Noise, Sensor, Surface
 from retrolidar_ros.sensor.frame import Frame, ZoneGrid
-
-ID = 2073
 
 
 def detect(frames: Iterable[Frame], method: str) -> Iterator[Detection]:
     return Decoding({**defaults(), 'method': method}).detect(frames)
 
 
-SCENE = Scene(
-    sensor=Sensor(noise=Noise(floor=4.6, slope=0.22)),
-    markers=(Marker(id=ID, position_m=(0.05, 0.04, 1.0), name='marker', start_s=1.0, packets=1),),
-    surfaces=(Surface(1.0, 4.0),),
-)
-
-
 def frames(duration_s: float = 3.0, rows: int = 4) -> list[Frame]:
-    scene = replace(SCENE, sensor=replace(SCENE.sensor, grid=ZoneGrid(rows, rows)))
-    return list(Simulation(scene).run(duration_s))
+    scene = a_scene(position_m=(0.05, 0.04, 1.0), start_s=1.0)
+    scene = replace(scene, sensor=replace(scene.sensor, grid=ZoneGrid(rows, rows)))
+    return list(simulate(scene, duration_s))
 
 
 @pytest.mark.parametrize('method', METHODS)

@@ -28,7 +28,7 @@ from retrolidar_ros.scene.description import Sensor
 from retrolidar_ros.sensor.frame import Recording, ZoneGrid
 from retrolidar_ros.sensor.model import VL53L8CX, Status
 
-BEYOND = (np.inf, -np.inf, -1e30, 3e38, -0.5)
+BEYOND = (np.inf, -np.inf, -0.5)
 IMPOSSIBLE = {'distance': (*BEYOND, 0.0, 8.192), 'signal': (*BEYOND, np.nan), 'ambient': ()}
 STRANGE = {
     'distance': (np.nan, 1e-40, 8.191),
@@ -56,7 +56,7 @@ def test_a_lone_packet_is_read_at_its_last_frame(method: str) -> None:
     assert detection.stamp_ns == pytest.approx(middle_ns, abs=50e6)
     assert detection.end_ns == read_ns == pytest.approx(2.0e9 + 31 * 42e6, abs=25e6)
     assert detection.bit_period_s == pytest.approx(0.042, rel=0.003)
-    assert detection.packets == 1
+    assert (detection.packets, detection.corrected_bits) == (1, 0)
     assert 0.9 < detection.score <= 1
     (noiseless,) = run(simulate(replace(a_scene(), sensor=Sensor())), method)
     assert noiseless.place.range_stddev_m > 0
@@ -73,28 +73,10 @@ def test_the_snr_is_that_of_bits_in_step_with_the_frames(method: str) -> None:
 
 
 @every_method
-@pytest.mark.parametrize('rows', [4, 8])
-def test_both_zone_grids_are_read(method: str, rows: int) -> None:
-    grid = ZoneGrid(rows, rows)
-    scene = a_scene(position_m=(0.05, 0.04, 1.0), packets=None)
-    scene = replace(scene, sensor=replace(scene.sensor, grid=grid), surfaces=())
-    assert ID in ids(run(simulate(scene), create_detector(method, grid)))
-
-
-@every_method
 def test_a_marker_that_never_pauses_is_read_packet_by_packet(method: str) -> None:
     starts = np.array([one.start_ns for one in run(repeating(14.0), method) if one.id == ID])
     assert len(starts) >= 8
     assert np.abs(np.diff(starts) / 1.302e9 - np.rint(np.diff(starts) / 1.302e9)).max() < 0.02
-
-
-@every_method
-def test_a_detector_begins_anew_when_time_jumps(method: str) -> None:
-    detector = create_detector(method, GRID)
-    late = [replace(frame, stamp_ns=frame.stamp_ns + 10**12) for frame in lone()]
-    # Played again, a thousand seconds back, two thousand forward.
-    for frames in (lone(), lone(), late, lone(), late):
-        assert ids(run(frames, detector)) == [ID]
 
 
 @every_method

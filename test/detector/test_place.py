@@ -1,16 +1,18 @@
 # Copyright 2026 retrolidar_ros contributors
 # SPDX-License-Identifier: Apache-2.0
+from typing import Any
+
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from evaluation.experiments import place as experiment
-from retrolidar_ros.core import ffi, lib
+from retrolidar_ros.core import array, ffi, lib
 from retrolidar_ros.detector.place import Bearing, place, zone_bearing
-from retrolidar_ros.detector.placement import modulated_depth
+from retrolidar_ros.detector.placement import core_sensor
 from retrolidar_ros.scene.optics import zone_shares
 from retrolidar_ros.sensor.frame import Floats, ZoneGrid
+from retrolidar_ros.sensor.model import VL53L8CX
 
 GRIDS = [ZoneGrid(4, 4), ZoneGrid(8, 8)]
 SPOT = 0.03  # of a marker of 3 cm in 1 m, as a tangent
@@ -121,9 +123,24 @@ def ranged(
     light: Floats, weight: Floats, signal: Floats, distance: Floats
 ) -> tuple[float, float] | None:
     """Return what the core makes of one zone: depth and standard deviation [m]."""
-    time_s = 0.021 * np.arange(len(light) + 1)
-    found = modulated_depth(time_s[:-1], time_s[1:], light, weight, signal, distance)
-    return None if found is None else (found.depth_m, float(np.sqrt(found.variance)))
+    rows, time_s = len(light), 0.021 * np.arange(len(light) + 1)
+    held: dict[str, Any] = {
+        'begin_s': array('double', time_s[:-1]),
+        'end_s': array('double', time_s[1:]),
+        'light': array('double', light),
+        'valid': array('uint8_t', weight),
+        'signal': array('float', signal),
+        'distance': array('float', distance),
+    }
+    sensor = core_sensor(VL53L8CX, ZoneGrid())
+    seen = ffi.new('struct rl_seen *', {'sensor': sensor, 'rows': rows, **held})
+    found, room = (
+        ffi.new('struct rl_ranged *'),
+        (ffi.new('float[]', rows), ffi.new('uint8_t[]', rows)),
+    )
+    if not lib.rl_ranging(seen, *room, found):
+        return None
+    return found.depth_m, float(np.sqrt(found.variance))
 
 
 def blinking(
@@ -163,14 +180,3 @@ def test_a_range_needs_distances() -> None:
     nothing = np.full(20, np.nan)
     assert ranged(light, np.ones(20), 50 * light, nothing) is None
     assert ranged(light, np.zeros(20), 50 * light, light + 1) is None
-
-
-def test_the_ellipsoid_holds_and_bearings_are_sharp() -> None:
-    figures = experiment.run(np.random.default_rng(3), quick=True)
-    for row in figures['blurs']:
-        hits = sum(holds['hits'] for holds in row['ellipsoid_holds'].values())
-        trials = sum(holds['trials'] for holds in row['ellipsoid_holds'].values())
-        assert trials >= 40
-        assert hits / trials >= 0.88
-        assert row['range_median_m'] < 0.003
-        assert row['bearing_rms_deg']['between'] < row['centre_rms_deg']['between']

@@ -30,7 +30,7 @@ def played(detector: Detector, recording: Recording) -> list[tuple[Detection, ..
     return [tuple(detector.update(frame)) for frame in recording]
 
 
-@pytest.mark.parametrize('jump_s', [-100.0, 0.0, 1e4])
+@pytest.mark.parametrize('jump_s', [-100.0, 1e4])
 def test_a_jump_of_time_leaves_nothing(jump_s: float) -> None:
     before, recording = scene(0), scene(1)
     moved = replace(recording, stamp_ns=recording.stamp_ns + round(jump_s * 1e9))

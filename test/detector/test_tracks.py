@@ -6,6 +6,7 @@ import subprocess
 from collections.abc import Iterable
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -14,21 +15,22 @@ from harness_detector import ID, OTHER_ID, a_scene, repeating, simulate
 from harness_firmware import need
 from numpy.typing import NDArray
 
+from evaluation.bench.recordings import record, signal_at
+from evaluation.bench.shared_zone import two_in_a_zone
+from evaluation.bench.stresses import PLAIN
+from evaluation.experiments.moving import WAYS
 from retrolidar_ros import core
 from retrolidar_ros.detector import create_detector, likelihood_detector, placement
 from retrolidar_ros.detector import tracks as tracks_module
 from retrolidar_ros.detector.likelihood_detector import LikelihoodDetector
 from retrolidar_ros.detector.tracks import Track
-from retrolidar_ros.marker.dictionary import USABLE_IDS
-from retrolidar_ros.scene import Scene, Simulation
-from retrolidar_ros.scene.description import Marker, Ranging, Surface, Wander
+from retrolidar_ros.scene import Scene
+from retrolidar_ros.scene.description import Ranging, Surface, Wander
 from retrolidar_ros.scene.optics import position_at
 from retrolidar_ros.scene.reference import (
     RANGING,
-    RESPONSE,
     SENSOR,
     marker_in_each_zone,
-    walls,
 )
 from retrolidar_ros.sensor.frame import Frame, Recording
 
@@ -183,44 +185,14 @@ def test_a_hand_and_lost_frames_end_no_track(hidden_s: float) -> None:
     assert detector.track_counts.ended == 0
 
 
-def two_in_a_zone(apart_m: float, rng: np.random.Generator) -> Scene:
-    """Return a scene of two markers that one zone sees, at ranges that differ."""
-    tangents = SENSOR.grid.tangents[9] + rng.uniform(-0.3, 0.3, (2, 2)) * SENSOR.grid.pitch
-    ids = rng.choice(USABLE_IDS, 2, replace=False)
-    markers = tuple(
-        Marker(
-            id=int(one),
-            position_m=(float(z * x), float(z * y), z),
-            name=f'marker_{one}',
-            start_s=float(start_s),
-            packets=None,
-            response=RESPONSE,
-        )
-        for one, start_s, z, (x, y) in zip(
-            ids, rng.uniform(-1.3, 0.0, 2), (1.0, 1.0 + apart_m), tangents, strict=True
-        )
-    )
-    return Scene(sensor=SENSOR, markers=markers, surfaces=walls(1.1, SENSOR.grid))
-
-
 @pytest.mark.parametrize('apart_m', [0.0, 0.3])
 def test_two_markers_in_a_zone_share_its_light(apart_m: float) -> None:
     rng = np.random.default_rng([5200, round(10 * apart_m)])
-    followed, frames, errors_m = 0, 0, []
-    for _ in range(4):
-        scene = two_in_a_zone(apart_m, rng)
-        _, tracks = follow(Simulation(scene, rng).run(15.0))
-        known = [{one.id for one in frame} for frame in tracks]
-        both = {marker.id for marker in scene.markers}
-        first = next((at for at, one in enumerate(known) if one == both), len(known))
-        frames += len(known[first:])
-        followed += sum(one == both for one in known[first:])
-        for marker in scene.markers:
-            truth_m = np.linalg.norm(marker.position_m)
-            own = [one for frame in tracks[first + 50 :] for one in frame if one.id == marker.id]
-            errors_m += [one.place.range_m - truth_m for one in own]
-    assert frames > 1400
-    assert followed > 0.7 * frames
+    runs = [two_in_a_zone(1.0, apart_m, 'from the start', 15.0, rng) for _ in range(4)]
+    both = [value for one in runs for value in one['both']]
+    errors_m = [value for one in runs for value in one['errors_m']]
+    assert len(both) > 1400
+    assert np.mean(both) > 0.7
     assert np.median(np.abs(errors_m)) < 2e-3
 
 
@@ -311,3 +283,30 @@ def test_the_noise_of_distances_is_learnt() -> None:
     _, tracks = follow(simulate(scene, 20.0))
     _, scaled = errors(scene, steady(tracks)[300:])
     assert 0.5 < rms(scaled) < 1.5
+
+
+def ended(way: str, speed_m_s: float, seeds: Iterable[int]) -> int:
+    """Return how many tracks end of markers that are there, at ranges of 1 to 2 m."""
+    ends = 0
+    for seed in seeds:
+        rng = np.random.default_rng(seed)
+        range_m = rng.uniform(1.0, 2.0)
+        how: dict[str, Any] = {'range_m': range_m, 'repeated_s': 30.0}
+        path = WAYS[way](speed_m_s, range_m, rng)
+        sent = record(PLAIN, signal_at(range_m), rng, path=path, **how)
+        ends += follow(sent.recording)[0].track_counts.ended
+    return ends
+
+
+def test_a_marker_that_crosses_edges_of_zones_quickly_is_not_lost() -> None:
+    """Its gains are learnt anew in each zone, and rescaled as it comes nearer."""
+    assert ended('across the view', 0.6, range(6100, 6128)) <= 7
+
+
+@pytest.mark.parametrize('range_m', [1.0, 1.5])
+def test_another_marker_that_is_unknown_ends_no_track(range_m: float) -> None:
+    """It begins to send beside one that is followed: its light is no new level, nor its range."""
+    rng = np.random.default_rng(5400)
+    runs = [two_in_a_zone(range_m, 0.1, 'after 3 to 5 s', 8.0, rng) for _ in range(6)]
+    assert sum(one['ends'] for one in runs) <= 3
+    assert rms(np.concatenate([one['errors_m'] for one in runs])) < 0.025

@@ -16,10 +16,8 @@ import pytest
 
 from retrolidar_ros.cli import main as cli
 from retrolidar_ros.detector.likelihood_detector import Reason
-from retrolidar_ros.detector.parameters import PARAMETERS
 from retrolidar_ros.marker.code import packet
 from retrolidar_ros.sensor import wire
-from retrolidar_ros.settings.resources import shared_file
 from retrolidar_ros.settings.yaml_files import load_yaml
 
 ROOT = Path(__file__).parents[2]
@@ -156,10 +154,10 @@ def test_bytes_of_a_frame() -> None:
         assert len(wire.encode_packet(b'\x01' * (wire._HEADER.size + zones))) == int(size)
 
 
-def test_the_pins_of_the_wiring_tables_are_those_of_the_sketches() -> None:
+def test_the_pins_of_the_wiring_table_are_those_of_the_sketch() -> None:
     wired = re.findall(r'^\| (\w+) \| `(\w+_PIN)` \|', text_of('hardware.md'), re.M)
-    sketches = '\n'.join(path.read_text('utf-8') for path in (ROOT / 'firmware').glob('*/*.ino'))
-    constants = re.findall(r'(\w+_PIN) = (\w+)', sketches)
+    sketch = (ROOT / 'firmware' / 'reader' / 'reader.ino').read_text('utf-8')
+    constants = re.findall(r'(\w+_PIN) = (\w+)', sketch)
     assert sorted((name, pin) for pin, name in wired) == sorted(constants)
 
 
@@ -180,7 +178,7 @@ def test_every_key_of_scenes_is_listed() -> None:
 
 REFERENCE = text_of('reference.md')
 LAUNCHING = 'retrolidar_ros.nodes.launching'
-NODES = sorted((ROOT / 'retrolidar_ros' / 'nodes').glob('*.py'))
+SOURCES = sorted((ROOT / 'retrolidar_ros' / 'nodes').glob('*.py'))
 
 
 def calls(path: Path, *names: str) -> Iterator[ast.Call]:
@@ -190,42 +188,6 @@ def calls(path: Path, *names: str) -> Iterator[ast.Call]:
             function = node.func
             if getattr(function, 'attr', getattr(function, 'id', '')) in names:
                 yield node
-
-
-def written(default: object) -> str:
-    """Return a parameter's default as the table has it."""
-    if default == '':
-        return 'empty'
-    if isinstance(default, bool):
-        return str(default).lower()
-    if isinstance(default, list):
-        return f'`[{", ".join(map(str, default))}]`'
-    return f'`{default}`' if isinstance(default, str) else str(default)
-
-
-def test_every_parameter_and_its_default() -> None:
-    expected = [
-        (f'`{node.removeprefix("/**/")}`', f'`{name}`', written(default))
-        for node, section in load_yaml(shared_file('config/retrolidar.yaml')).items()
-        for name, default in section['ros__parameters'].items()
-    ]
-    listed = [
-        (node, name.strip('†'), default) for node, name, default, _ in rows(REFERENCE, 'node')
-    ]
-    assert sorted(listed) == sorted(expected)
-
-
-def test_which_parameters_are_live() -> None:
-    live = {
-        (node, name.strip('†')) for node, name, *_ in rows(REFERENCE, 'node') if name.endswith('†')
-    }
-    assert live == {
-        (f'`{path.stem.removesuffix("_parameters")}`', f'`{call.args[0].value!s}`')
-        for path in NODES
-        for call in calls(path, 'declare')
-        if any(keyword.arg == 'live' for keyword in call.keywords)
-        and isinstance(call.args[0], ast.Constant)
-    } | {('`detector`', f'`{name}`') for name, one in PARAMETERS.items() if one.live}
 
 
 @pytest.mark.parametrize('path', sorted((ROOT / 'launch').glob('*.py')), ids=lambda path: path.stem)
@@ -252,7 +214,7 @@ def test_every_launch_argument(path: Path, monkeypatch: pytest.MonkeyPatch) -> N
 
 def test_every_topic() -> None:
     published = set()
-    for path in NODES:
+    for path in SOURCES:
         for call in calls(path, 'create_publisher', 'publisher', 'latched'):
             name = call.args[2 if ast.unparse(call.func) in ('publisher', 'latched') else 1]
             first = name.values[0] if isinstance(name, ast.JoinedStr) else name
@@ -269,7 +231,7 @@ def test_every_topic() -> None:
 
 def test_every_diagnostic_value() -> None:
     said = {value.strip() for cells in rows(REFERENCE, 'status') for value in cells[1].split(',')}
-    sources = [path.read_text(encoding='utf-8') for path in NODES]
+    sources = [path.read_text(encoding='utf-8') for path in SOURCES]
     keys = {
         re.sub(r' \[.*\]', '', key.value)
         for source in sources

@@ -90,66 +90,6 @@ def run_page(page: str, directory: Path, env: Mapping[str, str], timeout_s: floa
 
 
 TUTORIAL = Path(__file__).parents[2] / 'docs' / 'tutorial.md'
-PAGE = """
-```console
-no such command
-```
-Save as
-`two.txt`:
-```yaml
-one: 1
-two: 2
-```
-```bash
-number=$(wc -l < two.txt)
-```
-```bash
-echo "$number lines of $RANDOM"
-echo nonsense
-echo the end
-```
-```text
-2 lines of …
-…
-the end
-```
-"""
-
-
-def test_a_page_that_is_right(tmp_path: Path) -> None:
-    run_page(PAGE, tmp_path, os.environ, 10.0)
-    assert (tmp_path / 'two.txt').read_text() == 'one: 1\ntwo: 2\n'
-
-
-@pytest.mark.parametrize(
-    ('right', 'wrong', 'complaint'),
-    [
-        ('2 lines of …', '3 lines of …', 'line 14: exit code 0, and the output is'),
-        ('the end\n```\n', 'the end\nmore\n```\n', 'line 14: exit code 0'),
-        ('echo nonsense', 'false', 'line 14: exit code 1'),
-        ('number=$(wc', 'number=$(wrong', 'line 11: exit code 127'),
-        ('echo nonsense', 'sleep 60', 'line 14: exit code None'),
-        ('echo nonsense', 'sleep 60 &', 'still running'),
-        ('Save as', 'Or as', 'line 7: this block has no'),
-        ('```text', 'words\n```text', 'line 20: there are no commands'),
-        ('```console', '```rust', 'unknown kind of block rust'),
-    ],
-)
-def test_a_page_that_is_wrong(tmp_path: Path, right: str, wrong: str, complaint: str) -> None:
-    assert right in PAGE
-    with pytest.raises(AssertionError, match=re.escape(complaint)):
-        run_page(PAGE.replace(right, wrong), tmp_path, os.environ, 2.0)
-
-
-def test_dots_stand_for_text_of_a_line_and_for_lines() -> None:
-    for pattern, good, bad in (
-        ('a … c\n', 'a b c\n', 'a b\nb c\n'),
-        ('a\n…\nc\n', 'a\nb\nb\nc\n', 'a\nb\n'),
-        ('a\n…\nc\n', 'a\nc\n', 'c\n'),
-        ('a.c\n', 'a.c\n', 'abc\n'),
-    ):
-        assert matches(pattern, good)
-        assert not matches(pattern, bad)
 
 
 def test_the_tutorial(tmp_path: Path) -> None:

@@ -14,10 +14,8 @@ import pytest
 
 from evaluation.__main__ import main
 from evaluation.experiments.registry import EXPERIMENTS, run_experiment
-from evaluation.report.claims import Claim, claim_of
 from evaluation.report.readme import (
     ALL,
-    BENCHMARKS,
     PAGE,
     filled,
     load,
@@ -75,23 +73,6 @@ def test_a_slot_that_nothing_fills_is_named() -> None:
 def test_the_figures_of_a_document_are_those_of_the_report(document: Path) -> None:
     text = document.read_text(encoding='utf-8')
     assert renewed(text, load(COMMITTED, ALL)) == text
-
-
-def test_figures_of_benchmarks_say_on_what_they_were_measured() -> None:
-    report = load(COMMITTED, ALL)
-    for name in BENCHMARKS:
-        assert report[name]['run']['processor']
-
-
-def test_a_claim_fills_three_cells() -> None:
-    assert Claim('1 m', '2 m', agrees=False).cells == '1 m | 2 m | differs'
-    assert claim_of(['–', '2 m']).cells == '– | 2 m | '
-
-
-def test_without_a_name_the_experiments_are_listed(capsys: pytest.CaptureFixture[str]) -> None:
-    assert main([]) == 0
-    lines = capsys.readouterr().out.splitlines()
-    assert [line.split()[0] for line in lines] == list(EXPERIMENTS)
 
 
 def test_a_quick_look_does_not_overwrite_the_report(

@@ -32,7 +32,6 @@ from evaluation.peers.visual_markers import (
     AprilTagReader,
     Reader,
     View,
-    errors,
     find_readers,
     read_pictures,
     square_range,
@@ -200,19 +199,6 @@ def test_missing_zbar_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
     assert list(missing) == [QR]
     assert 'zbar' in missing[QR]
     assert 'apt install libzbar0' in missing[QR]
-
-
-def test_missing_apriltag_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setitem(sys.modules, 'pyapriltags', None)
-    _, missing = find_readers()
-    assert 'pip install pyapriltags' in missing[APRILTAG]
-    assert 'pip install pyapriltags' in missing[APRILTAG_FINE]
-
-
-def test_errors_are_absolute_and_in_millimetres() -> None:
-    assert errors([]) is None
-    expected = {'median': 2.0, 'rms': (14 / 3) ** 0.5, 'largest': 3.0, 'above_1_cm': 0.0}
-    assert errors([-0.003, 0.001, 0.002]) == pytest.approx(expected)
 
 
 class Liar(AprilTagReader):

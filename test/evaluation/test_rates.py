@@ -4,7 +4,7 @@ import math
 
 import pytest
 
-from evaluation.bench.rates import chance_of_fall, crossing, falls_below, frequency, rate
+from evaluation.bench.rates import crossing, falls_below, frequency, rate
 
 
 @pytest.mark.parametrize(
@@ -69,8 +69,3 @@ def test_a_crossing_has_bounds_that_shrink_with_trials() -> None:
 def test_a_crossing_beyond_the_ends() -> None:
     assert crossing(0.8, [1, 2], [rate(9, 10), rate(9, 10)])['at'] == 2
     assert crossing(0.8, [1, 2], [rate(1, 10), rate(0, 10)])['at'] is None
-
-
-def test_chance_of_a_fall_is_that_of_fisher() -> None:
-    assert chance_of_fall(rate(10, 10), rate(5, 10)) == pytest.approx(0.016254, rel=1e-4)
-    assert chance_of_fall(rate(5, 10), rate(10, 10)) == pytest.approx(1)

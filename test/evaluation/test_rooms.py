@@ -20,7 +20,6 @@ from evaluation.bench.room_markers import (
 )
 from evaluation.bench.room_scene import Room, RoomSimulation, draw_room
 from evaluation.bench.room_truth import COMPANY, SIGNALS, Scored, packets_of, score
-from evaluation.experiments import moving
 from retrolidar_ros.detector import Detection, create_detector
 from retrolidar_ros.marker.code import BIT_PERIOD_S, PACKET_BITS, packet
 from retrolidar_ros.marker.dictionary import USABLE_IDS
@@ -226,14 +225,3 @@ def test_a_family_of_rooms_has_its_rows(
     lines = capsys.readouterr().out.splitlines()
     assert lines[0].startswith(f'{name}: ')
     assert len(lines) > 1
-
-
-def test_wrong_ids_in_motion_are_counted(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(moving, 'DURATION_S', 6.0)
-    figures = moving.run(np.random.default_rng(1), quick=True)
-    heads, first, second, *_ = moving.table(figures)
-    assert heads[-1] == 'wrong IDs an hour'
-    points = figures['curves'][0]['points']
-    # The paper's method errs often, and of the default none of these is wrong.
-    assert sum(point['paper']['wrong']['events'] for point in points) > 0
-    assert [first[-1].split()[0] == '0', second[-1].split()[0] == '0'] == [True, False]

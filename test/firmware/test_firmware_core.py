@@ -4,7 +4,6 @@
 
 from __future__ import annotations
 
-import json
 import re
 import subprocess
 from pathlib import Path
@@ -27,18 +26,12 @@ from harness_firmware import (
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from retrolidar_ros.bag import FrameWriter
-from retrolidar_ros.cli import main as cli
 from retrolidar_ros.marker.code import IDS, PACKET_BITS, RESERVED_IDS, packet
 from retrolidar_ros.marker.wakeup import NOISE_V, REACH_M, THRESHOLD_V, voltage_v
-from retrolidar_ros.scene import Simulation, transmission
-from retrolidar_ros.scene.files import load_scene
 from retrolidar_ros.sensor.model import Status
 from retrolidar_ros.sensor.wire import encode_frame, encode_packet
 
 Output = pytest.CaptureFixture[str]
-
-TICKS_PER_BIT = 84
 
 
 class Core:
@@ -275,37 +268,6 @@ def test_hysteresis_keeps_a_marker_awake_that_has_sent(core: Core) -> None:
     assert slept == 'tds' + 's' * 98 + 'd' + 's' * 2
     # A hysteresis above the threshold keeps nothing awake in the dark.
     assert woken(core, 5, SENT, 0, threshold=5, hysteresis=9) == 'tds'
-
-
-# --- The whole way
-
-
-def test_decode_reads_a_recording_whose_packets_and_bytes_the_core_made(
-    core: Core,
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-    capsys: Output,
-) -> None:
-    pytest.importorskip('rosbags', reason='bags are written with rosbags')
-
-    def driven(marker_id: int) -> IntArray:
-        ticks = core.driven(marker_id, 1, TICKS_PER_BIT)
-        assert ticks is not None
-        dark = [ticks[start] != '0' for start in range(0, len(ticks), TICKS_PER_BIT)]
-        return np.array(dark, dtype=np.uint8)
-
-    monkeypatch.setattr(transmission, 'packet', driven)
-    scene = load_scene('coffee')
-    line = b''.join(core.encode(RawFrame.of(frame)) for frame in Simulation(scene).run(6.0))
-    frames, reader = read_line(line)
-    assert reader.counts.frames == len(frames) > 250
-    assert reader.counts.damaged == 0
-    with FrameWriter(tmp_path / 'bag', storage='mcap') as bag:
-        for frame in frames:
-            bag.write(frame)
-    assert cli.main(['decode', str(tmp_path / 'bag'), '--json']) == 0
-    read = [json.loads(said) for said in capsys.readouterr().out.splitlines()]
-    assert {reading['id'] for reading in read} == {marker.id for marker in scene.markers}
 
 
 # --- Size

@@ -25,7 +25,6 @@ from harness_firmware import (
 from retrolidar_ros.scene.firmware import VERSION
 from retrolidar_ros.sensor.frame import Frame
 from retrolidar_ros.sensor.identity import KIND_IDENTITY, Identity, decode_identity
-from retrolidar_ros.sensor.model import Status
 from retrolidar_ros.sensor.wire import FrameReader, cobs_decode
 
 FRAME_US = 20_833
@@ -100,15 +99,6 @@ def test_stamps_are_of_the_middle_of_the_exposure_and_never_go_back(programs: Pa
     interrupts = times[0] + FRAME_US // 2
     # Between the start and the first frame, the sketch waited for the sensor's power only.
     assert 0 < interrupts - start_us - FRAME_US < 20_000
-
-
-def test_zones_without_a_target_are_marked_as_such(programs: Path) -> None:
-    (raw,) = raw_frames(1)
-    targets = np.arange(16) % 2
-    (frame,), _ = read_by(programs / 'reader_host', [raw], targets=targets)
-    read = RawFrame.of(frame)
-    np.testing.assert_array_equal(read.status == Status.NO_TARGET, targets == 0)
-    np.testing.assert_array_equal(read.signal, raw.signal * targets)
 
 
 @pytest.mark.parametrize(

@@ -16,11 +16,8 @@ import pytest
 pytest.importorskip('launch_testing', reason='needs launch_testing, which has no wheel')
 
 import launch_testing
-from diagnostic_msgs.msg import DiagnosticStatus
 from launch.actions import GroupAction
 from launch_ros.actions import PushRosNamespace
-from lifecycle_msgs.msg import Transition
-from lifecycle_msgs.srv import ChangeState
 
 sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
 
@@ -67,7 +64,7 @@ def generate_test_description():
 
 
 class TestRobots(unittest.TestCase):
-    """Each is read by itself; what is killed comes again; the life cycle is that of ROS."""
+    """Each is read by itself, and what is killed comes again."""
 
     observers: ClassVar = {}
 
@@ -105,22 +102,6 @@ class TestRobots(unittest.TestCase):
             node = self.listen(robot).node
             (found,) = node.get_publishers_info_by_topic(topic)
             assert found.qos_profile.reliability.name == expected
-
-    def test_the_life_cycle_can_be_managed(self):
-        observers = [self.listen(robot) for robot in ROBOTS]
-        for transition, level, text in (
-            (Transition.TRANSITION_DEACTIVATE, DiagnosticStatus.WARN, 'not active'),
-            (Transition.TRANSITION_CLEANUP, DiagnosticStatus.WARN, 'not configured'),
-            (Transition.TRANSITION_CONFIGURE, DiagnosticStatus.WARN, 'not active'),
-            (Transition.TRANSITION_ACTIVATE, DiagnosticStatus.OK, 'frames a second'),
-        ):
-            request = ChangeState.Request(transition=Transition(id=transition))
-            for observer in observers:
-                service = f'{observer.namespace}/driver/change_state'
-                assert observer.services.call(ChangeState, service, request).success
-                observer.statuses.clear()
-            for observer in observers:
-                observer.wait_for_status('driver: frames', level, text)
 
 
 @launch_testing.post_shutdown_test()

@@ -61,17 +61,14 @@ def test_every_id_and_frame_that_can_be_is_taken(content: dict[int, str], other:
 @pytest.mark.parametrize(
     ('markers', 'complaint'),
     [
-        *(
-            ({5: {}, number: {}}, f'{number} is not an ID; 1 to 4094 are')
-            for number in (*RESERVED_IDS, -1, IDS, 10**9)
-        ),
+        *(({5: {}, one: {}}, f'{one} is not an ID; 1 to 4094 are') for one in (*RESERVED_IDS, -1)),
         *(
             ({name: {}}, f'{name!r} is not an ID; it needs a number of 1 to {IDS - 2}')
-            for name in (True, False, 'a', '5', '', 5.0, None, (1, 2))
+            for name in (True, 'a', '', 5.0, None, (1, 2))
         ),
         *(
             (value, f'needs a mapping of IDs to markers, not {value!r}')
-            for value in (None, 'mug', 3, [2073], [{'id': 2073}])
+            for value in (None, 'mug', [2073])
         ),
     ],
 )
@@ -84,25 +81,14 @@ def test_what_is_no_id_is_refused(markers: object, complaint: str) -> None:
     [
         *(
             ('frame', name, f'{name!r} cannot be a TF frame; letters, digits and _ . - / within')
-            for name in ('/x', 'a b', '~x', 'a\n', 'ü', 'a:b', '{name}', '/')
+            for name in ('/x', 'a b', 'a\n', 'ü', '{name}', '/')
         ),
-        *(
-            (key, 'x' * 300, 'a name of 300 characters is too long; 100 are the most')
-            for key in ('frame', 'object')
-        ),
-        *(
-            (key, value, f'{value!r} is not a text')
-            for key in ('frame', 'note')
-            for value in ('', None, 7, True, ['a'])
-        ),
+        ('object', 'x' * 300, 'a name of 300 characters is too long; 100 are the most'),
+        *(('note', value, f'{value!r} is not a text') for value in ('', None, True, ['a'])),
         ('frames', 'x', 'unknown key; did you mean frame?'),
-        ('siez', 'x', 'unknown key; did you mean size?'),
-        *(
-            (key, 'x', 'unknown key; known are frame, note, size, object, place')
-            for key in ('colour', 3)
-        ),
+        ('colour', 'x', 'unknown key; known are frame, note, size, object, place'),
         ('size', '3', "'3' has no unit; write 3 m"),
-        *(('size', size, f'{size!r} is impossible; at least 0.1') for size in ('0 cm', '-3 cm')),
+        ('size', '-3 cm', "'-3 cm' is impossible; at least 0.1"),
         ('size', '2 m', "'2 m' is impossible; at most 1"),
     ],
 )
@@ -135,33 +121,23 @@ def test_markers_must_be_there_and_nothing_else() -> None:
 
 
 def test_a_file_may_write_an_id_in_any_base_but_once(file: Path) -> None:
+    with pytest.raises(FileNotFoundError):
+        load_markers(file)
     file.write_text('markers:\n  0x819: {frame: beans}\n  2096: {size: 5 cm}\n')
     assert load_markers(file) == {
         2073: KnownMarker(2073, 'beans'),
         2096: KnownMarker(2096, 'marker_2096', '', 0.05),
     }
-    file.write_text('markers:\n  0x819: {frame: beans}\n  2073: {frame: mug}\n')
-    with pytest.raises(ConfigError, match=r'(?s)key 2073 stands here a second time.*line 3, '):
-        load_markers(file)
-
-
-@pytest.mark.parametrize(
-    ('text', 'complaint'),
-    [
-        ('', ''),
-        ('{}', 'markers: is missing'),
-        ('markers: {4095: {}}', 'markers: 4095 is not an ID'),
-        ('markers: {2073:}', 'markers.2073: needs keys with values'),
-        ('markers: {2073: {size: 3}}', 'markers.2073.size: 3 has no unit; write 3 m'),
-    ],
-)
-def test_a_refusal_names_file_and_key(file: Path, text: str, complaint: str) -> None:
-    with pytest.raises(FileNotFoundError):
-        load_markers(file)
-    file.write_text(text)
-    with pytest.raises(ConfigError) as caught:
-        load_markers(file)
-    assert str(caught.value).startswith(f'{file}: {complaint}')
+    for text, complaint in (
+        (
+            'markers:\n  0x819: {}\n  2073: {}\n',
+            ' is not a YAML file: (.|\\n)*key 2073 stands here a second time',
+        ),
+        ('markers: {2073: {size: 3}}', ': markers.2073.size: 3 has no unit; write 3 m'),
+    ):
+        file.write_text(text)
+        with pytest.raises(ConfigError, match=f'^{file}{complaint}'):
+            load_markers(file)
 
 
 def test_the_shipped_file_names_the_markers_of_the_shipped_scenes() -> None:

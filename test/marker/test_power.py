@@ -62,30 +62,11 @@ def test_light_falls_with_the_square_of_the_distance(first: float, second: float
     assert ratio == pytest.approx((second / first) ** 2)
 
 
-@given(RANGES_M, ANGLES_RAD, ANGLES_RAD)
-def test_light_falls_with_the_angle(range_m: float, first: float, second: float) -> None:
-    near, far = sorted((first, second))
-    assert light_v(np.array(range_m), near) >= light_v(np.array(range_m), far)
-    assert light_v(np.array(range_m), near) == light_v(np.array(range_m), -near)
-
-
-@given(RANGES_M, ANGLES_RAD, NOISES_V)
-def test_light_never_takes_from_the_noise(range_m: float, angle: float, noise_v: float) -> None:
-    voltage = float(voltage_v(np.array(range_m), angle, noise_v))
-    assert noise_v <= voltage <= noise_v + float(light_v(np.array(range_m), angle))
-
-
 @given(ANGLES_RAD, NOISES_V, st.floats(1e-4, 0.1))
 def test_range_and_voltage_agree(angle: float, noise_v: float, guard_v: float) -> None:
     range_m = wakeup_range_m(noise_v + guard_v, noise_v, angle)
     assert float(voltage_v(np.array(range_m), angle, noise_v)) == pytest.approx(noise_v + guard_v)
     assert wakeup_range_m(noise_v + 2 * guard_v, noise_v, angle) < range_m
-
-
-def test_voltages_are_computed_in_batches() -> None:
-    ranges = np.array([[0.5, 1.0], [2.0, 4.0]])
-    assert voltage_v(ranges).shape == (2, 2)
-    assert (np.diff(voltage_v(ranges).ravel()) < 0).all()
 
 
 def test_the_guard_is_that_of_sampled_noise() -> None:
@@ -100,10 +81,6 @@ def test_the_guard_is_that_of_sampled_noise() -> None:
         assert woken == pytest.approx(36_000 * chance)
 
 
-SHARES = st.floats(0, 1)
-CURRENTS = st.builds(
-    Currents, sleep=st.floats(1e-4, 0.01), detection=st.floats(0.02, 10), active=st.floats(0.5, 50)
-)
 MONTH_H, YEAR_H = 730.5, 8766.0
 
 
@@ -130,35 +107,3 @@ def test_two_years_need_a_lower_active_current() -> None:
     assert life_at(1, rare) < 2 * YEAR_H
     assert life_at(1, replace(rare, active=0.1)) > 2 * YEAR_H
     assert life_h(CELL_MAH, 0.1) < life_at(1)  # a mean of 100 µA is worse than the prototype
-
-
-@given(SHARES, SHARES, CURRENTS)
-def test_life_falls_with_activity(first: float, second: float, currents: Currents) -> None:
-    less, more = sorted((first, second))
-    assert drawn(less, currents).total <= drawn(more, currents).total * (1 + 1e-12)
-
-
-@given(SHARES, CURRENTS)
-def test_the_mean_lies_between_the_modes(share: float, currents: Currents) -> None:
-    assert currents.sleep <= drawn(share, currents).total <= currents.active * (1 + 1e-12)
-
-
-@given(st.floats(0, 500), st.integers(1, 5))
-def test_packets_count_as_queries_do(queries: float, packets: int) -> None:
-    assert active_share(queries, packets) == pytest.approx(active_share(queries * packets))
-
-
-def test_the_figures_of_the_report() -> None:
-    figures = marker.run(np.random.default_rng(1), quick=True)
-    rare = replace(PROTOTYPE, detection=marker.OPTIMISED_MA)
-    lasting_h = life_at(1, replace(rare, active=figures['two_years_active_ma']))
-    assert lasting_h == pytest.approx(2 * YEAR_H)
-    for lives_h in figures['over_queries_h'].values():
-        assert (np.diff(lives_h) < 0).all()
-    lives = [round(hours / 24) for hours in figures['once_an_hour_h'].values()]
-    assert lives == [83, 570, 1851]
-    # Through the first amplifier alone, a guard of 1 mV is none; the noise would need a megahertz.
-    assert figures['amplifier']['false_per_hour'] > 1000
-    assert figures['guards_v'][-1] < GUARD_V
-    assert figures['narrow_m'] > marker.NARROW_TESTED_M
-    assert figures['awake_h'] == pytest.approx(90 / 12.7)

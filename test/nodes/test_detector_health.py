@@ -8,15 +8,14 @@ import numpy as np
 import pytest
 
 from retrolidar_ros.detector import DetectorCounts
+from retrolidar_ros.detector.parameters import defaults
 from retrolidar_ros.nodes.detector_health import DetectorHealth
 from retrolidar_ros.nodes.diagnostics import ERROR, OK, WARN, Health
 from retrolidar_ros.scene import Simulation
 from retrolidar_ros.scene.files import load_scene
 from retrolidar_ros.sensor.frame import Frame
-from retrolidar_ros.settings.resources import shared_file
-from retrolidar_ros.settings.yaml_files import load_parameter_defaults
 
-SETTINGS = load_parameter_defaults(shared_file('config/retrolidar.yaml'), 'detector')
+SETTINGS = defaults()
 FRAMES = list(Simulation(load_scene('coffee'), np.random.default_rng(1)).run(3.0))
 
 

@@ -96,9 +96,15 @@ HOSTILE: dict[str, tuple[Spoil, str]] = {
     'a deviation of NaN': (setting('range_stddev', math.nan), 'range_stddev cannot be'),
     'no turn': (setting('pose.pose.orientation.w', math.nan), 'the orientation is not'),
     'a long turn': (setting('pose.pose.orientation.w', 5.0), 'the orientation is not'),
-    'a vast covariance': (covariance(lambda one: one.fill(1e300)), 'the covariance is not of'),
-    'covariance of NaN': (covariance(lambda one: one.fill(math.nan)), 'the covariance is not of'),
-    'endless covariance': (covariance(lambda one: one.fill(math.inf)), 'the covariance is not of'),
+    'a vast covariance': (covariance(lambda one: one.fill(1e300)), 'the covariance is not finite'),
+    'covariance of NaN': (
+        covariance(lambda one: one.fill(math.nan)),
+        'the covariance is not finite',
+    ),
+    'endless covariance': (
+        covariance(lambda one: one.fill(math.inf)),
+        'the covariance is not finite',
+    ),
     'no covariance': (covariance(lambda one: one.fill(0.0)), 'the covariance is not above 0'),
     'negative covariance': (covariance(negative), 'the covariance is not above 0'),
     'a skew covariance': (covariance(asymmetric), 'the covariance is not symmetric'),
@@ -185,7 +191,7 @@ def test_a_sensor_without_a_pose_in_tf_is_refused(hall: System) -> None:
         values = values_of(system.statuses[name][-1])
         # A TF that refuses it knows no transform.
         reasons = ('refused: the transform of the sensor is no pose',)
-        dropped = int(values['dropped for want of a transform'])
+        dropped = int(values['dropped without a transform'])
         return dropped > 0 or any(reason in values for reason in reasons)
 
     system.wait(refused, 'the reading to be refused')

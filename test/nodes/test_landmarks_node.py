@@ -4,33 +4,20 @@
 
 from __future__ import annotations
 
-import math
-import sys
-import time
 from pathlib import Path
 
 import numpy as np
 import yaml
-from geometry_msgs.msg import PoseWithCovarianceStamped, TransformStamped
-from harness_landmarks import EDGE_M, GROUND, Hand, check_drone, check_landmarks, squared
+from geometry_msgs.msg import PoseWithCovarianceStamped
+from harness_landmarks import Hand, check_landmarks, squared
 from harness_nodes import running
-from harness_observer import LATCHED, RELIABLE
-from tf2_msgs.msg import TFMessage
+from harness_observer import RELIABLE
 
-from retrolidar_ros.nodes.conversion import to_header, to_pose, to_transform, vector_of
-from retrolidar_ros.scene.files import load_scene
-from retrolidar_ros.scene.optics import position_at
-from retrolidar_ros.sensor.frame import Floats
-from retrolidar_ros.settings.resources import shared_file
+from retrolidar_ros.nodes.conversion import vector_of
 from retrolidar_ros.tasks.landmarks import Landmark
 from retrolidar_ros.tasks.reading import Errors
 from retrolidar_ros.tasks.state import Prior, State
 from retrolidar_ros.tasks.survey import survey_content
-
-
-def static_transform(child: str, parent: str, place_m: tuple[float, float]) -> TransformStamped:
-    pose = to_pose(np.array([*place_m, 0.0]), np.array([0.0, 0.0, 0.0, 1.0]))
-    return to_transform(to_header(0, parent), child, pose)
 
 
 def test_landmarks_are_found_moved_saved_and_forgotten(tmp_path: Path) -> None:
@@ -69,31 +56,3 @@ def test_a_robot_is_localised_among_the_landmarks_of_a_file(tmp_path: Path) -> N
         assert not answer.success
         assert 'while localising no map is made' in answer.message
     assert known.read_bytes() == before
-
-
-def test_three_sensors_on_the_ground_locate_a_drone(tmp_path: Path) -> None:
-    known = shared_file('config/markers.yaml')
-    (drone,) = load_scene('drone').markers
-    with running(tmp_path, '/landmarks_drone') as system:
-        system.start('landmarks', fixed_frame=GROUND, acceleration=0.04, marker_file=known)
-        ports = [str(tmp_path / f'port{index}') for index in range(3)]
-        topic = ('-r', f'markers:={system.namespace}/markers')
-        system.start('reader', *topic, ports=ports, marker_file=known)
-        start_s = time.monotonic() + 3.0
-        zero_ns = time.time_ns() - time.monotonic_ns() + round(start_s * 1e9)
-        transforms = []
-        emulate = [sys.executable, '-m', 'retrolidar_ros.cli', 'emulate', 'drone']
-        for index, port in enumerate(ports):
-            angle = 2 * math.pi * index / 3
-            x, y = (EDGE_M / math.sqrt(3) * f(angle) for f in (math.cos, math.sin))
-            place = ['--at', str(x), str(y), '0', '--start', str(start_s), '--seed', str(index)]
-            system.processes.start(f'emulator{index}', [*emulate, '--port-link', port, *place])
-            transforms.append(static_transform(f'sensor{index}_optical_frame', GROUND, (x, y)))
-        static = system.node.create_publisher(TFMessage, '/tf_static', LATCHED)
-        static.publish(TFMessage(transforms=transforms))
-
-        def at(stamp_ns: int) -> Floats:
-            place: Floats = position_at(drone, np.array([(stamp_ns - zero_ns) * 1e-9]))[0]
-            return place
-
-        check_drone(system, at)

@@ -22,7 +22,7 @@ from retrolidar_ros.scene.emulator import PortLink
 from retrolidar_ros.scene.files import load_scene
 from retrolidar_ros.scene.firmware import VERSION
 from retrolidar_ros.settings.resources import shared_file
-from retrolidar_ros.settings.yaml_files import load_parameter_defaults
+from retrolidar_ros.settings.yaml_files import load_yaml
 
 STATUS = 'driver: frames'
 STOPPED = 'the sensor is stopped: call ~/start'
@@ -129,7 +129,7 @@ def test_each_state_of_the_life_cycle(system: System) -> None:
 def test_a_protocol_without_commands(system: System) -> None:
     with PortLink(system.port):
         system.start('driver', serial_port=system.port, protocol='st_example')
-        system.wait_for_status(STATUS, DiagnosticStatus.ERROR, 'no frames come')
+        system.wait_for_status(STATUS, DiagnosticStatus.ERROR, 'nothing comes')
         assert trigger(system, 'reset') == (False, 'this protocol has no commands')
 
 
@@ -150,7 +150,7 @@ def test_the_parameters_for_the_lifecycle_manager_of_nav2(system: System) -> Non
         assert repr(manager.get_parameter('bond_timeout').value) == '0.0'
     finally:
         manager.destroy_node()  # type: ignore[no-untyped-call]
-    assert load_parameter_defaults(file, 'lifecycle_manager')['node_names'] == names
+    assert load_yaml(file)['/**/lifecycle_manager']['ros__parameters']['node_names'] == names
     plug(system)
     system.start('driver', serial_port=system.port, autostart='false')
     for name in names:

@@ -17,14 +17,10 @@ from harness_nodes import running
 from retrolidar_ros.cli.demo import executable
 
 FILES = {
-    'many': f'/**:\n  ros__parameters:\n    registered_ids: {10_000 * [7]}',
     'broken': '/**:\n  ros__parameters:\n    method: [joint',
     'twice': 'markers:\n  2073: {frame: a}\n  2073: {frame: b}\n',
     'alike': 'markers: {2073: {frame: a.b}, 2096: {frame: a_b}}\n',
     'objects': 'markers: {2073: {object: a.b}, 2096: {object: a-b}}\n',
-    'same': 'markers: {2073: {frame: mug}, 2096: {frame: mug}}\n',
-    'long': f'markers: {{7: {{frame: {300 * "x"}}}}}',
-    'huge': f'frame: map\nlandmarks: {{mug: {{position: [0, 0, {10**400}]}}}}',
 }
 
 
@@ -50,7 +46,6 @@ def refuse(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Callable[..., l
     directory = tmp_path_factory.mktemp('refused')
     for name, text in FILES.items():
         (directory / f'{name}.yaml').write_text(text)
-    os.mkfifo(directory / 'fifo')
     nodes = ('driver', 'detector', 'reader', 'coffee', 'heartbeat', 'landmarks', 'emulated_arm')
     command, pipe = [sys.executable, '-c', START, *nodes], subprocess.PIPE
     with subprocess.Popen(command, stdin=pipe, stdout=pipe, text=True, cwd=directory) as process:
@@ -76,19 +71,10 @@ def refuse(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Callable[..., l
     [
         ('driver', '--params-file {}/nowhere.yaml', 'nowhere.yaml'),
         ('driver', '-p serial_baud:=fast', "'serial_baud' to 'fast' of type 'STRING'"),
-        ('driver', '-p protocol:=magic', "protocol: 'magic' is not one of retrolidar, st_example"),
-        ('driver', "-p frame_id:=''", 'frame_id'),
         ('detector', '--params-file {}/broken.yaml', 'broken.yaml'),
-        ('detector', '-p method:=magic', "method: 'magic' is not one of joint, paper"),
         ('detector', '-p bit_period:=-1.0', 'bit_period out of range'),
-        ('detector', '-p max_packets:=9', 'max_packets out of range'),
-        ('detector', '-p registered_ids:=[7,5000]', 'registered_ids: 5000 is not within 0 to 4095'),
-        ('detector', '-p registered_ids:=7', 'registered_ids'),
         ('detector', '-p marker_file:={}/nowhere.yaml', 'marker_file: [Errno 2] No such file'),
         ('detector', '-p marker_file:={}/twice.yaml', 'key 2073 stands here a second time'),
-        ('detector', '-p marker_file:={}/same.yaml', 'marker 2073 has the frame mug, too'),
-        ('detector', '-p marker_file:={}/long.yaml', 'markers.7.frame: a name of 300 characters'),
-        ('detector', '-p marker_file:={}/fifo', 'fifo is a FIFO; give a regular file'),
         (
             'detector',
             '-p marker_file:={}/alike.yaml',
@@ -96,10 +82,7 @@ def refuse(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Callable[..., l
         ),
         ('detector', '-p only_registered:=true', 'only_registered: there is no marker_file'),
         ('detector', '-p child_frame:=left', "child_frame: 'left' needs {name} once"),
-        ('detector', '--params-file {}/many.yaml', '10000 numbers; 4096 are the most'),
         ('landmarks', "-p fixed_frame:=''", 'fixed_frame is empty; TF needs a name'),
-        ('landmarks', '-p load_file:={}/nowhere.yaml', 'load_file: '),
-        ('landmarks', '-p load_file:={}/huge.yaml', 'mug.position: needs a list of 3 numbers'),
         ('landmarks', '-p localize:=true', '0 markers are at known places; localisation needs'),
         ('landmarks', '-p marker_file:={}/objects.yaml', 'a-b and a.b would share the topic'),
         ('landmarks', '-p load_file:=/dev/null', 'load_file: /dev/null'),
@@ -109,7 +92,6 @@ def refuse(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Callable[..., l
             '-p objects:=[a,a_to_b,b_to_c,c]',
             'the topic ~/offsets/a_to_b_to_c',
         ),
-        ('coffee', '-p objects:=[]', 'objects: there is no name'),
         ('coffee', '-p min_height:=2.0 -p max_height:=1.0', 'min_height is above max_height'),
         ('emulated_arm', '-p scene:=nowhere', 'scene: there is no scene nowhere'),
         ('heartbeat', '-p markers:=[]', 'markers: there is no name'),
@@ -125,7 +107,9 @@ def test_what_cannot_be_is_one_clear_line(
     output = '\n'.join(lines)
     assert output.count(message) == 1, output
     assert len(output) < 2000
-    written = [line for line in lines if not re.search(r'\[rcl\]: Failed to parse|\[INFO\]', line)]
+    # rcl and the middleware write lines of their own, as of a port that a killed process left.
+    others = r'\[rcl\]: Failed to parse|\[INFO\]|RTPS_'
+    written = [line for line in lines if not re.search(others, line)]
     assert len(written) - ('twice.yaml' in output) == 1, output
 
 

@@ -29,6 +29,7 @@ from retrolidar_ros.nodes.conversion import to_ns
 from retrolidar_ros.nodes.detector import DetectorNode
 from retrolidar_ros.nodes.track_topics import TrackTopics
 from retrolidar_ros.scene.files import load_scene
+from retrolidar_ros.scene.reference import SENSOR
 from retrolidar_ros.sensor.frame import Frame, ZoneGrid
 from retrolidar_ros.settings.resources import shared_file
 
@@ -86,8 +87,12 @@ def test_transforms_are_of_tracks_and_of_nothing_else(system: System) -> None:
     followed = {(one.child_frame_id, to_ns(one.header.stamp)) for one in tracks}
     assert followed <= sent
     assert len(sent) == len(system.transforms)  # none was sent twice
-    frames = {to_ns(message.header.stamp) for message, _ in system.frames}
-    assert {stamp_ns for _, stamp_ns in sent} <= frames
+    # Frames may be lost on their way to this test, but not to the detector.
+    frames_ns = np.unique([to_ns(message.header.stamp) for message, _ in system.frames])
+    for stamp_ns in {stamp_ns for _, stamp_ns in sent} - {*frames_ns.tolist()}:
+        after = int(np.searchsorted(frames_ns, stamp_ns))
+        gap_ns = np.diff(frames_ns[max(after - 1, 0) : after + 1])
+        assert not gap_ns.size or gap_ns[0] > 1.5e9 * SENSOR.period_s
 
 
 def test_shapes_move_with_the_tracks(system: System) -> None:
@@ -121,7 +126,7 @@ def test_tasks_may_take_tracks_for_readings(system: System) -> None:
         values = values_of(system.next_status('landmarks: landmarks'))
         return [int(values.get(f'{name}: readings', 0)) for name in names]
 
-    system.wait(lambda: min(readings()) >= 3, 'landmarks of several readings')
+    system.wait(lambda: min(readings()) >= 2, 'landmarks of several readings')
     for name in ('coffee', 'heartbeat', 'landmarks'):
         system.stop(name)
 
@@ -132,7 +137,7 @@ def test_a_marker_that_falls_silent_is_overdue_within_a_second(tmp_path: Path) -
     with running(tmp_path, '/silent') as one:
         one.start('driver', serial_port=one.port)
         one.start('detector', marker_file=shared_file('config/markers.yaml'))
-        one.start('heartbeat', source='tracks', overdue_after=0.1)
+        one.start('heartbeat', source='tracks', overdue_after=0.45)
         alive = one.collect(Bool, 'heartbeat/alive')
         tracks = one.collect(MarkerTrack, 'tracks', RELIABLE)
         with Sensor(scene, one.port):

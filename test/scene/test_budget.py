@@ -15,7 +15,7 @@ from evaluation.bench.stresses import PLAIN
 from retrolidar_ros.cli.main import main
 from retrolidar_ros.marker.dictionary import USABLE_IDS
 from retrolidar_ros.scene.marker_budget import NEEDED_SNR_DB, needed_swing
-from retrolidar_ros.scene.reference import WALL_SIGNAL, marker_in_each_zone
+from retrolidar_ros.scene.reference import WALL_SIGNAL
 
 Output = pytest.CaptureFixture[str]
 
@@ -83,8 +83,3 @@ def test_the_text_says_the_same(capsys: Output) -> None:
     assert f'220 mAh last {found["battery"]["life_h"]:.0f} h' in output
     heads = [line[:8].strip() for line in output.splitlines() if line[0] != ' ']
     assert heads == ['marker', 'link', 'wake-up', 'battery']
-
-
-def test_every_marker_of_the_reference_scene_is_turned() -> None:
-    scene = marker_in_each_zone(1.0, np.random.default_rng(0), start_s=(0, 1), yaw_rad=0.7)
-    assert {marker.yaw_rad for marker in scene.markers} == {0.7}

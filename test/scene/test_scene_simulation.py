@@ -47,12 +47,6 @@ def concatenated(parts: list[Recording]) -> Recording:
     return Recording.of([frame for part in parts for frame in part])
 
 
-def test_an_ideal_sensor_uses_no_randomness() -> None:
-    scene = Scene(markers=(MARKER,), surfaces=(Surface(2, 4),), ambient=4)
-    simulation = Simulation(scene, rng=object())  # type: ignore[arg-type]
-    assert_same(simulation.advance(100), simulate(scene, 100))
-
-
 def test_a_wall_is_reported_exactly() -> None:
     recording = simulate(replace(wall(2.5, 7.25), ambient=1.5), 20)
     assert (recording.distance == 2.5).all()

@@ -2,12 +2,9 @@
 # SPDX-License-Identifier: Apache-2.0
 import math
 from dataclasses import replace
-from functools import partial
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
 
 from retrolidar_ros.marker.code import packet
 from retrolidar_ros.marker.liquid_crystal import Response
@@ -70,59 +67,6 @@ def test_light_is_that_of_a_crystal_stepped_through_time(marker: Marker) -> None
     # In bits of two response times the crystal does not quite settle, which is neglected.
     error_s = 1e-4 if marker.bit_period_s > 0.01 else 1e-3
     assert np.abs(computed - integral).max() < error_s
-
-
-@settings(max_examples=60, deadline=None, derandomize=True)
-@given(
-    st.builds(
-        partial(replace, SHARP),
-        id=st.integers(0, 4095),
-        gap_bits=st.integers(0, 5),
-        packets=st.none() | st.integers(1, 3),
-        start_s=st.floats(0, 2),
-        clock_error=st.floats(-0.05, 0.05),
-        response=st.none() | st.builds(Response, st.floats(1e-6, 0.021), st.floats(1e-6, 0.021)),
-    )
-)
-def test_a_share_is_between_nothing_and_all(marker: Marker) -> None:
-    share = mean(marker, np.arange(-1, 6, 1e-3), 1e-3)
-    assert share.min() > -1e-9
-    assert share.max() < 1 + 1e-9
-
-
-@pytest.mark.parametrize('identity', [1, 1365, 2061, 2730, 4094])
-@pytest.mark.parametrize('response', [None, RESPONSE])
-@pytest.mark.parametrize('clock_error', [0.0, 0.02])
-def test_bits_in_their_middles(
-    identity: int, response: Response | None, clock_error: float
-) -> None:
-    marker = replace(
-        SHARP, id=identity, response=response, clock_error=clock_error, gap_bits=3, start_s=0.1
-    )
-    expected = np.tile([*packet(identity), 0, 0, 0], 4)
-    middles = 0.1 + (np.arange(len(expected)) + 0.5) * BIT_S * (1 + clock_error)
-    share = mean(marker, middles, BIT_S / 2)
-    assert ((share < 0.5) == expected).all()
-    assert np.abs(share - (1 - expected)).max() < (1e-9 if response is None else 1e-2)
-
-
-@pytest.mark.parametrize(
-    ('dark_s', 'bright_s'), [(0.5e-3, 3.5e-3), (3e-3, 1e-3), (20e-6, 20e-6), (10e-3, 20e-3)]
-)
-def test_response_times_are_from_10_to_90_percent(dark_s: float, bright_s: float) -> None:
-    marker = replace(SHARP, response=Response(dark_s=dark_s, bright_s=bright_s))
-
-    def crossing(bit: int, level: float) -> float:
-        """Return when, after the beginning of a bit, the transmission passes a level."""
-        within = np.linspace(0, BIT_S, 42_001)
-        passed = mean(marker, bit * BIT_S + within[:-1] + within[1] / 2, within[1]) > level
-        return float(within[np.flatnonzero(passed != passed[0])[0]])
-
-    # The preamble is dark, bright, dark, bright, ...
-    for bit in (2, 4):
-        assert crossing(bit, 0.1) - crossing(bit, 0.9) == pytest.approx(dark_s, abs=3e-6)
-    for bit in (1, 3):
-        assert crossing(bit, 0.9) - crossing(bit, 0.1) == pytest.approx(bright_s, abs=3e-6)
 
 
 def test_a_marker_is_bright_before_its_start_and_for_ever_after_its_last_packet() -> None:

@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Zones look where the sensor's geometry says, and recordings hold their frames."""
 
-from dataclasses import FrozenInstanceError, fields, replace
+from dataclasses import fields, replace
 
 import numpy as np
 import pytest
@@ -78,20 +78,6 @@ def test_shapes_that_the_sensor_has_not(shape: tuple[int, int]) -> None:
         ZoneGrid(*shape)
 
 
-def test_status_codes_are_those_of_the_sensor() -> None:
-    assert {status.name: status.value for status in Status} == {
-        'NOT_UPDATED': 0,
-        'SIGNAL_TOO_LOW_ON_ARRAY': 1,
-        'SIGMA_TOO_HIGH': 3,
-        'VALID': 5,
-        'FIRST_RANGE': 6,
-        'SIGNAL_TOO_LOW': 8,
-        'MERGED': 9,
-        'NO_PREVIOUS_TARGET': 10,
-        'NO_TARGET': 255,
-    }
-
-
 @both_grids
 def test_a_recording_gives_back_its_frames(grid: ZoneGrid) -> None:
     stamps_ns = [0, 1, 2**53 + 1, 2**62 + 3, 2**63 - 1]  # to the nanosecond
@@ -122,15 +108,6 @@ def test_recordings_that_cannot_be() -> None:
     ):
         with pytest.raises(ValueError, match=message):
             Recording.of(frames)
-
-
-def test_frames_and_recordings_are_frozen_and_equal_by_identity() -> None:
-    frames = make_frames(1)
-    for thing in (frames[0], Recording.of(frames)):
-        with pytest.raises(FrozenInstanceError):
-            thing.sequence = 3  # type: ignore[misc]
-        assert thing == thing
-        assert thing != replace(thing)
 
 
 @pytest.mark.parametrize(

@@ -71,7 +71,7 @@ def test_frames_come_with_the_time_of_their_arrival(link: Path, read: Read) -> N
             assert frame.sequence == sequence
             np.testing.assert_array_equal(frame.signal, np.full(16, 9))
         assert reading.source.openings == 1
-        assert reading.source.received == sum(map(len, PACKETS))
+        assert reading.source.received.bytes == sum(map(len, PACKETS))
         assert reading.source.reader.counts.frames == len(PACKETS)
 
 
@@ -268,23 +268,3 @@ def test_a_source_stops_without_a_port(link: Path, read: Read, monkeypatch: Patc
     source.run(lambda frames, arrival_ns: None, reports.append, reading.stop)
     assert reports == []
     assert source.problem == f'{link} has not been opened yet'
-
-
-NO_PERMISSION = (
-    'no permission to open p; it belongs to the group dialout: '
-    'sudo usermod -aG dialout $USER, and log in again'
-)
-
-
-@pytest.mark.parametrize(
-    ('number', 'expected'),
-    [
-        (errno.ENOENT, 'p does not exist; is the sensor plugged in?'),
-        (errno.EACCES, NO_PERMISSION),
-        *((number, 'p is in use by another program') for number in (errno.EBUSY, errno.EAGAIN)),
-        *((number, 'p is not a serial port') for number in (errno.ENOTTY, errno.EISDIR)),
-        (errno.EIO, 'p: [Errno 5] Input/output error'),
-    ],
-)
-def test_explanations(number: int, expected: str) -> None:
-    assert explain(OSError(number, os.strerror(number)), 'p') == expected

@@ -18,7 +18,7 @@ from retrolidar_ros.sensor.st_example import (
     REQUESTS,
     StExampleReader,
 )
-from retrolidar_ros.sensor.wire import FrameReader, WireCounts, encode_frame
+from retrolidar_ros.sensor.wire import WireCounts
 
 NOW_NS = 1_700_000_000_123_456_789
 WITHHELD = REQUESTS * PATIENCE_FRAMES
@@ -60,13 +60,6 @@ def test_what_is_printed_is_read(side: int, light: bool, line_end: str) -> None:
         assert array.dtype == np.float32
     assert frame.status.dtype == np.uint8
     check_zones(frame, zones, light)
-
-
-def test_the_writer_makes_as_many_bytes_as_the_example_does() -> None:
-    # 31.8 ms, and 39.2 ms with signal, at 460800 baud and ten bits a byte.
-    zones = [Zone(1000)] * 16
-    lengths = [len(text_of(zones, light)) for light in (False, True)]
-    assert [round(length * 10 / 460.8, 1) for length in lengths] == [31.8, 39.2]
 
 
 @pytest.mark.parametrize(
@@ -115,18 +108,6 @@ def test_a_stream_may_begin_anywhere(side: int, light: bool) -> None:
         frames, counts = read(text[start:] + text)
         assert len(frames) == (2 if start <= title_end else 1), start
         assert counts == WireCounts(frames=len(frames))  # what was never begun is no damage
-
-
-@both_sides
-@both_lights
-def test_cut_off_text_is_dropped_and_the_next_frame_is_read(side: int, light: bool) -> None:
-    text = text_of(make_zones(side), light)
-    last = text.rindex(b'|\n')
-    for end in range(text.index(b'\n') + 1, last + 2, {4: 7, 8: 31}[side]):
-        frames, counts = read(text[:end] + text)
-        assert len(frames) == 1, end
-        check_zones(frames[0], make_zones(side), light)
-        assert counts == WireCounts(frames=1, bad_shape=1), end
 
 
 @both_lights
@@ -235,16 +216,3 @@ def test_memory_is_bounded() -> None:
         assert len(pickle.dumps(reader)) < 10_000
     assert reader.counts.overlong > 0
     assert len(reader.feed(full)) == 1
-
-
-def test_neither_protocol_takes_the_other_for_its_own() -> None:
-    text = text_of(make_zones(), light=True)
-    packet = encode_frame(read_one(text))
-    reader, packets = new_reader(), FrameReader()
-    for _ in range(100):
-        assert reader.feed(packet) == packets.feed(text) == []
-    assert reader.counts.bad_framing + reader.counts.overlong > 20
-    assert reader.counts.frames == 0
-    (frame,) = reader.feed(b'\n' + text)
-    check_zones(frame, make_zones(), light=True)
-    assert packets.counts == WireCounts(overlong=1)

@@ -2,7 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """What a reader of ST's example asks of the board, and what it says of its period."""
 
-import random
 import re
 from collections.abc import Iterator
 from pathlib import Path
@@ -12,7 +11,6 @@ import pytest
 from harness_serial import Reading
 from st_board import Board, check_zones, make_zones, text_of
 
-from retrolidar_ros.sensor.clock import ClockMap
 from retrolidar_ros.sensor.protocols import PROTOCOLS
 from retrolidar_ros.sensor.st_example import (
     PATIENCE_FRAMES,
@@ -91,18 +89,6 @@ def reading(board: Board) -> Iterator[Reading]:
     reading.end()
 
 
-def test_a_board_is_switched_on_once(board: Board, reading: Reading) -> None:
-    # It prints some more frames before it looks for a key, as the example may.
-    for _ in range(PATIENCE_FRAMES - 1):
-        board.print_frame()
-    assert board.heed_key(10)
-    for _ in range(2 * PATIENCE_FRAMES):
-        board.print_frame()
-        check_zones(reading.frame(), board.zones, light=True)
-        board.heed_key(0)
-    assert board.keys == b's'
-
-
 def test_a_board_that_did_not_hear_is_asked_again(board: Board, reading: Reading) -> None:
     board.print_frame()
     assert board.heed_key(10)
@@ -163,16 +149,3 @@ def test_pauses_do_not_change_the_period_and_a_clock_that_stands_or_goes_back_ha
         assert [period.take(5 + step * index) for index in range(3 * PERIODS)] == [
             None
         ] * 3 * PERIODS
-
-
-def test_stamps_are_the_arrival() -> None:
-    rng = random.Random(3)
-    arrival_ns = NOW_NS
-    clock_map = ClockMap()
-    reader = StExampleReader(lambda: arrival_ns + 700_000)  # read 0.7 ms after it arrived
-    for _ in range(500):
-        arrival_ns += rng.randrange(200_000_000, 400_000_000)
-        (frame,) = reader.feed(text_of(make_zones(), light=True))
-        stamp_ns = clock_map.map(frame.sensor_time_us, arrival_ns)
-        assert abs(stamp_ns - arrival_ns) < 2_000
-    assert clock_map.restarts == 0

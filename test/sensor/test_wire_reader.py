@@ -158,14 +158,3 @@ def test_endless_data_without_a_delimiter_is_not_kept() -> None:
     first, second = make_packets(2)
     assert sequences(reader.feed(first + second)) == [1]
     assert reader.counts == WireCounts(overlong=1, frames=1)
-
-
-def test_random_bytes_are_no_frames() -> None:
-    reader = reader_in_step()
-    noise = random.Random(2).randbytes(1_000_000)
-    for start in range(0, len(noise), 4000):
-        assert reader.feed(noise[start : start + 4000]) == []
-    assert counted(reader.counts) == len(ended_packets(noise))
-    assert reader.counts.bad_framing > 0
-    assert reader.counts.bad_crc > 0
-    assert sequences(reader.feed(DELIMITER + make_packets(1)[0])) == [0]

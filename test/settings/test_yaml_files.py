@@ -4,20 +4,17 @@
 
 import os
 import time
-from inspect import signature
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from retrolidar_ros.detector import METHODS, create_detector
 from retrolidar_ros.marker.code import RESERVED_IDS
 from retrolidar_ros.scene import Scene, Simulation, parse_scene
 from retrolidar_ros.scene.files import find_scene, load_scene
-from retrolidar_ros.sensor.noise import NoiseLaw
 from retrolidar_ros.settings.resources import shared_file
 from retrolidar_ros.settings.section import ConfigError
-from retrolidar_ros.settings.yaml_files import load_parameter_defaults, load_yaml
+from retrolidar_ros.settings.yaml_files import load_yaml
 
 SHIPPED = sorted(path.stem for path in shared_file('config/scenes').glob('*.yaml'))
 
@@ -111,18 +108,6 @@ def test_a_mapping_may_be_merged_in_and_overridden(file: Path) -> None:
         load_yaml(file)
     file.write_text('a: {x: 1}\nb: {x: 2}\nc: [{x: 3}, {x: 4}]\n')
     assert load_yaml(file) == {'a': {'x': 1}, 'b': {'x': 2}, 'c': [{'x': 3}, {'x': 4}]}
-
-
-def test_the_detector_node_and_the_library_have_the_same_defaults() -> None:
-    parameters = load_parameter_defaults(shared_file('config/retrolidar.yaml'), 'detector')
-    library = signature(create_detector).parameters
-    assert parameters['method'] == METHODS[0]
-    assert parameters['bit_period'] == library['bit_period_s'].default
-    for name in ('likelihood_threshold', 'false_ids_per_hour', 'max_packets'):
-        assert parameters[name] == library[name].default
-    names = ('noise_floor', 'noise_slope', 'noise_ambient')
-    assert NoiseLaw(*(parameters[name] for name in names)) == NoiseLaw()
-    assert parameters['registered_ids'] == []
 
 
 def doubling(alias: str, levels: int) -> str:

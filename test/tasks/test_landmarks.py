@@ -22,11 +22,12 @@ from harness_readings import (
 from retrolidar_ros.sensor.frame import Floats
 from retrolidar_ros.sensor.rotation import matrix_of_turn
 from retrolidar_ros.settings.section import ConfigError
+from retrolidar_ros.tasks import survey as survey_module
 from retrolidar_ros.tasks.landmarks import Landmark
 from retrolidar_ros.tasks.least_squares import Problem
 from retrolidar_ros.tasks.reading import Errors, SensorPose, reading
 from retrolidar_ros.tasks.state import Prior, State, largest_stddev
-from retrolidar_ros.tasks.survey import MAX_LANDMARKS, Survey, parse_survey, survey_content
+from retrolidar_ros.tasks.survey import Survey, parse_survey, survey_content
 
 
 def test_four_places_trilaterate_and_the_ellipsoid_is_honest() -> None:
@@ -254,14 +255,17 @@ def test_a_name_stays_with_its_marker_once_that_is_placed() -> None:
     assert estimate_of(survey.landmarks['mug']) is before
 
 
-def test_a_survey_has_room_for_so_many_and_prefers_those_that_are_placed() -> None:
+def test_a_survey_has_room_for_so_many_and_prefers_those_that_are_placed(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(survey_module, 'MAX_LANDMARKS', 5)
     rng = np.random.default_rng(21)
     survey = Survey({}, ERRORS)
     for index, eye_m in enumerate(SQUARE):
         survey.take('mug', seen(HERE, eye_m, rng, stamp_s=index))
-    for index in range(MAX_LANDMARKS + 10):
+    for index in range(8):
         survey.take(f'flood {index}', seen(HERE, SQUARE[0], rng, stamp_s=9))
-    assert len(survey.landmarks) == MAX_LANDMARKS
+    assert len(survey.landmarks) == 5
     assert estimate_of(survey.landmarks['mug']).readings == 4
 
 

@@ -5,7 +5,6 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from retrolidar_ros.sensor.frame import Floats
 from retrolidar_ros.sensor.rotation import matrix_of
 from retrolidar_ros.tasks.objects import ObjectBoard
 from retrolidar_ros.tasks.state import largest_stddev
@@ -77,29 +76,6 @@ def test_an_uncertain_place_is_missing_until_it_is_seen_better() -> None:
         board.see('mug', 0, 'base', np.zeros(3), 0.0625 * np.eye(3))
         assert board.missing(8 * S) == expected
         assert board.missing(9 * S) == {'mug': 'was last seen 9 s ago'}
-
-
-def test_offsets_are_of_the_pairs_seen_in_order_of_the_names() -> None:
-    board = new_board()
-    assert board.offsets(0) == {}
-    board.see('mug', 0, 'base', np.array([0.6, 0.2, 1.9]), SHARP)
-    assert board.offsets(0) == {}
-    board.see('beans', 0, 'base', np.array([-0.1, 0.1, 1.0]), SHARP)
-    assert list(board.offsets(0)) == [('beans', 'mug')]
-    board.see('machine', 0, 'base', np.zeros(3), SHARP)
-    assert list(board.offsets(0)) == [('beans', 'machine'), ('beans', 'mug'), ('machine', 'mug')]
-
-
-@given(positions, positions, positions)
-def test_ways_add_up_and_lead_to_the_other(beans: Floats, machine: Floats, mug: Floats) -> None:
-    board = new_board()
-    for name, place in zip(NAMES, (beans, machine, mug), strict=True):
-        board.see(name, 0, 'base', place, SHARP)
-    ways = board.offsets(0)
-    assert beans + ways['beans', 'mug'] == pytest.approx(mug, abs=1e-12)
-    assert ways['beans', 'machine'] + ways['machine', 'mug'] == pytest.approx(
-        ways['beans', 'mug'], abs=1e-12
-    )
 
 
 @given(

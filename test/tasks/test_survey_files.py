@@ -12,6 +12,7 @@ import pytest
 from harness_readings import HERE
 
 from retrolidar_ros.sensor.frame import Floats
+from retrolidar_ros.settings.yaml_files import MAX_BYTES
 from retrolidar_ros.tasks.landmarks import Estimate, Landmark
 from retrolidar_ros.tasks.reading import Errors
 from retrolidar_ros.tasks.state import Prior, State
@@ -142,11 +143,13 @@ def test_names_that_yaml_takes_for_something_else_come_back(tmp_path: Path) -> N
 def test_as_many_landmarks_as_are_kept_fit_into_a_file(tmp_path: Path) -> None:
     rng = np.random.default_rng(1)
     some = []
-    for index in range(MAX_LANDMARKS):
+    for index in range(20):
         root = rng.normal(size=(6, 6))
         prior = Prior(State(rng.normal(size=3), np.eye(3), np.zeros(3)), root @ root.T)
         estimate = Landmark(f'{index:0>100}', {}, Errors(), prior).estimate()
         assert estimate is not None
         some.append(estimate)
-    save_survey(tmp_path / 'room.yaml', 'map', some)
-    assert len(names_in(tmp_path / 'room.yaml')) == MAX_LANDMARKS
+    path = tmp_path / 'room.yaml'
+    save_survey(path, 'map', some)
+    assert len(names_in(path)) == len(some)
+    assert path.stat().st_size / len(some) * MAX_LANDMARKS < MAX_BYTES

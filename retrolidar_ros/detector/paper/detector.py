@@ -64,8 +64,8 @@ from retrolidar_ros.sensor.model import VL53L8CX
 # The paper does not give its threshold. With this one the bare wall of the reference scene shows
 # false starts about as often as paper Fig. 8c has them; a higher one reads less far.
 LIKELIHOOD_THRESHOLD = 0.38
-_LEAST_HISTORY = 4
-_LEAST_DISTANCES = 2
+_MIN_HISTORY = 4
+_MIN_DISTANCES = 2
 _RESOLUTION_M = VL53L8CX.distance_step_m / np.sqrt(12)
 
 
@@ -121,7 +121,7 @@ class PaperDetector:
     def _advance(self, count: int, stamp_ns: int) -> list[Detection]:
         """Judge the start whose preamble ends with the newest of `count` samples."""
         start = count - PREAMBLE_SAMPLES
-        if start < _LEAST_HISTORY:
+        if start < _MIN_HISTORY:
             return []
         idle = np.flatnonzero(~self._open)
         history = self._ring.signal(min(start, PACKET_SAMPLES), before=PREAMBLE_SAMPLES)
@@ -165,7 +165,7 @@ class PaperDetector:
             zone = int(zones[read[best]])
             distance = self._ring.distance(PACKET_SAMPLES)[:, zone]
             measured = distance[np.isfinite(distance)]
-            if len(measured) < _LEAST_DISTANCES:
+            if len(measured) < _MIN_DISTANCES:
                 self.counts.rejected['distance'] += len(read)
                 continue
             self.counts.accepted += len(read)

@@ -1,6 +1,6 @@
 # Copyright 2026 retrolidar_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""All that is found in a recording, put together."""
+"""The calibration of a recording."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from retrolidar_ros.tasks.calibration.timing import Timing, timing
 
 
 class Link(NamedTuple):
-    """What follows from a distance that was measured otherwise."""
+    """Results from a distance that was measured otherwise."""
 
     marker: int
     distance_m: float
@@ -28,12 +28,12 @@ class Link(NamedTuple):
     signal_at_1_m: Estimate
     """Of a bright 3 cm marker over a dark one, if this one faces the sensor [kcps/SPAD]."""
     reach_m: float
-    """To what distance 80 % of lone packets of 3 cm are to be expected."""
+    """Expected range at which 80 % of lone packets of 3 cm markers are read [m]."""
 
 
 @dataclass(frozen=True, eq=False)
 class Calibration:
-    """Everything that was found; None for what the recording does not show."""
+    """All results; None for what the recording does not show."""
 
     recording: Recording
     timing: Timing

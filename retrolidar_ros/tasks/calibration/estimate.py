@@ -1,6 +1,6 @@
 # Copyright 2026 retrolidar_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""A number and how sure it is."""
+"""A value with its uncertainty."""
 
 from __future__ import annotations
 
@@ -35,13 +35,13 @@ def _magnitude(number: float) -> int:
 
 
 def estimates(values: Floats, covariance: Floats, chi2: float, freedom: int) -> list[Estimate]:
-    """Return values with their deviations, raised if residuals exceed those of their freedom."""
+    """Return values with standard deviations, raised by the reduced chi-square if above 1."""
     deviations = np.sqrt(np.diag(covariance) * max(chi2 / max(freedom, 1), 1.0))
     return [Estimate(*one) for one in zip(values.tolist(), deviations.tolist(), strict=True)]
 
 
 def weighted_mean(values: Floats, stddev: Floats) -> Estimate:
-    """Return the mean of values of shape (n,), no more certain than they agree."""
+    """Return the weighted mean of values (n,), with its uncertainty raised if they disagree."""
     weight = stddev**-2
     mean = float(weight @ values / weight.sum())
     excess = float(weight @ (values - mean) ** 2) / max(len(values) - 1, 1)

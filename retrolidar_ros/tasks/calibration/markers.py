@@ -1,6 +1,6 @@
 # Copyright 2026 retrolidar_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""Markers of a recording, by bit periods that are not known before: their clocks and signals."""
+"""Markers of a recording, without known bit periods: their clocks and signals."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ from retrolidar_ros.tasks.calibration.estimate import Estimate, weighted_mean
 _ZONES = 8
 _ALIKE = 0.04  # periods that are of one clock
 _AS_SURE = 0.1
-_LEAST_PACKETS = 3
+_MIN_PACKETS = 3
 _EXPLAINED = 0.4  # of the recording, that a zone's marker is read in
 _SEEN = 0.02  # of the strongest zone's gain, that a zone counts as one that sees the marker
 # Bits by which packets of one train may be off, from one to the next and from all.
@@ -103,7 +103,7 @@ def read_markers(
                 break
     kept: dict[int, list[Detection]] = {}
     for own in sorted(groups, key=lambda group: -_evidence(group)):
-        if len(own) < 2 and duration_s > _LEAST_PACKETS * PACKET_BITS * own[0].bit_period_s:
+        if len(own) < 2 and duration_s > _MIN_PACKETS * PACKET_BITS * own[0].bit_period_s:
             continue
         if kept:
             most, *_ = kept.values()

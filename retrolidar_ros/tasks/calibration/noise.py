@@ -1,6 +1,6 @@
 # Copyright 2026 retrolidar_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""The law of a sensor's noise, from zones in which nothing changes.
+"""The noise law of a sensor, from zones at rest.
 
 Each zone is cut into blocks, so that a slow drift is no noise. A block gives a mean and a variance,
 and the law is fitted to these by weighted least squares: the variance of a sample variance of
@@ -21,17 +21,17 @@ from retrolidar_ros.sensor.noise import NoiseLaw
 from retrolidar_ros.tasks.calibration.estimate import Estimate, estimates
 
 _BLOCK = 128  # frames
-_LEAST = 48  # samples of a block
-_MOST_CENSORED = 0.4
-_SIGMAS = 3.0  # by so much more than others are samples of a zone alike that is not at rest
+_MIN_SAMPLES = 48  # samples of a block
+_MAX_CENSORED = 0.4
+_SIGMAS = 3.0  # excess correlation of the samples of a zone that is not at rest
 _ALL_MOVE = 0.3
 _LAGS = (20, 320)  # frames after which a packet may come again
-_MOST_SIMILAR = 6.0  # standard deviations, of steps of white noise
+_MAX_SIMILAR = 6.0  # standard deviations, of steps of white noise
 _ROUNDS = 30
 # A slope that is less certain than this share of it is not reported.
-_LEAST_SURE = 0.35
-_LEAST_FLOOR = 1e-3
-_LEAST_AMBIENT = 1.0  # by which the ambient light has to vary [kcps/SPAD]
+_MIN_SURE = 0.35
+_MIN_FLOOR = 1e-3
+_MIN_AMBIENT = 1.0  # by which the ambient light has to vary [kcps/SPAD]
 
 
 class Block(NamedTuple):
@@ -48,12 +48,12 @@ class Block(NamedTuple):
 
 
 class NoiseFound(NamedTuple):
-    """The law, and how far noise departs from it."""
+    """The noise law and its fit."""
 
     floor: Estimate
     """[(kcps/SPAD)²]; with the ambient light's, where that did not vary."""
     slope: Estimate | None
-    """[kcps/SPAD]; None if the zones are too much alike."""
+    """[kcps/SPAD]; None if the zones have too similar signals."""
     ambient: Estimate | None
     """[kcps/SPAD]; None if the ambient light did not vary enough."""
     light: float
@@ -66,10 +66,10 @@ class NoiseFound(NamedTuple):
 
     @property
     def law(self) -> NoiseLaw:
-        """What a detector needs: where a slope is not known, the usual law, scaled."""
+        """The law for a detector; an unknown slope is that of the usual law, scaled."""
         ambient = self.ambient.value if self.ambient else 0.0
         if self.slope is not None:
-            return NoiseLaw(max(self.floor.value, _LEAST_FLOOR), self.slope.value, ambient)
+            return NoiseLaw(max(self.floor.value, _MIN_FLOOR), self.slope.value, ambient)
         usual = NoiseLaw()
         signal = float(np.mean([block.signal for block in self.blocks]))
         scale = self.floor.value / float(usual.variance(np.asarray(signal)))
@@ -81,13 +81,13 @@ def noise_of(recording: Recording) -> NoiseFound | None:
     valid, _ = valid_samples(recording.signal, recording.distance, recording.status)
     signal = recording.signal.astype(np.float64)
     faint = (recording.status == Status.NO_TARGET) | (valid & (signal <= 0))
-    # A marker whose dark bits are no target comes and goes, and not by chance.
+    # A marker without a target in dark bits is not at rest.
     zones, correlation = _at_rest(np.where(faint, 0.0, signal), valid | faint, valid & ~faint)
     if not zones:
         return None
     blocks = []
     for zone in zones:
-        for begin in range(0, len(recording) - _LEAST + 1, _BLOCK):
+        for begin in range(0, len(recording) - _MIN_SAMPLES + 1, _BLOCK):
             rows = slice(begin, begin + _BLOCK)
             block = _block(recording, valid[:, zone], faint[:, zone], zone, rows)
             if block is not None:
@@ -100,9 +100,9 @@ def noise_of(recording: Recording) -> NoiseFound | None:
 def _at_rest(
     signal: Floats, known: NDArray[np.bool_], seen: NDArray[np.bool_]
 ) -> tuple[list[int], Estimate]:
-    """Return zones whose samples are no more alike than those of others, and how alike they are."""
+    """Return the zones at rest, by the correlation of their samples, and the correlation."""
     alike: dict[int, float] = {}
-    enough = seen.sum(axis=0) >= max(_LEAST, (1 - _MOST_CENSORED) * len(signal))
+    enough = seen.sum(axis=0) >= max(_MIN_SAMPLES, (1 - _MAX_CENSORED) * len(signal))
     for zone in np.flatnonzero(enough).tolist():
         own = known[:, zone]
         change = np.where(own, signal[:, zone] - signal[own, zone].mean(), 0)
@@ -128,14 +128,14 @@ def _at_rest(
 
 
 def _repeats(signal: Floats, known: NDArray[np.bool_]) -> bool:
-    """Return whether a zone sees the same again and again: bits of one frame look like noise."""
+    """Return whether a zone repeats: bits of one frame look like noise otherwise."""
     both = known[1:] & known[:-1]
     step = np.where(both, np.diff(signal), 0.0)
     size = 2 << len(step).bit_length()
     similar = np.fft.irfft(np.abs(np.fft.rfft(step, size)) ** 2, size)[: max(_LAGS)]
     energy = np.fft.irfft(np.abs(np.fft.rfft(both.astype(float), size)) ** 2, size)[: max(_LAGS)]
     score = similar / max(float(similar[0]), 1e-30) * energy[0] / np.sqrt(np.maximum(energy, 1))
-    return float(score[min(_LAGS) :].max(initial=0.0)) > _MOST_SIMILAR
+    return float(score[min(_LAGS) :].max(initial=0.0)) > _MAX_SIMILAR
 
 
 def _block(
@@ -150,11 +150,11 @@ def _block(
     hidden = int(np.count_nonzero(faint[rows]))
     samples = recording.signal[rows, zone][seen].astype(np.float64)
     number = len(samples) + hidden
-    if len(samples) < _LEAST or hidden > _MOST_CENSORED * number:
+    if len(samples) < _MIN_SAMPLES or hidden > _MAX_CENSORED * number:
         return None
     ambient = float(recording.ambient[rows, zone][seen].mean())
     if hidden:
-        # A signal of nothing is cut off at zero, and a target that is not seen at some threshold.
+        # Signals are censored at zero, and at the threshold of a target.
         unseen = (recording.status[rows, zone][faint[rows]] == Status.NO_TARGET).any()
         mean, variance = _censored(samples, hidden, float(samples.min()) if unseen else 0.0)
     else:
@@ -163,7 +163,7 @@ def _block(
 
 
 def _censored(samples: Floats, hidden: int, limit: float) -> tuple[float, float]:
-    """Return mean and variance of normal noise of which what is below a limit is only counted.
+    """Return mean and variance of normal noise that is censored below a limit.
 
     By expectation and maximisation (Dempster, Laird and Rubin, 1977).
     """
@@ -183,16 +183,16 @@ def _censored(samples: Floats, hidden: int, limit: float) -> tuple[float, float]
 
 
 def _fitted(blocks: list[Block], zones: list[int], correlation: Estimate) -> NoiseFound:
-    """Return the law that explains the variances of blocks best."""
+    """Return the law that fits the variances of blocks best."""
     signal = np.array([max(block.signal, 0.0) for block in blocks])
     ambient = np.array([block.ambient for block in blocks])
     variance = np.array([block.variance for block in blocks])
     freedom = np.array([block.samples - 1.0 for block in blocks])
     ones = np.ones_like(signal)
-    columns = [ones, signal, ambient] if np.ptp(ambient) > _LEAST_AMBIENT else [ones, signal]
+    columns = [ones, signal, ambient] if np.ptp(ambient) > _MIN_AMBIENT else [ones, signal]
     while True:
         values = _weighted(np.stack(columns, axis=-1), variance, freedom)
-        if all(one.stddev < _LEAST_SURE * values[1].value and one.value > 0 for one in values[1:]):
+        if all(one.stddev < _MIN_SURE * values[1].value and one.value > 0 for one in values[1:]):
             break
         columns.pop()
     floor, *others = values

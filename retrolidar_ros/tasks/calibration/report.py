@@ -1,6 +1,6 @@
 # Copyright 2026 retrolidar_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""What was found: as parameters, in plain sentences, and what to record next for what was not."""
+"""The report: parameters, plain sentences, and what to record next."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ def parameters(found: Calibration) -> dict[str, tuple[float, str]]:
 
 
 def parameter_file(found: Calibration, source: str) -> str:
-    """Return the text of a parameter file; a node takes what it lacks from the usual one."""
+    """Return the text of a parameter file; nodes use defaults for the rest."""
     lines = [
         f'# From {source}, by `retrolidar calibrate`. What is not here was not found in it.',
         '/**/detector:',

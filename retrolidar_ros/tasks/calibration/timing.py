@@ -1,6 +1,6 @@
 # Copyright 2026 retrolidar_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""How frames come: their period, its jitter, losses, and the statuses in them."""
+"""Timing of frames: period, jitter, losses; and the statuses of their samples."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ import numpy as np
 from retrolidar_ros.sensor.frame import Recording
 from retrolidar_ros.tasks.calibration.estimate import Estimate
 
-LEAST_FRAMES = 64
+MIN_FRAMES = 64
 
 
 class Timing(NamedTuple):
@@ -38,9 +38,9 @@ def timing(recording: Recording) -> Timing:
     ValueError
         If there are too few.
     """
-    if len(recording) < LEAST_FRAMES:
+    if len(recording) < MIN_FRAMES:
         raise ValueError(
-            f'{len(recording)} frames are too few to calibrate from: record {LEAST_FRAMES} at '
+            f'{len(recording)} frames are too few to calibrate from: record {MIN_FRAMES} at '
             'least, and half a minute for all there is'
         )
     time_s = (recording.stamp_ns - recording.stamp_ns[0]) * 1e-9

@@ -1,9 +1,8 @@
 # Copyright 2026 retrolidar_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""Coffee, drone and two sensors, started one by one: what test/launch asserts of launch files."""
+"""The task coffee, started node by node: what test/launch asserts of its launch file."""
 
 from collections.abc import Iterator
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -11,26 +10,11 @@ from geometry_msgs.msg import PoseStamped
 from harness import Sensor
 from harness_coffee import BASE_VIEW, SENSOR_VIEW, check_coffee, publish_base
 from harness_nodes import System, running
-from harness_use_cases import (
-    OVERDUE_AFTER_S,
-    SIDES,
-    check_heartbeat,
-    check_two_sensors,
-    silent_drone,
-)
 from std_msgs.msg import Bool, String
 
 from retrolidar_ros.nodes.conversion import from_pose, vector_of
 from retrolidar_ros.scene.files import load_scene
 from retrolidar_ros.settings.resources import shared_file
-
-KNOWN = shared_file('config/markers.yaml')
-
-
-def start_sensor(system: System) -> None:
-    """Start driver and detector of one sensor."""
-    system.start('driver', serial_port=system.port)
-    system.start('detector', marker_file=KNOWN)
 
 
 def wait_for_subscribers(system: System, topic: str, count: int) -> None:
@@ -44,48 +28,14 @@ def wait_for_subscribers(system: System, topic: str, count: int) -> None:
     system.wait(is_heard, f'{count} subscribers of {topic}')
 
 
-def test_a_drone_that_falls_silent_is_overdue(tmp_path: Path) -> None:
-    scene = load_scene(str(silent_drone(tmp_path, start_s=0.2, packets=2)))
-    with running(tmp_path, '/use_drone') as system:
-        start_sensor(system)
-        system.start('heartbeat', overdue_after=OVERDUE_AFTER_S)
-        wait_for_subscribers(system, 'frames', 2)
-        wait_for_subscribers(system, 'markers', 2)
-        # A marker that was never there is overdue as well.
-        system.wait(lambda: 'drone is overdue' in system.log('heartbeat'), 'a first silence')
-        with Sensor(scene, system.port):
-            check_heartbeat(system, scene)
-        log = system.log('heartbeat')
-        assert log.count('drone is overdue: not read for ') == 2
-        assert log.count('drone is back') == 1
-
-
-def test_two_sensors_publish_the_same_markers_on_one_topic(tmp_path: Path) -> None:
-    scene = load_scene('coffee')
-    with running(tmp_path, '/use_two') as system:
-        for side in SIDES:
-            below, port = f'{system.namespace}/{side}', tmp_path / side
-            frame = {'frame_id': f'{side}_optical_frame'}
-            system.start(
-                'driver', name=f'{side} driver', namespace=below, serial_port=port, **frame
-            )
-            names = {'marker_file': KNOWN, 'child_frame': f'{side}_{{name}}'}
-            topic = ('-r', f'markers:={system.namespace}/markers')
-            system.start('detector', *topic, name=f'{side} detector', namespace=below, **names)
-        for side in SIDES:
-            wait_for_subscribers(system, f'{side}/frames', 1)
-        system.wait(lambda: system.node.count_publishers('markers') == 2, 'both detectors')
-        with Sensor(scene, tmp_path / 'left'), Sensor(scene, tmp_path / 'right'):
-            check_two_sensors(system, scene)
-
-
 @pytest.fixture(scope='module')
 def coffee(tmp_path_factory: pytest.TempPathFactory) -> Iterator[System]:
     """Start two nodes that wait for the same objects, one of them in another frame."""
     scene = load_scene('coffee')
     with running(tmp_path_factory.mktemp('coffee'), '/use_coffee') as system:
         publish_base(system)
-        start_sensor(system)
+        system.start('driver', serial_port=system.port)
+        system.start('detector', marker_file=shared_file('config/markers.yaml'))
         system.start('coffee', max_stddev=0.2)
         system.start(
             'coffee',

@@ -1,0 +1,89 @@
+/* Copyright 2026 retrolidar_ros contributors
+ * SPDX-License-Identifier: Apache-2.0
+ */
+#include "retrolidar_bits.h"
+
+#include <math.h>
+#include <string.h>
+
+struct rl_bits rl_bits_cut(const struct rl_transmission *transmission, int first, int silent)
+{
+    struct rl_bits bits = {.count = silent + RL_PACKET_BITS, .silent = silent, .first = first};
+    bits.begin_s = transmission->start_s + (first - silent) * transmission->bit_s;
+    for (int bit = silent; bit < bits.count; bit++) {
+        const int of = (first + bit - silent) % RL_PACKET_BITS;
+        bits.dark[bit] = (transmission->bits & rl_packet_bit(of)) != 0;
+    }
+    if (transmission->repeats) {
+        const int before = (first + RL_PACKET_BITS - 1) % RL_PACKET_BITS;
+        bits.dark_before = (transmission->bits & rl_packet_bit(before)) != 0;
+        bits.dark_after = bits.dark[silent];
+    }
+    return bits;
+}
+
+void rl_bits_flip(struct rl_bits *bits, struct rl_window *window,
+                  const struct rl_transmission *transmission, double own, int split, bool later)
+{
+    const double split_s = window->samples->begin_s[window->first + split];
+    float second = 0.0f; /* what the packet's second bit does, which is dark */
+    for (int bit = bits->count - 1; bit >= 0; bit--) {
+        const double middle_s = bits->begin_s + (bit + 0.5) * transmission->bit_s;
+        if (split > 0 && (middle_s < split_s) == later) {
+            bits->flipped[bit] = 0.0f;
+        } else if (bit < bits->silent) {
+            /* What a dark bit there would do is not tried: about as much as in the packet. */
+            bits->flipped[bit] = second;
+        } else {
+            const int of = (bits->first + bit - bits->silent) % RL_PACKET_BITS;
+            struct rl_transmission other = *transmission;
+            other.bits ^= rl_packet_bit(of);
+            bits->flipped[bit] = (float)(rl_window_try_part(window, &other, split, later) - own);
+            second = of == 1 ? bits->flipped[bit] : second;
+        }
+    }
+}
+
+/* Add what a bit does if it is flipped to what the packet does that has it, if any. */
+static void add_weight(float weight[RL_PACKET_BITS], int of, bool repeats, bool dark, float flipped)
+{
+    if (repeats) {
+        of = (of % RL_PACKET_BITS + RL_PACKET_BITS) % RL_PACKET_BITS;
+    }
+    if (of >= 0 && of < RL_PACKET_BITS) {
+        weight[of] += dark ? -flipped : flipped;
+    }
+}
+
+float rl_bits_weigh(const struct rl_bits *bits, int begin, bool repeats,
+                    float weight[RL_PACKET_BITS])
+{
+    float all = 0.0f;
+    memset(weight, 0, RL_PACKET_BITS * sizeof *weight);
+    for (int bit = 0; bit < bits->count; bit++) {
+        all += bits->dark[bit] ? bits->flipped[bit] : 0.0f;
+        add_weight(weight, bit - begin, repeats, bits->dark[bit], bits->flipped[bit]);
+    }
+    /* Exposures at the ends see some of the bits beyond, which are best as they are. */
+    add_weight(weight, -1 - begin, repeats, bits->dark_before, -(float)RL_AS_GOOD);
+    add_weight(weight, bits->count - begin, repeats, bits->dark_after, -(float)RL_AS_GOOD);
+    return all;
+}
+
+float rl_bits_sum(uint32_t packet, const float weight[RL_PACKET_BITS])
+{
+    float nats = 0.0f;
+    for (int bit = 0; bit < RL_PACKET_BITS; bit++) {
+        nats += packet & rl_packet_bit(bit) ? weight[bit] : 0.0f;
+    }
+    return nats;
+}
+
+float rl_bits_max(const float weight[RL_PACKET_BITS])
+{
+    float most = rl_add_preamble(0.0f, weight);
+    for (int bit = RL_PREAMBLE_BITS; bit < RL_PACKET_BITS; bit++) {
+        most += fmaxf(weight[bit], 0.0f);
+    }
+    return most;
+}

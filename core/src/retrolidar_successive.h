@@ -1,0 +1,21 @@
+/* Copyright 2026 retrolidar_ros contributors
+ * SPDX-License-Identifier: Apache-2.0
+ */
+/* Packets of other IDs, one after the other, as rivals of one packet. */
+#ifndef RETROLIDAR_SUCCESSIVE_H
+#define RETROLIDAR_SUCCESSIVE_H
+
+#include "retrolidar_bits.h"
+#include "retrolidar_codebook.h"
+
+/* How much likelier a packet is than one of another ID that ended in the window, and one that began
+ * then or after a pause [nats].
+ *
+ * The markers are seen before a row, or from it on, and as dark as with a dark bit otherwise; from
+ * row 0 on, all the time.
+ */
+double rl_successive_margin(struct rl_window *window, const struct rl_codebook *codebook,
+                            const struct rl_bits *bits, const struct rl_transmission *transmission,
+                            double own, uint16_t id, int split, bool later);
+
+#endif

@@ -1,0 +1,80 @@
+# Copyright 2026 retrolidar_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""Two markers that one zone sees, both followed."""
+
+from typing import Any
+
+import numpy as np
+
+from evaluation.bench.following import play
+from evaluation.bench.places import rms
+from retrolidar_ros.marker.dictionary import USABLE_IDS
+from retrolidar_ros.scene import Scene, Simulation
+from retrolidar_ros.scene.description import Marker
+from retrolidar_ros.scene.reference import RESPONSE, SENSOR, walls
+
+SECONDS_S = {'from the start': (-1.3, 0.0), 'after 3 to 5 s': (3.0, 5.0)}
+"""When the second marker begins to send, by its words."""
+_ZONE = 9
+_OFF_ZONES = 0.3  # markers are so far from the middle of the zone, at most
+_WALL_M = 0.1  # behind the first
+_SETTLED_S = 1.0
+
+
+def two_in_a_zone(
+    range_m: float, apart_m: float, begins: str, duration_s: float, rng: np.random.Generator
+) -> dict[str, Any]:
+    """Return errors of two markers, of which the second is `apart_m` farther, and their ends.
+
+    `begins` is a key of `SECONDS_S`. Errors are those of frames a second and more after the first
+    track began.
+    """
+    grid = SENSOR.grid
+    tangents = grid.tangents[_ZONE] + rng.uniform(-_OFF_ZONES, _OFF_ZONES, (2, 2)) * grid.pitch
+    ids = rng.choice(USABLE_IDS, 2, replace=False)
+    starts_s = [rng.uniform(-1.3, 0.0), rng.uniform(*SECONDS_S[begins])]
+    markers = tuple(
+        Marker(
+            id=int(one),
+            position_m=(float(z * x), float(z * y), z),
+            name=f'marker_{one}',
+            start_s=float(start_s),
+            packets=None,
+            response=RESPONSE,
+        )
+        for one, start_s, z, (x, y) in zip(
+            ids, starts_s, (range_m, range_m + apart_m), tangents, strict=True
+        )
+    )
+    scene = Scene(sensor=SENSOR, markers=markers, surfaces=walls(range_m + _WALL_M, grid))
+    detector, tracks, _ = play(Simulation(scene, rng).run(duration_s))
+    truths_m = {one.id: float(np.linalg.norm(one.position_m)) for one in markers}
+    known = [{one.id for one in frame} & {*truths_m} for frame in tracks]
+    first = next((at for at, one in enumerate(known) if one), len(known))
+    settled = tracks[first + round(_SETTLED_S / SENSOR.period_s) :]
+    errors_m = [
+        one.place.range_m - truths_m[one.id]
+        for frame in settled
+        for one in frame
+        if one.id in truths_m
+    ]
+    sending = max(first, round(max(starts_s[1], 0.0) / SENSOR.period_s))
+    return {
+        'errors_m': errors_m,
+        'both': [len(one) == len(truths_m) for one in known[sending:]],
+        'ends': detector.track_counts.ended,
+        'hours': len(known[first:]) * SENSOR.period_s / 3600,
+    }
+
+
+def sum_of(runs: list[dict[str, Any]]) -> dict[str, Any]:
+    """Return what several runs of `two_in_a_zone` have in common."""
+    errors_m = [value for one in runs for value in one['errors_m']]
+    both = [value for one in runs for value in one['both']]
+    error, hours = rms(errors_m), sum(one['hours'] for one in runs)
+    return {
+        'median_mm': 1e3 * float(np.median(np.abs(errors_m))) if errors_m else None,
+        'rms_mm': None if error is None else 1e3 * error,
+        'both_followed': float(np.mean(both)) if both else None,
+        'ends_an_hour': sum(one['ends'] for one in runs) / hours if hours else None,
+    }

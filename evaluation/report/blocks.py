@@ -1,0 +1,236 @@
+# Copyright 2026 retrolidar_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""The generated tables of README and the documents, each from the figures of the experiments."""
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from evaluation.bench.judging import BOTH
+from evaluation.experiments import (
+    false_ids,
+    laboratory,
+    peers,
+    place,
+    speed_accuracy,
+    stability,
+    time_to_id,
+    tracks,
+)
+from evaluation.experiments.registry import EXPERIMENTS
+from evaluation.experiments.sweeps import end_of
+from evaluation.experiments.time_to_id import REGISTERED
+from evaluation.peers.camera import PICTURES_HZ
+from evaluation.peers.visual_markers import APRILTAG
+from evaluation.report.claims import NOTHING, Table, as_text, markdown
+from retrolidar_ros.marker.code import BIT_PERIOD_S, PACKET_BITS
+
+Report = Mapping[str, dict[str, Any]]
+_PACKET = f'{PACKET_BITS * BIT_PERIOD_S:.1f} s'
+_COSTS = (('joint: packets combined', '1'), ('AprilTag: decimation', '2'))
+_MOVING_M_S = 0.3
+_PACKETS = (('reading', '3 cm'), ('reach', '3 cm, 8 packets'))
+_SIDE_M = 0.4  # of the square from whose corners landmarks are looked at
+_EXPOSURE = '4 ms'  # with which tags are read while they move
+
+
+def _bold(cells: Sequence[str], best: int | None) -> list[str]:
+    """Return cells of which the best is bold."""
+    return [f'**{cell}**' if index == best else cell for index, cell in enumerate(cells)]
+
+
+def _best(ours: float | None, tag: float | None, *, most: bool) -> int | None:
+    """Return the column of the better value, of ours and of an AprilTag's; None: as good."""
+    if ours is None or tag is None or ours == tag:
+        return None if ours == tag else (0 if tag is None else 2)
+    return 0 if (ours > tag) == most else 2
+
+
+def _while_moving(report: Report) -> tuple[Any, Any]:
+    """Return the points of tracks and of a tag that move across the view."""
+    figures = report['tracks']
+    points = next(iter(figures['curves']))['points']
+    speeds = [point['speed_m_s'] for point in points]
+    index = speeds.index(_MOVING_M_S)
+    tags = figures['apriltag'].get(_EXPOSURE)
+    return points[index], tags[index]['error_mm'] if tags else None
+
+
+def headlines(report: Report) -> str:
+    """Return what a robotics engineer asks first, beside the paper and an AprilTag."""
+    figures, soon = report['peers'], report['time-to-id']
+    ends = {
+        (sweep, name): peers.end(figures, sweep, name)
+        for sweep in ('3 cm', '1 cm')
+        for name in ('joint', APRILTAG)
+    }
+    several = end_of(report['reach'], '3 cm, 8 packets', 'joint')
+    few_s, any_s, tag_s = (
+        time_to_id.at(soon, name, 1.0) for name in (REGISTERED, 'joint', APRILTAG)
+    )
+    track, tag = _while_moving(report)
+    costs = [speed_accuracy.at(report['speed-accuracy'], *of) for of in _COSTS]
+    cpu_ms = [None if one is None else one['cpu_ms'] for one in costs]
+    rows: list[tuple[str, list[str], int | None]] = []
+    for size, paper in (('3 cm', '2.6 m'), ('1 cm', '1.3 m')):
+        ours, tags = (ends[size, name] for name in ('joint', APRILTAG))
+        words = as_text(ours)
+        if size == '3 cm':
+            words += f'; {as_text(several)} in 8 packets'
+        best = _best(ours, tags, most=True)
+        what = f'How far is a marker of {size} read, in one packet or image?'
+        rows.append((what, [words, paper, as_text(tags)], best))
+    rows.append(
+        (
+            'How soon, at 1 m?',
+            [f'{any_s}; {few_s} if only 3 IDs are in use', f'{_PACKET} and more', tag_s],
+            2,
+        )
+    )
+    updates = [None if track is None else track['updates_hz'], PICTURES_HZ]
+    cells = [as_text(updates[0], 'a second', 0), 'once a packet', f'{PICTURES_HZ:.0f} a second']
+    rows.append(('How often is its position updated?', cells, _best(*updates, most=True)))
+    errors = [track and track['all_mm'], tag and tag['rms']]
+    cells = [
+        as_text(errors[0], 'mm', 1),
+        NOTHING,
+        f'{as_text(errors[1], "mm", 1)}, exposed for {_EXPOSURE}',
+    ]
+    what = f'How exact is its range at 1 m, moving at {_MOVING_M_S:g} m/s?'
+    rows.append((what, cells, _best(*errors, most=False)))
+    cells = [as_text(cpu_ms[0], 'ms a second', 0), NOTHING, as_text(cpu_ms[1], 'ms a second', 0)]
+    rows.append(('Processor time, of one core?', cells, _best(*cpu_ms, most=False)))
+    one = false_ids.total(report[false_ids.NAME])
+    counted = f'{one["events"]} in {one["hours"]:g} h: at most {one["high"]:.2g} an hour (95 %)'
+    rows.append(
+        ('How often is an ID read where there is no marker?', [counted, '"none"', NOTHING], None)
+    )
+    lux = peers.words(figures, 'light', APRILTAG, 1)
+    rows.append(('Does it need light?', ['no', 'no', lux], 0))
+    heads = ['', 'this package', 'the paper', 'AprilTag of that size']
+    return markdown([heads, *([what, *_bold(cells, best)] for what, cells, best in rows)])
+
+
+def reach(report: Report) -> str:
+    """Return how far markers are read."""
+    one, more = report['reading'], report['reach']
+    curves = {
+        '3 cm, one packet (1.3 s)': (one, '3 cm'),
+        **{
+            f'{size} cm, within {packets} packets': (more, f'{size} cm, {packets} packets')
+            for size in (3, 1)
+            for packets in (3, 8)
+        },
+        '1 cm, one packet (1.3 s)': (more, '1 cm, one packet'),
+    }
+    rows: Table = [['80 % are read to', 'default', 'method `paper`']]
+    for what, (figures, curve) in curves.items():
+        rows.append([what, *(as_text(end_of(figures, curve, method)) for method in BOTH)])
+    return markdown(rows)
+
+
+def telling(report: Report) -> str:
+    """Return what it buys to tell the detector more of a scene."""
+    soon = [time_to_id.at(report['time-to-id'], one, 1.0) for one in ('joint', REGISTERED)]
+    ends = [end_of(report[of], name, 'joint') for of, name in _PACKETS]
+    one, several = (as_text(end) for end in ends)
+    to_and_fro = report['tracks']['curves'][len(tracks.RANGES_M)]
+    point = next(one for one in to_and_fro['points'] if one['speed_m_s'] == _MOVING_M_S)
+    packets_mm, track_mm = (as_text(point[name], 'mm', 0) for name in ('packets_mm', 'all_mm'))
+    moving = f'{track_mm} off instead of {packets_mm}'
+    looks = {
+        row['places']: as_text(row['median_mm'], 'mm', 0)
+        for row in report['landmarks']['places']
+        if row['side_m'] == _SIDE_M and row['object'] == 'machine'
+    }
+    sizes = [as_text(one, '°', 1) for one in report['place']['size_told_deg']]
+    few = f'with {time_to_id.FEW} of them the first ID comes after {soon[1]} instead of {soon[0]}'
+    large = f'a {100 * place.LARGE_M:g} cm marker'
+    told = f'the bearing of {large} is off by {sizes[1]}, and by {sizes[0]} without it'
+    if sizes[0] == sizes[1]:
+        told = f'little: the bearing of {large} is off by {sizes[0]} either way'
+    return markdown(
+        [
+            ['if …', 'then …', 'which buys'],
+            [
+                'all IDs are known',
+                'set `registered_ids`, or `marker_file` and `only_registered`',
+                few,
+            ],
+            [
+                'markers repeat their packet',
+                'leave `max_packets` at 8, and `gap_bits` of the marker at 0',
+                f'3 cm are read to {several} instead of {one}',
+            ],
+            [
+                'markers stand still',
+                'look from several places: `landmarks`, or `coffee` with `target_frame`',
+                f'a position at 1.5 m is {looks[4]} off after four looks, {looks[1]} after one',
+            ],
+            [
+                'markers or the robot move',
+                'take `tracks`, and `tf_source: tracks`',
+                f'to and fro at {_MOVING_M_S:g} m/s a range is {moving}',
+            ],
+            [
+                'a marker is not of 3 cm',
+                'give its `size` in the marker file',
+                told,
+            ],
+        ]
+    )
+
+
+def speed(report: Report) -> str:
+    """Return whether it keeps up."""
+    nodes = report['bench-nodes']
+    shares, seen = nodes['core_shares'], nodes['delays']['MarkerDetection']
+    through = f'{nodes["seconds"]:.0f} s at {nodes["rate_hz"]:.1f} Hz through all'
+    kept = f'{nodes["lost"]} frames lost; driver {shares["driver"]:.0%}, detector '
+    stamps = f'{nodes["stamp_stddev_ms"]:.2f} ms standard deviation, '
+    delays = f'{seen["median_ms"]:.0f} and {seen["p99_ms"]:.0f} ms'
+    worst = f'{stamps}{nodes["stamp_worst_ms"]:.2f} ms at most'
+    rows = [
+        ['', ''],
+        [f'{through}, {nodes["run"]["cores"]} cores', f'{kept}{shares["detector"]:.0%} of a core'],
+        ['from the end of the exposure to the detection, median and 99 %', delays],
+        ['stamps against the true exposure, once settled', worst],
+    ]
+    for cost in report['bench-detector']['rows']:
+        frame = f'{cost["frame_us"]:.0f} µs, at most {cost["longest_us"] / 1e3:.1f} ms'
+        rows.append([cost['case'], f'{frame}; {cost["bag_times_real_time"]:.0f}×'])
+    return markdown(rows)
+
+
+_STRESSES = {
+    'second': ('second marker in its zone, signal over that of the first', '%'),
+    'far_wall': ('wall 1 m behind, signal over that of the marker', 'times'),
+    'wander': ('signal of a wall beside it drifts within 0.5 s, by', '%'),
+    'fast': ('bits shorter than `bit_period`, by', '%'),
+    'slow': ('bits longer than `bit_period`, by', '%'),
+    'hand': ('hand in front for', 'ms'),
+    'noise': ('variance of the noise over the usual', 'times'),
+}
+
+
+def limits(report: Report) -> str:
+    """Return what is borne near and at the end of the reach, of lone and of repeating markers."""
+    figures, others = report['stability'], report['laboratory']
+    conditions = [stability.named(where) for where in laboratory.CONDITIONS]
+    panels = {panel['name']: panel for panel in figures['panels']}
+    rows: Table = [['limit', *conditions]]
+    for name, (what, unit) in _STRESSES.items():
+        breaks = [panels[name]['breaks'][where] for where in conditions]
+        rows.append([what, *(f'{stability.breaking_point(one["joint"])} {unit}' for one in breaks)])
+    for panel in others['panels']:
+        rows.append([f'{panel["title"]}, {panel["axis"]}', *laboratory.limits(panel)])
+    return markdown(rows)
+
+
+BLOCKS = {
+    'headlines': headlines,
+    'ids': lambda report: markdown(EXPERIMENTS['ids'].table(report['ids'])),
+    'limits': limits,
+    'reach': reach,
+    'speed': speed,
+    'telling': telling,
+}

@@ -1,0 +1,183 @@
+# Copyright 2026 retrolidar_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""What single terms of the decision do, of which no other test would miss the loss."""
+
+from typing import Any, NamedTuple
+
+import numpy as np
+import pytest
+from harness_core import GRID, LAW, PERIOD_S, Statistics, constant
+from harness_frames import recording_of
+from oracle import Sending, light
+
+from retrolidar_ros.marker.code import BIT_PERIOD_S, PACKET_BITS, packet
+from retrolidar_ros.sensor.frame import Floats
+
+PACKET_S = PACKET_BITS * BIT_PERIOD_S
+START_S = 1.0
+
+
+@pytest.fixture(scope='module')
+def core(tmp_path_factory: pytest.TempPathFactory) -> Statistics:
+    return Statistics(tmp_path_factory)
+
+
+class Marker(NamedTuple):
+    """A marker before a wall, of which so many packets are judged."""
+
+    id: int
+    packets: int = 1
+    gain: float = 60.0
+
+
+def price(core: Statistics, marker: Marker) -> float:
+    """Return how much evidence a packet needs beyond what is demanded [nats]."""
+    sending = Sending(
+        packet(marker.id).astype(np.float64), marker.packets > 1, START_S, BIT_PERIOD_S
+    )
+    middle_s = np.arange(PERIOD_S / 2, START_S + (marker.packets + 0.2) * PACKET_S, PERIOD_S)
+    sent = light(sending, middle_s - PERIOD_S / 2, middle_s + PERIOD_S / 2)
+    mean = 10.0 + marker.gain * sent[:, None] * (np.arange(GRID.zones) == 0)
+    rng = np.random.default_rng(60)
+    signal = mean + np.sqrt(LAW.variance(mean)) * rng.standard_normal(mean.shape)
+    stamp_ns = np.rint(1e9 * middle_s).astype(np.int64)
+    core.take(recording_of(stamp_ns, np.maximum(signal, 0)), LAW, BIT_PERIOD_S)
+    # Times of the core count from the middle of the first exposure.
+    sending = sending._replace(start_s=START_S - PERIOD_S / 2)
+    to_s = sending.start_s + marker.packets * PACKET_S + 0.02
+
+    def judged(demanded: float) -> tuple[int, float]:
+        verdict = core.decide(0, marker.packets, to_s, [(marker.id, sending)], demanded)
+        return verdict.reason, verdict.evidence
+
+    reason, evidence = judged(1e-3)
+    assert reason == core.lib.RL_READ
+    enough, too_much = 1e-3, 1.5 * evidence
+    while too_much - enough > 0.01:
+        middle = (enough + too_much) / 2
+        reason, evidence = judged(middle)
+        if reason == core.lib.RL_READ:
+            enough = middle
+        else:
+            assert reason == core.lib.RL_EVIDENCE
+            too_much = middle
+    return float(judged(too_much)[1] - too_much)
+
+
+def test_packets_that_are_combined_need_the_evidence_of_a_gain_more(core: Statistics) -> None:
+    core.start_codebook()
+    single, combined = (price(core, Marker(2073, packets)) for packets in (1, 2))
+    assert single == pytest.approx(0.0, abs=0.1)
+    assert combined == pytest.approx(constant('RL_COST_OF_GAIN'), abs=0.1)
+
+
+def test_a_packet_of_few_changes_needs_more_evidence(core: Statistics) -> None:
+    core.start_codebook()
+    changes = {one: np.count_nonzero(np.diff(packet(one))) for one in (2073, 1)}
+    assert changes[1] < changes[2073]
+    assert price(core, Marker(1)) > price(core, Marker(2073)) + 5.0
+
+
+@pytest.mark.parametrize('hidden', [(), (13, 14), (20,)])
+def test_bits_that_a_hand_hides_are_masked_and_no_others(
+    core: Statistics, hidden: tuple[int, ...]
+) -> None:
+    sending = Sending(packet(2816).astype(np.float64), False, START_S, BIT_PERIOD_S)
+    assert not any(sending.bits[list(hidden)])  # a bit that is dark anyway hides nothing
+    middle_s = np.arange(PERIOD_S / 2, START_S + 1.2 * PACKET_S, PERIOD_S)
+    seen = light(sending, middle_s - PERIOD_S / 2, middle_s + PERIOD_S / 2)
+    for bit in hidden:
+        seen[np.floor((middle_s - START_S) / BIT_PERIOD_S) == bit] = 0.0
+    mean = 10.0 + 150.0 * seen[:, None] * (np.arange(GRID.zones) == 0)
+    rng = np.random.default_rng(61)
+    signal = mean + np.sqrt(LAW.variance(mean)) * rng.standard_normal(mean.shape)
+    recording = recording_of(np.rint(1e9 * middle_s).astype(np.int64), np.maximum(signal, 0))
+    core.take(recording, LAW, BIT_PERIOD_S)
+    sending = sending._replace(start_s=START_S - PERIOD_S / 2)
+    core.open(sending.start_s, sending.start_s + PACKET_S, 0)
+    own, _ = core.attempt(sending)
+    masked = core.lib.rl_observation_mask_occlusion(core.window, core.given(sending), own + 5.0)
+    assert masked == bool(hidden)
+    if hidden:
+        from_bit, to_bit = (
+            (end_s - sending.start_s) / BIT_PERIOD_S
+            for end_s in (core.window.hidden_from_s, core.window.hidden_to_s)
+        )
+        assert (from_bit, to_bit) == pytest.approx((hidden[0] - 0.5, hidden[-1] + 1.5), abs=0.1)
+
+
+@pytest.mark.parametrize('rate', [0.95, 1.05])
+def test_a_clock_is_never_refined_beyond_those_that_are_looked_for(
+    core: Statistics, rate: float
+) -> None:
+    core.start_codebook()
+    sending = Sending(packet(2073).astype(np.float64), False, START_S, rate * BIT_PERIOD_S)
+    middle_s = np.arange(PERIOD_S / 2, START_S + 1.3 * PACKET_S, PERIOD_S)
+    seen = light(sending, middle_s - PERIOD_S / 2, middle_s + PERIOD_S / 2)
+    mean = 10.0 + 150.0 * seen[:, None] * (np.arange(GRID.zones) == 0)
+    core.take(recording_of(np.rint(1e9 * middle_s).astype(np.int64), mean), LAW, BIT_PERIOD_S)
+    window = core.window
+    near_s = 0.999 * window.max_bit_s if rate > 1 else 1.001 * window.min_bit_s
+    hit = sending._replace(start_s=START_S - PERIOD_S / 2, bit_s=near_s)
+    verdict = core.decide(0, 1, hit.start_s + PACKET_BITS * hit.bit_s + 0.02, [(2073, hit)])
+    bit_s = verdict.transmission.bit_s
+    assert window.min_bit_s / 1.0001 < bit_s < 1.0001 * window.max_bit_s
+
+
+WORD_NATS = 8.0
+"""By how much bits of no word may be likelier, as shipped."""
+
+
+def judged(
+    core: Statistics, seen: Floats, number: int, *, packets: int = 1, follows: bool = False
+) -> Any:
+    """Return the verdict on a packet that begins at `START_S`, of light as `taken` has it."""
+    mean = 10.0 + 300.0 * seen[:, None] * (np.arange(GRID.zones) == 0)
+    rng = np.random.default_rng(61)
+    signal = mean + np.sqrt(LAW.variance(mean)) * rng.standard_normal(mean.shape)
+    stamp_ns = np.rint(1e9 * MIDDLE_S).astype(np.int64)
+    core.take(recording_of(stamp_ns, np.maximum(signal, 0)), LAW, BIT_PERIOD_S)
+    core.start_codebook()
+    start_s = START_S - PERIOD_S / 2
+    bits = packet(number).astype(np.float64)
+    hit = Sending(bits, packets > 1, start_s, BIT_PERIOD_S)
+    to_s = start_s + packets * PACKET_S + 0.02
+    return core.decide(0, packets, to_s, [(number, hit)], follows=follows)
+
+
+MIDDLE_S = np.arange(PERIOD_S / 2, START_S + 2.2 * PACKET_S, PERIOD_S)
+
+
+def shown(number: int, first_bit: int = 0, flipped: int | None = None) -> Floats:
+    """Return the light of a lone packet that begins some bits after `START_S`."""
+    bits = packet(number).astype(np.float64)
+    if flipped is not None:
+        bits[flipped] = 1 - bits[flipped]
+    sending = Sending(bits, False, START_S + first_bit * BIT_PERIOD_S, BIT_PERIOD_S)
+    return light(sending, MIDDLE_S - PERIOD_S / 2, MIDDLE_S + PERIOD_S / 2)
+
+
+def fading() -> Floats:
+    """Return the gain of a marker that leaves the zone during the packet at `START_S`."""
+    return np.clip(1 - (MIDDLE_S - START_S) / PACKET_S, 0, 1)
+
+
+# The packet of 1958 is the last two bits of 300, and then that of 3738 but for some at its end.
+
+
+@pytest.mark.parametrize('follows', [False, True])
+def test_two_packets_of_other_ids_may_be_one(core: Statistics, *, follows: bool) -> None:
+    both = shown(300, 2 - PACKET_BITS) + shown(3738, 2) - 1
+    # The second packet by itself is likelier by 9 nats only.
+    assert judged(core, both * fading(), 1958, follows=follows).margin < -12
+
+
+def test_a_marker_of_another_id_may_have_appeared(core: Statistics) -> None:
+    appeared = np.where(MIDDLE_S > START_S + BIT_PERIOD_S, shown(3738, 2), 0.0)
+    assert judged(core, appeared * fading(), 1958).margin < WORD_NATS
+
+
+def test_a_packet_of_a_marker_that_leaves_is_a_word(core: Statistics) -> None:
+    verdict = judged(core, shown(2073) * fading(), 2073)
+    assert verdict.word < WORD_NATS
+    assert verdict.margin > 0
