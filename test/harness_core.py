@@ -81,16 +81,13 @@ class Rows(NamedTuple):
     """[kcps/SPAD]; of an erasure, the last one before it."""
     valid: NDArray[np.bool_]
 
-    def zone(self, law: NoiseLaw, rows: slice, *hidden_s: tuple[float, float]) -> Zone:
-        """Return the valid samples of some rows that touch no time that is hidden."""
+    def zone(self, law: NoiseLaw, rows: slice) -> Zone:
+        """Return the valid samples of some rows."""
         noise = float(law.variance(np.array(self.signal[rows].mean())))
-        begin_s, end_s = self.begin_s[rows], self.end_s[rows]
-        kept = self.valid[rows].copy()
-        for from_s, to_s in hidden_s:
-            kept &= ~((begin_s < to_s) & (end_s > from_s))
+        kept = self.valid[rows]
         return Zone(
-            begin_s[kept],
-            end_s[kept],
+            self.begin_s[rows][kept],
+            self.end_s[rows][kept],
             self.signal[rows][kept],
             period_s=self.period_s,
             least=constant('MIN_NOISE') * noise,
@@ -164,17 +161,10 @@ class Statistics:
             self.numpy(seen.valid, count, 'uint8_t') > 0,
         )
 
-    def open(self, from_s: float, to_s: float, *sources: int) -> tuple[float, slice]:
+    def open(self, from_s: float, to_s: float, source: int) -> tuple[float, slice]:
         """Open a window; return its log likelihood without a packet, and its rows."""
-        self.lib.rl_window_open(self.window, sources[0], from_s, to_s)
-        for source in sources[1:]:
-            self.lib.rl_window_add(self.window, source)
-        return self.window.null, self.opened()
-
-    def hide(self, from_s: float, to_s: float) -> tuple[float, slice]:
-        """Leave out exposures of the window; return the same."""
-        self.lib.rl_window_hide(self.window, from_s, to_s)
-        return self.window.null, self.opened()
+        self.lib.rl_window_open(self.window, source, from_s, to_s)
+        return self.window.whitened.null, self.opened()
 
     def opened(self) -> slice:
         """Return the rows of the window."""
@@ -185,10 +175,10 @@ class Statistics:
         bits = int(''.join(str(int(bit)) for bit in sending.bits), 2)
         return self.ffi.new('struct rl_transmission *', (bits, *sending[1:]))
 
-    def attempt(self, sending: Sending) -> tuple[float, list[Any]]:
-        """Return the log likelihood of a sending, and the fit to each source."""
-        total = self.lib.rl_window_try(self.window, self.given(sending))
-        return total, list(self.window.fit[0 : self.window.channels])
+    def attempt(self, sending: Sending) -> Any:
+        """Return the fit of a sending."""
+        self.lib.rl_window_try(self.window, self.given(sending))
+        return self.window.fit
 
     def decide(
         self,
@@ -197,13 +187,8 @@ class Statistics:
         to_s: float,
         hits: list[tuple[int, Sending]],
         least: float = 1e-3,
-        *,
-        follows: bool = False,
     ) -> Any:
-        """Judge the first of hits of IDs, in a detector that demands little evidence only.
-
-        `follows`: whether it has read the packet before, of the same marker.
-        """
+        """Judge the first of hits of IDs, in a detector that demands little evidence only."""
         demands = self.ffi.new('struct rl_demands *')
         demands.evidence, demands.word, demands.margin = least, 1e6, -1e6
         demands.bit_s, demands.max_skew = self.samples.dark_s / self.lib.RL_MAX_DARK_BITS, 0.03
@@ -222,26 +207,25 @@ class Statistics:
             given,
             packets,
             *never,
-            follows,
+            False,
             to_s,
         )
 
     def margins(self, sending: Sending, number: int) -> tuple[Any, float, float]:
         """Return bits of a packet in the window, and its margins against sequences and parts."""
         lib, bits = self.lib, self.ffi.new('struct rl_bits *')
-        own, _ = self.attempt(sending)
-        given = self.given(sending)
+        own, given = self.attempt(sending).log_likelihood, self.given(sending)
         begin_s = self.samples.begin_s[self.window.first]
         begin = round((begin_s - sending.start_s) / sending.bit_s) % PACKET_BITS
         bits[0] = lib.rl_bits_cut(given, begin, 0)
         lib.rl_bits_flip(bits, self.window, given, own, 0, True)
         asked = (self.window, self.codebook, bits, given, own, number)
-        successive = lib.rl_successive_margin(*asked, 0, True)
+        successive = lib.rl_successive_margin(*asked)
         return bits, successive, lib.rl_rivals_part_margin(*asked)
 
     def other_clock(self, sending: Sending, packets: int) -> float:
         """Return by how much bits of another clock, or another period, are likelier."""
-        given, (own, _) = self.given(sending), self.attempt(sending)
+        given, own = self.given(sending), self.attempt(sending).log_likelihood
         if packets > 1:
             return float(self.lib.rl_clock_period_excess(self.window, given))
         return float(self.lib.rl_clock_excess(self.window, given, own))

@@ -44,9 +44,9 @@ static struct slicer slicer_of(struct rl_window *window)
     struct slicer slicer = {.samples = window->samples,
                             .first = window->first,
                             .rows = window->rows,
-                            .least = (float)window->whitened[0].least};
+                            .least = (float)window->whitened.least};
     float count[2] = {1e-9f, 1e-9f};
-    slicer.column = rl_target_column(window->samples, window->channel[0], window->first,
+    slicer.column = rl_target_column(window->samples, window->channel, window->first,
                                      window->rows, &window->room);
     for (int row = 0; row < window->rows; row++) {
         const int bright = window->light[row] > 0.5;
@@ -161,7 +161,7 @@ double rl_clock_period_excess(struct rl_window *window, const struct rl_transmis
     const double bit_rows = transmission->bit_s / samples->period_s;
     const double packet_rows = RL_PACKET_BITS * bit_rows;
     const struct rl_column column =
-        rl_target_column(samples, window->channel[0], oldest, rows, &window->room);
+        rl_target_column(samples, window->channel, oldest, rows, &window->room);
     float *signal = window->room.signal;
     memmove(signal, column.signal, (size_t)rows * sizeof *signal);
     const int block = (int)packet_rows + 1;

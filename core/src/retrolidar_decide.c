@@ -12,7 +12,6 @@
 #include "retrolidar_word.h"
 
 #include <math.h>
-#include <string.h>
 
 enum {
     MIN_WALK = 3, /* walk from which on what a packet leaves over is more than noise */
@@ -22,8 +21,6 @@ enum {
 static const double MIN_LONGER = 0.9;
 /* Share of the evidence in demand that one channel must have by itself. */
 static const double MIN_ALONE = 0.4;
-/* To leave out a stretch of bits costs some, as it might be any [nats]. */
-static const double COST_OF_MASK = 10.0;
 /* Share of what others explain that a packet beside them needs besides: what they leave over may
  * look like one.
  */
@@ -65,9 +62,9 @@ static bool has_repeated(struct rl_window *window, const struct rl_transmission 
     if (begin_s - from_s < RL_LOOK_BITS * transmission->bit_s) {
         return true;
     }
-    rl_window_open(window, window->channel[0], from_s, to_s);
-    const double longer = rl_window_try(window, transmission) - window->null;
-    rl_window_open(window, window->channel[0], begin_s, to_s);
+    rl_window_open(window, window->channel, from_s, to_s);
+    const double longer = rl_window_try(window, transmission) - window->whitened.null;
+    rl_window_open(window, window->channel, begin_s, to_s);
     rl_window_try(window, transmission);
     return longer > MIN_LONGER * evidence - RL_AS_GOOD;
 }
@@ -86,34 +83,16 @@ static double cost_of_changes(uint32_t bits)
     return changes < RL_USUAL_CHANGES ? cost * (RL_USUAL_CHANGES - changes) : 0.0;
 }
 
-static void note_fit(struct rl_verdict *verdict, const struct rl_window *window)
-{
-    verdict->channels = window->channels;
-    memcpy(verdict->channel, window->channel, sizeof verdict->channel);
-    memcpy(verdict->fit, window->fit, sizeof verdict->fit);
-}
-
-/* Fit a packet closely, and return its likelihood. */
-static double refine(struct rl_verdict *verdict, struct rl_window *window, double half_bits)
-{
-    const double own = rl_window_refine(window, &verdict->transmission, half_bits);
-    verdict->evidence = own - window->null - RL_COST_OF_GAIN * (window->channels - 1);
-    note_fit(verdict, window);
-    return own;
-}
-
 /* A packet that is judged, and what its window tells. */
 struct trial {
     struct rl_window *window;
     const struct rl_demands *demands;
     struct rl_verdict *verdict;
     bool follows;     /* others of this ID and clock */
-    bool is_hidden;   /* for a while */
     int silent_bits;  /* of the window, before the packet */
     double half_bits; /* from the start to the middle of the window */
     double own;       /* its log likelihood */
-    double price;     /* of gains that change along it */
-    double threshold; /* evidence */
+    double price;     /* of a gain that changes along it */
     struct rl_bits bits;
 };
 
@@ -136,8 +115,8 @@ static int open(struct trial *trial, int channel, double consumed_until_s, doubl
         transmission->repeats ? fmax(to_s - lasting_s, since_s) : transmission->start_s;
     verdict->end_s = transmission->repeats ? to_s : transmission->start_s + lasting_s;
     trial->half_bits = rl_observation_half_bits(transmission, packets, to_s);
-    trial->own = verdict->evidence + window->null;
-    note_fit(verdict, window);
+    trial->own = verdict->evidence + window->whitened.null;
+    verdict->fit = window->fit;
     if (verdict->evidence < MIN_ALONE * demands->evidence) {
         return RL_EVIDENCE;
     }
@@ -162,18 +141,19 @@ static int open(struct trial *trial, int channel, double consumed_until_s, doubl
                : RL_READ;
 }
 
-/* Ask other zones; return whether the evidence is enough. */
+/* Fit the packet closely; return whether the evidence is enough. */
 static bool is_evident(struct trial *trial)
 {
     struct rl_window *window = trial->window;
     struct rl_verdict *verdict = trial->verdict;
-    rl_observation_add_zones(window, &verdict->transmission, verdict->evidence);
-    trial->own = refine(verdict, window, trial->half_bits);
-    trial->threshold = trial->demands->evidence + cost_of_changes(verdict->transmission.bits) +
-                       (verdict->packets > 1 ? RL_COST_OF_GAIN : 0.0) +
-                       (window->fit[0].walk >= MIN_WALK ? trial->demands->wandering : 0.0) +
-                       LEFT_OVER * window->whitened[0].explained;
-    return verdict->evidence >= trial->threshold;
+    trial->own = rl_window_refine(window, &verdict->transmission, trial->half_bits);
+    verdict->evidence = trial->own - window->whitened.null;
+    verdict->fit = window->fit;
+    return verdict->evidence >=
+           trial->demands->evidence + cost_of_changes(verdict->transmission.bits) +
+               (verdict->packets > 1 ? RL_COST_OF_GAIN : 0.0) +
+               (window->fit.walk >= MIN_WALK ? trial->demands->wandering : 0.0) +
+               LEFT_OVER * window->whitened.explained;
 }
 
 /* Flip the bits of the packet; return how much better another sequence is, if not by far. */
@@ -211,18 +191,6 @@ static bool is_word(struct trial *trial, const struct rl_hits *hits, double to_s
         verdict->word = fmax(verdict->word, rl_word_packets(trial->window, transmission,
                                                             trial->own, 2.0 * max_word));
     }
-    if (verdict->word > max_word && verdict->packets == 1 && trial->follows &&
-        rl_observation_mask_occlusion(trial->window, transmission,
-                                      trial->own + verdict->word - max_word)) {
-        trial->is_hidden = true;
-        trial->own = refine(verdict, trial->window, trial->half_bits);
-        if (verdict->evidence < trial->threshold + COST_OF_MASK ||
-            rl_observation_is_erased(trial->window, transmission)) {
-            return false;
-        }
-        trial->bits = rl_bits_cut(transmission, begin, trial->silent_bits);
-        verdict->word = flip_bits(trial);
-    }
     return verdict->word <= max_word;
 }
 
@@ -235,19 +203,17 @@ static double margin_of(struct trial *trial, const struct rl_codebook *codebook,
     const struct rl_transmission *transmission = &verdict->transmission;
     const uint16_t id = verdict->id;
     double margin = rl_rivals_margin(window, codebook, &trial->bits, transmission, verdict->packets,
-                                     trial->own, trial->half_bits, id, hits) -
-                    (trial->is_hidden ? COST_OF_MASK : 0.0);
-    if (margin >= trial->demands->margin && verdict->packets == 1) {
-        /* Of a marker that goes on sending, its ID is known. */
-        const double known = trial->follows ? RL_ID_BITS * log(2.0) : 0.0;
-        margin = fmin(margin, known + rl_rivals_part_margin(window, codebook, &trial->bits,
-                                                            transmission, trial->own, id));
-        margin = fmin(margin, known + rl_successive_margin(window, codebook, &trial->bits,
-                                                           transmission, trial->own, id, 0, true));
+                                     trial->own, trial->half_bits, id, hits);
+    /* A marker whose packets are known goes on sending them more likely than it does this. */
+    if (margin >= trial->demands->margin && verdict->packets == 1 && !trial->follows) {
+        margin = fmin(margin, rl_rivals_part_margin(window, codebook, &trial->bits, transmission,
+                                                    trial->own, id));
+        margin = fmin(margin, rl_successive_margin(window, codebook, &trial->bits, transmission,
+                                                   trial->own, id));
     }
     /* What another sequence explains better, and noise does not, other words may explain, too. */
-    const double noise = 2.0 * window->whitened[0].least;
-    const double beyond_noise = fmax(1.0 - noise / verdict->fit[0].variance, 0.0);
+    const double noise = 2.0 * window->whitened.least;
+    const double beyond_noise = fmax(1.0 - noise / verdict->fit.variance, 0.0);
     return margin - trial->price - beyond_noise * fmax(verdict->word, 0.0);
 }
 
@@ -257,6 +223,7 @@ struct rl_verdict rl_decide(struct rl_window *window, const struct rl_codebook *
                             double since_s, bool follows, double to_s)
 {
     struct rl_verdict verdict = {.id = hit->id,
+                                 .channel = channel,
                                  .packets = packets,
                                  .transmission = {rl_packet(hit->id), hit->repeats, hit->start_s,
                                                   hit->bit_s}};

@@ -32,9 +32,8 @@ struct rl_verdict {
     int packets;
     double evidence, word, margin; /* [nats], as far as it came */
     double begin_s, end_s;         /* of what was used */
-    int channels;
-    int channel[RL_MAX_ZONES_TOGETHER];
-    struct rl_gain fit[RL_MAX_ZONES_TOGETHER];
+    int channel;
+    struct rl_gain fit;
 };
 
 /* Judge a hit of a channel.

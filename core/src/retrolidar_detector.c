@@ -80,7 +80,6 @@ static void restart(struct rl_detector *detector, int64_t stamp_ns)
     }
     for (int channel = 0; channel < RL_MAX_CHANNELS; channel++) {
         detector->consumed_until_s[channel] = -INFINITY;
-        detector->pasts[channel] = 0;
     }
 }
 

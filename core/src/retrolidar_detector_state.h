@@ -56,8 +56,6 @@ struct rl_detector {
     int candidates;
     struct rl_candidate candidate[2 * RL_DECISIONS];
     struct rl_hits hits[RL_MAX_CHANNELS], behind;
-    struct rl_hit past[RL_MAX_CHANNELS][RL_PAST]; /* judged and not read: rivals of later ones */
-    int pasts[RL_MAX_CHANNELS];
     struct rl_pending pending[RL_MAX_PENDING];
     int pendings;
 };

@@ -121,7 +121,7 @@ void rl_shortlist_add(struct rl_shortlist *shortlist, const struct rl_demand *de
         }
         const float nats = nats_of(squared, &lane->summary);
         if (upper_bound - nats <= demand->max_llr_deficit) {
-            keep_entry(shortlist->word, &shortlist->words, RL_FOUND, nats, shift, trial, lane);
+            keep_entry(shortlist->word, &shortlist->words, RL_HITS, nats, shift, trial, lane);
         }
     }
 }
@@ -171,9 +171,9 @@ static void keep_hit(struct rl_hits *hits, const struct rl_hit *hit)
         at++;
     }
     if (at == hits->count) {
-        hits->count += hits->count < RL_FOUND;
+        hits->count += hits->count < RL_HITS;
         at = hits->count - 1;
-        if (at == RL_FOUND - 1 && hits->hit[at].nats >= hit->nats && hits->hit[at].id != 0) {
+        if (at == RL_HITS - 1 && hits->hit[at].nats >= hit->nats && hits->hit[at].id != 0) {
             return;
         }
     } else if (hits->hit[at].nats >= hit->nats) {

@@ -10,9 +10,7 @@
 #include "retrolidar_view.h"
 
 enum {
-    RL_FOUND = 2 * RL_TRIED, /* hits of a search, and words that it looks for ... */
-    RL_PAST = RL_TRIED,      /* ... and of those before */
-    RL_HITS = RL_FOUND + RL_PAST,
+    RL_HITS = 2 * RL_TRIED, /* of a search, and words that it looks for */
 };
 
 /* A packet that may be there. */
@@ -50,7 +48,7 @@ struct rl_hits {
 /* What is to be looked at once all trials are known. */
 struct rl_shortlist {
     int words, sequences;
-    struct rl_shortlist_entry word[RL_FOUND];
+    struct rl_shortlist_entry word[RL_HITS];
     struct rl_shortlist_entry sequence[RL_TRIED];
 };
 

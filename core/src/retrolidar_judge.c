@@ -92,11 +92,6 @@ static void add_reading(struct rl_detector *detector, const struct rl_verdict *v
 static void note(struct rl_detector *detector, int channel, int packets,
                  const struct rl_verdict *verdict)
 {
-    if (verdict->reason != RL_READ && verdict->reason != RL_EVIDENCE && packets == 1) {
-        detector->past[channel][detector->pasts[channel]++ % RL_PAST] =
-            (struct rl_hit){(float)verdict->evidence, verdict->id, verdict->transmission.repeats,
-                            verdict->transmission.start_s, verdict->transmission.bit_s};
-    }
     if (detector->candidates < 2 * RL_DECISIONS) {
         detector->candidate[detector->candidates++] = (struct rl_candidate){
             verdict->id,
@@ -130,15 +125,7 @@ static struct rl_verdict decide_as_found(struct rl_detector *detector, int chann
                                 const struct rl_verdict *beside, double to_s)
 {
     struct rl_demands demands = detector->demands;
-    struct rl_hits rivals = *hits;
     struct rl_interference *interference = &detector->window.interference;
-    const int pasts = detector->pasts[channel];
-    for (int i = pasts > RL_PAST ? pasts - RL_PAST : 0; packets == 1 && i < pasts; i++) {
-        const struct rl_hit *past = &detector->past[channel][i % RL_PAST];
-        if (past->start_s + RL_PACKET_BITS * past->bit_s > hit->start_s) {
-            rivals.hit[rivals.count++] = *past;
-        }
-    }
     if (hit->repeats && packets < detector->settings.max_packets) {
         demands.margin = detector->settings.margin_of_more;
     }
@@ -157,7 +144,7 @@ static struct rl_verdict decide_as_found(struct rl_detector *detector, int chann
         add_beside(interference, beside);
     }
     const struct rl_verdict verdict =
-        rl_decide(&detector->window, &detector->search.codebook, &demands, channel, hit, &rivals,
+        rl_decide(&detector->window, &detector->search.codebook, &demands, channel, hit, hits,
                   packets, detector->consumed_until_s[channel], since_s,
                   rl_pool_is_followed(&detector->pool, hit->id, &train), to_s);
     note(detector, channel, packets, &verdict);
@@ -198,7 +185,7 @@ static double search_without(struct rl_detector *detector, const struct rl_verdi
                              double to_s, struct rl_hits *hits)
 {
     struct rl_interference interference;
-    const int channel = one->channel[0], packets = one->packets;
+    const int channel = one->channel, packets = one->packets;
     const double packet_s = RL_PACKET_BITS * detector->settings.bit_s;
     const double from_s =
         to_s - RL_SEARCH_BITS * detector->settings.bit_s - (packets - 1) * packet_s;
@@ -223,7 +210,7 @@ static double search_without(struct rl_detector *detector, const struct rl_verdi
 static bool judge_pair(struct rl_detector *detector, double to_s, struct rl_verdict *one,
                        struct rl_verdict *other)
 {
-    const int channel = one->channel[0], packets = one->packets;
+    const int channel = one->channel, packets = one->packets;
     struct rl_hits *hits = &detector->behind, again_hits;
     search_without(detector, one, to_s, hits);
     for (int i = 0; i < hits->count && i < RL_TRIED && detector->decisions_left > 0; i++) {

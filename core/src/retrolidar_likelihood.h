@@ -19,7 +19,6 @@ enum {
     RL_MAX_INTERFERERS = 6, /* columns of other packets, fitted along with any template */
     RL_WALKS = 9,           /* values of q that are tried */
     RL_WALK_LANES = 10,     /* the same, made even */
-    RL_MAX_ZONES_TOGETHER = 4,
 };
 
 /* Samples of a channel in a window, whitened for every q. */

@@ -22,7 +22,7 @@ static double open_lone(struct rl_window *window, int channel, struct rl_transmi
 {
     rl_window_open(window, channel, transmission->start_s - silence_s,
                    transmission->start_s + RL_PACKET_BITS * transmission->bit_s);
-    return rl_window_refine(window, transmission, RL_PACKET_BITS / 2.0) - window->null;
+    return rl_window_refine(window, transmission, RL_PACKET_BITS / 2.0) - window->whitened.null;
 }
 
 double rl_observation_open(struct rl_window *window, int channel,
@@ -35,7 +35,7 @@ double rl_observation_open(struct rl_window *window, int channel,
                        fmax(to_s - RL_PACKET_BITS * packets * transmission->bit_s, since_s), to_s);
         return rl_window_refine(window, transmission,
                                 rl_observation_half_bits(transmission, packets, to_s)) -
-               window->null;
+               window->whitened.null;
     }
     const double tight = open_lone(window, channel, transmission, 0.0);
     const double silence_s =
@@ -53,20 +53,14 @@ double rl_observation_open(struct rl_window *window, int channel,
     return open_lone(window, channel, transmission, 0.0);
 }
 
-/* Half of the samples of a window must be valid. */
-static int min_rows(const struct rl_window *window)
-{
-    return window->rows / 2;
-}
-
 bool rl_observation_is_erased(const struct rl_window *window,
                               const struct rl_transmission *transmission)
 {
-    const struct rl_whitened *whitened = &window->whitened[0];
+    const struct rl_whitened *whitened = &window->whitened;
     double known[RL_PACKET_BITS] = {0.0}, all[RL_PACKET_BITS] = {0.0};
     const struct rl_samples *samples = window->samples;
     int sample = 0, erased = 0;
-    if (whitened->samples < min_rows(window)) {
+    if (whitened->samples < window->rows / 2) {
         return true;
     }
     for (int row = 0; row < window->rows; row++) {
@@ -87,89 +81,4 @@ bool rl_observation_is_erased(const struct rl_window *window,
     }
     /* Words still differ in the bits that are left. */
     return erased >= RL_WORD_DISTANCE;
-}
-
-bool rl_observation_mask_occlusion(struct rl_window *window,
-                                   const struct rl_transmission *transmission, double least)
-{
-    double best = least;
-    int from = 0, to = 0;
-    for (int length = 1; length < RL_LOOK_BITS; length++) {
-        for (int begin = 1; begin + length < RL_PACKET_BITS; begin++) {
-            uint32_t dark = transmission->bits;
-            for (int bit = begin; bit < begin + length; bit++) {
-                dark |= rl_packet_bit(bit);
-            }
-            const double likelihood =
-                dark == transmission->bits ? best : rl_window_try_bits(window, transmission, dark);
-            if (likelihood > best) {
-                best = likelihood;
-                from = begin;
-                to = begin + length;
-            }
-        }
-    }
-    if (to == 0) {
-        return false;
-    }
-    /* Half a bit at either end may be hidden, too. */
-    const double lasting_s = (to - from + 1) * transmission->bit_s;
-    double from_s = transmission->start_s + (from - 0.5) * transmission->bit_s;
-    /* Of a packet that repeats, the window holds the bits of the one that began before or in it. */
-    if (transmission->repeats && from_s + lasting_s < window->samples->begin_s[window->first]) {
-        from_s += RL_PACKET_BITS * transmission->bit_s;
-    }
-    rl_window_hide(window, from_s, from_s + lasting_s);
-    return true;
-}
-
-/* Whether most of how a channel varies beyond noise is the template that was tried last. */
-static bool is_seen(const struct rl_window *window, int index)
-{
-    const struct rl_whitened *whitened = &window->whitened[index];
-    double sum = 0.0, square = 0.0;
-    for (int row = 0; row < window->rows; row++) {
-        sum += window->light[row];
-        square += window->light[row] * window->light[row];
-    }
-    const double gain = window->fit[index].gain;
-    const double explained = gain * gain * (square - sum * sum / window->rows) / window->rows;
-    const double noise = 2.0 * whitened->least;
-    return explained > 0.5 * (whitened->squares[0] / (whitened->samples - 1) - noise);
-}
-
-void rl_observation_add_zones(struct rl_window *window, const struct rl_transmission *transmission,
-                              double evidence)
-{
-    const struct rl_samples *samples = window->samples;
-    const struct rl_channel *of = &samples->channel[window->channel[0]];
-    if (of->zones > 1) {
-        return;
-    }
-    const int row = of->zone[0] / samples->columns_of_zones;
-    const int column = of->zone[0] % samples->columns_of_zones;
-    for (int down = -1; down <= 1; down++) {
-        for (int right = -1; right <= 1; right++) {
-            const int r = row + down, c = column + right;
-            const int before = window->channels;
-            if (r < 0 || c < 0 || r >= samples->rows_of_zones || c >= samples->columns_of_zones) {
-                continue;
-            }
-            rl_window_add(window, r * samples->columns_of_zones + c);
-            if (window->channels == before) {
-                continue;
-            }
-            const double together = rl_window_try(window, transmission) - window->null;
-            /* It must add more than a gain costs. Distances of a zone in which others are seen,
-             * too, may be theirs.
-             */
-            if (window->whitened[before].samples < min_rows(window) ||
-                window->whitened[before].interferers > 0 ||
-                together - evidence < 2.0 * RL_COST_OF_GAIN || !is_seen(window, before)) {
-                rl_window_drop(window);
-            } else {
-                evidence = together;
-            }
-        }
-    }
 }

@@ -1,9 +1,7 @@
 /* Copyright 2026 retrolidar_ros contributors
  * SPDX-License-Identifier: Apache-2.0
  */
-/* The samples that a packet is judged by: from when to when, in which zones, and without those in
- * which something hid it.
- */
+/* The samples that a packet is judged by: from when to when, and whether they are enough. */
 #ifndef RETROLIDAR_OBSERVATION_H
 #define RETROLIDAR_OBSERVATION_H
 
@@ -31,17 +29,5 @@ double rl_observation_open(struct rl_window *window, int channel,
 /* Whether too many samples are erasures to decide the word. */
 bool rl_observation_is_erased(const struct rl_window *window,
                               const struct rl_transmission *transmission);
-
-/* Leave out a stretch of a few bits if the packet is likely enough with it dark: something has
- * hidden the marker for a while. Return whether there is one.
- *
- * least: log likelihood that it must have with the stretch dark
- */
-bool rl_observation_mask_occlusion(struct rl_window *window,
-                                   const struct rl_transmission *transmission, double least);
-
-/* Add zones near by that see the same packet, of which the window's has that evidence. */
-void rl_observation_add_zones(struct rl_window *window, const struct rl_transmission *transmission,
-                              double evidence);
 
 #endif

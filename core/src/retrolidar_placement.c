@@ -4,6 +4,7 @@
 #include "retrolidar_placement.h"
 
 #include "retrolidar_detector_state.h"
+#include "retrolidar_zone_light.h"
 
 #include <math.h>
 
@@ -88,19 +89,34 @@ static void fit_amplitude(const struct rl_seen *seen, int zone, struct amplitude
     amplitude->variance[zone] = noise * (1.0 + 2.0 * fmax(alike / fmax(power, 1e-9), 0.0)) / energy;
 }
 
-/* The zones that saw the packet, strongest first. */
-static void choose_zones(const struct rl_reading *reading, const struct amplitude *amplitude,
-                         struct rl_placement *placement)
+/* Whether a zone is one of a reading, or next to its strongest. */
+static bool is_near(const struct rl_samples *samples, const struct rl_reading *reading, int zone)
 {
-    double most = -INFINITY;
     for (int i = 0; i < reading->zones; i++) {
-        most = fmax(most, amplitude->of[reading->zone[i]]);
+        if (reading->zone[i] == zone) {
+            return true;
+        }
+    }
+    return rl_zone_beside(zone, reading->zone[0], samples->columns_of_zones);
+}
+
+/* The zones that saw the packet, strongest first. */
+static void choose_zones(const struct rl_samples *samples, const struct rl_reading *reading,
+                         const struct amplitude *amplitude, struct rl_placement *placement)
+{
+    const int read = reading->zone[0];
+    double most = amplitude->of[read];
+    bool saw[RL_MAX_ZONES];
+    for (int zone = 0; zone < samples->zones; zone++) {
+        saw[zone] = is_near(samples, reading, zone) &&
+                    amplitude->of[zone] > MIN_SEEN * sqrt(amplitude->variance[zone]);
+        most = saw[zone] ? fmax(most, amplitude->of[zone]) : most;
     }
     placement->zones = 0;
-    for (int i = 0; i < reading->zones; i++) {
-        const int zone = reading->zone[i];
+    for (int zone = 0; zone < samples->zones; zone++) {
         const double of = amplitude->of[zone];
-        if (of < most && of <= MIN_SEEN * sqrt(amplitude->variance[zone])) {
+        const bool has_part = saw[zone] && of >= RL_MIN_PART * most;
+        if ((!has_part && zone != read) || placement->zones == RL_MAX_READ) {
             continue;
         }
         int at = placement->zones++;
@@ -252,7 +268,7 @@ bool rl_place(struct rl_detector *detector, const struct rl_reading *reading, do
         look_at(detector, &seen, first, zone);
         fit_amplitude(&seen, zone, &amplitude);
     }
-    choose_zones(reading, &amplitude, placement);
+    choose_zones(samples, reading, &amplitude, placement);
     if (!find_range(detector, &seen, first, placement)) {
         return false;
     }

@@ -4,7 +4,6 @@
 #include "retrolidar_rivals.h"
 
 #include "retrolidar_refine.h"
-#include "retrolidar_successive.h"
 
 #include <math.h>
 #include <stddef.h>
@@ -111,8 +110,7 @@ static double margin_of_part(struct rl_window *window, const struct rl_codebook 
         nearest = fmax(nearest,
                        rl_window_try_part(window, &rivals[i].transmission, split, later));
     }
-    return fmin(own - nearest, rl_successive_margin(window, codebook, &seen, transmission, own, id,
-                                                    split, later));
+    return own - nearest;
 }
 
 double rl_rivals_part_margin(struct rl_window *window, const struct rl_codebook *codebook,

@@ -10,9 +10,6 @@
 
 #include <math.h>
 
-/* A zone has a part in a sum if the packet explains this share of what it does where most. */
-static const double MIN_PART = 0.1;
-
 int64_t rl_shares_bytes(int rows)
 {
     return rows * (int64_t)sizeof(double);
@@ -57,13 +54,11 @@ static struct rl_gain_profile fit_profile(struct rl_shares *shares, int zone, in
 int rl_shares_zones(struct rl_shares *shares, const struct rl_verdict *verdict, int *zones,
                     double *gains)
 {
-    const struct rl_channel *sum = &shares->samples->channel[verdict->channel[0]];
+    const struct rl_channel *sum = &shares->samples->channel[verdict->channel];
     if (sum->zones == 1) {
-        for (int i = 0; i < verdict->channels; i++) {
-            zones[i] = verdict->channel[i];
-            gains[i] = verdict->fit[i].gain;
-        }
-        return verdict->channels;
+        zones[0] = sum->zone[0];
+        gains[0] = verdict->fit.gain;
+        return 1;
     }
     int first, seen = 0;
     double most = 0.0, explained[RL_MAX_ZONES];
@@ -74,7 +69,7 @@ int rl_shares_zones(struct rl_shares *shares, const struct rl_verdict *verdict, 
         most = fmax(most, explained[i]);
     }
     for (int i = 0; i < sum->zones; i++) {
-        if (explained[i] >= MIN_PART * most) {
+        if (explained[i] >= RL_MIN_PART * most) {
             zones[seen] = sum->zone[i];
             gains[seen++] = explained[i];
         }

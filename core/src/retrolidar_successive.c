@@ -84,16 +84,16 @@ static struct two_packets find_two(const struct rl_codebook *codebook, const str
 
 /* How likely two packets are at best, each shifted, as they need not keep time with the bits. */
 static double shift_two(struct rl_window *window, struct rl_transmission *one,
-                        struct rl_transmission *other, int split, bool later)
+                        struct rl_transmission *other)
 {
-    double best = rl_window_try_two(window, one, other, split, later);
+    double best = rl_window_try_two(window, one, other);
     for (int moved = 0; moved < 2; moved++) {
         struct rl_transmission *packet = moved ? one : other;
         const double start_s = packet->start_s;
         double best_s = start_s;
         for (int phase = -RL_PHASES / 2; phase <= RL_PHASES / 2; phase++) {
             packet->start_s = start_s + phase * packet->bit_s / RL_PHASES;
-            const double likelihood = rl_window_try_two(window, one, other, split, later);
+            const double likelihood = rl_window_try_two(window, one, other);
             if (likelihood > best) {
                 best = likelihood;
                 best_s = packet->start_s;
@@ -106,7 +106,7 @@ static double shift_two(struct rl_window *window, struct rl_transmission *one,
 
 double rl_successive_margin(struct rl_window *window, const struct rl_codebook *codebook,
                             const struct rl_bits *bits, const struct rl_transmission *transmission,
-                            double own, uint16_t id, int split, bool later)
+                            double own, uint16_t id)
 {
     struct cut_packet ended[RL_MAX_BITS + 1], begun[RL_MAX_BITS + 1];
     double margin = RL_MAX_MARGIN;
@@ -125,8 +125,7 @@ double rl_successive_margin(struct rl_window *window, const struct rl_codebook *
                                                  bits->begin_s + begin[i] * transmission->bit_s,
                                                  transmission->bit_s};
         }
-        margin = fmin(margin, own + two.price -
-                                  shift_two(window, &packet[0], &packet[1], split, later));
+        margin = fmin(margin, own + two.price - shift_two(window, &packet[0], &packet[1]));
     }
     return margin;
 }

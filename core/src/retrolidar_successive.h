@@ -10,12 +10,9 @@
 
 /* How much likelier a packet is than one of another ID that ended in the window, and one that began
  * then or after a pause [nats].
- *
- * The markers are seen before a row, or from it on, and as dark as with a dark bit otherwise; from
- * row 0 on, all the time.
  */
 double rl_successive_margin(struct rl_window *window, const struct rl_codebook *codebook,
                             const struct rl_bits *bits, const struct rl_transmission *transmission,
-                            double own, uint16_t id, int split, bool later);
+                            double own, uint16_t id);
 
 #endif

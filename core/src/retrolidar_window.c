@@ -15,8 +15,7 @@ static const double MIN_NOISE = 0.5;
 
 int64_t rl_window_bytes(int rows)
 {
-    return RL_MAX_ZONES_TOGETHER * rl_whitened_doubles(rows) * (int64_t)sizeof(double) +
-           (int64_t)rows * ((3 + RL_MAX_ZONES_TOGETHER) * (int64_t)sizeof(double) + 1) +
+    return (rl_whitened_doubles(rows) + 4 * (int64_t)rows) * (int64_t)sizeof(double) +
            rl_room_bytes(rows);
 }
 
@@ -27,17 +26,13 @@ void rl_window_start(struct rl_window *window, const struct rl_samples *samples,
     memset(window, 0, sizeof *window);
     window->samples = samples;
     window->max_rows = rows;
-    for (int i = 0; i < RL_MAX_ZONES_TOGETHER; i++) {
-        rl_whitened_start(&window->whitened[i], rows, next);
-        next += rl_whitened_doubles(rows);
-    }
-    for (int i = 0; i < RL_MAX_ZONES_TOGETHER; i++, next += rows) {
-        window->profile[i] = next;
-    }
+    rl_whitened_start(&window->whitened, rows, next);
+    next += rl_whitened_doubles(rows);
     window->light = next;
     window->part = next + rows;
     window->seen = next + 2 * rows;
-    window->valid = rl_room_start(&window->room, rows, next + 3 * rows);
+    window->profile = next + 3 * rows;
+    rl_room_start(&window->room, rows, next + 4 * rows);
 }
 
 static void light_of(struct rl_window *window, int marker, bool continues)
@@ -57,11 +52,12 @@ static const double *part_of(const struct rl_window *window, int split, bool lat
     return window->part;
 }
 
-/* Make a marker an interferer of a channel, as far as it is seen there: its gain is a sum of steps, as
- * the marker may cross from zone to zone, and each must explain what it costs.
+/* Make a marker an interferer, as far as it is seen: its gain is a sum of steps, as the marker may
+ * cross from zone to zone, and each must explain what it costs.
  */
-static void add_interferer(struct rl_window *window, struct rl_whitened *whitened, int marker)
+static void add_interferer(struct rl_window *window, int marker)
 {
+    struct rl_whitened *whitened = &window->whitened;
     light_of(window, marker, true);
     const double on = rl_fit_gain(whitened, window->light).log_likelihood;
     light_of(window, marker, false);
@@ -91,61 +87,24 @@ static void add_interferer(struct rl_window *window, struct rl_whitened *whitene
     }
 }
 
-/* Whiten the samples of a channel that is the next one. */
-static void add(struct rl_window *window, int channel)
+static void whiten(struct rl_window *window)
 {
     const struct rl_samples *samples = window->samples;
-    const double *begin_s = samples->begin_s + window->first;
-    const double *end_s = samples->end_s + window->first;
     double sum = 0.0;
     const struct rl_column column =
-        rl_target_column(samples, channel, window->first, window->rows, &window->room);
+        rl_target_column(samples, window->channel, window->first, window->rows, &window->room);
     for (int row = 0; row < window->rows; row++) {
         sum += (double)column.signal[row];
-        window->valid[row] = column.valid[row] && !(begin_s[row] < window->hidden_to_s &&
-                                                    end_s[row] > window->hidden_from_s);
     }
-    const double noise = rl_noise_variance(samples, channel, sum / fmax(window->rows, 1.0));
-    struct rl_whitened *whitened = &window->whitened[window->channels];
-    rl_whiten(whitened, column.signal, window->valid, begin_s, end_s, window->rows,
-              samples->period_s, MIN_NOISE * noise);
+    const double noise =
+        rl_noise_variance(samples, window->channel, sum / fmax(window->rows, 1.0));
+    rl_whiten(&window->whitened, column.signal, column.valid, samples->begin_s + window->first,
+              samples->end_s + window->first, window->rows, samples->period_s, MIN_NOISE * noise);
     for (int i = 0; i < window->interference.count; i++) {
         if (rl_interference_marker(&window->interference, i) == i) {
-            add_interferer(window, whitened, i);
+            add_interferer(window, i);
         }
     }
-    window->has_profile[window->channels] = false;
-    window->channel[window->channels++] = channel;
-    window->null += whitened->null;
-}
-
-void rl_window_add(struct rl_window *window, int channel)
-{
-    for (int i = 0; i < window->channels; i++) {
-        if (window->channel[i] == channel) {
-            return;
-        }
-    }
-    if (window->channels < RL_MAX_ZONES_TOGETHER) {
-        add(window, channel);
-    }
-}
-
-void rl_window_hide(struct rl_window *window, double from_s, double to_s)
-{
-    const int channels = window->channels;
-    window->hidden_from_s = from_s;
-    window->hidden_to_s = to_s;
-    window->channels = 0;
-    window->null = 0.0;
-    for (int i = 0; i < channels; i++) {
-        add(window, window->channel[i]);
-    }
-}
-
-void rl_window_drop(struct rl_window *window)
-{
-    window->null -= window->whitened[--window->channels].null;
 }
 
 void rl_window_open(struct rl_window *window, int channel, double from_s, double to_s)
@@ -162,32 +121,27 @@ void rl_window_open(struct rl_window *window, int channel, double from_s, double
     if (window->rows < 0) {
         window->rows = 0;
     }
-    window->hidden_from_s = window->hidden_to_s = -INFINITY;
-    window->channels = 0;
-    window->null = 0.0;
-    add(window, channel);
+    window->channel = channel;
+    window->has_profile = false;
+    whiten(window);
 }
 
-/* Light as a channel sees it. */
-static const double *seen_of(struct rl_window *window, int index, const double *light)
+/* Light as the channel sees it. */
+static const double *seen_of(struct rl_window *window, const double *light)
 {
-    if (!window->has_profile[index]) {
+    if (!window->has_profile) {
         return light;
     }
     for (int row = 0; row < window->rows; row++) {
-        window->seen[row] = light[row] * window->profile[index][row];
+        window->seen[row] = light[row] * window->profile[row];
     }
     return window->seen;
 }
 
 static double fit(struct rl_window *window, const double *light)
 {
-    double total = 0.0;
-    for (int i = 0; i < window->channels; i++) {
-        window->fit[i] = rl_fit_gain(&window->whitened[i], seen_of(window, i, light));
-        total += window->fit[i].log_likelihood;
-    }
-    return total;
+    window->fit = rl_fit_gain(&window->whitened, seen_of(window, light));
+    return window->fit.log_likelihood;
 }
 
 static void lay_light(struct rl_window *window, const struct rl_transmission *transmission)
@@ -232,7 +186,7 @@ double rl_window_try_stretch(struct rl_window *window, const struct rl_transmiss
 }
 
 double rl_window_try_two(struct rl_window *window, const struct rl_transmission *one,
-                         const struct rl_transmission *other, int split, bool later)
+                         const struct rl_transmission *other)
 {
     lay_light(window, one);
     memcpy(window->part, window->light, (size_t)window->rows * sizeof *window->part);
@@ -240,7 +194,7 @@ double rl_window_try_two(struct rl_window *window, const struct rl_transmission 
     for (int row = 0; row < window->rows; row++) {
         window->light[row] = fmax(window->light[row] + window->part[row] - 1.0, 0.0);
     }
-    return fit(window, part_of(window, split, later));
+    return fit(window, window->light);
 }
 
 double rl_window_try_bits(struct rl_window *window, const struct rl_transmission *transmission,
@@ -251,20 +205,20 @@ double rl_window_try_bits(struct rl_window *window, const struct rl_transmission
     return rl_window_try(window, &other);
 }
 
-/* Find how the gain of a channel changes if a packet is there. */
-static void find_profile(struct rl_window *window, int index)
+/* Find how the gain changes if a packet is there. */
+static void find_profile(struct rl_window *window)
 {
     double gain[RL_KNOTS], most = 0.0;
-    const struct rl_column column = rl_target_column(window->samples, window->channel[index],
+    const struct rl_column column = rl_target_column(window->samples, window->channel,
                                                      window->first, window->rows, &window->room);
     rl_gain_profile_fit(column.signal, column.valid, window->light, window->rows,
-                        window->whitened[index].least / MIN_NOISE, gain);
+                        window->whitened.least / MIN_NOISE, gain);
     for (int knot = 0; knot < RL_KNOTS; knot++) {
         gain[knot] = fmax(gain[knot], 0.0);
         most = fmax(most, gain[knot]);
     }
     for (int row = 0; row < window->rows; row++) {
-        window->profile[index][row] =
+        window->profile[row] =
             most > 0.0 ? rl_gain_profile_at(gain, row, window->rows) / most : 1.0;
     }
 }
@@ -272,22 +226,14 @@ static void find_profile(struct rl_window *window, int index)
 double rl_window_follow_gain(struct rl_window *window, const struct rl_transmission *transmission)
 {
     const double price = RL_COST_OF_GAIN * (RL_KNOTS - 1);
-    double paid = 0.0;
-    lay_light(window, transmission);
-    for (int i = 0; i < window->channels; i++) {
-        const struct rl_whitened *whitened = &window->whitened[i];
-        const double steady = rl_fit_gain(whitened, window->light).log_likelihood;
-        find_profile(window, i);
-        window->has_profile[i] = true;
-        window->has_profile[i] =
-            rl_fit_gain(whitened, seen_of(window, i, window->light)).log_likelihood >
-            steady + price;
-        paid += window->has_profile[i] ? price : 0.0;
-    }
-    return paid;
+    const double steady = rl_window_try(window, transmission);
+    find_profile(window);
+    window->has_profile = true;
+    window->has_profile = fit(window, window->light) > steady + price;
+    return window->has_profile ? price : 0.0;
 }
 
 void rl_window_steady(struct rl_window *window)
 {
-    memset(window->has_profile, 0, sizeof window->has_profile);
+    window->has_profile = false;
 }

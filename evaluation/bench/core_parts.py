@@ -62,9 +62,6 @@ PARTS = {
     ),
     'several packets combined': Part('process_frame', 'fold < FOLDS &&', 'fold < 1 &&'),
     'sums of zones': Part('process_frame', 'true, RL_MAX_ZONES, channels', 'true, 1, channels'),
-    'zones nearby add evidence': _call(
-        'decide', '    rl_observation_add_zones(window, &verdict->transmission, verdict->evidence);'
-    ),
     'word test: bits turned': Part(
         'word', 'round < FLIPS && better < enough;', 'round < FLIPS && false;'
     ),
@@ -72,24 +69,16 @@ PARTS = {
     'margin to other IDs': Part(
         'decide', 'if (verdict.margin < demands->margin) {', 'if (false) {'
     ),
-    'margin: IDs rejected before': Part(
-        'judge', 'packets == 1 && i < pasts; i++', 'packets == 1 && i < 0; i++'
-    ),
     'margin: other IDs one after the other': Part(
         'decide',
-        'margin = fmin(margin, known + rl_successive_margin(',
-        'fmin(margin, known + rl_successive_margin(',
+        'margin = fmin(margin, rl_successive_margin(',
+        'fmin(margin, rl_successive_margin(',
     ),
     'margin: ... after a pause': Part('successive', 'pauses < 2; pauses++', 'pauses < 1; pauses++'),
     'margin: markers that appear or vanish': Part(
         'decide',
-        'margin = fmin(margin, known + rl_rivals_part_margin(',
-        'fmin(margin, known + rl_rivals_part_margin(',
-    ),
-    'margin: the same of packets that follow': Part(
-        'decide',
-        'trial->demands->margin && verdict->packets == 1)',
-        'trial->demands->margin && verdict->packets == 1 && !trial->follows)',
+        'margin = fmin(margin, rl_rivals_part_margin(',
+        'fmin(margin, rl_rivals_part_margin(',
     ),
     'gains that change along the packet': Part(
         'decide', 'verdict->packets == 1 && !trial->follows\n', 'false\n'
@@ -111,9 +100,6 @@ PARTS = {
     ),
     'stretches judged as lone packets, too': Part(
         'judge', 'verdict.reason != RL_INCOMPLETE || !hit->repeats', 'true || !hit->repeats'
-    ),
-    'masks of what is hidden for a while': Part(
-        'decide', 'verdict->packets == 1 && trial->follows &&', 'false &&'
     ),
     'more evidence for few changes': Part(
         'decide', 'cost = 2.0 * RL_COST_OF_CHANCE', 'cost = 0.0 * RL_COST_OF_CHANCE'

@@ -10,7 +10,6 @@ import shutil
 import sys
 import time
 from collections import deque
-from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 
@@ -23,7 +22,7 @@ from retrolidar_ros.sensor.frame_rate import missing_frames
 from retrolidar_ros.sensor.noise import NoiseLaw
 from retrolidar_ros.sensor.protocols import PROTOCOLS
 from retrolidar_ros.sensor.serial_source import BackgroundReading, SerialSource
-from retrolidar_ros.settings.interrupts import interrupted_once
+from retrolidar_ros.settings.interrupts import termination_noted
 from retrolidar_ros.settings.parameter import declared
 
 _PROGRESS_S = 1.0
@@ -103,12 +102,11 @@ def run(arguments: argparse.Namespace) -> int:
         print(line, file=sys.stderr, flush=True)
 
     with (
+        termination_noted() as requested,
         writer as bag,
-        suppress(KeyboardInterrupt),
-        interrupted_once(),
         BackgroundReading.of(source, say) as reading,
     ):
-        while (now_s := time.monotonic()) < end_s:
+        while (now_s := time.monotonic()) < end_s and not requested.is_set():
             if now_s >= due_s:
                 say(progress.line(now_s - begin_s, _PROGRESS_S + now_s - due_s))
                 due_s = now_s + _PROGRESS_S

@@ -5,8 +5,9 @@
 from __future__ import annotations
 
 import signal
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from threading import Event
 from types import FrameType
 
 REQUESTS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
@@ -47,9 +48,23 @@ def interrupted_once() -> Iterator[None]:
         ignore_requests()
         raise KeyboardInterrupt
 
-    before = {request: signal.signal(request, interrupt) for request in REQUESTS}
+    with _handled_by(interrupt):
+        yield
+
+
+@contextmanager
+def termination_noted() -> Iterator[Event]:
+    """Yield what a termination signal sets, so that what is being written is completed first."""
+    requested = Event()
+    with _handled_by(lambda number, frame: requested.set()):
+        yield requested
+
+
+@contextmanager
+def _handled_by(handler: Callable[[int, FrameType | None], None]) -> Iterator[None]:
+    before = {request: signal.signal(request, handler) for request in REQUESTS}
     try:
         yield
     finally:
-        for request, handler in before.items():
-            signal.signal(request, handler)
+        for request, previous in before.items():
+            signal.signal(request, previous)

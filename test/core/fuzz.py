@@ -169,6 +169,7 @@ def frames_of(
 def isolate(lib: Any, libc: Any, detector: Any) -> list[Any]:
     """Give each array a block of its own, where a sanitizer sees a sample too many."""
     samples, view, window = detector.samples, detector.search.view, detector.window
+    whitened = window.whitened
     capacity, kept = samples.capacity, samples.kept
     lanes, residual = (kept + 1) * lib.RL_MAX_LANES, detector.residual
     blocks = []
@@ -183,15 +184,9 @@ def isolate(lib: Any, libc: Any, detector: Any) -> list[Any]:
             (room, {'signal': kept, 'valid': kept})
             for room in [*view.room, window.room, residual.room]
         ),
-        *(
-            (one, dict.fromkeys(('row', 'gain', 'scale', 'signal'), kept))
-            for one in window.whitened
-        ),
-        *(
-            (one.interferer, dict.fromkeys(range(len(one.interferer)), kept))
-            for one in window.whitened
-        ),
-        (window, dict.fromkeys(('light', 'part', 'valid'), kept)),
+        (whitened, dict.fromkeys(('row', 'gain', 'scale', 'signal'), kept)),
+        (whitened.interferer, dict.fromkeys(range(len(whitened.interferer)), kept)),
+        (window, dict.fromkeys(('light', 'part', 'seen', 'profile'), kept)),
         (residual, {'light': kept, 'saved': kept * samples.zones}),
         (detector.shares, {'light': kept}),
     ):

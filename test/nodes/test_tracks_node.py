@@ -132,8 +132,8 @@ def test_tasks_may_take_tracks_for_readings(system: System) -> None:
 
 
 def test_a_marker_that_falls_silent_is_overdue_within_a_second(tmp_path: Path) -> None:
-    """Half a second in the detector; the rest is for a machine that is busy."""
-    scene = load_scene(str(silent_drone(tmp_path, start_s=0.2, packets=4)))
+    """The detector lets it go within a second of frames, however late these come."""
+    scene = load_scene(str(silent_drone(tmp_path, start_s=4.0, packets=8)))
     with running(tmp_path, '/silent') as one:
         one.start('driver', serial_port=one.port)
         one.start('detector', marker_file=shared_file('config/markers.yaml'))
@@ -144,8 +144,8 @@ def test_a_marker_that_falls_silent_is_overdue_within_a_second(tmp_path: Path) -
             one.wait(lambda: bool(alive) and alive[-1].data, 'life')
             one.wait(lambda: not alive[-1].data, 'silence to be noticed')
         one.wait(lambda: bool(tracks), 'the tracks that were there')
-        end_ns = to_ns(tracks[0].first) + round(4e9 * 31 * scene.markers[0].bit_period_s)
-        assert time.time() - 1e-9 * end_ns < 1.5
+        end_ns = to_ns(tracks[0].first) + round(8e9 * 31 * scene.markers[0].bit_period_s)
+        assert to_ns(tracks[-1].header.stamp) - end_ns < 1e9
         assert 'drone is overdue' in one.log('heartbeat')
 
 
