@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 import pytest
-from harness_core import GRID, LAW, PERIOD_S, Statistics, constant
+from harness_core import GRID, LAW, PERIOD_S, Statistics
 from harness_frames import recording_of
 from numpy.typing import NDArray
 from oracle import (

@@ -2,7 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Tracks over the network: one for every frame, and transforms of them."""
 
-import time
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
