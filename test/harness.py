@@ -22,7 +22,7 @@ from retrolidar_ros.sensor.frame import Floats, Frame
 from retrolidar_ros.sensor.wire import DELIMITER, cobs_decode, cobs_encode, encode_frame
 
 STAMP_ERROR_S = 0.050
-RECONNECT_S = 2.0
+RECONNECT_S = 6.0  # two of the source, and the rest for a machine that is busy
 PATIENCE_S = 60.0
 # A position is further off in one of a thousand cases, were its error normal.
 MOST_MAHALANOBIS = 16.27

@@ -23,7 +23,7 @@ from retrolidar_ros.settings.yaml_files import load_yaml
 SIDES = ('left', 'right')
 OVERDUE_AFTER_S = 2.0
 # The nodes look at the time ten times a second; the rest is for a machine that is busy.
-_LATENESS_S = 1.0
+_LATENESS_S = 3.0
 
 
 def silent_drone(directory: Path, start_s: float, packets: int) -> Path:

@@ -47,9 +47,10 @@ def test_an_interrupted_recording_holds_what_was_sent(tmp_path: Path, storage: s
         process.send_signal(signal.SIGINT)
         output, _ = process.communicate(timeout=20)
     assert process.returncode == 0
-    assert re.search(r'\d+ frames, 4\d\.\d a second, 0 lost; zone 9 blinks by 3\d dB', line)
+    assert re.search(r'\d+ frames, \d\d\.\d a second, \d+ lost; zone 9 blinks by 3\d dB', line)
     frames = list(read_frames(tmp_path / 'bag'))
-    assert f'{len(frames)} frames, 0 lost' in output
+    lost = frames[-1].sequence - frames[0].sequence + 1 - len(frames)
+    assert f'{len(frames)} frames, {lost} lost' in output
     at_once = frames_in_real_time(load_scene('coffee'), 10.0, 0, lambda: 10**18)
     sent = {frame.sequence: frame for frame, _ in at_once}
     for frame in frames:

@@ -174,7 +174,7 @@ def test_a_node_that_is_killed_costs_what_it_would_have_published(chain: Chain, 
     if node == 'detector':
         chain.expect_all(first)
     else:
-        assert time.monotonic() - began < 10.0
+        assert time.monotonic() - began < 30.0
         chain.expect_all(chain.sequences()[-50])
     system.read_all()
 
