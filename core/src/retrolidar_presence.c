@@ -69,7 +69,8 @@ static void weigh(double chance[RL_EXPLANATIONS], const struct rl_glance *glance
     const double bright = variance + SHARE * SHARE;
     const double edge = seen > -OFFSET && seen < 1.0 + OFFSET ? EDGES : 0.0;
     const double less = fmin(glance->level, MAX_MORE); /* if the level was another's in part */
-    const double more = seen > light - less ? 1.0 / MAX_MORE : 0.0;
+    const double more =
+        seen > light - less && seen < light + MAX_MORE ? 1.0 / (less + MAX_MORE) : 0.0;
     const double own = variance + SHARE * SHARE * light * light + glance->edge_variance;
     const double any = ANY_GAIN / (1.0 + MAX_MORE);
     const double changed = any * light * fmin(fmax(seen, 0.0), 1.0);

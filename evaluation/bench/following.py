@@ -60,22 +60,39 @@ def _some_frame(rng: np.random.Generator) -> int:
     return round((_KNOWN_S + 1.3 * rng.random()) / SENSOR.period_s)
 
 
-def dropped_s(range_m: float, rng: np.random.Generator, *, changes: bool) -> float | None:
-    """Return how long a marker is followed after it vanishes, or sends another ID [s].
+def _all_bright(recording: Recording, rng: np.random.Generator) -> Recording:
+    """Return as many frames, of those in which a marker is bright."""
+    signal = recording.signal[:, recording.signal.std(axis=0).argmax()]
+    dark, bright = np.quantile(signal, (0.1, 0.9))
+    kept = np.flatnonzero(signal > dark + 0.9 * (bright - dark))
+    rows = rng.choice(kept, len(signal))
+    seen = {name: getattr(recording, name)[rows] for name in ('signal', 'distance', 'status')}
+    return replace(recording, **seen)
+
+
+ENDS = ('vanished', 'other ID', 'stays bright')
+
+
+def dropped_s(range_m: float, rng: np.random.Generator, *, end: str) -> float | None:
+    """Return how long a marker is followed after it ends in one of the ways of `ENDS` [s].
 
     None if it was not followed.
     """
     duration_s = _KNOWN_S + _AFTER_S
     sent = _sent(range_m, duration_s, rng)
-    other = _sent(range_m, duration_s, rng) if changes else None
-    nothing = record(PLAIN, 1e-6, rng, range_m=range_m, repeated_s=duration_s)
+    if end == 'other ID':
+        after = _sent(range_m, duration_s, rng).recording
+    elif end == 'stays bright':
+        after = _all_bright(sent.recording, rng)
+    else:
+        after = record(PLAIN, 1e-6, rng, range_m=range_m, repeated_s=duration_s).recording
     frame = _some_frame(rng)
-    _, tracks, _ = play(_spliced(sent.recording, (other or nothing).recording, frame))
+    _, tracks, _ = play(_spliced(sent.recording, after, frame))
     known = [any(one.id == sent.ids[0] for one in each) for each in tracks]
     if not known[frame - 1]:
         return None
-    end = next((index for index in range(frame, len(known)) if not known[index]), len(known))
-    return (end - frame) * SENSOR.period_s
+    last = next((index for index in range(frame, len(known)) if not known[index]), len(known))
+    return (last - frame) * SENSOR.period_s
 
 
 def goes_on(range_m: float, bits: float, rng: np.random.Generator) -> bool | None:

@@ -24,14 +24,13 @@ def measure(
 ) -> dict[str, Any]:
     """Measure; once only in a process, as the core that is imported first stays."""
     use_core_with([Part('presence', _LINE.format(USED_BITS), _LINE.format(gone_bits))])
-    from evaluation.bench.following import SCENES, dropped_s, false_ends, goes_on, known_of
+    from evaluation.bench.following import ENDS, SCENES, dropped_s, false_ends, goes_on, known_of
 
     rng = np.random.default_rng(seed)
     ends: dict[str, list[list[float]]] = {}
-    for name, changes in (('vanished', False), ('other ID', True)):
+    for name in ENDS:
         times = [
-            known_of(partial(dropped_s, range_m, changes=changes), trials, rng)
-            for range_m in RANGES_M
+            known_of(partial(dropped_s, range_m, end=name), trials, rng) for range_m in RANGES_M
         ]
         ends[name] = [np.percentile(one, [50, 95]).tolist() if one else [] for one in times]
     kept = [

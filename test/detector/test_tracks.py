@@ -24,8 +24,10 @@ from retrolidar_ros.detector import create_detector, likelihood_detector, placem
 from retrolidar_ros.detector import tracks as tracks_module
 from retrolidar_ros.detector.likelihood_detector import LikelihoodDetector
 from retrolidar_ros.detector.tracks import Track
+from retrolidar_ros.marker.code import PACKET_BITS
 from retrolidar_ros.scene import Scene
 from retrolidar_ros.scene.description import Ranging, Surface, Wander
+from retrolidar_ros.scene.files import load_scene
 from retrolidar_ros.scene.optics import position_at
 from retrolidar_ros.scene.reference import (
     RANGING,
@@ -150,6 +152,20 @@ def test_what_vanishes_is_dropped_within_half_a_second() -> None:
         lasting.append(lasted_s(tracks, sent, frame))
     assert np.median(lasting) < GONE_S
     assert max(lasting) < 2 * GONE_S
+
+
+@pytest.mark.parametrize('start_s', [0.5, 0.51, 0.52, 0.53])
+def test_a_marker_that_sends_no_more_but_stays_bright_is_dropped_within_a_second(
+    start_s: float,
+) -> None:
+    """Light in its dark bits may be of another marker, but not for long just as bright as its own."""
+    scene = load_scene('drone')
+    (marker,) = scene.markers
+    marker = replace(marker, wander=None, occlusion=None, start_s=start_s, packets=4)
+    _, tracks = follow(simulate(replace(scene, markers=(marker,)), 10.0))
+    stamps = [one.stamp_ns for frame in tracks for one in frame]
+    silent_s = start_s + 4 * PACKET_BITS * marker.bit_period_s
+    assert 1e-9 * max(stamps) - silent_s < 1.0
 
 
 @pytest.mark.parametrize('frame', [290, 303, 317, 331])
