@@ -158,7 +158,7 @@ def test_what_vanishes_is_dropped_within_half_a_second() -> None:
 def test_a_marker_that_sends_no_more_but_stays_bright_is_dropped_within_a_second(
     start_s: float,
 ) -> None:
-    """Light in its dark bits may be of another marker, but not for long just as bright as its own."""
+    """Light in its dark bits may be of another marker, but not for long and just as bright."""
     scene = load_scene('drone')
     (marker,) = scene.markers
     marker = replace(marker, wander=None, occlusion=None, start_s=start_s, packets=4)
