@@ -262,7 +262,7 @@ def place_all(lib: Any, detector: Any) -> None:
         assert placed.likelihood >= 0
         assert 0 <= placed.score < 1 + 1e-9
         assert 0 <= placed.corrected_bits <= PACKET_BITS
-        assert 1 <= placed.zones <= one.zones
+        assert 1 <= placed.zones <= lib.RL_MAX_READ
         assert np.abs(list(placed.bearing.mean)).max() < 0.7 + 1e-9
         assert all(0 <= variance < 0.49 for variance in placed.bearing.variance)
 

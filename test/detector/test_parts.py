@@ -12,7 +12,7 @@ import pytest
 
 from evaluation.bench import room_families
 from evaluation.bench.room_scene import Room
-from evaluation.bench.rooms import play_room
+from evaluation.bench.rooms import play, play_room
 
 
 def played(
@@ -58,6 +58,18 @@ def test_a_marker_that_crosses_the_view_is_read_as_no_other() -> None:
     read, wrong = played(lambda rng: room_families.crossing(0.3, 40.0, rng), 8, 6)
     assert read >= 0.95
     assert wrong == 0
+
+
+@pytest.mark.parametrize(
+    ('seed', 'number'),
+    [(9401, 72), (9402, 64), (9401, 35), (9401, 111)],
+    ids=['pause', 'beyond noise', 'steps of gains', 'steps of gains, too'],
+)
+def test_no_id_of_a_random_room_is_wrong(seed: int, number: int) -> None:
+    """By rivals with a pause, what is beyond noise, and the steps of an interferer's gain."""
+    scored = play(number, seed).scored
+    assert scored.wrong == []
+    assert sum(scored.read) >= 10
 
 
 def test_bits_of_another_period_are_no_packets() -> None:
