@@ -35,10 +35,10 @@ _TRIAL = Path(__file__).parents[1] / 'bench' / 'core_trial.py'
 _KEPT = Path(gettempdir()) / 'retrolidar_core_parts'
 
 
-def _measured(off: str, seed: int, times: float, turn: int = 0) -> dict[str, Any]:
+def _measured(off: str, seed: int, times: float) -> dict[str, Any]:
     """Measure without a part in a process of its own, or read what an interrupted run has left."""
     changed = [PARTS[name] for name in names_of(off)]
-    content = f'{revision()} {changed} {seed} {times} {turn}\n{_TRIAL.read_text(encoding="utf-8")}'
+    content = f'{revision()} {changed} {seed} {times} 0\n{_TRIAL.read_text(encoding="utf-8")}'
     kept = _KEPT / f'{sha256(content.encode()).hexdigest()}.json'
     if not kept.exists():
         # The core that is imported first stays.
@@ -57,19 +57,30 @@ def run(rng: np.random.Generator, *, quick: bool) -> dict[str, Any]:
     """
     check_parts()
     offs = [*PARTS][:1] if quick else [*PARTS, *SETS]
-    settings = (int(rng.integers(2**32)), 0.05 if quick else 1.0)
-    whole = _measured('', *settings)
+    seed, times = int(rng.integers(2**32)), 0.05 if quick else 1.0
+    whole = _measured('', seed, times)
     rows = []
     for off in offs:
-        rows.append({'off': off, **_against(whole, _measured(off, *settings))})
+        row = {'off': off, **_against(whole, _measured(off, seed, times))}
+        rows.append(row | {'time': _time_less(off, seed)})
         print(f'{len(rows)} of {len(offs)}: without {off}', file=sys.stderr, flush=True)
-    # How far the time of the same goes by itself.
-    again = _against(whole, _measured('', *settings, turn=1))
     return {
         'whole': {name: np.sum(whole[name], axis=0).tolist() for name in (*FAMILIES, _NO_MARKER)},
-        'time_by_chance': abs(again['time']),
+        # How far the time of the same goes by itself.
+        'time_by_chance': abs(_time_less('', seed)),
         'rows': rows,
     }
+
+
+def _time_less(off: str, seed: int) -> float:
+    """Return how much less time a frame takes without a part, one run right after the other [%]."""
+    command = [sys.executable, '-m', 'evaluation.bench.core_time']
+    before, after = (
+        json.loads(subprocess.check_output([*command, one, str(seed)], text=True))
+        for one in ('', off)
+    )
+    # Each room counts alike, so that one that was interrupted does not decide.
+    return round(100 * (1 - float(np.median(np.divide(after, before)))), 1)
 
 
 def _change(lost: Sequence[float]) -> dict[str, float]:
@@ -92,9 +103,6 @@ def _against(whole: dict[str, Any], other: dict[str, Any]) -> dict[str, Any]:
     none = [*zip(whole[_NO_MARKER], other[_NO_MARKER], strict=True)]
     for name, scenes in ((_WRONG, marked), (_NO_MARKER, none), (_IDS, [*marked, *none])):
         row[name] = _change([after[2] - before[2] for before, after in scenes])
-    # Each scene counts alike, so that one that was interrupted does not decide.
-    times = [after[3] / before[3] for before, after in marked if before[3]]
-    row['time'] = round(100 * (1 - float(np.median(times))), 1)
     row['lines'] = whole['lines'] - other['lines']
     return row
 
