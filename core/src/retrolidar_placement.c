@@ -16,6 +16,7 @@ static const double MIN_SEEN = 3.0;
 /* By how much the signal of a zone rises with the light, and what the packet leaves over. */
 struct amplitude {
     double of[RL_MAX_ZONES], variance[RL_MAX_ZONES], noise[RL_MAX_ZONES];
+    double other[RL_MAX_ZONES]; /* rise of what else blinks, about, squared */
 };
 
 /* The times of the samples of a reading, and the light of its packet at each. */
@@ -86,6 +87,7 @@ static void fit_amplitude(const struct rl_seen *seen, int zone, struct amplitude
     const double noise = fmax(power / fmax(count - 2.0, 1.0), step * step / 12.0);
     amplitude->of[zone] = rise;
     amplitude->noise[zone] = noise;
+    amplitude->other[zone] = 2.0 * fmax(alike, 0.0) / energy;
     amplitude->variance[zone] = noise * (1.0 + 2.0 * fmax(alike / fmax(power, 1e-9), 0.0)) / energy;
 }
 
@@ -108,8 +110,9 @@ static void choose_zones(const struct rl_samples *samples, const struct rl_readi
     double most = amplitude->of[read];
     bool saw[RL_MAX_ZONES];
     for (int zone = 0; zone < samples->zones; zone++) {
-        saw[zone] = is_near(samples, reading, zone) &&
-                    amplitude->of[zone] > MIN_SEEN * sqrt(amplitude->variance[zone]);
+        const double of = amplitude->of[zone];
+        saw[zone] = is_near(samples, reading, zone) && of * of > amplitude->other[zone] &&
+                    of > MIN_SEEN * sqrt(amplitude->variance[zone]);
         most = saw[zone] ? fmax(most, amplitude->of[zone]) : most;
     }
     placement->zones = 0;
