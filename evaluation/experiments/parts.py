@@ -38,7 +38,7 @@ _KEPT = Path(gettempdir()) / 'retrolidar_core_parts'
 def _measured(off: str, seed: int, times: float) -> dict[str, Any]:
     """Measure without a part in a process of its own, or read what an interrupted run has left."""
     changed = [PARTS[name] for name in names_of(off)]
-    content = f'{revision()} {changed} {seed} {times} 0\n{_TRIAL.read_text(encoding="utf-8")}'
+    content = f'{revision()} {changed} {seed} {times}\n{_TRIAL.read_text(encoding="utf-8")}'
     kept = _KEPT / f'{sha256(content.encode()).hexdigest()}.json'
     if not kept.exists():
         # The core that is imported first stays.
