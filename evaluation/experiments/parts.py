@@ -57,26 +57,26 @@ def run(rng: np.random.Generator, *, quick: bool) -> dict[str, Any]:
     """
     check_parts()
     offs = [*PARTS][:1] if quick else [*PARTS, *SETS]
-    seed, times = int(rng.integers(2**32)), 0.05 if quick else 1.0
+    seed, times, rooms = int(rng.integers(2**32)), *((0.05, 1) if quick else (1.0, 8))
     whole = _measured('', seed, times)
     rows = []
     for off in offs:
         row = {'off': off, **_against(whole, _measured(off, seed, times))}
-        rows.append(row | {'time': _time_less(off, seed)})
+        rows.append(row | {'time': _time_less(off, seed, rooms)})
         print(f'{len(rows)} of {len(offs)}: without {off}', file=sys.stderr, flush=True)
     return {
         'whole': {name: np.sum(whole[name], axis=0).tolist() for name in (*FAMILIES, _NO_MARKER)},
         # How far the time of the same goes by itself.
-        'time_by_chance': abs(_time_less('', seed)),
+        'time_by_chance': abs(_time_less('', seed, rooms)),
         'rows': rows,
     }
 
 
-def _time_less(off: str, seed: int) -> float:
+def _time_less(off: str, seed: int, rooms: int) -> float:
     """Return how much less time a frame takes without a part, one run right after the other [%]."""
     command = [sys.executable, '-m', 'evaluation.bench.core_time']
     before, after = (
-        json.loads(subprocess.check_output([*command, one, str(seed)], text=True))
+        json.loads(subprocess.check_output([*command, one, str(seed), str(rooms)], text=True))
         for one in ('', off)
     )
     # Each room counts alike, so that one that was interrupted does not decide.
