@@ -52,8 +52,11 @@ def live(tmp_path_factory: pytest.TempPathFactory) -> Listener:
     """Return what an emulated sensor made the nodes publish until it was unplugged."""
     with running(tmp_path_factory.mktemp('live'), '/live') as system:
         system.start('driver', serial_port=system.port)
+        with Sensor(load_scene('coffee'), system.port):
+            system.wait(lambda: bool(system.frames), 'a frame, so that from now on all are heard')
         system.start('detector')
         wait_for_nodes(system)
+        system.frames.clear()
         with Sensor(load_scene('coffee'), system.port):
             system.wait(lambda: len(system.frames) >= LIVE_FRAMES, 'frames')
         # The first frames may come before both ends of a connection know of each other.
