@@ -19,7 +19,7 @@ from evaluation.bench.core_parts import lines_of_core, names_of, use_core_withou
 
 MIN_DB = 6.0  # of the packets that are counted: fainter ones are hardly read by any
 LAX_BUDGET = 1e5  # false IDs at so lax a budget [1/h] tell parts apart sooner
-_ROOMS, _PAIRS, _CROSSING, _APPEARING, _FAINT, _STRETCHES = 40, 3, 3, 8, 4, 4
+_ROOMS, _PAIRS, _CROSSING, _APPEARING, _FAINT, _STRETCHES = 100, 3, 3, 8, 4, 4
 _RATIOS = (1.0, 0.7, 0.5, 0.35, 0.25)  # of the light of two markers in a zone
 _SPEEDS_M_S = (0.05, 0.1, 0.2, 0.3, 0.45, 0.6)
 _LONE_SIGNAL, _REPEATED_SIGNAL = 6.0, 2.5  # near the end of the reach [kcps/SPAD]

@@ -28,26 +28,42 @@ class Marker(NamedTuple):
     id: int
     packets: int = 1
     gain: float = 60.0
+    beside: int | None = None
+    """Another ID that is sent in its zone, and known, 10 times as bright."""
+    walk: float = 0.0
+    """Steps of the wall's signal from frame to frame [kcps/SPAD]."""
 
 
-def price(core: Statistics, marker: Marker) -> float:
+def price(core: Statistics, marker: Marker, wandering: float = 0.0) -> float:
     """Return how much evidence a packet needs beyond what is demanded [nats]."""
     sending = Sending(
         packet(marker.id).astype(np.float64), marker.packets > 1, START_S, BIT_PERIOD_S
     )
     middle_s = np.arange(PERIOD_S / 2, START_S + (marker.packets + 0.2) * PACKET_S, PERIOD_S)
     sent = light(sending, middle_s - PERIOD_S / 2, middle_s + PERIOD_S / 2)
-    mean = 10.0 + marker.gain * sent[:, None] * (np.arange(GRID.zones) == 0)
     rng = np.random.default_rng(60)
+    wall = 100.0 + np.cumsum(marker.walk * rng.standard_normal(len(sent)))
+    own_zone = np.arange(GRID.zones) == 0
+    mean = wall[:, None] + marker.gain * sent[:, None] * own_zone
+    if marker.beside is not None:
+        other = Sending(packet(marker.beside).astype(np.float64), True, 0.3, BIT_PERIOD_S)
+        seen = light(other, middle_s - PERIOD_S / 2, middle_s + PERIOD_S / 2)
+        mean += 10 * marker.gain * seen[:, None] * own_zone
     signal = mean + np.sqrt(LAW.variance(mean)) * rng.standard_normal(mean.shape)
     stamp_ns = np.rint(1e9 * middle_s).astype(np.int64)
     core.take(recording_of(stamp_ns, np.maximum(signal, 0)), LAW, BIT_PERIOD_S)
     # Times of the core count from the middle of the first exposure.
+    if marker.beside is not None:
+        known = core.window.interference
+        known.count = 1
+        known.train[0].transmission = core.given(other._replace(start_s=0.3 - PERIOD_S / 2))[0]
+        known.train[0].begin_s, known.train[0].end_s = 0.0, middle_s[-1]
     sending = sending._replace(start_s=START_S - PERIOD_S / 2)
     to_s = sending.start_s + marker.packets * PACKET_S + 0.02
 
     def judged(demanded: float) -> tuple[int, float]:
-        verdict = core.decide(0, marker.packets, to_s, [(marker.id, sending)], demanded)
+        hits = [(marker.id, sending)]
+        verdict = core.decide(0, marker.packets, to_s, hits, demanded, wandering)
         return verdict.reason, verdict.evidence
 
     reason, evidence = judged(1e-3)
@@ -76,6 +92,20 @@ def test_a_packet_of_few_changes_needs_more_evidence(core: Statistics) -> None:
     changes = {one: np.count_nonzero(np.diff(packet(one))) for one in (2073, 1)}
     assert changes[1] < changes[2073]
     assert price(core, Marker(1)) > price(core, Marker(2073)) + 5.0
+
+
+def test_a_packet_needs_more_evidence_where_the_level_wanders(core: Statistics) -> None:
+    core.start_codebook()
+    for walk, asked in ((0.0, 0.0), (10.0, 12.0)):
+        marker = Marker(2073, walk=walk)
+        assert price(core, marker, 12.0) - price(core, marker) == pytest.approx(asked, abs=0.1)
+
+
+def test_a_packet_beside_a_bright_one_needs_a_share_of_what_that_explains(core: Statistics) -> None:
+    core.start_codebook()
+    beside = price(core, Marker(2073, beside=1234))
+    assert beside == pytest.approx(constant('LEFT_OVER') * core.window.whitened.explained, rel=0.01)
+    assert beside > 5.0
 
 
 @pytest.mark.parametrize('rate', [0.95, 1.05])
@@ -145,3 +175,18 @@ def test_a_packet_of_a_marker_that_leaves_is_a_word(core: Statistics) -> None:
     verdict = judged(core, shown(2073) * fading(), 2073)
     assert verdict.word < WORD_NATS
     assert verdict.margin > 0
+
+
+def repeated(number: int, flipped: int) -> Floats:
+    """Return the light of a packet that is sent on and on, with a bit turned in all."""
+    bits = packet(number).astype(np.float64)
+    bits[flipped] = 1 - bits[flipped]
+    sending = Sending(bits, True, START_S, BIT_PERIOD_S)
+    return light(sending, MIDDLE_S - PERIOD_S / 2, MIDDLE_S + PERIOD_S / 2)
+
+
+def test_packets_that_are_combined_are_of_the_same_bits(core: Statistics) -> None:
+    # IDs that differ in these bits share the mean of their packets.
+    first, second = repeated(2073, 12), repeated(2073, 20)
+    changed = np.where(MIDDLE_S < START_S + PACKET_S, first, second)
+    assert judged(core, changed, 2073, packets=2).word > 6 * WORD_NATS
