@@ -35,12 +35,20 @@ def played(
 
 @pytest.mark.parametrize(
     ('ratio', 'sendings', 'least'),
-    [(1.0, ('repeating', 'repeating'), 0.85), (0.5, ('repeating', 'sequence'), 0.75)],
+    [
+        (1.0, ('repeating', 'repeating'), 0.85),
+        (0.5, ('repeating', 'sequence'), 0.75),
+        (0.5, ('sequence', 'sequence'), 0.8),
+    ],
 )
 def test_two_markers_of_a_zone_are_read(
     ratio: float, sendings: tuple[str, str], least: float
 ) -> None:
-    """By interferers, packets that follow, pairs and the search of the residual."""
+    """By interferers, packets that follow, pairs and the search of the residual.
+
+    Where both send ever other IDs, also by stretches that are judged as lone packets, packets that
+    are about to end, and those of a marker as one.
+    """
     read, wrong = played(lambda rng: room_families.pair(ratio, sendings, rng), 15, 4)
     assert read >= least
     assert wrong == 0
@@ -62,11 +70,13 @@ def test_a_marker_that_crosses_the_view_is_read_as_no_other() -> None:
 
 @pytest.mark.parametrize(
     ('seed', 'number'),
-    [(9401, 72), (9402, 64), (9401, 35), (9401, 111)],
-    ids=['pause', 'beyond noise', 'steps of gains', 'steps of gains, too'],
+    [(9401, 72), (9402, 64), (9401, 35), (9401, 111), (281172800, 47), (281172800, 11)],
+    ids=['pause', 'beyond noise', 'steps', 'steps, too', 'vanishes', 'bits of the search'],
 )
 def test_no_id_of_a_random_room_is_wrong(seed: int, number: int) -> None:
-    """By rivals with a pause, what is beyond noise, and the steps of an interferer's gain."""
+    """By what each is named for: rivals with a pause, what is beyond noise, steps of an interferer's
+    gain, rivals that vanish, and the bits that the search has found.
+    """
     scored = play(number, seed).scored
     assert scored.wrong == []
     assert sum(scored.read) >= 10
