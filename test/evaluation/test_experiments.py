@@ -11,15 +11,12 @@ import numpy as np
 import pytest
 
 from evaluation.__main__ import main
-from evaluation.bench.disturbances import FAMILY
 from evaluation.bench.stresses import LABORATORY, PANELS
-from evaluation.experiments import false_ids, peers, roc
+from evaluation.experiments import false_ids, peers
 from evaluation.experiments.paper_sweeps import SWEEPS
 from evaluation.experiments.registry import EXPERIMENTS, run_experiment
 from evaluation.peers import visual_markers
 from evaluation.peers.visual_markers import QR, find_readers
-from retrolidar_ros.detector import create_detector
-from retrolidar_ros.scene.reference import SENSOR
 
 # So small that all run in seconds, by the module that has a size.
 TINY: dict[str, dict[str, Any]] = {
@@ -93,21 +90,6 @@ def test_peers_name_what_is_left_out(monkeypatch: pytest.MonkeyPatch) -> None:
     assert figures['missing'] == {QR: 'no zbar here'}
     assert peers.end(figures, '3 cm', QR) is None
     assert peers.claims(figures)['qr'].default == '–'
-
-
-def test_a_higher_threshold_of_paper_keeps_those_of_higher_likelihood() -> None:
-    """One run with a low threshold serves for all, as `roc` has it."""
-    (hands,) = (member for member in FAMILY if member.name == 'hands')
-    seen = {
-        least: roc.watch(
-            create_detector('paper', SENSOR.grid, likelihood_threshold=least),
-            hands.blocks(180.0, np.random.default_rng(4)),
-        )
-        for least in (0.1, 0.4)
-    }
-    kept = sum(one.likelihood >= 0.4 for one in seen[0.1])
-    assert len(seen[0.4]) > 50
-    assert kept == pytest.approx(len(seen[0.4]), rel=0.1)
 
 
 def test_hours_without_a_marker_add_up_from_run_to_run(
