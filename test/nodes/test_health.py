@@ -1,6 +1,6 @@
 # Copyright 2026 retrolidar_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""What driver and detector publish and report, in a process each and both in one."""
+"""What driver and detector publish and report, in a process each."""
 
 import os
 import signal
@@ -35,32 +35,20 @@ SCENE = load_scene('coffee')
 Pair = tuple[System, Sensor]
 
 
-@pytest.fixture(scope='module', params=['two', 'one'])
-def pair(
-    request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory
-) -> Iterator[Pair]:
-    """Start the nodes in two processes, or in one, and then plug in a sensor."""
-    with running(tmp_path_factory.mktemp('health'), f'/{request.param}_process') as system:
-        if request.param == 'one':
-            system.start('reader', serial_port=system.port)
-        else:
-            system.start('driver', serial_port=system.port, autostart='true')
-            system.start('detector')
+@pytest.fixture(scope='module')
+def pair(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Pair]:
+    """Start the nodes, and then plug in a sensor."""
+    with running(tmp_path_factory.mktemp('health'), '/health') as system:
+        system.start('driver', serial_port=system.port, autostart='true')
+        system.start('detector')
         system.wait(lambda: {DRIVER, DETECTOR} <= set(system.statuses), 'both nodes')
         with Sensor(SCENE, system.port) as sensor:
             yield system, sensor
 
 
 @pytest.fixture
-def apart(pair: Pair) -> Pair:
-    if pair[0].namespace != '/two_process':
-        pytest.skip('is about processes of their own, or the same in one')
-    return pair
-
-
-@pytest.fixture
-def two(apart: Pair) -> System:
-    return apart[0]
+def two(pair: Pair) -> System:
+    return pair[0]
 
 
 def test_markers_are_read_and_placed(pair: Pair) -> None:
@@ -106,8 +94,8 @@ def test_transforms_go_out_before_what_they_belong_to(two: System) -> None:
         assert sent['transforms'][stamp_ns] < sent['markers'][stamp_ns]
 
 
-def test_a_heartbeat_is_of_the_last_frame_that_was_judged(apart: Pair) -> None:
-    system, sensor = apart
+def test_a_heartbeat_is_of_the_last_frame_that_was_judged(pair: Pair) -> None:
+    system, sensor = pair
     system.wait_for_frames(len(system.frames))
     with system.subscribed(Header, 'detector/heartbeat') as beats:
         system.wait(lambda: len(beats) > 5, 'heartbeats')
@@ -184,14 +172,6 @@ def test_a_detector_that_stands_still_is_reported_and_loses_nothing(two: System)
     two.wait_for_status(DRIVER, OK, 'frames a second')
 
 
-def test_a_detector_that_is_killed_is_reported_by_the_driver(two: System) -> None:
-    two.kill('detector')
-    two.wait_for_status(DRIVER, WARN, 'has ended, or hangs', 3.0)
-    two.start('detector')
-    two.wait_for_status(DETECTOR, OK, 'accepted')
-    two.wait_for_status(DRIVER, OK, 'frames a second')
-
-
 def test_two_senders_of_one_frame_id_are_an_error_that_names_them(two: System) -> None:
     publisher = two.node.create_publisher(FrameMsg, 'frames', 10)
     frames = iter(Simulation(SCENE).run(60.0))
@@ -203,7 +183,7 @@ def test_two_senders_of_one_frame_id_are_an_error_that_names_them(two: System) -
     timer = two.node.create_timer(0.021, send)
     try:
         status = two.wait_for_status(DETECTOR, ERROR, 'come mixed by')
-        assert '/two_process/driver, /two_process/listener' in status.message
+        assert '/health/driver, /health/listener' in status.message
     finally:
         two.node.destroy_timer(timer)
         two.node.destroy_publisher(publisher)
@@ -229,14 +209,3 @@ def test_a_clock_that_does_not_begin_or_stops_is_an_error_of_both(tmp_path: Path
         system.wait_for_status(DRIVER, ERROR, 'the stamps stand still')
         system.wait_for_status(DETECTOR, ERROR, 'the stamps of frames stand still')
         assert not any('hangs' in one.message for one in system.statuses[DRIVER])
-
-
-def test_a_driver_that_is_shut_down_says_so(tmp_path: Path) -> None:
-    with running(tmp_path, '/finalized') as system:
-        system.start('driver', serial_port=system.port, autostart='false')
-        system.wait_for_status(DRIVER, WARN, 'not configured')
-        request = ChangeState.Request(
-            transition=Transition(id=Transition.TRANSITION_UNCONFIGURED_SHUTDOWN)
-        )
-        assert system.services.call(ChangeState, '/finalized/driver/change_state', request).success
-        system.wait_for_status(DRIVER, WARN, 'finalized')

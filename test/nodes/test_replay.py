@@ -35,7 +35,7 @@ from retrolidar_ros.scene.files import load_scene
 from retrolidar_ros.sensor.frame import Frame
 
 DETECTOR = 'detector: markers'
-LIVE_FRAMES = 600
+LIVE_FRAMES = 400
 EARLIER_NS = 10_000_000_000  # what the clock reads in the replay, before the bag begins
 
 

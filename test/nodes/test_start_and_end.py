@@ -115,21 +115,19 @@ def test_what_cannot_be_is_one_clear_line(
 
 WARNED: dict[str, tuple[str, str, tuple[str, ...]]] = {
     'own': ('detector', '/**:\n  ros__parameters: {use_sim_time: false, robot_name: r2}', ()),
-    'other': ('driver', '/**:\n  ros__parameters: {robot_name: r2, method: paper}', ()),
-    'driver': ('driver', '/**/driver:\n  ros__parameters: {robot_name: r2}', ('robot_name',)),
-    'misspelt': (
-        'driver',
-        '/**:\n  ros__parameters: {serial_prt: x}',
-        ('serial_prt is unknown; did you mean',),
-    ),
     'quality': (
         'driver',
-        """/**/driver:
+        """/**:
+  ros__parameters: {robot_name: r2, method: paper, serial_prt: x}
+/**/driver:
   ros__parameters:
+    robot_size: 2
     qos_overrides./quality/frames.publisher: {reliability: best_effort, depht: 3}
     qos_overrides./nowhere.depth: 3
 """,
         (
+            'robot_size',
+            'serial_prt is unknown; did you mean',
             'publisher.depht is unknown; did you mean qos_overrides./quality/frames.publisher.d',
             'qos_overrides./nowhere.depth is unknown',
         ),
