@@ -48,6 +48,9 @@ def test_decode_prints_one_json_object_a_detection(bag: Path, method: str, capsy
         # From any bit of a repeating marker on, so the first packet may have begun earlier.
         packets = (detection['end'] - detection['start']) / 1.302
         assert detection['packets'] - 0.28 < packets < detection['packets'] + 1.04
+        # What a method does not measure is null.
+        nats = [detection['evidence'], detection['decision_margin']]
+        assert nats == [None, None] if method == 'paper' else min(nats) > 6
     assert method != METHODS[0] or detections == decoded(capsys, bag)
     ends = [detection['end'] for detection in detections]
     assert ends == sorted(ends)

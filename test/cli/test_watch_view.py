@@ -12,7 +12,6 @@ from test_watch_state import ID, SCENE, frame, watch_of
 
 from retrolidar_ros.cli.watch_view import (
     BRIGHT,
-    COLUMNS,
     DARK,
     ERASED,
     ROWS,
@@ -24,8 +23,6 @@ from retrolidar_ros.cli.watch_view import (
     screen,
 )
 from retrolidar_ros.detector.blinking import NewestBits
-from retrolidar_ros.detector.budget import Demands
-from retrolidar_ros.detector.likelihood_detector import Candidate, Reason
 from retrolidar_ros.marker.code import PACKET_BITS, packet
 from retrolidar_ros.scene import Simulation
 from retrolidar_ros.sensor.frame import ZoneGrid
@@ -87,26 +84,6 @@ def test_bits_are_drawn_dark_and_turned_into_the_packet() -> None:
     assert bits_of(wrong, 0).differing == 1
 
 
-@pytest.mark.parametrize(
-    ('reason', 'text'),
-    [
-        (Reason.EVIDENCE, 'evidence 20.5 of 28.0 nats'),
-        (Reason.NOT_A_WORD, 'not a word, 41.5 nats, 8.0 allowed'),
-        (Reason.MARGIN, 'margin 3.5 of 6.9 nats'),
-        (Reason.ERASED, 'erased'),
-    ],
-)
-def test_how_far_the_last_candidate_was_from_being_read(reason: Reason, text: str) -> None:
-    known = replace(
-        snapshot(ZoneGrid()),
-        rejected={reason.value: 3},
-        last_rejected=Candidate(77, 9, 1, reason, 0, 0.042, 20.5, 41.5, 3.5),
-        demands=Demands(28.0, 6.0, 8.0, 6.9, 9.2),
-    )
-    shown = '\n'.join(screen(known))
-    assert f'  rejected so far: {reason.value} 3; last ID 77: {text}\n' in shown
-
-
 @pytest.mark.parametrize('encoding', ['utf-8', 'cp437', 'ascii', 'latin-1'])
 def test_a_terminal_gets_what_its_encoding_has(encoding: str) -> None:
     known = replace(snapshot(ZoneGrid(), 9), bits=bits_of(packet(ID), 0))
@@ -115,19 +92,6 @@ def test_a_terminal_gets_what_its_encoding_has(encoding: str) -> None:
     shown.encode(encoding)
     assert (shown == text) == (encoding in ('utf-8', 'cp437'))
     assert len(set(shown)) >= len(set(text)) - 2  # a bar's half is a line, a faint shade bright
-
-
-def test_trouble_and_a_long_port_stand_in_lines_that_fit() -> None:
-    trouble = f'no permission to open /dev/{"x" * 60}; it belongs to the group dialout; retrying'
-    lines = screen(Snapshot('port', trouble, 0.0, 0, 0, 0))
-    assert max(map(len, lines)) <= 80
-    assert ' '.join(lines).endswith(f'! {trouble}')
-    assert screen(snapshot(ZoneGrid()))[0].endswith('0 damaged packets at port')
-    port = '/dev/serial/by-id/usb-STMicroelectronics_STM32_STLink_0672FF-if02'
-    head = screen(replace(snapshot(ZoneGrid()), port=port))[0]
-    assert head.startswith('47.6 frames/s, 100 frames, 0 lost, 0 damaged packets at ...')
-    assert head.endswith('_0672FF-if02')
-    assert len(head) == COLUMNS
 
 
 def test_a_picture_that_is_cut_says_what_size_it_needs() -> None:

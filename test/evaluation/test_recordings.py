@@ -102,9 +102,6 @@ def test_a_marker_is_identified_no_sooner_than_a_word_after_it_came_into_view() 
     assert wrong <= 1  # a packet that comes into view half sent may look like another
 
 
-# Hands that never rest
-
-
 def test_bits_that_tell_ids_apart() -> None:
     ids = np.random.default_rng(3).choice(USABLE_IDS, 3, replace=False)
     needed = needed_bits(ids)

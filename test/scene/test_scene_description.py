@@ -13,8 +13,6 @@ from typing import Any
 import numpy as np
 import pytest
 import yaml
-from hypothesis import given
-from hypothesis import strategies as st
 
 from retrolidar_ros.scene import Scene, Simulation, parse_scene
 from retrolidar_ros.scene.optics import position_at
@@ -240,13 +238,6 @@ def test_forms_of_a_quantity() -> None:
     for text in ('ms', '1,5 ms', '0x10 ms', '1 m s', 'nan s', 'inf s', '- 5 ms', '.'):
         with pytest.raises(ConfigError, match=r'^key: .*s or ms or us'):
             quantity('time')(text, 'key')
-
-
-@given(st.sampled_from([(kind, unit) for kind in UNITS for unit in UNITS[kind]]), st.data())
-def test_units_scale(kind_and_unit: tuple[str, str], data: st.DataObject) -> None:
-    kind, unit = kind_and_unit
-    number = data.draw(st.floats(-1e6, 1e6))
-    assert quantity(kind)(f'{number!r} {unit}', 'key') == number * UNITS[kind][unit]
 
 
 def test_a_marker_on_a_path_is_where_its_waypoints_say() -> None:
