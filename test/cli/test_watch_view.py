@@ -2,7 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The picture of `retrolidar watch`."""
 
-import re
 from dataclasses import replace
 
 import numpy as np
@@ -50,13 +49,6 @@ def test_zones_lie_as_seen_from_the_sensor(grid: ZoneGrid, columns: int) -> None
     assert bottoms[-1][-1].split()[1] == '-'
     # Everything lies in columns.
     assert len({len(text) for text in lines if text.count('│') == grid.columns - 1}) == 1
-
-
-@pytest.mark.parametrize('grid', [ZoneGrid(), ZoneGrid(8, 8)])
-def test_the_chosen_zone_is_marked_and_its_bar_is_full(grid: ZoneGrid) -> None:
-    text = '\n'.join(screen(snapshot(grid, 9)))
-    assert re.findall(r'>(\d+) +(█+) ', text) == [('9', '█' * (10 if grid.rows == 4 else 3))]
-    assert text.count('█') == (10 if grid.rows == 4 else 3)
 
 
 def bits_of(hard: NDArray[np.uint8], first: int) -> NewestBits:

@@ -155,21 +155,6 @@ def test_quantity_needs_its_unit(path: Place, value: str) -> None:
     assert f'is in furlong; it needs {" or ".join(known)}' in message
 
 
-@pytest.mark.parametrize('path', [path for path, _ in LEAVES], ids=dotted)
-def test_wrong_type_names_the_key(path: Place) -> None:
-    values: list[Any] = [None, True, [], ['1 m'], {}, {'a': 1}, '', 1.5, -1, b'']
-    for value in values:
-        assert refusal(with_value(path, value)).startswith(f'{dotted(path)}: ')
-
-
-@pytest.mark.parametrize('path', list(sections(FULL)), ids=dotted)
-def test_a_section_needs_keys_with_values(path: Place) -> None:
-    values: list[Any] = [None, 5, 'text', ['a'], [], [{}]]
-    for value in values:
-        message = refusal(with_value(path, value))
-        assert message == f'{dotted(path) or "the file"}: needs keys with values, not {value!r}'
-
-
 @pytest.mark.parametrize(
     ('key', 'limits'),
     [
