@@ -5,7 +5,6 @@
 from __future__ import annotations
 
 import re
-import subprocess
 from pathlib import Path
 from struct import pack
 from typing import Any
@@ -20,6 +19,7 @@ from harness_firmware import (
     assert_same_zones,
     make,
     need,
+    printed,
     read_line,
     sizes,
 )
@@ -274,10 +274,8 @@ def test_the_marker_fits_small_processors(tmp_path: Path, capsys: Output) -> Non
 
 def linked(image: Path) -> set[str]:
     """Return the names of all symbols in a linked image."""
-    listed = subprocess.run(
-        ['arm-none-eabi-nm', '--format=posix', image], capture_output=True, text=True, check=True
-    )
-    return {line.split()[0] for line in listed.stdout.splitlines()}
+    listed = printed('arm-none-eabi-nm', '--format=posix', image)
+    return {line.split()[0] for line in listed.splitlines()}
 
 
 def stack_bytes(build: Path, image: str, symbols: set[str]) -> int:

@@ -13,7 +13,6 @@ from harness import Sensor
 from harness_nodes import System, running
 from harness_observer import values_of
 from lifecycle_msgs.msg import Transition
-from lifecycle_msgs.srv import ChangeState
 from rclpy.node import Node
 
 from retrolidar_ros.cli.demo import executable
@@ -46,8 +45,7 @@ def trigger(system: System, service: str) -> tuple[bool, str]:
 
 
 def change(system: System, transition: int) -> None:
-    request = ChangeState.Request(transition=Transition(id=transition))
-    assert system.services.call(ChangeState, 'driver/change_state', request).success
+    assert system.services.change_state('driver', transition)
 
 
 def wait_for_more(system: System) -> None:
@@ -117,10 +115,15 @@ def test_each_state_of_the_life_cycle(system: System) -> None:
     change(system, Transition.TRANSITION_ACTIVATE)
     system.wait_for_status(STATUS, DiagnosticStatus.WARN, STOPPED)
     assert not system.frames
-    # Configuring it anew starts the sensor, for a driver is there to read it.
+    # Configuring it anew starts the sensor, for a driver is there to read it; also while the cable
+    # is out.
+    system.stop('sensor')
     change(system, Transition.TRANSITION_DEACTIVATE)
     change(system, Transition.TRANSITION_CLEANUP)
+    system.wait_for_status(STATUS, DiagnosticStatus.WARN, 'not configured')
     change(system, Transition.TRANSITION_CONFIGURE)
+    system.wait_for_status(STATUS, DiagnosticStatus.ERROR, 'does not exist')
+    plug(system)
     change(system, Transition.TRANSITION_ACTIVATE)
     wait_for_more(system)
     change(system, Transition.TRANSITION_ACTIVE_SHUTDOWN)
