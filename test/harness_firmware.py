@@ -66,6 +66,20 @@ def compile_firmware(directories: pytest.TempPathFactory) -> Path:
     return build
 
 
+def printed(*command: str | Path, **environment: str) -> str:
+    """Return what a command prints, which must end well."""
+    ended = subprocess.run(
+        command,
+        capture_output=True,
+        text=True,
+        check=False,
+        timeout=TIME_LIMIT_S,
+        env={**os.environ, **environment},
+    )
+    assert ended.returncode == 0, ended.stdout + ended.stderr
+    return ended.stdout
+
+
 def run_host(program: Path, *arguments: object, given: str = '', **environment: str) -> bytes:
     """Run a compiled sketch; return its output, and fail if a sanitizer complains."""
     ended = subprocess.run(

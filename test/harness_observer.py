@@ -9,6 +9,8 @@ from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from harness import PATIENCE_S
+from lifecycle_msgs.msg import Transition
+from lifecycle_msgs.srv import ChangeState
 from rcl_interfaces.msg import Parameter as ParameterMsg
 from rcl_interfaces.msg import ParameterDescriptor, ParameterValue, SetParametersResult
 from rcl_interfaces.srv import DescribeParameters, GetParameters, ListParameters, SetParameters
@@ -126,6 +128,11 @@ class Services:
 
     def trigger(self, service: str) -> Trigger.Response:
         return self.call(Trigger, service, Trigger.Request())
+
+    def change_state(self, node: str, transition: int) -> bool:
+        """Return whether a node with a life cycle made a transition."""
+        request = ChangeState.Request(transition=Transition(id=transition))
+        return bool(self.call(ChangeState, f'{node}/change_state', request).success)
 
     def names(self, node: str) -> set[str]:
         """Return the names of a node's parameters, but for those that every node has."""

@@ -5,7 +5,6 @@
 import os
 import subprocess
 import sys
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -60,19 +59,6 @@ def test_numbers_that_do_not_fit_are_refused(tmp_path: Path, storage: Storage) -
         with pytest.raises(ValueError, match='signal has shape'):
             writer.write(Frame(**{**vars(frames[0]), 'signal': np.zeros(3, np.float32)}))
         writer.write(frames[1])
-    assert equal(read_frames(tmp_path / 'bag'), frames)
-
-
-@both_storages
-def test_ctrl_c_does_not_cost_what_was_written(tmp_path: Path, storage: Storage) -> None:
-    frames = make_frames(5)
-
-    def interrupted() -> Iterator[Frame]:
-        yield from frames
-        raise KeyboardInterrupt
-
-    with pytest.raises(KeyboardInterrupt):
-        write_bag(tmp_path / 'bag', interrupted(), storage)
     assert equal(read_frames(tmp_path / 'bag'), frames)
 
 

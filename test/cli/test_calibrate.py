@@ -28,29 +28,6 @@ def bag_of(path: Path, seconds: float = 12.0, **content: Any) -> str:
     return str(path / 'bag')
 
 
-def test_what_is_not_read_by_default_is_read_after_calibration(
-    tmp_path: Path, capsys: Output
-) -> None:
-    slow = {**MARKER, 'bit_period': '60 ms'}
-    bag = bag_of(tmp_path, 20, sensor={**SENSOR, 'period': '30 ms'}, markers=[slow])
-    assert main(['decode', bag]) == 3
-    printed = capsys.readouterr()
-    assert printed.out == ''
-    assert 'bits of 60.0 ms, not of 42.0 ms: set bit_period to 0.0600' in printed.err
-    output = tmp_path / 'out'
-    assert main(['calibrate', bag, '--distance', '0.91 m', '-o', str(output)]) == 0
-    page = (output / 'calibration.md').read_text()
-    assert 'ID 2816 was read' in page
-    assert (output / 'calibration.png').read_bytes()[:4] == b'\x89PNG'
-    file = yaml.safe_load((output / 'calibration.yaml').read_text())
-    values = file['/**/detector']['ros__parameters']
-    assert values['bit_period'] == pytest.approx(0.06, rel=1e-3)
-    assert all(isinstance(value, float) for value in values.values()), values
-    capsys.readouterr()
-    assert main(['decode', bag, '--json', '--params', str(output / 'calibration.yaml')]) == 0
-    assert len(capsys.readouterr().out.splitlines()) >= 10
-
-
 def test_a_bag_without_markers_is_an_exit_code_of_its_own(tmp_path: Path, capsys: Output) -> None:
     bag = bag_of(tmp_path, markers=[])
     assert main(['calibrate', bag, '-o', str(tmp_path / 'out')]) == 3

@@ -35,22 +35,6 @@ def wait(done: Callable[[], object], what: str) -> None:
         time.sleep(0.005)
 
 
-def descendants(pid: int) -> set[int]:
-    """Return the children of a process, and theirs, that have not ended."""
-    children: dict[int, set[int]] = {}
-    for stat in Path('/proc').glob('[0-9]*/stat'):
-        try:
-            state, parent = stat.read_text().rpartition(')')[2].split()[:2]
-        except (FileNotFoundError, ProcessLookupError):
-            continue
-        if state != 'Z':
-            children.setdefault(int(parent), set()).add(int(stat.parent.name))
-    found, new = set(), {pid}
-    while new := {child for one in new for child in children.get(one, ())}:
-        found |= new
-    return found
-
-
 def lives(pid: int) -> bool:
     try:
         return 'State:\tZ' not in Path(f'/proc/{pid}/status').read_text()
@@ -98,16 +82,6 @@ def test_what_was_unpacked_goes_with_a_command_that_is_ended(tmp_path: Path) -> 
         process.send_signal(signal.SIGTERM)
     assert process.returncode == 128 + signal.SIGTERM
     assert not list(unpacked.iterdir())
-
-
-def test_processes_of_the_demo_end_with_it() -> None:
-    pytest.importorskip('rclpy', reason='needs ROS 2')
-    pytest.importorskip('retrolidar_ros.msg', reason='needs the messages: colcon build')
-    with subprocess.Popen([*PROGRAM, 'demo', 'coffee'], stdout=subprocess.DEVNULL) as process:
-        wait(lambda: len(descendants(process.pid)) >= 3, 'emulator, driver and detector')
-        children = descendants(process.pid)
-        process.send_signal(signal.SIGTERM)
-    wait(lambda: not any(map(lives, children)), 'their end')
 
 
 ABSENT = (

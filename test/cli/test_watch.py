@@ -84,12 +84,6 @@ def test_a_log_has_a_line_a_second(port: Path, capsys: Output) -> None:
     assert 'last ID' in lines[-1]
 
 
-def test_a_zone_that_is_not_there_ends_it(port: Path, capsys: Output) -> None:
-    assert main(['watch', str(port), '--zone', '20']) == 2
-    expected = 'retrolidar: --zone 20: the sensor has 4x4 zones, 0 to 15\n'
-    assert capsys.readouterr().err == expected
-
-
 @pytest.mark.parametrize('request_to_end', [signal.SIGINT, signal.SIGTERM])
 def test_a_terminal_shows_ids_and_is_restored(port: Path, request_to_end: signal.Signals) -> None:
     master, slave = pty.openpty()

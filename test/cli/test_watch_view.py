@@ -2,7 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The picture of `retrolidar watch`."""
 
-import re
 from dataclasses import replace
 
 import numpy as np
@@ -12,7 +11,6 @@ from test_watch_state import ID, SCENE, frame, watch_of
 
 from retrolidar_ros.cli.watch_view import (
     BRIGHT,
-    COLUMNS,
     DARK,
     ERASED,
     ROWS,
@@ -24,8 +22,6 @@ from retrolidar_ros.cli.watch_view import (
     screen,
 )
 from retrolidar_ros.detector.blinking import NewestBits
-from retrolidar_ros.detector.budget import Demands
-from retrolidar_ros.detector.likelihood_detector import Candidate, Reason
 from retrolidar_ros.marker.code import PACKET_BITS, packet
 from retrolidar_ros.scene import Simulation
 from retrolidar_ros.sensor.frame import ZoneGrid
@@ -55,13 +51,6 @@ def test_zones_lie_as_seen_from_the_sensor(grid: ZoneGrid, columns: int) -> None
     assert len({len(text) for text in lines if text.count('│') == grid.columns - 1}) == 1
 
 
-@pytest.mark.parametrize('grid', [ZoneGrid(), ZoneGrid(8, 8)])
-def test_the_chosen_zone_is_marked_and_its_bar_is_full(grid: ZoneGrid) -> None:
-    text = '\n'.join(screen(snapshot(grid, 9)))
-    assert re.findall(r'>(\d+) +(█+) ', text) == [('9', '█' * (10 if grid.rows == 4 else 3))]
-    assert text.count('█') == (10 if grid.rows == 4 else 3)
-
-
 def bits_of(hard: NDArray[np.uint8], first: int) -> NewestBits:
     signal = np.where(hard == 1, 10.0, 110.0)
     return NewestBits(signal, 10.0, 110.0, 20.0, ID, 0.9, first)
@@ -87,26 +76,6 @@ def test_bits_are_drawn_dark_and_turned_into_the_packet() -> None:
     assert bits_of(wrong, 0).differing == 1
 
 
-@pytest.mark.parametrize(
-    ('reason', 'text'),
-    [
-        (Reason.EVIDENCE, 'evidence 20.5 of 28.0 nats'),
-        (Reason.NOT_A_WORD, 'not a word, 41.5 nats, 8.0 allowed'),
-        (Reason.MARGIN, 'margin 3.5 of 6.9 nats'),
-        (Reason.ERASED, 'erased'),
-    ],
-)
-def test_how_far_the_last_candidate_was_from_being_read(reason: Reason, text: str) -> None:
-    known = replace(
-        snapshot(ZoneGrid()),
-        rejected={reason.value: 3},
-        last_rejected=Candidate(77, 9, 1, reason, 0, 0.042, 20.5, 41.5, 3.5),
-        demands=Demands(28.0, 6.0, 8.0, 6.9, 9.2),
-    )
-    shown = '\n'.join(screen(known))
-    assert f'  rejected so far: {reason.value} 3; last ID 77: {text}\n' in shown
-
-
 @pytest.mark.parametrize('encoding', ['utf-8', 'cp437', 'ascii', 'latin-1'])
 def test_a_terminal_gets_what_its_encoding_has(encoding: str) -> None:
     known = replace(snapshot(ZoneGrid(), 9), bits=bits_of(packet(ID), 0))
@@ -115,19 +84,6 @@ def test_a_terminal_gets_what_its_encoding_has(encoding: str) -> None:
     shown.encode(encoding)
     assert (shown == text) == (encoding in ('utf-8', 'cp437'))
     assert len(set(shown)) >= len(set(text)) - 2  # a bar's half is a line, a faint shade bright
-
-
-def test_trouble_and_a_long_port_stand_in_lines_that_fit() -> None:
-    trouble = f'no permission to open /dev/{"x" * 60}; it belongs to the group dialout; retrying'
-    lines = screen(Snapshot('port', trouble, 0.0, 0, 0, 0))
-    assert max(map(len, lines)) <= 80
-    assert ' '.join(lines).endswith(f'! {trouble}')
-    assert screen(snapshot(ZoneGrid()))[0].endswith('0 damaged packets at port')
-    port = '/dev/serial/by-id/usb-STMicroelectronics_STM32_STLink_0672FF-if02'
-    head = screen(replace(snapshot(ZoneGrid()), port=port))[0]
-    assert head.startswith('47.6 frames/s, 100 frames, 0 lost, 0 damaged packets at ...')
-    assert head.endswith('_0672FF-if02')
-    assert len(head) == COLUMNS
 
 
 def test_a_picture_that_is_cut_says_what_size_it_needs() -> None:

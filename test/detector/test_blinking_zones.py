@@ -6,7 +6,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from harness_frames import recording_of
 
 from retrolidar_ros.detector.blinking_zones import blinking_zones
 from retrolidar_ros.scene import Simulation, parse_scene
@@ -45,10 +44,3 @@ def test_stamps_that_do_not_go_on_have_no_bits(steps_s: list[float]) -> None:
     odd = replace(recording, stamp_ns=10**12 + np.concatenate([[0], np.cumsum(steps_ns)]))
     with np.errstate(all='raise'):
         assert all(not zone.periods for zone in blinking_zones(odd, NoiseLaw()))
-
-
-def test_noise_does_not_blink() -> None:
-    rng = np.random.default_rng(3)
-    stamp_ns = 21_000_000 * np.arange(900)
-    signal = 30 + NoiseLaw().variance(np.array(30.0)) ** 0.5 * rng.standard_normal((900, 16))
-    assert blinking_zones(recording_of(stamp_ns, signal), NoiseLaw()) == []

@@ -2,7 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Whatever the core is given: no fault, no memory taken, no state but its own; on any processor."""
 
-import os
 import re
 import subprocess
 import sys
@@ -10,7 +9,7 @@ from pathlib import Path
 
 import pytest
 from harness_core import PROGRAMS, SOURCES, compile_core
-from harness_firmware import TIME_LIMIT_S, need
+from harness_firmware import TIME_LIMIT_S, need, printed
 
 STRICT = ['-std=c99', '-Wall', '-Wextra', '-Wpedantic', '-Wconversion', '-Wshadow', '-Werror']
 RUNS = ((0, 7, 200), (1140, 1, 1200))
@@ -38,20 +37,6 @@ def test_frames_of_garbage_do_no_harm(tmp_path_factory: pytest.TempPathFactory) 
     # Else it would have seen little of the core.
     assert candidates > 300
     assert read > 10
-
-
-def printed(*command: str | Path, **environment: str) -> str:
-    """Return what a command prints, which must end well."""
-    ended = subprocess.run(
-        command,
-        capture_output=True,
-        text=True,
-        check=False,
-        timeout=TIME_LIMIT_S,
-        env={**os.environ, **environment},
-    )
-    assert ended.returncode == 0, ended.stdout + ended.stderr
-    return ended.stdout
 
 
 def test_memory_is_taken_at_creation_only(tmp_path_factory: pytest.TempPathFactory) -> None:

@@ -1,6 +1,5 @@
 # Copyright 2026 retrolidar_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-import json
 from collections.abc import Iterable, Iterator
 from dataclasses import replace
 
@@ -12,7 +11,6 @@ from retrolidar_ros.detector import METHODS
 from retrolidar_ros.detector.decoding import Decoding
 from retrolidar_ros.detector.detection import Detection
 from retrolidar_ros.detector.parameters import defaults
-from retrolidar_ros.detector.text import TEXT_HEADER, to_json, to_text
 from retrolidar_ros.sensor.frame import Frame, ZoneGrid
 
 
@@ -50,23 +48,3 @@ def test_detections_come_before_the_last_frame() -> None:
     source = iter(frames(10.0))
     assert next(detect(source, METHODS[0])).id == ID
     assert len(list(source)) > 200
-
-
-@pytest.mark.parametrize('method', METHODS)
-def test_a_detection_is_json_or_a_line_below_its_header(method: str) -> None:
-    detection = next(detect(frames(), method))
-
-    def refuse(word: str) -> None:
-        pytest.fail(f'{word} is no JSON')
-
-    said = json.loads(to_json(detection), parse_constant=refuse)
-    assert said['bit_period'] == pytest.approx(0.042, rel=0.003)
-    assert said['start'] < said['stamp'] < said['end']
-    if method == 'paper':  # what it does not measure is null
-        assert said['evidence'] is said['decision_margin'] is None
-    else:
-        assert said['evidence'] > 28
-        assert said['decision_margin'] > 6
-    line = to_text(detection)
-    assert line.index(f' {ID} ') == TEXT_HEADER.index(' id ') - 2
-    assert line.rindex('  ') + 2 == TEXT_HEADER.index('zones')

@@ -3,9 +3,7 @@
 """Another sensor and another packet: a struct and a header are all that differs."""
 
 import json
-import os
 import shutil
-import subprocess
 import sys
 import sysconfig
 from pathlib import Path
@@ -13,16 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from harness_core import PROGRAMS, SOURCES
-from harness_firmware import TIME_LIMIT_S, need
-
-
-def run(*command: str | Path) -> str:
-    """Return what a command prints, which must end well."""
-    ended = subprocess.run(
-        command, capture_output=True, text=True, check=False, timeout=TIME_LIMIT_S, env=os.environ
-    )
-    assert ended.returncode == 0, ended.stdout + ended.stderr
-    return ended.stdout
+from harness_firmware import need, printed
 
 
 def test_8x8_zones_at_15_hz_and_a_packet_of_27_bits_are_read_by_the_same_core(
@@ -32,11 +21,12 @@ def test_8x8_zones_at_15_hz_and_a_packet_of_27_bits_are_read_by_the_same_core(
     core, made = tmp_path / 'core', tmp_path / '_core.so'
     shutil.copytree(SOURCES.parent, core)
     shutil.copy(PROGRAMS / 'other_packet.h', core / 'src' / 'retrolidar_packet_format.h')
-    run(sys.executable, core / 'binding.py', tmp_path / '_core.c')
+    printed(sys.executable, core / 'binding.py', tmp_path / '_core.c')
     include = (f'-I{core / "src"}', f'-I{sysconfig.get_paths()["include"]}')
     sources = (tmp_path / '_core.c', *(core / 'src').glob('*.c'))
-    run('cc', '-std=c99', '-shared', '-fPIC', '-O1', *include, *sources, '-lm', '-o', made)
-    found, by_another_model = run(sys.executable, PROGRAMS / 'other_packet.py', made).splitlines()
+    printed('cc', '-std=c99', '-shared', '-fPIC', '-O1', *include, *sources, '-lm', '-o', made)
+    said = printed(sys.executable, PROGRAMS / 'other_packet.py', made)
+    found, by_another_model = said.splitlines()
     detections = json.loads(found)
     # ID, zone and start of the three that are sent once.
     assert {(one[0], one[3], round(one[2], 1)) for one in detections if one[0] != 500} == {

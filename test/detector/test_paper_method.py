@@ -22,10 +22,8 @@ from numpy.typing import NDArray
 
 from retrolidar_ros.detector import create_detector
 from retrolidar_ros.detector.paper.stages import (
-    fit_packets,
     fit_preamble,
     silent_level,
-    threshold_bits,
 )
 from retrolidar_ros.marker.code import PREAMBLE, packet
 from retrolidar_ros.scene import Scene
@@ -152,29 +150,8 @@ def test_preamble_fit_is_the_papers_equations(rng: np.random.Generator) -> None:
     assert fit_preamble(np.zeros((14, 1)), np.zeros(1)).likelihood.tolist() == [0.0]
 
 
-def test_bits_are_decided_by_the_nearer_level(rng: np.random.Generator) -> None:
-    signal = rng.uniform(0, 30, (62, 4))
-    d, c = rng.uniform(20, 30, 4), rng.uniform(-20, -5, 4)
-    level = (signal[::2] + signal[1::2]) / 2
-    nearer_to_dark = np.abs(level - d) > np.abs(level - (d + c))
-    np.testing.assert_array_equal(threshold_bits(signal, d, c).T, nearer_to_dark)
-
-
 def sent(numbers: NDArray[np.int64], bright: float, dark: float) -> Floats:
     return np.repeat(np.where(packet(numbers), dark, bright), 2, axis=-1).T.astype(np.float64)
-
-
-def test_packet_fit_measures_amplitude_correlation_and_noise(rng: np.random.Generator) -> None:
-    some = np.array([5, 700, 4000])
-    clean = fit_packets(sent(some, 30.0, 10.0), some)
-    assert clean.amplitude == pytest.approx([20.0] * 3)
-    assert clean.score == pytest.approx([1.0] * 3)
-    many = np.repeat(some, 300)
-    noisy = fit_packets(sent(many, 30.0, 10.0) + 2.0 * rng.standard_normal((62, 900)), many)
-    assert noisy.snr_db.mean() == pytest.approx(20.0, abs=0.2)
-    assert noisy.amplitude.mean() == pytest.approx(20.0, abs=0.1)
-    upside_down = fit_packets(sent(some, 10.0, 30.0), some)
-    assert upside_down.score == pytest.approx([-1.0] * 3)
 
 
 def test_silent_level_is_the_mean_before_a_marker_wakes(rng: np.random.Generator) -> None:

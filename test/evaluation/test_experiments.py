@@ -7,19 +7,13 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import pytest
 
 from evaluation.__main__ import main
-from evaluation.bench.disturbances import FAMILY
 from evaluation.bench.stresses import LABORATORY, PANELS
-from evaluation.experiments import false_ids, peers, roc
+from evaluation.experiments import false_ids, peers
 from evaluation.experiments.paper_sweeps import SWEEPS
 from evaluation.experiments.registry import EXPERIMENTS, run_experiment
-from evaluation.peers import visual_markers
-from evaluation.peers.visual_markers import QR, find_readers
-from retrolidar_ros.detector import create_detector
-from retrolidar_ros.scene.reference import SENSOR
 
 # So small that all run in seconds, by the module that has a size.
 TINY: dict[str, dict[str, Any]] = {
@@ -81,33 +75,6 @@ def test_an_experiment_runs(name: str, tmp_path: Path, monkeypatch: pytest.Monke
     assert lines
     assert not end
     assert len({line.count(' | ') for line in lines if not line.startswith('|---')}) == 1
-
-
-def test_peers_name_what_is_left_out(monkeypatch: pytest.MonkeyPatch) -> None:
-    kept = [reader for reader in find_readers()[0] if reader.name != QR]
-    monkeypatch.setattr(visual_markers, 'find_readers', lambda: (kept, {QR: 'no zbar here'}))
-    sweeps = TINY['experiments.peers']['_SWEEPS']
-    monkeypatch.setattr(peers, '_SWEEPS', {key: sweeps[key] for key in ('3 cm', '1 cm')})
-    monkeypatch.setattr(peers, '_QUICK_PICTURES', 2)
-    figures = peers.run(np.random.default_rng(1), quick=True)
-    assert figures['missing'] == {QR: 'no zbar here'}
-    assert peers.end(figures, '3 cm', QR) is None
-    assert peers.claims(figures)['qr'].default == '–'
-
-
-def test_a_higher_threshold_of_paper_keeps_those_of_higher_likelihood() -> None:
-    """One run with a low threshold serves for all, as `roc` has it."""
-    (hands,) = (member for member in FAMILY if member.name == 'hands')
-    seen = {
-        least: roc.watch(
-            create_detector('paper', SENSOR.grid, likelihood_threshold=least),
-            hands.blocks(180.0, np.random.default_rng(4)),
-        )
-        for least in (0.1, 0.4)
-    }
-    kept = sum(one.likelihood >= 0.4 for one in seen[0.1])
-    assert len(seen[0.4]) > 50
-    assert kept == pytest.approx(len(seen[0.4]), rel=0.1)
 
 
 def test_hours_without_a_marker_add_up_from_run_to_run(

@@ -2,20 +2,17 @@
 # SPDX-License-Identifier: Apache-2.0
 import math
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from evaluation.bench.disturbances import (
     BLOCK_FRAMES,
     FAMILY,
     Member,
-    restless_blocks,
 )
 from evaluation.bench.judging import BOTH, judged
-from evaluation.bench.recordings import SILENCE_BITS, record, snr_db
+from evaluation.bench.recordings import SILENCE_BITS, record
 from evaluation.bench.stresses import PLAIN, STRESSES, Stress
 from evaluation.experiments.moving import across
 from evaluation.experiments.time_to_id import (
@@ -27,9 +24,7 @@ from evaluation.experiments.time_to_id import (
 )
 from retrolidar_ros.marker.code import BIT_PERIOD_S, PACKET_BITS, packet
 from retrolidar_ros.marker.dictionary import USABLE_IDS
-from retrolidar_ros.scene.marker_budget import needed_swing
 from retrolidar_ros.scene.reference import SENSOR, WALL_SIGNAL
-from retrolidar_ros.sensor.frame import Recording
 from retrolidar_ros.sensor.model import Status
 
 
@@ -42,11 +37,6 @@ def test_a_stress_gives_the_same_possible_frames_again(stress: Stress) -> None:
     assert len(set(first.ids.tolist())) == first.recording.grid.zones
     if first.seconds is not None:
         assert (first.seconds != first.ids).all()
-
-
-@pytest.mark.parametrize('strength_db', [-2.0, 6.0, 20.0])
-def test_a_link_is_as_strong_as_asked(strength_db: float) -> None:
-    assert snr_db(needed_swing(strength_db)) == pytest.approx(strength_db)
 
 
 def test_lone_packets_come_after_silence_and_end_before_the_recording() -> None:
@@ -110,54 +100,6 @@ def test_a_marker_is_identified_no_sooner_than_a_word_after_it_came_into_view() 
     # Seven bits of the preamble and twelve of the ID.
     assert times_s.min() > 19 * BIT_PERIOD_S
     assert wrong <= 1  # a packet that comes into view half sent may look like another
-
-
-# Hands that never rest
-
-DURATION_S = 600.0
-TARGET = (Status.VALID, Status.NO_PREVIOUS_TARGET)
-
-
-@pytest.fixture(scope='module')
-def blocks() -> list[Recording]:
-    return list(restless_blocks(DURATION_S, np.random.default_rng(0)))
-
-
-def joined(blocks: list[Recording], field: str) -> NDArray[Any]:
-    return np.concatenate([getattr(block, field) for block in blocks])
-
-
-def test_steps_of_the_signal_are_those_of_a_moving_hand(blocks: list[Recording]) -> None:
-    signal = joined(blocks, 'signal').astype(np.float64)
-    seen = np.isin(joined(blocks, 'status'), TARGET) & (signal > 0)
-    both = seen[1:] & seen[:-1]
-    ratios = np.abs(np.log(signal[1:][both] / signal[:-1][both]))
-    quantiles = np.quantile(ratios, [0.5, 0.9, 0.99, 0.999])
-    assert quantiles == pytest.approx([0.10, 0.41, 1.40, 3.08], rel=0.15)
-
-
-def test_targets_vanish_and_come_back(blocks: list[Recording]) -> None:
-    lost_of = kept_of = back_of = gone_of = 0
-    for block in blocks:
-        seen = np.isin(block.status, TARGET)
-        seen = seen[:, seen.any(axis=0)]
-        lost_of += np.count_nonzero(seen[:-1] & ~seen[1:])
-        kept_of += np.count_nonzero(seen[:-1])
-        back_of += np.count_nonzero(~seen[:-1] & seen[1:])
-        gone_of += np.count_nonzero(~seen[:-1])
-    assert lost_of / kept_of == pytest.approx(0.04, rel=0.05)
-    assert back_of / gone_of == pytest.approx(0.12, rel=0.05)
-
-
-def test_statuses_say_why(blocks: list[Recording]) -> None:
-    status = joined(blocks, 'status')
-    codes, counts = np.unique(status, return_counts=True)
-    assert codes.tolist() == [4, Status.VALID, Status.SIGNAL_TOO_LOW, 10, Status.NO_TARGET]
-    invalid = counts[[0, 2, 4]]
-    assert invalid[2] > 0.75 * invalid.sum()
-    nothing = status == Status.NO_TARGET
-    assert (joined(blocks, 'signal')[nothing] == 0).all()
-    assert (np.isnan(joined(blocks, 'distance')) == nothing).all()
 
 
 def test_bits_that_tell_ids_apart() -> None:

@@ -14,7 +14,6 @@ from evaluation.bench.room_markers import (
     MOTIONS,
     SENDINGS,
     Course,
-    foreign_edges,
     foreign_marker,
     own_marker,
 )
@@ -24,9 +23,8 @@ from retrolidar_ros.detector import Detection, create_detector
 from retrolidar_ros.marker.code import BIT_PERIOD_S, PACKET_BITS, packet
 from retrolidar_ros.marker.dictionary import USABLE_IDS
 from retrolidar_ros.scene import Scene
-from retrolidar_ros.scene.description import Marker, Surface
-from retrolidar_ros.scene.reference import RESPONSE, SENSOR, WALL_SIGNAL
-from retrolidar_ros.scene.transmission import Transmission, exposure_edges
+from retrolidar_ros.scene.description import Surface
+from retrolidar_ros.scene.reference import SENSOR, WALL_SIGNAL
 from retrolidar_ros.sensor.frame import Recording
 
 PACKET_S = PACKET_BITS * BIT_PERIOD_S
@@ -113,27 +111,6 @@ def test_what_is_said_to_be_sent_is_in_the_light() -> None:
     assert all(one.end_s > DURATION_S - 3 for one in partial[1:])
 
 
-def test_a_marker_that_repeats_is_that_of_a_scene() -> None:
-    (marker,) = one_marker().markers
-    middle_s = 0.021 * np.arange(1, 500)
-    known = Marker(int(marker.ids[0]), (0.0, 0.0, 1.0), start_s=0.0, response=RESPONSE)
-    expected = Transmission.of(known).mean(exposure_edges(middle_s + 0.4, 0.021))
-    edges_s = exposure_edges(middle_s, 0.021)
-    np.testing.assert_allclose(marker.transmission(edges_s), expected, atol=1e-9)
-
-
-def test_a_marker_is_dark_while_it_is_not_there() -> None:
-    room = one_marker()
-    marker = replace(room.markers[0], present_s=(5.0, 11.0))
-    simulation, recording = simulated(replace(room, markers=(marker,)))
-    there = recording.signal[:, 5] > 50
-    time_s = 1e-9 * recording.stamp_ns
-    assert (time_s[there].min(), time_s[there].max()) == pytest.approx((5.0, 11.0), abs=0.3)
-    sent = packets_of(simulation)
-    assert (sent[0].start_s, sent[-1].end_s) == (5.0, 11.0)
-    assert [one.whole for one in sent] == [False, True, True, True, False]
-
-
 def test_a_plain_room_is_read_fully() -> None:
     result = scored(one_marker())
     whole = [read for one, read in zip(result.sent, result.read, strict=True) if one.whole]
@@ -192,16 +169,6 @@ def test_whatever_a_foreign_marker_is_read_as_is_wrong() -> None:
     assert result.readings
     assert {one.near for one in result.wrong} == {'period'}
     assert len(result.wrong) == len(result.readings)
-
-
-def test_another_preamble_makes_no_packet() -> None:
-    rng = np.random.default_rng(2)
-    for _ in range(3):
-        _, levels = foreign_edges('preamble', BIT_PERIOD_S, 0.0, 10.0, rng)
-        bits = 1 - levels[:PACKET_BITS]
-        turned = np.array([np.roll(bits, turn) for turn in range(PACKET_BITS)])
-        distance = (turned[:, None] != packet(USABLE_IDS)).sum(axis=-1)
-        assert distance.min() >= 4
 
 
 def test_sums_are_those_of_their_cells() -> None:

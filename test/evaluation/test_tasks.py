@@ -9,9 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from evaluation.bench.places import (
-    held,
     markers_at,
-    place_error,
     random_pose,
     read_live,
     rotation,
@@ -19,13 +17,10 @@ from evaluation.bench.places import (
     to_sensor,
     to_world,
     view_from,
-    yaw_of,
 )
-from evaluation.experiments import coffee, drone
-from retrolidar_ros.detector.place import place, zone_bearing
+from evaluation.experiments import coffee
 from retrolidar_ros.scene import Scene, Simulation
 from retrolidar_ros.scene.files import load_scene
-from retrolidar_ros.scene.optics import position_at
 from retrolidar_ros.sensor.frame import Floats, ZoneGrid
 from retrolidar_ros.tasks.reading import SensorPose
 
@@ -44,21 +39,6 @@ def test_to_the_sensor_and_back_is_the_identity(yaw: float, pitch: float, roll: 
     assert np.linalg.det(pose.rotation) == pytest.approx(1)
     seen_m = to_sensor(pose, markers_at(WORLD))
     assert to_world(pose, seen_m) == pytest.approx(markers_at(WORLD))
-
-
-def test_a_sensor_that_turns_right_sees_what_is_ahead_on_its_left() -> None:
-    here, ahead, quarter = at(0, 0, 0), at(0, 0, 1), math.pi / 2
-    right = SensorPose(here, rotation(quarter, 0, 0))
-    up = SensorPose(here, rotation(0, quarter, 0))
-    assert to_sensor(right, ahead) == pytest.approx([-1, 0, 0])
-    # y is down: looking up leaves it below.
-    assert to_sensor(up, ahead) == pytest.approx([0, 1, 0])
-
-
-def test_yaw_is_the_angle_by_which_a_marker_faces_away() -> None:
-    marker_m = at(0, 0, 1)
-    assert yaw_of(marker_m, SensorPose(at(0, 0, 0.5), rotation(1, 2, 3))) == pytest.approx(0)
-    assert yaw_of(marker_m, SensorPose(at(0, 1, 0), NO_TURN)) == pytest.approx(math.pi / 4)
 
 
 def test_all_are_seen_within_the_border_and_in_zones_of_their_own() -> None:
@@ -97,20 +77,6 @@ def test_the_hand_sees_all_from_every_place() -> None:
         assert {zone for one in scene.surfaces for zone in one.zones or ()} == set(range(16))
 
 
-def test_errors_of_a_place() -> None:
-    found = place(zone_bearing(5, ZoneGrid()), 1.5, 0.002)
-    right = place_error(found, found.position_m)
-    assert right[:2] == pytest.approx((0, 0), abs=1e-6)
-    assert right.squared_distance == pytest.approx(0, abs=1e-6)
-    farther = place_error(found, found.position_m * 1.53 / 1.5)
-    assert farther.range_m == pytest.approx(-0.03)
-    assert farther.position_m == pytest.approx(0.03)
-    share = held([0.1, 7.0, 9.0])
-    assert share is not None
-    assert (share['hits'], share['trials']) == (2, 3)
-    assert held([]) is None
-
-
 def test_frames_one_by_one_give_each_reading_as_soon_as_all_of_it_was_seen() -> None:
     recording = Simulation(WORLD).run(4)
     readings = list(read_live('joint', recording))
@@ -121,15 +87,6 @@ def test_frames_one_by_one_give_each_reading_as_soon_as_all_of_it_was_seen() -> 
         assert 0 <= known_ns - detection.end_ns < 0.5e9
 
 
-def test_what_is_off_by_a_centimetre_is_looked_at_again() -> None:
-    rng = np.random.default_rng(1)
-    drawn = (rng.random((20_000, 3)) > 0.36).tolist()
-    task = coffee.task_s([0.0], drawn, rng, 20_000)
-    assert task['cycles'] == pytest.approx(2.7, abs=0.05)  # paper §7.1
-    assert task['mean_s'] == pytest.approx(8.1, abs=0.15)
-    assert coffee.task_s([1.0], [[True] * 3], rng)['mean_s'] == pytest.approx(4.0)
-
-
 def test_objects_that_are_not_read_are_not_placed() -> None:
     rng = np.random.default_rng(2)
     pose = random_pose(WORLD, rng)
@@ -138,13 +95,3 @@ def test_objects_that_are_not_read_are_not_placed() -> None:
     time_s, errors = coffee.place_all('joint', recording, scene, pose)
     assert time_s == math.inf
     assert set(errors) == {marker.name for marker in scene.markers[:2]}
-
-
-def test_the_drone_drifts_as_fast_as_asked_and_is_hidden_as_long() -> None:
-    (marker,) = drone.flight(0.2, 0.3).markers
-    times_s = np.arange(0, 260, 0.01)
-    places_m = position_at(marker, times_s)
-    assert (np.ptp(places_m[:, :2], axis=0) > 0.2).all()
-    assert np.abs(np.diff(places_m[:, 0])).mean() / 0.01 == pytest.approx(0.2, rel=0.02)
-    assert marker.occlusion is not None
-    assert marker.occlusion.lasting_s / marker.occlusion.every_s == pytest.approx(0.3)

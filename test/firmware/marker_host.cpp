@@ -9,11 +9,6 @@
 // the comparator says that there is light.
 #include "../../firmware/marker/marker.ino"
 
-#include <cstdio>
-#include <cstdlib>
-
-#include "arduino_host.h"
-
 static uint64_t setting(const char *name)
 {
     const char *text = std::getenv(name);

@@ -8,11 +8,6 @@
 // seen while the sensor is stopped. The line is as fast as the sketch sets it, or slower by BAUD.
 #include "../../firmware/reader/reader.ino"
 
-#include <cstdio>
-#include <cstdlib>
-
-#include "arduino_host.h"
-
 static bool is_ready, sensor_ranges;
 static unsigned failures_to_start;
 static uint8_t resolution;

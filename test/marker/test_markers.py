@@ -128,16 +128,9 @@ def test_a_file_may_write_an_id_in_any_base_but_once(file: Path) -> None:
         2073: KnownMarker(2073, 'beans'),
         2096: KnownMarker(2096, 'marker_2096', '', 0.05),
     }
-    for text, complaint in (
-        (
-            'markers:\n  0x819: {}\n  2073: {}\n',
-            ' is not a YAML file: (.|\\n)*key 2073 stands here a second time',
-        ),
-        ('markers: {2073: {size: 3}}', ': markers.2073.size: 3 has no unit; write 3 m'),
-    ):
-        file.write_text(text)
-        with pytest.raises(ConfigError, match=f'^{file}{complaint}'):
-            load_markers(file)
+    file.write_text('markers:\n  0x819: {}\n  2073: {}\n')
+    with pytest.raises(ConfigError, match='key 2073 stands here a second time'):
+        load_markers(file)
 
 
 def test_the_shipped_file_names_the_markers_of_the_shipped_scenes() -> None:

@@ -3,20 +3,16 @@
 """What wakes a marker, and how long its battery lasts."""
 
 import math
-from dataclasses import replace
 
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from evaluation.experiments import marker
 from evaluation.experiments.marker import WITH_LIDAR_V
-from retrolidar_ros.marker.battery import CELL_MAH, PROTOTYPE, Currents, active_share, drawn, life_h
 from retrolidar_ros.marker.wakeup import (
     GUARD_V,
     LARGEST_ANGLE_RAD,
-    LOOK_S,
     NOISE_V,
     THRESHOLD_V,
     WAKING_S,
@@ -67,43 +63,3 @@ def test_range_and_voltage_agree(angle: float, noise_v: float, guard_v: float) -
     range_m = wakeup_range_m(noise_v + guard_v, noise_v, angle)
     assert float(voltage_v(np.array(range_m), angle, noise_v)) == pytest.approx(noise_v + guard_v)
     assert wakeup_range_m(noise_v + 2 * guard_v, noise_v, angle) < range_m
-
-
-def test_the_guard_is_that_of_sampled_noise() -> None:
-    bandwidth_hz, rng = 20e3, np.random.default_rng(2)
-    samples = round(2 * bandwidth_hz * LOOK_S)
-    looks = 16e-3 * np.sqrt((rng.standard_normal((200_000, samples)) ** 2).mean(axis=1))
-    for chance in (0.1, 0.01, 0.001):
-        found = float(np.quantile(looks, 1 - chance)) - 16e-3
-        assert marker.guard_v(bandwidth_hz, chance, 16e-3) == pytest.approx(found, rel=0.03)
-        threshold_v = 16e-3 + marker.guard_v(bandwidth_hz, chance, 16e-3)
-        woken = marker.false_per_hour(bandwidth_hz, threshold_v, 16e-3)
-        assert woken == pytest.approx(36_000 * chance)
-
-
-MONTH_H, YEAR_H = 730.5, 8766.0
-
-
-def life_at(queries: float, currents: Currents = PROTOTYPE) -> float:
-    return life_h(CELL_MAH, drawn(active_share(queries), currents).total)
-
-
-def test_two_months_hold() -> None:
-    assert 2 < life_at(1) / MONTH_H < 3
-    assert 2 < life_h(CELL_MAH, drawn(0.001).total) / MONTH_H < 3
-
-
-def test_modes_are_weighed_by_their_time() -> None:
-    # By hand: 1 % of 3.98 mA, 99 % of 1 µA, and 1.302 s of each hour with 12.7 mA.
-    means = drawn(active_share(1))
-    assert means.detection == pytest.approx(0.0398, rel=1e-3)
-    assert means.sleep == pytest.approx(0.00099, rel=1e-3)
-    assert means.active == pytest.approx(12.7 * 1.302 / 3600)
-    assert drawn(1.0) == Currents(0, 0, 12.7)
-
-
-def test_two_years_need_a_lower_active_current() -> None:
-    rare = replace(PROTOTYPE, detection=0.1)
-    assert life_at(1, rare) < 2 * YEAR_H
-    assert life_at(1, replace(rare, active=0.1)) > 2 * YEAR_H
-    assert life_h(CELL_MAH, 0.1) < life_at(1)  # a mean of 100 µA is worse than the prototype

@@ -47,7 +47,7 @@ def test_what_nobody_hears_is_not_made(tmp_path: Path, monkeypatch: pytest.Monke
 
         def pass_readings() -> None:
             """Wait for frames and readings of them that came from now on."""
-            frames, markers = len(system.frames) + 20, len(system.markers) + 3
+            frames, markers = len(system.frames) + 20, len(system.markers) + 2
             system.wait(
                 lambda: len(system.frames) > frames and len(system.markers) >= markers, 'readings'
             )

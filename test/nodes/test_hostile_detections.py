@@ -12,16 +12,14 @@ import numpy as np
 import pytest
 from diagnostic_msgs.msg import DiagnosticStatus
 from geometry_msgs.msg import PoseWithCovarianceStamped
-from harness_landmarks import CORNERS, FIXED, HAND, MUG_M, Hand, squared
+from harness_landmarks import CORNERS, HAND, MUG_M, Hand, squared
 from harness_nodes import System, running
 from harness_observer import values_of
 from std_msgs.msg import Bool
-from tf2_msgs.msg import TFMessage
 
 from retrolidar_ros.detector.place import place, zone_bearing
 from retrolidar_ros.msg import MarkerDetection
-from retrolidar_ros.nodes.conversion import to_header, to_pose, to_time, to_transform
-from retrolidar_ros.nodes.detection_subscriber import check_detection
+from retrolidar_ros.nodes.conversion import to_header, to_pose, to_time
 from retrolidar_ros.sensor.frame import Floats, ZoneGrid
 
 NODES = {
@@ -111,15 +109,6 @@ HOSTILE: dict[str, tuple[Spoil, str]] = {
 }
 
 
-@pytest.mark.parametrize(('spoil', 'reason'), HOSTILE.values(), ids=HOSTILE)
-def test_each_is_refused_for_its_reason(spoil: Spoil, reason: str) -> None:
-    message = detection()
-    check_detection(message, time.time_ns())
-    spoil(message)
-    with pytest.raises(ValueError, match=reason):
-        check_detection(message, time.time_ns())
-
-
 @pytest.fixture(scope='module')
 def hall(tmp_path_factory: pytest.TempPathFactory) -> Iterator[System]:
     with running(tmp_path_factory.mktemp('hostile'), '/hostile') as system:
@@ -169,32 +158,6 @@ def test_hostile_detections_are_counted_and_told_and_cost_nothing_else(hall: Sys
         hand.read('mug', 2107, MUG_M, np.append(corner, 0.0))
     system.wait(lambda: len(mug) > 0 and squared(mug[-1], MUG_M) < 16.27, 'the mug')
     system.wait(lambda: bool(ours) and any(one.data for one in alive), 'the others')
-
-
-def test_a_sensor_without_a_pose_in_tf_is_refused(hall: System) -> None:
-    system = hall
-    transforms = system.node.create_publisher(TFMessage, '/tf', 100)
-    markers = system.node.create_publisher(MarkerDetection, 'markers', 100)
-    system.wait(lambda: markers.get_subscription_count() == 4, 'subscribers')
-    system.wait(lambda: transforms.get_subscription_count() > 1, 'listeners of TF')
-    name = NODES['landmarks']
-
-    def refused() -> bool:
-        message = detection('jar', 2073)
-        message.header.frame_id = 'broken_frame'
-        pose = to_pose(np.array([math.nan, 0.0, 0.0]), np.array([0.0, 0.0, 0.0, 1.0]))
-        for off_s in (-0.001, 0.001):
-            stamp_ns = time.time_ns() + round(off_s * 1e9)
-            one = to_transform(to_header(stamp_ns, FIXED), 'broken_frame', pose)
-            transforms.publish(TFMessage(transforms=[one]))
-        markers.publish(message)
-        values = values_of(system.statuses[name][-1])
-        # A TF that refuses it knows no transform.
-        reasons = ('refused: the transform of the sensor is no pose',)
-        dropped = int(values['dropped without a transform'])
-        return dropped > 0 or any(reason in values for reason in reasons)
-
-    system.wait(refused, 'the reading to be refused')
 
 
 def test_a_second_marker_of_a_name_and_names_of_one_topic_are_refused(hall: System) -> None:

@@ -1,6 +1,6 @@
 # Copyright 2026 retrolidar_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""A driver at a board that runs ST's example, by the protocol for it and by another one."""
+"""A driver at a board that runs ST's example."""
 
 import re
 import threading
@@ -62,17 +62,3 @@ def test_text_is_published_as_frames_and_its_period_warned_of(system: System) ->
     found = re.search(r'sends a frame every (\d+) ms.* bit_period to ([\d.]+\d)', warning)
     assert found  # how long a busy machine takes is not to be foreseen
     assert float(found[2]) == pytest.approx(int(found[1]) * 2e-3, abs=2e-3)
-
-
-def test_text_to_a_driver_that_expects_packets_is_reported(system: System) -> None:
-    statuses = system.statuses['/text/driver: frames']
-
-    def wait_for(pattern: str) -> None:
-        system.wait(lambda: any(re.fullmatch(pattern, one.message) for one in statuses), pattern)
-
-    with Board([Zone(700)] * 16) as board:
-        system.start('driver', name='text', namespace='/text', serial_port=board.path)
-        wait_for(r'nothing comes: is the sensor started, and the baud rate right\?')
-        with printing(board):
-            wait_for(r'no frames come, but .*: another baud rate or protocol\?')
-        system.stop('text')

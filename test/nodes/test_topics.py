@@ -4,16 +4,15 @@
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
-import serial
 from diagnostic_msgs.msg import DiagnosticStatus
+from geometry_msgs.msg import PoseStamped
 from harness import PATIENCE_S, Sensor
 from harness_frames import make_frames
-from harness_nodes import FRAME_ID, System, endless, running
+from harness_nodes import FRAME_ID, System, running
 from harness_observer import values_of
 from sensor_msgs.msg import CameraInfo, Image, PointCloud2, PointField
 from visualization_msgs.msg import Marker, MarkerArray
@@ -30,12 +29,10 @@ from retrolidar_ros.nodes.conversion import (
     to_signal_image,
 )
 from retrolidar_ros.scene.description import Scene
-from retrolidar_ros.scene.emulator import PortLink
 from retrolidar_ros.scene.files import load_scene
 from retrolidar_ros.sensor.frame import Floats, Frame, valid_samples
 from retrolidar_ros.sensor.model import Status
 from retrolidar_ros.sensor.rotation import matrix_of
-from retrolidar_ros.sensor.wire import encode_frame
 
 DARK_ZONES = {0, 15}
 MARKER_FILE = 'markers: {2073: {frame: beans}, 2096: {frame: machine}, 2127: {frame: drone}}'
@@ -220,6 +217,16 @@ def test_ids_names_and_transforms_are_those_of_the_parameters(chain: Chain) -> N
     assert senders == {'/topics/detector', '/left/detector'}
 
 
+def test_poses_of_known_markers_come_by_their_names(chain: Chain) -> None:
+    with chain.system.subscribed(PoseStamped, 'poses/beans') as poses:
+
+        def is_heard() -> bool:
+            beans = [one for one in chain.readings['/topics'] if one.child_frame_id == 'beans']
+            return bool(poses) and poses[-1].pose in [one.pose.pose for one in beans]
+
+        chain.system.wait(is_heard, 'poses')
+
+
 def test_the_driver_reports_latency_clock_offset_and_abnormal_zones(chain: Chain) -> None:
     status = chain.system.next_status('driver: frames')
     values = values_of(status)
@@ -246,26 +253,3 @@ def test_the_detector_reports_the_ages_of_the_readings_of_known_markers(chain: C
     assert known.pop('drone') == 'never'
     assert all(0 <= float(age) < PATIENCE_S for age in known.values())
     assert set(ages('/mute/detector: markers')) == {'marker_2096', 'marker_2107'}
-
-
-def test_a_port_in_use_is_logged_once_and_tried_again(tmp_path: Path) -> None:
-    held, name = tmp_path / 'held', 'driver: frames'
-    packets = map(encode_frame, endless(load_scene('coffee')))
-    with running(tmp_path, '/busy') as system, PortLink(held) as port:
-        absent = f'{system.port} does not exist; is the sensor plugged in?'
-        busy = f'{system.port} is in use by another program'
-        with serial.Serial(str(held), exclusive=True):
-            system.start('driver', serial_port=system.port)
-            assert system.next_status(name).message == absent
-            system.port.symlink_to(held.readlink())
-            for _ in range(2):
-                system.wait_for_status(name, DiagnosticStatus.ERROR, busy)
-
-        def is_well() -> bool:
-            port.write(next(packets))
-            return bool(system.statuses[name][-1].level == DiagnosticStatus.OK)
-
-        system.wait(is_well, 'frames')
-        log = system.log('driver')
-        counts = [log.count(f'{one}; retrying') for one in (absent, busy)]
-        assert (counts, log.count(f'reading {system.port}')) == ([1, 1], 1)

@@ -5,8 +5,6 @@
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
-from types import SimpleNamespace
-from typing import Any
 
 import numpy as np
 import pytest
@@ -20,13 +18,11 @@ from rclpy.context import Context
 from std_msgs.msg import Bool
 from visualization_msgs.msg import MarkerArray
 
-from retrolidar_ros.detector.agreement import Agreement
 from retrolidar_ros.detector.likelihood_detector import LikelihoodDetector
-from retrolidar_ros.detector.tracks import Track, TrackCounts
+from retrolidar_ros.detector.tracks import Track
 from retrolidar_ros.msg import MarkerTrack
 from retrolidar_ros.nodes.conversion import to_ns
 from retrolidar_ros.nodes.detector import DetectorNode
-from retrolidar_ros.nodes.track_topics import TrackTopics
 from retrolidar_ros.scene.files import load_scene
 from retrolidar_ros.scene.reference import SENSOR
 from retrolidar_ros.sensor.frame import Frame, ZoneGrid
@@ -132,18 +128,21 @@ def test_tasks_may_take_tracks_for_readings(system: System) -> None:
 
 def test_a_marker_that_falls_silent_is_overdue_within_a_second(tmp_path: Path) -> None:
     """The detector lets it go within a second of frames, however late these come."""
-    scene = load_scene(str(silent_drone(tmp_path, start_s=4.0, packets=8)))
+    packets = 3
+    scene = load_scene(str(silent_drone(tmp_path, start_s=0.5, packets=packets)))
     with running(tmp_path, '/silent') as one:
         one.start('driver', serial_port=one.port)
         one.start('detector', marker_file=shared_file('config/markers.yaml'))
         one.start('heartbeat', source='tracks', overdue_after=0.45)
         alive = one.collect(Bool, 'heartbeat/alive')
         tracks = one.collect(MarkerTrack, 'tracks', RELIABLE)
+        wait_for_nodes(one)
+        one.wait(lambda: bool(one.statuses['heartbeat: markers']), 'the heartbeat')
         with Sensor(scene, one.port):
             one.wait(lambda: bool(alive) and alive[-1].data, 'life')
             one.wait(lambda: not alive[-1].data, 'silence to be noticed')
         one.wait(lambda: bool(tracks), 'the tracks that were there')
-        end_ns = to_ns(tracks[0].first) + round(8e9 * 31 * scene.markers[0].bit_period_s)
+        end_ns = to_ns(tracks[0].first) + round(packets * 31e9 * scene.markers[0].bit_period_s)
         assert to_ns(tracks[-1].header.stamp) - end_ns < 1e9
         assert 'drone is overdue' in one.log('heartbeat')
 
@@ -180,18 +179,3 @@ def test_no_track_outlives_another_frame_id_or_grid(
     frame = next(one for one in after if one.stamp_ns > [*repeating(4.0)][-1].stamp_ns)
     detector.process_frame(frame, frame_id)
     assert bool(tracks_of(detector, frame)) == goes_on
-
-
-def test_tracks_that_are_dropped_are_told(
-    detector: DetectorNode, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    told: list[str] = []
-    logger = SimpleNamespace(warning=lambda text, **_: told.append(text))
-    topics = TrackTopics(detector, str, lambda _: None, lambda _: None)
-    monkeypatch.setattr(topics, '_node', SimpleNamespace(get_logger=lambda: logger))
-    agreement, values = Agreement(1), {'tf_source': 'tracks', 'max_track_rate': 0.0}
-    for dropped in (0, 2, 2):
-        counts = TrackCounts(70, 0, dropped)
-        core: Any = SimpleNamespace(follow=lambda _: [], track_counts=counts)
-        topics.follow(core, agreement, next(iter(repeating(4.0))), FRAME_ID, values)
-    assert told == ['more than 64 markers: 2 tracks were dropped, the least certain ones']

@@ -3,16 +3,13 @@
 """The settings for RViz and Foxglove name what there is, as far as that is seen without them."""
 
 import json
-import math
 import re
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import pytest
 
-from retrolidar_ros.sensor.frame import Floats
 from retrolidar_ros.settings.parameter import declared
 from retrolidar_ros.settings.resources import shared_file
 from retrolidar_ros.settings.yaml_files import load_yaml
@@ -79,46 +76,3 @@ def test_each_display_shows_topics_of_its_type() -> None:
     for path in PANELS['Plot']['paths']:
         topic, _, field = path['value'].partition('.')
         assert (TYPES[topic], field in fields) == ('MarkerDetection', True)
-
-
-def test_foxglove_places_each_panel_once() -> None:
-    placed = re.findall(r'\w+![\w-]+', json.dumps(FOXGLOVE['layout']))
-    assert sorted(placed) == sorted(FOXGLOVE['configById'])
-
-
-def rviz_camera() -> tuple[Floats, Floats]:
-    """Return the target of the camera, and its way back from there."""
-    assert RVIZ['Global Options']['Fixed Frame'] == SENSOR
-    view = RVIZ['Views']['Current']
-    assert view['Class'] == 'rviz_default_plugins/Orbit'
-    assert abs(view['Pitch']) < math.pi / 2 - 0.001
-    pitch, yaw = view['Pitch'], view['Yaw']
-    away = [math.cos(yaw) * math.cos(pitch), math.sin(yaw) * math.cos(pitch), math.sin(pitch)]
-    target = np.array([view['Focal Point'][axis] for axis in 'XYZ'], dtype=float)
-    return target, view['Distance'] * np.array(away)
-
-
-def foxglove_camera() -> tuple[Floats, Floats]:
-    """Return the same."""
-    scene = PANELS['3D']
-    assert scene['followTf'] == SENSOR
-    assert {layer['frameId'] for layer in scene['layers'].values()} == {SENSOR}
-    camera = scene['cameraState']
-    phi, theta = math.radians(camera['phi']), -math.radians(camera['thetaOffset'])
-    away = [math.sin(phi) * math.sin(theta), -math.sin(phi) * math.cos(theta), math.cos(phi)]
-    return np.array(camera['targetOffset'], dtype=float), camera['distance'] * np.array(away)
-
-
-@pytest.mark.parametrize('camera', [rviz_camera, foxglove_camera])
-def test_it_looks_ahead_from_behind_the_sensor(
-    camera: Callable[[], tuple[Floats, Floats]],
-) -> None:
-    """An orbiting camera sees x on its right, y below, and z ahead."""
-    target, away = camera()
-    ahead = -away / np.linalg.norm(away)
-    right = np.cross(ahead, [0.0, 0.0, 1.0])
-    right /= np.linalg.norm(right)
-    assert target[2] + away[2] < 0 < target[2]
-    assert right[0] > 0.99
-    assert np.cross(ahead, right)[1] > 0.7
-    assert ahead[2] > 0.7

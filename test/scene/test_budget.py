@@ -72,14 +72,3 @@ def test_a_turned_marker_shows_less_or_nothing(capsys: Output) -> None:
     output = capsys.readouterr().out
     assert 'nothing comes back' in output
     assert 'wakes at no distance' in output
-
-
-def test_the_text_says_the_same(capsys: Output) -> None:
-    found = budget_of(capsys, '--queries', '6', '--cell', '220 mAh')
-    assert main(['budget', '--queries', '6', '--cell', '220mAh']) == 0
-    output = capsys.readouterr().out
-    assert f'{found["link"]["snr_db"]:.1f} dB' in output
-    assert f'{1e3 * found["wake_up"]["voltage_v"]:.1f} mV indoors' in output
-    assert f'220 mAh last {found["battery"]["life_h"]:.0f} h' in output
-    heads = [line[:8].strip() for line in output.splitlines() if line[0] != ' ']
-    assert heads == ['marker', 'link', 'wake-up', 'battery']

@@ -130,10 +130,6 @@ def test_all_frames_arrive_in_order_and_at_their_time(link: Path) -> None:
     assert not link.exists()
 
 
-def test_without_a_listener_frames_are_lost(link: Path) -> None:
-    assert emulate(WALL, link, 0.04) == (0, 40)
-
-
 @pytest.mark.parametrize('request_to_end', [signal.SIGINT, signal.SIGTERM])
 def test_ending_unplugs_the_sensor(
     tmp_path: Path, link: Path, request_to_end: signal.Signals

@@ -97,16 +97,6 @@ def test_an_impossible_path_leaves_no_open_terminal(tmp_path: Path) -> None:
     assert len(os.listdir('/dev/fd')) == before
 
 
-def test_packets_arrive_while_the_port_is_open_and_are_lost_otherwise(link: Path) -> None:
-    sent = make_packets(50)
-    with PortLink(link) as port:
-        for heard in (sent, [b'second']):
-            assert not port.write(b'before')
-            with listen(link) as line:
-                assert all(port.write(packet) for packet in heard)
-                assert line.read(sum(map(len, heard))) == b''.join(heard)
-
-
 def test_what_a_listener_left_unread_is_not_for_the_next(link: Path) -> None:
     reader = FrameReader()
     with PortLink(link) as port:

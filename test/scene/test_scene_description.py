@@ -13,8 +13,6 @@ from typing import Any
 import numpy as np
 import pytest
 import yaml
-from hypothesis import given
-from hypothesis import strategies as st
 
 from retrolidar_ros.scene import Scene, Simulation, parse_scene
 from retrolidar_ros.scene.optics import position_at
@@ -157,21 +155,6 @@ def test_quantity_needs_its_unit(path: Place, value: str) -> None:
     assert f'is in furlong; it needs {" or ".join(known)}' in message
 
 
-@pytest.mark.parametrize('path', [path for path, _ in LEAVES], ids=dotted)
-def test_wrong_type_names_the_key(path: Place) -> None:
-    values: list[Any] = [None, True, [], ['1 m'], {}, {'a': 1}, '', 1.5, -1, b'']
-    for value in values:
-        assert refusal(with_value(path, value)).startswith(f'{dotted(path)}: ')
-
-
-@pytest.mark.parametrize('path', list(sections(FULL)), ids=dotted)
-def test_a_section_needs_keys_with_values(path: Place) -> None:
-    values: list[Any] = [None, 5, 'text', ['a'], [], [{}]]
-    for value in values:
-        message = refusal(with_value(path, value))
-        assert message == f'{dotted(path) or "the file"}: needs keys with values, not {value!r}'
-
-
 @pytest.mark.parametrize(
     ('key', 'limits'),
     [
@@ -240,13 +223,6 @@ def test_forms_of_a_quantity() -> None:
     for text in ('ms', '1,5 ms', '0x10 ms', '1 m s', 'nan s', 'inf s', '- 5 ms', '.'):
         with pytest.raises(ConfigError, match=r'^key: .*s or ms or us'):
             quantity('time')(text, 'key')
-
-
-@given(st.sampled_from([(kind, unit) for kind in UNITS for unit in UNITS[kind]]), st.data())
-def test_units_scale(kind_and_unit: tuple[str, str], data: st.DataObject) -> None:
-    kind, unit = kind_and_unit
-    number = data.draw(st.floats(-1e6, 1e6))
-    assert quantity(kind)(f'{number!r} {unit}', 'key') == number * UNITS[kind][unit]
 
 
 def test_a_marker_on_a_path_is_where_its_waypoints_say() -> None:

@@ -25,14 +25,7 @@ def test_link_budget_of_the_paper() -> None:
     range_m = np.geomspace(0.5, 4, 50)
     slope = np.diff(np.log(received_signal(range_m, AREA_M2, 0))) / np.diff(np.log(range_m))
     assert slope == pytest.approx(-3.8)
-
-
-def test_signal_grows_linearly_with_area() -> None:
-    areas = np.linspace(1e-4, 9e-4, 9)
-    signals = [received(1.3, area) for area in areas]
-    assert signals == pytest.approx(areas / AREA_M2 * received(1.3))
-    # A bare retroreflector of 3 cm, without the crystal's loss of ¾, is 100.4 times the board's 4.
-    assert received(1.4) == pytest.approx(401.6 / 4, rel=0.01)
+    assert received(1.3, AREA_M2 / 3) == pytest.approx(received(1.3) / 3)
 
 
 def test_yaw_is_good_to_50_and_dead_from_60_degrees() -> None:
@@ -78,33 +71,6 @@ def test_shares_are_those_of_scattered_points(
     assert shares.shape == (1, grid.zones)
     # Four standard deviations of a share of one half.
     assert shares[0] == pytest.approx(by_chance(np.array(position), size, grid, blur), abs=7.1e-3)
-
-
-@pytest.mark.parametrize('grid', GRIDS)
-@pytest.mark.parametrize('blur', [0.0, 0.05])
-def test_shares_sum_to_one_within_the_field_of_view(grid: ZoneGrid, blur: float) -> None:
-    rng = np.random.default_rng(5)
-    z = rng.uniform(0.5, 3, 500)
-    edge = 2 * 0.21498 - 0.015 / z - 8 * blur * grid.pitch
-    position = np.stack([*rng.uniform(-1, 1, (2, 500)) * edge * z, z], axis=-1)
-    shares = zone_shares(position, 0.03, grid, blur)
-    assert shares.sum(axis=-1) == pytest.approx(1, abs=1e-9)
-    assert shares.min() > -1e-12
-    position[:, 0] = 2 * 0.21498 * z  # the middle of the marker on the edge of the field of view
-    assert zone_shares(position, 0.03, grid, blur).sum(axis=-1) == pytest.approx(0.5)
-    position[:, 0] += 0.016 + 8 * blur * grid.pitch * z
-    assert zone_shares(position, 0.03, grid, blur).sum(axis=-1) == pytest.approx(0, abs=1e-9)
-
-
-@pytest.mark.parametrize('grid', GRIDS)
-@pytest.mark.parametrize('blur', [0.0, 0.05, 0.3])
-def test_shares_are_continuous_across_the_edges_of_zones(grid: ZoneGrid, blur: float) -> None:
-    x = np.linspace(-0.6, 0.6, 6001)
-    position = np.stack([x, np.full_like(x, 0.013), np.ones_like(x)], axis=-1)
-    shares = zone_shares(position, 0.03, grid, blur)
-    # A step of 0.2 mm moves no more of a 30 mm marker than 1/150 of it.
-    assert np.abs(np.diff(shares, axis=0)).max() < 1 / 149
-    assert shares.max() > 0.4  # it is seen, half in the rows above and half below
 
 
 @pytest.mark.parametrize('grid', GRIDS)

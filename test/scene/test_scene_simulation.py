@@ -7,11 +7,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from harness_scene import BITS, GRID, MARKER, NOISE, RANGING, ZONE, simulate, wall
+from harness_scene import BITS, MARKER, NOISE, RANGING, ZONE, simulate, wall
 
 from retrolidar_ros.scene import Scene, Simulation
 from retrolidar_ros.scene.description import Occlusion, Sensor, Surface, Wander
-from retrolidar_ros.sensor.frame import Recording, ZoneGrid
+from retrolidar_ros.sensor.frame import Recording
 from retrolidar_ros.sensor.model import Status
 
 EVERYTHING = Scene(
@@ -195,17 +195,3 @@ def test_blocks_of_a_duration() -> None:
     blocks = list(Simulation(scene).blocks(3.0, block_frames=64))
     assert [len(block) for block in blocks] == [64, 64, 15]
     assert_same(concatenated(blocks), Simulation(scene).run(3.0))
-
-
-@pytest.mark.parametrize('grid', [GRID, ZoneGrid(8, 8)])
-def test_everything_at_once_gives_finite_frames(grid: ZoneGrid) -> None:
-    scene = replace(EVERYTHING, sensor=replace(EVERYTHING.sensor, grid=grid))
-    recording = simulate(scene, 500)
-    assert recording.signal.shape == (len(recording), grid.zones)
-    assert np.isfinite(recording.signal).all()
-    assert (recording.signal >= 0).all()
-    assert (np.isnan(recording.distance) == (recording.status == Status.NO_TARGET)).all()
-    assert (recording.ambient == 4).all()
-    for name in ('distance', 'signal', 'ambient'):
-        assert getattr(recording, name).dtype == np.float32
-    assert recording.status.dtype == np.uint8

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from harness_scene import BITS, BRIGHT, GRID, MARKER, NOISE, RANGING, ZONE, simulate
+from harness_scene import BITS, BRIGHT, GRID, MARKER, RANGING, ZONE, simulate
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
@@ -84,16 +84,6 @@ def test_occlusion_takes_its_share_of_light() -> None:
     assert signal.mean() == pytest.approx(360 * 0.9, rel=2e-3)
     assert np.isclose(signal, 360, rtol=1e-4).mean() == pytest.approx(1 - 0.071 / 0.5, abs=0.01)
     assert np.mean(signal == 0) == pytest.approx(0.029 / 0.5, abs=0.01)
-
-
-@pytest.mark.parametrize('sensor', [Sensor(), Sensor(noise=NOISE, ranging=RANGING)])
-def test_nothing_to_see_is_no_target(sensor: Sensor) -> None:
-    recording = simulate(Scene(sensor=sensor), 50)
-    assert recording.distance.shape == (50, 16)
-    assert (recording.status == Status.NO_TARGET).all()
-    assert np.isnan(recording.distance).all()
-    assert not recording.signal.any()
-    assert not recording.ambient.any()
 
 
 def test_a_surface_is_seen_in_its_zones_only() -> None:

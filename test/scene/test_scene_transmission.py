@@ -8,8 +8,8 @@ import pytest
 
 from retrolidar_ros.marker.code import packet
 from retrolidar_ros.marker.liquid_crystal import Response
-from retrolidar_ros.scene.description import Marker, Occlusion
-from retrolidar_ros.scene.transmission import Transmission, exposure_edges, visible_share
+from retrolidar_ros.scene.description import Marker
+from retrolidar_ros.scene.transmission import Transmission, exposure_edges
 from retrolidar_ros.sensor.frame import Floats
 
 RESPONSE = Response(dark_s=0.5e-3, bright_s=3.5e-3)
@@ -69,18 +69,6 @@ def test_light_is_that_of_a_crystal_stepped_through_time(marker: Marker) -> None
     assert np.abs(computed - integral).max() < error_s
 
 
-def test_a_marker_is_bright_before_its_start_and_for_ever_after_its_last_packet() -> None:
-    marker = replace(MARKER, start_s=2.0, packets=3, gap_bits=2)
-    end_s = 2.0 + 3 * 33 * BIT_S
-    silent = np.concatenate([np.arange(-5, 1.98, 0.1), np.arange(end_s + 0.05, 1e3, 0.9), [1e6]])
-    assert mean(marker, silent, 0.021) == pytest.approx(1, abs=1e-6)
-    assert mean(marker, np.array([2.0 + BIT_S / 2]), 0.02)[0] < 0.02
-    # The last bits are the gap; the first dark bit after them would be at the end.
-    assert mean(marker, np.array([end_s + BIT_S / 2]), 0.02)[0] > 0.999
-    endless = replace(marker, packets=None)
-    assert mean(endless, np.array([end_s + BIT_S / 2]), 0.02)[0] < 0.02
-
-
 @pytest.mark.parametrize('gap_bits', [0, 5])
 def test_packets_repeat_back_to_back_or_after_the_gap(gap_bits: int) -> None:
     marker = replace(MARKER, gap_bits=gap_bits)
@@ -89,17 +77,3 @@ def test_packets_repeat_back_to_back_or_after_the_gap(gap_bits: int) -> None:
     once = mean(marker, middle_s, 0.021)
     assert mean(marker, middle_s + 1000 * cycle_s, 0.021) == pytest.approx(once, abs=1e-8)
     assert np.abs(mean(marker, middle_s + BIT_S, 0.021) - once).max() > 0.9
-
-
-def test_occlusion_hides_its_share_of_each_exposure() -> None:
-    occlusion = Occlusion(every_s=1.7, lasting_s=0.06)
-    middle_s = np.random.default_rng(2).uniform(-5, 50, 500)
-    exposure_s = 0.021
-    slices_s = middle_s[:, None] + exposure_s * ((np.arange(2000) + 0.5) / 2000 - 0.5)
-    free = (slices_s % 1.7 >= 0.06).mean(axis=-1)
-    assert visible_share(occlusion, middle_s, exposure_s) == pytest.approx(free, abs=1e-3)
-    assert 0 < (free < 1).mean() < 0.1
-    long_run = visible_share(occlusion, np.array([500.0]), 1000.0)
-    assert long_run == pytest.approx(1 - 0.06 / 1.7, abs=1e-3)
-    short = Occlusion(every_s=0.005, lasting_s=0.001)
-    assert visible_share(short, np.arange(0, 1, 0.0213), 0.02) == pytest.approx(0.8)

@@ -205,19 +205,6 @@ def test_a_clock_that_drifts_is_followed() -> None:
     assert worst(errors[run.at(2)]) < 8
 
 
-def test_hours_of_frames_need_no_more_memory_than_minutes() -> None:
-    run = simulate(5400, 0.01, period_s=SLOW_PERIOD_S)
-    clock_map = ClockMap(LEAST_DELAY_S)
-    sizes = []
-    for start_s in range(0, 5400, 120):
-        part = run.only(run.at(start_s, start_s + 120))
-        errors = errors_ms(part, map_all(clock_map, part))
-        assert worst(errors[part.at(10)]) < 3 * LATER_MS
-        sizes.append(len(pickle.dumps(clock_map)))
-    assert max(sizes) < 2000
-    assert clock_map.restarts == 0
-
-
 def test_the_worst_drift_needs_no_more_memory_than_the_window() -> None:
     run = simulate(300, period_s=SLOW_PERIOD_S)
     sensor_s = run.sensor_us * 1e-6

@@ -61,17 +61,6 @@ def test_depth_per_range_is_that_of_the_sensor_and_of_a_walls_mean_range(grid: Z
     np.testing.assert_allclose(grid.z_per_range * ranges_m.mean(axis=0), 2.5, rtol=1e-3)
 
 
-@both_grids
-def test_grids_of_one_shape_are_equal(grid: ZoneGrid) -> None:
-    before = hash(grid)
-    assert grid.z_per_range is grid.z_per_range  # computed once
-    other = ZoneGrid(grid.rows, grid.columns)
-    assert grid == other
-    assert hash(other) == before == hash(grid)
-    assert GRIDS[0] != GRIDS[1]
-    assert ZoneGrid() == GRIDS[0]
-
-
 @pytest.mark.parametrize('shape', [(4, 8), (8, 4), (0, 0), (1, 16), (-4, -4), (16, 16)])
 def test_shapes_that_the_sensor_has_not(shape: tuple[int, int]) -> None:
     with pytest.raises(ValueError, match=f'{shape[0]}x{shape[1]} zones: the sensor has 4x4 or 8x8'):

@@ -3,16 +3,13 @@
 """What a sensor is told, what it answers, and what follows from that."""
 
 from concurrent.futures import ThreadPoolExecutor
-from pathlib import Path
 
 import pytest
-from harness_serial import Reading
 from harness_wire import make_frame, make_packets, reader_in_step, sequences
 
-from retrolidar_ros.scene.emulator import PortLink
 from retrolidar_ros.scene.firmware import EmulatedFirmware
 from retrolidar_ros.sensor.identity import Command, Commands, Identity, encode_identity
-from retrolidar_ros.sensor.wire import FrameReader, encode_frame, encode_packet
+from retrolidar_ros.sensor.wire import FrameReader, encode_packet
 
 RANGING = Identity('1.2.3', '000102030405060708090a0b', True)
 STOPPED = RANGING._replace(is_ranging=False)
@@ -59,22 +56,6 @@ def test_a_sensor_that_was_stopped_by_another_is_started_and_told_so_once() -> N
     assert commands.request() == START
 
 
-def test_what_was_stopped_is_stopped_again_after_the_cable_is_back() -> None:
-    commands = Commands()
-    with ThreadPoolExecutor(1) as pool:
-        asked = pool.submit(commands.ask, Command.STOP, 10.0)
-        while not (lines := commands.request()):
-            pass
-        assert lines == STOP
-        commands.take(RANGING)  # the answer to an earlier question
-        commands.take(STOPPED)
-        assert asked.result(10) is True
-    commands.restart()
-    assert commands.request() == IDENTIFY
-    commands.take(RANGING)
-    assert commands.request() == STOP
-
-
 def test_a_sensor_that_does_not_obey_or_answer() -> None:
     commands = Commands()
     with pytest.raises(TimeoutError, match='no answer to stop'):
@@ -114,25 +95,3 @@ def test_an_emulated_sensor_obeys_lines_and_nothing_else() -> None:
     assert [*passed(5), *passed(6)] == [(0, 0), (1, 21_000)]
     assert reader.feed(other.answer(IDENTIFY)) == []
     assert reader.commands.identity.serial != identity.serial
-
-
-def test_a_source_reports_who_it_reads_each_time(tmp_path: Path) -> None:
-    link = tmp_path / 'port'
-    frame = make_frame()
-    with PortLink(link) as port:
-        reading = Reading(link, 115200, FrameReader())
-        try:
-            assert reading.report() == f'reading {link}'
-            heard = b''
-            while IDENTIFY not in heard:
-                heard += port.read()
-            port.write(packet_of(RANGING) + packet_of(STOPPED))
-            assert reading.report() == f'{link}: firmware 1.2.3, serial number {RANGING.serial}'
-            while START not in heard:
-                heard += port.read()
-            port.write(packet_of(RANGING) + encode_frame(frame))
-            assert reading.frame().sequence == frame.sequence
-            assert reading.reports.empty()
-            assert reading.source.identity == RANGING
-        finally:
-            reading.end()

@@ -37,14 +37,6 @@ def test_a_quarter_turn_is_right_handed(axis: int) -> None:
     assert turned[:, last] == pytest.approx(-np.eye(3)[after])
 
 
-@pytest.mark.parametrize('axis', [0, 1, 2])
-@pytest.mark.parametrize('angle_deg', [0.0, 1e-6, 30.0, 179.999, 180.0, 181.0, 270.0])
-def test_the_quaternion_of_a_turn_is_found(axis: int, angle_deg: float) -> None:
-    quaternion = turn(axis, angle_deg)
-    found = quaternion_of(matrix_of(quaternion))
-    assert np.copysign(1.0, found @ quaternion) * found == pytest.approx(quaternion, abs=EXACT)
-
-
 @given(quaternions)
 def test_matrices_are_rotations_and_all_come_back_up_to_a_sign(quaternion: Floats) -> None:
     matrix = matrix_of(quaternion)

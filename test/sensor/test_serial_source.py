@@ -117,21 +117,6 @@ def test_a_port_that_comes_back_is_read_within_two_seconds(link: Path, read: Rea
     assert reading.source.openings == 2
 
 
-@pytest.mark.usefixtures('soon')
-def test_a_packet_cut_off_by_the_loss_does_not_cost_the_next(link: Path, read: Read) -> None:
-    with PortLink(link) as port:
-        reading = read()
-        reading.report()
-        assert port.write(PACKETS[0] + PACKETS[1][:50])
-        assert reading.sequences(1) == [0]
-    with PortLink(link) as port:
-        while reading.report() != f'reading {link}':
-            pass
-        assert port.write(PACKETS[2] + PACKETS[3])
-        assert reading.sequences(2) == [2, 3]
-    assert reading.source.reader.counts.damaged <= 1
-
-
 def test_only_what_comes_is_read_even_byte_by_byte(link: Path, read: Read) -> None:
     with PortLink(link) as port:
         other = os.open(link, os.O_RDWR | os.O_NOCTTY)

@@ -4,8 +4,6 @@
 
 import itertools
 import pickle
-import random
-import tracemalloc
 
 import pytest
 from harness_wire import ZONES, content_of, law, make_packets, read, reader_in_step, sequences
@@ -139,22 +137,3 @@ def test_the_longest_packet_is_read_and_kept_once_and_one_byte_more_is_not() -> 
         assert length < len(pickle.dumps(reader._packets)) < length + 1000
     reader.feed(b'x')
     assert len(pickle.dumps(reader._packets)) < 1000
-
-
-def test_endless_data_without_a_delimiter_is_not_kept() -> None:
-    reader = FrameReader()
-    block = random.Random(1).randbytes(1000).replace(DELIMITER, b'x')
-    tracemalloc.start()
-    try:
-        for count in range(2000):
-            assert reader.feed(block) == []
-            if count % 100 == 0:
-                assert len(pickle.dumps(reader._packets)) < MAX_PACKET_BYTES + 1000
-        used, _ = tracemalloc.get_traced_memory()
-    finally:
-        tracemalloc.stop()
-    assert used < 20 * MAX_PACKET_BYTES
-    assert reader.counts == WireCounts(overlong=1)
-    first, second = make_packets(2)
-    assert sequences(reader.feed(first + second)) == [1]
-    assert reader.counts == WireCounts(overlong=1, frames=1)

@@ -13,9 +13,6 @@ S = 1_000_000_000
 SHARP = np.diag([1e-4, 1e-4, 1e-6])  # 1 cm
 NAMES = ('beans', 'machine', 'mug')
 
-lengths = st.floats(0, 10).map(lambda x: round(x, 6))
-positions = st.tuples(lengths, lengths, lengths).map(np.array)
-
 
 def new_board() -> ObjectBoard:
     return ObjectBoard(NAMES, max_stddev_m=0.15, stale_after_s=10.0)
