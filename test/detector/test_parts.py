@@ -74,8 +74,8 @@ def test_a_marker_that_crosses_the_view_is_read_as_no_other() -> None:
     ids=['pause', 'beyond noise', 'steps', 'steps, too', 'vanishes', 'bits of the search'],
 )
 def test_no_id_of_a_random_room_is_wrong(seed: int, number: int) -> None:
-    """By what each is named for: rivals with a pause, what is beyond noise, steps of an interferer's
-    gain, rivals that vanish, and the bits that the search has found.
+    """By rivals with a pause, what is beyond noise, steps of an interferer's gain, rivals that vanish,
+    and the bits that the search has found.
     """
     scored = play(number, seed).scored
     assert scored.wrong == []
