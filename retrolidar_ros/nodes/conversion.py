@@ -218,6 +218,33 @@ def to_detection_msg(detection: Detection, frame_id: str, child_frame_id: str) -
     return message
 
 
+def from_detection_msg(message: MarkerDetection) -> Detection:
+    """Return the detection of a message."""
+    pose = message.pose.pose
+    return Detection(
+        id=message.id,
+        stamp_ns=to_ns(message.header.stamp),
+        start_ns=to_ns(message.start),
+        end_ns=to_ns(message.end),
+        place=Place(
+            vector_of(pose.position),
+            quaternion_in(pose.orientation),
+            covariance_of(message.pose),
+            message.range,
+            message.range_stddev,
+        ),
+        snr_db=message.snr,
+        evidence=message.evidence,
+        decision_margin=message.decision_margin,
+        bit_period_s=message.bit_period,
+        score=message.score,
+        likelihood=message.likelihood,
+        corrected_bits=message.corrected_bits,
+        packets=message.packets,
+        zones=tuple(message.zones),
+    )
+
+
 def to_track_msg(track: Track, frame_id: str, child_frame_id: str) -> MarkerTrack:
     """Return a track as a message in the sensor's frame `frame_id`."""
     message = MarkerTrack(header=to_header(track.stamp_ns, frame_id))
