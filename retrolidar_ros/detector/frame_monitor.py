@@ -58,8 +58,6 @@ class FrameMonitor:
     def restart(self, grid: ZoneGrid) -> None:
         """Forget the newest frames, not the counts; the next ones may have another grid."""
         self.newest.clear()
-        self._recording: Recording | None = None  # of those that came before the last look,
-        self._fresh = 0  # and how many have come since
         self._near = adjacency(grid)
         self._explained_ns = np.zeros(grid.zones, dtype=np.int64)
         self._looked_ns = 0
@@ -87,7 +85,6 @@ class FrameMonitor:
         else:
             self._explained_ns[:] = frame.stamp_ns
         self.newest.append(frame)
-        self._fresh += 1
         return True
 
     def read(self, detections: list[Detection]) -> None:
@@ -130,21 +127,11 @@ class FrameMonitor:
             self._finding = self._look(now_ns, values, known)
         return self._finding
 
-    def _recorded(self) -> Recording:
-        """Return the newest frames; only those that are new since the last call are stacked."""
-        frames = list(self.newest)
-        if self._recording is None or self._fresh >= len(frames):
-            self._recording = Recording.of(frames)
-        elif self._fresh:
-            self._recording = self._recording.followed_by(frames[-self._fresh :], _KEPT)
-        self._fresh = 0
-        return self._recording
-
     def _look(
         self, now_ns: int, values: Mapping[str, Any], known: Mapping[int, KnownMarker]
     ) -> Finding | None:
         """Return why the zone that has waited for long enough is not read; try one more period."""
-        recording = self._recorded()
+        recording = Recording.of(list(self.newest))
         law = noise_of(values).lit(recording.ambient)
         quiet = ~(modulation_db(Samples.of(recording), law) >= _CLEARLY_DB)
         # Stamps may go back, where a bag is played again.
