@@ -5,7 +5,7 @@
 from __future__ import annotations
 
 from array import array
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 from builtin_interfaces.msg import Time
@@ -33,6 +33,8 @@ from retrolidar_ros.sensor.frame import (
 )
 from retrolidar_ros.sensor.rotation import matrix_of, quaternion_of
 
+Marked: TypeAlias = 'MarkerDetection | MarkerTrack'
+"""A message with the place of a marker."""
 # Deviation of a marker's rate of turn, which is not measured [rad/s].
 _ANY_TURN_RATE = 3.0
 _POINT_FIELDS = ('x', 'y', 'z', 'signal', 'ambient')
@@ -262,7 +264,7 @@ def to_track_msg(track: Track, frame_id: str, child_frame_id: str) -> MarkerTrac
     return message
 
 
-def _set_place(message: MarkerDetection | MarkerTrack, place: Place) -> None:
+def _set_place(message: Marked, place: Place) -> None:
     message.pose.pose = to_pose(place.position_m, place.orientation)
     message.pose.covariance = place.covariance.ravel()
     message.range = place.range_m

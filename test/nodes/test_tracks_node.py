@@ -6,7 +6,6 @@ from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
-from typing import Any
 
 import numpy as np
 import pytest
@@ -26,7 +25,6 @@ from retrolidar_ros.detector.tracks import Track, TrackCounts
 from retrolidar_ros.msg import MarkerTrack
 from retrolidar_ros.nodes.conversion import to_ns
 from retrolidar_ros.nodes.detector import DetectorNode
-from retrolidar_ros.nodes.track_topics import TrackTopics
 from retrolidar_ros.scene.files import load_scene
 from retrolidar_ros.scene.reference import SENSOR
 from retrolidar_ros.sensor.frame import Frame, ZoneGrid
@@ -187,11 +185,11 @@ def test_tracks_that_are_dropped_are_told(
 ) -> None:
     told: list[str] = []
     logger = SimpleNamespace(warning=lambda text, **_: told.append(text))
-    topics = TrackTopics(detector, str, lambda _: None, lambda _: None)
+    topics = detector._topics
+    topics.change({**topics._values, 'tf_source': 'tracks'})
     monkeypatch.setattr(topics, '_node', SimpleNamespace(get_logger=lambda: logger))
-    agreement, values = Agreement(1), {'tf_source': 'tracks', 'max_track_rate': 0.0}
+    frame = next(iter(repeating(4.0)))
     for dropped in (0, 2, 2):
-        counts = TrackCounts(70, 0, dropped)
-        core: Any = SimpleNamespace(follow=lambda _: [], track_counts=counts)
-        topics.follow(core, agreement, next(iter(repeating(4.0))), FRAME_ID, values)
+        monkeypatch.setattr(LikelihoodDetector, 'track_counts', TrackCounts(70, 0, dropped))
+        topics.follow(detector._detector, Agreement(1), frame, FRAME_ID)
     assert told == ['more than 64 markers: 2 tracks were dropped, the least certain ones']
