@@ -28,8 +28,7 @@ from retrolidar_ros.nodes.conversion import (
     to_transform,
 )
 from retrolidar_ros.nodes.qos import EVENTS, LATCHED, publisher, topics_of
-from retrolidar_ros.nodes.transform_watch import TransformWatch, WatchedSender
-from retrolidar_ros.nodes.transforms import transform_sender
+from retrolidar_ros.nodes.transforms import TransformWatch, WatchedSender, transform_sender
 from retrolidar_ros.nodes.visualization import marker_shapes
 from retrolidar_ros.sensor.frame import Frame
 

@@ -28,7 +28,7 @@ from retrolidar_ros.nodes.diagnostics import (
 from retrolidar_ros.nodes.parameters import Parameters, check_frame_id
 from retrolidar_ros.nodes.qos import FRAME_QOS, subscribe
 from retrolidar_ros.nodes.run import run
-from retrolidar_ros.nodes.transform_watch import TransformWatch
+from retrolidar_ros.nodes.transforms import TransformWatch
 from retrolidar_ros.sensor.frame import Frame, ZoneGrid
 
 
