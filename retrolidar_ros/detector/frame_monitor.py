@@ -14,7 +14,7 @@ import numpy as np
 from retrolidar_ros.detector.blinking import Samples, modulation_db
 from retrolidar_ros.detector.blinking_zones import BlinkingZone
 from retrolidar_ros.detector.detection import Detection
-from retrolidar_ros.detector.explain import Explanation, rate_findings
+from retrolidar_ros.detector.explain import Explanation, rate_finding
 from retrolidar_ros.detector.findings import Cause, Finding
 from retrolidar_ros.detector.parameters import noise_of, registered
 from retrolidar_ros.detector.rejections import adjacency
@@ -109,8 +109,7 @@ class FrameMonitor:
         ]
         # As if none had been lost, whose gaps would make the frames look slow.
         frame_s = float(np.median(steps)) * 1e-9
-        found = rate_findings(frame_s, bit_period_s) if frame_s > 0 else []  # or stamps stand still
-        return next(iter(found), None)
+        return rate_finding(frame_s, bit_period_s) if frame_s > 0 else None  # or stamps stand still
 
     def unread(self, values: Mapping[str, Any], known: Mapping[int, KnownMarker]) -> Finding | None:
         """Return why a zone blinks by a clock and is not read, as far as is known by now.
