@@ -11,8 +11,8 @@ from typing import Any
 
 import numpy as np
 
-from retrolidar_ros.bag import FRAMES_TOPIC, salvage_frames
-from retrolidar_ros.cli.arguments import Subparsers
+from retrolidar_ros.bag import salvage_frames
+from retrolidar_ros.cli.arguments import Subparsers, add_bag
 from retrolidar_ros.cli.decode import NOTHING_READ
 from retrolidar_ros.marker.code import PACKET_BITS, packet
 from retrolidar_ros.sensor.frame import Recording
@@ -32,8 +32,7 @@ def add_command(subparsers: Subparsers) -> None:
         'calibration.md with calibration.png. Only what the recording shows is written. Exit '
         f'code {NOTHING_READ} if no marker is read.',
     )
-    command.add_argument('bag', type=Path, help='rosbag2 directory, .mcap or .db3 file')
-    command.add_argument('--topic', default=FRAMES_TOPIC, help='(default: %(default)s)')
+    add_bag(command)
     command.add_argument('--distance', help="from sensor to clearest marker, as in '1.2 m'")
     command.add_argument(
         *('-o', '--output'),

@@ -28,7 +28,6 @@ from retrolidar_ros.sensor.frame import (
     Floats,
     Frame,
     ZoneGrid,
-    check_frame_arrays,
     valid_samples,
 )
 from retrolidar_ros.sensor.rotation import matrix_of, quaternion_of
@@ -118,13 +117,7 @@ def from_frame_msg(message: FrameMsg) -> Frame:
         ambient=np.asarray(message.ambient, dtype=np.float32),
         status=np.asarray(message.status, dtype=np.uint8),
     )
-    check_frame_arrays(
-        frame.grid,
-        distance=frame.distance,
-        signal=frame.signal,
-        ambient=frame.ambient,
-        status=frame.status,
-    )
+    frame.check()
     return frame
 
 

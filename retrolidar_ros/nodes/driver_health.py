@@ -20,6 +20,7 @@ from retrolidar_ros.sensor.serial_source import Received, SerialSource
 # into a room, a quarter of them is usual.
 _MANY_ABNORMAL = 0.75
 _SILENCE_S = 0.8
+_COUNTED = 'frames', 'lost', 'damaged', 'untimed', 'zones', 'normal', 'late_ns', 'stamp_ns'
 NO_CLOCK = 'use_sim_time is set, but nobody publishes /clock: frames are dropped'
 
 
@@ -28,9 +29,8 @@ class DriverTally:
 
     def __init__(self) -> None:
         """Begin at zero."""
-        self._counts = dict.fromkeys(('frames', 'lost', 'untimed', 'zones', 'normal', 'late_ns'), 0)
-        self._stamp_ns = 0
-        self._then = self._counts | {'damaged': 0, 'stamp_ns': 0}
+        self._counts = dict.fromkeys(_COUNTED, 0)
+        self._then = dict(self._counts)
         self._received, self._examined_s = Received(), time.monotonic()
         self._last_sequence: int | None = None
 
@@ -42,7 +42,8 @@ class DriverTally:
         counts['zones'] += len(frame.status)
         counts['normal'] += int(np.count_nonzero(IS_NORMAL[frame.status]))
         counts['late_ns'] += latency_ns
-        self._last_sequence, self._stamp_ns = frame.sequence, frame.stamp_ns
+        counts['stamp_ns'] = frame.stamp_ns
+        self._last_sequence = frame.sequence
 
     def count_untimed(self, frames: int) -> None:
         """Count frames that came before the clock did."""
@@ -51,7 +52,8 @@ class DriverTally:
     def examine(self, source: SerialSource, clock_map: ClockMap) -> Health:
         """Judge the time since the last call, usually a second."""
         counts, now_s = source.reader.counts, time.monotonic()
-        now = self._counts | {'damaged': counts.damaged, 'stamp_ns': self._stamp_ns}
+        self._counts['damaged'] = counts.damaged
+        now = dict(self._counts)
         new = {name: number - self._then[name] for name, number in now.items()}
         rate = new['frames'] / (now_s - self._examined_s)
         silence = source.received.silence(self._received)

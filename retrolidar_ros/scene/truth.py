@@ -20,7 +20,8 @@ from retrolidar_ros.scene.optics import position_at
 from retrolidar_ros.sensor.frame import Floats, Recording
 
 MAX_RANGE_ERROR_M = 0.01
-_RARE = 16.266  # 99.9 % of a normal distribution in space
+RARE = 16.266
+"""Squared distance, in deviations, that holds 99.9 % of a normal distribution in space."""
 PACKET_S = PACKET_BITS * BIT_PERIOD_S
 
 
@@ -97,7 +98,7 @@ def judge(
                 place_error_m=np.nan if worst is None else float(np.linalg.norm(off[worst])),
                 place_stddev_m=np.nan if worst is None else _worst_stddev(places[worst]),
                 is_placed=all(
-                    vector @ np.linalg.solve(one.covariance[:3, :3], vector) < _RARE
+                    vector @ np.linalg.solve(one.covariance[:3, :3], vector) < RARE
                     for one, vector in zip(places, off, strict=True)
                 ),
                 snr_db=float(np.median([r.snr_db for r in own])) if own else np.nan,

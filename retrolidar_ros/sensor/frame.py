@@ -14,7 +14,7 @@ from functools import cached_property
 from typing import Any, TypeAlias
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from retrolidar_ros.sensor.model import VL53L8CX
 
@@ -134,6 +134,16 @@ class Frame:
     status: NDArray[np.uint8]
     """The sensor's target status codes, see `Status`."""
 
+    def check(self) -> None:
+        """Raise ValueError naming the first array that does not hold one value a zone."""
+        grid = self.grid
+        for name in ('distance', 'signal', 'ambient', 'status'):
+            if (shape := np.shape(getattr(self, name))) != (grid.zones,):
+                raise ValueError(
+                    f'{name} has shape {shape}; {grid.rows}x{grid.columns} zones need '
+                    f'({grid.zones},)'
+                )
+
 
 @dataclass(frozen=True, eq=False)
 class Recording:
@@ -190,14 +200,4 @@ class Recording:
                 signal=self.signal[index],
                 ambient=self.ambient[index],
                 status=self.status[index],
-            )
-
-
-def check_frame_arrays(grid: ZoneGrid, **arrays: ArrayLike) -> None:
-    """Raise ValueError naming the first array that does not hold one value a zone."""
-    for name, values in arrays.items():
-        if np.shape(values) != (grid.zones,):
-            raise ValueError(
-                f'{name} has shape {np.shape(values)}; '
-                f'{grid.rows}x{grid.columns} zones need ({grid.zones},)'
             )
