@@ -20,7 +20,15 @@ from retrolidar_ros.detector.findings import Cause, Finding, finding, named_peri
 from retrolidar_ros.detector.methods import MAX_PACKETS
 from retrolidar_ros.detector.parameters import detector_of, noise_of, registered
 from retrolidar_ros.detector.rejections import adjacency
-from retrolidar_ros.detector.trials import CAPTURED, Trial, best, candidates, every, trials
+from retrolidar_ros.detector.trials import (
+    CAPTURED,
+    Trial,
+    best,
+    candidates,
+    every,
+    is_among,
+    trials,
+)
 from retrolidar_ros.marker.code import PACKET_BITS
 from retrolidar_ros.marker.known_markers import KnownMarker
 from retrolidar_ros.sensor.frame import Floats, Recording, valid_samples
