@@ -135,10 +135,9 @@ def wait_for_traffic(listener: Listener) -> None:
 
 def wait_for_readings(listener: Listener, ids: set[int]) -> None:
     def all_read() -> bool:
-        heard = [reading for reading in listener.heard() if reading.id in ids]
-        return {one.id for one in heard} == ids and all(one.has_transform for one in heard)
+        return ids <= {one.id for one in listener.readings()} - listener.untransformed()
 
-    assert listener.spin_until(all_read, PATIENCE_S), f'read only {listener.heard()}'
+    assert listener.spin_until(all_read, PATIENCE_S), f'read only {listener.readings()}'
 
 
 def check_frames(listener: Listener, sensor: Sensor, frame_id: str) -> None:

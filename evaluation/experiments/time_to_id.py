@@ -19,8 +19,8 @@ from evaluation.report.claims import Table, as_text
 from retrolidar_ros.detector import METHODS
 from retrolidar_ros.marker.code import BIT_PERIOD_S, PACKET_BITS, packet
 from retrolidar_ros.marker.dictionary import USABLE_IDS
-from retrolidar_ros.scene.noise import noisy
 from retrolidar_ros.scene.reference import NOISE, WALL_SIGNAL
+from retrolidar_ros.scene.simulation import noisy
 from retrolidar_ros.scene.truth import PACKET_S
 
 TITLE = 'Time to the first ID'

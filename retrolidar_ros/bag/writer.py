@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from retrolidar_ros.bag.messages import ARRAYS, FRAME_TYPE, INSTALL, BagError
 from retrolidar_ros.bag.reader import FRAMES_TOPIC
-from retrolidar_ros.sensor.frame import Frame, check_frame_arrays
+from retrolidar_ros.sensor.frame import Frame
 from retrolidar_ros.settings.resources import shared_file
 
 if TYPE_CHECKING:
@@ -118,11 +118,10 @@ class FrameWriter:
         BagError
             If a number does not fit the message, or the file cannot be written.
         """
-        grid = frame.grid
+        frame.check()
         arrays: dict[str, NDArray[Any]] = {
             name: np.ascontiguousarray(getattr(frame, name), dtype) for name, dtype in ARRAYS
         }
-        check_frame_arrays(grid, **arrays)
         received_ns = frame.stamp_ns if received_ns is None else received_ns
         for time_ns in (frame.stamp_ns, received_ns):
             if not 0 <= time_ns < 2**63:
@@ -133,8 +132,8 @@ class FrameWriter:
             header=types['std_msgs/msg/Header'](stamp, self._frame_id),
             sequence=frame.sequence,
             sensor_time=frame.sensor_time_us,
-            rows=grid.rows,
-            columns=grid.columns,
+            rows=frame.grid.rows,
+            columns=frame.grid.columns,
             **arrays,
         )
         with self._bag_errors():

@@ -131,13 +131,18 @@ def detector_values(arguments: argparse.Namespace) -> dict[str, Any]:
     }
 
 
+def add_bag(command: argparse.ArgumentParser) -> None:
+    """Add a bag and a topic in it."""
+    command.add_argument('bag', type=Path, help='rosbag2 directory, .mcap or .db3 file')
+    command.add_argument('--topic', default=FRAMES_TOPIC, help='in the bag (default: %(default)s)')
+
+
 def add_bag_command(
     subparsers: Subparsers, name: str, summary: str, run: Run, description: str = ''
 ) -> argparse.ArgumentParser:
     """Add a subcommand that reads markers in a bag."""
     command = subparsers.add_parser(name, help=summary, description=description or None)
-    command.add_argument('bag', type=Path, help='rosbag2 directory, .mcap or .db3 file')
-    command.add_argument('--topic', default=FRAMES_TOPIC, help='(default: %(default)s)')
+    add_bag(command)
     add_detector_options(command)
     command.set_defaults(run=run)
     return command

@@ -11,16 +11,16 @@ from typing import Any
 
 import numpy as np
 
-from retrolidar_ros.bag import FRAMES_TOPIC, salvage_frames
-from retrolidar_ros.cli.arguments import Subparsers
+from retrolidar_ros.bag import salvage_frames
+from retrolidar_ros.cli.arguments import Subparsers, add_bag
 from retrolidar_ros.cli.decode import NOTHING_READ
+from retrolidar_ros.marker.code import PACKET_BITS, packet
 from retrolidar_ros.sensor.frame import Recording
 from retrolidar_ros.settings.section import quantity
 from retrolidar_ros.tasks.calibration.calibrate import Calibration, calibrate
 from retrolidar_ros.tasks.calibration.report import missing, parameter_file, sentences
 
 _BLUE, _GREY = '#0072b2', '0.6'
-_SHOWN_BITS = 45
 
 
 def add_command(subparsers: Subparsers) -> None:
@@ -32,10 +32,8 @@ def add_command(subparsers: Subparsers) -> None:
         'calibration.md with calibration.png. Only what the recording shows is written. Exit '
         f'code {NOTHING_READ} if no marker is read.',
     )
-    command.add_argument('bag', type=Path, help='rosbag2 directory, .mcap or .db3 file')
-    command.add_argument('--topic', default=FRAMES_TOPIC, help='(default: %(default)s)')
-    command.add_argument('--distance', help="from sensor to brightest marker, as in '1.2 m'")
-    command.add_argument('--size', default='3 cm', help='edge of markers (default: %(default)s)')
+    add_bag(command)
+    command.add_argument('--distance', help="from sensor to clearest marker, as in '1.2 m'")
     command.add_argument(
         *('-o', '--output'),
         type=Path,
@@ -51,9 +49,8 @@ def run(arguments: argparse.Namespace) -> int:
     distance_m = None
     if arguments.distance is not None:
         distance_m = quantity('length', 0.05, 10, bare=True)(arguments.distance, '--distance')
-    size_m = quantity('length', 1e-3, 1, bare=True)(arguments.size, '--size')
     frames, damage = salvage_frames(arguments.bag, arguments.topic)
-    found = calibrate(Recording.of(frames), distance_m=distance_m, size_m=size_m)
+    found = calibrate(Recording.of(frames), distance_m=distance_m)
     source, output = arguments.bag.name, arguments.output
     output.mkdir(parents=True, exist_ok=True)
     (output / 'calibration.yaml').write_text(parameter_file(found, source), encoding='utf-8')
@@ -94,27 +91,23 @@ def _noise(axes: Any, found: Calibration) -> None:
     signal, variance = np.array([(one.signal, one.variance) for one in found.noise.blocks]).T
     axes.plot(signal, variance, '.', color=_GREY, label='a zone in some seconds')
     along = np.linspace(0, max(float(signal.max()) * 1.1, 1.0), 50)
-    law = found.law.lit(found.noise.light)
+    law = found.noise.law.lit(found.noise.light)
     axes.plot(along, law.variance(along), color=_BLUE, label='law that was found')
     axes.set_ylim(0)
     axes.legend(frameon=False)
 
 
 def _signal(axes: Any, found: Calibration) -> None:
-    """Draw the signal of the zone of a marker at rest and the fit, over a packet or two."""
-    marker = next((one for one in found.markers if not one.moves), None)
+    """Draw the signal of the zone of a marker, and shade the dark bits that were read."""
     axes.set(xlabel='time [s]', ylabel='signal [kcps/SPAD]')
-    if marker is None:
-        axes.text(0.5, 0.5, 'no marker at rest', ha='center', transform=axes.transAxes)
+    if not found.markers:
+        axes.text(0.5, 0.5, 'no marker was read', ha='center', transform=axes.transAxes)
         return
-    recording = found.recording
-    time_s = (recording.stamp_ns - recording.stamp_ns[0]) * 1e-9
-    begin_s = float(time_s[np.isfinite(marker.light)][0])
-    end_s = begin_s + _SHOWN_BITS * marker.bit_period_s.value
-    rows = (time_s >= begin_s) & (time_s < end_s)
-    fitted = marker.level + marker.gain.value * marker.light[rows]
-    measured = recording.signal[rows, marker.zone]
-    axes.plot(time_s[rows], measured, '.', color=_GREY, label='measured')
-    axes.plot(time_s[rows], fitted, color=_BLUE, linewidth=1, label='fitted')
-    axes.set(title=f'ID {marker.id} in zone {marker.zone}', ylim=(0, 1.2 * float(fitted.max())))
-    axes.legend(frameon=False, ncols=2, loc='upper center')
+    marker, recording = found.markers[0], found.recording
+    time_s = (recording.stamp_ns - marker.readings[0].start_ns) * 1e-9
+    edges_s = marker.bit_period_s.value * np.arange(PACKET_BITS + 1)
+    rows = (time_s >= 0) & (time_s < edges_s[-1])
+    axes.step(time_s[rows], recording.signal[rows, marker.zone], where='mid', color=_BLUE)
+    for index in np.flatnonzero(packet(marker.id)).tolist():
+        axes.axvspan(*edges_s[index : index + 2], color=_GREY, alpha=0.4, linewidth=0)
+    axes.set(title=f'ID {marker.id} in zone {marker.zone}; grey: dark bits', ylim=(0, None))

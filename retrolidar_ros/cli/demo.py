@@ -127,7 +127,7 @@ def _listen(scene: Scene, listener: Listener, processes: ProcessGroup, timeout_s
             shown.add(identity)
             print(f'  {names[identity]} was read', flush=True)
         enough = all(readings.count(identity) >= READINGS for identity in names)
-        return enough and all(heard.has_transform for heard in listener.heard())
+        return enough and not listener.untransformed()
 
     listener.spin_until(done, timeout_s)
 
@@ -139,12 +139,12 @@ def run_still(scene: Scene, file: Path, picture: Path, listener: Listener, timeo
         print('  driver and detector wait for the sensor', flush=True)
         start_emulator(processes, str(file), port)
         _listen(scene, listener, processes, timeout_s)
-    recording, heard = listener.recording(), listener.heard()
+    recording, readings = listener.recording(), listener.readings()
     if recording is None:
         raise ProcessError(f'no frame came within {timeout_s:g} s')
-    outcomes = judge(scene, recording, heard)
+    outcomes = judge(scene, recording, readings, listener.untransformed())
     print(f'\n{table(outcomes)}\n')
-    plot_readings(recording, heard, picture, title=scene.description, markers=scene.markers)
+    plot_readings(recording, readings, picture, title=scene.description, markers=scene.markers)
     print(f'picture: {picture}')
     good = [outcome for outcome in outcomes if outcome.good]
     print(

@@ -20,12 +20,14 @@ from retrolidar_ros.nodes.emulated_arm import IN_BASE
 from retrolidar_ros.nodes.listener import Listener
 from retrolidar_ros.nodes.qos import LATCHED
 from retrolidar_ros.scene import Scene
+from retrolidar_ros.scene.truth import RARE
 from retrolidar_ros.sensor.frame import Floats
 from retrolidar_ros.settings.resources import shared_file
+from retrolidar_ros.tasks.state import largest_stddev
 
 _BEFORE_S = 3.0  # from the start of the emulator to the time zero of the scene
 _LATE_S = 1.0  # the estimate of a place is complete so long after the hand has left it
-_RARE, _SURE = 16.266, 5.991  # 99.9 % of a normal distribution in space, 95 % in a plane
+_SURE = 5.991  # 95 % of a normal distribution in a plane
 _COLOURS = ('#56b4e9', '#0072b2', '#e69f00', '#d55e00', '#cc79a7', '#009e73')
 
 
@@ -38,8 +40,8 @@ class Known(NamedTuple):
 
     def __str__(self) -> str:
         """Return error and deviation [mm]."""
-        stddev_m = math.sqrt(float(np.linalg.eigvalsh(self.covariance)[-1]))
-        return f'{1e3 * float(np.linalg.norm(self.off_m)):.1f} ± {1e3 * stddev_m:5.1f}'
+        off_m = float(np.linalg.norm(self.off_m))
+        return f'{1e3 * off_m:.1f} ± {1e3 * largest_stddev(self.covariance):5.1f}'
 
 
 class _Hand:
@@ -110,7 +112,7 @@ def run_arm(scene: Scene, file: Path, picture: Path, listener: Listener, timeout
     off = [
         one.off_m @ np.linalg.solve(one.covariance, one.off_m) if one else np.inf for one in last
     ]
-    good = np.array(off) < _RARE
+    good = np.array(off) < RARE
     print(f'picture: {picture}\n{good.sum()} of {len(good)} objects are in their 99.9 % ellipsoid')
     return 0 if good.all() else 1
 

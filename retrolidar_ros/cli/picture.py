@@ -11,12 +11,12 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from retrolidar_ros.detector import Detection
 from retrolidar_ros.detector.blinking_zones import BlinkingZone
 from retrolidar_ros.detector.tracks import Track
 from retrolidar_ros.marker.code import BIT_PERIOD_S, PREAMBLE, packet
 from retrolidar_ros.scene.description import Marker
 from retrolidar_ros.scene.optics import position_at
-from retrolidar_ros.scene.truth import Heard
 from retrolidar_ros.sensor.frame import Floats, Recording, ZoneGrid
 
 _COLOURS = ('#0072b2', '#d55e00', '#009e73', '#cc79a7', '#e69f00', '#56b4e9')
@@ -80,7 +80,9 @@ def _zone_map(axes: Any, grid: ZoneGrid, modulation: Floats) -> None:
     colorbar.set_label('standard deviation of the signal [kcps/SPAD]', fontsize=9, labelpad=1)
 
 
-def _places(axes: Any, shown: _Shown, readings: Sequence[Heard], markers: Sequence[Marker]) -> None:
+def _places(
+    axes: Any, shown: _Shown, readings: Sequence[Detection], markers: Sequence[Marker]
+) -> None:
     """Draw where markers are, and where they were read; what moves is a line."""
     time_s = np.linspace(0, shown.time_s[-1], _ALONG)
     for marker in markers:
@@ -92,7 +94,7 @@ def _places(axes: Any, shown: _Shown, readings: Sequence[Heard], markers: Sequen
         label = axes.annotate(marker.name, place, (0, 9), **style)
         label.set_bbox({'facecolor': 'white', 'alpha': 0.8, 'edgecolor': 'none', 'pad': 1})
     for index, (identity, colour) in enumerate(shown.ids.items()):
-        x, y, z = np.array([one.position_m for one in readings if one.id == identity]).T
+        x, y, z = np.array([one.place.position_m for one in readings if one.id == identity]).T
         axes.plot(x / z, y / z, color=colour, linewidth=1)
         style = {'markersize': 9, 'markeredgewidth': 2, 'color': colour}
         axes.plot(x[0] / z[0], y[0] / z[0], 'x+'[index % 2], **style)
@@ -118,7 +120,7 @@ def _signal(
     return high + 0.2 * room
 
 
-def _signal_with_bits(axes: Any, shown: _Shown, reading: Heard, name: str) -> None:
+def _signal_with_bits(axes: Any, shown: _Shown, reading: Detection, name: str) -> None:
     """Draw one zone's signal about a reading, and the bits that were read from it.
 
     A repeating packet may be read from any bit on: those before the recording are known by the
@@ -127,7 +129,7 @@ def _signal_with_bits(axes: Any, shown: _Shown, reading: Heard, name: str) -> No
     bit_s, colour = reading.bit_period_s, shown.ids[reading.id]
     start_s = (reading.start_ns - shown.origin_ns) * 1e-9
     begin_s = min(max(start_s - 0.4, 0.0), start_s)
-    height = _signal(axes, shown, reading.zone, begin_s, begin_s + _SHOWN_BITS * bit_s, colour)
+    height = _signal(axes, shown, reading.zones[0], begin_s, begin_s + _SHOWN_BITS * bit_s, colour)
     bits = packet(reading.id)
     known = max(round((reading.end_ns - reading.start_ns) * 1e-9 / bit_s), len(bits))
     for index in range(min(known, _SHOWN_BITS)):
@@ -144,7 +146,7 @@ def _signal_with_bits(axes: Any, shown: _Shown, reading: Heard, name: str) -> No
         middle = (begin_s / 2, np.mean(axes.get_ylim()))
         remark = {'ha': 'center', 'va': 'center', 'fontsize': 7, 'color': '0.4'}
         axes.text(*middle, 'before the\nrecording', **remark)
-    title = f'{name}, ID {reading.id}, zone {reading.zone}'
+    title = f'{name}, ID {reading.id}, zone {reading.zones[0]}'
     axes.set_title(title, loc='left', fontsize=10, color=colour)
 
 
@@ -198,12 +200,16 @@ def _every_zone(figure: Any, place: Any, shown: _Shown) -> None:
         axes.label_outer()
 
 
-def _ranges(axes: Any, shown: _Shown, readings: Sequence[Heard], tracks: Sequence[Track]) -> None:
+def _ranges(
+    axes: Any, shown: _Shown, readings: Sequence[Detection], tracks: Sequence[Track]
+) -> None:
     """Draw the ranges of markers over the whole recording."""
     for identity, colour in shown.ids.items():
         own = [one for one in readings if one.id == identity]
         read_s = [(one.stamp_ns - shown.origin_ns) * 1e-9 for one in own]
-        axes.plot(read_s, [one.range_m for one in own], '.', color=colour, label=f'ID {identity}')
+        axes.plot(
+            read_s, [one.place.range_m for one in own], '.', color=colour, label=f'ID {identity}'
+        )
         _followed(axes, shown, tracks, identity, colour)
     axes.set_ylabel('range [m]', fontsize=9)
     axes.set_xlabel('time [s]')
@@ -213,7 +219,7 @@ def _ranges(axes: Any, shown: _Shown, readings: Sequence[Heard], tracks: Sequenc
 
 def plot_readings(
     recording: Recording,
-    readings: Sequence[Heard],
+    readings: Sequence[Detection],
     path: Path,
     *,
     title: str,
@@ -230,7 +236,7 @@ def plot_readings(
     """
     from matplotlib.figure import Figure
 
-    first: dict[int, Heard] = {}
+    first: dict[int, Detection] = {}
     for reading in readings:
         first.setdefault(reading.id, reading)
     chosen = list(first.values())[:_MAX_SIGNALS]
@@ -240,7 +246,7 @@ def plot_readings(
     zones = {one.zone: _COLOURS[index] for index, one in enumerate(unread)}
     for reading in readings[: _MAX_READINGS if chosen else 0]:
         if reading.id in ids:
-            zones.setdefault(reading.zone, ids[reading.id])
+            zones.setdefault(reading.zones[0], ids[reading.id])
     time_s = (recording.stamp_ns - origin_ns) * 1e-9
     shown = _Shown(recording, origin_ns, time_s, ids, zones)
     rows = max(len(chosen), len(unread), 3)

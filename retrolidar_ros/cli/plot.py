@@ -14,7 +14,6 @@ from retrolidar_ros.cli.picture import plot_readings
 from retrolidar_ros.detector import Detection
 from retrolidar_ros.detector.decoding import Decoding
 from retrolidar_ros.detector.tracks import Track
-from retrolidar_ros.scene.truth import Heard
 from retrolidar_ros.sensor.frame import Recording
 
 
@@ -30,10 +29,10 @@ def run(arguments: argparse.Namespace) -> int:
         raise IsADirectoryError(f'{arguments.output} is a directory; name a PNG file')
     frames, damage = salvage_frames(arguments.bag, arguments.topic)
     decoding = Decoding(detector_values(arguments))
-    readings: list[Heard] = []
+    readings: list[Detection] = []
     tracks: list[Track] = []
     for detections, followed in decoding.steps(frames, follow=True):
-        readings += map(_heard, detections)
+        readings += detections
         tracks += followed
     hints = print_hints(decoding)
     plot_readings(
@@ -49,21 +48,3 @@ def run(arguments: argparse.Namespace) -> int:
     if damage is not None:
         raise damage
     return 0 if readings else NOTHING_READ
-
-
-def _heard(detection: Detection) -> Heard:
-    """Return what a node would have published of a detection."""
-    x, y, z = detection.place.position_m.tolist()
-    return Heard(
-        id=detection.id,
-        start_ns=detection.start_ns,
-        stamp_ns=detection.stamp_ns,
-        end_ns=detection.end_ns,
-        range_m=detection.place.range_m,
-        snr_db=detection.snr_db,
-        position_m=(x, y, z),
-        covariance=detection.place.covariance[:3, :3],
-        zone=detection.zones[0],
-        bit_period_s=detection.bit_period_s,
-        has_transform=False,
-    )

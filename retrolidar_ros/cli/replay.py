@@ -8,10 +8,9 @@ import argparse
 import time
 from contextlib import suppress
 from itertools import chain
-from pathlib import Path
 
-from retrolidar_ros.bag import FRAMES_TOPIC, read_frames
-from retrolidar_ros.cli.arguments import Subparsers
+from retrolidar_ros.bag import read_frames
+from retrolidar_ros.cli.arguments import Subparsers, add_bag
 from retrolidar_ros.settings.interrupts import interrupted_once
 from retrolidar_ros.settings.parameter import declared
 
@@ -33,8 +32,7 @@ def add_command(subparsers: Subparsers) -> None:
         help='publish the frames of a bag to ROS',
         description='Stamps stay as they were recorded. Needs ROS 2, but not rosbag2.',
     )
-    command.add_argument('bag', type=Path, help='rosbag2 directory, .mcap or .db3 file')
-    command.add_argument('--topic', default=FRAMES_TOPIC, help='in the bag (default: %(default)s)')
+    add_bag(command)
     command.add_argument('--to', metavar='TOPIC', help='where they go (default: as in the bag)')
     command.add_argument('--rate', type=rate, default=1.0, help='times as fast (default: 1)')
     command.add_argument('--loop', action='store_true', help='begin again at the end')

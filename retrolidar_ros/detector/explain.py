@@ -20,7 +20,15 @@ from retrolidar_ros.detector.findings import Cause, Finding, finding, named_peri
 from retrolidar_ros.detector.methods import MAX_PACKETS
 from retrolidar_ros.detector.parameters import detector_of, noise_of, registered
 from retrolidar_ros.detector.rejections import adjacency
-from retrolidar_ros.detector.trials import CAPTURED, Trial, best, candidates, every, trials
+from retrolidar_ros.detector.trials import (
+    CAPTURED,
+    Trial,
+    best,
+    candidates,
+    every,
+    is_among,
+    trials,
+)
 from retrolidar_ros.marker.code import PACKET_BITS
 from retrolidar_ros.marker.known_markers import KnownMarker
 from retrolidar_ros.sensor.frame import Floats, Recording, valid_samples
@@ -79,8 +87,8 @@ class Explanation:
             return [] if self._detections else [few]
         if self._frame_s <= 0:
             return [finding(Cause.STAMPS)]
-        result = rate_findings(self._frame_s, self._bit_s)
-        result += [less for one in self._ids() if (less := self._less(one))]
+        found = [rate_finding(self._frame_s, self._bit_s), *map(self._less, self._ids())]
+        result = [one for one in found if one is not None]
         if self._withheld:
             least = self._values['min_readings']
             result.append(finding(Cause.WITHHELD, withheld=self._withheld, least=least))
@@ -126,7 +134,7 @@ class Explanation:
         zone = next((one for one in self.zones if one.zone in own[0].zones), None)
         if zone is not None:
             likely_s = [bit_s] if self._is_another(bit_s) else []
-            likely_s += [one for one in self._likely(zone) if not is_near([one], self._bit_s)]
+            likely_s += [one for one in self._likely(zone) if not is_among(one, [self._bit_s])]
             for trial in trials(self.recording, likely_s, self._by):
                 again = trial.within(zone.zone)
                 if len(again.detections) > len(own) and self._is_another(again.bit_period_s):
@@ -191,7 +199,7 @@ class Explanation:
         """
         values = {'zone': zone.zone, 'blinks_db': zone.modulation_db}
         likely_s = self._likely(zone)
-        fits = not zone.is_clocked or is_near(likely_s, self._bit_s)
+        fits = not zone.is_clocked or is_among(self._bit_s, likely_s)
         if zone.contrast < _FLAT and fits:
             return finding(Cause.LOW_CONTRAST, percent=100 * zone.contrast, **values)
         newest = self.recording.newest(_TRIED_ON)
@@ -210,7 +218,7 @@ class Explanation:
         if not zone.is_clocked:
             return finding(Cause.NO_CLOCK, **values)
         tried_s = likely_s if most else [one.tried_s for one in done]
-        tried_s = [one for one in tried_s if not is_near([one], self._bit_s)]
+        tried_s = [one for one in tried_s if not is_among(one, [self._bit_s])]
         return finding(Cause.NO_ID, tried=named_periods([self._bit_s, *tried_s]), **values)
 
     def _nothing(self) -> Finding:
@@ -219,11 +227,6 @@ class Explanation:
         if signal.max() < _STANDS_OUT * max(float(np.median(signal)), 1.0):
             return finding(Cause.NO_BLINKING)
         return finding(Cause.STEADY, zone=int(signal.argmax()))
-
-
-def is_near(periods_s: Iterable[float], *others_s: float) -> bool:
-    """Return whether a detector reads one of some bit periods as one of others."""
-    return any(abs(one / other - 1) < 1.5 * CAPTURED for one in periods_s for other in others_s)
 
 
 def period_finding(zone: int, blinks_db: float, trial: Trial, bit_s: float) -> Finding:
@@ -239,12 +242,12 @@ def period_finding(zone: int, blinks_db: float, trial: Trial, bit_s: float) -> F
     )
 
 
-def rate_findings(frame_s: float, bit_s: float) -> list[Finding]:
+def rate_finding(frame_s: float, bit_s: float) -> Finding | None:
     """Return that a bit does not last one to eight frames, if so; periods in [s]."""
     frames = bit_s / frame_s
     if FRAMES_A_BIT[0] <= frames <= FRAMES_A_BIT[1]:
-        return []
-    return [finding(Cause.FRAME_RATE, frame_ms=1e3 * frame_s, bit_ms=1e3 * bit_s, frames=frames)]
+        return None
+    return finding(Cause.FRAME_RATE, frame_ms=1e3 * frame_s, bit_ms=1e3 * bit_s, frames=frames)
 
 
 def _noise_scale(recording: Recording, law: NoiseLaw) -> float:

@@ -14,7 +14,7 @@ import numpy as np
 from retrolidar_ros.detector.blinking import Samples, modulation_db
 from retrolidar_ros.detector.blinking_zones import BlinkingZone
 from retrolidar_ros.detector.detection import Detection
-from retrolidar_ros.detector.explain import Explanation, rate_findings
+from retrolidar_ros.detector.explain import Explanation, rate_finding
 from retrolidar_ros.detector.findings import Cause, Finding
 from retrolidar_ros.detector.parameters import noise_of, registered
 from retrolidar_ros.detector.rejections import adjacency
@@ -33,9 +33,7 @@ _CLEARLY_DB = 6.0
 _PATIENCE_S = 1.5
 _PACKETS = 9
 _REMEMBERED_NS = 10_000_000_000
-# A look costs a millisecond, with a trial tens of them: between the first ones, and later.
-_LOOKING_S = (0.9, 2.0)
-_HASTY = 9  # first trials
+_LOOKING_S = 0.9  # from one look to the next: it costs a millisecond, with a trial tens of them
 
 
 class FrameMonitor:
@@ -58,8 +56,6 @@ class FrameMonitor:
     def restart(self, grid: ZoneGrid) -> None:
         """Forget the newest frames, not the counts; the next ones may have another grid."""
         self.newest.clear()
-        self._recording: Recording | None = None  # of those that came before the last look,
-        self._fresh = 0  # and how many have come since
         self._near = adjacency(grid)
         self._explained_ns = np.zeros(grid.zones, dtype=np.int64)
         self._looked_ns = 0
@@ -87,7 +83,6 @@ class FrameMonitor:
         else:
             self._explained_ns[:] = frame.stamp_ns
         self.newest.append(frame)
-        self._fresh += 1
         return True
 
     def read(self, detections: list[Detection]) -> None:
@@ -112,8 +107,7 @@ class FrameMonitor:
         ]
         # As if none had been lost, whose gaps would make the frames look slow.
         frame_s = float(np.median(steps)) * 1e-9
-        found = rate_findings(frame_s, bit_period_s) if frame_s > 0 else []  # or stamps stand still
-        return next(iter(found), None)
+        return rate_finding(frame_s, bit_period_s) if frame_s > 0 else None  # or stamps stand still
 
     def unread(self, values: Mapping[str, Any], known: Mapping[int, KnownMarker]) -> Finding | None:
         """Return why a zone blinks by a clock and is not read, as far as is known by now.
@@ -124,27 +118,16 @@ class FrameMonitor:
         if len(self.newest) < _MIN_KEPT:
             return None
         now_ns = self.newest[-1].stamp_ns
-        wait_s = _LOOKING_S[len(self._trials) >= _HASTY]
-        if abs(now_ns - self._looked_ns) >= wait_s * 1e9:
+        if abs(now_ns - self._looked_ns) >= _LOOKING_S * 1e9:
             self._looked_ns = now_ns
             self._finding = self._look(now_ns, values, known)
         return self._finding
-
-    def _recorded(self) -> Recording:
-        """Return the newest frames; only those that are new since the last call are stacked."""
-        frames = list(self.newest)
-        if self._recording is None or self._fresh >= len(frames):
-            self._recording = Recording.of(frames)
-        elif self._fresh:
-            self._recording = self._recording.followed_by(frames[-self._fresh :], _KEPT)
-        self._fresh = 0
-        return self._recording
 
     def _look(
         self, now_ns: int, values: Mapping[str, Any], known: Mapping[int, KnownMarker]
     ) -> Finding | None:
         """Return why the zone that has waited for long enough is not read; try one more period."""
-        recording = self._recorded()
+        recording = Recording.of(list(self.newest))
         law = noise_of(values).lit(recording.ambient)
         quiet = ~(modulation_db(Samples.of(recording), law) >= _CLEARLY_DB)
         # Stamps may go back, where a bag is played again.

@@ -71,7 +71,7 @@ def best(done: Iterable[Trial], recording: Recording, likely_s: list[float]) -> 
         for one in done
         if one.agrees
         or one.is_sure(recording)
-        or (one.detections and _is_among(one.tried_s, likely_s))
+        or (one.detections and is_among(one.tried_s, likely_s))
     )
     return max(trusted, key=lambda one: one.evidence, default=None)
 
@@ -86,9 +86,9 @@ def candidates(clocks_s: Iterable[float], frame_s: float) -> list[float]:
     for clock_s in clocks_s:
         alias_s = frame_s / (1 - frame_s / clock_s) if clock_s > frame_s else clock_s
         for one in (clock_s, alias_s):
-            if least_s <= one <= most_s and not _is_among(one, found):
+            if least_s <= one <= most_s and not is_among(one, found):
                 found.append(one)
-    return found if not found or _is_among(frame_s, found) else [*found, frame_s]
+    return found if not found or is_among(frame_s, found) else [*found, frame_s]
 
 
 def every(frame_s: float) -> list[float]:
@@ -102,7 +102,7 @@ def trials(
     """Read a recording with bit periods [s], except those near to others or refused ones."""
     tried = [*refused_s]
     for bit_s in periods_s:
-        if not _is_among(bit_s, tried):
+        if not is_among(bit_s, tried):
             tried.append(bit_s)
             yield _refined(recording, bit_s, read)
 
@@ -121,5 +121,6 @@ def _refined(recording: Recording, bit_s: float, read: Read) -> Trial:
     return trial
 
 
-def _is_among(bit_s: float, others: list[float]) -> bool:
+def is_among(bit_s: float, others: list[float]) -> bool:
+    """Return whether a bit period [s] is captured by a detector of one of the others."""
     return any(abs(bit_s / one - 1) < CAPTURED for one in others)

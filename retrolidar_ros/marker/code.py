@@ -29,13 +29,6 @@ def _to_bits(numbers: list[int], width: int) -> NDArray[np.uint8]:
     return np.unpackbits(np.array(numbers, '>u4')[:, None].view(np.uint8), axis=1)[:, -width:]
 
 
-def _to_numbers(bits: NDArray[np.uint8]) -> NDArray[np.int64]:
-    """Pack bits (..., width), most significant bit first, to integers (...)."""
-    weights = 1 << np.arange(bits.shape[-1] - 1, -1, -1, dtype=np.int64)
-    numbers: NDArray[np.int64] = bits.astype(np.int64) @ weights
-    return numbers
-
-
 _PACKETS = _to_bits([lib.rl_packet(marker_id) for marker_id in range(IDS)], PACKET_BITS)
 WORDS = _PACKETS[:, -WORD_BITS:]
 """The codewords of all IDs, shape (4096, 24)."""
@@ -44,37 +37,8 @@ PREAMBLE = _PACKETS[0, :-WORD_BITS]
 # Their codewords are all bright and all dark: nothing is modulated after the preamble.
 RESERVED_IDS = tuple(marker_id for marker_id in range(IDS) if not lib.rl_id_is_usable(marker_id))
 
-_PARITY_BITS = WORD_BITS - ID_BITS
-_PARITY_OF_ID = _to_numbers(WORDS[:, ID_BITS:])
-
-
-def _coset_leaders() -> tuple[NDArray[np.int64], NDArray[np.int8]]:
-    """Tabulate for each of the 4096 syndromes the lightest error and its weight, -1 above three.
-
-    A coset whose leader has weight four has six leaders of that weight, so four errors are
-    detected but cannot be corrected.
-    """
-    syndromes = 1 << _PARITY_BITS
-    errors = np.zeros(syndromes, dtype=np.int64)
-    weights = np.full(syndromes, -1, dtype=np.int8)
-    single = 1 << np.arange(WORD_BITS, dtype=np.int64)
-    patterns = np.zeros(1, dtype=np.int64)
-    for weight in range(MAX_CORRECTED_BITS + 1):
-        found = _syndromes(patterns)
-        errors[found] = patterns
-        weights[found] = weight
-        wider = np.bitwise_or.outer(patterns, single).ravel()
-        patterns = np.unique(wider[~np.isin(wider, patterns)])
-    return errors, weights
-
-
-def _syndromes(words: NDArray[np.int64]) -> NDArray[np.int64]:
-    """Return the 12-bit syndromes of packed words: parity received xor parity expected."""
-    expected: NDArray[np.int64] = _PARITY_OF_ID[words >> _PARITY_BITS]
-    return expected ^ (words & ((1 << _PARITY_BITS) - 1))
-
-
-_ERROR_OF_SYNDROME, _WEIGHT_OF_SYNDROME = _coset_leaders()
+_SIGNS = 1 - 2 * WORDS.T.astype(np.float32)
+_ROWS_AT_ONCE = 2048  # of a matrix product, 32 MB
 
 
 class Decoded(NamedTuple):
@@ -137,8 +101,17 @@ def decode(words: ArrayLike) -> Decoded:
         raise ValueError(f'a word has {WORD_BITS} bits on its last axis, not shape {bits.shape}')
     if not np.isin(bits, (0, 1)).all():
         raise ValueError('a word holds only 0 and 1')
-    packed = _to_numbers(bits.astype(np.uint8))
-    syndromes = _syndromes(packed)
-    corrected_bits = _WEIGHT_OF_SYNDROME[syndromes]
-    ids = (packed ^ _ERROR_OF_SYNDROME[syndromes]) >> _PARITY_BITS
-    return Decoded(np.where(corrected_bits >= 0, ids, -1), corrected_bits)
+    # Bits as ±1: the product of two words is how many bits agree less how many differ.
+    signs = 1 - 2 * bits.reshape(-1, WORD_BITS).astype(np.float32)
+    ids = np.empty(len(signs), dtype=np.int64)
+    wrong = np.empty(len(signs), dtype=np.int8)
+    for start in range(0, len(signs), _ROWS_AT_ONCE):
+        rows = slice(start, start + _ROWS_AT_ONCE)
+        agreement = signs[rows] @ _SIGNS
+        ids[rows] = agreement.argmax(axis=1)
+        wrong[rows] = (WORD_BITS - agreement.max(axis=1)) / 2
+    is_read, shape = wrong <= MAX_CORRECTED_BITS, bits.shape[:-1]
+    return Decoded(
+        np.where(is_read, ids, -1).reshape(shape),
+        np.where(is_read, wrong, np.int8(-1)).reshape(shape),
+    )

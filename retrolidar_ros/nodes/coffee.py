@@ -13,6 +13,7 @@ from rclpy.node import Node
 from std_msgs.msg import Bool, Header, String
 
 from retrolidar_ros.nodes.conversion import (
+    Marked,
     covariance_of,
     from_pose,
     to_ns,
@@ -25,7 +26,6 @@ from retrolidar_ros.nodes.parameters import Parameters
 from retrolidar_ros.nodes.qos import latched, topics_of
 from retrolidar_ros.nodes.run import run
 from retrolidar_ros.nodes.tf_filter import TransformedDetections
-from retrolidar_ros.nodes.track_topics import Marked
 from retrolidar_ros.sensor.frame import Floats
 from retrolidar_ros.sensor.rotation import quaternion_of
 from retrolidar_ros.tasks.next_view import ViewPlanner

@@ -5,7 +5,7 @@
 from __future__ import annotations
 
 from array import array
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 from builtin_interfaces.msg import Time
@@ -28,11 +28,12 @@ from retrolidar_ros.sensor.frame import (
     Floats,
     Frame,
     ZoneGrid,
-    check_frame_arrays,
     valid_samples,
 )
 from retrolidar_ros.sensor.rotation import matrix_of, quaternion_of
 
+Marked: TypeAlias = 'MarkerDetection | MarkerTrack'
+"""A message with the place of a marker."""
 # Deviation of a marker's rate of turn, which is not measured [rad/s].
 _ANY_TURN_RATE = 3.0
 _POINT_FIELDS = ('x', 'y', 'z', 'signal', 'ambient')
@@ -116,13 +117,7 @@ def from_frame_msg(message: FrameMsg) -> Frame:
         ambient=np.asarray(message.ambient, dtype=np.float32),
         status=np.asarray(message.status, dtype=np.uint8),
     )
-    check_frame_arrays(
-        frame.grid,
-        distance=frame.distance,
-        signal=frame.signal,
-        ambient=frame.ambient,
-        status=frame.status,
-    )
+    frame.check()
     return frame
 
 
@@ -218,6 +213,33 @@ def to_detection_msg(detection: Detection, frame_id: str, child_frame_id: str) -
     return message
 
 
+def from_detection_msg(message: MarkerDetection) -> Detection:
+    """Return the detection of a message."""
+    pose = message.pose.pose
+    return Detection(
+        id=message.id,
+        stamp_ns=to_ns(message.header.stamp),
+        start_ns=to_ns(message.start),
+        end_ns=to_ns(message.end),
+        place=Place(
+            vector_of(pose.position),
+            quaternion_in(pose.orientation),
+            covariance_of(message.pose),
+            message.range,
+            message.range_stddev,
+        ),
+        snr_db=message.snr,
+        evidence=message.evidence,
+        decision_margin=message.decision_margin,
+        bit_period_s=message.bit_period,
+        score=message.score,
+        likelihood=message.likelihood,
+        corrected_bits=message.corrected_bits,
+        packets=message.packets,
+        zones=tuple(message.zones),
+    )
+
+
 def to_track_msg(track: Track, frame_id: str, child_frame_id: str) -> MarkerTrack:
     """Return a track as a message in the sensor's frame `frame_id`."""
     message = MarkerTrack(header=to_header(track.stamp_ns, frame_id))
@@ -235,7 +257,7 @@ def to_track_msg(track: Track, frame_id: str, child_frame_id: str) -> MarkerTrac
     return message
 
 
-def _set_place(message: MarkerDetection | MarkerTrack, place: Place) -> None:
+def _set_place(message: Marked, place: Place) -> None:
     message.pose.pose = to_pose(place.position_m, place.orientation)
     message.pose.covariance = place.covariance.ravel()
     message.range = place.range_m

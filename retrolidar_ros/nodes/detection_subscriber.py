@@ -12,10 +12,9 @@ from rclpy.node import Node
 
 from retrolidar_ros.marker.code import IDS
 from retrolidar_ros.msg import MarkerDetection, MarkerTrack
-from retrolidar_ros.nodes.conversion import covariance_of, quaternion_in, to_ns, vector_of
+from retrolidar_ros.nodes.conversion import Marked, covariance_of, quaternion_in, to_ns, vector_of
 from retrolidar_ros.nodes.diagnostics import ERROR
 from retrolidar_ros.nodes.qos import EVENTS, subscribe
-from retrolidar_ros.nodes.track_topics import Marked
 from retrolidar_ros.sensor.frame import Floats
 
 _MAX_NAME = 100

@@ -1,6 +1,6 @@
 # Copyright 2026 retrolidar_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""The topics of a detection: the message, its transform, and standard messages."""
+"""The topics of a detector: detections, tracks, their transforms, and standard messages."""
 
 from __future__ import annotations
 
@@ -17,13 +17,18 @@ from visualization_msgs.msg import MarkerArray
 from retrolidar_ros.detector import Detection, Detector
 from retrolidar_ros.detector.agreement import Agreement
 from retrolidar_ros.detector.likelihood_detector import LikelihoodDetector
+from retrolidar_ros.detector.tracks import MAX_TRACKS
 from retrolidar_ros.marker.known_markers import KnownMarker, frame_of
-from retrolidar_ros.msg import MarkerDetection, MarkerDetectionArray
-from retrolidar_ros.nodes.conversion import to_detection_msg, to_header, to_transform
+from retrolidar_ros.msg import MarkerDetection, MarkerDetectionArray, MarkerTrack
+from retrolidar_ros.nodes.conversion import (
+    Marked,
+    to_detection_msg,
+    to_header,
+    to_track_msg,
+    to_transform,
+)
 from retrolidar_ros.nodes.qos import EVENTS, LATCHED, publisher, topics_of
-from retrolidar_ros.nodes.track_topics import Marked, TrackTopics
-from retrolidar_ros.nodes.transform_watch import TransformWatch, WatchedSender
-from retrolidar_ros.nodes.transforms import transform_sender
+from retrolidar_ros.nodes.transforms import TransformWatch, WatchedSender, transform_sender
 from retrolidar_ros.nodes.visualization import marker_shapes
 from retrolidar_ros.sensor.frame import Frame
 
@@ -35,6 +40,8 @@ NAME = '{name}'
 """What stands for a marker's name in the parameter `child_frame`."""
 _MAX_POSES = 100
 _BEAT_PERIOD_S = 0.2
+_SHAPE_PERIOD_NS = 60_000_000  # of tracks
+_EARLY = 0.9  # of a period, as frames jitter
 
 
 class DetectionTopics:
@@ -53,6 +60,7 @@ class DetectionTopics:
         self._known = known
         self._markers = publisher(node, MarkerDetection, 'markers', EVENTS)
         self._arrays = publisher(node, MarkerDetectionArray, 'markers_array', EVENTS)
+        self._tracks = publisher(node, MarkerTrack, 'tracks', EVENTS)
         self._drawn = publisher(node, MarkerArray, 'marker_array', EVENTS)
         if Detection3DArray is not None:
             self._vision = publisher(node, Detection3DArray, 'detections', EVENTS)
@@ -70,13 +78,9 @@ class DetectionTopics:
         self._send_transforms: WatchedSender | None = None
         self._beat_s = -math.inf
         self._has_tracks = False
+        """Whether transforms and shapes are of tracks."""
+        self._sent_ns = self._drawn_ns = self._dropped = 0
         self.change(values)
-        self._tracks = TrackTopics(
-            node,
-            self._child_frame,
-            self._send,
-            self._draw,
-        )
 
     def change(self, values: dict[str, Any]) -> None:
         """Apply new parameters."""
@@ -92,12 +96,44 @@ class DetectionTopics:
             self._heartbeat.publish(to_header(stamp_ns, frame_id))
 
     def follow(self, detector: Detector, agreement: Agreement, frame: Frame, frame_id: str) -> None:
-        """Publish the tracks at a frame; transforms come from them if parameters say so."""
-        if isinstance(detector, LikelihoodDetector):
-            self._has_tracks = self._values['tf_source'] == 'tracks'
-            self._tracks.follow(detector, agreement, frame, frame_id, self._values)
-        else:
-            self._has_tracks = False
+        """Publish the tracks at a frame, if there are subscribers or parameters ask for them."""
+        self._has_tracks = False
+        if not isinstance(detector, LikelihoodDetector):
+            return
+        self._has_tracks = self._values['tf_source'] == 'tracks'
+        has_subscribers = self._tracks.get_subscription_count() > 0
+        if not self._has_tracks and not has_subscribers:
+            return
+        tracks = agreement.followed(detector.follow(frame))
+        self._warn_of_dropped(detector.track_counts.dropped)
+        if not tracks or not self._is_due(frame.stamp_ns):
+            return
+        messages = [to_track_msg(one, frame_id, self._child_frame(one.id)) for one in tracks]
+        if self._has_tracks:
+            self._send(messages)
+        if has_subscribers:
+            for message in messages:
+                self._tracks.publish(message)
+        if self._has_tracks and abs(frame.stamp_ns - self._drawn_ns) >= _SHAPE_PERIOD_NS:
+            self._drawn_ns = frame.stamp_ns
+            self._draw(messages)
+
+    def _is_due(self, stamp_ns: int) -> bool:
+        """Return whether tracks are to be sent by `max_track_rate`."""
+        max_rate_hz = self._values['max_track_rate']
+        if max_rate_hz and abs(stamp_ns - self._sent_ns) < _EARLY * 1e9 / max_rate_hz:
+            return False
+        self._sent_ns = stamp_ns
+        return True
+
+    def _warn_of_dropped(self, dropped: int) -> None:
+        if dropped > self._dropped:
+            self._node.get_logger().warning(
+                f'more than {MAX_TRACKS} markers: {dropped} tracks were dropped, '
+                'the least certain ones',
+                throttle_duration_sec=5.0,
+            )
+        self._dropped = dropped
 
     def _child_frame(self, identity: int) -> str:
         name = frame_of(identity, self._known)

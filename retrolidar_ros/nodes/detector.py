@@ -28,7 +28,7 @@ from retrolidar_ros.nodes.diagnostics import (
 from retrolidar_ros.nodes.parameters import Parameters, check_frame_id
 from retrolidar_ros.nodes.qos import FRAME_QOS, subscribe
 from retrolidar_ros.nodes.run import run
-from retrolidar_ros.nodes.transform_watch import TransformWatch
+from retrolidar_ros.nodes.transforms import TransformWatch
 from retrolidar_ros.sensor.frame import Frame, ZoneGrid
 
 
@@ -52,15 +52,13 @@ class DetectorNode(Node):
         _check_child_frame(self._values)
         self._known = known_markers(self._values)
         # The first frame tells the zone grid, but impossible parameters are to fail at the start.
-        self._grid = ZoneGrid()
-        self._detector = detector_of(self._values, self._grid, self._known)
-        self._agreement = Agreement(self._values['min_readings'])
+        self._health = DetectorHealth(ZoneGrid())
+        self._begin(self._values, ZoneGrid())
         self._topics = DetectionTopics(
             self, self._known, self._values, watch or TransformWatch(self)
         )
         self._frame_id = ''
         self._number: int | None = None
-        self._health = DetectorHealth(self._grid)
         self._warned: set[str] = set()
         self._lock = Lock()  # frames and parameters may come in different threads
         parameters.follow(self._change)
@@ -71,13 +69,18 @@ class DetectorNode(Node):
         )
         parameters.warn_of_unknown()
 
+    def _begin(self, values: dict[str, Any], grid: ZoneGrid) -> None:
+        """Begin to read frames of a grid; ValueError for impossible values."""
+        self._detector = detector_of(values, grid, self._known)
+        self._agreement = Agreement(values['min_readings'])
+        self._grid = grid
+        self._health.restart(grid)
+
     def _change(self, values: dict[str, Any]) -> None:
         """Apply new values; ValueError for impossible ones."""
         with self._lock:
             if any(values[name] != self._values[name] for name in READING):
-                self._detector = detector_of(values, self._grid, self._known)
-                self._agreement = Agreement(values['min_readings'])
-                self._health.restart(self._grid)
+                self._begin(values, self._grid)
                 self.get_logger().info('the detector restarts with other parameters')
             self._topics.change(values)
             self._values = values
@@ -114,10 +117,8 @@ class DetectorNode(Node):
                     throttle_duration_sec=5.0,
                 )
             if frame.grid != self._grid or frame_id != self._frame_id:
-                self._grid, self._frame_id = frame.grid, frame_id
-                self._detector = detector_of(self._values, frame.grid, self._known)
-                self._agreement = Agreement(self._values['min_readings'])
-                self._health.restart(frame.grid)
+                self._frame_id = frame_id
+                self._begin(self._values, frame.grid)
             age_s = (self.get_clock().now().nanoseconds - frame.stamp_ns) * 1e-9
             if self._health.monitor.take(frame, max_lost):
                 self._read(frame, frame_id)

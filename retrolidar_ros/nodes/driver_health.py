@@ -5,7 +5,6 @@
 from __future__ import annotations
 
 import time
-from dataclasses import dataclass, field, replace
 
 import numpy as np
 from rclpy.node import Node
@@ -21,24 +20,8 @@ from retrolidar_ros.sensor.serial_source import Received, SerialSource
 # into a room, a quarter of them is usual.
 _MANY_ABNORMAL = 0.75
 _SILENCE_S = 0.8
+_COUNTED = 'frames', 'lost', 'damaged', 'untimed', 'zones', 'normal', 'late_ns', 'stamp_ns'
 NO_CLOCK = 'use_sim_time is set, but nobody publishes /clock: frames are dropped'
-
-
-@dataclass
-class _Counts:
-    """Counters at some time."""
-
-    time_s: float
-    frames: int = 0
-    received: Received = field(default_factory=Received)
-    damaged: int = 0
-    lost: int = 0
-    untimed: int = 0
-    stamp_ns: int = 0
-    zones: int = 0
-    normal: int = 0
-    latency_s: float = 0.0
-    """Sum over the frames, from the middle of the exposure until they were published."""
 
 
 class DriverTally:
@@ -46,48 +29,43 @@ class DriverTally:
 
     def __init__(self) -> None:
         """Begin at zero."""
-        self._counts = _Counts(time.monotonic())
-        self._examined = replace(self._counts)
+        self._counts = dict.fromkeys(_COUNTED, 0)
+        self._then = dict(self._counts)
+        self._received, self._examined_s = Received(), time.monotonic()
         self._last_sequence: int | None = None
 
     def count(self, frame: Frame, latency_ns: int) -> None:
         """Count a stamped frame, published so long after the middle of its exposure."""
         counts = self._counts
-        counts.frames += 1
-        counts.stamp_ns = frame.stamp_ns
-        counts.lost += missing_frames(self._last_sequence, frame.sequence)
+        counts['frames'] += 1
+        counts['lost'] += missing_frames(self._last_sequence, frame.sequence)
+        counts['zones'] += len(frame.status)
+        counts['normal'] += int(np.count_nonzero(IS_NORMAL[frame.status]))
+        counts['late_ns'] += latency_ns
+        counts['stamp_ns'] = frame.stamp_ns
         self._last_sequence = frame.sequence
-        counts.zones += len(frame.status)
-        counts.normal += int(np.count_nonzero(IS_NORMAL[frame.status]))
-        counts.latency_s += latency_ns * 1e-9
 
     def count_untimed(self, frames: int) -> None:
         """Count frames that came before the clock did."""
-        self._counts.untimed += frames
+        self._counts['untimed'] += frames
 
     def examine(self, source: SerialSource, clock_map: ClockMap) -> Health:
         """Judge the time since the last call, usually a second."""
-        counts = source.reader.counts
-        now = replace(
-            self._counts,
-            time_s=time.monotonic(),
-            received=source.received,
-            damaged=counts.damaged,
-        )
-        then, self._examined = self._examined, now
-        frames = now.frames - then.frames
-        rate = frames / (now.time_s - then.time_s)
-        damaged, lost = now.damaged - then.damaged, now.lost - then.lost
-        zones = now.zones - then.zones
-        abnormal = (zones - (now.normal - then.normal)) / max(zones, 1)
-        latency_ms = 1e3 * (now.latency_s - then.latency_s) / max(frames, 1)
+        counts, now_s = source.reader.counts, time.monotonic()
+        self._counts['damaged'] = counts.damaged
+        now = dict(self._counts)
+        new = {name: number - self._then[name] for name, number in now.items()}
+        rate = new['frames'] / (now_s - self._examined_s)
+        silence = source.received.silence(self._received)
+        self._then, self._received, self._examined_s = now, source.received, now_s
+        abnormal = 1 - new['normal'] / new['zones'] if new['zones'] else 0.0
         values = {
             'port': source.port,
             'frame rate [Hz]': f'{rate:.1f}',
-            'frames': str(now.frames),
-            'lost frames': str(now.lost),
+            'frames': str(now['frames']),
+            'lost frames': str(now['lost']),
             'abnormal zones [%]': f'{100 * abnormal:.1f}',
-            'latency [ms]': f'{latency_ms:.1f}',
+            'latency [ms]': f'{1e-6 * new["late_ns"] / max(new["frames"], 1):.1f}',
             'packets with CRC errors': str(counts.bad_crc),
             'packets with framing errors': str(counts.bad_framing + counts.overlong),
             'packets of a wrong shape': str(counts.bad_shape),
@@ -99,14 +77,13 @@ class DriverTally:
         }
         if not source.is_open:
             return Health(ERROR, source.problem, values)
-        if not frames:
-            is_untimed = now.untimed > then.untimed
-            silence = NO_CLOCK if is_untimed else now.received.silence(then.received)
-            return Health(ERROR, silence, values)
-        if stamps_stand(frames, now.stamp_ns - then.stamp_ns):
+        if not new['frames']:
+            return Health(ERROR, NO_CLOCK if new['untimed'] else silence, values)
+        if stamps_stand(new['frames'], new['stamp_ns']):
             return Health(ERROR, 'the stamps stand still: does /clock?', values)
-        if damaged or lost:
-            return Health(WARN, f'{damaged} damaged packets, {lost} lost frames', values)
+        if new['damaged'] or new['lost']:
+            text = f'{new["damaged"]} damaged packets, {new["lost"]} lost frames'
+            return Health(WARN, text, values)
         if abnormal > _MANY_ABNORMAL:
             return Health(WARN, f'{100 * abnormal:.0f} % of the zones are abnormal', values)
         return Health(OK, f'{rate:.1f} frames a second', values)

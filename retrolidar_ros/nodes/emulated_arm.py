@@ -19,8 +19,7 @@ from retrolidar_ros.nodes.conversion import to_pose, to_transform
 from retrolidar_ros.nodes.parameters import Parameters, check_frame_id
 from retrolidar_ros.nodes.qos import EVENTS, latched
 from retrolidar_ros.nodes.run import run
-from retrolidar_ros.nodes.transform_watch import WatchedSender
-from retrolidar_ros.nodes.transforms import transform_sender
+from retrolidar_ros.nodes.transforms import WatchedSender, transform_sender
 from retrolidar_ros.scene.description import Waypoint
 from retrolidar_ros.scene.files import load_scene
 from retrolidar_ros.scene.laboratory import rotation_of

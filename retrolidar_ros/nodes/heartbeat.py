@@ -9,13 +9,12 @@ from rclpy.node import Node
 from std_msgs.msg import Bool
 
 from retrolidar_ros.msg import MarkerTrack
-from retrolidar_ros.nodes.conversion import to_ns
+from retrolidar_ros.nodes.conversion import Marked, to_ns
 from retrolidar_ros.nodes.detection_subscriber import DetectionSubscriber
 from retrolidar_ros.nodes.diagnostics import WARN, Health, health_of, register_health_check
 from retrolidar_ros.nodes.parameters import Parameters
 from retrolidar_ros.nodes.qos import latched
 from retrolidar_ros.nodes.run import run
-from retrolidar_ros.nodes.track_topics import Marked
 from retrolidar_ros.tasks.heartbeat import Heartbeat
 
 _TICK_S = 0.02

@@ -54,7 +54,8 @@ class LandmarkTopics:
         message = to_pose_msg(header, estimate.position_m, estimate.rotation, estimate.covariance)
         self._poses[name].publish(message)
         self._shapes_due = True
-        if self._send is not None and self._is_ours(child := self._child_frame_of(name)):
+        child = self._child_frame.replace('{name}', name)
+        if self._send is not None and self._is_ours(child):
             self._send([to_transform(message.header, child, message.pose.pose)])
 
     def change(self) -> None:
@@ -68,9 +69,6 @@ class LandmarkTopics:
             stamp = self._node.get_clock().now().to_msg()
             shapes = landmark_shapes(Header(stamp=stamp, frame_id=self._fixed), estimates)
             self._shapes.publish(MarkerArray(markers=shapes))
-
-    def _child_frame_of(self, name: str) -> str:
-        return self._child_frame.replace('{name}', name)
 
     def _is_ours(self, child: str) -> bool:
         """Return whether a frame has no other parent in TF than this node gives it."""

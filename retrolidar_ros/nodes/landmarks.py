@@ -18,14 +18,13 @@ from std_srvs.srv import Trigger
 
 from retrolidar_ros.detector.parameters import known_markers
 from retrolidar_ros.marker.known_markers import objects_of
-from retrolidar_ros.nodes.conversion import to_pose_msg
+from retrolidar_ros.nodes.conversion import Marked, to_pose_msg
 from retrolidar_ros.nodes.diagnostics import WARN, Health, health_of, register_health_check
 from retrolidar_ros.nodes.landmark_topics import LandmarkTopics, object_topics
 from retrolidar_ros.nodes.parameters import Parameters, check_frame_id
 from retrolidar_ros.nodes.qos import STREAM, publisher
 from retrolidar_ros.nodes.run import run
 from retrolidar_ros.nodes.tf_filter import TransformedDetections
-from retrolidar_ros.nodes.track_topics import Marked
 from retrolidar_ros.sensor.frame import Floats
 from retrolidar_ros.tasks.backlog import Backlog, Batch
 from retrolidar_ros.tasks.landmarks import Landmark

@@ -14,10 +14,10 @@ from rclpy.node import Node
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 from tf2_msgs.msg import TFMessage
 
+from retrolidar_ros.detector import Detection
 from retrolidar_ros.msg import Frame as FrameMsg
 from retrolidar_ros.msg import MarkerDetection
-from retrolidar_ros.nodes.conversion import covariance_of, from_frame_msg, to_ns, vector_of
-from retrolidar_ros.scene.truth import Heard
+from retrolidar_ros.nodes.conversion import from_detection_msg, from_frame_msg, to_ns
 from retrolidar_ros.sensor.frame import Recording
 
 
@@ -70,28 +70,18 @@ class Listener:
         """Return the frames so far; None if there are none."""
         return Recording.of([from_frame_msg(m) for m, _ in self.frames]) if self.frames else None
 
-    def heard(self) -> list[Heard]:
+    def readings(self) -> list[Detection]:
         """Return the detections so far."""
-        transforms = {(t.child_frame_id, to_ns(t.header.stamp)) for t in self.transforms}
-        heard = []
-        for message, _ in self.markers:
-            stamp_ns = to_ns(message.header.stamp)
-            heard.append(
-                Heard(
-                    id=message.id,
-                    start_ns=to_ns(message.start),
-                    stamp_ns=stamp_ns,
-                    end_ns=to_ns(message.end),
-                    range_m=message.range,
-                    snr_db=message.snr,
-                    position_m=tuple(vector_of(message.pose.pose.position).tolist()),
-                    covariance=covariance_of(message.pose)[:3, :3],
-                    zone=message.zones[0],
-                    bit_period_s=message.bit_period,
-                    has_transform=(message.child_frame_id, stamp_ns) in transforms,
-                )
-            )
-        return heard
+        return [from_detection_msg(message) for message, _ in self.markers]
+
+    def untransformed(self) -> set[int]:
+        """Return the IDs of detections whose transforms have not come."""
+        sent = {(one.child_frame_id, to_ns(one.header.stamp)) for one in self.transforms}
+        return {
+            one.id
+            for one, _ in self.markers
+            if (one.child_frame_id, to_ns(one.header.stamp)) not in sent
+        }
 
     def close(self) -> None:
         """Leave the graph."""

@@ -19,7 +19,7 @@ from retrolidar_ros.nodes.driver import DriverNode
 from retrolidar_ros.nodes.parameters import Parameters
 from retrolidar_ros.nodes.qos import topic_part
 from retrolidar_ros.nodes.run import run
-from retrolidar_ros.nodes.transform_watch import TransformWatch
+from retrolidar_ros.nodes.transforms import TransformWatch
 
 
 def create_nodes() -> list[Node]:

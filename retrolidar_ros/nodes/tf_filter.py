@@ -14,10 +14,9 @@ from rclpy.node import Node
 from rclpy.time import Time
 
 from retrolidar_ros.msg import MarkerTrack
-from retrolidar_ros.nodes.conversion import covariance_of, to_ns, vector_of
+from retrolidar_ros.nodes.conversion import Marked, covariance_of, to_ns, vector_of
 from retrolidar_ros.nodes.detection_subscriber import DetectionSubscriber
 from retrolidar_ros.nodes.diagnostics import WARN
-from retrolidar_ros.nodes.track_topics import Marked
 from retrolidar_ros.nodes.transforms import TransformFinder
 from retrolidar_ros.tasks.reading import Reading, SensorPose, reading
 from retrolidar_ros.tasks.resting import NEW, Resting

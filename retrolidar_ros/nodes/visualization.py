@@ -12,8 +12,7 @@ from geometry_msgs.msg import Pose
 from std_msgs.msg import Header
 from visualization_msgs.msg import Marker
 
-from retrolidar_ros.msg import MarkerDetection, MarkerTrack
-from retrolidar_ros.nodes.conversion import covariance_of, to_pose, vector_of
+from retrolidar_ros.nodes.conversion import Marked, covariance_of, to_pose, vector_of
 from retrolidar_ros.sensor.frame import Floats
 from retrolidar_ros.sensor.rotation import quaternion_of
 from retrolidar_ros.tasks.landmarks import Estimate
@@ -25,7 +24,7 @@ _COLOUR = (0.0, 0.62, 0.45)
 _UPRIGHT = np.array([0.0, 0.0, 0.0, 1.0])
 
 
-def marker_shapes(detection: MarkerDetection | MarkerTrack, stale_after_s: float) -> list[Marker]:
+def marker_shapes(detection: Marked, stale_after_s: float) -> list[Marker]:
     """Return an ellipsoid of the covariance and a label, removed when stale."""
     position_m = vector_of(detection.pose.pose.position)
     covariance = covariance_of(detection.pose)[:3, :3]

@@ -4,7 +4,7 @@
 
 `description` says what a scene may name and reads it from a file, `transmission` is what a
 marker's liquid crystal lets through, `optics` how much of it reaches which zone, `laboratory` what
-else happens on the way, `noise` what the sensor adds, and `simulation` what it reports.
+else happens on the way, and `simulation` what the sensor reports, with its noise.
 """
 
 from retrolidar_ros.scene.description import Scene, parse_scene

@@ -12,10 +12,8 @@ import numpy as np
 
 from retrolidar_ros.marker.battery import active_share, drawn, life_h
 from retrolidar_ros.marker.wakeup import THRESHOLD_V, voltage_v, wakeup_range_m
-from retrolidar_ros.scene.description import Noise
 from retrolidar_ros.scene.optics import DISTANCE_EXPONENT, received_signal
 from retrolidar_ros.scene.reference import NOISE, WALL_SIGNAL
-from retrolidar_ros.sensor.noise import NoiseLaw
 
 SNR = 'c/\N{GREEK SMALL LETTER SIGMA}'
 NEEDED_SNR_DB = 8.4
@@ -75,15 +73,13 @@ def budget(
     }
 
 
-def needed_swing(
-    snr_db: float, noise: Noise | NoiseLaw = NOISE, wall: float = WALL_SIGNAL
-) -> float:
+def needed_swing(snr_db: float) -> float:
     """Return the signal [kcps/SPAD] between bright and dark that gives a c over sigma [dB].
 
     The noise is taken at the wall and half of c, so c solves c² = r²·(floor + slope·(wall + c/2))
     with r the wanted ratio.
     """
     power = 10 ** (snr_db / 10)
-    linear = noise.slope * power / 4
-    silent = noise.floor + noise.slope * wall
+    linear = NOISE.slope * power / 4
+    silent = NOISE.floor + NOISE.slope * WALL_SIGNAL
     return linear + math.sqrt(linear * linear + power * silent)

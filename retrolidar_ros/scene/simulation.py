@@ -11,8 +11,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from retrolidar_ros.scene import laboratory as lab
-from retrolidar_ros.scene.description import Marker, Scene, Sensor, Surface
-from retrolidar_ros.scene.noise import deviating, noisy
+from retrolidar_ros.scene.description import (
+    NEAREST_M,
+    Marker,
+    Noise,
+    Ranging,
+    Scene,
+    Sensor,
+    Surface,
+)
 from retrolidar_ros.scene.optics import position_at, received_signal, zone_shares
 from retrolidar_ros.scene.transmission import Transmission, exposure_edges, visible_share
 from retrolidar_ros.sensor.frame import Floats, Recording
@@ -20,7 +27,6 @@ from retrolidar_ros.sensor.model import VL53L8CX, Status
 
 # A pulse counts as merged when its strongest target is less than this share of it.
 _PURE_SHARE = 0.95
-# One step of the sensor's output; what is weaker is nothing.
 # Codes that the sensor gives to measurements it does not trust.
 _ABNORMAL = np.array(
     [Status.NOT_UPDATED, Status.SIGNAL_TOO_LOW_ON_ARRAY, Status.SIGMA_TOO_HIGH, 4, 7, 8, 11],
@@ -202,3 +208,30 @@ def _reported_pulse(signals: Floats, distances: Floats) -> tuple[Floats, Floats,
         best_merged[stronger] = (strongest < _PURE_SHARE * signal)[stronger]
         best_signal[stronger] = signal[stronger]
     return best_signal, best_distance, best_merged
+
+
+def noisy(
+    signal: Floats, noise: Noise | None, rng: np.random.Generator, ambient: Floats | float = 0.0
+) -> Floats:
+    """Add noise to signals of any shape, in ambient light; none is ever reported as negative.
+
+    Signals and ambient light are in kcps/SPAD.
+    """
+    if noise is None:
+        return signal
+    sigma: Floats = np.sqrt(noise.floor + noise.slope * signal + noise.ambient * ambient)
+    return np.maximum(signal + sigma * rng.standard_normal(signal.shape), 0.0)
+
+
+def deviating(
+    distance: Floats, signal: Floats, ranging: Ranging | None, rng: np.random.Generator
+) -> Floats:
+    """Add to distances [m] of any shape the deviation that belongs to their signals.
+
+    None is behind the sensor, however near its target is.
+    """
+    if ranging is None:
+        return distance
+    shot = np.divide(ranging.shot, signal, out=np.zeros_like(signal), where=signal > 0)
+    sigma: Floats = np.hypot(shot, ranging.floor)
+    return np.maximum(distance + sigma * rng.standard_normal(signal.shape), NEAREST_M)

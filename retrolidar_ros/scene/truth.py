@@ -5,11 +5,13 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from typing import NamedTuple
 
 import numpy as np
 
+from retrolidar_ros.detector import Detection
+from retrolidar_ros.detector.place import Place
 from retrolidar_ros.marker.code import BIT_PERIOD_S, PACKET_BITS
 from retrolidar_ros.scene import Scene
 from retrolidar_ros.scene.description import Marker
@@ -18,25 +20,9 @@ from retrolidar_ros.scene.optics import position_at
 from retrolidar_ros.sensor.frame import Floats, Recording
 
 MAX_RANGE_ERROR_M = 0.01
-_RARE = 16.266  # 99.9 % of a normal distribution in space
+RARE = 16.266
+"""Squared distance, in deviations, that holds 99.9 % of a normal distribution in space."""
 PACKET_S = PACKET_BITS * BIT_PERIOD_S
-
-
-class Heard(NamedTuple):
-    """One `MarkerDetection`, as far as the demo judges it."""
-
-    id: int
-    start_ns: int
-    stamp_ns: int
-    end_ns: int
-    range_m: float
-    snr_db: float
-    position_m: tuple[float, float, float]
-    covariance: Floats
-    """Of the position [m²], shape (3, 3)."""
-    zone: int
-    bit_period_s: float
-    has_transform: bool
 
 
 class Outcome(NamedTuple):
@@ -76,22 +62,31 @@ def true_position(scene: Scene, marker: Marker, recording: Recording, stamps: Fl
     return np.broadcast_to(positions, (stamps.size, 3)).reshape(*stamps.shape, 3)
 
 
-def judge(scene: Scene, recording: Recording, heard: Sequence[Heard]) -> list[Outcome]:
-    """Set what was heard beside the truth: markers of the scene first, then ghosts."""
+def judge(
+    scene: Scene,
+    recording: Recording,
+    readings: Sequence[Detection],
+    untransformed: Collection[int] = (),
+) -> list[Outcome]:
+    """Set readings beside the truth: markers of the scene first, then ghosts.
+
+    Some readings of the `untransformed` IDs are not in TF.
+    """
     origin_ns = int(recording.stamp_ns[0])
     markers: dict[int, Marker | None] = {marker.id: marker for marker in scene.markers}
-    for ghost in sorted({reading.id for reading in heard} - set(markers)):
+    for ghost in sorted({reading.id for reading in readings} - set(markers)):
         markers[ghost] = None
     outcomes = []
     for identity, marker in markers.items():
-        own = [reading for reading in heard if reading.id == identity]
+        own = [reading for reading in readings if reading.id == identity]
         truth: Floats = np.full((len(own), 3), np.nan)
         if marker is not None and own:
             stamps = np.array([reading.stamp_ns - origin_ns for reading in own], dtype=float)
             truth = true_position(scene, marker, recording, stamps)
         ranges = np.linalg.norm(truth, axis=1)
-        errors = [one.range_m - true for one, true in zip(own, ranges.tolist(), strict=True)]
-        off = [one.position_m - true for one, true in zip(own, truth, strict=True)]
+        places = [reading.place for reading in own]
+        errors = [one.range_m - true for one, true in zip(places, ranges.tolist(), strict=True)]
+        off = [one.position_m - true for one, true in zip(places, truth, strict=True)]
         worst = max(range(len(own)), key=lambda one: float(np.linalg.norm(off[one])), default=None)
         outcomes.append(
             Outcome(
@@ -101,22 +96,22 @@ def judge(scene: Scene, recording: Recording, heard: Sequence[Heard]) -> list[Ou
                 range_m=float(ranges.mean()) if own else np.nan,
                 error_m=max(errors, key=abs, default=np.nan),
                 place_error_m=np.nan if worst is None else float(np.linalg.norm(off[worst])),
-                place_stddev_m=np.nan if worst is None else _worst_stddev(own[worst].covariance),
+                place_stddev_m=np.nan if worst is None else _worst_stddev(places[worst]),
                 is_placed=all(
-                    vector @ np.linalg.solve(one.covariance, vector) < _RARE
-                    for one, vector in zip(own, off, strict=True)
+                    vector @ np.linalg.solve(one.covariance[:3, :3], vector) < RARE
+                    for one, vector in zip(places, off, strict=True)
                 ),
                 snr_db=float(np.median([r.snr_db for r in own])) if own else np.nan,
                 first_reading_s=(own[0].end_ns - origin_ns) * 1e-9 if own else np.nan,
-                has_transforms=all(reading.has_transform for reading in own),
+                has_transforms=identity not in untransformed,
             )
         )
     return outcomes
 
 
-def _worst_stddev(covariance: Floats) -> float:
+def _worst_stddev(place: Place) -> float:
     """Return the standard deviation along the worst axis [m]."""
-    return math.sqrt(float(np.linalg.eigvalsh(covariance)[-1]))
+    return math.sqrt(float(np.linalg.eigvalsh(place.covariance[:3, :3])[-1]))
 
 
 def table(outcomes: Sequence[Outcome]) -> str:

@@ -14,7 +14,7 @@ from functools import cached_property
 from typing import Any, TypeAlias
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from retrolidar_ros.sensor.model import VL53L8CX
 
@@ -134,6 +134,16 @@ class Frame:
     status: NDArray[np.uint8]
     """The sensor's target status codes, see `Status`."""
 
+    def check(self) -> None:
+        """Raise ValueError naming the first array that does not hold one value a zone."""
+        grid = self.grid
+        for name in ('distance', 'signal', 'ambient', 'status'):
+            if (shape := np.shape(getattr(self, name))) != (grid.zones,):
+                raise ValueError(
+                    f'{name} has shape {shape}; {grid.rows}x{grid.columns} zones need '
+                    f'({grid.zones},)'
+                )
+
 
 @dataclass(frozen=True, eq=False)
 class Recording:
@@ -162,26 +172,12 @@ class Recording:
         grid = frames[0].grid
         if any(frame.grid is not grid and frame.grid != grid for frame in frames):
             raise ValueError('the frames have different zone grids')
-        return cls(
-            stamp_ns=np.array([frame.stamp_ns for frame in frames]),
-            sequence=np.array([frame.sequence for frame in frames]),
-            sensor_time_us=np.array([frame.sensor_time_us for frame in frames]),
-            grid=grid,
-            distance=_stacked([frame.distance for frame in frames]),
-            signal=_stacked([frame.signal for frame in frames]),
-            ambient=_stacked([frame.ambient for frame in frames]),
-            status=_stacked([frame.status for frame in frames]),
-        )
-
-    def followed_by(self, frames: list[Frame], count: int) -> Recording:
-        """Return the last frames of this recording and more, so many at most."""
-        more = vars(Recording.of(frames))
-        arrays = {
-            name: np.concatenate([value, more[name]])[-count:]
-            for name, value in vars(self).items()
-            if name != 'grid'
-        }
-        return replace(self, **arrays)
+        arrays: dict[str, NDArray[Any]] = {}
+        for name in vars(frames[0]).keys() - {'grid'}:
+            values = [getattr(frame, name) for frame in frames]
+            # With its type; to be found it takes three times as long.
+            arrays[name] = np.array(values, np.asarray(values[0]).dtype)
+        return cls(grid=grid, **arrays)
 
     def newest(self, count: int) -> Recording:
         """Return the last frames, so many at most."""
@@ -204,19 +200,4 @@ class Recording:
                 signal=self.signal[index],
                 ambient=self.ambient[index],
                 status=self.status[index],
-            )
-
-
-def _stacked(rows: list[NDArray[Any]]) -> NDArray[Any]:
-    """Return rows of one length as an array; `numpy.stack` takes three times as long."""
-    return np.array(rows, rows[0].dtype)
-
-
-def check_frame_arrays(grid: ZoneGrid, **arrays: ArrayLike) -> None:
-    """Raise ValueError naming the first array that does not hold one value a zone."""
-    for name, values in arrays.items():
-        if np.shape(values) != (grid.zones,):
-            raise ValueError(
-                f'{name} has shape {np.shape(values)}; '
-                f'{grid.rows}x{grid.columns} zones need ({grid.zones},)'
             )

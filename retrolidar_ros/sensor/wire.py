@@ -17,7 +17,7 @@ from struct import Struct
 import numpy as np
 
 from retrolidar_ros.core import ffi, lib
-from retrolidar_ros.sensor.frame import GRIDS, Frame, check_frame_arrays
+from retrolidar_ros.sensor.frame import GRIDS, Frame
 from retrolidar_ros.sensor.identity import KIND_IDENTITY, Commands, decode_identity
 from retrolidar_ros.sensor.model import Status
 
@@ -84,13 +84,7 @@ def encode_frame(frame: Frame) -> bytes:
     """
     grid = frame.grid
     zones = np.zeros(grid.zones, dtype=_ZONE)
-    check_frame_arrays(
-        grid,
-        distance=frame.distance,
-        signal=frame.signal,
-        ambient=frame.ambient,
-        status=frame.status,
-    )
+    frame.check()
     missing = np.isnan(frame.distance)
     if (frame.status[missing] != Status.NO_TARGET).any():
         raise ValueError('a distance is NaN where the status is not 255, no target')

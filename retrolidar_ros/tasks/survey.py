@@ -1,20 +1,17 @@
 # Copyright 2026 retrolidar_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""All landmarks: data association by name, and the file format."""
+"""All landmarks: data association by name."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-from typing import Any
+from collections.abc import Mapping
 
 import numpy as np
 
 from retrolidar_ros.sensor.frame import Floats
-from retrolidar_ros.sensor.rotation import matrix_of, quaternion_of
-from retrolidar_ros.settings.section import ConfigError, Section, text
 from retrolidar_ros.tasks.landmarks import Estimate, Landmark
 from retrolidar_ros.tasks.reading import Errors, Reading
-from retrolidar_ros.tasks.state import Prior, State
+from retrolidar_ros.tasks.state import Prior
 
 MAX_LANDMARKS = 500
 """Of a survey: as many fit into a file that is read."""
@@ -99,65 +96,3 @@ class Survey:
         fresh = Landmark(name, markers, self._errors, self._known.get(name))
         self.landmarks[name] = fresh
         return fresh
-
-
-def survey_content(frame: str, estimates: list[Estimate]) -> dict[str, Any]:
-    """Return landmarks in a fixed frame as a mapping fit for a YAML file; units are SI."""
-    return {
-        'frame': frame,
-        'landmarks': {
-            one.name: {
-                'position': one.position_m.tolist(),
-                'orientation': quaternion_of(one.rotation).tolist(),
-                'covariance': one.covariance.ravel().tolist(),
-            }
-            for one in estimates
-        },
-    }
-
-
-def parse_survey(content: object) -> tuple[str, dict[str, Prior]]:
-    """Return the fixed frame and the landmarks that `survey_content` wrote.
-
-    Raises
-    ------
-    ConfigError
-        If numbers are missing or impossible; it names the key.
-    """
-    section = Section(content)
-    frame = section.take('frame', text)
-    known = section.take('landmarks', _priors)
-    section.end()
-    return frame, known
-
-
-def _priors(value: Any, path: str) -> dict[str, Prior]:
-    if not isinstance(value, Mapping):
-        raise ConfigError(f'{path}: needs a name and a place a line, not {value!r}')
-    return {str(name): _prior(one, f'{path}.{name}') for name, one in value.items()}
-
-
-def _prior(value: Any, path: str) -> Prior:
-    section = Section(value, path)
-    position_m = section.take('position', _numbers(3))
-    turn = section.take('orientation', _numbers(4))
-    covariance = section.take('covariance', _numbers(36)).reshape(6, 6)
-    section.end()
-    if not np.linalg.norm(turn) > 0:
-        raise ConfigError(f'{path}.orientation: is no quaternion')
-    if not np.allclose(covariance, covariance.T) or np.linalg.eigvalsh(covariance)[0] <= 0:
-        raise ConfigError(f'{path}.covariance: is not symmetric and above 0')
-    return Prior(State(position_m, matrix_of(turn), np.zeros(3)), covariance)
-
-
-def _numbers(count: int) -> Callable[[Any, str], Floats]:
-    def parse(value: Any, path: str) -> Floats:
-        try:
-            numbers: Floats = np.array(value, dtype=float)
-        except (TypeError, ValueError, OverflowError):
-            numbers = np.array([])
-        if numbers.shape != (count,) or not np.isfinite(numbers).all():
-            raise ConfigError(f'{path}: needs a list of {count} numbers, not {value!r:.200}')
-        return numbers
-
-    return parse

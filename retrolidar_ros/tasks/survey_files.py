@@ -6,13 +6,18 @@ from __future__ import annotations
 
 import os
 import shutil
-from collections.abc import Collection
+from collections.abc import Callable, Collection, Mapping
 from pathlib import Path
+from typing import Any
 
+import numpy as np
+
+from retrolidar_ros.sensor.frame import Floats
+from retrolidar_ros.sensor.rotation import matrix_of, quaternion_of
+from retrolidar_ros.settings.section import ConfigError, Section, text
 from retrolidar_ros.settings.yaml_files import load_yaml, yaml_text
 from retrolidar_ros.tasks.landmarks import Estimate
-from retrolidar_ros.tasks.state import Prior
-from retrolidar_ros.tasks.survey import parse_survey, survey_content
+from retrolidar_ros.tasks.state import Prior, State
 
 _BACKUP = '.bak'
 _MAX_NAMED = 5
@@ -59,14 +64,14 @@ def save_survey(path: Path, frame: str, estimates: list[Estimate]) -> str:
     exists = path.exists()
     if exists:
         _check_replaceable(path, frame, {one.name for one in estimates})
-    text = yaml_text(survey_content(frame, estimates))
+    content = yaml_text(survey_content(frame, estimates))
     done = f'{len(estimates)} landmarks in {frame} saved to {path}'
-    if exists and path.read_text(encoding='utf-8') == text:
+    if exists and path.read_text(encoding='utf-8') == content:
         return f'{done}, unchanged'
     fresh = path.with_name(f'.{path.name}.{os.getpid()}')
     kept = path.with_name(path.name + _BACKUP)
     try:
-        fresh.write_text(text, encoding='utf-8')
+        fresh.write_text(content, encoding='utf-8')
         load_survey(fresh)  # check that it can be loaded
         if exists:
             shutil.copymode(path, fresh)
@@ -112,3 +117,65 @@ def _flush(path: Path) -> None:
         os.fsync(descriptor)
     finally:
         os.close(descriptor)
+
+
+def survey_content(frame: str, estimates: list[Estimate]) -> dict[str, Any]:
+    """Return landmarks in a fixed frame as a mapping fit for a YAML file; units are SI."""
+    return {
+        'frame': frame,
+        'landmarks': {
+            one.name: {
+                'position': one.position_m.tolist(),
+                'orientation': quaternion_of(one.rotation).tolist(),
+                'covariance': one.covariance.ravel().tolist(),
+            }
+            for one in estimates
+        },
+    }
+
+
+def parse_survey(content: object) -> tuple[str, dict[str, Prior]]:
+    """Return the fixed frame and the landmarks that `survey_content` wrote.
+
+    Raises
+    ------
+    ConfigError
+        If numbers are missing or impossible; it names the key.
+    """
+    section = Section(content)
+    frame = section.take('frame', text)
+    known = section.take('landmarks', _priors)
+    section.end()
+    return frame, known
+
+
+def _priors(value: Any, path: str) -> dict[str, Prior]:
+    if not isinstance(value, Mapping):
+        raise ConfigError(f'{path}: needs a name and a place a line, not {value!r}')
+    return {str(name): _prior(one, f'{path}.{name}') for name, one in value.items()}
+
+
+def _prior(value: Any, path: str) -> Prior:
+    section = Section(value, path)
+    position_m = section.take('position', _numbers(3))
+    turn = section.take('orientation', _numbers(4))
+    covariance = section.take('covariance', _numbers(36)).reshape(6, 6)
+    section.end()
+    if not np.linalg.norm(turn) > 0:
+        raise ConfigError(f'{path}.orientation: is no quaternion')
+    if not np.allclose(covariance, covariance.T) or np.linalg.eigvalsh(covariance)[0] <= 0:
+        raise ConfigError(f'{path}.covariance: is not symmetric and above 0')
+    return Prior(State(position_m, matrix_of(turn), np.zeros(3)), covariance)
+
+
+def _numbers(count: int) -> Callable[[Any, str], Floats]:
+    def parse(value: Any, path: str) -> Floats:
+        try:
+            numbers: Floats = np.array(value, dtype=float)
+        except (TypeError, ValueError, OverflowError):
+            numbers = np.array([])
+        if numbers.shape != (count,) or not np.isfinite(numbers).all():
+            raise ConfigError(f'{path}: needs a list of {count} numbers, not {value!r:.200}')
+        return numbers
+
+    return parse

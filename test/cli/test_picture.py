@@ -14,7 +14,6 @@ from matplotlib.colors import to_hex
 from matplotlib.figure import Figure
 
 from retrolidar_ros.cli.picture import plot_readings
-from retrolidar_ros.cli.plot import _heard
 from retrolidar_ros.detector.decoding import Decoding
 from retrolidar_ros.detector.parameters import defaults
 from retrolidar_ros.scene import Scene, Simulation
@@ -32,7 +31,7 @@ def seen(*markers: Marker) -> Recording:
 def drawn(recording: Recording, monkeypatch: pytest.MonkeyPatch, *markers: Marker) -> Any:
     figures: list[Any] = []
     monkeypatch.setattr(Figure, 'savefig', lambda figure, *_, **__: figures.append(figure))
-    readings = [_heard(one) for one in Decoding(defaults()).detect(recording)]
+    readings = list(Decoding(defaults()).detect(recording))
     plot_readings(recording, readings, Path('unused.png'), title='t', hint='h', markers=markers)
     return figures[0]
 

@@ -74,9 +74,7 @@ def test_a_marker_that_crosses_the_view_is_read_as_no_other() -> None:
     ids=['pause', 'beyond noise', 'steps', 'steps, too', 'vanishes', 'bits of the search'],
 )
 def test_no_id_of_a_random_room_is_wrong(seed: int, number: int) -> None:
-    """By rivals with a pause, what is beyond noise, steps of an interferer's gain, rivals that vanish,
-    and the bits that the search has found.
-    """
+    """By what each room is named for: of rivals, interferers and the word test."""
     scored = play(number, seed).scored
     assert scored.wrong == []
     assert sum(scored.read) >= 10

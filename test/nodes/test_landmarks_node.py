@@ -17,7 +17,7 @@ from retrolidar_ros.nodes.conversion import vector_of
 from retrolidar_ros.tasks.landmarks import Landmark
 from retrolidar_ros.tasks.reading import Errors
 from retrolidar_ros.tasks.state import Prior, State
-from retrolidar_ros.tasks.survey import survey_content
+from retrolidar_ros.tasks.survey_files import survey_content
 
 
 def test_landmarks_are_found_moved_saved_and_forgotten(tmp_path: Path) -> None:

@@ -19,8 +19,7 @@ from tf2_ros import Buffer
 
 from retrolidar_ros.nodes.conversion import to_header, to_pose, to_transform
 from retrolidar_ros.nodes.listener import Listener
-from retrolidar_ros.nodes.transform_watch import _LISTENING, WatchedSender
-from retrolidar_ros.nodes.transforms import TransformFinder
+from retrolidar_ros.nodes.transforms import _LISTENING, TransformFinder, WatchedSender
 from retrolidar_ros.scene.files import load_scene
 
 STAMP_NS = 5_000_000_000

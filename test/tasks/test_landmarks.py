@@ -27,7 +27,8 @@ from retrolidar_ros.tasks.landmarks import Landmark
 from retrolidar_ros.tasks.least_squares import Problem
 from retrolidar_ros.tasks.reading import Errors, SensorPose, reading
 from retrolidar_ros.tasks.state import Prior, State, largest_stddev
-from retrolidar_ros.tasks.survey import Survey, parse_survey
+from retrolidar_ros.tasks.survey import Survey
+from retrolidar_ros.tasks.survey_files import parse_survey
 
 
 def test_four_places_trilaterate_and_the_ellipsoid_is_honest() -> None:

@@ -46,7 +46,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from retrolidar_ros.detector.detection import Detection, DetectorCounts, check_grid
-from retrolidar_ros.detector.paper.samples import SampleRing
+from retrolidar_ros.detector.paper.samples import LastSamples
 from retrolidar_ros.detector.paper.stages import (
     PACKET_SAMPLES,
     PREAMBLE_SAMPLES,
@@ -88,7 +88,7 @@ class PaperDetector:
         # A sample's stamp is the middle of its exposure, which began half a sample earlier.
         self._half_sample_ns = round(bit_period_s * 1e9 / SAMPLES_PER_BIT / 2)
         self._half_packet_ns = bit_period_s * 1e9 * PACKET_SAMPLES / SAMPLES_PER_BIT / 2
-        self._ring = SampleRing(
+        self._samples = LastSamples(
             grid.zones, PREAMBLE_SAMPLES + PACKET_SAMPLES, bit_period_s / SAMPLES_PER_BIT
         )
         self._begin()
@@ -107,11 +107,11 @@ class PaperDetector:
         """Take the next frame; return the detections that became certain with it."""
         check_grid(frame.grid, self._grid)
         detections = []
-        for count, stamp_ns in self._ring.push(frame):
+        for count, stamp_ns in self._samples.push(frame):
             if count == 1:
                 self._begin()
             detections += self._advance(count, stamp_ns)
-        self.counts.impossible = self._ring.impossible
+        self.counts.impossible = self._samples.impossible
         return detections
 
     def update_all(self, recording: Recording) -> list[Detection]:
@@ -124,9 +124,9 @@ class PaperDetector:
         if start < _MIN_HISTORY:
             return []
         idle = np.flatnonzero(~self._open)
-        history = self._ring.signal(min(start, PACKET_SAMPLES), before=PREAMBLE_SAMPLES)
+        history = self._samples.signal(min(start, PACKET_SAMPLES), before=PREAMBLE_SAMPLES)
         self._d[idle] = silent_level(history[:, idle])
-        fit = fit_preamble(self._ring.signal(PREAMBLE_SAMPLES), self._d)
+        fit = fit_preamble(self._samples.signal(PREAMBLE_SAMPLES), self._d)
         likely = fit.likelihood >= self._threshold
         if likely.any():
             better = likely & (fit.likelihood > self._likelihood)
@@ -144,7 +144,7 @@ class PaperDetector:
 
     def _read(self, zones: NDArray[np.intp], stamp_ns: int) -> list[Detection]:
         """Demodulate and decode the packets that have just ended in some zones."""
-        signal = self._ring.signal(PACKET_SAMPLES)[:, zones]
+        signal = self._samples.signal(PACKET_SAMPLES)[:, zones]
         bits = threshold_bits(signal, self._d[zones], self._c[zones])
         ids, corrected_bits = decode(bits[:, len(PREAMBLE) :])
         reserved = np.isin(ids, RESERVED_IDS)
@@ -152,7 +152,7 @@ class PaperDetector:
         self.counts.candidates += len(zones)
         self.counts.rejected['golay'] += int(np.count_nonzero(ids < 0))
         self.counts.rejected['reserved'] += int(np.count_nonzero(reserved))
-        start_ns = int(self._ring.stamp_ns(PACKET_SAMPLES)[0]) - self._half_sample_ns
+        start_ns = self._samples.first_ns(PACKET_SAMPLES) - self._half_sample_ns
         detections = []
         for identity in np.unique(ids[readable]).tolist():
             read = np.flatnonzero(ids == identity)
@@ -163,7 +163,7 @@ class PaperDetector:
             order = np.argsort(-np.abs(fit.amplitude), kind='stable')
             best = order[0]
             zone = int(zones[read[best]])
-            distance = self._ring.distance(PACKET_SAMPLES)[:, zone]
+            distance = self._samples.distance(PACKET_SAMPLES)[:, zone]
             measured = distance[np.isfinite(distance)]
             if len(measured) < _MIN_DISTANCES:
                 self.counts.rejected['distance'] += len(read)

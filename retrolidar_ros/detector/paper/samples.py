@@ -12,22 +12,18 @@ from numpy.typing import NDArray
 from retrolidar_ros.sensor.frame import Frame, valid_samples
 
 
-class SampleRing:
-    """The last samples of all zones as contiguous arrays, oldest first.
-
-    Every sample is written twice, one length apart, so that the last `length` of them are
-    always one slice and nothing is moved or allocated.
-    """
+class LastSamples:
+    """The last samples of all zones, oldest first."""
 
     def __init__(self, zones: int, length: int, frame_period_s: float) -> None:
         """Keep `length` samples of `zones` zones taken every `frame_period_s`."""
-        self.length = length
+        self._length = length
         self.count = 0
         """Samples taken since the start, gaps included."""
         self._period_ns = frame_period_s * 1e9
-        self._signal = np.zeros((2 * length, zones))
-        self._distance = np.full((2 * length, zones), np.nan)
-        self._stamp_ns = np.zeros(2 * length, dtype=np.int64)
+        self._signal = np.zeros((length, zones))
+        self._distance = np.full((length, zones), np.nan)
+        self._stamp_ns = np.zeros(length, dtype=np.int64)
         self._seen = np.zeros(zones, dtype=bool)
         self.impossible = 0
         """Samples so far that `valid_samples` calls impossible."""
@@ -37,7 +33,8 @@ class SampleRing:
 
         Abnormal samples repeat the zone's previous signal (paper §3.5), and so do those of lost
         frames, whose number the stamps give: a frame half a period early or late is still the
-        next. Where the stamps go back or leave a gap as long as the ring, the samples start again.
+        next. Where the stamps go back or leave a gap as long as all that is kept, the samples
+        start again.
         A frame with the stamp of the one before is the same frame again, and makes no sample.
 
         Yields
@@ -48,13 +45,12 @@ class SampleRing:
             Time of the last frame up to this sample [ns].
         """
         normal, impossible = valid_samples(frame.signal, frame.distance, frame.status)
-        previous = self._signal[self._index].copy()
-        last_ns = int(self._stamp_ns[self._index])
+        previous, last_ns = self._signal[-1].copy(), int(self._stamp_ns[-1])
         if self.count and frame.stamp_ns == last_ns:
             return
         self.impossible += impossible
         steps = max(1, round((frame.stamp_ns - last_ns) / self._period_ns))
-        if self.count == 0 or frame.stamp_ns < last_ns or steps > self.length:
+        if self.count == 0 or frame.stamp_ns < last_ns or steps > self._length:
             self.count = 0
             steps = 1
             self._seen[:] = False
@@ -73,33 +69,27 @@ class SampleRing:
         self._append(signal, distance, frame.stamp_ns)
         yield self.count, frame.stamp_ns
 
-    @property
-    def _index(self) -> int:
-        """Where the newest sample lies in the first half."""
-        return (self.count - 1) % self.length
-
     def _append(
         self, signal: NDArray[np.floating], distance: NDArray[np.floating] | float, stamp_ns: int
     ) -> None:
         self.count += 1
-        for row in (self._index, self._index + self.length):
-            self._signal[row] = signal
-            self._distance[row] = distance
-            self._stamp_ns[row] = stamp_ns
-
-    def _last(self, samples: int, before: int) -> slice:
-        """Return where `samples` samples lie, with `before` newer ones after them."""
-        end = self._index + 1 + self.length - before
-        return slice(end - samples, end)
+        for kept, newest in (
+            (self._signal, signal),
+            (self._distance, distance),
+            (self._stamp_ns, stamp_ns),
+        ):
+            kept[:-1] = kept[1:]
+            kept[-1] = newest
 
     def signal(self, samples: int, before: int = 0) -> NDArray[np.float64]:
         """Return signals [kcps/SPAD] before the newest ones, shape (samples, zones), a view."""
-        return self._signal[self._last(samples, before)]
+        end = self._length - before
+        return self._signal[end - samples : end]
 
     def distance(self, samples: int) -> NDArray[np.float64]:
         """Return the last distances [m], NaN where none was measured, (samples, zones), a view."""
-        return self._distance[self._last(samples, 0)]
+        return self._distance[-samples:]
 
-    def stamp_ns(self, samples: int) -> NDArray[np.int64]:
-        """Return the times [ns] of the last samples, shape (samples,), a view."""
-        return self._stamp_ns[self._last(samples, 0)]
+    def first_ns(self, samples: int) -> int:
+        """Return the time of the first of the last samples [ns]."""
+        return int(self._stamp_ns[-samples])

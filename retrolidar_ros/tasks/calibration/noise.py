@@ -22,7 +22,8 @@ from retrolidar_ros.tasks.calibration.estimate import Estimate, estimates
 
 _BLOCK = 128  # frames
 _MIN_SAMPLES = 48  # samples of a block
-_MAX_CENSORED = 0.4
+_MIN_SEEN = 0.6  # of the samples of a zone
+_MAX_FAINT = 0.05  # of those of a block: without them the variance looks smaller
 _SIGMAS = 3.0  # excess correlation of the samples of a zone that is not at rest
 _ALL_MOVE = 0.3
 _LAGS = (20, 320)  # frames after which a packet may come again
@@ -37,7 +38,6 @@ _MIN_AMBIENT = 1.0  # by which the ambient light has to vary [kcps/SPAD]
 class Block(NamedTuple):
     """Samples of one zone at rest."""
 
-    zone: int
     signal: float
     """Mean [kcps/SPAD]."""
     ambient: float
@@ -58,8 +58,6 @@ class NoiseFound(NamedTuple):
     """[kcps/SPAD]; None if the ambient light did not vary enough."""
     light: float
     """Mean ambient light [kcps/SPAD]."""
-    correlation: Estimate
-    """Of successive samples: 0 of white noise."""
     zones: list[int]
     """Those at rest."""
     blocks: list[Block]
@@ -82,49 +80,44 @@ def noise_of(recording: Recording) -> NoiseFound | None:
     signal = recording.signal.astype(np.float64)
     faint = (recording.status == Status.NO_TARGET) | (valid & (signal <= 0))
     # A marker without a target in dark bits is not at rest.
-    zones, correlation = _at_rest(np.where(faint, 0.0, signal), valid | faint, valid & ~faint)
-    if not zones:
-        return None
+    zones = _at_rest(np.where(faint, 0.0, signal), valid | faint, valid & ~faint)
     blocks = []
     for zone in zones:
         for begin in range(0, len(recording) - _MIN_SAMPLES + 1, _BLOCK):
             rows = slice(begin, begin + _BLOCK)
-            block = _block(recording, valid[:, zone], faint[:, zone], zone, rows)
-            if block is not None:
-                blocks.append(block)
-    if not blocks:
-        return None
-    return _fitted(blocks, zones, correlation)
+            seen = (valid & ~faint)[rows, zone]
+            samples = signal[rows, zone][seen]
+            hidden = np.count_nonzero(faint[rows, zone])
+            if len(samples) < _MIN_SAMPLES or hidden > _MAX_FAINT * (len(samples) + hidden):
+                continue
+            light = float(recording.ambient[rows, zone][seen].mean())
+            variance = float(samples.var(ddof=1))
+            blocks.append(Block(float(samples.mean()), light, variance, len(samples)))
+    return _fitted(blocks, zones) if blocks else None
 
 
-def _at_rest(
-    signal: Floats, known: NDArray[np.bool_], seen: NDArray[np.bool_]
-) -> tuple[list[int], Estimate]:
-    """Return the zones at rest, by the correlation of their samples, and the correlation."""
+def _at_rest(signal: Floats, known: NDArray[np.bool_], seen: NDArray[np.bool_]) -> list[int]:
+    """Return the zones at rest, by the correlation of their successive samples."""
     alike: dict[int, float] = {}
-    enough = seen.sum(axis=0) >= max(_MIN_SAMPLES, (1 - _MAX_CENSORED) * len(signal))
+    enough = seen.sum(axis=0) >= max(_MIN_SAMPLES, _MIN_SEEN * len(signal))
     for zone in np.flatnonzero(enough).tolist():
         own = known[:, zone]
         change = np.where(own, signal[:, zone] - signal[own, zone].mean(), 0)
         if (power := float(change @ change)) > 0:
             alike[zone] = float(change[1:] @ change[:-1]) / power
     if not alike:
-        return [], Estimate(0.0, 1.0)
+        return []
     values = np.array(list(alike.values()))
     chance = 1 / math.sqrt(len(signal))
     usual = float(np.quantile(values, 0.25)) + 0.67 * chance
     if usual > _ALL_MOVE:
-        return [], Estimate(usual, chance)
-    zones = [
+        return []
+    return [
         zone
         for zone, value in alike.items()
         if value < max(usual, 0.0) + _SIGMAS * chance
         and not _repeats(signal[:, zone], known[:, zone])
     ]
-    if not zones:
-        return [], Estimate(usual, chance)
-    mean = float(np.mean([alike[zone] for zone in zones]))
-    return zones, Estimate(mean + 1 / len(signal), chance / math.sqrt(len(zones)))
 
 
 def _repeats(signal: Floats, known: NDArray[np.bool_]) -> bool:
@@ -138,51 +131,7 @@ def _repeats(signal: Floats, known: NDArray[np.bool_]) -> bool:
     return float(score[min(_LAGS) :].max(initial=0.0)) > _MAX_SIMILAR
 
 
-def _block(
-    recording: Recording,
-    valid: NDArray[np.bool_],
-    faint: NDArray[np.bool_],
-    zone: int,
-    rows: slice,
-) -> Block | None:
-    """Return a block of a zone; None of too few samples."""
-    seen = valid[rows] & ~faint[rows]
-    hidden = int(np.count_nonzero(faint[rows]))
-    samples = recording.signal[rows, zone][seen].astype(np.float64)
-    number = len(samples) + hidden
-    if len(samples) < _MIN_SAMPLES or hidden > _MAX_CENSORED * number:
-        return None
-    ambient = float(recording.ambient[rows, zone][seen].mean())
-    if hidden:
-        # Signals are censored at zero, and at the threshold of a target.
-        unseen = (recording.status[rows, zone][faint[rows]] == Status.NO_TARGET).any()
-        mean, variance = _censored(samples, hidden, float(samples.min()) if unseen else 0.0)
-    else:
-        mean, variance = float(samples.mean()), float(samples.var(ddof=1))
-    return Block(zone, mean, ambient, variance, number)
-
-
-def _censored(samples: Floats, hidden: int, limit: float) -> tuple[float, float]:
-    """Return mean and variance of normal noise that is censored below a limit.
-
-    By expectation and maximisation (Dempster, Laird and Rubin, 1977).
-    """
-    mean, variance = float(samples.mean()), float(samples.var())
-    number = len(samples) + hidden
-    for _ in range(_ROUNDS):
-        sigma = math.sqrt(max(variance, 1e-9))
-        score = (limit - mean) / sigma
-        below = max((1 + math.erf(score / math.sqrt(2))) / 2, 1e-12)
-        ratio = math.exp(-score * score / 2) / math.sqrt(2 * math.pi) / below
-        expected = mean - sigma * ratio
-        spread = variance * max(1 - score * ratio - ratio * ratio, 0.0)
-        mean = (float(samples.sum()) + hidden * expected) / number
-        total = float(((samples - mean) ** 2).sum())
-        variance = (total + hidden * (spread + (expected - mean) ** 2)) / (number - 1)
-    return mean, variance
-
-
-def _fitted(blocks: list[Block], zones: list[int], correlation: Estimate) -> NoiseFound:
+def _fitted(blocks: list[Block], zones: list[int]) -> NoiseFound:
     """Return the law that fits the variances of blocks best."""
     signal = np.array([max(block.signal, 0.0) for block in blocks])
     ambient = np.array([block.ambient for block in blocks])
@@ -197,8 +146,7 @@ def _fitted(blocks: list[Block], zones: list[int], correlation: Estimate) -> Noi
         columns.pop()
     floor, *others = values
     slope, light = (*others, None, None)[:2]
-    mean = float(ambient.mean())
-    return NoiseFound(floor, slope, light, mean, correlation, zones, blocks)
+    return NoiseFound(floor, slope, light, float(ambient.mean()), zones, blocks)
 
 
 def _weighted(design: Floats, variance: Floats, freedom: Floats) -> list[Estimate]:
