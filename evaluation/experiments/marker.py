@@ -168,7 +168,7 @@ def draw(figures: dict[str, Any]) -> Any:
         life.plot(figures['queries_per_hour'], np.array(hours) / _DAY_H, color=colour, label=name)
     for hours, words in ((_YEAR_H / 6, 'two months'), (2 * _YEAR_H, 'two years')):
         life.axhline(hours / _DAY_H, color='0.4', linewidth=1)
-        life.text(1e3, 1.05 * hours / _DAY_H, words, ha='right', fontsize=11)
+        life.text(1e3, 1.05 * hours / _DAY_H, words, ha='right', fontsize=10)
     x, y = 'queries an hour, a packet each', f'life of {CELL_MAH:g} mAh [days]'
     label(life, x, y, xscale='log', yscale='log')
     for axis, columns in ((volts, 2), (reach, 1), (life, 1)):

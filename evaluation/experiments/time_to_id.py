@@ -179,7 +179,7 @@ def draw(figures: dict[str, Any]) -> Any:
             name_curve(axis, name, _WORDS[name], place)
     beside = {'transform': axis.get_yaxis_transform(), 'color': '0.35', 'fontsize': 10}
     for time_s, words, x in (
-        (PACKET_S, 'one packet', 0.9),
+        (PACKET_S, 'one packet', 0.86),
         (TIMEOUT_S, 'hollow: not in 8 packets', 0.3),
     ):
         axis.axhline(time_s, **line(':', '0.5'), linewidth=1)
