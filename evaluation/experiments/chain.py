@@ -99,11 +99,15 @@ def claims(figures: dict[str, Any]) -> Claims:
 def draw(figures: dict[str, Any]) -> Any:
     """Draw samples, evidence of the candidates over time, and what else the one read has."""
     candidates = figures['candidates']
-    read = sum(row['reason'] == _READ for row in candidates)
-    title = f'Of {len(candidates)} candidates, {read} passes all three tests: the complete packet'
+    samples, highest = figures['samples'], max(figures['samples']['signal'])
+    read = [row['time_s'] for row in candidates if row['reason'] == _READ]
+    sent = min(len(figures['bits']), int((read[0] - samples['start_s']) / BIT_PERIOD_S))
+    title = (
+        f'Of {len(candidates)} candidates, {len(read)} passes all three tests, '
+        f'when {sent} of {len(figures["bits"])} bits have come'
+    )
     figure, (top, below) = new_chart(2, 1, 6, title)
     below.sharex(top)
-    samples, highest = figures['samples'], max(figures['samples']['signal'])
     fitted = line('-', look('joint')['color'])
     top.plot(samples['time_s'], samples['signal'], '.', color='0.3')
     top.plot(samples['time_s'], samples['light'], **fitted)

@@ -162,11 +162,8 @@ def draw(figures: dict[str, Any]) -> Any:
             axis.text(share + 1, place + shift, f'{down}{words} {unit}', fontsize=9, va='center')
     axis.set_yticks(places, [panel['title'] for panel in panels])
     axis.grid(axis='y', visible=False)
-    x = (
-        'stress at which a fifth fewer lone packets are read at 2 m,\n'
-        'as a share of the largest that was tried [%]'
-    )
-    label(axis, x, xlim=(0, 112))
+    x = 'stress at which a fifth fewer packets are read,\nas a share of the largest tried [%]'
+    label(axis, x, '', 'lone packets at 2 m', xlim=(0, 112))
     legend_below(figure, METHODS)
     return figure
 

@@ -168,22 +168,17 @@ def draw(figures: dict[str, Any]) -> Any:
     ranges_m = [one['range_m'] for one in figures['points']]
     for index, name in enumerate(figures['names'], start=1):
         times_s = np.array([one.get(name, [None])[-1] for one in figures['points']], dtype=float)
-        never, known = np.isnan(times_s), np.flatnonzero(~np.isnan(times_s))
+        known = np.flatnonzero(np.isfinite(times_s))
         axis.plot(ranges_m, times_s, **look(name))
-        hollow = look(name) | {'markerfacecolor': 'none', 'linestyle': '', 'markersize': 6}
-        late_s = np.where(never, TIMEOUT_S * 1.24**index, np.nan)
-        axis.plot(ranges_m, late_s, **hollow)
+        late_s = np.where(np.isfinite(times_s), np.nan, TIMEOUT_S * 1.24**index)
+        axis.plot(ranges_m, late_s, **look(name) | {'fillstyle': 'none', 'linestyle': ''})
         if len(known):
-            middle, above = known[len(known) // 3], name in ('joint', 'paper')
-            place = ranges_m[middle], times_s[middle] * (1.3 if above else 0.75)
-            name_curve(axis, name, _WORDS[name], place)
+            at, times = known[len(known) // 3], 1.3 if name in ('joint', 'paper') else 0.75
+            name_curve(axis, name, _WORDS[name], (ranges_m[at], times * times_s[at]))
     beside = {'transform': axis.get_yaxis_transform(), 'color': '0.35', 'fontsize': 10}
-    for time_s, words, x in (
-        (PACKET_S, 'one packet', 0.86),
-        (TIMEOUT_S, 'hollow: not in 8 packets', 0.3),
-    ):
+    for time_s, words in ((PACKET_S, 'one packet'), (TIMEOUT_S, 'hollow: not in 8 packets')):
         axis.axhline(time_s, **line(':', '0.5'), linewidth=1)
-        axis.text(x, 1.06 * time_s, words, **beside)
+        axis.text(0.91, 1.06 * time_s, words, ha='right', **beside)
     least_s = figures['least_s']
     axis.axhline(least_s, **line('--', look(REGISTERED)['color']), linewidth=1)
     axis.text(0.01, 0.93 * least_s, f'fewest bits that tell {FEW} IDs apart', va='top', **beside)
