@@ -99,23 +99,28 @@ def claims(figures: dict[str, Any]) -> Claims:
 def draw(figures: dict[str, Any]) -> Any:
     """Draw samples, evidence of the candidates over time, and what else the one read has."""
     candidates = figures['candidates']
-    read = sum(row['reason'] == _READ for row in candidates)
-    title = f'Of {len(candidates)} candidates, {read} passes all three tests: the complete packet'
-    figure, (top, below) = new_chart(2, 1, 6, title)
     samples, highest = figures['samples'], max(figures['samples']['signal'])
+    read = [row['time_s'] for row in candidates if row['reason'] == _READ]
+    sent = min(len(figures['bits']), int((read[0] - samples['start_s']) / BIT_PERIOD_S))
+    title = (
+        f'Of {len(candidates)} candidates, {len(read)} passes all three tests, '
+        f'when {sent} of {len(figures["bits"])} bits have come'
+    )
+    figure, (top, below) = new_chart(2, 1, 6, title)
+    below.sharex(top)
     fitted = line('-', look('joint')['color'])
     top.plot(samples['time_s'], samples['signal'], '.', color='0.3')
     top.plot(samples['time_s'], samples['light'], **fitted)
     for index, bit in enumerate(figures['bits']):
         at_s = samples['start_s'] + (index + 0.5) * BIT_PERIOD_S
         top.text(at_s, 1.06 * highest, str(bit), ha='center', fontsize=9)
-    title = f'zone {figures["zone"]}: ID {figures["ids"][0]}'
+    title = f'zone {figures["zone"]}: ID {figures["ids"][0]}; bits sent, 1 = dark'
     label(top, '', 'signal [kcps/SPAD]', title, ylim=(0, 1.18 * highest))
     others = {'samples': line('', '0.3') | {'marker': '.'}, 'fitted': fitted}
     for reason, (sign, colour) in _SIGNS.items():
         rows = [row for row in candidates if row['reason'] == reason]
         if rows:
-            name = reason if reason == _READ else f'rejected: {reason}'
+            name = f'{"" if reason == _READ else "rejected: "}{reason} ×{len(rows)}'
             others[name] = line('', colour) | {'marker': sign}
             times_s, values = ([row[key] for row in rows] for key in ('time_s', 'evidence'))
             below.plot(times_s, values, **others[name])
@@ -139,6 +144,6 @@ def draw(figures: dict[str, Any]) -> Any:
     below.axhline(asked['evidence'], **line('--', '0.4'), linewidth=1)
     beside = {'transform': below.get_yaxis_transform(), 'va': 'bottom', 'fontsize': 10.5}
     below.text(0.005, asked['evidence'], 'at least', **beside)
-    label(below, 'time [s]', 'evidence [nats]', xlim=top.get_xlim())
+    label(below, 'time [s]', 'evidence [nats]')
     legend_below(figure, (), others)
     return figure

@@ -181,21 +181,26 @@ def _draw_group(axis: Any, figures: dict[str, Any], group: str) -> None:
             shares = [100 * point['read'][f'{at:g}']['right']['rate'] for point in points]
             # Where nothing was read, all that is known is the upper bound.
             places = [one['per_hour'] or one['high'] for one in found]
-            axis.plot(places, shares, **how)
+            axis.plot(places, shares, **how | {'marker': ''})
             for one, place, share, point in zip(found, places, shares, points, strict=True):
                 ends = [one['low'] or place / 4, one['high']]
                 axis.plot(ends, [share, share], color=how['color'], alpha=0.35)
-                if not one['events']:
-                    axis.plot(place / 4, share, '<', color=how['color'], markersize=5, alpha=0.6)
+                own = {'markersize': 7} | ({} if one['events'] else {'marker': '<'})
+                axis.plot(place, share, **how | own)
                 if point['knob'] == SHIPPED[method]:
                     axis.plot(place, share, 'o', markersize=13, color='0.1', fillstyle='none')
+        for end, words, side, ha in ((0, 'lax', 10, 'left'), (-1, 'strict', -10, 'right')):
+            where = {'xytext': (side, 0), 'textcoords': 'offset points', 'va': 'center'}
+            axis.annotate(words, (places[end], shares[end]), **where, ha=ha, color=how['color'])
+    axis.margins(x=0.13)
 
 
 def _message(figures: dict[str, Any]) -> str:
-    ours, paper = (grouped(shipped(figures, method), STILL)['per_hour'] for method in METHODS)
+    ours, paper = (grouped(shipped(figures, method), STILL) for method in METHODS)
+    seen = f'{ours["per_hour"]:.2g} an hour' if ours['events'] else 'none seen'
     return (
-        f'As shipped, before all that does not blink: {ours:.2g} false IDs an hour, '
-        f"by the paper's method {paper:.0f}"
+        f'False IDs as shipped, before all that does not blink: {seen}, at most '
+        f"{ours['high']:.2g} an hour; by the paper's method {paper['per_hour']:.0f}"
     )
 
 
@@ -212,6 +217,6 @@ def draw(figures: dict[str, Any]) -> Any:
         for at, face in zip(_RANGES_M, _FACES, strict=True)
     }
     others['as shipped'] = line('', '0.1') | {'marker': 'o'} | ring
-    others['none seen: upper bound'] = line('-', '0.4') | {'marker': '<'}
+    others['none seen: at most this'] = line('', '0.4') | {'marker': '<', 'markersize': 7}
     legend_below(figure, METHODS, others)
     return figure

@@ -131,6 +131,7 @@ def draw(figures: dict[str, Any]) -> Any:
             places = index + offset + np.linspace(-0.08, 0.08, 3)
             three.plot(places, [100 * one['rate'] for one in row[method]['read']], **how)
     three.axhline(100 * PAPER_LEAST, **line('-.'))
+    three.text(2.15, 100 * PAPER_LEAST + 1, "the paper's worst", ha='center', va='bottom')
     names = [row['arrangement'].replace(' ', '\n', 1) for row in figures['three']]
     title = 'three markers at 1 to 2 m, one packet'
     label(three, '', 'packets identified [%]', title, percent=True)
@@ -147,5 +148,7 @@ def draw(figures: dict[str, Any]) -> Any:
     two.minorticks_off()
     two.invert_xaxis()
     others = {f'right: {name}': line(style) for name, style in _PAIR.items()}
-    legend_below(figure, METHODS, others | {"left: the paper's worst": line('-.')})
+    if all(row['joint']['both'] == row['joint']['fainter'] for row in figures['two']):
+        others['right: both (default: both = fainter)'] = others.pop('right: both')
+    legend_below(figure, METHODS, others)
     return figure

@@ -136,6 +136,11 @@ def _borne(panel: dict[str, Any], method: str) -> float:
     return 0.0 if found['state'] == 'not read' else (found['at'] - first) / (last - first)
 
 
+def _falls(panel: dict[str, Any]) -> bool:
+    """Return whether it is the lower value that stresses more."""
+    return bool(panel['points'][0]['place'] > panel['points'][-1]['place'])
+
+
 def _message(panels: Sequence[dict[str, Any]]) -> str:
     better = sum(_borne(panel, 'joint') > _borne(panel, 'paper') for panel in panels)
     return f"The default bears {better} of {len(panels)} stresses better than the paper's method"
@@ -152,12 +157,13 @@ def draw(figures: dict[str, Any]) -> Any:
         axis.barh(places + shift, shares, 0.38, color=look(method)['color'])
         for place, share, panel in zip(places, shares, panels, strict=True):
             words = breaking_point(panel['breaks'][named(SHOWN)][method])
-            unit = panel['axis'].partition('[')[2].partition(']')[0]
-            axis.text(share + 1, place + shift, f'{words} {unit}', fontsize=9, va='center')
+            unit = panel['axis'].partition('[')[2].replace(']', '')
+            down = 'down to ' if _falls(panel) else ''
+            axis.text(share + 1, place + shift, f'{down}{words} {unit}', fontsize=9, va='center')
     axis.set_yticks(places, [panel['title'] for panel in panels])
     axis.grid(axis='y', visible=False)
-    x = 'stress at which a fifth less is read, lone packets at 2 m [% of the largest tried]'
-    label(axis, x, xlim=(0, 112))
+    x = 'stress at which a fifth fewer packets are read,\nas a share of the largest tried [%]'
+    label(axis, x, '', 'lone packets at 2 m', xlim=(0, 112))
     legend_below(figure, METHODS)
     return figure
 
@@ -170,7 +176,7 @@ def draw_panels(figures: dict[str, Any]) -> Any:
         draw_reads(axis, panel['points'])
         y = 'markers [%]' if axis in axes[::_COLUMNS] else ''
         label(axis, panel['axis'], y, panel['title'], percent=True)
-        if panel['points'][0]['place'] > panel['points'][-1]['place']:
+        if _falls(panel):
             axis.invert_xaxis()
     legend_below(figure, METHODS, WRONG)
     return figure

@@ -32,7 +32,6 @@ _WORDS = {
     'registered': 'IDs registered',
     'tracks': 'tracks',
     'paper': "the paper's method",
-    'genie': 'genie-aided bound',
 }
 OTHERS = ('#332288', '#999933', '#882255', '#44aa99')  # for what is no method (Tol's muted ones)
 SHADES = ('#08306b', '#2b7bba', '#7db8da', '#fdae6b', '#d94801')  # from harmless to bad
@@ -51,7 +50,7 @@ def line(style: str, colour: str = '0.2') -> dict[str, Any]:
 
 
 WRONG_COLOUR = '#b00000'
-WRONG = {'wrong ID': line('--') | {'linewidth': 1}}  # entry of a legend
+WRONG = {'also gave a wrong ID': line('--') | {'linewidth': 1}}  # entry of a legend
 
 
 def new_chart(count: int, columns: int, height: float, title: str) -> tuple[Any, list[Any]]:
