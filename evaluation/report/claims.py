@@ -73,10 +73,15 @@ def percent(rate: Any) -> str:
     return f'{rate["rate"]:.0%}'
 
 
+def three_digits(value: float) -> str:
+    """Return a number of three digits that count, without an exponent: 2530, 66.7."""
+    return f'{value:.3g}' if abs(value) < 1000 else f'{float(f"{value:.3g}"):.0f}'
+
+
 def per_hour(frequency: Any) -> str:
     """Return events an hour with their confidence as text."""
-    low, high = (f'{frequency[end]:.3g}' for end in ('low', 'high'))
-    return f'{frequency["per_hour"]:.3g} ({low} to {high})'
+    value, low, high = (three_digits(frequency[name]) for name in ('per_hour', 'low', 'high'))
+    return f'{value} ({low} to {high})'
 
 
 def markdown(table: Sequence[Sequence[str]]) -> str:
