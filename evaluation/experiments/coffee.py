@@ -33,7 +33,7 @@ MAX_STDDEV_M, STALE_AFTER_S = 0.15, 10.0
 """How well an object must be placed, and how long a sighting counts."""
 TOLERANCE_M = 0.01  # an object whose range is wrong by more is looked at again (paper §7.1)
 MOVE_S = 3.0
-PAPER_S, PAPER_TAG_S, PAPER_SHARE = 5.3, 8.1, 0.36
+PAPER_S, PAPER_SHARE = 5.3, 0.36
 STAY_S = 1.0  # by tracks, after all are placed
 WAYS = {'joint': 'packets', 'tracks': 'tracks', 'paper': "the paper's method"}
 _TASKS = 2000  # drawn from the trials
@@ -185,14 +185,13 @@ def table(figures: dict[str, Any]) -> Table:
 def claims(figures: dict[str, Any]) -> Claims:
     """Set times and errors beside the paper's."""
     both = [figures['methods'][method] for method in BOTH_CLAIMED]
-    task = both[1]['by_range']['mean_s']
     median = [one for row in both if (one := _median_mm(row)) is not None]
     tags = figures['tags_of_the_paper']['mean_s']
     times = (as_text(row['by_range']['mean_s'], 's', 1) for row in both)
     return {
-        'task': claim_of(times, task <= PAPER_S + 0.5),
-        'tags': model(f'{tags:.1f} s', abs(tags - PAPER_TAG_S) < 0.3),
-        'range': claim_of((as_text(one, 'mm', 1) for one in median), median[-1] < 10),
+        'task': claim_of(times),
+        'tags': model(f'{tags:.1f} s'),
+        'range': claim_of(as_text(one, 'mm', 1) for one in median),
     }
 
 

@@ -121,9 +121,9 @@ def claims(figures: dict[str, Any]) -> Claims:
     ]
     alive = [row['alive'][-1]['rate'] for row in both]
     return {
-        'alive': shares(alive, alive[1] >= PAPER_RATE),
+        'alive': shares(alive),
         'falls': claim_of(falls),
-        'range': shares(good, good[1] > 0.95),
+        'range': shares(good),
     }
 
 

@@ -54,8 +54,8 @@ def table(figures: dict[str, Any]) -> Table:
 def claims(figures: dict[str, Any]) -> Claims:
     """Return the number of IDs, and what the code accepts."""
     return {
-        'ids': model(f'{figures["usable"]}', agrees=False),
-        'random': Claim(f'{figures["accepted"]:.1%}', 'evidence decides', agrees=False),
+        'ids': model(f'{figures["usable"]}'),
+        'random': Claim(f'{figures["accepted"]:.1%}', 'evidence decides'),
     }
 
 

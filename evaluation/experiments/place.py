@@ -150,7 +150,7 @@ def table(figures: dict[str, Any]) -> Table:
 def claims(figures: dict[str, Any]) -> Claims:
     """Return the error of the range."""
     median_mm = 1e3 * figures['blurs'][0]['range_median_m']
-    return {'range': model(f'{median_mm:.1f} mm of range', agrees=False)}
+    return {'range': model(f'{median_mm:.1f} mm of range')}
 
 
 def draw(figures: dict[str, Any]) -> Any:

@@ -27,13 +27,7 @@ class Claim(NamedTuple):
 
     method: str = NOTHING  # what our implementation of the paper's method gives
     default: str = NOTHING  # what our default method gives, or a model that is the same for both
-    agrees: bool | None = None  # None where the paper gives nothing to agree with
-
-    @property
-    def cells(self) -> str:
-        """Cells of the report's table of the paper."""
-        verdict = {True: 'agrees', False: 'differs', None: ''}[self.agrees]
-        return f'{self.method} | {self.default} | {verdict}'
+    agrees: bool | None = None  # not used: `verdicts` judges what is printed
 
 
 def claim_of(values: Iterable[str], agrees: bool | None = None) -> Claim:
@@ -42,7 +36,7 @@ def claim_of(values: Iterable[str], agrees: bool | None = None) -> Claim:
     return Claim(method, default, agrees)
 
 
-def model(text: str, agrees: bool | None = True) -> Claim:
+def model(text: str, agrees: bool | None = None) -> Claim:
     """Return a claim of a model that is the same for both methods."""
     return Claim(default=text, agrees=agrees)
 
