@@ -19,7 +19,7 @@ from retrolidar_ros.scene.reference import SENSOR, WALL_SIGNAL, marker_in_each_z
 from retrolidar_ros.sensor.frame import Floats
 
 TITLE = 'Link budget'
-MESSAGE = "The simulated link keeps the paper's laws"
+MESSAGE = 'The simulated link follows the laws put in'
 PAPER_EXPONENT = -3.8
 PAPER_BOARD_M = 1.4
 BOARD_SIGNAL = 4.0  # of a plain board of 9 cm² at `PAPER_BOARD_M` (paper §3.2) [kcps/SPAD]

@@ -124,6 +124,9 @@ SMALL_RECORDINGS = 4
 YAWS_DEG = (0, 20, 40, 50, 52, 54, 56, 57, 58, 59, 60)
 
 
+_OF = {'joint': 'default', 'paper': "the paper's method"}
+
+
 class Reading(sweeps.Sweep):
     """Distance, and how many of the bits that were read rightly had been wrong."""
 
@@ -137,20 +140,32 @@ class Reading(sweeps.Sweep):
         read.plot(places, found, **line('-.', '0.3'), linewidth=1)
         read.axvline(PAPER_REACH_M, **line(':'))
         label(read, 'distance [m]', 'lone packets [%]', 'identified', percent=True)
+        from matplotlib.patches import Patch
+
         names = [*map(str, range(sweeps.MOST_BITS)), f'{sweeps.MOST_BITS} or more']
         for axis, method in zip(bits, METHODS, strict=True):
             trials = [point[method]['right']['trials'] for point in points]
             heights = 100 * np.array([point[method]['bits'] for point in points]).T / trials
             for height, below, colour in zip(heights, heights.cumsum(axis=0), SHADES, strict=True):
                 axis.bar(range(len(places)), height, 0.8, below - height, color=colour)
-            label(axis, 'distance [m]', '', f'wrong bits, {method}', percent=True)
+            label(axis, 'distance [m]', '', f'read, {_OF[method]}', percent=True)
             shown = range(0, len(places), 3)
             axis.set_xticks(shown, [f'{places[index]:g}' for index in shown])
             axis.grid(axis='x', visible=False)
-        others = WRONG | {'paper: preamble found': line('-.', '0.3')} | sweeps.PAPERS_OWN
-        for name, colour in zip(names, SHADES, strict=True):
-            others[f'{name} wrong bits'] = line('', colour) | {'marker': 's', 'markersize': 9}
-        legend_below(figure, METHODS, others)
+        bits[-1].legend(
+            handles=[
+                Patch(color=colour, label=name) for name, colour in zip(names, SHADES, strict=True)
+            ],
+            title='wrong bits',
+            loc='upper right',
+            fontsize=9,
+            frameon=False,
+            handlelength=1,
+            labelspacing=0.2,
+            borderaxespad=0,
+        )
+        found_by = {"preamble found, the paper's method": line('-.', '0.3')}
+        legend_below(figure, METHODS, WRONG | found_by | {'to here in the paper': line(':')})
         return figure
 
 
@@ -242,14 +257,17 @@ SWEEPS: dict[str, sweeps.Sweep] = {
         'distance [m]',
         [
             sweeps.Curve('1 cm, one packet', partial(lone, size_m=0.01), SMALL_M, SMALL_RECORDINGS),
-            *(_several(size_cm, packets) for size_cm in (3, 1) for packets in (3, 8)),
+            *(_several(size_cm, packets) for size_cm in (1, 3) for packets in (3, 8)),
         ],
         _reach_claims,
         {'1 cm, one packet': PAPER_SMALL_M},
     ),
     'size': sweeps.Sweep(
         'Size of the marker',
-        lambda got: f'The reach grows with the area to the power {_power(got):.2f}',
+        lambda got: (
+            f'Nine times the area is read {9 ** _power(got):.1f} times as far: '
+            f'the reach grows with the power {_power(got):.2f} of the area'
+        ),
         'distance [m]',
         [
             sweeps.Curve(f'{1e4 * at**2:g} cm²', partial(lone, size_m=at), _of_size(_LIKE_M, at))

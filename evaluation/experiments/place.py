@@ -26,7 +26,6 @@ from retrolidar_ros.scene.optics import zone_shares
 from retrolidar_ros.scene.reference import NOISE, RANGING, RESPONSE, SENSOR
 
 TITLE = 'Bearing, and how honest the covariance is'
-MESSAGE = 'A bearing is sharp between zones, and the covariance says what it is worth'
 DURATION_S = 2.9  # a marker that repeats is read once
 _FAIR_SHARE = 0.05
 _BLURS = (0.05, 0.25)
@@ -153,9 +152,22 @@ def claims(figures: dict[str, Any]) -> Claims:
     return {'range': model(f'{median_mm:.1f} mm of range')}
 
 
+def _message(figures: dict[str, Any]) -> str:
+    row = figures['blurs'][0]
+    off = {
+        name: as_text(error, '°', 1).replace(' °', '°')
+        for name, error in row['bearing_rms_deg'].items()
+    }
+    holds = [
+        one['rate'] for row in figures['blurs'] for one in row['ellipsoid_holds'].values() if one
+    ]
+    words = f'Bearings are {off["between"]} off between zones (rms), {off["alone"]} in one zone'
+    return f'{words}; {min(holds):.0%} to {max(holds):.0%} of markers are in their 95 % ellipsoid'
+
+
 def draw(figures: dict[str, Any]) -> Any:
     """Draw the distribution of bearing errors, and of distances in standard deviations."""
-    figure, panels = new_chart(2, 2, 4.6, MESSAGE)
+    figure, panels = new_chart(2, 2, 4.6, _message(figures))
     axes = (
         ('bearing_deg', 'error of the bearing [°]', 8),
         ('distance', 'distance from the truth [deviations]', 5),

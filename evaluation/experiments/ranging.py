@@ -97,8 +97,8 @@ def _message(figures: dict[str, Any]) -> str:
         return as_text(point[kind]['median_mm'], 'mm', 1)
 
     return (
-        f'Ranges are {words(near, "joint")} off at {near["range_m"]:g} m, and '
-        f"{words(far, 'joint')} at {far['range_m']:g} m; of the paper's method "
+        f'Ranges are {words(near, "joint")} off at {near["range_m"]:g} m and '
+        f"{words(far, 'joint')} at {far['range_m']:g} m; by the paper's method, "
         f'{words(near, "paper")} and {words(far, "paper")}'
     )
 
@@ -113,12 +113,13 @@ def draw(figures: dict[str, Any]) -> Any:
             axis.plot(places, [one[kind][key] or np.nan for one in figures['points']], style, **how)
     axis.axhline(PAPER_MEDIAN_MM, **line('-.'), linewidth=1)
     label(axis, 'distance of a marker of 3 cm [m]', 'error of range [mm]', yscale='log')
+    axis.yaxis.set_major_formatter('{x:g}')
     others = {
         'silent, averaged': _LOOKS['silent'],
         'bare board': _LOOKS['board'],
         'median': line('-'),
         '95 %': line(':'),
-        "the paper's bound": line('-.'),
+        "the paper's bound of the median": line('-.'),
     }
     legend_below(figure, METHODS, others)
     return figure
