@@ -223,7 +223,7 @@ def draw(figures: dict[str, Any]) -> Any:
         median = _median_mm(row)
         for axis, value, text in (
             (times, row['mean_s'], f'{row["mean_s"]:.1f}'),
-            (wrong, median, as_text(median, '', 1).strip()),
+            (wrong, median, as_text(median, '', 1)),
         ):
             axis.barh(place, value or 0.0, color=colour, height=0.6)
             box = {'facecolor': 'white', 'edgecolor': 'none', 'pad': 0.5}

@@ -175,8 +175,7 @@ def _ends(figures: dict[str, Any], curve: str) -> list[float | None]:
 
 def _read_to(figures: dict[str, Any], curve: str, unit: str = 'm') -> str:
     """Return to where the default reads, as text."""
-    at = as_text(sweeps.end_of(figures, curve, 'joint'), unit, 2 if unit == 'm' else 0)
-    return at.replace(' °', '°')
+    return as_text(sweeps.end_of(figures, curve, 'joint'), unit, 2 if unit == 'm' else 0)
 
 
 def _reaches(ends: Sequence[float | None], unit: str = 'm', digits: int = 2) -> Claim:

@@ -132,15 +132,16 @@ def run(rng: np.random.Generator, *, quick: bool) -> dict[str, Any]:
 
 def table(figures: dict[str, Any]) -> Table:
     """Return errors and coverage, by blur and by how many zones see the marker."""
-    heads = ['', 'bearing, rms', 'by zone centres', 'in the 95 % ellipsoid', 'median range error']
+    heads = ['blur: share of a zone', 'bearing, rms', 'by zone centres', 'in the 95 % ellipsoid']
+    heads.append('median range error [mm]')
     rows = [heads]
     for row in figures['blurs']:
         for name, words in _NAMES.items():
             holds = row['ellipsoid_holds'][name]
             cells = [as_text(row[key][name], '°') for key in ('bearing_rms_deg', 'centre_rms_deg')]
             cells.append(NOTHING if holds is None else percent(holds))
-            cells.append(as_text(1e3 * row['range_median_m'], 'mm', 1))
-            rows.append([f'{words}, blur of {row["blur"]:.0%} of a zone', *cells])
+            cells.append(as_text(1e3 * row['range_median_m'], '', 1))
+            rows.append([f'{words}, blur {row["blur"]:.0%}', *cells])
     for words, error in zip(('not told', 'told'), figures['size_told_deg'], strict=True):
         rows.append([f'{100 * LARGE_M:g} cm, size {words}', as_text(error, '°'), '', '', ''])
     return rows
@@ -154,10 +155,7 @@ def claims(figures: dict[str, Any]) -> Claims:
 
 def _message(figures: dict[str, Any]) -> str:
     row = figures['blurs'][0]
-    off = {
-        name: as_text(error, '°', 1).replace(' °', '°')
-        for name, error in row['bearing_rms_deg'].items()
-    }
+    off = {name: as_text(error, '°', 1) for name, error in row['bearing_rms_deg'].items()}
     holds = [
         one['rate'] for row in figures['blurs'] for one in row['ellipsoid_holds'].values() if one
     ]

@@ -124,7 +124,7 @@ def _by_speed(figures: dict[str, Any], head: str, cell: Callable[[Any], str]) ->
     """Return a cell of each way, distance and speed."""
     rows = [[head, *(f'{at:g} m/s' for at in _SPEEDS_M_S)]]
     for curve in figures['curves']:
-        where = f'{curve["way"]} at {curve["range_m"]:g} m'
+        where = f'{curve["way"].removesuffix(" the view")} at {curve["range_m"]:g} m'
         rows.append([where, *map(cell, curve['points'])])
     return rows
 
@@ -138,7 +138,7 @@ def table(figures: dict[str, Any]) -> Table:
 
     rows = _by_speed(figures, 'error [mm]: packets/tracks/tracks with light', in_mm)
     for words, tags in figures['apriltag'].items():
-        cells = [as_text(one['error_mm'] and one['error_mm']['rms'], '', 1).strip() for one in tags]
+        cells = [as_text(one['error_mm'] and one['error_mm']['rms'], '', 1) for one in tags]
         rows.append([f'AprilTag across at {RANGES_M[0]:g} m, exposure {words}', *cells])
     return rows
 
@@ -148,24 +148,25 @@ def honest_table(figures: dict[str, Any]) -> Table:
 
     def known(one: dict[str, Any]) -> str:
         pull = NOTHING if one['pull'] is None else f'{one["pull"]:.2f}'
-        return f'{pull}/{percent(one["ellipsoid_holds"])}/{one["updates_hz"]:.0f} Hz'
+        return f'{pull}/{percent(one["ellipsoid_holds"])}/{one["updates_hz"]:.0f}'
 
-    return _by_speed(figures, 'pull/in 95 % ellipsoid/updates', known)
+    return _by_speed(figures, 'pull/in 95 % ellipsoid/updates [Hz]', known)
 
 
 def shared_table(figures: dict[str, Any]) -> Table:
     """Return errors of two markers in a zone, and how often their tracks end."""
-    head = ['two in a zone, the second', 'farther', 'error: median', 'rms', 'both followed', 'ends']
+    head = ['two in a zone, the second', 'farther [m]', 'median error [mm]', 'rms [mm]']
+    head += ['both followed', 'ends/h']
     return [
         head,
         *(
             [
                 one['begins'],
-                f'{one["apart_m"]:g} m',
-                as_text(one['median_mm'], 'mm', 1),
-                as_text(one['rms_mm'], 'mm', 1),
+                f'{one["apart_m"]:g}',
+                as_text(one['median_mm'], '', 1),
+                as_text(one['rms_mm'], '', 1),
                 NOTHING if one['both_followed'] is None else f'{one["both_followed"]:.0%}',
-                as_text(one['ends_an_hour'], '/h', 0),
+                as_text(one['ends_an_hour'], '', 0),
             ]
             for one in figures['shared']
         ),

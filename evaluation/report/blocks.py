@@ -77,10 +77,13 @@ def headlines(report: Report) -> str:
     for size, paper in (('3 cm', '2.6 m'), ('1 cm', '1.3 m')):
         ours, tags = (ends[size, name] for name in ('joint', APRILTAG))
         best = _best(ours, tags, most=True)
-        what = f'How far is a marker of {size} read, in one packet or image?'
+        what = (
+            f'How far is a marker of {size} read, in one packet or image?'
+            if not rows
+            else f'… of {size}?'
+        )
         rows.append((what, [as_text(ours), paper, as_text(tags)], best))
-        if size == '3 cm':
-            rows.append(('In 8 packets?', [as_text(several), NOTHING, NOTHING], None))
+    rows.append(('… of 3 cm, in 8 packets?', [as_text(several), NOTHING, NOTHING], None))
     rows.append(
         (
             'How soon, at 1 m?',

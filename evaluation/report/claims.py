@@ -51,7 +51,9 @@ Claims = dict[str, Claim]  # by item; the report's chapter of the paper has the 
 
 def as_text(value: float | None, unit: str = 'm', digits: int = 2) -> str:
     """Return a value with its unit as text."""
-    return NOTHING if value is None else f'{value:.{digits}f} {unit}'
+    if value is None:
+        return NOTHING
+    return f'{value:.{digits}f}{unit}' if unit == '°' else f'{value:.{digits}f} {unit}'.rstrip()
 
 
 def end_as_text(end: Mapping[str, Any], axis: str, digits: int = 2) -> str:
