@@ -159,6 +159,8 @@ def _message(figures: dict[str, Any]) -> str:
     holds = [
         one['rate'] for row in figures['blurs'] for one in row['ellipsoid_holds'].values() if one
     ]
+    if not holds:
+        return 'Nothing was placed'
     words = f'Bearings are {off["between"]} off between zones (rms), {off["alone"]} in one zone'
     return f'{words}; {min(holds):.0%} to {max(holds):.0%} of markers are in their 95 % ellipsoid'
 

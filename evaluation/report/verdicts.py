@@ -98,7 +98,7 @@ SAID: dict[str, Said | str] = {
 
 def value_of(text: str) -> float:
     """Return the first number of a printed value, a length of time in days; ValueError: none."""
-    found = re.match(r'([+-]?[\d.]+) ?(\w*)', text)
+    found = re.match(r'([+-]?(?:[\d.]+|inf)) ?(\w*)', text)
     if found is None:
         raise ValueError(f'{text!r} has no value to judge')
     return float(found[1]) * _UNITS.get(found[2], 1.0)
@@ -121,3 +121,8 @@ def verdict(item: str, claim: Claim) -> str:
         return said
     text = claim.method if said.by_method else claim.default
     return NOT_COMPARABLE if text == NOTHING else judge(value_of(text), said)
+
+
+def cells(item: str, claim: Claim) -> str:
+    """Return the cells of the report's table of the paper: both values, and the verdict."""
+    return f'{claim.method} | {claim.default} | {verdict(item, claim)}'

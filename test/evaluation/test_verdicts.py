@@ -45,7 +45,14 @@ def test_a_value_beside_the_papers(value: float, said: Said, judged: str) -> Non
 
 
 @pytest.mark.parametrize(
-    ('text', 'value'), [('2.88 m', 2.88), ('82%', 82), ('-53%', -53), ('1.6 years', 1.6 * 365.25)]
+    ('text', 'value'),
+    [
+        ('2.88 m', 2.88),
+        ('82%', 82),
+        ('-53%', -53),
+        ('inf mm', math.inf),
+        ('1.6 years', 1.6 * 365.25),
+    ],
 )
 def test_what_is_printed_is_judged(text: str, value: float) -> None:
     assert math.isclose(value_of(text), value)
