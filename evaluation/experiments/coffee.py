@@ -33,7 +33,7 @@ MAX_STDDEV_M, STALE_AFTER_S = 0.15, 10.0
 """How well an object must be placed, and how long a sighting counts."""
 TOLERANCE_M = 0.01  # an object whose range is wrong by more is looked at again (paper §7.1)
 MOVE_S = 3.0
-PAPER_S, PAPER_TAG_S, PAPER_SHARE = 5.3, 8.1, 0.36
+PAPER_S, PAPER_SHARE = 5.3, 0.36
 STAY_S = 1.0  # by tracks, after all are placed
 WAYS = {'joint': 'packets', 'tracks': 'tracks', 'paper': "the paper's method"}
 _TASKS = 2000  # drawn from the trials
@@ -185,14 +185,13 @@ def table(figures: dict[str, Any]) -> Table:
 def claims(figures: dict[str, Any]) -> Claims:
     """Set times and errors beside the paper's."""
     both = [figures['methods'][method] for method in BOTH_CLAIMED]
-    task = both[1]['by_range']['mean_s']
     median = [one for row in both if (one := _median_mm(row)) is not None]
     tags = figures['tags_of_the_paper']['mean_s']
     times = (as_text(row['by_range']['mean_s'], 's', 1) for row in both)
     return {
-        'task': claim_of(times, task <= PAPER_S + 0.5),
-        'tags': model(f'{tags:.1f} s', abs(tags - PAPER_TAG_S) < 0.3),
-        'range': claim_of((as_text(one, 'mm', 1) for one in median), median[-1] < 10),
+        'task': claim_of(times),
+        'tags': model(f'{tags:.1f} s'),
+        'range': claim_of(as_text(one, 'mm', 1) for one in median),
     }
 
 
@@ -202,10 +201,16 @@ def _message(figures: dict[str, Any]) -> str:
     tracks = figures['methods']['tracks']
     if not row['range_mm'] or not tracks['range_mm']:
         return 'Nothing was placed'
-    mm = [as_text(_median_mm(one), 'mm', 1) for one in (row, tracks)]
+    off_mm = [_median_mm(one) or 0.0 for one in (row, tracks)]
+    times_s = [one['by_range']['mean_s'] for one in (row, tracks)]
+    gain = 'tracks gain nothing'
+    if off_mm[1] < off_mm[0]:
+        gain = f'tracks are {off_mm[1]:.1f} mm off instead of {off_mm[0]:.1f} mm'
+    elif times_s[1] < times_s[0]:
+        gain = f'by tracks, in {times_s[1]:.1f} s'
     return (
-        f'An arm places three objects in {row["by_range"]["mean_s"]:.1f} s, by tags in '
-        f'{tags["mean_s"]:.1f} s; a second of tracks more: {mm[1]} off instead of {mm[0]}'
+        f'An arm places three objects in {times_s[0]:.1f} s; with tags, in '
+        f'{tags["mean_s"]:.1f} s; {gain}'
     )
 
 
@@ -217,11 +222,13 @@ def draw(figures: dict[str, Any]) -> Any:
     for place, ((_, _, row), colour) in enumerate(zip(looks, colours[::-1], strict=True)):
         median = _median_mm(row)
         for axis, value, text in (
-            (times, row['mean_s'], f' {row["mean_s"]:.1f}'),
-            (wrong, median, f' {as_text(median, "", 1)}'),
+            (times, row['mean_s'], f'{row["mean_s"]:.1f}'),
+            (wrong, median, as_text(median, '', 1)),
         ):
             axis.barh(place, value or 0.0, color=colour, height=0.6)
-            axis.text(value or 0.0, place, text, va='center', fontsize=11)
+            box = {'facecolor': 'white', 'edgecolor': 'none', 'pad': 0.5}
+            at = {'xy': (value or 0.0, place), 'xytext': (4, 0), 'textcoords': 'offset points'}
+            axis.annotate(text, **at, va='center', fontsize=11, bbox=box)
     times.axvline(PAPER_S, **line(':'))
     names = [name.replace('LiDAR, ', '') for name, *_ in looks]
     times.set_yticks(range(len(looks)), names)

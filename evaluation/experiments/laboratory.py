@@ -3,6 +3,7 @@
 """What stands and shines in laboratories: bright walls, cover glasses, other sensors."""
 
 import itertools
+import math
 from typing import Any
 
 import numpy as np
@@ -13,7 +14,6 @@ from evaluation.report.chart_style import LEVEL, OTHERS, draw_shares, label, leg
 from evaluation.report.claims import Table
 
 TITLE = 'Walls, glass and other sensors'
-MESSAGE = 'What is harmless beside a near marker hides one at the limit of the reach'
 METHOD = 'joint'
 UNIT = 'kcps/SPAD'
 CONDITIONS = list(itertools.product((RANGES_M[0], RANGES_M[-1]), (False,), (False, True)))
@@ -40,19 +40,36 @@ def run(rng: np.random.Generator, *, quick: bool) -> dict[str, Any]:
     return {'panels': panels}
 
 
+def _breaks_at(points: list[dict[str, Any]]) -> float:
+    """Return at what value fewer packets are read than four fifths; infinity: at none."""
+    shares = [point[METHOD]['right']['rate'] for point in points]
+    few = [share < LEVEL * shares[0] for share in shares]
+    places = [float(point['place']) for point in points]
+    first = few.index(True) if any(few) else None
+    return math.inf if first is None else (places[first - 1] + places[first]) / 2
+
+
 def limits(panel: dict[str, Any]) -> list[str]:
     """Return at what value of a panel fewer packets are read than four fifths, by condition."""
     found = []
     for points in panel['points']:
-        shares = [point[METHOD]['right']['rate'] for point in points]
-        few = [share < LEVEL * shares[0] for share in shares]
-        places = [point['place'] for point in points]
-        if any(few):
-            first = few.index(True)
-            found.append(f'{(places[first - 1] + places[first]) / 2:.3g} {UNIT}')
-        else:
-            found.append(f'>{places[-1]:g} {UNIT}')
+        at = _breaks_at(points)
+        words = f'{at:.3g}' if math.isfinite(at) else f'>{points[-1]["place"]:g}'
+        found.append(f'{words} {UNIT}')
     return found
+
+
+def _message(figures: dict[str, Any]) -> str:
+    near, far = (CONDITIONS.index((at, False, False)) for at in (RANGES_M[0], RANGES_M[-1]))
+    worst = min(figures['panels'], key=lambda panel: _breaks_at(panel['points'][far]))
+    near_at, far_at = (
+        f'from {at:.3g} {UNIT} on' if math.isfinite(at) else 'never'
+        for at in (_breaks_at(worst['points'][index]) for index in (near, far))
+    )
+    return (
+        f'{worst["title"].capitalize()} is worst: it hides a lone marker at {RANGES_M[-1]:g} m '
+        f'{far_at}, at {RANGES_M[0]:g} m {near_at}'
+    )
 
 
 def table(figures: dict[str, Any]) -> Table:
@@ -66,15 +83,19 @@ def table(figures: dict[str, Any]) -> Table:
 def draw(figures: dict[str, Any]) -> Any:
     """Draw what is read over the value of each panel."""
     panels = figures['panels']
-    figure, axes = new_chart(len(panels), len(panels), 4.2, MESSAGE)
+    figure, axes = new_chart(len(panels), len(panels), 4.2, _message(figures))
     for axis, panel in zip(axes, panels, strict=True):
         for points, how in zip(panel['points'], _LOOKS, strict=True):
             shares = [point[METHOD]['right'] for point in points]
             draw_shares(axis, [point['place'] for point in points], shares, **how)
         y = 'markers read [%]' if axis is axes[0] else ''
         label(axis, f'{panel["axis"]} [{UNIT}]', y, panel['title'], percent=True)
-        axis.set_xscale('symlog', linthresh=panel['points'][0][1]['place'])
-        axis.set_xlim(0, panel['points'][0][-1]['place'])
+        least, most = (panel['points'][0][index]['place'] for index in (1, -1))
+        axis.set_xscale('symlog', linthresh=least)
+        axis.set_xlim(0, most)
+        ticks = [10**power for power in range(5) if least <= 10**power <= most]
+        axis.set_xticks(ticks, [f'{tick}' for tick in ticks])
+        axis.minorticks_off()
     conditions = {named(where): how for where, how in zip(CONDITIONS, _LOOKS, strict=True)}
     legend_below(figure, others=conditions)
     return figure

@@ -211,7 +211,16 @@ def _message(figures: dict[str, Any]) -> str:
     corners = [row for row in figures['places'] if row['places'] == len(hand.CORNERS)]
     side_m = max(row['side_m'] for row in corners)
     worst_mm = max(row['median_mm'] for row in corners if row['side_m'] == side_m)
-    return f'Looks from four places {side_m:g} m apart place objects to {worst_mm:.0f} mm'
+    words = f'Looks from four places {side_m:g} m apart place objects to {worst_mm:.0f} mm'
+    # The farthest object by kind, and by whether TF is off.
+    farthest = sorted(figures['tags'], key=lambda row: float(row['range_m']))
+    far_mm = {(row['kind'], bool(row['pose_m'])): row['median_mm'] for row in farthest}
+    pairs = [[far_mm.get((kind, off)) for kind in (APRILTAG, LIDAR)] for off in (False, True)]
+    if any(tag is None or own is None or tag >= own for tag, own in pairs):
+        return words
+    exact, off = (f'{tag:.1g} mm against {own:.0f} mm' for tag, own in pairs)
+    where = f'at {farthest[-1]["range_m"]:.0f} m'
+    return f'{words}; {where}, AprilTags win: {exact}, with TF off {off}'
 
 
 def draw(figures: dict[str, Any]) -> Any:
@@ -241,6 +250,8 @@ def draw(figures: dict[str, Any]) -> Any:
     label(number, 'places on a square of 0.4 m', y, 'one place after the other', yscale='log')
     what = 'beside tags, four places 0.4 m apart'
     label(beside, 'distance of the object [m]', y, what, yscale='log')
+    for axis in (baseline, number, beside):
+        axis.yaxis.set_major_formatter('{x:g}')
     number.set_xticks(range(1, len(hand.CORNERS) + 1))
     baseline.axhline(10, **line('--', '0.4'), linewidth=1)
     number.axhline(10, **line('--', '0.4'), linewidth=1)

@@ -26,7 +26,6 @@ from retrolidar_ros.scene.optics import zone_shares
 from retrolidar_ros.scene.reference import NOISE, RANGING, RESPONSE, SENSOR
 
 TITLE = 'Bearing, and how honest the covariance is'
-MESSAGE = 'A bearing is sharp between zones, and the covariance says what it is worth'
 DURATION_S = 2.9  # a marker that repeats is read once
 _FAIR_SHARE = 0.05
 _BLURS = (0.05, 0.25)
@@ -133,15 +132,16 @@ def run(rng: np.random.Generator, *, quick: bool) -> dict[str, Any]:
 
 def table(figures: dict[str, Any]) -> Table:
     """Return errors and coverage, by blur and by how many zones see the marker."""
-    heads = ['', 'bearing, rms', 'by zone centres', 'in the 95 % ellipsoid', 'median range error']
+    heads = ['blur: share of a zone', 'bearing, rms', 'by zone centres', 'in the 95 % ellipsoid']
+    heads.append('median range error [mm]')
     rows = [heads]
     for row in figures['blurs']:
         for name, words in _NAMES.items():
             holds = row['ellipsoid_holds'][name]
             cells = [as_text(row[key][name], '°') for key in ('bearing_rms_deg', 'centre_rms_deg')]
             cells.append(NOTHING if holds is None else percent(holds))
-            cells.append(as_text(1e3 * row['range_median_m'], 'mm', 1))
-            rows.append([f'{words}, blur of {row["blur"]:.0%} of a zone', *cells])
+            cells.append(as_text(1e3 * row['range_median_m'], '', 1))
+            rows.append([f'{words}, blur {row["blur"]:.0%}', *cells])
     for words, error in zip(('not told', 'told'), figures['size_told_deg'], strict=True):
         rows.append([f'{100 * LARGE_M:g} cm, size {words}', as_text(error, '°'), '', '', ''])
     return rows
@@ -150,12 +150,24 @@ def table(figures: dict[str, Any]) -> Table:
 def claims(figures: dict[str, Any]) -> Claims:
     """Return the error of the range."""
     median_mm = 1e3 * figures['blurs'][0]['range_median_m']
-    return {'range': model(f'{median_mm:.1f} mm of range', agrees=False)}
+    return {'range': model(f'{median_mm:.1f} mm of range')}
+
+
+def _message(figures: dict[str, Any]) -> str:
+    row = figures['blurs'][0]
+    off = {name: as_text(error, '°', 1) for name, error in row['bearing_rms_deg'].items()}
+    holds = [
+        one['rate'] for row in figures['blurs'] for one in row['ellipsoid_holds'].values() if one
+    ]
+    if not holds:
+        return 'Nothing was placed'
+    words = f'Bearings are {off["between"]} off between zones (rms), {off["alone"]} in one zone'
+    return f'{words}; {min(holds):.0%} to {max(holds):.0%} of markers are in their 95 % ellipsoid'
 
 
 def draw(figures: dict[str, Any]) -> Any:
     """Draw the distribution of bearing errors, and of distances in standard deviations."""
-    figure, panels = new_chart(2, 2, 4.6, MESSAGE)
+    figure, panels = new_chart(2, 2, 4.6, _message(figures))
     axes = (
         ('bearing_deg', 'error of the bearing [°]', 8),
         ('distance', 'distance from the truth [deviations]', 5),

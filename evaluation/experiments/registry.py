@@ -25,6 +25,7 @@ from evaluation.experiments import false_ids
 from evaluation.experiments.paper_sweeps import SWEEPS
 from evaluation.report.chart_style import mark_rough
 from evaluation.report.claims import markdown, write_figures
+from evaluation.report.verdicts import cells
 from retrolidar_ros.cli.processes import end_with_parent
 
 _NAMES = """
@@ -78,7 +79,9 @@ def run_experiment(name: str, directory: Path, *, quick: bool, seed: int) -> str
     if hasattr(experiment, 'table'):
         return f'{head}\n{markdown(experiment.table(written))}\n'
     claims = experiment.claims(written).items()
-    return '\n'.join([head, *(f'{item}: {claim.cells}' for item, claim in claims), ''])
+    return '\n'.join(
+        [head, *(f'{item}: {cells(f"{name} {item}", claim)}' for item, claim in claims), '']
+    )
 
 
 def run_experiments(

@@ -102,10 +102,11 @@ class Sweep:
     def draw(self, figures: dict[str, Any]) -> Any:
         """Draw a panel for each curve."""
         count = len(figures['curves'])
+        curves = [(one.name, figures['curves'][one.name]) for one in self.curves]
         columns = 2 if count == 4 else min(3, count)
         height = (4.6 if count == 1 else 3.2) * -(-count // columns) + 1
         figure, panels = new_chart(count, columns, height, self.message(figures))
-        for axis, (name, curve) in zip(panels, figures['curves'].items(), strict=True):
+        for axis, (name, curve) in zip(panels, curves, strict=True):
             draw_reads(axis, curve['points'])
             if name in self.marks:
                 axis.axvline(self.marks[name], **line(':'), linewidth=1.2)

@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """A marker that is followed: how well it is placed at every frame while it moves."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
@@ -120,40 +120,53 @@ def run(rng: np.random.Generator, *, quick: bool) -> dict[str, Any]:
     return {'curves': curves, 'shared': shared, 'apriltag': seen}
 
 
+def _by_speed(figures: dict[str, Any], head: str, cell: Callable[[Any], str]) -> Table:
+    """Return a cell of each way, distance and speed."""
+    rows = [[head, *(f'{at:g} m/s' for at in _SPEEDS_M_S)]]
+    for curve in figures['curves']:
+        where = f'{curve["way"].removesuffix(" the view")} at {curve["range_m"]:g} m'
+        rows.append([where, *map(cell, curve['points'])])
+    return rows
+
+
 def table(figures: dict[str, Any]) -> Table:
-    """Return errors of range by way, distance and speed, their pull, and the rate of updates."""
+    """Return errors of range by way, distance and speed, and those of tags."""
     names = ('packets_mm', 'all_mm', 'bright_mm')
 
     def in_mm(one: dict[str, Any]) -> str:
-        errors = '/'.join(NOTHING if one[name] is None else f'{one[name]:.1f}' for name in names)
-        pull = NOTHING if one['pull'] is None else f'{one["pull"]:.2f}'
-        holds = percent(one['ellipsoid_holds'])
-        return f'{errors}; {pull}; {holds}; {one["updates_hz"]:.0f} Hz'
+        return '/'.join(NOTHING if one[name] is None else f'{one[name]:.1f}' for name in names)
 
-    head = 'packets/all frames/with light [mm]; pull; in 95 % ellipsoid; updates'
-    rows = [[head, *(f'{at:g} m/s' for at in _SPEEDS_M_S)]]
-    for curve in figures['curves']:
-        where = f'{curve["way"]} at {curve["range_m"]:g} m'
-        rows.append([where, *map(in_mm, curve['points'])])
+    rows = _by_speed(figures, 'error [mm]: packets/tracks/tracks with light', in_mm)
     for words, tags in figures['apriltag'].items():
-        cells = [as_text(one['error_mm'] and one['error_mm']['rms'], 'mm', 1) for one in tags]
+        cells = [as_text(one['error_mm'] and one['error_mm']['rms'], '', 1) for one in tags]
         rows.append([f'AprilTag across at {RANGES_M[0]:g} m, exposure {words}', *cells])
     return rows
 
 
+def honest_table(figures: dict[str, Any]) -> Table:
+    """Return how well tracks know their own errors, and how often they are updated."""
+
+    def known(one: dict[str, Any]) -> str:
+        pull = NOTHING if one['pull'] is None else f'{one["pull"]:.2f}'
+        return f'{pull}/{percent(one["ellipsoid_holds"])}/{one["updates_hz"]:.0f}'
+
+    return _by_speed(figures, 'pull/in 95 % ellipsoid/updates [Hz]', known)
+
+
 def shared_table(figures: dict[str, Any]) -> Table:
     """Return errors of two markers in a zone, and how often their tracks end."""
-    head = ['two in a zone, the second', 'farther', 'error: median', 'rms', 'both followed', 'ends']
+    head = ['two in a zone, the second', 'farther [m]', 'median error [mm]', 'rms [mm]']
+    head += ['both followed', 'ends/h']
     return [
         head,
         *(
             [
                 one['begins'],
-                f'{one["apart_m"]:g} m',
-                as_text(one['median_mm'], 'mm', 1),
-                as_text(one['rms_mm'], 'mm', 1),
+                f'{one["apart_m"]:g}',
+                as_text(one['median_mm'], '', 1),
+                as_text(one['rms_mm'], '', 1),
                 NOTHING if one['both_followed'] is None else f'{one["both_followed"]:.0%}',
-                as_text(one['ends_an_hour'], '/h', 0),
+                as_text(one['ends_an_hour'], '', 0),
             ]
             for one in figures['shared']
         ),

@@ -45,14 +45,16 @@ def _best(ours: float | None, tag: float | None, *, most: bool) -> int | None:
     return 0 if (ours > tag) == most else 2
 
 
-def _while_moving(report: Report) -> tuple[Any, Any]:
-    """Return the points of tracks and of a tag that move across the view."""
+def _while_moving(report: Report) -> tuple[dict[str, Any], Any]:
+    """Return the points of tracks at the first distance by way, and of a tag that moves across."""
     figures = report['tracks']
-    points = next(iter(figures['curves']))['points']
-    speeds = [point['speed_m_s'] for point in points]
-    index = speeds.index(_MOVING_M_S)
+    points, index = {}, 0
+    for curve in figures['curves']:
+        if curve['range_m'] == tracks.RANGES_M[0]:
+            index = [point['speed_m_s'] for point in curve['points']].index(_MOVING_M_S)
+            points[curve['way'].removesuffix(' the view')] = curve['points'][index]
     tags = figures['apriltag'].get(_EXPOSURE)
-    return points[index], tags[index]['error_mm'] if tags else None
+    return points, tags[index]['error_mm'] if tags else None
 
 
 def headlines(report: Report) -> str:
@@ -67,18 +69,21 @@ def headlines(report: Report) -> str:
     few_s, any_s, tag_s = (
         time_to_id.at(soon, name, 1.0) for name in (REGISTERED, 'joint', APRILTAG)
     )
-    track, tag = _while_moving(report)
+    moving, tag = _while_moving(report)
+    track = next(iter(moving.values()))
     costs = [speed_accuracy.at(report['speed-accuracy'], *of) for of in _COSTS]
     cpu_ms = [None if one is None else one['cpu_ms'] for one in costs]
     rows: list[tuple[str, list[str], int | None]] = []
     for size, paper in (('3 cm', '2.6 m'), ('1 cm', '1.3 m')):
         ours, tags = (ends[size, name] for name in ('joint', APRILTAG))
-        words = as_text(ours)
-        if size == '3 cm':
-            words += f'; {as_text(several)} in 8 packets'
         best = _best(ours, tags, most=True)
-        what = f'How far is a marker of {size} read, in one packet or image?'
-        rows.append((what, [words, paper, as_text(tags)], best))
+        what = (
+            f'How far is a marker of {size} read, in one packet or image?'
+            if not rows
+            else f'… of {size}?'
+        )
+        rows.append((what, [as_text(ours), paper, as_text(tags)], best))
+    rows.append(('… of 3 cm, in 8 packets?', [as_text(several), NOTHING, NOTHING], None))
     rows.append(
         (
             'How soon, at 1 m?',
@@ -86,16 +91,18 @@ def headlines(report: Report) -> str:
             2,
         )
     )
-    updates = [None if track is None else track['updates_hz'], PICTURES_HZ]
+    updates = [track['updates_hz'], PICTURES_HZ]
     cells = [as_text(updates[0], 'a second', 0), 'once a packet', f'{PICTURES_HZ:.0f} a second']
     rows.append(('How often is its position updated?', cells, _best(*updates, most=True)))
-    errors = [track and track['all_mm'], tag and tag['rms']]
+    errors = [track['all_mm'], tag and tag['rms']]
+    ways = [f'{as_text(point["all_mm"], "mm", 1)} {way}' for way, point in moving.items()]
+    across = next(iter(moving))
     cells = [
-        as_text(errors[0], 'mm', 1),
+        ', '.join(ways),
         NOTHING,
-        f'{as_text(errors[1], "mm", 1)}, exposed for {_EXPOSURE}',
+        f'{as_text(errors[1], "mm", 1)} {across}, exposed for {_EXPOSURE}',
     ]
-    what = f'How exact is its range at 1 m, moving at {_MOVING_M_S:g} m/s?'
+    what = f'How exact is its range at 1 m, moving {" or ".join(moving)} at {_MOVING_M_S:g} m/s?'
     rows.append((what, cells, _best(*errors, most=False)))
     cells = [as_text(cpu_ms[0], 'ms a second', 0), NOTHING, as_text(cpu_ms[1], 'ms a second', 0)]
     rows.append(('Processor time, of one core?', cells, _best(*cpu_ms, most=False)))
@@ -105,8 +112,8 @@ def headlines(report: Report) -> str:
         ('How often is an ID read where there is no marker?', [counted, '"none"', NOTHING], None)
     )
     lux = peers.words(figures, 'light', APRILTAG, 1)
-    rows.append(('Does it need light?', ['no', 'no', lux], 0))
-    heads = ['', 'this package', 'the paper', 'AprilTag of that size']
+    rows.append(('Does it need light?', ['no', 'no', f'yes: {lux}'], 0))
+    heads = ['', 'this package', 'the paper reports', 'AprilTag of that size']
     return markdown([heads, *([what, *_bold(cells, best)] for what, cells, best in rows)])
 
 

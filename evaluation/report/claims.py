@@ -27,13 +27,7 @@ class Claim(NamedTuple):
 
     method: str = NOTHING  # what our implementation of the paper's method gives
     default: str = NOTHING  # what our default method gives, or a model that is the same for both
-    agrees: bool | None = None  # None where the paper gives nothing to agree with
-
-    @property
-    def cells(self) -> str:
-        """Cells of the report's table of the paper."""
-        verdict = {True: 'agrees', False: 'differs', None: ''}[self.agrees]
-        return f'{self.method} | {self.default} | {verdict}'
+    agrees: bool | None = None  # not used: `verdicts` judges what is printed
 
 
 def claim_of(values: Iterable[str], agrees: bool | None = None) -> Claim:
@@ -42,7 +36,7 @@ def claim_of(values: Iterable[str], agrees: bool | None = None) -> Claim:
     return Claim(method, default, agrees)
 
 
-def model(text: str, agrees: bool | None = True) -> Claim:
+def model(text: str, agrees: bool | None = None) -> Claim:
     """Return a claim of a model that is the same for both methods."""
     return Claim(default=text, agrees=agrees)
 
@@ -57,7 +51,9 @@ Claims = dict[str, Claim]  # by item; the report's chapter of the paper has the 
 
 def as_text(value: float | None, unit: str = 'm', digits: int = 2) -> str:
     """Return a value with its unit as text."""
-    return NOTHING if value is None else f'{value:.{digits}f} {unit}'
+    if value is None:
+        return NOTHING
+    return f'{value:.{digits}f}{unit}' if unit == '°' else f'{value:.{digits}f} {unit}'.rstrip()
 
 
 def end_as_text(end: Mapping[str, Any], axis: str, digits: int = 2) -> str:
@@ -73,10 +69,15 @@ def percent(rate: Any) -> str:
     return f'{rate["rate"]:.0%}'
 
 
+def three_digits(value: float) -> str:
+    """Return a number of three digits that count, without an exponent: 2530, 66.7."""
+    return f'{value:.3g}' if abs(value) < 1000 else f'{float(f"{value:.3g}"):.0f}'
+
+
 def per_hour(frequency: Any) -> str:
     """Return events an hour with their confidence as text."""
-    low, high = (f'{frequency[end]:.3g}' for end in ('low', 'high'))
-    return f'{frequency["per_hour"]:.3g} ({low} to {high})'
+    value, low, high = (three_digits(frequency[name]) for name in ('per_hour', 'low', 'high'))
+    return f'{value} ({low} to {high})'
 
 
 def markdown(table: Sequence[Sequence[str]]) -> str:

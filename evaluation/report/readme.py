@@ -21,6 +21,7 @@ from typing import Any
 from evaluation.experiments.registry import EXPERIMENTS, LONG, save_chart
 from evaluation.report.blocks import BLOCKS, Report
 from evaluation.report.claims import Claims, markdown
+from evaluation.report.verdicts import cells
 
 PAGE = 'README.md'
 _PAGES = Path(__file__).parent / 'pages'
@@ -78,7 +79,7 @@ def filled(text: str, report: Report) -> str:
         if kind == 'claim':
             claims: Claims = getattr(EXPERIMENTS[name], 'claims', lambda figures: {})(report[name])
             if item in claims:
-                return claims[item].cells
+                return cells(f'{name} {item}', claims[item])
         raise ValueError(f'{slot[0]}: a slot is a chart, a table, a claim or the run')
 
     return _SLOT.sub(fill, text)
