@@ -166,8 +166,8 @@ def claims(figures: dict[str, Any]) -> Claims:
     counts = [silent[method]['false_ids'] for method in BOTH_CLAIMED]
     preambles = silent['paper']['false preambles']['rate']
     return {
-        'silent': claim_of((f'{n} in {silent["hours"]:.2g} h' for n in counts), counts[1] == 0),
-        'preambles': Claim(f'{preambles:.2%}', agrees=preambles <= 0.005),
+        'silent': claim_of(f'{n} in {silent["hours"]:.2g} h' for n in counts),
+        'preambles': Claim(f'{preambles:.2%}'),
     }
 
 

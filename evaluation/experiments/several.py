@@ -19,7 +19,7 @@ from retrolidar_ros.scene.description import Marker, Sensor, Surface
 from retrolidar_ros.scene.reference import NOISE, RANGING, RESPONSE, WALL_SIGNAL
 
 TITLE = 'Several markers'
-PAPER_MEAN, PAPER_LEAST = 0.925, 0.85  # of Tab. 3
+PAPER_LEAST = 0.85  # of Tab. 3
 ARRANGEMENTS = {
     'far apart': ((1.0, -14, -8), (1.5, 12, 7), (2.0, 7, -14)),
     'one height': ((1.0, -17, 6), (1.5, -6, 6), (2.0, 17, 6)),
@@ -110,8 +110,8 @@ def claims(figures: dict[str, Any]) -> Claims:
     ]
     mean, least = [float(np.mean(one)) for one in read], [min(one) for one in read]
     return {
-        'mean': shares(mean, mean[1] >= PAPER_MEAN, 1),
-        'worst': shares(least, least[1] >= PAPER_LEAST),
+        'mean': shares(mean, 1),
+        'worst': shares(least),
     }
 
 

@@ -27,23 +27,22 @@ class Claim(NamedTuple):
 
     method: str = NOTHING  # what our implementation of the paper's method gives
     default: str = NOTHING  # what our default method gives, or a model that is the same for both
-    agrees: bool | None = None  # not used: `verdicts` judges what is printed
 
 
-def claim_of(values: Iterable[str], agrees: bool | None = None) -> Claim:
+def claim_of(values: Iterable[str]) -> Claim:
     """Return a claim of the values of the paper's method and of the default."""
     method, default = values
-    return Claim(method, default, agrees)
+    return Claim(method, default)
 
 
-def model(text: str, agrees: bool | None = None) -> Claim:
+def model(text: str) -> Claim:
     """Return a claim of a model that is the same for both methods."""
-    return Claim(default=text, agrees=agrees)
+    return Claim(default=text)
 
 
-def shares(values: Iterable[float], agrees: bool | None = None, digits: int = 0) -> Claim:
+def shares(values: Iterable[float], digits: int = 0) -> Claim:
     """Return a claim of shares of the paper's method and of the default."""
-    return claim_of((f'{value:.{digits}%}' for value in values), agrees)
+    return claim_of(f'{value:.{digits}%}' for value in values)
 
 
 Claims = dict[str, Claim]  # by item; the report's chapter of the paper has the words
