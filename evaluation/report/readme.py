@@ -51,8 +51,8 @@ def _run(report: Report) -> str:
             f'Python {run["python"]}, {versions}'
         )
         kinds.setdefault(kind, set()).add(run['seed'])
-    seeds = {kind: ' and '.join(map(str, sorted(own))) for kind, own in kinds.items()}
-    where = '; and on '.join(sorted(f'{kind}, seed {own}' for kind, own in seeds.items()))
+    seeds = {kind: ', '.join(map(str, sorted(own))) for kind, own in kinds.items()}
+    where = '; and on '.join(sorted(f'{kind}; seeds: {own}' for kind, own in seeds.items()))
     minutes = sum(figures['run']['cpu_s'] for figures in report.values()) / 60
     rough = any(figures['run']['quick'] for figures in report.values())
     return (
