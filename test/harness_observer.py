@@ -24,6 +24,7 @@ LATCHED = QoSProfile(  # type: ignore[no-untyped-call]
     depth=100, durability=DurabilityPolicy.TRANSIENT_LOCAL
 )
 RELIABLE = QoSProfile(depth=1000)  # type: ignore[no-untyped-call]
+_ASK_AGAIN_S = 5.0
 
 
 def values_of(status: DiagnosticStatus) -> dict[str, str]:
@@ -117,14 +118,29 @@ class Services:
         self._observer = observer
         self._clients: dict[str, Any] = {}
 
-    def call(self, kind: Any, service: str, request: Any) -> Any:
-        """Return the answer of a service."""
+    def _client(self, kind: Any, service: str) -> Any:
         if service not in self._clients:
             client = self._clients[service] = self._observer.node.create_client(kind, service)
             self._observer.wait(client.service_is_ready, service)
-        future = self._clients[service].call_async(request)
+        return self._clients[service]
+
+    def call(self, kind: Any, service: str, request: Any) -> Any:
+        """Return the answer of a service."""
+        future = self._client(kind, service).call_async(request)
         self._observer.wait(future.done, f'an answer of {service}')
         return future.result()
+
+    def read(self, kind: Any, service: str, request: Any) -> Any:
+        """Return the answer of a service that changes nothing, asked again if none comes.
+
+        An answer is lost as long as the node has not discovered the reader of the client.
+        """
+        client = self._client(kind, service)
+        for _ in range(round(PATIENCE_S / _ASK_AGAIN_S)):
+            future = client.call_async(request)
+            if self._observer.spin_until(future.done, _ASK_AGAIN_S):
+                return future.result()
+        raise AssertionError(f'waited in vain for an answer of {service}')
 
     def trigger(self, service: str) -> Trigger.Response:
         return self.call(Trigger, service, Trigger.Request())
@@ -137,7 +153,7 @@ class Services:
     def names(self, node: str) -> set[str]:
         """Return the names of a node's parameters, but for those that every node has."""
         request = ListParameters.Request()
-        result = self.call(ListParameters, f'{node}/list_parameters', request).result
+        result = self.read(ListParameters, f'{node}/list_parameters', request).result
         return {
             name
             for name in result.names
@@ -148,13 +164,13 @@ class Services:
     def describe(self, node: str) -> list[ParameterDescriptor]:
         request = DescribeParameters.Request(names=sorted(self.names(node)))
         return list(
-            self.call(DescribeParameters, f'{node}/describe_parameters', request).descriptors
+            self.read(DescribeParameters, f'{node}/describe_parameters', request).descriptors
         )
 
     def get(self, node: str) -> dict[str, ParameterValue]:
         names = sorted(self.names(node))
         request = GetParameters.Request(names=names)
-        values = self.call(GetParameters, f'{node}/get_parameters', request).values
+        values = self.read(GetParameters, f'{node}/get_parameters', request).values
         return dict(zip(names, values, strict=True))
 
     def try_to_set(self, node: str, **changes: Any) -> list[SetParametersResult]:

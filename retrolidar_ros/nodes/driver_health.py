@@ -38,24 +38,25 @@ class DriverTally:
         """Count a stamped frame, published so long after the middle of its exposure."""
         counts = self._counts
         # Set in one step, as a frame that is counted by half has abnormal zones.
-        self._counts = counts | {
-            'frames': counts['frames'] + 1,
-            'lost': counts['lost'] + missing_frames(self._last_sequence, frame.sequence),
-            'zones': counts['zones'] + len(frame.status),
-            'normal': counts['normal'] + int(np.count_nonzero(IS_NORMAL[frame.status])),
-            'late_ns': counts['late_ns'] + latency_ns,
-            'stamp_ns': frame.stamp_ns,
-        }
+        self._counts = dict(
+            counts,
+            frames=counts['frames'] + 1,
+            lost=counts['lost'] + missing_frames(self._last_sequence, frame.sequence),
+            zones=counts['zones'] + len(frame.status),
+            normal=counts['normal'] + int(np.count_nonzero(IS_NORMAL[frame.status])),
+            late_ns=counts['late_ns'] + latency_ns,
+            stamp_ns=frame.stamp_ns,
+        )
         self._last_sequence = frame.sequence
 
     def count_untimed(self, frames: int) -> None:
         """Count frames that came before the clock did."""
-        self._counts = self._counts | {'untimed': self._counts['untimed'] + frames}
+        self._counts = dict(self._counts, untimed=self._counts['untimed'] + frames)
 
     def examine(self, source: SerialSource, clock_map: ClockMap) -> Health:
         """Judge the time since the last call, usually a second."""
         counts, now_s = source.reader.counts, time.monotonic()
-        now = self._counts | {'damaged': counts.damaged}
+        now = dict(self._counts, damaged=counts.damaged)
         new = {name: number - self._then[name] for name, number in now.items()}
         rate = new['frames'] / (now_s - self._examined_s)
         silence = source.received.silence(self._received)

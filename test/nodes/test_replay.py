@@ -132,16 +132,24 @@ def test_a_replay_reads_what_was_read_live(
     assert {to_ns(message.end) for message in replay} <= sent
 
 
+def is_stopped(pid: int) -> bool:
+    """Return whether all threads of a process have been stopped."""
+    stats = Path(f'/proc/{pid}/task').glob('*/stat')
+    return all(stat.read_text().rpartition(') ')[2].startswith('T') for stat in stats)
+
+
 def test_a_detector_that_cannot_follow_says_how_many_frames_it_lost(
     bag: Path, tmp_path: Path
 ) -> None:
     first, *frames = list(read_frames(bag))
     shallow = ('-p', 'qos_overrides./overrun/frames.subscription.depth:=10')
     with running(tmp_path, '/overrun') as system, replayed(system, first, *shallow) as play:
-        os.kill(system.processes.pid('detector'), signal.SIGSTOP)
+        pid = system.processes.pid('detector')
+        os.kill(pid, signal.SIGSTOP)
+        system.wait(lambda: is_stopped(pid), 'the detector to stop')
         for frame in frames[:100]:
             play(frame)
-        os.kill(system.processes.pid('detector'), signal.SIGCONT)
+        os.kill(pid, signal.SIGCONT)
         status = system.wait_for_status(DETECTOR, DiagnosticStatus.WARN, 'frames were lost between')
         lost = values_of(status)['lost frames']
         assert 80 <= int(lost) <= 90
