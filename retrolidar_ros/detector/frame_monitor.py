@@ -33,7 +33,9 @@ _CLEARLY_DB = 6.0
 _PATIENCE_S = 1.5
 _PACKETS = 9
 _REMEMBERED_NS = 10_000_000_000
-_LOOKING_S = 0.9  # from one look to the next: it costs a millisecond, with a trial tens of them
+# A look costs a millisecond, with a trial tens of them: between the first ones, and later.
+_LOOKING_S = (0.9, 2.0)
+_HASTY = 9  # first trials
 
 
 class FrameMonitor:
@@ -118,7 +120,8 @@ class FrameMonitor:
         if len(self.newest) < _MIN_KEPT:
             return None
         now_ns = self.newest[-1].stamp_ns
-        if abs(now_ns - self._looked_ns) >= _LOOKING_S * 1e9:
+        wait_s = _LOOKING_S[len(self._trials) >= _HASTY]
+        if abs(now_ns - self._looked_ns) >= wait_s * 1e9:
             self._looked_ns = now_ns
             self._finding = self._look(now_ns, values, known)
         return self._finding

@@ -5,6 +5,7 @@
 from __future__ import annotations
 
 import time
+from typing import NamedTuple
 
 import numpy as np
 from rclpy.node import Node
@@ -20,8 +21,22 @@ from retrolidar_ros.sensor.serial_source import Received, SerialSource
 # into a room, a quarter of them is usual.
 _MANY_ABNORMAL = 0.75
 _SILENCE_S = 0.8
-_COUNTED = 'frames', 'lost', 'damaged', 'untimed', 'zones', 'normal', 'late_ns', 'stamp_ns'
 NO_CLOCK = 'use_sim_time is set, but nobody publishes /clock: frames are dropped'
+
+
+class _Counts(NamedTuple):
+    """What has come so far."""
+
+    frames: int = 0
+    lost: int = 0
+    damaged: int = 0
+    untimed: int = 0
+    zones: int = 0
+    normal: int = 0
+    late_ns: int = 0
+    """Sum over the frames, from the middle of the exposure until they were published."""
+    stamp_ns: int = 0
+    """Of the newest frame."""
 
 
 class DriverTally:
@@ -29,8 +44,7 @@ class DriverTally:
 
     def __init__(self) -> None:
         """Begin at zero."""
-        self._counts = dict.fromkeys(_COUNTED, 0)
-        self._then = self._counts
+        self._counts = self._then = _Counts()
         self._received, self._examined_s = Received(), time.monotonic()
         self._last_sequence: int | None = None
 
@@ -38,37 +52,36 @@ class DriverTally:
         """Count a stamped frame, published so long after the middle of its exposure."""
         counts = self._counts
         # Set in one step, as a frame that is counted by half has abnormal zones.
-        self._counts = dict(
-            counts,
-            frames=counts['frames'] + 1,
-            lost=counts['lost'] + missing_frames(self._last_sequence, frame.sequence),
-            zones=counts['zones'] + len(frame.status),
-            normal=counts['normal'] + int(np.count_nonzero(IS_NORMAL[frame.status])),
-            late_ns=counts['late_ns'] + latency_ns,
+        self._counts = counts._replace(
+            frames=counts.frames + 1,
+            lost=counts.lost + missing_frames(self._last_sequence, frame.sequence),
+            zones=counts.zones + len(frame.status),
+            normal=counts.normal + int(np.count_nonzero(IS_NORMAL[frame.status])),
+            late_ns=counts.late_ns + latency_ns,
             stamp_ns=frame.stamp_ns,
         )
         self._last_sequence = frame.sequence
 
     def count_untimed(self, frames: int) -> None:
         """Count frames that came before the clock did."""
-        self._counts = dict(self._counts, untimed=self._counts['untimed'] + frames)
+        self._counts = self._counts._replace(untimed=self._counts.untimed + frames)
 
     def examine(self, source: SerialSource, clock_map: ClockMap) -> Health:
         """Judge the time since the last call, usually a second."""
         counts, now_s = source.reader.counts, time.monotonic()
-        now = dict(self._counts, damaged=counts.damaged)
-        new = {name: number - self._then[name] for name, number in now.items()}
-        rate = new['frames'] / (now_s - self._examined_s)
+        now = self._counts._replace(damaged=counts.damaged)
+        new = _Counts(*(later - then for later, then in zip(now, self._then, strict=True)))
+        rate = new.frames / (now_s - self._examined_s)
         silence = source.received.silence(self._received)
         self._then, self._received, self._examined_s = now, source.received, now_s
-        abnormal = 1 - new['normal'] / new['zones'] if new['zones'] else 0.0
+        abnormal = 1 - new.normal / new.zones if new.zones else 0.0
         values = {
             'port': source.port,
             'frame rate [Hz]': f'{rate:.1f}',
-            'frames': str(now['frames']),
-            'lost frames': str(now['lost']),
+            'frames': str(now.frames),
+            'lost frames': str(now.lost),
             'abnormal zones [%]': f'{100 * abnormal:.1f}',
-            'latency [ms]': f'{1e-6 * new["late_ns"] / max(new["frames"], 1):.1f}',
+            'latency [ms]': f'{1e-6 * new.late_ns / max(new.frames, 1):.1f}',
             'packets with CRC errors': str(counts.bad_crc),
             'packets with framing errors': str(counts.bad_framing + counts.overlong),
             'packets of a wrong shape': str(counts.bad_shape),
@@ -80,12 +93,12 @@ class DriverTally:
         }
         if not source.is_open:
             return Health(ERROR, source.problem, values)
-        if not new['frames']:
-            return Health(ERROR, NO_CLOCK if new['untimed'] else silence, values)
-        if stamps_stand(new['frames'], new['stamp_ns']):
+        if not new.frames:
+            return Health(ERROR, NO_CLOCK if new.untimed else silence, values)
+        if stamps_stand(new.frames, new.stamp_ns):
             return Health(ERROR, 'the stamps stand still: does /clock?', values)
-        if new['damaged'] or new['lost']:
-            text = f'{new["damaged"]} damaged packets, {new["lost"]} lost frames'
+        if new.damaged or new.lost:
+            text = f'{new.damaged} damaged packets, {new.lost} lost frames'
             return Health(WARN, text, values)
         if abnormal > _MANY_ABNORMAL:
             return Health(WARN, f'{100 * abnormal:.0f} % of the zones are abnormal', values)
