@@ -8,12 +8,12 @@ from typing import Any
 
 import numpy as np
 
+from evaluation.bench.judging import Step, watch
 from evaluation.bench.recordings import HAND_DISTANCE_M, HAND_SIGNAL, Sent, record, signal_at
 from evaluation.bench.stresses import PLAIN, Stress
 from evaluation.experiments.moving import WAYS
 from retrolidar_ros.detector.likelihood_detector import LikelihoodDetector
 from retrolidar_ros.detector.methods import create_detector
-from retrolidar_ros.detector.tracks import Track
 from retrolidar_ros.marker.code import BIT_PERIOD_S
 from retrolidar_ros.scene.reference import SENSOR
 from retrolidar_ros.sensor.frame import Recording
@@ -22,15 +22,11 @@ _KNOWN_S = 3.0  # markers repeat so long before something happens
 _AFTER_S = 2.5
 
 
-def play(recording: Recording) -> tuple[LikelihoodDetector, list[list[Track]], list[Any]]:
-    """Return a detector that has taken a recording, its tracks at each frame, its detections."""
+def play(recording: Recording) -> tuple[LikelihoodDetector, list[Step]]:
+    """Return a detector that has followed the markers of a recording, and what came with frames."""
     detector = create_detector('joint', recording.grid)
     assert isinstance(detector, LikelihoodDetector)
-    tracks, detections = [], []
-    for frame in recording:
-        detections += detector.update(frame)
-        tracks.append(detector.follow(frame))
-    return detector, tracks, detections
+    return detector, list(watch(detector, recording, follow=True))
 
 
 def _sent(
@@ -87,8 +83,8 @@ def dropped_s(range_m: float, rng: np.random.Generator, *, end: str) -> float | 
     else:
         after = record(PLAIN, 1e-6, rng, range_m=range_m, repeated_s=duration_s).recording
     frame = _some_frame(rng)
-    _, tracks, _ = play(_spliced(sent.recording, after, frame))
-    known = [any(one.id == sent.ids[0] for one in each) for each in tracks]
+    _, steps = play(_spliced(sent.recording, after, frame))
+    known = [any(one.id == sent.ids[0] for one in step.tracks) for step in steps]
     if not known[frame - 1]:
         return None
     last = next((index for index in range(frame, len(known)) if not known[index]), len(known))
@@ -103,8 +99,8 @@ def goes_on(range_m: float, bits: float, rng: np.random.Generator) -> bool | Non
     recording = sent.recording
     recording.signal[frame : frame + count] = HAND_SIGNAL
     recording.distance[frame : frame + count] = HAND_DISTANCE_M
-    detector, tracks, _ = play(recording)
-    return detector.track_counts.ended == 0 if tracks[frame - 1] else None
+    detector, steps = play(recording)
+    return detector.track_counts.ended == 0 if steps[frame - 1].tracks else None
 
 
 _STRESSES: dict[str, dict[str, Any]] = {

@@ -15,9 +15,10 @@ from dataclasses import replace
 import numpy as np
 
 from evaluation.bench import places
-from evaluation.bench.places import Look, PlaceError
+from evaluation.bench.places import PlaceError
 from evaluation.peers.camera import FOCAL_PX, Background, Pose, expose, facing, facing_pose, tilted
 from evaluation.peers.visual_markers import APRILTAG, AprilTagReader, square_range
+from retrolidar_ros.detector import Detection
 from retrolidar_ros.scene import Scene
 from retrolidar_ros.scene.description import Marker
 from retrolidar_ros.sensor.frame import Floats
@@ -38,7 +39,7 @@ _PICTURES = 3  # whose mean is a reading; more of them leave what pixels do to c
 _TILT_RAD, _TAG_AIM_RAD = 0.2, math.radians(5)
 _EXACT = 1e-5
 
-Visit = tuple[SensorPose, list[Look]]  # one place of the hand, and what it read there, in order
+Visit = tuple[SensorPose, list[Detection]]  # a place of the hand, and what it read there
 
 
 def aim(
@@ -70,7 +71,8 @@ def hand_poses(world: Scene, side_m: float, rng: np.random.Generator) -> list[Se
 
 def visit(pose: SensorPose, world: Scene, rng: np.random.Generator) -> Visit:
     """Let the hand stay at a pose."""
-    return pose, [*places.looks(places.view_from(pose, world, rng), VISIT_S, rng)]
+    looks = places.looks(places.view_from(pose, world, rng), VISIT_S, rng)
+    return pose, [detection for _, detection in looks]
 
 
 def visits(world: Scene, side_m: float, rng: np.random.Generator) -> list[Visit]:
@@ -87,11 +89,11 @@ def hand_readings(
     """
     bias_m = float(rng.normal(0, BIAS_M))
     found = []
-    for index, (at, looks) in enumerate(trial):
+    for index, (at, detections) in enumerate(trial):
         pose, since_s = places.pose_of_tf(at, pose_m, rng), 100.0 * index
         count: Counter[int] = Counter()
         rows = []
-        for _, detection in looks:
+        for detection in detections:
             count[detection.id] += 1
             if count[detection.id] <= _MOST_READINGS:
                 rows.append(places.reading_of(detection, pose, since_s=since_s, bias_m=bias_m))

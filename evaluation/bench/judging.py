@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """What a detector makes of a recording, against what was sent."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Any, NamedTuple, TypedDict
 
 import numpy as np
@@ -10,8 +10,10 @@ from numpy.typing import NDArray
 
 from evaluation.bench.rates import Rate, rate
 from evaluation.bench.recordings import Sent
-from retrolidar_ros.detector import METHODS, Detection, create_detector
-from retrolidar_ros.sensor.frame import Recording
+from retrolidar_ros.detector import METHODS, Detection, Detector, create_detector
+from retrolidar_ros.detector.likelihood_detector import LikelihoodDetector
+from retrolidar_ros.detector.tracks import Track
+from retrolidar_ros.sensor.frame import Frame, Recording
 
 Options = Mapping[str, Any]  # of `create_detector`; 'method' among them
 BOTH: dict[str, Options] = {method: {'method': method} for method in METHODS}
@@ -23,6 +25,24 @@ def read_by_both(recording: Recording) -> dict[str, list[Detection]]:
     return {
         method: create_detector(method, recording.grid).update_all(recording) for method in METHODS
     }
+
+
+class Step(NamedTuple):
+    """A frame, and what came with it."""
+
+    known_s: float  # since the first frame
+    frame: Frame
+    detections: list[Detection]
+    tracks: list[Track]  # of a detector that is asked to follow
+
+
+def watch(detector: Detector, recording: Recording, *, follow: bool = False) -> Iterator[Step]:
+    """Give frames to a detector one by one, and yield what comes with each."""
+    for frame in recording:
+        found, tracks = detector.update(frame), []
+        if follow and isinstance(detector, LikelihoodDetector):
+            tracks = detector.follow(frame)
+        yield Step(1e-9 * (frame.stamp_ns - int(recording.stamp_ns[0])), frame, found, tracks)
 
 
 class Judged(NamedTuple):

@@ -14,6 +14,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
+from evaluation.bench.judging import watch
 from evaluation.bench.rates import Rate, rate
 from retrolidar_ros.detector import Detection, create_detector
 from retrolidar_ros.detector.place import Place
@@ -21,7 +22,7 @@ from retrolidar_ros.marker.code import BIT_PERIOD_S, PACKET_BITS
 from retrolidar_ros.scene import Scene, Simulation
 from retrolidar_ros.scene.description import Marker, Surface
 from retrolidar_ros.scene.optics import zone_shares
-from retrolidar_ros.sensor.frame import Floats, Recording, ZoneGrid
+from retrolidar_ros.sensor.frame import Floats, ZoneGrid
 from retrolidar_ros.sensor.rotation import matrix_of_turn
 from retrolidar_ros.tasks.landmarks import Estimate
 from retrolidar_ros.tasks.reading import Reading, SensorPose, reading
@@ -137,21 +138,6 @@ class PlaceError(NamedTuple):
     squared_distance: float  # of the position, in standard deviations of its covariance
 
 
-class Look(NamedTuple):
-    """A detection, and when it is known."""
-
-    known_s: float  # from the first frame to that with which it came
-    detection: Detection
-
-
-def read_live(method: str, recording: Recording) -> Iterator[Look]:
-    """Give frames to a detector of a method one by one, and yield what comes of each."""
-    detector = create_detector(method, recording.grid)
-    for frame in recording:
-        for detection in detector.update(frame):
-            yield Look(1e-9 * (frame.stamp_ns - int(recording.stamp_ns[0])), detection)
-
-
 def place_error(place: Place | Estimate, truth_m: Floats) -> PlaceError:
     """Return by how much a place differs from where the marker was at its stamp, shape (3,) [m]."""
     offset, covariance = place.position_m - truth_m, place.covariance[:3, :3]
@@ -174,9 +160,14 @@ def held(squared_distances: ArrayLike) -> Rate | None:
     return rate(int(np.count_nonzero(squared <= ELLIPSOID)), squared.size) if squared.size else None
 
 
-def looks(scene: Scene, duration_s: float, rng: np.random.Generator) -> Iterator[Look]:
-    """Return what the default reads of a scene, in order."""
-    return read_live('joint', Simulation(scene, rng).run(duration_s))
+def looks(
+    scene: Scene, duration_s: float, rng: np.random.Generator
+) -> Iterator[tuple[float, Detection]]:
+    """Yield what the default reads of a scene, and when it is known [s after the first frame]."""
+    recording = Simulation(scene, rng).run(duration_s)
+    for step in watch(create_detector('joint', recording.grid), recording):
+        for detection in step.detections:
+            yield step.known_s, detection
 
 
 def pose_of_tf(pose: SensorPose, stddev_m: float, rng: np.random.Generator) -> SensorPose:

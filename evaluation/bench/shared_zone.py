@@ -47,15 +47,15 @@ def two_in_a_zone(
         )
     )
     scene = Scene(sensor=SENSOR, markers=markers, surfaces=walls(range_m + _WALL_M, grid))
-    detector, tracks, _ = play(Simulation(scene, rng).run(duration_s))
+    detector, steps = play(Simulation(scene, rng).run(duration_s))
     truths_m = {one.id: float(np.linalg.norm(one.position_m)) for one in markers}
-    known = [{one.id for one in frame} & {*truths_m} for frame in tracks]
+    known = [{one.id for one in step.tracks} & {*truths_m} for step in steps]
     first = next((at for at, one in enumerate(known) if one), len(known))
-    settled = tracks[first + round(_SETTLED_S / SENSOR.period_s) :]
+    settled = steps[first + round(_SETTLED_S / SENSOR.period_s) :]
     errors_m = [
         one.place.range_m - truths_m[one.id]
-        for frame in settled
-        for one in frame
+        for step in settled
+        for one in step.tracks
         if one.id in truths_m
     ]
     sending = max(first, round(max(starts_s[1], 0.0) / SENSOR.period_s))

@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from evaluation.bench.judging import watch
 from evaluation.report.chart_style import OTHERS, label, legend_below, line, look, new_chart
 from evaluation.report.claims import Claim, Claims
 from retrolidar_ros.detector import Detection, create_detector
@@ -63,11 +64,11 @@ def run(rng: np.random.Generator, *, quick: bool) -> dict[str, Any]:
     assert isinstance(detector, LikelihoodDetector)
     rows: list[dict[str, Any]] = []
     detections: list[Detection] = []
-    for frame in recording:
-        detections += detector.update(frame)
+    for step in watch(detector, recording):
+        detections += step.detections
         rows += [
             {
-                'time_s': 1e-9 * (frame.stamp_ns - int(recording.stamp_ns[0])),
+                'time_s': step.known_s,
                 'reason': _READ if one.reason is None else one.reason.value,
                 **{name: getattr(one, name) for name in ('id', 'evidence', 'word', 'margin')},
             }

@@ -8,19 +8,17 @@ stays a while longer, as they become better with every frame.
 """
 
 import math
-from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
 
 from evaluation.bench import places as hand
+from evaluation.bench.judging import watch
 from evaluation.peers.camera import PICTURES_HZ
 from evaluation.peers.visual_markers import APRILTAG, find_readers, read_over_distance
 from evaluation.report.chart_style import label, line, look, new_chart
-from evaluation.report.claims import BOTH_CLAIMED, Claims, Table, as_text, claim_of, model
-from retrolidar_ros.detector import Detection, create_detector
-from retrolidar_ros.detector.likelihood_detector import LikelihoodDetector
-from retrolidar_ros.detector.tracks import Track
+from evaluation.report.claims import BOTH_CLAIMED, Claims, as_text, claim_of, model
+from retrolidar_ros.detector import create_detector
 from retrolidar_ros.scene import Scene, Simulation
 from retrolidar_ros.scene.files import load_scene
 from retrolidar_ros.sensor.frame import Recording
@@ -43,17 +41,6 @@ _QUICK_TRIALS = 4
 Outcome = tuple[float, dict[str, hand.PlaceError]]
 
 
-def _sighted(way: str, recording: Recording) -> Iterator[tuple[int, list[Detection] | list[Track]]]:
-    """Yield the stamp of each frame [ns], and the packets or tracks that come with it."""
-    detector = create_detector('paper' if way == 'paper' else 'joint', recording.grid)
-    for frame in recording:
-        found = detector.update(frame)
-        if way == 'tracks' and isinstance(detector, LikelihoodDetector):
-            yield frame.stamp_ns, detector.follow(frame)
-        else:
-            yield frame.stamp_ns, found
-
-
 def place_all(way: str, recording: Recording, scene: Scene, pose: SensorPose) -> Outcome:
     """Read frames until all markers of a scene are placed in the world, one of `WAYS`.
 
@@ -64,8 +51,11 @@ def place_all(way: str, recording: Recording, scene: Scene, pose: SensorPose) ->
     board = ObjectBoard([one.name for one in markers.values()], MAX_STDDEV_M, STALE_AFTER_S)
     errors: dict[str, hand.PlaceError] = {}
     until_ns = math.inf
-    for now_ns, found in _sighted(way, recording):
-        for one in found:
+    by_tracks = way == 'tracks'
+    detector = create_detector('paper' if way == 'paper' else 'joint', recording.grid)
+    for step in watch(detector, recording, follow=by_tracks):
+        now_ns = step.frame.stamp_ns
+        for one in step.tracks if by_tracks else step.detections:
             marker = markers.get(one.id)
             if marker is None:
                 continue
@@ -74,9 +64,9 @@ def place_all(way: str, recording: Recording, scene: Scene, pose: SensorPose) ->
             board.see(marker.name, one.stamp_ns, 'world', position_m, covariance)
             errors[marker.name] = hand.place_error(one.place, np.array(marker.position_m))
         if math.isinf(until_ns) and not board.missing(now_ns):
-            until_ns = now_ns + (1e9 * STAY_S if way == 'tracks' else 0.0)
+            until_ns = now_ns + (1e9 * STAY_S if by_tracks else 0.0)
         if now_ns >= until_ns:
-            return 1e-9 * (now_ns - int(recording.stamp_ns[0])), errors
+            return step.known_s, errors
     return math.inf, errors
 
 
@@ -152,15 +142,15 @@ def run(rng: np.random.Generator, *, quick: bool) -> dict[str, Any]:
     }
 
 
-def _looks(figures: dict[str, Any]) -> list[tuple[str, str, dict[str, Any]]]:
-    """Return what looks at the objects, and how long that takes, as text, with its figures."""
-    looks = [
-        (f'LiDAR, {WAYS[way]}', as_text(row['look_s'], 's', 1), row | row['by_range'])
-        for way, row in figures['methods'].items()
+def _bars(figures: dict[str, Any]) -> list[tuple[str, str, dict[str, Any]]]:
+    """Return what looks at the objects, whose colour it has, and its figures."""
+    bars = [
+        (words, way, figures['methods'][way] | figures['methods'][way]['by_range'])
+        for way, words in WAYS.items()
     ]
     if figures['tags'] is not None:
-        looks.append(('AprilTag in our pictures', '33 ms', figures['tags']))
-    return [*looks, ("AprilTag, the paper's 36 %", '33 ms', figures['tags_of_the_paper'])]
+        bars.append(('AprilTag in our pictures', APRILTAG, figures['tags']))
+    return [*bars, ("AprilTag, the paper's 36 %", APRILTAG, figures['tags_of_the_paper'])]
 
 
 def _median_mm(row: dict[str, Any]) -> float | None:
@@ -169,17 +159,6 @@ def _median_mm(row: dict[str, Any]) -> float | None:
         return float(np.median(np.abs(row['range_mm'])))
     median: float | None = row.get('median_mm')
     return median
-
-
-def table(figures: dict[str, Any]) -> Table:
-    """Return the times of the whole task, moves included."""
-    rows = [
-        ['', 'a look', 'range, median error', 'off by more than 1 cm', 'looks', 'task in all, mean']
-    ]
-    for name, look_s, row in _looks(figures):
-        task = (f'{row["bad"]:.0%}', f'{row["cycles"]:.1f}', f'{row["mean_s"]:.1f} s')
-        rows.append([name, look_s, as_text(_median_mm(row), 'mm', 1), *task])
-    return rows
 
 
 def claims(figures: dict[str, Any]) -> Claims:
@@ -217,22 +196,20 @@ def _message(figures: dict[str, Any]) -> str:
 def draw(figures: dict[str, Any]) -> Any:
     """Draw how long the task takes, and errors of range, a bar for each way."""
     figure, (times, wrong) = new_chart(2, 2, 3.6, _message(figures))
-    looks = _looks(figures)[::-1]
-    colours = [look(one)['color'] for one in (*WAYS, *['AprilTag'] * (len(looks) - len(WAYS)))]
-    for place, ((_, _, row), colour) in enumerate(zip(looks, colours[::-1], strict=True)):
+    bars = _bars(figures)[::-1]
+    for place, (_, kind, row) in enumerate(bars):
         median = _median_mm(row)
         for axis, value, text in (
             (times, row['mean_s'], f'{row["mean_s"]:.1f}'),
             (wrong, median, as_text(median, '', 1)),
         ):
-            axis.barh(place, value or 0.0, color=colour, height=0.6)
+            axis.barh(place, value or 0.0, color=look(kind)['color'], height=0.6)
             box = {'facecolor': 'white', 'edgecolor': 'none', 'pad': 0.5}
             at = {'xy': (value or 0.0, place), 'xytext': (4, 0), 'textcoords': 'offset points'}
             axis.annotate(text, **at, va='center', fontsize=11, bbox=box)
     times.axvline(PAPER_S, **line(':'))
-    names = [name.replace('LiDAR, ', '') for name, *_ in looks]
-    times.set_yticks(range(len(looks)), names)
-    wrong.set_yticks(range(len(looks)), [''] * len(looks))
+    times.set_yticks(range(len(bars)), [words for words, *_ in bars])
+    wrong.set_yticks(range(len(bars)), [''] * len(bars))
     label(times, "whole task [s]; dotted: the paper's")
     label(wrong, 'median error of range [mm]')
     for axis in (times, wrong):

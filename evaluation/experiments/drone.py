@@ -7,12 +7,12 @@ from typing import Any
 
 import numpy as np
 
+from evaluation.bench.judging import watch
 from evaluation.bench.places import place_error
 from evaluation.bench.rates import Rate, rate
 from evaluation.report.chart_style import draw_shares, label, legend_below, line, look, new_chart
 from evaluation.report.claims import BOTH_CLAIMED, Claims, as_text, claim_of, shares
 from retrolidar_ros.detector import METHODS, create_detector
-from retrolidar_ros.detector.likelihood_detector import LikelihoodDetector
 from retrolidar_ros.detector.place import Place
 from retrolidar_ros.scene import Scene, Simulation
 from retrolidar_ros.scene.description import Marker, Occlusion, Wander
@@ -59,20 +59,19 @@ def _watched(method: str, recording: Recording, marker: Marker) -> dict[str, Any
     range_mm: list[float] = []
     newest: Place | None = None
     wrong, off_m, followed_m = 0, [], []
-    for frame, truth_m in zip(recording, truths_m, strict=True):
-        for one in detector.update(frame):
+    for step, truth_m in zip(watch(detector, recording, follow=True), truths_m, strict=True):
+        for one in step.detections:
             if one.id != marker.id:
                 wrong += 1
                 continue
             newest = one.place
-            known_s.append(1e-9 * (frame.stamp_ns - int(recording.stamp_ns[0])))
+            known_s.append(step.known_s)
             then_m = position_at(marker, np.array([1e-9 * one.stamp_ns]))[0]
             range_mm.append(round(1e3 * place_error(newest, then_m).range_m, 2))
         if newest is not None:
             off_m.append(place_error(newest, truth_m).position_m)
-        if isinstance(detector, LikelihoodDetector):
-            tracks = [one for one in detector.follow(frame) if one.id == marker.id]
-            followed_m += [place_error(one.place, truth_m).position_m for one in tracks]
+        tracks = [one for one in step.tracks if one.id == marker.id]
+        followed_m += [place_error(one.place, truth_m).position_m for one in tracks]
     lasting_s = 1e-9 * int(recording.stamp_ns[-1] - recording.stamp_ns[0])
     return {
         'alive': [alive(known_s, lasting_s, at) for at in WINDOWS_S],

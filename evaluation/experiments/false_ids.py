@@ -21,7 +21,7 @@ import numpy as np
 from evaluation.bench.disturbances import FAMILY
 from evaluation.bench.rates import Frequency, frequency
 from evaluation.report.chart_style import label, look, new_chart
-from evaluation.report.claims import Table, per_hour, write_figures
+from evaluation.report.claims import per_hour, write_figures
 from retrolidar_ros.cli.processes import end_with_parent
 from retrolidar_ros.detector import create_detector
 from retrolidar_ros.detector.budget import USUAL_FALSE_IDS_PER_HOUR
@@ -119,15 +119,6 @@ def total(figures: dict[str, Any], member: str = ALL) -> Frequency:
     """Return the false IDs of the core that was run last, before a member or before all."""
     rows = [row for row in _rows(figures) if member in (ALL, row['member'])]
     return frequency(sum(row['events'] for row in rows), sum(row['hours'] for row in rows))
-
-
-def table(figures: dict[str, Any]) -> Table:
-    """Return hours and false IDs by member, with exact 95 % confidence."""
-    rows = [['before', 'hours', 'false IDs', 'an hour (95 %)']]
-    for name in (*MEMBERS, ALL):
-        one = total(figures, name)
-        rows.append([name, f'{one["hours"]:g}', str(one['events']), per_hour(one)])
-    return rows
 
 
 def draw(figures: dict[str, Any]) -> Any:

@@ -11,7 +11,6 @@ import numpy as np
 from evaluation.bench.stresses import LABORATORY
 from evaluation.experiments.stability import RANGES_M, named, read
 from evaluation.report.chart_style import LEVEL, OTHERS, draw_shares, label, legend_below, new_chart
-from evaluation.report.claims import Table
 
 TITLE = 'Walls, glass and other sensors'
 METHOD = 'joint'
@@ -72,14 +71,6 @@ def _message(figures: dict[str, Any]) -> str:
     )
 
 
-def table(figures: dict[str, Any]) -> Table:
-    """Return where reading breaks, near and far, of lone and of repeating markers."""
-    rows = [['breaks at', *(named(where) for where in CONDITIONS)]]
-    return rows + [
-        [f'{panel["title"]}, {panel["axis"]}', *limits(panel)] for panel in figures['panels']
-    ]
-
-
 def draw(figures: dict[str, Any]) -> Any:
     """Draw what is read over the value of each panel."""
     panels = figures['panels']
@@ -89,13 +80,11 @@ def draw(figures: dict[str, Any]) -> Any:
             shares = [point[METHOD]['right'] for point in points]
             draw_shares(axis, [point['place'] for point in points], shares, **how)
         y = 'markers read [%]' if axis is axes[0] else ''
-        label(axis, f'{panel["axis"]} [{UNIT}]', y, panel['title'], percent=True)
-        least, most = (panel['points'][0][index]['place'] for index in (1, -1))
-        axis.set_xscale('symlog', linthresh=least)
-        axis.set_xlim(0, most)
-        ticks = [10**power for power in range(5) if least <= 10**power <= most]
-        axis.set_xticks(ticks, [f'{tick}' for tick in ticks])
-        axis.minorticks_off()
+        low, high = (panel['points'][0][index]['place'] for index in (1, -1))
+        axis.set_xscale('symlog', linthresh=low)
+        ticks = [10**power for power in range(5) if low <= 10**power <= high]
+        x, title = f'{panel["axis"]} [{UNIT}]', panel['title']
+        label(axis, x, y, title, percent=True, xlim=(0, high), xticks=ticks)
     conditions = {named(where): how for where, how in zip(CONDITIONS, _LOOKS, strict=True)}
     legend_below(figure, others=conditions)
     return figure

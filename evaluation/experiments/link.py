@@ -106,8 +106,8 @@ def draw(figures: dict[str, Any]) -> Any:
     boards = [board_signal(range_m) for range_m in ranges_m]
     far.plot(ranges_m, boards, **line('--', OTHERS[1]), label='bare board of 9 cm²')
     far.axhline(WALL_SIGNAL, **line(':', '0.4'), label='what is around it')
-    label(far, 'distance [m]', 'signal [kcps/SPAD]', xscale='log', yscale='log')
-    far.set_xticks([0.5, 1, 2, 3], ['0.5', '1', '2', '3'])
+    log = {'xscale': 'log', 'yscale': 'log'}
+    label(far, 'distance [m]', 'signal [kcps/SPAD]', xticks=(0.5, 1, 2, 3), **log)
     areas = np.array([0, *figures['areas_cm2']])
     wide.plot(figures['areas_cm2'], figures['of_areas'], **how, label='marker at 1 m, with wall')
     fitted = figures['per_cm2'] * areas + figures['offset']
@@ -117,9 +117,8 @@ def draw(figures: dict[str, Any]) -> Any:
     long.plot(times_ms, figures['snrs_db'], **how, label='marker at 2 m')
     law = figures['snrs_db'][0] + 10 * np.log10(np.array(times_ms) / times_ms[0])
     long.plot(times_ms, law, color='0.4', label='10 log10 k')
-    label(long, 'integration time [ms]', 'signal over noise [dB]', xscale='log')
-    long.set_xticks(times_ms, [f'{time_ms:.0f}' for time_ms in times_ms])
+    x, y = 'integration time [ms]', 'signal over noise [dB]'
+    label(long, x, y, xscale='log', xticks=np.rint(times_ms))
     for axis in (far, wide, long):
-        axis.minorticks_off()
         legend_under(axis)
     return figure

@@ -14,7 +14,6 @@ from evaluation.bench.rates import frequency, rate
 from evaluation.bench.recordings import Path, record, signal_at, to_and_fro
 from evaluation.bench.stresses import PLAIN
 from evaluation.report.chart_style import draw_shares, label, legend_below, line, look, new_chart
-from evaluation.report.claims import Table, per_hour, percent
 from retrolidar_ros.detector import METHODS
 from retrolidar_ros.scene.reference import SENSOR
 from retrolidar_ros.sensor.frame import Floats
@@ -96,21 +95,6 @@ def run(rng: np.random.Generator, *, quick: bool) -> dict[str, Any]:
         points = [{'speed_m_s': at, **of} for at, of in zip(speeds, followed, strict=True)]
         curves.append({'way': name, 'range_m': range_m, 'points': points})
     return {'curves': curves}
-
-
-def table(figures: dict[str, Any]) -> Table:
-    """Return what is read at some speeds, and wrong IDs at all together."""
-    curves = figures['curves']
-    speeds = [f'{point["speed_m_s"]:g} m/s' for point in curves[0]['points'][::2]]
-    rows = [['packets read', *speeds, 'wrong IDs an hour']]
-    for curve in curves:
-        for method in METHODS:
-            cells = [percent(point[method]['read']) for point in curve['points'][::2]]
-            wrong = [point[method]['wrong'] for point in curve['points']]
-            events, hours = (sum(one[of] for one in wrong) for of in ('events', 'hours'))
-            cells.append(per_hour(frequency(events, hours)))
-            rows.append([f'{curve["way"]} at {curve["range_m"]:g} m, {method}', *cells])
-    return rows
 
 
 def _message(figures: dict[str, Any]) -> str:

@@ -4,7 +4,6 @@
 
 import json
 import math
-import subprocess
 import sys
 from collections.abc import Sequence
 from hashlib import sha256
@@ -14,7 +13,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from evaluation.bench.core_parts import PARTS, SETS, check_parts, names_of
+from evaluation.bench import core_trial
+from evaluation.bench.core_parts import PARTS, SETS, Part, check_parts, names_of
+from evaluation.bench.core_process import call_with
 from evaluation.experiments.false_ids import revision
 from evaluation.report.chart_style import SHADES, WRONG_COLOUR, new_chart
 from evaluation.report.claims import Table
@@ -31,21 +32,22 @@ FAMILIES = {
 }
 _WRONG, _NO_MARKER, _IDS = 'wrong IDs', 'no marker', 'both'
 _HEADS = {**FAMILIES, _WRONG: 'wrong\nIDs', _NO_MARKER: 'without\na marker'}
-_TRIAL = Path(__file__).parents[1] / 'bench' / 'core_trial.py'
 _KEPT = Path(gettempdir()) / 'retrolidar_core_parts'
 
 
+def _changes(off: str) -> list[Part]:
+    return [PARTS[name] for name in names_of(off)]
+
+
 def _measured(off: str, seed: int, times: float) -> dict[str, Any]:
-    """Measure without a part in a process of its own, or read what an interrupted run has left."""
-    changed = [PARTS[name] for name in names_of(off)]
-    content = f'{revision()} {changed} {seed} {times}\n{_TRIAL.read_text(encoding="utf-8")}'
+    """Measure without a part, or read what an interrupted run has left."""
+    changes, source = _changes(off), Path(core_trial.__file__).read_text(encoding='utf-8')
+    content = f'{revision()} {changes} {seed} {times}\n{source}'
     kept = _KEPT / f'{sha256(content.encode()).hexdigest()}.json'
     if not kept.exists():
-        # The core that is imported first stays.
-        command = [sys.executable, '-m', 'evaluation.bench.core_trial', off, str(seed), str(times)]
-        text = subprocess.run(command, check=True, stdout=subprocess.PIPE, text=True).stdout
+        row = call_with(changes, f'{core_trial.__name__}.measure', seed, times)
         _KEPT.mkdir(exist_ok=True)
-        kept.write_text(text, encoding='utf-8')
+        kept.write_text(json.dumps(row), encoding='utf-8')
     row: dict[str, Any] = json.loads(kept.read_text(encoding='utf-8'))
     return row
 
@@ -74,11 +76,8 @@ def run(rng: np.random.Generator, *, quick: bool) -> dict[str, Any]:
 
 def _time_less(off: str, seed: int, rooms: int) -> float:
     """Return how much less time a frame takes without a part, one run right after the other [%]."""
-    command = [sys.executable, '-m', 'evaluation.bench.core_time']
-    before, after = (
-        json.loads(subprocess.check_output([*command, one, str(seed), str(rooms)], text=True))
-        for one in ('', off)
-    )
+    function = f'{core_trial.__name__}.frame_times_us'
+    before, after = (call_with(_changes(one), function, seed, rooms) for one in ('', off))
     # Each room counts alike, so that one that was interrupted does not decide.
     return round(100 * (1 - float(np.median(np.divide(after, before)))), 1)
 
@@ -107,7 +106,7 @@ def _against(whole: dict[str, Any], other: dict[str, Any]) -> dict[str, Any]:
     return row
 
 
-class Part(NamedTuple):
+class Row(NamedTuple):
     """A part of the detector, as a row of the chart."""
 
     name: str
@@ -124,7 +123,7 @@ class Part(NamedTuple):
         return max(self.sigmas.values()) > SIGMAS
 
 
-def _parts(figures: dict[str, Any]) -> list[Part]:
+def _rows(figures: dict[str, Any]) -> list[Row]:
     """Return all parts, what buys most first, and of those that buy nothing the slowest."""
 
     def percent(row: dict[str, Any], name: str) -> float:
@@ -135,7 +134,7 @@ def _parts(figures: dict[str, Any]) -> list[Part]:
         return float(100 * row[name]['lost'] / abs(of))
 
     parts = [
-        Part(
+        Row(
             row['off'],
             {name: percent(row, name) for name in _HEADS},
             {name: row[name if name in FAMILIES else _IDS]['sigmas'] for name in _HEADS},
@@ -145,7 +144,7 @@ def _parts(figures: dict[str, Any]) -> list[Part]:
         for row in figures['rows']
     ]
 
-    def order(one: Part) -> tuple[bool, float]:
+    def order(one: Row) -> tuple[bool, float]:
         worse = [one.lost[name] for name in _HEADS if one.sigmas[name] > SIGMAS]
         return (not one.buys, -sum(worse) if one.buys else -one.time)
 
@@ -162,14 +161,14 @@ def table(figures: dict[str, Any]) -> Table:
     """Return all figures, a row for each part; in brackets, in deviations of chance."""
     heads = [head.replace('\n', ' ') for head in _HEADS.values()]
     rows = [['without', *heads, 'time [%]', 'lines', 'buys']]
-    for one in _parts(figures):
+    for one in _rows(figures):
         cells = [f'{_text(name, one.lost[name])} ({one.sigmas[name]:+.1f})' for name in _HEADS]
         saved = [f'{-one.time:+.0f}', f'{-one.lines:+d}', 'yes' if one.buys else '']
         rows.append([one.name, *cells, *saved])
     return rows
 
 
-def _message(parts: Sequence[Part]) -> str:
+def _message(parts: Sequence[Row]) -> str:
     buys = [one for one in parts if one.buys]
     rest = f'{len(buys)} of {len(parts)} parts, or sets of them, buy more than chance would'
     return f'{rest}; most: {buys[0].name}' if buys else rest
@@ -177,7 +176,7 @@ def _message(parts: Sequence[Part]) -> str:
 
 def draw(figures: dict[str, Any]) -> Any:
     """Draw a map of what becomes worse without each part, and what time and lines are saved."""
-    parts = _parts(figures)
+    parts = _rows(figures)
     columns = len(_HEADS) + 2
     figure, (axis,) = new_chart(1, 1, 2.2 + 0.235 * len(parts), _message(parts))
     axis.grid(visible=False)

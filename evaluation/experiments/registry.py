@@ -3,9 +3,8 @@
 """The experiments by name, and what runs them.
 
 An experiment is a module, or an object, with a `TITLE` of a few words, and functions `run`, which
-returns figures fit for JSON, and `draw`, which makes the chart of figures; `table`, a table of
-them, or `claims`, what items of the paper come to, or both; and perhaps `draw_panels` for a chart
-of all details.
+returns figures fit for JSON, and `draw`, which makes the chart of figures. It may have a `table` of
+them, `claims`, which are what items of the paper come to, and `draw_panels`, a chart of all details.
 """
 
 import json
@@ -63,7 +62,7 @@ def _cpu_s() -> float:
 
 
 def run_experiment(name: str, directory: Path, *, quick: bool, seed: int) -> str:
-    """Run an experiment, write NAME.json and NAME.png, and return its table or claims as text."""
+    """Run an experiment, write NAME.json and NAME.png; return its table and claims as text."""
     experiment = EXPERIMENTS[name]
     began_s, began_cpu_s = time.monotonic(), _cpu_s()
     figures = experiment.run(np.random.default_rng(seed), quick=quick)
@@ -75,13 +74,13 @@ def run_experiment(name: str, directory: Path, *, quick: bool, seed: int) -> str
     written = json.loads(path.read_text(encoding='utf-8'))
     save_chart(name, written, directory)
     rough = ' QUICK RUN: ROUGH' if quick else ''
-    head = f'{name}: {experiment.TITLE} ({cpu_s} s of a core){rough}'
+    lines = [f'{name}: {experiment.TITLE} ({cpu_s} s of a core){rough}']
     if hasattr(experiment, 'table'):
-        return f'{head}\n{markdown(experiment.table(written))}\n'
-    claims = experiment.claims(written).items()
-    return '\n'.join(
-        [head, *(f'{item}: {cells(f"{name} {item}", claim)}' for item, claim in claims), '']
-    )
+        lines.append(markdown(experiment.table(written)))
+    if hasattr(experiment, 'claims'):
+        claims = experiment.claims(written).items()
+        lines += [f'{item}: {cells(f"{name} {item}", claim)}' for item, claim in claims]
+    return '\n'.join([*lines, ''])
 
 
 def run_experiments(

@@ -2,18 +2,23 @@
 # SPDX-License-Identifier: Apache-2.0
 """Random rooms: what is read, and what is read wrongly, by what was drawn."""
 
+from collections import Counter
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 
+from evaluation.bench.rates import rate
 from evaluation.bench.room_markers import MOTIONS, SENDINGS
-from evaluation.bench.room_truth import BRIGHT_DB, COMPANY, SIGNALS
-from evaluation.bench.rooms import counted, play_all, summary
+from evaluation.bench.room_truth import BRIGHT_DB, COMPANY, SIGNALS, SentPacket, WrongReading
+from evaluation.bench.rooms import RoomResult, play
 from evaluation.report.chart_style import WRONG_COLOUR, new_chart
 from evaluation.report.claims import NOTHING, Table
 
 TITLE = 'Random rooms'
 ROOMS, QUICK_ROOMS = 300, 8
+_MARGINS = (0, 8, 10, 12, 15, 20, 25, 29.9)  # [nats]
+_CELL = ('sending', 'motion', 'company', 'signal')
 _FEW = 30  # packets, whose share says little
 _DARK = 0.55  # a share from which the map is dark
 _BOLD = {'fontsize': 13, 'fontweight': 'bold'}
@@ -31,7 +36,78 @@ _COMPANY = {'beside': 'beside another', 'shared': 'sharing a zone'}
 
 def run(rng: np.random.Generator, *, quick: bool) -> dict[str, Any]:
     """Return packets read and wrong IDs by all that was drawn."""
-    return summary(play_all(range(QUICK_ROOMS if quick else ROOMS), int(rng.integers(2**32))))
+    seed = int(rng.integers(2**32))
+    return summary([play(number, seed) for number in range(QUICK_ROOMS if quick else ROOMS)])
+
+
+def summary(results: Sequence[RoomResult]) -> dict[str, Any]:
+    """Return the figures of some rooms, fit for JSON."""
+    packets: Counter[tuple[str, ...]] = Counter()
+    read: Counter[tuple[str, ...]] = Counter()
+    wrong: Counter[tuple[str, ...]] = Counter()
+    for result in results:
+        for sent, was_read in zip(result.scored.sent, result.scored.read, strict=True):
+            if sent.whole:
+                packets[_cell(sent)] += 1
+                read[_cell(sent)] += was_read
+        wrong.update(_cell(one) for one in result.scored.wrong)
+    readings = [one for result in results for one in result.scored.readings]
+    frames = sum(result.frames for result in results)
+    hours = sum(result.duration_s for result in results) / 3600
+    cells = [
+        {
+            **dict(zip(_CELL, cell, strict=True)),
+            'packets': packets[cell],
+            'read': read[cell],
+            'wrong': wrong[cell],
+        }
+        for cell in sorted({*packets, *wrong})
+    ]
+    return {
+        'rooms': len(results),
+        'hours': hours,
+        'foreign_hours': sum(result.foreign_s for result in results) / 3600,
+        'readings': len(readings),
+        'wrong': rate(sum(not right for _, right in readings), max(len(readings), 1)),
+        'wrong_per_hour': sum(not right for _, right in readings) / hours,
+        'by_margin': [
+            {
+                'margin': margin,
+                'readings': sum(found >= margin for found, _ in readings),
+                'wrong': sum(found >= margin and not right for found, right in readings),
+            }
+            for margin in _MARGINS
+        ],
+        'read': rate(sum(read.values()), max(sum(packets.values()), 1)),
+        'misdated': sum(result.scored.misdated for result in results),
+        'cpu_us_per_frame': 1e6 * sum(result.cpu_s for result in results) / max(frames, 1),
+        'cells': cells,
+        'wrong_ids': [
+            {'room': result.room, **one._asdict()}
+            for result in results
+            for one in result.scored.wrong
+        ],
+    }
+
+
+def _cell(one: SentPacket | WrongReading) -> tuple[str, str, str, str]:
+    sending = one.sending if isinstance(one, SentPacket) else one.near
+    return sending, one.motion, one.company, one.signal
+
+
+def counted(figures: dict[str, Any], *cell: str | None) -> tuple[int, int, int]:
+    """Return packets, how many were read, and wrong IDs, of the cells that begin so.
+
+    A cell is sending, motion, company and signal; None is any of `SENDINGS`, or any other.
+    """
+    total = np.zeros(3, dtype=int)
+    for one in figures['cells']:
+        own = one['sending'] in SENDINGS or cell[0] is not None
+        wanted = zip(cell, _CELL, strict=False)
+        if own and all(want is None or want == one[name] for want, name in wanted):
+            total += (one['packets'], one['read'], one['wrong'])
+    packets, read, wrong = total.tolist()
+    return packets, read, wrong
 
 
 def table(figures: dict[str, Any]) -> Table:

@@ -143,9 +143,7 @@ def draw(figures: dict[str, Any]) -> Any:
             draw_shares(two, ratios, rates, linestyle=style, **look(method))
     x = 'fainter signal over brighter one'
     y, title = f'read within {WATCHED_S:g} s [%]', 'two markers in one zone'
-    label(two, x, y, title, percent=True, xscale='log')
-    two.set_xticks(ratios, [f'{share:g}' for share in ratios])
-    two.minorticks_off()
+    label(two, x, y, title, percent=True, xscale='log', xticks=ratios)
     two.invert_xaxis()
     others = {f'right: {name}': line(style) for name, style in _PAIR.items()}
     if all(row['joint']['both'] == row['joint']['fainter'] for row in figures['two']):

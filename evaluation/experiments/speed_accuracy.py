@@ -216,8 +216,7 @@ def draw(figures: dict[str, Any]) -> Any:
         'processor time per second of watching [ms]',
         '80 % of markers of 3 cm are read to [m]',
         xscale='log',
+        xticks=(1, 3, 10, 30, 100, 300, 1000),
         ylim=(0, 5),
     )
-    ticks = (1, 3, 10, 30, 100, 300, 1000)
-    axis.set_xticks(ticks, [f'{one:g}' for one in ticks])
     return figure

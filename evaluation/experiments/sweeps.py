@@ -24,7 +24,7 @@ from evaluation.report.chart_style import (
     line,
     new_chart,
 )
-from evaluation.report.claims import Claims, Table, end_as_text
+from evaluation.report.claims import Claims
 from retrolidar_ros.detector import METHODS
 
 MOST_BITS = 4  # so many wrong bits or more are counted together
@@ -86,18 +86,6 @@ class Sweep:
             points = [_point(curve, place, recordings, seed) for place in places]
             curves[curve.name] = {'points': points, 'ends': ends_of(points, list(curve.variants))}
         return {'curves': curves}
-
-    def table(self, figures: dict[str, Any]) -> Table:
-        """Return to where four of five are read, and the most wrong IDs on the way."""
-        rows = [['80 % are read to', *METHODS, *(f'most wrong IDs, {name}' for name in METHODS)]]
-        for name, curve in figures['curves'].items():
-            ends = [end_as_text(curve['ends'][method], self.axis) for method in METHODS]
-            wrong = [
-                max(point[method]['wrong']['rate'] for point in curve['points'])
-                for method in METHODS
-            ]
-            rows.append([name, *ends, *(f'{share:.0%}' for share in wrong)])
-        return rows
 
     def draw(self, figures: dict[str, Any]) -> Any:
         """Draw a panel for each curve."""

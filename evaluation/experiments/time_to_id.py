@@ -15,7 +15,7 @@ from evaluation.bench.stresses import PLAIN
 from evaluation.peers.camera import PICTURES_HZ
 from evaluation.peers.visual_markers import APRILTAG, find_readers, read_over_distance
 from evaluation.report.chart_style import LEVEL, label, line, look, name_curve, new_chart
-from evaluation.report.claims import Table, as_text
+from evaluation.report.claims import as_text
 from retrolidar_ros.detector import METHODS
 from retrolidar_ros.marker.code import BIT_PERIOD_S, PACKET_BITS, packet
 from retrolidar_ros.marker.dictionary import USABLE_IDS
@@ -141,18 +141,6 @@ def at(figures: dict[str, Any], name: str, range_m: float) -> str:
     return _NEVER if time_s is None else as_text(time_s, 's', 2 if time_s < LEVEL else 1)
 
 
-def table(figures: dict[str, Any]) -> Table:
-    """Return the times by which half and four of five are identified."""
-    rows = [['identified within: half, 80 %', *(_WORDS[name] for name in figures['names'])]]
-    for point in figures['points']:
-        times = [
-            [_NEVER if one is None else f'{one:.2g} s' for one in point[name]]
-            for name in figures['names']
-        ]
-        rows.append([f'{point["range_m"]:g} m', *map(', '.join, times)])
-    return rows
-
-
 def _message(figures: dict[str, Any]) -> str:
     def ends(name: str) -> str:
         times_s = [one[name][-1] for one in figures['points'] if name in one and one[name][-1]]
@@ -182,8 +170,7 @@ def draw(figures: dict[str, Any]) -> Any:
     least_s = figures['least_s']
     axis.axhline(least_s, **line('--', look(REGISTERED)['color']), linewidth=1)
     axis.text(0.01, 0.93 * least_s, f'fewest bits that tell {FEW} IDs apart', va='top', **beside)
-    label(axis, 'distance of a marker of 3 cm [m]', 'time until 80 % are identified [s]')
-    axis.set(yscale='log', ylim=(0.02, 3 * TIMEOUT_S))
-    ticks = (0.03, 0.1, 0.3, 1.0, 3.0, 10.0)
-    axis.set_yticks(ticks, [f'{one:g}' for one in ticks])
+    x, y = 'distance of a marker of 3 cm [m]', 'time until 80 % are identified [s]'
+    ends = (0.02, 3 * TIMEOUT_S)
+    label(axis, x, y, yscale='log', ylim=ends, yticks=(0.03, 0.1, 0.3, 1.0, 3.0, 10.0))
     return figure

@@ -2,60 +2,63 @@
 # SPDX-License-Identifier: Apache-2.0
 """When a track ends: after how many bits unseen a marker counts as gone."""
 
-import json
-import subprocess
-import sys
+from functools import partial
 from typing import Any
 
 import numpy as np
 
-from evaluation.bench.track_end_trial import RANGES_M, USED_BITS
+from evaluation.bench.core_parts import Part
+from evaluation.bench.core_process import call_with
+from evaluation.bench.following import ENDS, SCENES, dropped_s, false_ends, goes_on, known_of
 from evaluation.report.chart_style import OTHERS, SHADES, label, legend_under, line, new_chart
-from evaluation.report.claims import NOTHING, Table
 
 TITLE = 'When tracks end'
-_GONE_BITS = (6.0, USED_BITS, 12.0)
+_USED_BITS = 8.5  # by the core
+_RANGES_M = (1.0, 2.0)
+_GONE_BITS = (6.0, _USED_BITS, 12.0)
 _GAPS_BITS = (2.0, 4.0, 6.0, 8.0, 10.0)
 _TRIALS, _DURATION_S = 24, 30.0
+_LINE = 'GONE_BITS = {:g}'
+
+
+def measure(
+    gone_bits: float, seed: int, trials: int, duration_s: float, gaps_bits: list[float]
+) -> dict[str, Any]:
+    """Return how tracks end by the core that is in use, in which `gone_bits` is set."""
+    rng = np.random.default_rng(seed)
+    ends: dict[str, list[list[float]]] = {}
+    for name in ENDS:
+        drops = [partial(dropped_s, range_m, end=name) for range_m in _RANGES_M]
+        times_s = [known_of(one, trials, rng) for one in drops]
+        ends[name] = [np.percentile(one, [50, 95]).tolist() if one else [] for one in times_s]
+    kept = [
+        [float(np.mean(known_of(partial(goes_on, range_m, gap), trials, rng))) for gap in gaps_bits]
+        for range_m in _RANGES_M
+    ]
+    hours = trials * duration_s / 3600
+    return {
+        'gone_bits': gone_bits,
+        'ends': ends,
+        'kept': kept,
+        'false_ends_an_hour': {
+            scene: sum(false_ends(scene, duration_s, rng) for _ in range(trials)) / hours
+            for scene in SCENES
+        },
+    }
 
 
 def run(rng: np.random.Generator, *, quick: bool) -> dict[str, Any]:
     """Return how tracks end, by the bits after which a marker counts as gone."""
-    trials, duration_s = (2, 5.0) if quick else (_TRIALS, _DURATION_S)
-    settings = [str(one) for one in (rng.integers(2**32), trials, duration_s, *_GAPS_BITS)]
+    settings = (int(rng.integers(2**32)), *((2, 5.0) if quick else (_TRIALS, _DURATION_S)))
     rows = []
     for bits in _GONE_BITS:
-        # A process of its own each, as the core that is imported first stays.
-        command = [sys.executable, '-m', 'evaluation.bench.track_end_trial', str(bits), *settings]
-        text = subprocess.run(command, check=True, stdout=subprocess.PIPE, text=True).stdout
-        rows.append(json.loads(text))
-    return {'gaps_bits': _GAPS_BITS, 'ranges_m': RANGES_M, 'rows': rows}
-
-
-def _times(ends: list[list[float]]) -> str:
-    """Return medians and 95 % of all ranges, in seconds."""
-    return ', '.join(f'{one[0]:.2f}/{one[1]:.2f}' if one else NOTHING for one in ends)
-
-
-def table(figures: dict[str, Any]) -> Table:
-    """Return how tracks end, a column for each number of bits."""
-    rows = figures['rows']
-    at = ', '.join(f'{one:g}' for one in figures['ranges_m'])
-    made = [['gone after so many bits unseen', *(f'{one["gone_bits"]:g}' for one in rows)]]
-    for name in rows[0]['ends']:
-        head = f'{name}: dropped after, at {at} m (median/95 %) [s]'
-        made.append([head, *(_times(one['ends'][name]) for one in rows)])
-    for index, gap in enumerate(figures['gaps_bits']):
-        shares = [', '.join(f'{kept[index]:.0%}' for kept in one['kept']) for one in rows]
-        made.append([f'followed on after a hand for {gap:g} bits, at {at} m', *shares])
-    for scene in rows[0]['false_ends_an_hour']:
-        ends = [f'{one["false_ends_an_hour"][scene]:.0f}' for one in rows]
-        made.append([f'false ends an hour: {scene}', *ends])
-    return made
+        change = Part('presence', _LINE.format(_USED_BITS), _LINE.format(bits))
+        rows.append(call_with([change], f'{__name__}.measure', bits, *settings, _GAPS_BITS))
+    return {'gaps_bits': _GAPS_BITS, 'ranges_m': _RANGES_M, 'rows': rows}
 
 
 def _message(figures: dict[str, Any]) -> str:
-    used = next(one for one in figures['rows'] if one['gone_bits'] == USED_BITS)
+    used = next(one for one in figures['rows'] if one['gone_bits'] == _USED_BITS)
     vanished, bright = (
         f'{max(one[-1] for one in used["ends"][end]):.2f} s' for end in ('vanished', 'stays bright')
     )
@@ -89,7 +92,7 @@ def draw(figures: dict[str, Any]) -> Any:
     label(ends, 'gone after bits unseen', 'false ends [1/h]', title)
     ends.set(yscale='symlog', ylim=(-0.1, None))
     for axis in (times, ends):
-        axis.axvline(USED_BITS, color='0.7', linewidth=1)
-        axis.text(USED_BITS + 0.1, 0.15, 'as shipped', transform=axis.get_xaxis_transform())
+        axis.axvline(_USED_BITS, color='0.7', linewidth=1)
+        axis.text(_USED_BITS + 0.1, 0.15, 'as shipped', transform=axis.get_xaxis_transform())
         legend_under(axis, 2)
     return figure

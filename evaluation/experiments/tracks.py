@@ -35,12 +35,13 @@ def _moving(way: str, speed_m_s: float, range_m: float, rng: np.random.Generator
     path = WAYS[way](speed_m_s, range_m, rng)
     how: dict[str, Any] = {'range_m': range_m, 'repeated_s': DURATION_S}
     sent = record(PLAIN, signal_at(range_m), rng, path=path, **how)
-    _, tracks, detections = play(sent.recording)
+    _, steps = play(sent.recording)
 
     def error(one: Any) -> Any:
         return place_error(one.place, path(np.array([1e-9 * one.stamp_ns]))[0])
 
-    own = [one for frame in tracks for one in frame if one.id == sent.ids[0]]
+    own = [one for step in steps for one in step.tracks if one.id == sent.ids[0]]
+    detections = [one for step in steps for one in step.detections]
     began_ns = min((one.stamp_ns for one in own), default=0)
     settled = [one for one in own if one.stamp_ns - began_ns > 1e9 * _SETTLED_S]
     errors = [error(one) for one in settled]
@@ -223,7 +224,6 @@ def draw(figures: dict[str, Any]) -> Any:
                 higher = lower if name == APRILTAG else 1.4
                 how = {'ha': 'left' if ends_early else 'right'}
                 name_curve(axis, name, words, (x, higher * y), **how)
-        label(axis, 'speed [m/s]', 'rms error of range [mm]', f'{way} at {RANGES_M[0]:g} m')
-        axis.set(yscale='log', ylim=(0.2, 300))
-        axis.set_yticks((0.3, 1, 3, 10, 30, 100), ('0.3', '1', '3', '10', '30', '100'))
+        x, y, title = 'speed [m/s]', 'rms error of range [mm]', f'{way} at {RANGES_M[0]:g} m'
+        label(axis, x, y, title, yscale='log', ylim=(0.2, 300), yticks=(0.3, 1, 3, 10, 30, 100))
     return figure

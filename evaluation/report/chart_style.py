@@ -74,10 +74,22 @@ def new_chart(count: int, columns: int, height: float, title: str) -> tuple[Any,
 
 
 def label(
-    axis: Any, x: str = '', y: str = '', title: str = '', *, percent: bool = False, **more: Any
+    axis: Any,
+    x: str = '',
+    y: str = '',
+    title: str = '',
+    *,
+    percent: bool = False,
+    xticks: Sequence[float] = (),
+    yticks: Sequence[float] = (),
+    **more: Any,
 ) -> None:
     """Write what a panel shows and its axes; `more` is for matplotlib's `Axes.set`."""
     axis.set(**({'ylim': (-2, 103)} if percent else {}) | more)
+    for ticked, values in ((axis.xaxis, xticks), (axis.yaxis, yticks)):
+        if len(values):
+            ticked.set_ticks([], minor=True)
+            ticked.set_ticks(values, [f'{value:g}' for value in values])
     axis.set_xlabel(x, fontsize=11)
     axis.set_ylabel(y, fontsize=11)
     axis.set_title(title, fontsize=11.5)
