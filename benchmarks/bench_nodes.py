@@ -15,7 +15,7 @@ import os
 import sys
 import time
 from collections import defaultdict, deque
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import closing
 from itertools import cycle, islice, product
 from pathlib import Path
@@ -58,10 +58,23 @@ def megabytes(pid: int) -> float:
     return next(int(line.split()[1]) for line in lines if line.startswith('Pss:')) / 1024
 
 
+def core_shares(
+    listener: Listener, pids: Mapping[str, Sequence[int]], seconds: float
+) -> dict[str, float]:
+    """Listen for a time; return which share of one core processes took meanwhile, by name."""
+    used_s = {name: sum(map(cpu_seconds, own)) for name, own in pids.items()}
+    began_s = time.monotonic()
+    listener.spin_until(lambda: False, seconds)
+    elapsed_s = time.monotonic() - began_s
+    return {
+        name: (sum(map(cpu_seconds, own)) - used_s[name]) / elapsed_s for name, own in pids.items()
+    }
+
+
 class Run(NamedTuple):
     """What came of a sensor, and what that took."""
 
-    elapsed_s: float
+    seconds: float
     frames: list[tuple[FrameMsg, int]]
     markers: list[tuple[MarkerDetection, int]]
     tracks: list[tuple[MarkerTrack, int]]
@@ -101,16 +114,12 @@ def measure(duration_s: float, *, single_process: bool, with_tracks: bool = Fals
         listener.spin_until(lambda: False, SETTLING_S)
         settled = len(listener.frames)
         tracks.clear()
-        pids = {name: processes.pid(name) for name in (*names, 'emulator')}
-        before = {name: cpu_seconds(pid) for name, pid in pids.items()}
-        began = time.monotonic()
-        listener.spin_until(lambda: False, duration_s)
-        elapsed_s = time.monotonic() - began
-        shares = {name: (cpu_seconds(pid) - before[name]) / elapsed_s for name, pid in pids.items()}
+        pids = {name: [processes.pid(name)] for name in (*names, 'emulator')}
+        shares = core_shares(listener, pids, duration_s)
     frames = listener.frames[settled:]
     first_ns = to_ns(frames[0][0].header.stamp)
     markers = [pair for pair in listener.markers if to_ns(pair[0].start) > first_ns]
-    return Run(elapsed_s, frames, markers, tracks, shares)
+    return Run(duration_s, frames, markers, tracks, shares)
 
 
 def hall_readings(rng: np.random.Generator) -> Iterator[MarkerDetection]:
@@ -158,7 +167,7 @@ def measure_landmarks(duration_s: float) -> dict[str, float]:
         sent: defaultdict[str, deque[tuple[int, float]]] = defaultdict(deque)
         delays_s: list[float] = []
 
-        def hear() -> bool:
+        def take_transforms() -> bool:
             """Take note of transforms, each of which answers all readings up to its stamp."""
             for transform in listener.transforms:
                 newest_ns = to_ns(transform.header.stamp) + 1000  # but for its rounding
@@ -176,8 +185,8 @@ def measure_landmarks(duration_s: float) -> dict[str, float]:
                 sent[message.child_frame_id].append((to_ns(message.header.stamp), time.monotonic()))
                 markers.publish(message)
                 due_s += 1 / rate_hz
-                listener.spin_until(hear, max(0.0, due_s - time.monotonic()))
-            listener.spin_until(hear, SETTLING_S)
+                listener.spin_until(take_transforms, max(0.0, due_s - time.monotonic()))
+            listener.spin_until(take_transforms, SETTLING_S)
             return sum(map(len, sent.values()))
 
         before = feed(2 * HALL_RATE_HZ, HALL_FILLING)
@@ -210,7 +219,7 @@ def report(run: Run) -> dict[str, object]:
     )
     lost = int(sequence[-1] - sequence[0] + 1 - len(sequence))
     rate = (len(sequence) - 1) / (stamp_s[-1] - stamp_s[0])
-    print(f'{run.elapsed_s:.0f} s, {len(sequence)} frames at {rate:.1f} Hz, {lost} lost')
+    print(f'{run.seconds:.0f} s, {len(sequence)} frames at {rate:.1f} Hz, {lost} lost')
     print(
         f'stamps against the exposure: standard deviation {error_ms.std():.3f} ms, '
         f'largest {np.abs(error_ms).max():.3f} ms'
@@ -248,7 +257,7 @@ def report(run: Run) -> dict[str, object]:
     for name, share in run.shares.items():
         print(f'CPU share of {name}: {share:.1%} of one core')
     return {
-        'seconds': run.elapsed_s,
+        'seconds': run.seconds,
         'frames': len(sequence),
         'rate_hz': float(rate),
         'lost': lost,

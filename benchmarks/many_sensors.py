@@ -1,6 +1,6 @@
 # Copyright 2026 retrolidar_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""Many emulated sensors, and a driver and a detector for each.
+"""Many emulated sensors, and their nodes.
 
 embedded/run python benchmarks/many_sensors.py LINK...
 
@@ -14,19 +14,16 @@ from __future__ import annotations
 import heapq
 import sys
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import ExitStack, closing, suppress
 from itertools import count
 from pathlib import Path
 from struct import Struct
-from typing import TypeAlias
 
 from diagnostic_msgs.msg import DiagnosticArray
-from rclpy.node import Node
 
 from retrolidar_ros.cli.demo import executable
 from retrolidar_ros.cli.processes import ProcessGroup
-from retrolidar_ros.nodes.conversion import to_ns
 from retrolidar_ros.nodes.listener import Listener
 from retrolidar_ros.scene import Scene, Simulation
 from retrolidar_ros.scene.emulator import PortLink
@@ -38,13 +35,9 @@ SCENE = load_scene('coffee')
 PERIOD_S = SCENE.sensor.period_s
 REPLAY_S = 60.0  # packets are cut where the replay begins again, so that should be rare
 TIMEOUT_S = 120.0
-_ALL_READ = 'every port is read'
 _COUNTERS = Struct('<IQ')  # sequence and sensor time, which follow the kind
 _KIND_BYTES = 1
 _CRC_BYTES = 2
-
-Counts: TypeAlias = 'dict[str, tuple[float, int]]'
-"""Frames of each namespace, and when they were counted [s]."""
 
 
 class Replay:
@@ -75,110 +68,97 @@ class Replay:
 
 
 def serve(ports: Sequence[PortLink]) -> None:
-    """Send the packets of all sensors when they are due, and say when all are being read."""
+    """Send the packets of all sensors when they are due."""
     sensors = Replay(SCENE).sensors(len(ports))
     now_s = time.monotonic()
     # Nobody synchronises sensors, so they are spread over the frame period, too.
     starts_s = [now_s + index * PERIOD_S / len(ports) for index in range(len(ports))]
     due = [(starts_s[index], index, next(sensor)[1]) for index, sensor in enumerate(sensors)]
-    unread = set(range(len(ports)))
     while True:
         due_s, index, packet = due[0]
         time.sleep(max(0.0, due_s - time.monotonic()))
-        if ports[index].write(packet) and index in unread:
-            unread.remove(index)
-            if not unread:
-                print(_ALL_READ, flush=True)
+        ports[index].write(packet)
         since_s, packet = next(sensors[index])
         heapq.heapreplace(due, (starts_s[index] + since_s, index, packet))
 
 
-class NodePairs:
-    """Drivers and detectors in processes of their own, each pair in its own namespace."""
+class Sensors:
+    """Sensors, and the nodes that read them: pairs of driver and detector, or one reader."""
 
-    def __init__(self, processes: ProcessGroup, directory: Path, pairs: int) -> None:
-        """Start the nodes as `demo.start_nodes` does, and wait until all are there."""
-        self.namespaces = [f'/pair{index}' for index in range(pairs)]
+    def __init__(self, processes: ProcessGroup, directory: Path, number: int) -> None:
+        """Choose ports in a directory, and namespaces."""
+        self.namespaces = [f'/sensor{index}' for index in range(number)]
         self._processes = processes
-        self._ports = [directory / f'port{index}' for index in range(pairs)]
+        self._ports = [str(directory / f'port{index}') for index in range(number)]
+        self._nodes: list[str] = []
+
+    def start_pairs(self) -> None:
+        """Start a driver and a detector for each sensor, as `demo` does, and wait for them."""
         for namespace, port in zip(self.namespaces, self._ports, strict=True):
             self._start('driver', namespace, '-p', f'serial_port:={port}')
             self._start('detector', namespace)
-        topics = [
-            f'{space}/{topic}' for space in self.namespaces for topic in ('frames', 'markers')
-        ]
-        self._wait(lambda node: all(node.count_publishers(topic) for topic in topics))
+        self._wait_for(
+            [f'{one}/{topic}' for one in self.namespaces for topic in ('frames', 'markers')]
+        )
 
-    def pids(self, node: str) -> list[int]:
-        """Return the process IDs of all nodes that are a `driver` or a `detector`."""
-        return [self._processes.pid(_process(node, namespace)) for namespace in self.namespaces]
+    def start_reader(self) -> None:
+        """Start one process that reads all sensors."""
+        self._start('reader', '/hall', '-p', f'ports:={self._ports}')
 
-    def add_reader(self) -> None:
-        """Start one more detector, for the frames of the first pair, and wait for it."""
+    def plug_in(self) -> None:
+        """Start the sensors."""
+        self._processes.start('sensors', [sys.executable, __file__, *self._ports])
+
+    def pids(self) -> list[int]:
+        """Return the process IDs of all nodes."""
+        return [self._processes.pid(name) for name in self._nodes]
+
+    def start_second(self) -> None:
+        """Start one more detector, for the frames of the first sensor, and wait for it."""
         self._start('detector', '/second', '-r', f'frames:={self.namespaces[0]}/frames')
-        self._wait(lambda node: node.count_publishers('/second/markers') > 0)
+        self._wait_for(['/second/markers'])
 
-    def plug_in(self) -> int:
-        """Give every driver a sensor; return their process ID when all of them are being read."""
-        ports = [str(port) for port in self._ports]
-        self._processes.start('sensors', [sys.executable, __file__, *ports])
-        log = self._processes.log('sensors')
-        self._wait(lambda _: _ALL_READ in log.read_text())
-        return self._processes.pid('sensors')
-
-    def remove_reader(self) -> None:
+    def stop_second(self) -> None:
         """Stop the detector that was added."""
-        self._processes.stop(_process('detector', '/second'))
+        self._processes.stop(self._nodes.pop())
 
     def _start(self, node: str, namespace: str, *arguments: str) -> None:
         common = ['--ros-args', '--params-file', str(shared_file('config/retrolidar.yaml'))]
         command = [executable(node), *common, '-r', f'__ns:={namespace}', *arguments]
-        self._processes.start(_process(node, namespace), command)
+        self._nodes.append(f'{node}_{namespace[1:]}')
+        self._processes.start(self._nodes[-1], command)
 
-    def _wait(self, done: Callable[[Node], bool]) -> None:
-        """Watch the graph by a node that is there no longer than this takes."""
+    def _wait_for(self, topics: Sequence[str]) -> None:
+        """Wait for publishers, by a node that is there no longer than this takes."""
 
-        def is_done() -> bool:
+        def are_there() -> bool:
             self._processes.check()
-            return done(listener.node)
+            return all(listener.node.count_publishers(topic) for topic in topics)
 
         with closing(Listener('/start')) as listener:
-            if not listener.spin_until(is_done, TIMEOUT_S):
-                raise TimeoutError(
-                    f'{len(self.namespaces)} pairs were not there in {TIMEOUT_S:g} s'
-                )
+            if not listener.spin_until(are_there, TIMEOUT_S):
+                raise TimeoutError(f'nobody publishes some of {", ".join(topics)}')
 
 
-class CountListener(Listener):
-    """Hears the first pair, and of all pairs how many frames were sent and taken."""
+class FrameCounter(Listener):
+    """Takes note of how many frames nodes say they have taken and lost."""
 
-    def __init__(self, namespaces: list[str]) -> None:
-        """Join the graph."""
-        super().__init__(namespaces[0])
-        self.sent: Counts = {}
-        self.taken: Counts = {}
+    def __init__(self) -> None:
+        """Join the graph, in a namespace without nodes: no frames cross to it."""
+        super().__init__('/elsewhere')
+        self.taken: dict[str, int] = {}
+        """By each detector."""
         self.lost: dict[str, int] = {}
-        """Frames that each node says are missing between those that it got."""
+        """Missing between those that each driver or detector got."""
         self.node.create_subscription(DiagnosticArray, '/diagnostics', self._count, 1000)
 
     def _count(self, message: DiagnosticArray) -> None:
-        stamp_s = to_ns(message.header.stamp) * 1e-9
         for status in message.status:
-            namespace, _, node = status.name.partition(':')[0].rpartition('/')
             values = {pair.key: pair.value for pair in status.values}
-            if 'frames' not in values:  # not configured
-                continue
-            self.lost[status.name] = int(values['lost frames'])
-            if node == 'driver':
-                sent = int(values['frames']) + int(values['lost frames'])
-                self.sent[namespace] = (stamp_s, sent)
-            else:
-                self.taken[namespace] = (stamp_s, int(values['frames']))
-
-
-def _process(node: str, namespace: str) -> str:
-    """Return the name of a node's process, which is also that of its log file."""
-    return f'{node}_{namespace[1:]}'
+            if 'frames' in values:  # else not configured
+                self.lost[status.name] = int(values['lost frames'])
+                if not status.name.partition(':')[0].endswith('/driver'):
+                    self.taken[status.name] = int(values['frames'])
 
 
 def main() -> None:

@@ -28,7 +28,7 @@ from retrolidar_ros.sensor.frame import Floats, Recording
 from retrolidar_ros.sensor.model import Status
 
 BLOCK_FRAMES = 4096
-LEAST_SIGNAL, MOST_SIGNAL = 2.0, 1700.0  # [kcps/SPAD]
+MIN_SIGNAL, MAX_SIGNAL = 2.0, 1700.0  # [kcps/SPAD]
 PRESENT_SIGNALS, BLINKING_SIGNAL = (5.0, 1000.0), 100.0
 PRESENT_S = (0.1, 3.0)
 _ZONES, _PERIOD_S = SENSOR.grid.zones, SENSOR.period_s
@@ -87,7 +87,7 @@ def _walk(rng: np.random.Generator, *, step: float, heavy: bool = False) -> Sour
 
     Heavy-tailed steps are of Student's t with two degrees.
     """
-    low, high = _scaled(LEAST_SIGNAL), _scaled(MOST_SIGNAL)
+    low, high = _scaled(MIN_SIGNAL), _scaled(MAX_SIGNAL)
     last = rng.uniform(low, high, _ZONES)
 
     def advance(frames: int) -> tuple[Singles, None]:
@@ -233,7 +233,7 @@ def _hands(rng: np.random.Generator) -> Source:
         levels = _fading(steps, _LEVEL_MEMORY, level)
         scale[:], level[:] = scales[-1], levels[-1]
         # It turns round at its bounds.
-        low, high = math.log(LEAST_SIGNAL), math.log(MOST_SIGNAL)
+        low, high = math.log(MIN_SIGNAL), math.log(MAX_SIGNAL)
         received = np.exp(high - np.abs((_HOME + levels - low) % (2 * (high - low)) - (high - low)))
         status = _vanishing(frames, rng)
         received[status == Status.SIGNAL_TOO_LOW] = 0.0
@@ -246,7 +246,7 @@ def _sensed(
     signal: Singles, status: Codes | None, begin: int, rng: np.random.Generator
 ) -> Recording:
     """Return signals without noise, shape (frames, zones), as frames of the sensor."""
-    shape, seen = signal.shape, np.maximum(signal, LEAST_SIGNAL)
+    shape, seen = signal.shape, np.maximum(signal, MIN_SIGNAL)
     distance = np.minimum(_NEAR_M * np.sqrt(_NEAR_SIGNAL / seen), _FAR_M)
     spread = np.hypot(RANGING.shot / seen, RANGING.floor)
     distance += spread * rng.standard_normal(shape, dtype=np.float32)

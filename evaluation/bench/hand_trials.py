@@ -28,10 +28,10 @@ from retrolidar_ros.tasks.reading import Errors, Reading, SensorPose
 
 CORNERS = np.array([(-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (-1.0, 1.0)]) / 2
 BIAS_M = 0.002  # deviation of a sensor's range bias
-VISIT_S, _MOST_READINGS = 4.3, 3  # of each place, and of one marker there
+VISIT_S, _MAX_READINGS = 4.3, 3  # of each place, and of one marker there
 _HAND_M, _ROLL_RAD = 0.15, 0.6
 _AIM_RAD = math.radians(3)
-_STAY_S, _MOST_PLACES = 2.2, 16
+_STAY_S, _MAX_PLACES = 2.2, 16
 """How long a hand waits for what is missing at a place, and when it gives up."""
 _SIZE_M, _LUX, _TAG = 0.03, 300.0, 7
 _RANGES_M, _TRIES = (0.8, 1.2, 1.6, 1.9, 2.2), 16
@@ -83,7 +83,7 @@ def visits(world: Scene, side_m: float, rng: np.random.Generator) -> list[Visit]
 def hand_readings(
     trial: Sequence[Visit], rng: np.random.Generator, pose_m: float = 0.0
 ) -> list[list[Reading]]:
-    """Return readings by place of the hand, at most `_MOST_READINGS` of one marker at each.
+    """Return readings by place of the hand, at most `_MAX_READINGS` of one marker at each.
 
     The range has a random bias; TF is off by a deviation of `pose_m` [m].
     """
@@ -95,7 +95,7 @@ def hand_readings(
         rows = []
         for detection in detections:
             count[detection.id] += 1
-            if count[detection.id] <= _MOST_READINGS:
+            if count[detection.id] <= _MAX_READINGS:
                 rows.append(places.reading_of(detection, pose, since_s=since_s, bias_m=bias_m))
         found.append(rows)
     return found
@@ -141,7 +141,7 @@ def ready_s(world: Scene, wanted_m: float, reach_m: float, rng: np.random.Genera
     began_m: Floats = rng.uniform(-_HAND_M, _HAND_M, 3)
     place_m = began_m
     looked_s = 0.0
-    for index in range(_MOST_PLACES):
+    for index in range(_MAX_PLACES):
         missing = sorted(truth_m, key=lambda one: -_stddev_of(landmarks[one]))
         missing = [one for one in missing if _stddev_of(landmarks[one]) > wanted_m]
         if not missing:

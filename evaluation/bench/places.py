@@ -35,7 +35,7 @@ _ROLL_RAD = math.radians(45)
 _MARGIN_ZONES = 0.25
 _CLOCK_ERROR = 0.01  # of the markers, at most
 # An object is in every zone that has so much of its marker's light, and so far behind it.
-_LEAST_SHARE = 0.05
+_MIN_SHARE = 0.05
 _OBJECT_M, _OBJECT_SIGNAL = 0.004, 25.0
 _WALL_M, _WALL_SIGNAL = 2.6, 4.0
 ELLIPSOID = 7.815
@@ -120,7 +120,7 @@ def view_from(pose: SensorPose, world: Scene, rng: np.random.Generator) -> Scene
         own = replace(marker, position_m=(x, y, z), clock_error=clock_error, start_s=start_s)
         seen.append(replace(own, yaw_rad=yaw_of(world_m, pose)))
         shares = zone_shares(sensor_m[None], marker.size_m, grid, sensor.blur)[0]
-        behind = shares > _LEAST_SHARE
+        behind = shares > _MIN_SHARE
         depths[behind] = np.linalg.norm(sensor_m) * grid.z_per_range[behind] + _OBJECT_M
         signals[behind] = _OBJECT_SIGNAL
     surfaces = tuple(

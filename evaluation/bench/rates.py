@@ -4,7 +4,7 @@
 
 import math
 from collections.abc import Iterable, Sequence
-from typing import TypedDict
+from typing import Any, TypedDict
 
 import numpy as np
 
@@ -113,3 +113,8 @@ def crossing(level: float, places: Sequence[float], rates: Sequence[Rate]) -> Cr
         return Crossing(at=at, low=None, high=None)
     low, high = (float(bound) for bound in np.percentile(known, (2.5, 97.5)))
     return Crossing(at=at, low=low, high=high)
+
+
+def nearest(points: Iterable[dict[str, Any]], key: str, place: float) -> dict[str, Any]:
+    """Return the point whose `key` is nearest to a place."""
+    return min(points, key=lambda point: abs(float(point[key]) - place))

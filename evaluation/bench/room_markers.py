@@ -92,17 +92,17 @@ def own_marker(
     **rest: Any,
 ) -> RoomMarker:
     """Return a marker with random IDs that sends from one time on, until another or later [s]."""
-    most = 2 + int((until_s - begin_s) / (PACKET_BITS * bit_s))
-    pauses: NDArray[np.int64] = np.zeros(most, dtype=np.int64)
+    count = 2 + int((until_s - begin_s) / (PACKET_BITS * bit_s))
+    pauses: NDArray[np.int64] = np.zeros(count, dtype=np.int64)
     if sending == 'lone':
-        pauses = rng.integers(SILENCE_BITS, 4 * SILENCE_BITS, most)
+        pauses = rng.integers(SILENCE_BITS, 4 * SILENCE_BITS, count)
     elif sending == 'pauses':
-        pauses = rng.integers(1, PACKET_BITS, most)
-    drawn = rng.choice(USABLE_IDS, most)
-    ids = drawn if sending == 'sequence' else np.repeat(drawn[:1], most)
+        pauses = rng.integers(1, PACKET_BITS, count)
+    drawn = rng.choice(USABLE_IDS, count)
+    ids = drawn if sending == 'sequence' else np.repeat(drawn[:1], count)
     start_s = begin_s + bit_s * np.concatenate([[0], np.cumsum(PACKET_BITS + pauses)[:-1]])
     # It stays bright after a packet, if there is a pause.
-    levels = np.concatenate([1.0 - packet(ids), np.ones((most, 1))], axis=1)
+    levels = np.concatenate([1.0 - packet(ids), np.ones((count, 1))], axis=1)
     edges_s = start_s[:, None] + bit_s * np.arange(PACKET_BITS + 1)
     kept = np.ones(levels.shape, dtype=bool)
     kept[:-1, -1] = pauses[:-1] > 0

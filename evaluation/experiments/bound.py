@@ -4,7 +4,7 @@
 
 No test of acceptance: in a stretch of a few seconds there is one packet, and each receiver has to
 name an ID. `genie` knows start, clock, gain and offset, and takes the word of maximum likelihood.
-The search of `joint` knows nothing; of all its candidates, that of most evidence counts.
+The search of `joint` knows nothing; of all its candidates, that of max_evidence evidence counts.
 """
 
 from collections.abc import Sequence
@@ -42,16 +42,16 @@ _FRAMES = round(PACKET_BITS * BIT_PERIOD_S / SENSOR.period_s) + 2
 
 
 def searched_ids(sent: Sent) -> NDArray[np.int64]:
-    """Return the ID of most evidence in each zone, 0 without any; shape (zones,)."""
+    """Return the ID of max_evidence evidence in each zone, 0 without any; shape (zones,)."""
     zones = sent.recording.grid.zones
     detector = create_detector('joint', sent.recording.grid, false_ids_per_hour=_LAX)
     assert isinstance(detector, LikelihoodDetector)
     detector.update_all(sent.recording)
     ids = np.zeros(zones, dtype=np.int64)
-    most = np.zeros(zones)
+    max_evidence = np.zeros(zones)
     for candidate in detector.candidates:
-        if candidate.zone < zones and candidate.evidence > most[candidate.zone]:
-            most[candidate.zone], ids[candidate.zone] = candidate.evidence, candidate.id
+        if candidate.zone < zones and candidate.evidence > max_evidence[candidate.zone]:
+            max_evidence[candidate.zone], ids[candidate.zone] = candidate.evidence, candidate.id
     return ids
 
 

@@ -15,7 +15,7 @@ import numpy as np
 from evaluation.bench import places as hand
 from evaluation.bench.judging import watch
 from evaluation.peers.camera import PICTURES_HZ
-from evaluation.peers.visual_markers import APRILTAG, find_readers, read_over_distance
+from evaluation.peers.visual_markers import APRILTAG, april_tags, read_over_distance
 from evaluation.report.chart_style import label, line, look, new_chart
 from evaluation.report.claims import BOTH_CLAIMED, Claims, as_text, claim_of, model
 from retrolidar_ros.detector import create_detector
@@ -104,7 +104,7 @@ def _lidar(outcomes: list[Outcome], names: list[str], rng: np.random.Generator) 
 
 def _tags(ranges_m: list[float], rng: np.random.Generator, quick: bool) -> dict[str, Any] | None:
     """Return what AprilTags at the places of the objects come to; None without a reader."""
-    readers = [one for one in find_readers()[0] if one.name == APRILTAG]
+    readers = april_tags()
     if not readers:
         return None
     places_m = np.quantile(ranges_m, np.linspace(0.05, 0.95, 7)).tolist()

@@ -106,7 +106,7 @@ def draw(figures: dict[str, Any]) -> Any:
     boards = [board_signal(range_m) for range_m in ranges_m]
     far.plot(ranges_m, boards, **line('--', OTHERS[1]), label='bare board of 9 cm²')
     far.axhline(WALL_SIGNAL, **line(':', '0.4'), label='what is around it')
-    log = {'xscale': 'log', 'yscale': 'log'}
+    log: dict[str, Any] = {'xscale': 'log', 'yscale': 'log'}
     label(far, 'distance [m]', 'signal [kcps/SPAD]', xticks=(0.5, 1, 2, 3), **log)
     areas = np.array([0, *figures['areas_cm2']])
     wide.plot(figures['areas_cm2'], figures['of_areas'], **how, label='marker at 1 m, with wall')

@@ -73,7 +73,7 @@ def run(rng: np.random.Generator, *, quick: bool) -> dict[str, Any]:
     indoors = wakeup.NOISE_V['indoors']
     hourly, shares = active_share(1), [active_share(one) for one in _QUERIES.tolist()]
     guards = [guard_v(hertz, 1 / _LOOKS_AN_HOUR, indoors) for hertz in _BANDWIDTHS_HZ.tolist()]
-    most_ma = CELL_MAH / (2 * _YEAR_H)
+    max_ma = CELL_MAH / (2 * _YEAR_H)
     asleep = drawn(hourly, _CHEAP_LOOKS)
     reaches = {
         name: wakeup.wakeup_range_m(wakeup.THRESHOLD_V, noise)
@@ -96,7 +96,7 @@ def run(rng: np.random.Generator, *, quick: bool) -> dict[str, Any]:
         },
         'awake_h': life_h(CELL_MAH, PROTOTYPE.active),
         'mean_of_100_ua_h': life_h(CELL_MAH, OPTIMISED_MA),
-        'two_years_active_ma': (most_ma - asleep.sleep - asleep.detection) / hourly,
+        'two_years_active_ma': (max_ma - asleep.sleep - asleep.detection) / hourly,
         'queries_per_hour': _QUERIES.tolist(),
         'over_queries_h': {
             name: [life_h(CELL_MAH, drawn(share, parts).total) for share in shares]

@@ -142,7 +142,7 @@ class Reading(sweeps.Sweep):
         label(read, 'distance [m]', 'lone packets [%]', 'identified', percent=True)
         from matplotlib.patches import Patch
 
-        names = [*map(str, range(sweeps.MOST_BITS)), f'{sweeps.MOST_BITS} or more']
+        names = [*map(str, range(sweeps.MAX_BITS)), f'{sweeps.MAX_BITS} or more']
         for axis, method in zip(bits, METHODS, strict=True):
             trials = [point[method]['right']['trials'] for point in points]
             heights = 100 * np.array([point[method]['bits'] for point in points]).T / trials
@@ -178,36 +178,34 @@ def _read_to(figures: dict[str, Any], curve: str, unit: str = 'm') -> str:
     return as_text(sweeps.end_of(figures, curve, 'joint'), unit, 2 if unit == 'm' else 0)
 
 
-def _reaches(ends: Sequence[float | None], unit: str = 'm', digits: int = 2) -> Claim:
-    """Return a claim of how far both methods read."""
-    return claim_of(as_text(one, unit, digits) for one in ends)
+def _reaches(figures: dict[str, Any], curve: str, unit: str = 'm') -> Claim:
+    """Return to where both methods read."""
+    return claim_of(as_text(one, unit, 2 if unit == 'm' else 1) for one in _ends(figures, curve))
 
 
 def _reading_claims(figures: dict[str, Any]) -> Claims:
     def at(place: float, key: str) -> list[Any]:
         return [sweeps.point_of(figures, '3 cm', place)[method][key] for method in BOTH_CLAIMED]
 
-    sure = [one['rate'] for one in at(PAPER_SURE_M, 'right')]
-    wrong = [one['rate'] for one in at(1.0, 'wrong')]
-    found = at(PAPER_FOUND_M, 'found')
-    clean = [bits[0] / max(1, sum(bits)) for bits in at(PAPER_SURE_M, 'bits')]
-    broken = [1 - bits[0] / max(1, sum(bits)) for bits in at(PAPER_FOUND_M, 'bits')]
+    clean = [
+        [bits[0] / max(1, sum(bits)) for bits in at(place, 'bits')]
+        for place in (PAPER_SURE_M, PAPER_FOUND_M)
+    ]
     return {
-        'reach': _reaches(_ends(figures, '3 cm')),
-        'sure': shares(sure),
-        'found': shares(found),
-        'wrong': shares(wrong),
-        'clean': shares(clean),
-        'broken': shares(broken),
+        'reach': _reaches(figures, '3 cm'),
+        'sure': shares(one['rate'] for one in at(PAPER_SURE_M, 'right')),
+        'found': shares(at(PAPER_FOUND_M, 'found')),
+        'wrong': shares(one['rate'] for one in at(1.0, 'wrong')),
+        'clean': shares(clean[0]),
+        'broken': shares(1 - one for one in clean[1]),
     }
 
 
 def _reach_claims(figures: dict[str, Any]) -> Claims:
     point = sweeps.point_of(figures, '3 cm, 3 packets', PAPER_FOUND_M)
-    three = [point[method]['right']['rate'] for method in BOTH_CLAIMED]
     return {
-        'small': _reaches(_ends(figures, '1 cm, one packet')),
-        'three': shares(three),
+        'small': _reaches(figures, '1 cm, one packet'),
+        'three': shares(point[method]['right']['rate'] for method in BOTH_CLAIMED),
     }
 
 
@@ -221,22 +219,10 @@ def _power(figures: dict[str, Any]) -> float:
     return float(np.polyfit(np.log(areas), np.log(ends), 1)[0])
 
 
-def _size_claims(figures: dict[str, Any]) -> Claims:
-    power = _power(figures)
-    return {'power': model(f'{power:.2f}')}
-
-
 def _ambient_claims(figures: dict[str, Any]) -> Claims:
-    lights = ('dark', 'daylight in a room', 'shade outdoors')
-    dark, day, shade = (_ends(figures, light) for light in lights)
-    lost = [
-        None if before is None or after is None else before - after
-        for before, after in zip(dark, day, strict=True)
-    ]
-    return {
-        'loss': claim_of(map(as_text, lost)),
-        'outdoors': _reaches(shade),
-    }
+    ends = zip(_ends(figures, 'dark'), _ends(figures, 'daylight in a room'), strict=True)
+    lost = [None if dark is None or day is None else dark - day for dark, day in ends]
+    return {'loss': claim_of(map(as_text, lost)), 'outdoors': _reaches(figures, 'shade outdoors')}
 
 
 SWEEPS: dict[str, sweeps.Sweep] = {
@@ -272,7 +258,7 @@ SWEEPS: dict[str, sweeps.Sweep] = {
             sweeps.Curve(f'{1e4 * at**2:g} cm²', partial(lone, size_m=at), _of_size(_LIKE_M, at))
             for at in (0.01, 0.015, 0.02, 0.025, 0.03)
         ],
-        _size_claims,
+        lambda got: {'power': model(f'{_power(got):.2f}')},
         {'1 cm²': PAPER_SMALL_M, '9 cm²': PAPER_REACH_M},
     ),
     'angle': sweeps.Sweep(
@@ -280,7 +266,7 @@ SWEEPS: dict[str, sweeps.Sweep] = {
         lambda got: f'Markers are read to {_read_to(got, "at 1 m", "°")} from the axis',
         'angle from the axis [°]',
         [sweeps.Curve('at 1 m', _aside, (0, 6, 12, 18, 21, 22, 23, 24, 25, 26, 28), 32)],
-        lambda got: {'angle': _reaches(_ends(got, 'at 1 m'), '°', 1)},
+        lambda got: {'angle': _reaches(got, 'at 1 m', '°')},
         {'at 1 m': PAPER_ANGLE_DEG},
     ),
     'yaw': sweeps.Sweep(
@@ -291,7 +277,7 @@ SWEEPS: dict[str, sweeps.Sweep] = {
         ),
         'yaw [°]',
         [sweeps.Curve(f'at {at:g} m', partial(turned, range_m=at), YAWS_DEG) for at in (1.0, 2.0)],
-        lambda got: {'yaw': _reaches(_ends(got, 'at 1 m'), '°', 1)},
+        lambda got: {'yaw': _reaches(got, 'at 1 m', '°')},
         {'at 1 m': PAPER_YAW_DEG},
     ),
     'ambient': sweeps.Sweep(

@@ -44,11 +44,12 @@ def _measured(off: str, seed: int, times: float) -> dict[str, Any]:
     changes, source = _changes(off), Path(core_trial.__file__).read_text(encoding='utf-8')
     content = f'{revision()} {changes} {seed} {times}\n{source}'
     kept = _KEPT / f'{sha256(content.encode()).hexdigest()}.json'
-    if not kept.exists():
+    if kept.exists():
+        row: dict[str, Any] = json.loads(kept.read_text(encoding='utf-8'))
+    else:
         row = call_with(changes, f'{core_trial.__name__}.measure', seed, times)
         _KEPT.mkdir(exist_ok=True)
         kept.write_text(json.dumps(row), encoding='utf-8')
-    row: dict[str, Any] = json.loads(kept.read_text(encoding='utf-8'))
     return row
 
 

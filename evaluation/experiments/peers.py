@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from evaluation.bench.judging import judge_all, read_of
+from evaluation.bench.rates import nearest
 from evaluation.bench.recordings import Sent, record, rng_at, signal_at
 from evaluation.bench.stresses import PLAIN
 from evaluation.experiments import paper_sweeps
@@ -118,8 +119,7 @@ def words(figures: dict[str, Any], sweep: str, name: str, digits: int = 2) -> st
 
 def error(figures: dict[str, Any], name: str, range_m: float, which: str) -> float | None:
     """Return an error of range at 3 cm [mm]."""
-    points = figures['sweeps']['3 cm']['points']
-    found = min(points, key=lambda one: abs(float(one['place']) - range_m)).get(name)
+    found = nearest(figures['sweeps']['3 cm']['points'], 'place', range_m).get(name)
     return None if found is None or found['error_mm'] is None else float(found['error_mm'][which])
 
 

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from evaluation.bench.judging import BOTH, judged
+from evaluation.bench.rates import nearest
 from evaluation.experiments.link import NEVER_S, board_signal
 from evaluation.experiments.paper_sweeps import LONE_RECORDINGS, lone_packets
 from evaluation.report.chart_style import OTHERS, label, legend_below, line, look, new_chart
@@ -77,8 +78,8 @@ def claims(figures: dict[str, Any]) -> Claims:
     """Set the errors beside the paper's."""
 
     def at(range_m: float, kind: str) -> float:
-        nearest = min(figures['points'], key=lambda one: abs(float(one['range_m']) - range_m))
-        return float(nearest[kind]['median_mm'] or math.inf)
+        point = nearest(figures['points'], 'range_m', range_m)
+        return float(point[kind]['median_mm'] or math.inf)
 
     places = [one['range_m'] for one in figures['points'][:-1]]
     below = [max(at(place, kind) for place in places) for kind in BOTH_CLAIMED]

@@ -4,7 +4,7 @@
 
 An experiment is a module, or an object, with a `TITLE` of a few words, and functions `run`, which
 returns figures fit for JSON, and `draw`, which makes the chart of figures. It may have a `table` of
-them, `claims`, which are what items of the paper come to, and `draw_panels`, a chart of all details.
+them, `claims`, which are what items of the paper come to, and `draw_panels`, a chart of details.
 """
 
 import json

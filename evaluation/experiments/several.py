@@ -19,7 +19,7 @@ from retrolidar_ros.scene.description import Marker, Sensor, Surface
 from retrolidar_ros.scene.reference import NOISE, RANGING, RESPONSE, WALL_SIGNAL
 
 TITLE = 'Several markers'
-PAPER_LEAST = 0.85  # of Tab. 3
+PAPER_WORST = 0.85  # of Tab. 3
 ARRANGEMENTS = {
     'far apart': ((1.0, -14, -8), (1.5, 12, 7), (2.0, 7, -14)),
     'one height': ((1.0, -17, 6), (1.5, -6, 6), (2.0, 17, 6)),
@@ -108,10 +108,10 @@ def claims(figures: dict[str, Any]) -> Claims:
         [one['rate'] for row in figures['three'] for one in row[method]['read']]
         for method in BOTH_CLAIMED
     ]
-    mean, least = [float(np.mean(one)) for one in read], [min(one) for one in read]
+    mean, worst = [float(np.mean(one)) for one in read], [min(one) for one in read]
     return {
         'mean': shares(mean, 1),
-        'worst': shares(least),
+        'worst': shares(worst),
     }
 
 
@@ -130,8 +130,8 @@ def draw(figures: dict[str, Any]) -> Any:
         for index, row in enumerate(figures['three']):
             places = index + offset + np.linspace(-0.08, 0.08, 3)
             three.plot(places, [100 * one['rate'] for one in row[method]['read']], **how)
-    three.axhline(100 * PAPER_LEAST, **line('-.'))
-    three.text(2.15, 100 * PAPER_LEAST + 1, "the paper's worst", ha='center', va='bottom')
+    three.axhline(100 * PAPER_WORST, **line('-.'))
+    three.text(2.15, 100 * PAPER_WORST + 1, "the paper's worst", ha='center', va='bottom')
     names = [row['arrangement'].replace(' ', '\n', 1) for row in figures['three']]
     title = 'three markers at 1 to 2 m, one packet'
     label(three, '', 'packets identified [%]', title, percent=True)

@@ -33,7 +33,7 @@ RANGES_M = (1.0, 2.0, 2.7)  # near, far, and where the reach of a lone packet en
 SPEED_M_S = 0.1  # of a marker that moves, across the view
 REPEATED_S = 4.35  # how long repeating markers are watched: three packets and a look
 _COLUMNS = 3
-_LEAST = 0.25  # less than this without any stress is nothing to break
+_MIN_READ = 0.25  # less than this without any stress is nothing to break
 
 Where = tuple[float, bool, bool]  # range [m], whether the marker moves, whether it repeats
 SHOWN: Where = (2.0, False, False)
@@ -58,16 +58,16 @@ def read(
 
 
 def _breaks(
-    panel: Panel, where: Where, seed: int, recordings: int, method: str, least: float
+    panel: Panel, where: Where, seed: int, recordings: int, method: str, enough: float
 ) -> dict[str, Any]:
     """Return between which values a method reads less than a share."""
-    if least < LEVEL * _LEAST:
+    if enough < LEVEL * _MIN_READ:
         return {'state': 'not read'}
     values, low, high = panel.values, 0, len(panel.values)
     while high - low > 1:
         middle = (low + high) // 2
         found = read(panel, middle, where, seed, recordings, method)[method]['right']['rate']
-        low, high = (middle, high) if found >= least else (low, middle)
+        low, high = (middle, high) if found >= enough else (low, middle)
     if high == len(values):
         return {'state': 'never', 'at': values[-1]}
     return {'state': 'breaks', 'at': (values[low] + values[high]) / 2}
@@ -92,8 +92,8 @@ def run(rng: np.random.Generator, *, quick: bool) -> dict[str, Any]:
     for panel in PANELS[:: 5 if quick else 1]:
         breaks: dict[str, dict[str, Any]] = {named(where): {} for where in conditions}
         for where, method in itertools.product(conditions, METHODS):
-            least = LEVEL * harmless[where][method]['right']['rate']
-            found = _breaks(panel, where, seed, recordings[where[1]], method, least)
+            enough = LEVEL * harmless[where][method]['right']['rate']
+            found = _breaks(panel, where, seed, recordings[where[1]], method, enough)
             breaks[named(where)][method] = found
         points = [
             {'place': panel.values[index]}

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from evaluation.bench.judging import BOTH, Options, judge_all, read_of
-from evaluation.bench.rates import crossing
+from evaluation.bench.rates import crossing, nearest
 from evaluation.bench.recordings import Sent, rng_at
 from evaluation.report.chart_style import (
     LEVEL,
@@ -27,7 +27,7 @@ from evaluation.report.chart_style import (
 from evaluation.report.claims import Claims
 from retrolidar_ros.detector import METHODS
 
-MOST_BITS = 4  # so many wrong bits or more are counted together
+MAX_BITS = 4  # so many wrong bits or more are counted together
 PAPERS_OWN = {"80 % of the paper's own": line(':')}  # entry of a legend
 
 
@@ -48,11 +48,11 @@ def _point(curve: Curve, place: float, recordings: int, seed: int) -> dict[str, 
     found = judge_all(make, recordings, rng, curve.variants, lone=curve.lone)
     point: dict[str, Any] = {'place': place}
     for name, rows in found.items():
-        bits = [min(one.corrected_bits, MOST_BITS) for row in rows for one in row.own]
+        bits = [min(one.corrected_bits, MAX_BITS) for row in rows for one in row.own]
         markers = sum(len(row.right) for row in rows)
         point[name] = {
             **read_of(rows),
-            'bits': np.bincount(np.array(bits, dtype=int), minlength=MOST_BITS + 1).tolist(),
+            'bits': np.bincount(np.array(bits, dtype=int), minlength=MAX_BITS + 1).tolist(),
             'found': sum(min(row.candidates, len(row.right)) for row in rows) / markers,
         }
     return point
@@ -112,5 +112,4 @@ def end_of(figures: Mapping[str, Any], curve: str, method: str) -> float | None:
 
 def point_of(figures: Mapping[str, Any], curve: str, place: float) -> dict[str, Any]:
     """Return the point that is nearest to a place."""
-    points: list[dict[str, Any]] = figures['curves'][curve]['points']
-    return min(points, key=lambda point: abs(float(point['place']) - place))
+    return nearest(figures['curves'][curve]['points'], 'place', place)

@@ -10,10 +10,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from evaluation.bench.judging import BOTH, Options, judged
+from evaluation.bench.rates import nearest
 from evaluation.bench.recordings import SILENCE_BITS, Sent, record, signal_at
 from evaluation.bench.stresses import PLAIN
 from evaluation.peers.camera import PICTURES_HZ
-from evaluation.peers.visual_markers import APRILTAG, find_readers, read_over_distance
+from evaluation.peers.visual_markers import APRILTAG, april_tags, read_over_distance
 from evaluation.report.chart_style import LEVEL, label, line, look, name_curve, new_chart
 from evaluation.report.claims import as_text
 from retrolidar_ros.detector import METHODS
@@ -91,7 +92,7 @@ def needed_bits(ids: NDArray[np.int64]) -> NDArray[np.int64]:
     return needed
 
 
-def _least_s(rng: np.random.Generator) -> float:
+def _min_s(rng: np.random.Generator) -> float:
     """Return in what time a share of markers is known for sure, `FEW` IDs being registered [s]."""
     sets = (rng.choice(USABLE_IDS, FEW, replace=False) for _ in range(_SETS))
     bits = np.concatenate([needed_bits(ids) for ids in sets])
@@ -115,7 +116,7 @@ def _by_pictures(share: float, read: float) -> float | None:
 
 def run(rng: np.random.Generator, *, quick: bool) -> dict[str, Any]:
     """Return times to the first right ID over distance."""
-    readers = [one for one in find_readers()[0] if one.name == APRILTAG]
+    readers = april_tags()
     ranges_m, points = _RANGES_M[:: 3 if quick else 1], []
     pictures = read_over_distance(readers, ranges_m, int(rng.integers(2**31)), quick=quick)
     for range_m, found in zip(ranges_m, pictures, strict=True):
@@ -131,12 +132,12 @@ def run(rng: np.random.Generator, *, quick: bool) -> dict[str, Any]:
             point[name] = [_by_pictures(share, result['right']['rate']) for share in SHARES]
         points.append(point)
     names = [REGISTERED, *METHODS, *(one.name for one in readers)]
-    return {'points': points, 'names': names, 'least_s': _least_s(rng)}
+    return {'points': points, 'names': names, 'least_s': _min_s(rng)}
 
 
 def at(figures: dict[str, Any], name: str, range_m: float) -> str:
     """Return the time by which four of five are identified at a distance, as text."""
-    point = min(figures['points'], key=lambda one: abs(float(one['range_m']) - range_m))
+    point = nearest(figures['points'], 'range_m', range_m)
     time_s = point[name][-1] if name in point else None
     return _NEVER if time_s is None else as_text(time_s, 's', 2 if time_s < LEVEL else 1)
 

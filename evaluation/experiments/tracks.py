@@ -14,7 +14,7 @@ from evaluation.bench.shared_zone import SECONDS_S, sum_of, two_in_a_zone
 from evaluation.bench.stresses import PLAIN
 from evaluation.experiments.moving import WAYS
 from evaluation.peers.camera import Background
-from evaluation.peers.visual_markers import APRILTAG, View, find_readers, read_pictures
+from evaluation.peers.visual_markers import APRILTAG, View, april_tags, read_pictures
 from evaluation.report.chart_style import label, look, name_curve, new_chart
 from evaluation.report.claims import NOTHING, Table, as_text, percent
 from retrolidar_ros.scene.reference import SENSOR
@@ -101,8 +101,7 @@ def run(rng: np.random.Generator, *, quick: bool) -> dict[str, Any]:
         for begins in SECONDS_S
         for apart_m in _APART_M
     ]
-    readers, _ = find_readers()
-    tags = [one for one in readers if one.name == APRILTAG]
+    tags = april_tags()
     background = Background(rng)
     pictures = 5 if quick else _PICTURES
     seen = {

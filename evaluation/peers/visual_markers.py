@@ -166,6 +166,11 @@ def find_readers() -> tuple[list[Reader], dict[str, str]]:
     return readers, missing
 
 
+def april_tags() -> list[Reader]:
+    """Return the reader of AprilTags, if it is installed."""
+    return [reader for reader in find_readers()[0] if reader.name == APRILTAG]
+
+
 class View(NamedTuple):
     """How a marker is seen."""
 

@@ -38,11 +38,11 @@ def _bold(cells: Sequence[str], best: int | None) -> list[str]:
     return [f'**{cell}**' if index == best else cell for index, cell in enumerate(cells)]
 
 
-def _best(ours: float | None, tag: float | None, *, most: bool) -> int | None:
+def _best(ours: float | None, tag: float | None, *, more_is_better: bool) -> int | None:
     """Return the column of the better value, of ours and of an AprilTag's; None: as good."""
     if ours is None or tag is None or ours == tag:
         return None if ours == tag else (0 if tag is None else 2)
-    return 0 if (ours > tag) == most else 2
+    return 0 if (ours > tag) == more_is_better else 2
 
 
 def _while_moving(report: Report) -> tuple[dict[str, Any], Any]:
@@ -76,7 +76,7 @@ def headlines(report: Report) -> str:
     rows: list[tuple[str, list[str], int | None]] = []
     for size, paper in (('3 cm', '2.6 m'), ('1 cm', '1.3 m')):
         ours, tags = (ends[size, name] for name in ('joint', APRILTAG))
-        best = _best(ours, tags, most=True)
+        best = _best(ours, tags, more_is_better=True)
         what = (
             f'How far is a marker of {size} read, in one packet or image?'
             if not rows
@@ -93,7 +93,7 @@ def headlines(report: Report) -> str:
     )
     updates = [track['updates_hz'], PICTURES_HZ]
     cells = [as_text(updates[0], 'a second', 0), 'once a packet', f'{PICTURES_HZ:.0f} a second']
-    rows.append(('How often is its position updated?', cells, _best(*updates, most=True)))
+    rows.append(('How often is its position updated?', cells, _best(*updates, more_is_better=True)))
     errors = [track['all_mm'], tag and tag['rms']]
     ways = [f'{as_text(point["all_mm"], "mm", 1)} {way}' for way, point in moving.items()]
     across = next(iter(moving))
@@ -103,11 +103,13 @@ def headlines(report: Report) -> str:
         f'{as_text(errors[1], "mm", 1)} {across}, exposed for {_EXPOSURE}',
     ]
     what = f'How exact is its range at 1 m, moving {" or ".join(moving)} at {_MOVING_M_S:g} m/s?'
-    rows.append((what, cells, _best(*errors, most=False)))
+    rows.append((what, cells, _best(*errors, more_is_better=False)))
     cells = [as_text(cpu_ms[0], 'ms a second', 0), NOTHING, as_text(cpu_ms[1], 'ms a second', 0)]
-    rows.append(('Processor time, of one core?', cells, _best(*cpu_ms, most=False)))
+    rows.append(('Processor time, of one core?', cells, _best(*cpu_ms, more_is_better=False)))
     one = false_ids.total(report[false_ids.NAME])
-    counted = f'{one["events"]} in {one["hours"]:g} h: at most {one["high"]:.2g} an hour (95 %)'
+    counted = (
+        f'{one["events"]} in {one["hours"]:g} h: at more_is_better {one["high"]:.2g} an hour (95 %)'
+    )
     rows.append(
         ('How often is an ID read where there is no marker?', [counted, '"none"', NOTHING], None)
     )
@@ -195,7 +197,7 @@ def speed(report: Report) -> str:
     kept = f'{nodes["lost"]} frames lost; driver {shares["driver"]:.0%}, detector '
     stamps = f'{nodes["stamp_stddev_ms"]:.2f} ms standard deviation, '
     delays = f'{seen["median_ms"]:.0f} and {seen["p99_ms"]:.0f} ms'
-    worst = f'{stamps}{nodes["stamp_worst_ms"]:.2f} ms at most'
+    worst = f'{stamps}{nodes["stamp_worst_ms"]:.2f} ms at more_is_better'
     rows = [
         ['', ''],
         [f'{through}, {nodes["run"]["cores"]} cores', f'{kept}{shares["detector"]:.0%} of a core'],
@@ -203,7 +205,7 @@ def speed(report: Report) -> str:
         ['stamps against the true exposure, once settled', worst],
     ]
     for cost in report['bench-detector']['rows']:
-        frame = f'{cost["frame_us"]:.0f} µs, at most {cost["longest_us"] / 1e3:.1f} ms'
+        frame = f'{cost["frame_us"]:.0f} µs, at more_is_better {cost["longest_us"] / 1e3:.1f} ms'
         rows.append([cost['case'], f'{frame}; {cost["bag_times_real_time"]:.0f}×'])
     return markdown(rows)
 

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from evaluation.bench import room_families, rooms
+from evaluation.bench import rooms
 from evaluation.bench.room_markers import (
     FOREIGN,
     MOTIONS,
@@ -19,6 +19,7 @@ from evaluation.bench.room_markers import (
 )
 from evaluation.bench.room_scene import Room, RoomSimulation, draw_room
 from evaluation.bench.room_truth import COMPANY, SIGNALS, Scored, packets_of, score
+from evaluation.experiments.rooms import counted, summary
 from retrolidar_ros.detector import Detection, create_detector
 from retrolidar_ros.marker.code import BIT_PERIOD_S, PACKET_BITS, packet
 from retrolidar_ros.marker.dictionary import USABLE_IDS
@@ -69,8 +70,6 @@ def test_a_room_is_that_of_its_seed() -> None:
     assert not any(np.array_equal(frames[0].signal, other.signal) for other in frames[2:])
     alone, again = (rooms.play(number=3, seed=7) for _ in range(2))
     assert alone.scored == again.scored
-    together = rooms.play_all(range(3, 5), 7, processes=2)
-    assert together[0].scored == alone.scored
 
 
 def test_all_that_is_named_is_drawn() -> None:
@@ -172,23 +171,10 @@ def test_whatever_a_foreign_marker_is_read_as_is_wrong() -> None:
 
 
 def test_sums_are_those_of_their_cells() -> None:
-    results = rooms.play_all(range(2), 11)
-    figures = rooms.summary(results)
-    packets, read, _ = rooms.counted(figures, None)
+    results = [rooms.play(number, 11) for number in range(2)]
+    figures = summary(results)
+    packets, read, _ = counted(figures, None)
     assert packets == sum(one.whole for result in results for one in result.scored.sent)
     assert read == figures['read']['hits']
-    by_motion = [rooms.counted(figures, None, motion) for motion in MOTIONS]
-    np.testing.assert_array_equal(np.sum(by_motion, axis=0), rooms.counted(figures, None))
-    assert 'packets read' in rooms.report(figures)
-
-
-@pytest.mark.parametrize('name', room_families.FAMILIES)
-def test_a_family_of_rooms_has_its_rows(
-    name: str, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    for sizes in ('SPEEDS_M_S', 'PERIODS_MS', 'SIGNALS', 'RATIOS'):
-        monkeypatch.setattr(room_families, sizes, getattr(room_families, sizes)[:1])
-    assert room_families.main([name, '--seed', '5', '--times', '0.02']) == 0
-    lines = capsys.readouterr().out.splitlines()
-    assert lines[0].startswith(f'{name}: ')
-    assert len(lines) > 1
+    by_motion = [counted(figures, None, motion) for motion in MOTIONS]
+    np.testing.assert_array_equal(np.sum(by_motion, axis=0), counted(figures, None))

@@ -8,10 +8,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from evaluation.bench.judging import watch
 from evaluation.bench.places import (
     markers_at,
     random_pose,
-    read_live,
     rotation,
     sees_all,
     to_sensor,
@@ -19,6 +19,7 @@ from evaluation.bench.places import (
     view_from,
 )
 from evaluation.experiments import coffee
+from retrolidar_ros.detector import create_detector
 from retrolidar_ros.scene import Scene, Simulation
 from retrolidar_ros.scene.files import load_scene
 from retrolidar_ros.sensor.frame import Floats, ZoneGrid
@@ -79,12 +80,13 @@ def test_the_hand_sees_all_from_every_place() -> None:
 
 def test_frames_one_by_one_give_each_reading_as_soon_as_all_of_it_was_seen() -> None:
     recording = Simulation(WORLD).run(4)
-    readings = list(read_live('joint', recording))
-    assert {one.detection.id for one in readings} == {one.id for one in WORLD.markers}
-    for known_s, detection in readings:
-        known_ns = 1e9 * known_s + recording.stamp_ns[0]
+    steps = watch(create_detector('joint', recording.grid), recording)
+    readings = [(step, one) for step in steps for one in step.detections]
+    assert {one.id for _, one in readings} == {one.id for one in WORLD.markers}
+    for step, detection in readings:
+        assert step.frame.stamp_ns == pytest.approx(1e9 * step.known_s + recording.stamp_ns[0])
         assert detection.start_ns < detection.stamp_ns < detection.end_ns
-        assert 0 <= known_ns - detection.end_ns < 0.5e9
+        assert 0 <= step.frame.stamp_ns - detection.end_ns < 0.5e9
 
 
 def test_objects_that_are_not_read_are_not_placed() -> None:
