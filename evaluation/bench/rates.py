@@ -8,6 +8,7 @@ from typing import Any, TypedDict
 
 import numpy as np
 
+LEVEL = 0.8  # of identification: what is less counts as not read (paper §6.1)
 _DRAWS = 400
 
 

@@ -4,7 +4,7 @@
 
 No test of acceptance: in a stretch of a few seconds there is one packet, and each receiver has to
 name an ID. `genie` knows start, clock, gain and offset, and takes the word of maximum likelihood.
-The search of `joint` knows nothing; of all its candidates, that of max_evidence evidence counts.
+The search of `joint` knows nothing; of all its candidates, the one of most evidence counts.
 """
 
 from collections.abc import Sequence
@@ -15,10 +15,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from evaluation.bench.judging import BOTH, judged, read_of
-from evaluation.bench.rates import Rate, crossing, rate
+from evaluation.bench.rates import LEVEL, Rate, crossing, rate
 from evaluation.bench.recordings import Sent, signal_at, snr_db
 from evaluation.experiments.paper_sweeps import LONE_RECORDINGS, lone_packets
-from evaluation.report.chart_style import LEVEL, draw_shares, label, legend_under, look, new_chart
+from evaluation.report.chart_style import draw_shares, label, legend_under, look, new_chart
 from evaluation.report.claims import Table, as_text
 from retrolidar_ros.detector import create_detector
 from retrolidar_ros.detector.likelihood_detector import LikelihoodDetector
@@ -42,7 +42,7 @@ _FRAMES = round(PACKET_BITS * BIT_PERIOD_S / SENSOR.period_s) + 2
 
 
 def searched_ids(sent: Sent) -> NDArray[np.int64]:
-    """Return the ID of max_evidence evidence in each zone, 0 without any; shape (zones,)."""
+    """Return the ID of most evidence in each zone, 0 without any; shape (zones,)."""
     zones = sent.recording.grid.zones
     detector = create_detector('joint', sent.recording.grid, false_ids_per_hour=_LAX)
     assert isinstance(detector, LikelihoodDetector)

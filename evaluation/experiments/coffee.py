@@ -17,7 +17,7 @@ from evaluation.bench.judging import watch
 from evaluation.peers.camera import PICTURES_HZ
 from evaluation.peers.visual_markers import APRILTAG, april_tags, read_over_distance
 from evaluation.report.chart_style import label, line, look, new_chart
-from evaluation.report.claims import BOTH_CLAIMED, Claims, as_text, claim_of, model
+from evaluation.report.claims import BOTH_CLAIMED, Claims, Table, as_text, claim_of, model
 from retrolidar_ros.detector import create_detector
 from retrolidar_ros.scene import Scene, Simulation
 from retrolidar_ros.scene.files import load_scene
@@ -142,15 +142,17 @@ def run(rng: np.random.Generator, *, quick: bool) -> dict[str, Any]:
     }
 
 
-def _bars(figures: dict[str, Any]) -> list[tuple[str, str, dict[str, Any]]]:
+def _looks(figures: dict[str, Any]) -> list[tuple[str, str, dict[str, Any]]]:
     """Return what looks at the objects, whose colour it has, and its figures."""
-    bars = [
-        (words, way, figures['methods'][way] | figures['methods'][way]['by_range'])
+    looks = [
+        (f'LiDAR, {words}', way, figures['methods'][way] | figures['methods'][way]['by_range'])
         for way, words in WAYS.items()
     ]
+    tags = {'look_s': 1 / PICTURES_HZ}
     if figures['tags'] is not None:
-        bars.append(('AprilTag in our pictures', APRILTAG, figures['tags']))
-    return [*bars, ("AprilTag, the paper's 36 %", APRILTAG, figures['tags_of_the_paper'])]
+        looks.append(('AprilTag in our pictures', APRILTAG, figures['tags'] | tags))
+    papers = figures['tags_of_the_paper'] | tags
+    return [*looks, ("AprilTag, the paper's 36 %", APRILTAG, papers)]
 
 
 def _median_mm(row: dict[str, Any]) -> float | None:
@@ -159,6 +161,19 @@ def _median_mm(row: dict[str, Any]) -> float | None:
         return float(np.median(np.abs(row['range_mm'])))
     median: float | None = row.get('median_mm')
     return median
+
+
+def table(figures: dict[str, Any]) -> Table:
+    """Return the times of the whole task, moves included."""
+    heads = ['', 'a look', 'range, median error', 'off by more than 1 cm', 'looks']
+    rows = [[*heads, 'task in all, mean']]
+    for name, _, row in _looks(figures):
+        look_s = as_text(row['look_s'], 's', 1)
+        if row['look_s'] is not None and row['look_s'] < 0.1:
+            look_s = as_text(1e3 * row['look_s'], 'ms', 0)
+        task = (f'{row["bad"]:.0%}', f'{row["cycles"]:.1f}', f'{row["mean_s"]:.1f} s')
+        rows.append([name, look_s, as_text(_median_mm(row), 'mm', 1), *task])
+    return rows
 
 
 def claims(figures: dict[str, Any]) -> Claims:
@@ -196,7 +211,7 @@ def _message(figures: dict[str, Any]) -> str:
 def draw(figures: dict[str, Any]) -> Any:
     """Draw how long the task takes, and errors of range, a bar for each way."""
     figure, (times, wrong) = new_chart(2, 2, 3.6, _message(figures))
-    bars = _bars(figures)[::-1]
+    bars = _looks(figures)[::-1]
     for place, (_, kind, row) in enumerate(bars):
         median = _median_mm(row)
         for axis, value, text in (
@@ -208,7 +223,7 @@ def draw(figures: dict[str, Any]) -> Any:
             at = {'xy': (value or 0.0, place), 'xytext': (4, 0), 'textcoords': 'offset points'}
             axis.annotate(text, **at, va='center', fontsize=11, bbox=box)
     times.axvline(PAPER_S, **line(':'))
-    times.set_yticks(range(len(bars)), [words for words, *_ in bars])
+    times.set_yticks(range(len(bars)), [words.removeprefix('LiDAR, ') for words, *_ in bars])
     wrong.set_yticks(range(len(bars)), [''] * len(bars))
     label(times, "whole task [s]; dotted: the paper's")
     label(wrong, 'median error of range [mm]')

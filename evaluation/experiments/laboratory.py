@@ -8,9 +8,10 @@ from typing import Any
 
 import numpy as np
 
+from evaluation.bench.rates import LEVEL
 from evaluation.bench.stresses import LABORATORY
 from evaluation.experiments.stability import RANGES_M, named, read
-from evaluation.report.chart_style import LEVEL, OTHERS, draw_shares, label, legend_below, new_chart
+from evaluation.report.chart_style import OTHERS, draw_shares, label, legend_below, new_chart
 
 TITLE = 'Walls, glass and other sensors'
 METHOD = 'joint'

@@ -22,7 +22,16 @@ from evaluation.report.chart_style import (
     line,
     new_chart,
 )
-from evaluation.report.claims import BOTH_CLAIMED, Claim, Claims, as_text, claim_of, model, shares
+from evaluation.report.claims import (
+    BOTH_CLAIMED,
+    NOT_READ,
+    Claim,
+    Claims,
+    as_text,
+    claim_of,
+    model,
+    shares,
+)
 from retrolidar_ros.detector import METHODS
 from retrolidar_ros.marker.dictionary import USABLE_IDS
 from retrolidar_ros.scene.optics import DISTANCE_EXPONENT, received_signal
@@ -180,7 +189,9 @@ def _read_to(figures: dict[str, Any], curve: str, unit: str = 'm') -> str:
 
 def _reaches(figures: dict[str, Any], curve: str, unit: str = 'm') -> Claim:
     """Return to where both methods read."""
-    return claim_of(as_text(one, unit, 2 if unit == 'm' else 1) for one in _ends(figures, curve))
+    digits = 2 if unit == 'm' else 1
+    ends = _ends(figures, curve)
+    return claim_of(NOT_READ if one is None else as_text(one, unit, digits) for one in ends)
 
 
 def _reading_claims(figures: dict[str, Any]) -> Claims:

@@ -10,13 +10,13 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from evaluation.bench.judging import Options, judged, read_of
-from evaluation.bench.rates import crossing, sum_of
+from evaluation.bench.rates import LEVEL, crossing, sum_of
 from evaluation.bench.recordings import rng_at
 from evaluation.experiments import paper_sweeps
 from evaluation.peers import visual_markers
 from evaluation.peers.camera import Background
 from evaluation.peers.visual_markers import AprilTagReader, QrReader, Reader, View
-from evaluation.report.chart_style import LEVEL, label, look, name_curve, new_chart
+from evaluation.report.chart_style import label, look, name_curve, new_chart
 from evaluation.report.claims import Table, end_as_text
 from retrolidar_ros.detector import create_detector
 from retrolidar_ros.marker.dictionary import USABLE_IDS
@@ -157,7 +157,10 @@ def table(figures: dict[str, Any]) -> Table:
     heads = ['settings', 'ms of a core a second', '80 % to [m]', 'half to [m]', 'wrong IDs']
 
     def cells(point: dict[str, Any]) -> list[str]:
-        reaches = (end_as_text(point[key], '').rstrip() for key in ('reach_m', 'half_m'))
+        reaches = (
+            end_as_text(point[key], '', level=level)
+            for key, level in (('reach_m', LEVEL), ('half_m', 0.5))
+        )
         return [point['label'], f'{point["cpu_ms"]:.0f}', *reaches, f'{point["wrong"]["rate"]:.1%}']
 
     rows = [['knob', *heads]]

@@ -13,18 +13,11 @@ from typing import Any
 import numpy as np
 
 from evaluation.bench.judging import BOTH, judge_all, read_of
+from evaluation.bench.rates import LEVEL
 from evaluation.bench.recordings import Sent, record, signal_at
 from evaluation.bench.stresses import PANELS, Panel
 from evaluation.experiments.moving import across
-from evaluation.report.chart_style import (
-    LEVEL,
-    WRONG,
-    draw_reads,
-    label,
-    legend_below,
-    look,
-    new_chart,
-)
+from evaluation.report.chart_style import WRONG, draw_reads, label, legend_below, look, new_chart
 from evaluation.report.claims import Table
 from retrolidar_ros.detector import METHODS
 

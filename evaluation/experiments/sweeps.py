@@ -13,17 +13,9 @@ from typing import Any
 import numpy as np
 
 from evaluation.bench.judging import BOTH, Options, judge_all, read_of
-from evaluation.bench.rates import crossing, nearest
+from evaluation.bench.rates import LEVEL, crossing, nearest
 from evaluation.bench.recordings import Sent, rng_at
-from evaluation.report.chart_style import (
-    LEVEL,
-    WRONG,
-    draw_reads,
-    label,
-    legend_below,
-    line,
-    new_chart,
-)
+from evaluation.report.chart_style import WRONG, draw_reads, label, legend_below, line, new_chart
 from evaluation.report.claims import Claims
 from retrolidar_ros.detector import METHODS
 

@@ -10,12 +10,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from evaluation.bench.judging import BOTH, Options, judged
-from evaluation.bench.rates import nearest
+from evaluation.bench.rates import LEVEL, nearest
 from evaluation.bench.recordings import SILENCE_BITS, Sent, record, signal_at
 from evaluation.bench.stresses import PLAIN
 from evaluation.peers.camera import PICTURES_HZ
 from evaluation.peers.visual_markers import APRILTAG, april_tags, read_over_distance
-from evaluation.report.chart_style import LEVEL, label, line, look, name_curve, new_chart
+from evaluation.report.chart_style import label, line, look, name_curve, new_chart
 from evaluation.report.claims import as_text
 from retrolidar_ros.detector import METHODS
 from retrolidar_ros.marker.code import BIT_PERIOD_S, PACKET_BITS, packet

@@ -21,7 +21,7 @@ from evaluation.experiments.sweeps import end_of
 from evaluation.experiments.time_to_id import REGISTERED
 from evaluation.peers.camera import PICTURES_HZ
 from evaluation.peers.visual_markers import APRILTAG
-from evaluation.report.claims import NOTHING, Table, as_text, markdown
+from evaluation.report.claims import NOTHING, Table, as_text, end_as_text, markdown
 from retrolidar_ros.marker.code import BIT_PERIOD_S, PACKET_BITS
 
 Report = Mapping[str, dict[str, Any]]
@@ -108,7 +108,7 @@ def headlines(report: Report) -> str:
     rows.append(('Processor time, of one core?', cells, _best(*cpu_ms, more_is_better=False)))
     one = false_ids.total(report[false_ids.NAME])
     counted = (
-        f'{one["events"]} in {one["hours"]:g} h: at more_is_better {one["high"]:.2g} an hour (95 %)'
+        f'{one["events"]} in {one["hours"]:g} h: at most {one["high"]:.2g} an hour (95 %)'
     )
     rows.append(
         ('How often is an ID read where there is no marker?', [counted, '"none"', NOTHING], None)
@@ -133,7 +133,8 @@ def reach(report: Report) -> str:
     }
     rows: Table = [['80 % are read to', 'default', 'method `paper`']]
     for what, (figures, curve) in curves.items():
-        rows.append([what, *(as_text(end_of(figures, curve, method)) for method in BOTH)])
+        ends = figures['curves'][curve]['ends']
+        rows.append([what, *(end_as_text(ends[method], '[m]') for method in BOTH)])
     return markdown(rows)
 
 
@@ -197,7 +198,7 @@ def speed(report: Report) -> str:
     kept = f'{nodes["lost"]} frames lost; driver {shares["driver"]:.0%}, detector '
     stamps = f'{nodes["stamp_stddev_ms"]:.2f} ms standard deviation, '
     delays = f'{seen["median_ms"]:.0f} and {seen["p99_ms"]:.0f} ms'
-    worst = f'{stamps}{nodes["stamp_worst_ms"]:.2f} ms at more_is_better'
+    worst = f'{stamps}{nodes["stamp_worst_ms"]:.2f} ms at most'
     rows = [
         ['', ''],
         [f'{through}, {nodes["run"]["cores"]} cores', f'{kept}{shares["detector"]:.0%} of a core'],
@@ -205,7 +206,7 @@ def speed(report: Report) -> str:
         ['stamps against the true exposure, once settled', worst],
     ]
     for cost in report['bench-detector']['rows']:
-        frame = f'{cost["frame_us"]:.0f} µs, at more_is_better {cost["longest_us"] / 1e3:.1f} ms'
+        frame = f'{cost["frame_us"]:.0f} µs, at most {cost["longest_us"] / 1e3:.1f} ms'
         rows.append([cost['case'], f'{frame}; {cost["bag_times_real_time"]:.0f}×'])
     return markdown(rows)
 

@@ -10,10 +10,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from evaluation.bench.rates import Rate
+from evaluation.bench.rates import LEVEL, Rate
 from retrolidar_ros.detector import METHODS
 
-LEVEL = 0.8  # of identification: what is less counts as not read (paper §6.1)
 _WIDTH, _TITLE_LETTERS = 8.0, 66  # of a chart [inches], and of a line of its title
 # Distinct with any colour vision (Okabe and Ito), and by their signs without any.
 _LOOKS = {

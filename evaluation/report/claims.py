@@ -12,9 +12,11 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import Any, NamedTuple
 
+from evaluation.bench.rates import LEVEL
 from retrolidar_ros.detector import METHODS
 
-NOTHING = '–'  # stands where there is no value: the paper gives none, or a method has no part in it
+NOTHING = '–'  # stands where there is no value: it was not measured, or the paper gives none
+NOT_READ = f'< {100 * LEVEL:.0f} %'  # stands where fewer are read at the nearest place
 
 BOTH_CLAIMED = tuple(reversed(METHODS))  # the methods in the order of a claim's values
 Table = list[list[str]]  # rows of text, the heads first
@@ -55,10 +57,15 @@ def as_text(value: float | None, unit: str = 'm', digits: int = 2) -> str:
     return f'{value:.{digits}f}{unit}' if unit == '°' else f'{value:.{digits}f} {unit}'.rstrip()
 
 
-def end_as_text(end: Mapping[str, Any], axis: str, digits: int = 2) -> str:
-    """Return where a level is crossed, with the axis's unit, or 'unsure' if that is by chance."""
+def end_as_text(end: Mapping[str, Any], axis: str, digits: int = 2, *, level: float = LEVEL) -> str:
+    """Return to where a level is kept, with the axis's unit.
+
+    It is 'unsure' where that is by chance, and '< 80 %' where less is read at the nearest place.
+    """
     at, low, high = end['at'], end['low'], end['high']
-    if at is not None and low is not None and high - low > at / 2:
+    if at is None:
+        return f'< {100 * level:.0f} %'
+    if low is not None and high - low > at / 2:
         return 'unsure'
     return as_text(at, axis.partition('[')[2].rstrip(']'), digits)
 

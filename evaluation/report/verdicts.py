@@ -11,7 +11,7 @@ import math
 import re
 from typing import NamedTuple
 
-from evaluation.report.claims import NOTHING, Claim
+from evaluation.report.claims import NOT_READ, NOTHING, Claim
 
 TOLERANCE = 0.05
 NOT_COMPARABLE = 'not comparable'
@@ -120,7 +120,7 @@ def verdict(item: str, claim: Claim) -> str:
     if isinstance(said, str):
         return said
     text = claim.method if said.by_method else claim.default
-    return NOT_COMPARABLE if text == NOTHING else judge(value_of(text), said)
+    return NOT_COMPARABLE if text in (NOTHING, NOT_READ) else judge(value_of(text), said)
 
 
 def cells(item: str, claim: Claim) -> str:
