@@ -7,7 +7,15 @@ from typing import Any
 import numpy as np
 
 from evaluation.bench.judging import watch
-from evaluation.report.chart_style import OTHERS, label, legend_below, line, look, new_chart
+from evaluation.report.chart_style import (
+    OTHERS,
+    draw_level,
+    label,
+    legend_below,
+    line,
+    look,
+    new_chart,
+)
 from evaluation.report.claims import Claim, Claims
 from retrolidar_ros.detector import Detection, create_detector
 from retrolidar_ros.detector.likelihood_detector import LikelihoodDetector, Reason
@@ -124,13 +132,13 @@ def draw(figures: dict[str, Any]) -> Any:
             others[name] = line('', colour) | {'marker': sign}
             times_s, values = ([row[key] for row in rows] for key in ('time_s', 'evidence'))
             below.plot(times_s, values, **others[name])
-    asked = figures['demands']
-    # The other two questions are asked of those only that have evidence.
+    threshold = figures['demands']
+    # Only what has evidence is put to the other two tests.
     for row in candidates:
         if row['reason'] == _READ:
             words = (
-                f'better sequence of bits: {row["word"]:.0f}, at most {asked["word"]:.0f}\n'
-                f'margin to other IDs: {row["margin"]:.0f}, at least {asked["margin"]:.0f}'
+                f'other bits: {row["word"]:.0f} (≤ {threshold["word"]:.0f})\n'
+                f'margin to other IDs: {row["margin"]:.0f} (≥ {threshold["margin"]:.0f})'
             )
             below.annotate(
                 words,
@@ -141,9 +149,8 @@ def draw(figures: dict[str, Any]) -> Any:
                 va='top',
                 fontsize=10.5,
             )
-    below.axhline(asked['evidence'], **line('--', '0.4'), linewidth=1)
-    beside = {'transform': below.get_yaxis_transform(), 'va': 'bottom', 'fontsize': 10.5}
-    below.text(0.005, asked['evidence'], 'at least', **beside)
+    draw_level(below, threshold['evidence'], 'threshold', 0.1, linestyle='--')
+    below.margins(y=0.15)
     label(below, 'time [s]', 'evidence [nats]')
     legend_below(figure, (), others)
     return figure

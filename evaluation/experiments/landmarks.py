@@ -18,7 +18,7 @@ from evaluation.report.chart_style import (
     OTHERS,
     label,
     legend_below,
-    legend_under,
+    legend_beside,
     line,
     look,
     new_chart,
@@ -225,7 +225,7 @@ def _message(figures: dict[str, Any]) -> str:
 
 def draw(figures: dict[str, Any]) -> Any:
     """Draw errors over the distance of the places, over their number, and beside those of tags."""
-    figure, (baseline, number, beside) = new_chart(3, 2, 8.4, _message(figures))
+    figure, (baseline, number, beside) = new_chart(3, 2, 7.4, _message(figures))
     names = dict.fromkeys(row['object'] for row in figures['places'])
     looks = {name: line('-', one) for name, one in zip(names, OTHERS, strict=False)}
     for name, how in looks.items():
@@ -256,7 +256,6 @@ def draw(figures: dict[str, Any]) -> Any:
     baseline.axhline(10, **line('--', '0.4'), linewidth=1)
     number.axhline(10, **line('--', '0.4'), linewidth=1)
     if figures['tags']:
-        legend_under(beside, 1)
-    kinds = {'median': line('-'), 'estimated deviation': line(':'), '10 mm': line('--', '0.4')}
-    legend_below(figure, (), looks | kinds)
+        legend_beside(beside)
+    legend_below(figure, (), looks | {'estimated deviation': line(':')})
     return figure

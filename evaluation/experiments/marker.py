@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from evaluation.report.chart_style import OTHERS, label, legend_under, line, new_chart
+from evaluation.report.chart_style import OTHERS, draw_level, label, legend_beside, new_chart
 from evaluation.report.claims import Claims, as_text, model
 from retrolidar_ros.marker import wakeup
 from retrolidar_ros.marker.battery import CELL_MAH, PROTOTYPE, active_share, drawn, life_h
@@ -144,27 +144,28 @@ def _message(figures: dict[str, Any]) -> str:
 
 def draw(figures: dict[str, Any]) -> Any:
     """Draw voltages over distance, reach over the noise's bandwidth, and lives over queries."""
-    figure, (volts, reach, life) = new_chart(3, 2, 8.6, _message(figures))
+    figure, (volts, reach, life) = new_chart(3, 2, 7.4, _message(figures))
     for angle, colour in zip(_ANGLES_DEG, OTHERS, strict=False):
         course = 1e3 * wakeup.voltage_v(_RANGES_M, math.radians(angle))
-        volts.plot(_RANGES_M, course, color=colour, label=f'indoors, {angle}°')
-    volts.plot(1.0, 1e3 * WITH_LIDAR_V, 'kD', label="paper's Tab. 5")
-    volts.axhline(1e3 * wakeup.THRESHOLD_V, color='k', linewidth=1, label='threshold')
-    volts.axhline(1e3 * wakeup.NOISE_V['outdoors'], **line(':', 'k'), label='noise outdoors')
+        volts.plot(_RANGES_M, course, color=colour, label=f'{angle}°')
+    volts.plot(1.0, 1e3 * WITH_LIDAR_V, 'kD')
+    volts.annotate("paper's Tab. 5", (1.0, 1e3 * WITH_LIDAR_V), (1.2, 40), fontsize=10)
+    draw_level(volts, 1e3 * wakeup.THRESHOLD_V, 'threshold')
+    draw_level(volts, 1e3 * wakeup.NOISE_V['outdoors'], 'noise outdoors', linestyle=':')
+    volts.legend(title='indoors, turned by', frameon=False, fontsize=10.5)
     label(volts, 'distance [m]', 'behind both filters [mV rms]', ylim=(10, 70))
     hertz = 1e-3 * np.array(figures['bandwidths_hz'])
-    reach.plot(hertz, figures['safe_m'], color=OTHERS[0], label='one false wake-up an hour')
-    reach.axhline(wakeup.REACH_M, color='k', linewidth=1, label="the paper's reach, guard 1 mV")
-    reach.axvline(1e-3 * AMPLIFIER_HZ, **line('--', 'k'), label='passes the first amplifier')
-    x = 'bandwidth of white noise [kHz]'
-    label(reach, x, 'wakes to [m]', xscale='log', ylim=(0, 3))
+    reach.plot(hertz, figures['safe_m'], color=OTHERS[0])
+    draw_level(reach, wakeup.REACH_M, "the paper's reach, guard 1 mV", 0.75)
+    reach.axvline(1e-3 * AMPLIFIER_HZ, color='k', linewidth=1, linestyle='--')
+    reach.text(1.15e-3 * AMPLIFIER_HZ, 0.3, 'passes the first amplifier', fontsize=10)
+    x, title = 'bandwidth of white noise [kHz]', 'one false wake-up an hour'
+    label(reach, x, 'wakes to [m]', title, xscale='log', ylim=(0, 3))
     for (name, hours), colour in zip(figures['over_queries_h'].items(), OTHERS, strict=False):
         life.plot(figures['queries_per_hour'], np.array(hours) / _DAY_H, color=colour, label=name)
     for hours, words in ((_YEAR_H / 6, 'two months'), (2 * _YEAR_H, 'two years')):
-        life.axhline(hours / _DAY_H, color='0.4', linewidth=1)
-        life.text(1e3, 1.05 * hours / _DAY_H, words, ha='right', fontsize=10)
+        draw_level(life, hours / _DAY_H, words)
     x, y = 'queries an hour, a packet each', f'life of {CELL_MAH:g} mAh [days]'
     label(life, x, y, xscale='log', yscale='log')
-    for axis, columns in ((volts, 2), (reach, 1), (life, 1)):
-        legend_under(axis, columns)
+    legend_beside(life)
     return figure

@@ -173,8 +173,8 @@ class Reading(sweeps.Sweep):
             labelspacing=0.2,
             borderaxespad=0,
         )
-        found_by = {"preamble found, the paper's method": line('-.', '0.3')}
-        legend_below(figure, METHODS, WRONG | found_by | {'to here in the paper': line(':')})
+        others = {'its preamble found': line('-.', '0.3'), "the paper's reach": line(':')}
+        legend_below(figure, METHODS, WRONG | others)
         return figure
 
 

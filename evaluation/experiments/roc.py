@@ -43,11 +43,11 @@ WHITE_BUDGET, REGISTERED = 10.0, (3, 30, 300)
 """Budget, and how many IDs are registered, for `WHITE_H` before white noise alone."""
 GROUPS = {
     'bare wall': ('white',),
-    'signals that walk': tuple(one.name for one in FAMILY if 'walk' in one.name),
-    'what comes and goes, hands': ('come and go', 'come together', 'hands'),
-    'what blinks, and is no marker': tuple(one.name for one in FAMILY if one.blinks),
+    'drifting signals': tuple(one.name for one in FAMILY if 'walk' in one.name),
+    'targets that come and go, hands': ('come and go', 'come together', 'hands'),
+    'things that blink': tuple(one.name for one in FAMILY if one.blinks),
 }  # members of the family by the panel that shows them
-STILL = 'all that do not blink'
+STILL = 'all but things that blink'
 _RANGES_M = (2.6, 3.0)
 _FACES = (None, 'white')
 _QUICK_SHARE = 0.02
@@ -199,7 +199,7 @@ def _message(figures: dict[str, Any]) -> str:
     ours, paper = (grouped(shipped(figures, method), STILL) for method in METHODS)
     seen = f'{ours["per_hour"]:.2g} an hour' if ours['events'] else 'none seen'
     return (
-        f'False IDs as shipped, before all that does not blink: {seen}, at most '
+        f'False IDs as shipped, where nothing blinks: {seen}, at most '
         f"{ours['high']:.2g} an hour; by the paper's method {paper['per_hour']:.0f}"
     )
 
@@ -217,6 +217,6 @@ def draw(figures: dict[str, Any]) -> Any:
         for at, face in zip(_RANGES_M, _FACES, strict=True)
     }
     others['as shipped'] = line('', '0.1') | {'marker': 'o'} | ring
-    others['none seen: at most this'] = line('', '0.4') | {'marker': '<', 'markersize': 7}
+    others['none seen: upper bound'] = line('', '0.4') | {'marker': '<', 'markersize': 7}
     legend_below(figure, METHODS, others)
     return figure

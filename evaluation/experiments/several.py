@@ -10,7 +10,15 @@ from evaluation.bench.judging import read_by_both
 from evaluation.bench.rates import rate
 from evaluation.bench.recordings import record, signal_at
 from evaluation.bench.stresses import Stress
-from evaluation.report.chart_style import draw_shares, label, legend_below, line, look, new_chart
+from evaluation.report.chart_style import (
+    draw_level,
+    draw_shares,
+    label,
+    legend_below,
+    line,
+    look,
+    new_chart,
+)
 from evaluation.report.claims import BOTH_CLAIMED, Claims, shares
 from retrolidar_ros.detector import METHODS
 from retrolidar_ros.marker.dictionary import USABLE_IDS
@@ -30,7 +38,7 @@ ARRANGEMENTS = {
 SHARES = (1.0, 0.7, 0.5, 0.35, 0.25, 0.15, 0.1)
 """Signal of the fainter marker of two in one zone over that of the brighter."""
 WATCHED_S = 8.0
-_PAIR = {'brighter': '-', 'fainter': ':', 'both': '--'}
+_PAIR = {'brighter': '-', 'both': '--', 'fainter': ':'}
 _WAKING_S = (2.0, 2.5)
 _QUICK_TRIALS = 4
 _RECORDINGS = 2
@@ -130,8 +138,7 @@ def draw(figures: dict[str, Any]) -> Any:
         for index, row in enumerate(figures['three']):
             places = index + offset + np.linspace(-0.08, 0.08, 3)
             three.plot(places, [100 * one['rate'] for one in row[method]['read']], **how)
-    three.axhline(100 * PAPER_WORST, **line('-.'))
-    three.text(2.15, 100 * PAPER_WORST + 1, "the paper's worst", ha='center', va='bottom')
+    draw_level(three, 100 * PAPER_WORST, "the paper's worst", 0.7, linestyle='-.')
     names = [row['arrangement'].replace(' ', '\n', 1) for row in figures['three']]
     title = 'three markers at 1 to 2 m, one packet'
     label(three, '', 'packets identified [%]', title, percent=True)
@@ -145,8 +152,5 @@ def draw(figures: dict[str, Any]) -> Any:
     y, title = f'read within {WATCHED_S:g} s [%]', 'two markers in one zone'
     label(two, x, y, title, percent=True, xscale='log', xticks=ratios)
     two.invert_xaxis()
-    others = {f'right: {name}': line(style) for name, style in _PAIR.items()}
-    if all(row['joint']['both'] == row['joint']['fainter'] for row in figures['two']):
-        others['right: both (default: both = fainter)'] = others.pop('right: both')
-    legend_below(figure, METHODS, others)
+    legend_below(figure, METHODS, {name: line(style) for name, style in _PAIR.items()})
     return figure

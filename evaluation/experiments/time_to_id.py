@@ -15,7 +15,7 @@ from evaluation.bench.recordings import SILENCE_BITS, Sent, record, signal_at
 from evaluation.bench.stresses import PLAIN
 from evaluation.peers.camera import PICTURES_HZ
 from evaluation.peers.visual_markers import APRILTAG, april_tags, read_over_distance
-from evaluation.report.chart_style import label, line, look, name_curve, new_chart
+from evaluation.report.chart_style import draw_level, label, line, look, name_curve, new_chart
 from evaluation.report.claims import as_text
 from retrolidar_ros.detector import METHODS
 from retrolidar_ros.marker.code import BIT_PERIOD_S, PACKET_BITS, packet
@@ -164,13 +164,10 @@ def draw(figures: dict[str, Any]) -> Any:
         if len(known):
             at, times = known[len(known) // 3], 1.3 if name in ('joint', 'paper') else 0.75
             name_curve(axis, name, _WORDS[name], (ranges_m[at], times * times_s[at]))
-    beside = {'transform': axis.get_yaxis_transform(), 'color': '0.35', 'fontsize': 10}
     for time_s, words in ((PACKET_S, 'one packet'), (TIMEOUT_S, 'hollow: not in 8 packets')):
-        axis.axhline(time_s, **line(':', '0.5'), linewidth=1)
-        axis.text(0.91, 1.06 * time_s, words, ha='right', **beside)
-    least_s = figures['least_s']
-    axis.axhline(least_s, **line('--', look(REGISTERED)['color']), linewidth=1)
-    axis.text(0.01, 0.93 * least_s, f'fewest bits that tell {FEW} IDs apart', va='top', **beside)
+        draw_level(axis, time_s, words, 0.91, **line(':', '0.5'))
+    words = f'fewest bits that tell {FEW} IDs apart'
+    draw_level(axis, figures['least_s'], words, **line('--', look(REGISTERED)['color']))
     x, y = 'distance of a marker of 3 cm [m]', 'time until 80 % are identified [s]'
     ends = (0.02, 3 * TIMEOUT_S)
     label(axis, x, y, yscale='log', ylim=ends, yticks=(0.03, 0.1, 0.3, 1.0, 3.0, 10.0))

@@ -107,9 +107,7 @@ def headlines(report: Report) -> str:
     cells = [as_text(cpu_ms[0], 'ms a second', 0), NOTHING, as_text(cpu_ms[1], 'ms a second', 0)]
     rows.append(('Processor time, of one core?', cells, _best(*cpu_ms, more_is_better=False)))
     one = false_ids.total(report[false_ids.NAME])
-    counted = (
-        f'{one["events"]} in {one["hours"]:g} h: at most {one["high"]:.2g} an hour (95 %)'
-    )
+    counted = f'{one["events"]} in {one["hours"]:g} h: at most {one["high"]:.2g} an hour (95 %)'
     rows.append(
         ('How often is an ID read where there is no marker?', [counted, '"none"', NOTHING], None)
     )

@@ -49,7 +49,7 @@ def line(style: str, colour: str = '0.2') -> dict[str, Any]:
 
 
 WRONG_COLOUR = '#b00000'
-WRONG = {'also gave a wrong ID': line('--') | {'linewidth': 1}}  # entry of a legend
+WRONG = {'wrong IDs': line('--') | {'linewidth': 1}}  # entry of a legend
 
 
 def new_chart(count: int, columns: int, height: float, title: str) -> tuple[Any, list[Any]]:
@@ -99,6 +99,13 @@ def name_curve(axis: Any, name: str, text: str, place: tuple[float, float], **mo
     """Write beside a curve, in its colour, what it is; `place` is in the units of the axes."""
     how = {'fontsize': 11, 'fontweight': 'bold', 'va': 'center'} | more
     axis.text(*place, text, color=look(name)['color'], **how)
+
+
+def draw_level(axis: Any, y: float, words: str, x: float = 0.99, **how: Any) -> None:
+    """Draw a horizontal line, with words on it that end at a share of the width."""
+    axis.axhline(y, **({'color': '0.4', 'linewidth': 1} | how))
+    beside = {'transform': axis.get_yaxis_transform(), 'ha': 'right', 'va': 'bottom'}
+    axis.text(x, y, words, fontsize=10, color='0.3', **beside)
 
 
 def draw_shares(axis: Any, places: Sequence[float], rates: Sequence[Rate], **how: Any) -> None:
@@ -156,6 +163,12 @@ def legend_under(axis: Any, columns: int = 2) -> None:
     """Write the legend of one panel below it."""
     place = {'loc': 'upper center', 'bbox_to_anchor': (0.5, -0.19), 'borderaxespad': 0.0}
     axis.legend(**place, ncols=columns, frameon=False, fontsize=10.5)
+
+
+def legend_beside(axis: Any) -> None:
+    """Write the legend of one panel at its right, where no other panel is."""
+    place = {'loc': 'center left', 'bbox_to_anchor': (1.05, 0.5)}
+    axis.legend(**place, frameon=False, fontsize=10.5).set_in_layout(False)
 
 
 def mark_rough(figure: Any) -> None:
