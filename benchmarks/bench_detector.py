@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import os
 
-# Threads only get in each other's way in products of this size.
+# In products of this size more threads are slower.
 os.environ.setdefault('OPENBLAS_NUM_THREADS', '1')
 
 import argparse

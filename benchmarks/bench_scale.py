@@ -29,7 +29,7 @@ MAX_BUSY = 0.95  # share of all cores
 
 
 class Load(NamedTuple):
-    """What the nodes of some sensors do to a machine."""
+    """The load of the nodes of some sensors."""
 
     share: float  # of one core
     busy: float  # all that runs on the machine, as a share of all cores

@@ -36,7 +36,7 @@ def main(arguments: list[str] | None = None) -> int:
         for name, experiment in EXPERIMENTS.items():
             print(f'{name:16}{experiment.TITLE}')
         return 0
-    # A quick look is not to take the place of the report that stands in the repository.
+    # A quick run must not overwrite the committed report.
     output = options.output or Path('report_quick' if options.quick else 'docs/report')
     names = [one for one in EXPERIMENTS if one not in LONG] if options.all else options.names
     if names == [false_ids.NAME] and options.hours is not None:
@@ -60,7 +60,7 @@ def main(arguments: list[str] | None = None) -> int:
 
 
 if __name__ == '__main__':
-    # Started in the checkout, Python looks there first; but the built package has the messages.
+    # Python looks in the checkout first, but only the built package has the messages.
     sys.path.append(sys.path.pop(0))
     os.environ.setdefault('OPENBLAS_NUM_THREADS', '1')
     sys.exit(main())

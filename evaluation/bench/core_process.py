@@ -1,6 +1,6 @@
 # Copyright 2026 retrolidar_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""Call a function in a process of its own, by a changed core: the core imported first stays."""
+"""Call a function in a new process with a changed core, as a process keeps its first one."""
 
 import json
 import subprocess

@@ -1,6 +1,6 @@
 # Copyright 2026 retrolidar_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""What the core that is in use reads, scene by scene, and what a frame takes it."""
+"""What the imported core reads, scene by scene, and its processor time for a frame."""
 
 from collections.abc import Callable, Iterator
 from functools import partial
@@ -22,7 +22,7 @@ from retrolidar_ros.scene.truth import PACKET_S
 from retrolidar_ros.sensor.frame import ZoneGrid
 
 MIN_DB = 6.0  # of the packets that are counted: fainter ones are hardly read by any core
-LAX_BUDGET = 1e5  # false IDs [1/h]: so many tell parts apart sooner
+LAX_BUDGET = 1e5  # false IDs [1/h]: parts differ sooner where there are many
 _ROOMS, _PAIRS, _CROSSING, _APPEARING, _FAINT, _STRETCHES = 100, 3, 3, 8, 4, 4
 _SENDINGS = [('repeating', 'repeating'), ('repeating', 'sequence'), ('sequence', 'sequence')]
 _RATIOS = (1.0, 0.7, 0.5, 0.35, 0.25)  # of the light of two markers in a zone
@@ -32,11 +32,11 @@ _LONE_SIGNAL, _REPEATED_SIGNAL = 6.0, 2.5  # near the end of the reach [kcps/SPA
 _REPEATED_PACKETS = 8
 _STRETCH_S = 8.0
 _DISTURBANCES = ('walk 0.3', 'come and go', 'hands', 'random levels', 'other bit periods')
-_WATCHED_S = 8.0  # the time of a marker that is not read for so long after it appeared
+_WATCHED_S = 8.0  # longest time to a first ID that is counted
 
 
 class Outcome(NamedTuple):
-    """What became of a scene."""
+    """The result of a scene."""
 
     found: float
     """Packets that were read; where a marker appears, the time to its first ID [s], negative."""
@@ -64,7 +64,7 @@ def _faint(lone: bool, rng: np.random.Generator) -> list[Outcome]:
     signal = _LONE_SIGNAL if lone else _REPEATED_SIGNAL
     sent = record(PLAIN, signal, rng, repeated_s=None if lone else _REPEATED_PACKETS * PACKET_S)
     one = judged(sent, {'method': 'joint'}, lone=lone)
-    # Markers in zones of their own have nothing to do with each other.
+    # Markers in different zones are independent.
     pairs = zip(one.right, one.wrong, strict=True)
     return [Outcome(int(right), 1, int(wrong)) for right, wrong in pairs]
 

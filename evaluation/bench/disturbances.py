@@ -1,6 +1,6 @@
 # Copyright 2026 retrolidar_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""Scenes without a marker that may be taken for one: the family before which budgets hold.
+"""Scenes without a marker that may look like one: in these, the budget of false IDs holds.
 
 Each member yields blocks of frames that follow each other. Signals that walk do so where the
 sensor's noise is one everywhere: in the square root of the signal, so that a step is a share of
@@ -9,7 +9,7 @@ the noise at every level. All of it is computed block by block, for all zones at
 Hands that move and bodies that pass, in every zone: the logarithm of each zone's signal walks
 about. Its steps are as a public recording of a moving hand has them: from frame to frame
 |ln ratio| is 0.10, 0.41, 1.40 and 3.08 at 50, 90, 99 and 99.9 %. A normal step whose scale is
-itself log-normal has such tails; the scale changes slowly, so that calm and hurry alternate.
+itself log-normal has such tails; the scale changes slowly, so that calm and fast motion alternate.
 Targets vanish and come back, and some zones see nothing.
 """
 
@@ -36,7 +36,7 @@ _NEAR_M, _NEAR_SIGNAL, _FAR_M = 0.2, 1700.0, 6.0  # distances follow the square 
 _NOTHING_BEHIND = 0.3  # share of the absences in which there is no wall either
 _MERGED = 0.1  # share of what appears that is reported as merged
 # The steps of the log signal of hands: the median of their scale, and the spread of its logarithm.
-# The noise that the sensor adds is in the quantiles above, so these are found by trial.
+# The quantiles above contain the sensor's noise, so these are found by trial.
 _STEP_SCALE, _STEP_SPREAD = 0.113, 0.95
 _STEP_MEMORY = 0.95  # of the scale, a frame: half a second
 _HOME = math.log(150.0)  # where the log signal drifts back to
@@ -129,7 +129,7 @@ def _course(frames: int, rng: np.random.Generator) -> tuple[Singles, Codes]:
     turns = int(np.searchsorted(edges, frames))
     levels = _log_uniform(PRESENT_SIGNALS, turns, rng)
     codes = np.where(rng.random(turns) < _MERGED, Status.MERGED, Status.VALID)
-    # Every second is absent, so that what comes has another neighbour than what goes.
+    # Every second one is absent.
     absent = np.arange(turns) % 2 == rng.integers(2)
     levels[absent] = WALL_SIGNAL
     codes[absent & (rng.random(turns) < _NOTHING_BEHIND)] = Status.NO_TARGET
@@ -164,7 +164,7 @@ def _target(rng: np.random.Generator) -> Source:
 
 
 def _blinking(rng: np.random.Generator, *, levels: bool = False) -> Source:
-    """Return what has the bit clock and is no marker: random bits, or a random level a bit."""
+    """Return random bits at the markers' bit clock, or a random level for each bit."""
     bit_frames = BIT_PERIOD_S / _PERIOD_S
 
     def advance(frames: int) -> tuple[Singles, None]:
@@ -232,7 +232,7 @@ def _hands(rng: np.random.Generator) -> Source:
         steps = _STEP_SCALE * np.exp(scales) * rng.standard_normal((frames, _ZONES))
         levels = _fading(steps, _LEVEL_MEMORY, level)
         scale[:], level[:] = scales[-1], levels[-1]
-        # It turns round at its bounds.
+        # Reflected at the bounds.
         low, high = math.log(MIN_SIGNAL), math.log(MAX_SIGNAL)
         received = np.exp(high - np.abs((_HOME + levels - low) % (2 * (high - low)) - (high - low)))
         status = _vanishing(frames, rng)

@@ -57,7 +57,7 @@ def _some_frame(rng: np.random.Generator) -> int:
 
 
 def _all_bright(recording: Recording, rng: np.random.Generator) -> Recording:
-    """Return as many frames, of those in which a marker is bright."""
+    """Return as many frames, drawn from those in which the marker is bright."""
     signal = recording.signal[:, recording.signal.std(axis=0).argmax()]
     dark, bright = np.quantile(signal, (0.1, 0.9))
     kept = np.flatnonzero(signal > dark + 0.9 * (bright - dark))
@@ -70,7 +70,7 @@ ENDS = ('vanished', 'other ID', 'stays bright')
 
 
 def dropped_s(range_m: float, rng: np.random.Generator, *, end: str) -> float | None:
-    """Return how long a marker is followed after it ends in one of the ways of `ENDS` [s].
+    """Return how long a marker is followed after one of the `ENDS` [s].
 
     None if it was not followed.
     """
@@ -92,7 +92,7 @@ def dropped_s(range_m: float, rng: np.random.Generator, *, end: str) -> float | 
 
 
 def goes_on(range_m: float, bits: float, rng: np.random.Generator) -> bool | None:
-    """Return whether a marker is followed on that a hand hides for some bits; None as above."""
+    """Return whether a track survives a hand that hides the marker for some bits; None as above."""
     sent = _sent(range_m, _KNOWN_S + _AFTER_S, rng)
     frame = _some_frame(rng)
     count = round(bits * BIT_PERIOD_S / SENSOR.period_s)
@@ -115,7 +115,7 @@ SCENES = tuple(_STRESSES)
 
 
 def false_ends(scene: str, duration_s: float, rng: np.random.Generator) -> int:
-    """Return how often the track of a marker ends that is there all the time."""
+    """Return how often the track of a marker ends though the marker stays."""
     sent = _sent(rng.uniform(1.0, 2.0), duration_s, rng, **_STRESSES[scene])
     return play(sent.recording)[0].track_counts.ended
 

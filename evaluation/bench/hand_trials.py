@@ -1,6 +1,6 @@
 # Copyright 2026 retrolidar_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""Trials of a hand that looks at objects from several places, and what landmarks make of it.
+"""Trials of a hand that looks at objects from several places, and of `landmarks` on its readings.
 
 It holds a LiDAR, or a camera that looks at AprilTags in the places of the markers.
 """
@@ -32,10 +32,10 @@ VISIT_S, _MAX_READINGS = 4.3, 3  # of each place, and of one marker there
 _HAND_M, _ROLL_RAD = 0.15, 0.6
 _AIM_RAD = math.radians(3)
 _STAY_S, _MAX_PLACES = 2.2, 16
-"""How long a hand waits for what is missing at a place, and when it gives up."""
+"""Longest time at a place, and the most places."""
 _SIZE_M, _LUX, _TAG = 0.03, 300.0, 7
 _RANGES_M, _TRIES = (0.8, 1.2, 1.6, 1.9, 2.2), 16
-_PICTURES = 3  # whose mean is a reading; more of them leave what pixels do to corners
+_PICTURES = 3  # whose mean is a reading; the error that is left comes from pixels
 _TILT_RAD, _TAG_AIM_RAD = 0.2, math.radians(5)
 _EXACT = 1e-5
 
@@ -45,9 +45,9 @@ Visit = tuple[SensorPose, list[Detection]]  # a place of the hand, and what it r
 def aim(
     place_m: Floats, targets_m: Floats, roll: float, world: Scene, rng: np.random.Generator
 ) -> SensorPose | None:
-    """Return a hand that sees all targets, shape (n, 3) [m], about in its middle, if it can.
+    """Return a pose that sees all targets, shape (n, 3) [m], near its middle; None: there is none.
 
-    It is at a place, shape (3,) [m], with a roll to 3° more or less [rad].
+    It is at a place, shape (3,) [m], with a roll to within 3° [rad].
     """
     for _ in range(100):
         turns = np.array([0, 0, roll]) + rng.uniform(-_AIM_RAD, _AIM_RAD, 3)
@@ -113,7 +113,7 @@ def _landmarks(world: Scene, errors: Errors) -> dict[int, Landmark]:
 def errors_after(
     readings: Iterable[Reading], world: Scene, errors: Errors
 ) -> dict[Marker, PlaceError]:
-    """Return by how much landmarks are wrong that took some readings, by marker; of those known."""
+    """Return the errors of landmarks after some readings, by marker; of those that are known."""
     landmarks, found = _landmarks(world, errors), {}
     for reading in readings:
         if reading.marker in landmarks:
@@ -128,12 +128,12 @@ def errors_after(
 def ready_s(world: Scene, wanted_m: float, reach_m: float, rng: np.random.Generator) -> float:
     """Return how long a hand looks until all objects are known [s], infinite if it gives up.
 
-    It goes to where it learns most each time.
+    It goes to the best next place each time.
 
-    It leaves a place when every object that is not known yet and is in view has been read there,
-    or does not come. If it cannot see all of those at once, it looks at the one known least. Known
-    is what has a deviation of `wanted_m` along its worst axis [m]; the hand can go `reach_m` from
-    where it looks first [m].
+    It leaves a place when every unknown object in view has been read there, or after a timeout. If
+    it cannot see all of those at once, it looks at the one with the largest deviation. An object is
+    known when its deviation along the worst axis is `wanted_m` [m]; the hand can go `reach_m` from
+    its first place [m].
     """
     truth_m = dict(zip((one.id for one in world.markers), places.markers_at(world), strict=True))
     landmarks = _landmarks(world, errors_for(0.0))
@@ -175,7 +175,7 @@ def _stddev_of(landmark: Landmark) -> float:
 
 
 class TagCamera:
-    """A camera that reads tags, and knows how well it does."""
+    """A camera that reads tags, and knows its own errors."""
 
     def __init__(self, rng: np.random.Generator) -> None:
         """Take pictures of tags at known places to learn the deviations."""
@@ -204,10 +204,10 @@ class TagCamera:
     def readings(
         self, trial: Sequence[Visit], world: Scene, pose_m: float, rng: np.random.Generator
     ) -> list[Reading]:
-        """Return what it reads from where a hand has been.
+        """Return what it reads from the places of a hand.
 
-        It looks at each tag, about in the middle of its picture: a hand that shows all LiDAR
-        markers to their sensor would lose some of the tags. Tags face the world's origin.
+        It turns to each tag: a hand from which the LiDAR sees all its markers would have some tags
+        out of the picture. Tags face the world's origin.
         """
         rows = []
         for index, (hand, _) in enumerate(trial):

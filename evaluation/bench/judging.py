@@ -1,6 +1,6 @@
 # Copyright 2026 retrolidar_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""What a detector makes of a recording, against what was sent."""
+"""What a detector reads of a recording, compared with what was sent."""
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Any, NamedTuple, TypedDict
@@ -46,7 +46,7 @@ def watch(detector: Detector, recording: Recording, *, follow: bool = False) -> 
 
 
 class Judged(NamedTuple):
-    """What became of the markers of a recording."""
+    """The result of a recording."""
 
     right: NDArray[np.bool_]  # whether the ID of each marker was read where it is, shape (markers,)
     wrong: NDArray[np.bool_]  # whether an ID that nothing sent was read there, shape (markers,)
@@ -58,19 +58,19 @@ class Judged(NamedTuple):
 def judged(sent: Sent, options: Options, *, lone: bool = True) -> Judged:
     """Play a recording to a new detector and compare what it reads with what was sent.
 
-    Of lone packets the time counts, too.
+    Lone packets must be read at the right time, too.
     """
     detector = create_detector(grid=sent.recording.grid, **options)
     detections = detector.update_all(sent.recording)
     right, wrong = np.zeros((2, len(sent.ids)), dtype=bool)
     own: list[Detection] = []
     for detection in detections:
-        # One that goes through all zones is everywhere.
+        # A marker that moves through all zones is in every zone.
         places = [zone % len(sent.ids) for zone in detection.zones]
         mine = [place for place in places if sent.ids[place] == detection.id]
         if mine:
             off_s = abs(detection.start_ns * 1e-9 - sent.start_s[mine[0]])
-            # A lone packet's ID half a packet or more from it is none.
+            # A reading half a packet or more away is not of this packet.
             if not lone or off_s < sent.packet_s / 2:
                 right[mine[0]] = True
                 own.append(detection)
@@ -80,7 +80,7 @@ def judged(sent: Sent, options: Options, *, lone: bool = True) -> Judged:
 
 
 class Read(TypedDict):
-    """What share of the markers was read rightly, and of what share a wrong ID was read."""
+    """Shares of markers that were read rightly, and of which a wrong ID was read."""
 
     right: Rate
     wrong: Rate
@@ -103,7 +103,7 @@ def judge_all(
 
 
 def read_of(rows: Sequence[Judged]) -> Read:
-    """Sum up what became of some recordings."""
+    """Return the shares of all markers of some recordings."""
     right = np.concatenate([one.right for one in rows])
     wrong = np.concatenate([one.wrong for one in rows])
     return Read(right=rate(int(right.sum()), len(right)), wrong=rate(int(wrong.sum()), len(wrong)))

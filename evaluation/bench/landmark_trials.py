@@ -29,7 +29,7 @@ CALIBRATED_M = 0.0005  # deviation of a sensor's range bias after a calibration
 HEADINGS, STAY_S = 24, 1.6  # in how many directions a robot looks, and how long [s]
 _BOUND_STEPS, _SAMPLES = 81, 62
 FLIGHT_S = 30.0
-# Of the drone, which is thought to accelerate [m/s²/√Hz].
+# Of the drone, with its assumed acceleration [m/s²/√Hz].
 _FOLLOWED = Errors(range_bias_m=CALIBRATED_M, pose_m=1e-3, turn_rad=0.0035, acceleration=0.04)
 _EXACT = Errors(range_bias_m=hand.BIAS_M, pose_m=1e-4, turn_rad=1e-4)
 _SENSOR = replace(SENSOR, noise=NOISE, blur=0.05)
@@ -48,9 +48,8 @@ def world_of(places_m: Mapping[int, Floats], wander: Wander | None = None) -> Sc
 def tilt_trial(roll_rad: float, rng: np.random.Generator) -> tuple[float, float, float] | None:
     """Let one place see four markers on 20 cm at 1 m, turned by up to some roll [rad].
 
-    Returns by how much the tilt is wrong against the line of sight, for each axis, and, of the
-    normal, in the fixed frame; and what zones and their light leave open of the latter, whoever
-    estimates it [°].
+    Returns the error of the tilt against the line of sight, for each axis, that of the normal in
+    the fixed frame, and a lower bound of the latter from zones and their light [°].
     """
     corners = 0.2 * np.append(hand.CORNERS, np.zeros((4, 1)), axis=1)
     on_object = {1000 + 101 * n: corner for n, corner in enumerate(corners)}
@@ -81,10 +80,10 @@ def tilt_trial(roll_rad: float, rng: np.random.Generator) -> tuple[float, float,
 
 
 def _direction_bound(places_m: Floats) -> float:
-    """Return how much the light of markers leaves open of where a rigid object is seen [rad].
+    """Return a lower bound of the error of a rigid object's direction [rad].
 
-    Turned about the sensor, it keeps its ranges; only what zones see of markers changes. This is
-    the deviation of the directions that give what is seen as well as one packet's noise lets tell.
+    If it is turned about the sensor, its ranges stay, and only the light in the zones changes. This
+    is the deviation of the directions that one packet's noise cannot tell from the true one.
     """
     grid = SENSOR.grid
     steps = np.linspace(-1, 1, _BOUND_STEPS) * grid.pitch
@@ -112,7 +111,7 @@ def drone_trial(sensors: int, rng: np.random.Generator) -> list[PlaceError]:
     for index in range(sensors):
         angle, radius_m = 2 * math.pi * index / 3, 0.4 / math.sqrt(3)
         pose = SensorPose(radius_m * np.array([math.cos(angle), math.sin(angle), 0]), np.eye(3))
-        # It is one marker, whichever sensor sees it: all have it from one generator.
+        # All sensors see the same marker, drawn from one generator.
         scene = view_from(pose, world, np.random.default_rng(clock))
         bias_m = float(rng.normal(0, CALIBRATED_M))
         for known_s, detection in looks(scene, FLIGHT_S, rng):
@@ -132,7 +131,7 @@ def drone_trial(sensors: int, rng: np.random.Generator) -> list[PlaceError]:
 def room_trial(markers: int, rng: np.random.Generator) -> tuple[float, float] | None:
     """Let a robot in a room of 4 m turn on the spot, and locate it by markers on the walls.
 
-    Returns by how much place [m] and heading [rad] are wrong; None if the pose is not clear.
+    Returns the errors of place [m] and heading [rad]; None without a pose.
     """
     base = SensorPose(np.append(rng.uniform(-0.5, 0.5, 2), 0.0), rotation(0, 0, rng.uniform(-3, 3)))
     places: dict[int, Floats] = {}

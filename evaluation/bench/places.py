@@ -1,6 +1,6 @@
 # Copyright 2026 retrolidar_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""Markers anywhere in a fixed frame, what a sensor at a pose reads of them, and as what.
+"""Markers anywhere in a fixed frame, and what a sensor at a pose reads of them.
 
 The fixed frame is optical, as that of a scene's own sensor. Every marker faces its origin, and is
 on an object; behind all is a wall.
@@ -27,14 +27,14 @@ from retrolidar_ros.sensor.rotation import matrix_of_turn
 from retrolidar_ros.tasks.landmarks import Estimate
 from retrolidar_ros.tasks.reading import Reading, SensorPose, reading
 
-# A hand is about where the scene has its sensor, and looks about where the objects are.
+# The hand is near the scene's sensor, and looks towards the objects.
 _HAND_M = 0.2  # at most so far from there along each axis
 _TURN_RAD = math.radians(20)  # yaw and pitch from the middle of the objects
 _ROLL_RAD = math.radians(45)
 # Whole markers must be seen: their middles are so far from the border, in zones.
 _MARGIN_ZONES = 0.25
 _CLOCK_ERROR = 0.01  # of the markers, at most
-# An object is in every zone that has so much of its marker's light, and so far behind it.
+# An object fills every zone that has so much of its marker's light, and is so far behind it.
 _MIN_SHARE = 0.05
 _OBJECT_M, _OBJECT_SIGNAL = 0.004, 25.0
 _WALL_M, _WALL_SIGNAL = 2.6, 4.0
@@ -84,7 +84,7 @@ def sees_all(positions_m: Floats, grid: ZoneGrid) -> bool:
 
 
 def towards(aim_m: Floats, place_m: Floats, turns: Floats) -> SensorPose:
-    """Return a pose that looks at a point but for some turns (yaw, pitch, roll) [rad]."""
+    """Return a pose that looks at a point, then turns by yaw, pitch and roll [rad]."""
     x, y, z = (aim_m - place_m).tolist()
     yaw, pitch = math.atan2(x, z), -math.atan2(y, math.hypot(x, z))
     return SensorPose(place_m, rotation(yaw + turns[0], pitch + turns[1], turns[2]))
@@ -101,7 +101,7 @@ def random_pose(world: Scene, rng: np.random.Generator) -> SensorPose:
 
 
 def view_from(pose: SensorPose, world: Scene, rng: np.random.Generator) -> Scene:
-    """Return what the sensor sees of the world's markers at a pose; they have always been sending.
+    """Return what the sensor sees of the world's markers, which repeat, at a pose.
 
     Those beyond the field of view are left out.
     """
@@ -130,7 +130,7 @@ def view_from(pose: SensorPose, world: Scene, rng: np.random.Generator) -> Scene
 
 
 class PlaceError(NamedTuple):
-    """By how much a place is wrong."""
+    """Errors of a place."""
 
     range_m: float  # measured less true
     position_m: float  # distance between measured and true position
@@ -139,7 +139,7 @@ class PlaceError(NamedTuple):
 
 
 def place_error(place: Place | Estimate, truth_m: Floats) -> PlaceError:
-    """Return by how much a place differs from where the marker was at its stamp, shape (3,) [m]."""
+    """Return the errors of a place against the truth at its stamp, shape (3,) [m]."""
     offset, covariance = place.position_m - truth_m, place.covariance[:3, :3]
     return PlaceError(
         range_m=float(np.linalg.norm(place.position_m) - np.linalg.norm(truth_m)),
@@ -171,7 +171,7 @@ def looks(
 
 
 def pose_of_tf(pose: SensorPose, stddev_m: float, rng: np.random.Generator) -> SensorPose:
-    """Return where TF has a sensor: off by a deviation [m], and by 1.75 rad/m about each axis."""
+    """Return a pose as TF has it: off by a deviation [m], and by 1.75 rad/m about each axis."""
     off_m, turn = rng.normal(0, stddev_m, 3), rng.normal(0, 1.75 * stddev_m, 3)
     return SensorPose(pose.position_m + off_m, matrix_of_turn(turn) @ pose.rotation)
 

@@ -104,7 +104,7 @@ def crossing(level: float, places: Sequence[float], rates: Sequence[Rate]) -> Cr
     The bounds are those of shares that are redrawn with the binomial law.
     """
     trials = np.array([one['trials'] for one in rates])
-    # A share of none or all is not certain: half a trial more of either.
+    # None or all of some trials is not certain: half a trial is added to either.
     shares = (np.array([one['hits'] for one in rates]) + 0.5) / (trials + 1)
     redrawn = np.random.default_rng(0).binomial(trials, shares, (_DRAWS, len(trials))) / trials
     crossed = [falls_below(level, places, row) for row in redrawn.tolist()]

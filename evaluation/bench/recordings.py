@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Recordings of markers under stress: the one mechanism by which most experiments make frames.
 
-A marker stands in the middle of every zone, or one marker goes its way through all of them. The
+A marker stands in the middle of every zone, or one marker moves through all of them. The
 light of all zones is computed at once; what happens to light comes first, then the sensor's
 noise that belongs to it, then what the sensor does to its samples.
 """
@@ -68,19 +68,19 @@ def rng_at(seed: int, place: float) -> np.random.Generator:
 
 
 def walk(shape: tuple[int, int], bound: float, step: float, rng: np.random.Generator) -> Floats:
-    """Return walks from anywhere between 0 and a bound, which reflect there."""
+    """Return random walks between 0 and a bound, which reflect them."""
     walked = np.cumsum(step * rng.standard_normal(shape), axis=0) + rng.uniform(0, bound, shape[1])
     return bound - np.abs(walked % (2 * bound) - bound)
 
 
 def to_and_fro(distance: Floats, half: float) -> Floats:
-    """Return places that go from one end, `half` from the middle, to the other and back."""
+    """Return places to and fro between -half and half, after some distance."""
     turned: Floats = half - np.abs(distance % (4 * half) - 2 * half)
     return turned
 
 
 class _Zones(Simulation):
-    """Bright markers in the middle of all zones, or one on its way, under a stress."""
+    """Bright markers in the middle of all zones, or one that moves, under a stress."""
 
     def __init__(
         self,
@@ -179,7 +179,7 @@ class _Zones(Simulation):
         return light * share * (ranges_m / self._at_m) ** DISTANCE_EXPONENT, ranges_m
 
     def _hidden(self, middle_s: Floats) -> Floats:
-        """Return in what share of exposures a hand hides the middle of a packet."""
+        """Return what share of each exposure a hand hides, in the middle of a packet."""
         from_middle = (middle_s[:, None] - self.start_s) / self.packet_s - 0.5
         # The first packet of a lone marker is also its only one.
         nearest = 0 if self._is_lone else np.rint(from_middle)
@@ -217,7 +217,7 @@ def record(
     ambient: float = 0.0,
     path: Path | None = None,
 ) -> Sent:
-    """Return frames of a marker in the middle of every zone, or of one on its way.
+    """Return frames of a marker in the middle of every zone, or of one that moves.
 
     Bright markers have `signal` above the wall [kcps/SPAD], and stand with their walls at `range_m`
     [m], by default where markers of 3 cm are so bright; or the only one is on `path`, and has

@@ -1,6 +1,6 @@
 # Copyright 2026 retrolidar_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""Rooms of one kind each. All but what they are named after is that of the reference scene."""
+"""Rooms of one kind each; everything else is that of the reference scene."""
 
 import math
 
@@ -41,7 +41,7 @@ def _begun_s(rng: np.random.Generator) -> float:
 
 
 def _range_of(signal: float) -> float:
-    """Return where a marker is so bright [m]."""
+    """Return the range at which a marker has a signal [m]."""
     return float((signal / SIGNAL_AT_1_M) ** (1 / DISTANCE_EXPONENT))
 
 

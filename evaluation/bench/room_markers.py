@@ -18,7 +18,7 @@ from retrolidar_ros.scene.transmission import transmitted
 from retrolidar_ros.sensor.frame import Floats, ZoneGrid
 
 SENDINGS = ('repeating', 'lone', 'pauses', 'sequence')
-"""Without end; one packet now and then; with short pauses; ever other IDs back to back."""
+"""Without end; one packet now and then; with short pauses; a new ID in each packet."""
 FOREIGN = ('period', 'clock', 'bits', 'preamble')
 """Another bit period; random bits of any length; random bits; another preamble."""
 MOTIONS = ('still', 'swaying', 'crossing')
@@ -54,7 +54,7 @@ class Course:
         return position
 
     def brightness(self, time_s: Floats) -> Floats:
-        """Return by what its light is multiplied at times, shape (n,)."""
+        """Return the factor of its light at times, shape (n,)."""
         turned: Floats = 1 + self.fade * np.sin(2 * math.pi * time_s / self.turn_s[0])
         return turned
 

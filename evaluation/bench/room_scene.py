@@ -1,6 +1,6 @@
 # Copyright 2026 retrolidar_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""Random rooms: everything in them is drawn from one seed, and nothing is named.
+"""Random rooms: everything in them is drawn from one seed.
 
 Markers send and move, walls stand behind them or wander, hands pass, and the sensor loses frames.
 Some markers are foreign: they blink by another clock or in another code, and have no ID.
@@ -58,7 +58,7 @@ class Room:
 
 
 class RoomSimulation(Simulation):
-    """What the sensor reports of a room, once; and what of it the markers are."""
+    """What the sensor reports of a room, and the light of its markers; for one run."""
 
     def __init__(self, room: Room, rng: np.random.Generator) -> None:
         """Start a room at its time zero."""
@@ -71,7 +71,7 @@ class RoomSimulation(Simulation):
         self.hidden: Floats = np.zeros(0)  # by hands, shape (markers, frames, zones)
 
     def targets(self, middle_s: Floats) -> tuple[Floats, Floats]:
-        """Return signal and z of every target; kept are also those of markers that are bright."""
+        """Return signal and z of every target; the light of bright markers is kept, too."""
         sensor, markers = self.scene.sensor, self.room.markers
         shape = (len(middle_s), sensor.grid.zones)
         edges_s = exposure_edges(middle_s, self.period_s)

@@ -1,6 +1,6 @@
 # Copyright 2026 retrolidar_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""What was sent in a random room, and what a detector made of it.
+"""What was sent in a random room, and how it was read.
 
 A reading is right if a marker near its direction sent its ID during half a packet of it, or half of
 what it sent of that packet. A packet was read if right readings cover half of it. What a
@@ -29,10 +29,10 @@ BRIGHT_DB = (6.0, 14.0)
 """c over sigma from which a packet is middling, and bright: 6 dB above what one can be read at."""
 NEAR_ZONES = 1.5
 _SHARES = 0.1  # of a marker's light in its best zone: another with so much shares it
-_HIDDEN = 0.2  # share of a packet that a hand may hide, for it to be one that is to be read
-_TAIL_BITS = 48  # a packet that ends later before the last frame is not to be read
+_HIDDEN = 0.2  # share of a packet that a hand may hide; of others no reading is expected
+_TAIL_BITS = 48  # no reading is expected of a packet that ends later before the last frame
 _NO_LIGHT = 1e-6
-_WATCHED = 100  # times at which a marker's place is held against that of a reading
+_WATCHED = 100  # times at which places of marker and reading are compared
 
 
 class SentPacket(NamedTuple):
@@ -56,7 +56,7 @@ class SentPacket(NamedTuple):
 
 
 class WrongReading(NamedTuple):
-    """A reading of an ID that nobody sent there then."""
+    """A reading of an ID that no marker nearby sent at that time."""
 
     time_s: float
     id: int
@@ -72,13 +72,13 @@ class WrongReading(NamedTuple):
 
 
 class Scored(NamedTuple):
-    """What became of a room."""
+    """The result of a room."""
 
     sent: list[SentPacket]
     read: list[bool]  # of each packet, whether it was read
     readings: list[tuple[float, bool]]  # margin of each reading [nats], and whether it is right
     wrong: list[WrongReading]
-    misdated: int  # right readings whose packet began a packet later than they say
+    misdated: int  # right readings whose packet began a packet later than reported
 
 
 def packets_of(simulation: RoomSimulation) -> list[SentPacket]:
@@ -142,7 +142,7 @@ def packets_of(simulation: RoomSimulation) -> list[SentPacket]:
 def score(
     simulation: RoomSimulation, sent: Sequence[SentPacket], detections: Sequence[Detection]
 ) -> Scored:
-    """Set what was read in a room beside what was sent."""
+    """Compare what was read in a room with what was sent."""
     room = simulation.room
     markers, grid = room.markers, room.scene.sensor.grid
     spans: list[list[tuple[float, float]]] = [[] for _ in sent]
@@ -231,7 +231,7 @@ def _sends(marker: RoomMarker, begin_s: float, end_s: float) -> bool:
 
 
 def _seen(simulation: RoomSimulation) -> tuple[Floats, Floats]:
-    """Return by how much markers change the signal, and the variance of its noise half-way.
+    """Return the amplitude of markers in the signal, and the variance of its noise half-way.
 
     Both are of shape (markers, frames, zones). What the sensor separates from a marker and is
     brighter hides it; what is merged with it adds noise.

@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Rooms that are read by a detector. A random one is drawn by a seed and its number.
 
-A seed that has been looked at is spent: figures are from seeds that no change was made by.
+Figures are from seeds whose rooms have not been used to improve the detector.
 """
 
 import time
@@ -17,7 +17,7 @@ from retrolidar_ros.detector import create_detector
 
 
 class RoomResult(NamedTuple):
-    """What became of a room."""
+    """The result of a room."""
 
     room: int  # its number
     duration_s: float

@@ -14,7 +14,7 @@ from retrolidar_ros.scene.description import Marker
 from retrolidar_ros.scene.reference import RESPONSE, SENSOR, walls
 
 SECONDS_S = {'from the start': (-1.3, 0.0), 'after 3 to 5 s': (3.0, 5.0)}
-"""When the second marker begins to send, by its words."""
+"""When the second marker begins to send [s], by name."""
 _ZONE = 9
 _OFF_ZONES = 0.3  # markers are so far from the middle of the zone, at most
 _WALL_M = 0.1  # behind the first
@@ -68,7 +68,7 @@ def two_in_a_zone(
 
 
 def sum_of(runs: list[dict[str, Any]]) -> dict[str, Any]:
-    """Return what several runs of `two_in_a_zone` have in common."""
+    """Return the statistics of several runs of `two_in_a_zone`."""
     errors_m = [value for one in runs for value in one['errors_m']]
     both = [value for one in runs for value in one['both']]
     error, hours = rms(errors_m), sum(one['hours'] for one in runs)

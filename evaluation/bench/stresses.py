@@ -1,6 +1,6 @@
 # Copyright 2026 retrolidar_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""What markers and their light are put through, and stresses that grow until none is read."""
+"""Stresses of markers and their light, and panels in which one stress grows."""
 
 import math
 from collections.abc import Callable
@@ -13,7 +13,7 @@ from retrolidar_ros.scene.reference import RESPONSE
 
 @dataclass(frozen=True)
 class Stress:
-    """What a recording is put through; parts add up, and what is not named is harmless."""
+    """Disturbances of a recording; they add up, and those that are not named are none."""
 
     name: str
     sway: float = 0.0  # the marker's light rises and falls by this share of it
@@ -22,7 +22,7 @@ class Stress:
     """Light of another marker in the same place that repeats, over that of the first."""
     occlusion: Occlusion | None = None
     wander: float = 0.0
-    """How far the wall's signal walks in `WANDER_S`, as a share of the bright signal."""
+    """How far the wall's signal drifts in `WANDER_S`, as a share of the bright signal."""
     pedestal: float = 0.0  # signal that is added everywhere [kcps/SPAD]
     glass: float = 0.0  # signal of a cover glass, which the sensor separates [kcps/SPAD]
     neighbour: float = 0.0  # ambient light of another sensor while that sends [kcps/SPAD]
@@ -65,7 +65,7 @@ STRESSES = (
 
 @dataclass(frozen=True)
 class Panel:
-    """One stress and how it is swept, from harmless on."""
+    """One stress and its values, the harmless one first."""
 
     name: str
     title: str

@@ -1,10 +1,9 @@
 # Copyright 2026 retrolidar_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""How near the search for a lone packet comes to a receiver that knows all but the word.
+"""The search for a lone packet against a receiver that knows all but the word.
 
-No test of acceptance: in a stretch of a few seconds there is one packet, and each receiver has to
-name an ID. `genie` knows start, clock, gain and offset, and takes the word of maximum likelihood.
-The search of `joint` knows nothing; of all its candidates, the one of most evidence counts.
+There is one packet in a few seconds, and each receiver has to name an ID: nothing is rejected. `genie` knows start, clock, gain and offset, and takes the word of maximum likelihood.
+The search of `joint` knows none of these; its candidate of most evidence counts.
 """
 
 from collections.abc import Sequence
@@ -30,13 +29,13 @@ from retrolidar_ros.sensor.frame import Floats
 
 TITLE = 'The search against the bound'
 RANGES_M = (2.5, 2.7, 2.8, 2.9, 3.0, 3.1, 3.2, 3.3, 3.5, 3.8)
-_LAX = 1e6  # false IDs an hour: the search hands on whatever stands out at all
+_LAX = 1e6  # false IDs an hour: with these, the search returns every candidate
 _NAMES = {
     'genie': 'ideal receiver (knows start, clock, gain, offset)',
     'searched': 'the search of the default, which knows none of them',
     'accepted': 'the default, with its tests of acceptance',
 }
-_GENIE_RECORDINGS = 4  # what asks all words takes long
+_GENIE_RECORDINGS = 4  # to try all words takes long
 _PHASES = 64  # of a packet's start within a frame, for which templates are kept
 _FRAMES = round(PACKET_BITS * BIT_PERIOD_S / SENSOR.period_s) + 2
 
@@ -111,7 +110,7 @@ def _message(figures: dict[str, Any]) -> str:
     genie, searched, accepted = (figures['ends'][name]['at'] for name in _NAMES)
     if None in (genie, searched, accepted):
         return 'What the search and its tests cost'
-    # Of the ends as the table has them, so that the reader gets the same.
+    # Of the rounded ends in the table, so that they agree.
     genie, searched, accepted = (round(100 * one) for one in (genie, searched, accepted))
     known, tests = (f'{lost} cm' for lost in (genie - searched, searched - accepted))
     return f'Not to know start, clock, gain and offset costs {known} of reach, the tests {tests}'

@@ -1,6 +1,6 @@
 # Copyright 2026 retrolidar_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""One packet on one zone: its samples, what was judged while it came, and the reading."""
+"""One packet on one zone: its samples, the candidates meanwhile, and the reading."""
 
 from typing import Any
 
@@ -65,7 +65,7 @@ def _samples(recording: Recording, detection: Detection) -> dict[str, Any]:
 
 
 def run(rng: np.random.Generator, *, quick: bool) -> dict[str, Any]:
-    """Return what becomes of one packet; `quick` changes nothing."""
+    """Return samples, candidates and reading of one packet; `quick` changes nothing."""
     scene = Scene(sensor=load_scene('coffee').sensor, markers=(_MARKER,), surfaces=(_WALL,))
     recording = Simulation(scene, rng).run(_DURATION_S)
     detector = create_detector('joint', recording.grid)
@@ -105,7 +105,7 @@ def claims(figures: dict[str, Any]) -> Claims:
 
 
 def draw(figures: dict[str, Any]) -> Any:
-    """Draw samples, evidence of the candidates over time, and what else the one read has."""
+    """Draw samples, evidence of the candidates over time, and all tests of the one that is read."""
     candidates = figures['candidates']
     samples, highest = figures['samples'], max(figures['samples']['signal'])
     read = [row['time_s'] for row in candidates if row['reason'] == _READ]

@@ -73,7 +73,7 @@ def place_all(way: str, recording: Recording, scene: Scene, pose: SensorPose) ->
 def task_s(
     looks_s: list[float], good: list[list[bool]], rng: np.random.Generator, tasks: int = _TASKS
 ) -> dict[str, float]:
-    """Return how long tasks take, and in how many looks, if what is bad is looked at again.
+    """Return how long tasks take, and how many looks, if objects with errors are looked at again.
 
     Tasks are drawn from looks that took some time each [s], in which each object was placed well
     enough or not.
@@ -103,7 +103,7 @@ def _lidar(outcomes: list[Outcome], names: list[str], rng: np.random.Generator) 
 
 
 def _tags(ranges_m: list[float], rng: np.random.Generator, quick: bool) -> dict[str, Any] | None:
-    """Return what AprilTags at the places of the objects come to; None without a reader."""
+    """Return the same of AprilTags at the places of the objects; None without a reader."""
     readers = april_tags()
     if not readers:
         return None
@@ -177,7 +177,7 @@ def table(figures: dict[str, Any]) -> Table:
 
 
 def claims(figures: dict[str, Any]) -> Claims:
-    """Set times and errors beside the paper's."""
+    """Return times and errors, to compare with the paper's."""
     both = [figures['methods'][method] for method in BOTH_CLAIMED]
     median = [one for row in both if (one := _median_mm(row)) is not None]
     tags = figures['tags_of_the_paper']['mean_s']

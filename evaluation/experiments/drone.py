@@ -1,6 +1,6 @@
 # Copyright 2026 retrolidar_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""How steadily a hovering drone is read, the harder it flies (paper §7.2)."""
+"""How often a hovering drone is read, over its speed and what its rotor hides (paper §7.2)."""
 
 from dataclasses import replace
 from typing import Any
@@ -49,9 +49,9 @@ def alive(known_s: list[float], lasting_s: float, window_s: float) -> Rate:
 
 
 def _watched(method: str, recording: Recording, marker: Marker) -> dict[str, Any]:
-    """Return when readings come, by how much their ranges are off, and where it is at any moment.
+    """Return heartbeats, errors of range, and errors of the last known place at every frame.
 
-    That is by how much the newest packet, or the track, is off at each frame at which there is one.
+    The latter are those of the newest packet, and of the track.
     """
     detector = create_detector(method, recording.grid)
     truths_m = position_at(marker, 1e-9 * recording.stamp_ns.astype(np.float64))
@@ -108,7 +108,7 @@ def run(rng: np.random.Generator, *, quick: bool) -> dict[str, Any]:
 
 
 def claims(figures: dict[str, Any]) -> Claims:
-    """Set heartbeats and errors beside the paper's."""
+    """Return heartbeats and errors, to compare with the paper's."""
     darker, falls = figures['darker'], []
     for method in BOTH_CLAIMED:
         lost = [row['hidden'] for row in darker if row[method]['alive'][-1]['rate'] < PAPER_RATE]

@@ -1,6 +1,6 @@
 # Copyright 2026 retrolidar_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""False IDs of the default as shipped, before all that is no marker and does not blink.
+"""False IDs of the default as shipped, in scenes without a marker in which nothing blinks.
 
 A budget of one in ten hours takes days of frames to check. So this runs by itself, and adds to a
 file: hours and false IDs by the revision of the core, the seed, and the disturbance.
@@ -34,7 +34,7 @@ MEMBERS = [member.name for member in FAMILY if not member.blinks]
 HANDS, HANDS_TURNS = 'hands', 3  # of a round, in which every other member has one turn
 ALL = 'all'
 _CORE = Path(__file__).resolve().parents[2] / 'core' / 'src'
-# What follows markers that have been read, by which no ID is read.
+# Tracks follow markers that have been read; these sources read no ID.
 _TRACKS = {
     f'retrolidar_{name}'
     for name in (
@@ -45,7 +45,7 @@ _TRACKS = {
 
 
 def revision() -> str:
-    """Return what tells this core from others: a hash of the sources by which IDs are read."""
+    """Return a hash of the sources by which IDs are read."""
     total = hashlib.sha256()
     for path in sorted(_CORE.glob('*.[ch]')):
         if path.stem not in _TRACKS:
@@ -80,7 +80,7 @@ def _rows(figures: dict[str, Any]) -> list[dict[str, Any]]:
 def extend(
     path: Path, hours: float, *, seed: int, turn_h: float = TURN_H, processes: int | None = None
 ) -> Iterator[str]:
-    """Watch, round by round, until a file holds some hours of this core; yield what was found.
+    """Count, round by round, until a file holds some hours of this core; yield the sums.
 
     A run that is interrupted goes on after its last whole round.
     """

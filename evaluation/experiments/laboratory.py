@@ -1,6 +1,6 @@
 # Copyright 2026 retrolidar_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""What stands and shines in laboratories: bright walls, cover glasses, other sensors."""
+"""Limits by bright walls, cover glasses and other sensors."""
 
 import itertools
 import math

@@ -1,6 +1,6 @@
 # Copyright 2026 retrolidar_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""What each part of the decision buys: everything as it is, but for one part, or a set of them."""
+"""What each part of the decision gains: the detector with and without it."""
 
 import json
 import math
@@ -21,7 +21,7 @@ from evaluation.report.chart_style import SHADES, WRONG_COLOUR, new_chart
 from evaluation.report.claims import Table
 
 TITLE = 'What each part buys'
-SIGMAS = 3.0  # of what chance does to scenes in pairs, with and without: beyond it a part buys
+SIGMAS = 3.0  # of the change by chance; a larger one counts
 _WORST = 10.0  # percent lost, or wrong IDs more, that are coloured most
 FAMILIES = {
     'rooms': 'random\nrooms',
@@ -54,7 +54,7 @@ def _measured(off: str, seed: int, times: float) -> dict[str, Any]:
 
 
 def run(rng: np.random.Generator, *, quick: bool) -> dict[str, Any]:
-    """Return what becomes of the detector without each part and set of parts.
+    """Return what the detector loses without each part and set of parts.
 
     Raises ValueError before anything is run if the core has no such part any longer.
     """
@@ -69,7 +69,7 @@ def run(rng: np.random.Generator, *, quick: bool) -> dict[str, Any]:
         print(f'{len(rows)} of {len(offs)}: without {off}', file=sys.stderr, flush=True)
     return {
         'whole': {name: np.sum(whole[name], axis=0).tolist() for name in (*FAMILIES, _NO_MARKER)},
-        # How far the time of the same goes by itself.
+        # The change of time between two runs of the same core.
         'time_by_chance': abs(_time_less('', seed, rooms)),
         'rows': rows,
     }
@@ -84,9 +84,9 @@ def _time_less(off: str, seed: int, rooms: int) -> float:
 
 
 def _change(lost: Sequence[float]) -> dict[str, float]:
-    """Return what scenes lose in sum, and that in deviations of what chance would make of them.
+    """Return the sum of what scenes lose, and that over its standard deviation by chance.
 
-    By chance, a scene loses as much as it wins: each sign is as likely as the other.
+    By chance each sign is as likely as the other.
     """
     deviation = math.sqrt(math.fsum(one * one for one in lost))
     total = math.fsum(lost)

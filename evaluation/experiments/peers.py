@@ -54,7 +54,7 @@ _SWEEPS: dict[str, tuple[str, tuple[float, ...], str, Maker | None]] = {
     '3 cm': ('distance [m]', paper_sweeps.TAG_RANGES_M, 'range_m', lone),
     '1 cm': ('distance [m]', _1_CM_M, 'range_m', _small),
     'yaw': ('yaw [°]', _ANGLES_DEG, 'yaw_deg', _yawed),
-    # The law of the retroreflector does not know about which axis it is turned.
+    # A retroreflector is the same about both axes.
     'pitch': ('pitch [°]', _ANGLES_DEG, 'pitch_deg', _yawed),
     'speed': ('speed across [m/s]', _SPEEDS_M_S, 'speed_m_s', _moved),
     'speed, 4 ms': ('speed across [m/s]', _SPEEDS_M_S, 'speed_m_s', None),
@@ -136,7 +136,7 @@ _ROWS = {
 
 
 def table(figures: dict[str, Any]) -> Table:
-    """Return where each stops reading, where the AprilTag is better first."""
+    """Return to where each reads, the rows first in which the AprilTag is better."""
 
     def lead(sweep: str) -> float:
         ours, _, *tags = (end(figures, sweep, name) or 0.0 for name in _NAMES)
@@ -159,7 +159,7 @@ def table(figures: dict[str, Any]) -> Table:
 
 
 def claims(figures: dict[str, Any]) -> Claims:
-    """Return what was measured here of what the paper says of both kinds of marker."""
+    """Return our values for what the paper says of both kinds of marker."""
 
     def tag(value: float | None, unit: str) -> Claim:
         return Claim(default=as_text(value, unit, 2 if unit == 'm' else 1))

@@ -1,6 +1,6 @@
 # Copyright 2026 retrolidar_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""Where markers are said to be, against where they are, and whether the covariance is honest."""
+"""Errors of bearing and position, and whether the covariance is right."""
 
 from dataclasses import replace
 from typing import Any
@@ -54,8 +54,7 @@ def random_scene(blur: float, rng: np.random.Generator, size_m: float = MARKER_S
 def seen_by_two(detection: Detection, scene: Scene) -> tuple[bool, bool]:
     """Return whether zones of two columns, and of two rows, have seen the marker of a scene.
 
-    They have if they have read it, and the second got a fair share of the light: traces of light
-    beside a bright marker say nothing.
+    They must have read it, and the second must get a fair share of the light.
     """
     (marker,) = scene.markers
     sensor, grid = scene.sensor, scene.sensor.grid
@@ -68,7 +67,7 @@ def seen_by_two(detection: Detection, scene: Scene) -> tuple[bool, bool]:
 
 
 def _error(scene: Scene, rng: np.random.Generator, **options: Any) -> tuple[Any, ...] | None:
-    """Return by how much the first reading of the only marker is wrong; None if it is not read.
+    """Return the errors of the first reading of the only marker; None if it is not read.
 
     These are the squared distance in standard deviations, the range [m], and, across and down,
     the bearing [°], that of the centre of the strongest zone [°], and whether two saw the marker.
@@ -107,7 +106,7 @@ def _figures(blur: float, rows: list[tuple[Any, ...]]) -> dict[str, Any]:
 
 
 def _bearing_deg(told: bool, markers: int, seed: int) -> float | None:
-    """Return by how much bearings of large markers are off if their size is told, or not."""
+    """Return the error of bearings of large markers, with their size told or not."""
     rng = np.random.default_rng(seed)
     errors: list[float] = []
     for _ in range(markers):

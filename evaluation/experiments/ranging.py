@@ -1,6 +1,6 @@
 # Copyright 2026 retrolidar_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""How well markers are ranged while they blink, while they are silent, and beside a bare board."""
+"""Errors of range: of markers that blink, of silent ones, and of a bare board."""
 
 import math
 from typing import Any
@@ -75,7 +75,7 @@ def run(rng: np.random.Generator, *, quick: bool) -> dict[str, Any]:
 
 
 def claims(figures: dict[str, Any]) -> Claims:
-    """Set the errors beside the paper's."""
+    """Return the errors, to compare with the paper's."""
 
     def at(range_m: float, kind: str) -> float:
         point = nearest(figures['points'], 'range_m', range_m)

@@ -70,7 +70,7 @@ def run_experiment(name: str, directory: Path, *, quick: bool, seed: int) -> str
     cpu_s = round(_cpu_s() - began_cpu_s, 1)
     path = directory / f'{name}.json'
     write_figures(path, figures, seed=seed, quick=quick, seconds=seconds, cpu_s=cpu_s)
-    # Readers get what is written, not what was computed: a tuple is a list, a key is text.
+    # From the file: JSON has made tuples lists, and keys text.
     written = json.loads(path.read_text(encoding='utf-8'))
     save_chart(name, written, directory)
     rough = ' QUICK RUN: ROUGH' if quick else ''

@@ -1,6 +1,6 @@
 # Copyright 2026 retrolidar_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""What identification costs in false IDs: every method at every strictness of its knob.
+"""Identification against false IDs: each method at every setting of its threshold.
 
 False IDs are counted before every member of the family of scenes without a marker
 (`evaluation.bench.disturbances`), and before markers that are silent. The default is run with each
@@ -33,14 +33,14 @@ TITLE = 'Identification against false IDs'
 KNOBS = {'joint': 'false_ids_per_hour', 'paper': 'likelihood_threshold'}
 SHIPPED = {'joint': USUAL_FALSE_IDS_PER_HOUR, 'paper': LIKELIHOOD_THRESHOLD}
 BUDGETS_H = {1e4: 0.006, 1e3: 0.02, 1e2: 0.05}
-"""Sensor-hours before each member, by the budget: what is lax errs often enough in a short time."""
+"""Sensor-hours of each member, by the budget; with a lax one, short times suffice."""
 THRESHOLDS = (0.03, 0.05, 0.08, 0.12, 0.16, 0.2, 0.25, 0.3, LIKELIHOOD_THRESHOLD, 0.5, 0.65, 0.8)
 SHIPPED_H = {'white': 2.0, 'other bit periods': 0.06, 'another preamble': 0.06}
 """Sensor-hours of the default as shipped; `false-ids` counts more of them."""
 BUSY_H, BLINKING_H, PAPER_H, SILENT_H, WHITE_H = 0.08, 0.02, 0.03, 0.2, 1.0
 _BLINKING_SHARE = 0.1  # of the hours of other members: false IDs are frequent there
 WHITE_BUDGET, REGISTERED = 10.0, (3, 30, 300)
-"""Budget, and how many IDs are registered, for `WHITE_H` before white noise alone."""
+"""Budget, and numbers of registered IDs, for `WHITE_H` of white noise alone."""
 GROUPS = {
     'bare wall': ('white',),
     'drifting signals': tuple(one.name for one in FAMILY if 'walk' in one.name),
@@ -142,7 +142,7 @@ def shipped(figures: dict[str, Any], method: str) -> dict[str, Any]:
 
 
 def grouped(point: dict[str, Any], group: str) -> Frequency:
-    """Return the false IDs before the members of a group, or before all that do not blink."""
+    """Return the false IDs of the members of a group, or of all that do not blink."""
     names = GROUPS.get(group) or [one.name for one in FAMILY if not one.blinks]
     found = [point['members'][name] for name in names]
     return frequency(sum(one['events'] for one in found), sum(one['hours'] for one in found))
@@ -161,7 +161,7 @@ def table(figures: dict[str, Any]) -> Table:
 
 
 def claims(figures: dict[str, Any]) -> Claims:
-    """Set false preambles and false IDs beside the paper's."""
+    """Return false preambles and false IDs, to compare with the paper's."""
     silent = figures['silent']
     counts = [silent[method]['false_ids'] for method in BOTH_CLAIMED]
     preambles = silent['paper']['false preambles']['rate']
@@ -179,7 +179,7 @@ def _draw_group(axis: Any, figures: dict[str, Any], group: str) -> None:
             points = figures['methods'][method]
             found = [grouped(point, group) for point in points]
             shares = [100 * point['read'][f'{at:g}']['right']['rate'] for point in points]
-            # Where nothing was read, all that is known is the upper bound.
+            # Without any false ID, only the upper bound is known.
             places = [one['per_hour'] or one['high'] for one in found]
             axis.plot(places, shares, **how | {'marker': ''})
             for one, place, share, point in zip(found, places, shares, points, strict=True):

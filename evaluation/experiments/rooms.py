@@ -1,6 +1,6 @@
 # Copyright 2026 retrolidar_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""Random rooms: what is read, and what is read wrongly, by what was drawn."""
+"""Random rooms: packets read and wrong IDs, by sending, motion, company and signal."""
 
 from collections import Counter
 from collections.abc import Sequence
@@ -35,7 +35,7 @@ _COMPANY = {'beside': 'beside another', 'shared': 'sharing a zone'}
 
 
 def run(rng: np.random.Generator, *, quick: bool) -> dict[str, Any]:
-    """Return packets read and wrong IDs by all that was drawn."""
+    """Return packets read and wrong IDs."""
     seed = int(rng.integers(2**32))
     return summary([play(number, seed) for number in range(QUICK_ROOMS if quick else ROOMS)])
 
@@ -96,7 +96,7 @@ def _cell(one: SentPacket | WrongReading) -> tuple[str, str, str, str]:
 
 
 def counted(figures: dict[str, Any], *cell: str | None) -> tuple[int, int, int]:
-    """Return packets, how many were read, and wrong IDs, of the cells that begin so.
+    """Return packets, how many were read, and wrong IDs, of the cells that match.
 
     A cell is sending, motion, company and signal; None is any of `SENDINGS`, or any other.
     """

@@ -111,7 +111,7 @@ def run(rng: np.random.Generator, *, quick: bool) -> dict[str, Any]:
 
 
 def claims(figures: dict[str, Any]) -> Claims:
-    """Set the rates beside the paper's."""
+    """Return the rates, to compare with the paper's."""
     read = [
         [one['rate'] for row in figures['three'] for one in row[method]['read']]
         for method in BOTH_CLAIMED

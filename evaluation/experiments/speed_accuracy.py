@@ -1,6 +1,6 @@
 # Copyright 2026 retrolidar_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""What each method costs in computing time, and what it reads for it: every knob swept."""
+"""Processor time of each method against its reach, for every setting."""
 
 import time
 from dataclasses import replace
@@ -206,7 +206,7 @@ def draw(figures: dict[str, Any]) -> Any:
         half = {'markerfacecolor': 'white', 'linestyle': ':'} if key == 'half_m' else {}
         axis.plot(places, reaches, **how | half, zorder=3)
         axis.errorbar(places, reaches, bars, linestyle='', color=how['color'], capsize=3)
-        # Cheap ones are named at the right of their farthest, those that are dear at the left.
+        # Names stand right of cheap curves, and left of dear ones.
         is_dear, top = places[-1] > _DEAR_MS, int(np.argmax(reaches))
         times, ha = (0.8, 'right') if is_dear else (1.25, 'left')
         name_curve(axis, name, words, (places[top] * times, reaches[top]), ha=ha)

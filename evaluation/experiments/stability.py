@@ -1,9 +1,9 @@
 # Copyright 2026 retrolidar_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""Where both methods break: one stress after the other, near, far, standing, moving.
+"""Limits of both methods: one stress after the other, near, far, standing, moving.
 
 A stress breaks a method where it reads less than four fifths of what the same method reads
-without the stress. It is sought by halving, so only about the breaking point many are tried.
+without the stress. It is found by bisection.
 """
 
 import itertools
@@ -26,7 +26,7 @@ RANGES_M = (1.0, 2.0, 2.7)  # near, far, and where the reach of a lone packet en
 SPEED_M_S = 0.1  # of a marker that moves, across the view
 REPEATED_S = 4.35  # how long repeating markers are watched: three packets and a look
 _COLUMNS = 3
-_MIN_READ = 0.25  # less than this without any stress is nothing to break
+_MIN_READ = 0.25  # a method that reads less without any stress has no limit
 
 Where = tuple[float, bool, bool]  # range [m], whether the marker moves, whether it repeats
 SHOWN: Where = (2.0, False, False)
@@ -53,7 +53,7 @@ def read(
 def _breaks(
     panel: Panel, where: Where, seed: int, recordings: int, method: str, enough: float
 ) -> dict[str, Any]:
-    """Return between which values a method reads less than a share."""
+    """Return the value at which a method begins to read less than a share."""
     if enough < LEVEL * _MIN_READ:
         return {'state': 'not read'}
     values, low, high = panel.values, 0, len(panel.values)
@@ -122,31 +122,33 @@ def table(figures: dict[str, Any]) -> Table:
     return rows
 
 
-def _borne(panel: dict[str, Any], method: str) -> float:
-    """Return what share of the largest stress that was tried a method bears."""
+def _tolerated(panel: dict[str, Any], method: str) -> float:
+    """Return what share of the largest stress that was tried a method tolerates."""
     found = panel['breaks'][named(SHOWN)][method]
     first, last = (panel['points'][end]['place'] for end in (0, -1))
     return 0.0 if found['state'] == 'not read' else (found['at'] - first) / (last - first)
 
 
 def _falls(panel: dict[str, Any]) -> bool:
-    """Return whether it is the lower value that stresses more."""
+    """Return whether lower values stress more."""
     return bool(panel['points'][0]['place'] > panel['points'][-1]['place'])
 
 
 def _message(panels: Sequence[dict[str, Any]]) -> str:
-    better = sum(_borne(panel, 'joint') > _borne(panel, 'paper') for panel in panels)
-    return f"The default bears {better} of {len(panels)} stresses better than the paper's method"
+    better = sum(_tolerated(panel, 'joint') > _tolerated(panel, 'paper') for panel in panels)
+    return (
+        f"The default tolerates {better} of {len(panels)} stresses better than the paper's method"
+    )
 
 
 def draw(figures: dict[str, Any]) -> Any:
-    """Draw a pair of bars for every stress: how much of it both methods bear."""
+    """Draw a pair of bars for every stress: how much of it both methods tolerate."""
     panels = [panel for panel in figures['panels'] if named(SHOWN) in panel['breaks']]
-    panels.sort(key=lambda panel: _borne(panel, 'joint'))
+    panels.sort(key=lambda panel: _tolerated(panel, 'joint'))
     figure, (axis,) = new_chart(1, 1, 1.6 + 0.46 * len(panels), _message(panels))
     places = np.arange(len(panels))
     for method, shift in zip(METHODS, (0.2, -0.2), strict=True):
-        shares = [100 * _borne(panel, method) for panel in panels]
+        shares = [100 * _tolerated(panel, method) for panel in panels]
         axis.barh(places + shift, shares, 0.38, color=look(method)['color'])
         for place, share, panel in zip(places, shares, panels, strict=True):
             words = breaking_point(panel['breaks'][named(SHOWN)][method])

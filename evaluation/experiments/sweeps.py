@@ -1,6 +1,6 @@
 # Copyright 2026 retrolidar_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""One thing varied, and what both methods read of it: distance, angle, size, yaw, light, packets.
+"""Sweeps of both methods: distance, angle, size, yaw, light, packets.
 
 All of them follow the paper's way: lone packets, and four of five identified count as read.
 """

@@ -68,7 +68,7 @@ def first_ids(sent: Sent, options: Options) -> tuple[NDArray[np.float64], int]:
 
 
 def _few_first_ids(sent: Sent, rng: np.random.Generator) -> NDArray[np.float64]:
-    """Return the times of `FEW` markers at a time that alone are there, and registered [s]."""
+    """Return the times of markers of which `FEW` at a time are in view, and registered [s]."""
     zones, times_s = rng.permutation(len(sent.ids)), []
     for few in zones[: len(zones) // FEW * FEW].reshape(-1, FEW):
         alone = _dark(sent, ~np.isin(np.arange(len(sent.ids)), few), rng)
@@ -78,7 +78,7 @@ def _few_first_ids(sent: Sent, rng: np.random.Generator) -> NDArray[np.float64]:
 
 
 def needed_bits(ids: NDArray[np.int64]) -> NDArray[np.int64]:
-    """Return after how many bits of the first of some IDs the others are excluded, by its start.
+    """Return after how many bits the first of some IDs differs from the others, by its start.
 
     A marker repeats, and is seen from any of its bits on, shape (31,). Another ID is excluded when
     it differs in more than `_MENDED_BITS`, wherever it starts.
@@ -93,7 +93,7 @@ def needed_bits(ids: NDArray[np.int64]) -> NDArray[np.int64]:
 
 
 def _min_s(rng: np.random.Generator) -> float:
-    """Return in what time a share of markers is known for sure, `FEW` IDs being registered [s]."""
+    """Return the time by which `FEW` registered IDs differ enough, for four of five starts [s]."""
     sets = (rng.choice(USABLE_IDS, FEW, replace=False) for _ in range(_SETS))
     bits = np.concatenate([needed_bits(ids) for ids in sets])
     return float(np.quantile(bits, LEVEL)) * BIT_PERIOD_S

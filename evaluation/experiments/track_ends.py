@@ -24,7 +24,7 @@ _LINE = 'GONE_BITS = {:g}'
 def measure(
     gone_bits: float, seed: int, trials: int, duration_s: float, gaps_bits: list[float]
 ) -> dict[str, Any]:
-    """Return how tracks end by the core that is in use, in which `gone_bits` is set."""
+    """Return how tracks end by the imported core, in which `gone_bits` is set."""
     rng = np.random.default_rng(seed)
     ends: dict[str, list[list[float]]] = {}
     for name in ENDS:

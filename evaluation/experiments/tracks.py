@@ -1,6 +1,6 @@
 # Copyright 2026 retrolidar_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""A marker that is followed: how well it is placed at every frame while it moves."""
+"""Tracks of markers that move: their errors at every frame."""
 
 from collections.abc import Callable, Sequence
 from typing import Any
@@ -144,7 +144,7 @@ def table(figures: dict[str, Any]) -> Table:
 
 
 def honest_table(figures: dict[str, Any]) -> Table:
-    """Return how well tracks know their own errors, and how often they are updated."""
+    """Return errors of tracks over their estimates, and how often they are updated."""
 
     def known(one: dict[str, Any]) -> str:
         pull = NOTHING if one['pull'] is None else f'{one["pull"]:.2f}'
@@ -217,7 +217,7 @@ def draw(figures: dict[str, Any]) -> Any:
             if known:
                 axis.plot(*zip(*known, strict=True), **look(name) | {'linestyle': style})
                 x, y = known[-1]
-                # Names of tags stand below their curves, where there are no others.
+                # Names of tags stand below their curves.
                 ends_early = x < 0.2
                 lower = 0.62 if ends_early else 0.4
                 higher = lower if name == APRILTAG else 1.4

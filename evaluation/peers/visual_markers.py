@@ -149,7 +149,7 @@ def square_range(corners_px: NDArray[Any], centre_px: tuple[float, float], size_
 
 
 def find_readers() -> tuple[list[Reader], dict[str, str]]:
-    """Return what can be read here, and why what cannot be is left out, by name."""
+    """Return the readers that are installed, and why others are missing, by name."""
     readers: list[Reader] = []
     missing = {}
 
@@ -202,7 +202,7 @@ class Result(TypedDict):
 
 
 def errors(errors_m: Sequence[float]) -> Error | None:
-    """Return how large errors [m] are, if there are any."""
+    """Return statistics of errors [m], None without any."""
     if not len(errors_m):
         return None
     sizes = 1000 * np.abs(errors_m)
@@ -275,7 +275,7 @@ def _marker_before(
     pose = camera.tilted(pose, math.radians(view.yaw_deg), math.radians(view.pitch_deg))
     light, window = background.with_plate(plate.cells, plate.side_m, pose)
     if view.speed_m_s:
-        # The camera follows the background as little as the marker does.
+        # Light is smeared as a whole: marker and background move alike.
         open_s = camera.exposure_s(view.lux, view.longest_s)
         light = camera.smear(light, camera.FOCAL_PX * view.speed_m_s * open_s / view.range_m)
     return light, window

@@ -58,7 +58,7 @@ def _while_moving(report: Report) -> tuple[dict[str, Any], Any]:
 
 
 def headlines(report: Report) -> str:
-    """Return what a robotics engineer asks first, beside the paper and an AprilTag."""
+    """Return the table of the README: this package, the paper and an AprilTag."""
     figures, soon = report['peers'], report['time-to-id']
     ends = {
         (sweep, name): peers.end(figures, sweep, name)
@@ -137,7 +137,7 @@ def reach(report: Report) -> str:
 
 
 def telling(report: Report) -> str:
-    """Return what it buys to tell the detector more of a scene."""
+    """Return what the detector gains by knowing more of a scene."""
     soon = [time_to_id.at(report['time-to-id'], one, 1.0) for one in ('joint', REGISTERED)]
     ends = [end_of(report[of], name, 'joint') for of, name in _PACKETS]
     one, several = (as_text(end) for end in ends)
@@ -189,7 +189,7 @@ def telling(report: Report) -> str:
 
 
 def speed(report: Report) -> str:
-    """Return whether it keeps up."""
+    """Return processor time, losses and delays."""
     nodes = report['bench-nodes']
     shares, seen = nodes['core_shares'], nodes['delays']['MarkerDetection']
     through = f'{nodes["seconds"]:.0f} s at {nodes["rate_hz"]:.1f} Hz through all'
@@ -221,7 +221,7 @@ _STRESSES = {
 
 
 def limits(report: Report) -> str:
-    """Return what is borne near and at the end of the reach, of lone and of repeating markers."""
+    """Return limits near and at the end of the reach, of lone and of repeating markers."""
     figures, others = report['stability'], report['laboratory']
     conditions = [stability.named(where) for where in laboratory.CONDITIONS]
     panels = {panel['name']: panel for panel in figures['panels']}

@@ -1,6 +1,6 @@
 # Copyright 2026 retrolidar_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""What experiments report: figures, tables, and the paper's own values beside ours."""
+"""What experiments report: figures, tables, and our values for items of the paper."""
 
 import json
 import os
@@ -25,7 +25,7 @@ _PROCESSORS = Path('/proc/cpuinfo')
 
 
 class Claim(NamedTuple):
-    """What one item of the paper comes to here, as text with units."""
+    """Our values for one item of the paper, as text with units."""
 
     method: str = NOTHING  # what our implementation of the paper's method gives
     default: str = NOTHING  # what our default method gives, or a model that is the same for both

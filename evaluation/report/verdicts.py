@@ -1,6 +1,6 @@
 # Copyright 2026 retrolidar_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""Verdicts on the items of the paper: what it says beside what we print, by one rule for all.
+"""Verdicts on the items of the paper: its value against the one we print, by one rule for all.
 
 What is printed is what is judged, so that a reader can check each row. A value is the same as the
 paper's if it is within `TOLERANCE` of it, or keeps to a bound; else it is better or worse, or
@@ -24,7 +24,7 @@ class Said(NamedTuple):
     low: float
     high: float
     more_is: str = ''  # better, worse, or neither
-    by_method: bool = False  # whether only `paper` does what is counted, and not the default
+    by_method: bool = False  # whether the value is of method `paper`, as the default has none
 
 
 def exactly(value: float, more_is: str = '', *, by_method: bool = False) -> Said:
@@ -115,7 +115,7 @@ def judge(value: float, said: Said) -> str:
 
 
 def verdict(item: str, claim: Claim) -> str:
-    """Return the verdict on an item, of the default unless only `paper` does what is counted."""
+    """Return the verdict on an item, by the default's value unless only `paper` has one."""
     said = SAID[item]
     if isinstance(said, str):
         return said
