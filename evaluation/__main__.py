@@ -12,7 +12,7 @@ def main(arguments: list[str] | None = None) -> int:
     """Run experiments, or list them; return the exit code."""
     from evaluation.experiments import false_ids
     from evaluation.experiments.registry import EXPERIMENTS, LONG, run_experiments
-    from evaluation.report.readme import write_page
+    from evaluation.report.readme import COMMITTED, write_page
 
     parser = argparse.ArgumentParser(
         prog='evaluate',
@@ -23,7 +23,11 @@ def main(arguments: list[str] | None = None) -> int:
     which.add_argument('names', nargs='*', default=[], metavar='NAME', help='which to run')
     all_help = f'all but {" and ".join(LONG)}, and the report'
     which.add_argument('--all', action='store_true', help=all_help)
-    which.add_argument('--page', action='store_true', help='the report of what has been run')
+    which.add_argument(
+        '--page',
+        action='store_true',
+        help='the report of what has been run, and the figures of documents',
+    )
     parser.add_argument('--quick', action='store_true', help='few trials: a rough look')
     hours_help = f'of {false_ids.NAME} that its file is to hold; only what is missing is run'
     parser.add_argument('--hours', type=float, metavar='H', help=hours_help)
@@ -37,7 +41,7 @@ def main(arguments: list[str] | None = None) -> int:
             print(f'{name:16}{experiment.TITLE}')
         return 0
     # A quick run must not overwrite the committed report.
-    output = options.output or Path('report_quick' if options.quick else 'docs/report')
+    output = options.output or (Path('report_quick') if options.quick else COMMITTED)
     names = [one for one in EXPERIMENTS if one not in LONG] if options.all else options.names
     if names == [false_ids.NAME] and options.hours is not None:
         path = output / f'{false_ids.NAME}.json'

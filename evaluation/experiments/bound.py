@@ -2,8 +2,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """The search for a lone packet against a receiver that knows all but the word.
 
-There is one packet in a few seconds, and each receiver has to name an ID: nothing is rejected. `genie` knows start, clock, gain and offset, and takes the word of maximum likelihood.
-The search of `joint` knows none of these; its candidate of most evidence counts.
+There is one packet in a few seconds, and each receiver has to name an ID: nothing is rejected.
+`genie` knows start, clock, gain and offset, and takes the word of maximum likelihood. The search of
+`joint` knows none of these; its candidate of most evidence counts.
 """
 
 from collections.abc import Sequence

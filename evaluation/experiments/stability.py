@@ -18,7 +18,6 @@ from evaluation.bench.recordings import Sent, record, signal_at
 from evaluation.bench.stresses import PANELS, Panel
 from evaluation.experiments.moving import across
 from evaluation.report.chart_style import WRONG, draw_reads, label, legend_below, look, new_chart
-from evaluation.report.claims import Table
 from retrolidar_ros.detector import METHODS
 
 TITLE = 'Where methods break'
@@ -103,23 +102,6 @@ def breaking_point(found: dict[str, Any]) -> str:
     if found['state'] == 'not read':
         return '×'
     return f'{">" if found["state"] == "never" else ""}{found["at"]:.3g}'
-
-
-def table(figures: dict[str, Any]) -> Table:
-    """Return where each method breaks: near, far and at the end of the reach."""
-    conditions = list(figures['harmless'])
-    kinds = list(dict.fromkeys(name.partition(', ')[2] for name in conditions))
-    rows = [['breaks at', *(f'{method}: {kind}' for kind in kinds for method in METHODS)]]
-    for panel in figures['panels']:
-        row = [f'{panel["title"]}, {panel["axis"]}']
-        for kind in kinds:
-            names = [name for name in conditions if name.partition(', ')[2] == kind]
-            row += [
-                '/'.join(breaking_point(panel['breaks'][name][method]) for name in names)
-                for method in METHODS
-            ]
-        rows.append(row)
-    return rows
 
 
 def _tolerated(panel: dict[str, Any], method: str) -> float:

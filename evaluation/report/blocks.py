@@ -60,61 +60,52 @@ def _while_moving(report: Report) -> tuple[dict[str, Any], Any]:
 def headlines(report: Report) -> str:
     """Return the table of the README: this package, the paper and an AprilTag."""
     figures, soon = report['peers'], report['time-to-id']
-    ends = {
-        (sweep, name): peers.end(figures, sweep, name)
-        for sweep in ('3 cm', '1 cm')
-        for name in ('joint', APRILTAG)
-    }
+    rows: Table = [['', 'this package', 'the paper reports', 'AprilTag of that size']]
+
+    def add(what: str, *cells: str, best: int | None = None) -> None:
+        rows.append([what, *_bold(cells, best)])
+
+    for size, paper in (('3 cm', '2.6 m'), ('1 cm', '1.3 m')):
+        ours, tags = (peers.end(figures, size, name) for name in ('joint', APRILTAG))
+        what = f'How far is a marker of {size} read, in one packet or image?'
+        best = _best(ours, tags, more_is_better=True)
+        add(
+            f'… of {size}?' if len(rows) > 1 else what,
+            as_text(ours),
+            paper,
+            as_text(tags),
+            best=best,
+        )
     several = end_of(report['reach'], '3 cm, 8 packets', 'joint')
+    add('… of 3 cm, in 8 packets?', as_text(several), NOTHING, NOTHING)
     few_s, any_s, tag_s = (
         time_to_id.at(soon, name, 1.0) for name in (REGISTERED, 'joint', APRILTAG)
     )
+    ours_s = f'{any_s}; {few_s} if only 3 IDs are in use'
+    add('How soon, at 1 m?', ours_s, f'{_PACKET} and more', tag_s, best=2)
     moving, tag = _while_moving(report)
     track = next(iter(moving.values()))
+    hertz = (track['updates_hz'], PICTURES_HZ)
+    often = [as_text(one, 'a second', 0) for one in hertz]
+    best = _best(*hertz, more_is_better=True)
+    add('How often is its position updated?', often[0], 'once a packet', often[1], best=best)
+    ways = [f'{as_text(point["all_mm"], "mm", 1)} {way}' for way, point in moving.items()]
+    tag_mm = tag and tag['rms']
+    exposed = f'{as_text(tag_mm, "mm", 1)} {next(iter(moving))}, exposed for {_EXPOSURE}'
+    what = f'How exact is its range at 1 m, moving {" or ".join(moving)} at {_MOVING_M_S:g} m/s?'
+    best = _best(track['all_mm'], tag_mm, more_is_better=False)
+    add(what, ', '.join(ways), NOTHING, exposed, best=best)
     costs = [speed_accuracy.at(report['speed-accuracy'], *of) for of in _COSTS]
     cpu_ms = [None if one is None else one['cpu_ms'] for one in costs]
-    rows: list[tuple[str, list[str], int | None]] = []
-    for size, paper in (('3 cm', '2.6 m'), ('1 cm', '1.3 m')):
-        ours, tags = (ends[size, name] for name in ('joint', APRILTAG))
-        best = _best(ours, tags, more_is_better=True)
-        what = (
-            f'How far is a marker of {size} read, in one packet or image?'
-            if not rows
-            else f'… of {size}?'
-        )
-        rows.append((what, [as_text(ours), paper, as_text(tags)], best))
-    rows.append(('… of 3 cm, in 8 packets?', [as_text(several), NOTHING, NOTHING], None))
-    rows.append(
-        (
-            'How soon, at 1 m?',
-            [f'{any_s}; {few_s} if only 3 IDs are in use', f'{_PACKET} and more', tag_s],
-            2,
-        )
-    )
-    updates = [track['updates_hz'], PICTURES_HZ]
-    cells = [as_text(updates[0], 'a second', 0), 'once a packet', f'{PICTURES_HZ:.0f} a second']
-    rows.append(('How often is its position updated?', cells, _best(*updates, more_is_better=True)))
-    errors = [track['all_mm'], tag and tag['rms']]
-    ways = [f'{as_text(point["all_mm"], "mm", 1)} {way}' for way, point in moving.items()]
-    across = next(iter(moving))
-    cells = [
-        ', '.join(ways),
-        NOTHING,
-        f'{as_text(errors[1], "mm", 1)} {across}, exposed for {_EXPOSURE}',
-    ]
-    what = f'How exact is its range at 1 m, moving {" or ".join(moving)} at {_MOVING_M_S:g} m/s?'
-    rows.append((what, cells, _best(*errors, more_is_better=False)))
-    cells = [as_text(cpu_ms[0], 'ms a second', 0), NOTHING, as_text(cpu_ms[1], 'ms a second', 0)]
-    rows.append(('Processor time, of one core?', cells, _best(*cpu_ms, more_is_better=False)))
+    texts = [as_text(one, 'ms a second', 0) for one in cpu_ms]
+    best = _best(*cpu_ms, more_is_better=False)
+    add('Processor time, of one core?', texts[0], NOTHING, texts[1], best=best)
     one = false_ids.total(report[false_ids.NAME])
     counted = f'{one["events"]} in {one["hours"]:g} h: at most {one["high"]:.2g} an hour (95 %)'
-    rows.append(
-        ('How often is an ID read where there is no marker?', [counted, '"none"', NOTHING], None)
-    )
+    add('How often is an ID read where there is no marker?', counted, '"none"', NOTHING)
     lux = peers.words(figures, 'light', APRILTAG, 1)
-    rows.append(('Does it need light?', ['no', 'no', f'yes: {lux}'], 0))
-    heads = ['', 'this package', 'the paper reports', 'AprilTag of that size']
-    return markdown([heads, *([what, *_bold(cells, best)] for what, cells, best in rows)])
+    add('Does it need light?', 'no', 'no', f'yes: {lux}', best=0)
+    return markdown(rows)
 
 
 def reach(report: Report) -> str:

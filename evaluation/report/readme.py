@@ -6,10 +6,7 @@ The report is chapters of Markdown. Those in `pages/` hold prose and no measured
 experiments made is filled into slots: `{{chart NAME}}`, `{{table NAME}}`, `{{table NAME ITEM}}` for
 another table of it, `{{run}}`, and, for cells of a table, `{{claim NAME ITEM}}`.
 
-    python3 -m evaluation.report.readme
-
-renews the figures of the README and of docs/ in the repository's root. They stand between comments
-that name them, so nobody has to copy a number by hand; the tests compare.
+In the README and in docs/ figures stand between comments that name them.
 """
 
 import json
@@ -23,7 +20,7 @@ from evaluation.report.blocks import BLOCKS, Report
 from evaluation.report.claims import Claims, markdown
 from evaluation.report.verdicts import cells
 
-PAGE = 'README.md'
+PAGE, COMMITTED = 'README.md', Path('docs/report')
 _PAGES = Path(__file__).parent / 'pages'
 _SLOT = re.compile(r'\{\{(\w+)(?: ([\w-]+))?(?: ([\w-]+))?\}\}')
 BENCHMARKS = ('bench-detector', 'bench-nodes')
@@ -86,7 +83,10 @@ def filled(text: str, report: Report) -> str:
 
 
 def write_page(directory: Path) -> Path:
-    """Write page and charts of the figures that are in a directory; return the page's path."""
+    """Write page and charts of the figures in a directory; return the page's path.
+
+    Those of the committed report are written into the documents, too.
+    """
     report = load(directory)
     for name, figures in report.items():
         save_chart(name, figures, directory)
@@ -94,17 +94,14 @@ def write_page(directory: Path) -> Path:
     path = directory / PAGE
     parts = [filled(chapter.read_text(encoding='utf-8').strip(), report) for chapter in chapters]
     path.write_text('\n\n'.join(parts) + '\n', encoding='utf-8')
+    if directory == COMMITTED:
+        report = load(directory, ALL)
+        for document in _DOCUMENTS:
+            text = renewed(document.read_text(encoding='utf-8'), report)
+            document.write_text(text, encoding='utf-8')
     return path
 
 
 def renewed(text: str, report: Report) -> str:
     """Return a document with its figures from a report; KeyError for what nothing makes."""
     return _BLOCK.sub(lambda found: found[1] + BLOCKS[found[2]](report) + found[3], text)
-
-
-if __name__ == '__main__':
-    FIGURES = load(Path('docs/report'), ALL)
-    for document in _DOCUMENTS:
-        document.write_text(
-            renewed(document.read_text(encoding='utf-8'), FIGURES), encoding='utf-8'
-        )
