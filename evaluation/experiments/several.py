@@ -38,7 +38,7 @@ ARRANGEMENTS = {
 SHARES = (1.0, 0.7, 0.5, 0.35, 0.25, 0.15, 0.1)
 """Signal of the fainter marker of two in one zone over that of the brighter."""
 WATCHED_S = 8.0
-_PAIR = {'brighter': '-', 'both': '--', 'fainter': ':'}
+_PAIR = {'brighter': '-', 'fainter': ':', 'both': '--'}
 _WAKING_S = (2.0, 2.5)
 _QUICK_TRIALS = 4
 _RECORDINGS = 2
