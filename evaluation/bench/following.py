@@ -1,6 +1,6 @@
 # Copyright 2026 retrolidar_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""Recordings in which a marker is followed, and what ends its track."""
+"""Recordings in which markers are followed: what ends a track, and two markers in one zone."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -9,13 +9,17 @@ from typing import Any
 import numpy as np
 
 from evaluation.bench.judging import Step, watch
+from evaluation.bench.places import in_mm, rms
 from evaluation.bench.recordings import HAND_DISTANCE_M, HAND_SIGNAL, Sent, record, signal_at
 from evaluation.bench.stresses import PLAIN, Stress
 from evaluation.experiments.moving import WAYS
 from retrolidar_ros.detector.likelihood_detector import LikelihoodDetector
 from retrolidar_ros.detector.methods import create_detector
 from retrolidar_ros.marker.code import BIT_PERIOD_S
-from retrolidar_ros.scene.reference import SENSOR
+from retrolidar_ros.marker.dictionary import USABLE_IDS
+from retrolidar_ros.scene import Scene, Simulation
+from retrolidar_ros.scene.description import Marker
+from retrolidar_ros.scene.reference import RESPONSE, SENSOR, walls
 from retrolidar_ros.sensor.frame import Recording
 
 _KNOWN_S = 3.0  # markers repeat so long before something happens
@@ -127,3 +131,70 @@ def known_of(measure: Measure, trials: int, rng: np.random.Generator) -> list[fl
     """Return the results of trials in which the marker was followed."""
     results = [measure(rng) for _ in range(trials)]
     return [float(one) for one in results if one is not None]
+
+
+SECONDS_S = {'from the start': (-1.3, 0.0), 'after 3 to 5 s': (3.0, 5.0)}
+"""When the second marker begins to send [s], by name."""
+_ZONE = 9
+_OFF_ZONES = 0.3  # markers are so far from the middle of the zone, at most
+_WALL_M = 0.1  # behind the first
+_SETTLED_S = 1.0
+
+
+def two_in_a_zone(
+    range_m: float, apart_m: float, begins: str, duration_s: float, rng: np.random.Generator
+) -> dict[str, Any]:
+    """Return errors of two markers, of which the second is `apart_m` farther, and their ends.
+
+    `begins` is a key of `SECONDS_S`. Errors are those of frames a second and more after the first
+    track began.
+    """
+    grid = SENSOR.grid
+    tangents = grid.tangents[_ZONE] + rng.uniform(-_OFF_ZONES, _OFF_ZONES, (2, 2)) * grid.pitch
+    ids = rng.choice(USABLE_IDS, 2, replace=False)
+    starts_s = [rng.uniform(-1.3, 0.0), rng.uniform(*SECONDS_S[begins])]
+    markers = tuple(
+        Marker(
+            id=int(one),
+            position_m=(float(z * x), float(z * y), z),
+            name=f'marker_{one}',
+            start_s=float(start_s),
+            packets=None,
+            response=RESPONSE,
+        )
+        for one, start_s, z, (x, y) in zip(
+            ids, starts_s, (range_m, range_m + apart_m), tangents, strict=True
+        )
+    )
+    scene = Scene(sensor=SENSOR, markers=markers, surfaces=walls(range_m + _WALL_M, grid))
+    detector, steps = play(Simulation(scene, rng).run(duration_s))
+    truths_m = {one.id: float(np.linalg.norm(one.position_m)) for one in markers}
+    known = [{one.id for one in step.tracks} & {*truths_m} for step in steps]
+    first = next((at for at, one in enumerate(known) if one), len(known))
+    settled = steps[first + round(_SETTLED_S / SENSOR.period_s) :]
+    errors_m = [
+        one.place.range_m - truths_m[one.id]
+        for step in settled
+        for one in step.tracks
+        if one.id in truths_m
+    ]
+    sending = max(first, round(max(starts_s[1], 0.0) / SENSOR.period_s))
+    return {
+        'errors_m': errors_m,
+        'both': [len(one) == len(truths_m) for one in known[sending:]],
+        'ends': detector.track_counts.ended,
+        'hours': len(known[first:]) * SENSOR.period_s / 3600,
+    }
+
+
+def shared_figures(runs: list[dict[str, Any]]) -> dict[str, Any]:
+    """Return the statistics of several runs of `two_in_a_zone`."""
+    errors_m = [value for one in runs for value in one['errors_m']]
+    both = [value for one in runs for value in one['both']]
+    hours = sum(one['hours'] for one in runs)
+    return {
+        'median_mm': 1e3 * float(np.median(np.abs(errors_m))) if errors_m else None,
+        'rms_mm': in_mm(rms(errors_m)),
+        'both_followed': float(np.mean(both)) if both else None,
+        'ends_an_hour': sum(one['ends'] for one in runs) / hours if hours else None,
+    }

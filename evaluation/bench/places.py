@@ -154,6 +154,11 @@ def rms(values: ArrayLike) -> float | None:
     return float(np.sqrt(np.mean(np.square(values)))) if np.size(values) else None
 
 
+def in_mm(value_m: float | None) -> float | None:
+    """Return a length in millimetres, None if there is none."""
+    return None if value_m is None else 1e3 * value_m
+
+
 def held(squared_distances: ArrayLike) -> Rate | None:
     """Return in how many places the truth is within the 95 % ellipsoid; None without any."""
     squared = np.asarray(squared_distances)

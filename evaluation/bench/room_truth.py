@@ -24,7 +24,7 @@ from retrolidar_ros.sensor.model import VL53L8CX
 
 COMPANY = ('alone', 'beside', 'shared')
 """No other sends nearby; one does in a zone next to it; one does in its best zone."""
-FAINT, MIDDLING, BRIGHT = SIGNALS = ('faint', 'middling', 'bright')
+SIGNALS = ('faint', 'middling', 'bright')
 BRIGHT_DB = (6.0, 14.0)
 """c over sigma from which a packet is middling, and bright: 6 dB above what one can be read at."""
 NEAR_ZONES = 1.5

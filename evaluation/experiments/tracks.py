@@ -7,10 +7,9 @@ from typing import Any
 
 import numpy as np
 
-from evaluation.bench.following import play
-from evaluation.bench.places import held, place_error, rms
+from evaluation.bench.following import SECONDS_S, play, shared_figures, two_in_a_zone
+from evaluation.bench.places import held, in_mm, place_error, rms
 from evaluation.bench.recordings import record, signal_at
-from evaluation.bench.shared_zone import SECONDS_S, sum_of, two_in_a_zone
 from evaluation.bench.stresses import PLAIN
 from evaluation.experiments.moving import WAYS
 from evaluation.peers.camera import Background
@@ -66,17 +65,12 @@ def _sum(runs: Sequence[dict[str, Any]]) -> dict[str, Any]:
         return [value for one in runs for value in one[name]]
 
     return {
-        **{f'{name}_mm': _mm(joined(name)) for name in ('packets', 'bright', 'all')},
+        **{f'{name}_mm': in_mm(rms(joined(name))) for name in ('packets', 'bright', 'all')},
         'pull': rms(joined('pull')),
         'ellipsoid_holds': held(joined('squared')),
         'followed': float(np.mean([one['followed'] for one in runs])),
         'updates_hz': float(np.mean([one['updates_hz'] for one in runs])),
     }
-
-
-def _mm(errors_m: list[float]) -> float | None:
-    value = rms(errors_m)
-    return None if value is None else 1e3 * value
 
 
 def run(rng: np.random.Generator, *, quick: bool) -> dict[str, Any]:
@@ -94,7 +88,7 @@ def run(rng: np.random.Generator, *, quick: bool) -> dict[str, Any]:
         {
             'apart_m': apart_m,
             'begins': begins,
-            **sum_of(
+            **shared_figures(
                 [two_in_a_zone(RANGES_M[0], apart_m, begins, DURATION_S, rng) for _ in range(runs)]
             ),
         }

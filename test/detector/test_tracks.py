@@ -15,8 +15,8 @@ from harness_detector import ID, OTHER_ID, a_scene, repeating, simulate
 from harness_firmware import need
 from numpy.typing import NDArray
 
+from evaluation.bench.following import two_in_a_zone
 from evaluation.bench.recordings import record, signal_at
-from evaluation.bench.shared_zone import two_in_a_zone
 from evaluation.bench.stresses import PLAIN
 from evaluation.experiments.moving import WAYS
 from retrolidar_ros import core
