@@ -114,7 +114,7 @@ def _message(figures: dict[str, Any]) -> str:
     # Of the rounded ends in the table, so that they agree.
     genie, searched, accepted = (round(100 * one) for one in (genie, searched, accepted))
     known, tests = (f'{lost} cm' for lost in (genie - searched, searched - accepted))
-    return f'Not to know start, clock, gain and offset costs {known} of reach, the tests {tests}'
+    return f'The search for start, clock, gain and offset costs {known} of reach, the tests {tests}'
 
 
 def draw(figures: dict[str, Any]) -> Any:

@@ -130,8 +130,8 @@ def _message(figures: dict[str, Any]) -> str:
     row = max(figures['faster'], key=lambda one: one['joint']['off_mm'] or 0.0)
     packets, tracks = (as_text(row['joint'][name], 'mm', 0) for name in ('off_mm', 'followed_mm'))
     return (
-        f'At {row["speed_m_s"]:g} m/s, the worst speed, a drone is {packets} from where its last '
-        f'packet was, and {tracks} from its track (medians)'
+        f'At {row["speed_m_s"]:g} m/s, the worst speed, a drone is {packets} from its last packet, '
+        f'and {tracks} from its track (medians)'
     )
 
 

@@ -211,7 +211,7 @@ def _message(figures: dict[str, Any]) -> str:
     corners = [row for row in figures['places'] if row['places'] == len(hand.CORNERS)]
     side_m = max(row['side_m'] for row in corners)
     worst_mm = max(row['median_mm'] for row in corners if row['side_m'] == side_m)
-    words = f'Looks from four places {side_m:g} m apart place objects to {worst_mm:.0f} mm'
+    words = f'Four places {side_m:g} m apart place objects to {worst_mm:.0f} mm'
     # The farthest object by kind, and by whether TF is off.
     farthest = sorted(figures['tags'], key=lambda row: float(row['range_m']))
     far_mm = {(row['kind'], bool(row['pose_m'])): row['median_mm'] for row in farthest}

@@ -137,8 +137,8 @@ def _message(figures: dict[str, Any]) -> str:
     hourly_m = float(np.interp(AMPLIFIER_HZ, figures['bandwidths_hz'], figures['safe_m']))
     lives = _days(figures['once_an_hour_h']['prototype'])
     return (
-        f"With the paper's guard a marker wakes to {wakes} indoors, for one false wake-up an hour "
-        f'to {hourly_m:.1f} m; it lives {lives} with a packet an hour'
+        f"With the paper's guard a marker wakes to {wakes} indoors, with one false wake-up an hour "
+        f'to {hourly_m:.1f} m; with a packet an hour its battery lasts {lives}'
     )
 
 

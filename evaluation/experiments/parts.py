@@ -20,7 +20,7 @@ from evaluation.experiments.false_ids import revision
 from evaluation.report.chart_style import SHADES, WRONG_COLOUR, new_chart
 from evaluation.report.claims import Table
 
-TITLE = 'What each part buys'
+TITLE = 'What each part gains'
 SIGMAS = 3.0  # of the change by chance; a larger one counts
 _WORST = 10.0  # percent lost, or wrong IDs more, that are coloured most
 FAMILIES = {
@@ -119,13 +119,13 @@ class Row(NamedTuple):
     lines: int  # of code less
 
     @property
-    def buys(self) -> bool:
+    def gains(self) -> bool:
         """Whether anything is worse without it, beyond chance."""
         return max(self.sigmas.values()) > SIGMAS
 
 
 def _rows(figures: dict[str, Any]) -> list[Row]:
-    """Return all parts, what buys most first, and of those that buy nothing the slowest."""
+    """Return all parts, those that gain most first, and of those that gain nothing the slowest."""
 
     def percent(row: dict[str, Any], name: str) -> float:
         if name not in FAMILIES:
@@ -147,7 +147,7 @@ def _rows(figures: dict[str, Any]) -> list[Row]:
 
     def order(one: Row) -> tuple[bool, float]:
         worse = [one.lost[name] for name in _HEADS if one.sigmas[name] > SIGMAS]
-        return (not one.buys, -sum(worse) if one.buys else -one.time)
+        return (not one.gains, -sum(worse) if one.gains else -one.time)
 
     return sorted(parts, key=order)
 
@@ -161,18 +161,18 @@ def _text(name: str, value: float) -> str:
 def table(figures: dict[str, Any]) -> Table:
     """Return all figures, a row for each part; in brackets, in deviations of chance."""
     heads = [head.replace('\n', ' ') for head in _HEADS.values()]
-    rows = [['without', *heads, 'time [%]', 'lines', 'buys']]
+    rows = [['without', *heads, 'time [%]', 'lines', 'gains']]
     for one in _rows(figures):
         cells = [f'{_text(name, one.lost[name])} ({one.sigmas[name]:+.1f})' for name in _HEADS]
-        saved = [f'{-one.time:+.0f}', f'{-one.lines:+d}', 'yes' if one.buys else '']
+        saved = [f'{-one.time:+.0f}', f'{-one.lines:+d}', 'yes' if one.gains else '']
         rows.append([one.name, *cells, *saved])
     return rows
 
 
 def _message(parts: Sequence[Row]) -> str:
-    buys = [one for one in parts if one.buys]
-    rest = f'{len(buys)} of {len(parts)} parts, or sets of them, buy more than chance would'
-    return f'{rest}; most: {buys[0].name}' if buys else rest
+    gaining = [one for one in parts if one.gains]
+    rest = f'{len(gaining)} of {len(parts)} parts, or sets of them, gain more than by chance'
+    return f'{rest}; most: {gaining[0].name}' if gaining else rest
 
 
 def draw(figures: dict[str, Any]) -> Any:
@@ -199,9 +199,9 @@ def draw(figures: dict[str, Any]) -> Any:
             x = len(_HEADS) + last
             text = f'{number:+.0f}'.replace('-', '\N{MINUS SIGN}') if round(number) else '·'
             axis.text(x, y, text, color='0.6' if grey else 'black', **how)
-    buying = sum(one.buys for one in parts)
-    if buying:
-        axis.axhline(buying - 0.5, color='black', linewidth=1)
+    count = sum(one.gains for one in parts)
+    if count:
+        axis.axhline(count - 0.5, color='black', linewidth=1)
     for border in (len(FAMILIES) - 0.5, len(_HEADS) - 0.5):
         axis.axvline(border, color='0.8', linewidth=0.8)
     axis.set(xlim=(-0.5, columns - 0.5), ylim=(len(parts) - 0.5, -0.5))
@@ -212,7 +212,7 @@ def draw(figures: dict[str, Any]) -> Any:
     figure.supxlabel(
         'What changes without it: packets lost [%], first ID later [%], IDs more.\n'
         f'Bold: beyond {SIGMAS:g}\N{GREEK SMALL LETTER SIGMA} of chance; on grey: better without.\n'
-        'Those below the line buy nothing that shows in these scenes.',
+        'Those below the line gain nothing that shows in these scenes.',
         fontsize=10,
     )
     return figure

@@ -180,8 +180,8 @@ def _message(figures: dict[str, Any]) -> str:
     packets, tracks = (as_text(point[name], 'mm', 0) for name in ('packets_mm', 'all_mm'))
     speed = f'{point["speed_m_s"]:g} m/s'
     return (
-        f'Who follows a marker that goes to and fro at {speed} knows its range to {tracks}; '
-        f'a packet is {packets} off'
+        f'To and fro at {speed}, the range of a track is {tracks} off (rms), '
+        f'that of a packet {packets}'
     )
 
 
