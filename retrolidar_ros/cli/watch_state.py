@@ -16,10 +16,10 @@ import numpy as np
 from retrolidar_ros.cli.watch_view import LastReading, Snapshot
 from retrolidar_ros.detector import Detection
 from retrolidar_ros.detector.agreement import Agreement
-from retrolidar_ros.detector.blinking import BitReader, Samples, modulation_db
-from retrolidar_ros.detector.blinking_zones import BLINKING_DB
+from retrolidar_ros.detector.blinking_zones import BLINKING_DB, Samples, modulation_db
 from retrolidar_ros.detector.frame_monitor import FrameMonitor
 from retrolidar_ros.detector.likelihood_detector import LikelihoodDetector
+from retrolidar_ros.detector.newest_bits import BitReader
 from retrolidar_ros.detector.parameters import detector_of, known_markers, noise_of
 from retrolidar_ros.detector.tracks import Track
 from retrolidar_ros.marker.code import PACKET_BITS

@@ -13,9 +13,9 @@ from typing import NamedTuple
 import numpy as np
 
 from retrolidar_ros.detector import Detection
-from retrolidar_ros.detector.blinking import NewestBits
 from retrolidar_ros.detector.budget import Demands
 from retrolidar_ros.detector.likelihood_detector import Candidate, Reason
+from retrolidar_ros.detector.newest_bits import NewestBits
 from retrolidar_ros.detector.tracks import Track
 from retrolidar_ros.marker.code import ID_BITS, PACKET_BITS, PREAMBLE
 from retrolidar_ros.sensor.frame import Floats, Frame

@@ -54,20 +54,20 @@ class Cause(Enum):
         'light flickers'
     )
     NO_ID = (
-        'zone {zone} blinks by {blinks_db:.0f} dB, but no ID fits (tried bits of {tried} ms). Several '
-        'markers in the zone? Set registered_ids. Too faint? Go nearer. Else check the code'
+        'zone {zone} blinks by {blinks_db:.0f} dB, but no ID fits (tried bits of {tried} ms). '
+        'Several markers in the zone? Set registered_ids. Too faint? Go nearer. Else check the code'
     )
     NOISE = (
         'noise is {scale:.2g} times the configured value: let `retrolidar calibrate` find '
         'noise_floor, noise_slope and noise_ambient'
     )
     GLASS = (
-        'zone {zones} sees something nearer than {nearer_cm:.0f} cm, such as a cover glass: what is '
-        'fainter is not seen behind it; take it off or clean it'
+        'zone {zones} sees something nearer than {nearer_cm:.0f} cm, such as a cover glass: what '
+        'is fainter is not seen behind it; take it off or clean it'
     )
     INVALID = (
-        'zone {zones} gives mostly invalid samples, as of status {status}: shade it from the sun, clean '
-        'the window, and let something be within reach'
+        'zone {zones} gives mostly invalid samples, as of status {status}: shade it from the sun, '
+        'clean the window, and let something be within reach'
     )
     FLICKER = (
         'the ambient light flickers from frame to frame: another sensor shines into the view, or a '

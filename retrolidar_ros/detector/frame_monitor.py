@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from retrolidar_ros.detector.blinking import Samples, modulation_db
+from retrolidar_ros.detector.blinking_zones import Samples, modulation_db
 from retrolidar_ros.detector.detection import Detection
 from retrolidar_ros.detector.explain import Explanation, rate_finding
 from retrolidar_ros.detector.findings import Cause, Finding
@@ -60,8 +60,9 @@ class FrameMonitor:
         self._looked_ns = self._looks = 0
         self._zone: int | None = None  # the zone that blinks and is not read,
         self._why: Iterator[Finding | None] = iter(())  # its trials to come,
-        self._finding: Finding | None = None  # what they have found,
-        self._until_ns = 0  # and until when it holds, even if the zone is read now and then
+        self._found: Finding | None = None  # what they have found,
+        self._until_ns = 0  # until when that holds, even if the zone is read now and then,
+        self._finding: Finding | None = None  # and what is told of it
 
     def take(self, frame: Frame, max_lost: int | None = None) -> bool:
         """Count a frame; return whether it is a new one.
@@ -124,7 +125,7 @@ class FrameMonitor:
         if self._zone is not None and waited_s[self._zone] >= _PATIENCE_S:
             self._until_ns = now_ns + _REMEMBERED_NS
         elif not 0 <= self._until_ns - now_ns <= _REMEMBERED_NS:
-            self._zone, self._finding, self._looks = None, None, 0
+            self._zone, self._found, self._finding, self._looks = None, None, None, 0
         if self._zone is None:
             if waited_s.max() < _PATIENCE_S:
                 return
@@ -136,8 +137,9 @@ class FrameMonitor:
             self._zone, self._why = zone.zone, explanation.why(zone)
             self._until_ns = now_ns + _REMEMBERED_NS
         self._looks += 1
-        self._finding = next(self._why, self._finding)
-        if self._finding and self._finding.cause is not Cause.BIT_PERIOD:
-            is_early = waited_s[self._zone] < _PACKETS * PACKET_BITS * values['bit_period']
-            if is_early or registered(values, known):
-                self._zone = self._finding = None  # look again, at more frames
+        self._found = next(self._why, self._found)
+        is_early = waited_s[self._zone] < _PACKETS * PACKET_BITS * values['bit_period']
+        is_told = self._found and self._found.cause is Cause.BIT_PERIOD
+        self._finding = (
+            self._found if is_told or not (is_early or registered(values, known)) else None
+        )

@@ -12,7 +12,8 @@ from harness_wire import make_frame
 
 from retrolidar_ros.cli.watch_state import Watch
 from retrolidar_ros.cli.watch_view import line, screen
-from retrolidar_ros.detector.blinking import BitReader, Samples, modulation_db
+from retrolidar_ros.detector.blinking_zones import Samples, modulation_db
+from retrolidar_ros.detector.newest_bits import BitReader
 from retrolidar_ros.detector.parameters import defaults
 from retrolidar_ros.marker.code import BIT_PERIOD_S, packet
 from retrolidar_ros.scene import Scene, Simulation

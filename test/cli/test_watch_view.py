@@ -21,7 +21,7 @@ from retrolidar_ros.cli.watch_view import (
     line,
     screen,
 )
-from retrolidar_ros.detector.blinking import NewestBits
+from retrolidar_ros.detector.newest_bits import NewestBits
 from retrolidar_ros.marker.code import PACKET_BITS, packet
 from retrolidar_ros.scene import Simulation
 from retrolidar_ros.sensor.frame import ZoneGrid

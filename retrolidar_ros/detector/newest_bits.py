@@ -1,6 +1,6 @@
 # Copyright 2026 retrolidar_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""Modulation of every zone, and the newest bits of one zone, before any detection."""
+"""The newest bits of one zone, before any detection."""
 
 from __future__ import annotations
 
@@ -10,8 +10,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from retrolidar_ros.marker.code import IDS, PACKET_BITS, RESERVED_IDS, packet
-from retrolidar_ros.sensor.frame import Floats, Recording, valid_samples
+from retrolidar_ros.detector.blinking_zones import Samples
+from retrolidar_ros.marker.code import PACKET_BITS, packet
+from retrolidar_ros.marker.dictionary import USABLE_IDS
+from retrolidar_ros.sensor.frame import Floats
 from retrolidar_ros.sensor.noise import NoiseLaw
 
 # Alignments of bits that are tried: end of the last bit, and clock error.
@@ -19,55 +21,6 @@ _PHASES = np.arange(8) / 8
 _CLOCKS = 1 + 0.007 * np.arange(-4, 5)
 # Minimum number of valid samples of a bit, of two; with fewer it is erased.
 _MIN_VALID = 0.5
-# Iterations of the level between dark and bright.
-_ROUNDS = 5
-
-
-class Samples(NamedTuple):
-    """The newest samples of all zones, oldest first."""
-
-    begin_s: Floats
-    """Begin of each exposure since the first [s], shape (samples,)."""
-    end_s: Floats
-    """End of each exposure [s], shape (samples,)."""
-    signal: Floats
-    """[kcps/SPAD]; 0 of an erasure; shape (samples, zones)."""
-    valid: NDArray[np.bool_]
-    """Which are valid, shape (samples, zones)."""
-
-    @classmethod
-    def of(cls, recording: Recording) -> Samples:
-        """Return the samples of at least two frames; an exposure lasts a frame period."""
-        time_s = (recording.stamp_ns - recording.stamp_ns[0]) * 1e-9
-        half_s = float(np.median(np.diff(time_s))) / 2
-        valid, _ = valid_samples(recording.signal, recording.distance, recording.status)
-        return cls(
-            begin_s=time_s - half_s,
-            end_s=time_s + half_s,
-            signal=np.where(valid, recording.signal, 0.0),
-            valid=valid,
-        )
-
-
-def modulation_db(samples: Samples, law: NoiseLaw) -> Floats:
-    """Return the variation of zones beyond noise, as the SNR of a marker that would cause it.
-
-    Half of a marker's bits are dark, so an amplitude of c makes a variance of c²/4. A passing hand
-    makes one, too.
-
-    Returns
-    -------
-    array, shape (zones,)
-        20 log10 of amplitude over the noise's standard deviation [dB]; -inf for noise alone.
-    """
-    count = np.maximum(samples.valid.sum(axis=0), 1)
-    mean = samples.signal.sum(axis=0) / count
-    deviation = (samples.signal - mean) * samples.valid
-    noise = law.variance(mean)
-    excess = np.maximum((deviation * deviation).sum(axis=0) / count - noise, 0.0)
-    with np.errstate(divide='ignore'):
-        decibels: Floats = 10 * np.log10(4 * excess / noise)
-    return decibels
 
 
 class NewestBits(NamedTuple):
@@ -76,9 +29,9 @@ class NewestBits(NamedTuple):
     signal: Floats
     """Mean of each bit [kcps/SPAD], NaN where it was erased, shape (31,)."""
     dark: float
-    """Level of dark bits [kcps/SPAD]."""
+    """Mean of the bits that are dark in that packet [kcps/SPAD]."""
     bright: float
-    """Level of bright bits [kcps/SPAD]."""
+    """Mean of those that are bright in it [kcps/SPAD]."""
     snr_db: float
     """Amplitude over the noise of a sample, by these levels and the noise law [dB]."""
     id: int
@@ -117,27 +70,26 @@ class BitReader:
     def __init__(self, bit_period_s: float) -> None:
         """Expect bits of about `bit_period_s` [s]."""
         self._bit_s = bit_period_s
-        self._ids = np.setdiff1d(np.arange(IDS), RESERVED_IDS)
-        self._light = 1.0 - packet(self._ids)
+        self._light = 1.0 - packet(USABLE_IDS)
 
     def read(self, samples: Samples, zone: int, law: NoiseLaw) -> NewestBits | None:
         """Return the last bits of a zone; None if they are too few, or all alike."""
         signal = self._aligned(samples, zone)
         known = ~np.isnan(signal)
-        if np.count_nonzero(known) < PACKET_BITS // 2:
+        if np.count_nonzero(known) < PACKET_BITS // 2 or not np.ptp(signal[known]):
             return None
-        dark, bright = _levels(signal[known])
-        if not bright > dark:
-            return None
-        noise = float(law.variance(np.asarray((dark + bright) / 2)))
         correlation = self._correlations(signal)
         first, nearest = np.unravel_index(correlation.argmax(), correlation.shape)
+        is_bright = np.roll(self._light[nearest], -first) == 1
+        dark = float(signal[known & ~is_bright].mean())
+        bright = float(signal[known & is_bright].mean())
+        noise = float(law.variance(np.asarray((dark + bright) / 2)))
         return NewestBits(
             signal=signal,
             dark=dark,
             bright=bright,
             snr_db=20 * math.log10((bright - dark) / math.sqrt(noise)),
-            id=int(self._ids[nearest]),
+            id=int(USABLE_IDS[nearest]),
             correlation=float(correlation.max()),
             first=int(first),
         )
@@ -176,14 +128,3 @@ class BitReader:
         power = np.sqrt(np.maximum(energy, 1e-9) * (change @ change))
         correlation: Floats = turned @ self._light.T / power
         return correlation
-
-
-def _levels(signal: Floats) -> tuple[float, float]:
-    """Return the means of the darker and of the brighter ones of signals (bits,)."""
-    dark, bright = float(signal.min()), float(signal.max())
-    for _ in range(_ROUNDS):
-        is_bright = signal > (dark + bright) / 2
-        if is_bright.all() or not is_bright.any():
-            break
-        dark, bright = float(signal[~is_bright].mean()), float(signal[is_bright].mean())
-    return dark, bright
