@@ -21,7 +21,7 @@ from retrolidar_ros.sensor.frame import Frame, Recording
 from retrolidar_ros.sensor.frame_rate import missing_frames
 from retrolidar_ros.sensor.noise import NoiseLaw
 from retrolidar_ros.sensor.protocols import PROTOCOLS
-from retrolidar_ros.sensor.serial_source import BackgroundReading, SerialSource
+from retrolidar_ros.sensor.serial_source import SerialSource, in_background
 from retrolidar_ros.settings.interrupts import termination_noted
 from retrolidar_ros.settings.parameter import declared
 
@@ -104,20 +104,17 @@ def run(arguments: argparse.Namespace) -> int:
     with (
         termination_noted() as requested,
         writer as bag,
-        BackgroundReading.of(source, say) as reading,
+        in_background(source, say) as take_until,
     ):
         while (now_s := time.monotonic()) < end_s and not requested.is_set():
             if now_s >= due_s:
                 say(progress.line(now_s - begin_s, _PROGRESS_S + now_s - due_s))
                 due_s = now_s + _PROGRESS_S
-            if (arrival := reading.take_until(min(due_s, end_s))) is None:
-                continue
-            for frame in arrival.frames:
-                stamp_ns = clock.map(frame.sensor_time_us, arrival.time_ns)
-                bag.write(replace(frame, stamp_ns=stamp_ns), arrival.time_ns)
+            frames, arrival_ns = take_until(min(due_s, end_s)) or ([], 0)
+            for frame in frames:
+                stamp_ns = clock.map(frame.sensor_time_us, arrival_ns)
+                bag.write(replace(frame, stamp_ns=stamp_ns), arrival_ns)
                 progress.take(frame)
-            if arrival.notice:
-                say(arrival.notice)
     if not progress.frames:
         shutil.rmtree(made[-1])
         print(f'no frame came; {output} was not kept')

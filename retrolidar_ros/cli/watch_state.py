@@ -4,7 +4,6 @@
 
 from __future__ import annotations
 
-import math
 import time
 from collections import Counter, deque
 from collections.abc import Mapping
@@ -32,8 +31,6 @@ _KEPT_BITS = PACKET_BITS + 3
 _RATE_S = 2.0
 """Over which frames are counted for their rate."""
 _SILENCE_S = 1.0
-_NOTICE_S = 30.0
-"""How long a notice of the reader stays, unless there is worse."""
 # Another zone has to blink by so much more than that which is shown.
 _MORE_DB = 3.0
 
@@ -68,7 +65,6 @@ class Watch:
         self._tracks: dict[int, Track] = {}
         self._times: Counter[int] = Counter()
         self._heard_s = time.monotonic()
-        self._notice, self._noticed_s = '', -math.inf
         self._tallies = deque([_Tally(self._heard_s, 0, 0, source.received)])
 
     @property
@@ -76,8 +72,8 @@ class Watch:
         """How many frames have come."""
         return self._monitor.frames if self._monitor else 0
 
-    def take(self, frames: list[Frame], arrival_ns: int, notice: str = '') -> None:
-        """Take frames that arrived together, and the messages of the reader then.
+    def take(self, frames: list[Frame], arrival_ns: int) -> None:
+        """Take frames that arrived together.
 
         Raises
         ------
@@ -88,8 +84,6 @@ class Watch:
             stamp_ns = self._clock.map(frame.sensor_time_us, arrival_ns)
             self._take(replace(frame, stamp_ns=stamp_ns))
         self._heard_s = arrival_ns * 1e-9
-        if notice:
-            self._notice, self._noticed_s = notice, self._heard_s
 
     def _take(self, frame: Frame) -> None:
         grid = frame.grid
@@ -151,8 +145,6 @@ class Watch:
             return f'{now.received.silence(then.received)} ({silence_s:.0f} s)'
         if now.restarts - then.restarts > 1:
             return "the sensor's clock jumps again and again; are its times in microseconds?"
-        if now.time_s - self._noticed_s < _NOTICE_S:
-            return self._notice
         if self._monitor is None:
             return ''
         hint = self._monitor.rate(self._bit_s) or self._monitor.unread(self._values, self._known)

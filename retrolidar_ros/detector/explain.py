@@ -216,7 +216,8 @@ def rate_finding(frame_s: float, bit_s: float) -> Finding | None:
     frames = bit_s / frame_s
     if FRAMES_A_BIT[0] <= frames <= FRAMES_A_BIT[1]:
         return None
-    return finding(Cause.FRAME_RATE, frame_ms=1e3 * frame_s, bit_ms=1e3 * bit_s, frames=frames)
+    values = {'frame_ms': 1e3 * frame_s, 'bit_ms': 1e3 * bit_s, 'two_s': 2 * frame_s}
+    return finding(Cause.FRAME_RATE, frames=frames, **values)
 
 
 def _bit_period(zone: BlinkingZone, read: Trial, bit_s: float) -> Finding:

@@ -172,13 +172,8 @@ class DriverNode(LifecycleNode):
             else:
                 self.get_logger().warning(line)
 
-        def publish(frames: list[Frame], arrival_ns: int) -> None:
-            self._publish(frames, arrival_ns)
-            if notice := source.reader.notice():
-                self.get_logger().warning(notice)
-
         try:
-            source.run(publish, report, self._stop)
+            source.run(self._publish, report, self._stop)
         except Exception as error:
             # If another node of the process fails, the publisher becomes invalid.
             if rclpy.ok():

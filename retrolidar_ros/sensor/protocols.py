@@ -33,9 +33,6 @@ class Reader(Protocol):
     def request(self) -> bytes:
         """Return bytes to send to the sensor now; mostly none."""
 
-    def notice(self) -> str:
-        """Return a new warning for the user; mostly none."""
-
 
 PROTOCOLS: dict[str, Callable[[Callable[[], int]], Reader]] = {
     'retrolidar': lambda _: FrameReader(),
