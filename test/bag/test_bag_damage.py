@@ -11,7 +11,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-import yaml
 from harness_bags import (
     FRAME_ID,
     SUFFIXES,
@@ -108,7 +107,7 @@ def test_a_damaged_chunk_ends_the_frames(tmp_path: Path, compression: str) -> No
     # Somewhere in a chunk, and in the uncompressed size of the first.
     for place, where, least, most in (
         (len(whole) // 2, '', 81, 100),
-        (first + 25, first + 9, 0, 20),
+        (first + 25, first, 0, 20),
     ):
         data = bytearray(whole)
         data[place] ^= 0x10
@@ -157,11 +156,7 @@ def test_damaged_metadata_costs_no_frames(tmp_path: Path, storage: Storage) -> N
     write_bag(tmp_path / 'bag', frames, storage)
     metadata = tmp_path / 'bag' / 'metadata.yaml'
     text = metadata.read_bytes()
-    twice = yaml.safe_load(text)
-    twice['rosbag2_bagfile_information']['relative_file_paths'] *= 2
-    damaged = [text[:size] for size in range(0, text.index(b'version'), 97)]
-    damaged += [yaml.safe_dump(twice).encode(), bytes(200), b'\xff\xfe', b'- 1', b'text', b'a: {']
-    for content in damaged:
+    for content in (b'', text[:97], bytes(200), b'\xff\xfe', b'- 1', b'text', b'a: {'):
         metadata.write_bytes(content)
         assert assert_good_until(tmp_path / 'bag', frames, 'metadata.yaml is damaged') == 20
     metadata.unlink()
