@@ -37,12 +37,12 @@ _ZSTD = 'compression.zstd' if sys.version_info >= (3, 14) else 'backports.zstd'
 def decompress_file(file: Path, plain: Path) -> DamageError | None:
     """Decompress as much of a file as can be, and as may be; return what is wrong with the rest."""
     zstd = _library(_ZSTD)
-    most = max(_MAX_RATIO * file.stat().st_size, MAX_BYTES // 4)
+    max_bytes = max(_MAX_RATIO * file.stat().st_size, MAX_BYTES // 4)
     with zstd.open(file) as source, plain.open('wb') as target:
         try:
             while piece := source.read(_PIECE_BYTES):
-                if target.tell() + len(piece) > most:
-                    return DamageError(f'it unpacks to more than {most} bytes')
+                if target.tell() + len(piece) > max_bytes:
+                    return DamageError(f'it unpacks to more than {max_bytes} bytes')
                 target.write(piece)
         except (zstd.ZstdError, EOFError) as error:
             return DamageError(str(error))

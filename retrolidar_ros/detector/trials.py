@@ -80,12 +80,12 @@ def candidates(clocks_s: Iterable[float], frame_s: float) -> list[float]:
 
     Bits of one frame show none, or any.
     """
-    least_s, most_s = (frames * frame_s for frames in FRAMES_A_BIT)
+    min_s, max_s = (frames * frame_s for frames in FRAMES_A_BIT)
     found: list[float] = []
     for clock_s in clocks_s:
         alias_s = frame_s / (1 - frame_s / clock_s) if clock_s > frame_s else clock_s
         for one in (clock_s, alias_s):
-            if least_s <= one <= most_s and not is_among(one, found):
+            if min_s <= one <= max_s and not is_among(one, found):
                 found.append(one)
     return found if not found or is_among(frame_s, found) else [*found, frame_s]
 

@@ -159,7 +159,7 @@ class DriverNode(LifecycleNode):
         return int(self.get_clock().now().nanoseconds)
 
     def _change(self, values: dict[str, Any]) -> None:
-        self._clock_map.set_least_delay(values['transport_delay'])
+        self._clock_map.set_min_delay(values['transport_delay'])
         self._values = values
 
     def _read(self, source: SerialSource) -> None:

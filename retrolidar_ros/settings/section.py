@@ -166,9 +166,9 @@ def each(parse: Parser[T]) -> Parser[tuple[T, ...]]:
     return parse_all
 
 
-def place(most_m: float = _LARGEST) -> Parser[Triple]:
+def place(max_m: float = _LARGEST) -> Parser[Triple]:
     """Return a parser of x, y and z within limits [m]."""
-    lengths = each(quantity('length', -most_m, most_m))
+    lengths = each(quantity('length', -max_m, max_m))
 
     def parse(value: Any, path: str) -> Triple:
         found = lengths(value, path)

@@ -29,7 +29,8 @@ class _CarefulLoader(yaml.SafeLoader):
 
     def compose_node(self, parent: yaml.Node | None, index: Any) -> yaml.Node | None:
         if self.check_event(yaml.AliasEvent):
-            mark = self.peek_event().start_mark
+            loader: Any = self
+            mark = loader.peek_event().start_mark
             raise yaml.composer.ComposerError(None, None, 'aliases are not read', mark)
         node: yaml.Node | None = super().compose_node(parent, index)
         return node
