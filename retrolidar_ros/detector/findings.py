@@ -19,8 +19,8 @@ class Cause(Enum):
     STAMPS = 'the stamps of the frames stand still: record again with a clock that runs'
     FRAME_RATE = (
         'a frame comes every {frame_ms:.1f} ms, but bit_period is {bit_ms:.1f} ms: {frames:.1f} '
-        'frames, and not one to eight. Let the markers hold a bit for two frames and set '
-        'bit_period to {two_s:.3f}, or let the sensor measure at another rate'
+        'frames, and not one to eight. Let the markers hold a bit for two frames (bit_period '
+        '{two_s:.3f}), or let the sensor measure at another rate'
     )
     SHORT_BITS = (
         'bits of {bit_ms:.1f} ms last {frames:.1f} frames: two are read farther. Let the sensor '

@@ -41,7 +41,6 @@ def test_a_still_scene_before_st_s_example_does_not_blink(capsys: Output) -> Non
             printing.join()
     last = capsys.readouterr().out.splitlines()[-1]
     assert int(re.findall(r'(\d+) frames,', last)[0]) > 10
-    assert "ST's example sends a frame every" in last
     assert last.endswith('no zone blinks')
 
 
