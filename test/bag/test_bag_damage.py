@@ -5,7 +5,6 @@
 import os
 import random
 import sqlite3
-from io import BytesIO
 from pathlib import Path
 from typing import Any
 
@@ -113,21 +112,6 @@ def test_a_damaged_chunk_ends_the_frames(tmp_path: Path, compression: str) -> No
         data[place] ^= 0x10
         file.write_bytes(data)
         assert least <= assert_good_until(file, frames, f'the record at byte {where}') <= most
-
-
-def test_a_disk_error_ends_frames(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    class FailingDisk(BytesIO):
-        def read(self, size: int | None = -1) -> bytes:
-            if size is not None and size > 1000 and self.tell() > len(data) // 2:
-                raise OSError('Input/output error')
-            return super().read(size)
-
-    frames = make_frames(200)
-    data = mcap_file(frames)
-    file = tmp_path / 'a.mcap'
-    file.write_bytes(data)
-    monkeypatch.setattr(Path, 'open', lambda *_: FailingDisk(data))
-    assert 80 < assert_good_until(file, frames, 'Input/output error') < 120
 
 
 @both_storages
