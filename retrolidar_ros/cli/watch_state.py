@@ -18,7 +18,7 @@ from retrolidar_ros.detector.agreement import Agreement
 from retrolidar_ros.detector.blinking_zones import BLINKING_DB, Samples, modulation_db
 from retrolidar_ros.detector.frame_monitor import FrameMonitor
 from retrolidar_ros.detector.likelihood_detector import LikelihoodDetector
-from retrolidar_ros.detector.newest_bits import BitReader
+from retrolidar_ros.detector.newest_bits import newest_bits
 from retrolidar_ros.detector.parameters import detector_of, known_markers, noise_of
 from retrolidar_ros.detector.tracks import Track
 from retrolidar_ros.marker.code import PACKET_BITS
@@ -57,7 +57,6 @@ class Watch:
         self._values, self._known = values, known_markers(values)
         self._bit_s = values['bit_period']
         self._clock = ClockMap()
-        self._bits = BitReader(self._bit_s)
         self._detector: LikelihoodDetector | None = None
         self._agreement = Agreement(values['min_readings'])
         self._monitor: FrameMonitor | None = None
@@ -187,7 +186,7 @@ class Watch:
             frame=newest,
             modulation_db=blinking,
             zone=zone,
-            bits=None if zone is None else self._bits.read(samples, zone, law),
+            bits=None if zone is None else newest_bits(samples, zone, self._bit_s),
             readings=readings,
             rejected=detector.counts.rejected,
             last_rejected=detector.last_rejected,

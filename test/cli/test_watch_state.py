@@ -13,7 +13,7 @@ from harness_wire import make_frame
 from retrolidar_ros.cli.watch_state import Watch
 from retrolidar_ros.cli.watch_view import line, screen
 from retrolidar_ros.detector.blinking_zones import Samples, modulation_db
-from retrolidar_ros.detector.newest_bits import BitReader
+from retrolidar_ros.detector.newest_bits import newest_bits
 from retrolidar_ros.detector.parameters import defaults
 from retrolidar_ros.marker.code import BIT_PERIOD_S, packet
 from retrolidar_ros.scene import Scene, Simulation
@@ -68,26 +68,24 @@ def watch_of(frames: list[Frame], zone: int | None = None) -> Watch:
 
 @pytest.mark.parametrize('frames', range(100, 170, 7))
 def test_the_newest_bits_are_the_packet_from_some_bit_on(frames: int) -> None:
-    bits = BitReader(BIT_PERIOD_S).read(seen(SCENE, frames), ZONE, NoiseLaw())
+    bits = newest_bits(seen(SCENE, frames), ZONE, BIT_PERIOD_S)
     assert bits is not None
-    assert bits.hard.tolist() == (np.roll(packet(ID), -bits.first) == 1).tolist()
-    assert (bits.id, bits.differing) == (ID, 0)
-    assert bits.correlation > 0.95
+    sent = packet(ID) == 1
+    assert any((np.roll(sent, -first) == bits.hard).all() for first in range(31))
     # The marker's light, at 1 m and beside the axis, and none of it; with the wall's behind it.
     assert 200 < bits.bright < 400
     assert bits.dark < 60
 
 
-def test_lost_bits_are_unknown_and_do_not_count_as_wrong() -> None:
+def test_lost_bits_are_unknown() -> None:
     frames = list(Simulation(SCENE).advance(140))[-72:]
     samples = Samples.of(Recording.of(frames[:30] + frames[36:]))
-    bits = BitReader(BIT_PERIOD_S).read(samples, ZONE, NoiseLaw())
+    bits = newest_bits(samples, ZONE, BIT_PERIOD_S)
     assert bits is not None
     assert 2 <= np.count_nonzero(bits.erased) <= 4
-    assert (bits.id, bits.differing) == (ID, 0)
     dark = [replace(frame(ZoneGrid(), n), signal=np.zeros(16, np.float32)) for n in range(72)]
     samples = Samples.of(Recording.of(dark))
-    assert BitReader(BIT_PERIOD_S).read(samples, 3, NoiseLaw()) is None
+    assert newest_bits(samples, 3, BIT_PERIOD_S) is None
 
 
 def test_blinking_is_the_marker_s_and_noise_is_none() -> None:
@@ -107,7 +105,6 @@ def test_the_zone_that_blinks_most_is_chosen_and_read() -> None:
     assert (known.zone, known.trouble) == (ZONE, '')
     assert (known.frames, known.lost, known.damaged) == (200, 0, 0)
     assert known.bits is not None
-    assert known.bits.id == ID
     (reading,) = known.readings
     assert (reading.detection.id, reading.detection.zones[0]) == (ID, ZONE)
     assert 0 <= reading.age_s < 3
