@@ -24,7 +24,7 @@ class Decoding:
     """Takes frames one by one, as the node does."""
 
     def __init__(self, values: Mapping[str, Any]) -> None:
-        """Begin with values of all parameters of a detector; ValueError if they cannot be."""
+        """Begin with values of all parameters of a detector; ValueError if one is invalid."""
         self._values = values
         self._known = known_markers(values)
         registered(values, self._known)

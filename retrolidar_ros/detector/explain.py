@@ -81,7 +81,7 @@ class Explanation:
             packet_s, frames = PACKET_BITS * self._bit_s, len(self.recording)
             few = finding(Cause.FEW_FRAMES, frames=frames, packet_s=packet_s)
             return [] if self._detections else [few]
-        if self.recording.stamp_ns[0] == self.recording.stamp_ns[-1]:
+        if self.recording.stamp_ns[0] == self.recording.stamp_ns[-1] or self._frame_s <= 0:
             return [finding(Cause.STAMPS)]
         ids = dict.fromkeys(one.id for one in self._detections)
         found = [rate_finding(self._frame_s, self._bit_s), *map(self._rarely_read, ids)]

@@ -86,7 +86,7 @@ class FrameMonitor:
         return True
 
     def read(self, detections: list[Detection]) -> None:
-        """Take note of what was read, which explains why its zones and those beside them blink."""
+        """Note detections: they explain why their zones and those beside them blink."""
         for detection in detections:
             for zone in detection.zones:
                 self._explained_ns[self._near[zone]] = detection.end_ns
@@ -101,8 +101,8 @@ class FrameMonitor:
     def unread(self, values: Mapping[str, Any], known: Mapping[int, KnownMarker]) -> Finding | None:
         """Return why a zone blinks by a clock and is not read, as far as is known by now.
 
-        Each call may try one bit period, where the markers may come that a detector of `values`
-        reads.
+        The values are those of a detector, which may be restricted to known or registered markers.
+        Each call may try one bit period.
         """
         if len(self.newest) < _MIN_KEPT:
             return None
@@ -138,8 +138,7 @@ class FrameMonitor:
             self._until_ns = now_ns + _REMEMBERED_NS
         self._looks += 1
         self._found = next(self._why, self._found)
-        is_early = waited_s[self._zone] < _PACKETS * PACKET_BITS * values['bit_period']
-        is_told = self._found and self._found.cause is Cause.BIT_PERIOD
-        self._finding = (
-            self._found if is_told or not (is_early or registered(values, known)) else None
-        )
+        has_remedy = self._found is not None and self._found.cause is Cause.BIT_PERIOD
+        is_missed = waited_s[self._zone] >= _PACKETS * PACKET_BITS * values['bit_period']
+        is_expected = not registered(values, known)
+        self._finding = self._found if has_remedy or (is_missed and is_expected) else None

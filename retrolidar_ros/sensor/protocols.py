@@ -22,7 +22,7 @@ class Reader(Protocol):
 
     @property
     def commands(self) -> Commands | None:
-        """What the sensor is told and answers; None if the protocol has no commands."""
+        """Commands and answers; None if the protocol has none."""
 
     def feed(self, data: bytes) -> list[Frame]:
         """Take the next bytes of the stream; return the frames they complete, oldest first."""

@@ -97,7 +97,7 @@ class SerialSource:
 
     @property
     def identity(self) -> Identity | None:
-        """Who was last at the port; None if it has not said."""
+        """Identity of the last sensor at the port; None if it has not sent one."""
         return self.reader.commands.identity if self.reader.commands else None
 
     def run(
@@ -138,7 +138,7 @@ class SerialSource:
             stop.wait(RETRY_S)
 
     def _open(self) -> serial.Serial:
-        """Open the port for this program alone; OSError if that cannot be."""
+        """Open the port for this program alone; OSError if that fails."""
         try:
             # This empties the buffers: old bytes arrive at a meaningless time.
             line = serial.Serial(self.port, self.baud, exclusive=True)

@@ -221,7 +221,7 @@ class FrameReader:
         return frames
 
     def restart(self) -> None:
-        """Forget a frame that was cut off, and who sent it: the next bytes do not continue it."""
+        """Forget a frame that was cut off, and the identity: the next bytes do not continue it."""
         self.feed(DELIMITER)
         self.commands.restart()
         self._is_in_step = False

@@ -13,7 +13,7 @@ from typing import Any, TypeAlias, TypeVar, cast, get_type_hints
 
 T = TypeVar('T')
 Parser: TypeAlias = Callable[[Any, str], T]
-"""From a value and its dotted name to what it means; ConfigError if it cannot be."""
+"""Parses a value that has a dotted name, for messages; ConfigError if it is invalid."""
 Triple: TypeAlias = tuple[float, float, float]
 
 UNITS: dict[str, dict[str, float]] = {
