@@ -58,15 +58,15 @@ class Cause(Enum):
         'Several markers in the zone? Set registered_ids. Too faint? Go nearer. Else check the code'
     )
     NOISE = (
-        'noise is {scale:.2g} times the configured value: let `retrolidar calibrate` find '
+        'noise is {scale:.2g} times the configured value: run `retrolidar calibrate BAG` for '
         'noise_floor, noise_slope and noise_ambient'
     )
     GLASS = (
-        'zone {zones} sees something nearer than {nearer_cm:.0f} cm, such as a cover glass: what '
-        'is fainter is not seen behind it; take it off or clean it'
+        'zone {zones} sees something nearer than {nearer_cm:.0f} cm, such as a cover glass: it '
+        'hides what is fainter; take it off or clean it'
     )
     INVALID = (
-        'zone {zones} gives mostly invalid samples, as of status {status}: shade it from the sun, '
+        'most samples of zone {zones} are invalid, mostly status {status}: shade it from the sun, '
         'clean the window, and let something be within reach'
     )
     FLICKER = (
