@@ -41,7 +41,7 @@ def mapped(status: int) -> int:
     return {5: 0, 9: 0, 0: 255}.get(status, status)
 
 
-def text_of(zones: Zones, light: bool, line_end: str = '\n') -> bytes:
+def text_of(zones: Zones, light: bool = True, line_end: str = '\n') -> bytes:
     """Return what the example prints of one frame."""
     side = {16: 4, 64: 8}[len(zones)]
     lines = [
@@ -141,7 +141,7 @@ def make_zones(side: int = 4, seed: int = 1) -> list[Zone | None]:
     return zones
 
 
-def check_zones(frame: Frame, zones: Zones, light: bool) -> None:
+def check_zones(frame: Frame, zones: Zones) -> None:
     """Hold a frame against zones in the sensor's order."""
     side = frame.grid.columns
     assert side * side == len(zones)
@@ -153,5 +153,5 @@ def check_zones(frame: Frame, zones: Zones, light: bool) -> None:
             assert np.isnan(got[0])
             assert got[1:] == (Status.NO_TARGET, 0, 0)
         else:
-            rates = (zone.signal_kcps, zone.ambient_kcps) if light else (0, 0)
+            rates = zone.signal_kcps, zone.ambient_kcps
             assert got == (np.float32(zone.distance_mm / 1000), zone.status, *rates)

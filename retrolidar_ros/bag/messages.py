@@ -1,6 +1,6 @@
 # Copyright 2026 retrolidar_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""Frames in serialized messages, as much as can be had of compressed ones, and what goes wrong."""
+"""Frames in serialized messages, compression, and errors of bags."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ INSTALL = 'pip install rosbags'
 
 
 class BagError(ValueError):
-    """A bag cannot be written, or cannot be read, or not to its end."""
+    """A bag cannot be written, or cannot be read to its end."""
 
 
 class DamageError(Exception):
@@ -28,8 +28,8 @@ class DamageError(Exception):
 
 
 MAX_BYTES = 2**28
-"""So much one chunk or message may unpack to: recorders make chunks of a megabyte or so."""
-_MAX_RATIO = 1000  # that a whole file may unpack to; frames unpack to ten times their size
+"""Maximum size of an unpacked chunk or message; recorders make chunks of a megabyte or so."""
+_MAX_RATIO = 1000  # of the sizes of a file unpacked and packed; that of frames is ten
 _PIECE_BYTES = 2**16
 _ZSTD = 'compression.zstd' if sys.version_info >= (3, 14) else 'backports.zstd'
 
@@ -37,12 +37,12 @@ _ZSTD = 'compression.zstd' if sys.version_info >= (3, 14) else 'backports.zstd'
 def decompress_file(file: Path, plain: Path) -> DamageError | None:
     """Decompress as much of a file as can be, and as may be; return what is wrong with the rest."""
     zstd = _library(_ZSTD)
-    most = max(_MAX_RATIO * file.stat().st_size, MAX_BYTES // 4)
+    max_bytes = max(_MAX_RATIO * file.stat().st_size, MAX_BYTES // 4)
     with zstd.open(file) as source, plain.open('wb') as target:
         try:
             while piece := source.read(_PIECE_BYTES):
-                if target.tell() + len(piece) > most:
-                    return DamageError(f'it unpacks to more than {most} bytes')
+                if target.tell() + len(piece) > max_bytes:
+                    return DamageError(f'it unpacks to more than {max_bytes} bytes')
                 target.write(piece)
         except (zstd.ZstdError, EOFError) as error:
             return DamageError(str(error))

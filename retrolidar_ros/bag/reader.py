@@ -25,7 +25,7 @@ FRAMES_TOPIC = '/retrolidar/frames'
 
 
 def read_frames(path: str | Path, topic: str = FRAMES_TOPIC) -> Iterator[Frame]:
-    """Read a bag's frames one after the other, in the order of the bag's timestamps.
+    """Read a bag's frames one after the other, as they were recorded.
 
     Parameters
     ----------
@@ -81,15 +81,6 @@ def salvage_frames(
     return frames, None
 
 
-_METADATA_KEYS = {
-    'version',
-    'storage_identifier',
-    'relative_file_paths',
-    'starting_time',
-    'duration',
-    'message_count',
-    'topics_with_message_count',
-}
 _ZSTD_MAGIC = b'\x28\xb5\x2f\xfd'
 
 
@@ -121,22 +112,17 @@ def _bag_files(bag: Path) -> tuple[list[Path], DamageError | None]:
     if not metadata.is_file():
         return found, DamageError('metadata.yaml is no file')
     try:
-        content = load_yaml(metadata)
-        information = content['rosbag2_bagfile_information']
-        named = [bag / PurePath(name).name for name in information['relative_file_paths']]
-        damaged = not information.keys() >= _METADATA_KEYS or len(set(named)) < len(named)
-    except (AttributeError, LookupError, TypeError, ValueError):
-        damaged = True
-    if damaged:
+        information = load_yaml(metadata)['rosbag2_bagfile_information']
+        named = {bag / PurePath(name).name for name in information['relative_file_paths']}
+    except (LookupError, TypeError, ValueError):
         return found, DamageError('metadata.yaml is damaged')
-    if set(named) != set(found):
-        names = sorted(file.name for file in set(named) ^ set(found))
-        return found, DamageError(f'metadata.yaml and the directory differ in {", ".join(names)}')
-    return named, None
+    if missing := ', '.join(sorted(file.name for file in named ^ set(found))):
+        return found, DamageError(f'metadata.yaml and the directory differ in {missing}')
+    return found, None
 
 
 def _read_file(file: Path, topic: str, types: dict[str, str]) -> Iterator[bytes]:
-    """Yield the messages of a topic from one file of a bag, oldest first."""
+    """Yield the messages of a topic from one file of a bag, as they were recorded."""
     if file.suffix == '.zstd':
         with TemporaryDirectory() as directory:
             plain = Path(directory, file.stem)

@@ -21,7 +21,7 @@ from retrolidar_ros.sensor.frame import Frame, Recording
 from retrolidar_ros.sensor.frame_rate import missing_frames
 from retrolidar_ros.sensor.noise import NoiseLaw
 from retrolidar_ros.sensor.protocols import PROTOCOLS
-from retrolidar_ros.sensor.serial_source import BackgroundReading, SerialSource
+from retrolidar_ros.sensor.serial_source import SerialSource, in_background
 from retrolidar_ros.settings.interrupts import termination_noted
 from retrolidar_ros.settings.parameter import declared
 
@@ -68,11 +68,13 @@ class Progress:
             self._newest.clear()
         self._newest.append(frame)
 
-    def line(self, elapsed_s: float, since_s: float) -> str:
-        """Return the counts after a time, and the rate over the last `since_s`."""
+    def line(self, elapsed_s: float, since_s: float, silence: str) -> str:
+        """Return the counts after a time, the rate over the last `since_s`, and why it is 0."""
         rate_hz = (self.frames - self._counted) / since_s
         self._counted = self.frames
         text = f'{elapsed_s:4.0f} s: {self.frames} frames, {rate_hz:.1f} a second, {self.lost} lost'
+        if not rate_hz:
+            return f'{text}; {silence}'
         if len(self._newest) < 2:
             return text
         recording = Recording.of(list(self._newest))
@@ -97,6 +99,7 @@ def run(arguments: argparse.Namespace) -> int:
     begin_s = time.monotonic()
     end_s = begin_s + (arguments.duration or math.inf)
     due_s = begin_s + _PROGRESS_S
+    received = source.received
 
     def say(line: str) -> None:
         print(line, file=sys.stderr, flush=True)
@@ -104,20 +107,19 @@ def run(arguments: argparse.Namespace) -> int:
     with (
         termination_noted() as requested,
         writer as bag,
-        BackgroundReading.of(source, say) as reading,
+        in_background(source, say) as take_until,
     ):
         while (now_s := time.monotonic()) < end_s and not requested.is_set():
             if now_s >= due_s:
-                say(progress.line(now_s - begin_s, _PROGRESS_S + now_s - due_s))
+                problem = source.problem or source.received.silence(received)
+                say(progress.line(now_s - begin_s, _PROGRESS_S + now_s - due_s, problem))
+                received = source.received
                 due_s = now_s + _PROGRESS_S
-            if (arrival := reading.take_until(min(due_s, end_s))) is None:
-                continue
-            for frame in arrival.frames:
-                stamp_ns = clock.map(frame.sensor_time_us, arrival.time_ns)
-                bag.write(replace(frame, stamp_ns=stamp_ns), arrival.time_ns)
+            frames, arrival_ns = take_until(min(due_s, end_s)) or ([], 0)
+            for frame in frames:
+                stamp_ns = clock.map(frame.sensor_time_us, arrival_ns)
+                bag.write(replace(frame, stamp_ns=stamp_ns), arrival_ns)
                 progress.take(frame)
-            if arrival.notice:
-                say(arrival.notice)
     if not progress.frames:
         shutil.rmtree(made[-1])
         print(f'no frame came; {output} was not kept')

@@ -25,7 +25,7 @@ from retrolidar_ros.cli.watch_state import Watch
 from retrolidar_ros.cli.watch_view import Snapshot, expressed, fitted, line, screen
 from retrolidar_ros.sensor.model import VL53L8CX
 from retrolidar_ros.sensor.protocols import PROTOCOLS
-from retrolidar_ros.sensor.serial_source import BackgroundReading, SerialSource
+from retrolidar_ros.sensor.serial_source import SerialSource, in_background
 from retrolidar_ros.settings.interrupts import interrupted_once
 
 _SCREEN_S, _LINE_S = 0.2, 1.0  # between two pictures, or two lines of a log
@@ -70,9 +70,9 @@ def run(arguments: argparse.Namespace) -> int:
         begin_s = time.monotonic()
         end_s = begin_s + (arguments.duration or math.inf)
         due_s = min(begin_s + interval_s, end_s)
-        with BackgroundReading.of(source) as reading, _display(sys.stdout) as show:
+        with in_background(source) as take_until, _display(sys.stdout) as show:
             while True:
-                if (arrival := reading.take_until(due_s)) is not None:
+                if (arrival := take_until(due_s)) is not None:
                     state.take(*arrival)
                 now_s = time.monotonic()
                 if now_s >= due_s:

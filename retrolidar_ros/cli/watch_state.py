@@ -4,7 +4,6 @@
 
 from __future__ import annotations
 
-import math
 import time
 from collections import Counter, deque
 from collections.abc import Mapping
@@ -16,10 +15,10 @@ import numpy as np
 from retrolidar_ros.cli.watch_view import LastReading, Snapshot
 from retrolidar_ros.detector import Detection
 from retrolidar_ros.detector.agreement import Agreement
-from retrolidar_ros.detector.blinking import BitReader, Samples, modulation_db
-from retrolidar_ros.detector.blinking_zones import BLINKING_DB
+from retrolidar_ros.detector.blinking_zones import BLINKING_DB, Samples, modulation_db
 from retrolidar_ros.detector.frame_monitor import FrameMonitor
 from retrolidar_ros.detector.likelihood_detector import LikelihoodDetector
+from retrolidar_ros.detector.newest_bits import newest_bits
 from retrolidar_ros.detector.parameters import detector_of, known_markers, noise_of
 from retrolidar_ros.detector.tracks import Track
 from retrolidar_ros.marker.code import PACKET_BITS
@@ -32,8 +31,6 @@ _KEPT_BITS = PACKET_BITS + 3
 _RATE_S = 2.0
 """Over which frames are counted for their rate."""
 _SILENCE_S = 1.0
-_NOTICE_S = 30.0
-"""How long a notice of the reader stays, unless there is worse."""
 # Another zone has to blink by so much more than that which is shown.
 _MORE_DB = 3.0
 
@@ -60,7 +57,6 @@ class Watch:
         self._values, self._known = values, known_markers(values)
         self._bit_s = values['bit_period']
         self._clock = ClockMap()
-        self._bits = BitReader(self._bit_s)
         self._detector: LikelihoodDetector | None = None
         self._agreement = Agreement(values['min_readings'])
         self._monitor: FrameMonitor | None = None
@@ -68,7 +64,6 @@ class Watch:
         self._tracks: dict[int, Track] = {}
         self._times: Counter[int] = Counter()
         self._heard_s = time.monotonic()
-        self._notice, self._noticed_s = '', -math.inf
         self._tallies = deque([_Tally(self._heard_s, 0, 0, source.received)])
 
     @property
@@ -76,8 +71,8 @@ class Watch:
         """How many frames have come."""
         return self._monitor.frames if self._monitor else 0
 
-    def take(self, frames: list[Frame], arrival_ns: int, notice: str = '') -> None:
-        """Take frames that arrived together, and the messages of the reader then.
+    def take(self, frames: list[Frame], arrival_ns: int) -> None:
+        """Take frames that arrived together.
 
         Raises
         ------
@@ -88,8 +83,6 @@ class Watch:
             stamp_ns = self._clock.map(frame.sensor_time_us, arrival_ns)
             self._take(replace(frame, stamp_ns=stamp_ns))
         self._heard_s = arrival_ns * 1e-9
-        if notice:
-            self._notice, self._noticed_s = notice, self._heard_s
 
     def _take(self, frame: Frame) -> None:
         grid = frame.grid
@@ -151,8 +144,6 @@ class Watch:
             return f'{now.received.silence(then.received)} ({silence_s:.0f} s)'
         if now.restarts - then.restarts > 1:
             return "the sensor's clock jumps again and again; are its times in microseconds?"
-        if now.time_s - self._noticed_s < _NOTICE_S:
-            return self._notice
         if self._monitor is None:
             return ''
         hint = self._monitor.rate(self._bit_s) or self._monitor.unread(self._values, self._known)
@@ -195,7 +186,7 @@ class Watch:
             frame=newest,
             modulation_db=blinking,
             zone=zone,
-            bits=None if zone is None else self._bits.read(samples, zone, law),
+            bits=None if zone is None else newest_bits(samples, zone, self._bit_s),
             readings=readings,
             rejected=detector.counts.rejected,
             last_rejected=detector.last_rejected,

@@ -13,20 +13,19 @@ from typing import NamedTuple
 import numpy as np
 
 from retrolidar_ros.detector import Detection
-from retrolidar_ros.detector.blinking import NewestBits
 from retrolidar_ros.detector.budget import Demands
 from retrolidar_ros.detector.likelihood_detector import Candidate, Reason
+from retrolidar_ros.detector.newest_bits import NewestBits
 from retrolidar_ros.detector.tracks import Track
-from retrolidar_ros.marker.code import ID_BITS, PACKET_BITS, PREAMBLE
 from retrolidar_ros.sensor.frame import Floats, Frame
 
 COLUMNS = 80
 """Width of lines that are made to fit: of 8x8 zones they are wider."""
-ROWS = 24
+ROWS = 22
 """As many lines as 4x4 zones need when nothing is wrong."""
 _FULL_BAR_DB = 40.0
 _CELL = {4: 18, 8: 11}  # width of a zone by the columns of the grid
-_READINGS = 3  # with 4x4 zones they all fit on 24 lines
+_READINGS = 3  # with 4x4 zones they all fit on 22 lines
 
 
 # All in code page 437, which the console of Linux has, too.
@@ -183,30 +182,17 @@ def _cell(snapshot: Snapshot, frame: Frame, zone: int) -> tuple[str, str]:
 def _bits(snapshot: Snapshot) -> list[str]:
     """Return the levels and newest bits of the shown zone."""
     if snapshot.zone is None:
-        return ['no zone blinks', *[''] * 4]
+        return ['no zone blinks', '', '']
     bits = snapshot.bits
     if bits is None:
-        return [f'zone {snapshot.zone}: too little of 31 bits, or all alike', *[''] * 4]
+        return [f'zone {snapshot.zone}: too little of 31 bits, or all alike', '', '']
     steps = np.nan_to_num(np.clip(bits.darkness * len(_SHADES), 0, len(_SHADES) - 1)).astype(int)
     soft = np.where(bits.erased, ERASED, np.array(list(_SHADES))[steps])
     hard = np.where(bits.erased, ERASED, np.where(bits.hard, DARK, BRIGHT))
-    # As the nearest packet has them, whichever bit is the oldest.
-    digits = np.where(bits.erased, ERASED, np.where(bits.hard, '1', '0'))
-    ordered = ''.join(np.roll(digits, bits.first))
-    word = len(PREAMBLE)
-    packet = ' '.join([ordered[:word], ordered[word : word + ID_BITS], ordered[word + ID_BITS :]])
     return [
-        (
-            f'zone {snapshot.zone}: bright {bits.bright:.1f}, dark {bits.dark:.1f} kcps/SPAD, '
-            f'SNR {bits.snr_db:.1f} dB'
-        ),
+        f'zone {snapshot.zone}: bright {bits.bright:.1f}, dark {bits.dark:.1f} kcps/SPAD',
         f'  soft    {"".join(soft)}',
         f'  bits    {"".join(hard)}  {DARK} dark, 1   {BRIGHT} bright, 0',
-        f'  packet  {packet}  aligned to ID {bits.id}',
-        (
-            f'  nearest ID {bits.id}: {bits.differing} of {PACKET_BITS} bits differ, correlation '
-            f'{bits.correlation:.2f}'
-        ),
     ]
 
 

@@ -4,8 +4,7 @@
 
 What blinks with a clock changes at multiples of a bit only. So the squares of the steps from one
 sample to the next have a line in their spectrum at one over the bit period (Oerder and Meyr,
-1988), whatever is sent; squared second differences have it where all edges fall into the middle
-of exposures, and the first ones do not. Of bits shorter than two frames it is an alias (`trials`).
+1988), whatever is sent. Of bits shorter than two frames it is an alias (`trials`).
 """
 
 from __future__ import annotations
@@ -15,8 +14,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from retrolidar_ros.detector.blinking import Samples, modulation_db
-from retrolidar_ros.sensor.frame import Floats, Recording
+from retrolidar_ros.sensor.frame import Floats, Recording, valid_samples
 from retrolidar_ros.sensor.noise import NoiseLaw
 
 BLINKING_DB = 3.0
@@ -25,14 +23,60 @@ MIN_FRAMES = 64
 """Frames that a bit period is estimated from."""
 # A bit is sought that lasts so many frames at most; there is no line where it lasts less than two.
 _MAX_FRAMES = 9
-# A line of noise is 1 high on average; this is less than what one in thousands of them reaches.
-_NOISE_LINE = 8.0
+# A line of noise is 1 high on average; this is less than what one in hundreds of them reaches.
+_NOISE_LINE = 4.0
 _WEAKEST_FIRST = 0.1  # of the strongest of its lines is the first one of a true period
 _APART = 0.03
 _CANDIDATES = 4
-SURE = 10.0
+SURE = 5.0
 """Minimum strength of a spectral line that is not noise."""
-_SPANS = (1, 2, 4)  # frames that are averaged: the more, the fainter and slower what is found
+
+
+class Samples(NamedTuple):
+    """The newest samples of all zones, oldest first."""
+
+    begin_s: Floats
+    """Begin of each exposure since the first [s], shape (samples,)."""
+    end_s: Floats
+    """End of each exposure [s], shape (samples,)."""
+    signal: Floats
+    """[kcps/SPAD]; 0 of an erasure; shape (samples, zones)."""
+    valid: NDArray[np.bool_]
+    """Which are valid, shape (samples, zones)."""
+
+    @classmethod
+    def of(cls, recording: Recording) -> Samples:
+        """Return the samples of at least two frames; an exposure lasts a frame period."""
+        time_s = (recording.stamp_ns - recording.stamp_ns[0]) * 1e-9
+        half_s = float(np.median(np.diff(time_s))) / 2
+        valid, _ = valid_samples(recording.signal, recording.distance, recording.status)
+        signal = np.where(valid, recording.signal, 0.0)
+        return cls(begin_s=time_s - half_s, end_s=time_s + half_s, signal=signal, valid=valid)
+
+    @property
+    def mean(self) -> Floats:
+        """Mean of the valid ones [kcps/SPAD], shape (zones,)."""
+        mean: Floats = self.signal.sum(axis=0) / np.maximum(self.valid.sum(axis=0), 1)
+        return mean
+
+
+def modulation_db(samples: Samples, law: NoiseLaw) -> Floats:
+    """Return the variation of zones beyond noise, as the SNR of a marker that would cause it.
+
+    Half of a marker's bits are dark, so an amplitude of c makes a variance of c²/4. A passing hand
+    makes one, too.
+
+    Returns
+    -------
+    array, shape (zones,)
+        20 log10 of amplitude over the noise's standard deviation [dB]; -inf for noise alone.
+    """
+    noise = law.variance(samples.mean)
+    deviation = (samples.signal - samples.mean) * samples.valid
+    variance = (deviation**2).sum(axis=0) / np.maximum(samples.valid.sum(axis=0), 1)
+    with np.errstate(divide='ignore'):
+        decibels: Floats = 10 * np.log10(4 * np.maximum(variance - noise, 0.0) / noise)
+    return decibels
 
 
 class Period(NamedTuple):
@@ -40,7 +84,7 @@ class Period(NamedTuple):
 
     bit_period_s: float
     strength: float
-    """By how much its lines exceed those of noise, whose mean is 1; from 10 on it is one."""
+    """By how much its lines exceed those of noise, whose mean is 1; from `SURE` on it is one."""
 
 
 class BlinkingZone(NamedTuple):
@@ -63,8 +107,7 @@ class BlinkingZone(NamedTuple):
 def blinking_zones(recording: Recording, law: NoiseLaw) -> list[BlinkingZone]:
     """Return the zones that vary more than noise in two or more frames, strongest first."""
     samples = Samples.of(recording)
-    blinking = modulation_db(samples, law)
-    mean = samples.signal.sum(axis=0) / np.maximum(samples.valid.sum(axis=0), 1)
+    blinking, mean = modulation_db(samples, law), samples.mean
     swing = 10 ** (blinking / 20) * np.sqrt(law.variance(mean))
     order = np.argsort(-blinking)
     return [
@@ -72,66 +115,44 @@ def blinking_zones(recording: Recording, law: NoiseLaw) -> list[BlinkingZone]:
             zone,
             float(blinking[zone]),
             float(swing[zone] / (mean[zone] + swing[zone] / 2)),
-            bit_periods(recording, samples, zone),
+            bit_periods(recording.stamp_ns, samples.signal[:, zone], samples.valid[:, zone]),
         )
         for zone in order[blinking[order] >= BLINKING_DB].tolist()
     ]
 
 
-def bit_periods(recording: Recording, samples: Samples, zone: int) -> tuple[Period, ...]:
-    """Return the possible bit periods of a zone, likeliest first; none for too few frames."""
-    if len(recording) < MIN_FRAMES:
+def bit_periods(
+    stamp_ns: NDArray[np.int64], signal: Floats, valid: NDArray[np.bool_]
+) -> tuple[Period, ...]:
+    """Return the possible bit periods of a zone, likeliest first; none for too few frames.
+
+    The arrays are of shape (frames,).
+    """
+    if len(stamp_ns) < MIN_FRAMES:
         return ()
-    time_s = recording.stamp_ns * 1e-9
-    step_s = np.diff(time_s)
+    step_s = np.diff(stamp_ns) * 1e-9
     usual_s = np.median(step_s)
     if step_s.min() < 0 or not usual_s:  # the replay restarted, or the clock stands still
         return ()
-    number = np.cumsum(np.concatenate([[0], np.maximum(np.rint(step_s / usual_s), 1)]))
-    if number[-1] > 4 * len(number):  # a pause: frames are not on one time grid
+    frame = np.cumsum(np.concatenate([[0], np.maximum(np.rint(step_s / usual_s), 1)])).astype(int)
+    if frame[-1] > 4 * len(frame):  # a pause: frames are not on one time grid
         return ()
-    frame = number.astype(np.intp)
-    period_s = (time_s[-1] - time_s[0]) / frame[-1]
-    signal = np.zeros(frame[-1] + 1)
-    valid = np.zeros(len(signal), dtype=bool)
-    signal[frame], valid[frame] = samples.signal[:, zone], samples.valid[:, zone]
-    found: list[Period] = []
-    for span in _SPANS:
-        found += _periods(*_spectrum(signal, valid, span), span, float(period_s))
-    best: list[Period] = []
-    for period in sorted(found, key=lambda period: -period.strength):
-        if all(abs(period.bit_period_s / one.bit_period_s - 1) > _APART for one in best):
-            best.append(period)
-    return tuple(best[:_CANDIDATES])
+    energy = np.zeros(frame[-1])  # of the steps between neighbours on that grid
+    known = np.flatnonzero((np.diff(frame) == 1) & valid[1:] & valid[:-1])
+    energy[frame[known]] = np.diff(signal)[known] ** 2
+    energy[frame[known]] -= energy[frame[known]].mean() if len(known) else 0.0
+    last = 4 << len(energy).bit_length()
+    power = np.abs(np.fft.rfft(energy, 2 * last)) ** 2 / max(energy @ energy, 1e-30)
+    period_s = float(stamp_ns[-1] - stamp_ns[0]) * 1e-9 / frame[-1]
+    return tuple(
+        Period(2 * last * period_s / line, strength) for line, strength in _strongest_lines(power)
+    )
 
 
-def _spectrum(signal: Floats, valid: NDArray[np.bool_], span: int) -> tuple[Floats, Floats]:
-    """Return frequencies [cycles a frame] and power of squared differences of means of a span."""
-    total = np.concatenate([[0.0], np.cumsum(signal * valid)])
-    count = np.concatenate([[0], np.cumsum(valid)])
-    number = count[span:] - count[:-span]
-    mean = (total[span:] - total[:-span]) / np.maximum(number, 1)
-    known = 2 * number > span
-    size = 8 << len(signal).bit_length()
-    power = np.zeros(size // 2 + 1)
-    for energy, both in (
-        ((mean[span:] - mean[:-span]) ** 2, known[span:] & known[:-span]),
-        (
-            (mean[2 * span :] - 2 * mean[span:-span] + mean[: -2 * span]) ** 2,
-            known[2 * span :] & known[span:-span] & known[: -2 * span],
-        ),
-    ):
-        if not both.any():
-            continue
-        change = np.where(both, energy - energy[both].mean(), 0.0)
-        power += np.abs(np.fft.rfft(change, size)) ** 2 / max(change @ change, 1e-30)
-    return np.arange(len(power)) / size, power
-
-
-def _periods(frequency: Floats, power: Floats, span: int, period_s: float) -> list[Period]:
-    """Return the bit periods whose lines, with their harmonics, are the strongest."""
+def _strongest_lines(power: Floats) -> list[tuple[int, float]]:
+    """Return indices of the spectral lines that are the strongest with their harmonics."""
     last = len(power) - 1
-    lines = np.arange(2 * last // _MAX_FRAMES, int(2 * last / max(1.5 * span, 2.0)) + 1)
+    lines = np.arange(2 * last // _MAX_FRAMES, last + 1)
     strongest = power[lines].copy()
     strength = strongest - _NOISE_LINE
     for harmonic in range(2, _MAX_FRAMES // 2 + 1):
@@ -140,11 +161,9 @@ def _periods(frequency: Floats, power: Floats, span: int, period_s: float) -> li
         strength[inside] += power[index[inside]] - _NOISE_LINE
         strongest[inside] = np.maximum(strongest[inside], power[index[inside]])
     strength[power[lines] < _WEAKEST_FIRST * strongest] = -np.inf
-    found = []
-    for _ in range(_CANDIDATES):
+    found: list[tuple[int, float]] = []
+    while len(found) < _CANDIDATES and strength.max() > 0:
         best = int(strength.argmax())
-        if not strength[best] > 0:
-            break
-        found.append(Period(period_s / float(frequency[lines[best]]), float(strength[best])))
+        found.append((int(lines[best]), float(strength[best])))
         strength[np.abs(lines / lines[best] - 1) < _APART] = -np.inf
     return found

@@ -24,8 +24,8 @@ class Decoding:
     """Takes frames one by one, as the node does."""
 
     def __init__(self, values: Mapping[str, Any]) -> None:
-        """Begin with values of all parameters of a detector; ValueError if they cannot be."""
-        self.values = values
+        """Begin with values of all parameters of a detector; ValueError if one is invalid."""
+        self._values = values
         self._known = known_markers(values)
         registered(values, self._known)
         self._detector: Detector | None = None
@@ -43,8 +43,8 @@ class Decoding:
 
     def follow(self, frames: Iterable[Frame]) -> Iterator[Track]:
         """Yield the tracks of each frame; ValueError for a method that follows no markers."""
-        if self.values['method'] != 'joint':
-            raise ValueError(f'method {self.values["method"]} follows no markers; joint does')
+        if self._values['method'] != 'joint':
+            raise ValueError(f'method {self._values["method"]} follows no markers; joint does')
         for _, tracks in self.steps(frames, follow=True):
             yield from tracks
 
@@ -52,16 +52,14 @@ class Decoding:
         self, frames: Iterable[Frame], *, follow: bool
     ) -> Iterator[tuple[list[Detection], list[Track]]]:
         """Yield the detections that become certain with each frame, and its tracks if asked."""
-        grid = self._newest[-1].grid if self._newest else None
         for frame in frames:
-            if frame.grid is not grid and frame.grid != grid:
-                grid = frame.grid
+            if not self._newest or frame.grid != self._newest[-1].grid:
                 self._newest.clear()
                 self._read.clear()
                 self.detections.clear()
                 self._rejected.clear()
-                self._detector = detector_of(self.values, grid, self._known)
-                self._agreement = Agreement(self.values['min_readings'])
+                self._detector = detector_of(self._values, frame.grid, self._known)
+                self._agreement = Agreement(self._values['min_readings'])
             self._newest.append(frame)
             assert self._detector is not None
             detections = self._detector.update(frame)
@@ -83,36 +81,31 @@ class Decoding:
         begin_ns = recording.stamp_ns[0]
         newest = [one for one in self._read if one.stamp_ns >= begin_ns]
         withheld = 0 if self._agreement.passed else self._agreement.withheld
-        return Explanation(recording, self.values, self._known, newest, withheld)
+        return Explanation(recording, self._values, self._known, newest, withheld)
 
     def table(self, explanation: Explanation, findings: list[Finding]) -> list[str]:
         """Return how each zone blinks, and its best candidate beside the thresholds."""
-        bits_ms = {
-            one.values['zone']: one.values['found_ms']
-            for one in findings
-            if one.cause is Cause.BIT_PERIOD
-        }
         read_ms = {z: 1e3 * one.bit_period_s for one in self._read for z in one.zones}
-        bits_ms |= read_ms
+        advised = (one.values for one in findings if one.cause is Cause.BIT_PERIOD)
+        bits_ms = {one['zone']: one['found_ms'] for one in advised} | read_ms
         lines = ['zone  blinks [dB]  bits [ms]  best ID  evidence  word  margin  rejected for']
         for zone in explanation.zones:
             bits = f'{bits_ms[zone.zone]:.1f}' if zone.zone in bits_ms else '-'
-            text = f'{zone.zone:4d}  {zone.modulation_db:11.1f}  {bits:>9}'
             best = self._rejected.get(zone.zone)
             if zone.zone in read_ms:
-                text += '     read'
+                outcome = '   read'
             elif best is None or best.reason is None:
-                text += '     none'
+                outcome = '   none'
             else:
-                text += (
-                    f'  {best.id:7d}  {best.evidence:8.1f}  {best.word:4.1f}  {best.margin:6.1f}'
+                outcome = (
+                    f'{best.id:7d}  {best.evidence:8.1f}  {best.word:4.1f}  {best.margin:6.1f}'
                     f'  {best.reason.value}'
                 )
-            lines.append(text)
+            lines.append(f'{zone.zone:4d}  {zone.modulation_db:11.1f}  {bits:>9}  {outcome}')
         if isinstance(self._detector, LikelihoodDetector):
-            asked = self._detector.demands
+            thresholds = self._detector.demands
             lines.append(
-                f'thresholds [nats]: evidence ≥ {asked.evidence:.1f}, word ≤ {asked.word:.1f}, '
-                f'margin ≥ {asked.margin:.1f}'
+                f'thresholds [nats]: evidence ≥ {thresholds.evidence:.1f}, '
+                f'word ≤ {thresholds.word:.1f}, margin ≥ {thresholds.margin:.1f}'
             )
         return lines

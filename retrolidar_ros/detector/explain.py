@@ -4,19 +4,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
-from itertools import islice
+from collections.abc import Iterable, Iterator, Mapping
 from typing import Any
 
 import numpy as np
 
-from retrolidar_ros.detector.blinking_zones import (
-    MIN_FRAMES,
-    BlinkingZone,
-    blinking_zones,
-)
+from retrolidar_ros.detector.blinking_zones import MIN_FRAMES, BlinkingZone, blinking_zones
 from retrolidar_ros.detector.detection import Detection
-from retrolidar_ros.detector.findings import Cause, Finding, finding, named_periods, named_zones
+from retrolidar_ros.detector.findings import Cause, Finding, finding, listed
 from retrolidar_ros.detector.methods import MAX_PACKETS
 from retrolidar_ros.detector.parameters import detector_of, noise_of, registered
 from retrolidar_ros.detector.rejections import adjacency
@@ -57,22 +52,23 @@ class Explanation:
         recording: Recording,
         values: Mapping[str, Any],
         known: Mapping[int, KnownMarker],
-        detections: Iterable[Detection],
+        detections: Iterable[Detection] = (),
         withheld: int = 0,
     ) -> None:
-        """Look at two frames or more, and what a detector of values and known markers read.
+        """Take two frames or more, and what a detector of values and known markers read.
 
-        Of that so much is withheld, if all is.
+        `withheld` is how many detections `min_readings` withholds, if it withholds all.
         """
         self.recording = recording
         self._values, self._known = values, known
         self._bit_s = values['bit_period']
-        self._frame_s = frame_period(recording.stamp_ns)
+        self._frame_s = frame_period(recording)
         self._detections, self._withheld = list(detections), withheld
         law = noise_of(values).lit(recording.ambient)
-        self._scale = _noise_scale(recording, law)
-        if self._scale > 1:
-            law = NoiseLaw(law.floor * self._scale, law.slope * self._scale, 0.0)
+        self._noise_scale = _noise_scale(recording, law)
+        if self._noise_scale > 1:
+            scale = self._noise_scale
+            law = NoiseLaw(law.floor * scale, law.slope * scale, 0.0)
         self.zones = blinking_zones(recording, law)
         """Those that blink, strongest first."""
         self._trials: list[Trial] = []
@@ -85,78 +81,95 @@ class Explanation:
             packet_s, frames = PACKET_BITS * self._bit_s, len(self.recording)
             few = finding(Cause.FEW_FRAMES, frames=frames, packet_s=packet_s)
             return [] if self._detections else [few]
-        if self._frame_s <= 0:
+        if self.recording.stamp_ns[0] == self.recording.stamp_ns[-1] or self._frame_s <= 0:
             return [finding(Cause.STAMPS)]
-        found = [rate_finding(self._frame_s, self._bit_s), *map(self._less, self._ids())]
+        ids = dict.fromkeys(one.id for one in self._detections)
+        found = [rate_finding(self._frame_s, self._bit_s), *map(self._rarely_read, ids)]
         result = [one for one in found if one is not None]
         if self._withheld:
-            least = self._values['min_readings']
-            result.append(finding(Cause.WITHHELD, withheld=self._withheld, least=least))
+            required = self._values['min_readings']
+            result.append(finding(Cause.WITHHELD, withheld=self._withheld, required=required))
         if not self._detections:
-            reasons = self._unregistered() or self._patience(0)
+            reasons = self._unregistered() or self._more_packets(0)
             result += reasons or self._unread(self.zones) or [self._nothing()]
         elif self.zones:
             # A much fainter zone may show a reflection of the marker.
-            least_db = self.zones[0].modulation_db - _FAINTER_DB
-            clocked = [one for one in self.zones if one.is_clocked and one.modulation_db > least_db]
-            result += self._unread(clocked)
+            min_db = self.zones[0].modulation_db - _FAINTER_DB
+            result += self._unread(
+                one for one in self.zones if one.is_clocked and one.modulation_db > min_db
+            )
         if result:
             frames = self._bit_s / self._frame_s
             if FRAMES_A_BIT[0] <= frames < _TWO_FRAMES:
                 result.append(finding(Cause.SHORT_BITS, bit_ms=1e3 * self._bit_s, frames=frames))
-            result += _surroundings(self.recording, self._scale)
+            result += _surroundings(self.recording, self._noise_scale)
         return result
 
-    def _ids(self) -> list[int]:
-        return list(dict.fromkeys(one.id for one in self._detections))
+    def why(self, zone: BlinkingZone) -> Iterator[Finding | None]:
+        """Yield why a zone is not read, as far as is known after each trial of a bit period.
 
-    def _read(self, recording: Recording, **changes: Any) -> list[Detection]:
-        """Read a recording with other values."""
-        detector = detector_of({**self._values, **changes}, recording.grid, self._known)
-        return detector.update_all(recording)
+        It is None until the likely bit periods have been tried.
+        """
+        values = {'zone': zone.zone, 'blinks_db': zone.modulation_db}
+        likely_s = self._likely(zone)
+        is_alike = not zone.is_clocked or is_among(self._bit_s, likely_s)
+        if zone.contrast < _FLAT and is_alike:
+            yield finding(Cause.LOW_CONTRAST, percent=100 * zone.contrast, **values)
+            return
+        newest = self.recording.newest(_TRIED_ON)
+        tried_s = [self._bit_s, *(one.tried_s for one in self._trials)]
+        more = trials(newest, [*likely_s, *every(self._frame_s)], self._read_with, tried_s)
+        while True:
+            own = [one.within(zone.zone) for one in self._trials]
+            read = best(own, newest, likely_s)
+            is_sure = any(one.is_sure(newest) for one in own)
+            tried_s = [self._bit_s, *(one.tried_s for one in own)]
+            if not is_sure and not all(is_among(one, tried_s) for one in likely_s):
+                yield None
+            elif read:
+                self._explained |= self._seen(read.detections)
+                yield _bit_period(zone, read, self._bit_s)
+            elif not zone.is_clocked:
+                yield finding(Cause.NO_CLOCK, **values)
+            else:
+                tried = listed([f'{1e3 * one:.1f}' for one in tried_s])
+                yield finding(Cause.NO_ID, tried=tried, **values)
+            trial = None if is_sure else next(more, None)
+            if trial is None:
+                return
+            self._trials.append(trial)
 
-    def _seen(self, detections: Iterable[Detection]) -> set[int]:
-        """Return the zones of detections, and their neighbours."""
-        zones = {zone for one in detections for zone in one.zones}
-        return set(np.flatnonzero(self._near[sorted(zones)].any(axis=0)).tolist())
+    def _unread(self, zones: Iterable[BlinkingZone]) -> list[Finding]:
+        """Return why zones that blink are not read."""
+        result: list[Finding] = []
+        for zone in zones:
+            if zone.zone not in self._explained and len(result) < _MAX_ZONES:
+                self._explained.add(zone.zone)
+                *_, last = self.why(zone)
+                result += [last] if last else []
+        return result
 
-    def _less(self, identity: int) -> Finding | None:
+    def _rarely_read(self, marker_id: int) -> Finding | None:
         """Return why few packets of a marker were read; None if they are not few."""
-        own = [one for one in self._detections if one.id == identity]
+        own = [one for one in self._detections if one.id == marker_id]
         read = sum(one.packets for one in own)
         bit_s = float(np.median([one.bit_period_s for one in own]))
         duration_s = (self.recording.stamp_ns[-1] - self.recording.stamp_ns[0]) * 1e-9
         sent = int(duration_s / (PACKET_BITS * bit_s))
-        few = read < _FEW * sent
-        # A single reading beside others may be a false ID; alone, it may have another bit period.
-        if (read == 1 and len(self._ids()) > 1) or not (few or (len(own) == 1 and sent > 2)):
+        # A single reading beside others may be a false ID.
+        if read >= _FEW * sent or (read == 1 and len(self._detections) > 1):
             return None
         zone = next((one for one in self.zones if one.zone in own[0].zones), None)
         if zone is not None:
-            likely_s = [bit_s] if self._is_another(bit_s) else []
-            likely_s += [one for one in self._likely(zone) if not is_among(one, [self._bit_s])]
-            for trial in trials(self.recording, likely_s, self._by):
+            for trial in trials(self.recording, [bit_s, *self._likely(zone)], self._read_with):
                 again = trial.within(zone.zone)
-                if len(again.detections) > len(own) and self._is_another(again.bit_period_s):
-                    return period_finding(zone.zone, zone.modulation_db, again, self._bit_s)
-        if not few:
-            return None
-        if more := self._patience(read):
-            return more[0]
-        return finding(Cause.FEW_READ, ids=identity, read=read, sent=sent)
+                is_another = abs(again.bit_period_s / self._bit_s - 1) > CAPTURED / 2
+                if len(again.detections) > len(own) and is_another:
+                    return _bit_period(zone, again, self._bit_s)
+        few = finding(Cause.FEW_READ, ids=marker_id, read=read, sent=sent)
+        return next(iter(self._more_packets(read)), few)
 
-    def _is_another(self, bit_s: float) -> bool:
-        """Return whether a bit period differs from the configured one."""
-        return bool(abs(bit_s / self._bit_s - 1) > CAPTURED / 2)
-
-    def _likely(self, zone: BlinkingZone) -> list[float]:
-        """Return the possible bit periods of a zone [s]."""
-        return candidates((one.bit_period_s for one in zone.periods), self._frame_s)
-
-    def _by(self, recording: Recording, bit_s: float) -> list[Detection]:
-        return self._read(recording, bit_period=bit_s)
-
-    def _patience(self, read: int) -> list[Finding]:
+    def _more_packets(self, read: int) -> list[Finding]:
         """Return that a larger max_packets reads more, if it does."""
         packets = self._values['max_packets']
         if packets == MAX_PACKETS:
@@ -164,62 +177,14 @@ class Explanation:
         more = self._read(self.recording, max_packets=MAX_PACKETS)
         if sum(one.packets for one in more) <= read:
             return []
-        ids = ', '.join(map(str, sorted({one.id for one in more})))
-        return [finding(Cause.MAX_PACKETS, ids=ids, packets=packets)]
+        return [finding(Cause.MAX_PACKETS, ids=_ids(more), packets=packets)]
 
     def _unregistered(self) -> list[Finding]:
         """Return which unregistered IDs are seen."""
         if not registered(self._values, self._known):
             return []
         read = self._read(self.recording, registered_ids=[], only_registered=False)
-        ids = ', '.join(map(str, sorted({one.id for one in read})))
-        return [finding(Cause.UNREGISTERED, ids=ids)] if ids else []
-
-    def _unread(self, zones: list[BlinkingZone]) -> list[Finding]:
-        """Return why zones that blink are not read."""
-        result: list[Finding] = []
-        for zone in zones:
-            if zone.zone not in self._explained and len(result) < _MAX_ZONES:
-                self._explained.add(zone.zone)
-                if found := self.why(zone, self._trials):
-                    result.append(found)
-        return result
-
-    def why(self, zone: BlinkingZone, done: list[Trial], most: int | None = None) -> Finding | None:
-        """Return why a zone is not read.
-
-        Parameters
-        ----------
-        zone : BlinkingZone
-            Which blinks.
-        done : list of Trial
-            Those of former calls, to which new ones are added.
-        most : int, optional
-            How many are added at most. None is returned while likely ones are to be tried.
-        """
-        values = {'zone': zone.zone, 'blinks_db': zone.modulation_db}
-        likely_s = self._likely(zone)
-        fits = not zone.is_clocked or is_among(self._bit_s, likely_s)
-        if zone.contrast < _FLAT and fits:
-            return finding(Cause.LOW_CONTRAST, percent=100 * zone.contrast, **values)
-        newest = self.recording.newest(_TRIED_ON)
-        tried_s = [self._bit_s, *(one.tried_s for one in done)]
-        sure = any(one.within(zone.zone).is_sure(newest) for one in done)
-        periods_s = [*likely_s, *every(self._frame_s)]
-        for trial in islice(trials(newest, periods_s, self._by, tried_s), 0 if sure else most):
-            done.append(trial)
-            if sure := trial.within(zone.zone).is_sure(newest):
-                break
-        if most and not sure and len(done) < len(likely_s):
-            return None
-        if read := best((one.within(zone.zone) for one in done), newest, likely_s):
-            self._explained |= self._seen(read.detections)
-            return period_finding(zone.zone, zone.modulation_db, read, self._bit_s)
-        if not zone.is_clocked:
-            return finding(Cause.NO_CLOCK, **values)
-        tried_s = likely_s if most else [one.tried_s for one in done]
-        tried_s = [one for one in tried_s if not is_among(one, [self._bit_s])]
-        return finding(Cause.NO_ID, tried=named_periods([self._bit_s, *tried_s]), **values)
+        return [finding(Cause.UNREGISTERED, ids=_ids(read))] if read else []
 
     def _nothing(self) -> Finding:
         """Return that nothing blinks, or which zone may see a marker at rest."""
@@ -228,18 +193,22 @@ class Explanation:
             return finding(Cause.NO_BLINKING)
         return finding(Cause.STEADY, zone=int(signal.argmax()))
 
+    def _likely(self, zone: BlinkingZone) -> list[float]:
+        """Return the possible bit periods of a zone [s]."""
+        return candidates((one.bit_period_s for one in zone.periods), self._frame_s)
 
-def period_finding(zone: int, blinks_db: float, trial: Trial, bit_s: float) -> Finding:
-    """Return that a trial reads a zone with another bit period than the configured one [s]."""
-    return finding(
-        Cause.BIT_PERIOD,
-        zone=zone,
-        blinks_db=blinks_db,
-        ids=', '.join(map(str, sorted({one.id for one in trial.detections}))),
-        found_s=trial.bit_period_s,
-        found_ms=1e3 * trial.bit_period_s,
-        bit_ms=1e3 * bit_s,
-    )
+    def _read(self, recording: Recording, **changes: Any) -> list[Detection]:
+        """Read a recording with other values."""
+        detector = detector_of({**self._values, **changes}, recording.grid, self._known)
+        return detector.update_all(recording)
+
+    def _read_with(self, recording: Recording, bit_s: float) -> list[Detection]:
+        return self._read(recording, bit_period=bit_s)
+
+    def _seen(self, detections: Iterable[Detection]) -> set[int]:
+        """Return the zones of detections, and their neighbours."""
+        zones = {zone for one in detections for zone in one.zones}
+        return set(np.flatnonzero(self._near[sorted(zones)].any(axis=0)).tolist())
 
 
 def rate_finding(frame_s: float, bit_s: float) -> Finding | None:
@@ -247,7 +216,25 @@ def rate_finding(frame_s: float, bit_s: float) -> Finding | None:
     frames = bit_s / frame_s
     if FRAMES_A_BIT[0] <= frames <= FRAMES_A_BIT[1]:
         return None
-    return finding(Cause.FRAME_RATE, frame_ms=1e3 * frame_s, bit_ms=1e3 * bit_s, frames=frames)
+    values = {'frame_ms': 1e3 * frame_s, 'bit_ms': 1e3 * bit_s, 'two_s': 2 * frame_s}
+    return finding(Cause.FRAME_RATE, frames=frames, **values)
+
+
+def _bit_period(zone: BlinkingZone, read: Trial, bit_s: float) -> Finding:
+    """Return that a zone is read with another bit period than the configured one [s]."""
+    return finding(
+        Cause.BIT_PERIOD,
+        zone=zone.zone,
+        blinks_db=zone.modulation_db,
+        ids=_ids(read.detections),
+        found_s=read.bit_period_s,
+        found_ms=1e3 * read.bit_period_s,
+        bit_ms=1e3 * bit_s,
+    )
+
+
+def _ids(detections: Iterable[Detection]) -> str:
+    return ', '.join(map(str, sorted({one.id for one in detections})))
 
 
 def _noise_scale(recording: Recording, law: NoiseLaw) -> float:
@@ -256,28 +243,29 @@ def _noise_scale(recording: Recording, law: NoiseLaw) -> float:
     signal = recording.signal.astype(np.float64)
     pairs = valid[1:] & valid[:-1]
     count = pairs.sum(axis=0)
-    if np.count_nonzero(count > MIN_FRAMES // 2) < _MIN_SEEN * len(count):
+    seen = count > MIN_FRAMES // 2
+    if seen.mean() < _MIN_SEEN:
         return 1.0
     steps: Floats = np.where(pairs, np.diff(signal, axis=0), 0.0)
     mean = (signal * valid).sum(axis=0) / np.maximum(valid.sum(axis=0), 1)
     scale = (steps**2).sum(axis=0) / np.maximum(count, 1) / 2 / law.variance(mean)
-    return float(np.quantile(scale[count > MIN_FRAMES // 2], 0.25))
+    return float(np.quantile(scale[seen], 0.25))
 
 
-def _surroundings(recording: Recording, scale: float) -> list[Finding]:
+def _surroundings(recording: Recording, noise_scale: float) -> list[Finding]:
     """Return what is wrong with the noise and the light."""
     result = []
-    if not 1 / _MAX_NOISE < scale < _MAX_NOISE:
-        result.append(finding(Cause.NOISE, scale=scale))
+    if not 1 / _MAX_NOISE < noise_scale < _MAX_NOISE:
+        result.append(finding(Cause.NOISE, scale=noise_scale))
     with np.errstate(invalid='ignore'):
         near = np.flatnonzero((recording.distance < _GLASS_M).mean(axis=0) > _FEW).tolist()
     if near:
-        result.append(finding(Cause.GLASS, zones=named_zones(near), nearer_cm=100 * _GLASS_M))
+        result.append(finding(Cause.GLASS, zones=listed(near), nearer_cm=100 * _GLASS_M))
     valid, _ = valid_samples(recording.signal, recording.distance, recording.status)
     bad = ~valid & (recording.status != Status.NO_TARGET)
     if lame := np.flatnonzero(bad.mean(axis=0) > _FEW).tolist():
         status = int(np.bincount(recording.status[bad]).argmax())
-        result.append(finding(Cause.INVALID, zones=named_zones(lame), status=status))
+        result.append(finding(Cause.INVALID, zones=listed(lame), status=status))
     ambient = recording.ambient.mean(axis=1)
     if np.std(np.diff(ambient)) > _FLICKER * max(float(ambient.mean()), 1.0):
         result.append(finding(Cause.FLICKER))

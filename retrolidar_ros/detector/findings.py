@@ -9,7 +9,7 @@ from enum import Enum
 from typing import Any, NamedTuple
 
 _DARKER = 'check polarisers and voltage, or go farther away if so much light saturates the sensor'
-_MAX_NAMED = 4
+_MAX_LISTED = 4
 
 
 class Cause(Enum):
@@ -19,8 +19,8 @@ class Cause(Enum):
     STAMPS = 'the stamps of the frames stand still: record again with a clock that runs'
     FRAME_RATE = (
         'a frame comes every {frame_ms:.1f} ms, but bit_period is {bit_ms:.1f} ms: {frames:.1f} '
-        'frames, and not one to eight. Set bit_period to how long the markers hold a bit, or let '
-        'the sensor measure at another rate'
+        'frames, and not one to eight. Let the markers hold a bit for two frames (bit_period '
+        '{two_s:.3f}), or let the sensor measure at another rate'
     )
     SHORT_BITS = (
         'bits of {bit_ms:.1f} ms last {frames:.1f} frames: two are read farther. Let the sensor '
@@ -36,7 +36,7 @@ class Cause(Enum):
         'ID {ids} was read in {read} packets of {sent}: it is faint, hidden at times, or noisier '
         'than set'
     )
-    WITHHELD = '{withheld} readings are withheld: fewer agree than min_readings, {least}'
+    WITHHELD = '{withheld} readings are withheld: fewer agree than min_readings, {required}'
     NO_BLINKING = (
         'no zone blinks: let a marker repeat its packet within the view, a metre away at most; '
         'it may be asleep: wake it with light'
@@ -54,20 +54,20 @@ class Cause(Enum):
         'light flickers'
     )
     NO_ID = (
-        'zone {zone} blinks by {blinks_db:.0f} dB, but no ID fits (tried bits of {tried}). Several '
-        'markers in the zone? Set registered_ids. Too faint? Go nearer. Else check the code'
+        'zone {zone} blinks by {blinks_db:.0f} dB, but no ID fits (tried bits of {tried} ms). '
+        'Several markers in the zone? Set registered_ids. Too faint? Go nearer. Else check the code'
     )
     NOISE = (
-        'noise is {scale:.2g} times the configured value: let `retrolidar calibrate` find '
+        'noise is {scale:.2g} times the configured value: run `retrolidar calibrate BAG` for '
         'noise_floor, noise_slope and noise_ambient'
     )
     GLASS = (
-        '{zones} sees something nearer than {nearer_cm:.0f} cm, such as a cover glass: what is '
-        'fainter is not seen behind it; take it off or clean it'
+        'zone {zones} sees something nearer than {nearer_cm:.0f} cm, such as a cover glass: it '
+        'hides what is fainter; take it off or clean it'
     )
     INVALID = (
-        '{zones} gives mostly invalid samples, as of status {status}: shade it from the sun, clean '
-        'the window, and let something be within reach'
+        'most samples of zone {zones} are invalid, mostly status {status}: shade it from the sun, '
+        'clean the window, and let something be within reach'
     )
     FLICKER = (
         'the ambient light flickers from frame to frame: another sensor shines into the view, or a '
@@ -91,17 +91,8 @@ def finding(cause: Cause, **values: Any) -> Finding:
     return Finding(cause, values)
 
 
-def named_zones(zones: Sequence[int]) -> str:
-    """Return a list of zones for a sentence."""
-    others = len(zones) - _MAX_NAMED
-    text = f'zone {", ".join(map(str, zones[:_MAX_NAMED]))}'
-    return text + (f' and {others} more' if others > 0 else '')
-
-
-def named_periods(periods_s: Sequence[float]) -> str:
-    """Return bit periods that were tried for a sentence: all if they are few, else a range."""
-    if len(periods_s) <= _MAX_NAMED:
-        return f'{", ".join(f"{1e3 * one:.1f}" for one in periods_s)} ms'
-    first_s, *others_s = periods_s
-    least, most = (f'{1e3 * of(others_s):.0f}' for of in (min, max))
-    return f'{1e3 * first_s:.1f} ms and {len(others_s)} more from {least} to {most} ms'
+def listed(values: Sequence[object]) -> str:
+    """Return values for a sentence: the first few, and how many more there are."""
+    text = ', '.join(map(str, values[:_MAX_LISTED]))
+    more = len(values) - _MAX_LISTED
+    return f'{text} and {more} more' if more > 0 else text

@@ -5,24 +5,21 @@
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Mapping
-from itertools import pairwise
+from collections.abc import Iterator, Mapping
 from typing import Any
 
 import numpy as np
 
-from retrolidar_ros.detector.blinking import Samples, modulation_db
-from retrolidar_ros.detector.blinking_zones import BlinkingZone
+from retrolidar_ros.detector.blinking_zones import Samples, modulation_db
 from retrolidar_ros.detector.detection import Detection
 from retrolidar_ros.detector.explain import Explanation, rate_finding
 from retrolidar_ros.detector.findings import Cause, Finding
 from retrolidar_ros.detector.parameters import noise_of, registered
 from retrolidar_ros.detector.rejections import adjacency
-from retrolidar_ros.detector.trials import Trial
 from retrolidar_ros.marker.code import PACKET_BITS
 from retrolidar_ros.marker.known_markers import KnownMarker
 from retrolidar_ros.sensor.frame import Frame, Recording, ZoneGrid
-from retrolidar_ros.sensor.frame_rate import RATE_FRAMES, missing_frames
+from retrolidar_ros.sensor.frame_rate import RATE_FRAMES, frame_period, missing_frames
 
 _KEPT = 320  # a packet with nine frames a bit
 _MIN_KEPT = 128
@@ -35,7 +32,7 @@ _PACKETS = 9
 _REMEMBERED_NS = 10_000_000_000
 # A look costs a millisecond, with a trial tens of them: between the first ones, and later.
 _LOOKING_S = (0.9, 2.0)
-_HASTY = 9  # first trials
+_HASTY = 9  # first looks at a zone
 
 
 class FrameMonitor:
@@ -60,11 +57,12 @@ class FrameMonitor:
         self.newest.clear()
         self._near = adjacency(grid)
         self._explained_ns = np.zeros(grid.zones, dtype=np.int64)
-        self._looked_ns = 0
-        self._zone: BlinkingZone | None = None  # the zone that blinks and is not read,
-        self._trials: list[Trial] = []  # the trials,
-        self._finding: Finding | None = None  # their result,
-        self._until_ns = 0  # and until when it holds, even if the zone is read now and then
+        self._looked_ns = self._looks = 0
+        self._zone: int | None = None  # the zone that blinks and is not read,
+        self._why: Iterator[Finding | None] = iter(())  # its trials to come,
+        self._found: Finding | None = None  # what they have found,
+        self._until_ns = 0  # until when that holds, even if the zone is read now and then,
+        self._finding: Finding | None = None  # and what is told of it
 
     def take(self, frame: Frame, max_lost: int | None = None) -> bool:
         """Count a frame; return whether it is a new one.
@@ -88,68 +86,59 @@ class FrameMonitor:
         return True
 
     def read(self, detections: list[Detection]) -> None:
-        """Take note of what was read, which explains why its zones and those beside them blink."""
+        """Note detections: they explain why their zones and those beside them blink."""
         for detection in detections:
             for zone in detection.zones:
                 self._explained_ns[self._near[zone]] = detection.end_ns
 
     def rate(self, bit_period_s: float) -> Finding | None:
         """Return that a bit does not last one to eight of the newest frames, if it does not."""
-        newest = list(self.newest)[-RATE_FRAMES:]
-        if len(newest) < RATE_FRAMES:
+        if len(self.newest) < RATE_FRAMES:
             return None
-        # By either clock: stamps of frames that come late, all at once, are too near to each other.
-        steps = [
-            max(
-                after.stamp_ns - before.stamp_ns,
-                1000 * (after.sensor_time_us - before.sensor_time_us),
-            )
-            / (1 + missing_frames(before.sequence, after.sequence))
-            for before, after in pairwise(newest)
-        ]
-        # As if none had been lost, whose gaps would make the frames look slow.
-        frame_s = float(np.median(steps)) * 1e-9
-        return rate_finding(frame_s, bit_period_s) if frame_s > 0 else None  # or stamps stand still
+        frame_s = frame_period(Recording.of(list(self.newest)[-RATE_FRAMES:]))
+        return rate_finding(frame_s, bit_period_s) if frame_s > 0 else None  # or clocks stand still
 
     def unread(self, values: Mapping[str, Any], known: Mapping[int, KnownMarker]) -> Finding | None:
         """Return why a zone blinks by a clock and is not read, as far as is known by now.
 
-        Each call may try one bit period, where the markers may come that a detector of `values`
-        reads.
+        The values are those of a detector, which may be restricted to known or registered markers.
+        Each call may try one bit period.
         """
         if len(self.newest) < _MIN_KEPT:
             return None
         now_ns = self.newest[-1].stamp_ns
-        wait_s = _LOOKING_S[len(self._trials) >= _HASTY]
-        if abs(now_ns - self._looked_ns) >= wait_s * 1e9:
+        if abs(now_ns - self._looked_ns) >= 1e9 * _LOOKING_S[self._looks >= _HASTY]:
             self._looked_ns = now_ns
-            self._finding = self._look(now_ns, values, known)
+            self._look(now_ns, values, known)
         return self._finding
 
     def _look(
         self, now_ns: int, values: Mapping[str, Any], known: Mapping[int, KnownMarker]
-    ) -> Finding | None:
-        """Return why the zone that has waited for long enough is not read; try one more period."""
+    ) -> None:
+        """Look for a zone that waits for too long, or try one more bit period in that zone."""
         recording = Recording.of(list(self.newest))
         law = noise_of(values).lit(recording.ambient)
         quiet = ~(modulation_db(Samples.of(recording), law) >= _CLEARLY_DB)
         # Stamps may go back, where a bag is played again.
         self._explained_ns[quiet | (self._explained_ns > now_ns)] = now_ns
         waited_s = (now_ns - self._explained_ns) * 1e-9
-        if waited_s.max() < _PATIENCE_S and self._zone is None:
-            return None
-        explanation = Explanation(recording, values, known, [])
-        if self._zone and waited_s[self._zone.zone] >= _PATIENCE_S:
+        if self._zone is not None and waited_s[self._zone] >= _PATIENCE_S:
             self._until_ns = now_ns + _REMEMBERED_NS
-        elif self._finding is None or now_ns > self._until_ns:
+        elif not 0 <= self._until_ns - now_ns <= _REMEMBERED_NS:
+            self._zone, self._found, self._finding, self._looks = None, None, None, 0
+        if self._zone is None:
+            if waited_s.max() < _PATIENCE_S:
+                return
+            explanation = Explanation(recording, values, known)
             waiting = (one for one in explanation.zones if waited_s[one.zone] >= _PATIENCE_S)
-            self._zone = next((one for one in waiting if one.is_clocked), None)
-            self._trials, self._finding = [], None
-        if self._zone is None or (self._finding and self._finding.cause is Cause.BIT_PERIOD):
-            return self._finding
-        found = explanation.why(self._zone, self._trials, 1)
-        patience_s = _PACKETS * PACKET_BITS * values['bit_period']
-        if found and found.cause is not Cause.BIT_PERIOD:
-            is_early = waited_s[self._zone.zone] < patience_s
-            return None if is_early or registered(values, known) else found
-        return found
+            zone = next((one for one in waiting if one.is_clocked), None)
+            if zone is None:
+                return
+            self._zone, self._why = zone.zone, explanation.why(zone)
+            self._until_ns = now_ns + _REMEMBERED_NS
+        self._looks += 1
+        self._found = next(self._why, self._found)
+        has_remedy = self._found is not None and self._found.cause is Cause.BIT_PERIOD
+        is_missed = waited_s[self._zone] >= _PACKETS * PACKET_BITS * values['bit_period']
+        is_expected = not registered(values, known)
+        self._finding = self._found if has_remedy or (is_missed and is_expected) else None

@@ -1,6 +1,6 @@
 # Copyright 2026 retrolidar_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""The parameters of a detector: what the node declares, and what the command takes as options."""
+"""Parameters of a detector: declared by the node, and options of the command."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ READING = (
     *('noise_floor', 'noise_slope', 'noise_ambient', 'range_offset', 'zone_pitch', 'zone_blur'),
     'likelihood_threshold',
 )
-"""Those that decide what is read and where: parameters of the node, and options of the command."""
+"""Those that decide what is read and where."""
 
 
 def defaults() -> dict[str, Any]:
@@ -103,7 +103,7 @@ def sensor_of(values: Mapping[str, Any], grid: ZoneGrid) -> SensorModel:
 def detector_of(
     values: Mapping[str, Any], grid: ZoneGrid, known: Mapping[int, KnownMarker]
 ) -> Detector:
-    """Return a new detector of values of all `READING`; ValueError if they cannot be."""
+    """Return a new detector of values of all `READING`; ValueError if one is invalid."""
     return create_detector(
         values['method'],
         grid,

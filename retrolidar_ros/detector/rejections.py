@@ -1,6 +1,6 @@
 # Copyright 2026 retrolidar_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""Rejected candidates, without those that a packet that was read explains."""
+"""Rejected candidates, without those that a read packet explains."""
 
 from __future__ import annotations
 

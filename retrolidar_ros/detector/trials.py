@@ -25,7 +25,6 @@ CAPTURED = 0.02
 """Relative difference up to which a detector finds a bit period, and that of farther trials."""
 # Frames a bit, 5 % apart, nearest to two first.
 _GRID = sorted(np.geomspace(1.0, 9.0, 46).tolist(), key=lambda frames: abs(np.log2(frames / 2)))
-_ROUNDS, _SAME = 2, 0.003
 _SURE = 0.4  # of a recording
 
 
@@ -81,12 +80,12 @@ def candidates(clocks_s: Iterable[float], frame_s: float) -> list[float]:
 
     Bits of one frame show none, or any.
     """
-    least_s, most_s = (frames * frame_s for frames in FRAMES_A_BIT)
+    min_s, max_s = (frames * frame_s for frames in FRAMES_A_BIT)
     found: list[float] = []
     for clock_s in clocks_s:
         alias_s = frame_s / (1 - frame_s / clock_s) if clock_s > frame_s else clock_s
         for one in (clock_s, alias_s):
-            if least_s <= one <= most_s and not is_among(one, found):
+            if min_s <= one <= max_s and not is_among(one, found):
                 found.append(one)
     return found if not found or is_among(frame_s, found) else [*found, frame_s]
 
@@ -104,21 +103,7 @@ def trials(
     for bit_s in periods_s:
         if not is_among(bit_s, tried):
             tried.append(bit_s)
-            yield _refined(recording, bit_s, read)
-
-
-def _refined(recording: Recording, bit_s: float, read: Read) -> Trial:
-    """Read with a bit period, and again with the measured one."""
-    trial = Trial(bit_s, read(recording, bit_s))
-    for _ in range(_ROUNDS):
-        measured_s = trial.bit_period_s
-        if abs(measured_s / bit_s - 1) < _SAME:
-            break
-        again, bit_s = read(recording, measured_s), measured_s
-        if not len(again) > len(trial.detections):
-            break
-        trial = Trial(trial.tried_s, again)
-    return trial
+            yield Trial(bit_s, read(recording, bit_s))
 
 
 def is_among(bit_s: float, others: list[float]) -> bool:

@@ -45,9 +45,9 @@ def active_share(queries_per_hour: float, packets: int = 1) -> float:
     """
     share = queries_per_hour * packets * PACKET_S / _HOUR_S
     if not 0 <= share <= 1:
-        most = _HOUR_S / (packets * PACKET_S)
+        max_queries = _HOUR_S / (packets * PACKET_S)
         raise ValueError(
-            f'{queries_per_hour:g} queries an hour are impossible; 0 to {most:.0f}, '
+            f'{queries_per_hour:g} queries an hour are impossible; 0 to {max_queries:.0f}, '
             f'as each takes {packets * PACKET_S:g} s'
         )
     return share

@@ -25,8 +25,6 @@ SAFE_DISTANCE = 8
 
 USABLE_IDS: NDArray[np.int64] = np.setdiff1d(np.arange(IDS), RESERVED_IDS)
 
-_ROWS_AT_ONCE = 512  # of a matrix product, 8 MB for all IDs
-
 
 class ConfusablePair(NamedTuple):
     """Two markers, or one with itself, that come close at some start bit."""
@@ -56,13 +54,10 @@ def distances(ids: ArrayLike) -> NDArray[np.uint8]:
     agreement = np.full((len(signs), len(signs)), -PACKET_BITS, dtype=np.int8)
     # The other half of the shifts are these with the two IDs exchanged.
     for shift in range(PACKET_BITS // 2 + 1):
-        shifted = np.roll(signs, shift, axis=1).T
-        for start in range(0, len(signs), _ROWS_AT_ONCE):
-            rows = slice(start, start + _ROWS_AT_ONCE)
-            products = (signs[rows] @ shifted).astype(np.int8)
-            if shift == 0:
-                np.fill_diagonal(products[:, start:], -PACKET_BITS)
-            np.maximum(agreement[rows], products, out=agreement[rows])
+        products = (signs @ np.roll(signs, shift, axis=1).T).astype(np.int8)
+        if shift == 0:
+            np.fill_diagonal(products, -PACKET_BITS)
+        np.maximum(agreement, products, out=agreement)
     differing: NDArray[np.int8] = (PACKET_BITS - np.maximum(agreement, agreement.T)) // 2
     return differing.astype(np.uint8)
 
@@ -75,14 +70,14 @@ def choose_ids(count: int, min_distance: int | None = None) -> tuple[NDArray[np.
     count : int
         How many, 1..4094.
     min_distance : int, optional
-        The least distance allowed, 1..31 bits; without it the largest at which so many are found.
+        The smallest distance allowed, 1..31 bits; default: the largest at which so many are found.
 
     Returns
     -------
     ids : array of int64, shape (count,)
         In the order of choice.
     distance : int
-        The least distance among them.
+        The smallest distance among them.
 
     Raises
     ------
@@ -105,7 +100,7 @@ def choose_ids(count: int, min_distance: int | None = None) -> tuple[NDArray[np.
 
 
 def largest_set(min_distance: int, count: int = len(USABLE_IDS)) -> NDArray[np.int64]:
-    """Return all IDs that are found at a least distance, or `count` of them; ValueError as above.
+    """Return all IDs found at a minimum distance, or `count` of them; ValueError as above.
 
     The next ID is always the one that rules out the fewest of those left, the lowest of several.
     So there may be larger sets than are found, but the choice is the same everywhere, and with

@@ -27,11 +27,7 @@ class Response:
     bright_s: _Time
 
     def integral(self, before: Floats, level: Floats, elapsed_s: Floats) -> Floats:
-        """Return the first of what `relaxation` returns."""
-        return self.relaxation(before, level, elapsed_s)[0]
-
-    def relaxation(self, before: Floats, level: Floats, elapsed_s: Floats) -> tuple[Floats, Floats]:
-        """Return the integral of the relaxation from level to level [s], and its present value.
+        """Return the integral of the relaxation from level to level [s].
 
         A bit lasts many time constants, so the level of the bit `before` it is where it starts.
         Levels are transmissions, 0 to 1; `elapsed_s` is the time since the edge between them; all
@@ -41,4 +37,5 @@ class Response:
         tau = np.where(step > 0, self.dark_s, self.bright_s) / _TIME_CONSTANTS_10_TO_90
         share = np.divide(elapsed_s, tau, out=np.full_like(elapsed_s, np.inf), where=tau > 0)
         gone = np.expm1(-np.maximum(share, 0.0))  # before the edge nothing has changed
-        return level * elapsed_s - step * tau * gone, level + step * (gone + 1.0)
+        integral: Floats = level * elapsed_s - step * tau * gone
+        return integral

@@ -159,7 +159,7 @@ class DriverNode(LifecycleNode):
         return int(self.get_clock().now().nanoseconds)
 
     def _change(self, values: dict[str, Any]) -> None:
-        self._clock_map.set_least_delay(values['transport_delay'])
+        self._clock_map.set_min_delay(values['transport_delay'])
         self._values = values
 
     def _read(self, source: SerialSource) -> None:
@@ -172,13 +172,8 @@ class DriverNode(LifecycleNode):
             else:
                 self.get_logger().warning(line)
 
-        def publish(frames: list[Frame], arrival_ns: int) -> None:
-            self._publish(frames, arrival_ns)
-            if notice := source.reader.notice():
-                self.get_logger().warning(notice)
-
         try:
-            source.run(publish, report, self._stop)
+            source.run(self._publish, report, self._stop)
         except Exception as error:
             # If another node of the process fails, the publisher becomes invalid.
             if rclpy.ok():

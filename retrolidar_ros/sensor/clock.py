@@ -29,19 +29,19 @@ class ClockMap:
     how often. A 32-bit sensor clock that wraps is followed.
     """
 
-    def __init__(self, least_delay_s: float = 0.0) -> None:
+    def __init__(self, min_delay_s: float = 0.0) -> None:
         """Start without knowledge.
 
         Parameters
         ----------
-        least_delay_s : float
+        min_delay_s : float
             The known part of the delay from the middle of the exposure to the arrival, which
             is taken off every stamp [s].
         """
         self.restarts = 0
         self.skew = 0.0
         """Host seconds per sensor second, less one; 0 while unknown."""
-        self._least_delay_ns = round(least_delay_s * 1e9)
+        self._min_delay_ns = round(min_delay_s * 1e9)
         self.offset_s = 0.0
         """Host time less sensor time, of the last frame."""
         self._turns_ns = 0
@@ -51,9 +51,9 @@ class ClockMap:
         self._last_pair = (0, 0)
         self._punctual_ns = 0
 
-    def set_least_delay(self, least_delay_s: float) -> None:
+    def set_min_delay(self, min_delay_s: float) -> None:
         """Subtract another delay from the stamps to come, which may go back once."""
-        self._least_delay_ns = round(least_delay_s * 1e9)
+        self._min_delay_ns = round(min_delay_s * 1e9)
         self._last_stamp_ns = None
 
     def map(self, sensor_time_us: int, arrival_ns: int) -> int:
@@ -79,7 +79,7 @@ class ClockMap:
         self._add(sensor_ns, arrival_ns)
         self._rate, self._origin = self._line()
         self.skew = self._rate - 1.0
-        stamp_ns = min(self._on_line(sensor_ns), arrival_ns) - self._least_delay_ns
+        stamp_ns = min(self._on_line(sensor_ns), arrival_ns) - self._min_delay_ns
         if self._last_stamp_ns is not None:
             stamp_ns = max(stamp_ns, self._last_stamp_ns + 1)
         self._last_stamp_ns = stamp_ns

@@ -4,8 +4,11 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
+
 import numpy as np
-from numpy.typing import ArrayLike
+
+from retrolidar_ros.sensor.frame import Recording
 
 RATE_FRAMES = 33
 """Number of frames whose median interval is taken for the frame period."""
@@ -36,6 +39,13 @@ def stamps_stand(frames: int, advance_ns: int) -> bool:
     return frames >= _JUDGED_FRAMES and abs(advance_ns) < frames * _MIN_PERIOD_NS
 
 
-def frame_period(stamps_ns: ArrayLike) -> float:
-    """Return the usual time between successive frames [s], some of which may be lost."""
-    return float(np.median(np.diff(stamps_ns))) * 1e-9
+def frame_period(recording: Recording) -> float:
+    """Return the usual time between successive frames [s], of which some may be lost.
+
+    By the later of stamp and sensor's clock: stamps of frames that come late, all at once, are too
+    near to each other.
+    """
+    step_ns = np.maximum(np.diff(recording.stamp_ns), 1000 * np.diff(recording.sensor_time_us))
+    numbers = recording.sequence.tolist()
+    missing = np.array([missing_frames(*pair) for pair in pairwise(numbers)])
+    return float(np.median(step_ns / (1 + missing))) * 1e-9

@@ -1,6 +1,6 @@
 # Copyright 2026 retrolidar_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""Who a sensor is, and what it can be told: protocol version 1."""
+"""Identity of a sensor, and commands to it: protocol version 1."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ _LAYOUT = Struct('<B3B?12s')  # kind, version, whether it ranges, serial number
 
 
 class Command(Enum):
-    """What a host wants of a sensor; it is sent as a line of text."""
+    """A command to a sensor, sent as a line of text."""
 
     IDENTIFY = 'identify'
     START = 'start'
@@ -29,7 +29,7 @@ class Command(Enum):
 
 
 class Identity(NamedTuple):
-    """What a sensor answers to each command, and says when it starts."""
+    """The answer of a sensor to each command, also sent when it starts."""
 
     version: str
     """Of its firmware."""
@@ -58,14 +58,14 @@ def decode_identity(content: bytes) -> Identity:
 
 
 class Commands:
-    """What a sensor is told, in one thread, and what it answers, in another.
+    """Commands to a sensor from one thread, and its answers in another.
 
-    A sensor ranges unless it was stopped here: one that was reset or plugged in meanwhile is told
-    so again, once. One whose firmware knows no commands never answers.
+    A sensor ranges unless it was stopped here: one that was reset or plugged in meanwhile gets the
+    command again, once. One whose firmware knows no commands never answers.
     """
 
     def __init__(self) -> None:
-        """Begin with nothing to say."""
+        """Begin without commands."""
         self.identity: Identity | None = None
         """The last answer of the sensor at the port."""
         self._answers = 0
@@ -75,7 +75,7 @@ class Commands:
         self._answered = Condition()
 
     def restart(self) -> None:
-        """Ask who is there: it may be another sensor."""
+        """Request the identity: it may be another sensor."""
         self.identity, self._is_reminded = None, False
         self._unsent.clear()
         self._unsent.append(Command.IDENTIFY)

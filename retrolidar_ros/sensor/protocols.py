@@ -22,7 +22,7 @@ class Reader(Protocol):
 
     @property
     def commands(self) -> Commands | None:
-        """What the sensor is told and answers; None if the protocol has no commands."""
+        """Commands and answers; None if the protocol has none."""
 
     def feed(self, data: bytes) -> list[Frame]:
         """Take the next bytes of the stream; return the frames they complete, oldest first."""
@@ -32,9 +32,6 @@ class Reader(Protocol):
 
     def request(self) -> bytes:
         """Return bytes to send to the sensor now; mostly none."""
-
-    def notice(self) -> str:
-        """Return a new warning for the user; mostly none."""
 
 
 PROTOCOLS: dict[str, Callable[[Callable[[], int]], Reader]] = {

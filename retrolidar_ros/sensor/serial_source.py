@@ -61,7 +61,10 @@ class Received(NamedTuple):
     def silence(self, then: Received) -> str:
         """Return why no frames have come since `then`."""
         if self.withheld > then.withheld:
-            return 'no frames come with signal, which the sensor has been asked for'
+            return (
+                'frames come without signal and ambient light, although the key s, which switches '
+                'them on, was sent: press it in a terminal, or restart the board'
+            )
         if self.damaged > then.damaged:
             return 'no frames come, but damaged packets: another baud rate or protocol?'
         if count := self.bytes - then.bytes:
@@ -94,7 +97,7 @@ class SerialSource:
 
     @property
     def identity(self) -> Identity | None:
-        """Who was last at the port; None if it has not said."""
+        """Identity of the last sensor at the port; None if it has not sent one."""
         return self.reader.commands.identity if self.reader.commands else None
 
     def run(
@@ -135,7 +138,7 @@ class SerialSource:
             stop.wait(RETRY_S)
 
     def _open(self) -> serial.Serial:
-        """Open the port for this program alone; OSError if that cannot be."""
+        """Open the port for this program alone; OSError if that fails."""
         try:
             # This empties the buffers: old bytes arrive at a meaningless time.
             line = serial.Serial(self.port, self.baud, exclusive=True)
@@ -179,53 +182,39 @@ class SerialSource:
                 line.write(request)
 
 
-class Arrival(NamedTuple):
-    """Frames that one read has brought."""
+@contextmanager
+def in_background(
+    source: SerialSource, report: Callable[[str], None] = lambda _: None
+) -> Iterator[Callable[[float], tuple[list[Frame], int] | None]]:
+    """Read a source in a thread until the block ends; `report` is as for `SerialSource.run`.
 
-    frames: list[Frame]
-    time_ns: int
-    """When it returned."""
-    notice: str
-    """The messages of the reader then."""
+    Yields
+    ------
+    take_until : callable
+        Returns what arrived first, frames and time [ns]; None if nothing arrives until a time of
+        `time.monotonic`.
+    """
+    arrived: SimpleQueue[tuple[list[Frame], int] | Exception] = SimpleQueue()
+    stop = Event()
 
+    def read() -> None:
+        try:
+            source.run(lambda *arrival: arrived.put(arrival), report, stop)
+        except Exception as error:  # it is raised where the frames are taken
+            arrived.put(error)
 
-class BackgroundReading:
-    """What a source reads in a thread of its own, for another one to take."""
-
-    def __init__(self) -> None:
-        """Begin with nothing."""
-        self._arrived: SimpleQueue[Arrival | Exception] = SimpleQueue()
-
-    def take_until(self, time_s: float) -> Arrival | None:
-        """Return what arrived first; None if nothing does until a time of `time.monotonic`."""
+    def take_until(time_s: float) -> tuple[list[Frame], int] | None:
         with suppress(Empty):
-            arrival = self._arrived.get(timeout=max(time_s - time.monotonic(), 0.0))
+            arrival = arrived.get(timeout=max(time_s - time.monotonic(), 0.0))
             if isinstance(arrival, Exception):
                 raise arrival
             return arrival
         return None
 
-    @classmethod
-    @contextmanager
-    def of(
-        cls, source: SerialSource, report: Callable[[str], None] = lambda _: None
-    ) -> Iterator[BackgroundReading]:
-        """Read a source until the block ends; `report` as for `SerialSource.run`."""
-        reading, stop = cls(), Event()
-
-        def pass_on(frames: list[Frame], time_ns: int) -> None:
-            reading._arrived.put(Arrival(frames, time_ns, source.reader.notice()))
-
-        def read() -> None:
-            try:
-                source.run(pass_on, report, stop)
-            except Exception as error:  # it must not end unheard
-                reading._arrived.put(error)
-
-        thread = Thread(target=read, daemon=True)
-        thread.start()
-        try:
-            yield reading
-        finally:
-            stop.set()
-            thread.join()
+    thread = Thread(target=read, daemon=True)
+    thread.start()
+    try:
+        yield take_until
+    finally:
+        stop.set()
+        thread.join()

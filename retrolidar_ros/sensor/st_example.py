@@ -10,12 +10,10 @@ signal and ambient light once the key `s` has switched these on.
 from __future__ import annotations
 
 import re
-from collections import deque
 from collections.abc import Callable
 
 import numpy as np
 
-from retrolidar_ros.marker.code import BIT_PERIOD_S
 from retrolidar_ros.sensor.frame import Frame, ZoneGrid
 from retrolidar_ros.sensor.model import VL53L8CX, Status
 from retrolidar_ros.sensor.wire import Splitter, WireCounts
@@ -25,11 +23,6 @@ SWITCH_LIGHT = b's'
 """Switches the signal and the ambient light on, or off again."""
 PATIENCE_FRAMES = 5
 """Frames without signal until it is requested again: some were on the way."""
-REQUESTS = 2
-"""Requests before frames without signal are passed on."""
-PERIODS = 11
-"""Number of frame periods of which the median is taken; odd, so it is one of them."""
-_NEWS = 0.25  # relative change of the period that is reported
 
 _LINE_END = b'\n'
 _TEXT = re.compile(rb'[\x1b\r\x20-\x7e]*')
@@ -111,11 +104,10 @@ class _Table:
         return len(self._rows) == columns and len(row) == 1 + self.has_light
 
     def frame(self, sequence: int, now_us: int) -> Frame:
-        """Return the frame of a complete table."""
+        """Return the frame of a complete table with light."""
         side = len(self._rows)
         lines = np.array(self._rows, dtype=np.float64)  # rows, lines, columns, two values
-        ranging = lines[:, 0].reshape(-1, 2)
-        light = lines[:, -1].reshape(-1, 2) if self.has_light else np.zeros_like(ranging)
+        ranging, light = lines[:, 0].reshape(-1, 2), lines[:, 1].reshape(-1, 2)
         return Frame(
             stamp_ns=now_us * 1000,
             sequence=sequence,
@@ -128,56 +120,14 @@ class _Table:
         )
 
 
-class FramePeriod:
-    """Measures the time between frames, and reports it when it has changed."""
-
-    def __init__(self) -> None:
-        """Start without knowledge."""
-        self._times_us: deque[int] = deque(maxlen=PERIODS + 1)
-        self._reported_s = 0.0
-
-    def take(self, time_us: int) -> float | None:
-        """Take the time of a frame [µs]; return the period [s] if it is new.
-
-        It is the median of the last `PERIODS`, so a pause or a lost frame does not change it.
-        """
-        self._times_us.append(time_us)
-        if len(self._times_us) <= PERIODS:
-            return None
-        period_s = float(np.median(np.diff(list(self._times_us)))) * 1e-6
-        if period_s <= 0 or abs(period_s - self._reported_s) <= _NEWS * self._reported_s:
-            return None
-        self._reported_s = period_s
-        return period_s
-
-
-def slow_text(period_s: float) -> str:
-    """Say what it means that a frame comes as text every `period_s` [s]."""
-    bit_period_s = 2 * period_s
-    return (
-        f"ST's example sends a frame every {period_s * 1e3:.0f} ms; the "
-        f'{BIT_PERIOD_S / 2 * 1e3:.0f} ms of the RetroLiDAR paper are out of reach of its text. To '
-        f'be read, markers must hold each bit for two frames, {bit_period_s:.3f} s: set '
-        f"the detector's bit_period to {bit_period_s:.3f}, or flash a firmware that speaks "
-        f'protocol retrolidar'
-    )
-
-
-UNHEEDED = (
-    'signal and ambient light are off, and the board ignores the key s, which switches them '
-    'on: press it in a terminal, or restart the board'
-)
-
-
 class StExampleReader:
     """Finds frames in the text of ST's example; accepts any bytes.
 
     The text has the left of the scene first, as a `Frame` has. It has neither time nor counter:
     a frame bears the host's time at the end of its last row, and `sequence` counts the frames that
     were passed on. Status 9, merged, comes as 5, valid. Signal and ambient light are 0 where there
-    is no target. The example has to switch them on, which the reader asks for; a frame without them
-    is withheld meanwhile, for a step of the signal would look as if every zone blinked. After
-    `REQUESTS` without effect such frames are passed on, with 0 everywhere.
+    is no target. The example has to switch them on, which the reader requests; a frame without them
+    is withheld.
 
     There is no checksum: an inconsistent table is dropped and counted, a wrong digit is not
     noticed. Memory is bounded.
@@ -207,11 +157,9 @@ class StExampleReader:
         return frames
 
     def restart(self) -> None:
-        """Forget a frame that was cut off, and what was requested and reported."""
+        """Forget a frame that was cut off, and what was requested."""
         self._lines = Splitter(_LINE_END, MAX_LINE_BYTES)
         self._table = None
-        self._period = FramePeriod()
-        self._notices: list[str] = []
         self._dark_frames = 0
         """Frames without signal since one with it."""
         self._is_light_wanted = False
@@ -223,11 +171,6 @@ class StExampleReader:
         """
         is_wanted, self._is_light_wanted = self._is_light_wanted, False
         return SWITCH_LIGHT if is_wanted else b''
-
-    def notice(self) -> str:
-        """Return new warnings: of a slow frame period, and of a missing signal."""
-        notices, self._notices = self._notices, []
-        return '; '.join(notices)
 
     def _read_line(self, line: str) -> Frame | None:
         """Return the frame that a line completes, if it does."""
@@ -246,24 +189,13 @@ class StExampleReader:
             self.counts.bad_shape += 1
             self._table = None
             return None
-        now_us = self._now_ns() // 1000
         table, self._table = self._table, None
-        self._ask_for_light(table.has_light)
-        if (period_s := self._period.take(now_us)) is not None:
-            self._notices.append(slow_text(period_s))
-        unheeded = self._dark_frames - REQUESTS * PATIENCE_FRAMES
-        if not table.has_light and unheeded <= 0:
+        if not table.has_light:
+            self._is_light_wanted |= self._dark_frames % PATIENCE_FRAMES == 0
+            self._dark_frames += 1
             self.counts.withheld += 1
             return None
-        if unheeded == 1:
-            self._notices.append(UNHEEDED)
-        frame = table.frame(self.counts.frames % 2**32, now_us)
+        self._is_light_wanted, self._dark_frames = False, 0
+        frame = table.frame(self.counts.frames % 2**32, self._now_ns() // 1000)
         self.counts.frames += 1
         return frame
-
-    def _ask_for_light(self, has_light: bool) -> None:
-        """Want the signal switched on at the first frame without it, and at every fifth after."""
-        self._is_light_wanted = not has_light and (
-            self._is_light_wanted or self._dark_frames % PATIENCE_FRAMES == 0
-        )
-        self._dark_frames = 0 if has_light else self._dark_frames + 1

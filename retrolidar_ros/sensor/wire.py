@@ -150,7 +150,7 @@ class WireCounts:
     overlong: int = 0
     """More than `MAX_PACKET_BYTES`, or than a line can have, without a delimiter."""
     withheld: int = 0
-    """Frames without signal, held back while the sensor is asked for it."""
+    """Frames without signal, which the sensor is requested to switch on."""
 
     @property
     def damaged(self) -> int:
@@ -221,7 +221,7 @@ class FrameReader:
         return frames
 
     def restart(self) -> None:
-        """Forget a frame that was cut off, and who sent it: the next bytes do not continue it."""
+        """Forget a frame that was cut off, and the identity: the next bytes do not continue it."""
         self.feed(DELIMITER)
         self.commands.restart()
         self._is_in_step = False
@@ -229,10 +229,6 @@ class FrameReader:
     def request(self) -> bytes:
         """Return the commands to send to the sensor now; mostly none."""
         return self.commands.request()
-
-    def notice(self) -> str:
-        """Return nothing: frames of this protocol come as fast as the sensor makes them."""
-        return ''
 
     def _read_packet(self, packet: bytes) -> Frame | None:
         """Return the frame of one packet, or count why there is none."""

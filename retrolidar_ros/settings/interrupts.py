@@ -54,7 +54,7 @@ def interrupted_once() -> Iterator[None]:
 
 @contextmanager
 def termination_noted() -> Iterator[Event]:
-    """Yield what a termination signal sets, so that what is being written is completed first."""
+    """Yield an event that a termination signal sets, so that a file can be completed first."""
     requested = Event()
     with _handled_by(lambda number, frame: requested.set()):
         yield requested

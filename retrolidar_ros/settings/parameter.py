@@ -39,8 +39,8 @@ class Parameter(NamedTuple):
         """Return the parameter that a comment describes."""
         found = _COMMENT.fullmatch(comment)
         assert found, comment
-        description, least, most, among, live = found.groups()
-        limits = (float(least), float(most)) if least else None
+        description, low, high, among, live = found.groups()
+        limits = (float(low), float(high)) if low else None
         return cls(
             default, description, limits, tuple(among.split(', ')) if among else (), bool(live)
         )
@@ -51,11 +51,11 @@ class Parameter(NamedTuple):
 
     def constraints(self) -> str:
         """Return which values are allowed; empty if any of the type are."""
-        least, most = self.limits or (0, 0)
+        low, high = self.limits or (0, 0)
         if isinstance(self.default, list):
-            return f'integers from {least} to {most}, or []' if self.limits else 'texts, or []'
+            return f'integers from {low} to {high}, or []' if self.limits else 'texts, or []'
         if self.limits:
-            return f'{least:.9g} to {most:.9g}'
+            return f'{low:.9g} to {high:.9g}'
         return f'one of {", ".join(self.among)}' if self.among else ''
 
     def check(self, name: str, value: Any) -> Any:
@@ -93,9 +93,9 @@ class Parameter(NamedTuple):
 
     def _check_limits(self, name: str, value: Any) -> None:
         if self.limits:
-            least, most = self.limits
-            if not least <= value <= most:
-                raise ValueError(f'{name}: {value} is not within {least:.9g} to {most:.9g}')
+            low, high = self.limits
+            if not low <= value <= high:
+                raise ValueError(f'{name}: {value} is not within {low:.9g} to {high:.9g}')
 
 
 @cache

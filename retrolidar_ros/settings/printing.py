@@ -8,10 +8,10 @@ _MAX_CHARACTERS = 1000
 _DISTRIBUTIONS = {'serial': 'pyserial', 'yaml': 'pyyaml'}
 
 
-def printable(text: str, most: int = _MAX_CHARACTERS) -> str:
+def printable(text: str) -> str:
     """Return a text without control characters but newlines, and cut in its middle if need be."""
-    if len(text) > most:
-        half = most // 2
+    if len(text) > _MAX_CHARACTERS:
+        half = _MAX_CHARACTERS // 2
         text = f'{text[:half]} [... {len(text) - 2 * half} characters ...] {text[-half:]}'
     return ''.join(
         one if one.isprintable() or one == '\n' else one.encode('unicode_escape').decode()

@@ -13,7 +13,7 @@ from typing import Any, TypeAlias, TypeVar, cast, get_type_hints
 
 T = TypeVar('T')
 Parser: TypeAlias = Callable[[Any, str], T]
-"""From a value and its dotted name to what it means; ConfigError if it cannot be."""
+"""Parses a value that has a dotted name, for messages; ConfigError if it is invalid."""
 Triple: TypeAlias = tuple[float, float, float]
 
 UNITS: dict[str, dict[str, float]] = {
@@ -166,9 +166,9 @@ def each(parse: Parser[T]) -> Parser[tuple[T, ...]]:
     return parse_all
 
 
-def place(most_m: float = _LARGEST) -> Parser[Triple]:
+def place(max_m: float = _LARGEST) -> Parser[Triple]:
     """Return a parser of x, y and z within limits [m]."""
-    lengths = each(quantity('length', -most_m, most_m))
+    lengths = each(quantity('length', -max_m, max_m))
 
     def parse(value: Any, path: str) -> Triple:
         found = lengths(value, path)

@@ -1,6 +1,6 @@
 # Copyright 2026 retrolidar_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""YAML files, with duplicate keys refused."""
+"""YAML files, with duplicate keys and aliases refused."""
 
 from __future__ import annotations
 
@@ -16,7 +16,6 @@ from retrolidar_ros.settings.section import ConfigError
 T = TypeVar('T')
 
 MAX_BYTES = 2**20
-_MAX_VALUES = 100_000
 # What PyYAML raises for a value that its tag does not suit, as in `!!bool maybe`.
 _OF_TAGS = (LookupError, AttributeError, TypeError, ArithmeticError)
 
@@ -24,22 +23,21 @@ _OF_TAGS = (LookupError, AttributeError, TypeError, ArithmeticError)
 class _CarefulLoader(yaml.SafeLoader):
     """Refuses a key that stands twice in one mapping, where plain YAML lets the last one win.
 
-    Refuses, too, aliases that make many values of few, or a value a part of itself.
+    Refuses aliases, too, by which a small file may stand for a huge one. ROS does so in parameter
+    files.
     """
 
-    def get_single_node(self) -> yaml.Node | None:
-        node: yaml.Node | None = super().get_single_node()
-        if node is not None and (number := _unfolded(node, {})) > _MAX_VALUES:
-            raise yaml.constructor.ConstructorError(
-                None, None, f'it unfolds to {number} values, and {_MAX_VALUES} are the most', None
-            )
+    def compose_node(self, parent: yaml.Node | None, index: Any) -> yaml.Node | None:
+        if self.check_event(yaml.AliasEvent):
+            loader: Any = self
+            mark = loader.peek_event().start_mark
+            raise yaml.composer.ComposerError(None, None, 'aliases are not read', mark)
+        node: yaml.Node | None = super().compose_node(parent, index)
         return node
 
     def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict[Any, Any]:
         seen = set()
         for key_node, _ in node.value:
-            if key_node.tag == 'tag:yaml.org,2002:merge':
-                continue  # what is merged in may be overridden
             key = self.construct_object(key_node, deep=True)
             if not isinstance(key, Hashable):
                 continue  # refused by the base class
@@ -51,24 +49,6 @@ class _CarefulLoader(yaml.SafeLoader):
         return super().construct_mapping(node, deep=deep)
 
 
-def _unfolded(node: yaml.Node, known: dict[int, int]) -> int:
-    """Return how many values a node stands for, each alias counted as what it stands for."""
-    if id(node) in known:
-        if not known[id(node)]:
-            raise yaml.constructor.ConstructorError(
-                None, None, 'an alias stands within what it stands for', node.start_mark
-            )
-        return known[id(node)]
-    known[id(node)] = 0
-    within: list[yaml.Node] = []
-    if isinstance(node, yaml.SequenceNode):
-        within = node.value
-    elif isinstance(node, yaml.MappingNode):
-        within = [one for pair in node.value for one in pair]
-    known[id(node)] = 1 + sum(_unfolded(one, known) for one in within)
-    return known[id(node)]
-
-
 def load_yaml(path: Path) -> Any:
     """Return the content of a YAML file.
 
@@ -77,7 +57,7 @@ def load_yaml(path: Path) -> Any:
     OSError
         If it cannot be read.
     ValueError
-        If it is a FIFO or not YAML, or a key is duplicate; the message names the line.
+        If it is a FIFO or not YAML, or has a duplicate key or an alias; the message names the line.
     """
     if path.is_fifo():  # to open it would wait for a writer
         raise ValueError(f'{path} is a FIFO; give a regular file')

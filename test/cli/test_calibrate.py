@@ -62,7 +62,10 @@ HAND = {
             'farther away if so much light saturates the sensor',
         ),
         ({'sensor': {**SENSOR, 'abnormal': '70 %'}}, 'shade it from the sun, clean the window'),
-        ({'sensor': {**SENSOR, 'noise': LOUD}, 'markers': [FAINT]}, 'let `retrolidar calibrate`'),
+        (
+            {'sensor': {**SENSOR, 'noise': LOUD}, 'markers': [FAINT]},
+            'run `retrolidar calibrate BAG`',
+        ),
         ({'sensor': {**SENSOR, 'crosstalk': '900 kcps/SPAD'}}, 'such as a cover glass'),
         (
             {'sensor': {**SENSOR, 'second_sensor': NEIGHBOUR}, 'markers': []},

@@ -17,7 +17,7 @@ pytest.importorskip('rosbags', reason='bags are written with rosbags')
 
 from retrolidar_ros.bag import read_frames
 from retrolidar_ros.cli.main import main
-from retrolidar_ros.scene.emulator import frames_in_real_time
+from retrolidar_ros.scene.emulator import PortLink, frames_in_real_time
 from retrolidar_ros.scene.files import load_scene
 from retrolidar_ros.sensor.frame import Recording
 
@@ -75,6 +75,15 @@ def test_a_cable_that_is_pulled_leaves_what_came_before_and_after(tmp_path: Path
     assert process.returncode == 0
     assert np.diff(recording.stamp_ns).max() > 0.2e9
     assert (np.diff(recording.stamp_ns) > 0).all()
+
+
+def test_a_silent_sensor_is_explained_while_it_is_recorded(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    with PortLink(tmp_path / 'port'):
+        options = ['-o', str(tmp_path / 'bag'), '--duration', '1.5']
+        assert main(['record', str(tmp_path / 'port'), *options]) == 1
+    assert '0 frames, 0.0 a second, 0 lost; nothing comes: is the' in capsys.readouterr().err
 
 
 def test_no_frame_is_an_exit_code_and_leaves_nothing(

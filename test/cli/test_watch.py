@@ -41,7 +41,6 @@ def test_a_still_scene_before_st_s_example_does_not_blink(capsys: Output) -> Non
             printing.join()
     last = capsys.readouterr().out.splitlines()[-1]
     assert int(re.findall(r'(\d+) frames,', last)[0]) > 10
-    assert "ST's example sends a frame every" in last
     assert last.endswith('no zone blinks')
 
 
@@ -111,9 +110,7 @@ def test_a_terminal_shows_ids_and_is_restored(port: Path, request_to_end: signal
         return shown.decode(errors='replace').split('\x1b[H')
 
     def read_all() -> bool:
-        # Markers may be read before the last of 31 bits has come.
-        wanted = {*COFFEE, '1010101 100000011001 001100100001'}
-        return len(pictures()) > 2 and all(text in pictures()[-2] for text in wanted)
+        return len(pictures()) > 2 and all(text in pictures()[-2] for text in COFFEE)
 
     try:
         while not read_all():

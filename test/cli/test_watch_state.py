@@ -12,7 +12,8 @@ from harness_wire import make_frame
 
 from retrolidar_ros.cli.watch_state import Watch
 from retrolidar_ros.cli.watch_view import line, screen
-from retrolidar_ros.detector.blinking import BitReader, Samples, modulation_db
+from retrolidar_ros.detector.blinking_zones import Samples, modulation_db
+from retrolidar_ros.detector.newest_bits import newest_bits
 from retrolidar_ros.detector.parameters import defaults
 from retrolidar_ros.marker.code import BIT_PERIOD_S, packet
 from retrolidar_ros.scene import Scene, Simulation
@@ -67,26 +68,24 @@ def watch_of(frames: list[Frame], zone: int | None = None) -> Watch:
 
 @pytest.mark.parametrize('frames', range(100, 170, 7))
 def test_the_newest_bits_are_the_packet_from_some_bit_on(frames: int) -> None:
-    bits = BitReader(BIT_PERIOD_S).read(seen(SCENE, frames), ZONE, NoiseLaw())
+    bits = newest_bits(seen(SCENE, frames), ZONE, BIT_PERIOD_S)
     assert bits is not None
-    assert bits.hard.tolist() == (np.roll(packet(ID), -bits.first) == 1).tolist()
-    assert (bits.id, bits.differing) == (ID, 0)
-    assert bits.correlation > 0.95
+    sent = packet(ID) == 1
+    assert any((np.roll(sent, -first) == bits.hard).all() for first in range(31))
     # The marker's light, at 1 m and beside the axis, and none of it; with the wall's behind it.
     assert 200 < bits.bright < 400
     assert bits.dark < 60
 
 
-def test_lost_bits_are_unknown_and_do_not_count_as_wrong() -> None:
+def test_lost_bits_are_unknown() -> None:
     frames = list(Simulation(SCENE).advance(140))[-72:]
     samples = Samples.of(Recording.of(frames[:30] + frames[36:]))
-    bits = BitReader(BIT_PERIOD_S).read(samples, ZONE, NoiseLaw())
+    bits = newest_bits(samples, ZONE, BIT_PERIOD_S)
     assert bits is not None
     assert 2 <= np.count_nonzero(bits.erased) <= 4
-    assert (bits.id, bits.differing) == (ID, 0)
     dark = [replace(frame(ZoneGrid(), n), signal=np.zeros(16, np.float32)) for n in range(72)]
     samples = Samples.of(Recording.of(dark))
-    assert BitReader(BIT_PERIOD_S).read(samples, 3, NoiseLaw()) is None
+    assert newest_bits(samples, 3, BIT_PERIOD_S) is None
 
 
 def test_blinking_is_the_marker_s_and_noise_is_none() -> None:
@@ -106,7 +105,6 @@ def test_the_zone_that_blinks_most_is_chosen_and_read() -> None:
     assert (known.zone, known.trouble) == (ZONE, '')
     assert (known.frames, known.lost, known.damaged) == (200, 0, 0)
     assert known.bits is not None
-    assert known.bits.id == ID
     (reading,) = known.readings
     assert (reading.detection.id, reading.detection.zones[0]) == (ID, ZONE)
     assert 0 <= reading.age_s < 3
@@ -127,7 +125,7 @@ def test_a_zone_stays_chosen_until_another_blinks_far_more() -> None:
         assert state.snapshot().zone == chosen
 
 
-def test_trouble_is_reported_with_what_may_be_the_reason(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_trouble_is_reported_with_what_may_be_the_reason() -> None:
     reader = PROTOCOLS['retrolidar'](time.monotonic_ns)
     source = SerialSource('port', 460800, reader)
     state = Watch(source, None, defaults())
@@ -142,7 +140,7 @@ def test_trouble_is_reported_with_what_may_be_the_reason(monkeypatch: pytest.Mon
     source._bytes += 14
     assert 'but 14 bytes: another baud rate or protocol?' in state.snapshot().trouble
     reader.counts.withheld += 1
-    assert 'with signal, which the sensor has been asked for' in state.snapshot().trouble
+    assert 'frames come without signal' in state.snapshot().trouble
     reader.counts.withheld -= 1
     reader.feed(b'\x0012 | 345 : 6\r\n\0')
     known = state.snapshot()
@@ -153,13 +151,6 @@ def test_trouble_is_reported_with_what_may_be_the_reason(monkeypatch: pytest.Mon
     assert unsuited.snapshot().trouble.startswith(
         'a frame comes every 21.0 ms, but bit_period is 15.0 ms: 0.7 frames, and not one to eight'
     )
-    # A notice of the reader is shown for a while.
-    state, now_ns = open_watch(), time.monotonic_ns()
-    state.take([frame(ZoneGrid())], now_ns, 'slow text')
-    assert state.snapshot().trouble == 'slow text'
-    monkeypatch.setattr(time, 'monotonic_ns', lambda: now_ns + 31_000_000_000)
-    state.take([frame(ZoneGrid(), 1)], now_ns + 31_000_000_000)
-    assert state.snapshot().trouble == ''
 
 
 def test_another_grid_begins_anew_and_needs_a_zone_of_its_own() -> None:

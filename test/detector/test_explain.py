@@ -100,7 +100,7 @@ def test_markers_that_hide_each_other_are_told_of_registered_ids() -> None:
     )
     assert hidden.cause is Cause.NO_ID
     assert 'Several markers in the zone? Set registered_ids' in str(hidden)
-    assert 'tried bits of 42.0 ms and' in str(hidden)
+    assert 'tried bits of 42.0, ' in str(hidden)
     two = seen(marker(1.0), marker(1.0, id=2073))
     assert explained(two, registered_ids=[2816, 2073]) == []
 

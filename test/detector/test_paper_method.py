@@ -75,11 +75,6 @@ def test_abnormal_samples_are_not_believed() -> None:
     assert detection.place.range_m == pytest.approx(1.2, abs=2e-3)
 
 
-@pytest.mark.parametrize('status', [Status.FIRST_RANGE, Status.NO_PREVIOUS_TARGET, Status.MERGED])
-def test_statuses_that_a_blinking_marker_causes_are_normal(status: Status) -> None:
-    assert ids(run(replace(lone(), status=np.full_like(lone().status, status)))) == [ID]
-
-
 def test_range_is_the_mean_of_all_distances_of_the_packet() -> None:
     distance = np.random.default_rng(6).uniform(1, 2, lone().distance.shape).astype(np.float32)
     distance[::7] = np.nan
@@ -118,15 +113,6 @@ def test_nothing_is_seen_where_nothing_blinks() -> None:
         detector = create_detector('paper', GRID)
         assert run(recording, detector) == []
         assert detector.counts.candidates == 0
-
-
-def test_the_end_is_that_of_a_frame_that_was_used() -> None:
-    frames = list(lone())
-    (detection,) = run(frames)
-    last = next(i for i, frame in enumerate(frames) if frame.stamp_ns == detection.end_ns)
-    (late,) = run(frames[:last] + frames[last + 30 :])
-    assert late.id == ID
-    assert late.end_ns == frames[last - 1].stamp_ns
 
 
 @pytest.fixture

@@ -13,15 +13,10 @@ from retrolidar_ros.detector.placement import core_sensor
 from retrolidar_ros.scene.optics import zone_shares
 from retrolidar_ros.sensor.frame import Floats, ZoneGrid
 from retrolidar_ros.sensor.model import VL53L8CX
+from retrolidar_ros.sensor.rotation import matrix_of
 
 GRIDS = [ZoneGrid(4, 4), ZoneGrid(8, 8)]
 SPOT = 0.03  # of a marker of 3 cm in 1 m, as a tangent
-
-
-def rotate(quaternion: Floats, vector: Floats) -> Floats:
-    axis, w = quaternion[:3], quaternion[3]
-    rotated: Floats = vector + 2 * np.cross(axis, np.cross(axis, vector) + w * vector)
-    return rotated
 
 
 @pytest.mark.parametrize('grid', GRIDS)
@@ -33,7 +28,7 @@ def test_position_is_along_the_bearing_and_orientation_faces_the_sensor(grid: Zo
         assert placed.position_m[:2] / placed.position_m[2] == pytest.approx(grid.tangents[zone])
         quaternion = placed.orientation
         assert np.linalg.norm(quaternion) == pytest.approx(1)
-        assert rotate(quaternion, np.array([0.0, 0.0, 1.0])) == pytest.approx(direction)
+        assert matrix_of(quaternion)[:, 2] == pytest.approx(direction)
     ahead = place(Bearing(np.zeros(2), np.full(2, 1e-4)), 1.5, 0.01)
     assert ahead.orientation == pytest.approx([0, 0, 0, 1])
 

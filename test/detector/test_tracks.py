@@ -1,27 +1,16 @@
 # Copyright 2026 retrolidar_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 import math
-import runpy
-import subprocess
 from collections.abc import Iterable
 from dataclasses import replace
-from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
-from harness_core import SOURCES
 from harness_detector import ID, OTHER_ID, a_scene, repeating, simulate
-from harness_firmware import need
 from numpy.typing import NDArray
 
 from evaluation.bench.following import two_in_a_zone
-from evaluation.bench.recordings import record, signal_at
-from evaluation.bench.stresses import PLAIN
-from evaluation.experiments.moving import WAYS
-from retrolidar_ros import core
-from retrolidar_ros.detector import create_detector, likelihood_detector, placement
-from retrolidar_ros.detector import tracks as tracks_module
+from retrolidar_ros.detector import create_detector
 from retrolidar_ros.detector.likelihood_detector import LikelihoodDetector
 from retrolidar_ros.detector.tracks import Track
 from retrolidar_ros.marker.code import PACKET_BITS
@@ -32,7 +21,6 @@ from retrolidar_ros.scene.optics import position_at
 from retrolidar_ros.scene.reference import (
     RANGING,
     SENSOR,
-    marker_in_each_zone,
 )
 from retrolidar_ros.sensor.frame import Frame, Recording
 
@@ -225,63 +213,6 @@ def test_no_track_outlives_a_jump_of_time(jump_s: float) -> None:
     assert detector.track_counts.ended == 1
 
 
-def test_the_same_frame_twice_changes_nothing() -> None:
-    recording = repeating(8.0)
-    detector, tracks = follow(recording)
-    again = [*recording][-1]
-    detector.update(again)
-    (one,), (other,) = tracks[-1], detector.follow(again)
-    assert (one.presence, one.place.range_m) == (other.presence, other.place.range_m)
-
-
-def with_room_for(tracks: int, directory: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Let the core be one that follows no more than so many."""
-    need('cc')
-    header = SOURCES / 'retrolidar_tracks.h'
-    for path in SOURCES.iterdir():
-        text = path.read_text(encoding='utf-8')
-        if path == header:
-            assert 'RL_MAX_TRACKS = 64' in text
-            text = text.replace('RL_MAX_TRACKS = 64', f'RL_MAX_TRACKS = {tracks}')
-        (directory / path.name).write_text(text, encoding='utf-8')
-    sources = map(str, directory.glob('*.c'))
-    library = directory / 'core.so'
-    subprocess.run(['cc', '-O1', '-shared', '-fPIC', *sources, '-lm', '-o', library], check=True)
-    binding = runpy.run_path(str(SOURCES.parent / 'binding.py'))
-    ffi = binding['FFI']()
-    ffi.cdef(''.join(map(binding['declarations'], binding['HEADERS'])))
-    for module in (core, likelihood_detector, placement, tracks_module):
-        monkeypatch.setattr(module, 'ffi', ffi)
-        if module is not core:
-            monkeypatch.setattr(module, 'lib', ffi.dlopen(str(library)))
-
-
-def test_no_more_are_followed_than_there_is_room_for(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    with_room_for(5, tmp_path, monkeypatch)
-    rng = np.random.default_rng(1)
-    scene = marker_in_each_zone(1.0, rng, start_s=(0.0, 1.0), packets=None)
-    detector, tracks = follow(simulate(scene, 6.0))
-    counts = detector.track_counts
-    assert max(map(len, tracks)) == 5
-    assert counts.started - counts.ended - counts.dropped == len(tracks[-1])
-    assert counts.dropped >= 16 - 5
-
-
-def test_frames_of_noise_and_edges_of_numbers_leave_tracks_finite() -> None:
-    rng = np.random.default_rng(5)
-    recording = repeating(8.0)
-    wild = replace(recording, signal=recording.signal.copy(), distance=recording.distance.copy())
-    for values, edges in ((wild.signal, [0.0, 2e6, np.nan]), (wild.distance, [1e-4, 8.19, np.nan])):
-        hit = rng.random(values.shape) < 0.3
-        values[hit] = rng.choice(edges, np.count_nonzero(hit))
-    _, tracks = follow(switched(recording, wild, 300))
-    for one in (one for frame in tracks for one in frame):
-        assert np.isfinite(one.place.covariance).all()
-        assert np.isfinite([one.presence, *one.place.position_m, *one.velocity]).all()
-
-
 def test_the_background_moves_no_range() -> None:
     """A wall half a metre behind merges with the marker, and is subtracted."""
     scene = ranging_scene(position_m=a_scene().markers[0].position_m)
@@ -299,24 +230,6 @@ def test_the_noise_of_distances_is_learnt() -> None:
     _, tracks = follow(simulate(scene, 20.0))
     _, scaled = errors(scene, steady(tracks)[300:])
     assert 0.5 < rms(scaled) < 1.5
-
-
-def ended(way: str, speed_m_s: float, seeds: Iterable[int]) -> int:
-    """Return how many tracks end of markers that are there, at ranges of 1 to 2 m."""
-    ends = 0
-    for seed in seeds:
-        rng = np.random.default_rng(seed)
-        range_m = rng.uniform(1.0, 2.0)
-        how: dict[str, Any] = {'range_m': range_m, 'repeated_s': 30.0}
-        path = WAYS[way](speed_m_s, range_m, rng)
-        sent = record(PLAIN, signal_at(range_m), rng, path=path, **how)
-        ends += follow(sent.recording)[0].track_counts.ended
-    return ends
-
-
-def test_a_marker_that_crosses_edges_of_zones_quickly_is_not_lost() -> None:
-    """Its gains are learnt anew in each zone, and rescaled as it comes nearer."""
-    assert ended('across the view', 0.6, range(6100, 6114)) <= 4
 
 
 @pytest.mark.parametrize('range_m', [1.0, 1.5])

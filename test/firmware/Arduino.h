@@ -159,7 +159,7 @@ inline HardwareSerial Serial;
 struct TIM_TypeDef;
 inline TIM_TypeDef *const TIM2 = nullptr;
 inline TIM_TypeDef *const TIM5 = nullptr;
-enum TimerFormat_t { TICK_FORMAT, MICROSEC_FORMAT, HERTZ_FORMAT };
+enum TimerFormat_t { TICK_FORMAT, MICROSEC_FORMAT };
 
 struct HardwareTimer {
     explicit HardwareTimer(TIM_TypeDef *) {}
@@ -172,10 +172,9 @@ struct HardwareTimer {
     void setPrescaleFactor(uint32_t prescaler) { world.prescaler = prescaler; }
     void setOverflow(uint32_t value, TimerFormat_t format = TICK_FORMAT)
     {
-        world.period_ticks = format == TICK_FORMAT ? value
-                             : format == MICROSEC_FORMAT
-                                 ? uint64_t{value} * TIMER_PER_US / world.prescaler
-                                 : TIMER_HZ / world.prescaler / value;
+        world.period_ticks = format == TICK_FORMAT
+                                 ? value
+                                 : uint64_t{value} * TIMER_PER_US / world.prescaler;
     }
     void setCount(uint32_t, TimerFormat_t = TICK_FORMAT) {}
     uint32_t getCount(TimerFormat_t = TICK_FORMAT)
@@ -244,7 +243,6 @@ struct SPIClass {
 #define VL53L8CX_STATUS_OK ((uint8_t)0U)
 
 struct VL53L8CX_ResultsData {
-    int8_t silicon_temp_degc;
     uint32_t ambient_per_spad[VL53L8CX_RESOLUTION_8X8];
     uint8_t nb_target_detected[VL53L8CX_RESOLUTION_8X8];
     uint32_t signal_per_spad[VL53L8CX_RESOLUTION_8X8 * VL53L8CX_NB_TARGET_PER_ZONE];

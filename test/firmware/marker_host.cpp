@@ -5,8 +5,7 @@
 // Prints a line for each change of a pin: time [us], pin, level; what is said on the serial line,
 // after a #; and at the end, after a $, how long the processor slept deeply and waited [us], and the ID in its memory. Each
 // TYPED is a line on the console at the beginning. KEPT_ID in the environment is in the memory from
-// an earlier run; ERASED is the byte that it holds otherwise. For TRANSIENT_US after it gets power,
-// the comparator says that there is light.
+// an earlier run; ERASED is the byte that it holds otherwise.
 #include "../../firmware/marker/marker.ino"
 
 static uint64_t setting(const char *name)
@@ -17,7 +16,6 @@ static uint64_t setting(const char *name)
 
 int main(int count, char **arguments)
 {
-    const uint64_t transient_us = setting("TRANSIENT_US");
     std::memset(EEPROM.bytes, static_cast<int>(setting("ERASED")), sizeof EEPROM.bytes);
     if (setting("KEPT_ID") != 0) {
         EEPROM.put(0, static_cast<uint16_t>(setting("KEPT_ID")));
@@ -43,7 +41,7 @@ int main(int count, char **arguments)
         // The comparator answers 0.4 ms after it has power (paper section 5).
         const uint64_t for_us = world.now_us - powered_us;
         const bool is_lit = world.now_us >= from_us && world.now_us < until_us && for_us >= 400;
-        return pin == LIGHT_PIN && levels[FRONTEND_PIN] == HIGH && (is_lit || for_us < transient_us);
+        return pin == LIGHT_PIN && levels[FRONTEND_PIN] == HIGH && is_lit;
     };
     world.on_serial = [&](const uint8_t *bytes, size_t size) {
         std::printf("#%.*s\n", static_cast<int>(size), reinterpret_cast<const char *>(bytes));

@@ -178,12 +178,6 @@ def test_a_stopped_sensor_sends_no_frames_and_goes_on_with_the_next_number(progr
         assert_same_zones(frame, raw)
 
 
-def test_a_sensor_that_does_not_start_again_says_so(programs: Path) -> None:
-    given = typed('stop', 'start')
-    line = run_host(programs / 'reader_host', 0, FRAME_US, given=given, NO_RESTART='1')
-    assert [one.is_ranging for one in identities(line)] == [True, False, False]
-
-
 def test_a_reset_is_answered_before_it_happens(programs: Path) -> None:
     given = typed('stop', 'reset', 'identify') + results_of_driver(raw_frames(1), [0])
     line = run_host(programs / 'reader_host', 0, FRAME_US, given=given)

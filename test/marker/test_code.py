@@ -128,16 +128,6 @@ def test_any_batch_shape(shape: tuple[int, ...], data: st.DataObject) -> None:
     np.testing.assert_array_equal(decoded.ids, sent)
 
 
-def test_words_and_ids_may_be_of_any_number_type() -> None:
-    for name in ('bool', 'int8', 'uint64', 'float32'):
-        decoded = decode(encode(1234).astype(name))
-        assert [int(part) for part in decoded] == [1234, 0]
-    for name in ('uint16', 'int32', 'uint64'):
-        checked = check_ids(np.array([0, 4095], dtype=name))
-        assert checked.dtype == np.int64
-        np.testing.assert_array_equal(checked, [0, 4095])
-
-
 @pytest.mark.parametrize(
     ('wrong', 'message'),
     [

@@ -6,10 +6,7 @@ The limits are wider than the worst error of a hundred simulated runs each.
 """
 
 import pickle
-import sys
 from dataclasses import replace
-from types import FrameType
-from typing import Any
 
 import numpy as np
 import pytest
@@ -217,23 +214,3 @@ def test_the_worst_drift_needs_no_more_memory_than_the_window() -> None:
     assert size > 10 * WINDOW_S / SLOW_PERIOD_S
     map_all(clock_map, run.only(run.at(100)))
     assert len(pickle.dumps(clock_map)) < 1.05 * size
-
-
-def test_skew_may_be_read_while_another_thread_maps() -> None:
-    run = simulate(10, 0.01)
-    clock_map = ClockMap()
-    map_all(clock_map, run)
-    arrival_ns = int(run.arrival_ns[-1])
-
-    def restart_sensor(frame: FrameType, event: str, argument: object) -> Any:
-        """Do at each line of the reading what another thread might do there."""
-        clock_map.map(0, arrival_ns)
-        return restart_sensor
-
-    tracer = sys.gettrace()
-    sys.settrace(restart_sensor)
-    try:
-        skew = clock_map.skew
-    finally:
-        sys.settrace(tracer)
-    assert skew == pytest.approx(1 / 1.01 - 1, abs=1e-4)

@@ -34,9 +34,9 @@ def pairs_of(moves: Pairs) -> Pairs:
     return list(zip(sensor_us.tolist(), arrival_ns.tolist(), strict=True))
 
 
-def outcome(pairs: Pairs, least_delay_s: float = 0.0) -> tuple[list[int], list[int], list[float]]:
+def outcome(pairs: Pairs, min_delay_s: float = 0.0) -> tuple[list[int], list[int], list[float]]:
     """Return stamps, restarts and skews after each pair."""
-    clock_map = ClockMap(least_delay_s)
+    clock_map = ClockMap(min_delay_s)
     results = [(clock_map.map(*pair), clock_map.restarts, clock_map.skew) for pair in pairs]
     stamps_ns, restarts, rates = zip(*results, strict=True)
     return list(stamps_ns), list(restarts), list(rates)

@@ -24,7 +24,7 @@ from retrolidar_ros.scene.description import Surface
 from retrolidar_ros.scene.emulator import PortLink
 from retrolidar_ros.sensor import serial_source
 from retrolidar_ros.sensor.frame import Frame
-from retrolidar_ros.sensor.serial_source import BackgroundReading, SerialSource, explain
+from retrolidar_ros.sensor.serial_source import SerialSource, explain, in_background
 from retrolidar_ros.sensor.wire import FrameReader, encode_frame
 
 PACKETS = [encode_frame(frame) for frame in Simulation(Scene(surfaces=(Surface(1, 9),))).advance(9)]
@@ -236,9 +236,9 @@ def test_a_source_stops_while_frames_come_or_not(link: Path, read: Read, sent: b
 
 def test_a_source_in_the_background_has_ended_when_its_block_does(link: Path) -> None:
     before = active_count()
-    with BackgroundReading.of(SerialSource(str(link), 115200, FrameReader())) as reading:
+    with in_background(SerialSource(str(link), 115200, FrameReader())) as take_until:
         assert active_count() == before + 1
-        assert reading.take_until(time.monotonic()) is None
+        assert take_until(time.monotonic()) is None
     assert active_count() == before
 
 

@@ -4,41 +4,35 @@
 
 import pickle
 import random
+from pathlib import Path
 
 import numpy as np
 import pytest
+from harness_serial import Reading
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
-from st_board import Zone, check_zones, make_zones, text_of
+from st_board import Board, Zone, check_zones, make_zones, text_of
 
 from retrolidar_ros.sensor.frame import Frame, ZoneGrid
+from retrolidar_ros.sensor.protocols import PROTOCOLS
 from retrolidar_ros.sensor.st_example import (
     MAX_LINE_BYTES,
     PATIENCE_FRAMES,
-    REQUESTS,
     StExampleReader,
 )
 from retrolidar_ros.sensor.wire import WireCounts
 
 NOW_NS = 1_700_000_000_123_456_789
-WITHHELD = REQUESTS * PATIENCE_FRAMES
 law = settings(derandomize=True, deadline=None, max_examples=80)
 both_sides = pytest.mark.parametrize('side', [4, 8])
-both_lights = pytest.mark.parametrize('light', [False, True])
 
 
-def new_reader(asked_in_vain: bool = False) -> StExampleReader:
-    """Return a reader, or one that passes frames without signal on."""
-    reader = StExampleReader(lambda: NOW_NS)
-    if asked_in_vain:
-        assert reader.feed(text_of([None] * 16, light=False) * WITHHELD) == []
-        assert reader.counts == WireCounts(withheld=WITHHELD)
-        reader.counts = WireCounts()
-    return reader
+def new_reader() -> StExampleReader:
+    return StExampleReader(lambda: NOW_NS)
 
 
 def read(text: bytes) -> tuple[list[Frame], WireCounts]:
-    reader = new_reader(asked_in_vain=True)
+    reader = new_reader()
     return reader.feed(text), reader.counts
 
 
@@ -49,17 +43,16 @@ def read_one(text: bytes) -> Frame:
 
 
 @both_sides
-@both_lights
 @pytest.mark.parametrize('line_end', ['\n', '\r\n'])
-def test_what_is_printed_is_read(side: int, light: bool, line_end: str) -> None:
+def test_what_is_printed_is_read(side: int, line_end: str) -> None:
     zones = make_zones(side)
-    frame = read_one(text_of(zones, light, line_end))
+    frame = read_one(text_of(zones, line_end=line_end))
     assert frame.grid == ZoneGrid(side, side)
     assert (frame.stamp_ns, frame.sensor_time_us) == (NOW_NS // 1000 * 1000, NOW_NS // 1000)
     for array in (frame.distance, frame.signal, frame.ambient):
         assert array.dtype == np.float32
     assert frame.status.dtype == np.uint8
-    check_zones(frame, zones, light)
+    check_zones(frame, zones)
 
 
 @pytest.mark.parametrize(
@@ -67,42 +60,39 @@ def test_what_is_printed_is_read(side: int, light: bool, line_end: str) -> None:
     [(5, 5), (9, 5), (0, 0), (255, 0), (1, 1), (6, 6), (10, 10), (13, 13), (254, 254)],
 )
 def test_statuses_and_negative_distances(printed: int, expected: int) -> None:
-    frame = read_one(text_of([Zone(-12, printed)] * 16, light=True))
+    frame = read_one(text_of([Zone(-12, printed)] * 16))
     assert set(frame.status) == {expected}
     np.testing.assert_array_equal(frame.distance, np.full(16, -0.012, dtype=np.float32))
 
 
 @both_sides
-@both_lights
-def test_a_frame_comes_with_the_end_of_its_last_row(side: int, light: bool) -> None:
-    text = text_of(make_zones(side), light)
+def test_a_frame_comes_with_the_end_of_its_last_row(side: int) -> None:
+    text = text_of(make_zones(side))
     end = text.rindex(b'|\n') + 2
-    reader = new_reader(asked_in_vain=True)
+    reader = new_reader()
     assert reader.feed(text[: end - 1]) == []
     (frame,) = reader.feed(text[end - 1 : end])
-    check_zones(frame, make_zones(side), light)
+    check_zones(frame, make_zones(side))
     assert reader.feed(text[end:]) == []
     assert reader.counts == WireCounts(frames=1)
 
 
-@both_lights
-def test_it_does_not_matter_where_a_stream_is_cut(light: bool) -> None:
+def test_it_does_not_matter_where_a_stream_is_cut() -> None:
     first, second = make_zones(4, 1), make_zones(4, 2)
-    text = text_of(first, light) + b'\x1b[2J' + text_of(second, light)
+    text = text_of(first) + b'\x1b[2J' + text_of(second)
     pieces = [[text[:cut], text[cut:]] for cut in range(0, len(text) + 1, 7)]
     for parts in [*pieces, [bytes([byte]) for byte in text]]:
-        reader = new_reader(asked_in_vain=not light)
+        reader = new_reader()
         frames = [frame for part in parts for frame in reader.feed(part)]
         assert [frame.sequence for frame in frames] == [0, 1]
         assert reader.counts.frames == 2
-        check_zones(frames[0], first, light)
-        check_zones(frames[1], second, light)
+        check_zones(frames[0], first)
+        check_zones(frames[1], second)
 
 
 @both_sides
-@both_lights
-def test_a_stream_may_begin_anywhere(side: int, light: bool) -> None:
-    text = text_of(make_zones(side), light)
+def test_a_stream_may_begin_anywhere(side: int) -> None:
+    text = text_of(make_zones(side))
     title_end = text.index(b'Cell Format')
     for start in range(1, len(text), {4: 7, 8: 31}[side]):
         frames, counts = read(text[start:] + text)
@@ -110,17 +100,16 @@ def test_a_stream_may_begin_anywhere(side: int, light: bool) -> None:
         assert counts == WireCounts(frames=len(frames))  # what was never begun is no damage
 
 
-@both_lights
-def test_a_lost_line_never_makes_another_frame(light: bool) -> None:
+def test_a_lost_line_never_makes_another_frame() -> None:
     zones = [*make_zones()[:8], *[None] * 8]
-    text = text_of(zones, light)
+    text = text_of(zones)
     lines = text.splitlines(keepends=True)
     for lost in range(len(lines)):
-        reader = new_reader(asked_in_vain=not light)
+        reader = new_reader()
         frames = reader.feed(b''.join(lines[:lost] + lines[lost + 1 :]) + text)
         assert 1 <= len(frames) <= 2
         for frame in frames:
-            check_zones(frame, zones, light)
+            check_zones(frame, zones)
         assert len(frames) + reader.counts.damaged == 2
 
 
@@ -147,25 +136,17 @@ RANGING_CELL = b'| \x1b[38;5;10m  700\x1b[0m  :      0 '
     ],
 )
 def test_a_damaged_line_costs_its_frame_only(field: str, old: bytes, new: bytes) -> None:
-    text = text_of([Zone(700)] * 16, light=True)
+    text = text_of([Zone(700)] * 16)
     assert old in text
     reader = new_reader()
     assert reader.feed(text.replace(old, new, 1)) == []
     (frame,) = reader.feed(text)
-    check_zones(frame, [Zone(700)] * 16, light=True)
+    check_zones(frame, [Zone(700)] * 16)
     assert reader.counts == WireCounts(frames=1, **{field: 1})
 
 
-def test_light_may_be_switched_between_frames_and_one_of_its_two_be_missing() -> None:
-    texts = [
-        text_of(make_zones(side), light) + b'\x1b[2J'
-        for side, light in ((4, False), (4, True), (8, True), (8, False), (4, False))
-    ]
-    frames, counts = read(b''.join(texts))
-    assert [frame.grid.columns for frame in frames] == [4, 4, 8]
-    assert [frame.signal.any() for frame in frames] == [False, True, True]
-    assert counts == WireCounts(frames=3, withheld=2)
-    text = text_of([Zone(700)] * 16, light=True)
+def test_a_zone_may_have_one_of_its_two_lights() -> None:
+    text = text_of([Zone(700)] * 16)
     frame = read_one(text.replace(LIGHT_CELL, b'|     X  :      3 '))
     assert (set(frame.signal), set(frame.ambient)) == ({0}, {3})
 
@@ -173,7 +154,7 @@ def test_light_may_be_switched_between_frames_and_one_of_its_two_be_missing() ->
 PIECES = [*(bytes([byte]) for byte in b'\n\r|\0'), RANGING_CELL, LIGHT_CELL]
 PIECES += [b'\x1b[2H', b'\x1b[2J', b'Cell Format :', b'Signal [kcps/spad]', b'|   |   |   |   |\n']
 PIECES += [b'|     X  :      X ' * 4 + b'|\n']
-WHOLE = text_of(make_zones(), light=False)
+WHOLE = text_of(make_zones())
 GARBAGE = st.one_of(
     st.binary(max_size=700),
     st.lists(st.sampled_from(PIECES), max_size=30).map(b''.join),
@@ -184,17 +165,17 @@ GARBAGE = st.one_of(
 
 
 @law
-@given(garbage=st.lists(GARBAGE, min_size=1, max_size=4), light=st.booleans())
-@example(garbage=[b'x' * (MAX_LINE_BYTES + 1)], light=False)
-@example(garbage=[b'\x1b[2HCell Format :\n|   |\n'], light=True)
-def test_what_follows_garbage_is_read(garbage: list[bytes], light: bool) -> None:
-    reader = new_reader(asked_in_vain=True)
+@given(garbage=st.lists(GARBAGE, min_size=1, max_size=4))
+@example(garbage=[b'x' * (MAX_LINE_BYTES + 1)])
+@example(garbage=[b'\x1b[2HCell Format :\n|   |\n'])
+def test_what_follows_garbage_is_read(garbage: list[bytes]) -> None:
+    reader = new_reader()
     zones = [make_zones(4, seed) for seed in range(len(garbage))]
     found = 0
     for piece, expected in zip(garbage, zones, strict=True):
-        frames = reader.feed(piece + text_of(expected, light))
+        frames = reader.feed(piece + text_of(expected))
         assert frames
-        check_zones(frames[-1], expected, light)
+        check_zones(frames[-1], expected)
         found += len(frames)
     assert reader.counts.frames == found
 
@@ -202,7 +183,7 @@ def test_what_follows_garbage_is_read(garbage: list[bytes], light: bool) -> None
 def test_memory_is_bounded() -> None:
     reader = StExampleReader(int)
     rng = random.Random(1)
-    full = text_of(make_zones(8), light=True)
+    full = text_of(make_zones(8))
     endless = [
         b'x' * 1000,
         b'|' * 1000,
@@ -216,3 +197,53 @@ def test_memory_is_bounded() -> None:
         assert len(pickle.dumps(reader)) < 10_000
     assert reader.counts.overlong > 0
     assert len(reader.feed(full)) == 1
+
+
+DARK, LIGHT = (text_of(make_zones(), light) for light in (False, True))
+ONCE = [(DARK[:300], b''), (DARK[300:], b's'), *[(DARK, b'')] * (PATIENCE_FRAMES - 1)]
+
+
+@pytest.mark.parametrize(
+    'steps',
+    [
+        pytest.param([(b'', b''), *ONCE, *ONCE, (DARK, b's')], id='again if it does not come'),
+        pytest.param([*[(LIGHT, b'')] * 20, (DARK, b's')], id='somebody else has pressed the key'),
+        pytest.param([(DARK.replace(b'X', b'Y'), b''), (DARK, b's')], id='not of a damaged frame'),
+        pytest.param([(DARK + LIGHT, b''), (LIGHT + DARK, b's')], id='not if it comes meanwhile'),
+        pytest.param(
+            [(DARK + DARK, b's'), (DARK[:700], b''), (None, b''), (DARK[700:], b''), (DARK, b's')],
+            id='at the first frame of a port that was opened anew',
+        ),
+    ],
+)
+def test_the_signal_is_requested(steps: list[tuple[bytes | None, bytes]]) -> None:
+    reader = new_reader()
+    for data, request in steps:
+        if data is None:
+            reader.restart()
+        else:
+            reader.feed(data)
+        assert reader.request() == request
+
+
+def test_frames_without_signal_are_withheld_and_not_lost() -> None:
+    reader = new_reader()
+    frames = reader.feed(LIGHT + 20 * DARK + LIGHT)
+    assert [frame.sequence for frame in frames] == [0, 1]
+    assert reader.counts == WireCounts(frames=2, withheld=20)
+
+
+def test_a_board_that_did_not_hear_is_asked_again() -> None:
+    with Board(make_zones()) as board:
+        reading = Reading(Path(board.path), 460800, PROTOCOLS['st_example'](lambda: NOW_NS))
+        assert reading.report() == f'reading {board.path}'
+        board.print_frame()
+        assert board.heed_key(10)
+        board.light = False  # the key was lost
+        for _ in range(PATIENCE_FRAMES):
+            board.print_frame()
+        assert board.heed_key(10)
+        assert board.keys == b'ss'
+        board.print_frame()
+        check_zones(reading.frame(), board.zones)
+        reading.end()

@@ -65,7 +65,7 @@ def calibrate(recording: Recording, *, distance_m: float | None = None) -> Calib
     noise = noise_of(recording)
     law = NoiseLaw() if noise is None else noise.law.lit(noise.light)
     zones = blinking_zones(recording, law)
-    read = read_markers(recording, zones, law, frame_period(recording.stamp_ns))
+    read = read_markers(recording, zones, law, frame_period(recording))
     markers = sorted(map(marker_of, read.values()), key=lambda one: -one.snr_db)
     found = Calibration(recording, noise, zones, markers, None)
     if distance_m is None or (still := found.still) is None:
