@@ -200,8 +200,7 @@ class Statistics:
         given = self.ffi.new('struct rl_hits *')
         given.count = len(hits)
         for hit, (number, sending) in zip(given.hit[0 : len(hits)], hits, strict=True):
-            hit.id, hit.repeats = int(number), sending.repeats
-            hit.start_s, hit.bit_s = sending.start_s, sending.bit_s
+            hit.id, hit.transmission = int(number), self.given(sending)[0]
         never = (-np.inf, -np.inf)
         return self.lib.rl_decide(
             self.window,

@@ -18,6 +18,9 @@ struct rl_bits rl_bits_cut(const struct rl_transmission *transmission, int first
         const int before = (first + RL_PACKET_BITS - 1) % RL_PACKET_BITS;
         bits.dark_before = (transmission->bits & rl_packet_bit(before)) != 0;
         bits.dark_after = bits.dark[silent];
+    } else {
+        bits.dark_before = transmission->dark_before;
+        bits.dark_after = transmission->dark_after;
     }
     return bits;
 }

@@ -165,7 +165,29 @@ static double flip_bits(struct trial *trial)
                              3.0 * trial->demands->word);
 }
 
-static bool is_word(struct trial *trial, const struct rl_hits *hits, double to_s)
+/* Bits that the samples do not tell, about: those that may as well be flipped. */
+static double unknown_bits(const struct trial *trial)
+{
+    const float *flipped = trial->bits.flipped + trial->bits.silent;
+    double unknown = 0.0;
+    for (int bit = 0; bit < RL_PACKET_BITS; bit++) {
+        unknown += exp(fmin((double)flipped[bit], 0.0));
+    }
+    return unknown;
+}
+
+/* By how much another sequence may be better. Any sequence looks like a word if enough of its bits
+ * are unknown: a bit less of a word's redundancy is a bit more of chance. With few registered IDs,
+ * more may be unknown.
+ */
+static double max_word_of(const struct trial *trial, const struct rl_codebook *codebook)
+{
+    const double spare = RL_ID_BITS - log2(codebook->words);
+    return trial->demands->word - log(2.0) * fmax(unknown_bits(trial) - spare, 0.0);
+}
+
+static bool is_word(struct trial *trial, const struct rl_codebook *codebook,
+                    const struct rl_hits *hits, double to_s)
 {
     struct rl_verdict *verdict = trial->verdict;
     const struct rl_transmission *transmission = &verdict->transmission;
@@ -191,7 +213,7 @@ static bool is_word(struct trial *trial, const struct rl_hits *hits, double to_s
         verdict->word = fmax(verdict->word, rl_word_packets(trial->window, transmission,
                                                             trial->own, 2.0 * max_word));
     }
-    return verdict->word <= max_word;
+    return verdict->word <= max_word_of(trial, codebook);
 }
 
 /* How much likelier the packet is than what else may have been sent. */
@@ -211,10 +233,7 @@ static double margin_of(struct trial *trial, const struct rl_codebook *codebook,
         margin = fmin(margin, rl_successive_margin(window, codebook, &trial->bits, transmission,
                                                    trial->own, id));
     }
-    /* What another sequence explains better, and noise does not, other words may explain, too. */
-    const double noise = 2.0 * window->whitened.least;
-    const double beyond_noise = fmax(1.0 - noise / verdict->fit.variance, 0.0);
-    return margin - trial->price - beyond_noise * fmax(verdict->word, 0.0);
+    return margin - trial->price;
 }
 
 struct rl_verdict rl_decide(struct rl_window *window, const struct rl_codebook *codebook,
@@ -225,8 +244,7 @@ struct rl_verdict rl_decide(struct rl_window *window, const struct rl_codebook *
     struct rl_verdict verdict = {.id = hit->id,
                                  .channel = channel,
                                  .packets = packets,
-                                 .transmission = {rl_packet(hit->id), hit->repeats, hit->start_s,
-                                                  hit->bit_s}};
+                                 .transmission = hit->transmission};
     struct trial trial = {
         .window = window, .demands = demands, .verdict = &verdict, .follows = follows};
     verdict.reason = open(&trial, channel, consumed_until_s, since_s, to_s);
@@ -238,7 +256,7 @@ struct rl_verdict rl_decide(struct rl_window *window, const struct rl_codebook *
         return verdict;
     }
     verdict.reason = RL_NOT_A_WORD;
-    if (!is_word(&trial, hits, to_s)) {
+    if (!is_word(&trial, codebook, hits, to_s)) {
         return verdict;
     }
     verdict.reason = RL_MARGIN;

@@ -23,11 +23,11 @@ struct rl_detector *rl_detector_create(const struct rl_settings *settings, const
     const int64_t samples = aligned(rl_samples_bytes(sensor->rows, sensor->columns, rows));
     const int64_t search = aligned(rl_search_bytes(rows));
     const int64_t window = aligned(rl_window_bytes(rows));
-    const int64_t shares = aligned(rl_shares_bytes(rows));
-    const int64_t residual = aligned(rl_residual_bytes(sensor->rows * sensor->columns, rows));
+    const int channels = rl_channels(sensor->rows, sensor->columns);
+    const int64_t residual = aligned(rl_residual_bytes(channels, rows));
     const int64_t values = rows * (int64_t)(sizeof(float) + 1);
     char *memory =
-        calloc(1, (size_t)(head + samples + search + window + shares + residual + values));
+        calloc(1, (size_t)(head + samples + search + window + residual + values));
     if (memory == NULL) {
         return NULL;
     }
@@ -51,8 +51,6 @@ struct rl_detector *rl_detector_create(const struct rl_settings *settings, const
     memory += search;
     rl_window_start(&detector->window, &detector->samples, rows, memory);
     memory += window;
-    rl_shares_start(&detector->shares, &detector->samples, &detector->window, memory);
-    memory += shares;
     rl_residual_start(&detector->residual, &detector->samples, rows, memory);
     memory += residual;
     detector->values = (float *)memory;

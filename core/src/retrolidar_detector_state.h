@@ -11,12 +11,11 @@
 #include "retrolidar_pool.h"
 #include "retrolidar_residual.h"
 #include "retrolidar_search.h"
-#include "retrolidar_shares.h"
 
 enum {
     RL_READINGS = 32,  /* that one frame may bring */
     RL_DECISIONS = 12, /* candidates that are judged with one frame, at the most */
-    RL_MAX_PENDING = 3 * RL_MAX_CHANNELS + 7 * RL_MAX_ZONES, /* all of a frame */
+    RL_MAX_PENDING = 5 * RL_MAX_CHANNELS + 7 * RL_MAX_ZONES, /* all of a frame */
     /* That a search for one packet may look back. */
     RL_SEARCH_BITS = 2 * RL_PACKET_BITS + RL_LOOK_BITS,
 };
@@ -35,7 +34,6 @@ struct rl_detector {
     struct rl_samples samples;
     struct rl_search search;
     struct rl_window window;
-    struct rl_shares shares;
     struct rl_residual residual;
     struct rl_pool pool;
     struct rl_bearing_table bearing;

@@ -30,8 +30,10 @@ void rl_followed_start(struct rl_followed *followed, const struct rl_reading *re
 {
     memset(followed, 0, sizeof *followed);
     followed->id = reading->id;
-    followed->transmission = (struct rl_transmission){rl_packet(reading->id), true,
-                                                      reading->start_s, reading->bit_s};
+    followed->transmission = (struct rl_transmission){.bits = rl_packet(reading->id),
+                                                      .repeats = true,
+                                                      .start_s = reading->start_s,
+                                                      .bit_s = reading->bit_s};
     followed->clock = (struct rl_clock_error){START_S * START_S, 0.0, RATE * RATE};
     followed->noise_scale = 1.0;
     followed->distance_zone = -1;

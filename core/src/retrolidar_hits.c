@@ -232,9 +232,10 @@ void rl_hits_find(struct rl_hits *hits, const struct rl_shortlist *shortlist,
             const struct rl_hit hit = {
                 .nats = nats_of(best[i].squared / packets, &entry->lane.summary),
                 .id = codebook->id[best[i].index],
-                .repeats = demand->repeats,
-                .start_s = start_of(trial) + begin * trial->bit_s,
-                .bit_s = trial->bit_s,
+                .transmission = {.bits = codebook->packet[best[i].index],
+                                 .repeats = demand->repeats,
+                                 .start_s = start_of(trial) + begin * trial->bit_s,
+                                 .bit_s = trial->bit_s},
             };
             keep_hit(hits, &hit);
         }
@@ -242,7 +243,7 @@ void rl_hits_find(struct rl_hits *hits, const struct rl_shortlist *shortlist,
     for (int i = 0; hits->count > 0 && i < shortlist->sequences; i++) {
         const struct rl_shortlist_entry *entry = &shortlist->sequence[i];
         const struct rl_energy energy = energy_of(demand, &entry->trial);
-        hits->sequence[hits->sequences++] = (struct rl_sequence){
+        hits->sequence[hits->sequences++] = (struct rl_transmission){
             .bits = best_bits(&energy, demand->smooth, &entry->lane),
             .repeats = demand->repeats,
             .start_s = start_of(&entry->trial),

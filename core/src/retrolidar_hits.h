@@ -7,6 +7,7 @@
 
 #include "retrolidar_codebook.h"
 #include "retrolidar_constants.h"
+#include "retrolidar_template.h"
 #include "retrolidar_view.h"
 
 enum {
@@ -17,8 +18,7 @@ enum {
 struct rl_hit {
     float nats; /* about by how much it explains the samples better than noise does */
     uint16_t id;
-    bool repeats; /* read from any bit of a packet that repeats */
-    double start_s, bit_s;
+    struct rl_transmission transmission; /* read from any bit, if it repeats */
 };
 
 /* Soft bits of a trial, from one on. */
@@ -29,20 +29,13 @@ struct rl_shortlist_entry {
     struct rl_lane lane;
 };
 
-/* As many bits as a packet has, of one or not. */
-struct rl_sequence {
-    uint32_t bits;
-    bool repeats;
-    double start_s, bit_s;
-};
-
 /* The best hits of different IDs; and the sequences that explain the samples best, each of another
  * clock.
  */
 struct rl_hits {
     int count, sequences;
     struct rl_hit hit[RL_HITS];
-    struct rl_sequence sequence[RL_TRIED];
+    struct rl_transmission sequence[RL_TRIED]; /* of a word or not */
 };
 
 /* What is to be looked at once all trials are known. */

@@ -3,6 +3,8 @@
  */
 #include "retrolidar_judge.h"
 
+#include "retrolidar_zones.h"
+
 #include <math.h>
 #include <string.h>
 
@@ -34,7 +36,7 @@ static struct rl_packet_train train_of(const struct rl_verdict *verdict)
 static int zones_of(struct rl_detector *detector, const struct rl_verdict *verdict, int *zones)
 {
     double gains[RL_MAX_ZONES];
-    const int seen = rl_shares_zones(&detector->shares, verdict, zones, gains);
+    const int seen = rl_zones_of_packet(&detector->window, verdict, zones, gains);
     for (int i = 1; i < seen; i++) {
         const int zone = zones[i];
         const double gain = gains[i];
@@ -126,16 +128,17 @@ static struct rl_verdict decide_as_found(struct rl_detector *detector, int chann
 {
     struct rl_demands demands = detector->demands;
     struct rl_interference *interference = &detector->window.interference;
-    if (hit->repeats && packets < detector->settings.max_packets) {
+    if (hit->transmission.repeats && packets < detector->settings.max_packets) {
         demands.margin = detector->settings.margin_of_more;
     }
-    const double packet_s = RL_PACKET_BITS * hit->bit_s;
+    const double packet_s = RL_PACKET_BITS * hit->transmission.bit_s;
     const double active_s = detector->active_s[channel < detector->samples.zones ? channel : 0];
     const double since_s =
         packets == 1 && channel < detector->samples.zones && active_s < to_s ? active_s : -INFINITY;
+    const struct rl_transmission *transmission = &hit->transmission;
     const struct rl_packet_train train = {
-        .transmission = {.start_s = hit->start_s, .bit_s = hit->bit_s},
-        .begin_s = hit->repeats ? to_s - packets * packet_s : hit->start_s,
+        .transmission = *transmission,
+        .begin_s = transmission->repeats ? to_s - packets * packet_s : transmission->start_s,
         .end_s = to_s};
     /* Markers may have gone on from what was read up to two packets before. */
     rl_pool_interference(&detector->pool, rl_channel_zones(&detector->samples, channel),
@@ -157,23 +160,28 @@ static struct rl_hit last_ended(const struct rl_verdict *verdict, double to_s)
     const struct rl_transmission *transmission = &verdict->transmission;
     const double packet_s = RL_PACKET_BITS * transmission->bit_s;
     const double packets = floor((to_s - transmission->start_s) / packet_s) - 1.0;
-    return (struct rl_hit){(float)verdict->evidence, verdict->id, false,
-                           transmission->start_s + packets * packet_s, transmission->bit_s};
+    struct rl_hit hit = {(float)verdict->evidence, verdict->id, *transmission};
+    hit.transmission.repeats = false;
+    hit.transmission.start_s += packets * packet_s;
+    return hit;
 }
 
-/* Judge a hit; a stretch that does not repeat for certain is judged as the packet that has ended in it. */
+/* Judge a hit; a stretch that does not repeat for certain is judged as the packet that has ended in
+ * it.
+ */
 static struct rl_verdict decide(struct rl_detector *detector, int channel, int packets,
                                 const struct rl_hit *hit, const struct rl_hits *hits,
                                 const struct rl_verdict *beside, double to_s)
 {
     const struct rl_verdict verdict =
         decide_as_found(detector, channel, packets, hit, hits, beside, to_s);
-    if (verdict.reason != RL_INCOMPLETE || !hit->repeats) {
+    if (verdict.reason != RL_INCOMPLETE || !hit->transmission.repeats) {
         return verdict;
     }
     const struct rl_hit ended = last_ended(&verdict, to_s);
-    return is_known(detector, ended.id, ended.start_s,
-                    ended.start_s + RL_PACKET_BITS * ended.bit_s)
+    const double start_s = ended.transmission.start_s;
+    return is_known(detector, ended.id, start_s,
+                    start_s + RL_PACKET_BITS * ended.transmission.bit_s)
                ? verdict
                : decide_as_found(detector, channel, 1, &ended, hits, beside, to_s);
 }
@@ -246,9 +254,12 @@ static bool judge_pair(struct rl_detector *detector, double to_s, struct rl_verd
 void rl_judge(struct rl_detector *detector, const struct rl_pending *pending, double to_s)
 {
     const struct rl_hit *hit = &pending->hits.hit[0];
-    const double lasting_s = RL_PACKET_BITS * pending->packets * hit->bit_s;
-    const double begin_s = hit->repeats ? fmax(to_s - lasting_s, pending->since_s) : hit->start_s;
-    if (is_known(detector, hit->id, begin_s, hit->repeats ? to_s : begin_s + lasting_s)) {
+    const struct rl_transmission *transmission = &hit->transmission;
+    const double lasting_s = RL_PACKET_BITS * pending->packets * transmission->bit_s;
+    const double begin_s = transmission->repeats ? fmax(to_s - lasting_s, pending->since_s)
+                                                 : transmission->start_s;
+    const double end_s = transmission->repeats ? to_s : begin_s + lasting_s;
+    if (is_known(detector, hit->id, begin_s, end_s)) {
         return;
     }
     detector->counts.candidates++;

@@ -31,8 +31,10 @@ static struct rl_seen window_of(struct rl_detector *detector, const struct rl_re
     while (last < samples->count && samples->begin_s[last] < reading->end_s - max_s) {
         last++;
     }
-    const struct rl_transmission transmission = {rl_packet(reading->id), reading->repeats,
-                                                 reading->start_s, reading->bit_s};
+    const struct rl_transmission transmission = {.bits = rl_packet(reading->id),
+                                                 .repeats = reading->repeats,
+                                                 .start_s = reading->start_s,
+                                                 .bit_s = reading->bit_s};
     const struct rl_seen seen = {
         .sensor = &samples->sensor,
         .rows = last - *first,

@@ -68,48 +68,76 @@ static int due(const struct rl_detector *detector, int *channels, int count, dou
     return kept;
 }
 
-/* Search zones in which packets were read a short while ago for others, with these subtracted.
+/* Whether any zone of a channel is among some. */
+static bool has_zone_of(const struct rl_channel *channel, const bool *zones)
+{
+    bool any = false;
+    for (int i = 0; i < channel->zones; i++) {
+        any = any || zones[channel->zone[i]];
+    }
+    return any;
+}
+
+/* Subtract what was read a short while ago from the zones it was read in, and from sums of them.
+ * Note which channels these are; return how the rest of each varies, in the variance of noise.
  *
- * from_s: when the last packet ended that was searched with what is known, too
- * anew: of zones in which another packet has been read since, or of the others
+ * since_s: what ended before is not subtracted
  */
-static void search_residual_of(struct rl_detector *detector, double from_s, double to_s, bool anew)
+static void subtract_read(struct rl_detector *detector, double since_s, double to_s,
+                          bool *is_subtracted, double *rest)
 {
     const struct rl_samples *samples = &detector->samples;
     const double bit_s = detector->settings.bit_s;
     /* As long as no whole packet can have come since the reading. */
     const double max_bits = 2 * RL_PACKET_BITS + RL_CONTINUES_BITS;
-    int zones[RL_MAX_ZONES] = {0}, count = 0;
     for (int zone = 0; zone < samples->zones; zone++) {
-        struct rl_interference interference;
-        if (detector->consumed_until_s[zone] <= to_s - max_bits * bit_s ||
-            detector->is_read_anew[zone] != anew) {
-            continue;
-        }
-        rl_pool_interference(&detector->pool, (uint64_t)1 << zone,
-                             from_s - RL_CONTINUES_BITS * bit_s, to_s, 0, &interference);
-        if (rl_residual_subtract(&detector->residual, zone, &interference,
-                                 from_s - RL_SEARCH_BITS * bit_s) > RL_ACTIVE) {
-            zones[count++] = zone;
-        } else {
-            rl_residual_restore(&detector->residual, zone);
+        is_subtracted[zone] = detector->consumed_until_s[zone] > to_s - max_bits * bit_s;
+        if (is_subtracted[zone]) {
+            struct rl_interference interference;
+            rl_pool_interference(&detector->pool, (uint64_t)1 << zone,
+                                 since_s - RL_CONTINUES_BITS * bit_s, to_s, 0, &interference);
+            rest[zone] = rl_residual_subtract(&detector->residual, zone, &interference,
+                                              since_s - RL_SEARCH_BITS * bit_s);
         }
     }
-    search(detector, zones, count, 0, from_s, to_s, -INFINITY);
-    search(detector, zones, count, 1, from_s, to_s, -INFINITY);
-    for (int i = 0; i < count; i++) {
-        rl_residual_restore(&detector->residual, zones[i]);
+    for (int sum = samples->zones; sum < samples->channels; sum++) {
+        is_subtracted[sum] = has_zone_of(&samples->channel[sum], is_subtracted);
+        if (is_subtracted[sum]) {
+            rest[sum] = rl_residual_sum(&detector->residual, sum);
+        }
     }
 }
 
-/* A packet that ended while another one was sent is found once both can be told apart: when the other
- * has been read.
+/* Search channels in which packets were read a short while ago for others, with these subtracted
+ * (successive interference cancellation). A packet that ended while another one was sent is found
+ * once both can be told apart: when the other has been read.
+ *
+ * from_s: when the last packet ended that was searched with what is known, too
  */
 static void search_residual(struct rl_detector *detector, double from_s, double to_s)
 {
+    const struct rl_samples *samples = &detector->samples;
     const double packet_s = RL_PACKET_BITS * detector->settings.bit_s;
-    search_residual_of(detector, from_s, to_s, false);
-    search_residual_of(detector, from_s - packet_s, to_s, true);
+    bool is_subtracted[RL_MAX_CHANNELS];
+    double rest[RL_MAX_CHANNELS];
+    subtract_read(detector, from_s - packet_s, to_s, is_subtracted, rest);
+    for (int again = 0; again < 2; again++) {
+        int channels[RL_MAX_CHANNELS], count = 0;
+        for (int channel = 0; channel < samples->channels; channel++) {
+            if (is_subtracted[channel] && rest[channel] > RL_ACTIVE &&
+                has_zone_of(&samples->channel[channel], detector->is_read_anew) == again) {
+                channels[count++] = channel;
+            }
+        }
+        const double ended_s = from_s - again * packet_s;
+        search(detector, channels, count, 0, ended_s, to_s, -INFINITY);
+        search(detector, channels, count, 1, ended_s, to_s, -INFINITY);
+    }
+    for (int channel = 0; channel < samples->channels; channel++) {
+        if (is_subtracted[channel]) {
+            rl_residual_restore(&detector->residual, channel);
+        }
+    }
     memset(detector->is_read_anew, 0, sizeof detector->is_read_anew);
 }
 
@@ -118,16 +146,16 @@ static void judge_next(struct rl_detector *detector, double from_s, double to_s)
 {
     const struct rl_active_track *track;
     for (int i = 0; (track = rl_pool_due(&detector->pool, &i, from_s, to_s)) != NULL;) {
-        const struct rl_transmission *transmission = &track->train.transmission;
-        const double packet_s = RL_PACKET_BITS * transmission->bit_s;
+        struct rl_transmission next = track->train.transmission;
+        const double packet_s = RL_PACKET_BITS * next.bit_s;
         /* The packet that the newest stretch of its length begins in. */
-        const double start_s = transmission->start_s +
-                               packet_s * floor((to_s - transmission->start_s) / packet_s - 1.0);
+        next.start_s += packet_s * floor((to_s - next.start_s) / packet_s - 1.0);
+        next.repeats = true;
         const struct rl_pending pending = {
             .channel = track->zone,
             .packets = 1,
             .since_s = -INFINITY,
-            .hits = {.count = 1, .hit = {{0.0f, track->id, true, start_s, transmission->bit_s}}}};
+            .hits = {.count = 1, .hit = {{0.0f, track->id, next}}}};
         if (detector->decisions_left > 0) {
             rl_judge(detector, &pending, to_s);
         }

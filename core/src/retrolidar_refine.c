@@ -61,10 +61,32 @@ static void coordinate_ascent(struct rl_window *window, struct rl_transmission *
     }
 }
 
+/* Whether the bits that touch a lone packet are better dark than as they are. */
+static bool find_neighbours(struct rl_window *window, struct rl_transmission *transmission)
+{
+    const struct rl_transmission found = *transmission;
+    double best = rl_window_try(window, &found) + log(2.0); /* one of two, by chance */
+    for (int dark = 0; dark < 4; dark++) {
+        struct rl_transmission other = found;
+        other.dark_before = (dark & 1) != 0;
+        other.dark_after = (dark & 2) != 0;
+        const double likelihood = rl_window_try(window, &other);
+        if (likelihood > best) {
+            best = likelihood;
+            *transmission = other;
+        }
+    }
+    return transmission->dark_before != found.dark_before ||
+           transmission->dark_after != found.dark_after;
+}
+
 double rl_window_refine(struct rl_window *window, struct rl_transmission *transmission,
                         double half_bits)
 {
     coordinate_ascent(window, transmission, half_bits);
+    if (!transmission->repeats && find_neighbours(window, transmission)) {
+        coordinate_ascent(window, transmission, half_bits);
+    }
     /* So that `fit` and `light` are of what is returned. */
     return rl_window_try(window, transmission);
 }

@@ -9,9 +9,10 @@
 
 #include <string.h>
 
-int64_t rl_residual_bytes(int zones, int rows)
+int64_t rl_residual_bytes(int channels, int rows)
 {
-    return rows * (int64_t)(2 * sizeof(double) + (size_t)zones * sizeof(float)) + rl_room_bytes(rows);
+    return rows * (int64_t)(2 * sizeof(double) + (size_t)channels * sizeof(float)) +
+           rl_room_bytes(rows);
 }
 
 void rl_residual_start(struct rl_residual *residual, struct rl_samples *samples, int rows,
@@ -58,6 +59,21 @@ static void subtract(struct rl_residual *residual, const struct rl_interference 
     }
 }
 
+/* How a channel varies over the newest rows, in the variance of noise. */
+static double variation(const struct rl_residual *residual, int channel)
+{
+    const struct rl_samples *samples = residual->samples;
+    const int rows = samples->count - residual->first;
+    const int newest = samples->variance_rows < rows ? samples->variance_rows : rows;
+    const float *rest = samples->signal + rl_sample(samples, channel, samples->count - newest);
+    const double mean = mean_of(rest, newest);
+    double squares = 0.0;
+    for (int row = 0; row < newest; row++) {
+        squares += ((double)rest[row] - mean) * ((double)rest[row] - mean);
+    }
+    return newest > 1 ? squares / (newest - 1) / rl_noise_variance(samples, channel, mean) : 0.0;
+}
+
 double rl_residual_subtract(struct rl_residual *residual, int zone,
                             const struct rl_interference *interference, double from_s)
 {
@@ -81,14 +97,29 @@ double rl_residual_subtract(struct rl_residual *residual, int zone,
             subtract(residual, interference, i, signal, samples->valid + at, rows, noise);
         }
     }
-    const int newest = samples->variance_rows < rows ? samples->variance_rows : rows;
-    const float *rest = signal + (rows - newest);
-    const double mean = mean_of(rest, newest);
-    double squares = 0.0;
-    for (int row = 0; row < newest; row++) {
-        squares += ((double)rest[row] - mean) * ((double)rest[row] - mean);
+    /* A missing sample is like the one before it, as in what was measured. */
+    for (int row = 1; row < rows; row++) {
+        signal[row] = samples->valid[at + (size_t)row] ? signal[row] : signal[row - 1];
     }
-    return newest > 1 ? squares / (newest - 1) / rl_noise_variance(samples, zone, mean) : 0.0;
+    return variation(residual, zone);
+}
+
+double rl_residual_sum(struct rl_residual *residual, int channel)
+{
+    struct rl_samples *samples = residual->samples;
+    const struct rl_channel *sum = &samples->channel[channel];
+    const int rows = samples->count - residual->first;
+    float *signal = samples->signal + rl_sample(samples, channel, residual->first);
+    memcpy(residual->saved + (size_t)channel * (size_t)samples->kept, signal,
+           (size_t)rows * sizeof *signal);
+    memset(signal, 0, (size_t)rows * sizeof *signal);
+    for (int i = 0; i < sum->zones; i++) {
+        const float *zone = samples->signal + rl_sample(samples, sum->zone[i], residual->first);
+        for (int row = 0; row < rows; row++) {
+            signal[row] += zone[row];
+        }
+    }
+    return variation(residual, channel);
 }
 
 void rl_residual_restore(struct rl_residual *residual, int zone)

@@ -13,11 +13,11 @@ struct rl_residual {
     struct rl_samples *samples;
     struct rl_room room;
     double *light, *part;
-    float *saved; /* signals of each zone before */
+    float *saved; /* signals of each channel before */
     int first;    /* row from which they were saved */
 };
 
-int64_t rl_residual_bytes(int zones, int rows);
+int64_t rl_residual_bytes(int channels, int rows);
 void rl_residual_start(struct rl_residual *residual, struct rl_samples *samples, int rows,
                        void *memory);
 
@@ -27,7 +27,10 @@ void rl_residual_start(struct rl_residual *residual, struct rl_samples *samples,
 double rl_residual_subtract(struct rl_residual *residual, int zone,
                             const struct rl_interference *interference, double from_s);
 
-/* Put the samples of a zone back. */
-void rl_residual_restore(struct rl_residual *residual, int zone);
+/* The same of a sum of zones, once transmissions are subtracted from its zones. */
+double rl_residual_sum(struct rl_residual *residual, int channel);
+
+/* Put the samples of a channel back. */
+void rl_residual_restore(struct rl_residual *residual, int channel);
 
 #endif

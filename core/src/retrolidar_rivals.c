@@ -42,9 +42,15 @@ static void find_rival(const struct rl_codebook *codebook, const struct rl_bits 
         return;
     }
     const float nats = all + rl_bits_sum(codebook->packet[word], weight);
-    const struct rl_transmission other = {codebook->packet[word], repeats,
-                                          bits->begin_s + begin * transmission->bit_s,
-                                          transmission->bit_s};
+    const bool in_its_place = !repeats && begin == 0;
+    const struct rl_transmission other = {
+        .bits = codebook->packet[word],
+        .repeats = repeats,
+        .start_s = bits->begin_s + begin * transmission->bit_s,
+        .bit_s = transmission->bit_s,
+        .dark_before = in_its_place && transmission->dark_before,
+        .dark_after = in_its_place && transmission->dark_after,
+    };
     keep_rival(rivals, (struct rival){nats, other});
 }
 
@@ -79,10 +85,7 @@ double rl_rivals_margin(struct rl_window *window, const struct rl_codebook *code
         if (hit == NULL ? !(rivals[i].nats > -RL_MAX_MARGIN) : hit->id == id) {
             continue;
         }
-        struct rl_transmission other =
-            hit == NULL ? rivals[i].transmission
-                        : (struct rl_transmission){rl_packet(hit->id), hit->repeats, hit->start_s,
-                                                   hit->bit_s};
+        struct rl_transmission other = hit == NULL ? rivals[i].transmission : hit->transmission;
         double likelihood = rl_window_try(window, &other);
         if (likelihood > nearest - RL_MAX_MARGIN / 2) {
             likelihood = rl_window_refine(window, &other, half_bits);

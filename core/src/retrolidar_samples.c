@@ -40,7 +40,7 @@ static int channels_of(int rows, int columns, struct rl_channel *channel)
 int64_t rl_samples_bytes(int rows, int columns, int kept)
 {
     const int64_t zones = (int64_t)rows * columns;
-    const int64_t channels = zones + (int64_t)(rows - 1) * (columns - 1) + 1;
+    const int64_t channels = rl_channels(rows, columns);
     const int64_t a_row = 3 * (int64_t)sizeof(double) + channels * (int64_t)(sizeof(float) + 1) +
                           zones * (int64_t)sizeof(float);
     return 2 * channels * (int64_t)sizeof(double) + 4 * (int64_t)kept * a_row;

@@ -63,6 +63,12 @@ static inline size_t rl_sample(const struct rl_samples *samples, int channel, in
     return (size_t)channel * (size_t)samples->capacity + (size_t)row;
 }
 
+/* Channels of a sensor. */
+static inline int rl_channels(int rows, int columns)
+{
+    return rows * columns + (rows - 1) * (columns - 1) + 1;
+}
+
 /* How much memory the arrays take, and where they begin in it, all zeros at first. */
 int64_t rl_samples_bytes(int rows, int columns, int kept);
 void rl_samples_start(struct rl_samples *samples, const struct rl_sensor *sensor, int kept,

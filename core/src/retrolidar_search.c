@@ -144,13 +144,9 @@ static void look_at_ended(struct rl_search *search, int count, double from_s, do
     if (!promising) {
         return;
     }
-    /* What else these may be: sequences of any phase, and packets that have not quite ended. */
+    /* What else these may be: sequences of any phase. */
     for (; back < EIGHTHS; back++) {
         try_ends(search, count, (newest - back) * eighth_s, false, 0, demand);
-    }
-    for (int ahead = 1; ahead <= RL_OVERLAP_BITS * RL_PHASES; ahead++) {
-        const double later_s = ahead * search->bit_s / RL_PHASES;
-        try_ends(search, count, newest * eighth_s + later_s, false, 1, demand);
     }
 }
 

@@ -12,10 +12,10 @@ struct cut_packet {
     int word;
 };
 
-/* Where two packets end and begin, and how likely they are about. */
+/* Where one packet ends and another begins, and how likely they are about. */
 struct two_packets {
     double nats, price;
-    int end, begin;
+    int end;
 };
 
 static void bound(const struct rl_bits *bits, bool begins, struct cut_packet *cut)
@@ -40,43 +40,29 @@ static void find_word(const struct rl_codebook *codebook, const struct rl_bits *
     }
 }
 
-/* A pause has its price, and two IDs have, as what is seen of one of them might be any [nats]. One ID
- * back to back is a packet that repeats, which is tried by itself.
+/* Find the likeliest two, back to back, by the sums over the bits that they flip. What is seen of
+ * the shorter one might be any ID, which has its price. One ID back to back is a packet that
+ * repeats, which is tried by itself.
  */
-static double price_of(const struct cut_packet *ended, const struct cut_packet *begun,
-                       int ended_bits, int begun_bits, bool pauses)
-{
-    const int seen = ended_bits < begun_bits ? ended_bits : begun_bits;
-    const double any = log(2.0) * (seen < RL_ID_BITS ? seen : RL_ID_BITS);
-    if (!pauses) {
-        return any;
-    }
-    return RL_COST_OF_CHANCE + (ended->word == begun->word ? 0.0 : any);
-}
-
-/* Find the likeliest two, back to back or with a pause, by the sums over the bits that they flip. */
 static struct two_packets find_two(const struct rl_codebook *codebook, const struct rl_bits *bits,
-                                   uint16_t id, bool pauses, struct cut_packet *ended,
-                                   struct cut_packet *begun)
+                                   uint16_t id, struct cut_packet *ended, struct cut_packet *begun)
 {
     float weight[RL_PACKET_BITS];
     const float all = rl_bits_weigh(bits, bits->count, false, weight);
     struct two_packets best = {.nats = -RL_MAX_MARGIN, .end = -1};
     for (int end = 1; end < bits->count; end++) {
-        const int last = pauses ? bits->count - 1 : end;
-        for (int begin = end + pauses; begin <= last; begin++) {
-            struct cut_packet *one = &ended[end], *other = &begun[begin];
-            if ((double)(all + one->nats + other->nats) > best.nats) {
-                find_word(codebook, bits, end - RL_PACKET_BITS, id, one);
-            }
-            if ((double)(all + one->nats + other->nats) > best.nats) {
-                find_word(codebook, bits, begin, id, other);
-            }
-            const double price = price_of(one, other, end, bits->count - begin, pauses);
-            const double nats = (double)(all + one->nats + other->nats) - price;
-            if (nats > best.nats) {
-                best = (struct two_packets){nats, price, end, begin};
-            }
+        struct cut_packet *one = &ended[end], *other = &begun[end];
+        if ((double)(all + one->nats + other->nats) > best.nats) {
+            find_word(codebook, bits, end - RL_PACKET_BITS, id, one);
+        }
+        if ((double)(all + one->nats + other->nats) > best.nats) {
+            find_word(codebook, bits, end, id, other);
+        }
+        const int seen = end < bits->count - end ? end : bits->count - end;
+        const double price = log(2.0) * (seen < RL_ID_BITS ? seen : RL_ID_BITS);
+        const double nats = (double)(all + one->nats + other->nats) - price;
+        if (nats > best.nats) {
+            best = (struct two_packets){nats, price, end};
         }
     }
     return best;
@@ -109,23 +95,20 @@ double rl_successive_margin(struct rl_window *window, const struct rl_codebook *
                             double own, uint16_t id)
 {
     struct cut_packet ended[RL_MAX_BITS + 1], begun[RL_MAX_BITS + 1];
-    double margin = RL_MAX_MARGIN;
     bound(bits, false, ended);
     bound(bits, true, begun);
-    for (int pauses = 0; pauses < 2; pauses++) {
-        const struct two_packets two = find_two(codebook, bits, id, pauses, ended, begun);
-        if (two.end < 0) {
-            continue;
-        }
-        const int begin[2] = {two.end - RL_PACKET_BITS, two.begin};
-        const int word[2] = {ended[two.end].word, begun[two.begin].word};
-        struct rl_transmission packet[2];
-        for (int i = 0; i < 2; i++) {
-            packet[i] = (struct rl_transmission){codebook->packet[word[i]], false,
-                                                 bits->begin_s + begin[i] * transmission->bit_s,
-                                                 transmission->bit_s};
-        }
-        margin = fmin(margin, own + two.price - shift_two(window, &packet[0], &packet[1]));
+    const struct two_packets two = find_two(codebook, bits, id, ended, begun);
+    if (two.end < 0) {
+        return RL_MAX_MARGIN;
     }
-    return margin;
+    const int begin[2] = {two.end - RL_PACKET_BITS, two.end};
+    const int word[2] = {ended[two.end].word, begun[two.end].word};
+    struct rl_transmission packet[2];
+    for (int i = 0; i < 2; i++) {
+        packet[i] = (struct rl_transmission){.bits = codebook->packet[word[i]],
+                                             .start_s =
+                                                 bits->begin_s + begin[i] * transmission->bit_s,
+                                             .bit_s = transmission->bit_s};
+    }
+    return fmin(own + two.price - shift_two(window, &packet[0], &packet[1]), RL_MAX_MARGIN);
 }

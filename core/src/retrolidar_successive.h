@@ -9,7 +9,7 @@
 #include "retrolidar_codebook.h"
 
 /* How much likelier a packet is than one of another ID that ended in the window, and one that began
- * then or after a pause [nats].
+ * then [nats].
  */
 double rl_successive_margin(struct rl_window *window, const struct rl_codebook *codebook,
                             const struct rl_bits *bits, const struct rl_transmission *transmission,

@@ -34,8 +34,9 @@ static void lay_out(const struct rl_transmission *transmission, struct packet *p
     for (int bit = 0; bit < RL_PACKET_BITS; bit++) {
         packet->level[bit] = transmission->bits & rl_packet_bit(bit) ? 0.0 : 1.0;
     }
-    packet->level[RL_PACKET_BITS] = 1.0;
-    packet->before[0] = transmission->repeats ? packet->level[RL_PACKET_BITS - 1] : 1.0;
+    packet->level[RL_PACKET_BITS] = transmission->dark_after ? 0.0 : 1.0;
+    packet->before[0] = transmission->repeats ? packet->level[RL_PACKET_BITS - 1]
+                                              : (transmission->dark_before ? 0.0 : 1.0);
     packet->elapsed[0] = 0.0;
     for (int bit = 0; bit < RL_PACKET_BITS; bit++) {
         packet->before[bit + 1] = packet->level[bit];
@@ -74,7 +75,7 @@ static double integral(const struct rl_transmission *transmission, const struct 
                        double since_s, struct place *place)
 {
     if (since_s <= 0.0 && !transmission->repeats) {
-        return since_s;
+        return transmission->dark_before ? 0.0 : since_s;
     }
     double passed_s = since_s - place->bit_s;
     const int ends = transmission->repeats || place->bit < RL_PACKET_BITS; /* as idle does not */

@@ -11,9 +11,13 @@
 /* Bits that a marker sends, and when. */
 struct rl_transmission {
     uint32_t bits;  /* of a packet, the first one the most significant; 1 = dark */
-    bool repeats;   /* back to back without end; a lone packet is bright before and after */
+    bool repeats;   /* back to back without end */
     double start_s; /* when a packet begins [s] */
     double bit_s;   /* how long a bit lasts [s] */
+    /* A lone packet touches bright light if nothing else is sent; the bits of packets of other
+     * IDs, back to back, may be dark.
+     */
+    bool dark_before, dark_after;
 };
 
 /* Packets of one ID that have been read, one behind the other. */

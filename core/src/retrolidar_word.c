@@ -13,9 +13,7 @@ double rl_word_sequence(struct rl_window *window, double half_bits, const struct
 {
     double best = -INFINITY;
     for (int i = 0; i < hits->sequences; i++) {
-        const struct rl_sequence *sequence = &hits->sequence[i];
-        struct rl_transmission any = {sequence->bits, sequence->repeats, sequence->start_s,
-                                      sequence->bit_s};
+        struct rl_transmission any = hits->sequence[i];
         best = fmax(best, rl_window_refine(window, &any, half_bits));
     }
     return best;

@@ -52,7 +52,11 @@ PARTS = {
         '        search_residual(detector, (double)(slot - 1) * RL_LOOK_BITS * bit_s, to_s);',
     ),
     'residual searched again once it is known': Part(
-        'process_frame', 'from_s - packet_s, to_s, true)', 'from_s, to_s, true)'
+        'process_frame', 'from_s - again * packet_s', 'from_s - 0.0 * again * packet_s'
+    ),
+    'search of the residual: sums of zones, too': Part(
+        'process_frame', 'is_subtracted[channel] && rest[channel] > RL_ACTIVE',
+        'channel < samples->zones && is_subtracted[channel] && rest[channel] > RL_ACTIVE'
     ),
     'pairs of packets': Part(
         'judge', 'may_hide && judge_pair(', 'may_hide && false && judge_pair('
@@ -74,7 +78,6 @@ PARTS = {
         'margin = fmin(margin, rl_successive_margin(',
         'fmin(margin, rl_successive_margin(',
     ),
-    'margin: ... after a pause': Part('successive', 'pauses < 2; pauses++', 'pauses < 1; pauses++'),
     'margin: markers that appear or vanish': Part(
         'decide',
         'margin = fmin(margin, rl_rivals_part_margin(',
@@ -83,11 +86,17 @@ PARTS = {
     'gains that change along the packet': Part(
         'decide', 'verdict->packets == 1 && !trial->follows\n', 'false\n'
     ),
+    'word test: bits that are not known': Part(
+        'decide', 'fmax(unknown_bits(trial) - spare, 0.0)', '0.0 * spare'
+    ),
+    'bits that touch a packet': Part(
+        'refine', '!transmission->repeats && find_neighbours(', 'false && find_neighbours('
+    ),
+    'earlier packets: going on has to be shown': Part(
+        'window', '.log_likelihood + RL_COST_OF_CHANCE) {', '.log_likelihood) {'
+    ),
     'word test: bits of each of several packets': Part(
         'decide', '    if (verdict->packets > 1) {', '    if (false) {'
-    ),
-    'margin: less what is beyond noise': Part(
-        'decide', 'return margin - ', 'return margin - 0.0 *'
     ),
     'other clocks': Part('decide', 'other > demands->word ? ', 'false ? '),
     'a packet that repeats has repeated': Part(
@@ -99,7 +108,7 @@ PARTS = {
         'false && may_be_lone(window, transmission, packets',
     ),
     'stretches judged as lone packets, too': Part(
-        'judge', 'verdict.reason != RL_INCOMPLETE || !hit->repeats', 'true || !hit->repeats'
+        'judge', 'verdict.reason != RL_INCOMPLETE ||', 'true || verdict.reason != RL_INCOMPLETE ||'
     ),
     'more evidence for few changes': Part(
         'decide', 'cost = 2.0 * RL_COST_OF_CHANCE', 'cost = 0.0 * RL_COST_OF_CHANCE'
@@ -109,9 +118,6 @@ PARTS = {
     ),
     'search: three ways to follow the level': Part(
         'search', '{0.01f, 0.1f, 0.002f}', '{0.01f, 0.01f, 0.01f}'
-    ),
-    'search: packets that are about to end': Part(
-        'search', 'ahead <= RL_OVERLAP_BITS * RL_PHASES;', 'ahead <= 0;'
     ),
     'two targets of a zone told apart': Part(
         'target',

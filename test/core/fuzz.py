@@ -187,8 +187,7 @@ def isolate(lib: Any, libc: Any, detector: Any) -> list[Any]:
         (whitened, dict.fromkeys(('row', 'gain', 'scale', 'signal'), kept)),
         (whitened.interferer, dict.fromkeys(range(len(whitened.interferer)), kept)),
         (window, dict.fromkeys(('light', 'part', 'seen', 'profile'), kept)),
-        (residual, {'light': kept, 'saved': kept * samples.zones}),
-        (detector.shares, {'light': kept}),
+        (residual, {'light': kept, 'saved': kept * samples.channels}),
     ):
         for name, length in lengths.items():
             array = owner[name] if isinstance(name, int) else getattr(owner, name)
