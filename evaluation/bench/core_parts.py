@@ -55,8 +55,9 @@ PARTS = {
         'process_frame', 'from_s - again * packet_s', 'from_s - 0.0 * again * packet_s'
     ),
     'search of the residual: sums of zones, too': Part(
-        'process_frame', 'is_subtracted[channel] && rest[channel] > RL_ACTIVE',
-        'channel < samples->zones && is_subtracted[channel] && rest[channel] > RL_ACTIVE'
+        'process_frame',
+        'is_subtracted[channel] && rest[channel] > RL_ACTIVE',
+        'channel < samples->zones && is_subtracted[channel] && rest[channel] > RL_ACTIVE',
     ),
     'pairs of packets': Part(
         'judge', 'may_hide && judge_pair(', 'may_hide && false && judge_pair('
