@@ -96,7 +96,8 @@ class Problem:
         if self._misfit(other) < self._misfit(best):
             best, other = other, best
         apart = between(best.state, other.state)
-        likely = 1 / (1 + math.exp((self._misfit(other) - self._misfit(best)) / 2))
+        odds = math.exp((self._misfit(best) - self._misfit(other)) / 2)
+        likely = odds / (1 + odds)
         return replace(best, covariance=best.covariance + likely * np.outer(apart, apart))
 
     def _misfit(self, fit: Fit) -> float:
@@ -252,20 +253,26 @@ class Problem:
         range_m = np.linalg.norm(sight, axis=1)
         place_variance = state.rotation @ self._place_variance @ state.rotation.T
         whole = self.seen.range_covariance(sight, place_variance, self._before_s, self.errors)
-        # A range is a sphere, linearised to a plane. With S the covariance of the place and P the
-        # projection across a direction u, they differ by sqrt(tr(PS)² + 2 tr(PSPS)) / 2r.
-        place_m2 = spread[:3, :3]
-        unit = sight / range_m[:, None]
-        seen = unit @ place_m2
-        along, aslant = (seen * unit).sum(axis=1), (seen * seen).sum(axis=1)
-        square = (place_m2 * place_m2).sum() - 2 * aslant + along**2
-        trace = np.trace(place_m2) - along
-        bend = np.sqrt(np.maximum(trace**2 + 2 * square, 0.0)) / (2 * range_m)
+        bend = _curvature(spread[:3, :3], sight / range_m[:, None], range_m)
         whole += np.outer(bend, bend)
         excess = np.maximum(residual**2 / np.diag(whole) - 1, 0.0) / (_FREEDOM + 1)
         whole += np.diag(excess * self.seen.range_stddev_m**2)
         soft = self.seen.bearing_variance(range_m, place_variance, self._before_s, self.errors)
         return whole, soft
+
+
+def _curvature(place_m2: Floats, unit: Floats, range_m: Floats) -> Floats:
+    """Return the standard deviations of spheres of ranges from their planes, shape (n,) [m].
+
+    With S the covariance of the place and P the projection across a direction u, it is
+    sqrt(tr(PS)² + 2 tr(PSPS)) / 2r.
+    """
+    seen = unit @ place_m2
+    along, aslant = (seen * unit).sum(axis=1), (seen * seen).sum(axis=1)
+    square = (place_m2 * place_m2).sum() - 2 * aslant + along**2
+    trace = np.trace(place_m2) - along
+    bend: Floats = np.sqrt(np.maximum(trace**2 + 2 * square, 0.0)) / (2 * range_m)
+    return bend
 
 
 def _outer(jacobian: Floats, weights: Floats) -> Floats:

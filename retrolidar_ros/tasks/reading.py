@@ -163,8 +163,8 @@ class Readings:
         variance = self.range_stddev_m**2
         # Two markers in one zone shift each other's range beyond its standard deviation.
         other = self.marker[:, None] != self.marker
-        tangent = direction[:, :2] / direction[:, 2:]
-        close = np.abs(tangent[:, None] - tangent).max(axis=-1) < ZoneGrid().pitch / 2
+        between = np.linalg.norm(self.direction[:, None] - self.direction, axis=-1)
+        close = between < ZoneGrid().pitch / 2
         crowded = (other & close & (self._one_pose > 0.5)).any(axis=1)
         variance += (_CROWDED_M / _DISTRUST) ** 2 * crowded
         above = np.maximum(variance - usual**2, 0.0)
