@@ -9,7 +9,7 @@ import itertools
 import math
 import sys
 from collections.abc import Callable, Iterator, Mapping
-from contextlib import ExitStack
+from contextlib import ExitStack, suppress
 from dataclasses import replace
 from typing import Any
 from unittest.mock import patch
@@ -41,7 +41,7 @@ def _gaussian(*given: Floats) -> tuple[Floats, Floats]:
 
 PARTS: Mapping[str, list[Patch]] = {
     'everything': [],
-    'gating': [(landmarks, '_GATE', 50.0)],
+    'gating': [(landmarks, '_GATE', 20.0)],
     'moves': [(landmarks.Landmark, '_relocate', lambda *_: None)],
     'init': [
         (landmarks.Landmark, '_can_initialise', lambda *_: True),
@@ -103,7 +103,8 @@ def _errors(trials: int, rng: np.random.Generator, wrong: float, moved: bool) ->
             for each in one:
                 if rng.random() < wrong:
                     each = each._replace(marker=int(rng.choice(ids)))
-                survey.take(str(each.marker), each)
+                with suppress(ValueError):
+                    survey.take(str(each.marker), each)
                 if moved and index < 4: continue
                 for found in survey.estimates():
                     errors = [place_error(found, np.array(m.position_m)) for t in truths for m in t.markers if str(m.id) == found.name]

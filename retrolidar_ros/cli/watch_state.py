@@ -21,7 +21,6 @@ from retrolidar_ros.detector.blinking_zones import BLINKING_DB
 from retrolidar_ros.detector.frame_monitor import FrameMonitor
 from retrolidar_ros.detector.likelihood_detector import LikelihoodDetector
 from retrolidar_ros.detector.parameters import detector_of, known_markers, noise_of
-from retrolidar_ros.detector.tracks import Track
 from retrolidar_ros.marker.code import PACKET_BITS
 from retrolidar_ros.sensor.clock import ClockMap
 from retrolidar_ros.sensor.frame import Frame, Recording
@@ -65,7 +64,6 @@ class Watch:
         self._agreement = Agreement(values['min_readings'])
         self._monitor: FrameMonitor | None = None
         self._last: dict[int, Detection] = {}
-        self._tracks: dict[int, Track] = {}
         self._times: Counter[int] = Counter()
         self._heard_s = time.monotonic()
         self._notice, self._noticed_s = '', -math.inf
@@ -114,9 +112,6 @@ class Watch:
         assert self._detector is not None
         detections = self._detector.update(frame)
         self._monitor.read(detections)
-        self._tracks = {
-            track.id: track for track in self._agreement.followed(self._detector.follow(frame))
-        }
         for detection in self._agreement.confirmed(detections):
             self._last[detection.id] = detection
             self._times[detection.id] += 1
@@ -182,12 +177,7 @@ class Watch:
                 self._chosen = most
         zone = self._chosen
         readings = [
-            LastReading(
-                detection,
-                (now_ns - detection.end_ns) * 1e-9,
-                self._times[identity],
-                self._tracks.get(identity),
-            )
+            LastReading(detection, (now_ns - detection.end_ns) * 1e-9, self._times[identity])
             for identity, detection in self._last.items()
         ]
         return replace(
@@ -198,6 +188,4 @@ class Watch:
             bits=None if zone is None else self._bits.read(samples, zone, law),
             readings=readings,
             rejected=detector.counts.rejected,
-            last_rejected=detector.last_rejected,
-            demands=detector.demands,
         )
