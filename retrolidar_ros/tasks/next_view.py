@@ -22,7 +22,6 @@ _IN_VIEW = math.atan(1.5 * ZoneGrid().pitch)
 _ARRIVED_M = 0.05
 # What is tried, as shares of the reach and of the distance.
 _WIDER, _NEARER = (1.25, 1.5, 2.0, 2.5, 3.0), (0.9, 0.8, 0.7, 0.6, 0.5)
-_SECOND = -1  # ID of a marker beside another one
 
 
 class ViewPlanner:
@@ -107,20 +106,13 @@ class ViewPlanner:
             if self._reached_m(landmark, self._began_m, share * self.reach_m) <= wanted_m:
                 found.append(f'with a reach of {share * self.reach_m:.2g} m')
                 break
-        if self._reached_m(landmark, self._began_m, self.reach_m, second=True) <= wanted_m:
-            found.append('with a second marker')
         return ', or '.join(found) or 'nearer and from farther apart'
 
-    def _reached_m(
-        self, landmark: Landmark, middle_m: Floats, reach_m: float, *, second: bool = False
-    ) -> float:
+    def _reached_m(self, landmark: Landmark, middle_m: Floats, reach_m: float) -> float:
         """Return the deviation after one more reading from every place around another."""
         places = _places(middle_m, reach_m, self.heights_m)
         found = (_seen_from(landmark, place_m) for place_m in places)
-        views = [one for one in found if one is not None]
-        if second:
-            views += [_in_another_zone(one) for one in views]
-        return largest_stddev(landmark.spread_with(views, beside=_SECOND if second else None))
+        return largest_stddev(landmark.spread_with([one for one in found if one is not None]))
 
 
 def best_place(
@@ -188,12 +180,6 @@ def _seen_from(landmark: Landmark, place_m: Floats) -> Reading | None:
         range_m=range_m,
         range_stddev_m=last.range_stddev_m * (range_m / last.range_m) ** 2,
     )
-
-
-def _in_another_zone(reading: Reading) -> Reading:
-    """Return the reading of a second marker, in another zone."""
-    direction = reading.direction + np.array([2 * ZoneGrid().pitch, 0, 0])
-    return reading._replace(marker=_SECOND, direction=direction / np.linalg.norm(direction))
 
 
 def _error_after(landmark: Landmark, place_m: Floats) -> float:

@@ -75,15 +75,6 @@ def test_nothing_is_published_until_two_more_agree_than_do_not() -> None:
     assert estimate.rejected == 1
 
 
-def test_ranges_that_are_hardly_known_found_no_landmark() -> None:
-    rng = np.random.default_rng(17)
-    landmark = Landmark('mug', ALONE, ERRORS)
-    for index in range(3):
-        one = seen(HERE, np.zeros(3), rng, stamp_s=index)
-        landmark.take(one._replace(range_m=one.range_m - 0.35, range_stddev_m=0.05))
-    assert landmark.estimate() is None
-
-
 def test_directions_that_fail_do_not_move_a_landmark() -> None:
     rng = np.random.default_rng(18)
     landmark = Landmark('mug', ALONE, ERRORS)
@@ -117,7 +108,7 @@ def test_what_is_carried_away_is_never_published_between_two_places() -> None:
             landmark.take(seen(there_m, SQUARE[index % 2], rng, stamp_s=30 + index))
             estimate = estimate_of(landmark)
             assert min(squared(estimate, HERE), squared(estimate, there_m)) < 16.27
-        assert estimate_of(landmark).moved_s == 31
+        assert estimate_of(landmark).moved_s == 32
         assert squared(estimate_of(landmark), there_m) < 16.27
         # What was read before it was moved comes late, and is too late.
         assert not landmark.take(seen(HERE, SQUARE[2], rng, stamp_s=12.5))
@@ -167,9 +158,9 @@ def test_a_landmark_of_a_former_survey_is_known_until_it_is_found_elsewhere() ->
     assert np.array_equal(estimate_of(landmark).position_m, HERE)
     landmark.take(seen(HERE, SQUARE[0], rng, stamp_s=1))
     assert squared(estimate_of(landmark), HERE) < 16.27
-    for stamp_s in (2, 3):
+    for stamp_s in (2, 3, 4):
         landmark.take(seen(HERE + np.array([0, 0.5, 0]), SQUARE[0], rng, stamp_s=stamp_s))
-    assert estimate_of(landmark).moved_s == 3
+    assert estimate_of(landmark).moved_s == 4
 
 
 def test_an_object_of_four_markers_has_an_orientation() -> None:

@@ -33,7 +33,7 @@ class Calibration:
     @property
     def still(self) -> MarkerFound | None:
         """The clearest marker at rest."""
-        return next((one for one in self.markers if not one.moves), None)
+        return _still(self.markers)
 
     @property
     def duration_s(self) -> float:
@@ -67,8 +67,11 @@ def calibrate(recording: Recording, *, distance_m: float | None = None) -> Calib
     zones = blinking_zones(recording, law)
     read = read_markers(recording, zones, law, frame_period(recording.stamp_ns))
     markers = sorted(map(marker_of, read.values()), key=lambda one: -one.snr_db)
-    found = Calibration(recording, noise, zones, markers, None)
-    if distance_m is None or (still := found.still) is None:
-        return found
-    offset_m = Estimate(still.range_m.value - distance_m, still.range_m.stddev)
+    offset_m = None
+    if distance_m is not None and (still := _still(markers)) is not None:
+        offset_m = Estimate(still.range_m.value - distance_m, still.range_m.stddev)
     return Calibration(recording, noise, zones, markers, offset_m)
+
+
+def _still(markers: list[MarkerFound]) -> MarkerFound | None:
+    return next((one for one in markers if not one.moves), None)
