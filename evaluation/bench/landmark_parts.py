@@ -43,14 +43,8 @@ PARTS: Mapping[str, list[Patch]] = {
     'everything': [],
     'gating': [(landmarks, '_GATE', 20.0)],
     'moves': [(landmarks.Landmark, '_relocate', lambda *_: None)],
-    'init': [
-        (landmarks.Landmark, '_can_initialise', lambda *_: True),
-    ],
-    'vague': [(landmarks, '_VAGUE_M', math.inf), (landmarks, '_VAGUE', math.inf)],
-    'ambig': [(landmarks, '_AGREEING_IF_AMBIGUOUS', 2)],
+    'init': [],
     'shared': [(reading, '_SHARED', 0.0)],
-    'distrust': [(reading, '_SCATTER', math.inf)],
-    'crowded': [(reading, '_CROWDED_M', 0.0)],
     'student': [(least_squares, '_FREEDOM', 1e9)],
     'curvature': [(least_squares, '_curvature', lambda place, unit, range_m: 0 * range_m)],
     'boxes': [(least_squares, 'match_boxes', _gaussian)],
@@ -90,10 +84,13 @@ def _errors(trials: int, rng: np.random.Generator, wrong: float, moved: bool) ->
     ids = [one.id for one in world.markers]
     for _ in range(trials):
         poses = hand.hand_poses(world, _SIDE_M, rng)
-        later = replace(world, markers=tuple(
-            replace(one, position_m=tuple(np.array(one.position_m) + _MOVE_M))
-            for one in world.markers
-        ))
+        later = replace(
+            world,
+            markers=tuple(
+                replace(one, position_m=tuple(np.array(one.position_m) + _MOVE_M))
+                for one in world.markers
+            ),
+        )
         before = [hand.visit(pose, world, rng) for pose in poses]
         after = [hand.visit(pose, later, rng) for pose in poses[:2]] if moved else []
         groups = hand.hand_readings([*before, *after], rng, _POSE_M)
@@ -105,10 +102,20 @@ def _errors(trials: int, rng: np.random.Generator, wrong: float, moved: bool) ->
                     each = each._replace(marker=int(rng.choice(ids)))
                 with suppress(ValueError):
                     survey.take(str(each.marker), each)
-                if moved and index < 4: continue
+                if moved and index < 4:
+                    continue
                 for found in survey.estimates():
-                    errors = [place_error(found, np.array(m.position_m)) for t in truths for m in t.markers if str(m.id) == found.name]
-                    rows.append(min(errors, key=lambda e: e.squared_distance) if not (moved and index==5 and each is one[-1]) else errors[-1])
+                    errors = [
+                        place_error(found, np.array(m.position_m))
+                        for t in truths
+                        for m in t.markers
+                        if str(m.id) == found.name
+                    ]
+                    rows.append(
+                        min(errors, key=lambda e: e.squared_distance)
+                        if not (moved and index == 5 and each is one[-1])
+                        else errors[-1]
+                    )
     return rows
 
 
@@ -116,23 +123,47 @@ def _said(rows: list[PlaceError]) -> list[str]:
     sizes = [1e3 * row.position_m for row in rows]
     squared = np.array([row.squared_distance for row in rows])
     inside = np.mean(squared <= places.ELLIPSOID)
-    return [f'{np.median(sizes):.1f}', f'{rms(sizes):.1f}', f'{100 * inside:.1f}', f'{100*np.mean(squared > _RARE):.1f}', f'{len(rows)}']
+    return [
+        f'{np.median(sizes):.1f}',
+        f'{rms(sizes):.1f}',
+        f'{100 * inside:.1f}',
+        f'{100 * np.mean(squared > _RARE):.1f}',
+        f'{len(rows)}',
+    ]
 
 
 def main() -> None:
     """Print the table."""
     trials = int(sys.argv[1]) if len(sys.argv) > 1 else 10
+
     def obj(rng):
-        t = [landmark_trials.tilt_trial(math.radians(15), rng) for _ in range(3*trials)]
+        t = [landmark_trials.tilt_trial(math.radians(15), rng) for _ in range(3 * trials)]
         k = [x for x in t if x]
         return [f'{x:.2f}' for x in np.sqrt(np.mean(np.square(k), axis=0))[:2]] + [str(len(k))]
+
     def room(rng):
         t = [landmark_trials.room_trial(m, rng) for m in (3, 4) for _ in range(trials)]
         k = [x for x in t if x]
-        return [f'{1e3*rms([a for a,_ in k]):.1f}', f'{1e3*max([a for a,_ in k]):.0f}', f'{math.degrees(rms([b for _,b in k])):.2f}', str(len(k))]
+        return [
+            f'{1e3 * rms([a for a, _ in k]):.1f}',
+            f'{1e3 * max([a for a, _ in k]):.0f}',
+            f'{math.degrees(rms([b for _, b in k])):.2f}',
+            str(len(k)),
+        ]
+
     def drone(rng):
-        return _said([row for _ in range(trials) for row in landmark_trials.drone_trial(3, rng)[3:]])
-    scen = {'hand': lambda r: _said(_errors(3*trials, r, 0, False)), 'wrong': lambda r: _said(_errors(3*trials, r, _WRONG, False)), 'moved': lambda r: _said(_errors(2*trials, r, 0, True)), 'tilt': obj, 'room': room, 'drone': drone}
+        return _said(
+            [row for _ in range(trials) for row in landmark_trials.drone_trial(3, rng)[3:]]
+        )
+
+    scen = {
+        'hand': lambda r: _said(_errors(3 * trials, r, 0, False)),
+        'wrong': lambda r: _said(_errors(3 * trials, r, _WRONG, False)),
+        'moved': lambda r: _said(_errors(2 * trials, r, 0, True)),
+        'tilt': obj,
+        'room': room,
+        'drone': drone,
+    }
     kept = {name: _Replayed() for name in scen}
     for name in sys.argv[2:] or PARTS:
         with ExitStack() as stack:
@@ -140,10 +171,12 @@ def main() -> None:
                 stack.enter_context(patch.object(target, attribute, value))
             print(f'{name:20}', end=' ')
             for s, f in scen.items():
-                k = kept[s]; k.next = 0
+                k = kept[s]
+                k.next = 0
                 with patch.object(places, 'looks', k), patch.object(landmark_trials, 'looks', k):
                     print(s, *f(np.random.default_rng(7)), end=' | ', flush=True)
             print(flush=True)
+
 
 if __name__ == '__main__':
     main()

@@ -21,6 +21,8 @@ _GATE = 4.5
 # A landmark is initialised when so many more readings agree than do not, and it has moved when so
 # many outliers agree.
 _AGREEING, _MOVED = 2, 3
+# Ranges of a larger standard deviation are left out: what stands behind a marker shifts them.
+_VAGUE_M = 0.02
 _MAX_READINGS = 40
 _MAX_OUTLIERS = 6
 _MOVING_WINDOW_S = 8.0
@@ -118,7 +120,7 @@ class Landmark:
 
     def _add(self, reading: Reading) -> None:
         self._estimate = None
-        if reading.stamp_s < self._valid_from_s:
+        if reading.stamp_s < self._valid_from_s or reading.range_stddev_m > _VAGUE_M:
             self.rejected += 1
         elif not self._knows_rotation() or self._score(reading) < _GATE:
             self.members.append(reading)

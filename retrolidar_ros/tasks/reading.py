@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from retrolidar_ros.sensor.frame import Floats, ZoneGrid
+from retrolidar_ros.sensor.frame import Floats
 
 _UNIT, _MAX_AWAY_M = 1e-6, 1e7
 
@@ -117,12 +117,9 @@ class Errors:
     """Of a moving marker, along each axis [m/s]."""
 
 
-# A background or another marker in the zone shifts a range in the same way while the sensor stays.
-# `_SHARED` of the usual variance is of that kind, and all of what exceeds it, `_DISTRUST` times its
-# reported deviation. `_SHARED` of the excess is independent: two readings never agree exactly.
-# Variance within `_SCATTER` of the median is usual.
-_SHARED, _DISTRUST, _SCATTER = 0.25, 2.5, 1.3
-_CROWDED_M = 0.01
+# Share of the variance of a range that its readings from one place have in common: a background or
+# another marker in the zone shifts them in the same way.
+_SHARED = 0.25
 # Correlation time of the acceleration of a moving marker.
 _LASTING_S = 3.0
 # A sensor without a reading for so long does not see the marker.
@@ -156,22 +153,9 @@ class Readings:
         apart = np.linalg.norm(self.sensor_m[:, None] - self.sensor_m, axis=-1)
         self._one_sensor = sensor[:, None] == sensor
         self._one_pose = self._one_sensor * np.exp(-0.5 * (apart / _ALIKE_M) ** 2)
-        self._one_view = self._one_pose * (self.marker[:, None] == self.marker)
-        # The noise of a range rises with about the square of the range.
-        each = self.range_stddev_m / self.range_m**2
-        usual = np.minimum(_SCATTER * np.median(each) * self.range_m**2, self.range_stddev_m)
-        variance = self.range_stddev_m**2
-        # Two markers in one zone shift each other's range beyond its standard deviation.
-        other = self.marker[:, None] != self.marker
-        between = np.linalg.norm(self.direction[:, None] - self.direction, axis=-1)
-        close = between < ZoneGrid().pitch / 2
-        crowded = (other & close & (self._one_pose > 0.5)).any(axis=1)
-        variance += (_CROWDED_M / _DISTRUST) ** 2 * crowded
-        above = np.maximum(variance - usual**2, 0.0)
-        own_m2 = (1 - _SHARED) * np.minimum(variance, usual**2) + _SHARED * above
-        shared_m = np.sqrt(_SHARED * usual**2 + _DISTRUST**2 * above)
-        # Covariance of the errors that are independent of the marker's place.
-        self._anywhere_m2 = np.outer(shared_m, shared_m) * self._one_view + np.diag(own_m2)
+        shared = _SHARED * self._one_pose * (self.marker[:, None] == self.marker)
+        np.fill_diagonal(shared, 1.0)
+        self._own_m2 = shared * np.outer(self.range_stddev_m, self.range_stddev_m)
 
     def range_covariance(
         self, sight_m: Floats, place_variance: Floats, before_s: Floats, errors: Errors
@@ -192,7 +176,7 @@ class Readings:
         unit = sight_m / np.linalg.norm(sight_m, axis=1)[:, None]
         alike = unit @ unit.T
         result: Floats = errors.pose_m**2 * self._one_pose * alike
-        result += errors.range_bias_m**2 * self._one_sensor + self._anywhere_m2
+        result += errors.range_bias_m**2 * self._one_sensor + self._own_m2
         result.flat[:: len(result) + 1] += errors.range_m**2
         if place_variance.any():
             place_m2 = (unit[:, None] @ place_variance)[:, 0] @ unit.T

@@ -105,16 +105,6 @@ def test_an_exception_or_a_signal_ends_them_too_and_passes_on(
     assert signal.getsignal(signal.SIGTERM) is before
 
 
-def test_children_are_asked_by_sigint_first(tmp_path: Path, line: LifeLine) -> None:
-    tidy = "trap 'echo tidied >&3; exit 7' INT; echo ready >&3; sleep 60 & wait"
-    with ProcessGroup(tmp_path) as group:
-        group.start('tidy', line.command(tidy))
-        line.wait_for(b'ready')
-        assert group.stop('tidy') == 7
-        line.wait_for(b'tidied')
-        assert line.all_gone()
-
-
 def test_a_child_that_ignores_sigint_is_killed(
     tmp_path: Path, line: LifeLine, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -178,11 +168,3 @@ def test_a_stopped_process_may_be_started_again(tmp_path: Path, line: LifeLine) 
             group.check()
             assert one.all_gone()
     os.close(again.end)
-
-
-def test_both_outputs_are_in_the_log_and_there_is_no_input(tmp_path: Path) -> None:
-    with ProcessGroup(tmp_path) as group:
-        group.start('talker', ['sh', '-c', 'echo out; echo err >&2; read line || echo end'])
-        await_end(group, 'talker')
-        assert group.log('talker') == tmp_path / 'talker.log'
-        assert group.log('talker').read_text() == 'out\nerr\nend\n'
