@@ -33,12 +33,6 @@ _MOVE_M = np.array([0.12, 0.1, 0.15])
 Patch = tuple[object, str, object]
 
 
-def _gaussian(*given: Floats) -> tuple[Floats, Floats]:
-    """Replace a box by the Gaussian of its own mean and variance."""
-    half, soft = given[-2:]
-    return 1 / (half**2 / 3 + soft), np.zeros_like(half)
-
-
 PARTS: Mapping[str, list[Patch]] = {
     'everything': [],
     'gating': [(landmarks, '_GATE', 20.0)],
@@ -47,8 +41,6 @@ PARTS: Mapping[str, list[Patch]] = {
     'shared': [(reading, '_SHARED', 0.0)],
     'student': [(least_squares, '_FREEDOM', 1e9)],
     'curvature': [(least_squares, '_curvature', lambda place, unit, range_m: 0 * range_m)],
-    'boxes': [(least_squares, 'match_boxes', _gaussian)],
-    'alike': [(least_squares, 'same_boxes', lambda _j, _s, mean, _h: np.ones_like(mean))],
     'second': [(least_squares, '_DISTINCT', math.inf)],
     'turns': [(least_squares, 'QUARTER_TURNS', least_squares.QUARTER_TURNS[:1])],
     'rot': [(landmarks, '_ROTATION_UNKNOWN', math.inf)],

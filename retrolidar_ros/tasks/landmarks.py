@@ -95,8 +95,7 @@ class Landmark:
         if self._known is not None:
             spread = np.zeros((9, 9))
             spread[:6, :6] = self._known.covariance
-            none = np.zeros((0, 2))
-            self.fit = Fit(self._known.state, spread, -math.inf, np.zeros((0, 3)), none, none)
+            self.fit = Fit(self._known.state, spread, -math.inf, np.zeros((0, 3)))
 
     def take(self, *readings: Reading) -> list[Reading]:
         """Take readings, and return the inliers; those of other markers are ignored.
@@ -181,7 +180,8 @@ class Landmark:
     def spread_with(self, readings: Sequence[Reading]) -> Floats:
         """Return the covariance of the position with further ranges, shape (3, 3) [m²]."""
         assert self.fit is not None
-        return self._problem([*self.members, *readings]).spread(self.fit)[:3, :3]
+        problem = self._problem([*self.members, *readings])
+        return problem.covariance_with(self.fit, len(self.members))[:3, :3]
 
     def _problem(self, readings: Sequence[Reading]) -> Problem:
         return Problem(self._markers, readings, self.errors, self._prior, self._place_variance)

@@ -12,7 +12,6 @@ import numpy as np
 
 from retrolidar_ros.sensor.frame import Floats
 from retrolidar_ros.sensor.rotation import QUARTER_TURNS, cross_matrix, matrix_of_turn
-from retrolidar_ros.tasks.boxes import match_boxes, same_boxes
 from retrolidar_ros.tasks.reading import Errors, Reading, Readings
 from retrolidar_ros.tasks.state import Fit, Prior, State, between
 
@@ -56,7 +55,6 @@ class Problem:
             Of the markers' places on the object [m²]; None: they are exact.
         """
         self.seen = Readings(readings)
-        self._readings = readings
         self.errors = errors
         self.prior = prior
         moves = errors.acceleration > 0
@@ -76,7 +74,7 @@ class Problem:
         If a second guess is likely, too, the covariance includes it.
         """
         if start is not None:
-            return self._descend(start.state, _MAX_STEPS, start)
+            return self._descend(start.state, _MAX_STEPS, start.covariance)
         seen = self.seen
         places = seen.sensor_m + seen.range_m[:, None] * seen.direction
         guesses = [
@@ -112,50 +110,34 @@ class Problem:
     def scores(self, fit: Fit) -> Floats:
         """Return the scores of readings that the estimate does not include, shape (n, 3)."""
         jacobian, residual = self._linearised(fit.state)
-        whole, soft = self._variances(fit.state, 0 * residual[:, 0], fit.covariance)
+        range_m2, edge_rad2 = self._variances(fit.state, 0 * residual[:, 0], fit.covariance)
         known = _variance_of(jacobian, fit.covariance)
-        return self._scores(residual, np.diag(whole) + known[:, 0], soft + known[:, 1:])
+        return self._scores(residual, np.diag(range_m2) + known[:, 0], edge_rad2 + known[:, 1:])
 
-    def spread(self, fit: Fit) -> Floats:
-        """Return the covariance with further readings after those of an estimate, shape (9, 9).
+    def covariance_with(self, fit: Fit, known: int) -> Floats:
+        """Return the covariance of the state, shape (9, 9), with readings after `known` of a fit.
 
         Only the ranges of the further readings count.
         """
         jacobian, residual = self._linearised(fit.state)
-        whole, _ = self._variances(fit.state, 0 * residual[:, 0], fit.covariance)
-        weights = np.zeros((len(residual), 2))
-        weights[: len(fit.bearing_weight)] = fit.bearing_weight
-        information, _ = self._equations(fit.state, jacobian, residual, np.linalg.inv(whole))
-        return self._inverse(information + _outer(jacobian[:, 1:], weights))
+        range_m2, edge_rad2 = self._variances(fit.state, 0 * residual[:, 0], fit.covariance)
+        weights = self._bearing_weights(residual[:, 1:], edge_rad2)
+        weights[known:] = 0
+        information, _ = self._equations(fit.state, jacobian, residual, np.linalg.inv(range_m2))
+        return self._inverse(information + _information(jacobian[:, 1:], weights))
 
-    def _descend(self, state: State, steps: int, earlier: Fit | None = None) -> Fit:
-        """Take Gauss-Newton steps, and match the moments of the boxes at each (Minka 2001).
-
-        The boxes' normals of an earlier estimate save most of the steps.
-        """
-        seen = self.seen
-        half = self._half_box()
-        _, soft = self._variances(state, 0 * seen.range_m, np.zeros((9, 9)))
-        weights = 1 / (half**2 / 3 + soft)
-        middle = np.zeros_like(weights)
-        spread: Floats = np.zeros((9, 9))
-        if earlier is not None and earlier.readings:
-            spread = earlier.covariance
-            rows = {id(one): row for row, one in enumerate(earlier.readings)}
-            same = [row for row, one in enumerate(self._readings) if id(one) in rows]
-            if same:
-                now, then = same, [rows[id(self._readings[row])] for row in same]
-                weights[:] = 0
-                weights[now] = earlier.bearing_weight[then]
-                middle[now] = earlier.bearing_middle[then]
+    def _descend(self, state: State, steps: int, covariance: Floats | None = None) -> Fit:
+        """Take Gauss-Newton steps from a state, whose covariance may be known."""
+        spread: Floats = np.zeros((9, 9)) if covariance is None else covariance
         for _ in range(steps):
             jacobian, residual = self._linearised(state)
-            whole, soft = self._variances(state, residual[:, 0], spread)
-            weight = np.linalg.inv(whole)
+            range_m2, edge_rad2 = self._variances(state, residual[:, 0], spread)
+            weight = np.linalg.inv(range_m2)
             information, slope = self._equations(state, jacobian, residual, weight)
-            aside, per_state = residual[:, 1:], jacobian[:, 1:]
-            information += _outer(per_state, weights)
-            slope += np.tensordot(weights * (aside - middle), per_state)
+            bearing, per_state = residual[:, 1:], jacobian[:, 1:]
+            weights = self._bearing_weights(bearing, edge_rad2)
+            information += _information(per_state, weights)
+            slope += np.tensordot(weights * bearing, per_state)
             before, spread = spread, self._inverse(information)
             step = spread @ slope * self._free
             largest = float(np.abs(step).max())
@@ -166,35 +148,38 @@ class Problem:
                 state.velocity + step[6:],
             )
             change = np.abs(spread - before)[:3, :3].max()
-            is_known = change < 1e-3 * spread[:3, :3].max() and (weights > 0).all()
-            if largest < _SMALL_STEP and is_known:
+            if largest < _SMALL_STEP and change < 1e-3 * spread[:3, :3].max():
                 break
-            mean = per_state @ step - aside
-            variance = _variance_of(per_state, spread)
-            alike = same_boxes(per_state, spread, mean, half)
-            fresh, shift = match_boxes(mean, variance, alike * weights, -middle, half, soft)
-            fresh /= alike
-            shift = (weights * -middle + fresh * shift) / np.maximum(weights + fresh, 1e-12)
-            # Damped, so that boxes that depend on each other converge.
-            weights, middle = np.where(weights > 0, (weights + fresh) / 2, fresh), -shift
         jacobian, residual = self._linearised(state)
         chi2 = float(residual[:, 0] @ weight @ residual[:, 0])
         scale = (_FREEDOM + chi2) / (_FREEDOM + max(len(residual) - 3, 0))
         known = _variance_of(jacobian[:, 0], spread)
         # The variance of inliers: that of an outlier is raised, which would hide it.
-        usual = np.diag(self._variances(state, 0 * seen.range_m, spread)[0])
+        usual = np.diag(self._variances(state, 0 * self.seen.range_m, spread)[0])
         own = np.maximum(usual - known, 0.2 * usual)
-        scores = self._scores(residual, own, soft)
-        covariance = max(scale, 1.0) * spread
-        return Fit(state, covariance, self.stamp_s, scores, weights, middle, self._readings)
+        scores = self._scores(residual, own, edge_rad2)
+        return Fit(state, max(scale, 1.0) * spread, self.stamp_s, scores)
 
-    def _scores(self, residual: Floats, variance: Floats, soft: Floats) -> Floats:
+    def _scores(self, residual: Floats, range_m2: Floats, edge_rad2: Floats) -> Floats:
         beyond = np.maximum(np.abs(residual[:, 1:]) - self._half_box(), 0.0)
-        return np.column_stack([residual[:, 0] / np.sqrt(variance), beyond / np.sqrt(soft)])
+        return np.column_stack([residual[:, 0] / np.sqrt(range_m2), beyond / np.sqrt(edge_rad2)])
 
     def _half_box(self) -> Floats:
         half: Floats = math.sqrt(3) * self.seen.spread_rad + self.errors.box_rad
         return half
+
+    def _bearing_weights(self, bearing: Floats, edge_rad2: Floats) -> Floats:
+        """Return 1 / variance of directions in boxes, shape (n, 2) [1/rad²].
+
+        Directions of a marker at the same place of their boxes are redundant: together they tell
+        no more than one.
+        """
+        half, marker = self._half_box(), np.repeat(self.seen.marker, 2)
+        axes, place, size = self.seen.axes.reshape(-1, 3), bearing.ravel(), half.ravel()
+        apart = np.abs(place[:, None] - place) / np.minimum.outer(size, size)
+        alike = (axes @ axes.T) ** 2 * (marker[:, None] == marker) * np.maximum(1 - 2 * apart, 0)
+        weights: Floats = 1 / (half**2 / 3 + edge_rad2) / alike.sum(axis=1).reshape(half.shape)
+        return weights
 
     def _inverse(self, information: Floats) -> Floats:
         """Return the covariance of the state, shape (9, 9)."""
@@ -275,7 +260,7 @@ def _curvature(place_m2: Floats, unit: Floats, range_m: Floats) -> Floats:
     return bend
 
 
-def _outer(jacobian: Floats, weights: Floats) -> Floats:
+def _information(jacobian: Floats, weights: Floats) -> Floats:
     """Return the information of directions with weights (n, 2), shape (9, 9)."""
     rows = jacobian.reshape(-1, jacobian.shape[-1])
     information: Floats = (rows * weights.reshape(-1, 1)).T @ rows
