@@ -5,7 +5,6 @@
 Prints a table: `embedded/run python -m evaluation.bench.landmark_parts [TRIALS]`.
 """
 
-import itertools
 import math
 import sys
 from collections.abc import Callable, Iterator, Mapping
@@ -18,36 +17,56 @@ import numpy as np
 
 from evaluation.bench import hand_trials as hand
 from evaluation.bench import landmark_trials, places
-from evaluation.bench.places import Look, PlaceError, held, place_error, rms
-from evaluation.report.claims import markdown
+from evaluation.bench.landmark_trials import drone_trial, room_trial, tilt_trial
+from evaluation.bench.places import ELLIPSOID, Look, PlaceError, place_error
+from evaluation.report.claims import Table, markdown
 from retrolidar_ros.scene import Scene
 from retrolidar_ros.scene.files import load_scene
 from retrolidar_ros.sensor.frame import Floats
-from retrolidar_ros.tasks import landmarks, least_squares, localization, reading
+from retrolidar_ros.sensor.rotation import QUARTER_TURNS
+from retrolidar_ros.tasks import landmarks, least_squares, localization, next_view, reading
+from retrolidar_ros.tasks.landmarks import Landmark
 from retrolidar_ros.tasks.survey import Survey
 
-_RARE = 16.266  # 99.9 % of a normal distribution in three dimensions
-_SIDE_M, _POSE_M, _WRONG = 0.4, 0.002, 0.05
+_SIDE_M, _POSE_M, _WRONG_IDS = 0.4, 0.002, 0.05
 _MOVE_M = np.array([0.12, 0.1, 0.15])
+_ROLL_RAD = math.radians(15)
+_SEED = 7
+_LOOKS = places.looks
 
-Patch = tuple[object, str, object]
+
+def _white(before_s: Floats) -> Floats:
+    """Return displacements as of an acceleration that is white, of the same spectral density."""
+    apart_s = np.abs(before_s)
+    least, most = np.minimum.outer(apart_s, apart_s), np.maximum.outer(apart_s, apart_s)
+    white = reading._LASTING_S * least**2 * (most - least / 3)
+    return np.where(np.outer(before_s, before_s) > 0, white, 0.0)
 
 
-PARTS: Mapping[str, list[Patch]] = {
-    'everything': [],
-    'gating': [(landmarks, '_GATE', 20.0)],
-    'moves': [(landmarks.Landmark, '_relocate', lambda *_: None)],
-    'init': [],
-    'shared': [(reading, '_SHARED', 0.0)],
-    'student': [(least_squares, '_FREEDOM', 1e9)],
-    'curvature': [(least_squares, '_curvature', lambda place, unit, range_m: 0 * range_m)],
-    'second': [(least_squares, '_DISTINCT', math.inf)],
-    'turns': [(least_squares, 'QUARTER_TURNS', least_squares.QUARTER_TURNS[:1])],
-    'rot': [(landmarks, '_ROTATION_UNKNOWN', math.inf)],
-    'clear': [(localization, '_CLEAR_M', math.inf), (localization, '_CLEAR', math.inf)],
-    'acceleration that lasts': [(reading, '_LASTING_S', 0.1)],
+def _each_alone(_axes: Floats, _marker: Floats, _bearing: Floats, half: Floats) -> Floats:
+    return np.ones_like(half)
+
+
+def _flat(_place_m2: Floats, _unit: Floats, range_m: Floats) -> Floats:
+    return np.zeros_like(range_m)
+
+
+PARTS: Mapping[str, list[tuple[object, str, object]]] = {
+    'nothing': [],
+    'gating': [(landmarks, '_GATE', math.inf)],
+    'restart after a move': [(Landmark, '_relocate', lambda *_: None)],
+    'initialisation by two readings': [(landmarks, '_AGREEING', 0)],
+    'vague ranges left out': [(landmarks, '_VAGUE_M', math.inf)],
+    'errors shared by a place': [(reading, '_SHARED', 0.0)],
+    'like directions once': [(least_squares, '_redundancy', _each_alone)],
+    'curvature of ranges': [(least_squares, '_curvature', _flat)],
+    "Student's t": [(least_squares, '_FREEDOM', 1e9)],
+    '24 initial guesses': [(least_squares, 'QUARTER_TURNS', QUARTER_TURNS[:1])],
+    'guesses until the rotation is known': [(landmarks, '_ROTATION_UNKNOWN', math.inf)],
+    'second solution': [(least_squares, '_DISTINCT', math.inf)],
+    'no pose while unclear': [(localization, '_CLEAR_M', math.inf), (localization, '_CLEAR', 99)],
+    'acceleration that lasts': [(reading, '_wandered', _white)],
     'time of all sensors': [(reading, '_SILENT_S', 1e-9)],
-    'alikem': [(reading, '_ALIKE_M', 1e-6)],
 }
 
 
@@ -60,114 +79,127 @@ class _Replayed:
 
     def __call__(self, scene: Scene, lasting_s: float, rng: np.random.Generator) -> Iterator[Look]:
         if self.next == len(self._kept):
-            rows = [*_looks(scene, lasting_s, rng)]
+            rows = [*_LOOKS(scene, lasting_s, rng)]
             self._kept.append((rows, rng.bit_generator.state))
         rows, rng.bit_generator.state = self._kept[self.next]
         self.next += 1
         return iter(rows)
 
 
-_looks = places.looks
+def _objects(trials: int, rng: np.random.Generator, *, moved: bool) -> list[PlaceError]:
+    """Return errors after each reading from four places, a few with a wrong ID.
 
-
-def _errors(trials: int, rng: np.random.Generator, wrong: float, moved: bool) -> list[PlaceError]:
-    """Return errors after each reading from four places; objects may be moved before the last."""
-    world, rows = load_scene('coffee'), []
-    ids = [one.id for one in world.markers]
+    Or errors of objects that were moved after that, and were read from two places since.
+    """
+    before = load_scene('coffee')
+    after = replace(
+        before,
+        markers=tuple(
+            replace(one, position_m=tuple((one.position_m + _MOVE_M).tolist()))
+            for one in before.markers
+        ),
+    )
+    truth_m = {one.name: np.array(one.position_m) for one in (after if moved else before).markers}
+    names = {one.id: one.name for one in before.markers}
+    found = []
     for _ in range(trials):
-        poses = hand.hand_poses(world, _SIDE_M, rng)
-        later = replace(
-            world,
-            markers=tuple(
-                replace(one, position_m=tuple(np.array(one.position_m) + _MOVE_M))
-                for one in world.markers
-            ),
-        )
-        before = [hand.visit(pose, world, rng) for pose in poses]
-        after = [hand.visit(pose, later, rng) for pose in poses[:2]] if moved else []
-        groups = hand.hand_readings([*before, *after], rng, _POSE_M)
+        poses = hand.hand_poses(before, _SIDE_M, rng)
+        trial = [hand.visit(pose, before, rng) for pose in poses]
+        trial += [hand.visit(pose, after, rng) for pose in poses[:2]] if moved else []
         survey = Survey({}, hand.errors_for(_POSE_M))
-        for index, one in enumerate(groups):
-            truths = [world] if index < 4 else [world, later]
-            for each in one:
-                if rng.random() < wrong:
-                    each = each._replace(marker=int(rng.choice(ids)))
-                with suppress(ValueError):
-                    survey.take(str(each.marker), each)
-                if moved and index < 4:
+        for group in hand.hand_readings(trial, rng, _POSE_M):
+            for one in group:
+                if not moved and rng.random() < _WRONG_IDS:
+                    one = one._replace(marker=int(rng.choice([*names])))
+                if one.marker not in names:
                     continue
-                for found in survey.estimates():
-                    errors = [
-                        place_error(found, np.array(m.position_m))
-                        for t in truths
-                        for m in t.markers
-                        if str(m.id) == found.name
-                    ]
-                    rows.append(
-                        min(errors, key=lambda e: e.squared_distance)
-                        if not (moved and index == 5 and each is one[-1])
-                        else errors[-1]
-                    )
+                with suppress(ValueError):  # without gating some cannot be solved
+                    survey.take(names[one.marker], one)
+                if not moved:
+                    rows = survey.estimates()
+                    found += [place_error(row, truth_m[row.name]) for row in rows]
+        if moved:
+            found += [place_error(row, truth_m[row.name]) for row in survey.estimates()]
+    return found
+
+
+def _placed(rows: list[PlaceError]) -> list[str]:
+    """Return the median error, and how many are in their ellipsoid of 95 %."""
+    inside = np.mean([row.squared_distance <= ELLIPSOID for row in rows])
+    return [f'{1e3 * np.median([row.position_m for row in rows]):.1f} mm, {inside:.1%}']
+
+
+def _tilted(trials: int, rng: np.random.Generator) -> list[str]:
+    """Return the median and the largest error of an object's tilt in the fixed frame."""
+    found = [tilt_trial(_ROLL_RAD, rng) for _ in range(trials)]
+    off = [one[1] for one in found if one is not None]
+    return [f'{np.median(off):.1f}°, {max(off):.1f}°']
+
+
+def _located(trials: int, rng: np.random.Generator) -> list[str]:
+    """Return the median and the largest error of a robot among three markers, and how often."""
+    found = [room_trial(3, rng) for _ in range(trials)]
+    off_mm = [1e3 * one[0] for one in found if one is not None]
+    if not off_mm:
+        return [f'0 of {trials}']
+    return [f'{np.median(off_mm):.0f} mm, {max(off_mm):.0f} mm, {len(off_mm)} of {trials}']
+
+
+def _flown(trials: int, rng: np.random.Generator) -> list[str]:
+    return _placed([row for _ in range(trials) for row in drone_trial(3, rng)[3:]])
+
+
+def _next_view(trials: int, rng: np.random.Generator, parts: bool) -> str:
+    """Return how long a hand looks until three objects are placed, by best or by any places."""
+    world = load_scene('coffee')
+
+    def anywhere(_: object, middle_m: Floats, reach_m: float) -> Floats:
+        found = next_view._places(middle_m, reach_m, (-math.inf, math.inf))
+        one: Floats = found[rng.integers(len(found))]
+        return one
+
+    with patch.object(hand, 'best_place', next_view.best_place if parts else anywhere):
+        found = [hand.ready_s(world, 0.01, 0.5, rng) for _ in range(trials)]
+    return f'{np.median(found):.1f} s'
+
+
+def table(trials: int) -> Table:
+    """Return errors with all mechanisms, and without each of them."""
+    cases: dict[str, Callable[[np.random.Generator], list[str]]] = {
+        'objects: median, in the 95 % ellipsoid': lambda rng: _placed(
+            _objects(trials, rng, moved=False)
+        ),
+        'after a move': lambda rng: _placed(_objects(trials, rng, moved=True)),
+        'tilt: median, largest': lambda rng: _tilted(trials, rng),
+        'robot: median, largest, clear': lambda rng: _located(trials, rng),
+        'drone': lambda rng: _flown(max(trials // 3, 1), rng),
+    }
+    replayed = {name: _Replayed() for name in cases}
+    rows = [['without', *cases]]
+    for part, patches in PARTS.items():
+        cells = []
+        for name, case in cases.items():
+            looks = replayed[name]
+            looks.next = 0
+            with ExitStack() as stack:
+                for target, attribute, value in patches:
+                    stack.enter_context(patch.object(target, attribute, value))
+                stack.enter_context(patch.object(places, 'looks', looks))
+                stack.enter_context(patch.object(landmark_trials, 'looks', looks))
+                cells += case(np.random.default_rng(_SEED))
+        rows.append([part, *cells])
+        print(*rows[-1], sep=' | ', file=sys.stderr, flush=True)
     return rows
 
 
-def _said(rows: list[PlaceError]) -> list[str]:
-    sizes = [1e3 * row.position_m for row in rows]
-    squared = np.array([row.squared_distance for row in rows])
-    inside = np.mean(squared <= places.ELLIPSOID)
-    return [
-        f'{np.median(sizes):.1f}',
-        f'{rms(sizes):.1f}',
-        f'{100 * inside:.1f}',
-        f'{100 * np.mean(squared > _RARE):.1f}',
-        f'{len(rows)}',
-    ]
-
-
 def main() -> None:
-    """Print the table."""
-    trials = int(sys.argv[1]) if len(sys.argv) > 1 else 10
-
-    def obj(rng):
-        t = [landmark_trials.tilt_trial(math.radians(15), rng) for _ in range(3 * trials)]
-        k = [x for x in t if x]
-        return [f'{x:.2f}' for x in np.sqrt(np.mean(np.square(k), axis=0))[:2]] + [str(len(k))]
-
-    def room(rng):
-        t = [landmark_trials.room_trial(m, rng) for m in (3, 4) for _ in range(trials)]
-        k = [x for x in t if x]
-        return [
-            f'{1e3 * rms([a for a, _ in k]):.1f}',
-            f'{1e3 * max([a for a, _ in k]):.0f}',
-            f'{math.degrees(rms([b for _, b in k])):.2f}',
-            str(len(k)),
-        ]
-
-    def drone(rng):
-        return _said(
-            [row for _ in range(trials) for row in landmark_trials.drone_trial(3, rng)[3:]]
-        )
-
-    scen = {
-        'hand': lambda r: _said(_errors(3 * trials, r, 0, False)),
-        'wrong': lambda r: _said(_errors(3 * trials, r, _WRONG, False)),
-        'moved': lambda r: _said(_errors(2 * trials, r, 0, True)),
-        'tilt': obj,
-        'room': room,
-        'drone': drone,
-    }
-    kept = {name: _Replayed() for name in scen}
-    for name in sys.argv[2:] or PARTS:
-        with ExitStack() as stack:
-            for target, attribute, value in PARTS[name]:
-                stack.enter_context(patch.object(target, attribute, value))
-            print(f'{name:20}', end=' ')
-            for s, f in scen.items():
-                k = kept[s]
-                k.next = 0
-                with patch.object(places, 'looks', k), patch.object(landmark_trials, 'looks', k):
-                    print(s, *f(np.random.default_rng(7)), end=' | ', flush=True)
-            print(flush=True)
+    """Print the table, and what the choice of the next viewpoint buys."""
+    trials = int(sys.argv[1]) if len(sys.argv) > 1 else 12
+    print(markdown(table(trials)))
+    best, anywhere = (
+        _next_view(trials, np.random.default_rng(_SEED), one) for one in (True, False)
+    )
+    print(f'three objects within 10 mm: in {best} from the best places, in {anywhere} from any')
 
 
 if __name__ == '__main__':

@@ -170,11 +170,11 @@ class Watch:
         law = noise_of(self._values).lit(np.median(newest.ambient))
         blinking = modulation_db(samples, law)
         if self._asked is None:
-            most = int(blinking.argmax())
-            if blinking[most] < BLINKING_DB:
+            strongest = int(blinking.argmax())
+            if blinking[strongest] < BLINKING_DB:
                 self._chosen = None
-            elif self._chosen is None or blinking[most] > blinking[self._chosen] + _MORE_DB:
-                self._chosen = most
+            elif self._chosen is None or blinking[strongest] > blinking[self._chosen] + _MORE_DB:
+                self._chosen = strongest
         zone = self._chosen
         readings = [
             LastReading(detection, (now_ns - detection.end_ns) * 1e-9, self._times[identity])

@@ -64,8 +64,9 @@ class Snapshot:
 def screen(snapshot: Snapshot) -> list[str]:
     """Return the whole snapshot, in lines of at most 100 characters."""
     trouble = f'! {snapshot.trouble}' if snapshot.trouble else ''
-    # A path that does not fit is broken.
-    lines = [f'{_flow(snapshot)} at {snapshot.port}']
+    flow = f'{_flow(snapshot)} at '
+    # Of a long port its end is shown; a path in the text is broken.
+    lines = [flow + snapshot.port[-max(COLUMNS - len(flow), 10) :]]
     lines += textwrap.wrap(trouble, COLUMNS, break_on_hyphens=False) or ['']
     if snapshot.frame is None:
         return lines

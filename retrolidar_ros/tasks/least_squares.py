@@ -9,6 +9,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from retrolidar_ros.sensor.frame import Floats
 from retrolidar_ros.sensor.rotation import QUARTER_TURNS, cross_matrix, matrix_of_turn
@@ -169,16 +170,10 @@ class Problem:
         return half
 
     def _bearing_weights(self, bearing: Floats, edge_rad2: Floats) -> Floats:
-        """Return 1 / variance of directions in boxes, shape (n, 2) [1/rad²].
-
-        Directions of a marker at the same place of their boxes are redundant: together they tell
-        no more than one.
-        """
-        half, marker = self._half_box(), np.repeat(self.seen.marker, 2)
-        axes, place, size = self.seen.axes.reshape(-1, 3), bearing.ravel(), half.ravel()
-        apart = np.abs(place[:, None] - place) / np.minimum.outer(size, size)
-        alike = (axes @ axes.T) ** 2 * (marker[:, None] == marker) * np.maximum(1 - 2 * apart, 0)
-        weights: Floats = 1 / (half**2 / 3 + edge_rad2) / alike.sum(axis=1).reshape(half.shape)
+        """Return 1 / variance of directions in boxes, shape (n, 2) [1/rad²]."""
+        half = self._half_box()
+        count = _redundancy(self.seen.axes, self.seen.marker, bearing, half)
+        weights: Floats = 1 / (half**2 / 3 + edge_rad2) / count
         return weights
 
     def _inverse(self, information: Floats) -> Floats:
@@ -237,13 +232,13 @@ class Problem:
         sight = self._sight(state)
         range_m = np.linalg.norm(sight, axis=1)
         place_variance = state.rotation @ self._place_variance @ state.rotation.T
-        whole = self.seen.range_covariance(sight, place_variance, self._before_s, self.errors)
+        range_m2 = self.seen.range_covariance(sight, place_variance, self._before_s, self.errors)
         bend = _curvature(spread[:3, :3], sight / range_m[:, None], range_m)
-        whole += np.outer(bend, bend)
-        excess = np.maximum(residual**2 / np.diag(whole) - 1, 0.0) / (_FREEDOM + 1)
-        whole += np.diag(excess * self.seen.range_stddev_m**2)
-        soft = self.seen.bearing_variance(range_m, place_variance, self._before_s, self.errors)
-        return whole, soft
+        range_m2 += np.outer(bend, bend)
+        excess = np.maximum(residual**2 / np.diag(range_m2) - 1, 0.0) / (_FREEDOM + 1)
+        range_m2 += np.diag(excess * self.seen.range_stddev_m**2)
+        edge_rad2 = self.seen.bearing_variance(range_m, place_variance, self._before_s, self.errors)
+        return range_m2, edge_rad2
 
 
 def _curvature(place_m2: Floats, unit: Floats, range_m: Floats) -> Floats:
@@ -258,6 +253,19 @@ def _curvature(place_m2: Floats, unit: Floats, range_m: Floats) -> Floats:
     trace = np.trace(place_m2) - along
     bend: Floats = np.sqrt(np.maximum(trace**2 + 2 * square, 0.0)) / (2 * range_m)
     return bend
+
+
+def _redundancy(axes: Floats, marker: NDArray[np.int64], bearing: Floats, half: Floats) -> Floats:
+    """Return how many directions are redundant with each, itself included, shape (n, 2).
+
+    Those of a marker at the same place of their boxes tell no more than one of them.
+    """
+    rows, place, size = axes.reshape(-1, 3), bearing.ravel(), half.ravel()
+    apart = np.abs(place[:, None] - place) / np.minimum.outer(size, size)
+    alike = (rows @ rows.T) ** 2 * np.maximum(1 - 2 * apart, 0)
+    alike *= np.repeat(np.repeat(marker[:, None] == marker, 2, axis=0), 2, axis=1)
+    count: Floats = alike.sum(axis=1).reshape(half.shape)
+    return count
 
 
 def _information(jacobian: Floats, weights: Floats) -> Floats:

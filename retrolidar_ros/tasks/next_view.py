@@ -15,7 +15,7 @@ from retrolidar_ros.tasks.landmarks import Landmark
 from retrolidar_ros.tasks.reading import Reading, SensorPose
 from retrolidar_ros.tasks.state import largest_stddev
 
-_WAYS = np.array([way for way in itertools.product((-1, 0, 1), repeat=3) if any(way)], dtype=float)
+_DIRECTIONS = np.array([one for one in itertools.product((-1, 0, 1), repeat=3) if any(one)], float)
 _NEAREST_M = 0.3
 # From the axis: within the two middle columns and rows of zones, and half of the outer ones.
 _IN_VIEW = math.atan(1.5 * ZoneGrid().pitch)
@@ -74,8 +74,8 @@ class ViewPlanner:
         """Return a pose that looks at all objects, or at the least certain one."""
         names = sorted(seen, key=lambda one: -_stddev(seen[one]))
         for group in (names, names[:1]):
-            ways = [_position(seen[one]) - place_m for one in group]
-            units = np.array([way / np.linalg.norm(way) for way in ways])
+            sights = [_position(seen[one]) - place_m for one in group]
+            units = np.array([one / np.linalg.norm(one) for one in sights])
             ahead = units.mean(axis=0)
             ahead /= np.linalg.norm(ahead)
             if (units @ ahead > math.cos(_IN_VIEW)).all():
@@ -123,7 +123,7 @@ def best_place(
 ) -> Floats | None:
     """Return the place from which one more reading of each landmark helps most.
 
-    It is the one that leaves the least mean squared error. Across the line of sight ranges from
+    It is the one that leaves the smallest mean squared error. Across the line of sight ranges from
     there tell the direction; nearer, they are more exact, too.
 
     Parameters
@@ -153,7 +153,7 @@ def best_place(
 
 def _places(middle_m: Floats, reach_m: float, heights_m: tuple[float, float]) -> Floats:
     """Return places around one, shape (n, 3) [m]."""
-    places = middle_m + reach_m * _WAYS / np.linalg.norm(_WAYS, axis=1)[:, None]
+    places = middle_m + reach_m * _DIRECTIONS / np.linalg.norm(_DIRECTIONS, axis=1)[:, None]
     within: Floats = places[(places[:, 2] >= heights_m[0]) & (places[:, 2] <= heights_m[1])]
     return within
 

@@ -204,13 +204,13 @@ def _wandered(before_s: Floats) -> Floats:
     The acceleration is a Gauss-Markov process, whose correlation falls off in `_LASTING_S`
     (Singer 1970). Times before and after that of the estimate have opposite signs.
     """
-    once, apart_s = _LASTING_S, np.abs(before_s)
-    least, most = np.minimum.outer(apart_s, apart_s), np.maximum.outer(apart_s, apart_s)
-    white = once * least**2 * (most - least / 3)
-    early = (most + once) * (least + once * np.expm1(-least / once))
-    late = once * (np.exp((least - most) / once) - np.exp(-most / once))
-    late -= least * np.exp(-most / once)
-    same = white - once**2 * early + once**3 * late
-    across = once * (apart_s + once * np.expm1(-apart_s / once))
+    tau, apart_s = _LASTING_S, np.abs(before_s)
+    short, long = np.minimum.outer(apart_s, apart_s), np.maximum.outer(apart_s, apart_s)
+    white = tau * short**2 * (long - short / 3)
+    early = (long + tau) * (short + tau * np.expm1(-short / tau))
+    late = tau * (np.exp((short - long) / tau) - np.exp(-long / tau))
+    late -= short * np.exp(-long / tau)
+    same = white - tau**2 * early + tau**3 * late
+    across = tau * (apart_s + tau * np.expm1(-apart_s / tau))
     wandered: Floats = np.where(np.outer(before_s, before_s) < 0, np.outer(across, across), same)
     return wandered

@@ -60,5 +60,5 @@ def largest_stddev(covariance: Floats) -> float:
 def between(one: State, other: State) -> Floats:
     """Return how another state differs, shape (9,)."""
     turn = turn_of(other.rotation @ one.rotation.T)
-    way = other.position_m - one.position_m
-    return np.concatenate([way, turn, other.velocity - one.velocity])
+    translation = other.position_m - one.position_m
+    return np.concatenate([translation, turn, other.velocity - one.velocity])
