@@ -24,8 +24,7 @@ TURN_VARIANCE = math.pi**2 / 3
 """Of an angle that can be anything [rad²]."""
 # Two estimates whose rotations differ by more are distinct [rad].
 _DISTINCT = 0.2
-# Ranges are assumed to follow Student's t of this many degrees of freedom, and residuals
-# raise the covariance as if this many more had been as expected.
+# Residuals raise the covariance as if so many more had been as expected.
 _FREEDOM = 5.0
 
 
@@ -79,8 +78,8 @@ class Problem:
         seen = self.seen
         places = seen.sensor_m + seen.range_m[:, None] * seen.direction
         guesses = [
-            State((places - self._places @ turn.T).mean(axis=0), turn, np.zeros(3))
-            for turn in (QUARTER_TURNS if self._turns else QUARTER_TURNS[:1])
+            State((places - self._places @ rotation.T).mean(axis=0), rotation, np.zeros(3))
+            for rotation in (QUARTER_TURNS if self._turns else QUARTER_TURNS[:1])
         ]
         if len(guesses) == 1:
             return self._descend(guesses[0], _MAX_STEPS)
@@ -101,17 +100,16 @@ class Problem:
 
     def _misfit(self, fit: Fit) -> float:
         """Return minus twice the log likelihood of the readings under an estimate."""
-        unlikely = (_FREEDOM + 1) * np.log1p(np.square(fit.scores) / _FREEDOM)
-        known = 0.0
+        squared = float(np.square(fit.scores).sum())
         if self.prior is not None:
             off = between(self.prior.state, fit.state)[:6]
-            known = float(off @ np.linalg.solve(self.prior.covariance, off))
-        return float(unlikely.sum()) + known
+            squared += float(off @ np.linalg.solve(self.prior.covariance, off))
+        return squared
 
     def scores(self, fit: Fit) -> Floats:
         """Return the scores of readings that the estimate does not include, shape (n, 3)."""
         jacobian, residual = self._linearised(fit.state)
-        range_m2, edge_rad2 = self._variances(fit.state, 0 * residual[:, 0], fit.covariance)
+        range_m2, edge_rad2 = self._variances(fit.state, fit.covariance)
         known = _variance_of(jacobian, fit.covariance)
         return self._scores(residual, np.diag(range_m2) + known[:, 0], edge_rad2 + known[:, 1:])
 
@@ -121,7 +119,7 @@ class Problem:
         Only the ranges of the further readings count.
         """
         jacobian, residual = self._linearised(fit.state)
-        range_m2, edge_rad2 = self._variances(fit.state, 0 * residual[:, 0], fit.covariance)
+        range_m2, edge_rad2 = self._variances(fit.state, fit.covariance)
         weights = self._bearing_weights(residual[:, 1:], edge_rad2)
         weights[known:] = 0
         information, _ = self._equations(fit.state, jacobian, residual, np.linalg.inv(range_m2))
@@ -132,7 +130,7 @@ class Problem:
         spread: Floats = np.zeros((9, 9)) if covariance is None else covariance
         for _ in range(steps):
             jacobian, residual = self._linearised(state)
-            range_m2, edge_rad2 = self._variances(state, residual[:, 0], spread)
+            range_m2, edge_rad2 = self._variances(state, spread)
             weight = np.linalg.inv(range_m2)
             information, slope = self._equations(state, jacobian, residual, weight)
             bearing, per_state = residual[:, 1:], jacobian[:, 1:]
@@ -155,8 +153,7 @@ class Problem:
         chi2 = float(residual[:, 0] @ weight @ residual[:, 0])
         scale = (_FREEDOM + chi2) / (_FREEDOM + max(len(residual) - 3, 0))
         known = _variance_of(jacobian[:, 0], spread)
-        # The variance of inliers: that of an outlier is raised, which would hide it.
-        usual = np.diag(self._variances(state, 0 * self.seen.range_m, spread)[0])
+        usual = np.diag(range_m2)
         own = np.maximum(usual - known, 0.2 * usual)
         scores = self._scores(residual, own, edge_rad2)
         return Fit(state, max(scale, 1.0) * spread, self.stamp_s, scores)
@@ -194,10 +191,7 @@ class Problem:
         information += np.diag(np.repeat([_SOMEWHERE, 1 / TURN_VARIANCE, still], 3))
         slope[6:] -= still * state.velocity
         if self.prior is not None:
-            turn = self.prior.state.rotation @ state.rotation.T
-            turned = np.array([turn[2, 1], turn[0, 2], turn[1, 0]])
-            turned -= np.array([turn[1, 2], turn[2, 0], turn[0, 1]])
-            off = np.append(self.prior.state.position_m - state.position_m, turned / 2)
+            off = between(state, self.prior.state)[:6]
             known = np.linalg.inv(self.prior.covariance)
             information[:6, :6] += known
             slope[:6] += known @ off
@@ -227,7 +221,7 @@ class Problem:
         jacobian[..., 6:] = -per_place * self._before_s[:, None, None]
         return jacobian, residual
 
-    def _variances(self, state: State, residual: Floats, spread: Floats) -> tuple[Floats, Floats]:
+    def _variances(self, state: State, spread: Floats) -> tuple[Floats, Floats]:
         """Return the covariance of ranges (n, n), and the variance of boxes' edges (n, 2)."""
         sight = self._sight(state)
         range_m = np.linalg.norm(sight, axis=1)
@@ -235,8 +229,6 @@ class Problem:
         range_m2 = self.seen.range_covariance(sight, place_variance, self._before_s, self.errors)
         bend = _curvature(spread[:3, :3], sight / range_m[:, None], range_m)
         range_m2 += np.outer(bend, bend)
-        excess = np.maximum(residual**2 / np.diag(range_m2) - 1, 0.0) / (_FREEDOM + 1)
-        range_m2 += np.diag(excess * self.seen.range_stddev_m**2)
         edge_rad2 = self.seen.bearing_variance(range_m, place_variance, self._before_s, self.errors)
         return range_m2, edge_rad2
 

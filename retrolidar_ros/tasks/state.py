@@ -58,7 +58,7 @@ def largest_stddev(covariance: Floats) -> float:
 
 
 def between(one: State, other: State) -> Floats:
-    """Return how another state differs, shape (9,)."""
-    turn = turn_of(other.rotation @ one.rotation.T)
+    """Return translation, rotation vector and velocity from one state to another, shape (9,)."""
+    rotation = turn_of(other.rotation @ one.rotation.T)
     translation = other.position_m - one.position_m
-    return np.concatenate([translation, turn, other.velocity - one.velocity])
+    return np.concatenate([translation, rotation, other.velocity - one.velocity])
