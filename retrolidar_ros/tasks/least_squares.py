@@ -191,7 +191,11 @@ class Problem:
         information += np.diag(np.repeat([_SOMEWHERE, 1 / TURN_VARIANCE, still], 3))
         slope[6:] -= still * state.velocity
         if self.prior is not None:
-            off = between(state, self.prior.state)[:6]
+            # Sines of rotations: in a rotation vector, a large yaw would mix with the tilt.
+            turned = self.prior.state.rotation @ state.rotation.T
+            sines = np.array([turned[2, 1], turned[0, 2], turned[1, 0]])
+            sines -= np.array([turned[1, 2], turned[2, 0], turned[0, 1]])
+            off = np.append(self.prior.state.position_m - state.position_m, sines / 2)
             known = np.linalg.inv(self.prior.covariance)
             information[:6, :6] += known
             slope[:6] += known @ off
