@@ -54,12 +54,10 @@ class Problem:
         place_variance : mapping of int to array, shape (3, 3), or None
             Of the markers' places on the object [m²]; None: they are exact.
         """
-        self.seen = Readings(readings)
+        self.seen = Readings(readings, errors)
         self.errors = errors
         self.prior = prior
         moves = errors.acceleration > 0
-        self.stamp_s = self.seen.complete_s if moves else float(self.seen.stamp_s.max())
-        self._before_s = self.stamp_s - self.seen.stamp_s
         self._places = np.array([markers[one] for one in self.seen.marker.tolist()])
         variances = place_variance or {}
         self._place_variance: Floats = np.array(
@@ -156,7 +154,7 @@ class Problem:
         usual = np.diag(range_m2)
         own = np.maximum(usual - known, 0.2 * usual)
         scores = self._scores(residual, own, edge_rad2)
-        return Fit(state, max(scale, 1.0) * spread, self.stamp_s, scores)
+        return Fit(state, max(scale, 1.0) * spread, self.seen.stamp_s, scores)
 
     def _scores(self, residual: Floats, range_m2: Floats, edge_rad2: Floats) -> Floats:
         beyond = np.maximum(np.abs(residual[:, 1:]) - self._half_box(), 0.0)
@@ -202,7 +200,7 @@ class Problem:
         return information, slope
 
     def _sight(self, state: State) -> Floats:
-        moved = np.outer(self._before_s, state.velocity)
+        moved = np.outer(self.seen.before_s, state.velocity)
         sight: Floats = (
             state.position_m + self._places @ state.rotation.T - moved - self.seen.sensor_m
         )
@@ -222,19 +220,18 @@ class Problem:
         jacobian = np.empty((len(range_m), 3, 9))
         jacobian[..., :3] = per_place
         jacobian[..., 3:6] = -per_place @ cross_matrix(self._places @ state.rotation.T)
-        jacobian[..., 6:] = -per_place * self._before_s[:, None, None]
+        jacobian[..., 6:] = -per_place * self.seen.before_s[:, None, None]
         return jacobian, residual
 
     def _variances(self, state: State, spread: Floats) -> tuple[Floats, Floats]:
-        """Return the covariance of ranges (n, n), and the variance of boxes' edges (n, 2)."""
+        """Return the covariance of ranges (n, n), and the variance of boxes' edges (n, 1)."""
         sight = self._sight(state)
         range_m = np.linalg.norm(sight, axis=1)
         place_variance = state.rotation @ self._place_variance @ state.rotation.T
-        range_m2 = self.seen.range_covariance(sight, place_variance, self._before_s, self.errors)
+        range_m2 = self.seen.range_covariance(sight, place_variance)
         bend = _curvature(spread[:3, :3], sight / range_m[:, None], range_m)
         range_m2 += np.outer(bend, bend)
-        edge_rad2 = self.seen.bearing_variance(range_m, place_variance, self._before_s, self.errors)
-        return range_m2, edge_rad2
+        return range_m2, self.seen.edge_variance(range_m)
 
 
 def _curvature(place_m2: Floats, unit: Floats, range_m: Floats) -> Floats:

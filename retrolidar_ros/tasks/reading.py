@@ -129,14 +129,15 @@ _ALIKE_M = 0.05
 
 
 class Readings:
-    """Arrays of the readings that one estimate is made of."""
+    """Arrays of the readings that one estimate is made of, and what their errors share."""
 
-    def __init__(self, readings: Sequence[Reading]) -> None:
+    def __init__(self, readings: Sequence[Reading], errors: Errors) -> None:
+        self._errors = errors
         self.marker = np.array([one.marker for one in readings])
         self.range_m = np.array([one.range_m for one in readings])
         self.range_stddev_m = np.array([one.range_stddev_m for one in readings])
         self.spread_rad = np.array([one.spread_rad for one in readings])
-        self.stamp_s = np.array([one.stamp_s for one in readings])
+        stamp_s = np.array([one.stamp_s for one in readings])
         self.sensor_m = np.array([one.pose.position_m for one in readings])
         rotation = np.array([one.pose.rotation for one in readings])
         direction = np.array([one.direction for one in readings])
@@ -147,19 +148,23 @@ class Readings:
         self.direction = axes[:, 2]
         """As measured, in the fixed frame, shape (n, 3)."""
         sensor = np.array([one.sensor for one in readings])
-        newest_s = np.array([self.stamp_s[sensor == one].max() for one in set(sensor.tolist())])
-        self.complete_s = float(newest_s[newest_s > newest_s.max() - _SILENT_S].min())
-        """Time up to which all sensors have reported."""
+        self.stamp_s = float(stamp_s.max())
+        """When the estimate holds: if the marker moves, up to when all sensors have reported."""
+        if errors.acceleration:
+            newest_s = np.array([stamp_s[sensor == one].max() for one in set(sensor.tolist())])
+            self.stamp_s = float(newest_s[newest_s > self.stamp_s - _SILENT_S].min())
+        self.before_s = self.stamp_s - stamp_s
+        """How long before that each was taken."""
+        self._moved_m2 = errors.acceleration**2 * _wandered(self.before_s)
         apart = np.linalg.norm(self.sensor_m[:, None] - self.sensor_m, axis=-1)
         self._one_sensor = sensor[:, None] == sensor
         self._one_pose = self._one_sensor * np.exp(-0.5 * (apart / _ALIKE_M) ** 2)
-        shared = _SHARED * self._one_pose * (self.marker[:, None] == self.marker)
+        self._one_marker = self.marker[:, None] == self.marker
+        shared = _SHARED * self._one_pose * self._one_marker
         np.fill_diagonal(shared, 1.0)
         self._own_m2 = shared * np.outer(self.range_stddev_m, self.range_stddev_m)
 
-    def range_covariance(
-        self, sight_m: Floats, place_variance: Floats, before_s: Floats, errors: Errors
-    ) -> Floats:
+    def range_covariance(self, sight_m: Floats, place_variance: Floats) -> Floats:
         """Return the covariance of the errors of all ranges, shape (n, n) [m²].
 
         Parameters
@@ -167,35 +172,23 @@ class Readings:
         sight_m : array, shape (n, 3)
             From the sensors to where the markers are now thought to be, in the fixed frame.
         place_variance : array, shape (n, 3, 3)
-            How well the marker's place on its object is known, in the fixed frame [m²].
-        before_s : array, shape (n,)
-            How long before the time of the estimate each was taken.
-        errors : Errors
-            What they share.
+            Of the marker's place on its object, in the fixed frame [m²].
         """
+        errors = self._errors
         unit = sight_m / np.linalg.norm(sight_m, axis=1)[:, None]
-        alike = unit @ unit.T
-        result: Floats = errors.pose_m**2 * self._one_pose * alike
+        result: Floats = (errors.pose_m**2 * self._one_pose + self._moved_m2) * (unit @ unit.T)
         result += errors.range_bias_m**2 * self._one_sensor + self._own_m2
-        result.flat[:: len(result) + 1] += errors.range_m**2
         if place_variance.any():
-            place_m2 = (unit[:, None] @ place_variance)[:, 0] @ unit.T
-            result += place_m2 * (self.marker[:, None] == self.marker)
-        if errors.acceleration:
-            result += errors.acceleration**2 * _wandered(before_s) * alike
+            result += (unit[:, None] @ place_variance @ unit.T)[:, 0] * self._one_marker
+        result.flat[:: len(result) + 1] += errors.range_m**2
         return result
 
-    def bearing_variance(
-        self, range_m: Floats, place_variance: Floats, before_s: Floats, errors: Errors
-    ) -> Floats:
-        """Return the variance of boxes' edges, shape (n, 2) [rad²]; see `range_covariance`."""
-        across: Floats = np.full((len(range_m), 2), errors.pose_m**2)
-        if errors.acceleration:
-            across += errors.acceleration**2 * np.diag(_wandered(before_s))[:, None]
-        if place_variance.any():
-            across += ((self.axes @ place_variance) * self.axes).sum(axis=-1)
-        variance: Floats = errors.edge_rad**2 + errors.turn_rad**2 + across / range_m[:, None] ** 2
-        return variance
+    def edge_variance(self, range_m: Floats) -> Floats:
+        """Return the variance of the edges of boxes, shape (n, 1) [rad²], for ranges (n,) [m]."""
+        errors = self._errors
+        across_m2 = errors.pose_m**2 + np.diag(self._moved_m2)
+        variance = errors.edge_rad**2 + errors.turn_rad**2 + across_m2 / range_m**2
+        return variance[:, None]
 
 
 def _wandered(before_s: Floats) -> Floats:
