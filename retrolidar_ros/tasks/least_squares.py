@@ -6,7 +6,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,8 +21,6 @@ _MAX_STEP = 0.5
 _SOMEWHERE = 1e-6  # all is within a kilometre or so, which keeps equations solvable [1/m²]
 TURN_VARIANCE = math.pi**2 / 3
 """Of an angle that can be anything [rad²]."""
-# Two estimates whose rotations differ by more are distinct [rad].
-_DISTINCT = 0.2
 # Residuals raise the covariance as if so many more had been as expected.
 _FREEDOM = 5.0
 
@@ -67,10 +64,7 @@ class Problem:
         self._free = np.repeat([True, self._turns, moves], 3)
 
     def solve(self, start: Fit | None = None) -> Fit:
-        """Return the estimate, from an earlier one or from the best of many guesses.
-
-        If a second guess is likely, too, the covariance includes it.
-        """
+        """Return the estimate, from an earlier one or from the best of many guesses."""
         if start is not None:
             return self._descend(start.state, _MAX_STEPS, start.covariance)
         seen = self.seen
@@ -79,22 +73,9 @@ class Problem:
             State((places - self._places @ rotation.T).mean(axis=0), rotation, np.zeros(3))
             for rotation in (QUARTER_TURNS if self._turns else QUARTER_TURNS[:1])
         ]
-        if len(guesses) == 1:
-            return self._descend(guesses[0], _MAX_STEPS)
-        fits = sorted((self._descend(guess, _FEW_STEPS) for guess in guesses), key=self._misfit)
-        best = self._descend(fits[0].state, _MAX_STEPS)
-        others = [
-            fit for fit in fits if np.linalg.norm(between(best.state, fit.state)[3:6]) > _DISTINCT
-        ]
-        if not others:
-            return best
-        other = self._descend(others[0].state, _MAX_STEPS)
-        if self._misfit(other) < self._misfit(best):
-            best, other = other, best
-        apart = between(best.state, other.state)
-        odds = math.exp((self._misfit(best) - self._misfit(other)) / 2)
-        likely = odds / (1 + odds)
-        return replace(best, covariance=best.covariance + likely * np.outer(apart, apart))
+        if len(guesses) > 1:
+            guesses.sort(key=lambda guess: self._misfit(self._descend(guess, _FEW_STEPS)))
+        return self._descend(guesses[0], _MAX_STEPS)
 
     def _misfit(self, fit: Fit) -> float:
         """Return minus twice the log likelihood of the readings under an estimate."""
