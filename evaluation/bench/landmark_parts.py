@@ -63,7 +63,6 @@ PARTS: Mapping[str, list[tuple[object, str, object]]] = {
     'errors shared by a place': [(reading, '_SHARED', 0.0)],
     'like directions once': [(least_squares, '_redundancy', _each_alone)],
     'curvature of ranges': [(least_squares, '_curvature', _flat)],
-    'covariance raised by residuals': [(least_squares, '_FREEDOM', 1e9)],
     '24 initial guesses': [(least_squares, 'QUARTER_TURNS', QUARTER_TURNS[:1])],
     'guesses until the rotation is known': [(landmarks, '_ROTATION_UNKNOWN', math.inf)],
     'no pose while unclear': [(localization, '_CLEAR_M', math.inf), (localization, '_CLEAR', 99)],

@@ -21,8 +21,6 @@ _MAX_STEP = 0.5
 _SOMEWHERE = 1e-6  # all is within a kilometre or so, which keeps equations solvable [1/m²]
 TURN_VARIANCE = math.pi**2 / 3
 """Of an angle that can be anything [rad²]."""
-# Residuals raise the covariance as if so many more had been as expected.
-_FREEDOM = 5.0
 
 
 class Problem:
@@ -110,8 +108,7 @@ class Problem:
         for _ in range(steps):
             jacobian, residual = self._linearised(state)
             range_m2, edge_rad2 = self._variances(state, spread)
-            weight = np.linalg.inv(range_m2)
-            information, slope = self._equations(state, jacobian, residual, weight)
+            information, slope = self._equations(state, jacobian, residual, np.linalg.inv(range_m2))
             bearing, per_state = residual[:, 1:], jacobian[:, 1:]
             weights = self._bearing_weights(bearing, edge_rad2)
             information += _information(per_state, weights)
@@ -129,13 +126,10 @@ class Problem:
             if largest < _SMALL_STEP and change < 1e-3 * spread[:3, :3].max():
                 break
         jacobian, residual = self._linearised(state)
-        chi2 = float(residual[:, 0] @ weight @ residual[:, 0])
-        scale = (_FREEDOM + chi2) / (_FREEDOM + max(len(residual) - 3, 0))
-        known = _variance_of(jacobian[:, 0], spread)
         usual = np.diag(range_m2)
-        own = np.maximum(usual - known, 0.2 * usual)
+        own = np.maximum(usual - _variance_of(jacobian[:, 0], spread), 0.2 * usual)
         scores = self._scores(residual, own, edge_rad2)
-        return Fit(state, max(scale, 1.0) * spread, self.seen.stamp_s, scores)
+        return Fit(state, spread, self.seen.stamp_s, scores)
 
     def _scores(self, residual: Floats, range_m2: Floats, edge_rad2: Floats) -> Floats:
         beyond = np.maximum(np.abs(residual[:, 1:]) - self._half_box(), 0.0)
