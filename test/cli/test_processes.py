@@ -3,7 +3,6 @@
 import os
 import select
 import signal
-import time
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -114,25 +113,6 @@ def test_a_child_that_ignores_sigint_is_killed(
         line.wait_for(b'ready')
         assert group.stop('stubborn') == -signal.SIGKILL
         assert line.all_gone()
-
-
-def test_a_second_ctrl_c_is_no_way_out_for_the_children(tmp_path: Path, line: LifeLine) -> None:
-    # Instead of ending, the first child interrupts the waiting for it.
-    impatient = (
-        f"trap 'kill -INT {os.getpid()}' INT; echo ready >&3; while :; do sleep 60 & wait; done"
-    )
-
-    def work() -> None:
-        with ProcessGroup(tmp_path) as group:
-            group.start('impatient', line.command(impatient))
-            group.start('stubborn', line.command(STUBBORN))
-            line.wait_for(b'ready\nready')
-
-    begin_s = time.monotonic()
-    with pytest.raises(KeyboardInterrupt):
-        work()
-    assert line.all_gone()
-    assert time.monotonic() - begin_s < processes._PATIENCE_S
 
 
 def test_check_reports_the_child_that_ended_and_the_end_of_its_log(
