@@ -213,7 +213,7 @@ def table(trials: int) -> Table:
 
 def main() -> None:
     """Print the table, and what the choice of the next viewpoint buys."""
-    trials = int(sys.argv[1]) if len(sys.argv) > 1 else 12
+    trials = int(sys.argv[1]) if len(sys.argv) > 1 else 9
     print(markdown(table(trials)))
     best, anywhere = (
         _next_view(trials, np.random.default_rng(_SEED), one) for one in (True, False)
