@@ -55,7 +55,7 @@ class Watch:
         The values are of all parameters of a detector.
         """
         self._source = source
-        self._asked, self._chosen = zone, zone
+        self._fixed_zone, self._shown_zone = zone, zone
         self._values, self._known = values, known_markers(values)
         self._bit_s = values['bit_period']
         self._clock = ClockMap()
@@ -65,9 +65,9 @@ class Watch:
         self._monitor: FrameMonitor | None = None
         self._last: dict[int, Detection] = {}
         self._times: Counter[int] = Counter()
-        self._heard_s = time.monotonic()
+        self._last_arrival_s = time.monotonic()
         self._notice, self._noticed_s = '', -math.inf
-        self._tallies = deque([_Tally(self._heard_s, 0, 0, source.received)])
+        self._tallies = deque([_Tally(self._last_arrival_s, 0, 0, source.received)])
 
     @property
     def frames(self) -> int:
@@ -85,25 +85,25 @@ class Watch:
         for frame in frames:
             stamp_ns = self._clock.map(frame.sensor_time_us, arrival_ns)
             self._take(replace(frame, stamp_ns=stamp_ns))
-        self._heard_s = arrival_ns * 1e-9
+        self._last_arrival_s = arrival_ns * 1e-9
         if notice:
-            self._notice, self._noticed_s = notice, self._heard_s
+            self._notice, self._noticed_s = notice, self._last_arrival_s
 
     def _take(self, frame: Frame) -> None:
         grid = frame.grid
         newest = self._monitor.newest if self._monitor else None
         last = newest[-1] if newest else None
         if self._monitor is None or last is None or last.grid != grid:
-            if self._asked is not None and self._asked >= grid.zones:
+            if self._fixed_zone is not None and self._fixed_zone >= grid.zones:
                 raise ValueError(
-                    f'--zone {self._asked}: the sensor has {grid.rows}x{grid.columns} zones, '
+                    f'--zone {self._fixed_zone}: the sensor has {grid.rows}x{grid.columns} zones, '
                     f'0 to {grid.zones - 1}'
                 )
             detector = detector_of(self._values, grid, self._known)
             if not isinstance(detector, LikelihoodDetector):
                 raise ValueError(f'--method {self._values["method"]}: watch shows joint only')
             self._detector = detector
-            self._chosen = self._asked
+            self._shown_zone = self._fixed_zone
         if self._monitor is None:
             self._monitor = FrameMonitor(grid)
         elif last is not None and (last.grid != grid or last.stamp_ns >= frame.stamp_ns):
@@ -141,7 +141,7 @@ class Watch:
         """Return what is wrong since `then`."""
         if problem := self._source.problem:
             return f'{problem}; retrying'
-        silence_s = now.time_s - self._heard_s
+        silence_s = now.time_s - self._last_arrival_s
         if silence_s > _SILENCE_S:
             return f'{now.received.silence(then.received)} ({silence_s:.0f} s)'
         if now.restarts - then.restarts > 1:
@@ -169,13 +169,16 @@ class Watch:
         samples = Samples.of(Recording.of(recent))
         law = noise_of(self._values).lit(np.median(newest.ambient))
         blinking = modulation_db(samples, law)
-        if self._asked is None:
+        if self._fixed_zone is None:
             strongest = int(blinking.argmax())
             if blinking[strongest] < BLINKING_DB:
-                self._chosen = None
-            elif self._chosen is None or blinking[strongest] > blinking[self._chosen] + _MORE_DB:
-                self._chosen = strongest
-        zone = self._chosen
+                self._shown_zone = None
+            elif (
+                self._shown_zone is None
+                or blinking[strongest] > blinking[self._shown_zone] + _MORE_DB
+            ):
+                self._shown_zone = strongest
+        zone = self._shown_zone
         readings = [
             LastReading(detection, (now_ns - detection.end_ns) * 1e-9, self._times[identity])
             for identity, detection in self._last.items()

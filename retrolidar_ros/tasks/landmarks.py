@@ -90,7 +90,7 @@ class Landmark:
         self._is_initialised = self._known is not None
         self._outliers: list[Reading] = []
         self._valid_from_s = -math.inf
-        self._is_settled = True
+        self._is_updated = True
         self._estimate: Estimate | None = None
         if self._known is not None:
             spread = np.zeros((9, 9))
@@ -107,10 +107,10 @@ class Landmark:
             for name, value in vars(self).items()
         }
         try:
-            with np.errstate(all='ignore'):  # `_settle` refuses what is not finite
+            with np.errstate(all='ignore'):  # `_update` refuses what is not finite
                 for reading in filter(lambda one: one.marker in self._markers, readings):
                     self._add(reading)
-                self._settle()
+                self._update()
         except np.linalg.LinAlgError as error:
             vars(self).update(before)
             raise ValueError(f'readings that cannot be solved: {self.name}') from error
@@ -126,19 +126,19 @@ class Landmark:
             if self._is_initialised:
                 self._outliers = [one for one in self._outliers if one.stamp_s > reading.stamp_s]
             self._prune()
-            self._is_settled = False
+            self._is_updated = False
             if not self._is_initialised:  # until then any reading may be the outlier
-                self._settle()
+                self._update()
         else:
             self.rejected += 1
             self._outliers.append(reading)
             if not self.members or reading.stamp_s >= max(one.stamp_s for one in self.members):
                 self._relocate(reading)
 
-    def _settle(self) -> None:
+    def _update(self) -> None:
         """Compute the place from the readings added since."""
-        if not self._is_settled:
-            self._is_settled, self._estimate = True, None
+        if not self._is_updated:
+            self._is_updated, self._estimate = True, None
             self._solve()
             assert self.fit is not None
             state = self.fit.state
@@ -147,7 +147,7 @@ class Landmark:
             self._initialise()
 
     def has(self, marker: int) -> bool:
-        """Tell whether a marker is one of its own."""
+        """Return whether it carries a marker."""
         return marker in self._markers
 
     def estimate(self) -> Estimate | None:
@@ -233,7 +233,7 @@ class Landmark:
                 self._outliers = [one for one in self._outliers if id(one) not in kept]
                 self._outliers += self.members
             self.members, self._prior = agreeing, None
-            self.fit, self._is_settled = fit, True
+            self.fit, self._is_updated = fit, True
             self._initialise()
             return
 

@@ -32,13 +32,13 @@ class ViewPlanner:
         self.reach_m = self.move_s = math.nan
         """How far the sensor can go from where it read first [m], and how long that takes [s]."""
         self.heights_m = (-math.inf, math.inf)
-        """Least and largest z of a viewpoint [m]."""
+        """Minimum and maximum z of a viewpoint [m]."""
         self.max_stddev_m = math.nan
         """Wanted standard deviation of landmarks [m]."""
         self.forget()
 
     def forget(self) -> None:
-        """Begin anew."""
+        """Begin again without a viewpoint."""
         self.view: SensorPose | None = None
         """The next viewpoint, in the fixed frame; None if there is none."""
         self.remedies: dict[str, str] = {}
@@ -135,7 +135,7 @@ def best_place(
     reach_m : float
         How far from there the sensor can go in any direction.
     heights_m : tuple of float
-        Least and largest z that it can go to.
+        Minimum and maximum z that it can go to.
 
     Returns
     -------
