@@ -152,7 +152,7 @@ def check_landmarks(observer: Observer, saved: Path) -> None:
 
     there_m = MUG_M + np.array([0.25, 0.1, 0.2])
     mug.clear()
-    for at_m in corners[:2]:
+    for at_m in corners[:3]:
         hand.read('mug', 2107, there_m, at_m)
     observer.wait(
         lambda: bool(mug) and squared(mug[-1], there_m) < MOST_MAHALANOBIS,
