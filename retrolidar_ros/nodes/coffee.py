@@ -79,7 +79,7 @@ class CoffeeNode(Node):
             )
         else:
             self._readings = DetectionSubscriber(self, [topic], source, self._on_detection)
-        parameters.warn_of_unknown()
+        parameters.warn_of_misspelled()
         self.create_timer(_TICK_S, self._tick, clock=Clock(clock_type=ClockType.STEADY_TIME))
 
     def _change(self, values: dict[str, float]) -> None:

@@ -28,7 +28,7 @@ from retrolidar_ros.nodes.conversion import (
     to_transform,
 )
 from retrolidar_ros.nodes.qos import EVENTS, LATCHED, publisher, topics_of
-from retrolidar_ros.nodes.transforms import TransformWatch, WatchedSender, transform_sender
+from retrolidar_ros.nodes.transforms import TransformSender
 from retrolidar_ros.nodes.visualization import marker_shapes
 from retrolidar_ros.sensor.frame import Frame
 
@@ -52,10 +52,10 @@ class DetectionTopics:
         node: Node,
         known: dict[int, KnownMarker],
         values: dict[str, Any],
-        watch: TransformWatch,
+        sender: TransformSender,
     ) -> None:
         """Make the publishers; names of markers are those of `known`."""
-        self._watch = watch
+        self._sender = sender
         self._node = node
         self._known = known
         self._markers = publisher(node, MarkerDetection, 'markers', EVENTS)
@@ -75,7 +75,6 @@ class DetectionTopics:
             identity: publisher(node, PoseStamped, topic, LATCHED)
             for identity, topic in zip(known, topics, strict=True)
         }
-        self._send_transforms: WatchedSender | None = None
         self._beat_s = -math.inf
         self._has_tracks = False
         """Whether transforms and shapes are of tracks."""
@@ -85,8 +84,8 @@ class DetectionTopics:
     def change(self, values: dict[str, Any]) -> None:
         """Apply new parameters."""
         self._values = values
-        if values['publish_tf'] and self._send_transforms is None:
-            self._send_transforms = self._watch.watched(transform_sender(self._node))
+        if values['publish_tf']:
+            self._sender.open()
 
     def beat(self, stamp_ns: int, frame_id: str) -> None:
         """Publish, several times a second, the stamp up to which all frames are searched."""
@@ -160,18 +159,10 @@ class DetectionTopics:
             self._draw(messages)
 
     def _send(self, messages: Sequence[Marked]) -> None:
-        if self._values['publish_tf'] and self._send_transforms is not None:
-            self._send_transforms(
+        if self._values['publish_tf']:
+            self._sender.send(
                 [to_transform(one.header, one.child_frame_id, one.pose.pose) for one in messages]
             )
-
-    def shared_frames(self) -> str:
-        """Return which TF frames other nodes send, too; empty if none.
-
-        Call it about once a second.
-        """
-        self._watch.listen()
-        return self._send_transforms.problem() if self._send_transforms is not None else ''
 
     def _draw(self, messages: Sequence[Marked]) -> None:
         if self._drawn.get_subscription_count():

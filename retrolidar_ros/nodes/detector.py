@@ -28,7 +28,7 @@ from retrolidar_ros.nodes.diagnostics import (
 from retrolidar_ros.nodes.parameters import Parameters, check_frame_id
 from retrolidar_ros.nodes.qos import FRAME_QOS, subscribe
 from retrolidar_ros.nodes.run import run
-from retrolidar_ros.nodes.transforms import TransformWatch
+from retrolidar_ros.nodes.transforms import TransformSender
 from retrolidar_ros.sensor.frame import Frame, ZoneGrid
 
 
@@ -38,12 +38,12 @@ class DetectorNode(Node):
     def __init__(
         self,
         board: DiagnosticsPublisher | None = None,
-        watch: TransformWatch | None = None,
+        sender: TransformSender | None = None,
         **options: Any,
     ) -> None:
         """Declare parameters and subscribe.
 
-        With a board, frames come by `process_frame` and no topic. Board and watch are those of the
+        With a board, frames come by `process_frame` and no topic. Board and sender are those of the
         process, if it has them.
         """
         super().__init__('detector', **options)
@@ -54,9 +54,8 @@ class DetectorNode(Node):
         # The first frame tells the zone grid, but impossible parameters are to fail at the start.
         self._health = DetectorHealth(ZoneGrid())
         self._begin(self._values, ZoneGrid())
-        self._topics = DetectionTopics(
-            self, self._known, self._values, watch or TransformWatch(self)
-        )
+        self._sender = sender or TransformSender(self)
+        self._topics = DetectionTopics(self, self._known, self._values, self._sender)
         self._frame_id = ''
         self._number: int | None = None
         self._warned: set[str] = set()
@@ -67,7 +66,7 @@ class DetectorNode(Node):
         self._topic = (
             '' if board else subscribe(self, FrameMsg, 'frames', self._on_frame, FRAME_QOS)
         )
-        parameters.warn_of_unknown()
+        parameters.warn_of_misspelled()
 
     def _begin(self, values: dict[str, Any], grid: ZoneGrid) -> None:
         """Begin to read frames of a grid; ValueError for impossible values."""
@@ -163,7 +162,8 @@ class DetectorNode(Node):
             health.values['withheld by min_readings'] = str(self._agreement.withheld)
         if lost and lost in health.summary:
             self.get_logger().warning(lost, throttle_duration_sec=5.0)
-        shared = self._topics.shared_frames()
+        self._sender.listen()
+        shared = self._sender.problem()
         for text in filter(None, (problem, shared)):
             # Each kind of problem once; /diagnostics repeats them.
             if (kind := re.sub(r'[\d.]+', '', text)) not in self._warned:

@@ -75,7 +75,7 @@ class DriverNode(LifecycleNode):
         frame_id = self._values['frame_prefix'] + self._values['frame_id']
         self._frame_id = check_frame_id('frame_id', frame_id)
         self._topics = FrameTopics(self, self._frame_id)
-        parameters.warn_of_unknown()
+        parameters.warn_of_misspelled()
         parameters.follow(self._change)
         self._clock_map = ClockMap(self._values['transport_delay'])
         self._tally = DriverTally()

@@ -19,7 +19,7 @@ from retrolidar_ros.nodes.conversion import to_pose, to_transform
 from retrolidar_ros.nodes.parameters import Parameters, check_frame_id
 from retrolidar_ros.nodes.qos import EVENTS, latched
 from retrolidar_ros.nodes.run import run
-from retrolidar_ros.nodes.transforms import WatchedSender, transform_sender
+from retrolidar_ros.nodes.transforms import TransformSender
 from retrolidar_ros.scene.description import Waypoint
 from retrolidar_ros.scene.files import load_scene
 from retrolidar_ros.scene.laboratory import rotation_of
@@ -59,7 +59,8 @@ class EmulatedArmNode(Node):
         self._sensor, self._gave_way = '', False
         self._moved: set[str] = set()
         self._began_s = time.monotonic()
-        self._send = WatchedSender(transform_sender(self))
+        self._sender = TransformSender(self)
+        self._sender.open()
         self._description = latched(self, String, 'robot_description')
         for topic, qos in (('/tf', EVENTS), ('/tf_static', _STATIC)):
             self.create_subscription(TFMessage, topic, self._on_transforms, qos)
@@ -67,7 +68,7 @@ class EmulatedArmNode(Node):
             FrameMsg, 'frames', self._on_frame, qos_profile_sensor_data
         )
         self.create_timer(_PERIOD_S, self._tell, clock=Clock(clock_type=ClockType.STEADY_TIME))
-        parameters.warn_of_unknown()
+        parameters.warn_of_misspelled()
 
     def _on_frame(self, message: FrameMsg) -> None:
         if time.monotonic() < self._began_s + _LISTENING_S:
@@ -85,10 +86,10 @@ class EmulatedArmNode(Node):
         """Note what other nodes move: a real arm has priority over this one."""
         for one in message.transforms:
             if self._sensor:
-                self._send.on_transform(one)
+                self._sender.on_transform(one)
             else:
                 self._moved.add(one.child_frame_id)
-        if self._send.problem():
+        if self._sender.problem():
             self._give_way()
 
     def _give_way(self) -> None:
@@ -105,7 +106,7 @@ class EmulatedArmNode(Node):
         position_m, rotation_vector = along(self._path, time_s)
         orientation = quaternion_of(IN_BASE @ rotation_of(rotation_vector)[0])
         header = Header(frame_id=self._base, stamp=self.get_clock().now().to_msg())
-        self._send(
+        self._sender.send(
             [to_transform(header, self._sensor, to_pose(IN_BASE @ position_m[0], orientation))]
         )
 

@@ -41,7 +41,7 @@ class HeartbeatNode(Node):
         source = parameters.values['source']
         topic = 'tracks' if source == 'tracks' else 'markers'
         self._detections = DetectionSubscriber(self, [topic], source, self._on_detection)
-        parameters.warn_of_unknown()
+        parameters.warn_of_misspelled()
         self.create_timer(_TICK_S, self._tick, clock=Clock(clock_type=ClockType.STEADY_TIME))
 
     def _change(self, values: dict[str, float]) -> None:

@@ -34,9 +34,8 @@ from retrolidar_ros.tasks.state import Prior
 from retrolidar_ros.tasks.survey import Survey
 from retrolidar_ros.tasks.survey_files import load_survey, save_survey
 
-# Readings are solved when they come, with a rest as long as it took: half a core at most. What
-# comes meanwhile is solved after it.
-_RETRY_S, _MAX_BUSY_S = 0.02, 0.01
+# Every tick, readings are solved for so long: half a core at most. The others wait.
+_TICK_S, _MAX_BUSY_S = 0.02, 0.01
 _SHAPES_S = 1.0
 _MAX_WAIT_S = 0.3  # more is told
 
@@ -84,7 +83,7 @@ class LandmarksNode(Node):
             raise ValueError(f'load_file: its landmarks are in {frame}, not in {self._fixed}')
         self._known_frame = frame
         self._backlog = Backlog()
-        self._longest_s = self._rest_until_s = 0.0
+        self._longest_s = 0.0
         self._dropped = 0
         self.create_service(Trigger, '~/save', self._save)
         self.create_service(Trigger, '~/forget', self._forget)
@@ -100,16 +99,15 @@ class LandmarksNode(Node):
         )
         self._topics = LandmarkTopics(
             self,
-            self._readings.finder,
             self._fixed,
             values['frame_prefix'] + values['child_frame'],
             values['publish_tf'],
         )
-        parameters.warn_of_unknown()
+        parameters.warn_of_misspelled()
         for estimate in [] if values['localize'] else self._survey.estimates():
             self._topics.publish(estimate)
         steady = Clock(clock_type=ClockType.STEADY_TIME)
-        self._retry = self.create_timer(_RETRY_S, self._solve, clock=steady)
+        self.create_timer(_TICK_S, self._solve, clock=steady)
         self.create_timer(
             _SHAPES_S, lambda: self._topics.publish_shapes(self._survey.estimates()), clock=steady
         )
@@ -123,7 +121,7 @@ class LandmarksNode(Node):
             raise ValueError(f'load_file: {path}: {error}') from error
 
     def _on_reading(self, reading: Reading, message: Marked) -> None:
-        """Solve a reading, now or later."""
+        """Queue a reading."""
         name = 'room'
         if self._room is None:
             # Each of several sensors may have a name of its own for a marker.
@@ -133,14 +131,9 @@ class LandmarksNode(Node):
         elif not self._room.has(reading.marker):
             return
         self._backlog.add(name, reading, time.monotonic())
-        self._solve()
 
     def _solve(self) -> None:
-        """Solve and publish what waits, for as long as it may take at once."""
-        if time.monotonic() < self._rest_until_s:
-            if self._retry.is_canceled():
-                self._retry.reset()
-            return
+        """Solve and publish what waits, for as long as it may take in a tick."""
         # Processor time: on a busy machine wall time would be too long.
         began_s = time.thread_time()
         while self._backlog and time.thread_time() < began_s + _MAX_BUSY_S:
@@ -150,11 +143,6 @@ class LandmarksNode(Node):
             else:
                 self._localize(self._room, batch)
             self._longest_s = max(self._longest_s, time.monotonic() - batch.since_s)
-        self._rest_until_s = time.monotonic() + time.thread_time() - began_s
-        if not self._backlog:
-            self._retry.cancel()
-        elif self._retry.is_canceled():
-            self._retry.reset()
 
     def _update_landmark(self, batch: Batch) -> None:
         """Publish a landmark with new readings."""
