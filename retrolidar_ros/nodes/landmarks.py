@@ -19,7 +19,7 @@ from std_srvs.srv import Trigger
 from retrolidar_ros.detector.parameters import known_markers
 from retrolidar_ros.marker.known_markers import objects_of
 from retrolidar_ros.nodes.conversion import Marked, to_pose_msg
-from retrolidar_ros.nodes.diagnostics import WARN, Health, health_of, register_health_check
+from retrolidar_ros.nodes.diagnostics import WARN, DiagnosticsPublisher, Health
 from retrolidar_ros.nodes.landmark_topics import LandmarkTopics, object_topics
 from retrolidar_ros.nodes.parameters import Parameters, check_frame_id
 from retrolidar_ros.nodes.qos import STREAM, publisher
@@ -87,7 +87,7 @@ class LandmarksNode(Node):
         self._dropped = 0
         self.create_service(Trigger, '~/save', self._save)
         self.create_service(Trigger, '~/forget', self._forget)
-        register_health_check(self, 'landmarks', '', self._examine)
+        DiagnosticsPublisher(self).register_health_check(self, 'landmarks', self._examine)
         self._readings = TransformedDetections(
             self,
             values['topics'],
@@ -234,7 +234,7 @@ class LandmarksNode(Node):
         self._longest_s = 0.0
         if not rows:
             problems.append((WARN, 'nothing is placed yet'))
-        return health_of(problems, f'{len(rows)} placed', values)
+        return Health(problems, values, f'{len(rows)} placed')
 
 
 def main() -> int:

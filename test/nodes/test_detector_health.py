@@ -7,7 +7,7 @@ import numpy as np
 from retrolidar_ros.detector import DetectorCounts
 from retrolidar_ros.detector.parameters import defaults
 from retrolidar_ros.nodes.detector_health import DetectorHealth
-from retrolidar_ros.nodes.diagnostics import OK, WARN, Health
+from retrolidar_ros.nodes.diagnostics import WARN, Health
 from retrolidar_ros.scene import Simulation
 from retrolidar_ros.scene.files import load_scene
 from retrolidar_ros.sensor.frame import Frame
@@ -24,10 +24,13 @@ def judged(frames: list[Frame], counts: DetectorCounts | None = None) -> Health:
             health.examine(SETTINGS, {}, DetectorCounts(), [])
         health.monitor.take(frame, 0)
         health.done(frame.stamp_ns, 0.0, 0.0)
-    return health.examine(SETTINGS, {}, counts or DetectorCounts(), [])[0]
+    return health.examine(SETTINGS, {}, counts or DetectorCounts(), [])
 
 
 def test_a_single_overload_is_no_problem_and_many_are() -> None:
-    assert judged(FRAMES, DetectorCounts(overloads=1)).level == OK
+    assert judged(FRAMES, DetectorCounts(overloads=1)).problems == []
     health = judged(FRAMES, DetectorCounts(overloads=5))
-    assert (health.level, health.values['overloads']) == (WARN, '5')
+    assert health.values['overloads'] == '5'
+    ((level, text),) = health.problems
+    assert level == WARN
+    assert 'search overloaded in 5 frames' in text
