@@ -2,11 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """One sensor, and the node that reports when beans, machine and mug are placed."""
 
-import math
-
-import numpy as np
 from launch import LaunchDescription
-from launch.actions import LogInfo, OpaqueFunction
+from launch.actions import OpaqueFunction
 
 from retrolidar_ros.nodes.launching import (
     MARKERS,
@@ -24,8 +21,6 @@ from retrolidar_ros.nodes.viewing import viewer
 from retrolidar_ros.scene import Scene
 from retrolidar_ros.scene.files import load_scene
 
-_ONE_LOOK = 0.07  # standard deviation that one look leaves, of the range
-
 
 def _coffee(context):
     """Return sensor and node, now that the arguments have values."""
@@ -33,26 +28,13 @@ def _coffee(context):
     if 'max_stddev' in parameters:
         parameters['max_stddev'] = number(context, 'max_stddev')
     base, target = value(context, 'emulate_base'), parameter(context, 'coffee', 'target_frame')
-    actions = []
     scene = load_scene(name) if (name := value(context, 'emulate')) else Scene()
     if len(scene.sensor.path) > 1:
         # Places in the sensor's frame say nothing while an arm moves it.
         target = parameters['target_frame'] = target or base
-    elif scene.markers:
-        wanted_m = float(parameter(context, 'coffee', 'max_stddev'))
-        farthest_m = max(float(np.linalg.norm(one.position_m)) for one in scene.markers)
-        reached_m = math.ceil(100 * _ONE_LOOK * farthest_m) / 100
-        if wanted_m < reached_m:
-            actions.append(
-                LogInfo(
-                    msg=f'The sensor of this scene stands still, and one look leaves '
-                    f'±{1e3 * reached_m:.0f} mm: the objects stay missing, as max_stddev is '
-                    f'{wanted_m:g} m. Try emulate:=arm, or max_stddev:={reached_m:g}'
-                )
-            )
     frame = target or parameter(context, 'driver', 'frame_id')
-    actions += viewer(context, frame, upright=bool(target))
-    return [*actions, sensor(emulate_base=target or base), node(context, 'coffee', parameters)]
+    rviz = viewer(context, frame, upright=bool(target))
+    return [*rviz, sensor(emulate_base=target or base), node(context, 'coffee', parameters)]
 
 
 def generate_launch_description():

@@ -71,14 +71,13 @@ class CoffeeNode(Node):
         DiagnosticsPublisher(self).register_health_check(self, 'objects', self._examine)
         self._readings: TransformedDetections | DetectionSubscriber
         source = values['source']
-        topic = 'tracks' if source == 'tracks' else 'markers'
         if self._target:
             # In a fixed frame readings from several places accumulate.
             self._readings = TransformedDetections(
-                self, [topic], source, self._target, _PATIENCE_S, self._on_reading, self._restart
+                self, source, self._target, _PATIENCE_S, self._on_reading, self._restart
             )
         else:
-            self._readings = DetectionSubscriber(self, [topic], source, self._on_detection)
+            self._readings = DetectionSubscriber(self, source, self._on_detection)
         parameters.warn_of_misspelled()
         self.create_timer(_TICK_S, self._tick, clock=Clock(clock_type=ClockType.STEADY_TIME))
 

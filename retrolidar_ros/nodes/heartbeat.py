@@ -39,8 +39,7 @@ class HeartbeatNode(Node):
         self._alive = latched(self, Bool, '~/alive')
         DiagnosticsPublisher(self).register_health_check(self, 'markers', self._examine)
         source = parameters.values['source']
-        topic = 'tracks' if source == 'tracks' else 'markers'
-        self._detections = DetectionSubscriber(self, [topic], source, self._on_detection)
+        self._detections = DetectionSubscriber(self, source, self._on_detection)
         parameters.warn_of_misspelled()
         self.create_timer(_TICK_S, self._tick, clock=Clock(clock_type=ClockType.STEADY_TIME))
 

@@ -90,12 +90,12 @@ class LandmarksNode(Node):
         DiagnosticsPublisher(self).register_health_check(self, 'landmarks', self._examine)
         self._readings = TransformedDetections(
             self,
-            values['topics'],
             values['source'],
             self._fixed,
             values['patience'],
             self._on_reading,
             self._restart,
+            values['topics'],
         )
         self._topics = LandmarkTopics(
             self,

@@ -33,14 +33,14 @@ class TransformedDetections:
     def __init__(
         self,
         node: Node,
-        topics: Sequence[str],
         source: str,
         fixed_frame: str,
         patience_s: float,
         on_reading: Callable[[Reading, Marked], None],
         restart: Callable[[], None],
+        topics: Sequence[str] = (),
     ) -> None:
-        """Subscribe to topics of a source, detections or tracks.
+        """Subscribe to topics of a source, detections or tracks; by default to its usual one.
 
         `on_reading` gets each reading, and its detection, if its transform comes within
         `patience_s` [s], and may refuse it by a ValueError; `restart` is called when time jumps
@@ -57,7 +57,7 @@ class TransformedDetections:
         self._resting = Resting()
         self._dropped = self._told = 0
         self._reason = ''
-        self._subscriber = DetectionSubscriber(node, topics, source, self._on_detection)
+        self._subscriber = DetectionSubscriber(node, source, self._on_detection, topics)
         node.create_timer(_TICK_S, self._tick, clock=Clock(clock_type=ClockType.STEADY_TIME))
 
     def examine(self, values: dict[str, str]) -> list[tuple[bytes, str]]:
