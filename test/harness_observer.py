@@ -167,8 +167,8 @@ class Services:
             self.read(DescribeParameters, f'{node}/describe_parameters', request).descriptors
         )
 
-    def get(self, node: str) -> dict[str, ParameterValue]:
-        names = sorted(self.names(node))
+    def get(self, node: str, *only: str) -> dict[str, ParameterValue]:
+        names = sorted(only or self.names(node))
         request = GetParameters.Request(names=names)
         values = self.read(GetParameters, f'{node}/get_parameters', request).values
         return dict(zip(names, values, strict=True))
