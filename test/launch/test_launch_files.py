@@ -20,8 +20,6 @@ sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
 from harness import (
     PATIENCE_S,
     Sensor,
-    check_cable_pull,
-    check_corruption,
     check_detections,
     check_frames,
     wait_for_nodes,
@@ -69,14 +67,12 @@ STILL = silent_drone(directory(), start_s=0.2, packets=1000)
 
 
 def check_sensor(observer):
-    """A sensor that this test plugs, pulls and disturbs."""
+    """A sensor that this test plugs."""
     wait_for_nodes(observer)
     with Sensor(COFFEE, PORTS / 'port') as sensor:
         wait_for_readings(observer, IDS)
         check_frames(observer, sensor, 'retrolidar_optical_frame')
         check_detections(observer, COFFEE, 'retrolidar_optical_frame')
-        check_cable_pull(observer, sensor)
-        check_corruption(observer, sensor, 0.05)
 
 
 def check_emulated(observer):

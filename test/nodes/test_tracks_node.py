@@ -5,7 +5,6 @@
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -19,9 +18,8 @@ from rclpy.context import Context
 from std_msgs.msg import Bool
 from visualization_msgs.msg import MarkerArray
 
-from retrolidar_ros.detector.agreement import Agreement
 from retrolidar_ros.detector.likelihood_detector import LikelihoodDetector
-from retrolidar_ros.detector.tracks import Track, TrackCounts
+from retrolidar_ros.detector.tracks import Track
 from retrolidar_ros.msg import MarkerTrack
 from retrolidar_ros.nodes.conversion import to_ns
 from retrolidar_ros.nodes.detector import DetectorNode
@@ -181,18 +179,3 @@ def test_no_track_outlives_another_frame_id_or_grid(
     frame = next(one for one in after if one.stamp_ns > [*repeating(4.0)][-1].stamp_ns)
     detector.process_frame(frame, frame_id)
     assert bool(tracks_of(detector, frame)) == goes_on
-
-
-def test_tracks_that_are_dropped_are_told(
-    detector: DetectorNode, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    told: list[str] = []
-    logger = SimpleNamespace(warning=lambda text, **_: told.append(text))
-    topics = detector._topics
-    topics.change({**topics._values, 'tf_source': 'tracks'})
-    monkeypatch.setattr(topics, '_node', SimpleNamespace(get_logger=lambda: logger))
-    frame = next(iter(repeating(4.0)))
-    for dropped in (0, 2, 2):
-        monkeypatch.setattr(LikelihoodDetector, 'track_counts', TrackCounts(70, 0, dropped))
-        topics.follow(detector._detector, Agreement(1), frame, FRAME_ID)
-    assert told == ['more than 64 markers: 2 tracks were dropped, the least certain ones']
