@@ -63,16 +63,16 @@ def _drone(context):
             'publish_tf': 'false',
         }
         actions.append(one_of_several(context, name, **own))
-    _tell_places(context, places)
-    given = {
+    _send_places(context, places)
+    parameters = {
         'fixed_frame': fixed_frame,
         'marker_file': value(context, 'marker_file'),
         'acceleration': number(context, 'acceleration'),
     }
-    return [*rviz, *actions, node(context, 'landmarks', given), heartbeat]
+    return [*rviz, *actions, node(context, 'landmarks', parameters), heartbeat]
 
 
-def _tell_places(context, places):
+def _send_places(context, places):
     """Send static transforms of the sensors, by frame: x and y in the fixed frame [m]."""
     from geometry_msgs.msg import TransformStamped
     from launch_ros.ros_adapters import get_ros_node

@@ -34,7 +34,7 @@ def _host(context):
         actions.append(SetEnvironmentVariable('ROS_DISCOVERY_SERVER', server))
     parameters = overrides_from(context, 'marker_file', 'protocol')
     parameters |= {
-        name: some for name in ('ports', 'names') if (some := list_argument(context, name))
+        name: items for name in ('ports', 'names') if (items := list_argument(context, name))
     }
     names = parameters.get('names') or [
         f'sensor{n}' for n in range(len(list_argument(context, 'ports')))

@@ -32,7 +32,7 @@ def check_detection(message: Marked, now_ns: int) -> None:
     for field, name in (('frame_id', frame_id), ('child_frame_id', child)):
         if not 0 < len(name) <= _MAX_NAME or not name.isprintable() or name[0] == '/':
             raise ValueError(
-                f'{field} is no TF frame of 1 to {_MAX_NAME} characters: {name[:_MAX_NAME]!r}'
+                f'{field} is not a TF name of 1 to {_MAX_NAME} characters: {name[:_MAX_NAME]!r}'
             )
     stamp_ns = to_ns(message.header.stamp)
     age_s = (now_ns - stamp_ns) * 1e-9
@@ -43,22 +43,25 @@ def check_detection(message: Marked, now_ns: int) -> None:
     largest = float(np.abs(covariance).max())
     # Each comparison is false for NaN.
     for is_possible, reason in (
-        (frame_id != child, f'the marker has the frame of the sensor: {child}'),
+        (frame_id != child, f'child_frame_id is the frame of the sensor: {child}'),
         (message.id < IDS, f'the ID is not below {IDS}: {message.id}'),
         (
             stamp_ns >= 0 and -_MAX_AHEAD_S <= age_s <= _MAX_AGE_S,
-            f'the stamp is far from the time here (same use_sim_time?): {age_s:.1f} s old',
+            f'the stamp is far from now (same use_sim_time?): {age_s:.1f} s old',
         ),
         (
             0 < distance_m <= _MAX_DISTANCE_M and position_m[2] >= _MIN_FORWARD * distance_m,
-            f'the position is not before the sensor: {position_m.tolist()} m',
+            f'the position is not in front of the sensor: {position_m.tolist()} m',
         ),
-        (0 < message.range <= _MAX_DISTANCE_M, f'the range cannot be: {message.range} m'),
+        (0 < message.range <= _MAX_DISTANCE_M, f'impossible range: {message.range} m'),
         (
             _MIN_STDDEV <= message.range_stddev <= _MAX_STDDEV,
-            f'range_stddev cannot be: {message.range_stddev} m',
+            f'impossible range_stddev: {message.range_stddev} m',
         ),
-        (abs(length - 1) <= _UNIT, f'the orientation is not of length 1: {orientation.tolist()}'),
+        (
+            abs(length - 1) <= _UNIT,
+            f'the orientation is not a unit quaternion: {orientation.tolist()}',
+        ),
         (largest <= _MAX_STDDEV**2, f'the covariance is not finite, or too large: {largest}'),
     ):
         if not is_possible:
@@ -67,7 +70,7 @@ def check_detection(message: Marked, now_ns: int) -> None:
         raise ValueError('the covariance is not symmetric')
     smallest = min(np.linalg.eigvalsh(block)[0] for block in (covariance[:3, :3], covariance))
     if not smallest >= _MIN_STDDEV**2:
-        raise ValueError(f'the covariance is not above 0: {smallest}')
+        raise ValueError(f'the covariance is not positive definite: {smallest}')
 
 
 class DetectionSubscriber:

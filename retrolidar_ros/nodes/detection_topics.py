@@ -107,7 +107,7 @@ class DetectionTopics:
         self._warn_of_dropped(detector.track_counts.dropped)
         if not tracks or not self._is_due(frame.stamp_ns):
             return
-        messages = [to_track_msg(one, frame_id, self._child_frame(one.id)) for one in tracks]
+        messages = [to_track_msg(track, frame_id, self._child_frame(track.id)) for track in tracks]
         if self._has_tracks:
             self._send(messages)
         if has_subscribers:
@@ -161,13 +161,18 @@ class DetectionTopics:
     def _send(self, messages: Sequence[Marked]) -> None:
         if self._values['publish_tf']:
             self._sender.send(
-                [to_transform(one.header, one.child_frame_id, one.pose.pose) for one in messages]
+                [
+                    to_transform(message.header, message.child_frame_id, message.pose.pose)
+                    for message in messages
+                ]
             )
 
     def _draw(self, messages: Sequence[Marked]) -> None:
         if self._drawn.get_subscription_count():
             stale_after_s = self._values['stale_after']
-            shapes = [shape for one in messages for shape in marker_shapes(one, stale_after_s)]
+            shapes = [
+                shape for message in messages for shape in marker_shapes(message, stale_after_s)
+            ]
             self._drawn.publish(MarkerArray(markers=shapes))
 
 

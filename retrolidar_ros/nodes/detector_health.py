@@ -33,7 +33,7 @@ class DetectorHealth:
         """Frames from another TF frame than the one before."""
         self._dropped = 0
         self._reason = ''
-        self._heard_s = self._examined_s = time.monotonic()
+        self._frame_s = self._examined_s = time.monotonic()
         self._busy_s = self._age_s = 0.0
         self._stamp_ns = self._examined_ns = 0
         self._read_s: dict[int, float] = {}
@@ -52,7 +52,7 @@ class DetectorHealth:
     def done(self, stamp_ns: int, busy_s: float, age_s: float) -> None:
         """Count the processing time of a frame, and its age."""
         self._stamp_ns = stamp_ns
-        self._heard_s = time.monotonic()
+        self._frame_s = time.monotonic()
         self._busy_s += busy_s
         self._age_s += age_s
 
@@ -100,7 +100,9 @@ class DetectorHealth:
             'accepted': str(counts.accepted),
             'impossible samples': str(counts.impossible),
             **{name: str(number) for name, number in now.items()},
-            **{f'rejected: {name}': str(one) for name, one in sorted(counts.rejected.items())},
+            **{
+                f'rejected: {name}': str(number) for name, number in sorted(counts.rejected.items())
+            },
         }
         self._busy_s = self._age_s = 0.0
         now_s = time.monotonic()
@@ -109,8 +111,8 @@ class DetectorHealth:
             age = 'never' if read_s is None else f'{now_s - read_s:.1f}'
             values[f'since last reading of {frame_of(identity, known)} [s]'] = age
         # While this process was suspended, it received nothing.
-        self._heard_s += max(now_s - self._examined_s - PERIOD_S, 0.0)
-        self._examined_s, silence_s = now_s, now_s - self._heard_s
+        self._frame_s += max(now_s - self._examined_s - PERIOD_S, 0.0)
+        self._examined_s, silence_s = now_s, now_s - self._frame_s
         if not now['frames'] and not new['dropped frames']:
             return Health([(WARN, 'no frame has come yet')], values)
         if silence_s > _SILENCE_S and not new['dropped frames']:

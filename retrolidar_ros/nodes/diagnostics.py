@@ -64,6 +64,6 @@ class DiagnosticsPublisher:
                 message='; '.join(text for _, text in problems) or health.fine,
                 hardware_id=health.hardware_id or hardware_id,
             )
-            status.values = [KeyValue(key=key, value=one) for key, one in health.values.items()]
+            status.values = [KeyValue(key=key, value=value) for key, value in health.values.items()]
             message.status.append(status)
         self._publisher.publish(message)

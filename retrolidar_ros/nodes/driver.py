@@ -211,10 +211,10 @@ class DriverNode(LifecycleNode):
         if source is None:
             return Health([(WARN, 'not configured: the port is closed')], {})
         health = self._tally.examine(source, self._clock_map)
-        if (who := source.identity) is not None:
-            health.values['firmware'] = who.version
-            health = health._replace(hardware_id=who.serial)
-        if source.is_open and who is not None and not who.is_ranging:
+        if (identity := source.identity) is not None:
+            health.values['firmware'] = identity.version
+            health = health._replace(hardware_id=identity.serial)
+        if source.is_open and identity is not None and not identity.is_ranging:
             return health._replace(problems=[(WARN, 'the sensor is stopped: call ~/start')])
         if source.is_open and not self._is_active:
             problem = 'not active: frames are read and not published'

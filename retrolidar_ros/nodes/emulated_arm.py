@@ -67,7 +67,7 @@ class EmulatedArmNode(Node):
         self._frames = self.create_subscription(
             FrameMsg, 'frames', self._on_frame, qos_profile_sensor_data
         )
-        self.create_timer(_PERIOD_S, self._tell, clock=Clock(clock_type=ClockType.STEADY_TIME))
+        self.create_timer(_PERIOD_S, self._send_pose, clock=Clock(clock_type=ClockType.STEADY_TIME))
         parameters.warn_of_misspelled()
 
     def _on_frame(self, message: FrameMsg) -> None:
@@ -84,11 +84,11 @@ class EmulatedArmNode(Node):
 
     def _on_transforms(self, message: TFMessage) -> None:
         """Note what other nodes move: a real arm has priority over this one."""
-        for one in message.transforms:
+        for transform in message.transforms:
             if self._sensor:
-                self._sender.on_transform(one)
+                self._sender.on_transform(transform)
             else:
-                self._moved.add(one.child_frame_id)
+                self._moved.add(transform.child_frame_id)
         if self._sender.problem():
             self._give_way()
 
@@ -98,7 +98,7 @@ class EmulatedArmNode(Node):
         self._gave_way = True
         self.get_logger().info(f'{self._sensor} has another parent in TF: that arm is used')
 
-    def _tell(self) -> None:
+    def _send_pose(self) -> None:
         """Send where the sensor is now."""
         if not self._sensor or self._gave_way:
             return

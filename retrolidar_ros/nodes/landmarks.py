@@ -53,10 +53,10 @@ class LandmarksNode(Node):
         self._fixed = check_frame_id('fixed_frame', values['fixed_frame'])
         markers = known_markers(values)
         objects: dict[str, dict[int, Floats]] = {
-            name: {one: np.array(place) for one, place in places.items()}
+            name: {marker: np.array(place) for marker, place in places.items()}
             for name, places in objects_of(markers).items()
         }
-        self._names = {one.id: one.frame for one in markers.values()}
+        self._names = {marker.id: marker.frame for marker in markers.values()}
         errors = Errors(
             range_bias_m=values['range_bias'],
             pose_m=values['pose_stddev'],
@@ -74,9 +74,9 @@ class LandmarksNode(Node):
                 for name in known
                 if re.fullmatch(r'marker_\d+', name)
             }
-            for one in markers.values():
-                if not one.object:
-                    alone[one.frame] = {one.id: np.zeros(3)}
+            for marker in markers.values():
+                if not marker.object:
+                    alone[marker.frame] = {marker.id: np.zeros(3)}
             self._room = room_of(known, alone | objects, errors, flat=values['flat'])
             self._pose = publisher(self, PoseWithCovarianceStamped, '~/pose', STREAM)
         elif known and frame != self._fixed:
@@ -171,7 +171,7 @@ class LandmarksNode(Node):
         if not inliers:
             return
         estimate, base = room.estimate(), self._values['base_frame']
-        stamp = Time(nanoseconds=round(max(one.stamp_s for one in inliers) * 1e9))
+        stamp = Time(nanoseconds=round(max(reading.stamp_s for reading in inliers) * 1e9))
         found = self._readings.finder.find(self._fixed, base, stamp)
         if found is None:
             self.get_logger().warning(
@@ -216,13 +216,13 @@ class LandmarksNode(Node):
         rows = self._survey.estimates()
         if self._room is not None:
             rows = [room for room in [self._room.estimate()] if room is not None]
-        for one in rows:
-            values[f'{one.name}: readings'] = str(one.readings)
-            values[f'{one.name}: rejected'] = str(one.rejected)
-            values[f'{one.name}: baseline [m]'] = f'{one.baseline_m:.3f}'
-            values[f'{one.name}: deviation [m]'] = f'{one.stddev_m:.4f}'
-            if one.moved_s is not None:
-                values[f'{one.name}: last moved [s]'] = f'{one.moved_s:.1f}'
+        for estimate in rows:
+            values[f'{estimate.name}: readings'] = str(estimate.readings)
+            values[f'{estimate.name}: rejected'] = str(estimate.rejected)
+            values[f'{estimate.name}: baseline [m]'] = f'{estimate.baseline_m:.3f}'
+            values[f'{estimate.name}: deviation [m]'] = f'{estimate.stddev_m:.4f}'
+            if estimate.moved_s is not None:
+                values[f'{estimate.name}: last moved [s]'] = f'{estimate.moved_s:.1f}'
         problems = self._readings.examine(values)
         values['backlog'] = str(len(self._backlog))
         values['longest wait [s]'] = f'{self._longest_s:.3f}'

@@ -207,4 +207,4 @@ def full_namespace(context: LaunchContext) -> str:
 
 
 def _joined(*parts: str) -> str:
-    return '/'.join(part for one in parts if (part := one.strip('/')))
+    return '/'.join(part for text in parts if (part := text.strip('/')))

@@ -29,34 +29,38 @@ class Parameters:
         self._node = node
         self._declared = declared()[kind]
         self.values: dict[str, Any] = {
-            name: self._declare_list(name, one)
-            if isinstance(one.default, list)
-            else self._declare(name, one)
-            for name, one in self._declared.items()
+            name: self._declare_list(name, declaration)
+            if isinstance(declaration.default, list)
+            else self._declare(name, declaration)
+            for name, declaration in self._declared.items()
         }
 
-    def _declare(self, name: str, one: Declared) -> Any:
-        descriptor = ParameterDescriptor(read_only=not one.is_live, **_texts(one))
-        if one.limits and isinstance(one.default, int):
-            low, high = map(int, one.limits)
+    def _declare(self, name: str, declaration: Declared) -> Any:
+        descriptor = ParameterDescriptor(read_only=not declaration.is_live, **_texts(declaration))
+        if declaration.limits and isinstance(declaration.default, int):
+            low, high = map(int, declaration.limits)
             descriptor.integer_range = [IntegerRange(from_value=low, to_value=high)]
-        elif one.limits:
-            least, most = one.limits
-            descriptor.floating_point_range = [FloatingPointRange(from_value=least, to_value=most)]
-        return one.check(name, self._node.declare_parameter(name, one.default, descriptor).value)
+        elif declaration.limits:
+            low, high = declaration.limits
+            descriptor.floating_point_range = [FloatingPointRange(from_value=low, to_value=high)]
+        return declaration.check(
+            name, self._node.declare_parameter(name, declaration.default, descriptor).value
+        )
 
-    def _declare_list(self, name: str, one: Declared) -> list[Any]:
+    def _declare_list(self, name: str, declaration: Declared) -> list[Any]:
         # An empty list has no type of its own: as a default it is taken for bytes, from a file it
         # comes without a value, and from the tools as a list of booleans. So the type is left
         # open and checked here, and an empty list is given the type afterwards.
-        open_type = ParameterDescriptor(dynamic_typing=True, **_texts(one))
-        value = self._node.declare_parameter(name, one.default, open_type).value
-        checked: list[Any] = one.check(name, [] if value is None else value)
+        open_type = ParameterDescriptor(dynamic_typing=True, **_texts(declaration))
+        value = self._node.declare_parameter(name, declaration.default, open_type).value
+        checked: list[Any] = declaration.check(name, [] if value is None else value)
         if not checked:
-            kind = Parameter.Type.INTEGER_ARRAY if one.limits else Parameter.Type.STRING_ARRAY
+            kind = (
+                Parameter.Type.INTEGER_ARRAY if declaration.limits else Parameter.Type.STRING_ARRAY
+            )
             self._node.set_parameters([Parameter(name, kind, [])])
         descriptor = ParameterDescriptor(
-            dynamic_typing=True, read_only=not one.is_live, **_texts(one)
+            dynamic_typing=True, read_only=not declaration.is_live, **_texts(declaration)
         )
         self._node.set_descriptor(name, descriptor)
         return checked
@@ -71,8 +75,8 @@ class Parameters:
             values = dict(self.values)
             try:
                 for parameter in parameters:
-                    if one := self._declared.get(parameter.name):
-                        values[parameter.name] = one.check(parameter.name, parameter.value)
+                    if declaration := self._declared.get(parameter.name):
+                        values[parameter.name] = declaration.check(parameter.name, parameter.value)
                 apply(values)
             except ValueError as error:
                 return SetParametersResult(successful=False, reason=str(error))
@@ -89,7 +93,7 @@ class Parameters:
         """
         # Not public; what is, automatically_declare_parameters_from_overrides, would declare each.
         for name in self._node._parameter_overrides:
-            of_others = any(name in one for one in declared().values())
+            of_others = any(name in declarations for declarations in declared().values())
             near = get_close_matches(name, self._declared, n=1)
             if near and not of_others and not name.startswith('qos_overrides.'):
                 self._node.get_logger().warning(
@@ -97,9 +101,12 @@ class Parameters:
                 )
 
 
-def _texts(one: Declared) -> dict[str, str]:
+def _texts(declaration: Declared) -> dict[str, str]:
     """Return the texts of a descriptor."""
-    return {'description': one.description, 'additional_constraints': one.constraints()}
+    return {
+        'description': declaration.description,
+        'additional_constraints': declaration.constraints(),
+    }
 
 
 def check_frame_id(name: str, value: str) -> str:

@@ -33,7 +33,7 @@ def create_nodes() -> list[Node]:
         raise ValueError(f'names: {len(names)} of them for {len(ports)} ports')
     for what, values in (('names', [topic_part(name) for name in names]), ('ports', ports)):
         if len(set(values)) < len(values):
-            raise ValueError(f'{what}: one stands there twice, in {", ".join(values)}')
+            raise ValueError(f'{what}: {", ".join(values)} are not all different')
     board, sender = DiagnosticsPublisher(reader), TransformSender(reader)
     if not ports:
         detector = DetectorNode(board, sender)

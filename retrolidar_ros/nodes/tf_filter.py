@@ -82,7 +82,7 @@ class TransformedDetections:
         return self._resting.is_due(key, stamp_s, first_s, speed)
 
     def _on_detection(self, message: Marked) -> None:
-        self._look_at_clock()
+        self._check_clock()
         if isinstance(message, MarkerTrack) and not self._is_due(message):
             return
         if self._transform(message):
@@ -91,7 +91,7 @@ class TransformedDetections:
         if len(self._waiting) > _MAX_WAITING:
             self._drop(self._waiting.popleft()[0])
 
-    def _look_at_clock(self) -> None:
+    def _check_clock(self) -> None:
         """Begin again if time has jumped back."""
         now = self._node.get_clock().now()
         if now + _JUMP < self._ticked:
@@ -102,7 +102,7 @@ class TransformedDetections:
 
     def _tick(self) -> None:
         """Pass on waiting detections whose transforms are known by now."""
-        self._look_at_clock()
+        self._check_clock()
         for _ in range(len(self._waiting)):
             message, came = self._waiting.popleft()
             if self._transform(message):

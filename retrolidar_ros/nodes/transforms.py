@@ -76,9 +76,9 @@ class TransformSender:
         """Send transforms."""
         assert self._broadcaster is not None, 'open() first'
         with self._lock:
-            for one in transforms:
-                stamps = self._sent.setdefault(one.child_frame_id, deque(maxlen=_KEPT))
-                stamps.append(to_ns(one.header.stamp))
+            for transform in transforms:
+                stamps = self._sent.setdefault(transform.child_frame_id, deque(maxlen=_KEPT))
+                stamps.append(to_ns(transform.header.stamp))
         self._broadcaster.sendTransform(transforms)
 
     def listen(self) -> None:
@@ -130,7 +130,7 @@ class TransformSender:
     def problem(self) -> str:
         """Return which frames other nodes send, too; empty if none."""
         with self._lock:
-            children = ', '.join(f'{one} (in {parent})' for one, parent in self._shared.items())
+            children = ', '.join(f'{child} (in {parent})' for child, parent in self._shared.items())
         if not children:
             return ''
         return f'another node sends the TF frames, too: {children}: set frame_prefix or child_frame'

@@ -26,7 +26,7 @@ from harness import (
     wait_for_readings,
     wait_for_traffic,
 )
-from harness_coffee import BASE_VIEW, SENSOR_VIEW, check_coffee, publish_base
+from harness_coffee import SENSOR_VIEW, check_coffee
 from harness_landmarks import check_drone, check_landmarks
 from harness_launch import (
     check_at_once,
@@ -83,11 +83,6 @@ def check_emulated(observer):
     check_detections(observer, COFFEE, 'robot1/gripper_lidar', name='robot1/marker_{0.id}')
 
 
-def check_coffee_in_base(observer):
-    publish_base(observer)
-    check_coffee(observer, COFFEE, 'coffee', BASE_VIEW)
-
-
 def check_three_sensors(observer):
     (drone,) = load_scene(str(STILL)).markers
     check_drone(observer, lambda _: np.array(drone.position_m))
@@ -117,11 +112,6 @@ CASES = {
         'coffee',
         {'emulate': 'coffee', 'max_stddev': '0.2'},
         lambda observer: check_coffee(observer, COFFEE, 'coffee', SENSOR_VIEW),
-    ),
-    'coffee_in_base': (
-        'coffee',
-        {'emulate': 'coffee', 'max_stddev': '0.2', 'target_frame': BASE_VIEW.frame},
-        check_coffee_in_base,
     ),
     'drone': (
         'drone',
@@ -165,7 +155,7 @@ CASES = {
 GROUPS = {
     'plugged_sensor': ['sensor'],
     'one_sensor': ['drone', 'landmarks', 'emulated'],
-    'objects': ['coffee_in_base', 'coffee', 'two_sensors'],
+    'objects': ['coffee', 'two_sensors'],
     'many_sensors': ['three_sensors', 'hall'],
 }
 """What is launched at the same time; stamps are checked where nothing else starts."""

@@ -46,31 +46,34 @@ def skew(message: MarkerDetection) -> None:
     message.pose.covariance[1] += 1.0
 
 
-NO_NAME, STAMP = 'child_frame_id is no TF frame', 'the stamp is far'
-INFINITE, FLAT = 'the covariance is not finite', 'the covariance is not above 0'
+NO_NAME, STAMP = 'child_frame_id is not a TF name', 'the stamp is far'
+INFINITE, FLAT = 'the covariance is not finite', 'the covariance is not positive definite'
 HOSTILE: list[tuple[Callable[[MarkerDetection], object], str]] = [
     *(
         (lambda one, name=name: setattr(one, 'child_frame_id', name), NO_NAME)
         for name in ('', 'm' * 300, '/mug', 'mug\nmug')
     ),
-    (lambda one: setattr(one.header, 'frame_id', ''), 'frame_id is no TF frame'),
-    (lambda one: setattr(one, 'child_frame_id', HAND), 'the marker has the frame of the sensor'),
+    (lambda one: setattr(one.header, 'frame_id', ''), 'frame_id is not a TF name'),
+    (lambda one: setattr(one, 'child_frame_id', HAND), 'child_frame_id is the frame of the sensor'),
     (lambda one: setattr(one, 'id', 4096), 'the ID is not below 4096'),
     (lambda one: setattr(one.header.stamp, 'sec', -5), STAMP),
     (lambda one: late(one, -60.0), STAMP),
     (lambda one: late(one, 7200.0), STAMP),
     *(
-        (lambda one, z=z: setattr(one.pose.pose.position, 'z', z), 'the position is not before')
+        (lambda one, z=z: setattr(one.pose.pose.position, 'z', z), 'the position is not in front')
         for z in (math.nan, 1e300, -1.0)
     ),
     *(
-        (lambda one, far=far: setattr(one, 'range', far), 'the range cannot be')
+        (lambda one, far=far: setattr(one, 'range', far), 'impossible range')
         for far in (math.nan, math.inf, 0.0)
     ),
-    (lambda one: setattr(one, 'range_stddev', 0.0), 'range_stddev cannot be'),
-    (lambda one: setattr(one, 'range_stddev', math.nan), 'range_stddev cannot be'),
-    (lambda one: setattr(one.pose.pose.orientation, 'w', math.nan), 'the orientation is not'),
-    (lambda one: setattr(one.pose.pose.orientation, 'w', 5.0), 'the orientation is not'),
+    (lambda one: setattr(one, 'range_stddev', 0.0), 'impossible range_stddev'),
+    (lambda one: setattr(one, 'range_stddev', math.nan), 'impossible range_stddev'),
+    (
+        lambda one: setattr(one.pose.pose.orientation, 'w', math.nan),
+        'the orientation is not a unit',
+    ),
+    (lambda one: setattr(one.pose.pose.orientation, 'w', 5.0), 'the orientation is not a unit'),
     (lambda one: one.pose.covariance.fill(math.nan), INFINITE),
     (lambda one: one.pose.covariance.fill(1e300), INFINITE),
     (lambda one: one.pose.covariance.fill(0.0), FLAT),

@@ -82,7 +82,7 @@ def test_a_sensor_that_says_who_it_is_is_named_and_obeys(system: System) -> None
     last = max(message.sequence for message, _ in system.frames)
     assert trigger(system, 'start') == (True, 'the sensor is ranging')
     wait_for_more(system)
-    assert trigger(system, 'reset') == (True, 'the sensor starts anew')
+    assert trigger(system, 'reset') == (True, 'the sensor restarts')
     seen = len(system.frames)
     wait_for_more(system)
     assert min(message.sequence for message, _ in system.frames[seen:]) < max(last, 3)

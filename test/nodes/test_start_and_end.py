@@ -84,7 +84,7 @@ def refuse(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Callable[..., l
         ('emulated_arm', '-p scene:=nowhere', 'scene: there is no scene nowhere'),
         ('heartbeat', '-p markers:=[]', 'markers: there is no name'),
         ('reader', '-p ports:=[/a,/b] -p names:=[x]', 'names: 1 of them for 2 ports'),
-        ('reader', '-p ports:=[/a,/a]', 'ports: one stands there twice'),
+        ('reader', '-p ports:=[/a,/a]', 'ports: /a, /a are not all different'),
         ('reader', '-p frame_id:=/odom', "'/odom' begins with a slash, which tf2 refuses"),
     ],
 )
