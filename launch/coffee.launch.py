@@ -13,6 +13,7 @@ from retrolidar_ros.nodes.launching import (
     number,
     overrides_from,
     parameter,
+    preset,
     sensor,
     unset,
     value,
@@ -41,7 +42,7 @@ def generate_launch_description():
     """Return the launch arguments and what they start."""
     arguments = {
         **SENSOR,
-        'marker_file': (MARKERS, 'YAML file of the known markers.'),
+        **preset('detector', marker_file=MARKERS),
         **unset('coffee', 'target_frame', 'max_stddev'),
     }
     return LaunchDescription([*declare_arguments(arguments), OpaqueFunction(function=_coffee)])

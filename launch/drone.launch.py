@@ -20,6 +20,7 @@ from retrolidar_ros.nodes.launching import (
     number,
     one_of_several,
     parameter,
+    preset,
     sensor,
     value,
 )
@@ -93,11 +94,11 @@ def generate_launch_description():
     arguments = {
         **SENSOR,
         'emulate_base': ('', SENSOR['emulate_base'][1]),
-        'marker_file': (MARKERS, 'YAML file of the known markers.'),
+        **preset('detector', marker_file=MARKERS),
         'sensors': ('1', 'Number of sensors: 1, or 3 to locate the drone.'),
         'ports': ('[]', 'Of three, as [/dev/a, /dev/b, /dev/c].'),
         'edge': ('0.4', 'Edge of the triangle of sensors [m]; the first is on its x axis.'),
         'fixed_frame': ('ground', 'Frame of that triangle: its middle, z up.'),
-        'acceleration': ('0.04', "Standard deviation of the drone's acceleration [m/s²]."),
+        **preset('landmarks', acceleration='0.04'),
     }
     return LaunchDescription([*declare_arguments(arguments), OpaqueFunction(function=_drone)])

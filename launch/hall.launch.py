@@ -16,6 +16,7 @@ from retrolidar_ros.nodes.launching import (
     list_argument,
     node,
     overrides_from,
+    preset,
     value,
 )
 from retrolidar_ros.nodes.viewing import viewer
@@ -49,8 +50,7 @@ def generate_launch_description():
     """Return the launch arguments and what they start."""
     arguments = {
         **COMMON,
-        'ports': ('[]', 'Devices of the sensors, as [/dev/a, /dev/b].'),
-        'names': ('[]', 'Names of the sensors; [] = sensor0, sensor1, ...'),
+        **preset('reader', ports='[]', names='[]'),
         'namespace': ('retrolidar', 'Common namespace; each sensor adds its name.'),
         'markers': ('', 'One topic for all detections, as /retrolidar/markers.'),
         'server': ('', 'Discovery server, HOST:PORT; empty = none but that of serve.'),

@@ -13,6 +13,7 @@ from retrolidar_ros.nodes.launching import (
     node,
     overrides_from,
     parameter,
+    preset,
     sensor,
     unset,
 )
@@ -34,8 +35,8 @@ def generate_launch_description():
     """Return the launch arguments and what they start."""
     arguments = {
         **SENSOR,
-        'marker_file': (MARKERS, 'YAML file of the known markers.'),
+        **preset('detector', marker_file=MARKERS),
         **unset('landmarks', 'fixed_frame', 'load_file', 'save_file', 'base_frame'),
-        'localize': ('false', 'Locate base_frame among the landmarks of load_file.'),
+        **preset('landmarks', localize='false'),
     }
     return LaunchDescription([*declare_arguments(arguments), OpaqueFunction(function=_landmarks)])

@@ -39,7 +39,13 @@ MARKERS = PathJoinSubstitution([SHARE, 'config', 'markers.yaml'])
 def unset(kind: str, *names: str) -> dict[str, tuple[Any, str]]:
     """Return launch arguments that override parameters of a node if they are not empty."""
     as_in_file = 'Empty = as in the parameter file.'
-    return {name: ('', f'{declared()[kind][name].summary()} {as_in_file}') for name in names}
+    described = preset(kind, **dict.fromkeys(names, ''))
+    return {name: ('', f'{text} {as_in_file}') for name, (_, text) in described.items()}
+
+
+def preset(kind: str, **defaults: Any) -> dict[str, tuple[Any, str]]:
+    """Return launch arguments that override parameters of a node, by these values if not given."""
+    return {name: (default, declared()[kind][name].summary()) for name, default in defaults.items()}
 
 
 COMMON: dict[str, tuple[Any, str]] = {

@@ -37,12 +37,14 @@ class Parameters:
 
     def _declare(self, name: str, declaration: Declared) -> Any:
         descriptor = ParameterDescriptor(read_only=not declaration.is_live, **_texts(declaration))
-        if declaration.limits and isinstance(declaration.default, int):
-            low, high = map(int, declaration.limits)
-            descriptor.integer_range = [IntegerRange(from_value=low, to_value=high)]
-        elif declaration.limits:
-            low, high = declaration.limits
-            descriptor.floating_point_range = [FloatingPointRange(from_value=low, to_value=high)]
+        if limits := declaration.limits:
+            low, high = limits
+            if isinstance(declaration.default, int):
+                descriptor.integer_range = [IntegerRange(from_value=int(low), to_value=int(high))]
+            else:
+                descriptor.floating_point_range = [
+                    FloatingPointRange(from_value=low, to_value=high)
+                ]
         return declaration.check(
             name, self._node.declare_parameter(name, declaration.default, descriptor).value
         )
