@@ -24,7 +24,7 @@ from retrolidar_ros.sensor.wire import DELIMITER, cobs_decode, cobs_encode, enco
 STAMP_ERROR_S = 0.050
 PATIENCE_S = 60.0
 # A position is further off in one of a thousand cases, were its error normal.
-MOST_MAHALANOBIS = 16.27
+MAX_MAHALANOBIS = 16.27
 
 
 class Sensor:
@@ -211,4 +211,4 @@ def check_place(position_m: Floats, covariance: Floats, truth_m: Floats, eye_m: 
     variances = np.linalg.eigvalsh(covariance)
     assert variances.min() > 0
     assert np.sqrt(variances.max()) < 0.12 * range_m
-    assert error @ np.linalg.solve(covariance, error) < MOST_MAHALANOBIS
+    assert error @ np.linalg.solve(covariance, error) < MAX_MAHALANOBIS

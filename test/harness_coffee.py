@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from diagnostic_msgs.msg import DiagnosticStatus
 from geometry_msgs.msg import PoseWithCovarianceStamped, Vector3Stamped
-from harness import MOST_MAHALANOBIS, check_place
+from harness import MAX_MAHALANOBIS, check_place
 from harness_observer import LATCHED, Observer, values_of
 from std_msgs.msg import Bool, Header, String
 from tf2_msgs.msg import TFMessage
@@ -89,7 +89,7 @@ def check_coffee(observer: Observer, scene: Scene, node: str, view: View) -> Non
         ends = [poses[name][-1] for name in (one, other)]
         covariance = sum(covariance_of(end.pose)[:3, :3] for end in ends)
         error = vector_of(offset[-1].vector) - (truth[other] - truth[one])
-        assert error @ np.linalg.solve(covariance, error) < MOST_MAHALANOBIS
+        assert error @ np.linalg.solve(covariance, error) < MAX_MAHALANOBIS
     _check_demand(observer, node, ready, missing)
 
 

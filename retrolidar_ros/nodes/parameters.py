@@ -1,6 +1,6 @@
 # Copyright 2026 retrolidar_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""Parameters of nodes: their declaration in ROS, and changes while a node runs."""
+"""Parameters of nodes: their spec in ROS, and changes while a node runs."""
 
 from __future__ import annotations
 
@@ -29,40 +29,36 @@ class Parameters:
         self._node = node
         self._declared = declared()[kind]
         self.values: dict[str, Any] = {
-            name: self._declare_list(name, declaration)
-            if isinstance(declaration.default, list)
-            else self._declare(name, declaration)
-            for name, declaration in self._declared.items()
+            name: self._declare_list(name, spec)
+            if isinstance(spec.default, list)
+            else self._declare(name, spec)
+            for name, spec in self._declared.items()
         }
 
-    def _declare(self, name: str, declaration: Declared) -> Any:
-        descriptor = ParameterDescriptor(read_only=not declaration.is_live, **_texts(declaration))
-        if limits := declaration.limits:
+    def _declare(self, name: str, spec: Declared) -> Any:
+        descriptor = ParameterDescriptor(read_only=not spec.is_live, **_texts(spec))
+        if limits := spec.limits:
             low, high = limits
-            if isinstance(declaration.default, int):
+            if isinstance(spec.default, int):
                 descriptor.integer_range = [IntegerRange(from_value=int(low), to_value=int(high))]
             else:
                 descriptor.floating_point_range = [
                     FloatingPointRange(from_value=low, to_value=high)
                 ]
-        return declaration.check(
-            name, self._node.declare_parameter(name, declaration.default, descriptor).value
-        )
+        return spec.check(name, self._node.declare_parameter(name, spec.default, descriptor).value)
 
-    def _declare_list(self, name: str, declaration: Declared) -> list[Any]:
+    def _declare_list(self, name: str, spec: Declared) -> list[Any]:
         # An empty list has no type of its own: as a default it is taken for bytes, from a file it
         # comes without a value, and from the tools as a list of booleans. So the type is left
         # open and checked here, and an empty list is given the type afterwards.
-        open_type = ParameterDescriptor(dynamic_typing=True, **_texts(declaration))
-        value = self._node.declare_parameter(name, declaration.default, open_type).value
-        checked: list[Any] = declaration.check(name, [] if value is None else value)
+        open_type = ParameterDescriptor(dynamic_typing=True, **_texts(spec))
+        value = self._node.declare_parameter(name, spec.default, open_type).value
+        checked: list[Any] = spec.check(name, [] if value is None else value)
         if not checked:
-            kind = (
-                Parameter.Type.INTEGER_ARRAY if declaration.limits else Parameter.Type.STRING_ARRAY
-            )
+            kind = Parameter.Type.INTEGER_ARRAY if spec.limits else Parameter.Type.STRING_ARRAY
             self._node.set_parameters([Parameter(name, kind, [])])
         descriptor = ParameterDescriptor(
-            dynamic_typing=True, read_only=not declaration.is_live, **_texts(declaration)
+            dynamic_typing=True, read_only=not spec.is_live, **_texts(spec)
         )
         self._node.set_descriptor(name, descriptor)
         return checked
@@ -77,8 +73,8 @@ class Parameters:
             values = dict(self.values)
             try:
                 for parameter in parameters:
-                    if declaration := self._declared.get(parameter.name):
-                        values[parameter.name] = declaration.check(parameter.name, parameter.value)
+                    if spec := self._declared.get(parameter.name):
+                        values[parameter.name] = spec.check(parameter.name, parameter.value)
                 apply(values)
             except ValueError as error:
                 return SetParametersResult(successful=False, reason=str(error))
@@ -103,11 +99,11 @@ class Parameters:
                 )
 
 
-def _texts(declaration: Declared) -> dict[str, str]:
+def _texts(spec: Declared) -> dict[str, str]:
     """Return the texts of a descriptor."""
     return {
-        'description': declaration.description,
-        'additional_constraints': declaration.constraints(),
+        'description': spec.description,
+        'additional_constraints': spec.constraints(),
     }
 
 

@@ -25,7 +25,7 @@ from std_msgs.msg import Bool, String
 
 sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
 
-from harness import MOST_MAHALANOBIS
+from harness import MAX_MAHALANOBIS
 from harness_launch import (
     check_at_once,
     check_exit_codes,
@@ -103,7 +103,7 @@ def check_poses(observer, node):
         assert came[-1].header.frame_id == 'base_link'
         off = vector_of(came[-1].pose.pose.position) - truth[name]
         covariance = covariance_of(came[-1].pose)[:3, :3]
-        assert off @ np.linalg.solve(covariance, off) < MOST_MAHALANOBIS, name
+        assert off @ np.linalg.solve(covariance, off) < MAX_MAHALANOBIS, name
 
 
 def check_landmarks(observer):

@@ -176,7 +176,7 @@ def test_what_is_refused_changes_nothing(nodes: Live, changes: dict[str, Any], r
     assert nodes.services.get(DETECTOR) == before
 
 
-def test_one_refusal_spoils_all_that_is_to_be_set_at_once(live: Live) -> None:
+def test_parameters_set_at_once_are_all_refused_if_one_is(live: Live) -> None:
     before = live.services.get(DETECTOR)
     changes = {'publish_tf': False, 'method': 'paper', 'registered_ids': [0]}
     service, kind = f'{DETECTOR}/set_parameters_atomically', SetParametersAtomically
@@ -190,7 +190,7 @@ def test_one_refusal_spoils_all_that_is_to_be_set_at_once(live: Live) -> None:
     live.system.wait(lambda: bool(live.system.transforms), 'transforms')
 
 
-def test_the_ends_of_all_ranges_can_be_borne(live: Live) -> None:
+def test_limits_of_all_ranges_do_not_end_the_node(live: Live) -> None:
     """Bits of 2 ms or 10 s read nothing, but they do not end the node."""
     for descriptor in live.services.describe(DETECTOR):
         name = descriptor.name
@@ -204,7 +204,7 @@ def test_the_ends_of_all_ranges_can_be_borne(live: Live) -> None:
     live.wait_for_readings(1, *NAMES)
 
 
-def test_a_transport_delay_is_taken_off_from_now_on(nodes: Live) -> None:
+def test_a_new_transport_delay_is_subtracted_at_once(nodes: Live) -> None:
     system = nodes.system
 
     def error_s() -> float:

@@ -52,7 +52,7 @@ def wait_for_more(system: System) -> None:
     system.wait_for_frames(len(system.frames) + 5)
 
 
-def test_a_sensor_that_says_who_it_is_is_named_and_obeys(system: System) -> None:
+def test_firmware_with_commands_identifies_itself_and_obeys(system: System) -> None:
     plug(system)
     system.start('driver', serial_port=system.port)
     wait_for_more(system)

@@ -88,7 +88,7 @@ def refuse(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Callable[..., l
         ('reader', '-p frame_id:=/odom', "'/odom' begins with a slash, which tf2 refuses"),
     ],
 )
-def test_what_cannot_be_is_one_clear_line(
+def test_an_impossible_start_gives_one_clear_line(
     refuse: Callable[..., list[str]], node: str, arguments: str, message: str
 ) -> None:
     lines = refuse(node, *arguments.split())

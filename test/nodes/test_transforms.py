@@ -79,7 +79,7 @@ def test_transforms_are_found_between_frames_and_times_and_forgotten(listener: L
     assert find('map', 'hand', 2.0) is not None
 
 
-def test_what_others_send_is_told_from_what_is_sent(listener: Listener) -> None:
+def test_frames_that_other_nodes_send_are_named(listener: Listener) -> None:
     sender = TransformSender(listener.node)
     sender.open()
     sender.send([transform('mug', 'eye', stamp_ns=1), transform('mug', 'eye', stamp_ns=2)])

@@ -48,7 +48,7 @@ def skew(message: MarkerDetection) -> None:
 
 NO_NAME, STAMP = 'child_frame_id is not a TF name', 'the stamp is far'
 INFINITE, FLAT = 'the covariance is not finite', 'the covariance is not positive definite'
-HOSTILE: list[tuple[Callable[[MarkerDetection], object], str]] = [
+IMPOSSIBLE: list[tuple[Callable[[MarkerDetection], object], str]] = [
     *(
         (lambda one, name=name: setattr(one, 'child_frame_id', name), NO_NAME)
         for name in ('', 'm' * 300, '/mug', 'mug\nmug')
@@ -85,7 +85,7 @@ HOSTILE: list[tuple[Callable[[MarkerDetection], object], str]] = [
 
 @pytest.fixture(scope='module')
 def hall(tmp_path_factory: pytest.TempPathFactory) -> Iterator[System]:
-    with running(tmp_path_factory.mktemp('hostile'), '/hostile') as system:
+    with running(tmp_path_factory.mktemp('impossible'), '/impossible') as system:
         for node in NODES:
             objects = {'objects': '[mug]'} if node == 'coffee' else {}
             watched = {'markers': '[mug]'} if node == 'heartbeat' else {}
@@ -94,16 +94,16 @@ def hall(tmp_path_factory: pytest.TempPathFactory) -> Iterator[System]:
         yield system
 
 
-def test_hostile_detections_are_counted_and_told_and_cost_nothing_else(hall: System) -> None:
+def test_impossible_detections_are_counted_and_change_nothing(hall: System) -> None:
     system = hall
     mug = system.collect(PoseWithCovarianceStamped, 'landmarks/objects/mug')
     ours = system.collect(PoseWithCovarianceStamped, 'coffee/objects/mug')
     alive = system.collect(Bool, 'heartbeat/alive')
     publisher = system.node.create_publisher(MarkerDetection, 'markers', 1000)
     system.wait(lambda: publisher.get_subscription_count() == 4, 'subscribers')
-    names = {reason for _, reason in HOSTILE}
+    names = {reason for _, reason in IMPOSSIBLE}
     seen = {name: len(system.statuses[name]) for name in NODES.values()}
-    for spoil, _ in HOSTILE:
+    for spoil, _ in IMPOSSIBLE:
         message = detection()
         spoil(message)
         publisher.publish(message)
@@ -113,7 +113,7 @@ def test_hostile_detections_are_counted_and_told_and_cost_nothing_else(hall: Sys
         return sum(int(one) for key, one in values.items() if key.startswith('refused: '))
 
     def all_counted() -> bool:
-        return all(counted(name) == len(HOSTILE) for name in NODES.values())
+        return all(counted(name) == len(IMPOSSIBLE) for name in NODES.values())
 
     system.wait(all_counted, 'all to be counted')
     for node, name in NODES.items():
