@@ -125,7 +125,7 @@ def wait_for_nodes(listener: Listener) -> None:
 
 
 def wait_for_traffic(listener: Listener) -> None:
-    """Join a chain that runs already: what was read before all topics are heard does not count."""
+    """Wait for all topics of nodes that run already, and forget what was read until then."""
     assert listener.spin_until(
         lambda: bool(listener.frames and listener.markers and listener.transforms), PATIENCE_S
     ), 'a topic is silent'
@@ -201,7 +201,7 @@ def check_detections(
 
 
 def check_place(position_m: Floats, covariance: Floats, truth_m: Floats, eye_m: Floats) -> None:
-    """A place is as far from the eye of the sensor as the truth is, and as sure as it says."""
+    """A position has the right range, and an error within its covariance."""
     error = position_m - truth_m
     range_m = float(np.linalg.norm(truth_m - eye_m))
     assert abs(np.linalg.norm(position_m - eye_m) - range_m) < 0.01

@@ -98,7 +98,7 @@ def _position(pose: PoseWithCovarianceStamped) -> Floats:
 
 
 def _origin(observer: Observer, name: str, stamp: Any) -> MarkerDetection | None:
-    """Return the detection of a marker at a time, if it was heard."""
+    """Return the detection of a marker at a time, if it has come."""
     detections = (message for message, _ in observer.markers)
     ours = (one for one in detections if (one.child_frame_id, one.header.stamp) == (name, stamp))
     return next(ours, None)

@@ -105,7 +105,7 @@ def check_landmarks(observer: Observer, saved: Path) -> None:
     hand = Hand(observer)
     observer.wait_for_status(name, DiagnosticStatus.WARN, 'nothing is placed yet')
     corners = [np.append(corner, 0.0) for corner in CORNERS]
-    # The topic is made with the first pose; until that is heard, messages may get lost.
+    # The topic is made with the first pose; until it is discovered, messages may get lost.
     while not mug:
         hand.read('mug', 2107, MUG_M, corners[0])
         observer.spin_until(lambda: bool(mug), 0.5)

@@ -50,7 +50,7 @@ def included(name: str, **arguments: str) -> Any:
 
 
 def domain_of(index: int) -> str:
-    """Return the domain of one of several systems of a test, which do not hear each other."""
+    """Return the domain of one of several systems of a test, which stay apart."""
     own = int(os.environ.get(_DOMAIN, '0'))
     return str(_FIRST_DOMAIN + (10 * own + index) % _DOMAINS)
 

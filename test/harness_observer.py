@@ -1,6 +1,6 @@
 # Copyright 2026 retrolidar_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""What tests hear of running nodes, wait for, and ask of their services."""
+"""What tests receive from running nodes, wait for, and ask of their services."""
 
 from collections import defaultdict
 from collections.abc import Callable, Iterator
@@ -32,7 +32,7 @@ def values_of(status: DiagnosticStatus) -> dict[str, str]:
 
 
 class Observer(Listener):
-    """A listener that also hears other topics and the statuses of all nodes."""
+    """A listener that also collects other topics and the statuses of all nodes."""
 
     def __init__(self, namespace: str) -> None:
         super().__init__(namespace)

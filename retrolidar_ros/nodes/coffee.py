@@ -69,7 +69,7 @@ class CoffeeNode(Node):
             for pair, topic in zip(pairs, topics, strict=True)
         }
         DiagnosticsPublisher(self).register_health_check(self, 'objects', self._examine)
-        self._readings: TransformedDetections | DetectionSubscriber
+        self._readings: DetectionSubscriber
         source = values['source']
         if self._target:
             # In a fixed frame readings from several places accumulate.

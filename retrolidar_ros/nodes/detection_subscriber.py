@@ -92,9 +92,9 @@ class DetectionSubscriber:
         is_track = source == 'tracks'
         kind, usual = (MarkerTrack, 'tracks') if is_track else (MarkerDetection, 'markers')
         for topic in topics or [usual]:
-            subscribe(node, kind, topic, self._on_detection, EVENTS)
+            subscribe(node, kind, topic, self._on_message, EVENTS)
 
-    def _on_detection(self, message: Marked) -> None:
+    def _on_message(self, message: Marked) -> None:
         try:
             check_detection(message, self._node.get_clock().now().nanoseconds)
             self._callback(message)

@@ -76,14 +76,14 @@ class DetectionTopics:
             for identity, topic in zip(known, topics, strict=True)
         }
         self._beat_s = -math.inf
-        self._has_tracks = False
-        """Whether transforms and shapes are of tracks."""
         self._sent_ns = self._drawn_ns = self._dropped = 0
         self.change(values)
 
     def change(self, values: dict[str, Any]) -> None:
         """Apply new parameters."""
         self._values = values
+        # Whether transforms and shapes are of tracks, which method paper has not.
+        self._has_tracks = values['tf_source'] == 'tracks' and values['method'] == 'joint'
         if values['publish_tf']:
             self._sender.open()
 
@@ -96,12 +96,10 @@ class DetectionTopics:
 
     def follow(self, detector: Detector, agreement: Agreement, frame: Frame, frame_id: str) -> None:
         """Publish the tracks at a frame, if there are subscribers or parameters ask for them."""
-        self._has_tracks = False
-        if not isinstance(detector, LikelihoodDetector):
-            return
-        self._has_tracks = self._values['tf_source'] == 'tracks'
         has_subscribers = self._tracks.get_subscription_count() > 0
-        if not self._has_tracks and not has_subscribers:
+        if not isinstance(detector, LikelihoodDetector) or not (
+            self._has_tracks or has_subscribers
+        ):
             return
         tracks = agreement.followed(detector.follow(frame))
         self._warn_of_dropped(detector.track_counts.dropped)

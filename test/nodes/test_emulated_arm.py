@@ -1,6 +1,6 @@
 # Copyright 2026 retrolidar_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""The emulated arm, started by itself: it tells where the sensor is unless another arm does."""
+"""The emulated arm, started by itself: it sends the pose of the sensor unless another arm does."""
 
 import time
 from pathlib import Path

@@ -55,7 +55,7 @@ def scene_with_dark_zones() -> Scene:
 
 @dataclass
 class Chain:
-    """A sensor, its driver, and three detectors that hear it."""
+    """A sensor, its driver, and three detectors."""
 
     system: System
     sensor: Sensor
