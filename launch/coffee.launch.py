@@ -2,13 +2,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """One sensor, and the node that reports when beans, machine and mug are placed."""
 
-from launch import LaunchDescription
-from launch.actions import OpaqueFunction
-
 from retrolidar_ros.nodes.launching import (
     MARKERS,
     SENSOR,
-    declare_arguments,
+    launch_description,
     node,
     number,
     overrides_from,
@@ -45,4 +42,4 @@ def generate_launch_description():
         **preset('detector', marker_file=MARKERS),
         **unset('coffee', 'target_frame', 'max_stddev'),
     }
-    return LaunchDescription([*declare_arguments(arguments), OpaqueFunction(function=_coffee)])
+    return launch_description(arguments, _coffee)

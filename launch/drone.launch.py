@@ -8,13 +8,10 @@ With sensors:=3, as many on a triangle on the ground locate the drone, too.
 import math
 import time
 
-from launch import LaunchDescription
-from launch.actions import OpaqueFunction
-
 from retrolidar_ros.nodes.launching import (
     MARKERS,
     SENSOR,
-    declare_arguments,
+    launch_description,
     list_argument,
     node,
     number,
@@ -101,4 +98,4 @@ def generate_launch_description():
         'fixed_frame': ('ground', 'Frame of that triangle: its middle, z up.'),
         **preset('landmarks', acceleration='0.04'),
     }
-    return LaunchDescription([*declare_arguments(arguments), OpaqueFunction(function=_drone)])
+    return launch_description(arguments, _drone)

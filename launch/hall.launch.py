@@ -6,13 +6,12 @@ On one host: ros2 launch retrolidar_ros hall.launch.py serve:=true ports:=[/dev/
 On the rest: ros2 launch retrolidar_ros hall.launch.py server:=HOST:11811 ports:=[...] names:=[...]
 """
 
-from launch import LaunchDescription
-from launch.actions import ExecuteProcess, OpaqueFunction, SetEnvironmentVariable
+from launch.actions import ExecuteProcess, SetEnvironmentVariable
 
 from retrolidar_ros.nodes.launching import (
     COMMON,
-    declare_arguments,
     is_on,
+    launch_description,
     list_argument,
     node,
     overrides_from,
@@ -58,4 +57,4 @@ def generate_launch_description():
     }
     arguments.pop('single_process')  # it is one
     arguments.pop('autostart')
-    return LaunchDescription([*declare_arguments(arguments), OpaqueFunction(function=_host)])
+    return launch_description(arguments, _host)

@@ -2,14 +2,11 @@
 # SPDX-License-Identifier: Apache-2.0
 """One sensor, and the node that places markers in a fixed frame, or a robot among them."""
 
-from launch import LaunchDescription
-from launch.actions import OpaqueFunction
-
 from retrolidar_ros.nodes.launching import (
     MARKERS,
     SENSOR,
-    declare_arguments,
     is_on,
+    launch_description,
     node,
     overrides_from,
     parameter,
@@ -39,4 +36,4 @@ def generate_launch_description():
         **unset('landmarks', 'fixed_frame', 'load_file', 'save_file', 'base_frame'),
         **preset('landmarks', localize='false'),
     }
-    return LaunchDescription([*declare_arguments(arguments), OpaqueFunction(function=_landmarks)])
+    return launch_description(arguments, _landmarks)

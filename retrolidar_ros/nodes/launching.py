@@ -9,16 +9,19 @@ arguments are checked before the first process starts.
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import yaml
+from launch import LaunchDescription
 from launch.actions import (
     DeclareLaunchArgument,
     EmitEvent,
     GroupAction,
     IncludeLaunchDescription,
     LogInfo,
+    OpaqueFunction,
 )
 from launch.events import matches_action
 from launch.events.process import ProcessExited, ShutdownProcess
@@ -78,12 +81,16 @@ _MISCONFIGURED = 2
 _LEVELS = ('debug', 'info', 'warn', 'error', 'fatal')
 
 
-def declare_arguments(arguments: dict[str, tuple[Any, str]]) -> list[DeclareLaunchArgument]:
-    """Return launch arguments as actions."""
-    return [
+def launch_description(
+    arguments: dict[str, tuple[Any, str]],
+    start: Callable[[LaunchContext], list[LaunchDescriptionEntity]],
+) -> LaunchDescription:
+    """Return launch arguments, by name, and what `start` returns once they have values."""
+    declared_arguments = [
         DeclareLaunchArgument(name, default_value=default, description=description)
         for name, (default, description) in arguments.items()
     ]
+    return LaunchDescription([*declared_arguments, OpaqueFunction(function=start)])
 
 
 def value(context: LaunchContext, name: str) -> str:
