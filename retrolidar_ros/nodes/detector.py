@@ -18,8 +18,8 @@ from retrolidar_ros.detector.parameters import READING, detector_of, known_marke
 from retrolidar_ros.msg import Frame as FrameMsg
 from retrolidar_ros.nodes.conversion import from_frame_msg
 from retrolidar_ros.nodes.detection_topics import NAME, DetectionTopics
-from retrolidar_ros.nodes.detector_health import DetectorHealth
-from retrolidar_ros.nodes.diagnostics import STALE, WARN, DiagnosticsPublisher, Health
+from retrolidar_ros.nodes.detector_health import NO_FRAME, DetectorHealth
+from retrolidar_ros.nodes.diagnostics import WARN, DiagnosticsPublisher, Health
 from retrolidar_ros.nodes.parameters import Parameters, check_frame_id
 from retrolidar_ros.nodes.qos import FRAME_QOS, subscribe
 from retrolidar_ros.nodes.run import run
@@ -149,10 +149,10 @@ class DetectorNode(Node):
         self._sender.listen()
         if shared := self._sender.problem():
             health.problems.append((WARN, shared))
-        for level, text in health.problems:
+        for _, text in health.problems:
             # Each kind of problem once; /diagnostics repeats them.
             kind = re.sub(r'[\d.]+', '', text)
-            if level != STALE and kind not in self._warned:
+            if not text.startswith(NO_FRAME) and kind not in self._warned:
                 self._warned.add(kind)
                 self.get_logger().warning(text)
         return health

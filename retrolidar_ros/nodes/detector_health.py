@@ -21,6 +21,7 @@ _SILENCE_S = 2.0
 _MIXED = 2
 # Overloads in a second, of about six searches; a single one does no harm.
 _OVERLOADED = 3
+NO_FRAME = 'no frame has come'
 
 
 class DetectorHealth:
@@ -114,9 +115,9 @@ class DetectorHealth:
         self._frame_s += max(now_s - self._examined_s - PERIOD_S, 0.0)
         self._examined_s, silence_s = now_s, now_s - self._frame_s
         if not now['frames'] and not new['dropped frames']:
-            return Health([(WARN, 'no frame has come yet')], values)
+            return Health([(WARN, f'{NO_FRAME} yet')], values)
         if silence_s > _SILENCE_S and not new['dropped frames']:
-            return Health([(STALE, f'no frame has come for {silence_s:.0f} s')], values)
+            return Health([(STALE, f'{NO_FRAME} for {silence_s:.0f} s')], values)
         problems = self._disturbances(new, publishers)
         unread = self.monitor.unread(settings, known)
         if stamps_stand(new['frames'] - new['repeated frames'], advance_ns):

@@ -4,6 +4,7 @@
 
 from __future__ import annotations
 
+import os
 import signal
 import sys
 from collections.abc import Callable
@@ -17,7 +18,7 @@ from rclpy.node import Node
 from rclpy.qos_overriding_options import InvalidQosOverridesError
 from rclpy.signals import SignalHandlerOptions
 
-from retrolidar_ros.settings.interrupts import REQUESTS
+from retrolidar_ros.settings.interrupts import REQUESTS, ignore_requests
 from retrolidar_ros.settings.printing import printable
 
 _IMPOSSIBLE = (
@@ -34,9 +35,7 @@ def run(create: Callable[[], Node | list[Node]]) -> int:
     An impossible parameter or parameter file gives one line and exit code 2. Nodes end in the order
     listed.
     """
-    # Blocked in all threads: an exception between any two steps of a library would leave it half
-    # done, and `ros2 launch` passes on the interrupt that a terminal has already sent to all.
-    signal.pthread_sigmask(signal.SIG_BLOCK, REQUESTS)
+    signals = _signals()
     try:
         rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
     except RuntimeError as error:
@@ -48,7 +47,7 @@ def run(create: Callable[[], Node | list[Node]]) -> int:
     try:
         created = create()
         nodes = created if isinstance(created, list) else [created]
-        _spin(nodes)
+        _spin(nodes, signals)
     except _IMPOSSIBLE as error:
         rclpy.logging.get_logger('retrolidar_ros').fatal(printable(str(error)))
         return 2
@@ -63,10 +62,25 @@ def run(create: Callable[[], Node | list[Node]]) -> int:
         for node in nodes:
             node.destroy_node()
         rclpy.try_shutdown()
+        ignore_requests()  # as the interpreter, when it ends, brings back their default
     return int(any(getattr(node, 'failed', False) for node in nodes))
 
 
-def _spin(nodes: list[Node]) -> None:
+def _signals() -> int:
+    """Return a file descriptor to which the numbers of termination signals are written.
+
+    They do nothing else: an exception between any two steps of a library would leave it half done,
+    and `ros2 launch` passes on the interrupt that a terminal has already sent to all.
+    """
+    reading, writing = os.pipe()
+    os.set_blocking(writing, False)
+    signal.set_wakeup_fd(writing)
+    for request in REQUESTS:
+        signal.signal(request, lambda *_: None)
+    return reading
+
+
+def _spin(nodes: list[Node], signals: int) -> None:
     """Process callbacks until a signal comes or the context ends."""
     executor = SingleThreadedExecutor()
     for node in nodes:
@@ -74,7 +88,7 @@ def _spin(nodes: list[Node]) -> None:
     requested = Event()
 
     def end() -> None:
-        signal.sigwait(REQUESTS)
+        os.read(signals, 1)
         requested.set()
         executor.wake()
 
