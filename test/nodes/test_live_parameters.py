@@ -3,6 +3,7 @@
 """Parameters of running nodes: their descriptions, what setting them does, what is refused."""
 
 import math
+import re
 from collections.abc import Iterator
 from typing import Any
 
@@ -18,6 +19,7 @@ from test_topics import MARKER_FILE, NAMES
 from visualization_msgs.msg import MarkerArray
 
 from retrolidar_ros.detector import METHODS
+from retrolidar_ros.detector.likelihood_detector import Reason
 from retrolidar_ros.msg import Frame as FrameMsg
 from retrolidar_ros.msg import MarkerDetection
 from retrolidar_ros.nodes.conversion import to_ns
@@ -66,7 +68,7 @@ def nodes(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Live]:
     known.write_text(MARKER_FILE)
     with running(directory, '/live') as system:
         system.start('driver', namespace='/real', serial_port=system.port)
-        system.start('detector', marker_file=known)
+        system.start('detector', '--log-level', 'live.detector:=debug', marker_file=known)
         system.start('detector', name='bare', namespace='/bare', publish_tf='false')
         system.start('coffee')
         system.start('heartbeat')
@@ -138,6 +140,34 @@ def test_transforms_and_shapes_change_at_once(live: Live) -> None:
         assert (shape.lifetime.sec, shape.lifetime.nanosec) == (7, 250_000_000)
     live.set(DETECTOR, publish_tf=True)
     live.system.wait_for_transforms(*NAMES.values())
+
+
+def test_a_wrong_bit_period_is_reported_and_candidates_are_logged_for_debugging(live: Live) -> None:
+    live.set(DETECTOR, bit_period=0.084)
+    status = live.system.wait_for_status(
+        'detector: markers', DiagnosticStatus.WARN, 'is read with bits of'
+    )
+    advice = r'with bits of 4[12]\.\d ms, not of 84.0 ms: set bit_period to 0.04'
+    assert re.search(advice, status.message)
+    reasons = '|'.join(reason.value for reason in Reason)
+    rejected = rf'rejected: ({reasons}): ID \d+, evidence \S+, word \S+, margin \S+ nats'
+    assert re.search(rejected, live.system.log('detector'))
+    live.set(DETECTOR, bit_period=0.015)
+    mistimed = 'a frame comes every'
+    for _ in range(2):
+        live.system.wait_for_status('detector: markers', DiagnosticStatus.WARN, mistimed)
+    assert live.system.log('detector').count(mistimed) == 1  # /diagnostics repeats it
+
+
+def test_readings_with_which_too_few_agree_are_counted_and_not_published(live: Live) -> None:
+    live.set(DETECTOR, min_readings=100)
+    live.system.wait(
+        lambda: live.system.number('detector: markers', 'withheld by min_readings') > 2, 'readings'
+    )
+    assert not live.read()
+    live.set(DETECTOR, min_readings=1)
+    live.wait_for_readings(1, *NAMES)
+    assert live.system.number('detector: markers', 'withheld by min_readings') == 0
 
 
 def test_a_detector_without_frames_or_a_marker_file(live: Live) -> None:
