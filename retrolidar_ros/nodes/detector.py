@@ -147,7 +147,7 @@ class DetectorNode(Node):
             health = self._health.examine(self._values, self._known, counts, publishers)
             health.values['withheld by min_readings'] = str(self._agreement.withheld)
         self._sender.listen()
-        if shared := self._sender.problem():
+        if shared := self._sender.problem(self._frame_id):
             health.problems.append((WARN, shared))
         for _, text in health.problems:
             # Each kind of problem once; /diagnostics repeats them.

@@ -60,8 +60,11 @@ class TransformSender:
         self._lock = Lock()  # sending and receiving may be in different threads
         self._broadcaster: TransformBroadcaster | None = None
         self._sent: dict[str, deque[int]] = {}
+        """Newest stamps [ns], by child frame."""
+        self._parents: dict[str, str] = {}
         self._shared: dict[str, str] = {}
-        self._began_s = time.monotonic()
+        """Parents that other nodes give to our child frames."""
+        self._began_s = 0.0
         self._listener: Node | None = None
         self._executor = SingleThreadedExecutor(context=node.context)
         self._subscription: Subscription | None = None
@@ -76,7 +79,10 @@ class TransformSender:
         """Send transforms."""
         assert self._broadcaster is not None, 'open() first'
         with self._lock:
+            if not self._sent:
+                self._began_s = time.monotonic()
             for transform in transforms:
+                self._parents[transform.child_frame_id] = transform.header.frame_id
                 stamps = self._sent.setdefault(transform.child_frame_id, deque(maxlen=_KEPT))
                 stamps.append(to_ns(transform.header.stamp))
         self._broadcaster.sendTransform(transforms)
@@ -127,10 +133,14 @@ class TransformSender:
             if child in self._sent and to_ns(transform.header.stamp) not in self._sent[child]:
                 self._shared[child] = transform.header.frame_id
 
-    def problem(self) -> str:
-        """Return which frames other nodes send, too; empty if none."""
+    def problem(self, parent: str) -> str:
+        """Return which child frames of `parent` other nodes send, too; empty if none."""
         with self._lock:
-            children = ', '.join(f'{child} (in {parent})' for child, parent in self._shared.items())
+            children = ', '.join(
+                f'{child} (in {other})'
+                for child, other in self._shared.items()
+                if self._parents[child] == parent
+            )
         if not children:
             return ''
         return f'another node sends the TF frames, too: {children}: set frame_prefix or child_frame'

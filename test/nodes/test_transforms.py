@@ -85,9 +85,10 @@ def test_frames_that_other_nodes_send_are_named(listener: Listener) -> None:
     sender.send([transform('mug', 'eye', stamp_ns=1), transform('mug', 'eye', stamp_ns=2)])
     for stamp_ns, child in ((1, 'mug'), (2, 'mug'), (3, 'jug')):
         sender.on_transform(transform(child, 'eye', stamp_ns=stamp_ns))
-    assert sender.problem() == ''
+    assert sender.problem('eye') == ''
     sender.on_transform(transform('mug', 'other_eye', stamp_ns=3))
-    assert 'mug (in other_eye): set frame_prefix' in sender.problem()
+    assert 'mug (in other_eye): set frame_prefix' in sender.problem('eye')
+    assert sender.problem('another eye') == ''
 
 
 def test_two_sensors_with_the_same_frames_are_warned_of_until_they_have_prefixes(
