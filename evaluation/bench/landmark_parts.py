@@ -18,8 +18,9 @@ import numpy as np
 from evaluation.bench import hand_trials as hand
 from evaluation.bench import landmark_trials, places
 from evaluation.bench.landmark_trials import drone_trial, room_trial, tilt_trial
-from evaluation.bench.places import ELLIPSOID, Look, PlaceError, place_error
+from evaluation.bench.places import ELLIPSOID, PlaceError, place_error
 from evaluation.report.claims import Table, markdown
+from retrolidar_ros.detector import Detection
 from retrolidar_ros.scene import Scene
 from retrolidar_ros.scene.files import load_scene
 from retrolidar_ros.sensor.frame import Floats
@@ -36,6 +37,7 @@ _ROLL_RAD = math.radians(15)
 _FAR_M = 0.2
 _SEED = 7
 _LOOKS = places.looks
+_Look = tuple[float, Detection]
 
 
 def _white(before_s: Floats) -> Floats:
@@ -75,10 +77,10 @@ class _Replayed:
     """What a sensor reads, simulated once: later runs get the same, in the same order."""
 
     def __init__(self) -> None:
-        self._kept: list[tuple[list[Look], Mapping[str, Any]]] = []
+        self._kept: list[tuple[list[_Look], Mapping[str, Any]]] = []
         self.next = 0
 
-    def __call__(self, scene: Scene, lasting_s: float, rng: np.random.Generator) -> Iterator[Look]:
+    def __call__(self, scene: Scene, lasting_s: float, rng: np.random.Generator) -> Iterator[_Look]:
         if self.next == len(self._kept):
             rows = [*_LOOKS(scene, lasting_s, rng)]
             self._kept.append((rows, rng.bit_generator.state))
