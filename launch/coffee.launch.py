@@ -2,20 +2,15 @@
 # SPDX-License-Identifier: Apache-2.0
 """One sensor, and the node that reports when beans, machine and mug are placed."""
 
-import math
-
-import numpy as np
-from launch import LaunchDescription
-from launch.actions import LogInfo, OpaqueFunction
-
 from retrolidar_ros.nodes.launching import (
     MARKERS,
     SENSOR,
-    declare_arguments,
+    launch_description,
     node,
     number,
     overrides_from,
     parameter,
+    preset,
     sensor,
     unset,
     value,
@@ -24,8 +19,6 @@ from retrolidar_ros.nodes.viewing import viewer
 from retrolidar_ros.scene import Scene
 from retrolidar_ros.scene.files import load_scene
 
-_ONE_LOOK = 0.07  # standard deviation that one look leaves, of the range
-
 
 def _coffee(context):
     """Return sensor and node, now that the arguments have values."""
@@ -33,33 +26,20 @@ def _coffee(context):
     if 'max_stddev' in parameters:
         parameters['max_stddev'] = number(context, 'max_stddev')
     base, target = value(context, 'emulate_base'), parameter(context, 'coffee', 'target_frame')
-    actions = []
     scene = load_scene(name) if (name := value(context, 'emulate')) else Scene()
     if len(scene.sensor.path) > 1:
         # Places in the sensor's frame say nothing while an arm moves it.
         target = parameters['target_frame'] = target or base
-    elif scene.markers:
-        wanted_m = float(parameter(context, 'coffee', 'max_stddev'))
-        farthest_m = max(float(np.linalg.norm(one.position_m)) for one in scene.markers)
-        reached_m = math.ceil(100 * _ONE_LOOK * farthest_m) / 100
-        if wanted_m < reached_m:
-            actions.append(
-                LogInfo(
-                    msg=f'The sensor of this scene stands still, and one look leaves '
-                    f'±{1e3 * reached_m:.0f} mm: the objects stay missing, as max_stddev is '
-                    f'{wanted_m:g} m. Try emulate:=arm, or max_stddev:={reached_m:g}'
-                )
-            )
     frame = target or parameter(context, 'driver', 'frame_id')
-    actions += viewer(context, frame, upright=bool(target))
-    return [*actions, sensor(emulate_base=target or base), node(context, 'coffee', parameters)]
+    rviz = viewer(context, frame, upright=bool(target))
+    return [*rviz, sensor(emulate_base=target or base), node(context, 'coffee', parameters)]
 
 
 def generate_launch_description():
     """Return the launch arguments and what they start."""
     arguments = {
         **SENSOR,
-        'marker_file': (MARKERS, 'YAML file of the known markers.'),
+        **preset('detector', marker_file=MARKERS),
         **unset('coffee', 'target_frame', 'max_stddev'),
     }
-    return LaunchDescription([*declare_arguments(arguments), OpaqueFunction(function=_coffee)])
+    return launch_description(arguments, _coffee)

@@ -8,18 +8,16 @@ With sensors:=3, as many on a triangle on the ground locate the drone, too.
 import math
 import time
 
-from launch import LaunchDescription
-from launch.actions import OpaqueFunction
-
 from retrolidar_ros.nodes.launching import (
     MARKERS,
     SENSOR,
-    declare_arguments,
+    launch_description,
     list_argument,
     node,
     number,
     one_of_several,
     parameter,
+    preset,
     sensor,
     value,
 )
@@ -63,16 +61,16 @@ def _drone(context):
             'publish_tf': 'false',
         }
         actions.append(one_of_several(context, name, **own))
-    _tell_places(context, places)
-    given = {
+    _send_places(context, places)
+    parameters = {
         'fixed_frame': fixed_frame,
         'marker_file': value(context, 'marker_file'),
         'acceleration': number(context, 'acceleration'),
     }
-    return [*rviz, *actions, node(context, 'landmarks', given), heartbeat]
+    return [*rviz, *actions, node(context, 'landmarks', parameters), heartbeat]
 
 
-def _tell_places(context, places):
+def _send_places(context, places):
     """Send static transforms of the sensors, by frame: x and y in the fixed frame [m]."""
     from geometry_msgs.msg import TransformStamped
     from launch_ros.ros_adapters import get_ros_node
@@ -93,11 +91,11 @@ def generate_launch_description():
     arguments = {
         **SENSOR,
         'emulate_base': ('', SENSOR['emulate_base'][1]),
-        'marker_file': (MARKERS, 'YAML file of the known markers.'),
+        **preset('detector', marker_file=MARKERS),
         'sensors': ('1', 'Number of sensors: 1, or 3 to locate the drone.'),
         'ports': ('[]', 'Of three, as [/dev/a, /dev/b, /dev/c].'),
         'edge': ('0.4', 'Edge of the triangle of sensors [m]; the first is on its x axis.'),
         'fixed_frame': ('ground', 'Frame of that triangle: its middle, z up.'),
-        'acceleration': ('0.04', "Standard deviation of the drone's acceleration [m/s²]."),
+        **preset('landmarks', acceleration='0.04'),
     }
-    return LaunchDescription([*declare_arguments(arguments), OpaqueFunction(function=_drone)])
+    return launch_description(arguments, _drone)

@@ -6,16 +6,16 @@ On one host: ros2 launch retrolidar_ros hall.launch.py serve:=true ports:=[/dev/
 On the rest: ros2 launch retrolidar_ros hall.launch.py server:=HOST:11811 ports:=[...] names:=[...]
 """
 
-from launch import LaunchDescription
-from launch.actions import ExecuteProcess, OpaqueFunction, SetEnvironmentVariable
+from launch.actions import ExecuteProcess, SetEnvironmentVariable
 
 from retrolidar_ros.nodes.launching import (
     COMMON,
-    declare_arguments,
     is_on,
+    launch_description,
     list_argument,
     node,
     overrides_from,
+    preset,
     value,
 )
 from retrolidar_ros.nodes.viewing import viewer
@@ -34,7 +34,7 @@ def _host(context):
         actions.append(SetEnvironmentVariable('ROS_DISCOVERY_SERVER', server))
     parameters = overrides_from(context, 'marker_file', 'protocol')
     parameters |= {
-        name: some for name in ('ports', 'names') if (some := list_argument(context, name))
+        name: items for name in ('ports', 'names') if (items := list_argument(context, name))
     }
     names = parameters.get('names') or [
         f'sensor{n}' for n in range(len(list_argument(context, 'ports')))
@@ -49,8 +49,7 @@ def generate_launch_description():
     """Return the launch arguments and what they start."""
     arguments = {
         **COMMON,
-        'ports': ('[]', 'Devices of the sensors, as [/dev/a, /dev/b].'),
-        'names': ('[]', 'Names of the sensors; [] = sensor0, sensor1, ...'),
+        **preset('reader', ports='[]', names='[]'),
         'namespace': ('retrolidar', 'Common namespace; each sensor adds its name.'),
         'markers': ('', 'One topic for all detections, as /retrolidar/markers.'),
         'server': ('', 'Discovery server, HOST:PORT; empty = none but that of serve.'),
@@ -58,4 +57,4 @@ def generate_launch_description():
     }
     arguments.pop('single_process')  # it is one
     arguments.pop('autostart')
-    return LaunchDescription([*declare_arguments(arguments), OpaqueFunction(function=_host)])
+    return launch_description(arguments, _host)

@@ -2,17 +2,15 @@
 # SPDX-License-Identifier: Apache-2.0
 """One sensor, and the node that places markers in a fixed frame, or a robot among them."""
 
-from launch import LaunchDescription
-from launch.actions import OpaqueFunction
-
 from retrolidar_ros.nodes.launching import (
     MARKERS,
     SENSOR,
-    declare_arguments,
     is_on,
+    launch_description,
     node,
     overrides_from,
     parameter,
+    preset,
     sensor,
     unset,
 )
@@ -34,8 +32,8 @@ def generate_launch_description():
     """Return the launch arguments and what they start."""
     arguments = {
         **SENSOR,
-        'marker_file': (MARKERS, 'YAML file of the known markers.'),
+        **preset('detector', marker_file=MARKERS),
         **unset('landmarks', 'fixed_frame', 'load_file', 'save_file', 'base_frame'),
-        'localize': ('false', 'Locate base_frame among the landmarks of load_file.'),
+        **preset('landmarks', localize='false'),
     }
-    return LaunchDescription([*declare_arguments(arguments), OpaqueFunction(function=_landmarks)])
+    return launch_description(arguments, _landmarks)

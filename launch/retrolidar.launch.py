@@ -8,14 +8,13 @@ import sys
 import tempfile
 import time
 
-from launch import LaunchDescription
 from launch.actions import ExecuteProcess, OpaqueFunction, Shutdown
 
 from retrolidar_ros.nodes.launching import (
     SENSOR,
-    declare_arguments,
     full_namespace,
     is_on,
+    launch_description,
     node,
     overrides_from,
     parameter,
@@ -89,4 +88,4 @@ def generate_launch_description():
         'markers': ('markers', 'Topic of the detections.'),
         'emulate_options': ('', 'Options of `retrolidar emulate`, which --help lists.'),
     }
-    return LaunchDescription([*declare_arguments(arguments), OpaqueFunction(function=_nodes)])
+    return launch_description(arguments, _nodes)

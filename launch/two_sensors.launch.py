@@ -6,10 +6,7 @@ Each has its own namespace, port and frame. A marker that both see has a TF fram
 as left_mug and right_mug, since TF allows one parent per frame.
 """
 
-from launch import LaunchDescription
-from launch.actions import OpaqueFunction
-
-from retrolidar_ros.nodes.launching import COMMON, declare_arguments, one_of_several, value
+from retrolidar_ros.nodes.launching import COMMON, launch_description, one_of_several, value
 from retrolidar_ros.nodes.viewing import viewer
 from retrolidar_ros.scene.files import load_scene
 
@@ -42,4 +39,4 @@ def generate_launch_description():
         arguments[f'{side}_port'] = ('', f'Device of the {side} sensor, by serial number.')
         arguments[f'{side}_frame'] = (f'{side}_optical_frame', f'TF frame of the {side} sensor.')
         arguments[f'{side}_emulate'] = ('', f'A scene to emulate instead of the {side} sensor.')
-    return LaunchDescription([*declare_arguments(arguments), OpaqueFunction(function=_sensors)])
+    return launch_description(arguments, _sensors)

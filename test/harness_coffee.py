@@ -3,14 +3,13 @@
 """What is asserted of the task coffee, however its nodes were started."""
 
 from fnmatch import fnmatchcase
-from functools import partial
 from itertools import combinations
 from typing import Any, NamedTuple
 
 import numpy as np
 from diagnostic_msgs.msg import DiagnosticStatus
 from geometry_msgs.msg import PoseWithCovarianceStamped, Vector3Stamped
-from harness import MOST_MAHALANOBIS, check_place
+from harness import MAX_MAHALANOBIS, check_place
 from harness_observer import LATCHED, Observer, values_of
 from std_msgs.msg import Bool, Header, String
 from tf2_msgs.msg import TFMessage
@@ -90,8 +89,8 @@ def check_coffee(observer: Observer, scene: Scene, node: str, view: View) -> Non
         ends = [poses[name][-1] for name in (one, other)]
         covariance = sum(covariance_of(end.pose)[:3, :3] for end in ends)
         error = vector_of(offset[-1].vector) - (truth[other] - truth[one])
-        assert error @ np.linalg.solve(covariance, error) < MOST_MAHALANOBIS
-    _check_demand(observer, node, ready, missing, view)
+        assert error @ np.linalg.solve(covariance, error) < MAX_MAHALANOBIS
+    _check_demand(observer, node, ready, missing)
 
 
 def _position(pose: PoseWithCovarianceStamped) -> Floats:
@@ -99,7 +98,7 @@ def _position(pose: PoseWithCovarianceStamped) -> Floats:
 
 
 def _origin(observer: Observer, name: str, stamp: Any) -> MarkerDetection | None:
-    """Return the detection of a marker at a time, if it was heard."""
+    """Return the detection of a marker at a time, if it has come."""
     detections = (message for message, _ in observer.markers)
     ours = (one for one in detections if (one.child_frame_id, one.header.stamp) == (name, stamp))
     return next(ours, None)
@@ -140,30 +139,18 @@ def _agree(poses: dict[str, list[Any]], offsets: dict[tuple[str, str], list[Any]
     return True
 
 
-def _check_demand(
-    observer: Observer, node: str, ready: list[Any], missing: list[Any], view: View
-) -> None:
+def _check_demand(observer: Observer, node: str, ready: list[Any], missing: list[Any]) -> None:
     """While more is demanded than a zone can give, what is missing is published with its reason."""
-    unsure, stale = '±* mm (±{} mm needed*', 'was last seen ? s ago'
-    steps: list[tuple[dict[str, float], tuple[str, ...], str]] = [
-        # The beans are 1 m away, which makes a zone small enough for this.
-        ({'max_stddev': 0.055}, OBJECTS[1:], unsure.format(55)),
-        ({'max_stddev': 0.01}, OBJECTS, unsure.format(10)),
-        ({'stale_after': 0.1}, OBJECTS, stale),
-        ({'stale_after': 10.0}, OBJECTS, unsure.format(10)),
-        ({'max_stddev': 0.2}, (), ''),
-    ]
-    # Landmarks are a bit less sure than single detections.
-    for changes, names, reason in steps[view is not SENSOR_VIEW :]:
+    reason = '±* mm (±10 mm needed*'
+    demanded = ', '.join(f'{name} {reason}' for name in OBJECTS)
+    for max_stddev, pattern in ((0.01, demanded), (0.2, '')):
         missing.clear()
-        observer.services.set(f'{observer.namespace}/{node}', **changes)
-        pattern = ', '.join(f'{name} {reason}' for name in names)
-        observer.wait(partial(_is_told, ready, missing, pattern), pattern)
-
-
-def _is_told(ready: list[Any], missing: list[Any], pattern: str) -> bool:
-    told = any(fnmatchcase(one.data, pattern) for one in missing)
-    return told and ready[-1].data is not bool(pattern)
+        observer.services.set(f'{observer.namespace}/{node}', max_stddev=max_stddev)
+        observer.wait(
+            lambda wanted=pattern: any(fnmatchcase(one.data, wanted) for one in missing),  # type: ignore[misc]
+            pattern,
+        )
+        observer.wait(lambda wanted=pattern: ready[-1].data is not bool(wanted), 'ready')  # type: ignore[misc]
 
 
 def publish_base(observer: Observer) -> None:

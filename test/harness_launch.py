@@ -4,9 +4,6 @@
 
 import os
 import signal
-import subprocess
-import sys
-import threading
 import unittest
 from collections.abc import Callable, Mapping
 from concurrent.futures import ThreadPoolExecutor
@@ -53,7 +50,7 @@ def included(name: str, **arguments: str) -> Any:
 
 
 def domain_of(index: int) -> str:
-    """Return the domain of one of several systems of a test, which do not hear each other."""
+    """Return the domain of one of several systems of a test, which stay apart."""
     own = int(os.environ.get(_DOMAIN, '0'))
     return str(_FIRST_DOMAIN + (10 * own + index) % _DOMAINS)
 
@@ -93,32 +90,3 @@ def check_exit_codes(proc_info: Any, *allowed: int) -> None:
 def launched(*actions: Any) -> Any:
     """Return the description of a test that begins at once."""
     return LaunchDescription([*actions, launch_testing.actions.ReadyToTest()])
-
-
-def lines_until(wanted: str, *arguments: str, timeout_s: float = 60.0) -> list[str]:
-    """Launch a file, interrupt it once it has printed `wanted`, and return the lines it printed.
-
-    Its nodes are in a domain of their own, as TF frames of the same names may be sent meanwhile.
-    """
-    domain = int(os.environ.get('ROS_DOMAIN_ID', '0')) + 1
-    with subprocess.Popen(
-        [sys.executable, '-c', SCRIPT, *arguments],
-        stdout=subprocess.PIPE,
-        stderr=subprocess.STDOUT,
-        text=True,
-        start_new_session=True,
-        env={**os.environ, 'ROS_DOMAIN_ID': str(domain)},
-    ) as process:
-        kill = threading.Timer(timeout_s, os.killpg, (process.pid, signal.SIGKILL))
-        kill.start()
-        lines: list[str] = []
-        assert process.stdout is not None
-        for line in process.stdout:
-            if wanted in line and not any(wanted in one for one in lines):
-                process.send_signal(signal.SIGINT)
-            lines.append(line)
-        kill.cancel()
-    text = ''.join(lines)
-    assert wanted in text, text
-    assert process.returncode != -signal.SIGKILL, f'not ended within {timeout_s} s:\n{text}'
-    return lines

@@ -36,7 +36,7 @@ def endless(scene: Scene) -> Iterator[Frame]:
 
 
 class System(Observer):
-    """Nodes of a namespace, and what they say."""
+    """Nodes of a namespace, their messages and logs."""
 
     def __init__(self, directory: Path, namespace: str, processes: ProcessGroup) -> None:
         super().__init__(namespace)
@@ -122,7 +122,7 @@ def running(directory: Path, namespace: str) -> Iterator[System]:
 def in_this_process(
     make: Callable[[], list[Node]], system: System, *arguments: str
 ) -> Iterator[SingleThreadedExecutor]:
-    """Make nodes here, where they turn when they are spun, and their functions can be replaced."""
+    """Make nodes in this process, where a test can spin them and replace functions."""
     rclpy.init(args=['--ros-args', '-r', f'__ns:={system.namespace}', *arguments])
     executor = SingleThreadedExecutor()
     nodes = make()

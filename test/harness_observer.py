@@ -1,6 +1,6 @@
 # Copyright 2026 retrolidar_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""What tests hear of running nodes, wait for, and ask of their services."""
+"""What tests receive from running nodes, wait for, and ask of their services."""
 
 from collections import defaultdict
 from collections.abc import Callable, Iterator
@@ -32,7 +32,7 @@ def values_of(status: DiagnosticStatus) -> dict[str, str]:
 
 
 class Observer(Listener):
-    """A listener that also hears other topics and the statuses of all nodes."""
+    """A listener that also collects other topics and the statuses of all nodes."""
 
     def __init__(self, namespace: str) -> None:
         super().__init__(namespace)
@@ -167,8 +167,8 @@ class Services:
             self.read(DescribeParameters, f'{node}/describe_parameters', request).descriptors
         )
 
-    def get(self, node: str) -> dict[str, ParameterValue]:
-        names = sorted(self.names(node))
+    def get(self, node: str, *only: str) -> dict[str, ParameterValue]:
+        names = sorted(only or self.names(node))
         request = GetParameters.Request(names=names)
         values = self.read(GetParameters, f'{node}/get_parameters', request).values
         return dict(zip(names, values, strict=True))

@@ -80,7 +80,7 @@ def check_two_sensors(observer: Observer, scene: Scene) -> None:
     optical = {side: f'{side}_optical_frame' for side in SIDES}
     names = {f'{side}_{marker.name}' for side in SIDES for marker in scene.markers}
     observer.wait(lambda: all(frames.values()), 'both sensors')
-    # They may be of frames that came before these were heard.
+    # They may be of frames from before these subscriptions.
     observer.markers.clear()
     observer.wait(lambda: {one.child_frame_id for one, _ in observer.markers} >= names, 'readings')
     read = [message for message, _ in observer.markers]

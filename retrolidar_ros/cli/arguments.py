@@ -41,9 +41,9 @@ class Parser(argparse.ArgumentParser):
         self.exit(2, '\n'.join(lines) + '\n')
 
 
-def measured(kind: str, least: float, most: float) -> Callable[[str], float]:
+def measured(kind: str, minimum: float, maximum: float) -> Callable[[str], float]:
     """Return a parser of quantities with units, or bare in the code's unit."""
-    parse = quantity(kind, least, most, bare=True)
+    parse = quantity(kind, minimum, maximum, bare=True)
 
     def parsed(text: str) -> float:
         try:

@@ -7,20 +7,16 @@ from __future__ import annotations
 import argparse
 import sys
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
 from retrolidar_ros.bag import salvage_frames
 from retrolidar_ros.cli.arguments import Subparsers, add_bag
 from retrolidar_ros.cli.decode import NOTHING_READ
-from retrolidar_ros.marker.code import PACKET_BITS, packet
 from retrolidar_ros.sensor.frame import Recording
 from retrolidar_ros.settings.section import quantity
 from retrolidar_ros.tasks.calibration.calibrate import Calibration, calibrate
 from retrolidar_ros.tasks.calibration.report import missing, parameter_file, sentences
-
-_BLUE, _GREY = '#0072b2', '0.6'
 
 
 def add_command(subparsers: Subparsers) -> None:
@@ -68,46 +64,24 @@ def _page(found: Calibration, source: str) -> str:
     lines += ['± is half of the interval that holds the truth in 95 of 100 cases.', '']
     if wanted := missing(found):
         lines += ['## What to record next', '', *(f'* {line}' for line in wanted), '']
-    return '\n'.join([*lines, '![What the estimates rest on](calibration.png)', ''])
+    return '\n'.join([*lines, '![Noise over signal](calibration.png)', ''])
 
 
 def _draw(found: Calibration, path: Path, source: str) -> None:
+    """Draw the variances of steady zones over their signals, and the noise law."""
     from matplotlib.figure import Figure
 
-    figure = Figure(figsize=(12, 4.5), layout='constrained')
-    noise, signal = figure.subplots(1, 2)
-    figure.suptitle(f'Calibration from {source}', fontsize=13)
-    _noise(noise, found)
-    _signal(signal, found)
-    figure.savefig(path, dpi=110)
-
-
-def _noise(axes: Any, found: Calibration) -> None:
-    """Draw the variances of steady zones over their signals, and the noise law."""
-    axes.set(xlabel='signal [kcps/SPAD]', ylabel='variance [(kcps/SPAD)²]', title='Zones at rest')
-    if found.noise is None:
+    figure = Figure(figsize=(6.5, 4.5), layout='constrained')
+    axes = figure.subplots()
+    axes.set(xlabel='signal [kcps/SPAD]', ylabel='variance [(kcps/SPAD)²]')
+    axes.set_title(f'Noise of zones at rest, from {source}')
+    if (noise := found.noise) is None:
         axes.text(0.5, 0.5, 'no zone is at rest', ha='center', transform=axes.transAxes)
-        return
-    signal, variance = np.array([(one.signal, one.variance) for one in found.noise.blocks]).T
-    axes.plot(signal, variance, '.', color=_GREY, label='a zone in some seconds')
-    along = np.linspace(0, max(float(signal.max()) * 1.1, 1.0), 50)
-    law = found.noise.law.lit(found.noise.light)
-    axes.plot(along, law.variance(along), color=_BLUE, label='law that was found')
-    axes.set_ylim(0)
-    axes.legend(frameon=False)
-
-
-def _signal(axes: Any, found: Calibration) -> None:
-    """Draw the signal of the zone of a marker, and shade the dark bits that were read."""
-    axes.set(xlabel='time [s]', ylabel='signal [kcps/SPAD]')
-    if not found.markers:
-        axes.text(0.5, 0.5, 'no marker was read', ha='center', transform=axes.transAxes)
-        return
-    marker, recording = found.markers[0], found.recording
-    time_s = (recording.stamp_ns - marker.readings[0].start_ns) * 1e-9
-    edges_s = marker.bit_period_s.value * np.arange(PACKET_BITS + 1)
-    rows = (time_s >= 0) & (time_s < edges_s[-1])
-    axes.step(time_s[rows], recording.signal[rows, marker.zone], where='mid', color=_BLUE)
-    for index in np.flatnonzero(packet(marker.id)).tolist():
-        axes.axvspan(*edges_s[index : index + 2], color=_GREY, alpha=0.4, linewidth=0)
-    axes.set(title=f'ID {marker.id} in zone {marker.zone}; grey: dark bits', ylim=(0, None))
+    else:
+        signal, variance = np.array([(one.signal, one.variance) for one in noise.blocks]).T
+        axes.plot(signal, variance, '.', color='0.6', label='a zone in some seconds')
+        along = np.linspace(0, max(float(signal.max()) * 1.1, 1.0), 50)
+        axes.plot(along, noise.law.lit(noise.light).variance(along), label='law that was found')
+        axes.set_ylim(0)
+        axes.legend(frameon=False)
+    figure.savefig(path, dpi=110)

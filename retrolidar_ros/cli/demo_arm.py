@@ -6,6 +6,7 @@ from __future__ import annotations
 
 import math
 import time
+from collections.abc import Sequence
 from functools import partial
 from itertools import pairwise
 from pathlib import Path
@@ -27,8 +28,6 @@ from retrolidar_ros.tasks.state import largest_stddev
 
 _BEFORE_S = 3.0  # from the start of the emulator to the time zero of the scene
 _LATE_S = 1.0  # the estimate of a place is complete so long after the hand has left it
-_SURE = 5.991  # 95 % of a normal distribution in a plane
-_COLOURS = ('#56b4e9', '#0072b2', '#e69f00', '#d55e00', '#cc79a7', '#009e73')
 
 
 class Known(NamedTuple):
@@ -38,10 +37,19 @@ class Known(NamedTuple):
     off_m: Floats
     covariance: Floats
 
+    @property
+    def off_mm(self) -> float:
+        """The size of the error [mm]."""
+        return 1e3 * float(np.linalg.norm(self.off_m))
+
+    @property
+    def stddev_mm(self) -> float:
+        """The estimated deviation along the worst axis [mm]."""
+        return 1e3 * largest_stddev(self.covariance)
+
     def __str__(self) -> str:
         """Return error and deviation [mm]."""
-        off_m = float(np.linalg.norm(self.off_m))
-        return f'{1e3 * off_m:.1f} ± {1e3 * largest_stddev(self.covariance):5.1f}'
+        return f'{self.off_mm:.1f} ± {self.stddev_mm:5.1f}'
 
 
 class _Hand:
@@ -80,7 +88,7 @@ class _Hand:
 def run_arm(scene: Scene, file: Path, picture: Path, listener: Listener, timeout_s: float) -> int:
     """Run a scene whose sensor moves; return 0 if all ellipsoids hold in the end, else 1.
 
-    The picture shows how the ellipsoids shrink.
+    The picture shows how the errors shrink.
     """
     print(f'{scene.description}\nDriver, detector and landmarks are starting ...', flush=True)
     names = [marker.name for marker in scene.markers]
@@ -107,7 +115,7 @@ def run_arm(scene: Scene, file: Path, picture: Path, listener: Listener, timeout
             place = ', '.join(f'{one:5.2f}' for one in place_m)
             print(f'  {index + 1}. ({place}) m {cells}', flush=True)
     print('Error of the position ± its estimated deviation along the worst axis [mm]\n')
-    _draw(scene, hand, picture)
+    _draw(hand, names, picture)
     last = [hand.after(len(hand.stays) - 1, one) for one in names]
     off = [
         one.off_m @ np.linalg.solve(one.covariance, one.off_m) if one else np.inf for one in last
@@ -117,40 +125,21 @@ def run_arm(scene: Scene, file: Path, picture: Path, listener: Listener, timeout
     return 0 if good.all() else 1
 
 
-def _draw(scene: Scene, hand: _Hand, path: Path) -> None:
-    """Draw ellipses of 95 % after each place, as seen from the hand, and near each object."""
+def _draw(hand: _Hand, names: Sequence[str], path: Path) -> None:
+    """Draw the error of each object, and its estimated deviation, over the places so far."""
     from matplotlib.figure import Figure
-    from matplotlib.patches import Ellipse
 
-    figure = Figure(figsize=(15, 4.9), layout='constrained')
-    ratios = [1.8] + [1] * len(scene.markers)
-    wide, *near = figure.subplots(1, len(ratios), width_ratios=ratios)
-    for index, (place_m, _) in enumerate(hand.stays):
-        colour = _COLOURS[index % len(_COLOURS)]
-        eye_m = (place_m[0], -place_m[1])
-        wide.plot(*eye_m, 's', color=colour, label=f'after place {index + 1}')
-        wide.annotate(str(index + 1), eye_m, xytext=(6, -4), textcoords='offset points')
-        for axes, marker in zip(near, scene.markers, strict=True):
-            if (one := hand.after(index, marker.name)) is None:
-                continue
-            size, turn = np.linalg.eigh(one.covariance[:2, :2])
-            angle = math.degrees(math.atan2(turn[1, 0], turn[0, 0]))
-            for panel, origin_m, unit in ((wide, marker.position_m, 1), (axes, (0, 0, 0), 1e3)):
-                x, down = (unit * (np.array(origin_m) + one.off_m)[:2]).tolist()
-                width, height = (2 * unit * np.sqrt(_SURE * size)).tolist()
-                ellipse = Ellipse((x, -down), width, height, angle=-angle, fill=False, ec=colour)
-                panel.add_patch(ellipse)
-                panel.plot(x, -down, '.', color=colour)
-    for axes, marker in zip(near, scene.markers, strict=True):
-        x, down, _ = marker.position_m
-        wide.annotate(marker.name, (x, -down), (5, 5), textcoords='offset points')
-        wide.plot(x, -down, 'k+')
-        axes.plot(0, 0, 'k+', markersize=12)
-        axes.set(xlim=(-80, 80), ylim=(-80, 80), aspect='equal', xlabel='error to the right [mm]')
-        axes.set_title(f'{marker.name}, {math.hypot(*marker.position_m):.1f} m away')
-    near[0].set_ylabel('error upwards [mm]')
-    wide.set(aspect='equal', xlabel='to the right [m]', ylabel='upwards [m]')
-    wide.set_title('as seen from the hand')
-    figure.legend(loc='outside lower center', ncols=len(hand.stays), frameon=False)
-    figure.suptitle('Where the objects are: ellipses of 95 %, and squares where the hand looked')
+    figure = Figure(figsize=(8, 4.5), layout='constrained')
+    axes = figure.subplots()
+    for name in names:
+        found = [(stay + 1, hand.after(stay, name)) for stay in range(len(hand.stays))]
+        known = [(place, one.off_mm, one.stddev_mm) for place, one in found if one]
+        if known:
+            place, off_mm, stddev_mm = zip(*known, strict=True)
+            (line,) = axes.plot(place, off_mm, 'o-', label=name)
+            axes.plot(place, stddev_mm, ':', color=line.get_color())
+    axes.set(yscale='log', xlabel='places', ylabel='position [mm]')
+    axes.set_title('Error of the position; dotted: its estimated deviation along the worst axis')
+    axes.set_xticks(range(1, len(hand.stays) + 1))
+    axes.legend(frameon=False)
     figure.savefig(path, dpi=100)

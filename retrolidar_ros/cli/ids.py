@@ -52,16 +52,16 @@ def add_command(subparsers: Subparsers) -> None:
 def run(arguments: argparse.Namespace) -> int:
     """Choose IDs, or check them."""
     if arguments.count is not None:
-        ids, least = choose_ids(arguments.count, arguments.min_distance)
+        ids, minimum = choose_ids(arguments.count, arguments.min_distance)
         print(*ids, sep='\n')
-        print(f'IDs: {len(ids)}, least distance: {least} bits', file=sys.stderr)
+        print(f'IDs: {len(ids)}, least distance: {minimum} bits', file=sys.stderr)
         return 0
 
     limit = SAFE_DISTANCE if arguments.min_distance is None else arguments.min_distance
     pairs = confusable_pairs(arguments.check, limit)
     reserved = sorted(set(arguments.check) & set(RESERVED_IDS))
-    least = int(distances(arguments.check).min())
-    print(f'IDs: {len(arguments.check)}, least distance: {least} bits')
+    minimum = int(distances(arguments.check).min())
+    print(f'IDs: {len(arguments.check)}, least distance: {minimum} bits')
     for marker_id in reserved:
         print(f'{marker_id} is reserved: after the preamble it never changes')
     for first, second, distance, shift in pairs:

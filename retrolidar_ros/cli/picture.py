@@ -28,11 +28,9 @@ _LEGEND: dict[str, Any] = {
     'borderaxespad': 0.2,
 }
 _SHOWN_BITS = 66
-_REMARK_BITS = 5  # before the recording, as room for a remark
 _MAX_SIGNALS, _MAX_UNREAD, _MAX_READINGS = 6, 3, 100
 _HINT_WIDTH = 150  # characters
 _ALONG = 400  # points of a marker's way
-_GAP_S = 0.1  # of a track
 
 
 class _Shown(NamedTuple):
@@ -71,13 +69,8 @@ def _zone_map(axes: Any, grid: ZoneGrid, modulation: Floats) -> None:
     axes.set_xticks(np.tan(np.radians(degrees)), [f'{d}°' for d in degrees])
     axes.set_yticks(np.tan(np.radians(degrees)), [f'{-d}°' for d in degrees])
     axes.set(xlabel='to the right', ylabel='upwards', anchor='N')
-    bar = axes.inset_axes((0, -0.17, 1, 0.03))
-    colorbar = axes.figure.colorbar(image, cax=bar, orientation='horizontal')
-    ticks = np.outer(10.0 ** np.arange(-1, 5), (1, 2, 5)).ravel()
-    ticks = ticks[(ticks >= image.norm.vmin) & (ticks <= image.norm.vmax)]
-    colorbar.set_ticks(ticks, labels=[f'{one:g}' for one in ticks], minor=False)
-    colorbar.minorticks_off()
-    colorbar.set_label('standard deviation of the signal [kcps/SPAD]', fontsize=9, labelpad=1)
+    bar = axes.figure.colorbar(image, ax=axes, orientation='horizontal', shrink=0.8)
+    bar.set_label('standard deviation of the signal [kcps/SPAD]', fontsize=9)
 
 
 def _places(
@@ -142,10 +135,6 @@ def _signal_with_bits(axes: Any, shown: _Shown, reading: Detection, name: str) -
         axes.text(left + bit_s / 2, height, str(bit), color=shade, **style)
     if begin_s < 0:
         axes.axvspan(begin_s, 0, color='0.92', linewidth=0)
-    if begin_s < -_REMARK_BITS * bit_s:
-        middle = (begin_s / 2, np.mean(axes.get_ylim()))
-        remark = {'ha': 'center', 'va': 'center', 'fontsize': 7, 'color': '0.4'}
-        axes.text(*middle, 'before the\nrecording', **remark)
     title = f'{name}, ID {reading.id}, zone {reading.zones[0]}'
     axes.set_title(title, loc='left', fontsize=10, color=colour)
 
@@ -157,17 +146,6 @@ def _blinking_zone(axes: Any, shown: _Shown, zone: BlinkingZone) -> None:
     _signal(axes, shown, zone.zone, middle_s - half_s, middle_s + half_s, colour)
     title = f'zone {zone.zone} blinks by {zone.modulation_db:.0f} dB: not read'
     axes.set_title(title, loc='left', fontsize=10, color=colour)
-
-
-def _followed(axes: Any, shown: _Shown, tracks: Sequence[Track], marker: int, colour: str) -> None:
-    """Draw the range of a marker at every frame, with gaps where it was not followed."""
-    own = [one for one in tracks if one.id == marker]
-    time_s = np.array([(one.stamp_ns - shown.origin_ns) * 1e-9 for one in own])
-    range_m = np.array([one.place.range_m for one in own])
-    gaps = np.flatnonzero(np.diff(time_s) > _GAP_S) + 1
-    axes.plot(
-        np.insert(time_s, gaps, np.nan), np.insert(range_m, gaps, np.nan), color=colour, lw=0.7
-    )
 
 
 def _signals(axes: Any, shown: _Shown) -> None:
@@ -210,7 +188,9 @@ def _ranges(
         axes.plot(
             read_s, [one.place.range_m for one in own], '.', color=colour, label=f'ID {identity}'
         )
-        _followed(axes, shown, tracks, identity, colour)
+        followed = [one for one in tracks if one.id == identity]
+        followed_s = [(one.stamp_ns - shown.origin_ns) * 1e-9 for one in followed]
+        axes.plot(followed_s, [one.place.range_m for one in followed], ',', color=colour)
     axes.set_ylabel('range [m]', fontsize=9)
     axes.set_xlabel('time [s]')
     axes.margins(y=0.25)

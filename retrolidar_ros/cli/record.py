@@ -9,16 +9,15 @@ import math
 import shutil
 import sys
 import time
-from collections import deque
 from dataclasses import replace
 from pathlib import Path
 
 from retrolidar_ros.bag import FRAMES_TOPIC, STORAGES, FrameWriter
 from retrolidar_ros.cli.arguments import Subparsers, add_port, seconds
 from retrolidar_ros.detector.blinking_zones import blinking_zones
+from retrolidar_ros.detector.frame_monitor import FrameMonitor
 from retrolidar_ros.sensor.clock import ClockMap
-from retrolidar_ros.sensor.frame import Frame, Recording
-from retrolidar_ros.sensor.frame_rate import missing_frames
+from retrolidar_ros.sensor.frame import Recording, ZoneGrid
 from retrolidar_ros.sensor.noise import NoiseLaw
 from retrolidar_ros.sensor.protocols import PROTOCOLS
 from retrolidar_ros.sensor.serial_source import SerialSource, in_background
@@ -26,7 +25,6 @@ from retrolidar_ros.settings.interrupts import termination_noted
 from retrolidar_ros.settings.parameter import declared
 
 _PROGRESS_S = 1.0
-_LOOKED_AT = 256  # newest frames, for the zone that blinks most
 
 
 def add_command(subparsers: Subparsers) -> None:
@@ -49,39 +47,18 @@ def add_command(subparsers: Subparsers) -> None:
     command.set_defaults(run=run)
 
 
-class Progress:
-    """Counts frames, and summarises them in a line."""
-
-    def __init__(self) -> None:
-        """Begin without frames."""
-        self.frames = self.lost = 0
-        self._sequence: int | None = None
-        self._newest: deque[Frame] = deque(maxlen=_LOOKED_AT)
-        self._counted = 0
-
-    def take(self, frame: Frame) -> None:
-        """Count a frame."""
-        self.frames += 1
-        self.lost += missing_frames(self._sequence, frame.sequence)
-        self._sequence = frame.sequence
-        if self._newest and self._newest[-1].grid != frame.grid:
-            self._newest.clear()
-        self._newest.append(frame)
-
-    def line(self, elapsed_s: float, since_s: float, silence: str) -> str:
-        """Return the counts after a time, the rate over the last `since_s`, and why it is 0."""
-        rate_hz = (self.frames - self._counted) / since_s
-        self._counted = self.frames
-        text = f'{elapsed_s:4.0f} s: {self.frames} frames, {rate_hz:.1f} a second, {self.lost} lost'
-        if not rate_hz:
-            return f'{text}; {silence}'
-        if len(self._newest) < 2:
-            return text
-        recording = Recording.of(list(self._newest))
-        law = NoiseLaw().lit(recording.ambient)
-        if not (zones := blinking_zones(recording, law)):
-            return f'{text}; no zone blinks'
-        return f'{text}; zone {zones[0].zone} blinks by {zones[0].modulation_db:.0f} dB'
+def summary(monitor: FrameMonitor, elapsed_s: float, rate_hz: float, silence: str) -> str:
+    """Return counts of frames, and which zone blinks most or why no frames come, in a line."""
+    text = f'{elapsed_s:4.0f} s: {monitor.frames} frames, {rate_hz:.1f} a second'
+    text += f', {monitor.lost} lost'
+    if not rate_hz:
+        return f'{text}; {silence}'
+    if len(monitor.newest) < 2:
+        return text
+    recording = Recording.of(list(monitor.newest))
+    if not (zones := blinking_zones(recording, NoiseLaw().lit(recording.ambient))):
+        return f'{text}; no zone blinks'
+    return f'{text}; zone {zones[0].zone} blinks by {zones[0].modulation_db:.0f} dB'
 
 
 def run(arguments: argparse.Namespace) -> int:
@@ -90,7 +67,8 @@ def run(arguments: argparse.Namespace) -> int:
     reader = PROTOCOLS[arguments.protocol](time.time_ns)
     source = SerialSource(arguments.port, arguments.baud, reader)
     clock = ClockMap(driver['transport_delay'].default)
-    progress = Progress()
+    monitor = FrameMonitor(ZoneGrid())
+    counted = 0
     writer = FrameWriter(
         arguments.output, arguments.storage, arguments.topic, driver['frame_id'].default
     )
@@ -111,18 +89,20 @@ def run(arguments: argparse.Namespace) -> int:
     ):
         while (now_s := time.monotonic()) < end_s and not requested.is_set():
             if now_s >= due_s:
+                rate_hz = (monitor.frames - counted) / (_PROGRESS_S + now_s - due_s)
                 problem = source.problem or source.received.silence(received)
-                say(progress.line(now_s - begin_s, _PROGRESS_S + now_s - due_s, problem))
-                received = source.received
-                due_s = now_s + _PROGRESS_S
+                say(summary(monitor, now_s - begin_s, rate_hz, problem))
+                counted, received, due_s = monitor.frames, source.received, now_s + _PROGRESS_S
             frames, arrival_ns = take_until(min(due_s, end_s)) or ([], 0)
             for frame in frames:
                 stamp_ns = clock.map(frame.sensor_time_us, arrival_ns)
                 bag.write(replace(frame, stamp_ns=stamp_ns), arrival_ns)
-                progress.take(frame)
-    if not progress.frames:
+                if monitor.newest and monitor.newest[-1].grid != frame.grid:
+                    monitor.restart(frame.grid)
+                monitor.take(frame)
+    if not monitor.frames:
         shutil.rmtree(made[-1])
         print(f'no frame came; {output} was not kept')
         return 1
-    print(f'{progress.frames} frames, {progress.lost} lost, in {output}')
+    print(f'{monitor.frames} frames, {monitor.lost} lost, in {output}')
     return 0

@@ -22,7 +22,7 @@ from retrolidar_ros.cli.arguments import (
     seconds,
 )
 from retrolidar_ros.cli.watch_state import Watch
-from retrolidar_ros.cli.watch_view import Snapshot, expressed, fitted, line, screen
+from retrolidar_ros.cli.watch_view import Snapshot, fitted, line, screen
 from retrolidar_ros.sensor.model import VL53L8CX
 from retrolidar_ros.sensor.protocols import PROTOCOLS
 from retrolidar_ros.sensor.serial_source import SerialSource, in_background
@@ -94,8 +94,7 @@ def _display(output: TextIO) -> Iterator[Callable[[Snapshot], None]]:
         columns, rows = shutil.get_terminal_size()
         lines = fitted(screen(snapshot), columns, rows)
         # Home; each line and the end of the one before; then the rest of the screen.
-        text = '\x1b[H' + '\x1b[K\r\n'.join(lines) + '\x1b[J'
-        output.write(expressed(text, output.encoding))
+        output.write('\x1b[H' + '\x1b[K\r\n'.join(lines) + '\x1b[J')
         output.flush()
 
     output.write('\x1b[?25l\x1b[2J')  # no cursor, no text

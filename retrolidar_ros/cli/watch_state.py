@@ -20,7 +20,6 @@ from retrolidar_ros.detector.frame_monitor import FrameMonitor
 from retrolidar_ros.detector.likelihood_detector import LikelihoodDetector
 from retrolidar_ros.detector.newest_bits import newest_bits
 from retrolidar_ros.detector.parameters import detector_of, known_markers, noise_of
-from retrolidar_ros.detector.tracks import Track
 from retrolidar_ros.marker.code import PACKET_BITS
 from retrolidar_ros.sensor.clock import ClockMap
 from retrolidar_ros.sensor.frame import Frame, Recording
@@ -53,7 +52,7 @@ class Watch:
         The values are of all parameters of a detector.
         """
         self._source = source
-        self._asked, self._chosen = zone, zone
+        self._fixed_zone, self._shown_zone = zone, zone
         self._values, self._known = values, known_markers(values)
         self._bit_s = values['bit_period']
         self._clock = ClockMap()
@@ -61,10 +60,9 @@ class Watch:
         self._agreement = Agreement(values['min_readings'])
         self._monitor: FrameMonitor | None = None
         self._last: dict[int, Detection] = {}
-        self._tracks: dict[int, Track] = {}
         self._times: Counter[int] = Counter()
-        self._heard_s = time.monotonic()
-        self._tallies = deque([_Tally(self._heard_s, 0, 0, source.received)])
+        self._last_arrival_s = time.monotonic()
+        self._tallies = deque([_Tally(self._last_arrival_s, 0, 0, source.received)])
 
     @property
     def frames(self) -> int:
@@ -82,23 +80,23 @@ class Watch:
         for frame in frames:
             stamp_ns = self._clock.map(frame.sensor_time_us, arrival_ns)
             self._take(replace(frame, stamp_ns=stamp_ns))
-        self._heard_s = arrival_ns * 1e-9
+        self._last_arrival_s = arrival_ns * 1e-9
 
     def _take(self, frame: Frame) -> None:
         grid = frame.grid
         newest = self._monitor.newest if self._monitor else None
         last = newest[-1] if newest else None
         if self._monitor is None or last is None or last.grid != grid:
-            if self._asked is not None and self._asked >= grid.zones:
+            if self._fixed_zone is not None and self._fixed_zone >= grid.zones:
                 raise ValueError(
-                    f'--zone {self._asked}: the sensor has {grid.rows}x{grid.columns} zones, '
+                    f'--zone {self._fixed_zone}: the sensor has {grid.rows}x{grid.columns} zones, '
                     f'0 to {grid.zones - 1}'
                 )
             detector = detector_of(self._values, grid, self._known)
             if not isinstance(detector, LikelihoodDetector):
                 raise ValueError(f'--method {self._values["method"]}: watch shows joint only')
             self._detector = detector
-            self._chosen = self._asked
+            self._shown_zone = self._fixed_zone
         if self._monitor is None:
             self._monitor = FrameMonitor(grid)
         elif last is not None and (last.grid != grid or last.stamp_ns >= frame.stamp_ns):
@@ -107,9 +105,6 @@ class Watch:
         assert self._detector is not None
         detections = self._detector.update(frame)
         self._monitor.read(detections)
-        self._tracks = {
-            track.id: track for track in self._agreement.followed(self._detector.follow(frame))
-        }
         for detection in self._agreement.confirmed(detections):
             self._last[detection.id] = detection
             self._times[detection.id] += 1
@@ -139,7 +134,7 @@ class Watch:
         """Return what is wrong since `then`."""
         if problem := self._source.problem:
             return f'{problem}; retrying'
-        silence_s = now.time_s - self._heard_s
+        silence_s = now.time_s - self._last_arrival_s
         if silence_s > _SILENCE_S:
             return f'{now.received.silence(then.received)} ({silence_s:.0f} s)'
         if now.restarts - then.restarts > 1:
@@ -165,20 +160,18 @@ class Watch:
         samples = Samples.of(Recording.of(recent))
         law = noise_of(self._values).lit(np.median(newest.ambient))
         blinking = modulation_db(samples, law)
-        if self._asked is None:
-            most = int(blinking.argmax())
-            if blinking[most] < BLINKING_DB:
-                self._chosen = None
-            elif self._chosen is None or blinking[most] > blinking[self._chosen] + _MORE_DB:
-                self._chosen = most
-        zone = self._chosen
+        if self._fixed_zone is None:
+            strongest = int(blinking.argmax())
+            if blinking[strongest] < BLINKING_DB:
+                self._shown_zone = None
+            elif (
+                self._shown_zone is None
+                or blinking[strongest] > blinking[self._shown_zone] + _MORE_DB
+            ):
+                self._shown_zone = strongest
+        zone = self._shown_zone
         readings = [
-            LastReading(
-                detection,
-                (now_ns - detection.end_ns) * 1e-9,
-                self._times[identity],
-                self._tracks.get(identity),
-            )
+            LastReading(detection, (now_ns - detection.end_ns) * 1e-9, self._times[identity])
             for identity, detection in self._last.items()
         ]
         return replace(
@@ -189,6 +182,4 @@ class Watch:
             bits=None if zone is None else newest_bits(samples, zone, self._bit_s),
             readings=readings,
             rejected=detector.counts.rejected,
-            last_rejected=detector.last_rejected,
-            demands=detector.demands,
         )

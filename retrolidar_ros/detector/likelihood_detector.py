@@ -149,11 +149,6 @@ class LikelihoodDetector:
             overloads=counts.overloads,
         )
 
-    @property
-    def last_rejected(self) -> Candidate | None:
-        """The last candidate of which nothing was read."""
-        return self._rejections.last
-
     def update(self, frame: Frame) -> list[Detection]:
         """Take the next frame; return the detections that became certain with it."""
         return self._push(frame, np.array([frame.stamp_ns]))

@@ -36,15 +36,9 @@ class NewestBits(NamedTuple):
         return np.isnan(self.signal)
 
     @property
-    def darkness(self) -> Floats:
-        """Soft bits: 0 at the bright level and 1 at the dark one, shape (31,)."""
-        darkness: Floats = (self.bright - self.signal) / (self.bright - self.dark)
-        return darkness
-
-    @property
     def hard(self) -> NDArray[np.bool_]:
         """Whether each bit is nearer to dark: a bit 1; shape (31,)."""
-        return self.darkness > 0.5
+        return self.signal < (self.bright + self.dark) / 2
 
 
 def newest_bits(samples: Samples, zone: int, bit_period_s: float) -> NewestBits | None:

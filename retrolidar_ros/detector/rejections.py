@@ -36,8 +36,6 @@ class Rejections:
     def __init__(self, grid: ZoneGrid) -> None:
         """Begin at zero."""
         self.counts: Counter[str] = Counter()
-        self.last: Candidate | None = None
-        """The last that was counted."""
         self._near = adjacency(grid)
         self._pending: deque[tuple[int, Candidate]] = deque()
         self._read: deque[Detection] = deque(maxlen=_READ)
@@ -58,7 +56,6 @@ class Rejections:
             self._pending.popleft()
             if one.reason is not None and not self._is_read(one, packet_ns):
                 self.counts[one.reason.value] += 1
-                self.last = one
 
     def _is_read(self, candidate: Candidate, packet_ns: float) -> bool:
         """Return whether something was read in, or beside, a candidate's zone, at its time."""

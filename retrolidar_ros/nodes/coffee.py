@@ -21,7 +21,7 @@ from retrolidar_ros.nodes.conversion import (
     to_pose_msg,
 )
 from retrolidar_ros.nodes.detection_subscriber import DetectionSubscriber
-from retrolidar_ros.nodes.diagnostics import WARN, Health, health_of, register_health_check
+from retrolidar_ros.nodes.diagnostics import WARN, DiagnosticsPublisher, Health
 from retrolidar_ros.nodes.parameters import Parameters
 from retrolidar_ros.nodes.qos import latched, topics_of
 from retrolidar_ros.nodes.run import run
@@ -68,18 +68,17 @@ class CoffeeNode(Node):
             pair: latched(self, Vector3Stamped, topic)
             for pair, topic in zip(pairs, topics, strict=True)
         }
-        register_health_check(self, 'objects', '', self._examine)
-        self._readings: TransformedDetections | DetectionSubscriber
+        DiagnosticsPublisher(self).register_health_check(self, 'objects', self._examine)
+        self._readings: DetectionSubscriber
         source = values['source']
-        topic = 'tracks' if source == 'tracks' else 'markers'
         if self._target:
             # In a fixed frame readings from several places accumulate.
             self._readings = TransformedDetections(
-                self, [topic], source, self._target, _PATIENCE_S, self._on_reading, self._restart
+                self, source, self._target, _PATIENCE_S, self._on_reading, self._restart
             )
         else:
-            self._readings = DetectionSubscriber(self, [topic], source, self._on_detection)
-        parameters.warn_of_unknown()
+            self._readings = DetectionSubscriber(self, source, self._on_detection)
+        parameters.warn_of_misspelled()
         self.create_timer(_TICK_S, self._tick, clock=Clock(clock_type=ClockType.STEADY_TIME))
 
     def _change(self, values: dict[str, float]) -> None:
@@ -173,7 +172,7 @@ class CoffeeNode(Node):
         if missing:
             problems.append((WARN, f'{len(missing)} of {len(values)} objects missing'))
         fine = f'{len(values)} objects placed'
-        return health_of(self._readings.examine(values) + problems, fine, values)
+        return Health(self._readings.examine(values) + problems, values, fine)
 
 
 def main() -> int:

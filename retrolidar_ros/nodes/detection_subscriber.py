@@ -15,7 +15,6 @@ from retrolidar_ros.msg import MarkerDetection, MarkerTrack
 from retrolidar_ros.nodes.conversion import Marked, covariance_of, quaternion_in, to_ns, vector_of
 from retrolidar_ros.nodes.diagnostics import ERROR
 from retrolidar_ros.nodes.qos import EVENTS, subscribe
-from retrolidar_ros.sensor.frame import Floats
 
 _MAX_NAME = 100
 _MAX_AHEAD_S, _MAX_AGE_S = 2.0, 60.0
@@ -29,67 +28,73 @@ _LOG_PERIOD_S = 5.0
 
 def check_detection(message: Marked, now_ns: int) -> None:
     """Raise ValueError for an impossible detection; after a colon stands its value."""
-    for field, name in (
-        ('frame_id', message.header.frame_id),
-        ('child_frame_id', message.child_frame_id),
-    ):
-        if not name or len(name) > _MAX_NAME or not name.isprintable() or name[0] == '/':
+    frame_id, child = message.header.frame_id, message.child_frame_id
+    for field, name in (('frame_id', frame_id), ('child_frame_id', child)):
+        if not 0 < len(name) <= _MAX_NAME or not name.isprintable() or name[0] == '/':
             raise ValueError(
-                f'{field} is no TF frame of 1 to {_MAX_NAME} characters: {name[:_MAX_NAME]!r}'
+                f'{field} is not a TF name of 1 to {_MAX_NAME} characters: {name[:_MAX_NAME]!r}'
             )
-    if message.header.frame_id == message.child_frame_id:
-        raise ValueError(f'the marker has the frame of the sensor: {message.child_frame_id}')
-    if message.id >= IDS:
-        raise ValueError(f'the ID is not below {IDS}: {message.id}')
     stamp_ns = to_ns(message.header.stamp)
     age_s = (now_ns - stamp_ns) * 1e-9
-    if stamp_ns < 0 or not -_MAX_AHEAD_S <= age_s <= _MAX_AGE_S:
-        raise ValueError(
-            f'the stamp is far from the time here (same use_sim_time?): {age_s:.1f} s old'
-        )
-    position_m = vector_of(message.pose.pose.position)
+    position_m, covariance = vector_of(message.pose.pose.position), covariance_of(message.pose)
     distance_m = float(np.linalg.norm(position_m))
-    for what, number in (('position', distance_m), ('range', message.range)):
-        if not 0 < number <= _MAX_DISTANCE_M:
-            raise ValueError(f'the {what} is not within {_MAX_DISTANCE_M:g} m: {number}')
-    if position_m[2] < _MIN_FORWARD * distance_m:
-        raise ValueError(f'the position is not before the sensor: {position_m.tolist()}')
-    if not _MIN_STDDEV <= message.range_stddev <= _MAX_STDDEV:
-        raise ValueError(f'range_stddev cannot be: {message.range_stddev}')
     orientation = quaternion_in(message.pose.pose.orientation)
-    if not abs(float(orientation @ orientation) - 1) <= _UNIT:
-        raise ValueError(f'the orientation is not of length 1: {orientation.tolist()}')
-    _check_covariance(covariance_of(message.pose))
-
-
-def _check_covariance(covariance: Floats) -> None:
-    most = np.abs(covariance).max()
-    if not most <= _MAX_STDDEV**2:  # nor NaN
-        raise ValueError(f'the covariance is not finite or exceeds {_MAX_STDDEV**2:g}: {most}')
-    if np.abs(covariance - covariance.T).max() > _UNIT * most:
+    length = float(np.linalg.norm(orientation))
+    largest = float(np.abs(covariance).max())
+    # Each comparison is false for NaN.
+    for is_possible, reason in (
+        (frame_id != child, f'child_frame_id is the frame of the sensor: {child}'),
+        (message.id < IDS, f'the ID is not below {IDS}: {message.id}'),
+        (
+            stamp_ns >= 0 and -_MAX_AHEAD_S <= age_s <= _MAX_AGE_S,
+            f'the stamp is far from now (same use_sim_time?): {age_s:.1f} s old',
+        ),
+        (
+            0 < distance_m <= _MAX_DISTANCE_M and position_m[2] >= _MIN_FORWARD * distance_m,
+            f'the position is not in front of the sensor: {position_m.tolist()} m',
+        ),
+        (0 < message.range <= _MAX_DISTANCE_M, f'impossible range: {message.range} m'),
+        (
+            _MIN_STDDEV <= message.range_stddev <= _MAX_STDDEV,
+            f'impossible range_stddev: {message.range_stddev} m',
+        ),
+        (
+            abs(length - 1) <= _UNIT,
+            f'the orientation is not a unit quaternion: {orientation.tolist()}',
+        ),
+        (largest <= _MAX_STDDEV**2, f'the covariance is not finite, or too large: {largest}'),
+    ):
+        if not is_possible:
+            raise ValueError(reason)
+    if np.abs(covariance - covariance.T).max() > _UNIT * largest:
         raise ValueError('the covariance is not symmetric')
-    least = min(np.linalg.eigvalsh(block)[0] for block in (covariance[:3, :3], covariance))
-    if not least >= _MIN_STDDEV**2:
-        raise ValueError(f'the covariance is not above 0: {least}')
+    smallest = min(np.linalg.eigvalsh(block)[0] for block in (covariance[:3, :3], covariance))
+    if not smallest >= _MIN_STDDEV**2:
+        raise ValueError(f'the covariance is not positive definite: {smallest}')
 
 
 class DetectionSubscriber:
     """Passes on valid detections; counts, logs and drops the others."""
 
     def __init__(
-        self, node: Node, topics: Sequence[str], source: str, callback: Callable[[Marked], None]
+        self,
+        node: Node,
+        source: str,
+        callback: Callable[[Marked], None],
+        topics: Sequence[str] = (),
     ) -> None:
-        """Subscribe to topics of a source, detections or tracks."""
+        """Subscribe to topics of a source, detections or tracks; by default to its usual one."""
         self._node = node
         self._callback = callback
         self._refused: Counter[str] = Counter()
         self._reason = ''
         self._told = 0
-        kind = MarkerTrack if source == 'tracks' else MarkerDetection
-        for topic in topics:
-            subscribe(node, kind, topic, self._on_detection, EVENTS)
+        is_track = source == 'tracks'
+        kind, usual = (MarkerTrack, 'tracks') if is_track else (MarkerDetection, 'markers')
+        for topic in topics or [usual]:
+            subscribe(node, kind, topic, self._on_message, EVENTS)
 
-    def _on_detection(self, message: Marked) -> None:
+    def _on_message(self, message: Marked) -> None:
         try:
             check_detection(message, self._node.get_clock().now().nanoseconds)
             self._callback(message)

@@ -28,7 +28,7 @@ from retrolidar_ros.nodes.conversion import (
     to_transform,
 )
 from retrolidar_ros.nodes.qos import EVENTS, LATCHED, publisher, topics_of
-from retrolidar_ros.nodes.transforms import TransformWatch, WatchedSender, transform_sender
+from retrolidar_ros.nodes.transforms import TransformSender
 from retrolidar_ros.nodes.visualization import marker_shapes
 from retrolidar_ros.sensor.frame import Frame
 
@@ -52,10 +52,10 @@ class DetectionTopics:
         node: Node,
         known: dict[int, KnownMarker],
         values: dict[str, Any],
-        watch: TransformWatch,
+        sender: TransformSender,
     ) -> None:
         """Make the publishers; names of markers are those of `known`."""
-        self._watch = watch
+        self._sender = sender
         self._node = node
         self._known = known
         self._markers = publisher(node, MarkerDetection, 'markers', EVENTS)
@@ -75,18 +75,17 @@ class DetectionTopics:
             identity: publisher(node, PoseStamped, topic, LATCHED)
             for identity, topic in zip(known, topics, strict=True)
         }
-        self._send_transforms: WatchedSender | None = None
         self._beat_s = -math.inf
-        self._has_tracks = False
-        """Whether transforms and shapes are of tracks."""
         self._sent_ns = self._drawn_ns = self._dropped = 0
         self.change(values)
 
     def change(self, values: dict[str, Any]) -> None:
         """Apply new parameters."""
         self._values = values
-        if values['publish_tf'] and self._send_transforms is None:
-            self._send_transforms = self._watch.watched(transform_sender(self._node))
+        # Whether transforms and shapes are of tracks, which method paper has not.
+        self._has_tracks = values['tf_source'] == 'tracks' and values['method'] == 'joint'
+        if values['publish_tf']:
+            self._sender.open()
 
     def beat(self, stamp_ns: int, frame_id: str) -> None:
         """Publish, several times a second, the stamp up to which all frames are searched."""
@@ -97,18 +96,16 @@ class DetectionTopics:
 
     def follow(self, detector: Detector, agreement: Agreement, frame: Frame, frame_id: str) -> None:
         """Publish the tracks at a frame, if there are subscribers or parameters ask for them."""
-        self._has_tracks = False
-        if not isinstance(detector, LikelihoodDetector):
-            return
-        self._has_tracks = self._values['tf_source'] == 'tracks'
         has_subscribers = self._tracks.get_subscription_count() > 0
-        if not self._has_tracks and not has_subscribers:
+        if not isinstance(detector, LikelihoodDetector) or not (
+            self._has_tracks or has_subscribers
+        ):
             return
         tracks = agreement.followed(detector.follow(frame))
         self._warn_of_dropped(detector.track_counts.dropped)
         if not tracks or not self._is_due(frame.stamp_ns):
             return
-        messages = [to_track_msg(one, frame_id, self._child_frame(one.id)) for one in tracks]
+        messages = [to_track_msg(track, frame_id, self._child_frame(track.id)) for track in tracks]
         if self._has_tracks:
             self._send(messages)
         if has_subscribers:
@@ -160,23 +157,20 @@ class DetectionTopics:
             self._draw(messages)
 
     def _send(self, messages: Sequence[Marked]) -> None:
-        if self._values['publish_tf'] and self._send_transforms is not None:
-            self._send_transforms(
-                [to_transform(one.header, one.child_frame_id, one.pose.pose) for one in messages]
+        if self._values['publish_tf']:
+            self._sender.send(
+                [
+                    to_transform(message.header, message.child_frame_id, message.pose.pose)
+                    for message in messages
+                ]
             )
-
-    def shared_frames(self) -> str:
-        """Return which TF frames other nodes send, too; empty if none.
-
-        Call it about once a second.
-        """
-        self._watch.listen()
-        return self._send_transforms.problem() if self._send_transforms is not None else ''
 
     def _draw(self, messages: Sequence[Marked]) -> None:
         if self._drawn.get_subscription_count():
             stale_after_s = self._values['stale_after']
-            shapes = [shape for one in messages for shape in marker_shapes(one, stale_after_s)]
+            shapes = [
+                shape for message in messages for shape in marker_shapes(message, stale_after_s)
+            ]
             self._drawn.publish(MarkerArray(markers=shapes))
 
 

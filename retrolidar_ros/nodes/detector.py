@@ -18,17 +18,12 @@ from retrolidar_ros.detector.parameters import READING, detector_of, known_marke
 from retrolidar_ros.msg import Frame as FrameMsg
 from retrolidar_ros.nodes.conversion import from_frame_msg
 from retrolidar_ros.nodes.detection_topics import NAME, DetectionTopics
-from retrolidar_ros.nodes.detector_health import DetectorHealth
-from retrolidar_ros.nodes.diagnostics import (
-    WARN,
-    DiagnosticsPublisher,
-    Health,
-    register_health_check,
-)
+from retrolidar_ros.nodes.detector_health import NO_FRAME, DetectorHealth
+from retrolidar_ros.nodes.diagnostics import WARN, DiagnosticsPublisher, Health
 from retrolidar_ros.nodes.parameters import Parameters, check_frame_id
 from retrolidar_ros.nodes.qos import FRAME_QOS, subscribe
 from retrolidar_ros.nodes.run import run
-from retrolidar_ros.nodes.transforms import TransformWatch
+from retrolidar_ros.nodes.transforms import TransformSender
 from retrolidar_ros.sensor.frame import Frame, ZoneGrid
 
 
@@ -38,12 +33,12 @@ class DetectorNode(Node):
     def __init__(
         self,
         board: DiagnosticsPublisher | None = None,
-        watch: TransformWatch | None = None,
+        sender: TransformSender | None = None,
         **options: Any,
     ) -> None:
         """Declare parameters and subscribe.
 
-        With a board, frames come by `process_frame` and no topic. Board and watch are those of the
+        With a board, frames come by `process_frame` and no topic. Board and sender are those of the
         process, if it has them.
         """
         super().__init__('detector', **options)
@@ -54,20 +49,19 @@ class DetectorNode(Node):
         # The first frame tells the zone grid, but impossible parameters are to fail at the start.
         self._health = DetectorHealth(ZoneGrid())
         self._begin(self._values, ZoneGrid())
-        self._topics = DetectionTopics(
-            self, self._known, self._values, watch or TransformWatch(self)
-        )
+        self._sender = sender or TransformSender(self)
+        self._topics = DetectionTopics(self, self._known, self._values, self._sender)
         self._frame_id = ''
         self._number: int | None = None
         self._warned: set[str] = set()
         self._lock = Lock()  # frames and parameters may come in different threads
         parameters.follow(self._change)
         self.get_logger().info(f'reading markers by method {self._values["method"]}')
-        register_health_check(self, 'markers', '', self._examine, board)
+        (board or DiagnosticsPublisher(self)).register_health_check(self, 'markers', self._examine)
         self._topic = (
             '' if board else subscribe(self, FrameMsg, 'frames', self._on_frame, FRAME_QOS)
         )
-        parameters.warn_of_unknown()
+        parameters.warn_of_misspelled()
 
     def _begin(self, values: dict[str, Any], grid: ZoneGrid) -> None:
         """Begin to read frames of a grid; ValueError for impossible values."""
@@ -98,7 +92,7 @@ class DetectorNode(Node):
             if frame.stamp_ns < 0:
                 raise ValueError(f'its stamp of {frame.stamp_ns} ns is negative')
         except ValueError as error:
-            self._reject_frame(str(error))
+            self._health.drop(str(error))
             return
         self.process_frame(frame, message.header.frame_id, max_lost)
 
@@ -111,11 +105,6 @@ class DetectorNode(Node):
             began_s = time.perf_counter()
             if self._frame_id not in ('', frame_id):
                 self._health.foreign += 1
-                self.get_logger().warning(
-                    f'frames come from {self._frame_id} and from {frame_id}: one detector reads '
-                    f'one sensor; the detector restarts',
-                    throttle_duration_sec=5.0,
-                )
             if frame.grid != self._grid or frame_id != self._frame_id:
                 self._frame_id = frame_id
                 self._begin(self._values, frame.grid)
@@ -135,10 +124,6 @@ class DetectorNode(Node):
                 self._topics.publish(confirmed, frame.stamp_ns, frame_id)
         self._topics.follow(self._detector, self._agreement, frame, frame_id)
 
-    def _reject_frame(self, reason: str) -> None:
-        self._health.drop(reason)
-        self.get_logger().error(f'frame dropped: {reason}', throttle_duration_sec=5.0)
-
     def _log_rejected(self) -> None:
         """Log the candidates rejected with the newest frame."""
         if not isinstance(self._detector, LikelihoodDetector):
@@ -154,22 +139,23 @@ class DetectorNode(Node):
     def _examine(self) -> Health:
         # Includes nodes that have just been killed.
         found = self.get_publishers_info_by_topic(self._topic) if self._topic else []
-        publishers = [f'{one.node_namespace.rstrip("/")}/{one.node_name}' for one in found]
+        publishers = [
+            f'{publisher.node_namespace.rstrip("/")}/{publisher.node_name}' for publisher in found
+        ]
         with self._lock:
-            lost = self._health.lost()
-            health, problem = self._health.examine(
-                self._values, self._known, self._detector.counts, publishers
-            )
+            counts = self._detector.counts
+            health = self._health.examine(self._values, self._known, counts, publishers)
             health.values['withheld by min_readings'] = str(self._agreement.withheld)
-        if lost and lost in health.summary:
-            self.get_logger().warning(lost, throttle_duration_sec=5.0)
-        shared = self._topics.shared_frames()
-        for text in filter(None, (problem, shared)):
+        self._sender.listen()
+        if shared := self._sender.problem(self._frame_id):
+            health.problems.append((WARN, shared))
+        for _, text in health.problems:
             # Each kind of problem once; /diagnostics repeats them.
-            if (kind := re.sub(r'[\d.]+', '', text)) not in self._warned:
+            kind = re.sub(r'[\d.]+', '', text)
+            if not text.startswith(NO_FRAME) and kind not in self._warned:
                 self._warned.add(kind)
                 self.get_logger().warning(text)
-        return health.plus(WARN, shared)
+        return health
 
 
 def _check_child_frame(values: dict[str, Any]) -> None:

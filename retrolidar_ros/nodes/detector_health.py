@@ -5,14 +5,14 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from typing import Any
 
 from retrolidar_ros.detector import Detection, DetectorCounts
 from retrolidar_ros.detector.frame_monitor import FrameMonitor
 from retrolidar_ros.detector.parameters import registered
 from retrolidar_ros.marker.known_markers import KnownMarker, frame_of
-from retrolidar_ros.nodes.diagnostics import ERROR, PERIOD_S, STALE, WARN, Health, health_of
+from retrolidar_ros.nodes.diagnostics import ERROR, PERIOD_S, STALE, WARN, Health
 from retrolidar_ros.sensor.frame import ZoneGrid
 from retrolidar_ros.sensor.frame_rate import stamps_stand
 
@@ -21,7 +21,7 @@ _SILENCE_S = 2.0
 _MIXED = 2
 # Overloads in a second, of about six searches; a single one does no harm.
 _OVERLOADED = 3
-_FOREIGN = 'frames of another sensor'
+NO_FRAME = 'no frame has come'
 
 
 class DetectorHealth:
@@ -34,7 +34,7 @@ class DetectorHealth:
         """Frames from another TF frame than the one before."""
         self._dropped = 0
         self._reason = ''
-        self._heard_s = self._examined_s = time.monotonic()
+        self._frame_s = self._examined_s = time.monotonic()
         self._busy_s = self._age_s = 0.0
         self._stamp_ns = self._examined_ns = 0
         self._read_s: dict[int, float] = {}
@@ -53,7 +53,7 @@ class DetectorHealth:
     def done(self, stamp_ns: int, busy_s: float, age_s: float) -> None:
         """Count the processing time of a frame, and its age."""
         self._stamp_ns = stamp_ns
-        self._heard_s = time.monotonic()
+        self._frame_s = time.monotonic()
         self._busy_s += busy_s
         self._age_s += age_s
 
@@ -70,20 +70,10 @@ class DetectorHealth:
             'frames not sent': self.monitor.unsent,
             'repeated frames': self.monitor.repeated,
             'frames out of order': self.monitor.reversed,
+            'frames of another sensor': self.foreign,
             'dropped frames': self._dropped,
-            _FOREIGN: self.foreign,
             'overloads': counts.overloads,
         }
-
-    def lost(self) -> str:
-        """Return how many frames were lost since the last `examine`; empty if none."""
-        lost = self.monitor.lost - self._then['lost frames']
-        if not lost:
-            return ''
-        return (
-            f'{lost} frames were lost between driver and detector, {self.monitor.lost} in all: '
-            'this host is too slow, or the network'
-        )
 
     def examine(
         self,
@@ -91,15 +81,15 @@ class DetectorHealth:
         known: Mapping[int, KnownMarker],
         counts: DetectorCounts,
         publishers: list[str],
-    ) -> tuple[Health, str]:
+    ) -> Health:
         """Judge the time since the last call, usually a second.
 
         It depends on the detector's parameters, the markers of its file, and the nodes that send
-        frames. With it comes why markers are not read, for the log; empty if no reason is known.
+        frames.
         """
         now = self._counts(counts)
         new = {name: number - self._then[name] for name, number in now.items()}
-        lost, self._then = self.lost(), now
+        self._then = now
         advance_ns, self._examined_ns = self._stamp_ns - self._examined_ns, self._stamp_ns
         frames = max(new['frames'], 1)
         values = {
@@ -110,65 +100,58 @@ class DetectorHealth:
             'candidates': str(counts.candidates),
             'accepted': str(counts.accepted),
             'impossible samples': str(counts.impossible),
-            **{name: str(number) for name, number in now.items() if name != _FOREIGN},
+            **{name: str(number) for name, number in now.items()},
+            **{
+                f'rejected: {name}': str(number) for name, number in sorted(counts.rejected.items())
+            },
         }
         self._busy_s = self._age_s = 0.0
-        for reason, number in sorted(counts.rejected.items()):
-            values[f'rejected: {reason}'] = str(number)
-        values |= self._ages(known, registered(settings, known))
         now_s = time.monotonic()
+        for identity in sorted({*known, *registered(settings, known)}):
+            read_s = self._read_s.get(identity)
+            age = 'never' if read_s is None else f'{now_s - read_s:.1f}'
+            values[f'since last reading of {frame_of(identity, known)} [s]'] = age
         # While this process was suspended, it received nothing.
-        self._heard_s += max(now_s - self._examined_s - PERIOD_S, 0.0)
-        self._examined_s, silence_s = now_s, now_s - self._heard_s
-        problem = ''
+        self._frame_s += max(now_s - self._examined_s - PERIOD_S, 0.0)
+        self._examined_s, silence_s = now_s, now_s - self._frame_s
         if not now['frames'] and not new['dropped frames']:
-            return Health(WARN, 'no frame has come yet', values), problem
+            return Health([(WARN, f'{NO_FRAME} yet')], values)
         if silence_s > _SILENCE_S and not new['dropped frames']:
-            return Health(STALE, f'no frame has come for {silence_s:.0f} s', values), problem
-        problems = self._disturbances(new, publishers, lost)
-        hints = [self.monitor.unread(settings, known)]
+            return Health([(STALE, f'{NO_FRAME} for {silence_s:.0f} s')], values)
+        problems = self._disturbances(new, publishers)
+        unread = self.monitor.unread(settings, known)
         if stamps_stand(new['frames'] - new['repeated frames'], advance_ns):
             problems.append((ERROR, 'the stamps of frames stand still: does /clock?'))
-        else:
-            hints.insert(0, self.monitor.rate(settings['bit_period']))
-        sentences = [str(hint) for hint in hints if hint]
-        problems += [(WARN, sentence) for sentence in sentences]
-        problem = sentences[0] if sentences else ''
-        fine = f'{counts.accepted} packets accepted, {sum(counts.rejected.values())} rejected'
-        return health_of(problems, fine, values), problem
+        elif rate := self.monitor.rate(settings['bit_period']):
+            problems.append((WARN, str(rate)))
+        if unread:
+            problems.append((WARN, str(unread)))
+        rejected = sum(counts.rejected.values())
+        return Health(problems, values, f'{counts.accepted} packets accepted, {rejected} rejected')
 
-    def _disturbances(
-        self, new: dict[str, int], publishers: list[str], lost: str
-    ) -> list[tuple[bytes, str]]:
+    def _disturbances(self, new: dict[str, int], publishers: list[str]) -> list[tuple[bytes, str]]:
         """Return the disturbances of the last second's frames."""
         problems = []
-        mixed = new[_FOREIGN] + new['frames out of order'] + new['repeated frames']
-        if mixed >= _MIXED:
+        names = ('frames of another sensor', 'frames out of order', 'repeated frames')
+        if sum(new[name] for name in names) >= _MIXED:
             by = f' by {", ".join(sorted(publishers))}' if len(publishers) > 1 else ''
             text = f'frames of several sensors come mixed{by}: one detector reads one sensor'
             problems.append((ERROR, text))
-        elif lost:
-            problems.append((WARN, lost))
+        elif lost := new['lost frames']:
+            text = (
+                f'{lost} frames were lost between driver and detector, {self.monitor.lost} in '
+                'all: this host is too slow, or the network'
+            )
+            problems.append((WARN, text))
         elif unsent := new['frames not sent']:
             text = f'{unsent} frames were not sent: lost before the driver, or it was not active'
             problems.append((WARN, text))
-        if new['dropped frames']:
-            text = f'{new["dropped frames"]} frames cannot be used: {self._reason}'
-            problems.append((ERROR, text))
-        if new['overloads'] >= _OVERLOADED:
+        if dropped := new['dropped frames']:
+            problems.append((ERROR, f'{dropped} frames cannot be used: {self._reason}'))
+        if (overloads := new['overloads']) >= _OVERLOADED:
             text = (
-                f'search overloaded in {new["overloads"]} frames: more candidates than the limit; '
-                'reduce max_packets'
+                f'search overloaded in {overloads} frames: more candidates than the limit; reduce '
+                'max_packets'
             )
             problems.append((WARN, text))
         return problems
-
-    def _ages(self, known: Mapping[int, KnownMarker], registered: Iterable[int]) -> dict[str, str]:
-        """Return the time since the last reading of each expected marker."""
-        now_s = time.monotonic()
-        ages = {}
-        for identity in sorted({*known, *registered}):
-            read_s = self._read_s.get(identity)
-            age = 'never' if read_s is None else f'{now_s - read_s:.1f}'
-            ages[f'since last reading of {frame_of(identity, known)} [s]'] = age
-        return ages

@@ -21,30 +21,17 @@ PERIOD_S = 1.0
 class Health(NamedTuple):
     """The health of a node."""
 
-    level: bytes
-    summary: str
+    problems: list[tuple[bytes, str]]
+    """Level and text of each."""
     values: dict[str, str]
+    fine: str = ''
+    """What is said if there are no problems."""
     hardware_id: str = ''
     """Of the hardware, if it became known after the node started."""
 
-    def plus(self, level: bytes, problem: str) -> Health:
-        """Return this health with another problem; as it is if that is empty."""
-        if not problem:
-            return self
-        summary = problem if self.level == OK else f'{self.summary}; {problem}'
-        return self._replace(level=max(self.level, level), summary=summary)
 
-
-HealthCheck = Callable[[], 'Health | None']
-"""Judges the time since its last call; None if there is nothing to report."""
-
-
-def health_of(problems: list[tuple[bytes, str]], fine: str, values: dict[str, str]) -> Health:
-    """Return problems as one health, the worst first; `fine` if there are none."""
-    health = Health(OK, fine, values)
-    for problem in sorted(problems, key=lambda problem: problem[0], reverse=True):
-        health = health.plus(*problem)
-    return health
+HealthCheck = Callable[[], Health]
+"""Judges the time since its last call."""
 
 
 class DiagnosticsPublisher:
@@ -53,39 +40,30 @@ class DiagnosticsPublisher:
     def __init__(self, node: Node) -> None:
         """Publish in the name of `node`, for as long as it lives."""
         self._node = node
-        self._subjects: list[tuple[str, str, HealthCheck]] = []
+        self._subjects: list[tuple[str, HealthCheck, str]] = []
         self._publisher = node.create_publisher(DiagnosticArray, '/diagnostics', 10)
         # Of the steady clock: a paused replay, or a clock change, must not stop diagnostics.
         node.create_timer(PERIOD_S, self._publish, clock=Clock(clock_type=ClockType.STEADY_TIME))
 
-    def add(self, name: str, hardware_id: str, examine: HealthCheck) -> None:
-        """Publish the result of `examine`, too."""
-        self._subjects.append((name, hardware_id, examine))
+    def register_health_check(
+        self, node: Node, subject: str, check: HealthCheck, hardware_id: str = ''
+    ) -> None:
+        """Publish the result of `check`, too."""
+        name = f'{node.get_fully_qualified_name()}: {subject}'
+        self._subjects.append((name, check, hardware_id))
 
     def _publish(self) -> None:
         message = DiagnosticArray()
         message.header.stamp = self._node.get_clock().now().to_msg()
-        for name, hardware_id, examine in self._subjects:
-            if (health := examine()) is not None:
-                status = DiagnosticStatus(
-                    level=health.level,
-                    name=name,
-                    message=health.summary,
-                    hardware_id=health.hardware_id or hardware_id,
-                )
-                status.values = [KeyValue(key=key, value=one) for key, one in health.values.items()]
-                message.status.append(status)
+        for name, check, hardware_id in self._subjects:
+            health = check()
+            problems = sorted(health.problems, key=lambda problem: problem[0], reverse=True)
+            status = DiagnosticStatus(
+                level=problems[0][0] if problems else OK,
+                name=name,
+                message='; '.join(text for _, text in problems) or health.fine,
+                hardware_id=health.hardware_id or hardware_id,
+            )
+            status.values = [KeyValue(key=key, value=value) for key, value in health.values.items()]
+            message.status.append(status)
         self._publisher.publish(message)
-
-
-def register_health_check(
-    node: Node,
-    subject: str,
-    hardware_id: str,
-    examine: HealthCheck,
-    board: DiagnosticsPublisher | None = None,
-) -> DiagnosticsPublisher:
-    """Publish what `examine` returns once a second, on a new board or a given one; return that."""
-    board = DiagnosticsPublisher(node) if board is None else board
-    board.add(f'{node.get_fully_qualified_name()}: {subject}', hardware_id, examine)
-    return board

@@ -14,12 +14,7 @@ import rclpy
 from rclpy.lifecycle import LifecycleState, TransitionCallbackReturn
 from rclpy.lifecycle import Node as LifecycleNode
 
-from retrolidar_ros.nodes.diagnostics import (
-    WARN,
-    DiagnosticsPublisher,
-    Health,
-    register_health_check,
-)
+from retrolidar_ros.nodes.diagnostics import WARN, DiagnosticsPublisher, Health
 from retrolidar_ros.nodes.driver_health import NO_CLOCK, DetectorWatch, DriverTally
 from retrolidar_ros.nodes.frame_topics import FrameTopics
 from retrolidar_ros.nodes.parameters import Parameters, check_frame_id
@@ -75,13 +70,15 @@ class DriverNode(LifecycleNode):
         frame_id = self._values['frame_prefix'] + self._values['frame_id']
         self._frame_id = check_frame_id('frame_id', frame_id)
         self._topics = FrameTopics(self, self._frame_id)
-        parameters.warn_of_unknown()
+        parameters.warn_of_misspelled()
         parameters.follow(self._change)
         self._clock_map = ClockMap(self._values['transport_delay'])
         self._tally = DriverTally()
         offer_services(self, lambda: self._source)
         self._watch = None if on_frame else DetectorWatch(self)
-        register_health_check(self, 'frames', self._values['serial_port'], self._examine, board)
+        (board or DiagnosticsPublisher(self)).register_health_check(
+            self, 'frames', self._examine, self._values['serial_port']
+        )
         if self._values['autostart']:
             self.trigger_configure()
             self.trigger_activate()
@@ -205,19 +202,21 @@ class DriverNode(LifecycleNode):
         """Judge the last second."""
         source = self._source
         if self._is_finalized:
-            return Health(WARN, 'finalized: the node was shut down; start it again', {})
+            return Health([(WARN, 'finalized: the node was shut down; start it again')], {})
         if source is None:
-            return Health(WARN, 'not configured: the port is closed', {})
+            return Health([(WARN, 'not configured: the port is closed')], {})
         health = self._tally.examine(source, self._clock_map)
-        if (who := source.identity) is not None:
-            health.values['firmware'] = who.version
-            health = health._replace(hardware_id=who.serial)
-        if source.is_open and who is not None and not who.is_ranging:
-            return health._replace(level=WARN, summary='the sensor is stopped: call ~/start')
+        if (identity := source.identity) is not None:
+            health.values['firmware'] = identity.version
+            health = health._replace(hardware_id=identity.serial)
+        if source.is_open and identity is not None and not identity.is_ranging:
+            return health._replace(problems=[(WARN, 'the sensor is stopped: call ~/start')])
         if source.is_open and not self._is_active:
-            summary = 'not active: frames are read and not published'
-            return health._replace(level=WARN, summary=summary)
-        return health.plus(WARN, self._watch.problem() if self._watch else '')
+            problem = 'not active: frames are read and not published'
+            return health._replace(problems=[(WARN, problem)])
+        if self._watch is not None and (silent := self._watch.problem()):
+            health.problems.append((WARN, silent))
+        return health
 
 
 def main() -> int:

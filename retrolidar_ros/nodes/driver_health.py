@@ -11,7 +11,7 @@ import numpy as np
 from rclpy.node import Node
 from std_msgs.msg import Header
 
-from retrolidar_ros.nodes.diagnostics import ERROR, OK, WARN, Health
+from retrolidar_ros.nodes.diagnostics import ERROR, WARN, Health
 from retrolidar_ros.sensor.clock import ClockMap
 from retrolidar_ros.sensor.frame import IS_NORMAL, Frame
 from retrolidar_ros.sensor.frame_rate import missing_frames, stamps_stand
@@ -91,18 +91,18 @@ class DriverTally:
             'clock skew [ppm]': f'{clock_map.skew * 1e6:.0f}',
             'clock restarts': str(clock_map.restarts),
         }
+        problems = []
         if not source.is_open:
-            return Health(ERROR, source.problem, values)
-        if not new.frames:
-            return Health(ERROR, NO_CLOCK if new.untimed else silence, values)
-        if stamps_stand(new.frames, new.stamp_ns):
-            return Health(ERROR, 'the stamps stand still: does /clock?', values)
-        if new.damaged or new.lost:
-            text = f'{new.damaged} damaged packets, {new.lost} lost frames'
-            return Health(WARN, text, values)
-        if abnormal > _MANY_ABNORMAL:
-            return Health(WARN, f'{100 * abnormal:.0f} % of the zones are abnormal', values)
-        return Health(OK, f'{rate:.1f} frames a second', values)
+            problems.append((ERROR, source.problem))
+        elif not new.frames:
+            problems.append((ERROR, NO_CLOCK if new.untimed else silence))
+        elif stamps_stand(new.frames, new.stamp_ns):
+            problems.append((ERROR, 'the stamps stand still: does /clock?'))
+        elif new.damaged or new.lost:
+            problems.append((WARN, f'{new.damaged} damaged packets, {new.lost} lost frames'))
+        elif abnormal > _MANY_ABNORMAL:
+            problems.append((WARN, f'{100 * abnormal:.0f} % of the zones are abnormal'))
+        return Health(problems, values, f'{rate:.1f} frames a second')
 
 
 class DetectorWatch:

@@ -13,13 +13,13 @@ from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile, qos_profile_sensor_data
 from std_msgs.msg import Header, String
 from tf2_msgs.msg import TFMessage
+from tf2_ros import TransformBroadcaster
 
 from retrolidar_ros.msg import Frame as FrameMsg
 from retrolidar_ros.nodes.conversion import to_pose, to_transform
 from retrolidar_ros.nodes.parameters import Parameters, check_frame_id
 from retrolidar_ros.nodes.qos import EVENTS, latched
 from retrolidar_ros.nodes.run import run
-from retrolidar_ros.nodes.transforms import WatchedSender, transform_sender
 from retrolidar_ros.scene.description import Waypoint
 from retrolidar_ros.scene.files import load_scene
 from retrolidar_ros.scene.laboratory import rotation_of
@@ -56,58 +56,49 @@ class EmulatedArmNode(Node):
         except FileNotFoundError as error:
             raise ValueError(f'scene: {error}') from error
         self._start_s = values['start']
-        self._sensor, self._gave_way = '', False
+        self._sensor = ''
         self._moved: set[str] = set()
         self._began_s = time.monotonic()
-        self._send = WatchedSender(transform_sender(self))
+        self._broadcaster = TransformBroadcaster(self)
         self._description = latched(self, String, 'robot_description')
-        for topic, qos in (('/tf', EVENTS), ('/tf_static', _STATIC)):
+        self._others = [
             self.create_subscription(TFMessage, topic, self._on_transforms, qos)
+            for topic, qos in (('/tf', EVENTS), ('/tf_static', _STATIC))
+        ]
         self._frames = self.create_subscription(
             FrameMsg, 'frames', self._on_frame, qos_profile_sensor_data
         )
-        self.create_timer(_PERIOD_S, self._tell, clock=Clock(clock_type=ClockType.STEADY_TIME))
-        parameters.warn_of_unknown()
+        self.create_timer(_PERIOD_S, self._send_pose, clock=Clock(clock_type=ClockType.STEADY_TIME))
+        parameters.warn_of_misspelled()
 
     def _on_frame(self, message: FrameMsg) -> None:
         if time.monotonic() < self._began_s + _LISTENING_S:
             return
-        self.destroy_subscription(self._frames)
-        self._sensor = message.header.frame_id
-        if self._sensor in self._moved:
-            self._give_way()
+        for subscription in (self._frames, *self._others):
+            self.destroy_subscription(subscription)
+        sensor = message.header.frame_id
+        if sensor in self._moved:
+            self.get_logger().info(f'{sensor} has another parent in TF: that arm is used')
             return
-        names = {'base': quoteattr(self._base), 'sensor': quoteattr(self._sensor)}
+        self._sensor = sensor
+        names = {'base': quoteattr(self._base), 'sensor': quoteattr(sensor)}
         self._description.publish(String(data=_DESCRIPTION.format(**names)))
-        self.get_logger().info(f'sending the transform from {self._base} to {self._sensor}')
+        self.get_logger().info(f'sending the transform from {self._base} to {sensor}')
 
     def _on_transforms(self, message: TFMessage) -> None:
         """Note what other nodes move: a real arm has priority over this one."""
-        for one in message.transforms:
-            if self._sensor:
-                self._send.on_transform(one)
-            else:
-                self._moved.add(one.child_frame_id)
-        if self._send.problem():
-            self._give_way()
+        self._moved.update(transform.child_frame_id for transform in message.transforms)
 
-    def _give_way(self) -> None:
-        if self._gave_way:
-            return
-        self._gave_way = True
-        self.get_logger().info(f'{self._sensor} has another parent in TF: that arm is used')
-
-    def _tell(self) -> None:
+    def _send_pose(self) -> None:
         """Send where the sensor is now."""
-        if not self._sensor or self._gave_way:
+        if not self._sensor:
             return
         time_s = np.array([max(time.monotonic() - self._start_s, 0.0)])
         position_m, rotation_vector = along(self._path, time_s)
         orientation = quaternion_of(IN_BASE @ rotation_of(rotation_vector)[0])
         header = Header(frame_id=self._base, stamp=self.get_clock().now().to_msg())
-        self._send(
-            [to_transform(header, self._sensor, to_pose(IN_BASE @ position_m[0], orientation))]
-        )
+        pose = to_pose(IN_BASE @ position_m[0], orientation)
+        self._broadcaster.sendTransform([to_transform(header, self._sensor, pose)])
 
 
 def main() -> int:

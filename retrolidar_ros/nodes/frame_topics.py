@@ -42,6 +42,8 @@ class FrameTopics:
     def publish(self, frame: Frame) -> None:
         """Publish a frame, stamped in ROS time, on all topics with subscribers."""
         if frame.sequence % _COUNT_PERIOD_FRAMES == 0:
-            self._subscribed = [one for one in self._topics if one[0].get_subscription_count()]
+            self._subscribed = [
+                topic for topic in self._topics if topic[0].get_subscription_count()
+            ]
         for topic, convert in self._subscribed:
             topic.publish(convert(frame, self._frame_id))

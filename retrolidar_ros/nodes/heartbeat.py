@@ -11,7 +11,7 @@ from std_msgs.msg import Bool
 from retrolidar_ros.msg import MarkerTrack
 from retrolidar_ros.nodes.conversion import Marked, to_ns
 from retrolidar_ros.nodes.detection_subscriber import DetectionSubscriber
-from retrolidar_ros.nodes.diagnostics import WARN, Health, health_of, register_health_check
+from retrolidar_ros.nodes.diagnostics import WARN, DiagnosticsPublisher, Health
 from retrolidar_ros.nodes.parameters import Parameters
 from retrolidar_ros.nodes.qos import latched
 from retrolidar_ros.nodes.run import run
@@ -37,11 +37,10 @@ class HeartbeatNode(Node):
         self._overdue: set[str] = set()
         self._is_alive: bool | None = None
         self._alive = latched(self, Bool, '~/alive')
-        register_health_check(self, 'markers', '', self._examine)
+        DiagnosticsPublisher(self).register_health_check(self, 'markers', self._examine)
         source = parameters.values['source']
-        topic = 'tracks' if source == 'tracks' else 'markers'
-        self._detections = DetectionSubscriber(self, [topic], source, self._on_detection)
-        parameters.warn_of_unknown()
+        self._detections = DetectionSubscriber(self, source, self._on_detection)
+        parameters.warn_of_misspelled()
         self.create_timer(_TICK_S, self._tick, clock=Clock(clock_type=ClockType.STEADY_TIME))
 
     def _change(self, values: dict[str, float]) -> None:
@@ -92,7 +91,7 @@ class HeartbeatNode(Node):
             problems.append((WARN, f'overdue: {", ".join(sorted(self._overdue))}'))
         elif not self._is_alive:
             problems.append((WARN, 'not all markers have been read yet'))
-        return health_of(problems, 'all markers are read', values)
+        return Health(problems, values, 'all markers are read')
 
 
 def _unseen_s(message: Marked) -> float:

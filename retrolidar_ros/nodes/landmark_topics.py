@@ -10,11 +10,11 @@ from geometry_msgs.msg import PoseWithCovarianceStamped
 from rclpy.node import Node
 from rclpy.publisher import Publisher
 from std_msgs.msg import Header
+from tf2_ros import TransformBroadcaster
 from visualization_msgs.msg import MarkerArray
 
 from retrolidar_ros.nodes.conversion import to_header, to_pose_msg, to_transform
 from retrolidar_ros.nodes.qos import LATCHED, latched, publisher, topics_of
-from retrolidar_ros.nodes.transforms import TransformFinder, transform_sender
 from retrolidar_ros.nodes.visualization import landmark_shapes
 from retrolidar_ros.tasks.landmarks import Estimate
 
@@ -27,18 +27,13 @@ def object_topics(names: Sequence[str]) -> list[str]:
 class LandmarkTopics:
     """Publishes landmarks in a fixed frame."""
 
-    def __init__(
-        self, node: Node, finder: TransformFinder, fixed_frame: str, child_frame: str, send: bool
-    ) -> None:
+    def __init__(self, node: Node, fixed_frame: str, child_frame: str, send: bool) -> None:
         """Make the publishers; `send` transforms to `child_frame`, with a name for its {name}."""
         self._node = node
-        self._finder = finder
         self._fixed = fixed_frame
         self._child_frame = child_frame
         self._poses: dict[str, Publisher] = {}
-        self._blocked: set[str] = set()
-        self._sent: set[str] = set()
-        self._send = transform_sender(node) if send else None
+        self._broadcaster = TransformBroadcaster(node) if send else None
         self._shapes = publisher(node, MarkerArray, '~/marker_array', LATCHED)
         self._shapes_due = False
 
@@ -54,9 +49,9 @@ class LandmarkTopics:
         message = to_pose_msg(header, estimate.position_m, estimate.rotation, estimate.covariance)
         self._poses[name].publish(message)
         self._shapes_due = True
-        child = self._child_frame.replace('{name}', name)
-        if self._send is not None and self._is_ours(child):
-            self._send([to_transform(message.header, child, message.pose.pose)])
+        if self._broadcaster is not None:
+            child = self._child_frame.replace('{name}', name)
+            self._broadcaster.sendTransform([to_transform(header, child, message.pose.pose)])
 
     def change(self) -> None:
         """Take note that landmarks have changed that are not published."""
@@ -69,17 +64,3 @@ class LandmarkTopics:
             stamp = self._node.get_clock().now().to_msg()
             shapes = landmark_shapes(Header(stamp=stamp, frame_id=self._fixed), estimates)
             self._shapes.publish(MarkerArray(markers=shapes))
-
-    def _is_ours(self, child: str) -> bool:
-        """Return whether a frame has no other parent in TF than this node gives it."""
-        if child in self._blocked:
-            return False
-        if child not in self._sent and self._finder.knows(child):
-            self._blocked.add(child)
-            self._node.get_logger().warning(
-                f'{child} has a parent in TF already, so it is not sent; set child_frame, or '
-                'publish_tf of the detector to false'
-            )
-            return False
-        self._sent.add(child)
-        return True

@@ -19,7 +19,7 @@ from std_srvs.srv import Trigger
 from retrolidar_ros.detector.parameters import known_markers
 from retrolidar_ros.marker.known_markers import objects_of
 from retrolidar_ros.nodes.conversion import Marked, to_pose_msg
-from retrolidar_ros.nodes.diagnostics import WARN, Health, health_of, register_health_check
+from retrolidar_ros.nodes.diagnostics import WARN, DiagnosticsPublisher, Health
 from retrolidar_ros.nodes.landmark_topics import LandmarkTopics, object_topics
 from retrolidar_ros.nodes.parameters import Parameters, check_frame_id
 from retrolidar_ros.nodes.qos import STREAM, publisher
@@ -34,9 +34,8 @@ from retrolidar_ros.tasks.state import Prior
 from retrolidar_ros.tasks.survey import Survey
 from retrolidar_ros.tasks.survey_files import load_survey, save_survey
 
-# Readings are solved when they come, with a rest as long as it took: half a core at most. What
-# comes meanwhile is solved after it.
-_RETRY_S, _MAX_BUSY_S = 0.02, 0.01
+# Every tick, readings are solved for so long: half a core at most. The others wait.
+_TICK_S, _MAX_BUSY_S = 0.02, 0.01
 _SHAPES_S = 1.0
 _MAX_WAIT_S = 0.3  # more is told
 
@@ -54,10 +53,10 @@ class LandmarksNode(Node):
         self._fixed = check_frame_id('fixed_frame', values['fixed_frame'])
         markers = known_markers(values)
         objects: dict[str, dict[int, Floats]] = {
-            name: {one: np.array(place) for one, place in places.items()}
+            name: {marker: np.array(place) for marker, place in places.items()}
             for name, places in objects_of(markers).items()
         }
-        self._names = {one.id: one.frame for one in markers.values()}
+        self._names = {marker.id: marker.frame for marker in markers.values()}
         errors = Errors(
             range_bias_m=values['range_bias'],
             pose_m=values['pose_stddev'],
@@ -75,41 +74,40 @@ class LandmarksNode(Node):
                 for name in known
                 if re.fullmatch(r'marker_\d+', name)
             }
-            for one in markers.values():
-                if not one.object:
-                    alone[one.frame] = {one.id: np.zeros(3)}
+            for marker in markers.values():
+                if not marker.object:
+                    alone[marker.frame] = {marker.id: np.zeros(3)}
             self._room = room_of(known, alone | objects, errors, flat=values['flat'])
             self._pose = publisher(self, PoseWithCovarianceStamped, '~/pose', STREAM)
         elif known and frame != self._fixed:
             raise ValueError(f'load_file: its landmarks are in {frame}, not in {self._fixed}')
         self._known_frame = frame
         self._backlog = Backlog()
-        self._longest_s = self._rest_until_s = 0.0
+        self._longest_s = 0.0
         self._dropped = 0
         self.create_service(Trigger, '~/save', self._save)
         self.create_service(Trigger, '~/forget', self._forget)
-        register_health_check(self, 'landmarks', '', self._examine)
+        DiagnosticsPublisher(self).register_health_check(self, 'landmarks', self._examine)
         self._readings = TransformedDetections(
             self,
-            values['topics'],
             values['source'],
             self._fixed,
             values['patience'],
             self._on_reading,
             self._restart,
+            values['topics'],
         )
         self._topics = LandmarkTopics(
             self,
-            self._readings.finder,
             self._fixed,
             values['frame_prefix'] + values['child_frame'],
             values['publish_tf'],
         )
-        parameters.warn_of_unknown()
+        parameters.warn_of_misspelled()
         for estimate in [] if values['localize'] else self._survey.estimates():
             self._topics.publish(estimate)
         steady = Clock(clock_type=ClockType.STEADY_TIME)
-        self._retry = self.create_timer(_RETRY_S, self._solve, clock=steady)
+        self.create_timer(_TICK_S, self._solve, clock=steady)
         self.create_timer(
             _SHAPES_S, lambda: self._topics.publish_shapes(self._survey.estimates()), clock=steady
         )
@@ -123,7 +121,7 @@ class LandmarksNode(Node):
             raise ValueError(f'load_file: {path}: {error}') from error
 
     def _on_reading(self, reading: Reading, message: Marked) -> None:
-        """Solve a reading, now or later."""
+        """Queue a reading."""
         name = 'room'
         if self._room is None:
             # Each of several sensors may have a name of its own for a marker.
@@ -133,14 +131,9 @@ class LandmarksNode(Node):
         elif not self._room.has(reading.marker):
             return
         self._backlog.add(name, reading, time.monotonic())
-        self._solve()
 
     def _solve(self) -> None:
-        """Solve and publish what waits, for as long as it may take at once."""
-        if time.monotonic() < self._rest_until_s:
-            if self._retry.is_canceled():
-                self._retry.reset()
-            return
+        """Solve and publish what waits, for as long as it may take in a tick."""
         # Processor time: on a busy machine wall time would be too long.
         began_s = time.thread_time()
         while self._backlog and time.thread_time() < began_s + _MAX_BUSY_S:
@@ -150,11 +143,6 @@ class LandmarksNode(Node):
             else:
                 self._localize(self._room, batch)
             self._longest_s = max(self._longest_s, time.monotonic() - batch.since_s)
-        self._rest_until_s = time.monotonic() + time.thread_time() - began_s
-        if not self._backlog:
-            self._retry.cancel()
-        elif self._retry.is_canceled():
-            self._retry.reset()
 
     def _update_landmark(self, batch: Batch) -> None:
         """Publish a landmark with new readings."""
@@ -183,7 +171,7 @@ class LandmarksNode(Node):
         if not inliers:
             return
         estimate, base = room.estimate(), self._values['base_frame']
-        stamp = Time(nanoseconds=round(max(one.stamp_s for one in inliers) * 1e9))
+        stamp = Time(nanoseconds=round(max(reading.stamp_s for reading in inliers) * 1e9))
         found = self._readings.finder.find(self._fixed, base, stamp)
         if found is None:
             self.get_logger().warning(
@@ -228,13 +216,13 @@ class LandmarksNode(Node):
         rows = self._survey.estimates()
         if self._room is not None:
             rows = [room for room in [self._room.estimate()] if room is not None]
-        for one in rows:
-            values[f'{one.name}: readings'] = str(one.readings)
-            values[f'{one.name}: rejected'] = str(one.rejected)
-            values[f'{one.name}: baseline [m]'] = f'{one.baseline_m:.3f}'
-            values[f'{one.name}: deviation [m]'] = f'{one.stddev_m:.4f}'
-            if one.moved_s is not None:
-                values[f'{one.name}: last moved [s]'] = f'{one.moved_s:.1f}'
+        for estimate in rows:
+            values[f'{estimate.name}: readings'] = str(estimate.readings)
+            values[f'{estimate.name}: rejected'] = str(estimate.rejected)
+            values[f'{estimate.name}: baseline [m]'] = f'{estimate.baseline_m:.3f}'
+            values[f'{estimate.name}: deviation [m]'] = f'{estimate.stddev_m:.4f}'
+            if estimate.moved_s is not None:
+                values[f'{estimate.name}: last moved [s]'] = f'{estimate.moved_s:.1f}'
         problems = self._readings.examine(values)
         values['backlog'] = str(len(self._backlog))
         values['longest wait [s]'] = f'{self._longest_s:.3f}'
@@ -246,7 +234,7 @@ class LandmarksNode(Node):
         self._longest_s = 0.0
         if not rows:
             problems.append((WARN, 'nothing is placed yet'))
-        return health_of(problems, f'{len(rows)} placed', values)
+        return Health(problems, values, f'{len(rows)} placed')
 
 
 def main() -> int:

@@ -9,16 +9,19 @@ arguments are checked before the first process starts.
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import yaml
+from launch import LaunchDescription
 from launch.actions import (
     DeclareLaunchArgument,
     EmitEvent,
     GroupAction,
     IncludeLaunchDescription,
     LogInfo,
+    OpaqueFunction,
 )
 from launch.events import matches_action
 from launch.events.process import ProcessExited, ShutdownProcess
@@ -39,7 +42,13 @@ MARKERS = PathJoinSubstitution([SHARE, 'config', 'markers.yaml'])
 def unset(kind: str, *names: str) -> dict[str, tuple[Any, str]]:
     """Return launch arguments that override parameters of a node if they are not empty."""
     as_in_file = 'Empty = as in the parameter file.'
-    return {name: ('', f'{declared()[kind][name].summary()} {as_in_file}') for name in names}
+    described = preset(kind, **dict.fromkeys(names, ''))
+    return {name: ('', f'{text} {as_in_file}') for name, (_, text) in described.items()}
+
+
+def preset(kind: str, **defaults: Any) -> dict[str, tuple[Any, str]]:
+    """Return launch arguments that override parameters of a node, by these values if not given."""
+    return {name: (default, declared()[kind][name].summary()) for name, default in defaults.items()}
 
 
 COMMON: dict[str, tuple[Any, str]] = {
@@ -72,12 +81,16 @@ _MISCONFIGURED = 2
 _LEVELS = ('debug', 'info', 'warn', 'error', 'fatal')
 
 
-def declare_arguments(arguments: dict[str, tuple[Any, str]]) -> list[DeclareLaunchArgument]:
-    """Return launch arguments as actions."""
-    return [
+def launch_description(
+    arguments: dict[str, tuple[Any, str]],
+    start: Callable[[LaunchContext], list[LaunchDescriptionEntity]],
+) -> LaunchDescription:
+    """Return launch arguments, by name, and what `start` returns once they have values."""
+    declared_arguments = [
         DeclareLaunchArgument(name, default_value=default, description=description)
         for name, (default, description) in arguments.items()
     ]
+    return LaunchDescription([*declared_arguments, OpaqueFunction(function=start)])
 
 
 def value(context: LaunchContext, name: str) -> str:
@@ -207,4 +220,4 @@ def full_namespace(context: LaunchContext) -> str:
 
 
 def _joined(*parts: str) -> str:
-    return '/'.join(part for one in parts if (part := one.strip('/')))
+    return '/'.join(part for text in parts if (part := text.strip('/')))

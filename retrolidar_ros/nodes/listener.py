@@ -76,11 +76,13 @@ class Listener:
 
     def untransformed(self) -> set[int]:
         """Return the IDs of detections whose transforms have not come."""
-        sent = {(one.child_frame_id, to_ns(one.header.stamp)) for one in self.transforms}
+        sent = {
+            (message.child_frame_id, to_ns(message.header.stamp)) for message in self.transforms
+        }
         return {
-            one.id
-            for one, _ in self.markers
-            if (one.child_frame_id, to_ns(one.header.stamp)) not in sent
+            message.id
+            for message, _ in self.markers
+            if (message.child_frame_id, to_ns(message.header.stamp)) not in sent
         }
 
     def close(self) -> None:

@@ -1,22 +1,17 @@
 # Copyright 2026 retrolidar_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""Parameters of nodes: their declaration in ROS, and changes while a node runs."""
+"""Parameters of nodes: their spec in ROS, and changes while a node runs."""
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Callable, Sequence
-from contextlib import suppress
 from difflib import get_close_matches
-from itertools import pairwise
-from pathlib import Path
 from typing import Any
 
 from rcl_interfaces.msg import (
     FloatingPointRange,
     IntegerRange,
     ParameterDescriptor,
-    ParameterType,
     SetParametersResult,
 )
 from rclpy.node import Node
@@ -24,7 +19,6 @@ from rclpy.parameter import Parameter
 
 from retrolidar_ros.settings.parameter import Parameter as Declared
 from retrolidar_ros.settings.parameter import declared
-from retrolidar_ros.settings.yaml_files import load_yaml
 
 
 class Parameters:
@@ -34,39 +28,37 @@ class Parameters:
         """Declare those of one `kind` of nodes; ValueError if a value is not allowed."""
         self._node = node
         self._declared = declared()[kind]
-        # rclpy makes the parameter services itself, so they can only be wrapped here.
-        for service in node.services:
-            if '/set_parameters' in service.srv_name:
-                service.callback = _reject_unknown_types(service.callback)
         self.values: dict[str, Any] = {
-            name: self._declare_list(name, one)
-            if isinstance(one.default, list)
-            else self._declare(name, one)
-            for name, one in self._declared.items()
+            name: self._declare_list(name, spec)
+            if isinstance(spec.default, list)
+            else self._declare(name, spec)
+            for name, spec in self._declared.items()
         }
 
-    def _declare(self, name: str, one: Declared) -> Any:
-        descriptor = ParameterDescriptor(read_only=not one.is_live, **_texts(one))
-        if one.limits and isinstance(one.default, int):
-            low, high = map(int, one.limits)
-            descriptor.integer_range = [IntegerRange(from_value=low, to_value=high)]
-        elif one.limits:
-            least, most = one.limits
-            descriptor.floating_point_range = [FloatingPointRange(from_value=least, to_value=most)]
-        return one.check(name, self._node.declare_parameter(name, one.default, descriptor).value)
+    def _declare(self, name: str, spec: Declared) -> Any:
+        descriptor = ParameterDescriptor(read_only=not spec.is_live, **_texts(spec))
+        if limits := spec.limits:
+            low, high = limits
+            if isinstance(spec.default, int):
+                descriptor.integer_range = [IntegerRange(from_value=int(low), to_value=int(high))]
+            else:
+                descriptor.floating_point_range = [
+                    FloatingPointRange(from_value=low, to_value=high)
+                ]
+        return spec.check(name, self._node.declare_parameter(name, spec.default, descriptor).value)
 
-    def _declare_list(self, name: str, one: Declared) -> list[Any]:
+    def _declare_list(self, name: str, spec: Declared) -> list[Any]:
         # An empty list has no type of its own: as a default it is taken for bytes, from a file it
         # comes without a value, and from the tools as a list of booleans. So the type is left
         # open and checked here, and an empty list is given the type afterwards.
-        open_type = ParameterDescriptor(dynamic_typing=True, **_texts(one))
-        value = self._node.declare_parameter(name, one.default, open_type).value
-        checked: list[Any] = one.check(name, [] if value is None else value)
+        open_type = ParameterDescriptor(dynamic_typing=True, **_texts(spec))
+        value = self._node.declare_parameter(name, spec.default, open_type).value
+        checked: list[Any] = spec.check(name, [] if value is None else value)
         if not checked:
-            kind = Parameter.Type.INTEGER_ARRAY if one.limits else Parameter.Type.STRING_ARRAY
+            kind = Parameter.Type.INTEGER_ARRAY if spec.limits else Parameter.Type.STRING_ARRAY
             self._node.set_parameters([Parameter(name, kind, [])])
         descriptor = ParameterDescriptor(
-            dynamic_typing=True, read_only=not one.is_live, **_texts(one)
+            dynamic_typing=True, read_only=not spec.is_live, **_texts(spec)
         )
         self._node.set_descriptor(name, descriptor)
         return checked
@@ -81,8 +73,8 @@ class Parameters:
             values = dict(self.values)
             try:
                 for parameter in parameters:
-                    if one := self._declared.get(parameter.name):
-                        values[parameter.name] = one.check(parameter.name, parameter.value)
+                    if spec := self._declared.get(parameter.name):
+                        values[parameter.name] = spec.check(parameter.name, parameter.value)
                 apply(values)
             except ValueError as error:
                 return SetParametersResult(successful=False, reason=str(error))
@@ -91,50 +83,28 @@ class Parameters:
 
         self._node.add_on_set_parameters_callback(change)
 
-    def warn_of_unknown(self) -> None:
-        """Log a warning for each parameter set for this node that it does not have.
+    def warn_of_misspelled(self) -> None:
+        """Log a warning for each parameter that was set and that this node has not.
 
-        Call it when all is declared, the overrides of topics included. `/**:` addresses other
-        nodes, too, and so do the parameters of several nodes in one process.
+        What resembles none of its own is not warned of: `/**:` in a parameter file addresses other
+        nodes, too.
         """
         # Not public; what is, automatically_declare_parameters_from_overrides, would declare each.
         for name in self._node._parameter_overrides:
-            if self._node.has_parameter(name) or any(name in one for one in declared().values()):
-                continue
-            of_topic = name.startswith('qos_overrides.')
-            near = get_close_matches(name, self._topic_names() if of_topic else self._declared, n=1)
-            if (of_topic or not near) and name in _meant_for_all():
-                continue
-            known = 'qos_overrides.TOPIC.publisher.depth' if of_topic else ', '.join(self._declared)
-            hint = f'did you mean {near[0]}?' if near else f'known: {known}'
-            self._node.get_logger().warning(f'parameter {name} is unknown; {hint}')
-
-    def _topic_names(self) -> list[str]:
-        prefix = 'qos_overrides'
-        return [f'{prefix}.{name}' for name in self._node.get_parameters_by_prefix(prefix)]
+            of_others = any(name in declarations for declarations in declared().values())
+            near = get_close_matches(name, self._declared, n=1)
+            if near and not of_others and not name.startswith('qos_overrides.'):
+                self._node.get_logger().warning(
+                    f'parameter {name} is unknown; did you mean {near[0]}?'
+                )
 
 
-def _texts(one: Declared) -> dict[str, str]:
+def _texts(spec: Declared) -> dict[str, str]:
     """Return the texts of a descriptor."""
-    return {'description': one.description, 'additional_constraints': one.constraints()}
-
-
-def _reject_unknown_types(change: Callable[[Any, Any], Any]) -> Callable[[Any, Any], Any]:
-    """Return a service that refuses unknown types; rclpy's ends the node."""
-
-    def answer(request: Any, response: Any) -> Any:
-        for parameter in request.parameters:
-            if parameter.value.type > ParameterType.PARAMETER_STRING_ARRAY:
-                text = f'{parameter.name}: there is no type {parameter.value.type}'
-                refused = SetParametersResult(successful=False, reason=text)
-                if hasattr(response, 'results'):
-                    response.results = [refused] * len(request.parameters)
-                else:  # of those that are set all at once
-                    response.result = refused
-                return response
-        return change(request, response)
-
-    return answer
+    return {
+        'description': spec.description,
+        'additional_constraints': spec.constraints(),
+    }
 
 
 def check_frame_id(name: str, value: str) -> str:
@@ -146,15 +116,3 @@ def check_frame_id(name: str, value: str) -> str:
             f'{name}: {value!r} begins with a slash, which tf2 refuses; write {value.lstrip("/")!r}'
         )
     return value
-
-
-def _meant_for_all() -> set[str]:
-    """Return the parameters that files on the command line set for all nodes."""
-    names: set[str] = set()
-    for option, value in pairwise(sys.argv):
-        if option == '--params-file':
-            with suppress(OSError, ValueError, AttributeError):
-                for node, content in load_yaml(Path(value)).items():
-                    if str(node).strip('/') in ('*', '**'):
-                        names |= {str(name) for name in content['ros__parameters']}
-    return names

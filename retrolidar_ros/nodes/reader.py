@@ -19,30 +19,30 @@ from retrolidar_ros.nodes.driver import DriverNode
 from retrolidar_ros.nodes.parameters import Parameters
 from retrolidar_ros.nodes.qos import topic_part
 from retrolidar_ros.nodes.run import run
-from retrolidar_ros.nodes.transforms import TransformWatch
+from retrolidar_ros.nodes.transforms import TransformSender
 
 
 def create_nodes() -> list[Node]:
     """Return the nodes of the process, drivers first; ValueError for impossible parameters."""
     reader = Node('reader')
     parameters = Parameters(reader, 'reader')
-    parameters.warn_of_unknown()
+    parameters.warn_of_misspelled()
     ports, names = parameters.values['ports'], parameters.values['names']
     names = names or [f'sensor{index}' for index in range(len(ports))]
     if len(names) != len(ports):
         raise ValueError(f'names: {len(names)} of them for {len(ports)} ports')
     for what, values in (('names', [topic_part(name) for name in names]), ('ports', ports)):
         if len(set(values)) < len(values):
-            raise ValueError(f'{what}: one stands there twice, in {", ".join(values)}')
-    board, watch = DiagnosticsPublisher(reader), TransformWatch(reader)
+            raise ValueError(f'{what}: {", ".join(values)} are not all different')
+    board, sender = DiagnosticsPublisher(reader), TransformSender(reader)
     if not ports:
-        detector = DetectorNode(board, watch)
+        detector = DetectorNode(board, sender)
         return [DriverNode(detector.process_frame, board), detector, reader]
     drivers: list[Node] = []
     detectors: list[Node] = []
     for name, port in zip(names, ports, strict=True):
         space = f'{reader.get_namespace().rstrip("/")}/{topic_part(name)}'
-        detector = DetectorNode(board, watch, **_options(space, child_frame=f'{name}_{NAME}'))
+        detector = DetectorNode(board, sender, **_options(space, child_frame=f'{name}_{NAME}'))
         frame_id = f'{name}_optical_frame'
         options = _options(space, serial_port=port, frame_id=frame_id)
         drivers.append(DriverNode(detector.process_frame, board, **options))

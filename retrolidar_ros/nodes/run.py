@@ -4,9 +4,12 @@
 
 from __future__ import annotations
 
+import os
+import signal
 import sys
 from collections.abc import Callable
 from contextlib import suppress
+from threading import Event, Thread
 
 import rclpy
 from rclpy.exceptions import InvalidParameterTypeException, InvalidParameterValueException
@@ -15,7 +18,7 @@ from rclpy.node import Node
 from rclpy.qos_overriding_options import InvalidQosOverridesError
 from rclpy.signals import SignalHandlerOptions
 
-from retrolidar_ros.nodes.shutdown import ShutdownRequest, graceful_shutdown, nothing
+from retrolidar_ros.settings.interrupts import REQUESTS, ignore_requests
 from retrolidar_ros.settings.printing import printable
 
 _IMPOSSIBLE = (
@@ -32,42 +35,64 @@ def run(create: Callable[[], Node | list[Node]]) -> int:
     An impossible parameter or parameter file gives one line and exit code 2. Nodes end in the order
     listed.
     """
-    with graceful_shutdown() as requests:
-        try:
-            rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
-        except RuntimeError as error:
-            # Such as an unreadable parameter file; the place in rcl's sources is left out.
-            reason = str(error).partition(', at /')[0].removeprefix('failed to initialize rcl: ')
-            print(f'retrolidar_ros: {reason}', file=sys.stderr)
-            return 2
-        nodes: list[Node] = []
-        try:
-            created = create()
-            nodes = created if isinstance(created, list) else [created]
-            _spin(nodes, requests)
-        except _IMPOSSIBLE as error:
-            rclpy.logging.get_logger('retrolidar_ros').fatal(printable(str(error)))
-            return 2
-        except Exception:
-            # A failed node shuts the context down, which makes the others fail anywhere.
-            if rclpy.ok():
-                raise
-        finally:
-            for node in nodes:  # all at once, before each is waited for
-                getattr(node, 'stop', nothing)()
-            for node in nodes:
-                node.destroy_node()
-                requests.nodes_destroyed += 1
-            rclpy.try_shutdown()
+    signals = _signals()
+    try:
+        rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
+    except RuntimeError as error:
+        # Such as an unreadable parameter file; the place in rcl's sources is left out.
+        reason = str(error).partition(', at /')[0].removeprefix('failed to initialize rcl: ')
+        print(f'retrolidar_ros: {reason}', file=sys.stderr)
+        return 2
+    nodes: list[Node] = []
+    try:
+        created = create()
+        nodes = created if isinstance(created, list) else [created]
+        _spin(nodes, signals)
+    except _IMPOSSIBLE as error:
+        rclpy.logging.get_logger('retrolidar_ros').fatal(printable(str(error)))
+        return 2
+    except Exception:
+        # A failed node shuts the context down, which makes the others fail anywhere.
+        if rclpy.ok():
+            raise
+    finally:
+        for node in nodes:  # all at once, before each is waited for
+            if stop := getattr(node, 'stop', None):
+                stop()
+        for node in nodes:
+            node.destroy_node()
+        rclpy.try_shutdown()
+        ignore_requests()  # as the interpreter, when it ends, brings back their default
     return int(any(getattr(node, 'failed', False) for node in nodes))
 
 
-def _spin(nodes: list[Node], requests: ShutdownRequest) -> None:
+def _signals() -> int:
+    """Return a file descriptor to which the numbers of termination signals are written.
+
+    They do nothing else: an exception between any two steps of a library would leave it half done,
+    and `ros2 launch` passes on the interrupt that a terminal has already sent to all.
+    """
+    reading, writing = os.pipe()
+    os.set_blocking(writing, False)
+    signal.set_wakeup_fd(writing)
+    for request in REQUESTS:
+        signal.signal(request, lambda *_: None)
+    return reading
+
+
+def _spin(nodes: list[Node], signals: int) -> None:
+    """Process callbacks until a signal comes or the context ends."""
     executor = SingleThreadedExecutor()
     for node in nodes:
         executor.add_node(node)
-    requests.wake = executor.wake
+    requested = Event()
+
+    def end() -> None:
+        os.read(signals, 1)
+        requested.set()
+        executor.wake()
+
+    Thread(target=end, daemon=True).start()
     with suppress(ExternalShutdownException):
-        while rclpy.ok() and not requests.heard.is_set():
+        while rclpy.ok() and not requested.is_set():
             executor.spin_once()
-    requests.wake = nothing

@@ -19,7 +19,7 @@ _PATIENCE_S = 1.0
 _DONE = {
     Command.START: 'the sensor is ranging',
     Command.STOP: 'the sensor is stopped',
-    Command.RESET: 'the sensor starts anew',
+    Command.RESET: 'the sensor restarts',
 }
 
 
@@ -30,7 +30,7 @@ def offer_services(node: Node, source: Callable[[], SerialSource | None]) -> Non
     """
 
     def serve(command: Command, _: Any, response: Trigger.Response) -> Trigger.Response:
-        problem = _tell(source(), command)
+        problem = _command(source(), command)
         response.success, response.message = not problem, problem or _DONE[command]
         return response
 
@@ -38,7 +38,7 @@ def offer_services(node: Node, source: Callable[[], SerialSource | None]) -> Non
         node.create_service(Trigger, f'~/{command.value}', partial(serve, command))
 
 
-def _tell(source: SerialSource | None, command: Command) -> str:
+def _command(source: SerialSource | None, command: Command) -> str:
     """Send a command; return why it has no effect, or ''."""
     if source is None:
         return 'not configured: the port is closed'

@@ -27,27 +27,27 @@ _MAX_WAITING = 1000
 _JUMP = Duration(seconds=1.0)
 
 
-class TransformedDetections:
-    """Subscribes to detections, and waits for the transforms of their time."""
+class TransformedDetections(DetectionSubscriber):
+    """Makes readings of detections when the transforms of their time have come."""
 
     def __init__(
         self,
         node: Node,
-        topics: Sequence[str],
         source: str,
         fixed_frame: str,
         patience_s: float,
         on_reading: Callable[[Reading, Marked], None],
         restart: Callable[[], None],
+        topics: Sequence[str] = (),
     ) -> None:
-        """Subscribe to topics of a source, detections or tracks.
+        """Subscribe to topics of a source, detections or tracks; by default to its usual one.
 
         `on_reading` gets each reading, and its detection, if its transform comes within
         `patience_s` [s], and may refuse it by a ValueError; `restart` is called when time jumps
         back, as in a replay.
         """
+        super().__init__(node, source, self._on_detection, topics)
         self.finder = TransformFinder(node)
-        self._node = node
         self._fixed = fixed_frame
         self._patience_s = patience_s
         self._on_reading = on_reading
@@ -55,24 +55,19 @@ class TransformedDetections:
         self._ticked = node.get_clock().now()
         self._waiting: deque[tuple[Marked, Time]] = deque()
         self._resting = Resting()
-        self._dropped = self._told = 0
-        self._reason = ''
-        self._subscriber = DetectionSubscriber(node, topics, source, self._on_detection)
+        self._dropped = self._dropped_before = 0
+        self._missing = ''
         node.create_timer(_TICK_S, self._tick, clock=Clock(clock_type=ClockType.STEADY_TIME))
 
     def examine(self, values: dict[str, str]) -> list[tuple[bytes, str]]:
         """Add counts to diagnostics; return the problems since the last call."""
         values['waiting for a transform'] = str(len(self._waiting))
         values['dropped without a transform'] = str(self._dropped)
-        problems = self._subscriber.examine(values)
-        new, self._told = self._dropped - self._told, self._dropped
+        problems = super().examine(values)
+        new, self._dropped_before = self._dropped - self._dropped_before, self._dropped
         if new:
-            problems.append((WARN, f'{new} detections dropped: {self._reason}'))
+            problems.append((WARN, f'{new} detections dropped: {self._missing}'))
         return problems
-
-    def refuse(self, reason: str) -> None:
-        """Count and log an impossible reading."""
-        self._subscriber.refuse(reason)
 
     def _is_due(self, message: MarkerTrack) -> bool:
         """Return whether a track is to be taken as a reading."""
@@ -82,7 +77,7 @@ class TransformedDetections:
         return self._resting.is_due(key, stamp_s, first_s, speed)
 
     def _on_detection(self, message: Marked) -> None:
-        self._look_at_clock()
+        self._check_clock()
         if isinstance(message, MarkerTrack) and not self._is_due(message):
             return
         if self._transform(message):
@@ -91,7 +86,7 @@ class TransformedDetections:
         if len(self._waiting) > _MAX_WAITING:
             self._drop(self._waiting.popleft()[0])
 
-    def _look_at_clock(self) -> None:
+    def _check_clock(self) -> None:
         """Begin again if time has jumped back."""
         now = self._node.get_clock().now()
         if now + _JUMP < self._ticked:
@@ -102,7 +97,7 @@ class TransformedDetections:
 
     def _tick(self) -> None:
         """Pass on waiting detections whose transforms are known by now."""
-        self._look_at_clock()
+        self._check_clock()
         for _ in range(len(self._waiting)):
             message, came = self._waiting.popleft()
             if self._transform(message):
@@ -136,8 +131,8 @@ class TransformedDetections:
 
     def _drop(self, message: Marked) -> None:
         self._dropped += 1
-        self._reason = f'no transform from {message.header.frame_id} to {self._fixed}'
+        self._missing = f'no transform from {message.header.frame_id} to {self._fixed}'
         self._node.get_logger().warning(
-            f'{self._reason}; a reading of {message.child_frame_id} is left out',
+            f'{self._missing}; a reading of {message.child_frame_id} is left out',
             throttle_duration_sec=5.0,
         )

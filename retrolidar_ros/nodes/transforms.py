@@ -6,7 +6,6 @@ from __future__ import annotations
 
 import time
 from collections import deque
-from collections.abc import Callable
 from threading import Lock
 
 import numpy as np
@@ -22,17 +21,9 @@ from retrolidar_ros.nodes.conversion import quaternion_in, to_ns, vector_of
 from retrolidar_ros.sensor.frame import Floats
 from retrolidar_ros.sensor.rotation import matrix_of
 
-_PERIOD_S = 0.9
-_LISTENING, _PAUSE = 5, 25  # periods each: all of a robot's TF costs more than the detector
+_PERIOD_S, _LISTENING_S = 30.0, 5.0
 _DEPTH = 1000
-_KEPT = 512
-Send = Callable[[list[TransformStamped]], None]
-
-
-def transform_sender(node: Node) -> Send:
-    """Return a function that sends transforms to `/tf`."""
-    send: Send = TransformBroadcaster(node).sendTransform
-    return send
+_KEPT = 512  # newest stamps of a frame
 
 
 class TransformFinder:
@@ -47,12 +38,6 @@ class TransformFinder:
         """Forget all transforms: the clock was set back."""
         self._buffer.clear()
 
-    def knows(self, frame: str) -> bool:
-        """Return whether a frame has a parent."""
-        # A line for each frame; its parent, times and rates follow on lines of their own.
-        lines = self._buffer.all_frames_as_yaml().splitlines()
-        return any(line.rstrip() == f'{frame}:' for line in lines)
-
     def find(self, target: str, source: str, stamp: Time) -> tuple[Floats, Floats] | None:
         """Return translation [m] and rotation matrix from source to target frame.
 
@@ -66,50 +51,64 @@ class TransformFinder:
         return vector_of(found.translation), matrix_of(quaternion_in(found.rotation))
 
 
-class TransformWatch:
-    """Subscribes to TF from time to time, for all senders of a process."""
+class TransformSender:
+    """Sends the transforms of a process, and watches whether other nodes send the same frames."""
 
     def __init__(self, node: Node) -> None:
-        """Listen for the process of `node`."""
+        """Send in the name of `node`, once open."""
         self._node = node
-        self._senders: list[WatchedSender] = []
+        self._lock = Lock()  # sending and receiving may be in different threads
+        self._broadcaster: TransformBroadcaster | None = None
+        self._sent: dict[str, deque[int]] = {}
+        """Newest stamps [ns], by child frame."""
+        self._parents: dict[str, str] = {}
+        self._shared: dict[str, str] = {}
+        """Parents that other nodes give to our child frames."""
+        self._began_s = 0.0
         self._listener: Node | None = None
         self._executor = SingleThreadedExecutor(context=node.context)
         self._subscription: Subscription | None = None
-        self._periods = self._messages = 0
-        self._next_s = 0.0
+        self._messages = 0
 
-    def watched(self, send: Send) -> WatchedSender:
-        """Return a function that sends transforms, and is watched."""
-        self._senders.append(WatchedSender(send))
-        return self._senders[-1]
+    def open(self) -> None:
+        """Make the publisher, if there is none yet."""
+        if self._broadcaster is None:
+            self._broadcaster = TransformBroadcaster(self._node)
+
+    def send(self, transforms: list[TransformStamped]) -> None:
+        """Send transforms."""
+        assert self._broadcaster is not None, 'open() first'
+        with self._lock:
+            if not self._sent:
+                self._began_s = time.monotonic()
+            for transform in transforms:
+                self._parents[transform.child_frame_id] = transform.header.frame_id
+                stamps = self._sent.setdefault(transform.child_frame_id, deque(maxlen=_KEPT))
+                stamps.append(to_ns(transform.header.stamp))
+        self._broadcaster.sendTransform(transforms)
 
     def listen(self) -> None:
-        """Begin or end listening, or process what has come; call it about once a second.
+        """Take what has come on `/tf`; call it about once a second.
 
-        It has no timer, for an executor looks through all that its nodes have whenever one is due,
-        which in a process of many sensors takes ten milliseconds.
+        It listens from time to time only: all of a robot's TF costs more than a detector. A node of
+        its own does, for an executor looks through all that its nodes have whenever a message
+        comes, which in a process of many sensors takes ten milliseconds.
         """
-        if (now_s := time.monotonic()) < self._next_s:
-            return
-        self._next_s = now_s + _PERIOD_S
-        phase = self._periods % (_LISTENING + _PAUSE)
-        self._periods += bool(self._senders)
-        if phase == _LISTENING and self._listener is not None and self._subscription is not None:
-            self._listener.destroy_subscription(self._subscription)
-            self._subscription = None
-        elif phase == 0 and self._senders:
+        phase_s = (time.monotonic() - self._began_s) % _PERIOD_S
+        is_due = bool(self._sent) and phase_s < _LISTENING_S
+        if is_due and self._subscription is None:
             self._subscription = self._own_node().create_subscription(
                 TFMessage, '/tf', self._on_transforms, _DEPTH
             )
-        elif self._subscription is not None:
-            before = -1
-            while before < self._messages:
-                before = self._messages
-                self._executor.spin_once(timeout_sec=0)
+        elif self._listener is not None and self._subscription is not None and not is_due:
+            self._listener.destroy_subscription(self._subscription)
+            self._subscription = None
+        before = -1
+        while self._subscription is not None and before < self._messages:
+            before = self._messages
+            self._executor.spin_once(timeout_sec=0)
 
     def _own_node(self) -> Node:
-        """Return a hidden node for the subscription, which the executor of others never sees."""
         if self._listener is None:
             name, space = f'_{self._node.get_name()}_tf', self._node.get_namespace()
             self._listener = Node(
@@ -124,28 +123,8 @@ class TransformWatch:
 
     def _on_transforms(self, message: TFMessage) -> None:
         self._messages += 1
-        for sender in self._senders:
-            for transform in message.transforms:
-                sender.on_transform(transform)
-
-
-class WatchedSender:
-    """Sends transforms, and notes which of its child frames other nodes send, too."""
-
-    def __init__(self, send: Send) -> None:
-        """Send by `send`."""
-        self._send = send
-        self._lock = Lock()  # sending and receiving may be in different threads
-        self._sent: dict[str, deque[int]] = {}
-        self._shared: dict[str, str] = {}
-
-    def __call__(self, transforms: list[TransformStamped]) -> None:
-        """Send transforms."""
-        with self._lock:
-            for one in transforms:
-                stamps = self._sent.setdefault(one.child_frame_id, deque(maxlen=_KEPT))
-                stamps.append(to_ns(one.header.stamp))
-        self._send(transforms)
+        for transform in message.transforms:
+            self.on_transform(transform)
 
     def on_transform(self, transform: TransformStamped) -> None:
         """Take a transform from any node."""
@@ -154,10 +133,14 @@ class WatchedSender:
             if child in self._sent and to_ns(transform.header.stamp) not in self._sent[child]:
                 self._shared[child] = transform.header.frame_id
 
-    def problem(self) -> str:
-        """Return which frames other nodes send, too; empty if none."""
+    def problem(self, parent: str) -> str:
+        """Return which child frames of `parent` other nodes send, too; empty if none."""
         with self._lock:
-            children = ', '.join(f'{one} (in {parent})' for one, parent in self._shared.items())
+            children = ', '.join(
+                f'{child} (in {other})'
+                for child, other in self._shared.items()
+                if self._parents[child] == parent
+            )
         if not children:
             return ''
         return f'another node sends the TF frames, too: {children}: set frame_prefix or child_frame'

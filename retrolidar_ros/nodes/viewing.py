@@ -74,13 +74,13 @@ def _config(
     manager = config['Visualization Manager']
     manager['Global Options']['Fixed Frame'] = frame
     displays = manager['Displays']
-    markers = next(one for one in displays if one['Name'] == 'Markers')
-    shown = [one for one in displays if 'Topic' not in one]
+    markers = next(display for display in displays if display['Name'] == 'Markers')
+    shown = [display for display in displays if 'Topic' not in display]
     for sensor in sensors or ['']:
-        for one in displays:
-            if 'Topic' in one:
+        for display in displays:
+            if 'Topic' in display:
                 space = f'/{namespace}/{sensor}'.rstrip('/')
-                shown.append(_moved(one, f'{one["Name"]} {sensor}'.strip(), space))
+                shown.append(_moved(display, f'{display["Name"]} {sensor}'.strip(), space))
     if landmarks:
         both = _moved(markers, 'Landmarks', f'/{namespace}/landmarks')
         both['Topic']['Durability Policy'] = 'Transient Local'
@@ -88,7 +88,7 @@ def _config(
     if upright:
         shown.append(_arm(namespace))
         manager['Views']['Current'] |= _UPRIGHT
-        next(one for one in shown if one['Name'] == 'Grid').update(
+        next(display for display in shown if display['Name'] == 'Grid').update(
             {'Plane': 'XY', 'Offset': {'X': 2, 'Y': 0, 'Z': 0}}
         )
     manager['Displays'] = shown

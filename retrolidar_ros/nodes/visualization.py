@@ -41,9 +41,9 @@ def marker_shapes(detection: Marked, stale_after_s: float) -> list[Marker]:
 def landmark_shapes(header: Header, estimates: Sequence[Estimate]) -> list[Marker]:
     """Return ellipsoids and labels of all landmarks, and remove all others."""
     shapes = [Marker(header=header, action=Marker.DELETEALL)]
-    for index, one in enumerate(estimates):
-        text = f'{one.name}\n±{1e3 * one.stddev_m:.0f} mm'
-        pair = _ellipsoid(header, one.position_m, one.covariance[:3, :3], text, index)
+    for index, estimate in enumerate(estimates):
+        text = f'{estimate.name}\n±{1e3 * estimate.stddev_m:.0f} mm'
+        pair = _ellipsoid(header, estimate.position_m, estimate.covariance[:3, :3], text, index)
         pair[1].pose.position.z += _LABEL_HEIGHT_M
         shapes += pair
     return shapes

@@ -62,7 +62,7 @@ def position_at(marker: Marker, time_s: Floats) -> Floats:
     return position
 
 
-def erf(values: Floats) -> Floats:
+def _erf(values: Floats) -> Floats:
     """Return the error function, which numpy has not, of values of any shape."""
     # numpy.vectorize takes twice as long.
     return np.array([math.erf(one) for one in values.ravel().tolist()]).reshape(values.shape)
@@ -73,7 +73,7 @@ def _ramp(distance: Floats, sigma: Floats | float) -> Floats:
     if np.all(sigma == 0):
         return np.maximum(distance, 0.0)
     scaled = distance / sigma
-    cumulative = (1 + erf(scaled / math.sqrt(2))) / 2
+    cumulative = (1 + _erf(scaled / math.sqrt(2))) / 2
     density = np.exp(-scaled * scaled / 2) / math.sqrt(2 * math.pi)
     ramp: Floats = sigma * (scaled * cumulative + density)
     return ramp

@@ -18,13 +18,11 @@ from retrolidar_ros.tasks.state import Fit, Prior, largest_stddev
 
 # Gating: a reading with a residual beyond so many standard deviations is an outlier.
 _GATE = 4.5
-# A landmark is initialised when so many more readings agree than do not. It has moved when as many
-# outliers agree with each other.
-_AGREEING = 2
-# So many if they could be another landmark under a wrong ID, or if only their directions are off.
-_AGREEING_IF_AMBIGUOUS = 4
-# Ranges of a larger standard deviation, absolutely or relative to the best, do not count.
-_VAGUE_M, _VAGUE = 0.02, 5.0
+# A landmark is initialised when so many more readings agree than do not, and it has moved when so
+# many outliers agree.
+_AGREEING, _MOVED = 2, 3
+# Ranges of a larger standard deviation are left out: what stands behind a marker shifts them.
+_VAGUE_M = 0.02
 _MAX_READINGS = 40
 _MAX_OUTLIERS = 6
 _MOVING_WINDOW_S = 8.0
@@ -92,59 +90,55 @@ class Landmark:
         self._is_initialised = self._known is not None
         self._outliers: list[Reading] = []
         self._valid_from_s = -math.inf
-        self._is_settled = True
+        self._is_updated = True
         self._estimate: Estimate | None = None
         if self._known is not None:
             spread = np.zeros((9, 9))
             spread[:6, :6] = self._known.covariance
-            none = np.zeros((0, 2))
-            self.fit = Fit(self._known.state, spread, -math.inf, np.zeros((0, 3)), none, none)
+            self.fit = Fit(self._known.state, spread, -math.inf, np.zeros((0, 3)))
 
-    def take(self, *readings: Reading, others: Sequence[Landmark] = ()) -> list[Reading]:
+    def take(self, *readings: Reading) -> list[Reading]:
         """Take readings, and return the inliers; those of other markers are ignored.
 
-        An outlier that fits one of `others` may have a wrong ID. ValueError if readings cannot be
-        solved; then none is taken.
+        ValueError if readings cannot be solved; then none is taken.
         """
         before = {
             name: value.copy() if isinstance(value, list) else value
             for name, value in vars(self).items()
         }
         try:
-            with np.errstate(all='ignore'):  # `_settle` refuses what is not finite
+            with np.errstate(all='ignore'):  # `_update` refuses what is not finite
                 for reading in filter(lambda one: one.marker in self._markers, readings):
-                    self._add(reading, others)
-                self._settle()
+                    self._add(reading)
+                self._update()
         except np.linalg.LinAlgError as error:
             vars(self).update(before)
             raise ValueError(f'readings that cannot be solved: {self.name}') from error
         members = set(map(id, self.members))
         return [one for one in readings if id(one) in members]
 
-    def _add(self, reading: Reading, others: Sequence[Landmark]) -> None:
+    def _add(self, reading: Reading) -> None:
         self._estimate = None
-        if reading.stamp_s < self._valid_from_s:
+        if reading.stamp_s < self._valid_from_s or reading.range_stddev_m > _VAGUE_M:
             self.rejected += 1
-            return
-        fits = self.fit is None or not self._knows_rotation()
-        scores = np.zeros(3) if fits else self._scores(reading)
-        if scores.max() < _GATE:
+        elif not self._knows_rotation() or self._score(reading) < _GATE:
             self.members.append(reading)
             if self._is_initialised:
                 self._outliers = [one for one in self._outliers if one.stamp_s > reading.stamp_s]
             self._prune()
-            self._is_settled = False
+            self._is_updated = False
             if not self._is_initialised:  # until then any reading may be the outlier
-                self._settle()
-            return
-        self.rejected += 1
-        ambiguous = scores[0] < _GATE or any(one.could_be(reading) for one in others)
-        self._relocate(reading, _AGREEING_IF_AMBIGUOUS if ambiguous else _AGREEING)
+                self._update()
+        else:
+            self.rejected += 1
+            self._outliers.append(reading)
+            if not self.members or reading.stamp_s >= max(one.stamp_s for one in self.members):
+                self._relocate(reading)
 
-    def _settle(self) -> None:
+    def _update(self) -> None:
         """Compute the place from the readings added since."""
-        if not self._is_settled:
-            self._is_settled, self._estimate = True, None
+        if not self._is_updated:
+            self._is_updated, self._estimate = True, None
             self._solve()
             assert self.fit is not None
             state = self.fit.state
@@ -152,24 +146,8 @@ class Landmark:
                 raise np.linalg.LinAlgError('not finite')
             self._initialise()
 
-    def could_be(self, reading: Reading) -> bool:
-        """Return whether a reading agrees with the place of one of its markers, whatever its ID."""
-        found = self.estimate()
-        if found is None or not self._markers:
-            return False
-        # Most are too near or too far; this check is cheap.
-        errors, stddev_m = self.errors, found.stddev_m
-        apart_m = float(np.linalg.norm(found.position_m - reading.pose.position_m))
-        arm_m = max(float(np.linalg.norm(place)) for place in self._markers.values())
-        open_m = stddev_m + 2 * stddev_m**2 / reading.range_m + reading.range_stddev_m
-        open_m += errors.pose_m + errors.range_bias_m + errors.range_m
-        if not errors.acceleration and abs(apart_m - reading.range_m) > arm_m + _GATE * open_m:
-            return False
-        own = [self._scores(reading._replace(marker=one)) for one in self._markers]
-        return bool(min(scores.max() for scores in own) < _GATE)
-
     def has(self, marker: int) -> bool:
-        """Tell whether a marker is one of its own."""
+        """Return whether it carries a marker."""
         return marker in self._markers
 
     def estimate(self) -> Estimate | None:
@@ -199,42 +177,23 @@ class Landmark:
             moved_s=self.moved_s,
         )
 
-    def spread_with(self, readings: Sequence[Reading], beside: int | None = None) -> Floats:
-        """Return the covariance of the position with further ranges, shape (3, 3) [m²].
-
-        Their markers may include one more ID, `beside`, at the place of the first.
-        """
+    def spread_with(self, readings: Sequence[Reading]) -> Floats:
+        """Return the covariance of the position with further ranges, shape (3, 3) [m²]."""
         assert self.fit is not None
-        markers = dict(self._markers)
-        if beside is not None:
-            markers[beside] = next(iter(markers.values()))
-        return self._problem([*self.members, *readings], markers).spread(self.fit)[:3, :3]
+        problem = self._problem([*self.members, *readings])
+        return problem.covariance_with(self.fit, len(self.members))[:3, :3]
 
-    def _problem(
-        self, readings: Sequence[Reading], markers: Mapping[int, Floats] | None = None
-    ) -> Problem:
-        known = self._prior, self._place_variance
-        return Problem(markers or self._markers, readings, self.errors, *known)
+    def _problem(self, readings: Sequence[Reading]) -> Problem:
+        return Problem(self._markers, readings, self.errors, self._prior, self._place_variance)
 
-    def _can_initialise(self, readings: Sequence[Reading], needed: int) -> bool:
-        """Return whether so many readings have ranges that are exact enough."""
-        noise = np.array([one.range_stddev_m / one.range_m**2 for one in readings])
-        best = min([one.range_stddev_m / one.range_m**2 for one in self.members], default=np.inf)
-        telling = noise < _VAGUE * min(best, noise.min())
-        telling &= np.array([one.range_stddev_m for one in readings]) < _VAGUE_M
-        return bool(telling.sum() >= needed)
-
-    def _scores(self, reading: Reading) -> Floats:
-        """Return by how many deviations range and direction are off, shape (3,)."""
+    def _score(self, reading: Reading) -> float:
+        """Return by how many deviations range or direction are off."""
         assert self.fit is not None
-        fit = self.fit
         if self.errors.acceleration and self.members:
             # The reading may be older or newer than the estimate.
-            fit = self._problem([*self.members, reading]).solve(fit)
-            most: Floats = np.abs(fit.scores).max(axis=0)
-            return most
-        scores: Floats = np.abs(self._problem([reading]).scores(fit)[0])
-        return scores
+            fit = self._problem([*self.members, reading]).solve(self.fit)
+            return float(np.abs(fit.scores).max())
+        return float(np.abs(self._problem([reading]).scores(self.fit)).max())
 
     def _solve(self) -> None:
         """Fit all members, without outliers."""
@@ -255,37 +214,32 @@ class Landmark:
         turning = self.fit.covariance[3:6, 3:6]
         return largest_stddev(turning) < _ROTATION_UNKNOWN
 
-    def _relocate(self, reading: Reading, needed: int) -> None:
-        """Restart from a reading and outliers that agree with it, if no member is newer."""
-        self._outliers.append(reading)
-        if self.members and reading.stamp_s < max(one.stamp_s for one in self.members):
-            return
-        for others in itertools.combinations(self._outliers[-_MAX_OUTLIERS:-1], needed - 1):
-            agreeing = [*others, reading]
-            if not self._can_initialise(agreeing, _AGREEING):
-                continue
+    def _relocate(self, reading: Reading) -> None:
+        """Restart from a reading and outliers that agree with it."""
+        others = self._outliers[-_MAX_OUTLIERS:-1]
+        for chosen in itertools.combinations(others, _MOVED - 1):
+            agreeing = [*chosen, reading]
             fit = Problem(self._markers, tuple(agreeing), self.errors).solve()
-            if np.abs(fit.scores).max() < _GATE:
-                self.rejected -= needed
-                if self._is_initialised:
-                    self.moved_s = reading.stamp_s
-                    self._valid_from_s = min(one.stamp_s for one in agreeing)
-                    self._outliers = []
-                else:
-                    self.rejected += len(self.members)
-                    kept = set(map(id, agreeing))
-                    self._outliers = [one for one in self._outliers if id(one) not in kept]
-                    self._outliers += self.members
-                self.members, self._prior = agreeing, None
-                self.fit, self._is_settled = fit, True
-                self._initialise()
-                return
+            if np.abs(fit.scores).max() >= _GATE:
+                continue
+            if self._is_initialised:
+                self.rejected -= _MOVED
+                self.moved_s = reading.stamp_s
+                self._valid_from_s = min(one.stamp_s for one in agreeing)
+                self._outliers = []
+            else:
+                self.rejected += len(self.members) - _MOVED
+                kept = set(map(id, agreeing))
+                self._outliers = [one for one in self._outliers if id(one) not in kept]
+                self._outliers += self.members
+            self.members, self._prior = agreeing, None
+            self.fit, self._is_updated = fit, True
+            self._initialise()
+            return
 
     def _initialise(self) -> None:
         """Publish the landmark from now on if enough of its readings agree."""
-        if not self._is_initialised:
-            needed = _AGREEING + len(self._outliers)
-            self._is_initialised = self._can_initialise(self.members, needed)
+        self._is_initialised |= len(self.members) >= _AGREEING + len(self._outliers)
 
     def _prune(self) -> None:
         """Keep views from many places of an object at rest, and the latest of a moving one."""

@@ -6,13 +6,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from retrolidar_ros.sensor.frame import Floats
 from retrolidar_ros.sensor.rotation import QUARTER_TURNS, cross_matrix, matrix_of_turn
-from retrolidar_ros.tasks.boxes import match_boxes, same_boxes
 from retrolidar_ros.tasks.reading import Errors, Reading, Readings
 from retrolidar_ros.tasks.state import Fit, Prior, State, between
 
@@ -22,11 +21,6 @@ _MAX_STEP = 0.5
 _SOMEWHERE = 1e-6  # all is within a kilometre or so, which keeps equations solvable [1/m²]
 TURN_VARIANCE = math.pi**2 / 3
 """Of an angle that can be anything [rad²]."""
-# Two estimates whose rotations differ by more are distinct [rad].
-_DISTINCT = 0.2
-# Ranges are assumed to follow Student's t of this many degrees of freedom, and residuals
-# raise the covariance as if this many more had been as expected.
-_FREEDOM = 5.0
 
 
 class Problem:
@@ -55,13 +49,10 @@ class Problem:
         place_variance : mapping of int to array, shape (3, 3), or None
             Of the markers' places on the object [m²]; None: they are exact.
         """
-        self.seen = Readings(readings)
-        self._readings = readings
+        self.seen = Readings(readings, errors)
         self.errors = errors
         self.prior = prior
         moves = errors.acceleration > 0
-        self.stamp_s = self.seen.complete_s if moves else float(self.seen.stamp_s.max())
-        self._before_s = self.stamp_s - self.seen.stamp_s
         self._places = np.array([markers[one] for one in self.seen.marker.tolist()])
         variances = place_variance or {}
         self._place_variance: Floats = np.array(
@@ -71,90 +62,57 @@ class Problem:
         self._free = np.repeat([True, self._turns, moves], 3)
 
     def solve(self, start: Fit | None = None) -> Fit:
-        """Return the estimate, from an earlier one or from the best of many guesses.
-
-        If a second guess is likely, too, the covariance includes it.
-        """
+        """Return the estimate, from an earlier one or from the best of many guesses."""
         if start is not None:
-            return self._descend(start.state, _MAX_STEPS, start)
+            return self._descend(start.state, _MAX_STEPS, start.covariance)
         seen = self.seen
         places = seen.sensor_m + seen.range_m[:, None] * seen.direction
         guesses = [
-            State((places - self._places @ turn.T).mean(axis=0), turn, np.zeros(3))
-            for turn in (QUARTER_TURNS if self._turns else QUARTER_TURNS[:1])
+            State((places - self._places @ rotation.T).mean(axis=0), rotation, np.zeros(3))
+            for rotation in (QUARTER_TURNS if self._turns else QUARTER_TURNS[:1])
         ]
-        if len(guesses) == 1:
-            return self._descend(guesses[0], _MAX_STEPS)
-        fits = sorted((self._descend(guess, _FEW_STEPS) for guess in guesses), key=self._misfit)
-        best = self._descend(fits[0].state, _MAX_STEPS)
-        others = [
-            fit for fit in fits if np.linalg.norm(between(best.state, fit.state)[3:6]) > _DISTINCT
-        ]
-        if not others:
-            return best
-        other = self._descend(others[0].state, _MAX_STEPS)
-        if self._misfit(other) < self._misfit(best):
-            best, other = other, best
-        apart = between(best.state, other.state)
-        likely = 1 / (1 + math.exp((self._misfit(other) - self._misfit(best)) / 2))
-        return replace(best, covariance=best.covariance + likely * np.outer(apart, apart))
+        if len(guesses) > 1:
+            guesses.sort(key=lambda guess: self._misfit(self._descend(guess, _FEW_STEPS)))
+        return self._descend(guesses[0], _MAX_STEPS)
 
     def _misfit(self, fit: Fit) -> float:
         """Return minus twice the log likelihood of the readings under an estimate."""
-        unlikely = (_FREEDOM + 1) * np.log1p(np.square(fit.scores) / _FREEDOM)
-        known = 0.0
+        squared = float(np.square(fit.scores).sum())
         if self.prior is not None:
             off = between(self.prior.state, fit.state)[:6]
-            known = float(off @ np.linalg.solve(self.prior.covariance, off))
-        return float(unlikely.sum()) + known
+            squared += float(off @ np.linalg.solve(self.prior.covariance, off))
+        return squared
 
     def scores(self, fit: Fit) -> Floats:
         """Return the scores of readings that the estimate does not include, shape (n, 3)."""
         jacobian, residual = self._linearised(fit.state)
-        whole, soft = self._variances(fit.state, 0 * residual[:, 0], fit.covariance)
+        range_m2, edge_rad2 = self._variances(fit.state, fit.covariance)
         known = _variance_of(jacobian, fit.covariance)
-        return self._scores(residual, np.diag(whole) + known[:, 0], soft + known[:, 1:])
+        return self._scores(residual, np.diag(range_m2) + known[:, 0], edge_rad2 + known[:, 1:])
 
-    def spread(self, fit: Fit) -> Floats:
-        """Return the covariance with further readings after those of an estimate, shape (9, 9).
+    def covariance_with(self, fit: Fit, known: int) -> Floats:
+        """Return the covariance of the state, shape (9, 9), with readings after `known` of a fit.
 
         Only the ranges of the further readings count.
         """
         jacobian, residual = self._linearised(fit.state)
-        whole, _ = self._variances(fit.state, 0 * residual[:, 0], fit.covariance)
-        weights = np.zeros((len(residual), 2))
-        weights[: len(fit.bearing_weight)] = fit.bearing_weight
-        information, _ = self._equations(fit.state, jacobian, residual, np.linalg.inv(whole))
-        return self._inverse(information + _outer(jacobian[:, 1:], weights))
+        range_m2, edge_rad2 = self._variances(fit.state, fit.covariance)
+        weights = self._bearing_weights(residual[:, 1:], edge_rad2)
+        weights[known:] = 0
+        information, _ = self._equations(fit.state, jacobian, residual, np.linalg.inv(range_m2))
+        return self._inverse(information + _information(jacobian[:, 1:], weights))
 
-    def _descend(self, state: State, steps: int, earlier: Fit | None = None) -> Fit:
-        """Take Gauss-Newton steps, and match the moments of the boxes at each (Minka 2001).
-
-        The boxes' normals of an earlier estimate save most of the steps.
-        """
-        seen = self.seen
-        half = self._half_box()
-        _, soft = self._variances(state, 0 * seen.range_m, np.zeros((9, 9)))
-        weights = 1 / (half**2 / 3 + soft)
-        middle = np.zeros_like(weights)
-        spread: Floats = np.zeros((9, 9))
-        if earlier is not None and earlier.readings:
-            spread = earlier.covariance
-            rows = {id(one): row for row, one in enumerate(earlier.readings)}
-            same = [row for row, one in enumerate(self._readings) if id(one) in rows]
-            if same:
-                now, then = same, [rows[id(self._readings[row])] for row in same]
-                weights[:] = 0
-                weights[now] = earlier.bearing_weight[then]
-                middle[now] = earlier.bearing_middle[then]
+    def _descend(self, state: State, steps: int, covariance: Floats | None = None) -> Fit:
+        """Take Gauss-Newton steps from a state, whose covariance may be known."""
+        spread: Floats = np.zeros((9, 9)) if covariance is None else covariance
         for _ in range(steps):
             jacobian, residual = self._linearised(state)
-            whole, soft = self._variances(state, residual[:, 0], spread)
-            weight = np.linalg.inv(whole)
-            information, slope = self._equations(state, jacobian, residual, weight)
-            aside, per_state = residual[:, 1:], jacobian[:, 1:]
-            information += _outer(per_state, weights)
-            slope += np.tensordot(weights * (aside - middle), per_state)
+            range_m2, edge_rad2 = self._variances(state, spread)
+            information, slope = self._equations(state, jacobian, residual, np.linalg.inv(range_m2))
+            bearing, per_state = residual[:, 1:], jacobian[:, 1:]
+            weights = self._bearing_weights(bearing, edge_rad2)
+            information += _information(per_state, weights)
+            slope += np.tensordot(weights * bearing, per_state)
             before, spread = spread, self._inverse(information)
             step = spread @ slope * self._free
             largest = float(np.abs(step).max())
@@ -165,35 +123,28 @@ class Problem:
                 state.velocity + step[6:],
             )
             change = np.abs(spread - before)[:3, :3].max()
-            is_known = change < 1e-3 * spread[:3, :3].max() and (weights > 0).all()
-            if largest < _SMALL_STEP and is_known:
+            if largest < _SMALL_STEP and change < 1e-3 * spread[:3, :3].max():
                 break
-            mean = per_state @ step - aside
-            variance = _variance_of(per_state, spread)
-            alike = same_boxes(per_state, spread, mean, half)
-            fresh, shift = match_boxes(mean, variance, alike * weights, -middle, half, soft)
-            fresh /= alike
-            shift = (weights * -middle + fresh * shift) / np.maximum(weights + fresh, 1e-12)
-            # Damped, so that boxes that depend on each other converge.
-            weights, middle = np.where(weights > 0, (weights + fresh) / 2, fresh), -shift
         jacobian, residual = self._linearised(state)
-        chi2 = float(residual[:, 0] @ weight @ residual[:, 0])
-        scale = (_FREEDOM + chi2) / (_FREEDOM + max(len(residual) - 3, 0))
-        known = _variance_of(jacobian[:, 0], spread)
-        # The variance of inliers: that of an outlier is raised, which would hide it.
-        usual = np.diag(self._variances(state, 0 * seen.range_m, spread)[0])
-        own = np.maximum(usual - known, 0.2 * usual)
-        scores = self._scores(residual, own, soft)
-        covariance = max(scale, 1.0) * spread
-        return Fit(state, covariance, self.stamp_s, scores, weights, middle, self._readings)
+        usual = np.diag(range_m2)
+        own = np.maximum(usual - _variance_of(jacobian[:, 0], spread), 0.2 * usual)
+        scores = self._scores(residual, own, edge_rad2)
+        return Fit(state, spread, self.seen.stamp_s, scores)
 
-    def _scores(self, residual: Floats, variance: Floats, soft: Floats) -> Floats:
+    def _scores(self, residual: Floats, range_m2: Floats, edge_rad2: Floats) -> Floats:
         beyond = np.maximum(np.abs(residual[:, 1:]) - self._half_box(), 0.0)
-        return np.column_stack([residual[:, 0] / np.sqrt(variance), beyond / np.sqrt(soft)])
+        return np.column_stack([residual[:, 0] / np.sqrt(range_m2), beyond / np.sqrt(edge_rad2)])
 
     def _half_box(self) -> Floats:
         half: Floats = math.sqrt(3) * self.seen.spread_rad + self.errors.box_rad
         return half
+
+    def _bearing_weights(self, bearing: Floats, edge_rad2: Floats) -> Floats:
+        """Return 1 / variance of directions in boxes, shape (n, 2) [1/rad²]."""
+        half = self._half_box()
+        count = _redundancy(self.seen.axes, self.seen.marker, bearing, half)
+        weights: Floats = 1 / (half**2 / 3 + edge_rad2) / count
+        return weights
 
     def _inverse(self, information: Floats) -> Floats:
         """Return the covariance of the state, shape (9, 9)."""
@@ -213,17 +164,18 @@ class Problem:
         information += np.diag(np.repeat([_SOMEWHERE, 1 / TURN_VARIANCE, still], 3))
         slope[6:] -= still * state.velocity
         if self.prior is not None:
-            turn = self.prior.state.rotation @ state.rotation.T
-            turned = np.array([turn[2, 1], turn[0, 2], turn[1, 0]])
-            turned -= np.array([turn[1, 2], turn[2, 0], turn[0, 1]])
-            off = np.append(self.prior.state.position_m - state.position_m, turned / 2)
+            # Sines of rotations: in a rotation vector, a large yaw would mix with the tilt.
+            turned = self.prior.state.rotation @ state.rotation.T
+            sines = np.array([turned[2, 1], turned[0, 2], turned[1, 0]])
+            sines -= np.array([turned[1, 2], turned[2, 0], turned[0, 1]])
+            off = np.append(self.prior.state.position_m - state.position_m, sines / 2)
             known = np.linalg.inv(self.prior.covariance)
             information[:6, :6] += known
             slope[:6] += known @ off
         return information, slope
 
     def _sight(self, state: State) -> Floats:
-        moved = np.outer(self._before_s, state.velocity)
+        moved = np.outer(self.seen.before_s, state.velocity)
         sight: Floats = (
             state.position_m + self._places @ state.rotation.T - moved - self.seen.sensor_m
         )
@@ -243,32 +195,48 @@ class Problem:
         jacobian = np.empty((len(range_m), 3, 9))
         jacobian[..., :3] = per_place
         jacobian[..., 3:6] = -per_place @ cross_matrix(self._places @ state.rotation.T)
-        jacobian[..., 6:] = -per_place * self._before_s[:, None, None]
+        jacobian[..., 6:] = -per_place * self.seen.before_s[:, None, None]
         return jacobian, residual
 
-    def _variances(self, state: State, residual: Floats, spread: Floats) -> tuple[Floats, Floats]:
-        """Return the covariance of ranges (n, n), and the variance of boxes' edges (n, 2)."""
+    def _variances(self, state: State, spread: Floats) -> tuple[Floats, Floats]:
+        """Return the covariance of ranges (n, n), and the variance of boxes' edges (n, 1)."""
         sight = self._sight(state)
         range_m = np.linalg.norm(sight, axis=1)
         place_variance = state.rotation @ self._place_variance @ state.rotation.T
-        whole = self.seen.range_covariance(sight, place_variance, self._before_s, self.errors)
-        # A range is a sphere, linearised to a plane. With S the covariance of the place and P the
-        # projection across a direction u, they differ by sqrt(tr(PS)² + 2 tr(PSPS)) / 2r.
-        place_m2 = spread[:3, :3]
-        unit = sight / range_m[:, None]
-        seen = unit @ place_m2
-        along, aslant = (seen * unit).sum(axis=1), (seen * seen).sum(axis=1)
-        square = (place_m2 * place_m2).sum() - 2 * aslant + along**2
-        trace = np.trace(place_m2) - along
-        bend = np.sqrt(np.maximum(trace**2 + 2 * square, 0.0)) / (2 * range_m)
-        whole += np.outer(bend, bend)
-        excess = np.maximum(residual**2 / np.diag(whole) - 1, 0.0) / (_FREEDOM + 1)
-        whole += np.diag(excess * self.seen.range_stddev_m**2)
-        soft = self.seen.bearing_variance(range_m, place_variance, self._before_s, self.errors)
-        return whole, soft
+        range_m2 = self.seen.range_covariance(sight, place_variance)
+        bend = _curvature(spread[:3, :3], sight / range_m[:, None], range_m)
+        range_m2 += np.outer(bend, bend)
+        return range_m2, self.seen.edge_variance(range_m)
 
 
-def _outer(jacobian: Floats, weights: Floats) -> Floats:
+def _curvature(place_m2: Floats, unit: Floats, range_m: Floats) -> Floats:
+    """Return the standard deviations of spheres of ranges from their planes, shape (n,) [m].
+
+    With S the covariance of the place and P the projection across a direction u, it is
+    sqrt(tr(PS)² + 2 tr(PSPS)) / 2r.
+    """
+    seen = unit @ place_m2
+    along, aslant = (seen * unit).sum(axis=1), (seen * seen).sum(axis=1)
+    square = (place_m2 * place_m2).sum() - 2 * aslant + along**2
+    trace = np.trace(place_m2) - along
+    bend: Floats = np.sqrt(np.maximum(trace**2 + 2 * square, 0.0)) / (2 * range_m)
+    return bend
+
+
+def _redundancy(axes: Floats, marker: NDArray[np.int64], bearing: Floats, half: Floats) -> Floats:
+    """Return how many directions are redundant with each, itself included, shape (n, 2).
+
+    Those of a marker at the same place of their boxes tell no more than one of them.
+    """
+    rows, place, size = axes.reshape(-1, 3), bearing.ravel(), half.ravel()
+    apart = np.abs(place[:, None] - place) / np.minimum.outer(size, size)
+    alike = (rows @ rows.T) ** 2 * np.maximum(1 - 2 * apart, 0)
+    alike *= np.repeat(np.repeat(marker[:, None] == marker, 2, axis=0), 2, axis=1)
+    count: Floats = alike.sum(axis=1).reshape(half.shape)
+    return count
+
+
+def _information(jacobian: Floats, weights: Floats) -> Floats:
     """Return the information of directions with weights (n, 2), shape (9, 9)."""
     rows = jacobian.reshape(-1, jacobian.shape[-1])
     information: Floats = (rows * weights.reshape(-1, 1)).T @ rows

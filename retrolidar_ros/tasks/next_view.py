@@ -15,14 +15,13 @@ from retrolidar_ros.tasks.landmarks import Landmark
 from retrolidar_ros.tasks.reading import Reading, SensorPose
 from retrolidar_ros.tasks.state import largest_stddev
 
-_WAYS = np.array([way for way in itertools.product((-1, 0, 1), repeat=3) if any(way)], dtype=float)
+_DIRECTIONS = np.array([one for one in itertools.product((-1, 0, 1), repeat=3) if any(one)], float)
 _NEAREST_M = 0.3
 # From the axis: within the two middle columns and rows of zones, and half of the outer ones.
 _IN_VIEW = math.atan(1.5 * ZoneGrid().pitch)
 _ARRIVED_M = 0.05
 # What is tried, as shares of the reach and of the distance.
 _WIDER, _NEARER = (1.25, 1.5, 2.0, 2.5, 3.0), (0.9, 0.8, 0.7, 0.6, 0.5)
-_SECOND = -1  # ID of a marker beside another one
 
 
 class ViewPlanner:
@@ -33,13 +32,13 @@ class ViewPlanner:
         self.reach_m = self.move_s = math.nan
         """How far the sensor can go from where it read first [m], and how long that takes [s]."""
         self.heights_m = (-math.inf, math.inf)
-        """Least and largest z of a viewpoint [m]."""
+        """Minimum and maximum z of a viewpoint [m]."""
         self.max_stddev_m = math.nan
         """Wanted standard deviation of landmarks [m]."""
         self.forget()
 
     def forget(self) -> None:
-        """Begin anew."""
+        """Begin again without a viewpoint."""
         self.view: SensorPose | None = None
         """The next viewpoint, in the fixed frame; None if there is none."""
         self.remedies: dict[str, str] = {}
@@ -75,8 +74,8 @@ class ViewPlanner:
         """Return a pose that looks at all objects, or at the least certain one."""
         names = sorted(seen, key=lambda one: -_stddev(seen[one]))
         for group in (names, names[:1]):
-            ways = [_position(seen[one]) - place_m for one in group]
-            units = np.array([way / np.linalg.norm(way) for way in ways])
+            sights = [_position(seen[one]) - place_m for one in group]
+            units = np.array([one / np.linalg.norm(one) for one in sights])
             ahead = units.mean(axis=0)
             ahead /= np.linalg.norm(ahead)
             if (units @ ahead > math.cos(_IN_VIEW)).all():
@@ -107,20 +106,13 @@ class ViewPlanner:
             if self._reached_m(landmark, self._began_m, share * self.reach_m) <= wanted_m:
                 found.append(f'with a reach of {share * self.reach_m:.2g} m')
                 break
-        if self._reached_m(landmark, self._began_m, self.reach_m, second=True) <= wanted_m:
-            found.append('with a second marker')
         return ', or '.join(found) or 'nearer and from farther apart'
 
-    def _reached_m(
-        self, landmark: Landmark, middle_m: Floats, reach_m: float, *, second: bool = False
-    ) -> float:
+    def _reached_m(self, landmark: Landmark, middle_m: Floats, reach_m: float) -> float:
         """Return the deviation after one more reading from every place around another."""
         places = _places(middle_m, reach_m, self.heights_m)
         found = (_seen_from(landmark, place_m) for place_m in places)
-        views = [one for one in found if one is not None]
-        if second:
-            views += [_in_another_zone(one) for one in views]
-        return largest_stddev(landmark.spread_with(views, beside=_SECOND if second else None))
+        return largest_stddev(landmark.spread_with([one for one in found if one is not None]))
 
 
 def best_place(
@@ -131,7 +123,7 @@ def best_place(
 ) -> Floats | None:
     """Return the place from which one more reading of each landmark helps most.
 
-    It is the one that leaves the least mean squared error. Across the line of sight ranges from
+    It is the one that leaves the smallest mean squared error. Across the line of sight ranges from
     there tell the direction; nearer, they are more exact, too.
 
     Parameters
@@ -143,7 +135,7 @@ def best_place(
     reach_m : float
         How far from there the sensor can go in any direction.
     heights_m : tuple of float
-        Least and largest z that it can go to.
+        Minimum and maximum z that it can go to.
 
     Returns
     -------
@@ -161,7 +153,7 @@ def best_place(
 
 def _places(middle_m: Floats, reach_m: float, heights_m: tuple[float, float]) -> Floats:
     """Return places around one, shape (n, 3) [m]."""
-    places = middle_m + reach_m * _WAYS / np.linalg.norm(_WAYS, axis=1)[:, None]
+    places = middle_m + reach_m * _DIRECTIONS / np.linalg.norm(_DIRECTIONS, axis=1)[:, None]
     within: Floats = places[(places[:, 2] >= heights_m[0]) & (places[:, 2] <= heights_m[1])]
     return within
 
@@ -188,12 +180,6 @@ def _seen_from(landmark: Landmark, place_m: Floats) -> Reading | None:
         range_m=range_m,
         range_stddev_m=last.range_stddev_m * (range_m / last.range_m) ** 2,
     )
-
-
-def _in_another_zone(reading: Reading) -> Reading:
-    """Return the reading of a second marker, in another zone."""
-    direction = reading.direction + np.array([2 * ZoneGrid().pitch, 0, 0])
-    return reading._replace(marker=_SECOND, direction=direction / np.linalg.norm(direction))
 
 
 def _error_after(landmark: Landmark, place_m: Floats) -> float:

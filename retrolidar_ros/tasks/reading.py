@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from retrolidar_ros.sensor.frame import Floats, ZoneGrid
+from retrolidar_ros.sensor.frame import Floats
 
 _UNIT, _MAX_AWAY_M = 1e-6, 1e7
 
@@ -117,12 +117,9 @@ class Errors:
     """Of a moving marker, along each axis [m/s]."""
 
 
-# A background or another marker in the zone shifts a range in the same way while the sensor stays.
-# `_SHARED` of the usual variance is of that kind, and all of what exceeds it, `_DISTRUST` times its
-# reported deviation. `_SHARED` of the excess is independent: two readings never agree exactly.
-# Variance within `_SCATTER` of the median is usual.
-_SHARED, _DISTRUST, _SCATTER = 0.25, 2.5, 1.3
-_CROWDED_M = 0.01
+# Share of the variance of a range that its readings from one place have in common: a background or
+# another marker in the zone shifts them in the same way.
+_SHARED = 0.25
 # Correlation time of the acceleration of a moving marker.
 _LASTING_S = 3.0
 # A sensor without a reading for so long does not see the marker.
@@ -132,14 +129,15 @@ _ALIKE_M = 0.05
 
 
 class Readings:
-    """Arrays of the readings that one estimate is made of."""
+    """Arrays of the readings that one estimate is made of, and what their errors share."""
 
-    def __init__(self, readings: Sequence[Reading]) -> None:
+    def __init__(self, readings: Sequence[Reading], errors: Errors) -> None:
+        self._errors = errors
         self.marker = np.array([one.marker for one in readings])
         self.range_m = np.array([one.range_m for one in readings])
         self.range_stddev_m = np.array([one.range_stddev_m for one in readings])
         self.spread_rad = np.array([one.spread_rad for one in readings])
-        self.stamp_s = np.array([one.stamp_s for one in readings])
+        stamp_s = np.array([one.stamp_s for one in readings])
         self.sensor_m = np.array([one.pose.position_m for one in readings])
         rotation = np.array([one.pose.rotation for one in readings])
         direction = np.array([one.direction for one in readings])
@@ -150,32 +148,23 @@ class Readings:
         self.direction = axes[:, 2]
         """As measured, in the fixed frame, shape (n, 3)."""
         sensor = np.array([one.sensor for one in readings])
-        newest_s = np.array([self.stamp_s[sensor == one].max() for one in set(sensor.tolist())])
-        self.complete_s = float(newest_s[newest_s > newest_s.max() - _SILENT_S].min())
-        """Time up to which all sensors have reported."""
+        self.stamp_s = float(stamp_s.max())
+        """When the estimate holds: if the marker moves, up to when all sensors have reported."""
+        if errors.acceleration:
+            newest_s = np.array([stamp_s[sensor == one].max() for one in set(sensor.tolist())])
+            self.stamp_s = float(newest_s[newest_s > self.stamp_s - _SILENT_S].min())
+        self.before_s = self.stamp_s - stamp_s
+        """How long before that each was taken."""
+        self._moved_m2 = errors.acceleration**2 * _wandered(self.before_s)
         apart = np.linalg.norm(self.sensor_m[:, None] - self.sensor_m, axis=-1)
         self._one_sensor = sensor[:, None] == sensor
         self._one_pose = self._one_sensor * np.exp(-0.5 * (apart / _ALIKE_M) ** 2)
-        self._one_view = self._one_pose * (self.marker[:, None] == self.marker)
-        # The noise of a range rises with about the square of the range.
-        each = self.range_stddev_m / self.range_m**2
-        usual = np.minimum(_SCATTER * np.median(each) * self.range_m**2, self.range_stddev_m)
-        variance = self.range_stddev_m**2
-        # Two markers in one zone shift each other's range beyond its standard deviation.
-        other = self.marker[:, None] != self.marker
-        tangent = direction[:, :2] / direction[:, 2:]
-        close = np.abs(tangent[:, None] - tangent).max(axis=-1) < ZoneGrid().pitch / 2
-        crowded = (other & close & (self._one_pose > 0.5)).any(axis=1)
-        variance += (_CROWDED_M / _DISTRUST) ** 2 * crowded
-        above = np.maximum(variance - usual**2, 0.0)
-        own_m2 = (1 - _SHARED) * np.minimum(variance, usual**2) + _SHARED * above
-        shared_m = np.sqrt(_SHARED * usual**2 + _DISTRUST**2 * above)
-        # Covariance of the errors that are independent of the marker's place.
-        self._anywhere_m2 = np.outer(shared_m, shared_m) * self._one_view + np.diag(own_m2)
+        self._one_marker = self.marker[:, None] == self.marker
+        shared = _SHARED * self._one_pose * self._one_marker
+        np.fill_diagonal(shared, 1.0)
+        self._own_m2 = shared * np.outer(self.range_stddev_m, self.range_stddev_m)
 
-    def range_covariance(
-        self, sight_m: Floats, place_variance: Floats, before_s: Floats, errors: Errors
-    ) -> Floats:
+    def range_covariance(self, sight_m: Floats, place_variance: Floats) -> Floats:
         """Return the covariance of the errors of all ranges, shape (n, n) [m²].
 
         Parameters
@@ -183,35 +172,23 @@ class Readings:
         sight_m : array, shape (n, 3)
             From the sensors to where the markers are now thought to be, in the fixed frame.
         place_variance : array, shape (n, 3, 3)
-            How well the marker's place on its object is known, in the fixed frame [m²].
-        before_s : array, shape (n,)
-            How long before the time of the estimate each was taken.
-        errors : Errors
-            What they share.
+            Of the marker's place on its object, in the fixed frame [m²].
         """
+        errors = self._errors
         unit = sight_m / np.linalg.norm(sight_m, axis=1)[:, None]
-        alike = unit @ unit.T
-        result: Floats = errors.pose_m**2 * self._one_pose * alike
-        result += errors.range_bias_m**2 * self._one_sensor + self._anywhere_m2
-        result.flat[:: len(result) + 1] += errors.range_m**2
+        result: Floats = (errors.pose_m**2 * self._one_pose + self._moved_m2) * (unit @ unit.T)
+        result += errors.range_bias_m**2 * self._one_sensor + self._own_m2
         if place_variance.any():
-            place_m2 = (unit[:, None] @ place_variance)[:, 0] @ unit.T
-            result += place_m2 * (self.marker[:, None] == self.marker)
-        if errors.acceleration:
-            result += errors.acceleration**2 * _wandered(before_s) * alike
+            result += (unit[:, None] @ place_variance @ unit.T)[:, 0] * self._one_marker
+        result.flat[:: len(result) + 1] += errors.range_m**2
         return result
 
-    def bearing_variance(
-        self, range_m: Floats, place_variance: Floats, before_s: Floats, errors: Errors
-    ) -> Floats:
-        """Return the variance of boxes' edges, shape (n, 2) [rad²]; see `range_covariance`."""
-        across: Floats = np.full((len(range_m), 2), errors.pose_m**2)
-        if errors.acceleration:
-            across += errors.acceleration**2 * np.diag(_wandered(before_s))[:, None]
-        if place_variance.any():
-            across += ((self.axes @ place_variance) * self.axes).sum(axis=-1)
-        variance: Floats = errors.edge_rad**2 + errors.turn_rad**2 + across / range_m[:, None] ** 2
-        return variance
+    def edge_variance(self, range_m: Floats) -> Floats:
+        """Return the variance of the edges of boxes, shape (n, 1) [rad²], for ranges (n,) [m]."""
+        errors = self._errors
+        across_m2 = errors.pose_m**2 + np.diag(self._moved_m2)
+        variance = errors.edge_rad**2 + errors.turn_rad**2 + across_m2 / range_m**2
+        return variance[:, None]
 
 
 def _wandered(before_s: Floats) -> Floats:
@@ -220,13 +197,13 @@ def _wandered(before_s: Floats) -> Floats:
     The acceleration is a Gauss-Markov process, whose correlation falls off in `_LASTING_S`
     (Singer 1970). Times before and after that of the estimate have opposite signs.
     """
-    once, apart_s = _LASTING_S, np.abs(before_s)
-    least, most = np.minimum.outer(apart_s, apart_s), np.maximum.outer(apart_s, apart_s)
-    white = once * least**2 * (most - least / 3)
-    early = (most + once) * (least + once * np.expm1(-least / once))
-    late = once * (np.exp((least - most) / once) - np.exp(-most / once))
-    late -= least * np.exp(-most / once)
-    same = white - once**2 * early + once**3 * late
-    across = once * (apart_s + once * np.expm1(-apart_s / once))
+    tau, apart_s = _LASTING_S, np.abs(before_s)
+    short, long = np.minimum.outer(apart_s, apart_s), np.maximum.outer(apart_s, apart_s)
+    white = tau * short**2 * (long - short / 3)
+    early = (long + tau) * (short + tau * np.expm1(-short / tau))
+    late = tau * (np.exp((short - long) / tau) - np.exp(-long / tau))
+    late -= short * np.exp(-long / tau)
+    same = white - tau**2 * early + tau**3 * late
+    across = tau * (apart_s + tau * np.expm1(-apart_s / tau))
     wandered: Floats = np.where(np.outer(before_s, before_s) < 0, np.outer(across, across), same)
     return wandered

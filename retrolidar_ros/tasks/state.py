@@ -5,14 +5,12 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from retrolidar_ros.sensor.frame import Floats
 from retrolidar_ros.sensor.rotation import turn_of
-from retrolidar_ros.tasks.reading import Reading
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,12 +48,6 @@ class Fit:
 
     Of a direction, what is beyond its box.
     """
-    bearing_weight: Floats
-    """Of the Gaussians that replace the boxes: 1 / variance, shape (n, 2) [1/rad²]."""
-    bearing_middle: Floats
-    """Their means, from the middle of each box, shape (n, 2)."""
-    readings: Sequence[Reading] = ()
-    """Those that it is estimated from."""
 
 
 def largest_stddev(covariance: Floats) -> float:
@@ -66,7 +58,7 @@ def largest_stddev(covariance: Floats) -> float:
 
 
 def between(one: State, other: State) -> Floats:
-    """Return how another state differs, shape (9,)."""
-    turn = turn_of(other.rotation @ one.rotation.T)
-    way = other.position_m - one.position_m
-    return np.concatenate([way, turn, other.velocity - one.velocity])
+    """Return translation, rotation vector and velocity from one state to another, shape (9,)."""
+    rotation = turn_of(other.rotation @ one.rotation.T)
+    translation = other.position_m - one.position_m
+    return np.concatenate([translation, rotation, other.velocity - one.velocity])

@@ -59,8 +59,7 @@ class Survey:
             solved.
         """
         landmark = self._landmark(name, readings[0].marker)
-        others = [one for one in self.landmarks.values() if one is not landmark]
-        landmark.take(*readings, others=others)
+        landmark.take(*readings)
         return landmark
 
     def _landmark(self, name: str, marker: int) -> Landmark:

@@ -3,7 +3,6 @@
 import os
 import select
 import signal
-import time
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -105,16 +104,6 @@ def test_an_exception_or_a_signal_ends_them_too_and_passes_on(
     assert signal.getsignal(signal.SIGTERM) is before
 
 
-def test_children_are_asked_by_sigint_first(tmp_path: Path, line: LifeLine) -> None:
-    tidy = "trap 'echo tidied >&3; exit 7' INT; echo ready >&3; sleep 60 & wait"
-    with ProcessGroup(tmp_path) as group:
-        group.start('tidy', line.command(tidy))
-        line.wait_for(b'ready')
-        assert group.stop('tidy') == 7
-        line.wait_for(b'tidied')
-        assert line.all_gone()
-
-
 def test_a_child_that_ignores_sigint_is_killed(
     tmp_path: Path, line: LifeLine, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -124,25 +113,6 @@ def test_a_child_that_ignores_sigint_is_killed(
         line.wait_for(b'ready')
         assert group.stop('stubborn') == -signal.SIGKILL
         assert line.all_gone()
-
-
-def test_a_second_ctrl_c_is_no_way_out_for_the_children(tmp_path: Path, line: LifeLine) -> None:
-    # Instead of ending, the first child interrupts the waiting for it.
-    impatient = (
-        f"trap 'kill -INT {os.getpid()}' INT; echo ready >&3; while :; do sleep 60 & wait; done"
-    )
-
-    def work() -> None:
-        with ProcessGroup(tmp_path) as group:
-            group.start('impatient', line.command(impatient))
-            group.start('stubborn', line.command(STUBBORN))
-            line.wait_for(b'ready\nready')
-
-    begin_s = time.monotonic()
-    with pytest.raises(KeyboardInterrupt):
-        work()
-    assert line.all_gone()
-    assert time.monotonic() - begin_s < processes._PATIENCE_S
 
 
 def test_check_reports_the_child_that_ended_and_the_end_of_its_log(
@@ -178,11 +148,3 @@ def test_a_stopped_process_may_be_started_again(tmp_path: Path, line: LifeLine) 
             group.check()
             assert one.all_gone()
     os.close(again.end)
-
-
-def test_both_outputs_are_in_the_log_and_there_is_no_input(tmp_path: Path) -> None:
-    with ProcessGroup(tmp_path) as group:
-        group.start('talker', ['sh', '-c', 'echo out; echo err >&2; read line || echo end'])
-        await_end(group, 'talker')
-        assert group.log('talker') == tmp_path / 'talker.log'
-        assert group.log('talker').read_text() == 'out\nerr\nend\n'

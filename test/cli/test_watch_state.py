@@ -66,7 +66,7 @@ def watch_of(frames: list[Frame], zone: int | None = None) -> Watch:
     return state
 
 
-@pytest.mark.parametrize('frames', range(100, 170, 7))
+@pytest.mark.parametrize('frames', range(100, 170, 23))
 def test_the_newest_bits_are_the_packet_from_some_bit_on(frames: int) -> None:
     bits = newest_bits(seen(SCENE, frames), ZONE, BIT_PERIOD_S)
     assert bits is not None

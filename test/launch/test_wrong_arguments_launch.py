@@ -1,6 +1,6 @@
 # Copyright 2026 retrolidar_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""Launch arguments that cannot be: the launch ends, says which, and leaves no process behind."""
+"""Impossible launch arguments: the launch ends, names them, and leaves no process behind."""
 
 import signal
 import subprocess

@@ -17,17 +17,6 @@ from retrolidar_ros.scene.files import load_scene
 from retrolidar_ros.settings.resources import shared_file
 
 
-def wait_for_subscribers(system: System, topic: str, count: int) -> None:
-    """Wait until a topic is published and has so many subscribers, the listener included."""
-    node = system.node
-
-    def is_heard() -> bool:
-        system.processes.check()
-        return node.count_publishers(topic) > 0 and node.count_subscribers(topic) >= count
-
-    system.wait(is_heard, f'{count} subscribers of {topic}')
-
-
 @pytest.fixture(scope='module')
 def coffee(tmp_path_factory: pytest.TempPathFactory) -> Iterator[System]:
     """Start two nodes that wait for the same objects, one of them in another frame."""
@@ -45,8 +34,9 @@ def coffee(tmp_path_factory: pytest.TempPathFactory) -> Iterator[System]:
             max_stddev=0.2,
             target_frame=BASE_VIEW.frame,
         )
-        wait_for_subscribers(system, 'frames', 2)
-        wait_for_subscribers(system, 'markers', 3)
+        node = system.node
+        system.wait(lambda: node.count_subscribers('frames') > 1, 'the detector')
+        system.wait(lambda: node.count_subscribers('markers') > 2, 'both nodes')
         nothing_seen = ', '.join(f'{one.name} has not been seen' for one in scene.markers)
         both = ('coffee', 'base/coffee')
         ready = [system.collect(Bool, f'{node}/ready') for node in both]

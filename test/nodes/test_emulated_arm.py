@@ -1,6 +1,6 @@
 # Copyright 2026 retrolidar_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""The emulated arm, started by itself: it tells where the sensor is unless another arm does."""
+"""The emulated arm, started by itself: it sends the pose of the sensor unless another arm does."""
 
 import time
 from pathlib import Path
@@ -29,7 +29,7 @@ def transforms_of(came: list[TFMessage]) -> list[TransformStamped]:
     return [one for one in found if one.child_frame_id == SENSOR_FRAME]
 
 
-def test_it_sends_where_the_sensor_is_and_what_it_looks_like(tmp_path: Path) -> None:
+def test_it_sends_the_pose_of_the_sensor_and_a_description(tmp_path: Path) -> None:
     first, second = (np.array(SCENE.sensor.path[index].position_m) for index in (0, 2))
     with running(tmp_path, '/arm_alone') as system:
         system.start('driver', serial_port=system.port)

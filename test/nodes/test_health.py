@@ -8,10 +8,8 @@ import time
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
-from types import SimpleNamespace
 from typing import Any, cast
 
-import numpy as np
 import pytest
 from diagnostic_msgs.msg import DiagnosticStatus
 from harness import Sensor, check_detections, check_frames
@@ -25,13 +23,8 @@ from tf2_msgs.msg import TFMessage
 from retrolidar_ros.msg import Frame as FrameMsg
 from retrolidar_ros.msg import MarkerDetection
 from retrolidar_ros.nodes.conversion import to_frame_msg, to_ns, to_time
-from retrolidar_ros.nodes.driver_health import DriverTally
 from retrolidar_ros.scene import Simulation
 from retrolidar_ros.scene.files import load_scene
-from retrolidar_ros.sensor.clock import ClockMap
-from retrolidar_ros.sensor.model import Status
-from retrolidar_ros.sensor.serial_source import Received
-from retrolidar_ros.sensor.wire import WireCounts
 
 DRIVER, DETECTOR = 'driver: frames', 'detector: markers'
 OK, WARN, ERROR = DiagnosticStatus.OK, DiagnosticStatus.WARN, DiagnosticStatus.ERROR
@@ -187,24 +180,3 @@ def test_a_clock_that_does_not_begin_or_stops_is_an_error_of_both(tmp_path: Path
         system.wait_for_status(DRIVER, ERROR, 'the stamps stand still')
         system.wait_for_status(DETECTOR, ERROR, 'the stamps of frames stand still')
         assert not any('hangs' in one.message for one in system.statuses[DRIVER])
-
-
-def test_a_frame_that_is_being_counted_has_no_abnormal_zones() -> None:
-    tally = DriverTally()
-    reader = SimpleNamespace(counts=WireCounts())
-    source = SimpleNamespace(
-        reader=reader, received=Received(), port='', openings=1, is_open=True, problem=''
-    )
-    reported: list[str] = []
-
-    class Examined(SimpleNamespace):
-        """A frame during whose counting another thread examines."""
-
-        @property
-        def status(self) -> Any:
-            health = tally.examine(cast(Any, source), ClockMap())
-            reported.append(health.values['abnormal zones [%]'])
-            return np.full(16, Status.VALID)
-
-    tally.count(cast(Any, Examined(sequence=0, stamp_ns=1)), 0)
-    assert set(reported) == {'0.0'}

@@ -3,6 +3,7 @@
 """Parameters of running nodes: their descriptions, what setting them does, what is refused."""
 
 import math
+import re
 from collections.abc import Iterator
 from typing import Any
 
@@ -12,12 +13,13 @@ from diagnostic_msgs.msg import DiagnosticStatus
 from harness import Sensor
 from harness_nodes import System, running
 from harness_observer import parameter_messages, values_of
-from rcl_interfaces.msg import ParameterType, ParameterValue, SetParametersResult
+from rcl_interfaces.msg import ParameterType, ParameterValue
 from rcl_interfaces.srv import SetParametersAtomically
 from test_topics import MARKER_FILE, NAMES
 from visualization_msgs.msg import MarkerArray
 
 from retrolidar_ros.detector import METHODS
+from retrolidar_ros.detector.likelihood_detector import Reason
 from retrolidar_ros.msg import Frame as FrameMsg
 from retrolidar_ros.msg import MarkerDetection
 from retrolidar_ros.nodes.conversion import to_ns
@@ -28,7 +30,6 @@ DRIVER, DETECTOR, BARE = '/real/driver', '/live/detector', '/bare/detector'
 COFFEE, HEARTBEAT = '/live/coffee', '/live/heartbeat'
 SETTLING_S = 0.2  # until what was on its way has come
 EMPTY = ParameterValue(type=ParameterType.PARAMETER_INTEGER_ARRAY)
-every_node = pytest.mark.parametrize('node', [DRIVER, DETECTOR, COFFEE, HEARTBEAT])
 
 
 def declared_of(node: str) -> dict[str, Parameter]:
@@ -67,7 +68,7 @@ def nodes(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Live]:
     known.write_text(MARKER_FILE)
     with running(directory, '/live') as system:
         system.start('driver', namespace='/real', serial_port=system.port)
-        system.start('detector', marker_file=known)
+        system.start('detector', '--log-level', 'live.detector:=debug', marker_file=known)
         system.start('detector', name='bare', namespace='/bare', publish_tf='false')
         system.start('coffee')
         system.start('heartbeat')
@@ -83,9 +84,12 @@ def live(nodes: Live) -> Iterator[Live]:
     nodes.set(DETECTOR, **before | {'registered_ids': EMPTY})
 
 
-@every_node
-def test_every_parameter_is_as_declared(nodes: Live, node: str) -> None:
-    assert nodes.services.names(node) == set(declared_of(node))
+@pytest.mark.parametrize('node', [DRIVER, DETECTOR, COFFEE, HEARTBEAT])
+def test_every_parameter_is_as_declared_and_only_live_ones_may_be_set(
+    nodes: Live, node: str
+) -> None:
+    before = nodes.services.get(node)
+    assert set(before) == set(declared_of(node))
     for descriptor in nodes.services.describe(node):
         one = declared_of(node)[descriptor.name]
         assert descriptor.description == one.description
@@ -94,18 +98,10 @@ def test_every_parameter_is_as_declared(nodes: Live, node: str) -> None:
         ranges = [*descriptor.integer_range, *descriptor.floating_point_range]
         limits = [] if isinstance(one.default, list) or not one.limits else [one.limits]
         assert [(limit.from_value, limit.to_value) for limit in ranges] == limits
-
-
-@every_node
-def test_what_is_read_only_refuses_and_the_rest_does_not(nodes: Live, node: str) -> None:
-    before = nodes.services.get(node)
-    for name, value in before.items():
-        (result,) = nodes.services.try_to_set(node, **{name: value})
-        if not declared_of(node)[name].is_live:
-            assert not result.successful, name
-            assert result.reason == f'Trying to set a read-only parameter: {name}.'
-        else:
-            assert result.successful, result.reason
+        name = descriptor.name
+        (result,) = nodes.services.try_to_set(node, **{name: before[name]})
+        assert result.successful == one.is_live, result.reason
+        assert one.is_live or f'a read-only parameter: {name}' in result.reason
     assert nodes.services.get(node) == before
     assert before.get('registered_ids', EMPTY) == EMPTY  # an empty list is a value like any other
 
@@ -134,12 +130,44 @@ def test_the_file_and_the_list_add_up_and_an_empty_list_of_any_type_allows_all(l
         live.wait_for_readings(1, *NAMES)
 
 
-def test_tf_may_be_left_alone_for_a_while(live: Live) -> None:
-    live.set(DETECTOR, publish_tf=False)
-    live.wait_for_readings(2, *NAMES)
+def test_transforms_and_shapes_change_at_once(live: Live) -> None:
+    live.set(DETECTOR, publish_tf=False, stale_after=7.25)
+    with live.system.subscribed(MarkerArray, 'marker_array') as arrays:
+        live.wait_for_readings(2, *NAMES)
+        live.system.wait(lambda: bool(arrays), 'shapes')
     assert live.system.transforms == []
+    for shape in arrays[0].markers:
+        assert (shape.lifetime.sec, shape.lifetime.nanosec) == (7, 250_000_000)
     live.set(DETECTOR, publish_tf=True)
     live.system.wait_for_transforms(*NAMES.values())
+
+
+def test_a_wrong_bit_period_is_reported_and_candidates_are_logged_for_debugging(live: Live) -> None:
+    live.set(DETECTOR, bit_period=0.084)
+    status = live.system.wait_for_status(
+        'detector: markers', DiagnosticStatus.WARN, 'is read with bits of'
+    )
+    advice = r'with bits of 4[12]\.\d ms, not of 84.0 ms: set bit_period to 0.04'
+    assert re.search(advice, status.message)
+    reasons = '|'.join(reason.value for reason in Reason)
+    rejected = rf'rejected: ({reasons}): ID \d+, evidence \S+, word \S+, margin \S+ nats'
+    assert re.search(rejected, live.system.log('detector'))
+    live.set(DETECTOR, bit_period=0.015)
+    mistimed = 'a frame comes every'
+    for _ in range(2):
+        live.system.wait_for_status('detector: markers', DiagnosticStatus.WARN, mistimed)
+    assert live.system.log('detector').count(mistimed) == 1  # /diagnostics repeats it
+
+
+def test_readings_with_which_too_few_agree_are_counted_and_not_published(live: Live) -> None:
+    live.set(DETECTOR, min_readings=100)
+    live.system.wait(
+        lambda: live.system.number('detector: markers', 'withheld by min_readings') > 2, 'readings'
+    )
+    assert not live.read()
+    live.set(DETECTOR, min_readings=1)
+    live.wait_for_readings(1, *NAMES)
+    assert live.system.number('detector: markers', 'withheld by min_readings') == 0
 
 
 def test_a_detector_without_frames_or_a_marker_file(live: Live) -> None:
@@ -156,14 +184,6 @@ def test_a_detector_without_frames_or_a_marker_file(live: Live) -> None:
         live.system.wait(lambda: {one.id for one in readings} >= set(NAMES), 'all markers')
         live.system.wait_for_transforms('marker_2073')
     live.set(BARE, publish_tf=False)
-
-
-def test_shapes_last_as_long_as_is_set(live: Live) -> None:
-    live.set(DETECTOR, stale_after=7.25)
-    with live.system.subscribed(MarkerArray, 'marker_array') as arrays:
-        live.system.wait(lambda: bool(arrays), 'shapes')
-    for shape in arrays[0].markers:
-        assert (shape.lifetime.sec, shape.lifetime.nanosec) == (7, 250_000_000)
 
 
 # By rclpy itself, by the declaration, and by the detector.
@@ -186,39 +206,21 @@ def test_what_is_refused_changes_nothing(nodes: Live, changes: dict[str, Any], r
     assert nodes.services.get(DETECTOR) == before
 
 
-def set_at_once(nodes: Live, node: str, **changes: Any) -> SetParametersResult:
-    answer = nodes.services.call(
-        SetParametersAtomically,
-        f'{node}/set_parameters_atomically',
-        SetParametersAtomically.Request(parameters=parameter_messages(changes)),
-    )
-    return answer.result
-
-
-@pytest.mark.parametrize('node', [DRIVER, DETECTOR])
-def test_a_type_that_is_none_does_not_end_the_node(nodes: Live, node: str) -> None:
-    changes = {'use_sim_time': False, 'anything': ParameterValue(type=200)}
-    results = [*nodes.services.try_to_set(node, **changes), set_at_once(nodes, node, **changes)]
-    assert {(one.successful, one.reason) for one in results} == {
-        (False, 'anything: there is no type 200')
-    }
-    nodes.system.processes.check()
-
-
-def test_one_refusal_spoils_all_that_is_to_be_set_at_once(live: Live) -> None:
+def test_parameters_set_at_once_are_all_refused_if_one_is(live: Live) -> None:
     before = live.services.get(DETECTOR)
-    result = set_at_once(live, DETECTOR, publish_tf=False, method='paper', registered_ids=[0])
+    changes = {'publish_tf': False, 'method': 'paper', 'registered_ids': [0]}
+    service, kind = f'{DETECTOR}/set_parameters_atomically', SetParametersAtomically
+    request = kind.Request(parameters=parameter_messages(changes))
+    result = live.services.call(kind, service, request).result
     assert not result.successful
     assert 'no usable ID' in result.reason
-    assert live.services.get(DETECTOR) == before
-    for _ in range(2):
-        live.forget()
-        live.wait_for_readings(1, *NAMES)
-        live.system.wait(lambda: bool(live.system.transforms), 'transforms')
-        live.set(DETECTOR, stale_after=5.0)  # does not bring them after all
+    live.set(DETECTOR, stale_after=5.0)  # does not bring them after all
+    assert live.services.get(DETECTOR) == before | live.services.get(DETECTOR, 'stale_after')
+    live.wait_for_readings(1, *NAMES)
+    live.system.wait(lambda: bool(live.system.transforms), 'transforms')
 
 
-def test_the_ends_of_all_ranges_can_be_borne(live: Live) -> None:
+def test_limits_of_all_ranges_do_not_end_the_node(live: Live) -> None:
     """Bits of 2 ms or 10 s read nothing, but they do not end the node."""
     for descriptor in live.services.describe(DETECTOR):
         name = descriptor.name
@@ -232,7 +234,7 @@ def test_the_ends_of_all_ranges_can_be_borne(live: Live) -> None:
     live.wait_for_readings(1, *NAMES)
 
 
-def test_a_transport_delay_is_taken_off_from_now_on(nodes: Live) -> None:
+def test_a_new_transport_delay_is_subtracted_at_once(nodes: Live) -> None:
     system = nodes.system
 
     def error_s() -> float:

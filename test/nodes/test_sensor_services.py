@@ -52,7 +52,7 @@ def wait_for_more(system: System) -> None:
     system.wait_for_frames(len(system.frames) + 5)
 
 
-def test_a_sensor_that_says_who_it_is_is_named_and_obeys(system: System) -> None:
+def test_firmware_with_commands_identifies_itself_and_obeys(system: System) -> None:
     plug(system)
     system.start('driver', serial_port=system.port)
     wait_for_more(system)
@@ -82,7 +82,7 @@ def test_a_sensor_that_says_who_it_is_is_named_and_obeys(system: System) -> None
     last = max(message.sequence for message, _ in system.frames)
     assert trigger(system, 'start') == (True, 'the sensor is ranging')
     wait_for_more(system)
-    assert trigger(system, 'reset') == (True, 'the sensor starts anew')
+    assert trigger(system, 'reset') == (True, 'the sensor restarts')
     seen = len(system.frames)
     wait_for_more(system)
     assert min(message.sequence for message, _ in system.frames[seen:]) < max(last, 3)

@@ -30,12 +30,10 @@ class Stuck(Node):
 
     def tick(self):
         reached('callback')
-        if STAGE in ('clean-up', 'hanging'):
+        if STAGE == 'clean-up':
             print('here', flush=True)
 
     def destroy_node(self):
-        while STAGE == 'hanging':
-            time.sleep(1)
         print('destroyed', flush=True)
         super().destroy_node()
 
@@ -51,11 +49,9 @@ sys.exit(run(Stuck))
         ('callback', signal.SIGTERM),
         ('callback', signal.SIGHUP),
         ('clean-up', signal.SIGINT),
-        ('hanging', signal.SIGINT),
     ],
 )
 def test_a_signal_ends_the_process_in_order(stage: str, number: signal.Signals) -> None:
-    """Only one that hangs when it ends is ended from outside of its main thread."""
     with subprocess.Popen(
         [sys.executable, '-c', PROGRAM, stage], stdout=subprocess.PIPE, stderr=subprocess.PIPE
     ) as process:
@@ -65,8 +61,6 @@ def test_a_signal_ends_the_process_in_order(stage: str, number: signal.Signals) 
         process.send_signal(number)
         process.send_signal(signal.SIGINT)  # `ros2 launch` passes on what all have got already
         output, errors = process.communicate(timeout=60)
-    hangs = stage == 'hanging'
-    assert process.returncode == int(hangs)
-    assert output.count(b'destroyed') == int(not hangs)
-    assert errors.count(b'did not end in order') == int(hangs)
+    assert process.returncode == 0
+    assert output.count(b'destroyed') == 1
     assert b'Traceback' not in errors

@@ -72,31 +72,23 @@ def refuse(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Callable[..., l
         ('driver', '-p serial_baud:=fast', "'serial_baud' to 'fast' of type 'STRING'"),
         ('detector', '--params-file {}/broken.yaml', 'broken.yaml'),
         ('detector', '-p marker_file:={}/nowhere.yaml', 'marker_file: [Errno 2] No such file'),
-        (
-            'detector',
-            '-p marker_file:={}/alike.yaml',
-            'would share the topic poses/a_b',
-        ),
+        ('detector', '-p marker_file:={}/alike.yaml', 'would share the topic poses/a_b'),
         ('detector', '-p child_frame:=left', "child_frame: 'left' needs {name} once"),
         ('landmarks', "-p fixed_frame:=''", 'fixed_frame is empty; TF needs a name'),
         ('landmarks', '-p localize:=true', '0 markers are at known places; localisation needs'),
         ('landmarks', '-p marker_file:={}/objects.yaml', 'a-b and a.b would share the topic'),
         ('landmarks', '-p load_file:=/dev/null', 'load_file: /dev/null'),
         ('coffee', '-p objects:=[a.b,a_b]', 'a.b and a_b would share the topic ~/objects/a_b'),
-        (
-            'coffee',
-            '-p objects:=[a,a_to_b,b_to_c,c]',
-            'the topic ~/offsets/a_to_b_to_c',
-        ),
+        ('coffee', '-p objects:=[a,a_to_b,b_to_c,c]', 'the topic ~/offsets/a_to_b_to_c'),
         ('coffee', '-p min_height:=2.0 -p max_height:=1.0', 'min_height is above max_height'),
         ('emulated_arm', '-p scene:=nowhere', 'scene: there is no scene nowhere'),
         ('heartbeat', '-p markers:=[]', 'markers: there is no name'),
         ('reader', '-p ports:=[/a,/b] -p names:=[x]', 'names: 1 of them for 2 ports'),
-        ('reader', '-p ports:=[/a,/a]', 'ports: one stands there twice'),
+        ('reader', '-p ports:=[/a,/a]', 'ports: /a, /a are not all different'),
         ('reader', '-p frame_id:=/odom', "'/odom' begins with a slash, which tf2 refuses"),
     ],
 )
-def test_what_cannot_be_is_one_clear_line(
+def test_an_impossible_start_gives_one_clear_line(
     refuse: Callable[..., list[str]], node: str, arguments: str, message: str
 ) -> None:
     lines = refuse(node, *arguments.split())
@@ -109,66 +101,38 @@ def test_what_cannot_be_is_one_clear_line(
     assert len(written) == 1, output
 
 
-WARNED: dict[str, tuple[str, str, tuple[str, ...]]] = {
-    'own': ('detector', '/**:\n  ros__parameters: {use_sim_time: false, robot_name: r2}', ()),
-    'quality': (
-        'driver',
-        """/**:
+PARAMETERS = """/**:
   ros__parameters: {robot_name: r2, method: paper, serial_prt: x}
 /**/driver:
   ros__parameters:
-    robot_size: 2
-    qos_overrides./quality/frames.publisher: {reliability: best_effort, depht: 3}
-    qos_overrides./nowhere.depth: 3
-""",
-        (
-            'robot_size',
-            'serial_prt is unknown; did you mean',
-            'publisher.depht is unknown; did you mean qos_overrides./quality/frames.publisher.d',
-            'qos_overrides./nowhere.depth is unknown',
-        ),
-    ),
-    'shapes': (
-        'landmarks',
-        """/**/landmarks:
+    qos_overrides./ending/frames.publisher: {reliability: best_effort}
+/**/landmarks:
   ros__parameters:
-    qos_overrides./shapes/markers.subscription: {reliability: best_effort}
-    qos_overrides./shapes/landmarks/marker_array.publisher: {reliability: best_effort}
-""",
-        (),
-    ),
-}
-"""By namespace: a node, its parameters, and what it is to warn of."""
-PUBLISHED = {
-    'driver': ('frames', 'frames'),
-    'detector': ('markers', 'markers'),
-    'landmarks': ('landmarks', 'landmarks/marker_array'),
-}
-"""The subject of each node's diagnostics, and a topic."""
+    qos_overrides./ending/markers.subscription: {reliability: best_effort}
+    qos_overrides./ending/landmarks/marker_array.publisher: {reliability: best_effort}
+"""
 
 
-def test_unknown_parameters_are_warned_of_and_sigterm_ends_in_order(tmp_path: Path) -> None:
-    """Where they are for all nodes, without false warnings; qualities of service are known."""
+def test_misspelled_parameters_are_warned_of_and_sigterm_ends_in_order(tmp_path: Path) -> None:
+    """And parameters of other nodes are not; qualities of service are those of the file."""
+    file = tmp_path / 'parameters.yaml'
+    file.write_text(PARAMETERS)
+    topics = {'driver': 'frames', 'landmarks': 'landmarks/marker_array'}
     with running(tmp_path, '/ending') as system:
-        for namespace, (node, text, _) in WARNED.items():
-            file = tmp_path / f'{namespace}.yaml'
-            file.write_text(text)
-            given = ('--params-file', str(file))
-            system.start(node, *given, name=namespace, namespace=f'/{namespace}')
-        for namespace, (node, _, _) in WARNED.items():
-            subject, topic = PUBLISHED[node]
-            system.next_status(f'/{namespace}/{node}: {subject}')
-            (publisher,) = system.node.get_publishers_info_by_topic(f'/{namespace}/{topic}')
-            expected = 'BEST_EFFORT' if 'qos_overrides' in WARNED[namespace][1] else 'RELIABLE'
-            assert publisher.qos_profile.reliability.name == expected
-        (subscriber,) = system.node.get_subscriptions_info_by_topic('/shapes/markers')
-        assert subscriber.qos_profile.reliability.name == 'BEST_EFFORT'
-        for namespace, (_, _, warnings) in WARNED.items():
-            system.stop(namespace, signal.SIGTERM)
-            unknown = [x for x in system.log(namespace).splitlines() if 'is unknown' in x]
-            assert len(unknown) == len(warnings), unknown
-            for warning in warnings:
-                assert any(warning in line for line in unknown), unknown
+        for node in topics:
+            system.start(node, '--params-file', str(file))
+        for node, topic in topics.items():
+            system.next_status(f'{node}: {topic.partition("/")[0]}')
+            (publisher,) = system.node.get_publishers_info_by_topic(f'/ending/{topic}')
+            assert publisher.qos_profile.reliability.name == 'BEST_EFFORT'
+        found = system.node.get_subscriptions_info_by_topic('/ending/markers')
+        # The observer of this test is reliable.
+        assert {one.qos_profile.reliability.name for one in found} == {'BEST_EFFORT', 'RELIABLE'}
+        for node, warnings in (('driver', 1), ('landmarks', 0)):
+            system.stop(node, signal.SIGTERM)
+            told = 'parameter serial_prt is unknown; did you mean serial_port?'
+            assert system.log(node).count('is unknown') == warnings
+            assert (told in system.log(node)) == bool(warnings)
 
 
 SPY = """
@@ -185,15 +149,10 @@ runpy.run_path(sys.argv[1], run_name='__main__')
 
 
 @pytest.mark.parametrize(
-    ('name', 'arguments'),
-    [
-        ('detector', ['--ros-args', '-p', 'method:=magic']),
-        ('retrolidar', ['decode', 'nowhere']),
-    ],
+    'command', ['detector --ros-args -p method:=magic', 'retrolidar decode nowhere']
 )
-def test_numpy_has_one_thread_from_its_import_on(
-    name: str, arguments: list[str], tmp_path: Path
-) -> None:
+def test_numpy_has_one_thread_from_its_import_on(command: str, tmp_path: Path) -> None:
+    name, *arguments = command.split()
     result = subprocess.run(
         [sys.executable, '-c', SPY, executable(name), *arguments],
         capture_output=True,

@@ -3,39 +3,22 @@
 """Tracks over the network: one for every frame, and transforms of them."""
 
 from collections.abc import Iterator
-from dataclasses import replace
 from pathlib import Path
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
-import rclpy
 from harness import Sensor, wait_for_nodes
-from harness_detector import ID, a_scene, repeating, simulate
 from harness_nodes import COFFEE_IDS, FRAME_ID, System, running
 from harness_observer import RELIABLE, values_of
 from harness_use_cases import silent_drone
-from rclpy.context import Context
 from std_msgs.msg import Bool
 from visualization_msgs.msg import MarkerArray
 
-from retrolidar_ros.detector.agreement import Agreement
-from retrolidar_ros.detector.likelihood_detector import LikelihoodDetector
-from retrolidar_ros.detector.tracks import Track, TrackCounts
 from retrolidar_ros.msg import MarkerTrack
 from retrolidar_ros.nodes.conversion import to_ns
-from retrolidar_ros.nodes.detector import DetectorNode
 from retrolidar_ros.scene.files import load_scene
 from retrolidar_ros.scene.reference import SENSOR
-from retrolidar_ros.sensor.frame import Frame, ZoneGrid
 from retrolidar_ros.settings.resources import shared_file
-
-
-def tracks_of(node: DetectorNode, frame: Frame) -> list[Track]:
-    """Return what the detector of a node follows at a frame."""
-    detector = node._detector
-    assert isinstance(detector, LikelihoodDetector)
-    return detector.follow(frame)
 
 
 @pytest.fixture(scope='module')
@@ -147,52 +130,3 @@ def test_a_marker_that_falls_silent_is_overdue_within_a_second(tmp_path: Path) -
         end_ns = to_ns(tracks[0].first) + round(packets * 31e9 * scene.markers[0].bit_period_s)
         assert to_ns(tracks[-1].header.stamp) - end_ns < 1e9
         assert 'drone is overdue' in one.log('heartbeat')
-
-
-@pytest.fixture
-def detector(monkeypatch: pytest.MonkeyPatch) -> Iterator[DetectorNode]:
-    """Give a detector in this process, which has followed a marker."""
-    context = Context()
-    rclpy.init(context=context)
-    monkeypatch.setattr('rclpy.node.get_default_context', lambda: context)
-    node = DetectorNode()
-    for frame in repeating(4.0):
-        node.process_frame(frame, FRAME_ID)
-        followed = tracks_of(node, frame)
-    assert [one.id for one in followed] == [ID]
-    yield node
-    node.destroy_node()  # type: ignore[no-untyped-call]
-    rclpy.shutdown(context=context)
-
-
-@pytest.mark.parametrize(
-    ('frame_id', 'grid', 'goes_on'),
-    [
-        (FRAME_ID, ZoneGrid(), True),
-        ('another', ZoneGrid(), False),
-        (FRAME_ID, ZoneGrid(8, 8), False),
-    ],
-)
-def test_no_track_outlives_another_frame_id_or_grid(
-    detector: DetectorNode, frame_id: str, grid: ZoneGrid, goes_on: bool
-) -> None:
-    scene = a_scene(start_s=0.0, packets=None)
-    after = simulate(replace(scene, sensor=replace(scene.sensor, grid=grid)), 4.5)
-    frame = next(one for one in after if one.stamp_ns > [*repeating(4.0)][-1].stamp_ns)
-    detector.process_frame(frame, frame_id)
-    assert bool(tracks_of(detector, frame)) == goes_on
-
-
-def test_tracks_that_are_dropped_are_told(
-    detector: DetectorNode, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    told: list[str] = []
-    logger = SimpleNamespace(warning=lambda text, **_: told.append(text))
-    topics = detector._topics
-    topics.change({**topics._values, 'tf_source': 'tracks'})
-    monkeypatch.setattr(topics, '_node', SimpleNamespace(get_logger=lambda: logger))
-    frame = next(iter(repeating(4.0)))
-    for dropped in (0, 2, 2):
-        monkeypatch.setattr(LikelihoodDetector, 'track_counts', TrackCounts(70, 0, dropped))
-        topics.follow(detector._detector, Agreement(1), frame, FRAME_ID)
-    assert told == ['more than 64 markers: 2 tracks were dropped, the least certain ones']

@@ -129,13 +129,8 @@ def test_unknown_key_is_named(path: Place) -> None:
     message = refusal(with_value((*path, 'zzz'), 'red'))
     assert message.startswith(f'{dotted((*path, "zzz"))}: unknown key; known are ')
     assert all(str(key) in message for key in at(FULL, path))
-
-
-@pytest.mark.parametrize('path', KEYS, ids=dotted)
-def test_a_mistyped_key_is_hinted_at(path: Place) -> None:
-    mistyped = (*path[:-1], f'{path[-1]}s')
-    hint = f'{dotted(mistyped)}: unknown key; did you mean {path[-1]}?'
-    assert refusal(with_value(mistyped, at(FULL, path))) == hint
+    mistyped = next(iter(at(FULL, path)))
+    assert refusal(with_value((*path, f'{mistyped}s'), 1)).endswith(f'did you mean {mistyped}?')
 
 
 @pytest.mark.parametrize(

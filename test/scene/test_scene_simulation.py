@@ -114,18 +114,6 @@ def test_errors_are_of_the_true_period_and_of_the_stamps_only(error: float) -> N
     np.testing.assert_array_equal(one.signal, other.signal)
 
 
-def test_jitter_moves_each_frame_by_itself_and_within_bounds() -> None:
-    recording = simulate(wall(1, 9, Sensor(jitter_s=1e-3)), 20_000)
-    deviation_us = recording.sensor_time_us - 21_000 * (np.arange(20_000) + 0.5)
-    # A normal distribution cut at twice its deviation has 0.959 of it.
-    assert deviation_us.std() == pytest.approx(959.4, rel=0.02)
-    assert np.abs(deviation_us).max() == pytest.approx(2000, abs=1)
-    assert deviation_us.mean() == pytest.approx(0, abs=4 * 1000 / math.sqrt(20_000))
-    lagged = np.corrcoef(deviation_us[1:], deviation_us[:-1])[0, 1]
-    assert lagged == pytest.approx(0, abs=4 / math.sqrt(20_000))
-    assert np.diff(recording.sensor_time_us).min() > 0
-
-
 def test_jitter_moves_what_is_seen_with_the_stamp() -> None:
     scene = Scene(sensor=Sensor(jitter_s=1e-3), markers=(replace(MARKER, response=None),))
     recording = simulate(scene, 2000)
@@ -188,10 +176,3 @@ def test_blocks_have_no_seam(split: int) -> None:
     simulation = Simulation(scene)
     parts = [simulation.advance(split), simulation.advance(200 - split)]
     assert_same(concatenated(parts), whole)
-
-
-def test_blocks_of_a_duration() -> None:
-    scene = replace(EVERYTHING, sensor=Sensor(period_error=-0.0036))
-    blocks = list(Simulation(scene).blocks(3.0, block_frames=64))
-    assert [len(block) for block in blocks] == [64, 64, 15]
-    assert_same(concatenated(blocks), Simulation(scene).run(3.0))

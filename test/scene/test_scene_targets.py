@@ -8,14 +8,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from harness_scene import BITS, BRIGHT, GRID, MARKER, RANGING, ZONE, simulate
-from hypothesis import given, settings
-from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from retrolidar_ros.marker.code import packet
 from retrolidar_ros.scene import Scene
-from retrolidar_ros.scene.description import Marker, Occlusion, Sensor, Surface, Wander
-from retrolidar_ros.scene.optics import position_at
+from retrolidar_ros.scene.description import Marker, Occlusion, Sensor, Surface
 from retrolidar_ros.sensor.frame import Floats, Recording
 from retrolidar_ros.sensor.model import Status
 
@@ -60,22 +57,6 @@ def test_a_dark_marker_without_a_wall_is_no_target_whatever_the_rounding() -> No
     seen = recording.status[:, ZONE] != Status.NO_TARGET
     assert recording.signal[seen, ZONE].min() > 0.01
     assert 0.2 < seen.mean() < 0.8
-
-
-def test_wander_moves_signal_and_distance_and_across_changes_zones() -> None:
-    along = Wander(across_m=0.0, along_m=0.2, period_s=2)
-    recording = simulate(Scene(markers=(replace(BRIGHT, wander=along),)), 1000)
-    range_m = recording.distance[:, ZONE].astype(np.float64) / GRID.z_per_range[ZONE]
-    assert [range_m.min(), range_m.max()] == pytest.approx([0.8, 1.2], abs=0.01)
-    # While it moves along the axis it leaves the middle of the zone, but not the zone.
-    assert recording.signal[:, ZONE] == pytest.approx(360 * range_m**-3.8, rel=1e-4)
-    across = Wander(across_m=0.3, along_m=0, period_s=4)
-    marker = replace(BRIGHT, position_m=(0, 0, 1), wander=across)
-    recording = simulate(Scene(markers=(marker,)), 3000)
-    assert (recording.signal.max(axis=0) > 100).sum() > 6
-    position_m = position_at(marker, recording.sensor_time_us * 1e-6)
-    expected = 360 * np.linalg.norm(position_m, axis=-1) ** -3.8
-    assert recording.signal.sum(axis=1) == pytest.approx(expected, rel=1e-4)
 
 
 def test_occlusion_takes_its_share_of_light() -> None:
@@ -154,28 +135,6 @@ def test_targets_make_one_pulse_or_several(
     assert recording.signal == pytest.approx(signal)
     assert recording.distance == pytest.approx(distance_m, abs=1e-4)
     assert (recording.status == status).all()
-
-
-@settings(max_examples=60, deadline=None, derandomize=True)
-@given(
-    st.lists(st.tuples(st.floats(0.1, 4), st.sampled_from([0.0, 1.0, 5.0, 7.0, 50.0])), max_size=5)
-)
-def test_the_pulse_holds_or_outshines_the_strongest_target(
-    targets: list[tuple[float, float]],
-) -> None:
-    recording = simulate(Scene(surfaces=tuple(Surface(*target) for target in targets)), 1)
-    reported = float(recording.signal[0, 0])
-    strongest = max((signal for _, signal in targets), default=0.0)
-    assert strongest * (1 - 1e-6) <= reported <= sum(signal for _, signal in targets) + 1e-6
-    if strongest == 0:
-        assert recording.status[0, 0] == Status.NO_TARGET
-        return
-    distance = float(recording.distance[0, 0])
-    shining = [z for z, signal in targets if signal]
-    assert min(shining) - 1e-6 <= distance <= max(shining) + 1e-6
-    # The order in which a scene names its surfaces does not matter.
-    again = simulate(Scene(surfaces=tuple(Surface(*target) for target in targets[::-1])), 1)
-    assert again.signal[0, 0] == pytest.approx(reported)
 
 
 @pytest.mark.parametrize(

@@ -67,13 +67,3 @@ def test_light_is_that_of_a_crystal_stepped_through_time(marker: Marker) -> None
     # In bits of two response times the crystal does not quite settle, which is neglected.
     error_s = 1e-4 if marker.bit_period_s > 0.01 else 1e-3
     assert np.abs(computed - integral).max() < error_s
-
-
-@pytest.mark.parametrize('gap_bits', [0, 5])
-def test_packets_repeat_back_to_back_or_after_the_gap(gap_bits: int) -> None:
-    marker = replace(MARKER, gap_bits=gap_bits)
-    cycle_s = (31 + gap_bits) * BIT_S
-    middle_s = np.arange(0.5, 3, 0.005)
-    once = mean(marker, middle_s, 0.021)
-    assert mean(marker, middle_s + 1000 * cycle_s, 0.021) == pytest.approx(once, abs=1e-8)
-    assert np.abs(mean(marker, middle_s + BIT_S, 0.021) - once).max() > 0.9

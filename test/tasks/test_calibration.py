@@ -12,7 +12,7 @@ import pytest
 from retrolidar_ros.scene import Scene, Simulation, parse_scene
 from retrolidar_ros.scene.description import Noise, Occlusion, Waypoint
 from retrolidar_ros.sensor.frame import Recording
-from retrolidar_ros.tasks.calibration.calibrate import Calibration, calibrate
+from retrolidar_ros.tasks.calibration.calibrate import calibrate
 from retrolidar_ros.tasks.calibration.estimate import Estimate
 from retrolidar_ros.tasks.calibration.report import missing, parameters, sentences
 
@@ -60,12 +60,9 @@ def holds(estimate: Estimate | None, truth: float) -> bool:
     return abs(estimate.value - truth) < 3 * estimate.stddev
 
 
-@pytest.fixture(scope='module')
-def found() -> Calibration:
-    return calibrate(recorded(SCENE), distance_m=DISTANCE_M)
-
-
-def test_noise_is_that_of_zones_at_rest(found: Calibration) -> None:
+def test_all_is_found_in_a_recording_of_a_foreign_sensor() -> None:
+    recording = recorded(SCENE)
+    found = calibrate(recording, distance_m=DISTANCE_M)
     noise = found.noise
     assert noise is not None
     assert 10 not in noise.zones
@@ -73,23 +70,16 @@ def test_noise_is_that_of_zones_at_rest(found: Calibration) -> None:
     assert holds(noise.slope, 0.9)
     assert noise.floor.stddev < 2
     assert noise.ambient is None
-
-
-def test_a_marker_is_read_and_reported(found: Calibration) -> None:
     (marker,) = found.markers
     assert (marker.id, marker.zone) == (2816, 10)
     assert holds(marker.bit_period_s, 0.08 * 1.006)
     assert marker.bit_period_s.stddev < 1e-4
-
-
-def test_a_distance_gives_the_offset(found: Calibration) -> None:
     assert found.offset_m is not None
     assert abs(found.offset_m.value - 0.014) < 2e-3
-
-
-def test_parameters_are_those_that_change_readings_or_ranges(found: Calibration) -> None:
-    noise = ['noise_floor', 'noise_slope', 'noise_ambient']
-    assert list(parameters(found)) == ['bit_period', *noise, 'range_offset']
+    law = ['noise_floor', 'noise_slope', 'noise_ambient']
+    assert list(parameters(found)) == ['bit_period', *law, 'range_offset']
+    with pytest.raises(ValueError, match='60 frames are too few to calibrate from'):
+        calibrate(Recording.of(list(recording)[:60]))
 
 
 @pytest.mark.parametrize('scale', [0.125, 1.0, 8.0])
@@ -151,11 +141,6 @@ def test_a_blinking_light_that_is_no_marker_has_a_period_and_no_id() -> None:
     assert found.markers == []
     assert 'bit_period' not in parameters(found)
     assert any('no ID fits' in line for line in sentences(found))
-
-
-def test_a_recording_that_is_too_short_is_refused() -> None:
-    with pytest.raises(ValueError, match='60 frames are too few to calibrate from'):
-        calibrate(Recording.of(list(recorded(SCENE))[:60]))
 
 
 def test_two_markers_are_measured_apart() -> None:

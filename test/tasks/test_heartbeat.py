@@ -1,7 +1,6 @@
 # Copyright 2026 retrolidar_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 import itertools
-import math
 
 import pytest
 from hypothesis import given, settings
@@ -72,20 +71,6 @@ def test_windows_and_silences_are_counted_as_by_hand(
     # Asking changes nothing, even of a later time.
     assert heart.longest_silence_s(end_s + 1000) >= 1000
     assert heart.longest_silence_s(end_s) == max(gaps)
-
-
-@law
-@given(st.lists(st.tuples(st.booleans(), st.floats(-100, 100)), max_size=40), windows)
-def test_counts_make_sense_at_any_time(calls: list[tuple[bool, float]], window_s: float) -> None:
-    heart = Heartbeat(window_s)
-    for is_beat, time_s in calls:
-        if is_beat:
-            heart.beat(time_s)
-        else:
-            heart.advance(time_s)
-        assert 0 <= heart.windows_alive <= heart.windows
-        assert heart.windows_alive <= heart.beats <= len(calls)
-        assert 0 <= heart.silence_s(time_s) <= heart.longest_silence_s(time_s) < math.inf
 
 
 @law

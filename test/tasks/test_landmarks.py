@@ -75,25 +75,13 @@ def test_nothing_is_published_until_two_more_agree_than_do_not() -> None:
     assert estimate.rejected == 1
 
 
-def test_ranges_that_are_hardly_known_found_no_landmark() -> None:
+def test_ranges_that_are_hardly_known_are_left_out() -> None:
     rng = np.random.default_rng(17)
     landmark = Landmark('mug', ALONE, ERRORS)
     for index in range(3):
         one = seen(HERE, np.zeros(3), rng, stamp_s=index)
         landmark.take(one._replace(range_m=one.range_m - 0.35, range_stddev_m=0.05))
     assert landmark.estimate() is None
-
-
-def test_directions_that_fail_do_not_move_a_landmark() -> None:
-    rng = np.random.default_rng(18)
-    landmark = Landmark('mug', ALONE, ERRORS)
-    look_round(landmark, HERE, rng)
-    aside = matrix_of_turn(np.array([0, 1.4 * GRID.pitch, 0]))
-    for index in range(2):
-        one = seen(HERE, SQUARE[0], rng, stamp_s=20 + index)
-        assert not landmark.take(one._replace(direction=aside @ one.direction))
-    assert estimate_of(landmark).moved_s is None
-    assert squared(estimate_of(landmark), HERE) < 16.27
 
 
 def test_readings_that_do_not_belong_are_counted_and_change_nothing() -> None:
@@ -117,47 +105,10 @@ def test_what_is_carried_away_is_never_published_between_two_places() -> None:
             landmark.take(seen(there_m, SQUARE[index % 2], rng, stamp_s=30 + index))
             estimate = estimate_of(landmark)
             assert min(squared(estimate, HERE), squared(estimate, there_m)) < 16.27
-        assert estimate_of(landmark).moved_s == 31
+        assert estimate_of(landmark).moved_s == 32
         assert squared(estimate_of(landmark), there_m) < 16.27
         # What was read before it was moved comes late, and is too late.
         assert not landmark.take(seen(HERE, SQUARE[2], rng, stamp_s=12.5))
-
-
-def test_twice_the_wrong_id_of_another_landmark_is_no_move() -> None:
-    rng = np.random.default_rng(15)
-    survey = Survey({}, ERRORS)
-    other_m = HERE + np.array([0.4, 0.1, 0.3])
-    for index, eye_m in enumerate([*SQUARE, *SQUARE]):
-        survey.take('mug', seen(HERE, eye_m, rng, stamp_s=index))
-        survey.take('jar', seen(other_m, eye_m, rng, stamp_s=index + 0.5, marker=8))
-    mug = survey.landmarks['mug']
-    for index in range(2):
-        survey.take('mug', seen(other_m, SQUARE[index], rng, stamp_s=10 + index))
-        assert squared(estimate_of(mug), HERE) < 16.27
-    assert mug.rejected == 2
-    # What stays there has been put beside it.
-    beside_m = other_m + np.array([0.002, 0, 0])
-    for index in range(4):
-        survey.take('mug', seen(beside_m, SQUARE[index], rng, stamp_s=20 + index))
-    assert estimate_of(mug).moved_s is not None
-    assert squared(estimate_of(mug), beside_m) < 16.27
-
-
-def test_ranges_that_are_known_to_be_bad_do_not_turn_a_place_over() -> None:
-    # Two from one view, far off, each as unsure as it is wrong, and not alike.
-    for seed in range(10):
-        rng = np.random.default_rng(seed)
-        landmark = Landmark('machine', ALONE, ERRORS)
-        for index, eye_m in enumerate(SQUARE[:2] * 3):
-            landmark.take(seen(HERE, eye_m, rng, stamp_s=index))
-        bad = seen(HERE, SQUARE[2], rng, stamp_s=7)
-        for index, (off_m, stddev_m) in enumerate(((-0.247, 0.087), (-0.183, 0.107))):
-            landmark.take(
-                bad._replace(
-                    stamp_s=7.0 + index, range_m=bad.range_m + off_m, range_stddev_m=stddev_m
-                )
-            )
-            assert squared(estimate_of(landmark), HERE) < 16.27
 
 
 def test_a_landmark_of_a_former_survey_is_known_until_it_is_found_elsewhere() -> None:
@@ -167,9 +118,9 @@ def test_a_landmark_of_a_former_survey_is_known_until_it_is_found_elsewhere() ->
     assert np.array_equal(estimate_of(landmark).position_m, HERE)
     landmark.take(seen(HERE, SQUARE[0], rng, stamp_s=1))
     assert squared(estimate_of(landmark), HERE) < 16.27
-    for stamp_s in (2, 3):
+    for stamp_s in (2, 3, 4):
         landmark.take(seen(HERE + np.array([0, 0.5, 0]), SQUARE[0], rng, stamp_s=stamp_s))
-    assert estimate_of(landmark).moved_s == 3
+    assert estimate_of(landmark).moved_s == 4
 
 
 def test_an_object_of_four_markers_has_an_orientation() -> None:
@@ -256,16 +207,6 @@ def test_after_a_restart_only_the_former_survey_is_known() -> None:
     (mug,) = survey.estimates()
     assert (mug.name, mug.readings) == ('mug', 0)
     assert np.array_equal(mug.position_m, HERE)
-
-
-def test_a_stray_beside_a_landmark_that_is_only_known_is_no_error() -> None:
-    rng = np.random.default_rng(23)
-    prior = Prior(State(HERE, np.eye(3), np.zeros(3)), 1e-4 * np.eye(6))
-    survey = Survey({}, ERRORS, {'jar': prior})
-    for index, eye_m in enumerate(SQUARE):
-        survey.take('mug', seen(HERE, eye_m, rng, stamp_s=index))
-    survey.take('mug', seen(HERE + np.array([0, 0, 0.5]), SQUARE[0], rng, stamp_s=9))
-    assert survey.landmarks['mug'].rejected == 1
 
 
 def test_readings_that_cannot_be_solved_change_nothing(monkeypatch: pytest.MonkeyPatch) -> None:

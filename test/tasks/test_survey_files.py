@@ -2,7 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 from __future__ import annotations
 
-import os
 import stat
 from collections.abc import Callable
 from pathlib import Path
@@ -77,15 +76,6 @@ def test_what_is_no_map_is_not_replaced(tmp_path: Path, content: str) -> None:
     with pytest.raises(ValueError, match='is not a map'):
         save_survey(path, 'map', estimates('lamp'))
     assert path.read_text() == content
-
-
-def test_pipes_and_folders_are_refused(tmp_path: Path) -> None:
-    pipe = tmp_path / 'pipe'
-    os.mkfifo(pipe)
-    with pytest.raises(ValueError, match=r'is not a map.*is a FIFO'):
-        save_survey(pipe, 'map', estimates('lamp'))
-    with pytest.raises(IsADirectoryError):
-        save_survey(tmp_path, 'map', estimates('lamp'))
 
 
 def test_a_link_stays_a_link(room: Path) -> None:

@@ -21,24 +21,17 @@ from retrolidar_ros.tasks.calibration.noise import NoiseFound, noise_of
 class Calibration:
     """All results; None for what the recording does not show."""
 
-    recording: Recording
+    duration_s: float
+    """Of the recording."""
     noise: NoiseFound | None
     zones: list[BlinkingZone]
     """Those that blink."""
     markers: list[MarkerFound]
     """Clearest first."""
+    still: MarkerFound | None
+    """The clearest marker at rest."""
     offset_m: Estimate | None
-    """By how much the range of the clearest marker at rest exceeds its distance."""
-
-    @property
-    def still(self) -> MarkerFound | None:
-        """The clearest marker at rest."""
-        return next((one for one in self.markers if not one.moves), None)
-
-    @property
-    def duration_s(self) -> float:
-        """Of the recording."""
-        return float(self.recording.stamp_ns[-1] - self.recording.stamp_ns[0]) * 1e-9
+    """By how much its range exceeds its distance."""
 
 
 def calibrate(recording: Recording, *, distance_m: float | None = None) -> Calibration:
@@ -67,8 +60,9 @@ def calibrate(recording: Recording, *, distance_m: float | None = None) -> Calib
     zones = blinking_zones(recording, law)
     read = read_markers(recording, zones, law, frame_period(recording))
     markers = sorted(map(marker_of, read.values()), key=lambda one: -one.snr_db)
-    found = Calibration(recording, noise, zones, markers, None)
-    if distance_m is None or (still := found.still) is None:
-        return found
-    offset_m = Estimate(still.range_m.value - distance_m, still.range_m.stddev)
-    return Calibration(recording, noise, zones, markers, offset_m)
+    still = next((one for one in markers if not one.moves), None)
+    offset_m = None
+    if distance_m is not None and still is not None:
+        offset_m = Estimate(still.range_m.value - distance_m, still.range_m.stddev)
+    duration_s = float(recording.stamp_ns[-1] - recording.stamp_ns[0]) * 1e-9
+    return Calibration(duration_s, noise, zones, markers, still, offset_m)

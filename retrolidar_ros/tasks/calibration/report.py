@@ -9,7 +9,6 @@ from retrolidar_ros.tasks.calibration.markers import MarkerFound
 from retrolidar_ros.tasks.calibration.noise import NoiseFound
 
 _LONG_S = 20.0
-_CLOCK = 0.03  # how far a detector looks for a bit period
 
 
 def parameters(found: Calibration) -> dict[str, tuple[float, str]]:
@@ -94,7 +93,6 @@ def _marker(marker: MarkerFound) -> list[str]:
 def missing(found: Calibration) -> list[str]:
     """Return what to record or change next, for what the recording does not show."""
     noise, markers = found.noise, found.markers
-    periods = [marker.bit_period_s.value for marker in markers] or [1.0]
     wanted = {
         'Record half a minute: every estimate gets more certain with time.': (
             found.duration_s < _LONG_S
@@ -114,7 +112,5 @@ def missing(found: Calibration) -> list[str]:
         and not markers,
         'For the offset: measure the distance from the sensor to the clearest marker, and give '
         '--distance.': found.still and found.offset_m is None,
-        'The markers have different bit periods; a detector reads one. That of the clearest '
-        'is written.': max(periods) > (1 + _CLOCK) * min(periods),
     }
     return [line for line, wants in wanted.items() if wants]
