@@ -80,6 +80,17 @@ def test_no_id_of_a_random_room_is_wrong(seed: int, number: int) -> None:
     assert sum(scored.read) >= 8
 
 
+@pytest.mark.parametrize(
+    ('number', 'min_read'), [(13, 31), (66, 169)], ids=['sums of residuals', 'bits that touch']
+)
+def test_packets_of_a_random_room_are_read(number: int, min_read: int) -> None:
+    """By what each room is named for: without it, some are lost that are read with it."""
+    scored = play(number, 8110).scored
+    read = [one for packet, one in zip(scored.sent, scored.read, strict=True) if packet.whole]
+    assert sum(read) >= min_read
+    assert scored.wrong == []
+
+
 def test_bits_of_another_period_are_no_packets() -> None:
     """By other periods, where packets are combined."""
     _, wrong = played(lambda rng: room_families.other_period(0.021, 60.0, rng), 41, 4)
