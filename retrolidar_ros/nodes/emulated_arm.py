@@ -61,10 +61,8 @@ class EmulatedArmNode(Node):
         self._began_s = time.monotonic()
         self._broadcaster = TransformBroadcaster(self)
         self._description = latched(self, String, 'robot_description')
-        self._others = [
-            self.create_subscription(TFMessage, topic, self._on_transforms, qos)
-            for topic, qos in (('/tf', EVENTS), ('/tf_static', _STATIC))
-        ]
+        self._transforms = self.create_subscription(TFMessage, '/tf', self._on_transforms, EVENTS)
+        self.create_subscription(TFMessage, '/tf_static', self._on_transforms, _STATIC)
         self._frames = self.create_subscription(
             FrameMsg, 'frames', self._on_frame, qos_profile_sensor_data
         )
@@ -74,20 +72,28 @@ class EmulatedArmNode(Node):
     def _on_frame(self, message: FrameMsg) -> None:
         if time.monotonic() < self._began_s + _LISTENING_S:
             return
-        for subscription in (self._frames, *self._others):
-            self.destroy_subscription(subscription)
-        sensor = message.header.frame_id
-        if sensor in self._moved:
-            self.get_logger().info(f'{sensor} has another parent in TF: that arm is used')
+        self.destroy_subscription(self._frames)
+        # From now on it would hear its own.
+        self.destroy_subscription(self._transforms)
+        self._sensor = message.header.frame_id
+        if self._gives_way():
             return
-        self._sensor = sensor
-        names = {'base': quoteattr(self._base), 'sensor': quoteattr(sensor)}
+        names = {'base': quoteattr(self._base), 'sensor': quoteattr(self._sensor)}
         self._description.publish(String(data=_DESCRIPTION.format(**names)))
-        self.get_logger().info(f'sending the transform from {self._base} to {sensor}')
+        self.get_logger().info(f'sending the transform from {self._base} to {self._sensor}')
 
     def _on_transforms(self, message: TFMessage) -> None:
         """Note what other nodes move: a real arm has priority over this one."""
         self._moved.update(transform.child_frame_id for transform in message.transforms)
+        self._gives_way()
+
+    def _gives_way(self) -> bool:
+        """Stop sending if another node moves the sensor; return whether one does."""
+        if self._sensor not in self._moved:
+            return False
+        self.get_logger().info(f'{self._sensor} has another parent in TF: that arm is used')
+        self._sensor = ''
+        return True
 
     def _send_pose(self) -> None:
         """Send where the sensor is now."""
