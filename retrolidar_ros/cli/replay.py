@@ -45,6 +45,7 @@ def run(arguments: argparse.Namespace) -> int:
     try:
         import rclpy
         from rclpy.duration import Duration
+        from rclpy.exceptions import NameValidationException
         from rclpy.node import Node
         from rclpy.signals import SignalHandlerOptions
 
@@ -61,7 +62,10 @@ def run(arguments: argparse.Namespace) -> int:
     rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
     try:
         node = Node('replay')
-        topic = publisher(node, FrameMsg, name, FRAME_QOS)
+        try:
+            topic = publisher(node, FrameMsg, name, FRAME_QOS)
+        except NameValidationException as error:
+            raise ValueError(f'--to: {str(error).splitlines()[0]} {name}') from error
         with suppress(KeyboardInterrupt), interrupted_once():
             until_s = time.monotonic() + _DISCOVERY_S
             while not topic.get_subscription_count() and time.monotonic() < until_s:
@@ -79,7 +83,7 @@ def run(arguments: argparse.Namespace) -> int:
                 frames = read_frames(arguments.bag, arguments.topic)
                 first = next(frames)
             topic.wait_for_all_acked(Duration(seconds=1))
+        print(f'{sent} frames to {name}')
     finally:
         rclpy.try_shutdown()
-        print(f'{sent} frames to {name}')
     return 0

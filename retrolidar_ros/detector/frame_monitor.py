@@ -28,6 +28,7 @@ _CLEARLY_DB = 6.0
 # For so long a zone may blink unread by other bits, and for so many packets by the right ones: a
 # detector combines eight.
 _PATIENCE_S = 1.5
+_PAUSE_NS = 1_000_000_000  # without frames: what came before it is left out
 _PACKETS = 9
 _REMEMBERED_NS = 10_000_000_000
 # A look costs a millisecond, with a trial tens of them: between the first ones, and later.
@@ -80,7 +81,11 @@ class FrameMonitor:
             self.lost += lost
             self.unsent += missing - lost
             self.reversed += frame.sequence < last.sequence
-        else:
+            if frame.stamp_ns - last.stamp_ns > _PAUSE_NS:
+                # A detector begins anew, too.
+                self.newest.clear()
+                self._zone = self._found = self._finding = None
+        if not self.newest:
             self._explained_ns[:] = frame.stamp_ns
         self.newest.append(frame)
         return True

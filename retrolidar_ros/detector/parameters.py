@@ -53,6 +53,8 @@ def load_parameters(path: Path) -> dict[str, Any]:
         if not isinstance(section, Mapping) or 'ros__parameters' not in section:
             raise ValueError(f'{path}: {node} has no ros__parameters')
         found.update(section['ros__parameters'] or {})
+    if not any('ros__parameters' in one for one in content.values() if isinstance(one, Mapping)):
+        raise ValueError(f'{path}: is no parameter file: no node has ros__parameters')
     known = declared()['detector']
     for name, value in found.items():
         if name not in known:

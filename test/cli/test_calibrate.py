@@ -114,6 +114,7 @@ def test_a_marker_that_is_read_too_seldom_is_named(tmp_path: Path, capsys: Outpu
         ('/**/detector: {ros__parameters: {bit_period: 99.0}}', '99.0 is not within 0.002 to 10'),
         ('/**/detector: {bit_period: 1}', 'has no ros__parameters'),
         ('[]', 'is no parameter file'),
+        ('{markers: {id: 1}}', 'is no parameter file'),
     ],
 )
 def test_a_parameter_file_that_cannot_be_is_named(

@@ -51,6 +51,16 @@ def test_one_bit_period_is_advised_and_it_reads(bit: str, set_s: float) -> None:
     assert 'ID 2816 is read with' in said[0]
 
 
+def test_a_pause_of_frames_is_no_bit_period() -> None:
+    """As when a sensor was stopped, or its cable was out."""
+    frames = frames_of()
+    for number in range(200, 800, 60):
+        later = [
+            replace(frame, stamp_ns=frame.stamp_ns + 4_000_000_000) for frame in frames[number:]
+        ]
+        assert not any(findings([*frames[:number], *later]))
+
+
 def test_a_marker_that_may_not_come_is_not_missed() -> None:
     assert not any(findings(frames_of('46 ms'), registered_ids=[7]))
 
