@@ -165,25 +165,33 @@ static double flip_bits(struct trial *trial)
                              3.0 * trial->demands->word);
 }
 
-/* Bits that the samples do not tell, about: those that may as well be flipped. */
-static double unknown_bits(const struct trial *trial)
+/* Of the first bits of the packet, how many the samples do not tell, about: those that may as well
+ * be flipped.
+ */
+static double unknown_bits(const struct rl_bits *bits, int count)
 {
-    const float *flipped = trial->bits.flipped + trial->bits.silent;
     double unknown = 0.0;
-    for (int bit = 0; bit < RL_PACKET_BITS; bit++) {
-        unknown += exp(fmin((double)flipped[bit], 0.0));
+    for (int bit = 0; bit < count; bit++) {
+        const int at = (bit - bits->first + RL_PACKET_BITS) % RL_PACKET_BITS;
+        unknown += exp(fmin((double)bits->flipped[bits->silent + at], 0.0));
     }
     return unknown;
 }
 
 /* By how much another sequence may be better. Any sequence looks like a word if enough of its bits
  * are unknown: a bit less of a word's redundancy is a bit more of chance. With few registered IDs,
- * more may be unknown.
+ * more may be unknown, and any of a packet that was expected. None is a packet of which most of the
+ * preamble is unknown.
  */
 static double max_word_of(const struct trial *trial, const struct rl_codebook *codebook)
 {
-    const double spare = RL_ID_BITS - log2(codebook->words);
-    return trial->demands->word - log(2.0) * fmax(unknown_bits(trial) - spare, 0.0);
+    const double spare =
+        trial->follows ? RL_PACKET_BITS : RL_ID_BITS - log2(codebook->words);
+    const double preamble = unknown_bits(&trial->bits, RL_PREAMBLE_BITS) - spare;
+    const double unknown = unknown_bits(&trial->bits, RL_PACKET_BITS) - spare;
+    return 2.0 * preamble > RL_PREAMBLE_BITS
+               ? -INFINITY
+               : trial->demands->word - log(2.0) * fmax(unknown, 0.0);
 }
 
 static bool is_word(struct trial *trial, const struct rl_codebook *codebook,

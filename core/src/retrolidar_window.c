@@ -58,11 +58,10 @@ static const double *part_of(const struct rl_window *window, int split, bool lat
 static void add_interferer(struct rl_window *window, int marker)
 {
     struct rl_whitened *whitened = &window->whitened;
-    /* That it goes on has to be shown: what it sends next has the same preamble, whatever it is. */
     light_of(window, marker, true);
     const double on = rl_fit_gain(whitened, window->light).log_likelihood;
     light_of(window, marker, false);
-    if (on > rl_fit_gain(whitened, window->light).log_likelihood + RL_COST_OF_CHANCE) {
+    if (on > rl_fit_gain(whitened, window->light).log_likelihood) {
         light_of(window, marker, true);
     }
     for (int step = 0; step < RL_TRIED && whitened->interferers < RL_MAX_INTERFERERS; step++) {

@@ -87,14 +87,15 @@ PARTS = {
     'gains that change along the packet': Part(
         'decide', 'verdict->packets == 1 && !trial->follows\n', 'false\n'
     ),
-    'word test: bits that are not known': Part(
-        'decide', 'fmax(unknown_bits(trial) - spare, 0.0)', '0.0 * spare'
+    'word test: bits that are not known': Part('decide', 'fmax(unknown, 0.0)', '0.0 * unknown'),
+    'word test: a preamble that is not known': Part(
+        'decide', '2.0 * preamble > RL_PREAMBLE_BITS', 'false && preamble > 0.0'
+    ),
+    'sums without erasures of what varies': Part(
+        'samples', 'fmax(rl_noise_sample_variance(samples, zone),', 'fmin(0.0,'
     ),
     'bits that touch a packet': Part(
         'refine', '!transmission->repeats && find_neighbours(', 'false && find_neighbours('
-    ),
-    'earlier packets: going on has to be shown': Part(
-        'window', '.log_likelihood + RL_COST_OF_CHANCE) {', '.log_likelihood) {'
     ),
     'word test: bits of each of several packets': Part(
         'decide', '    if (verdict->packets > 1) {', '    if (false) {'

@@ -12,6 +12,7 @@ from oracle import Sending, light
 from retrolidar_ros.marker.code import BIT_PERIOD_S, PACKET_BITS, PREAMBLE, packet
 from retrolidar_ros.marker.dictionary import USABLE_IDS
 from retrolidar_ros.sensor.frame import Floats
+from retrolidar_ros.sensor.model import Status
 
 
 @pytest.fixture(scope='module')
@@ -149,3 +150,18 @@ def test_the_variation_of_a_zone_is_that_of_its_newest_packet(core: Statistics) 
             found = [core.lib.rl_noise_variation(core.samples, zone) for zone in range(16)]
             np.testing.assert_allclose(found, expected, rtol=1e-6)
             core.lib.rl_noise_follow(core.samples, rows, True)
+
+
+def test_an_erasure_of_a_zone_that_varies_is_one_of_its_sums(core: Statistics) -> None:
+    """Of one that is at rest, the last signal is as good."""
+    rng = np.random.default_rng(71)
+    frames = 90
+    signal = 50.0 + rng.standard_normal((frames, GRID.zones))
+    signal[:, 0] += 200.0 * (rng.random(frames) < 0.5)
+    status = np.full(signal.shape, Status.VALID)
+    status[70, 0] = status[80, 1] = Status.SIGMA_TOO_HIGH
+    stamp_ns = np.rint(1e9 * PERIOD_S * np.arange(frames)).astype(np.int64)
+    core.take(recording_of(stamp_ns, signal, status=status), LAW, BIT_PERIOD_S)
+    block, whole = GRID.zones, core.samples.channels - 1
+    for channel in (block, whole):
+        assert np.flatnonzero(~core.rows(channel).valid).tolist() == [70]

@@ -70,8 +70,8 @@ def test_a_marker_that_crosses_the_view_is_read_as_no_other() -> None:
 
 @pytest.mark.parametrize(
     ('seed', 'number'),
-    [(9401, 35), (9401, 111), (281172800, 47), (281172800, 11), (8110, 9), (8200, 192)],
-    ids=['steps', 'steps, too', 'vanishes', 'bits of the search', 'bits not known', 'going on'],
+    [(9401, 35), (9401, 111), (281172800, 47), (281172800, 11), (8110, 9), (10001, 169)],
+    ids=['steps', 'steps, too', 'vanishes', 'bits of the search', 'bits not known', 'preamble'],
 )
 def test_no_id_of_a_random_room_is_wrong(seed: int, number: int) -> None:
     """By what each room is named for: of rivals, interferers and the word test."""
@@ -81,7 +81,7 @@ def test_no_id_of_a_random_room_is_wrong(seed: int, number: int) -> None:
 
 
 @pytest.mark.parametrize(
-    ('number', 'min_read'), [(13, 31), (66, 169)], ids=['sums of residuals', 'bits that touch']
+    ('number', 'min_read'), [(13, 31), (66, 167)], ids=['sums of residuals', 'bits that touch']
 )
 def test_packets_of_a_random_room_are_read(number: int, min_read: int) -> None:
     """By what each room is named for: without it, some are lost that are read with it."""
