@@ -58,6 +58,14 @@ seconds = measured('time', 1e-3, 1e9)
 """Parse a duration."""
 
 
+def output_path(text: str) -> Path:
+    """Parse the path of a file or directory to make; like other tools, none above it is made."""
+    path = Path(text)
+    if not path.parent.is_dir():
+        raise argparse.ArgumentTypeError(f'there is no directory {path.parent}; make it first')
+    return path
+
+
 def add_port(command: argparse.ArgumentParser) -> None:
     """Add the port and the protocol of a sensor."""
     command.add_argument('port', metavar='PORT', help='device of the sensor')

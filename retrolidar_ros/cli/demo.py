@@ -12,7 +12,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING
 
-from retrolidar_ros.cli.arguments import Subparsers, seconds
+from retrolidar_ros.cli.arguments import Subparsers, output_path, seconds
 from retrolidar_ros.cli.picture import plot_readings
 from retrolidar_ros.cli.processes import ProcessError, ProcessGroup
 from retrolidar_ros.scene import Scene
@@ -44,7 +44,9 @@ def add_command(subparsers: Subparsers) -> None:
     command.add_argument(
         'scene', nargs='?', default='coffee', help='name or file (default: coffee)'
     )
-    command.add_argument('-o', '--output', type=Path, help='picture (default: demo_SCENE.png)')
+    command.add_argument(
+        '-o', '--output', type=output_path, help='picture (default: demo_SCENE.png)'
+    )
     command.add_argument('--timeout', type=seconds, default=60.0, help='give up after [s]')
     command.set_defaults(run=run)
 

@@ -118,7 +118,7 @@ class LandmarksNode(Node):
         try:
             return load_survey(Path(path))
         except (OSError, ValueError) as error:
-            raise ValueError(f'load_file: {path}: {error}') from error
+            raise ValueError(f'load_file: {error}') from error
 
     def _on_reading(self, reading: Reading, message: Marked) -> None:
         """Queue a reading."""

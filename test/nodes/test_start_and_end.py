@@ -71,7 +71,11 @@ def refuse(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Callable[..., l
         ('driver', '--params-file {}/nowhere.yaml', 'nowhere.yaml'),
         ('driver', '-p serial_baud:=fast', "'serial_baud' to 'fast' of type 'STRING'"),
         ('detector', '--params-file {}/broken.yaml', 'broken.yaml'),
-        ('detector', '-p marker_file:={}/nowhere.yaml', 'marker_file: [Errno 2] No such file'),
+        (
+            'detector',
+            '-p marker_file:={}/nowhere.yaml',
+            'nowhere.yaml cannot be read: No such file',
+        ),
         ('detector', '-p marker_file:={}/alike.yaml', 'would share the topic poses/a_b'),
         ('detector', '-p child_frame:=left', "child_frame: 'left' needs {name} once"),
         ('landmarks', "-p fixed_frame:=''", 'fixed_frame is empty; TF needs a name'),
