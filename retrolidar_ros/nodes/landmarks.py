@@ -36,7 +36,7 @@ from retrolidar_ros.tasks.survey_files import load_survey, save_survey
 
 # Every tick, readings are solved for so long: half a core at most. The others wait.
 _TICK_S, _MAX_BUSY_S = 0.02, 0.01
-_SHAPES_S = 1.0
+_TOPICS_S = 1.0  # between shapes, and looks for frames with another parent
 _MAX_WAIT_S = 0.3  # more is told
 
 
@@ -99,6 +99,7 @@ class LandmarksNode(Node):
         )
         self._topics = LandmarkTopics(
             self,
+            self._readings.finder,
             self._fixed,
             values['frame_prefix'] + values['child_frame'],
             values['publish_tf'],
@@ -108,9 +109,7 @@ class LandmarksNode(Node):
             self._topics.publish(estimate)
         steady = Clock(clock_type=ClockType.STEADY_TIME)
         self.create_timer(_TICK_S, self._solve, clock=steady)
-        self.create_timer(
-            _SHAPES_S, lambda: self._topics.publish_shapes(self._survey.estimates()), clock=steady
-        )
+        self.create_timer(_TOPICS_S, self._tend_topics, clock=steady)
 
     def _load(self, path: str) -> tuple[str, dict[str, Prior]]:
         if not path:
@@ -143,6 +142,10 @@ class LandmarksNode(Node):
             else:
                 self._localize(self._room, batch)
             self._longest_s = max(self._longest_s, time.monotonic() - batch.since_s)
+
+    def _tend_topics(self) -> None:
+        self._topics.check_frames()
+        self._topics.publish_shapes(self._survey.estimates())
 
     def _update_landmark(self, batch: Batch) -> None:
         """Publish a landmark with new readings."""
