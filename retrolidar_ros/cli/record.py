@@ -11,7 +11,7 @@ import sys
 import time
 from dataclasses import replace
 
-from retrolidar_ros.bag import FRAMES_TOPIC, STORAGES, FrameWriter
+from retrolidar_ros.bag import STORAGES, FrameWriter
 from retrolidar_ros.cli.arguments import Subparsers, add_port, output_path, seconds
 from retrolidar_ros.detector.blinking_zones import blinking_zones
 from retrolidar_ros.detector.frame_monitor import FrameMonitor
@@ -41,7 +41,6 @@ def add_command(subparsers: Subparsers) -> None:
     command.add_argument(
         '--storage', choices=STORAGES, default=STORAGES[0], help='(default: %(default)s)'
     )
-    command.add_argument('--topic', default=FRAMES_TOPIC, help='(default: %(default)s)')
     command.add_argument('--duration', type=seconds, metavar='S', help='stop after [s]')
     command.set_defaults(run=run)
 
@@ -68,9 +67,7 @@ def run(arguments: argparse.Namespace) -> int:
     clock = ClockMap(driver['transport_delay'].default)
     monitor = FrameMonitor(ZoneGrid())
     counted = 0
-    writer = FrameWriter(
-        arguments.output, arguments.storage, arguments.topic, driver['frame_id'].default
-    )
+    writer = FrameWriter(arguments.output, arguments.storage, frame_id=driver['frame_id'].default)
     begin_s = time.monotonic()
     end_s = begin_s + (arguments.duration or math.inf)
     due_s = begin_s + _PROGRESS_S

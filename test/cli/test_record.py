@@ -23,7 +23,7 @@ from retrolidar_ros.sensor.frame import Recording
 
 
 def recorder(port: Path, bag: Path, *options: str) -> 'subprocess.Popen[str]':
-    command = [sys.executable, '-m', 'retrolidar_ros.cli.main', 'record', str(port), '-o', str(bag)]
+    command = [sys.executable, '-m', 'retrolidar_ros.cli', 'record', str(port), '-o', str(bag)]
     pipe = subprocess.PIPE
     return subprocess.Popen([*command, *options], stdout=pipe, stderr=pipe, text=True)
 
