@@ -19,9 +19,6 @@ from retrolidar_ros.nodes.transforms import TransformFinder
 from retrolidar_ros.nodes.visualization import landmark_shapes
 from retrolidar_ros.tasks.landmarks import Estimate
 
-OBJECTS = '~/objects/'
-"""Below it is a topic for the pose of each landmark."""
-
 
 class LandmarkTopics:
     """Publishes landmarks in a fixed frame."""
@@ -46,7 +43,7 @@ class LandmarkTopics:
         name = estimate.name
         header = to_header(round(max(estimate.stamp_s, 0.0) * 1e9), self._fixed)
         if name not in self._poses:
-            (topic,) = topics_of(OBJECTS, [name])
+            (topic,) = topics_of('~/objects/', [name])
             self._poses[name] = latched(self._node, PoseWithCovarianceStamped, topic)
             deviation_mm = 1e3 * estimate.stddev_m
             self._node.get_logger().info(f'{name} is placed, to ±{deviation_mm:.0f} mm so far')

@@ -20,7 +20,7 @@ from retrolidar_ros.detector.parameters import known_markers
 from retrolidar_ros.marker.known_markers import objects_of
 from retrolidar_ros.nodes.conversion import Marked, to_pose_msg
 from retrolidar_ros.nodes.diagnostics import WARN, DiagnosticsPublisher, Health
-from retrolidar_ros.nodes.landmark_topics import OBJECTS, LandmarkTopics
+from retrolidar_ros.nodes.landmark_topics import LandmarkTopics
 from retrolidar_ros.nodes.parameters import Parameters, check_frame_id
 from retrolidar_ros.nodes.qos import STREAM, publisher, topics_of
 from retrolidar_ros.nodes.run import run
@@ -65,7 +65,7 @@ class LandmarksNode(Node):
         )
         frame, known = self._load(values['load_file'])
         names = sorted({*known, *objects})
-        self._owners = dict(zip(topics_of(OBJECTS, names), names, strict=True))
+        self._owners = dict(zip(topics_of('~/objects/', names), names, strict=True))
         self._survey = Survey(objects, errors, known)
         self._room = None
         if values['localize']:
@@ -149,7 +149,7 @@ class LandmarksNode(Node):
 
     def _update_landmark(self, batch: Batch) -> None:
         """Publish a landmark with new readings."""
-        (topic,) = topics_of(OBJECTS, [batch.name])
+        (topic,) = topics_of('~/objects/', [batch.name])
         try:
             owner = self._owners.get(topic, batch.name)
             if owner != batch.name:
