@@ -16,11 +16,11 @@ def main() -> int:
     try:
         with ended_quietly():
             from retrolidar_ros.cli.main import main as run
+        signal.signal(signal.SIGTERM, exit_by)
+        return run()
     except ModuleNotFoundError as error:
         print(missing_library(error), file=sys.stderr)
         return 2
-    signal.signal(signal.SIGTERM, exit_by)
-    return run()
 
 
 if __name__ == '__main__':

@@ -58,6 +58,14 @@ seconds = measured('time', 1e-3, 1e9)
 """Parse a duration."""
 
 
+def output_path(text: str) -> Path:
+    """Parse the path of a file or directory to make; like other tools, none above it is made."""
+    path = Path(text)
+    if not path.parent.is_dir():
+        raise argparse.ArgumentTypeError(f'there is no directory {path.parent}; make it first')
+    return path
+
+
 def add_port(command: argparse.ArgumentParser) -> None:
     """Add the port and the protocol of a sensor."""
     command.add_argument('port', metavar='PORT', help='device of the sensor')
@@ -82,17 +90,16 @@ def add_detector_options(command: argparse.ArgumentParser) -> None:
     )
     for name in READING:
         one = declared()['detector'][name]
-        dashed = f'--{name.replace("_", "-")}'
-        names = list(dict.fromkeys([dashed, f'--{name}']))
+        option = f'--{name.replace("_", "-")}'
         description = f'{one.summary()} (default: {one.default!r})'
         kind = type(one.default)
         if kind is bool:
             options.add_argument(
-                *names, dest=name, action='store_const', const=True, help=description
+                option, dest=name, action='store_const', const=True, help=description
             )
             continue
         options.add_argument(
-            *names,
+            option,
             dest=name,
             type=str if one.among else partial(_value, name),
             choices=one.among or None,
@@ -103,20 +110,17 @@ def add_detector_options(command: argparse.ArgumentParser) -> None:
 
 def _value(name: str, text: str) -> Any:
     """Parse a parameter."""
-    kind = type(declared()['detector'][name].default)
-    if name in _UNITS:
-        return _within(name, measured(_UNITS[name], -_MAX_VALUE, _MAX_VALUE)(text))
+    one = declared()['detector'][name]
+    kind = type(one.default)
     try:
-        value = [int(part) for part in text.split(',') if part] if kind is list else kind(text)
+        if name in _UNITS:
+            value: Any = measured(_UNITS[name], -_MAX_VALUE, _MAX_VALUE)(text)
+        else:
+            value = [int(part) for part in text.split(',') if part] if kind is list else kind(text)
     except ValueError:
         raise argparse.ArgumentTypeError(f'{text} is no {_METAVARS[kind]}') from None
-    return _within(name, value)
-
-
-def _within(name: str, value: Any) -> Any:
-    """Return a valid value of a parameter."""
     try:
-        return declared()['detector'][name].check(name, value)
+        return one.check(name, value)
     except ValueError as error:
         raise argparse.ArgumentTypeError(str(error)) from None
 

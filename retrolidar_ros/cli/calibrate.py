@@ -5,13 +5,12 @@
 from __future__ import annotations
 
 import argparse
-import sys
 from pathlib import Path
 
 import numpy as np
 
 from retrolidar_ros.bag import salvage_frames
-from retrolidar_ros.cli.arguments import Subparsers, add_bag
+from retrolidar_ros.cli.arguments import Subparsers, add_bag, output_path
 from retrolidar_ros.cli.decode import NOTHING_READ
 from retrolidar_ros.sensor.frame import Recording
 from retrolidar_ros.settings.section import quantity
@@ -32,7 +31,7 @@ def add_command(subparsers: Subparsers) -> None:
     command.add_argument('--distance', help="from sensor to clearest marker, as in '1.2 m'")
     command.add_argument(
         *('-o', '--output'),
-        type=Path,
+        type=output_path,
         default=Path('calibration'),
         metavar='DIR',
         help='(default: %(default)s)',
@@ -48,14 +47,14 @@ def run(arguments: argparse.Namespace) -> int:
     frames, damage = salvage_frames(arguments.bag, arguments.topic)
     found = calibrate(Recording.of(frames), distance_m=distance_m)
     source, output = arguments.bag.name, arguments.output
-    output.mkdir(parents=True, exist_ok=True)
+    output.mkdir(exist_ok=True)
     (output / 'calibration.yaml').write_text(parameter_file(found, source), encoding='utf-8')
     (output / 'calibration.md').write_text(_page(found, source), encoding='utf-8')
     _draw(found, output / 'calibration.png', source)
     print('\n'.join([*sentences(found), *(f'Next: {line}' for line in missing(found))]))
     print(f'{output}: calibration.yaml, calibration.md, calibration.png')
     if damage is not None:
-        print(f'retrolidar: only what comes before the damage: {damage}', file=sys.stderr)
+        raise damage
     return 0 if found.markers else NOTHING_READ
 
 

@@ -12,7 +12,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING
 
-from retrolidar_ros.cli.arguments import Subparsers, seconds
+from retrolidar_ros.cli.arguments import Subparsers, output_path
 from retrolidar_ros.cli.picture import plot_readings
 from retrolidar_ros.cli.processes import ProcessError, ProcessGroup
 from retrolidar_ros.scene import Scene
@@ -31,6 +31,7 @@ COMMON = (
 """Arguments of each node."""
 READINGS = 3
 """How often each marker must be read before the demo ends."""
+_PATIENCE_S = 60.0
 _TAKEN = (
     f'another driver publishes {NAMESPACE}/frames; end it, or set ROS_DOMAIN_ID to a free number'
 )
@@ -44,8 +45,9 @@ def add_command(subparsers: Subparsers) -> None:
     command.add_argument(
         'scene', nargs='?', default='coffee', help='name or file (default: coffee)'
     )
-    command.add_argument('-o', '--output', type=Path, help='picture (default: demo_SCENE.png)')
-    command.add_argument('--timeout', type=seconds, default=60.0, help='give up after [s]')
+    command.add_argument(
+        '-o', '--output', type=output_path, help='picture (default: demo_SCENE.png)'
+    )
     command.set_defaults(run=run)
 
 
@@ -64,7 +66,7 @@ def run(arguments: argparse.Namespace) -> int:
     run_scene = run_arm if len(scene.sensor.path) > 1 else run_still
     listener = Listener(NAMESPACE)
     try:
-        return run_scene(scene, file, picture, listener, arguments.timeout)
+        return run_scene(scene, file, picture, listener)
     except ProcessError as error:
         print(f'retrolidar: {error}', file=sys.stderr)
         return 1
@@ -81,7 +83,7 @@ def executable(node: str) -> str:
 
 @contextmanager
 def running_nodes(
-    listener: Listener, timeout_s: float, landmarks: Sequence[str] = ()
+    listener: Listener, landmarks: Sequence[str] = ()
 ) -> Iterator[tuple[ProcessGroup, Path]]:
     """Yield driver and detector with the shipped parameters, and the port where they wait.
 
@@ -104,8 +106,8 @@ def running_nodes(
             placing = listener.node.count_publishers('landmarks/marker_array') > 0
             return listener.is_connected() and (placing or not landmarks)
 
-        if not listener.spin_until(are_ready, timeout_s):
-            raise ProcessError(f'no nodes within {timeout_s:g} s')
+        if not listener.spin_until(are_ready, _PATIENCE_S):
+            raise ProcessError(f'no nodes within {_PATIENCE_S:g} s')
         yield processes, port
 
 
@@ -115,7 +117,7 @@ def start_emulator(processes: ProcessGroup, scene: str, port: Path, *options: st
     processes.start('emulator', [*emulate, scene, '--port-link', str(port), *options])
 
 
-def _listen(scene: Scene, listener: Listener, processes: ProcessGroup, timeout_s: float) -> None:
+def _listen(scene: Scene, listener: Listener, processes: ProcessGroup) -> None:
     """Process messages until every marker was read often enough, and print progress."""
     names = {marker.id: marker.name for marker in scene.markers}
     shown: set[int] = set()
@@ -129,19 +131,19 @@ def _listen(scene: Scene, listener: Listener, processes: ProcessGroup, timeout_s
         enough = all(readings.count(identity) >= READINGS for identity in names)
         return enough and not listener.untransformed()
 
-    listener.spin_until(done, timeout_s)
+    listener.spin_until(done, _PATIENCE_S)
 
 
-def run_still(scene: Scene, file: Path, picture: Path, listener: Listener, timeout_s: float) -> int:
+def run_still(scene: Scene, file: Path, picture: Path, listener: Listener) -> int:
     """Compare what is read of a scene with the truth; return 0 if all is read well, else 1."""
     print(f'{scene.description}\nDriver and detector are starting ...', flush=True)
-    with running_nodes(listener, timeout_s) as (processes, port):
+    with running_nodes(listener) as (processes, port):
         print('  driver and detector wait for the sensor', flush=True)
         start_emulator(processes, str(file), port)
-        _listen(scene, listener, processes, timeout_s)
+        _listen(scene, listener, processes)
     recording, readings = listener.recording(), listener.readings()
     if recording is None:
-        raise ProcessError(f'no frame came within {timeout_s:g} s')
+        raise ProcessError(f'no frame came within {_PATIENCE_S:g} s')
     outcomes = judge(scene, recording, readings, listener.untransformed())
     print(f'\n{table(outcomes)}\n')
     plot_readings(recording, readings, picture, title=scene.description, markers=scene.markers)

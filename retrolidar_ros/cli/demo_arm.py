@@ -85,7 +85,7 @@ class _Hand:
         self._known[name].append(Known(self.time_s(to_ns(message.header.stamp)), off_m, covariance))
 
 
-def run_arm(scene: Scene, file: Path, picture: Path, listener: Listener, timeout_s: float) -> int:
+def run_arm(scene: Scene, file: Path, picture: Path, listener: Listener) -> int:
     """Run a scene whose sensor moves; return 0 if all ellipsoids hold in the end, else 1.
 
     The picture shows how the errors shrink.
@@ -96,7 +96,7 @@ def run_arm(scene: Scene, file: Path, picture: Path, listener: Listener, timeout
     markers = f'marker_file:={shared_file("config/markers.yaml")}'
     apart = ['-r', '/tf:=tf']  # a topic apart from that of a robot
     options = ['-p', markers, *apart]
-    with running_nodes(listener, timeout_s, options) as (processes, port):
+    with running_nodes(listener, options) as (processes, port):
         start_ns = time.monotonic_ns() + round(_BEFORE_S * 1e9)
         hand.zero_ns = start_ns + time.time_ns() - time.monotonic_ns()
         start = f'{start_ns * 1e-9:.9f}'

@@ -9,7 +9,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from retrolidar_ros.bag import STORAGES
-from retrolidar_ros.cli.arguments import Subparsers, measured, seconds
+from retrolidar_ros.cli.arguments import Subparsers, measured, output_path, seconds
 from retrolidar_ros.scene.description import Waypoint
 from retrolidar_ros.scene.emulator import emulate, record
 from retrolidar_ros.scene.files import load_scene, scene_names
@@ -26,7 +26,7 @@ def add_command(subparsers: Subparsers) -> None:
     command.add_argument('scene', nargs='?', help='name or file')
     where = command.add_mutually_exclusive_group()
     where.add_argument('--port-link', type=Path, help='in real time, at a serial port linked here')
-    where.add_argument('--bag', type=Path, help='at once, into a new rosbag2 directory')
+    where.add_argument('--bag', type=output_path, help='at once, into a new rosbag2 directory')
     command.add_argument(
         '--storage', choices=STORAGES, default=STORAGES[0], help='of the bag (default: %(default)s)'
     )

@@ -26,7 +26,7 @@ from retrolidar_ros.cli import (
     watch,
 )
 from retrolidar_ros.cli.arguments import Parser
-from retrolidar_ros.settings.printing import missing_library, printable
+from retrolidar_ros.settings.printing import printable
 from retrolidar_ros.settings.resources import shared_file
 from retrolidar_ros.settings.section import ConfigError
 
@@ -34,24 +34,16 @@ COMMANDS = (demo, emulate, watch, record, replay, calibrate, decode, plot, ids, 
 """Modules with `add_command(subparsers)`, which sets `run`: from the arguments to the exit code."""
 
 
-class _Version(argparse.Action):
-    """Prints the version of the package that is installed."""
-
-    def __init__(self, option_strings: list[str], dest: str, help: str) -> None:  # noqa: A002
-        super().__init__(option_strings, dest, nargs=0, help=help)
-
-    def __call__(self, parser: argparse.ArgumentParser, *_: object) -> None:
-        text = shared_file('package.xml').read_text(encoding='utf-8')
-        print('retrolidar', text.partition('<version>')[2].partition('<')[0])
-        parser.exit()
-
-
 def parser() -> argparse.ArgumentParser:
     """Return the parser of the command line."""
     whole = Parser(
         prog='retrolidar', description='Read liquid-crystal fiducial markers with a LiDAR.'
     )
-    whole.add_argument('--version', action=_Version, help='print the version and exit')
+    package = shared_file('package.xml').read_text(encoding='utf-8')
+    version = package.partition('<version>')[2].partition('<')[0]
+    whole.add_argument(
+        '--version', action='version', version=f'retrolidar {version}', help='print it and exit'
+    )
     subparsers = whole.add_subparsers(required=True, metavar='COMMAND')
     for command in COMMANDS:
         command.add_command(subparsers)
@@ -79,11 +71,4 @@ def main(arguments: list[str] | None = None) -> int:
         sys.stdout.flush()
         print(f'retrolidar: {printable(str(error))}', file=sys.stderr)
         return 2
-    except ModuleNotFoundError as error:
-        print(missing_library(error), file=sys.stderr)
-        return 2
     return code
-
-
-if __name__ == '__main__':
-    sys.exit(main())

@@ -259,5 +259,4 @@ def plot_readings(
             _ranges(figure.add_subplot(spaces[rows + 1, :], sharex=above), shown, readings, tracks)
         else:
             above.set_xlabel('time [s]')
-    path.parent.mkdir(parents=True, exist_ok=True)
     figure.savefig(path, dpi=110)

@@ -5,10 +5,14 @@
 from __future__ import annotations
 
 import argparse
-from pathlib import Path
 
 from retrolidar_ros.bag import salvage_frames
-from retrolidar_ros.cli.arguments import Subparsers, add_bag_command, detector_values
+from retrolidar_ros.cli.arguments import (
+    Subparsers,
+    add_bag_command,
+    detector_values,
+    output_path,
+)
 from retrolidar_ros.cli.decode import NOTHING_READ, print_hints
 from retrolidar_ros.cli.picture import plot_readings
 from retrolidar_ros.detector import Detection
@@ -20,7 +24,7 @@ from retrolidar_ros.sensor.frame import Recording
 def add_command(subparsers: Subparsers) -> None:
     """Add `retrolidar plot`."""
     command = add_bag_command(subparsers, 'plot', 'draw what was read in a bag', run)
-    command.add_argument('-o', '--output', type=Path, required=True, help='PNG file')
+    command.add_argument('-o', '--output', type=output_path, required=True, help='PNG file')
 
 
 def run(arguments: argparse.Namespace) -> int:

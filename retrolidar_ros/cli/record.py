@@ -10,10 +10,9 @@ import shutil
 import sys
 import time
 from dataclasses import replace
-from pathlib import Path
 
-from retrolidar_ros.bag import FRAMES_TOPIC, STORAGES, FrameWriter
-from retrolidar_ros.cli.arguments import Subparsers, add_port, seconds
+from retrolidar_ros.bag import STORAGES, FrameWriter
+from retrolidar_ros.cli.arguments import Subparsers, add_port, output_path, seconds
 from retrolidar_ros.detector.blinking_zones import blinking_zones
 from retrolidar_ros.detector.frame_monitor import FrameMonitor
 from retrolidar_ros.sensor.clock import ClockMap
@@ -37,12 +36,11 @@ def add_command(subparsers: Subparsers) -> None:
     )
     add_port(command)
     command.add_argument(
-        '-o', '--output', type=Path, required=True, metavar='BAG', help='directory to make'
+        '-o', '--output', type=output_path, required=True, metavar='BAG', help='directory to make'
     )
     command.add_argument(
         '--storage', choices=STORAGES, default=STORAGES[0], help='(default: %(default)s)'
     )
-    command.add_argument('--topic', default=FRAMES_TOPIC, help='(default: %(default)s)')
     command.add_argument('--duration', type=seconds, metavar='S', help='stop after [s]')
     command.set_defaults(run=run)
 
@@ -69,11 +67,7 @@ def run(arguments: argparse.Namespace) -> int:
     clock = ClockMap(driver['transport_delay'].default)
     monitor = FrameMonitor(ZoneGrid())
     counted = 0
-    writer = FrameWriter(
-        arguments.output, arguments.storage, arguments.topic, driver['frame_id'].default
-    )
-    output: Path = arguments.output
-    made = [one for one in (output, *output.parents) if not one.exists()]
+    writer = FrameWriter(arguments.output, arguments.storage, frame_id=driver['frame_id'].default)
     begin_s = time.monotonic()
     end_s = begin_s + (arguments.duration or math.inf)
     due_s = begin_s + _PROGRESS_S
@@ -101,8 +95,8 @@ def run(arguments: argparse.Namespace) -> int:
                     monitor.restart(frame.grid)
                 monitor.take(frame)
     if not monitor.frames:
-        shutil.rmtree(made[-1])
-        print(f'no frame came; {output} was not kept')
+        shutil.rmtree(arguments.output)
+        print(f'no frame came; {arguments.output} was not kept')
         return 1
-    print(f'{monitor.frames} frames, {monitor.lost} lost, in {output}')
+    print(f'{monitor.frames} frames, {monitor.lost} lost, in {arguments.output}')
     return 0

@@ -71,7 +71,7 @@ def known_markers(values: Mapping[str, Any]) -> dict[int, KnownMarker]:
         return {}
     try:
         return load_markers(Path(values['marker_file']))
-    except OSError as error:
+    except (OSError, ValueError) as error:
         raise ValueError(f'marker_file: {error}') from error
 
 

@@ -17,8 +17,8 @@ from retrolidar_ros.detector.likelihood_detector import LikelihoodDetector
 from retrolidar_ros.detector.parameters import READING, detector_of, known_markers
 from retrolidar_ros.msg import Frame as FrameMsg
 from retrolidar_ros.nodes.conversion import from_frame_msg
-from retrolidar_ros.nodes.detection_topics import NAME, DetectionTopics
 from retrolidar_ros.nodes.detector_health import NO_FRAME, DetectorHealth
+from retrolidar_ros.nodes.detector_topics import NAME, DetectorTopics
 from retrolidar_ros.nodes.diagnostics import WARN, DiagnosticsPublisher, Health
 from retrolidar_ros.nodes.parameters import Parameters, check_frame_id
 from retrolidar_ros.nodes.qos import FRAME_QOS, subscribe
@@ -50,7 +50,7 @@ class DetectorNode(Node):
         self._health = DetectorHealth(ZoneGrid())
         self._begin(self._values, ZoneGrid())
         self._sender = sender or TransformSender(self)
-        self._topics = DetectionTopics(self, self._known, self._values, self._sender)
+        self._topics = DetectorTopics(self, self._known, self._values, self._sender)
         self._frame_id = ''
         self._number: int | None = None
         self._warned: set[str] = set()

@@ -27,7 +27,6 @@ class Health(NamedTuple):
     fine: str = ''
     """What is said if there are no problems."""
     hardware_id: str = ''
-    """Of the hardware, if it became known after the node started."""
 
 
 HealthCheck = Callable[[], Health]
@@ -40,29 +39,27 @@ class DiagnosticsPublisher:
     def __init__(self, node: Node) -> None:
         """Publish in the name of `node`, for as long as it lives."""
         self._node = node
-        self._subjects: list[tuple[str, HealthCheck, str]] = []
+        self._subjects: list[tuple[str, HealthCheck]] = []
         self._publisher = node.create_publisher(DiagnosticArray, '/diagnostics', 10)
         # Of the steady clock: a paused replay, or a clock change, must not stop diagnostics.
         node.create_timer(PERIOD_S, self._publish, clock=Clock(clock_type=ClockType.STEADY_TIME))
 
-    def register_health_check(
-        self, node: Node, subject: str, check: HealthCheck, hardware_id: str = ''
-    ) -> None:
+    def register_health_check(self, node: Node, subject: str, check: HealthCheck) -> None:
         """Publish the result of `check`, too."""
         name = f'{node.get_fully_qualified_name()}: {subject}'
-        self._subjects.append((name, check, hardware_id))
+        self._subjects.append((name, check))
 
     def _publish(self) -> None:
         message = DiagnosticArray()
         message.header.stamp = self._node.get_clock().now().to_msg()
-        for name, check, hardware_id in self._subjects:
+        for name, check in self._subjects:
             health = check()
             problems = sorted(health.problems, key=lambda problem: problem[0], reverse=True)
             status = DiagnosticStatus(
                 level=problems[0][0] if problems else OK,
                 name=name,
                 message='; '.join(text for _, text in problems) or health.fine,
-                hardware_id=health.hardware_id or hardware_id,
+                hardware_id=health.hardware_id,
             )
             status.values = [KeyValue(key=key, value=value) for key, value in health.values.items()]
             message.status.append(status)

@@ -76,9 +76,7 @@ class DriverNode(LifecycleNode):
         self._tally = DriverTally()
         offer_services(self, lambda: self._source)
         self._watch = None if on_frame else DetectorWatch(self)
-        (board or DiagnosticsPublisher(self)).register_health_check(
-            self, 'frames', self._examine, self._values['serial_port']
-        )
+        (board or DiagnosticsPublisher(self)).register_health_check(self, 'frames', self._examine)
         if self._values['autostart']:
             self.trigger_configure()
             self.trigger_activate()
@@ -205,7 +203,7 @@ class DriverNode(LifecycleNode):
             return Health([(WARN, 'finalized: the node was shut down; start it again')], {})
         if source is None:
             return Health([(WARN, 'not configured: the port is closed')], {})
-        health = self._tally.examine(source, self._clock_map)
+        health = self._tally.examine(source, self._clock_map)._replace(hardware_id=source.port)
         if (identity := source.identity) is not None:
             health.values['firmware'] = identity.version
             health = health._replace(hardware_id=identity.serial)

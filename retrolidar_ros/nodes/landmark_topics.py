@@ -15,24 +15,25 @@ from visualization_msgs.msg import MarkerArray
 
 from retrolidar_ros.nodes.conversion import to_header, to_pose_msg, to_transform
 from retrolidar_ros.nodes.qos import LATCHED, latched, publisher, topics_of
+from retrolidar_ros.nodes.transforms import TransformFinder
 from retrolidar_ros.nodes.visualization import landmark_shapes
 from retrolidar_ros.tasks.landmarks import Estimate
-
-
-def object_topics(names: Sequence[str]) -> list[str]:
-    """Return the topics of the poses of landmarks; ValueError if two would share one."""
-    return topics_of('~/objects/', names)
 
 
 class LandmarkTopics:
     """Publishes landmarks in a fixed frame."""
 
-    def __init__(self, node: Node, fixed_frame: str, child_frame: str, send: bool) -> None:
+    def __init__(
+        self, node: Node, finder: TransformFinder, fixed_frame: str, child_frame: str, send: bool
+    ) -> None:
         """Make the publishers; `send` transforms to `child_frame`, with a name for its {name}."""
+        self._finder = finder
         self._node = node
         self._fixed = fixed_frame
         self._child_frame = child_frame
         self._poses: dict[str, Publisher] = {}
+        self._taken: set[str] = set()
+        """Frames that have another parent."""
         self._broadcaster = TransformBroadcaster(node) if send else None
         self._shapes = publisher(node, MarkerArray, '~/marker_array', LATCHED)
         self._shapes_due = False
@@ -42,16 +43,32 @@ class LandmarkTopics:
         name = estimate.name
         header = to_header(round(max(estimate.stamp_s, 0.0) * 1e9), self._fixed)
         if name not in self._poses:
-            (topic,) = object_topics([name])
+            (topic,) = topics_of('~/objects/', [name])
             self._poses[name] = latched(self._node, PoseWithCovarianceStamped, topic)
             deviation_mm = 1e3 * estimate.stddev_m
             self._node.get_logger().info(f'{name} is placed, to ±{deviation_mm:.0f} mm so far')
+            self.check_frames()
         message = to_pose_msg(header, estimate.position_m, estimate.rotation, estimate.covariance)
         self._poses[name].publish(message)
         self._shapes_due = True
-        if self._broadcaster is not None:
-            child = self._child_frame.replace('{name}', name)
+        child = self._frame_of(name)
+        if self._broadcaster is not None and child not in self._taken:
             self._broadcaster.sendTransform([to_transform(header, child, message.pose.pose)])
+
+    def _frame_of(self, name: str) -> str:
+        return self._child_frame.replace('{name}', name)
+
+    def check_frames(self) -> None:
+        """Stop sending frames to which another node gives another parent."""
+        parents = self._finder.parents()
+        for child in map(self._frame_of, self._poses):
+            parent = parents.get(child, self._fixed)
+            if self._broadcaster is not None and parent != self._fixed and child not in self._taken:
+                self._taken.add(child)
+                self._node.get_logger().error(
+                    f'no transform from {self._fixed} to {child} is sent: its parent in TF is '
+                    f'{parent}, by another node; set child_frame'
+                )
 
     def change(self) -> None:
         """Take note that landmarks have changed that are not published."""

@@ -20,9 +20,9 @@ from retrolidar_ros.detector.parameters import known_markers
 from retrolidar_ros.marker.known_markers import objects_of
 from retrolidar_ros.nodes.conversion import Marked, to_pose_msg
 from retrolidar_ros.nodes.diagnostics import WARN, DiagnosticsPublisher, Health
-from retrolidar_ros.nodes.landmark_topics import LandmarkTopics, object_topics
+from retrolidar_ros.nodes.landmark_topics import LandmarkTopics
 from retrolidar_ros.nodes.parameters import Parameters, check_frame_id
-from retrolidar_ros.nodes.qos import STREAM, publisher
+from retrolidar_ros.nodes.qos import STREAM, publisher, topics_of
 from retrolidar_ros.nodes.run import run
 from retrolidar_ros.nodes.tf_filter import TransformedDetections
 from retrolidar_ros.sensor.frame import Floats
@@ -36,7 +36,7 @@ from retrolidar_ros.tasks.survey_files import load_survey, save_survey
 
 # Every tick, readings are solved for so long: half a core at most. The others wait.
 _TICK_S, _MAX_BUSY_S = 0.02, 0.01
-_SHAPES_S = 1.0
+_TOPICS_S = 1.0  # between shapes, and looks for frames with another parent
 _MAX_WAIT_S = 0.3  # more is told
 
 
@@ -65,7 +65,7 @@ class LandmarksNode(Node):
         )
         frame, known = self._load(values['load_file'])
         names = sorted({*known, *objects})
-        self._owners = dict(zip(object_topics(names), names, strict=True))
+        self._owners = dict(zip(topics_of('~/objects/', names), names, strict=True))
         self._survey = Survey(objects, errors, known)
         self._room = None
         if values['localize']:
@@ -99,6 +99,7 @@ class LandmarksNode(Node):
         )
         self._topics = LandmarkTopics(
             self,
+            self._readings.finder,
             self._fixed,
             values['frame_prefix'] + values['child_frame'],
             values['publish_tf'],
@@ -108,9 +109,7 @@ class LandmarksNode(Node):
             self._topics.publish(estimate)
         steady = Clock(clock_type=ClockType.STEADY_TIME)
         self.create_timer(_TICK_S, self._solve, clock=steady)
-        self.create_timer(
-            _SHAPES_S, lambda: self._topics.publish_shapes(self._survey.estimates()), clock=steady
-        )
+        self.create_timer(_TOPICS_S, self._tend_topics, clock=steady)
 
     def _load(self, path: str) -> tuple[str, dict[str, Prior]]:
         if not path:
@@ -118,7 +117,7 @@ class LandmarksNode(Node):
         try:
             return load_survey(Path(path))
         except (OSError, ValueError) as error:
-            raise ValueError(f'load_file: {path}: {error}') from error
+            raise ValueError(f'load_file: {error}') from error
 
     def _on_reading(self, reading: Reading, message: Marked) -> None:
         """Queue a reading."""
@@ -144,9 +143,13 @@ class LandmarksNode(Node):
                 self._localize(self._room, batch)
             self._longest_s = max(self._longest_s, time.monotonic() - batch.since_s)
 
+    def _tend_topics(self) -> None:
+        self._topics.check_frames()
+        self._topics.publish_shapes(self._survey.estimates())
+
     def _update_landmark(self, batch: Batch) -> None:
         """Publish a landmark with new readings."""
-        (topic,) = object_topics([batch.name])
+        (topic,) = topics_of('~/objects/', [batch.name])
         try:
             owner = self._owners.get(topic, batch.name)
             if owner != batch.name:

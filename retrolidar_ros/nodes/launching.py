@@ -31,6 +31,7 @@ from launch.substitutions import LaunchConfiguration, PathJoinSubstitution
 from launch_ros.actions import Node
 from launch_ros.substitutions import FindPackageShare
 
+from retrolidar_ros.detector.parameters import known_markers
 from retrolidar_ros.settings.parameter import declared
 from retrolidar_ros.settings.yaml_files import load_yaml
 
@@ -90,7 +91,12 @@ def launch_description(
         DeclareLaunchArgument(name, default_value=default, description=description)
         for name, (default, description) in arguments.items()
     ]
-    return LaunchDescription([*declared_arguments, OpaqueFunction(function=start)])
+
+    def checked(context: LaunchContext) -> list[LaunchDescriptionEntity]:
+        _check_markers(context, 'detector')
+        return start(context)
+
+    return LaunchDescription([*declared_arguments, OpaqueFunction(function=checked)])
 
 
 def value(context: LaunchContext, name: str) -> str:
@@ -157,11 +163,18 @@ def parameter(context: LaunchContext, kind: str, name: str) -> Any:
     return found
 
 
+def _check_markers(context: LaunchContext, kind: str) -> None:
+    """Raise ValueError if the marker file of a node cannot be used."""
+    known_markers({'marker_file': parameter(context, kind, 'marker_file')})
+
+
 def node(
     context: LaunchContext, executable: str, parameters: dict[str, Any], **options: Any
 ) -> Node:
     """Return a node of the package, with parameters that go before those of the file."""
     parameters = dict(parameters)
+    if 'marker_file' in declared()[executable]:
+        _check_markers(context, executable)
     level = value(context, 'log_level')
     if level.rpartition(':=')[2].lower() not in _LEVELS:
         raise RuntimeError(f'log_level:={level}: it needs one of {", ".join(_LEVELS)}')

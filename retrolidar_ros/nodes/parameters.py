@@ -29,39 +29,39 @@ class Parameters:
         self._node = node
         self._declared = declared()[kind]
         self.values: dict[str, Any] = {
-            name: self._declare_list(name, spec)
-            if isinstance(spec.default, list)
-            else self._declare(name, spec)
-            for name, spec in self._declared.items()
+            name: self._declare(name, spec) for name, spec in self._declared.items()
         }
 
     def _declare(self, name: str, spec: Declared) -> Any:
-        descriptor = ParameterDescriptor(read_only=not spec.is_live, **_texts(spec))
-        if limits := spec.limits:
-            low, high = limits
-            if isinstance(spec.default, int):
+        # The type is open until the value is checked: 50 does for 50.0, and an empty list has no
+        # type of its own. As a default it is taken for bytes, from a file it comes without a value,
+        # and from the tools as a list of booleans; so that of a list stays open.
+        open_type = ParameterDescriptor(dynamic_typing=True)
+        given = self._node.declare_parameter(name, spec.default, open_type).value
+        is_list = isinstance(spec.default, list)
+        value = spec.check(name, [] if is_list and given is None else given)
+        kind = Parameter.Type.from_parameter_value(value)
+        if value == []:
+            kind = Parameter.Type.INTEGER_ARRAY if spec.limits else Parameter.Type.STRING_ARRAY
+        if is_list or not isinstance(given, type(value)):
+            self._node.set_parameters([Parameter(name, kind, value)])
+        descriptor = ParameterDescriptor(
+            type=kind.value,
+            description=spec.description,
+            additional_constraints=spec.constraints(),
+            read_only=not spec.is_live,
+            dynamic_typing=is_list,
+        )
+        if spec.limits and not is_list:
+            low, high = spec.limits
+            if isinstance(value, int):
                 descriptor.integer_range = [IntegerRange(from_value=int(low), to_value=int(high))]
             else:
                 descriptor.floating_point_range = [
                     FloatingPointRange(from_value=low, to_value=high)
                 ]
-        return spec.check(name, self._node.declare_parameter(name, spec.default, descriptor).value)
-
-    def _declare_list(self, name: str, spec: Declared) -> list[Any]:
-        # An empty list has no type of its own: as a default it is taken for bytes, from a file it
-        # comes without a value, and from the tools as a list of booleans. So the type is left
-        # open and checked here, and an empty list is given the type afterwards.
-        open_type = ParameterDescriptor(dynamic_typing=True, **_texts(spec))
-        value = self._node.declare_parameter(name, spec.default, open_type).value
-        checked: list[Any] = spec.check(name, [] if value is None else value)
-        if not checked:
-            kind = Parameter.Type.INTEGER_ARRAY if spec.limits else Parameter.Type.STRING_ARRAY
-            self._node.set_parameters([Parameter(name, kind, [])])
-        descriptor = ParameterDescriptor(
-            dynamic_typing=True, read_only=not spec.is_live, **_texts(spec)
-        )
         self._node.set_descriptor(name, descriptor)
-        return checked
+        return value
 
     def follow(self, apply: Callable[[dict[str, Any]], None]) -> None:
         """Let live parameters be set.
@@ -97,14 +97,6 @@ class Parameters:
                 self._node.get_logger().warning(
                     f'parameter {name} is unknown; did you mean {near[0]}?'
                 )
-
-
-def _texts(spec: Declared) -> dict[str, str]:
-    """Return the texts of a descriptor."""
-    return {
-        'description': spec.description,
-        'additional_constraints': spec.constraints(),
-    }
 
 
 def check_frame_id(name: str, value: str) -> str:

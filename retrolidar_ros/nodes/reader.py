@@ -12,8 +12,8 @@ from typing import Any
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 
-from retrolidar_ros.nodes.detection_topics import NAME
 from retrolidar_ros.nodes.detector import DetectorNode
+from retrolidar_ros.nodes.detector_topics import NAME
 from retrolidar_ros.nodes.diagnostics import DiagnosticsPublisher
 from retrolidar_ros.nodes.driver import DriverNode
 from retrolidar_ros.nodes.parameters import Parameters

@@ -12,7 +12,7 @@ from contextlib import suppress
 from threading import Event, Thread
 
 import rclpy
-from rclpy.exceptions import InvalidParameterTypeException, InvalidParameterValueException
+from rclpy.exceptions import ParameterException
 from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.qos_overriding_options import InvalidQosOverridesError
@@ -20,13 +20,6 @@ from rclpy.signals import SignalHandlerOptions
 
 from retrolidar_ros.settings.interrupts import REQUESTS, ignore_requests
 from retrolidar_ros.settings.printing import printable
-
-_IMPOSSIBLE = (
-    ValueError,
-    InvalidParameterTypeException,
-    InvalidParameterValueException,
-    InvalidQosOverridesError,
-)
 
 
 def run(create: Callable[[], Node | list[Node]]) -> int:
@@ -48,7 +41,7 @@ def run(create: Callable[[], Node | list[Node]]) -> int:
         created = create()
         nodes = created if isinstance(created, list) else [created]
         _spin(nodes, signals)
-    except _IMPOSSIBLE as error:
+    except (ValueError, ParameterException, InvalidQosOverridesError) as error:
         rclpy.logging.get_logger('retrolidar_ros').fatal(printable(str(error)))
         return 2
     except Exception:

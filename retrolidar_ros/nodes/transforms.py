@@ -4,6 +4,7 @@
 
 from __future__ import annotations
 
+import re
 import time
 from collections import deque
 from threading import Lock
@@ -23,6 +24,7 @@ from retrolidar_ros.sensor.rotation import matrix_of
 
 _PERIOD_S, _LISTENING_S = 30.0, 5.0
 _DEPTH = 1000
+_PARENT = re.compile(r"^(\S.*): *\n +parent: '(.*)'", re.M)
 _KEPT = 512  # newest stamps of a frame
 
 
@@ -37,6 +39,10 @@ class TransformFinder:
     def forget(self) -> None:
         """Forget all transforms: the clock was set back."""
         self._buffer.clear()
+
+    def parents(self) -> dict[str, str]:
+        """Return the parent of each frame that has one."""
+        return dict(_PARENT.findall(self._buffer.all_frames_as_yaml()))
 
     def find(self, target: str, source: str, stamp: Time) -> tuple[Floats, Floats] | None:
         """Return translation [m] and rotation matrix from source to target frame.

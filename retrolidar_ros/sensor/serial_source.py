@@ -114,7 +114,7 @@ class SerialSource:
             Gets the frames of each read, and the time [ns] at which it returned.
         report : callable
             Gets a line whenever the port opens, a sensor says who it is, or there is a new reason
-            why the port cannot be read.
+            why the port cannot be read; that it was lost, only if `stop` is not set soon after.
         stop : threading.Event
             Ends the reading within the read's timeout.
         """
@@ -128,11 +128,16 @@ class SerialSource:
                     self._read(line, take, report, stop)
             except OSError as error:
                 lost = f'{self.port} was lost; is the sensor still plugged in?'
-                problem = lost if self.is_open else explain(error, self.port)
-                self.is_open = False
-                if problem != self.problem:
+                was_open, self.is_open = self.is_open, False
+                problem = lost if was_open else explain(error, self.port)
+                is_new, self.problem = problem != self.problem, problem
+                # A sensor that is emulated may end just before this program does.
+                if was_open and stop.wait(RETRY_S):
+                    return
+                if is_new:
                     report(f'{problem}; retrying')
-                self.problem = problem
+                if was_open:
+                    continue
             finally:
                 self.is_open = False
             stop.wait(RETRY_S)

@@ -42,7 +42,7 @@ class Section:
     def __init__(self, content: object, path: str = '') -> None:
         """Wrap `content`, found under the dotted `path`."""
         if not isinstance(content, Mapping):
-            raise ConfigError(f'{path or "the file"}: needs keys with values, not {content!r}')
+            raise ConfigError(f'{path or "the file"}: needs keys with values, not {content!r:.100}')
         self._content = dict(content)
         self._path = path
         self._taken: list[str] = []

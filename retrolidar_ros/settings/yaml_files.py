@@ -61,8 +61,11 @@ def load_yaml(path: Path) -> Any:
     """
     if path.is_fifo():  # to open it would wait for a writer
         raise ValueError(f'{path} is a FIFO; give a regular file')
-    with path.open('rb') as file:
-        data = file.read(MAX_BYTES + 1)
+    try:
+        with path.open('rb') as file:
+            data = file.read(MAX_BYTES + 1)
+    except OSError as error:
+        raise type(error)(f'{path} cannot be read: {error.strerror}') from error
     if len(data) > MAX_BYTES:
         raise ValueError(f'{path} is larger than the {MAX_BYTES} bytes that are read of YAML')
     try:

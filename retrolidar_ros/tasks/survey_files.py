@@ -15,7 +15,7 @@ import numpy as np
 from retrolidar_ros.sensor.frame import Floats
 from retrolidar_ros.sensor.rotation import matrix_of, quaternion_of
 from retrolidar_ros.settings.section import ConfigError, Section, text
-from retrolidar_ros.settings.yaml_files import load_yaml, yaml_text
+from retrolidar_ros.settings.yaml_files import load_parsed, yaml_text
 from retrolidar_ros.tasks.landmarks import Estimate
 from retrolidar_ros.tasks.state import Prior, State
 
@@ -31,9 +31,9 @@ def load_survey(path: Path) -> tuple[str, dict[str, Prior]]:
     OSError
         If it cannot be read.
     ValueError
-        If it is not a map; the message names the key.
+        If it is not a map; the message names the file and the key.
     """
-    return parse_survey(load_yaml(path))
+    return load_parsed(path, parse_survey)
 
 
 def save_survey(path: Path, frame: str, estimates: list[Estimate]) -> str:
@@ -97,7 +97,7 @@ def _check_replaceable(path: Path, frame: str, names: Collection[str]) -> None:
     try:
         other, known = load_survey(path)
     except ValueError as error:
-        raise ValueError(f'{path} is not a map, so it is not replaced: {error}') from error
+        raise ValueError(f'{error}; a file that is not a map is not replaced') from error
     if other != frame:
         raise ValueError(
             f'the landmarks in {path} are in {other}, these in {frame}; move it away first'

@@ -79,7 +79,9 @@ def test_decode_prints_where_markers_are_at_every_frame(bag: Path, capsys: Outpu
     assert 'method paper follows no markers' in capsys.readouterr().err
 
 
-def test_a_damaged_bag_is_decoded_and_drawn(bag: Path, tmp_path: Path, capsys: Output) -> None:
+def test_a_damaged_bag_is_used_up_to_the_damage_and_gives_exit_code_2(
+    bag: Path, tmp_path: Path, capsys: Output
+) -> None:
     damaged, picture = tmp_path / 'damaged', tmp_path / 'picture.png'
     shutil.copytree(bag, damaged)
     (file,) = damaged.glob('*.mcap')
@@ -92,6 +94,10 @@ def test_a_damaged_bag_is_decoded_and_drawn(bag: Path, tmp_path: Path, capsys: O
     decoded(capsys, damaged, code=2)
     assert main(['plot', str(damaged), '-o', str(picture)]) == 2
     assert picture.read_bytes().startswith(PNG)
+    assert capsys.readouterr().err.endswith(error)
+    assert main(['calibrate', str(damaged), '-o', str(tmp_path / 'calibration')]) == 2
+    assert (tmp_path / 'calibration' / 'calibration.yaml').exists()
+    assert capsys.readouterr().err == error
 
 
 @pytest.mark.parametrize(
@@ -99,6 +105,7 @@ def test_a_damaged_bag_is_decoded_and_drawn(bag: Path, tmp_path: Path, capsys: O
     [
         ('decode nowhere', 'nowhere does not exist'),
         ('decode BAG --topic /x', '.*/retrolidar/frames .retrolidar_ros/msg/Frame'),
+        ('decode BAG --params no.yaml', 'no.yaml cannot be read: No such file or directory'),
         ('plot BAG -o .', r'\. is a directory; name a PNG file'),
         ('emulate nowhere --port-link port', '.*no scene nowhere; .* coffee, drone, range'),
         ('demo nowhere', '.*no scene nowhere'),
@@ -124,6 +131,8 @@ def test_unusable_input_is_one_line(
     [
         ('decode bag --method magic', 'choose from'),
         ('emulate coffee --bag bag --duration nan', "'nan' is"),
+        ('plot bag -o no/such/x.png', 'there is no directory no/such; make it first'),
+        ('record port -o no/such/bag', 'there is no directory no/such; make it first'),
         ('watch port --zone 64', '64 is no zone'),
         ('watch port --zone x', 'x is no zone: they are 0 to 15, or 0 to 63'),
         ('watch port --bit-period 11', '11.0 is not within'),

@@ -23,7 +23,7 @@ from retrolidar_ros.sensor.frame import Recording
 
 
 def recorder(port: Path, bag: Path, *options: str) -> 'subprocess.Popen[str]':
-    command = [sys.executable, '-m', 'retrolidar_ros.cli.main', 'record', str(port), '-o', str(bag)]
+    command = [sys.executable, '-m', 'retrolidar_ros.cli', 'record', str(port), '-o', str(bag)]
     pipe = subprocess.PIPE
     return subprocess.Popen([*command, *options], stdout=pipe, stderr=pipe, text=True)
 
@@ -89,7 +89,7 @@ def test_a_silent_sensor_is_explained_while_it_is_recorded(
 def test_no_frame_is_an_exit_code_and_leaves_nothing(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    bag = tmp_path / 'new' / 'bag'
+    bag = tmp_path / 'bag'
     assert main(['record', str(tmp_path / 'none'), '-o', str(bag), '--duration', '0.3']) == 1
     output = capsys.readouterr()
     assert 'does not exist; is the sensor plugged in?' in output.err

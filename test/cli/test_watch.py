@@ -24,7 +24,7 @@ from retrolidar_ros.cli.main import main
 
 Output = pytest.CaptureFixture[str]
 COFFEE = {'2073', '2096', '2107'}
-COMMAND = [sys.executable, '-m', 'retrolidar_ros.cli.main']
+COMMAND = [sys.executable, '-m', 'retrolidar_ros.cli']
 PATIENCE_S = 60.0
 
 

@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Impossible launch arguments: the launch ends, names them, and leaves no process behind."""
 
+import os
 import signal
 import subprocess
 import sys
@@ -23,13 +24,14 @@ sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
 from harness_launch import SCRIPT
 from harness_observer import Observer
 
-NAMESPACE = 'wrongly_launched'
+NAMESPACE = f'wrongly_launched_{os.getpid()}_'
 _AT_ONCE = 3
 WRONG = {
     'coffee': ['max_stddev:=x', 'respawn_delay:=-1', 'log_level:=loud', 'emulate:=nowhere'],
     'landmarks': ['localize:=perhaps', 'params_file:=/etc/passwd', 'params_file:=/nowhere'],
-    'two_sensors': ['right_emulate:=nowhere'],
-    'drone': ['edge:=wide', 'ports:=[a', 'sensors:=2'],
+    'retrolidar': ['marker_file:=/nowhere.yaml'],
+    'two_sensors': ['right_emulate:=nowhere', 'marker_file:=/etc/passwd'],
+    'drone': ['edge:=wide', 'ports:=[a', 'sensors:=2', 'marker_file:=/nowhere.yaml'],
     'hall': ['names:=left', 'rviz:=perhaps'],
 }
 
@@ -75,14 +77,18 @@ class TestWrongArguments(unittest.TestCase):
 
     def test_a_misconfigured_node_is_not_started_again(self):
         """The others go on, until the launch is interrupted."""
-        arguments = ['marker_file:=/nowhere.yaml', 'emulate:=coffee', 'respawn_delay:=0.0']
+        arguments = ['child_frame:=nameless', 'emulate:=coffee', 'respawn_delay:=0.0']
         command = [sys.executable, '-c', SCRIPT, 'retrolidar', f'namespace:={NAMESPACE}']
         launch = subprocess.Popen([*command, *arguments], stdout=subprocess.PIPE, text=True)
+        self.addCleanup(launch.send_signal, signal.SIGINT)
+        told, lines = 'is misconfigured, see above: it is not started again', []
+        while not lines or told not in lines[-1]:
+            lines.append(launch.stdout.readline())
+            assert lines[-1], lines
         observer = Observer(f'/{NAMESPACE}')
         self.addCleanup(observer.close)
         observer.wait_for_frames(150)
         launch.send_signal(signal.SIGINT)
-        output, _ = launch.communicate(timeout=60)
-        assert output.count('FATAL') == 1, output
-        assert 'is misconfigured, see above: it is not started again' in output
+        output = ''.join([*lines, launch.communicate(timeout=60)[0]])
+        assert output.count('FATAL') == output.count(told) == 1, output
         assert not [line for line in commands() if f'__ns:=/{NAMESPACE}' in line]

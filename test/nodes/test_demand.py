@@ -13,15 +13,15 @@ from sensor_msgs.msg import Image, PointCloud2
 from visualization_msgs.msg import MarkerArray
 
 from retrolidar_ros.msg import MarkerDetectionArray
-from retrolidar_ros.nodes import detection_topics, frame_topics
+from retrolidar_ros.nodes import detector_topics, frame_topics
 from retrolidar_ros.nodes.reader import create_nodes
 from retrolidar_ros.scene.files import load_scene
 
 MADE = {
     'points': (PointCloud2, frame_topics, 'to_point_cloud'),
     'signal_image': (Image, frame_topics, 'to_signal_image'),
-    'markers_array': (MarkerDetectionArray, detection_topics, 'to_array'),
-    'marker_array': (MarkerArray, detection_topics, 'marker_shapes'),
+    'markers_array': (MarkerDetectionArray, detector_topics, 'to_array'),
+    'marker_array': (MarkerArray, detector_topics, 'marker_shapes'),
 }
 """By topic: its type, and the function of a module that makes its messages."""
 

@@ -4,16 +4,18 @@
 
 from __future__ import annotations
 
+import time
 from pathlib import Path
 
 import numpy as np
 import yaml
 from geometry_msgs.msg import PoseWithCovarianceStamped
-from harness_landmarks import Hand, check_landmarks, squared
+from harness_landmarks import CORNERS, FIXED, HAND, MUG_M, Hand, check_landmarks, squared
 from harness_nodes import running
-from harness_observer import RELIABLE
+from harness_observer import LATCHED, RELIABLE
+from tf2_msgs.msg import TFMessage
 
-from retrolidar_ros.nodes.conversion import vector_of
+from retrolidar_ros.nodes.conversion import to_header, to_pose, to_transform, vector_of
 from retrolidar_ros.tasks.landmarks import Landmark
 from retrolidar_ros.tasks.reading import Errors
 from retrolidar_ros.tasks.state import Prior, State
@@ -56,3 +58,26 @@ def test_a_robot_is_localised_among_the_landmarks_of_a_file(tmp_path: Path) -> N
         assert not answer.success
         assert 'while localising no map is made' in answer.message
     assert known.read_bytes() == before
+
+
+def test_no_transform_is_sent_of_a_frame_with_another_parent(tmp_path: Path) -> None:
+    with running(tmp_path, '/landmarks_taken') as system:
+        system.start('landmarks', child_frame='held_{name}')
+        hand = Hand(system)
+        mug = system.collect(PoseWithCovarianceStamped, 'landmarks/objects/mug')
+        pose = to_pose(MUG_M, np.array([0.0, 0.0, 0.0, 1.0]))
+        taken = to_transform(to_header(time.time_ns(), HAND), 'held_mug', pose)
+        system.node.create_publisher(TFMessage, '/tf_static', LATCHED).publish(
+            TFMessage(transforms=[taken])
+        )
+        while not mug:
+            for corner in CORNERS:
+                hand.read('mug', 2107, MUG_M, np.append(corner, 0.0))
+        told = f'no transform from {FIXED} to held_mug is sent: its parent in TF is {HAND}'
+        system.wait(lambda: told in system.log('landmarks'), 'a refusal')
+        system.transforms.clear()
+        mug.clear()
+        hand.read('mug', 2107, MUG_M, np.append(CORNERS[0], 0.0))
+        system.wait(lambda: bool(mug), 'a pose')
+        assert not [one for one in system.transforms if one.child_frame_id == 'held_mug']
+        assert system.log('landmarks').count(told) == 1

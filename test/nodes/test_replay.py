@@ -186,7 +186,7 @@ def described(message: MarkerDetection) -> dict[str, Any]:
 
 
 def test_decoding_the_bag_reads_what_was_read_live(live: Listener, bag: Path) -> None:
-    command = [sys.executable, '-m', 'retrolidar_ros.cli.main', 'decode', str(bag), '--json']
+    command = [sys.executable, '-m', 'retrolidar_ros.cli', 'decode', str(bag), '--json']
     result = subprocess.run(command, capture_output=True, text=True, timeout=60, check=True)
     offline = [json.loads(line) for line in result.stdout.splitlines()]
     assert len(offline) == len(live.markers)

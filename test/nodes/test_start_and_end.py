@@ -69,19 +69,25 @@ def refuse(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Callable[..., l
     ('node', 'arguments', 'message'),
     [
         ('driver', '--params-file {}/nowhere.yaml', 'nowhere.yaml'),
-        ('driver', '-p serial_baud:=fast', "'serial_baud' to 'fast' of type 'STRING'"),
+        ('driver', '-p serial_baud:=fast', "serial_baud: 'fast' is not of type int"),
+        ('detector', '-p bit_period:=50', 'bit_period: 50 is not within 0.002 to 10'),
         ('detector', '--params-file {}/broken.yaml', 'broken.yaml'),
-        ('detector', '-p marker_file:={}/nowhere.yaml', 'marker_file: [Errno 2] No such file'),
+        (
+            'detector',
+            '-p marker_file:={}/nowhere.yaml',
+            'nowhere.yaml cannot be read: No such file',
+        ),
         ('detector', '-p marker_file:={}/alike.yaml', 'would share the topic poses/a_b'),
         ('detector', '-p child_frame:=left', "child_frame: 'left' needs {name} once"),
         ('landmarks', "-p fixed_frame:=''", 'fixed_frame is empty; TF needs a name'),
         ('landmarks', '-p localize:=true', '0 markers are at known places; localisation needs'),
         ('landmarks', '-p marker_file:={}/objects.yaml', 'a-b and a.b would share the topic'),
-        ('landmarks', '-p load_file:=/dev/null', 'load_file: /dev/null'),
+        ('landmarks', '-p load_file:=/dev/null', 'load_file: /dev/null: the file: needs keys'),
         ('coffee', '-p objects:=[a.b,a_b]', 'a.b and a_b would share the topic ~/objects/a_b'),
         ('coffee', '-p objects:=[a,a_to_b,b_to_c,c]', 'the topic ~/offsets/a_to_b_to_c'),
         ('coffee', '-p min_height:=2.0 -p max_height:=1.0', 'min_height is above max_height'),
         ('emulated_arm', '-p scene:=nowhere', 'scene: there is no scene nowhere'),
+        ('heartbeat', '-p qos_overrides./markers.subscription.depth:=x', "to 'x' of type"),
         ('heartbeat', '-p markers:=[]', 'markers: there is no name'),
         ('reader', '-p ports:=[/a,/b] -p names:=[x]', 'names: 1 of them for 2 ports'),
         ('reader', '-p ports:=[/a,/a]', 'ports: /a, /a are not all different'),
@@ -108,6 +114,7 @@ PARAMETERS = """/**:
     qos_overrides./ending/frames.publisher: {reliability: best_effort}
 /**/landmarks:
   ros__parameters:
+    patience: 2
     qos_overrides./ending/markers.subscription: {reliability: best_effort}
     qos_overrides./ending/landmarks/marker_array.publisher: {reliability: best_effort}
 """
@@ -128,6 +135,8 @@ def test_misspelled_parameters_are_warned_of_and_sigterm_ends_in_order(tmp_path:
         found = system.node.get_subscriptions_info_by_topic('/ending/markers')
         # The observer of this test is reliable.
         assert {one.qos_profile.reliability.name for one in found} == {'BEST_EFFORT', 'RELIABLE'}
+        # What is written as an integer does for a number.
+        assert system.services.get('/ending/landmarks')['patience'].double_value == 2.0
         for node, warnings in (('driver', 1), ('landmarks', 0)):
             system.stop(node, signal.SIGTERM)
             told = 'parameter serial_prt is unknown; did you mean serial_port?'

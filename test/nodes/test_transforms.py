@@ -61,6 +61,7 @@ def test_transforms_are_found_between_frames_and_times_and_forgotten(listener: L
         return find('map', 'eye', 2.0) is not None
 
     assert listener.spin_until(is_found, 30.0)
+    assert finder.parents() == {'hand': 'map', 'eye': 'hand'}
     found = find('map', 'eye', 2.0)
     assert found is not None
     assert found[0] == pytest.approx([3.0, 0.0, 0.0])

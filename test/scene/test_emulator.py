@@ -129,7 +129,7 @@ def test_ending_unplugs_the_sensor(
 ) -> None:
     scene = tmp_path / 'wall.yaml'
     scene.write_text('surfaces: [{distance: 1 m, signal: 9 kcps/SPAD}]\n')
-    command = [sys.executable, '-m', 'retrolidar_ros.cli.main', 'emulate', str(scene)]
+    command = [sys.executable, '-m', 'retrolidar_ros.cli', 'emulate', str(scene)]
     command += ['--port-link', str(link)]
     with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:
         assert process.stdout

@@ -117,6 +117,19 @@ def test_a_port_that_comes_back_is_read_within_two_seconds(link: Path, read: Rea
     assert reading.source.openings == 2
 
 
+def test_a_port_that_is_lost_just_before_the_end_is_not_reported(link: Path) -> None:
+    reports: Queue[str] = Queue()
+    port = PortLink(link)
+    source = SerialSource(str(link), 115200, FrameReader())
+    with in_background(source, reports.put):
+        assert reports.get(timeout=10) == f'reading {link}'
+        port.close()
+        while source.is_open:
+            time.sleep(0.001)
+    assert 'was lost' in source.problem
+    assert reports.empty()
+
+
 def test_only_what_comes_is_read_even_byte_by_byte(link: Path, read: Read) -> None:
     with PortLink(link) as port:
         other = os.open(link, os.O_RDWR | os.O_NOCTTY)

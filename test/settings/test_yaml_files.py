@@ -137,7 +137,7 @@ def test_what_never_ends_is_read_to_the_limit_and_what_is_no_file_is_an_os_error
     os.mkfifo(fifo)
     with pytest.raises(ValueError, match=f'^{fifo} is a FIFO; give a regular file$'):
         load_yaml(fifo)
-    with pytest.raises(IsADirectoryError):
+    with pytest.raises(IsADirectoryError, match=f'^{tmp_path} cannot be read: Is a directory$'):
         load_yaml(tmp_path)
     with pytest.raises(FileNotFoundError):
         load_yaml(tmp_path / 'missing.yaml')

@@ -99,8 +99,9 @@ class Buffer:
             self._links[transform.child_frame_id] = [link]
 
     def all_frames_as_yaml(self) -> str:
-        """Return the frames that have a parent, a line each."""
-        return '\n'.join(f'{child}: ' for child in self._links)
+        """Return the frames that have a parent, and that."""
+        pairs = [(child, links[-1].parent) for child, links in self._links.items()]
+        return '\n'.join(f"{child}: \n  parent: '{parent}'" for child, parent in pairs)
 
     def can_transform(self, target: str, source: str, time: Time) -> bool:
         """Return whether a transform is known."""

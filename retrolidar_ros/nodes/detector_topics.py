@@ -44,7 +44,7 @@ _SHAPE_PERIOD_NS = 60_000_000  # of tracks
 _EARLY = 0.9  # of a period, as frames jitter
 
 
-class DetectionTopics:
+class DetectorTopics:
     """The topics of detections and tracks, shapes, `poses/NAME`, and TF."""
 
     def __init__(
