@@ -17,7 +17,7 @@ import numpy as np
 from evaluation.bench import places
 from evaluation.bench.places import PlaceError
 from evaluation.peers.camera import FOCAL_PX, Background, Pose, expose, facing, facing_pose, tilted
-from evaluation.peers.visual_markers import APRILTAG, AprilTagReader, square_range
+from evaluation.peers.visual_markers import AprilTagReader, square_range
 from retrolidar_ros.detector import Detection
 from retrolidar_ros.scene import Scene
 from retrolidar_ros.scene.description import Marker
@@ -179,7 +179,7 @@ class TagCamera:
 
     def __init__(self, rng: np.random.Generator) -> None:
         """Take pictures of tags at known places to learn the deviations."""
-        self._reader = AprilTagReader(APRILTAG, 2.0)
+        self._reader = AprilTagReader()
         self._background = Background(rng)
         turns, self._stddev_m = [], []
         for range_m in _RANGES_M:
