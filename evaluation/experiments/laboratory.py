@@ -52,8 +52,7 @@ def limits(panel: dict[str, Any]) -> list[str]:
     found = []
     for points in panel['points']:
         at = _breaks_at(points)
-        words = f'{at:.3g}' if math.isfinite(at) else f'>{points[-1]["place"]:g}'
-        found.append(f'{words} {UNIT}')
+        found.append(f'{at:.3g}' if math.isfinite(at) else f'>{points[-1]["place"]:g}')
     return found
 
 

@@ -159,13 +159,13 @@ def speed(report: Report) -> str:
 
 
 _STRESSES = {
-    'second': ('second marker in its zone, signal over that of the first', '%'),
-    'far_wall': ('wall 1 m behind, signal over that of the marker', 'times'),
-    'wander': ('signal of a wall beside it drifts within 0.5 s, by', '%'),
-    'fast': ('bits shorter than `bit_period`, by', '%'),
-    'slow': ('bits longer than `bit_period`, by', '%'),
-    'hand': ('hand in front for', 'ms'),
-    'noise': ('variance of the noise over the usual', 'times'),
+    'second': 'second marker in its zone, signal over that of the first [%]',
+    'far_wall': 'wall 1 m behind, signal over that of the marker',
+    'wander': 'signal of a wall beside it drifts within 0.5 s by [%]',
+    'fast': 'bits shorter than `bit_period` by [%]',
+    'slow': 'bits longer than `bit_period` by [%]',
+    'hand': 'hand in front for [ms]',
+    'noise': 'variance of the noise over the usual',
 }
 
 
@@ -175,11 +175,12 @@ def limits(report: Report) -> str:
     conditions = [stability.named(where) for where in stability.LIMITS]
     panels = {panel['name']: panel for panel in figures['panels']}
     rows: Table = [['limit', *conditions]]
-    for name, (what, unit) in _STRESSES.items():
+    for name, what in _STRESSES.items():
         breaks = [panels[name]['breaks'][where] for where in conditions]
-        rows.append([what, *(f'{stability.breaking_point(one["joint"])} {unit}' for one in breaks)])
+        rows.append([what, *(stability.breaking_point(one['joint']) for one in breaks)])
     for panel in others['panels']:
-        rows.append([f'{panel["title"]}, {panel["axis"]}', *laboratory.limits(panel)])
+        what = f'{panel["title"]}, {panel["axis"]} [{laboratory.UNIT}]'
+        rows.append([what, *laboratory.limits(panel)])
     return markdown(rows)
 
 
