@@ -220,10 +220,8 @@ class TagCamera:
                 )
                 seen_m = self._see(tag, rng)
                 if seen_m is not None:
-                    range_m, pose = (
-                        float(np.linalg.norm(seen_m)),
-                        places.pose_of_tf(camera, pose_m, rng),
-                    )
+                    range_m = float(np.linalg.norm(seen_m))
+                    pose = places.pose_of_tf(camera, pose_m, rng)
                     stddev_m = float(np.interp(range_m, _RANGES_M, self._stddev_m))
                     direction, exact = seen_m / range_m, np.full(2, _EXACT)
                     where = (range_m, stddev_m, direction, exact, pose)

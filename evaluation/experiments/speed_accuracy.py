@@ -99,12 +99,10 @@ def _lidar(text: str, point: Point, quick: bool, seed: int) -> dict[str, Any]:
     places = (_LONE_M if point.packets == 1 else _SEVERAL_M)[:: 3 if quick else 1]
     is_lone, known = point.packets == 1, np.array(point.options.get('registered_ids', USABLE_IDS))
     several = partial(paper_sweeps.repeating, size_m=0.03, packets=point.packets)
+    make = partial(paper_sweeps.lone, ids=known) if is_lone else several
     found = []
     for range_m in places:
-        rng, make = (
-            rng_at(seed, range_m),
-            partial(paper_sweeps.lone, ids=known) if is_lone else several,
-        )
+        rng = rng_at(seed, range_m)
         sent = [make(range_m, rng) for _ in range(1 if quick else point.recordings)]
         found.append(read_of([judged(one, point.options, lone=is_lone) for one in sent]))
     cpu_ms = _frame_ms(point.options, 1 if quick else _TIMES, np.random.default_rng(seed))

@@ -3,6 +3,7 @@
 """Tracks of markers that move: their errors at every frame."""
 
 from collections.abc import Callable, Sequence
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -96,15 +97,10 @@ def run(rng: np.random.Generator, *, quick: bool) -> dict[str, Any]:
     tags = [AprilTagReader()]
     background = Background(rng)
     pictures = 5 if quick else _PICTURES
+    read = partial(read_pictures, tags, background, pictures, rng)
     seen = {
         words: [
-            read_pictures(
-                tags,
-                background,
-                pictures,
-                rng,
-                View(RANGES_M[0], speed_m_s=at, longest_s=longest_s),
-            )[APRILTAG]
+            read(View(RANGES_M[0], speed_m_s=at, longest_s=longest_s))[APRILTAG]
             for at in _SPEEDS_M_S
         ]
         for words, longest_s in _EXPOSURES_S.items()
@@ -148,21 +144,13 @@ def honest_table(figures: dict[str, Any]) -> Table:
 def shared_table(figures: dict[str, Any]) -> Table:
     """Return errors of two markers in a zone, and how often their tracks end."""
     head = ['two in a zone, the second', 'farther [m]', 'median error [mm]', 'rms [mm]']
-    head += ['both followed', 'ends/h']
-    return [
-        head,
-        *(
-            [
-                one['begins'],
-                f'{one["apart_m"]:g}',
-                as_text(one['median_mm'], '', 1),
-                as_text(one['rms_mm'], '', 1),
-                NOTHING if one['both_followed'] is None else f'{one["both_followed"]:.0%}',
-                as_text(one['ends_an_hour'], '', 0),
-            ]
-            for one in figures['shared']
-        ),
-    ]
+    rows = [[*head, 'both followed', 'ends/h']]
+    for one in figures['shared']:
+        errors = (as_text(one[name], '', 1) for name in ('median_mm', 'rms_mm'))
+        both = NOTHING if one['both_followed'] is None else f'{one["both_followed"]:.0%}'
+        ends = as_text(one['ends_an_hour'], '', 0)
+        rows.append([one['begins'], f'{one["apart_m"]:g}', *errors, both, ends])
+    return rows
 
 
 def points_at(figures: dict[str, Any], way: str) -> list[dict[str, Any]]:
