@@ -2,20 +2,18 @@
 # SPDX-License-Identifier: Apache-2.0
 """Recordings in which markers are followed: what ends a track, and two markers in one zone."""
 
-from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
 from evaluation.bench.judging import Step, watch
-from evaluation.bench.places import in_mm, rms
-from evaluation.bench.recordings import HAND_DISTANCE_M, HAND_SIGNAL, Sent, record, signal_at
+from evaluation.bench.places import median_mm, rms_mm
+from evaluation.bench.recordings import Sent, record, signal_at
 from evaluation.bench.stresses import PLAIN, Stress
 from evaluation.experiments.moving import WAYS
 from retrolidar_ros.detector.likelihood_detector import LikelihoodDetector
 from retrolidar_ros.detector.methods import create_detector
-from retrolidar_ros.marker.code import BIT_PERIOD_S
 from retrolidar_ros.marker.dictionary import USABLE_IDS
 from retrolidar_ros.scene import Scene, Simulation
 from retrolidar_ros.scene.description import Marker
@@ -56,10 +54,6 @@ def _spliced(before: Recording, after: Recording, frame: int) -> Recording:
     return replace(before, **arrays)
 
 
-def _some_frame(rng: np.random.Generator) -> int:
-    return round((_KNOWN_S + 1.3 * rng.random()) / SENSOR.period_s)
-
-
 def _all_bright(recording: Recording, rng: np.random.Generator) -> Recording:
     """Return as many frames, drawn from those in which the marker is bright."""
     signal = recording.signal[:, recording.signal.std(axis=0).argmax()]
@@ -86,25 +80,13 @@ def dropped_s(range_m: float, rng: np.random.Generator, *, end: str) -> float | 
         after = _all_bright(sent.recording, rng)
     else:
         after = record(PLAIN, 1e-6, rng, range_m=range_m, repeated_s=duration_s).recording
-    frame = _some_frame(rng)
+    frame = round((_KNOWN_S + 1.3 * rng.random()) / SENSOR.period_s)
     _, steps = play(_spliced(sent.recording, after, frame))
     known = [any(one.id == sent.ids[0] for one in step.tracks) for step in steps]
     if not known[frame - 1]:
         return None
     last = next((index for index in range(frame, len(known)) if not known[index]), len(known))
     return (last - frame) * SENSOR.period_s
-
-
-def goes_on(range_m: float, bits: float, rng: np.random.Generator) -> bool | None:
-    """Return whether a track survives a hand that hides the marker for some bits; None as above."""
-    sent = _sent(range_m, _KNOWN_S + _AFTER_S, rng)
-    frame = _some_frame(rng)
-    count = round(bits * BIT_PERIOD_S / SENSOR.period_s)
-    recording = sent.recording
-    recording.signal[frame : frame + count] = HAND_SIGNAL
-    recording.distance[frame : frame + count] = HAND_DISTANCE_M
-    detector, steps = play(recording)
-    return detector.track_counts.ended == 0 if steps[frame - 1].tracks else None
 
 
 _STRESSES: dict[str, dict[str, Any]] = {
@@ -122,15 +104,6 @@ def false_ends(scene: str, duration_s: float, rng: np.random.Generator) -> int:
     """Return how often the track of a marker ends though the marker stays."""
     sent = _sent(rng.uniform(1.0, 2.0), duration_s, rng, **_STRESSES[scene])
     return play(sent.recording)[0].track_counts.ended
-
-
-Measure = Callable[[np.random.Generator], float | None]
-
-
-def known_of(measure: Measure, trials: int, rng: np.random.Generator) -> list[float]:
-    """Return the results of trials in which the marker was followed."""
-    results = [measure(rng) for _ in range(trials)]
-    return [float(one) for one in results if one is not None]
 
 
 SECONDS_S = {'from the start': (-1.3, 0.0), 'after 3 to 5 s': (3.0, 5.0)}
@@ -193,8 +166,8 @@ def shared_figures(runs: list[dict[str, Any]]) -> dict[str, Any]:
     both = [value for one in runs for value in one['both']]
     hours = sum(one['hours'] for one in runs)
     return {
-        'median_mm': 1e3 * float(np.median(np.abs(errors_m))) if errors_m else None,
-        'rms_mm': in_mm(rms(errors_m)),
+        'median_mm': median_mm(errors_m),
+        'rms_mm': rms_mm(errors_m),
         'both_followed': float(np.mean(both)) if both else None,
         'ends_an_hour': sum(one['ends'] for one in runs) / hours if hours else None,
     }

@@ -17,7 +17,7 @@ import numpy as np
 from evaluation.bench import places
 from evaluation.bench.places import PlaceError
 from evaluation.peers.camera import FOCAL_PX, Background, Pose, expose, facing, facing_pose, tilted
-from evaluation.peers.visual_markers import APRILTAG, AprilTagReader, square_range
+from evaluation.peers.visual_markers import AprilTagReader, square_range
 from retrolidar_ros.detector import Detection
 from retrolidar_ros.scene import Scene
 from retrolidar_ros.scene.description import Marker
@@ -179,7 +179,7 @@ class TagCamera:
 
     def __init__(self, rng: np.random.Generator) -> None:
         """Take pictures of tags at known places to learn the deviations."""
-        self._reader = AprilTagReader(APRILTAG, 2.0)
+        self._reader = AprilTagReader()
         self._background = Background(rng)
         turns, self._stddev_m = [], []
         for range_m in _RANGES_M:
@@ -220,10 +220,8 @@ class TagCamera:
                 )
                 seen_m = self._see(tag, rng)
                 if seen_m is not None:
-                    range_m, pose = (
-                        float(np.linalg.norm(seen_m)),
-                        places.pose_of_tf(camera, pose_m, rng),
-                    )
+                    range_m = float(np.linalg.norm(seen_m))
+                    pose = places.pose_of_tf(camera, pose_m, rng)
                     stddev_m = float(np.interp(range_m, _RANGES_M, self._stddev_m))
                     direction, exact = seen_m / range_m, np.full(2, _EXACT)
                     where = (range_m, stddev_m, direction, exact, pose)

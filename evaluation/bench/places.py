@@ -154,9 +154,14 @@ def rms(values: ArrayLike) -> float | None:
     return float(np.sqrt(np.mean(np.square(values)))) if np.size(values) else None
 
 
-def in_mm(value_m: float | None) -> float | None:
-    """Return a length in millimetres, None if there is none."""
-    return None if value_m is None else 1e3 * value_m
+def median_mm(errors_m: ArrayLike) -> float | None:
+    """Return the median size of errors [m] in millimetres, None without any."""
+    return 1e3 * float(np.median(np.abs(errors_m))) if np.size(errors_m) else None
+
+
+def rms_mm(errors_m: ArrayLike) -> float | None:
+    """Return the root mean square of errors [m] in millimetres, None without any."""
+    return rms(1e3 * np.asarray(errors_m))
 
 
 def held(squared_distances: ArrayLike) -> Rate | None:

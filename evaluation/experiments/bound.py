@@ -7,8 +7,8 @@ There is one packet in a few seconds, and each receiver has to name an ID: nothi
 `joint` knows none of these; its candidate of most evidence counts.
 """
 
-from collections.abc import Sequence
-from functools import lru_cache
+from collections.abc import Callable, Sequence
+from functools import lru_cache, partial
 from typing import Any
 
 import numpy as np
@@ -79,8 +79,8 @@ def genie_ids(sent: Sent, signal: float) -> NDArray[np.int64]:
     return np.array(ids)
 
 
-def _genie(sent: Sequence[Sent], signal: float) -> Rate:
-    right = [genie_ids(one, signal) == one.ids for one in sent]
+def _named(sent: Sequence[Sent], receiver: Callable[[Sent], NDArray[np.int64]]) -> Rate:
+    right = [receiver(one) == one.ids for one in sent]
     return rate(int(np.sum(right)), int(np.size(right)))
 
 
@@ -90,9 +90,9 @@ def run(rng: np.random.Generator, *, quick: bool) -> dict[str, Any]:
     shares: dict[str, list[Rate]] = {name: [] for name in _NAMES}
     for range_m in ranges_m:
         sent = lone_packets(range_m, seed, 1 if quick else LONE_RECORDINGS)
-        searched = [searched_ids(one) == one.ids for one in sent[:_GENIE_RECORDINGS]]
-        shares['genie'].append(_genie(sent[:_GENIE_RECORDINGS], signal_at(range_m)))
-        shares['searched'].append(rate(int(np.sum(searched)), int(np.size(searched))))
+        few, genie = sent[:_GENIE_RECORDINGS], partial(genie_ids, signal=signal_at(range_m))
+        shares['genie'].append(_named(few, genie))
+        shares['searched'].append(_named(few, searched_ids))
         shares['accepted'].append(read_of([judged(one, BOTH['joint']) for one in sent])['right'])
     ends = {name: crossing(LEVEL, ranges_m, rows) for name, rows in shares.items()}
     return {'ranges_m': list(ranges_m), 'identified': shares, 'ends': ends}

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from evaluation.bench.judging import watch
-from evaluation.bench.places import place_error
+from evaluation.bench.places import median_mm, place_error
 from evaluation.bench.rates import Rate, rate
 from evaluation.report.chart_style import draw_shares, label, legend_below, line, look, new_chart
 from evaluation.report.claims import BOTH_CLAIMED, Claims, as_text, claim_of, shares
@@ -58,16 +58,14 @@ def _watched(method: str, recording: Recording, marker: Marker) -> dict[str, Any
     known_s: list[float] = []
     range_mm: list[float] = []
     newest: Place | None = None
-    wrong, off_m, followed_m = 0, [], []
+    off_m, followed_m = [], []
     for step, truth_m in zip(watch(detector, recording, follow=True), truths_m, strict=True):
         for one in step.detections:
-            if one.id != marker.id:
-                wrong += 1
-                continue
-            newest = one.place
-            known_s.append(step.known_s)
-            then_m = position_at(marker, np.array([1e-9 * one.stamp_ns]))[0]
-            range_mm.append(round(1e3 * place_error(newest, then_m).range_m, 2))
+            if one.id == marker.id:
+                newest = one.place
+                known_s.append(step.known_s)
+                then_m = position_at(marker, np.array([1e-9 * one.stamp_ns]))[0]
+                range_mm.append(round(1e3 * place_error(newest, then_m).range_m, 2))
         if newest is not None:
             off_m.append(place_error(newest, truth_m).position_m)
         tracks = [one for one in step.tracks if one.id == marker.id]
@@ -75,16 +73,11 @@ def _watched(method: str, recording: Recording, marker: Marker) -> dict[str, Any
     lasting_s = 1e-9 * int(recording.stamp_ns[-1] - recording.stamp_ns[0])
     return {
         'alive': [alive(known_s, lasting_s, at) for at in WINDOWS_S],
-        'wrong_ids': wrong,
         'range_mm': range_mm,
-        'off_mm': _median_mm(off_m),
+        'off_mm': median_mm(off_m),
         'followed': rate(len(followed_m), len(recording)),
-        'followed_mm': _median_mm(followed_m),
+        'followed_mm': median_mm(followed_m),
     }
-
-
-def _median_mm(errors_m: list[float]) -> float | None:
-    return round(1e3 * float(np.median(errors_m)), 1) if errors_m else None
 
 
 def _flown(speed_m_s: float, hidden: float, duration_s: float, rng: Any) -> dict[str, Any]:

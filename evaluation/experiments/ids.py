@@ -25,21 +25,8 @@ def run(rng: np.random.Generator, *, quick: bool) -> dict[str, Any]:
         'sets': [
             {'distance': distance, 'ids': len(largest_set(distance))} for distance in _DISTANCES
         ],
-        'preambles_elsewhere': preambles_elsewhere(),
         'accepted': float(np.mean(decoded >= 0)),
     }
-
-
-def preambles_elsewhere() -> list[int]:
-    """Return how near the repeated packets come to the preamble where it is not.
-
-    Of every usable ID, over all other places in the cycle of 31 bits, the fewest bits that
-    differ from the preamble, counted: none makes the place as likely a start as the right one.
-    """
-    cycles = np.tile(code.packet(USABLE_IDS), 2)[:, 1 : code.PACKET_BITS + len(code.PREAMBLE) - 1]
-    windows = np.lib.stride_tricks.sliding_window_view(cycles, len(code.PREAMBLE), axis=1)
-    fewest: list[int] = np.bincount((windows != code.PREAMBLE).sum(axis=-1).min(axis=1)).tolist()
-    return fewest
 
 
 def table(figures: dict[str, Any]) -> Table:

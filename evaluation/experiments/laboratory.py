@@ -2,7 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Limits by bright walls, cover glasses and other sensors."""
 
-import itertools
 import math
 from typing import Any
 
@@ -10,13 +9,12 @@ import numpy as np
 
 from evaluation.bench.rates import LEVEL
 from evaluation.bench.stresses import LABORATORY
-from evaluation.experiments.stability import RANGES_M, named, read
+from evaluation.experiments.stability import LIMITS, RANGES_M, named, read
 from evaluation.report.chart_style import OTHERS, draw_shares, label, legend_below, new_chart
 
 TITLE = 'Walls, glass and other sensors'
 METHOD = 'joint'
 UNIT = 'kcps/SPAD'
-CONDITIONS = list(itertools.product((RANGES_M[0], RANGES_M[-1]), (False,), (False, True)))
 _LOOKS = [
     {'color': colour, 'linestyle': style, 'linewidth': width}
     for style in '-:'
@@ -34,7 +32,7 @@ def run(rng: np.random.Generator, *, quick: bool) -> dict[str, Any]:
                 {'place': value} | read(panel, index, where, seed, recordings, METHOD)
                 for index, value in list(enumerate(panel.values))[:: 3 if quick else 1]
             ]
-            for where in CONDITIONS
+            for where in LIMITS
         ]
         panels.append({'title': panel.title, 'axis': panel.axis, 'points': points})
     return {'panels': panels}
@@ -54,13 +52,12 @@ def limits(panel: dict[str, Any]) -> list[str]:
     found = []
     for points in panel['points']:
         at = _breaks_at(points)
-        words = f'{at:.3g}' if math.isfinite(at) else f'>{points[-1]["place"]:g}'
-        found.append(f'{words} {UNIT}')
+        found.append(f'{at:.3g}' if math.isfinite(at) else f'>{points[-1]["place"]:g}')
     return found
 
 
 def _message(figures: dict[str, Any]) -> str:
-    near, far = (CONDITIONS.index((at, False, False)) for at in (RANGES_M[0], RANGES_M[-1]))
+    near, far = (LIMITS.index((at, False)) for at in RANGES_M)
     worst = min(figures['panels'], key=lambda panel: _breaks_at(panel['points'][far]))
     near_at, far_at = (
         f'from {at:.3g} {UNIT} on' if math.isfinite(at) else 'never'
@@ -86,6 +83,6 @@ def draw(figures: dict[str, Any]) -> Any:
         ticks = [10**power for power in range(5) if low <= 10**power <= high]
         x, title = f'{panel["axis"]} [{UNIT}]', panel['title']
         label(axis, x, y, title, percent=True, xlim=(0, high), xticks=ticks)
-    conditions = {named(where): how for where, how in zip(CONDITIONS, _LOOKS, strict=True)}
+    conditions = {named(where): how for where, how in zip(LIMITS, _LOOKS, strict=True)}
     legend_below(figure, others=conditions)
     return figure

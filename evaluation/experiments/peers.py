@@ -20,7 +20,16 @@ from evaluation.peers import visual_markers
 from evaluation.peers.camera import Background
 from evaluation.peers.visual_markers import APRILTAG, APRILTAG_FINE, QR, View
 from evaluation.report.chart_style import draw_reads, label, legend_below, look, new_chart
-from evaluation.report.claims import NOTHING, Claim, Claims, Table, as_text, claim_of, end_as_text
+from evaluation.report.claims import (
+    BOTH_CLAIMED,
+    NOTHING,
+    Claims,
+    Table,
+    as_text,
+    claim_of,
+    end_as_text,
+    model,
+)
 
 TITLE = 'LiDAR markers beside visual ones'
 MESSAGE = 'Tags: farther, sooner, turned more; LiDAR markers: smaller, in the dark'
@@ -161,33 +170,25 @@ def table(figures: dict[str, Any]) -> Table:
 def claims(figures: dict[str, Any]) -> Claims:
     """Return our values for what the paper says of both kinds of marker."""
 
-    def tag(value: float | None, unit: str) -> Claim:
-        return Claim(default=as_text(value, unit, 2 if unit == 'm' else 1))
-
-    def signed(share: float | None) -> str:
-        return NOTHING if share is None else f'{share:+.0%}'
+    def more(value: float | None, than: float | None) -> str:
+        return NOTHING if value is None or than is None else f'{value / than - 1:+.0%}'
 
     def of_tag(range_m: float, which: str) -> float | None:
         return error(figures, APRILTAG, range_m, which)
 
-    small, ours = end(figures, '1 cm', APRILTAG), end(figures, '1 cm', 'joint')
-    gain = None if ours is None or small is None else ours / small - 1
-    far = of_tag(2.4, 'median')
+    small, far = end(figures, '1 cm', APRILTAG), of_tag(2.4, 'median')
     above = of_tag(2.0, 'above_1_cm')
-    less = [
-        None if mm is None or far is None else mm / far - 1
-        for mm in (error(figures, method, 2.4, 'median') for method in ('paper', 'joint'))
-    ]
+    medians = (error(figures, method, 2.4, 'median') for method in BOTH_CLAIMED)
     return {
-        'tag-3': tag(end(figures, '3 cm', APRILTAG), 'm'),
-        'tag-1': tag(small, 'm'),
-        'gain': Claim(default=signed(gain)),
-        'near': tag(of_tag(1.0, 'median'), 'mm'),
-        'far': tag(far, 'mm'),
-        'worst': tag(of_tag(2.4, 'largest'), 'mm'),
-        'above': tag(None if above is None else 100 * above, '%'),
-        'less': claim_of(map(signed, less)),
-        'qr': tag(end(figures, '3 cm', QR), 'm'),
+        'tag-3': model(as_text(end(figures, '3 cm', APRILTAG))),
+        'tag-1': model(as_text(small)),
+        'gain': model(more(end(figures, '1 cm', 'joint'), small)),
+        'near': model(as_text(of_tag(1.0, 'median'), 'mm', 1)),
+        'far': model(as_text(far, 'mm', 1)),
+        'worst': model(as_text(of_tag(2.4, 'largest'), 'mm', 1)),
+        'above': model(as_text(above and 100 * above, '%', 1)),
+        'less': claim_of(more(one, far) for one in medians),
+        'qr': model(as_text(end(figures, '3 cm', QR))),
     }
 
 

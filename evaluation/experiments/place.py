@@ -10,7 +10,6 @@ import numpy as np
 from evaluation.bench.places import ELLIPSOID, held, place_error, rms
 from evaluation.report.chart_style import (
     OTHERS,
-    draw_distribution,
     label,
     legend_below,
     line,
@@ -178,7 +177,8 @@ def draw(figures: dict[str, Any]) -> Any:
     }
     for axis, (key, x, most) in zip(panels, axes, strict=True):
         for row, name, how in looks.values():
-            draw_distribution(axis, row[key][name], **how)
+            values = np.sort(row[key][name])
+            axis.plot(values, 100 * (np.arange(len(values)) + 0.5) / max(len(values), 1), **how)
         label(axis, x, 'markers [%]', percent=True, xlim=(0, most))
     panels[1].axvline(np.sqrt(ELLIPSOID), **line('--', '0.4'), linewidth=1)
     panels[1].axhline(95, **line('--', '0.4'), linewidth=1)

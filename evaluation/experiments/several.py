@@ -61,24 +61,21 @@ def three_markers(arrangement: str, rng: np.random.Generator) -> Scene:
 
 
 def _three(arrangement: str, trials: int, rng: np.random.Generator) -> dict[str, Any]:
-    """Count how often each of three markers is read, and wrong IDs."""
-    counts = {method: np.zeros(4, dtype=int) for method in METHODS}
+    """Count how often each of three markers is read."""
+    counts = {method: np.zeros(3, dtype=int) for method in METHODS}
     for _ in range(trials):
         scene = three_markers(arrangement, rng)
         sent = [marker.id for marker in scene.markers]
         for method, found in read_by_both(Simulation(scene, rng).run(4.4)).items():
             ids = {one.id for one in found}
-            counts[method] += [*(one in ids for one in sent), len(ids - set(sent))]
-    figures: dict[str, Any] = {'arrangement': arrangement}
-    for method, count in counts.items():
-        *read, wrong = count.tolist()
-        figures[method] = {'read': [rate(n, trials) for n in read], 'wrong_ids': wrong}
-    return figures
+            counts[method] += [one in ids for one in sent]
+    read = {method: [rate(n, trials) for n in count.tolist()] for method, count in counts.items()}
+    return {'arrangement': arrangement, **{method: {'read': own} for method, own in read.items()}}
 
 
 def _pairs(share: float, rng: np.random.Generator) -> dict[str, Any]:
     """Count how often both of two markers in a zone are read in a time: a pair in each zone."""
-    counts = {method: np.zeros(4, dtype=int) for method in METHODS}
+    counts = {method: np.zeros(3, dtype=int) for method in METHODS}
     pairs = 0
     for _ in range(_RECORDINGS):
         stress = Stress('pair', second=share)
@@ -91,11 +88,9 @@ def _pairs(share: float, rng: np.random.Generator) -> dict[str, Any]:
                 np.array([pair in read for pair in enumerate(ids.tolist())])
                 for ids in (sent.ids, sent.seconds)
             )
-            wrong = sum(one.id not in (*sent.ids, *sent.seconds) for one in found)
-            counts[method] += [first.sum(), second.sum(), (first & second).sum(), wrong]
+            counts[method] += [first.sum(), second.sum(), (first & second).sum()]
     rows = {
-        method: {name: rate(n, pairs) for name, n in zip(_PAIR, row.tolist(), strict=False)}
-        | {'wrong_ids': int(row[3])}
+        method: {name: rate(n, pairs) for name, n in zip(_PAIR, row.tolist(), strict=True)}
         for method, row in counts.items()
     }
     return {'share': share, **rows}

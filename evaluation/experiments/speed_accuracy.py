@@ -3,6 +3,7 @@
 """Processor time of each method against its reach, for every setting."""
 
 import time
+from contextlib import suppress
 from dataclasses import replace
 from functools import partial
 from typing import Any, NamedTuple
@@ -98,12 +99,10 @@ def _lidar(text: str, point: Point, quick: bool, seed: int) -> dict[str, Any]:
     places = (_LONE_M if point.packets == 1 else _SEVERAL_M)[:: 3 if quick else 1]
     is_lone, known = point.packets == 1, np.array(point.options.get('registered_ids', USABLE_IDS))
     several = partial(paper_sweeps.repeating, size_m=0.03, packets=point.packets)
+    make = partial(paper_sweeps.lone, ids=known) if is_lone else several
     found = []
     for range_m in places:
-        rng, make = (
-            rng_at(seed, range_m),
-            partial(paper_sweeps.lone, ids=known) if is_lone else several,
-        )
+        rng = rng_at(seed, range_m)
         sent = [make(range_m, rng) for _ in range(1 if quick else point.recordings)]
         found.append(read_of([judged(one, point.options, lone=is_lone) for one in sent]))
     cpu_ms = _frame_ms(point.options, 1 if quick else _TIMES, np.random.default_rng(seed))
@@ -112,16 +111,15 @@ def _lidar(text: str, point: Point, quick: bool, seed: int) -> dict[str, Any]:
 
 def _cameras(seed: int, *, quick: bool) -> dict[str, list[dict[str, Any]]]:
     """Return what the settings of readers of visual markers cost and give, of the same pictures."""
-    knobs: dict[str, list[tuple[str, Reader]]] = {}
-    try:
-        knobs['AprilTag: decimation'] = [
-            (f'{decimate:g}', AprilTagReader(f'tag {decimate:g}', decimate))
-            for decimate in (4.0, 3.0, 2.0, 1.5, 1.0)[:: 2 if quick else 1]
-        ]
-        knobs['AprilTag: two threads'] = [('2', AprilTagReader('threads', 2.0, threads=2))]
+    decimations = (4.0, 3.0, 2.0, 1.5, 1.0)[:: 2 if quick else 1]
+    knobs: dict[str, list[tuple[str, Reader]]] = {
+        'AprilTag: decimation': [
+            (f'{one:g}', AprilTagReader(f'tag {one:g}', one)) for one in decimations
+        ],
+        'AprilTag: two threads': [('2', AprilTagReader('threads', threads=2))],
+    }
+    with suppress(ImportError):  # `peers` says what is missing
         knobs['QR code: zbar'] = [('', QrReader())]
-    except ImportError:
-        pass  # `peers` says what is missing
     readers = [reader for settings in knobs.values() for _, reader in settings]
     ranges_m = paper_sweeps.TAG_RANGES_M[:: 5 if quick else 1]
     found = visual_markers.read_over_distance(readers, ranges_m, seed, quick=quick)
@@ -147,9 +145,11 @@ def run(rng: np.random.Generator, *, quick: bool) -> dict[str, Any]:
     return {'curves': curves | _cameras(seed, quick=quick)}
 
 
-def at(figures: dict[str, Any], curve: str, text: str) -> dict[str, Any] | None:
-    """Return a setting of a knob, None if it was not measured."""
-    return next((one for one in figures['curves'].get(curve, ()) if one['label'] == text), None)
+def cpu_ms(figures: dict[str, Any], name: str) -> float:
+    """Return the processor time of the usual setting of LiDAR or tag [ms a second]."""
+    curve, text = _COSTS[name]
+    found = next(one for one in figures['curves'][curve] if one['label'] == text)
+    return float(found['cpu_ms'])
 
 
 def table(figures: dict[str, Any]) -> Table:
@@ -180,12 +180,9 @@ _COSTS = {'LiDAR': ('joint: packets combined', '1'), 'tag': ('AprilTag: decimati
 
 
 def _message(figures: dict[str, Any]) -> str:
-    ours, tag = (at(figures, *of) for of in _COSTS.values())
-    if ours is None or tag is None:
-        return 'What reach costs in computing'
-    times = float(f'{tag["cpu_ms"] / ours["cpu_ms"]:.0e}')
+    times = float(f'{cpu_ms(figures, "tag") / cpu_ms(figures, "LiDAR"):.0e}')
     return (
-        f'Watching for AprilTags (decimation {tag["label"]}) takes about {times:.0f} times '
+        f'Watching for AprilTags (decimation {_COSTS["tag"][1]}) takes about {times:.0f} times '
         f'the processor time of LiDAR markers (lone packets)'
     )
 

@@ -14,7 +14,7 @@ from evaluation.bench.rates import LEVEL, nearest
 from evaluation.bench.recordings import SILENCE_BITS, Sent, record, signal_at
 from evaluation.bench.stresses import PLAIN
 from evaluation.peers.camera import PICTURES_HZ
-from evaluation.peers.visual_markers import APRILTAG, april_tags, read_over_distance
+from evaluation.peers.visual_markers import APRILTAG, AprilTagReader, read_over_distance
 from evaluation.report.chart_style import draw_level, label, line, look, name_curve, new_chart
 from evaluation.report.claims import as_text
 from retrolidar_ros.detector import METHODS
@@ -37,6 +37,7 @@ _WORDS = {
     'paper': "LiDAR, paper's method, our code",
     APRILTAG: 'AprilTag, 30 pictures a second',
 }
+_NAMES = (REGISTERED, *METHODS, APRILTAG)
 _NEVER = f'>{TIMEOUT_S:.0f} s'
 
 
@@ -116,7 +117,7 @@ def _by_pictures(share: float, read: float) -> float | None:
 
 def run(rng: np.random.Generator, *, quick: bool) -> dict[str, Any]:
     """Return times to the first right ID over distance."""
-    readers = april_tags()
+    readers = [AprilTagReader()]
     ranges_m, points = _RANGES_M[:: 3 if quick else 1], []
     pictures = read_over_distance(readers, ranges_m, int(rng.integers(2**31)), quick=quick)
     for range_m, found in zip(ranges_m, pictures, strict=True):
@@ -131,20 +132,19 @@ def run(rng: np.random.Generator, *, quick: bool) -> dict[str, Any]:
         for name, result in found.items():
             point[name] = [_by_pictures(share, result['right']['rate']) for share in SHARES]
         points.append(point)
-    names = [REGISTERED, *METHODS, *(one.name for one in readers)]
-    return {'points': points, 'names': names, 'least_s': _min_s(rng)}
+    return {'points': points, 'least_s': _min_s(rng)}
 
 
 def at(figures: dict[str, Any], name: str, range_m: float) -> str:
     """Return the time by which four of five are identified at a distance, as text."""
     point = nearest(figures['points'], 'range_m', range_m)
-    time_s = point[name][-1] if name in point else None
+    time_s = point[name][-1]
     return _NEVER if time_s is None else as_text(time_s, 's', 2 if time_s < LEVEL else 1)
 
 
 def _message(figures: dict[str, Any]) -> str:
     def ends(name: str) -> str:
-        times_s = [one[name][-1] for one in figures['points'] if name in one and one[name][-1]]
+        times_s = [one[name][-1] for one in figures['points'] if one[name][-1]]
         return f'{times_s[0]:.2g} to {max(times_s):.2g} s' if times_s else 'nothing'
 
     message = f'To read farther, wait longer: a LiDAR marker takes {ends("joint")}'
@@ -155,8 +155,8 @@ def draw(figures: dict[str, Any]) -> Any:
     """Draw the times by which four of five are identified, over distance."""
     figure, (axis,) = new_chart(1, 1, 4.8, _message(figures))
     ranges_m = [one['range_m'] for one in figures['points']]
-    for index, name in enumerate(figures['names'], start=1):
-        times_s = np.array([one.get(name, [None])[-1] for one in figures['points']], dtype=float)
+    for index, name in enumerate(_NAMES, start=1):
+        times_s = np.array([one[name][-1] for one in figures['points']], dtype=float)
         known = np.flatnonzero(np.isfinite(times_s))
         axis.plot(ranges_m, times_s, **look(name))
         late_s = np.where(np.isfinite(times_s), np.nan, TIMEOUT_S * 1.24**index)

@@ -2,44 +2,35 @@
 # SPDX-License-Identifier: Apache-2.0
 """When a track ends: after how many bits unseen a marker counts as gone."""
 
-from functools import partial
 from typing import Any
 
 import numpy as np
 
 from evaluation.bench.core_parts import Part
 from evaluation.bench.core_process import call_with
-from evaluation.bench.following import ENDS, SCENES, dropped_s, false_ends, goes_on, known_of
+from evaluation.bench.following import ENDS, SCENES, dropped_s, false_ends
 from evaluation.report.chart_style import OTHERS, SHADES, label, legend_under, line, new_chart
 
 TITLE = 'When tracks end'
 _USED_BITS = 8.5  # by the core
 _RANGES_M = (1.0, 2.0)
 _GONE_BITS = (6.0, _USED_BITS, 12.0)
-_GAPS_BITS = (2.0, 4.0, 6.0, 8.0, 10.0)
 _TRIALS, _DURATION_S = 24, 30.0
 _LINE = 'GONE_BITS = {:g}'
 
 
-def measure(
-    gone_bits: float, seed: int, trials: int, duration_s: float, gaps_bits: list[float]
-) -> dict[str, Any]:
+def measure(gone_bits: float, seed: int, trials: int, duration_s: float) -> dict[str, Any]:
     """Return how tracks end by the imported core, in which `gone_bits` is set."""
     rng = np.random.default_rng(seed)
     ends: dict[str, list[list[float]]] = {}
     for name in ENDS:
-        drops = [partial(dropped_s, range_m, end=name) for range_m in _RANGES_M]
-        times_s = [known_of(one, trials, rng) for one in drops]
+        drops = [[dropped_s(at, rng, end=name) for _ in range(trials)] for at in _RANGES_M]
+        times_s = [[one for one in own if one is not None] for own in drops]
         ends[name] = [np.percentile(one, [50, 95]).tolist() if one else [] for one in times_s]
-    kept = [
-        [float(np.mean(known_of(partial(goes_on, range_m, gap), trials, rng))) for gap in gaps_bits]
-        for range_m in _RANGES_M
-    ]
     hours = trials * duration_s / 3600
     return {
         'gone_bits': gone_bits,
         'ends': ends,
-        'kept': kept,
         'false_ends_an_hour': {
             scene: sum(false_ends(scene, duration_s, rng) for _ in range(trials)) / hours
             for scene in SCENES
@@ -53,8 +44,8 @@ def run(rng: np.random.Generator, *, quick: bool) -> dict[str, Any]:
     rows = []
     for bits in _GONE_BITS:
         change = Part('presence', _LINE.format(_USED_BITS), _LINE.format(bits))
-        rows.append(call_with([change], f'{__name__}.measure', bits, *settings, _GAPS_BITS))
-    return {'gaps_bits': _GAPS_BITS, 'ranges_m': _RANGES_M, 'rows': rows}
+        rows.append(call_with([change], f'{__name__}.measure', bits, *settings))
+    return {'ranges_m': _RANGES_M, 'rows': rows}
 
 
 def _message(figures: dict[str, Any]) -> str:

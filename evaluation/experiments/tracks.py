@@ -3,17 +3,18 @@
 """Tracks of markers that move: their errors at every frame."""
 
 from collections.abc import Callable, Sequence
+from functools import partial
 from typing import Any
 
 import numpy as np
 
 from evaluation.bench.following import SECONDS_S, play, shared_figures, two_in_a_zone
-from evaluation.bench.places import held, in_mm, place_error, rms
+from evaluation.bench.places import held, place_error, rms, rms_mm
 from evaluation.bench.recordings import record, signal_at
 from evaluation.bench.stresses import PLAIN
 from evaluation.experiments.moving import WAYS
 from evaluation.peers.camera import Background
-from evaluation.peers.visual_markers import APRILTAG, View, april_tags, read_pictures
+from evaluation.peers.visual_markers import APRILTAG, AprilTagReader, View, read_pictures
 from evaluation.report.chart_style import label, look, name_curve, new_chart
 from evaluation.report.claims import NOTHING, Table, as_text, percent
 from retrolidar_ros.scene.reference import SENSOR
@@ -55,7 +56,6 @@ def _moving(way: str, speed_m_s: float, range_m: float, rng: np.random.Generator
             for one, track in zip(errors, settled, strict=True)
         ],
         'squared': [one.squared_distance for one in errors],
-        'followed': len(settled) / max(frames, 1),
         'updates_hz': len(bright) / max(frames * SENSOR.period_s, 1e-9),
     }
 
@@ -65,10 +65,9 @@ def _sum(runs: Sequence[dict[str, Any]]) -> dict[str, Any]:
         return [value for one in runs for value in one[name]]
 
     return {
-        **{f'{name}_mm': in_mm(rms(joined(name))) for name in ('packets', 'bright', 'all')},
+        **{f'{name}_mm': rms_mm(joined(name)) for name in ('packets', 'bright', 'all')},
         'pull': rms(joined('pull')),
         'ellipsoid_holds': held(joined('squared')),
-        'followed': float(np.mean([one['followed'] for one in runs])),
         'updates_hz': float(np.mean([one['updates_hz'] for one in runs])),
     }
 
@@ -95,21 +94,16 @@ def run(rng: np.random.Generator, *, quick: bool) -> dict[str, Any]:
         for begins in SECONDS_S
         for apart_m in _APART_M
     ]
-    tags = april_tags()
+    tags = [AprilTagReader()]
     background = Background(rng)
     pictures = 5 if quick else _PICTURES
+    read = partial(read_pictures, tags, background, pictures, rng)
     seen = {
         words: [
-            read_pictures(
-                tags,
-                background,
-                pictures,
-                rng,
-                View(RANGES_M[0], speed_m_s=at, longest_s=longest_s),
-            )[APRILTAG]
+            read(View(RANGES_M[0], speed_m_s=at, longest_s=longest_s))[APRILTAG]
             for at in _SPEEDS_M_S
         ]
-        for words, longest_s in (_EXPOSURES_S.items() if tags else ())
+        for words, longest_s in _EXPOSURES_S.items()
     }
     return {'curves': curves, 'shared': shared, 'apriltag': seen}
 
@@ -150,33 +144,27 @@ def honest_table(figures: dict[str, Any]) -> Table:
 def shared_table(figures: dict[str, Any]) -> Table:
     """Return errors of two markers in a zone, and how often their tracks end."""
     head = ['two in a zone, the second', 'farther [m]', 'median error [mm]', 'rms [mm]']
-    head += ['both followed', 'ends/h']
-    return [
-        head,
-        *(
-            [
-                one['begins'],
-                f'{one["apart_m"]:g}',
-                as_text(one['median_mm'], '', 1),
-                as_text(one['rms_mm'], '', 1),
-                NOTHING if one['both_followed'] is None else f'{one["both_followed"]:.0%}',
-                as_text(one['ends_an_hour'], '', 0),
-            ]
-            for one in figures['shared']
-        ),
-    ]
+    rows = [[*head, 'both followed', 'ends/h']]
+    for one in figures['shared']:
+        errors = (as_text(one[name], '', 1) for name in ('median_mm', 'rms_mm'))
+        both = NOTHING if one['both_followed'] is None else f'{one["both_followed"]:.0%}'
+        ends = as_text(one['ends_an_hour'], '', 0)
+        rows.append([one['begins'], f'{one["apart_m"]:g}', *errors, both, ends])
+    return rows
 
 
-def _at(figures: dict[str, Any], way: str, range_m: float) -> list[dict[str, Any]]:
-    """Return the points of one way and distance."""
+def points_at(figures: dict[str, Any], way: str) -> list[dict[str, Any]]:
+    """Return the points of one way at the first distance."""
     points: list[dict[str, Any]] = next(
-        one['points'] for one in figures['curves'] if (one['way'], one['range_m']) == (way, range_m)
+        one['points']
+        for one in figures['curves']
+        if (one['way'], one['range_m']) == (way, RANGES_M[0])
     )
     return points
 
 
 def _message(figures: dict[str, Any]) -> str:
-    point = _at(figures, [*WAYS][-1], RANGES_M[0])[-1]
+    point = points_at(figures, [*WAYS][-1])[-1]
     packets, tracks = (as_text(point[name], 'mm', 0) for name in ('packets_mm', 'all_mm'))
     speed = f'{point["speed_m_s"]:g} m/s'
     return (
@@ -192,7 +180,7 @@ def draw(figures: dict[str, Any]) -> Any:
     """Draw the error of range over the speed at the first distance, a panel for each way."""
     figure, panels = new_chart(2, 2, 4.4, _message(figures))
     for axis, way in zip(panels, WAYS, strict=True):
-        points = _at(figures, way, RANGES_M[0])
+        points = points_at(figures, way)
         curves = {
             (name, words): ([one['speed_m_s'] for one in points], [one[key] for one in points], '-')
             for key, (name, words) in _CURVES.items()

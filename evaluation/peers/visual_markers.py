@@ -10,14 +10,17 @@ import ctypes
 import math
 import re
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from itertools import groupby
 from operator import attrgetter
 from typing import Any, NamedTuple, TypeAlias, TypedDict
 
 import numpy as np
 from numpy.typing import NDArray
+from pyapriltags import Detector
+from pyapriltags.apriltags import _ImageU8
 
+from evaluation.bench.places import median_mm, rms_mm
 from evaluation.bench.rates import Rate, rate
 from evaluation.bench.recordings import rng_at
 from evaluation.peers import camera
@@ -61,9 +64,7 @@ class AprilTagReader:
 
     kind = APRILTAG
 
-    def __init__(self, name: str, quad_decimate: float, threads: int = 1) -> None:
-        from pyapriltags import Detector
-
+    def __init__(self, name: str = APRILTAG, quad_decimate: float = 2.0, threads: int = 1) -> None:
         self.name = name
         self.detector: Any = Detector(_FAMILY, nthreads=threads, quad_decimate=quad_decimate)
         # The library's own default, which the Python binding cuts down to the integer 0.
@@ -74,8 +75,6 @@ class AprilTagReader:
 
     def plate(self, identity: int, size_m: float) -> Plate:
         """Return a tag of 9 × 9 cells with a margin of one."""
-        from pyapriltags.apriltags import _ImageU8
-
         library = self.detector.libc
         library.apriltag_to_image.restype = ctypes.POINTER(_ImageU8)
         drawn = library.apriltag_to_image(self.detector.tag_families[_FAMILY], identity)
@@ -149,26 +148,12 @@ def square_range(corners_px: NDArray[Any], centre_px: tuple[float, float], size_
 
 
 def find_readers() -> tuple[list[Reader], dict[str, str]]:
-    """Return the readers that are installed, and why others are missing, by name."""
-    readers: list[Reader] = []
-    missing = {}
-
-    def add(name: str, make: Callable[[], Reader], remedy: str) -> None:
-        try:
-            readers.append(make())
-        except ImportError as error:
-            missing[name] = f'{error} ({remedy})'
-
-    remedy = 'pip install pyapriltags'
-    add(APRILTAG, lambda: AprilTagReader(APRILTAG, 2.0), remedy)
-    add(APRILTAG_FINE, lambda: AprilTagReader(APRILTAG_FINE, 1.0), remedy)
-    add(QR, QrReader, 'pip install pyzbar segno, and apt install libzbar0')
-    return readers, missing
-
-
-def april_tags() -> list[Reader]:
-    """Return the reader of AprilTags, if it is installed."""
-    return [reader for reader in find_readers()[0] if reader.name == APRILTAG]
+    """Return the readers, and why that of QR codes is missing if zbar is not installed, by name."""
+    tags = [AprilTagReader(), AprilTagReader(APRILTAG_FINE, 1.0)]
+    try:
+        return [*tags, QrReader()], {}
+    except ImportError as error:
+        return [*tags], {QR: f'{error} (pip install pyzbar segno, and apt install libzbar0)'}
 
 
 class View(NamedTuple):
@@ -203,15 +188,11 @@ class Result(TypedDict):
 
 def errors(errors_m: Sequence[float]) -> Error | None:
     """Return statistics of errors [m], None without any."""
-    if not len(errors_m):
+    median, rms, sizes = median_mm(errors_m), rms_mm(errors_m), 1000 * np.abs(errors_m)
+    if median is None or rms is None:
         return None
-    sizes = 1000 * np.abs(errors_m)
-    return Error(
-        median=float(np.median(sizes)),
-        rms=float(np.sqrt(np.mean(sizes**2))),
-        largest=float(sizes.max()),
-        above_1_cm=float(np.mean(sizes > 10)),
-    )
+    above_1_cm = float(np.mean(sizes > 10))
+    return Error(median=median, rms=rms, largest=float(sizes.max()), above_1_cm=above_1_cm)
 
 
 def read_pictures(

@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The generated tables of README and the documents, each from the figures of the experiments."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from typing import Any
 
 from evaluation.bench.judging import BOTH
@@ -16,6 +16,7 @@ from evaluation.experiments import (
     time_to_id,
     tracks,
 )
+from evaluation.experiments.moving import WAYS
 from evaluation.experiments.registry import EXPERIMENTS
 from evaluation.experiments.sweeps import end_of
 from evaluation.experiments.time_to_id import REGISTERED
@@ -26,85 +27,57 @@ from retrolidar_ros.marker.code import BIT_PERIOD_S, PACKET_BITS
 
 Report = Mapping[str, dict[str, Any]]
 _PACKET = f'{PACKET_BITS * BIT_PERIOD_S:.1f} s'
-_COSTS = (('joint: packets combined', '1'), ('AprilTag: decimation', '2'))
 _MOVING_M_S = 0.3
 _PACKETS = (('reading', '3 cm'), ('reach', '3 cm, 8 packets'))
 _SIDE_M = 0.4  # of the square from whose corners landmarks are looked at
 _EXPOSURE = '4 ms'  # with which tags are read while they move
 
 
-def _bold(cells: Sequence[str], best: int | None) -> list[str]:
-    """Return cells of which the best is bold."""
-    return [f'**{cell}**' if index == best else cell for index, cell in enumerate(cells)]
-
-
-def _best(ours: float | None, tag: float | None, *, more_is_better: bool) -> int | None:
-    """Return the column of the better value, of ours and of an AprilTag's; None: as good."""
-    if ours is None or tag is None or ours == tag:
-        return None if ours == tag else (0 if tag is None else 2)
-    return 0 if (ours > tag) == more_is_better else 2
-
-
-def _while_moving(report: Report) -> tuple[dict[str, Any], Any]:
-    """Return the points of tracks at the first distance by way, and of a tag that moves across."""
-    figures = report['tracks']
-    points, index = {}, 0
-    for curve in figures['curves']:
-        if curve['range_m'] == tracks.RANGES_M[0]:
-            index = [point['speed_m_s'] for point in curve['points']].index(_MOVING_M_S)
-            points[curve['way'].removesuffix(' the view')] = curve['points'][index]
-    tags = figures['apriltag'].get(_EXPOSURE)
-    return points, tags[index]['error_mm'] if tags else None
+def _row(what: str, ours: str, paper: str, tag: str, *, wins: bool | None = None) -> list[str]:
+    """Return a row of the headlines, bold what is better: ours if it `wins`, else the tag's."""
+    bold = {True: (f'**{ours}**', tag), False: (ours, f'**{tag}**'), None: (ours, tag)}
+    return [what, bold[wins][0], paper, bold[wins][1]]
 
 
 def headlines(report: Report) -> str:
     """Return the table of the README: this package, the paper and an AprilTag."""
     figures, soon = report['peers'], report['time-to-id']
     rows: Table = [['', 'this package', 'the paper reports', 'AprilTag of that size']]
-
-    def add(what: str, *cells: str, best: int | None = None) -> None:
-        rows.append([what, *_bold(cells, best)])
-
-    for size, paper in (('3 cm', '2.6 m'), ('1 cm', '1.3 m')):
-        ours, tags = (peers.end(figures, size, name) for name in ('joint', APRILTAG))
-        what = f'How far is a marker of {size} read, in one packet or image?'
-        best = _best(ours, tags, more_is_better=True)
-        add(
-            f'… of {size}?' if len(rows) > 1 else what,
-            as_text(ours),
-            paper,
-            as_text(tags),
-            best=best,
-        )
-    several = end_of(report['reach'], '3 cm, 8 packets', 'joint')
-    add('… of 3 cm, in 8 packets?', as_text(several), NOTHING, NOTHING)
+    for size, paper, what in (
+        ('3 cm', '2.6 m', 'How far is a marker of 3 cm read, in one packet or image?'),
+        ('1 cm', '1.3 m', '… of 1 cm?'),
+    ):
+        ours_m, tag_m = (peers.end(figures, size, name) or 0.0 for name in ('joint', APRILTAG))
+        rows.append(_row(what, as_text(ours_m), paper, as_text(tag_m), wins=ours_m > tag_m))
+    several = as_text(end_of(report['reach'], '3 cm, 8 packets', 'joint'))
+    rows.append(_row('… of 3 cm, in 8 packets?', several, NOTHING, NOTHING))
     few_s, any_s, tag_s = (
         time_to_id.at(soon, name, 1.0) for name in (REGISTERED, 'joint', APRILTAG)
     )
     ours_s = f'{any_s}; {few_s} if only 3 IDs are in use'
-    add('How soon, at 1 m?', ours_s, f'{_PACKET} and more', tag_s, best=2)
-    moving, tag = _while_moving(report)
-    track = next(iter(moving.values()))
-    hertz = (track['updates_hz'], PICTURES_HZ)
-    often = [as_text(one, 'a second', 0) for one in hertz]
-    best = _best(*hertz, more_is_better=True)
-    add('How often is its position updated?', often[0], 'once a packet', often[1], best=best)
-    ways = [f'{as_text(point["all_mm"], "mm", 1)} {way}' for way, point in moving.items()]
-    tag_mm = tag and tag['rms']
-    exposed = f'{as_text(tag_mm, "mm", 1)} {next(iter(moving))}, exposed for {_EXPOSURE}'
-    what = f'How exact is its range at 1 m, moving {" or ".join(moving)} at {_MOVING_M_S:g} m/s?'
-    best = _best(track['all_mm'], tag_mm, more_is_better=False)
-    add(what, ', '.join(ways), NOTHING, exposed, best=best)
-    costs = [speed_accuracy.at(report['speed-accuracy'], *of) for of in _COSTS]
-    cpu_ms = [None if one is None else one['cpu_ms'] for one in costs]
-    texts = [as_text(one, 'ms a second', 0) for one in cpu_ms]
-    best = _best(*cpu_ms, more_is_better=False)
-    add('Processor time, of one core?', texts[0], NOTHING, texts[1], best=best)
+    rows.append(_row('How soon, at 1 m?', ours_s, f'{_PACKET} and more', tag_s, wins=False))
+    across, to_and_fro = (tracks.points_at(report['tracks'], way) for way in WAYS)
+    index = [point['speed_m_s'] for point in across].index(_MOVING_M_S)
+    hertz = across[index]['updates_hz']
+    ours, tag = (as_text(one, 'a second', 0) for one in (hertz, PICTURES_HZ))
+    what = 'How often is its position updated?'
+    rows.append(_row(what, ours, 'once a packet', tag, wins=hertz > PICTURES_HZ))
+    off_mm, along_mm = (points[index]['all_mm'] for points in (across, to_and_fro))
+    tag_mm = report['tracks']['apriltag'][_EXPOSURE][index]['error_mm']['rms']
+    what = f'How exact is its range at 1 m, moving across or to and fro at {_MOVING_M_S:g} m/s?'
+    ours = f'{off_mm:.1f} mm across, {along_mm:.1f} mm to and fro'
+    tag = f'{tag_mm:.1f} mm across, exposed for {_EXPOSURE}'
+    rows.append(_row(what, ours, NOTHING, tag, wins=off_mm < tag_mm))
+    cpu_ms = [speed_accuracy.cpu_ms(report['speed-accuracy'], one) for one in ('LiDAR', 'tag')]
+    ours, tag = (as_text(one, 'ms a second', 0) for one in cpu_ms)
+    what = 'Processor time, of one core?'
+    rows.append(_row(what, ours, NOTHING, tag, wins=cpu_ms[0] < cpu_ms[1]))
     one = false_ids.total(report[false_ids.NAME])
     counted = f'{one["events"]} in {one["hours"]:g} h: at most {one["high"]:.2g} an hour (95 %)'
-    add('How often is an ID read where there is no marker?', counted, '"none"', NOTHING)
+    what = 'How often is an ID read where there is no marker?'
+    rows.append(_row(what, counted, '"none"', NOTHING))
     lux = peers.words(figures, 'light', APRILTAG, 1)
-    add('Does it need light?', 'no', 'no', f'yes: {lux}', best=0)
+    rows.append(_row('Does it need light?', 'no', 'no', f'yes: {lux}', wins=True))
     return markdown(rows)
 
 
@@ -127,56 +100,41 @@ def reach(report: Report) -> str:
     return markdown(rows)
 
 
+_TELLING = (
+    ('all IDs are known', 'set `registered_ids`, or `marker_file` and `only_registered`'),
+    ('markers repeat their packet', 'leave `max_packets` at 8, and `gap_bits` of the marker at 0'),
+    (
+        'markers stand still',
+        'look from several places: `landmarks`, or `coffee` with `target_frame`',
+    ),
+    ('markers or the robot move', 'take `tracks`, and `tf_source: tracks`'),
+    ('a marker is not of 3 cm', 'give its `size` in the marker file'),
+)
+
+
 def telling(report: Report) -> str:
     """Return what the detector gains by knowing more of a scene."""
-    soon = [time_to_id.at(report['time-to-id'], one, 1.0) for one in ('joint', REGISTERED)]
-    ends = [end_of(report[of], name, 'joint') for of, name in _PACKETS]
-    one, several = (as_text(end) for end in ends)
-    to_and_fro = report['tracks']['curves'][len(tracks.RANGES_M)]
-    point = next(one for one in to_and_fro['points'] if one['speed_m_s'] == _MOVING_M_S)
-    packets_mm, track_mm = (as_text(point[name], 'mm', 0) for name in ('packets_mm', 'all_mm'))
-    moving = f'{track_mm} off instead of {packets_mm}'
+    any_s, few_s = (time_to_id.at(report['time-to-id'], one, 1.0) for one in ('joint', REGISTERED))
+    one, several = (as_text(end_of(report[of], name, 'joint')) for of, name in _PACKETS)
+    to_and_fro = tracks.points_at(report['tracks'], [*WAYS][-1])
+    point = next(one for one in to_and_fro if one['speed_m_s'] == _MOVING_M_S)
+    packets, track = (as_text(point[name], 'mm', 0) for name in ('packets_mm', 'all_mm'))
     looks = {
         row['places']: as_text(row['median_mm'], 'mm', 0)
         for row in report['landmarks']['places']
         if row['side_m'] == _SIDE_M and row['object'] == 'machine'
     }
-    sizes = [as_text(one, '°', 1) for one in report['place']['size_told_deg']]
-    few = f'with {time_to_id.FEW} of them the first ID comes after {soon[1]} instead of {soon[0]}'
+    alike, told = (as_text(one, '°', 1) for one in report['place']['size_told_deg'])
     large = f'a {100 * place.LARGE_M:g} cm marker'
-    told = f'the bearing of {large} is off by {sizes[1]}, and by {sizes[0]} without it'
-    if sizes[0] == sizes[1]:
-        told = f'little: the bearing of {large} is off by {sizes[0]} either way'
-    return markdown(
-        [
-            ['if …', 'then …', 'which buys'],
-            [
-                'all IDs are known',
-                'set `registered_ids`, or `marker_file` and `only_registered`',
-                few,
-            ],
-            [
-                'markers repeat their packet',
-                'leave `max_packets` at 8, and `gap_bits` of the marker at 0',
-                f'3 cm are read to {several} instead of {one}',
-            ],
-            [
-                'markers stand still',
-                'look from several places: `landmarks`, or `coffee` with `target_frame`',
-                f'a position at 1.5 m is {looks[4]} off after four looks, {looks[1]} after one',
-            ],
-            [
-                'markers or the robot move',
-                'take `tracks`, and `tf_source: tracks`',
-                f'to and fro at {_MOVING_M_S:g} m/s a range is {moving}',
-            ],
-            [
-                'a marker is not of 3 cm',
-                'give its `size` in the marker file',
-                told,
-            ],
-        ]
-    )
+    bought = [
+        f'with {time_to_id.FEW} of them the first ID comes after {few_s} instead of {any_s}',
+        f'3 cm are read to {several} instead of {one}',
+        f'a position at 1.5 m is {looks[4]} off after four looks, {looks[1]} after one',
+        f'to and fro at {_MOVING_M_S:g} m/s a range is {track} off instead of {packets}',
+        f'the bearing of {large} is off by {told}, and by {alike} without it',
+    ]
+    rows = ([*told, buys] for told, buys in zip(_TELLING, bought, strict=True))
+    return markdown([['if …', 'then …', 'which buys'], *rows])
 
 
 def speed(report: Report) -> str:
@@ -201,27 +159,28 @@ def speed(report: Report) -> str:
 
 
 _STRESSES = {
-    'second': ('second marker in its zone, signal over that of the first', '%'),
-    'far_wall': ('wall 1 m behind, signal over that of the marker', 'times'),
-    'wander': ('signal of a wall beside it drifts within 0.5 s, by', '%'),
-    'fast': ('bits shorter than `bit_period`, by', '%'),
-    'slow': ('bits longer than `bit_period`, by', '%'),
-    'hand': ('hand in front for', 'ms'),
-    'noise': ('variance of the noise over the usual', 'times'),
+    'second': 'second marker in its zone, signal over that of the first [%]',
+    'far_wall': 'wall 1 m behind, signal over that of the marker',
+    'wander': 'signal of a wall beside it drifts within 0.5 s by [%]',
+    'fast': 'bits shorter than `bit_period` by [%]',
+    'slow': 'bits longer than `bit_period` by [%]',
+    'hand': 'hand in front for [ms]',
+    'noise': 'variance of the noise over the usual',
 }
 
 
 def limits(report: Report) -> str:
     """Return limits near and at the end of the reach, of lone and of repeating markers."""
     figures, others = report['stability'], report['laboratory']
-    conditions = [stability.named(where) for where in laboratory.CONDITIONS]
+    conditions = [stability.named(where) for where in stability.LIMITS]
     panels = {panel['name']: panel for panel in figures['panels']}
     rows: Table = [['limit', *conditions]]
-    for name, (what, unit) in _STRESSES.items():
+    for name, what in _STRESSES.items():
         breaks = [panels[name]['breaks'][where] for where in conditions]
-        rows.append([what, *(f'{stability.breaking_point(one["joint"])} {unit}' for one in breaks)])
+        rows.append([what, *(stability.breaking_point(one['joint']) for one in breaks)])
     for panel in others['panels']:
-        rows.append([f'{panel["title"]}, {panel["axis"]}', *laboratory.limits(panel)])
+        what = f'{panel["title"]}, {panel["axis"]} [{laboratory.UNIT}]'
+        rows.append([what, *laboratory.limits(panel)])
     return markdown(rows)
 
 

@@ -7,9 +7,6 @@ from collections.abc import Iterable, Mapping, Sequence
 from textwrap import fill
 from typing import Any
 
-import numpy as np
-from numpy.typing import ArrayLike
-
 from evaluation.bench.rates import LEVEL, Rate
 from retrolidar_ros.detector import METHODS
 
@@ -131,13 +128,6 @@ def draw_reads(
             rates = [100 * point[name]['wrong']['rate'] for point in points]
             axis.plot(places, rates, linestyle='--', color=look(name)['color'], linewidth=1)
     axis.axhline(100 * LEVEL, color='0.6', linewidth=0.8)
-
-
-def draw_distribution(axis: Any, values: ArrayLike, **how: Any) -> None:
-    """Draw which share of values [%] is no larger than each of them."""
-    ordered = np.sort(np.asarray(values))
-    shares = 100 * (np.arange(ordered.size) + 0.5) / max(ordered.size, 1)
-    axis.plot(ordered, shares, **how)
 
 
 def legend_below(

@@ -17,14 +17,13 @@ from evaluation.experiments.registry import EXPERIMENTS, run_experiment
 
 # So small that all run in seconds, by the module that has a size.
 TINY: dict[str, dict[str, Any]] = {
-    'bench.landmark_trials': {'HEADINGS': 12, 'FLIGHT_S': 10.0, '_BOUND_STEPS': 21},
     'experiments.bound': {'RANGES_M': (2.5, 3.8), '_GENIE_RECORDINGS': 1},
     'experiments.coffee': {'_QUICK_TRIALS': 1},
     'experiments.drone': {'QUICK_DURATION_S': 11.0},
     'experiments.laboratory': {
         'LABORATORY': [replace(one, values=one.values[:4]) for one in LABORATORY]
     },
-    'experiments.landmarks': {'_QUICK_TRIALS': 1, '_SIDES_M': (0.2, 0.4)},
+    'experiments.landmarks': {'_SIDES_M': (0.2, 0.4)},
     'experiments.moving': {'DURATION_S': 4.0},
     'experiments.peers': {
         '_QUICK_PICTURES': 2,
@@ -44,8 +43,8 @@ TINY: dict[str, dict[str, Any]] = {
         '_FRAMES': 20,
         '_WARM_UP_FRAMES': 100,
     },
-    'experiments.stability': {'PANELS': PANELS[:1], 'CONDITIONS': [(1.0, True, False)]},
-    'experiments.track_ends': {'_GONE_BITS': (8.5,), '_GAPS_BITS': (4.0,)},
+    'experiments.stability': {'PANELS': PANELS[:1], 'CONDITIONS': [(2.0, False)]},
+    'experiments.track_ends': {'_GONE_BITS': (8.5,)},
     'experiments.tracks': {'DURATION_S': 5.0, '_PICTURES': 2, '_SPEEDS_M_S': (0.0, 0.3)},
     'experiments.time_to_id': {'_RANGES_M': (1.0, 3.6)},
     'peers.camera': {'_LEAVES': 200},
