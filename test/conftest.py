@@ -52,9 +52,10 @@ def pytest_report_header() -> list[str]:
 # In real time, with many processes, or with much to compute.
 SLOW = {'nodes', 'launch', 'docs', 'evaluation', 'test_watch.py'}
 SLOW |= {
-    'test_core_robustness.py',
+    'test_core.py',
     'test_invariance.py',
     'test_oracle.py',
+    'test_parts.py',
     'test_pinned_reading.py',
 }
 

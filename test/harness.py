@@ -11,6 +11,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+import yaml
 
 from retrolidar_ros.msg import Frame as FrameMsg
 from retrolidar_ros.msg import MarkerDetection
@@ -18,8 +19,10 @@ from retrolidar_ros.nodes.conversion import covariance_of, to_ns, vector_of
 from retrolidar_ros.nodes.listener import Listener
 from retrolidar_ros.scene.description import Scene
 from retrolidar_ros.scene.emulator import PortLink, frames_in_real_time
+from retrolidar_ros.scene.files import find_scene
 from retrolidar_ros.sensor.frame import Floats, Frame
 from retrolidar_ros.sensor.wire import DELIMITER, cobs_decode, cobs_encode, encode_frame
+from retrolidar_ros.settings.yaml_files import load_yaml
 
 STAMP_ERROR_S = 0.050
 PATIENCE_S = 60.0
@@ -118,6 +121,18 @@ class Sensor:
             if not is_sent:
                 self.damaged.discard(frame.sequence)
                 self.middle_ns.pop(frame.sequence, None)
+
+
+def silent_drone(directory: Path, start_s: float, packets: int) -> Path:
+    """Write the scene of a drone that falls silent; return its path."""
+    scene = load_yaml(find_scene('drone'))
+    (marker,) = scene['markers']
+    # It hangs still: where it goes from zone to zone, a packet may be missed.
+    del marker['wander'], marker['occlusion']
+    marker |= {'start': f'{start_s} s', 'packets': packets}
+    path = directory / 'silent_drone.yaml'
+    path.write_text(yaml.safe_dump(scene))
+    return path
 
 
 def wait_for_nodes(listener: Listener) -> None:

@@ -40,10 +40,14 @@ CORE_TESTS = (
 FOLDERS: dict[str, tuple[str, ...]] = {
     'core': ('core/src', *CORE_TESTS),
     'parts': ('core/src', DECISION_TESTS, *CORE_TESTS),
+    'detector': (
+        'retrolidar_ros/detector',
+        'test/detector test/cli/test_calibrate.py -m "not slow"',
+        'test/detector -m slow',
+    ),
     **{
         name: (f'retrolidar_ros/{name}', tests)
         for name, tests in {
-            'detector': 'test/detector test/cli/test_calibrate.py',
             'sensor': 'test/sensor test/firmware',
             'marker': 'test/marker test/scene',
             'scene': 'test/scene',

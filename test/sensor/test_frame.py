@@ -1,6 +1,6 @@
 # Copyright 2026 retrolidar_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""Zones look where the sensor's geometry says, and recordings hold their frames."""
+"""Zones look where the sensor's geometry says, recordings hold their frames, noise has its law."""
 
 from dataclasses import fields, replace
 
@@ -10,6 +10,7 @@ from harness_frames import make_frames
 
 from retrolidar_ros.sensor.frame import Frame, Recording, ZoneGrid, valid_samples
 from retrolidar_ros.sensor.model import Status
+from retrolidar_ros.sensor.noise import NoiseLaw
 
 GRIDS = [ZoneGrid(4, 4), ZoneGrid(8, 8)]
 both_grids = pytest.mark.parametrize('grid', GRIDS, ids=['4x4', '8x8'])
@@ -120,3 +121,20 @@ def test_samples_are_valid_if_their_status_is_and_they_are_possible(
     given = np.array([signal]), np.array([distance]), np.array([status], dtype=np.uint8)
     valid, impossible = valid_samples(*given)
     assert (valid.tolist(), impossible) == ([is_valid], is_impossible)
+
+
+LAW = NoiseLaw()
+
+
+@pytest.mark.parametrize(
+    ('floor', 'slope'), [(0.0, 0.2), (-1.0, 0.2), (1.0, -0.1), (np.nan, 0.2), (1.0, np.nan)]
+)
+def test_a_law_that_allows_no_noise_is_refused(floor: float, slope: float) -> None:
+    with pytest.raises(ValueError, match='the floor must be positive'):
+        NoiseLaw(floor, slope)
+
+
+def test_ambient_light_raises_the_floor() -> None:
+    assert LAW.lit(10.0).variance(np.array(0.0)) == pytest.approx(LAW.floor + 10 * LAW.ambient)
+    assert LAW.lit(10.0).slope == LAW.slope
+    assert LAW.lit([3.0, np.nan, np.inf, -5.0]).floor == LAW.floor + 0.75 * LAW.ambient
