@@ -3,6 +3,7 @@
 """Rates with their intervals, where they cross a level, and the verdicts beside the paper's."""
 
 import math
+from collections.abc import Callable
 
 import pytest
 
@@ -31,12 +32,6 @@ def test_wilson_intervals_of_ten_trials(hits: int, low: float, high: float) -> N
     assert (measured['low'], measured['high']) == pytest.approx((low, high), abs=1e-4)
 
 
-@pytest.mark.parametrize(('hits', 'trials'), [(0, 0), (-1, 5), (6, 5)])
-def test_no_rate_of_impossible_counts(hits: int, trials: int) -> None:
-    with pytest.raises(ValueError, match='trials'):
-        rate(hits, trials)
-
-
 @pytest.mark.parametrize(
     ('events', 'low', 'high'),
     # Exact intervals of a Poisson count (Garwood 1936).
@@ -48,14 +43,12 @@ def test_poisson_intervals(events: int, low: float, high: float) -> None:
     assert (measured['low'], measured['high']) == pytest.approx((low / 2, high / 2), abs=1e-3)
 
 
-@pytest.mark.parametrize(('events', 'hours'), [(-1, 1.0), (1, 0.0), (1, -1.0)])
-def test_no_frequency_of_impossible_counts(events: int, hours: float) -> None:
-    with pytest.raises(ValueError, match='events'):
-        frequency(events, hours)
-
-
-def test_none_seen_bounds_the_frequency() -> None:
-    assert frequency(0, 2.0)['high'] == pytest.approx(-math.log(0.025) / 2)
+@pytest.mark.parametrize(
+    ('count', 'of'), [(rate, (0, 0)), (rate, (6, 5)), (frequency, (-1, 1.0)), (frequency, (1, 0.0))]
+)
+def test_impossible_counts(count: Callable[..., object], of: tuple[float, float]) -> None:
+    with pytest.raises(ValueError, match=r'trials|events'):
+        count(*of)
 
 
 def test_a_level_is_crossed_between_two_places() -> None:
@@ -76,12 +69,9 @@ def test_a_crossing_has_bounds_that_shrink_with_trials() -> None:
         assert found['high'] is not None
         assert found['low'] <= 2.125 <= found['high']
         assert found['at'] == pytest.approx(2.125, abs=0.01)
-    assert many['high'] - many['low'] < few['high'] - few['low']  # type: ignore[operator]
-
-
-def test_a_crossing_beyond_the_ends() -> None:
     assert crossing(0.8, [1, 2], [rate(9, 10), rate(9, 10)])['at'] == 2
     assert crossing(0.8, [1, 2], [rate(1, 10), rate(0, 10)])['at'] is None
+    assert many['high'] - many['low'] < few['high'] - few['low']  # type: ignore[operator]
 
 
 @pytest.mark.parametrize(
@@ -90,37 +80,22 @@ def test_a_crossing_beyond_the_ends() -> None:
         (2.72, exactly(2.6, 'better'), 'same'),
         (2.88, exactly(2.6, 'better'), 'better'),
         (2.4, exactly(2.6, 'better'), 'worse'),
-        (5.3, exactly(1, 'worse'), 'worse'),
         (0.5, exactly(1, 'worse'), 'better'),
         (0.27, exactly(0.32), 'differs'),
         (-53, exactly(-85, 'worse'), 'worse'),
         (-87, exactly(-85, 'worse'), 'same'),
-        (0, exactly(0, 'worse'), 'same'),
-        (1, exactly(0, 'worse'), 'worse'),
         (0.2, below(4), 'same'),
         (4.4, below(2), 'worse'),
-        (0.99, below(0.9, 'better'), 'better'),
         (1.76, above(1), 'same'),
-        (0.9, above(1), 'worse'),
-        (3.12, Said(2.2, 2.4, 'better'), 'better'),
     ],
 )
 def test_a_value_beside_the_papers(value: float, said: Said, judged: str) -> None:
     assert judge(value, said) == judged
 
 
-@pytest.mark.parametrize(
-    ('text', 'value'),
-    [
-        ('2.88 m', 2.88),
-        ('82%', 82),
-        ('-53%', -53),
-        ('inf mm', math.inf),
-        ('1.6 years', 1.6 * 365.25),
-    ],
-)
-def test_what_is_printed_is_judged(text: str, value: float) -> None:
-    assert math.isclose(value_of(text), value)
+def test_what_is_printed_is_judged() -> None:
+    printed = {'2.88 m': 2.88, '-53%': -53, 'inf mm': math.inf, '1.6 years': 1.6 * 365.25}
+    assert {text: value_of(text) for text in printed} == pytest.approx(printed)
 
 
 def test_the_default_is_judged_unless_only_the_papers_method_does_it() -> None:

@@ -87,8 +87,7 @@ def test_blocks_of_a_disturbance_follow_each_other(member: Member) -> None:
 
 def test_time_by_which_a_share_is_identified() -> None:
     times_s = np.array([4.0, 1.0, math.inf, 3.0, 2.0])
-    assert time_by_which(0.5, times_s) == 3.0
-    assert time_by_which(0.9, times_s) is None
+    assert (time_by_which(0.5, times_s), time_by_which(0.9, times_s)) == (3.0, None)
 
 
 def test_a_marker_is_identified_no_sooner_than_a_word_after_it_came_into_view() -> None:

@@ -20,23 +20,18 @@ from evaluation.bench.places import (
 )
 from evaluation.experiments import coffee
 from retrolidar_ros.detector import create_detector
-from retrolidar_ros.scene import Scene, Simulation
+from retrolidar_ros.scene import Simulation
 from retrolidar_ros.scene.files import load_scene
-from retrolidar_ros.sensor.frame import Floats, ZoneGrid
+from retrolidar_ros.sensor.frame import ZoneGrid
 from retrolidar_ros.tasks.reading import SensorPose
 
 WORLD = load_scene('coffee')
-NO_TURN = rotation(0, 0, 0)
 ANGLES = st.floats(-math.pi, math.pi)
-
-
-def at(*position_m: float) -> Floats:
-    return np.array(position_m)
 
 
 @given(yaw=ANGLES, pitch=ANGLES, roll=ANGLES)
 def test_to_the_sensor_and_back_is_the_identity(yaw: float, pitch: float, roll: float) -> None:
-    pose = SensorPose(at(0.1, -0.2, 0.05), rotation(yaw, pitch, roll))
+    pose = SensorPose(np.array([0.1, -0.2, 0.05]), rotation(yaw, pitch, roll))
     assert np.linalg.det(pose.rotation) == pytest.approx(1)
     seen_m = to_sensor(pose, markers_at(WORLD))
     assert to_world(pose, seen_m) == pytest.approx(markers_at(WORLD))
@@ -51,31 +46,15 @@ def test_all_are_seen_within_the_border_and_in_zones_of_their_own() -> None:
     assert not sees_all(middles[[0, 0, 1]], grid)
 
 
-def seen_from(pose: SensorPose, rng: np.random.Generator) -> Scene:
-    return view_from(pose, WORLD, rng)
-
-
 def test_from_its_own_place_the_sensor_sees_the_shipped_scene() -> None:
-    scene = seen_from(SensorPose(at(0, 0, 0), NO_TURN), np.random.default_rng(0))
+    scene = view_from(SensorPose(np.zeros(3), rotation(0, 0, 0)), WORLD, np.random.default_rng(0))
     assert markers_at(scene) == pytest.approx(markers_at(WORLD))
     shown, shipped = (
         {zone: one.distance_m for one in view.surfaces for zone in one.zones or ()}
         for view in (scene, WORLD)
     )
-    assert sorted(shown) == list(range(16))
-    assert [shown[zone] for zone in range(16)] == pytest.approx(
-        [shipped[zone] for zone in range(16)], abs=0.02
-    )
-
-
-def test_the_hand_sees_all_from_every_place() -> None:
-    rng = np.random.default_rng(4)
-    for _ in range(10):
-        pose = random_pose(WORLD, rng)
-        scene = seen_from(pose, rng)
-        assert sees_all(markers_at(scene), WORLD.sensor.grid)
-        assert to_world(pose, markers_at(scene)) == pytest.approx(markers_at(WORLD))
-        assert {zone for one in scene.surfaces for zone in one.zones or ()} == set(range(16))
+    assert set(shown) == set(range(16))
+    assert shown == pytest.approx(shipped, abs=0.02)
 
 
 def test_frames_one_by_one_give_each_reading_as_soon_as_all_of_it_was_seen() -> None:
@@ -92,7 +71,7 @@ def test_frames_one_by_one_give_each_reading_as_soon_as_all_of_it_was_seen() -> 
 def test_objects_that_are_not_read_are_not_placed() -> None:
     rng = np.random.default_rng(2)
     pose = random_pose(WORLD, rng)
-    scene = seen_from(pose, rng)
+    scene = view_from(pose, WORLD, rng)
     recording = Simulation(replace(scene, markers=scene.markers[:2]), rng).run(4)
     time_s, errors = coffee.place_all('joint', recording, scene, pose)
     assert time_s == math.inf

@@ -2,12 +2,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """A driver at a board that runs ST's example."""
 
-import threading
-from collections.abc import Iterator
-from contextlib import contextmanager
+from pathlib import Path
 
 import pytest
-from harness_nodes import System, running
+from harness_nodes import running
 from harness_observer import values_of
 from st_board import Board, Zone
 
@@ -15,34 +13,20 @@ from retrolidar_ros.msg import Frame as FrameMsg
 from retrolidar_ros.nodes.conversion import to_ns
 
 
-@contextmanager
-def printing(board: Board) -> Iterator[None]:
-    """Let a board print frames for as long as the block lasts."""
-    stop = threading.Event()
-    thread = threading.Thread(target=board.run, args=(stop, 0.05))
-    thread.start()
-    try:
-        yield
-    finally:
-        stop.set()
-        thread.join()
-
-
-@pytest.fixture(scope='module')
-def system(tmp_path_factory: pytest.TempPathFactory) -> Iterator[System]:
-    with running(tmp_path_factory.mktemp('board'), '/kit') as system:
-        yield system
-
-
-def test_text_is_published_as_frames(system: System) -> None:
+def test_text_is_published_as_frames(tmp_path: Path) -> None:
     zones: list[Zone | None] = [None] * 16
     zones[3] = Zone(700, signal_kcps=250, ambient_kcps=4)  # at the scene's top left
-    with Board(zones) as board, system.subscribed(FrameMsg, 'frames') as messages:
+    with (
+        Board(zones) as board,
+        running(tmp_path, '/kit') as system,
+        system.subscribed(FrameMsg, 'frames') as messages,
+    ):
         system.start('driver', serial_port=board.path, protocol='st_example')
-        with printing(board):
+        with board.printing():
             system.wait(lambda: sum(one.signal[0] > 0 for one in messages) > 30, 'frames')
             values = values_of(system.next_status('driver: frames'))
-        system.stop('driver')
+        reset = system.services.trigger('driver/reset')
+        assert (reset.success, reset.message) == (False, 'this protocol has no commands')
         assert board.keys == b's'
     lit = [message.signal[0] > 0 for message in messages]
     assert lit == sorted(lit)  # once switched on, it stays on
