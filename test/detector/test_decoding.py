@@ -31,6 +31,8 @@ def frames(duration_s: float = 3.0, rows: int = 4) -> list[Frame]:
 @pytest.mark.parametrize('method', METHODS)
 def test_another_zone_grid_begins_anew(method: str) -> None:
     assert list(detect([], method)) == []
+    with pytest.raises(ValueError, match='only_registered: there is no marker_file'):
+        Decoding({**defaults(), 'method': method, 'only_registered': True})
     several = [*frames(), *frames(rows=8), *frames()]
     read = [detection.id for detection in detect(several, method)]
     assert read.count(ID) == 3

@@ -9,6 +9,7 @@ import pytest
 from harness_frames import make_frames
 
 from retrolidar_ros.sensor.frame import Frame, Recording, ZoneGrid, valid_samples
+from retrolidar_ros.sensor.frame_rate import missing_frames, stamps_stand
 from retrolidar_ros.sensor.model import Status
 from retrolidar_ros.sensor.noise import NoiseLaw
 
@@ -138,3 +139,11 @@ def test_ambient_light_raises_the_floor() -> None:
     assert LAW.lit(10.0).variance(np.array(0.0)) == pytest.approx(LAW.floor + 10 * LAW.ambient)
     assert LAW.lit(10.0).slope == LAW.slope
     assert LAW.lit([3.0, np.nan, np.inf, -5.0]).floor == LAW.floor + 0.75 * LAW.ambient
+
+
+def test_missing_frames_are_counted_and_stamps_that_stand_are_known() -> None:
+    top = 2**32
+    pairs = [(None, 7), (3, 4), (3, 6), (top - 1, 0), (top - 2, 1), (5000, 0)]
+    assert [missing_frames(*pair) for pair in pairs] == [0, 0, 2, 0, 2, 0]
+    steps = [(10, 0), (10, -9_000_000), (9, 0), (10, 10_000_000), (9, 9_000_000)]
+    assert [stamps_stand(*step) for step in steps] == [True, True, False, False, False]
