@@ -104,10 +104,7 @@ def test_a_damaged_chunk_ends_the_frames(tmp_path: Path, compression: str) -> No
     first = 17 + int.from_bytes(whole[9:17], 'little')
     assert whole[first] == 6
     # Somewhere in a chunk, and in the uncompressed size of the first.
-    for place, where, least, most in (
-        (len(whole) // 2, '', 81, 100),
-        (first + 25, first, 0, 20),
-    ):
+    for place, where, least, most in ((len(whole) // 2, '', 81, 100), (first + 25, first, 0, 20)):
         data = bytearray(whole)
         data[place] ^= 0x10
         file.write_bytes(data)

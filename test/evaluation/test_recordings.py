@@ -6,11 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from evaluation.bench.disturbances import (
-    BLOCK_FRAMES,
-    FAMILY,
-    Member,
-)
+from evaluation.bench.disturbances import BLOCK_FRAMES, FAMILY, Member
 from evaluation.bench.judging import BOTH, judged
 from evaluation.bench.recordings import SILENCE_BITS, record
 from evaluation.bench.stresses import PLAIN, STRESSES, Stress

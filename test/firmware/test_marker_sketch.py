@@ -9,11 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 import pytest
-from harness_firmware import (
-    IntArray,
-    compile_firmware,
-    run_host,
-)
+from harness_firmware import IntArray, compile_firmware, run_host
 
 from retrolidar_ros.marker.battery import CELL_MAH, PROTOTYPE, active_share, drawn, life_h
 from retrolidar_ros.marker.code import BIT_PERIOD_S, packet

@@ -180,11 +180,7 @@ CASES = {
         {'emulate': 'coffee', 'max_stddev': '0.2'},
         lambda observer: check_coffee(observer, COFFEE, 'coffee', SENSOR_VIEW),
     ),
-    'drone': (
-        'drone',
-        {'emulate': str(SILENT), 'params_file': str(IMPATIENT)},
-        check_heartbeat,
-    ),
+    'drone': ('drone', {'emulate': str(SILENT), 'params_file': str(IMPATIENT)}, check_heartbeat),
     'three_sensors': (
         'drone',
         {'emulate': str(STILL), 'sensors': '3', 'single_process': 'true'},

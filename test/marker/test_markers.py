@@ -81,10 +81,7 @@ FIELDS = [
         ),
         (None, ': needs a mapping of IDs to markers, not None'),
         *(({5: one}, f'.5: needs keys with values, not {one!r}') for one in (None, 'mug', ['f'])),
-        (
-            {5: {'frame': 'mug'}, 6: {'frame': 'mug'}},
-            '.6.frame: marker 5 has the frame mug, too',
-        ),
+        ({5: {'frame': 'mug'}, 6: {'frame': 'mug'}}, '.6.frame: marker 5 has the frame mug, too'),
         *(({5: {key: value}}, f'.5.{key}: {complaint}') for key, value, complaint in FIELDS),
     ],
 )
