@@ -15,7 +15,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from harness_core import PROGRAMS, SOURCES, compile_core
-from harness_firmware import TIME_LIMIT_S, need, printed
+from harness_firmware import TIME_LIMIT_S, need, printed, run
 
 from retrolidar_ros import core
 
@@ -69,10 +69,10 @@ def test_frames_of_garbage_do_no_harm(tmp_path_factory: pytest.TempPathFactory) 
     # Python itself leaves memory at its end.
     given = {'LD_PRELOAD': sanitizer, 'ASAN_OPTIONS': 'detect_leaks=0'}
     candidates = read = 0
-    for run in RUNS:
-        said = printed(sys.executable, PROGRAMS / 'fuzz.py', library, *map(str, run), **given)
+    for several in RUNS:
+        said = printed(sys.executable, PROGRAMS / 'fuzz.py', library, *several, **given)
         listed = LISTED.findall(said)
-        assert len(listed) == run[1]
+        assert len(listed) == several[1]
         candidates += sum(int(judged) for judged, _ in listed)
         read += sum(int(known) for _, known in listed)
     # Else it would have seen little of the core.
@@ -101,15 +101,8 @@ def test_the_core_has_no_state_of_its_own(tmp_path_factory: pytest.TempPathFacto
 
 def has_library(compiler: str) -> bool:
     """Tell whether a compiler comes with the headers of a C library."""
-    tried = subprocess.run(
-        [compiler, '-E', '-xc', '-'],
-        input='#include <math.h>\n#include <stdlib.h>\n#include <string.h>\n',
-        capture_output=True,
-        text=True,
-        check=False,
-        timeout=TIME_LIMIT_S,
-    )
-    return tried.returncode == 0
+    headers = '#include <math.h>\n#include <stdlib.h>\n#include <string.h>\n'
+    return run(compiler, '-E', '-xc', '-', given=headers).returncode == 0
 
 
 @pytest.mark.parametrize('processor', PROCESSORS)
@@ -118,15 +111,9 @@ def test_the_core_compiles_without_a_warning(processor: str, tmp_path: Path) -> 
     need(compiler)
     if not has_library(compiler):
         pytest.skip(f'needs a C library for {compiler}')
-    ended = subprocess.run(
-        [compiler, *STRICT, '-O2', *options, f'-I{SOURCES}', '-c', *SOURCES.glob('*.c')],
-        cwd=tmp_path,
-        capture_output=True,
-        text=True,
-        check=False,
-        timeout=TIME_LIMIT_S,
-    )
-    assert ended.returncode == 0, ended.stderr
+    for source in SOURCES.glob('*.c'):
+        made = ('-c', source, '-o', tmp_path / f'{source.stem}.o')
+        printed(compiler, *STRICT, '-O2', *options, f'-I{SOURCES}', *made)
 
 
 def test_8x8_zones_at_15_hz_and_a_packet_of_27_bits_are_read_by_the_same_core(
