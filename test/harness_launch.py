@@ -27,6 +27,20 @@ _COMMANDS = ('emulator', 'server')  # they say that they were interrupted
 _DOMAIN = 'ROS_DOMAIN_ID'
 # Above the ports that Linux gives to others; launch_test picks one from those below them.
 _FIRST_DOMAIN, _DOMAINS = 215, 18
+SCRIPT = """
+import sys
+from launch import LaunchDescription, LaunchService
+from launch.actions import IncludeLaunchDescription
+from retrolidar_ros.settings.resources import shared_file
+
+arguments = [argument.split(':=', 1) for argument in sys.argv[2:]]
+include = IncludeLaunchDescription(str(shared_file(f'launch/{sys.argv[1]}.launch.py')),
+                                   launch_arguments=arguments)
+service = LaunchService()
+service.include_launch_description(LaunchDescription([include]))
+sys.exit(service.run())
+"""
+"""Launches a file of the package: its name, and arguments."""
 
 
 def included(name: str, **arguments: str) -> Any:

@@ -20,22 +20,9 @@ from launch_testing.util import KeepAliveProc
 
 sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
 
+from harness_launch import SCRIPT
 from harness_observer import Observer
 
-SCRIPT = """
-import sys
-from launch import LaunchDescription, LaunchService
-from launch.actions import IncludeLaunchDescription
-from retrolidar_ros.settings.resources import shared_file
-
-arguments = [argument.split(':=', 1) for argument in sys.argv[2:]]
-include = IncludeLaunchDescription(str(shared_file(f'launch/{sys.argv[1]}.launch.py')),
-                                   launch_arguments=arguments)
-service = LaunchService()
-service.include_launch_description(LaunchDescription([include]))
-sys.exit(service.run())
-"""
-"""Launches a file of the package: its name, and arguments."""
 NAMESPACE = 'wrongly_launched'
 _AT_ONCE = 3
 WRONG = {
