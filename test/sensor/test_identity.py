@@ -38,7 +38,7 @@ def test_who_is_there_is_asked_whenever_the_port_opens() -> None:
     reader = FrameReader()
     assert reader.request() == b''
     for _ in range(2):
-        reader.feed(packet_of(RANGING))
+        reader.feed(packet_of(STOPPED))  # which is to be started, but has gone before it is told
         reader.restart()
         assert reader.commands.identity is None
         assert reader.request() == IDENTIFY
