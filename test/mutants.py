@@ -43,8 +43,8 @@ FOLDERS: dict[str, tuple[str, ...]] = {
     'detector': (
         'retrolidar_ros/detector',
         'test/detector/test_{detector,decoding,explain,frame_monitor,paper_method,place}.py',
-        'test/detector/test_{restart,tracks,zone_light}.py test/cli/test_calibrate.py',
-        'test/detector/test_{invariance,pinned_reading}.py',
+        'test/cli/test_{calibrate,watch_state}.py',
+        'test/detector/test_{restart,tracks,zone_light,invariance,pinned_reading}.py',
     ),
     **{
         name: (f'retrolidar_ros/{name}', tests)

@@ -12,7 +12,9 @@ import pytest
 from retrolidar_ros.detector.blinking_zones import blinking_zones
 from retrolidar_ros.detector.decoding import Decoding
 from retrolidar_ros.detector.findings import Cause, Finding
+from retrolidar_ros.detector.likelihood_detector import Candidate, Reason
 from retrolidar_ros.detector.parameters import defaults
+from retrolidar_ros.detector.rejections import Rejections
 from retrolidar_ros.marker.liquid_crystal import Response
 from retrolidar_ros.scene import Scene, Simulation, parse_scene
 from retrolidar_ros.scene.description import Marker, Noise, Sensor, Surface
@@ -169,3 +171,31 @@ def test_stamps_that_do_not_go_on_have_no_bits(steps_s: list[float]) -> None:
     odd = replace(recording, stamp_ns=10**12 + np.concatenate([[0], np.cumsum(steps_ns)]))
     with np.errstate(all='raise'):
         assert all(not zone.periods for zone in blinking_zones(odd, NoiseLaw()))
+
+
+PACKET_NS = round(31 * 42e6)
+
+
+@pytest.mark.parametrize(
+    ('zone', 'read_in', 'begins', 'rejected'),
+    [
+        (5, 5, 0.0, 0),
+        (5, 6, 0.5, 0),  # beside it, half a packet later
+        (5, 7, 0.0, 1),
+        (5, 5, 1.5, 1),
+        (5, 5, -1.5, 1),
+        (16, 15, 0.0, 0),  # a sum of zones
+    ],
+)
+def test_a_candidate_is_rejected_once_no_packet_can_explain_it_any_more(
+    zone: int, read_in: int, begins: float, rejected: int
+) -> None:
+    start_ns = round(begins * PACKET_NS)
+    (packet, *_) = Decoding(defaults()).detect(seen(marker(1.0), seconds=3.0))
+    packet = replace(packet, zones=(read_in,), start_ns=start_ns, end_ns=start_ns + PACKET_NS)
+    rejections = Rejections(SENSOR.grid)
+    rejections.take([Candidate(7, zone, 1, Reason.EVIDENCE, 0, 0.042, 0.0, 0.0, 0.0)], [packet], 0)
+    rejections.settle(PACKET_NS)
+    assert not rejections.counts  # a packet that explains it may still be read
+    rejections.settle(2 * PACKET_NS)
+    assert rejections.counts[Reason.EVIDENCE.value] == rejected
