@@ -52,7 +52,7 @@ def pytest_report_header() -> list[str]:
 # In real time, with many processes, or with much to compute.
 SLOW = {'nodes', 'launch', 'docs', 'evaluation', 'test_watch.py'}
 SLOW |= {
-    'test_core.py',
+    'test_core_robustness.py',
     'test_invariance.py',
     'test_oracle.py',
     'test_parts.py',

@@ -1,0 +1,88 @@
+# Copyright 2026 retrolidar_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""Whatever the core is given: no fault, no memory taken, no state but its own; on any processor."""
+
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from harness_core import PROGRAMS, SOURCES, compile_core
+from harness_firmware import TIME_LIMIT_S, need, printed
+
+STRICT = ['-std=c99', '-Wall', '-Wextra', '-Wpedantic', '-Wconversion', '-Wshadow', '-Werror']
+RUNS = ((0, 7, 200), (1140, 1, 1200))
+"""First detector, how many, and frames of each; the last reads one as long as what is held."""
+LISTED = re.compile(r'\d+: \d+ zones, \d+ IDs: (\d+) candidates, (\d+) read')
+# The processor of this machine is what the programs of these tests are compiled for.
+PROCESSORS = {
+    'ARM64': ('aarch64-linux-gnu-gcc', ()),
+    'Cortex-M4': ('arm-none-eabi-gcc', ('-mcpu=cortex-m4', '-mthumb')),
+}
+
+
+def test_frames_of_garbage_do_no_harm(tmp_path_factory: pytest.TempPathFactory) -> None:
+    library = compile_core('sanitized.so', tmp_path_factory)
+    sanitizer = printed('cc', '-print-file-name=libasan.so').strip()
+    # Python itself leaves memory at its end.
+    given = {'LD_PRELOAD': sanitizer, 'ASAN_OPTIONS': 'detect_leaks=0'}
+    candidates = read = 0
+    for run in RUNS:
+        said = printed(sys.executable, PROGRAMS / 'fuzz.py', library, *map(str, run), **given)
+        listed = LISTED.findall(said)
+        assert len(listed) == run[1]
+        candidates += sum(int(judged) for judged, _ in listed)
+        read += sum(int(known) for _, known in listed)
+    # Else it would have seen little of the core.
+    assert candidates > 300
+    assert read > 10
+
+
+def test_memory_is_taken_at_creation_only(tmp_path_factory: pytest.TempPathFactory) -> None:
+    need('objdump')
+    listed = printed('objdump', '-r', compile_core('plain.a', tmp_path_factory))
+    takers = {
+        heading
+        for heading, symbols in re.findall(r'FOR \[\.(\S+)\]:\n(.*?)\n\n', listed, re.S)
+        if re.search(r'\b(\w*alloc|free|strn?dup)\b', symbols)
+    }
+    objects = ('detector', 'tracks')
+    assert takers == {f'text.rl_{one}_{end}' for one in objects for end in ('create', 'destroy')}
+
+
+def test_the_core_has_no_state_of_its_own(tmp_path_factory: pytest.TempPathFactory) -> None:
+    need('nm')
+    symbols = printed('nm', compile_core('plain.a', tmp_path_factory))
+    assert symbols.count('.o:\n') == len(list(SOURCES.glob('*.c')))
+    assert re.findall(r'^\S* [bBcCdDsSgG] .*$', symbols, re.M) == []
+
+
+def has_library(compiler: str) -> bool:
+    """Tell whether a compiler comes with the headers of a C library."""
+    tried = subprocess.run(
+        [compiler, '-E', '-xc', '-'],
+        input='#include <math.h>\n#include <stdlib.h>\n#include <string.h>\n',
+        capture_output=True,
+        text=True,
+        check=False,
+        timeout=TIME_LIMIT_S,
+    )
+    return tried.returncode == 0
+
+
+@pytest.mark.parametrize('processor', PROCESSORS)
+def test_the_core_compiles_without_a_warning(processor: str, tmp_path: Path) -> None:
+    compiler, options = PROCESSORS[processor]
+    need(compiler)
+    if not has_library(compiler):
+        pytest.skip(f'needs a C library for {compiler}')
+    ended = subprocess.run(
+        [compiler, *STRICT, '-O2', *options, f'-I{SOURCES}', '-c', *SOURCES.glob('*.c')],
+        cwd=tmp_path,
+        capture_output=True,
+        text=True,
+        check=False,
+        timeout=TIME_LIMIT_S,
+    )
+    assert ended.returncode == 0, ended.stderr
