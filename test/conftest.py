@@ -28,7 +28,7 @@ sys.path.append(str(Path(__file__).resolve().parents[1]))
 HERE = Path(__file__).resolve().parent
 NEEDED = {
     'evaluation': ('pyapriltags',),  # experiments need libraries from pip, not of robots
-    'harness_nodes|retrolidar_ros.nodes': ('rclpy', 'retrolidar_ros.msg'),
+    'harness|harness_nodes|retrolidar_ros.nodes': ('rclpy', 'retrolidar_ros.msg'),
 }
 """What tests that import these modules need."""
 # Those of the launch files are for launch_test.
@@ -55,6 +55,7 @@ SLOW |= {
     'test_core_robustness.py',
     'test_invariance.py',
     'test_oracle.py',
+    'test_parts.py',
     'test_pinned_reading.py',
 }
 
@@ -66,3 +67,17 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
         if SLOW & set(Path(str(item.fspath)).parts):  # .path is not in pytest 6 of Humble
             item.add_marker('slow')
     items.sort(key=lambda item: item.get_closest_marker('slow') is None)
+
+
+@pytest.fixture
+def link(tmp_path: Path) -> Path:
+    """Give the path at which a port will be."""
+    return tmp_path / 'port'
+
+
+@pytest.fixture(scope='session')
+def programs(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Compile both sketches, which checks their types; give where their programs are."""
+    from harness_firmware import compile_firmware
+
+    return compile_firmware(tmp_path_factory)

@@ -11,6 +11,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+import yaml
 
 from retrolidar_ros.msg import Frame as FrameMsg
 from retrolidar_ros.msg import MarkerDetection
@@ -18,8 +19,10 @@ from retrolidar_ros.nodes.conversion import covariance_of, to_ns, vector_of
 from retrolidar_ros.nodes.listener import Listener
 from retrolidar_ros.scene.description import Scene
 from retrolidar_ros.scene.emulator import PortLink, frames_in_real_time
+from retrolidar_ros.scene.files import find_scene
 from retrolidar_ros.sensor.frame import Floats, Frame
-from retrolidar_ros.sensor.wire import DELIMITER, cobs_decode, cobs_encode, encode_frame
+from retrolidar_ros.sensor.wire import encode_frame
+from retrolidar_ros.settings.yaml_files import load_yaml
 
 STAMP_ERROR_S = 0.050
 PATIENCE_S = 60.0
@@ -35,8 +38,7 @@ class Sensor:
         """True middle of the exposure of each frame that was sent undamaged, by sequence."""
         self.damaged: set[int] = set()
         self.corrupt_share = 0.0
-        """Share of bytes in packets that are damaged: every other of them is overwritten by noise,
-        and of those of odd sequences only the checksum is wrong."""
+        """Share of packets of which the last byte before the delimiter is another one."""
         self.lost_share = 0.0
         """Share of frames that the sensor does not send."""
         self._first: Frame | None = None
@@ -75,11 +77,6 @@ class Sensor:
         with self._lock:
             self._restarting = True
 
-    def damages(self) -> tuple[int, int]:
-        """Return how many packets had a wrong checksum, and how many were overwritten."""
-        odd = sum(sequence % 2 for sequence in list(self.damaged))
-        return odd, len(self.damaged) - odd
-
     def _since_start(self, frame: Frame) -> Frame:
         with self._lock:
             if self._restarting:
@@ -103,11 +100,8 @@ class Sensor:
             frame = self._since_start(simulated)
             data = bytearray(encode_frame(frame))
             damaged = self._rng.random() < self.corrupt_share
-            if damaged and frame.sequence % 2:
-                content = cobs_decode(bytes(data[:-1]))
-                data[:] = cobs_encode(content[:-1] + bytes([content[-1] ^ 1])) + DELIMITER
-            elif damaged:
-                data[:-1] = self._rng.integers(0, 256, len(data) - 1, dtype=np.uint8).tobytes()
+            if damaged:
+                data[-2] = data[-2] % 255 + 1  # which is of the checksum, or of the framing
             # Recorded before it is sent: who receives it may look it up at once.
             if damaged:
                 self.damaged.add(frame.sequence)
@@ -118,6 +112,18 @@ class Sensor:
             if not is_sent:
                 self.damaged.discard(frame.sequence)
                 self.middle_ns.pop(frame.sequence, None)
+
+
+def silent_drone(directory: Path, start_s: float, packets: int) -> Path:
+    """Write the scene of a drone that falls silent; return its path."""
+    scene = load_yaml(find_scene('drone'))
+    (marker,) = scene['markers']
+    # It hangs still: where it goes from zone to zone, a packet may be missed.
+    del marker['wander'], marker['occlusion']
+    marker |= {'start': f'{start_s} s', 'packets': packets}
+    path = directory / 'silent_drone.yaml'
+    path.write_text(yaml.safe_dump(scene))
+    return path
 
 
 def wait_for_nodes(listener: Listener) -> None:

@@ -29,20 +29,11 @@ IntArray: TypeAlias = 'NDArray[np.integer[Any]]'
 def make(directory: Path, build: Path, *targets: object) -> str:
     """Make targets of a Makefile; return what it printed, or fail with that."""
     # What colcon or a person set for other builds is not for this one.
-    unwanted = ('CFLAGS', 'CXXFLAGS', 'LDFLAGS', 'MAKEFLAGS', 'MFLAGS')
+    unwanted = dict.fromkeys(('CFLAGS', 'CXXFLAGS', 'LDFLAGS', 'MAKEFLAGS', 'MFLAGS'), '')
     build.mkdir(exist_ok=True)
     with (build / 'lock').open('w') as lock:
         fcntl.flock(lock, fcntl.LOCK_EX)  # another worker of pytest-xdist may want the same
-        made = subprocess.run(
-            ['make', '-j2', '-C', str(directory), f'BUILD={build}', *map(str, targets)],
-            capture_output=True,
-            text=True,
-            check=False,
-            timeout=TIME_LIMIT_S,
-            env={name: value for name, value in os.environ.items() if name not in unwanted},
-        )
-    assert made.returncode == 0, made.stdout + made.stderr
-    return made.stdout
+        return printed('make', '-j2', '-C', directory, f'BUILD={build}', *targets, **unwanted)
 
 
 def need(*tools: str) -> None:
@@ -66,30 +57,30 @@ def compile_firmware(directories: pytest.TempPathFactory) -> Path:
     return build
 
 
-def printed(*command: str | Path, **environment: str) -> str:
-    """Return what a command prints, which must end well."""
-    ended = subprocess.run(
-        command,
-        capture_output=True,
-        text=True,
-        check=False,
-        timeout=TIME_LIMIT_S,
-        env={**os.environ, **environment},
-    )
-    assert ended.returncode == 0, ended.stdout + ended.stderr
-    return ended.stdout
-
-
-def run_host(program: Path, *arguments: object, given: str = '', **environment: str) -> bytes:
-    """Run a compiled sketch; return its output, and fail if a sanitizer complains."""
-    ended = subprocess.run(
-        [program, *map(str, arguments)],
+def run(
+    *command: object, given: str = '', **environment: str
+) -> subprocess.CompletedProcess[bytes]:
+    """Return how a command ended."""
+    return subprocess.run(
+        [*map(str, command)],
         input=given.encode(),
         capture_output=True,
         check=False,
         timeout=TIME_LIMIT_S,
         env={**os.environ, **environment},
     )
+
+
+def printed(*command: object, **environment: str) -> str:
+    """Return what a command prints, which must end well."""
+    ended = run(*command, **environment)
+    assert ended.returncode == 0, (ended.stdout + ended.stderr).decode()
+    return ended.stdout.decode()
+
+
+def run_host(program: Path, *arguments: object, given: str = '', **environment: str) -> bytes:
+    """Run a compiled sketch; return its output, and fail if a sanitizer complains."""
+    ended = run(program, *arguments, given=given, **environment)
     assert not ended.stderr, ended.stderr.decode()
     return ended.stdout
 

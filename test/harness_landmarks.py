@@ -5,15 +5,13 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
-import pytest
 from diagnostic_msgs.msg import DiagnosticStatus
 from geometry_msgs.msg import PoseWithCovarianceStamped, TransformStamped
 from harness import MAX_MAHALANOBIS
-from harness_observer import RELIABLE, Observer, values_of
+from harness_observer import Observer, values_of
 from tf2_msgs.msg import TFMessage
 from visualization_msgs.msg import Marker, MarkerArray
 
@@ -32,7 +30,6 @@ from retrolidar_ros.settings.yaml_files import load_yaml
 
 HAND = 'hand_optical_frame'
 FIXED = 'base_link'
-GROUND, EDGE_M = 'ground', 0.4
 MUG_M = np.array([0.1, -0.05, 1.2])
 CORNERS = ((-0.2, -0.2), (0.2, -0.2), (0.2, 0.2), (-0.2, 0.2))
 _GRID = ZoneGrid()
@@ -166,21 +163,3 @@ def check_landmarks(observer: Observer, saved: Path) -> None:
     assert 'nothing is placed' in answer.message
     assert load_yaml(saved) == content
     observer.wait_for_status(name, DiagnosticStatus.WARN, 'nothing is placed yet')
-
-
-def check_drone(observer: Observer, at: Callable[[int], Floats]) -> None:
-    """Three sensors on the ground tell where a drone is, across their lines of sight, too.
-
-    `at` returns where it is at a stamp [ns], shape (3,) [m].
-    """
-    topic, name = 'landmarks/objects/drone', 'landmarks: landmarks'
-    poses = observer.collect(PoseWithCovarianceStamped, topic, RELIABLE)
-    observer.wait(lambda: len(poses) >= 12, 'twelve poses')
-    frames = {message.header.frame_id for message, _ in observer.markers}
-    assert frames == {f'sensor{index}_optical_frame' for index in range(3)}
-    for pose in poses[-6:]:
-        assert pose.header.frame_id == GROUND
-        assert squared(pose, at(to_ns(pose.header.stamp))) < MAX_MAHALANOBIS
-        assert deviation_m(pose) < 0.04
-    values = values_of(observer.wait_for_status(name, DiagnosticStatus.OK, '1 placed'))
-    assert float(values['drone: baseline [m]']) == pytest.approx(EDGE_M, abs=1e-3)

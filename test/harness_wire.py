@@ -11,12 +11,7 @@ import numpy as np
 from hypothesis import settings
 
 from retrolidar_ros.sensor.frame import Frame, ZoneGrid
-from retrolidar_ros.sensor.wire import (
-    DELIMITER,
-    FrameReader,
-    WireCounts,
-    encode_frame,
-)
+from retrolidar_ros.sensor.wire import DELIMITER, FrameReader, WireCounts, encode_frame
 
 SENSOR_TIME_US = 0x0123456789AB
 # The zones of one frame in the sensor's order: distance [mm/4], signal and ambient light

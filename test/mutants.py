@@ -40,10 +40,15 @@ CORE_TESTS = (
 FOLDERS: dict[str, tuple[str, ...]] = {
     'core': ('core/src', *CORE_TESTS),
     'parts': ('core/src', DECISION_TESTS, *CORE_TESTS),
+    'detector': (
+        'retrolidar_ros/detector',
+        'test/detector/test_{detector,decoding,explain,frame_monitor,paper_method,place}.py',
+        'test/cli/test_{calibrate,watch_state}.py',
+        'test/detector/test_{restart,tracks,zone_light,invariance,pinned_reading}.py',
+    ),
     **{
         name: (f'retrolidar_ros/{name}', tests)
         for name, tests in {
-            'detector': 'test/detector test/cli/test_calibrate.py',
             'sensor': 'test/sensor test/firmware',
             'marker': 'test/marker test/scene',
             'scene': 'test/scene',
@@ -180,10 +185,12 @@ class Copy:
         objects = ' '.join(map(str, sorted(self._objects.glob('*.o'))))
         self.run(f'cc -shared {objects} -lm -o {self._module}')
 
-    def passes(self, folder: str) -> bool:
-        """Return whether all tests of a folder pass."""
+    def passes(self, folder: str, file: Path | None = None) -> bool:
+        """Return whether all tests of a folder pass, of which those of a file come first."""
+        own = sorted(self._root.glob(f'test/*/test_{file.stem}*.py')) if file else []
+        runs = [' '.join(map(str, own))] if own else []
         pytest = 'pytest -q -x -n 0 -p no:cacheprovider --timeout 300'
-        return all(self.run(f'{pytest} {tests}') == 0 for tests in FOLDERS[folder][1:])
+        return all(self.run(f'{pytest} {tests}') == 0 for tests in [*runs, *FOLDERS[folder][1:]])
 
     def notices(self, mutant: Mutant) -> bool:
         """Return whether a test fails, or nothing compiles, with a mutant."""
@@ -196,7 +203,7 @@ class Copy:
                 return True
             if in_c:
                 self._link()
-            return not self.passes(mutant.folder)
+            return not self.passes(mutant.folder, mutant.file)
         finally:
             path.write_text(whole)
             if in_c:

@@ -11,8 +11,8 @@ import random
 import select
 import threading
 import tty
-from collections.abc import Sequence
-from contextlib import suppress
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager, suppress
 from typing import NamedTuple
 
 import numpy as np
@@ -122,11 +122,23 @@ class Board:
             self._send(b'\x1b[2J')
         return True
 
-    def run(self, stop: threading.Event, pause_s: float) -> None:
-        """Print frames and heed keys until `stop` is set, as the example does for ever."""
-        while not stop.wait(pause_s):
-            self.print_frame()
-            self.heed_key(0)
+    @contextmanager
+    def printing(self) -> Iterator[None]:
+        """Print frames and heed keys, as the example does for ever, while the block lasts."""
+        stop = threading.Event()
+
+        def run() -> None:
+            while not stop.wait(0.05):
+                self.print_frame()
+                self.heed_key(0)
+
+        thread = threading.Thread(target=run)
+        thread.start()
+        try:
+            yield
+        finally:
+            stop.set()
+            thread.join()
 
 
 def make_zones(side: int = 4, seed: int = 1) -> list[Zone | None]:

@@ -15,7 +15,6 @@ from fcntl import ioctl
 from pathlib import Path
 from struct import pack
 from termios import TIOCSWINSZ
-from threading import Event, Thread
 
 import pytest
 from st_board import Board, Zone
@@ -30,15 +29,8 @@ PATIENCE_S = 60.0
 
 def test_a_still_scene_before_st_s_example_does_not_blink(capsys: Output) -> None:
     options = ['--protocol', 'st_example', '--bit-period', '0.1', '--duration', '3']
-    stop = Event()
-    with Board([Zone(700, signal_kcps=250)] * 16) as board:
-        printing = Thread(target=board.run, args=(stop, 0.05))
-        printing.start()
-        try:
-            assert main(['watch', board.path, *options]) == 0
-        finally:
-            stop.set()
-            printing.join()
+    with Board([Zone(700, signal_kcps=250)] * 16) as board, board.printing():
+        assert main(['watch', board.path, *options]) == 0
     last = capsys.readouterr().out.splitlines()[-1]
     assert int(re.findall(r'(\d+) frames,', last)[0]) > 10
     assert last.endswith('no zone blinks')

@@ -1,13 +1,17 @@
 # Copyright 2026 retrolidar_ros contributors
 # SPDX-License-Identifier: Apache-2.0
+"""Frames become readings: grids, errors, and how many must agree before one is published."""
+
 from collections.abc import Iterable, Iterator
 from dataclasses import replace
 
+import numpy as np
 import pytest
-from harness_detector import ID, a_scene, simulate
+from harness_detector import ID, a_scene, repeating, simulate
 
 from retrolidar_ros.bag import BagError
 from retrolidar_ros.detector import METHODS
+from retrolidar_ros.detector.agreement import Agreement
 from retrolidar_ros.detector.decoding import Decoding
 from retrolidar_ros.detector.detection import Detection
 from retrolidar_ros.detector.parameters import defaults
@@ -27,6 +31,8 @@ def frames(duration_s: float = 3.0, rows: int = 4) -> list[Frame]:
 @pytest.mark.parametrize('method', METHODS)
 def test_another_zone_grid_begins_anew(method: str) -> None:
     assert list(detect([], method)) == []
+    with pytest.raises(ValueError, match='only_registered: there is no marker_file'):
+        Decoding({**defaults(), 'method': method, 'only_registered': True})
     several = [*frames(), *frames(rows=8), *frames()]
     read = [detection.id for detection in detect(several, method)]
     assert read.count(ID) == 3
@@ -48,3 +54,67 @@ def test_detections_come_before_the_last_frame() -> None:
     source = iter(frames(10.0))
     assert next(detect(source, METHODS[0])).id == ID
     assert len(list(source)) > 200
+
+
+FRAMES = list(repeating(6.0))
+
+
+def decoding_of(min_readings: int) -> Decoding:
+    return Decoding({**defaults(), 'min_readings': min_readings})
+
+
+EVERY = list(decoding_of(1).detect(FRAMES))
+
+
+def reading(at_s: float, range_m: float = 1.0, identity: int = ID) -> Detection:
+    place = replace(EVERY[0].place, range_m=range_m, range_stddev_m=0.002)
+    return replace(EVERY[0], id=identity, stamp_ns=round(at_s * 1e9), place=place)
+
+
+@pytest.mark.parametrize('min_readings', [1, 2, 3, 20])
+def test_the_first_readings_of_a_marker_are_withheld_and_whoever_has_no_more_is_told(
+    min_readings: int,
+) -> None:
+    decoding = decoding_of(min_readings)
+    stamps_ns = [one.stamp_ns for one in decoding.detect(FRAMES)]
+    assert stamps_ns == [one.stamp_ns for one in EVERY[min_readings - 1 :]]
+    why = [str(one) for one in decoding.explanation().findings()]
+    withheld = f'withheld: fewer agree than min_readings, {min_readings}'
+    assert [withheld in one for one in why] == [True] * (min_readings > len(EVERY))
+
+
+@pytest.mark.parametrize(
+    ('second', 'agrees'),
+    [
+        (reading(1.3), True),
+        (reading(1.3, 1.5), True),  # it comes nearer, or goes
+        (reading(1.3, 2.5), False),
+        (reading(0.0, 1.05), False),
+        (reading(15.0), True),  # read in few of its packets
+        (reading(17.0), False),
+        (reading(1.3, identity=2096), False),
+        (reading(-1e4), False),  # the clock was set back
+    ],
+)
+def test_two_readings_agree_in_id_time_and_range(second: Detection, agrees: bool) -> None:
+    agreement = Agreement(2)
+    assert agreement.confirmed([reading(0.0)]) == []
+    assert agreement.confirmed([second]) == ([second] if agrees else [])
+    assert (agreement.passed, agreement.withheld) == (agrees, 2 - agrees)
+
+
+def test_rare_chance_readings_never_pass() -> None:
+    """At a hundred times the default rate, of 4094 IDs, for three days."""
+    rng = np.random.default_rng(1)
+    agreement = Agreement(2)
+    at_s = np.sort(rng.uniform(0, 72 * 3600, 720))
+    rows = zip(at_s, rng.uniform(0.3, 4, 720), rng.integers(1, 4095, 720), strict=True)
+    passed = [agreement.confirmed([reading(*row)]) for row in rows]
+    assert sum(map(len, passed)) == 0
+
+
+def test_a_marker_is_followed_once_a_reading_of_it_was_passed_on() -> None:
+    first, later = (list(decoding_of(count).follow(FRAMES)) for count in (1, 2))
+    assert later
+    assert min(one.stamp_ns for one in later) >= EVERY[1].end_ns
+    assert min(one.stamp_ns for one in first) < EVERY[1].end_ns

@@ -173,8 +173,7 @@ def test_word_and_margin_decided(core: Statistics, packets: int, repeats: bool) 
         # A search finds clocks in steps.
         sending, off = sent.sendings[zone], rng.uniform(-0.01, 0.01)
         sending = sending._replace(
-            start_s=sending.start_s - off * packets * PACKET_S / 2,
-            bit_s=sending.bit_s * (1 + off),
+            start_s=sending.start_s - off * packets * PACKET_S / 2, bit_s=sending.bit_s * (1 + off)
         )
         others = rng.choice(USABLE_IDS, 3, replace=False)
         rivals = [sending._replace(bits=packet(other).astype(np.float64)) for other in others]

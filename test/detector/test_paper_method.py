@@ -21,10 +21,7 @@ from harness_detector import (
 from numpy.typing import NDArray
 
 from retrolidar_ros.detector import create_detector
-from retrolidar_ros.detector.paper.stages import (
-    fit_preamble,
-    silent_level,
-)
+from retrolidar_ros.detector.paper.stages import fit_preamble, silent_level
 from retrolidar_ros.marker.code import PREAMBLE, packet
 from retrolidar_ros.scene import Scene
 from retrolidar_ros.scene.description import Sensor

@@ -269,7 +269,7 @@ def test_moving_hands_are_no_markers() -> None:
     detector = joint()
     for block in restless_blocks(30, np.random.default_rng(0)):
         assert detector.update_all(block) == []
-    assert detector.counts.candidates > 0
+    assert sum(detector.counts.rejected.values()) == detector.counts.candidates > 0
 
 
 # Memory

@@ -18,10 +18,7 @@ from retrolidar_ros.scene import Scene
 from retrolidar_ros.scene.description import Ranging, Surface, Wander
 from retrolidar_ros.scene.files import load_scene
 from retrolidar_ros.scene.optics import position_at
-from retrolidar_ros.scene.reference import (
-    RANGING,
-    SENSOR,
-)
+from retrolidar_ros.scene.reference import RANGING, SENSOR
 from retrolidar_ros.sensor.frame import Frame, Recording
 
 KNOWN_S = 2.0  # a marker that repeats is read before
@@ -178,9 +175,7 @@ def test_a_hand_and_lost_frames_end_no_track(hidden_s: float) -> None:
     first, count = 300, round(hidden_s / SENSOR.period_s)
     gone = slice(first, first + count)
     recording = replace(
-        recording,
-        signal=recording.signal.copy(),
-        distance=recording.distance.copy(),
+        recording, signal=recording.signal.copy(), distance=recording.distance.copy()
     )
     recording.signal[gone], recording.distance[gone] = 1700.0, 0.3
     detector, _ = follow(recording)

@@ -39,11 +39,7 @@ def test_a_marker_that_is_three_times_as_bright_at_once_is_followed() -> None:
     ],
 )
 def test_a_gain_is_learnt_at_once_where_light_has_moved(
-    zone: int,
-    light: float,
-    crossed: bool,
-    learns: bool,
-    tmp_path_factory: pytest.TempPathFactory,
+    zone: int, light: float, crossed: bool, learns: bool, tmp_path_factory: pytest.TempPathFactory
 ) -> None:
     ffi, lib = bind_core(tmp_path_factory, 'zone_light')
     lights, samples = ffi.new('struct rl_zone_light[16]'), ffi.new('struct rl_zone_sample[16]')

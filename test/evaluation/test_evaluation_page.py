@@ -14,14 +14,7 @@ import pytest
 
 from evaluation.__main__ import main
 from evaluation.experiments.registry import EXPERIMENTS, run_experiment
-from evaluation.report.readme import (
-    ALL,
-    PAGE,
-    filled,
-    load,
-    renewed,
-    write_page,
-)
+from evaluation.report.readme import ALL, PAGE, filled, load, renewed, write_page
 
 ROOT = Path(__file__).parents[2]
 COMMITTED = ROOT / 'docs' / 'report'

@@ -9,22 +9,11 @@ from typing import NamedTuple
 
 import numpy as np
 import pytest
-from harness_firmware import (
-    IntArray,
-    compile_firmware,
-    run_host,
-)
+from harness_firmware import IntArray, run_host
 
 from retrolidar_ros.marker.battery import CELL_MAH, PROTOTYPE, active_share, drawn, life_h
 from retrolidar_ros.marker.code import BIT_PERIOD_S, packet
 from retrolidar_ros.marker.wakeup import LOOK_EVERY_S, LOOK_S, WAKING_S
-
-
-@pytest.fixture(scope='module')
-def programs(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Compile the sketches, which checks their types."""
-    return compile_firmware(tmp_path_factory)
-
 
 FIRST_PIN, SECOND_PIN, FRONTEND_PIN = 9, 10, 3
 LISTEN_US = 5_000_000

@@ -16,7 +16,6 @@ from harness_firmware import (
     IntArray,
     RawFrame,
     assert_same_zones,
-    compile_firmware,
     make,
     read_line,
     run_host,
@@ -28,12 +27,6 @@ from retrolidar_ros.sensor.identity import KIND_IDENTITY, Identity, decode_ident
 from retrolidar_ros.sensor.wire import FrameReader, cobs_decode
 
 FRAME_US = 20_833
-
-
-@pytest.fixture(scope='module')
-def programs(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Compile both sketches, which is what checks their types."""
-    return compile_firmware(tmp_path_factory)
 
 
 def raw_frames(count: int, zones: int = 16, seed: int = 1) -> list[RawFrame]:

@@ -4,30 +4,37 @@
 
 import sys
 import tempfile
+import time
 import unittest
 from itertools import chain
 from pathlib import Path
 
 import numpy as np
 import pytest
+import yaml
 
 pytest.importorskip('launch_testing', reason='needs launch_testing, which has no wheel')
 
 import launch_testing
+from diagnostic_msgs.msg import DiagnosticStatus
+from geometry_msgs.msg import PoseWithCovarianceStamped
+from std_msgs.msg import Bool
 
 sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
 
 from harness import (
+    MAX_MAHALANOBIS,
     PATIENCE_S,
     Sensor,
     check_detections,
     check_frames,
+    silent_drone,
     wait_for_nodes,
     wait_for_readings,
     wait_for_traffic,
 )
 from harness_coffee import SENSOR_VIEW, check_coffee
-from harness_landmarks import check_drone, check_landmarks
+from harness_landmarks import check_landmarks, deviation_m, squared
 from harness_launch import (
     check_at_once,
     check_exit_codes,
@@ -37,20 +44,18 @@ from harness_launch import (
     launched,
     observer_in,
 )
-from harness_use_cases import (
-    SIDES,
-    check_heartbeat,
-    check_two_sensors,
-    impatient_parameters,
-    silent_drone,
-)
+from harness_observer import RELIABLE, values_of
 
+from retrolidar_ros.msg import Frame as FrameMsg
+from retrolidar_ros.nodes.conversion import to_ns
 from retrolidar_ros.scene.files import load_scene
 from retrolidar_ros.settings.resources import shared_file
+from retrolidar_ros.settings.yaml_files import load_yaml
 
 COFFEE = load_scene('coffee')
 IDS = {marker.id for marker in COFFEE.markers}
 SERVER = '127.0.0.1:11899'
+SIDES = ('left', 'right')
 HALL = {'left': IDS, 'right': {2127}}
 
 
@@ -59,7 +64,13 @@ def directory():
 
 
 PORTS, SAVED, OWN = directory(), directory() / 'room.yaml', directory() / 'parameters.yaml'
+IMPATIENT = directory() / 'impatient.yaml'
 OWN.write_text('/**/driver:\n  ros__parameters:\n    frame_id: gripper_lidar\n')
+OVERDUE_AFTER_S = 2.0
+LATENESS_S = 3.0  # of the node, which looks at the time ten times a second, on a busy machine
+SHIPPED = load_yaml(shared_file('config/retrolidar.yaml'))
+SHIPPED['/**/heartbeat']['ros__parameters']['overdue_after'] = OVERDUE_AFTER_S
+IMPATIENT.write_text(yaml.safe_dump(SHIPPED))
 # It is to be read once at least, however long the nodes take to start.
 SILENT = silent_drone(directory(), start_s=3.0, packets=8)
 # It hangs still, for the test does not know when the scene began.
@@ -83,9 +94,65 @@ def check_emulated(observer):
     check_detections(observer, COFFEE, 'robot1/gripper_lidar', name='robot1/marker_{0.id}')
 
 
+def check_heartbeat(observer):
+    """A drone is alive from its first reading on, and overdue some time after its last."""
+    name, (marker,) = 'heartbeat: markers', load_scene(str(SILENT)).markers
+    alive = observer.collect(Bool, 'heartbeat/alive')
+    observer.wait(lambda: bool(alive) and alive[-1].data, 'life')
+    alive.clear()
+    values = values_of(observer.wait_for_status(name, DiagnosticStatus.OK, 'all markers are read'))
+    assert int(values['drone: readings']) >= 1
+    assert float(values['drone: silence [s]']) <= OVERDUE_AFTER_S
+    observer.wait(lambda: bool(alive), 'silence to be noticed')
+    late_s = time.time() - 1e-9 * observer.markers[-1][1] - OVERDUE_AFTER_S
+    assert abs(late_s) < LATENESS_S
+    assert [one.data for one in alive] == [False]  # and it was alive between its readings
+    read = [(one.id, one.child_frame_id) for one, _ in observer.markers]
+    assert {*read} == {(marker.id, 'drone')}
+    values = values_of(observer.wait_for_status(name, DiagnosticStatus.WARN, 'overdue: drone'))
+    # A marker that has just appeared may be read before its packet has come, and then the whole.
+    assert len(read) <= int(values['drone: readings']) <= marker.packets + 1
+    silence_s, longest_s = (float(values[f'drone: {one}silence [s]']) for one in ('', 'longest '))
+    assert OVERDUE_AFTER_S <= silence_s <= longest_s
+
+
+def check_two_sensors(observer):
+    """What both sensors see comes on one topic, and each marker has one TF frame below each."""
+    frames = {side: observer.collect(FrameMsg, f'{side}/frames', RELIABLE) for side in SIDES}
+    optical = {side: f'{side}_optical_frame' for side in SIDES}
+    names = {f'{side}_{marker.name}': optical[side] for side in SIDES for marker in COFFEE.markers}
+    observer.wait(lambda: all(frames.values()), 'both sensors')
+    # They may be of frames from before these subscriptions.
+    observer.markers.clear()
+    observer.wait(lambda: {one.child_frame_id for one, _ in observer.markers} >= {*names}, 'names')
+    read = [message for message, _ in observer.markers]
+
+    def stamps(messages):
+        return {to_ns(one.header.stamp) for one in messages}
+
+    observer.wait(lambda: stamps(read) <= stamps(observer.transforms), 'their transforms')
+    for side in SIDES:
+        own = [one for one in read if one.child_frame_id.startswith(f'{side}_')]
+        check_detections(observer, COFFEE, optical[side], own, frames[side], f'{side}_{{0.name}}')
+        assert {one.header.frame_id for one in frames[side]} == {optical[side]}
+    assert not stamps(frames['left']) & stamps(frames['right'])
+    sent = {(one.child_frame_id, one.header.frame_id) for one in observer.transforms}
+    assert {one for one in sent if one[1] in optical.values()} == {*names.items()}
+
+
 def check_three_sensors(observer):
+    """Three sensors on the ground tell where a drone is, across their lines of sight, too."""
     (drone,) = load_scene(str(STILL)).markers
-    check_drone(observer, lambda _: np.array(drone.position_m))
+    poses = observer.collect(PoseWithCovarianceStamped, 'landmarks/objects/drone', RELIABLE)
+    observer.wait(lambda: len(poses) >= 12, 'twelve poses')
+    frames = {message.header.frame_id for message, _ in observer.markers}
+    assert frames == {f'sensor{index}_optical_frame' for index in range(3)}
+    for pose in poses[-6:]:
+        assert pose.header.frame_id == 'ground'
+        assert squared(pose, np.array(drone.position_m)) < MAX_MAHALANOBIS
+        assert deviation_m(pose) < 0.04
+    status = observer.wait_for_status('landmarks: landmarks', DiagnosticStatus.OK, '1 placed')
+    assert float(values_of(status)['drone: baseline [m]']) == pytest.approx(0.4, abs=1e-3)
 
 
 def check_hall(observer):
@@ -113,11 +180,7 @@ CASES = {
         {'emulate': 'coffee', 'max_stddev': '0.2'},
         lambda observer: check_coffee(observer, COFFEE, 'coffee', SENSOR_VIEW),
     ),
-    'drone': (
-        'drone',
-        {'emulate': str(SILENT), 'params_file': str(impatient_parameters(directory()))},
-        lambda observer: check_heartbeat(observer, load_scene(str(SILENT))),
-    ),
+    'drone': ('drone', {'emulate': str(SILENT), 'params_file': str(IMPATIENT)}, check_heartbeat),
     'three_sensors': (
         'drone',
         {'emulate': str(STILL), 'sensors': '3', 'single_process': 'true'},
@@ -129,7 +192,7 @@ CASES = {
             'marker_file': str(shared_file('config/markers.yaml')),
             **{f'{side}_emulate': 'coffee' for side in SIDES},
         },
-        lambda observer: check_two_sensors(observer, COFFEE),
+        check_two_sensors,
     ),
     # Driver and detector wait for a sensor: what the hand reads is said by the test.
     'landmarks': (

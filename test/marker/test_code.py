@@ -150,10 +150,8 @@ def test_values_that_are_no_id(wrong: object, message: str) -> None:
     ('wrong', 'message'),
     [
         (1, r'24 bits on its last axis, not shape \(\)'),
-        (np.zeros(23), r'24 bits on its last axis, not shape \(23,\)'),
         (np.zeros((24, 2)), r'24 bits on its last axis, not shape \(24, 2\)'),
         (np.full(24, 2), 'only 0 and 1'),
-        (np.full(24, -1), 'only 0 and 1'),
         (np.full((2, 24), 0.5), 'only 0 and 1'),
         (np.full(24, np.nan), 'only 0 and 1'),
     ],

@@ -17,7 +17,6 @@ from rclpy.node import Node
 
 from retrolidar_ros.cli.demo import executable
 from retrolidar_ros.nodes.conversion import to_ns
-from retrolidar_ros.scene.emulator import PortLink
 from retrolidar_ros.scene.files import load_scene
 from retrolidar_ros.scene.firmware import VERSION
 from retrolidar_ros.settings.resources import shared_file
@@ -108,33 +107,23 @@ def test_each_state_of_the_life_cycle(system: System) -> None:
     plug(system)
     system.start('driver', serial_port=system.port, autostart='false')
     assert trigger(system, 'stop') == (False, 'not configured: the port is closed')
-    system.wait_for_status(STATUS, DiagnosticStatus.WARN, 'not configured')
     change(system, Transition.TRANSITION_CONFIGURE)
     system.wait_for_status(STATUS, DiagnosticStatus.WARN, 'not active')
     assert trigger(system, 'stop') == (True, 'the sensor is stopped')
     change(system, Transition.TRANSITION_ACTIVATE)
     system.wait_for_status(STATUS, DiagnosticStatus.WARN, STOPPED)
     assert not system.frames
-    # Configuring it anew starts the sensor, for a driver is there to read it; also while the cable
-    # is out.
+    # Configuring it anew starts the sensor, also while the cable is out.
     system.stop('sensor')
     change(system, Transition.TRANSITION_DEACTIVATE)
     change(system, Transition.TRANSITION_CLEANUP)
     system.wait_for_status(STATUS, DiagnosticStatus.WARN, 'not configured')
     change(system, Transition.TRANSITION_CONFIGURE)
-    system.wait_for_status(STATUS, DiagnosticStatus.ERROR, 'does not exist')
     plug(system)
     change(system, Transition.TRANSITION_ACTIVATE)
     wait_for_more(system)
     change(system, Transition.TRANSITION_ACTIVE_SHUTDOWN)
     system.wait_for_status(STATUS, DiagnosticStatus.WARN, 'finalized')
-
-
-def test_a_protocol_without_commands(system: System) -> None:
-    with PortLink(system.port):
-        system.start('driver', serial_port=system.port, protocol='st_example')
-        system.wait_for_status(STATUS, DiagnosticStatus.ERROR, 'nothing comes')
-        assert trigger(system, 'reset') == (False, 'this protocol has no commands')
 
 
 def test_the_parameters_for_the_lifecycle_manager_of_nav2(system: System) -> None:

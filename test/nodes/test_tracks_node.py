@@ -7,10 +7,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from harness import Sensor, wait_for_nodes
+from harness import Sensor, silent_drone, wait_for_nodes
 from harness_nodes import COFFEE_IDS, FRAME_ID, System, running
 from harness_observer import RELIABLE, values_of
-from harness_use_cases import silent_drone
 from std_msgs.msg import Bool
 from visualization_msgs.msg import MarkerArray
 

@@ -97,11 +97,7 @@ def test_two_sensors_with_the_same_frames_are_warned_of_until_they_have_prefixes
 ) -> None:
     ports = [tmp_path / 'one', tmp_path / 'other']
     scene, name = load_scene('coffee'), '/same1/detector: markers'
-    with (
-        running(tmp_path, '/same0') as system,
-        Sensor(scene, ports[0]),
-        Sensor(scene, ports[1]),
-    ):
+    with running(tmp_path, '/same0') as system, Sensor(scene, ports[0]), Sensor(scene, ports[1]):
         for index, port in enumerate(ports):
             own = {'name': f'reader{index}', 'namespace': f'/same{index}'}
             system.start('reader', **own, serial_port=port)

@@ -23,12 +23,6 @@ from retrolidar_ros.scene.emulator import emulate, frames_in_real_time, record
 from retrolidar_ros.sensor.frame import Frame
 from retrolidar_ros.sensor.wire import FrameReader
 
-
-@pytest.fixture
-def link(tmp_path: Path) -> Path:
-    return tmp_path / 'port'
-
-
 SCENE = Scene(
     seed=2,
     sensor=Sensor(period_s=0.005, noise=Noise(4.6, 0.22)),

@@ -20,11 +20,6 @@ from retrolidar_ros.sensor.frame import Frame
 from retrolidar_ros.sensor.wire import FrameReader, encode_frame
 
 
-@pytest.fixture
-def link(tmp_path: Path) -> Path:
-    return tmp_path / 'port'
-
-
 @contextmanager
 def raw_reader(port: Path) -> Iterator[int]:
     """Open the port without emptying its buffers, as not every program does."""

@@ -1,6 +1,6 @@
 # Copyright 2026 retrolidar_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""Zones look where the sensor's geometry says, and recordings hold their frames."""
+"""Zones look where the sensor's geometry says, recordings hold their frames, noise has its law."""
 
 from dataclasses import fields, replace
 
@@ -9,7 +9,9 @@ import pytest
 from harness_frames import make_frames
 
 from retrolidar_ros.sensor.frame import Frame, Recording, ZoneGrid, valid_samples
+from retrolidar_ros.sensor.frame_rate import missing_frames, stamps_stand
 from retrolidar_ros.sensor.model import Status
+from retrolidar_ros.sensor.noise import NoiseLaw
 
 GRIDS = [ZoneGrid(4, 4), ZoneGrid(8, 8)]
 both_grids = pytest.mark.parametrize('grid', GRIDS, ids=['4x4', '8x8'])
@@ -120,3 +122,28 @@ def test_samples_are_valid_if_their_status_is_and_they_are_possible(
     given = np.array([signal]), np.array([distance]), np.array([status], dtype=np.uint8)
     valid, impossible = valid_samples(*given)
     assert (valid.tolist(), impossible) == ([is_valid], is_impossible)
+
+
+LAW = NoiseLaw()
+
+
+@pytest.mark.parametrize(
+    ('floor', 'slope'), [(0.0, 0.2), (-1.0, 0.2), (1.0, -0.1), (np.nan, 0.2), (1.0, np.nan)]
+)
+def test_a_law_that_allows_no_noise_is_refused(floor: float, slope: float) -> None:
+    with pytest.raises(ValueError, match='the floor must be positive'):
+        NoiseLaw(floor, slope)
+
+
+def test_ambient_light_raises_the_floor() -> None:
+    assert LAW.lit(10.0).variance(np.array(0.0)) == pytest.approx(LAW.floor + 10 * LAW.ambient)
+    assert LAW.lit(10.0).slope == LAW.slope
+    assert LAW.lit([3.0, np.nan, np.inf, -5.0]).floor == LAW.floor + 0.75 * LAW.ambient
+
+
+def test_missing_frames_are_counted_and_stamps_that_stand_are_known() -> None:
+    top = 2**32
+    pairs = [(None, 7), (3, 4), (3, 6), (top - 1, 0), (top - 2, 1), (5000, 0)]
+    assert [missing_frames(*pair) for pair in pairs] == [0, 0, 2, 0, 2, 0]
+    steps = [(10, 0), (10, -9_000_000), (9, 0), (10, 10_000_000), (9, 9_000_000)]
+    assert [stamps_stand(*step) for step in steps] == [True, True, False, False, False]

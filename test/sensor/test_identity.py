@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """What a sensor is told, what it answers, and what follows from that."""
 
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import ThreadPoolExecutor, wait
 
 import pytest
 from harness_wire import make_frame, make_packets, reader_in_step, sequences
@@ -38,7 +38,7 @@ def test_who_is_there_is_asked_whenever_the_port_opens() -> None:
     reader = FrameReader()
     assert reader.request() == b''
     for _ in range(2):
-        reader.feed(packet_of(RANGING))
+        reader.feed(packet_of(STOPPED))  # which is to be started, but has gone before it is told
         reader.restart()
         assert reader.commands.identity is None
         assert reader.request() == IDENTIFY
@@ -65,11 +65,15 @@ def test_a_sensor_that_does_not_obey_or_answer() -> None:
     commands.take(RANGING)  # another sensor, which nobody has stopped
     assert commands.request() == b''
     with ThreadPoolExecutor(1) as pool:
-        asked = pool.submit(commands.ask, Command.STOP, 0.3)
-        while not commands.request():
-            pass
-        commands.take(RANGING)
-        assert asked.result(10) is False
+        for timeout_s in (0.3, 20.0):
+            asked = pool.submit(commands.ask, Command.STOP, timeout_s)
+            while not commands.request():
+                pass
+            commands.take(RANGING)
+            assert not wait((asked,), 0.1).done
+            if timeout_s > 1:  # one that obeys at last is not waited for any longer
+                commands.take(STOPPED)
+            assert asked.result(10) == (timeout_s > 1)
 
 
 def test_an_emulated_sensor_obeys_lines_and_nothing_else() -> None:

@@ -24,7 +24,12 @@ from retrolidar_ros.scene.description import Surface
 from retrolidar_ros.scene.emulator import PortLink
 from retrolidar_ros.sensor import serial_source
 from retrolidar_ros.sensor.frame import Frame
-from retrolidar_ros.sensor.serial_source import SerialSource, explain, in_background
+from retrolidar_ros.sensor.serial_source import (
+    Received,
+    SerialSource,
+    explain,
+    in_background,
+)
 from retrolidar_ros.sensor.wire import FrameReader, encode_frame
 
 PACKETS = [encode_frame(frame) for frame in Simulation(Scene(surfaces=(Surface(1, 9),))).advance(9)]
@@ -32,11 +37,6 @@ PACKETS = [encode_frame(frame) for frame in Simulation(Scene(surfaces=(Surface(1
 
 Read = Callable[[], Reading]
 Patch = pytest.MonkeyPatch
-
-
-@pytest.fixture
-def link(tmp_path: Path) -> Path:
-    return tmp_path / 'port'
 
 
 @pytest.fixture
@@ -88,8 +88,10 @@ def test_an_absent_port_is_reported_once_and_opened_when_it_comes(
 
     monkeypatch.setattr(serial, 'Serial', counted)
     reading = read()
+    began_s = time.monotonic()
     for _ in range(5):
         tries.get(timeout=10)
+    assert time.monotonic() - began_s > 3 * serial_source.RETRY_S
     assert reading.report() == f'{link} does not exist; is the sensor plugged in?; retrying'
     assert reading.reports.empty()
     assert not reading.source.is_open
@@ -266,3 +268,14 @@ def test_a_source_stops_without_a_port(link: Path, read: Read, monkeypatch: Patc
     source.run(lambda frames, arrival_ns: None, reports.append, reading.stop)
     assert reports == []
     assert source.problem == f'{link} has not been opened yet'
+
+
+def test_silence_is_explained_by_what_has_come() -> None:
+    then = Received(10, 2, 3)
+    for now, said in (
+        (Received(30, 3, 4), 'frames come without signal'),
+        (Received(30, 3, 3), 'no frames come, but damaged packets'),
+        (Received(30, 2, 3), 'no frames come, but 20 bytes'),
+        (then, 'nothing comes'),
+    ):
+        assert now.silence(then).startswith(said)

@@ -15,11 +15,7 @@ from st_board import Board, Zone, check_zones, make_zones, text_of
 
 from retrolidar_ros.sensor.frame import Frame, ZoneGrid
 from retrolidar_ros.sensor.protocols import PROTOCOLS
-from retrolidar_ros.sensor.st_example import (
-    MAX_LINE_BYTES,
-    PATIENCE_FRAMES,
-    StExampleReader,
-)
+from retrolidar_ros.sensor.st_example import MAX_LINE_BYTES, PATIENCE_FRAMES, StExampleReader
 from retrolidar_ros.sensor.wire import WireCounts
 
 NOW_NS = 1_700_000_000_123_456_789

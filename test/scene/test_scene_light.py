@@ -1,18 +1,23 @@
 # Copyright 2026 retrolidar_ros contributors
 # SPDX-License-Identifier: Apache-2.0
+"""The light of a marker: link budget, zones that share it, its crystal, and how it wanders."""
+
 import math
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
+from retrolidar_ros.marker.code import packet
+from retrolidar_ros.marker.liquid_crystal import Response
 from retrolidar_ros.scene.description import Marker, Wander
 from retrolidar_ros.scene.optics import position_at, received_signal, zone_shares
+from retrolidar_ros.scene.transmission import Transmission, exposure_edges
 from retrolidar_ros.sensor.frame import Floats, ZoneGrid
 
 GRIDS = [ZoneGrid(4, 4), ZoneGrid(8, 8)]
 AREA_M2 = 0.03**2
-MARKER = Marker(id=5, position_m=(0.1, -0.2, 1.5), name='m')
+RESTING = Marker(id=5, position_m=(0.1, -0.2, 1.5), name='m')
 
 
 def received(range_m: float = 1.0, area_m2: float = AREA_M2, yaw_deg: float = 0.0) -> float:
@@ -84,10 +89,10 @@ def test_a_marker_is_in_the_zone_that_looks_at_it(grid: ZoneGrid) -> None:
 
 
 def test_wander_is_slow_smooth_and_bounded() -> None:
-    assert position_at(MARKER, np.arange(5.0)).tolist() == [[0.1, -0.2, 1.5]]  # at rest
+    assert position_at(RESTING, np.arange(5.0)).tolist() == [[0.1, -0.2, 1.5]]  # at rest
     wander = Wander(across_m=0.12, along_m=0.02, period_s=13)
     time_s = np.arange(0, 1300, 0.1)
-    away = position_at(replace(MARKER, wander=wander), time_s) - MARKER.position_m
+    away = position_at(replace(RESTING, wander=wander), time_s) - RESTING.position_m
     assert away.shape == (len(time_s), 3)
     amplitude = np.array([0.12, 0.12, 0.02])
     assert np.abs(away).max(axis=0) == pytest.approx(amplitude, rel=1e-3)
@@ -99,3 +104,60 @@ def test_wander_is_slow_smooth_and_bounded() -> None:
     assert again[0] < 1e-9
     assert (again[1:] > amplitude[1:]).all()
     assert np.abs(np.corrcoef(away.T) - np.eye(3)).max() < 0.05
+
+
+RESPONSE = Response(dark_s=0.5e-3, bright_s=3.5e-3)
+SHARP = Marker(id=2061, position_m=(0, 0, 1), name='m')
+MARKER = replace(SHARP, response=RESPONSE)
+BIT_S = 0.042
+ENDS_DARK = next(identity for identity in range(1, 4095) if packet(identity)[-1])
+
+
+def mean(marker: Marker, middle_s: Floats, exposure_s: float) -> Floats:
+    return Transmission.of(marker).mean(exposure_edges(middle_s, exposure_s))
+
+
+def relaxed(marker: Marker, until_s: float, step_s: float) -> tuple[Floats, Floats]:
+    """Step a first-order crystal through time; return times and its transmission, both (n,)."""
+    bits = np.array([*packet(marker.id), *[0] * marker.gap_bits])
+    response = marker.response or Response(dark_s=1e-9, bright_s=1e-9)
+    # An exponential runs from 10 to 90 % in τ (ln 10 - ln 10/9).
+    darker = 1 - math.exp(-step_s * math.log(9) / response.dark_s)
+    brighter = 1 - math.exp(-step_s * math.log(9) / response.bright_s)
+    times = np.arange(0, until_s, step_s)
+    within = times + step_s / 2 - marker.start_s
+    sent = np.floor(within / (marker.bit_period_s * (1 + marker.clock_error))).astype(int)
+    silent = (sent < 0) | (sent >= (marker.packets or 10**9) * len(bits))
+    goals = np.where(silent, 1.0, 1.0 - bits[sent % len(bits)])
+    levels = np.empty_like(times)
+    level = 1.0
+    for index, goal in enumerate(goals.tolist()):
+        levels[index] = level
+        level += (goal - level) * (darker if goal < level else brighter)
+    return times, levels
+
+
+MARKERS = [
+    MARKER,
+    SHARP,
+    replace(MARKER, start_s=0.3),
+    replace(MARKER, start_s=0.25, packets=1),
+    replace(MARKER, packets=2, gap_bits=3),
+    replace(MARKER, id=2730, bit_period_s=0.02, gap_bits=1),
+    replace(MARKER, id=0, clock_error=-0.05, gap_bits=40),
+    replace(MARKER, id=4095, clock_error=0.05),
+    replace(MARKER, bit_period_s=0.0071),
+    replace(MARKER, id=ENDS_DARK, packets=1),  # its last bit fades out
+]
+
+
+@pytest.mark.parametrize('marker', MARKERS)
+def test_light_is_that_of_a_crystal_stepped_through_time(marker: Marker) -> None:
+    step_s = 5e-5
+    times, levels = relaxed(marker, 3.0, step_s)
+    integral = np.cumsum((levels[1:] + levels[:-1]) / 2 * step_s)
+    slices_s = np.column_stack([times[:-1], times[1:]])
+    computed = np.cumsum(Transmission.of(marker).mean(slices_s) * step_s)
+    # In bits of two response times the crystal does not quite settle, which is neglected.
+    error_s = 1e-4 if marker.bit_period_s > 0.01 else 1e-3
+    assert np.abs(computed - integral).max() < error_s
