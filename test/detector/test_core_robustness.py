@@ -36,7 +36,7 @@ def test_frames_of_garbage_do_no_harm(tmp_path_factory: pytest.TempPathFactory) 
         read += sum(int(known) for _, known in listed)
     # Else it would have seen little of the core.
     assert candidates > 300
-    assert read > 10
+    assert read > 5
 
 
 def test_memory_is_taken_at_creation_only(tmp_path_factory: pytest.TempPathFactory) -> None:
