@@ -193,7 +193,7 @@ def table(trials: int) -> Table:
         'after a move': lambda rng: _placed(_objects(trials, rng, moved=True)),
         'tilt against the line of sight, and in the fixed frame': lambda rng: _tilted(trials, rng),
         'robot: median, poses off by 0.2 m': lambda rng: _located(trials, rng),
-        'drone': lambda rng: _flown(max(trials // 3, 1), rng),
+        'drone': lambda rng: _flown(trials, rng),
     }
     replayed = {name: _Replayed() for name in cases}
     rows = [['without', *cases]]
