@@ -47,6 +47,8 @@ def run(arguments: argparse.Namespace) -> int:
     frames, damage = salvage_frames(arguments.bag, arguments.topic)
     found = calibrate(Recording.of(frames), distance_m=distance_m)
     source, output = arguments.bag.name, arguments.output
+    if output.is_file():
+        raise ValueError(f'{output} is a file; name a directory with -o')
     output.mkdir(exist_ok=True)
     (output / 'calibration.yaml').write_text(parameter_file(found, source), encoding='utf-8')
     (output / 'calibration.md').write_text(_page(found, source), encoding='utf-8')

@@ -50,8 +50,8 @@ def run(arguments: argparse.Namespace) -> int:
                 print(TRACK_HEADER)
             print(track_to_json(track) if arguments.json else track_to_text(track))
     else:
-        for detection in decoding.detect(frames):
-            if not arguments.json and len(decoding.detections) == 1:
+        for number, detection in enumerate(decoding.detect(frames)):
+            if not arguments.json and not number:
                 print(TEXT_HEADER)
             print(to_json(detection) if arguments.json else to_text(detection))
     sys.stdout.flush()

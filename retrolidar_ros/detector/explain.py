@@ -95,9 +95,9 @@ class Explanation:
         elif self.zones:
             # A much fainter zone may show a reflection of the marker.
             min_db = self.zones[0].modulation_db - _FAINTER_DB
-            result += self._unread(
-                one for one in self.zones if one.is_clocked and one.modulation_db > min_db
-            )
+            seen = [one for one in self.zones if one.is_clocked and one.modulation_db > min_db]
+            if not self._explained.issuperset(one.zone for one in seen):
+                result += [*self._unregistered(), *self._unread(seen)]
         if result:
             frames = self._bit_s / self._frame_s
             if FRAMES_A_BIT[0] <= frames < _TWO_FRAMES:
@@ -180,10 +180,12 @@ class Explanation:
         return [finding(Cause.MAX_PACKETS, ids=_ids(more), packets=packets)]
 
     def _unregistered(self) -> list[Finding]:
-        """Return which unregistered IDs are seen."""
+        """Return which unregistered IDs are seen in zones that are not explained."""
         if not registered(self._values, self._known):
             return []
-        read = self._read(self.recording, registered_ids=[], only_registered=False)
+        anyone = self._read(self.recording, registered_ids=[], only_registered=False)
+        read = [one for one in anyone if not self._explained.issuperset(one.zones)]
+        self._explained |= self._seen(read)
         return [finding(Cause.UNREGISTERED, ids=_ids(read))] if read else []
 
     def _nothing(self) -> Finding:

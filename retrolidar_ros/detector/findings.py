@@ -31,7 +31,7 @@ class Cause(Enum):
         'ms, not of {bit_ms:.1f} ms: set bit_period to {found_s:.4f}'
     )
     MAX_PACKETS = 'ID {ids} is read with max_packets 8: it is faint, and max_packets is {packets}'
-    UNREGISTERED = 'ID {ids} would be read: add it to registered_ids'
+    UNREGISTERED = 'ID {ids} would be read if registered_ids held it'
     FEW_READ = (
         'ID {ids} was read in {read} packets of {sent}: it is faint, hidden at times, or noisier '
         'than set'

@@ -87,7 +87,7 @@ def test_options_and_explanations(tmp_path: Path, capsys: Output) -> None:
     bag = bag_of(tmp_path, 6)
     assert main(['decode', bag, '--registered-ids', '5,6', '--explain']) == 3
     said = capsys.readouterr().err
-    assert 'ID 2816 would be read: add it to registered_ids' in said
+    assert 'ID 2816 would be read if registered_ids held it' in said
     header, row, *_, asked = said.splitlines()[-3:]
     assert header.startswith('zone  blinks [dB]  bits [ms]')
     assert row.split()[0] == '10'
@@ -97,6 +97,14 @@ def test_options_and_explanations(tmp_path: Path, capsys: Output) -> None:
         assert main(['decode', bag, *options]) == 0
         ranges_m.append(float(capsys.readouterr().out.splitlines()[1].split()[2]))
     assert ranges_m[0] - ranges_m[1] == pytest.approx(0.02, abs=1e-3)
+
+
+def test_a_table_has_its_header_if_two_are_read_at_once(tmp_path: Path, capsys: Output) -> None:
+    both = [MARKER, {**MARKER, 'id': 2073, 'position': ['-0.1 m', '-0.1 m', '0.9 m']}]
+    assert main(['decode', bag_of(tmp_path, 2, markers=both)]) == 0
+    header, *rows = capsys.readouterr().out.splitlines()
+    assert header.split()[:2] == ['stamp', '[s]']
+    assert {row.split()[1] for row in rows} == {'2816', '2073'}
 
 
 def test_a_marker_that_is_read_too_seldom_is_named(tmp_path: Path, capsys: Output) -> None:

@@ -107,6 +107,7 @@ def test_a_damaged_bag_is_used_up_to_the_damage_and_gives_exit_code_2(
         ('decode BAG --topic /x', '.*/retrolidar/frames .retrolidar_ros/msg/Frame'),
         ('decode BAG --params no.yaml', 'no.yaml cannot be read: No such file or directory'),
         ('plot BAG -o .', r'\. is a directory; name a PNG file'),
+        ('calibrate BAG -o pyproject.toml', r'pyproject\.toml is a file; name a directory'),
         ('emulate nowhere --port-link port', '.*no scene nowhere; .* coffee, drone, range'),
         ('demo nowhere', '.*no scene nowhere'),
         ('ids --count 4095', '4095 IDs cannot be chosen'),

@@ -111,6 +111,14 @@ def test_markers_that_hide_each_other_are_told_of_registered_ids() -> None:
     assert explained(two, registered_ids=[2816, 2073]) == []
 
 
+def test_a_marker_that_is_not_registered_is_named_beside_one_that_is() -> None:
+    x, y, z = SENSOR.grid.directions[0].tolist()
+    two = seen(marker(1.0), marker(1.0, id=2073, position_m=(x, y, z)))
+    (unregistered,) = explained(two, registered_ids=[2816])
+    assert unregistered.cause is Cause.UNREGISTERED
+    assert unregistered.values['ids'] == '2073'
+
+
 def test_a_faint_marker_is_told_of_max_packets() -> None:
     faint = seen(marker(3.1), seed=3)
     (advice,) = explained(faint, max_packets=1)

@@ -46,8 +46,8 @@ def test_two_markers_of_a_zone_are_read(
 ) -> None:
     """By interferers, packets that follow, pairs and the search of the residual.
 
-    Where both send ever other IDs, also by stretches that are judged as lone packets, and those of a
-    marker as one.
+    Where both send ever other IDs, also by stretches that are judged as lone packets, and packets
+    of a marker as one.
     """
     read, wrong = played(lambda rng: room_families.pair(ratio, sendings, rng), 15, 4)
     assert read >= least

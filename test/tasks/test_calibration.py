@@ -78,6 +78,8 @@ def test_all_is_found_in_a_recording_of_a_foreign_sensor() -> None:
     assert abs(found.offset_m.value - 0.014) < 2e-3
     law = ['noise_floor', 'noise_slope', 'noise_ambient']
     assert list(parameters(found)) == ['bit_period', *law, 'range_offset']
+    with pytest.raises(ValueError, match=r'5 m is not the distance .* ID 2816 is at 0\.72 m'):
+        calibrate(recording, distance_m=5.0)
     with pytest.raises(ValueError, match='60 frames are too few to calibrate from'):
         calibrate(Recording.of(list(recording)[:60]))
 

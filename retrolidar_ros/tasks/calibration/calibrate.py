@@ -16,6 +16,8 @@ from retrolidar_ros.tasks.calibration.estimate import Estimate
 from retrolidar_ros.tasks.calibration.markers import MarkerFound, marker_of, read_markers
 from retrolidar_ros.tasks.calibration.noise import NoiseFound, noise_of
 
+_MAX_OFFSET_M = 0.5  # as range_offset may be
+
 
 @dataclass(frozen=True, eq=False)
 class Calibration:
@@ -46,7 +48,7 @@ def calibrate(recording: Recording, *, distance_m: float | None = None) -> Calib
     Raises
     ------
     ValueError
-        If there are too few frames, or their stamps do not rise.
+        If there are too few frames, their stamps do not rise, or the distance is not the marker's.
     """
     if len(recording) < MIN_FRAMES:
         raise ValueError(
@@ -64,5 +66,10 @@ def calibrate(recording: Recording, *, distance_m: float | None = None) -> Calib
     offset_m = None
     if distance_m is not None and still is not None:
         offset_m = Estimate(still.range_m.value - distance_m, still.range_m.stddev)
+        if abs(offset_m.value) > _MAX_OFFSET_M:
+            raise ValueError(
+                f'{distance_m:g} m is not the distance of the clearest marker: ID {still.id} is at '
+                f'{still.range_m.value:.2f} m, and no range is off by more than {_MAX_OFFSET_M:g} m'
+            )
     duration_s = float(recording.stamp_ns[-1] - recording.stamp_ns[0]) * 1e-9
     return Calibration(duration_s, noise, zones, markers, still, offset_m)
