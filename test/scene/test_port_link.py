@@ -125,7 +125,7 @@ def test_a_listener_that_is_slow_gets_some_packets_and_never_a_wrong_one(link: P
         frames += read_raw(descriptor, reader, sum(taken) - len(frames))
     full = taken.index(False)
     assert full > 20  # some hundred milliseconds are buffered
-    assert not any(taken[full:400])
+    assert sum(taken[full:400]) < 20  # the terminal may still move what it holds
     numbers = sequences(frames)
     assert full + 20 < len(numbers) == sum(taken) < 1400
     assert numbers == sorted(set(numbers))
