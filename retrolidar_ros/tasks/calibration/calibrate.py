@@ -12,11 +12,10 @@ from retrolidar_ros.detector.blinking_zones import MIN_FRAMES, BlinkingZone, bli
 from retrolidar_ros.sensor.frame import Recording
 from retrolidar_ros.sensor.frame_rate import frame_period
 from retrolidar_ros.sensor.noise import NoiseLaw
+from retrolidar_ros.settings.parameter import declared
 from retrolidar_ros.tasks.calibration.estimate import Estimate
 from retrolidar_ros.tasks.calibration.markers import MarkerFound, marker_of, read_markers
 from retrolidar_ros.tasks.calibration.noise import NoiseFound, noise_of
-
-_MAX_OFFSET_M = 0.5  # as range_offset may be
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,10 +65,12 @@ def calibrate(recording: Recording, *, distance_m: float | None = None) -> Calib
     offset_m = None
     if distance_m is not None and still is not None:
         offset_m = Estimate(still.range_m.value - distance_m, still.range_m.stddev)
-        if abs(offset_m.value) > _MAX_OFFSET_M:
+        try:
+            declared()['detector']['range_offset'].check('range_offset', offset_m.value)
+        except ValueError as error:
             raise ValueError(
                 f'{distance_m:g} m is not the distance of the clearest marker: ID {still.id} is at '
-                f'{still.range_m.value:.2f} m, and no range is off by more than {_MAX_OFFSET_M:g} m'
-            )
+                f'{still.range_m.value:.2f} m; {error}'
+            ) from error
     duration_s = float(recording.stamp_ns[-1] - recording.stamp_ns[0]) * 1e-9
     return Calibration(duration_s, noise, zones, markers, still, offset_m)
