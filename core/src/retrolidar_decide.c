@@ -185,8 +185,7 @@ static double unknown_bits(const struct rl_bits *bits, int count)
  */
 static double max_word_of(const struct trial *trial, const struct rl_codebook *codebook)
 {
-    const double spare =
-        trial->follows ? RL_PACKET_BITS : RL_ID_BITS - log2(codebook->words);
+    const double spare = trial->follows ? RL_PACKET_BITS : RL_ID_BITS - log2(codebook->words);
     const double preamble = unknown_bits(&trial->bits, RL_PREAMBLE_BITS) - spare;
     const double unknown = unknown_bits(&trial->bits, RL_PACKET_BITS) - spare;
     return 2.0 * preamble > RL_PREAMBLE_BITS

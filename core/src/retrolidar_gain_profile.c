@@ -56,11 +56,10 @@ static void solve(double matrix[RL_KNOTS][RL_KNOTS], double right[RL_KNOTS])
 }
 
 struct rl_gain_profile rl_gain_profile_fit(const float *signal, const uint8_t *valid,
-                                           const double *light, int rows, double noise,
-                                           double gain[RL_KNOTS])
+                                           const double *light, int rows, double gain[RL_KNOTS])
 {
     double normal[RL_KNOTS][RL_KNOTS], right[RL_KNOTS], total = 0.0, energy = 0.0;
-    int before = -1;
+    int before = -1, steps = 0;
     memset(normal, 0, sizeof normal);
     memset(right, 0, sizeof right);
     for (int row = 0; row < rows; row++) {
@@ -79,6 +78,7 @@ struct rl_gain_profile rl_gain_profile_fit(const float *signal, const uint8_t *v
                 right[i] += column[i] * step;
             }
             total += step * step;
+            steps++;
         }
         before = row;
     }
@@ -110,8 +110,12 @@ struct rl_gain_profile rl_gain_profile_fit(const float *signal, const uint8_t *v
     for (int i = 0; i < RL_KNOTS; i++) {
         gain[i] = changes ? right[i] : all > 0.0 ? common / all : 0.0;
     }
-    const double beyond = 2.0 * noise * (changes ? RL_KNOTS : 1);
-    return (struct rl_gain_profile){(changes ? explained : steady) - beyond, common, all};
+    /* A marker that happens to begin with another one has its preamble, too. */
+    const double price =
+        2.0 * RL_COST_OF_CHANCE + (changes ? RL_COST_OF_GAIN * (RL_KNOTS - 1) : 0.0);
+    const double taken = changes ? explained : steady;
+    const double left = fmax((total - taken) / fmax(steps, 1.0), 1e-12);
+    return (struct rl_gain_profile){taken / (2.0 * left) - price, common, all};
 }
 
 double rl_gain_profile_at(const double gain[RL_KNOTS], int row, int rows)

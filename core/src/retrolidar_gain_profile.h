@@ -12,20 +12,17 @@
 enum { RL_KNOTS = RL_PARTS - 1 };
 
 struct rl_gain_profile {
-    double explained;
+    double nats;          /* by which it explains the steps better than nothing, less its price */
     double cross, energy; /* whose ratio is the gain, if it does not change */
 };
 
 /* Fit a gain that is linear between so many knots, equally spaced over the rows, to the steps from
  * row to row, on which a level that wanders has little bearing.
  *
- * light: of the packet in each row; noise: variance of a sample
- *
- * Return how much of the sum of their squares it explains beyond noise.
+ * light: of the packet in each row
  */
 struct rl_gain_profile rl_gain_profile_fit(const float *signal, const uint8_t *valid,
-                                           const double *light, int rows, double noise,
-                                           double gain[RL_KNOTS]);
+                                           const double *light, int rows, double gain[RL_KNOTS]);
 
 /* The gain in a row. */
 double rl_gain_profile_at(const double gain[RL_KNOTS], int row, int rows);

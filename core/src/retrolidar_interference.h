@@ -10,9 +10,11 @@
 
 #include <stdbool.h>
 
+enum { RL_MAX_TRAINS = 24 }; /* of a zone and those beside it, within a few packets */
+
 struct rl_interference {
     int count;
-    struct rl_packet_train train[RL_MAX_INTERFERERS];
+    struct rl_packet_train train[RL_MAX_TRAINS];
 };
 
 /* Whether a train begins where the packets of another one would begin, too. */

@@ -112,7 +112,7 @@ static void note(struct rl_detector *detector, int channel, int packets,
 /* Add a packet to what interferes, in place of the last one if there is no room. */
 static void add_beside(struct rl_interference *interference, const struct rl_verdict *beside)
 {
-    if (interference->count == RL_MAX_INTERFERERS) {
+    if (interference->count == RL_MAX_TRAINS) {
         interference->count--;
     }
     interference->train[interference->count++] = train_of(beside);

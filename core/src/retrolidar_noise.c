@@ -45,17 +45,14 @@ double rl_noise_variance(const struct rl_samples *samples, int channel, double s
            sensor->noise_slope * fmax(signal, 0.0);
 }
 
-double rl_noise_sample_variance(const struct rl_samples *samples, int channel)
-{
-    const double rows = samples->variance_rows;
-    const double mean = samples->sum[channel] / rows;
-    return rows < 2.0 ? 0.0
-                      : (samples->square[channel] - samples->sum[channel] * mean) / (rows - 1.0);
-}
-
 double rl_noise_variation(const struct rl_samples *samples, int channel)
 {
-    const double mean = samples->sum[channel] / fmax(samples->variance_rows, 1.0);
-    return rl_noise_sample_variance(samples, channel) /
-           rl_noise_variance(samples, channel, mean);
+    const double rows = samples->variance_rows;
+    if (rows < 2.0) {
+        return 0.0;
+    }
+    const double mean = samples->sum[channel] / rows;
+    const double variance =
+        (samples->square[channel] - samples->sum[channel] * mean) / (rows - 1.0);
+    return variance / rl_noise_variance(samples, channel, mean);
 }

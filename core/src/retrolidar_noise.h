@@ -15,9 +15,6 @@ double rl_noise_variance(const struct rl_samples *samples, int channel, double s
  */
 void rl_noise_follow(struct rl_samples *samples, int wanted, bool recompute);
 
-/* Variance of a channel over the newest `variance_rows` [(kcps/SPAD)^2]. */
-double rl_noise_sample_variance(const struct rl_samples *samples, int channel);
-
 /* By how many times its noise a channel varies over the newest `variance_rows`. */
 double rl_noise_variation(const struct rl_samples *samples, int channel);
 

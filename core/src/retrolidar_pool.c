@@ -120,9 +120,19 @@ void rl_pool_interference(const struct rl_pool *pool, uint64_t zones, double sin
             const uint64_t seen = beside ? track->near & ~track->zones : track->zones;
             const bool is_seen = (beside == 0) == ((track->zones & zones) != 0);
             if (track->id != except && (seen & zones) != 0 && is_seen && train->end_s > since_s &&
-                train->begin_s < to_s && interference->count < RL_MAX_INTERFERERS) {
+                train->begin_s < to_s && interference->count < RL_MAX_TRAINS) {
                 interference->train[interference->count++] = *train;
             }
         }
     }
+}
+
+uint64_t rl_pool_zones(const struct rl_pool *pool, double since_s)
+{
+    uint64_t zones = 0;
+    for (int i = first_held(pool); i < pool->added; i++) {
+        const struct rl_active_track *track = &pool->track[i % RL_POOL];
+        zones |= track->train.end_s > since_s ? track->zones | track->near : 0;
+    }
+    return zones;
 }

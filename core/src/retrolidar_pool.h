@@ -47,6 +47,9 @@ bool rl_pool_is_followed(const struct rl_pool *pool, uint16_t id,
 void rl_pool_interference(const struct rl_pool *pool, uint64_t zones, double since_s, double to_s,
                           uint16_t except, struct rl_interference *interference);
 
+/* Zones that saw what was read until a time or later, and those around them, as a bit mask. */
+uint64_t rl_pool_zones(const struct rl_pool *pool, double since_s);
+
 /* The zones of a channel as a bit mask. */
 uint64_t rl_channel_zones(const struct rl_samples *samples, int channel);
 

@@ -78,8 +78,9 @@ static bool has_zone_of(const struct rl_channel *channel, const bool *zones)
     return any;
 }
 
-/* Subtract what was read a short while ago from the zones it was read in, and from sums of them.
- * Note which channels these are; return how the rest of each varies, in the variance of noise.
+/* Subtract what was read a short while ago from the zones it was read in, from those beside them
+ * that it explains, and from sums of them. Note which channels these are; return how the rest of
+ * each varies, in the variance of noise.
  *
  * since_s: what ended before is not subtracted
  */
@@ -89,15 +90,21 @@ static void subtract_read(struct rl_detector *detector, double since_s, double t
     const struct rl_samples *samples = &detector->samples;
     const double bit_s = detector->settings.bit_s;
     /* As long as no whole packet can have come since the reading. */
-    const double max_bits = 2 * RL_PACKET_BITS + RL_CONTINUES_BITS;
+    const double over_s = to_s - (2 * RL_PACKET_BITS + RL_CONTINUES_BITS) * bit_s;
+    const uint64_t near = rl_pool_zones(&detector->pool, over_s);
     for (int zone = 0; zone < samples->zones; zone++) {
-        is_subtracted[zone] = detector->consumed_until_s[zone] > to_s - max_bits * bit_s;
+        is_subtracted[zone] = (near >> zone & 1u) != 0;
         if (is_subtracted[zone]) {
             struct rl_interference interference;
             rl_pool_interference(&detector->pool, (uint64_t)1 << zone,
                                  since_s - RL_CONTINUES_BITS * bit_s, to_s, 0, &interference);
             rest[zone] = rl_residual_subtract(&detector->residual, zone, &interference,
                                               since_s - RL_SEARCH_BITS * bit_s);
+            if (detector->consumed_until_s[zone] <= over_s &&
+                rest[zone] > RL_MOST * rl_noise_variation(samples, zone)) {
+                rl_residual_restore(&detector->residual, zone);
+                is_subtracted[zone] = false;
+            }
         }
     }
     for (int sum = samples->zones; sum < samples->channels; sum++) {

@@ -35,7 +35,7 @@ static double mean_of(const float *signal, int rows)
 
 /* Subtract one marker, as far as it was read, or as if it went on. */
 static void subtract(struct rl_residual *residual, const struct rl_interference *interference,
-                     int marker, float *signal, const uint8_t *valid, int rows, double noise)
+                     int marker, float *signal, const uint8_t *valid, int rows)
 {
     const struct rl_samples *samples = residual->samples;
     const double *begin_s = samples->begin_s + residual->first;
@@ -45,12 +45,13 @@ static void subtract(struct rl_residual *residual, const struct rl_interference 
     struct rl_gain_profile profile[2];
     for (int continues = 0; continues < 2; continues++) {
         rl_interference_light(interference, marker, continues, begin_s, end_s, rows, part, light);
-        profile[continues] = rl_gain_profile_fit(signal, valid, light, rows, noise, gain[continues]);
+        profile[continues] = rl_gain_profile_fit(signal, valid, light, rows, gain[continues]);
     }
     /* Of another packet about half would be there, too, as all have the preamble. */
-    const double expected = profile[0].cross / profile[0].energy * (profile[1].energy - profile[0].energy);
+    const double expected =
+        profile[0].cross / profile[0].energy * (profile[1].energy - profile[0].energy);
     const int form = profile[1].cross - profile[0].cross > RL_MOST * expected;
-    if (!(profile[form].explained > 0.0)) {
+    if (!(profile[form].nats > 0.0)) {
         return;
     }
     rl_interference_light(interference, marker, form, begin_s, end_s, rows, part, light);
@@ -91,10 +92,9 @@ double rl_residual_subtract(struct rl_residual *residual, int zone,
         rl_target_column(samples, zone, residual->first, rows, &residual->room);
     memmove(signal, column.signal, bytes);
     samples->interference_removed[zone] = true;
-    const double noise = rl_noise_variance(samples, zone, mean_of(signal, rows));
     for (int i = 0; i < interference->count; i++) {
         if (rl_interference_marker(interference, i) == i) {
-            subtract(residual, interference, i, signal, samples->valid + at, rows, noise);
+            subtract(residual, interference, i, signal, samples->valid + at, rows);
         }
     }
     /* A missing sample is like the one before it, as in what was measured. */

@@ -108,33 +108,26 @@ static void make_room(struct rl_samples *samples)
     samples->count = samples->kept;
 }
 
-/* Add up the zones of a row. The last signal of a zone, in place of an erasure, is as wrong as the
- * zone varies; a sum holds as long as that is less than its own noise.
- */
 static void sum_zones(struct rl_samples *samples, int row)
 {
     float signal[RL_MAX_ZONES];
-    double doubt[RL_MAX_ZONES];
+    bool erased[RL_MAX_ZONES];
     for (int zone = 0; zone < samples->zones; zone++) {
         signal[zone] = samples->signal[rl_sample(samples, zone, row)];
         /* A zone that sees nothing for long is dark, and no reason to believe less. */
-        const bool erased = !samples->valid[rl_sample(samples, zone, row)] &&
-                            samples->end_s[row] - samples->last_seen_s[zone] < samples->dark_s;
-        doubt[zone] = erased ? fmax(rl_noise_sample_variance(samples, zone),
-                                    rl_noise_variance(samples, zone, (double)signal[zone]))
-                             : 0.0;
+        erased[zone] = !samples->valid[rl_sample(samples, zone, row)] &&
+                       samples->end_s[row] - samples->last_seen_s[zone] < samples->dark_s;
     }
     for (int channel = samples->zones; channel < samples->channels; channel++) {
         const struct rl_channel *sum = &samples->channel[channel];
         float total = 0.0f;
-        double doubts = 0.0;
+        int missing = 0;
         for (int i = 0; i < sum->zones; i++) {
             total += signal[sum->zone[i]];
-            doubts += doubt[sum->zone[i]];
+            missing += erased[sum->zone[i]];
         }
         samples->signal[rl_sample(samples, channel, row)] = total;
-        samples->valid[rl_sample(samples, channel, row)] =
-            doubts < rl_noise_variance(samples, channel, (double)total);
+        samples->valid[rl_sample(samples, channel, row)] = 2 * missing < sum->zones;
     }
 }
 

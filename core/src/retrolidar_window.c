@@ -212,7 +212,7 @@ static void find_profile(struct rl_window *window)
     const struct rl_column column = rl_target_column(window->samples, window->channel,
                                                      window->first, window->rows, &window->room);
     rl_gain_profile_fit(column.signal, column.valid, window->light, window->rows,
-                        window->whitened.least / MIN_NOISE, gain);
+                        gain);
     for (int knot = 0; knot < RL_KNOTS; knot++) {
         gain[knot] = fmax(gain[knot], 0.0);
         most = fmax(most, gain[knot]);

@@ -59,6 +59,14 @@ PARTS = {
         'is_subtracted[channel] && rest[channel] > RL_ACTIVE',
         'channel < samples->zones && is_subtracted[channel] && rest[channel] > RL_ACTIVE',
     ),
+    'search of the residual: zones beside, too': Part(
+        'process_frame',
+        '(near >> zone & 1u) != 0;',
+        'near != 0 && detector->consumed_until_s[zone] > over_s;',
+    ),
+    'search of the residual: markers that explain little': Part(
+        'gain_profile', 'price = 2.0 * RL_COST_OF_CHANCE', 'price = 0.0'
+    ),
     'pairs of packets': Part(
         'judge', 'may_hide && judge_pair(', 'may_hide && false && judge_pair('
     ),
@@ -90,9 +98,6 @@ PARTS = {
     'word test: bits that are not known': Part('decide', 'fmax(unknown, 0.0)', '0.0 * unknown'),
     'word test: a preamble that is not known': Part(
         'decide', '2.0 * preamble > RL_PREAMBLE_BITS', 'false && preamble > 0.0'
-    ),
-    'sums without erasures of what varies': Part(
-        'samples', 'fmax(rl_noise_sample_variance(samples, zone),', 'fmin(0.0,'
     ),
     'bits that touch a packet': Part(
         'refine', '!transmission->repeats && find_neighbours(', 'false && find_neighbours('
