@@ -65,7 +65,7 @@ PARTS = {
         'near != 0 && detector->consumed_until_s[zone] > over_s;',
     ),
     'search of the residual: markers that explain little': Part(
-        'gain_profile', 'price = 2.0 * RL_COST_OF_CHANCE', 'price = 0.0'
+        'gain_profile', '2.0 * RL_COST_OF_CHANCE + (changes', '(changes'
     ),
     'pairs of packets': Part(
         'judge', 'may_hide && judge_pair(', 'may_hide && false && judge_pair('
