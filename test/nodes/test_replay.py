@@ -100,17 +100,18 @@ def replayed(
     yield play
 
 
-@pytest.mark.parametrize(
-    ('rate', 'stall_s', 'qos'), [(10.0, 0.0, 10), (1.0, 7.0, FRAME_QOS)], ids=['10 times', 'stall']
-)
+@pytest.mark.parametrize(('rate', 'stall_s'), [(10.0, 0.0), (1.0, 7.0)], ids=['10 times', 'stall'])
 def test_a_replay_reads_what_was_read_live(
-    live: Listener, bag: Path, tmp_path: Path, rate: float, stall_s: float, qos: QoSProfile | int
+    live: Listener, bag: Path, tmp_path: Path, rate: float, stall_s: float
 ) -> None:
-    """Faster than it was; and, with the depth of a driver, by a detector that stands still."""
+    """Faster than it was; and by a detector that stands still.
+
+    With a queue that holds all: how many get through a short one is the machine's load.
+    """
     first, *frames = list(read_frames(bag))
     with (
         running(tmp_path, f'/replay{rate:.0f}') as system,
-        replayed(system, first, qos=qos) as play,
+        replayed(system, first, qos=FRAME_QOS) as play,
     ):
         began_s = time.monotonic()
         if stall_s:
